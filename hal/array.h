@@ -1,0 +1,69 @@
+/* hal/array.h -- the speaker and microphone array: emit a shot, get its pings, every
+ * microphone on one clock.  A backend is a table of operations behind a URI:
+ *   sim:scene.yaml            the simulated room (hal/room)
+ *   wav:folder                a recording with its survey.yaml (hal/recording)
+ * URIs may carry options: "sim:scene.yaml?pace=real", "wav:rec?background=rec_bg". */
+#ifndef ANLOS_HAL_ARRAY_H
+#define ANLOS_HAL_ARRAY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "hal/clock.h"
+#include "msgs/complaint.h"
+#include "msgs/survey.h"
+
+/* One emission of each speaker named, in turn, a slot each, without a break. */
+struct array_shot {
+    Anlos__Pass pass;
+    size_t position;          /* index into the survey's stage positions */
+    double stage_m;           /* where the stage really stands */
+    const uint32_t *speakers; /* [n_speakers] */
+    size_t n_speakers;
+};
+
+/* One ping.  samples is [n_microphones][n_samples], full scale +-1, valid until the next
+ * call on the array; sample 0 is the nominal start of the emission. */
+struct array_ping {
+    size_t shot_index; /* 0..n_speakers-1 */
+    const float *samples;
+    size_t n_samples;           /* slot and tail; the same for every ping of an array */
+    const uint32_t *clipped;    /* [n_microphones] */
+    const uint32_t *not_finite; /* [n_microphones]; those samples were set to 0 */
+    bool valid;                 /* false: retake */
+    double temperature_c;       /* NaN: not measured */
+    int64_t t0_ns;              /* time of sample 0 */
+};
+
+struct array_ops {
+    const char *scheme; /* "sim" */
+    /* arg: the URI after the scheme.  The complaint names file and line. */
+    int (*open)(void **state, const char *arg, const struct clock_source *clock,
+                struct complaint *why);
+    const struct survey *(*survey)(void *state);
+    int (*fire)(void *state, const struct array_shot *shot);
+    int (*next)(void *state, struct array_ping *out, struct complaint *why);
+    void (*close)(void *state);
+};
+
+struct array;
+
+/* 0, -EINVAL (URI or contents), -ENOENT (no such file or device), -ENODEV (no such
+ * scheme), -ENOMEM. */
+int array_open(struct array **out, const char *uri, const struct clock_source *clock,
+               struct complaint *why);
+
+/* Owned by the array; complete before the first shot. */
+const struct survey *array_survey(const struct array *a);
+
+/* Starts a shot; the previous one must have been read to its end.  0, -EINVAL. */
+int array_fire(struct array *a, const struct array_shot *shot);
+
+/* Blocks until the next ping of the shot is recorded.  0, -ENODATA (the shot has ended),
+ * -EINTR (a signal; call again or give up), other negative errno. */
+int array_next(struct array *a, struct array_ping *out, struct complaint *why);
+
+void array_close(struct array *a);
+
+#endif

@@ -1,0 +1,24 @@
+/* hal/clock.h -- the only source of time.  Nodes ask it and never read a clock
+ * themselves, so that a replay can hold its own time. */
+#ifndef ANLOS_HAL_CLOCK_H
+#define ANLOS_HAL_CLOCK_H
+
+#include <stdint.h>
+
+struct clock_source {
+    int64_t (*now_ns)(void *state); /* wall time, ns since 1970 */
+    /* Returns 0 when it is t_ns, -EINTR when the sleep was broken off. */
+    int (*sleep_until_ns)(void *state, int64_t t_ns);
+    void *state;
+};
+
+/* The machine's clock: counts on CLOCK_MONOTONIC, offset to wall time once at the start,
+ * so that it never jumps. */
+const struct clock_source *clock_system(void);
+
+static inline int64_t clock_now_ns(const struct clock_source *c)
+{
+    return c->now_ns(c->state);
+}
+
+#endif

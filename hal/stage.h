@@ -1,0 +1,43 @@
+/* hal/stage.h -- the translation stage that carries the array.  Backend by URI:
+ *   sim:?speed=0.2&acceleration=0.5&settle=0.15&error=0.0001     (m/s, m/s2, s, m)
+ *   sim:?pace=fast      moves take no time
+ *   none:               a fixed array */
+#ifndef ANLOS_HAL_STAGE_H
+#define ANLOS_HAL_STAGE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hal/clock.h"
+#include "msgs/complaint.h"
+
+enum stage_motion { STAGE_IDLE, STAGE_MOVING, STAGE_SETTLING, STAGE_FAULT };
+
+struct stage_status {
+    enum stage_motion motion;
+    double position_m;
+    double target_m;
+    char text[128]; /* of a fault */
+};
+
+struct stage_ops {
+    const char *scheme;
+    int (*open)(void **state, const char *arg, const struct clock_source *clock,
+                struct complaint *why);
+    int (*move)(void *state, double target_m);
+    void (*status)(void *state, struct stage_status *out);
+    void (*close)(void *state);
+};
+
+struct stage;
+
+/* 0, -EINVAL, -ENOENT, -ENODEV (no such scheme), -ENOMEM. */
+int stage_open(struct stage **out, const char *uri, const struct clock_source *clock,
+               struct complaint *why);
+
+/* Starts a move and returns; a move under way is replaced.  0, -ERANGE (soft limits). */
+int stage_move(struct stage *s, double target_m);
+void stage_status(struct stage *s, struct stage_status *out);
+void stage_close(struct stage *s);
+
+#endif

@@ -1,0 +1,18 @@
+/* hal/survey_file.h -- survey.yaml: the geometry and timing of a recording. */
+#ifndef ANLOS_HAL_SURVEY_FILE_H
+#define ANLOS_HAL_SURVEY_FILE_H
+
+#include "msgs/complaint.h"
+#include "msgs/survey.h"
+
+/* Reads and checks; calibration curves are read from their folder (relative to the survey
+ * file).  Clear with survey_clear.  The complaint is "file:line: key: what was expected".
+ * 0, -ENOENT, -EACCES, -EINVAL, -ENOMEM. */
+int survey_load(struct survey *out, const char *path, struct complaint *why);
+
+/* Writes a file that survey_load reads back to the same survey.  calibration_folder may
+ * be NULL (then responses are left out).  0 or a negative errno, and no file. */
+int survey_save(const struct survey *s, const char *path, const char *calibration_folder,
+                struct complaint *why);
+
+#endif

@@ -1,0 +1,88 @@
+/* msgs/bus.h -- publish and subscribe over nanomsg, with accounting.  The only place that
+ * knows nanomsg.  Each node publishes on one endpoint ("ipc://RUN_DIR/NODE.ipc") and
+ * connects to the endpoints of the publishers of what it wants (msgs/topics.h).
+ *
+ * nanomsg PUB drops silently when a peer is slow, refuses what exceeds NN_RCVMAXSIZE by
+ * dropping the connection, loses what is sent before a subscriber has joined, returns
+ * EINTR, and must not be forked after a socket exists.  So a receive thread moves
+ * messages into a bounded queue for each topic, gaps in sequence numbers are counted, and
+ * the buffers are set large.  Create a bus after the last fork. */
+#ifndef ANLOS_MSGS_BUS_H
+#define ANLOS_MSGS_BUS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/complaint.h"
+#include "msgs/envelope.h"
+#include "msgs/topics.h"
+
+struct bus;
+
+struct bus_config {
+    const char *node;    /* name of this node, under ENVELOPE_NODE_SIZE characters */
+    const char *run_dir; /* folder of the sockets; made when missing */
+    int64_t epoch_ns;    /* when this process started */
+    bool listen_only;    /* a tool: subscribes, publishes nothing, binds nothing */
+};
+
+/* A received message.  It owns its payload; bus_message_free it. */
+struct bus_message {
+    const struct topic *topic;
+    struct envelope envelope;
+    const uint8_t *payload; /* [envelope.payload_size] */
+    void *owner;            /* the bus's own */
+};
+
+struct bus_count {
+    const struct topic *topic;
+    bool published;
+    uint64_t messages, bytes, gaps, dropped;
+    size_t queued;
+};
+
+/* 0, -EINVAL, -ENOMEM, -EADDRINUSE (a live node of that name already publishes), other
+ * negative errno; the complaint says which endpoint. */
+int bus_create(struct bus **out, const struct bus_config *cfg, struct complaint *why);
+
+/* Connects to every publisher of the topic.  A publisher may come later, go and come
+ * back. Call it for each topic before the first receive.  0, -EINVAL, -ENOMEM. */
+int bus_subscribe(struct bus *b, const struct topic *t);
+
+/* Sends to whoever listens; never blocks on a slow one.  Thread-safe.
+ * 0, -EMSGSIZE (over the topic's max_size), -ENOMEM. */
+int bus_publish(struct bus *b, const struct topic *t, int64_t capture_ns,
+                int64_t publish_ns, const void *payload, size_t size);
+
+/* Packs a protobuf-c message of the topic's schema and publishes it. */
+int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns,
+                        int64_t publish_ns, const ProtobufCMessage *m);
+
+/* The next message of any subscribed topic, in the order of arrival.
+ * 0, -ETIMEDOUT, -ESHUTDOWN (bus_interrupt was called). */
+int bus_receive(struct bus *b, struct bus_message *out, int timeout_ms);
+void bus_message_free(struct bus_message *m);
+
+/* Unpacks the payload by the topic's schema.  NULL: it is not one.  Free the result with
+ * protobuf_c_message_free_unpacked(m, NULL). */
+ProtobufCMessage *bus_message_unpack(const struct bus_message *m);
+
+/* A descriptor that poll(2) finds readable while messages wait, for loops that wait for
+ * something else too.  Owned by the bus. */
+int bus_fd(const struct bus *b);
+
+/* Wakes bus_receive for good.  Safe in a signal handler. */
+void bus_interrupt(struct bus *b);
+
+/* Writes up to max counts, returns how many there are. */
+size_t bus_counts(struct bus *b, struct bus_count *out, size_t max);
+uint64_t
+bus_refused(struct bus *b); /* wrong magic, version, length, topic, or too large */
+
+/* Called once for each kind of refusal, from the receive thread, for the log. */
+void bus_on_refusal(struct bus *b, void (*call)(void *ctx, const char *text), void *ctx);
+
+void bus_destroy(struct bus *b);
+
+#endif

@@ -1,0 +1,15 @@
+/* msgs/complaint.h -- an error as a person reads it: what, where and what to do, e.g.
+ * "corner.yaml:14: speaker_count 17 exceeds the 16 channels of hw:UMC1820". */
+#ifndef ANLOS_MSGS_COMPLAINT_H
+#define ANLOS_MSGS_COMPLAINT_H
+
+struct complaint {
+    char text[1024]; /* empty: nothing is wrong */
+};
+
+/* Writes the text (c may be NULL) and returns err, a negative errno, so that a failing
+ * function can `return complain(why, -EINVAL, "...", ...)`. */
+int complain(struct complaint *c, int err, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+#endif

@@ -1,0 +1,159 @@
+#include "msgs/survey.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Cramer, J. Acoust. Soc. Am. 93 (1993) 2510, equation 15, for dry air of 1013.25 hPa
+ * and 400 ppm of carbon dioxide.  His fit is for 0..30 C; it stays within 0.1 % of the
+ * ideal gas over -20..50 C. */
+double survey_sound_speed_m_s(double temperature_c)
+{
+    const double t = temperature_c, p = 101325, xc = 400e-6;
+    return 331.5024 + 0.603055 * t - 0.000528 * t * t +
+           (-1.82e-7 + 3.73e-8 * t - 2.93e-10 * t * t) * p +
+           (-85.20931 - 0.228525 * t + 5.91e-5 * t * t) * xc - 2.15e-13 * p * p +
+           29.179762 * xc * xc;
+}
+
+static void hash_bytes(uint64_t *h, const void *data, size_t size)
+{
+    const uint8_t *bytes = data; /* FNV-1a */
+    for (size_t i = 0; i < size; i++)
+        *h = (*h ^ bytes[i]) * UINT64_C(0x100000001b3);
+}
+
+static void hash_counts(uint64_t *h, uint64_t n)
+{
+    hash_bytes(h, &n, sizeof n);
+}
+
+static void hash_numbers(uint64_t *h, const double *x, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        double value = x[i] == 0 ? 0 : x[i]; /* -0 equals 0 */
+        hash_bytes(h, &value, sizeof value);
+    }
+}
+
+static void hash_placement(uint64_t *h, const struct survey *s)
+{
+    hash_counts(h, s->has_gate);
+    if (s->has_gate)
+        hash_numbers(h, s->gate_m, 2);
+    hash_counts(h, s->has_volume);
+    if (s->has_volume)
+        hash_numbers(h, &s->volume_m[0][0], 9);
+    hash_counts(h, s->has_wall);
+    if (s->has_wall) {
+        hash_numbers(h, s->wall_normal, 3);
+        hash_numbers(h, &s->wall_distance_m, 1);
+    }
+    hash_counts(h, s->has_mount);
+    if (s->has_mount) {
+        hash_numbers(h, s->mount_origin_m, 3);
+        hash_numbers(h, s->mount_x_axis, 3);
+        hash_numbers(h, s->mount_y_axis, 3);
+    }
+}
+
+uint64_t survey_id(const struct survey *s)
+{
+    uint64_t h = UINT64_C(0xcbf29ce484222325);
+    const double numbers[] = {s->sound_speed_m_s, s->sample_rate_hz,   s->chirp_start_hz,
+                              s->chirp_stop_hz,   s->chirp_duration_s, s->latency_samples,
+                              s->chirp_sine ? 1 : 0};
+    hash_numbers(&h, numbers, sizeof numbers / sizeof *numbers);
+    hash_counts(&h, s->slot_samples);
+    hash_counts(&h, s->n_speakers);
+    hash_numbers(&h, s->n_speakers ? s->speakers_m[0] : NULL, 3 * s->n_speakers);
+    hash_counts(&h, s->n_microphones);
+    hash_numbers(&h, s->n_microphones ? s->microphones_m[0] : NULL, 3 * s->n_microphones);
+    hash_numbers(&h, s->stage_axis, 3);
+    hash_counts(&h, s->n_positions);
+    hash_numbers(&h, s->stage_positions_m, s->n_positions);
+    hash_placement(&h, s);
+    hash_counts(&h, s->n_responses);
+    for (size_t i = 0; i < s->n_responses; i++) {
+        const struct survey_response *r = &s->responses[i];
+        hash_bytes(&h, r->serial, strnlen(r->serial, sizeof r->serial));
+        hash_counts(&h, r->n_points);
+        hash_numbers(&h, r->frequency_hz, r->n_points);
+        hash_numbers(&h, r->gain_db, r->n_points);
+    }
+    return h ? h : 1;
+}
+
+static int copy_array(void *out, const void *from, size_t n, size_t element_size)
+{
+    void *copy = NULL;
+    if (n) {
+        copy = malloc(n * element_size); /* n came from an array of that size */
+        if (!copy)
+            return -ENOMEM;
+        memcpy(copy, from, n * element_size);
+    }
+    memcpy(out, &copy, sizeof copy);
+    return 0;
+}
+
+int survey_copy(struct survey *out, const struct survey *s)
+{
+    *out = *s;
+    out->speakers_m = out->microphones_m = NULL;
+    out->stage_positions_m = NULL;
+    out->responses = NULL;
+    out->n_responses = 0;
+    if (copy_array(&out->speakers_m, s->speakers_m, s->n_speakers, sizeof(double[3])) ||
+        copy_array(&out->microphones_m, s->microphones_m, s->n_microphones,
+                   sizeof(double[3])) ||
+        copy_array(&out->stage_positions_m, s->stage_positions_m, s->n_positions,
+                   sizeof(double)))
+        goto no_memory;
+    out->responses = calloc(s->n_responses ? s->n_responses : 1, sizeof *out->responses);
+    if (!out->responses)
+        goto no_memory;
+    for (size_t i = 0; i < s->n_responses; i++) {
+        const struct survey_response *from = &s->responses[i];
+        struct survey_response *to = &out->responses[i];
+        out->n_responses = i + 1;
+        memcpy(to->serial, from->serial, sizeof to->serial);
+        to->n_points = from->n_points;
+        if (copy_array(&to->frequency_hz, from->frequency_hz, from->n_points,
+                       sizeof(double)) ||
+            copy_array(&to->gain_db, from->gain_db, from->n_points, sizeof(double)))
+            goto no_memory;
+    }
+    return 0;
+no_memory:
+    survey_clear(out);
+    return -ENOMEM;
+}
+
+void survey_to_vehicle(const struct survey *s, const double p[3], double out[3])
+{
+    const double q[3] = {p[0], p[1], p[2]}; /* out may be p */
+    if (!s->has_mount) {
+        memcpy(out, q, sizeof q);
+        return;
+    }
+    const double *x = s->mount_x_axis, *y = s->mount_y_axis;
+    const double z[3] = {x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2],
+                         x[0] * y[1] - x[1] * y[0]};
+    for (int i = 0; i < 3; i++)
+        out[i] = s->mount_origin_m[i] + q[0] * x[i] + q[1] * y[i] + q[2] * z[i];
+}
+
+void survey_clear(struct survey *s)
+{
+    free(s->speakers_m);
+    free(s->microphones_m);
+    free(s->stage_positions_m);
+    for (size_t i = 0; i < s->n_responses; i++) {
+        free(s->responses[i].frequency_hz);
+        free(s->responses[i].gain_db);
+    }
+    free(s->responses);
+    memset(s, 0, sizeof *s);
+}

@@ -1,0 +1,86 @@
+/* msgs/survey.h -- the geometry and timing of an acquisition in plain C, and its message.
+ * Frame ("array frame"): x horizontal along the stage, y up along the array, z forward to
+ * the wall.  All positions in m. */
+#ifndef ANLOS_MSGS_SURVEY_H
+#define ANLOS_MSGS_SURVEY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/complaint.h"
+#include "msgs/survey.pb-c.h"
+
+struct survey_response { /* factory calibration of one microphone */
+    char serial[32];
+    size_t n_points;
+    double *frequency_hz; /* [n_points], rising */
+    double *gain_db;      /* [n_points] */
+};
+
+struct survey {
+    Anlos__Source source;
+    double sound_speed_m_s;
+    double temperature_c; /* NaN: not known */
+    double sample_rate_hz;
+    double chirp_start_hz, chirp_stop_hz, chirp_duration_s;
+    bool chirp_sine; /* the chirp starts as a sine; else as a cosine */
+    size_t slot_samples;
+    double latency_samples; /* from the nominal to the real emission, >= 0 */
+
+    size_t n_speakers, n_microphones, n_positions;
+    double (*speakers_m)[3];    /* [n_speakers], at stage position 0 */
+    double (*microphones_m)[3]; /* [n_microphones] */
+    double stage_axis[3];       /* unit */
+    double *stage_positions_m;  /* [n_positions] */
+
+    bool has_gate;
+    double gate_m[2]; /* near, far: range from the array (half the path) */
+    bool has_volume;
+    double volume_m[3][3]; /* x, y, z: min, max, step */
+    bool has_wall;
+    double
+        wall_normal[3]; /* unit; the wall is { p : wall_normal . p = wall_distance_m } */
+    double wall_distance_m;
+    bool has_mount; /* the array's pose in the vehicle frame (x forward, y left, z up) */
+    double mount_origin_m[3];
+    double mount_x_axis[3], mount_y_axis[3]; /* unit; the array's axes in vehicle terms */
+
+    size_t n_responses;                /* n_microphones, or 0: flat */
+    struct survey_response *responses; /* [n_responses] */
+};
+
+/* Speed of sound in dry air, m/s (Cramer 1993 to 0.1 %, -20..50 C). */
+double survey_sound_speed_m_s(double temperature_c);
+
+#define SURVEY_MAX_ELEMENTS   4096 /* speakers, microphones, positions; points of a curve */
+#define SURVEY_UNIT_TOLERANCE 1e-3 /* of the length of a unit vector */
+
+/* Plausible and consistent?  Ranges are stated in the complaint.  0 or -EINVAL. */
+int survey_check(const struct survey *s, struct complaint *why);
+
+/* A hash of everything that the image and the detections depend on, which is all but the
+ * source and the temperature (its speed of sound counts).  Equal surveys have equal ids;
+ * never 0. */
+uint64_t survey_id(const struct survey *s);
+
+/* The survey as message bytes in *out; free() it.  0, -ENOMEM, -EINVAL (does not pass
+ * survey_check). */
+int survey_pack(const struct survey *s, uint8_t **out, size_t *size);
+
+/* From a received message; *s owns its arrays, and needs no survey_clear after an error.
+ * 0, -ENOMEM, -EINVAL (incomplete, does not pass survey_check, or its id is not that of
+ * its content). */
+int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why);
+
+/* A deep copy, unchecked.  0, -ENOMEM. */
+int survey_copy(struct survey *out, const struct survey *s);
+
+/* Where the array's frame coordinate p stands in the vehicle frame; p itself without a
+ * mount. */
+void survey_to_vehicle(const struct survey *s, const double p[3], double out[3]);
+
+/* Frees what s owns and zeroes it. */
+void survey_clear(struct survey *s);
+
+#endif

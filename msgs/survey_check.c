@@ -1,0 +1,228 @@
+/* What survey_check accepts.  Each rule says its field and its limits. */
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+#include "msgs/survey.h"
+
+#define MAX_DISTANCE_M   1000.0
+#define MAX_SLOT_SAMPLES ((size_t)1 << 22)
+
+static int check_range(struct complaint *why, const char *field, double x, double min,
+                       double max, const char *unit)
+{
+    if (x >= min && x <= max) /* false for NaN */
+        return 0;
+    return complain(why, -EINVAL, "%s is %g %s, expected %g to %g %s", field, x, unit, min,
+                    max, unit);
+}
+
+static int check_point(struct complaint *why, const char *field, size_t index,
+                       const double p[3])
+{
+    for (int i = 0; i < 3; i++)
+        if (!(fabs(p[i]) <= MAX_DISTANCE_M))
+            return complain(why, -EINVAL,
+                            "%s[%zu] is [%g, %g, %g], expected coordinates within +-%g m",
+                            field, index, p[0], p[1], p[2], MAX_DISTANCE_M);
+    return 0;
+}
+
+static int check_unit(struct complaint *why, const char *field, const double v[3])
+{
+    double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    if (fabs(length - 1) <= SURVEY_UNIT_TOLERANCE)
+        return 0;
+    return complain(why, -EINVAL,
+                    "%s [%g, %g, %g] has the length %g, expected a unit vector", field,
+                    v[0], v[1], v[2], length);
+}
+
+static int check_count(struct complaint *why, const char *field, size_t n,
+                       const void *array)
+{
+    if (n >= 1 && n <= SURVEY_MAX_ELEMENTS && array)
+        return 0;
+    return complain(why, -EINVAL, "%s has %zu elements, expected 1 to %d", field, n,
+                    SURVEY_MAX_ELEMENTS);
+}
+
+static int check_medium(const struct survey *s, struct complaint *why)
+{
+    if (s->source != ANLOS__SOURCE__LIVE && s->source != ANLOS__SOURCE__REPLAY &&
+        s->source != ANLOS__SOURCE__SIMULATION)
+        return complain(why, -EINVAL,
+                        "source is %d, expected live, replay or simulation",
+                        (int)s->source);
+    int err = check_range(why, "sound_speed_m_s", s->sound_speed_m_s, 300, 360, "m/s");
+    if (!err && !isnan(s->temperature_c))
+        err = check_range(why, "temperature_c", s->temperature_c, -60, 80, "C");
+    return err;
+}
+
+static int check_chirp(const struct survey *s, struct complaint *why)
+{
+    int err = check_range(why, "sample_rate_hz", s->sample_rate_hz, 8e3, 400e3, "Hz");
+    if (err)
+        return err;
+    double nyquist_hz = s->sample_rate_hz / 2;
+    const double ends_hz[2] = {s->chirp_start_hz, s->chirp_stop_hz};
+    for (int i = 0; i < 2; i++)
+        if (!(ends_hz[i] > 0 && ends_hz[i] < nyquist_hz))
+            return complain(why, -EINVAL,
+                            "chirp %s_hz is %g, expected over 0 and under half the "
+                            "sample rate, %g",
+                            i ? "stop" : "start", ends_hz[i], nyquist_hz);
+    if (s->chirp_start_hz == s->chirp_stop_hz)
+        return complain(why, -EINVAL, "chirp start_hz and stop_hz are both %g",
+                        s->chirp_start_hz);
+    if (s->slot_samples < 1 || s->slot_samples > MAX_SLOT_SAMPLES)
+        return complain(why, -EINVAL, "slot_samples is %zu, expected 1 to %zu",
+                        s->slot_samples, MAX_SLOT_SAMPLES);
+    double slot_s = (double)s->slot_samples / s->sample_rate_hz;
+    double in_samples = s->chirp_duration_s * s->sample_rate_hz;
+    /* A millionth of a sample is not a chirp that is too long. */
+    if (!(s->chirp_duration_s > 0 && in_samples <= (double)s->slot_samples + 1e-6))
+        return complain(why, -EINVAL,
+                        "chirp duration_s is %g, expected over 0 and up to the slot, %g",
+                        s->chirp_duration_s, slot_s);
+    if (!(s->latency_samples >= 0 && s->latency_samples < (double)s->slot_samples))
+        return complain(why, -EINVAL,
+                        "latency_samples is %g, expected 0 to under slot_samples, %zu",
+                        s->latency_samples, s->slot_samples);
+    return 0;
+}
+
+static int check_array(const struct survey *s, struct complaint *why)
+{
+    int err = check_count(why, "speakers_m", s->n_speakers, s->speakers_m);
+    for (size_t i = 0; !err && i < s->n_speakers; i++)
+        err = check_point(why, "speakers_m", i, s->speakers_m[i]);
+    if (!err)
+        err = check_count(why, "microphones_m", s->n_microphones, s->microphones_m);
+    for (size_t i = 0; !err && i < s->n_microphones; i++)
+        err = check_point(why, "microphones_m", i, s->microphones_m[i]);
+    if (!err)
+        err = check_unit(why, "stage axis", s->stage_axis);
+    if (!err)
+        err = check_count(why, "stage positions_m", s->n_positions, s->stage_positions_m);
+    for (size_t i = 0; !err && i < s->n_positions; i++)
+        if (!(fabs(s->stage_positions_m[i]) <= MAX_DISTANCE_M))
+            err = complain(why, -EINVAL,
+                           "stage positions_m[%zu] is %g, expected within +-%g m", i,
+                           s->stage_positions_m[i], MAX_DISTANCE_M);
+    return err;
+}
+
+static int check_gate(const struct survey *s, struct complaint *why)
+{
+    double near_m = s->gate_m[0], far_m = s->gate_m[1];
+    if (!(near_m >= 0 && near_m < far_m && isfinite(far_m)))
+        return complain(why, -EINVAL, "gate_m is [%g, %g], expected 0 <= near < far",
+                        near_m, far_m);
+    double slot_s = (double)s->slot_samples / s->sample_rate_hz;
+    double limit_m = slot_s * s->sound_speed_m_s / 2;
+    if (far_m > limit_m)
+        return complain(why, -EINVAL,
+                        "gate_m: gate beyond the slot: far is %g m, and the echoes of a "
+                        "slot of %g s end at %g m",
+                        far_m, slot_s, limit_m);
+    return 0;
+}
+
+static int check_volume(const struct survey *s, struct complaint *why)
+{
+    for (int i = 0; i < 3; i++) {
+        const double *v = s->volume_m[i];
+        if (!(fabs(v[0]) <= MAX_DISTANCE_M && fabs(v[1]) <= MAX_DISTANCE_M &&
+              v[0] <= v[1] && v[2] > 0 && isfinite(v[2])))
+            return complain(why, -EINVAL,
+                            "volume %c_m is [%g, %g, %g], expected [min, max, step] with "
+                            "min <= max within +-%g m and step > 0",
+                            "xyz"[i], v[0], v[1], v[2], MAX_DISTANCE_M);
+        if ((v[1] - v[0]) / v[2] > SURVEY_MAX_ELEMENTS)
+            return complain(why, -EINVAL, "volume %c_m has %.0f steps, expected up to %d",
+                            "xyz"[i], (v[1] - v[0]) / v[2], SURVEY_MAX_ELEMENTS);
+    }
+    return 0;
+}
+
+static int check_mount(const struct survey *s, struct complaint *why)
+{
+    int err = check_point(why, "mount origin_m", 0, s->mount_origin_m);
+    if (!err)
+        err = check_unit(why, "mount x_axis", s->mount_x_axis);
+    if (!err)
+        err = check_unit(why, "mount y_axis", s->mount_y_axis);
+    if (err)
+        return err;
+    const double *x = s->mount_x_axis, *y = s->mount_y_axis;
+    double dot = x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
+    if (fabs(dot) > SURVEY_UNIT_TOLERANCE)
+        return complain(why, -EINVAL,
+                        "mount x_axis and y_axis are not at right angles (dot product "
+                        "%g)",
+                        dot);
+    return 0;
+}
+
+static int check_response(const struct survey_response *r, size_t index,
+                          struct complaint *why)
+{
+    if (!memchr(r->serial, 0, sizeof r->serial))
+        return complain(why, -EINVAL, "calibration %zu: the serial does not end", index);
+    if (r->n_points < 2 || r->n_points > SURVEY_MAX_ELEMENTS || !r->frequency_hz ||
+        !r->gain_db)
+        return complain(why, -EINVAL, "calibration %s has %zu points, expected 2 to %d",
+                        r->serial, r->n_points, SURVEY_MAX_ELEMENTS);
+    for (size_t i = 0; i < r->n_points; i++) {
+        double before_hz = i ? r->frequency_hz[i - 1] : 0;
+        if (!(r->frequency_hz[i] > before_hz && isfinite(r->frequency_hz[i])))
+            return complain(why, -EINVAL,
+                            "calibration %s: frequency %zu is %g Hz, expected rising "
+                            "from 0",
+                            r->serial, i, r->frequency_hz[i]);
+        if (!(fabs(r->gain_db[i]) <= 200))
+            return complain(why, -EINVAL,
+                            "calibration %s: gain %zu is %g dB, expected within +-200",
+                            r->serial, i, r->gain_db[i]);
+    }
+    return 0;
+}
+
+static int check_responses(const struct survey *s, struct complaint *why)
+{
+    if (!s->n_responses)
+        return 0;
+    if (s->n_responses != s->n_microphones || !s->responses)
+        return complain(why, -EINVAL,
+                        "calibration of %zu microphones, expected one for each of the %zu",
+                        s->n_responses, s->n_microphones);
+    int err = 0;
+    for (size_t i = 0; !err && i < s->n_responses; i++)
+        err = check_response(&s->responses[i], i, why);
+    return err;
+}
+
+int survey_check(const struct survey *s, struct complaint *why)
+{
+    int err = check_medium(s, why);
+    if (!err)
+        err = check_chirp(s, why);
+    if (!err)
+        err = check_array(s, why);
+    if (!err && s->has_gate)
+        err = check_gate(s, why);
+    if (!err && s->has_volume)
+        err = check_volume(s, why);
+    if (!err && s->has_wall)
+        err = check_unit(why, "wall normal", s->wall_normal);
+    if (!err && s->has_wall)
+        err = check_range(why, "wall distance_m", s->wall_distance_m, -MAX_DISTANCE_M,
+                          MAX_DISTANCE_M, "m");
+    if (!err && s->has_mount)
+        err = check_mount(s, why);
+    if (!err)
+        err = check_responses(s, why);
+    return err;
+}

@@ -1,0 +1,256 @@
+/* A survey as a message and back. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msgs/survey.h"
+
+static Anlos__Vec3 vec3(const double v[3])
+{
+    Anlos__Vec3 out = ANLOS__VEC3__INIT;
+    out.x = v[0];
+    out.y = v[1];
+    out.z = v[2];
+    return out;
+}
+
+/* A list of vectors for a message: the pointers first, then what they point to. */
+static Anlos__Vec3 **vec3_list(double (*const v)[3], size_t n)
+{
+    Anlos__Vec3 **list = malloc(n * (sizeof *list + sizeof **list));
+    if (!list)
+        return NULL;
+    Anlos__Vec3 *storage = (Anlos__Vec3 *)(void *)(list + n);
+    for (size_t i = 0; i < n; i++) {
+        storage[i] = vec3(v[i]);
+        list[i] = &storage[i];
+    }
+    return list;
+}
+
+static Anlos__MicrophoneResponse **response_list(const struct survey *s)
+{
+    size_t n = s->n_responses;
+    Anlos__MicrophoneResponse **list = malloc((n + !n) * (sizeof *list + sizeof **list));
+    if (!list)
+        return NULL;
+    Anlos__MicrophoneResponse *storage = (Anlos__MicrophoneResponse *)(void *)(list + n);
+    for (size_t i = 0; i < n; i++) {
+        anlos__microphone_response__init(&storage[i]);
+        storage[i].serial = s->responses[i].serial;
+        storage[i].n_frequency_hz = s->responses[i].n_points;
+        storage[i].frequency_hz = s->responses[i].frequency_hz;
+        storage[i].n_gain_db = s->responses[i].n_points;
+        storage[i].gain_db = s->responses[i].gain_db;
+        list[i] = &storage[i];
+    }
+    return list;
+}
+
+static void fill_numbers(Anlos__Survey *m, const struct survey *s)
+{
+    m->id = survey_id(s);
+    m->source = s->source;
+    m->sound_speed_m_s = s->sound_speed_m_s;
+    m->temperature_c = s->temperature_c;
+    m->sample_rate_hz = s->sample_rate_hz;
+    m->chirp_start_hz = s->chirp_start_hz;
+    m->chirp_stop_hz = s->chirp_stop_hz;
+    m->chirp_duration_s = s->chirp_duration_s;
+    m->chirp_sine = s->chirp_sine;
+    m->slot_samples = (uint32_t)s->slot_samples; /* bounded by survey_check */
+    m->latency_samples = s->latency_samples;
+    m->n_stage_positions_m = s->n_positions;
+    m->stage_positions_m = s->stage_positions_m;
+    m->gate_near_m = s->has_gate ? s->gate_m[0] : NAN;
+    m->gate_far_m = s->has_gate ? s->gate_m[1] : NAN;
+    m->n_volume = s->has_volume ? 9 : 0;
+    m->volume = (double *)(uintptr_t)&s->volume_m[0][0]; /* packing only reads */
+    m->has_wall = s->has_wall;
+    m->wall_distance_m = s->wall_distance_m;
+    m->has_mount = s->has_mount;
+}
+
+int survey_pack(const struct survey *s, uint8_t **out, size_t *size)
+{
+    int err = survey_check(s, NULL);
+    if (err)
+        return err;
+    Anlos__Survey m = ANLOS__SURVEY__INIT;
+    Anlos__Vec3 axis = vec3(s->stage_axis), normal = vec3(s->wall_normal);
+    Anlos__Vec3 origin = vec3(s->mount_origin_m);
+    Anlos__Vec3 x_axis = vec3(s->mount_x_axis), y_axis = vec3(s->mount_y_axis);
+    fill_numbers(&m, s);
+    m.stage_axis = &axis;
+    m.wall_normal = s->has_wall ? &normal : NULL;
+    m.mount_origin_m = s->has_mount ? &origin : NULL;
+    m.mount_x_axis = s->has_mount ? &x_axis : NULL;
+    m.mount_y_axis = s->has_mount ? &y_axis : NULL;
+    m.n_speakers_m = s->n_speakers;
+    m.speakers_m = vec3_list(s->speakers_m, s->n_speakers);
+    m.n_microphones_m = s->n_microphones;
+    m.microphones_m = vec3_list(s->microphones_m, s->n_microphones);
+    m.n_responses = s->n_responses;
+    m.responses = response_list(s);
+    uint8_t *bytes = NULL;
+    if (m.speakers_m && m.microphones_m && m.responses)
+        bytes = malloc(anlos__survey__get_packed_size(&m));
+    if (bytes) {
+        *size = anlos__survey__pack(&m, bytes);
+        *out = bytes;
+    }
+    free(m.speakers_m);
+    free(m.microphones_m);
+    free(m.responses);
+    return bytes ? 0 : -ENOMEM;
+}
+
+static int take_vec3(double out[3], const Anlos__Vec3 *v, const char *field,
+                     struct complaint *why)
+{
+    if (!v)
+        return complain(why, -EINVAL, "survey message: %s is missing", field);
+    out[0] = v->x;
+    out[1] = v->y;
+    out[2] = v->z;
+    return 0;
+}
+
+static int take_vec3_list(double (**out)[3], size_t *n_out, Anlos__Vec3 *const *list,
+                          size_t n, const char *field, struct complaint *why)
+{
+    if (n < 1 || n > SURVEY_MAX_ELEMENTS)
+        return complain(why, -EINVAL,
+                        "survey message: %s has %zu elements, expected 1 to %d", field, n,
+                        SURVEY_MAX_ELEMENTS);
+    *out = malloc(n * sizeof **out);
+    if (!*out)
+        return complain(why, -ENOMEM, "survey message: out of memory");
+    *n_out = n;
+    int err = 0;
+    for (size_t i = 0; !err && i < n; i++)
+        err = take_vec3((*out)[i], list[i], field, why);
+    return err;
+}
+
+static int take_numbers(double **out, const double *from, size_t n, const char *field,
+                        struct complaint *why)
+{
+    if (n < 1 || n > SURVEY_MAX_ELEMENTS)
+        return complain(why, -EINVAL,
+                        "survey message: %s has %zu elements, expected 1 to %d", field, n,
+                        SURVEY_MAX_ELEMENTS);
+    *out = malloc(n * sizeof **out);
+    if (!*out)
+        return complain(why, -ENOMEM, "survey message: out of memory");
+    memcpy(*out, from, n * sizeof **out);
+    return 0;
+}
+
+static int take_response(struct survey_response *r, const Anlos__MicrophoneResponse *m,
+                         struct complaint *why)
+{
+    size_t length = strlen(m->serial);
+    if (length >= sizeof r->serial || m->n_frequency_hz != m->n_gain_db)
+        return complain(why, -EINVAL,
+                        "survey message: calibration \"%.40s\" has %zu frequencies and "
+                        "%zu gains, expected as many, and a serial under %zu characters",
+                        m->serial, m->n_frequency_hz, m->n_gain_db, sizeof r->serial);
+    memcpy(r->serial, m->serial, length + 1);
+    int err = take_numbers(&r->frequency_hz, m->frequency_hz, m->n_frequency_hz,
+                           "calibration", why);
+    if (!err)
+        err = take_numbers(&r->gain_db, m->gain_db, m->n_gain_db, "calibration", why);
+    r->n_points = m->n_frequency_hz;
+    return err;
+}
+
+static int take_responses(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+{
+    if (!m->n_responses)
+        return 0;
+    if (m->n_responses > SURVEY_MAX_ELEMENTS)
+        return complain(why, -EINVAL,
+                        "survey message: calibration of %zu microphones, expected up to %d",
+                        m->n_responses, SURVEY_MAX_ELEMENTS);
+    s->responses = calloc(m->n_responses, sizeof *s->responses);
+    if (!s->responses)
+        return complain(why, -ENOMEM, "survey message: out of memory");
+    s->n_responses = m->n_responses;
+    int err = 0;
+    for (size_t i = 0; !err && i < m->n_responses; i++)
+        err = take_response(&s->responses[i], m->responses[i], why);
+    return err;
+}
+
+/* NaN stands for a gate that is not given; half a gate is an error, which survey_check
+ * finds. */
+static void take_scalars(struct survey *s, const Anlos__Survey *m)
+{
+    s->source = m->source;
+    s->sound_speed_m_s = m->sound_speed_m_s;
+    s->temperature_c = m->temperature_c;
+    s->sample_rate_hz = m->sample_rate_hz;
+    s->chirp_start_hz = m->chirp_start_hz;
+    s->chirp_stop_hz = m->chirp_stop_hz;
+    s->chirp_duration_s = m->chirp_duration_s;
+    s->chirp_sine = m->chirp_sine;
+    s->slot_samples = m->slot_samples;
+    s->latency_samples = m->latency_samples;
+    s->has_gate = !isnan(m->gate_near_m) || !isnan(m->gate_far_m);
+    s->gate_m[0] = s->has_gate ? m->gate_near_m : 0;
+    s->gate_m[1] = s->has_gate ? m->gate_far_m : 0;
+    s->has_wall = m->has_wall;
+    s->wall_distance_m = m->has_wall ? m->wall_distance_m : 0;
+    s->has_mount = m->has_mount;
+}
+
+static int take_placement(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+{
+    if (m->n_volume != 0 && m->n_volume != 9)
+        return complain(why, -EINVAL, "survey message: volume has %zu numbers, expected 9",
+                        m->n_volume);
+    s->has_volume = m->n_volume == 9;
+    if (s->has_volume)
+        memcpy(s->volume_m, m->volume, sizeof s->volume_m);
+    int err = take_vec3(s->stage_axis, m->stage_axis, "stage_axis", why);
+    if (!err && m->has_wall)
+        err = take_vec3(s->wall_normal, m->wall_normal, "wall_normal", why);
+    if (!err && m->has_mount)
+        err = take_vec3(s->mount_origin_m, m->mount_origin_m, "mount_origin_m", why);
+    if (!err && m->has_mount)
+        err = take_vec3(s->mount_x_axis, m->mount_x_axis, "mount_x_axis", why);
+    if (!err && m->has_mount)
+        err = take_vec3(s->mount_y_axis, m->mount_y_axis, "mount_y_axis", why);
+    return err;
+}
+
+int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+{
+    memset(s, 0, sizeof *s);
+    take_scalars(s, m);
+    int err = take_placement(s, m, why);
+    if (!err)
+        err = take_vec3_list(&s->speakers_m, &s->n_speakers, m->speakers_m,
+                             m->n_speakers_m, "speakers_m", why);
+    if (!err)
+        err = take_vec3_list(&s->microphones_m, &s->n_microphones, m->microphones_m,
+                             m->n_microphones_m, "microphones_m", why);
+    if (!err)
+        err = take_numbers(&s->stage_positions_m, m->stage_positions_m,
+                           m->n_stage_positions_m, "stage_positions_m", why);
+    if (!err)
+        s->n_positions = m->n_stage_positions_m;
+    if (!err)
+        err = take_responses(s, m, why);
+    if (!err)
+        err = survey_check(s, why);
+    if (!err && m->id != survey_id(s))
+        err = complain(why, -EINVAL,
+                       "survey message: id %016llx is not that of its content, %016llx",
+                       (unsigned long long)m->id, (unsigned long long)survey_id(s));
+    if (err)
+        survey_clear(s);
+    return err;
+}

@@ -1,0 +1,154 @@
+#include "msgs/topics.h"
+
+#include <string.h>
+
+#include "msgs/array.pb-c.h"
+#include "msgs/detections.pb-c.h"
+#include "msgs/health.pb-c.h"
+#include "msgs/scan.pb-c.h"
+#include "msgs/stage.pb-c.h"
+#include "msgs/survey.pb-c.h"
+#include "msgs/traces.pb-c.h"
+#include "msgs/volume.pb-c.h"
+
+#define KB ((size_t)1 << 10)
+#define MB ((size_t)1 << 20)
+
+static const char *const nodes[] = {"stage", "array", "scan",   "dsp",      "recon",
+                                    "track", "can",   "report", "launcher", NULL};
+
+enum {
+    SURVEY,
+    STAGE_COMMAND,
+    STAGE_STATE,
+    FIRE,
+    PING,
+    TRACES,
+    VOLUME,
+    DETECTIONS,
+    SCAN_STATUS,
+    RECEIPT,
+    HEALTH,
+    N_TOPICS
+};
+
+/* Depths: a full queue of pings holds 4 s of a scan, one of traces a whole scan. */
+static const struct topic topics[N_TOPICS + 1] = {
+    /* clang-format off */
+    [SURVEY]        = {"survey", &anlos__survey__descriptor,
+                       1, TOPIC_LATEST, 1, 16 * MB, {"array"}},
+    [STAGE_COMMAND] = {"stage/command", &anlos__stage_command__descriptor,
+                       0, TOPIC_ALL, 16, 4 * KB, {"scan"}},
+    [STAGE_STATE]   = {"stage/state", &anlos__stage_state__descriptor,
+                       2, TOPIC_LATEST, 1, 4 * KB, {"stage"}},
+    [FIRE]          = {"array/fire", &anlos__fire_command__descriptor,
+                       0, TOPIC_ALL, 16, 64 * KB, {"scan"}},
+    [PING]          = {"ping", &anlos__ping__descriptor,
+                       16, TOPIC_ALL, 64, 8 * MB, {"array"}},
+    [TRACES]        = {"traces", &anlos__traces__descriptor,
+                       16, TOPIC_ALL, 512, 8 * MB, {"dsp"}},
+    [VOLUME]        = {"volume", &anlos__volume__descriptor,
+                       0, TOPIC_LATEST, 1, 256 * MB, {"recon"}},
+    [DETECTIONS]    = {"detections", &anlos__detection_list__descriptor,
+                       0, TOPIC_ALL, 64, 1 * MB, {"track"}},
+    [SCAN_STATUS]   = {"scan/status", &anlos__scan_status__descriptor,
+                       5, TOPIC_LATEST, 1, 4 * KB, {"scan"}},
+    [RECEIPT]       = {"receipt", &anlos__receipt__descriptor,
+                       16, TOPIC_ALL, 4096, 4 * KB, {"dsp", "recon"}},
+    [HEALTH]        = {"health", &anlos__health__descriptor,
+                       1, TOPIC_ALL, 256, 64 * KB, {"*"}},
+    /* clang-format on */
+};
+
+const struct topic *topics_all(void)
+{
+    return topics;
+}
+
+const struct topic *topics_find(const char *name)
+{
+    for (const struct topic *t = topics; t->name; t++)
+        if (strcmp(t->name, name) == 0)
+            return t;
+    return NULL;
+}
+
+const char *const *topics_nodes(void)
+{
+    return nodes;
+}
+
+const char *topic_publisher(const struct topic *t, size_t i)
+{
+    const char *const *list = t->publishers;
+    if (list[0] && strcmp(list[0], "*") == 0)
+        list = nodes;
+    for (size_t k = 0; k < i; k++)
+        if (!list[k])
+            return NULL;
+    return list[i];
+}
+
+bool topic_is_published_by(const struct topic *t, const char *node)
+{
+    const char *name;
+    for (size_t i = 0; (name = topic_publisher(t, i)); i++)
+        if (strcmp(name, node) == 0)
+            return true;
+    return false;
+}
+
+const struct topic *topic_survey(void)
+{
+    return &topics[SURVEY];
+}
+
+const struct topic *topic_stage_command(void)
+{
+    return &topics[STAGE_COMMAND];
+}
+
+const struct topic *topic_stage_state(void)
+{
+    return &topics[STAGE_STATE];
+}
+
+const struct topic *topic_fire(void)
+{
+    return &topics[FIRE];
+}
+
+const struct topic *topic_ping(void)
+{
+    return &topics[PING];
+}
+
+const struct topic *topic_traces(void)
+{
+    return &topics[TRACES];
+}
+
+const struct topic *topic_volume(void)
+{
+    return &topics[VOLUME];
+}
+
+const struct topic *topic_detections(void)
+{
+    return &topics[DETECTIONS];
+}
+
+const struct topic *topic_scan_status(void)
+{
+    return &topics[SCAN_STATUS];
+}
+
+const struct topic *topic_receipt(void)
+{
+    return &topics[RECEIPT];
+}
+
+const struct topic *topic_health(void)
+{
+    return &topics[HEALTH];
+}

@@ -1,0 +1,11 @@
+/* nodes/anlos/commands.h -- the subcommands of `anlos`.  argv[0] is the command's name;
+ * each returns the exit code: 0; 1 failed; 2 bad input (arguments, files); 130 Ctrl-C. */
+#ifndef ANLOS_NODES_ANLOS_COMMANDS_H
+#define ANLOS_NODES_ANLOS_COMMANDS_H
+
+int command_launch(int argc, char **argv);
+int command_recon(int argc, char **argv);
+int command_sim(int argc, char **argv);
+int command_topic(int argc, char **argv);
+
+#endif

@@ -1,0 +1,103 @@
+/* nodes/array/main.c: "array/fire" -> the speakers and microphones -> "ping", "survey" */
+#include <errno.h>
+#include <string.h>
+
+#include "msgs/topics.h"
+#include "nodes/array/shooter.h"
+#include "nodes/rt/node.h"
+
+#define SURVEY_PERIOD_NS 1000000000LL
+#define MAX_FAILURES     5 /* in a row: then start the device anew */
+
+struct run {
+    struct node *node;
+    struct shooter *shooter;
+    int64_t survey_due_ns;
+    unsigned failures;
+};
+
+static int publish_survey(struct run *r)
+{
+    int64_t now = node_now_ns(r->node);
+
+    if (now < r->survey_due_ns)
+        return 0;
+    r->survey_due_ns = now + SURVEY_PERIOD_NS;
+    return node_publish(r->node, topic_survey(), 0, &shooter_survey(r->shooter)->base);
+}
+
+static int publish_ping(struct run *r)
+{
+    Anlos__Ping ping;
+    int64_t t0_ns;
+    struct complaint why = {""};
+    int err = shooter_next(r->shooter, &ping, &t0_ns, &why);
+
+    if (!err) {
+        r->failures = 0;
+        /* A ping that cannot be sent is one that the scan retakes. */
+        node_publish(r->node, topic_ping(), t0_ns, &ping.base);
+        return 0;
+    }
+    if (err == -EINTR || err == -ENODATA)
+        return 0;
+    node_log(r->node, LOG_LEVEL_WARNING, "%s",
+             why.text[0] ? why.text : strerror(-err));
+    if (err == -EINVAL)
+        return err;
+    return ++r->failures < MAX_FAILURES ? 0 : -EIO;
+}
+
+static void take(struct run *r, const struct node_message *in)
+{
+    struct complaint why = {""};
+
+    node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
+    if (in->topic != topic_fire())
+        return;
+    if (shooter_fire(r->shooter, (const Anlos__FireCommand *)in->content, &why))
+        node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
+}
+
+static int run(struct run *r)
+{
+    struct node_message in;
+    int err = node_subscribe(r->node, topic_fire());
+
+    /* Hearing the scan's status proves that its commands will come through. */
+    if (!err)
+        err = node_subscribe(r->node, topic_scan_status());
+    node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for scan");
+    while (!err) {
+        err = publish_survey(r);
+        if (!err)
+            err = node_next(r->node, &in, shooter_busy(r->shooter) ? 0 : 100);
+        if (!err)
+            take(r, &in);
+        else if (err == -ETIMEDOUT)
+            err = shooter_busy(r->shooter) ? publish_ping(r) : 0;
+    }
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    struct run r = {0};
+    struct array *array = NULL;
+    struct complaint why = {""};
+    int err = node_create(&r.node, "array",
+                          "Fires the speakers, records every microphone.", argc, argv);
+
+    if (err)
+        return err - 1;
+    err = array_open(&array, node_launch(r.node)->array.uri, node_clock(r.node), &why);
+    if (err)
+        node_log(r.node, LOG_LEVEL_ERROR, "%s", why.text);
+    if (!err)
+        err = shooter_create(&r.shooter, array);
+    if (!err)
+        err = run(&r);
+    shooter_destroy(r.shooter);
+    array_close(array);
+    return node_finish(r.node, err);
+}

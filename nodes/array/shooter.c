@@ -1,0 +1,192 @@
+#include "nodes/array/shooter.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msgs/tensor.h"
+
+#define MAX_SHOTS 8
+
+struct shot {
+    Anlos__FireCommand command; /* without its speakers */
+    uint32_t *speakers;         /* [n_speakers of the survey] */
+    size_t n_speakers;
+};
+
+struct shooter {
+    struct array *array;
+    Anlos__Survey *survey;
+    struct shot shots[MAX_SHOTS]; /* a ring; the first is the one under way */
+    size_t first, n_shots;
+    bool fired; /* the first one has been given to the array */
+    struct tensor_view samples;
+};
+
+static int survey_message(Anlos__Survey **out, const struct survey *survey)
+{
+    uint8_t *bytes = NULL;
+    size_t size;
+    int err = survey_pack(survey, &bytes, &size);
+
+    if (err)
+        return err;
+    *out = anlos__survey__unpack(NULL, size, bytes);
+    free(bytes);
+    return *out ? 0 : -ENOMEM;
+}
+
+int shooter_create(struct shooter **out, struct array *array)
+{
+    struct shooter *s = calloc(1, sizeof *s);
+    int err = s ? survey_message(&s->survey, array_survey(array)) : -ENOMEM;
+
+    if (err)
+        goto fail;
+    s->array = array;
+    for (size_t i = 0; i < MAX_SHOTS; i++) {
+        s->shots[i].speakers =
+            calloc(s->survey->n_speakers_m, sizeof *s->shots[i].speakers);
+        if (!s->shots[i].speakers) {
+            err = -ENOMEM;
+            goto fail;
+        }
+    }
+    *out = s;
+    return 0;
+fail:
+    shooter_destroy(s);
+    return err;
+}
+
+const Anlos__Survey *shooter_survey(const struct shooter *s)
+{
+    return s->survey;
+}
+
+static int check_command(const struct shooter *s, const Anlos__FireCommand *c,
+                         struct complaint *why)
+{
+    if (c->pass != ANLOS__PASS__SCENE && c->pass != ANLOS__PASS__BACKGROUND)
+        return complain(why, -EINVAL, "fire %u: unknown pass %d", c->id, (int)c->pass);
+    if (c->position >= s->survey->n_stage_positions_m)
+        return complain(why, -EINVAL, "fire %u: position %u of %zu", c->id, c->position,
+                        s->survey->n_stage_positions_m);
+    if (!c->n_speakers || c->n_speakers > s->survey->n_speakers_m)
+        return complain(why, -EINVAL, "fire %u: %zu speakers of %zu", c->id,
+                        c->n_speakers, s->survey->n_speakers_m);
+    for (size_t i = 0; i < c->n_speakers; i++)
+        if (c->speakers[i] >= s->survey->n_speakers_m)
+            return complain(why, -EINVAL, "fire %u: speaker %u of %zu", c->id,
+                            c->speakers[i], s->survey->n_speakers_m);
+    return 0;
+}
+
+int shooter_fire(struct shooter *s, const Anlos__FireCommand *command,
+                 struct complaint *why)
+{
+    int err = check_command(s, command, why);
+
+    if (err)
+        return err;
+    if (s->n_shots == MAX_SHOTS)
+        return complain(why, -ENOBUFS, "fire %u: %d shots are waiting already",
+                        command->id, MAX_SHOTS);
+    struct shot *shot = &s->shots[(s->first + s->n_shots) % MAX_SHOTS];
+    shot->command = *command;
+    shot->command.speakers = NULL;
+    shot->n_speakers = command->n_speakers;
+    memcpy(shot->speakers, command->speakers,
+           command->n_speakers * sizeof *shot->speakers);
+    s->n_shots++;
+    return 0;
+}
+
+bool shooter_busy(const struct shooter *s)
+{
+    return s->n_shots > 0;
+}
+
+static void end_shot(struct shooter *s)
+{
+    s->first = (s->first + 1) % MAX_SHOTS;
+    s->n_shots--;
+    s->fired = false;
+}
+
+static int start_shot(struct shooter *s, const struct shot *shot, struct complaint *why)
+{
+    const struct array_shot fire = {.pass = shot->command.pass,
+                                    .position = shot->command.position,
+                                    .stage_m = shot->command.stage_m,
+                                    .speakers = shot->speakers,
+                                    .n_speakers = shot->n_speakers};
+    int err = array_fire(s->array, &fire);
+
+    if (err) {
+        complain(why, err, "position %u cannot be fired: %s", shot->command.position,
+                 strerror(-err));
+        end_shot(s);
+        return err;
+    }
+    s->fired = true;
+    return 0;
+}
+
+static void write_message(struct shooter *s, const struct shot *shot,
+                          const struct array_ping *ping, Anlos__Ping *out)
+{
+    size_t n_mics = s->survey->n_microphones_m;
+
+    anlos__ping__init(out);
+    out->survey_id = s->survey->id;
+    out->scan = shot->command.scan;
+    out->pass = shot->command.pass;
+    out->position = shot->command.position;
+    out->stage_m = shot->command.stage_m;
+    out->speaker = shot->speakers[ping->shot_index];
+    out->samples =
+        tensor_borrow_f32(&s->samples, ping->samples, 2, n_mics, ping->n_samples);
+    out->n_clipped = n_mics;
+    out->clipped = (uint32_t *)ping->clipped;
+    out->n_not_finite = n_mics;
+    out->not_finite = (uint32_t *)ping->not_finite;
+    out->valid = ping->valid;
+    out->temperature_c = ping->temperature_c;
+}
+
+int shooter_next(struct shooter *s, Anlos__Ping *out, int64_t *t0_ns,
+                 struct complaint *why)
+{
+    struct array_ping ping;
+
+    while (s->n_shots) {
+        const struct shot *shot = &s->shots[s->first];
+        int err = s->fired ? 0 : start_shot(s, shot, why);
+        if (err)
+            return err;
+        err = array_next(s->array, &ping, why);
+        if (!err) {
+            write_message(s, shot, &ping, out);
+            *t0_ns = ping.t0_ns;
+            return 0;
+        }
+        if (err == -EINTR)
+            return err;
+        end_shot(s);
+        if (err != -ENODATA)
+            return err;
+    }
+    return -ENODATA;
+}
+
+void shooter_destroy(struct shooter *s)
+{
+    if (!s)
+        return;
+    for (size_t i = 0; i < MAX_SHOTS; i++)
+        free(s->shots[i].speakers);
+    if (s->survey)
+        anlos__survey__free_unpacked(s->survey, NULL);
+    free(s);
+}

@@ -1,0 +1,35 @@
+/* nodes/array/shooter.h -- the array node's step: fire commands to shots, recordings to
+ * ping messages. */
+#ifndef ANLOS_NODES_ARRAY_SHOOTER_H
+#define ANLOS_NODES_ARRAY_SHOOTER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hal/array.h"
+#include "msgs/array.pb-c.h"
+
+struct shooter;
+
+/* array is not owned.  0, -ENOMEM, -EINVAL (its survey does not pack). */
+int shooter_create(struct shooter **out, struct array *array);
+
+/* The survey as a message, owned by the shooter. */
+const Anlos__Survey *shooter_survey(const struct shooter *s);
+
+/* Queues a shot.  0, -EINVAL (a position or speaker that the survey has not; the
+ * complaint says which), -ENOBUFS (too many shots are waiting). */
+int shooter_fire(struct shooter *s, const Anlos__FireCommand *command,
+                 struct complaint *why);
+
+/* Is there anything to record? */
+bool shooter_busy(const struct shooter *s);
+
+/* Blocks until the next ping of the shots queued is recorded.  The message borrows from
+ * the array until the next call.  0, -ENODATA (nothing to do), -EINTR (a signal; call
+ * again), other negative errno of the array: the rest of that shot is lost. */
+int shooter_next(struct shooter *s, Anlos__Ping *out, int64_t *t0_ns,
+                 struct complaint *why);
+void shooter_destroy(struct shooter *s);
+
+#endif

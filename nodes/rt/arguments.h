@@ -1,0 +1,26 @@
+/* nodes/rt/arguments.h -- the command line that all nodes and `anlos launch` share. */
+#ifndef ANLOS_NODES_RT_ARGUMENTS_H
+#define ANLOS_NODES_RT_ARGUMENTS_H
+
+#include <stdbool.h>
+
+#include "msgs/complaint.h"
+#include "nodes/rt/log.h"
+
+struct arguments { /* borrow from argv */
+    const char *launch;
+    const char *run_dir; /* NULL: the default */
+    const char *out;     /* NULL: as the launch file says */
+    bool realtime;
+    bool help;
+    enum log_level log_level;
+};
+
+/* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --realtime --log-level L --help`.
+ * 0, or -EINVAL: unknown option, missing value, no launch file. */
+int arguments_parse(struct arguments *out, int argc, char **argv, struct complaint *why);
+
+/* The options' help, for the end of a program's own. */
+const char *arguments_help(void);
+
+#endif

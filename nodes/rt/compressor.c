@@ -1,0 +1,109 @@
+#include "nodes/rt/compressor.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "dsp/deramp.h"
+
+struct compressor {
+    struct pulse_compress *matched; /* one of the two */
+    struct deramp *deramp;
+};
+
+int window_from_name(const char *name, enum window *out)
+{
+    static const struct {
+        const char *name;
+        enum window window;
+    } names[] = {{"hann", WINDOW_HANN},
+                 {"hamming", WINDOW_HAMMING},
+                 {"rectangular", WINDOW_RECTANGULAR}};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        if (strcmp(names[i].name, name))
+            continue;
+        *out = names[i].window;
+        return 0;
+    }
+    return -EINVAL;
+}
+
+int compression_from_name(const char *name, enum compression *out)
+{
+    if (strcmp(name, "matched_filter") && strcmp(name, "deramp"))
+        return -EINVAL;
+    *out = strcmp(name, "deramp") ? COMPRESSION_MATCHED_FILTER : COMPRESSION_DERAMP;
+    return 0;
+}
+
+static int create_deramp(struct deramp **out, const struct processing *p,
+                         const struct survey *s, enum window window, struct complaint *why)
+{
+    struct deramp_config cfg = {
+        .sample_rate_hz = s->sample_rate_hz,
+        .n_samples = p->ping_samples,
+        .chirp = {.start_hz = s->chirp_start_hz,
+                  .stop_hz = s->chirp_stop_hz,
+                  .duration_s = s->chirp_duration_s,
+                  .sine = s->chirp_sine},
+        .latency_samples = s->latency_samples,
+        .window = window,
+        .gate_s = {p->gate_s[0], p->gate_s[1]},
+        .n_channels = s->n_microphones,
+        .rate_hz = 2.0 * (p->band_hz[1] - p->band_hz[0]),
+    };
+    int err = deramp_create(out, &cfg);
+    if (err)
+        complain(why, err, "deramp of %zu samples, %.4f to %.4f s: %s", p->ping_samples,
+                 p->gate_s[0], p->gate_s[1], strerror(-err));
+    return err;
+}
+
+int compressor_create(struct compressor **out, const struct processing *p,
+                      const struct survey *s, enum compression compression,
+                      enum window window, struct complaint *why)
+{
+    struct compressor *c = calloc(1, sizeof *c);
+    int err;
+
+    if (!c)
+        return complain(why, -ENOMEM, "out of memory");
+    if (compression == COMPRESSION_DERAMP)
+        err = create_deramp(&c->deramp, p, s, window, why);
+    else
+        err = processing_compressor(&c->matched, p, s, window, why);
+    if (err) {
+        free(c);
+        return err;
+    }
+    *out = c;
+    return 0;
+}
+
+void compressor_format(const struct compressor *c, struct trace_format *out)
+{
+    if (c->deramp)
+        deramp_format(c->deramp, out);
+    else
+        pulse_compress_format(c->matched, out);
+}
+
+void compressor_execute(struct compressor *c, const float *rx, size_t rx_stride,
+                        float complex *restrict y)
+{
+    if (c->deramp)
+        deramp_execute(c->deramp, rx, rx_stride, y);
+    else
+        pulse_compress_execute(c->matched, rx, rx_stride, y);
+}
+
+void compressor_destroy(struct compressor *c)
+{
+    if (!c)
+        return;
+    if (c->deramp)
+        deramp_destroy(c->deramp);
+    if (c->matched)
+        pulse_compress_destroy(c->matched);
+    free(c);
+}

@@ -1,0 +1,31 @@
+/* nodes/rt/compressor.h -- raw pings to traces by the way that was asked for: matched
+ * filter (dsp/pulse_compress.h) or the paper's deramp (dsp/deramp.h), one face for both. */
+#ifndef ANLOS_NODES_RT_COMPRESSOR_H
+#define ANLOS_NODES_RT_COMPRESSOR_H
+
+#include <complex.h>
+
+#include "nodes/rt/processing.h"
+
+enum compression { COMPRESSION_MATCHED_FILTER, COMPRESSION_DERAMP };
+
+/* "hann", "hamming", "rectangular"; "matched_filter", "deramp".  0, -EINVAL. */
+int window_from_name(const char *name, enum window *out);
+int compression_from_name(const char *name, enum compression *out);
+
+struct compressor;
+
+/* Microphone responses come from the survey (matched filter only).  Plans: one thread at
+ * a time.  0, -EINVAL, -ERANGE, -ENOMEM. */
+int compressor_create(struct compressor **out, const struct processing *p,
+                      const struct survey *s, enum compression compression,
+                      enum window window, struct complaint *why);
+void compressor_format(const struct compressor *c, struct trace_format *out);
+
+/* rx: [n_microphones][rx_stride >= ping_samples], y: [n_microphones][format.n_samples].
+ * One instance a thread. */
+void compressor_execute(struct compressor *c, const float *rx, size_t rx_stride,
+                        float complex *restrict y);
+void compressor_destroy(struct compressor *c);
+
+#endif

@@ -1,0 +1,52 @@
+/* nodes/rt/export.h -- the files that a person or a program looks at.  Each is written
+ * under a temporary name and renamed when whole: nothing is left half-written. */
+#ifndef ANLOS_NODES_RT_EXPORT_H
+#define ANLOS_NODES_RT_EXPORT_H
+
+#include <jansson.h>
+#include <limits.h>
+
+#include "msgs/complaint.h"
+#include "msgs/detections.pb-c.h"
+#include "recon/grid.h"
+
+/* Makes the folder (and its parents) or finds it; checks that it can be written.
+ * 0, -ENOTDIR, -EACCES, -EROFS, other negative errno. */
+int export_folder(const char *folder, struct complaint *why);
+
+/* A set of files that appears together: write them into stage->path, then commit moves
+ * each into the folder (replacing files of the same name), or abandon removes them, and
+ * the folder too if begin made it. */
+struct export_stage {
+    char folder[PATH_MAX - 64];
+    char path[PATH_MAX];
+    size_t existing; /* length of the part of folder that was there before */
+};
+int export_stage_begin(struct export_stage *stage, const char *folder,
+                       struct complaint *why);
+int export_stage_commit(struct export_stage *stage, struct complaint *why);
+void export_stage_abandon(struct export_stage *stage);
+
+/* NRRD 5, float32 little endian raw, x fastest, space directions and origin in m. */
+int export_nrrd(const char *folder, const char *name, const struct grid *grid,
+                const float *intensity, struct complaint *why);
+
+/* projection_xy.png, projection_xz.png, projection_yz.png: maxima of the intensity in dB
+ * with axes in metres, a colour bar, and a cross at each detection (virtual position).
+ * detections may be NULL. */
+int export_projections(const char *folder, const struct grid *grid,
+                       const float *intensity, const Anlos__DetectionList *detections,
+                       struct complaint *why);
+
+/* detections.json. */
+int export_detections(const char *folder, const Anlos__DetectionList *detections,
+                      struct complaint *why);
+
+/* Any JSON object under a name, pretty-printed with keys in the order given. */
+int export_json(const char *folder, const char *name, const json_t *value,
+                struct complaint *why);
+
+/* A number, or null for what JSON has no number for (NaN, infinities). */
+json_t *export_real(double value);
+
+#endif

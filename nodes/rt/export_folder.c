@@ -1,0 +1,157 @@
+#include "nodes/rt/export.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* mkdir -p; *existing: length of the leading part that was there before. */
+static int make_folders(const char *folder, size_t *existing)
+{
+    char path[PATH_MAX];
+    struct stat st;
+    size_t length = strlen(folder);
+
+    if (!length)
+        return -ENOENT;
+    if (length >= sizeof path)
+        return -ENAMETOOLONG;
+    memcpy(path, folder, length + 1);
+    *existing = 0;
+    for (size_t i = 1; i <= length; i++) {
+        if (path[i] != '/' && path[i] != '\0')
+            continue;
+        path[i] = '\0';
+        if (!mkdir(path, 0777))
+            ; /* made */
+        else if (errno == EEXIST && !stat(path, &st) && S_ISDIR(st.st_mode))
+            *existing = i;
+        else
+            return errno == EEXIST ? -ENOTDIR : -errno;
+        path[i] = folder[i];
+    }
+    return 0;
+}
+
+/* Removes what make_folders made, as far as it is empty. */
+static void remove_folders(const char *folder, size_t existing)
+{
+    char path[PATH_MAX];
+    size_t length = strlen(folder);
+    memcpy(path, folder, length + 1);
+    while (length > existing) {
+        path[length] = '\0';
+        rmdir(path);
+        while (length > existing && path[--length] != '/')
+            ;
+    }
+}
+
+static int try_to_write(const char *folder)
+{
+    char probe[PATH_MAX];
+    if (snprintf(probe, sizeof probe, "%s/.probe.XXXXXX", folder) >= (int)sizeof probe)
+        return -ENAMETOOLONG;
+    int fd = mkstemp(probe);
+    if (fd < 0)
+        return -errno;
+    close(fd);
+    unlink(probe);
+    return 0;
+}
+
+static int open_folder(const char *folder, size_t *existing, struct complaint *why)
+{
+    *existing = strlen(folder);
+    int err = make_folders(folder, existing);
+    if (!err)
+        err = try_to_write(folder);
+    if (err)
+        return complain(why, err, "%s: cannot be written: %s", folder, strerror(-err));
+    return 0;
+}
+
+int export_folder(const char *folder, struct complaint *why)
+{
+    size_t existing;
+    return open_folder(folder, &existing, why);
+}
+
+int export_stage_begin(struct export_stage *stage, const char *folder,
+                       struct complaint *why)
+{
+    memset(stage, 0, sizeof *stage);
+    if (strlen(folder) >= sizeof stage->folder)
+        return complain(why, -ENAMETOOLONG, "%s: path too long", folder);
+    strcpy(stage->folder, folder);
+    int err = open_folder(folder, &stage->existing, why);
+    if (err)
+        return err;
+    snprintf(stage->path, sizeof stage->path, "%s/.unfinished.XXXXXX", folder);
+    if (!mkdtemp(stage->path) || chmod(stage->path, 0755)) {
+        err = -errno;
+        remove_folders(folder, stage->existing);
+        return complain(why, err, "%s: cannot be written: %s", folder, strerror(-err));
+    }
+    return 0;
+}
+
+/* Calls visit for each entry of a folder; stops at the first that fails. */
+static int each_entry(const char *folder, int (*visit)(const char *folder,
+                                                       const char *name, void *ctx),
+                      void *ctx)
+{
+    DIR *d = opendir(folder);
+    if (!d)
+        return -errno;
+    int err = 0;
+    for (struct dirent *e = readdir(d); e && !err; e = readdir(d))
+        if (strcmp(e->d_name, ".") && strcmp(e->d_name, ".."))
+            err = visit(folder, e->d_name, ctx);
+    closedir(d);
+    return err;
+}
+
+static int remove_entry(const char *folder, const char *name, void *ctx)
+{
+    char path[PATH_MAX];
+    (void)ctx;
+    if (snprintf(path, sizeof path, "%s/%s", folder, name) >= (int)sizeof path)
+        return -ENAMETOOLONG;
+    if (!unlink(path))
+        return 0;
+    if (errno != EISDIR && errno != EPERM)
+        return -errno;
+    each_entry(path, remove_entry, NULL);
+    return rmdir(path) ? -errno : 0;
+}
+
+static int move_entry(const char *folder, const char *name, void *ctx)
+{
+    const struct export_stage *stage = ctx;
+    char from[PATH_MAX], to[PATH_MAX];
+    if (snprintf(from, sizeof from, "%s/%s", folder, name) >= (int)sizeof from ||
+        snprintf(to, sizeof to, "%s/%s", stage->folder, name) >= (int)sizeof to)
+        return -ENAMETOOLONG;
+    return rename(from, to) ? -errno : 0;
+}
+
+int export_stage_commit(struct export_stage *stage, struct complaint *why)
+{
+    int err = each_entry(stage->path, move_entry, stage);
+    if (!err && rmdir(stage->path))
+        err = -errno;
+    if (err)
+        complain(why, err, "%s: cannot be written: %s", stage->folder, strerror(-err));
+    return err;
+}
+
+void export_stage_abandon(struct export_stage *stage)
+{
+    each_entry(stage->path, remove_entry, NULL);
+    rmdir(stage->path);
+    remove_folders(stage->folder, stage->existing);
+}

@@ -1,0 +1,97 @@
+#include "nodes/rt/export.h"
+
+#include <errno.h>
+#include <math.h>
+
+#include "nodes/rt/export_file.h"
+
+json_t *export_real(double value)
+{
+    return isfinite(value) ? json_real(value) : json_null();
+}
+
+int export_json(const char *folder, const char *name, const json_t *value,
+                struct complaint *why)
+{
+    struct export_file e;
+    if (!value)
+        return complain(why, -ENOMEM, "%s/%s: out of memory", folder, name);
+    int err = export_file_open(&e, folder, name, why);
+    if (err)
+        return err;
+    errno = 0;
+    if (json_dumpf(value, e.f, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) ||
+        fputc('\n', e.f) == EOF)
+        return export_file_abandon(&e, errno ? -errno : -EIO, why);
+    return export_file_commit(&e, why);
+}
+
+static json_t *reals(const double *v, size_t n)
+{
+    json_t *a = json_array();
+    for (size_t i = 0; i < n; i++)
+        json_array_append_new(a, export_real(v[i]));
+    return a;
+}
+
+static json_t *vec3(const Anlos__Vec3 *v)
+{
+    if (!v)
+        return json_null();
+    return reals((const double[]){v->x, v->y, v->z}, 3);
+}
+
+static json_t *detection(const Anlos__Detection *d)
+{
+    json_t *o = json_object();
+    json_object_set_new(o, "id", json_integer(d->id));
+    json_object_set_new(o, "position_m", vec3(d->position_m));
+    if (d->n_covariance_m2 == 6) {
+        const double *c = d->covariance_m2;
+        double sigma[3] = {sqrt(c[0]), sqrt(c[3]), sqrt(c[5])};
+        json_object_set_new(o, "sigma_m", reals(sigma, 3));
+    } else {
+        json_object_set_new(o, "sigma_m", json_null());
+    }
+    json_object_set_new(o, "covariance_m2", reals(d->covariance_m2, d->n_covariance_m2));
+    json_object_set_new(o, "existence", export_real(d->existence));
+    json_object_set_new(o, "level_db", export_real(d->level_db));
+    json_object_set_new(o, "virtual_m", vec3(d->virtual_m));
+    json_object_set_new(o, "extent_m", vec3(d->extent_m));
+    return o;
+}
+
+static const char *source_name(Anlos__Source source)
+{
+    switch (source) {
+    case ANLOS__SOURCE__LIVE:
+        return "live";
+    case ANLOS__SOURCE__REPLAY:
+        return "replay";
+    case ANLOS__SOURCE__SIMULATION:
+        return "simulation";
+    default:
+        return "unknown";
+    }
+}
+
+int export_detections(const char *folder, const Anlos__DetectionList *list,
+                      struct complaint *why)
+{
+    json_t *o = json_object(), *all = json_array();
+    json_object_set_new(o, "scan", json_integer(list->scan));
+    json_object_set_new(o, "counter", json_integer(list->counter));
+    json_object_set_new(o, "preview", json_boolean(list->preview));
+    json_object_set_new(o, "source", json_string(source_name(list->source)));
+    json_object_set_new(o, "frame",
+                        json_string(list->in_vehicle_frame ? "vehicle" : "array"));
+    json_object_set_new(o, "mirrored_at_wall", json_boolean(list->mirrored));
+    json_object_set_new(o, "sound_speed_m_s", export_real(list->sound_speed_m_s));
+    json_object_set_new(o, "temperature_c", export_real(list->temperature_c));
+    for (size_t i = 0; i < list->n_detections; i++)
+        json_array_append_new(all, detection(list->detections[i]));
+    json_object_set_new(o, "detections", all);
+    int err = export_json(folder, "detections.json", o, why);
+    json_decref(o);
+    return err;
+}

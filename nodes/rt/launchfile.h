@@ -1,0 +1,67 @@
+/* nodes/rt/launchfile.h -- a launch file: which nodes run and with what. */
+#ifndef ANLOS_NODES_RT_LAUNCHFILE_H
+#define ANLOS_NODES_RT_LAUNCHFILE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/complaint.h"
+
+/* Input paths in URIs are relative to the launch file's folder, the report's folder to
+ * the current one, and a log of CAN frames to the report's folder.  What is loaded has
+ * them resolved. */
+struct launchfile {
+    char *path;
+    char **nodes; /* names, in the order of starting */
+    unsigned n_nodes;
+    struct {
+        char *uri; /* hal/array.h */
+    } array;
+    struct {
+        char *uri; /* hal/stage.h; default "sim:" */
+    } stage;
+    struct {
+        bool background;  /* record a pass without the objects first */
+        unsigned window;  /* pings that may be under way without a receipt */
+        unsigned retries; /* of one ping */
+        double timeout_s; /* after the last sign of life, a ping counts as lost */
+    } scan;
+    struct {
+        char *window;      /* hann, hamming, rectangular */
+        char *compression; /* matched_filter, deramp */
+    } dsp;
+    struct {
+        char *method;
+        unsigned threads; /* 0: all cores */
+        bool preview;     /* a volume after each stage position, time permitting */
+    } recon;
+    struct {
+        double threshold_db;
+        double min_existence;
+    } track;
+    struct {
+        char *uri; /* hal/canbus.h; default "log:can.candump" */
+        unsigned base_id;
+    } can;
+    struct {
+        char *folder; /* what the report node writes into; default "out" */
+    } report;
+};
+
+struct launchfile_options { /* of the command line, they win over the file */
+    const char *out;        /* report.folder, or NULL */
+    bool realtime;          /* simulated hardware runs at the true pace */
+};
+
+/* The nodes that a launch file may name, in their usual order; NULL at the end. */
+const char *const *launchfile_known_nodes(void);
+bool launchfile_has_node(const struct launchfile *l, const char *name);
+
+/* Defaults are filled in.  options may be NULL.
+ * 0, -ENOENT, -EINVAL ("file:line: key: expected"), -ENOMEM. */
+int launchfile_load(struct launchfile **out, const char *path,
+                    const struct launchfile_options *options, struct complaint *why);
+void launchfile_destroy(struct launchfile *l);
+
+#endif

@@ -1,0 +1,62 @@
+/* nodes/rt/node.h -- what every node process has: command line, launch file, bus, log,
+ * health, stop signal.  A node's main is: node_create, subscribe, loop node_next,
+ * process, node_publish, node_finish. */
+#ifndef ANLOS_NODES_RT_NODE_H
+#define ANLOS_NODES_RT_NODE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hal/clock.h"
+#include "msgs/bus.h"
+#include "msgs/health.pb-c.h"
+#include "nodes/rt/launchfile.h"
+#include "nodes/rt/log.h"
+
+/* Exit codes of every program. */
+enum { NODE_EXIT_OK = 0, NODE_EXIT_FAILED = 1, NODE_EXIT_BAD_CONFIG = 2 };
+
+struct node;
+
+/* A message that came in, unpacked; node_next frees the one before. */
+struct node_message {
+    const struct topic *topic;
+    const ProtobufCMessage *content;
+    int64_t capture_ns;
+    int64_t publish_ns;
+    int64_t epoch_ns; /* when the sender started: another one means it was restarted */
+    char from[ENVELOPE_NODE_SIZE];
+};
+
+/* Parses `NODE --launch FILE [--run-dir DIR] [--out DIR] [--realtime] [--log-level L]`,
+ * prints --help, loads the launch file, opens the bus, installs SIGINT and SIGTERM.
+ * Prints what is wrong. 0, or the exit code to return + 1 as a positive number (1:
+ * success after --help). */
+int node_create(struct node **out, const char *name, const char *what_it_does, int argc,
+                char **argv);
+
+const struct launchfile *node_launch(const struct node *n);
+const struct clock_source *node_clock(const struct node *n);
+int64_t node_now_ns(const struct node *n);
+
+int node_subscribe(struct node *n, const struct topic *t);
+
+/* Waits for the next message; publishes health when it is due.  timeout_ms < 0: without
+ * end.  0, -ETIMEDOUT, -ESHUTDOWN (a signal asked the process to stop). */
+int node_next(struct node *n, struct node_message *out, int timeout_ms);
+
+int node_publish(struct node *n, const struct topic *t, int64_t capture_ns,
+                 const ProtobufCMessage *m);
+
+/* Sets this node's state and says so at once when it changed. */
+void node_state(struct node *n, Anlos__Health__State state, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+void node_log(const struct node *n, enum log_level level, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Closes all and returns the process's exit code: 0 if err is 0 or -ESHUTDOWN, 2 if it is
+ * -EINVAL, -ENOENT, -ENODEV or -ENOTSUP (no use in starting it again), else 1. */
+int node_finish(struct node *n, int err);
+
+#endif

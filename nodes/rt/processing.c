@@ -1,0 +1,228 @@
+#include "nodes/rt/processing.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define GATE_NEAR_LEAST_M   0.3
+#define GATE_FAR_M          4.0
+#define DIRECT_CLEARANCE_M  0.1  /* behind the direct path: its sidelobes and the stand */
+#define VOLUME_CLEARANCE_M  0.05 /* before the nearest voxel: the interpolators' taps */
+#define TRACE_OVERSAMPLING  2.0
+#define TAIL_MARGIN_SAMPLES 32 /* a fractional latency and the replica's last sample */
+
+static void plan_geometry(struct geometry *g, const struct survey *s)
+{
+    memset(g, 0, sizeof *g);
+    g->sound_speed_m_s = s->sound_speed_m_s;
+    g->n_speakers = s->n_speakers;
+    g->n_microphones = s->n_microphones;
+    g->n_positions = s->n_positions;
+    g->speakers_m = (const double (*)[3])s->speakers_m;
+    g->microphones_m = (const double (*)[3])s->microphones_m;
+    memcpy(g->stage_axis, s->stage_axis, sizeof g->stage_axis);
+    g->stage_positions_m = s->stage_positions_m;
+}
+
+static double longest_direct_path_m(const struct survey *s)
+{
+    double longest = 0.0;
+    for (size_t j = 0; j < s->n_speakers; j++) {
+        for (size_t i = 0; i < s->n_microphones; i++) {
+            const double *a = s->speakers_m[j], *b = s->microphones_m[i];
+            double d = hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+            longest = fmax(longest, d);
+        }
+    }
+    return longest;
+}
+
+/* The longest delay that can be told from the next emission's, and that ends within the
+ * two slots that a ping may have. */
+static double slot_reach_s(const struct survey *s)
+{
+    double slot_s = (double)s->slot_samples / s->sample_rate_hz;
+    double latency_s = s->latency_samples / s->sample_rate_hz;
+    return fmin(slot_s, 2.0 * slot_s - latency_s - s->chirp_duration_s);
+}
+
+static int plan_gate(struct processing *p, const struct survey *s, double reach_s,
+                     struct complaint *why)
+{
+    double reach_m = 0.5 * s->sound_speed_m_s * reach_s;
+    double nearest_m =
+        fmax(0.5 * longest_direct_path_m(s) + DIRECT_CLEARANCE_M, GATE_NEAR_LEAST_M);
+
+    if (s->has_gate) {
+        p->gate_m[0] = s->gate_m[0];
+        p->gate_m[1] = s->gate_m[1];
+        if (!(p->gate_m[0] >= 0.0 && p->gate_m[0] < p->gate_m[1]))
+            return complain(why, -EINVAL, "gate_m: expected 0 <= near < far, not [%g, %g]",
+                            p->gate_m[0], p->gate_m[1]);
+        if (p->gate_m[1] > reach_m)
+            return complain(why, -EINVAL,
+                            "gate_m: far end %g m lies beyond the slot; at most %.2f m fits "
+                            "slot_samples %zu at %g Hz",
+                            p->gate_m[1], reach_m, s->slot_samples, s->sample_rate_hz);
+        return 0;
+    }
+    p->gate_m[0] = nearest_m;
+    p->gate_m[1] = fmin(GATE_FAR_M, reach_m);
+    if (p->gate_m[1] <= p->gate_m[0])
+        return complain(why, -EINVAL,
+                        "slot_samples: %zu samples reach %.2f m, but the gate can only begin "
+                        "at %.2f m, behind the direct path; give gate_m or a longer slot",
+                        s->slot_samples, reach_m, nearest_m);
+    return 0;
+}
+
+/* A volume that was asked for narrows a gate that was not. */
+static int fit_gate_to_volume(struct processing *p, const struct survey *s,
+                              double reach_s, const double delays_s[2],
+                              struct complaint *why)
+{
+    double half_c = 0.5 * s->sound_speed_m_s;
+    if (delays_s[0] >= reach_s)
+        return complain(why, -EINVAL,
+                        "volume: z_m begins %.2f m away, beyond the slot; at most %.2f m "
+                        "fits slot_samples %zu at %g Hz",
+                        half_c * delays_s[0], half_c * reach_s, s->slot_samples,
+                        s->sample_rate_hz);
+    if (!s->has_gate) {
+        p->gate_m[0] = fmax(p->gate_m[0], half_c * delays_s[0] - VOLUME_CLEARANCE_M);
+        p->gate_m[1] = half_c * fmin(delays_s[1], reach_s);
+    }
+    if (half_c * delays_s[1] <= p->gate_m[0] || half_c * delays_s[0] >= p->gate_m[1])
+        return complain(why, -EINVAL,
+                        "volume: z_m lies %.2f to %.2f m away, outside the gate of %.2f to "
+                        "%.2f m; change gate_m or volume",
+                        half_c * delays_s[0], half_c * delays_s[1], p->gate_m[0],
+                        p->gate_m[1]);
+    return 0;
+}
+
+int processing_plan(struct processing *out, const struct survey *s, struct complaint *why)
+{
+    struct processing p = {0};
+    double reach_s = slot_reach_s(s), delays_s[2];
+    int err;
+
+    plan_geometry(&p.geometry, s);
+    p.band_hz[0] = fmin(s->chirp_start_hz, s->chirp_stop_hz);
+    p.band_hz[1] = fmax(s->chirp_start_hz, s->chirp_stop_hz);
+    err = plan_gate(&p, s, reach_s, why);
+    if (err)
+        return err;
+
+    if (s->has_volume) {
+        err = grid_from_limits(&p.grid, (const double (*)[3])s->volume_m);
+        if (err)
+            return complain(why, err, err == -EFBIG ? "volume: too many voxels; expected at "
+                                                      "most 2^28, use larger steps"
+                                                    : "volume: expected [min, max, step] "
+                                                      "with max >= min and step > 0");
+    } else {
+        grid_default(&p.grid, &p.geometry, p.gate_m, p.band_hz);
+    }
+    grid_delays(&p.grid, &p.geometry, delays_s);
+    if (s->has_volume) {
+        err = fit_gate_to_volume(&p, s, reach_s, delays_s, why);
+        if (err)
+            return err;
+    }
+
+    p.gate_s[0] = fmax(2.0 * p.gate_m[0] / s->sound_speed_m_s, delays_s[0]);
+    p.gate_s[1] = fmin(delays_s[1], reach_s);
+    double ping = s->latency_samples + (p.gate_s[1] + s->chirp_duration_s) * s->sample_rate_hz;
+    p.ping_samples = (size_t)ceil(ping) + TAIL_MARGIN_SAMPLES;
+    if (p.ping_samples < s->slot_samples)
+        p.ping_samples = s->slot_samples;
+    if (p.ping_samples > 2 * s->slot_samples)
+        p.ping_samples = 2 * s->slot_samples;
+    *out = p;
+    return 0;
+}
+
+static void configure(struct pulse_compress_config *cfg, const struct processing *p,
+                      const struct survey *s, enum window window)
+{
+    memset(cfg, 0, sizeof *cfg);
+    cfg->sample_rate_hz = s->sample_rate_hz;
+    cfg->n_samples = p->ping_samples;
+    cfg->chirp = (struct chirp){.start_hz = s->chirp_start_hz,
+                                .stop_hz = s->chirp_stop_hz,
+                                .duration_s = s->chirp_duration_s,
+                                .sine = s->chirp_sine};
+    cfg->latency_samples = s->latency_samples;
+    memcpy(cfg->band_hz, p->band_hz, sizeof cfg->band_hz);
+    cfg->window = window;
+    memcpy(cfg->gate_s, p->gate_s, sizeof cfg->gate_s);
+    cfg->oversampling = TRACE_OVERSAMPLING;
+    cfg->n_channels = s->n_microphones;
+}
+
+int processing_compressor(struct pulse_compress **out, const struct processing *p,
+                          const struct survey *s, enum window window,
+                          struct complaint *why)
+{
+    struct pulse_compress_config cfg;
+    struct microphone *curves = NULL;
+    const struct microphone **microphones = NULL;
+    int err = -ENOMEM;
+
+    configure(&cfg, p, s, window);
+    if (s->n_responses) {
+        curves = calloc(s->n_microphones, sizeof *curves);
+        microphones = calloc(s->n_microphones, sizeof *microphones);
+        if (!curves || !microphones)
+            goto out;
+        for (size_t i = 0; i < s->n_microphones; i++) {
+            const struct survey_response *r = &s->responses[i];
+            curves[i] = (struct microphone){r->n_points, r->frequency_hz, r->gain_db};
+            microphones[i] = &curves[i];
+        }
+        cfg.microphones = microphones;
+    }
+    err = pulse_compress_create(out, &cfg);
+out:
+    if (err)
+        complain(why, err, "pulse compression of %zu samples, %.4f to %.4f s: %s",
+                 p->ping_samples, p->gate_s[0], p->gate_s[1], strerror(-err));
+    free(microphones);
+    free(curves);
+    return err;
+}
+
+int processing_imager(struct imager **out, const struct processing *p, const char *method,
+                      const struct trace_format *format, struct pool *pool,
+                      struct complaint *why)
+{
+    struct imager_config cfg = {.method = method,
+                                .geometry = &p->geometry,
+                                .format = *format,
+                                .grid = p->grid,
+                                .pool = pool};
+    const char *reason = NULL;
+
+    memcpy(cfg.band_hz, p->band_hz, sizeof cfg.band_hz);
+    memcpy(cfg.gate_m, p->gate_m, sizeof cfg.gate_m);
+    int err = imager_create(out, &cfg, &reason);
+    if (err == -ENOENT) {
+        char known[256] = "";
+        for (const char *m = imager_methods(); *m; m += strlen(m) + 1) {
+            size_t used = strlen(known);
+            snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "", m);
+        }
+        return complain(why, err, "method '%s': no such method; expected one of %s", method,
+                        known);
+    }
+    if (err == -ENOTSUP)
+        return complain(why, err, "method '%s' cannot image this survey: %s", method,
+                        reason ? reason : "the geometry does not suit it");
+    if (err)
+        return complain(why, err, "method '%s': %s", method,
+                        reason ? reason : strerror(-err));
+    return 0;
+}

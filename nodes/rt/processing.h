@@ -1,0 +1,36 @@
+/* nodes/rt/processing.h -- from a survey to the configuration of dsp and recon: the one
+ * place where messages meet signal processing. */
+#ifndef ANLOS_NODES_RT_PROCESSING_H
+#define ANLOS_NODES_RT_PROCESSING_H
+
+#include "dsp/pulse_compress.h"
+#include "msgs/complaint.h"
+#include "msgs/survey.h"
+#include "recon/imager.h"
+#include "recon/wall.h"
+
+struct processing {
+    struct geometry geometry; /* borrows the survey's arrays */
+    double band_hz[2];
+    double gate_m[2]; /* as asked for, or the default */
+    double gate_s[2]; /* delays that the grid needs, inside the gate's near end */
+    struct grid grid;
+    size_t ping_samples; /* slot and tail */
+};
+
+/* The survey must outlive *out.  0, -EINVAL (gate beyond the slot; the complaint names
+ * the field and the limit), -EFBIG. */
+int processing_plan(struct processing *out, const struct survey *s,
+                    struct complaint *why);
+
+/* A pulse compressor for it; microphones are taken from the survey's responses. */
+int processing_compressor(struct pulse_compress **out, const struct processing *p,
+                          const struct survey *s, enum window window,
+                          struct complaint *why);
+
+/* An imager for the traces of that compressor. */
+int processing_imager(struct imager **out, const struct processing *p, const char *method,
+                      const struct trace_format *format, struct pool *pool,
+                      struct complaint *why);
+
+#endif

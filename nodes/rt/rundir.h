@@ -1,0 +1,16 @@
+/* nodes/rt/rundir.h -- the folder where the processes of one system find each other. */
+#ifndef ANLOS_NODES_RT_RUNDIR_H
+#define ANLOS_NODES_RT_RUNDIR_H
+
+#include <stddef.h>
+
+#include "msgs/complaint.h"
+
+#define RUNDIR_SIZE 88 /* with zero; a socket's path has room for 108 characters */
+
+/* The folder asked for, or $XDG_RUNTIME_DIR/anlos, or /tmp/anlos-UID; made with mode 0700
+ * when missing.  0, -EINVAL (too long, or not a folder), -EACCES (belongs to somebody
+ * else), other negative errno. */
+int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct complaint *why);
+
+#endif

@@ -1,0 +1,84 @@
+#include "nodes/rt/uri.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+bool uri_has_scheme(const char *uri, const char *scheme)
+{
+    size_t n = strlen(scheme);
+
+    return !strncmp(uri, scheme, n) && uri[n] == ':';
+}
+
+static const char *after_scheme(const char *uri)
+{
+    const char *colon = strchr(uri, ':');
+
+    return colon ? colon + 1 : uri;
+}
+
+char *uri_path(const char *uri)
+{
+    const char *path = after_scheme(uri);
+
+    return strndup(path, strcspn(path, "?"));
+}
+
+/* The value of an option inside the URI, or NULL; *size is its length. */
+static const char *find_option(const char *uri, const char *key, size_t *size)
+{
+    const char *p = strchr(uri, '?');
+    size_t n = strlen(key);
+
+    while (p) {
+        p++;
+        if (!strncmp(p, key, n) && p[n] == '=') {
+            *size = strcspn(p + n + 1, "&");
+            return p + n + 1;
+        }
+        p = strchr(p, '&');
+    }
+    return NULL;
+}
+
+/* "FOLDER/" at place `at`, unless what stands there is empty or absolute. */
+static char *insert_folder(const char *uri, const char *at, size_t size,
+                           const char *folder)
+{
+    char *out = NULL;
+
+    if (!size || *at == '/')
+        return strdup(uri);
+    if (asprintf(&out, "%.*s%s/%s", (int)(at - uri), uri, folder, at) < 0)
+        return NULL;
+    return out;
+}
+
+char *uri_in_folder(const char *uri, const char *folder, const char *key)
+{
+    const char *path = after_scheme(uri);
+    char *first = insert_folder(uri, path, strcspn(path, "?"), folder);
+    size_t size;
+    const char *value = first && key ? find_option(first, key, &size) : NULL;
+
+    if (!value)
+        return first;
+    char *second = insert_folder(first, value, size, folder);
+    free(first);
+    return second;
+}
+
+char *uri_set_option(const char *uri, const char *key, const char *value)
+{
+    size_t size;
+    const char *old = find_option(uri, key, &size);
+    char *out = NULL;
+    int n;
+
+    if (old)
+        n = asprintf(&out, "%.*s%s%s", (int)(old - uri), uri, value, old + size);
+    else
+        n = asprintf(&out, "%s%c%s=%s", uri, strchr(uri, '?') ? '&' : '?', key, value);
+    return n < 0 ? NULL : out;
+}

@@ -1,0 +1,20 @@
+/* nodes/rt/uri.h -- device URIs, "scheme:path?key=value&key=value", as the launch file
+ * has them.  Results are on the heap: free() them; NULL means no memory. */
+#ifndef ANLOS_NODES_RT_URI_H
+#define ANLOS_NODES_RT_URI_H
+
+#include <stdbool.h>
+
+bool uri_has_scheme(const char *uri, const char *scheme);
+
+/* The path without scheme and options; may be empty. */
+char *uri_path(const char *uri);
+
+/* The URI with its relative path, and the relative path in option `key` (may be NULL),
+ * put into a folder. */
+char *uri_in_folder(const char *uri, const char *folder, const char *key);
+
+/* The URI with the option set, in the place of an earlier value if it has one. */
+char *uri_set_option(const char *uri, const char *key, const char *value);
+
+#endif

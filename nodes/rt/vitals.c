@@ -1,0 +1,57 @@
+#include "nodes/rt/vitals.h"
+
+#include <stdio.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+static double cpu_seconds(void)
+{
+    struct rusage u;
+
+    if (getrusage(RUSAGE_SELF, &u))
+        return 0.0;
+    return (double)u.ru_utime.tv_sec + (double)u.ru_stime.tv_sec +
+           1e-6 * ((double)u.ru_utime.tv_usec + (double)u.ru_stime.tv_usec);
+}
+
+static uint64_t resident_bytes(void)
+{
+    unsigned long pages = 0;
+    FILE *f = fopen("/proc/self/statm", "re");
+
+    if (!f)
+        return 0;
+    if (fscanf(f, "%*u %lu", &pages) != 1)
+        pages = 0;
+    fclose(f);
+    return (uint64_t)pages * (uint64_t)sysconf(_SC_PAGESIZE);
+}
+
+void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malformed)
+{
+    struct bus_count counts[VITALS_MAX_TOPICS];
+    size_t n = bus_counts(bus, counts, VITALS_MAX_TOPICS);
+
+    if (n > VITALS_MAX_TOPICS)
+        n = VITALS_MAX_TOPICS;
+    anlos__health__init(&out->message);
+    for (size_t i = 0; i < n; i++) {
+        Anlos__TopicCount *c = &out->counts[i];
+        anlos__topic_count__init(c);
+        c->topic = (char *)counts[i].topic->name;
+        c->published = counts[i].published;
+        c->messages = counts[i].messages;
+        c->bytes = counts[i].bytes;
+        c->gaps = counts[i].gaps;
+        c->dropped = counts[i].dropped;
+        c->queued = (uint32_t)counts[i].queued;
+        out->count_list[i] = c;
+    }
+    out->message.node = node;
+    out->message.pid = (uint32_t)getpid();
+    out->message.cpu_s = cpu_seconds();
+    out->message.rss_bytes = resident_bytes();
+    out->message.n_topics = n;
+    out->message.topics = out->count_list;
+    out->message.refused = bus_refused(bus) + malformed;
+}

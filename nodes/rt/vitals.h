@@ -1,0 +1,22 @@
+/* nodes/rt/vitals.h -- what a process says about itself in its health message. */
+#ifndef ANLOS_NODES_RT_VITALS_H
+#define ANLOS_NODES_RT_VITALS_H
+
+#include <stddef.h>
+
+#include "msgs/bus.h"
+#include "msgs/health.pb-c.h"
+
+#define VITALS_MAX_TOPICS 64
+
+struct vitals { /* the message and what it points to */
+    Anlos__Health message;
+    Anlos__TopicCount counts[VITALS_MAX_TOPICS];
+    Anlos__TopicCount *count_list[VITALS_MAX_TOPICS];
+};
+
+/* Fills in everything but state, text and uptime_s.  malformed: messages that were whole
+ * but did not unpack, counted as refused. */
+void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malformed);
+
+#endif

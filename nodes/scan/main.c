@@ -1,0 +1,131 @@
+/* nodes/scan/main.c: health, receipts and the stage's state -> "stage/command",
+ * "array/fire", "scan/status" */
+#include <errno.h>
+#include <string.h>
+
+#include "msgs/topics.h"
+#include "nodes/rt/node.h"
+#include "nodes/scan/peers.h"
+#include "nodes/scan/scan.h"
+
+#define STATUS_PERIOD_NS 200000000LL
+#define SILENCE_S        5.0
+
+struct run {
+    struct node *node;
+    struct scan *scan;
+    Anlos__ScanStatus__State state; /* published last */
+    int64_t status_due_ns;
+};
+
+static int create(struct run *r)
+{
+    const struct launchfile *l = node_launch(r->node);
+    const char *needs[PEERS_MAX];
+    struct scan_config cfg = {.background = l->scan.background,
+                              .has_stage = launchfile_has_node(l, "stage"),
+                              .window = l->scan.window,
+                              .retries = l->scan.retries,
+                              .timeout_s = l->scan.timeout_s,
+                              .silence_s = SILENCE_S,
+                              .needs = needs};
+
+    for (unsigned i = 0; i < l->n_nodes && cfg.n_needs < PEERS_MAX; i++)
+        if (strcmp(l->nodes[i], "scan"))
+            needs[cfg.n_needs++] = l->nodes[i];
+    return scan_create(&r->scan, &cfg);
+}
+
+static int subscribe(struct node *node)
+{
+    const struct topic *const topics[] = {topic_health(), topic_survey(),
+                                          topic_stage_state(), topic_ping(),
+                                          topic_receipt()};
+
+    for (size_t i = 0; i < sizeof topics / sizeof *topics; i++) {
+        int err = node_subscribe(node, topics[i]);
+        if (err)
+            return err;
+    }
+    return 0;
+}
+
+static int take(struct run *r, const struct node_message *in)
+{
+    int64_t now = node_now_ns(r->node);
+
+    if (!scan_hear(r->scan, in->from, in->epoch_ns, now))
+        return 0;
+    if (in->topic == topic_survey())
+        return scan_survey(r->scan, (const Anlos__Survey *)in->content);
+    if (in->topic == topic_health())
+        scan_health(r->scan, in->from, (const Anlos__Health *)in->content);
+    else if (in->topic == topic_stage_state())
+        scan_stage(r->scan, (const Anlos__StageState *)in->content);
+    else if (in->topic == topic_ping())
+        scan_ping(r->scan, (const Anlos__Ping *)in->content, now);
+    else if (in->topic == topic_receipt())
+        scan_receipt(r->scan, (const Anlos__Receipt *)in->content, now);
+    return 0;
+}
+
+static void publish_status(struct run *r)
+{
+    int64_t now = node_now_ns(r->node);
+    Anlos__ScanStatus status;
+
+    scan_status(r->scan, now, &status);
+    if (status.state == r->state && now < r->status_due_ns)
+        return;
+    if (status.state != r->state && status.text[0])
+        node_log(r->node, LOG_LEVEL_INFO, "%s", status.text);
+    r->state = status.state;
+    r->status_due_ns = now + STATUS_PERIOD_NS;
+    node_publish(r->node, topic_scan_status(), 0, &status.base);
+}
+
+static void act(struct run *r)
+{
+    struct scan_action action;
+
+    scan_step(r->scan, node_now_ns(r->node), &action);
+    if (action.move)
+        node_publish(r->node, topic_stage_command(), 0, &action.stage_command.base);
+    if (action.fire)
+        node_publish(r->node, topic_fire(), 0, &action.fire_command.base);
+    publish_status(r);
+}
+
+static int run(struct run *r)
+{
+    struct node_message in;
+    int err = subscribe(r->node);
+
+    if (!err)
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
+    while (!err) {
+        act(r);
+        err = node_next(r->node, &in, 50);
+        if (!err)
+            err = take(r, &in);
+        else if (err == -ETIMEDOUT)
+            err = 0;
+    }
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    struct run r = {.state = (Anlos__ScanStatus__State)-1};
+    int err = node_create(&r.node, "scan",
+                          "Steps the stage, fires the array, takes again what was lost.",
+                          argc, argv);
+
+    if (err)
+        return err - 1;
+    err = create(&r);
+    if (!err)
+        err = run(&r);
+    scan_destroy(r.scan);
+    return node_finish(r.node, err);
+}

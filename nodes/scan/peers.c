@@ -1,0 +1,83 @@
+#include "nodes/scan/peers.h"
+
+#include <stdio.h>
+#include <string.h>
+
+void peers_init(struct peers *p, const char *const *names, size_t n, double silence_s)
+{
+    memset(p, 0, sizeof *p);
+    p->silence_ns = (int64_t)(silence_s * 1e9);
+    for (size_t i = 0; i < n && p->n < PEERS_MAX; i++)
+        snprintf(p->list[p->n++].name, PEERS_NAME_SIZE, "%s", names[i]);
+}
+
+static struct peer *find(struct peers *p, const char *name)
+{
+    for (size_t i = 0; i < p->n; i++)
+        if (!strcmp(p->list[i].name, name))
+            return &p->list[i];
+    return NULL;
+}
+
+enum peers_news peers_hear(struct peers *p, const char *name, int64_t epoch_ns,
+                           int64_t now_ns)
+{
+    struct peer *peer = find(p, name);
+
+    if (!peer)
+        return PEERS_STRANGER;
+    if (epoch_ns < peer->epoch_ns)
+        return PEERS_STALE;
+    peer->heard_ns = now_ns;
+    if (epoch_ns == peer->epoch_ns)
+        return PEERS_SAME;
+    bool known = peer->epoch_ns != 0;
+    peer->epoch_ns = epoch_ns;
+    peer->state = ANLOS__HEALTH__STATE__STARTING;
+    peer->text[0] = '\0';
+    return known ? PEERS_RESTARTED : PEERS_SAME;
+}
+
+void peers_health(struct peers *p, const char *name, const Anlos__Health *health)
+{
+    struct peer *peer = find(p, name);
+
+    if (!peer)
+        return;
+    peer->state = health->state;
+    snprintf(peer->text, sizeof peer->text, "%s", health->text);
+}
+
+static bool is_ready(const struct peers *p, const struct peer *peer, int64_t now_ns)
+{
+    return peer->epoch_ns && now_ns - peer->heard_ns <= p->silence_ns &&
+           (peer->state == ANLOS__HEALTH__STATE__READY ||
+            peer->state == ANLOS__HEALTH__STATE__DEGRADED);
+}
+
+bool peers_ready(const struct peers *p, int64_t now_ns, char *text, size_t size)
+{
+    bool all = true;
+    size_t used = 0;
+
+    if (size)
+        text[0] = '\0';
+    for (size_t i = 0; i < p->n; i++) {
+        if (is_ready(p, &p->list[i], now_ns))
+            continue;
+        int n = used < size ? snprintf(text + used, size - used, "%s%s",
+                                       all ? "waits for " : ", ", p->list[i].name)
+                            : 0;
+        used += (size_t)n;
+        all = false;
+    }
+    return all;
+}
+
+const struct peer *peers_fault(const struct peers *p)
+{
+    for (size_t i = 0; i < p->n; i++)
+        if (p->list[i].state == ANLOS__HEALTH__STATE__FAULT)
+            return &p->list[i];
+    return NULL;
+}

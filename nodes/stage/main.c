@@ -1,0 +1,58 @@
+/* nodes/stage/main.c: "stage/command" -> the translation stage -> "stage/state" */
+#include <errno.h>
+
+#include "msgs/topics.h"
+#include "nodes/rt/node.h"
+#include "nodes/stage/mover.h"
+
+static int run(struct node *node, struct stage *stage)
+{
+    struct mover mover;
+    struct node_message in;
+    Anlos__StageState state;
+    bool heard = false;
+    int err = node_subscribe(node, topic_stage_command());
+
+    /* Hearing the scan's status proves that its commands will come through. */
+    if (!err)
+        err = node_subscribe(node, topic_scan_status());
+    mover_init(&mover, stage);
+    node_state(node, ANLOS__HEALTH__STATE__STARTING, "waits for scan");
+    while (!err) {
+        if (mover_state(&mover, node_now_ns(node), &state))
+            err = node_publish(node, topic_stage_state(), 0, &state.base);
+        if (heard && state.state == ANLOS__STAGE_STATE__STATE__FAULT)
+            node_state(node, ANLOS__HEALTH__STATE__DEGRADED, "%s", mover.text);
+        else if (heard)
+            node_state(node, ANLOS__HEALTH__STATE__READY, "ready");
+        if (!err)
+            err = node_next(node, &in, mover_wait_ms(&mover));
+        if (err == -ETIMEDOUT) {
+            err = 0;
+        } else if (!err) {
+            heard = true;
+            if (in.topic == topic_stage_command())
+                mover_command(&mover, (const Anlos__StageCommand *)in.content);
+        }
+    }
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    struct node *node;
+    struct stage *stage = NULL;
+    struct complaint why = {""};
+    int err = node_create(&node, "stage", "Moves the stage that carries the array.", argc,
+                          argv);
+
+    if (err)
+        return err - 1;
+    err = stage_open(&stage, node_launch(node)->stage.uri, node_clock(node), &why);
+    if (err)
+        node_log(node, LOG_LEVEL_ERROR, "%s", why.text);
+    else
+        err = run(node, stage);
+    stage_close(stage);
+    return node_finish(node, err);
+}

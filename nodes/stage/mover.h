@@ -1,0 +1,38 @@
+/* nodes/stage/mover.h -- the stage node's step: commands to the hardware, its state to
+ * messages. */
+#ifndef ANLOS_NODES_STAGE_MOVER_H
+#define ANLOS_NODES_STAGE_MOVER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hal/stage.h"
+#include "msgs/stage.pb-c.h"
+
+#define MOVER_TEXT_SIZE 128
+
+struct mover {
+    struct stage *stage; /* not owned */
+    bool commanded;
+    uint32_t command_id;
+    double target_m;
+    char refusal[MOVER_TEXT_SIZE]; /* why the newest command cannot be done; or empty */
+    bool told;                     /* a state has been given out */
+    Anlos__StageState last;        /* it, without its text */
+    char text[MOVER_TEXT_SIZE];
+    int64_t last_ns;
+};
+
+void mover_init(struct mover *m, struct stage *stage);
+
+/* A command seen before is ignored.  The hardware's refusal shows in the state. */
+void mover_command(struct mover *m, const Anlos__StageCommand *command);
+
+/* Reads the stage.  true: the state in *out is to be published now, because it changed or
+ * the last one is 50 ms (moving) or 500 ms (at rest) old.  Its text lives in m. */
+bool mover_state(struct mover *m, int64_t now_ns, Anlos__StageState *out);
+
+/* How long the hardware may be left alone. */
+int mover_wait_ms(const struct mover *m);
+
+#endif

@@ -1,0 +1,219 @@
+#include "recon/fk_plan.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "dsp/fft_size.h"
+#include "recon/sinc.h"
+
+#define TIME_PADDING  1.9 /* keeps the spectrum smooth enough for FK_TAPS taps */
+#define STEEPEST_SINE 0.9
+#define DEPTH_PADDING 1.15 /* keeps what migrates below the grid from wrapping into it   \
+                            */
+
+/* A fast even length. */
+static size_t fast_size(double at_least)
+{
+    return 2 * fft_size((size_t)ceil(0.5 * at_least), 1.1);
+}
+
+static double grid_end(const struct grid *g, int axis)
+{
+    return g->origin_m[axis] + (double)(g->n[axis] - 1) * g->step_m[axis];
+}
+
+/* Farthest lateral distance between a line of midpoints and the image. */
+static double reach(const struct grid *g, int axis, const double *lines, size_t n)
+{
+    return fmax(grid_end(g, axis) - lines[0], lines[n - 1] - g->origin_m[axis]);
+}
+
+static int plan_axis(struct fk_axis *a, const struct fk *m, int axis, const double *lines,
+                     size_t n, double k_limit)
+{
+    const struct grid *g = &m->grid;
+    double step = g->step_m[axis];
+    double extent = (double)g->n[axis] * step;
+    double aperture = lines[n - 1] - lines[0];
+    /* An image of the aperture's period must not reach into the grid at the angles used.
+     */
+    double period = fmax(2.0 * fabs(reach(g, axis, lines, n)), extent + aperture);
+    a->n = fast_size(fmax(period / step, (double)g->n[axis]));
+    a->dk = 2.0 * M_PI / ((double)a->n * step);
+    a->k_max = (size_t)floor(k_limit / a->dk);
+    a->lines = n;
+    a->cosine = malloc((a->k_max + 1) * n * sizeof *a->cosine);
+    a->sine = malloc((a->k_max + 1) * n * sizeof *a->sine);
+    if (!a->cosine || !a->sine)
+        return -ENOMEM;
+    for (size_t k = 0; k <= a->k_max; k++) {
+        for (size_t b = 0; b < n; b++) {
+            double phase = (double)k * a->dk * (lines[b] - g->origin_m[axis]);
+            a->cosine[k * n + b] = (float)cos(phase);
+            a->sine[k * n + b] = (float)sin(phase);
+        }
+    }
+    return 0;
+}
+
+static void plan_time(struct fk *m, const struct fk_config *cfg)
+{
+    const struct trace_format *t = &cfg->trace;
+    m->nt_fft = fast_size(TIME_PADDING * (double)t->n_samples);
+    m->df_hz = t->rate_hz / (double)m->nt_fft;
+    double half_band = 0.5 * fmin(t->rate_hz, cfg->band_hz[1] - cfg->band_hz[0]);
+    double centre_hz = 0.5 * (cfg->band_hz[0] + cfg->band_hz[1]) - t->carrier_hz;
+    m->first_bin = (long)floor((centre_hz - half_band) / m->df_hz) - FK_TAPS;
+    long last_bin = (long)ceil((centre_hz + half_band) / m->df_hz) + FK_TAPS;
+    m->n_f = (size_t)(last_bin - m->first_bin + 1);
+    m->f0_hz = t->carrier_hz + (double)m->first_bin * m->df_hz;
+    m->centre_s = t->t0_s + 0.5 * (double)(t->n_samples - 1) / t->rate_hz;
+}
+
+static void plan_depth(struct fk *m, const struct fk_config *cfg)
+{
+    double step = m->grid.step_m[2];
+    double far_m =
+        0.5 * m->c *
+        (m->centre_s + 0.5 * (double)cfg->trace.n_samples / cfg->trace.rate_hz);
+    double span = fmax((double)m->grid.n[2] * step, far_m - m->depth_m);
+    m->nz_fft = fast_size(DEPTH_PADDING * span / step);
+    m->dkz = 2.0 * M_PI / ((double)m->nz_fft * step);
+    double cosine = sqrt(1.0 - m->sine_max * m->sine_max);
+    double k_low = 4.0 * M_PI * cfg->band_hz[0] / m->c;
+    double k_high = 4.0 * M_PI * cfg->band_hz[1] / m->c;
+    m->kz_first = (long)ceil(k_low * cosine / m->dkz);
+    m->n_kz = (size_t)(floor(k_high / m->dkz) - (double)m->kz_first + 1.0);
+}
+
+static int plan_weights(struct fk *m)
+{
+    m->weights = fftwf_malloc((FK_FRACTIONS + 1) * FK_TAPS * sizeof *m->weights);
+    if (!m->weights)
+        return -ENOMEM;
+    for (size_t f = 0; f <= FK_FRACTIONS; f++) {
+        double w[FK_TAPS];
+        sinc_weights(FK_TAPS, 1.0 / TIME_PADDING, (double)f / FK_FRACTIONS, w);
+        for (int q = 0; q < FK_TAPS; q++)
+            m->weights[f * FK_TAPS + (size_t)q] = (float)w[q];
+    }
+    return 0;
+}
+
+static int allocate(struct fk *m)
+{
+    const size_t *n = m->grid.n;
+    m->spectrum =
+        fftwf_malloc(m->x.lines * m->y.lines * m->n_f * 2 * sizeof *m->spectrum);
+    m->half = fftwf_malloc(m->x.n * n[1] * n[2] * sizeof *m->half);
+    m->scratch = calloc(pool_threads(m->pool), sizeof *m->scratch);
+    if (!m->spectrum || !m->half || !m->scratch)
+        return -ENOMEM;
+    for (size_t t = 0; t < pool_threads(m->pool); t++) {
+        struct fk_scratch *s = &m->scratch[t];
+        s->rows = fftwf_malloc(m->y.lines * m->n_f * 4 * sizeof *s->rows);
+        s->sums = fftwf_malloc(2 * m->n_f * 4 * sizeof *s->sums);
+        s->quads = fftwf_malloc(m->n_f * 8 * sizeof *s->quads);
+        s->plane = fftwf_malloc(2 * m->y.n * m->n_kz * sizeof *s->plane);
+        s->column = fftwf_malloc(m->nz_fft * sizeof *s->column);
+        s->line = fftwf_malloc(n[2] * m->x.n * sizeof *s->line);
+        s->trace = fftwf_malloc(m->nt_fft * sizeof *s->trace);
+        if (!s->rows || !s->sums || !s->quads || !s->plane || !s->column || !s->line ||
+            !s->trace)
+            return -ENOMEM;
+    }
+    return 0;
+}
+
+static int plan_transforms(struct fk *m)
+{
+    struct fk_scratch *s = m->scratch;
+    const size_t *n = m->grid.n;
+    int ny = (int)m->y.n, nx = (int)m->x.n, kz = (int)m->n_kz;
+    m->time_plan =
+        fftwf_plan_dft_1d((int)m->nt_fft, s->trace, s->trace, FFTW_FORWARD, FFTW_MEASURE);
+    m->z_plan = fftwf_plan_dft_1d((int)m->nz_fft, s->column, s->column, FFTW_BACKWARD,
+                                  FFTW_MEASURE);
+    m->y_plan = fftwf_plan_many_dft(1, &ny, kz, s->plane, NULL, kz, 1, s->plane, NULL, kz,
+                                    1, FFTW_BACKWARD, FFTW_MEASURE);
+    m->x_plan = fftwf_plan_many_dft(1, &nx, (int)n[2], m->half, NULL, (int)(n[1] * n[2]),
+                                    1, s->line, NULL, 1, nx, FFTW_BACKWARD,
+                                    FFTW_MEASURE | FFTW_UNALIGNED);
+    return m->time_plan && m->z_plan && m->y_plan && m->x_plan ? 0 : -ENOMEM;
+}
+
+static double steepest_sine(const struct fk *m, const struct fk_config *cfg)
+{
+    double lateral = hypot(reach(&m->grid, 0, cfg->x_m, cfg->nx),
+                           reach(&m->grid, 1, cfg->y_m, cfg->ny));
+    return fmin(lateral / hypot(lateral, m->depth_m), STEEPEST_SINE);
+}
+
+int fk_create(struct fk **out, const struct fk_config *cfg)
+{
+    double depth_m = cfg->grid.origin_m[2] - cfg->plane_z_m;
+    if (!cfg->nx || !cfg->ny || !grid_size(&cfg->grid) || !(depth_m > 0.0) ||
+        !cfg->trace.n_samples || !(cfg->band_hz[1] > cfg->band_hz[0]))
+        return -EINVAL;
+    struct fk *m = calloc(1, sizeof *m);
+    if (!m)
+        return -ENOMEM;
+    m->c = cfg->sound_speed_m_s;
+    m->grid = cfg->grid;
+    m->trace = cfg->trace;
+    m->pool = cfg->pool;
+    m->depth_m = depth_m;
+    m->sine_max = steepest_sine(m, cfg);
+    plan_time(m, cfg);
+    plan_depth(m, cfg);
+    double k_limit = m->sine_max * 4.0 * M_PI * cfg->band_hz[1] / m->c;
+    int err = plan_axis(&m->x, m, 0, cfg->x_m, cfg->nx, k_limit);
+    if (!err)
+        err = plan_axis(&m->y, m, 1, cfg->y_m, cfg->ny, k_limit);
+    if (!err)
+        err = plan_weights(m);
+    if (!err)
+        err = allocate(m);
+    if (!err)
+        err = plan_transforms(m);
+    if (err) {
+        fk_destroy(m);
+        return err;
+    }
+    *out = m;
+    return 0;
+}
+
+static void free_scratch(struct fk_scratch *s)
+{
+    fftwf_free(s->rows);
+    fftwf_free(s->sums);
+    fftwf_free(s->quads);
+    fftwf_free(s->plane);
+    fftwf_free(s->column);
+    fftwf_free(s->line);
+    fftwf_free(s->trace);
+}
+
+void fk_destroy(struct fk *m)
+{
+    if (!m)
+        return;
+    fftwf_destroy_plan(m->time_plan);
+    fftwf_destroy_plan(m->y_plan);
+    fftwf_destroy_plan(m->z_plan);
+    fftwf_destroy_plan(m->x_plan);
+    for (size_t t = 0; m->scratch && t < pool_threads(m->pool); t++)
+        free_scratch(&m->scratch[t]);
+    free(m->scratch);
+    fftwf_free(m->weights);
+    fftwf_free(m->spectrum);
+    fftwf_free(m->half);
+    free(m->x.cosine);
+    free(m->x.sine);
+    free(m->y.cosine);
+    free(m->y.sine);
+    free(m);
+}

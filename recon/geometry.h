@@ -1,0 +1,29 @@
+/* recon/geometry.h -- where sound leaves and arrives, as the reconstruction sees it.
+ * Array frame: x along the stage, y along the array, z forward. */
+#ifndef ANLOS_RECON_GEOMETRY_H
+#define ANLOS_RECON_GEOMETRY_H
+
+#include <stddef.h>
+
+struct geometry {
+    double sound_speed_m_s;
+    size_t n_speakers, n_microphones, n_positions;
+    const double (*speakers_m)[3];    /* [n_speakers], at stage position 0 */
+    const double (*microphones_m)[3]; /* [n_microphones] */
+    double stage_axis[3];             /* unit */
+    const double *stage_positions_m;  /* [n_positions] */
+};
+
+/* Deep copy that owns its arrays; geometry_clear frees them.  0, -ENOMEM. */
+int geometry_copy(struct geometry *out, const struct geometry *g);
+void geometry_clear(struct geometry *g);
+
+void geometry_speaker(const struct geometry *g, size_t position, size_t speaker,
+                      double out[3]);
+void geometry_microphone(const struct geometry *g, size_t position, size_t microphone,
+                         double out[3]);
+
+/* Smallest and largest coordinates of the pairs' midpoints. */
+void geometry_aperture(const struct geometry *g, double min[3], double max[3]);
+
+#endif

@@ -1,0 +1,100 @@
+#include "recon/grid.h"
+
+#include <errno.h>
+#include <math.h>
+
+#define MAX_VOXELS ((size_t)1 << 28)
+
+/* Beyond the array's own footprint a mirror-like object sends nothing back to it. */
+#define MARGIN_M 0.05
+
+static double nice_step(double step)
+{
+    double decade = pow(10.0, floor(log10(step)));
+    static const double steps[] = {5.0, 2.5, 2.0, 1.0};
+    for (int i = 0; i < 4; i++)
+        if (steps[i] * decade <= step)
+            return steps[i] * decade;
+    return decade;
+}
+
+static void set_axis(struct grid *g, int axis, double min, double max, double step)
+{
+    g->origin_m[axis] = min;
+    g->step_m[axis] = step;
+    g->n[axis] = (size_t)floor((max - min) / step + 1e-6) + 1;
+}
+
+void grid_default(struct grid *out, const struct geometry *g, const double gate_m[2],
+                  const double band_hz[2])
+{
+    double min[3], max[3];
+    geometry_aperture(g, min, max);
+    double bandwidth = band_hz[1] - band_hz[0];
+    double mean_hz = 0.5 * (band_hz[0] + band_hz[1]);
+    double wavelength_m = g->sound_speed_m_s / mean_hz;
+    for (int a = 0; a < 2; a++) {
+        /* Width of a point in the middle of the gate; a third of it shows its shape. */
+        double range_m = hypot(gate_m[0], 0.5 * (max[a] - min[a]));
+        double width_m = 0.5 * wavelength_m * range_m /
+                         fmax(max[a] - min[a], wavelength_m);
+        double step_m = nice_step(fmin(fmax(width_m / 1.5, 0.005), 0.05));
+        double low = floor((min[a] - MARGIN_M) / step_m) * step_m;
+        double high = ceil((max[a] + MARGIN_M) / step_m) * step_m;
+        set_axis(out, a, low, high, step_m);
+    }
+    set_axis(out, 2, max[2] + gate_m[0], max[2] + gate_m[1],
+             nice_step(g->sound_speed_m_s / (2.0 * bandwidth) / 1.5));
+}
+
+int grid_from_limits(struct grid *out, const double limits[3][3])
+{
+    double voxels = 1.0;
+    for (int a = 0; a < 3; a++) {
+        double min = limits[a][0], max = limits[a][1], step = limits[a][2];
+        if (!(step > 0.0) || !(max >= min) || !isfinite(max - min))
+            return -EINVAL;
+        voxels *= floor((max - min) / step + 1e-6) + 1.0;
+        if (voxels > (double)MAX_VOXELS)
+            return -EFBIG;
+        set_axis(out, a, min, max, step);
+    }
+    return 0;
+}
+
+/* Nearest and farthest distance from a point to the box of the grid. */
+static void box_distances(const struct grid *g, const double p[3], double *near,
+                          double *far)
+{
+    double near2 = 0.0, far2 = 0.0;
+    for (int a = 0; a < 3; a++) {
+        double low = g->origin_m[a];
+        double high = low + (double)(g->n[a] - 1) * g->step_m[a];
+        double outside = fmax(fmax(low - p[a], p[a] - high), 0.0);
+        double across = fmax(fabs(low - p[a]), fabs(high - p[a]));
+        near2 += outside * outside;
+        far2 += across * across;
+    }
+    *near = sqrt(near2);
+    *far = sqrt(far2);
+}
+
+void grid_delays(const struct grid *grid, const struct geometry *g, double delays_s[2])
+{
+    double near[2] = {INFINITY, INFINITY}, far[2] = {0.0, 0.0};
+    for (size_t k = 0; k < g->n_positions; k++) {
+        for (size_t e = 0; e < g->n_speakers + g->n_microphones; e++) {
+            int kind = e >= g->n_speakers;
+            double p[3], d[2];
+            if (kind)
+                geometry_microphone(g, k, e - g->n_speakers, p);
+            else
+                geometry_speaker(g, k, e, p);
+            box_distances(grid, p, &d[0], &d[1]);
+            near[kind] = fmin(near[kind], d[0]);
+            far[kind] = fmax(far[kind], d[1]);
+        }
+    }
+    delays_s[0] = (near[0] + near[1]) / g->sound_speed_m_s;
+    delays_s[1] = (far[0] + far[1]) / g->sound_speed_m_s;
+}

@@ -1,0 +1,96 @@
+#include "recon/imager.h"
+
+#include <errno.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/method.h"
+
+static const struct imager_method *const methods[] = {&method_fast,
+                                                      &method_backprojection};
+
+struct imager {
+    const struct imager_method *method;
+    void *state;
+    size_t n_speakers, n_pings;
+    atomic_bool *added; /* [n_pings] */
+    atomic_size_t count;
+};
+
+const char *imager_methods(void)
+{
+    return "fast\0backprojection\0";
+}
+
+static const struct imager_method *find(const char *name)
+{
+    for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)
+        if (strcmp(methods[m]->name, name) == 0)
+            return methods[m];
+    return NULL;
+}
+
+int imager_create(struct imager **out, const struct imager_config *cfg, const char **why)
+{
+    const char *unused;
+    if (!why)
+        why = &unused;
+    *why = "";
+    const struct imager_method *method = find(cfg->method);
+    if (!method)
+        return -ENOENT;
+    struct imager *im = calloc(1, sizeof *im);
+    if (!im)
+        return -ENOMEM;
+    im->method = method;
+    im->n_speakers = cfg->geometry->n_speakers;
+    im->n_pings = cfg->geometry->n_positions * cfg->geometry->n_speakers;
+    im->added = calloc(im->n_pings, sizeof *im->added);
+    int err = im->added ? method->create(&im->state, cfg, why) : -ENOMEM;
+    if (err) {
+        free(im->added);
+        free(im);
+        return err;
+    }
+    *out = im;
+    return 0;
+}
+
+bool imager_add(struct imager *im, size_t position, size_t speaker,
+                const float complex *traces, const bool *masked)
+{
+    size_t ping = position * im->n_speakers + speaker;
+    if (atomic_exchange(&im->added[ping], true))
+        return false;
+    im->method->add(im->state, position, speaker, traces, masked);
+    atomic_fetch_add(&im->count, 1);
+    return true;
+}
+
+size_t imager_pings(const struct imager *im)
+{
+    return atomic_load(&im->count);
+}
+
+void imager_image(struct imager *im, float *restrict intensity)
+{
+    im->method->image(im->state, intensity);
+}
+
+void imager_reset(struct imager *im)
+{
+    for (size_t p = 0; p < im->n_pings; p++)
+        atomic_store(&im->added[p], false);
+    atomic_store(&im->count, 0);
+    im->method->reset(im->state);
+}
+
+void imager_destroy(struct imager *im)
+{
+    if (!im)
+        return;
+    im->method->destroy(im->state);
+    free(im->added);
+    free(im);
+}

@@ -1,0 +1,21 @@
+/* recon/method.h -- what an imaging method provides; imager.c holds the table. */
+#ifndef ANLOS_RECON_METHOD_H
+#define ANLOS_RECON_METHOD_H
+
+#include "recon/imager.h"
+
+struct imager_method {
+    const char *name;
+    int (*create)(void **state, const struct imager_config *cfg, const char **why);
+    /* Adds one ping that has not been added before.  Threads add different positions. */
+    void (*add)(void *state, size_t position, size_t speaker, const float complex *traces,
+                const bool *masked);
+    void (*image)(void *state, float *intensity);
+    void (*reset)(void *state);
+    void (*destroy)(void *state);
+};
+
+extern const struct imager_method method_fast;
+extern const struct imager_method method_backprojection;
+
+#endif
