@@ -1,6 +1,7 @@
 /* dsp/deramp.h -- the paper's FMCW processing (Eq. 6): mix with the emitted chirp,
  * low-pass, Fourier transform; a delay becomes a beat frequency.  Not the same as pulse
- * compression: only the part of the echo inside the emission's slot contributes. */
+ * compression: only the part of the echo inside the emission's slot contributes.  The
+ * window lies over the slot, in time. */
 #ifndef ANLOS_DSP_DERAMP_H
 #define ANLOS_DSP_DERAMP_H
 
@@ -18,12 +19,13 @@ struct deramp_config {
     enum window window;
     double gate_s[2];
     size_t n_channels;
-    double rate_hz; /* of the traces that come out, as range bins: 1 / bin in two-way s */
+    double rate_hz; /* of the traces, at least: 1 / range bin in two-way s */
 };
 
 struct deramp;
 
-/* 0, -EINVAL, -ERANGE, -ENOMEM.  One instance a thread. */
+/* 0, -EINVAL, -ERANGE (of an echo at the gate's far end hardly anything falls into the
+ * slot), -ENOMEM.  One instance a thread; create from one thread at a time. */
 int deramp_create(struct deramp **out, const struct deramp_config *cfg);
 void deramp_format(const struct deramp *d, struct trace_format *out);
 

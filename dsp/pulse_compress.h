@@ -37,7 +37,8 @@ struct trace_format {
 
 struct pulse_compress;
 
-/* Plans and allocates.  One instance a thread: it owns scratch.
+/* Plans and allocates.  One instance a thread: it owns scratch; create from one thread at
+ * a time (FFTW's planner).
  * 0, -EINVAL, -ERANGE (the gate lies beyond the ping), -ENOMEM. */
 int pulse_compress_create(struct pulse_compress **out,
                           const struct pulse_compress_config *cfg);

@@ -14,12 +14,19 @@
 #define VECTOR_SANITIZED 1
 #endif
 
-#if defined(__x86_64__) && defined(__linux__) && !defined(VECTOR_SANITIZED) &&           \
-    (!defined(__clang__) || __clang_major__ >= 14)
+/* By features, not by processor names: "arch=haswell" is chosen on a Haswell alone. */
+#if !defined(__x86_64__) || !defined(__linux__) || defined(VECTOR_SANITIZED)
+#define VECTOR_CLONES
+#elif defined(__clang__) && __clang_major__ >= 14
+#define VECTOR_CLONES __attribute__((target_clones("default", "fma", "avx512f")))
+#elif !defined(__clang__) && __GNUC__ >= 12
 #define VECTOR_CLONES                                                                    \
-    __attribute__((target_clones("default", "arch=haswell", "arch=skylake-avx512")))
+    __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
 #else
 #define VECTOR_CLONES
 #endif
+
+/* A part of such a loop: compiled into each of its callers' versions. */
+#define VECTOR_INLINE static inline __attribute__((always_inline))
 
 #endif

@@ -18,7 +18,7 @@ struct recording;
 int recording_open(struct recording **out, const char *folder, const struct survey *s,
                    struct complaint *why);
 
-/* Frames that recording_read yields: n_speakers slots and `tail` samples. */
+/* Frames that recording_read yields: n_speakers slots and tail_samples() (hal/tail.h). */
 size_t recording_frames(const struct recording *r);
 
 /* Reads one position: samples [n_microphones][recording_frames], zeros beyond the end of
@@ -27,6 +27,15 @@ size_t recording_frames(const struct recording *r);
  * (short or unreadable), -EINVAL. */
 int recording_read(const struct recording *r, size_t position, float *samples,
                    uint32_t *clipped, uint32_t *not_finite, struct complaint *why);
+
+/* The same with the counts of each slot, for pings: clipped and not_finite
+ * [n_speakers][n_microphones]; what follows the last slot counts into it.
+ *
+ * Clipped is, in PCM files, a run of 3 or more consecutive samples at 0.9999 of full
+ * scale or beyond; float files know no full scale, so there it is a run of 4 or more
+ * equal samples above half of the channel's maximum. */
+int recording_read_slots(const struct recording *r, size_t position, float *samples,
+                         uint32_t *clipped, uint32_t *not_finite, struct complaint *why);
 void recording_close(struct recording *r);
 
 /* Writes one position as float32 WAV "FOLDER/posNN.wav": samples

@@ -10,8 +10,10 @@
  * 0, -ENOENT, -EACCES, -EINVAL, -ENOMEM. */
 int survey_load(struct survey *out, const char *path, struct complaint *why);
 
-/* Writes a file that survey_load reads back to the same survey.  calibration_folder may
- * be NULL (then responses are left out).  0 or a negative errno, and no file. */
+/* Writes a file that survey_load reads back to the same survey.  calibration_folder:
+ * where the microphones' curves go, relative to the survey file; it is made when missing
+ * and curves that are there already stay.  NULL: responses are left out.  0, -EEXIST
+ * (another curve of that serial is there), other negative errno, and no file. */
 int survey_save(const struct survey *s, const char *path, const char *calibration_folder,
                 struct complaint *why);
 

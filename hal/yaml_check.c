@@ -48,7 +48,7 @@ static const char *found(const yaml_node_t *node, char buffer[64])
         return "a list";
     if (!node->data.scalar.length)
         return "nothing";
-    snprintf(buffer, 64, "\"%.48s\"", scalar_text(node));
+    snprintf(buffer, 64, "\"%.48s\"", (const char *)node->data.scalar.value);
     return buffer;
 }
 

@@ -103,7 +103,7 @@ int yaml_complain(struct complaint *why, int err, const char *path, const char *
  * the unit lists say (stage_positions_m is stage.positions_m). */
 static size_t line_of_word(yaml_document_t *d, const char *word)
 {
-    char key[128];
+    char key[64];
     int whole;
     snprintf(key, sizeof key, "%s", word);
     size_t line = find_line(d, key, &whole);
@@ -119,22 +119,42 @@ static size_t line_of_word(yaml_document_t *d, const char *word)
     return 0;
 }
 
+/* Copies the word that text begins with; returns its length there. */
+static size_t take_word(const char *text, char word[64])
+{
+    size_t n = 0;
+    while (isalnum((unsigned char)text[n]) || (text[n] && strchr("_.[]", text[n])))
+        n++;
+    word[0] = 0;
+    if (n && n < 64) {
+        memcpy(word, text, n);
+        word[n] = 0;
+        if (word[n - 1] == '.')
+            word[n - 1] = 0;
+    }
+    return n;
+}
+
+/* "chirp stop_hz is ..." is chirp.stop_hz, when that is there. */
+static size_t line_of_words(yaml_document_t *d, const char *first, const char *second)
+{
+    char key[130];
+    int whole;
+    snprintf(key, sizeof key, "%s.%s", first, second);
+    size_t line = second[0] ? find_line(d, key, &whole) : 0;
+    return line ? line : line_of_word(d, first);
+}
+
 static size_t line_of_text(yaml_document_t *d, const char *text)
 {
+    char first[64], second[64] = "";
     while (*text) {
-        char word[96];
-        size_t n = 0;
-        while (isalnum((unsigned char)text[n]) || (text[n] && strchr("_.[]", text[n])))
-            n++;
-        if (n && n < sizeof word) {
-            memcpy(word, text, n);
-            word[n] = 0;
-            if (word[n - 1] == '.')
-                word[n - 1] = 0;
-            size_t line = word[0] ? line_of_word(d, word) : 0;
-            if (line)
-                return line;
-        }
+        size_t n = take_word(text, first);
+        if (text[n] == ' ')
+            take_word(text + n + 1, second);
+        size_t line = first[0] ? line_of_words(d, first, second) : 0;
+        if (line)
+            return line;
         text += n ? n : 1;
     }
     return 0;

@@ -1,0 +1,184 @@
+#include "msgs/bus.h"
+
+#include <errno.h>
+#include <nanomsg/nn.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "msgs/endpoint.h"
+#include "msgs/inlet.h"
+#include "msgs/mailbox.h"
+#include "msgs/outlet.h"
+
+struct bus {
+    int lock_fd; /* -1: listens only */
+    struct mailbox *mailbox;
+    struct inlet *inlet;
+    size_t n_outlets;
+    struct outlet *outlets[16];
+};
+
+static int open_outlets(struct bus *b, const struct bus_config *cfg,
+                        struct complaint *why)
+{
+    const size_t max = sizeof b->outlets / sizeof *b->outlets;
+    b->lock_fd = endpoint_lock(cfg->run_dir, cfg->node, why);
+    if (b->lock_fd < 0)
+        return b->lock_fd;
+    for (const struct topic *t = topics_all(); t->name; t++) {
+        if (!topic_is_published_by(t, cfg->node))
+            continue;
+        if (b->n_outlets == max)
+            return complain(why, -E2BIG, "node \"%s\" publishes over %zu topics",
+                            cfg->node, max);
+        int err = outlet_create(&b->outlets[b->n_outlets], cfg, t, why);
+        if (err)
+            return err;
+        b->n_outlets++;
+    }
+    return 0;
+}
+
+static int check_config(const struct bus_config *cfg, struct complaint *why)
+{
+    if (!cfg->run_dir || !cfg->run_dir[0])
+        return complain(why, -EINVAL, "no run folder is given");
+    if (cfg->listen_only)
+        return 0;
+    size_t length = cfg->node ? strlen(cfg->node) : 0;
+    if (length < 1 || length >= ENVELOPE_NODE_SIZE || strchr(cfg->node, '/'))
+        return complain(why, -EINVAL,
+                        "node name \"%s\": expected 1 to %d characters without '/'",
+                        cfg->node ? cfg->node : "", ENVELOPE_NODE_SIZE - 1);
+    return 0;
+}
+
+int bus_create(struct bus **out, const struct bus_config *cfg, struct complaint *why)
+{
+    int err = check_config(cfg, why);
+    if (!err)
+        err = endpoint_make_folder(cfg->run_dir, why);
+    if (err)
+        return err;
+    struct bus *b = calloc(1, sizeof *b);
+    if (!b)
+        return complain(why, -ENOMEM, "out of memory");
+    b->lock_fd = -1;
+    err = mailbox_create(&b->mailbox);
+    if (!err)
+        err = inlet_create(&b->inlet, cfg->run_dir, b->mailbox);
+    if (err)
+        complain(why, err, "run folder %s: no bus: %s", cfg->run_dir, strerror(-err));
+    if (!err && !cfg->listen_only)
+        err = open_outlets(b, cfg, why);
+    if (err)
+        bus_destroy(b);
+    else
+        *out = b;
+    return err;
+}
+
+int bus_subscribe(struct bus *b, const struct topic *t)
+{
+    return inlet_subscribe(b->inlet, t);
+}
+
+static struct outlet *find_outlet(const struct bus *b, const struct topic *t)
+{
+    for (size_t i = 0; i < b->n_outlets; i++)
+        if (outlet_topic(b->outlets[i]) == t)
+            return b->outlets[i];
+    return NULL;
+}
+
+int bus_publish(struct bus *b, const struct topic *t, int64_t capture_ns,
+                int64_t publish_ns, const void *payload, size_t size)
+{
+    struct outlet *o = find_outlet(b, t);
+    if (!o)
+        return -EINVAL;
+    if (size > t->max_size)
+        return -EMSGSIZE;
+    void *room, *message = outlet_allocate(size, &room);
+    if (!message)
+        return -ENOMEM;
+    if (size)
+        memcpy(room, payload, size);
+    return outlet_send(o, capture_ns, publish_ns, message, size);
+}
+
+int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns,
+                        int64_t publish_ns, const ProtobufCMessage *m)
+{
+    struct outlet *o = find_outlet(b, t);
+    if (!o || m->descriptor != t->schema)
+        return -EINVAL;
+    size_t size = protobuf_c_message_get_packed_size(m);
+    if (size > t->max_size)
+        return -EMSGSIZE;
+    void *room, *message = outlet_allocate(size, &room);
+    if (!message)
+        return -ENOMEM;
+    protobuf_c_message_pack(m, room);
+    return outlet_send(o, capture_ns, publish_ns, message, size);
+}
+
+int bus_receive(struct bus *b, struct bus_message *out, int timeout_ms)
+{
+    return mailbox_take(b->mailbox, out, timeout_ms);
+}
+
+void bus_message_free(struct bus_message *m)
+{
+    if (m->owner)
+        nn_freemsg(m->owner);
+    memset(m, 0, sizeof *m);
+}
+
+ProtobufCMessage *bus_message_unpack(const struct bus_message *m)
+{
+    return protobuf_c_message_unpack(m->topic->schema, NULL, m->envelope.payload_size,
+                                     m->payload);
+}
+
+int bus_fd(const struct bus *b)
+{
+    return mailbox_fd(b->mailbox);
+}
+
+void bus_interrupt(struct bus *b)
+{
+    mailbox_interrupt(b->mailbox);
+}
+
+size_t bus_counts(struct bus *b, struct bus_count *out, size_t max)
+{
+    for (size_t i = 0; i < b->n_outlets && i < max; i++)
+        outlet_count(b->outlets[i], &out[i]);
+    size_t n = b->n_outlets < max ? b->n_outlets : max;
+    return b->n_outlets + inlet_counts(b->inlet, out + n, max - n);
+}
+
+uint64_t bus_refused(struct bus *b)
+{
+    return inlet_refused(b->inlet);
+}
+
+void bus_on_refusal(struct bus *b, void (*call)(void *ctx, const char *text), void *ctx)
+{
+    inlet_on_refusal(b->inlet, call, ctx);
+}
+
+void bus_destroy(struct bus *b)
+{
+    if (!b)
+        return;
+    for (size_t i = 0; i < b->n_outlets; i++)
+        outlet_destroy(b->outlets[i]);
+    inlet_destroy(b->inlet);
+    mailbox_destroy(b->mailbox);
+    if (b->lock_fd >= 0)
+        close(b->lock_fd); /* last: until here the socket files are ours */
+    free(b);
+}

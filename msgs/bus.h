@@ -1,12 +1,14 @@
 /* msgs/bus.h -- publish and subscribe over nanomsg, with accounting.  The only place that
- * knows nanomsg.  Each node publishes on one endpoint ("ipc://RUN_DIR/NODE.ipc") and
- * connects to the endpoints of the publishers of what it wants (msgs/topics.h).
+ * knows nanomsg (with its parts outlet, inlet, mailbox and endpoint).  A node has an
+ * endpoint for each topic that it publishes ("ipc://RUN_DIR/NODE.TOPIC.ipc"), and
+ * connects to those of the publishers of what it wants (msgs/topics.h).
  *
- * nanomsg PUB drops silently when a peer is slow, refuses what exceeds NN_RCVMAXSIZE by
- * dropping the connection, loses what is sent before a subscriber has joined, returns
- * EINTR, and must not be forked after a socket exists.  So a receive thread moves
- * messages into a bounded queue for each topic, gaps in sequence numbers are counted, and
- * the buffers are set large.  Create a bus after the last fork. */
+ * nanomsg PUB drops silently when a peer is slow, filters at the subscriber, refuses what
+ * exceeds NN_RCVMAXSIZE by dropping the connection, loses what is sent before a
+ * subscriber has joined, returns EINTR, and must not be forked after a socket exists.  So
+ * a receive thread moves messages into a bounded queue for each topic, gaps in sequence
+ * numbers are counted, and the buffers are set large.  Create a bus after the last fork.
+ */
 #ifndef ANLOS_MSGS_BUS_H
 #define ANLOS_MSGS_BUS_H
 
@@ -21,7 +23,7 @@
 struct bus;
 
 struct bus_config {
-    const char *node;    /* name of this node, under ENVELOPE_NODE_SIZE characters */
+    const char *node;    /* under ENVELOPE_NODE_SIZE characters; NULL: listen_only */
     const char *run_dir; /* folder of the sockets; made when missing */
     int64_t epoch_ns;    /* when this process started */
     bool listen_only;    /* a tool: subscribes, publishes nothing, binds nothing */
@@ -42,25 +44,29 @@ struct bus_count {
     size_t queued;
 };
 
-/* 0, -EINVAL, -ENOMEM, -EADDRINUSE (a live node of that name already publishes), other
- * negative errno; the complaint says which endpoint. */
+/* Opens an endpoint for each topic that the node publishes.  0, -EINVAL, -ENOMEM,
+ * -EADDRINUSE (a live node of that name already runs in the folder), -ENAMETOOLONG (a
+ * socket path takes 107 characters), other negative errno; the complaint says where. */
 int bus_create(struct bus **out, const struct bus_config *cfg, struct complaint *why);
 
 /* Connects to every publisher of the topic.  A publisher may come later, go and come
- * back. Call it for each topic before the first receive.  0, -EINVAL, -ENOMEM. */
+ * back.  Counting of gaps starts with the first message that arrives of each publisher.
+ * 0, -ENOMEM, -ENAMETOOLONG, other negative errno. */
 int bus_subscribe(struct bus *b, const struct topic *t);
 
-/* Sends to whoever listens; never blocks on a slow one.  Thread-safe.
- * 0, -EMSGSIZE (over the topic's max_size), -ENOMEM. */
+/* Sends to whoever listens; never blocks on a slow one, but keeps to 500 MB/s for each
+ * subscriber of a topic, beyond what the kernel's buffer holds (msgs/pace.h).
+ * Thread-safe. 0, -EINVAL (not a topic of this node's), -EMSGSIZE (over the topic's
+ * max_size), -ENOMEM, other negative errno. */
 int bus_publish(struct bus *b, const struct topic *t, int64_t capture_ns,
                 int64_t publish_ns, const void *payload, size_t size);
 
-/* Packs a protobuf-c message of the topic's schema and publishes it. */
+/* Packs a protobuf-c message of the topic's schema and publishes it; as bus_publish. */
 int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns,
                         int64_t publish_ns, const ProtobufCMessage *m);
 
-/* The next message of any subscribed topic, in the order of arrival.
- * 0, -ETIMEDOUT, -ESHUTDOWN (bus_interrupt was called). */
+/* The next message of any subscribed topic, in the order of arrival.  timeout_ms < 0:
+ * waits for ever.  0, -ETIMEDOUT, -ESHUTDOWN (bus_interrupt was called). */
 int bus_receive(struct bus *b, struct bus_message *out, int timeout_ms);
 void bus_message_free(struct bus_message *m);
 
@@ -69,7 +75,7 @@ void bus_message_free(struct bus_message *m);
 ProtobufCMessage *bus_message_unpack(const struct bus_message *m);
 
 /* A descriptor that poll(2) finds readable while messages wait, for loops that wait for
- * something else too.  Owned by the bus. */
+ * something else too; also after bus_interrupt.  Owned by the bus. */
 int bus_fd(const struct bus *b);
 
 /* Wakes bus_receive for good.  Safe in a signal handler. */
@@ -77,8 +83,9 @@ void bus_interrupt(struct bus *b);
 
 /* Writes up to max counts, returns how many there are. */
 size_t bus_counts(struct bus *b, struct bus_count *out, size_t max);
-uint64_t
-bus_refused(struct bus *b); /* wrong magic, version, length, topic, or too large */
+
+/* Messages with a wrong magic, version, length, topic or publisher, or too large. */
+uint64_t bus_refused(struct bus *b);
 
 /* Called once for each kind of refusal, from the receive thread, for the log. */
 void bus_on_refusal(struct bus *b, void (*call)(void *ctx, const char *text), void *ctx);

@@ -31,7 +31,7 @@ struct envelope {
 /* What can be wrong with a message, in the order in which it is looked for. */
 enum envelope_fault {
     ENVELOPE_SOUND,
-    ENVELOPE_SHORT,  /* ends within the header */
+    ENVELOPE_SHORT,   /* ends within the header */
     ENVELOPE_FOREIGN, /* magic */
     ENVELOPE_OTHER_VERSION,
     ENVELOPE_GARBLED, /* a name without an end or empty, or padding that is not zero */

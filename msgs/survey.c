@@ -61,9 +61,9 @@ static void hash_placement(uint64_t *h, const struct survey *s)
 uint64_t survey_id(const struct survey *s)
 {
     uint64_t h = UINT64_C(0xcbf29ce484222325);
-    const double numbers[] = {s->sound_speed_m_s, s->sample_rate_hz,   s->chirp_start_hz,
-                              s->chirp_stop_hz,   s->chirp_duration_s, s->latency_samples,
-                              s->chirp_sine ? 1 : 0};
+    const double numbers[] = {
+        s->sound_speed_m_s,  s->sample_rate_hz,  s->chirp_start_hz,    s->chirp_stop_hz,
+        s->chirp_duration_s, s->latency_samples, s->chirp_sine ? 1 : 0};
     hash_numbers(&h, numbers, sizeof numbers / sizeof *numbers);
     hash_counts(&h, s->slot_samples);
     hash_counts(&h, s->n_speakers);

@@ -53,7 +53,9 @@ struct survey {
 /* Speed of sound in dry air, m/s (Cramer 1993 to 0.1 %, -20..50 C). */
 double survey_sound_speed_m_s(double temperature_c);
 
-#define SURVEY_MAX_ELEMENTS   4096 /* speakers, microphones, positions; points of a curve */
+#define SURVEY_MAX_ELEMENTS                                                              \
+    4096 /* speakers, microphones, positions; points of a curve                          \
+          */
 #define SURVEY_UNIT_TOLERANCE 1e-3 /* of the length of a unit vector */
 
 /* Plausible and consistent?  Ranges are stated in the complaint.  0 or -EINVAL. */

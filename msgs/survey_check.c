@@ -13,8 +13,8 @@ static int check_range(struct complaint *why, const char *field, double x, doubl
 {
     if (x >= min && x <= max) /* false for NaN */
         return 0;
-    return complain(why, -EINVAL, "%s is %g %s, expected %g to %g %s", field, x, unit, min,
-                    max, unit);
+    return complain(why, -EINVAL, "%s is %g %s, expected %g to %g %s", field, x, unit,
+                    min, max, unit);
 }
 
 static int check_point(struct complaint *why, const char *field, size_t index,
@@ -51,8 +51,7 @@ static int check_medium(const struct survey *s, struct complaint *why)
 {
     if (s->source != ANLOS__SOURCE__LIVE && s->source != ANLOS__SOURCE__REPLAY &&
         s->source != ANLOS__SOURCE__SIMULATION)
-        return complain(why, -EINVAL,
-                        "source is %d, expected live, replay or simulation",
+        return complain(why, -EINVAL, "source is %d, expected live, replay or simulation",
                         (int)s->source);
     int err = check_range(why, "sound_speed_m_s", s->sound_speed_m_s, 300, 360, "m/s");
     if (!err && !isnan(s->temperature_c))
@@ -195,9 +194,10 @@ static int check_responses(const struct survey *s, struct complaint *why)
     if (!s->n_responses)
         return 0;
     if (s->n_responses != s->n_microphones || !s->responses)
-        return complain(why, -EINVAL,
-                        "calibration of %zu microphones, expected one for each of the %zu",
-                        s->n_responses, s->n_microphones);
+        return complain(
+            why, -EINVAL,
+            "calibration of %zu microphones, expected one for each of the %zu",
+            s->n_responses, s->n_microphones);
     int err = 0;
     for (size_t i = 0; !err && i < s->n_responses; i++)
         err = check_response(&s->responses[i], i, why);

@@ -171,9 +171,10 @@ static int take_responses(struct survey *s, const Anlos__Survey *m, struct compl
     if (!m->n_responses)
         return 0;
     if (m->n_responses > SURVEY_MAX_ELEMENTS)
-        return complain(why, -EINVAL,
-                        "survey message: calibration of %zu microphones, expected up to %d",
-                        m->n_responses, SURVEY_MAX_ELEMENTS);
+        return complain(
+            why, -EINVAL,
+            "survey message: calibration of %zu microphones, expected up to %d",
+            m->n_responses, SURVEY_MAX_ELEMENTS);
     s->responses = calloc(m->n_responses, sizeof *s->responses);
     if (!s->responses)
         return complain(why, -ENOMEM, "survey message: out of memory");
@@ -209,7 +210,8 @@ static void take_scalars(struct survey *s, const Anlos__Survey *m)
 static int take_placement(struct survey *s, const Anlos__Survey *m, struct complaint *why)
 {
     if (m->n_volume != 0 && m->n_volume != 9)
-        return complain(why, -EINVAL, "survey message: volume has %zu numbers, expected 9",
+        return complain(why, -EINVAL,
+                        "survey message: volume has %zu numbers, expected 9",
                         m->n_volume);
     s->has_volume = m->n_volume == 9;
     if (s->has_volume)

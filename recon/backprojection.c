@@ -9,10 +9,12 @@
 
 #include "dsp/vector.h"
 #include "recon/method.h"
+#include "recon/phasor.h"
 #include "recon/sinc.h"
 
-#define OVERSAMPLING 4.4 /* stored rate over band width: linear interpolation to -41 dB  \
-                          */
+#define OVERSAMPLING                                                                     \
+    4.4 /* stored rate over band width: linear interpolation to -41 dB                   \
+         */
 #define HALF_TAPS  4
 #define TAPS       (2 * HALF_TAPS)
 #define BLOCK_ROWS 12   /* rows of voxels that are summed together: their distances to */
@@ -248,25 +250,6 @@ static void backprojection_reset(void *state)
 
 /* -- image ------------------------------------------------------------------------------
  */
-
-/* exp(2 pi i turns): half the angle by its series, then doubled; error below 3e-7. */
-static inline void phasor(float turns, float *re, float *im)
-{
-    float u = (float)M_PI * (turns - rintf(turns)), v = u * u;
-    float s =
-        u * (1.0f +
-             v * (-1.6666667e-1f +
-                  v * (8.3333333e-3f +
-                       v * (-1.9841270e-4f + v * (2.7557319e-6f + v * -2.5052108e-8f)))));
-    float c =
-        1.0f +
-        v * (-0.5f +
-             v * (4.1666667e-2f +
-                  v * (-1.3888889e-3f +
-                       v * (2.4801587e-5f + v * (-2.7557319e-7f + v * 2.0876757e-9f)))));
-    *re = 1.0f - 2.0f * s * s;
-    *im = 2.0f * s * c;
-}
 
 /* Delay in stored samples and carrier phasor from one element to n voxels.  Each pair
  * sums two of them, so each carries half of the trace's start. */

@@ -5,8 +5,10 @@
 
 #include "dsp/vector.h"
 #include "recon/fk_plan.h"
+#include "recon/phasor.h"
 
-#define CHUNK 64 /* floats that are summed over all lines before the next */
+#define LANES 8
+typedef float lanes __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
 /* -- one trace's spectrum, its time origin in the middle of the trace -------------------
  */
@@ -18,16 +20,19 @@ struct migration { /* what the workers share */
     float *intensity;
 };
 
-static void store_spectrum(const struct fk *m, const fftwf_complex *transform, float *out)
+/* Into the blocks of spectrum [block][iy][ix][FK_BLOCK]. */
+static void store_spectrum(const struct fk *m, const fftwf_complex *transform, size_t ix,
+                           size_t iy)
 {
-    double offset_s = m->trace.t0_s - m->centre_s;
     for (size_t q = 0; q < m->n_f; q++) {
         long bin = m->first_bin + (long)q;
         size_t from = (size_t)((bin + (long)m->nt_fft) % (long)m->nt_fft);
-        double phase = -2.0 * M_PI * (double)bin * m->df_hz * offset_s;
-        float c = (float)cos(phase), s = (float)sin(phase);
-        out[2 * q] = transform[from][0] * c - transform[from][1] * s;
-        out[2 * q + 1] = transform[from][0] * s + transform[from][1] * c;
+        float c = m->centring[2 * q], s = m->centring[2 * q + 1];
+        size_t block = q / FK_X_BLOCK * m->y.lines + iy;
+        float *out = m->spectrum + (block * m->x.lines + ix) * FK_BLOCK +
+                     q % FK_X_BLOCK * 2;
+        out[0] = transform[from][0] * c - transform[from][1] * s;
+        out[1] = transform[from][0] * s + transform[from][1] * c;
     }
 }
 
@@ -45,84 +50,80 @@ static void transform_line(void *ctx, size_t ix, size_t thread)
             buffer[n][1] = g->weight[cell] * trace[2 * n + 1];
         }
         fftwf_execute_dft(m->time_plan, buffer, buffer);
-        store_spectrum(m, buffer, m->spectrum + cell * m->n_f * 2);
+        store_spectrum(m, buffer, ix, iy);
     }
 }
 
 /* -- sums over lines --------------------------------------------------------------------
  */
 
-/* sums[0], sums[1] [size] = sum over b of cosine[b], sine[b] times lines[b * stride + .]
- */
-VECTOR_CLONES
-static void sum_lines(const float *lines, size_t stride, size_t n_lines,
-                      const float *cosine, const float *sine, size_t size,
-                      float *restrict sum_c, float *restrict sum_s)
+/* From the sums with cosine and sine, the waves exp(-i k b) and exp(+i k b), interleaved:
+ * re im of one, re im of the other, for each value in turn. */
+VECTOR_INLINE void split(const lanes *cosine, const lanes *sine, lanes *out)
 {
-    for (size_t at = 0; at < size; at += CHUNK) {
-        float c[CHUNK] = {0}, s[CHUNK] = {0};
-        size_t n = size - at < CHUNK ? size - at : CHUNK;
-        if (n == CHUNK) {
-            for (size_t b = 0; b < n_lines; b++) {
-                const float *x = lines + b * stride + at;
-                for (size_t l = 0; l < CHUNK; l++) {
-                    c[l] += cosine[b] * x[l];
-                    s[l] += sine[b] * x[l];
-                }
-            }
-        } else {
-            for (size_t b = 0; b < n_lines; b++) {
-                const float *x = lines + b * stride + at;
-                for (size_t l = 0; l < n; l++) {
-                    c[l] += cosine[b] * x[l];
-                    s[l] += sine[b] * x[l];
-                }
-            }
-        }
-        memcpy(sum_c + at, c, n * sizeof *c);
-        memcpy(sum_s + at, s, n * sizeof *s);
-    }
+    lanes c = *cosine, d = *sine;
+    lanes turned = __builtin_shufflevector(d, d, 1, 0, 3, 2, 5, 4, 7, 6) *
+                   (lanes){1, -1, 1, -1, 1, -1, 1, -1};
+    lanes plus = c + turned, minus = c - turned;
+    out[0] = __builtin_shufflevector(plus, minus, 0, 1, 8, 9, 2, 3, 10, 11);
+    out[1] = __builtin_shufflevector(plus, minus, 4, 5, 12, 13, 6, 7, 14, 15);
 }
 
-/* rows [y lines][n_f][4]: the sums over x for +kx and -kx, exp(-+i kx x). */
+/* The waves of one block, lines [n_lines][FK_BLOCK], at +-k: out[2 FK_BLOCK].  All sums
+ * stay in registers. */
+VECTOR_INLINE void sum_block(const float *block, size_t n_lines, const float *cosine,
+                             const float *sine, lanes *out)
+{
+    lanes c0 = {0}, c1 = {0}, c2 = {0}, c3 = {0}, s0 = {0}, s1 = {0}, s2 = {0}, s3 = {0};
+    for (size_t b = 0; b < n_lines; b++) {
+        const lanes *x = (const lanes *)(block + b * FK_BLOCK);
+        c0 += cosine[b] * x[0];
+        c1 += cosine[b] * x[1];
+        c2 += cosine[b] * x[2];
+        c3 += cosine[b] * x[3];
+        s0 += sine[b] * x[0];
+        s1 += sine[b] * x[1];
+        s2 += sine[b] * x[2];
+        s3 += sine[b] * x[3];
+    }
+    split(&c0, &s0, out);
+    split(&c1, &s1, out + 2);
+    split(&c2, &s2, out + 4);
+    split(&c3, &s3, out + 6);
+}
+
+/* rows [n_f / 8][y lines][FK_BLOCK]: the sums over x for +kx and -kx, frequency by
+ * frequency. */
 VECTOR_CLONES
 static void sum_over_x(const struct fk *m, size_t kx, size_t q_low, struct fk_scratch *s)
 {
-    size_t span = (m->n_f - q_low) * 2;
-    size_t stride = m->y.lines * m->n_f * 2;
-    const float *cosine = m->x.cosine + kx * m->x.lines;
-    const float *sine = m->x.sine + kx * m->x.lines;
-    float *c = s->sums, *d = s->sums + m->n_f * 4;
-    for (size_t iy = 0; iy < m->y.lines; iy++) {
-        sum_lines(m->spectrum + (iy * m->n_f + q_low) * 2, stride, m->x.lines, cosine,
-                  sine, span, c, d);
-        float *row = s->rows + (iy * m->n_f + q_low) * 4;
-        for (size_t q = 0; q < span / 2; q++) {
-            row[4 * q] = c[2 * q] + d[2 * q + 1];
-            row[4 * q + 1] = c[2 * q + 1] - d[2 * q];
-            row[4 * q + 2] = c[2 * q] - d[2 * q + 1];
-            row[4 * q + 3] = c[2 * q + 1] + d[2 * q];
+    size_t n_blocks = m->n_f / FK_X_BLOCK;
+    for (size_t k = q_low / FK_X_BLOCK; k < n_blocks; k++) {
+        for (size_t iy = 0; iy < m->y.lines; iy++) {
+            lanes waves[2 * FK_BLOCK / LANES];
+            sum_block(m->spectrum + (k * m->y.lines + iy) * m->x.lines * FK_BLOCK,
+                      m->x.lines, m->x.cosine + kx * m->x.lines,
+                      m->x.sine + kx * m->x.lines, waves);
+            float *row = s->rows + (2 * k * m->y.lines + iy) * FK_BLOCK;
+            memcpy(row, waves, FK_BLOCK * sizeof *row);
+            memcpy(row + m->y.lines * FK_BLOCK, waves + FK_BLOCK / LANES,
+                   FK_BLOCK * sizeof *row);
         }
     }
 }
 
-/* quads [n_f][8]: the plane waves (+kx +ky) (+kx -ky) (-kx +ky) (-kx -ky). */
+/* quads [FK_GROUP][n_f][8]: the plane waves (+kx +ky) (+kx -ky) (-kx +ky) (-kx -ky) of
+ * n_ky wavenumbers from ky on. */
 VECTOR_CLONES
-static void sum_over_y(const struct fk *m, size_t ky, size_t q_low, struct fk_scratch *s)
+static void sum_over_y(const struct fk *m, size_t ky, size_t n_ky, size_t q_low,
+                       struct fk_scratch *s)
 {
-    size_t span = (m->n_f - q_low) * 4;
-    float *c = s->sums, *d = s->sums + m->n_f * 4;
-    sum_lines(s->rows + q_low * 4, m->n_f * 4, m->y.lines, m->y.cosine + ky * m->y.lines,
-              m->y.sine + ky * m->y.lines, span, c, d);
-    float *quad = s->quads + q_low * 8;
-    for (size_t q = 0; q < span; q += 4) {
-        for (size_t x = 0; x < 4; x += 2) {
-            quad[2 * q + 2 * x] = c[q + x] + d[q + x + 1];
-            quad[2 * q + 2 * x + 1] = c[q + x + 1] - d[q + x];
-            quad[2 * q + 2 * x + 2] = c[q + x] - d[q + x + 1];
-            quad[2 * q + 2 * x + 3] = c[q + x + 1] + d[q + x];
-        }
-    }
+    for (size_t k = q_low / FK_Y_BLOCK; k < m->n_f / FK_Y_BLOCK; k++)
+        for (size_t g = 0; g < n_ky; g++)
+            sum_block(s->rows + k * m->y.lines * FK_BLOCK, m->y.lines,
+                      m->y.cosine + (ky + g) * m->y.lines,
+                      m->y.sine + (ky + g) * m->y.lines,
+                      (lanes *)(s->quads + (g * m->n_f + k * FK_Y_BLOCK) * 8));
 }
 
 /* -- Stolt's map ------------------------------------------------------------------------
@@ -144,73 +145,126 @@ static size_t lowest_bin(const struct fk *m, double k_lateral)
     return at > 0.0 ? (size_t)fmin(at, (double)(m->n_f - 1)) : 0;
 }
 
-/* Adds the map of quads onto depth wavenumbers; k_lateral2 = kx^2 + ky^2. */
-VECTOR_CLONES
-static void map_quad(const struct fk *m, double k_lateral2, const float *quads,
-                     const struct column *to)
+/* Depth wavenumber, as an index from kz_first, of a frequency; 0 where it is evanescent.
+ */
+static double depth_index(const struct fk *m, double f_hz, double k_lateral2)
 {
-    double f_low = fmax(lowest_frequency(m, sqrt(k_lateral2)), m->f0_hz);
-    double f_scale = m->c / (4.0 * M_PI);
-    double k_low = f_low / f_scale;
-    double kz_low = sqrt(fmax(k_low * k_low - k_lateral2, 0.0));
-    long first = (long)ceil(kz_low / m->dkz);
-    if (first < m->kz_first)
-        first = m->kz_first;
-    for (size_t z = (size_t)(first - m->kz_first); z < m->n_kz; z++) {
+    double k = 4.0 * M_PI * f_hz / m->c;
+    double kz = sqrt(fmax(k * k - k_lateral2, 0.0));
+    return fmax(kz / m->dkz - (double)m->kz_first, 0.0);
+}
+
+/* For depth wavenumbers low..high-1: the spectrum bin before, the weights between bins,
+ * and the phase that puts the grid's first plane at 0.  The gain sqrt(kz) lies between
+ * Stolt's inverse (kz), which is narrow sideways, and the adjoint (1), which is narrow in
+ * depth. */
+VECTOR_CLONES
+static void plan_map(const struct fk *m, double k_lateral2, size_t low, size_t high,
+                     struct fk_scratch *s)
+{
+    double f_scale = m->c / (4.0 * M_PI), depth_turns = m->depth_m / (2.0 * M_PI);
+    double per_hz = 1.0 / m->df_hz, highest = (double)(m->n_f - FK_TAPS / 2 - 1);
+    for (size_t z = low; z < high; z++) {
         double kz = (double)(m->kz_first + (long)z) * m->dkz;
-        double k = sqrt(k_lateral2 + kz * kz);
-        double f = f_scale * k;
-        double at = (f - m->f0_hz) / m->df_hz;
-        long below = (long)at;
-        if (below + FK_TAPS / 2 >= (long)m->n_f)
-            break;
-        if (below < FK_TAPS / 2 - 1)
-            continue;
-        const float *w = m->weights +
-                         (size_t)((at - (double)below) * FK_FRACTIONS + 0.5) * FK_TAPS;
-        const float *x = quads + 8 * (below - (FK_TAPS / 2 - 1));
-        float sum[8] = {0};
-        for (int q = 0; q < FK_TAPS; q++)
-            for (int l = 0; l < 8; l++)
-                sum[l] += w[q] * x[8 * q + l];
-        double turns = kz * m->depth_m / (2.0 * M_PI) - f * m->centre_s;
-        float phase = (float)(2.0 * M_PI * (turns - rint(turns)));
-        float gain = (float)kz;
-        float c = gain * cosf(phase), s = gain * sinf(phase);
-        for (int l = 0; l < 4; l++) {
-            if (!to->row[l])
-                continue;
-            to->row[l][2 * z] += sum[2 * l] * c - sum[2 * l + 1] * s;
-            to->row[l][2 * z + 1] += sum[2 * l] * s + sum[2 * l + 1] * c;
-        }
+        double f = f_scale * sqrt(k_lateral2 + kz * kz);
+        double at = (f - m->f0_hz) * per_hz;
+        at = at < FK_TAPS / 2 - 1 ? FK_TAPS / 2 - 1 : at;
+        at = at > highest ? highest : at;
+        int below = (int)at;
+        s->bin[z] = below - (FK_TAPS / 2 - 1);
+        s->fraction[z] = (int)((at - below) * FK_FRACTIONS + 0.5);
+        double turns = kz * depth_turns - f * m->centre_s;
+        float gain = sqrtf((float)kz), re, im;
+        phasor((float)(turns - rint(turns)), &re, &im);
+        s->phase_re[z] = gain * re;
+        s->phase_im[z] = gain * im;
     }
 }
 
-static void map_row(struct fk *m, size_t kx, size_t fold, struct fk_scratch *s)
+static inline void add_wave(float *row, size_t z, float re, float im)
 {
-    double x2 = (double)kx * m->x.dk * (double)kx * m->x.dk;
-    double limit = 4.0 * M_PI * (m->f0_hz + (double)m->n_f * m->df_hz) / m->c *
-                   m->sine_max;
-    size_t plane_size = m->y.n * m->n_kz;
-    /* The planes hold the folded wavenumbers +fold and -fold. */
+    row[2 * z] += re;
+    row[2 * z + 1] += im;
+}
+
+/* Adds the map of quads onto depth wavenumbers.  Quads hold four plane waves side by
+ * side, as re, im pairs: LANES floats. */
+VECTOR_CLONES
+static void map_quad(const struct fk *m, const float *quads, size_t low, size_t high,
+                     const struct fk_scratch *s, const struct column *to)
+{
+    for (size_t z = low; z < high; z++) {
+        const float *w = m->weights + (size_t)s->fraction[z] * FK_TAPS;
+        const lanes *x = (const lanes *)(quads + 8 * (size_t)s->bin[z]);
+        lanes sum = w[0] * x[0];
+        for (int q = 1; q < FK_TAPS; q++)
+            sum += w[q] * x[q];
+        float c = s->phase_re[z], d = s->phase_im[z];
+        lanes turned = __builtin_shufflevector(sum, sum, 1, 0, 3, 2, 5, 4, 7, 6);
+        lanes y = sum * c + turned * (lanes){-d, d, -d, d, -d, d, -d, d};
+        add_wave(to->row[0], z, y[0], y[1]);
+        if (to->row[1])
+            add_wave(to->row[1], z, y[2], y[3]);
+        if (to->row[2])
+            add_wave(to->row[2], z, y[4], y[5]);
+        if (to->row[3])
+            add_wave(to->row[3], z, y[6], y[7]);
+    }
+}
+
+/* One quad: which depth wavenumbers its frequencies reach, and their map. */
+static void migrate_quad(const struct fk *m, double k_lateral2, const float *quads,
+                         struct fk_scratch *s, const struct column *to)
+{
+    double f_low = fmax(lowest_frequency(m, sqrt(k_lateral2)),
+                        m->f0_hz + (FK_TAPS / 2 - 1) * m->df_hz);
+    double f_high = m->f0_hz + (double)(m->n_f - FK_TAPS / 2 - 1) * m->df_hz;
+    size_t low = (size_t)ceil(depth_index(m, f_low, k_lateral2));
+    size_t high = (size_t)floor(depth_index(m, f_high, k_lateral2)) + 1;
+    if (high > m->n_kz)
+        high = m->n_kz;
+    if (low >= high)
+        return;
+    plan_map(m, k_lateral2, low, high, s);
+    map_quad(m, quads, low, high, s, to);
+}
+
+/* The rows of the two planes that hold folded wavenumbers +-(kx, ky). */
+static struct column find_rows(const struct fk *m, size_t kx, size_t ky, size_t fold,
+                               const struct fk_scratch *s)
+{
     size_t plus = kx % m->x.n == fold ? 0 : 1;
     size_t minus = fold == (m->x.n - fold) % m->x.n ? plus : 1 - plus;
+    size_t up = ky % m->y.n, down = (m->y.n - up) % m->y.n;
+    fftwf_complex *p = s->plane + plus * m->y.n * m->n_kz;
+    fftwf_complex *q = s->plane + minus * m->y.n * m->n_kz;
+    struct column to = {{(float *)(p + up * m->n_kz), (float *)(p + down * m->n_kz),
+                         (float *)(q + up * m->n_kz), (float *)(q + down * m->n_kz)}};
+    if (ky == 0)
+        to.row[1] = to.row[3] = NULL;
+    if (kx == 0)
+        to.row[2] = to.row[3] = NULL;
+    return to;
+}
+
+/* All plane waves of +-kx into the planes. */
+static void map_row(struct fk *m, size_t kx, size_t fold, struct fk_scratch *s)
+{
+    double limit = 4.0 * M_PI * (m->f0_hz + (double)m->n_f * m->df_hz) / m->c *
+                   m->sine_max;
+    double x2 = (double)kx * m->x.dk * (double)kx * m->x.dk;
+    double y_limit = sqrt(fmax(limit * limit - x2, 0.0)) / m->y.dk;
+    size_t n_ky = (size_t)fmin(floor(y_limit), (double)m->y.k_max) + 1;
     sum_over_x(m, kx, lowest_bin(m, sqrt(x2)), s);
-    for (size_t ky = 0; ky <= m->y.k_max; ky++) {
-        double k2 = x2 + (double)ky * m->y.dk * (double)ky * m->y.dk;
-        if (k2 > limit * limit)
-            break;
-        size_t up = ky % m->y.n, down = (m->y.n - up) % m->y.n;
-        fftwf_complex *p = s->plane + plus * plane_size,
-                      *q = s->plane + minus * plane_size;
-        struct column to = {{(float *)(p + up * m->n_kz), (float *)(p + down * m->n_kz),
-                             (float *)(q + up * m->n_kz), (float *)(q + down * m->n_kz)}};
-        if (ky == 0)
-            to.row[1] = to.row[3] = NULL;
-        if (kx == 0)
-            to.row[2] = to.row[3] = NULL;
-        sum_over_y(m, ky, lowest_bin(m, sqrt(k2)), s);
-        map_quad(m, k2, s->quads, &to);
+    for (size_t ky = 0; ky < n_ky; ky += FK_GROUP) {
+        size_t n = n_ky - ky < FK_GROUP ? n_ky - ky : FK_GROUP;
+        double y = (double)ky * m->y.dk;
+        sum_over_y(m, ky, n, lowest_bin(m, sqrt(x2 + y * y)), s);
+        for (size_t g = 0; g < n; g++) {
+            struct column to = find_rows(m, kx, ky + g, fold, s);
+            y = (double)(ky + g) * m->y.dk;
+            migrate_quad(m, x2 + y * y, s->quads + g * m->n_f * 8, s, &to);
+        }
     }
 }
 

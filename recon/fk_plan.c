@@ -10,8 +10,9 @@
 
 #define TIME_PADDING  1.9 /* keeps the spectrum smooth enough for FK_TAPS taps */
 #define STEEPEST_SINE 0.9
-#define DEPTH_PADDING 1.15 /* keeps what migrates below the grid from wrapping into it   \
-                            */
+#define DEPTH_PADDING                                                                    \
+    1.15 /* keeps what migrates below the grid from wrapping into it                     \
+          */
 
 /* A fast even length. */
 static size_t fast_size(double at_least)
@@ -67,7 +68,7 @@ static void plan_time(struct fk *m, const struct fk_config *cfg)
     double centre_hz = 0.5 * (cfg->band_hz[0] + cfg->band_hz[1]) - t->carrier_hz;
     m->first_bin = (long)floor((centre_hz - half_band) / m->df_hz) - FK_TAPS;
     long last_bin = (long)ceil((centre_hz + half_band) / m->df_hz) + FK_TAPS;
-    m->n_f = (size_t)(last_bin - m->first_bin + 1);
+    m->n_f = (size_t)(last_bin - m->first_bin + FK_X_BLOCK) / FK_X_BLOCK * FK_X_BLOCK;
     m->f0_hz = t->carrier_hz + (double)m->first_bin * m->df_hz;
     m->centre_s = t->t0_s + 0.5 * (double)(t->n_samples - 1) / t->rate_hz;
 }
@@ -88,11 +89,18 @@ static void plan_depth(struct fk *m, const struct fk_config *cfg)
     m->n_kz = (size_t)(floor(k_high / m->dkz) - (double)m->kz_first + 1.0);
 }
 
-static int plan_weights(struct fk *m)
+static int plan_tables(struct fk *m)
 {
     m->weights = fftwf_malloc((FK_FRACTIONS + 1) * FK_TAPS * sizeof *m->weights);
-    if (!m->weights)
+    m->centring = malloc(2 * m->n_f * sizeof *m->centring);
+    if (!m->weights || !m->centring)
         return -ENOMEM;
+    for (size_t q = 0; q < m->n_f; q++) {
+        double f_hz = (double)(m->first_bin + (long)q) * m->df_hz;
+        double phase = 2.0 * M_PI * f_hz * (m->centre_s - m->trace.t0_s);
+        m->centring[2 * q] = (float)cos(phase);
+        m->centring[2 * q + 1] = (float)sin(phase);
+    }
     for (size_t f = 0; f <= FK_FRACTIONS; f++) {
         double w[FK_TAPS];
         sinc_weights(FK_TAPS, 1.0 / TIME_PADDING, (double)f / FK_FRACTIONS, w);
@@ -114,14 +122,17 @@ static int allocate(struct fk *m)
     for (size_t t = 0; t < pool_threads(m->pool); t++) {
         struct fk_scratch *s = &m->scratch[t];
         s->rows = fftwf_malloc(m->y.lines * m->n_f * 4 * sizeof *s->rows);
-        s->sums = fftwf_malloc(2 * m->n_f * 4 * sizeof *s->sums);
-        s->quads = fftwf_malloc(m->n_f * 8 * sizeof *s->quads);
+        s->quads = fftwf_malloc(FK_GROUP * m->n_f * 8 * sizeof *s->quads);
+        s->bin = malloc(m->n_kz * sizeof *s->bin);
+        s->fraction = malloc(m->n_kz * sizeof *s->fraction);
+        s->phase_re = malloc(m->n_kz * sizeof *s->phase_re);
+        s->phase_im = malloc(m->n_kz * sizeof *s->phase_im);
         s->plane = fftwf_malloc(2 * m->y.n * m->n_kz * sizeof *s->plane);
         s->column = fftwf_malloc(m->nz_fft * sizeof *s->column);
         s->line = fftwf_malloc(n[2] * m->x.n * sizeof *s->line);
         s->trace = fftwf_malloc(m->nt_fft * sizeof *s->trace);
-        if (!s->rows || !s->sums || !s->quads || !s->plane || !s->column || !s->line ||
-            !s->trace)
+        if (!s->rows || !s->quads || !s->bin || !s->fraction || !s->phase_re ||
+            !s->phase_im || !s->plane || !s->column || !s->line || !s->trace)
             return -ENOMEM;
     }
     return 0;
@@ -173,7 +184,7 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
     if (!err)
         err = plan_axis(&m->y, m, 1, cfg->y_m, cfg->ny, k_limit);
     if (!err)
-        err = plan_weights(m);
+        err = plan_tables(m);
     if (!err)
         err = allocate(m);
     if (!err)
@@ -189,8 +200,11 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
 static void free_scratch(struct fk_scratch *s)
 {
     fftwf_free(s->rows);
-    fftwf_free(s->sums);
     fftwf_free(s->quads);
+    free(s->bin);
+    free(s->fraction);
+    free(s->phase_re);
+    free(s->phase_im);
     fftwf_free(s->plane);
     fftwf_free(s->column);
     fftwf_free(s->line);
@@ -209,6 +223,7 @@ void fk_destroy(struct fk *m)
         free_scratch(&m->scratch[t]);
     free(m->scratch);
     fftwf_free(m->weights);
+    free(m->centring);
     fftwf_free(m->spectrum);
     fftwf_free(m->half);
     free(m->x.cosine);

@@ -10,6 +10,11 @@
 #define FK_TAPS      8   /* of the interpolation along frequency */
 #define FK_FRACTIONS 512 /* steps of its table between two bins */
 
+#define FK_BLOCK   32 /* floats that are summed over all lines before the next */
+#define FK_X_BLOCK (FK_BLOCK / 2) /* frequencies of a block: re im */
+#define FK_Y_BLOCK (FK_BLOCK / 4) /* +kx re im, -kx re im */
+#define FK_GROUP   4              /* ky that are summed while a block is in the cache */
+
 struct fk_axis {  /* one lateral axis */
     size_t n;     /* length of the transform: period / step */
     double dk;    /* rad/m */
@@ -18,14 +23,15 @@ struct fk_axis {  /* one lateral axis */
     float *cosine, *sine; /* [k_max + 1][lines], of k (line - origin) */
 };
 
-struct fk_scratch {        /* one a thread */
-    float *rows;           /* [ny lines][n_f][4]: +kx re im, -kx re im */
-    float *sums;           /* [2][n_f][4] */
-    float *quads;          /* [n_f][8]: re im of ++ +- -+ -- */
-    fftwf_complex *plane;  /* [2][y.n][n_kz] */
-    fftwf_complex *column; /* [nz_fft] */
-    fftwf_complex *line;   /* [grid nz][x.n] */
-    fftwf_complex *trace;  /* [nt_fft] */
+struct fk_scratch {             /* one a thread */
+    float *rows;                /* [n_f / FK_Y_BLOCK][y lines][FK_BLOCK] */
+    float *quads;               /* [FK_GROUP][n_f][8]: re im of ++ +- -+ -- */
+    int *bin, *fraction;        /* [n_kz] of Stolt's map */
+    float *phase_re, *phase_im; /* [n_kz] */
+    fftwf_complex *plane;       /* [2][y.n][n_kz] */
+    fftwf_complex *column;      /* [nz_fft] */
+    fftwf_complex *line;        /* [grid nz][x.n] */
+    fftwf_complex *trace;       /* [nt_fft] */
 };
 
 struct fk {
@@ -37,10 +43,10 @@ struct fk {
 
     size_t nt_fft;       /* of the transform over time */
     double df_hz, f0_hz; /* spectrum bin q is at f0_hz + q df_hz */
-    size_t n_f;
-    long first_bin;  /* bin 0 of the spectrum in FFT order, may be negative */
-    double centre_s; /* time origin of the spectrum: the middle of the traces */
-    double depth_m;  /* of the grid's first plane below the midpoints */
+    size_t n_f;          /* a multiple of FK_X_BLOCK */
+    long first_bin;      /* bin 0 of the spectrum in FFT order, may be negative */
+    double centre_s;     /* time origin of the spectrum: the middle of the traces */
+    double depth_m;      /* of the grid's first plane below the midpoints */
 
     struct fk_axis x, y;
     size_t nz_fft;
@@ -48,8 +54,9 @@ struct fk {
     long kz_first;
     size_t n_kz;
 
+    float *centring;     /* [n_f][2]: phase that moves the origin of time to centre_s */
     float *weights;      /* [FK_FRACTIONS + 1][FK_TAPS] */
-    float *spectrum;     /* [x lines][y lines][n_f][2] */
+    float *spectrum;     /* [n_f / FK_X_BLOCK][y lines][x lines][FK_BLOCK] */
     fftwf_complex *half; /* [x.n][grid ny][grid nz]: imaged in y and z, not yet in x */
     struct fk_scratch *scratch;
     fftwf_plan time_plan, y_plan, z_plan, x_plan;

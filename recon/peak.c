@@ -4,8 +4,9 @@
 #include <stdbool.h>
 #include <string.h>
 
-#define WIDTH_SIGMAS 3.3302 /* -6 dB (a factor of 4) width of a Gaussian over its sigma  \
-                             */
+#define WIDTH_SIGMAS                                                                     \
+    3.3302 /* -6 dB (a factor of 4) width of a Gaussian over its sigma                   \
+            */
 
 static double level(const struct grid *g, const float *v, const size_t at[3],
                     const int d[3])

@@ -1,6 +1,10 @@
 /* msgs/can/frames.h -- the vehicle's view of hidden objects as CAN frames; the layout is
  * that of anlos.dbc beside this file (Intel byte order, physical = raw * factor +
- * offset). A list is one header frame, one time frame and one state frame an object. */
+ * offset). A list is one header frame, one time frame, and a state, a dynamics and a
+ * quality frame for each object.
+ *
+ * The first 16 bits of every frame are sent as 0: CRC, counter and data ID nibble of
+ * AUTOSAR E2E profile 11 in its nibble variant go there. */
 #ifndef ANLOS_MSGS_CAN_FRAMES_H
 #define ANLOS_MSGS_CAN_FRAMES_H
 
@@ -8,7 +12,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define CAN_MAX_OBJECTS 32
+#define CAN_MAX_OBJECTS       32
+#define CAN_INTERFACE_VERSION 1 /* of the layout; rises when a signal moves */
 
 enum can_id { /* added to the base identifier of the sensor */
               CAN_ID_STATUS = 0x00,
@@ -49,7 +54,7 @@ struct can_status { /* every 100 ms */
 
 struct can_list_header {
     uint8_t number;    /* objects that follow, 0..CAN_MAX_OBJECTS */
-    uint16_t counter;  /* measurement counter */
+    uint16_t counter;  /* measurement counter; its low 12 bits are sent */
     double latency_ms; /* from the capture stamp to sending: the age of the list */
     double cycle_ms;
     bool truncated; /* there were more objects than fit */
@@ -67,7 +72,9 @@ struct can_object {
     double length_m, width_m;
 };
 
-/* Each writes one frame.  Values outside a signal's range are clamped to it. */
+/* Each writes one frame.  Values outside a signal's range are clamped to it (x +-81.9 m,
+ * y +-40.94 m, z +-12.75 m, the rest in anlos.dbc); NaN is sent as the signal's raw value
+ * for not available.  Standard deviations are rounded up. */
 void can_pack_status(struct can_frame_data *out, uint32_t base,
                      const struct can_status *s);
 void can_pack_list_header(struct can_frame_data *out, uint32_t base,

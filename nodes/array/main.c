@@ -55,7 +55,8 @@ static void take(struct run *r, const struct node_message *in)
     node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
     if (in->topic != topic_fire())
         return;
-    if (shooter_fire(r->shooter, (const Anlos__FireCommand *)in->content, &why))
+    if (shooter_fire(r->shooter, (const Anlos__FireCommand *)in->content, in->epoch_ns,
+                     &why))
         node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
 }
 

@@ -20,6 +20,9 @@ struct shooter {
     struct shot shots[MAX_SHOTS]; /* a ring; the first is the one under way */
     size_t first, n_shots;
     bool fired; /* the first one has been given to the array */
+    bool commanded;
+    uint32_t newest_id; /* of the commands taken, and who sent it */
+    int64_t newest_epoch_ns;
     struct tensor_view samples;
 };
 
@@ -82,11 +85,12 @@ static int check_command(const struct shooter *s, const Anlos__FireCommand *c,
     return 0;
 }
 
-int shooter_fire(struct shooter *s, const Anlos__FireCommand *command,
+int shooter_fire(struct shooter *s, const Anlos__FireCommand *command, int64_t epoch_ns,
                  struct complaint *why)
 {
+    if (s->commanded && command->id == s->newest_id && epoch_ns == s->newest_epoch_ns)
+        return 0;
     int err = check_command(s, command, why);
-
     if (err)
         return err;
     if (s->n_shots == MAX_SHOTS)
@@ -99,6 +103,9 @@ int shooter_fire(struct shooter *s, const Anlos__FireCommand *command,
     memcpy(shot->speakers, command->speakers,
            command->n_speakers * sizeof *shot->speakers);
     s->n_shots++;
+    s->commanded = true;
+    s->newest_id = command->id;
+    s->newest_epoch_ns = epoch_ns;
     return 0;
 }
 

@@ -37,7 +37,8 @@ int compression_from_name(const char *name, enum compression *out)
 }
 
 static int create_deramp(struct deramp **out, const struct processing *p,
-                         const struct survey *s, enum window window, struct complaint *why)
+                         const struct survey *s, enum window window,
+                         struct complaint *why)
 {
     struct deramp_config cfg = {
         .sample_rate_hz = s->sample_rate_hz,

@@ -1,5 +1,6 @@
 /* nodes/rt/compressor.h -- raw pings to traces by the way that was asked for: matched
- * filter (dsp/pulse_compress.h) or the paper's deramp (dsp/deramp.h), one face for both. */
+ * filter (dsp/pulse_compress.h) or the paper's deramp (dsp/deramp.h), one face for both.
+ */
 #ifndef ANLOS_NODES_RT_COMPRESSOR_H
 #define ANLOS_NODES_RT_COMPRESSOR_H
 

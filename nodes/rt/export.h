@@ -38,6 +38,12 @@ int export_projections(const char *folder, const struct grid *grid,
                        const float *intensity, const Anlos__DetectionList *detections,
                        struct complaint *why);
 
+/* One of them, 0..EXPORT_PROJECTIONS-1: threads may draw different ones at once. */
+#define EXPORT_PROJECTIONS 3
+int export_projection(const char *folder, size_t which, const struct grid *grid,
+                      const float *intensity, const Anlos__DetectionList *detections,
+                      struct complaint *why);
+
 /* detections.json. */
 int export_detections(const char *folder, const Anlos__DetectionList *detections,
                       struct complaint *why);

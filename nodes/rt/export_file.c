@@ -18,7 +18,8 @@ int export_file_open(struct export_file *e, const char *folder, const char *name
     if (fd < 0)
         return complain(why, -errno, "%s: cannot be written: %s", e->path,
                         strerror(errno));
-    /* mkstemp makes a private file; what is exported is for everybody whom umask allows. */
+    /* mkstemp makes a private file; what is exported is for everybody whom umask allows.
+     */
     mode_t mask = umask(0);
     umask(mask);
     e->f = fchmod(fd, 0666 & ~mask) ? NULL : fdopen(fd, "wb");

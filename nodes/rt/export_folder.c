@@ -100,8 +100,8 @@ int export_stage_begin(struct export_stage *stage, const char *folder,
 }
 
 /* Calls visit for each entry of a folder; stops at the first that fails. */
-static int each_entry(const char *folder, int (*visit)(const char *folder,
-                                                       const char *name, void *ctx),
+static int each_entry(const char *folder,
+                      int (*visit)(const char *folder, const char *name, void *ctx),
                       void *ctx)
 {
     DIR *d = opendir(folder);

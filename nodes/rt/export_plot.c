@@ -1,8 +1,10 @@
 #include "nodes/rt/export_plot.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 #include "nodes/rt/export_colour.h"
 
@@ -20,7 +22,7 @@
 #define TEXT       19.0
 #define TITLE_TEXT 23.0
 
-struct page { /* where the image lies, and how metres become units */
+struct page {          /* where the image lies, and how metres become units */
     double x, y, w, h; /* y: top */
     double min_m[2], max_m[2];
     double width, height;
@@ -64,49 +66,55 @@ static uint32_t pixel(double t)
 /* The map in steps that the eye does not see: cheaper than a polynomial a pixel. */
 #define SHADES 512
 
-static void paint_pixels(const struct plot *plot, const struct page *page, uint8_t *data,
-                         int stride, int w, int h)
+static void paint_pixels(const struct plot *plot, const float *amplitude,
+                         cairo_surface_t *image)
 {
+    int w = cairo_image_surface_get_width(image),
+        h = cairo_image_surface_get_height(image);
+    size_t stride = (size_t)cairo_image_surface_get_stride(image);
+    uint8_t *data = cairo_image_surface_get_data(image);
     uint32_t shade[SHADES];
+
     for (int i = 0; i < SHADES; i++)
         shade[i] = pixel((double)i / (SHADES - 1));
-    double across = (page->max_m[0] - page->min_m[0]) / w;
-    double up = (page->max_m[1] - page->min_m[1]) / h;
+    float per_peak = plot->peak > 0.0 ? (float)(1.0 / plot->peak) : 0.0f;
+    float per_decade = (float)(20.0 / plot->range_db);
     for (int r = 0; r < h; r++) {
-        uint32_t *row = (uint32_t *)(void *)(data + (size_t)r * (size_t)stride);
-        double up_m = page->max_m[1] - (r + 0.5) * up;
+        uint32_t *row = (uint32_t *)(void *)(data + (size_t)r * stride);
         for (int c = 0; c < w; c++) {
-            double a = projection_at(plot->amplitude, page->min_m[0] + (c + 0.5) * across,
-                                     up_m);
-            double db = a > 0.0 && plot->peak > 0.0 ? 20.0 * log10(a / plot->peak)
-                                                    : -INFINITY;
-            double t = fmin(fmax(1.0 + db / plot->range_db, 0.0), 1.0);
-            row[c] = shade[lrint(t * (SHADES - 1))];
+            float a =
+                fmaxf(amplitude[(size_t)r * (size_t)w + (size_t)c] * per_peak, 1e-9f);
+            float t = fminf(fmaxf(1.0f + per_decade * log10f(a), 0.0f), 1.0f);
+            row[c] = shade[(int)(t * (SHADES - 1) + 0.5f)];
         }
     }
 }
 
-static void draw_image(cairo_t *cr, const struct plot *plot, const struct page *page)
+static int draw_image(cairo_t *cr, const struct plot *plot, const struct page *page)
 {
-    int w = (int)lrint(FINENESS * page->w), h = (int)lrint(FINENESS * page->h);
-    cairo_surface_t *image =
-        cairo_image_surface_create(CAIRO_FORMAT_RGB24, w > 0 ? w : 1, h > 0 ? h : 1);
-    if (cairo_surface_status(image) == CAIRO_STATUS_SUCCESS) {
+    int w = (int)fmax(lrint(FINENESS * page->w), 1.0);
+    int h = (int)fmax(lrint(FINENESS * page->h), 1.0);
+    float *amplitude = malloc((size_t)w * (size_t)h * sizeof *amplitude);
+    cairo_surface_t *image = cairo_image_surface_create(CAIRO_FORMAT_RGB24, w, h);
+    int err = amplitude && cairo_surface_status(image) == CAIRO_STATUS_SUCCESS ? 0
+                                                                               : -ENOMEM;
+    if (!err)
+        err = projection_resample(plot->amplitude, (size_t)w, (size_t)h, amplitude);
+    if (!err) {
         cairo_surface_flush(image);
-        paint_pixels(plot, page, cairo_image_surface_get_data(image),
-                     cairo_image_surface_get_stride(image),
-                     cairo_image_surface_get_width(image),
-                     cairo_image_surface_get_height(image));
+        paint_pixels(plot, amplitude, image);
         cairo_surface_mark_dirty(image);
+        cairo_save(cr);
+        cairo_translate(cr, page->x, page->y);
+        cairo_scale(cr, page->w / w, page->h / h);
+        cairo_set_source_surface(cr, image, 0.0, 0.0);
+        cairo_pattern_set_filter(cairo_get_source(cr), CAIRO_FILTER_NEAREST);
+        cairo_paint(cr);
+        cairo_restore(cr);
     }
-    cairo_save(cr);
-    cairo_translate(cr, page->x, page->y);
-    cairo_scale(cr, 1.0 / FINENESS, 1.0 / FINENESS);
-    cairo_set_source_surface(cr, image, 0.0, 0.0); /* a failed surface fails cr */
-    cairo_pattern_set_filter(cairo_get_source(cr), CAIRO_FILTER_NEAREST);
-    cairo_paint(cr);
-    cairo_restore(cr);
     cairo_surface_destroy(image);
+    free(amplitude);
+    return err;
 }
 
 enum anchor { ANCHOR_LEFT, ANCHOR_CENTRE, ANCHOR_RIGHT };
@@ -119,7 +127,9 @@ static void draw_text(cairo_t *cr, double x, double y, double size, enum anchor 
     cairo_set_font_size(cr, size);
     cairo_text_extents(cr, text, &e);
     cairo_text_extents(cr, "0", &digit);
-    x -= anchor == ANCHOR_RIGHT ? e.x_advance : anchor == ANCHOR_CENTRE ? e.x_advance / 2 : 0;
+    x -= anchor == ANCHOR_RIGHT    ? e.x_advance
+         : anchor == ANCHOR_CENTRE ? e.x_advance / 2
+                                   : 0;
     cairo_move_to(cr, x, y + digit.height / 2);
     cairo_show_text(cr, text);
 }
@@ -132,7 +142,8 @@ static double tick_step(double span, double n)
     return decade * (steps <= 1.0 ? 1.0 : steps <= 2.0 ? 2.0 : steps <= 5.0 ? 5.0 : 10.0);
 }
 
-static void draw_axis(cairo_t *cr, const struct plot *plot, const struct page *p, int axis)
+static void draw_axis(cairo_t *cr, const struct plot *plot, const struct page *p,
+                      int axis)
 {
     double min = p->min_m[axis], max = p->max_m[axis];
     double step = tick_step(max - min, fmax((axis ? p->h : p->w) / 75.0, 2.0));
@@ -250,15 +261,15 @@ cairo_surface_t *plot_draw(const struct plot *plot)
 {
     struct page page;
     lay_out(&page, plot);
-    cairo_surface_t *surface = cairo_image_surface_create(
-        CAIRO_FORMAT_RGB24, (int)lrint(FINENESS * page.width),
-        (int)lrint(FINENESS * page.height));
+    cairo_surface_t *surface =
+        cairo_image_surface_create(CAIRO_FORMAT_RGB24, (int)lrint(FINENESS * page.width),
+                                   (int)lrint(FINENESS * page.height));
     cairo_t *cr = cairo_create(surface);
 
     cairo_scale(cr, FINENESS, FINENESS);
     cairo_set_source_rgb(cr, 1.0, 1.0, 1.0);
     cairo_paint(cr);
-    draw_image(cr, plot, &page);
+    int err = draw_image(cr, plot, &page);
     cairo_select_font_face(cr, "DejaVu Sans", CAIRO_FONT_SLANT_NORMAL,
                            CAIRO_FONT_WEIGHT_NORMAL);
     cairo_set_line_join(cr, CAIRO_LINE_JOIN_ROUND);
@@ -273,10 +284,11 @@ cairo_surface_t *plot_draw(const struct plot *plot)
     for (size_t i = 0; i < plot->n_marks; i++)
         draw_mark(cr, &page, &plot->marks[i]);
 
-    int failed = cairo_status(cr) != CAIRO_STATUS_SUCCESS;
+    if (cairo_status(cr) != CAIRO_STATUS_SUCCESS)
+        err = -ENOMEM;
     cairo_destroy(cr);
     cairo_surface_flush(surface);
-    if (!failed)
+    if (!err)
         return surface;
     cairo_surface_destroy(surface);
     return NULL;

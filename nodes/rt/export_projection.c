@@ -35,38 +35,66 @@ int projection_create(struct projection *out, const struct grid *grid,
     return 0;
 }
 
-static void catmull_rom(double t, double w[4])
-{
-    w[0] = t * (-0.5 + t * (1.0 - 0.5 * t));
-    w[1] = 1.0 + t * t * (1.5 * t - 2.5);
-    w[2] = t * (0.5 + t * (2.0 - 1.5 * t));
-    w[3] = t * t * (0.5 * t - 0.5);
-}
+/* Where a pixel's centre lies among the samples of an axis. */
+struct taps {
+    size_t index[4]; /* held inside */
+    float weight[4]; /* Catmull-Rom */
+};
 
-/* Indices of the four samples around a point, held inside, and their weights. */
-static void locate(const struct projection *p, int axis, double at_m, size_t index[4],
-                   double w[4])
+static struct taps *taps_create(size_t n_samples, size_t n_pixels)
 {
-    double last = (double)p->n[axis] - 1.0;
-    double at = fmin(fmax((at_m - p->origin_m[axis]) / p->step_m[axis], 0.0), last);
-    double before = floor(at);
-    for (int i = 0; i < 4; i++)
-        index[i] = (size_t)fmin(fmax(before - 1.0 + i, 0.0), last);
-    catmull_rom(at - before, w);
-}
-
-double projection_at(const struct projection *p, double across_m, double up_m)
-{
-    size_t ix[4], iy[4];
-    double wx[4], wy[4], sum = 0.0;
-    locate(p, 0, across_m, ix, wx);
-    locate(p, 1, up_m, iy, wy);
-    for (int j = 0; j < 4; j++) {
-        const float *row = p->value + iy[j] * p->n[0];
-        for (int i = 0; i < 4; i++)
-            sum += wy[j] * wx[i] * (double)row[ix[i]];
+    struct taps *all = malloc(n_pixels * sizeof *all);
+    double last = (double)n_samples - 1.0;
+    for (size_t k = 0; all && k < n_pixels; k++) {
+        double at = ((double)k + 0.5) * (double)n_samples / (double)n_pixels - 0.5;
+        at = fmin(fmax(at, 0.0), last);
+        double t = at - floor(at);
+        const double w[4] = {
+            t * (-0.5 + t * (1.0 - 0.5 * t)),
+            1.0 + t * t * (1.5 * t - 2.5),
+            t * (0.5 + t * (2.0 - 1.5 * t)),
+            t * t * (0.5 * t - 0.5),
+        };
+        for (int i = 0; i < 4; i++) {
+            all[k].index[i] = (size_t)fmin(fmax(floor(at) - 1.0 + i, 0.0), last);
+            all[k].weight[i] = (float)w[i];
+        }
     }
-    return fmax(sum, 0.0);
+    return all;
+}
+
+static void widen_row(const float *row, const struct taps *taps, size_t w, float *out)
+{
+    for (size_t c = 0; c < w; c++) {
+        const struct taps *t = &taps[c];
+        out[c] = t->weight[0] * row[t->index[0]] + t->weight[1] * row[t->index[1]] +
+                 t->weight[2] * row[t->index[2]] + t->weight[3] * row[t->index[3]];
+    }
+}
+
+int projection_resample(const struct projection *p, size_t w, size_t h, float *out)
+{
+    struct taps *across = taps_create(p->n[0], w), *up = taps_create(p->n[1], h);
+    float *wide = malloc(p->n[1] * w * sizeof *wide); /* [n[1]][w] */
+    int err = across && up && wide ? 0 : -ENOMEM;
+
+    for (size_t r = 0; !err && r < p->n[1]; r++)
+        widen_row(p->value + r * p->n[0], across, w, wide + r * w);
+    for (size_t r = 0; !err && r < h; r++) {
+        const struct taps *t = &up[h - 1 - r];
+        const float *in[4];
+        for (int i = 0; i < 4; i++)
+            in[i] = wide + t->index[i] * w;
+        for (size_t c = 0; c < w; c++) {
+            float v = t->weight[0] * in[0][c] + t->weight[1] * in[1][c] +
+                      t->weight[2] * in[2][c] + t->weight[3] * in[3][c];
+            out[r * w + c] = v > 0.0f ? v : 0.0f;
+        }
+    }
+    free(wide);
+    free(up);
+    free(across);
+    return err;
 }
 
 void projection_edges(const struct projection *p, int axis, double *min, double *max)

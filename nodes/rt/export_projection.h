@@ -17,9 +17,10 @@ struct projection { /* across and up: the picture's axes, 0..2 for x, y, z */
 int projection_create(struct projection *out, const struct grid *grid,
                       const float *volume, int across, int up);
 
-/* The value at a point in m: Catmull-Rom between samples, the border's value outside,
- * never below 0. */
-double projection_at(const struct projection *p, double across_m, double up_m);
+/* The picture on w x h pixels, which cover the cells up to their outer edges: out[h][w],
+ * row 0 on top.  Catmull-Rom between samples, the border's value outside, never below 0.
+ * 0, -ENOMEM. */
+int projection_resample(const struct projection *p, size_t w, size_t h, float *out);
 
 /* The outer edges of the samples' cells. */
 void projection_edges(const struct projection *p, int axis, double *min, double *max);

@@ -15,7 +15,7 @@ struct view {
     int across, up;
 };
 
-static const struct view views[3] = {
+static const struct view views[EXPORT_PROJECTIONS] = {
     {"projection_xy.png", "Front view, maximum over z", 0, 1},
     {"projection_xz.png", "Top view, maximum over y", 0, 2},
     {"projection_yz.png", "Side view, maximum over x", 2, 1},
@@ -38,8 +38,8 @@ static struct plot_mark *make_marks(const Anlos__DetectionList *list,
         const Anlos__Detection *d = list->detections[i];
         if (!d->virtual_m)
             continue;
-        marks[(*n)++] = (struct plot_mark){
-            component(d->virtual_m, view->across), component(d->virtual_m, view->up), d->id};
+        marks[(*n)++] = (struct plot_mark){component(d->virtual_m, view->across),
+                                           component(d->virtual_m, view->up), d->id};
     }
     return marks;
 }
@@ -66,10 +66,11 @@ static int write_png(const char *folder, const char *name, cairo_surface_t *surf
     return export_file_commit(&e, why);
 }
 
-static int export_view(const char *folder, const struct view *view,
-                       const struct grid *grid, const float *intensity,
-                       const Anlos__DetectionList *detections, struct complaint *why)
+int export_projection(const char *folder, size_t which, const struct grid *grid,
+                      const float *intensity, const Anlos__DetectionList *detections,
+                      struct complaint *why)
 {
+    const struct view *view = &views[which];
     struct projection p = {0};
     struct plot plot = {.title = view->title,
                         .label = {labels[view->across], labels[view->up]},
@@ -100,8 +101,8 @@ int export_projections(const char *folder, const struct grid *grid,
                        const float *intensity, const Anlos__DetectionList *detections,
                        struct complaint *why)
 {
-    for (size_t i = 0; i < sizeof views / sizeof *views; i++) {
-        int err = export_view(folder, &views[i], grid, intensity, detections, why);
+    for (size_t i = 0; i < EXPORT_PROJECTIONS; i++) {
+        int err = export_projection(folder, i, grid, intensity, detections, why);
         if (err)
             return err;
     }

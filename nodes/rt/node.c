@@ -315,6 +315,9 @@ int node_finish(struct node *n, int err)
     case -ENOENT:
     case -ENODEV:
     case -ENOTSUP:
+    case -EACCES:
+    case -ENOTDIR:
+    case -EROFS:
         return NODE_EXIT_BAD_CONFIG;
     default:
         return NODE_EXIT_FAILED;

@@ -56,7 +56,8 @@ void node_log(const struct node *n, enum log_level level, const char *format, ..
     __attribute__((format(printf, 3, 4)));
 
 /* Closes all and returns the process's exit code: 0 if err is 0 or -ESHUTDOWN, 2 if it is
- * -EINVAL, -ENOENT, -ENODEV or -ENOTSUP (no use in starting it again), else 1. */
+ * one of configuration (-EINVAL, -ENOENT, -ENODEV, -ENOTSUP, -EACCES, -ENOTDIR, -EROFS:
+ * no use in starting it again), else 1. */
 int node_finish(struct node *n, int err);
 
 #endif

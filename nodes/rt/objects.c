@@ -21,7 +21,8 @@ static Anlos__Vec3 *vec3_create(const double v[3])
 
 /* out = R c R^T with the columns of R = the frame's axes as the vehicle sees them, taken
  * from where survey_to_vehicle puts them. */
-static void covariance_to_vehicle(const struct survey *s, const double c[6], double out[6])
+static void covariance_to_vehicle(const struct survey *s, const double c[6],
+                                  double out[6])
 {
     static const int at[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
     static const double zero[3] = {0.0, 0.0, 0.0};

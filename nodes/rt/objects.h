@@ -10,9 +10,9 @@
 
 #define OBJECTS_MAX 64
 
-/* Detects and converts: strongest first, ids from 1.  Without a wall the positions are the
- * virtual ones (mirrored = false), without a mount they stay in the array frame.  Free the
- * list with objects_free.  0, -ENOMEM. */
+/* Detects and converts: strongest first, ids from 1.  Without a wall the positions are
+ * the virtual ones (mirrored = false), without a mount they stay in the array frame. Free
+ * the list with objects_free.  0, -ENOMEM. */
 int objects_find(Anlos__DetectionList **out, const struct survey *s,
                  const struct detect_config *cfg, const struct grid *grid,
                  const float *intensity);

@@ -20,8 +20,8 @@ static void plan_geometry(struct geometry *g, const struct survey *s)
     g->n_speakers = s->n_speakers;
     g->n_microphones = s->n_microphones;
     g->n_positions = s->n_positions;
-    g->speakers_m = (const double (*)[3])s->speakers_m;
-    g->microphones_m = (const double (*)[3])s->microphones_m;
+    g->speakers_m = (const double(*)[3])s->speakers_m;
+    g->microphones_m = (const double(*)[3])s->microphones_m;
     memcpy(g->stage_axis, s->stage_axis, sizeof g->stage_axis);
     g->stage_positions_m = s->stage_positions_m;
 }
@@ -59,22 +59,25 @@ static int plan_gate(struct processing *p, const struct survey *s, double reach_
         p->gate_m[0] = s->gate_m[0];
         p->gate_m[1] = s->gate_m[1];
         if (!(p->gate_m[0] >= 0.0 && p->gate_m[0] < p->gate_m[1]))
-            return complain(why, -EINVAL, "gate_m: expected 0 <= near < far, not [%g, %g]",
+            return complain(why, -EINVAL,
+                            "gate_m: expected 0 <= near < far, not [%g, %g]",
                             p->gate_m[0], p->gate_m[1]);
         if (p->gate_m[1] > reach_m)
-            return complain(why, -EINVAL,
-                            "gate_m: far end %g m lies beyond the slot; at most %.2f m fits "
-                            "slot_samples %zu at %g Hz",
-                            p->gate_m[1], reach_m, s->slot_samples, s->sample_rate_hz);
+            return complain(
+                why, -EINVAL,
+                "gate_m: far end %g m lies beyond the slot; at most %.2f m fits "
+                "slot_samples %zu at %g Hz",
+                p->gate_m[1], reach_m, s->slot_samples, s->sample_rate_hz);
         return 0;
     }
     p->gate_m[0] = nearest_m;
     p->gate_m[1] = fmin(GATE_FAR_M, reach_m);
     if (p->gate_m[1] <= p->gate_m[0])
-        return complain(why, -EINVAL,
-                        "slot_samples: %zu samples reach %.2f m, but the gate can only begin "
-                        "at %.2f m, behind the direct path; give gate_m or a longer slot",
-                        s->slot_samples, reach_m, nearest_m);
+        return complain(
+            why, -EINVAL,
+            "slot_samples: %zu samples reach %.2f m, but the gate can only begin "
+            "at %.2f m, behind the direct path; give gate_m or a longer slot",
+            s->slot_samples, reach_m, nearest_m);
     return 0;
 }
 
@@ -95,11 +98,11 @@ static int fit_gate_to_volume(struct processing *p, const struct survey *s,
         p->gate_m[1] = half_c * fmin(delays_s[1], reach_s);
     }
     if (half_c * delays_s[1] <= p->gate_m[0] || half_c * delays_s[0] >= p->gate_m[1])
-        return complain(why, -EINVAL,
-                        "volume: z_m lies %.2f to %.2f m away, outside the gate of %.2f to "
-                        "%.2f m; change gate_m or volume",
-                        half_c * delays_s[0], half_c * delays_s[1], p->gate_m[0],
-                        p->gate_m[1]);
+        return complain(
+            why, -EINVAL,
+            "volume: z_m lies %.2f to %.2f m away, outside the gate of %.2f to "
+            "%.2f m; change gate_m or volume",
+            half_c * delays_s[0], half_c * delays_s[1], p->gate_m[0], p->gate_m[1]);
     return 0;
 }
 
@@ -117,12 +120,13 @@ int processing_plan(struct processing *out, const struct survey *s, struct compl
         return err;
 
     if (s->has_volume) {
-        err = grid_from_limits(&p.grid, (const double (*)[3])s->volume_m);
+        err = grid_from_limits(&p.grid, (const double(*)[3])s->volume_m);
         if (err)
-            return complain(why, err, err == -EFBIG ? "volume: too many voxels; expected at "
-                                                      "most 2^28, use larger steps"
-                                                    : "volume: expected [min, max, step] "
-                                                      "with max >= min and step > 0");
+            return complain(why, err,
+                            err == -EFBIG ? "volume: too many voxels; expected at "
+                                            "most 2^28, use larger steps"
+                                          : "volume: expected [min, max, step] "
+                                            "with max >= min and step > 0");
     } else {
         grid_default(&p.grid, &p.geometry, p.gate_m, p.band_hz);
     }
@@ -135,7 +139,8 @@ int processing_plan(struct processing *out, const struct survey *s, struct compl
 
     p.gate_s[0] = fmax(2.0 * p.gate_m[0] / s->sound_speed_m_s, delays_s[0]);
     p.gate_s[1] = fmin(delays_s[1], reach_s);
-    double ping = s->latency_samples + (p.gate_s[1] + s->chirp_duration_s) * s->sample_rate_hz;
+    double ping = s->latency_samples +
+                  (p.gate_s[1] + s->chirp_duration_s) * s->sample_rate_hz;
     p.ping_samples = (size_t)ceil(ping) + TAIL_MARGIN_SAMPLES;
     if (p.ping_samples < s->slot_samples)
         p.ping_samples = s->slot_samples;
@@ -215,8 +220,8 @@ int processing_imager(struct imager **out, const struct processing *p, const cha
             size_t used = strlen(known);
             snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "", m);
         }
-        return complain(why, err, "method '%s': no such method; expected one of %s", method,
-                        known);
+        return complain(why, err, "method '%s': no such method; expected one of %s",
+                        method, known);
     }
     if (err == -ENOTSUP)
         return complain(why, err, "method '%s' cannot image this survey: %s", method,

@@ -10,6 +10,8 @@
 #include "nodes/scan/ledger.h"
 #include "nodes/scan/peers.h"
 
+#define RESEND_NS 500000000LL /* of a fire command that no ping has answered */
+
 struct scan {
     struct scan_config cfg;
     struct peers peers;
@@ -18,9 +20,12 @@ struct scan {
     uint64_t survey_id;
     size_t n_positions, n_speakers;
     double *positions_m; /* [n_positions] */
-    uint32_t *speakers;  /* [n_speakers], of the command given out last */
+    uint32_t *speakers;  /* [n_speakers], scratch */
     uint32_t number;     /* of the scan, from 1 */
-    uint32_t fire_id;
+    Anlos__FireCommand command; /* given out last */
+    uint32_t *fired;            /* [n_speakers], its speakers */
+    bool answered;              /* by a ping */
+    int64_t fired_ns;           /* when it was sent, or sent again */
     size_t position;
     int64_t sign_ns;  /* last sign of life of what is under way */
     int64_t start_ns; /* 0: not yet running */
@@ -87,9 +92,11 @@ int scan_survey(struct scan *s, const Anlos__Survey *survey)
         return err;
     double *positions = calloc(size.n_positions, sizeof *positions);
     uint32_t *speakers = calloc(size.n_speakers, sizeof *speakers);
-    if (!positions || !speakers) {
+    uint32_t *fired = calloc(size.n_speakers, sizeof *fired);
+    if (!positions || !speakers || !fired) {
         free(positions);
         free(speakers);
+        free(fired);
         ledger_destroy(ledger);
         return -ENOMEM;
     }
@@ -97,6 +104,9 @@ int scan_survey(struct scan *s, const Anlos__Survey *survey)
     ledger_destroy(s->ledger);
     free(s->positions_m);
     free(s->speakers);
+    free(s->fired);
+    s->fired = fired;
+    s->answered = true;
     s->ledger = ledger;
     s->positions_m = positions;
     s->speakers = speakers;
@@ -126,6 +136,7 @@ void scan_ping(struct scan *s, const Anlos__Ping *ping, int64_t now_ns)
     if (!s->ledger || ping->scan != s->number)
         return;
     s->sign_ns = now_ns;
+    s->answered = true;
     ledger_recorded(s->ledger, &p);
 }
 
@@ -163,25 +174,35 @@ static void fail(struct scan *s, const char *who, const char *what)
     snprintf(s->text, sizeof s->text, "%s: %s", who, what);
 }
 
+static void send_command(struct scan *s, int64_t now_ns, struct scan_action *out)
+{
+    s->fired_ns = now_ns;
+    out->fire = true;
+    out->fire_command = s->command;
+}
+
 static void fire(struct scan *s, Anlos__Pass pass, size_t n, int64_t now_ns,
                  struct scan_action *out)
 {
-    Anlos__FireCommand *c = &out->fire_command;
+    Anlos__FireCommand *c = &s->command;
+    uint32_t id = c->id + 1;
 
     for (size_t i = 0; i < n; i++) {
         const struct ledger_ping ping = {pass, s->position, s->speakers[i]};
+        s->fired[i] = s->speakers[i];
         ledger_fire(s->ledger, &ping);
     }
-    s->sign_ns = now_ns;
-    out->fire = true;
-    c->id = ++s->fire_id;
+    anlos__fire_command__init(c);
+    c->id = id;
     c->scan = s->number;
     c->pass = pass;
     c->position = (uint32_t)s->position;
-    c->stage_m =
-        s->cfg.has_stage ? s->carriage.position_m : s->positions_m[s->position];
+    c->stage_m = s->cfg.has_stage ? s->carriage.position_m : s->positions_m[s->position];
     c->n_speakers = n;
-    c->speakers = s->speakers;
+    c->speakers = s->fired;
+    s->answered = false;
+    s->sign_ns = now_ns;
+    send_command(s, now_ns, out);
 }
 
 /* true: the stage stands where it should. */
@@ -246,9 +267,13 @@ static void advance(struct scan *s, int64_t now_ns, const struct ledger_count *c
     Anlos__Pass pass = ledger_pass(s->ledger);
     size_t next;
 
-    /* The stage must stand still while the array records. */
-    if (count->recording)
+    /* The stage must stand still while the array records.  A command may have been lost
+     * on its way; the array knows one that it has had. */
+    if (count->recording) {
+        if (!s->answered && now_ns - s->fired_ns >= RESEND_NS)
+            send_command(s, now_ns, out);
         return;
+    }
     next = nearest_missing(s, pass);
     if (next == s->n_positions)
         return;
@@ -320,5 +345,6 @@ void scan_destroy(struct scan *s)
     ledger_destroy(s->ledger);
     free(s->positions_m);
     free(s->speakers);
+    free(s->fired);
     free(s);
 }

@@ -27,7 +27,7 @@ struct scan_config {
     size_t n_needs;
 };
 
-struct scan_action { /* what to publish; fire.speakers borrows from the scan */
+struct scan_action { /* what to publish; the speakers are the scan's */
     bool move, fire;
     Anlos__StageCommand stage_command;
     Anlos__FireCommand fire_command;

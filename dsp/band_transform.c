@@ -1,0 +1,371 @@
+#include "dsp/band_transform.h"
+
+#include <errno.h>
+#include <fftw3.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "dsp/fft_plan.h"
+#include "dsp/fft_size.h"
+#include "dsp/vector.h"
+
+#define MAX_STREAMS 32
+#define BLOCK       32 /* samples that the vector loops take at once */
+
+struct band_transform {
+    struct band_transform_layout layout;
+    size_t n_forward, n_inverse; /* m, m': multiples of BLOCK */
+    size_t first;                /* bin 0 of stream s is R first + s of L */
+    float *roots;                /* [R/2][R][2] */
+    float *twiddle;              /* [R/2][2][m], real parts and imaginary parts */
+    float *step, *shift;         /* [2][n_output rounded up to BLOCK] */
+    float *row;                  /* [m], the last one, filled up with zeros */
+    float *mixed, *spectrum;     /* [R/2][m][2] */
+    float *product, *output;     /* [R][m'][2] */
+    fftwf_plan forward, inverse; /* of one stream */
+};
+
+/* Planar to interleaved. */
+#define INTERLEAVE_LOW(a, b)                                                             \
+    __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23)
+#define INTERLEAVE_HIGH(a, b)                                                            \
+    __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30,  \
+                            15, 31)
+/* And back. */
+#define EVENS(a, b)                                                                      \
+    __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, \
+                            30)
+#define ODDS(a, b)                                                                       \
+    __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, \
+                            31)
+
+/* One stream before its transform: the sum over the rows, turned by its twiddle. */
+VECTOR_CLONES static void rows_mix(float *restrict out, const float *const *rows,
+                                   size_t n_rows, const float *restrict root,
+                                   const float *restrict twiddle, size_t m)
+{
+    for (size_t i = 0; i < m; i += VECTOR_LANES) {
+        vector16 tr = *(const vector16 *)(twiddle + i);
+        vector16 ti = *(const vector16 *)(twiddle + m + i);
+        vector16 re = {0}, im = {0};
+        vector16 *y = (vector16 *)(out + 2 * i);
+
+        for (size_t r = 0; r < n_rows; r++) {
+            vector16 x = *(const vector16 *)(rows[r] + i);
+            re += root[2 * r] * x;
+            im += root[2 * r + 1] * x;
+        }
+        vector16 a = re * tr - im * ti, b = re * ti + im * tr;
+        y[0] = INTERLEAVE_LOW(a, b);
+        y[1] = INTERLEAVE_HIGH(a, b);
+    }
+}
+
+VECTOR_CLONES static void bins_multiply(float *restrict y, const float *restrict x,
+                                        const float *restrict h, size_t n)
+{
+    for (size_t k = 0; k < n; k++) {
+        float re = x[2 * k], im = x[2 * k + 1];
+        y[2 * k] = re * h[2 * k] - im * h[2 * k + 1];
+        y[2 * k + 1] = re * h[2 * k + 1] + im * h[2 * k];
+    }
+}
+
+/* The same of the conjugates, from x downwards: a stream's partner. */
+VECTOR_CLONES static void bins_multiply_mirrored(float *restrict y,
+                                                 const float *restrict x,
+                                                 const float *restrict h, size_t n)
+{
+    for (size_t k = 0; k < n; k++) {
+        const float *z = x - 2 * k;
+        float re = z[0], im = -z[1];
+        y[2 * k] = re * h[2 * k] - im * h[2 * k + 1];
+        y[2 * k + 1] = re * h[2 * k + 1] + im * h[2 * k];
+    }
+}
+
+/* y[i] = shift[i] * sum over s of v[s][i] step[i]^s for a block, by Horner's rule: v is
+ * [n_streams][stride], and step the phase that a bin is ahead of the one before it. */
+VECTOR_CLONES static void block_combine(float *restrict y, const float *restrict v,
+                                        size_t n_streams, size_t stride,
+                                        const float *restrict step,
+                                        const float *restrict shift, size_t n_table)
+{
+    for (size_t i = 0; i < BLOCK; i += VECTOR_LANES) {
+        vector16 sr = *(const vector16 *)(step + i);
+        vector16 si = *(const vector16 *)(step + n_table + i);
+        vector16 hr = *(const vector16 *)(shift + i);
+        vector16 hi = *(const vector16 *)(shift + n_table + i);
+        vector16 re = {0}, im = {0};
+        vector16 *out = (vector16 *)(y + 2 * i);
+
+        for (size_t s = n_streams; s-- > 0;) {
+            const vector16 *x = (const vector16 *)(v + 2 * (s * stride + i));
+            vector16 a = re * sr - im * si, b = re * si + im * sr;
+            re = a + EVENS(x[0], x[1]);
+            im = b + ODDS(x[0], x[1]);
+        }
+        vector16 a = re * hr - im * hi, b = re * hi + im * hr;
+        out[0] = INTERLEAVE_LOW(a, b);
+        out[1] = INTERLEAVE_HIGH(a, b);
+    }
+}
+
+static bool config_is_valid(const struct band_transform_config *c)
+{
+    return c->n_min >= 1 && c->n_min <= (1u << 26) && c->band[0] >= 0.0 &&
+           c->band[1] > c->band[0] && c->band[1] <= 0.5 && c->oversampling >= 1.0 &&
+           c->oversampling <= 64.0 && c->span >= 0.0 && c->span < (double)c->n_min;
+}
+
+static size_t block_round(size_t n)
+{
+    return (n + BLOCK - 1) / BLOCK * BLOCK;
+}
+
+/* A fast length that is a multiple of BLOCK. */
+static size_t blocked_size(size_t min, double slack)
+{
+    return BLOCK * fft_size((min + BLOCK - 1) / BLOCK, slack);
+}
+
+/* Lengths for R streams, and what a channel then costs, in ns of a machine of 2023. */
+static double layout_try(struct band_transform *bt, const struct band_transform_config *c,
+                         size_t n_streams)
+{
+    struct band_transform_layout *l = &bt->layout;
+    double low, high;
+    size_t last;
+
+    bt->n_forward = blocked_size((c->n_min + n_streams - 1) / n_streams, 1.15);
+    l->n_streams = n_streams;
+    l->length = n_streams * bt->n_forward;
+    low = ceil(c->band[0] * (double)l->length - 0.5 - 1e-9);
+    high = floor(c->band[1] * (double)l->length - 0.5 + 1e-9);
+    if (low < 0.0)
+        low = 0.0;
+    if (high < low)
+        high = low;
+    bt->first = (size_t)low / n_streams;
+    last = (size_t)high / n_streams;
+    l->n_bins = last - bt->first + 1;
+    bt->n_inverse =
+        (size_t)ceil(c->oversampling * (high - low + 1.0) / (double)n_streams);
+    if (bt->n_inverse < l->n_bins)
+        bt->n_inverse = l->n_bins;
+    bt->n_inverse = blocked_size(bt->n_inverse, 1.15);
+    l->rate = (double)bt->n_inverse / (double)bt->n_forward;
+    l->carrier = (floor((low + high) / 2.0) + 0.5) / (double)l->length;
+    l->n_output = (size_t)floor(c->span * l->rate + 1e-6) + 1;
+    return 0.5 * (double)n_streams * fft_size_cost_ns(bt->n_forward) +
+           (double)n_streams * fft_size_cost_ns(bt->n_inverse) +
+           (double)n_streams * (0.02 * (double)l->length + 0.1 * (double)l->n_output);
+}
+
+static void layout_choose(struct band_transform *bt,
+                          const struct band_transform_config *c)
+{
+    double best_cost = INFINITY;
+    size_t best = 2;
+
+    for (size_t r = 2; r <= MAX_STREAMS; r += 2) {
+        double cost = layout_try(bt, c, r);
+        if (cost < best_cost) {
+            best_cost = cost;
+            best = r;
+        }
+    }
+    layout_try(bt, c, best);
+}
+
+static int scratch_create(struct band_transform *bt)
+{
+    size_t r = bt->layout.n_streams, m = bt->n_forward, n = bt->n_inverse;
+    size_t n_table = block_round(bt->layout.n_output);
+
+    bt->roots = fftwf_malloc(r * r * sizeof(float));
+    bt->twiddle = fftwf_malloc(r * m * sizeof(float));
+    bt->step = fftwf_malloc(2 * n_table * sizeof(float));
+    bt->shift = fftwf_malloc(2 * n_table * sizeof(float));
+    bt->row = fftwf_malloc(m * sizeof(float));
+    bt->mixed = fftwf_malloc(r * m * sizeof(float));
+    bt->spectrum = fftwf_malloc(r * m * sizeof(float));
+    bt->product = fftwf_malloc(2 * r * n * sizeof(float));
+    bt->output = fftwf_malloc(2 * r * n * sizeof(float));
+    if (!bt->roots || !bt->twiddle || !bt->step || !bt->shift || !bt->row || !bt->mixed ||
+        !bt->spectrum || !bt->product || !bt->output)
+        return -ENOMEM;
+    bt->forward = fft_plan(m, bt->mixed, bt->spectrum, FFTW_FORWARD);
+    bt->inverse = fft_plan(n, bt->product, bt->output, FFTW_BACKWARD);
+    if (!bt->forward || !bt->inverse)
+        return -ENOMEM;
+    memset(bt->spectrum, 0, r * m * sizeof(float));
+    memset(bt->product, 0, 2 * r * n * sizeof(float));
+    return 0;
+}
+
+static void polar_store(float *re, float *im, double cycles)
+{
+    double a = 2.0 * M_PI * (cycles - floor(cycles));
+
+    *re = (float)cos(a);
+    *im = (float)sin(a);
+}
+
+static void tables_fill(struct band_transform *bt)
+{
+    const struct band_transform_layout *l = &bt->layout;
+    size_t r = l->n_streams, m = bt->n_forward, n_table = block_round(l->n_output);
+    double length = (double)l->length, back = (double)(r * bt->n_inverse);
+    double offset = (double)(r * bt->first) + 0.5 - l->carrier * length;
+
+    for (size_t s = 0; s < r / 2; s++) {
+        double k = (double)s + 0.5;
+        for (size_t i = 0; i < r; i++) {
+            float *root = bt->roots + 2 * (s * r + i);
+            polar_store(&root[0], &root[1], -k * (double)i / (double)r);
+        }
+        for (size_t i = 0; i < m; i++) {
+            float *t = bt->twiddle + 2 * s * m + i;
+            polar_store(&t[0], &t[m], -k * (double)i / length);
+        }
+    }
+    for (size_t i = 0; i < n_table; i++) {
+        polar_store(&bt->step[i], &bt->step[n_table + i], (double)i / back);
+        polar_store(&bt->shift[i], &bt->shift[n_table + i], offset * (double)i / back);
+    }
+}
+
+int band_transform_create(struct band_transform **out,
+                          const struct band_transform_config *c)
+{
+    struct band_transform *bt;
+    int err;
+
+    if (!out || !c || !config_is_valid(c))
+        return -EINVAL;
+    bt = calloc(1, sizeof(*bt));
+    if (!bt)
+        return -ENOMEM;
+    layout_choose(bt, c);
+    err = scratch_create(bt);
+    if (err) {
+        band_transform_destroy(bt);
+        return err;
+    }
+    tables_fill(bt);
+    *out = bt;
+    return 0;
+}
+
+void band_transform_layout(const struct band_transform *bt,
+                           struct band_transform_layout *out)
+{
+    *out = bt->layout;
+}
+
+double band_transform_frequency(const struct band_transform *bt, size_t stream,
+                                size_t bin)
+{
+    size_t k = bt->layout.n_streams * (bt->first + bin) + stream;
+
+    return ((double)k + 0.5) / (double)bt->layout.length;
+}
+
+void band_transform_forward(struct band_transform *bt, const float *x, size_t n)
+{
+    size_t m = bt->n_forward, r = bt->layout.n_streams, n_rows = n / m, rest = n % m;
+    const float *rows[MAX_STREAMS];
+
+    for (size_t i = 0; i < n_rows; i++)
+        rows[i] = x + i * m;
+    if (rest) {
+        memcpy(bt->row, x + n_rows * m, rest * sizeof(*x));
+        memset(bt->row + rest, 0, (m - rest) * sizeof(*x));
+        rows[n_rows++] = bt->row;
+    }
+    for (size_t s = 0; s < r / 2; s++) {
+        float *mixed = bt->mixed + 2 * s * m;
+        rows_mix(mixed, rows, n_rows, bt->roots + 2 * s * r, bt->twiddle + 2 * s * m, m);
+        fftwf_execute_dft(bt->forward, (fftwf_complex *)mixed,
+                          (fftwf_complex *)(bt->spectrum + 2 * s * m));
+    }
+}
+
+/* Where a bin is: of the upper half of the streams, the conjugate of its partner. */
+static const float *bin_find(const struct band_transform *bt, size_t stream, size_t bin)
+{
+    size_t m = bt->n_forward, r = bt->layout.n_streams, k = bt->first + bin;
+
+    if (stream < r / 2)
+        return bt->spectrum + 2 * (stream * m + k);
+    return bt->spectrum + 2 * ((r - 1 - stream) * m + m - 1 - k);
+}
+
+float complex band_transform_bin(const struct band_transform *bt, size_t stream,
+                                 size_t bin)
+{
+    const float *z = bin_find(bt, stream, bin);
+
+    return z[0] + I * (stream < bt->layout.n_streams / 2 ? z[1] : -z[1]);
+}
+
+/* Outputs i and i + m' are made of the same values: a stream's transform repeats. */
+static void streams_combine(struct band_transform *bt, float complex *y)
+{
+    size_t n = bt->layout.n_output, m = bt->n_inverse, n_table = block_round(n);
+    float block[2 * BLOCK];
+
+    for (size_t i = 0; i < n; i += BLOCK) {
+        bool whole = i + BLOCK <= n;
+        float *to = whole ? (float *)(y + i) : block;
+
+        block_combine(to, bt->output + 2 * (i % m), bt->layout.n_streams, m, bt->step + i,
+                      bt->shift + i, n_table);
+        if (!whole)
+            memcpy(y + i, block, (n - i) * sizeof(*y));
+    }
+}
+
+void band_transform_inverse(struct band_transform *bt,
+                            const float complex *restrict filter,
+                            float complex *restrict y)
+{
+    size_t r = bt->layout.n_streams, n = bt->layout.n_bins, m = bt->n_inverse;
+
+    for (size_t s = 0; s < r; s++) {
+        const float *h = (const float *)(filter + s * n), *z = bin_find(bt, s, 0);
+        float *product = bt->product + 2 * s * m;
+
+        if (s < r / 2)
+            bins_multiply(product, z, h, n);
+        else
+            bins_multiply_mirrored(product, z, h, n);
+        fftwf_execute_dft(bt->inverse, (fftwf_complex *)product,
+                          (fftwf_complex *)(bt->output + 2 * s * m));
+    }
+    streams_combine(bt, y);
+}
+
+void band_transform_destroy(struct band_transform *bt)
+{
+    if (!bt)
+        return;
+    if (bt->forward)
+        fftwf_destroy_plan(bt->forward);
+    if (bt->inverse)
+        fftwf_destroy_plan(bt->inverse);
+    fftwf_free(bt->roots);
+    fftwf_free(bt->twiddle);
+    fftwf_free(bt->step);
+    fftwf_free(bt->shift);
+    fftwf_free(bt->row);
+    fftwf_free(bt->mixed);
+    fftwf_free(bt->spectrum);
+    fftwf_free(bt->product);
+    fftwf_free(bt->output);
+    free(bt);
+}

@@ -1,0 +1,101 @@
+#include "hal/array.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "hal/array_backends.h"
+#include "hal/device.h"
+
+struct array {
+    const struct array_ops *ops;
+    void *state;
+    size_t n_left;      /* pings of the shot that were not read yet */
+    uint32_t *speakers; /* [survey's n_speakers], of the shot */
+};
+
+static const struct array_ops *const backends[] = {&array_sim_ops, &array_wav_ops};
+
+static const struct array_ops *find_backend(const char *uri, const char **arg)
+{
+    for (size_t i = 0; i < sizeof backends / sizeof *backends; i++) {
+        *arg = device_arg(uri, backends[i]->scheme);
+        if (*arg)
+            return backends[i];
+    }
+    return NULL;
+}
+
+int array_open(struct array **out, const char *uri, const struct clock_source *clock,
+               struct complaint *why)
+{
+    const char *arg;
+    const struct array_ops *ops = find_backend(uri, &arg);
+    *out = NULL;
+    if (!ops)
+        return complain(
+            why, -ENODEV,
+            "%s: no such kind of array; expected sim:SCENE.yaml or wav:FOLDER", uri);
+    struct array *a = calloc(1, sizeof *a);
+    if (!a)
+        return complain(why, -ENOMEM, "%s: out of memory", uri);
+    a->ops = ops;
+    struct complaint inner = {.text = ""};
+    int err = ops->open(&a->state, arg, clock, &inner);
+    if (err) {
+        free(a);
+        return complain(why, err, "%s: %s", uri, inner.text);
+    }
+    a->speakers = calloc(array_survey(a)->n_speakers, sizeof *a->speakers);
+    if (!a->speakers) {
+        array_close(a);
+        return complain(why, -ENOMEM, "%s: out of memory", uri);
+    }
+    *out = a;
+    return 0;
+}
+
+const struct survey *array_survey(const struct array *a)
+{
+    return a->ops->survey(a->state);
+}
+
+int array_fire(struct array *a, const struct array_shot *shot)
+{
+    const struct survey *s = array_survey(a);
+    if (a->n_left || shot->position >= s->n_positions || !shot->n_speakers ||
+        shot->n_speakers > s->n_speakers)
+        return -EINVAL;
+    for (size_t i = 0; i < shot->n_speakers; i++)
+        if (shot->speakers[i] >= s->n_speakers)
+            return -EINVAL;
+    memcpy(a->speakers, shot->speakers, shot->n_speakers * sizeof *a->speakers);
+    struct array_shot copy = *shot;
+    copy.speakers = a->speakers;
+    int err = a->ops->fire(a->state, &copy);
+    if (!err)
+        a->n_left = shot->n_speakers;
+    return err;
+}
+
+/* An error other than a signal ends the shot: the array is ready for the next one. */
+int array_next(struct array *a, struct array_ping *out, struct complaint *why)
+{
+    if (!a->n_left)
+        return -ENODATA;
+    int err = a->ops->next(a->state, out, why);
+    if (!err)
+        a->n_left--;
+    else if (err != -EINTR)
+        a->n_left = 0;
+    return err;
+}
+
+void array_close(struct array *a)
+{
+    if (!a)
+        return;
+    a->ops->close(a->state);
+    free(a->speakers);
+    free(a);
+}

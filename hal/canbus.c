@@ -1,0 +1,82 @@
+#include "hal/canbus.h"
+
+#include <errno.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "hal/canbus_backends.h"
+#include "hal/device.h"
+
+struct canbus {
+    const struct canbus_ops *ops;
+    void *state;
+};
+
+static const struct canbus_ops *const backends[] = {&canbus_log_ops,
+                                                    &canbus_socketcan_ops};
+
+int canbus_open(struct canbus **out, const char *uri, struct complaint *why)
+{
+    const char *arg = NULL;
+    const struct canbus_ops *ops = NULL;
+    *out = NULL;
+    for (size_t i = 0; i < sizeof backends / sizeof *backends && !arg; i++) {
+        ops = backends[i];
+        arg = device_arg(uri, ops->scheme);
+    }
+    if (!arg)
+        return complain(why, -ENODEV,
+                        "%s: no such kind of CAN bus; expected log:FILE or "
+                        "socketcan:INTERFACE",
+                        uri);
+    struct canbus *b = calloc(1, sizeof *b);
+    if (!b)
+        return complain(why, -ENOMEM, "%s: out of memory", uri);
+    b->ops = ops;
+    struct complaint inner = {.text = ""};
+    int err = ops->open(&b->state, arg, &inner);
+    if (err) {
+        free(b);
+        return complain(why, err, "%s: %s", uri, inner.text);
+    }
+    *out = b;
+    return 0;
+}
+
+/* CAN FD frames have 0..8 bytes or one of these sizes; a size between is padded. */
+static uint8_t fd_size(uint8_t size)
+{
+    static const uint8_t sizes[] = {12, 16, 20, 24, 32, 48, 64};
+    size_t i = 0;
+    if (size <= 8)
+        return size;
+    while (sizes[i] < size)
+        i++;
+    return sizes[i];
+}
+
+int canbus_send(struct canbus *b, const struct can_frame_data *frame, int64_t stamp_ns)
+{
+    if (frame->size > (frame->fd ? 64 : 8) || frame->id > 0x1fffffff)
+        return -EINVAL;
+    struct can_frame_data legal = *frame;
+    if (frame->fd) {
+        legal.size = fd_size(frame->size);
+        memset(legal.data + frame->size, 0, (size_t)(legal.size - frame->size));
+    }
+    return b->ops->send(b->state, &legal, stamp_ns);
+}
+
+int canbus_flush(struct canbus *b)
+{
+    return b->ops->flush(b->state);
+}
+
+void canbus_close(struct canbus *b)
+{
+    if (!b)
+        return;
+    b->ops->close(b->state);
+    free(b);
+}

@@ -1,0 +1,245 @@
+#include "hal/recording.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include <sndfile.h>
+
+#include "hal/riff.h"
+#include "hal/tail.h"
+#include "hal/wav_samples.h"
+
+struct recording {
+    size_t n_positions, n_speakers, n_microphones, slot_samples, n_frames;
+    double sample_rate_hz;
+    char **paths; /* [n_positions] */
+};
+
+static bool is_wav(const char *name)
+{
+    size_t n = strlen(name);
+    return name[0] != '.' && n > 4 && !strcasecmp(name + n - 4, ".wav");
+}
+
+static int select_wav(const struct dirent *e)
+{
+    return is_wav(e->d_name);
+}
+
+static int by_name(const struct dirent **a, const struct dirent **b)
+{
+    return strcmp((*a)->d_name, (*b)->d_name);
+}
+
+static int join_paths(struct recording *r, const char *folder, struct dirent **entries)
+{
+    r->paths = calloc(r->n_positions, sizeof *r->paths);
+    if (!r->paths)
+        return -ENOMEM;
+    for (size_t i = 0; i < r->n_positions; i++)
+        if (asprintf(&r->paths[i], "%s/%s", folder, entries[i]->d_name) < 0) {
+            r->paths[i] = NULL;
+            return -ENOMEM;
+        }
+    return 0;
+}
+
+static int list_files(struct recording *r, const char *folder, struct complaint *why)
+{
+    struct dirent **entries = NULL;
+    int n = scandir(folder, &entries, select_wav, by_name), err = 0;
+    if (n < 0)
+        return complain(why, -errno, "%s: no folder of WAV files: %s", folder,
+                        strerror(errno));
+    if (n == 0)
+        err = complain(why, -EINVAL, "%s: expected %zu WAV files, found none", folder,
+                       r->n_positions);
+    else if ((size_t)n != r->n_positions)
+        err = complain(why, -EINVAL,
+                       "%s: %d WAV files, but the survey's stage.positions_m has %zu "
+                       "entries; expected one file for each",
+                       folder, n, r->n_positions);
+    else if (join_paths(r, folder, entries) < 0)
+        err = complain(why, -ENOMEM, "%s: out of memory", folder);
+    for (int i = 0; i < n; i++)
+        free(entries[i]);
+    free(entries);
+    return err;
+}
+
+static int check_size(const char *path, struct complaint *why)
+{
+    uint64_t promised, present;
+    int err = riff_data_size(path, &promised, &present);
+    if (err == -EINVAL)
+        return 0; /* another container; libsndfile judges it */
+    if (err)
+        return complain(why, err, "%s: %s", path, strerror(-err));
+    if (present < promised)
+        return complain(why, -EINVAL,
+                        "%s: truncated: its header promises %" PRIu64
+                        " bytes of sound, %" PRIu64 " are there",
+                        path, promised, present);
+    return 0;
+}
+
+static int check_info(const struct recording *r, const char *path, const SF_INFO *info,
+                      struct complaint *why)
+{
+    size_t least = (r->n_speakers - 1) * r->slot_samples + 1;
+    if (info->samplerate != (int)(r->sample_rate_hz + 0.5))
+        return complain(why, -EINVAL, "%s: %d Hz, but the survey's sample_rate_hz is %g",
+                        path, info->samplerate, r->sample_rate_hz);
+    if (info->channels < 1 || (size_t)info->channels != r->n_microphones)
+        return complain(why, -EINVAL,
+                        "%s: %d channels, but the survey's microphones_m has %zu entries",
+                        path, info->channels, r->n_microphones);
+    if (info->frames < 1)
+        return complain(why, -EINVAL, "%s: holds no sound; expected %zu frames", path,
+                        r->n_speakers * r->slot_samples);
+    if ((uint64_t)info->frames < least)
+        return complain(
+            why, -EINVAL,
+            "%s: %" PRId64 " frames, but the slot of the last of %zu speakers "
+            "begins at frame %zu (slot_samples %zu)",
+            path, (int64_t)info->frames, r->n_speakers, least - 1, r->slot_samples);
+    return 0;
+}
+
+static SNDFILE *open_file(const struct recording *r, const char *path, SF_INFO *info,
+                          int *err, struct complaint *why)
+{
+    *info = (SF_INFO){.format = 0};
+    SNDFILE *f = sf_open(path, SFM_READ, info);
+    *err = 0;
+    if (!f)
+        *err = complain(why, -EINVAL, "%s: no WAV file: %s", path, sf_strerror(NULL));
+    else
+        *err = check_info(r, path, info, why);
+    if (!*err)
+        return f;
+    if (f)
+        sf_close(f);
+    return NULL;
+}
+
+static int check_files(const struct recording *r, struct complaint *why)
+{
+    SF_INFO info;
+    for (size_t i = 0; i < r->n_positions; i++) {
+        int err = check_size(r->paths[i], why);
+        if (err)
+            return err;
+        SNDFILE *f = open_file(r, r->paths[i], &info, &err, why);
+        if (err)
+            return err;
+        sf_close(f);
+    }
+    return 0;
+}
+
+int recording_open(struct recording **out, const char *folder, const struct survey *s,
+                   struct complaint *why)
+{
+    *out = NULL;
+    struct recording *r = calloc(1, sizeof *r);
+    if (!r)
+        return complain(why, -ENOMEM, "%s: out of memory", folder);
+    r->n_positions = s->n_positions;
+    r->n_speakers = s->n_speakers;
+    r->n_microphones = s->n_microphones;
+    r->slot_samples = s->slot_samples;
+    r->sample_rate_hz = s->sample_rate_hz;
+    r->n_frames = s->n_speakers * s->slot_samples + tail_samples(s);
+    int err = list_files(r, folder, why);
+    if (!err)
+        err = check_files(r, why);
+    if (err)
+        recording_close(r);
+    else
+        *out = r;
+    return err;
+}
+
+size_t recording_frames(const struct recording *r)
+{
+    return r->n_frames;
+}
+
+static bool is_float(const SF_INFO *info)
+{
+    int format = info->format & SF_FORMAT_SUBMASK;
+    return format == SF_FORMAT_FLOAT || format == SF_FORMAT_DOUBLE;
+}
+
+int recording_read_slots(const struct recording *r, size_t position, float *samples,
+                         uint32_t *clipped, uint32_t *not_finite, struct complaint *why)
+{
+    SF_INFO info;
+    int err;
+    if (position >= r->n_positions)
+        return complain(why, -EINVAL, "position %zu of %zu", position, r->n_positions);
+    const char *path = r->paths[position];
+    SNDFILE *f = open_file(r, path, &info, &err, why);
+    if (err)
+        return err;
+    size_t n = r->n_frames;
+    if ((uint64_t)info.frames < n)
+        n = (size_t)info.frames;
+    float *frames = malloc(n * r->n_microphones * sizeof *frames);
+    if (!frames) {
+        err = complain(why, -ENOMEM, "%s: out of memory", path);
+        goto file;
+    }
+    sf_count_t got = sf_readf_float(f, frames, (sf_count_t)n);
+    if (got < (sf_count_t)n) {
+        err = complain(why, -EIO, "%s: broken off after %" PRId64 " of %zu frames", path,
+                       (int64_t)got, n);
+        goto frames;
+    }
+    struct wav_samples w = {.n_channels = r->n_microphones,
+                            .n_frames = r->n_frames,
+                            .n_slots = r->n_speakers,
+                            .slot_samples = r->slot_samples,
+                            .is_float = is_float(&info)};
+    wav_samples_separate(&w, frames, n, samples);
+    wav_samples_count(&w, samples, n, clipped, not_finite);
+frames:
+    free(frames);
+file:
+    sf_close(f);
+    return err;
+}
+
+int recording_read(const struct recording *r, size_t position, float *samples,
+                   uint32_t *clipped, uint32_t *not_finite, struct complaint *why)
+{
+    size_t n = r->n_speakers * r->n_microphones;
+    uint32_t *counts = malloc(2 * n * sizeof *counts);
+    if (!counts)
+        return complain(why, -ENOMEM, "out of memory");
+    int err = recording_read_slots(r, position, samples, counts, counts + n, why);
+    memset(clipped, 0, r->n_microphones * sizeof *clipped);
+    memset(not_finite, 0, r->n_microphones * sizeof *not_finite);
+    for (size_t i = 0; i < n && !err; i++) {
+        clipped[i % r->n_microphones] += counts[i];
+        not_finite[i % r->n_microphones] += counts[n + i];
+    }
+    free(counts);
+    return err;
+}
+
+void recording_close(struct recording *r)
+{
+    if (!r)
+        return;
+    for (size_t i = 0; r->paths && i < r->n_positions; i++)
+        free(r->paths[i]);
+    free(r->paths);
+    free(r);
+}

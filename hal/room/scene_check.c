@@ -1,0 +1,148 @@
+/* hal/room/scene_check.c -- what a schema cannot say about a scene: ranges, and which
+ * keys belong to which kind of object. */
+#include <errno.h>
+#include <float.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "hal/room/scatter.h"
+#include "hal/room/scene.h"
+#include "hal/yaml_place.h"
+
+struct rule {
+    const char *key;
+    double value, min, max;
+};
+
+static int check_rules(const struct rule *rules, size_t n, const char *prefix,
+                       const char *path, struct complaint *why)
+{
+    char key[96];
+    for (size_t i = 0; i < n; i++) {
+        if (rules[i].value >= rules[i].min && rules[i].value <= rules[i].max)
+            continue;
+        snprintf(key, sizeof key, "%s%s", prefix, rules[i].key);
+        return yaml_complain(why, -EINVAL, path, key, "%g is outside %g..%g",
+                             rules[i].value, rules[i].min, rules[i].max);
+    }
+    return 0;
+}
+
+static int check_world(const struct scene *s, const char *path, struct complaint *why)
+{
+    const struct rule rules[] = {
+        {"level", *s->level, 0, 1e3},
+        {"direct_level", *s->direct_level, 0, 1e3},
+        {"wall_sound.reflectivity", s->wall_sound->reflectivity, 0, 1},
+        {"wall_sound.echo", s->wall_sound->echo, 0, 1},
+        {"wall_sound.patches", s->wall_sound->patches, 0, 1e5},
+        {"wall_sound.scattering_length_m", s->wall_sound->scattering_length_m, 0, 10},
+        {"wall_sound.roughness_m", s->wall_sound->roughness_m, 0, 1},
+        {"clutter.points", s->clutter->points, 0, 1e5},
+        {"clutter.scattering_length_m", s->clutter->scattering_length_m, 0, 10},
+        {"clutter.near_m", s->clutter->near_m, 0, 100},
+        {"clutter.far_m", s->clutter->far_m, s->clutter->near_m, 100},
+        {"microphones.ripple_db", s->microphones->ripple_db, 0, 20},
+        {"errors.gain_db", s->errors->gain_db, 0, 20},
+        {"errors.element_m", s->errors->element_m, 0, 0.1},
+        {"errors.stage_m", s->errors->stage_m, 0, 0.1},
+        {"noise.snr_db", s->noise->snr_db ? *s->noise->snr_db : 0, -100, 200},
+        {"noise.rms", s->noise->rms ? *s->noise->rms : 0, 0, 10},
+        {"drift.background_c", s->drift->background_c, -30, 30},
+        {"drift.scan_c", s->drift->scan_c, -30, 30},
+    };
+    if (s->noise->snr_db && s->noise->rms)
+        return yaml_complain(why, -EINVAL, path, "noise.rms",
+                             "expected snr_db or rms, found both");
+    if (s->noise->snr_db && !s->n_objects)
+        return yaml_complain(why, -EINVAL, path, "noise.snr_db",
+                             "there are no objects to measure noise against; say rms");
+    if (s->microphones->ripple_db > 0 && s->survey.calibration)
+        return yaml_complain(why, -EINVAL, path, "microphones",
+                             "calibration says what the microphones do; expected one");
+    return check_rules(rules, sizeof rules / sizeof *rules, "", path, why);
+}
+
+/* Which keys an object of each kind needs (2), may have (1), or must not have (0). */
+struct key_use {
+    const char *key;
+    bool given;
+    unsigned char use[5]; /* by enum scene_kind */
+};
+
+static int check_keys(const struct scene_object *o, const char *prefix, const char *path,
+                      struct complaint *why)
+{
+    static const char *const kinds[] = {"point", "rectangle", "polygon", "letter",
+                                        "corner"};
+    const struct key_use keys[] = {
+        {"scattering_length_m", o->scattering_length_m, {2, 0, 0, 0, 0}},
+        {"side_m", o->side_m, {0, 0, 0, 0, 2}},
+        {"size_m", o->size_m, {0, 2, 0, 2, 0}},
+        {"outline_m", o->outline_m, {0, 0, 2, 0, 0}},
+        {"letter", o->letter[0], {0, 0, 0, 2, 0}},
+        {"stroke_m", o->stroke_m, {0, 0, 0, 2, 0}},
+        {"facing", o->facing, {0, 1, 1, 1, 1}},
+        {"up", o->up, {0, 1, 1, 1, 0}},
+        {"reflectivity", o->reflectivity, {0, 1, 1, 1, 1}},
+    };
+    char key[96];
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
+        unsigned use = keys[i].use[o->kind];
+        snprintf(key, sizeof key, "%s%s", prefix, keys[i].key);
+        if (use == 2 && !keys[i].given)
+            return yaml_complain(why, -EINVAL, path, prefix, "a %s needs the key \"%s\"",
+                                 kinds[o->kind], keys[i].key);
+        if (use == 0 && keys[i].given)
+            return yaml_complain(why, -EINVAL, path, key, "a %s does not have this",
+                                 kinds[o->kind]);
+    }
+    return 0;
+}
+
+static int check_object(const struct scene_object *o, const char *prefix,
+                        const char *path, struct complaint *why)
+{
+    double least = o->size_m && o->size_m[1] < o->size_m[0] ? 1 : 0;
+    const struct rule rules[] = {
+        {"scattering_length_m", o->scattering_length_m ? *o->scattering_length_m : 0, -10,
+         10},
+        {"side_m", o->side_m ? *o->side_m : 1, 0.01, 5},
+        {"size_m", o->size_m ? o->size_m[(int)least] : 1, 0.005, 5},
+        {"size_m", o->size_m ? o->size_m[(int)(1 - least)] : 1, 0.005, 5},
+        {"stroke_m", o->stroke_m ? *o->stroke_m : 0.01, 0.005,
+         o->size_m ? o->size_m[(int)least] : 5},
+        {"reflectivity", o->reflectivity ? *o->reflectivity : 1, -1, 1},
+        {"position_m[0]", o->position_m[0], -100, 100},
+        {"position_m[1]", o->position_m[1], -100, 100},
+        {"position_m[2]", o->position_m[2], -100, 100},
+    };
+    int err = check_keys(o, prefix, path, why);
+    if (!err)
+        err = check_rules(rules, sizeof rules / sizeof *rules, prefix, path, why);
+    for (size_t i = 0; i < 2 * (size_t)o->n_outline && !err; i++)
+        if (!(o->outline_m[i / 2][i % 2] >= -5 && o->outline_m[i / 2][i % 2] <= 5)) {
+            char key[96];
+            snprintf(key, sizeof key, "%soutline_m[%zu]", prefix, i / 2);
+            err = yaml_complain(why, -EINVAL, path, key, "%g is outside -5..5",
+                                o->outline_m[i / 2][i % 2]);
+        }
+    if (!err && o->letter[0] && !scatter_letter_known(o->letter[0])) {
+        char key[96];
+        snprintf(key, sizeof key, "%sletter", prefix);
+        err = yaml_complain(why, -EINVAL, path, key, "\"%s\": expected one of %s",
+                            o->letter, SCATTER_LETTERS);
+    }
+    return err;
+}
+
+int scene_check(const struct scene *s, const char *path, struct complaint *why)
+{
+    char prefix[32];
+    int err = check_world(s, path, why);
+    for (unsigned i = 0; i < s->n_objects && !err; i++) {
+        snprintf(prefix, sizeof prefix, "objects[%u].", i);
+        err = check_object(&s->objects[i], prefix, path, why);
+    }
+    return err;
+}

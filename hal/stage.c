@@ -1,0 +1,64 @@
+#include "hal/stage.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stddef.h>
+#include <stdlib.h>
+
+#include "hal/device.h"
+#include "hal/stage_backends.h"
+
+struct stage {
+    const struct stage_ops *ops;
+    void *state;
+};
+
+static const struct stage_ops *const backends[] = {&stage_sim_ops, &stage_none_ops};
+
+int stage_open(struct stage **out, const char *uri, const struct clock_source *clock,
+               struct complaint *why)
+{
+    const char *arg = NULL;
+    const struct stage_ops *ops = NULL;
+    *out = NULL;
+    for (size_t i = 0; i < sizeof backends / sizeof *backends && !arg; i++) {
+        ops = backends[i];
+        arg = device_arg(uri, ops->scheme);
+    }
+    if (!arg)
+        return complain(why, -ENODEV,
+                        "%s: no such kind of stage; expected sim: or none:", uri);
+    struct stage *s = calloc(1, sizeof *s);
+    if (!s)
+        return complain(why, -ENOMEM, "%s: out of memory", uri);
+    s->ops = ops;
+    struct complaint inner = {.text = ""};
+    int err = ops->open(&s->state, arg, clock, &inner);
+    if (err) {
+        free(s);
+        return complain(why, err, "%s: %s", uri, inner.text);
+    }
+    *out = s;
+    return 0;
+}
+
+int stage_move(struct stage *s, double target_m)
+{
+    if (!isfinite(target_m))
+        return -ERANGE;
+    return s->ops->move(s->state, target_m);
+}
+
+void stage_status(struct stage *s, struct stage_status *out)
+{
+    *out = (struct stage_status){.motion = STAGE_IDLE};
+    s->ops->status(s->state, out);
+}
+
+void stage_close(struct stage *s)
+{
+    if (!s)
+        return;
+    s->ops->close(s->state);
+    free(s);
+}

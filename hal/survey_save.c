@@ -1,0 +1,158 @@
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "hal/response_file.h"
+#include "hal/survey_file.h"
+#include "hal/yaml_file.h"
+
+/* The shortest decimal that reads back to the same double. */
+static const char *number(double x, char out[32])
+{
+    for (int digits = 6; digits <= 17; digits++) {
+        snprintf(out, 32, "%.*g", digits, x);
+        if (strtod(out, NULL) == x)
+            break;
+    }
+    return out;
+}
+
+static void print_list(FILE *f, const double *x, size_t n)
+{
+    char text[32];
+    for (size_t i = 0; i < n; i++)
+        fprintf(f, "%s%s", i ? ", " : "[", number(x[i], text));
+    fputs("]", f);
+}
+
+static void print_key_list(FILE *f, const char *key, const double *x, size_t n,
+                           const char *end)
+{
+    fprintf(f, "%s: ", key);
+    print_list(f, x, n);
+    fputs(end, f);
+}
+
+static void print_points(FILE *f, const char *key, const double (*p)[3], size_t n)
+{
+    fprintf(f, "%s:\n", key);
+    for (size_t i = 0; i < n; i++) {
+        fputs("  - ", f);
+        print_list(f, p[i], 3);
+        fputs("\n", f);
+    }
+}
+
+static void print_timing(FILE *f, const struct survey *s)
+{
+    char a[32], b[32], c[32];
+    if (!isnan(s->temperature_c))
+        fprintf(f, "temperature_c: %s\n", number(s->temperature_c, a));
+    fprintf(f, "sound_speed_m_s: %s\n", number(s->sound_speed_m_s, a));
+    fprintf(f, "sample_rate_hz: %s\n", number(s->sample_rate_hz, a));
+    fprintf(f, "chirp: {start_hz: %s, stop_hz: %s, duration_s: %s, phase: %s}\n",
+            number(s->chirp_start_hz, a), number(s->chirp_stop_hz, b),
+            number(s->chirp_duration_s, c), s->chirp_sine ? "sine" : "cosine");
+    fprintf(f, "slot_samples: %zu\n", s->slot_samples);
+    fprintf(f, "latency_samples: %s\n", number(s->latency_samples, a));
+}
+
+static void print_place(FILE *f, const struct survey *s)
+{
+    char a[32];
+    if (s->has_gate)
+        print_key_list(f, "gate_m", s->gate_m, 2, "\n");
+    if (s->has_volume) {
+        fputs("volume:\n", f);
+        print_key_list(f, "  x_m", s->volume_m[0], 3, "\n");
+        print_key_list(f, "  y_m", s->volume_m[1], 3, "\n");
+        print_key_list(f, "  z_m", s->volume_m[2], 3, "\n");
+    }
+    if (s->has_wall) {
+        print_key_list(f, "wall: {normal", s->wall_normal, 3, ", ");
+        fprintf(f, "distance_m: %s}\n", number(s->wall_distance_m, a));
+    }
+    if (s->has_mount) {
+        fputs("mount:\n", f);
+        print_key_list(f, "  origin_m", s->mount_origin_m, 3, "\n");
+        print_key_list(f, "  x_axis", s->mount_x_axis, 3, "\n");
+        print_key_list(f, "  y_axis", s->mount_y_axis, 3, "\n");
+    }
+}
+
+static void print_survey(FILE *f, const struct survey *s, const char *calibration)
+{
+    print_timing(f, s);
+    print_points(f, "speakers_m", (const double(*)[3])s->speakers_m, s->n_speakers);
+    print_points(f, "microphones_m", (const double(*)[3])s->microphones_m,
+                 s->n_microphones);
+    print_key_list(f, "stage:\n  axis", s->stage_axis, 3, "\n");
+    print_key_list(f, "  positions_m", s->stage_positions_m, s->n_positions, "\n");
+    if (calibration) {
+        fprintf(f, "calibration:\n  folder: \"%s\"\n  serials: [", calibration);
+        for (size_t i = 0; i < s->n_responses; i++)
+            fprintf(f, "%s\"%s\"", i ? ", " : "", s->responses[i].serial);
+        fputs("]\n", f);
+    }
+    print_place(f, s);
+}
+
+static int save_responses(const struct survey *s, const char *path, const char *folder,
+                          struct complaint *why)
+{
+    int err = 0;
+    if (folder[strcspn(folder, "\"\\\n")])
+        return complain(why, -EINVAL, "%s: a calibration folder without quotes, please",
+                        folder);
+    char *place = yaml_sibling(path, folder);
+    if (!place)
+        return complain(why, -ENOMEM, "%s: out of memory", path);
+    if (mkdir(place, 0777) < 0 && errno != EEXIST)
+        err = complain(why, -errno, "%s: %s", place, strerror(errno));
+    for (size_t i = 0; i < s->n_responses && !err; i++)
+        err = response_save(&s->responses[i], place, why);
+    free(place);
+    return err;
+}
+
+static int write_whole(const struct survey *s, const char *path, const char *calibration)
+{
+    char *partial;
+    int err = 0;
+    if (asprintf(&partial, "%s.part", path) < 0)
+        return -ENOMEM;
+    FILE *f = fopen(partial, "we");
+    if (!f) {
+        err = -errno;
+        goto name;
+    }
+    print_survey(f, s, calibration);
+    if (fflush(f) || ferror(f))
+        err = errno ? -errno : -EIO;
+    if (fclose(f) && !err)
+        err = -errno;
+    if (!err && rename(partial, path) < 0)
+        err = -errno;
+    if (err)
+        unlink(partial);
+name:
+    free(partial);
+    return err;
+}
+
+int survey_save(const struct survey *s, const char *path, const char *calibration_folder,
+                struct complaint *why)
+{
+    const char *calibration = s->n_responses ? calibration_folder : NULL;
+    int err = calibration ? save_responses(s, path, calibration, why) : 0;
+    if (err)
+        return err;
+    err = write_whole(s, path, calibration);
+    if (err)
+        complain(why, err, "%s cannot be written: %s", path, strerror(-err));
+    return err;
+}

@@ -1,0 +1,79 @@
+#include "hal/tail.h"
+
+#include <float.h>
+#include <math.h>
+
+#define MARGIN_SAMPLES 64.0
+#define MARGIN_M       0.5
+
+struct box {
+    double min[3], max[3];
+};
+
+static struct box box_of(const double (*p)[3], size_t n)
+{
+    struct box b = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
+    for (size_t i = 0; i < n; i++)
+        for (int a = 0; a < 3; a++) {
+            b.min[a] = fmin(b.min[a], p[i][a]);
+            b.max[a] = fmax(b.max[a], p[i][a]);
+        }
+    return b;
+}
+
+/* Where the elements get to while the stage moves. */
+static struct box swept(const struct survey *s, const double (*p)[3], size_t n)
+{
+    struct box rest = box_of(p, n), b = rest;
+    for (size_t k = 0; k < s->n_positions; k++)
+        for (int a = 0; a < 3; a++) {
+            double d = s->stage_positions_m[k] * s->stage_axis[a];
+            b.min[a] = fmin(b.min[a], rest.min[a] + d);
+            b.max[a] = fmax(b.max[a], rest.max[a] + d);
+        }
+    return b;
+}
+
+static struct box imaged(const struct survey *s, const struct box *array)
+{
+    struct box b;
+    for (int a = 0; a < 3; a++) {
+        b.min[a] = s->has_volume ? s->volume_m[a][0] : array->min[a] - MARGIN_M;
+        b.max[a] = s->has_volume ? s->volume_m[a][1] : array->max[a] + MARGIN_M;
+    }
+    if (!s->has_volume) {
+        double far = s->has_gate ? s->gate_m[1] : TAIL_DEFAULT_FAR_M;
+        b.max[2] = array->max[2] + far;
+    }
+    return b;
+}
+
+static double longest_m(const struct box *a, const struct box *b)
+{
+    double sum = 0;
+    for (int i = 0; i < 3; i++) {
+        double d = fmax(fabs(b->max[i] - a->min[i]), fabs(a->max[i] - b->min[i]));
+        sum += d * d;
+    }
+    return sqrt(sum);
+}
+
+size_t tail_samples(const struct survey *s)
+{
+    if (!s->n_speakers || !s->n_microphones)
+        return 0;
+    struct box speakers = swept(s, (const double(*)[3])s->speakers_m, s->n_speakers);
+    struct box microphones =
+        swept(s, (const double(*)[3])s->microphones_m, s->n_microphones);
+    struct box target = imaged(s, &microphones);
+    double path_m = longest_m(&speakers, &target) + longest_m(&microphones, &target);
+    if (s->has_gate)
+        path_m = fmax(path_m, 2 * s->gate_m[1]);
+    double needed = s->latency_samples + MARGIN_SAMPLES +
+                    (path_m / s->sound_speed_m_s + s->chirp_duration_s) *
+                        s->sample_rate_hz -
+                    (double)s->slot_samples;
+    if (!(needed > 0))
+        return 0;
+    return needed < (double)s->slot_samples ? (size_t)ceil(needed) : s->slot_samples;
+}

@@ -1,0 +1,16 @@
+/* hal/tail.h -- how long a slot's sound rings on into the next one. */
+#ifndef ANLOS_HAL_TAIL_H
+#define ANLOS_HAL_TAIL_H
+
+#include <stddef.h>
+
+#include "msgs/survey.h"
+
+#define TAIL_DEFAULT_FAR_M 4.0 /* the far gate of a survey that names none */
+
+/* Samples after a slot that a ping must keep so that the whole chirp comes back from the
+ * far end of what can be imaged: the corners of the volume, or the far gate's plane, half
+ * a metre wider than the array.  At most a slot: there the next-but-one begins. */
+size_t tail_samples(const struct survey *s);
+
+#endif

@@ -1,0 +1,102 @@
+#include "msgs/endpoint.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+_Static_assert(ENDPOINT_PATH_SIZE == sizeof(((struct sockaddr_un *)0)->sun_path),
+               "the length of a socket path");
+
+int endpoint_url(char url[ENDPOINT_URL_SIZE], const char *run_dir, const char *node,
+                 const char *topic, struct complaint *why)
+{
+    int length = snprintf(url, ENDPOINT_URL_SIZE, ENDPOINT_SCHEME "%s/%s.%s.ipc", run_dir,
+                          node, topic);
+    if (length < 0 || (size_t)length >= ENDPOINT_URL_SIZE) {
+        size_t name = strlen(node) + strlen(topic) + sizeof "/..ipc";
+        return complain(why, -ENAMETOOLONG,
+                        "run folder %s: socket %s.%s.ipc in it would have a path of %zu "
+                        "characters, the system allows %d: choose a run folder of at "
+                        "most %zu",
+                        run_dir, node, topic, strlen(run_dir) + name - 1,
+                        ENDPOINT_PATH_SIZE - 1, ENDPOINT_PATH_SIZE - name);
+    }
+    char *name = url + sizeof ENDPOINT_SCHEME - 1 + strlen(run_dir) + 1;
+    for (char *slash = name; (slash = strchr(slash, '/'));)
+        *slash = '-';
+    return 0;
+}
+
+const char *endpoint_path(const char *url)
+{
+    return url + sizeof ENDPOINT_SCHEME - 1;
+}
+
+static int make_one(const char *path)
+{
+    struct stat st;
+    if (mkdir(path, 0700) == 0)
+        return 0;
+    if (errno != EEXIST)
+        return -errno;
+    if (stat(path, &st) != 0)
+        return -errno;
+    return S_ISDIR(st.st_mode) ? 0 : -ENOTDIR;
+}
+
+int endpoint_make_folder(const char *run_dir, struct complaint *why)
+{
+    char path[PATH_MAX];
+    size_t length = strlen(run_dir);
+    int err = length == 0 ? -ENOENT : length >= sizeof path ? -ENAMETOOLONG : 0;
+    if (!err)
+        memcpy(path, run_dir, length + 1);
+    for (size_t i = 1; !err && i <= length; i++) {
+        if (i < length && path[i] != '/')
+            continue;
+        path[i] = 0;
+        err = make_one(path);
+        path[i] = i < length ? '/' : 0;
+    }
+    if (err)
+        complain(why, err, "run folder \"%s\": cannot be made: %s", run_dir,
+                 strerror(-err));
+    return err;
+}
+
+int endpoint_lock(const char *run_dir, const char *node, struct complaint *why)
+{
+    char path[PATH_MAX], owner[16] = "";
+    if ((size_t)snprintf(path, sizeof path, "%s/%s.lock", run_dir, node) >= sizeof path)
+        return complain(why, -ENAMETOOLONG, "run folder %s: path too long", run_dir);
+    int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+    if (fd < 0)
+        return complain(why, -errno, "%s: %s", path, strerror(errno));
+    if (flock(fd, LOCK_EX | LOCK_NB) != 0) {
+        int err = errno == EWOULDBLOCK ? -EADDRINUSE : -errno;
+        ssize_t n = pread(fd, owner, sizeof owner - 1, 0);
+        owner[n > 0 ? n : 0] = 0;
+        owner[strcspn(owner, "\n")] = 0;
+        close(fd);
+        if (err == -EADDRINUSE)
+            return complain(
+                why, err,
+                "%s: a node \"%s\" already runs here (process %s): stop it, or "
+                "choose another run folder",
+                path, node, owner);
+        return complain(why, err, "%s: %s", path, strerror(-err));
+    }
+    int length = snprintf(owner, sizeof owner, "%ld\n", (long)getpid());
+    if (ftruncate(fd, 0) != 0 || pwrite(fd, owner, (size_t)length, 0) != length) {
+        int err = errno ? -errno : -EIO;
+        close(fd);
+        return complain(why, err, "%s: %s", path, strerror(-err));
+    }
+    return fd;
+}

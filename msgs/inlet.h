@@ -1,0 +1,25 @@
+/* msgs/inlet.h -- the receiving end of a node: a nanomsg SUB socket for each topic, and
+ * one thread that checks what comes in, counts gaps and puts it into the mailbox. */
+#ifndef ANLOS_MSGS_INLET_H
+#define ANLOS_MSGS_INLET_H
+
+#include "msgs/mailbox.h"
+
+struct inlet;
+
+/* The mailbox must outlive it.  0, -ENOMEM, other negative errno. */
+int inlet_create(struct inlet **out, const char *run_dir, struct mailbox *mailbox);
+
+/* Connects to every publisher; a second time does nothing.  0, -ENOMEM, -ENAMETOOLONG,
+ * other negative errno. */
+int inlet_subscribe(struct inlet *in, const struct topic *t);
+
+size_t inlet_counts(struct inlet *in, struct bus_count *out, size_t max);
+uint64_t inlet_refused(struct inlet *in);
+void inlet_on_refusal(struct inlet *in, void (*call)(void *ctx, const char *text),
+                      void *ctx);
+
+/* Ends the thread first: nothing comes into the mailbox any more. */
+void inlet_destroy(struct inlet *in);
+
+#endif

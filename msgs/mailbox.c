@@ -1,0 +1,202 @@
+#include "msgs/mailbox.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <sys/eventfd.h>
+#include <time.h>
+#include <unistd.h>
+
+struct letter {
+    struct bus_message message;
+    uint64_t arrival;
+};
+
+struct queue {
+    enum topic_policy policy;
+    size_t depth, head, n;
+    uint64_t dropped;
+    struct letter *ring; /* [depth] */
+};
+
+struct mailbox {
+    pthread_mutex_t lock;
+    int fd; /* eventfd: not 0 while a message waits or `interrupted` is set */
+    atomic_bool interrupted;
+    size_t waiting; /* over all queues */
+    uint64_t arrivals;
+    size_t n_queues;
+    struct queue *queues; /* [n_queues] */
+};
+
+_Static_assert(ATOMIC_BOOL_LOCK_FREE == 2, "mailbox_interrupt runs in signal handlers");
+
+int mailbox_create(struct mailbox **out)
+{
+    struct mailbox *m = calloc(1, sizeof *m);
+    if (!m)
+        return -ENOMEM;
+    m->fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    int err = m->fd < 0 ? -errno : -pthread_mutex_init(&m->lock, NULL);
+    if (err) {
+        if (m->fd >= 0)
+            close(m->fd);
+        free(m);
+        return err;
+    }
+    *out = m;
+    return 0;
+}
+
+int mailbox_add(struct mailbox *m, const struct topic *t, size_t *slot)
+{
+    struct queue q = {.policy = t->policy, .depth = t->depth};
+    q.ring = calloc(t->depth, sizeof *q.ring);
+    if (!q.ring)
+        return -ENOMEM;
+    pthread_mutex_lock(&m->lock);
+    struct queue *queues = realloc(m->queues, (m->n_queues + 1) * sizeof *queues);
+    if (queues) {
+        m->queues = queues;
+        *slot = m->n_queues++;
+        queues[*slot] = q;
+    }
+    pthread_mutex_unlock(&m->lock);
+    if (!queues)
+        free(q.ring);
+    return queues ? 0 : -ENOMEM;
+}
+
+static void signal_fd(int fd)
+{
+    int saved = errno; /* also in signal handlers */
+    uint64_t one = 1;
+    ssize_t n = write(fd, &one, sizeof one);
+    (void)n; /* it fails only when the counter is full, and then it is readable */
+    errno = saved;
+}
+
+/* An interrupt that comes between the read and the test is seen by the test, because it
+ * sets the flag first. */
+static void clear_fd(struct mailbox *m)
+{
+    uint64_t count;
+    ssize_t n = read(m->fd, &count, sizeof count);
+    (void)n; /* nothing to read: as wanted */
+    if (atomic_load(&m->interrupted))
+        signal_fd(m->fd);
+}
+
+static struct bus_message pop(struct mailbox *m, struct queue *q)
+{
+    struct bus_message first = q->ring[q->head].message;
+    q->head = (q->head + 1) % q->depth;
+    q->n--;
+    if (--m->waiting == 0)
+        clear_fd(m);
+    return first;
+}
+
+void mailbox_put(struct mailbox *m, size_t slot, const struct bus_message *message)
+{
+    struct bus_message pushed_out = {0};
+    pthread_mutex_lock(&m->lock);
+    struct queue *q = &m->queues[slot];
+    if (q->n == q->depth) {
+        pushed_out = pop(m, q);
+        q->dropped += q->policy == TOPIC_ALL;
+    }
+    struct letter *l = &q->ring[(q->head + q->n++) % q->depth];
+    l->message = *message;
+    l->arrival = m->arrivals++;
+    if (m->waiting++ == 0)
+        signal_fd(m->fd);
+    pthread_mutex_unlock(&m->lock);
+    bus_message_free(&pushed_out);
+}
+
+static struct queue *find_oldest(struct mailbox *m)
+{
+    struct queue *oldest = NULL;
+    for (struct queue *q = m->queues; q < m->queues + m->n_queues; q++)
+        if (q->n &&
+            (!oldest || q->ring[q->head].arrival < oldest->ring[oldest->head].arrival))
+            oldest = q;
+    return oldest;
+}
+
+static int64_t monotonic_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
+}
+
+/* Until the descriptor is readable or the time is over; a signal just ends the wait. */
+static int wait_until(const struct mailbox *m, int64_t end_ms, bool for_ever)
+{
+    struct pollfd p = {.fd = m->fd, .events = POLLIN};
+    int64_t left_ms = for_ever ? -1 : end_ms - monotonic_ms();
+    if (!for_ever && left_ms < 0)
+        left_ms = 0;
+    int n = poll(&p, 1, (int)left_ms);
+    return n < 0 && errno != EINTR ? -errno : n == 0 ? -ETIMEDOUT : 0;
+}
+
+int mailbox_take(struct mailbox *m, struct bus_message *out, int timeout_ms)
+{
+    int64_t end_ms = timeout_ms > 0 ? monotonic_ms() + timeout_ms : 0;
+    for (int err = 0;;) {
+        if (atomic_load(&m->interrupted))
+            return -ESHUTDOWN;
+        pthread_mutex_lock(&m->lock);
+        struct queue *q = find_oldest(m);
+        if (q)
+            *out = pop(m, q);
+        pthread_mutex_unlock(&m->lock);
+        if (q)
+            return 0;
+        if (err)
+            return err;
+        err = wait_until(m, end_ms, timeout_ms < 0); /* then looks once more */
+    }
+}
+
+int mailbox_fd(const struct mailbox *m)
+{
+    return m->fd;
+}
+
+void mailbox_interrupt(struct mailbox *m)
+{
+    atomic_store(&m->interrupted, true);
+    signal_fd(m->fd);
+}
+
+void mailbox_count(struct mailbox *m, size_t slot, uint64_t *dropped, size_t *queued)
+{
+    pthread_mutex_lock(&m->lock);
+    *dropped = m->queues[slot].dropped;
+    *queued = m->queues[slot].n;
+    pthread_mutex_unlock(&m->lock);
+}
+
+void mailbox_destroy(struct mailbox *m)
+{
+    if (!m)
+        return;
+    for (size_t i = 0; i < m->n_queues; i++) {
+        struct queue *q = &m->queues[i];
+        while (q->n) {
+            struct bus_message message = pop(m, q);
+            bus_message_free(&message);
+        }
+        free(q->ring);
+    }
+    free(m->queues);
+    pthread_mutex_destroy(&m->lock);
+    close(m->fd);
+    free(m);
+}

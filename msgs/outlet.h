@@ -1,0 +1,29 @@
+/* msgs/outlet.h -- the publishing end of one topic of one node: a nanomsg PUB socket of
+ * its own.  nanomsg filters at the subscriber, so topics that shared a socket would each
+ * send everything to everybody, and a large volume on its way would cost the receipts
+ * behind it. */
+#ifndef ANLOS_MSGS_OUTLET_H
+#define ANLOS_MSGS_OUTLET_H
+
+#include "msgs/bus.h"
+
+struct outlet;
+
+/* The caller holds the node's lock, so a socket file that is there is of a dead process
+ * and goes. 0, -ENOMEM, -ENAMETOOLONG, other negative errno. */
+int outlet_create(struct outlet **out, const struct bus_config *cfg,
+                  const struct topic *t, struct complaint *why);
+
+/* A message with room for size bytes at *payload.  NULL: out of memory. */
+void *outlet_allocate(size_t size, void **payload);
+
+/* Puts the envelope on, sends, and takes the message over in any case.  Thread-safe.
+ * 0 or a negative errno. */
+int outlet_send(struct outlet *o, int64_t capture_ns, int64_t publish_ns, void *message,
+                size_t size);
+
+const struct topic *outlet_topic(const struct outlet *o);
+void outlet_count(struct outlet *o, struct bus_count *out);
+void outlet_destroy(struct outlet *o);
+
+#endif

@@ -1,0 +1,252 @@
+#include <errno.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "nodes/anlos/commands.h"
+#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/recon_job.h"
+#include "nodes/anlos/recon_report.h"
+#include "nodes/anlos/usage.h"
+#include "nodes/rt/export.h"
+
+#define MAX_THREADS 256
+
+static const char help[] =
+    "anlos recon -- turn a recording into an image of what is hidden\n"
+    "\n"
+    "usage: anlos recon --survey FILE --wav DIR [--background DIR] --out DIR [options]\n"
+    "\n"
+    "Reads one multichannel WAV for each stage position (in name order; slot j of a file "
+    "is\n"
+    "the emission of speaker j), compresses the chirps, images the scene behind the "
+    "wall\n"
+    "and lists the objects in it.  One process; no nodes need to run.\n"
+    "\n"
+    "  --survey FILE        geometry and timing of the recording (survey.yaml)\n"
+    "  --wav DIR            the recording\n"
+    "  --background DIR     the same room without the hidden objects, subtracted with "
+    "its\n"
+    "                       phase; without it the room's own echoes stay in the image\n"
+    "  --out DIR            where the results go; made when missing\n"
+    "  --method NAME        fast (default): moveout and f-k migration, for arrays on a\n"
+    "                       regular grid; backprojection: any geometry, slower\n"
+    "  --threads N          1..256, default: one for each processor\n"
+    "  --window NAME        of the spectrum: hann (default), hamming, rectangular "
+    "(finer,\n"
+    "                       with sidelobes in depth)\n"
+    "  --compression NAME   matched_filter (default), deramp (the paper's)\n"
+    "  --help               this text\n"
+    "\n"
+    "files written, all or none\n"
+    "  volume.nrrd          intensity, float32, x fastest, in metres (3D Slicer, "
+    "ParaView)\n"
+    "  projection_xy.png    the volume's maxima seen from the front; _xz from above,\n"
+    "                       _yz from the side; crosses are the objects, as mirrored\n"
+    "  detections.json      the objects where they really are, with covariance\n"
+    "  report.json          time and memory of each stage, pings, channels, warnings\n"
+    "\n"
+    "example\n"
+    "  anlos sim launch/scenes/corner.yaml --out /tmp/corner\n"
+    "  anlos recon --survey /tmp/corner/survey.yaml --wav /tmp/corner/scene \\\n"
+    "      --background /tmp/corner/background --method fast --out /tmp/corner/image\n"
+    "\n"
+    "exit codes: 0 done; 1 failed (no memory, full disk); 2 bad arguments or input;\n"
+    "130 stopped by Ctrl-C, nothing written\n";
+
+enum option_code {
+    OPTION_SURVEY = 256,
+    OPTION_WAV,
+    OPTION_BACKGROUND,
+    OPTION_METHOD,
+    OPTION_OUT,
+    OPTION_THREADS,
+    OPTION_WINDOW,
+    OPTION_COMPRESSION,
+};
+
+static const struct option options[] = {
+    {"survey", required_argument, NULL, OPTION_SURVEY},
+    {"wav", required_argument, NULL, OPTION_WAV},
+    {"background", required_argument, NULL, OPTION_BACKGROUND},
+    {"method", required_argument, NULL, OPTION_METHOD},
+    {"out", required_argument, NULL, OPTION_OUT},
+    {"threads", required_argument, NULL, OPTION_THREADS},
+    {"window", required_argument, NULL, OPTION_WINDOW},
+    {"compression", required_argument, NULL, OPTION_COMPRESSION},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+static int take_option(struct recon_options *o, int code, char **argv)
+{
+    switch (code) {
+    case OPTION_SURVEY:
+        o->survey = optarg;
+        return 0;
+    case OPTION_WAV:
+        o->wav = optarg;
+        return 0;
+    case OPTION_BACKGROUND:
+        o->background = optarg;
+        return 0;
+    case OPTION_METHOD:
+        o->method = optarg;
+        return 0;
+    case OPTION_OUT:
+        o->out = optarg;
+        return 0;
+    case OPTION_THREADS:
+        if (!usage_count(optarg, 1, MAX_THREADS, &o->threads))
+            return 0;
+        return usage_error("recon", "--threads %s: expected a number from 1 to %d",
+                           optarg, MAX_THREADS);
+    case OPTION_WINDOW:
+        if (!window_from_name(optarg, &o->window))
+            return 0;
+        return usage_error("recon", "--window %s: expected hann, hamming or rectangular",
+                           optarg);
+    case OPTION_COMPRESSION:
+        if (!compression_from_name(optarg, &o->compression))
+            return 0;
+        return usage_error("recon", "--compression %s: expected matched_filter or deramp",
+                           optarg);
+    default:
+        return usage_option_error("recon", code, argv, options);
+    }
+}
+
+static int check_options(const struct recon_options *o, int argc, char **argv)
+{
+    if (optind < argc)
+        return usage_error("recon", "%s: unexpected argument", argv[optind]);
+    if (!o->survey)
+        return usage_error("recon", "--survey FILE is missing");
+    if (!o->wav)
+        return usage_error("recon", "--wav DIR is missing");
+    if (!o->out || !o->out[0])
+        return usage_error("recon", "--out DIR is missing");
+    for (const char *m = imager_methods(); *m; m += strlen(m) + 1)
+        if (!strcmp(m, o->method))
+            return 0;
+    return usage_error("recon", "--method %s: no such method; see the list there",
+                       o->method);
+}
+
+/* The large files, drawn and written side by side. */
+struct writing {
+    const struct recon_job *job;
+    const char *folder;
+    atomic_int err; /* the first */
+    struct complaint *why;
+};
+
+static void write_item(void *ctx, size_t item, size_t thread)
+{
+    struct writing *w = ctx;
+    const struct recon_job *job = w->job;
+    struct complaint why = {0};
+    int err, none = 0;
+    (void)thread;
+    if (item < EXPORT_PROJECTIONS)
+        err = export_projection(w->folder, item, &job->processing.grid, job->intensity,
+                                job->detections, &why);
+    else
+        err = export_nrrd(w->folder, "volume.nrrd", &job->processing.grid, job->intensity,
+                          &why);
+    if (err && atomic_compare_exchange_strong(&w->err, &none, err))
+        *w->why = why;
+}
+
+static int write_report(struct recon_job *job, const char *folder, json_t *warnings,
+                        struct complaint *why)
+{
+    json_t *report = recon_report_create(job, warnings);
+    int err = export_json(folder, "report.json", report, why);
+    json_decref(report);
+    return err;
+}
+
+/* began: when the command started, the write times are put into the report. */
+static int write_results(struct recon_job *job, const char *folder, json_t *warnings,
+                         const struct stopwatch *began, struct complaint *why)
+{
+    struct writing w = {.job = job, .folder = folder, .why = why};
+    struct stopwatch now = stopwatch_now(false), since = *began;
+
+    atomic_init(&w.err, 0);
+    pool_run(job->pool, EXPORT_PROJECTIONS + 1, write_item, &w);
+    int err = atomic_load(&w.err);
+    if (!err)
+        err = export_detections(folder, job->detections, why);
+    stopwatch_lap(&job->stages[RECON_WRITE], &now, false);
+    stopwatch_lap(&job->total, &since, false);
+    return err ? (json_decref(warnings), err) : write_report(job, folder, warnings, why);
+}
+
+/* Plans, runs and writes, with the output folder open. */
+static int run_in_stage(struct recon_job *job, struct export_stage *stage,
+                        const struct stopwatch *began, bool *bad_input,
+                        struct complaint *why)
+{
+    int err = recon_job_plan(job, why);
+    if (!err)
+        err = recon_job_run(job, why);
+    *bad_input = err && err != -ENOMEM && err != -EINTR && err != -EAGAIN;
+    if (err)
+        return err;
+    json_t *warnings = recon_report_warnings(job), *text;
+    size_t i;
+    json_array_foreach(warnings, i, text)
+        fprintf(stderr, "anlos recon: %s\n", json_string_value(text));
+    err = write_results(job, stage->path, warnings, began, why);
+    if (!err && interrupt_requested())
+        err = complain(why, -EINTR, "interrupted");
+    return err ? err : export_stage_commit(stage, why);
+}
+
+int command_recon(int argc, char **argv)
+{
+    struct recon_options o = {.method = "fast",
+                              .window = WINDOW_HANN,
+                              .compression = COMPRESSION_MATCHED_FILTER,
+                              .threads = usage_default_threads()};
+    struct stopwatch began = stopwatch_now(false);
+    struct recon_job job;
+    struct export_stage stage;
+    struct complaint why = {0};
+    bool bad_input = true;
+    int code;
+
+    opterr = 0;
+    optind = 1;
+    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
+        if (code == 'h')
+            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
+        code = take_option(&o, code, argv);
+        if (code)
+            return code;
+    }
+    code = check_options(&o, argc, argv);
+    if (code)
+        return code;
+
+    interrupt_catch();
+    int err = recon_job_open(&job, &o, &why);
+    if (err == -ENOMEM)
+        bad_input = false;
+    if (!err)
+        err = export_stage_begin(&stage, o.out, &why);
+    if (!err) {
+        err = run_in_stage(&job, &stage, &began, &bad_input, &why);
+        if (err)
+            export_stage_abandon(&stage);
+        else
+            recon_report_print(&job);
+    }
+    recon_job_clear(&job);
+    if (!err)
+        return EXIT_WORKED;
+    fprintf(stderr, "anlos recon: %s\n", why.text);
+    return err == -EINTR ? EXIT_INTERRUPTED : bad_input ? EXIT_BAD_INPUT : EXIT_FAILED;
+}

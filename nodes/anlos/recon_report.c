@@ -1,0 +1,210 @@
+#include "nodes/anlos/recon_report.h"
+
+#include <fftw3.h>
+#include <math.h>
+#include <stdio.h>
+#include <sys/resource.h>
+
+#include "nodes/rt/export.h"
+
+static const char *const stage_names[RECON_STAGES] = {
+    "plan", "read", "compress", "stack", "image", "detect", "write"};
+
+static size_t pings_expected(const struct recon_job *job)
+{
+    return job->survey.n_positions * job->survey.n_speakers;
+}
+
+static void warn(json_t *warnings, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+static void warn(json_t *warnings, const char *format, ...)
+{
+    char text[512];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    json_array_append_new(warnings, json_string(text));
+}
+
+static void warn_microphones(json_t *warnings, const struct channel_check *check,
+                             const struct survey *s, const char *prefix)
+{
+    for (size_t i = 0; check && i < s->n_microphones; i++) {
+        struct channel_summary c;
+        channel_check_summary(check, i, &c);
+        if (c.silent)
+            warn(warnings,
+                 "%smicrophone %zu: silent in %zu of %zu positions: left out there",
+                 prefix, i + 1, c.silent, s->n_positions);
+        if (c.damaged)
+            warn(warnings,
+                 "%smicrophone %zu: %llu samples not finite in %zu of %zu positions: "
+                 "left out "
+                 "there",
+                 prefix, i + 1, (unsigned long long)c.not_finite_samples, c.damaged,
+                 s->n_positions);
+        if (c.clipped_samples)
+            warn(warnings,
+                 "%smicrophone %zu: %llu samples clipped; left out of %zu of %zu "
+                 "positions",
+                 prefix, i + 1, (unsigned long long)c.clipped_samples, c.clipped,
+                 s->n_positions);
+    }
+}
+
+json_t *recon_report_warnings(const struct recon_job *job)
+{
+    json_t *warnings = json_array();
+    size_t used = imager_pings(job->imager);
+    warn_microphones(warnings, job->scene_check, &job->survey, "");
+    warn_microphones(warnings, job->background_check, &job->survey, "background: ");
+    if (used < pings_expected(job))
+        warn(warnings, "%zu of %zu pings are lost: no usable microphone",
+             pings_expected(job) - used, pings_expected(job));
+    if (!job->background)
+        warn(warnings,
+             "no background recording: the room's own echoes stay in the image");
+    return warnings;
+}
+
+static json_t *reals(const double *v, size_t n)
+{
+    json_t *a = json_array();
+    for (size_t i = 0; i < n; i++)
+        json_array_append_new(a, export_real(v[i]));
+    return a;
+}
+
+static json_t *times_json(const struct stopwatch *t)
+{
+    return json_pack("{so, so}", "wall_s", export_real(t->wall_s), "cpu_s",
+                     export_real(t->cpu_s));
+}
+
+static json_t *stages_json(const struct recon_job *job)
+{
+    json_t *o = json_object();
+    for (int i = 0; i < RECON_STAGES; i++)
+        json_object_set_new(o, stage_names[i], times_json(&job->stages[i]));
+    json_object_set_new(o, "total", times_json(&job->total));
+    return o;
+}
+
+static json_t *check_json(const struct channel_check *check, size_t n_microphones)
+{
+    json_t *masked = json_array(), *clipped = json_array(), *bad = json_array();
+    json_t *silent = json_array();
+    for (size_t i = 0; i < n_microphones; i++) {
+        struct channel_summary c;
+        channel_check_summary(check, i, &c);
+        json_array_append_new(clipped, json_integer((json_int_t)c.clipped_samples));
+        json_array_append_new(bad, json_integer((json_int_t)c.not_finite_samples));
+        json_array_append_new(silent, json_integer((json_int_t)c.silent));
+        if (c.silent || c.damaged || c.clipped)
+            json_array_append_new(masked, json_integer((json_int_t)i + 1));
+    }
+    return json_pack("{so, so, so, so}", "microphones_masked", masked, "clipped_samples",
+                     clipped, "not_finite_samples", bad, "silent_positions", silent);
+}
+
+static json_t *grid_json(const struct grid *g)
+{
+    return json_pack("{so, so, s[iii]}", "origin_m", reals(g->origin_m, 3), "step_m",
+                     reals(g->step_m, 3), "size", (int)g->n[0], (int)g->n[1],
+                     (int)g->n[2]);
+}
+
+static json_t *recording_json(const struct recon_job *job)
+{
+    const struct recon_options *o = job->options;
+    json_t *r = json_pack("{ss, ss, ss?}", "survey", o->survey, "wav", o->wav,
+                          "background", o->background);
+    json_object_set_new(r, "positions",
+                        json_integer((json_int_t)job->survey.n_positions));
+    json_object_set_new(r, "speakers", json_integer((json_int_t)job->survey.n_speakers));
+    json_object_set_new(r, "microphones",
+                        json_integer((json_int_t)job->survey.n_microphones));
+    json_object_set_new(r, "calibrated", json_boolean(job->survey.n_responses));
+    return r;
+}
+
+json_t *recon_report_create(const struct recon_job *job, json_t *warnings)
+{
+    static const char *const windows[] = {"rectangular", "hann", "hamming"};
+    const struct recon_options *o = job->options;
+    size_t expected = pings_expected(job), used = imager_pings(job->imager);
+    struct rusage usage = {0};
+    json_t *r = json_object(), *channels = json_object();
+
+    getrusage(RUSAGE_SELF, &usage);
+    json_object_set_new(r, "method", json_string(o->method));
+    json_object_set_new(
+        r, "compression",
+        json_string(o->compression == COMPRESSION_DERAMP ? "deramp" : "matched_filter"));
+    json_object_set_new(r, "window", json_string(windows[o->window]));
+    json_object_set_new(r, "threads", json_integer((json_int_t)o->threads));
+    json_object_set_new(r, "recording", recording_json(job));
+    json_object_set_new(r, "stages", stages_json(job));
+    json_object_set_new(r, "peak_memory_bytes", json_integer(1024LL * usage.ru_maxrss));
+    json_object_set_new(r, "pings",
+                        json_pack("{sI, sI, sI}", "expected", (json_int_t)expected,
+                                  "used", (json_int_t)used, "lost",
+                                  (json_int_t)(expected - used)));
+    json_object_set_new(channels, "scene",
+                        check_json(job->scene_check, job->survey.n_microphones));
+    if (job->background_check)
+        json_object_set_new(channels, "background",
+                            check_json(job->background_check, job->survey.n_microphones));
+    json_object_set_new(r, "channels", channels);
+    json_object_set_new(r, "grid", grid_json(&job->processing.grid));
+    json_object_set_new(r, "gate_m", reals(job->processing.gate_m, 2));
+    json_object_set_new(r, "band_hz", reals(job->processing.band_hz, 2));
+    json_object_set_new(r, "sound_speed_m_s", export_real(job->survey.sound_speed_m_s));
+    json_object_set_new(r, "temperature_c", export_real(job->survey.temperature_c));
+    json_object_set_new(r, "objects",
+                        json_integer((json_int_t)job->detections->n_detections));
+    json_object_set_new(r, "versions",
+                        json_pack("{ss, ss, ss}", "anlos", ANLOS_VERSION, "fftw",
+                                  fftwf_version, "compiler", __VERSION__));
+    json_object_set_new(r, "warnings", warnings);
+    return r;
+}
+
+static void print_object(const Anlos__Detection *d)
+{
+    double sigma = d->n_covariance_m2 == 6
+                       ? sqrt(fmax(fmax(d->covariance_m2[0], d->covariance_m2[3]),
+                                   d->covariance_m2[5]))
+                       : NAN;
+    printf("%4u %9.3f %8.3f %8.3f %9.1f %8.1f %9.0f %%", d->id, d->position_m->x,
+           d->position_m->y, d->position_m->z, 100.0 * sigma, d->level_db,
+           100.0 * d->existence);
+    if (fmax(fmax(d->extent_m->x, d->extent_m->y), d->extent_m->z) > 0.0)
+        printf("   %.2f x %.2f x %.2f", d->extent_m->x, d->extent_m->y, d->extent_m->z);
+    printf("\n");
+}
+
+void recon_report_print(const struct recon_job *job)
+{
+    const Anlos__DetectionList *list = job->detections;
+    size_t used = imager_pings(job->imager);
+    printf("%zu hidden object%s, positions in the %s frame%s\n", list->n_detections,
+           list->n_detections == 1 ? "" : "s",
+           list->in_vehicle_frame ? "vehicle" : "array",
+           list->mirrored ? "" : ", as mirrored by the wall (the survey names no wall)");
+    if (list->n_detections)
+        printf("   # %9s %8s %8s %9s %8s %11s   %s\n", "x m", "y m", "z m", "sigma cm",
+               "SNR dB", "existence", "extent m");
+    for (size_t i = 0; i < list->n_detections; i++)
+        print_object(list->detections[i]);
+    printf("%zu of %zu pings, method %s, %zu thread%s: %.2f s", used, pings_expected(job),
+           job->options->method, job->options->threads,
+           job->options->threads == 1 ? "" : "s", job->total.wall_s);
+    for (int i = 0; i < RECON_STAGES; i++)
+        printf("%s%s %.2f", i ? ", " : " (", stage_names[i], job->stages[i].wall_s);
+    printf(
+        ")\n%s: volume.nrrd, projection_{xy,xz,yz}.png, detections.json, report.json\n",
+        job->options->out);
+}

@@ -1,0 +1,29 @@
+/* nodes/anlos/usage.h -- how the commands talk about their command line. */
+#ifndef ANLOS_NODES_ANLOS_USAGE_H
+#define ANLOS_NODES_ANLOS_USAGE_H
+
+#include <getopt.h>
+#include <stddef.h>
+
+/* Exit codes of every command. */
+enum { EXIT_WORKED = 0, EXIT_FAILED = 1, EXIT_BAD_INPUT = 2, EXIT_INTERRUPTED = 130 };
+
+/* Prints "anlos COMMAND: text" and where help is; returns EXIT_BAD_INPUT. */
+int usage_error(const char *command, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+/* For getopt_long's '?' and ':' with opterr = 0: says what is wrong with the argument it
+ * stands at, and which option is spelled nearly so.  Returns EXIT_BAD_INPUT. */
+int usage_option_error(const char *command, int code, char **argv,
+                       const struct option *options);
+
+/* A whole number from min to max.  0, -EINVAL. */
+int usage_count(const char *text, size_t min, size_t max, size_t *out);
+
+/* A number above 0.  0, -EINVAL. */
+int usage_positive(const char *text, double *out);
+
+/* As many threads as processors that this process may use. */
+size_t usage_default_threads(void);
+
+#endif

@@ -1,0 +1,102 @@
+#include "nodes/can/sender.h"
+
+#include <math.h>
+
+void sender_init(struct sender *s, uint32_t base_id)
+{
+    *s = (struct sender){.base_id = base_id,
+                         .status = {.state = CAN_INIT, .temperature_c = NAN}};
+}
+
+static enum can_source source_of(Anlos__Source source)
+{
+    switch (source) {
+    case ANLOS__SOURCE__LIVE:
+        return CAN_LIVE;
+    case ANLOS__SOURCE__REPLAY:
+        return CAN_REPLAY;
+    default: /* what is not known to be live must not look live */
+        return CAN_SIMULATION;
+    }
+}
+
+void sender_survey(struct sender *s, const Anlos__Survey *survey)
+{
+    s->status.source = source_of(survey->source);
+    s->status.temperature_c = survey->temperature_c;
+    s->status.sound_speed_m_s = survey->sound_speed_m_s;
+}
+
+void sender_scan(struct sender *s, const Anlos__ScanStatus *status)
+{
+    switch (status->state) {
+    case ANLOS__SCAN_STATUS__STATE__WAITING:
+        s->status.state = CAN_INIT;
+        break;
+    case ANLOS__SCAN_STATUS__STATE__RUNNING:
+        s->status.state = status->pass == ANLOS__PASS__BACKGROUND ? CAN_CALIBRATING
+                                                                  : CAN_ACTIVE;
+        break;
+    case ANLOS__SCAN_STATUS__STATE__DONE:
+        s->status.state = status->pings_lost ? CAN_DEGRADED : CAN_ACTIVE;
+        break;
+    default:
+        s->status.state = CAN_FAULT;
+    }
+}
+
+static void fill_object(struct can_object *o, const Anlos__Detection *d, uint32_t counter)
+{
+    *o = (struct can_object){.id = (uint8_t)d->id,
+                             .counter = (uint8_t)counter,
+                             .measurement = CAN_NEW, /* lists do not know each other */
+                             .existence = d->existence};
+    if (d->position_m) {
+        o->position_m[0] = d->position_m->x;
+        o->position_m[1] = d->position_m->y;
+        o->position_m[2] = d->position_m->z;
+    }
+    if (d->n_covariance_m2 == 6) {
+        const double *c = d->covariance_m2; /* xx xy xz yy yz zz */
+        o->sigma_m[0] = sqrt(fmax(c[0], 0.0));
+        o->sigma_m[1] = sqrt(fmax(c[3], 0.0));
+        double product = o->sigma_m[0] * o->sigma_m[1];
+        o->correlation = product > 0.0 ? c[1] / product : 0.0;
+    }
+    /* Extents are known in the array's frame: x along the wall, z in depth. */
+    if (d->extent_m) {
+        o->length_m = d->extent_m->z;
+        o->width_m = d->extent_m->x;
+    }
+}
+
+size_t sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
+                   int64_t now_ns, struct can_frame_data *frames)
+{
+    size_t n = list->n_detections < CAN_MAX_OBJECTS ? list->n_detections : CAN_MAX_OBJECTS;
+    size_t k = 0;
+    const struct can_list_header header = {
+        .number = (uint8_t)n,
+        .counter = (uint16_t)list->counter,
+        .latency_ms = capture_ns ? 1e-6 * (double)(now_ns - capture_ns) : 0.0,
+        .cycle_ms = s->list_ns ? 1e-6 * (double)(now_ns - s->list_ns) : 0.0,
+        .truncated = n < list->n_detections,
+    };
+
+    s->list_ns = now_ns;
+    can_pack_list_header(&frames[k++], s->base_id, &header);
+    can_pack_time(&frames[k++], s->base_id, capture_ns ? capture_ns : now_ns);
+    for (size_t i = 0; i < n; i++) {
+        struct can_object object;
+        fill_object(&object, list->detections[i], list->counter);
+        can_pack_object_state(&frames[k++], s->base_id, &object);
+        can_pack_object_dynamics(&frames[k++], s->base_id, &object);
+        can_pack_object_quality(&frames[k++], s->base_id, &object);
+    }
+    return k;
+}
+
+void sender_status(const struct sender *s, struct can_frame_data *frame)
+{
+    can_pack_status(frame, s->base_id, &s->status);
+}

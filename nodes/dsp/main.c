@@ -1,0 +1,77 @@
+/* nodes/dsp/main.c: "survey", "ping" -> pulse compression -> "traces", "receipt" */
+#include <errno.h>
+
+#include "msgs/topics.h"
+#include "nodes/dsp/dsp.h"
+#include "nodes/rt/node.h"
+
+static int create(struct dsp **out, struct node *node)
+{
+    const struct launchfile *l = node_launch(node);
+    struct dsp_config cfg = {.background = l->scan.background};
+    int err = window_from_name(l->dsp.window, &cfg.window);
+
+    if (!err)
+        err = compression_from_name(l->dsp.compression, &cfg.compression);
+    return err ? err : dsp_create(out, &cfg);
+}
+
+static int take_survey(struct node *node, struct dsp *dsp, const Anlos__Survey *survey)
+{
+    struct complaint why = {""};
+    int err = dsp_survey(dsp, survey, &why);
+
+    if (err)
+        node_state(node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
+    else
+        node_state(node, ANLOS__HEALTH__STATE__READY, "ready");
+    return err;
+}
+
+/* What cannot be sent is logged by node_publish, and retaken by the scan. */
+static void take_ping(struct node *node, struct dsp *dsp, const struct node_message *in)
+{
+    struct dsp_output out;
+
+    dsp_ping(dsp, (const Anlos__Ping *)in->content, &out);
+    if (out.has_traces)
+        node_publish(node, topic_traces(), in->capture_ns, &out.traces.base);
+    if (out.has_receipt)
+        node_publish(node, topic_receipt(), in->capture_ns, &out.receipt.base);
+    if (out.note[0])
+        node_log(node, LOG_LEVEL_WARNING, "%s", out.note);
+}
+
+static int run(struct node *node, struct dsp *dsp)
+{
+    struct node_message in;
+    int err = node_subscribe(node, topic_survey());
+
+    if (!err)
+        err = node_subscribe(node, topic_ping());
+    node_state(node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
+    while (!err) {
+        err = node_next(node, &in, -1);
+        if (!err && in.topic == topic_survey())
+            err = take_survey(node, dsp, (const Anlos__Survey *)in.content);
+        else if (!err)
+            take_ping(node, dsp, &in);
+    }
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    struct node *node;
+    struct dsp *dsp = NULL;
+    int err = node_create(&node, "dsp",
+                          "Compresses pulses and subtracts the background.", argc, argv);
+
+    if (err)
+        return err - 1;
+    err = create(&dsp, node);
+    if (!err)
+        err = run(node, dsp);
+    dsp_destroy(dsp);
+    return node_finish(node, err);
+}

@@ -1,0 +1,70 @@
+#include "nodes/launcher/progress.h"
+
+#include <stdio.h>
+#include <string.h>
+
+void progress_init(struct progress *p, bool terminal)
+{
+    *p = (struct progress){.terminal = terminal,
+                           .step = -1,
+                           .state = ANLOS__SCAN_STATUS__STATE__WAITING};
+}
+
+static uint64_t messages_lost(const struct progress *p)
+{
+    uint64_t lost = 0;
+
+    for (size_t i = 0; i < p->n_nodes; i++)
+        lost += p->nodes[i].lost;
+    return lost;
+}
+
+static void write_text(struct progress *p, const Anlos__ScanStatus *s)
+{
+    char left[32] = "";
+
+    if (s->state == ANLOS__SCAN_STATUS__STATE__WAITING && !s->pings_done) {
+        snprintf(p->text, sizeof p->text, "%s", s->text);
+        return;
+    }
+    if (s->state == ANLOS__SCAN_STATUS__STATE__RUNNING && s->pings_done)
+        snprintf(left, sizeof left, ", %.0f s left", s->time_left_s);
+    snprintf(p->text, sizeof p->text,
+             "%s %u of %u pings%s, %u taken again, %u given up, %llu messages lost%s%s",
+             s->pass == ANLOS__PASS__BACKGROUND ? "background:" : "scene:", s->pings_done,
+             s->pings_expected, left, s->pings_retaken, s->pings_lost,
+             (unsigned long long)messages_lost(p), s->text[0] ? "; " : "", s->text);
+}
+
+bool progress_status(struct progress *p, const Anlos__ScanStatus *s)
+{
+    bool changed = s->state != p->state;
+    int step =
+        s->pings_expected ? (int)(10ull * s->pings_done / s->pings_expected) : -1;
+
+    p->state = s->state;
+    write_text(p, s);
+    if (p->terminal)
+        return true;
+    if (step == p->step &&
+        !(changed && s->state == ANLOS__SCAN_STATUS__STATE__FAILED))
+        return false;
+    p->step = step;
+    return true;
+}
+
+void progress_health(struct progress *p, const Anlos__Health *health)
+{
+    size_t i = 0;
+
+    while (i < p->n_nodes && strcmp(p->nodes[i].name, health->node))
+        i++;
+    if (i == PROGRESS_MAX_NODES)
+        return;
+    if (i == p->n_nodes)
+        snprintf(p->nodes[p->n_nodes++].name, sizeof p->nodes[i].name, "%s",
+                 health->node);
+    p->nodes[i].lost = 0;
+    for (size_t k = 0; k < health->n_topics; k++)
+        p->nodes[i].lost += health->topics[k]->gaps + health->topics[k]->dropped;
+}

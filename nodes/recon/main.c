@@ -1,0 +1,161 @@
+/* nodes/recon/main.c: "survey", "traces", "scan/status" -> "volume", "receipt" */
+#include <errno.h>
+
+#include "msgs/topics.h"
+#include "nodes/recon/recon.h"
+#include "nodes/rt/node.h"
+
+#define REPEAT_NS         2000000000LL /* the last volume, for whoever missed it */
+#define PREVIEW_PAUSE     4            /* times what a preview took: most time is for pings */
+#define PREVIEW_PAUSE_MIN 100000000LL
+
+struct run {
+    struct node *node;
+    struct recon *recon;
+    int64_t scan_epoch_ns;
+    int64_t preview_due_ns, repeat_due_ns;
+    bool has_final; /* of what is in: */
+    Anlos__Volume final;
+};
+
+static int create(struct run *r)
+{
+    const struct launchfile *l = node_launch(r->node);
+    struct recon_config cfg = {.method = l->recon.method, .threads = l->recon.threads};
+    int err = window_from_name(l->dsp.window, &cfg.window);
+
+    if (!err)
+        err = compression_from_name(l->dsp.compression, &cfg.compression);
+    return err ? err : recon_create(&r->recon, &cfg);
+}
+
+static void publish_volume(struct run *r, Anlos__Volume *v)
+{
+    int64_t taken = recon_taken_ns(r->recon);
+
+    v->imaging_s = 1e-9 * (double)(node_now_ns(r->node) - taken);
+    node_publish(r->node, topic_volume(), recon_capture_ns(r->recon), &v->base);
+}
+
+static void publish_final(struct run *r)
+{
+    recon_image(r->recon, false, &r->final);
+    publish_volume(r, &r->final);
+    r->has_final = true;
+    r->repeat_due_ns = node_now_ns(r->node) + REPEAT_NS;
+    node_log(r->node, LOG_LEVEL_DEBUG, "volume of %zu pings, %.1f ms after the last",
+             recon_pings(r->recon), 1e3 * r->final.imaging_s);
+}
+
+static void publish_preview(struct run *r)
+{
+    Anlos__Volume v;
+    int64_t start = node_now_ns(r->node);
+
+    recon_image(r->recon, true, &v);
+    publish_volume(r, &v);
+    int64_t now = node_now_ns(r->node);
+    int64_t pause = PREVIEW_PAUSE * (now - start);
+    r->preview_due_ns = now + (pause > PREVIEW_PAUSE_MIN ? pause : PREVIEW_PAUSE_MIN);
+}
+
+static int take_survey(struct run *r, const Anlos__Survey *survey)
+{
+    struct complaint why = {""};
+    int err = recon_survey(r->recon, survey, &why);
+
+    if (err)
+        node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
+    else
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
+    return err;
+}
+
+static void take_traces(struct run *r, const struct node_message *in)
+{
+    Anlos__Receipt receipt;
+    char note[128];
+
+    recon_traces(r->recon, (const Anlos__Traces *)in->content, in->capture_ns,
+                 node_now_ns(r->node), &receipt, note, sizeof note);
+    node_publish(r->node, topic_receipt(), in->capture_ns, &receipt.base);
+    if (note[0])
+        node_log(r->node, LOG_LEVEL_WARNING, "%s", note);
+    if (!recon_is_complete(r->recon))
+        r->has_final = false;
+    else if (!r->has_final)
+        publish_final(r);
+}
+
+static void take_status(struct run *r, const struct node_message *in)
+{
+    const Anlos__ScanStatus *status = (const Anlos__ScanStatus *)in->content;
+
+    /* A scan that was restarted begins anew, and so must the image. */
+    if (r->scan_epoch_ns && in->epoch_ns != r->scan_epoch_ns) {
+        recon_reset(r->recon);
+        r->has_final = false;
+    }
+    r->scan_epoch_ns = in->epoch_ns;
+    if ((status->state == ANLOS__SCAN_STATUS__STATE__DONE ||
+         status->state == ANLOS__SCAN_STATUS__STATE__FAILED) &&
+        !r->has_final && recon_pings(r->recon))
+        publish_final(r);
+}
+
+static bool wants_preview(const struct run *r)
+{
+    return node_launch(r->node)->recon.preview && recon_has_new_position(r->recon) &&
+           !recon_is_complete(r->recon) && node_now_ns(r->node) >= r->preview_due_ns;
+}
+
+static void idle(struct run *r)
+{
+    if (wants_preview(r)) {
+        publish_preview(r);
+    } else if (r->has_final && node_now_ns(r->node) >= r->repeat_due_ns) {
+        node_publish(r->node, topic_volume(), recon_capture_ns(r->recon),
+                     &r->final.base);
+        r->repeat_due_ns = node_now_ns(r->node) + REPEAT_NS;
+    }
+}
+
+static int run(struct run *r)
+{
+    struct node_message in;
+    int err = node_subscribe(r->node, topic_survey());
+
+    if (!err)
+        err = node_subscribe(r->node, topic_traces());
+    if (!err)
+        err = node_subscribe(r->node, topic_scan_status());
+    node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
+    while (!err) {
+        err = node_next(r->node, &in, wants_preview(r) ? 0 : 100);
+        if (err == -ETIMEDOUT) {
+            idle(r);
+            err = 0;
+        } else if (!err && in.topic == topic_survey())
+            err = take_survey(r, (const Anlos__Survey *)in.content);
+        else if (!err && in.topic == topic_traces())
+            take_traces(r, &in);
+        else if (!err)
+            take_status(r, &in);
+    }
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    struct run r = {0};
+    int err = node_create(&r.node, "recon",
+                          "Images what the echoes show, while they come in.", argc, argv);
+
+    if (err)
+        return err - 1;
+    err = create(&r);
+    if (!err)
+        err = run(&r);
+    recon_destroy(r.recon);
+    return node_finish(r.node, err);
+}

@@ -1,0 +1,57 @@
+/* nodes/recon/recon.h -- the recon node's step: traces of a scan to volumes.  Plans when
+ * the survey is known, works while traces arrive, so that the image is a matter of
+ * milliseconds after the last one. */
+#ifndef ANLOS_NODES_RECON_RECON_H
+#define ANLOS_NODES_RECON_RECON_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/complaint.h"
+#include "msgs/scan.pb-c.h"
+#include "msgs/survey.pb-c.h"
+#include "msgs/traces.pb-c.h"
+#include "msgs/volume.pb-c.h"
+#include "nodes/rt/compressor.h"
+
+struct recon_config {
+    const char *method; /* must outlive the recon */
+    size_t threads;     /* 0: all cores */
+    enum window window; /* as dsp has them: they decide the traces' format */
+    enum compression compression;
+};
+
+struct recon;
+
+/* 0, -ENOMEM, -EAGAIN (threads). */
+int recon_create(struct recon **out, const struct recon_config *cfg);
+
+/* Plans for a survey; the traces of another one are forgotten.  0, or a negative errno
+ * and a complaint (of the survey, or of the method). */
+int recon_survey(struct recon *r, const Anlos__Survey *survey, struct complaint *why);
+bool recon_is_planned(const struct recon *r);
+
+/* Takes one ping's traces; the receipt is to be published.  note[size] is for the log,
+ * empty when there is nothing to say. */
+void recon_traces(struct recon *r, const Anlos__Traces *traces, int64_t capture_ns,
+                  int64_t now_ns, Anlos__Receipt *receipt, char *note, size_t size);
+
+size_t recon_pings(const struct recon *r);
+size_t recon_pings_expected(const struct recon *r);
+bool recon_is_complete(const struct recon *r); /* every ping of the scan is in */
+int64_t recon_capture_ns(const struct recon *r); /* of the newest ping */
+int64_t recon_taken_ns(const struct recon *r);   /* when its traces came in */
+
+/* Another stage position is complete since the last image? */
+bool recon_has_new_position(const struct recon *r);
+
+/* Images what is in.  The message borrows from the recon until the next image;
+ * imaging_s is the caller's to set. */
+void recon_image(struct recon *r, bool preview, Anlos__Volume *out);
+
+/* A new scan: forget all traces. */
+void recon_reset(struct recon *r);
+void recon_destroy(struct recon *r);
+
+#endif

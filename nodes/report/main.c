@@ -1,0 +1,80 @@
+/* nodes/report/main.c: "volume", "detections", "scan/status", "health" -> a folder.  Ends
+ * when it is written. */
+#include <errno.h>
+
+#include "msgs/topics.h"
+#include "nodes/report/report.h"
+#include "nodes/rt/export.h"
+#include "nodes/rt/node.h"
+
+static int subscribe(struct node *node)
+{
+    const struct topic *const topics[] = {topic_survey(), topic_volume(),
+                                          topic_detections(), topic_scan_status(),
+                                          topic_health()};
+
+    for (size_t i = 0; i < sizeof topics / sizeof *topics; i++) {
+        int err = node_subscribe(node, topics[i]);
+        if (err)
+            return err;
+    }
+    return 0;
+}
+
+static int take(struct node *node, struct report *r, const struct node_message *in)
+{
+    if (in->topic == topic_survey())
+        return report_survey(r, (const Anlos__Survey *)in->content);
+    if (in->topic == topic_volume())
+        return report_volume(r, (const Anlos__Volume *)in->content, in->capture_ns,
+                             in->publish_ns);
+    if (in->topic == topic_detections())
+        return report_detections(r, (const Anlos__DetectionList *)in->content);
+    if (in->topic == topic_scan_status())
+        return report_status(r, (const Anlos__ScanStatus *)in->content,
+                             node_now_ns(node));
+    return report_health(r, (const Anlos__Health *)in->content, in->epoch_ns);
+}
+
+static int run(struct node *node, struct report *r)
+{
+    struct node_message in;
+    struct complaint why = {""};
+    const char *folder = node_launch(node)->report.folder;
+    int err = export_folder(folder, &why);
+
+    if (!err)
+        err = subscribe(node);
+    if (!err)
+        node_state(node, ANLOS__HEALTH__STATE__READY, "ready");
+    while (!err && !report_is_complete(r, node_now_ns(node))) {
+        err = node_next(node, &in, 500);
+        if (!err)
+            err = take(node, r, &in);
+        else if (err == -ETIMEDOUT)
+            err = 0;
+    }
+    if (!err) {
+        err = report_write(r, folder, &why);
+        if (!err)
+            node_log(node, LOG_LEVEL_DEBUG, "%s is written", folder);
+    }
+    if (err && why.text[0])
+        node_log(node, LOG_LEVEL_ERROR, "%s", why.text);
+    return err;
+}
+
+int main(int argc, char **argv)
+{
+    struct node *node;
+    struct report report;
+    int err = node_create(&node, "report", "Writes the results of a scan into a folder.",
+                          argc, argv);
+
+    if (err)
+        return err - 1;
+    report_init(&report);
+    err = run(node, &report);
+    report_clear(&report);
+    return node_finish(node, err);
+}

@@ -1,0 +1,179 @@
+#include "nodes/report/report.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msgs/survey.h"
+#include "nodes/report/report_json.h"
+#include "nodes/rt/export.h"
+#include "nodes/rt/processing.h"
+#include "nodes/rt/volume_grid.h"
+
+#define FAILED_WAIT_NS 5000000000LL
+
+void report_init(struct report *r)
+{
+    *r = (struct report){.ping_s = NAN};
+}
+
+/* A deep copy, by way of its bytes.  NULL: no memory. */
+static void *copy(const ProtobufCMessage *m)
+{
+    size_t size = protobuf_c_message_get_packed_size(m);
+    uint8_t *bytes = malloc(size ? size : 1);
+
+    if (!bytes)
+        return NULL;
+    protobuf_c_message_pack(m, bytes);
+    void *out = protobuf_c_message_unpack(m->descriptor, NULL, size, bytes);
+    free(bytes);
+    return out;
+}
+
+int report_survey(struct report *r, const Anlos__Survey *survey)
+{
+    struct processing p;
+    struct survey s;
+
+    if (survey_from_message(&s, survey, NULL))
+        return 0; /* dsp complains about it */
+    if (!processing_plan(&p, &s, NULL))
+        r->ping_s = (double)p.ping_samples / s.sample_rate_hz;
+    survey_clear(&s);
+    return 0;
+}
+
+int report_volume(struct report *r, const Anlos__Volume *volume, int64_t capture_ns,
+                  int64_t publish_ns)
+{
+    if (volume->preview)
+        return 0;
+    /* recon repeats its last volume: the first one tells how long it took. */
+    if (r->volume && r->volume->pings_used == volume->pings_used &&
+        r->volume_capture_ns == capture_ns)
+        return 0;
+    Anlos__Volume *fresh = copy(&volume->base);
+    if (!fresh)
+        return -ENOMEM;
+    anlos__volume__free_unpacked(r->volume, NULL);
+    r->volume = fresh;
+    r->volume_capture_ns = capture_ns;
+    r->volume_publish_ns = publish_ns;
+    return 0;
+}
+
+int report_detections(struct report *r, const Anlos__DetectionList *list)
+{
+    if (list->preview)
+        return 0;
+    Anlos__DetectionList *fresh = copy(&list->base);
+    if (!fresh)
+        return -ENOMEM;
+    anlos__detection_list__free_unpacked(r->detections, NULL);
+    r->detections = fresh;
+    return 0;
+}
+
+static bool has_ended(const Anlos__ScanStatus *s)
+{
+    return s && (s->state == ANLOS__SCAN_STATUS__STATE__DONE ||
+                 s->state == ANLOS__SCAN_STATUS__STATE__FAILED);
+}
+
+int report_status(struct report *r, const Anlos__ScanStatus *status, int64_t now_ns)
+{
+    if (status->state == ANLOS__SCAN_STATUS__STATE__RUNNING && !r->running_ns)
+        r->running_ns = now_ns;
+    if (!has_ended(status))
+        r->ended_ns = 0;
+    else if (!r->ended_ns)
+        r->ended_ns = now_ns;
+    Anlos__ScanStatus *fresh = copy(&status->base);
+    if (!fresh)
+        return -ENOMEM;
+    anlos__scan_status__free_unpacked(r->status, NULL);
+    r->status = fresh;
+    return 0;
+}
+
+int report_health(struct report *r, const Anlos__Health *health, int64_t epoch_ns)
+{
+    size_t i = 0;
+
+    while (i < r->n_nodes && strcmp(r->nodes[i].health->node, health->node))
+        i++;
+    if (i == REPORT_MAX_NODES)
+        return 0;
+    struct report_node *n = &r->nodes[i];
+    if (i < r->n_nodes && epoch_ns < n->epoch_ns)
+        return 0;
+    Anlos__Health *fresh = copy(&health->base);
+    if (!fresh)
+        return -ENOMEM;
+    anlos__health__free_unpacked(n->health, NULL);
+    n->health = fresh;
+    if (i == r->n_nodes)
+        r->n_nodes++;
+    else if (epoch_ns != n->epoch_ns)
+        n->restarts++;
+    n->epoch_ns = epoch_ns;
+    return 0;
+}
+
+bool report_is_complete(const struct report *r, int64_t now_ns)
+{
+    if (!has_ended(r->status))
+        return false;
+    if (r->volume && r->detections && r->volume->scan == r->status->scan &&
+        r->detections->scan == r->status->scan)
+        return true;
+    return r->status->state == ANLOS__SCAN_STATUS__STATE__FAILED &&
+           now_ns - r->ended_ns > FAILED_WAIT_NS;
+}
+
+static int write_results(const struct report *r, const char *folder, struct complaint *why)
+{
+    struct grid grid;
+    const float *intensity = r->volume ? volume_grid(r->volume, &grid) : NULL;
+    int err = 0;
+
+    if (intensity)
+        err = export_nrrd(folder, "volume.nrrd", &grid, intensity, why);
+    if (!err && intensity)
+        err = export_projections(folder, &grid, intensity, r->detections, why);
+    if (!err && r->detections)
+        err = export_detections(folder, r->detections, why);
+    if (err)
+        return err;
+    json_t *json = report_json(r);
+    err = export_json(folder, "report.json", json, why);
+    json_decref(json);
+    return err;
+}
+
+int report_write(const struct report *r, const char *folder, struct complaint *why)
+{
+    struct export_stage stage;
+    int err = export_stage_begin(&stage, folder, why);
+
+    if (err)
+        return err;
+    err = write_results(r, stage.path, why);
+    if (err) {
+        export_stage_abandon(&stage);
+        return err;
+    }
+    return export_stage_commit(&stage, why);
+}
+
+void report_clear(struct report *r)
+{
+    anlos__volume__free_unpacked(r->volume, NULL);
+    anlos__detection_list__free_unpacked(r->detections, NULL);
+    anlos__scan_status__free_unpacked(r->status, NULL);
+    for (size_t i = 0; i < r->n_nodes; i++)
+        anlos__health__free_unpacked(r->nodes[i].health, NULL);
+    report_init(r);
+}

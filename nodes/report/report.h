@@ -1,0 +1,54 @@
+/* nodes/report/report.h -- the report node's step: gathers the end of a scan from the
+ * messages and writes the folder of results. */
+#ifndef ANLOS_NODES_REPORT_REPORT_H
+#define ANLOS_NODES_REPORT_REPORT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "msgs/complaint.h"
+#include "msgs/detections.pb-c.h"
+#include "msgs/health.pb-c.h"
+#include "msgs/scan.pb-c.h"
+#include "msgs/survey.pb-c.h"
+#include "msgs/volume.pb-c.h"
+
+#define REPORT_MAX_NODES 16
+
+struct report_node {
+    Anlos__Health *health; /* the newest; owned */
+    int64_t epoch_ns;
+    unsigned restarts;
+};
+
+struct report {
+    Anlos__Volume *volume; /* the last of the scan, not a preview; owned */
+    Anlos__DetectionList *detections;
+    Anlos__ScanStatus *status;
+    int64_t volume_capture_ns, volume_publish_ns;
+    double ping_s;                 /* length of a recording; NaN: not known */
+    int64_t running_ns, ended_ns;  /* 0: not yet */
+    struct report_node nodes[REPORT_MAX_NODES];
+    size_t n_nodes;
+};
+
+void report_init(struct report *r);
+
+/* Each copies what it needs.  0, -ENOMEM. */
+int report_survey(struct report *r, const Anlos__Survey *survey);
+int report_volume(struct report *r, const Anlos__Volume *volume, int64_t capture_ns,
+                  int64_t publish_ns);
+int report_detections(struct report *r, const Anlos__DetectionList *list);
+int report_status(struct report *r, const Anlos__ScanStatus *status, int64_t now_ns);
+int report_health(struct report *r, const Anlos__Health *health, int64_t epoch_ns);
+
+/* The scan has ended, and its volume and detections are here; or it has failed, and for
+ * 5 s nothing more has come. */
+bool report_is_complete(const struct report *r, int64_t now_ns);
+
+/* volume.nrrd, projections, detections.json (as far as there are any) and report.json:
+ * all of them or none.  0 or a negative errno. */
+int report_write(const struct report *r, const char *folder, struct complaint *why);
+void report_clear(struct report *r);
+
+#endif

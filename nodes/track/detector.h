@@ -1,0 +1,39 @@
+/* nodes/track/detector.h -- the track node's step: a volume to the list of hidden
+ * objects, where they really are.  Each list stands for itself: nothing is tracked. */
+#ifndef ANLOS_NODES_TRACK_DETECTOR_H
+#define ANLOS_NODES_TRACK_DETECTOR_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "msgs/complaint.h"
+#include "msgs/detections.pb-c.h"
+#include "msgs/survey.h"
+#include "msgs/volume.pb-c.h"
+
+struct detector_config {
+    double threshold_db;  /* above the volume's noise floor */
+    double min_existence; /* 0..1: what is less likely is left out */
+};
+
+struct detector {
+    struct detector_config cfg;
+    struct survey survey;
+    uint64_t survey_id;
+    bool has_survey;
+    uint32_t counter; /* of lists */
+};
+
+void detector_init(struct detector *d, const struct detector_config *cfg);
+
+/* 0, -ENOMEM, -EINVAL (the complaint says why). */
+int detector_survey(struct detector *d, const Anlos__Survey *survey,
+                    struct complaint *why);
+
+/* The objects of a volume; objects_free the list.  0, -EAGAIN (its survey is not known
+ * yet), -EINVAL (not a volume; the complaint says why), -ENOMEM. */
+int detector_volume(struct detector *d, const Anlos__Volume *volume,
+                    Anlos__DetectionList **out, struct complaint *why);
+void detector_clear(struct detector *d);
+
+#endif
