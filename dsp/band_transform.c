@@ -13,7 +13,7 @@
 #include "dsp/vector.h"
 
 #define MAX_STREAMS 32
-#define BLOCK       32 /* samples that the vector loops take at once */
+#define BLOCK       (2 * VECTOR_LANES) /* samples that the vector loops take at once */
 
 struct band_transform {
     struct band_transform_layout layout;
@@ -22,9 +22,10 @@ struct band_transform {
     float *roots;                /* [R/2][R][2] */
     float *twiddle;              /* [R/2][2][m], real parts and imaginary parts */
     float *step, *shift;         /* [2][n_output rounded up to BLOCK] */
-    float *row;                  /* [m], the last one, filled up with zeros */
-    float *mixed, *spectrum;     /* [R/2][m][2] */
-    float *product, *output;     /* [R][m'][2] */
+    float *signal;               /* [L], the input, aligned and filled up with zeros */
+    float *mixed, *product;      /* [m][2], [m'][2]: of one stream at a time */
+    float *spectrum;             /* [R/2][m][2] */
+    float *output;               /* [R][m'][2] */
     fftwf_plan forward, inverse; /* of one stream */
 };
 
@@ -42,25 +43,36 @@ struct band_transform {
     __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, \
                             31)
 
-/* One stream before its transform: the sum over the rows, turned by its twiddle. */
-VECTOR_CLONES static void rows_mix(float *restrict out, const float *const *rows,
+/* z * w of planar vectors, interleaved into y[2]. */
+#define STORE_PRODUCT(y, zr, zi, wr, wi)                                                 \
+    do {                                                                                 \
+        vector16 pr_ = (zr) * (wr) - (zi) * (wi), pi_ = (zr) * (wi) + (zi) * (wr);       \
+        (y)[0] = INTERLEAVE_LOW(pr_, pi_);                                               \
+        (y)[1] = INTERLEAVE_HIGH(pr_, pi_);                                              \
+    } while (0)
+
+/* One stream before its transform: the sum over signal's rows, turned by its twiddle. Two
+ * vectors at a time, here and below, so that one sum need not wait for the other. */
+VECTOR_CLONES static void rows_mix(float *restrict out, const float *restrict signal,
                                    size_t n_rows, const float *restrict root,
                                    const float *restrict twiddle, size_t m)
 {
-    for (size_t i = 0; i < m; i += VECTOR_LANES) {
-        vector16 tr = *(const vector16 *)(twiddle + i);
-        vector16 ti = *(const vector16 *)(twiddle + m + i);
-        vector16 re = {0}, im = {0};
+    for (size_t i = 0; i < m; i += BLOCK) {
+        const vector16 *tr = (const vector16 *)(twiddle + i);
+        const vector16 *ti = (const vector16 *)(twiddle + m + i);
         vector16 *y = (vector16 *)(out + 2 * i);
+        vector16 re0 = {0}, im0 = {0}, re1 = {0}, im1 = {0};
 
         for (size_t r = 0; r < n_rows; r++) {
-            vector16 x = *(const vector16 *)(rows[r] + i);
-            re += root[2 * r] * x;
-            im += root[2 * r + 1] * x;
+            const vector16 *x = (const vector16 *)(signal + r * m + i);
+            float a = root[2 * r], b = root[2 * r + 1];
+            re0 += a * x[0];
+            im0 += b * x[0];
+            re1 += a * x[1];
+            im1 += b * x[1];
         }
-        vector16 a = re * tr - im * ti, b = re * ti + im * tr;
-        y[0] = INTERLEAVE_LOW(a, b);
-        y[1] = INTERLEAVE_HIGH(a, b);
+        STORE_PRODUCT(y, re0, im0, tr[0], ti[0]);
+        STORE_PRODUCT(y + 2, re1, im1, tr[1], ti[1]);
     }
 }
 
@@ -94,24 +106,23 @@ VECTOR_CLONES static void block_combine(float *restrict y, const float *restrict
                                         const float *restrict step,
                                         const float *restrict shift, size_t n_table)
 {
-    for (size_t i = 0; i < BLOCK; i += VECTOR_LANES) {
-        vector16 sr = *(const vector16 *)(step + i);
-        vector16 si = *(const vector16 *)(step + n_table + i);
-        vector16 hr = *(const vector16 *)(shift + i);
-        vector16 hi = *(const vector16 *)(shift + n_table + i);
-        vector16 re = {0}, im = {0};
-        vector16 *out = (vector16 *)(y + 2 * i);
+    const vector16 *sr = (const vector16 *)step, *si = (const vector16 *)(step + n_table);
+    const vector16 *hr = (const vector16 *)shift;
+    const vector16 *hi = (const vector16 *)(shift + n_table);
+    vector16 sr0 = sr[0], si0 = si[0], sr1 = sr[1], si1 = si[1];
+    vector16 re0 = {0}, im0 = {0}, re1 = {0}, im1 = {0};
+    vector16 *out = (vector16 *)y;
 
-        for (size_t s = n_streams; s-- > 0;) {
-            const vector16 *x = (const vector16 *)(v + 2 * (s * stride + i));
-            vector16 a = re * sr - im * si, b = re * si + im * sr;
-            re = a + EVENS(x[0], x[1]);
-            im = b + ODDS(x[0], x[1]);
-        }
-        vector16 a = re * hr - im * hi, b = re * hi + im * hr;
-        out[0] = INTERLEAVE_LOW(a, b);
-        out[1] = INTERLEAVE_HIGH(a, b);
+    for (size_t s = n_streams; s-- > 0;) {
+        const vector16 *x = (const vector16 *)(v + 2 * s * stride);
+        vector16 t0 = re0 * sr0 - im0 * si0, t1 = re1 * sr1 - im1 * si1;
+        im0 = re0 * si0 + im0 * sr0 + ODDS(x[0], x[1]);
+        im1 = re1 * si1 + im1 * sr1 + ODDS(x[2], x[3]);
+        re0 = t0 + EVENS(x[0], x[1]);
+        re1 = t1 + EVENS(x[2], x[3]);
     }
+    STORE_PRODUCT(out, re0, im0, hr[0], hi[0]);
+    STORE_PRODUCT(out + 2, re1, im1, hr[1], hi[1]);
 }
 
 static bool config_is_valid(const struct band_transform_config *c)
@@ -190,20 +201,20 @@ static int scratch_create(struct band_transform *bt)
     bt->twiddle = fftwf_malloc(r * m * sizeof(float));
     bt->step = fftwf_malloc(2 * n_table * sizeof(float));
     bt->shift = fftwf_malloc(2 * n_table * sizeof(float));
-    bt->row = fftwf_malloc(m * sizeof(float));
-    bt->mixed = fftwf_malloc(r * m * sizeof(float));
+    bt->signal = fftwf_malloc(r * m * sizeof(float));
+    bt->mixed = fftwf_malloc(2 * m * sizeof(float));
     bt->spectrum = fftwf_malloc(r * m * sizeof(float));
-    bt->product = fftwf_malloc(2 * r * n * sizeof(float));
+    bt->product = fftwf_malloc(2 * n * sizeof(float));
     bt->output = fftwf_malloc(2 * r * n * sizeof(float));
-    if (!bt->roots || !bt->twiddle || !bt->step || !bt->shift || !bt->row || !bt->mixed ||
-        !bt->spectrum || !bt->product || !bt->output)
+    if (!bt->roots || !bt->twiddle || !bt->step || !bt->shift || !bt->signal ||
+        !bt->mixed || !bt->spectrum || !bt->product || !bt->output)
         return -ENOMEM;
     bt->forward = fft_plan(m, bt->mixed, bt->spectrum, FFTW_FORWARD);
     bt->inverse = fft_plan(n, bt->product, bt->output, FFTW_BACKWARD);
     if (!bt->forward || !bt->inverse)
         return -ENOMEM;
     memset(bt->spectrum, 0, r * m * sizeof(float));
-    memset(bt->product, 0, 2 * r * n * sizeof(float));
+    memset(bt->product, 0, 2 * n * sizeof(float));
     return 0;
 }
 
@@ -277,20 +288,14 @@ double band_transform_frequency(const struct band_transform *bt, size_t stream,
 
 void band_transform_forward(struct band_transform *bt, const float *x, size_t n)
 {
-    size_t m = bt->n_forward, r = bt->layout.n_streams, n_rows = n / m, rest = n % m;
-    const float *rows[MAX_STREAMS];
+    size_t m = bt->n_forward, r = bt->layout.n_streams, n_rows = (n + m - 1) / m;
 
-    for (size_t i = 0; i < n_rows; i++)
-        rows[i] = x + i * m;
-    if (rest) {
-        memcpy(bt->row, x + n_rows * m, rest * sizeof(*x));
-        memset(bt->row + rest, 0, (m - rest) * sizeof(*x));
-        rows[n_rows++] = bt->row;
-    }
+    memcpy(bt->signal, x, n * sizeof(*x));
+    memset(bt->signal + n, 0, (n_rows * m - n) * sizeof(*x));
     for (size_t s = 0; s < r / 2; s++) {
-        float *mixed = bt->mixed + 2 * s * m;
-        rows_mix(mixed, rows, n_rows, bt->roots + 2 * s * r, bt->twiddle + 2 * s * m, m);
-        fftwf_execute_dft(bt->forward, (fftwf_complex *)mixed,
+        rows_mix(bt->mixed, bt->signal, n_rows, bt->roots + 2 * s * r,
+                 bt->twiddle + 2 * s * m, m);
+        fftwf_execute_dft(bt->forward, (fftwf_complex *)bt->mixed,
                           (fftwf_complex *)(bt->spectrum + 2 * s * m));
     }
 }
@@ -338,13 +343,12 @@ void band_transform_inverse(struct band_transform *bt,
 
     for (size_t s = 0; s < r; s++) {
         const float *h = (const float *)(filter + s * n), *z = bin_find(bt, s, 0);
-        float *product = bt->product + 2 * s * m;
 
         if (s < r / 2)
-            bins_multiply(product, z, h, n);
+            bins_multiply(bt->product, z, h, n);
         else
-            bins_multiply_mirrored(product, z, h, n);
-        fftwf_execute_dft(bt->inverse, (fftwf_complex *)product,
+            bins_multiply_mirrored(bt->product, z, h, n);
+        fftwf_execute_dft(bt->inverse, (fftwf_complex *)bt->product,
                           (fftwf_complex *)(bt->output + 2 * s * m));
     }
     streams_combine(bt, y);
@@ -362,7 +366,7 @@ void band_transform_destroy(struct band_transform *bt)
     fftwf_free(bt->twiddle);
     fftwf_free(bt->step);
     fftwf_free(bt->shift);
-    fftwf_free(bt->row);
+    fftwf_free(bt->signal);
     fftwf_free(bt->mixed);
     fftwf_free(bt->spectrum);
     fftwf_free(bt->product);

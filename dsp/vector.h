@@ -1,7 +1,7 @@
 /* dsp/vector.h -- hot loops compiled for several instruction sets, the best one chosen
- * when the program is loaded: the build stays plain x86-64 and runs anywhere.  Nothing on
- * other machines, with compilers that cannot, and under sanitizers (their runtime is not
- * up yet when the loader chooses). */
+ * when the program is loaded: the build stays plain x86-64 and runs anywhere.  Plain code
+ * on other machines, with compilers that cannot, and under sanitizers (their runtime is
+ * not up yet when the loader chooses). */
 #ifndef ANLOS_DSP_VECTOR_H
 #define ANLOS_DSP_VECTOR_H
 
@@ -14,7 +14,8 @@
 #define VECTOR_SANITIZED 1
 #endif
 
-/* By features, not by processor names: "arch=haswell" is chosen on a Haswell alone. */
+/* By features, never by a processor's name: GCC chooses "arch=haswell" on a Haswell alone,
+ * and plain code on everything newer. */
 #if !defined(__x86_64__) || !defined(__linux__) || defined(VECTOR_SANITIZED)
 #define VECTOR_CLONES
 #elif defined(__clang__) && __clang_major__ >= 14
@@ -26,7 +27,12 @@
 #define VECTOR_CLONES
 #endif
 
-/* A part of such a loop: compiled into each of its callers' versions. */
+/* A part of such a loop: compiled into each version of its callers. */
 #define VECTOR_INLINE static inline __attribute__((always_inline))
+
+/* 16 floats at once, in as many registers as the machine needs, at any float's address.
+ * For locals of VECTOR_CLONES functions, never for arguments. */
+#define VECTOR_LANES 16
+typedef float vector16 __attribute__((vector_size(64), aligned(4), may_alias));
 
 #endif

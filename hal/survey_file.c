@@ -23,6 +23,6 @@ int survey_load(struct survey *out, const char *path, struct complaint *why)
     if (err)
         return err;
     err = survey_from_yaml(out, &((const struct survey_root *)root)->survey, path, why);
-    yaml_free(&root_schema, root);
+    yaml_unload(&root_schema, root);
     return err;
 }

@@ -163,7 +163,7 @@ int yaml_load(const char *path, const struct cyaml_schema_value *schema, void **
     return err;
 }
 
-void yaml_free(const struct cyaml_schema_value *schema, void *data)
+void yaml_unload(const struct cyaml_schema_value *schema, void *data)
 {
     cyaml_config_t config = config_of(NULL);
     if (data)

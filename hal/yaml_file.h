@@ -18,8 +18,14 @@
 int yaml_load(const char *path, const struct cyaml_schema_value *schema, void **out,
               struct complaint *why);
 
-/* data may be NULL. */
-void yaml_free(const struct cyaml_schema_value *schema, void *data);
+/* Frees what yaml_load made; data may be NULL. */
+void yaml_unload(const struct cyaml_schema_value *schema, void *data);
+
+/* The same.  Static, because libyaml exports an allocator function of this name. */
+static inline void yaml_free(const struct cyaml_schema_value *schema, void *data)
+{
+    yaml_unload(schema, data);
+}
 
 /* The path of `name` as seen from the file `path`: joined with its folder unless it is
  * absolute.  free() the result; NULL: no memory. */

@@ -212,5 +212,5 @@ int scene_load(struct scene **out, struct survey *survey, const char *path,
 
 void scene_free(struct scene *s)
 {
-    yaml_free(&scene_schema, s);
+    yaml_unload(&scene_schema, s);
 }

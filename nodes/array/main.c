@@ -41,8 +41,7 @@ static int publish_ping(struct run *r)
     }
     if (err == -EINTR || err == -ENODATA)
         return 0;
-    node_log(r->node, LOG_LEVEL_WARNING, "%s",
-             why.text[0] ? why.text : strerror(-err));
+    node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text[0] ? why.text : strerror(-err));
     if (err == -EINVAL)
         return err;
     return ++r->failures < MAX_FAILURES ? 0 : -EIO;

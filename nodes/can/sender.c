@@ -73,7 +73,8 @@ static void fill_object(struct can_object *o, const Anlos__Detection *d, uint32_
 size_t sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
                    int64_t now_ns, struct can_frame_data *frames)
 {
-    size_t n = list->n_detections < CAN_MAX_OBJECTS ? list->n_detections : CAN_MAX_OBJECTS;
+    size_t n = list->n_detections < CAN_MAX_OBJECTS ? list->n_detections
+                                                    : CAN_MAX_OBJECTS;
     size_t k = 0;
     const struct can_list_header header = {
         .number = (uint8_t)n,

@@ -65,7 +65,8 @@ static int allocate(struct dsp *d)
     d->unfit = calloc(n_mics, sizeof *d->unfit);
     d->masked = calloc(n_mics, sizeof *d->masked);
     d->noticed = calloc(n_mics, sizeof *d->noticed);
-    if (!d->padded || !d->traces || !d->background_masked || !d->unfit || !d->masked || !d->noticed)
+    if (!d->padded || !d->traces || !d->background_masked || !d->unfit || !d->masked ||
+        !d->noticed)
         return -ENOMEM;
     int err = channel_check_create(&d->check, n_mics, 1);
     if (err)
@@ -102,8 +103,8 @@ bool dsp_is_planned(const struct dsp *d)
     return d->compressor != NULL;
 }
 
-static void acknowledge(struct dsp_output *out, const Anlos__Ping *ping,
-                        Anlos__Pass pass, bool usable)
+static void acknowledge(struct dsp_output *out, const Anlos__Ping *ping, Anlos__Pass pass,
+                        bool usable)
 {
     out->has_receipt = true;
     out->receipt.scan = ping->scan;
@@ -124,9 +125,8 @@ static const float *ping_samples(const struct dsp *d, const Anlos__Ping *ping, s
         snprintf(out->note, sizeof out->note, "a ping of another survey cannot be used");
         return NULL;
     }
-    if (!x || extents[0] != d->survey.n_microphones ||
-        ping->n_clipped != extents[0] || ping->n_not_finite != extents[0] ||
-        ping->position >= d->survey.n_positions ||
+    if (!x || extents[0] != d->survey.n_microphones || ping->n_clipped != extents[0] ||
+        ping->n_not_finite != extents[0] || ping->position >= d->survey.n_positions ||
         ping->speaker >= d->survey.n_speakers) {
         snprintf(out->note, sizeof out->note, "a ping does not have the survey's shape");
         return NULL;

@@ -64,8 +64,8 @@ int main(int argc, char **argv)
 {
     struct node *node;
     struct dsp *dsp = NULL;
-    int err = node_create(&node, "dsp",
-                          "Compresses pulses and subtracts the background.", argc, argv);
+    int err = node_create(&node, "dsp", "Compresses pulses and subtracts the background.",
+                          argc, argv);
 
     if (err)
         return err - 1;

@@ -38,9 +38,8 @@ static int set_attributes(posix_spawnattr_t *attr)
     sigaddset(&defaults, SIGINT);
     sigaddset(&defaults, SIGTERM);
     sigaddset(&defaults, SIGPIPE);
-    int err = posix_spawnattr_setflags(attr, POSIX_SPAWN_SETPGROUP |
-                                                 POSIX_SPAWN_SETSIGMASK |
-                                                 POSIX_SPAWN_SETSIGDEF);
+    int err = posix_spawnattr_setflags(
+        attr, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
     if (!err)
         err = posix_spawnattr_setpgroup(attr, 0);
     if (!err)
@@ -87,8 +86,8 @@ int child_start(struct child *c, int64_t now_ns, struct complaint *why)
     int out[2] = {-1, -1}, err_out[2] = {-1, -1};
     int err = pipe2(out, O_CLOEXEC) || pipe2(err_out, O_CLOEXEC) ? -errno : 0;
 
-    if (!err && (fcntl(out[0], F_SETFL, O_NONBLOCK) ||
-                 fcntl(err_out[0], F_SETFL, O_NONBLOCK)))
+    if (!err &&
+        (fcntl(out[0], F_SETFL, O_NONBLOCK) || fcntl(err_out[0], F_SETFL, O_NONBLOCK)))
         err = -errno;
     if (!err)
         err = spawn(c, out[1], err_out[1]);

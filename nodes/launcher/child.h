@@ -10,8 +10,8 @@
 
 #include "msgs/complaint.h"
 
-#define CHILD_MAX_CRASHES 5               /* without a good run between them */
-#define CHILD_GOOD_RUN_NS 10000000000LL   /* a run that makes up for earlier crashes */
+#define CHILD_MAX_CRASHES 5             /* without a good run between them */
+#define CHILD_GOOD_RUN_NS 10000000000LL /* a run that makes up for earlier crashes */
 #define CHILD_LINE_SIZE   1100
 
 enum child_phase {
@@ -29,9 +29,9 @@ struct child_pipe {
 };
 
 struct child {
-    const char *name;   /* not owned */
-    char *const *argv;  /* not owned */
-    pid_t pid;          /* 0: not running */
+    const char *name;  /* not owned */
+    char *const *argv; /* not owned */
+    pid_t pid;         /* 0: not running */
     enum child_phase phase;
     unsigned crashes;
     int64_t started_ns, restart_ns;

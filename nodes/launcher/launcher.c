@@ -56,6 +56,7 @@ static void stop(struct launcher *l, int exit_code)
 {
     if (l->stopping)
         return;
+    screen_end_progress(&l->screen);
     l->stopping = true;
     l->exit_code = exit_code;
     l->kill_ns = clock_now_ns(l->clock) + KILL_AFTER_NS;
@@ -67,6 +68,16 @@ static bool any_running(const struct launcher *l)
 {
     for (unsigned i = 0; i < l->n; i++)
         if (l->children[i].pid > 0)
+            return true;
+    return false;
+}
+
+/* Running, or about to be again? */
+static bool any_alive(const struct launcher *l)
+{
+    for (unsigned i = 0; i < l->n; i++)
+        if (l->children[i].phase == CHILD_RUNNING ||
+            l->children[i].phase == CHILD_PAUSING)
             return true;
     return false;
 }
@@ -94,8 +105,7 @@ static void describe_crash(struct launcher *l, const struct child *c, int status
     else
         snprintf(text, sizeof text, "ended with %s; starts again in %.1f s", exit_text,
                  1e-9 * (double)(c->restart_ns - clock_now_ns(l->clock)));
-    say(l, c->name, c->phase == CHILD_FAILED ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING,
-        text);
+    say(l, c->name, c->phase == CHILD_FAILED ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING, text);
 }
 
 static void exited(struct launcher *l, struct child *c, int status)
@@ -139,9 +149,13 @@ static void read_signals(struct launcher *l)
     struct signalfd_siginfo info;
 
     while (read(l->signal_fd, &info, sizeof info) == (ssize_t)sizeof info)
-        if (info.ssi_signo != SIGCHLD)
+        if (info.ssi_signo != SIGCHLD && l->stopping)
+            l->kill_ns = 0; /* asked twice: no more patience */
+        else if (info.ssi_signo != SIGCHLD)
             stop(l, 128 + (int)info.ssi_signo);
     reap(l);
+    if (!any_alive(l))
+        stop(l, NODE_EXIT_OK);
 }
 
 static void show_progress(struct launcher *l, const ProtobufCMessage *status)

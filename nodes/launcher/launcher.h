@@ -14,8 +14,8 @@ struct launcher_config {
 };
 
 /* Shows logs and progress while it runs.  Returns the exit code: 0 (the report is
- * written), 1 (a node or the scan failed), 2 (a node refused its configuration), 128 + the
- * signal that stopped it. */
+ * written), 1 (a node or the scan failed), 2 (a node refused its configuration), 128 +
+ * the signal that stopped it. */
 int launcher_run(const struct launcher_config *cfg);
 
 #endif

@@ -5,9 +5,8 @@
 
 void progress_init(struct progress *p, bool terminal)
 {
-    *p = (struct progress){.terminal = terminal,
-                           .step = -1,
-                           .state = ANLOS__SCAN_STATUS__STATE__WAITING};
+    *p = (struct progress){
+        .terminal = terminal, .step = -1, .state = ANLOS__SCAN_STATUS__STATE__WAITING};
 }
 
 static uint64_t messages_lost(const struct progress *p)
@@ -39,15 +38,13 @@ static void write_text(struct progress *p, const Anlos__ScanStatus *s)
 bool progress_status(struct progress *p, const Anlos__ScanStatus *s)
 {
     bool changed = s->state != p->state;
-    int step =
-        s->pings_expected ? (int)(10ull * s->pings_done / s->pings_expected) : -1;
+    int step = s->pings_expected ? (int)(10ull * s->pings_done / s->pings_expected) : -1;
 
     p->state = s->state;
     write_text(p, s);
     if (p->terminal)
         return true;
-    if (step == p->step &&
-        !(changed && s->state == ANLOS__SCAN_STATUS__STATE__FAILED))
+    if (step == p->step && !(changed && s->state == ANLOS__SCAN_STATUS__STATE__FAILED))
         return false;
     p->step = step;
     return true;

@@ -6,7 +6,7 @@
 #include "nodes/rt/node.h"
 
 #define REPEAT_NS         2000000000LL /* the last volume, for whoever missed it */
-#define PREVIEW_PAUSE     4            /* times what a preview took: most time is for pings */
+#define PREVIEW_PAUSE     4 /* times what a preview took: most time is for pings */
 #define PREVIEW_PAUSE_MIN 100000000LL
 
 struct run {
@@ -114,8 +114,7 @@ static void idle(struct run *r)
     if (wants_preview(r)) {
         publish_preview(r);
     } else if (r->has_final && node_now_ns(r->node) >= r->repeat_due_ns) {
-        node_publish(r->node, topic_volume(), recon_capture_ns(r->recon),
-                     &r->final.base);
+        node_publish(r->node, topic_volume(), recon_capture_ns(r->recon), &r->final.base);
         r->repeat_due_ns = node_now_ns(r->node) + REPEAT_NS;
     }
 }

@@ -39,7 +39,7 @@ void recon_traces(struct recon *r, const Anlos__Traces *traces, int64_t capture_
 
 size_t recon_pings(const struct recon *r);
 size_t recon_pings_expected(const struct recon *r);
-bool recon_is_complete(const struct recon *r); /* every ping of the scan is in */
+bool recon_is_complete(const struct recon *r);   /* every ping of the scan is in */
 int64_t recon_capture_ns(const struct recon *r); /* of the newest ping */
 int64_t recon_taken_ns(const struct recon *r);   /* when its traces came in */
 

@@ -133,7 +133,8 @@ bool report_is_complete(const struct report *r, int64_t now_ns)
            now_ns - r->ended_ns > FAILED_WAIT_NS;
 }
 
-static int write_results(const struct report *r, const char *folder, struct complaint *why)
+static int write_results(const struct report *r, const char *folder,
+                         struct complaint *why)
 {
     struct grid grid;
     const float *intensity = r->volume ? volume_grid(r->volume, &grid) : NULL;

@@ -26,8 +26,8 @@ struct report {
     Anlos__DetectionList *detections;
     Anlos__ScanStatus *status;
     int64_t volume_capture_ns, volume_publish_ns;
-    double ping_s;                 /* length of a recording; NaN: not known */
-    int64_t running_ns, ended_ns;  /* 0: not yet */
+    double ping_s;                /* length of a recording; NaN: not known */
+    int64_t running_ns, ended_ns; /* 0: not yet */
     struct report_node nodes[REPORT_MAX_NODES];
     size_t n_nodes;
 };

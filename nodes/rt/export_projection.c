@@ -5,6 +5,36 @@
 #include <stdlib.h>
 #include <string.h>
 
+static float greater(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+/* out[x * stride] = the greater of it and row[x]; strides 0 and 1 are what volumes of
+ * hundreds of MB are projected with, and vector code can do those. */
+static void fold_row(const float *restrict row, size_t n, float *restrict out,
+                     size_t stride)
+{
+    if (stride == 1) {
+        for (size_t x = 0; x < n; x++)
+            out[x] = greater(row[x], out[x]);
+    } else if (stride == 0) {
+        float lane[8] = {0.0f}, most = *out;
+        size_t x = 0;
+        for (; x + 8 <= n; x += 8)
+            for (size_t k = 0; k < 8; k++)
+                lane[k] = greater(row[x + k], lane[k]);
+        for (; x < n; x++)
+            most = greater(row[x], most);
+        for (size_t k = 0; k < 8; k++)
+            most = greater(lane[k], most);
+        *out = most;
+    } else {
+        for (size_t x = 0; x < n; x++)
+            out[x * stride] = greater(row[x], out[x * stride]);
+    }
+}
+
 int projection_create(struct projection *out, const struct grid *grid,
                       const float *volume, int across, int up)
 {
@@ -26,10 +56,7 @@ int projection_create(struct projection *out, const struct grid *grid,
     for (size_t z = 0; z < grid->n[2]; z++) {
         for (size_t y = 0; y < grid->n[1]; y++) {
             const float *row = volume + (z * grid->n[1] + y) * grid->n[0];
-            float *p = out->value + z * stride[2] + y * stride[1];
-            for (size_t x = 0; x < grid->n[0]; x++)
-                if (row[x] > p[x * stride[0]])
-                    p[x * stride[0]] = row[x];
+            fold_row(row, grid->n[0], out->value + z * stride[2] + y * stride[1], stride[0]);
         }
     }
     return 0;

@@ -13,7 +13,7 @@ struct projection { /* across and up: the picture's axes, 0..2 for x, y, z */
     float *value; /* [n[1]][n[0]], up rising */
 };
 
-/* volume [nz][ny][nx]; across != up.  Clear with projection_clear.  0, -ENOMEM. */
+/* volume [nz][ny][nx], >= 0; across != up.  Clear with projection_clear.  0, -ENOMEM. */
 int projection_create(struct projection *out, const struct grid *grid,
                       const float *volume, int across, int up);
 

@@ -173,7 +173,8 @@ static int copy_parts(struct launchfile *l, const struct launch_text *t,
     l->scan.retries = unsigned_or(t->scan.retries, 3);
     l->scan.timeout_s = double_or(t->scan.timeout_s, 5.0);
     l->dsp.window = strdup(window_names[unsigned_or(t->dsp.window, 1)].str);
-    l->dsp.compression = strdup(compression_names[unsigned_or(t->dsp.compression, 0)].str);
+    l->dsp.compression =
+        strdup(compression_names[unsigned_or(t->dsp.compression, 0)].str);
     l->recon.method = copy_text(t->recon.method, "fast");
     l->recon.threads = unsigned_or(t->recon.threads, 0);
     l->recon.preview = !t->recon.preview || *t->recon.preview;
@@ -181,8 +182,8 @@ static int copy_parts(struct launchfile *l, const struct launch_text *t,
     l->track.min_existence = double_or(t->track.min_existence, 0.5);
     l->can.uri = copy_text(t->can.uri, "log:can.candump");
     l->can.base_id = unsigned_or(t->can.base_id, 0x400);
-    l->report.folder = copy_text(
-        options && options->out ? options->out : t->report.folder, "out");
+    l->report.folder =
+        copy_text(options && options->out ? options->out : t->report.folder, "out");
     return l->array.uri && l->stage.uri && l->dsp.window && l->dsp.compression &&
                    l->recon.method && l->can.uri && l->report.folder
                ? 0
@@ -221,11 +222,13 @@ static int replace(char **uri, char *text)
 static int resolve_paths(struct launchfile *l, const struct launchfile_options *options)
 {
     const char *slash = strrchr(l->path, '/');
-    char *folder = slash ? strndup(l->path, (size_t)(slash - l->path) + (slash == l->path))
-                         : strdup(".");
+    char *folder = slash
+                       ? strndup(l->path, (size_t)(slash - l->path) + (slash == l->path))
+                       : strdup(".");
     int err = folder ? 0 : -ENOMEM;
 
-    if (!err && (uri_has_scheme(l->array.uri, "sim") || uri_has_scheme(l->array.uri, "wav")))
+    if (!err &&
+        (uri_has_scheme(l->array.uri, "sim") || uri_has_scheme(l->array.uri, "wav")))
         err = replace(&l->array.uri, uri_in_folder(l->array.uri, folder, "background"));
     if (!err && uri_has_scheme(l->can.uri, "log"))
         err = replace(&l->can.uri, uri_in_folder(l->can.uri, l->report.folder, NULL));

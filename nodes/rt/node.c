@@ -283,9 +283,10 @@ void node_state(struct node *n, Anlos__Health__State state, const char *format, 
     if (state == n->state && !strcmp(text, n->text))
         return;
     if (state != n->state)
-        node_log(n, state == ANLOS__HEALTH__STATE__FAULT ? LOG_LEVEL_ERROR
-                    : state == ANLOS__HEALTH__STATE__DEGRADED ? LOG_LEVEL_WARNING
-                                                              : LOG_LEVEL_DEBUG,
+        node_log(n,
+                 state == ANLOS__HEALTH__STATE__FAULT      ? LOG_LEVEL_ERROR
+                 : state == ANLOS__HEALTH__STATE__DEGRADED ? LOG_LEVEL_WARNING
+                                                           : LOG_LEVEL_DEBUG,
                  "%s", text);
     n->state = state;
     memcpy(n->text, text, sizeof text);

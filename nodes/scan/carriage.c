@@ -27,7 +27,8 @@ void carriage_forget(struct carriage *c)
     c->accepted = false;
 }
 
-static enum carriage_progress send_new(struct carriage *c, double target_m, int64_t now_ns)
+static enum carriage_progress send_new(struct carriage *c, double target_m,
+                                       int64_t now_ns)
 {
     c->commanded = true;
     c->accepted = false;

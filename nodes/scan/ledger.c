@@ -9,7 +9,7 @@ struct entry {
     enum state state;
     unsigned attempts; /* firings that came to nothing */
     bool fired_before;
-    bool gone; /* done, but dsp was restarted and has it no more */
+    bool gone;      /* done, but dsp was restarted and has it no more */
     uint64_t order; /* of the newest firing */
 };
 

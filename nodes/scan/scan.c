@@ -19,9 +19,9 @@ struct scan {
     struct ledger *ledger; /* NULL: no survey yet */
     uint64_t survey_id;
     size_t n_positions, n_speakers;
-    double *positions_m; /* [n_positions] */
-    uint32_t *speakers;  /* [n_speakers], scratch */
-    uint32_t number;     /* of the scan, from 1 */
+    double *positions_m;        /* [n_positions] */
+    uint32_t *speakers;         /* [n_speakers], scratch */
+    uint32_t number;            /* of the scan, from 1 */
     Anlos__FireCommand command; /* given out last */
     uint32_t *fired;            /* [n_speakers], its speakers */
     bool answered;              /* by a ping */
@@ -334,8 +334,8 @@ void scan_status(const struct scan *s, int64_t now_ns, Anlos__ScanStatus *out)
     out->pings_lost = (uint32_t)count.lost;
     size_t left = count.expected - count.done - count.lost;
     if (s->start_ns && count.done)
-        out->time_left_s =
-            1e-9 * (double)(now_ns - s->start_ns) * (double)left / (double)count.done;
+        out->time_left_s = 1e-9 * (double)(now_ns - s->start_ns) * (double)left /
+                           (double)count.done;
 }
 
 void scan_destroy(struct scan *s)

@@ -58,8 +58,9 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
     if (!d->has_survey || volume->survey_id != d->survey_id)
         return complain(why, -EAGAIN, "the survey of a volume is not known yet");
     if (!intensity || !is_image(&grid, intensity))
-        return complain(why, -EINVAL, "a volume without a grid or with intensities that "
-                                      "are not numbers");
+        return complain(why, -EINVAL,
+                        "a volume without a grid or with intensities that "
+                        "are not numbers");
     detect_config_default(&cfg);
     cfg.threshold_db = d->cfg.threshold_db;
     int err = detect_objects(&cfg, &grid, intensity, found, OBJECTS_MAX, &n);

@@ -1,4 +1,5 @@
-/* nodes/track/main.c: "survey", "volume" -> detection, the wall's mirror -> "detections" */
+/* nodes/track/main.c: "survey", "volume" -> detection, the wall's mirror -> "detections"
+ */
 #include <errno.h>
 
 #include "msgs/topics.h"

@@ -1,4 +1,215 @@
+#include "tests/recon/near.h"
+
+#include "recon/peak.h"
+
+#define N      7
+#define VOXELS (N * N * N)
+
+static const struct grid grid = {{-0.4, 0.1, 1.2}, {0.02, 0.015, 0.005}, {N, N, N}};
+
+/* level exp(-d' p d / 2), d in m from a place; p: xx xy xz yy yz zz in 1/m^2. */
+static void paint(const struct grid *g, const double at_m[3], const double p[6],
+                  double level, float *out)
+{
+    for (size_t v = 0; v < grid_size(g); v++) {
+        const size_t i[3] = {v % g->n[0], v / g->n[0] % g->n[1], v / (g->n[0] * g->n[1])};
+        double d[3];
+        for (int a = 0; a < 3; a++)
+            d[a] = g->origin_m[a] + g->step_m[a] * (double)i[a] - at_m[a];
+        double sum = p[0] * d[0] * d[0] + p[3] * d[1] * d[1] + p[5] * d[2] * d[2] +
+                     2.0 * (p[1] * d[0] * d[1] + p[2] * d[0] * d[2] + p[4] * d[1] * d[2]);
+        out[v] = (float)(level * exp(-0.5 * sum));
+    }
+}
+
+static size_t voxel_at(const struct grid *g, size_t x, size_t y, size_t z)
+{
+    return (z * g->n[1] + y) * g->n[0] + x;
+}
+
+static const double sigma_m[3] = {0.03, 0.02, 0.008};
+static const double upright[6] = {1.0 / 9e-4, 0.0, 0.0, 1.0 / 4e-4, 0.0, 1.0 / 64e-6};
+
+static void a_gaussian_is_found_between_the_voxels(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 27; q++) {
+        const double shift[3] = {0.4 * (q % 3 - 1), 0.4 * (q / 3 % 3 - 1),
+                                 0.4 * (q / 9 - 1)};
+        double at[3];
+        float v[VOXELS];
+        struct peak_fit fit;
+        for (int a = 0; a < 3; a++)
+            at[a] = grid.origin_m[a] + grid.step_m[a] * (3.0 + shift[a]);
+        paint(&grid, at, upright, 5.0, v);
+        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 100.0, &fit);
+        for (int a = 0; a < 3; a++) {
+            assert_near(fit.position_m[a], at[a], 1e-4 * grid.step_m[a]);
+            /* A factor of 4: 2 sigma sqrt(2 ln 4). */
+            assert_near(fit.width_m[a], 2.0 * sigma_m[a] * sqrt(2.0 * log(4.0)),
+                        1e-3 * sigma_m[a]);
+        }
+    }
+}
+
+/* Cramer-Rao: inverse curvature of the log intensity over twice the SNR. */
+static void the_covariance_is_the_shape_over_twice_the_snr(void **state)
+{
+    (void)state;
+    static const double c[6] = {9e-4, 2e-4, -5e-5, 4e-4, 6e-5, 64e-6}; /* m^2 */
+    double det = c[0] * (c[3] * c[5] - c[4] * c[4]) - c[1] * (c[1] * c[5] - c[4] * c[2]) +
+                 c[2] * (c[1] * c[4] - c[3] * c[2]);
+    const double p[6] = {
+        (c[3] * c[5] - c[4] * c[4]) / det, (c[2] * c[4] - c[1] * c[5]) / det,
+        (c[1] * c[4] - c[2] * c[3]) / det, (c[0] * c[5] - c[2] * c[2]) / det,
+        (c[1] * c[2] - c[0] * c[4]) / det, (c[0] * c[3] - c[1] * c[1]) / det};
+    static const double snrs[2] = {20.0, 2000.0};
+    for (int q = 0; q < 2; q++) {
+        double at[3];
+        float v[VOXELS];
+        struct peak_fit fit;
+        for (int a = 0; a < 3; a++)
+            at[a] = grid.origin_m[a] + grid.step_m[a] * 3.0;
+        paint(&grid, at, p, 1.0, v);
+        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), snrs[q], &fit);
+        for (int e = 0; e < 6; e++)
+            assert_near(fit.covariance_m2[e], 0.5 * c[e] / snrs[q],
+                        2e-3 * 0.5 * c[0] / snrs[q]);
+    }
+}
+
+static void the_scale_of_the_intensity_does_not_matter(void **state)
+{
+    (void)state;
+    static const double levels[2] = {1e-24, 1e24};
+    double at[3];
+    float v[VOXELS];
+    struct peak_fit fit[2];
+    for (int a = 0; a < 3; a++)
+        at[a] = grid.origin_m[a] + grid.step_m[a] * (3.0 + 0.2 * a);
+    for (int q = 0; q < 2; q++) {
+        paint(&grid, at, upright, levels[q], v);
+        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 10.0, &fit[q]);
+    }
+    for (int a = 0; a < 3; a++) {
+        assert_near(fit[0].position_m[a], at[a], 1e-3 * grid.step_m[a]);
+        assert_near(fit[1].position_m[a], at[a], 1e-3 * grid.step_m[a]);
+        assert_near(fit[0].width_m[a], fit[1].width_m[a], 1e-3 * fit[0].width_m[a]);
+    }
+}
+
+static void expect_sound(const struct peak_fit *fit)
+{
+    static const int diagonal[3] = {0, 3, 5};
+    for (int a = 0; a < 3; a++) {
+        assert_true(isfinite(fit->position_m[a]));
+        assert_true(isfinite(fit->width_m[a]) && fit->width_m[a] > 0.0);
+        assert_true(fit->covariance_m2[diagonal[a]] > 0.0);
+    }
+    for (int q = 0; q < 6; q++)
+        assert_true(isfinite(fit->covariance_m2[q]));
+}
+
+static void on_the_rim_an_axis_stays_on_its_voxel(void **state)
+{
+    (void)state;
+    for (int axis = 0; axis < 3; axis++) {
+        for (int far = 0; far <= 1; far++) {
+            size_t i[3] = {3, 3, 3};
+            double at[3];
+            float v[VOXELS];
+            struct peak_fit fit;
+            i[axis] = far ? N - 1 : 0;
+            for (int a = 0; a < 3; a++)
+                at[a] = grid.origin_m[a] + grid.step_m[a] * ((double)i[a] + 0.25);
+            paint(&grid, at, upright, 1.0, v);
+            peak_fit(&grid, v, voxel_at(&grid, i[0], i[1], i[2]), 50.0, &fit);
+            expect_sound(&fit);
+            for (int a = 0; a < 3; a++) {
+                double expected = at[a] - (a == axis ? 0.25 * grid.step_m[a] : 0.0);
+                assert_near(fit.position_m[a], expected, 1e-4 * grid.step_m[a]);
+            }
+            assert_near(fit.width_m[axis], grid.step_m[axis], 1e-9);
+        }
+    }
+}
+
+static void a_ridge_stays_on_its_voxel_along_itself(void **state)
+{
+    (void)state;
+    const double along_y[6] = {1.0 / 9e-4, 0.0, 0.0, 0.0, 0.0, 1.0 / 64e-6};
+    double at[3];
+    float v[VOXELS];
+    struct peak_fit fit;
+    for (int a = 0; a < 3; a++)
+        at[a] = grid.origin_m[a] + grid.step_m[a] * 3.3;
+    paint(&grid, at, along_y, 1.0, v);
+    peak_fit(&grid, v, voxel_at(&grid, 3, 2, 3), 50.0, &fit);
+    expect_sound(&fit);
+    assert_near(fit.position_m[0], at[0], 1e-4 * grid.step_m[0]);
+    assert_near(fit.position_m[1], grid.origin_m[1] + 2.0 * grid.step_m[1], 1e-9);
+    assert_near(fit.position_m[2], at[2], 1e-4 * grid.step_m[2]);
+    assert_near(fit.width_m[1], grid.step_m[1], 1e-9);
+}
+
+static void a_voxel_that_is_no_peak_stays_where_it_is(void **state)
+{
+    (void)state;
+    const double hollow[6] = {-1.0 / 9e-4, 0.0, 0.0, -1.0 / 4e-4, 0.0, -1.0 / 64e-6};
+    double at[3];
+    float v[VOXELS];
+    struct peak_fit fit;
+    for (int a = 0; a < 3; a++)
+        at[a] = grid.origin_m[a] + grid.step_m[a] * 3.2;
+    paint(&grid, at, hollow, 1.0, v);
+    peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 50.0, &fit);
+    expect_sound(&fit);
+    for (int a = 0; a < 3; a++) {
+        assert_near(fit.position_m[a], grid.origin_m[a] + 3.0 * grid.step_m[a], 1e-9);
+        assert_near(fit.width_m[a], grid.step_m[a], 1e-9);
+    }
+}
+
+static void one_voxel_is_its_own_peak(void **state)
+{
+    (void)state;
+    const struct grid one = {{0.1, 0.2, 0.3}, {0.01, 0.02, 0.03}, {1, 1, 1}};
+    const float v[1] = {2.0f};
+    struct peak_fit fit;
+    peak_fit(&one, v, 0, 50.0, &fit);
+    expect_sound(&fit);
+    for (int a = 0; a < 3; a++) {
+        assert_near(fit.position_m[a], one.origin_m[a], 1e-12);
+        assert_near(fit.width_m[a], one.step_m[a], 1e-9);
+    }
+}
+
+static void zeros_around_and_no_snr_leave_numbers(void **state)
+{
+    (void)state;
+    static const double snrs[3] = {0.0, 1e-30, 1e30};
+    for (int q = 0; q < 3; q++) {
+        float v[VOXELS] = {0};
+        struct peak_fit fit;
+        v[voxel_at(&grid, 3, 3, 3)] = 1.0f;
+        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), snrs[q], &fit);
+        expect_sound(&fit);
+        for (int a = 0; a < 3; a++)
+            assert_near(fit.position_m[a], grid.origin_m[a] + 3.0 * grid.step_m[a], 1e-9);
+    }
+}
+
 int main(void)
 {
-    return 0;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_gaussian_is_found_between_the_voxels),
+        cmocka_unit_test(the_covariance_is_the_shape_over_twice_the_snr),
+        cmocka_unit_test(the_scale_of_the_intensity_does_not_matter),
+        cmocka_unit_test(on_the_rim_an_axis_stays_on_its_voxel),
+        cmocka_unit_test(a_ridge_stays_on_its_voxel_along_itself),
+        cmocka_unit_test(a_voxel_that_is_no_peak_stays_where_it_is),
+        cmocka_unit_test(one_voxel_is_its_own_peak),
+        cmocka_unit_test(zeros_around_and_no_snr_leave_numbers),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

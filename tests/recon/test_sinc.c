@@ -68,7 +68,8 @@ static double worst_error(size_t n_taps, double occupancy)
     return worst;
 }
 
-/* "About" the design formula: 9 dB are allowed for it. */
+/* The design formula is for one image of the spectrum; at worst six of those that matter
+ * add up, which is 15.6 dB. */
 static void a_band_limited_signal_is_interpolated_as_well_as_promised(void **state)
 {
     (void)state;
@@ -77,7 +78,7 @@ static void a_band_limited_signal_is_interpolated_as_well_as_promised(void **sta
             double promised_db = 8.0 + 2.285 * (double)taps[n] * 2.0 * M_PI *
                                            (1.0 - occupancies[o]);
             double db = 20.0 * log10(worst_error(taps[n], occupancies[o]));
-            assert_below(db, fmax(-promised_db, -250.0) + 9.0);
+            assert_below(db, -promised_db + 15.6);
         }
     }
 }

@@ -1,0 +1,51 @@
+#include "hal/room/legs.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "hal/room/vector.h"
+
+static int reserve(struct legs *l, size_t n)
+{
+    if (n <= l->room)
+        return 0;
+    legs_clear(l);
+    l->delay = malloc(n * sizeof *l->delay);
+    l->gain = malloc(n * sizeof *l->gain);
+    l->cosine = malloc(n * sizeof *l->cosine);
+    if (!l->delay || !l->gain || !l->cosine) {
+        legs_clear(l);
+        return -ENOMEM;
+    }
+    l->room = n;
+    return 0;
+}
+
+int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
+             const struct scatter *s, int outward, int facets, double delay_per_m)
+{
+    if (reserve(l, n_elements * s->n) < 0)
+        return -ENOMEM;
+    l->n_pieces = s->n;
+    for (size_t e = 0, k = 0; e < n_elements; e++)
+        for (size_t i = 0; i < s->n; i++, k++) {
+            const struct scatter_piece *p = &s->pieces[i];
+            double way[3];
+            vector_add(elements[e], -1, outward ? p->out : p->in, way);
+            double r = sqrt(vector_dot(way, way));
+            double cosine = facets ? vector_dot(way, p->normal) / r : 1;
+            l->delay[k] = r * delay_per_m;
+            l->gain[k] = cosine > 0 ? (float)(1 / r) : 0;
+            l->cosine[k] = (float)cosine;
+        }
+    return 0;
+}
+
+void legs_clear(struct legs *l)
+{
+    free(l->delay);
+    free(l->gain);
+    free(l->cosine);
+    *l = (struct legs){.n_pieces = 0};
+}

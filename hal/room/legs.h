@@ -1,0 +1,22 @@
+/* hal/room/legs.h -- the ways between each element of the array and each piece. */
+#ifndef ANLOS_HAL_ROOM_LEGS_H
+#define ANLOS_HAL_ROOM_LEGS_H
+
+#include <stddef.h>
+
+#include "hal/room/scatter.h"
+
+struct legs {
+    size_t n_pieces, room;
+    double *delay; /* [n_elements][n_pieces], in the caller's unit */
+    float *gain;   /* 1 / r, of a facet that looks away 0 */
+    float *cosine; /* of incidence; 1 for points */
+};
+
+/* Fills in the ways to where sound enters (or, outward, leaves) the pieces.  facets: the
+ * pieces have a front.  Grows its arrays as needed.  0, -ENOMEM. */
+int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
+             const struct scatter *s, int outward, int facets, double delay_per_m);
+void legs_clear(struct legs *l);
+
+#endif

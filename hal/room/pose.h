@@ -1,0 +1,25 @@
+/* hal/room/pose.h -- where the elements of a simulated array really are, and their
+ * mirror images. */
+#ifndef ANLOS_HAL_ROOM_POSE_H
+#define ANLOS_HAL_ROOM_POSE_H
+
+#include <stdint.h>
+
+#include "msgs/survey.h"
+
+struct pose {
+    const struct survey *survey; /* nominal places; not owned */
+    double (*speaker_errors_m)[3], (*microphone_errors_m)[3]; /* [n], unknown to it */
+    double (*stage_errors_m)[3];                              /* [n_positions] */
+    /* Set by pose_move: */
+    double (*speakers_m)[3], (*microphones_m)[3];
+    double (*speaker_images_m)[3], (*microphone_images_m)[3]; /* behind the wall */
+};
+
+/* Draws the errors: element_m, stage_m rms for each axis.  0, -ENOMEM. */
+int pose_create(struct pose *out, const struct survey *s, double element_m,
+                double stage_m, uint32_t seed);
+void pose_move(struct pose *p, size_t position);
+void pose_clear(struct pose *p);
+
+#endif

@@ -1,0 +1,59 @@
+/* nodes/anlos/main.c -- `anlos COMMAND`: each command is a file of its own beside this.
+ */
+#include <stdio.h>
+#include <string.h>
+
+#include "nodes/anlos/commands.h"
+#include "nodes/rt/node.h"
+
+struct command {
+    const char *name;
+    const char *what;
+    int (*run)(int argc, char **argv);
+};
+
+static const struct command commands[] = {
+    {"launch", "run a whole system from a launch file", command_launch},
+    {"recon", "image a recording, in one process without the bus", command_recon},
+    {"sim", "record a simulated scene as WAV files", command_sim},
+    {"topic", "look at the messages of a running system", command_topic},
+};
+
+#define N_COMMANDS (sizeof commands / sizeof commands[0])
+
+static void print_help(FILE *to)
+{
+    fprintf(
+        to,
+        "usage: anlos COMMAND [arguments]\n\n"
+        "Hears around corners: speakers send chirps, a wall mirrors them to what is\n"
+        "hidden and back, and from the echoes come an image and a list of objects.\n\n"
+        "commands\n");
+    for (size_t i = 0; i < N_COMMANDS; i++)
+        fprintf(to, "  %-8s %s\n", commands[i].name, commands[i].what);
+    fprintf(to, "\n`anlos COMMAND --help` explains a command.  A first look:\n\n"
+                "  anlos launch launch/demo.yaml        everything, simulated\n"
+                "  anlos topic list                     in another terminal meanwhile\n\n"
+                "or step by step:\n\n"
+                "  anlos sim launch/scenes/corner.yaml --out recording\n"
+                "  anlos recon --help\n");
+}
+
+int main(int argc, char **argv)
+{
+    const char *name = argc > 1 ? argv[1] : "--help";
+
+    if (!strcmp(name, "--help") || !strcmp(name, "-h") || !strcmp(name, "help")) {
+        print_help(argc > 1 ? stdout : stderr);
+        return argc > 1 ? NODE_EXIT_OK : NODE_EXIT_BAD_CONFIG;
+    }
+    if (!strcmp(name, "--version")) {
+        printf("anlos %s\n", ANLOS_VERSION);
+        return NODE_EXIT_OK;
+    }
+    for (size_t i = 0; i < N_COMMANDS; i++)
+        if (!strcmp(name, commands[i].name))
+            return commands[i].run(argc - 1, argv + 1);
+    fprintf(stderr, "anlos: %s: no such command; see anlos --help\n", name);
+    return NODE_EXIT_BAD_CONFIG;
+}

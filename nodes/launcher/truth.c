@@ -1,0 +1,164 @@
+#include "nodes/launcher/truth.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <string.h>
+
+#include "hal/room.h"
+
+static int read_position(const json_t *list, double out[3])
+{
+    if (!json_is_array(list) || json_array_size(list) != 3)
+        return -EINVAL;
+    for (size_t i = 0; i < 3; i++) {
+        const json_t *x = json_array_get(list, i);
+        if (!json_is_number(x))
+            return -EINVAL;
+        out[i] = json_number_value(x);
+    }
+    return 0;
+}
+
+static int read_list(struct truth *t, const json_t *root)
+{
+    const json_t *list = json_object_get(root, "detections");
+    const char *frame = json_string_value(json_object_get(root, "frame"));
+
+    if (!json_is_array(list) || !frame)
+        return -EINVAL;
+    snprintf(t->frame, sizeof t->frame, "%s", frame);
+    t->mirrored = json_is_true(json_object_get(root, "mirrored_at_wall"));
+    for (size_t i = 0; i < json_array_size(list) && i < TRUTH_MAX; i++) {
+        const json_t *x = json_array_get(list, i);
+        struct truth_detection *d = &t->detections[i];
+        if (read_position(json_object_get(x, "position_m"), d->position_m))
+            return -EINVAL;
+        d->existence = json_number_value(json_object_get(x, "existence"));
+        d->object = -1;
+        t->n_detections = i + 1;
+    }
+    return 0;
+}
+
+int truth_read_detections(struct truth *t, const char *folder, struct complaint *why)
+{
+    char path[4096];
+    json_error_t error;
+
+    t->n_detections = 0;
+    if (snprintf(path, sizeof path, "%s/detections.json", folder) >= (int)sizeof path)
+        return complain(why, -EINVAL, "%s: the name is too long", folder);
+    json_t *root = json_load_file(path, 0, &error);
+    if (!root)
+        return complain(why, -ENOENT, "%s: %s", path, error.text);
+    int err = read_list(t, root);
+    json_decref(root);
+    if (err)
+        return complain(why, err, "%s: is not a list of detections", path);
+    return 0;
+}
+
+int truth_read_scene(struct truth *t, const char *scene, struct complaint *why)
+{
+    const struct room_object *objects;
+    struct room *room = NULL;
+    int err = room_load(&room, scene, why);
+
+    if (err)
+        return err;
+    size_t n = room_objects(room, &objects);
+    t->n_objects = n < TRUTH_MAX ? n : TRUTH_MAX;
+    for (size_t i = 0; i < t->n_objects; i++) {
+        struct truth_object *o = &t->objects[i];
+        const double *p = t->mirrored ? objects[i].position_m : objects[i].virtual_m;
+        if (objects[i].name[0])
+            snprintf(o->name, sizeof o->name, "%s (%s)", objects[i].name,
+                     objects[i].kind);
+        else
+            snprintf(o->name, sizeof o->name, "%s", objects[i].kind);
+        memcpy(o->position_m, p, sizeof o->position_m);
+        if (!strcmp(t->frame, "vehicle"))
+            survey_to_vehicle(room_survey(room), p, o->position_m);
+        o->found = -1;
+    }
+    room_destroy(room);
+    return 0;
+}
+
+static double distance_m(const double a[3], const double b[3])
+{
+    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
+                (a[2] - b[2]) * (a[2] - b[2]));
+}
+
+/* Matches the nearest pair that is left; 0: there is none within reach. */
+static int match_nearest(struct truth *t)
+{
+    double best_m = TRUTH_MATCH_M;
+    int object = -1, detection = -1;
+
+    for (size_t i = 0; i < t->n_objects; i++) {
+        for (size_t k = 0; k < t->n_detections; k++) {
+            if (t->objects[i].found >= 0 || t->detections[k].object >= 0)
+                continue;
+            double d = distance_m(t->objects[i].position_m, t->detections[k].position_m);
+            if (d > best_m)
+                continue;
+            best_m = d;
+            object = (int)i;
+            detection = (int)k;
+        }
+    }
+    if (object < 0)
+        return 0;
+    t->objects[object].found = detection;
+    t->detections[detection].object = object;
+    return 1;
+}
+
+void truth_match(struct truth *t)
+{
+    while (match_nearest(t))
+        ;
+}
+
+static void print_position(const double p[3], FILE *to)
+{
+    fprintf(to, "  %7.3f %7.3f %7.3f", p[0], p[1], p[2]);
+}
+
+static void print_object(const struct truth *t, const struct truth_object *o, FILE *to)
+{
+    fprintf(to, "%-20.20s", o->name);
+    print_position(o->position_m, to);
+    if (o->found < 0) {
+        fprintf(to, "  %-23s\n", "not found");
+        return;
+    }
+    const struct truth_detection *d = &t->detections[o->found];
+    print_position(d->position_m, to);
+    fprintf(to, "  %6.1f cm  %6.0f %%\n",
+            100.0 * distance_m(o->position_m, d->position_m), 100.0 * d->existence);
+}
+
+void truth_print(const struct truth *t, FILE *to)
+{
+    fprintf(to, "%-20s  %-23s  %-23s  %9s  %8s\n", "hidden object",
+            t->mirrored ? "really at (m)" : "mirrored at (m)", "reported at (m)", "error",
+            "existence");
+    for (size_t i = 0; i < t->n_objects; i++)
+        print_object(t, &t->objects[i], to);
+    for (size_t k = 0; k < t->n_detections; k++) {
+        const struct truth_detection *d = &t->detections[k];
+        if (d->object >= 0)
+            continue;
+        fprintf(to, "%-20s  %-23s", t->n_objects ? "nothing there" : "", "");
+        print_position(d->position_m, to);
+        fprintf(to, "  %9s  %6.0f %%\n", "", 100.0 * d->existence);
+    }
+    if (!t->n_objects && !t->n_detections)
+        fprintf(to, "none\n");
+    fprintf(to, "positions in the %s frame%s\n", t->frame,
+            t->mirrored ? "" : "; no wall is known, so they are those of mirror images");
+}

@@ -1,0 +1,179 @@
+/* recon/backproject_any.c -- back-projection for any geometry: voxels in the lanes, each
+ * looks its delay up in the trace. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "dsp/vector.h"
+#include "recon/backprojection.h"
+#include "recon/phasor.h"
+
+#define BLOCK_ROWS                                                                       \
+    12 /* rows of voxels that are summed together: their distances to all                \
+          elements of a position stay in the cache */
+
+struct block { /* one a thread, for n voxels */
+    size_t n;
+    float *position[3];      /* [n] */
+    float *delay;            /* [elements][n] in stored samples */
+    float *phasor[2];        /* [elements][n] of the carrier over that delay: re, im */
+    float *part[2], *sum[2]; /* [n] of one speaker, of all */
+};
+
+static int block_create(struct block *s, size_t n, size_t elements)
+{
+    float **const single[] = {&s->position[0], &s->position[1], &s->position[2],
+                              &s->part[0],     &s->part[1],     &s->sum[0],
+                              &s->sum[1]};
+    float **const each[] = {&s->delay, &s->phasor[0], &s->phasor[1]};
+    int err = 0;
+    s->n = n;
+    for (size_t a = 0; a < sizeof single / sizeof *single; a++)
+        if (!(*single[a] = malloc(n * sizeof(float))))
+            err = -ENOMEM;
+    for (size_t a = 0; a < sizeof each / sizeof *each; a++)
+        if (!(*each[a] = malloc(elements * n * sizeof(float))))
+            err = -ENOMEM;
+    return err;
+}
+
+static void block_clear(struct block *s)
+{
+    for (int a = 0; a < 3; a++)
+        free(s->position[a]);
+    for (int a = 0; a < 2; a++) {
+        free(s->phasor[a]);
+        free(s->part[a]);
+        free(s->sum[a]);
+    }
+    free(s->delay);
+}
+
+int backproject_any_create(struct backprojection *b)
+{
+    struct block *blocks = calloc(pool_threads(b->pool), sizeof *blocks);
+    if (!blocks)
+        return -ENOMEM;
+    b->scratch = blocks;
+    size_t elements = b->geometry.n_speakers + b->geometry.n_microphones;
+    int err = 0;
+    for (size_t t = 0; !err && t < pool_threads(b->pool); t++)
+        err = block_create(&blocks[t], b->grid.n[0] * BLOCK_ROWS, elements);
+    return err;
+}
+
+void backproject_any_destroy(struct backprojection *b)
+{
+    struct block *blocks = b->scratch;
+    for (size_t t = 0; blocks && t < pool_threads(b->pool); t++)
+        block_clear(&blocks[t]);
+    free(blocks);
+}
+
+/* Delay in stored samples and carrier phasor from one element to n voxels.  A pair sums
+ * two of them, so each carries half of the trace's start. */
+VECTOR_CLONES
+static void element_delays(const struct backprojection *b, const double at[3],
+                           const struct block *s, size_t n, float *restrict delay,
+                           float *restrict re, float *restrict im)
+{
+    float ex = (float)at[0], ey = (float)at[1], ez = (float)at[2];
+    float per_m = (float)(b->rate_hz / b->geometry.sound_speed_m_s);
+    float start = (float)(0.5 * (1.0 - b->in.t0_s * b->rate_hz));
+    float turns_per_m = (float)(b->in.carrier_hz / b->geometry.sound_speed_m_s);
+    const float *x = s->position[0], *y = s->position[1], *z = s->position[2];
+    for (size_t v = 0; v < n; v++) {
+        float dx = x[v] - ex, dy = y[v] - ey, dz = z[v] - ez;
+        float r = sqrtf(dx * dx + dy * dy + dz * dz);
+        delay[v] = r * per_m + start;
+        phasor(r * turns_per_m, &re[v], &im[v]);
+    }
+}
+
+/* sum += phasor * trace(delay_s + delay_m), linear between stored samples; a trace ends
+ * in zeros, and delays outside it are held there. */
+VECTOR_CLONES
+static void add_pair(const float *restrict trace, float last, size_t n,
+                     const float *restrict delay_s, const float *restrict delay_m,
+                     const float *restrict re, const float *restrict im,
+                     float *restrict sum_re, float *restrict sum_im)
+{
+    for (size_t v = 0; v < n; v++) {
+        float at = delay_s[v] + delay_m[v];
+        at = at < 0.0f ? 0.0f : at;
+        at = at > last ? last : at;
+        int q = (int)at;
+        float f = at - (float)q;
+        float ar = trace[2 * q], ai = trace[2 * q + 1];
+        float br = trace[2 * q + 2], bi = trace[2 * q + 3];
+        float xr = ar + f * (br - ar), xi = ai + f * (bi - ai);
+        sum_re[v] += xr * re[v] - xi * im[v];
+        sum_im[v] += xr * im[v] + xi * re[v];
+    }
+}
+
+VECTOR_CLONES
+static void add_part(size_t n, const float *restrict re, const float *restrict im,
+                     const struct block *s)
+{
+    for (size_t v = 0; v < n; v++) {
+        s->sum[0][v] += s->part[0][v] * re[v] - s->part[1][v] * im[v];
+        s->sum[1][v] += s->part[0][v] * im[v] + s->part[1][v] * re[v];
+    }
+}
+
+static void add_position(const struct backprojection *b, size_t k, const struct block *s,
+                         size_t n)
+{
+    size_t n_s = b->geometry.n_speakers, n_m = b->geometry.n_microphones;
+    float *re = s->phasor[0], *im = s->phasor[1];
+    for (size_t e = 0; e < n_s + n_m; e++) {
+        double at[3];
+        if (e < n_s)
+            geometry_speaker(&b->geometry, k, e, at);
+        else
+            geometry_microphone(&b->geometry, k, e - n_s, at);
+        element_delays(b, at, s, n, s->delay + e * n, re + e * n, im + e * n);
+    }
+    for (size_t j = 0; j < n_s; j++) {
+        memset(s->part[0], 0, n * sizeof(float));
+        memset(s->part[1], 0, n * sizeof(float));
+        for (size_t i = 0; i < n_m; i++) {
+            size_t pair = j * n_m + i, m = n_s + i;
+            if (b->live[k * n_s * n_m + pair])
+                add_pair(backprojection_sample(b, k, pair, 0), (float)(b->n_stored - 2),
+                         n, s->delay + j * n, s->delay + m * n, re + m * n, im + m * n,
+                         s->part[0], s->part[1]);
+        }
+        add_part(n, re + j * n, im + j * n, s);
+    }
+}
+
+static void image_block(void *ctx, size_t item, size_t thread)
+{
+    struct backprojection *b = ctx;
+    const struct block *s = (const struct block *)b->scratch + thread;
+    const struct grid *g = &b->grid;
+    size_t first = item * s->n, n = grid_size(g) - first;
+    n = n < s->n ? n : s->n;
+    for (size_t v = 0; v < n; v++) {
+        size_t at[3] = {(first + v) % g->n[0], (first + v) / g->n[0] % g->n[1],
+                        (first + v) / (g->n[0] * g->n[1])};
+        for (int a = 0; a < 3; a++)
+            s->position[a][v] = (float)(g->origin_m[a] + g->step_m[a] * (double)at[a]);
+    }
+    memset(s->sum[0], 0, n * sizeof(float));
+    memset(s->sum[1], 0, n * sizeof(float));
+    for (size_t k = 0; k < b->geometry.n_positions; k++)
+        add_position(b, k, s, n);
+    for (size_t v = 0; v < n; v++)
+        b->image[first + v] =
+            backprojection_intensity(s->position[2][v], s->sum[0][v], s->sum[1][v]);
+}
+
+void backproject_any(struct backprojection *b)
+{
+    size_t size = ((const struct block *)b->scratch)->n;
+    pool_run(b->pool, (grid_size(&b->grid) + size - 1) / size, image_block, b);
+}
