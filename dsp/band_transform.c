@@ -19,7 +19,7 @@ struct band_transform {
     struct band_transform_layout layout;
     size_t n_forward, n_inverse; /* m, m': multiples of BLOCK */
     size_t first;                /* bin 0 of stream s is R first + s of L */
-    float *roots;                /* [R/2][R][2] */
+    float *roots;                /* [R/2][R]: cosines of the first half, sines */
     float *twiddle;              /* [R/2][2][m], real parts and imaginary parts */
     float *step, *shift;         /* [2][n_output rounded up to BLOCK] */
     float *signal;               /* [L], the input, aligned and filled up with zeros */
@@ -51,10 +51,25 @@ struct band_transform {
         (y)[1] = INTERLEAVE_HIGH(pr_, pi_);                                              \
     } while (0)
 
-/* One stream before its transform: the sum over signal's rows, turned by its twiddle. Two
- * vectors at a time, here and below, so that one sum need not wait for the other. */
+/* signal [n_rows][m]: rows j and n_rows - j become their difference and their sum, for
+ * all streams at once: a row's cosine is the other's turned over, its sine the same. */
+VECTOR_CLONES static void rows_fold(float *signal, size_t n_rows, size_t m)
+{
+    for (size_t j = 1; j < n_rows / 2; j++) {
+        float *restrict a = signal + j * m, *restrict b = signal + (n_rows - j) * m;
+        for (size_t i = 0; i < m; i++) {
+            float difference = a[i] - b[i];
+            b[i] += a[i];
+            a[i] = difference;
+        }
+    }
+}
+
+/* One stream before its transform: the cosines' sum over the first half of the folded
+ * rows, the sines' over the second, turned by the twiddle.  Two vectors at a time, here
+ * and below, so that one sum need not wait for the other. */
 VECTOR_CLONES static void rows_mix(float *restrict out, const float *restrict signal,
-                                   size_t n_rows, const float *restrict root,
+                                   size_t half, const float *restrict root,
                                    const float *restrict twiddle, size_t m)
 {
     for (size_t i = 0; i < m; i += BLOCK) {
@@ -63,13 +78,13 @@ VECTOR_CLONES static void rows_mix(float *restrict out, const float *restrict si
         vector16 *y = (vector16 *)(out + 2 * i);
         vector16 re0 = {0}, im0 = {0}, re1 = {0}, im1 = {0};
 
-        for (size_t r = 0; r < n_rows; r++) {
-            const vector16 *x = (const vector16 *)(signal + r * m + i);
-            float a = root[2 * r], b = root[2 * r + 1];
-            re0 += a * x[0];
-            im0 += b * x[0];
-            re1 += a * x[1];
-            im1 += b * x[1];
+        for (size_t r = 0; r < half; r++) {
+            const vector16 *a = (const vector16 *)(signal + r * m + i);
+            const vector16 *b = (const vector16 *)(signal + (half + r) * m + i);
+            re0 += root[r] * a[0];
+            re1 += root[r] * a[1];
+            im0 += root[half + r] * b[0];
+            im1 += root[half + r] * b[1];
         }
         STORE_PRODUCT(y, re0, im0, tr[0], ti[0]);
         STORE_PRODUCT(y + 2, re1, im1, tr[1], ti[1]);
@@ -173,7 +188,7 @@ static double layout_try(struct band_transform *bt, const struct band_transform_
     l->n_output = (size_t)floor(c->span * l->rate + 1e-6) + 1;
     return 0.5 * (double)n_streams * fft_size_cost_ns(bt->n_forward) +
            (double)n_streams * fft_size_cost_ns(bt->n_inverse) +
-           (double)n_streams * (0.02 * (double)l->length + 0.1 * (double)l->n_output);
+           (double)n_streams * (0.01 * (double)l->length + 0.1 * (double)l->n_output);
 }
 
 static void layout_choose(struct band_transform *bt,
@@ -197,7 +212,7 @@ static int scratch_create(struct band_transform *bt)
     size_t r = bt->layout.n_streams, m = bt->n_forward, n = bt->n_inverse;
     size_t n_table = block_round(bt->layout.n_output);
 
-    bt->roots = fftwf_malloc(r * r * sizeof(float));
+    bt->roots = fftwf_malloc(r * r / 2 * sizeof(float));
     bt->twiddle = fftwf_malloc(r * m * sizeof(float));
     bt->step = fftwf_malloc(2 * n_table * sizeof(float));
     bt->shift = fftwf_malloc(2 * n_table * sizeof(float));
@@ -236,8 +251,9 @@ static void tables_fill(struct band_transform *bt)
     for (size_t s = 0; s < r / 2; s++) {
         double k = (double)s + 0.5;
         for (size_t i = 0; i < r; i++) {
-            float *root = bt->roots + 2 * (s * r + i);
-            polar_store(&root[0], &root[1], -k * (double)i / (double)r);
+            float cosine, sine;
+            polar_store(&cosine, &sine, -k * (double)i / (double)r);
+            bt->roots[s * r + i] = i < r / 2 ? cosine : sine;
         }
         for (size_t i = 0; i < m; i++) {
             float *t = bt->twiddle + 2 * s * m + i;
@@ -288,13 +304,14 @@ double band_transform_frequency(const struct band_transform *bt, size_t stream,
 
 void band_transform_forward(struct band_transform *bt, const float *x, size_t n)
 {
-    size_t m = bt->n_forward, r = bt->layout.n_streams, n_rows = (n + m - 1) / m;
+    size_t m = bt->n_forward, r = bt->layout.n_streams;
 
     memcpy(bt->signal, x, n * sizeof(*x));
-    memset(bt->signal + n, 0, (n_rows * m - n) * sizeof(*x));
+    memset(bt->signal + n, 0, (r * m - n) * sizeof(*x));
+    rows_fold(bt->signal, r, m);
     for (size_t s = 0; s < r / 2; s++) {
-        rows_mix(bt->mixed, bt->signal, n_rows, bt->roots + 2 * s * r,
-                 bt->twiddle + 2 * s * m, m);
+        rows_mix(bt->mixed, bt->signal, r / 2, bt->roots + s * r, bt->twiddle + 2 * s * m,
+                 m);
         fftwf_execute_dft(bt->forward, (fftwf_complex *)bt->mixed,
                           (fftwf_complex *)(bt->spectrum + 2 * s * m));
     }

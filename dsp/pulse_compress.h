@@ -46,7 +46,10 @@ int pulse_compress_create(struct pulse_compress **out,
 void pulse_compress_format(const struct pulse_compress *pc, struct trace_format *out);
 
 /* rx: [n_channels][rx_stride >= n_samples], y: [n_channels][format.n_samples].
- * |y| peaks at 1 for an echo of gain 1. */
+ * Finite input below 1e30 gives finite output.  An echo in the gate whose chirp the ping
+ * holds whole peaks at |y| = 1 for a gain of 1, with phase 0 in the analytic signal; one
+ * that is cut off by the ping's end loses that part of its band.  Linear: a background
+ * may be subtracted before or after. */
 void pulse_compress_execute(struct pulse_compress *pc, const float *rx, size_t rx_stride,
                             float complex *restrict y);
 void pulse_compress_destroy(struct pulse_compress *pc);

@@ -14,8 +14,8 @@
 #define VECTOR_SANITIZED 1
 #endif
 
-/* By features, never by a processor's name: GCC chooses "arch=haswell" on a Haswell alone,
- * and plain code on everything newer. */
+/* By features, never by a processor's name: GCC chooses "arch=haswell" on a Haswell
+ * alone, and plain code on everything newer. */
 #if !defined(__x86_64__) || !defined(__linux__) || defined(VECTOR_SANITIZED)
 #define VECTOR_CLONES
 #elif defined(__clang__) && __clang_major__ >= 14

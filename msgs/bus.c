@@ -156,8 +156,9 @@ size_t bus_counts(struct bus *b, struct bus_count *out, size_t max)
 {
     for (size_t i = 0; i < b->n_outlets && i < max; i++)
         outlet_count(b->outlets[i], &out[i]);
-    size_t n = b->n_outlets < max ? b->n_outlets : max;
-    return b->n_outlets + inlet_counts(b->inlet, out + n, max - n);
+    bool room = max > b->n_outlets;
+    return b->n_outlets + inlet_counts(b->inlet, room ? out + b->n_outlets : NULL,
+                                       room ? max - b->n_outlets : 0);
 }
 
 uint64_t bus_refused(struct bus *b)

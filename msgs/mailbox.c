@@ -120,10 +120,12 @@ void mailbox_put(struct mailbox *m, size_t slot, const struct bus_message *messa
 static struct queue *find_oldest(struct mailbox *m)
 {
     struct queue *oldest = NULL;
-    for (struct queue *q = m->queues; q < m->queues + m->n_queues; q++)
+    for (size_t i = 0; i < m->n_queues; i++) {
+        struct queue *q = &m->queues[i];
         if (q->n &&
             (!oldest || q->ring[q->head].arrival < oldest->ring[oldest->head].arrival))
             oldest = q;
+    }
     return oldest;
 }
 

@@ -9,7 +9,9 @@
 #include "recon/sinc.h"
 
 #define TIME_PADDING  1.9 /* keeps the spectrum smooth enough for FK_TAPS taps */
+#define APERTURE_SINE 0.5 /* steeper waves add smear and aliases, hardly resolution */
 #define STEEPEST_SINE 0.9
+#define PERIOD_MARGIN 1.1
 #define DEPTH_PADDING                                                                    \
     1.15 /* keeps what migrates below the grid from wrapping into it                     \
           */
@@ -40,7 +42,8 @@ static int plan_axis(struct fk_axis *a, const struct fk *m, int axis, const doub
     double aperture = lines[n - 1] - lines[0];
     /* An image of the aperture's period must not reach into the grid at the angles used.
      */
-    double period = fmax(2.0 * fabs(reach(g, axis, lines, n)), extent + aperture);
+    double period = PERIOD_MARGIN *
+                    fmax(2.0 * fabs(reach(g, axis, lines, n)), extent + aperture);
     a->n = fast_size(fmax(period / step, (double)g->n[axis]));
     a->dk = 2.0 * M_PI / ((double)a->n * step);
     a->k_max = (size_t)floor(k_limit / a->dk);
@@ -155,11 +158,23 @@ static int plan_transforms(struct fk *m)
     return m->time_plan && m->z_plan && m->y_plan && m->x_plan ? 0 : -ENOMEM;
 }
 
+/* How far the image reaches beyond the midpoints, and on to their middle. */
+static double beyond(const struct grid *g, int axis, const double *lines, size_t n)
+{
+    double outside = fmax(lines[0] - g->origin_m[axis], grid_end(g, axis) - lines[n - 1]);
+    double half = 0.5 * (lines[n - 1] - lines[0]);
+    return outside > half ? outside + half : 0.0;
+}
+
+/* Of the steepest waves used: those of a cone that each voxel sees the midpoints in, or
+ * what it takes to see them at all, but not more than there is. */
 static double steepest_sine(const struct fk *m, const struct fk_config *cfg)
 {
-    double lateral = hypot(reach(&m->grid, 0, cfg->x_m, cfg->nx),
-                           reach(&m->grid, 1, cfg->y_m, cfg->ny));
-    return fmin(lateral / hypot(lateral, m->depth_m), STEEPEST_SINE);
+    const struct grid *g = &m->grid;
+    double all = hypot(reach(g, 0, cfg->x_m, cfg->nx), reach(g, 1, cfg->y_m, cfg->ny));
+    double side = hypot(beyond(g, 0, cfg->x_m, cfg->nx), beyond(g, 1, cfg->y_m, cfg->ny));
+    double needed = fmax(side / hypot(side, m->depth_m), APERTURE_SINE);
+    return fmin(fmin(needed, all / hypot(all, m->depth_m)), STEEPEST_SINE);
 }
 
 int fk_create(struct fk **out, const struct fk_config *cfg)

@@ -8,6 +8,13 @@
 /* Beyond the array's own footprint a mirror-like object sends nothing back to it. */
 #define MARGIN_M 0.05
 
+/* Voxels in lambda R / 2D and in c / 2B: what a peak's position needs to be read to a
+ * fiftieth of its width. */
+#define STEPS_LATERAL 3.0
+#define STEPS_DEPTH   1.8
+#define MIN_STEP_M    0.005
+#define MAX_STEP_M    0.05
+
 static double nice_step(double step)
 {
     double decade = pow(10.0, floor(log10(step)));
@@ -25,26 +32,36 @@ static void set_axis(struct grid *g, int axis, double min, double max, double st
     g->n[axis] = (size_t)floor((max - min) / step + 1e-6) + 1;
 }
 
+/* A step that divides the stage's, so that back-projection takes its fast way. */
+static double divide_pitch(const struct geometry *g, double step_m)
+{
+    if (g->n_positions < 2 || g->stage_axis[0] < 0.999)
+        return step_m;
+    double travel_m = g->stage_positions_m[g->n_positions - 1] - g->stage_positions_m[0];
+    double pitch_m = travel_m / (double)(g->n_positions - 1);
+    return pitch_m > 0.5 * step_m ? pitch_m / fmax(rint(pitch_m / step_m), 1.0) : step_m;
+}
+
 void grid_default(struct grid *out, const struct geometry *g, const double gate_m[2],
                   const double band_hz[2])
 {
     double min[3], max[3];
     geometry_aperture(g, min, max);
-    double bandwidth = band_hz[1] - band_hz[0];
-    double mean_hz = 0.5 * (band_hz[0] + band_hz[1]);
-    double wavelength_m = g->sound_speed_m_s / mean_hz;
+    double bandwidth_hz = band_hz[1] - band_hz[0];
+    double wavelength_m = 2.0 * g->sound_speed_m_s / (band_hz[0] + band_hz[1]);
+    double range_m = 0.5 * (gate_m[0] + gate_m[1]);
     for (int a = 0; a < 2; a++) {
-        /* Width of a point in the middle of the gate; a third of it shows its shape. */
-        double range_m = hypot(gate_m[0], 0.5 * (max[a] - min[a]));
-        double width_m = 0.5 * wavelength_m * range_m /
-                         fmax(max[a] - min[a], wavelength_m);
-        double step_m = nice_step(fmin(fmax(width_m / 1.5, 0.005), 0.05));
-        double low = floor((min[a] - MARGIN_M) / step_m) * step_m;
-        double high = ceil((max[a] + MARGIN_M) / step_m) * step_m;
-        set_axis(out, a, low, high, step_m);
+        double aperture_m = fmax(max[a] - min[a], wavelength_m);
+        double width_m = 0.5 * wavelength_m * range_m / aperture_m;
+        double step_m =
+            nice_step(fmin(fmax(width_m / STEPS_LATERAL, MIN_STEP_M), MAX_STEP_M));
+        if (a == 0)
+            step_m = divide_pitch(g, step_m);
+        set_axis(out, a, min[a] - MARGIN_M, max[a] + MARGIN_M, step_m);
     }
+    double width_m = 0.5 * g->sound_speed_m_s / bandwidth_hz;
     set_axis(out, 2, max[2] + gate_m[0], max[2] + gate_m[1],
-             nice_step(g->sound_speed_m_s / (2.0 * bandwidth) / 1.5));
+             nice_step(width_m / STEPS_DEPTH));
 }
 
 int grid_from_limits(struct grid *out, const double limits[3][3])

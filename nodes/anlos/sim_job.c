@@ -148,10 +148,6 @@ static int write_texts(struct sim_job *job, struct complaint *why)
     const char *calibration = job->survey->n_responses ? "calibration" : NULL;
     int err =
         sim_truth_write(job->workers[0].room, job->options->scene, job->stage.path, why);
-    if (!err && calibration) {
-        snprintf(path, sizeof path, "%s/%s", job->stage.path, calibration);
-        err = sim_curves_write(job->survey, path, why);
-    }
     if (!err) {
         snprintf(path, sizeof path, "%s/survey.yaml", job->stage.path);
         err = survey_save(job->survey, path, calibration, why);

@@ -1,12 +1,6 @@
 #include "nodes/anlos/sim_truth.h"
 
-#include <errno.h>
-#include <stdio.h>
-#include <string.h>
-#include <sys/stat.h>
-
 #include "nodes/rt/export.h"
-#include "nodes/rt/export_file.h"
 
 static json_t *vec3(const double v[3])
 {
@@ -50,35 +44,4 @@ int sim_truth_write(const struct room *room, const char *scene_path, const char 
     int err = export_json(folder, "truth.json", truth, why);
     json_decref(truth);
     return err;
-}
-
-static int curve_write(const struct survey_response *r, const char *folder,
-                       struct complaint *why)
-{
-    struct export_file e;
-    char name[sizeof r->serial + 8];
-    snprintf(name, sizeof name, "%s.txt", r->serial);
-    int err = export_file_open(&e, folder, name, why);
-    if (err)
-        return err;
-    errno = 0;
-    int failed = fprintf(e.f, "*1000Hz\t0.0\n\t\n") < 0;
-    for (size_t i = 0; i < r->n_points; i++)
-        failed |= fprintf(e.f, "%.9g\t%.9g\n", r->frequency_hz[i], r->gain_db[i]) < 0;
-    if (failed)
-        return export_file_abandon(&e, errno ? -errno : -EIO, why);
-    return export_file_commit(&e, why);
-}
-
-int sim_curves_write(const struct survey *s, const char *folder, struct complaint *why)
-{
-    if (mkdir(folder, 0777) && errno != EEXIST)
-        return complain(why, -errno, "%s: cannot be written: %s", folder,
-                        strerror(errno));
-    for (size_t i = 0; i < s->n_responses; i++) {
-        int err = curve_write(&s->responses[i], folder, why);
-        if (err)
-            return err;
-    }
-    return 0;
 }

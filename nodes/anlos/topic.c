@@ -66,9 +66,8 @@ static int list_topics(void)
         char rate[16] = "-";
         if (t->rate_hz > 0.0)
             snprintf(rate, sizeof rate, "%g Hz", t->rate_hz);
-        printf("%-14s %-20s %8s  %-7s %6zu %6.1f MB ", t->name, t->schema->name, rate,
-               t->policy == TOPIC_ALL ? "all" : "latest", t->depth,
-               (double)t->max_size / (1024.0 * 1024.0));
+        printf("%-14s %-20s %8s  %-7s %6zu %6zu kB ", t->name, t->schema->name, rate,
+               t->policy == TOPIC_ALL ? "all" : "latest", t->depth, t->max_size / 1024);
         for (size_t i = 0; i < 8 && t->publishers[i]; i++)
             printf(" %s",
                    strcmp(t->publishers[i], "*") ? t->publishers[i] : "every node");

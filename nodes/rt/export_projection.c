@@ -56,7 +56,8 @@ int projection_create(struct projection *out, const struct grid *grid,
     for (size_t z = 0; z < grid->n[2]; z++) {
         for (size_t y = 0; y < grid->n[1]; y++) {
             const float *row = volume + (z * grid->n[1] + y) * grid->n[0];
-            fold_row(row, grid->n[0], out->value + z * stride[2] + y * stride[1], stride[0]);
+            fold_row(row, grid->n[0], out->value + z * stride[2] + y * stride[1],
+                     stride[0]);
         }
     }
     return 0;

@@ -306,7 +306,7 @@ int launchfile_load(struct launchfile **out, const char *path,
         err = resolve_paths(l, options);
     if (err == -ENOMEM)
         complain(why, err, "%s: not enough memory", path);
-    yaml_free(&launch_schema, text);
+    yaml_unload(&launch_schema, text);
     if (err)
         goto fail;
     *out = l;

@@ -47,15 +47,16 @@ void reference_trace(const struct trace_format *f, const double band_hz[2],
     }
 }
 
-/* The integral over the band, Hann-weighted, of k (i / r + k) exp(i k (r - r_s)). */
-static double complex band_integral(const double band_hz[2], double c, double r,
-                                    double r_s)
+/* The integral over the band, Hann-weighted, of k^power (i / r + k) exp(i k (r - r_s)).
+ */
+static double complex band_integral(const double band_hz[2], double c, double power,
+                                    double r, double r_s)
 {
     double complex sum = 0.0;
     for (int q = 1; q < BAND_STEPS; q++) {
         double x = (double)q / BAND_STEPS;
         double k = 4.0 * M_PI / c * (band_hz[0] + x * (band_hz[1] - band_hz[0]));
-        sum += (0.5 - 0.5 * cos(2.0 * M_PI * x)) * k * (I / r + k) *
+        sum += (0.5 - 0.5 * cos(2.0 * M_PI * x)) * pow(k, power) * (I / r + k) *
                cexp(I * k * (r - r_s));
     }
     return sum;
@@ -63,18 +64,19 @@ static double complex band_integral(const double band_hz[2], double c, double r,
 
 double complex reference_migrated(const double band_hz[2], double sound_speed_m_s,
                                   const double *x_m, size_t nx, const double *y_m,
-                                  size_t ny, double plane_z_m,
+                                  size_t ny, double plane_z_m, double gain_power,
                                   const struct scatterer *points, size_t n_points,
                                   const double voxel[3])
 {
     double complex sum = 0.0;
     for (size_t q = 0; q < nx * ny; q++) {
         const double midpoint[3] = {x_m[q / ny], y_m[q % ny], plane_z_m};
-        double r = reference_distance(midpoint, voxel);
+        double r = reference_distance(midpoint, voxel), depth_m = voxel[2] - plane_z_m;
+        double obliquity = pow(depth_m / r, gain_power) / r;
         for (size_t p = 0; p < n_points; p++) {
             double r_s = reference_distance(midpoint, points[p].at_m);
-            sum += (voxel[2] - plane_z_m) / (r * r) * points[p].gain / r_s *
-                   band_integral(band_hz, sound_speed_m_s, r, r_s);
+            sum += obliquity * points[p].gain / r_s *
+                   band_integral(band_hz, sound_speed_m_s, gain_power, r, r_s);
         }
     }
     return sum;

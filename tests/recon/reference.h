@@ -30,15 +30,16 @@ void reference_trace(const struct trace_format *f, const double band_hz[2],
                      const double microphone[3], const struct scatterer *points,
                      size_t n_points, float complex *out);
 
-/* What an exact migration of co-located traces shows at a voxel.  The integral over plane
- * waves exp(i (kx x + ky y + kz z)) with the measure dkx dky kz dkz is
+/* What an exact migration of co-located traces shows at a voxel, with plane waves
+ * weighted by kz^gain_power.  For gain_power 1 (Stolt) the integral over plane waves
+ * exp(i (kx x + ky y + kz z)) with the measure dkx dky kz dkz = dkx dky k dk is
  *   sum over midpoints of  z / r^2  integral of  k (i / r + k) S(k) exp(i k r) dk,
  * k = 4 pi f / c (Weyl's integral, differentiated), here with the spectrum S of points of
  * which each gives gain / r_s, at midpoints x[nx] times y[ny] in the plane z = plane_z_m.
- */
+ * Another power adds (k z / r)^(gain_power - 1), by stationary phase. */
 double complex reference_migrated(const double band_hz[2], double sound_speed_m_s,
                                   const double *x_m, size_t nx, const double *y_m,
-                                  size_t ny, double plane_z_m,
+                                  size_t ny, double plane_z_m, double gain_power,
                                   const struct scatterer *points, size_t n_points,
                                   const double voxel[3]);
 

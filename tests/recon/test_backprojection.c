@@ -1,4 +1,257 @@
+#include "tests/recon/near.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "tests/recon/rig.h"
+
+static void a_point_is_where_it_is(void **state)
+{
+    (void)state;
+    static const double places[5][3] = {{0.0, 0.0, 1.1},
+                                        {0.0137, -0.0241, 1.0531},
+                                        {-0.1, 0.08, 1.2017},
+                                        {0.25, 0.0, 1.2},
+                                        {0.12, -0.31, 1.3}};
+    for (int q = 0; q < 5; q++) {
+        struct rig r;
+        rig_default(&r);
+        rig_look_at(&r, places[q][0] + 0.004, places[q][1] - 0.003, places[q][2] + 0.0017,
+                    13, 0.008);
+        rig_expect_point(&r, "backprojection", places[q], 2e-3, 1e-3);
+    }
+}
+
+static void so_is_one_at_half_a_metre(void **state)
+{
+    (void)state;
+    const double at[3] = {0.053, -0.061, 0.5};
+    struct rig r;
+    rig_default(&r);
+    r.gate_m[0] = 0.2;
+    rig_listen(&r, 0.3, 1.0);
+    rig_look_at(&r, 0.05, -0.06, 0.503, 15, 0.006);
+    rig_expect_point(&r, "backprojection", at, 1e-3, 0.5e-3);
+}
+
+static void the_sampling_of_the_traces_does_not_move_it(void **state)
+{
+    (void)state;
+    static const struct trace_format formats[5] = {{.004117, 36000.0, 11000.0, 220},
+                                                   {.0041, 38500.0, 11000.0, 240},
+                                                   {.00395, 36000.0, 10500.0, 240},
+                                                   {.0039, 54000.0, 11000.0, 360},
+                                                   {.0, 96000.0, 11000.0, 1000}};
+    const double at[3] = {0.031, -0.043, 1.1023};
+    for (int q = 0; q < 5; q++) {
+        struct rig r;
+        rig_default(&r);
+        r.format = formats[q];
+        rig_look_at(&r, 0.03, -0.04, 1.1, 11, 0.008);
+        rig_expect_point(&r, "backprojection", at, 2e-3, 1e-3);
+    }
+}
+
+static void the_speed_of_sound_does_not_move_it(void **state)
+{
+    (void)state;
+    static const double speeds[2] = {300.0, 360.0};
+    const double at[3] = {0.031, -0.043, 1.1023};
+    for (int q = 0; q < 2; q++) {
+        struct rig r;
+        rig_default(&r);
+        r.geometry.sound_speed_m_s = speeds[q];
+        rig_listen(&r, 0.7, 1.75);
+        rig_look_at(&r, 0.03, -0.04, 1.1, 11, 0.008);
+        rig_expect_point(&r, "backprojection", at, 2e-3, 1e-3);
+    }
+}
+
+static void an_array_that_is_not_plane_images_too(void **state)
+{
+    (void)state;
+    unsigned long long seed = 11;
+    const double at[3] = {0.031, -0.043, 1.1023};
+    struct rig r;
+    rig_default(&r);
+    for (size_t e = 0; e < 4; e++) {
+        for (int a = 0; a < 3; a++) {
+            r.speakers_m[e][a] += 0.1 * reference_random(&seed);
+            r.microphones_m[e][a] += 0.1 * reference_random(&seed);
+        }
+    }
+    r.geometry.stage_axis[0] = 0.96;
+    r.geometry.stage_axis[2] = 0.28;
+    rig_look_at(&r, 0.03, -0.04, 1.1, 15, 0.008);
+    rig_expect_point(&r, "backprojection", at, 2e-3, 1e-3);
+}
+
+/* The definition, in double, at a few voxels: the same up to one factor. */
+static void each_voxel_sums_every_pair_at_its_own_delay(void **state)
+{
+    (void)state;
+    const struct scatterer point = {{0.03, -0.02, 1.1}, 1.0};
+    struct rig r;
+    rig_default(&r);
+    r.geometry.n_positions = 3;
+    /* 0.12 and 0.08 apart: no two pairs share a midpoint. */
+    for (size_t e = 0; e < 4; e++)
+        r.microphones_m[e][1] = 0.02 * ((double)e - 1.5);
+    rig_look_at(&r, 0.02, -0.01, 1.1, 7, 0.021);
+    float *image = rig_image(&r, "backprojection", &point, 1, 1);
+    double exact[343], ab = 0.0, bb = 0.0, largest = 0.0;
+    for (size_t v = 0; v < 343; v++) {
+        double p[3] = {r.grid.origin_m[0] + 0.021 * (double)(v % 7),
+                       r.grid.origin_m[1] + 0.021 * (double)(v / 7 % 7),
+                       r.grid.origin_m[2] + 0.021 * (double)(v / 49)};
+        double complex sum = 0.0;
+        for (size_t q = 0; q < 48; q++) {
+            double s[3], m[3];
+            geometry_speaker(&r.geometry, q / 16, q / 4 % 4, s);
+            geometry_microphone(&r.geometry, q / 16, q % 4, m);
+            double r_s = reference_distance(s, point.at_m);
+            double r_m = reference_distance(m, point.at_m);
+            double delay_s = (reference_distance(s, p) + reference_distance(m, p)) /
+                             343.0;
+            sum += reference_echo(r.band_hz, 11000.0, (r_s + r_m) / 343.0, delay_s) *
+                   cexp(2.0 * M_PI * I * 11000.0 * delay_s) / (r_s * r_m);
+        }
+        exact[v] = p[2] * p[2] * (creal(sum) * creal(sum) + cimag(sum) * cimag(sum));
+        ab += exact[v] * image[v];
+        bb += (double)image[v] * image[v];
+        largest = fmax(largest, exact[v]);
+    }
+    for (size_t v = 0; v < 343; v++)
+        assert_near(image[v] * ab / bb / largest, exact[v] / largest, 0.01);
+    free(image);
+}
+
+static void the_number_of_threads_does_not_change_a_bit(void **state)
+{
+    (void)state;
+    const struct scatterer point = {{0.03, -0.02, 1.1}, 1.0};
+    struct rig r;
+    rig_default(&r);
+    float *one = rig_image(&r, "backprojection", &point, 1, 1);
+    for (size_t n = 2; n <= 3; n++) {
+        float *image = rig_image(&r, "backprojection", &point, 1, n);
+        assert_memory_equal(one, image, grid_size(&r.grid) * sizeof *one);
+        free(image);
+    }
+    free(one);
+}
+
+/* Microphone 3 four times more, to within a nanometre, with midpoints half-way between
+ * whole millimetres: rounding must not tell them apart. */
+static void midpoints_that_agree_to_a_nanometre_are_one(void **state)
+{
+    (void)state;
+    const struct scatterer point = {{0.03, -0.02, 1.1}, 1.0};
+    struct rig r;
+    rig_default(&r);
+    for (size_t e = 0; e < 4; e++) /* no two of the pairs share a midpoint */
+        r.microphones_m[e][1] = 0.02 * ((double)e - 1.5) + 0.001;
+    float *single = rig_image(&r, "backprojection", &point, 1, 1);
+    for (size_t e = 4; e < 8; e++)
+        r.microphones_m[e][1] = r.microphones_m[3][1] + (e % 2 ? 1e-9 : -1e-9);
+    r.geometry.n_microphones = 8;
+    float *many = rig_image(&r, "backprojection", &point, 1, 1);
+    assert_below(rig_difference(&r, single, many), 1e-4);
+    free(single);
+    free(many);
+}
+
+static float *noise_image(const struct rig *r)
+{
+    unsigned long long seed = 21;
+    size_t n = r->geometry.n_microphones * r->format.n_samples;
+    float complex *traces = malloc(n * sizeof *traces);
+    float *image = malloc(grid_size(&r->grid) * sizeof *image);
+    struct pool *pool;
+    assert_true(traces && image);
+    assert_int_equal(pool_create(&pool, 1), 0);
+    struct imager *im = rig_imager(r, "backprojection", pool);
+    for (size_t k = 0; k < r->geometry.n_positions; k++) {
+        for (size_t j = 0; j < r->geometry.n_speakers; j++) {
+            for (size_t q = 0; q < n; q++)
+                traces[q] = (float complex)(reference_random(&seed) - 0.5 +
+                                            I * reference_random(&seed));
+            assert_true(imager_add(im, k, j, traces, NULL));
+        }
+    }
+    imager_image(im, image);
+    imager_destroy(im);
+    pool_destroy(pool);
+    free(traces);
+    return image;
+}
+
+static void nothing_is_seen_before_the_gate(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    r.gate_m[0] = 1.1;
+    /* Half paths to the nearer planes are below 1.03 / cos 0.37 = 1.09 m. */
+    rig_look_at(&r, 0.0, 0.0, 1.1, 9, 0.02);
+    r.grid.origin_m[2] = 0.9;
+    float *image = noise_image(&r);
+    for (size_t v = 0; v < 81 * 6; v++)
+        assert_near(image[v], 0.0, 0.0);
+    free(image);
+    r.grid.origin_m[2] = 1.2;
+    image = noise_image(&r);
+    for (size_t v = 0; v < 729; v++)
+        assert_true(image[v] > 0.0f);
+    free(image);
+}
+
+static void nothing_is_seen_outside_the_traces(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    rig_listen(&r, 0.9, 1.2);
+    rig_look_at(&r, 0.0, 0.0, 1.5, 7, 0.02); /* beyond */
+    float *image = noise_image(&r);
+    for (size_t v = 0; v < 343; v++)
+        assert_near(image[v], 0.0, 0.0);
+    free(image);
+    rig_look_at(&r, 0.0, 0.0, 0.6, 7, 0.02); /* before */
+    image = noise_image(&r);
+    for (size_t v = 0; v < 343; v++)
+        assert_near(image[v], 0.0, 0.0);
+    free(image);
+}
+
+static void a_volume_around_the_array_leaves_numbers(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    r.format.t0_s = 0.0;
+    r.gate_m[0] = 0.0;
+    rig_look_at(&r, 0.0, 0.0, 0.0, 7, 0.03); /* some voxels are elements */
+    float *image = noise_image(&r);
+    for (size_t v = 0; v < 343; v++)
+        assert_true(isfinite(image[v]));
+    free(image);
+}
+
 int main(void)
 {
-    return 0;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_point_is_where_it_is),
+        cmocka_unit_test(so_is_one_at_half_a_metre),
+        cmocka_unit_test(the_sampling_of_the_traces_does_not_move_it),
+        cmocka_unit_test(the_speed_of_sound_does_not_move_it),
+        cmocka_unit_test(an_array_that_is_not_plane_images_too),
+        cmocka_unit_test(each_voxel_sums_every_pair_at_its_own_delay),
+        cmocka_unit_test(the_number_of_threads_does_not_change_a_bit),
+        cmocka_unit_test(midpoints_that_agree_to_a_nanometre_are_one),
+        cmocka_unit_test(nothing_is_seen_before_the_gate),
+        cmocka_unit_test(nothing_is_seen_outside_the_traces),
+        cmocka_unit_test(a_volume_around_the_array_leaves_numbers),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

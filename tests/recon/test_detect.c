@@ -1,4 +1,416 @@
+#include "tests/recon/near.h"
+
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/detect.h"
+#include "tests/recon/reference.h"
+
+#define N      36
+#define VOXELS ((size_t)N * N * N)
+#define MAX    16
+
+static const struct grid grid = {{-0.35, -0.2, 0.9}, {0.02, 0.02, 0.01}, {N, N, N}};
+
+struct scene {
+    float complex *amplitude; /* [VOXELS] */
+    float *volume;
+    struct detect_config cfg;
+    struct detection found[MAX];
+    size_t n;
+};
+
+/* Complex Gaussian noise of power 1: its intensity is exponentially distributed. */
+static void scene_open(struct scene *s, bool noisy)
+{
+    unsigned long long seed = 31;
+    memset(s, 0, sizeof *s);
+    s->amplitude = calloc(VOXELS, sizeof *s->amplitude);
+    s->volume = calloc(VOXELS, sizeof *s->volume);
+    assert_true(s->amplitude && s->volume);
+    detect_config_default(&s->cfg);
+    for (size_t v = 0; noisy && v < VOXELS; v++) {
+        double power = -log(reference_random(&seed));
+        double turns = reference_random(&seed);
+        s->amplitude[v] = (float complex)(sqrt(power) * cexp(2.0 * M_PI * I * turns));
+    }
+}
+
+static void scene_close(struct scene *s)
+{
+    free(s->amplitude);
+    free(s->volume);
+}
+
+/* A box of size_m (0: a point) seen with a Gaussian of sigma 1.5 voxels, which is half as
+ * strong at the box's faces. */
+static void add_object(struct scene *s, const double at_m[3], const double size_m[3],
+                       double level_db)
+{
+    for (size_t v = 0; v < VOXELS; v++) {
+        const size_t i[3] = {v % N, v / N % N, v / (N * N)};
+        double sum = pow(10.0, 0.05 * level_db);
+        for (int a = 0; a < 3; a++) {
+            double sigma_m = 1.5 * M_SQRT2 * grid.step_m[a]; /* of the amplitude */
+            double d = grid.origin_m[a] + grid.step_m[a] * (double)i[a] - at_m[a];
+            double half = 0.5 * size_m[a];
+            if (half > 0.0)
+                sum *= 0.5 * (erf((d + half) / (M_SQRT2 * sigma_m)) -
+                              erf((d - half) / (M_SQRT2 * sigma_m)));
+            else
+                sum *= exp(-0.5 * d * d / (sigma_m * sigma_m));
+        }
+        s->amplitude[v] += (float)sum;
+    }
+}
+
+static void add_point(struct scene *s, double x, double y, double z, double level_db)
+{
+    const double at_m[3] = {x, y, z}, size_m[3] = {0};
+    add_object(s, at_m, size_m, level_db);
+}
+
+/* Positive definite by its leading minors. */
+static void expect_covariance(const double c[6])
+{
+    double det = c[0] * (c[3] * c[5] - c[4] * c[4]) - c[1] * (c[1] * c[5] - c[4] * c[2]) +
+                 c[2] * (c[1] * c[4] - c[3] * c[2]);
+    for (int q = 0; q < 6; q++)
+        assert_true(isfinite(c[q]));
+    assert_true(c[0] > 0.0 && c[0] * c[3] > c[1] * c[1] && det > 0.0);
+}
+
+static void search(struct scene *s, double scale)
+{
+    for (size_t v = 0; v < VOXELS; v++) {
+        double a = cabs(s->amplitude[v]);
+        s->volume[v] = (float)(scale * a * a);
+    }
+    assert_int_equal(detect_objects(&s->cfg, &grid, s->volume, s->found, MAX, &s->n), 0);
+    for (size_t d = 0; d < s->n; d++) {
+        const struct detection *o = &s->found[d];
+        expect_covariance(o->covariance_m2);
+        assert_true(isfinite(o->level_db));
+        assert_true(o->existence >= 0.0 && o->existence <= 1.0);
+        if (d > 0)
+            assert_true(o->level_db <= s->found[d - 1].level_db);
+        for (int a = 0; a < 3; a++) {
+            assert_true(isfinite(o->position_m[a]));
+            assert_true(o->extent_m[a] >= 0.0);
+        }
+    }
+}
+
+static const double places[3][3] = {
+    {-0.213, 0.107, 1.0037}, {0.141, -0.052, 1.1512}, {0.0523, 0.3131, 1.0821}};
+
+static void expect_at(const struct detection *d, const double at_m[3], double voxels)
+{
+    for (int a = 0; a < 3; a++)
+        assert_near(d->position_m[a], at_m[a], voxels * grid.step_m[a]);
+}
+
+static void points_are_found_between_the_voxels_strongest_first(void **state)
+{
+    (void)state;
+    static const double levels_db[3] = {40.0, 37.0, 33.0};
+    struct scene s;
+    scene_open(&s, true);
+    for (int q = 2; q >= 0; q--)
+        add_point(&s, places[q][0], places[q][1], places[q][2], levels_db[q]);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 3);
+    for (int q = 0; q < 3; q++) {
+        expect_at(&s.found[q], places[q], 0.2);
+        assert_near(s.found[q].level_db, levels_db[q], 1.0);
+        assert_true(s.found[q].existence > 0.8);
+        for (int a = 0; a < 3; a++)
+            assert_near(s.found[q].extent_m[a], 0.0, 0.0);
+    }
+    scene_close(&s);
+}
+
+/* Three sigma of what the covariance says hold the truth. */
+static void the_covariance_holds_the_error(void **state)
+{
+    (void)state;
+    static const int diagonal[3] = {0, 3, 5};
+    for (int level = 16; level <= 40; level += 8) {
+        struct scene s;
+        scene_open(&s, true);
+        add_point(&s, places[1][0], places[1][1], places[1][2], level);
+        search(&s, 1.0);
+        assert_int_equal(s.n, 1);
+        for (int a = 0; a < 3; a++)
+            assert_near(s.found[0].position_m[a], places[1][a],
+                        3.0 * sqrt(s.found[0].covariance_m2[diagonal[a]]));
+        scene_close(&s);
+    }
+}
+
+static void noise_alone_has_no_objects(void **state)
+{
+    (void)state;
+    struct scene s;
+    scene_open(&s, true);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 0);
+    scene_close(&s);
+}
+
+static void what_is_under_the_threshold_is_left_out(void **state)
+{
+    (void)state;
+    struct scene s;
+    scene_open(&s, true);
+    add_point(&s, places[0][0], places[0][1], places[0][2], 22.0);
+    s.cfg.threshold_db = 25.0;
+    search(&s, 1.0);
+    assert_int_equal(s.n, 0);
+    s.cfg.threshold_db = 19.0;
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    scene_close(&s);
+}
+
+/* As strong, it counts when nothing outshines it. */
+static void what_is_outshone_is_left_out(void **state)
+{
+    (void)state;
+    struct scene s;
+    scene_open(&s, true);
+    s.cfg.dynamic_range_db = 15.0;
+    add_point(&s, places[1][0], places[1][1], places[1][2], 24.0);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    add_point(&s, places[0][0], places[0][1], places[0][2], 42.0);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    expect_at(&s.found[0], places[0], 0.2);
+    s.cfg.dynamic_range_db = 22.0;
+    search(&s, 1.0);
+    assert_int_equal(s.n, 2);
+    scene_close(&s);
+}
+
+static void what_lies_close_together_is_one_object(void **state)
+{
+    (void)state;
+    static const double cluster_m[2] = {0.25, 0.04};
+    for (int q = 0; q < 2; q++) {
+        struct scene s;
+        scene_open(&s, true);
+        add_point(&s, -0.1, 0.1, 1.05, 36.0);
+        add_point(&s, 0.14, 0.1, 1.05, 35.0);
+        s.cfg.cluster_m = cluster_m[q];
+        search(&s, 1.0);
+        assert_int_equal(s.n, q + 1);
+        scene_close(&s);
+    }
+}
+
+static void a_plate_has_a_middle_and_a_size(void **state)
+{
+    (void)state;
+    const double at_m[3] = {0.013, 0.148, 1.08}, size_m[3] = {0.36, 0.24, 0.0};
+    struct scene s;
+    scene_open(&s, true);
+    add_object(&s, at_m, size_m, 36.0);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    expect_at(&s.found[0], at_m, 1.0);
+    for (int a = 0; a < 2; a++)
+        assert_near(s.found[0].extent_m[a], size_m[a], 2.0 * grid.step_m[a]);
+    assert_true(s.found[0].extent_m[2] < 8.0 * grid.step_m[2]);
+    scene_close(&s);
+}
+
+static void existence_grows_with_the_level(void **state)
+{
+    (void)state;
+    double before = 0.0, weakest = 1.0;
+    for (int level = 10; level <= 34; level += 2) {
+        struct scene s;
+        scene_open(&s, true);
+        add_point(&s, places[1][0], places[1][1], places[1][2], level);
+        s.cfg.threshold_db = 9.5;
+        search(&s, 1.0);
+        for (size_t d = 0; d < s.n; d++) {
+            const double *p = s.found[d].position_m;
+            if (reference_distance(p, places[1]) > 0.05)
+                continue;
+            assert_true(s.found[d].existence >= before - 1e-9);
+            before = s.found[d].existence;
+            weakest = fmin(weakest, before);
+        }
+        scene_close(&s);
+    }
+    assert_true(weakest < 0.5);
+    assert_true(before > 0.99);
+}
+
+static void the_fainter_of_several_exist_less_surely(void **state)
+{
+    (void)state;
+    static const double levels_db[3] = {44.0, 36.0, 28.0};
+    struct scene s;
+    scene_open(&s, true);
+    s.cfg.dynamic_range_db = 20.0;
+    for (int q = 0; q < 3; q++)
+        add_point(&s, places[q][0], places[q][1], places[q][2], levels_db[q]);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 3);
+    for (int q = 1; q < 3; q++)
+        assert_true(s.found[q].existence <= s.found[q - 1].existence);
+    assert_true(s.found[2].existence < s.found[0].existence);
+    scene_close(&s);
+}
+
+static void no_more_than_asked_for_are_written(void **state)
+{
+    (void)state;
+    struct scene s;
+    struct detection two[3];
+    size_t n = 99;
+    scene_open(&s, true);
+    for (int q = 0; q < 3; q++)
+        add_point(&s, places[q][0], places[q][1], places[q][2], 40.0 - 3.0 * q);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 3);
+    memset(two, 0x5a, sizeof two);
+    assert_int_equal(detect_objects(&s.cfg, &grid, s.volume, two, 2, &n), 0);
+    assert_int_equal(n, 2);
+    expect_at(&two[0], places[0], 0.3);
+    expect_at(&two[1], places[1], 0.3);
+    assert_int_equal(((unsigned char *)&two[2])[0], 0x5a);
+    assert_int_equal(detect_objects(&s.cfg, &grid, s.volume, NULL, 0, &n), 0);
+    assert_int_equal(n, 0);
+    scene_close(&s);
+}
+
+static void the_scale_of_the_intensity_does_not_matter(void **state)
+{
+    (void)state;
+    static const double scales[2] = {1e-24, 1e24};
+    struct scene s;
+    scene_open(&s, true);
+    add_point(&s, places[0][0], places[0][1], places[0][2], 38.0);
+    for (int q = 0; q < 2; q++) {
+        search(&s, scales[q]);
+        assert_int_equal(s.n, 1);
+        expect_at(&s.found[0], places[0], 0.2);
+        assert_near(s.found[0].level_db, 38.0, 1.0);
+    }
+    scene_close(&s);
+}
+
+static void without_noise_there_are_numbers_too(void **state)
+{
+    (void)state;
+    struct scene s;
+    scene_open(&s, false);
+    add_point(&s, places[2][0], places[2][1], places[2][2], 0.0);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    expect_at(&s.found[0], places[2], 0.05);
+    assert_true(s.found[0].existence > 0.99);
+    scene_close(&s);
+}
+
+static void a_lone_bright_voxel_is_a_point_there(void **state)
+{
+    (void)state;
+    struct scene s;
+    scene_open(&s, false);
+    s.amplitude[(7 * N + 8) * N + 9] = 3.0f;
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    assert_near(s.found[0].position_m[0], -0.35 + 9 * 0.02, 1e-9);
+    assert_near(s.found[0].position_m[1], -0.2 + 8 * 0.02, 1e-9);
+    assert_near(s.found[0].position_m[2], 0.9 + 7 * 0.01, 1e-9);
+    scene_close(&s);
+}
+
+static void a_peak_on_the_rim_is_found_there(void **state)
+{
+    (void)state;
+    static const int corners[4][3] = {
+        {0, 0, 0}, {N - 1, N - 1, N - 1}, {0, 20, N - 1}, {17, 0, 9}};
+    for (int q = 0; q < 4; q++) {
+        struct scene s;
+        double at_m[3];
+        scene_open(&s, true);
+        for (int a = 0; a < 3; a++)
+            at_m[a] = grid.origin_m[a] + grid.step_m[a] * corners[q][a];
+        add_point(&s, at_m[0], at_m[1], at_m[2], 38.0);
+        search(&s, 1.0);
+        assert_int_equal(s.n, 1);
+        expect_at(&s.found[0], at_m, 0.2);
+        scene_close(&s);
+    }
+}
+
+static void expect_nothing(const struct grid *g, float value)
+{
+    struct detect_config cfg;
+    struct detection found[MAX];
+    size_t n = 99;
+    float *volume = malloc(grid_size(g) * sizeof *volume);
+    assert_non_null(volume);
+    for (size_t v = 0; v < grid_size(g); v++)
+        volume[v] = value;
+    detect_config_default(&cfg);
+    assert_int_equal(detect_objects(&cfg, g, volume, found, MAX, &n), 0);
+    assert_int_equal(n, 0);
+    free(volume);
+}
+
+static void an_even_volume_has_no_objects(void **state)
+{
+    (void)state;
+    const struct grid one = {{0.0, 0.0, 1.0}, {0.01, 0.01, 0.01}, {1, 1, 1}};
+    const struct grid column = {{0.0, 0.0, 1.0}, {0.01, 0.01, 0.01}, {1, 1, 9}};
+    static const float values[4] = {0.0f, 1.0f, 1e-30f, 1e30f};
+    for (int q = 0; q < 4; q++) {
+        expect_nothing(&grid, values[q]);
+        expect_nothing(&one, values[q]);
+        expect_nothing(&column, values[q]);
+    }
+}
+
+static void the_defaults_are_sane(void **state)
+{
+    (void)state;
+    struct detect_config cfg;
+    memset(&cfg, 0xff, sizeof cfg);
+    detect_config_default(&cfg);
+    assert_true(cfg.threshold_db > 6.0 && cfg.threshold_db < 20.0);
+    assert_true(cfg.dynamic_range_db > 6.0 && cfg.dynamic_range_db <= 18.0);
+    assert_true(cfg.cluster_m > 0.0 && cfg.cluster_m < 0.5);
+    for (int a = 0; a < 3; a++)
+        assert_near(cfg.resolution_m[a], 0.0, 0.0);
+}
+
 int main(void)
 {
-    return 0;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(points_are_found_between_the_voxels_strongest_first),
+        cmocka_unit_test(the_covariance_holds_the_error),
+        cmocka_unit_test(noise_alone_has_no_objects),
+        cmocka_unit_test(what_is_under_the_threshold_is_left_out),
+        cmocka_unit_test(what_is_outshone_is_left_out),
+        cmocka_unit_test(what_lies_close_together_is_one_object),
+        cmocka_unit_test(a_plate_has_a_middle_and_a_size),
+        cmocka_unit_test(existence_grows_with_the_level),
+        cmocka_unit_test(the_fainter_of_several_exist_less_surely),
+        cmocka_unit_test(no_more_than_asked_for_are_written),
+        cmocka_unit_test(the_scale_of_the_intensity_does_not_matter),
+        cmocka_unit_test(without_noise_there_are_numbers_too),
+        cmocka_unit_test(a_lone_bright_voxel_is_a_point_there),
+        cmocka_unit_test(a_peak_on_the_rim_is_found_there),
+        cmocka_unit_test(an_even_volume_has_no_objects),
+        cmocka_unit_test(the_defaults_are_sane),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

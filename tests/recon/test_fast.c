@@ -1,4 +1,193 @@
+#include "tests/recon/near.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tests/recon/rig.h"
+
+static void a_point_is_where_it_is(void **state)
+{
+    (void)state;
+    static const double places[6][3] = {{0.0, 0.0, 1.1},     {0.0137, -0.0241, 1.0531},
+                                        {-0.1, 0.0, 1.2017}, {0.0, 0.1, 1.2},
+                                        {0.12, -0.11, 1.3},  {-0.05, 0.07, 1.451}};
+    for (int q = 0; q < 6; q++) {
+        struct rig r;
+        rig_default(&r);
+        rig_look_at(&r, places[q][0] + 0.004, places[q][1] - 0.003, places[q][2] + 0.0017,
+                    15, 0.008);
+        rig_expect_point(&r, "fast", places[q], 2e-3, 1e-3);
+    }
+}
+
+static void the_sampling_of_the_traces_does_not_move_it(void **state)
+{
+    (void)state;
+    static const struct trace_format formats[4] = {{.004117, 36000.0, 11000.0, 220},
+                                                   {.0041, 38500.0, 11000.0, 240},
+                                                   {.00395, 36000.0, 10500.0, 240},
+                                                   {.0039, 54000.0, 11000.0, 360}};
+    const double at[3] = {0.031, -0.043, 1.1023};
+    for (int q = 0; q < 4; q++) {
+        struct rig r;
+        rig_default(&r);
+        r.format = formats[q];
+        rig_look_at(&r, 0.03, -0.04, 1.1, 15, 0.008);
+        rig_expect_point(&r, "fast", at, 2e-3, 1e-3);
+    }
+}
+
+static void the_speed_of_sound_does_not_move_it(void **state)
+{
+    (void)state;
+    static const double speeds[2] = {300.0, 360.0};
+    const double at[3] = {0.031, -0.043, 1.1023};
+    for (int q = 0; q < 2; q++) {
+        struct rig r;
+        rig_default(&r);
+        r.geometry.sound_speed_m_s = speeds[q];
+        rig_listen(&r, 0.7, 1.75);
+        rig_look_at(&r, 0.03, -0.04, 1.1, 15, 0.008);
+        rig_expect_point(&r, "fast", at, 2e-3, 1e-3);
+    }
+}
+
+static void uneven_lines_of_midpoints_image_as_well(void **state)
+{
+    (void)state;
+    static const double stage_m[8] = {-0.16, -0.13, -0.09, -0.02, 0.01, 0.05, 0.12, 0.15};
+    static const double mics_m[4] = {-0.11, -0.02, 0.045, 0.1};
+    const double at[3] = {-0.031, 0.043, 1.1523};
+    struct rig r;
+    rig_default(&r);
+    memcpy(r.positions_m, stage_m, sizeof stage_m);
+    for (size_t e = 0; e < 4; e++)
+        r.microphones_m[e][1] = mics_m[e];
+    rig_look_at(&r, -0.03, 0.04, 1.15, 15, 0.008);
+    rig_expect_point(&r, "fast", at, 2e-3, 1e-3);
+}
+
+static void expect_refused(const struct rig *r)
+{
+    struct pool *pool;
+    struct imager *im = NULL;
+    const char *why = NULL;
+    assert_int_equal(pool_create(&pool, 1), 0);
+    assert_int_equal(rig_try(r, "fast", pool, &im, &why), -ENOTSUP);
+    assert_null(im);
+    assert_non_null(why);
+    assert_true(strlen(why) > 5);
+    assert_int_equal(rig_try(r, "fast", pool, &im, NULL), -ENOTSUP);
+    pool_destroy(pool);
+}
+
+static void an_array_that_is_not_plane_is_refused_with_a_reason(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    r.speakers_m[1][2] = 0.04;
+    expect_refused(&r);
+}
+
+static void a_volume_behind_the_array_is_refused_with_a_reason(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    rig_look_at(&r, 0.0, 0.0, -1.1, 9, 0.01);
+    expect_refused(&r);
+    rig_default(&r);
+    rig_look_at(&r, 0.0, 0.0, 0.0, 9, 0.01); /* astride its plane */
+    expect_refused(&r);
+}
+
+static void a_gate_past_the_volume_is_refused_with_a_reason(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    r.gate_m[0] = 1.6;
+    r.gate_m[1] = 1.8;
+    expect_refused(&r);
+}
+
+/* The loud point would drown the far one by 40 dB. */
+static void what_comes_before_the_gate_is_muted(void **state)
+{
+    (void)state;
+    const struct scatterer points[2] = {{{0.02, 0.01, 1.3}, 1.0},
+                                        {{0.0, 0.0, 0.85}, 100.0}};
+    struct rig r;
+    rig_default(&r);
+    r.gate_m[0] = 1.05;
+    rig_look_at(&r, 0.02, 0.01, 1.3, 11, 0.01);
+    float *far = rig_image(&r, "fast", &points[0], 1, 1);
+    float *both = rig_image(&r, "fast", points, 2, 1);
+    assert_below(rig_difference(&r, far, both), 0.02);
+    free(far);
+    free(both);
+}
+
+static void the_number_of_threads_hardly_matters(void **state)
+{
+    (void)state;
+    const struct scatterer point = {{0.03, -0.02, 1.1}, 1.0};
+    struct rig r;
+    rig_default(&r);
+    float *one = rig_image(&r, "fast", &point, 1, 1);
+    for (size_t n = 2; n <= 3; n++) {
+        float *image = rig_image(&r, "fast", &point, 1, n);
+        assert_below(rig_difference(&r, one, image), 1e-5);
+        free(image);
+    }
+    free(one);
+}
+
+/* Far from a small array moveout is as good as exact, and both methods see nearly the
+ * same: migration weighs high frequencies more, so its points are a little smaller. */
+static void it_sees_what_backprojection_sees(void **state)
+{
+    (void)state;
+    const struct scatterer points[2] = {{{0.03, -0.02, 1.2}, 1.0},
+                                        {{-0.09, 0.06, 1.25}, 0.9}};
+    struct rig r;
+    struct peak_fit fast_fit, slow_fit;
+    rig_default(&r);
+    rig_look_at(&r, 0.0, 0.0, 1.22, 21, 0.01);
+    float *fast = rig_image(&r, "fast", points, 2, 1);
+    float *slow = rig_image(&r, "backprojection", points, 2, 1);
+    double ab = 0.0, aa = 0.0, bb = 0.0;
+    for (size_t v = 0; v < grid_size(&r.grid); v++) {
+        ab += sqrt((double)fast[v] * slow[v]);
+        aa += fast[v];
+        bb += slow[v];
+    }
+    assert_below(0.9, ab / sqrt(aa * bb));
+    rig_peak(&r, fast, &fast_fit);
+    rig_peak(&r, slow, &slow_fit);
+    for (int a = 0; a < 3; a++) {
+        assert_near(fast_fit.position_m[a], slow_fit.position_m[a], 2e-3);
+        assert_near(fast_fit.width_m[a] / slow_fit.width_m[a], 1.0, 0.25);
+    }
+    free(fast);
+    free(slow);
+}
+
 int main(void)
 {
-    return 0;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_point_is_where_it_is),
+        cmocka_unit_test(the_sampling_of_the_traces_does_not_move_it),
+        cmocka_unit_test(the_speed_of_sound_does_not_move_it),
+        cmocka_unit_test(uneven_lines_of_midpoints_image_as_well),
+        cmocka_unit_test(an_array_that_is_not_plane_is_refused_with_a_reason),
+        cmocka_unit_test(a_volume_behind_the_array_is_refused_with_a_reason),
+        cmocka_unit_test(a_gate_past_the_volume_is_refused_with_a_reason),
+        cmocka_unit_test(what_comes_before_the_gate_is_muted),
+        cmocka_unit_test(the_number_of_threads_hardly_matters),
+        cmocka_unit_test(it_sees_what_backprojection_sees),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

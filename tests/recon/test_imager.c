@@ -1,4 +1,506 @@
+#include "tests/recon/near.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "tests/recon/rig.h"
+
+static const char *const methods[2] = {"fast", "backprojection"};
+static const struct scatterer a_point = {{0.03, -0.02, 1.1}, 1.0};
+static const struct scatterer another = {{-0.05, 0.04, 1.13}, 0.8};
+
+struct bench { /* a rig, its imager and an image */
+    struct rig rig;
+    struct pool *pool;
+    struct imager *im;
+    float *image;
+};
+
+static void bench_open(struct bench *b, const char *method)
+{
+    rig_default(&b->rig);
+    rig_look_at(&b->rig, 0.0, 0.0, 1.1, 11, 0.015);
+    assert_int_equal(pool_create(&b->pool, 1), 0);
+    b->im = rig_imager(&b->rig, method, b->pool);
+    b->image = calloc(grid_size(&b->rig.grid), sizeof *b->image);
+    assert_non_null(b->image);
+}
+
+static void bench_close(struct bench *b)
+{
+    free(b->image);
+    imager_destroy(b->im);
+    pool_destroy(b->pool);
+}
+
+static void expect_silence(struct bench *b)
+{
+    for (size_t v = 0; v < grid_size(&b->rig.grid); v++)
+        b->image[v] = NAN;
+    imager_image(b->im, b->image);
+    for (size_t v = 0; v < grid_size(&b->rig.grid); v++)
+        assert_near(b->image[v], 0.0, 0.0);
+}
+
+static float *expected_image(const struct bench *b, const char *method,
+                             const struct scatterer *point)
+{
+    return rig_image(&b->rig, method, point, 1, 1);
+}
+
+static void both_methods_are_listed(void **state)
+{
+    (void)state;
+    size_t n = 0;
+    for (const char *name = imager_methods(); *name; name += strlen(name) + 1) {
+        assert_true(n < 2);
+        assert_string_equal(name, methods[n++]);
+    }
+    assert_int_equal(n, 2);
+}
+
+static void another_method_is_refused(void **state)
+{
+    (void)state;
+    struct rig r;
+    struct pool *pool;
+    struct imager *im = NULL;
+    const char *why = NULL;
+    rig_default(&r);
+    assert_int_equal(pool_create(&pool, 1), 0);
+    assert_int_equal(rig_try(&r, "slow", pool, &im, &why), -ENOENT);
+    assert_int_equal(rig_try(&r, "", pool, &im, NULL), -ENOENT);
+    assert_null(im);
+    pool_destroy(pool);
+    imager_destroy(NULL);
+}
+
+static void expect_value_refused(const struct rig *r)
+{
+    for (int q = 0; q < 2; q++) {
+        struct pool *pool;
+        struct imager *im = NULL;
+        const char *why = NULL;
+        assert_int_equal(pool_create(&pool, 1), 0);
+        int err = rig_try(r, methods[q], pool, &im, &why);
+        if (err != -EINVAL)
+            print_error("%s returns %d\n", methods[q], err);
+        assert_int_equal(err, -EINVAL);
+        assert_null(im);
+        pool_destroy(pool);
+    }
+}
+
+static void a_speed_of_sound_that_makes_no_sense_is_refused(void **state)
+{
+    (void)state;
+    static const double wrong[4] = {0.0, -343.0, NAN, INFINITY};
+    for (int q = 0; q < 4; q++) {
+        struct rig r;
+        rig_default(&r);
+        r.geometry.sound_speed_m_s = wrong[q];
+        expect_value_refused(&r);
+    }
+}
+
+static void a_trace_format_that_makes_no_sense_is_refused(void **state)
+{
+    (void)state;
+    static const double wrong[4] = {0.0, -36000.0, NAN, INFINITY};
+    struct rig r;
+    for (int q = 0; q < 4; q++) {
+        rig_default(&r);
+        r.format.rate_hz = wrong[q];
+        expect_value_refused(&r);
+    }
+    rig_default(&r);
+    r.format.n_samples = 0;
+    expect_value_refused(&r);
+    rig_default(&r);
+    r.format.t0_s = NAN;
+    expect_value_refused(&r);
+}
+
+static void a_band_that_is_none_is_refused(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    r.band_hz[0] = r.band_hz[1];
+    expect_value_refused(&r);
+    r.band_hz[0] = 30000.0;
+    expect_value_refused(&r);
+    r.band_hz[0] = NAN;
+    expect_value_refused(&r);
+}
+
+static void an_array_without_elements_is_refused(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    r.geometry.n_speakers = 0;
+    expect_value_refused(&r);
+    rig_default(&r);
+    r.geometry.n_microphones = 0;
+    expect_value_refused(&r);
+    rig_default(&r);
+    r.geometry.n_positions = 0;
+    expect_value_refused(&r);
+}
+
+static void a_grid_without_voxels_is_refused(void **state)
+{
+    (void)state;
+    for (int a = 0; a < 3; a++) {
+        struct rig r;
+        rig_default(&r);
+        r.grid.n[a] = 0;
+        expect_value_refused(&r);
+    }
+}
+
+static void nothing_added_and_silence_added_show_nothing(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct bench b;
+        bench_open(&b, methods[q]);
+        expect_silence(&b);
+        rig_add(&b.rig, b.im, NULL, 0);
+        expect_silence(&b);
+        assert_int_equal(imager_pings(b.im), 32);
+        bench_close(&b);
+    }
+}
+
+static void a_ping_added_twice_counts_once(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct bench b;
+        bench_open(&b, methods[q]);
+        float *once = expected_image(&b, methods[q], &a_point);
+        float complex *traces = malloc(4 * b.rig.format.n_samples * sizeof *traces);
+        assert_non_null(traces);
+        assert_int_equal(imager_pings(b.im), 0);
+        rig_add(&b.rig, b.im, &a_point, 1);
+        assert_int_equal(imager_pings(b.im), 32);
+        rig_ping(&b.rig, 3, 2, &another, 1, traces);
+        assert_false(imager_add(b.im, 3, 2, traces, NULL));
+        assert_int_equal(imager_pings(b.im), 32);
+        imager_image(b.im, b.image);
+        assert_memory_equal(b.image, once, grid_size(&b.rig.grid) * sizeof *once);
+        free(traces);
+        free(once);
+        bench_close(&b);
+    }
+}
+
+static void reset_forgets_everything(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct bench b;
+        bench_open(&b, methods[q]);
+        float *fresh = expected_image(&b, methods[q], &another);
+        rig_add(&b.rig, b.im, &a_point, 1);
+        imager_image(b.im, b.image);
+        imager_reset(b.im);
+        assert_int_equal(imager_pings(b.im), 0);
+        expect_silence(&b);
+        rig_add(&b.rig, b.im, &another, 1);
+        imager_image(b.im, b.image);
+        assert_memory_equal(b.image, fresh, grid_size(&b.rig.grid) * sizeof *fresh);
+        free(fresh);
+        bench_close(&b);
+    }
+}
+
+/* An image of half the scan is one, and does not spoil the whole. */
+static void previews_do_not_disturb(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct bench b;
+        struct peak_fit fit;
+        bench_open(&b, methods[q]);
+        float *straight = expected_image(&b, methods[q], &a_point);
+        rig_add_some(&b.rig, b.im, &a_point, 1, 0, 16);
+        imager_image(b.im, b.image);
+        rig_peak(&b.rig, b.image, &fit);
+        for (int a = 0; a < 3; a++)
+            assert_near(fit.position_m[a], a_point.at_m[a], a < 2 ? 0.02 : 0.005);
+        rig_add_some(&b.rig, b.im, &a_point, 1, 16, 32);
+        imager_image(b.im, b.image);
+        assert_memory_equal(b.image, straight, grid_size(&b.rig.grid) * sizeof(float));
+        imager_image(b.im, b.image);
+        assert_memory_equal(b.image, straight, grid_size(&b.rig.grid) * sizeof(float));
+        free(straight);
+        bench_close(&b);
+    }
+}
+
+struct crowd {
+    const struct rig *rig;
+    struct imager *im;
+};
+
+static void add_one(void *ctx, size_t item, size_t thread)
+{
+    const struct crowd *c = ctx;
+    float complex *traces = malloc(4 * c->rig->format.n_samples * sizeof *traces);
+    (void)thread;
+    if (!traces)
+        return;
+    rig_ping(c->rig, item / 4, item % 4, &a_point, 1, traces);
+    imager_add(c->im, item / 4, item % 4, traces, NULL);
+    free(traces);
+}
+
+static void pings_may_come_from_several_threads_at_once(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct bench b;
+        struct pool *many;
+        bench_open(&b, methods[q]);
+        float *one_by_one = expected_image(&b, methods[q], &a_point);
+        struct crowd c = {&b.rig, b.im};
+        assert_int_equal(pool_create(&many, 4), 0);
+        pool_run(many, 32, add_one, &c);
+        pool_destroy(many);
+        assert_int_equal(imager_pings(b.im), 32);
+        imager_image(b.im, b.image);
+        assert_below(rig_difference(&b.rig, b.image, one_by_one), 1e-5);
+        free(one_by_one);
+        bench_close(&b);
+    }
+}
+
+static void add_masked(struct bench *b, size_t microphone, float stuffing)
+{
+    size_t n = b->rig.format.n_samples;
+    float complex *traces = malloc(4 * n * sizeof *traces);
+    bool masked[4] = {false};
+    assert_non_null(traces);
+    masked[microphone] = true;
+    for (size_t p = 0; p < 32; p++) {
+        rig_ping(&b->rig, p / 4, p % 4, &a_point, 1, traces);
+        for (size_t t = 0; t < n; t++)
+            traces[microphone * n + t] = stuffing;
+        assert_true(imager_add(b->im, p / 4, p % 4, traces, masked));
+    }
+    free(traces);
+}
+
+/* The same image but for one factor: fewer midpoints share the same weight. */
+static void expect_proportional(const struct rig *r, const float *a, const float *b)
+{
+    double ab = 0.0, bb = 0.0, largest = 0.0;
+    for (size_t v = 0; v < grid_size(&r->grid); v++) {
+        ab += (double)a[v] * b[v];
+        bb += (double)b[v] * b[v];
+        largest = fmax(largest, a[v]);
+    }
+    for (size_t v = 0; v < grid_size(&r->grid); v++)
+        assert_near(a[v] / largest, b[v] * ab / bb / largest, 1e-4);
+}
+
+static void a_masked_microphone_is_as_if_absent(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct bench b;
+        struct rig without;
+        bench_open(&b, methods[q]);
+        add_masked(&b, 1, NAN);
+        imager_image(b.im, b.image);
+        rig_default(&without);
+        without.grid = b.rig.grid;
+        without.geometry.n_microphones = 3;
+        for (size_t e = 1; e < 3; e++)
+            without.microphones_m[e][1] = b.rig.microphones_m[e + 1][1];
+        float *absent = rig_image(&without, methods[q], &a_point, 1, 1);
+        expect_proportional(&b.rig, b.image, absent);
+        free(absent);
+        bench_close(&b);
+    }
+}
+
+static void what_a_masked_microphone_says_does_not_matter(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct bench b;
+        bench_open(&b, methods[q]);
+        size_t size = grid_size(&b.rig.grid) * sizeof(float);
+        float *quiet = malloc(size);
+        assert_non_null(quiet);
+        add_masked(&b, 2, 0.0f);
+        imager_image(b.im, quiet);
+        imager_reset(b.im);
+        add_masked(&b, 2, 1e30f);
+        imager_image(b.im, b.image);
+        assert_memory_equal(b.image, quiet, size);
+        free(quiet);
+        bench_close(&b);
+    }
+}
+
+static void with_all_microphones_masked_nothing_shows(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct bench b;
+        const bool masked[4] = {true, true, true, true};
+        bench_open(&b, methods[q]);
+        float complex *traces = malloc(4 * b.rig.format.n_samples * sizeof *traces);
+        assert_non_null(traces);
+        rig_ping(&b.rig, 0, 0, &a_point, 1, traces);
+        assert_true(imager_add(b.im, 0, 0, traces, masked));
+        expect_silence(&b);
+        free(traces);
+        bench_close(&b);
+    }
+}
+
+/* Microphone 3 five times over has one vote. */
+static void a_midpoint_of_many_pairs_counts_as_one(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct rig r;
+        rig_default(&r);
+        rig_look_at(&r, 0.0, 0.0, 1.1, 11, 0.015);
+        for (size_t e = 0; e < 4; e++) /* no two of the pairs share a midpoint */
+            r.microphones_m[e][1] = 0.02 * ((double)e - 1.5);
+        float *single = rig_image(&r, methods[q], &a_point, 1, 1);
+        for (size_t e = 4; e < 8; e++)
+            r.microphones_m[e][1] = r.microphones_m[3][1];
+        r.geometry.n_microphones = 8;
+        float *many = rig_image(&r, methods[q], &a_point, 1, 1);
+        assert_below(rig_difference(&r, single, many), 1e-5);
+        free(single);
+        free(many);
+    }
+}
+
+/* |a + b|^2 + |a - b|^2 = 2 |a|^2 + 2 |b|^2 holds for complex amplitudes that add. */
+static void amplitudes_superpose(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 2; q++) {
+        struct rig r;
+        struct scatterer both[2] = {a_point, another};
+        rig_default(&r);
+        rig_look_at(&r, 0.0, 0.0, 1.1, 11, 0.015);
+        float *a = rig_image(&r, methods[q], &both[0], 1, 1);
+        float *b = rig_image(&r, methods[q], &both[1], 1, 1);
+        float *sum = rig_image(&r, methods[q], both, 2, 1);
+        both[1].gain = -both[1].gain;
+        float *difference = rig_image(&r, methods[q], both, 2, 1);
+        struct peak_fit fit;
+        float largest = rig_peak(&r, a, &fit);
+        for (size_t v = 0; v < grid_size(&r.grid); v++)
+            assert_near((sum[v] + difference[v]) / largest,
+                        2.0f * (a[v] + b[v]) / largest, 1e-4);
+        free(a);
+        free(b);
+        free(sum);
+        free(difference);
+    }
+}
+
+static void intensity_goes_with_the_square_of_the_gain(void **state)
+{
+    (void)state;
+    static const double gains[4] = {3.0, -0.25, 1e-12, 1e12};
+    for (int q = 0; q < 8; q++) {
+        struct rig r;
+        struct scatterer louder = a_point;
+        struct peak_fit fit;
+        double gain = gains[q / 2];
+        rig_default(&r);
+        rig_look_at(&r, 0.0, 0.0, 1.1, 11, 0.015);
+        float *plain = rig_image(&r, methods[q % 2], &a_point, 1, 1);
+        louder.gain = gain;
+        float *image = rig_image(&r, methods[q % 2], &louder, 1, 1);
+        double peak = rig_peak(&r, plain, &fit);
+        rig_peak(&r, image, &fit); /* is finite */
+        for (size_t v = 0; v < grid_size(&r.grid); v++)
+            assert_near(image[v] / (gain * gain) / peak, plain[v] / peak, 1e-4);
+        free(plain);
+        free(image);
+    }
+}
+
+static void the_image_moves_with_array_and_object(void **state)
+{
+    (void)state;
+    static const double ways[3][3] = {{0.4, 0.0, 0.0}, {0.0, -0.7, 0.0}, {0.3, 0.2, 0.5}};
+    for (int q = 0; q < 6; q++) {
+        const double *by = ways[q / 2];
+        struct rig r;
+        struct scatterer moved = a_point;
+        rig_default(&r);
+        rig_look_at(&r, 0.0, 0.0, 1.1, 11, 0.015);
+        float *here = rig_image(&r, methods[q % 2], &a_point, 1, 1);
+        rig_move(&r, by);
+        for (int a = 0; a < 3; a++)
+            moved.at_m[a] += by[a];
+        float *there = rig_image(&r, methods[q % 2], &moved, 1, 1);
+        if (!(rig_difference(&r, here, there) < 2e-3))
+            print_error("%s by (%g, %g, %g)\n", methods[q % 2], by[0], by[1], by[2]);
+        assert_below(rig_difference(&r, here, there), 2e-3);
+        free(here);
+        free(there);
+    }
+}
+
+static void small_arrays_and_grids_still_image(void **state)
+{
+    (void)state;
+    static const size_t counts[4][3] = {{1, 4, 8}, {4, 1, 8}, {4, 4, 1}, {1, 1, 1}};
+    for (int q = 0; q < 16; q++) {
+        struct rig r;
+        struct peak_fit fit;
+        const size_t *n = counts[q / 2 % 4];
+        rig_default(&r);
+        r.geometry.n_speakers = n[0];
+        r.geometry.n_microphones = n[1];
+        r.geometry.n_positions = n[2];
+        rig_look_at(&r, 0.03, -0.02, 1.1, q < 8 ? 9 : 1, 0.02);
+        float *image = rig_image(&r, methods[q % 2], &a_point, 1, 1);
+        assert_true(rig_peak(&r, image, &fit) > 0.0f);
+        free(image);
+    }
+}
+
 int main(void)
 {
-    return 0;
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(both_methods_are_listed),
+        cmocka_unit_test(another_method_is_refused),
+        cmocka_unit_test(nothing_added_and_silence_added_show_nothing),
+        cmocka_unit_test(a_ping_added_twice_counts_once),
+        cmocka_unit_test(reset_forgets_everything),
+        cmocka_unit_test(previews_do_not_disturb),
+        cmocka_unit_test(pings_may_come_from_several_threads_at_once),
+        cmocka_unit_test(a_masked_microphone_is_as_if_absent),
+        cmocka_unit_test(what_a_masked_microphone_says_does_not_matter),
+        cmocka_unit_test(with_all_microphones_masked_nothing_shows),
+        cmocka_unit_test(a_midpoint_of_many_pairs_counts_as_one),
+        cmocka_unit_test(amplitudes_superpose),
+        cmocka_unit_test(intensity_goes_with_the_square_of_the_gain),
+        cmocka_unit_test(the_image_moves_with_array_and_object),
+        cmocka_unit_test(small_arrays_and_grids_still_image),
+        cmocka_unit_test(a_speed_of_sound_that_makes_no_sense_is_refused),
+        cmocka_unit_test(a_trace_format_that_makes_no_sense_is_refused),
+        cmocka_unit_test(a_band_that_is_none_is_refused),
+        cmocka_unit_test(an_array_without_elements_is_refused),
+        cmocka_unit_test(a_grid_without_voxels_is_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -52,20 +52,53 @@ static void a_gaussian_is_found_between_the_voxels(void **state)
     }
 }
 
+/* The inverse of a symmetric matrix. */
+static void invert(const double c[6], double p[6])
+{
+    double det = c[0] * (c[3] * c[5] - c[4] * c[4]) - c[1] * (c[1] * c[5] - c[4] * c[2]) +
+                 c[2] * (c[1] * c[4] - c[3] * c[2]);
+    p[0] = (c[3] * c[5] - c[4] * c[4]) / det;
+    p[1] = (c[2] * c[4] - c[1] * c[5]) / det;
+    p[2] = (c[1] * c[4] - c[2] * c[3]) / det;
+    p[3] = (c[0] * c[5] - c[2] * c[2]) / det;
+    p[4] = (c[1] * c[2] - c[0] * c[4]) / det;
+    p[5] = (c[0] * c[3] - c[1] * c[1]) / det;
+}
+
+static const double tilted[6] = {9e-4, 2e-4, -5e-5, 4e-4, 6e-5, 64e-6}; /* m^2 */
+
+/* As the image of a point aside is, across its line of sight. */
+static void a_tilted_gaussian_is_found_between_the_voxels(void **state)
+{
+    (void)state;
+    double p[6];
+    invert(tilted, p);
+    for (int q = 0; q < 27; q++) {
+        const double shift[3] = {0.3 * (q % 3 - 1), 0.3 * (q / 3 % 3 - 1),
+                                 0.3 * (q / 9 - 1)};
+        double at[3];
+        float v[VOXELS];
+        struct peak_fit fit;
+        size_t best = 0;
+        for (int a = 0; a < 3; a++)
+            at[a] = grid.origin_m[a] + grid.step_m[a] * (3.0 + shift[a]);
+        paint(&grid, at, p, 5.0, v);
+        for (size_t e = 0; e < VOXELS; e++)
+            best = v[e] > v[best] ? e : best;
+        peak_fit(&grid, v, best, 100.0, &fit);
+        for (int a = 0; a < 3; a++)
+            assert_near(fit.position_m[a], at[a], 1e-3 * grid.step_m[a]);
+    }
+}
+
 /* Cramer-Rao: inverse curvature of the log intensity over twice the SNR. */
 static void the_covariance_is_the_shape_over_twice_the_snr(void **state)
 {
     (void)state;
-    static const double c[6] = {9e-4, 2e-4, -5e-5, 4e-4, 6e-5, 64e-6}; /* m^2 */
-    double det = c[0] * (c[3] * c[5] - c[4] * c[4]) - c[1] * (c[1] * c[5] - c[4] * c[2]) +
-                 c[2] * (c[1] * c[4] - c[3] * c[2]);
-    const double p[6] = {
-        (c[3] * c[5] - c[4] * c[4]) / det, (c[2] * c[4] - c[1] * c[5]) / det,
-        (c[1] * c[4] - c[2] * c[3]) / det, (c[0] * c[5] - c[2] * c[2]) / det,
-        (c[1] * c[2] - c[0] * c[4]) / det, (c[0] * c[3] - c[1] * c[1]) / det};
     static const double snrs[2] = {20.0, 2000.0};
+    double p[6], at[3];
+    invert(tilted, p);
     for (int q = 0; q < 2; q++) {
-        double at[3];
         float v[VOXELS];
         struct peak_fit fit;
         for (int a = 0; a < 3; a++)
@@ -73,8 +106,8 @@ static void the_covariance_is_the_shape_over_twice_the_snr(void **state)
         paint(&grid, at, p, 1.0, v);
         peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), snrs[q], &fit);
         for (int e = 0; e < 6; e++)
-            assert_near(fit.covariance_m2[e], 0.5 * c[e] / snrs[q],
-                        2e-3 * 0.5 * c[0] / snrs[q]);
+            assert_near(fit.covariance_m2[e], 0.5 * tilted[e] / snrs[q],
+                        2e-3 * 0.5 * tilted[0] / snrs[q]);
     }
 }
 
@@ -203,6 +236,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_gaussian_is_found_between_the_voxels),
+        cmocka_unit_test(a_tilted_gaussian_is_found_between_the_voxels),
         cmocka_unit_test(the_covariance_is_the_shape_over_twice_the_snr),
         cmocka_unit_test(the_scale_of_the_intensity_does_not_matter),
         cmocka_unit_test(on_the_rim_an_axis_stays_on_its_voxel),

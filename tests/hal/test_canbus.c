@@ -1,0 +1,149 @@
+#include "scratch.h"
+
+#include <errno.h>
+#include <sys/socket.h>
+
+#include "hal/canbus.h"
+
+static char *read_text(const char *path)
+{
+    static char text[4096];
+    FILE *f = fopen(path, "r");
+    assert_non_null(f);
+    size_t n = fread(text, 1, sizeof text - 1, f);
+    text[n] = 0;
+    fclose(f);
+    return text;
+}
+
+static struct canbus *open_log(struct scratch *s, const char *options)
+{
+    char uri[600];
+    struct canbus *b;
+    struct complaint why = {.text = ""};
+    snprintf(uri, sizeof uri, "log:%s%s", scratch_path(s, "out.candump"), options);
+    if (canbus_open(&b, uri, &why))
+        fail_msg("%s", why.text);
+    return b;
+}
+
+/* The lines are what `candump -L` of can-utils prints for these frames. */
+static void a_log_is_what_candump_writes(void **state)
+{
+    const struct can_frame_data classic = {
+        .id = 0x404, .size = 8, .data = {0x00, 0x11, 0x22, 0x33, 0xaa, 0xbb, 0xcc, 0xff}};
+    const struct can_frame_data empty = {.id = 0x7, .size = 0};
+    const struct can_frame_data extended = {.id = 0x18fee900, .size = 1, .data = {0x5a}};
+    const struct can_frame_data fd = {
+        .id = 0x123, .size = 12, .fd = true, .data = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10}};
+    struct canbus *b = open_log(*state, "");
+    assert_int_equal(canbus_send(b, &classic, INT64_C(1700000000123456789)), 0);
+    assert_int_equal(canbus_send(b, &empty, INT64_C(1700000001000000999)), 0);
+    assert_int_equal(canbus_send(b, &extended, INT64_C(1700000002000001000)), 0);
+    assert_int_equal(canbus_send(b, &fd, INT64_C(5000001000)), 0);
+    assert_int_equal(canbus_flush(b), 0);
+    assert_string_equal(read_text(((struct scratch *)*state)->path),
+                        "(1700000000.123456) can0 404#00112233AABBCCFF\n"
+                        "(1700000001.000000) can0 007#\n"
+                        "(1700000002.000001) can0 18FEE900#5A\n"
+                        "(0000000005.000001) can0 123##10102030405060708090A0000\n");
+    canbus_close(b);
+}
+
+static void a_list_is_in_the_file_when_it_is_flushed(void **state)
+{
+    const struct can_frame_data frame = {.id = 1, .size = 1};
+    struct canbus *b = open_log(*state, "?interface=vcan1");
+    assert_int_equal(canbus_send(b, &frame, 0), 0);
+    assert_int_equal(canbus_flush(b), 0);
+    assert_string_equal(read_text(((struct scratch *)*state)->path),
+                        "(0000000000.000000) vcan1 001#00\n");
+    canbus_close(b);
+}
+
+static void an_fd_frame_gets_a_legal_size(void **state)
+{
+    const struct can_frame_data frame = {.id = 1, .size = 9, .fd = true, .data = {1}};
+    struct canbus *b = open_log(*state, "");
+    assert_int_equal(canbus_send(b, &frame, 0), 0);
+    assert_int_equal(canbus_flush(b), 0);
+    assert_string_equal(read_text(((struct scratch *)*state)->path),
+                        "(0000000000.000000) can0 001##1010000000000000000000000\n");
+    canbus_close(b);
+}
+
+static void frames_that_no_bus_can_carry_are_refused(void **state)
+{
+    const struct can_frame_data bad[] = {{.id = 1, .size = 9},
+                                         {.id = 1, .size = 65, .fd = true},
+                                         {.id = 0x20000000, .size = 1}};
+    struct canbus *b = open_log(*state, "");
+    for (size_t i = 0; i < 3; i++)
+        assert_int_equal(canbus_send(b, &bad[i], 0), -EINVAL);
+    canbus_close(b);
+}
+
+static void a_full_disk_is_reported(void **state)
+{
+    struct complaint why = {.text = ""};
+    const struct can_frame_data frame = {.id = 1, .size = 1};
+    struct canbus *b;
+    (void)state;
+    assert_int_equal(canbus_open(&b, "log:/dev/full", &why), 0);
+    assert_int_equal(canbus_send(b, &frame, 0), 0);
+    assert_int_equal(canbus_flush(b), -ENOSPC);
+    canbus_close(b);
+}
+
+static void devices_that_do_not_exist_are_named(void **state)
+{
+    static const struct {
+        const char *uri;
+        int err;
+        const char *part;
+    } cases[] = {
+        {"can0", -ENODEV, "can0: no such kind of CAN bus; expected log:FILE"},
+        {"pcan:0", -ENODEV, "pcan:0: no such kind"},
+        {"log:", -EINVAL, "log:: expected the name of a file"},
+        {"log:/nowhere/x", -ENOENT, "/nowhere/x cannot be written"},
+        {"log:/tmp/x?bus=1", -EINVAL, "no option \"bus\"; expected interface"},
+        {"log:/tmp/x?interface=a name", -EINVAL, "interface \"a name\""},
+        {"socketcan:no_such_can", -ENODEV, "no network interface \"no_such_can\""},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct complaint why = {.text = ""};
+        struct canbus *b;
+        assert_int_equal(canbus_open(&b, cases[i].uri, &why), cases[i].err);
+        assert_null(b);
+        assert_contains(why.text, cases[i].part);
+    }
+}
+
+/* The loopback interface always exists and never is a CAN interface. */
+static void an_interface_without_can_is_refused_with_the_reason(void **state)
+{
+    struct complaint why = {.text = ""};
+    struct canbus *b;
+    (void)state;
+    assert_true(canbus_open(&b, "socketcan:lo", &why) < 0);
+    assert_null(b);
+    if (!strstr(why.text, "no CAN interface"))
+        assert_contains(why.text, "this kernel gives no CAN socket");
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_log_is_what_candump_writes),
+        TEST(a_list_is_in_the_file_when_it_is_flushed),
+        TEST(an_fd_frame_gets_a_legal_size),
+        TEST(frames_that_no_bus_can_carry_are_refused),
+        TEST(a_full_disk_is_reported),
+        TEST(devices_that_do_not_exist_are_named),
+        TEST(an_interface_without_can_is_refused_with_the_reason),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,293 @@
+#include "scratch.h"
+
+#include <errno.h>
+#include <math.h>
+
+#include "hal/survey_file.h"
+
+#define HEAD                                                                             \
+    "temperature_c: 20\n"                                                                \
+    "sample_rate_hz: 48000\n"                                                            \
+    "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.0625}\n"                      \
+    "slot_samples: 3000\n"
+#define ARRAY                                                                            \
+    "speakers_m: [[0, 0, 0], [0, 0.5, 0]]\n"                                             \
+    "microphones_m: [[0.08, 0, 0], [0.08, 0.5, 0]]\n"
+#define STAGE "stage: {axis: [2, 0, 0], positions_m: [0, 0.5, 1]}\n"
+
+static int load(struct scratch *s, const char *text, struct survey *out,
+                struct complaint *why)
+{
+    why->text[0] = 0;
+    return survey_load(out, scratch_write(s, "survey.yaml", text), why);
+}
+
+static void a_survey_is_read_with_its_defaults(void **state)
+{
+    struct complaint why;
+    struct survey s;
+    if (load(*state, HEAD ARRAY, &s, &why))
+        fail_msg("%s", why.text);
+    /* Dry air of 20 C: 343.2 m/s (Cramer 1993). */
+    assert_true(fabs(s.sound_speed_m_s - 343.2) < 0.4);
+    assert_true(s.temperature_c == 20);
+    assert_true(s.sample_rate_hz == 48000);
+    assert_true(s.chirp_start_hz == 2000 && s.chirp_stop_hz == 20000);
+    assert_false(s.chirp_sine);
+    assert_int_equal(s.slot_samples, 3000);
+    assert_true(s.latency_samples == 0);
+    assert_int_equal(s.n_speakers, 2);
+    assert_true(s.microphones_m[1][1] == 0.5);
+    assert_int_equal(s.n_positions, 1);
+    assert_true(s.stage_positions_m[0] == 0);
+    assert_false(s.has_gate || s.has_volume || s.has_wall || s.has_mount);
+    assert_int_equal(s.n_responses, 0);
+    survey_clear(&s);
+}
+
+static void a_measured_speed_wins_over_the_temperature(void **state)
+{
+    struct complaint why;
+    struct survey s;
+    assert_int_equal(load(*state, HEAD ARRAY "sound_speed_m_s: 340\n", &s, &why), 0);
+    assert_true(s.sound_speed_m_s == 340);
+    assert_true(s.temperature_c == 20);
+    survey_clear(&s);
+}
+
+static void directions_get_length_1(void **state)
+{
+    struct complaint why;
+    struct survey s;
+    if (load(*state,
+             HEAD ARRAY STAGE "wall: {normal: [3, 0, 4], distance_m: 1.5}\n"
+                              "mount: {origin_m: [1, 2, 3], x_axis: [0, 2, 0], y_axis: "
+                              "[0, 0, 0.5]}\n",
+             &s, &why))
+        fail_msg("%s", why.text);
+    assert_true(s.stage_axis[0] == 1);
+    assert_true(fabs(s.wall_normal[0] - 0.6) < 1e-15);
+    assert_true(fabs(s.wall_normal[2] - 0.8) < 1e-15);
+    assert_true(s.wall_distance_m == 1.5);
+    assert_true(s.mount_x_axis[1] == 1 && s.mount_y_axis[2] == 1);
+    survey_clear(&s);
+}
+
+static void wrong_values_are_named_with_line_and_key(void **state)
+{
+    static const struct {
+        const char *text, *place, *part;
+    } cases[] = {
+        {HEAD ARRAY "colour: red\n", "survey.yaml:7: colour: no such key", "mount"},
+        {"sample_rate_hz: 48000\n", "survey.yaml:1: ", "\"chirp\" is missing"},
+        {"sample_rate_hz: 480\nchirp: {start_hz: 2000, stop_hz: 20000, duration_s: "
+         "0.06}\n"
+         "slot_samples: 3000\ntemperature_c: 20\n" ARRAY,
+         "survey.yaml:1: ", "sample_rate_hz"},
+        {HEAD ARRAY "gate_m: [2, 1]\n", "survey.yaml:7: ", "gate_m"},
+        {HEAD ARRAY "\n\ngate_m: [1, 100]\n", "survey.yaml:9: ", "gate beyond the slot"},
+        {HEAD ARRAY "volume:\n  x_m: [0, 1, 0.1]\n  y_m: [0, 1, 0]\n  z_m: [1, 2, 0.1]\n",
+         "survey.yaml:9: ", "y_m"},
+        {HEAD ARRAY "wall: {normal: [0, 0, 0], distance_m: 1}\n",
+         "survey.yaml:7: ", "wall.normal: expected a direction"},
+        {HEAD ARRAY "stage:\n  axis: [0, 0, 0]\n  positions_m: [0]\n",
+         "survey.yaml:8: ", "stage.axis: expected a direction"},
+        {HEAD ARRAY "latency_samples: -1\n", "survey.yaml:7: ", "latency_samples"},
+        {HEAD ARRAY "sound_speed_m_s: 34\n", "survey.yaml:7: ", "sound_speed_m_s"},
+        {"temperature_c: 200\nsample_rate_hz: 48000\n"
+         "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.0625}\n"
+         "slot_samples: 3000\n" ARRAY,
+         "survey.yaml:1: ", "temperature_c: 200 is outside -60..80"},
+        {"sample_rate_hz: 48000\n"
+         "chirp:\n  start_hz: 2000\n  stop_hz: 30000\n  duration_s: 0.0625\n"
+         "temperature_c: 20\nslot_samples: 3000\n" ARRAY,
+         "survey.yaml:4: ", "stop_hz"},
+        {"sample_rate_hz: 48000\n"
+         "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.0625}\n"
+         "slot_samples: 3000\n" ARRAY,
+         "survey.yaml: ", "sound_speed_m_s, temperature_c"},
+        {HEAD ARRAY "calibration: {folder: curves, serials: [a, b, c]}\n",
+         "survey.yaml:7: ", "expected one for each of 2 microphones, found 3"},
+        {HEAD ARRAY "calibration: {folder: curves, serials: [a, b]}\n",
+         "survey.yaml:7: ", "curves/a.txt: No such file"},
+        {HEAD ARRAY "calibration: {folder: curves, serials: [../a, b]}\n",
+         "survey.yaml:7: ", "no serial number"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct complaint why;
+        struct survey s;
+        assert_int_equal(load(*state, cases[i].text, &s, &why) < 0, 1);
+        assert_contains(why.text, cases[i].place);
+        assert_contains(why.text, cases[i].part);
+        assert_null(s.speakers_m);
+    }
+}
+
+static void curves_are_read_past_their_head_lines(void **state)
+{
+    struct complaint why;
+    struct survey s;
+    scratch_folder(*state, "curves");
+    scratch_write(*state, "curves/1.txt", "*1000Hz\t-41.1\n\t\n20.00\t-1.4\n1000\t0\n");
+    scratch_write(*state, "curves/2.txt",
+                  "\"Sens Factor =-2.8dB, SERNO: 2\"\r\n10.054\t-3.1627\r\n2e4\t5\r\n");
+    if (load(*state, HEAD ARRAY "calibration: {folder: curves, serials: [\"1\", '2']}\n",
+             &s, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(s.n_responses, 2);
+    assert_string_equal(s.responses[0].serial, "1");
+    assert_int_equal(s.responses[0].n_points, 2);
+    assert_true(s.responses[0].frequency_hz[0] == 20 &&
+                s.responses[0].gain_db[0] == -1.4);
+    assert_int_equal(s.responses[1].n_points, 2);
+    assert_true(s.responses[1].frequency_hz[0] == 10.054);
+    assert_true(s.responses[1].gain_db[1] == 5);
+    survey_clear(&s);
+}
+
+static void broken_curves_are_named_with_their_line(void **state)
+{
+    static const struct {
+        const char *text, *part;
+    } cases[] = {
+        {"20 1\n30 x\n", "1.txt:2: expected a frequency in Hz and dB"},
+        {"20 1\n30\n", "1.txt:2: expected a frequency in Hz and dB"},
+        {"20 1\n20 2\n", "1.txt:2: frequency 20 Hz does not rise"},
+        {"20 1\n30 nan\n", "1.txt:2: expected a frequency"},
+        {"head\n", "1.txt: expected lines of frequency"},
+        {"", "1.txt: expected lines of frequency"},
+    };
+    scratch_folder(*state, "curves");
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct complaint why;
+        struct survey s;
+        scratch_write(*state, "curves/1.txt", cases[i].text);
+        assert_int_equal(load(*state,
+                              HEAD ARRAY
+                              "calibration: {folder: curves, serials: ['1', '1']}\n",
+                              &s, &why),
+                         -EINVAL);
+        assert_contains(why.text, cases[i].part);
+    }
+}
+
+static void the_factory_files_are_read(void **state)
+{
+    static const char text[] = HEAD ARRAY
+        "calibration: {folder: \"" SOURCE_DIR
+        "/../shared/data/microphone-calibration\", serials: ['15449', '7033921']}\n";
+    struct complaint why;
+    struct survey s;
+    struct stat st;
+    if (stat(SOURCE_DIR "/../shared/data/microphone-calibration", &st)) {
+        print_message("skipped: ../shared is not there\n");
+        skip();
+    }
+    if (load(*state, text, &s, &why))
+        fail_msg("%s", why.text);
+    assert_true(s.responses[0].frequency_hz[0] == 20 &&
+                s.responses[0].gain_db[0] == -1.4);
+    assert_true(s.responses[1].frequency_hz[1] == 10.179);
+    assert_true(s.responses[1].gain_db[1] == -3.0074);
+    survey_clear(&s);
+}
+
+static void assert_same(const struct survey *a, const struct survey *b)
+{
+    assert_true(a->sound_speed_m_s == b->sound_speed_m_s);
+    assert_true(a->temperature_c == b->temperature_c ||
+                (isnan(a->temperature_c) && isnan(b->temperature_c)));
+    assert_true(a->chirp_sine == b->chirp_sine);
+    assert_int_equal(survey_id(a), survey_id(b));
+}
+
+static void what_is_saved_loads_as_the_same_survey(void **state)
+{
+    static const char text[] =
+        "sound_speed_m_s: 340.123456789012\n"
+        "temperature_c: 17.3\n"
+        "sample_rate_hz: 48000\n"
+        "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.0625, phase: sine}\n"
+        "slot_samples: 3000\n"
+        "latency_samples: 12.345678901\n"
+        "speakers_m: [[0, 0.1, 0], [0, 0.3333333333333333, 1e-3]]\n"
+        "microphones_m: [[0.08, 0.1, 0], [0.08, -7, 0.12345678901234567]]\n"
+        "stage: {axis: [1, 2, 3], positions_m: [0, 0.1, 0.2]}\n"
+        "gate_m: [0.5, 3.3]\n"
+        "volume: {x_m: [0, 1, 0.1], y_m: [0, 1, 0.02], z_m: [1, 3, 0.01]}\n"
+        "wall: {normal: [1, 2, 7], distance_m: 1.1}\n"
+        "mount: {origin_m: [1, 2, 3], x_axis: [1, 1, 1], y_axis: [1, -1, 0]}\n"
+        "calibration: {folder: curves, serials: [one, two]}\n";
+    struct complaint why;
+    struct survey s, again;
+    char path[512];
+    scratch_folder(*state, "curves");
+    scratch_write(*state, "curves/one.txt", "20 -1.4\n1000 0.1\n");
+    scratch_write(*state, "curves/two.txt", "20.5 0.12345678901234567\n1000 3\n");
+    if (load(*state, text, &s, &why))
+        fail_msg("%s", why.text);
+    strcpy(path, scratch_path(*state, "saved.yaml"));
+    if (survey_save(&s, path, "saved curves", &why))
+        fail_msg("%s", why.text);
+    if (survey_load(&again, path, &why))
+        fail_msg("%s", why.text);
+    assert_same(&s, &again);
+    assert_int_equal(again.n_responses, 2);
+    survey_clear(&again);
+
+    assert_int_equal(survey_save(&s, path, NULL, &why), 0);
+    assert_int_equal(survey_load(&again, path, &why), 0);
+    assert_int_equal(again.n_responses, 0);
+    survey_clear(&again);
+    survey_clear(&s);
+}
+
+static void saving_never_replaces_another_curve(void **state)
+{
+    struct complaint why;
+    struct survey s;
+    struct stat st;
+    scratch_folder(*state, "curves");
+    scratch_folder(*state, "others");
+    scratch_write(*state, "curves/1.txt", "20 1\n30 2\n");
+    scratch_write(*state, "others/1.txt", "20 1\n30 3\n");
+    assert_int_equal(
+        load(*state, HEAD ARRAY "calibration: {folder: curves, serials: ['1', '1']}\n",
+             &s, &why),
+        0);
+    assert_int_equal(survey_save(&s, scratch_path(*state, "x.yaml"), "others", &why),
+                     -EEXIST);
+    assert_contains(why.text, "others/1.txt: holds another curve");
+    assert_int_equal(stat(scratch_path(*state, "x.yaml"), &st), -1);
+    assert_int_equal(survey_save(&s, scratch_path(*state, "x.yaml"), "curves", &why), 0);
+    survey_clear(&s);
+}
+
+static void an_output_that_cannot_be_written_is_named(void **state)
+{
+    struct complaint why;
+    struct survey s;
+    assert_int_equal(load(*state, HEAD ARRAY, &s, &why), 0);
+    assert_int_equal(survey_save(&s, "/nowhere/survey.yaml", NULL, &why), -ENOENT);
+    assert_contains(why.text, "/nowhere/survey.yaml cannot be written: No such");
+    survey_clear(&s);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_survey_is_read_with_its_defaults),
+        TEST(a_measured_speed_wins_over_the_temperature),
+        TEST(directions_get_length_1),
+        TEST(wrong_values_are_named_with_line_and_key),
+        TEST(curves_are_read_past_their_head_lines),
+        TEST(broken_curves_are_named_with_their_line),
+        TEST(the_factory_files_are_read),
+        TEST(what_is_saved_loads_as_the_same_survey),
+        TEST(saving_never_replaces_another_curve),
+        TEST(an_output_that_cannot_be_written_is_named),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,235 @@
+#include "tests/hal/scratch.h"
+
+#include <errno.h>
+
+#include "nodes/rt/launchfile.h"
+
+static struct launchfile *load(struct scratch *s, const char *text,
+                               const struct launchfile_options *options)
+{
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+
+    if (launchfile_load(&l, scratch_write(s, "a.yaml", text), options, &why))
+        fail_msg("%s", why.text);
+    return l;
+}
+
+/* Loading fails, and the complaint is the path and then exactly this. */
+static void assert_refused(struct scratch *s, const char *text, const char *rest)
+{
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+    const char *path = scratch_write(s, "a.yaml", text);
+
+    assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
+    assert_null(l);
+    assert_complaint(why.text, path, rest);
+}
+
+static void what_is_left_out_has_its_default(void **state)
+{
+    struct launchfile *l = load(*state, "nodes: [can]\n", NULL);
+
+    assert_int_equal(l->n_nodes, 1);
+    assert_string_equal(l->nodes[0], "can");
+    assert_string_equal(l->stage.uri, "sim:");
+    assert_false(l->scan.background);
+    assert_int_equal(l->scan.window, 32);
+    assert_int_equal(l->scan.retries, 3);
+    assert_string_equal(l->dsp.window, "hann");
+    assert_string_equal(l->dsp.compression, "matched_filter");
+    assert_string_equal(l->recon.method, "fast");
+    assert_true(l->recon.preview);
+    assert_true(l->track.threshold_db == 12.0);
+    assert_string_equal(l->report.folder, "out");
+    assert_string_equal(l->can.uri, "log:out/can.candump");
+    assert_int_equal(l->can.base_id, 0x400);
+    launchfile_destroy(l);
+}
+
+static void everything_can_be_set(void **state)
+{
+    struct launchfile *l = load(
+        *state,
+        "nodes: [array, scan]\n"
+        "array: {uri: 'wav:/rec'}\n"
+        "stage: {uri: 'none:'}\n"
+        "scan: {background: true, window: 5, retries: 0, timeout_s: 0.5}\n"
+        "dsp: {window: hamming, compression: deramp}\n"
+        "recon: {method: backprojection, threads: 3, preview: false}\n"
+        "track: {threshold_db: 20, min_existence: 0.25}\n"
+        "can: {uri: 'socketcan:can0', base_id: 0x500}\n"
+        "report: {folder: /there}\n",
+        NULL);
+
+    assert_int_equal(l->n_nodes, 2);
+    assert_true(launchfile_has_node(l, "scan"));
+    assert_false(launchfile_has_node(l, "dsp"));
+    assert_string_equal(l->array.uri, "wav:/rec");
+    assert_string_equal(l->stage.uri, "none:");
+    assert_true(l->scan.background);
+    assert_int_equal(l->scan.window, 5);
+    assert_int_equal(l->scan.retries, 0);
+    assert_true(l->scan.timeout_s == 0.5);
+    assert_string_equal(l->dsp.window, "hamming");
+    assert_string_equal(l->dsp.compression, "deramp");
+    assert_string_equal(l->recon.method, "backprojection");
+    assert_int_equal(l->recon.threads, 3);
+    assert_false(l->recon.preview);
+    assert_true(l->track.threshold_db == 20.0 && l->track.min_existence == 0.25);
+    assert_string_equal(l->can.uri, "socketcan:can0");
+    assert_int_equal(l->can.base_id, 0x500);
+    assert_string_equal(l->report.folder, "/there");
+    launchfile_destroy(l);
+}
+
+static void inputs_are_relative_to_the_file_and_logs_to_the_report(void **state)
+{
+    struct scratch *s = *state;
+    char expected[200];
+    struct launchfile *l = load(s,
+                                "nodes: [can]\n"
+                                "array: {uri: 'sim:scenes/a.yaml?pace=fast'}\n"
+                                "report: {folder: results}\n",
+                                NULL);
+
+    snprintf(expected, sizeof expected, "sim:%s/scenes/a.yaml?pace=fast", s->folder);
+    assert_string_equal(l->array.uri, expected);
+    assert_string_equal(l->report.folder, "results");
+    assert_string_equal(l->can.uri, "log:results/can.candump");
+    launchfile_destroy(l);
+}
+
+static void the_command_line_wins(void **state)
+{
+    const struct launchfile_options options = {.out = "/else", .realtime = true};
+    struct launchfile *l = load(*state,
+                                "nodes: [can]\n"
+                                "array: {uri: 'sim:/a.yaml'}\n"
+                                "stage: {uri: 'sim:?pace=fast'}\n"
+                                "report: {folder: results}\n",
+                                &options);
+
+    assert_string_equal(l->report.folder, "/else");
+    assert_string_equal(l->can.uri, "log:/else/can.candump");
+    assert_string_equal(l->array.uri, "sim:/a.yaml?pace=real");
+    assert_string_equal(l->stage.uri, "sim:?pace=real");
+    launchfile_destroy(l);
+}
+
+static void real_hardware_does_not_hear_of_paces(void **state)
+{
+    const struct launchfile_options options = {.realtime = true};
+    struct launchfile *l = load(*state,
+                                "nodes: [can]\n"
+                                "array: {uri: 'wav:/rec'}\n"
+                                "stage: {uri: 'none:'}\n",
+                                &options);
+
+    assert_string_equal(l->array.uri, "wav:/rec");
+    assert_string_equal(l->stage.uri, "none:");
+    launchfile_destroy(l);
+}
+
+static void a_file_that_is_not_there_is_said(void **state)
+{
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+
+    (void)state;
+    assert_int_equal(launchfile_load(&l, "/no/such.yaml", NULL, &why), -ENOENT);
+    assert_contains(why.text, "/no/such.yaml");
+}
+
+static void mistakes_are_named_with_file_and_line(void **state)
+{
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+    struct scratch *s = *state;
+    const char *texts[] = {
+        "nodes: [can]\nscan: {windw: 3}\n",         "nodes:\n  - radar\n",
+        "nodes: [can]\ndsp: {window: blackman}\n",  "nodes: [can]\nscan: {window: many}\n",
+        "nodes: [can]\nreport: {folder: a}\nwhat: 1\n",
+    };
+    const char *words[] = {"2: ", "2: ", "2: ", "2: ", "3: "};
+
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
+        char start[600];
+        const char *path = scratch_write(s, "a.yaml", texts[i]);
+        snprintf(start, sizeof start, "%s:%s", path, words[i]);
+        assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
+        assert_contains(why.text, start);
+    }
+}
+
+static void values_out_of_range_are_named_with_their_limits(void **state)
+{
+    assert_refused(*state, "nodes: [can]\nscan:\n  window: 0\n",
+                   ":3: scan.window: expected 1 to 4096, not 0");
+    assert_refused(*state, "nodes: [can]\nscan: {timeout_s: -1}\n",
+                   ":2: scan.timeout_s: expected 0.1 to 600, not -1");
+    assert_refused(*state, "nodes: [can]\ntrack: {min_existence: 2}\n",
+                   ":2: track.min_existence: expected 0 to 1, not 2");
+    assert_refused(*state, "nodes: [can]\ncan: {base_id: 0x7f8}\n",
+                   ":2: can.base_id: expected 0 to 2032, not 2040");
+}
+
+static void a_node_twice_is_refused(void **state)
+{
+    assert_refused(*state, "nodes: [can, scan, can]\n",
+                   ":1: nodes: expected each node once, but can is there twice");
+}
+
+static void an_array_node_needs_a_device(void **state)
+{
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+
+    assert_int_equal(launchfile_load(&l,
+                                     scratch_write(*state, "a.yaml", "nodes: [array]\n"),
+                                     NULL, &why),
+                     -EINVAL);
+    assert_contains(why.text, "array.uri: expected a device");
+}
+
+static void an_unknown_method_is_refused(void **state)
+{
+    assert_refused(*state, "nodes: [can]\nrecon: {method: magic}\n",
+                   ":2: recon.method: magic is not one of the methods, e.g. fast or "
+                   "backprojection");
+}
+
+static void the_demo_can_be_loaded(void **state)
+{
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+
+    (void)state;
+    if (launchfile_load(&l, SOURCE_DIR "/launch/demo.yaml", NULL, &why))
+        fail_msg("%s", why.text);
+    for (const char *const *n = launchfile_known_nodes(); *n; n++)
+        assert_true(launchfile_has_node(l, *n));
+    launchfile_destroy(l);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(what_is_left_out_has_its_default),
+        TEST(everything_can_be_set),
+        TEST(inputs_are_relative_to_the_file_and_logs_to_the_report),
+        TEST(the_command_line_wins),
+        TEST(real_hardware_does_not_hear_of_paces),
+        TEST(a_file_that_is_not_there_is_said),
+        TEST(mistakes_are_named_with_file_and_line),
+        TEST(values_out_of_range_are_named_with_their_limits),
+        TEST(a_node_twice_is_refused),
+        TEST(an_array_node_needs_a_device),
+        TEST(an_unknown_method_is_refused),
+        TEST(the_demo_can_be_loaded),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

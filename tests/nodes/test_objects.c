@@ -1,0 +1,126 @@
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include "tests/nodes/near.h"
+#include "nodes/rt/objects.h"
+
+static struct detection point(double x, double y, double z)
+{
+    struct detection d = {.position_m = {x, y, z},
+                          .covariance_m2 = {1e-4, 2e-5, 3e-5, 4e-4, 5e-5, 9e-4},
+                          .level_db = 20.0,
+                          .existence = 0.9,
+                          .extent_m = {0.1, 0.2, 0.3}};
+    return d;
+}
+
+static void without_wall_and_mount_positions_stay_as_imaged(void **state)
+{
+    (void)state;
+    struct survey s = {.temperature_c = NAN};
+    struct detection d = point(0.1, 0.2, 3.0);
+    Anlos__DetectionList *list;
+    assert_int_equal(objects_list(&list, &s, &d, 1), 0);
+    assert_false(list->mirrored);
+    assert_false(list->in_vehicle_frame);
+    assert_int_equal(list->n_detections, 1);
+    assert_near(list->detections[0]->position_m->z, 3.0, 0.0);
+    for (int i = 0; i < 6; i++)
+        assert_near(list->detections[0]->covariance_m2[i], d.covariance_m2[i], 1e-18);
+    objects_free(list);
+}
+
+static void a_frontal_wall_folds_depth_back(void **state)
+{
+    (void)state;
+    struct survey s = {
+        .has_wall = true, .wall_normal = {0, 0, 1}, .wall_distance_m = 1.25};
+    struct detection d = point(0.1, 0.2, 2.0);
+    Anlos__DetectionList *list;
+    assert_int_equal(objects_list(&list, &s, &d, 1), 0);
+    const Anlos__Detection *m = list->detections[0];
+    assert_true(list->mirrored);
+    assert_near(m->position_m->x, 0.1, 1e-12);
+    assert_near(m->position_m->z, 0.5, 1e-12);
+    assert_near(m->virtual_m->z, 2.0, 0.0);
+    /* diag(1, 1, -1) on both sides: only xz and yz change sign */
+    const double expected[6] = {1e-4, 2e-5, -3e-5, 4e-4, -5e-5, 9e-4};
+    for (int i = 0; i < 6; i++)
+        assert_near(m->covariance_m2[i], expected[i], 1e-16);
+    objects_free(list);
+}
+
+/* The array looks to the vehicle's left: its x (along the stage) points forward, its y
+ * up. */
+static void a_mount_turns_position_and_covariance(void **state)
+{
+    (void)state;
+    struct survey s = {.has_mount = true,
+                       .mount_origin_m = {2.0, 0.0, 0.5},
+                       .mount_x_axis = {1, 0, 0},
+                       .mount_y_axis = {0, 0, 1}};
+    struct detection d = point(0.1, 0.2, 3.0);
+    Anlos__DetectionList *list;
+    double z_axis[3], zero[3] = {0, 0, 0}, unit[3] = {0, 0, 1};
+    survey_to_vehicle(&s, zero, zero);
+    survey_to_vehicle(&s, unit, z_axis);
+    double side = z_axis[1] - zero[1]; /* left or right, as the frame's handedness says */
+    assert_near(fabs(side), 1.0, 1e-12);
+
+    assert_int_equal(objects_list(&list, &s, &d, 1), 0);
+    const Anlos__Detection *m = list->detections[0];
+    assert_true(list->in_vehicle_frame);
+    assert_near(m->position_m->x, 2.1, 1e-12);
+    assert_near(m->position_m->y, 3.0 * side, 1e-12);
+    assert_near(m->position_m->z, 0.7, 1e-12);
+    /* vehicle (x, y, z) = array (x, side z, y) */
+    const double expected[6] = {1e-4, side * 3e-5, 2e-5, 9e-4, side * 5e-5, 4e-4};
+    for (int i = 0; i < 6; i++)
+        assert_near(m->covariance_m2[i], expected[i], 1e-16);
+    objects_free(list);
+}
+
+static void ids_rise_in_the_order_given(void **state)
+{
+    (void)state;
+    struct survey s = {.temperature_c = 20.0};
+    struct detection d[3] = {point(0, 0, 1), point(0, 0, 2), point(0, 0, 3)};
+    Anlos__DetectionList *list;
+    assert_int_equal(objects_list(&list, &s, d, 3), 0);
+    for (uint32_t i = 0; i < 3; i++) {
+        assert_int_equal(list->detections[i]->id, i + 1);
+        assert_near(list->detections[i]->position_m->z, 1.0 + i, 0.0);
+    }
+    objects_free(list);
+}
+
+static void an_empty_volume_gives_an_empty_list(void **state)
+{
+    (void)state;
+    struct survey s = {.temperature_c = 20.0};
+    struct grid g = {.step_m = {0.1, 0.1, 0.1}, .n = {4, 4, 4}};
+    float zero[64] = {0.0f};
+    struct detect_config cfg;
+    Anlos__DetectionList *list;
+    detect_config_default(&cfg);
+    assert_int_equal(objects_find(&list, &s, &cfg, &g, zero), 0);
+    assert_int_equal(list->n_detections, 0);
+    objects_free(list);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(without_wall_and_mount_positions_stay_as_imaged),
+        cmocka_unit_test(a_frontal_wall_folds_depth_back),
+        cmocka_unit_test(a_mount_turns_position_and_covariance),
+        cmocka_unit_test(ids_rise_in_the_order_given),
+        cmocka_unit_test(an_empty_volume_gives_an_empty_list),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,263 @@
+/* The array is one of the test's own: two microphones that hear the number of the
+ * speaker, and fail when told to. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "hal/room.h"
+#include "msgs/tensor.h"
+#include "nodes/array/shooter.h"
+
+#define N_SAMPLES 3
+
+struct array {
+    struct room *room;
+    struct array_shot shot;
+    size_t next;
+    int fires, fire_result, next_result;
+    float samples[16][N_SAMPLES];
+    uint32_t clipped[16], not_finite[16];
+};
+
+const struct survey *array_survey(const struct array *a)
+{
+    return room_survey(a->room);
+}
+
+int array_fire(struct array *a, const struct array_shot *shot)
+{
+    a->fires++;
+    a->shot = *shot;
+    a->next = 0;
+    return a->fire_result;
+}
+
+int array_next(struct array *a, struct array_ping *out, struct complaint *why)
+{
+    if (a->next_result)
+        return complain(why, a->next_result, "the cable is out");
+    if (a->next == a->shot.n_speakers)
+        return -ENODATA;
+    for (size_t m = 0; m < 16; m++)
+        for (size_t i = 0; i < N_SAMPLES; i++)
+            a->samples[m][i] = (float)a->shot.speakers[a->next];
+    a->clipped[1] = 5;
+    *out = (struct array_ping){.shot_index = a->next++,
+                               .samples = a->samples[0],
+                               .n_samples = N_SAMPLES,
+                               .clipped = a->clipped,
+                               .not_finite = a->not_finite,
+                               .valid = true,
+                               .temperature_c = 21.5,
+                               .t0_ns = 1000 + (int64_t)a->next};
+    return 0;
+}
+
+struct rig {
+    struct array array;
+    struct shooter *shooter;
+};
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r || room_load(&r->array.room, SOURCE_DIR "/launch/scenes/point.yaml", NULL) ||
+        shooter_create(&r->shooter, &r->array))
+        return -1;
+    *state = r;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+
+    shooter_destroy(r->shooter);
+    room_destroy(r->array.room);
+    free(r);
+    return 0;
+}
+
+static int fire(struct rig *r, uint32_t id, uint32_t position, uint32_t *speakers,
+                size_t n, struct complaint *why)
+{
+    Anlos__FireCommand c = ANLOS__FIRE_COMMAND__INIT;
+
+    c.id = id;
+    c.scan = 9;
+    c.pass = ANLOS__PASS__BACKGROUND;
+    c.position = position;
+    c.stage_m = 0.12;
+    c.speakers = speakers;
+    c.n_speakers = n;
+    return shooter_fire(r->shooter, &c, 77, why);
+}
+
+static void a_shot_becomes_a_ping_for_each_speaker(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {3, 1};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    assert_int_equal(fire(r, 1, 2, speakers, 2, NULL), 0);
+    speakers[0] = speakers[1] = 0; /* the command's own memory is gone by then */
+    for (uint32_t i = 0; i < 2; i++) {
+        size_t extents[2];
+        assert_true(shooter_busy(r->shooter));
+        assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+        assert_int_equal(t0, 1001 + i);
+        assert_int_equal(ping.survey_id, shooter_survey(r->shooter)->id);
+        assert_int_equal(ping.scan, 9);
+        assert_int_equal(ping.pass, ANLOS__PASS__BACKGROUND);
+        assert_int_equal(ping.position, 2);
+        assert_true(ping.stage_m == 0.12);
+        assert_int_equal(ping.speaker, i ? 1 : 3);
+        assert_true(ping.valid);
+        assert_true(ping.temperature_c == 21.5);
+        const float *x = tensor_f32(ping.samples, 2, extents);
+        assert_non_null(x);
+        assert_int_equal(extents[0], 4);
+        assert_int_equal(extents[1], N_SAMPLES);
+        assert_true(x[5] == (i ? 1.0f : 3.0f));
+        assert_int_equal(ping.n_clipped, 4);
+        assert_int_equal(ping.clipped[1], 5);
+    }
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), -ENODATA);
+    assert_false(shooter_busy(r->shooter));
+}
+
+static void shots_wait_for_their_turn(void **state)
+{
+    struct rig *r = *state;
+    uint32_t first[] = {0}, second[] = {2};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    assert_int_equal(fire(r, 1, 0, first, 1, NULL), 0);
+    assert_int_equal(fire(r, 2, 1, second, 1, NULL), 0);
+    assert_int_equal(r->array.fires, 0);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_int_equal(ping.position, 0);
+    assert_int_equal(r->array.fires, 1);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_int_equal(ping.position, 1);
+    assert_int_equal(ping.speaker, 2);
+}
+
+static void a_command_sent_again_is_not_fired_again(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {0};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    assert_int_equal(fire(r, 1, 0, speakers, 1, NULL), 0);
+    assert_int_equal(fire(r, 1, 0, speakers, 1, NULL), 0);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_int_equal(fire(r, 1, 0, speakers, 1, NULL), 0);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), -ENODATA);
+    assert_int_equal(r->array.fires, 1);
+}
+
+static void commands_that_do_not_fit_the_survey_are_refused(void **state)
+{
+    struct rig *r = *state;
+    uint32_t good[] = {0}, bad[] = {4}, many[] = {0, 1, 2, 3, 0};
+    struct complaint why = {""};
+
+    assert_int_equal(fire(r, 1, 6, good, 1, &why), -EINVAL);
+    assert_string_equal(why.text, "fire 1: position 6 of 6");
+    assert_int_equal(fire(r, 2, 0, bad, 1, &why), -EINVAL);
+    assert_string_equal(why.text, "fire 2: speaker 4 of 4");
+    assert_int_equal(fire(r, 3, 0, many, 5, &why), -EINVAL);
+    assert_int_equal(fire(r, 4, 0, good, 0, &why), -EINVAL);
+    assert_false(shooter_busy(r->shooter));
+}
+
+static void too_many_shots_are_refused_not_forgotten(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {0};
+    struct complaint why = {""};
+    int err = 0;
+    uint32_t id = 0;
+
+    while (!err && id < 100)
+        err = fire(r, ++id, 0, speakers, 1, &why);
+    assert_int_equal(err, -ENOBUFS);
+    assert_non_null(strstr(why.text, "shots are waiting already"));
+}
+
+static void an_array_that_fails_loses_the_rest_of_the_shot_only(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {0, 1};
+    struct complaint why = {""};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    fire(r, 1, 0, speakers, 2, NULL);
+    fire(r, 2, 1, speakers, 2, NULL);
+    r->array.next_result = -EIO;
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, &why), -EIO);
+    assert_string_equal(why.text, "the cable is out");
+    r->array.next_result = 0;
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_int_equal(ping.position, 1);
+}
+
+static void a_signal_costs_nothing(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {0};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    fire(r, 1, 0, speakers, 1, NULL);
+    r->array.next_result = -EINTR;
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), -EINTR);
+    r->array.next_result = 0;
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_int_equal(r->array.fires, 1);
+}
+
+static void a_position_that_cannot_be_fired_is_named(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {0};
+    struct complaint why = {""};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    fire(r, 1, 4, speakers, 1, NULL);
+    r->array.fire_result = -EINVAL;
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, &why), -EINVAL);
+    assert_string_equal(why.text, "position 4 cannot be fired: Invalid argument");
+    assert_false(shooter_busy(r->shooter));
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_shot_becomes_a_ping_for_each_speaker),
+        TEST(shots_wait_for_their_turn),
+        TEST(a_command_sent_again_is_not_fired_again),
+        TEST(commands_that_do_not_fit_the_survey_are_refused),
+        TEST(too_many_shots_are_refused_not_forgotten),
+        TEST(an_array_that_fails_loses_the_rest_of_the_shot_only),
+        TEST(a_signal_costs_nothing),
+        TEST(a_position_that_cannot_be_fired_is_named),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
