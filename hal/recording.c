@@ -14,6 +14,8 @@
 #include "hal/tail.h"
 #include "hal/wav_samples.h"
 
+enum { BLOCK_FRAMES = 2048 };
+
 struct recording {
     size_t n_positions, n_speakers, n_microphones, slot_samples, n_frames;
     double sample_rate_hz;
@@ -177,6 +179,29 @@ static bool is_float(const SF_INFO *info)
     return format == SF_FORMAT_FLOAT || format == SF_FORMAT_DOUBLE;
 }
 
+/* Block by block: what was read is still in the cache when it is separated. */
+static int read_frames(SNDFILE *f, const struct wav_samples *w, size_t n, float *samples,
+                       const char *path, struct complaint *why)
+{
+    float *block = malloc(BLOCK_FRAMES * w->n_channels * sizeof *block);
+    size_t at = 0;
+    if (!block)
+        return complain(why, -ENOMEM, "%s: out of memory", path);
+    while (at < n) {
+        size_t wanted = n - at < BLOCK_FRAMES ? n - at : BLOCK_FRAMES;
+        sf_count_t got = sf_readf_float(f, block, (sf_count_t)wanted);
+        if (got <= 0)
+            break;
+        wav_samples_separate(w, block, at, (size_t)got, samples);
+        at += (size_t)got;
+    }
+    free(block);
+    if (at < n)
+        return complain(why, -EIO, "%s: broken off after %zu of %zu frames", path, at, n);
+    wav_samples_finish(w, n, samples);
+    return 0;
+}
+
 int recording_read_slots(const struct recording *r, size_t position, float *samples,
                          uint32_t *clipped, uint32_t *not_finite, struct complaint *why)
 {
@@ -188,30 +213,15 @@ int recording_read_slots(const struct recording *r, size_t position, float *samp
     SNDFILE *f = open_file(r, path, &info, &err, why);
     if (err)
         return err;
-    size_t n = r->n_frames;
-    if ((uint64_t)info.frames < n)
-        n = (size_t)info.frames;
-    float *frames = malloc(n * r->n_microphones * sizeof *frames);
-    if (!frames) {
-        err = complain(why, -ENOMEM, "%s: out of memory", path);
-        goto file;
-    }
-    sf_count_t got = sf_readf_float(f, frames, (sf_count_t)n);
-    if (got < (sf_count_t)n) {
-        err = complain(why, -EIO, "%s: broken off after %" PRId64 " of %zu frames", path,
-                       (int64_t)got, n);
-        goto frames;
-    }
     struct wav_samples w = {.n_channels = r->n_microphones,
                             .n_frames = r->n_frames,
                             .n_slots = r->n_speakers,
                             .slot_samples = r->slot_samples,
                             .is_float = is_float(&info)};
-    wav_samples_separate(&w, frames, n, samples);
-    wav_samples_count(&w, samples, n, clipped, not_finite);
-frames:
-    free(frames);
-file:
+    size_t n = (uint64_t)info.frames < r->n_frames ? (size_t)info.frames : r->n_frames;
+    err = read_frames(f, &w, n, samples, path, why);
+    if (!err)
+        wav_samples_count(&w, samples, n, clipped, not_finite);
     sf_close(f);
     return err;
 }

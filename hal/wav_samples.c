@@ -8,32 +8,39 @@ enum { BLOCK = 64, PCM_RUN = 3, FLOAT_RUN = 4 };
 
 /* In blocks, so that each cache line of either side is fetched once. */
 void wav_samples_separate(const struct wav_samples *w, const float *restrict frames,
-                          size_t n, float *restrict samples)
+                          size_t first, size_t n, float *restrict samples)
 {
     size_t n_channels = w->n_channels;
     for (size_t at = 0; at < n; at += BLOCK) {
         size_t end = at + BLOCK < n ? at + BLOCK : n;
         for (size_t c = 0; c < n_channels; c++) {
-            float *restrict out = samples + c * w->n_frames;
+            float *restrict out = samples + c * w->n_frames + first;
             for (size_t i = at; i < end; i++)
                 out[i] = frames[i * n_channels + c];
         }
     }
-    for (size_t c = 0; c < n_channels; c++)
+}
+
+void wav_samples_finish(const struct wav_samples *w, size_t n, float *samples)
+{
+    for (size_t c = 0; c < w->n_channels; c++)
         memset(samples + c * w->n_frames + n, 0, (w->n_frames - n) * sizeof *samples);
 }
 
-/* The largest magnitude; NaN and infinity come out as a value that is not finite.  The
- * sum of x * 0 is 0 unless one of them is there, and it vectorizes. */
+/* The largest magnitude, or one that is not finite when there is such a sample: without
+ * their sign, the bits of floats rise as the floats do, infinity and NaN above all. */
 static float peak_of(const float *x, size_t n)
 {
-    float peak = 0, poison = 0;
+    int32_t peak = 0;
+    float out;
     for (size_t i = 0; i < n; i++) {
-        float magnitude = fabsf(x[i]);
-        peak = magnitude > peak ? magnitude : peak;
-        poison += x[i] * 0;
+        int32_t bits;
+        memcpy(&bits, x + i, sizeof bits);
+        bits &= INT32_MAX;
+        peak = bits > peak ? bits : peak;
     }
-    return peak + poison;
+    memcpy(&out, &peak, sizeof out);
+    return out;
 }
 
 static size_t slot_of(const struct wav_samples *w, size_t i)

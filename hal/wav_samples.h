@@ -13,9 +13,13 @@ struct wav_samples {
     bool is_float; /* of the file */
 };
 
-/* frames [n][n_channels] to samples [n_channels][n_frames], zeros from n on. */
+/* frames [n][n_channels], the file's from `first` on, to samples [n_channels][n_frames].
+ */
 void wav_samples_separate(const struct wav_samples *w, const float *restrict frames,
-                          size_t n, float *restrict samples);
+                          size_t first, size_t n, float *restrict samples);
+
+/* Zeros in each channel from n on. */
+void wav_samples_finish(const struct wav_samples *w, size_t n, float *samples);
 
 /* Counts clipped samples (hal/recording.h) and those that are not finite among the first
  * n of each channel; the latter become 0.  Counts are [n_slots][n_channels]. */

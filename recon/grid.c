@@ -60,8 +60,9 @@ void grid_default(struct grid *out, const struct geometry *g, const double gate_
         set_axis(out, a, min[a] - MARGIN_M, max[a] + MARGIN_M, step_m);
     }
     double width_m = 0.5 * g->sound_speed_m_s / bandwidth_hz;
-    set_axis(out, 2, max[2] + gate_m[0], max[2] + gate_m[1],
-             nice_step(width_m / STEPS_DEPTH));
+    double step_m = nice_step(width_m / STEPS_DEPTH);
+    double first_m = ceil((max[2] + gate_m[0]) / step_m - 1e-6) * step_m;
+    set_axis(out, 2, first_m, max[2] + gate_m[1], step_m);
 }
 
 int grid_from_limits(struct grid *out, const double limits[3][3])

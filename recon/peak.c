@@ -20,8 +20,8 @@ static bool inside(const struct grid *g, const size_t at[3], int axis)
     return at[axis] > 0 && at[axis] + 1 < g->n[axis];
 }
 
-static double slope2(const struct grid *g, const float *v, const size_t at[3], int a,
-                     int b)
+static double mixed_slope(const struct grid *g, const float *v, const size_t at[3], int a,
+                          int b)
 {
     int d[4][3] = {{0}};
     static const int sign[4][2] = {{1, 1}, {-1, -1}, {1, -1}, {-1, 1}};
@@ -58,32 +58,39 @@ void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr,
 {
     size_t at[3] = {voxel % g->n[0], voxel / g->n[0] % g->n[1],
                     voxel / (g->n[0] * g->n[1])};
-    double curvature[3][3] = {{0}};
+    double curvature[3][3] = {{0}}, slope[3] = {0}, c[3][3];
     bool fitted[3];
     for (int a = 0; a < 3; a++) {
         int up[3] = {0}, down[3] = {0}, here[3] = {0};
         up[a] = 1;
         down[a] = -1;
-        double shift = 0.0, bend = 0.0;
+        double bend = 0.0;
         if (inside(g, at, a)) {
             double high = level(g, v, at, up), low = level(g, v, at, down);
             bend = 2.0 * level(g, v, at, here) - high - low;
-            shift = bend > 0.0 ? 0.5 * (high - low) / bend : 0.0;
+            slope[a] = 0.5 * (high - low);
         }
         fitted[a] = bend > 1e-6;
         curvature[a][a] = fitted[a] ? bend : WIDTH_SIGMAS * WIDTH_SIGMAS;
+        slope[a] = fitted[a] ? slope[a] : 0.0;
         out->width_m[a] = g->step_m[a] * WIDTH_SIGMAS / sqrt(curvature[a][a]);
-        out->position_m[a] = g->origin_m[a] + g->step_m[a] * ((double)at[a] + shift);
     }
     for (int a = 0; a < 3; a++)
         for (int b = a + 1; b < 3; b++)
             if (fitted[a] && fitted[b])
-                curvature[a][b] = curvature[b][a] = -slope2(g, v, at, a, b);
-    double c[3][3];
+                curvature[a][b] = curvature[b][a] = -mixed_slope(g, v, at, a, b);
     if (!invert(curvature, c)) {
         memset(c, 0, sizeof c);
         for (int a = 0; a < 3; a++)
             c[a][a] = 1.0 / curvature[a][a];
+    }
+    /* A point's image is tilted towards the array: the top lies where all slopes vanish
+     * together, not axis by axis. */
+    for (int a = 0; a < 3; a++) {
+        double shift = c[a][0] * slope[0] + c[a][1] * slope[1] + c[a][2] * slope[2];
+        out->position_m[a] = g->origin_m[a] +
+                             g->step_m[a] *
+                                 ((double)at[a] + fmin(fmax(shift, -1.0), 1.0));
     }
     double scale = 0.5 / fmax(snr, 1.0);
     for (int a = 0, q = 0; a < 3; a++)

@@ -100,6 +100,19 @@ static int check_keys(const struct scene_object *o, const char *prefix, const ch
     return 0;
 }
 
+/* v: [3] or NULL. */
+static int check_direction(const double *v, const char *prefix, const char *name,
+                           const char *path, struct complaint *why)
+{
+    char key[96];
+    double copy[3];
+    if (!v)
+        return 0;
+    memcpy(copy, v, sizeof copy);
+    snprintf(key, sizeof key, "%s%s", prefix, name);
+    return survey_yaml_normalize(copy, path, key, why);
+}
+
 static int check_object(const struct scene_object *o, const char *prefix,
                         const char *path, struct complaint *why)
 {
@@ -127,6 +140,8 @@ static int check_object(const struct scene_object *o, const char *prefix,
             err = yaml_complain(why, -EINVAL, path, key, "%g is outside -5..5",
                                 o->outline_m[i / 2][i % 2]);
         }
+    err = err ? err : check_direction(o->facing, prefix, "facing", path, why);
+    err = err ? err : check_direction(o->up, prefix, "up", path, why);
     if (!err && o->letter[0] && !scatter_letter_known(o->letter[0])) {
         char key[96];
         snprintf(key, sizeof key, "%sletter", prefix);

@@ -173,9 +173,9 @@ int sim_job_run(const struct sim_options *options, bool *bad_input, struct compl
     job->options = options;
     pthread_mutex_init(&job->lock, NULL);
 
-    int err = create_workers(job, why);
+    int err = check_vacant(options->out, why);
     if (!err)
-        err = check_vacant(options->out, why);
+        err = create_workers(job, why);
     if (!err)
         err = export_stage_begin(&job->stage, options->out, why);
     *bad_input = err && err != -ENOMEM;

@@ -171,27 +171,6 @@ static void broken_curves_are_named_with_their_line(void **state)
     }
 }
 
-static void the_factory_files_are_read(void **state)
-{
-    static const char text[] = HEAD ARRAY
-        "calibration: {folder: \"" SOURCE_DIR
-        "/../shared/data/microphone-calibration\", serials: ['15449', '7033921']}\n";
-    struct complaint why;
-    struct survey s;
-    struct stat st;
-    if (stat(SOURCE_DIR "/../shared/data/microphone-calibration", &st)) {
-        print_message("skipped: ../shared is not there\n");
-        skip();
-    }
-    if (load(*state, text, &s, &why))
-        fail_msg("%s", why.text);
-    assert_true(s.responses[0].frequency_hz[0] == 20 &&
-                s.responses[0].gain_db[0] == -1.4);
-    assert_true(s.responses[1].frequency_hz[1] == 10.179);
-    assert_true(s.responses[1].gain_db[1] == -3.0074);
-    survey_clear(&s);
-}
-
 static void assert_same(const struct survey *a, const struct survey *b)
 {
     assert_true(a->sound_speed_m_s == b->sound_speed_m_s);
@@ -284,7 +263,6 @@ int main(void)
         TEST(wrong_values_are_named_with_line_and_key),
         TEST(curves_are_read_past_their_head_lines),
         TEST(broken_curves_are_named_with_their_line),
-        TEST(the_factory_files_are_read),
         TEST(what_is_saved_loads_as_the_same_survey),
         TEST(saving_never_replaces_another_curve),
         TEST(an_output_that_cannot_be_written_is_named),

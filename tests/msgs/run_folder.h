@@ -21,7 +21,7 @@ static char run_folder[64];
 static int make_run_folder(void **state)
 {
     (void)state;
-    strcpy(run_folder, "/tmp/anlos-test-XXXXXX");
+    strcpy(run_folder, "/tmp/anlos-bus-XXXXXX");
     return mkdtemp(run_folder) ? 0 : -1;
 }
 

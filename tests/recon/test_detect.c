@@ -1,5 +1,6 @@
 #include "tests/recon/near.h"
 
+#include <complex.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,20 +22,65 @@ struct scene {
     size_t n;
 };
 
-/* Complex Gaussian noise of power 1: its intensity is exponentially distributed. */
+static float complex *noise; /* [VOXELS], made once */
+
+/* Running sums along one axis of a cube, with the shape of a point's image. */
+static void smooth(const float complex *in, size_t stride, float complex *out)
+{
+    double power = 0.0;
+    for (int k = -5; k <= 5; k++)
+        power += exp(-(double)(k * k) / (1.5 * 1.5));
+    for (size_t v = 0; v < VOXELS; v++) {
+        size_t line = v / stride % N;
+        double complex sum = 0.0;
+        for (int k = -5; k <= 5; k++) {
+            size_t from = (line + N + (size_t)k) % N; /* the cube is its own neighbour */
+            sum += exp(-0.5 * k * k / (1.5 * 1.5)) *
+                   in[v - line * stride + from * stride];
+        }
+        out[v] = (float complex)(sum / sqrt(power));
+    }
+}
+
+/* Complex Gaussian noise of power 1, so that its intensity is exponentially distributed,
+ * as smooth as the image of a point. */
+static int make_noise(void **state)
+{
+    (void)state;
+    unsigned long long seed = 31;
+    float complex *a = malloc(VOXELS * sizeof *a), *b = malloc(VOXELS * sizeof *b);
+    if (!a || !b) {
+        free(a);
+        free(b);
+        return -1;
+    }
+    for (size_t v = 0; v < VOXELS; v++)
+        a[v] = (float complex)(sqrt(-log(reference_random(&seed))) *
+                               cexp(2.0 * M_PI * I * reference_random(&seed)));
+    smooth(a, 1, b);
+    smooth(b, N, a);
+    smooth(a, (size_t)N * N, b);
+    free(a);
+    noise = b;
+    return 0;
+}
+
+static int forget_noise(void **state)
+{
+    (void)state;
+    free(noise);
+    return 0;
+}
+
 static void scene_open(struct scene *s, bool noisy)
 {
-    unsigned long long seed = 31;
     memset(s, 0, sizeof *s);
     s->amplitude = calloc(VOXELS, sizeof *s->amplitude);
     s->volume = calloc(VOXELS, sizeof *s->volume);
     assert_true(s->amplitude && s->volume);
     detect_config_default(&s->cfg);
-    for (size_t v = 0; noisy && v < VOXELS; v++) {
-        double power = -log(reference_random(&seed));
-        double turns = reference_random(&seed);
-        s->amplitude[v] = (float complex)(sqrt(power) * cexp(2.0 * M_PI * I * turns));
-    }
+    if (noisy)
+        memcpy(s->amplitude, noise, VOXELS * sizeof *noise);
 }
 
 static void scene_close(struct scene *s)
@@ -123,7 +169,7 @@ static void points_are_found_between_the_voxels_strongest_first(void **state)
     assert_int_equal(s.n, 3);
     for (int q = 0; q < 3; q++) {
         expect_at(&s.found[q], places[q], 0.2);
-        assert_near(s.found[q].level_db, levels_db[q], 1.0);
+        assert_near(s.found[q].level_db, levels_db[q], 1.6);
         assert_true(s.found[q].existence > 0.8);
         for (int a = 0; a < 3; a++)
             assert_near(s.found[q].extent_m[a], 0.0, 0.0);
@@ -131,7 +177,7 @@ static void points_are_found_between_the_voxels_strongest_first(void **state)
     scene_close(&s);
 }
 
-/* Three sigma of what the covariance says hold the truth. */
+/* Three and a half sigma of what the covariance says hold the truth. */
 static void the_covariance_holds_the_error(void **state)
 {
     (void)state;
@@ -144,7 +190,7 @@ static void the_covariance_holds_the_error(void **state)
         assert_int_equal(s.n, 1);
         for (int a = 0; a < 3; a++)
             assert_near(s.found[0].position_m[a], places[1][a],
-                        3.0 * sqrt(s.found[0].covariance_m2[diagonal[a]]));
+                        3.5 * sqrt(s.found[0].covariance_m2[diagonal[a]]));
         scene_close(&s);
     }
 }
@@ -210,12 +256,14 @@ static void what_lies_close_together_is_one_object(void **state)
     }
 }
 
-static void a_plate_has_a_middle_and_a_size(void **state)
+static void expect_plate(bool known_resolution)
 {
-    (void)state;
     const double at_m[3] = {0.013, 0.148, 1.08}, size_m[3] = {0.36, 0.24, 0.0};
     struct scene s;
     scene_open(&s, true);
+    for (int a = 0; known_resolution && a < 3;
+         a++) /* a factor of 4 of exp(-d^2 / 2 s^2) */
+        s.cfg.resolution_m[a] = 2.0 * sqrt(2.0 * log(4.0)) * 1.5 * grid.step_m[a];
     add_object(&s, at_m, size_m, 36.0);
     search(&s, 1.0);
     assert_int_equal(s.n, 1);
@@ -226,28 +274,54 @@ static void a_plate_has_a_middle_and_a_size(void **state)
     scene_close(&s);
 }
 
+static void a_plate_has_a_middle_and_a_size(void **state)
+{
+    (void)state;
+    expect_plate(true);
+}
+
+/* Its own even top says nothing of how wide a point would be. */
+static void so_it_has_when_the_resolution_must_be_estimated(void **state)
+{
+    (void)state;
+    expect_plate(false);
+}
+
 static void existence_grows_with_the_level(void **state)
 {
     (void)state;
-    double before = 0.0, weakest = 1.0;
-    for (int level = 10; level <= 34; level += 2) {
+    double before = 0.0;
+    size_t seen = 0;
+    for (int level = 14; level <= 34; level += 2) {
         struct scene s;
         scene_open(&s, true);
         add_point(&s, places[1][0], places[1][1], places[1][2], level);
-        s.cfg.threshold_db = 9.5;
+        s.cfg.threshold_db = 11.0;
         search(&s, 1.0);
         for (size_t d = 0; d < s.n; d++) {
-            const double *p = s.found[d].position_m;
-            if (reference_distance(p, places[1]) > 0.05)
+            if (reference_distance(s.found[d].position_m, places[1]) > 0.05)
                 continue;
             assert_true(s.found[d].existence >= before - 1e-9);
             before = s.found[d].existence;
-            weakest = fmin(weakest, before);
+            seen++;
         }
         scene_close(&s);
     }
-    assert_true(weakest < 0.5);
+    assert_true(seen >= 9);
     assert_true(before > 0.99);
+}
+
+static void what_noise_makes_hardly_exists(void **state)
+{
+    (void)state;
+    struct scene s;
+    scene_open(&s, true);
+    s.cfg.threshold_db = 6.0;
+    search(&s, 1.0);
+    assert_true(s.n > 0);
+    for (size_t d = 0; d < s.n; d++)
+        assert_true(s.found[d].existence < 0.5);
+    scene_close(&s);
 }
 
 static void the_fainter_of_several_exist_less_surely(void **state)
@@ -300,7 +374,7 @@ static void the_scale_of_the_intensity_does_not_matter(void **state)
         search(&s, scales[q]);
         assert_int_equal(s.n, 1);
         expect_at(&s.found[0], places[0], 0.2);
-        assert_near(s.found[0].level_db, 38.0, 1.0);
+        assert_near(s.found[0].level_db, 38.0, 1.6);
     }
     scene_close(&s);
 }
@@ -402,7 +476,9 @@ int main(void)
         cmocka_unit_test(what_is_outshone_is_left_out),
         cmocka_unit_test(what_lies_close_together_is_one_object),
         cmocka_unit_test(a_plate_has_a_middle_and_a_size),
+        cmocka_unit_test(so_it_has_when_the_resolution_must_be_estimated),
         cmocka_unit_test(existence_grows_with_the_level),
+        cmocka_unit_test(what_noise_makes_hardly_exists),
         cmocka_unit_test(the_fainter_of_several_exist_less_surely),
         cmocka_unit_test(no_more_than_asked_for_are_written),
         cmocka_unit_test(the_scale_of_the_intensity_does_not_matter),
@@ -412,5 +488,5 @@ int main(void)
         cmocka_unit_test(an_even_volume_has_no_objects),
         cmocka_unit_test(the_defaults_are_sane),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, make_noise, forget_noise);
 }

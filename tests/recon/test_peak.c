@@ -1,6 +1,9 @@
 #include "tests/recon/near.h"
 
+#include <complex.h>
+
 #include "recon/peak.h"
+#include "tests/recon/reference.h"
 
 #define N      7
 #define VOXELS (N * N * N)
@@ -91,8 +94,9 @@ static void a_tilted_gaussian_is_found_between_the_voxels(void **state)
     }
 }
 
-/* Cramer-Rao: inverse curvature of the log intensity over twice the SNR. */
-static void the_covariance_is_the_shape_over_twice_the_snr(void **state)
+/* Inverse curvature of the log intensity over the SNR: for a peak exp(-d^2 / s^2) and
+ * noise of the same shape, the Cramer-Rao bound s^2 / 2 / SNR. */
+static void the_covariance_is_the_shape_over_the_snr(void **state)
 {
     (void)state;
     static const double snrs[2] = {20.0, 2000.0};
@@ -106,9 +110,66 @@ static void the_covariance_is_the_shape_over_twice_the_snr(void **state)
         paint(&grid, at, p, 1.0, v);
         peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), snrs[q], &fit);
         for (int e = 0; e < 6; e++)
-            assert_near(fit.covariance_m2[e], 0.5 * tilted[e] / snrs[q],
-                        2e-3 * 0.5 * tilted[0] / snrs[q]);
+            assert_near(fit.covariance_m2[e], tilted[e] / snrs[q],
+                        2e-3 * tilted[0] / snrs[q]);
     }
+}
+
+#define WHITE  13 /* white noise around the 3 x 3 x 3 voxels of a fit */
+#define KERNEL (WHITE - 2)
+
+/* noise[27] of power 1, correlated as the images of points are: with amplitudes
+ * exp(-d^2 / 4 s^2), s = 1.5 voxels. */
+static void make_noise(unsigned long long *seed, double complex *noise)
+{
+    static double complex white[WHITE * WHITE * WHITE];
+    double kernel[KERNEL], power = 0.0;
+    for (int k = 0; k < KERNEL; k++) {
+        kernel[k] = exp(-pow((k - KERNEL / 2) / 1.5, 2.0) / 2.0);
+        power += kernel[k] * kernel[k];
+    }
+    for (size_t w = 0; w < WHITE * WHITE * WHITE; w++)
+        white[w] = sqrt(-log(reference_random(seed))) *
+                   cexp(2.0 * M_PI * I * reference_random(seed));
+    for (int v = 0; v < 27; v++) {
+        noise[v] = 0.0;
+        for (int q = 0; q < KERNEL * KERNEL * KERNEL; q++) {
+            int x = q % KERNEL, y = q / KERNEL % KERNEL, z = q / (KERNEL * KERNEL);
+            int at = ((z + v / 9) * WHITE + y + v / 3 % 3) * WHITE + x + v % 3;
+            noise[v] += kernel[x] * kernel[y] * kernel[z] * white[at];
+        }
+        noise[v] /= pow(power, 1.5);
+    }
+}
+
+/* Positions scatter as the covariance says: 150 peaks in noise, 3 axes; the variance of
+ * that many is known to 7 %. */
+static void noisy_peaks_scatter_as_their_covariance_says(void **state)
+{
+    (void)state;
+    const struct grid three = {{0.0, 0.0, 1.0}, {0.02, 0.02, 0.02}, {3, 3, 3}};
+    static const int diagonal[3] = {0, 3, 5};
+    const double snr = 1000.0;
+    unsigned long long seed = 77;
+    double sum = 0.0;
+    for (int trial = 0; trial < 150; trial++) {
+        double complex noise[27];
+        float v[27];
+        struct peak_fit fit;
+        make_noise(&seed, noise);
+        for (int q = 0; q < 27; q++) {
+            double d2 = pow(q % 3 - 1, 2.0) + pow(q / 3 % 3 - 1, 2.0) +
+                        pow(q / 9 - 1, 2.0);
+            double a = cabs(sqrt(snr) * exp(-d2 / (4.0 * 1.5 * 1.5)) + noise[q]);
+            v[q] = (float)(a * a);
+        }
+        peak_fit(&three, v, 13, snr, &fit);
+        for (int a = 0; a < 3; a++) {
+            double error_m = fit.position_m[a] - three.origin_m[a] - 0.02;
+            sum += error_m * error_m / fit.covariance_m2[diagonal[a]];
+        }
+    }
+    assert_near(sum / 450.0, 1.0, 0.3);
 }
 
 static void the_scale_of_the_intensity_does_not_matter(void **state)
@@ -237,7 +298,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_gaussian_is_found_between_the_voxels),
         cmocka_unit_test(a_tilted_gaussian_is_found_between_the_voxels),
-        cmocka_unit_test(the_covariance_is_the_shape_over_twice_the_snr),
+        cmocka_unit_test(the_covariance_is_the_shape_over_the_snr),
+        cmocka_unit_test(noisy_peaks_scatter_as_their_covariance_says),
         cmocka_unit_test(the_scale_of_the_intensity_does_not_matter),
         cmocka_unit_test(on_the_rim_an_axis_stays_on_its_voxel),
         cmocka_unit_test(a_ridge_stays_on_its_voxel_along_itself),

@@ -1,0 +1,197 @@
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "nodes/rt/objects.h"
+#include "nodes/track/detector.h"
+#include "tests/nodes/near.h"
+#include "tests/nodes/scene.h"
+
+enum { NX = 31, NY = 26, NZ = 61 };
+
+struct rig {
+    struct scene scene;
+    struct detector detector;
+    float intensity[NZ][NY][NX];
+    Anlos__Volume volume;
+    Anlos__Vec3 origin, step;
+    struct tensor_view view;
+    Anlos__DetectionList *list;
+};
+
+static const struct detector_config config = {.threshold_db = 12.0, .min_existence = 0.5};
+static const double origin_m[3] = {-0.1, -0.1, 0.9};
+
+/* A volume of weak noise, the same each time. */
+static void fill_noise(struct rig *r)
+{
+    uint32_t seed = 1;
+
+    for (size_t i = 0; i < sizeof r->intensity / sizeof(float); i++) {
+        seed = seed * 1664525u + 1013904223u;
+        (&r->intensity[0][0][0])[i] = 1e-4f * (float)(seed >> 8) / 16777216.0f;
+    }
+}
+
+static void add_blob(struct rig *r, const double at_m[3], double peak)
+{
+    for (int z = 0; z < NZ; z++) {
+        for (int y = 0; y < NY; y++) {
+            for (int x = 0; x < NX; x++) {
+                double dx = origin_m[0] + 0.02 * x - at_m[0];
+                double dy = origin_m[1] + 0.02 * y - at_m[1];
+                double dz = origin_m[2] + 0.01 * z - at_m[2];
+                r->intensity[z][y][x] += (float)(
+                    peak * exp(-(dx * dx + dy * dy) / (2 * 0.025 * 0.025) -
+                               dz * dz / (2 * 0.012 * 0.012)));
+            }
+        }
+    }
+}
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r || scene_open(&r->scene, SOURCE_DIR "/launch/scenes/point.yaml"))
+        return -1;
+    detector_init(&r->detector, &config);
+    if (detector_survey(&r->detector, r->scene.survey, NULL))
+        return -1;
+    fill_noise(r);
+    anlos__volume__init(&r->volume);
+    anlos__vec3__init(&r->origin);
+    anlos__vec3__init(&r->step);
+    r->origin.x = origin_m[0];
+    r->origin.y = origin_m[1];
+    r->origin.z = origin_m[2];
+    r->step.x = r->step.y = 0.02;
+    r->step.z = 0.01;
+    r->volume.survey_id = r->scene.survey->id;
+    r->volume.scan = 3;
+    r->volume.origin_m = &r->origin;
+    r->volume.step_m = &r->step;
+    r->volume.intensity = tensor_borrow_f32(&r->view, &r->intensity[0][0][0], 3,
+                                            (size_t)NZ, (size_t)NY, (size_t)NX);
+    *state = r;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+
+    objects_free(r->list);
+    detector_clear(&r->detector);
+    scene_close(&r->scene);
+    free(r);
+    return 0;
+}
+
+/* The scene's wall is z = 0.8 and its mount puts the array's x to the vehicle's y, its y
+ * to z and so its z to x, 0.3 m up: an image at (x, y, z) is really at (x, y, 1.6 - z),
+ * and for the vehicle at (1.6 - z, x, y + 0.3). */
+static void an_object_is_reported_where_it_really_is(void **state)
+{
+    struct rig *r = *state;
+    const double at_m[3] = {0.183, 0.142, 1.196};
+
+    add_blob(r, at_m, 1.0);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_true(r->list->mirrored);
+    assert_true(r->list->in_vehicle_frame);
+    assert_int_equal(r->list->scan, 3);
+    assert_int_equal(r->list->n_detections, 1);
+    const Anlos__Detection *d = r->list->detections[0];
+    assert_int_equal(d->id, 1);
+    assert_near(d->position_m->x, 0.404, 0.003);
+    assert_near(d->position_m->y, 0.183, 0.003);
+    assert_near(d->position_m->z, 0.442, 0.003);
+    assert_near(d->virtual_m->z, 1.196, 0.003);
+    assert_true(d->existence >= 0.5);
+}
+
+static void what_is_too_unlikely_is_left_out(void **state)
+{
+    struct rig *r = *state;
+    const double at_m[3] = {0.1, 0.1, 1.1};
+
+    add_blob(r, at_m, 1.0);
+    r->detector.cfg.min_existence = 1.01;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(r->list->n_detections, 0);
+}
+
+static void the_threshold_is_above_the_noise(void **state)
+{
+    struct rig *r = *state;
+    const double at_m[3] = {0.1, 0.1, 1.1};
+
+    add_blob(r, at_m, 1.0); /* 40 dB above the noise's mean */
+    r->detector.cfg.threshold_db = 80.0;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(r->list->n_detections, 0);
+}
+
+static void the_counter_rises_and_previews_are_marked(void **state)
+{
+    struct rig *r = *state;
+
+    r->volume.preview = true;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_true(r->list->preview);
+    uint32_t counter = r->list->counter;
+    objects_free(r->list);
+    r->list = NULL;
+    r->volume.preview = false;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_false(r->list->preview);
+    assert_int_equal(r->list->counter, counter + 1);
+}
+
+static void a_volume_before_its_survey_waits(void **state)
+{
+    struct rig *r = *state;
+    struct complaint why = {""};
+
+    r->volume.survey_id++;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, &why), -EAGAIN);
+    assert_string_equal(why.text, "the survey of a volume is not known yet");
+}
+
+static void a_volume_with_nan_or_without_grid_is_refused(void **state)
+{
+    struct rig *r = *state;
+
+    r->intensity[5][5][5] = NAN;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), -EINVAL);
+    r->intensity[5][5][5] = -1.0f;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), -EINVAL);
+    r->intensity[5][5][5] = 0.0f;
+    r->step.x = 0.0;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), -EINVAL);
+    r->step.x = 0.02;
+    r->volume.origin_m = NULL;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), -EINVAL);
+    assert_null(r->list);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(an_object_is_reported_where_it_really_is),
+        TEST(what_is_too_unlikely_is_left_out),
+        TEST(the_threshold_is_above_the_noise),
+        TEST(the_counter_rises_and_previews_are_marked),
+        TEST(a_volume_before_its_survey_waits),
+        TEST(a_volume_with_nan_or_without_grid_is_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

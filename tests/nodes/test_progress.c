@@ -1,0 +1,100 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "nodes/launcher/progress.h"
+
+static bool tell(struct progress *p, Anlos__ScanStatus__State state, uint32_t done)
+{
+    Anlos__ScanStatus s = ANLOS__SCAN_STATUS__INIT;
+
+    s.state = state;
+    s.pings_done = done;
+    s.pings_expected = 200;
+    s.time_left_s = 12.4;
+    s.pings_lost = 1;
+    s.text = (char *)(state == ANLOS__SCAN_STATUS__STATE__WAITING ? "waits for dsp" : "");
+    return progress_status(p, &s);
+}
+
+static void a_pipe_gets_a_line_for_each_tenth(void **state)
+{
+    struct progress p;
+    int lines = 0;
+
+    (void)state;
+    progress_init(&p, false);
+    for (uint32_t done = 0; done <= 200; done++)
+        lines += tell(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, done);
+    assert_int_equal(lines, 11);
+}
+
+static void a_terminal_gets_every_change(void **state)
+{
+    struct progress p;
+
+    (void)state;
+    progress_init(&p, true);
+    for (uint32_t done = 0; done <= 10; done++)
+        assert_true(tell(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, done));
+}
+
+static void the_line_says_pings_time_and_losses(void **state)
+{
+    struct progress p;
+    Anlos__Health h = ANLOS__HEALTH__INIT;
+    Anlos__TopicCount c = ANLOS__TOPIC_COUNT__INIT, *list = &c;
+
+    (void)state;
+    progress_init(&p, true);
+    c.gaps = 2;
+    c.dropped = 3;
+    h.topics = &list;
+    h.n_topics = 1;
+    h.node = (char *)"dsp";
+    progress_health(&p, &h);
+    h.node = (char *)"recon";
+    progress_health(&p, &h);
+    progress_health(&p, &h); /* repeated, not added */
+    tell(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, 50);
+    assert_string_equal(p.text, "scene: 50 of 200 pings, 12 s left, 0 taken again, "
+                                "1 given up, 10 messages lost");
+}
+
+static void while_it_waits_it_says_for_whom(void **state)
+{
+    struct progress p;
+
+    (void)state;
+    progress_init(&p, false);
+    assert_true(tell(&p, ANLOS__SCAN_STATUS__STATE__WAITING, 0));
+    assert_string_equal(p.text, "waits for dsp");
+    assert_false(tell(&p, ANLOS__SCAN_STATUS__STATE__WAITING, 0));
+}
+
+static void a_failure_is_shown_at_once(void **state)
+{
+    struct progress p;
+
+    (void)state;
+    progress_init(&p, false);
+    tell(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, 21);
+    assert_true(tell(&p, ANLOS__SCAN_STATUS__STATE__FAILED, 22));
+    assert_int_equal(p.state, ANLOS__SCAN_STATUS__STATE__FAILED);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_pipe_gets_a_line_for_each_tenth),
+        cmocka_unit_test(a_terminal_gets_every_change),
+        cmocka_unit_test(the_line_says_pings_time_and_losses),
+        cmocka_unit_test(while_it_waits_it_says_for_whom),
+        cmocka_unit_test(a_failure_is_shown_at_once),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,242 @@
+/* nodes/recon/recon.c, fed with what nodes/dsp makes of a simulated scene. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "nodes/dsp/dsp.h"
+#include "nodes/recon/recon.h"
+#include "nodes/rt/volume_grid.h"
+#include "tests/nodes/near.h"
+#include "tests/nodes/scene.h"
+
+#define N_POSITIONS 6
+#define N_SPEAKERS  4
+
+struct rig {
+    struct scene scene;
+    struct dsp *dsp;
+    struct recon *recon;
+    struct dsp_output traces;
+    Anlos__Receipt receipt;
+    char note[128];
+};
+
+static int setup(void **state)
+{
+    const struct dsp_config dsp = {.window = WINDOW_HANN, .background = true};
+    const struct recon_config recon = {
+        .method = "fast", .threads = 2, .window = WINDOW_HANN};
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r || scene_open(&r->scene, SOURCE_DIR "/launch/scenes/point.yaml") ||
+        dsp_create(&r->dsp, &dsp) || dsp_survey(r->dsp, r->scene.survey, NULL) ||
+        recon_create(&r->recon, &recon) ||
+        recon_survey(r->recon, r->scene.survey, NULL))
+        return -1;
+    *state = r;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+
+    recon_destroy(r->recon);
+    dsp_destroy(r->dsp);
+    scene_close(&r->scene);
+    free(r);
+    return 0;
+}
+
+static void make_traces(struct rig *r, uint32_t position, uint32_t speaker)
+{
+    Anlos__Ping ping;
+
+    scene_ping(&r->scene, ANLOS__PASS__BACKGROUND, position, speaker, &ping);
+    dsp_ping(r->dsp, &ping, &r->traces);
+    scene_ping(&r->scene, ANLOS__PASS__SCENE, position, speaker, &ping);
+    dsp_ping(r->dsp, &ping, &r->traces);
+    assert_true(r->traces.has_traces);
+}
+
+static void take(struct rig *r, int64_t capture_ns)
+{
+    recon_traces(r->recon, &r->traces.traces, capture_ns, capture_ns + 5, &r->receipt,
+                 r->note, sizeof r->note);
+}
+
+static void add(struct rig *r, uint32_t position, uint32_t speaker)
+{
+    make_traces(r, position, speaker);
+    take(r, 1000);
+    assert_true(r->receipt.usable);
+}
+
+static void add_all(struct rig *r)
+{
+    for (uint32_t p = 0; p < N_POSITIONS; p++)
+        for (uint32_t s = 0; s < N_SPEAKERS; s++)
+            add(r, p, s);
+}
+
+static void a_receipt_names_the_ping(void **state)
+{
+    struct rig *r = *state;
+
+    make_traces(r, 3, 1);
+    take(r, 77);
+    assert_int_equal(r->receipt.scan, 1);
+    assert_int_equal(r->receipt.pass, ANLOS__PASS__SCENE);
+    assert_int_equal(r->receipt.position, 3);
+    assert_int_equal(r->receipt.speaker, 1);
+    assert_true(r->receipt.usable);
+    assert_string_equal(r->note, "");
+    assert_int_equal(recon_capture_ns(r->recon), 77);
+    assert_int_equal(recon_taken_ns(r->recon), 82);
+}
+
+static void a_ping_taken_twice_counts_once_and_is_acknowledged_twice(void **state)
+{
+    struct rig *r = *state;
+
+    add(r, 0, 0);
+    add(r, 0, 0);
+    assert_int_equal(recon_pings(r->recon), 1);
+}
+
+static void a_position_is_new_when_all_its_speakers_are_in(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Volume v;
+
+    for (uint32_t s = 0; s < N_SPEAKERS; s++) {
+        assert_false(recon_has_new_position(r->recon));
+        add(r, 2, s);
+    }
+    assert_true(recon_has_new_position(r->recon));
+    recon_image(r->recon, true, &v);
+    assert_true(v.preview);
+    assert_false(recon_has_new_position(r->recon));
+}
+
+static void the_brightest_voxel_is_the_mirrored_point(void **state)
+{
+    struct rig *r = *state;
+    const struct room_object *object;
+    struct grid grid;
+    Anlos__Volume v;
+    size_t best = 0;
+
+    add_all(r);
+    assert_true(recon_is_complete(r->recon));
+    recon_image(r->recon, false, &v);
+    const float *x = volume_grid(&v, &grid);
+    assert_non_null(x);
+    for (size_t i = 0; i < grid_size(&grid); i++)
+        best = x[i] > x[best] ? i : best;
+    size_t at[3] = {best % grid.n[0], best / grid.n[0] % grid.n[1],
+                    best / grid.n[0] / grid.n[1]};
+    assert_int_equal(room_objects(r->scene.room, &object), 1);
+    for (int i = 0; i < 3; i++)
+        assert_near(grid.origin_m[i] + (double)at[i] * grid.step_m[i],
+                    object->virtual_m[i], grid.step_m[i]);
+    assert_int_equal(v.pings_used, N_POSITIONS * N_SPEAKERS);
+    assert_int_equal(v.pings_expected, N_POSITIONS * N_SPEAKERS);
+    assert_string_equal(v.method, "fast");
+    assert_int_equal(v.source, ANLOS__SOURCE__SIMULATION);
+    assert_int_equal(v.microphones_masked, 0);
+}
+
+static void traces_of_another_survey_or_format_are_refused(void **state)
+{
+    struct rig *r = *state;
+
+    make_traces(r, 0, 0);
+    r->traces.traces.survey_id++;
+    take(r, 0);
+    assert_false(r->receipt.usable);
+    assert_true(r->note[0]);
+    make_traces(r, 0, 0);
+    r->traces.traces.rate_hz *= 2;
+    take(r, 0);
+    assert_false(r->receipt.usable);
+    make_traces(r, 0, 0);
+    r->traces.traces.speaker = N_SPEAKERS;
+    take(r, 0);
+    assert_false(r->receipt.usable);
+    make_traces(r, 0, 0);
+    r->traces.traces.n_masked = 3;
+    take(r, 0);
+    assert_false(r->receipt.usable);
+    assert_int_equal(recon_pings(r->recon), 0);
+}
+
+static void a_new_scan_begins_with_nothing(void **state)
+{
+    struct rig *r = *state;
+
+    add(r, 0, 0);
+    add(r, 0, 1);
+    make_traces(r, 0, 0);
+    r->traces.traces.scan = 2;
+    take(r, 0);
+    assert_int_equal(recon_pings(r->recon), 1);
+    recon_reset(r->recon);
+    assert_int_equal(recon_pings(r->recon), 0);
+}
+
+static void masked_microphones_and_clipped_samples_are_summed_up(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Volume v;
+
+    make_traces(r, 0, 0);
+    r->traces.traces.masked[1] = true;
+    r->traces.traces.clipped_samples = 10;
+    take(r, 0);
+    make_traces(r, 0, 1);
+    r->traces.traces.masked[1] = true;
+    r->traces.traces.masked[3] = true;
+    r->traces.traces.clipped_samples = 5;
+    take(r, 0);
+    recon_image(r->recon, false, &v);
+    assert_int_equal(v.microphones_masked, 2);
+    assert_int_equal(v.clipped_samples, 15);
+}
+
+static void an_unknown_method_is_complained_about(void **state)
+{
+    struct rig *r = *state;
+    const struct recon_config cfg = {
+        .method = "magic", .threads = 1, .window = WINDOW_HANN};
+    struct complaint why = {""};
+    struct recon *recon;
+
+    assert_int_equal(recon_create(&recon, &cfg), 0);
+    assert_int_equal(recon_survey(recon, r->scene.survey, &why), -ENOENT);
+    assert_non_null(strstr(why.text, "magic"));
+    assert_false(recon_is_planned(recon));
+    recon_destroy(recon);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_receipt_names_the_ping),
+        TEST(a_ping_taken_twice_counts_once_and_is_acknowledged_twice),
+        TEST(a_position_is_new_when_all_its_speakers_are_in),
+        TEST(the_brightest_voxel_is_the_mirrored_point),
+        TEST(traces_of_another_survey_or_format_are_refused),
+        TEST(a_new_scan_begins_with_nothing),
+        TEST(masked_microphones_and_clipped_samples_are_summed_up),
+        TEST(an_unknown_method_is_complained_about),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

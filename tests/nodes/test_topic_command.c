@@ -1,0 +1,189 @@
+/* `anlos topic` against a bus that this process publishes on. */
+#include <errno.h>
+#include <jansson.h>
+#include <poll.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+#include <cmocka.h>
+
+#include "msgs/bus.h"
+#include "msgs/stage.pb-c.h"
+#include "nodes/anlos/commands.h"
+#include "nodes/anlos/topic_watch.h"
+#include "tests/nodes/command.h"
+#include "tests/nodes/near.h"
+
+#define DEADLINE_S 20
+
+static char run_dir[64];
+
+static int set_up(void **state)
+{
+    (void)state;
+    strcpy(run_dir, "/tmp/anlos-topic-XXXXXX");
+    return mkdtemp(run_dir) ? 0 : -1;
+}
+
+static void list_shows_every_topic_of_the_table(void **state)
+{
+    (void)state;
+    struct command_result r;
+    char *words[] = {"topic", "list", NULL};
+    command_run(&r, command_topic, words);
+    assert_int_equal(r.code, 0);
+    for (const struct topic *t = topics_all(); t->name; t++) {
+        assert_non_null(strstr(r.out, t->name));
+        assert_non_null(strstr(r.out, t->schema->name));
+    }
+}
+
+static void nothing_running_is_said_clearly(void **state)
+{
+    (void)state;
+    struct command_result r;
+    char *echo[] = {"topic", "echo", "ping", "--run-dir", run_dir, NULL};
+    char *hz[] = {"topic", "hz", "--run-dir", run_dir, NULL};
+    char **all[] = {echo, hz};
+    for (int i = 0; i < 2; i++) {
+        command_run(&r, command_topic, all[i]);
+        assert_int_equal(r.code, 1);
+        assert_non_null(strstr(r.err, "nothing is running"));
+        assert_non_null(strstr(r.err, run_dir));
+        assert_string_equal(r.out, "");
+    }
+}
+
+static void wrong_arguments_are_refused(void **state)
+{
+    (void)state;
+    struct command_result r;
+    char *none[] = {"topic", NULL}, *verb[] = {"topic", "list2", NULL};
+    char *which[] = {"topic", "echo", NULL}, *typo[] = {"topic", "echo", "pings", NULL};
+    char *count[] = {"topic", "echo", "ping", "--count", "0", NULL};
+    char *time[] = {"topic", "hz", "--seconds", "-3", NULL};
+    char **all[] = {none, verb, which, typo, count, time};
+    static const char *const texts[] = {"is missing",         "list2",
+                                        "expected one topic", "pings: no such topic",
+                                        "--count 0",          "--seconds -3"};
+    for (size_t i = 0; i < 6; i++) {
+        command_run(&r, command_topic, all[i]);
+        assert_int_equal(r.code, 2);
+        assert_non_null(strstr(r.err, texts[i]));
+    }
+}
+
+static double now_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* Publishes states until the child has written something or ended, then reads its output
+ * to the end. */
+static size_t publish_until_answered(int fd, char *text, size_t size)
+{
+    struct bus_config cfg = {.node = "stage", .run_dir = run_dir, .epoch_ns = 1};
+    struct complaint why = {0};
+    struct bus *bus;
+    size_t used = 0;
+    double deadline_s = now_s() + DEADLINE_S;
+    struct pollfd p = {.fd = fd, .events = POLLIN};
+    Anlos__StageState m = ANLOS__STAGE_STATE__INIT;
+    m.state = ANLOS__STAGE_STATE__STATE__MOVING;
+    m.position_m = 0.25;
+    m.text = "on its way";
+    assert_int_equal(bus_create(&bus, &cfg, &why), 0);
+    while (!poll(&p, 1, 5)) { /* the time between two states */
+        assert_true(now_s() < deadline_s);
+        assert_int_equal(bus_publish_message(bus, topic_stage_state(), 11, 22, &m.base),
+                         0);
+    }
+    assert_true(topic_watch_alive(run_dir));
+    for (ssize_t n; used + 1 < size && (n = read(fd, text + used, size - 1 - used)) > 0;)
+        used += (size_t)n;
+    text[used] = '\0';
+    bus_destroy(bus);
+    return used;
+}
+
+static int ended(pid_t pid)
+{
+    int status;
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+static void echo_prints_a_message_as_one_line_of_json(void **state)
+{
+    (void)state;
+    char text[4096];
+    int out, err;
+    char *words[] = {"topic",  "echo",      "stage/state", "--count", "2",
+                     "--wait", "--run-dir", run_dir,       NULL};
+    pid_t pid = command_start(command_topic, words, &out, &err);
+    publish_until_answered(out, text, sizeof text);
+    /* one may have come alone: the second needs more states only if the first was printed
+     * before it arrived, and then both are in the pipe at its end */
+    kill(pid, SIGTERM);
+    int code = ended(pid);
+    assert_true(code == 0 || code == 130);
+    close(out);
+    close(err);
+    char *end = strchr(text, '\n');
+    assert_non_null(end);
+    *end = '\0';
+    json_t *j = json_loads(text, 0, NULL);
+    assert_non_null(j);
+    assert_string_equal(json_string_value(json_object_get(j, "topic")), "stage/state");
+    assert_string_equal(json_string_value(json_object_get(j, "from")), "stage");
+    assert_int_equal(json_integer_value(json_object_get(j, "capture_ns")), 11);
+    const json_t *content = json_object_get(j, "content");
+    assert_string_equal(json_string_value(json_object_get(content, "state")), "MOVING");
+    assert_near(json_real_value(json_object_get(content, "position_m")), 0.25, 0.0);
+    json_decref(j);
+}
+
+static void hz_counts_what_arrives(void **state)
+{
+    (void)state;
+    char text[4096];
+    int out, err;
+    unsigned long messages = 0;
+    char *words[] = {"topic",  "hz",        "stage/state", "--seconds", "0.5",
+                     "--wait", "--run-dir", run_dir,       NULL};
+    pid_t pid = command_start(command_topic, words, &out, &err);
+    publish_until_answered(out, text, sizeof text);
+    assert_int_equal(ended(pid), 0);
+    close(out);
+    close(err);
+    const char *row = strstr(text, "\nstage/state ");
+    assert_non_null(row);
+    assert_int_equal(sscanf(row, " stage/state %lu", &messages), 1);
+    assert_true(messages > 3);
+    assert_non_null(strstr(row, "Hz"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(list_shows_every_topic_of_the_table),
+        cmocka_unit_test(nothing_running_is_said_clearly),
+        cmocka_unit_test(wrong_arguments_are_refused),
+        cmocka_unit_test(echo_prints_a_message_as_one_line_of_json),
+        cmocka_unit_test(hz_counts_what_arrives),
+    };
+    int failed = cmocka_run_group_tests(tests, set_up, NULL);
+    char command[128];
+    snprintf(command, sizeof command, "rm -rf %s", run_dir);
+    return system(command) ? 1 : failed;
+}
