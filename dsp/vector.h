@@ -15,11 +15,10 @@
 #endif
 
 /* By features, never by a processor's name: GCC chooses "arch=haswell" on a Haswell
- * alone, and plain code on everything newer. */
+ * alone, and plain code on everything newer.  Not with clang 14: two static loops of one
+ * name in two files get one resolver, and the link fails. */
 #if !defined(__x86_64__) || !defined(__linux__) || defined(VECTOR_SANITIZED)
 #define VECTOR_CLONES
-#elif defined(__clang__) && __clang_major__ >= 14
-#define VECTOR_CLONES __attribute__((target_clones("default", "fma", "avx512f")))
 #elif !defined(__clang__) && __GNUC__ >= 12
 #define VECTOR_CLONES                                                                    \
     __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))

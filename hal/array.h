@@ -61,7 +61,7 @@ const struct survey *array_survey(const struct array *a);
 int array_fire(struct array *a, const struct array_shot *shot);
 
 /* Blocks until the next ping of the shot is recorded.  0, -ENODATA (the shot has ended),
- * -EINTR (a signal; call again or give up), other negative errno. */
+ * -EINTR (a signal; call again or give up), other negative errno, which end the shot. */
 int array_next(struct array *a, struct array_ping *out, struct complaint *why);
 
 void array_close(struct array *a);

@@ -221,7 +221,7 @@ static void row_finish(const struct backprojection *b, const struct sweep *s,
                        const struct row *w, size_t y, size_t z)
 {
     const struct grid *g = &b->grid;
-    float depth_m = (float)(g->origin_m[2] + g->step_m[2] * (double)z);
+    float depth_m = (float)(g->origin_m[2] + g->step_m[2] * (double)z - b->plane_z_m);
     float *out = b->image + (z * g->n[1] + y) * g->n[0];
     for (size_t x = 0; x < g->n[0]; x++) {
         size_t voxel = x + b->stride * b->lanes;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/lines.h"
 #include "recon/method.h"
 #include "recon/sinc.h"
 
@@ -23,8 +24,17 @@ static size_t n_traces(const struct backprojection *b)
 /* -- midpoints that several pairs share -------------------------------------------------
  */
 
+static double middle(const struct backprojection *b, size_t t, int axis)
+{
+    const struct geometry *g = &b->geometry;
+    size_t k = t / backprojection_pairs(b), pair = t % backprojection_pairs(b);
+    return 0.5 * (g->speakers_m[pair / g->n_microphones][axis] +
+                  g->microphones_m[pair % g->n_microphones][axis]) +
+           g->stage_axis[axis] * g->stage_positions_m[k];
+}
+
 struct middle {
-    long at[3]; /* in units of SAME_M */
+    uint32_t at[3]; /* lines of x, y, z */
     uint32_t trace;
 };
 
@@ -34,29 +44,37 @@ static int by_place(const void *a, const void *b)
                   sizeof((const struct middle *)a)->at);
 }
 
-static int number_midpoints(struct backprojection *b)
+static void number_cells(struct backprojection *b, struct middle *middles, size_t n)
 {
-    size_t n = n_traces(b);
-    struct middle *middles = calloc(n, sizeof *middles);
-    if (!middles)
-        return -ENOMEM;
-    for (size_t t = 0; t < n; t++) {
-        double s[3], m[3];
-        size_t k = t / backprojection_pairs(b), pair = t % backprojection_pairs(b);
-        geometry_speaker(&b->geometry, k, pair / b->geometry.n_microphones, s);
-        geometry_microphone(&b->geometry, k, pair % b->geometry.n_microphones, m);
-        for (int a = 0; a < 3; a++)
-            middles[t].at[a] = lrint(0.5 * (s[a] + m[a]) / SAME_M);
-        middles[t].trace = (uint32_t)t;
-    }
     qsort(middles, n, sizeof *middles, by_place);
     for (size_t t = 0; t < n; t++) {
         if (t == 0 || by_place(&middles[t - 1], &middles[t]) != 0)
             b->n_cells++;
         b->cell[middles[t].trace] = (uint32_t)(b->n_cells - 1);
     }
+}
+
+static int number_midpoints(struct backprojection *b)
+{
+    size_t n = n_traces(b);
+    struct middle *middles = calloc(n, sizeof *middles);
+    double *lines = malloc(n * sizeof *lines);
+    if (middles && lines) {
+        for (int axis = 0; axis < 3; axis++) {
+            for (size_t t = 0; t < n; t++)
+                lines[t] = middle(b, t, axis);
+            size_t n_lines = lines_merge(lines, n, SAME_M);
+            for (size_t t = 0; t < n; t++)
+                middles[t].at[axis] = lines_nearest(lines, n_lines, middle(b, t, axis));
+        }
+        for (size_t t = 0; t < n; t++)
+            middles[t].trace = (uint32_t)t;
+        number_cells(b, middles, n);
+    }
+    int err = middles && lines ? 0 : -ENOMEM;
     free(middles);
-    return 0;
+    free(lines);
+    return err;
 }
 
 /* -- create -----------------------------------------------------------------------------
@@ -84,9 +102,9 @@ static void backprojection_destroy(void *state)
 static int allocate(struct backprojection *b)
 {
     size_t n = n_traces(b);
-    size_t groups = b->scan ? backprojection_pairs(b) : n;
+    b->n_groups = b->scan ? backprojection_pairs(b) : n;
     b->fine = malloc(b->upsampling * TAPS * sizeof *b->fine);
-    b->traces = calloc(groups * b->n_stored * b->lanes, 2 * sizeof *b->traces);
+    b->traces = calloc(b->n_groups * b->n_stored * b->lanes, 2 * sizeof *b->traces);
     b->cell = malloc(n * sizeof *b->cell);
     b->live = calloc(n, sizeof *b->live);
     b->weight = calloc(n, sizeof *b->weight);
@@ -114,9 +132,12 @@ static int backprojection_create(void **state, const struct imager_config *cfg,
     b->pool = cfg->pool;
     b->upsampling = (size_t)fmax(ceil(OVERSAMPLING * band_hz / b->in.rate_hz), 1.0);
     b->rate_hz = b->in.rate_hz * (double)b->upsampling;
-    b->n_stored = b->in.n_samples * b->upsampling + 2;
+    b->n_stored = b->in.n_samples * b->upsampling + 3;
     double mute_s = 2.0 * cfg->gate_m[0] / cfg->geometry->sound_speed_m_s - b->in.t0_s;
     b->muted = (size_t)fmax(ceil(mute_s * b->rate_hz), 0.0);
+    double low[3], high[3];
+    geometry_aperture(cfg->geometry, low, high);
+    b->plane_z_m = 0.5 * (low[2] + high[2]);
     int err = geometry_copy(&b->geometry, cfg->geometry);
     if (!err) {
         b->scan = backproject_scan_fits(b);
@@ -144,7 +165,7 @@ static void store_trace(const struct backprojection *b, size_t position, size_t 
                         const float complex *in)
 {
     long n = (long)b->in.n_samples;
-    for (size_t q = 1; q + 1 < b->n_stored; q++) {
+    for (size_t q = 1; q + 2 < b->n_stored; q++) {
         long first = (long)((q - 1) / b->upsampling) - (HALF_TAPS - 1);
         const double *w = b->fine + (q - 1) % b->upsampling * TAPS;
         double re = 0.0, im = 0.0;
@@ -189,11 +210,8 @@ static void scale_trace(struct backprojection *b, size_t t, float factor)
 static void backprojection_reset(void *state)
 {
     struct backprojection *b = state;
-    for (size_t t = 0; t < n_traces(b); t++) {
-        if (b->live[t])
-            scale_trace(b, t, 0.0f);
-        b->live[t] = false;
-    }
+    memset(b->traces, 0, b->n_groups * b->n_stored * b->lanes * 2 * sizeof *b->traces);
+    memset(b->live, 0, n_traces(b) * sizeof *b->live);
 }
 
 /* Every midpoint counts once, however many live pairs share it. */

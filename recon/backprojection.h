@@ -17,16 +17,17 @@ struct backprojection {
     struct grid grid;
     struct pool *pool;
     size_t upsampling;
-    size_t n_stored; /* samples of a stored trace; its first and last are 0 */
+    size_t n_stored; /* samples of a stored trace; its first and its last two are 0 */
     double rate_hz;
-    size_t muted; /* stored samples before the gate */
-    double *fine; /* interpolation weights of the stored rate */
+    double plane_z_m; /* depth counts from here: the middle of the array */
+    size_t muted;     /* stored samples before the gate */
+    double *fine;     /* interpolation weights of the stored rate */
 
     /* Traces lie in groups of `lanes`: [group][n_stored][re, im][lanes].  A scan's group
      * is a pair and its lanes the stage positions; otherwise each trace is a group of
      * one. */
     bool scan;
-    size_t lanes;
+    size_t lanes, n_groups;
     float *traces;
 
     uint32_t *cell; /* [position][pair]: number of its midpoint */

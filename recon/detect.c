@@ -15,6 +15,7 @@
 #define MODEL_RANGE   1e-3 /* speed of sound known to 0.1 % */
 #define MODEL_GRID    0.1  /* of a voxel */
 #define MODEL_EXTENT  0.05 /* of an extended object's size */
+#define POINT_VOXELS  4.0  /* that a point is wide when nothing better is known */
 #define POINT_WIDTHS  1.6  /* regions up to this many point widths are points */
 
 struct region { /* voxels that hang together around a peak */
@@ -160,7 +161,8 @@ static int find_peaks(const struct search *s, struct peak **out, size_t *n)
         }
         (*out)[(*n)++] = (struct peak){s->volume[v], (uint32_t)v};
     }
-    qsort(*out, *n, sizeof **out, strongest_first);
+    if (*n)
+        qsort(*out, *n, sizeof **out, strongest_first);
     return 0;
 }
 
@@ -265,7 +267,7 @@ static void describe(const struct search *s, const struct region *r, double stro
     for (int a = 0; a < 3; a++) {
         double size_m = g->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
         double width_m = s->cfg->resolution_m[a] > 0.0 ? s->cfg->resolution_m[a]
-                                                       : fit.width_m[a];
+                                                       : POINT_VOXELS * g->step_m[a];
         point = point && size_m < POINT_WIDTHS * width_m + 2.0 * g->step_m[a];
     }
     memcpy(d->position_m, fit.position_m, sizeof d->position_m);

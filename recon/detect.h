@@ -11,7 +11,7 @@ struct detect_config {
     double threshold_db;     /* above the volume's noise floor; 12 suits most scenes */
     double dynamic_range_db; /* below the brightest; sidelobes start at about -18 */
     double cluster_m;        /* bright places closer than this are one object */
-    double resolution_m[3];  /* -6 dB widths of a point's image; 0: estimated */
+    double resolution_m[3];  /* -6 dB widths of a point's image; 0: four voxels */
 };
 
 struct detection {

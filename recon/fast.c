@@ -57,7 +57,7 @@ static int create_stages(struct fast *f, const struct imager_config *cfg,
     struct trace_format colocated;
     colocated_format(&colocated, cfg, m);
     f->n_out = colocated.n_samples;
-    if (f->n_out < 16) {
+    if (f->n_out < FK_MIN_SAMPLES) {
         *why = "a gate that overlaps the volume";
         return -ENOTSUP;
     }

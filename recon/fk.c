@@ -312,8 +312,9 @@ static void image_row(void *ctx, size_t y, size_t thread)
     struct fk *m = g->fk;
     const size_t *n = m->grid.n;
     fftwf_complex *line = m->scratch[thread].line;
-    double cells = (double)(m->x.lines * m->y.lines);
-    float scale = (float)(1.0 / (cells * cells));
+    /* A sum over wavenumbers is an integral times their spacing, whatever the grid. */
+    double spacing = m->x.dk * m->y.dk * m->dkz / (double)(m->x.lines * m->y.lines);
+    float scale = (float)(spacing * spacing);
     fftwf_execute_dft(m->x_plan, m->half + y * n[2], line);
     for (size_t z = 0; z < n[2]; z++) {
         const fftwf_complex *from = line + z * m->x.n;

@@ -17,6 +17,8 @@
 #include "dsp/pulse_compress.h"
 #include "recon/grid.h"
 
+#define FK_MIN_SAMPLES 16 /* of a trace */
+
 struct fk_config {
     double sound_speed_m_s;
     size_t nx, ny;             /* lines of midpoints */

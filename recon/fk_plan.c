@@ -11,7 +11,7 @@
 #define TIME_PADDING  1.9 /* keeps the spectrum smooth enough for FK_TAPS taps */
 #define APERTURE_SINE 0.5 /* steeper waves add smear and aliases, hardly resolution */
 #define STEEPEST_SINE 0.9
-#define PERIOD_MARGIN 1.1
+#define PERIOD_MARGIN 1.2
 #define DEPTH_PADDING                                                                    \
     1.15 /* keeps what migrates below the grid from wrapping into it                     \
           */
@@ -181,8 +181,12 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
 {
     double depth_m = cfg->grid.origin_m[2] - cfg->plane_z_m;
     if (!cfg->nx || !cfg->ny || !grid_size(&cfg->grid) || !(depth_m > 0.0) ||
-        !cfg->trace.n_samples || !(cfg->band_hz[1] > cfg->band_hz[0]))
+        cfg->trace.n_samples < FK_MIN_SAMPLES || !(cfg->trace.rate_hz > 0.0) ||
+        !(cfg->sound_speed_m_s > 0.0) || !(cfg->band_hz[1] > cfg->band_hz[0]))
         return -EINVAL;
+    for (int a = 0; a < 3; a++)
+        if (!(cfg->grid.step_m[a] > 0.0))
+            return -EINVAL;
     struct fk *m = calloc(1, sizeof *m);
     if (!m)
         return -ENOMEM;

@@ -79,3 +79,17 @@ void geometry_aperture(const struct geometry *g, double min[3], double max[3])
         max[a] = 0.5 * (s[1] + m[1]) + shift[1];
     }
 }
+
+void geometry_resolution(const struct geometry *g, const double band_hz[2],
+                         double range_m, double out[3])
+{
+    double min[3], max[3];
+    double wavelength_m = 2.0 * g->sound_speed_m_s / (band_hz[0] + band_hz[1]);
+    geometry_aperture(g, min, max);
+    for (int a = 0; a < 2; a++) {
+        double aperture_m = max[a] - min[a];
+        out[a] = aperture_m > 0.0 ? 1.207 * wavelength_m * range_m / (2.0 * aperture_m)
+                                  : INFINITY;
+    }
+    out[2] = g->sound_speed_m_s / (band_hz[1] - band_hz[0]);
+}

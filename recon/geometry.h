@@ -26,4 +26,10 @@ void geometry_microphone(const struct geometry *g, size_t position, size_t micro
 /* Smallest and largest coordinates of the pairs' midpoints. */
 void geometry_aperture(const struct geometry *g, double min[3], double max[3]);
 
+/* -6 dB widths of a point's image before the middle of the aperture: lateral ones of a
+ * rectangular aperture (1.207 lambda R / 2 D), depth of a Hann-windowed band (c / B).
+ * An axis without aperture has no resolution: infinity. */
+void geometry_resolution(const struct geometry *g, const double band_hz[2],
+                         double range_m, double out[3]);
+
 #endif

@@ -8,12 +8,10 @@
 /* Beyond the array's own footprint a mirror-like object sends nothing back to it. */
 #define MARGIN_M 0.05
 
-/* Voxels in lambda R / 2D and in c / 2B: what a peak's position needs to be read to a
- * fiftieth of its width. */
-#define STEPS_LATERAL 3.0
-#define STEPS_DEPTH   1.8
-#define MIN_STEP_M    0.005
-#define MAX_STEP_M    0.05
+/* Voxels in the width of a point: what its position needs to be read to a fiftieth. */
+#define STEPS      3.6
+#define MIN_STEP_M 0.005
+#define MAX_STEP_M 0.05
 
 static double nice_step(double step)
 {
@@ -47,20 +45,16 @@ void grid_default(struct grid *out, const struct geometry *g, const double gate_
 {
     double min[3], max[3];
     geometry_aperture(g, min, max);
-    double bandwidth_hz = band_hz[1] - band_hz[0];
-    double wavelength_m = 2.0 * g->sound_speed_m_s / (band_hz[0] + band_hz[1]);
-    double range_m = 0.5 * (gate_m[0] + gate_m[1]);
+    double width_m[3];
+    geometry_resolution(g, band_hz, 0.5 * (gate_m[0] + gate_m[1]), width_m);
     for (int a = 0; a < 2; a++) {
-        double aperture_m = fmax(max[a] - min[a], wavelength_m);
-        double width_m = 0.5 * wavelength_m * range_m / aperture_m;
-        double step_m =
-            nice_step(fmin(fmax(width_m / STEPS_LATERAL, MIN_STEP_M), MAX_STEP_M));
+        double step_m = fmin(fmax(width_m[a] / STEPS, MIN_STEP_M), MAX_STEP_M);
+        step_m = nice_step(step_m);
         if (a == 0)
             step_m = divide_pitch(g, step_m);
         set_axis(out, a, min[a] - MARGIN_M, max[a] + MARGIN_M, step_m);
     }
-    double width_m = 0.5 * g->sound_speed_m_s / bandwidth_hz;
-    double step_m = nice_step(width_m / STEPS_DEPTH);
+    double step_m = nice_step(width_m[2] / STEPS);
     double first_m = ceil((max[2] + gate_m[0]) / step_m - 1e-6) * step_m;
     set_axis(out, 2, first_m, max[2] + gate_m[1], step_m);
 }
@@ -70,7 +64,7 @@ int grid_from_limits(struct grid *out, const double limits[3][3])
     double voxels = 1.0;
     for (int a = 0; a < 3; a++) {
         double min = limits[a][0], max = limits[a][1], step = limits[a][2];
-        if (!(step > 0.0) || !(max >= min) || !isfinite(max - min))
+        if (!(step > 0.0) || !(max >= min) || !isfinite(max - min + step))
             return -EINVAL;
         voxels *= floor((max - min) / step + 1e-6) + 1.0;
         if (voxels > (double)MAX_VOXELS)

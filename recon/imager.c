@@ -1,6 +1,7 @@
 #include "recon/imager.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,6 +32,20 @@ static const struct imager_method *find(const char *name)
     return NULL;
 }
 
+static bool sensible(const struct imager_config *cfg)
+{
+    const struct geometry *g = cfg->geometry;
+    const struct trace_format *f = &cfg->format;
+    bool ok = g->n_speakers && g->n_microphones && g->n_positions && f->n_samples &&
+              grid_size(&cfg->grid) && cfg->pool;
+    ok = ok && g->sound_speed_m_s > 0.0 && isfinite(g->sound_speed_m_s);
+    ok = ok && f->rate_hz > 0.0 && isfinite(f->rate_hz) && isfinite(f->t0_s);
+    ok = ok && cfg->band_hz[0] >= 0.0 && cfg->band_hz[1] > cfg->band_hz[0];
+    for (int a = 0; a < 3; a++)
+        ok = ok && cfg->grid.step_m[a] > 0.0 && isfinite(cfg->grid.origin_m[a]);
+    return ok;
+}
+
 int imager_create(struct imager **out, const struct imager_config *cfg, const char **why)
 {
     const char *unused;
@@ -40,6 +55,8 @@ int imager_create(struct imager **out, const struct imager_config *cfg, const ch
     const struct imager_method *method = find(cfg->method);
     if (!method)
         return -ENOENT;
+    if (!sensible(cfg))
+        return -EINVAL;
     struct imager *im = calloc(1, sizeof *im);
     if (!im)
         return -ENOMEM;

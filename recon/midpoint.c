@@ -4,42 +4,10 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "recon/lines.h"
+
 #define SAME_M    1e-3 /* coordinates closer than this are one line */
 #define MAX_CELLS 262144
-
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* Merges values[n] (sorted in place) into lines; returns how many. */
-static size_t merge(double *values, size_t n, double tolerance)
-{
-    qsort(values, n, sizeof *values, by_value);
-    size_t lines = 0;
-    for (size_t i = 0; i < n;) {
-        size_t first = i;
-        double sum = 0.0;
-        while (i < n && values[i] - values[first] <= tolerance)
-            sum += values[i++];
-        values[lines++] = sum / (double)(i - first);
-    }
-    return lines;
-}
-
-static uint32_t nearest(const double *lines, size_t n, double value)
-{
-    size_t low = 0, high = n;
-    while (high - low > 1) {
-        size_t middle = (low + high) / 2;
-        if (value < 0.5 * (lines[middle - 1] + lines[middle]))
-            high = middle;
-        else
-            low = middle;
-    }
-    return (uint32_t)low;
-}
 
 static int check_plane(const struct geometry *g, const char **why)
 {
@@ -74,10 +42,10 @@ static int sort_axis(const struct geometry *g, size_t n_pairs, int axis, double 
         return -ENOMEM;
     for (size_t q = 0; q < n; q++)
         (*lines)[q] = coordinate(g, q / n_pairs, q % n_pairs, axis);
-    *n_lines = merge(*lines, n, SAME_M);
+    *n_lines = lines_merge(*lines, n, SAME_M);
     for (size_t q = 0; q < n; q++)
-        (*places)[q] =
-            nearest(*lines, *n_lines, coordinate(g, q / n_pairs, q % n_pairs, axis));
+        (*places)[q] = lines_nearest(*lines, *n_lines,
+                                     coordinate(g, q / n_pairs, q % n_pairs, axis));
     return 0;
 }
 
@@ -96,9 +64,9 @@ static int sort_offsets(struct midpoints *m, const struct geometry *g)
         return -ENOMEM;
     for (size_t p = 0; p < m->n_pairs; p++)
         m->half_offset_m[p] = half_offset(g, p);
-    m->n_offsets = merge(m->half_offset_m, m->n_pairs, 0.1 * SAME_M);
+    m->n_offsets = lines_merge(m->half_offset_m, m->n_pairs, 0.1 * SAME_M);
     for (size_t p = 0; p < m->n_pairs; p++)
-        m->offset[p] = nearest(m->half_offset_m, m->n_offsets, half_offset(g, p));
+        m->offset[p] = lines_nearest(m->half_offset_m, m->n_offsets, half_offset(g, p));
     return 0;
 }
 

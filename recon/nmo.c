@@ -25,7 +25,7 @@ struct nmo {
 static double taper(size_t n, size_t size, double t_s, const struct nmo_config *cfg)
 {
     double after_mute = (t_s - cfg->mute_s) * cfg->out.rate_hz;
-    double edge = fmin(fmin((double)n, (double)(size - 1 - n)) + 1.0, after_mute + 1.0);
+    double edge = fmin(fmin((double)n, (double)(size - 1 - n)) + 1.0, after_mute);
     if (edge <= 0.0)
         return 0.0;
     if (edge >= TAPER_LENGTH)

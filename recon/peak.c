@@ -92,7 +92,7 @@ void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr,
                              g->step_m[a] *
                                  ((double)at[a] + fmin(fmax(shift, -1.0), 1.0));
     }
-    double scale = 0.5 / fmax(snr, 1.0);
+    double scale = 1.0 / fmax(snr, 1.0);
     for (int a = 0, q = 0; a < 3; a++)
         for (int b = a; b < 3; b++, q++)
             out->covariance_m2[q] = scale * c[a][b] * g->step_m[a] * g->step_m[b];

@@ -10,7 +10,9 @@
 struct peak_fit {
     double position_m[3];
     double width_m[3];       /* -6 dB of the intensity */
-    double covariance_m2[6]; /* xx xy xz yy yz zz: inverse curvature over twice the SNR */
+    double covariance_m2[6]; /* xx xy xz yy yz zz: inverse curvature over the SNR
+                              * (Cramer-Rao; the curvature is the intensity's, twice the
+                              * amplitude's)  */
 };
 
 /* voxel: index of a local maximum of intensity; snr: its intensity over the noise's.  On

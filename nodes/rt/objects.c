@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nodes/rt/processing.h"
 #include "recon/wall.h"
 
 static Anlos__Vec3 *vec3_create(const double v[3])
@@ -112,8 +113,16 @@ int objects_find(Anlos__DetectionList **out, const struct survey *s,
                  const float *intensity)
 {
     struct detection found[OBJECTS_MAX];
+    struct detect_config resolved = *cfg;
+    struct geometry geometry;
     size_t n = 0;
-    int err = detect_objects(cfg, grid, intensity, found, OBJECTS_MAX, &n);
+    double band_hz[2] = {fmin(s->chirp_start_hz, s->chirp_stop_hz),
+                         fmax(s->chirp_start_hz, s->chirp_stop_hz)};
+    double middle_m = grid->origin_m[2] + 0.5 * (double)grid->n[2] * grid->step_m[2];
+
+    processing_geometry(&geometry, s);
+    geometry_resolution(&geometry, band_hz, middle_m, resolved.resolution_m);
+    int err = detect_objects(&resolved, grid, intensity, found, OBJECTS_MAX, &n);
     return err ? err : objects_list(out, s, found, n);
 }
 

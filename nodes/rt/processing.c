@@ -6,14 +6,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define GATE_NEAR_LEAST_M   0.3
-#define GATE_FAR_M          4.0
-#define DIRECT_CLEARANCE_M  0.1  /* behind the direct path: its sidelobes and the stand */
-#define VOLUME_CLEARANCE_M  0.05 /* before the nearest voxel: the interpolators' taps */
-#define TRACE_OVERSAMPLING  2.0
-#define TAIL_MARGIN_SAMPLES 32 /* a fractional latency and the replica's last sample */
+#include "hal/tail.h"
 
-static void plan_geometry(struct geometry *g, const struct survey *s)
+#define GATE_NEAR_LEAST_M  0.3
+#define GATE_FAR_M         4.0
+#define DIRECT_CLEARANCE_M 0.1  /* behind the direct path: its sidelobes and the stand */
+#define VOLUME_CLEARANCE_M 0.05 /* before the nearest voxel: the interpolators' taps */
+#define TRACE_OVERSAMPLING 2.0
+
+void processing_geometry(struct geometry *g, const struct survey *s)
 {
     memset(g, 0, sizeof *g);
     g->sound_speed_m_s = s->sound_speed_m_s;
@@ -112,7 +113,7 @@ int processing_plan(struct processing *out, const struct survey *s, struct compl
     double reach_s = slot_reach_s(s), delays_s[2];
     int err;
 
-    plan_geometry(&p.geometry, s);
+    processing_geometry(&p.geometry, s);
     p.band_hz[0] = fmin(s->chirp_start_hz, s->chirp_stop_hz);
     p.band_hz[1] = fmax(s->chirp_start_hz, s->chirp_stop_hz);
     err = plan_gate(&p, s, reach_s, why);
@@ -139,13 +140,7 @@ int processing_plan(struct processing *out, const struct survey *s, struct compl
 
     p.gate_s[0] = fmax(2.0 * p.gate_m[0] / s->sound_speed_m_s, delays_s[0]);
     p.gate_s[1] = fmin(delays_s[1], reach_s);
-    double ping = s->latency_samples +
-                  (p.gate_s[1] + s->chirp_duration_s) * s->sample_rate_hz;
-    p.ping_samples = (size_t)ceil(ping) + TAIL_MARGIN_SAMPLES;
-    if (p.ping_samples < s->slot_samples)
-        p.ping_samples = s->slot_samples;
-    if (p.ping_samples > 2 * s->slot_samples)
-        p.ping_samples = 2 * s->slot_samples;
+    p.ping_samples = s->slot_samples + tail_samples(s);
     *out = p;
     return 0;
 }

@@ -18,6 +18,9 @@ struct processing {
     size_t ping_samples; /* slot and tail */
 };
 
+/* The geometry of a survey; borrows its arrays. */
+void processing_geometry(struct geometry *g, const struct survey *s);
+
 /* The survey must outlive *out.  0, -EINVAL (gate beyond the slot; the complaint names
  * the field and the limit), -EFBIG. */
 int processing_plan(struct processing *out, const struct survey *s,

@@ -17,7 +17,9 @@
 #include "nodes/rt/processing.h"
 
 enum { POSITIONS = 32, SPEAKERS = 16, MICS = 16, SLOT = 3000, TAIL = 1500 };
-enum { FRAMES = SPEAKERS * SLOT + TAIL, MAX_THREADS = 2, RUNS = 7 };
+enum { FRAMES = SPEAKERS * SLOT + TAIL, MAX_THREADS = 2, MAX_RUNS = 9 };
+
+#define ENOUGH_S 10.0 /* of one method on one number of threads */
 
 struct bench {
     struct survey survey;
@@ -140,29 +142,32 @@ static void release(struct bench *b)
 
 static int run(struct bench *b, const char *method, size_t threads, struct complaint *why)
 {
-    double total_s[RUNS], stack_s[RUNS], planned_s = clock_s();
+    double total_s[MAX_RUNS], stack_s[MAX_RUNS], planned_s = clock_s(), spent_s = 0.0;
+    size_t runs = 0;
     int err = plan(b, method, threads, why);
     planned_s = clock_s() - planned_s;
-    for (int r = 0; !err && r < RUNS; r++) {
+    for (; !err && runs < MAX_RUNS && spent_s < ENOUGH_S; runs++) {
         imager_reset(b->imager);
         double began_s = clock_s();
         pool_run(b->pool, POSITIONS, process_position, b);
-        stack_s[r] = clock_s() - began_s;
+        stack_s[runs] = clock_s() - began_s;
         imager_image(b->imager, b->intensity);
-        total_s[r] = clock_s() - began_s;
+        total_s[runs] = clock_s() - began_s;
+        spent_s += total_s[runs];
     }
     release(b);
     if (err)
         return err;
-    qsort(total_s, RUNS, sizeof *total_s, compare);
-    qsort(stack_s, RUNS, sizeof *stack_s, compare);
+    qsort(total_s, runs, sizeof *total_s, compare);
+    qsort(stack_s, runs, sizeof *stack_s, compare);
     struct rusage usage;
     getrusage(RUSAGE_SELF, &usage);
     printf(
         "%-15s %zu thread%s  min %.4f  median %.4f s  (to the last ping %.4f, planning "
-        "%.2f)  peak so far %ld MB\n",
-        method, threads, threads == 1 ? " " : "s", total_s[0], total_s[RUNS / 2],
-        stack_s[RUNS / 2], planned_s, usage.ru_maxrss / 1024);
+        "%.2f, %zu runs)  peak so far %ld MB\n",
+        method, threads, threads == 1 ? " " : "s", total_s[0], total_s[runs / 2],
+        stack_s[runs / 2], planned_s, runs, usage.ru_maxrss / 1024);
+    fflush(stdout);
     return 0;
 }
 

@@ -1,4 +1,4 @@
-/* tests/nodes/scene.h -- the small simulated scene launch/scenes/point.yaml as messages:
+/* tests/nodes/scene.h -- the small simulated scene point.yaml beside it as messages:
  * its survey, and any of its pings. */
 #ifndef ANLOS_TESTS_NODES_SCENE_H
 #define ANLOS_TESTS_NODES_SCENE_H

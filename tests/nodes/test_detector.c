@@ -46,9 +46,9 @@ static void add_blob(struct rig *r, const double at_m[3], double peak)
                 double dx = origin_m[0] + 0.02 * x - at_m[0];
                 double dy = origin_m[1] + 0.02 * y - at_m[1];
                 double dz = origin_m[2] + 0.01 * z - at_m[2];
-                r->intensity[z][y][x] += (float)(
-                    peak * exp(-(dx * dx + dy * dy) / (2 * 0.025 * 0.025) -
-                               dz * dz / (2 * 0.012 * 0.012)));
+                r->intensity[z][y][x] +=
+                    (float)(peak * exp(-(dx * dx + dy * dy) / (2 * 0.025 * 0.025) -
+                                       dz * dz / (2 * 0.012 * 0.012)));
             }
         }
     }
@@ -58,7 +58,7 @@ static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
 
-    if (!r || scene_open(&r->scene, SOURCE_DIR "/launch/scenes/point.yaml"))
+    if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
         return -1;
     detector_init(&r->detector, &config);
     if (detector_survey(&r->detector, r->scene.survey, NULL))

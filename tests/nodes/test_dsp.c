@@ -27,7 +27,7 @@ static int open_rig(void **state, bool background)
     const struct dsp_config cfg = {.window = WINDOW_HANN, .background = background};
     struct rig *r = calloc(1, sizeof *r);
 
-    if (!r || scene_open(&r->scene, SOURCE_DIR "/launch/scenes/point.yaml") ||
+    if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml") ||
         dsp_create(&r->dsp, &cfg) || dsp_survey(r->dsp, r->scene.survey, NULL))
         return -1;
     *state = r;
@@ -54,7 +54,8 @@ static int teardown(void **state)
     return 0;
 }
 
-static void send_ping(struct rig *r, Anlos__Pass pass, uint32_t position, uint32_t speaker)
+static void send_ping(struct rig *r, Anlos__Pass pass, uint32_t position,
+                      uint32_t speaker)
 {
     scene_ping(&r->scene, pass, position, speaker, &r->ping);
     dsp_ping(r->dsp, &r->ping, &r->out);
@@ -177,9 +178,9 @@ static void the_echo_stands_where_geometry_says(void **state)
             from[i] = s->speakers_m[speaker][i] + shift_m * s->stage_axis[i];
             to[i] = s->microphones_m[m][i] + shift_m * s->stage_axis[i];
         }
-        double delay_s = (distance_m(from, object->virtual_m) +
-                          distance_m(object->virtual_m, to)) /
-                         s->sound_speed_m_s;
+        double delay_s =
+            (distance_m(from, object->virtual_m) + distance_m(object->virtual_m, to)) /
+            s->sound_speed_m_s;
         assert_true(peak(t, m, &at) > 0.0);
         assert_near(t->t0_s + (double)at / t->rate_hz, delay_s, 0.75 / t->rate_hz);
         assert_false(t->masked[m]);

@@ -50,18 +50,18 @@ static void what_is_left_out_has_its_default(void **state)
 
 static void everything_can_be_set(void **state)
 {
-    struct launchfile *l = load(
-        *state,
-        "nodes: [array, scan]\n"
-        "array: {uri: 'wav:/rec'}\n"
-        "stage: {uri: 'none:'}\n"
-        "scan: {background: true, window: 5, retries: 0, timeout_s: 0.5}\n"
-        "dsp: {window: hamming, compression: deramp}\n"
-        "recon: {method: backprojection, threads: 3, preview: false}\n"
-        "track: {threshold_db: 20, min_existence: 0.25}\n"
-        "can: {uri: 'socketcan:can0', base_id: 0x500}\n"
-        "report: {folder: /there}\n",
-        NULL);
+    struct launchfile *l =
+        load(*state,
+             "nodes: [array, scan]\n"
+             "array: {uri: 'wav:/rec'}\n"
+             "stage: {uri: 'none:'}\n"
+             "scan: {background: true, window: 5, retries: 0, timeout_s: 0.5}\n"
+             "dsp: {window: hamming, compression: deramp}\n"
+             "recon: {method: backprojection, threads: 3, preview: false}\n"
+             "track: {threshold_db: 20, min_existence: 0.25}\n"
+             "can: {uri: 'socketcan:can0', base_id: 0x500}\n"
+             "report: {folder: /there}\n",
+             NULL);
 
     assert_int_equal(l->n_nodes, 2);
     assert_true(launchfile_has_node(l, "scan"));
@@ -148,8 +148,10 @@ static void mistakes_are_named_with_file_and_line(void **state)
     struct launchfile *l = NULL;
     struct scratch *s = *state;
     const char *texts[] = {
-        "nodes: [can]\nscan: {windw: 3}\n",         "nodes:\n  - radar\n",
-        "nodes: [can]\ndsp: {window: blackman}\n",  "nodes: [can]\nscan: {window: many}\n",
+        "nodes: [can]\nscan: {windw: 3}\n",
+        "nodes:\n  - radar\n",
+        "nodes: [can]\ndsp: {window: blackman}\n",
+        "nodes: [can]\nscan: {window: many}\n",
         "nodes: [can]\nreport: {folder: a}\nwhat: 1\n",
     };
     const char *words[] = {"2: ", "2: ", "2: ", "2: ", "3: "};

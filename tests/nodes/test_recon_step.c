@@ -33,10 +33,9 @@ static int setup(void **state)
         .method = "fast", .threads = 2, .window = WINDOW_HANN};
     struct rig *r = calloc(1, sizeof *r);
 
-    if (!r || scene_open(&r->scene, SOURCE_DIR "/launch/scenes/point.yaml") ||
+    if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml") ||
         dsp_create(&r->dsp, &dsp) || dsp_survey(r->dsp, r->scene.survey, NULL) ||
-        recon_create(&r->recon, &recon) ||
-        recon_survey(r->recon, r->scene.survey, NULL))
+        recon_create(&r->recon, &recon) || recon_survey(r->recon, r->scene.survey, NULL))
         return -1;
     *state = r;
     return 0;

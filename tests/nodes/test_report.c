@@ -38,8 +38,7 @@ static void tell_volume(struct report *r, bool preview, int64_t capture_ns,
     m.preview = preview;
     m.origin_m = &v;
     m.step_m = &v;
-    m.intensity =
-        tensor_borrow_f32(&view, intensity, 3, (size_t)2, (size_t)3, (size_t)4);
+    m.intensity = tensor_borrow_f32(&view, intensity, 3, (size_t)2, (size_t)3, (size_t)4);
     m.method = (char *)"fast";
     m.pings_used = 23;
     m.pings_expected = 24;
@@ -167,7 +166,7 @@ static void the_length_of_a_ping_comes_from_the_survey(void **state)
     struct scene scene;
 
     (void)state;
-    assert_int_equal(scene_open(&scene, SOURCE_DIR "/launch/scenes/point.yaml"), 0);
+    assert_int_equal(scene_open(&scene, SOURCE_DIR "/tests/nodes/point.yaml"), 0);
     report_init(&r);
     assert_true(isnan(r.ping_s));
     assert_int_equal(report_survey(&r, scene.survey), 0);

@@ -1,5 +1,6 @@
 /* The scan against a small world of its own: a stage that moves, an array that records, a
- * dsp and a recon that acknowledge; each can lose things, refuse them, or be restarted. */
+ * dsp and a recon that acknowledge; each can lose things, refuse them, or be restarted.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -168,8 +169,8 @@ static void take_fire(struct world *w, const Anlos__FireCommand *c)
         assert_true(c->speakers[i] < N_SPEAKERS);
         assert_true(w->n_queue < QUEUE);
         w->fired[c->pass][c->position][c->speakers[i]]++;
-        w->queue[w->n_queue++] = (struct ping){c->pass, c->scan, c->position,
-                                               c->speakers[i], c->stage_m};
+        w->queue[w->n_queue++] =
+            (struct ping){c->pass, c->scan, c->position, c->speakers[i], c->stage_m};
     }
     if (w->n_queue > w->most_under_way)
         w->most_under_way = (unsigned)w->n_queue;

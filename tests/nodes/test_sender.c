@@ -58,8 +58,8 @@ static void a_list_is_header_time_and_three_frames_an_object(void **state)
     struct sender s;
     struct list l;
     struct can_frame_data f[SENDER_MAX_FRAMES], expected;
-    static const uint32_t ids[] = {0x502, 0x503, 0x504, 0x505, 0x506,
-                                   0x504, 0x505, 0x506};
+    static const uint32_t ids[] = {0x502, 0x503, 0x504, 0x505,
+                                   0x506, 0x504, 0x505, 0x506};
 
     (void)state;
     sender_init(&s, 0x500);
@@ -131,9 +131,8 @@ static void more_objects_than_fit_are_cut_off_and_said(void **state)
     fill(&l, 40);
     assert_int_equal(sender_list(&s, &l.message, 0, 7 * MS, f), SENDER_MAX_FRAMES);
     can_pack_list_header(&expected, 0x400,
-                         &(struct can_list_header){.number = CAN_MAX_OBJECTS,
-                                                   .counter = 5,
-                                                   .truncated = true});
+                         &(struct can_list_header){
+                             .number = CAN_MAX_OBJECTS, .counter = 5, .truncated = true});
     assert_frame(&f[0], &expected);
 }
 
@@ -156,8 +155,10 @@ static void assert_status(const struct sender *s, enum can_state state,
                           enum can_source source)
 {
     struct can_frame_data f, expected;
-    const struct can_status status = {
-        .state = state, .source = source, .temperature_c = 20.0, .sound_speed_m_s = 343.2};
+    const struct can_status status = {.state = state,
+                                      .source = source,
+                                      .temperature_c = 20.0,
+                                      .sound_speed_m_s = 343.2};
 
     sender_status(s, &f);
     can_pack_status(&expected, 0x400, &status);

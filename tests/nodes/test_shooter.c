@@ -69,7 +69,7 @@ static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
 
-    if (!r || room_load(&r->array.room, SOURCE_DIR "/launch/scenes/point.yaml", NULL) ||
+    if (!r || room_load(&r->array.room, SOURCE_DIR "/tests/nodes/point.yaml", NULL) ||
         shooter_create(&r->shooter, &r->array))
         return -1;
     *state = r;

@@ -13,8 +13,8 @@ static void hide(struct truth *t, double x, double y, double z)
 
 static void find(struct truth *t, double x, double y, double z)
 {
-    t->detections[t->n_detections++] = (struct truth_detection){
-        .position_m = {x, y, z}, .existence = 0.9, .object = -1};
+    t->detections[t->n_detections++] =
+        (struct truth_detection){.position_m = {x, y, z}, .existence = 0.9, .object = -1};
 }
 
 static void the_nearest_pairs_match_whatever_their_order(void **state)
@@ -66,15 +66,15 @@ static void detections_and_scene_are_read_in_the_same_frame(void **state)
                   "{\"frame\": \"vehicle\", \"mirrored_at_wall\": true, \"detections\": "
                   "[{\"position_m\": [0.4, 0.2, 0.44], \"existence\": 0.8}]}");
     if (truth_read_detections(&t, s->folder, &why) ||
-        truth_read_scene(&t, SOURCE_DIR "/launch/scenes/point.yaml", &why))
+        truth_read_scene(&t, SOURCE_DIR "/tests/nodes/point.yaml", &why))
         fail_msg("%s", why.text);
     assert_int_equal(t.n_detections, 1);
     assert_near(t.detections[0].existence, 0.8, 0.0);
-    /* (0.18, 0.14, 0.4) in the array frame; the mount turns x y z to y z x, 0.3 m up. */
+    /* (0.13, 0.11, 0.4) in the array frame; the mount turns x y z to y z x, 0.3 m up. */
     assert_int_equal(t.n_objects, 1);
     assert_near(t.objects[0].position_m[0], 0.4, 1e-12);
-    assert_near(t.objects[0].position_m[1], 0.18, 1e-12);
-    assert_near(t.objects[0].position_m[2], 0.44, 1e-12);
+    assert_near(t.objects[0].position_m[1], 0.13, 1e-12);
+    assert_near(t.objects[0].position_m[2], 0.41, 1e-12);
     assert_string_equal(t.objects[0].name, "point (point)");
     truth_match(&t);
     assert_int_equal(t.objects[0].found, 0);
@@ -89,8 +89,7 @@ static void without_a_wall_the_images_are_compared(void **state)
                   "{\"frame\": \"array\", \"mirrored_at_wall\": false, "
                   "\"detections\": []}");
     assert_int_equal(truth_read_detections(&t, s->folder, NULL), 0);
-    assert_int_equal(truth_read_scene(&t, SOURCE_DIR "/launch/scenes/point.yaml", NULL),
-                     0);
+    assert_int_equal(truth_read_scene(&t, SOURCE_DIR "/tests/nodes/point.yaml", NULL), 0);
     assert_near(t.objects[0].position_m[2], 1.2, 1e-12);
 }
 

@@ -420,7 +420,9 @@ static void scales_that_make_no_sense_are_refused(void **state)
 static void a_trace_of_few_samples_is_migrated_or_refused(void **state)
 {
     (void)state;
-    for (size_t n = 1; n <= 20; n++) {
+    static const size_t counts[6] = {1, 2, 4, 7, 12, 20};
+    for (size_t q = 0; q < 6; q++) {
+        size_t n = counts[q];
         struct site s;
         struct fk *m = NULL;
         float complex gather[NX * NY * 20];
@@ -430,8 +432,8 @@ static void a_trace_of_few_samples_is_migrated_or_refused(void **state)
         s.cfg.trace = s.rig.format;
         s.cfg.trace.n_samples = n;
         s.cfg.grid = s.rig.grid;
-        for (size_t q = 0; q < NX * NY * 20; q++)
-            gather[q] = 1.0f;
+        for (size_t t = 0; t < NX * NY * 20; t++)
+            gather[t] = 1.0f;
         assert_int_equal(pool_create(&s.cfg.pool, 1), 0);
         int err = fk_create(&m, &s.cfg);
         assert_true(err == 0 || err == -EINVAL);

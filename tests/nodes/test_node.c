@@ -1,0 +1,216 @@
+/* A node in this process, and a bus that listens to it. */
+#include "tests/hal/scratch.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "msgs/bus.h"
+#include "msgs/scan.pb-c.h"
+#include "nodes/rt/node.h"
+
+#define DEADLINE_MS 20000
+
+struct rig {
+    struct scratch *scratch;
+    char launch[512];
+    struct node *node;
+};
+
+static int create(struct rig *r, const char *name, const char *option, const char *value)
+{
+    char *argv[] = {
+        (char *)"program",  (char *)"--launch", r->launch,     (char *)"--run-dir",
+        r->scratch->folder, (char *)option,     (char *)value, NULL};
+
+    return node_create(&r->node, name, "Does nothing.", option ? value ? 7 : 6 : 5, argv);
+}
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r || scratch_open((void **)&r->scratch))
+        return -1;
+    snprintf(r->launch, sizeof r->launch, "%s",
+             scratch_write(r->scratch, "a.yaml", "nodes: [scan]\n"));
+    *state = r;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+    void *scratch = r->scratch;
+
+    free(r);
+    return scratch_close(&scratch);
+}
+
+static struct bus *listen(const struct rig *r, const struct topic *t)
+{
+    const struct bus_config cfg = {
+        .node = "test", .run_dir = r->scratch->folder, .listen_only = true};
+    struct bus *b = NULL;
+
+    assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+    assert_int_equal(bus_subscribe(b, t), 0);
+    return b;
+}
+
+/* Keeps the node going until the bus has a message. */
+static ProtobufCMessage *hear(struct rig *r, struct bus *b)
+{
+    struct bus_message m;
+    struct node_message in;
+    int64_t end = node_now_ns(r->node) + DEADLINE_MS * 1000000LL;
+
+    while (bus_receive(b, &m, 0) == -ETIMEDOUT) {
+        assert_true(node_now_ns(r->node) < end);
+        node_next(r->node, &in, 10);
+    }
+    ProtobufCMessage *content = bus_message_unpack(&m);
+    bus_message_free(&m);
+    assert_non_null(content);
+    return content;
+}
+
+static void health_is_published_without_being_asked(void **state)
+{
+    struct rig *r = *state;
+
+    assert_int_equal(create(r, "scan", NULL, NULL), 0);
+    struct bus *b = listen(r, topic_health());
+    Anlos__Health *h = (Anlos__Health *)hear(r, b);
+    assert_string_equal(h->node, "scan");
+    assert_int_equal(h->pid, getpid());
+    assert_int_equal(h->state, ANLOS__HEALTH__STATE__STARTING);
+    assert_true(h->rss_bytes > 0);
+    assert_true(h->n_topics > 0);
+    anlos__health__free_unpacked(h, NULL);
+    bus_destroy(b);
+    assert_int_equal(node_finish(r->node, 0), 0);
+}
+
+static void a_change_of_state_is_said_at_once(void **state)
+{
+    struct rig *r = *state;
+
+    assert_int_equal(create(r, "scan", "--log-level", "error"), 0);
+    struct bus *b = listen(r, topic_health());
+    anlos__health__free_unpacked((Anlos__Health *)hear(r, b), NULL);
+    int64_t start = node_now_ns(r->node);
+    node_state(r->node, ANLOS__HEALTH__STATE__DEGRADED, "only %d of %d", 3, 4);
+    struct bus_message m;
+    assert_int_equal(bus_receive(b, &m, DEADLINE_MS), 0); /* the node does not turn */
+    Anlos__Health *h = (Anlos__Health *)bus_message_unpack(&m);
+    bus_message_free(&m);
+    assert_true(node_now_ns(r->node) >= start);
+    assert_int_equal(h->state, ANLOS__HEALTH__STATE__DEGRADED);
+    assert_string_equal(h->text, "only 3 of 4");
+    anlos__health__free_unpacked(h, NULL);
+    bus_destroy(b);
+    node_finish(r->node, 0);
+}
+
+static void messages_come_unpacked_with_their_sender(void **state)
+{
+    struct rig *r = *state;
+    struct node_message in;
+    Anlos__ScanStatus s = ANLOS__SCAN_STATUS__INIT;
+    int err = -ETIMEDOUT;
+
+    assert_int_equal(create(r, "scan", NULL, NULL), 0);
+    assert_int_equal(node_subscribe(r->node, topic_scan_status()), 0);
+    s.pings_done = 17;
+    for (int i = 0; i < 200 && err == -ETIMEDOUT; i++) { /* it has to connect first */
+        assert_int_equal(node_publish(r->node, topic_scan_status(), 123, &s.base), 0);
+        err = node_next(r->node, &in, 100);
+    }
+    assert_int_equal(err, 0);
+    assert_ptr_equal(in.topic, topic_scan_status());
+    assert_int_equal(((const Anlos__ScanStatus *)in.content)->pings_done, 17);
+    assert_string_equal(in.from, "scan");
+    assert_int_equal(in.capture_ns, 123);
+    assert_true(in.epoch_ns > 0 && in.publish_ns >= in.epoch_ns);
+    node_finish(r->node, 0);
+}
+
+static void waiting_ends_when_its_time_is_over(void **state)
+{
+    struct rig *r = *state;
+    struct node_message in;
+
+    assert_int_equal(create(r, "scan", NULL, NULL), 0);
+    int64_t start = node_now_ns(r->node);
+    assert_int_equal(node_next(r->node, &in, 0), -ETIMEDOUT);
+    assert_int_equal(node_next(r->node, &in, 50), -ETIMEDOUT);
+    assert_true(node_now_ns(r->node) - start >= 50000000);
+    node_finish(r->node, 0);
+}
+
+static void exit_codes_tell_bad_configuration_from_failure(void **state)
+{
+    struct rig *r = *state;
+    static const struct {
+        int err, code;
+    } cases[] = {{0, 0},       {-ESHUTDOWN, 0}, {-EINVAL, 2}, {-ENODEV, 2},
+                 {-ENOENT, 2}, {-EACCES, 2},    {-EIO, 1},    {-ENOMEM, 1}};
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        assert_int_equal(create(r, "scan", NULL, NULL), 0);
+        assert_int_equal(node_finish(r->node, cases[i].err), cases[i].code);
+    }
+}
+
+static void help_and_mistakes_end_the_program(void **state)
+{
+    struct rig *r = *state;
+
+    assert_int_equal(create(r, "scan", "--help", NULL), 1 + 0);
+    assert_int_equal(create(r, "scan", "--what", NULL), 1 + 2);
+    assert_int_equal(create(r, "scan", "--log-level", "loud"), 1 + 2);
+    scratch_write(r->scratch, "a.yaml", "nodes: [radar]\n");
+    assert_int_equal(create(r, "scan", NULL, NULL), 1 + 2);
+}
+
+static void a_name_can_be_had_only_once(void **state)
+{
+    struct rig *r = *state;
+    struct rig other = *r;
+
+    assert_int_equal(create(r, "scan", NULL, NULL), 0);
+    assert_int_equal(create(&other, "scan", NULL, NULL), 1 + 2);
+    node_finish(r->node, 0);
+}
+
+/* Last: the stop flag stays up. */
+static void a_signal_ends_the_wait_for_good(void **state)
+{
+    struct rig *r = *state;
+    struct node_message in;
+
+    assert_int_equal(create(r, "scan", NULL, NULL), 0);
+    raise(SIGTERM);
+    assert_int_equal(node_next(r->node, &in, -1), -ESHUTDOWN);
+    assert_int_equal(node_next(r->node, &in, 1000), -ESHUTDOWN);
+    node_finish(r->node, 0);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(health_is_published_without_being_asked),
+        TEST(a_change_of_state_is_said_at_once),
+        TEST(messages_come_unpacked_with_their_sender),
+        TEST(waiting_ends_when_its_time_is_over),
+        TEST(exit_codes_tell_bad_configuration_from_failure),
+        TEST(help_and_mistakes_end_the_program),
+        TEST(a_name_can_be_had_only_once),
+        TEST(a_signal_ends_the_wait_for_good),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
