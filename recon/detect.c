@@ -189,8 +189,15 @@ static void join(struct region *into, const struct region *r)
     }
 }
 
-/* Regions from the strongest peak down; one that lies close to a stronger one joins it.
- */
+/* A fainter neighbour is the smear around an object, not a part of its body. */
+static bool belongs(const struct search *s, const struct region *to,
+                    const struct region *r)
+{
+    return s->volume[r->peak] >= s->volume[to->peak] * pow(10.0, -0.1 * REGION_DB);
+}
+
+/* Regions from the strongest peak down; one close to a stronger one is no object of its
+ * own. */
 static int find_regions(struct search *s)
 {
     struct peak *peaks;
@@ -209,10 +216,10 @@ static int find_regions(struct search *s)
         while (near < s->n_regions &&
                gap(s->grid, &s->regions[near], &r) > s->cfg->cluster_m)
             near++;
-        if (near < s->n_regions)
-            join(&s->regions[near], &r);
-        else
+        if (near == s->n_regions)
             s->regions[s->n_regions++] = r;
+        else if (belongs(s, &s->regions[near], &r))
+            join(&s->regions[near], &r);
     }
     free(peaks);
     return err;

@@ -24,6 +24,19 @@ const char *imager_methods(void)
     return "fast\0backprojection\0";
 }
 
+void imager_options_default(struct imager_options *o)
+{
+    *o = (struct imager_options){
+        .base = "fast",
+        .iterations = 200,
+        .tolerance = 1e-4,
+        .l1 = 0.02,
+        .tv = 0.01,
+        .rho = 0.03,
+        .snr_db = 20.0,
+    };
+}
+
 static const struct imager_method *find(const char *name)
 {
     for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)

@@ -12,6 +12,20 @@
 #include "recon/geometry.h"
 #include "recon/grid.h"
 
+/* What some methods can be told; imager_options_default fills it in. */
+struct imager_options {
+    const char *base;  /* iterative: the method whose image it deconvolves, or "lct" */
+    size_t iterations; /* iterative, sparse: at most */
+    double tolerance;  /* iterative, sparse: relative residual that ends them */
+    double l1, tv;     /* iterative, sparse: weights relative to the data's largest */
+    bool tv_isotropic; /* iterative */
+    double rho;        /* iterative: penalty to start with, relative */
+    double snr_db;     /* lct: of the Wiener filter */
+    double coherence;  /* backprojection: exponent of the coherence factor; 0: off */
+};
+
+void imager_options_default(struct imager_options *o);
+
 struct imager_config {
     const char *method; /* imager_methods(): "fast", "backprojection" */
     const struct geometry *geometry;
@@ -19,7 +33,8 @@ struct imager_config {
     double band_hz[2];
     double gate_m[2]; /* ranges (half paths) below the first are muted */
     struct grid grid;
-    struct pool *pool; /* used while adding and imaging; not owned */
+    struct pool *pool;                    /* used while adding and imaging; not owned */
+    const struct imager_options *options; /* NULL: the defaults */
 };
 
 struct imager;

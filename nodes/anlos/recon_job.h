@@ -8,7 +8,7 @@
 #include "msgs/complaint.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/survey.h"
-#include "nodes/anlos/channel_check.h"
+#include "nodes/rt/channel_check.h"
 #include "nodes/anlos/stopwatch.h"
 #include "nodes/rt/compressor.h"
 #include "nodes/rt/processing.h"

@@ -8,7 +8,7 @@
 #include "dsp/background.h"
 #include "msgs/survey.h"
 #include "msgs/tensor.h"
-#include "nodes/anlos/channel_check.h"
+#include "nodes/rt/channel_check.h"
 
 struct dsp {
     struct dsp_config cfg;

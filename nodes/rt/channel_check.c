@@ -1,4 +1,4 @@
-#include "nodes/anlos/channel_check.h"
+#include "nodes/rt/channel_check.h"
 
 #include <errno.h>
 #include <stdlib.h>
