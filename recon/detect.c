@@ -20,8 +20,9 @@
 
 struct region { /* voxels that hang together around a peak */
     size_t peak;
-    size_t low[3], high[3];
-    double sum, moment[3]; /* of intensity over the region */
+    size_t low[3], high[3];           /* of its body */
+    size_t halo_low[3], halo_high[3]; /* with the smear around it */
+    double sum, moment[3];            /* of intensity over the region */
 };
 
 struct search {
@@ -166,27 +167,33 @@ static int find_peaks(const struct search *s, struct peak **out, size_t *n)
     return 0;
 }
 
-/* Gap between two boxes in m, 0 when they touch. */
+/* Gap in m between an object with its halo and a region; 0 when they touch. */
 static double gap(const struct grid *g, const struct region *a, const struct region *b)
 {
     double sum = 0.0;
     for (int i = 0; i < 3; i++) {
-        double d = fmax((double)a->low[i] - (double)b->high[i],
-                        (double)b->low[i] - (double)a->high[i]);
+        double d = fmax((double)a->halo_low[i] - (double)b->high[i],
+                        (double)b->low[i] - (double)a->halo_high[i]);
         d = fmax(d, 0.0) * g->step_m[i];
         sum += d * d;
     }
     return sqrt(sum);
 }
 
+static void widen(size_t low[3], size_t high[3], const struct region *r)
+{
+    for (int a = 0; a < 3; a++) {
+        low[a] = r->low[a] < low[a] ? r->low[a] : low[a];
+        high[a] = r->high[a] > high[a] ? r->high[a] : high[a];
+    }
+}
+
 static void join(struct region *into, const struct region *r)
 {
+    widen(into->low, into->high, r);
     into->sum += r->sum;
-    for (int a = 0; a < 3; a++) {
-        into->low[a] = r->low[a] < into->low[a] ? r->low[a] : into->low[a];
-        into->high[a] = r->high[a] > into->high[a] ? r->high[a] : into->high[a];
+    for (int a = 0; a < 3; a++)
         into->moment[a] += r->moment[a];
-    }
 }
 
 /* A fainter neighbour is the smear around an object, not a part of its body. */
@@ -216,10 +223,16 @@ static int find_regions(struct search *s)
         while (near < s->n_regions &&
                gap(s->grid, &s->regions[near], &r) > s->cfg->cluster_m)
             near++;
-        if (near == s->n_regions)
+        if (near == s->n_regions) {
+            memcpy(r.halo_low, r.low, sizeof r.low);
+            memcpy(r.halo_high, r.high, sizeof r.high);
             s->regions[s->n_regions++] = r;
-        else if (belongs(s, &s->regions[near], &r))
-            join(&s->regions[near], &r);
+            continue;
+        }
+        struct region *object = &s->regions[near];
+        widen(object->halo_low, object->halo_high, &r);
+        if (belongs(s, object, &r))
+            join(object, &r);
     }
     free(peaks);
     return err;

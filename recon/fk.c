@@ -312,14 +312,12 @@ static void image_row(void *ctx, size_t y, size_t thread)
     struct fk *m = g->fk;
     const size_t *n = m->grid.n;
     fftwf_complex *line = m->scratch[thread].line;
-    /* A sum over wavenumbers is an integral times their spacing, whatever the grid. */
-    float scale = (float)(m->x.dk * m->y.dk * m->dkz / (double)(m->x.lines * m->y.lines));
     fftwf_execute_dft(m->x_plan, m->half + y * n[2], line);
     for (size_t z = 0; z < n[2]; z++) {
         const fftwf_complex *from = line + z * m->x.n;
         float *to = g->intensity + (z * n[1] + y) * n[0];
         for (size_t x = 0; x < n[0]; x++) {
-            float re = scale * from[x][0], im = scale * from[x][1];
+            float re = m->scale * from[x][0], im = m->scale * from[x][1];
             to[x] = re * re + im * im;
         }
     }

@@ -202,6 +202,11 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
     int err = plan_axis(&m->x, m, 0, cfg->x_m, cfg->nx, k_limit);
     if (!err)
         err = plan_axis(&m->y, m, 1, cfg->y_m, cfg->ny, k_limit);
+    /* A sum over wavenumbers is an integral times their spacing, whatever the grid; over
+     * the space they fill, so that a gain of 1e12 is no overflow. */
+    double k_high = 4.0 * M_PI * cfg->band_hz[1] / m->c;
+    double spacing = m->x.dk * m->y.dk * m->dkz / (double)(cfg->nx * cfg->ny);
+    m->scale = (float)(spacing / pow(k_high, 3.5));
     if (!err)
         err = plan_tables(m);
     if (!err)

@@ -53,6 +53,7 @@ struct fk {
     double dkz;
     long kz_first;
     size_t n_kz;
+    float scale; /* of amplitudes */
 
     float *centring;     /* [n_f][2]: phase that moves the origin of time to centre_s */
     float *weights;      /* [FK_FRACTIONS + 1][FK_TAPS] */
