@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/stat.h>
 
 #include <sndfile.h>
 
@@ -19,7 +20,8 @@ enum { BLOCK_FRAMES = 2048 };
 struct recording {
     size_t n_positions, n_speakers, n_microphones, slot_samples, n_frames;
     double sample_rate_hz;
-    char **paths; /* [n_positions] */
+    size_t n_files; /* one a position, or one whose slots are the positions */
+    char **paths;   /* [n_files] */
 };
 
 static bool is_wav(const char *name)
@@ -40,10 +42,10 @@ static int by_name(const struct dirent **a, const struct dirent **b)
 
 static int join_paths(struct recording *r, const char *folder, struct dirent **entries)
 {
-    r->paths = calloc(r->n_positions, sizeof *r->paths);
+    r->paths = calloc(r->n_files, sizeof *r->paths);
     if (!r->paths)
         return -ENOMEM;
-    for (size_t i = 0; i < r->n_positions; i++)
+    for (size_t i = 0; i < r->n_files; i++)
         if (asprintf(&r->paths[i], "%s/%s", folder, entries[i]->d_name) < 0) {
             r->paths[i] = NULL;
             return -ENOMEM;
@@ -51,24 +53,56 @@ static int join_paths(struct recording *r, const char *folder, struct dirent **e
     return 0;
 }
 
+/* Of a recording that is one file: what is no longer than a slot is the replica beside
+ * it.  Moves the others to the front; returns how many. */
+static int leave_out_replicas(const struct recording *r, const char *folder,
+                              struct dirent **entries, int n)
+{
+    int kept = 0;
+    for (int i = 0; i < n; i++) {
+        SF_INFO info = {.format = 0};
+        char *path = NULL;
+        struct dirent *entry = entries[i];
+        SNDFILE *f = NULL;
+        if (asprintf(&path, "%s/%s", folder, entry->d_name) >= 0)
+            f = sf_open(path, SFM_READ, &info);
+        bool is_short = f && (uint64_t)info.frames <= r->slot_samples;
+        if (f)
+            sf_close(f);
+        free(path);
+        if (is_short)
+            continue;
+        entries[i] = entries[kept];
+        entries[kept++] = entry;
+    }
+    return kept;
+}
+
 static int list_files(struct recording *r, const char *folder, struct complaint *why)
 {
     struct dirent **entries = NULL;
-    int n = scandir(folder, &entries, select_wav, by_name), err = 0;
+    int n = scandir(folder, &entries, select_wav, by_name), n_found = n, err = 0;
     if (n < 0)
         return complain(why, -errno, "%s: no folder of WAV files: %s", folder,
                         strerror(errno));
+    if (n > 1 && r->n_files != r->n_positions)
+        n = leave_out_replicas(r, folder, entries, n);
     if (n == 0)
         err = complain(why, -EINVAL, "%s: expected %zu WAV files, found none", folder,
-                       r->n_positions);
-    else if ((size_t)n != r->n_positions)
+                       r->n_files);
+    else if ((size_t)n != r->n_files && r->n_files != r->n_positions)
+        err = complain(why, -EINVAL,
+                       "%s: %d WAV files, but the survey names pings; expected one file "
+                       "of consecutive slots",
+                       folder, n);
+    else if ((size_t)n != r->n_files)
         err = complain(why, -EINVAL,
                        "%s: %d WAV files, but the survey's stage.positions_m has %zu "
                        "entries; expected one file for each",
                        folder, n, r->n_positions);
     else if (join_paths(r, folder, entries) < 0)
         err = complain(why, -ENOMEM, "%s: out of memory", folder);
-    for (int i = 0; i < n; i++)
+    for (int i = 0; i < n_found; i++)
         free(entries[i]);
     free(entries);
     return err;
@@ -77,6 +111,9 @@ static int list_files(struct recording *r, const char *folder, struct complaint 
 static int check_size(const char *path, struct complaint *why)
 {
     uint64_t promised, present;
+    struct stat st;
+    if (!stat(path, &st) && !S_ISREG(st.st_mode)) /* a pipe would be waited for */
+        return complain(why, -EINVAL, "%s: is no file; expected a WAV file", path);
     int err = riff_data_size(path, &promised, &present);
     if (err == -EINVAL)
         return 0; /* another container; libsndfile judges it */
@@ -93,7 +130,8 @@ static int check_size(const char *path, struct complaint *why)
 static int check_info(const struct recording *r, const char *path, const SF_INFO *info,
                       struct complaint *why)
 {
-    size_t least = (r->n_speakers - 1) * r->slot_samples + 1;
+    size_t slots = r->n_speakers * r->n_positions / r->n_files;
+    size_t least = (slots - 1) * r->slot_samples + 1;
     if (info->samplerate != (int)(r->sample_rate_hz + 0.5))
         return complain(why, -EINVAL, "%s: %d Hz, but the survey's sample_rate_hz is %g",
                         path, info->samplerate, r->sample_rate_hz);
@@ -103,7 +141,13 @@ static int check_info(const struct recording *r, const char *path, const SF_INFO
                         path, info->channels, r->n_microphones);
     if (info->frames < 1)
         return complain(why, -EINVAL, "%s: holds no sound; expected %zu frames", path,
-                        r->n_speakers * r->slot_samples);
+                        slots * r->slot_samples);
+    if ((uint64_t)info->frames < least && r->n_files != r->n_positions)
+        return complain(why, -EINVAL,
+                        "%s: %" PRId64 " frames, but the slot of the last of %zu pings "
+                        "begins at frame %zu (slot_samples %zu)",
+                        path, (int64_t)info->frames, r->n_positions, least - 1,
+                        r->slot_samples);
     if ((uint64_t)info->frames < least)
         return complain(
             why, -EINVAL,
@@ -133,7 +177,7 @@ static SNDFILE *open_file(const struct recording *r, const char *path, SF_INFO *
 static int check_files(const struct recording *r, struct complaint *why)
 {
     SF_INFO info;
-    for (size_t i = 0; i < r->n_positions; i++) {
+    for (size_t i = 0; i < r->n_files; i++) {
         int err = check_size(r->paths[i], why);
         if (err)
             return err;
@@ -153,6 +197,7 @@ int recording_open(struct recording **out, const char *folder, const struct surv
     if (!r)
         return complain(why, -ENOMEM, "%s: out of memory", folder);
     r->n_positions = s->n_positions;
+    r->n_files = s->pings_m ? 1 : s->n_positions;
     r->n_speakers = s->n_speakers;
     r->n_microphones = s->n_microphones;
     r->slot_samples = s->slot_samples;
@@ -209,7 +254,8 @@ int recording_read_slots(const struct recording *r, size_t position, float *samp
     int err;
     if (position >= r->n_positions)
         return complain(why, -EINVAL, "position %zu of %zu", position, r->n_positions);
-    const char *path = r->paths[position];
+    bool one_file = r->n_files != r->n_positions;
+    const char *path = r->paths[one_file ? 0 : position];
     SNDFILE *f = open_file(r, path, &info, &err, why);
     if (err)
         return err;
@@ -218,8 +264,13 @@ int recording_read_slots(const struct recording *r, size_t position, float *samp
                             .n_slots = r->n_speakers,
                             .slot_samples = r->slot_samples,
                             .is_float = is_float(&info)};
-    size_t n = (uint64_t)info.frames < r->n_frames ? (size_t)info.frames : r->n_frames;
-    err = read_frames(f, &w, n, samples, path, why);
+    size_t first = one_file ? position * r->slot_samples : 0;
+    size_t n = (size_t)info.frames - first;
+    n = n < r->n_frames ? n : r->n_frames;
+    if (first && sf_seek(f, (sf_count_t)first, SEEK_SET) < 0)
+        err = complain(why, -EIO, "%s: broken off before frame %zu", path, first);
+    if (!err)
+        err = read_frames(f, &w, n, samples, path, why);
     if (!err)
         wav_samples_count(&w, samples, n, clipped, not_finite);
     sf_close(f);
@@ -248,7 +299,7 @@ void recording_close(struct recording *r)
 {
     if (!r)
         return;
-    for (size_t i = 0; r->paths && i < r->n_positions; i++)
+    for (size_t i = 0; r->paths && i < r->n_files; i++)
         free(r->paths[i]);
     free(r->paths);
     free(r);

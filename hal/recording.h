@@ -1,5 +1,7 @@
 /* hal/recording.h -- a folder of WAV files, one multichannel file for each stage position
- * in name order, slot j = emission of speaker j; any PCM or float format. */
+ * in name order, slot j = emission of speaker j; any PCM or float format.  Of a survey
+ * that names pings: one mono file, slot k = ping k, which is position k; files
+ * no longer than a slot (a replica) do not count beside it. */
 #ifndef ANLOS_HAL_RECORDING_H
 #define ANLOS_HAL_RECORDING_H
 

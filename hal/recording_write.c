@@ -40,9 +40,13 @@ int recording_write(const char *folder, size_t position, size_t n_microphones,
                     .channels = (int)n_microphones,
                     .format = SF_FORMAT_WAV | SF_FORMAT_FLOAT};
     int err = 0;
-    if (asprintf(&path, "%s/pos%02zu.wav", folder, position) < 0 ||
-        asprintf(&partial, "%s.part", path) < 0)
+    if (asprintf(&path, "%s/pos%02zu.wav", folder, position) < 0)
         return complain(why, -ENOMEM, "%s: out of memory", folder);
+    if (asprintf(&partial, "%s.part", path) < 0) {
+        partial = NULL;
+        err = complain(why, -ENOMEM, "%s: out of memory", folder);
+        goto names;
+    }
     SNDFILE *f = sf_open(partial, SFM_WRITE, &info);
     if (!f) {
         err = complain(why, -EIO, "%s cannot be written: %s", path, sf_strerror(NULL));

@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-enum { MAX_POINTS = 100000 };
+enum { MAX_POINTS = SURVEY_MAX_ELEMENTS };
 
 static int append(struct survey_response *r, size_t *room, double hz, double db)
 {

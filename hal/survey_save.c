@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "hal/replica_file.h"
 #include "hal/response_file.h"
 #include "hal/survey_file.h"
 #include "hal/yaml_file.h"
@@ -54,9 +55,10 @@ static void print_timing(FILE *f, const struct survey *s)
         fprintf(f, "temperature_c: %s\n", number(s->temperature_c, a));
     fprintf(f, "sound_speed_m_s: %s\n", number(s->sound_speed_m_s, a));
     fprintf(f, "sample_rate_hz: %s\n", number(s->sample_rate_hz, a));
-    fprintf(f, "chirp: {start_hz: %s, stop_hz: %s, duration_s: %s, phase: %s}\n",
-            number(s->chirp_start_hz, a), number(s->chirp_stop_hz, b),
-            number(s->chirp_duration_s, c), s->chirp_sine ? "sine" : "cosine");
+    if (!s->n_replica)
+        fprintf(f, "chirp: {start_hz: %s, stop_hz: %s, duration_s: %s, phase: %s}\n",
+                number(s->chirp_start_hz, a), number(s->chirp_stop_hz, b),
+                number(s->chirp_duration_s, c), s->chirp_sine ? "sine" : "cosine");
     fprintf(f, "slot_samples: %zu\n", s->slot_samples);
     fprintf(f, "latency_samples: %s\n", number(s->latency_samples, a));
 }
@@ -84,14 +86,27 @@ static void print_place(FILE *f, const struct survey *s)
     }
 }
 
-static void print_survey(FILE *f, const struct survey *s, const char *calibration)
+static void print_array(FILE *f, const struct survey *s)
 {
-    print_timing(f, s);
     print_points(f, "speakers_m", (const double(*)[3])s->speakers_m, s->n_speakers);
     print_points(f, "microphones_m", (const double(*)[3])s->microphones_m,
                  s->n_microphones);
     print_key_list(f, "stage:\n  axis", s->stage_axis, 3, "\n");
     print_key_list(f, "  positions_m", s->stage_positions_m, s->n_positions, "\n");
+}
+
+static void print_survey(FILE *f, const struct survey *s, const char *path,
+                         const char *calibration)
+{
+    const char *slash = strrchr(path, '/');
+    const char *name = slash ? slash + 1 : path;
+    print_timing(f, s);
+    if (s->n_replica)
+        fprintf(f, "replica: \"%s-replica.wav\"\n", name);
+    if (s->pings_m)
+        fprintf(f, "pings: \"%s-pings.csv\"\n", name);
+    else
+        print_array(f, s);
     if (calibration) {
         fprintf(f, "calibration:\n  folder: \"%s\"\n  serials: [", calibration);
         for (size_t i = 0; i < s->n_responses; i++)
@@ -119,6 +134,30 @@ static int save_responses(const struct survey *s, const char *path, const char *
     return err;
 }
 
+/* PATH-pings.csv. */
+static int save_pings(const struct survey *s, const char *path)
+{
+    char *name, text[32];
+    int err = 0;
+    if (asprintf(&name, "%s-pings.csv", path) < 0)
+        return -ENOMEM;
+    FILE *f = fopen(name, "we");
+    if (f) {
+        fputs("tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m\n", f);
+        for (size_t k = 0; k < s->n_positions; k++)
+            for (int c = 0; c < 6; c++)
+                fprintf(f, "%s%s", number(s->pings_m[k][c / 3][c % 3], text),
+                        c < 5 ? "," : "\n");
+        err = ferror(f) ? -EIO : 0;
+        if (fclose(f) && !err)
+            err = -errno;
+    } else {
+        err = -errno;
+    }
+    free(name);
+    return err;
+}
+
 static int write_whole(const struct survey *s, const char *path, const char *calibration)
 {
     char *partial;
@@ -130,7 +169,7 @@ static int write_whole(const struct survey *s, const char *path, const char *cal
         err = -errno;
         goto name;
     }
-    print_survey(f, s, calibration);
+    print_survey(f, s, path, calibration);
     if (fflush(f) || ferror(f))
         err = errno ? -errno : -EIO;
     if (fclose(f) && !err)
@@ -151,7 +190,11 @@ int survey_save(const struct survey *s, const char *path, const char *calibratio
     int err = calibration ? save_responses(s, path, calibration, why) : 0;
     if (err)
         return err;
-    err = write_whole(s, path, calibration);
+    err = s->pings_m ? save_pings(s, path) : 0;
+    if (!err && s->n_replica)
+        err = replica_save(s->replica, s->n_replica, path, s->sample_rate_hz);
+    if (!err)
+        err = write_whole(s, path, calibration);
     if (err)
         complain(why, err, "%s cannot be written: %s", path, strerror(-err));
     return err;

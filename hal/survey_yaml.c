@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "hal/pings_file.h"
+#include "hal/replica_file.h"
 #include "hal/response_file.h"
 #include "hal/yaml_file.h"
 #include "hal/yaml_place.h"
@@ -104,13 +106,62 @@ static int take_timing(struct survey *s, const struct survey_yaml *y, const char
                        struct complaint *why)
 {
     s->sample_rate_hz = *y->sample_rate_hz;
-    s->chirp_start_hz = y->chirp->start_hz;
-    s->chirp_stop_hz = y->chirp->stop_hz;
-    s->chirp_duration_s = y->chirp->duration_s;
-    s->chirp_sine = y->chirp->phase == 1;
+    if (y->chirp) {
+        s->chirp_start_hz = y->chirp->start_hz;
+        s->chirp_stop_hz = y->chirp->stop_hz;
+        s->chirp_duration_s = y->chirp->duration_s;
+        s->chirp_sine = y->chirp->phase == 1;
+    }
     s->slot_samples = *y->slot_samples;
     s->latency_samples = y->latency_samples ? *y->latency_samples : 0;
     return take_sound_speed(s, y, path, why);
+}
+
+/* What a sibling file of the survey says, with the survey's line in front. */
+static int take_replica(struct survey *s, const char *name, const char *path,
+                        struct complaint *why)
+{
+    struct complaint inner = {.text = ""};
+    double band_hz[2];
+    if (!(s->sample_rate_hz > 0))
+        return 0; /* survey_check says so */
+    char *file = yaml_sibling(path, name);
+    if (!file)
+        return complain(why, -ENOMEM, "%s: out of memory", path);
+    int err = replica_load(&s->replica, &s->n_replica, file, s->sample_rate_hz, &inner);
+    if (!err) {
+        err = replica_band(s->replica, s->n_replica, s->sample_rate_hz, band_hz);
+        if (err)
+            complain(&inner, err, "%s: silent, or a single tone", file);
+    }
+    free(file);
+    if (err)
+        return yaml_complain(why, err, path, "replica", "%.700s", inner.text);
+    s->chirp_start_hz = band_hz[0];
+    s->chirp_stop_hz = band_hz[1];
+    s->chirp_duration_s = (double)s->n_replica / s->sample_rate_hz;
+    return 0;
+}
+
+static int take_pings(struct survey *s, const char *name, const char *path,
+                      struct complaint *why)
+{
+    struct complaint inner = {.text = ""};
+    char *file = yaml_sibling(path, name);
+    if (!file)
+        return complain(why, -ENOMEM, "%s: out of memory", path);
+    int err = pings_load(&s->pings_m, &s->n_positions, file, &inner);
+    free(file);
+    if (err)
+        return yaml_complain(why, err, path, "pings", "%.700s", inner.text);
+    s->n_speakers = s->n_microphones = 1;
+    s->stage_axis[0] = 1;
+    s->speakers_m = calloc(1, sizeof *s->speakers_m);
+    s->microphones_m = calloc(1, sizeof *s->microphones_m);
+    s->stage_positions_m = calloc(s->n_positions, sizeof *s->stage_positions_m);
+    if (!s->speakers_m || !s->microphones_m || !s->stage_positions_m)
+        return complain(why, -ENOMEM, "%s: out of memory", path);
+    return 0;
 }
 
 static int take_elements(struct survey *s, const struct survey_yaml *y, const char *path,
@@ -145,7 +196,7 @@ static int take_mount(struct survey *s, const struct survey_yaml_mount *m,
     return err;
 }
 
-static int take_place(struct survey *s, const struct survey_yaml *y, const char *path,
+int survey_yaml_place(struct survey *s, const struct survey_yaml *y, const char *path,
                       struct complaint *why)
 {
     int err = 0;
@@ -198,10 +249,13 @@ int survey_from_yaml(struct survey *out, const struct survey_yaml *y, const char
 {
     struct survey s = {.source = ANLOS__SOURCE__REPLAY};
     int err = take_timing(&s, y, path, why);
+    if (!err && y->replica)
+        err = take_replica(&s, y->replica, path, why);
     if (!err)
-        err = take_elements(&s, y, path, why);
+        err = y->pings ? take_pings(&s, y->pings, path, why)
+                       : take_elements(&s, y, path, why);
     if (!err)
-        err = take_place(&s, y, path, why);
+        err = survey_yaml_place(&s, y, path, why);
     if (!err && y->calibration)
         err = take_responses(&s, y->calibration, path, why);
     if (!err) {

@@ -53,6 +53,7 @@ struct survey_yaml {
     struct survey_yaml_volume *volume;
     struct survey_yaml_wall *wall;
     struct survey_yaml_mount *mount;
+    char *pings, *replica; /* survey.yaml alone, in place of an array and a chirp */
 };
 
 extern const struct cyaml_schema_value survey_yaml_number, survey_yaml_point,
@@ -100,6 +101,10 @@ extern const struct cyaml_schema_field survey_yaml_chirp_fields[],
  * to.  Clear *out with survey_clear.  0, -EINVAL, -ENOENT (calibration), -ENOMEM. */
 int survey_from_yaml(struct survey *out, const struct survey_yaml *y, const char *path,
                      struct complaint *why);
+
+/* Gate, volume, wall and mount alone, into a survey that is there. */
+int survey_yaml_place(struct survey *s, const struct survey_yaml *y, const char *path,
+                      struct complaint *why);
 
 /* Scales v to length 1.  0, -EINVAL (length 0; the complaint names key). */
 int survey_yaml_normalize(double v[3], const char *path, const char *key,

@@ -2,6 +2,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdbool.h>
 
 #define MARGIN_SAMPLES 64.0
 #define MARGIN_M       0.5
@@ -21,10 +22,22 @@ static struct box box_of(const double (*p)[3], size_t n)
     return b;
 }
 
-/* Where the elements get to while the stage moves. */
-static struct box swept(const struct survey *s, const double (*p)[3], size_t n)
+/* Where the elements get to while the stage moves, or ping by ping. */
+static struct box swept(const struct survey *s, bool microphones)
 {
+    const double(*p)[3] =
+        (const double(*)[3])(microphones ? s->microphones_m : s->speakers_m);
+    size_t n = microphones ? s->n_microphones : s->n_speakers;
     struct box rest = box_of(p, n), b = rest;
+    if (s->pings_m) {
+        b = box_of((const double(*)[3]) & s->pings_m[0][microphones], 1);
+        for (size_t k = 0; k < s->n_positions; k++)
+            for (int a = 0; a < 3; a++) {
+                b.min[a] = fmin(b.min[a], s->pings_m[k][microphones][a]);
+                b.max[a] = fmax(b.max[a], s->pings_m[k][microphones][a]);
+            }
+        return b;
+    }
     for (size_t k = 0; k < s->n_positions; k++)
         for (int a = 0; a < 3; a++) {
             double d = s->stage_positions_m[k] * s->stage_axis[a];
@@ -62,9 +75,7 @@ size_t tail_samples(const struct survey *s)
 {
     if (!s->n_speakers || !s->n_microphones)
         return 0;
-    struct box speakers = swept(s, (const double(*)[3])s->speakers_m, s->n_speakers);
-    struct box microphones =
-        swept(s, (const double(*)[3])s->microphones_m, s->n_microphones);
+    struct box speakers = swept(s, false), microphones = swept(s, true);
     struct box target = imaged(s, &microphones);
     double path_m = longest_m(&speakers, &target) + longest_m(&microphones, &target);
     if (s->has_gate)

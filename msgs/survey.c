@@ -58,6 +58,20 @@ static void hash_placement(uint64_t *h, const struct survey *s)
     }
 }
 
+/* Nothing for surveys of stage and chirp: they keep their ids. */
+static void hash_source(uint64_t *h, const struct survey *s)
+{
+    if (s->pings_m)
+        hash_numbers(h, s->pings_m[0][0], 6 * s->n_positions);
+    if (!s->n_replica)
+        return;
+    hash_counts(h, s->n_replica);
+    for (size_t i = 0; i < s->n_replica; i++) {
+        double value = (double)s->replica[i];
+        hash_numbers(h, &value, 1);
+    }
+}
+
 uint64_t survey_id(const struct survey *s)
 {
     uint64_t h = UINT64_C(0xcbf29ce484222325);
@@ -73,6 +87,7 @@ uint64_t survey_id(const struct survey *s)
     hash_numbers(&h, s->stage_axis, 3);
     hash_counts(&h, s->n_positions);
     hash_numbers(&h, s->stage_positions_m, s->n_positions);
+    hash_source(&h, s);
     hash_placement(&h, s);
     hash_counts(&h, s->n_responses);
     for (size_t i = 0; i < s->n_responses; i++) {
@@ -103,13 +118,18 @@ int survey_copy(struct survey *out, const struct survey *s)
     *out = *s;
     out->speakers_m = out->microphones_m = NULL;
     out->stage_positions_m = NULL;
+    out->pings_m = NULL;
+    out->replica = NULL;
     out->responses = NULL;
     out->n_responses = 0;
     if (copy_array(&out->speakers_m, s->speakers_m, s->n_speakers, sizeof(double[3])) ||
         copy_array(&out->microphones_m, s->microphones_m, s->n_microphones,
                    sizeof(double[3])) ||
         copy_array(&out->stage_positions_m, s->stage_positions_m, s->n_positions,
-                   sizeof(double)))
+                   sizeof(double)) ||
+        copy_array(&out->pings_m, s->pings_m, s->pings_m ? s->n_positions : 0,
+                   sizeof *s->pings_m) ||
+        copy_array(&out->replica, s->replica, s->n_replica, sizeof *s->replica))
         goto no_memory;
     out->responses = calloc(s->n_responses ? s->n_responses : 1, sizeof *out->responses);
     if (!out->responses)
@@ -150,6 +170,8 @@ void survey_clear(struct survey *s)
     free(s->speakers_m);
     free(s->microphones_m);
     free(s->stage_positions_m);
+    free(s->pings_m);
+    free(s->replica);
     for (size_t i = 0; i < s->n_responses; i++) {
         free(s->responses[i].frequency_hz);
         free(s->responses[i].gain_db);

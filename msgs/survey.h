@@ -34,6 +34,15 @@ struct survey {
     double stage_axis[3];       /* unit */
     double *stage_positions_m;  /* [n_positions] */
 
+    /* [n_positions][speaker, microphone]: each ping has places of its own, in place of
+     * speakers, microphones and stage, which are one, one and at 0 then.  Or NULL. */
+    double (*pings_m)[2][3];
+
+    /* What is emitted, at the sample rate, in place of the chirp, whose start and stop
+     * are the ends of its band then and whose duration is its.  0: the chirp. */
+    size_t n_replica;
+    float *replica; /* [n_replica] */
+
     bool has_gate;
     double gate_m[2]; /* near, far: range from the array (half the path) */
     bool has_volume;
@@ -56,10 +65,14 @@ double survey_sound_speed_m_s(double temperature_c);
 #define SURVEY_MAX_ELEMENTS                                                              \
     4096 /* speakers, microphones, positions; points of a curve                          \
           */
-#define SURVEY_UNIT_TOLERANCE 1e-3 /* of the length of a unit vector */
+#define SURVEY_MAX_PINGS      65536 /* with places of their own */
+#define SURVEY_UNIT_TOLERANCE 1e-3  /* of the length of a unit vector */
 
 /* Plausible and consistent?  Ranges are stated in the complaint.  0 or -EINVAL. */
 int survey_check(const struct survey *s, struct complaint *why);
+
+/* What it says of volume, wall and mount alone. */
+int survey_check_place(const struct survey *s, struct complaint *why);
 
 /* A hash of everything that the image and the detections depend on, which is all but the
  * source and the temperature (its speed of sound counts).  Equal surveys have equal ids;

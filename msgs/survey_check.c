@@ -38,13 +38,13 @@ static int check_unit(struct complaint *why, const char *field, const double v[3
                     v[0], v[1], v[2], length);
 }
 
-static int check_count(struct complaint *why, const char *field, size_t n,
+static int check_count(struct complaint *why, const char *field, size_t n, int most,
                        const void *array)
 {
-    if (n >= 1 && n <= SURVEY_MAX_ELEMENTS && array)
+    if (n >= 1 && n <= (size_t)most && array)
         return 0;
     return complain(why, -EINVAL, "%s has %zu elements, expected 1 to %d", field, n,
-                    SURVEY_MAX_ELEMENTS);
+                    most);
 }
 
 static int check_medium(const struct survey *s, struct complaint *why)
@@ -92,19 +92,55 @@ static int check_chirp(const struct survey *s, struct complaint *why)
     return 0;
 }
 
+static int check_replica(const struct survey *s, struct complaint *why)
+{
+    if (s->n_replica < 2 || s->n_replica > s->slot_samples || !s->replica)
+        return complain(why, -EINVAL,
+                        "replica has %zu samples, expected 2 to slot_samples, %zu",
+                        s->n_replica, s->slot_samples);
+    float largest = 0.0f;
+    for (size_t i = 0; i < s->n_replica; i++) {
+        if (!isfinite(s->replica[i]))
+            return complain(why, -EINVAL, "replica sample %zu is not finite", i);
+        largest = fmaxf(largest, fabsf(s->replica[i]));
+    }
+    return largest > 0.0f ? 0 : complain(why, -EINVAL, "replica is silent");
+}
+
+static int check_pings(const struct survey *s, struct complaint *why)
+{
+    if (s->n_speakers != 1 || s->n_microphones != 1)
+        return complain(why, -EINVAL,
+                        "pings have places of their own: expected one speaker and one "
+                        "microphone, not %zu and %zu",
+                        s->n_speakers, s->n_microphones);
+    for (size_t k = 0; k < s->n_positions; k++) {
+        int err = check_point(why, "pings speaker", k, s->pings_m[k][0]);
+        if (!err)
+            err = check_point(why, "pings microphone", k, s->pings_m[k][1]);
+        if (err)
+            return err;
+    }
+    return 0;
+}
+
 static int check_array(const struct survey *s, struct complaint *why)
 {
-    int err = check_count(why, "speakers_m", s->n_speakers, s->speakers_m);
+    int err =
+        check_count(why, "speakers_m", s->n_speakers, SURVEY_MAX_ELEMENTS, s->speakers_m);
     for (size_t i = 0; !err && i < s->n_speakers; i++)
         err = check_point(why, "speakers_m", i, s->speakers_m[i]);
     if (!err)
-        err = check_count(why, "microphones_m", s->n_microphones, s->microphones_m);
+        err = check_count(why, "microphones_m", s->n_microphones, SURVEY_MAX_ELEMENTS,
+                          s->microphones_m);
     for (size_t i = 0; !err && i < s->n_microphones; i++)
         err = check_point(why, "microphones_m", i, s->microphones_m[i]);
     if (!err)
         err = check_unit(why, "stage axis", s->stage_axis);
     if (!err)
-        err = check_count(why, "stage positions_m", s->n_positions, s->stage_positions_m);
+        err = check_count(why, s->pings_m ? "pings" : "stage positions_m", s->n_positions,
+                          s->pings_m ? SURVEY_MAX_PINGS : SURVEY_MAX_ELEMENTS,
+                          s->stage_positions_m);
     for (size_t i = 0; !err && i < s->n_positions; i++)
         if (!(fabs(s->stage_positions_m[i]) <= MAX_DISTANCE_M))
             err = complain(why, -EINVAL,
@@ -204,17 +240,9 @@ static int check_responses(const struct survey *s, struct complaint *why)
     return err;
 }
 
-int survey_check(const struct survey *s, struct complaint *why)
+int survey_check_place(const struct survey *s, struct complaint *why)
 {
-    int err = check_medium(s, why);
-    if (!err)
-        err = check_chirp(s, why);
-    if (!err)
-        err = check_array(s, why);
-    if (!err && s->has_gate)
-        err = check_gate(s, why);
-    if (!err && s->has_volume)
-        err = check_volume(s, why);
+    int err = s->has_volume ? check_volume(s, why) : 0;
     if (!err && s->has_wall)
         err = check_unit(why, "wall normal", s->wall_normal);
     if (!err && s->has_wall)
@@ -222,6 +250,24 @@ int survey_check(const struct survey *s, struct complaint *why)
                           MAX_DISTANCE_M, "m");
     if (!err && s->has_mount)
         err = check_mount(s, why);
+    return err;
+}
+
+int survey_check(const struct survey *s, struct complaint *why)
+{
+    int err = check_medium(s, why);
+    if (!err)
+        err = check_chirp(s, why);
+    if (!err)
+        err = check_array(s, why);
+    if (!err && s->pings_m)
+        err = check_pings(s, why);
+    if (!err && s->n_replica)
+        err = check_replica(s, why);
+    if (!err && s->has_gate)
+        err = check_gate(s, why);
+    if (!err)
+        err = survey_check_place(s, why);
     if (!err)
         err = check_responses(s, why);
     return err;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "msgs/survey.h"
+#include "msgs/tensor.h"
 
 static Anlos__Vec3 vec3(const double v[3])
 {
@@ -70,6 +71,10 @@ static void fill_numbers(Anlos__Survey *m, const struct survey *s)
     m->has_wall = s->has_wall;
     m->wall_distance_m = s->wall_distance_m;
     m->has_mount = s->has_mount;
+    if (s->pings_m) {
+        m->n_pings_m = 6 * s->n_positions;
+        m->pings_m = s->pings_m[0][0];
+    }
 }
 
 int survey_pack(const struct survey *s, uint8_t **out, size_t *size)
@@ -81,7 +86,10 @@ int survey_pack(const struct survey *s, uint8_t **out, size_t *size)
     Anlos__Vec3 axis = vec3(s->stage_axis), normal = vec3(s->wall_normal);
     Anlos__Vec3 origin = vec3(s->mount_origin_m);
     Anlos__Vec3 x_axis = vec3(s->mount_x_axis), y_axis = vec3(s->mount_y_axis);
+    struct tensor_view replica;
     fill_numbers(&m, s);
+    if (s->n_replica)
+        m.replica = tensor_borrow_f32(&replica, s->replica, 1, s->n_replica);
     m.stage_axis = &axis;
     m.wall_normal = s->has_wall ? &normal : NULL;
     m.mount_origin_m = s->has_mount ? &origin : NULL;
@@ -134,13 +142,13 @@ static int take_vec3_list(double (**out)[3], size_t *n_out, Anlos__Vec3 *const *
     return err;
 }
 
-static int take_numbers(double **out, const double *from, size_t n, const char *field,
-                        struct complaint *why)
+static int take_numbers(double **out, const double *from, size_t n, int most,
+                        const char *field, struct complaint *why)
 {
-    if (n < 1 || n > SURVEY_MAX_ELEMENTS)
+    if (n < 1 || n > (size_t)most)
         return complain(why, -EINVAL,
                         "survey message: %s has %zu elements, expected 1 to %d", field, n,
-                        SURVEY_MAX_ELEMENTS);
+                        most);
     *out = malloc(n * sizeof **out);
     if (!*out)
         return complain(why, -ENOMEM, "survey message: out of memory");
@@ -159,9 +167,10 @@ static int take_response(struct survey_response *r, const Anlos__MicrophoneRespo
                         m->serial, m->n_frequency_hz, m->n_gain_db, sizeof r->serial);
     memcpy(r->serial, m->serial, length + 1);
     int err = take_numbers(&r->frequency_hz, m->frequency_hz, m->n_frequency_hz,
-                           "calibration", why);
+                           SURVEY_MAX_ELEMENTS, "calibration", why);
     if (!err)
-        err = take_numbers(&r->gain_db, m->gain_db, m->n_gain_db, "calibration", why);
+        err = take_numbers(&r->gain_db, m->gain_db, m->n_gain_db, SURVEY_MAX_ELEMENTS,
+                           "calibration", why);
     r->n_points = m->n_frequency_hz;
     return err;
 }
@@ -228,6 +237,34 @@ static int take_placement(struct survey *s, const Anlos__Survey *m, struct compl
     return err;
 }
 
+static int take_pings(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+{
+    double *all = NULL;
+    if (m->n_pings_m != 6 * s->n_positions)
+        return complain(why, -EINVAL,
+                        "survey message: pings_m has %zu numbers, expected 6 for each of "
+                        "%zu positions",
+                        m->n_pings_m, s->n_positions);
+    int err = take_numbers(&all, m->pings_m, m->n_pings_m, 6 * SURVEY_MAX_PINGS,
+                           "pings_m", why);
+    s->pings_m = (double(*)[2][3])all;
+    return err;
+}
+
+static int take_replica(struct survey *s, const Anlos__Tensor *t, struct complaint *why)
+{
+    size_t n;
+    const float *x = tensor_f32(t, 1, &n);
+    if (!x)
+        return complain(why, -EINVAL, "survey message: replica is no f32 of one axis");
+    s->replica = malloc(n * sizeof *s->replica);
+    if (!s->replica)
+        return complain(why, -ENOMEM, "survey message: out of memory");
+    memcpy(s->replica, x, n * sizeof *x);
+    s->n_replica = n;
+    return 0;
+}
+
 int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why)
 {
     memset(s, 0, sizeof *s);
@@ -241,9 +278,15 @@ int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complai
                              m->n_microphones_m, "microphones_m", why);
     if (!err)
         err = take_numbers(&s->stage_positions_m, m->stage_positions_m,
-                           m->n_stage_positions_m, "stage_positions_m", why);
+                           m->n_stage_positions_m,
+                           m->n_pings_m ? SURVEY_MAX_PINGS : SURVEY_MAX_ELEMENTS,
+                           "stage_positions_m", why);
     if (!err)
         s->n_positions = m->n_stage_positions_m;
+    if (!err && m->n_pings_m)
+        err = take_pings(s, m, why);
+    if (!err && m->replica)
+        err = take_replica(s, m->replica, why);
     if (!err)
         err = take_responses(s, m, why);
     if (!err)

@@ -169,7 +169,9 @@ static void image_block(void *ctx, size_t item, size_t thread)
         add_position(b, k, s, n);
     for (size_t v = 0; v < n; v++)
         b->image[first + v] = backprojection_intensity(
-            s->position[2][v] - (float)b->plane_z_m, s->sum[0][v], s->sum[1][v]);
+            backprojection_depth_m(b, s->position[0][v], s->position[1][v],
+                                   s->position[2][v]),
+            s->sum[0][v], s->sum[1][v]);
 }
 
 void backproject_any(struct backprojection *b)

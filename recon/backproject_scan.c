@@ -13,8 +13,12 @@
 #include "recon/phasor.h"
 
 #define SAME_M 1e-4 /* what a stage position may be off its place */
-#define LANES  8
-#define ROWS   8 /* depths that are imaged together, while a pair's samples are at hand */
+#define LANES  16
+#define ROWS   8 /* depths that are imaged together */
+
+/* Differences summed together: the samples that all pairs need for them, at ROWS depths,
+ * stay in the cache. */
+#define BLOCK 32
 
 typedef float lanes __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
@@ -28,9 +32,10 @@ struct sweep {    /* one a thread */
     size_t n_d;   /* differences */
     size_t n_sum; /* voxels of one remainder, with the lanes' overhang on both sides */
     struct row rows[ROWS];
-    int *sample;    /* [n_d] */
-    float *near[2]; /* [n_d] weight of that sample: re, im */
-    float *far[2];  /* [n_d] of the next one */
+    int sample[BLOCK];
+    float near[2][BLOCK]; /* weight of that sample: re, im */
+    float far[2][BLOCK];  /* of the next one */
+    float *block;         /* [BLOCK][re, im][lanes]: sums of one block of differences */
 };
 
 static size_t n_elements(const struct backprojection *b)
@@ -41,7 +46,7 @@ static size_t n_elements(const struct backprojection *b)
 bool backproject_scan_fits(struct backprojection *b)
 {
     const struct geometry *g = &b->geometry;
-    if (g->n_positions < LANES || fabs(g->stage_axis[0] - 1.0) > 1e-9)
+    if (g->pings_m || g->n_positions < LANES || fabs(g->stage_axis[0] - 1.0) > 1e-9)
         return false;
     double step_m = b->grid.step_m[0];
     double pitch_m =
@@ -65,11 +70,7 @@ static int sweep_create(struct sweep *s, const struct backprojection *b)
     size_t nx = b->grid.n[0], back = (b->lanes - 1) * b->stride;
     s->n_d = nx + back;
     s->n_sum = (nx + b->stride - 1) / b->stride + 2 * b->lanes + LANES;
-    bool ok = (s->sample = malloc(s->n_d * sizeof *s->sample));
-    for (int a = 0; a < 2; a++) {
-        ok = (s->near[a] = malloc(s->n_d * sizeof(float))) && ok;
-        ok = (s->far[a] = malloc(s->n_d * sizeof(float))) && ok;
-    }
+    bool ok = (s->block = aligned_alloc(64, BLOCK * 2 * b->lanes * sizeof(float)));
     for (size_t r = 0; r < ROWS; r++) {
         struct row *w = &s->rows[r];
         ok = (w->delay = malloc(n_elements(b) * s->n_d * sizeof(float))) && ok;
@@ -83,11 +84,7 @@ static int sweep_create(struct sweep *s, const struct backprojection *b)
 
 static void sweep_clear(struct sweep *s)
 {
-    free(s->sample);
-    for (int a = 0; a < 2; a++) {
-        free(s->near[a]);
-        free(s->far[a]);
-    }
+    free(s->block);
     for (size_t r = 0; r < ROWS; r++) {
         free(s->rows[r].delay);
         for (int a = 0; a < 2; a++) {
@@ -152,69 +149,112 @@ static void row_start(const struct backprojection *b, const struct sweep *s,
         memset(w->sum[a], 0, b->stride * s->n_sum * sizeof(float));
 }
 
-/* Which samples each difference reads, and with what complex weights. */
+/* Which samples the differences first..first+n-1 read, and with what complex weights. */
 VECTOR_CLONES
 static void plan_pair(const struct backprojection *b, const struct row *w, size_t speaker,
-                      size_t microphone, const struct sweep *s)
+                      size_t microphone, size_t first, size_t n, struct sweep *s)
 {
-    size_t e = speaker * s->n_d, m = (b->geometry.n_speakers + microphone) * s->n_d;
+    size_t e = speaker * s->n_d + first;
+    size_t m = (b->geometry.n_speakers + microphone) * s->n_d + first;
     const float *delay_s = w->delay + e, *delay_m = w->delay + m;
     const float *sr = w->phasor[0] + e, *si = w->phasor[1] + e;
     const float *mr = w->phasor[0] + m, *mi = w->phasor[1] + m;
-    int *restrict sample = s->sample;
-    float *restrict near_re = s->near[0], *restrict near_im = s->near[1];
-    float *restrict far_re = s->far[0], *restrict far_im = s->far[1];
     float last = (float)(b->n_stored - 2);
-    for (size_t d = 0; d < s->n_d; d++) {
+    for (size_t d = 0; d < n; d++) {
         float at = delay_s[d] + delay_m[d];
         at = at < 0.0f ? 0.0f : at;
         at = at > last ? last : at;
-        sample[d] = (int)at;
-        float f = at - (float)sample[d];
+        int sample = (int)at;
+        float f = at - (float)sample;
         float re = sr[d] * mr[d] - si[d] * mi[d], im = sr[d] * mi[d] + si[d] * mr[d];
-        far_re[d] = f * re;
-        far_im[d] = f * im;
-        near_re[d] = re - far_re[d];
-        near_im[d] = im - far_im[d];
+        s->sample[d] = sample;
+        s->far[0][d] = f * re;
+        s->far[1][d] = f * im;
+        s->near[0][d] = re - f * re;
+        s->near[1][d] = im - f * im;
     }
 }
 
 /* The lanes first..end-1 of difference d fall on voxels inside the image. */
-VECTOR_INLINE void lane_range(const struct backprojection *b, size_t d, size_t *first,
-                              size_t *end)
+static void lane_range(const struct backprojection *b, size_t d, size_t *first,
+                       size_t *end)
 {
     long back = (long)((b->lanes - 1) * b->stride), stride = (long)b->stride;
     long voxel = (long)d - back; /* of lane 0 */
     long low = voxel >= 0 ? 0 : (-voxel + stride - 1) / stride;
     long high = ((long)b->grid.n[0] - 1 - voxel) / stride + 1;
-    *first = (size_t)(low / LANES * LANES);
+    *first = (size_t)low;
     *end = high < (long)b->lanes ? (size_t)high : b->lanes;
 }
 
+/* block += what one pair adds to n differences; whole vectors from lane `first` to `end`.
+ */
 VECTOR_CLONES
-static void add_pair(const struct backprojection *b, const float *traces,
-                     const struct sweep *s, const struct row *w)
+static void add_pair(const float *traces, size_t k_lanes, size_t first, size_t end,
+                     size_t n, const struct sweep *s)
 {
-    size_t back = (b->lanes - 1) * b->stride, k_lanes = b->lanes;
-    for (size_t d = 0; d < s->n_d; d++) {
-        size_t first, end;
-        lane_range(b, d, &first, &end);
+    for (size_t d = 0; d < n; d++) {
         const float *x = traces + (size_t)s->sample[d] * 2 * k_lanes;
+        float *sum = s->block + d * 2 * k_lanes;
         float ar = s->near[0][d], ai = s->near[1][d];
         float br = s->far[0][d], bi = s->far[1][d];
-        /* Voxel d - back + lane * stride, lanes - 1 places in so that none is negative.
-         */
-        size_t voxel = d + b->stride * k_lanes - back;
-        size_t at = voxel % b->stride * s->n_sum + voxel / b->stride;
-        float *sum_re = w->sum[0] + at, *sum_im = w->sum[1] + at;
         for (size_t k = first; k < end; k += LANES) {
             lanes xr = *(const lanes *)(x + k), xi = *(const lanes *)(x + k_lanes + k);
             lanes yr = *(const lanes *)(x + 2 * k_lanes + k);
             lanes yi = *(const lanes *)(x + 3 * k_lanes + k);
-            *(lanes *)(sum_re + k) += ar * xr - ai * xi + br * yr - bi * yi;
-            *(lanes *)(sum_im + k) += ar * xi + ai * xr + br * yi + bi * yr;
+            lanes re = *(lanes *)(sum + k), im = *(lanes *)(sum + k_lanes + k);
+            re += ar * xr;
+            im += ar * xi;
+            re -= ai * xi;
+            im += ai * xr;
+            re += br * yr;
+            im += br * yi;
+            re -= bi * yi;
+            im += bi * yr;
+            *(lanes *)(sum + k) = re;
+            *(lanes *)(sum + k_lanes + k) = im;
         }
     }
+}
+
+/* Lane k of difference d belongs to voxel d - (lanes - 1) * stride + k * stride. */
+static void spread_block(const struct backprojection *b, const struct sweep *s,
+                         struct row *w, size_t first, size_t n)
+{
+    for (size_t d = 0; d < n; d++) {
+        size_t low, end;
+        lane_range(b, first + d, &low, &end);
+        const float *from = s->block + d * 2 * b->lanes;
+        size_t voxel = first + d + b->stride;
+        size_t at = voxel % b->stride * s->n_sum + voxel / b->stride;
+        for (size_t k = low; k < end; k++) {
+            w->sum[0][at + k] += from[k];
+            w->sum[1][at + k] += from[b->lanes + k];
+        }
+    }
+}
+
+/* All pairs' shares of a block of differences for one row. */
+static void sum_block(const struct backprojection *b, struct sweep *s, struct row *w,
+                      size_t first, size_t n)
+{
+    size_t low = b->lanes, high = 0, n_m = b->geometry.n_microphones;
+    for (size_t d = 0; d < n; d++) {
+        size_t from, end;
+        lane_range(b, first + d, &from, &end);
+        low = from < low ? from : low;
+        high = end > high ? end : high;
+    }
+    low -= low % LANES;
+    memset(s->block, 0, n * 2 * b->lanes * sizeof *s->block);
+    for (size_t j = 0; j < b->geometry.n_speakers; j++) {
+        for (size_t i = 0; i < n_m; i++) {
+            plan_pair(b, w, j, i, first, n, s);
+            add_pair(backprojection_sample(b, 0, j * n_m + i, 0), b->lanes, low, high, n,
+                     s);
+        }
+    }
+    spread_block(b, s, w, first, n);
 }
 
 static void row_finish(const struct backprojection *b, const struct sweep *s,
@@ -240,16 +280,9 @@ static void image_rows(void *ctx, size_t item, size_t thread)
     for (size_t r = 0; r < n_rows; r++)
         row_start(b, s, &s->rows[r], g->origin_m[1] + g->step_m[1] * (double)y,
                   g->origin_m[2] + g->step_m[2] * (double)(z + r));
-    for (size_t j = 0; j < b->geometry.n_speakers; j++) {
-        for (size_t i = 0; i < b->geometry.n_microphones; i++) {
-            const float *traces =
-                backprojection_sample(b, 0, j * b->geometry.n_microphones + i, 0);
-            for (size_t r = 0; r < n_rows; r++) {
-                plan_pair(b, &s->rows[r], j, i, s);
-                add_pair(b, traces, s, &s->rows[r]);
-            }
-        }
-    }
+    for (size_t d = 0; d < s->n_d; d += BLOCK)
+        for (size_t r = 0; r < n_rows; r++)
+            sum_block(b, s, &s->rows[r], d, s->n_d - d < BLOCK ? s->n_d - d : BLOCK);
     for (size_t r = 0; r < n_rows; r++)
         row_finish(b, s, &s->rows[r], y, z + r);
 }

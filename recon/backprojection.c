@@ -14,7 +14,15 @@
 #define HALF_TAPS    4
 #define TAPS         (2 * HALF_TAPS)
 #define SAME_M       1e-3 /* midpoints closer than this are one */
-#define LANE_BLOCK   8    /* lanes of a group are padded to a multiple of this */
+#define LANE_BLOCK   16   /* lanes of a group are padded to a multiple of this */
+#define CACHE_LINE   64
+
+/* Whole cache lines, so that no vector of traces straddles two. */
+static size_t traces_size(const struct backprojection *b)
+{
+    size_t bytes = b->n_groups * b->n_stored * b->lanes * 2 * sizeof *b->traces;
+    return (bytes + CACHE_LINE - 1) / CACHE_LINE * CACHE_LINE;
+}
 
 static size_t n_traces(const struct backprojection *b)
 {
@@ -28,9 +36,10 @@ static double middle(const struct backprojection *b, size_t t, int axis)
 {
     const struct geometry *g = &b->geometry;
     size_t k = t / backprojection_pairs(b), pair = t % backprojection_pairs(b);
-    return 0.5 * (g->speakers_m[pair / g->n_microphones][axis] +
-                  g->microphones_m[pair % g->n_microphones][axis]) +
-           g->stage_axis[axis] * g->stage_positions_m[k];
+    double s[3], m[3];
+    geometry_speaker(g, k, pair / g->n_microphones, s);
+    geometry_microphone(g, k, pair % g->n_microphones, m);
+    return 0.5 * (s[axis] + m[axis]);
 }
 
 struct middle {
@@ -104,7 +113,9 @@ static int allocate(struct backprojection *b)
     size_t n = n_traces(b);
     b->n_groups = b->scan ? backprojection_pairs(b) : n;
     b->fine = malloc(b->upsampling * TAPS * sizeof *b->fine);
-    b->traces = calloc(b->n_groups * b->n_stored * b->lanes, 2 * sizeof *b->traces);
+    b->traces = aligned_alloc(CACHE_LINE, traces_size(b));
+    if (b->traces)
+        memset(b->traces, 0, traces_size(b));
     b->cell = malloc(n * sizeof *b->cell);
     b->live = calloc(n, sizeof *b->live);
     b->weight = calloc(n, sizeof *b->weight);
@@ -117,6 +128,22 @@ static int allocate(struct backprojection *b)
     if (!b->fold)
         return -ENOMEM;
     return b->scan ? backproject_scan_create(b) : backproject_any_create(b);
+}
+
+/* Mean and rms distance from it of the pairs' midpoints. */
+static void find_centre(struct backprojection *b)
+{
+    size_t n = n_traces(b);
+    double sum2 = 0.0;
+    for (int a = 0; a < 3; a++) {
+        double sum = 0.0;
+        for (size_t t = 0; t < n; t++)
+            sum += middle(b, t, a);
+        b->centre_m[a] = sum / (double)n;
+        for (size_t t = 0; t < n; t++)
+            sum2 += pow(middle(b, t, a) - b->centre_m[a], 2.0);
+    }
+    b->spread_m = sqrt(sum2 / (double)n);
 }
 
 static int backprojection_create(void **state, const struct imager_config *cfg,
@@ -140,6 +167,8 @@ static int backprojection_create(void **state, const struct imager_config *cfg,
     b->plane_z_m = 0.5 * (low[2] + high[2]);
     int err = geometry_copy(&b->geometry, cfg->geometry);
     if (!err) {
+        if (b->geometry.pings_m)
+            find_centre(b);
         b->scan = backproject_scan_fits(b);
         b->lanes = b->scan ? (b->geometry.n_positions + LANE_BLOCK - 1) / LANE_BLOCK *
                                  LANE_BLOCK
@@ -210,7 +239,7 @@ static void scale_trace(struct backprojection *b, size_t t, float factor)
 static void backprojection_reset(void *state)
 {
     struct backprojection *b = state;
-    memset(b->traces, 0, b->n_groups * b->n_stored * b->lanes * 2 * sizeof *b->traces);
+    memset(b->traces, 0, traces_size(b));
     memset(b->live, 0, n_traces(b) * sizeof *b->live);
 }
 
@@ -242,6 +271,7 @@ static void backprojection_image(void *state, float *intensity)
 
 const struct imager_method method_backprojection = {
     .name = "backprojection",
+    .any_geometry = true,
     .create = backprojection_create,
     .add = backprojection_add,
     .image = backprojection_image,

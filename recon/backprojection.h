@@ -6,6 +6,7 @@
 #ifndef ANLOS_RECON_BACKPROJECTION_H
 #define ANLOS_RECON_BACKPROJECTION_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -20,6 +21,7 @@ struct backprojection {
     size_t n_stored; /* samples of a stored trace; its first and its last two are 0 */
     double rate_hz;
     double plane_z_m; /* depth counts from here: the middle of the array */
+    double centre_m[3], spread_m; /* of pings with places of their own: mean, rms */
     size_t muted;     /* stored samples before the gate */
     double *fine;     /* interpolation weights of the stored rate */
 
@@ -54,6 +56,18 @@ static inline float *backprojection_sample(const struct backprojection *b,
     size_t group = b->scan ? pair : position * backprojection_pairs(b) + pair;
     size_t lane = b->scan ? position : 0;
     return b->traces + (group * b->n_stored + sample) * 2 * b->lanes + lane;
+}
+
+/* What stands for the depth of a voxel: its distance from the array's plane, or, where
+ * pings have places of their own and there is no plane, the rms distance from them. */
+static inline float backprojection_depth_m(const struct backprojection *b, float x_m,
+                                           float y_m, float z_m)
+{
+    if (!b->geometry.pings_m)
+        return z_m - (float)b->plane_z_m;
+    float dx = x_m - (float)b->centre_m[0], dy = y_m - (float)b->centre_m[1];
+    float dz = z_m - (float)b->centre_m[2], spread = (float)b->spread_m;
+    return sqrtf(dx * dx + dy * dy + dz * dz + spread * spread);
 }
 
 /* Depth makes up for spreading, once: echoes of a point fade faster, of a plate slower.

@@ -141,20 +141,24 @@ static int allocate(struct fk *m)
     return 0;
 }
 
-static int plan_transforms(struct fk *m)
+/* Plans by rule unless told to measure: a measured plan depends on what else the machine
+ * does, and another plan rounds otherwise.  The same recording is to give the same bytes.
+ */
+static int plan_transforms(struct fk *m, bool measure)
 {
     struct fk_scratch *s = m->scratch;
     const size_t *n = m->grid.n;
     int ny = (int)m->y.n, nx = (int)m->x.n, kz = (int)m->n_kz;
+    unsigned flags = measure ? FFTW_MEASURE : FFTW_ESTIMATE;
     m->time_plan =
-        fftwf_plan_dft_1d((int)m->nt_fft, s->trace, s->trace, FFTW_FORWARD, FFTW_MEASURE);
-    m->z_plan = fftwf_plan_dft_1d((int)m->nz_fft, s->column, s->column, FFTW_BACKWARD,
-                                  FFTW_MEASURE);
+        fftwf_plan_dft_1d((int)m->nt_fft, s->trace, s->trace, FFTW_FORWARD, flags);
+    m->z_plan =
+        fftwf_plan_dft_1d((int)m->nz_fft, s->column, s->column, FFTW_BACKWARD, flags);
     m->y_plan = fftwf_plan_many_dft(1, &ny, kz, s->plane, NULL, kz, 1, s->plane, NULL, kz,
-                                    1, FFTW_BACKWARD, FFTW_MEASURE);
+                                    1, FFTW_BACKWARD, flags);
     m->x_plan = fftwf_plan_many_dft(1, &nx, (int)n[2], m->half, NULL, (int)(n[1] * n[2]),
                                     1, s->line, NULL, 1, nx, FFTW_BACKWARD,
-                                    FFTW_MEASURE | FFTW_UNALIGNED);
+                                    flags | FFTW_UNALIGNED);
     return m->time_plan && m->z_plan && m->y_plan && m->x_plan ? 0 : -ENOMEM;
 }
 
@@ -212,7 +216,7 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
     if (!err)
         err = allocate(m);
     if (!err)
-        err = plan_transforms(m);
+        err = plan_transforms(m, cfg->measure);
     if (err) {
         fk_destroy(m);
         return err;

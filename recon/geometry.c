@@ -21,7 +21,10 @@ int geometry_copy(struct geometry *out, const struct geometry *g)
         duplicate(g->microphones_m, g->n_microphones * sizeof *g->microphones_m);
     out->stage_positions_m =
         duplicate(g->stage_positions_m, g->n_positions * sizeof *g->stage_positions_m);
-    if (out->speakers_m && out->microphones_m && out->stage_positions_m)
+    if (g->pings_m)
+        out->pings_m = duplicate(g->pings_m, g->n_positions * sizeof *g->pings_m);
+    if (out->speakers_m && out->microphones_m && out->stage_positions_m &&
+        (!g->pings_m || out->pings_m))
         return 0;
     geometry_clear(out);
     return -ENOMEM;
@@ -32,6 +35,7 @@ void geometry_clear(struct geometry *g)
     free((void *)g->speakers_m);
     free((void *)g->microphones_m);
     free((void *)g->stage_positions_m);
+    free((void *)g->pings_m);
     memset(g, 0, sizeof *g);
 }
 
@@ -45,13 +49,19 @@ static void moved(const struct geometry *g, size_t position, const double at[3],
 void geometry_speaker(const struct geometry *g, size_t position, size_t speaker,
                       double out[3])
 {
-    moved(g, position, g->speakers_m[speaker], out);
+    if (g->pings_m)
+        memcpy(out, g->pings_m[position][0], 3 * sizeof *out);
+    else
+        moved(g, position, g->speakers_m[speaker], out);
 }
 
 void geometry_microphone(const struct geometry *g, size_t position, size_t microphone,
                          double out[3])
 {
-    moved(g, position, g->microphones_m[microphone], out);
+    if (g->pings_m)
+        memcpy(out, g->pings_m[position][1], 3 * sizeof *out);
+    else
+        moved(g, position, g->microphones_m[microphone], out);
 }
 
 static void extremes(const double (*at)[3], size_t n, int axis, double *min, double *max)
@@ -64,8 +74,25 @@ static void extremes(const double (*at)[3], size_t n, int axis, double *min, dou
     }
 }
 
+static void pings_aperture(const struct geometry *g, double min[3], double max[3])
+{
+    for (int a = 0; a < 3; a++) {
+        min[a] = INFINITY;
+        max[a] = -INFINITY;
+        for (size_t k = 0; k < g->n_positions; k++) {
+            double middle = 0.5 * (g->pings_m[k][0][a] + g->pings_m[k][1][a]);
+            min[a] = fmin(min[a], middle);
+            max[a] = fmax(max[a], middle);
+        }
+    }
+}
+
 void geometry_aperture(const struct geometry *g, double min[3], double max[3])
 {
+    if (g->pings_m) {
+        pings_aperture(g, min, max);
+        return;
+    }
     for (int a = 0; a < 3; a++) {
         double s[2], m[2], shift[2] = {INFINITY, -INFINITY};
         extremes(g->speakers_m, g->n_speakers, a, &s[0], &s[1]);
@@ -92,4 +119,47 @@ void geometry_resolution(const struct geometry *g, const double band_hz[2],
                                   : INFINITY;
     }
     out[2] = g->sound_speed_m_s / (band_hz[1] - band_hz[0]);
+}
+
+static double distance(const double a[3], const double b[3])
+{
+    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+}
+
+/* Sum of the unit vectors from a pair's elements to a place; those at the place itself
+ * have no direction. */
+static void pair_direction(const struct geometry *g, size_t k, size_t j, size_t i,
+                           const double at_m[3], double out[3])
+{
+    double s[3], m[3];
+    geometry_speaker(g, k, j, s);
+    geometry_microphone(g, k, i, m);
+    double rs = distance(at_m, s), rm = distance(at_m, m);
+    for (int a = 0; a < 3; a++)
+        out[a] = (rs > 0.0 ? (at_m[a] - s[a]) / rs : 0.0) +
+                 (rm > 0.0 ? (at_m[a] - m[a]) / rm : 0.0);
+}
+
+void geometry_resolution_at(const struct geometry *g, const double band_hz[2],
+                            const double at_m[3], double out[3])
+{
+    double low[3] = {INFINITY, INFINITY, INFINITY};
+    double high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    size_t pairs = g->n_speakers * g->n_microphones;
+    for (size_t t = 0; t < pairs * g->n_positions; t++) {
+        double u[3];
+        pair_direction(g, t / pairs, t % pairs / g->n_microphones, t % g->n_microphones,
+                       at_m, u);
+        for (int a = 0; a < 3; a++) {
+            low[a] = fmin(low[a], u[a]);
+            high[a] = fmax(high[a], u[a]);
+        }
+    }
+    double wavelength_m = 2.0 * g->sound_speed_m_s / (band_hz[0] + band_hz[1]);
+    double depth_m = g->sound_speed_m_s / (band_hz[1] - band_hz[0]);
+    for (int a = 0; a < 3; a++) {
+        double by_pings = (high[a] - low[a]) / (1.207 * wavelength_m);
+        double by_band = fmax(fabs(low[a]), fabs(high[a])) / (2.0 * depth_m);
+        out[a] = 1.0 / hypot(by_pings, by_band);
+    }
 }

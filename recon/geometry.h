@@ -12,6 +12,12 @@ struct geometry {
     const double (*microphones_m)[3]; /* [n_microphones] */
     double stage_axis[3];             /* unit */
     const double *stage_positions_m;  /* [n_positions] */
+
+    /* [n_positions][speaker, microphone]: each ping has places of its own, any motion.
+     * n_speakers and n_microphones are 1 then, and what stands above does not count.
+     * NULL: elements carried along a stage.  Only geometry_speaker and
+     * geometry_microphone know where an element is. */
+    const double (*pings_m)[2][3];
 };
 
 /* Deep copy that owns its arrays; geometry_clear frees them.  0, -ENOMEM. */
@@ -31,5 +37,12 @@ void geometry_aperture(const struct geometry *g, double min[3], double max[3]);
  * An axis without aperture has no resolution: infinity. */
 void geometry_resolution(const struct geometry *g, const double band_hz[2],
                          double range_m, double out[3]);
+
+/* The same at any place before, behind or among the elements, axis by axis, from the wave
+ * vectors 2 pi f / c (from speaker + from microphone) that its echoes hold: by their
+ * spread over the pings (1.207 of a rectangle) and over the band (Hann).  Before the
+ * middle of a plane array it is the former. */
+void geometry_resolution_at(const struct geometry *g, const double band_hz[2],
+                            const double at_m[3], double out[3]);
 
 #endif

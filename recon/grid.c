@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdbool.h>
 
 #define MAX_VOXELS ((size_t)1 << 28)
 
@@ -91,22 +92,34 @@ static void box_distances(const struct grid *g, const double p[3], double *near,
     *far = sqrt(far2);
 }
 
+/* Nearest and farthest distance from any speaker of a position, or any microphone. */
+static void elements_distances(const struct grid *grid, const struct geometry *g,
+                               size_t position, bool microphones, double out[2])
+{
+    size_t n = microphones ? g->n_microphones : g->n_speakers;
+    out[0] = INFINITY;
+    out[1] = 0.0;
+    for (size_t e = 0; e < n; e++) {
+        double p[3], near, far;
+        if (microphones)
+            geometry_microphone(g, position, e, p);
+        else
+            geometry_speaker(g, position, e, p);
+        box_distances(grid, p, &near, &far);
+        out[0] = fmin(out[0], near);
+        out[1] = fmax(out[1], far);
+    }
+}
+
 void grid_delays(const struct grid *grid, const struct geometry *g, double delays_s[2])
 {
-    double near[2] = {INFINITY, INFINITY}, far[2] = {0.0, 0.0};
+    delays_s[0] = INFINITY;
+    delays_s[1] = 0.0;
     for (size_t k = 0; k < g->n_positions; k++) {
-        for (size_t e = 0; e < g->n_speakers + g->n_microphones; e++) {
-            int kind = e >= g->n_speakers;
-            double p[3], d[2];
-            if (kind)
-                geometry_microphone(g, k, e - g->n_speakers, p);
-            else
-                geometry_speaker(g, k, e, p);
-            box_distances(grid, p, &d[0], &d[1]);
-            near[kind] = fmin(near[kind], d[0]);
-            far[kind] = fmax(far[kind], d[1]);
-        }
+        double in[2], out[2];
+        elements_distances(grid, g, k, false, in);
+        elements_distances(grid, g, k, true, out);
+        delays_s[0] = fmin(delays_s[0], (in[0] + out[0]) / g->sound_speed_m_s);
+        delays_s[1] = fmax(delays_s[1], (in[1] + out[1]) / g->sound_speed_m_s);
     }
-    delays_s[0] = (near[0] + near[1]) / g->sound_speed_m_s;
-    delays_s[1] = (far[0] + far[1]) / g->sound_speed_m_s;
 }

@@ -26,8 +26,8 @@ void grid_default(struct grid *out, const struct geometry *g, const double gate_
  * voxels). */
 int grid_from_limits(struct grid *out, const double limits[3][3]);
 
-/* Bounds of the two-way delay in s between any pair and any voxel: the nearest speaker
- * and microphone to the grid's box, and the farthest. */
+/* Bounds of the two-way delay in s between any pair and any voxel: of each position the
+ * nearest speaker and microphone to the grid's box, and the farthest. */
 void grid_delays(const struct grid *grid, const struct geometry *g, double delays_s[2]);
 
 #endif

@@ -8,8 +8,8 @@
 
 #include "recon/method.h"
 
-static const struct imager_method *const methods[] = {&method_fast,
-                                                      &method_backprojection};
+static const struct imager_method *const methods[] = {
+    &method_fast, &method_backprojection, &method_confocal, &method_lct};
 
 struct imager {
     const struct imager_method *method;
@@ -21,7 +21,7 @@ struct imager {
 
 const char *imager_methods(void)
 {
-    return "fast\0backprojection\0";
+    return "fast\0backprojection\0confocal\0lct\0";
 }
 
 void imager_options_default(struct imager_options *o)
@@ -70,6 +70,11 @@ int imager_create(struct imager **out, const struct imager_config *cfg, const ch
         return -ENOENT;
     if (!sensible(cfg))
         return -EINVAL;
+    if (cfg->geometry->pings_m && !method->any_geometry) {
+        *why = "each ping has places of its own; expected an array that a stage carries. "
+               "backprojection, sparse and incoherent image any geometry";
+        return -ENOTSUP;
+    }
     struct imager *im = calloc(1, sizeof *im);
     if (!im)
         return -ENOMEM;

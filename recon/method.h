@@ -6,6 +6,7 @@
 
 struct imager_method {
     const char *name;
+    bool any_geometry; /* also pings with places of their own (geometry.pings_m) */
     int (*create)(void **state, const struct imager_config *cfg, const char **why);
     /* Adds one ping that has not been added before.  Threads add different positions. */
     void (*add)(void *state, size_t position, size_t speaker, const float complex *traces,
@@ -17,5 +18,7 @@ struct imager_method {
 
 extern const struct imager_method method_fast;
 extern const struct imager_method method_backprojection;
+extern const struct imager_method method_confocal;
+extern const struct imager_method method_lct;
 
 #endif

@@ -76,12 +76,16 @@ static void print_results(const struct launchfile *l)
                     : complain(&why, -ENOMEM, "not enough memory for the scene");
         free(scene);
     }
-    if (err) {
+    if (err && err != -ENOENT) {
         fprintf(stderr, "anlos launch: %s\n", why.text);
     } else {
-        truth_match(t);
         printf("\n");
-        truth_print(t, stdout);
+        if (err) {
+            printf("the scan ended before there was an image; report.json says more\n");
+        } else {
+            truth_match(t);
+            truth_print(t, stdout);
+        }
         printf("results are in %s\n", l->report.folder);
     }
     free(t);
@@ -94,6 +98,7 @@ int command_launch(int argc, char **argv)
     struct launchfile *launch = NULL;
     char run_dir[RUNDIR_SIZE], bin_dir[4096];
     int code = NODE_EXIT_BAD_CONFIG;
+    bool reported = false;
     int err = arguments_parse(&args, argc, argv, &why);
 
     if (!err && args.help) {
@@ -109,8 +114,8 @@ int command_launch(int argc, char **argv)
     } else {
         const struct launcher_config cfg = {
             .launch = launch, .arguments = &args, .run_dir = run_dir, .bin_dir = bin_dir};
-        code = launcher_run(&cfg);
-        if (code == NODE_EXIT_OK && launchfile_has_node(launch, "report"))
+        code = launcher_run(&cfg, &reported);
+        if (reported)
             print_results(launch);
     }
     launchfile_destroy(launch);

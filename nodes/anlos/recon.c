@@ -1,6 +1,8 @@
 #include <errno.h>
+#include <math.h>
 #include <stdatomic.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "nodes/anlos/commands.h"
@@ -16,6 +18,7 @@ static const char help[] =
     "anlos recon -- turn a recording into an image of what is hidden\n"
     "\n"
     "usage: anlos recon --survey FILE --wav DIR [--background DIR] --out DIR [options]\n"
+    "       anlos recon --traces FILE.mat --volume ... --out DIR [options]\n"
     "\n"
     "Reads one multichannel WAV for each stage position (in name order; slot j of a file "
     "is\n"
@@ -23,8 +26,18 @@ static const char help[] =
     "wall\n"
     "and lists the objects in it.  One process; no nodes need to run.\n"
     "\n"
-    "  --survey FILE        geometry and timing of the recording (survey.yaml)\n"
+    "  --survey FILE        geometry and timing of the recording (survey.yaml); with\n"
+    "                       'pings: FILE.csv' any array and motion, ping by ping\n"
     "  --wav DIR            the recording\n"
+    "  --traces FILE.mat    in place of a recording: compressed traces (MATLAB v5, "
+    "v7.3):\n"
+    "                       traces [ping][sample] complex or real, tx_m and rx_m "
+    "[ping][3],\n"
+    "                       fs_hz, t0_s (of sample 0), fc_hz (carrier, or 0), c_m_s;\n"
+    "                       --survey may name volume, wall, mount and gate_m for it\n"
+    "  --volume X,Y,Z       what to image, in place of the survey's: minimum, maximum "
+    "and\n"
+    "                       step of each axis in m, nine numbers with commas\n"
     "  --background DIR     the same room without the hidden objects, subtracted with "
     "its\n"
     "                       phase; without it the room's own echoes stay in the image\n"
@@ -57,6 +70,8 @@ static const char help[] =
 enum option_code {
     OPTION_SURVEY = 256,
     OPTION_WAV,
+    OPTION_TRACES,
+    OPTION_VOLUME,
     OPTION_BACKGROUND,
     OPTION_METHOD,
     OPTION_OUT,
@@ -68,6 +83,8 @@ enum option_code {
 static const struct option options[] = {
     {"survey", required_argument, NULL, OPTION_SURVEY},
     {"wav", required_argument, NULL, OPTION_WAV},
+    {"traces", required_argument, NULL, OPTION_TRACES},
+    {"volume", required_argument, NULL, OPTION_VOLUME},
     {"background", required_argument, NULL, OPTION_BACKGROUND},
     {"method", required_argument, NULL, OPTION_METHOD},
     {"out", required_argument, NULL, OPTION_OUT},
@@ -78,6 +95,33 @@ static const struct option options[] = {
     {NULL, 0, NULL, 0},
 };
 
+/* X_MIN,X_MAX,STEP,Y_MIN,... */
+static int take_volume(struct recon_options *o, const char *text)
+{
+    const char *at = text;
+    for (int i = 0; i < 9; i++) {
+        char *end;
+        double value = strtod(at, &end);
+        if (end == at || *end != (i < 8 ? ',' : 0))
+            return usage_error("recon",
+                               "--volume %s: expected nine numbers with commas: minimum, "
+                               "maximum and step of x, of y and of z, in m",
+                               text);
+        o->volume_m[i / 3][i % 3] = value;
+        at = end + 1;
+    }
+    for (int a = 0; a < 3; a++) {
+        const double *v = o->volume_m[a];
+        if (!(fabs(v[0]) <= 1000.0 && fabs(v[1]) <= 1000.0 && v[0] <= v[1] && v[2] > 0.0))
+            return usage_error("recon",
+                               "--volume: %c is %g, %g, %g; expected minimum <= maximum "
+                               "within +-1000 m and a step above 0",
+                               "xyz"[a], v[0], v[1], v[2]);
+    }
+    o->has_volume = true;
+    return 0;
+}
+
 static int take_option(struct recon_options *o, int code, char **argv)
 {
     switch (code) {
@@ -87,6 +131,11 @@ static int take_option(struct recon_options *o, int code, char **argv)
     case OPTION_WAV:
         o->wav = optarg;
         return 0;
+    case OPTION_TRACES:
+        o->traces = optarg;
+        return 0;
+    case OPTION_VOLUME:
+        return take_volume(o, optarg);
     case OPTION_BACKGROUND:
         o->background = optarg;
         return 0;
@@ -120,9 +169,12 @@ static int check_options(const struct recon_options *o, int argc, char **argv)
 {
     if (optind < argc)
         return usage_error("recon", "%s: unexpected argument", argv[optind]);
-    if (!o->survey)
+    if (o->traces && (o->wav || o->background))
+        return usage_error("recon", "--traces stands in place of %s; expected one",
+                           o->wav ? "--wav" : "--background");
+    if (!o->survey && !o->traces)
         return usage_error("recon", "--survey FILE is missing");
-    if (!o->wav)
+    if (!o->wav && !o->traces)
         return usage_error("recon", "--wav DIR is missing");
     if (!o->out || !o->out[0])
         return usage_error("recon", "--out DIR is missing");

@@ -8,6 +8,7 @@
 #include "dsp/wisdom.h"
 #include "hal/survey_file.h"
 #include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/recon_traces.h"
 #include "nodes/rt/objects.h"
 
 struct recon_worker {
@@ -26,7 +27,16 @@ int recon_job_open(struct recon_job *job, const struct recon_options *options,
     memset(job, 0, sizeof *job);
     job->options = options;
     struct stopwatch now = stopwatch_now(false);
+    if (options->traces) {
+        int err = recon_traces_open(job, why);
+        stopwatch_lap(&job->stages[RECON_READ], &now, false);
+        return err;
+    }
     int err = survey_load(&job->survey, options->survey, why);
+    if (!err && options->has_volume) {
+        job->survey.has_volume = true;
+        memcpy(job->survey.volume_m, options->volume_m, sizeof options->volume_m);
+    }
     if (!err)
         err = processing_plan(&job->processing, &job->survey, why);
     if (err == -EINVAL || err == -EFBIG) { /* processing knows the field, not the file */
@@ -87,8 +97,11 @@ static void worker_clear(struct recon_worker *w)
     free(w->masked);
 }
 
+/* None for traces: they come compressed. */
 static int create_workers(struct recon_job *job, struct complaint *why)
 {
+    if (job->options->traces)
+        return 0;
     const struct survey *s = &job->survey;
     int err = 0;
     job->workers = calloc(job->options->threads, sizeof *job->workers);
@@ -114,7 +127,8 @@ int recon_job_plan(struct recon_job *job, struct complaint *why)
                         strerror(-err));
     err = create_workers(job, why);
     if (!err) {
-        compressor_format(job->workers[0].compressor, &job->format);
+        if (job->workers)
+            compressor_format(job->workers[0].compressor, &job->format);
         err = processing_imager(&job->imager, &job->processing, job->options->method,
                                 &job->format, job->pool, why);
     }
@@ -145,8 +159,7 @@ static void run_fail(struct run *run, int err, const struct complaint *why)
         *run->why = *why;
 }
 
-/* Scene minus background, sample by sample: compression is linear, so this is coherent
- * subtraction at half the price of compressing both. */
+/* Scene minus background, sample by sample; dsp/background.h says why not as traces. */
 static int read_position(struct recon_job *job, struct recon_worker *w, size_t position,
                          struct complaint *why)
 {
@@ -252,9 +265,14 @@ int recon_job_run(struct recon_job *job, struct complaint *why)
     struct stopwatch phase = {0}, now = stopwatch_now(false);
 
     atomic_init(&run.err, 0);
-    pool_run(job->pool, job->survey.n_positions, process_position, &run);
-    stopwatch_lap(&phase, &now, false);
-    share_times(job, phase.wall_s);
+    if (job->options->traces) {
+        recon_traces_add(job);
+        stopwatch_lap(&job->stages[RECON_STACK], &now, false);
+    } else {
+        pool_run(job->pool, job->survey.n_positions, process_position, &run);
+        stopwatch_lap(&phase, &now, false);
+        share_times(job, phase.wall_s);
+    }
     if (interrupt_requested())
         return complain(why, -EINTR, "interrupted");
     int err = atomic_load(&run.err);
@@ -270,8 +288,8 @@ int recon_job_run(struct recon_job *job, struct complaint *why)
     if (interrupt_requested())
         return complain(why, -EINTR, "interrupted");
     detect_config_default(&detect);
-    err = objects_find(&job->detections, &job->survey, &detect, &job->processing.grid,
-                       job->intensity);
+    err = objects_find(&job->detections, &job->survey, &detect, 0.0,
+                       &job->processing.grid, job->intensity);
     stopwatch_lap(&job->stages[RECON_DETECT], &now, false);
     if (err)
         return complain(why, err, "detection: %s", strerror(-err));
@@ -293,6 +311,7 @@ void recon_job_clear(struct recon_job *job)
     pool_destroy(job->pool);
     recording_close(job->background);
     recording_close(job->recording);
+    traces_clear(&job->traces);
     survey_clear(&job->survey);
     memset(job, 0, sizeof *job);
 }

@@ -10,11 +10,15 @@
 #include "msgs/survey.h"
 #include "nodes/rt/channel_check.h"
 #include "nodes/anlos/stopwatch.h"
+#include "nodes/anlos/traces_file.h"
 #include "nodes/rt/compressor.h"
 #include "nodes/rt/processing.h"
 
 struct recon_options {                                    /* borrow from argv */
     const char *survey, *wav, *background, *method, *out; /* background: NULL for none */
+    const char *traces;                                   /* in place of wav, or NULL */
+    bool has_volume;                                      /* in place of the survey's */
+    double volume_m[3][3];
     size_t threads;
     enum window window;
     enum compression compression;
@@ -37,6 +41,7 @@ struct recon_job {
     const struct recon_options *options;
     struct survey survey;
     struct recording *recording, *background; /* background: NULL for none */
+    struct traces_file traces;                /* in place of both, or without pings */
     struct processing processing;
     struct pool *pool;
     struct imager *imager;

@@ -60,10 +60,15 @@ json_t *recon_report_warnings(const struct recon_job *job)
     size_t used = imager_pings(job->imager);
     warn_microphones(warnings, job->scene_check, &job->survey, "");
     warn_microphones(warnings, job->background_check, &job->survey, "background: ");
-    if (used < pings_expected(job))
+    if (job->traces.n_not_finite)
+        warn(warnings, "%zu traces have samples that are not finite: left out",
+             job->traces.n_not_finite);
+    if (job->traces.n_silent)
+        warn(warnings, "%zu traces are silent: left out", job->traces.n_silent);
+    if (used < pings_expected(job) && !job->options->traces)
         warn(warnings, "%zu of %zu pings are lost: no usable microphone",
              pings_expected(job) - used, pings_expected(job));
-    if (!job->background)
+    if (!job->background && !job->options->traces)
         warn(warnings,
              "no background recording: the room's own echoes stay in the image");
     return warnings;
@@ -119,8 +124,8 @@ static json_t *grid_json(const struct grid *g)
 static json_t *recording_json(const struct recon_job *job)
 {
     const struct recon_options *o = job->options;
-    json_t *r = json_pack("{ss, ss, ss?}", "survey", o->survey, "wav", o->wav,
-                          "background", o->background);
+    json_t *r = json_pack("{ss?, ss?, ss?, ss?}", "survey", o->survey, "wav", o->wav,
+                          "traces", o->traces, "background", o->background);
     json_object_set_new(r, "positions",
                         json_integer((json_int_t)job->survey.n_positions));
     json_object_set_new(r, "speakers", json_integer((json_int_t)job->survey.n_speakers));
@@ -140,10 +145,13 @@ json_t *recon_report_create(const struct recon_job *job, json_t *warnings)
 
     getrusage(RUSAGE_SELF, &usage);
     json_object_set_new(r, "method", json_string(o->method));
-    json_object_set_new(
-        r, "compression",
-        json_string(o->compression == COMPRESSION_DERAMP ? "deramp" : "matched_filter"));
-    json_object_set_new(r, "window", json_string(windows[o->window]));
+    if (!o->traces) {
+        json_object_set_new(r, "compression",
+                            json_string(o->compression == COMPRESSION_DERAMP
+                                            ? "deramp"
+                                            : "matched_filter"));
+        json_object_set_new(r, "window", json_string(windows[o->window]));
+    }
     json_object_set_new(r, "threads", json_integer((json_int_t)o->threads));
     json_object_set_new(r, "recording", recording_json(job));
     json_object_set_new(r, "stages", stages_json(job));
@@ -152,8 +160,9 @@ json_t *recon_report_create(const struct recon_job *job, json_t *warnings)
                         json_pack("{sI, sI, sI}", "expected", (json_int_t)expected,
                                   "used", (json_int_t)used, "lost",
                                   (json_int_t)(expected - used)));
-    json_object_set_new(channels, "scene",
-                        check_json(job->scene_check, job->survey.n_microphones));
+    if (job->scene_check)
+        json_object_set_new(channels, "scene",
+                            check_json(job->scene_check, job->survey.n_microphones));
     if (job->background_check)
         json_object_set_new(channels, "background",
                             check_json(job->background_check, job->survey.n_microphones));

@@ -45,12 +45,10 @@ void sender_scan(struct sender *s, const Anlos__ScanStatus *status)
     }
 }
 
-static void fill_object(struct can_object *o, const Anlos__Detection *d, uint32_t counter)
+/* Where it is, as far as that is known in the vehicle: the mirror image of an object, or
+ * a place in the array's own frame, would be an obstacle where there is none. */
+static void fill_place(struct can_object *o, const Anlos__Detection *d)
 {
-    *o = (struct can_object){.id = (uint8_t)d->id,
-                             .counter = (uint8_t)counter,
-                             .measurement = CAN_NEW, /* lists do not know each other */
-                             .existence = d->existence};
     if (d->position_m) {
         o->position_m[0] = d->position_m->x;
         o->position_m[1] = d->position_m->y;
@@ -63,11 +61,28 @@ static void fill_object(struct can_object *o, const Anlos__Detection *d, uint32_
         double product = o->sigma_m[0] * o->sigma_m[1];
         o->correlation = product > 0.0 ? c[1] / product : 0.0;
     }
-    /* Extents are known in the array's frame: x along the wall, z in depth. */
-    if (d->extent_m) {
-        o->length_m = d->extent_m->z;
-        o->width_m = d->extent_m->x;
+    if (d->extent_m) { /* in the position's frame */
+        o->length_m = d->extent_m->x;
+        o->width_m = d->extent_m->y;
     }
+}
+
+static void fill_object(struct can_object *o, const Anlos__DetectionList *list, size_t i)
+{
+    const Anlos__Detection *d = list->detections[i];
+
+    *o = (struct can_object){.id = (uint8_t)d->id,
+                             .counter = (uint8_t)list->counter,
+                             .position_m = {NAN, NAN, NAN},
+                             .measurement = CAN_NEW, /* lists do not know each other */
+                             .existence = d->existence,
+                             .velocity_m_s = {NAN, NAN}, /* nothing measures it */
+                             .sigma_m = {NAN, NAN},
+                             .correlation = NAN,
+                             .length_m = NAN,
+                             .width_m = NAN};
+    if (list->mirrored && list->in_vehicle_frame)
+        fill_place(o, d);
 }
 
 size_t sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
@@ -79,8 +94,8 @@ size_t sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t c
     const struct can_list_header header = {
         .number = (uint8_t)n,
         .counter = (uint16_t)list->counter,
-        .latency_ms = capture_ns ? 1e-6 * (double)(now_ns - capture_ns) : 0.0,
-        .cycle_ms = s->list_ns ? 1e-6 * (double)(now_ns - s->list_ns) : 0.0,
+        .latency_ms = capture_ns ? 1e-6 * (double)(now_ns - capture_ns) : NAN,
+        .cycle_ms = s->list_ns ? 1e-6 * (double)(now_ns - s->list_ns) : NAN,
         .truncated = n < list->n_detections,
     };
 
@@ -89,7 +104,7 @@ size_t sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t c
     can_pack_time(&frames[k++], s->base_id, capture_ns ? capture_ns : now_ns);
     for (size_t i = 0; i < n; i++) {
         struct can_object object;
-        fill_object(&object, list->detections[i], list->counter);
+        fill_object(&object, list, i);
         can_pack_object_state(&frames[k++], s->base_id, &object);
         can_pack_object_dynamics(&frames[k++], s->base_id, &object);
         can_pack_object_quality(&frames[k++], s->base_id, &object);

@@ -25,7 +25,8 @@ void sender_scan(struct sender *s, const Anlos__ScanStatus *status);
 
 /* frames[SENDER_MAX_FRAMES] of one list: header, time, then state, dynamics and quality
  * of each object, strongest first.  Returns how many.  capture_ns: of the list; 0: not of
- * any sound, the age is then 0. */
+ * any sound.  What is not known is sent as not available: the age then, the cycle of the
+ * first list, and the place of objects when the list's survey names no wall or mount. */
 size_t sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
                    int64_t now_ns, struct can_frame_data *frames);
 

@@ -135,7 +135,7 @@ static const float *ping_samples(const struct dsp *d, const Anlos__Ping *ping, s
     return x;
 }
 
-/* Each fault of each microphone is said once. */
+/* Each fault of each microphone is said once; for people they count from 1. */
 static void notice(struct dsp *d, size_t mic, const struct channel_summary *summary,
                    struct dsp_output *out)
 {
@@ -152,7 +152,7 @@ static void notice(struct dsp *d, size_t mic, const struct channel_summary *summ
             continue;
         d->noticed[mic] |= 1u << i;
         snprintf(out->note + used, sizeof out->note - used, "%smicrophone %zu %s",
-                 used ? "; " : "", mic, faults[i].text);
+                 used ? "; " : "", mic + 1, faults[i].text);
     }
 }
 
@@ -180,8 +180,10 @@ static void compress(struct dsp *d, const float *x, size_t n)
     size_t need = d->processing.ping_samples;
 
     if (n < need) {
-        for (size_t m = 0; m < d->survey.n_microphones; m++)
+        for (size_t m = 0; m < d->survey.n_microphones; m++) {
             memcpy(d->padded + m * need, x + m * n, n * sizeof *x);
+            memset(d->padded + m * need + n, 0, (need - n) * sizeof *x);
+        }
         x = d->padded;
         n = need;
     }

@@ -33,6 +33,7 @@ struct launcher {
     struct progress progress;
     struct screen screen;
     bool stopping, killed;
+    bool reported;
     int64_t kill_ns;
     int exit_code; /* once stopping */
 };
@@ -117,10 +118,11 @@ static void exited(struct launcher *l, struct child *c, int status)
         return;
     switch (phase) {
     case CHILD_ENDED:
-        if (!strcmp(c->name, "report"))
-            stop(l, l->progress.state == ANLOS__SCAN_STATUS__STATE__FAILED
-                        ? NODE_EXIT_FAILED
-                        : NODE_EXIT_OK);
+        if (strcmp(c->name, "report"))
+            break;
+        l->reported = true;
+        stop(l, l->progress.state == ANLOS__SCAN_STATUS__STATE__FAILED ? NODE_EXIT_FAILED
+                                                                       : NODE_EXIT_OK);
         break;
     case CHILD_BAD_CONFIG:
         stop(l, NODE_EXIT_BAD_CONFIG);
@@ -309,10 +311,11 @@ static int set_up(struct launcher *l)
     return err;
 }
 
-int launcher_run(const struct launcher_config *cfg)
+int launcher_run(const struct launcher_config *cfg, bool *reported)
 {
     struct launcher *l = calloc(1, sizeof *l);
 
+    *reported = false;
     if (!l)
         return NODE_EXIT_FAILED;
     l->cfg = cfg;
@@ -338,6 +341,7 @@ int launcher_run(const struct launcher_config *cfg)
     if (l->signal_fd >= 0)
         close(l->signal_fd);
     int exit_code = l->exit_code;
+    *reported = l->reported;
     free(l);
     return exit_code;
 }

@@ -3,6 +3,8 @@
 #ifndef ANLOS_NODES_LAUNCHER_LAUNCHER_H
 #define ANLOS_NODES_LAUNCHER_LAUNCHER_H
 
+#include <stdbool.h>
+
 #include "nodes/rt/arguments.h"
 #include "nodes/rt/launchfile.h"
 
@@ -15,7 +17,8 @@ struct launcher_config {
 
 /* Shows logs and progress while it runs.  Returns the exit code: 0 (the report is
  * written), 1 (a node or the scan failed), 2 (a node refused its configuration), 128 +
- * the signal that stopped it. */
-int launcher_run(const struct launcher_config *cfg);
+ * the signal that stopped it.  *reported: the report is written, be it of a scan that
+ * failed. */
+int launcher_run(const struct launcher_config *cfg, bool *reported);
 
 #endif

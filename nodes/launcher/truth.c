@@ -51,7 +51,10 @@ int truth_read_detections(struct truth *t, const char *folder, struct complaint 
         return complain(why, -EINVAL, "%s: the name is too long", folder);
     json_t *root = json_load_file(path, 0, &error);
     if (!root)
-        return complain(why, -ENOENT, "%s: %s", path, error.text);
+        return complain(why,
+                        json_error_code(&error) == json_error_cannot_open_file ? -ENOENT
+                                                                               : -EINVAL,
+                        "%s: %s", path, error.text);
     int err = read_list(t, root);
     json_decref(root);
     if (err)
@@ -142,7 +145,21 @@ static void print_object(const struct truth *t, const struct truth_object *o, FI
             100.0 * distance_m(o->position_m, d->position_m), 100.0 * d->existence);
 }
 
-void truth_print(const struct truth *t, FILE *to)
+/* Of a real room or a recording nobody knows the truth. */
+static void print_detections(const struct truth *t, FILE *to)
+{
+    fprintf(to, "%-13s  %-23s  %9s\n", "hidden object", "reported at (m)", "existence");
+    for (size_t k = 0; k < t->n_detections; k++) {
+        const struct truth_detection *d = &t->detections[k];
+        fprintf(to, "%13zu", k + 1);
+        print_position(d->position_m, to);
+        fprintf(to, "  %7.0f %%\n", 100.0 * d->existence);
+    }
+    if (!t->n_detections)
+        fprintf(to, "none\n");
+}
+
+static void print_comparison(const struct truth *t, FILE *to)
 {
     fprintf(to, "%-20s  %-23s  %-23s  %9s  %8s\n", "hidden object",
             t->mirrored ? "really at (m)" : "mirrored at (m)", "reported at (m)", "error",
@@ -153,12 +170,18 @@ void truth_print(const struct truth *t, FILE *to)
         const struct truth_detection *d = &t->detections[k];
         if (d->object >= 0)
             continue;
-        fprintf(to, "%-20s  %-23s", t->n_objects ? "nothing there" : "", "");
+        fprintf(to, "%-20s  %-23s", "nothing there", "");
         print_position(d->position_m, to);
         fprintf(to, "  %9s  %6.0f %%\n", "", 100.0 * d->existence);
     }
-    if (!t->n_objects && !t->n_detections)
-        fprintf(to, "none\n");
+}
+
+void truth_print(const struct truth *t, FILE *to)
+{
+    if (t->n_objects)
+        print_comparison(t, to);
+    else
+        print_detections(t, to);
     fprintf(to, "positions in the %s frame%s\n", t->frame,
             t->mirrored ? "" : "; no wall is known, so they are those of mirror images");
 }

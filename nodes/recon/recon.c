@@ -8,6 +8,9 @@
 
 #include "msgs/survey.h"
 #include "msgs/tensor.h"
+#include "msgs/topics.h"
+
+#define VOLUME_HEAD_SIZE 1024 /* of a volume message, without its voxels, at most */
 
 struct recon {
     struct recon_config cfg;
@@ -71,6 +74,19 @@ static int plan_format(struct recon *r, struct complaint *why)
     return err;
 }
 
+/* A volume that no message takes would be imaged, and waited for without end. */
+static int check_message(const struct grid *grid, struct complaint *why)
+{
+    const size_t room = topic_volume()->max_size - VOLUME_HEAD_SIZE;
+
+    if (grid_size(grid) <= room / sizeof(float))
+        return 0;
+    return complain(why, -EINVAL,
+                    "volume: %zu voxels do not fit a message; expected at most %zu, use "
+                    "larger steps",
+                    grid_size(grid), room / sizeof(float));
+}
+
 static int allocate(struct recon *r, struct complaint *why)
 {
     r->intensity = calloc(grid_size(&r->processing.grid), sizeof *r->intensity);
@@ -91,6 +107,8 @@ int recon_survey(struct recon *r, const Anlos__Survey *survey, struct complaint 
     int err = survey_from_message(&r->survey, survey, why);
     if (!err)
         err = processing_plan(&r->processing, &r->survey, why);
+    if (!err)
+        err = check_message(&r->processing.grid, why);
     if (!err)
         err = plan_format(r, why);
     if (!err)

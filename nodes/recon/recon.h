@@ -28,7 +28,8 @@ struct recon;
 int recon_create(struct recon **out, const struct recon_config *cfg);
 
 /* Plans for a survey; the traces of another one are forgotten.  0, or a negative errno
- * and a complaint (of the survey, or of the method). */
+ * and a complaint (of the survey, of the method, or of a volume over the topic's size).
+ */
 int recon_survey(struct recon *r, const Anlos__Survey *survey, struct complaint *why);
 bool recon_is_planned(const struct recon *r);
 

@@ -2,8 +2,10 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "msgs/survey.h"
 #include "nodes/report/report_json.h"
@@ -154,6 +156,21 @@ static int write_results(const struct report *r, const char *folder,
     return err;
 }
 
+/* A list and pictures of an earlier scan beside the report of this one would be taken for
+ * its own. */
+static void remove_older(const struct report *r, const char *folder)
+{
+    static const char *const names[] = {"detections.json", "volume.nrrd",
+                                        "projection_xy.png", "projection_xz.png",
+                                        "projection_yz.png"};
+    char path[4096];
+
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (!(i ? (const void *)r->volume : (const void *)r->detections) &&
+            snprintf(path, sizeof path, "%s/%s", folder, names[i]) < (int)sizeof path)
+            unlink(path);
+}
+
 int report_write(const struct report *r, const char *folder, struct complaint *why)
 {
     struct export_stage stage;
@@ -162,11 +179,13 @@ int report_write(const struct report *r, const char *folder, struct complaint *w
     if (err)
         return err;
     err = write_results(r, stage.path, why);
-    if (err) {
+    if (!err)
+        err = export_stage_commit(&stage, why);
+    if (err)
         export_stage_abandon(&stage);
-        return err;
-    }
-    return export_stage_commit(&stage, why);
+    else
+        remove_older(r, folder);
+    return err;
 }
 
 void report_clear(struct report *r)

@@ -53,6 +53,10 @@ static int create_deramp(struct deramp **out, const struct processing *p,
         .n_channels = s->n_microphones,
         .rate_hz = 2.0 * (p->band_hz[1] - p->band_hz[0]),
     };
+    if (s->n_replica)
+        return complain(why, -EINVAL,
+                        "deramp mixes with a chirp, and the survey names a replica; use "
+                        "matched_filter");
     int err = deramp_create(out, &cfg);
     if (err)
         complain(why, err, "deramp of %zu samples, %.4f to %.4f s: %s", p->ping_samples,

@@ -16,11 +16,13 @@ int export_folder(const char *folder, struct complaint *why);
 
 /* A set of files that appears together: write them into stage->path, then commit moves
  * each into the folder (replacing files of the same name), or abandon removes them, and
- * the folder too if begin made it. */
+ * the folder too if begin made it.  What a process that was killed has left there, the
+ * next begin removes. */
 struct export_stage {
     char folder[PATH_MAX - 64];
     char path[PATH_MAX];
     size_t existing; /* length of the part of folder that was there before */
+    int lock;        /* on path, for as long as its process lives; -1: no locks here */
 };
 int export_stage_begin(struct export_stage *stage, const char *folder,
                        struct complaint *why);

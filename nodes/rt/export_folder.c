@@ -2,11 +2,15 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+#define UNFINISHED ".unfinished."
 
 /* mkdir -p; *existing: length of the leading part that was there before. */
 static int make_folders(const char *folder, size_t *existing)
@@ -80,25 +84,6 @@ int export_folder(const char *folder, struct complaint *why)
     return open_folder(folder, &existing, why);
 }
 
-int export_stage_begin(struct export_stage *stage, const char *folder,
-                       struct complaint *why)
-{
-    memset(stage, 0, sizeof *stage);
-    if (strlen(folder) >= sizeof stage->folder)
-        return complain(why, -ENAMETOOLONG, "%s: path too long", folder);
-    strcpy(stage->folder, folder);
-    int err = open_folder(folder, &stage->existing, why);
-    if (err)
-        return err;
-    snprintf(stage->path, sizeof stage->path, "%s/.unfinished.XXXXXX", folder);
-    if (!mkdtemp(stage->path) || chmod(stage->path, 0755)) {
-        err = -errno;
-        remove_folders(folder, stage->existing);
-        return complain(why, err, "%s: cannot be written: %s", folder, strerror(-err));
-    }
-    return 0;
-}
-
 /* Calls visit for each entry of a folder; stops at the first that fails. */
 static int each_entry(const char *folder,
                       int (*visit)(const char *folder, const char *name, void *ctx),
@@ -129,6 +114,80 @@ static int remove_entry(const char *folder, const char *name, void *ctx)
     return rmdir(path) ? -errno : 0;
 }
 
+/* A descriptor that holds the lock of a folder, or -1: somebody else has it, or the file
+ * system has no locks.  links: O_NOFOLLOW or 0. */
+static int lock_folder(const char *folder, int links, int operation)
+{
+    int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC | links);
+    if (fd >= 0 && flock(fd, operation)) {
+        close(fd);
+        return -1;
+    }
+    return fd;
+}
+
+static void unlock_folder(int fd)
+{
+    if (fd >= 0)
+        close(fd);
+}
+
+/* What has the name of a stage, but no process that holds its lock. */
+static int remove_leftover(const char *folder, const char *name, void *ctx)
+{
+    char path[PATH_MAX];
+    (void)ctx;
+    if (strncmp(name, UNFINISHED, strlen(UNFINISHED)) ||
+        snprintf(path, sizeof path, "%s/%s", folder, name) >= (int)sizeof path)
+        return 0;
+    int lock = lock_folder(path, O_NOFOLLOW, LOCK_EX | LOCK_NB);
+    if (lock < 0)
+        return 0;
+    each_entry(path, remove_entry, NULL);
+    rmdir(path); /* if it cannot be removed, it does no harm */
+    unlock_folder(lock);
+    return 0;
+}
+
+/* Makes the stage's own folder.  The lock of the one around it keeps another process from
+ * taking it for a leftover before it has a lock of its own. */
+static int make_stage(struct export_stage *stage)
+{
+    int err = 0, around = lock_folder(stage->folder, 0, LOCK_EX);
+    if (around >= 0)
+        each_entry(stage->folder, remove_leftover, NULL);
+    if (!mkdtemp(stage->path))
+        err = -errno;
+    else if (chmod(stage->path, 0755)) {
+        err = -errno;
+        rmdir(stage->path);
+    } else {
+        stage->lock = lock_folder(stage->path, O_NOFOLLOW, LOCK_EX | LOCK_NB);
+    }
+    unlock_folder(around);
+    return err;
+}
+
+int export_stage_begin(struct export_stage *stage, const char *folder,
+                       struct complaint *why)
+{
+    memset(stage, 0, sizeof *stage);
+    stage->lock = -1;
+    if (strlen(folder) >= sizeof stage->folder)
+        return complain(why, -ENAMETOOLONG, "%s: path too long", folder);
+    strcpy(stage->folder, folder);
+    int err = open_folder(folder, &stage->existing, why);
+    if (err)
+        return err;
+    snprintf(stage->path, sizeof stage->path, "%s/" UNFINISHED "XXXXXX", folder);
+    err = make_stage(stage);
+    if (err) {
+        remove_folders(folder, stage->existing);
+        return complain(why, err, "%s: cannot be written: %s", folder, strerror(-err));
+    }
+    return 0;
+}
+
 static int move_entry(const char *folder, const char *name, void *ctx)
 {
     const struct export_stage *stage = ctx;
@@ -144,6 +203,10 @@ int export_stage_commit(struct export_stage *stage, struct complaint *why)
     int err = each_entry(stage->path, move_entry, stage);
     if (!err && rmdir(stage->path))
         err = -errno;
+    if (!err) {
+        unlock_folder(stage->lock);
+        stage->lock = -1;
+    }
     if (err)
         complain(why, err, "%s: cannot be written: %s", stage->folder, strerror(-err));
     return err;
@@ -153,5 +216,7 @@ void export_stage_abandon(struct export_stage *stage)
 {
     each_entry(stage->path, remove_entry, NULL);
     rmdir(stage->path);
+    unlock_folder(stage->lock);
+    stage->lock = -1;
     remove_folders(stage->folder, stage->existing);
 }

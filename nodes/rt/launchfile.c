@@ -147,6 +147,11 @@ bool launchfile_has_node(const struct launchfile *l, const char *name)
     return false;
 }
 
+bool launchfile_moves_stage(const struct launchfile *l)
+{
+    return launchfile_has_node(l, "stage") && !uri_has_scheme(l->array.uri, "wav");
+}
+
 static char *copy_text(const char *text, const char *otherwise)
 {
     return strdup(text ? text : otherwise);
@@ -221,6 +226,7 @@ static int replace(char **uri, char *text)
 
 static int resolve_paths(struct launchfile *l, const struct launchfile_options *options)
 {
+    static const char *const options_with_paths[] = {"background", "survey"};
     const char *slash = strrchr(l->path, '/');
     char *folder = slash
                        ? strndup(l->path, (size_t)(slash - l->path) + (slash == l->path))
@@ -229,9 +235,12 @@ static int resolve_paths(struct launchfile *l, const struct launchfile_options *
 
     if (!err &&
         (uri_has_scheme(l->array.uri, "sim") || uri_has_scheme(l->array.uri, "wav")))
-        err = replace(&l->array.uri, uri_in_folder(l->array.uri, folder, "background"));
+        err = replace(&l->array.uri, uri_in_folder(l->array.uri, folder));
+    for (size_t i = 0; !err && i < COUNT(options_with_paths); i++)
+        err = replace(&l->array.uri,
+                      uri_option_in_folder(l->array.uri, folder, options_with_paths[i]));
     if (!err && uri_has_scheme(l->can.uri, "log"))
-        err = replace(&l->can.uri, uri_in_folder(l->can.uri, l->report.folder, NULL));
+        err = replace(&l->can.uri, uri_in_folder(l->can.uri, l->report.folder));
     if (!err && options && options->realtime && uri_has_scheme(l->array.uri, "sim"))
         err = replace(&l->array.uri, uri_set_option(l->array.uri, "pace", "real"));
     if (!err && options && options->realtime && uri_has_scheme(l->stage.uri, "sim"))

@@ -58,6 +58,10 @@ struct launchfile_options { /* of the command line, they win over the file */
 const char *const *launchfile_known_nodes(void);
 bool launchfile_has_node(const struct launchfile *l, const char *name);
 
+/* Is there a stage that the scan has to move?  A recording was moved when it was made;
+ * a stage that happens to be there must stand still while it is played. */
+bool launchfile_moves_stage(const struct launchfile *l);
+
 /* Defaults are filled in.  options may be NULL.
  * 0, -ENOENT, -EINVAL ("file:line: key: expected"), -ENOMEM. */
 int launchfile_load(struct launchfile **out, const char *path,

@@ -1,17 +1,15 @@
 #include "nodes/rt/node.h"
 
 #include <errno.h>
-#include <signal.h>
 #include <stdarg.h>
-#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/prctl.h>
 #include <unistd.h>
 
 #include "nodes/rt/arguments.h"
 #include "nodes/rt/rundir.h"
+#include "nodes/rt/stop.h"
 #include "nodes/rt/vitals.h"
 
 #define HEALTH_PERIOD_NS 1000000000LL
@@ -32,70 +30,24 @@ struct node {
     ProtobufCMessage *content; /* of the message that node_next gave out last */
 };
 
-/* The stop flag: the bus that a signal wakes. */
-static _Atomic(struct bus *) stop_bus;
-static volatile sig_atomic_t stop_asked;
-
-static void stop_on_signal(int number)
-{
-    struct bus *bus = atomic_load(&stop_bus);
-
-    (void)number;
-    stop_asked = 1;
-    if (bus)
-        bus_interrupt(bus);
-}
-
-static int install_signals(void)
-{
-    /* No SA_RESTART: a sleep of the hardware must end when the process is to stop. */
-    struct sigaction stop = {.sa_handler = stop_on_signal};
-    struct sigaction ignore = {.sa_handler = SIG_IGN};
-
-    sigemptyset(&stop.sa_mask);
-    sigemptyset(&ignore.sa_mask);
-    if (sigaction(SIGINT, &stop, NULL) || sigaction(SIGTERM, &stop, NULL) ||
-        sigaction(SIGPIPE, &ignore, NULL))
-        return -errno;
-    return 0;
-}
-
-/* A node that was started by a launcher does not outlive it. */
-static void follow_parent(void)
-{
-    const char *parent = getenv("ANLOS_LAUNCHER_PID");
-
-    if (!parent)
-        return;
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
-    if (getppid() != (pid_t)atol(parent))
-        raise(SIGTERM);
-}
-
 static void log_refusal(void *ctx, const char *text)
 {
     node_log(ctx, LOG_LEVEL_WARNING, "%s", text);
 }
 
-/* Threads of the bus must leave the signals to the main thread, whose sleep they end. */
 static int open_bus(struct node *n, struct complaint *why)
 {
     struct bus_config cfg = {
         .node = n->name, .run_dir = n->run_dir, .epoch_ns = n->epoch_ns};
-    sigset_t stops, before;
+    sigset_t before;
 
-    sigemptyset(&stops);
-    sigaddset(&stops, SIGINT);
-    sigaddset(&stops, SIGTERM);
-    pthread_sigmask(SIG_BLOCK, &stops, &before);
+    stop_block(&before);
     int err = bus_create(&n->bus, &cfg, why);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    stop_unblock(&before);
     if (err)
         return err;
     bus_on_refusal(n->bus, log_refusal, n);
-    atomic_store(&stop_bus, n->bus);
-    if (stop_asked)
-        bus_interrupt(n->bus);
+    stop_wakes(n->bus);
     return 0;
 }
 
@@ -110,7 +62,7 @@ static void node_free(struct node *n)
 {
     if (!n)
         return;
-    atomic_store(&stop_bus, NULL);
+    stop_wakes(NULL);
     if (n->content)
         protobuf_c_message_free_unpacked(n->content, NULL);
     bus_destroy(n->bus);
@@ -125,13 +77,9 @@ static int open_all(struct node *n, const struct arguments *args, struct complai
 
     if (!err)
         err = rundir_open(n->run_dir, args->run_dir, why);
-    if (!err && install_signals())
-        err = complain(why, -errno, "signals: %s", strerror(errno));
-    if (!err) {
-        follow_parent();
-        err = open_bus(n, why);
-    }
-    return err;
+    if (!err && (err = stop_install()))
+        complain(why, err, "signals: %s", strerror(-err));
+    return err ? err : open_bus(n, why);
 }
 
 int node_create(struct node **out, const char *name, const char *what_it_does, int argc,
@@ -241,7 +189,7 @@ int node_next(struct node *n, struct node_message *out, int timeout_ms)
         protobuf_c_message_free_unpacked(n->content, NULL);
     n->content = NULL;
     for (;;) {
-        if (stop_asked)
+        if (stop_requested())
             return -ESHUTDOWN;
         if (now >= n->health_due_ns)
             publish_health(n);

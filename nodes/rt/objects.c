@@ -20,14 +20,12 @@ static Anlos__Vec3 *vec3_create(const double v[3])
     return m;
 }
 
-/* out = R c R^T with the columns of R = the frame's axes as the vehicle sees them, taken
- * from where survey_to_vehicle puts them. */
-static void covariance_to_vehicle(const struct survey *s, const double c[6],
-                                  double out[6])
+/* The columns of r: the array frame's axes as the vehicle sees them, taken from where
+ * survey_to_vehicle puts them. */
+static void axes_in_vehicle(const struct survey *s, double r[3][3])
 {
-    static const int at[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
     static const double zero[3] = {0.0, 0.0, 0.0};
-    double origin[3], r[3][3];
+    double origin[3];
 
     survey_to_vehicle(s, zero, origin);
     for (int a = 0; a < 3; a++) {
@@ -36,6 +34,13 @@ static void covariance_to_vehicle(const struct survey *s, const double c[6],
         for (int b = 0; b < 3; b++)
             r[b][a] = moved[b] - origin[b];
     }
+}
+
+/* out = r c r^T */
+static void turn_covariance(const double r[3][3], const double c[6], double out[6])
+{
+    static const int at[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+
     for (int a = 0; a < 3; a++) {
         for (int b = a; b < 3; b++) {
             double sum = 0.0;
@@ -47,10 +52,26 @@ static void covariance_to_vehicle(const struct survey *s, const double c[6],
     }
 }
 
+/* The box around an imaged object becomes the box, along the axes of its position's
+ * frame, around that box mirrored and turned. */
+static void turn_extent(const struct survey *s, const double r[3][3],
+                        const double extent[3], double out[3])
+{
+    for (int b = 0; b < 3; b++) {
+        out[b] = 0.0;
+        for (int a = 0; a < 3; a++) {
+            double side = r[b][a]; /* of r (1 - 2 n n^T) */
+            for (int i = 0; s->has_wall && i < 3; i++)
+                side -= 2.0 * r[b][i] * s->wall_normal[i] * s->wall_normal[a];
+            out[b] += fabs(side) * extent[a];
+        }
+    }
+}
+
 static int fill_detection(Anlos__Detection *m, const struct survey *s,
                           const struct detection *d)
 {
-    double position[3], covariance[6], rotated[6];
+    double position[3], covariance[6], rotated[6], extent[3], r[3][3];
     memcpy(position, d->position_m, sizeof position);
     memcpy(covariance, d->covariance_m2, sizeof covariance);
     if (s->has_wall) {
@@ -61,11 +82,13 @@ static int fill_detection(Anlos__Detection *m, const struct survey *s,
     }
     double there[3];
     survey_to_vehicle(s, position, there);
-    covariance_to_vehicle(s, covariance, rotated);
+    axes_in_vehicle(s, r);
+    turn_covariance((const double(*)[3])r, covariance, rotated);
+    turn_extent(s, (const double(*)[3])r, d->extent_m, extent);
 
     m->position_m = vec3_create(there);
     m->virtual_m = vec3_create(d->position_m);
-    m->extent_m = vec3_create(d->extent_m);
+    m->extent_m = vec3_create(extent);
     m->covariance_m2 = malloc(sizeof rotated);
     if (!m->position_m || !m->virtual_m || !m->extent_m || !m->covariance_m2)
         return -ENOMEM;
@@ -108,9 +131,19 @@ fail:
     return -ENOMEM;
 }
 
+static size_t drop_unlikely(struct detection *found, size_t n, double min_existence)
+{
+    size_t kept = 0;
+
+    for (size_t i = 0; i < n; i++)
+        if (found[i].existence >= min_existence)
+            found[kept++] = found[i];
+    return kept;
+}
+
 int objects_find(Anlos__DetectionList **out, const struct survey *s,
-                 const struct detect_config *cfg, const struct grid *grid,
-                 const float *intensity)
+                 const struct detect_config *cfg, double min_existence,
+                 const struct grid *grid, const float *intensity)
 {
     struct detection found[OBJECTS_MAX];
     struct detect_config resolved = *cfg;
@@ -118,12 +151,19 @@ int objects_find(Anlos__DetectionList **out, const struct survey *s,
     size_t n = 0;
     double band_hz[2] = {fmin(s->chirp_start_hz, s->chirp_stop_hz),
                          fmax(s->chirp_start_hz, s->chirp_stop_hz)};
-    double middle_m = grid->origin_m[2] + 0.5 * (double)grid->n[2] * grid->step_m[2];
+    double middle[3];
+    for (int a = 0; a < 3; a++)
+        middle[a] = grid->origin_m[a] + 0.5 * (double)grid->n[a] * grid->step_m[a];
 
     processing_geometry(&geometry, s);
-    geometry_resolution(&geometry, band_hz, middle_m, resolved.resolution_m);
+    if (geometry.pings_m)
+        geometry_resolution_at(&geometry, band_hz, middle, resolved.resolution_m);
+    else
+        geometry_resolution(&geometry, band_hz, middle[2], resolved.resolution_m);
     int err = detect_objects(&resolved, grid, intensity, found, OBJECTS_MAX, &n);
-    return err ? err : objects_list(out, s, found, n);
+    if (err)
+        return err;
+    return objects_list(out, s, found, drop_unlikely(found, n, min_existence));
 }
 
 void objects_free(Anlos__DetectionList *list)

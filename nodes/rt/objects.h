@@ -10,12 +10,14 @@
 
 #define OBJECTS_MAX 64
 
-/* Detects and converts: strongest first, ids from 1.  Without a wall the positions are
- * the virtual ones (mirrored = false), without a mount they stay in the array frame. Free
- * the list with objects_free.  0, -ENOMEM. */
+/* Detects and converts: strongest first, ids from 1; what is less likely than
+ * min_existence (0..1) is left out.  cfg->resolution_m is not read: it follows from the
+ * survey.  Without a wall the positions are the virtual ones (mirrored = false), without
+ * a mount they stay in the array frame.  intensity: [nz][ny][nx].  Free the list with
+ * objects_free.  0, -ENOMEM. */
 int objects_find(Anlos__DetectionList **out, const struct survey *s,
-                 const struct detect_config *cfg, const struct grid *grid,
-                 const float *intensity);
+                 const struct detect_config *cfg, double min_existence,
+                 const struct grid *grid, const float *intensity);
 
 /* The conversion alone; objects[n]. */
 int objects_list(Anlos__DetectionList **out, const struct survey *s,

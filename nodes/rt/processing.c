@@ -25,18 +25,22 @@ void processing_geometry(struct geometry *g, const struct survey *s)
     g->microphones_m = (const double(*)[3])s->microphones_m;
     memcpy(g->stage_axis, s->stage_axis, sizeof g->stage_axis);
     g->stage_positions_m = s->stage_positions_m;
+    g->pings_m = (const double(*)[2][3])s->pings_m;
+}
+
+static double distance_m(const double a[3], const double b[3])
+{
+    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
 }
 
 static double longest_direct_path_m(const struct survey *s)
 {
     double longest = 0.0;
-    for (size_t j = 0; j < s->n_speakers; j++) {
-        for (size_t i = 0; i < s->n_microphones; i++) {
-            const double *a = s->speakers_m[j], *b = s->microphones_m[i];
-            double d = hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
-            longest = fmax(longest, d);
-        }
-    }
+    for (size_t k = 0; s->pings_m && k < s->n_positions; k++)
+        longest = fmax(longest, distance_m(s->pings_m[k][0], s->pings_m[k][1]));
+    for (size_t j = 0; !s->pings_m && j < s->n_speakers; j++)
+        for (size_t i = 0; i < s->n_microphones; i++)
+            longest = fmax(longest, distance_m(s->speakers_m[j], s->microphones_m[i]));
     return longest;
 }
 
@@ -113,6 +117,10 @@ int processing_plan(struct processing *out, const struct survey *s, struct compl
     double reach_s = slot_reach_s(s), delays_s[2];
     int err;
 
+    if (s->pings_m && !s->has_volume)
+        return complain(why, -EINVAL,
+                        "volume: expected x_m, y_m and z_m, each [min, max, step], for "
+                        "pings with places of their own have no front");
     processing_geometry(&p.geometry, s);
     p.band_hz[0] = fmin(s->chirp_start_hz, s->chirp_stop_hz);
     p.band_hz[1] = fmax(s->chirp_start_hz, s->chirp_stop_hz);
@@ -160,6 +168,8 @@ static void configure(struct pulse_compress_config *cfg, const struct processing
     cfg->window = window;
     memcpy(cfg->gate_s, p->gate_s, sizeof cfg->gate_s);
     cfg->oversampling = TRACE_OVERSAMPLING;
+    cfg->n_replica = s->n_replica;
+    cfg->replica = s->replica;
     cfg->n_channels = s->n_microphones;
 }
 

@@ -55,18 +55,19 @@ static char *insert_folder(const char *uri, const char *at, size_t size,
     return out;
 }
 
-char *uri_in_folder(const char *uri, const char *folder, const char *key)
+char *uri_in_folder(const char *uri, const char *folder)
 {
     const char *path = after_scheme(uri);
-    char *first = insert_folder(uri, path, strcspn(path, "?"), folder);
-    size_t size;
-    const char *value = first && key ? find_option(first, key, &size) : NULL;
 
-    if (!value)
-        return first;
-    char *second = insert_folder(first, value, size, folder);
-    free(first);
-    return second;
+    return insert_folder(uri, path, strcspn(path, "?"), folder);
+}
+
+char *uri_option_in_folder(const char *uri, const char *folder, const char *key)
+{
+    size_t size;
+    const char *value = find_option(uri, key, &size);
+
+    return value ? insert_folder(uri, value, size, folder) : strdup(uri);
 }
 
 char *uri_set_option(const char *uri, const char *key, const char *value)

@@ -10,9 +10,11 @@ bool uri_has_scheme(const char *uri, const char *scheme);
 /* The path without scheme and options; may be empty. */
 char *uri_path(const char *uri);
 
-/* The URI with its relative path, and the relative path in option `key` (may be NULL),
- * put into a folder. */
-char *uri_in_folder(const char *uri, const char *folder, const char *key);
+/* The URI with its relative path put into a folder. */
+char *uri_in_folder(const char *uri, const char *folder);
+
+/* The URI with the relative path in option `key`, if it has one, put into a folder. */
+char *uri_option_in_folder(const char *uri, const char *folder, const char *key);
 
 /* The URI with the option set, in the place of an earlier value if it has one. */
 char *uri_set_option(const char *uri, const char *key, const char *value);

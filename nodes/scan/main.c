@@ -23,7 +23,7 @@ static int create(struct run *r)
     const struct launchfile *l = node_launch(r->node);
     const char *needs[PEERS_MAX];
     struct scan_config cfg = {.background = l->scan.background,
-                              .has_stage = launchfile_has_node(l, "stage"),
+                              .has_stage = launchfile_moves_stage(l),
                               .window = l->scan.window,
                               .retries = l->scan.retries,
                               .timeout_s = l->scan.timeout_s,
@@ -78,7 +78,10 @@ static void publish_status(struct run *r)
     if (status.state == r->state && now < r->status_due_ns)
         return;
     if (status.state != r->state && status.text[0])
-        node_log(r->node, LOG_LEVEL_INFO, "%s", status.text);
+        node_log(r->node,
+                 status.state == ANLOS__SCAN_STATUS__STATE__FAILED ? LOG_LEVEL_ERROR
+                                                                   : LOG_LEVEL_INFO,
+                 "%s", status.text);
     r->state = status.state;
     r->status_due_ns = now + STATUS_PERIOD_NS;
     node_publish(r->node, topic_scan_status(), 0, &status.base);

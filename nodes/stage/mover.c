@@ -1,5 +1,6 @@
 #include "nodes/stage/mover.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -30,7 +31,8 @@ void mover_command(struct mover *m, const Anlos__StageCommand *command)
     int err = stage_move(m->stage, command->target_m);
     if (err)
         snprintf(m->refusal, sizeof m->refusal, "cannot move to %.4f m: %s",
-                 command->target_m, strerror(-err));
+                 command->target_m,
+                 err == -ERANGE ? "it does not reach that far" : strerror(-err));
 }
 
 bool mover_state(struct mover *m, int64_t now_ns, Anlos__StageState *out)

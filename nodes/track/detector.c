@@ -36,23 +36,11 @@ static bool is_image(const struct grid *grid, const float *intensity)
     return true;
 }
 
-static size_t drop_unlikely(struct detection *found, size_t n, double min_existence)
-{
-    size_t kept = 0;
-
-    for (size_t i = 0; i < n; i++)
-        if (found[i].existence >= min_existence)
-            found[kept++] = found[i];
-    return kept;
-}
-
 int detector_volume(struct detector *d, const Anlos__Volume *volume,
                     Anlos__DetectionList **out, struct complaint *why)
 {
-    struct detection found[OBJECTS_MAX];
     struct detect_config cfg;
     struct grid grid;
-    size_t n = 0;
     const float *intensity = volume_grid(volume, &grid);
 
     if (!d->has_survey || volume->survey_id != d->survey_id)
@@ -63,11 +51,7 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
                         "are not numbers");
     detect_config_default(&cfg);
     cfg.threshold_db = d->cfg.threshold_db;
-    int err = detect_objects(&cfg, &grid, intensity, found, OBJECTS_MAX, &n);
-    if (!err) {
-        n = drop_unlikely(found, n, d->cfg.min_existence);
-        err = objects_list(out, &d->survey, found, n);
-    }
+    int err = objects_find(out, &d->survey, &cfg, d->cfg.min_existence, &grid, intensity);
     if (err)
         return complain(why, err, "not enough memory to detect objects");
     (*out)->scan = volume->scan;

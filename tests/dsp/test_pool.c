@@ -6,6 +6,7 @@
 #include <cmocka.h>
 #include <errno.h>
 #include <pthread.h>
+#include <signal.h>
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -116,6 +117,38 @@ static void the_threads_work_at_the_same_time(void **state)
     pthread_barrier_destroy(&m.barrier);
 }
 
+struct masks {
+    struct meeting meeting; /* so that every thread has an item */
+    int blocked[4];
+};
+
+static void read_mask(void *ctx, size_t item, size_t thread)
+{
+    struct masks *m = ctx;
+    sigset_t mask;
+
+    meet(&m->meeting, item, thread);
+    m->blocked[thread] = pthread_sigmask(SIG_SETMASK, NULL, &mask) == 0 &&
+                         sigismember(&mask, SIGTERM);
+}
+
+/* Else a sleep of the caller's would not end when the process is asked to stop. */
+static void signals_are_left_to_the_caller(void **state)
+{
+    struct masks m = {0};
+    struct pool *p;
+
+    (void)state;
+    assert_int_equal(pthread_barrier_init(&m.meeting.barrier, NULL, 4), 0);
+    assert_int_equal(pool_create(&p, 4), 0);
+    pool_run(p, 4, read_mask, &m);
+    pool_destroy(p);
+    pthread_barrier_destroy(&m.meeting.barrier);
+    assert_false(m.blocked[0]);
+    for (int i = 1; i < 4; i++)
+        assert_true(m.blocked[i]);
+}
+
 static void no_threads_or_absurdly_many_are_refused(void **state)
 {
     struct pool *p = NULL;
@@ -136,6 +169,7 @@ int main(void)
         cmocka_unit_test(one_thread_is_the_caller_himself),
         cmocka_unit_test(many_short_runs_in_a_row_lose_nothing),
         cmocka_unit_test(the_threads_work_at_the_same_time),
+        cmocka_unit_test(signals_are_left_to_the_caller),
         cmocka_unit_test(no_threads_or_absurdly_many_are_refused),
     };
 

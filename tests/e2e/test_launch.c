@@ -29,18 +29,27 @@ static uint32_t pings_of_scene(void)
     return n;
 }
 
-static void write_launch(struct scratch *s, const char *pace)
+static void write_system(struct scratch *s, const char *array, const char *stage,
+                         const char *background)
 {
     char text[1024];
 
     snprintf(text, sizeof text,
              "nodes: [stage, array, scan, dsp, recon, track, can, report]\n"
-             "array: {uri: 'sim:%s?pace=%s'}\n"
-             "stage: {uri: 'sim:?pace=fast'}\n"
-             "scan: {background: true}\n"
+             "array: {uri: '%s'}\n"
+             "stage: {uri: '%s'}\n"
+             "scan: {background: %s}\n"
              "report: {folder: %s/out}\n",
-             SCENE, pace, s->folder);
+             array, stage, background, s->folder);
     scratch_write(s, "launch.yaml", text);
+}
+
+static void write_launch(struct scratch *s, const char *pace)
+{
+    char array[512];
+
+    snprintf(array, sizeof array, "sim:%s?pace=%s", SCENE, pace);
+    write_system(s, array, "sim:?pace=fast", "true");
 }
 
 static pid_t start(struct scratch *s)
@@ -199,6 +208,67 @@ static void one_command_goes_from_chirp_to_can_frame(void **state)
     json_decref(report);
 }
 
+/* By another process, like everything else here. */
+static void make_recording(struct scratch *s)
+{
+    int status;
+    pid_t pid = fork();
+
+    assert_true(pid >= 0);
+    if (!pid) {
+        if (!freopen("/dev/null", "w", stdout))
+            _exit(98);
+        execl(BINARY_DIR "/bin/anlos", "anlos", "sim", SCENE, "--out",
+              scratch_path(s, "rec"), NULL);
+        _exit(99);
+    }
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_int_equal(status, 0);
+}
+
+/* A stage that cannot move does not matter: the array was moved when it recorded. */
+static void a_recording_goes_the_same_way(void **state)
+{
+    struct scratch *s = *state;
+    char array[300];
+
+    make_recording(s);
+    snprintf(array, sizeof array, "wav:%s/rec/scene?background=%s/rec/background",
+             s->folder, s->folder);
+    write_system(s, array, "none:", "true");
+    assert_ends_well(s, start(s));
+    assert_folder(s);
+    json_t *o = read_json(s, "out/detections.json");
+    assert_string_equal(json_string_value(json_object_get(o, "source")), "replay");
+    json_decref(o);
+}
+
+/* Half of the positions are out of the stage's reach. */
+static void a_scan_that_fails_shows_what_it_has_found(void **state)
+{
+    struct scratch *s = *state;
+    int status;
+
+    write_system(s, "sim:" SCENE, "sim:?pace=fast&max=0.1", "false");
+    pid_t pid = start(s);
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 1);
+    assert_false(show(s, false));
+    json_t *report = read_json(s, "out/report.json");
+    assert_string_equal(json_string_value(json_object_get(report, "state")), "failed");
+    assert_int_equal(integer(report, "pings", "done"), pings_of_scene() / 4);
+    json_decref(report);
+    json_decref(read_json(s, "out/detections.json"));
+    char text[8192] = "";
+    FILE *f = fopen(scratch_path(s, "says"), "r");
+    assert_non_null(f);
+    text[fread(text, 1, sizeof text - 1, f)] = '\0';
+    fclose(f);
+    assert_contains(text, "scan    error   stage: cannot move to 0.1200 m");
+    assert_contains(text, "hidden object         really at");
+}
+
 /* Listens until n pings are done, and returns the process id of a node. */
 static pid_t wait_for_pings(struct bus *b, uint32_t n, const char *node)
 {
@@ -269,6 +339,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(one_command_goes_from_chirp_to_can_frame),
+        TEST(a_recording_goes_the_same_way),
+        TEST(a_scan_that_fails_shows_what_it_has_found),
         TEST(a_dsp_killed_during_the_scan_costs_time_only),
         TEST(a_recon_killed_during_the_scan_costs_time_only),
     };

@@ -230,6 +230,12 @@ static void bad_short(struct scratch *s)
     write_wav(s, "b.wav", SF_FORMAT_PCM_16, 48000, MICROPHONES, (SPEAKERS - 1) * SLOT);
 }
 
+/* Nobody will ever write into it. */
+static void bad_pipe(struct scratch *s)
+{
+    assert_int_equal(mkfifo(scratch_path(s, "b.wav"), 0600), 0);
+}
+
 static void bad_fewer(struct scratch *s)
 {
     (void)s;
@@ -247,6 +253,7 @@ static void bad_recordings_are_named_with_what_was_expected(void **state)
         void (*make)(struct scratch *s);
         const char *part;
     } cases[] = {
+        {bad_pipe, "b.wav: is no file; expected a WAV file"},
         {bad_truncated,
          "b.wav: truncated: its header promises 2400 bytes of sound, 2392"},
         {bad_empty, "b.wav: no WAV file"},

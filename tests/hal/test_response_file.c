@@ -1,15 +1,90 @@
-/* The factory files of the paper's microphones; skipped where they are not. */
 #include "scratch.h"
 
 #include <errno.h>
 #include <math.h>
+#include <unistd.h>
 
 #include "hal/response_file.h"
 
 #define FOLDER SOURCE_DIR "/../shared/data/microphone-calibration"
 
+static void load_text(struct scratch *s, const char *text, struct survey_response *out)
+{
+    struct complaint why = {.text = ""};
+    scratch_write(s, "mic.txt", text);
+    if (response_load(out, s->folder, "mic", &why))
+        fail_msg("%s", why.text);
+}
+
+static void the_dayton_format_is_read(void **state)
+{
+    struct survey_response r;
+    load_text(*state, "*1000Hz\t-41.1\n\t\n20.00\t-1.4\n20.55\t-1.2\n20000.00\t7.6\n",
+              &r);
+    assert_string_equal(r.serial, "mic");
+    assert_int_equal(r.n_points, 3);
+    assert_true(r.frequency_hz[1] == 20.55 && r.gain_db[2] == 7.6);
+    response_clear(&r);
+    assert_null(r.gain_db);
+}
+
+static void the_minidsp_format_is_read_with_its_line_ends(void **state)
+{
+    struct survey_response r;
+    load_text(*state,
+              "\"Sens Factor =-2.790dB, SERNO: 7033921\"\r\n"
+              "10.054\t-3.1627\r\n10.179\t-3.0074\r\n\r\n",
+              &r);
+    assert_int_equal(r.n_points, 2);
+    assert_true(r.gain_db[0] == -3.1627);
+    response_clear(&r);
+}
+
+static void a_malformed_line_is_named(void **state)
+{
+    static const struct {
+        const char *text, *rest;
+    } cases[] = {
+        {"*1000Hz\t-41.1\n20 1\n30 x\n40 2\n", ":3: expected a frequency in Hz and dB"},
+        {"20 1\n30\n", ":2: expected a frequency in Hz and dB"},
+        {"20 1\n30 inf\n", ":2: expected a frequency in Hz and dB"},
+        {"20 1\n30 nan\n", ":2: expected a frequency in Hz and dB"},
+        {"20 1\n30 2dB\n", ":2: expected a frequency in Hz and dB"},
+        {"20 1\n*1000Hz\t-41.1\n", ":2: expected a frequency in Hz and dB"},
+        {"20 1\n30 2\n30 3\n", ":3: frequency 30 Hz does not rise"},
+        {"20 1\n\n19 2\n", ":3: frequency 19 Hz does not rise"},
+        {"", ": expected lines of frequency in Hz and dB"},
+        {"*1000Hz\t-41.1\nnothing here\n", ": expected lines of frequency in Hz and dB"},
+    };
+    struct scratch *s = *state;
+    struct survey_response r;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct complaint why = {.text = ""};
+        scratch_write(s, "mic.txt", cases[i].text);
+        assert_int_equal(response_load(&r, s->folder, "mic", &why), -EINVAL);
+        assert_complaint(why.text, s->path, cases[i].rest);
+    }
+}
+
+static void what_cannot_be_read_says_why(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {.text = ""};
+    struct survey_response r;
+    assert_int_equal(response_load(&r, s->folder, "none", &why), -ENOENT);
+    assert_contains(why.text, "none.txt");
+    assert_int_equal(response_load(&r, s->folder, "../mic", &why), -EINVAL);
+    scratch_folder(s, "folder.txt");
+    assert_true(response_load(&r, s->folder, "folder", &why) < 0);
+    assert_contains(why.text, "folder.txt");
+}
+
 static struct survey_response load(const char *serial)
 {
+    if (access(FOLDER, R_OK)) {
+        print_message("skipped: no %s\n", FOLDER);
+        skip();
+    }
     struct complaint why = {.text = ""};
     struct survey_response r;
     if (response_load(&r, FOLDER, serial, &why))
@@ -22,6 +97,8 @@ static void a_dayton_file_begins_after_its_sensitivity(void **state)
     struct survey_response r = load("15449");
     (void)state;
     assert_string_equal(r.serial, "15449");
+    assert_int_equal(r.n_points, 256); /* counted with awk, like the values */
+    assert_true(r.gain_db[255] == 7.6);
     assert_true(r.frequency_hz[0] == 20 && r.gain_db[0] == -1.4);
     response_clear(&r);
 }
@@ -30,6 +107,7 @@ static void a_minidsp_file_begins_after_its_quoted_line(void **state)
 {
     struct survey_response r = load("7033921");
     (void)state;
+    assert_int_equal(r.n_points, 615);
     assert_true(r.frequency_hz[0] == 10.054 && r.gain_db[0] == -3.1627);
     assert_true(r.frequency_hz[1] == 10.179 && r.gain_db[1] == -3.0074);
     response_clear(&r);
@@ -47,17 +125,18 @@ static void gains_are_linear_in_db_between_points_and_constant_outside(void **st
     response_clear(&r);
 }
 
+#define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        TEST(the_dayton_format_is_read),
+        TEST(the_minidsp_format_is_read_with_its_line_ends),
+        TEST(a_malformed_line_is_named),
+        TEST(what_cannot_be_read_says_why),
         cmocka_unit_test(a_dayton_file_begins_after_its_sensitivity),
         cmocka_unit_test(a_minidsp_file_begins_after_its_quoted_line),
         cmocka_unit_test(gains_are_linear_in_db_between_points_and_constant_outside),
     };
-    struct stat st;
-    if (stat(FOLDER, &st)) {
-        printf("skipped: %s is not there\n", FOLDER);
-        return 77;
-    }
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -58,6 +58,10 @@ static void without_a_volume_the_far_gate_counts(void **state)
     assert_int_equal(tail_samples(&s), usual);
     s.gate_m[1] = 2;
     assert_true(tail_samples(&s) < usual);
+    /* The microphones sweep x 0.1..1.1 at y 0.5, so the plane's far corner is (1.6, 1):
+     * from speaker 0 at stage 0 there, and back to the microphone. */
+    double path_m = sqrt(1.6 * 1.6 + 1 + 4) + sqrt(1.5 * 1.5 + 0.25 + 4);
+    assert_true((double)tail_samples(&s) >= path_m / 340 * 48000);
 }
 
 static void a_tail_is_at_most_a_slot(void **state)

@@ -38,17 +38,18 @@ static void fill_noise(struct rig *r)
     }
 }
 
-static void add_blob(struct rig *r, const double at_m[3], double peak)
+/* Standard deviations of a point's image. */
+static const double sharp_m[3] = {0.025, 0.025, 0.012};
+
+static void add_blob(struct rig *r, const double at_m[3], const double sigma_m[3])
 {
     for (int z = 0; z < NZ; z++) {
         for (int y = 0; y < NY; y++) {
             for (int x = 0; x < NX; x++) {
-                double dx = origin_m[0] + 0.02 * x - at_m[0];
-                double dy = origin_m[1] + 0.02 * y - at_m[1];
-                double dz = origin_m[2] + 0.01 * z - at_m[2];
-                r->intensity[z][y][x] +=
-                    (float)(peak * exp(-(dx * dx + dy * dy) / (2 * 0.025 * 0.025) -
-                                       dz * dz / (2 * 0.012 * 0.012)));
+                double dx = (origin_m[0] + 0.02 * x - at_m[0]) / sigma_m[0];
+                double dy = (origin_m[1] + 0.02 * y - at_m[1]) / sigma_m[1];
+                double dz = (origin_m[2] + 0.01 * z - at_m[2]) / sigma_m[2];
+                r->intensity[z][y][x] += (float)exp(-0.5 * (dx * dx + dy * dy + dz * dz));
             }
         }
     }
@@ -101,7 +102,7 @@ static void an_object_is_reported_where_it_really_is(void **state)
     struct rig *r = *state;
     const double at_m[3] = {0.183, 0.142, 1.196};
 
-    add_blob(r, at_m, 1.0);
+    add_blob(r, at_m, sharp_m);
     assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
     assert_true(r->list->mirrored);
     assert_true(r->list->in_vehicle_frame);
@@ -116,12 +117,36 @@ static void an_object_is_reported_where_it_really_is(void **state)
     assert_true(d->existence >= 0.5);
 }
 
+/* Seen through an aperture of 0.2 m a point is 1.207 lambda R / 2 D = 0.11 m wide at
+ * 1.2 m: a blob 9 voxels wide (3.33 sigma) is no more than a point. */
+static void the_aperture_tells_how_wide_a_point_is(void **state)
+{
+    struct rig *r = *state;
+    const double at_m[3] = {0.2, 0.14, 1.2}, blurred_m[3] = {0.056, 0.025, 0.009};
+
+    add_blob(r, at_m, blurred_m);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(r->list->n_detections, 1);
+    assert_true(r->list->detections[0]->extent_m->y == 0.0); /* the array's x */
+}
+
+static void a_body_wider_than_a_point_has_an_extent(void **state)
+{
+    struct rig *r = *state;
+    const double at_m[3] = {0.2, 0.14, 1.2}, wide_m[3] = {0.1, 0.025, 0.009};
+
+    add_blob(r, at_m, wide_m);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(r->list->n_detections, 1);
+    assert_near(r->list->detections[0]->extent_m->y, 0.333, 0.03); /* the array's x */
+}
+
 static void what_is_too_unlikely_is_left_out(void **state)
 {
     struct rig *r = *state;
     const double at_m[3] = {0.1, 0.1, 1.1};
 
-    add_blob(r, at_m, 1.0);
+    add_blob(r, at_m, sharp_m);
     r->detector.cfg.min_existence = 1.01;
     assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
     assert_int_equal(r->list->n_detections, 0);
@@ -132,7 +157,7 @@ static void the_threshold_is_above_the_noise(void **state)
     struct rig *r = *state;
     const double at_m[3] = {0.1, 0.1, 1.1};
 
-    add_blob(r, at_m, 1.0); /* 40 dB above the noise's mean */
+    add_blob(r, at_m, sharp_m); /* 40 dB above the noise's mean */
     r->detector.cfg.threshold_db = 80.0;
     assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
     assert_int_equal(r->list->n_detections, 0);
@@ -187,6 +212,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(an_object_is_reported_where_it_really_is),
+        TEST(the_aperture_tells_how_wide_a_point_is),
+        TEST(a_body_wider_than_a_point_has_an_extent),
         TEST(what_is_too_unlikely_is_left_out),
         TEST(the_threshold_is_above_the_noise),
         TEST(the_counter_rises_and_previews_are_marked),

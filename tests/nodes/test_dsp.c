@@ -219,6 +219,44 @@ static void a_ping_of_another_survey_or_shape_is_refused(void **state)
     assert_receipt(r, BACKGROUND, false);
 }
 
+/* The first n samples of each microphone of the ping, in samples[n_microphones][n]. */
+static void cut_ping(struct rig *r, size_t n, struct tensor_view *view, float *samples)
+{
+    size_t n_mics = r->scene.survey->n_microphones_m;
+
+    scene_ping(&r->scene, SCENE, 0, 0, &r->ping);
+    for (size_t m = 0; m < n_mics; m++)
+        memcpy(samples + m * n, r->scene.samples + m * r->scene.n_samples,
+               n * sizeof *samples);
+    r->ping.samples = tensor_borrow_f32(view, samples, 2, n_mics, n);
+}
+
+static void a_short_ping_keeps_nothing_of_a_longer_one_before(void **state)
+{
+    struct rig *r = *state;
+    size_t n_mics = r->scene.survey->n_microphones_m, n = r->scene.n_samples;
+    float *samples = malloc(n_mics * n * sizeof *samples);
+    struct tensor_view view;
+
+    assert_non_null(samples);
+    cut_ping(r, n / 2, &view, samples);
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_true(r->out.has_traces);
+    size_t size = r->out.traces.samples->data.len;
+    void *alone = malloc(size);
+    assert_non_null(alone);
+    memcpy(alone, r->out.traces.samples->data.data, size);
+
+    cut_ping(r, n - 1, &view, samples);
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_memory_not_equal(alone, r->out.traces.samples->data.data, size);
+    cut_ping(r, n / 2, &view, samples);
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_memory_equal(alone, r->out.traces.samples->data.data, size);
+    free(alone);
+    free(samples);
+}
+
 static void unfit_microphones_are_masked_and_said_once(void **state)
 {
     struct rig *r = *state;
@@ -238,8 +276,8 @@ static void unfit_microphones_are_masked_and_said_once(void **state)
         assert_int_equal(r->out.traces.clipped_samples, r->scene.n_samples / 50 + 2);
         assert_string_equal(r->out.note,
                             i ? ""
-                              : "microphone 1 is silent; microphone 2 has samples that "
-                                "are not finite; microphone 3 is clipped");
+                              : "microphone 2 is silent; microphone 3 has samples that "
+                                "are not finite; microphone 4 is clipped");
     }
 }
 
@@ -317,6 +355,7 @@ int main(void)
         TEST(the_echo_stands_where_geometry_says),
         TEST(a_ping_that_is_not_valid_is_to_be_taken_again),
         TEST(a_ping_of_another_survey_or_shape_is_refused),
+        WITHOUT(a_short_ping_keeps_nothing_of_a_longer_one_before),
         WITHOUT(unfit_microphones_are_masked_and_said_once),
         TEST(a_microphone_without_background_is_masked_in_the_scene),
         TEST(another_survey_forgets_the_background),

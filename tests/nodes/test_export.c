@@ -12,6 +12,7 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 #include <cmocka.h>
 
@@ -435,6 +436,74 @@ static void an_abandoned_stage_takes_the_folders_that_it_made(void **state)
     assert_int_equal(stat(f->folder, &st), 0); /* it was there before */
 }
 
+/* Begins a stage in a process of its own, with a file and a folder in it, and kills it.
+ */
+static void leave_a_stage_behind(const char *folder)
+{
+    pid_t pid = fork();
+    assert_true(pid >= 0);
+    if (!pid) {
+        struct export_stage stage;
+        char below[PATH_MAX + 16];
+        json_t *j = json_object();
+        if (export_stage_begin(&stage, folder, NULL))
+            _exit(1);
+        snprintf(below, sizeof below, "%s/scene", stage.path);
+        if (mkdir(below, 0777) || export_json(below, "x.json", j, NULL))
+            _exit(1);
+        raise(SIGKILL);
+    }
+    int status;
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFSIGNALED(status));
+}
+
+static void what_a_killed_process_left_is_removed_by_the_next(void **state)
+{
+    struct fixture *f = *state;
+    struct export_stage stage;
+    leave_a_stage_behind(f->folder);
+    assert_int_equal(count_files(f->folder), 1);
+    assert_int_equal(export_stage_begin(&stage, f->folder, NULL), 0);
+    assert_int_equal(count_files(f->folder), 1); /* its own */
+    export_stage_abandon(&stage);
+    assert_int_equal(count_files(f->folder), 0);
+}
+
+static void a_stage_that_lives_is_no_leftover(void **state)
+{
+    struct fixture *f = *state;
+    struct export_stage first, second;
+    json_t *j = json_object();
+    assert_int_equal(export_stage_begin(&first, f->folder, NULL), 0);
+    assert_int_equal(export_stage_begin(&second, f->folder, NULL), 0);
+    assert_int_equal(export_json(first.path, "x.json", j, NULL), 0);
+    assert_int_equal(export_stage_commit(&first, NULL), 0);
+    export_stage_abandon(&second);
+    assert_int_equal(count_files(f->folder), 1);
+    json_decref(j);
+}
+
+/* Who may write into the folder must not thereby remove what lies elsewhere. */
+static void a_link_with_a_stages_name_is_left_alone(void **state)
+{
+    struct fixture *f = *state;
+    struct export_stage stage;
+    char elsewhere[128], folder[128], link[256];
+    json_t *j = json_object();
+    snprintf(elsewhere, sizeof elsewhere, "%s/elsewhere", f->folder);
+    snprintf(folder, sizeof folder, "%s/out", f->folder);
+    snprintf(link, sizeof link, "%s/.unfinished.abcdef", folder);
+    assert_int_equal(mkdir(elsewhere, 0777), 0);
+    assert_int_equal(mkdir(folder, 0777), 0);
+    assert_int_equal(export_json(elsewhere, "x.json", j, NULL), 0);
+    assert_int_equal(symlink(elsewhere, link), 0);
+    assert_int_equal(export_stage_begin(&stage, folder, NULL), 0);
+    export_stage_abandon(&stage);
+    assert_int_equal(count_files(elsewhere), 1);
+    json_decref(j);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -461,6 +530,12 @@ int main(void)
             a_stage_shows_its_files_at_commit_and_replaces_older_ones, set_up, tear_down),
         cmocka_unit_test_setup_teardown(an_abandoned_stage_takes_the_folders_that_it_made,
                                         set_up, tear_down),
+        cmocka_unit_test_setup_teardown(what_a_killed_process_left_is_removed_by_the_next,
+                                        set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_stage_that_lives_is_no_leftover, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(a_link_with_a_stages_name_is_left_alone, set_up,
+                                        tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

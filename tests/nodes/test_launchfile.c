@@ -215,6 +215,49 @@ static void the_demo_can_be_loaded(void **state)
     launchfile_destroy(l);
 }
 
+static void the_survey_of_a_recording_is_relative_to_the_file_too(void **state)
+{
+    struct scratch *s = *state;
+    char expected[300];
+    struct launchfile *l = load(
+        s, "nodes: [array]\narray: {uri: 'wav:rec?survey=s.yaml&background=bg'}\n", NULL);
+
+    snprintf(expected, sizeof expected, "wav:%s/rec?survey=%s/s.yaml&background=%s/bg",
+             s->folder, s->folder, s->folder);
+    assert_string_equal(l->array.uri, expected);
+    launchfile_destroy(l);
+}
+
+static void a_stage_stands_still_while_a_recording_is_played(void **state)
+{
+    static const struct {
+        const char *text;
+        bool moves;
+    } cases[] = {
+        {"nodes: [array, stage]\narray: {uri: 'sim:a.yaml'}\n", true},
+        {"nodes: [array, stage]\narray: {uri: 'wav:rec'}\n", false},
+        {"nodes: [array]\narray: {uri: 'sim:a.yaml'}\n", false},
+    };
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct launchfile *l = load(*state, cases[i].text, NULL);
+        assert_int_equal(launchfile_moves_stage(l), cases[i].moves);
+        launchfile_destroy(l);
+    }
+}
+
+static void the_replay_can_be_loaded(void **state)
+{
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+
+    (void)state;
+    if (launchfile_load(&l, SOURCE_DIR "/launch/replay.yaml", NULL, &why))
+        fail_msg("%s", why.text);
+    assert_false(launchfile_moves_stage(l));
+    launchfile_destroy(l);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
 int main(void)
@@ -231,7 +274,10 @@ int main(void)
         TEST(a_node_twice_is_refused),
         TEST(an_array_node_needs_a_device),
         TEST(an_unknown_method_is_refused),
+        TEST(the_survey_of_a_recording_is_relative_to_the_file_too),
+        TEST(a_stage_stands_still_while_a_recording_is_played),
         TEST(the_demo_can_be_loaded),
+        TEST(the_replay_can_be_loaded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -112,7 +112,7 @@ static void a_target_out_of_reach_shows_as_a_fault_until_the_next_command(void *
     assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__FAULT);
     assert_int_equal(s.command_id, 3);
     assert_true(s.target_m == 9.0);
-    assert_non_null(strstr(s.text, "cannot move to 9.0000 m"));
+    assert_non_null(strstr(s.text, "cannot move to 9.0000 m: it does not reach"));
     stage.result = 0;
     command(&m, 4, 0.2);
     assert_true(mover_state(&m, 1, &s));

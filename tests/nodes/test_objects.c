@@ -85,6 +85,45 @@ static void a_mount_turns_position_and_covariance(void **state)
     objects_free(list);
 }
 
+static void assert_extent(const struct survey *s, double x, double y, double z)
+{
+    struct detection d = point(0.1, 0.2, 3.0); /* 0.1 x 0.2 x 0.3 as imaged */
+    Anlos__DetectionList *list;
+    assert_int_equal(objects_list(&list, s, &d, 1), 0);
+    const Anlos__Vec3 *extent = list->detections[0]->extent_m;
+    assert_near(extent->x, x, 1e-12);
+    assert_near(extent->y, y, 1e-12);
+    assert_near(extent->z, z, 1e-12);
+    objects_free(list);
+}
+
+/* The array looks forward, its x to the vehicle's left: length is its depth.  A wall at
+ * 45 degrees turns depth to the side, and what was beside into depth. */
+static void extents_are_mirrored_and_turned_like_the_position(void **state)
+{
+    (void)state;
+    const double half = sqrt(0.5);
+    struct survey s = {0};
+    assert_extent(&s, 0.1, 0.2, 0.3);
+    s.has_mount = true;
+    s.mount_x_axis[1] = 1.0;
+    s.mount_y_axis[2] = 1.0;
+    assert_extent(&s, 0.3, 0.1, 0.2);
+    s.has_wall = true;
+    s.wall_normal[0] = s.wall_normal[2] = half;
+    assert_extent(&s, 0.1, 0.3, 0.2);
+}
+
+/* Turned by 45 degrees about the upright, a box of a by b needs (a + b) / sqrt 2. */
+static void a_turned_extent_is_the_box_around_it(void **state)
+{
+    (void)state;
+    const double half = sqrt(0.5);
+    struct survey s = {
+        .has_mount = true, .mount_x_axis = {half, half, 0}, .mount_y_axis = {0, 0, 1}};
+    assert_extent(&s, (0.1 + 0.3) * half, (0.1 + 0.3) * half, 0.2);
+}
+
 static void ids_rise_in_the_order_given(void **state)
 {
     (void)state;
@@ -108,7 +147,7 @@ static void an_empty_volume_gives_an_empty_list(void **state)
     struct detect_config cfg;
     Anlos__DetectionList *list;
     detect_config_default(&cfg);
-    assert_int_equal(objects_find(&list, &s, &cfg, &g, zero), 0);
+    assert_int_equal(objects_find(&list, &s, &cfg, 0.0, &g, zero), 0);
     assert_int_equal(list->n_detections, 0);
     objects_free(list);
 }
@@ -119,6 +158,8 @@ int main(void)
         cmocka_unit_test(without_wall_and_mount_positions_stay_as_imaged),
         cmocka_unit_test(a_frontal_wall_folds_depth_back),
         cmocka_unit_test(a_mount_turns_position_and_covariance),
+        cmocka_unit_test(extents_are_mirrored_and_turned_like_the_position),
+        cmocka_unit_test(a_turned_extent_is_the_box_around_it),
         cmocka_unit_test(ids_rise_in_the_order_given),
         cmocka_unit_test(an_empty_volume_gives_an_empty_list),
     };

@@ -178,13 +178,23 @@ static void traces_of_another_survey_or_format_are_refused(void **state)
 static void a_new_scan_begins_with_nothing(void **state)
 {
     struct rig *r = *state;
+    Anlos__Volume v;
 
     add(r, 0, 0);
     add(r, 0, 1);
     make_traces(r, 0, 0);
+    r->traces.traces.clipped_samples = 7;
+    r->traces.traces.masked[2] = true;
     r->traces.traces.scan = 2;
     take(r, 0);
     assert_int_equal(recon_pings(r->recon), 1);
+    make_traces(r, 0, 0);
+    r->traces.traces.scan = 3;
+    take(r, 0);
+    recon_image(r->recon, false, &v);
+    assert_int_equal(v.scan, 3);
+    assert_int_equal(v.clipped_samples, 0);
+    assert_int_equal(v.microphones_masked, 0);
     recon_reset(r->recon);
     assert_int_equal(recon_pings(r->recon), 0);
 }
@@ -223,6 +233,24 @@ static void an_unknown_method_is_complained_about(void **state)
     recon_destroy(recon);
 }
 
+static void a_volume_that_no_message_takes_is_complained_about(void **state)
+{
+    struct rig *r = *state;
+    struct complaint why = {""};
+    struct survey s;
+
+    assert_int_equal(survey_from_message(&s, r->scene.survey, &why), 0);
+    s.volume_m[0][2] = s.volume_m[1][2] = 0.0005; /* 441 x 441 x 601 voxels: 468 MB */
+    s.volume_m[2][2] = 0.001;
+    Anlos__Survey *large = scene_message(&s);
+    assert_non_null(large);
+    assert_int_equal(recon_survey(r->recon, large, &why), -EINVAL);
+    if (!strstr(why.text, "116883081 voxels do not fit a message"))
+        fail_msg("%s", why.text);
+    anlos__survey__free_unpacked(large, NULL);
+    survey_clear(&s);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -236,6 +264,7 @@ int main(void)
         TEST(a_new_scan_begins_with_nothing),
         TEST(masked_microphones_and_clipped_samples_are_summed_up),
         TEST(an_unknown_method_is_complained_about),
+        TEST(a_volume_that_no_message_takes_is_complained_about),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -182,13 +182,20 @@ static void a_failed_scan_leaves_a_report_and_nothing_else(void **state)
     struct complaint why = {""};
     struct report r;
 
+    /* Of a scan before, and of somebody else. */
+    scratch_write(s, "volume.nrrd", "old");
+    scratch_write(s, "projection_xz.png", "old");
+    scratch_write(s, "detections.json", "old");
+    scratch_write(s, "notes.txt", "mine");
     report_init(&r);
     tell_status(&r, ANLOS__SCAN_STATUS__STATE__FAILED, 2 * S);
     if (report_write(&r, s->folder, &why))
         fail_msg("%s", why.text);
     assert_int_equal(access(scratch_path(s, "report.json"), R_OK), 0);
     assert_int_not_equal(access(scratch_path(s, "volume.nrrd"), F_OK), 0);
+    assert_int_not_equal(access(scratch_path(s, "projection_xz.png"), F_OK), 0);
     assert_int_not_equal(access(scratch_path(s, "detections.json"), F_OK), 0);
+    assert_int_equal(access(scratch_path(s, "notes.txt"), R_OK), 0);
     report_clear(&r);
 }
 

@@ -322,6 +322,25 @@ static void never_more_pings_are_under_way_than_the_window_allows(void **state)
     }
 }
 
+static void a_command_is_sent_again_until_a_ping_answers_it(void **state)
+{
+    (void)state;
+    for (int answered = 0; answered < 2; answered++) {
+        struct world w;
+        setup(&w, false, 0, 8);
+        start(&w);
+        step(&w); /* moves */
+        step(&w); /* fires */
+        assert_int_equal(w.commands, 1);
+        if (answered)
+            tell_ping(&w, &w.queue[0]);
+        w.now_ns += 700 * MS;
+        step(&w);
+        assert_int_equal(w.commands, answered ? 1 : 2);
+        scan_destroy(w.scan);
+    }
+}
+
 static void it_goes_on_while_receipts_are_on_their_way(void **state)
 {
     struct world w;
@@ -695,6 +714,7 @@ int main(void)
         cmocka_unit_test(without_a_survey_it_waits),
         cmocka_unit_test(every_ping_is_fired_once_background_first),
         cmocka_unit_test(never_more_pings_are_under_way_than_the_window_allows),
+        cmocka_unit_test(a_command_is_sent_again_until_a_ping_answers_it),
         cmocka_unit_test(it_goes_on_while_receipts_are_on_their_way),
         cmocka_unit_test(a_lost_ping_is_taken_again),
         cmocka_unit_test(the_last_ping_of_all_is_missed_by_the_clock),

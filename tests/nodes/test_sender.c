@@ -26,8 +26,9 @@ static void fill(struct list *l, size_t n)
     l->position.x = 4.0;
     l->position.y = -1.5;
     l->position.z = 0.5;
-    l->extent.x = 0.3;
-    l->extent.z = 0.2;
+    l->extent.x = 0.2;
+    l->extent.y = 0.3;
+    l->extent.z = 1.1;
     memcpy(l->covariance, (const double[]){4e-4, 1e-4, 0, 1e-4, 0, 1e-4},
            sizeof l->covariance);
     for (size_t i = 0; i < n; i++) {

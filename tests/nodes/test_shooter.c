@@ -135,6 +135,27 @@ static void a_shot_becomes_a_ping_for_each_speaker(void **state)
     assert_false(shooter_busy(r->shooter));
 }
 
+/* A scan that was restarted counts from 1 again. */
+static void the_same_id_of_a_new_process_is_a_new_command(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speaker = 2;
+    Anlos__FireCommand c = ANLOS__FIRE_COMMAND__INIT;
+    Anlos__Ping ping;
+    int64_t t0;
+
+    c.id = 1;
+    c.pass = ANLOS__PASS__BACKGROUND;
+    c.speakers = &speaker;
+    c.n_speakers = 1;
+    for (int64_t epoch = 77; epoch <= 78; epoch++)
+        for (int sent = 0; sent < 2; sent++)
+            assert_int_equal(shooter_fire(r->shooter, &c, epoch, NULL), 0);
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), -ENODATA);
+}
+
 static void shots_wait_for_their_turn(void **state)
 {
     struct rig *r = *state;
@@ -251,6 +272,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(a_shot_becomes_a_ping_for_each_speaker),
+        TEST(the_same_id_of_a_new_process_is_a_new_command),
         TEST(shots_wait_for_their_turn),
         TEST(a_command_sent_again_is_not_fired_again),
         TEST(commands_that_do_not_fit_the_survey_are_refused),

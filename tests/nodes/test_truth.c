@@ -128,6 +128,28 @@ static void the_table_names_what_was_found_missed_and_made_up(void **state)
     free(text);
 }
 
+/* A recording: what is found is listed, and nothing is said about what is not known. */
+static void without_a_truth_the_table_lists_what_was_found(void **state)
+{
+    struct truth t = {.frame = "array", .mirrored = 1};
+    char *text = NULL;
+    size_t size = 0;
+    FILE *f = open_memstream(&text, &size);
+
+    (void)state;
+    find(&t, 1, 0, 0.02);
+    truth_match(&t);
+    truth_print(&t, f);
+    assert_int_equal(fclose(f), 0);
+    assert_contains(text, "reported at (m)");
+    assert_contains(text, "  1.000   0.000   0.020");
+    assert_contains(text, "90 %");
+    assert_null(strstr(text, "really"));
+    assert_null(strstr(text, "error"));
+    assert_null(strstr(text, "nothing there"));
+    free(text);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
 int main(void)
@@ -139,6 +161,7 @@ int main(void)
         TEST(detections_and_scene_are_read_in_the_same_frame),
         TEST(without_a_wall_the_images_are_compared),
         TEST(a_file_that_is_missing_or_broken_is_named),
+        cmocka_unit_test(without_a_truth_the_table_lists_what_was_found),
         cmocka_unit_test(the_table_names_what_was_found_missed_and_made_up),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,46 @@
+/* nodes/anlos/mat_file.h -- numeric arrays of MATLAB files, v5 and v7.3 (libmatio).
+ *
+ * Data are handed out in MATLAB's order, first index fastest: element (i, j, k) of an
+ * array of extents [a][b][c] is out[i + a * (j + b * k)].  Any integer or real class is
+ * converted; logical too; sparse arrays, cells and structures are refused.  One thread.
+ */
+#ifndef ANLOS_NODES_ANLOS_MAT_FILE_H
+#define ANLOS_NODES_ANLOS_MAT_FILE_H
+
+#include <complex.h>
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "msgs/complaint.h"
+
+#define MAT_FILE_MAX_RANK     4
+#define MAT_FILE_MAX_ELEMENTS ((size_t)1 << 28)
+
+struct mat_file;
+
+/* 0, -ENOENT and other errno of reading, -EINVAL (no MATLAB file), -ENOMEM. */
+int mat_file_open(struct mat_file **out, const char *path, struct complaint *why);
+bool mat_file_has(struct mat_file *f, const char *name);
+
+/* Size of a variable without reading its data; it may have no more than `rank`
+ * dimensions, 2..MAT_FILE_MAX_RANK (MATLAB drops trailing ones: they come as 1).  The
+ * complaint is "path: name: what was expected".
+ * 0, -ENOENT (no such variable), -EINVAL, -EFBIG (MAT_FILE_MAX_ELEMENTS). */
+int mat_file_extents(struct mat_file *f, const char *name, size_t rank, size_t extents[],
+                     struct complaint *why);
+
+/* The whole variable; free(*out).  mat_file_read_complex takes real data as well, the
+ * other two refuse complex.  As mat_file_extents, and -ENOMEM, -EIO (truncated). */
+int mat_file_read_float(struct mat_file *f, const char *name, size_t rank,
+                        size_t extents[], float **out, struct complaint *why);
+int mat_file_read_double(struct mat_file *f, const char *name, size_t rank,
+                         size_t extents[], double **out, struct complaint *why);
+int mat_file_read_complex(struct mat_file *f, const char *name, size_t rank,
+                          size_t extents[], float complex **out, struct complaint *why);
+
+/* A single finite number. */
+int mat_file_read_number(struct mat_file *f, const char *name, double *out,
+                         struct complaint *why);
+void mat_file_close(struct mat_file *f);
+
+#endif

@@ -1,0 +1,25 @@
+/* nodes/rt/stop.h -- how a node process is asked to end: SIGINT, SIGTERM, or the end of
+ * the launcher that started it.  Its one stop flag is global, as signal handlers need. */
+#ifndef ANLOS_NODES_RT_STOP_H
+#define ANLOS_NODES_RT_STOP_H
+
+#include <signal.h>
+#include <stdbool.h>
+
+struct bus;
+
+/* Catches the signals (SIGPIPE becomes an error of its write) and follows the launcher.
+ * 0 or a negative errno. */
+int stop_install(void);
+
+/* Threads that are started between the two have the signals blocked and leave them to
+ * the main thread: it is its sleep that must end.  *before: the mask of the caller. */
+void stop_block(sigset_t *before);
+void stop_unblock(const sigset_t *before);
+
+/* From now on a request interrupts this bus too; NULL: none any more. */
+void stop_wakes(struct bus *bus);
+
+bool stop_requested(void);
+
+#endif

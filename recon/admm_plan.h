@@ -1,0 +1,90 @@
+/* recon/admm_plan.h -- inside the iterations: state, scratch and the three parts.
+ *
+ * A split variable z and its scaled dual u are both read off their sum v before the
+ * shrinkage: z = S(v), u = v - S(v).  Only v is stored, and with xh = a A x + (1 - a) z
+ * the over-relaxed update of both is v += a (A x - S(v)). */
+#ifndef ANLOS_RECON_ADMM_PLAN_H
+#define ANLOS_RECON_ADMM_PLAN_H
+
+#define FFTW_NO_Complex
+#include <fftw3.h>
+
+#include "recon/admm.h"
+
+enum admm_part { ADMM_SELF, ADMM_X, ADMM_Y, ADMM_Z, ADMM_PARTS };
+
+/* What is summed over all voxels of a split, for the stopping rule. */
+struct admm_norms {
+    double gap;    /* |A x - z|^2 */
+    double ax, z;  /* |A x|^2, |z|^2 */
+    double change; /* |A' (z - z_before)|^2 */
+    double dual;   /* |A' u|^2 */
+};
+
+struct admm_scratch {      /* one a thread */
+    float *rows;           /* of the split, see admm_split.c */
+    float *plane;          /* [ny][nx] right-hand side, for the transform */
+    fftwf_complex *column; /* [nz][row] */
+    struct admm_norms norms;
+    double sum[2]; /* of conjugate gradients */
+};
+
+struct admm {
+    struct admm_config cfg;
+    struct admm_operator operator; /* forward NULL: a blur */
+    size_t n, nx, ny, nz, plane;   /* plane: floats from one to the next, aligned */
+    size_t parts;                  /* 1, or 4 with differences */
+    double rho;
+    double scale; /* of the data: all inside is in units of it */
+    float kappa[2]; /* thresholds: of x, of its differences */
+    float *v[2][ADMM_PARTS]; /* [nz][plane]: before, after */
+    float *x;                /* [nz][plane] */
+    bool check;              /* this round sums up norms */
+    struct admm_scratch *scratch;
+
+    /* blur */
+    size_t row, layer;       /* frequencies of x with padding, of a plane */
+    fftwf_complex *spectrum; /* [nz][layer] */
+    fftwf_complex *kernel;   /* [nz][layer] K */
+    fftwf_complex *data;     /* [nz][layer] K' b */
+    float *power;            /* [nz][layer] |K|^2 */
+    float *laplace[3];       /* 2 - 2 cos k along each axis */
+    bool forth_only;
+    fftwf_plan plane_forth, plane_back, column_forth, column_back;
+
+    /* operator: all in planes, [nz][plane] */
+    double gain;       /* |K|^2 of the operator as given */
+    float *rhs;        /* rho A' g */
+    float *kb;         /* K' b */
+    float *kkx;        /* K' K x */
+    float *residual, *direction, *kkd, *dense;
+    float *measured;   /* [n_data] */
+    double residual2;  /* of the step before */
+    const float *b;    /* [n_data] or image */
+};
+
+/* admm_split.c: v <- v + a (A x - S(v)), then for each plane A' (2 S(v) - v) goes to
+ * `emit` (as [ny][nx] in the thread's scratch->plane).  Also swaps v. */
+void admm_split(struct admm *a, void (*emit)(struct admm *a, size_t z, size_t thread));
+/* Keeps z and the unscaled dual when rho changes. */
+void admm_split_rescale(struct admm *a, double rho);
+/* The sums of the last checked round. */
+void admm_split_norms(const struct admm *a, struct admm_norms *out);
+
+/* admm_blur.c */
+int admm_blur_create(struct admm *a);
+void admm_blur_begin(struct admm *a, const float *b); /* data <- K' b, x <- K' b */
+void admm_blur_emit(struct admm *a, size_t z, size_t thread);
+void admm_blur_update(struct admm *a); /* x from the emitted planes */
+double admm_blur_misfit(struct admm *a, const float *b, const float *x);
+void admm_blur_destroy(struct admm *a);
+
+/* admm_normal.c */
+int admm_normal_create(struct admm *a);
+void admm_normal_begin(struct admm *a, const float *b);
+void admm_normal_emit(struct admm *a, size_t z, size_t thread);
+void admm_normal_update(struct admm *a);
+double admm_normal_misfit(struct admm *a, const float *b, const float *x);
+void admm_normal_destroy(struct admm *a);
+
+#endif
