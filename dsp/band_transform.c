@@ -13,15 +13,14 @@
 #include "dsp/fft_size.h"
 
 #define MAX_STREAMS 32
-#define BLOCK       BAND_BLOCK
 
 struct band_transform {
     struct band_transform_layout layout;
-    size_t n_forward, n_inverse; /* m, m': multiples of BLOCK */
+    size_t n_forward, n_inverse; /* m, m': multiples of BAND_BLOCK */
     size_t first;                /* bin 0 of stream s is R first + s of L */
     float *roots;                /* [R/2][R]: cosines of the first half, sines */
     float *twiddle;              /* [R/2][2][m], real parts and imaginary parts */
-    float *step, *shift;         /* [2][n_output rounded up to BLOCK] */
+    float *step, *shift;         /* [2][n_output rounded up to BAND_BLOCK] */
     float *signal;               /* [L], the input, aligned and filled up with zeros */
     float *mixed, *product;      /* [m][2], [m'][2]: of one stream at a time */
     float *spectrum;             /* [R/2][m][2] */
@@ -38,13 +37,13 @@ static bool config_is_valid(const struct band_transform_config *c)
 
 static size_t block_round(size_t n)
 {
-    return (n + BLOCK - 1) / BLOCK * BLOCK;
+    return (n + BAND_BLOCK - 1) / BAND_BLOCK * BAND_BLOCK;
 }
 
-/* A fast length that is a multiple of BLOCK. */
+/* A fast length that is a multiple of BAND_BLOCK. */
 static size_t blocked_size(size_t min, double slack)
 {
-    return BLOCK * fft_size((min + BLOCK - 1) / BLOCK, slack);
+    return BAND_BLOCK * fft_size((min + BAND_BLOCK - 1) / BAND_BLOCK, slack);
 }
 
 /* Lengths for R streams, and what a channel then costs, in ns of a machine of 2023. */
@@ -228,10 +227,10 @@ float complex band_transform_bin(const struct band_transform *bt, size_t stream,
 static void streams_combine(struct band_transform *bt, float complex *y)
 {
     size_t n = bt->layout.n_output, m = bt->n_inverse, n_table = block_round(n);
-    float block[2 * BLOCK];
+    float block[2 * BAND_BLOCK];
 
-    for (size_t i = 0; i < n; i += BLOCK) {
-        bool whole = i + BLOCK <= n;
+    for (size_t i = 0; i < n; i += BAND_BLOCK) {
+        bool whole = i + BAND_BLOCK <= n;
         float *to = whole ? (float *)(y + i) : block;
 
         band_block_combine(to, bt->output + 2 * (i % m), bt->layout.n_streams, m,

@@ -21,10 +21,13 @@ struct canbus_ops {
 
 struct canbus;
 
+/* 0, -EINVAL, -ENODEV (no such scheme or interface), -ENOMEM, a negative errno of the
+ * file or socket; the complaint names the URI. */
 int canbus_open(struct canbus **out, const char *uri, struct complaint *why);
 
-/* stamp_ns: time of sending, written into a log.  0, -ENOBUFS (try again), -ENOSPC,
- * -ENETDOWN, -EIO. */
+/* stamp_ns: time of sending, written into a log.  An FD frame is filled up with zeros to
+ * the next legal size.  0, -EINVAL (size or identifier), -EOPNOTSUPP (FD on a classic
+ * interface), -ENOBUFS (try again), -ENOSPC, -ENETDOWN, -EIO. */
 int canbus_send(struct canbus *b, const struct can_frame_data *frame, int64_t stamp_ns);
 
 /* A list of frames is complete: a log writes it out whole.  0 or as canbus_send. */

@@ -9,8 +9,9 @@
 #include <sndfile.h>
 
 #define PIECE    256  /* samples that are transformed at once */
-#define EDGE     0.01 /* of the largest power density */
-#define MIN_BINS 2
+#define FAINTEST 0.01 /* of the largest power density is sound at all */
+#define EDGE     0.1  /* of the median of what is: there the band ends */
+#define MIN_BINS 4    /* one tone fills three */
 
 static int read_file(float **out, size_t *n, SNDFILE *f, const SF_INFO *info,
                      const char *path, double sample_rate_hz, struct complaint *why)
@@ -86,9 +87,29 @@ static void add_piece(const float *x, const double *wave, double *power)
     }
 }
 
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The power density at the band's edges, from power[1..PIECE / 2 - 1]. */
+static double edge_power(const double *power)
+{
+    double sound[PIECE / 2], most = 0.0;
+    size_t n = 0;
+    for (size_t b = 1; b < PIECE / 2; b++)
+        most = fmax(most, power[b]);
+    for (size_t b = 1; b < PIECE / 2; b++)
+        if (power[b] > FAINTEST * most)
+            sound[n++] = power[b];
+    qsort(sound, n, sizeof *sound, by_value);
+    return n ? EDGE * sound[n / 2] : 0.0;
+}
+
 int replica_band(const float *x, size_t n, double sample_rate_hz, double band_hz[2])
 {
-    double wave[PIECE], power[PIECE / 2 + 1] = {0}, most = 0.0;
+    double wave[PIECE], power[PIECE / 2 + 1] = {0};
     float padded[PIECE];
     for (size_t i = 0; i < PIECE; i++)
         wave[i] = cos(2.0 * M_PI * (double)i / PIECE);
@@ -98,14 +119,13 @@ int replica_band(const float *x, size_t n, double sample_rate_hz, double band_hz
             padded[i] = at + i >= 0 && at + i < (long)n ? x[at + i] : 0.0f;
         add_piece(padded, wave, power);
     }
-    for (size_t b = 1; b < PIECE / 2; b++)
-        most = fmax(most, power[b]);
+    double edge = edge_power(power);
     size_t first = 1, last = PIECE / 2 - 1;
-    while (first < last && !(power[first] > EDGE * most))
+    while (first < last && !(power[first] > edge))
         first++;
-    while (last > first && !(power[last] > EDGE * most))
+    while (last > first && !(power[last] > edge))
         last--;
-    if (!(most > 0.0) || !isfinite(most) || last - first < MIN_BINS)
+    if (!(edge > 0.0) || !isfinite(edge) || last - first < MIN_BINS)
         return -EINVAL;
     band_hz[0] = (double)first * sample_rate_hz / PIECE;
     band_hz[1] = (double)last * sample_rate_hz / PIECE;

@@ -16,9 +16,10 @@ int replica_load(float **out, size_t *n, const char *path, double sample_rate_hz
 /* Writes x[n] as float32 to PATH-replica.wav.  0, -EIO, -ENOMEM. */
 int replica_save(const float *x, size_t n, const char *path, double sample_rate_hz);
 
-/* Between which frequencies the power density is at most 20 dB below its maximum, for
- * echoes are whitened over that band (dsp/pulse_compress.h): Welch's mean of overlapping
- * windowed pieces, IEEE Trans. Audio 15 (1967) 70.  0, -EINVAL (silent, or one tone). */
+/* Between which frequencies the power density is at most 10 dB below its median where
+ * there is sound, for echoes are whitened over that band (dsp/pulse_compress.h): Welch's
+ * mean of overlapping windowed pieces, IEEE Trans. Audio 15 (1967) 70.  0, -EINVAL
+ * (silent, or one tone). */
 int replica_band(const float *x, size_t n, double sample_rate_hz, double band_hz[2]);
 
 #endif

@@ -24,7 +24,8 @@ struct stage_ops {
     const char *scheme;
     int (*open)(void **state, const char *arg, const struct clock_source *clock,
                 struct complaint *why);
-    int (*move)(void *state, double target_m);
+    int (*move)(void *state, double target_m); /* as stage_move; target_m is finite */
+    /* *out comes idle and without text. */
     void (*status)(void *state, struct stage_status *out);
     void (*close)(void *state);
 };

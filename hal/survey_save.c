@@ -7,26 +7,16 @@
 #include <unistd.h>
 
 #include "hal/replica_file.h"
+#include "hal/decimal.h"
 #include "hal/response_file.h"
 #include "hal/survey_file.h"
 #include "hal/yaml_file.h"
 
-/* The shortest decimal that reads back to the same double. */
-static const char *number(double x, char out[32])
-{
-    for (int digits = 6; digits <= 17; digits++) {
-        snprintf(out, 32, "%.*g", digits, x);
-        if (strtod(out, NULL) == x)
-            break;
-    }
-    return out;
-}
-
 static void print_list(FILE *f, const double *x, size_t n)
 {
-    char text[32];
+    char text[DECIMAL_SIZE];
     for (size_t i = 0; i < n; i++)
-        fprintf(f, "%s%s", i ? ", " : "[", number(x[i], text));
+        fprintf(f, "%s%s", i ? ", " : "[", decimal_print(x[i], text));
     fputs("]", f);
 }
 
@@ -50,22 +40,22 @@ static void print_points(FILE *f, const char *key, const double (*p)[3], size_t 
 
 static void print_timing(FILE *f, const struct survey *s)
 {
-    char a[32], b[32], c[32];
+    char a[DECIMAL_SIZE], b[DECIMAL_SIZE], c[DECIMAL_SIZE];
     if (!isnan(s->temperature_c))
-        fprintf(f, "temperature_c: %s\n", number(s->temperature_c, a));
-    fprintf(f, "sound_speed_m_s: %s\n", number(s->sound_speed_m_s, a));
-    fprintf(f, "sample_rate_hz: %s\n", number(s->sample_rate_hz, a));
+        fprintf(f, "temperature_c: %s\n", decimal_print(s->temperature_c, a));
+    fprintf(f, "sound_speed_m_s: %s\n", decimal_print(s->sound_speed_m_s, a));
+    fprintf(f, "sample_rate_hz: %s\n", decimal_print(s->sample_rate_hz, a));
     if (!s->n_replica)
         fprintf(f, "chirp: {start_hz: %s, stop_hz: %s, duration_s: %s, phase: %s}\n",
-                number(s->chirp_start_hz, a), number(s->chirp_stop_hz, b),
-                number(s->chirp_duration_s, c), s->chirp_sine ? "sine" : "cosine");
+                decimal_print(s->chirp_start_hz, a), decimal_print(s->chirp_stop_hz, b),
+                decimal_print(s->chirp_duration_s, c), s->chirp_sine ? "sine" : "cosine");
     fprintf(f, "slot_samples: %zu\n", s->slot_samples);
-    fprintf(f, "latency_samples: %s\n", number(s->latency_samples, a));
+    fprintf(f, "latency_samples: %s\n", decimal_print(s->latency_samples, a));
 }
 
 static void print_place(FILE *f, const struct survey *s)
 {
-    char a[32];
+    char a[DECIMAL_SIZE];
     if (s->has_gate)
         print_key_list(f, "gate_m", s->gate_m, 2, "\n");
     if (s->has_volume) {
@@ -76,7 +66,7 @@ static void print_place(FILE *f, const struct survey *s)
     }
     if (s->has_wall) {
         print_key_list(f, "wall: {normal", s->wall_normal, 3, ", ");
-        fprintf(f, "distance_m: %s}\n", number(s->wall_distance_m, a));
+        fprintf(f, "distance_m: %s}\n", decimal_print(s->wall_distance_m, a));
     }
     if (s->has_mount) {
         fputs("mount:\n", f);
@@ -137,7 +127,7 @@ static int save_responses(const struct survey *s, const char *path, const char *
 /* PATH-pings.csv. */
 static int save_pings(const struct survey *s, const char *path)
 {
-    char *name, text[32];
+    char *name, text[DECIMAL_SIZE];
     int err = 0;
     if (asprintf(&name, "%s-pings.csv", path) < 0)
         return -ENOMEM;
@@ -146,7 +136,7 @@ static int save_pings(const struct survey *s, const char *path)
         fputs("tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m\n", f);
         for (size_t k = 0; k < s->n_positions; k++)
             for (int c = 0; c < 6; c++)
-                fprintf(f, "%s%s", number(s->pings_m[k][c / 3][c % 3], text),
+                fprintf(f, "%s%s", decimal_print(s->pings_m[k][c / 3][c % 3], text),
                         c < 5 ? "," : "\n");
         err = ferror(f) ? -EIO : 0;
         if (fclose(f) && !err)

@@ -13,19 +13,13 @@
 
 #define YAML_FILE_MAX_SIZE (16u << 20) /* bytes; a survey is some 10 kB */
 
-/* *out: what the schema describes; yaml_free it.  0, -ENOENT, -EACCES, other errno of
+/* *out: what the schema describes; yaml_unload it.  0, -ENOENT, -EACCES, other errno of
  * reading, -EFBIG, -EINVAL (contents), -ENOMEM. */
 int yaml_load(const char *path, const struct cyaml_schema_value *schema, void **out,
               struct complaint *why);
 
 /* Frees what yaml_load made; data may be NULL. */
 void yaml_unload(const struct cyaml_schema_value *schema, void *data);
-
-/* The same.  Static, because libyaml exports an allocator function of this name. */
-static inline void yaml_free(const struct cyaml_schema_value *schema, void *data)
-{
-    yaml_unload(schema, data);
-}
 
 /* The path of `name` as seen from the file `path`: joined with its folder unless it is
  * absolute.  free() the result; NULL: no memory. */

@@ -1,7 +1,6 @@
 #include "msgs/bus.h"
 
 #include <errno.h>
-#include <nanomsg/nn.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -127,19 +126,6 @@ int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns
 int bus_receive(struct bus *b, struct bus_message *out, int timeout_ms)
 {
     return mailbox_take(b->mailbox, out, timeout_ms);
-}
-
-void bus_message_free(struct bus_message *m)
-{
-    if (m->owner)
-        nn_freemsg(m->owner);
-    memset(m, 0, sizeof *m);
-}
-
-ProtobufCMessage *bus_message_unpack(const struct bus_message *m)
-{
-    return protobuf_c_message_unpack(m->topic->schema, NULL, m->envelope.payload_size,
-                                     m->payload);
 }
 
 int bus_fd(const struct bus *b)

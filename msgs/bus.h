@@ -1,5 +1,5 @@
 /* msgs/bus.h -- publish and subscribe over nanomsg, with accounting.  The only place that
- * knows nanomsg (with its parts outlet, inlet, mailbox and endpoint).  A node has an
+ * knows nanomsg (with its parts outlet, inlet, ear, mailbox).  A node has an
  * endpoint for each topic that it publishes ("ipc://RUN_DIR/NODE.TOPIC.ipc"), and
  * connects to those of the publishers of what it wants (msgs/topics.h).
  *
@@ -16,9 +16,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "msgs/bus_message.h"
 #include "msgs/complaint.h"
-#include "msgs/envelope.h"
-#include "msgs/topics.h"
 
 struct bus;
 
@@ -27,14 +26,6 @@ struct bus_config {
     const char *run_dir; /* folder of the sockets; made when missing */
     int64_t epoch_ns;    /* when this process started */
     bool listen_only;    /* a tool: subscribes, publishes nothing, binds nothing */
-};
-
-/* A received message.  It owns its payload; bus_message_free it. */
-struct bus_message {
-    const struct topic *topic;
-    struct envelope envelope;
-    const uint8_t *payload; /* [envelope.payload_size] */
-    void *owner;            /* the bus's own */
 };
 
 struct bus_count {
@@ -68,11 +59,6 @@ int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns
 /* The next message of any subscribed topic, in the order of arrival.  timeout_ms < 0:
  * waits for ever.  0, -ETIMEDOUT, -ESHUTDOWN (bus_interrupt was called). */
 int bus_receive(struct bus *b, struct bus_message *out, int timeout_ms);
-void bus_message_free(struct bus_message *m);
-
-/* Unpacks the payload by the topic's schema.  NULL: it is not one.  Free the result with
- * protobuf_c_message_free_unpacked(m, NULL). */
-ProtobufCMessage *bus_message_unpack(const struct bus_message *m);
 
 /* A descriptor that poll(2) finds readable while messages wait, for loops that wait for
  * something else too; also after bus_interrupt.  Owned by the bus. */

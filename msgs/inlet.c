@@ -2,7 +2,6 @@
 
 #include <errno.h>
 #include <nanomsg/nn.h>
-#include <nanomsg/pubsub.h>
 #include <poll.h>
 #include <pthread.h>
 #include <signal.h>
@@ -12,16 +11,9 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include "msgs/endpoint.h"
+#include "msgs/ear.h"
 
-#define MAX_TOPICS     16
-#define MAX_PUBLISHERS 16
-/* nanomsg drops the connection over this, without a word, and allocates what a header
- * asks for under it; what is over a topic's own bound is refused and counted here. */
-#define RECEIVE_MAX_BYTES    (1 << 30)
-#define RECEIVE_BUFFER_BYTES (32 << 20)
-#define RECONNECT_MS         20
-#define RECONNECT_MAX_MS     200
+#define MAX_TOPICS 16
 
 enum refusal { /* after those of enum envelope_fault */
                REFUSAL_TOPIC = ENVELOPE_TOO_LARGE + 1,
@@ -40,20 +32,6 @@ static const char *const refusal_texts[N_REFUSALS] = {
     [REFUSAL_TOPIC] = "it is of another topic",
     [REFUSAL_PUBLISHER] = "its node does not publish this topic",
     [REFUSAL_SOCKET] = "receiving failed",
-};
-
-struct source { /* one publisher of a topic */
-    bool known;
-    int64_t epoch_ns;
-    uint64_t next; /* sequence expected */
-};
-
-struct ear { /* one topic */
-    const struct topic *topic;
-    size_t slot; /* in the mailbox */
-    int socket, fd;
-    struct source sources[MAX_PUBLISHERS];
-    uint64_t messages, bytes, gaps;
 };
 
 struct inlet {
@@ -89,39 +67,16 @@ static void refuse(struct inlet *in, const struct topic *t, int kind, size_t siz
     call(ctx, text); /* without the lock: it may ask for the counts */
 }
 
-/* Which publisher of the topic sent it; NULL: none of them. */
-static struct source *find_source(struct ear *ear, const char *node)
-{
-    const char *name;
-    for (size_t i = 0; i < MAX_PUBLISHERS && (name = topic_publisher(ear->topic, i)); i++)
-        if (strcmp(name, node) == 0)
-            return &ear->sources[i];
-    return NULL;
-}
-
-/* What was sent before the first message that arrives here is not missed, nor is what a
- * process sent that has been restarted since. */
-static uint64_t count_gap(struct source *s, const struct envelope *e)
-{
-    uint64_t gap = 0;
-    if (s->known && s->epoch_ns == e->epoch_ns && e->sequence > s->next)
-        gap = e->sequence - s->next;
-    s->known = true;
-    s->epoch_ns = e->epoch_ns;
-    s->next = e->sequence + 1;
-    return gap;
-}
-
 static void accept_message(struct inlet *in, struct ear *ear, uint8_t *data, size_t size)
 {
     struct bus_message message = {
         .topic = ear->topic, .payload = data + ENVELOPE_SIZE, .owner = data};
     struct envelope *e = &message.envelope;
-    struct source *source = NULL;
+    struct ear_source *source = NULL;
     int fault = envelope_inspect(data, size, ear->topic->max_size);
     if (!fault) {
         envelope_unpack(e, data, size, ear->topic->max_size);
-        source = find_source(ear, e->node);
+        source = ear_find_source(ear, e->node);
         if (strcmp(e->topic, ear->topic->name) != 0)
             fault = REFUSAL_TOPIC;
         else if (!source)
@@ -133,9 +88,7 @@ static void accept_message(struct inlet *in, struct ear *ear, uint8_t *data, siz
         return;
     }
     pthread_mutex_lock(&in->lock);
-    ear->messages++;
-    ear->bytes += e->payload_size;
-    ear->gaps += count_gap(source, e);
+    ear_count(ear, source, e);
     pthread_mutex_unlock(&in->lock);
     mailbox_put(in->mailbox, ear->slot, &message);
 }
@@ -234,46 +187,6 @@ no_parts:
     return err;
 }
 
-static int set_options(struct ear *ear)
-{
-    const int max = RECEIVE_MAX_BYTES, buffer = RECEIVE_BUFFER_BYTES;
-    const int first = RECONNECT_MS, last = RECONNECT_MAX_MS;
-    size_t fd_size = sizeof ear->fd;
-    int s = ear->socket;
-    if (nn_setsockopt(s, NN_SOL_SOCKET, NN_RCVMAXSIZE, &max, sizeof max) < 0 ||
-        nn_setsockopt(s, NN_SOL_SOCKET, NN_RCVBUF, &buffer, sizeof buffer) < 0 ||
-        nn_setsockopt(s, NN_SOL_SOCKET, NN_RECONNECT_IVL, &first, sizeof first) < 0 ||
-        nn_setsockopt(s, NN_SOL_SOCKET, NN_RECONNECT_IVL_MAX, &last, sizeof last) < 0 ||
-        nn_setsockopt(s, NN_SUB, NN_SUB_SUBSCRIBE, "", 0) < 0 ||
-        nn_getsockopt(s, NN_SOL_SOCKET, NN_RCVFD, &ear->fd, &fd_size) < 0)
-        return -errno;
-    return 0;
-}
-
-/* Subscribes to everything on the endpoints, which carry this topic only: whatever else
- * comes out of them is refused and counted, not filtered away in silence. */
-static int open_ear(struct inlet *in, struct ear *ear)
-{
-    char url[ENDPOINT_URL_SIZE];
-    const char *node;
-    ear->socket = nn_socket(AF_SP, NN_SUB);
-    if (ear->socket < 0)
-        return -errno;
-    int err = set_options(ear);
-    for (size_t i = 0; !err && (node = topic_publisher(ear->topic, i)); i++) {
-        err = i < MAX_PUBLISHERS
-                  ? endpoint_url(url, in->run_dir, node, ear->topic->name, NULL)
-                  : -E2BIG;
-        if (!err && nn_connect(ear->socket, url) < 0)
-            err = -errno;
-    }
-    if (!err)
-        err = mailbox_add(in->mailbox, ear->topic, &ear->slot);
-    if (err)
-        nn_close(ear->socket);
-    return err;
-}
-
 int inlet_subscribe(struct inlet *in, const struct topic *t)
 {
     pthread_mutex_lock(&in->lock);
@@ -283,8 +196,9 @@ int inlet_subscribe(struct inlet *in, const struct topic *t)
         known |= in->ears[i].topic == t;
     if (!known && !err) {
         struct ear *ear = &in->ears[in->n_ears];
-        *ear = (struct ear){.topic = t};
-        err = open_ear(in, ear);
+        err = ear_open(ear, t, in->run_dir);
+        if (!err && (err = mailbox_add(in->mailbox, t, &ear->slot)))
+            ear_close(ear);
         in->n_ears += !err;
     }
     pthread_mutex_unlock(&in->lock);
@@ -335,8 +249,7 @@ void inlet_destroy(struct inlet *in)
     wake(in);
     pthread_join(in->thread, NULL);
     for (size_t i = 0; i < in->n_ears; i++)
-        while (nn_close(in->ears[i].socket) < 0 && errno == EINTR)
-            ;
+        ear_close(&in->ears[i]);
     pthread_mutex_destroy(&in->lock);
     close(in->wake_fd);
     free(in->run_dir);

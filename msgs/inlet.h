@@ -3,6 +3,7 @@
 #ifndef ANLOS_MSGS_INLET_H
 #define ANLOS_MSGS_INLET_H
 
+#include "msgs/bus.h"
 #include "msgs/mailbox.h"
 
 struct inlet;

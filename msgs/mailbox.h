@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/bus.h"
+#include "msgs/bus_message.h"
 
 struct mailbox;
 

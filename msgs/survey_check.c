@@ -5,7 +5,7 @@
 
 #include "msgs/survey.h"
 
-#define MAX_DISTANCE_M   1000.0
+#define MAX_DISTANCE_M   100.0 /* a survey in millimetres does not pass */
 #define MAX_SLOT_SAMPLES ((size_t)1 << 22)
 
 static int check_range(struct complaint *why, const char *field, double x, double min,

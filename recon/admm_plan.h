@@ -35,8 +35,9 @@ struct admm {
     size_t n, nx, ny, nz, plane;   /* plane: floats from one to the next, aligned */
     size_t parts;                  /* 1, or 4 with differences */
     double rho;
-    double scale; /* of the data: all inside is in units of it */
-    float kappa[2]; /* thresholds: of x, of its differences */
+    double gain;             /* |K| of the blur or operator as given; 1 inside */
+    double scale;            /* of the data: all inside is in units of it */
+    float kappa[2];          /* thresholds: of x, of its differences */
     float *v[2][ADMM_PARTS]; /* [nz][plane]: before, after */
     float *x;                /* [nz][plane] */
     bool check;              /* this round sums up norms */
@@ -49,19 +50,19 @@ struct admm {
     fftwf_complex *data;     /* [nz][layer] K' b */
     float *power;            /* [nz][layer] |K|^2 */
     float *laplace[3];       /* 2 - 2 cos k along each axis */
-    bool forth_only;
     fftwf_plan plane_forth, plane_back, column_forth, column_back;
 
     /* operator: all in planes, [nz][plane] */
-    double gain;       /* |K|^2 of the operator as given */
-    float *rhs;        /* rho A' g */
-    float *kb;         /* K' b */
-    float *kkx;        /* K' K x */
-    float *residual, *direction, *kkd, *dense;
-    float *measured;   /* [n_data] */
-    double residual2;  /* of the step before */
-    const float *b;    /* [n_data] or image */
+    float *rhs; /* rho A' g */
+    float *kb;  /* K' b */
+    float *kkx; /* K' K x */
+    float *residual, *direction, *kkd;
+    float *measured;  /* [n_data] */
+    double residual2; /* of the step before */
 };
+
+/* Floats of a thread's rows. */
+size_t admm_split_scratch(const struct admm *a);
 
 /* admm_split.c: v <- v + a (A x - S(v)), then for each plane A' (2 S(v) - v) goes to
  * `emit` (as [ny][nx] in the thread's scratch->plane).  Also swaps v. */

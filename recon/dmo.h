@@ -34,9 +34,9 @@ struct dmo_config {
     size_t n_inputs;
     const uint32_t *offset, *line; /* [n_inputs]: what each input is a trace of */
     size_t n_bins;
-    const double *w; /* [n_bins]: angular log-frequency, rad; at 0 the operator is real:
-                      * the mean of both signs */
-    size_t lanes;    /* floats of a row: complex numbers, re im, a multiple of 16 */
+    const double *w;   /* [n_bins]: angular log-frequency, rad; at 0 the operator is real:
+                        * the mean of both signs */
+    size_t lanes;      /* floats of a row: complex numbers, re im, a multiple of 16 */
     struct pool *pool; /* used by dmo_create */
 };
 

@@ -88,7 +88,7 @@ static int create_stages(struct fast *f, const struct imager_config *cfg,
     };
     err = fk_create(&f->fk, &fk);
     if (err == -EINVAL)
-        *why = "a volume in front of the array";
+        *why = "a volume wholly before the array (z_m beyond the elements)";
     return err == -EINVAL ? -ENOTSUP : err;
 }
 

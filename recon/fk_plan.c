@@ -40,10 +40,12 @@ static int plan_axis(struct fk_axis *a, const struct fk *m, int axis, const doub
     double step = g->step_m[axis];
     double extent = (double)g->n[axis] * step;
     double aperture = lines[n - 1] - lines[0];
-    /* An image of the aperture's period must not reach into the grid at the angles used.
-     */
-    double period = PERIOD_MARGIN *
-                    fmax(2.0 * fabs(reach(g, axis, lines, n)), extent + aperture);
+    double across = fabs(reach(g, axis, lines, n));
+    /* Copies of the midpoints stand a period away.  They must lie outside the cone of
+     * waves used; those of a wide aperture are out of focus and may lie nearer. */
+    double period = aperture > 0.5 * across ? PERIOD_MARGIN * 2.0 * across
+                                            : across + m->sine_max * m->far_m;
+    period = fmax(period, extent + aperture);
     a->n = fast_size(fmax(period / step, (double)g->n[axis]));
     a->dk = 2.0 * M_PI / ((double)a->n * step);
     a->k_max = (size_t)floor(k_limit / a->dk);
@@ -79,10 +81,9 @@ static void plan_time(struct fk *m, const struct fk_config *cfg)
 static void plan_depth(struct fk *m, const struct fk_config *cfg)
 {
     double step = m->grid.step_m[2];
-    double far_m =
-        0.5 * m->c *
-        (m->centre_s + 0.5 * (double)cfg->trace.n_samples / cfg->trace.rate_hz);
-    double span = fmax((double)m->grid.n[2] * step, far_m - m->depth_m);
+    m->far_m = 0.5 * m->c *
+               (m->centre_s + 0.5 * (double)cfg->trace.n_samples / cfg->trace.rate_hz);
+    double span = fmax((double)m->grid.n[2] * step, m->far_m - m->depth_m);
     m->nz_fft = fast_size(DEPTH_PADDING * span / step);
     m->dkz = 2.0 * M_PI / ((double)m->nz_fft * step);
     double cosine = sqrt(1.0 - m->sine_max * m->sine_max);

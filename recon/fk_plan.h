@@ -46,6 +46,7 @@ struct fk {
     size_t n_f;          /* a multiple of FK_X_BLOCK */
     long first_bin;      /* bin 0 of the spectrum in FFT order, may be negative */
     double centre_s;     /* time origin of the spectrum: the middle of the traces */
+    double far_m;      /* range of the traces' end */
     double depth_m;      /* of the grid's first plane below the midpoints */
 
     struct fk_axis x, y;

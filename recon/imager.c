@@ -9,7 +9,7 @@
 #include "recon/method.h"
 
 static const struct imager_method *const methods[] = {
-    &method_fast, &method_backprojection, &method_confocal, &method_lct};
+    &method_fast, &method_backprojection, &method_confocal, &method_lct, &method_paper};
 
 struct imager {
     const struct imager_method *method;
@@ -21,7 +21,7 @@ struct imager {
 
 const char *imager_methods(void)
 {
-    return "fast\0backprojection\0confocal\0lct\0";
+    return "fast\0backprojection\0confocal\0lct\0paper\0";
 }
 
 void imager_options_default(struct imager_options *o)
@@ -34,6 +34,7 @@ void imager_options_default(struct imager_options *o)
         .tv = 0.01,
         .rho = 0.03,
         .snr_db = 20.0,
+        .lightcone = -1,
     };
 }
 
@@ -71,8 +72,8 @@ int imager_create(struct imager **out, const struct imager_config *cfg, const ch
     if (!sensible(cfg))
         return -EINVAL;
     if (cfg->geometry->pings_m && !method->any_geometry) {
-        *why = "each ping has places of its own; expected an array that a stage carries. "
-               "backprojection, sparse and incoherent image any geometry";
+        *why = "an array that a stage carries, but here each ping has places of its own "
+               "(backprojection, sparse and incoherent image any geometry)";
         return -ENOTSUP;
     }
     struct imager *im = calloc(1, sizeof *im);

@@ -21,6 +21,7 @@ struct imager_options {
     bool tv_isotropic; /* iterative */
     double rho;        /* iterative: penalty to start with, relative */
     double snr_db;     /* lct: of the Wiener filter */
+    int lightcone;     /* paper: 1 always, 0 never, -1 unless it sees a mirror */
     double coherence;  /* backprojection: exponent of the coherence factor; 0: off */
 };
 

@@ -20,5 +20,6 @@ extern const struct imager_method method_fast;
 extern const struct imager_method method_backprojection;
 extern const struct imager_method method_confocal;
 extern const struct imager_method method_lct;
+extern const struct imager_method method_paper;
 
 #endif

@@ -29,8 +29,8 @@ struct step {
 struct stretch {
     bool power;
     size_t lanes, n_in, n_out, n_rows;
-    double first_ln, step_ln; /* log time of row 0, from row to row */
-    double centre;            /* angular log-frequency that is bin 0 */
+    double first_ln, step_ln;  /* log time of row 0, from row to row */
+    double centre;             /* angular log-frequency that is bin 0 */
     float *taps_in, *taps_out; /* [FRACTIONS + 1][TAPS] */
     struct step *in;           /* [n_offsets][n_rows] */
     struct step *out;          /* [n_out] */

@@ -223,7 +223,7 @@ static int allocate(struct zero_offset *c)
 }
 
 int zero_offset_create(struct zero_offset **out, const struct zero_offset_config *cfg,
-                    const char **why)
+                       const char **why)
 {
     struct zero_offset *c = calloc(1, sizeof *c);
     if (!c)
@@ -303,7 +303,7 @@ static void add_floats(size_t n, const float *restrict z, float *restrict sum)
 }
 
 void zero_offset_add(struct zero_offset *c, size_t position, size_t speaker,
-                  const float complex *traces, const bool *masked)
+                     const float complex *traces, const bool *masked)
 {
     size_t nx = lines(c)[0], ny = lines(c)[1];
     for (size_t i = 0; i < c->n_microphones; i++) {
@@ -326,8 +326,7 @@ void zero_offset_add(struct zero_offset *c, size_t position, size_t speaker,
 void zero_offset_reset(struct zero_offset *c)
 {
     size_t nx = lines(c)[0], ny = lines(c)[1];
-    memset(c->traces, 0,
-           c->plan.n_inputs * nx * c->n_in * c->floats * sizeof *c->traces);
+    memset(c->traces, 0, c->plan.n_inputs * nx * c->n_in * c->floats * sizeof *c->traces);
     memset(c->fold, 0, nx * ny * sizeof *c->fold);
 }
 
@@ -335,7 +334,8 @@ void zero_offset_reset(struct zero_offset *c)
  */
 
 /* One line of midpoints in x, side by side in the lanes. */
-static void lay_side_by_side(const struct zero_offset *c, size_t input, float *restrict out)
+static void lay_side_by_side(const struct zero_offset *c, size_t input,
+                             float *restrict out)
 {
     size_t nx = lines(c)[0], ny = lines(c)[1], step = c->packed ? 1 : 2;
     for (size_t start = 0; start < c->n_in; start += TILE) {
@@ -343,8 +343,8 @@ static void lay_side_by_side(const struct zero_offset *c, size_t input, float *r
         for (size_t x = 0; x < nx; x++) {
             uint32_t fold = c->fold[x * ny + c->plan.line[input]];
             float weight = fold ? 1.0f / (float)fold : 0.0f;
-            const float *from =
-                c->traces + ((input * nx + x) * c->n_in + start) * c->floats;
+            const float *from = c->traces +
+                                ((input * nx + x) * c->n_in + start) * c->floats;
             float *to = out + start * c->lanes + x * step;
             for (size_t q = 0; q < n; q++)
                 for (size_t f = 0; f < c->floats; f++)
@@ -392,8 +392,8 @@ static void stack_bin(struct zero_offset *c, size_t bin, struct scratch *s)
     float *out = c->stacked + bin * ny * c->lanes;
     for (size_t part = 0; part < c->plan.n_x_parts; part++) {
         float *plane = c->along_x ? s->plane + part * ny * c->lanes : out;
-        dmo_stack(c->along_y[part], bin,
-                  c->spectra + first * c->pitch + bin * c->lanes, c->pitch, plane);
+        dmo_stack(c->along_y[part], bin, c->spectra + first * c->pitch + bin * c->lanes,
+                  c->pitch, plane);
         first = c->plan.part_end[part];
     }
     if (c->along_x)

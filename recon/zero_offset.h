@@ -19,14 +19,14 @@ struct zero_offset_config {
     const struct geometry *geometry;
     struct trace_format in;
     double band_hz[2];
-    bool power;              /* traces are squared, their gain is (t c)^2; else t0 c / 2 */
-    double mute_s;           /* zero-offset times before this become 0 */
+    bool power;    /* traces are squared, their gain is (t c)^2; else t0 c / 2 */
+    double mute_s; /* zero-offset times before this become 0 */
     struct trace_format out; /* co-located; carrier_hz as in */
     struct pool *pool;       /* used while creating and stacking; not owned */
 };
 
-struct zero_offset_lattice { /* of midpoints */
-    size_t n[2];          /* x, y */
+struct zero_offset_lattice {       /* of midpoints */
+    size_t n[2];                   /* x, y */
     double first_m[2], pitch_m[2]; /* pitch 0: one line */
     double plane_z_m;
 };
@@ -35,13 +35,13 @@ struct zero_offset;
 
 /* 0, -EINVAL, -ENOTSUP (*why: what the geometry lacks), -ENOMEM. */
 int zero_offset_create(struct zero_offset **out, const struct zero_offset_config *cfg,
-                    const char **why);
+                       const char **why);
 void zero_offset_lattice(const struct zero_offset *c, struct zero_offset_lattice *out);
 
 /* traces [n_microphones][in.n_samples] of one ping; masked may be NULL.  Threads may add
  * different pings at once. */
 void zero_offset_add(struct zero_offset *c, size_t position, size_t speaker,
-                  const float complex *traces, const bool *masked);
+                     const float complex *traces, const bool *masked);
 
 /* out [ny][nx][out.n_samples]: floats of powers, which can be a little below 0, or
  * complex numbers, re im. */

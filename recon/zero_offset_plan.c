@@ -8,21 +8,21 @@
 #include "recon/lines.h"
 #include "recon/midpoint.h"
 
-#define SAME_M      1e-3 /* half-offsets closer than this are one */
-#define UNEVEN      0.05 /* of a pitch, that a line may be off the lattice */
-#define MAX_LINES   4096
-#define MAX_INPUTS  65536
-#define SINE_MAX    0.5  /* of the dips that must be right: 30 degrees */
+#define SAME_M       1e-3 /* half-offsets closer than this are one */
+#define UNEVEN       0.05 /* of a pitch, that a line may be off the lattice */
+#define MAX_LINES    4096
+#define MAX_INPUTS   65536
+#define SINE_MAX     0.5 /* of the dips that must be right: 30 degrees */
 #define X_NEGLIGIBLE 0.1 /* of a sample: what dip in x may be off by when left out */
-#define CROSS_MAX   1.0  /* of a sample: see recon/dmo.h */
+#define CROSS_MAX    1.0 /* of a sample: see recon/dmo.h */
 
 /* -- lattice ----------------------------------------------------------------------------
  */
 
 /* The evenly spaced lines, gaps filled, on which all given ones stand; also the number of
  * each. */
-static int fit_axis(struct zero_offset_lattice *l, int axis, const double *lines, size_t n,
-                    uint32_t *number)
+static int fit_axis(struct zero_offset_lattice *l, int axis, const double *lines,
+                    size_t n, uint32_t *number)
 {
     double gap = INFINITY;
     for (size_t i = 1; i < n; i++)
@@ -219,7 +219,7 @@ static int plan_lattice(struct zero_offset_plan *p, const struct midpoints *m, s
 }
 
 int zero_offset_plan(struct zero_offset_plan *p, const struct geometry *g, double first_s,
-                  double sample_s, const char **why)
+                     double sample_s, const char **why)
 {
     struct midpoints *m = NULL;
     struct keys keys = {0};

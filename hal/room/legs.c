@@ -23,7 +23,7 @@ static int reserve(struct legs *l, size_t n)
 }
 
 int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
-             const struct scatter *s, int outward, int facets, double delay_per_m)
+             const struct scatter *s, bool outward, bool facets, double delay_per_m)
 {
     if (reserve(l, n_elements * s->n) < 0)
         return -ENOMEM;

@@ -2,6 +2,7 @@
 #ifndef ANLOS_HAL_ROOM_LEGS_H
 #define ANLOS_HAL_ROOM_LEGS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "hal/room/scatter.h"
@@ -16,7 +17,7 @@ struct legs {
 /* Fills in the ways to where sound enters (or, outward, leaves) the pieces.  facets: the
  * pieces have a front.  Grows its arrays as needed.  0, -ENOMEM. */
 int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
-             const struct scatter *s, int outward, int facets, double delay_per_m);
+             const struct scatter *s, bool outward, bool facets, double delay_per_m);
 void legs_clear(struct legs *l);
 
 #endif

@@ -116,15 +116,15 @@ static int check_direction(const double *v, const char *prefix, const char *name
 static int check_object(const struct scene_object *o, const char *prefix,
                         const char *path, struct complaint *why)
 {
-    double least = o->size_m && o->size_m[1] < o->size_m[0] ? 1 : 0;
+    int least = o->size_m && o->size_m[1] < o->size_m[0];
     const struct rule rules[] = {
         {"scattering_length_m", o->scattering_length_m ? *o->scattering_length_m : 0, -10,
          10},
         {"side_m", o->side_m ? *o->side_m : 1, 0.01, 5},
-        {"size_m", o->size_m ? o->size_m[(int)least] : 1, 0.005, 5},
-        {"size_m", o->size_m ? o->size_m[(int)(1 - least)] : 1, 0.005, 5},
+        {"size_m", o->size_m ? o->size_m[least] : 1, 0.005, 5},
+        {"size_m", o->size_m ? o->size_m[1 - least] : 1, 0.005, 5},
         {"stroke_m", o->stroke_m ? *o->stroke_m : 0.01, 0.005,
-         o->size_m ? o->size_m[(int)least] : 5},
+         o->size_m ? o->size_m[least] : 5},
         {"reflectivity", o->reflectivity ? *o->reflectivity : 1, -1, 1},
         {"position_m[0]", o->position_m[0], -100, 100},
         {"position_m[1]", o->position_m[1], -100, 100},

@@ -5,6 +5,8 @@
 
 int command_launch(int argc, char **argv);
 int command_recon(int argc, char **argv);
+int command_falloff(int argc, char **argv);
+int command_resolution(int argc, char **argv);
 int command_sim(int argc, char **argv);
 int command_topic(int argc, char **argv);
 

@@ -142,7 +142,8 @@ static void store_plane(const struct confocal_scan *s, const float *plane, size_
 }
 
 int confocal_scan_create(struct confocal_scan *s, const struct confocal_file *f,
-                         const double gate_m[2], size_t max_bins, struct complaint *why)
+                         const double gate_m[2], size_t max_bins, double least_step_m,
+                         struct complaint *why)
 {
     size_t places = f->nx * f->ny;
     double low = ceil(fmax(gate_m[0] / f->bin_m, 0.0));
@@ -155,6 +156,8 @@ int confocal_scan_create(struct confocal_scan *s, const struct confocal_file *f,
                         gate_m[0], gate_m[1], (double)f->n_bins * f->bin_m);
     size_t first = (size_t)low, n = (size_t)(high - low);
     size_t group = (n + max_bins - 1) / max_bins;
+    double fine = fmin(floor(least_step_m / f->bin_m + 1e-6), (double)(n / 2));
+    group = fine > (double)group ? (size_t)fine : group;
     *s = (struct confocal_scan){
         .nx = f->nx,
         .ny = f->ny,

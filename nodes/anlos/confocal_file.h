@@ -38,10 +38,12 @@ void confocal_file_clear(struct confocal_file *f);
  * whole scan is darkest between it and the brightest echo, to the end. */
 void confocal_file_gate(const struct confocal_file *f, double gate_m[2]);
 
-/* The gate's bins, summed in groups so that at most max_bins remain.  0, -EINVAL (no bin
- * lies in the gate), -ENOMEM. */
+/* The gate's bins, summed in groups so that at most max_bins remain, or until they are
+ * least_step_m long: finer than the detector tells times apart there is only noise.  0,
+ * -EINVAL (no bin lies in the gate), -ENOMEM. */
 int confocal_scan_create(struct confocal_scan *s, const struct confocal_file *f,
-                         const double gate_m[2], size_t max_bins, struct complaint *why);
+                         const double gate_m[2], size_t max_bins, double least_step_m,
+                         struct complaint *why);
 void confocal_scan_clear(struct confocal_scan *s);
 
 #endif

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "nodes/anlos/commands.h"
+#include "nodes/launcher/devices.h"
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/truth.h"
 #include "nodes/rt/arguments.h"
@@ -56,6 +57,8 @@ static int prepare(struct launchfile **launch, const struct arguments *a,
     const struct launchfile_options options = {.out = a->out, .realtime = a->realtime};
     int err = launchfile_load(launch, a->launch, &options, why);
 
+    if (!err)
+        err = devices_check(*launch, why);
     if (!err)
         err = rundir_open(run_dir, a->run_dir, why);
     if (!err && launchfile_has_node(*launch, "report"))

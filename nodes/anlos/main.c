@@ -15,6 +15,9 @@ struct command {
 static const struct command commands[] = {
     {"launch", "run a whole system from a launch file", command_launch},
     {"recon", "image a recording, in one process without the bus", command_recon},
+    {"resolution", "tell how close things may be and still be told apart",
+     command_resolution},
+    {"falloff", "fit how echoes fade with distance", command_falloff},
     {"sim", "record a simulated scene as WAV files", command_sim},
     {"topic", "look at the messages of a running system", command_topic},
 };
@@ -30,7 +33,7 @@ static void print_help(FILE *to)
         "hidden and back, and from the echoes come an image and a list of objects.\n\n"
         "commands\n");
     for (size_t i = 0; i < N_COMMANDS; i++)
-        fprintf(to, "  %-8s %s\n", commands[i].name, commands[i].what);
+        fprintf(to, "  %-10s %s\n", commands[i].name, commands[i].what);
     fprintf(to, "\n`anlos COMMAND --help` explains a command.  A first look:\n\n"
                 "  anlos launch launch/demo.yaml        everything, simulated\n"
                 "  anlos topic list                     in another terminal meanwhile\n\n"

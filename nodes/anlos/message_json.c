@@ -7,11 +7,7 @@
 #include <string.h>
 
 #include "msgs/tensor.pb-c.h"
-
-static json_t *real_json(double v)
-{
-    return isfinite(v) ? json_real(v) : json_null();
-}
+#include "nodes/rt/export.h"
 
 static json_t *tensor_json(const Anlos__Tensor *t, bool full)
 {
@@ -28,18 +24,18 @@ static json_t *tensor_json(const Anlos__Tensor *t, bool full)
         min = fmin(min, value);
         max = fmax(max, value);
         if (full)
-            json_array_append_new(data, complex
-                                            ? json_pack("[o, o]", real_json((double)v[0]),
-                                                        real_json((double)v[1]))
-                                            : real_json((double)v[0]));
+            json_array_append_new(data,
+                                  complex ? json_pack("[o, o]", export_real((double)v[0]),
+                                                      export_real((double)v[1]))
+                                          : export_real((double)v[0]));
     }
     for (size_t i = 0; i < t->n_shape; i++)
         json_array_append_new(shape, json_integer(t->shape[i]));
     json_object_set_new(o, "type",
                         json_string((unsigned)t->type < 3 ? types[t->type] : "unknown"));
     json_object_set_new(o, "shape", shape);
-    json_object_set_new(o, "min", real_json(min));
-    json_object_set_new(o, "max", real_json(max));
+    json_object_set_new(o, "min", export_real(min));
+    json_object_set_new(o, "max", export_real(max));
     if (full)
         json_object_set_new(o, "data", data);
     return o;
@@ -97,9 +93,9 @@ static json_t *value_json(const ProtobufCFieldDescriptor *f, const void *at, boo
     case PROTOBUF_C_TYPE_FIXED64:
         return json_sprintf("%" PRIu64, *(const uint64_t *)at);
     case PROTOBUF_C_TYPE_FLOAT:
-        return real_json((double)*(const float *)at);
+        return export_real((double)*(const float *)at);
     case PROTOBUF_C_TYPE_DOUBLE:
-        return real_json(*(const double *)at);
+        return export_real(*(const double *)at);
     case PROTOBUF_C_TYPE_BOOL:
         return json_boolean(*(const protobuf_c_boolean *)at);
     case PROTOBUF_C_TYPE_ENUM:

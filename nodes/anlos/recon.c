@@ -6,6 +6,8 @@
 #include <string.h>
 
 #include "nodes/anlos/commands.h"
+#include "nodes/anlos/confocal.h"
+#include "nodes/anlos/confocal_job.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon_job.h"
 #include "nodes/anlos/recon_report.h"
@@ -14,10 +16,13 @@
 
 #define MAX_THREADS 256
 
+static const char default_method[] = "fast";
+
 static const char help[] =
     "anlos recon -- turn a recording into an image of what is hidden\n"
     "\n"
     "usage: anlos recon --survey FILE --wav DIR [--background DIR] --out DIR [options]\n"
+    "       anlos recon --confocal FILE.mat --out DIR [--method lct|fk|backprojection]\n"
     "       anlos recon --traces FILE.mat --volume ... --out DIR [options]\n"
     "\n"
     "Reads one multichannel WAV for each stage position (in name order; slot j of a file "
@@ -38,6 +43,16 @@ static const char help[] =
     "  --volume X,Y,Z       what to image, in place of the survey's: minimum, maximum "
     "and\n"
     "                       step of each axis in m, nine numbers with commas\n"
+    "  --confocal FILE.mat  in place of sound: an optical confocal scan (MATLAB v5, "
+    "v7.3):\n"
+    "                       rect_data [place][place][time bin] photon counts, width "
+    "(half\n"
+    "                       the side, m), bin_s (4e-12 when missing); methods lct "
+    "(default),\n"
+    "                       fk, backprojection\n"
+    "  --gate-m NEAR,FAR    of it, from the wall, m; by default from where the direct "
+    "light\n"
+    "                       has died away to the end\n"
     "  --background DIR     the same room without the hidden objects, subtracted with "
     "its\n"
     "                       phase; without it the room's own echoes stay in the image\n"
@@ -72,6 +87,8 @@ enum option_code {
     OPTION_WAV,
     OPTION_TRACES,
     OPTION_VOLUME,
+    OPTION_CONFOCAL,
+    OPTION_GATE,
     OPTION_BACKGROUND,
     OPTION_METHOD,
     OPTION_OUT,
@@ -85,6 +102,8 @@ static const struct option options[] = {
     {"wav", required_argument, NULL, OPTION_WAV},
     {"traces", required_argument, NULL, OPTION_TRACES},
     {"volume", required_argument, NULL, OPTION_VOLUME},
+    {"confocal", required_argument, NULL, OPTION_CONFOCAL},
+    {"gate-m", required_argument, NULL, OPTION_GATE},
     {"background", required_argument, NULL, OPTION_BACKGROUND},
     {"method", required_argument, NULL, OPTION_METHOD},
     {"out", required_argument, NULL, OPTION_OUT},
@@ -122,6 +141,21 @@ static int take_volume(struct recon_options *o, const char *text)
     return 0;
 }
 
+/* NEAR,FAR */
+static int take_gate(struct recon_options *o, const char *text)
+{
+    char *end, *last;
+    double near_m = strtod(text, &end);
+    double far_m = *end == ',' ? strtod(end + 1, &last) : NAN;
+    if (!isfinite(far_m) || *last || end == text || !(near_m >= 0.0 && near_m < far_m))
+        return usage_error("recon", "--gate-m %s: expected NEAR,FAR with 0 <= near < far",
+                           text);
+    o->gate_m[0] = near_m;
+    o->gate_m[1] = far_m;
+    o->has_gate = true;
+    return 0;
+}
+
 static int take_option(struct recon_options *o, int code, char **argv)
 {
     switch (code) {
@@ -136,6 +170,11 @@ static int take_option(struct recon_options *o, int code, char **argv)
         return 0;
     case OPTION_VOLUME:
         return take_volume(o, optarg);
+    case OPTION_CONFOCAL:
+        o->confocal = optarg;
+        return 0;
+    case OPTION_GATE:
+        return take_gate(o, optarg);
     case OPTION_BACKGROUND:
         o->background = optarg;
         return 0;
@@ -165,10 +204,37 @@ static int take_option(struct recon_options *o, int code, char **argv)
     }
 }
 
-static int check_options(const struct recon_options *o, int argc, char **argv)
+/* Of an optical scan, which has its own methods. */
+static int check_confocal(struct recon_options *o)
+{
+    if (o->survey || o->wav || o->background || o->traces || o->has_volume)
+        return usage_error("recon", "--confocal stands in place of %s; expected one",
+                           o->survey       ? "--survey"
+                           : o->wav        ? "--wav"
+                           : o->background ? "--background"
+                           : o->traces     ? "--traces"
+                                           : "--volume");
+    if (!o->out || !o->out[0])
+        return usage_error("recon", "--out DIR is missing");
+    if (o->method == default_method)
+        o->method = "lct";
+    for (const char *m = confocal_methods(); *m; m += strlen(m) + 1)
+        if (!strcmp(m, o->method))
+            return 0;
+    return usage_error("recon",
+                       "--method %s: expected lct, fk or backprojection with --confocal",
+                       o->method);
+}
+
+static int check_options(struct recon_options *o, int argc, char **argv)
 {
     if (optind < argc)
         return usage_error("recon", "%s: unexpected argument", argv[optind]);
+    if (o->confocal)
+        return check_confocal(o);
+    if (o->has_gate)
+        return usage_error("recon", "--gate-m belongs to --confocal; a survey names its "
+                                    "own gate_m");
     if (o->traces && (o->wav || o->background))
         return usage_error("recon", "--traces stands in place of %s; expected one",
                            o->wav ? "--wav" : "--background");
@@ -233,7 +299,10 @@ static int write_results(struct recon_job *job, const char *folder, json_t *warn
         err = export_detections(folder, job->detections, why);
     stopwatch_lap(&job->stages[RECON_WRITE], &now, false);
     stopwatch_lap(&job->total, &since, false);
-    return err ? (json_decref(warnings), err) : write_report(job, folder, warnings, why);
+    if (!err)
+        return write_report(job, folder, warnings, why);
+    json_decref(warnings);
+    return err;
 }
 
 /* Plans, runs and writes, with the output folder open. */
@@ -259,7 +328,7 @@ static int run_in_stage(struct recon_job *job, struct export_stage *stage,
 
 int command_recon(int argc, char **argv)
 {
-    struct recon_options o = {.method = "fast",
+    struct recon_options o = {.method = default_method,
                               .window = WINDOW_HANN,
                               .compression = COMPRESSION_MATCHED_FILTER,
                               .threads = usage_default_threads()};
@@ -282,6 +351,8 @@ int command_recon(int argc, char **argv)
     code = check_options(&o, argc, argv);
     if (code)
         return code;
+    if (o.confocal)
+        return confocal_run(&o, &began);
 
     interrupt_catch();
     int err = recon_job_open(&job, &o, &why);

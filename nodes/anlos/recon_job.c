@@ -21,6 +21,18 @@ struct recon_worker {
     struct stopwatch stages[RECON_STAGES];
 };
 
+/* Processing knows the field, not the file. */
+static void name_survey(const struct recon_options *options, int err,
+                        struct complaint *why)
+{
+    struct complaint named;
+
+    if (!options->survey || !strncmp(why->text, options->survey, strlen(options->survey)))
+        return;
+    complain(&named, err, "%s: %.900s", options->survey, why->text);
+    *why = named;
+}
+
 int recon_job_open(struct recon_job *job, const struct recon_options *options,
                    struct complaint *why)
 {
@@ -39,13 +51,8 @@ int recon_job_open(struct recon_job *job, const struct recon_options *options,
     }
     if (!err)
         err = processing_plan(&job->processing, &job->survey, why);
-    if (err == -EINVAL || err == -EFBIG) { /* processing knows the field, not the file */
-        struct complaint named;
-        if (strncmp(why->text, options->survey, strlen(options->survey))) {
-            complain(&named, err, "%s: %.900s", options->survey, why->text);
-            *why = named;
-        }
-    }
+    if (err == -EINVAL || err == -EFBIG)
+        name_survey(options, err, why);
     if (!err)
         err = recording_open(&job->recording, options->wav, &job->survey, why);
     if (!err && options->background)
@@ -131,6 +138,8 @@ int recon_job_plan(struct recon_job *job, struct complaint *why)
             compressor_format(job->workers[0].compressor, &job->format);
         err = processing_imager(&job->imager, &job->processing, job->options->method,
                                 &job->format, job->pool, why);
+        if (err == -EINVAL || err == -ENOTSUP)
+            name_survey(job->options, err, why);
     }
     if (!err) {
         job->intensity = calloc(grid_size(&job->processing.grid), sizeof *job->intensity);

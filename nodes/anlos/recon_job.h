@@ -17,7 +17,10 @@
 struct recon_options {                                    /* borrow from argv */
     const char *survey, *wav, *background, *method, *out; /* background: NULL for none */
     const char *traces;                                   /* in place of wav, or NULL */
-    bool has_volume;                                      /* in place of the survey's */
+    const char *confocal;                                 /* optical scan, or NULL */
+    bool has_gate;                                        /* of the optical scan */
+    double gate_m[2];
+    bool has_volume; /* in place of the survey's */
     double volume_m[3][3];
     size_t threads;
     enum window window;

@@ -2,6 +2,7 @@
 
 #include <fftw3.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <sys/resource.h>
 
@@ -74,14 +75,6 @@ json_t *recon_report_warnings(const struct recon_job *job)
     return warnings;
 }
 
-static json_t *reals(const double *v, size_t n)
-{
-    json_t *a = json_array();
-    for (size_t i = 0; i < n; i++)
-        json_array_append_new(a, export_real(v[i]));
-    return a;
-}
-
 static json_t *times_json(const struct stopwatch *t)
 {
     return json_pack("{so, so}", "wall_s", export_real(t->wall_s), "cpu_s",
@@ -116,9 +109,9 @@ static json_t *check_json(const struct channel_check *check, size_t n_microphone
 
 static json_t *grid_json(const struct grid *g)
 {
-    return json_pack("{so, so, s[iii]}", "origin_m", reals(g->origin_m, 3), "step_m",
-                     reals(g->step_m, 3), "size", (int)g->n[0], (int)g->n[1],
-                     (int)g->n[2]);
+    return json_pack("{so, so, s[iii]}", "origin_m", export_reals(g->origin_m, 3),
+                     "step_m", export_reals(g->step_m, 3), "size", (int)g->n[0],
+                     (int)g->n[1], (int)g->n[2]);
 }
 
 static json_t *recording_json(const struct recon_job *job)
@@ -137,7 +130,6 @@ static json_t *recording_json(const struct recon_job *job)
 
 json_t *recon_report_create(const struct recon_job *job, json_t *warnings)
 {
-    static const char *const windows[] = {"rectangular", "hann", "hamming"};
     const struct recon_options *o = job->options;
     size_t expected = pings_expected(job), used = imager_pings(job->imager);
     struct rusage usage = {0};
@@ -147,10 +139,8 @@ json_t *recon_report_create(const struct recon_job *job, json_t *warnings)
     json_object_set_new(r, "method", json_string(o->method));
     if (!o->traces) {
         json_object_set_new(r, "compression",
-                            json_string(o->compression == COMPRESSION_DERAMP
-                                            ? "deramp"
-                                            : "matched_filter"));
-        json_object_set_new(r, "window", json_string(windows[o->window]));
+                            json_string(compression_name(o->compression)));
+        json_object_set_new(r, "window", json_string(window_name(o->window)));
     }
     json_object_set_new(r, "threads", json_integer((json_int_t)o->threads));
     json_object_set_new(r, "recording", recording_json(job));
@@ -168,8 +158,8 @@ json_t *recon_report_create(const struct recon_job *job, json_t *warnings)
                             check_json(job->background_check, job->survey.n_microphones));
     json_object_set_new(r, "channels", channels);
     json_object_set_new(r, "grid", grid_json(&job->processing.grid));
-    json_object_set_new(r, "gate_m", reals(job->processing.gate_m, 2));
-    json_object_set_new(r, "band_hz", reals(job->processing.band_hz, 2));
+    json_object_set_new(r, "gate_m", export_reals(job->processing.gate_m, 2));
+    json_object_set_new(r, "band_hz", export_reals(job->processing.band_hz, 2));
     json_object_set_new(r, "sound_speed_m_s", export_real(job->survey.sound_speed_m_s));
     json_object_set_new(r, "temperature_c", export_real(job->survey.temperature_c));
     json_object_set_new(r, "objects",

@@ -2,12 +2,6 @@
 
 #include "nodes/rt/export.h"
 
-static json_t *vec3(const double v[3])
-{
-    return json_pack("[o, o, o]", export_real(v[0]), export_real(v[1]),
-                     export_real(v[2]));
-}
-
 static json_t *object_json(const struct room_object *o, const struct survey *s)
 {
     json_t *j = json_object();
@@ -15,10 +9,11 @@ static json_t *object_json(const struct room_object *o, const struct survey *s)
     survey_to_vehicle(s, o->position_m, vehicle);
     json_object_set_new(j, "name", json_string(o->name));
     json_object_set_new(j, "kind", json_string(o->kind));
-    json_object_set_new(j, "position_m", vec3(o->position_m));
-    json_object_set_new(j, "virtual_m", vec3(o->virtual_m));
-    json_object_set_new(j, "vehicle_m", s->has_mount ? vec3(vehicle) : json_null());
-    json_object_set_new(j, "extent_m", vec3(o->extent_m));
+    json_object_set_new(j, "position_m", export_reals(o->position_m, 3));
+    json_object_set_new(j, "virtual_m", export_reals(o->virtual_m, 3));
+    json_object_set_new(j, "vehicle_m",
+                        s->has_mount ? export_reals(vehicle, 3) : json_null());
+    json_object_set_new(j, "extent_m", export_reals(o->extent_m, 3));
     return j;
 }
 
@@ -34,8 +29,9 @@ int sim_truth_write(const struct room *room, const char *scene_path, const char 
     json_object_set_new(truth, "sound_speed_m_s", export_real(s->sound_speed_m_s));
     if (s->has_wall)
         json_object_set_new(truth, "wall",
-                            json_pack("{so, so}", "normal", vec3(s->wall_normal),
-                                      "distance_m", export_real(s->wall_distance_m)));
+                            json_pack("{so, so}", "normal",
+                                      export_reals(s->wall_normal, 3), "distance_m",
+                                      export_real(s->wall_distance_m)));
     else
         json_object_set_new(truth, "wall", json_null());
     for (size_t i = 0; i < n; i++)

@@ -10,9 +10,9 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <time.h>
 #include <unistd.h>
 
+#include "hal/clock.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/message_json.h"
 
@@ -48,9 +48,7 @@ bool topic_watch_alive(const char *run_dir)
 
 static double now_s(void)
 {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+    return 1e-9 * (double)clock_now_ns(clock_system());
 }
 
 int topic_watch_open(struct bus **out, const char *run_dir,
@@ -96,8 +94,11 @@ int topic_watch_echo(struct bus *bus, size_t count, bool full)
     for (size_t seen = 0; !count || seen < count;) {
         struct bus_message m;
         int err = bus_receive(bus, &m, LOOK_UP_MS);
-        if (interrupt_requested())
-            err = err ? -EINTR : (bus_message_free(&m), -EINTR);
+        if (interrupt_requested()) {
+            if (!err)
+                bus_message_free(&m);
+            return -EINTR;
+        }
         if (err == -ETIMEDOUT)
             continue;
         if (err)

@@ -5,15 +5,13 @@
 #include "nodes/dsp/dsp.h"
 #include "nodes/rt/node.h"
 
-static int create(struct dsp **out, struct node *node)
+static int create(struct dsp **out, const struct launchfile *l)
 {
-    const struct launchfile *l = node_launch(node);
-    struct dsp_config cfg = {.background = l->scan.background};
-    int err = window_from_name(l->dsp.window, &cfg.window);
+    const struct dsp_config cfg = {.window = l->dsp.window,
+                                   .compression = l->dsp.compression,
+                                   .background = l->scan.background};
 
-    if (!err)
-        err = compression_from_name(l->dsp.compression, &cfg.compression);
-    return err ? err : dsp_create(out, &cfg);
+    return dsp_create(out, &cfg);
 }
 
 static int take_survey(struct node *node, struct dsp *dsp, const Anlos__Survey *survey)
@@ -69,7 +67,7 @@ int main(int argc, char **argv)
 
     if (err)
         return err - 1;
-    err = create(&dsp, node);
+    err = create(&dsp, node_launch(node));
     if (!err)
         err = run(node, dsp);
     dsp_destroy(dsp);

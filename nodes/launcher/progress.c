@@ -29,8 +29,8 @@ static void write_text(struct progress *p, const Anlos__ScanStatus *s)
     if (s->state == ANLOS__SCAN_STATUS__STATE__RUNNING && s->pings_done)
         snprintf(left, sizeof left, ", %.0f s left", s->time_left_s);
     snprintf(p->text, sizeof p->text,
-             "%s %u of %u pings%s, %u taken again, %u given up, %llu messages lost%s%s",
-             s->pass == ANLOS__PASS__BACKGROUND ? "background:" : "scene:", s->pings_done,
+             "%s %u/%u pings%s, %u retaken, %u given up, %llu messages lost%s%s",
+             s->pass == ANLOS__PASS__BACKGROUND ? "background" : "scene", s->pings_done,
              s->pings_expected, left, s->pings_retaken, s->pings_lost,
              (unsigned long long)messages_lost(p), s->text[0] ? "; " : "", s->text);
 }

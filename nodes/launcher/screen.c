@@ -2,6 +2,7 @@
 
 #include <stdio.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "nodes/rt/log.h"
@@ -42,9 +43,18 @@ static const char *colour(enum log_level level)
     }
 }
 
+/* One column less than there are: a line that wraps could not be rewritten. */
+static int columns(void)
+{
+    struct winsize size;
+
+    return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) || size.ws_col < 2 ? 79
+                                                                      : size.ws_col - 1;
+}
+
 static void draw_progress(struct screen *s)
 {
-    printf(CLEAR_LINE "%s", s->progress);
+    printf(CLEAR_LINE "%.*s", columns(), s->progress);
     fflush(stdout);
 }
 
@@ -79,8 +89,8 @@ void screen_progress(struct screen *s, const char *text)
 
 void screen_end_progress(struct screen *s)
 {
-    if (s->progress_shown)
-        printf("\n");
+    if (s->progress_shown) /* whole, now that it stays */
+        printf(CLEAR_LINE "%s\n", s->progress);
     fflush(stdout);
     s->progress_shown = false;
 }

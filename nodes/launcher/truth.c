@@ -95,8 +95,8 @@ static double distance_m(const double a[3], const double b[3])
                 (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-/* Matches the nearest pair that is left; 0: there is none within reach. */
-static int match_nearest(struct truth *t)
+/* Matches the nearest pair that is left; false: there is none within reach. */
+static bool match_nearest(struct truth *t)
 {
     double best_m = TRUTH_MATCH_M;
     int object = -1, detection = -1;
@@ -114,10 +114,10 @@ static int match_nearest(struct truth *t)
         }
     }
     if (object < 0)
-        return 0;
+        return false;
     t->objects[object].found = detection;
     t->detections[detection].object = object;
-    return 1;
+    return true;
 }
 
 void truth_match(struct truth *t)
@@ -128,32 +128,32 @@ void truth_match(struct truth *t)
 
 static void print_position(const double p[3], FILE *to)
 {
-    fprintf(to, "  %7.3f %7.3f %7.3f", p[0], p[1], p[2]);
+    fprintf(to, "  %6.3f %6.3f %6.3f", p[0], p[1], p[2]);
 }
 
 static void print_object(const struct truth *t, const struct truth_object *o, FILE *to)
 {
-    fprintf(to, "%-20.20s", o->name);
+    fprintf(to, "%-18.18s", o->name);
     print_position(o->position_m, to);
     if (o->found < 0) {
-        fprintf(to, "  %-23s\n", "not found");
+        fprintf(to, "  %-20s\n", "not found");
         return;
     }
     const struct truth_detection *d = &t->detections[o->found];
     print_position(d->position_m, to);
-    fprintf(to, "  %6.1f cm  %6.0f %%\n",
-            100.0 * distance_m(o->position_m, d->position_m), 100.0 * d->existence);
+    fprintf(to, " %4.1f cm%8.0f %%\n", 100.0 * distance_m(o->position_m, d->position_m),
+            100.0 * d->existence);
 }
 
 /* Of a real room or a recording nobody knows the truth. */
 static void print_detections(const struct truth *t, FILE *to)
 {
-    fprintf(to, "%-13s  %-23s  %9s\n", "hidden object", "reported at (m)", "existence");
+    fprintf(to, "%-13s  %-20s %9s\n", "hidden object", "reported at (m)", "existence");
     for (size_t k = 0; k < t->n_detections; k++) {
         const struct truth_detection *d = &t->detections[k];
         fprintf(to, "%13zu", k + 1);
         print_position(d->position_m, to);
-        fprintf(to, "  %7.0f %%\n", 100.0 * d->existence);
+        fprintf(to, "%8.0f %%\n", 100.0 * d->existence);
     }
     if (!t->n_detections)
         fprintf(to, "none\n");
@@ -161,7 +161,7 @@ static void print_detections(const struct truth *t, FILE *to)
 
 static void print_comparison(const struct truth *t, FILE *to)
 {
-    fprintf(to, "%-20s  %-23s  %-23s  %9s  %8s\n", "hidden object",
+    fprintf(to, "%-18s  %-20s  %-20s %7s %9s\n", "hidden object",
             t->mirrored ? "really at (m)" : "mirrored at (m)", "reported at (m)", "error",
             "existence");
     for (size_t i = 0; i < t->n_objects; i++)
@@ -170,9 +170,9 @@ static void print_comparison(const struct truth *t, FILE *to)
         const struct truth_detection *d = &t->detections[k];
         if (d->object >= 0)
             continue;
-        fprintf(to, "%-20s  %-23s", "nothing there", "");
+        fprintf(to, "%-18s  %-20s", "nothing there", "");
         print_position(d->position_m, to);
-        fprintf(to, "  %9s  %6.0f %%\n", "", 100.0 * d->existence);
+        fprintf(to, " %7s%8.0f %%\n", "", 100.0 * d->existence);
     }
 }
 

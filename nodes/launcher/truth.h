@@ -3,6 +3,7 @@
 #ifndef ANLOS_NODES_LAUNCHER_TRUTH_H
 #define ANLOS_NODES_LAUNCHER_TRUTH_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdio.h>
 
@@ -28,7 +29,7 @@ struct truth {
     struct truth_object objects[TRUTH_MAX];
     struct truth_detection detections[TRUTH_MAX];
     char frame[16]; /* "vehicle" or "array" */
-    int mirrored;   /* detections are where the objects really are */
+    bool mirrored;  /* detections are where the objects really are */
 };
 
 /* detections.json in a folder.  0, -ENOENT, -EINVAL, -ENOMEM. */

@@ -21,12 +21,12 @@ struct run {
 static int create(struct run *r)
 {
     const struct launchfile *l = node_launch(r->node);
-    struct recon_config cfg = {.method = l->recon.method, .threads = l->recon.threads};
-    int err = window_from_name(l->dsp.window, &cfg.window);
+    const struct recon_config cfg = {.method = l->recon.method,
+                                     .threads = l->recon.threads,
+                                     .window = l->dsp.window,
+                                     .compression = l->dsp.compression};
 
-    if (!err)
-        err = compression_from_name(l->dsp.compression, &cfg.compression);
-    return err ? err : recon_create(&r->recon, &cfg);
+    return recon_create(&r->recon, &cfg);
 }
 
 static void publish_volume(struct run *r, Anlos__Volume *v)

@@ -11,18 +11,18 @@ struct compressor {
     struct deramp *deramp;
 };
 
+static const char *const windows[] = {[WINDOW_RECTANGULAR] = "rectangular",
+                                      [WINDOW_HANN] = "hann",
+                                      [WINDOW_HAMMING] = "hamming"};
+static const char *const compressions[] = {
+    [COMPRESSION_MATCHED_FILTER] = "matched_filter", [COMPRESSION_DERAMP] = "deramp"};
+
 int window_from_name(const char *name, enum window *out)
 {
-    static const struct {
-        const char *name;
-        enum window window;
-    } names[] = {{"hann", WINDOW_HANN},
-                 {"hamming", WINDOW_HAMMING},
-                 {"rectangular", WINDOW_RECTANGULAR}};
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        if (strcmp(names[i].name, name))
+    for (unsigned i = 0; i < sizeof windows / sizeof *windows; i++) {
+        if (strcmp(windows[i], name) != 0)
             continue;
-        *out = names[i].window;
+        *out = (enum window)i;
         return 0;
     }
     return -EINVAL;
@@ -30,10 +30,23 @@ int window_from_name(const char *name, enum window *out)
 
 int compression_from_name(const char *name, enum compression *out)
 {
-    if (strcmp(name, "matched_filter") && strcmp(name, "deramp"))
-        return -EINVAL;
-    *out = strcmp(name, "deramp") ? COMPRESSION_MATCHED_FILTER : COMPRESSION_DERAMP;
-    return 0;
+    for (unsigned i = 0; i < sizeof compressions / sizeof *compressions; i++) {
+        if (strcmp(compressions[i], name) != 0)
+            continue;
+        *out = (enum compression)i;
+        return 0;
+    }
+    return -EINVAL;
+}
+
+const char *window_name(enum window window)
+{
+    return windows[window];
+}
+
+const char *compression_name(enum compression compression)
+{
+    return compressions[compression];
 }
 
 static int create_deramp(struct deramp **out, const struct processing *p,
@@ -43,10 +56,7 @@ static int create_deramp(struct deramp **out, const struct processing *p,
     struct deramp_config cfg = {
         .sample_rate_hz = s->sample_rate_hz,
         .n_samples = p->ping_samples,
-        .chirp = {.start_hz = s->chirp_start_hz,
-                  .stop_hz = s->chirp_stop_hz,
-                  .duration_s = s->chirp_duration_s,
-                  .sine = s->chirp_sine},
+        .chirp = processing_chirp(s),
         .latency_samples = s->latency_samples,
         .window = window,
         .gate_s = {p->gate_s[0], p->gate_s[1]},

@@ -13,6 +13,8 @@ enum compression { COMPRESSION_MATCHED_FILTER, COMPRESSION_DERAMP };
 /* "hann", "hamming", "rectangular"; "matched_filter", "deramp".  0, -EINVAL. */
 int window_from_name(const char *name, enum window *out);
 int compression_from_name(const char *name, enum compression *out);
+const char *window_name(enum window window);
+const char *compression_name(enum compression compression);
 
 struct compressor;
 

@@ -54,7 +54,9 @@ int export_detections(const char *folder, const Anlos__DetectionList *detections
 int export_json(const char *folder, const char *name, const json_t *value,
                 struct complaint *why);
 
-/* A number, or null for what JSON has no number for (NaN, infinities). */
+/* A number, or null for what JSON has no number for (NaN, infinities); v[n] as an array
+ * of such.  NULL: no memory. */
 json_t *export_real(double value);
+json_t *export_reals(const double *v, size_t n);
 
 #endif

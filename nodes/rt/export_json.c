@@ -26,7 +26,7 @@ int export_json(const char *folder, const char *name, const json_t *value,
     return export_file_commit(&e, why);
 }
 
-static json_t *reals(const double *v, size_t n)
+json_t *export_reals(const double *v, size_t n)
 {
     json_t *a = json_array();
     for (size_t i = 0; i < n; i++)
@@ -38,7 +38,7 @@ static json_t *vec3(const Anlos__Vec3 *v)
 {
     if (!v)
         return json_null();
-    return reals((const double[]){v->x, v->y, v->z}, 3);
+    return export_reals((const double[]){v->x, v->y, v->z}, 3);
 }
 
 static json_t *detection(const Anlos__Detection *d)
@@ -49,11 +49,12 @@ static json_t *detection(const Anlos__Detection *d)
     if (d->n_covariance_m2 == 6) {
         const double *c = d->covariance_m2;
         double sigma[3] = {sqrt(c[0]), sqrt(c[3]), sqrt(c[5])};
-        json_object_set_new(o, "sigma_m", reals(sigma, 3));
+        json_object_set_new(o, "sigma_m", export_reals(sigma, 3));
     } else {
         json_object_set_new(o, "sigma_m", json_null());
     }
-    json_object_set_new(o, "covariance_m2", reals(d->covariance_m2, d->n_covariance_m2));
+    json_object_set_new(o, "covariance_m2",
+                        export_reals(d->covariance_m2, d->n_covariance_m2));
     json_object_set_new(o, "existence", export_real(d->existence));
     json_object_set_new(o, "level_db", export_real(d->level_db));
     json_object_set_new(o, "virtual_m", vec3(d->virtual_m));

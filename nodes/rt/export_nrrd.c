@@ -2,36 +2,25 @@
 
 #include <errno.h>
 #include <stdio.h>
-#include <stdlib.h>
 
+#include "hal/decimal.h"
 #include "nodes/rt/export_file.h"
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ && sizeof(float) == 4,
                "the voxels are written as they lie in memory");
 
-/* The shortest of the decimals that read back as x: 0.01, not 0.010000000000000000208. */
-static const char *decimal(double x, char out[32])
-{
-    for (int digits = 6; digits <= 17; digits++) {
-        snprintf(out, 32, "%.*g", digits, x);
-        if (strtod(out, NULL) == x)
-            break;
-    }
-    return out;
-}
-
 int export_nrrd(const char *folder, const char *name, const struct grid *grid,
                 const float *intensity, struct complaint *why)
 {
     struct export_file e;
-    char step[3][32], origin[3][32];
+    char step[3][DECIMAL_SIZE], origin[3][DECIMAL_SIZE];
     int err = export_file_open(&e, folder, name, why);
     if (err)
         return err;
 
     for (int a = 0; a < 3; a++) {
-        decimal(grid->step_m[a], step[a]);
-        decimal(grid->origin_m[a], origin[a]);
+        decimal_print(grid->step_m[a], step[a]);
+        decimal_print(grid->origin_m[a], origin[a]);
     }
     errno = 0;
     int written = fprintf(e.f,

@@ -1,143 +1,18 @@
 #include "nodes/rt/launchfile.h"
 
-#include <cyaml/cyaml.h>
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "hal/yaml_file.h"
 #include "hal/yaml_place.h"
+#include "msgs/topics.h"
+#include "nodes/rt/launchfile_text.h"
 #include "nodes/rt/uri.h"
 #include "recon/imager.h"
 
-/* The file as it is written; what is a pointer and NULL was left out. */
-
-struct array_part {
-    char *uri;
-};
-
-struct stage_part {
-    char *uri;
-};
-
-struct scan_part {
-    bool *background;
-    unsigned *window, *retries;
-    double *timeout_s;
-};
-
-struct dsp_part {
-    unsigned *window, *compression;
-};
-
-struct recon_part {
-    char *method;
-    unsigned *threads;
-    bool *preview;
-};
-
-struct track_part {
-    double *threshold_db, *min_existence;
-};
-
-struct can_part {
-    char *uri;
-    unsigned *base_id;
-};
-
-struct report_part {
-    char *folder;
-};
-
-struct launch_text {
-    unsigned *nodes;
-    unsigned nodes_count;
-    struct array_part array;
-    struct stage_part stage;
-    struct scan_part scan;
-    struct dsp_part dsp;
-    struct recon_part recon;
-    struct track_part track;
-    struct can_part can;
-    struct report_part report;
-};
-
-static const char *const known_nodes[] = {"stage", "array", "scan",   "dsp", "recon",
-                                          "track", "can",   "report", NULL};
-
-static const cyaml_strval_t node_names[] = {
-    {"stage", 0}, {"array", 1}, {"scan", 2}, {"dsp", 3},
-    {"recon", 4}, {"track", 5}, {"can", 6},  {"report", 7},
-};
-static const cyaml_strval_t window_names[] = {
-    {"rectangular", 0}, {"hann", 1}, {"hamming", 2}};
-static const cyaml_strval_t compression_names[] = {{"matched_filter", 0}, {"deramp", 1}};
-
-#define OPTIONAL  CYAML_FLAG_OPTIONAL
-#define STRICT    (CYAML_FLAG_OPTIONAL | CYAML_FLAG_STRICT)
-#define COUNT(a)  (sizeof(a) / sizeof((a)[0]))
-#define TEXT_SIZE 1024
-
-static const cyaml_schema_value_t node_schema = {
-    CYAML_VALUE_ENUM(CYAML_FLAG_STRICT, unsigned, node_names, COUNT(node_names))};
-static const cyaml_schema_field_t array_fields[] = {
-    CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER, struct array_part, uri, 1,
-                           TEXT_SIZE),
-    CYAML_FIELD_END};
-static const cyaml_schema_field_t stage_fields[] = {
-    CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER, struct stage_part, uri, 1,
-                           TEXT_SIZE),
-    CYAML_FIELD_END};
-static const cyaml_schema_field_t scan_fields[] = {
-    CYAML_FIELD_BOOL_PTR("background", OPTIONAL, struct scan_part, background),
-    CYAML_FIELD_UINT_PTR("window", OPTIONAL, struct scan_part, window),
-    CYAML_FIELD_UINT_PTR("retries", OPTIONAL, struct scan_part, retries),
-    CYAML_FIELD_FLOAT_PTR("timeout_s", OPTIONAL, struct scan_part, timeout_s),
-    CYAML_FIELD_END};
-static const cyaml_schema_field_t dsp_fields[] = {
-    CYAML_FIELD_ENUM_PTR("window", STRICT, struct dsp_part, window, window_names,
-                         COUNT(window_names)),
-    CYAML_FIELD_ENUM_PTR("compression", STRICT, struct dsp_part, compression,
-                         compression_names, COUNT(compression_names)),
-    CYAML_FIELD_END};
-static const cyaml_schema_field_t recon_fields[] = {
-    CYAML_FIELD_STRING_PTR("method", CYAML_FLAG_POINTER | OPTIONAL, struct recon_part,
-                           method, 1, 64),
-    CYAML_FIELD_UINT_PTR("threads", OPTIONAL, struct recon_part, threads),
-    CYAML_FIELD_BOOL_PTR("preview", OPTIONAL, struct recon_part, preview),
-    CYAML_FIELD_END};
-static const cyaml_schema_field_t track_fields[] = {
-    CYAML_FIELD_FLOAT_PTR("threshold_db", OPTIONAL, struct track_part, threshold_db),
-    CYAML_FIELD_FLOAT_PTR("min_existence", OPTIONAL, struct track_part, min_existence),
-    CYAML_FIELD_END};
-static const cyaml_schema_field_t can_fields[] = {
-    CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER | OPTIONAL, struct can_part, uri, 1,
-                           TEXT_SIZE),
-    CYAML_FIELD_UINT_PTR("base_id", OPTIONAL, struct can_part, base_id), CYAML_FIELD_END};
-static const cyaml_schema_field_t report_fields[] = {
-    CYAML_FIELD_STRING_PTR("folder", CYAML_FLAG_POINTER, struct report_part, folder, 1,
-                           TEXT_SIZE),
-    CYAML_FIELD_END};
-
-static const cyaml_schema_field_t launch_fields[] = {
-    CYAML_FIELD_SEQUENCE("nodes", CYAML_FLAG_POINTER, struct launch_text, nodes,
-                         &node_schema, 1, COUNT(node_names)),
-    CYAML_FIELD_MAPPING("array", OPTIONAL, struct launch_text, array, array_fields),
-    CYAML_FIELD_MAPPING("stage", OPTIONAL, struct launch_text, stage, stage_fields),
-    CYAML_FIELD_MAPPING("scan", OPTIONAL, struct launch_text, scan, scan_fields),
-    CYAML_FIELD_MAPPING("dsp", OPTIONAL, struct launch_text, dsp, dsp_fields),
-    CYAML_FIELD_MAPPING("recon", OPTIONAL, struct launch_text, recon, recon_fields),
-    CYAML_FIELD_MAPPING("track", OPTIONAL, struct launch_text, track, track_fields),
-    CYAML_FIELD_MAPPING("can", OPTIONAL, struct launch_text, can, can_fields),
-    CYAML_FIELD_MAPPING("report", OPTIONAL, struct launch_text, report, report_fields),
-    CYAML_FIELD_END};
-static const cyaml_schema_value_t launch_schema = {
-    CYAML_VALUE_MAPPING(CYAML_FLAG_POINTER, struct launch_text, launch_fields)};
-
-const char *const *launchfile_known_nodes(void)
-{
-    return known_nodes;
-}
+#define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 
 bool launchfile_has_node(const struct launchfile *l, const char *name)
 {
@@ -177,9 +52,6 @@ static int copy_parts(struct launchfile *l, const struct launch_text *t,
     l->scan.window = unsigned_or(t->scan.window, 32);
     l->scan.retries = unsigned_or(t->scan.retries, 3);
     l->scan.timeout_s = double_or(t->scan.timeout_s, 5.0);
-    l->dsp.window = strdup(window_names[unsigned_or(t->dsp.window, 1)].str);
-    l->dsp.compression =
-        strdup(compression_names[unsigned_or(t->dsp.compression, 0)].str);
     l->recon.method = copy_text(t->recon.method, "fast");
     l->recon.threads = unsigned_or(t->recon.threads, 0);
     l->recon.preview = !t->recon.preview || *t->recon.preview;
@@ -189,10 +61,36 @@ static int copy_parts(struct launchfile *l, const struct launch_text *t,
     l->can.base_id = unsigned_or(t->can.base_id, 0x400);
     l->report.folder =
         copy_text(options && options->out ? options->out : t->report.folder, "out");
-    return l->array.uri && l->stage.uri && l->dsp.window && l->dsp.compression &&
-                   l->recon.method && l->can.uri && l->report.folder
+    return l->array.uri && l->stage.uri && l->recon.method && l->can.uri &&
+                   l->report.folder
                ? 0
                : -ENOMEM;
+}
+
+static int copy_dsp(struct launchfile *l, const struct launch_text *t,
+                    struct complaint *why)
+{
+    l->dsp.window = WINDOW_HANN;
+    l->dsp.compression = COMPRESSION_MATCHED_FILTER;
+    if (t->dsp.window && window_from_name(t->dsp.window, &l->dsp.window))
+        return yaml_complain(why, -EINVAL, l->path, "dsp.window",
+                             "expected hann, hamming or rectangular, not %s",
+                             t->dsp.window);
+    if (t->dsp.compression &&
+        compression_from_name(t->dsp.compression, &l->dsp.compression))
+        return yaml_complain(why, -EINVAL, l->path, "dsp.compression",
+                             "expected matched_filter or deramp, not %s",
+                             t->dsp.compression);
+    return 0;
+}
+
+/* Whoever may publish is a node, but for the launcher, which reads this. */
+static bool is_node(const char *name)
+{
+    for (const char *const *n = topics_nodes(); *n; n++)
+        if (!strcmp(*n, name))
+            return strcmp(name, "launcher") != 0;
+    return false;
 }
 
 static int copy_nodes(struct launchfile *l, const struct launch_text *t,
@@ -202,11 +100,19 @@ static int copy_nodes(struct launchfile *l, const struct launch_text *t,
     if (!l->nodes)
         return -ENOMEM;
     for (unsigned i = 0; i < t->nodes_count; i++) {
-        if (launchfile_has_node(l, known_nodes[t->nodes[i]]))
+        char key[32];
+        snprintf(key, sizeof key, "nodes[%u]", i);
+        if (!is_node(t->nodes[i]))
+            return yaml_complain(
+                why, -EINVAL, l->path, key,
+                "%s is no node; expected stage, array, scan, dsp, recon, "
+                "track, can or report",
+                t->nodes[i]);
+        if (launchfile_has_node(l, t->nodes[i]))
             return yaml_complain(why, -EINVAL, l->path, "nodes",
                                  "expected each node once, but %s is there twice",
-                                 known_nodes[t->nodes[i]]);
-        l->nodes[i] = strdup(known_nodes[t->nodes[i]]);
+                                 t->nodes[i]);
+        l->nodes[i] = strdup(t->nodes[i]);
         if (!l->nodes[i])
             return -ENOMEM;
         l->n_nodes = i + 1;
@@ -303,10 +209,12 @@ int launchfile_load(struct launchfile **out, const char *path,
         free(l);
         return complain(why, -ENOMEM, "%s: not enough memory", path);
     }
-    err = yaml_load(path, &launch_schema, &text, why);
+    err = yaml_load(path, &launch_text_schema, &text, why);
     if (err)
         goto fail;
     err = copy_nodes(l, text, why);
+    if (!err)
+        err = copy_dsp(l, text, why);
     if (!err)
         err = copy_parts(l, text, options);
     if (!err)
@@ -315,7 +223,7 @@ int launchfile_load(struct launchfile **out, const char *path,
         err = resolve_paths(l, options);
     if (err == -ENOMEM)
         complain(why, err, "%s: not enough memory", path);
-    yaml_unload(&launch_schema, text);
+    yaml_unload(&launch_text_schema, text);
     if (err)
         goto fail;
     *out = l;
@@ -334,8 +242,6 @@ void launchfile_destroy(struct launchfile *l)
     free(l->nodes);
     free(l->array.uri);
     free(l->stage.uri);
-    free(l->dsp.window);
-    free(l->dsp.compression);
     free(l->recon.method);
     free(l->can.uri);
     free(l->report.folder);

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "msgs/complaint.h"
+#include "nodes/rt/compressor.h"
 
 /* Input paths in URIs are relative to the launch file's folder, the report's folder to
  * the current one, and a log of CAN frames to the report's folder.  What is loaded has
@@ -28,8 +29,8 @@ struct launchfile {
         double timeout_s; /* after the last sign of life, a ping counts as lost */
     } scan;
     struct {
-        char *window;      /* hann, hamming, rectangular */
-        char *compression; /* matched_filter, deramp */
+        enum window window;           /* default hann */
+        enum compression compression; /* default matched_filter */
     } dsp;
     struct {
         char *method;
@@ -54,8 +55,6 @@ struct launchfile_options { /* of the command line, they win over the file */
     bool realtime;          /* simulated hardware runs at the true pace */
 };
 
-/* The nodes that a launch file may name, in their usual order; NULL at the end. */
-const char *const *launchfile_known_nodes(void);
 bool launchfile_has_node(const struct launchfile *l, const char *name);
 
 /* Is there a stage that the scan has to move?  A recording was moved when it was made;

@@ -8,6 +8,8 @@
 #include "nodes/rt/processing.h"
 #include "recon/wall.h"
 
+#define CLUSTER_WIDTHS 3.0 /* of a point, that pings around objects keep apart */
+
 static Anlos__Vec3 *vec3_create(const double v[3])
 {
     Anlos__Vec3 *m = malloc(sizeof *m);
@@ -156,10 +158,14 @@ int objects_find(Anlos__DetectionList **out, const struct survey *s,
         middle[a] = grid->origin_m[a] + 0.5 * (double)grid->n[a] * grid->step_m[a];
 
     processing_geometry(&geometry, s);
-    if (geometry.pings_m)
-        geometry_resolution_at(&geometry, band_hz, middle, resolved.resolution_m);
-    else
+    if (geometry.pings_m) { /* a turntable sees details of one cluster's size */
+        double *r = resolved.resolution_m;
+        geometry_resolution_at(&geometry, band_hz, middle, r);
+        resolved.cluster_m =
+            fmin(resolved.cluster_m, CLUSTER_WIDTHS * cbrt(r[0] * r[1] * r[2]));
+    } else {
         geometry_resolution(&geometry, band_hz, middle[2], resolved.resolution_m);
+    }
     int err = detect_objects(&resolved, grid, intensity, found, OBJECTS_MAX, &n);
     if (err)
         return err;

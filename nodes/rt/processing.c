@@ -33,6 +33,14 @@ static double distance_m(const double a[3], const double b[3])
     return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
 }
 
+struct chirp processing_chirp(const struct survey *s)
+{
+    return (struct chirp){.start_hz = s->chirp_start_hz,
+                          .stop_hz = s->chirp_stop_hz,
+                          .duration_s = s->chirp_duration_s,
+                          .sine = s->chirp_sine};
+}
+
 static double longest_direct_path_m(const struct survey *s)
 {
     double longest = 0.0;
@@ -159,10 +167,7 @@ static void configure(struct pulse_compress_config *cfg, const struct processing
     memset(cfg, 0, sizeof *cfg);
     cfg->sample_rate_hz = s->sample_rate_hz;
     cfg->n_samples = p->ping_samples;
-    cfg->chirp = (struct chirp){.start_hz = s->chirp_start_hz,
-                                .stop_hz = s->chirp_stop_hz,
-                                .duration_s = s->chirp_duration_s,
-                                .sine = s->chirp_sine};
+    cfg->chirp = processing_chirp(s);
     cfg->latency_samples = s->latency_samples;
     memcpy(cfg->band_hz, p->band_hz, sizeof cfg->band_hz);
     cfg->window = window;
@@ -229,8 +234,8 @@ int processing_imager(struct imager **out, const struct processing *p, const cha
                         method, known);
     }
     if (err == -ENOTSUP)
-        return complain(why, err, "method '%s' cannot image this survey: %s", method,
-                        reason ? reason : "the geometry does not suit it");
+        return complain(why, err, "method '%s' cannot image this survey: it needs %s",
+                        method, reason && *reason ? reason : "another geometry");
     if (err)
         return complain(why, err, "method '%s': %s", method,
                         reason ? reason : strerror(-err));

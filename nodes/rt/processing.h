@@ -21,6 +21,9 @@ struct processing {
 /* The geometry of a survey; borrows its arrays. */
 void processing_geometry(struct geometry *g, const struct survey *s);
 
+/* The chirp that a survey's speakers send. */
+struct chirp processing_chirp(const struct survey *s);
+
 /* The survey must outlive *out.  0, -EINVAL (gate beyond the slot; the complaint names
  * the field and the limit), -EFBIG. */
 int processing_plan(struct processing *out, const struct survey *s,

@@ -4,11 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "hal/device.h"
+
 bool uri_has_scheme(const char *uri, const char *scheme)
 {
-    size_t n = strlen(scheme);
-
-    return !strncmp(uri, scheme, n) && uri[n] == ':';
+    return device_arg(uri, scheme) != NULL;
 }
 
 static const char *after_scheme(const char *uri)

@@ -9,8 +9,7 @@
 #include "nodes/scan/carriage.h"
 #include "nodes/scan/ledger.h"
 #include "nodes/scan/peers.h"
-
-#define RESEND_NS 500000000LL /* of a fire command that no ping has answered */
+#include "nodes/scan/volley.h"
 
 struct scan {
     struct scan_config cfg;
@@ -19,13 +18,10 @@ struct scan {
     struct ledger *ledger; /* NULL: no survey yet */
     uint64_t survey_id;
     size_t n_positions, n_speakers;
-    double *positions_m;        /* [n_positions] */
-    uint32_t *speakers;         /* [n_speakers], scratch */
-    uint32_t number;            /* of the scan, from 1 */
-    Anlos__FireCommand command; /* given out last */
-    uint32_t *fired;            /* [n_speakers], its speakers */
-    bool answered;              /* by a ping */
-    int64_t fired_ns;           /* when it was sent, or sent again */
+    double *positions_m;  /* [n_positions] */
+    uint32_t *speakers;   /* [n_speakers], scratch */
+    uint32_t number;      /* of the scan, from 1 */
+    struct volley volley; /* fired last */
     size_t position;
     int64_t sign_ns;  /* last sign of life of what is under way */
     int64_t start_ns; /* 0: not yet running */
@@ -92,21 +88,17 @@ int scan_survey(struct scan *s, const Anlos__Survey *survey)
         return err;
     double *positions = calloc(size.n_positions, sizeof *positions);
     uint32_t *speakers = calloc(size.n_speakers, sizeof *speakers);
-    uint32_t *fired = calloc(size.n_speakers, sizeof *fired);
-    if (!positions || !speakers || !fired) {
+    err = positions && speakers ? volley_reset(&s->volley, size.n_speakers) : -ENOMEM;
+    if (err) {
         free(positions);
         free(speakers);
-        free(fired);
         ledger_destroy(ledger);
-        return -ENOMEM;
+        return err;
     }
     memcpy(positions, survey->stage_positions_m, size.n_positions * sizeof *positions);
     ledger_destroy(s->ledger);
     free(s->positions_m);
     free(s->speakers);
-    free(s->fired);
-    s->fired = fired;
-    s->answered = true;
     s->ledger = ledger;
     s->positions_m = positions;
     s->speakers = speakers;
@@ -136,7 +128,7 @@ void scan_ping(struct scan *s, const Anlos__Ping *ping, int64_t now_ns)
     if (!s->ledger || ping->scan != s->number)
         return;
     s->sign_ns = now_ns;
-    s->answered = true;
+    volley_answer(&s->volley);
     ledger_recorded(s->ledger, &p);
 }
 
@@ -174,35 +166,27 @@ static void fail(struct scan *s, const char *who, const char *what)
     snprintf(s->text, sizeof s->text, "%s: %s", who, what);
 }
 
-static void send_command(struct scan *s, int64_t now_ns, struct scan_action *out)
+static void send_volley(struct scan *s, int64_t now_ns, struct scan_action *out)
 {
-    s->fired_ns = now_ns;
     out->fire = true;
-    out->fire_command = s->command;
+    out->fire_command = volley_send(&s->volley, now_ns);
 }
 
 static void fire(struct scan *s, Anlos__Pass pass, size_t n, int64_t now_ns,
                  struct scan_action *out)
 {
-    Anlos__FireCommand *c = &s->command;
-    uint32_t id = c->id + 1;
+    Anlos__FireCommand *c = &s->volley.command;
 
     for (size_t i = 0; i < n; i++) {
         const struct ledger_ping ping = {pass, s->position, s->speakers[i]};
-        s->fired[i] = s->speakers[i];
         ledger_fire(s->ledger, &ping);
     }
-    anlos__fire_command__init(c);
-    c->id = id;
-    c->scan = s->number;
+    volley_load(&s->volley, s->number, s->speakers, n);
     c->pass = pass;
     c->position = (uint32_t)s->position;
     c->stage_m = s->cfg.has_stage ? s->carriage.position_m : s->positions_m[s->position];
-    c->n_speakers = n;
-    c->speakers = s->fired;
-    s->answered = false;
     s->sign_ns = now_ns;
-    send_command(s, now_ns, out);
+    send_volley(s, now_ns, out);
 }
 
 /* true: the stage stands where it should. */
@@ -267,11 +251,10 @@ static void advance(struct scan *s, int64_t now_ns, const struct ledger_count *c
     Anlos__Pass pass = ledger_pass(s->ledger);
     size_t next;
 
-    /* The stage must stand still while the array records.  A command may have been lost
-     * on its way; the array knows one that it has had. */
+    /* The stage must stand still while the array records. */
     if (count->recording) {
-        if (!s->answered && now_ns - s->fired_ns >= RESEND_NS)
-            send_command(s, now_ns, out);
+        if (volley_is_due(&s->volley, now_ns))
+            send_volley(s, now_ns, out);
         return;
     }
     next = nearest_missing(s, pass);
@@ -345,6 +328,6 @@ void scan_destroy(struct scan *s)
     ledger_destroy(s->ledger);
     free(s->positions_m);
     free(s->speakers);
-    free(s->fired);
+    volley_clear(&s->volley);
     free(s);
 }

@@ -266,7 +266,7 @@ static void a_scan_that_fails_shows_what_it_has_found(void **state)
     text[fread(text, 1, sizeof text - 1, f)] = '\0';
     fclose(f);
     assert_contains(text, "scan    error   stage: cannot move to 0.1200 m");
-    assert_contains(text, "hidden object         really at");
+    assert_contains(text, "hidden object       really at");
 }
 
 /* Listens until n pings are done, and returns the process id of a node. */

@@ -84,7 +84,7 @@ static void what_the_schema_says_is_read(void **state)
     assert_string_equal(r->items[1].name, "two");
     assert_true(r->items[1].position_m[2] == 9);
     assert_null(r->wish);
-    yaml_free(&schema, data);
+    yaml_unload(&schema, data);
 }
 
 static void wrong_contents_are_named_with_line_and_key(void **state)
@@ -175,7 +175,7 @@ static void a_mapping_without_any_key_is_all_defaults(void **state)
     assert_int_equal(yaml_load(path, &wish_schema, &data, &why), 0);
     assert_non_null(data);
     assert_null(((const struct root *)data)->wish);
-    yaml_free(&wish_schema, data);
+    yaml_unload(&wish_schema, data);
 }
 
 static void a_place_is_the_line_of_the_key(void **state)

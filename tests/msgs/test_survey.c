@@ -122,6 +122,77 @@ static void assert_surveys_equal(const struct survey *a, const struct survey *b)
     }
 }
 
+/* One speaker, one microphone, places ping by ping, and a replica. */
+static struct survey foreign_example(void)
+{
+    static double pings[5000][2][3];
+    static double zeros[5000];
+    static float replica[100];
+    struct survey s = example();
+    for (int k = 0; k < 5000; k++)
+        for (int c = 0; c < 6; c++)
+            pings[k][c / 3][c % 3] = 0.001 * k + 0.1 * c;
+    for (int i = 0; i < 100; i++)
+        replica[i] = 0.01f * (float)(i - 50);
+    s.n_speakers = s.n_microphones = 1;
+    s.n_responses = 0;
+    s.n_positions = 5000; /* more than a stage may have */
+    s.stage_positions_m = zeros;
+    s.pings_m = pings;
+    s.n_replica = 100;
+    s.replica = replica;
+    return s;
+}
+
+static void places_and_replica_come_back_too(void **state)
+{
+    (void)state;
+    struct survey s = foreign_example(), back, copy;
+    struct complaint why = {""};
+    Anlos__Survey *m = message_of(&s);
+    if (survey_from_message(&back, m, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(survey_copy(&copy, &back), 0);
+    survey_clear(&back);
+    assert_int_equal(copy.n_positions, 5000);
+    assert_memory_equal(copy.pings_m, s.pings_m, 5000 * sizeof *s.pings_m);
+    assert_int_equal(copy.n_replica, 100);
+    assert_memory_equal(copy.replica, s.replica, 100 * sizeof *s.replica);
+    assert_true(survey_id(&copy) == survey_id(&s));
+    copy.pings_m[4999][1][2] += 1e-9;
+    assert_false(survey_id(&copy) == survey_id(&s));
+    copy.pings_m[4999][1][2] = s.pings_m[4999][1][2];
+    copy.replica[7] += 1e-6f;
+    assert_false(survey_id(&copy) == survey_id(&s));
+    survey_clear(&copy);
+    m->n_pings_m -= 6; /* one place short */
+    assert_int_equal(survey_from_message(&back, m, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "pings_m"));
+    anlos__survey__free_unpacked(m, NULL);
+}
+
+static void places_and_replica_are_checked(void **state)
+{
+    (void)state;
+    struct complaint why;
+    struct survey s = foreign_example();
+    s.n_microphones = 2;
+    assert_int_equal(survey_check(&s, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "one speaker and one microphone"));
+    s = foreign_example();
+    s.pings_m[17][0][1] = NAN;
+    assert_int_equal(survey_check(&s, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "pings speaker[17]"));
+    s.pings_m[17][0][1] = 0;
+    s.replica[3] = INFINITY;
+    assert_int_equal(survey_check(&s, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "replica sample 3"));
+    s.replica[3] = 0;
+    s.n_replica = s.slot_samples + 1;
+    assert_int_equal(survey_check(&s, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "replica has 3001 samples"));
+}
+
 static void a_survey_comes_back_from_its_message(void **state)
 {
     (void)state;
@@ -527,6 +598,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_survey_comes_back_from_its_message),
+        cmocka_unit_test(places_and_replica_come_back_too),
+        cmocka_unit_test(places_and_replica_are_checked),
         cmocka_unit_test(a_survey_of_the_least_comes_back_too),
         cmocka_unit_test(a_copy_is_equal_and_its_own),
         cmocka_unit_test(each_number_out_of_range_is_refused_by_name),

@@ -61,8 +61,26 @@ static void the_line_says_pings_time_and_losses(void **state)
     progress_health(&p, &h);
     progress_health(&p, &h); /* repeated, not added */
     tell(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, 50);
-    assert_string_equal(p.text, "scene: 50 of 200 pings, 12 s left, 0 taken again, "
-                                "1 given up, 10 messages lost");
+    assert_string_equal(p.text, "scene 50/200 pings, 12 s left, 0 retaken, 1 given up, "
+                                "10 messages lost");
+}
+
+/* The longest line of a scan such as the demo's, with some losses. */
+static void the_line_fits_a_terminal_of_80_columns(void **state)
+{
+    struct progress p;
+    Anlos__ScanStatus s = ANLOS__SCAN_STATUS__INIT;
+
+    (void)state;
+    progress_init(&p, true);
+    s.state = ANLOS__SCAN_STATUS__STATE__RUNNING;
+    s.pass = ANLOS__PASS__BACKGROUND;
+    s.pings_done = 1000;
+    s.pings_expected = 1024;
+    s.time_left_s = 97.0;
+    s.pings_retaken = 304;
+    progress_status(&p, &s);
+    assert_in_range(strlen(p.text), 1, 79);
 }
 
 static void while_it_waits_it_says_for_whom(void **state)
@@ -93,6 +111,7 @@ int main(void)
         cmocka_unit_test(a_pipe_gets_a_line_for_each_tenth),
         cmocka_unit_test(a_terminal_gets_every_change),
         cmocka_unit_test(the_line_says_pings_time_and_losses),
+        cmocka_unit_test(the_line_fits_a_terminal_of_80_columns),
         cmocka_unit_test(while_it_waits_it_says_for_whom),
         cmocka_unit_test(a_failure_is_shown_at_once),
     };

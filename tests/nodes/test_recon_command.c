@@ -431,6 +431,21 @@ static void a_wrong_survey_is_told_by_line_and_field(void **state)
     expect_refusal(f, f->survey, "volume");
 }
 
+static void what_a_method_cannot_do_is_told_with_the_survey(void **state)
+{
+    struct fixture *f = *state;
+    struct command_result r;
+    char *words[] = {"recon",    "--survey", f->survey, "--wav", f->scene,
+                     "--method", "fast",     "--out",   f->out,  NULL};
+    write_text(f->survey, survey_head,
+               "volume: {x_m: [0, 1, 0.1], y_m: [0, 1, 0.1], z_m: [-2, -1, 0.1]}\n");
+    command_run(&r, command_recon, words);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, f->survey));
+    assert_non_null(strstr(r.err, "method 'fast' cannot image this survey"));
+    assert_false(exists(f->out));
+}
+
 static void an_output_that_cannot_be_written_is_refused_before_the_work(void **state)
 {
     struct fixture *f = *state;
@@ -548,6 +563,7 @@ int main(void)
         test(damaged_files_are_named),
         test(wrong_rate_and_channels_are_told_with_what_was_expected),
         test(a_wrong_survey_is_told_by_line_and_field),
+        test(what_a_method_cannot_do_is_told_with_the_survey),
         test(an_output_that_cannot_be_written_is_refused_before_the_work),
         test(a_full_disk_ends_with_1_and_leaves_nothing),
         test(wrong_arguments_are_told_with_a_hint),

@@ -44,6 +44,8 @@ static void fill(struct list *l, size_t n)
     l->message.detections = l->pointers;
     l->message.n_detections = n;
     l->message.counter = 5;
+    l->message.mirrored = true;
+    l->message.in_vehicle_frame = true;
 }
 
 static void assert_frame(const struct can_frame_data *is,
@@ -71,7 +73,8 @@ static void a_list_is_header_time_and_three_frames_an_object(void **state)
         assert_int_equal(f[i].id, ids[i]);
     can_pack_list_header(
         &expected, 0x500,
-        &(struct can_list_header){.number = 2, .counter = 5, .latency_ms = 30.0});
+        &(struct can_list_header){
+            .number = 2, .counter = 5, .latency_ms = 30.0, .cycle_ms = NAN});
     assert_frame(&f[0], &expected);
     can_pack_time(&expected, 0x500, 1000 * MS);
     assert_frame(&f[1], &expected);
@@ -87,6 +90,7 @@ static void an_object_carries_what_the_detection_says(void **state)
                                       .position_m = {4.0, -1.5, 0.5},
                                       .measurement = CAN_NEW,
                                       .existence = 0.75,
+                                      .velocity_m_s = {NAN, NAN},
                                       .sigma_m = {0.02, 0.01},
                                       .correlation = 0.5,
                                       .length_m = 0.2,
@@ -132,24 +136,63 @@ static void more_objects_than_fit_are_cut_off_and_said(void **state)
     fill(&l, 40);
     assert_int_equal(sender_list(&s, &l.message, 0, 7 * MS, f), SENDER_MAX_FRAMES);
     can_pack_list_header(&expected, 0x400,
-                         &(struct can_list_header){
-                             .number = CAN_MAX_OBJECTS, .counter = 5, .truncated = true});
+                         &(struct can_list_header){.number = CAN_MAX_OBJECTS,
+                                                   .counter = 5,
+                                                   .latency_ms = NAN,
+                                                   .cycle_ms = NAN,
+                                                   .truncated = true});
     assert_frame(&f[0], &expected);
 }
 
-static void a_detection_without_details_does_no_harm(void **state)
+/* Of the one object of the list, only that it is there is known. */
+static void assert_nowhere(const struct list *l)
 {
     struct sender s;
+    struct can_frame_data f[SENDER_MAX_FRAMES], expected;
+    const struct can_object object = {.id = 1,
+                                      .counter = 5,
+                                      .position_m = {NAN, NAN, NAN},
+                                      .existence = 0.75,
+                                      .velocity_m_s = {NAN, NAN},
+                                      .sigma_m = {NAN, NAN},
+                                      .correlation = NAN,
+                                      .length_m = NAN,
+                                      .width_m = NAN};
+
+    sender_init(&s, 0x400);
+    assert_int_equal(sender_list(&s, &l->message, 1, 2, f), 5);
+    can_pack_object_state(&expected, 0x400, &object);
+    assert_frame(&f[2], &expected);
+    can_pack_object_dynamics(&expected, 0x400, &object);
+    assert_frame(&f[3], &expected);
+    can_pack_object_quality(&expected, 0x400, &object);
+    assert_frame(&f[4], &expected);
+}
+
+static void what_a_detection_does_not_say_is_not_available(void **state)
+{
     struct list l;
-    struct can_frame_data f[SENDER_MAX_FRAMES];
 
     (void)state;
-    sender_init(&s, 0x400);
     fill(&l, 1);
     l.detections[0].position_m = NULL;
     l.detections[0].extent_m = NULL;
     l.detections[0].n_covariance_m2 = 0;
-    assert_int_equal(sender_list(&s, &l.message, 1, 2, f), 5);
+    assert_nowhere(&l);
+}
+
+/* Where the wall or the array stands is not known: neither is where the object is. */
+static void a_place_outside_of_the_vehicle_frame_is_not_sent(void **state)
+{
+    struct list l;
+
+    (void)state;
+    fill(&l, 1);
+    l.message.mirrored = false;
+    assert_nowhere(&l);
+    fill(&l, 1);
+    l.message.in_vehicle_frame = false;
+    assert_nowhere(&l);
 }
 
 static void assert_status(const struct sender *s, enum can_state state,
@@ -219,7 +262,8 @@ int main(void)
         cmocka_unit_test(an_object_carries_what_the_detection_says),
         cmocka_unit_test(the_cycle_is_the_time_between_lists),
         cmocka_unit_test(more_objects_than_fit_are_cut_off_and_said),
-        cmocka_unit_test(a_detection_without_details_does_no_harm),
+        cmocka_unit_test(what_a_detection_does_not_say_is_not_available),
+        cmocka_unit_test(a_place_outside_of_the_vehicle_frame_is_not_sent),
         cmocka_unit_test(the_status_follows_scan_and_survey),
         cmocka_unit_test(what_is_not_known_to_be_live_never_looks_live),
     };

@@ -68,6 +68,21 @@ static void uneven_lines_of_midpoints_image_as_well(void **state)
     rig_expect_point(&r, "fast", at, 2e-3, 1e-3);
 }
 
+/* A line of midpoints has no aperture across: the image's copies must stay away all the
+ * same.  Across the line its place is only known to the width of the grid. */
+static void a_single_line_of_midpoints_does_not_wrap(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    r.geometry.n_positions = 1;
+    double x_m = r.geometry.stage_positions_m[0] +
+                 0.5 * (r.speakers_m[0][0] + r.microphones_m[0][0]);
+    const double at[3] = {x_m, 0.0213, 1.1041};
+    rig_look_at(&r, x_m, 0.02, 1.1, 15, 0.008);
+    rig_expect_point(&r, "fast", at, 0.06, 5e-3);
+}
+
 static void expect_refused(const struct rig *r)
 {
     struct pool *pool;
@@ -182,6 +197,7 @@ int main(void)
         cmocka_unit_test(the_sampling_of_the_traces_does_not_move_it),
         cmocka_unit_test(the_speed_of_sound_does_not_move_it),
         cmocka_unit_test(uneven_lines_of_midpoints_image_as_well),
+        cmocka_unit_test(a_single_line_of_midpoints_does_not_wrap),
         cmocka_unit_test(an_array_that_is_not_plane_is_refused_with_a_reason),
         cmocka_unit_test(a_volume_behind_the_array_is_refused_with_a_reason),
         cmocka_unit_test(a_gate_past_the_volume_is_refused_with_a_reason),

@@ -1,0 +1,17 @@
+#include "msgs/bus_message.h"
+
+#include <nanomsg/nn.h>
+#include <string.h>
+
+void bus_message_free(struct bus_message *m)
+{
+    if (m->owner)
+        nn_freemsg(m->owner);
+    memset(m, 0, sizeof *m);
+}
+
+ProtobufCMessage *bus_message_unpack(const struct bus_message *m)
+{
+    return protobuf_c_message_unpack(m->topic->schema, NULL, m->envelope.payload_size,
+                                     m->payload);
+}

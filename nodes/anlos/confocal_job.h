@@ -1,0 +1,37 @@
+/* nodes/anlos/confocal_job.h -- `anlos recon --confocal`: an optical scan through the
+ * same imaging as sound (Lindell 2019, Fig. 9): the light-cone transform of the counts,
+ * or f-k migration or back-projection of their square root as a wave. */
+#ifndef ANLOS_NODES_ANLOS_CONFOCAL_JOB_H
+#define ANLOS_NODES_ANLOS_CONFOCAL_JOB_H
+
+#include "dsp/pool.h"
+#include "msgs/complaint.h"
+#include "msgs/detections.pb-c.h"
+#include "msgs/survey.h"
+#include "nodes/anlos/confocal_file.h"
+#include "nodes/anlos/recon_job.h"
+#include "nodes/anlos/stopwatch.h"
+
+struct confocal_job {
+    const struct recon_options *options;
+    double gate_m[2];
+    double band_hz[2];    /* of the waves; light-cone transform: 0, 0 */
+    size_t n_not_finite;  /* samples of the file */
+    struct survey survey; /* each place of the scan is a ping of its own */
+    struct pool *pool;
+    struct grid grid;
+    float *intensity; /* [nz][ny][nx] */
+    Anlos__DetectionList *detections;
+    struct stopwatch stages[RECON_STAGES], total;
+};
+
+/* "lct\0fk\0backprojection\0", as imager_methods. */
+const char *confocal_methods(void);
+
+/* Reads and images.  confocal_job_clear it, also after a failure.  0, or as
+ * confocal_file_load; -EINTR (Ctrl-C), -ENOTSUP (the method cannot). */
+int confocal_job_run(struct confocal_job *job, const struct recon_options *options,
+                     struct complaint *why);
+void confocal_job_clear(struct confocal_job *job);
+
+#endif

@@ -1,0 +1,14 @@
+/* nodes/launcher/devices.h -- looks at the devices that a launch file names before any
+ * process is started and any file is written, so that a mistake costs nothing. */
+#ifndef ANLOS_NODES_LAUNCHER_DEVICES_H
+#define ANLOS_NODES_LAUNCHER_DEVICES_H
+
+#include "msgs/complaint.h"
+#include "nodes/rt/launchfile.h"
+
+/* Opens and closes the array, the stage and the CAN bus, as far as nodes of the file have
+ * them and opening leaves nothing behind: a log is not made.  The complaint names the
+ * launch file and the key.  0, or what the device says. */
+int devices_check(const struct launchfile *l, struct complaint *why);
+
+#endif

@@ -1,0 +1,65 @@
+#include "nodes/rt/launchfile_text.h"
+
+#define OPTIONAL  CYAML_FLAG_OPTIONAL
+#define NAME_SIZE 64
+#define TEXT_SIZE 1024
+#define MAX_NODES 16
+
+static const cyaml_schema_value_t node_schema = {
+    CYAML_VALUE_STRING(CYAML_FLAG_POINTER, char, 1, NAME_SIZE)};
+static const cyaml_schema_field_t array_fields[] = {
+    CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER, struct launch_text_array, uri, 1,
+                           TEXT_SIZE),
+    CYAML_FIELD_END};
+static const cyaml_schema_field_t stage_fields[] = {
+    CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER, struct launch_text_stage, uri, 1,
+                           TEXT_SIZE),
+    CYAML_FIELD_END};
+static const cyaml_schema_field_t scan_fields[] = {
+    CYAML_FIELD_BOOL_PTR("background", OPTIONAL, struct launch_text_scan, background),
+    CYAML_FIELD_UINT_PTR("window", OPTIONAL, struct launch_text_scan, window),
+    CYAML_FIELD_UINT_PTR("retries", OPTIONAL, struct launch_text_scan, retries),
+    CYAML_FIELD_FLOAT_PTR("timeout_s", OPTIONAL, struct launch_text_scan, timeout_s),
+    CYAML_FIELD_END};
+static const cyaml_schema_field_t dsp_fields[] = {
+    CYAML_FIELD_STRING_PTR("window", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_dsp, window, 1, NAME_SIZE),
+    CYAML_FIELD_STRING_PTR("compression", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_dsp, compression, 1, NAME_SIZE),
+    CYAML_FIELD_END};
+static const cyaml_schema_field_t recon_fields[] = {
+    CYAML_FIELD_STRING_PTR("method", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_recon, method, 1, NAME_SIZE),
+    CYAML_FIELD_UINT_PTR("threads", OPTIONAL, struct launch_text_recon, threads),
+    CYAML_FIELD_BOOL_PTR("preview", OPTIONAL, struct launch_text_recon, preview),
+    CYAML_FIELD_END};
+static const cyaml_schema_field_t track_fields[] = {
+    CYAML_FIELD_FLOAT_PTR("threshold_db", OPTIONAL, struct launch_text_track,
+                          threshold_db),
+    CYAML_FIELD_FLOAT_PTR("min_existence", OPTIONAL, struct launch_text_track,
+                          min_existence),
+    CYAML_FIELD_END};
+static const cyaml_schema_field_t can_fields[] = {
+    CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text_can,
+                           uri, 1, TEXT_SIZE),
+    CYAML_FIELD_UINT_PTR("base_id", OPTIONAL, struct launch_text_can, base_id),
+    CYAML_FIELD_END};
+static const cyaml_schema_field_t report_fields[] = {
+    CYAML_FIELD_STRING_PTR("folder", CYAML_FLAG_POINTER, struct launch_text_report,
+                           folder, 1, TEXT_SIZE),
+    CYAML_FIELD_END};
+
+static const cyaml_schema_field_t launch_fields[] = {
+    CYAML_FIELD_SEQUENCE("nodes", CYAML_FLAG_POINTER, struct launch_text, nodes,
+                         &node_schema, 1, MAX_NODES),
+    CYAML_FIELD_MAPPING("array", OPTIONAL, struct launch_text, array, array_fields),
+    CYAML_FIELD_MAPPING("stage", OPTIONAL, struct launch_text, stage, stage_fields),
+    CYAML_FIELD_MAPPING("scan", OPTIONAL, struct launch_text, scan, scan_fields),
+    CYAML_FIELD_MAPPING("dsp", OPTIONAL, struct launch_text, dsp, dsp_fields),
+    CYAML_FIELD_MAPPING("recon", OPTIONAL, struct launch_text, recon, recon_fields),
+    CYAML_FIELD_MAPPING("track", OPTIONAL, struct launch_text, track, track_fields),
+    CYAML_FIELD_MAPPING("can", OPTIONAL, struct launch_text, can, can_fields),
+    CYAML_FIELD_MAPPING("report", OPTIONAL, struct launch_text, report, report_fields),
+    CYAML_FIELD_END};
+const struct cyaml_schema_value launch_text_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_POINTER, struct launch_text, launch_fields)};

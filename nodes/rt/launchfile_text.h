@@ -1,0 +1,63 @@
+/* nodes/rt/launchfile_text.h -- a launch file as it is written; what is a pointer and
+ * NULL was left out, and names are not checked yet. */
+#ifndef ANLOS_NODES_RT_LAUNCHFILE_TEXT_H
+#define ANLOS_NODES_RT_LAUNCHFILE_TEXT_H
+
+#include <stdbool.h>
+
+#include <cyaml/cyaml.h>
+
+struct launch_text_array {
+    char *uri;
+};
+
+struct launch_text_stage {
+    char *uri;
+};
+
+struct launch_text_scan {
+    bool *background;
+    unsigned *window, *retries;
+    double *timeout_s;
+};
+
+struct launch_text_dsp {
+    char *window, *compression;
+};
+
+struct launch_text_recon {
+    char *method;
+    unsigned *threads;
+    bool *preview;
+};
+
+struct launch_text_track {
+    double *threshold_db, *min_existence;
+};
+
+struct launch_text_can {
+    char *uri;
+    unsigned *base_id;
+};
+
+struct launch_text_report {
+    char *folder;
+};
+
+struct launch_text {
+    char **nodes; /* [nodes_count] */
+    unsigned nodes_count;
+    struct launch_text_array array;
+    struct launch_text_stage stage;
+    struct launch_text_scan scan;
+    struct launch_text_dsp dsp;
+    struct launch_text_recon recon;
+    struct launch_text_track track;
+    struct launch_text_can can;
+    struct launch_text_report report;
+};
+
+/* For yaml_load: makes a struct launch_text. */
+extern const struct cyaml_schema_value launch_text_schema;
+
+#endif

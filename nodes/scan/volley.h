@@ -1,0 +1,34 @@
+/* nodes/scan/volley.h -- the fire command that the scan gave out last.  It may get lost
+ * on its way, so it is sent again until a ping answers it; the array knows one that it
+ * has had. */
+#ifndef ANLOS_NODES_SCAN_VOLLEY_H
+#define ANLOS_NODES_SCAN_VOLLEY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/array.pb-c.h"
+
+struct volley {
+    Anlos__FireCommand command;
+    uint32_t *speakers; /* [n_speakers of the survey], the command's */
+    bool answered;
+    int64_t sent_ns; /* the last time */
+};
+
+/* Nothing is given out; ids go on where they were.  0, -ENOMEM. */
+int volley_reset(struct volley *v, size_t n_speakers);
+
+/* A new command with the next id; speakers[n] are copied. */
+void volley_load(struct volley *v, uint32_t scan, const uint32_t *speakers, size_t n);
+
+/* What is to be published; it borrows from v. */
+Anlos__FireCommand volley_send(struct volley *v, int64_t now_ns);
+
+/* A ping has come of it: no need to send it again. */
+void volley_answer(struct volley *v);
+bool volley_is_due(const struct volley *v, int64_t now_ns);
+void volley_clear(struct volley *v);
+
+#endif

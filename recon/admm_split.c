@@ -1,0 +1,395 @@
+/* recon/admm_split.c -- the voxel-by-voxel half of an iteration in one pass over memory:
+ * differences, shrinkage, dual, and the right-hand side of the next step.
+ *
+ * A plane needs the shrunk differences of the plane before it.  Threads take runs of
+ * planes and do that one plane twice rather than wait for each other. */
+#include "recon/admm_plan.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "dsp/vector.h"
+
+enum field { FIELD_G, FIELD_CHANGE, FIELD_DUAL, FIELDS };
+
+/* Rows of the scratch: A x of each part, what of each part is gathered, the row before
+ * along y, and what is compared. */
+enum {
+    ROWS_AX = 0,
+    ROWS_NEW = ROWS_AX + ADMM_PARTS,
+    ROWS_BEFORE = ROWS_NEW + FIELDS * ADMM_PARTS,
+    ROWS_GAP = ROWS_BEFORE + FIELDS,
+    ROWS_Z = ROWS_GAP + ADMM_PARTS,
+    ROWS_SPARE = ROWS_Z + ADMM_PARTS,
+    ROWS = ROWS_SPARE + ADMM_PARTS
+};
+
+size_t admm_split_scratch(const struct admm *a)
+{
+    return ROWS * (a->nx + VECTOR_LANES) + FIELDS * a->nx * a->ny;
+}
+
+static float *row_of(const struct admm *a, const struct admm_scratch *s, size_t row)
+{
+    return s->rows + row * (a->nx + VECTOR_LANES);
+}
+
+/* Shrunk differences along z of the plane before, [FIELDS][ny][nx]. */
+static float *plane_of(const struct admm *a, const struct admm_scratch *s, size_t f)
+{
+    return s->rows + ROWS * (a->nx + VECTOR_LANES) + f * a->nx * a->ny;
+}
+
+VECTOR_INLINE double squares(const float *x, size_t n)
+{
+    double sum = 0.0;
+    float lanes[VECTOR_LANES] = {0};
+    size_t i = 0;
+    for (; i + VECTOR_LANES <= n; i += VECTOR_LANES)
+        for (size_t l = 0; l < VECTOR_LANES; l++)
+            lanes[l] += x[i + l] * x[i + l];
+    for (size_t l = 0; l < VECTOR_LANES; l++)
+        sum += (double)lanes[l];
+    for (; i < n; i++)
+        sum += (double)x[i] * (double)x[i];
+    return sum;
+}
+
+/* Where a part of a row comes from and goes to. */
+struct part {
+    const float *ax, *before;
+    float *after, *g, *change, *dual, *gap, *z;
+};
+
+VECTOR_INLINE float soft(float v, float kappa)
+{
+    float low = v > kappa ? kappa : v;
+    return v - (low < -kappa ? -kappa : low);
+}
+
+VECTOR_INLINE float soft_positive(float v, float kappa)
+{
+    return v > kappa ? v - kappa : 0.0f;
+}
+
+/* x >= 0 with its L1 weight, or a difference with its weight. */
+VECTOR_INLINE void shrink_part(size_t n, const float *restrict ax,
+                               const float *restrict before, float *restrict after,
+                               float *restrict g, float relax, float kappa, int self)
+{
+    for (size_t i = 0; i < n; i++) {
+        float z = self ? soft_positive(before[i], kappa) : soft(before[i], kappa);
+        float v = before[i] + relax * (ax[i] - z);
+        z = self ? soft_positive(v, kappa) : soft(v, kappa);
+        after[i] = v;
+        g[i] = 2.0f * z - v;
+    }
+}
+
+/* 1 - kappa / |v|, not below 0; a threshold of 0 leaves even a zero as it is. */
+VECTOR_INLINE float shorten(float x, float y, float z, float kappa)
+{
+    float length = sqrtf(x * x + y * y + z * z);
+    float factor = 1.0f - kappa / (length > FLT_MIN ? length : FLT_MIN);
+    return factor > 0.0f ? factor : 0.0f;
+}
+
+VECTOR_INLINE void shrink_gradient(const struct part *p, size_t n, float relax,
+                                   float kappa)
+{
+    const float *restrict xb = p[0].before, *restrict yb = p[1].before;
+    const float *restrict zb = p[2].before, *restrict dx = p[0].ax;
+    const float *restrict dy = p[1].ax, *restrict dz = p[2].ax;
+    float *restrict xa = p[0].after, *restrict ya = p[1].after, *restrict za = p[2].after;
+    float *restrict xg = p[0].g, *restrict yg = p[1].g, *restrict zg = p[2].g;
+    for (size_t i = 0; i < n; i++) {
+        float x = xb[i], y = yb[i], z = zb[i];
+        float f = shorten(x, y, z, kappa);
+        x += relax * (dx[i] - f * x);
+        y += relax * (dy[i] - f * y);
+        z += relax * (dz[i] - f * z);
+        f = 2.0f * shorten(x, y, z, kappa) - 1.0f;
+        xa[i] = x;
+        ya[i] = y;
+        za[i] = z;
+        xg[i] = f * x;
+        yg[i] = f * y;
+        zg[i] = f * z;
+    }
+}
+
+/* What the stopping rule looks at, from v and g = 2 z - v. */
+VECTOR_INLINE void compare_part(size_t n, const float *restrict ax,
+                                const float *restrict after, const float *restrict g,
+                                float *restrict z, float *restrict dual,
+                                float *restrict gap)
+{
+    for (size_t i = 0; i < n; i++) {
+        z[i] = 0.5f * (g[i] + after[i]);
+        dual[i] = after[i] - z[i];
+        gap[i] = ax[i] - z[i];
+    }
+}
+
+/* change = z - the z before. */
+VECTOR_INLINE void change_part(size_t n, const float *restrict before,
+                               const float *restrict z, float *restrict change,
+                               float kappa, int self)
+{
+    for (size_t i = 0; i < n; i++)
+        change[i] = z[i] -
+                    (self ? soft_positive(before[i], kappa) : soft(before[i], kappa));
+}
+
+static void change_gradient(const struct part *p, size_t n, float kappa)
+{
+    for (size_t i = 0; i < n; i++) {
+        float f = shorten(p[0].before[i], p[1].before[i], p[2].before[i], kappa);
+        for (int d = 0; d < 3; d++)
+            p[d].change[i] = p[d].z[i] - f * p[d].before[i];
+    }
+}
+
+VECTOR_CLONES
+static void shrink_row(const struct admm *a, const struct part *p)
+{
+    float relax = (float)a->cfg.relaxation;
+    shrink_part(a->nx, p->ax, p->before, p->after, p->g, relax, a->kappa[0], 1);
+    if (a->parts > 1 && a->cfg.tv_isotropic) {
+        shrink_gradient(p + 1, a->nx, relax, a->kappa[1]);
+        return;
+    }
+    for (size_t d = 1; d < a->parts; d++)
+        shrink_part(a->nx, p[d].ax, p[d].before, p[d].after, p[d].g, relax, a->kappa[1],
+                    0);
+}
+
+VECTOR_CLONES
+static void compare_row(const struct admm *a, const struct part *p,
+                        struct admm_norms *norms)
+{
+    bool gradient = a->parts > 1 && a->cfg.tv_isotropic;
+    for (size_t d = 0; d < a->parts; d++) {
+        compare_part(a->nx, p[d].ax, p[d].after, p[d].g, p[d].z, p[d].dual, p[d].gap);
+        norms->gap += squares(p[d].gap, a->nx);
+        norms->ax += squares(p[d].ax, a->nx);
+        norms->z += squares(p[d].z, a->nx);
+        if (d == ADMM_SELF)
+            change_part(a->nx, p->before, p->z, p->change, a->kappa[0], 1);
+        else if (!gradient)
+            change_part(a->nx, p[d].before, p[d].z, p[d].change, a->kappa[1], 0);
+    }
+    if (gradient)
+        change_gradient(p + 1, a->nx, a->kappa[1]);
+}
+
+VECTOR_CLONES
+static void differences(size_t n, const float *x, const float *x_y, const float *x_z,
+                        float end, float *restrict dx, float *restrict dy,
+                        float *restrict dz)
+{
+    for (size_t i = 0; i + 1 < n; i++)
+        dx[i] = x[i + 1] - x[i];
+    dx[n - 1] = end - x[n - 1];
+    for (size_t i = 0; i < n; i++) {
+        dy[i] = x_y[i] - x[i];
+        dz[i] = x_z[i] - x[i];
+    }
+}
+
+/* Behind the last voxel comes the first for a blur, which wraps around; an operator has
+ * no wrap, and the difference there is 0. */
+static size_t next(const struct admm *a, size_t i, size_t n)
+{
+    if (i + 1 < n)
+        return i + 1;
+    return a->operator.forward ? i : 0;
+}
+
+/* One row of all parts.  count: this is not a row that another thread counts too. */
+static void do_row(struct admm *a, struct admm_scratch *s, size_t z, size_t y, bool count)
+{
+    struct part parts[ADMM_PARTS];
+    struct admm_norms elsewhere = {0};
+    const float *x = a->x + z * a->plane + y * a->nx;
+    size_t at = z * a->plane + y * a->nx;
+    for (size_t d = 0; d < a->parts; d++) {
+        float *carried = row_of(a, s, ROWS_NEW + FIELDS * d);
+        size_t row = a->nx + VECTOR_LANES;
+        parts[d] = (struct part){
+            .ax = d == ADMM_SELF ? x : row_of(a, s, ROWS_AX + d),
+            .before = a->v[0][d] + at,
+            /* a row that is done twice is stored once */
+            .after = count ? a->v[1][d] + at : row_of(a, s, ROWS_SPARE + d),
+            .g = carried,
+            .change = carried + row,
+            .dual = carried + 2 * row,
+            .gap = row_of(a, s, ROWS_GAP + d),
+            .z = row_of(a, s, ROWS_Z + d),
+        };
+    }
+    if (a->parts > 1)
+        differences(a->nx, x, a->x + z * a->plane + next(a, y, a->ny) * a->nx,
+                    a->x + next(a, z, a->nz) * a->plane + y * a->nx,
+                    x[next(a, a->nx - 1, a->nx)], row_of(a, s, ROWS_AX + ADMM_X),
+                    row_of(a, s, ROWS_AX + ADMM_Y), row_of(a, s, ROWS_AX + ADMM_Z));
+    shrink_row(a, parts);
+    if (a->check)
+        compare_row(a, parts, count ? &s->norms : &elsewhere);
+}
+
+/* out = A' of the row's parts: self - differences of the others, backwards. */
+VECTOR_CLONES
+static void gather_row(size_t n, const float *self, const float *x, const float *y,
+                       const float *y_before, const float *z, const float *z_before,
+                       float *restrict out)
+{
+    out[0] = self[0] + x[n - 1] - x[0] + (y_before[0] - y[0]) + (z_before[0] - z[0]);
+    for (size_t i = 1; i < n; i++)
+        out[i] = self[i] + x[i - 1] - x[i] + (y_before[i] - y[i]) + (z_before[i] - z[i]);
+}
+
+VECTOR_CLONES
+static double sum_squares(const float *x, size_t n)
+{
+    return squares(x, n);
+}
+
+/* The row of a field to out, and what the next row and plane need of it is kept. */
+static void gather(struct admm *a, struct admm_scratch *s, size_t f, size_t y, float *out)
+{
+    const float *self = row_of(a, s, ROWS_NEW + FIELDS * ADMM_SELF + f);
+    if (a->parts == 1) {
+        memcpy(out, self, a->nx * sizeof *out);
+        return;
+    }
+    const float *along_y = row_of(a, s, ROWS_NEW + FIELDS * ADMM_Y + f);
+    const float *along_z = row_of(a, s, ROWS_NEW + FIELDS * ADMM_Z + f);
+    float *y_before = row_of(a, s, ROWS_BEFORE + f);
+    float *z_before = plane_of(a, s, f) + y * a->nx;
+    gather_row(a->nx, self, row_of(a, s, ROWS_NEW + FIELDS * ADMM_X + f), along_y,
+               y_before, along_z, z_before, out);
+    memcpy(y_before, along_y, a->nx * sizeof *out);
+    memcpy(z_before, along_z, a->nx * sizeof *out);
+}
+
+/* Fills what the first row and the first plane of a run take from the one before. */
+static void before_plane(struct admm *a, struct admm_scratch *s, size_t z)
+{
+    for (size_t y = 0; y < a->ny; y++) {
+        do_row(a, s, z, y, false);
+        for (size_t f = 0; f < (a->check ? FIELDS : 1); f++)
+            memcpy(plane_of(a, s, f) + y * a->nx,
+                   row_of(a, s, ROWS_NEW + FIELDS * ADMM_Z + f), a->nx * sizeof(float));
+    }
+}
+
+static void before_row(struct admm *a, struct admm_scratch *s, size_t z)
+{
+    do_row(a, s, z, a->ny - 1, false);
+    for (size_t f = 0; f < (a->check ? FIELDS : 1); f++)
+        memcpy(row_of(a, s, ROWS_BEFORE + f),
+               row_of(a, s, ROWS_NEW + FIELDS * ADMM_Y + f), a->nx * sizeof(float));
+}
+
+struct pass {
+    struct admm *a;
+    size_t run; /* planes of an item */
+    void (*emit)(struct admm *a, size_t z, size_t thread);
+};
+
+static void split_run(void *ctx, size_t item, size_t thread)
+{
+    const struct pass *p = ctx;
+    struct admm *a = p->a;
+    struct admm_scratch *s = &a->scratch[thread];
+    float *spare = row_of(a, s, ROWS_SPARE);
+    size_t first = item * p->run;
+    size_t end = first + p->run < a->nz ? first + p->run : a->nz;
+    if (a->parts > 1)
+        before_plane(a, s, (first + a->nz - 1) % a->nz);
+    for (size_t z = first; z < end; z++) {
+        if (a->parts > 1)
+            before_row(a, s, z);
+        for (size_t y = 0; y < a->ny; y++) {
+            do_row(a, s, z, y, true);
+            gather(a, s, FIELD_G, y, s->plane + y * a->nx);
+            if (!a->check)
+                continue;
+            gather(a, s, FIELD_CHANGE, y, spare);
+            s->norms.change += sum_squares(spare, a->nx);
+            gather(a, s, FIELD_DUAL, y, spare);
+            s->norms.dual += sum_squares(spare, a->nx);
+        }
+        p->emit(a, z, thread);
+    }
+}
+
+void admm_split(struct admm *a, void (*emit)(struct admm *a, size_t z, size_t thread))
+{
+    size_t threads = pool_threads(a->cfg.pool), items = threads > 1 ? 2 * threads : 1;
+    struct pass p = {a, (a->nz + items - 1) / items, emit};
+    for (size_t t = 0; t < threads; t++)
+        memset(&a->scratch[t].norms, 0, sizeof a->scratch[t].norms);
+    pool_run(a->cfg.pool, (a->nz + p.run - 1) / p.run, split_run, &p);
+    for (size_t d = 0; d < a->parts; d++) {
+        float *v = a->v[0][d];
+        a->v[0][d] = a->v[1][d];
+        a->v[1][d] = v;
+    }
+}
+
+void admm_split_norms(const struct admm *a, struct admm_norms *out)
+{
+    memset(out, 0, sizeof *out);
+    for (size_t t = 0; t < pool_threads(a->cfg.pool); t++) {
+        const struct admm_norms *n = &a->scratch[t].norms;
+        out->gap += n->gap;
+        out->ax += n->ax;
+        out->z += n->z;
+        out->change += n->change;
+        out->dual += n->dual;
+    }
+}
+
+/* v = z + u, and rho u stays: v <- z + (v - z) / factor. */
+VECTOR_CLONES
+static void rescale(struct admm *a, size_t at, size_t n, float inverse)
+{
+    float *self = a->v[0][ADMM_SELF] + at;
+    for (size_t i = 0; i < n; i++) {
+        float z = self[i] - a->kappa[0] > 0.0f ? self[i] - a->kappa[0] : 0.0f;
+        self[i] = z + inverse * (self[i] - z);
+    }
+    if (a->parts == 1)
+        return;
+    float *x = a->v[0][ADMM_X] + at, *y = a->v[0][ADMM_Y] + at, *w = a->v[0][ADMM_Z] + at;
+    if (a->cfg.tv_isotropic) {
+        for (size_t i = 0; i < n; i++) {
+            float f = shorten(x[i], y[i], w[i], a->kappa[1]);
+            float factor = f + inverse * (1.0f - f);
+            x[i] *= factor;
+            y[i] *= factor;
+            w[i] *= factor;
+        }
+        return;
+    }
+    for (size_t d = ADMM_X; d < ADMM_PARTS; d++) {
+        float *v = a->v[0][d] + at;
+        for (size_t i = 0; i < n; i++) {
+            float z = soft(v[i], a->kappa[1]);
+            v[i] = z + inverse * (v[i] - z);
+        }
+    }
+}
+
+void admm_split_rescale(struct admm *a, double rho)
+{
+    float factor = (float)(rho / a->rho);
+    for (size_t z = 0; z < a->nz; z++)
+        rescale(a, z * a->plane, a->nx * a->ny, 1.0f / factor);
+    a->kappa[0] /= factor;
+    a->kappa[1] /= factor;
+    a->rho = rho;
+}

@@ -1,0 +1,76 @@
+#include "tests/hal/scratch.h"
+
+#include <errno.h>
+#include <unistd.h>
+
+#include "nodes/launcher/devices.h"
+
+#define SCENE SOURCE_DIR "/tests/nodes/point.yaml"
+
+static int check(struct scratch *s, const char *nodes, const char *parts,
+                 struct complaint *why)
+{
+    char text[1024];
+    struct launchfile *l = NULL;
+
+    why->text[0] = '\0';
+    snprintf(text, sizeof text, "nodes: [%s]\n%sreport: {folder: %s}\n", nodes, parts,
+             s->folder);
+    if (launchfile_load(&l, scratch_write(s, "a.yaml", text), NULL, why))
+        fail_msg("%s", why->text);
+    int err = devices_check(l, why);
+    launchfile_destroy(l);
+    return err;
+}
+
+static void devices_that_are_there_are_fine_and_no_log_is_made(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why;
+
+    if (check(s, "array, stage, can", "array: {uri: 'sim:" SCENE "'}\n", &why))
+        fail_msg("%s", why.text);
+    assert_int_not_equal(access(scratch_path(s, "can.candump"), F_OK), 0);
+}
+
+static void what_is_not_there_is_named_with_file_and_key(void **state)
+{
+    static const struct {
+        const char *parts, *said;
+        int err;
+    } cases[] = {
+        {"array: {uri: 'sim:nowhere.yaml'}\n", "a.yaml: array.uri: sim:", -ENOENT},
+        {"array: {uri: 'wav:nowhere'}\n", "a.yaml: array.uri: wav:", -ENOENT},
+        {"array: {uri: 'alsa:hw:9'}\n", "a.yaml: array.uri: alsa:hw:9", -ENODEV},
+        {"array: {uri: 'sim:" SCENE "'}\nstage: {uri: 'zaber:/dev/no'}\n",
+         "a.yaml: stage.uri: zaber:/dev/no", -ENODEV},
+        {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'socketcan:nocan'}\n",
+         "a.yaml: can.uri: socketcan:nocan", -ENODEV},
+    };
+    struct complaint why;
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        assert_int_equal(check(*state, "array, stage, can", cases[i].parts, &why),
+                         cases[i].err);
+        assert_contains(why.text, cases[i].said);
+    }
+}
+
+static void what_no_node_uses_is_not_looked_at(void **state)
+{
+    struct complaint why;
+
+    assert_int_equal(check(*state, "dsp", "array: {uri: 'wav:nowhere'}\n", &why), 0);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(devices_that_are_there_are_fine_and_no_log_is_made),
+        TEST(what_is_not_there_is_named_with_file_and_key),
+        TEST(what_no_node_uses_is_not_looked_at),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

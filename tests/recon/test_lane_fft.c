@@ -1,0 +1,123 @@
+#include "tests/recon/near.h"
+
+#include <complex.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/lane_fft.h"
+#include "tests/recon/reference.h"
+
+static const size_t sizes[] = {4, 8, 12, 16, 32, 48, 64, 128, 192};
+#define N_SIZES (sizeof sizes / sizeof *sizes)
+
+static void transform(const struct lane_fft *f, float *x, int back)
+{
+    if (back)
+        lane_fft_backward(f, x);
+    else
+        lane_fft_forward(f, x);
+}
+
+static float *signals(size_t n, unsigned long long seed)
+{
+    float *x = malloc(n * LANE_FFT_POINT * sizeof *x);
+    assert_non_null(x);
+    for (size_t i = 0; i < n * LANE_FFT_POINT; i++)
+        x[i] = (float)(reference_random(&seed) - 0.5);
+    return x;
+}
+
+static double complex at(const float *x, size_t point, size_t lane)
+{
+    const float *p = x + point * LANE_FFT_POINT + lane;
+    return (double)p[0] + I * (double)p[VECTOR_LANES];
+}
+
+/* The upper half of the input is noise that must not matter. */
+static void spectra_are_the_sums_that_define_them(void **state)
+{
+    (void)state;
+    for (size_t q = 0; q < N_SIZES; q++) {
+        size_t n = sizes[q];
+        struct lane_fft *f = NULL;
+        assert_int_equal(lane_fft_create(&f, n), 0);
+        float *in = signals(n, n), *x = malloc(n * LANE_FFT_POINT * sizeof *x);
+        memcpy(x, in, n * LANE_FFT_POINT * sizeof *x);
+        transform(f, x, 0);
+        for (size_t place = 0; place < n; place++) {
+            for (size_t lane = 0; lane < VECTOR_LANES; lane += 5) {
+                double complex sum = 0.0;
+                for (size_t i = 0; i < n / 2; i++)
+                    sum += at(in, i, lane) *
+                           cexp(-2.0 * M_PI * I * (double)(i * f->number[place] % n) /
+                                (double)n);
+                assert_below(cabs(sum - at(x, place, lane)), 1e-5);
+            }
+        }
+        lane_fft_destroy(f);
+        free(in);
+        free(x);
+    }
+}
+
+static void the_way_back_gives_n_times_the_first_half(void **state)
+{
+    (void)state;
+    for (size_t q = 0; q < N_SIZES; q++) {
+        size_t n = sizes[q];
+        struct lane_fft *f = NULL;
+        assert_int_equal(lane_fft_create(&f, n), 0);
+        float *in = signals(n, 3 * n), *x = malloc(n * LANE_FFT_POINT * sizeof *x);
+        memcpy(x, in, n * LANE_FFT_POINT * sizeof *x);
+        transform(f, x, 0);
+        transform(f, x, 1);
+        for (size_t i = 0; i < n / 2 * LANE_FFT_POINT; i++)
+            assert_near(x[i] / (double)n, in[i], 1e-6);
+        lane_fft_destroy(f);
+        free(in);
+        free(x);
+    }
+}
+
+static void every_frequency_has_one_place(void **state)
+{
+    (void)state;
+    for (size_t q = 0; q < N_SIZES; q++) {
+        struct lane_fft *f = NULL;
+        int seen[192] = {0};
+        assert_int_equal(lane_fft_create(&f, sizes[q]), 0);
+        for (size_t place = 0; place < sizes[q]; place++)
+            seen[f->number[place]]++;
+        for (size_t k = 0; k < sizes[q]; k++)
+            assert_int_equal(seen[k], 1);
+        lane_fft_destroy(f);
+    }
+}
+
+static void other_lengths_are_refused_and_the_next_one_is_known(void **state)
+{
+    (void)state;
+    struct lane_fft *f = NULL;
+    static const size_t wrong[] = {0, 1, 2, 3, 5, 6, 20, 24, 100};
+    for (size_t q = 0; q < sizeof wrong / sizeof *wrong; q++)
+        assert_int_equal(lane_fft_create(&f, wrong[q]), -EINVAL);
+    assert_null(f);
+    assert_int_equal(lane_fft_size(0), 4);
+    assert_int_equal(lane_fft_size(9), 12);
+    assert_int_equal(lane_fft_size(33), 48);
+    assert_int_equal(lane_fft_size(64), 64);
+    assert_int_equal(lane_fft_size(129), 192);
+    lane_fft_destroy(NULL);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(spectra_are_the_sums_that_define_them),
+        cmocka_unit_test(the_way_back_gives_n_times_the_first_half),
+        cmocka_unit_test(every_frequency_has_one_place),
+        cmocka_unit_test(other_lengths_are_refused_and_the_next_one_is_known),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
