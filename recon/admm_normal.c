@@ -59,7 +59,8 @@ int admm_normal_create(struct admm *a)
         if (!(*volumes[v] = calloc(a->n, sizeof(float))))
             return -ENOMEM;
     a->measured = calloc(a->operator.n_data, sizeof *a->measured);
-    if (!a->measured)
+    a->sums = calloc(a->nz, sizeof *a->sums);
+    if (!a->measured || !a->sums)
         return -ENOMEM;
     measure_gain(a);
     return 0;
@@ -74,6 +75,7 @@ void admm_normal_destroy(struct admm *a)
     free(a->direction);
     free(a->kkd);
     free(a->measured);
+    free(a->sums);
 }
 
 void admm_normal_begin(struct admm *a, const float *b)
@@ -137,13 +139,15 @@ static void residual_plane(void *ctx, size_t z, size_t thread)
 {
     struct admm *a = ctx;
     struct admm_scratch *s = &a->scratch[thread];
+    double *sum = a->sums[z];
+    sum[0] = sum[1] = 0.0;
     for (size_t y = 0; y < a->ny; y++) {
         size_t at = z * a->plane + y * a->nx;
         smooth(a, a->x, z, y, s->plane);
         for (size_t i = 0; i < a->nx; i++) {
             float r = a->rhs[at + i] - a->kkx[at + i] - s->plane[i];
-            s->sum[0] += (double)r * (double)r;
-            s->sum[1] += (double)r * (double)a->residual[at + i];
+            sum[0] += (double)r * (double)r;
+            sum[1] += (double)r * (double)a->residual[at + i];
             a->residual[at + i] = r;
         }
     }
@@ -155,14 +159,16 @@ static void curvature_plane(void *ctx, size_t z, size_t thread)
     struct admm *a = ctx;
     struct admm_scratch *s = &a->scratch[thread];
     float gain2 = (float)(1.0 / (a->gain * a->gain));
+    double *sum = a->sums[z];
+    sum[0] = sum[1] = 0.0;
     for (size_t y = 0; y < a->ny; y++) {
         size_t at = z * a->plane + y * a->nx;
         smooth(a, a->direction, z, y, s->plane);
         for (size_t i = 0; i < a->nx; i++) {
             a->kkd[at + i] *= gain2;
             float d = a->direction[at + i], md = a->kkd[at + i] + s->plane[i];
-            s->sum[0] += (double)d * (double)a->residual[at + i];
-            s->sum[1] += (double)d * (double)md;
+            sum[0] += (double)d * (double)a->residual[at + i];
+            sum[1] += (double)d * (double)md;
         }
     }
 }
@@ -170,14 +176,11 @@ static void curvature_plane(void *ctx, size_t z, size_t thread)
 static void sum_planes(struct admm *a, void (*work)(void *, size_t, size_t),
                        double sum[2])
 {
-    size_t threads = pool_threads(a->cfg.pool);
-    for (size_t t = 0; t < threads; t++)
-        a->scratch[t].sum[0] = a->scratch[t].sum[1] = 0.0;
     pool_run(a->cfg.pool, a->nz, work, a);
     sum[0] = sum[1] = 0.0;
-    for (size_t t = 0; t < threads; t++) {
-        sum[0] += a->scratch[t].sum[0];
-        sum[1] += a->scratch[t].sum[1];
+    for (size_t z = 0; z < a->nz; z++) {
+        sum[0] += a->sums[z][0];
+        sum[1] += a->sums[z][1];
     }
 }
 

@@ -11,6 +11,10 @@
 
 #include "recon/admm.h"
 
+/* Planes are split in so many runs whatever the number of threads, so that sums add up
+ * the same way. */
+#define ADMM_RUNS 8
+
 enum admm_part { ADMM_SELF, ADMM_X, ADMM_Y, ADMM_Z, ADMM_PARTS };
 
 /* What is summed over all voxels of a split, for the stopping rule. */
@@ -25,8 +29,6 @@ struct admm_scratch {      /* one a thread */
     float *rows;           /* of the split, see admm_split.c */
     float *plane;          /* [ny][nx] right-hand side, for the transform */
     fftwf_complex *column; /* [nz][row] */
-    struct admm_norms norms;
-    double sum[2]; /* of conjugate gradients */
 };
 
 struct admm {
@@ -40,7 +42,8 @@ struct admm {
     float kappa[2];          /* thresholds: of x, of its differences */
     float *v[2][ADMM_PARTS]; /* [nz][plane]: before, after */
     float *x;                /* [nz][plane] */
-    bool check;              /* this round sums up norms */
+    struct admm_norms norms[ADMM_RUNS]; /* of the runs of planes of a checked round */
+    bool check;                         /* this round sums up norms */
     struct admm_scratch *scratch;
 
     /* blur */
@@ -57,8 +60,9 @@ struct admm {
     float *kb;  /* K' b */
     float *kkx; /* K' K x */
     float *residual, *direction, *kkd;
-    float *measured;  /* [n_data] */
-    double residual2; /* of the step before */
+    float *measured;   /* [n_data] */
+    double (*sums)[2]; /* [nz], of conjugate gradients */
+    double residual2;  /* of the step before */
 };
 
 /* Floats of a thread's rows. */

@@ -207,8 +207,9 @@ static size_t next(const struct admm *a, size_t i, size_t n)
     return a->operator.forward ? i : 0;
 }
 
-/* One row of all parts.  count: this is not a row that another thread counts too. */
-static void do_row(struct admm *a, struct admm_scratch *s, size_t z, size_t y, bool count)
+/* One row of all parts.  norms NULL: another run stores and counts it. */
+static void do_row(struct admm *a, struct admm_scratch *s, size_t z, size_t y,
+                   struct admm_norms *norms)
 {
     struct part parts[ADMM_PARTS];
     struct admm_norms elsewhere = {0};
@@ -221,7 +222,7 @@ static void do_row(struct admm *a, struct admm_scratch *s, size_t z, size_t y, b
             .ax = d == ADMM_SELF ? x : row_of(a, s, ROWS_AX + d),
             .before = a->v[0][d] + at,
             /* a row that is done twice is stored once */
-            .after = count ? a->v[1][d] + at : row_of(a, s, ROWS_SPARE + d),
+            .after = norms ? a->v[1][d] + at : row_of(a, s, ROWS_SPARE + d),
             .g = carried,
             .change = carried + row,
             .dual = carried + 2 * row,
@@ -236,7 +237,7 @@ static void do_row(struct admm *a, struct admm_scratch *s, size_t z, size_t y, b
                     row_of(a, s, ROWS_AX + ADMM_Y), row_of(a, s, ROWS_AX + ADMM_Z));
     shrink_row(a, parts);
     if (a->check)
-        compare_row(a, parts, count ? &s->norms : &elsewhere);
+        compare_row(a, parts, norms ? norms : &elsewhere);
 }
 
 /* out = A' of the row's parts: self - differences of the others, backwards. */
@@ -278,7 +279,7 @@ static void gather(struct admm *a, struct admm_scratch *s, size_t f, size_t y, f
 static void before_plane(struct admm *a, struct admm_scratch *s, size_t z)
 {
     for (size_t y = 0; y < a->ny; y++) {
-        do_row(a, s, z, y, false);
+        do_row(a, s, z, y, NULL);
         for (size_t f = 0; f < (a->check ? FIELDS : 1); f++)
             memcpy(plane_of(a, s, f) + y * a->nx,
                    row_of(a, s, ROWS_NEW + FIELDS * ADMM_Z + f), a->nx * sizeof(float));
@@ -287,7 +288,7 @@ static void before_plane(struct admm *a, struct admm_scratch *s, size_t z)
 
 static void before_row(struct admm *a, struct admm_scratch *s, size_t z)
 {
-    do_row(a, s, z, a->ny - 1, false);
+    do_row(a, s, z, a->ny - 1, NULL);
     for (size_t f = 0; f < (a->check ? FIELDS : 1); f++)
         memcpy(row_of(a, s, ROWS_BEFORE + f),
                row_of(a, s, ROWS_NEW + FIELDS * ADMM_Y + f), a->nx * sizeof(float));
@@ -304,6 +305,7 @@ static void split_run(void *ctx, size_t item, size_t thread)
     const struct pass *p = ctx;
     struct admm *a = p->a;
     struct admm_scratch *s = &a->scratch[thread];
+    struct admm_norms *norms = &a->norms[item];
     float *spare = row_of(a, s, ROWS_SPARE);
     size_t first = item * p->run;
     size_t end = first + p->run < a->nz ? first + p->run : a->nz;
@@ -313,14 +315,14 @@ static void split_run(void *ctx, size_t item, size_t thread)
         if (a->parts > 1)
             before_row(a, s, z);
         for (size_t y = 0; y < a->ny; y++) {
-            do_row(a, s, z, y, true);
+            do_row(a, s, z, y, norms);
             gather(a, s, FIELD_G, y, s->plane + y * a->nx);
             if (!a->check)
                 continue;
             gather(a, s, FIELD_CHANGE, y, spare);
-            s->norms.change += sum_squares(spare, a->nx);
+            norms->change += sum_squares(spare, a->nx);
             gather(a, s, FIELD_DUAL, y, spare);
-            s->norms.dual += sum_squares(spare, a->nx);
+            norms->dual += sum_squares(spare, a->nx);
         }
         p->emit(a, z, thread);
     }
@@ -328,10 +330,8 @@ static void split_run(void *ctx, size_t item, size_t thread)
 
 void admm_split(struct admm *a, void (*emit)(struct admm *a, size_t z, size_t thread))
 {
-    size_t threads = pool_threads(a->cfg.pool), items = threads > 1 ? 2 * threads : 1;
-    struct pass p = {a, (a->nz + items - 1) / items, emit};
-    for (size_t t = 0; t < threads; t++)
-        memset(&a->scratch[t].norms, 0, sizeof a->scratch[t].norms);
+    struct pass p = {a, (a->nz + ADMM_RUNS - 1) / ADMM_RUNS, emit};
+    memset(a->norms, 0, sizeof a->norms);
     pool_run(a->cfg.pool, (a->nz + p.run - 1) / p.run, split_run, &p);
     for (size_t d = 0; d < a->parts; d++) {
         float *v = a->v[0][d];
@@ -343,8 +343,8 @@ void admm_split(struct admm *a, void (*emit)(struct admm *a, size_t z, size_t th
 void admm_split_norms(const struct admm *a, struct admm_norms *out)
 {
     memset(out, 0, sizeof *out);
-    for (size_t t = 0; t < pool_threads(a->cfg.pool); t++) {
-        const struct admm_norms *n = &a->scratch[t].norms;
+    for (size_t r = 0; r < ADMM_RUNS; r++) {
+        const struct admm_norms *n = &a->norms[r];
         out->gap += n->gap;
         out->ax += n->ax;
         out->z += n->z;

@@ -2,6 +2,7 @@
  * looks its delay up in the trace. */
 #include <errno.h>
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -91,6 +92,39 @@ static void element_delays(const struct backprojection *b, const double at[3],
     }
 }
 
+/* A sample in one load, real and imaginary part: gathering pairs takes half as long as
+ * gathering their parts. */
+typedef uint64_t sample64 __attribute__((may_alias, aligned(4)));
+
+VECTOR_INLINE float float_of(uint32_t bits)
+{
+    float x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+VECTOR_INLINE void split(uint64_t sample, float *re, float *im)
+{
+#if __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+    *re = float_of((uint32_t)sample);
+    *im = float_of((uint32_t)(sample >> 32));
+#else
+    *re = float_of((uint32_t)(sample >> 32));
+    *im = float_of((uint32_t)sample);
+#endif
+}
+
+/* The trace between samples q and q + 1. */
+VECTOR_INLINE void between(const sample64 *restrict trace, int q, float f, float *re,
+                           float *im)
+{
+    float ar, ai, br, bi;
+    split(trace[q], &ar, &ai);
+    split(trace[q + 1], &br, &bi);
+    *re = ar + f * (br - ar);
+    *im = ai + f * (bi - ai);
+}
+
 /* sum += phasor * trace(delay_s + delay_m), linear between stored samples; a trace ends
  * in zeros, and delays outside it are held there. */
 VECTOR_CLONES
@@ -104,10 +138,8 @@ static void add_pair(const float *restrict trace, float last, size_t n,
         at = at < 0.0f ? 0.0f : at;
         at = at > last ? last : at;
         int q = (int)at;
-        float f = at - (float)q;
-        float ar = trace[2 * q], ai = trace[2 * q + 1];
-        float br = trace[2 * q + 2], bi = trace[2 * q + 3];
-        float xr = ar + f * (br - ar), xi = ai + f * (bi - ai);
+        float xr, xi;
+        between((const sample64 *)trace, q, at - (float)q, &xr, &xi);
         sum_re[v] += xr * re[v] - xi * im[v];
         sum_im[v] += xr * im[v] + xi * re[v];
     }
@@ -123,9 +155,64 @@ static void add_part(size_t n, const float *restrict re, const float *restrict i
     }
 }
 
+/* A ping of one speaker and one microphone: both ways at once, one phasor. */
+VECTOR_CLONES
+static void pair_delays(const struct backprojection *b, const double speaker[3],
+                        const double microphone[3], const struct block *s, size_t n,
+                        float *restrict delay, float *restrict re, float *restrict im)
+{
+    float sx = (float)speaker[0], sy = (float)speaker[1], sz = (float)speaker[2];
+    float mx = (float)microphone[0], my = (float)microphone[1], mz = (float)microphone[2];
+    float per_m = (float)(b->rate_hz / b->geometry.sound_speed_m_s);
+    float start = (float)(1.0 - b->in.t0_s * b->rate_hz);
+    float turns_per_m = (float)(b->in.carrier_hz / b->geometry.sound_speed_m_s);
+    float last = (float)(b->n_stored - 2);
+    const float *x = s->position[0], *y = s->position[1], *z = s->position[2];
+    for (size_t v = 0; v < n; v++) {
+        float ax = x[v] - sx, ay = y[v] - sy, az = z[v] - sz;
+        float bx = x[v] - mx, by = y[v] - my, bz = z[v] - mz;
+        float r = sqrtf(ax * ax + ay * ay + az * az) + sqrtf(bx * bx + by * by + bz * bz);
+        float at = r * per_m + start;
+        at = at < 0.0f ? 0.0f : at;
+        delay[v] = at > last ? last : at;
+        phasor(r * turns_per_m, &re[v], &im[v]);
+    }
+}
+
+VECTOR_CLONES
+static void add_single(const float *restrict trace, size_t n, const float *restrict delay,
+                       const float *restrict re, const float *restrict im,
+                       float *restrict sum_re, float *restrict sum_im)
+{
+    for (size_t v = 0; v < n; v++) {
+        int q = (int)delay[v];
+        float xr, xi;
+        between((const sample64 *)trace, q, delay[v] - (float)q, &xr, &xi);
+        sum_re[v] += xr * re[v] - xi * im[v];
+        sum_im[v] += xr * im[v] + xi * re[v];
+    }
+}
+
+static void add_ping(const struct backprojection *b, size_t k, const struct block *s,
+                     size_t n)
+{
+    double speaker[3], microphone[3];
+    if (!b->live[k])
+        return;
+    geometry_speaker(&b->geometry, k, 0, speaker);
+    geometry_microphone(&b->geometry, k, 0, microphone);
+    pair_delays(b, speaker, microphone, s, n, s->delay, s->phasor[0], s->phasor[1]);
+    add_single(backprojection_sample(b, k, 0, 0), n, s->delay, s->phasor[0], s->phasor[1],
+               s->sum[0], s->sum[1]);
+}
+
 static void add_position(const struct backprojection *b, size_t k, const struct block *s,
                          size_t n)
 {
+    if (backprojection_pairs(b) == 1) {
+        add_ping(b, k, s, n);
+        return;
+    }
     size_t n_s = b->geometry.n_speakers, n_m = b->geometry.n_microphones;
     float *re = s->phasor[0], *im = s->phasor[1];
     for (size_t e = 0; e < n_s + n_m; e++) {

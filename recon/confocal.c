@@ -13,6 +13,7 @@
 #include "recon/method.h"
 #include "recon/resample.h"
 
+#define TAPER   0.1 /* of the aperture, at each rim */
 #define FALLOFF 2.0 /* of a point's power after what recon/colocated makes up for */
 
 struct confocal {
@@ -57,6 +58,7 @@ static int plan_lightcone(struct confocal *c, const struct imager_config *cfg)
         .range_m = c->lattice.range_m,
         .range_step_m = c->lattice.range_step_m,
         .falloff = FALLOFF,
+        .taper = TAPER,
         .snr = pow(10.0, 0.1 * o->snr_db),
         .pool = cfg->pool,
     };

@@ -11,7 +11,7 @@
 #define ROWS 4 /* lines of midpoints that are summed together */
 
 struct dmo {
-    size_t n_lines, n_offsets, n_inputs, lanes;
+    size_t n_lines, n_offsets, n_inputs;
     size_t span;     /* shifts in the table: from -(n_lines - 1) up, whole ROWS beyond */
     uint32_t *first; /* [n_inputs]: table entry of line 0 */
     float *kernel;   /* [bin][n_offsets][span][re, im] */
@@ -105,8 +105,7 @@ static int make_tables(struct dmo *d, const struct dmo_config *cfg)
 static bool sensible(const struct dmo_config *cfg)
 {
     bool ok = cfg->n_lines && cfg->n_offsets && cfg->n_inputs && cfg->n_bins &&
-              cfg->lanes && cfg->lanes % VECTOR_LANES == 0 && cfg->pitch_m > 0.0 &&
-              isfinite(cfg->pitch_m);
+              cfg->pitch_m > 0.0 && isfinite(cfg->pitch_m);
     for (size_t o = 0; ok && o < cfg->n_offsets; o++)
         ok = cfg->half_offset_m[o] >= 0.0 && isfinite(cfg->half_offset_m[o]);
     for (size_t q = 0; ok && q < cfg->n_inputs; q++)
@@ -124,7 +123,6 @@ int dmo_create(struct dmo **out, const struct dmo_config *cfg)
     d->n_lines = cfg->n_lines;
     d->n_offsets = cfg->n_offsets;
     d->n_inputs = cfg->n_inputs;
-    d->lanes = cfg->lanes;
     d->span = 2 * cfg->n_lines - 1 + ROWS - 1;
     d->first = malloc(cfg->n_inputs * sizeof *d->first);
     d->kernel = calloc(cfg->n_bins * cfg->n_offsets * d->span, 2 * sizeof *d->kernel);
@@ -152,38 +150,36 @@ void dmo_destroy(struct dmo *d)
 /* -- stack ------------------------------------------------------------------------------
  */
 
-/* ROWS lines of 16 floats: products with the real and with the imaginary parts of the
- * kernel are summed apart, so that re and im of a lane change places only once. */
+/* ROWS lines. */
 VECTOR_INLINE void stack_rows(const struct dmo *d, const float *kernel, const float *in,
-                              size_t in_stride, float *out, size_t n_rows)
+                              size_t in_stride, float *out, size_t out_stride,
+                              size_t n_rows)
 {
-    vector16 by_re[ROWS] = {{0}}, by_im[ROWS] = {{0}};
+    vector16 re[ROWS] = {{0}}, im[ROWS] = {{0}};
     for (size_t q = 0; q < d->n_inputs; q++) {
-        const float *k = kernel + 2 * (size_t)d->first[q];
-        vector16 x = *(const vector16 *)(in + q * in_stride);
+        const float *k = kernel + 2 * (size_t)d->first[q], *x = in + q * in_stride;
+        vector16 xr = *(const vector16 *)x, xi = *(const vector16 *)(x + VECTOR_LANES);
         for (size_t r = 0; r < ROWS; r++) {
-            by_re[r] += k[2 * r] * x;
-            by_im[r] += k[2 * r + 1] * x;
+            re[r] += k[2 * r] * xr;
+            im[r] += k[2 * r] * xi;
+            re[r] -= k[2 * r + 1] * xi;
+            im[r] += k[2 * r + 1] * xr;
         }
     }
     for (size_t r = 0; r < n_rows; r++) {
-        float *y = out + r * d->lanes;
-        for (size_t l = 0; l < VECTOR_LANES; l += 2) {
-            y[l] = by_re[r][l] - by_im[r][l + 1];
-            y[l + 1] = by_re[r][l + 1] + by_im[r][l];
-        }
+        *(vector16 *)(out + r * out_stride) = re[r];
+        *(vector16 *)(out + r * out_stride + VECTOR_LANES) = im[r];
     }
 }
 
 VECTOR_CLONES
 void dmo_stack(const struct dmo *d, size_t bin, const float *restrict in,
-               size_t in_stride, float *restrict out)
+               size_t in_stride, float *restrict out, size_t out_stride)
 {
     const float *kernel = d->kernel + bin * d->n_offsets * d->span * 2;
     for (size_t line = 0; line < d->n_lines; line += ROWS) {
         size_t n_rows = d->n_lines - line < ROWS ? d->n_lines - line : ROWS;
-        for (size_t l = 0; l < d->lanes; l += VECTOR_LANES)
-            stack_rows(d, kernel + 2 * line, in + l, in_stride, out + line * d->lanes + l,
-                       n_rows);
+        stack_rows(d, kernel + 2 * line, in, in_stride, out + line * out_stride,
+                   out_stride, n_rows);
     }
 }

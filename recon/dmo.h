@@ -36,7 +36,6 @@ struct dmo_config {
     size_t n_bins;
     const double *w;   /* [n_bins]: angular log-frequency, rad; at 0 the operator is real:
                         * the mean of both signs */
-    size_t lanes;      /* floats of a row: complex numbers, re im, a multiple of 16 */
     struct pool *pool; /* used by dmo_create */
 };
 
@@ -45,10 +44,11 @@ struct dmo;
 /* Tables of n_bins * n_offsets * 2 n_lines complex numbers.  0, -EINVAL, -ENOMEM. */
 int dmo_create(struct dmo **out, const struct dmo_config *cfg);
 
-/* out [n_lines][lanes] = the stack of in [n_inputs][in_stride >= lanes], spectra of one
- * bin.  Reads only from d: threads may share it. */
+/* out [n_lines][out_stride] = the stack of in [n_inputs][in_stride], spectra of one bin
+ * of 16 midpoints in the other axis: 16 re, 16 im.  Reads only from d: threads may share
+ * it. */
 void dmo_stack(const struct dmo *d, size_t bin, const float *restrict in,
-               size_t in_stride, float *restrict out);
+               size_t in_stride, float *restrict out, size_t out_stride);
 void dmo_destroy(struct dmo *d);
 
 #endif

@@ -49,8 +49,8 @@ static void transform_line(void *ctx, size_t ix, size_t thread)
             buffer[n][0] = g->weight[cell] * trace[2 * n];
             buffer[n][1] = g->weight[cell] * trace[2 * n + 1];
         }
-        fftwf_execute_dft(m->time_plan, buffer, buffer);
-        store_spectrum(m, buffer, ix, iy);
+        fftwf_execute_dft(m->time_plan, buffer, m->scratch[thread].trace_spectrum);
+        store_spectrum(m, m->scratch[thread].trace_spectrum, ix, iy);
     }
 }
 
@@ -276,17 +276,18 @@ static void plane_to_space(struct fk *m, fftwf_complex *plane, size_t kx,
                            struct fk_scratch *s)
 {
     const size_t *n = m->grid.n;
-    fftwf_execute_dft(m->y_plan, plane, plane);
+    fftwf_execute_dft(m->y_plan, plane, s->plane_image);
     for (size_t y = 0; y < n[1]; y++) {
         memset(s->column, 0, m->nz_fft * sizeof *s->column);
         size_t at = (size_t)m->kz_first % m->nz_fft;
         for (size_t z = 0; z < m->n_kz; z++) {
-            s->column[at][0] += plane[y * m->n_kz + z][0];
-            s->column[at][1] += plane[y * m->n_kz + z][1];
+            s->column[at][0] += s->plane_image[y * m->n_kz + z][0];
+            s->column[at][1] += s->plane_image[y * m->n_kz + z][1];
             at = at + 1 == m->nz_fft ? 0 : at + 1;
         }
-        fftwf_execute_dft(m->z_plan, s->column, s->column);
-        memcpy(m->half + (kx * n[1] + y) * n[2], s->column, n[2] * sizeof *s->column);
+        fftwf_execute_dft(m->z_plan, s->column, s->column_image);
+        memcpy(m->half + (kx * n[1] + y) * n[2], s->column_image,
+               n[2] * sizeof *s->column_image);
     }
 }
 
@@ -306,18 +307,34 @@ static void image_fold(void *ctx, size_t fold, size_t thread)
         plane_to_space(m, s->plane + m->y.n * m->n_kz, mirrored, s);
 }
 
+/* line [grid nz][x.n] from half: whole cache lines are written, and rows are read along.
+ */
+static void gather_row(const struct fk *m, size_t y, fftwf_complex *line)
+{
+    const size_t *n = m->grid.n;
+    for (size_t kx = 0; kx < m->x.n; kx += LANES) {
+        size_t width = m->x.n - kx < LANES ? m->x.n - kx : LANES;
+        const fftwf_complex *from = m->half + (kx * n[1] + y) * n[2];
+        for (size_t z = 0; z < n[2]; z++)
+            for (size_t l = 0; l < width; l++)
+                memcpy(line[z * m->x.n + kx + l], from[l * n[1] * n[2] + z],
+                       sizeof *line);
+    }
+}
+
 static void image_row(void *ctx, size_t y, size_t thread)
 {
     struct migration *g = ctx;
     struct fk *m = g->fk;
     const size_t *n = m->grid.n;
-    fftwf_complex *line = m->scratch[thread].line;
-    fftwf_execute_dft(m->x_plan, m->half + y * n[2], line);
+    struct fk_scratch *s = &m->scratch[thread];
+    gather_row(m, y, s->line);
     for (size_t z = 0; z < n[2]; z++) {
-        const fftwf_complex *from = line + z * m->x.n;
+        fftwf_execute_dft(m->x_plan, s->line + z * m->x.n, s->line_image);
         float *to = g->intensity + (z * n[1] + y) * n[0];
         for (size_t x = 0; x < n[0]; x++) {
-            float re = m->scale * from[x][0], im = m->scale * from[x][1];
+            float re = m->scale * s->line_image[x][0],
+                  im = m->scale * s->line_image[x][1];
             to[x] = re * re + im * im;
         }
     }

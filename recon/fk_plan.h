@@ -23,15 +23,19 @@ struct fk_axis {  /* one lateral axis */
     float *cosine, *sine; /* [k_max + 1][lines], of k (line - origin) */
 };
 
-struct fk_scratch {             /* one a thread */
-    float *rows;                /* [n_f / FK_Y_BLOCK][y lines][FK_BLOCK] */
-    float *quads;               /* [FK_GROUP][n_f][8]: re im of ++ +- -+ -- */
-    int *bin, *fraction;        /* [n_kz] of Stolt's map */
-    float *phase_re, *phase_im; /* [n_kz] */
-    fftwf_complex *plane;       /* [2][y.n][n_kz] */
-    fftwf_complex *column;      /* [nz_fft] */
-    fftwf_complex *line;        /* [grid nz][x.n] */
-    fftwf_complex *trace;       /* [nt_fft] */
+struct fk_scratch {                /* one a thread */
+    float *rows;                   /* [n_f / FK_Y_BLOCK][y lines][FK_BLOCK] */
+    float *quads;                  /* [FK_GROUP][n_f][8]: re im of ++ +- -+ -- */
+    int *bin, *fraction;           /* [n_kz] of Stolt's map */
+    float *phase_re, *phase_im;    /* [n_kz] */
+    fftwf_complex *plane;          /* [2][y.n][n_kz] */
+    fftwf_complex *plane_image;    /* [y.n][n_kz]: in y */
+    fftwf_complex *column;         /* [nz_fft] */
+    fftwf_complex *column_image;   /* [nz_fft]: in z */
+    fftwf_complex *line;           /* [grid nz][x.n] */
+    fftwf_complex *line_image;     /* [x.n]: in x */
+    fftwf_complex *trace;          /* [nt_fft] */
+    fftwf_complex *trace_spectrum; /* [nt_fft] */
 };
 
 struct fk {
@@ -46,7 +50,7 @@ struct fk {
     size_t n_f;          /* a multiple of FK_X_BLOCK */
     long first_bin;      /* bin 0 of the spectrum in FFT order, may be negative */
     double centre_s;     /* time origin of the spectrum: the middle of the traces */
-    double far_m;      /* range of the traces' end */
+    double far_m;        /* range of the traces' end */
     double depth_m;      /* of the grid's first plane below the midpoints */
 
     struct fk_axis x, y;

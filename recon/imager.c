@@ -9,7 +9,7 @@
 #include "recon/method.h"
 
 static const struct imager_method *const methods[] = {
-    &method_fast, &method_backprojection, &method_confocal, &method_lct, &method_paper};
+    &method_fast, &method_backprojection, &method_confocal, &method_lct, &method_paper, &method_iterative};
 
 struct imager {
     const struct imager_method *method;
@@ -21,7 +21,7 @@ struct imager {
 
 const char *imager_methods(void)
 {
-    return "fast\0backprojection\0confocal\0lct\0paper\0";
+    return "fast\0backprojection\0confocal\0lct\0paper\0iterative\0";
 }
 
 void imager_options_default(struct imager_options *o)

@@ -12,6 +12,8 @@
 #include "recon/geometry.h"
 #include "recon/grid.h"
 
+struct psf;
+
 /* What some methods can be told; imager_options_default fills it in. */
 struct imager_options {
     const char *base;  /* iterative: the method whose image it deconvolves, or "lct" */
@@ -20,6 +22,7 @@ struct imager_options {
     double l1, tv;     /* iterative, sparse: weights relative to the data's largest */
     bool tv_isotropic; /* iterative */
     double rho;        /* iterative: penalty to start with, relative */
+    const struct psf *psf; /* iterative: as measured; NULL: from the geometry */
     double snr_db;     /* lct: of the Wiener filter */
     int lightcone;     /* paper: 1 always, 0 never, -1 unless it sees a mirror */
     double coherence;  /* backprojection: exponent of the coherence factor; 0: off */

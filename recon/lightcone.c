@@ -72,6 +72,16 @@ static void transpose(const float *in, size_t in_stride, size_t n, size_t m, flo
             out[i * out_stride + j] = in[j * in_stride + i];
 }
 
+/* cells[n_squared][nx] of a row. */
+VECTOR_CLONES
+static void fade_row(const struct lightcone *l, size_t iy, float *cells)
+{
+    size_t nx = l->cfg.nx;
+    for (size_t v = 0; v < l->n_squared; v++)
+        for (size_t x = 0; x < nx; x++)
+            cells[v * nx + x] *= l->fade_y[iy] * l->fade_x[x];
+}
+
 static void transform_row(void *ctx, size_t iy, size_t thread)
 {
     const struct pass *p = ctx;
@@ -83,6 +93,8 @@ static void transform_row(void *ctx, size_t iy, size_t thread)
     } else {
         transpose(p->in + iy * nx * nt, nt, nt, nx, s->bins, nx);
         shares_apply(p->to_cells, s->bins, nx, nx, s->cells, nx);
+        if (p->filter == FILTER_WIENER && l->cfg.taper > 0.0)
+            fade_row(l, iy, s->cells);
     }
     for (size_t ix = 0; ix < nx; ix += LIGHTCONE_COLUMNS) {
         size_t n = nx - ix < LIGHTCONE_COLUMNS ? nx - ix : LIGHTCONE_COLUMNS;

@@ -33,7 +33,8 @@ struct lightcone {
     struct shares *bins_to_cells, *cells_to_bins;     /* for the inverse: these two */
     struct shares *inverse_to_cells, *inverse_to_volume;
 
-    float *kernel;   /* [n_blocks][half_x][half_y] points */
+    float *fade_x, *fade_y; /* [nx], [ny]: of the inverse's measurements */
+    float *kernel;          /* [n_blocks][half_x][half_y] points */
     float *damping;  /* [n_blocks][half_x][half_y][VECTOR_LANES]: of the Wiener filter */
     float *spectrum; /* [n_blocks][ny][nx] points */
     struct lightcone_scratch *scratch;
@@ -50,5 +51,8 @@ static inline float *lightcone_point(const struct lightcone *l, size_t block, si
 /* columns[which] of the thread's scratch, zero from n_squared on, to the spectrum. */
 void lightcone_transform(struct lightcone *l, struct lightcone_scratch *s, size_t which,
                          size_t iy, size_t ix);
+
+/* Fills kernel and damping; the rest is planned and allocated.  0, -ENOMEM. */
+int lightcone_plan_kernel(struct lightcone *l);
 
 #endif

@@ -21,5 +21,6 @@ extern const struct imager_method method_backprojection;
 extern const struct imager_method method_confocal;
 extern const struct imager_method method_lct;
 extern const struct imager_method method_paper;
+extern const struct imager_method method_iterative;
 
 #endif

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/fft_size.h"
 #include "dsp/vector.h"
+#include "recon/lane_fft.h"
 #include "recon/sinc.h"
 
 #define TAPS         8
@@ -16,8 +16,10 @@
 #define OVERSAMPLING 1.4  /* of complex traces in log time */
 #define STRETCH_MAX  2.0  /* dt0 / dt, where moveout mutes */
 #define STRETCH_FADE 1.7  /* where it begins to */
-/* Power has twice the band, but little in its outer parts (a Hann window's square). */
-#define POWER_OCCUPANCY 0.65
+/* Power has twice the band, but little in its outer parts (the spectrum of a Hann
+ * window's square is below 5% there). */
+#define POWER_BAND    0.65 /* of what it could have */
+#define POWER_SAMPLES 1.5  /* for each period of the band's width */
 
 struct step {
     uint32_t first;    /* row of the first tap */
@@ -28,7 +30,7 @@ struct step {
 
 struct stretch {
     bool power;
-    size_t lanes, n_in, n_out, n_rows;
+    size_t n_out, n_rows;
     double first_ln, step_ln;  /* log time of row 0, from row to row */
     double centre;             /* angular log-frequency that is bin 0 */
     float *taps_in, *taps_out; /* [FRACTIONS + 1][TAPS] */
@@ -126,19 +128,19 @@ static void plan_axis(struct stretch *s, const struct stretch_config *cfg)
     first_s = fmin(first_s, 0.999 * last_s);
     double width_hz = cfg->band_hz[1] - cfg->band_hz[0], high = cfg->band_hz[1] * last_s;
     double low = cfg->band_hz[0] * first_s;
-    double per_ln = cfg->power ? 2.0 * width_hz * last_s : OVERSAMPLING * (high - low);
+    double per_ln = cfg->power ? POWER_SAMPLES * width_hz * last_s
+                               : OVERSAMPLING * (high - low);
     s->step_ln = 1.0 / per_ln;
     s->centre = cfg->power ? 0.0 : M_PI * (high + low);
     s->first_ln = log(first_s) - TAPS * s->step_ln;
     double lead = longest_lead(cfg, first_s) / s->step_ln;
     double rows = (log(last_s) - s->first_ln) / s->step_ln + 2 * TAPS + lead;
-    s->n_rows = fft_size((size_t)ceil(rows), 1.05);
+    s->n_rows = lane_fft_size((size_t)ceil(rows));
 }
 
 static bool sensible(const struct stretch_config *cfg)
 {
     bool ok = cfg->in.n_samples >= TAPS && cfg->out.n_samples && cfg->n_offsets;
-    ok = ok && cfg->lanes && cfg->lanes % VECTOR_LANES == 0;
     ok = ok && cfg->in.rate_hz > 0.0 && cfg->out.rate_hz > 0.0;
     ok = ok && cfg->sound_speed_m_s > 0.0 && cfg->band_hz[1] > cfg->band_hz[0];
     return ok && cfg->in.t0_s + (double)cfg->in.n_samples / cfg->in.rate_hz > 0.0;
@@ -152,8 +154,6 @@ int stretch_create(struct stretch **out, const struct stretch_config *cfg)
     if (!s)
         return -ENOMEM;
     s->power = cfg->power;
-    s->lanes = cfg->lanes;
-    s->n_in = cfg->in.n_samples;
     s->n_out = cfg->out.n_samples;
     plan_axis(s, cfg);
     s->taps_in = malloc((FRACTIONS + 1) * TAPS * sizeof *s->taps_in);
@@ -165,10 +165,11 @@ int stretch_create(struct stretch **out, const struct stretch_config *cfg)
         return -ENOMEM;
     }
     double width_hz = cfg->band_hz[1] - cfg->band_hz[0];
-    make_taps(s->power ? POWER_OCCUPANCY * 2.0 * width_hz / cfg->in.rate_hz
+    make_taps(s->power ? 2.0 * POWER_BAND * width_hz / cfg->in.rate_hz
                        : width_hz / cfg->in.rate_hz,
               s->taps_in);
-    make_taps(s->power ? POWER_OCCUPANCY : 1.0 / OVERSAMPLING, s->taps_out);
+    make_taps(s->power ? 2.0 * POWER_BAND / POWER_SAMPLES : 1.0 / OVERSAMPLING,
+              s->taps_out);
     for (size_t q = 0; q < cfg->n_offsets * s->n_rows; q++)
         plan_in(s, cfg, cfg->half_offset_m[q / s->n_rows], q % s->n_rows, &s->in[q]);
     for (size_t n = 0; n < s->n_out; n++)
@@ -208,28 +209,27 @@ VECTOR_INLINE void interpolate(const struct stretch *s, const struct step *steps
                                size_t n, const float *table, const float *restrict in,
                                float *restrict out)
 {
-    for (size_t row = 0; row < n; row++, out += s->lanes) {
-        const struct step *step = &steps[row];
+    for (size_t q = 0; q < n; q++, out += LANE_FFT_POINT) {
+        const struct step *step = &steps[q];
         const float *w = table + step->fraction * TAPS;
-        const float *x = in + (size_t)step->first * s->lanes;
-        if (step->gain == 0.0f) {
-            memset(out, 0, s->lanes * sizeof *out);
+        float *x = (float *)in + (size_t)step->first * LANE_FFT_POINT;
+        float a = step->gain, c = step->phase[0], d = step->phase[1];
+        if (a == 0.0f) { /* also where there is nothing to read */
+            memset(out, 0, LANE_FFT_POINT * sizeof *out);
             continue;
         }
-        for (size_t l = 0; l < s->lanes; l += VECTOR_LANES) {
-            vector16 sum = {0};
-            for (size_t q = 0; q < TAPS; q++)
-                sum += w[q] * *(const vector16 *)(x + q * s->lanes + l);
-            *(vector16 *)(out + l) = step->gain * sum;
+        vector16 re = {0}, im = {0};
+        for (size_t l = 0; l < TAPS; l++, x += LANE_FFT_POINT) {
+            re += a * w[l] * LANES_AT(x);
+            im += a * w[l] * LANES_AT(x + VECTOR_LANES);
         }
-        if (s->power)
-            continue;
-        float c = step->phase[0], d = step->phase[1];
-        for (size_t l = 0; l < s->lanes; l += 2) {
-            float re = out[l], im = out[l + 1];
-            out[l] = re * c - im * d;
-            out[l + 1] = re * d + im * c;
+        if (!s->power) {
+            vector16 turned = re * c - im * d;
+            im = re * d + im * c;
+            re = turned;
         }
+        LANES_AT(out) = re;
+        LANES_AT(out + VECTOR_LANES) = im;
     }
 }
 

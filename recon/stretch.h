@@ -3,11 +3,11 @@
  * which a co-located pair would have heard what a pair of half-offset h hears at
  * t = sqrt(t0^2 + (2h/c)^2).
  *
- * Signals lie side by side in lanes, row by row: [sample][lanes] floats.  They are either
- * powers, one a lane, or complex baseband traces, re im in two lanes; of the latter the
+ * 32 powers or 16 complex baseband traces lie side by side, row by row: [sample][2][16]
+ * floats, of traces 16 re, then 16 im.  Of traces the
  * carrier is put back, because a stretched carrier is none any more.
  *
- * The steps of log time are as fine as the last time needs (powers: two samples for each
+ * The steps of log time are as fine as the last time needs (powers: 1.5 samples for each
  * period of the band's width; traces: 1.4 complex samples for each period of the band's
  * top), so that earlier times, even those of a gate that begins with the emission, are
  * sampled more finely.  Interpolation is by 8-tap windowed sinc; there and back returns a
@@ -29,7 +29,6 @@ struct stretch_config {
     double mute_s;           /* zero-offset times before this become 0 */
     size_t n_offsets;
     const double *half_offset_m; /* [n_offsets] */
-    size_t lanes;                /* a multiple of 16 */
 };
 
 struct stretch;
@@ -37,7 +36,7 @@ struct stretch;
 /* 0, -EINVAL, -ENOMEM. */
 int stretch_create(struct stretch **out, const struct stretch_config *cfg);
 
-/* Rows of log time: a length that FFTW transforms fast, its end zero so that what dip
+/* Rows of log time: a length that lane_fft transforms, its end zero so that what dip
  * moveout brings forward does not come round to the end. */
 size_t stretch_rows(const struct stretch *s);
 
@@ -45,14 +44,14 @@ size_t stretch_rows(const struct stretch *s);
  * both signs share the bin. */
 double stretch_frequency(const struct stretch *s, size_t q);
 
-/* out [rows][lanes] = in [in.n_samples][lanes] of one offset, moved out, multiplied by
+/* out [rows][2][16] = in [in.n_samples][2][16] of one offset, moved out, multiplied by
  * (t c)^2 (powers; Lindell 2019, section 4) or t0 c / 2 (traces: what fades as 1 / r^2
  * then fades as 1 / r, as migration expects).  0 where the stretch exceeds 2, before the
  * mute and beyond the input; the ends fade over 8 samples. */
 void stretch_in(const struct stretch *s, size_t offset, const float *restrict in,
                 float *restrict out);
 
-/* out [out.n_samples][lanes] = in [rows][lanes] at zero-offset times. */
+/* out [out.n_samples][2][16] = in [rows][2][16] at zero-offset times. */
 void stretch_out(const struct stretch *s, const float *restrict in, float *restrict out);
 void stretch_destroy(struct stretch *s);
 

@@ -1,61 +1,67 @@
 #include "recon/zero_offset.h"
 
-#define FFTW_NO_Complex /* fftwf_complex is float[2], also beside <complex.h> */
 #include <errno.h>
-#include <fftw3.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "dsp/vector.h"
-#include "recon/zero_offset_plan.h"
 #include "recon/dmo.h"
+#include "recon/lane_fft.h"
 #include "recon/stretch.h"
+#include "recon/zero_offset_plan.h"
 
-#define BINS 8 /* of log frequency that one item of work stacks */
-#define TILE 16
+#define POINT LANE_FFT_POINT /* floats of 16 complex numbers: 16 re, 16 im */
+#define BINS  8              /* of log frequency that one item of work stacks */
+#define TILE  16
 
-struct scratch {          /* one a thread */
-    float *samples;       /* [n_in or n_out][lanes] */
-    float *rows, *others; /* [n_rows][lanes] */
-    float *plane;         /* [n_x_parts][ny][lanes] */
-    float *turned;        /* [n_x_parts * nx][turned_lanes] */
-    float *imaged;        /* [nx][turned_lanes] */
+struct scratch {    /* one a thread */
+    float *samples; /* [n_in or n_out][POINT] */
+    float *plane;   /* [n_x_parts * ny][groups][POINT] */
+    float *turned;  /* [n_x_parts * nx][turned_groups][POINT] */
+    float *imaged;  /* [nx][turned_groups][POINT] */
 };
 
 struct zero_offset {
     struct zero_offset_plan plan;
     struct pool *pool;
     bool power;
-    bool packed;    /* a lane is a power: two midpoints in x are one complex number */
+    bool packed;    /* every float is a power, also those where im stands */
     size_t n_pairs; /* of a position */
     size_t n_microphones, n_in, n_out, n_rows;
-    size_t floats;       /* of a stored sample: 1 or 2 */
-    size_t lanes;        /* of a row of midpoints in x */
-    size_t turned_lanes; /* of a row of midpoints in y */
-    size_t pitch;        /* of spectra */
+    size_t floats;        /* of a stored sample: 1 or 2 */
+    size_t groups;        /* POINTs of a line of midpoints in x */
+    size_t turned_groups; /* of a line in y */
+    size_t pitch;         /* floats from group to group of spectra */
     struct stretch *stretch;
-    struct dmo **along_y; /* [n_x_parts] */
-    struct dmo *along_x;  /* NULL: not needed */
-    fftwf_plan forward, backward;
+    struct lane_fft *fft;
+    struct dmo **along_y;   /* [n_x_parts] */
+    struct dmo *along_x;    /* NULL: not needed */
     pthread_mutex_t *locks; /* [nx] */
     float *traces;          /* [n_inputs][nx][n_in][floats] */
     uint32_t *fold;         /* [nx][ny] traces of a midpoint */
-    float *spectra;         /* [n_inputs][pitch]: rows */
-    float *stacked;         /* [n_rows][ny][lanes] */
+    float *spectra;         /* [n_inputs][groups][pitch]: [n_rows][POINT] */
+    float *stacked;         /* [ny][groups][pitch] */
     struct scratch *scratch;
     float *out; /* of zero_offset_stack */
 };
 
-static size_t padded(size_t floats)
-{
-    return (floats + VECTOR_LANES - 1) / VECTOR_LANES * VECTOR_LANES;
-}
-
 static const size_t *lines(const struct zero_offset *c)
 {
     return c->plan.lattice.n;
+}
+
+/* Where the power of a midpoint, or the real part of its trace, stands in its line. */
+static size_t place(size_t line, bool packed)
+{
+    return packed ? line : line / VECTOR_LANES * POINT + line % VECTOR_LANES;
+}
+
+static size_t groups_of(size_t n, bool packed)
+{
+    size_t in_group = packed ? POINT : VECTOR_LANES;
+    return (n + in_group - 1) / in_group;
 }
 
 /* -- create -----------------------------------------------------------------------------
@@ -72,12 +78,12 @@ static int create_stretch(struct zero_offset *c, const struct zero_offset_config
         .mute_s = cfg->mute_s,
         .n_offsets = c->plan.n_offsets,
         .half_offset_m = c->plan.half_m[2],
-        .lanes = c->lanes,
     };
     int err = stretch_create(&c->stretch, &stretch);
-    if (!err)
-        c->n_rows = stretch_rows(c->stretch);
-    return err;
+    if (err)
+        return err;
+    c->n_rows = stretch_rows(c->stretch);
+    return lane_fft_create(&c->fft, c->n_rows);
 }
 
 /* One axis of midpoints without extent has no dip either: any pitch will do. */
@@ -105,7 +111,6 @@ static int create_along_y(struct zero_offset *c, const double *w)
             .line = p->line + first,
             .n_bins = c->n_rows,
             .w = w,
-            .lanes = c->lanes,
             .pool = c->pool,
         };
         err = dmo_create(&c->along_y[part], &dmo);
@@ -133,7 +138,6 @@ static int create_along_x(struct zero_offset *c, const double *w)
             .line = line,
             .n_bins = c->n_rows,
             .w = w,
-            .lanes = c->turned_lanes,
             .pool = c->pool,
         };
         err = dmo_create(&c->along_x, &dmo);
@@ -149,7 +153,7 @@ static int create_dmo(struct zero_offset *c)
     if (!w)
         return -ENOMEM;
     for (size_t q = 0; q < c->n_rows; q++)
-        w[q] = stretch_frequency(c->stretch, q);
+        w[q] = stretch_frequency(c->stretch, c->fft->number[q]);
     int err = create_along_y(c, w);
     if (!err && c->plan.dip_in_x)
         err = create_along_x(c, w);
@@ -157,55 +161,40 @@ static int create_dmo(struct zero_offset *c)
     return err;
 }
 
-static float *rows_alloc(size_t n, size_t lanes)
+static float *points_alloc(size_t n)
 {
-    float *rows = fftwf_malloc(n * lanes * sizeof *rows);
-    if (rows)
-        memset(rows, 0, n * lanes * sizeof *rows);
-    return rows;
+    float *points = aligned_alloc(64, n * POINT * sizeof *points);
+    if (points)
+        memset(points, 0, n * POINT * sizeof *points);
+    return points;
 }
 
 static int scratch_create(struct scratch *s, const struct zero_offset *c)
 {
     size_t nx = lines(c)[0], ny = lines(c)[1], parts = c->plan.n_x_parts;
-    s->samples = rows_alloc(c->n_in > c->n_out ? c->n_in : c->n_out, c->lanes);
-    s->rows = rows_alloc(c->n_rows, c->lanes);
-    s->others = rows_alloc(c->n_rows, c->lanes);
-    s->plane = rows_alloc(parts * ny, c->lanes);
-    s->turned = rows_alloc(parts * nx, c->turned_lanes);
-    s->imaged = rows_alloc(nx, c->turned_lanes);
-    return s->samples && s->rows && s->others && s->plane && s->turned && s->imaged
-               ? 0
-               : -ENOMEM;
+    s->samples = points_alloc(c->n_in > c->n_out ? c->n_in : c->n_out);
+    s->plane = points_alloc(parts * ny * c->groups);
+    s->turned = points_alloc(parts * nx * c->turned_groups);
+    s->imaged = points_alloc(nx * c->turned_groups);
+    return s->samples && s->plane && s->turned && s->imaged ? 0 : -ENOMEM;
 }
 
 static void scratch_clear(struct scratch *s)
 {
-    fftwf_free(s->samples);
-    fftwf_free(s->rows);
-    fftwf_free(s->others);
-    fftwf_free(s->plane);
-    fftwf_free(s->turned);
-    fftwf_free(s->imaged);
-}
-
-static fftwf_plan plan_rows(const struct zero_offset *c, int direction)
-{
-    int n = (int)c->n_rows, many = (int)(c->lanes / 2);
-    fftwf_complex *in = (fftwf_complex *)c->scratch[0].rows;
-    fftwf_complex *out = (fftwf_complex *)c->scratch[0].others;
-    return fftwf_plan_many_dft(1, &n, many, in, NULL, many, 1, out, NULL, many, 1,
-                               direction, FFTW_ESTIMATE);
+    free(s->samples);
+    free(s->plane);
+    free(s->turned);
+    free(s->imaged);
 }
 
 static int allocate(struct zero_offset *c)
 {
     size_t nx = lines(c)[0], ny = lines(c)[1];
-    c->pitch = (c->n_rows + 1) * c->lanes; /* inputs of a bin in different cache sets */
+    c->pitch = (c->n_rows + 1) * POINT; /* inputs of a bin in different cache sets */
     c->traces = calloc(c->plan.n_inputs * nx * c->n_in, c->floats * sizeof *c->traces);
     c->fold = calloc(nx * ny, sizeof *c->fold);
-    c->spectra = fftwf_malloc(c->plan.n_inputs * c->pitch * sizeof *c->spectra);
-    c->stacked = fftwf_malloc(c->n_rows * ny * c->lanes * sizeof *c->stacked);
+    c->spectra = points_alloc(c->plan.n_inputs * c->groups * (c->n_rows + 1));
+    c->stacked = points_alloc(ny * c->groups * (c->n_rows + 1));
     c->scratch = calloc(pool_threads(c->pool), sizeof *c->scratch);
     c->locks = malloc(nx * sizeof *c->locks);
     for (size_t x = 0; c->locks && x < nx; x++)
@@ -215,11 +204,7 @@ static int allocate(struct zero_offset *c)
     int err = 0;
     for (size_t t = 0; !err && t < pool_threads(c->pool); t++)
         err = scratch_create(&c->scratch[t], c);
-    if (err)
-        return err;
-    c->forward = plan_rows(c, FFTW_FORWARD);
-    c->backward = plan_rows(c, FFTW_BACKWARD);
-    return c->forward && c->backward ? 0 : -ENOMEM;
+    return err;
 }
 
 int zero_offset_create(struct zero_offset **out, const struct zero_offset_config *cfg,
@@ -230,7 +215,7 @@ int zero_offset_create(struct zero_offset **out, const struct zero_offset_config
         return -ENOMEM;
     double first_s = fmax(fmax(cfg->out.t0_s, cfg->mute_s), 1.0 / cfg->in.rate_hz);
     double sample_s = cfg->power ? 0.5 / (cfg->band_hz[1] - cfg->band_hz[0])
-                                 : 0.1 / cfg->band_hz[1];
+                                 : 0.5 / cfg->band_hz[1];
     c->pool = cfg->pool;
     c->power = cfg->power;
     c->floats = cfg->power ? 1 : 2;
@@ -241,8 +226,8 @@ int zero_offset_create(struct zero_offset **out, const struct zero_offset_config
     int err = zero_offset_plan(&c->plan, cfg->geometry, first_s, sample_s, why);
     if (!err) {
         c->packed = c->power && !c->plan.dip_in_x;
-        c->lanes = padded(lines(c)[0] * (c->packed ? 1 : 2));
-        c->turned_lanes = padded(lines(c)[1] * 2);
+        c->groups = groups_of(lines(c)[0], c->packed);
+        c->turned_groups = groups_of(lines(c)[1], false);
         err = create_stretch(c, cfg);
     }
     if (!err)
@@ -261,8 +246,6 @@ void zero_offset_destroy(struct zero_offset *c)
 {
     if (!c)
         return;
-    fftwf_destroy_plan(c->forward);
-    fftwf_destroy_plan(c->backward);
     for (size_t t = 0; c->scratch && t < pool_threads(c->pool); t++)
         scratch_clear(&c->scratch[t]);
     free(c->scratch);
@@ -271,12 +254,13 @@ void zero_offset_destroy(struct zero_offset *c)
     free(c->locks);
     free(c->traces);
     free(c->fold);
-    fftwf_free(c->spectra);
-    fftwf_free(c->stacked);
+    free(c->spectra);
+    free(c->stacked);
     for (size_t part = 0; c->along_y && part < c->plan.n_x_parts; part++)
         dmo_destroy(c->along_y[part]);
     free(c->along_y);
     dmo_destroy(c->along_x);
+    lane_fft_destroy(c->fft);
     stretch_destroy(c->stretch);
     zero_offset_plan_clear(&c->plan);
     free(c);
@@ -333,71 +317,111 @@ void zero_offset_reset(struct zero_offset *c)
 /* -- stack ------------------------------------------------------------------------------
  */
 
-/* One line of midpoints in x, side by side in the lanes. */
-static void lay_side_by_side(const struct zero_offset *c, size_t input,
+/* A part of a line of midpoints in x, side by side. */
+static void lay_side_by_side(const struct zero_offset *c, size_t input, size_t group,
                              float *restrict out)
 {
-    size_t nx = lines(c)[0], ny = lines(c)[1], step = c->packed ? 1 : 2;
-    for (size_t start = 0; start < c->n_in; start += TILE) {
-        size_t n = c->n_in - start < TILE ? c->n_in - start : TILE;
-        for (size_t x = 0; x < nx; x++) {
+    size_t nx = lines(c)[0], ny = lines(c)[1], n_floats = c->n_in * c->floats;
+    size_t n = c->packed ? POINT : VECTOR_LANES, first = group * n;
+    size_t end = nx < first + n ? nx : first + n;
+    for (size_t start = 0; start < n_floats; start += TILE) {
+        size_t floats = n_floats - start < TILE ? n_floats - start : TILE;
+        for (size_t x = first; x < end; x++) {
             uint32_t fold = c->fold[x * ny + c->plan.line[input]];
             float weight = fold ? 1.0f / (float)fold : 0.0f;
-            const float *from = c->traces +
-                                ((input * nx + x) * c->n_in + start) * c->floats;
-            float *to = out + start * c->lanes + x * step;
-            for (size_t q = 0; q < n; q++)
-                for (size_t f = 0; f < c->floats; f++)
-                    to[q * c->lanes + f] = weight * from[q * c->floats + f];
+            const float *from = c->traces + (input * nx + x) * n_floats + start;
+            float *to = out + start / c->floats * POINT + x - first;
+            if (c->power)
+                for (size_t q = 0; q < floats; q++)
+                    to[q * POINT] = weight * from[q];
+            else
+                for (size_t q = 0; q < floats; q++)
+                    to[q / 2 * POINT + q % 2 * VECTOR_LANES] = weight * from[q];
         }
     }
 }
 
-static void transform_input(void *ctx, size_t input, size_t thread)
+/* Whole transforms, of signals without a half that is known to be zero. */
+VECTOR_CLONES
+static void transform_forward(const struct lane_fft *f, float *x)
+{
+    const float *w = f->twiddles;
+    for (size_t block = f->n; block > f->leaf; block /= 4) {
+        for (size_t at = 0; at < f->n; at += block)
+            lane_fft_split(x + at * POINT, block / 4, w);
+        w += 6 * (block / 4);
+    }
+    for (size_t at = 0; f->leaf > 1 && at < f->n; at += f->leaf)
+        lane_fft_leaf(x + at * POINT, f->leaf, -1.0f);
+}
+
+VECTOR_CLONES
+static void transform_backward(const struct lane_fft *f, float *x)
+{
+    const float *w = f->twiddles + 2 * (f->n - f->leaf);
+    for (size_t at = 0; f->leaf > 1 && at < f->n; at += f->leaf)
+        lane_fft_leaf(x + at * POINT, f->leaf, 1.0f);
+    for (size_t block = 4 * f->leaf; block <= f->n; block *= 4) {
+        w -= 6 * (block / 4);
+        for (size_t at = 0; at < f->n; at += block)
+            lane_fft_join(x + at * POINT, block / 4, w, 0);
+    }
+}
+
+static void transform_input(void *ctx, size_t item, size_t thread)
 {
     struct zero_offset *c = ctx;
     struct scratch *s = &c->scratch[thread];
-    lay_side_by_side(c, input, s->samples);
-    stretch_in(c->stretch, c->plan.offset[input], s->samples, s->rows);
-    fftwf_execute_dft(c->forward, (fftwf_complex *)s->rows,
-                      (fftwf_complex *)(c->spectra + input * c->pitch));
+    size_t input = item / c->groups, group = item % c->groups;
+    float *rows = c->spectra + item * c->pitch;
+    lay_side_by_side(c, input, group, s->samples);
+    stretch_in(c->stretch, c->plan.offset[input], s->samples, rows);
+    transform_forward(c->fft, rows);
 }
 
-/* Dip moveout along x: the lanes hold x, so rows and lanes change places around it. */
-static void stack_along_x(const struct zero_offset *c, size_t bin, struct scratch *s,
-                          float *out)
+/* Dip moveout along x: rows and lanes change places around it. */
+static void stack_along_x(const struct zero_offset *c, size_t bin, struct scratch *s)
 {
-    size_t nx = lines(c)[0], ny = lines(c)[1];
-    for (size_t row = 0; row < c->plan.n_x_parts * nx; row++) {
-        const float *from = s->plane + row / nx * ny * c->lanes + 2 * (row % nx);
-        float *to = s->turned + row * c->turned_lanes;
+    size_t nx = lines(c)[0], ny = lines(c)[1], row = c->groups * POINT;
+    size_t turned = c->turned_groups * POINT;
+    for (size_t q = 0; q < c->plan.n_x_parts * nx; q++) {
+        const float *from = s->plane + q / nx * ny * row + place(q % nx, false);
         for (size_t y = 0; y < ny; y++) {
-            to[2 * y] = from[y * c->lanes];
-            to[2 * y + 1] = from[y * c->lanes + 1];
+            float *to = s->turned + q * turned + place(y, false);
+            to[0] = from[y * row];
+            to[VECTOR_LANES] = from[y * row + VECTOR_LANES];
         }
     }
-    dmo_stack(c->along_x, bin, s->turned, c->turned_lanes, s->imaged);
-    for (size_t y = 0; y < ny; y++) {
-        for (size_t x = 0; x < nx; x++) {
-            const float *from = s->imaged + x * c->turned_lanes + 2 * y;
-            out[y * c->lanes + 2 * x] = from[0];
-            out[y * c->lanes + 2 * x + 1] = from[1];
-        }
+    for (size_t g = 0; g < c->turned_groups; g++)
+        dmo_stack(c->along_x, bin, s->turned + g * POINT, turned, s->imaged + g * POINT,
+                  turned);
+    for (size_t q = 0; q < nx * ny; q++) {
+        size_t x = q / ny, y = q % ny;
+        const float *from = s->imaged + x * turned + place(y, false);
+        float *to = c->stacked + (y * c->groups + x / VECTOR_LANES) * c->pitch +
+                    bin * POINT + x % VECTOR_LANES;
+        to[0] = from[0];
+        to[VECTOR_LANES] = from[VECTOR_LANES];
     }
 }
 
-static void stack_bin(struct zero_offset *c, size_t bin, struct scratch *s)
+static void stack_bin(const struct zero_offset *c, size_t bin, struct scratch *s)
 {
     size_t ny = lines(c)[1], first = 0;
-    float *out = c->stacked + bin * ny * c->lanes;
     for (size_t part = 0; part < c->plan.n_x_parts; part++) {
-        float *plane = c->along_x ? s->plane + part * ny * c->lanes : out;
-        dmo_stack(c->along_y[part], bin, c->spectra + first * c->pitch + bin * c->lanes,
-                  c->pitch, plane);
+        for (size_t g = 0; g < c->groups; g++) {
+            const float *in = c->spectra + (first * c->groups + g) * c->pitch +
+                              bin * POINT;
+            float *direct = c->stacked + g * c->pitch + bin * POINT;
+            float *plane = s->plane + (part * ny * c->groups + g) * POINT;
+            dmo_stack(c->along_y[part], bin, in, c->groups * c->pitch,
+                      c->along_x ? plane : direct,
+                      c->groups * (c->along_x ? POINT : c->pitch));
+        }
         first = c->plan.part_end[part];
     }
     if (c->along_x)
-        stack_along_x(c, bin, s, out);
+        stack_along_x(c, bin, s);
 }
 
 static void stack_bins(void *ctx, size_t item, size_t thread)
@@ -407,30 +431,31 @@ static void stack_bins(void *ctx, size_t item, size_t thread)
         stack_bin(c, bin, &c->scratch[thread]);
 }
 
-static void finish_line(void *ctx, size_t y, size_t thread)
+static void finish_group(void *ctx, size_t item, size_t thread)
 {
     struct zero_offset *c = ctx;
     struct scratch *s = &c->scratch[thread];
-    size_t nx = lines(c)[0], ny = lines(c)[1], step = c->packed ? 1 : 2;
+    size_t nx = lines(c)[0], y = item / c->groups;
+    size_t n = c->packed ? POINT : VECTOR_LANES, first = item % c->groups * n;
     float scale = 1.0f / (float)c->n_rows;
-    for (size_t bin = 0; bin < c->n_rows; bin++)
-        memcpy(s->rows + bin * c->lanes, c->stacked + (bin * ny + y) * c->lanes,
-               c->lanes * sizeof *s->rows);
-    fftwf_execute_dft(c->backward, (fftwf_complex *)s->rows, (fftwf_complex *)s->others);
-    stretch_out(c->stretch, s->others, s->samples);
-    for (size_t x = 0; x < nx; x++) {
+    float *rows = c->stacked + item * c->pitch;
+    transform_backward(c->fft, rows);
+    stretch_out(c->stretch, rows, s->samples);
+    for (size_t x = first; x < nx && x < first + n; x++) {
         float *to = c->out + (y * nx + x) * c->n_out * c->floats;
-        const float *from = s->samples + x * step;
-        for (size_t q = 0; q < c->n_out; q++)
-            for (size_t f = 0; f < c->floats; f++)
-                to[q * c->floats + f] = scale * from[q * c->lanes + f];
+        const float *from = s->samples + x - first;
+        for (size_t q = 0; q < c->n_out; q++, from += POINT, to += c->floats) {
+            to[0] = scale * from[0];
+            if (!c->power)
+                to[1] = scale * from[VECTOR_LANES];
+        }
     }
 }
 
 void zero_offset_stack(struct zero_offset *c, float *out)
 {
     c->out = out;
-    pool_run(c->pool, c->plan.n_inputs, transform_input, c);
+    pool_run(c->pool, c->plan.n_inputs * c->groups, transform_input, c);
     pool_run(c->pool, (c->n_rows + BINS - 1) / BINS, stack_bins, c);
-    pool_run(c->pool, lines(c)[1], finish_line, c);
+    pool_run(c->pool, lines(c)[1] * c->groups, finish_group, c);
 }

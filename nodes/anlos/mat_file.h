@@ -18,7 +18,8 @@
 
 struct mat_file;
 
-/* 0, -ENOENT and other errno of reading, -EINVAL (no MATLAB file), -ENOMEM. */
+/* 0, -ENOENT and other errno of reading, -EIO (truncated), -EINVAL (no such
+ * MATLAB file), -ENOMEM. */
 int mat_file_open(struct mat_file **out, const char *path, struct complaint *why);
 bool mat_file_has(struct mat_file *f, const char *name);
 

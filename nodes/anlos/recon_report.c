@@ -8,6 +8,9 @@
 
 #include "nodes/rt/export.h"
 
+#define COARSEST_STEP 0.6 /* of a point's width: coarser, and positions suffer */
+#define FINE_STEP     0.4
+
 static const char *const stage_names[RECON_STAGES] = {
     "plan", "read", "compress", "stack", "image", "detect", "write"};
 
@@ -55,6 +58,23 @@ static void warn_microphones(json_t *warnings, const struct channel_check *check
     }
 }
 
+/* Around an object a point is a fraction of a wavelength wide. */
+static void warn_steps(json_t *warnings, const struct recon_job *job)
+{
+    const struct processing *p = &job->processing;
+    double middle[3], width_m[3];
+    for (int a = 0; a < 3; a++)
+        middle[a] = p->grid.origin_m[a] +
+                    0.5 * (double)(p->grid.n[a] - 1) * p->grid.step_m[a];
+    geometry_resolution_at(&p->geometry, p->band_hz, middle, width_m);
+    for (int a = 0; a < 3; a++)
+        if (p->grid.n[a] > 1 && p->grid.step_m[a] > COARSEST_STEP * width_m[a])
+            warn(warnings,
+                 "volume: a step of %.3g m along %c is coarse for images of points that "
+                 "are %.3g m wide; positions want %.2g m",
+                 p->grid.step_m[a], "xyz"[a], width_m[a], FINE_STEP * width_m[a]);
+}
+
 json_t *recon_report_warnings(const struct recon_job *job)
 {
     json_t *warnings = json_array();
@@ -69,6 +89,8 @@ json_t *recon_report_warnings(const struct recon_job *job)
     if (used < pings_expected(job) && !job->options->traces)
         warn(warnings, "%zu of %zu pings are lost: no usable microphone",
              pings_expected(job) - used, pings_expected(job));
+    if (job->processing.geometry.pings_m)
+        warn_steps(warnings, job);
     if (!job->background && !job->options->traces)
         warn(warnings,
              "no background recording: the room's own echoes stay in the image");

@@ -25,7 +25,7 @@ static void a_step_of_the_resolution_is_one_gamma_of_time(void **state)
     (void)state;
     static const double s[3] = {0.1, -0.3, 0.0}, m[3] = {-0.7, 0.2, 0.1},
                         at[3] = {0.4, 0.1, 2.3};
-    double gamma_s = 1e-6, c = 343.0; /* small: the path is straight over the step */
+    double gamma_s = 1e-7, c = 343.0; /* small: the path is straight over the step */
     for (int axis = 0; axis < 3; axis++) {
         double there[3] = {at[0], at[1], at[2]};
         double step_m = resolution_pair_m(gamma_s, c, s, m, at, axis);

@@ -1,0 +1,72 @@
+/* recon/incoherent.h -- inside `--method incoherent`: back-projection of power, for
+ * arrays whose elements stand where nobody knows to better than a wavelength.
+ *
+ * Each trace is squared, multiplied by its squared range and filtered by the negative
+ * second derivative of a Gaussian, as in filtered back-projection of spherical means
+ * (Xu and Wang 2005: over a plane of measurements the second derivative undoes the blur):
+ * what each echo smears over the voxels that it could come from cancels where they do
+ * not agree.  Each voxel sums all traces at its delay, a midpoint counting once however
+ * many pairs share it; what stays below 0 is none.  The Gaussian is as wide as positions
+ * may be wrong. */
+#ifndef ANLOS_RECON_INCOHERENT_H
+#define ANLOS_RECON_INCOHERENT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "recon/imager.h"
+
+struct incoherent {
+    struct geometry geometry;
+    struct trace_format in;
+    struct grid grid;
+    struct pool *pool;
+    size_t first;  /* samples of a trace before the gate */
+    float *gain;   /* [in.n_samples]: squared range, faded in and out; 0 first */
+    float *filter; /* [INCOHERENT_FINE][taps] */
+    size_t n_taps;
+    float *power;   /* [n_traces][in.n_samples], as added */
+    bool *live;     /* [n_traces]: added, not masked */
+    uint32_t *cell; /* [n_traces]: its midpoint */
+    uint32_t *fold; /* [n_cells]: live traces of it */
+    size_t n_cells;
+
+    /* Filtered traces, INCOHERENT_FINE samples for each of the input, lie in groups of
+     * `lanes`: [group][n_stored][lanes].  Of an array that a stage carries along x in
+     * steps of whole voxels a group is a pair and its lanes the stage positions; else
+     * each trace is a group. */
+    bool scan;
+    size_t lanes, n_groups, n_stored; /* the first sample and the last two are 0 */
+    float *stored;
+    float **scratch; /* [threads][in.n_samples + taps][lanes] */
+    void *sweeps;    /* of the imaging part */
+    float *image;
+
+    size_t stride;  /* scan: voxels between two stage positions */
+    double first_m; /* scan: x of stage position 0 */
+};
+
+#define INCOHERENT_FINE 2
+
+static inline size_t incoherent_pairs(const struct incoherent *b)
+{
+    return b->geometry.n_speakers * b->geometry.n_microphones;
+}
+
+static inline double incoherent_rate_hz(const struct incoherent *b)
+{
+    return b->in.rate_hz * INCOHERENT_FINE;
+}
+
+/* The way through all voxels, for any geometry and for a scan.  create: 0 or -ENOMEM. */
+int incoherent_any_create(struct incoherent *b);
+void incoherent_any(struct incoherent *b);
+void incoherent_any_destroy(struct incoherent *b);
+
+/* Does the geometry fit?  Sets stride and first_m. */
+bool incoherent_scan_fits(struct incoherent *b);
+int incoherent_scan_create(struct incoherent *b);
+void incoherent_scan(struct incoherent *b);
+void incoherent_scan_destroy(struct incoherent *b);
+
+#endif

@@ -1,0 +1,171 @@
+#include "recon/iterative.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/admm.h"
+#include "recon/lightcone.h"
+#include "recon/resample.h"
+#include "recon/zero_offset.h"
+
+#define MIN_SAMPLES 16
+#define FALLOFF     2.0 /* of a point's power after the gain */
+
+struct iterative_lightcone {
+    struct zero_offset *zero_offset;
+    struct lightcone *lightcone;
+    struct admm *admm;
+    struct resample *resample;
+    size_t n_power, n_image;
+    float *power;  /* [ny][nx][n_ranges] */
+    float *volume; /* [n_ranges][ny][nx] */
+};
+
+void iterative_lightcone_destroy(struct iterative_lightcone *l)
+{
+    if (!l)
+        return;
+    admm_destroy(l->admm);
+    zero_offset_destroy(l->zero_offset);
+    lightcone_destroy(l->lightcone);
+    resample_destroy(l->resample);
+    free(l->power);
+    free(l->volume);
+    free(l);
+}
+
+static void forward(void *ctx, const float *x, float *y)
+{
+    lightcone_forward(ctx, x, y);
+}
+
+static void adjoint(void *ctx, const float *y, float *x)
+{
+    lightcone_adjoint(ctx, y, x);
+}
+
+/* Zero-offset times of the image, inside the gate. */
+static int plan_times(struct trace_format *out, const struct imager_config *cfg,
+                      const char **why)
+{
+    double delays_s[2], c = cfg->geometry->sound_speed_m_s;
+    double end_s = cfg->format.t0_s + (double)cfg->format.n_samples / cfg->format.rate_hz;
+    grid_delays(&cfg->grid, cfg->geometry, delays_s);
+    double first_s = fmax(2.0 * cfg->gate_m[0] / c, delays_s[0]);
+    double n = ceil((fmin(delays_s[1], end_s) - first_s) * 2.0 *
+                    (cfg->band_hz[1] - cfg->band_hz[0]));
+    *out = (struct trace_format){first_s, 2.0 * (cfg->band_hz[1] - cfg->band_hz[0]),
+                                 cfg->format.carrier_hz, (size_t)fmax(n, 0.0)};
+    if (out->n_samples >= MIN_SAMPLES)
+        return 0;
+    *why = "a gate that overlaps the volume";
+    return -ENOTSUP;
+}
+
+static int plan_operator(struct iterative_lightcone *l, const struct imager_config *cfg,
+                         const struct trace_format *times, struct grid *volume)
+{
+    struct zero_offset_lattice lattice;
+    double half_c = 0.5 * cfg->geometry->sound_speed_m_s, pitch_m[2];
+    zero_offset_lattice(l->zero_offset, &lattice);
+    for (int a = 0; a < 2; a++)
+        pitch_m[a] = lattice.n[a] > 1 ? lattice.pitch_m[a] : cfg->grid.step_m[a];
+    *volume = (struct grid){
+        {lattice.first_m[0], lattice.first_m[1],
+         lattice.plane_z_m + half_c * times->t0_s},
+        {pitch_m[0], pitch_m[1], half_c / times->rate_hz},
+        {lattice.n[0], lattice.n[1], times->n_samples},
+    };
+    const struct lightcone_config lightcone = {
+        .nx = lattice.n[0],
+        .ny = lattice.n[1],
+        .pitch_x_m = pitch_m[0],
+        .pitch_y_m = pitch_m[1],
+        .nt = times->n_samples,
+        .range_m = half_c * times->t0_s,
+        .range_step_m = half_c / times->rate_hz,
+        .falloff = FALLOFF,
+        .snr = 1.0, /* the inverse is not used */
+        .pool = cfg->pool,
+    };
+    return lightcone_create(&l->lightcone, &lightcone);
+}
+
+static int plan_admm(struct iterative_lightcone *l, const struct imager_config *cfg,
+                     const struct imager_options *o, const struct grid *volume)
+{
+    l->n_power = grid_size(volume);
+    l->n_image = grid_size(&cfg->grid);
+    l->power = malloc(l->n_power * sizeof *l->power);
+    l->volume = malloc(l->n_power * sizeof *l->volume);
+    if (!l->power || !l->volume)
+        return -ENOMEM;
+    const struct admm_operator operator= {l->lightcone, forward, adjoint, l->n_power};
+    const struct admm_config admm = {
+        .n = {volume->n[0], volume->n[1], volume->n[2]},
+        .l1 = o->l1,
+        .tv = o->tv,
+        .tv_isotropic = o->tv_isotropic,
+        .rho = o->rho,
+        .iterations = o->iterations,
+        .tolerance = o->tolerance,
+        .operator= & operator,
+        .pool = cfg->pool,
+    };
+    int err = admm_create(&l->admm, &admm);
+    return err ? err
+               : resample_create(&l->resample, volume, &cfg->grid, RESAMPLE_LINEAR,
+                                 cfg->pool);
+}
+
+int iterative_lightcone_create(struct iterative_lightcone **out,
+                               const struct imager_config *cfg,
+                               const struct imager_options *o, const char **why)
+{
+    struct iterative_lightcone *l = calloc(1, sizeof *l);
+    struct grid volume;
+    if (!l)
+        return -ENOMEM;
+    struct zero_offset_config z = {
+        .geometry = cfg->geometry,
+        .in = cfg->format,
+        .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
+        .power = true,
+        .mute_s = 2.0 * cfg->gate_m[0] / cfg->geometry->sound_speed_m_s,
+        .pool = cfg->pool,
+    };
+    int err = plan_times(&z.out, cfg, why);
+    if (!err)
+        err = zero_offset_create(&l->zero_offset, &z, why);
+    if (!err)
+        err = plan_operator(l, cfg, &z.out, &volume);
+    if (!err)
+        err = plan_admm(l, cfg, o, &volume);
+    if (err) {
+        iterative_lightcone_destroy(l);
+        return err;
+    }
+    *out = l;
+    return 0;
+}
+
+void iterative_lightcone_add(struct iterative_lightcone *l, size_t position,
+                             size_t speaker, const float complex *traces,
+                             const bool *masked)
+{
+    zero_offset_add(l->zero_offset, position, speaker, traces, masked);
+}
+
+void iterative_lightcone_image(struct iterative_lightcone *l, float *intensity)
+{
+    zero_offset_stack(l->zero_offset, l->power);
+    admm_solve(l->admm, l->power, 0.0, l->volume, NULL);
+    resample_volume(l->resample, l->volume, intensity);
+}
+
+void iterative_lightcone_reset(struct iterative_lightcone *l)
+{
+    zero_offset_reset(l->zero_offset);
+}

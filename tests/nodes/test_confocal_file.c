@@ -1,0 +1,388 @@
+/* Optical scans: points in closed form written as MATLAB files, and the measured ones. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <cmocka.h>
+
+#include "nodes/anlos/commands.h"
+#include "nodes/anlos/confocal_job.h"
+#include "nodes/anlos/confocal_traces.h"
+#include "tests/nodes/command.h"
+#include "tests/nodes/mat_write.h"
+#include "tests/nodes/near.h"
+
+#define MEASURED SOURCE_DIR "/../shared/data/optical-confocal/data_"
+
+enum { PLACES = 16, BINS = 300 };
+
+static const double half_side_m = 0.3, bin_s = 16e-12;
+static const double at_m[3] = {0.07, -0.11, 0.5}; /* seen from the wall: x right, y up */
+static char path[40];
+
+static int set_up(void **state)
+{
+    (void)state;
+    strcpy(path, "/tmp/anlos-confocal-XXXXXX");
+    setenv("XDG_CACHE_HOME", path, 1); /* no folder: nothing is kept */
+    int fd = mkstemp(path);
+    return fd < 0 || close(fd);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    return unlink(path);
+}
+
+/* Counts of one retroreflecting point: pulses of 60 ps that fade as 1 / r^2, and the
+ * direct light that dies away.  The file's x and y fall along its indices. */
+static void fill(double *out)
+{
+    double pitch_m = 2.0 * half_side_m / (PLACES - 1);
+    for (int i = 0; i < PLACES * PLACES * BINS; i++) {
+        double x = half_side_m - (i % PLACES) * pitch_m;
+        double y = half_side_m - (i / PLACES % PLACES) * pitch_m;
+        int bin = i / (PLACES * PLACES);
+        double r = sqrt(pow(x - at_m[0], 2) + pow(y - at_m[1], 2) + at_m[2] * at_m[2]);
+        double late_s = bin * bin_s - 2.0 * r / CONFOCAL_LIGHT_M_S;
+        out[i] = 200.0 * pow(r, -2.0) * exp(-0.5 * pow(late_s / 25e-12, 2.0)) +
+                 5000.0 * exp(-bin / 8.0) + 3.0;
+    }
+}
+
+static void put_counts(mat_t *mat, size_t n_x, size_t n_y, size_t n_bins, double *counts)
+{
+    size_t dims[3] = {n_x, n_y, n_bins};
+    matvar_t *v =
+        Mat_VarCreate("rect_data", MAT_C_DOUBLE, MAT_T_DOUBLE, 3, dims, counts, 0);
+    assert_non_null(v);
+    assert_int_equal(Mat_VarWrite(mat, v, MAT_COMPRESSION_ZLIB), 0);
+    Mat_VarFree(v);
+}
+
+static double counts[PLACES * PLACES * BINS];
+
+/* With width and bin_s when they are not 0. */
+static void write_scan(enum mat_ft version, double width_m, double bin)
+{
+    mat_t *mat = Mat_CreateVer(path, NULL, version);
+    assert_non_null(mat);
+    put_counts(mat, PLACES, PLACES, BINS, counts);
+    if (width_m != 0.0)
+        mat_put_number(mat, "width", width_m);
+    if (bin != 0.0)
+        mat_put_number(mat, "bin_s", bin);
+    Mat_Close(mat);
+}
+
+static void scales_and_order_are_those_of_the_file(void **state)
+{
+    static const enum mat_ft versions[2] = {MAT_FT_MAT5, MAT_FT_MAT73};
+    (void)state;
+    fill(counts);
+    for (int v = 0; v < 2; v++) {
+        struct confocal_file f;
+        struct confocal_scan s;
+        struct complaint why = {""};
+        write_scan(versions[v], half_side_m, bin_s);
+        assert_int_equal(confocal_file_load(&f, path, &why), 0);
+        assert_true(f.nx == PLACES && f.ny == PLACES && f.n_bins == BINS);
+        assert_near(f.pitch_x_m, 0.04, 1e-12);
+        assert_near(f.bin_m, 0.5 * CONFOCAL_LIGHT_M_S * bin_s, 1e-15);
+        const double all_m[2] = {0.0, 10.0};
+        assert_int_equal(confocal_scan_create(&s, &f, all_m, BINS, 0.0, &why), 0);
+        assert_int_equal(s.n, BINS);
+        for (int y = 0; y < PLACES; y++)
+            for (int x = 0; x < PLACES; x++)
+                for (int b = 0; b < BINS; b += 7)
+                    assert_near(
+                        s.counts[(y * PLACES + x) * BINS + b],
+                        counts[(b * PLACES + PLACES - 1 - y) * PLACES + PLACES - 1 - x],
+                        1e-3);
+        confocal_scan_clear(&s);
+        confocal_file_clear(&f);
+    }
+}
+
+static void four_picoseconds_are_the_default(void **state)
+{
+    (void)state;
+    struct confocal_file f;
+    fill(counts);
+    write_scan(MAT_FT_MAT5, half_side_m, 0.0);
+    assert_int_equal(confocal_file_load(&f, path, NULL), 0);
+    assert_near(f.bin_m, 0.5 * CONFOCAL_LIGHT_M_S * 4e-12, 1e-15);
+    confocal_file_clear(&f);
+}
+
+static void groups_of_bins_keep_all_light_and_their_place(void **state)
+{
+    (void)state;
+    struct confocal_file f;
+    struct confocal_scan s;
+    fill(counts);
+    write_scan(MAT_FT_MAT5, half_side_m, bin_s);
+    assert_int_equal(confocal_file_load(&f, path, NULL), 0);
+    const double gate_m[2] = {9.5 * f.bin_m, 70.5 * f.bin_m}; /* bins 10..70: 61 */
+    assert_int_equal(confocal_scan_create(&s, &f, gate_m, 20, 0.0, NULL), 0);
+    assert_int_equal(s.n, 15); /* of 4 bins */
+    assert_near(s.range_m, 11.5 * f.bin_m, 1e-12);
+    assert_near(s.range_step_m, 4.0 * f.bin_m, 1e-12);
+    double sum = 0.0;
+    for (int g = 0; g < 4; g++)
+        sum += counts[(22 + g) * PLACES * PLACES + PLACES * PLACES - 1];
+    assert_near(s.counts[3], sum, 1e-3);
+    confocal_scan_clear(&s);
+    assert_int_equal(confocal_scan_create(&s, &f, gate_m, 20, 6.1 * f.bin_m, NULL), 0);
+    assert_int_equal(s.n, 10);
+    confocal_scan_clear(&s);
+    confocal_file_clear(&f);
+}
+
+static void the_gate_begins_between_direct_light_and_echo(void **state)
+{
+    (void)state;
+    struct confocal_file f;
+    double gate_m[2];
+    fill(counts);
+    write_scan(MAT_FT_MAT5, half_side_m, bin_s);
+    assert_int_equal(confocal_file_load(&f, path, NULL), 0);
+    confocal_file_gate(&f, gate_m);
+    assert_true(gate_m[0] > 0.15 && gate_m[0] < 0.47);
+    assert_near(gate_m[1], BINS * f.bin_m, 1e-9);
+    confocal_file_clear(&f);
+}
+
+static void a_point_is_where_it_is_with_every_method(void **state)
+{
+    (void)state;
+    fill(counts);
+    write_scan(MAT_FT_MAT5, half_side_m, bin_s);
+    for (const char *m = confocal_methods(); *m; m += strlen(m) + 1) {
+        struct recon_options o = {.confocal = path, .method = m, .threads = 2};
+        struct confocal_job job;
+        struct complaint why = {""};
+        size_t best = 0;
+        if (confocal_job_run(&job, &o, &why))
+            fail_msg("%s: %s", m, why.text);
+        for (size_t v = 0; v < grid_size(&job.grid); v++) {
+            assert_true(isfinite(job.intensity[v]) && job.intensity[v] >= 0.0f);
+            best = job.intensity[v] > job.intensity[best] ? v : best;
+        }
+        const struct grid *g = &job.grid;
+        const size_t i[3] = {best % g->n[0], best / g->n[0] % g->n[1],
+                             best / (g->n[0] * g->n[1])};
+        for (int a = 0; a < 3; a++) /* half a voxel of 4 cm; a pulse */
+            assert_near(g->origin_m[a] + (double)i[a] * g->step_m[a], at_m[a],
+                        a < 2 ? 0.0201 : 0.01);
+        confocal_job_clear(&job);
+    }
+}
+
+/* -- what is wrong with a file ----------------------------------------------------------
+ */
+
+static void expect_refusal(const char *text)
+{
+    char out[80];
+    struct command_result r;
+    snprintf(out, sizeof out, "%s-out", path);
+    char *words[] = {"recon", "--confocal", path, "--out", out, NULL};
+    command_run(&r, command_recon, words);
+    if (r.code != 2 || !strstr(r.err, text))
+        print_error("code %d, \"%s\" without \"%s\"\n", r.code, r.err, text);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, path));
+    assert_non_null(strstr(r.err, text));
+    assert_int_equal(access(out, F_OK), -1);
+}
+
+static void bad_files_are_told_by_variable(void **state)
+{
+    (void)state;
+    fill(counts);
+    write_scan(MAT_FT_MAT5, 0.0, 0.0);
+    expect_refusal("width");
+    write_scan(MAT_FT_MAT5, -1.0, 0.0);
+    expect_refusal("width: -1");
+    write_scan(MAT_FT_MAT5, half_side_m, 4.0);
+    expect_refusal("bin_s: 4");
+    memset(counts, 0, sizeof counts);
+    write_scan(MAT_FT_MAT73, half_side_m, bin_s);
+    expect_refusal("nothing but zeros");
+    mat_t *mat = Mat_CreateVer(path, NULL, MAT_FT_MAT5);
+    mat_put_number(mat, "width", half_side_m);
+    Mat_Close(mat);
+    expect_refusal("rect_data");
+    mat = Mat_CreateVer(path, NULL, MAT_FT_MAT5);
+    mat_put_number(mat, "width", half_side_m);
+    put_counts(mat, PLACES, 1, BINS, counts);
+    Mat_Close(mat);
+    expect_refusal("16 x 1 x 300");
+    assert_int_equal(truncate(path, 0), 0);
+    expect_refusal("MATLAB");
+    assert_int_equal(truncate(path, 5000), 0);
+    expect_refusal("");
+}
+
+static void what_is_not_finite_is_no_light_and_is_counted(void **state)
+{
+    (void)state;
+    struct confocal_file f;
+    fill(counts);
+    counts[1234] = NAN;
+    counts[5678] = INFINITY;
+    write_scan(MAT_FT_MAT5, half_side_m, bin_s);
+    assert_int_equal(confocal_file_load(&f, path, NULL), 0);
+    assert_int_equal(f.n_not_finite, 2);
+    assert_true(f.counts[1234] == 0.0f && f.counts[5678] == 0.0f);
+    confocal_file_clear(&f);
+}
+
+static void expect_usage(char *const words[], const char *text)
+{
+    struct command_result r;
+    command_run(&r, command_recon, words);
+    assert_int_equal(r.code, 2);
+    if (!strstr(r.err, text))
+        fail_msg("\"%s\" without \"%s\"", r.err, text);
+}
+
+static void wrong_arguments_are_told(void **state)
+{
+    (void)state;
+#define WORDS(...) ((char *const[]){"recon", "--confocal", path, __VA_ARGS__, NULL})
+    expect_usage(WORDS("--out", "x", "--method", "fast"), "lct, fk or backprojection");
+    expect_usage(WORDS("--out", "x", "--gate-m", "1"), "NEAR,FAR");
+    expect_usage(WORDS("--out", "x", "--gate-m", "2,1"), "NEAR,FAR");
+    expect_usage(WORDS("--out", "x", "--wav", "y"), "--wav");
+    expect_usage(WORDS("--method", "lct"), "--out DIR is missing");
+#undef WORDS
+}
+
+static void a_gate_without_bins_is_refused(void **state)
+{
+    (void)state;
+    struct command_result r;
+    char out[80];
+    fill(counts);
+    write_scan(MAT_FT_MAT5, half_side_m, bin_s);
+    snprintf(out, sizeof out, "%s-out", path);
+    char *words[] = {"recon", "--confocal", path, "--out", out, "--gate-m", "5,6", NULL};
+    command_run(&r, command_recon, words);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "--gate-m"));
+}
+
+/* -- measured scenes --------------------------------------------------------------------
+ */
+
+static bool run_measured(struct confocal_job *job, const struct recon_options *o)
+{
+    struct complaint why = {""};
+    if (access(o->confocal, R_OK)) {
+        print_message("%s is not there\n", o->confocal);
+        return false;
+    }
+    if (confocal_job_run(job, o, &why))
+        fail_msg("%s", why.text);
+    return true;
+}
+
+/* Mean of the maxima over depth in a rectangle. */
+static double brightness(const struct confocal_job *job, double x0, double x1, double y0,
+                         double y1)
+{
+    const struct grid *g = &job->grid;
+    double sum = 0.0;
+    int n = 0;
+    for (size_t q = 0; q < g->n[0] * g->n[1]; q++) {
+        double x = g->origin_m[0] + (double)(q % g->n[0]) * g->step_m[0];
+        double y = g->origin_m[1] + (double)(q / g->n[0]) * g->step_m[1];
+        float largest = 0.0f;
+        if (x < x0 || x > x1 || y < y0 || y > y1)
+            continue;
+        for (size_t z = 0; z < g->n[2]; z++)
+            largest = fmaxf(largest, job->intensity[z * g->n[0] * g->n[1] + q]);
+        sum += largest;
+        n++;
+    }
+    return sum / n;
+}
+
+/* Against the board below. */
+static double darkness(const struct confocal_job *job, double x0, double x1, double y0,
+                       double y1)
+{
+    return brightness(job, x0, x1, y0, y1) / brightness(job, x0, x1, -0.21, -0.17);
+}
+
+/* White board, dark arrow to the right below dark letters. */
+static void the_arrow_of_the_exit_sign_points_to_the_right(void **state)
+{
+    static const char *const methods[2] = {"lct", "fk"};
+    (void)state;
+    for (int m = 0; m < 2; m++) {
+        struct recon_options o = {
+            .confocal = MEASURED "exit_sign.mat", .method = methods[m], .threads = 2};
+        struct confocal_job job;
+        if (!run_measured(&job, &o))
+            skip();
+        double board = brightness(&job, -0.15, 0.15, -0.21, -0.17);
+        double beside = brightness(&job, -0.39, -0.3, -0.2, 0.2);
+        assert_true(darkness(&job, -0.15, 0.05, -0.115, -0.09) < 0.75); /* shaft */
+        assert_true(darkness(&job, 0.11, 0.15, -0.15, -0.13) + 0.1 <    /* head */
+                    darkness(&job, -0.15, -0.11, -0.15, -0.13));
+        assert_true(beside < 0.4 * board);
+        confocal_job_clear(&job);
+    }
+}
+
+static void the_nine_dots_are_found_ten_centimetres_apart(void **state)
+{
+    (void)state;
+    struct recon_options o = {
+        .confocal = MEASURED "dot_chart_40cm.mat", .method = "fk", .threads = 2};
+    struct confocal_job job;
+    if (!run_measured(&job, &o))
+        skip();
+    for (int dot = 0; dot < 9; dot++) {
+        double x = 0.005 + 0.1 * (dot % 3 - 1), y = 0.1 * (dot / 3 - 1);
+        bool found = false;
+        for (size_t i = 0; i < job.detections->n_detections; i++) {
+            const Anlos__Vec3 *p = job.detections->detections[i]->position_m;
+            found = found ||
+                    (hypot(p->x - x, p->y - y) < 0.012 && fabs(p->z - 0.4) < 0.02);
+        }
+        assert_true(found);
+    }
+    confocal_job_clear(&job);
+}
+
+#define test(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        test(bad_files_are_told_by_variable), /* these fork: before there are threads */
+        test(wrong_arguments_are_told),
+        test(a_gate_without_bins_is_refused),
+        test(scales_and_order_are_those_of_the_file),
+        test(four_picoseconds_are_the_default),
+        test(groups_of_bins_keep_all_light_and_their_place),
+        test(the_gate_begins_between_direct_light_and_echo),
+        test(a_point_is_where_it_is_with_every_method),
+        test(what_is_not_finite_is_no_light_and_is_counted),
+        test(the_arrow_of_the_exit_sign_points_to_the_right),
+        test(the_nine_dots_are_found_ten_centimetres_apart),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,256 @@
+/* Traces from elsewhere: echoes in closed form, written as MATLAB files. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <cmocka.h>
+
+#include "nodes/anlos/traces_band.h"
+#include "nodes/anlos/traces_file.h"
+#include "tests/nodes/mat_write.h"
+#include "tests/nodes/traces_write.h"
+#include "tests/recon/turntable.h"
+
+static char path[64];
+
+static int set_up(void **state)
+{
+    struct turntable *t = malloc(sizeof *t);
+    *state = t;
+    turntable_default(t);
+    strcpy(path, "/tmp/anlos-traces-XXXXXX");
+    int fd = mkstemp(path);
+    return fd < 0 || close(fd);
+}
+
+static int tear_down(void **state)
+{
+    free(*state);
+    return unlink(path);
+}
+
+static const struct scatterer points[2] = {{{0.02, 0.03, 0.01}, 1.0},
+                                           {{-0.05, 0.02, -0.03}, 0.7}};
+
+/* The traces are those of the echoes in the format that they name. */
+static void expect_echoes(const struct turntable *t, double limit_db)
+{
+    struct traces_file f;
+    struct complaint why = {""};
+    if (traces_load(&f, path, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(f.n_pings, TURNTABLE_PINGS);
+    assert_memory_equal(f.pings_m, t->pings_m, sizeof t->pings_m);
+    assert_true(f.sound_speed_m_s == 343.0);
+    /* Hann's ends are faint. */
+    assert_true(f.band_hz[0] > 9000.0 && f.band_hz[0] < 11500.0);
+    assert_true(f.band_hz[1] > 28500.0 && f.band_hz[1] < 31000.0);
+    assert_true(f.format.rate_hz >= 2.1 * (f.band_hz[1] - f.band_hz[0]));
+    size_t n = f.format.n_samples, skip = n / 20; /* a cut echo rings at the ends */
+    float complex *expected = malloc(TURNTABLE_PINGS * n * sizeof *expected);
+    turntable_traces(t, &f.format, points, 2, expected);
+    double largest = 0.0, worst = 0.0;
+    for (size_t i = 0; i < TURNTABLE_PINGS * n; i++) {
+        if (i % n < skip || i % n >= n - skip)
+            continue;
+        largest = fmax(largest, (double)cabsf(expected[i]));
+        worst = fmax(worst, (double)cabsf(f.traces[i] - expected[i]));
+    }
+    assert_true(largest > 1.0);
+    double error_db = 20.0 * log10(worst / largest);
+    if (!(error_db < limit_db))
+        fail_msg("%.1f dB, not below %.1f", error_db, limit_db);
+    free(expected);
+    traces_clear(&f);
+}
+
+static void basebanded_traces_come_at_a_rate_for_imaging(void **state)
+{
+    static const struct trace_format formats[4] = {
+        {0.003, 100000.0, 20000.0, 500},
+        {0.003, 100000.0, 15000.0, 500}, /* the carrier is not the band's middle */
+        {0.0031, 22000.0, 19500.0, 110}, /* just above the band's width */
+        {0.003, 20500.0, 20000.0, 105}};
+    for (int q = 0; q < 4; q++) {
+        struct traces_write w = {.format = formats[q]};
+        traces_write(&w, *state, path, points, 2);
+        expect_echoes(*state, -40.0);
+    }
+}
+
+static void traces_with_their_carrier_too(void **state)
+{
+    const struct trace_format f = {0.003, 100000.0, 0.0, 500};
+    struct traces_write analytic = {.format = f},
+                        conjugate = {.format = f, .conjugate = true},
+                        real = {.format = f, .real = true},
+                        doubles = {.format = f, .real = true, .doubles = true};
+    traces_write(&analytic, *state, path, points, 2);
+    expect_echoes(*state, -45.0);
+    traces_write(&conjugate, *state, path, points, 2);
+    expect_echoes(*state, -45.0);
+    traces_write(&real, *state, path, points, 2);
+    expect_echoes(*state, -45.0);
+    traces_write(&doubles, *state, path, points, 2);
+    expect_echoes(*state, -45.0);
+}
+
+static void the_newer_format_and_turned_arrays_too(void **state)
+{
+    const struct trace_format f = {0.003, 100000.0, 20000.0, 500};
+    struct traces_write newer = {.format = f, .v73 = true},
+                        turned = {.format = f, .v73 = true, .turned = true};
+    traces_write(&newer, *state, path, points, 2);
+    expect_echoes(*state, -45.0);
+    traces_write(&turned, *state, path, points, 2);
+    expect_echoes(*state, -45.0);
+}
+
+static void pings_without_sound_are_left_out(void **state)
+{
+    struct traces_file f;
+    struct complaint why = {""};
+    struct traces_write w = {.format = {0.003, 100000.0, 20000.0, 500}};
+    w.silent[3] = w.silent[70] = w.nan[8] = true;
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, &why), 0);
+    assert_int_equal(f.n_silent, 2);
+    assert_int_equal(f.n_not_finite, 1);
+    for (size_t k = 0; k < TURNTABLE_PINGS; k++)
+        assert_int_equal(f.masked[k], k == 3 || k == 70 || k == 8);
+    for (size_t i = 0; i < TURNTABLE_PINGS * f.format.n_samples; i++)
+        assert_true(isfinite(crealf(f.traces[i])) && isfinite(cimagf(f.traces[i])));
+    traces_clear(&f);
+
+    for (size_t k = 0; k < TURNTABLE_PINGS; k++)
+        w.silent[k] = true;
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, &why), -ENODATA);
+    assert_non_null(strstr(why.text, "traces: all are silent or not finite"));
+    traces_clear(&f);
+}
+
+static void what_is_missing_or_wrong_is_named(void **state)
+{
+    static const struct {
+        const char *leave_out;
+        double rate_hz;
+        const char *part;
+    } cases[] = {{"traces", 1e5, "expected a variable traces"},
+                 {"tx_m", 1e5, "expected a variable tx_m"},
+                 {"rx_m", 1e5, "expected a variable rx_m"},
+                 {"fc_hz", 1e5, "expected a variable fc_hz"},
+                 {"c_m_s", 1e5, "expected a variable c_m_s"},
+                 {NULL, 0.0, "fs_hz: is 0, expected"},
+                 {NULL, NAN, "fs_hz: is nan"}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct traces_file f;
+        struct complaint why = {""};
+        struct traces_write w = {.format = {0.003, 1e5, 20000.0, 100},
+                                 .leave_out = cases[i].leave_out,
+                                 .rate_hz = &cases[i].rate_hz};
+        traces_write(&w, *state, path, points, 2);
+        assert_true(traces_load(&f, path, &why) < 0);
+        if (!strstr(why.text, cases[i].part))
+            fail_msg("\"%s\" has no \"%s\"", why.text, cases[i].part);
+        traces_clear(&f);
+    }
+}
+
+static void as_many_places_as_pings(void **state)
+{
+    struct traces_file f;
+    struct complaint why = {""};
+    struct traces_write w = {.format = {0.003, 1e5, 20000.0, 100}, .short_rx = true};
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, &why), -EINVAL);
+    assert_non_null(
+        strstr(why.text, "rx_m: 179 x 3, expected as many pings as tx_m x 3"));
+    traces_clear(&f);
+}
+
+/* -- the band of a spectrum -------------------------------------------------------------
+ */
+
+enum { BINS = 1280 };
+
+static void expect_band(const double *power, size_t n_used, size_t n_spectra, size_t from,
+                        size_t to)
+{
+    size_t first, width, part = n_used / 128;
+    assert_int_equal(traces_band(power, BINS, n_used, n_spectra, &first, &width), 0);
+    assert_true(first <= from && first + part >= from);
+    assert_true(first + width >= to && first + width <= to + part);
+}
+
+static void a_band_is_found_wherever_it_lies(void **state)
+{
+    (void)state;
+    double power[BINS];
+    unsigned long long seed = 5;
+    static const size_t cases[4][2] = {{200, 500}, {0, 300}, {1000, 1400}, {900, 1280}};
+    for (int noisy = 0; noisy < 2; noisy++)
+        for (int q = 0; q < 4; q++) {
+            for (size_t b = 0; b < BINS; b++)
+                power[b] = noisy ? 0.1 * (0.9 + 0.2 * reference_random(&seed)) : 0.0;
+            for (size_t b = cases[q][0]; b < cases[q][1]; b++)
+                power[b % BINS] += 1.0;
+            expect_band(power, BINS, 100, cases[q][0], cases[q][1]);
+        }
+}
+
+static void a_real_signal_s_band_is_in_its_first_half(void **state)
+{
+    (void)state;
+    double power[BINS] = {0};
+    for (size_t b = 100; b < 300; b++)
+        power[b] = power[BINS - b] = 1.0;
+    expect_band(power, BINS / 2, 100, 100, 300);
+}
+
+static void a_spectrum_filled_to_the_brim_is_all_band(void **state)
+{
+    (void)state;
+    double power[BINS];
+    size_t first, width;
+    unsigned long long seed = 9;
+    for (size_t b = 0; b < BINS; b++)
+        power[b] = 0.7 + 0.6 * reference_random(&seed);
+    assert_int_equal(traces_band(power, BINS, BINS, 100, &first, &width), 0);
+    assert_int_equal(first, 0);
+    assert_int_equal(width, BINS);
+}
+
+static void silence_has_no_band(void **state)
+{
+    (void)state;
+    double power[BINS] = {0};
+    size_t first, width;
+    assert_int_equal(traces_band(power, BINS, BINS, 1, &first, &width), -EINVAL);
+    power[4] = INFINITY;
+    assert_int_equal(traces_band(power, BINS, BINS, 1, &first, &width), -EINVAL);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(basebanded_traces_come_at_a_rate_for_imaging),
+        TEST(traces_with_their_carrier_too),
+        TEST(the_newer_format_and_turned_arrays_too),
+        TEST(pings_without_sound_are_left_out),
+        TEST(what_is_missing_or_wrong_is_named),
+        TEST(as_many_places_as_pings),
+        cmocka_unit_test(a_band_is_found_wherever_it_lies),
+        cmocka_unit_test(a_real_signal_s_band_is_in_its_first_half),
+        cmocka_unit_test(a_spectrum_filled_to_the_brim_is_all_band),
+        cmocka_unit_test(silence_has_no_band),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
