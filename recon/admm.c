@@ -250,11 +250,14 @@ void admm_solve(struct admm *a, const float *b, double reference, float *x,
     else
         admm_blur_begin(a, b);
     survey(a, &largest, &length);
-    if (reference > 0.0)
-        largest = reference / (a->scale * a->gain);
+    double unit = reference > 0.0 ? reference / (a->scale * a->gain) : largest;
+    if (largest <= a->cfg.l1 * unit) { /* then 0 satisfies the optimum's conditions */
+        result->converged = true;
+        return;
+    }
     a->rho = a->cfg.rho;
-    a->kappa[0] = (float)(a->cfg.l1 * largest / a->rho);
-    a->kappa[1] = (float)(a->cfg.tv * largest / a->rho);
+    a->kappa[0] = (float)(a->cfg.l1 * unit / a->rho);
+    a->kappa[1] = (float)(a->cfg.tv * unit / a->rho);
     for (size_t d = 0; d < a->parts; d++)
         memset(a->v[0][d], 0, a->nz * a->plane * sizeof(float));
     iterate(a, length, result);

@@ -14,6 +14,8 @@
     12 /* rows of voxels that are summed together: their distances to all                \
           elements of a position stay in the cache */
 
+#define PIECE 256 /* voxels of one pair at once: what lies between stays in the cache */
+
 struct block { /* one a thread, for n voxels */
     size_t n;
     float *position[3];      /* [n] */
@@ -158,8 +160,9 @@ static void add_part(size_t n, const float *restrict re, const float *restrict i
 /* A ping of one speaker and one microphone: both ways at once, one phasor. */
 VECTOR_CLONES
 static void pair_delays(const struct backprojection *b, const double speaker[3],
-                        const double microphone[3], const struct block *s, size_t n,
-                        float *restrict delay, float *restrict re, float *restrict im)
+                        const double microphone[3], const struct block *s, size_t first,
+                        size_t n, float *restrict delay, float *restrict re,
+                        float *restrict im)
 {
     float sx = (float)speaker[0], sy = (float)speaker[1], sz = (float)speaker[2];
     float mx = (float)microphone[0], my = (float)microphone[1], mz = (float)microphone[2];
@@ -167,7 +170,8 @@ static void pair_delays(const struct backprojection *b, const double speaker[3],
     float start = (float)(1.0 - b->in.t0_s * b->rate_hz);
     float turns_per_m = (float)(b->in.carrier_hz / b->geometry.sound_speed_m_s);
     float last = (float)(b->n_stored - 2);
-    const float *x = s->position[0], *y = s->position[1], *z = s->position[2];
+    const float *x = s->position[0] + first, *y = s->position[1] + first;
+    const float *z = s->position[2] + first;
     for (size_t v = 0; v < n; v++) {
         float ax = x[v] - sx, ay = y[v] - sy, az = z[v] - sz;
         float bx = x[v] - mx, by = y[v] - my, bz = z[v] - mz;
@@ -201,9 +205,13 @@ static void add_ping(const struct backprojection *b, size_t k, const struct bloc
         return;
     geometry_speaker(&b->geometry, k, 0, speaker);
     geometry_microphone(&b->geometry, k, 0, microphone);
-    pair_delays(b, speaker, microphone, s, n, s->delay, s->phasor[0], s->phasor[1]);
-    add_single(backprojection_sample(b, k, 0, 0), n, s->delay, s->phasor[0], s->phasor[1],
-               s->sum[0], s->sum[1]);
+    for (size_t v = 0; v < n; v += PIECE) {
+        size_t m = n - v < PIECE ? n - v : PIECE;
+        pair_delays(b, speaker, microphone, s, v, m, s->delay, s->phasor[0],
+                    s->phasor[1]);
+        add_single(backprojection_sample(b, k, 0, 0), m, s->delay, s->phasor[0],
+                   s->phasor[1], s->sum[0] + v, s->sum[1] + v);
+    }
 }
 
 static void add_position(const struct backprojection *b, size_t k, const struct block *s,

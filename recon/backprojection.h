@@ -20,10 +20,10 @@ struct backprojection {
     size_t upsampling;
     size_t n_stored; /* samples of a stored trace; its first and its last two are 0 */
     double rate_hz;
-    double plane_z_m; /* depth counts from here: the middle of the array */
+    double plane_z_m;             /* depth counts from here: the middle of the array */
     double centre_m[3], spread_m; /* of pings with places of their own: mean, rms */
-    size_t muted;     /* stored samples before the gate */
-    double *fine;     /* interpolation weights of the stored rate */
+    size_t muted;                 /* stored samples before the gate */
+    double *fine;                 /* interpolation weights of the stored rate */
 
     /* Traces lie in groups of `lanes`: [group][n_stored][re, im][lanes].  A scan's group
      * is a pair and its lanes the stage positions; otherwise each trace is a group of

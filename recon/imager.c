@@ -29,10 +29,10 @@ void imager_options_default(struct imager_options *o)
     *o = (struct imager_options){
         .base = "fast",
         .iterations = 200,
-        .tolerance = 1e-4,
-        .l1 = 0.02,
+        .tolerance = 1e-3,
+        .l1 = 0.05,
         .tv = 0.01,
-        .rho = 0.03,
+        .rho = 0.06,
         .snr_db = 20.0,
         .lightcone = -1,
     };

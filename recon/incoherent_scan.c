@@ -10,9 +10,10 @@
 #include "dsp/vector.h"
 #include "recon/incoherent.h"
 
-#define SAME_M 1e-4 /* what a stage position may be off its place */
-#define ROWS   8    /* depths that are imaged together */
-#define BLOCK  16   /* differences summed together */
+#define SAME_M   1e-4 /* what a stage position may be off its place */
+#define ROWS     8    /* depths that are imaged together */
+#define BLOCK    16   /* differences that are planned together */
+#define TOGETHER 4    /* differences summed together */
 
 struct sweep {     /* one a thread */
     size_t n_d;    /* differences of x between voxel and stage */
@@ -58,8 +59,8 @@ static int sweep_create(struct sweep *s, const struct incoherent *b)
     s->n_sum = (nx + b->stride - 1) / b->stride + 2 * b->lanes + VECTOR_LANES;
     s->delay = malloc(ROWS * n_elements(b) * s->n_d * sizeof *s->delay);
     s->sum = malloc(ROWS * b->stride * s->n_sum * sizeof *s->sum);
-    s->sample = malloc(incoherent_pairs(b) * BLOCK * sizeof *s->sample);
-    s->beyond = malloc(incoherent_pairs(b) * BLOCK * sizeof *s->beyond);
+    s->sample = calloc(incoherent_pairs(b) * BLOCK, sizeof *s->sample);
+    s->beyond = calloc(incoherent_pairs(b) * BLOCK, sizeof *s->beyond);
     return s->delay && s->sum && s->sample && s->beyond ? 0 : -ENOMEM;
 }
 
@@ -150,37 +151,49 @@ static void lane_range(const struct incoherent *b, size_t d, size_t *first, size
     *end = high < (long)b->lanes ? (size_t)high : b->lanes;
 }
 
-/* sum[0..15] of 16 lanes over all pairs, for one difference. */
+/* sum [TOGETHER][16]: of 16 lanes over all pairs, for neighbouring differences, which
+ * read neighbouring samples. */
 VECTOR_CLONES
 static void sum_pairs(const struct incoherent *b, const float *stored, const int *sample,
                       const float *beyond, float *restrict sum)
 {
     size_t pairs = incoherent_pairs(b), pitch = b->n_stored * b->lanes;
-    vector16 one = {0}, other = {0};
+    vector16 part[TOGETHER] = {{0}};
     for (size_t pair = 0; pair < pairs; pair++, stored += pitch) {
-        const float *x = stored + (size_t)sample[pair * BLOCK] * b->lanes;
-        float f = beyond[pair * BLOCK];
-        one += (1.0f - f) * *(const vector16 *)x;
-        other += f * *(const vector16 *)(x + b->lanes);
+        for (size_t d = 0; d < TOGETHER; d++) {
+            const float *x = stored + (size_t)sample[pair * BLOCK + d] * b->lanes;
+            float f = beyond[pair * BLOCK + d];
+            part[d] += (1.0f - f) * *(const vector16 *)x;
+            part[d] += f * *(const vector16 *)(x + b->lanes);
+        }
     }
-    *(vector16 *)sum = one + other;
+    for (size_t d = 0; d < TOGETHER; d++)
+        *(vector16 *)(sum + d * VECTOR_LANES) = part[d];
 }
 
 /* Lane k of difference d belongs to voxel d - (lanes - 1) * stride + k * stride. */
 static void sum_block(const struct incoherent *b, struct sweep *s, size_t row,
                       size_t first, size_t n)
 {
-    float *rows = s->sum + row * b->stride * s->n_sum, part[VECTOR_LANES];
+    float *rows = s->sum + row * b->stride * s->n_sum, part[TOGETHER * VECTOR_LANES];
     plan_block(b, s->delay + row * n_elements(b) * s->n_d, s->n_d, first, n, s->sample,
                s->beyond);
-    for (size_t d = 0; d < n; d++) {
-        size_t low, end, voxel = first + d + b->stride;
-        float *to = rows + voxel % b->stride * s->n_sum + voxel / b->stride;
-        lane_range(b, first + d, &low, &end);
-        for (size_t k = low - low % VECTOR_LANES; k < end; k += VECTOR_LANES) {
+    for (size_t d = 0; d < n; d += TOGETHER) {
+        size_t together = n - d < TOGETHER ? n - d : TOGETHER, low = b->lanes, high = 0;
+        for (size_t e = 0; e < together; e++) {
+            size_t from, end;
+            lane_range(b, first + d + e, &from, &end);
+            low = from < low ? from : low;
+            high = end > high ? end : high;
+        }
+        for (size_t k = low - low % VECTOR_LANES; k < high; k += VECTOR_LANES) {
             sum_pairs(b, b->stored + k, s->sample + d, s->beyond + d, part);
-            for (size_t l = 0; l < VECTOR_LANES; l++)
-                to[k + l] += part[l];
+            for (size_t e = 0; e < together; e++) {
+                size_t voxel = first + d + e + b->stride;
+                float *to = rows + voxel % b->stride * s->n_sum + voxel / b->stride + k;
+                for (size_t l = 0; l < VECTOR_LANES; l++)
+                    to[l] += part[e * VECTOR_LANES + l];
+            }
         }
     }
 }

@@ -22,12 +22,15 @@
 #define SLAB_M       0.2 /* of depth, without what it shares with its neighbours */
 #define SLACK        1.1 /* of the transforms' sizes */
 #define PSF_PAIRS    512
-#define NEAREST      0.25 /* m; a slab nearer to the array takes the function from here */
+#define NEAREST_M    0.25 /* a slab nearer to the array takes the function from here */
 
 /* Of an extended mirror-like object the image is sharper than of points: too narrow a
- * function sharpens less, too wide a one eats the object (referee's letters: best between
- * 0.6 and 0.8). */
-#define WIDTH 0.8
+ * function sharpens less, too wide a one eats the object (referee's letters: 0.5 to 0.7
+ * is best). */
+#define WIDTH 0.6
+
+static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
+static const int diagonal[3] = {0, 3, 5};
 
 struct slab {
     size_t first, core;   /* planes of the image that are its own */
@@ -70,51 +73,78 @@ static void iterative_destroy(void *state)
 static void scale_measured(const struct psf *measured, double plane_z_m, double at_z_m,
                            double covariance[6])
 {
-    double near_m = fmax(fabs(measured->centre_m[2] - plane_z_m), NEAREST);
-    double s = fmax(fabs(at_z_m - plane_z_m), NEAREST) / near_m;
+    double near_m = fmax(fabs(measured->centre_m[2] - plane_z_m), NEAREST_M);
+    double s = fmax(fabs(at_z_m - plane_z_m), NEAREST_M) / near_m;
     const double factor[6] = {s * s, s * s, s, s * s, s, 1.0};
     for (int q = 0; q < 6; q++)
         covariance[q] = measured->covariance_m2[q] * factor[q];
 }
 
-static int slab_psf(struct slab *s, const struct imager_config *cfg,
-                    const struct psf *measured)
+/* The place of a slab's function: the middle of its planes, before the array. */
+static void slab_place(const struct slab *s, const struct imager_config *cfg,
+                       double plane_z_m, struct psf_config *out)
 {
-    static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
     const struct grid *g = &cfg->grid;
-    double low[3], high[3], middle[3];
-    struct psf psf;
-    geometry_aperture(cfg->geometry, low, high);
-    for (int a = 0; a < 3; a++)
-        middle[a] = g->origin_m[a] + 0.5 * g->step_m[a] * (double)(g->n[a] - 1);
-    middle[2] = g->origin_m[2] + g->step_m[2] * (double)(s->first + s->core / 2);
-    double plane_z_m = 0.5 * (low[2] + high[2]);
-    if (measured) {
-        scale_measured(measured, plane_z_m, middle[2], psf.covariance_m2);
-    } else {
-        struct psf_config p = {cfg->geometry,
-                               {cfg->band_hz[0], cfg->band_hz[1]},
-                               {middle[0], middle[1], middle[2]},
-                               PSF_PAIRS};
-        if (fabs(middle[2] - plane_z_m) < NEAREST)
-            p.at_m[2] = plane_z_m + NEAREST;
-        int err = psf_compute(&psf, &p, NULL, NULL);
-        if (err)
-            return err;
+    *out = (struct psf_config){.geometry = cfg->geometry,
+                               .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
+                               .n_pairs = PSF_PAIRS};
+    for (int a = 0; a < 2; a++)
+        out->at_m[a] = g->origin_m[a] + 0.5 * g->step_m[a] * (double)(g->n[a] - 1);
+    out->at_m[2] = g->origin_m[2] + g->step_m[2] * (double)(s->first + s->core / 2);
+    if (fabs(out->at_m[2] - plane_z_m) < NEAREST_M)
+        out->at_m[2] = plane_z_m + NEAREST_M;
+}
+
+/* A fit over the curvature in closed form: hardly depends on the place. */
+static int fit_correction(const struct psf_config *at, double correction[6])
+{
+    double closed[6];
+    struct psf fit;
+    int err = psf_curvature(at, closed);
+    if (!err)
+        err = psf_compute(&fit, at, NULL, NULL);
+    for (int q = 0; !err && q < 6; q++) {
+        double r = fit.covariance_m2[diagonal[row[q]]] / closed[diagonal[row[q]]];
+        double c = fit.covariance_m2[diagonal[column[q]]] / closed[diagonal[column[q]]];
+        correction[q] = sqrt(r * c);
     }
-    for (int q = 0; q < 6; q++)
-        s->covariance[q] = WIDTH * WIDTH * psf.covariance_m2[q] /
-                           (g->step_m[row[q]] * g->step_m[column[q]]);
-    return 0;
+    return err;
+}
+
+static int plan_functions(struct iterative *it, const struct imager_config *cfg,
+                          const struct psf *measured, const char **why)
+{
+    double low[3], high[3], correction[6];
+    struct psf_config at;
+    int err = 0;
+    geometry_aperture(cfg->geometry, low, high);
+    double plane_z_m = 0.5 * (low[2] + high[2]);
+    slab_place(&it->slabs[it->n_slabs / 2], cfg, plane_z_m, &at);
+    if (!measured)
+        err = fit_correction(&at, correction);
+    for (size_t i = 0; !err && i < it->n_slabs; i++) {
+        double *c = it->slabs[i].covariance;
+        slab_place(&it->slabs[i], cfg, plane_z_m, &at);
+        if (measured)
+            scale_measured(measured, plane_z_m, at.at_m[2], c);
+        else
+            err = psf_curvature(&at, c);
+        for (int q = 0; !err && q < 6; q++)
+            c[q] *= WIDTH * WIDTH * (measured ? 1.0 : correction[q]) /
+                    (cfg->grid.step_m[row[q]] * cfg->grid.step_m[column[q]]);
+    }
+    if (err == -ERANGE) {
+        *why = "an aperture that resolves all axes, or a measured PSF";
+        err = -ENOTSUP;
+    }
+    return err;
 }
 
 /* Slabs, their functions, and the size that holds the widest. */
 static int plan_slabs(struct iterative *it, const struct imager_config *cfg,
                       const struct psf *measured, const char **why)
 {
-    static const int diagonal[3] = {0, 3, 5};
     const size_t *n = cfg->grid.n;
-    double reach[3] = {0};
     size_t core = (size_t)fmax(rint(SLAB_M / cfg->grid.step_m[2]), 1.0);
     core = core < n[2] ? core : n[2];
     it->n_slabs = (n[2] + core - 1) / core;
@@ -122,24 +152,20 @@ static int plan_slabs(struct iterative *it, const struct imager_config *cfg,
     if (!it->slabs)
         return -ENOMEM;
     for (size_t i = 0; i < it->n_slabs; i++) {
-        struct slab *s = &it->slabs[i];
-        s->first = i * core;
-        s->core = s->first + core < n[2] ? core : n[2] - s->first;
-        int err = slab_psf(s, cfg, measured);
-        if (err == -ERANGE)
-            *why = "an aperture that resolves at least two axes (or a measured PSF)";
-        if (err)
-            return err == -ERANGE ? -ENOTSUP : err;
-        for (int a = 0; a < 3; a++)
-            reach[a] = fmax(reach[a], sqrt(fmax(s->covariance[diagonal[a]], 0.0)));
+        it->slabs[i].first = i * core;
+        it->slabs[i].core = (i + 1) * core < n[2] ? core : n[2] - i * core;
     }
-    for (int a = 0; a < 3; a++) {
-        size_t room = (size_t)fmin(ceil(REACH_SIGMAS * reach[a]), (double)n[a]);
+    int err = plan_functions(it, cfg, measured, why);
+    for (int a = 0; !err && a < 3; a++) {
+        double reach = 0.0;
+        for (size_t i = 0; i < it->n_slabs; i++)
+            reach = fmax(reach, sqrt(fmax(it->slabs[i].covariance[diagonal[a]], 0.0)));
+        size_t room = (size_t)fmin(ceil(REACH_SIGMAS * reach), (double)n[a]);
         if (a == 2)
             it->margin = it->n_slabs > 1 ? room : 0;
         it->n[a] = fft_size((a == 2 ? core + 2 * it->margin : n[a]) + room, SLACK);
     }
-    return 0;
+    return err;
 }
 
 static int plan_blur(struct iterative *it, const struct imager_config *cfg,
@@ -217,10 +243,10 @@ static float load(const struct iterative *it, const struct slab *s)
             continue;
         const float *plane = it->image + (s->first + k - it->margin) * nx * ny;
         for (size_t y = 0; y < ny; y++) {
-            float *row = it->amplitude + (k * it->n[1] + y) * it->n[0];
+            float *line = it->amplitude + (k * it->n[1] + y) * it->n[0];
             for (size_t x = 0; x < nx; x++) {
-                row[x] = sqrtf(fmaxf(plane[y * nx + x], 0.0f));
-                largest = fmaxf(largest, row[x]);
+                line[x] = sqrtf(fmaxf(plane[y * nx + x], 0.0f));
+                largest = fmaxf(largest, line[x]);
             }
         }
     }
@@ -232,10 +258,10 @@ static void store(const struct iterative *it, const struct slab *s, float *out)
     size_t nx = it->grid.n[0], ny = it->grid.n[1];
     for (size_t k = 0; k < s->core; k++) {
         for (size_t y = 0; y < ny; y++) {
-            const float *row = it->sharp + ((k + it->margin) * it->n[1] + y) * it->n[0];
+            const float *line = it->sharp + ((k + it->margin) * it->n[1] + y) * it->n[0];
             float *to = out + ((s->first + k) * ny + y) * nx;
             for (size_t x = 0; x < nx; x++)
-                to[x] = row[x] * row[x];
+                to[x] = line[x] * line[x];
         }
     }
 }

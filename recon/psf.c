@@ -9,7 +9,7 @@
 #define WIDTH_SIGMAS  2.35482 /* exp(-1/2 d^2) is above 1/2 over 2 sqrt(2 ln 2) */
 #define JACOBI_SWEEPS 30
 #define SAME_M        1e-3 /* midpoints closer than this are one */
-#define GRID_HALF     8    /* voxels of psf_compute's grid on each side of the point */
+#define GRID_HALF     6    /* voxels of psf_compute's grid on each side of the point */
 #define GRID_SIGMAS   0.3  /* their step in standard deviations */
 #define COMPUTE_PAIRS 4096 /* enough for the main lobe of any aperture */
 #define HANN_VARIANCE 0.0326727 /* of a Hann window of length 1: 1/12 - 1/(2 pi^2) */
@@ -161,6 +161,19 @@ static void closed_form(const struct psf_config *cfg, const struct pair *pairs, 
     }
     for (int q = 0; q < 6; q++)
         precision[q] -= mean[row_of[q]] * mean[column_of[q]];
+}
+
+int psf_curvature(const struct psf_config *cfg, double covariance_m2[6])
+{
+    struct pair *pairs;
+    double precision[6];
+    size_t n;
+    int err = list_pairs(&pairs, &n, cfg);
+    if (err)
+        return err;
+    closed_form(cfg, pairs, n, precision);
+    free(pairs);
+    return psf_invert(precision, covariance_m2) ? 0 : -ERANGE;
 }
 
 /* The middle of the grid is the point; an axis that nothing resolves has one voxel. */
