@@ -23,9 +23,9 @@ struct imager_options {
     bool tv_isotropic; /* iterative */
     double rho;        /* iterative: penalty to start with, relative */
     const struct psf *psf; /* iterative: as measured; NULL: from the geometry */
-    double snr_db;     /* lct: of the Wiener filter */
-    int lightcone;     /* paper: 1 always, 0 never, -1 unless it sees a mirror */
-    double coherence;  /* backprojection: exponent of the coherence factor; 0: off */
+    double snr_db;         /* lct: of the Wiener filter */
+    int lightcone;         /* paper: 1 always, 0 never, -1 unless it sees a mirror */
+    double coherence;      /* backprojection: exponent of the coherence factor; 0: off */
 };
 
 void imager_options_default(struct imager_options *o);

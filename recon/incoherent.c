@@ -34,6 +34,7 @@ static void incoherent_destroy(void *state)
         incoherent_scan_destroy(b);
     else
         incoherent_any_destroy(b);
+    incoherent_slabs_destroy(b);
     for (size_t t = 0; b->scratch && t < pool_threads(b->pool); t++)
         free(b->scratch[t]);
     free(b->scratch);
@@ -139,7 +140,12 @@ static int incoherent_create(void **state, const struct imager_config *cfg,
         err = plan_filter(b, s / cfg->geometry->sound_speed_m_s * b->in.rate_hz);
     }
     if (!err) {
-        b->scan = incoherent_scan_fits(b);
+        err = incoherent_slabs_create(b);
+    }
+    if (!err) {
+        b->scan = true;
+        for (size_t i = 0; i < b->n_slabs; i++)
+            b->scan = incoherent_scan_fits(b, &b->slabs[i]) && b->scan;
         b->lanes = b->scan ? (b->geometry.n_positions + LANE_BLOCK - 1) / LANE_BLOCK *
                                  LANE_BLOCK
                            : 1;
@@ -242,6 +248,29 @@ static void filter_group(void *ctx, size_t group, size_t thread)
         filter_trace(b, n, b->scratch[thread], out);
 }
 
+/* A slab's voxels, finely spaced, where they are above 0. */
+static void image_slab(struct incoherent *b, const struct incoherent_slab *slab,
+                       float *intensity)
+{
+    b->slab = slab;
+    b->image = slab->resample ? b->coarse : intensity;
+    if (b->scan)
+        incoherent_scan(b);
+    else
+        incoherent_any(b);
+    if (slab->resample)
+        resample_volume(slab->resample, b->coarse, intensity);
+}
+
+static void clip(void *ctx, size_t plane, size_t thread)
+{
+    struct incoherent *b = ctx;
+    size_t n = b->grid.n[0] * b->grid.n[1];
+    (void)thread;
+    for (size_t v = plane * n; v < (plane + 1) * n; v++)
+        b->image[v] = b->image[v] > 0.0f ? b->image[v] : 0.0f;
+}
+
 static void incoherent_image(void *state, float *intensity)
 {
     struct incoherent *b = state;
@@ -249,11 +278,11 @@ static void incoherent_image(void *state, float *intensity)
     for (size_t t = 0; t < n_traces(b); t++)
         b->fold[b->cell[t]] += b->live[t];
     pool_run(b->pool, b->n_groups, filter_group, b);
+    for (size_t i = 0; i < b->n_slabs; i++)
+        image_slab(b, &b->slabs[i],
+                   intensity + b->slabs[i].first_plane * b->grid.n[0] * b->grid.n[1]);
     b->image = intensity;
-    if (b->scan)
-        incoherent_scan(b);
-    else
-        incoherent_any(b);
+    pool_run(b->pool, b->grid.n[2], clip, b);
 }
 
 const struct imager_method method_incoherent = {

@@ -15,11 +15,12 @@
 #include <stdint.h>
 
 #include "recon/imager.h"
+#include "recon/resample.h"
 
 struct incoherent {
     struct geometry geometry;
     struct trace_format in;
-    struct grid grid;
+    struct grid grid; /* of the image */
     struct pool *pool;
     size_t first;  /* samples of a trace before the gate */
     float *gain;   /* [in.n_samples]: squared range, faded in and out; 0 first */
@@ -40,10 +41,22 @@ struct incoherent {
     float *stored;
     float **scratch; /* [threads][in.n_samples + taps][lanes] */
     void *sweeps;    /* of the imaging part */
-    float *image;
 
-    size_t stride;  /* scan: voxels between two stage positions */
-    double first_m; /* scan: x of stage position 0 */
+    struct incoherent_slab *slabs;
+    size_t n_slabs;
+    float *coarse; /* image of one slab */
+
+    const struct incoherent_slab *slab; /* being imaged */
+    float *image;                       /* to here, negative values too */
+};
+
+/* Some depths of the image.  Power changes slowly sideways, the more so the farther away:
+ * it is imaged on fewer voxels and interpolated. */
+struct incoherent_slab {
+    struct grid grid;
+    size_t first_plane, n_planes; /* of the image */
+    struct resample *resample;    /* NULL: grid is the image's own */
+    size_t stride;                /* scan: voxels between two stage positions */
 };
 
 #define INCOHERENT_FINE 2
@@ -58,13 +71,18 @@ static inline double incoherent_rate_hz(const struct incoherent *b)
     return b->in.rate_hz * INCOHERENT_FINE;
 }
 
-/* The way through all voxels, for any geometry and for a scan.  create: 0 or -ENOMEM. */
+/* Cuts the image into slabs.  0, -ENOMEM. */
+int incoherent_slabs_create(struct incoherent *b);
+void incoherent_slabs_destroy(struct incoherent *b);
+
+/* The way through all voxels of a slab, for any geometry and for a scan.  create: 0 or
+ * -ENOMEM. */
 int incoherent_any_create(struct incoherent *b);
 void incoherent_any(struct incoherent *b);
 void incoherent_any_destroy(struct incoherent *b);
 
-/* Does the geometry fit?  Sets stride and first_m. */
-bool incoherent_scan_fits(struct incoherent *b);
+/* Does the geometry fit the slab?  Sets its stride. */
+bool incoherent_scan_fits(const struct incoherent *b, struct incoherent_slab *slab);
 int incoherent_scan_create(struct incoherent *b);
 void incoherent_scan(struct incoherent *b);
 void incoherent_scan_destroy(struct incoherent *b);

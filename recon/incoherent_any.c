@@ -94,7 +94,7 @@ static void image_block(void *ctx, size_t item, size_t thread)
 {
     struct incoherent *b = ctx;
     struct sweep *s = (struct sweep *)b->sweeps + thread;
-    const struct grid *g = &b->grid;
+    const struct grid *g = &b->slab->grid;
     size_t first = item * BLOCK, all = grid_size(g);
     size_t n = all - first < BLOCK ? all - first : BLOCK;
     for (size_t v = 0; v < BLOCK; v++) {
@@ -107,10 +107,10 @@ static void image_block(void *ctx, size_t item, size_t thread)
     for (size_t k = 0; k < b->geometry.n_positions; k++)
         add_position(b, s, k);
     for (size_t v = 0; v < n; v++)
-        b->image[first + v] = s->sum[v] > 0.0f ? s->sum[v] : 0.0f;
+        b->image[first + v] = s->sum[v];
 }
 
 void incoherent_any(struct incoherent *b)
 {
-    pool_run(b->pool, (grid_size(&b->grid) + BLOCK - 1) / BLOCK, image_block, b);
+    pool_run(b->pool, (grid_size(&b->slab->grid) + BLOCK - 1) / BLOCK, image_block, b);
 }

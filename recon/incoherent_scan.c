@@ -29,13 +29,13 @@ static size_t n_elements(const struct incoherent *b)
     return b->geometry.n_speakers + b->geometry.n_microphones;
 }
 
-bool incoherent_scan_fits(struct incoherent *b)
+bool incoherent_scan_fits(const struct incoherent *b, struct incoherent_slab *slab)
 {
     const struct geometry *g = &b->geometry;
     if (g->pings_m || g->n_positions < VECTOR_LANES ||
         fabs(g->stage_axis[0] - 1.0) > 1e-9)
         return false;
-    double step_m = b->grid.step_m[0];
+    double step_m = slab->grid.step_m[0];
     double pitch_m =
         (g->stage_positions_m[g->n_positions - 1] - g->stage_positions_m[0]) /
         (double)(g->n_positions - 1);
@@ -47,18 +47,33 @@ bool incoherent_scan_fits(struct incoherent *b)
         if (fabs(at - g->stage_positions_m[k]) > SAME_M)
             return false;
     }
-    b->stride = (size_t)stride;
-    b->first_m = g->stage_positions_m[0];
+    slab->stride = (size_t)stride;
     return true;
+}
+
+static size_t differences(const struct incoherent *b, const struct incoherent_slab *slab)
+{
+    return slab->grid.n[0] + (b->lanes - 1) * slab->stride;
+}
+
+/* Voxels of one remainder, with the lanes' overhang on both sides. */
+static size_t sums(const struct incoherent *b, const struct incoherent_slab *slab)
+{
+    return (slab->grid.n[0] + slab->stride - 1) / slab->stride + 2 * b->lanes +
+           VECTOR_LANES;
 }
 
 static int sweep_create(struct sweep *s, const struct incoherent *b)
 {
-    size_t nx = b->grid.n[0];
-    s->n_d = nx + (b->lanes - 1) * b->stride;
-    s->n_sum = (nx + b->stride - 1) / b->stride + 2 * b->lanes + VECTOR_LANES;
-    s->delay = malloc(ROWS * n_elements(b) * s->n_d * sizeof *s->delay);
-    s->sum = malloc(ROWS * b->stride * s->n_sum * sizeof *s->sum);
+    size_t n_d = 0, n_sum = 0;
+    for (size_t i = 0; i < b->n_slabs; i++) {
+        size_t d = differences(b, &b->slabs[i]);
+        size_t n = sums(b, &b->slabs[i]) * b->slabs[i].stride;
+        n_d = d > n_d ? d : n_d;
+        n_sum = n > n_sum ? n : n_sum;
+    }
+    s->delay = malloc(ROWS * n_elements(b) * n_d * sizeof *s->delay);
+    s->sum = malloc(ROWS * n_sum * sizeof *s->sum);
     s->sample = calloc(incoherent_pairs(b) * BLOCK, sizeof *s->sample);
     s->beyond = calloc(incoherent_pairs(b) * BLOCK, sizeof *s->beyond);
     return s->delay && s->sum && s->sample && s->beyond ? 0 : -ENOMEM;
@@ -95,7 +110,8 @@ static void element_delays(const struct incoherent *b, double x0_m, double besid
 {
     float per_m = (float)(incoherent_rate_hz(b) / b->geometry.sound_speed_m_s);
     float start = (float)(0.5 * (1.0 - b->in.t0_s * incoherent_rate_hz(b)));
-    float x0 = (float)x0_m, step = (float)b->grid.step_m[0], beside2 = (float)beside2_m2;
+    float x0 = (float)x0_m, step = (float)b->slab->grid.step_m[0],
+          beside2 = (float)beside2_m2;
     for (size_t d = 0; d < n; d++) {
         float dx = x0 + step * (float)(int)d;
         delay[d] = start + per_m * sqrtf(dx * dx + beside2);
@@ -106,16 +122,18 @@ static void row_start(const struct incoherent *b, const struct sweep *s, size_t 
                       double y_m, double z_m)
 {
     const struct geometry *g = &b->geometry;
-    double back_m = (double)((b->lanes - 1) * b->stride) * b->grid.step_m[0];
+    double back_m = (double)((b->lanes - 1) * b->slab->stride) * b->slab->grid.step_m[0];
     for (size_t e = 0; e < n_elements(b); e++) {
         const double *at = e < g->n_speakers ? g->speakers_m[e]
                                              : g->microphones_m[e - g->n_speakers];
-        double x0_m = b->grid.origin_m[0] - back_m - b->first_m - at[0];
+        double x0_m = b->slab->grid.origin_m[0] - back_m -
+                      b->geometry.stage_positions_m[0] - at[0];
         double dy = y_m - at[1], dz = z_m - at[2];
         element_delays(b, x0_m, dy * dy + dz * dz, s->n_d,
                        s->delay + (row * n_elements(b) + e) * s->n_d);
     }
-    memset(s->sum + row * b->stride * s->n_sum, 0, b->stride * s->n_sum * sizeof *s->sum);
+    memset(s->sum + row * b->slab->stride * s->n_sum, 0,
+           b->slab->stride * s->n_sum * sizeof *s->sum);
 }
 
 /* Which samples all pairs read for the differences first..first + n - 1. */
@@ -143,10 +161,10 @@ static void plan_block(const struct incoherent *b, const float *delay, size_t n_
 /* Stage positions whose voxel for difference d lies on the grid: first..end-1. */
 static void lane_range(const struct incoherent *b, size_t d, size_t *first, size_t *end)
 {
-    long back = (long)((b->lanes - 1) * b->stride), stride = (long)b->stride;
+    long back = (long)((b->lanes - 1) * b->slab->stride), stride = (long)b->slab->stride;
     long voxel = (long)d - back; /* of lane 0 */
     long low = voxel >= 0 ? 0 : (-voxel + stride - 1) / stride;
-    long high = ((long)b->grid.n[0] - 1 - voxel) / stride + 1;
+    long high = ((long)b->slab->grid.n[0] - 1 - voxel) / stride + 1;
     *first = (size_t)low;
     *end = high < (long)b->lanes ? (size_t)high : b->lanes;
 }
@@ -175,7 +193,8 @@ static void sum_pairs(const struct incoherent *b, const float *stored, const int
 static void sum_block(const struct incoherent *b, struct sweep *s, size_t row,
                       size_t first, size_t n)
 {
-    float *rows = s->sum + row * b->stride * s->n_sum, part[TOGETHER * VECTOR_LANES];
+    float *rows = s->sum + row * b->slab->stride * s->n_sum,
+          part[TOGETHER * VECTOR_LANES];
     plan_block(b, s->delay + row * n_elements(b) * s->n_d, s->n_d, first, n, s->sample,
                s->beyond);
     for (size_t d = 0; d < n; d += TOGETHER) {
@@ -189,8 +208,9 @@ static void sum_block(const struct incoherent *b, struct sweep *s, size_t row,
         for (size_t k = low - low % VECTOR_LANES; k < high; k += VECTOR_LANES) {
             sum_pairs(b, b->stored + k, s->sample + d, s->beyond + d, part);
             for (size_t e = 0; e < together; e++) {
-                size_t voxel = first + d + e + b->stride;
-                float *to = rows + voxel % b->stride * s->n_sum + voxel / b->stride + k;
+                size_t voxel = first + d + e + b->slab->stride;
+                float *to = rows + voxel % b->slab->stride * s->n_sum +
+                            voxel / b->slab->stride + k;
                 for (size_t l = 0; l < VECTOR_LANES; l++)
                     to[l] += part[e * VECTOR_LANES + l];
             }
@@ -201,13 +221,12 @@ static void sum_block(const struct incoherent *b, struct sweep *s, size_t row,
 static void row_finish(const struct incoherent *b, const struct sweep *s, size_t row,
                        size_t y, size_t z)
 {
-    const struct grid *g = &b->grid;
-    const float *sum = s->sum + row * b->stride * s->n_sum;
+    const struct grid *g = &b->slab->grid;
+    const float *sum = s->sum + row * b->slab->stride * s->n_sum;
     float *out = b->image + (z * g->n[1] + y) * g->n[0];
     for (size_t x = 0; x < g->n[0]; x++) {
-        size_t voxel = x + b->stride * b->lanes;
-        float value = sum[voxel % b->stride * s->n_sum + voxel / b->stride];
-        out[x] = value > 0.0f ? value : 0.0f;
+        size_t voxel = x + b->slab->stride * b->lanes;
+        out[x] = sum[voxel % b->slab->stride * s->n_sum + voxel / b->slab->stride];
     }
 }
 
@@ -215,9 +234,11 @@ static void image_rows(void *ctx, size_t item, size_t thread)
 {
     struct incoherent *b = ctx;
     struct sweep *s = (struct sweep *)b->sweeps + thread;
-    const struct grid *g = &b->grid;
+    const struct grid *g = &b->slab->grid;
     size_t y = item % g->n[1], z = item / g->n[1] * ROWS;
     size_t n_rows = g->n[2] - z < ROWS ? g->n[2] - z : ROWS;
+    s->n_d = differences(b, b->slab);
+    s->n_sum = sums(b, b->slab);
     for (size_t r = 0; r < n_rows; r++)
         row_start(b, s, r, g->origin_m[1] + g->step_m[1] * (double)y,
                   g->origin_m[2] + g->step_m[2] * (double)(z + r));
@@ -230,6 +251,6 @@ static void image_rows(void *ctx, size_t item, size_t thread)
 
 void incoherent_scan(struct incoherent *b)
 {
-    size_t slabs = (b->grid.n[2] + ROWS - 1) / ROWS;
-    pool_run(b->pool, slabs * b->grid.n[1], image_rows, b);
+    size_t slabs = (b->slab->grid.n[2] + ROWS - 1) / ROWS;
+    pool_run(b->pool, slabs * b->slab->grid.n[1], image_rows, b);
 }

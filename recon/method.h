@@ -22,5 +22,6 @@ extern const struct imager_method method_confocal;
 extern const struct imager_method method_lct;
 extern const struct imager_method method_paper;
 extern const struct imager_method method_iterative;
+extern const struct imager_method method_sparse;
 
 #endif

@@ -1,4 +1,4 @@
-#include "recon/sparse_operator.h"
+#include "recon/sparse_operator_plan.h"
 
 #include <errno.h>
 #include <math.h>
@@ -7,45 +7,6 @@
 
 #include "dsp/vector.h"
 #include "recon/fold.h"
-
-#define FRACTIONS 512 /* steps of the pulse's table between two samples */
-#define REACH     4.0 /* of the pulse, over 1 / band: -46 dB and falling */
-#define MAX_HALF  16  /* samples of it on each side, at most */
-#define RUNS      16  /* sums are split in so many parts, however many threads there are */
-
-struct sparse_operator {
-    struct geometry geometry;
-    struct trace_format format;
-    struct pool *pool;
-    size_t pairs, n_traces, max_points, n;
-    size_t half; /* samples of the pulse on each side */
-    float *pulse; /* [FRACTIONS + 1][2 * half] */
-    float *traces; /* [position][speaker][microphone][n_samples] re im */
-    bool *live;    /* [position][speaker][microphone] */
-    float *weight; /* square root of what each trace counts */
-    struct fold *fold;
-
-    /* [position][speakers, microphones][max_points]: delay in samples (of a pair the sum
-     * of two), carrier's phasor over it times one over the distance */
-    float *delay, *re, *im;
-    float *scale; /* [max_points]: makes columns unit length */
-
-    struct run { /* one a part of the sums */
-        float *sum_re, *sum_im; /* [max_points] */
-        float *window;          /* [2][n_samples + 2 * half] of one trace: re, im */
-    } runs[RUNS];
-
-    /* of the call under way */
-    float *x_re, *x_im; /* [max_points], scaled */
-    const float *from;
-    float *to;
-    bool forward, adjoint;
-};
-
-static size_t elements(const struct sparse_operator *s)
-{
-    return s->geometry.n_speakers + s->geometry.n_microphones;
-}
 
 static size_t window_size(const struct sparse_operator *s)
 {
@@ -57,16 +18,17 @@ void sparse_operator_destroy(struct sparse_operator *s)
     if (!s)
         return;
     float *const all[] = {s->pulse, s->traces, s->weight, s->delay, s->re,
-                          s->im,    s->scale,  s->x_re,   s->x_im};
+                          s->im,    s->scale,  s->x_re,   s->x_im,  s->autocorrelation};
     for (size_t a = 0; a < sizeof all / sizeof *all; a++)
         free(all[a]);
-    for (size_t r = 0; r < RUNS; r++) {
+    for (size_t r = 0; r < SPARSE_RUNS; r++) {
         free(s->runs[r].sum_re);
         free(s->runs[r].sum_im);
         free(s->runs[r].window);
     }
     free(s->live);
-    fold_destroy(s->fold);
+    free(s->cell);
+    free(s->fold);
     geometry_clear(&s->geometry);
     free(s);
 }
@@ -82,19 +44,46 @@ static double hann_pulse(double x)
     return sin(y) / (y * (1.0 - x * x));
 }
 
+static double sinc(double x)
+{
+    return fabs(x) < 1e-9 ? 1.0 : sin(M_PI * x) / (M_PI * x);
+}
+
+/* Of the Hann pulse, whose spectrum is cos^2: cos^4 in powers of exp(2 pi i f). */
+static double hann_autocorrelation(double x)
+{
+    return sinc(x) + (sinc(x - 1.0) + sinc(x + 1.0)) * 2.0 / 3.0 +
+           (sinc(x - 2.0) + sinc(x + 2.0)) / 6.0;
+}
+
+/* per_sample: samples in units of 1 / band. */
+static void fill_tables(struct sparse_operator *s, double per_sample)
+{
+    for (size_t f = 0; f <= SPARSE_FRACTIONS; f++) {
+        for (size_t k = 0; k < 2 * s->half; k++) {
+            double at = (double)k - (double)(s->half - 1) - (double)f / SPARSE_FRACTIONS;
+            s->pulse[f * 2 * s->half + k] = (float)hann_pulse(at * per_sample);
+        }
+    }
+    for (size_t q = 0; q < s->n_lags; q++)
+        s->autocorrelation[q] =
+            (float)hann_autocorrelation((double)q / SPARSE_LAGS * per_sample);
+}
+
 static int allocate(struct sparse_operator *s)
 {
     size_t taps = 2 * s->half, points = s->max_points;
-    size_t table = s->geometry.n_positions * elements(s) * points;
+    size_t table = s->geometry.n_positions * sparse_elements(s) * points;
     struct {
         float **at;
         size_t n;
-    } all[] = {{&s->pulse, (FRACTIONS + 1) * taps},
+    } all[] = {{&s->pulse, (SPARSE_FRACTIONS + 1) * taps},
                {&s->traces, 2 * s->n_traces * s->format.n_samples},
                {&s->weight, s->n_traces},
                {&s->delay, table},
                {&s->re, table},
                {&s->im, table},
+               {&s->autocorrelation, s->n_lags},
                {&s->scale, points},
                {&s->x_re, points},
                {&s->x_im, points}};
@@ -102,16 +91,20 @@ static int allocate(struct sparse_operator *s)
     for (size_t a = 0; a < sizeof all / sizeof *all; a++)
         if (!(*all[a].at = calloc(all[a].n, sizeof(float))))
             err = -ENOMEM;
-    for (size_t r = 0; r < RUNS; r++) {
-        struct run *run = &s->runs[r];
+    for (size_t r = 0; r < SPARSE_RUNS; r++) {
+        struct sparse_run *run = &s->runs[r];
         run->sum_re = malloc(points * sizeof(float));
         run->sum_im = malloc(points * sizeof(float));
-        run->window = calloc(2 * window_size(s), sizeof(float));
+        /* also three rows of points, for the Gram matrix */
+        size_t window = 2 * window_size(s);
+        run->window = calloc(window > 3 * points ? window : 3 * points, sizeof(float));
         if (!run->sum_re || !run->sum_im || !run->window)
             err = -ENOMEM;
     }
     s->live = calloc(s->n_traces, sizeof *s->live);
-    return s->live ? err : -ENOMEM;
+    s->cell = calloc(s->n_traces, sizeof *s->cell);
+    s->fold = calloc(s->n_traces, sizeof *s->fold);
+    return s->live && s->cell && s->fold ? err : -ENOMEM;
 }
 
 int sparse_operator_create(struct sparse_operator **out, const struct imager_config *cfg,
@@ -124,7 +117,9 @@ int sparse_operator_create(struct sparse_operator **out, const struct imager_con
     s->format = cfg->format;
     s->pool = cfg->pool;
     s->max_points = max_points;
-    s->half = (size_t)fmin(ceil(REACH * s->format.rate_hz / band_hz), MAX_HALF);
+    s->half =
+        (size_t)fmin(ceil(SPARSE_REACH * s->format.rate_hz / band_hz), SPARSE_MAX_HALF);
+    s->n_lags = (size_t)ceil(SPARSE_REACH * s->format.rate_hz / band_hz * SPARSE_LAGS);
     int err = geometry_copy(&s->geometry, cfg->geometry);
     if (!err) {
         s->pairs = s->geometry.n_speakers * s->geometry.n_microphones;
@@ -132,17 +127,12 @@ int sparse_operator_create(struct sparse_operator **out, const struct imager_con
         err = allocate(s);
     }
     if (!err)
-        err = fold_create(&s->fold, &s->geometry);
+        err = fold_number(&s->geometry, s->cell, &s->n_cells);
     if (err) {
         sparse_operator_destroy(s);
         return err;
     }
-    for (size_t f = 0; f <= FRACTIONS; f++)
-        for (size_t k = 0; k < 2 * s->half; k++) {
-            double at = (double)k - (double)(s->half - 1) - (double)f / FRACTIONS;
-            s->pulse[f * 2 * s->half + k] =
-                (float)hann_pulse(at * band_hz / s->format.rate_hz);
-        }
+    fill_tables(s, band_hz / s->format.rate_hz);
     *out = s;
     return 0;
 }
@@ -181,9 +171,9 @@ static void place_position(void *ctx, size_t k, size_t thread)
     struct sparse_operator *s = p->s;
     const struct geometry *g = &s->geometry;
     (void)thread;
-    for (size_t e = 0; e < elements(s); e++) {
+    for (size_t e = 0; e < sparse_elements(s); e++) {
         double from[3];
-        size_t at = (k * elements(s) + e) * s->max_points;
+        size_t at = (k * sparse_elements(s) + e) * s->max_points;
         if (e < g->n_speakers)
             geometry_speaker(g, k, e, from);
         else
@@ -204,7 +194,15 @@ static void place_position(void *ctx, size_t k, size_t thread)
     }
 }
 
-static void run_all(struct sparse_operator *s);
+/* Each midpoint counts once. */
+static void weigh(struct sparse_operator *s)
+{
+    memset(s->fold, 0, s->n_cells * sizeof *s->fold);
+    for (size_t t = 0; t < s->n_traces; t++)
+        s->fold[s->cell[t]] += s->live[t];
+    for (size_t t = 0; t < s->n_traces; t++)
+        s->weight[t] = s->live[t] ? 1.0f / sqrtf((float)s->fold[s->cell[t]]) : 0.0f;
+}
 
 /* Columns of length 1: |p|^2 hardly depends on the fraction, the rest is known. */
 static void scale_columns(struct sparse_operator *s)
@@ -213,12 +211,12 @@ static void scale_columns(struct sparse_operator *s)
     size_t n_m = s->geometry.n_microphones;
     double energy = 0.0;
     for (size_t k = 0; k < taps; k++)
-        energy += pow(s->pulse[FRACTIONS / 2 * taps + k], 2.0);
+        energy += pow(s->pulse[SPARSE_FRACTIONS / 2 * taps + k], 2.0);
     for (size_t v = 0; v < s->n; v++) {
         double sum = 0.0;
         for (size_t k = 0; k < s->geometry.n_positions; k++) {
-            const float *re = s->re + k * elements(s) * s->max_points + v;
-            const float *im = s->im + k * elements(s) * s->max_points + v;
+            const float *re = s->re + k * sparse_elements(s) * s->max_points + v;
+            const float *im = s->im + k * sparse_elements(s) * s->max_points + v;
             for (size_t pair = 0; pair < s->pairs; pair++) {
                 size_t j = pair / n_m * s->max_points;
                 size_t i = (n_s + pair % n_m) * s->max_points;
@@ -235,16 +233,14 @@ void sparse_operator_place(struct sparse_operator *s, size_t n, const double (*a
 {
     struct places p = {s, at_m};
     s->n = n < s->max_points ? n : s->max_points;
-    fold_weights(s->fold, s->live, s->weight);
-    for (size_t t = 0; t < s->n_traces; t++)
-        s->weight[t] = sqrtf(s->weight[t]);
+    weigh(s);
     pool_run(s->pool, s->geometry.n_positions, place_position, &p);
     scale_columns(s);
 }
 
 void sparse_operator_keep(struct sparse_operator *s, size_t n, const size_t *which)
 {
-    for (size_t e = 0; e < s->geometry.n_positions * elements(s); e++) {
+    for (size_t e = 0; e < s->geometry.n_positions * sparse_elements(s); e++) {
         size_t at = e * s->max_points;
         for (size_t v = 0; v < n; v++) {
             s->delay[at + v] = s->delay[at + which[v]];
@@ -260,13 +256,9 @@ void sparse_operator_keep(struct sparse_operator *s, size_t n, const size_t *whi
 /* -- pairs ------------------------------------------------------------------------------
  */
 
-struct pair { /* tables of its speaker and its microphone */
-    const float *delay_s, *delay_m, *re_s, *re_m, *im_s, *im_m;
-};
-
 /* Where the pulse of a point begins in the window (the trace with `half` samples around
  * it), and its shape; false: it misses the trace. */
-VECTOR_INLINE int begin(const struct pair *p, size_t v, size_t half, float last,
+VECTOR_INLINE int begin(const struct sparse_pair *p, size_t v, size_t half, float last,
                         size_t *sample, size_t *fraction)
 {
     float at = p->delay_s[v] + p->delay_m[v];
@@ -274,14 +266,14 @@ VECTOR_INLINE int begin(const struct pair *p, size_t v, size_t half, float last,
         return 0;
     size_t q = (size_t)at;
     *sample = q + 1; /* of half - 1 before q, in a window that starts half before */
-    *fraction = (size_t)((at - (float)q) * FRACTIONS + 0.5f) * 2 * half;
+    *fraction = (size_t)((at - (float)q) * SPARSE_FRACTIONS + 0.5f) * 2 * half;
     return 1;
 }
 
 VECTOR_CLONES
-static void spread(const struct pair *p, size_t n, const float *x_re, const float *x_im,
-                   const float *pulse, size_t half, float last, float weight,
-                   float *restrict re, float *restrict im)
+static void spread(const struct sparse_pair *p, size_t n, const float *x_re,
+                   const float *x_im, const float *pulse, size_t half, float last,
+                   float weight, float *restrict re, float *restrict im)
 {
     for (size_t v = 0; v < n; v++) {
         size_t sample, fraction;
@@ -302,7 +294,7 @@ static void spread(const struct pair *p, size_t n, const float *x_re, const floa
 }
 
 VECTOR_CLONES
-static void collect(const struct pair *p, size_t n, const float *restrict re,
+static void collect(const struct sparse_pair *p, size_t n, const float *restrict re,
                     const float *restrict im, const float *pulse, size_t half, float last,
                     float weight, float *restrict sum_re, float *restrict sum_im)
 {
@@ -333,15 +325,6 @@ static void collect(const struct pair *p, size_t n, const float *restrict re,
     }
 }
 
-static struct pair find_pair(const struct sparse_operator *s, size_t k, size_t pair)
-{
-    size_t n_m = s->geometry.n_microphones, base = k * elements(s);
-    size_t j = (base + pair / n_m) * s->max_points;
-    size_t i = (base + s->geometry.n_speakers + pair % n_m) * s->max_points;
-    return (struct pair){s->delay + j, s->delay + i, s->re + j,
-                         s->re + i,    s->im + j,    s->im + i};
-}
-
 static void split_trace(const float *trace, size_t n, float *re, float *im)
 {
     for (size_t q = 0; q < n; q++) {
@@ -350,11 +333,12 @@ static void split_trace(const float *trace, size_t n, float *re, float *im)
     }
 }
 
-static void do_trace(struct sparse_operator *s, struct run *run, size_t k, size_t pair)
+static void do_trace(struct sparse_operator *s, struct sparse_run *run, size_t k,
+                     size_t pair)
 {
     size_t t = k * s->pairs + pair, n = s->format.n_samples;
     float *re = run->window, *im = re + window_size(s), last = (float)(n - 1);
-    struct pair p = find_pair(s, k, pair);
+    struct sparse_pair p = sparse_find_pair(s, k, pair);
     if (s->forward) {
         memset(run->window, 0, 2 * window_size(s) * sizeof(float));
         spread(&p, s->n, s->x_re, s->x_im, s->pulse, s->half, last, s->weight[t], re, im);
@@ -366,8 +350,9 @@ static void do_trace(struct sparse_operator *s, struct run *run, size_t k, size_
     } else {
         split_trace(s->from + 2 * t * n, n, re + s->half, im + s->half);
     }
+    float weight = s->weight[t] * (s->recorded ? s->weight[t] : 1.0f);
     if (s->adjoint)
-        collect(&p, s->n, re, im, s->pulse, s->half, last, s->weight[t], run->sum_re,
+        collect(&p, s->n, re, im, s->pulse, s->half, last, weight, run->sum_re,
                 run->sum_im);
     else
         for (size_t q = 0; q < n; q++) {
@@ -376,16 +361,16 @@ static void do_trace(struct sparse_operator *s, struct run *run, size_t k, size_
         }
 }
 
-/* Every RUNS-th stage position. */
+/* Every SPARSE_RUNS-th stage position. */
 static void do_run(void *ctx, size_t item, size_t thread)
 {
     struct sparse_operator *s = ctx;
-    struct run *run = &s->runs[item];
+    struct sparse_run *run = &s->runs[item];
     (void)thread;
     memset(run->sum_re, 0, s->n * sizeof(float));
     memset(run->sum_im, 0, s->n * sizeof(float));
     memset(run->window, 0, 2 * window_size(s) * sizeof(float));
-    for (size_t k = item; k < s->geometry.n_positions; k += RUNS)
+    for (size_t k = item; k < s->geometry.n_positions; k += SPARSE_RUNS)
         for (size_t pair = 0; pair < s->pairs; pair++)
             if (s->weight[k * s->pairs + pair] > 0.0f)
                 do_trace(s, run, k, pair);
@@ -403,7 +388,7 @@ static void sum_runs(const struct sparse_operator *s, float *x)
 {
     for (size_t v = 0; v < s->n; v++) {
         double re = 0.0, im = 0.0;
-        for (size_t r = 0; r < RUNS; r++) {
+        for (size_t r = 0; r < SPARSE_RUNS; r++) {
             re += (double)s->runs[r].sum_re[v];
             im += (double)s->runs[r].sum_im[v];
         }
@@ -420,7 +405,7 @@ void sparse_operator_forward(struct sparse_operator *s, const float *x,
     s->adjoint = false;
     s->to = (float *)traces;
     memset(traces, 0, s->n_traces * s->format.n_samples * sizeof *traces);
-    pool_run(s->pool, RUNS, do_run, s);
+    pool_run(s->pool, SPARSE_RUNS, do_run, s);
 }
 
 static void adjoint(struct sparse_operator *s, const float *traces, float *x)
@@ -428,7 +413,7 @@ static void adjoint(struct sparse_operator *s, const float *traces, float *x)
     s->forward = false;
     s->adjoint = true;
     s->from = traces;
-    pool_run(s->pool, RUNS, do_run, s);
+    pool_run(s->pool, SPARSE_RUNS, do_run, s);
     sum_runs(s, x);
 }
 
@@ -440,13 +425,15 @@ void sparse_operator_adjoint(struct sparse_operator *s, const float complex *tra
 
 void sparse_operator_data(struct sparse_operator *s, float *out)
 {
+    s->recorded = true;
     adjoint(s, s->traces, out);
+    s->recorded = false;
 }
 
 void sparse_operator_normal(struct sparse_operator *s, const float *x, float *out)
 {
     load(s, x);
     s->forward = s->adjoint = true;
-    pool_run(s->pool, RUNS, do_run, s);
+    pool_run(s->pool, SPARSE_RUNS, do_run, s);
     sum_runs(s, out);
 }

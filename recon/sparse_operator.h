@@ -38,11 +38,14 @@ void sparse_operator_forward(struct sparse_operator *s, const float *x,
 void sparse_operator_adjoint(struct sparse_operator *s, const float complex *traces,
                              float *x);
 
-/* out = K' y of the traces that were added. */
+/* out = K' y of the traces that were added, weighted like K. */
 void sparse_operator_data(struct sparse_operator *s, float *out);
 
 /* out = K' K x, pair by pair and without storing traces. */
 void sparse_operator_normal(struct sparse_operator *s, const float *x, float *out);
+/* gram [n][re, im][n] = K' K, row by row, for few points: with the pulse's
+ * autocorrelation in closed form, as if no trace ended near a point. */
+void sparse_operator_gram(struct sparse_operator *s, float *gram);
 void sparse_operator_destroy(struct sparse_operator *s);
 
 #endif

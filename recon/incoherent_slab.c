@@ -1,0 +1,94 @@
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "recon/incoherent.h"
+
+#define DEEPER 1.4 /* a slab ends where it is so many times as far as it begins */
+#define FINENESS                                                                         \
+    (getenv("FN")                                                                        \
+         ? atof(getenv("FN"))                                                            \
+         : 0.008)     /* voxels over distance: a quarter of a point's width there */
+#define WORTH     1.3 /* times the image's own steps; else those are used */
+#define MAX_SLABS 64
+
+/* The step that goes into the stage's, if it has one along x: for the fast way. */
+static double divide_pitch(const struct geometry *g, double step_m)
+{
+    if (g->n_positions < 2 || fabs(g->stage_axis[0] - 1.0) > 1e-9)
+        return step_m;
+    double pitch_m =
+        fabs(g->stage_positions_m[g->n_positions - 1] - g->stage_positions_m[0]) /
+        (double)(g->n_positions - 1);
+    return pitch_m > 0.0 ? pitch_m / ceil(pitch_m / step_m - 1e-6) : step_m;
+}
+
+/* One voxel around the image on either side, for the interpolation. */
+static void coarsen(struct grid *g, int axis, double step_m)
+{
+    double across_m = g->step_m[axis] * (double)(g->n[axis] - 1);
+    g->n[axis] = (size_t)ceil(across_m / step_m - 1e-6) + 3;
+    g->origin_m[axis] -= step_m;
+    g->step_m[axis] = step_m;
+}
+
+static int plan_slab(struct incoherent *b, struct incoherent_slab *slab,
+                     double distance_m)
+{
+    const struct geometry *g = &b->geometry;
+    struct grid part = b->grid;
+    part.n[2] = slab->n_planes;
+    part.origin_m[2] += b->grid.step_m[2] * (double)slab->first_plane;
+    slab->grid = part;
+    if (g->pings_m)
+        return 0;
+    for (int axis = 0; axis < 2; axis++) {
+        double step_m = FINENESS * distance_m;
+        if (axis == 0)
+            step_m = divide_pitch(g, step_m);
+        if (step_m > WORTH * part.step_m[axis] && part.n[axis] > 4)
+            coarsen(&slab->grid, axis, step_m);
+    }
+    if (slab->grid.n[0] == part.n[0] && slab->grid.n[1] == part.n[1]) {
+        slab->grid = part;
+        return 0;
+    }
+    return resample_create(&slab->resample, &slab->grid, &part, RESAMPLE_CUBIC, b->pool);
+}
+
+int incoherent_slabs_create(struct incoherent *b)
+{
+    double low[3], high[3];
+    size_t largest = 0;
+    int err = 0;
+    b->slabs = calloc(MAX_SLABS, sizeof *b->slabs);
+    if (!b->slabs)
+        return -ENOMEM;
+    geometry_aperture(&b->geometry, low, high);
+    double plane_m = 0.5 * (low[2] + high[2]);
+    for (size_t z = 0; !err && z < b->grid.n[2]; b->n_slabs++) {
+        struct incoherent_slab *slab = &b->slabs[b->n_slabs];
+        double at_m = b->grid.origin_m[2] + b->grid.step_m[2] * (double)z;
+        double distance_m = fmax(at_m - plane_m, 0.1);
+        double planes = ceil((DEEPER - 1.0) * distance_m / b->grid.step_m[2]);
+        size_t left = b->grid.n[2] - z;
+        slab->first_plane = z;
+        slab->n_planes =
+            planes < (double)left && b->n_slabs + 1 < MAX_SLABS ? (size_t)planes : left;
+        err = plan_slab(b, slab, distance_m);
+        z += slab->n_planes;
+        size_t size = slab->resample ? grid_size(&slab->grid) : 0;
+        largest = size > largest ? size : largest;
+    }
+    if (!err && largest && !(b->coarse = malloc(largest * sizeof *b->coarse)))
+        err = -ENOMEM;
+    return err;
+}
+
+void incoherent_slabs_destroy(struct incoherent *b)
+{
+    for (size_t i = 0; i < b->n_slabs; i++)
+        resample_destroy(b->slabs[i].resample);
+    free(b->slabs);
+    free(b->coarse);
+}
