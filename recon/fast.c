@@ -84,7 +84,6 @@ static int create_stages(struct fast *f, const struct imager_config *cfg,
         .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
         .grid = cfg->grid,
         .pool = cfg->pool,
-        .measure = cfg->measure,
     };
     err = fk_create(&f->fk, &fk);
     if (err == -EINVAL)

@@ -11,7 +11,6 @@
 #define ANLOS_RECON_FK_H
 
 #include <complex.h>
-#include <stdbool.h>
 #include <stddef.h>
 
 #include "dsp/pool.h"
@@ -29,7 +28,6 @@ struct fk_config {
     double band_hz[2];
     struct grid grid; /* before the plane (z above plane_z_m) */
     struct pool *pool;
-    bool measure; /* FFTW measures its plans: seconds, and not the same each time */
 };
 
 struct fk;

@@ -153,14 +153,14 @@ static int allocate(struct fk *m)
     return 0;
 }
 
-/* Plans by rule unless told to measure: a measured plan depends on what else the machine
+/* Plans by rule, not by measurement: a measured plan depends on what else the machine
  * does, and another plan rounds otherwise.  The same recording is to give the same bytes.
  */
-static int plan_transforms(struct fk *m, bool measure)
+static int plan_transforms(struct fk *m)
 {
     struct fk_scratch *s = m->scratch;
     int ny = (int)m->y.n, nx = (int)m->x.n, kz = (int)m->n_kz;
-    unsigned flags = measure ? FFTW_MEASURE : FFTW_ESTIMATE;
+    const unsigned flags = FFTW_ESTIMATE;
     m->time_plan = fftwf_plan_dft_1d((int)m->nt_fft, s->trace, s->trace_spectrum,
                                      FFTW_FORWARD, flags);
     m->z_plan = fftwf_plan_dft_1d((int)m->nz_fft, s->column, s->column_image,
@@ -225,7 +225,7 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
     if (!err)
         err = allocate(m);
     if (!err)
-        err = plan_transforms(m, cfg->measure);
+        err = plan_transforms(m);
     if (err) {
         fk_destroy(m);
         return err;

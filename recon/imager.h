@@ -39,7 +39,6 @@ struct imager_config {
     struct grid grid;
     struct pool *pool;                    /* used while adding and imaging; not owned */
     const struct imager_options *options; /* NULL: the defaults */
-    bool measure; /* let FFTW measure its plans, to keep them as wisdom (dsp/wisdom) */
 };
 
 struct imager;
