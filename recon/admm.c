@@ -25,7 +25,7 @@ static bool sensible(const struct admm_config *c)
     ok = ok && c->l1 >= 0.0 && isfinite(c->l1) && c->tv >= 0.0 && isfinite(c->tv);
     ok = ok && isfinite(c->rho) && c->tolerance >= 0.0;
     ok = ok && (c->relaxation == 0.0 || (c->relaxation >= 1.0 && c->relaxation <= 1.9));
-    return ok && (!c->operator|| c->operator->n_data);
+    return ok && (!c->linear || c->linear->n_data);
 }
 
 static int allocate(struct admm *a)
@@ -56,9 +56,9 @@ int admm_create(struct admm **out, const struct admm_config *cfg)
     if (!a)
         return -ENOMEM;
     a->cfg = *cfg;
-    if (cfg->operator)
-        a->operator= * cfg->operator;
-    a->cfg.operator= NULL;
+    if (cfg->linear)
+        a->linear = *cfg->linear;
+    a->cfg.linear = NULL;
     if (a->cfg.relaxation == 0.0)
         a->cfg.relaxation = RELAXATION;
     a->nx = cfg->n[0];
@@ -67,16 +67,18 @@ int admm_create(struct admm **out, const struct admm_config *cfg)
     a->n = a->nx * a->ny * a->nz;
     a->parts = cfg->tv > 0.0 ? ADMM_PARTS : 1;
     a->plane = a->nx * a->ny;
-    if (!cfg->operator) /* planes of a blur are transformed where they lie */
+    if (!cfg->linear) /* planes of a blur are transformed where they lie */
         a->plane = (a->plane + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
     int err = allocate(a);
     if (!err)
-        err = cfg->operator? admm_normal_create(a) : admm_blur_create(a);
+        err = admm_blur_create(a);
+    if (!err && cfg->linear)
+        err = admm_normal_create(a);
     if (err) {
         admm_destroy(a);
         return err;
     }
-    if (!cfg->operator) /* until one is given, nothing is blurred */
+    if (!cfg->linear) /* until one is given, nothing is blurred */
         admm_blur_gaussian(a, (const double[6]){0});
     *out = a;
     return 0;
@@ -86,10 +88,8 @@ void admm_destroy(struct admm *a)
 {
     if (!a)
         return;
-    if (a->operator.forward)
-        admm_normal_destroy(a);
-    else
-        admm_blur_destroy(a);
+    admm_normal_destroy(a);
+    admm_blur_destroy(a);
     for (size_t t = 0; a->scratch && t < pool_threads(a->cfg.pool); t++) {
         free(a->scratch[t].rows);
         fftwf_free(a->scratch[t].plane);
@@ -158,12 +158,17 @@ static void balance(struct admm *a, const struct residuals *r)
 
 static void iterate(struct admm *a, double length, struct admm_result *result)
 {
-    bool blur = !a->operator.forward;
+    void (*emit)(struct admm *, size_t, size_t) = admm_blur_emit;
+    void (*update)(struct admm *) = admm_blur_update;
+    if (a->linear.forward) {
+        emit = admm_normal_emit;
+        update = admm_normal_update;
+    }
     struct residuals r = {0};
     size_t calm = CHECK_EVERY; /* rho may change from this iteration on */
     for (size_t i = 1; i <= a->cfg.iterations && !result->converged; i++) {
         a->check = i % CHECK_EVERY == 0 || i == a->cfg.iterations;
-        admm_split(a, blur ? admm_blur_emit : admm_normal_emit);
+        admm_split(a, emit);
         result->iterations = i;
         if (a->check) {
             r = read_residuals(a, length);
@@ -173,10 +178,7 @@ static void iterate(struct admm *a, double length, struct admm_result *result)
         }
         if (result->converged || i == a->cfg.iterations)
             break;
-        if (blur)
-            admm_blur_update(a);
-        else
-            admm_normal_update(a);
+        update(a);
         if (a->check && i >= calm) {
             balance(a, &r);
             calm = (size_t)(RHO_CALM * (double)i);
@@ -187,7 +189,7 @@ static void iterate(struct admm *a, double length, struct admm_result *result)
 static double total_variation(const struct admm *a, const float *x)
 {
     double sum = 0.0;
-    size_t wrap = !a->operator.forward, layer = a->nx * a->ny;
+    size_t wrap = !a->linear.forward, layer = a->nx * a->ny;
     for (size_t i = 0; i < a->n; i++) {
         size_t at[3] = {i % a->nx, i / a->nx % a->ny, i / layer};
         size_t stride[3] = {1, a->nx, layer};
@@ -219,8 +221,8 @@ static void finish(struct admm *a, const float *b, float *x, struct admm_result 
     double l1 = a->kappa[0] * a->rho, tv = a->kappa[1] * a->rho;
     take_result(a, x);
     result->rho = a->rho;
-    result->objective = a->operator.forward ? admm_normal_misfit(a, b, x)
-                                            : admm_blur_misfit(a, b, x);
+    result->objective = a->linear.forward ? admm_normal_misfit(a, b, x)
+                                          : admm_blur_misfit(a, b, x);
     for (size_t i = 0; i < a->n; i++)
         sum += (double)x[i];
     result->objective += l1 * sum + (tv > 0.0 ? tv * total_variation(a, x) : 0.0);
@@ -240,15 +242,15 @@ void admm_solve(struct admm *a, const float *b, double reference, float *x,
         result = &unused;
     memset(result, 0, sizeof *result);
     memset(x, 0, a->n * sizeof *x);
-    a->scale = largest_of(b, a->operator.forward ? a->operator.n_data : a->n);
+    a->scale = largest_of(b, a->linear.forward ? a->linear.n_data : a->n);
     if (!(a->scale >= FLT_MIN)) { /* silence */
         result->converged = true;
         return;
     }
-    if (a->operator.forward)
-        admm_normal_begin(a, b);
-    else
+    if (!a->linear.forward)
         admm_blur_begin(a, b);
+    else
+        admm_normal_begin(a, b);
     survey(a, &largest, &length);
     double unit = reference > 0.0 ? reference / (a->scale * a->gain) : largest;
     if (largest <= a->cfg.l1 * unit) { /* then 0 satisfies the optimum's conditions */

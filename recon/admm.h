@@ -34,7 +34,7 @@ struct admm_config {
     double relaxation; /* 1..1.9; 0: 1.8 */
     size_t iterations; /* at most */
     double tolerance;  /* of both relative residuals */
-    const struct admm_operator *operator; /* NULL: a blur, see below; copied */
+    const struct admm_operator *linear; /* NULL: a blur, see below; copied */
     struct pool *pool;
 };
 

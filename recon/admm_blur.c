@@ -53,16 +53,17 @@ static int plan(struct admm *a)
     int layer[2] = {(int)a->ny, (int)a->nx}, rows[2] = {(int)a->ny, (int)a->row};
     int nz = (int)a->nz, row = (int)a->row, stride = (int)a->layer;
     struct admm_scratch *s = a->scratch;
+    /* planes of an operator are dense and lie anywhere */
+    unsigned flags = FFTW_ESTIMATE | (a->linear.forward ? FFTW_UNALIGNED : 0);
     a->plane_forth = fftwf_plan_many_dft_r2c(2, layer, 1, s->plane, layer, 1, 0,
-                                             a->spectrum, rows, 1, 0, FFTW_ESTIMATE);
+                                             a->spectrum, rows, 1, 0, flags);
     a->plane_back = fftwf_plan_many_dft_c2r(2, layer, 1, a->spectrum, rows, 1, 0, a->x,
-                                            layer, 1, 0, FFTW_ESTIMATE);
+                                            layer, 1, 0, flags);
     a->column_forth = fftwf_plan_many_dft(1, &nz, row, a->spectrum, NULL, stride, 1,
-                                          s->column, NULL, row, 1, FFTW_FORWARD,
-                                          FFTW_ESTIMATE);
+                                          s->column, NULL, row, 1, FFTW_FORWARD, flags);
     a->column_back = fftwf_plan_many_dft(1, &nz, row, s->column, NULL, row, 1,
                                          a->spectrum, NULL, stride, 1, FFTW_BACKWARD,
-                                         FFTW_ESTIMATE);
+                                         flags);
     /* frequencies that only fill a row up stay 0 */
     memset(a->spectrum, 0, bins(a) * sizeof *a->spectrum);
     bool planned = a->plane_forth && a->plane_back && a->column_forth && a->column_back;
@@ -71,6 +72,8 @@ static int plan(struct admm *a)
 
 int admm_blur_create(struct admm *a)
 {
+    a->target = a->x;
+    a->divide = 1.0f;
     int err = allocate(a);
     return err ? err : plan(a);
 }
@@ -102,7 +105,8 @@ static void back_plane(void *ctx, size_t z, size_t thread)
 {
     struct admm *a = ctx;
     (void)thread;
-    fftwf_execute_dft_c2r(a->plane_back, a->spectrum + z * a->layer, a->x + z * a->plane);
+    fftwf_execute_dft_c2r(a->plane_back, a->spectrum + z * a->layer,
+                          a->target + z * a->plane);
 }
 
 VECTOR_CLONES
@@ -127,7 +131,7 @@ static void solve_column(void *ctx, size_t y, size_t thread)
         size_t bin = z * a->layer + y * a->row;
         filter(a->row, column[z * a->row], a->data[bin], a->power + bin, a->laplace[0],
                a->laplace[1][y] + a->laplace[2][z], (float)a->rho,
-               1.0f / (float)(a->nx * a->ny * a->nz));
+               a->divide / (float)(a->nx * a->ny * a->nz));
     }
     fftwf_execute_dft(a->column_back, column, at);
 }
@@ -178,6 +182,20 @@ void admm_blur_kernel(struct admm *a, const float *kernel)
 {
     transform(a, kernel, a->nx * a->ny, 1.0f, a->kernel);
     set_kernel(a);
+}
+
+void admm_blur_power(struct admm *a, const float *response)
+{
+    memset(a->data, 0, bins(a) * sizeof *a->data);
+    transform(a, response, a->nx * a->ny, 1.0f, a->kernel);
+    for (size_t k = 0; k < bins(a); k++)
+        a->power[k] = hypotf(a->kernel[k][0], a->kernel[k][1]);
+}
+
+void admm_blur_precondition(struct admm *a)
+{
+    a->divide = (float)(1.0 / a->rho);
+    admm_blur_update(a);
 }
 
 /* Of the middle frequency of an even length both signs are the same bin: cross terms

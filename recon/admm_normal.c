@@ -1,7 +1,7 @@
-/* recon/admm_normal.c -- the step of an operator that no transform diagonalises:
- * (K'K + rho (1 + D'D)) x = K'b + rho R by conjugate gradients.  Each iteration goes on
- * where the last one stopped, with a direction conjugate to the last (Polak and Ribiere
- * 1969; the right-hand side moves little), so that one product with K'K is enough. */
+/* recon/admm_normal.c -- the step of an operator that no transform diagonalises: towards
+ * (K'K + rho (1 + D'D)) x = K'b + rho R by conjugate gradients (Hestenes 1952) that begin
+ * where the last iteration ended, preconditioned with a blur like K'K: a step or two are
+ * enough. */
 #include "recon/admm_plan.h"
 
 #include <errno.h>
@@ -12,12 +12,14 @@
 
 #include "dsp/vector.h"
 
+#define LONG_EVERY  2  /* every second update takes ... */
+#define LONG_STEPS  2  /* ... steps, the others one */
 #define POWER_STEPS 12 /* of the power method for |K|^2 */
 
 static void apply(struct admm *a, const float *x, float *out)
 {
-    a->operator.forward(a->operator.ctx, x, a->measured);
-    a->operator.adjoint(a->operator.ctx, a->measured, out);
+    a->linear.forward(a->linear.ctx, x, a->measured);
+    a->linear.adjoint(a->linear.ctx, a->measured, out);
 }
 
 static double dot(const float *x, const float *y, size_t n)
@@ -51,18 +53,32 @@ static void measure_gain(struct admm *a)
     a->gain = sqrt(a->gain); /* of K, like a blur's */
 }
 
+/* The response to a point in the middle, as if it were the same everywhere, is what
+ * conjugate gradients are preconditioned with: |F| of it, so that it is positive. */
+static void measure_response(struct admm *a)
+{
+    size_t middle = (a->nz / 2 * a->ny + a->ny / 2) * a->nx + a->nx / 2;
+    memset(a->direction, 0, a->n * sizeof *a->direction);
+    a->direction[middle] = 1.0f;
+    apply(a, a->direction, a->kkd);
+    for (size_t i = 0; i < a->n; i++)
+        a->kkd[i] /= (float)(a->gain * a->gain);
+    admm_blur_power(a, a->kkd);
+}
+
 int admm_normal_create(struct admm *a)
 {
-    float **const volumes[] = {&a->rhs,      &a->kb,        &a->kkx,
-                               &a->residual, &a->direction, &a->kkd};
+    float **const volumes[] = {&a->rhs,       &a->kb,  &a->kkx,  &a->residual,
+                               &a->direction, &a->kkd, &a->ahead};
     for (size_t v = 0; v < sizeof volumes / sizeof *volumes; v++)
         if (!(*volumes[v] = calloc(a->n, sizeof(float))))
             return -ENOMEM;
-    a->measured = calloc(a->operator.n_data, sizeof *a->measured);
+    a->measured = calloc(a->linear.n_data, sizeof *a->measured);
     a->sums = calloc(a->nz, sizeof *a->sums);
     if (!a->measured || !a->sums)
         return -ENOMEM;
     measure_gain(a);
+    measure_response(a);
     return 0;
 }
 
@@ -74,6 +90,7 @@ void admm_normal_destroy(struct admm *a)
     free(a->residual);
     free(a->direction);
     free(a->kkd);
+    free(a->ahead);
     free(a->measured);
     free(a->sums);
 }
@@ -81,9 +98,9 @@ void admm_normal_destroy(struct admm *a)
 void admm_normal_begin(struct admm *a, const float *b)
 {
     float gain2 = (float)(1.0 / (a->gain * a->gain));
-    for (size_t i = 0; i < a->operator.n_data; i++)
+    for (size_t i = 0; i < a->linear.n_data; i++)
         a->measured[i] = b[i] / (float)a->scale;
-    a->operator.adjoint(a->operator.ctx, a->measured, a->kb);
+    a->linear.adjoint(a->linear.ctx, a->measured, a->kb);
     for (size_t i = 0; i < a->n; i++)
         a->kb[i] /= (float)a->gain;
     memcpy(a->x, a->kb, a->n * sizeof *a->x);
@@ -91,7 +108,7 @@ void admm_normal_begin(struct admm *a, const float *b)
     for (size_t i = 0; i < a->n; i++)
         a->kkx[i] *= gain2;
     memset(a->direction, 0, a->n * sizeof *a->direction);
-    a->residual2 = 0.0;
+    a->updates = 0;
 }
 
 VECTOR_CLONES
@@ -134,43 +151,53 @@ static void smooth(const struct admm *a, const float *in, size_t z, size_t y, fl
                (float)a->rho, a->parts > 1 ? 1.0f : 0.0f, out);
 }
 
-/* residual = rhs - M x; sums: with the new one, with the one before. */
+/* residual = rhs - M x, and on to the preconditioner. */
 static void residual_plane(void *ctx, size_t z, size_t thread)
 {
     struct admm *a = ctx;
-    struct admm_scratch *s = &a->scratch[thread];
-    double *sum = a->sums[z];
-    sum[0] = sum[1] = 0.0;
+    float *out = a->residual + z * a->plane;
     for (size_t y = 0; y < a->ny; y++) {
+        float *row = out + y * a->nx;
         size_t at = z * a->plane + y * a->nx;
-        smooth(a, a->x, z, y, s->plane);
-        for (size_t i = 0; i < a->nx; i++) {
-            float r = a->rhs[at + i] - a->kkx[at + i] - s->plane[i];
-            sum[0] += (double)r * (double)r;
-            sum[1] += (double)r * (double)a->residual[at + i];
-            a->residual[at + i] = r;
-        }
+        smooth(a, a->x, z, y, row);
+        for (size_t i = 0; i < a->nx; i++)
+            row[i] = a->rhs[at + i] - a->kkx[at + i] - row[i];
     }
+    memcpy(a->scratch[thread].plane, out, a->plane * sizeof *out);
+    admm_blur_emit(a, z, thread);
 }
 
-/* sums: direction with residual, with M direction. */
+/* Sums over a plane: residual times what the preconditioner makes of it. */
+static void product_plane(void *ctx, size_t z, size_t thread)
+{
+    struct admm *a = ctx;
+    double sum = 0.0;
+    (void)thread;
+    for (size_t i = z * a->plane; i < (z + 1) * a->plane; i++)
+        sum += (double)a->ahead[i] * (double)a->residual[i];
+    a->sums[z][0] = sum;
+    a->sums[z][1] = 0.0;
+}
+
+/* Sums: direction with residual, with M direction. */
 static void curvature_plane(void *ctx, size_t z, size_t thread)
 {
     struct admm *a = ctx;
-    struct admm_scratch *s = &a->scratch[thread];
+    float *row = a->scratch[thread].plane;
     float gain2 = (float)(1.0 / (a->gain * a->gain));
-    double *sum = a->sums[z];
-    sum[0] = sum[1] = 0.0;
+    double along = 0.0, own = 0.0;
     for (size_t y = 0; y < a->ny; y++) {
         size_t at = z * a->plane + y * a->nx;
-        smooth(a, a->direction, z, y, s->plane);
+        smooth(a, a->direction, z, y, row);
         for (size_t i = 0; i < a->nx; i++) {
+            double d = a->direction[at + i];
             a->kkd[at + i] *= gain2;
-            float d = a->direction[at + i], md = a->kkd[at + i] + s->plane[i];
-            sum[0] += (double)d * (double)a->residual[at + i];
-            sum[1] += (double)d * (double)md;
+            along += d * (double)a->residual[at + i];
+            own += d * (double)(a->kkd[at + i] + row[i]);
         }
     }
+    a->sums[z][0] = along;
+    a->sums[z][1] = own;
 }
 
 static void sum_planes(struct admm *a, void (*work)(void *, size_t, size_t),
@@ -185,11 +212,11 @@ static void sum_planes(struct admm *a, void (*work)(void *, size_t, size_t),
 }
 
 VECTOR_CLONES
-static void turn(size_t n, const float *restrict residual, float keep,
+static void turn(size_t n, const float *restrict ahead, float keep,
                  float *restrict direction)
 {
     for (size_t i = 0; i < n; i++)
-        direction[i] = residual[i] + keep * direction[i];
+        direction[i] = ahead[i] + keep * direction[i];
 }
 
 VECTOR_CLONES
@@ -202,25 +229,33 @@ static void advance(size_t n, float step, const float *restrict direction,
     }
 }
 
+/* Conjugate gradients begin anew each time: the right-hand side has moved, and a
+ * direction kept from before makes the iterations swing. */
 void admm_normal_update(struct admm *a)
 {
-    double sum[2];
-    sum_planes(a, residual_plane, sum);
-    double keep =
-        a->residual2 > 0.0 ? fmin(fmax((sum[0] - sum[1]) / a->residual2, 0.0), 1.0) : 0.0;
-    a->residual2 = sum[0];
-    turn(a->n, a->residual, (float)keep, a->direction);
-    apply(a, a->direction, a->kkd);
-    sum_planes(a, curvature_plane, sum);
-    if (sum[1] > 0.0 && isfinite(sum[0] / sum[1]))
-        advance(a->n, (float)(sum[0] / sum[1]), a->direction, a->kkd, a->x, a->kkx);
+    double sum[2], before = 0.0;
+    size_t steps = ++a->updates % LONG_EVERY ? 1 : LONG_STEPS;
+    a->target = a->ahead;
+    for (size_t step = 0; step < steps; step++) {
+        pool_run(a->cfg.pool, a->nz, residual_plane, a);
+        admm_blur_precondition(a);
+        sum_planes(a, product_plane, sum);
+        double keep = before > 0.0 ? sum[0] / before : 0.0;
+        before = sum[0];
+        turn(a->n, a->ahead, (float)keep, a->direction);
+        apply(a, a->direction, a->kkd);
+        sum_planes(a, curvature_plane, sum);
+        double length = sum[1] > 0.0 ? sum[0] / sum[1] : 0.0;
+        if (isfinite(length))
+            advance(a->n, (float)length, a->direction, a->kkd, a->x, a->kkx);
+    }
 }
 
 double admm_normal_misfit(struct admm *a, const float *b, const float *x)
 {
     double sum = 0.0;
-    a->operator.forward(a->operator.ctx, x, a->measured);
-    for (size_t i = 0; i < a->operator.n_data; i++)
+    a->linear.forward(a->linear.ctx, x, a->measured);
+    for (size_t i = 0; i < a->linear.n_data; i++)
         sum += pow(a->measured[i] / a->gain - b[i] / a->scale, 2.0);
     return 0.5 * sum;
 }

@@ -33,14 +33,16 @@ struct admm_scratch {      /* one a thread */
 
 struct admm {
     struct admm_config cfg;
-    struct admm_operator operator; /* forward NULL: a blur */
-    size_t n, nx, ny, nz, plane;   /* plane: floats from one to the next, aligned */
-    size_t parts;                  /* 1, or 4 with differences */
+    struct admm_operator linear; /* forward NULL: a blur */
+    size_t n, nx, ny, nz, plane; /* plane: floats from one to the next, aligned */
+    size_t parts;                /* 1, or 4 with differences */
     double rho;
     double gain;             /* |K| of the blur or operator as given; 1 inside */
     double scale;            /* of the data: all inside is in units of it */
     float kappa[2];          /* thresholds: of x, of its differences */
     float *v[2][ADMM_PARTS]; /* [nz][plane]: before, after */
+    float divide;            /* of the blur's step: what its result is multiplied with */
+    float *target;           /* of the blur's step: x, or a direction */
     float *x;                /* [nz][plane] */
     struct admm_norms norms[ADMM_RUNS]; /* of the runs of planes of a checked round */
     bool check;                         /* this round sums up norms */
@@ -59,10 +61,12 @@ struct admm {
     float *rhs; /* rho A' g */
     float *kb;  /* K' b */
     float *kkx; /* K' K x */
-    float *residual, *direction, *kkd;
+    float *residual;
+    float *ahead;           /* preconditioned residual */
+    float *direction, *kkd; /* of the step, K'K of it */
+    size_t updates;
     float *measured;   /* [n_data] */
     double (*sums)[2]; /* [nz], of conjugate gradients */
-    double residual2;  /* of the step before */
 };
 
 /* Floats of a thread's rows. */
@@ -81,6 +85,10 @@ int admm_blur_create(struct admm *a);
 void admm_blur_begin(struct admm *a, const float *b); /* data <- K' b, x <- K' b */
 void admm_blur_emit(struct admm *a, size_t z, size_t thread);
 void admm_blur_update(struct admm *a); /* x from the emitted planes */
+/* The step of an operator is preconditioned with that of a blur: power <- |F response|,
+ * and spectrum of r -> target = (power + rho (1 + D'D))^-1 r. */
+void admm_blur_power(struct admm *a, const float *response);
+void admm_blur_precondition(struct admm *a);
 double admm_blur_misfit(struct admm *a, const float *b, const float *x);
 void admm_blur_destroy(struct admm *a);
 
@@ -91,5 +99,4 @@ void admm_normal_emit(struct admm *a, size_t z, size_t thread);
 void admm_normal_update(struct admm *a);
 double admm_normal_misfit(struct admm *a, const float *b, const float *x);
 void admm_normal_destroy(struct admm *a);
-
 #endif

@@ -204,7 +204,7 @@ static size_t next(const struct admm *a, size_t i, size_t n)
 {
     if (i + 1 < n)
         return i + 1;
-    return a->operator.forward ? i : 0;
+    return a->linear.forward ? i : 0;
 }
 
 /* One row of all parts.  norms NULL: another run stores and counts it. */

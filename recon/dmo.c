@@ -25,7 +25,8 @@ double dmo_phase(double kh, double w)
     if (q == 0.0 || isinf(p))
         return 0.0;
     double ws = 4.0 * q * (q / (p + hypot(p, 2.0 * q)));
-    double log_part = p > 0.0 ? p * log1p(0.5 * ws / p) : 0.0;
+    double half = 0.5 * ws / p; /* 0 / 0 and beyond the largest number at p = 0 */
+    double log_part = half < 1e300 ? p * log1p(half) : 0.0;
     return copysign(0.5 * (ws - log_part), w);
 }
 

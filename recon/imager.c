@@ -9,8 +9,8 @@
 #include "recon/method.h"
 
 static const struct imager_method *const methods[] = {
-    &method_fast,  &method_backprojection, &method_confocal, &method_lct,
-    &method_paper, &method_iterative,      &method_sparse};
+    &method_fast,  &method_backprojection, &method_confocal,  &method_lct,
+    &method_paper, &method_incoherent,     &method_iterative, &method_sparse};
 
 struct imager {
     const struct imager_method *method;
@@ -22,7 +22,7 @@ struct imager {
 
 const char *imager_methods(void)
 {
-    return "fast\0backprojection\0confocal\0lct\0paper\0iterative\0sparse\0";
+    return "fast\0backprojection\0confocal\0lct\0paper\0incoherent\0iterative\0sparse\0";
 }
 
 void imager_options_default(struct imager_options *o)

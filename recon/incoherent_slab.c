@@ -4,12 +4,9 @@
 
 #include "recon/incoherent.h"
 
-#define DEEPER 1.4 /* a slab ends where it is so many times as far as it begins */
-#define FINENESS                                                                         \
-    (getenv("FN")                                                                        \
-         ? atof(getenv("FN"))                                                            \
-         : 0.008)     /* voxels over distance: a quarter of a point's width there */
-#define WORTH     1.3 /* times the image's own steps; else those are used */
+#define DEEPER    1.4    /* a slab ends where it is so many times as far as it begins */
+#define FINENESS  0.0085 /* voxels over distance: a sixth of a point's width there */
+#define WORTH     1.3    /* times the image's own steps; else those are used */
 #define MAX_SLABS 64
 
 /* The step that goes into the stage's, if it has one along x: for the fast way. */

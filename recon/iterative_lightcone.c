@@ -102,7 +102,7 @@ static int plan_admm(struct iterative_lightcone *l, const struct imager_config *
     l->volume = malloc(l->n_power * sizeof *l->volume);
     if (!l->power || !l->volume)
         return -ENOMEM;
-    const struct admm_operator operator= {l->lightcone, forward, adjoint, l->n_power};
+    const struct admm_operator linear = {l->lightcone, forward, adjoint, l->n_power};
     const struct admm_config admm = {
         .n = {volume->n[0], volume->n[1], volume->n[2]},
         .l1 = o->l1,
@@ -111,7 +111,7 @@ static int plan_admm(struct iterative_lightcone *l, const struct imager_config *
         .rho = o->rho,
         .iterations = o->iterations,
         .tolerance = o->tolerance,
-        .operator= & operator,
+        .linear = &linear,
         .pool = cfg->pool,
     };
     int err = admm_create(&l->admm, &admm);

@@ -21,6 +21,7 @@ extern const struct imager_method method_backprojection;
 extern const struct imager_method method_confocal;
 extern const struct imager_method method_lct;
 extern const struct imager_method method_paper;
+extern const struct imager_method method_incoherent;
 extern const struct imager_method method_iterative;
 extern const struct imager_method method_sparse;
 

@@ -17,9 +17,10 @@
 #define STRETCH_MAX  2.0  /* dt0 / dt, where moveout mutes */
 #define STRETCH_FADE 1.7  /* where it begins to */
 /* Power has twice the band, but little in its outer parts (the spectrum of a Hann
- * window's square is below 5% there). */
-#define POWER_BAND    0.65 /* of what it could have */
-#define POWER_SAMPLES 1.5  /* for each period of the band's width */
+ * window's square).  Measured: these lose least. */
+#define POWER_SAMPLES 1.5  /* of log time, for each period of the band's width */
+#define POWER_IN      0.55 /* of the band that the interpolations are to keep */
+#define POWER_OUT     0.58
 
 struct step {
     uint32_t first;    /* row of the first tap */
@@ -165,11 +166,10 @@ int stretch_create(struct stretch **out, const struct stretch_config *cfg)
         return -ENOMEM;
     }
     double width_hz = cfg->band_hz[1] - cfg->band_hz[0];
-    make_taps(s->power ? 2.0 * POWER_BAND * width_hz / cfg->in.rate_hz
+    make_taps(s->power ? POWER_IN * 2.0 * width_hz / cfg->in.rate_hz
                        : width_hz / cfg->in.rate_hz,
               s->taps_in);
-    make_taps(s->power ? 2.0 * POWER_BAND / POWER_SAMPLES : 1.0 / OVERSAMPLING,
-              s->taps_out);
+    make_taps(s->power ? POWER_OUT : 1.0 / OVERSAMPLING, s->taps_out);
     for (size_t q = 0; q < cfg->n_offsets * s->n_rows; q++)
         plan_in(s, cfg, cfg->half_offset_m[q / s->n_rows], q % s->n_rows, &s->in[q]);
     for (size_t n = 0; n < s->n_out; n++)

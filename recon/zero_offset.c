@@ -2,61 +2,14 @@
 
 #include <errno.h>
 #include <math.h>
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "dsp/vector.h"
-#include "recon/dmo.h"
-#include "recon/lane_fft.h"
-#include "recon/stretch.h"
 #include "recon/zero_offset_plan.h"
 
-#define POINT LANE_FFT_POINT /* floats of 16 complex numbers: 16 re, 16 im */
-#define BINS  8              /* of log frequency that one item of work stacks */
-#define TILE  16
-
-struct scratch {    /* one a thread */
-    float *samples; /* [n_in or n_out][POINT] */
-    float *plane;   /* [n_x_parts * ny][groups][POINT] */
-    float *turned;  /* [n_x_parts * nx][turned_groups][POINT] */
-    float *imaged;  /* [nx][turned_groups][POINT] */
-};
-
-struct zero_offset {
-    struct zero_offset_plan plan;
-    struct pool *pool;
-    bool power;
-    bool packed;    /* every float is a power, also those where im stands */
-    size_t n_pairs; /* of a position */
-    size_t n_microphones, n_in, n_out, n_rows;
-    size_t floats;        /* of a stored sample: 1 or 2 */
-    size_t groups;        /* POINTs of a line of midpoints in x */
-    size_t turned_groups; /* of a line in y */
-    size_t pitch;         /* floats from group to group of spectra */
-    struct stretch *stretch;
-    struct lane_fft *fft;
-    struct dmo **along_y;   /* [n_x_parts] */
-    struct dmo *along_x;    /* NULL: not needed */
-    pthread_mutex_t *locks; /* [nx] */
-    float *traces;          /* [n_inputs][nx][n_in][floats] */
-    uint32_t *fold;         /* [nx][ny] traces of a midpoint */
-    float *spectra;         /* [n_inputs][groups][pitch]: [n_rows][POINT] */
-    float *stacked;         /* [ny][groups][pitch] */
-    struct scratch *scratch;
-    float *out; /* of zero_offset_stack */
-};
-
-static const size_t *lines(const struct zero_offset *c)
-{
-    return c->plan.lattice.n;
-}
-
-/* Where the power of a midpoint, or the real part of its trace, stands in its line. */
-static size_t place(size_t line, bool packed)
-{
-    return packed ? line : line / VECTOR_LANES * POINT + line % VECTOR_LANES;
-}
+/* Louder than this is no echo, and its square would be no number. */
+#define LOUDEST 1e13f
 
 static size_t groups_of(size_t n, bool packed)
 {
@@ -102,7 +55,7 @@ static int create_along_y(struct zero_offset *c, const double *w)
     for (size_t part = 0; !err && part < p->n_x_parts; part++) {
         size_t first = part ? p->part_end[part - 1] : 0;
         struct dmo_config dmo = {
-            .n_lines = lines(c)[1],
+            .n_lines = zero_offset_lines(c)[1],
             .pitch_m = pitch_of(c, 1),
             .n_offsets = p->n_offsets,
             .half_offset_m = p->half_m[1],
@@ -120,7 +73,7 @@ static int create_along_y(struct zero_offset *c, const double *w)
 
 static int create_along_x(struct zero_offset *c, const double *w)
 {
-    size_t nx = lines(c)[0], n = c->plan.n_x_parts * nx;
+    size_t nx = zero_offset_lines(c)[0], n = c->plan.n_x_parts * nx;
     uint32_t *part = malloc(n * sizeof *part), *line = malloc(n * sizeof *line);
     int err = -ENOMEM;
     if (part && line) {
@@ -169,19 +122,22 @@ static float *points_alloc(size_t n)
     return points;
 }
 
-static int scratch_create(struct scratch *s, const struct zero_offset *c)
+static int scratch_create(struct zero_offset_scratch *s, const struct zero_offset *c)
 {
-    size_t nx = lines(c)[0], ny = lines(c)[1], parts = c->plan.n_x_parts;
-    s->samples = points_alloc(c->n_in > c->n_out ? c->n_in : c->n_out);
+    size_t nx = zero_offset_lines(c)[0], ny = zero_offset_lines(c)[1],
+           parts = c->plan.n_x_parts;
+    s->samples = points_alloc(c->n_in);
+    s->finished = points_alloc(c->n_out);
     s->plane = points_alloc(parts * ny * c->groups);
     s->turned = points_alloc(parts * nx * c->turned_groups);
     s->imaged = points_alloc(nx * c->turned_groups);
-    return s->samples && s->plane && s->turned && s->imaged ? 0 : -ENOMEM;
+    return s->samples && s->finished && s->plane && s->turned && s->imaged ? 0 : -ENOMEM;
 }
 
-static void scratch_clear(struct scratch *s)
+static void scratch_clear(struct zero_offset_scratch *s)
 {
     free(s->samples);
+    free(s->finished);
     free(s->plane);
     free(s->turned);
     free(s->imaged);
@@ -189,7 +145,7 @@ static void scratch_clear(struct scratch *s)
 
 static int allocate(struct zero_offset *c)
 {
-    size_t nx = lines(c)[0], ny = lines(c)[1];
+    size_t nx = zero_offset_lines(c)[0], ny = zero_offset_lines(c)[1];
     c->pitch = (c->n_rows + 1) * POINT; /* inputs of a bin in different cache sets */
     c->traces = calloc(c->plan.n_inputs * nx * c->n_in, c->floats * sizeof *c->traces);
     c->fold = calloc(nx * ny, sizeof *c->fold);
@@ -226,8 +182,8 @@ int zero_offset_create(struct zero_offset **out, const struct zero_offset_config
     int err = zero_offset_plan(&c->plan, cfg->geometry, first_s, sample_s, why);
     if (!err) {
         c->packed = c->power && !c->plan.dip_in_x;
-        c->groups = groups_of(lines(c)[0], c->packed);
-        c->turned_groups = groups_of(lines(c)[1], false);
+        c->groups = groups_of(zero_offset_lines(c)[0], c->packed);
+        c->turned_groups = groups_of(zero_offset_lines(c)[1], false);
         err = create_stretch(c, cfg);
     }
     if (!err)
@@ -249,7 +205,7 @@ void zero_offset_destroy(struct zero_offset *c)
     for (size_t t = 0; c->scratch && t < pool_threads(c->pool); t++)
         scratch_clear(&c->scratch[t]);
     free(c->scratch);
-    for (size_t x = 0; c->locks && x < lines(c)[0]; x++)
+    for (size_t x = 0; c->locks && x < zero_offset_lines(c)[0]; x++)
         pthread_mutex_destroy(&c->locks[x]);
     free(c->locks);
     free(c->traces);
@@ -274,22 +230,25 @@ void zero_offset_lattice(const struct zero_offset *c, struct zero_offset_lattice
 /* -- add --------------------------------------------------------------------------------
  */
 
+/* What is no number, or too loud to be one, is left out. */
 static void add_powers(size_t n, const float *restrict z, float *restrict sum)
 {
-    for (size_t q = 0; q < n; q++)
-        sum[q] += z[2 * q] * z[2 * q] + z[2 * q + 1] * z[2 * q + 1];
+    for (size_t q = 0; q < n; q++) {
+        float p = z[2 * q] * z[2 * q] + z[2 * q + 1] * z[2 * q + 1];
+        sum[q] += p < LOUDEST * LOUDEST ? p : 0.0f;
+    }
 }
 
 static void add_floats(size_t n, const float *restrict z, float *restrict sum)
 {
     for (size_t q = 0; q < n; q++)
-        sum[q] += z[q];
+        sum[q] += fabsf(z[q]) < LOUDEST ? z[q] : 0.0f;
 }
 
 void zero_offset_add(struct zero_offset *c, size_t position, size_t speaker,
                      const float complex *traces, const bool *masked)
 {
-    size_t nx = lines(c)[0], ny = lines(c)[1];
+    size_t nx = zero_offset_lines(c)[0], ny = zero_offset_lines(c)[1];
     for (size_t i = 0; i < c->n_microphones; i++) {
         if (masked && masked[i])
             continue;
@@ -309,153 +268,7 @@ void zero_offset_add(struct zero_offset *c, size_t position, size_t speaker,
 
 void zero_offset_reset(struct zero_offset *c)
 {
-    size_t nx = lines(c)[0], ny = lines(c)[1];
+    size_t nx = zero_offset_lines(c)[0], ny = zero_offset_lines(c)[1];
     memset(c->traces, 0, c->plan.n_inputs * nx * c->n_in * c->floats * sizeof *c->traces);
     memset(c->fold, 0, nx * ny * sizeof *c->fold);
-}
-
-/* -- stack ------------------------------------------------------------------------------
- */
-
-/* A part of a line of midpoints in x, side by side. */
-static void lay_side_by_side(const struct zero_offset *c, size_t input, size_t group,
-                             float *restrict out)
-{
-    size_t nx = lines(c)[0], ny = lines(c)[1], n_floats = c->n_in * c->floats;
-    size_t n = c->packed ? POINT : VECTOR_LANES, first = group * n;
-    size_t end = nx < first + n ? nx : first + n;
-    for (size_t start = 0; start < n_floats; start += TILE) {
-        size_t floats = n_floats - start < TILE ? n_floats - start : TILE;
-        for (size_t x = first; x < end; x++) {
-            uint32_t fold = c->fold[x * ny + c->plan.line[input]];
-            float weight = fold ? 1.0f / (float)fold : 0.0f;
-            const float *from = c->traces + (input * nx + x) * n_floats + start;
-            float *to = out + start / c->floats * POINT + x - first;
-            if (c->power)
-                for (size_t q = 0; q < floats; q++)
-                    to[q * POINT] = weight * from[q];
-            else
-                for (size_t q = 0; q < floats; q++)
-                    to[q / 2 * POINT + q % 2 * VECTOR_LANES] = weight * from[q];
-        }
-    }
-}
-
-/* Whole transforms, of signals without a half that is known to be zero. */
-VECTOR_CLONES
-static void transform_forward(const struct lane_fft *f, float *x)
-{
-    const float *w = f->twiddles;
-    for (size_t block = f->n; block > f->leaf; block /= 4) {
-        for (size_t at = 0; at < f->n; at += block)
-            lane_fft_split(x + at * POINT, block / 4, w);
-        w += 6 * (block / 4);
-    }
-    for (size_t at = 0; f->leaf > 1 && at < f->n; at += f->leaf)
-        lane_fft_leaf(x + at * POINT, f->leaf, -1.0f);
-}
-
-VECTOR_CLONES
-static void transform_backward(const struct lane_fft *f, float *x)
-{
-    const float *w = f->twiddles + 2 * (f->n - f->leaf);
-    for (size_t at = 0; f->leaf > 1 && at < f->n; at += f->leaf)
-        lane_fft_leaf(x + at * POINT, f->leaf, 1.0f);
-    for (size_t block = 4 * f->leaf; block <= f->n; block *= 4) {
-        w -= 6 * (block / 4);
-        for (size_t at = 0; at < f->n; at += block)
-            lane_fft_join(x + at * POINT, block / 4, w, 0);
-    }
-}
-
-static void transform_input(void *ctx, size_t item, size_t thread)
-{
-    struct zero_offset *c = ctx;
-    struct scratch *s = &c->scratch[thread];
-    size_t input = item / c->groups, group = item % c->groups;
-    float *rows = c->spectra + item * c->pitch;
-    lay_side_by_side(c, input, group, s->samples);
-    stretch_in(c->stretch, c->plan.offset[input], s->samples, rows);
-    transform_forward(c->fft, rows);
-}
-
-/* Dip moveout along x: rows and lanes change places around it. */
-static void stack_along_x(const struct zero_offset *c, size_t bin, struct scratch *s)
-{
-    size_t nx = lines(c)[0], ny = lines(c)[1], row = c->groups * POINT;
-    size_t turned = c->turned_groups * POINT;
-    for (size_t q = 0; q < c->plan.n_x_parts * nx; q++) {
-        const float *from = s->plane + q / nx * ny * row + place(q % nx, false);
-        for (size_t y = 0; y < ny; y++) {
-            float *to = s->turned + q * turned + place(y, false);
-            to[0] = from[y * row];
-            to[VECTOR_LANES] = from[y * row + VECTOR_LANES];
-        }
-    }
-    for (size_t g = 0; g < c->turned_groups; g++)
-        dmo_stack(c->along_x, bin, s->turned + g * POINT, turned, s->imaged + g * POINT,
-                  turned);
-    for (size_t q = 0; q < nx * ny; q++) {
-        size_t x = q / ny, y = q % ny;
-        const float *from = s->imaged + x * turned + place(y, false);
-        float *to = c->stacked + (y * c->groups + x / VECTOR_LANES) * c->pitch +
-                    bin * POINT + x % VECTOR_LANES;
-        to[0] = from[0];
-        to[VECTOR_LANES] = from[VECTOR_LANES];
-    }
-}
-
-static void stack_bin(const struct zero_offset *c, size_t bin, struct scratch *s)
-{
-    size_t ny = lines(c)[1], first = 0;
-    for (size_t part = 0; part < c->plan.n_x_parts; part++) {
-        for (size_t g = 0; g < c->groups; g++) {
-            const float *in = c->spectra + (first * c->groups + g) * c->pitch +
-                              bin * POINT;
-            float *direct = c->stacked + g * c->pitch + bin * POINT;
-            float *plane = s->plane + (part * ny * c->groups + g) * POINT;
-            dmo_stack(c->along_y[part], bin, in, c->groups * c->pitch,
-                      c->along_x ? plane : direct,
-                      c->groups * (c->along_x ? POINT : c->pitch));
-        }
-        first = c->plan.part_end[part];
-    }
-    if (c->along_x)
-        stack_along_x(c, bin, s);
-}
-
-static void stack_bins(void *ctx, size_t item, size_t thread)
-{
-    struct zero_offset *c = ctx;
-    for (size_t bin = item * BINS; bin < c->n_rows && bin < (item + 1) * BINS; bin++)
-        stack_bin(c, bin, &c->scratch[thread]);
-}
-
-static void finish_group(void *ctx, size_t item, size_t thread)
-{
-    struct zero_offset *c = ctx;
-    struct scratch *s = &c->scratch[thread];
-    size_t nx = lines(c)[0], y = item / c->groups;
-    size_t n = c->packed ? POINT : VECTOR_LANES, first = item % c->groups * n;
-    float scale = 1.0f / (float)c->n_rows;
-    float *rows = c->stacked + item * c->pitch;
-    transform_backward(c->fft, rows);
-    stretch_out(c->stretch, rows, s->samples);
-    for (size_t x = first; x < nx && x < first + n; x++) {
-        float *to = c->out + (y * nx + x) * c->n_out * c->floats;
-        const float *from = s->samples + x - first;
-        for (size_t q = 0; q < c->n_out; q++, from += POINT, to += c->floats) {
-            to[0] = scale * from[0];
-            if (!c->power)
-                to[1] = scale * from[VECTOR_LANES];
-        }
-    }
-}
-
-void zero_offset_stack(struct zero_offset *c, float *out)
-{
-    c->out = out;
-    pool_run(c->pool, c->plan.n_inputs * c->groups, transform_input, c);
-    pool_run(c->pool, (c->n_rows + BINS - 1) / BINS, stack_bins, c);
-    pool_run(c->pool, lines(c)[1] * c->groups, finish_group, c);
 }

@@ -65,10 +65,12 @@ static size_t sort_axis(const struct geometry *g, int axis, double *values,
     return n;
 }
 
-/* What follows from a half-offset h and slopes up to SINE_MAX at the earliest time. */
+/* What follows from a half-offset h and slopes up to SINE_MAX at the earliest time; what
+ * is nearer than the pair is long needs other methods anyway. */
 static double dip_shift_s(double hx, double hy, double c, double first_s)
 {
-    return 2.0 * hx * hy * SINE_MAX * SINE_MAX / (c * c * first_s);
+    double t = fmax(first_s, 4.0 * hypot(hx, hy) / c);
+    return 2.0 * hx * hy * SINE_MAX * SINE_MAX / (c * c * t);
 }
 
 struct keys { /* while inputs are numbered */
