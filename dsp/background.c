@@ -1,6 +1,7 @@
 #include "dsp/background.h"
 
 #include <errno.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -46,21 +47,9 @@ void background_store(struct background *b, size_t ping, const float complex *tr
     b->stored[ping] = true;
 }
 
-bool background_has(const struct background *b, size_t ping)
+const float complex *background_traces(const struct background *b, size_t ping)
 {
-    return ping < b->n_pings && b->stored[ping];
-}
-
-bool background_subtract(const struct background *b, size_t ping, float complex *traces)
-{
-    const float complex *from;
-
-    if (!background_has(b, ping))
-        return false;
-    from = b->traces + ping * b->n_values;
-    for (size_t i = 0; i < b->n_values; i++)
-        traces[i] -= from[i];
-    return true;
+    return ping < b->n_pings && b->stored[ping] ? b->traces + ping * b->n_values : NULL;
 }
 
 void background_destroy(struct background *b)

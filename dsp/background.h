@@ -1,16 +1,15 @@
-/* dsp/background.h -- coherent background subtraction: compressed traces of the room
- * without the hidden objects are kept, and subtracted with their phase.
+/* dsp/background.h -- compressed traces of the room without the hidden objects, kept to
+ * be subtracted with their phase, and with the air's drift (dsp/drift.h).
  *
- * Compression is linear, so this equals subtraction of the raw samples.  The dsp node
- * keeps traces, because background pings come long before those of the scene and both
- * must be compressed when they come, so that nothing is left to do after the last one.
- * `anlos recon` has both recordings at hand and subtracts samples
+ * Compression is linear, so without a drift this equals subtraction of the raw samples.
+ * The dsp node keeps traces, because background pings come long before those of the scene
+ * and both must be compressed when they come, so that nothing is left to do after the
+ * last one.  `anlos recon` has both recordings at hand and subtracts samples
  * (nodes/anlos/recon_job), which halves the compressions and stores nothing. */
 #ifndef ANLOS_DSP_BACKGROUND_H
 #define ANLOS_DSP_BACKGROUND_H
 
 #include <complex.h>
-#include <stdbool.h>
 #include <stddef.h>
 
 struct background;
@@ -22,10 +21,9 @@ int background_create(struct background **out, size_t n_pings, size_t n_channels
 
 /* Keeps a copy; a second store of the same ping replaces the first. */
 void background_store(struct background *b, size_t ping, const float complex *traces);
-bool background_has(const struct background *b, size_t ping);
 
-/* traces -= stored.  false, and nothing done: there is none for that ping. */
-bool background_subtract(const struct background *b, size_t ping, float complex *traces);
+/* [n_channels][n_samples], until the next store of that ping; NULL: there is none. */
+const float complex *background_traces(const struct background *b, size_t ping);
 void background_destroy(struct background *b);
 
 #endif

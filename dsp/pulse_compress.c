@@ -57,6 +57,17 @@ static int band_choose(double band_hz[2], const struct pulse_compress_config *c)
     return 0;
 }
 
+/* Samples beyond the gate's last replica that are used: a next emission that begins with
+ * a click in the ping must be in it whole, for only with the rest of its band does
+ * whitening leave nothing of it in the gate. */
+static size_t next_emission(const struct pulse_compress *pc,
+                            const struct pulse_compress_config *c, size_t n_min)
+{
+    size_t rest = c->n_samples - (size_t)floor(c->latency_samples) - n_min;
+
+    return rest < pc->n_replica ? rest : pc->n_replica;
+}
+
 /* The transform starts at the emission, not at the gate: an echo before the gate must be
  * in it whole, for the cut edge of a strong direct path would spread into the gate.  It
  * is long enough that correlation inside the gate is linear. */
@@ -79,6 +90,8 @@ static int transform_create(struct pulse_compress *pc,
     if (first + far > (double)c->n_samples)
         return -ERANGE;
     cfg.n_min = pc->n_replica + (size_t)ceil(far) + 1;
+    if (cfg.n_min < c->n_samples - (size_t)first)
+        cfg.n_min += next_emission(pc, c, cfg.n_min);
     err = band_transform_create(&pc->transform, &cfg);
     if (err)
         return err;

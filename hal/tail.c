@@ -71,7 +71,7 @@ static double longest_m(const struct box *a, const struct box *b)
     return sqrt(sum);
 }
 
-size_t tail_samples(const struct survey *s)
+size_t tail_echo_samples(const struct survey *s)
 {
     if (!s->n_speakers || !s->n_microphones)
         return 0;
@@ -86,5 +86,25 @@ size_t tail_samples(const struct survey *s)
                     (double)s->slot_samples;
     if (!(needed > 0))
         return 0;
+    return needed < (double)s->slot_samples ? (size_t)ceil(needed) : s->slot_samples;
+}
+
+/* When the next emission has been heard directly.  It begins with a click, and the
+ * whitening matched filter (dsp/pulse_compress.h) takes that for echoes unless it hears
+ * the rest. */
+static double next_emission_samples(const struct survey *s)
+{
+    struct box speakers = swept(s, false), microphones = swept(s, true);
+    double direct_m = longest_m(&speakers, &microphones);
+    return s->latency_samples + MARGIN_SAMPLES +
+           (direct_m / s->sound_speed_m_s + s->chirp_duration_s) * s->sample_rate_hz;
+}
+
+size_t tail_samples(const struct survey *s)
+{
+    size_t echo = tail_echo_samples(s);
+    double needed = next_emission_samples(s);
+    if (echo == 0 || needed < (double)echo)
+        return echo;
     return needed < (double)s->slot_samples ? (size_t)ceil(needed) : s->slot_samples;
 }

@@ -5,8 +5,8 @@
  *
  * where K blurs with a point spread function (periodically: leave room around what is
  * bright) or is any linear operator with its transpose.  x and its differences are split
- * off: the step that involves K is one product in the frequency domain, or a step of
- * conjugate gradients for an operator; all others are voxel by voxel.
+ * off: the step that involves K is one product in the frequency domain, or the
+ * minimum over a few directions for an operator; all others are voxel by voxel.
  *
  * Scaled form, over-relaxed (Boyd 3.4.3), with the residuals and the stopping rule of
  * Boyd 3.3, and rho balanced by residuals that are relative (Wohlberg 2017). */

@@ -58,15 +58,13 @@ struct admm {
     fftwf_plan plane_forth, plane_back, column_forth, column_back;
 
     /* operator: all in planes, [nz][plane] */
-    float *rhs; /* rho A' g */
+    float *rhs; /* K'b + rho A' g */
     float *kb;  /* K' b */
-    float *kkx; /* K' K x */
-    float *residual;
-    float *ahead;           /* preconditioned residual */
-    float *direction, *kkd; /* of the step, K'K of it */
-    size_t updates;
-    float *measured;   /* [n_data] */
-    double (*sums)[2]; /* [nz], of conjugate gradients */
+    float *mx;  /* (K'K + mx_rho (1 + D'D)) x */
+    double mx_rho;
+    float *residual, *ahead;
+    struct admm_subspace *subspace;
+    float *measured; /* [n_data] */
 };
 
 /* Floats of a thread's rows. */

@@ -2,7 +2,9 @@
  * The delay of a pair depends on x_voxel - x_stage only, and stage steps are whole
  * voxels: for one difference all stage positions read the same sample, each for its own
  * voxel.  So stage positions lie in the lanes, and nothing is looked up voxel by voxel.
- */
+ *
+ * A few pairs at a time are summed for a block of near differences at a few depths: the
+ * samples that these share stay in the first cache. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -13,29 +15,41 @@
 #include "recon/phasor.h"
 
 #define SAME_M 1e-4 /* what a stage position may be off its place */
-#define LANES  16
-#define ROWS   8 /* depths that are imaged together */
+#define LANES  VECTOR_LANES
+#define ROWS_Y                                                                           \
+    4 /* heights and depths that are imaged together: near ones read the same */
+#define ROWS_Z 4 /* samples, which come from far */
+#define ROWS   (ROWS_Y * ROWS_Z)
+#define BLOCK  16 /* differences that are summed together */
+#define CHUNK  8  /* microphones of one speaker that are summed together */
+#define SUMS   3  /* re, im, power */
 
-/* Differences summed together: the samples that all pairs need for them, at ROWS depths,
- * stay in the cache. */
-#define BLOCK 32
+struct reading { /* of one pair's trace, for each difference of a block */
+    const float *trace;
+    int sample[BLOCK];
+    float near[2][BLOCK]; /* weight of that sample: re, im */
+    float far[2][BLOCK];  /* of the next one */
+    const float *fold;    /* [lanes] */
+};
 
-typedef float lanes __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
-
-struct row {          /* what all pairs share for one (y, z): per difference of x */
-    float *delay;     /* [elements][n_d] in stored samples */
-    float *phasor[2]; /* [elements][n_d] */
-    float *sum[2];    /* [stride][n_sum]: voxels of one remainder lie side by side */
+struct row {
+    size_t y, z;      /* in the image */
+    float *delay;     /* [elements][BLOCK] in stored samples */
+    float *phasor[2]; /* [elements][BLOCK] */
+    float *block;     /* [BLOCK][SUMS][lanes]: of one block of differences */
+    float *sum[SUMS]; /* [stride][n_sum]: voxels of one remainder lie side by side */
 };
 
 struct sweep {    /* one a thread */
     size_t n_d;   /* differences */
     size_t n_sum; /* voxels of one remainder, with the lanes' overhang on both sides */
     struct row rows[ROWS];
-    int sample[BLOCK];
-    float near[2][BLOCK]; /* weight of that sample: re, im */
-    float far[2][BLOCK];  /* of the next one */
-    float *block;         /* [BLOCK][re, im][lanes]: sums of one block of differences */
+    struct reading readings[CHUNK];
+};
+
+struct scan {
+    struct sweep *sweeps; /* one a thread */
+    float *fold;          /* [pair][lanes] live pairs of the trace's midpoint */
 };
 
 static size_t n_elements(const struct backprojection *b)
@@ -65,66 +79,71 @@ bool backproject_scan_fits(struct backprojection *b)
     return true;
 }
 
-static int sweep_create(struct sweep *s, const struct backprojection *b)
+static int row_create(struct row *w, const struct backprojection *b, size_t n_sum)
 {
-    size_t nx = b->grid.n[0], back = (b->lanes - 1) * b->stride;
-    s->n_d = nx + back;
-    s->n_sum = (nx + b->stride - 1) / b->stride + 2 * b->lanes + LANES;
-    bool ok = (s->block = aligned_alloc(64, BLOCK * 2 * b->lanes * sizeof(float)));
-    for (size_t r = 0; r < ROWS; r++) {
-        struct row *w = &s->rows[r];
-        ok = (w->delay = malloc(n_elements(b) * s->n_d * sizeof(float))) && ok;
-        for (int a = 0; a < 2; a++) {
-            ok = (w->phasor[a] = malloc(n_elements(b) * s->n_d * sizeof(float))) && ok;
-            ok = (w->sum[a] = malloc(b->stride * s->n_sum * sizeof(float))) && ok;
-        }
-    }
+    size_t n = n_elements(b) * BLOCK, sums = b->stride * n_sum;
+    w->delay = malloc(n * sizeof *w->delay);
+    w->block = aligned_alloc(64, BLOCK * SUMS * b->lanes * sizeof *w->block);
+    bool ok = w->delay && w->block;
+    for (int a = 0; a < 2; a++)
+        ok = (w->phasor[a] = malloc(n * sizeof *w->phasor[a])) && ok;
+    for (int a = 0; a < SUMS; a++)
+        ok = (w->sum[a] = malloc(sums * sizeof *w->sum[a])) && ok;
     return ok ? 0 : -ENOMEM;
 }
 
-static void sweep_clear(struct sweep *s)
+static void row_clear(struct row *w)
 {
-    free(s->block);
-    for (size_t r = 0; r < ROWS; r++) {
-        free(s->rows[r].delay);
-        for (int a = 0; a < 2; a++) {
-            free(s->rows[r].phasor[a]);
-            free(s->rows[r].sum[a]);
-        }
-    }
+    free(w->delay);
+    free(w->block);
+    for (int a = 0; a < 2; a++)
+        free(w->phasor[a]);
+    for (int a = 0; a < SUMS; a++)
+        free(w->sum[a]);
 }
 
 int backproject_scan_create(struct backprojection *b)
 {
-    struct sweep *sweeps = calloc(pool_threads(b->pool), sizeof *sweeps);
-    if (!sweeps)
+    struct scan *scan = calloc(1, sizeof *scan);
+    if (!scan)
         return -ENOMEM;
-    b->scratch = sweeps;
-    int err = 0;
-    for (size_t t = 0; !err && t < pool_threads(b->pool); t++)
-        err = sweep_create(&sweeps[t], b);
+    b->scratch = scan;
+    scan->sweeps = calloc(pool_threads(b->pool), sizeof *scan->sweeps);
+    scan->fold = calloc(backprojection_pairs(b) * b->lanes, sizeof *scan->fold);
+    int err = scan->sweeps && scan->fold ? 0 : -ENOMEM;
+    for (size_t t = 0; !err && t < pool_threads(b->pool); t++) {
+        struct sweep *s = &scan->sweeps[t];
+        s->n_d = b->grid.n[0] + (b->lanes - 1) * b->stride;
+        s->n_sum = (b->grid.n[0] + b->stride - 1) / b->stride + 2 * b->lanes + LANES;
+        for (size_t r = 0; !err && r < ROWS; r++)
+            err = row_create(&s->rows[r], b, s->n_sum);
+    }
     return err;
 }
 
 void backproject_scan_destroy(struct backprojection *b)
 {
-    struct sweep *sweeps = b->scratch;
-    for (size_t t = 0; sweeps && t < pool_threads(b->pool); t++)
-        sweep_clear(&sweeps[t]);
-    free(sweeps);
+    struct scan *scan = b->scratch;
+    if (!scan)
+        return;
+    for (size_t t = 0; scan->sweeps && t < pool_threads(b->pool); t++)
+        for (size_t r = 0; r < ROWS; r++)
+            row_clear(&scan->sweeps[t].rows[r]);
+    free(scan->sweeps);
+    free(scan->fold);
+    free(scan);
 }
 
-/* Difference d stands for x_voxel - x_stage = x0 + (d - back) * step. */
+/* Of BLOCK differences from x0 on. */
 VECTOR_CLONES
 static void element_delays(const struct backprojection *b, double x0_m, double beside2_m2,
-                           size_t n, float *restrict delay, float *restrict re,
-                           float *restrict im)
+                           float *restrict delay, float *restrict re, float *restrict im)
 {
     float per_m = (float)(b->rate_hz / b->geometry.sound_speed_m_s);
     float start = (float)(0.5 * (1.0 - b->in.t0_s * b->rate_hz));
     float turns_per_m = (float)(b->in.carrier_hz / b->geometry.sound_speed_m_s);
     float x0 = (float)x0_m, step = (float)b->grid.step_m[0], beside2 = (float)beside2_m2;
-    for (size_t d = 0; d < n; d++) {
+    for (size_t d = 0; d < BLOCK; d++) {
         float dx = x0 + step * (float)(int)d;
         float r = sqrtf(dx * dx + beside2);
         delay[d] = r * per_m + start;
@@ -132,163 +151,226 @@ static void element_delays(const struct backprojection *b, double x0_m, double b
     }
 }
 
-static void row_start(const struct backprojection *b, const struct sweep *s,
-                      struct row *w, double y_m, double z_m)
+/* Difference d stands for x_voxel - x_stage = origin - first + (d - back) * step. */
+static void row_start_block(const struct backprojection *b, struct row *w, size_t first)
 {
     const struct geometry *g = &b->geometry;
-    double back_m = (double)((b->lanes - 1) * b->stride) * b->grid.step_m[0];
+    double y_m = b->grid.origin_m[1] + b->grid.step_m[1] * (double)w->y;
+    double z_m = b->grid.origin_m[2] + b->grid.step_m[2] * (double)w->z;
+    double d = (double)first - (double)((b->lanes - 1) * b->stride);
+    double x_m = b->grid.origin_m[0] - b->first_m + d * b->grid.step_m[0];
     for (size_t e = 0; e < n_elements(b); e++) {
         const double *at = e < g->n_speakers ? g->speakers_m[e]
                                              : g->microphones_m[e - g->n_speakers];
-        double x0_m = b->grid.origin_m[0] - back_m - b->first_m - at[0];
         double dy = y_m - at[1], dz = z_m - at[2];
-        element_delays(b, x0_m, dy * dy + dz * dz, s->n_d, w->delay + e * s->n_d,
-                       w->phasor[0] + e * s->n_d, w->phasor[1] + e * s->n_d);
+        element_delays(b, x_m - at[0], dy * dy + dz * dz, w->delay + e * BLOCK,
+                       w->phasor[0] + e * BLOCK, w->phasor[1] + e * BLOCK);
     }
-    for (int a = 0; a < 2; a++)
-        memset(w->sum[a], 0, b->stride * s->n_sum * sizeof(float));
+    memset(w->block, 0, BLOCK * SUMS * b->lanes * sizeof *w->block);
 }
 
-/* Which samples the differences first..first+n-1 read, and with what complex weights. */
+/* Which samples a block of differences reads, and with what complex weights. */
 VECTOR_CLONES
-static void plan_pair(const struct backprojection *b, const struct row *w, size_t speaker,
-                      size_t microphone, size_t first, size_t n, struct sweep *s)
+static void plan_reading(const struct row *w, size_t speaker, size_t microphone,
+                         float last, struct reading *restrict out)
 {
-    size_t e = speaker * s->n_d + first;
-    size_t m = (b->geometry.n_speakers + microphone) * s->n_d + first;
-    const float *delay_s = w->delay + e, *delay_m = w->delay + m;
-    const float *sr = w->phasor[0] + e, *si = w->phasor[1] + e;
-    const float *mr = w->phasor[0] + m, *mi = w->phasor[1] + m;
-    float last = (float)(b->n_stored - 2);
-    for (size_t d = 0; d < n; d++) {
+    const float *delay_s = w->delay + speaker * BLOCK;
+    const float *delay_m = w->delay + microphone * BLOCK;
+    const float *sr = w->phasor[0] + speaker * BLOCK,
+                *si = w->phasor[1] + speaker * BLOCK;
+    const float *mr = w->phasor[0] + microphone * BLOCK;
+    const float *mi = w->phasor[1] + microphone * BLOCK;
+    for (size_t d = 0; d < BLOCK; d++) {
         float at = delay_s[d] + delay_m[d];
         at = at < 0.0f ? 0.0f : at;
         at = at > last ? last : at;
         int sample = (int)at;
         float f = at - (float)sample;
         float re = sr[d] * mr[d] - si[d] * mi[d], im = sr[d] * mi[d] + si[d] * mr[d];
-        s->sample[d] = sample;
-        s->far[0][d] = f * re;
-        s->far[1][d] = f * im;
-        s->near[0][d] = re - f * re;
-        s->near[1][d] = im - f * im;
+        out->sample[d] = sample;
+        out->far[0][d] = f * re;
+        out->far[1][d] = f * im;
+        out->near[0][d] = re - f * re;
+        out->near[1][d] = im - f * im;
     }
 }
 
-/* The lanes first..end-1 of difference d fall on voxels inside the image. */
-static void lane_range(const struct backprojection *b, size_t d, size_t *first,
-                       size_t *end)
+/* sum[SUMS][lanes] += what n pairs add to difference d for the lanes from k on. */
+VECTOR_INLINE void add_lanes(const struct reading *readings, size_t n, size_t lanes,
+                             size_t k, size_t d, float *sum, bool power)
 {
-    long back = (long)((b->lanes - 1) * b->stride), stride = (long)b->stride;
-    long voxel = (long)d - back; /* of lane 0 */
-    long low = voxel >= 0 ? 0 : (-voxel + stride - 1) / stride;
-    long high = ((long)b->grid.n[0] - 1 - voxel) / stride + 1;
-    *first = (size_t)low;
-    *end = high < (long)b->lanes ? (size_t)high : b->lanes;
-}
-
-/* block += what one pair adds to n differences; whole vectors from lane `first` to `end`.
- */
-VECTOR_CLONES
-static void add_pair(const float *traces, size_t k_lanes, size_t first, size_t end,
-                     size_t n, const struct sweep *s)
-{
-    for (size_t d = 0; d < n; d++) {
-        const float *x = traces + (size_t)s->sample[d] * 2 * k_lanes;
-        float *sum = s->block + d * 2 * k_lanes;
-        float ar = s->near[0][d], ai = s->near[1][d];
-        float br = s->far[0][d], bi = s->far[1][d];
-        for (size_t k = first; k < end; k += LANES) {
-            lanes xr = *(const lanes *)(x + k), xi = *(const lanes *)(x + k_lanes + k);
-            lanes yr = *(const lanes *)(x + 2 * k_lanes + k);
-            lanes yi = *(const lanes *)(x + 3 * k_lanes + k);
-            lanes re = *(lanes *)(sum + k), im = *(lanes *)(sum + k_lanes + k);
+    vector16 re = *(vector16 *)(sum + k), im = *(vector16 *)(sum + lanes + k);
+    vector16 re_far = {0}, im_far = {0}, squares = {0};
+    for (size_t i = 0; i < n; i++) {
+        const struct reading *r = &readings[i];
+        const float *x = r->trace + (size_t)(unsigned)r->sample[d] * 2 * lanes + k;
+        vector16 xr = *(const vector16 *)x, xi = *(const vector16 *)(x + lanes);
+        vector16 yr = *(const vector16 *)(x + 2 * lanes);
+        vector16 yi = *(const vector16 *)(x + 3 * lanes);
+        float ar = r->near[0][d], ai = r->near[1][d];
+        float br = r->far[0][d], bi = r->far[1][d];
+        if (power) {
+            vector16 zr = ar * xr - ai * xi + br * yr - bi * yi;
+            vector16 zi = ar * xi + ai * xr + br * yi + bi * yr;
+            re += zr;
+            im += zi;
+            squares += *(const vector16 *)(r->fold + k) * (zr * zr + zi * zi);
+        } else {
             re += ar * xr;
             im += ar * xi;
+            re_far += br * yr;
+            im_far += br * yi;
             re -= ai * xi;
             im += ai * xr;
-            re += br * yr;
-            im += br * yi;
-            re -= bi * yi;
-            im += bi * yr;
-            *(lanes *)(sum + k) = re;
-            *(lanes *)(sum + k_lanes + k) = im;
+            re_far -= bi * yi;
+            im_far += bi * yr;
         }
+    }
+    *(vector16 *)(sum + k) = re + re_far;
+    *(vector16 *)(sum + lanes + k) = im + im_far;
+    if (power)
+        *(vector16 *)(sum + 2 * lanes + k) += squares;
+}
+
+VECTOR_CLONES
+static void add_readings(const struct reading *readings, size_t n, size_t lanes, size_t k,
+                         size_t first, size_t end, float *block)
+{
+    for (size_t d = first; d < end; d++)
+        add_lanes(readings, n, lanes, k, d, block + d * SUMS * lanes, false);
+}
+
+VECTOR_CLONES
+static void add_readings_power(const struct reading *readings, size_t n, size_t lanes,
+                               size_t k, size_t first, size_t end, float *block)
+{
+    for (size_t d = first; d < end; d++)
+        add_lanes(readings, n, lanes, k, d, block + d * SUMS * lanes, true);
+}
+
+/* Those differences of a block for which any of the lanes from k on is a voxel of the
+ * image: lane k of difference d is voxel d - (lanes - 1 - k) * stride. */
+static void range_of(const struct backprojection *b, size_t k, size_t block,
+                     size_t *first, size_t *end)
+{
+    size_t low = (b->lanes - k - LANES) * b->stride;
+    size_t high = (b->lanes - 1 - k) * b->stride + b->grid.n[0];
+    *first = low > block ? low - block : 0;
+    *end = high > block ? high - block : 0;
+    *end = *end < BLOCK ? *end : BLOCK;
+}
+
+static void add_chunk(const struct backprojection *b, struct sweep *s, struct row *w,
+                      size_t block, size_t speaker, size_t first, size_t n)
+{
+    size_t n_s = b->geometry.n_speakers, n_m = b->geometry.n_microphones;
+    const struct scan *scan = b->scratch;
+    for (size_t i = 0; i < n; i++) {
+        size_t pair = speaker * n_m + first + i;
+        s->readings[i].trace = backprojection_sample(b, pair, 0);
+        s->readings[i].fold = scan->fold + pair * b->lanes;
+        plan_reading(w, speaker, n_s + first + i, (float)(b->n_stored - 2),
+                     &s->readings[i]);
+    }
+    for (size_t k = 0; k < b->lanes; k += LANES) {
+        size_t d, end;
+        range_of(b, k, block, &d, &end);
+        if (d >= end)
+            continue;
+        if (b->coherence > 0.0f)
+            add_readings_power(s->readings, n, b->lanes, k, d, end, w->block);
+        else
+            add_readings(s->readings, n, b->lanes, k, d, end, w->block);
     }
 }
 
-/* Lane k of difference d belongs to voxel d - (lanes - 1) * stride + k * stride. */
+/* Lane k of difference d belongs to voxel d - (lanes - 1) * stride + k * stride; those
+ * outside the image go to the overhang. */
+VECTOR_CLONES
 static void spread_block(const struct backprojection *b, const struct sweep *s,
-                         struct row *w, size_t first, size_t n)
+                         const struct row *w, size_t block)
 {
-    for (size_t d = 0; d < n; d++) {
-        size_t low, end;
-        lane_range(b, first + d, &low, &end);
-        const float *from = s->block + d * 2 * b->lanes;
-        size_t voxel = first + d + b->stride;
+    int n_sums = b->coherence > 0.0f ? SUMS : SUMS - 1;
+    for (size_t d = 0; d < BLOCK && block + d < s->n_d; d++) {
+        size_t voxel = block + d + b->stride;
         size_t at = voxel % b->stride * s->n_sum + voxel / b->stride;
-        for (size_t k = low; k < end; k++) {
-            w->sum[0][at + k] += from[k];
-            w->sum[1][at + k] += from[b->lanes + k];
+        for (int a = 0; a < n_sums; a++) {
+            const float *restrict from = w->block + (d * SUMS + (size_t)a) * b->lanes;
+            float *restrict to = w->sum[a] + at;
+            for (size_t k = 0; k < b->lanes; k++)
+                to[k] += from[k];
         }
     }
-}
-
-/* All pairs' shares of a block of differences for one row. */
-static void sum_block(const struct backprojection *b, struct sweep *s, struct row *w,
-                      size_t first, size_t n)
-{
-    size_t low = b->lanes, high = 0, n_m = b->geometry.n_microphones;
-    for (size_t d = 0; d < n; d++) {
-        size_t from, end;
-        lane_range(b, first + d, &from, &end);
-        low = from < low ? from : low;
-        high = end > high ? end : high;
-    }
-    low -= low % LANES;
-    memset(s->block, 0, n * 2 * b->lanes * sizeof *s->block);
-    for (size_t j = 0; j < b->geometry.n_speakers; j++) {
-        for (size_t i = 0; i < n_m; i++) {
-            plan_pair(b, w, j, i, first, n, s);
-            add_pair(backprojection_sample(b, 0, j * n_m + i, 0), b->lanes, low, high, n,
-                     s);
-        }
-    }
-    spread_block(b, s, w, first, n);
 }
 
 static void row_finish(const struct backprojection *b, const struct sweep *s,
-                       const struct row *w, size_t y, size_t z)
+                       const struct row *w)
 {
     const struct grid *g = &b->grid;
-    float depth_m = (float)(g->origin_m[2] + g->step_m[2] * (double)z - b->plane_z_m);
-    float *out = b->image + (z * g->n[1] + y) * g->n[0];
+    float depth_m = (float)(g->origin_m[2] + g->step_m[2] * (double)w->z - b->plane_z_m);
+    float *out = b->image + (w->z * g->n[1] + w->y) * g->n[0];
     for (size_t x = 0; x < g->n[0]; x++) {
         size_t voxel = x + b->stride * b->lanes;
         size_t at = voxel % b->stride * s->n_sum + voxel / b->stride;
-        out[x] = backprojection_intensity(depth_m, w->sum[0][at], w->sum[1][at]);
+        out[x] = backprojection_intensity(b, depth_m, w->sum[0][at], w->sum[1][at],
+                                          w->sum[2][at]);
     }
+}
+
+static size_t tiles_along(const struct backprojection *b, int axis)
+{
+    size_t side = axis == 1 ? ROWS_Y : ROWS_Z;
+    return (b->grid.n[axis] + side - 1) / side;
+}
+
+/* Returns how many rows there are. */
+static size_t rows_start(const struct backprojection *b, struct sweep *s, size_t item)
+{
+    const struct grid *g = &b->grid;
+    size_t y0 = item % tiles_along(b, 1) * ROWS_Y, z0 = item / tiles_along(b, 1) * ROWS_Z;
+    size_t n = 0;
+    for (size_t y = y0; y < g->n[1] && y < y0 + ROWS_Y; y++) {
+        for (size_t z = z0; z < g->n[2] && z < z0 + ROWS_Z; z++) {
+            struct row *w = &s->rows[n++];
+            w->y = y;
+            w->z = z;
+            for (int a = 0; a < SUMS; a++)
+                memset(w->sum[a], 0, b->stride * s->n_sum * sizeof *w->sum[a]);
+        }
+    }
+    return n;
 }
 
 static void image_rows(void *ctx, size_t item, size_t thread)
 {
     struct backprojection *b = ctx;
-    struct sweep *s = (struct sweep *)b->scratch + thread;
-    const struct grid *g = &b->grid;
-    size_t y = item % g->n[1], z = item / g->n[1] * ROWS;
-    size_t n_rows = g->n[2] - z < ROWS ? g->n[2] - z : ROWS;
-    for (size_t r = 0; r < n_rows; r++)
-        row_start(b, s, &s->rows[r], g->origin_m[1] + g->step_m[1] * (double)y,
-                  g->origin_m[2] + g->step_m[2] * (double)(z + r));
-    for (size_t d = 0; d < s->n_d; d += BLOCK)
+    struct sweep *s = ((struct scan *)b->scratch)->sweeps + thread;
+    size_t n_m = b->geometry.n_microphones, n_rows = rows_start(b, s, item);
+    for (size_t block = 0; block < s->n_d; block += BLOCK) {
         for (size_t r = 0; r < n_rows; r++)
-            sum_block(b, s, &s->rows[r], d, s->n_d - d < BLOCK ? s->n_d - d : BLOCK);
+            row_start_block(b, &s->rows[r], block);
+        for (size_t j = 0; j < b->geometry.n_speakers; j++)
+            for (size_t i = 0; i < n_m; i += CHUNK)
+                for (size_t r = 0; r < n_rows; r++)
+                    add_chunk(b, s, &s->rows[r], block, j, i,
+                              n_m - i < CHUNK ? n_m - i : CHUNK);
+        for (size_t r = 0; r < n_rows; r++)
+            spread_block(b, s, &s->rows[r], block);
+    }
     for (size_t r = 0; r < n_rows; r++)
-        row_finish(b, s, &s->rows[r], y, z + r);
+        row_finish(b, s, &s->rows[r]);
+}
+
+static void find_folds(const struct backprojection *b)
+{
+    const struct scan *scan = b->scratch;
+    size_t pairs = backprojection_pairs(b);
+    for (size_t t = 0; t < pairs * b->geometry.n_positions; t++)
+        scan->fold[t % pairs * b->lanes + t / pairs] = (float)b->stored_fold[t];
 }
 
 void backproject_scan(struct backprojection *b)
 {
-    size_t slabs = (b->grid.n[2] + ROWS - 1) / ROWS;
-    pool_run(b->pool, slabs * b->grid.n[1], image_rows, b);
+    find_folds(b);
+    pool_run(b->pool, tiles_along(b, 1) * tiles_along(b, 2), image_rows, b);
 }

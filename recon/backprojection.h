@@ -1,12 +1,16 @@
 /* recon/backprojection.h -- inside `--method backprojection`: each voxel sums every
  * pair's trace at its own two-way delay, phase kept, each pair weighted by 1 / (pairs
  * that share its midpoint).  Traces are stored finer than they come, so that linear
- * interpolation does
- * (-41 dB at 4 times the band width). */
+ * interpolation does (recon/backproject_store.c): -50 dB of double precision in all.
+ *
+ * The coherence factor (Mallart and Fink 1994, "Adaptive focusing in scattering media
+ * through sound-speed inhomogeneities") of a voxel is what its pairs add up to over what
+ * they would, were all in phase: |sum w x|^2 / (sum w  sum w |x|^2), with the pairs'
+ * weights w.  The intensity is multiplied by its power `coherence`. */
 #ifndef ANLOS_RECON_BACKPROJECTION_H
 #define ANLOS_RECON_BACKPROJECTION_H
 
-#include <math.h>
+#include <complex.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -23,59 +27,66 @@ struct backprojection {
     double plane_z_m;             /* depth counts from here: the middle of the array */
     double centre_m[3], spread_m; /* of pings with places of their own: mean, rms */
     size_t muted;                 /* stored samples before the gate */
-    double *fine;                 /* interpolation weights of the stored rate */
+    float coherence;              /* exponent; 0: off */
 
-    /* Traces lie in groups of `lanes`: [group][n_stored][re, im][lanes].  A scan's group
-     * is a pair and its lanes the stage positions; otherwise each trace is a group of
-     * one. */
+    float complex *added; /* [position][pair][in.n_samples] as they came */
+
+    /* Stored samples.  A scan's lie in groups of `lanes`, [pair][n_stored][re, im][lanes]
+     * with the stage positions in the lanes, each trace over the live pairs of its
+     * midpoint.  Otherwise they are packed in words, [position][pair][n_stored] with the
+     * real part in the upper half, both in units of the trace's own: one load reads two
+     * samples, and looking samples up is loads. */
     bool scan;
-    size_t lanes, n_groups;
+    size_t lanes;
     float *traces;
+    uint32_t *words;
+    float *unit;               /* [position][pair] */
+    float *fine;               /* interpolation weights of the stored rate */
+    struct store_scratch *own; /* one a thread */
 
     uint32_t *cell; /* [position][pair]: number of its midpoint */
-    size_t n_cells;
-    bool *live;     /* [position][pair]: added, not masked */
-    float *weight;  /* [position][pair]: already multiplied into the traces */
-    uint32_t *fold; /* [n_cells]: live pairs of each midpoint */
-    void *scratch;  /* of the imaging part */
-    float *image;   /* where imager_image wants it */
+    size_t n_cells, n_live_cells;
+    bool *live;            /* [position][pair]: added, not masked */
+    uint32_t *fold;        /* [n_cells]: live pairs of each midpoint */
+    uint32_t *stored_fold; /* [position][pair]: that of its midpoint, 0 if not live, when
+                              it was stored; STORE_STALE: what is stored is old */
+    void *scratch;         /* of the imaging part */
+    float *image;          /* where imager_image wants it */
 
     size_t stride;  /* scan: voxels between two stage positions */
     double first_m; /* scan: x of stage position 0 */
 };
+
+#define STORE_STALE UINT32_MAX
 
 static inline size_t backprojection_pairs(const struct backprojection *b)
 {
     return b->geometry.n_speakers * b->geometry.n_microphones;
 }
 
-/* One sample of a stored trace; its imaginary part lies `lanes` further on. */
-static inline float *backprojection_sample(const struct backprojection *b,
-                                           size_t position, size_t pair, size_t sample)
+/* Of a scan: a stored sample of a pair at all positions, [re, im][lanes]. */
+static inline float *backprojection_sample(const struct backprojection *b, size_t pair,
+                                           size_t sample)
 {
-    size_t group = b->scan ? pair : position * backprojection_pairs(b) + pair;
-    size_t lane = b->scan ? position : 0;
-    return b->traces + (group * b->n_stored + sample) * 2 * b->lanes + lane;
+    return b->traces + (pair * b->n_stored + sample) * 2 * b->lanes;
 }
+
+/* Traces as they came to stored ones: only what is not up to date.  create: 0 or -ENOMEM.
+ */
+int backproject_store_create(struct backprojection *b, double band_hz);
+void backproject_store(struct backprojection *b);
+void backproject_store_destroy(struct backprojection *b);
 
 /* What stands for the depth of a voxel: its distance from the array's plane, or, where
  * pings have places of their own and there is no plane, the rms distance from them. */
-static inline float backprojection_depth_m(const struct backprojection *b, float x_m,
-                                           float y_m, float z_m)
-{
-    if (!b->geometry.pings_m)
-        return z_m - (float)b->plane_z_m;
-    float dx = x_m - (float)b->centre_m[0], dy = y_m - (float)b->centre_m[1];
-    float dz = z_m - (float)b->centre_m[2], spread = (float)b->spread_m;
-    return sqrtf(dx * dx + dy * dy + dz * dz + spread * spread);
-}
+float backprojection_depth_m(const struct backprojection *b, float x_m, float y_m,
+                             float z_m);
 
-/* Depth makes up for spreading, once: echoes of a point fade faster, of a plate slower.
- */
-static inline float backprojection_intensity(float depth_m, float re, float im)
-{
-    return depth_m * depth_m * (re * re + im * im);
-}
+/* Of the sum of all stored traces, and of the sum of their fold * |x|^2, which counts if
+ * coherence does.  Depth makes up for spreading, once: echoes of a point fade faster, of
+ * a plate slower. */
+float backprojection_intensity(const struct backprojection *b, float depth_m, float re,
+                               float im, float power);
 
 /* The way through all voxels, for any geometry (recon/backproject_any) and for an array
  * that a stage carries along x in steps of whole voxels (recon/backproject_scan), several

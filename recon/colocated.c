@@ -31,9 +31,10 @@ struct colocated {
 /* -- which pairs ------------------------------------------------------------------------
  */
 
-/* Lines that our pairs use, renumbered; must be even.  used[n]: in, place: out. */
+/* Lines that our pairs use, renumbered; must be even.  used[n]: in, place: out.  A single
+ * line is as wide as alone_m. */
 static int plan_axis(const double *lines_m, const bool *used, size_t n, uint32_t *place,
-                     size_t *count, double *first_m, double *pitch_m)
+                     double alone_m, size_t *count, double *first_m, double *pitch_m)
 {
     double last_m = 0.0;
     *count = 0;
@@ -45,7 +46,7 @@ static int plan_axis(const double *lines_m, const bool *used, size_t n, uint32_t
         last_m = lines_m[i];
         place[i] = (uint32_t)(*count)++;
     }
-    *pitch_m = *count > 1 ? (last_m - *first_m) / (double)(*count - 1) : SAME_M;
+    *pitch_m = *count > 1 ? (last_m - *first_m) / (double)(*count - 1) : alone_m;
     for (size_t i = 0; i < n; i++) {
         double at_m = *first_m + (double)place[i] * *pitch_m;
         if (used[i] && fabs(lines_m[i] - at_m) > UNEVEN * *pitch_m)
@@ -70,7 +71,8 @@ static void mark_lines(const struct midpoints *m, size_t n_positions, bool *used
     }
 }
 
-static int plan_cells(struct colocated *c, const struct midpoints *m, const char **why)
+static int plan_cells(struct colocated *c, const struct midpoints *m,
+                      const double *step_m, const char **why)
 {
     struct colocated_lattice *l = &c->lattice;
     bool *used_x = calloc(m->nx, sizeof *used_x), *used_y = calloc(m->ny, sizeof *used_y);
@@ -79,10 +81,12 @@ static int plan_cells(struct colocated *c, const struct midpoints *m, const char
     if (!err) {
         mark_lines(m, c->n_positions, used_x, used_y);
         *why = "speakers with a microphone beside each, on a lattice of even pitch";
-        err = plan_axis(m->x_m, used_x, m->nx, x, &l->nx, &l->x_m, &l->pitch_x_m);
+        err = plan_axis(m->x_m, used_x, m->nx, x, step_m[0], &l->nx, &l->x_m,
+                        &l->pitch_x_m);
     }
     if (!err)
-        err = plan_axis(m->y_m, used_y, m->ny, y, &l->ny, &l->y_m, &l->pitch_y_m);
+        err = plan_axis(m->y_m, used_y, m->ny, y, step_m[1], &l->ny, &l->y_m,
+                        &l->pitch_y_m);
     for (size_t q = 0; !err && q < c->n_positions * m->n_pairs; q++)
         c->cell[q] = is_ours(m, q % m->n_pairs)
                          ? y[m->iy[q]] * (uint32_t)l->nx + x[m->ix[q]]
@@ -170,7 +174,7 @@ int colocated_create(struct colocated **out, const struct imager_config *cfg,
         err = midpoints_create(&m, cfg->geometry, why);
     if (!err) {
         c->lattice.plane_z_m = m->plane_z_m;
-        err = plan_cells(c, m, why);
+        err = plan_cells(c, m, cfg->grid.step_m, why);
     }
     if (!err)
         err = plan_moveout(c, cfg, m, why);

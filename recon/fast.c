@@ -1,36 +1,26 @@
 /* recon/fast.c -- `--method fast`: every pair's trace is moved out to its midpoint with
- * its phase (recon/nmo), stacked with equal weight for each midpoint (fold), and the
- * co-located traces are migrated (recon/fk).  Good while dip moveout is small: targets
- * farther than about four times the longest half-offset. */
+ * its phase and stacked with equal weight for each midpoint (recon/midpoint_stack), and
+ * the co-located traces are migrated (recon/fk).  Dip moveout costs time and memory, and
+ * is done where echoes from aside would come out of step without it: for targets nearer
+ * than about four times the longest half-offset. */
 #include <errno.h>
 #include <math.h>
-#include <pthread.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "recon/fk.h"
 #include "recon/method.h"
 #include "recon/midpoint.h"
-#include "recon/nmo.h"
+#include "recon/midpoint_stack.h"
+#include "recon/moveout_error.h"
 
 #define RATE_MARGIN 1.2 /* sampling rate of co-located traces over the band's width */
+#define OUT_OF_STEP 0.8 /* rad, rms over the pairs: the image of a point falls apart */
 
 struct fast {
-    size_t n_speakers, n_microphones;
-    size_t n_in, n_out; /* samples of traces, of co-located traces */
     struct midpoints *midpoints;
-    struct nmo *nmo;
+    struct midpoint_stack *stack;
     struct fk *fk;
-    pthread_mutex_t *locks; /* [nx]: a line of midpoints */
-    float complex *gather;  /* [nx][ny][n_out] */
-    float *fold;            /* [nx][ny] pairs in the stack */
-    float *weight;          /* [nx][ny] 1 / fold */
 };
-
-static size_t cells(const struct fast *f)
-{
-    return f->midpoints->nx * f->midpoints->ny;
-}
 
 /* Co-located traces span the gate from its mute to the farthest voxel of the image. */
 static void colocated_format(struct trace_format *out, const struct imager_config *cfg,
@@ -50,30 +40,64 @@ static void colocated_format(struct trace_format *out, const struct imager_confi
     out->n_samples = (size_t)fmax(ceil((last_s - first_s) * out->rate_hz), 0.0);
 }
 
+/* Do the corners of the image's middle plane need dip moveout? */
+static int needs_dip(const struct imager_config *cfg, bool *out)
+{
+    const struct grid *g = &cfg->grid;
+    double centre_hz = 0.5 * (cfg->band_hz[0] + cfg->band_hz[1]);
+    int err = 0;
+    *out = false;
+    for (size_t corner = 0; !err && !*out && corner < 4; corner++) {
+        double rest_rad = 0.0, shift_m[3], at_m[3];
+        const size_t index[3] = {corner % 2 ? g->n[0] - 1 : 0,
+                                 corner / 2 ? g->n[1] - 1 : 0, g->n[2] / 2};
+        for (int a = 0; a < 3; a++)
+            at_m[a] = g->origin_m[a] + g->step_m[a] * (double)index[a];
+        err = moveout_error(cfg->geometry, at_m, centre_hz, shift_m, &rest_rad);
+        *out = rest_rad > OUT_OF_STEP;
+    }
+    return err;
+}
+
+static int create_stack(struct fast *f, const struct imager_config *cfg,
+                        const struct trace_format *colocated, const char **why)
+{
+    int dmo = cfg->options ? cfg->options->dmo : -1;
+    bool dip = dmo > 0;
+    int err = dmo < 0 ? needs_dip(cfg, &dip) : 0;
+    struct midpoint_stack_config stack = {
+        .geometry = cfg->geometry,
+        .midpoints = f->midpoints,
+        .in = cfg->format,
+        .out = *colocated,
+        .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
+        .mute_s = 2.0 * cfg->gate_m[0] / cfg->geometry->sound_speed_m_s,
+        .dip = dip,
+        .pool = cfg->pool,
+    };
+    if (!err)
+        err = midpoint_stack_create(&f->stack, &stack, why);
+    if (err == -ENOTSUP && dmo < 0) { /* lines that are not even: as well as it goes */
+        stack.dip = false;
+        err = midpoint_stack_create(&f->stack, &stack, why);
+    }
+    return err;
+}
+
 static int create_stages(struct fast *f, const struct imager_config *cfg,
                          const char **why)
 {
-    struct midpoints *m = f->midpoints;
+    const struct midpoints *m = f->midpoints;
     struct trace_format colocated;
     colocated_format(&colocated, cfg, m);
-    f->n_out = colocated.n_samples;
-    if (f->n_out < FK_MIN_SAMPLES) {
+    if (colocated.n_samples < FK_MIN_SAMPLES) {
         *why = "a gate that overlaps the volume";
         return -ENOTSUP;
     }
-    struct nmo_config nmo = {
-        .sound_speed_m_s = cfg->geometry->sound_speed_m_s,
-        .in = cfg->format,
-        .out = colocated,
-        .mute_s = 2.0 * cfg->gate_m[0] / cfg->geometry->sound_speed_m_s,
-        .band_hz = cfg->band_hz[1] - cfg->band_hz[0],
-        .n_offsets = m->n_offsets,
-        .half_offset_m = m->half_offset_m,
-    };
-    int err = nmo_create(&f->nmo, &nmo);
+    int err = create_stack(f, cfg, &colocated, why);
     if (err)
         return err;
-    struct fk_config fk = {
+    const struct fk_config fk = {
         .sound_speed_m_s = cfg->geometry->sound_speed_m_s,
         .nx = m->nx,
         .ny = m->ny,
@@ -91,30 +115,13 @@ static int create_stages(struct fast *f, const struct imager_config *cfg,
     return err == -EINVAL ? -ENOTSUP : err;
 }
 
-static int allocate(struct fast *f)
-{
-    f->gather = calloc(cells(f) * f->n_out, sizeof *f->gather);
-    f->fold = calloc(cells(f), sizeof *f->fold);
-    f->weight = calloc(cells(f), sizeof *f->weight);
-    f->locks = malloc(f->midpoints->nx * sizeof *f->locks);
-    for (size_t x = 0; f->locks && x < f->midpoints->nx; x++)
-        pthread_mutex_init(&f->locks[x], NULL);
-    return f->gather && f->fold && f->weight && f->locks ? 0 : -ENOMEM;
-}
-
 static void fast_destroy(void *state)
 {
     struct fast *f = state;
     if (!f)
         return;
-    for (size_t x = 0; f->locks && x < f->midpoints->nx; x++)
-        pthread_mutex_destroy(&f->locks[x]);
-    free(f->locks);
-    free(f->gather);
-    free(f->fold);
-    free(f->weight);
     fk_destroy(f->fk);
-    nmo_destroy(f->nmo);
+    midpoint_stack_destroy(f->stack);
     midpoints_destroy(f->midpoints);
     free(f);
 }
@@ -124,14 +131,9 @@ static int fast_create(void **state, const struct imager_config *cfg, const char
     struct fast *f = calloc(1, sizeof *f);
     if (!f)
         return -ENOMEM;
-    f->n_speakers = cfg->geometry->n_speakers;
-    f->n_microphones = cfg->geometry->n_microphones;
-    f->n_in = cfg->format.n_samples;
     int err = midpoints_create(&f->midpoints, cfg->geometry, why);
     if (!err)
         err = create_stages(f, cfg, why);
-    if (!err)
-        err = allocate(f);
     if (err) {
         fast_destroy(f);
         return err;
@@ -143,35 +145,23 @@ static int fast_create(void **state, const struct imager_config *cfg, const char
 static void fast_add(void *state, size_t position, size_t speaker,
                      const float complex *traces, const bool *masked)
 {
-    struct fast *f = state;
-    const struct midpoints *m = f->midpoints;
-    for (size_t i = 0; i < f->n_microphones; i++) {
-        if (masked && masked[i])
-            continue;
-        size_t pair = speaker * f->n_microphones + i;
-        size_t x = m->ix[position * m->n_pairs + pair];
-        size_t cell = x * m->ny + m->iy[position * m->n_pairs + pair];
-        pthread_mutex_lock(&f->locks[x]);
-        nmo_stack(f->nmo, m->offset[pair], traces + i * f->n_in,
-                  f->gather + cell * f->n_out);
-        f->fold[cell] += 1.0f;
-        pthread_mutex_unlock(&f->locks[x]);
-    }
+    const struct fast *f = state;
+    midpoint_stack_add(f->stack, position, speaker, traces, masked);
 }
 
 static void fast_image(void *state, float *intensity)
 {
-    struct fast *f = state;
-    for (size_t q = 0; q < cells(f); q++)
-        f->weight[q] = f->fold[q] > 0.0f ? 1.0f / f->fold[q] : 0.0f;
-    fk_migrate(f->fk, f->gather, f->weight, intensity);
+    const struct fast *f = state;
+    const float complex *gather;
+    const float *weight;
+    midpoint_stack_finish(f->stack, &gather, &weight);
+    fk_migrate(f->fk, gather, weight, intensity);
 }
 
 static void fast_reset(void *state)
 {
-    struct fast *f = state;
-    memset(f->gather, 0, cells(f) * f->n_out * sizeof *f->gather);
-    memset(f->fold, 0, cells(f) * sizeof *f->fold);
+    const struct fast *f = state;
+    midpoint_stack_reset(f->stack);
 }
 
 const struct imager_method method_fast = {

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "recon/method.h"
+#include "recon/trace_check.h"
 
 static const struct imager_method *const methods[] = {
     &method_fast,  &method_backprojection, &method_confocal,  &method_lct,
@@ -15,8 +16,9 @@ static const struct imager_method *const methods[] = {
 struct imager {
     const struct imager_method *method;
     void *state;
-    size_t n_speakers, n_pings;
+    size_t n_speakers, n_pings, n_microphones, n_samples;
     atomic_bool *added; /* [n_pings] */
+    bool *masked;       /* [n_pings][n_microphones] */
     atomic_size_t count;
 };
 
@@ -25,26 +27,17 @@ const char *imager_methods(void)
     return "fast\0backprojection\0confocal\0lct\0paper\0incoherent\0iterative\0sparse\0";
 }
 
-void imager_options_default(struct imager_options *o)
-{
-    *o = (struct imager_options){
-        .base = "fast",
-        .iterations = 200,
-        .tolerance = 1e-3,
-        .l1 = 0.05,
-        .tv = 0.01,
-        .rho = 0.06,
-        .snr_db = 20.0,
-        .lightcone = -1,
-    };
-}
-
 static const struct imager_method *find(const char *name)
 {
     for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)
         if (strcmp(methods[m]->name, name) == 0)
             return methods[m];
     return NULL;
+}
+
+bool imager_has_method(const char *name)
+{
+    return find(name) != NULL;
 }
 
 static bool sensible(const struct imager_config *cfg)
@@ -83,9 +76,13 @@ int imager_create(struct imager **out, const struct imager_config *cfg, const ch
     im->method = method;
     im->n_speakers = cfg->geometry->n_speakers;
     im->n_pings = cfg->geometry->n_positions * cfg->geometry->n_speakers;
+    im->n_microphones = cfg->geometry->n_microphones;
+    im->n_samples = cfg->format.n_samples;
     im->added = calloc(im->n_pings, sizeof *im->added);
-    int err = im->added ? method->create(&im->state, cfg, why) : -ENOMEM;
+    im->masked = calloc(im->n_pings, im->n_microphones * sizeof *im->masked);
+    int err = im->added && im->masked ? method->create(&im->state, cfg, why) : -ENOMEM;
     if (err) {
+        free(im->masked);
         free(im->added);
         free(im);
         return err;
@@ -100,7 +97,11 @@ bool imager_add(struct imager *im, size_t position, size_t speaker,
     size_t ping = position * im->n_speakers + speaker;
     if (atomic_exchange(&im->added[ping], true))
         return false;
-    im->method->add(im->state, position, speaker, traces, masked);
+    bool *unused = im->masked + ping * im->n_microphones;
+    for (size_t i = 0; i < im->n_microphones; i++)
+        unused[i] = (masked && masked[i]) ||
+                    !trace_check(traces + i * im->n_samples, im->n_samples);
+    im->method->add(im->state, position, speaker, traces, unused);
     atomic_fetch_add(&im->count, 1);
     return true;
 }
@@ -128,6 +129,7 @@ void imager_destroy(struct imager *im)
     if (!im)
         return;
     im->method->destroy(im->state);
+    free(im->masked);
     free(im->added);
     free(im);
 }

@@ -282,6 +282,7 @@ static void sharpen(struct iterative *it, float *intensity)
         }
         admm_blur_gaussian(it->admm, s->covariance);
         admm_solve(it->admm, it->amplitude, reference, it->sharp, NULL);
+        iterative_beam(it->n, it->sharp, it->amplitude);
         store(it, s, intensity);
     }
 }

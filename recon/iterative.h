@@ -6,6 +6,9 @@
 
 #include "recon/imager.h"
 
+/* Of the option's rho: this operator passes less than a blur. */
+#define ITERATIVE_LIGHTCONE_RHO 0.2
+
 struct iterative_lightcone;
 
 int iterative_lightcone_create(struct iterative_lightcone **out,
@@ -17,5 +20,11 @@ void iterative_lightcone_add(struct iterative_lightcone *l, size_t position,
 void iterative_lightcone_image(struct iterative_lightcone *l, float *intensity);
 void iterative_lightcone_reset(struct iterative_lightcone *l);
 void iterative_lightcone_destroy(struct iterative_lightcone *l);
+
+/* A point comes out of the deconvolution as a voxel or two, between which nothing can
+ * read where it is.  As CLEAN ends with a beam (Hogbom 1974), x [n[2]][n[1]][n[0]] is
+ * spread by 1, 6 and 1 eighths along each axis, which keeps the middle of
+ * all that stands beside each other. */
+void iterative_beam(const size_t n[3], float *restrict x, float *restrict spare);
 
 #endif

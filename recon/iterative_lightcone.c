@@ -11,16 +11,16 @@
 #include "recon/zero_offset.h"
 
 #define MIN_SAMPLES 16
-#define FALLOFF     2.0 /* of a point's power after the gain */
 
 struct iterative_lightcone {
     struct zero_offset *zero_offset;
     struct lightcone *lightcone;
     struct admm *admm;
     struct resample *resample;
-    size_t n_power, n_image;
-    float *power;  /* [ny][nx][n_ranges] */
-    float *volume; /* [n_ranges][ny][nx] */
+    size_t n[3], n_power;
+    double range_m, range_step_m;
+    float *power;  /* [ny][nx][n[2]] */
+    float *volume; /* [n[2]][ny][nx] */
 };
 
 void iterative_lightcone_destroy(struct iterative_lightcone *l)
@@ -72,10 +72,11 @@ static int plan_operator(struct iterative_lightcone *l, const struct imager_conf
     zero_offset_lattice(l->zero_offset, &lattice);
     for (int a = 0; a < 2; a++)
         pitch_m[a] = lattice.n[a] > 1 ? lattice.pitch_m[a] : cfg->grid.step_m[a];
+    l->range_m = half_c * times->t0_s;
+    l->range_step_m = half_c / times->rate_hz;
     *volume = (struct grid){
-        {lattice.first_m[0], lattice.first_m[1],
-         lattice.plane_z_m + half_c * times->t0_s},
-        {pitch_m[0], pitch_m[1], half_c / times->rate_hz},
+        {lattice.first_m[0], lattice.first_m[1], lattice.plane_z_m + l->range_m},
+        {pitch_m[0], pitch_m[1], l->range_step_m},
         {lattice.n[0], lattice.n[1], times->n_samples},
     };
     const struct lightcone_config lightcone = {
@@ -84,10 +85,10 @@ static int plan_operator(struct iterative_lightcone *l, const struct imager_conf
         .pitch_x_m = pitch_m[0],
         .pitch_y_m = pitch_m[1],
         .nt = times->n_samples,
-        .range_m = half_c * times->t0_s,
-        .range_step_m = half_c / times->rate_hz,
-        .falloff = FALLOFF,
-        .snr = 1.0, /* the inverse is not used */
+        .range_m = l->range_m,
+        .range_step_m = l->range_step_m,
+        .falloff = 0.0, /* see amplify */
+        .snr = 1.0,     /* the inverse is not used */
         .pool = cfg->pool,
     };
     return lightcone_create(&l->lightcone, &lightcone);
@@ -96,8 +97,9 @@ static int plan_operator(struct iterative_lightcone *l, const struct imager_conf
 static int plan_admm(struct iterative_lightcone *l, const struct imager_config *cfg,
                      const struct imager_options *o, const struct grid *volume)
 {
+    for (int a = 0; a < 3; a++)
+        l->n[a] = volume->n[a];
     l->n_power = grid_size(volume);
-    l->n_image = grid_size(&cfg->grid);
     l->power = malloc(l->n_power * sizeof *l->power);
     l->volume = malloc(l->n_power * sizeof *l->volume);
     if (!l->power || !l->volume)
@@ -108,7 +110,7 @@ static int plan_admm(struct iterative_lightcone *l, const struct imager_config *
         .l1 = o->l1,
         .tv = o->tv,
         .tv_isotropic = o->tv_isotropic,
-        .rho = o->rho,
+        .rho = ITERATIVE_LIGHTCONE_RHO * o->rho,
         .iterations = o->iterations,
         .tolerance = o->tolerance,
         .linear = &linear,
@@ -158,10 +160,23 @@ void iterative_lightcone_add(struct iterative_lightcone *l, size_t position,
     zero_offset_add(l->zero_offset, position, speaker, traces, masked);
 }
 
+/* After the gain with the squared range a point's power still falls with it (Lindell
+ * 2019, Eq. 10: of range^-4).  So that near things do not outweigh far ones, and the
+ * step's preconditioner fits all depths, that is undone in the data and left out of K. */
+static void amplify(struct iterative_lightcone *l)
+{
+    for (size_t i = 0; i < l->n_power; i++) {
+        double range_m = l->range_m + (double)(i % l->n[2]) * l->range_step_m;
+        l->power[i] *= (float)(range_m * range_m);
+    }
+}
+
 void iterative_lightcone_image(struct iterative_lightcone *l, float *intensity)
 {
     zero_offset_stack(l->zero_offset, l->power);
+    amplify(l);
     admm_solve(l->admm, l->power, 0.0, l->volume, NULL);
+    iterative_beam(l->n, l->volume, l->power);
     resample_volume(l->resample, l->volume, intensity);
 }
 

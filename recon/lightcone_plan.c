@@ -208,9 +208,9 @@ static int plan_transforms(struct lightcone *l)
     struct lightcone_scratch *s = l->scratch;
     int n = (int)l->period;
     l->forth =
-        fftwf_plan_dft_r2c_1d(n, s->columns, s->numbers, FFTW_MEASURE | FFTW_UNALIGNED);
+        fftwf_plan_dft_r2c_1d(n, s->columns, s->numbers, FFTW_ESTIMATE | FFTW_UNALIGNED);
     l->back =
-        fftwf_plan_dft_c2r_1d(n, s->numbers, s->columns, FFTW_MEASURE | FFTW_UNALIGNED);
+        fftwf_plan_dft_c2r_1d(n, s->numbers, s->columns, FFTW_ESTIMATE | FFTW_UNALIGNED);
     if (!l->forth || !l->back)
         return -ENOMEM;
     return 0;

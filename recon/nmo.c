@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -18,6 +19,7 @@ struct moveout { /* one output sample */
 
 struct nmo {
     size_t n_out;
+    uint32_t *begin, *end; /* [n_offsets]: output samples that hear anything */
     uint32_t *first;       /* [n_offsets][n_out]: first input sample of the taps */
     struct moveout *steps; /* [n_offsets][n_out] */
 };
@@ -33,7 +35,8 @@ static double taper(size_t n, size_t size, double t_s, const struct nmo_config *
     return 0.5 - 0.5 * cos(M_PI * edge / TAPER_LENGTH);
 }
 
-static void plan_sample(const struct nmo_config *cfg, double half_offset_m, size_t n,
+/* false: nothing is heard there. */
+static bool plan_sample(const struct nmo_config *cfg, double half_offset_m, size_t n,
                         uint32_t *first, struct moveout *m)
 {
     double t0 = cfg->out.t0_s + (double)n / cfg->out.rate_hz;
@@ -45,7 +48,7 @@ static void plan_sample(const struct nmo_config *cfg, double half_offset_m, size
     *first = 0;
     *m = (struct moveout){{0}, {0}};
     if (t0 <= 0.0 || start < 0.0 || start + TAPS > (double)cfg->in.n_samples)
-        return;
+        return false;
     double weights[TAPS];
     sinc_weights(TAPS, cfg->band_hz / cfg->in.rate_hz, at - below, weights);
     double gain = 0.5 * cfg->sound_speed_m_s * t0 * taper(n, cfg->out.n_samples, t0, cfg);
@@ -56,6 +59,20 @@ static void plan_sample(const struct nmo_config *cfg, double half_offset_m, size
     m->phase[0] = (float)cos(phase);
     m->phase[1] = (float)sin(phase);
     *first = (uint32_t)start;
+    return gain > 0.0;
+}
+
+/* What is heard has no gaps: between the mute, or the input's start, and its end. */
+static void plan_offset(struct nmo *n, const struct nmo_config *cfg, size_t offset)
+{
+    uint32_t *begin = &n->begin[offset], *end = &n->end[offset];
+    for (size_t s = 0; s < n->n_out; s++) {
+        size_t q = offset * n->n_out + s;
+        if (!plan_sample(cfg, cfg->half_offset_m[offset], s, &n->first[q], &n->steps[q]))
+            continue;
+        *begin = *end ? *begin : (uint32_t)s;
+        *end = (uint32_t)s + 1;
+    }
 }
 
 int nmo_create(struct nmo **out, const struct nmo_config *cfg)
@@ -68,15 +85,16 @@ int nmo_create(struct nmo **out, const struct nmo_config *cfg)
         return -ENOMEM;
     size_t total = cfg->n_offsets * cfg->out.n_samples;
     n->n_out = cfg->out.n_samples;
+    n->begin = calloc(cfg->n_offsets, sizeof *n->begin);
+    n->end = calloc(cfg->n_offsets, sizeof *n->end);
     n->first = malloc(total * sizeof *n->first);
     n->steps = malloc(total * sizeof *n->steps);
-    if (!n->first || !n->steps) {
+    if (!n->begin || !n->end || !n->first || !n->steps) {
         nmo_destroy(n);
         return -ENOMEM;
     }
-    for (size_t q = 0; q < total; q++)
-        plan_sample(cfg, cfg->half_offset_m[q / n->n_out], q % n->n_out, &n->first[q],
-                    &n->steps[q]);
+    for (size_t offset = 0; offset < cfg->n_offsets; offset++)
+        plan_offset(n, cfg, offset);
     *out = n;
     return 0;
 }
@@ -89,7 +107,7 @@ void nmo_stack(const struct nmo *n, size_t offset, const float complex *restrict
     const struct moveout *steps = n->steps + offset * n->n_out;
     const float *x = (const float *)in;
     float *y = (float *)out;
-    for (size_t s = 0; s < n->n_out; s++) {
+    for (size_t s = n->begin[offset]; s < n->end[offset]; s++) {
         const float *taps = x + 2 * (size_t)first[s];
         const struct moveout *m = &steps[s];
         float re = 0.0f, im = 0.0f;
@@ -106,6 +124,8 @@ void nmo_destroy(struct nmo *n)
 {
     if (!n)
         return;
+    free(n->begin);
+    free(n->end);
     free(n->first);
     free(n->steps);
     free(n);

@@ -17,9 +17,6 @@
 
 /* Measured: mirrors bend below 0.1, letters smaller than a Fresnel zone 0.5, points and
  * corners 0.95; a mirror that faces the array shifts 2 cm, one tilted by 5 degrees 20. */
-#define SCATTERS    0.25
-#define SLANT_M     0.08
-#define LEAST_SHARE 0.05
 
 struct paper {
     struct pool *pool;
@@ -189,7 +186,7 @@ static bool is_specular(const struct paper *p)
 {
     struct scattering s;
     scattering_measure(&p->scattering, p->power, p->scratch, &s);
-    return s.share > LEAST_SHARE && s.bend < SCATTERS && s.shift_m < SLANT_M;
+    return scattering_is_specular(&s);
 }
 
 static void paper_image(void *state, float *intensity)

@@ -85,13 +85,16 @@ void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr,
             c[a][a] = 1.0 / curvature[a][a];
     }
     /* A point's image is tilted towards the array: the top lies where all slopes vanish
-     * together, not axis by axis. */
+     * together, not axis by axis.  Not farther than the next voxel, but towards it: what
+     * is long and tilted would be left otherwise. */
+    double shift[3], longest = 1.0;
     for (int a = 0; a < 3; a++) {
-        double shift = c[a][0] * slope[0] + c[a][1] * slope[1] + c[a][2] * slope[2];
-        out->position_m[a] = g->origin_m[a] +
-                             g->step_m[a] *
-                                 ((double)at[a] + fmin(fmax(shift, -1.0), 1.0));
+        shift[a] = c[a][0] * slope[0] + c[a][1] * slope[1] + c[a][2] * slope[2];
+        longest = fmax(longest, fabs(shift[a]));
     }
+    for (int a = 0; a < 3; a++)
+        out->position_m[a] = g->origin_m[a] +
+                             g->step_m[a] * ((double)at[a] + shift[a] / longest);
     double scale = 1.0 / fmax(snr, 1.0);
     for (int a = 0, q = 0; a < 3; a++)
         for (int b = a; b < 3; b++, q++)

@@ -10,6 +10,10 @@
 #define BEND_MAX 2.0
 #define TERMS    4 /* 1, x, y, (x^2 + y^2) / 2 */
 
+#define SPECULAR_BEND    0.25
+#define SPECULAR_SHIFT_M 0.08
+#define SPECULAR_SHARE   0.05
+
 struct arrivals {
     const struct scattering_config *cfg;
     float *range_m, *power; /* [ny][nx] */
@@ -147,4 +151,10 @@ void scattering_measure(const struct scattering_config *cfg, const float *power,
     for (size_t q = 0; q < cells; q++)
         pick(cfg, power + q * cfg->n_ranges, &s.range_m[q], &s.power[q]);
     average(&s, out);
+}
+
+bool scattering_is_specular(const struct scattering *s)
+{
+    return s->share > SPECULAR_SHARE && s->bend < SPECULAR_BEND &&
+           s->shift_m < SPECULAR_SHIFT_M;
 }

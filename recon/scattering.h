@@ -7,6 +7,7 @@
 #ifndef ANLOS_RECON_SCATTERING_H
 #define ANLOS_RECON_SCATTERING_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 struct scattering {
@@ -26,5 +27,8 @@ struct scattering_config {
 /* power [ny][nx][n_ranges]; scratch [2][ny][nx].  Cost: one pass over power. */
 void scattering_measure(const struct scattering_config *cfg, const float *power,
                         float *scratch, struct scattering *out);
+
+/* Mirrors that face the array: echoes that do not bend and come from straight ahead. */
+bool scattering_is_specular(const struct scattering *s);
 
 #endif

@@ -3,7 +3,9 @@
 #ifndef ANLOS_NODES_ANLOS_COMMANDS_H
 #define ANLOS_NODES_ANLOS_COMMANDS_H
 
+int command_bench(int argc, char **argv);
 int command_launch(int argc, char **argv);
+int command_psf(int argc, char **argv);
 int command_recon(int argc, char **argv);
 int command_falloff(int argc, char **argv);
 int command_resolution(int argc, char **argv);

@@ -17,7 +17,6 @@
 #define MAX_BINS      512
 #define JITTER_STEP_M 4e-3 /* half of what 60 ps are in range: this kind of detector */
 #define FALLOFF       2.0  /* of a retroreflector's counts, as 1 / r^n */
-#define SNR           2.0  /* of the Wiener filter: what single photons bear */
 #define LEVEL_BINS    8    /* that the level of darkness is the mean of */
 #define CLUSTER       4.0  /* places of the scan: bright ones closer are one */
 #define DEPTH_STEPS   2.5  /* voxels in a pulse's width, c / 2 B */
@@ -25,6 +24,14 @@
 const char *confocal_methods(void)
 {
     return "lct\0fk\0backprojection\0";
+}
+
+bool confocal_has_method(const char *name)
+{
+    for (const char *m = confocal_methods(); *m; m += strlen(m) + 1)
+        if (!strcmp(m, name))
+            return true;
+    return false;
 }
 
 /* -- light-cone transform ---------------------------------------------------------------
@@ -52,6 +59,7 @@ static void remove_level(struct confocal_scan *s)
 static int run_lightcone(struct confocal_job *job, struct confocal_scan *s,
                          struct complaint *why)
 {
+    const struct imager_options *o = job->options->imaging;
     struct lightcone_config cfg = {
         .nx = s->nx,
         .ny = s->ny,
@@ -61,7 +69,7 @@ static int run_lightcone(struct confocal_job *job, struct confocal_scan *s,
         .range_m = s->range_m,
         .range_step_m = s->range_step_m,
         .falloff = FALLOFF,
-        .snr = SNR,
+        .snr = pow(10.0, 0.1 * (o ? o->snr_db : CONFOCAL_SNR_DB)),
         .pool = job->pool,
     };
     struct lightcone *l;
@@ -154,6 +162,7 @@ static int backproject(struct confocal_job *job, const struct confocal_scan *s,
         .gate_m = {job->gate_m[0], job->gate_m[1]},
         .grid = job->grid,
         .pool = job->pool,
+        .options = job->options->imaging,
     };
     int err = imager_create(&im, &cfg, reason);
     stopwatch_lap(&job->stages[RECON_PLAN], &now, false);

@@ -25,8 +25,12 @@ struct confocal_job {
     struct stopwatch stages[RECON_STAGES], total;
 };
 
-/* "lct\0fk\0backprojection\0", as imager_methods. */
+/* "lct\0fk\0backprojection\0", as imager_methods; the first is the default. */
 const char *confocal_methods(void);
+bool confocal_has_method(const char *name);
+
+/* Of the light-cone transform's Wiener filter: what single photons bear. */
+#define CONFOCAL_SNR_DB 3.0
 
 /* Reads and images.  confocal_job_clear it, also after a failure.  0, or as
  * confocal_file_load; -EINTR (Ctrl-C), -ENOTSUP (the method cannot). */

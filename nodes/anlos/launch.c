@@ -100,13 +100,13 @@ int command_launch(int argc, char **argv)
     struct complaint why = {""};
     struct launchfile *launch = NULL;
     char run_dir[RUNDIR_SIZE], bin_dir[4096];
-    int code = NODE_EXIT_BAD_CONFIG;
+    int code = EXIT_BAD_INPUT;
     bool reported = false;
     int err = arguments_parse(&args, argc, argv, &why);
 
     if (!err && args.help) {
         print_help();
-        return NODE_EXIT_OK;
+        return EXIT_WORKED;
     }
     if (!err)
         err = prepare(&launch, &args, run_dir, &why);

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "nodes/anlos/commands.h"
-#include "nodes/rt/node.h"
+#include "nodes/rt/exit_code.h"
 
 struct command {
     const char *name;
@@ -15,9 +15,11 @@ struct command {
 static const struct command commands[] = {
     {"launch", "run a whole system from a launch file", command_launch},
     {"recon", "image a recording, in one process without the bus", command_recon},
+    {"psf", "measure or compute the image of a point", command_psf},
     {"resolution", "tell how close things may be and still be told apart",
      command_resolution},
     {"falloff", "fit how echoes fade with distance", command_falloff},
+    {"bench", "measure what error costs in time", command_bench},
     {"sim", "record a simulated scene as WAV files", command_sim},
     {"topic", "look at the messages of a running system", command_topic},
 };
@@ -48,15 +50,15 @@ int main(int argc, char **argv)
 
     if (!strcmp(name, "--help") || !strcmp(name, "-h") || !strcmp(name, "help")) {
         print_help(argc > 1 ? stdout : stderr);
-        return argc > 1 ? NODE_EXIT_OK : NODE_EXIT_BAD_CONFIG;
+        return argc > 1 ? EXIT_WORKED : EXIT_BAD_INPUT;
     }
     if (!strcmp(name, "--version")) {
         printf("anlos %s\n", ANLOS_VERSION);
-        return NODE_EXIT_OK;
+        return EXIT_WORKED;
     }
     for (size_t i = 0; i < N_COMMANDS; i++)
         if (!strcmp(name, commands[i].name))
             return commands[i].run(argc - 1, argv + 1);
     fprintf(stderr, "anlos: %s: no such command; see anlos --help\n", name);
-    return NODE_EXIT_BAD_CONFIG;
+    return EXIT_BAD_INPUT;
 }

@@ -1,6 +1,5 @@
-/* nodes/anlos/recon_job.h -- a recording to an image in one process: read, check,
- * subtract the background, compress, stack, image, detect.  One position at a time on
- * each thread, so that memory stays small however long the recording is. */
+/* nodes/anlos/recon_job.h -- a recording to an image in one process: read and compress
+ * (recon_reader), decide when nobody has (recon_auto), stack, image, detect. */
 #ifndef ANLOS_NODES_ANLOS_RECON_JOB_H
 #define ANLOS_NODES_ANLOS_RECON_JOB_H
 
@@ -8,49 +7,34 @@
 #include "msgs/complaint.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/survey.h"
-#include "nodes/rt/channel_check.h"
+#include "nodes/anlos/psf_file.h"
+#include "nodes/anlos/recon_options.h"
+#include "nodes/anlos/recon_reader.h"
+#include "nodes/anlos/recon_results.h"
 #include "nodes/anlos/stopwatch.h"
 #include "nodes/anlos/traces_file.h"
-#include "nodes/rt/compressor.h"
+#include "nodes/rt/channel_check.h"
 #include "nodes/rt/processing.h"
 
-struct recon_options {                                    /* borrow from argv */
-    const char *survey, *wav, *background, *method, *out; /* background: NULL for none */
-    const char *traces;                                   /* in place of wav, or NULL */
-    const char *confocal;                                 /* optical scan, or NULL */
-    bool has_gate;                                        /* of the optical scan */
-    double gate_m[2];
-    bool has_volume; /* in place of the survey's */
-    double volume_m[3][3];
-    size_t threads;
-    enum window window;
-    enum compression compression;
-};
-
-enum recon_stage {
-    RECON_PLAN,
-    RECON_READ,
-    RECON_COMPRESS,
-    RECON_STACK,
-    RECON_IMAGE,
-    RECON_DETECT,
-    RECON_WRITE,
-    RECON_STAGES
-};
-
-struct recon_worker; /* a thread's scratch */
+struct recon_auto;
 
 struct recon_job {
     const struct recon_options *options;
+    const char *method;         /* the options', or what suits the recording: */
+    const char *method_because; /* NULL when it was asked for */
+    struct imager_options imaging;
+    struct psf_file psf; /* when options->psf names one */
     struct survey survey;
     struct recording *recording, *background; /* background: NULL for none */
     struct traces_file traces;                /* in place of both, or without pings */
     struct processing processing;
     struct pool *pool;
     struct imager *imager;
-    struct recon_worker *workers; /* [options->threads] */
+    struct recon_reader *reader;  /* NULL: traces, not a recording */
+    struct recon_auto *automatic; /* NULL: the method was named */
     struct trace_format format;
     struct channel_check *scene_check, *background_check;
+    struct air air;   /* since the background */
     float *intensity; /* [nz][ny][nx] */
     Anlos__DetectionList *detections;
     struct stopwatch stages[RECON_STAGES], total;

@@ -1,18 +1,16 @@
 #include "nodes/anlos/recon_report.h"
 
-#include <fftw3.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
-#include <sys/resource.h>
+#include <string.h>
 
+#include "nodes/anlos/recon_auto.h"
 #include "nodes/rt/export.h"
 
 #define COARSEST_STEP 0.6 /* of a point's width: coarser, and positions suffer */
 #define FINE_STEP     0.4
-
-static const char *const stage_names[RECON_STAGES] = {
-    "plan", "read", "compress", "stack", "image", "detect", "write"};
+#define SAME_BAND     0.01 /* of its top, that another may be off */
 
 static size_t pings_expected(const struct recon_job *job)
 {
@@ -75,6 +73,41 @@ static void warn_steps(json_t *warnings, const struct recon_job *job)
                  p->grid.step_m[a], "xyz"[a], width_m[a], FINE_STEP * width_m[a]);
 }
 
+/* Sharpened with a function of other images. */
+static void warn_psf(json_t *warnings, const struct recon_job *job)
+{
+    const struct psf_file *p = &job->psf;
+    const double *band_hz = job->processing.band_hz;
+    if (p->measured && strcmp(p->method, job->imaging.base))
+        warn(warnings, "%s: of an image by %s, but the base is %s", job->options->psf,
+             p->method, job->imaging.base);
+    for (int i = 0; i < 2; i++) {
+        if (fabs(p->band_hz[i] - band_hz[i]) <= SAME_BAND * band_hz[1])
+            continue;
+        warn(warnings, "%s: of a band of %g to %g Hz, but the recording's is %g to %g",
+             job->options->psf, p->band_hz[0], p->band_hz[1], band_hz[0], band_hz[1]);
+        break;
+    }
+}
+
+static void warn_lost(json_t *warnings, const struct recon_job *job, size_t lost)
+{
+    size_t expected = pings_expected(job);
+    if (job->automatic && job->automatic->plan.stride > 1)
+        warn(warnings,
+             "%zu of %zu pings are not used: every %zuth speaker fits the budget", lost,
+             expected, job->automatic->plan.stride);
+    else if (job->air.corrected)
+        warn(
+            warnings,
+            "%zu of %zu pings are lost: no usable microphone, or the last of a file that "
+            "breaks off before its echoes, which a changed background cannot be "
+            "subtracted from",
+            lost, expected);
+    else
+        warn(warnings, "%zu of %zu pings are lost: no usable microphone", lost, expected);
+}
+
 json_t *recon_report_warnings(const struct recon_job *job)
 {
     json_t *warnings = json_array();
@@ -87,29 +120,20 @@ json_t *recon_report_warnings(const struct recon_job *job)
     if (job->traces.n_silent)
         warn(warnings, "%zu traces are silent: left out", job->traces.n_silent);
     if (used < pings_expected(job) && !job->options->traces)
-        warn(warnings, "%zu of %zu pings are lost: no usable microphone",
-             pings_expected(job) - used, pings_expected(job));
+        warn_lost(warnings, job, pings_expected(job) - used);
     if (job->processing.geometry.pings_m)
         warn_steps(warnings, job);
+    if (job->options->psf)
+        warn_psf(warnings, job);
+    if (air_is_distrusted(&job->air))
+        warn(warnings,
+             "background: the air has changed by %.1f K since it was recorded: "
+             "it does not fit any more",
+             air_kelvin(&job->air, job->air.largest));
     if (!job->background && !job->options->traces)
         warn(warnings,
              "no background recording: the room's own echoes stay in the image");
     return warnings;
-}
-
-static json_t *times_json(const struct stopwatch *t)
-{
-    return json_pack("{so, so}", "wall_s", export_real(t->wall_s), "cpu_s",
-                     export_real(t->cpu_s));
-}
-
-static json_t *stages_json(const struct recon_job *job)
-{
-    json_t *o = json_object();
-    for (int i = 0; i < RECON_STAGES; i++)
-        json_object_set_new(o, stage_names[i], times_json(&job->stages[i]));
-    json_object_set_new(o, "total", times_json(&job->total));
-    return o;
 }
 
 static json_t *check_json(const struct channel_check *check, size_t n_microphones)
@@ -129,13 +153,6 @@ static json_t *check_json(const struct channel_check *check, size_t n_microphone
                      clipped, "not_finite_samples", bad, "silent_positions", silent);
 }
 
-static json_t *grid_json(const struct grid *g)
-{
-    return json_pack("{so, so, s[iii]}", "origin_m", export_reals(g->origin_m, 3),
-                     "step_m", export_reals(g->step_m, 3), "size", (int)g->n[0],
-                     (int)g->n[1], (int)g->n[2]);
-}
-
 static json_t *recording_json(const struct recon_job *job)
 {
     const struct recon_options *o = job->options;
@@ -150,47 +167,54 @@ static json_t *recording_json(const struct recon_job *job)
     return r;
 }
 
-json_t *recon_report_create(const struct recon_job *job, json_t *warnings)
+static json_t *channels_json(const struct recon_job *job)
+{
+    json_t *channels = json_object();
+    size_t n = job->survey.n_microphones;
+    if (job->scene_check)
+        json_object_set_new(channels, "scene", check_json(job->scene_check, n));
+    if (job->background_check)
+        json_object_set_new(channels, "background", check_json(job->background_check, n));
+    return channels;
+}
+
+/* Since the background was recorded. */
+static json_t *air_json(const struct air *a)
+{
+    double mean = a->pings ? a->sum / (double)a->pings : 0.0;
+    return json_pack("{sI, so, so}", "pings_corrected", (json_int_t)a->corrected,
+                     "mean_k", export_real(air_kelvin(a, mean)), "largest_k",
+                     export_real(air_kelvin(a, a->largest)));
+}
+
+json_t *recon_report_create(const struct recon_job *job, const struct recon_results *r)
 {
     const struct recon_options *o = job->options;
     size_t expected = pings_expected(job), used = imager_pings(job->imager);
-    struct rusage usage = {0};
-    json_t *r = json_object(), *channels = json_object();
+    json_t *report = recon_results_report(r, recording_json(job));
 
-    getrusage(RUSAGE_SELF, &usage);
-    json_object_set_new(r, "method", json_string(o->method));
+    if (job->method_because)
+        json_object_set_new(report, "method_because", json_string(job->method_because));
+    if (job->automatic)
+        json_object_set_new(report, "plan", recon_auto_report(job->automatic, job));
+    if (job->background)
+        json_object_set_new(report, "air", air_json(&job->air));
+    if (o->psf)
+        json_object_set_new(report, "psf", json_string(o->psf));
     if (!o->traces) {
-        json_object_set_new(r, "compression",
+        json_object_set_new(report, "compression",
                             json_string(compression_name(o->compression)));
-        json_object_set_new(r, "window", json_string(window_name(o->window)));
+        json_object_set_new(report, "window", json_string(window_name(o->window)));
     }
-    json_object_set_new(r, "threads", json_integer((json_int_t)o->threads));
-    json_object_set_new(r, "recording", recording_json(job));
-    json_object_set_new(r, "stages", stages_json(job));
-    json_object_set_new(r, "peak_memory_bytes", json_integer(1024LL * usage.ru_maxrss));
-    json_object_set_new(r, "pings",
+    json_object_set_new(report, "pings",
                         json_pack("{sI, sI, sI}", "expected", (json_int_t)expected,
                                   "used", (json_int_t)used, "lost",
                                   (json_int_t)(expected - used)));
-    if (job->scene_check)
-        json_object_set_new(channels, "scene",
-                            check_json(job->scene_check, job->survey.n_microphones));
-    if (job->background_check)
-        json_object_set_new(channels, "background",
-                            check_json(job->background_check, job->survey.n_microphones));
-    json_object_set_new(r, "channels", channels);
-    json_object_set_new(r, "grid", grid_json(&job->processing.grid));
-    json_object_set_new(r, "gate_m", export_reals(job->processing.gate_m, 2));
-    json_object_set_new(r, "band_hz", export_reals(job->processing.band_hz, 2));
-    json_object_set_new(r, "sound_speed_m_s", export_real(job->survey.sound_speed_m_s));
-    json_object_set_new(r, "temperature_c", export_real(job->survey.temperature_c));
-    json_object_set_new(r, "objects",
-                        json_integer((json_int_t)job->detections->n_detections));
-    json_object_set_new(r, "versions",
-                        json_pack("{ss, ss, ss}", "anlos", ANLOS_VERSION, "fftw",
-                                  fftwf_version, "compiler", __VERSION__));
-    json_object_set_new(r, "warnings", warnings);
-    return r;
+    json_object_set_new(report, "channels", channels_json(job));
+    json_object_set_new(report, "sound_speed_m_s",
+                        export_real(job->survey.sound_speed_m_s));
+    json_object_set_new(report, "temperature_c", export_real(job->survey.temperature_c));
+    return report;
 }
 
 static void print_object(const Anlos__Detection *d)
@@ -207,24 +231,52 @@ static void print_object(const Anlos__Detection *d)
     printf("\n");
 }
 
+/* In whose terms the places are. */
+static const char *frame_text(const struct recon_job *job)
+{
+    const Anlos__DetectionList *list = job->detections;
+    if (list->mirrored)
+        return list->in_vehicle_frame ? "positions in the vehicle frame"
+                                      : "positions in the array frame";
+    if (job->processing.geometry.pings_m) /* may stand around the objects */
+        return list->in_vehicle_frame ? "positions in the vehicle frame, as imaged"
+               : job->options->traces ? "positions as tx_m and rx_m have them"
+                                      : "positions in the frame of the pings";
+    return list->in_vehicle_frame
+               ? "positions in the vehicle frame, as mirrored by the wall (the survey "
+                 "names no wall)"
+               : "positions in the array frame, as mirrored by the wall (the survey "
+                 "names no wall)";
+}
+
+static void print_air(const struct recon_job *job)
+{
+    char text[128];
+    air_text(&job->air, text, sizeof text);
+    if (text[0])
+        printf("%s: corrected\n", text);
+}
+
 void recon_report_print(const struct recon_job *job)
 {
     const Anlos__DetectionList *list = job->detections;
     size_t used = imager_pings(job->imager);
-    printf("%zu hidden object%s, positions in the %s frame%s\n", list->n_detections,
-           list->n_detections == 1 ? "" : "s",
-           list->in_vehicle_frame ? "vehicle" : "array",
-           list->mirrored ? "" : ", as mirrored by the wall (the survey names no wall)");
+    printf("%zu %s%s, %s\n", list->n_detections,
+           job->processing.geometry.pings_m ? "object" : "hidden object",
+           list->n_detections == 1 ? "" : "s", frame_text(job));
     if (list->n_detections)
         printf("   # %9s %8s %8s %9s %8s %11s   %s\n", "x m", "y m", "z m", "sigma cm",
                "SNR dB", "existence", "extent m");
     for (size_t i = 0; i < list->n_detections; i++)
         print_object(list->detections[i]);
-    printf("%zu of %zu pings, method %s, %zu thread%s: %.2f s", used, pings_expected(job),
-           job->options->method, job->options->threads,
-           job->options->threads == 1 ? "" : "s", job->total.wall_s);
+    print_air(job);
+    printf("%zu of %zu pings, method %s%s%s%s, %zu thread%s: %.2f s", used,
+           pings_expected(job), job->method, job->method_because ? " (" : "",
+           job->method_because ? job->method_because : "", job->method_because ? ")" : "",
+           job->options->threads, job->options->threads == 1 ? "" : "s",
+           job->total.wall_s);
     for (int i = 0; i < RECON_STAGES; i++)
-        printf("%s%s %.2f", i ? ", " : " (", stage_names[i], job->stages[i].wall_s);
+        printf("%s%s %.2f", i ? ", " : " (", recon_stage_name(i), job->stages[i].wall_s);
     printf(
         ")\n%s: volume.nrrd, projection_{xy,xz,yz}.png, detections.json, report.json\n",
         job->options->out);

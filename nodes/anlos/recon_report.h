@@ -1,5 +1,5 @@
-/* nodes/anlos/recon_report.h -- what `anlos recon` tells about its work: warnings,
- * report.json and the table on the screen. */
+/* nodes/anlos/recon_report.h -- what `anlos recon` tells about its work on sound:
+ * warnings, report.json and the table on the screen. */
 #ifndef ANLOS_NODES_ANLOS_RECON_REPORT_H
 #define ANLOS_NODES_ANLOS_RECON_REPORT_H
 
@@ -12,8 +12,8 @@
  */
 json_t *recon_report_warnings(const struct recon_job *job);
 
-/* The contents of report.json; takes over warnings.  NULL: no memory. */
-json_t *recon_report_create(const struct recon_job *job, json_t *warnings);
+/* The contents of report.json, without the warnings.  NULL: no memory. */
+json_t *recon_report_create(const struct recon_job *job, const struct recon_results *r);
 
 /* The objects, the time and the folder, on stdout. */
 void recon_report_print(const struct recon_job *job);

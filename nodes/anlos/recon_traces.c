@@ -83,17 +83,23 @@ int recon_traces_open(struct recon_job *job, struct complaint *why)
     return err ? err : plan(job, why);
 }
 
+struct adding {
+    const struct recon_job *job;
+    const struct recon_sink *sink;
+};
+
 static void add_ping(void *ctx, size_t item, size_t thread)
 {
-    struct recon_job *job = ctx;
-    const struct traces_file *t = &job->traces;
+    const struct adding *a = ctx;
+    const struct traces_file *t = &a->job->traces;
     (void)thread;
     if (t->masked[item] || interrupt_requested())
         return; /* lost, and counted as such */
-    imager_add(job->imager, item, 0, t->traces + item * t->format.n_samples, NULL);
+    a->sink->take(a->sink->ctx, item, 0, t->traces + item * t->format.n_samples, NULL);
 }
 
-void recon_traces_add(struct recon_job *job)
+void recon_traces_add(struct recon_job *job, const struct recon_sink *sink)
 {
-    pool_run(job->pool, job->traces.n_pings, add_ping, job);
+    struct adding a = {job, sink};
+    pool_run(job->pool, job->traces.n_pings, add_ping, &a);
 }

@@ -12,7 +12,7 @@
  */
 int recon_traces_open(struct recon_job *job, struct complaint *why);
 
-/* Adds all pings to the imager, but those that are masked. */
-void recon_traces_add(struct recon_job *job);
+/* All pings but those that are masked. */
+void recon_traces_add(struct recon_job *job, const struct recon_sink *sink);
 
 #endif

@@ -99,6 +99,18 @@ int usage_positive(const char *text, double *out)
     return 0;
 }
 
+int usage_numbers(const char *text, size_t n, double *out)
+{
+    for (size_t i = 0; i < n; i++) {
+        char *end;
+        out[i] = strtod(text, &end);
+        if (end == text || *end != (i + 1 < n ? ',' : 0) || !isfinite(out[i]))
+            return -EINVAL;
+        text = end + 1;
+    }
+    return 0;
+}
+
 size_t usage_default_threads(void)
 {
     cpu_set_t set;

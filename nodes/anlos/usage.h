@@ -5,8 +5,7 @@
 #include <getopt.h>
 #include <stddef.h>
 
-/* Exit codes of every command. */
-enum { EXIT_WORKED = 0, EXIT_FAILED = 1, EXIT_BAD_INPUT = 2, EXIT_INTERRUPTED = 130 };
+#include "nodes/rt/exit_code.h"
 
 /* Prints "anlos COMMAND: text" and where help is; returns EXIT_BAD_INPUT. */
 int usage_error(const char *command, const char *format, ...)
@@ -22,6 +21,9 @@ int usage_count(const char *text, size_t min, size_t max, size_t *out);
 
 /* A number above 0.  0, -EINVAL. */
 int usage_positive(const char *text, double *out);
+
+/* n finite numbers with commas between.  0, -EINVAL. */
+int usage_numbers(const char *text, size_t n, double *out);
 
 /* As many threads as processors that this process may use. */
 size_t usage_default_threads(void);

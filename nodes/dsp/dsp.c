@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "dsp/background.h"
+#include "dsp/drift_track.h"
 #include "msgs/survey.h"
 #include "msgs/tensor.h"
 #include "nodes/rt/channel_check.h"
@@ -18,10 +19,14 @@ struct dsp {
     struct compressor *compressor; /* NULL: no survey yet */
     struct background *background;
     struct trace_format format;
+    struct drift *drift;
+    struct drift_track track;
+    struct air air;
+    uint32_t scan;               /* that track and air belong to */
     float *padded;               /* [n_microphones][ping_samples] */
     float complex *traces;       /* [n_microphones][format.n_samples] */
     bool *background_masked;     /* [n_pings][n_microphones] */
-    bool *unfit;                 /* [n_microphones], of the newest ping */
+    bool *unfit;                 /* [n_microphones], of the newest ping; scratch later */
     protobuf_c_boolean *masked;  /* [n_microphones], or its background was */
     struct channel_check *check; /* of one ping at a time */
     unsigned *noticed;           /* [n_microphones], faults said in the log already */
@@ -43,6 +48,7 @@ static void clear(struct dsp *d)
 {
     compressor_destroy(d->compressor);
     background_destroy(d->background);
+    drift_destroy(d->drift);
     free(d->padded);
     free(d->traces);
     free(d->background_masked);
@@ -68,7 +74,14 @@ static int allocate(struct dsp *d)
     if (!d->padded || !d->traces || !d->background_masked || !d->unfit || !d->masked ||
         !d->noticed)
         return -ENOMEM;
+    const struct drift_config cfg = {
+        .format = d->format,
+        .band_hz = {d->processing.band_hz[0], d->processing.band_hz[1]},
+        .n_channels = n_mics,
+    };
     int err = channel_check_create(&d->check, n_mics, 1);
+    if (!err)
+        err = drift_create(&d->drift, &cfg);
     if (err)
         return err;
     return background_create(&d->background, n_pings, n_mics, d->format.n_samples);
@@ -89,7 +102,7 @@ int dsp_survey(struct dsp *d, const Anlos__Survey *survey, struct complaint *why
         compressor_format(d->compressor, &d->format);
         err = allocate(d);
         if (err)
-            complain(why, err, "not enough memory for the background");
+            complain(why, err, "background: %s", strerror(-err));
     }
     if (err)
         clear(d);
@@ -194,6 +207,29 @@ static void compress(struct dsp *d, const float *x, size_t n)
                    d->format.n_samples * sizeof *d->traces);
 }
 
+/* Each scan begins anew: the air of the last one may be long gone. */
+static void follow_scan(struct dsp *d, const Anlos__Ping *ping)
+{
+    if (d->air.sound_speed_m_s > 0.0 && ping->scan == d->scan)
+        return;
+    d->scan = ping->scan;
+    drift_track_start(&d->track);
+    air_start(&d->air, d->survey.sound_speed_m_s,
+              d->survey.n_positions * d->survey.n_speakers);
+}
+
+/* Of what is not masked.  Subtracts the background as it sounds in the air of now. */
+static void subtract(struct dsp *d, const float complex *background)
+{
+    struct drift_measurement now;
+
+    for (size_t m = 0; m < d->survey.n_microphones; m++)
+        d->unfit[m] = d->masked[m];
+    drift_measure(d->drift, background, d->traces, d->unfit, &now);
+    double stretch = drift_track_update(&d->track, &now);
+    air_add(&d->air, stretch, drift_subtract(d->drift, stretch, background, d->traces));
+}
+
 static void write_traces(struct dsp *d, const Anlos__Ping *ping, uint64_t clipped,
                          bool subtracted, Anlos__Traces *out)
 {
@@ -229,8 +265,8 @@ void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
     size_t n_mics = d->survey.n_microphones;
     size_t index = ping->position * d->survey.n_speakers + ping->speaker;
     bool *background_masked = d->background_masked + index * n_mics;
-    bool has_background = background_has(d->background, index);
-    if (ping->pass == ANLOS__PASS__SCENE && d->cfg.background && !has_background) {
+    const float complex *background = background_traces(d->background, index);
+    if (ping->pass == ANLOS__PASS__SCENE && d->cfg.background && !background) {
         acknowledge(out, ping, ANLOS__PASS__BACKGROUND, false);
         return;
     }
@@ -243,11 +279,18 @@ void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
         acknowledge(out, ping, ANLOS__PASS__BACKGROUND, true);
         return;
     }
-    bool subtracted = background_subtract(d->background, index, d->traces);
-    for (size_t m = 0; subtracted && m < n_mics; m++)
+    follow_scan(d, ping);
+    for (size_t m = 0; background && m < n_mics; m++)
         d->masked[m] = d->masked[m] || background_masked[m];
+    if (background)
+        subtract(d, background);
     out->has_traces = true;
-    write_traces(d, ping, clipped, subtracted, &out->traces);
+    write_traces(d, ping, clipped, background != NULL, &out->traces);
+}
+
+const struct air *dsp_air(const struct dsp *d)
+{
+    return &d->air;
 }
 
 void dsp_destroy(struct dsp *d)

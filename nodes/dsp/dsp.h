@@ -1,6 +1,6 @@
 /* nodes/dsp/dsp.h -- the dsp node's step: a ping to compressed traces with the background
- * subtracted.  Background pings end here and are acknowledged with a receipt; so is every
- * ping that cannot be used. */
+ * subtracted, as it would sound in the air of now.  Background pings end here and are
+ * acknowledged with a receipt; so is every ping that cannot be used. */
 #ifndef ANLOS_NODES_DSP_DSP_H
 #define ANLOS_NODES_DSP_DSP_H
 
@@ -12,6 +12,7 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
+#include "nodes/rt/air.h"
 #include "nodes/rt/compressor.h"
 
 struct dsp_config {
@@ -38,6 +39,9 @@ int dsp_survey(struct dsp *d, const Anlos__Survey *survey, struct complaint *why
 bool dsp_is_planned(const struct dsp *d);
 
 void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out);
+
+/* Of the scan that the newest ping belongs to. */
+const struct air *dsp_air(const struct dsp *d);
 void dsp_destroy(struct dsp *d);
 
 #endif

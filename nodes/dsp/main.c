@@ -26,6 +26,22 @@ static int take_survey(struct node *node, struct dsp *dsp, const Anlos__Survey *
     return err;
 }
 
+/* Said when the text changes, which is in tenths of a kelvin. */
+static void show_air(struct node *node, const struct air *air)
+{
+    char text[160];
+
+    air_text(air, text, sizeof text);
+    if (air_is_distrusted(air))
+        node_state(node, ANLOS__HEALTH__STATE__DEGRADED,
+                   "%s: too much to subtract it well; record it again", text);
+    else
+        node_state(node, ANLOS__HEALTH__STATE__READY, "%s", text[0] ? text : "ready");
+    if (air->corrected && air->pings == air->expected)
+        node_log(node, LOG_LEVEL_INFO, "%zu of %zu backgrounds corrected: %s",
+                 air->corrected, air->pings, text);
+}
+
 /* What cannot be sent is logged by node_publish, and retaken by the scan. */
 static void take_ping(struct node *node, struct dsp *dsp, const struct node_message *in)
 {
@@ -34,6 +50,8 @@ static void take_ping(struct node *node, struct dsp *dsp, const struct node_mess
     dsp_ping(dsp, (const Anlos__Ping *)in->content, &out);
     if (out.has_traces)
         node_publish(node, topic_traces(), in->capture_ns, &out.traces.base);
+    if (out.has_traces)
+        show_air(node, dsp_air(dsp));
     if (out.has_receipt)
         node_publish(node, topic_receipt(), in->capture_ns, &out.receipt.base);
     if (out.note[0])

@@ -9,7 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "nodes/rt/node.h"
+#include "nodes/rt/exit_code.h"
 
 #define FIRST_PAUSE_NS 100000000LL
 
@@ -112,9 +112,9 @@ enum child_phase child_exited(struct child *c, int status, int64_t now_ns)
     bool by_itself = WIFEXITED(status);
 
     c->pid = 0;
-    if (by_itself && WEXITSTATUS(status) == NODE_EXIT_OK)
+    if (by_itself && WEXITSTATUS(status) == EXIT_WORKED)
         return c->phase = CHILD_ENDED;
-    if (by_itself && WEXITSTATUS(status) == NODE_EXIT_BAD_CONFIG)
+    if (by_itself && WEXITSTATUS(status) == EXIT_BAD_INPUT)
         return c->phase = CHILD_BAD_CONFIG;
     if (now_ns - c->started_ns >= CHILD_GOOD_RUN_NS)
         c->crashes = 0;

@@ -13,20 +13,19 @@
 #include "hal/clock.h"
 #include "msgs/bus.h"
 #include "nodes/launcher/child.h"
+#include "nodes/launcher/program.h"
 #include "nodes/launcher/progress.h"
 #include "nodes/launcher/screen.h"
 #include "nodes/rt/node.h"
 
 #define KILL_AFTER_NS 3000000000LL
 #define MAX_NODES     16
-#define MAX_ARGS      12
 
 struct launcher {
     const struct launcher_config *cfg;
     const struct clock_source *clock;
     struct child children[MAX_NODES];
-    char programs[MAX_NODES][4096];
-    char *argvs[MAX_NODES][MAX_ARGS];
+    struct program programs[MAX_NODES];
     unsigned n;
     int signal_fd;
     struct bus *bus;
@@ -92,7 +91,7 @@ static void start_child(struct launcher *l, struct child *c)
         return;
     say(l, c->name, LOG_LEVEL_ERROR, why.text);
     c->phase = CHILD_FAILED;
-    stop(l, NODE_EXIT_BAD_CONFIG);
+    stop(l, EXIT_BAD_INPUT);
 }
 
 static void describe_crash(struct launcher *l, const struct child *c, int status)
@@ -121,15 +120,15 @@ static void exited(struct launcher *l, struct child *c, int status)
         if (strcmp(c->name, "report"))
             break;
         l->reported = true;
-        stop(l, l->progress.state == ANLOS__SCAN_STATUS__STATE__FAILED ? NODE_EXIT_FAILED
-                                                                       : NODE_EXIT_OK);
+        stop(l, l->progress.state == ANLOS__SCAN_STATUS__STATE__FAILED ? EXIT_FAILED
+                                                                       : EXIT_WORKED);
         break;
     case CHILD_BAD_CONFIG:
-        stop(l, NODE_EXIT_BAD_CONFIG);
+        stop(l, EXIT_BAD_INPUT);
         break;
     case CHILD_FAILED:
         describe_crash(l, c, status);
-        stop(l, NODE_EXIT_FAILED);
+        stop(l, EXIT_FAILED);
         break;
     default:
         describe_crash(l, c, status);
@@ -157,7 +156,7 @@ static void read_signals(struct launcher *l)
             stop(l, 128 + (int)info.ssi_signo);
     reap(l);
     if (!any_alive(l))
-        stop(l, NODE_EXIT_OK);
+        stop(l, EXIT_WORKED);
 }
 
 static void show_progress(struct launcher *l, const ProtobufCMessage *status)
@@ -235,34 +234,6 @@ static void wait_and_read(struct launcher *l, int timeout_ms)
         read_signals(l);
 }
 
-static int name_program(struct launcher *l, unsigned i)
-{
-    const struct arguments *a = l->cfg->arguments;
-    char **v = l->argvs[i];
-    const char *name = l->cfg->launch->nodes[i];
-    int n = snprintf(l->programs[i], sizeof l->programs[i], "%s/anlos-%s",
-                     l->cfg->bin_dir, name);
-
-    if (n < 0 || (size_t)n >= sizeof l->programs[i])
-        return -ENAMETOOLONG;
-    *v++ = l->programs[i];
-    *v++ = (char *)"--launch";
-    *v++ = (char *)a->launch;
-    *v++ = (char *)"--run-dir";
-    *v++ = (char *)l->cfg->run_dir;
-    *v++ = (char *)"--log-level";
-    *v++ = (char *)log_level_name(a->log_level);
-    if (a->out) {
-        *v++ = (char *)"--out";
-        *v++ = (char *)a->out;
-    }
-    if (a->realtime)
-        *v++ = (char *)"--realtime";
-    *v = NULL;
-    child_init(&l->children[i], name, l->argvs[i]);
-    return 0;
-}
-
 static int open_signals(struct launcher *l)
 {
     char parent[24];
@@ -303,10 +274,13 @@ static int set_up(struct launcher *l)
 {
     int err = open_signals(l);
 
-    for (unsigned i = 0; i < l->cfg->launch->n_nodes && i < MAX_NODES && !err; i++) {
-        err = name_program(l, i);
-        if (!err)
-            l->n = i + 1;
+    for (unsigned i = 0; !err && i < l->cfg->launch->n_nodes && i < MAX_NODES; i++) {
+        const char *name = l->cfg->launch->nodes[i];
+        err = program_fill(&l->programs[i], l->cfg, name);
+        if (err)
+            break;
+        child_init(&l->children[i], name, l->programs[i].argv);
+        l->n = i + 1;
     }
     return err;
 }
@@ -317,7 +291,7 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
 
     *reported = false;
     if (!l)
-        return NODE_EXIT_FAILED;
+        return EXIT_FAILED;
     l->cfg = cfg;
     l->clock = clock_system();
     l->signal_fd = -1;
@@ -326,7 +300,7 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     int err = set_up(l);
     if (err) {
         say(l, "launch", LOG_LEVEL_ERROR, strerror(-err));
-        l->exit_code = NODE_EXIT_FAILED;
+        l->exit_code = EXIT_FAILED;
     } else {
         for (unsigned i = 0; i < l->n && !l->stopping; i++)
             start_child(l, &l->children[i]);

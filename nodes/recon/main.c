@@ -22,6 +22,7 @@ static int create(struct run *r)
 {
     const struct launchfile *l = node_launch(r->node);
     const struct recon_config cfg = {.method = l->recon.method,
+                                     .options = &l->recon.options,
                                      .threads = l->recon.threads,
                                      .window = l->dsp.window,
                                      .compression = l->dsp.compression};

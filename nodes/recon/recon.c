@@ -107,6 +107,7 @@ int recon_survey(struct recon *r, const Anlos__Survey *survey, struct complaint 
     int err = survey_from_message(&r->survey, survey, why);
     if (!err)
         err = processing_plan(&r->processing, &r->survey, why);
+    r->processing.imaging = r->cfg.options;
     if (!err)
         err = check_message(&r->processing.grid, why);
     if (!err)

@@ -16,8 +16,9 @@
 #include "nodes/rt/compressor.h"
 
 struct recon_config {
-    const char *method; /* must outlive the recon */
-    size_t threads;     /* 0: all cores */
+    const char *method;                   /* must outlive the recon */
+    const struct imager_options *options; /* likewise; NULL: the defaults */
+    size_t threads;                       /* 0: all cores */
     enum window window; /* as dsp has them: they decide the traces' format */
     enum compression compression;
 };

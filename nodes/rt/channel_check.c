@@ -1,6 +1,7 @@
 #include "nodes/rt/channel_check.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 
 #define SILENT_POWER_RATIO 1e-6
@@ -65,7 +66,7 @@ static double channel_power(const float *x, size_t n)
     }
     double mean = sum / (double)n;
     double power = squares / (double)n - mean * mean;
-    return power > 1e-12 * mean * mean ? power : 0.0;
+    return power <= 1e-12 * mean * mean ? 0.0 : power;
 }
 
 static int compare(const void *a, const void *b)
@@ -80,8 +81,10 @@ void channel_check_position(struct channel_check *c, size_t position, size_t n_f
 {
     size_t n = c->n_microphones;
     double *power = c->scratch + 2 * position * n, *sorted = power + n;
-    for (size_t i = 0; i < n; i++)
-        sorted[i] = power[i] = channel_power(samples + i * n_frames, n_frames);
+    for (size_t i = 0; i < n; i++) {
+        power[i] = channel_power(samples + i * n_frames, n_frames);
+        sorted[i] = isfinite(power[i]) ? power[i] : 0.0; /* NaN has no order */
+    }
     qsort(sorted, n, sizeof *sorted, compare);
     double median = sorted[n / 2];
 
@@ -90,7 +93,7 @@ void channel_check_position(struct channel_check *c, size_t position, size_t n_f
         v->clipped_samples = clipped[i];
         v->not_finite_samples = not_finite[i];
         v->silent = power[i] <= SILENT_POWER_RATIO * median;
-        v->damaged = not_finite[i] > 0;
+        v->damaged = not_finite[i] > 0 || !isfinite(power[i]);
         v->clipped = (double)clipped[i] > CLIPPED_SHARE * (double)n_frames;
         if (v->silent || v->damaged || v->clipped)
             masked[i] = true;

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "nodes/rt/export_file.h"
+#include "nodes/rt/export_mark.h"
 
 /* In units of the SVG; the PNG is drawn finer. */
 #define FINENESS   1.5
@@ -19,16 +20,9 @@
 #define BOTTOM     74.0
 #define TEXT       17.0
 #define TITLE_TEXT 21.0
-#define LINE       2.6
-#define DOT        4.6
-#define RING       7.5
-#define ROW        25.0 /* of the legend */
-#define SAMPLE     34.0 /* its piece of line */
-
-/* Okabe and Ito's, told apart by everybody, the pale ones left out. */
-static const double colours[CHART_COLOURS][3] = {
-    {0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45}, {0.80, 0.47, 0.65},
-    {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00}, {0.25, 0.25, 0.28}};
+#define ROW        25.0  /* of the legend */
+#define SAMPLE     34.0  /* its piece of line */
+#define BESIDE     250.0 /* the axes, for a legend there */
 
 enum anchor { ANCHOR_LEFT, ANCHOR_CENTRE, ANCHOR_RIGHT };
 
@@ -138,35 +132,13 @@ static void draw_axes(cairo_t *cr, const struct chart *c)
     cairo_restore(cr);
 }
 
-static void set_style(cairo_t *cr, const struct chart_series *s)
-{
-    const double *rgb = colours[s->colour % CHART_COLOURS];
-    const double dashes[2] = {8.0, 6.0};
-    cairo_set_source_rgb(cr, rgb[0], rgb[1], rgb[2]);
-    cairo_set_line_width(cr, s->style == CHART_DASHED ? 0.75 * LINE : LINE);
-    cairo_set_dash(cr, dashes, s->style == CHART_DASHED ? 2 : 0, 0.0);
-}
-
-static bool draw_mark(cairo_t *cr, const struct chart_series *s, double x, double y)
-{
-    if (s->style != CHART_POINTS && s->style != CHART_RINGS)
-        return false;
-    cairo_new_sub_path(cr);
-    cairo_arc(cr, x, y, s->style == CHART_RINGS ? RING : DOT, 0.0, 2.0 * M_PI);
-    if (s->style == CHART_RINGS)
-        cairo_stroke(cr);
-    else
-        cairo_fill(cr);
-    return true;
-}
-
 static void draw_series(cairo_t *cr, const struct chart *c, const struct chart_series *s)
 {
     bool drawing = false;
     cairo_save(cr);
     cairo_rectangle(cr, LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM);
     cairo_clip(cr);
-    set_style(cr, s);
+    mark_style(cr, s);
     for (size_t i = 0; i < s->n; i++) {
         double x = across(place(c, 0, s->x[i])), y = up(place(c, 1, s->y[i]));
         if (!isfinite(x) || !isfinite(y)) {
@@ -176,7 +148,7 @@ static void draw_series(cairo_t *cr, const struct chart *c, const struct chart_s
         /* Far outside cairo's fixed point overflows; the clip hides it anyway. */
         x = fmin(fmax(x, -1e4), 1e4);
         y = fmin(fmax(y, -1e4), 1e4);
-        if (draw_mark(cr, s, x, y))
+        if (mark_draw(cr, s, x, y))
             continue;
         if (drawing)
             cairo_line_to(cr, x, y);
@@ -203,7 +175,9 @@ static void draw_legend(cairo_t *cr, const struct chart *c)
     }
     if (!n)
         return;
-    double x = c->legend_right ? WIDTH - RIGHT - widest - SAMPLE - 26.0 : LEFT + 16.0;
+    double x = c->legend_beside  ? WIDTH - RIGHT + 20.0
+               : c->legend_right ? WIDTH - RIGHT - widest - SAMPLE - 26.0
+                                 : LEFT + 16.0;
     cairo_set_source_rgba(cr, 1.0, 1.0, 1.0, 0.9);
     cairo_rectangle(cr, x - 8.0, TOP + 6.0, widest + SAMPLE + 26.0,
                     ROW * (double)n + 8.0);
@@ -213,8 +187,8 @@ static void draw_legend(cairo_t *cr, const struct chart *c)
         if (!s->name)
             continue;
         cairo_save(cr);
-        set_style(cr, s);
-        if (!draw_mark(cr, s, x + 0.5 * SAMPLE, row)) {
+        mark_style(cr, s);
+        if (!mark_draw(cr, s, x + 0.5 * SAMPLE, row)) {
             cairo_move_to(cr, x, row);
             cairo_rel_line_to(cr, SAMPLE, 0.0);
             cairo_stroke(cr);
@@ -224,6 +198,11 @@ static void draw_legend(cairo_t *cr, const struct chart *c)
         draw_text(cr, x + SAMPLE + 10.0, row, TEXT, ANCHOR_LEFT, s->name);
         row += ROW;
     }
+}
+
+static double page_width(const struct chart *c)
+{
+    return c->legend_beside ? WIDTH + BESIDE : WIDTH;
 }
 
 static cairo_status_t draw(cairo_surface_t *surface, const struct chart *c,
@@ -258,7 +237,7 @@ static cairo_status_t write_bytes(void *to, const unsigned char *data, unsigned 
 static cairo_status_t write_svg(FILE *f, const struct chart *c)
 {
     cairo_surface_t *s =
-        cairo_svg_surface_create_for_stream(write_bytes, f, WIDTH, HEIGHT);
+        cairo_svg_surface_create_for_stream(write_bytes, f, page_width(c), HEIGHT);
     cairo_status_t status = draw(s, c, 1.0);
     cairo_surface_finish(s);
     if (status == CAIRO_STATUS_SUCCESS)
@@ -270,7 +249,7 @@ static cairo_status_t write_svg(FILE *f, const struct chart *c)
 static cairo_status_t write_png(FILE *f, const struct chart *c)
 {
     cairo_surface_t *s = cairo_image_surface_create(
-        CAIRO_FORMAT_RGB24, (int)(FINENESS * WIDTH), (int)(FINENESS * HEIGHT));
+        CAIRO_FORMAT_RGB24, (int)(FINENESS * page_width(c)), (int)(FINENESS * HEIGHT));
     cairo_status_t status = draw(s, c, FINENESS);
     if (status == CAIRO_STATUS_SUCCESS)
         status = cairo_surface_write_to_png_stream(s, write_bytes, f);

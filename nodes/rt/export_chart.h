@@ -8,7 +8,16 @@
 
 #include "msgs/complaint.h"
 
-enum chart_style { CHART_LINE, CHART_DASHED, CHART_POINTS, CHART_RINGS };
+enum chart_style {
+    CHART_LINE,
+    CHART_DASHED,
+    CHART_POINTS,
+    CHART_RINGS,
+    CHART_SQUARES,
+    CHART_TRIANGLES,
+    CHART_DIAMONDS,
+    CHART_CROSSES,
+};
 
 struct chart_series {
     const char *name;    /* in the legend; NULL: not there */
@@ -28,7 +37,8 @@ struct chart {
     double min[2], max[2];             /* of the axes */
     const struct chart_series *series; /* [n_series], later ones over earlier ones */
     size_t n_series;
-    bool legend_right; /* in the upper right corner, not the left one */
+    bool legend_right;  /* in the upper right corner, not the left one */
+    bool legend_beside; /* the axes, on a wider page */
 };
 
 /* Writes FOLDER/NAME.svg and FOLDER/NAME.png.  0, -EINVAL (empty axes), -ENOMEM, other

@@ -84,6 +84,26 @@ static int copy_dsp(struct launchfile *l, const struct launch_text *t,
     return 0;
 }
 
+/* Options of the method, which must use them. */
+static int copy_options(struct launchfile *l, const struct launch_text *t,
+                        struct complaint *why)
+{
+    struct imager_options *o = &l->recon.options;
+    imager_options_default(o);
+    for (const struct imager_option *i = imager_option_table; i->name; i++) {
+        const char *value = launch_text_option(t, i->name);
+        char text[128], key[64], reason[512];
+        if (!value)
+            continue;
+        snprintf(text, sizeof text, "%s=%s", i->name, value);
+        snprintf(key, sizeof key, "recon.options.%s", i->name);
+        if (imager_option_set(o, text, reason, sizeof reason) ||
+            imager_options_check(o, l->recon.method, reason, sizeof reason))
+            return yaml_complain(why, -EINVAL, l->path, key, "%s", reason);
+    }
+    return 0;
+}
+
 /* Whoever may publish is a node, but for the launcher, which reads this. */
 static bool is_node(const char *name)
 {
@@ -155,14 +175,6 @@ static int resolve_paths(struct launchfile *l, const struct launchfile_options *
     return err;
 }
 
-static bool method_is_known(const char *method)
-{
-    for (const char *m = imager_methods(); *m; m += strlen(m) + 1)
-        if (!strcmp(m, method))
-            return true;
-    return false;
-}
-
 static int check_numbers(const struct launchfile *l, struct complaint *why)
 {
     const struct {
@@ -191,7 +203,7 @@ static int check(const struct launchfile *l, struct complaint *why)
     if (!l->array.uri[0] && launchfile_has_node(l, "array"))
         return yaml_complain(why, -EINVAL, l->path, "array.uri",
                              "expected a device, e.g. \"sim:SCENE.yaml\"");
-    if (!method_is_known(l->recon.method))
+    if (!imager_has_method(l->recon.method))
         return yaml_complain(why, -EINVAL, l->path, "recon.method",
                              "%s is not one of the methods, e.g. fast or backprojection",
                              l->recon.method);
@@ -219,6 +231,8 @@ int launchfile_load(struct launchfile **out, const char *path,
         err = copy_parts(l, text, options);
     if (!err)
         err = check(l, why);
+    if (!err)
+        err = copy_options(l, text, why);
     if (!err)
         err = resolve_paths(l, options);
     if (err == -ENOMEM)

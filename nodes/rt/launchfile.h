@@ -8,6 +8,7 @@
 
 #include "msgs/complaint.h"
 #include "nodes/rt/compressor.h"
+#include "recon/imager_options.h"
 
 /* Input paths in URIs are relative to the launch file's folder, the report's folder to
  * the current one, and a log of CAN frames to the report's folder.  What is loaded has
@@ -35,7 +36,8 @@ struct launchfile {
     struct {
         char *method;
         unsigned threads; /* 0: all cores */
-        bool preview;     /* a volume after each stage position, time permitting */
+        struct imager_options options;
+        bool preview; /* a volume after each stage position, time permitting */
     } recon;
     struct {
         double threshold_db;

@@ -1,5 +1,7 @@
 #include "nodes/rt/launchfile_text.h"
 
+#include <string.h>
+
 #define OPTIONAL  CYAML_FLAG_OPTIONAL
 #define NAME_SIZE 64
 #define TEXT_SIZE 1024
@@ -27,11 +29,23 @@ static const cyaml_schema_field_t dsp_fields[] = {
     CYAML_FIELD_STRING_PTR("compression", CYAML_FLAG_POINTER | OPTIONAL,
                            struct launch_text_dsp, compression, 1, NAME_SIZE),
     CYAML_FIELD_END};
+#define METHOD_OPTION(name)                                                              \
+    CYAML_FIELD_STRING_PTR(#name, CYAML_FLAG_POINTER | OPTIONAL,                         \
+                           struct launch_text_options, name, 1, NAME_SIZE)
+static const cyaml_schema_field_t option_fields[] = {
+    METHOD_OPTION(base),      METHOD_OPTION(iterations),
+    METHOD_OPTION(tolerance), METHOD_OPTION(l1),
+    METHOD_OPTION(tv),        METHOD_OPTION(tv_isotropic),
+    METHOD_OPTION(rho),       METHOD_OPTION(snr_db),
+    METHOD_OPTION(dmo), METHOD_OPTION(lightcone), METHOD_OPTION(coherence),
+    CYAML_FIELD_END};
 static const cyaml_schema_field_t recon_fields[] = {
     CYAML_FIELD_STRING_PTR("method", CYAML_FLAG_POINTER | OPTIONAL,
                            struct launch_text_recon, method, 1, NAME_SIZE),
     CYAML_FIELD_UINT_PTR("threads", OPTIONAL, struct launch_text_recon, threads),
     CYAML_FIELD_BOOL_PTR("preview", OPTIONAL, struct launch_text_recon, preview),
+    CYAML_FIELD_MAPPING("options", OPTIONAL, struct launch_text_recon, options,
+                        option_fields),
     CYAML_FIELD_END};
 static const cyaml_schema_field_t track_fields[] = {
     CYAML_FIELD_FLOAT_PTR("threshold_db", OPTIONAL, struct launch_text_track,
@@ -63,3 +77,11 @@ static const cyaml_schema_field_t launch_fields[] = {
     CYAML_FIELD_END};
 const struct cyaml_schema_value launch_text_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_POINTER, struct launch_text, launch_fields)};
+
+const char *launch_text_option(const struct launch_text *t, const char *name)
+{
+    for (const cyaml_schema_field_t *f = option_fields; f->key; f++)
+        if (!strcmp(f->key, name))
+            return *(char *const *)((const char *)&t->recon.options + f->data_offset);
+    return NULL;
+}

@@ -25,10 +25,16 @@ struct launch_text_dsp {
     char *window, *compression;
 };
 
+struct launch_text_options { /* as written; by the names of recon/imager_options.h */
+    char *base, *iterations, *tolerance, *l1, *tv, *tv_isotropic, *rho, *snr_db;
+    char *dmo, *lightcone, *coherence;
+};
+
 struct launch_text_recon {
     char *method;
     unsigned *threads;
     bool *preview;
+    struct launch_text_options options;
 };
 
 struct launch_text_track {
@@ -56,6 +62,9 @@ struct launch_text {
     struct launch_text_can can;
     struct launch_text_report report;
 };
+
+/* What is written for an option; NULL: nothing. */
+const char *launch_text_option(const struct launch_text *t, const char *name);
 
 /* For yaml_load: makes a struct launch_text. */
 extern const struct cyaml_schema_value launch_text_schema;

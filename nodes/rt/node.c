@@ -93,7 +93,7 @@ int node_create(struct node **out, const char *name, const char *what_it_does, i
     if (!err && args.help) {
         print_help(name, what_it_does);
         free(n);
-        return 1 + NODE_EXIT_OK;
+        return 1 + EXIT_WORKED;
     }
     if (!err) {
         snprintf(n->name, sizeof n->name, "%s", name);
@@ -108,7 +108,7 @@ int node_create(struct node **out, const char *name, const char *what_it_does, i
         struct log log = {.fd = STDERR_FILENO};
         log_write(&log, LOG_LEVEL_ERROR, "%s", why.text[0] ? why.text : strerror(-err));
         node_free(n);
-        return 1 + (err == -ENOMEM ? NODE_EXIT_FAILED : NODE_EXIT_BAD_CONFIG);
+        return 1 + (err == -ENOMEM ? EXIT_FAILED : EXIT_BAD_INPUT);
     }
     *out = n;
     return 0;
@@ -259,7 +259,7 @@ int node_finish(struct node *n, int err)
     node_free(n);
     switch (err) {
     case 0:
-        return NODE_EXIT_OK;
+        return EXIT_WORKED;
     case -EINVAL:
     case -ENOENT:
     case -ENODEV:
@@ -267,8 +267,8 @@ int node_finish(struct node *n, int err)
     case -EACCES:
     case -ENOTDIR:
     case -EROFS:
-        return NODE_EXIT_BAD_CONFIG;
+        return EXIT_BAD_INPUT;
     default:
-        return NODE_EXIT_FAILED;
+        return EXIT_FAILED;
     }
 }

@@ -10,11 +10,9 @@
 #include "hal/clock.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
+#include "nodes/rt/exit_code.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/log.h"
-
-/* Exit codes of every program. */
-enum { NODE_EXIT_OK = 0, NODE_EXIT_FAILED = 1, NODE_EXIT_BAD_CONFIG = 2 };
 
 struct node;
 

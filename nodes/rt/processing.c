@@ -157,6 +157,7 @@ int processing_plan(struct processing *out, const struct survey *s, struct compl
     p.gate_s[0] = fmax(2.0 * p.gate_m[0] / s->sound_speed_m_s, delays_s[0]);
     p.gate_s[1] = fmin(delays_s[1], reach_s);
     p.ping_samples = s->slot_samples + tail_samples(s);
+    p.echo_samples = s->slot_samples + tail_echo_samples(s);
     *out = p;
     return 0;
 }
@@ -218,7 +219,8 @@ int processing_imager(struct imager **out, const struct processing *p, const cha
                                 .geometry = &p->geometry,
                                 .format = *format,
                                 .grid = p->grid,
-                                .pool = pool};
+                                .pool = pool,
+                                .options = p->imaging};
     const char *reason = NULL;
 
     memcpy(cfg.band_hz, p->band_hz, sizeof cfg.band_hz);

@@ -15,7 +15,9 @@ struct processing {
     double gate_m[2]; /* as asked for, or the default */
     double gate_s[2]; /* delays that the grid needs, inside the gate's near end */
     struct grid grid;
-    size_t ping_samples; /* slot and tail */
+    size_t ping_samples; /* slot and tail, with the next emission whole */
+    size_t echo_samples; /* what echoes alone need; at most ping_samples */
+    const struct imager_options *imaging; /* not owned; NULL: the defaults */
 };
 
 /* The geometry of a survey; borrows its arrays. */

@@ -312,6 +312,20 @@ static void the_next_emission_stays_58_db_down(void **state)
     bench_close(&b);
 }
 
+static void a_next_emission_that_is_heard_whole_stays_100_db_down(void **state)
+{
+    struct pulse_compress_config cfg = standard;
+    struct bench b;
+
+    (void)state;
+    cfg.n_samples = 6100;
+    bench_open(&b, &cfg);
+    echo_add_filtered(&cosine, b.x, cfg.n_samples, 0.0625 + 0.0003, 1000.0);
+    bench_run(&b);
+    assert_true(largest(&b) < 1000.0 * 1e-5);
+    bench_close(&b);
+}
+
 static void sidelobes_are_those_of_the_window(void **state)
 {
     struct pulse_compress_config cfg = standard;
@@ -580,6 +594,7 @@ int main(void)
         cmocka_unit_test(noise_is_suppressed_by_the_chirps_energy),
         cmocka_unit_test(the_direct_path_stays_out_of_the_gate),
         cmocka_unit_test(the_next_emission_stays_58_db_down),
+        cmocka_unit_test(a_next_emission_that_is_heard_whole_stays_100_db_down),
         cmocka_unit_test(sidelobes_are_those_of_the_window),
         cmocka_unit_test(a_rectangular_window_is_narrower_and_still_one),
         cmocka_unit_test(channels_are_independent),

@@ -29,7 +29,7 @@ static struct survey make_survey(void)
 }
 
 /* From speaker 0 at stage 0 to the corner (1, 1, 3) and back to the microphone. */
-static void the_whole_chirp_comes_back_from_the_far_corners_of_the_volume(void **state)
+static void there_is_a_tail_when_the_far_corners_echo_into_the_next_slot(void **state)
 {
     struct survey s = make_survey();
     (void)state;
@@ -39,29 +39,42 @@ static void the_whole_chirp_comes_back_from_the_far_corners_of_the_volume(void *
         s.volume_m[a][1] = a == 2 ? 3 : 1;
     }
     double path_m = sqrt(1 + 1 + 9) + sqrt(0.9 * 0.9 + 0.25 + 9);
-    double needed = path_m / 340 * 48000;
-    size_t tail = tail_samples(&s);
-    assert_true((double)tail >= needed);
-    assert_true((double)tail <= needed + 100);
-    s.latency_samples = 50;
-    assert_int_equal(tail_samples(&s), tail + 50);
+    double needed = 3000 + path_m / 340 * 48000;
+    s.slot_samples = (size_t)needed - 1;
+    assert_true(tail_samples(&s) > 0);
+    s.slot_samples = (size_t)needed + 100;
+    assert_int_equal(tail_samples(&s), 0);
+    s.latency_samples = 200;
+    assert_true(tail_samples(&s) > 0);
+}
+
+/* The longest direct path: from speaker 0 to the microphone a stage's metre further. */
+static void a_next_emission_that_begins_in_the_tail_is_in_it_whole(void **state)
+{
+    struct survey s = make_survey();
+    (void)state;
+    s.slot_samples = 3500;
+    double direct_m = sqrt(1.1 * 1.1 + 0.25);
+    double needed = 3000 + direct_m / 340 * 48000;
+    assert_true((double)tail_samples(&s) >= needed);
+    assert_true((double)tail_samples(&s) <= needed + 200);
 }
 
 static void without_a_volume_the_far_gate_counts(void **state)
 {
     struct survey s = make_survey();
     (void)state;
-    size_t usual = tail_samples(&s);
-    assert_true((double)usual >= 2 * TAIL_DEFAULT_FAR_M / 340 * 48000);
     s.has_gate = true;
-    s.gate_m[1] = TAIL_DEFAULT_FAR_M;
-    assert_int_equal(tail_samples(&s), usual);
     s.gate_m[1] = 2;
-    assert_true(tail_samples(&s) < usual);
     /* The microphones sweep x 0.1..1.1 at y 0.5, so the plane's far corner is (1.6, 1):
      * from speaker 0 at stage 0 there, and back to the microphone. */
     double path_m = sqrt(1.6 * 1.6 + 1 + 4) + sqrt(1.5 * 1.5 + 0.25 + 4);
-    assert_true((double)tail_samples(&s) >= path_m / 340 * 48000);
+    s.slot_samples = 3000 + (size_t)(path_m / 340 * 48000);
+    assert_true(tail_samples(&s) > 0);
+    s.slot_samples += 150;
+    assert_int_equal(tail_samples(&s), 0);
+    s.has_gate = false;
+    assert_true(tail_samples(&s) > 0);
 }
 
 static void a_tail_is_at_most_a_slot(void **state)
@@ -84,7 +97,8 @@ static void a_slot_that_is_long_enough_needs_no_tail(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_whole_chirp_comes_back_from_the_far_corners_of_the_volume),
+        cmocka_unit_test(there_is_a_tail_when_the_far_corners_echo_into_the_next_slot),
+        cmocka_unit_test(a_next_emission_that_begins_in_the_tail_is_in_it_whole),
         cmocka_unit_test(without_a_volume_the_far_gate_counts),
         cmocka_unit_test(a_tail_is_at_most_a_slot),
         cmocka_unit_test(a_slot_that_is_long_enough_needs_no_tail),

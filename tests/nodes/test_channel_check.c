@@ -106,6 +106,41 @@ static void one_sample_that_is_not_finite_masks(void **state)
     expect_masked(&f, 0);
 }
 
+/* Even where nobody counted; and a silent one is still found beside it. */
+static void a_channel_that_holds_no_numbers_masks_itself_alone(void **state)
+{
+    (void)state;
+    static const float bad[3] = {NAN, INFINITY, 1e30f};
+    for (int q = 0; q < 3; q++) {
+        struct fixture f = sound();
+        f.x[1][500] = bad[q];
+        assert_int_equal(check(&f, 1).damaged, 1);
+        expect_masked(&f, 1);
+        f = sound();
+        f.x[2][500] = bad[q];
+        memset(f.x[0], 0, sizeof f.x[0]);
+        assert_int_equal(check(&f, 0).silent, 1);
+        for (int i = 0; i < MICS; i++)
+            assert_int_equal(f.masked[i], i == 0 || i == 2);
+    }
+}
+
+static void gains_of_twelve_decades_do_not_matter(void **state)
+{
+    (void)state;
+    static const float gains[4] = {1e-12f, 1e-6f, 1e6f, 1e12f};
+    for (int q = 0; q < 4; q++) {
+        struct fixture f = sound();
+        for (int k = 0; k < FRAMES; k++) {
+            for (int i = 0; i < MICS; i++)
+                f.x[i][k] *= gains[q];
+            f.x[3][k] *= 0.7e-3f;
+        }
+        check(&f, 0);
+        expect_masked(&f, 3);
+    }
+}
+
 static void clipping_is_counted_and_masks_above_one_percent(void **state)
 {
     (void)state;
@@ -138,6 +173,8 @@ int main(void)
         cmocka_unit_test(silence_begins_60_db_below_the_median),
         cmocka_unit_test(all_silent_means_all_masked),
         cmocka_unit_test(one_sample_that_is_not_finite_masks),
+        cmocka_unit_test(a_channel_that_holds_no_numbers_masks_itself_alone),
+        cmocka_unit_test(gains_of_twelve_decades_do_not_matter),
         cmocka_unit_test(clipping_is_counted_and_masks_above_one_percent),
         cmocka_unit_test(what_was_masked_before_stays_masked),
     };

@@ -265,7 +265,45 @@ static void wrong_arguments_are_told(void **state)
     expect_usage(WORDS("--out", "x", "--gate-m", "2,1"), "NEAR,FAR");
     expect_usage(WORDS("--out", "x", "--wav", "y"), "--wav");
     expect_usage(WORDS("--method", "lct"), "--out DIR is missing");
+    expect_usage(WORDS("--out", "x", "--psf", "y"), "in place of --psf");
+    expect_usage(WORDS("--out", "x", "--set", "l1=0.1"), "method 'lct' does not use it");
+    expect_usage(WORDS("--out", "x", "--method", "fk", "--set", "snr_db=9"),
+                 "method 'fk' does not use it");
 #undef WORDS
+}
+
+/* Voxels above half of the brightest one's amplitude. */
+static size_t spot_size(const char *setting)
+{
+    struct recon_options o;
+    struct imager_options imaging;
+    struct confocal_job job;
+    struct complaint why = {""};
+    char reason[256];
+    float most = 0.0f;
+    size_t size = 0;
+    recon_options_default(&o, &imaging);
+    assert_int_equal(imager_option_set(&imaging, setting, reason, sizeof reason), 0);
+    o.confocal = path;
+    o.method = "lct";
+    o.threads = 1;
+    if (confocal_job_run(&job, &o, &why))
+        fail_msg("%s", why.text);
+    for (size_t v = 0; v < grid_size(&job.grid); v++)
+        most = fmaxf(most, job.intensity[v]);
+    for (size_t v = 0; v < grid_size(&job.grid); v++)
+        size += job.intensity[v] > 0.25f * most;
+    confocal_job_clear(&job);
+    return size;
+}
+
+static void a_trusting_wiener_filter_is_sharper(void **state)
+{
+    (void)state;
+    fill(counts);
+    write_scan(MAT_FT_MAT5, half_side_m, bin_s);
+    size_t careful = spot_size("snr_db=-20"), trusting = spot_size("snr_db=30");
+    assert_true(trusting > 0 && 2 * trusting < careful);
 }
 
 static void a_gate_without_bins_is_refused(void **state)
@@ -380,6 +418,7 @@ int main(void)
         test(groups_of_bins_keep_all_light_and_their_place),
         test(the_gate_begins_between_direct_light_and_echo),
         test(a_point_is_where_it_is_with_every_method),
+        test(a_trusting_wiener_filter_is_sharper),
         test(what_is_not_finite_is_no_light_and_is_counted),
         test(the_arrow_of_the_exit_sign_points_to_the_right),
         test(the_nine_dots_are_found_ten_centimetres_apart),

@@ -22,13 +22,13 @@ struct rig {
     struct dsp_output out;
 };
 
-static int open_rig(void **state, bool background)
+static int open_rig(void **state, const char *scene, bool background)
 {
     const struct dsp_config cfg = {.window = WINDOW_HANN, .background = background};
     struct rig *r = calloc(1, sizeof *r);
 
-    if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml") ||
-        dsp_create(&r->dsp, &cfg) || dsp_survey(r->dsp, r->scene.survey, NULL))
+    if (!r || scene_open(&r->scene, scene) || dsp_create(&r->dsp, &cfg) ||
+        dsp_survey(r->dsp, r->scene.survey, NULL))
         return -1;
     *state = r;
     return 0;
@@ -36,12 +36,17 @@ static int open_rig(void **state, bool background)
 
 static int setup(void **state)
 {
-    return open_rig(state, true);
+    return open_rig(state, SOURCE_DIR "/tests/nodes/point.yaml", true);
+}
+
+static int setup_changed_air(void **state)
+{
+    return open_rig(state, SOURCE_DIR "/tests/nodes/air.yaml", true);
 }
 
 static int setup_without_background(void **state)
 {
-    return open_rig(state, false);
+    return open_rig(state, SOURCE_DIR "/tests/nodes/point.yaml", false);
 }
 
 static int teardown(void **state)
@@ -146,6 +151,74 @@ static void the_same_sound_twice_leaves_nothing(void **state)
     assert_true(r->out.traces.background_subtracted);
     for (size_t m = 0; m < r->scene.survey->n_microphones_m; m++)
         assert_true(peak(&r->out.traces, m, &at) == 0.0);
+}
+
+static double power(const Anlos__Traces *t)
+{
+    size_t extents[2];
+    double sum = 0.0;
+    const float complex *y = tensor_c64(t->samples, 2, extents);
+
+    assert_non_null(y);
+    for (size_t i = 0; i < extents[0] * extents[1]; i++)
+        sum += (double)cabsf(y[i]) * cabsf(y[i]);
+    return sum;
+}
+
+/* A kelvin less makes sound slower, and echoes later, by half its part of 293 K.  The
+ * same pings without a background tell how loud the room is. */
+static void the_background_is_taken_out_of_air_that_has_changed(void **state)
+{
+    const struct dsp_config without = {.window = WINDOW_HANN};
+    struct rig *r = *state;
+    double stretch = survey_sound_speed_m_s(21.0) / survey_sound_speed_m_s(20.0) - 1.0;
+    struct dsp_output heard;
+    struct dsp *plain;
+
+    assert_int_equal(dsp_create(&plain, &without), 0);
+    assert_int_equal(dsp_survey(plain, r->scene.survey, NULL), 0);
+    for (uint32_t i = 0; i < 8; i++) {
+        send_ping(r, BACKGROUND, i / 4, i % 4);
+        send_ping(r, SCENE, i / 4, i % 4);
+        assert_true(r->out.traces.background_subtracted);
+        dsp_ping(plain, &r->ping, &heard);
+        assert_true(power(&heard.traces) > 0.0);
+        assert_true(power(&r->out.traces) < 1e-4 * power(&heard.traces));
+    }
+    assert_int_equal(dsp_air(r->dsp)->expected, 8);
+    assert_int_equal(dsp_air(r->dsp)->pings, 8);
+    assert_int_equal(dsp_air(r->dsp)->corrected, 8);
+    assert_near(dsp_air(r->dsp)->sum / 8.0, stretch, 1e-5);
+    assert_near(dsp_air(r->dsp)->largest, stretch, 2e-5);
+    dsp_destroy(plain);
+}
+
+static void air_that_has_not_changed_is_not_corrected(void **state)
+{
+    struct rig *r = *state;
+
+    send_ping(r, BACKGROUND, 0, 0);
+    scene_ping(&r->scene, BACKGROUND, 0, 0, &r->ping);
+    r->ping.pass = SCENE;
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_int_equal(dsp_air(r->dsp)->pings, 1);
+    assert_int_equal(dsp_air(r->dsp)->corrected, 0);
+}
+
+static void another_scan_forgets_the_air_of_the_last_one(void **state)
+{
+    struct rig *r = *state;
+
+    send_ping(r, BACKGROUND, 0, 0);
+    send_ping(r, SCENE, 0, 0);
+    assert_true(dsp_air(r->dsp)->largest > 1e-3);
+    r->ping.scan++;
+    r->ping.pass = BACKGROUND;
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    r->ping.pass = SCENE;
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_int_equal(dsp_air(r->dsp)->pings, 1);
+    assert_near(dsp_air(r->dsp)->largest, 0.0, 1e-6);
 }
 
 static double distance_m(const double a[3], const double b[3])
@@ -341,8 +414,9 @@ static void a_survey_that_cannot_be_planned_is_complained_about(void **state)
     anlos__survey__free_unpacked(other, NULL);
 }
 
-#define TEST(f)    cmocka_unit_test_setup_teardown(f, setup, teardown)
-#define WITHOUT(f) cmocka_unit_test_setup_teardown(f, setup_without_background, teardown)
+#define TEST(f)        cmocka_unit_test_setup_teardown(f, setup, teardown)
+#define CHANGED_AIR(f) cmocka_unit_test_setup_teardown(f, setup_changed_air, teardown)
+#define WITHOUT(f)     cmocka_unit_test_setup_teardown(f, setup_without_background, teardown)
 
 int main(void)
 {
@@ -352,6 +426,9 @@ int main(void)
         TEST(a_scene_ping_without_its_background_asks_for_it),
         WITHOUT(without_a_background_pass_traces_pass_through),
         TEST(the_same_sound_twice_leaves_nothing),
+        CHANGED_AIR(the_background_is_taken_out_of_air_that_has_changed),
+        CHANGED_AIR(air_that_has_not_changed_is_not_corrected),
+        CHANGED_AIR(another_scan_forgets_the_air_of_the_last_one),
         TEST(the_echo_stands_where_geometry_says),
         TEST(a_ping_that_is_not_valid_is_to_be_taken_again),
         TEST(a_ping_of_another_survey_or_shape_is_refused),

@@ -100,6 +100,22 @@ static void a_point_in_traces_is_within_a_millimetre(void **state)
     json_decref(j);
 }
 
+/* Nobody named a method: the one that takes any geometry. */
+static void expect_chosen(const struct fixture *f, const struct command_result *r)
+{
+    char path[160];
+    snprintf(path, sizeof path, "%s/report.json", f->out);
+    json_t *j = json_load_file(path, 0, NULL);
+    assert_string_equal(json_string_value(json_object_get(j, "method")),
+                        "backprojection");
+    assert_string_equal(json_string_value(json_object_get(j, "method_because")),
+                        "each ping has places of its own");
+    json_decref(j);
+    assert_non_null(
+        strstr(r->out, "method backprojection (each ping has places of its own)"));
+    assert_null(strstr(r->out, "wall"));
+}
+
 static void a_survey_may_name_the_volume_of_traces(void **state)
 {
     struct fixture *f = *state;
@@ -111,13 +127,14 @@ static void a_survey_may_name_the_volume_of_traces(void **state)
           "  z_m: [-0.04, 0.03, 0.005]\n",
           place);
     fclose(place);
-    char *words[] = {"recon",    "--traces",       f->a,    "--survey", f->b,
-                     "--method", "backprojection", "--out", f->out,     NULL};
+    char *words[] = {"recon", "--traces", f->a, "--survey", f->b, "--out", f->out, NULL};
     command_run(&r, command_recon, words);
     if (r.code)
         print_error("%s", r.err);
     assert_int_equal(r.code, 0);
     expect_point(f);
+    expect_chosen(f, &r);
+    assert_non_null(strstr(r.out, "1 object, positions as tx_m and rx_m have them"));
 }
 
 static void expect_refusal(char *const words[], const char *part)
@@ -227,14 +244,15 @@ static void pings_in_one_file_are_imaged(void **state)
     struct fixture *f = *state;
     struct command_result r;
     write_recording(f);
-    char *words[] = {"recon",    "--survey",       f->a,    "--wav", f->b,
-                     "--method", "backprojection", "--out", f->out,  NULL};
+    char *words[] = {"recon", "--survey", f->a, "--wav", f->b, "--out", f->out, NULL};
     command_run(&r, command_recon, words);
     if (r.code)
         print_error("%s", r.err);
     assert_int_equal(r.code, 0);
     assert_null(strstr(r.err, "is coarse"));
     expect_point(f);
+    expect_chosen(f, &r);
+    assert_non_null(strstr(r.out, "positions in the frame of the pings"));
 }
 
 static void what_pings_cannot_have_is_said(void **state)

@@ -49,6 +49,50 @@ static void what_is_left_out_has_its_default(void **state)
     launchfile_destroy(l);
 }
 
+static void options_of_the_method_are_taken(void **state)
+{
+    struct launchfile *l = load(*state,
+                                "nodes: [recon]\n"
+                                "recon:\n"
+                                "  method: iterative\n"
+                                "  options: {l1: 0.02, base: paper, lightcone: never, "
+                                "tv_isotropic: yes}\n",
+                                NULL);
+
+    assert_true(l->recon.options.l1 == 0.02);
+    assert_string_equal(l->recon.options.base, "paper");
+    assert_int_equal(l->recon.options.lightcone, 0);
+    assert_true(l->recon.options.tv_isotropic);
+    assert_true(imager_option_is_given(&l->recon.options, "l1"));
+    assert_false(imager_option_is_given(&l->recon.options, "tv"));
+    launchfile_destroy(l);
+}
+
+/* The schema has a key for each option, and the text is looked at. */
+static void every_option_has_its_key(void **state)
+{
+    for (const struct imager_option *i = imager_option_table; i->name; i++) {
+        char text[128], rest[512], range[256];
+        imager_option_range(i, range, sizeof range);
+        snprintf(text, sizeof text, "nodes: [recon]\nrecon:\n  options:\n    %s: what\n",
+                 i->name);
+        snprintf(rest, sizeof rest, ":4: recon.options.%s: %s=what: expected %s%s",
+                 i->name, i->name,
+                 i->kind == IMAGER_OPTION_COUNT  ? "a whole number, "
+                 : i->kind == IMAGER_OPTION_REAL ? ""
+                                                 : "one of ",
+                 range);
+        assert_refused(*state, text, rest);
+    }
+}
+
+static void options_that_the_method_does_not_use_are_refused(void **state)
+{
+    assert_refused(*state, "nodes: [recon]\nrecon:\n  options: {l1: 0.1}\n",
+                   ":3: recon.options.l1: l1: method 'fast' does not use it; it is for "
+                   "iterative, sparse");
+}
+
 static void everything_can_be_set(void **state)
 {
     struct launchfile *l =
@@ -280,6 +324,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(what_is_left_out_has_its_default),
         TEST(everything_can_be_set),
+        TEST(options_of_the_method_are_taken),
+        TEST(every_option_has_its_key),
+        TEST(options_that_the_method_does_not_use_are_refused),
         TEST(inputs_are_relative_to_the_file_and_logs_to_the_report),
         TEST(the_command_line_wins),
         TEST(real_hardware_does_not_hear_of_paces),

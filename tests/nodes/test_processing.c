@@ -177,8 +177,10 @@ static void the_delays_of_a_given_volume_are_in_the_gate(void **state)
     assert_true(f.p.gate_s[1] <= delays[1] + 0.001);
     assert_true(f.p.gate_m[0] > 1.8 && f.p.gate_m[0] <= 2.0);
     double echo_end = (f.p.gate_s[1] + 0.0625) * 48000.0;
-    assert_true((double)f.p.ping_samples >= echo_end);
-    assert_true((double)f.p.ping_samples <= echo_end + 100.0);
+    assert_true((double)f.p.echo_samples >= echo_end);
+    assert_true((double)f.p.echo_samples <= echo_end + 100.0);
+    /* Also the whole next emission: here not longer than a second slot. */
+    assert_int_equal(f.p.ping_samples, 6000);
     assert_int_equal(f.p.grid.n[2], 5);
 }
 

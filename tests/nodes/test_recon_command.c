@@ -240,7 +240,7 @@ static void a_point_lands_where_it_is(void **state)
     const char *name;
     json_t *stage;
     double sum = 0.0;
-    assert_int_equal(json_object_size(stages), 8);
+    assert_int_equal(json_object_size(stages), 9);
     json_object_foreach((json_t *)stages, name, stage)
     {
         double wall_s = json_real_value(json_object_get(stage, "wall_s"));
@@ -505,7 +505,21 @@ static void wrong_arguments_are_told_with_a_hint(void **state)
     expect_usage(WORDS("--window", "blackman"), "hann");
     expect_usage(WORDS("--compression", "zip"), "matched_filter");
     expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method", "magic"),
-                 "magic");
+                 "--method magic: no such method; expected one of auto, fast, backprojection");
+    expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method", "fk"),
+                 "--method fk: only for --confocal");
+    expect_usage(WORDS("--set", "l2=1"),
+                 "--set l2: no such option; expected one of base");
+    expect_usage(WORDS("--set", "l1"), "expected l1=VALUE");
+    expect_usage(WORDS("--set", "l1=2"), "--set l1=2: expected 0 to 1");
+    expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method",
+                       "backprojection", "--set", "l1=0.1"),
+                 "--set l1: method 'backprojection' does not use it");
+    expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "--psf", "p"),
+                 "--psf is for --method iterative");
+    expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "--psf", "p",
+                       "--method", "iterative", "--set", "base=lct"),
+                 "--psf sharpens an image");
     expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "w"),
                  "w: unexpected");
 #undef WORDS
@@ -519,7 +533,8 @@ static void help_teaches_and_ends_with_0(void **state)
     command_run(&r, command_recon, words);
     assert_int_equal(r.code, 0);
     static const char *const parts[] = {"usage:",  "--background", "default",
-                                        "example", "volume.nrrd",  "exit codes"};
+                                        "example", "volume.nrrd",  "exit codes",
+                                        "l1=0.05", "snr_db=20",    "--psf"};
     for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
         assert_non_null(strstr(r.out, parts[i]));
 }

@@ -246,6 +246,31 @@ static void a_ridge_stays_on_its_voxel_along_itself(void **state)
     assert_near(fit.width_m[1], grid.step_m[1], 1e-9);
 }
 
+/* As long and tilted as what an array without extent in x sees of a point, its top far
+ * outside: the place found is on its crest, whatever its distance from the top. */
+static void a_long_tilted_ridge_is_not_left(void **state)
+{
+    (void)state;
+    const double along_m[3] = {0.02, 0.0, -0.004}, across_m[3] = {0.004, 0.0, 0.02};
+    double length2 = 0.02 * 0.02 + 0.004 * 0.004, p[6], at[3];
+    float v[VOXELS];
+    struct peak_fit fit;
+    for (int a = 0, q = 0; a < 3; a++)
+        for (int b = a; b < 3; b++, q++)
+            p[q] = along_m[a] * along_m[b] / length2 / 0.04 +
+                   across_m[a] * across_m[b] / length2 / 64e-6 +
+                   (a == 1 && b == 1 ? 1.0 / 4e-4 : 0.0);
+    for (int a = 0; a < 3; a++) /* 6 voxels along the ridge from voxel 3, 3, 3 */
+        at[a] = grid.origin_m[a] + 3.0 * grid.step_m[a] + 6.0 * along_m[a];
+    paint(&grid, at, p, 1.0, v);
+    peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 50.0, &fit);
+    double aside_m = 0.0;
+    for (int a = 0; a < 3; a++)
+        aside_m += (fit.position_m[a] - at[a]) * across_m[a] / sqrt(length2);
+    assert_near(aside_m, 0.0, 1e-4);
+    assert_near(fit.position_m[0] - grid.origin_m[0], 4.0 * grid.step_m[0], 1e-3);
+}
+
 static void a_voxel_that_is_no_peak_stays_where_it_is(void **state)
 {
     (void)state;
@@ -303,6 +328,7 @@ int main(void)
         cmocka_unit_test(the_scale_of_the_intensity_does_not_matter),
         cmocka_unit_test(on_the_rim_an_axis_stays_on_its_voxel),
         cmocka_unit_test(a_ridge_stays_on_its_voxel_along_itself),
+        cmocka_unit_test(a_long_tilted_ridge_is_not_left),
         cmocka_unit_test(a_voxel_that_is_no_peak_stays_where_it_is),
         cmocka_unit_test(one_voxel_is_its_own_peak),
         cmocka_unit_test(zeros_around_and_no_snr_leave_numbers),

@@ -6,6 +6,7 @@
 
 #include "recon/sparse_operator.h"
 #include "tests/recon/rig.h"
+#include "tests/recon/turntable.h"
 
 struct bench { /* an operator over the rig, and points in it */
     struct rig r;
@@ -170,16 +171,16 @@ static void a_point_sends_the_echoes_that_it_should(void **state)
  */
 
 /* Intensity within reach of a place, over that of all. */
-static double share_near(const struct rig *r, const float *image, const double at_m[3],
-                         double reach_m)
+static double share_near(const struct grid *grid, const float *image,
+                         const double at_m[3], double reach_m)
 {
     double near = 0.0, all = 0.0;
-    for (size_t v = 0; v < grid_size(&r->grid); v++) {
-        size_t n[3] = {v % r->grid.n[0], v / r->grid.n[0] % r->grid.n[1],
-                       v / (r->grid.n[0] * r->grid.n[1])};
+    for (size_t v = 0; v < grid_size(grid); v++) {
+        size_t n[3] = {v % grid->n[0], v / grid->n[0] % grid->n[1],
+                       v / (grid->n[0] * grid->n[1])};
         double p[3];
         for (int a = 0; a < 3; a++)
-            p[a] = r->grid.origin_m[a] + r->grid.step_m[a] * (double)n[a];
+            p[a] = grid->origin_m[a] + grid->step_m[a] * (double)n[a];
         all += image[v];
         near += reference_distance(p, at_m) <= reach_m ? image[v] : 0.0f;
     }
@@ -193,7 +194,7 @@ static void the_image_of_a_point_is_a_point(void **state)
     rig_default(&r);
     const struct scatterer point = {{0.012, -0.024, 1.105}, 1.0};
     float *image = rig_image(&r, "sparse", &point, 1, 2);
-    assert_near(share_near(&r, image, point.at_m, 1e-3), 1.0, 1e-3);
+    assert_near(share_near(&r.grid, image, point.at_m, 1e-3), 1.0, 1e-3);
     free(image);
 }
 
@@ -206,10 +207,48 @@ static void points_closer_than_the_diffraction_limit_come_apart(void **state)
     const struct scatterer points[2] = {{{-0.024, 0.0, 1.1}, 1.0},
                                         {{0.024, 0.0, 1.1}, 0.8}};
     float *image = rig_image(&r, "sparse", points, 2, 2);
-    double first = share_near(&r, image, points[0].at_m, 1e-3);
-    double second = share_near(&r, image, points[1].at_m, 1e-3);
+    double first = share_near(&r.grid, image, points[0].at_m, 1e-3);
+    double second = share_near(&r.grid, image, points[1].at_m, 1e-3);
     assert_near(first + second, 1.0, 1e-2);
     assert_near(second / first, 0.64, 0.05);
+    free(image);
+}
+
+/* Pings with places of their own: 8 mm are half a wavelength here. */
+static void a_turntable_tells_close_points_apart(void **state)
+{
+    (void)state;
+    const struct scatterer points[2] = {{{0.004, 0.0, 0.004}, 1.0},
+                                        {{-0.004, 0.004, 0.0}, 0.7}};
+    const struct trace_format format = {0.0038, 44000.0, 20000.0, 140};
+    struct turntable t;
+    struct pool *pool;
+    struct imager *im;
+    turntable_default(&t);
+    assert_int_equal(pool_create(&pool, 2), 0);
+    struct imager_config cfg = {
+        .method = "sparse",
+        .geometry = &t.geometry,
+        .format = format,
+        .band_hz = {t.band_hz[0], t.band_hz[1]},
+        .gate_m = {0.2, 2.0},
+        .grid = {{-0.016, -0.016, -0.016}, {0.004, 0.004, 0.004}, {9, 9, 9}},
+        .pool = pool,
+    };
+    float complex *traces = malloc(TURNTABLE_PINGS * format.n_samples * sizeof *traces);
+    float *image = malloc(grid_size(&cfg.grid) * sizeof *image);
+    assert_int_equal(imager_create(&im, &cfg, NULL), 0);
+    turntable_traces(&t, &format, points, 2, traces);
+    for (size_t k = 0; k < TURNTABLE_PINGS; k++)
+        assert_true(imager_add(im, k, 0, traces + k * format.n_samples, NULL));
+    imager_image(im, image);
+    double first = share_near(&cfg.grid, image, points[0].at_m, 1e-3);
+    double second = share_near(&cfg.grid, image, points[1].at_m, 1e-3);
+    assert_near(first + second, 1.0, 1e-2);
+    assert_near(second / first, 0.49, 0.05);
+    imager_destroy(im);
+    pool_destroy(pool);
+    free(traces);
     free(image);
 }
 
@@ -275,6 +314,7 @@ int main(void)
         cmocka_unit_test(a_point_sends_the_echoes_that_it_should),
         cmocka_unit_test(the_image_of_a_point_is_a_point),
         cmocka_unit_test(points_closer_than_the_diffraction_limit_come_apart),
+        cmocka_unit_test(a_turntable_tells_close_points_apart),
         cmocka_unit_test(the_gain_of_the_recording_only_scales_it),
         cmocka_unit_test(silence_gives_a_silent_image),
         cmocka_unit_test(threads_do_not_change_it),

@@ -1,0 +1,218 @@
+#include "recon/probe.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/colocated.h"
+#include "recon/imager.h"
+#include "recon/moveout_error.h"
+
+#define COARSER    2.0 /* times the steps of the image that is wanted */
+#define COARSEST   0.6 /* of a point's width */
+#define SCALLOP_DB 6.0 /* that a peak may lose between coarse voxels */
+#define MARGIN_M   0.1 /* of depth kept around what holds something */
+
+struct probing {
+    struct probe *out;
+    const struct trace_set *set;
+    struct pool *pool;
+    struct imager_config cfg; /* of the coarse image */
+    float *intensity;
+};
+
+static void coarsen(struct grid *out, const struct grid *fine, const struct trace_set *s)
+{
+    double width_m[3];
+    geometry_resolution(s->geometry, s->band_hz, 0.5 * (s->gate_m[0] + s->gate_m[1]),
+                        width_m);
+    *out = *fine;
+    for (int a = 0; a < 3; a++) {
+        double extent_m = fine->step_m[a] * (double)(fine->n[a] - 1);
+        double step_m =
+            fmin(COARSER * fine->step_m[a], fmax(COARSEST * width_m[a], fine->step_m[a]));
+        out->step_m[a] = step_m;
+        out->n[a] = (size_t)ceil(extent_m / step_m - 1e-6) + 1;
+    }
+}
+
+/* -- the coarse image -------------------------------------------------------------------
+ */
+
+/* Depths outside hold nothing that detection would report next to the strongest. */
+static void measure_depth(const struct probing *p, double range_db)
+{
+    const struct grid *g = &p->cfg.grid;
+    size_t plane = g->n[0] * g->n[1], first = g->n[2], last = 0;
+    float *most = p->intensity + plane * g->n[2]; /* [nz] */
+    float strongest = 0.0f;
+    for (size_t z = 0; z < g->n[2]; z++) {
+        most[z] = 0.0f;
+        for (size_t q = 0; q < plane; q++)
+            most[z] = fmaxf(most[z], p->intensity[z * plane + q]);
+        strongest = fmaxf(strongest, most[z]);
+    }
+    float least = strongest * (float)pow(10.0, -0.1 * (range_db + SCALLOP_DB));
+    for (size_t z = 0; z < g->n[2]; z++) {
+        if (!(most[z] > least))
+            continue;
+        first = z < first ? z : first;
+        last = z;
+    }
+    double end_m = g->origin_m[2] + g->step_m[2] * (double)(g->n[2] - 1);
+    p->out->depth_m[0] = g->origin_m[2];
+    p->out->depth_m[1] = end_m;
+    if (first > last)
+        return;
+    p->out->depth_m[0] =
+        fmax(g->origin_m[2] + g->step_m[2] * (double)first - MARGIN_M, g->origin_m[2]);
+    p->out->depth_m[1] =
+        fmin(g->origin_m[2] + g->step_m[2] * (double)last + MARGIN_M, end_m);
+}
+
+static int describe_object(const struct probing *p, const struct detection *d,
+                           struct probe_object *o)
+{
+    double width_m[3], noise = pow(10.0, -0.05 * d->level_db); /* over amplitude */
+    double centre_hz = 0.5 * (p->set->band_hz[0] + p->set->band_hz[1]);
+    *o = (struct probe_object){.level_db = d->level_db,
+                               .extent_m = fmax(d->extent_m[0], d->extent_m[1])};
+    memcpy(o->position_m, d->position_m, sizeof o->position_m);
+    geometry_resolution_at(p->set->geometry, p->set->band_hz, d->position_m, width_m);
+    for (int a = 0; a < 3; a++) /* 1 / sqrt(curvature of the intensity x SNR) */
+        o->noise_m[a] = isfinite(width_m[a]) ? width_m[a] / sqrt(8.0 * log(4.0)) * noise
+                                             : 0.0;
+    return moveout_error(p->set->geometry, d->position_m, centre_hz, o->moveout_m,
+                         &o->moveout_rad);
+}
+
+static int find_objects(const struct probing *p)
+{
+    struct detection found[PROBE_OBJECTS];
+    struct detect_config detect;
+    detect_config_default(&detect);
+    geometry_resolution(p->set->geometry, p->set->band_hz,
+                        0.5 * (p->set->gate_m[0] + p->set->gate_m[1]),
+                        detect.resolution_m);
+    int err = detect_objects(&detect, &p->cfg.grid, p->intensity, found, PROBE_OBJECTS,
+                             &p->out->n_objects);
+    for (size_t i = 0; !err && i < p->out->n_objects; i++)
+        err = describe_object(p, &found[i], &p->out->objects[i]);
+    if (!err && p->out->n_objects)
+        p->out->snr_db = found[0].level_db;
+    if (!err)
+        measure_depth(p, detect.dynamic_range_db);
+    return err;
+}
+
+static int look(struct probing *p)
+{
+    const char *why;
+    struct imager *im = NULL;
+    struct imager_options plain;
+    imager_options_default(&plain);
+    plain.dmo = 0;
+    p->cfg = (struct imager_config){.method = "fast",
+                                    .geometry = p->set->geometry,
+                                    .format = p->set->format,
+                                    .band_hz = {p->set->band_hz[0], p->set->band_hz[1]},
+                                    .gate_m = {p->set->gate_m[0], p->set->gate_m[1]},
+                                    .grid = p->cfg.grid,
+                                    .pool = p->pool,
+                                    .options = &plain};
+    int err = imager_create(&im, &p->cfg, &why);
+    if (err == -ENOTSUP)
+        return 0;
+    if (!err) {
+        p->intensity =
+            malloc((grid_size(&p->cfg.grid) + p->cfg.grid.n[2]) * sizeof *p->intensity);
+        err = p->intensity ? trace_set_feed(p->set, im, p->pool) : -ENOMEM;
+    }
+    if (!err) {
+        imager_image(im, p->intensity);
+        p->out->imaged = true;
+        err = find_objects(p);
+    }
+    imager_destroy(im);
+    return err;
+}
+
+/* -- mirror or scatterer ----------------------------------------------------------------
+ */
+
+static int measure_power(const struct probing *p, struct colocated *c)
+{
+    struct colocated_lattice l;
+    colocated_lattice(c, &l);
+    size_t cells = l.nx * l.ny, pairs = trace_set_pairs(p->set);
+    size_t n_mic = p->set->geometry->n_microphones;
+    float *power = malloc(cells * (l.n_ranges + 2) * sizeof *power);
+    bool *masked = malloc(n_mic * sizeof *masked);
+    int err = power && masked ? 0 : -ENOMEM;
+    for (size_t q = 0; !err && q < p->set->geometry->n_positions * pairs; q += n_mic) {
+        for (size_t i = 0; i < n_mic; i++)
+            masked[i] = !p->set->heard[q + i];
+        colocated_add(c, q / pairs, q % pairs / n_mic,
+                      p->set->traces + q * p->set->format.n_samples, masked);
+    }
+    if (!err) {
+        const struct scattering_config scattering = {
+            l.nx, l.ny, l.pitch_x_m, l.pitch_y_m, l.n_ranges, l.range_m, l.range_step_m};
+        colocated_power(c, power);
+        scattering_measure(&scattering, power, power + cells * l.n_ranges,
+                           &p->out->scattering);
+        p->out->specular = scattering_is_specular(&p->out->scattering);
+    }
+    free(power);
+    free(masked);
+    return err;
+}
+
+static int measure_scattering(const struct probing *p)
+{
+    struct colocated *c = NULL;
+    const char *why;
+    int err = colocated_create(&c, &p->cfg, &why);
+    if (err == -ENOTSUP)
+        return 0;
+    if (!err)
+        err = measure_power(p, c);
+    colocated_destroy(c);
+    return err;
+}
+
+/* Echoes that moveout leaves out of step look like elements that are out of place: two of
+ * them a pair. */
+static void leave_out_moveout(struct probe *out, const struct trace_set *set)
+{
+    double centre_hz = 0.5 * (set->band_hz[0] + set->band_hz[1]);
+    double sigma_m = out->coherence.element_m;
+    if (!out->n_objects || !(sigma_m > 0.0))
+        return;
+    double path_m = out->objects[0].moveout_rad * set->geometry->sound_speed_m_s /
+                    (2.0 * M_PI * centre_hz);
+    out->coherence.element_m =
+        sqrt(fmax(sigma_m * sigma_m - 0.5 * path_m * path_m, 0.0));
+}
+
+int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,
+              struct pool *pool)
+{
+    struct probing p = {.out = out, .set = set, .pool = pool};
+    memset(out, 0, sizeof *out);
+    out->coherence.element_m = NAN;
+    out->depth_m[0] = grid->origin_m[2];
+    out->depth_m[1] = grid->origin_m[2] + grid->step_m[2] * (double)(grid->n[2] - 1);
+    coarsen(&p.cfg.grid, grid, set);
+    int err = look(&p);
+    if (!err && out->imaged)
+        err = measure_scattering(&p);
+    if (!err) {
+        err = coherence_measure(&out->coherence, set, pool);
+        err = err == -ENOTSUP ? 0 : err;
+        leave_out_moveout(out, set);
+    }
+    free(p.intensity);
+    return err;
+}

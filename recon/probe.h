@@ -1,0 +1,40 @@
+/* recon/probe.h -- what a scene is like, from its traces, before much is spent on its
+ * image: a coarse image of all pairs, the objects in it, the depths that can hold any,
+ * whether they mirror or scatter, and how well the pairs agree. */
+#ifndef ANLOS_RECON_PROBE_H
+#define ANLOS_RECON_PROBE_H
+
+#include "recon/coherence.h"
+#include "recon/detect.h"
+#include "recon/grid.h"
+#include "recon/scattering.h"
+
+#define PROBE_OBJECTS 16
+
+struct probe_object {
+    double position_m[3]; /* as imaged */
+    double level_db;      /* above the image's noise */
+    double extent_m;      /* the larger of width and height; 0: a point */
+    double noise_m[3];    /* standard deviation of its position from noise: Cramer-Rao */
+    double moveout_m[3];  /* where moveout without dip (`fast`) images it beside itself */
+    double moveout_rad;   /* phase, rms over the pairs, that this leaves */
+};
+
+struct probe {
+    bool imaged; /* the coarse image was possible: midpoints on a lattice, grid before it
+                  */
+    double snr_db; /* of the strongest object; 0: nothing there */
+    size_t n_objects;
+    struct probe_object objects[PROBE_OBJECTS]; /* strongest first */
+    double depth_m[2]; /* z of the first and last plane that can hold a reported object */
+    struct coherence coherence;   /* element_m NAN when not measurable */
+    struct scattering scattering; /* share 0 when not measurable */
+    bool specular;                /* mirrors that face the array */
+};
+
+/* grid: of the image that is wanted; looked at with double steps, except where that would
+ * be coarser than a point is wide.  0, -EINVAL, -ENOMEM. */
+int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,
+              struct pool *pool);
+
+#endif

@@ -1,0 +1,221 @@
+/* `anlos psf` on a simulated recording of one point, and its file. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <cmocka.h>
+
+#include "nodes/anlos/psf_file.h"
+#include "tests/nodes/near.h"
+#include "tests/nodes/recorded.h"
+
+/* point.yaml: the point at z = 0.4 shows at 1.6 - 0.4; midpoints over 0.2 x 0.24 m. */
+static const double point_m[3] = {0.13, 0.11, 1.2};
+static const double speed_m_s = 343.0, middle_hz = 11000.0, band_hz = 18000.0;
+static const double aperture_m[2] = {0.2, 0.24};
+
+static void psf_path(const struct recorded *f, char path[192])
+{
+    snprintf(path, 192, "%s/psf.json", f->out);
+}
+
+/* A rectangular aperture's 1.207 lambda R / 2 D, and c / B of a Hann-windowed band. */
+static double expected_width(int axis)
+{
+    double wavelength_m = speed_m_s / middle_hz;
+    return axis == 2 ? speed_m_s / band_hz
+                     : 1.207 * wavelength_m * point_m[2] / (2.0 * aperture_m[axis]);
+}
+
+static void expect_point(const struct psf *p, double centre_m, double tolerance)
+{
+    double width_m[3];
+    psf_widths(p, width_m);
+    for (int a = 0; a < 3; a++) {
+        assert_near(p->centre_m[a], point_m[a], centre_m);
+        assert_near(width_m[a], expected_width(a), tolerance * expected_width(a));
+    }
+}
+
+static void load(const struct recorded *f, struct psf_file *p)
+{
+    struct complaint why = {""};
+    char path[192];
+    psf_path(f, path);
+    if (psf_file_load(p, path, &why))
+        fail_msg("%s", why.text);
+}
+
+static void measure(struct recorded *f, struct command_result *r)
+{
+    char *words[] = {"psf",          "--survey",    f->survey, "--wav", f->scene,
+                     "--background", f->background, "--out",   f->out,  NULL};
+    command_run(r, command_psf, words);
+    if (r->code)
+        print_error("%s", r->err);
+}
+
+static void a_recorded_point_has_the_aperture_s_widths(void **state)
+{
+    struct recorded *f = *state;
+    struct command_result r;
+    struct psf_file p;
+    measure(f, &r);
+    assert_int_equal(r.code, 0);
+    assert_string_equal(r.err, "");
+    assert_non_null(strstr(r.out, "24 of 24 pings, method fast"));
+    load(f, &p);
+    assert_true(p.measured);
+    assert_string_equal(p.method, "fast");
+    assert_true(p.band_hz[0] == 2000.0 && p.band_hz[1] == 20000.0);
+    expect_point(&p.psf, 4e-3, 0.25);
+    char path[192];
+    snprintf(path, sizeof path, "%s/projection_xy.png", f->out);
+    assert_int_equal(access(path, R_OK), 0);
+}
+
+static void the_geometry_alone_gives_them_too(void **state)
+{
+    struct recorded *f = *state;
+    struct command_result r;
+    struct psf_file p;
+    char *words[] = {"psf",           "--survey", f->survey, "--at",
+                     "0.13,0.11,1.2", "--out",    f->out,    NULL};
+    command_run(&r, command_psf, words);
+    if (r.code)
+        print_error("%s", r.err);
+    assert_int_equal(r.code, 0);
+    load(f, &p);
+    assert_false(p.measured);
+    expect_point(&p.psf, 1e-3, 0.25);
+}
+
+static void without_a_folder_it_only_prints(void **state)
+{
+    struct recorded *f = *state;
+    struct command_result r;
+    struct stat st;
+    char *words[] = {"psf", "--survey", f->survey, "--at", "0.13,0.11,1.2", NULL};
+    command_run(&r, command_psf, words);
+    assert_int_equal(r.code, 0);
+    assert_non_null(strstr(r.out, "-6 dB widths"));
+    assert_non_null(strstr(r.out, "residual"));
+    assert_int_equal(stat(f->out, &st), -1);
+}
+
+static void expect_refusal(char *const words[], const char *part)
+{
+    struct command_result r;
+    command_run(&r, command_psf, words);
+    if (r.code != 2 || !strstr(r.err, part))
+        fail_msg("code %d: \"%s\" has no \"%s\"", r.code, r.err, part);
+}
+
+static void wrong_arguments_are_told(void **state)
+{
+    struct recorded *f = *state;
+#define PSF(...) ((char *const[]){"psf", __VA_ARGS__, NULL})
+    expect_refusal(PSF("--at", "1,2,3"), "--survey FILE is missing");
+    expect_refusal(PSF("--survey", f->survey), "--wav DIR or --at X,Y,Z is missing");
+    expect_refusal(PSF("--survey", f->survey, "--at", "1,2"), "--at 1,2: expected X,Y,Z");
+    expect_refusal(PSF("--survey", f->survey, "--at", "1,2,3", "--wav", f->scene),
+                   "--at stands in place of --wav");
+    expect_refusal(PSF("--survye", f->survey), "did you mean --survey?");
+    expect_refusal(PSF("--survey", f->survey, "more"), "more: unexpected");
+    expect_refusal(PSF("--survey", f->survey, "--wav", f->scene, "--set", "l1=0.1",
+                       "--method", "fast"),
+                   "method 'fast' does not use it");
+    expect_refusal(PSF("--survey", "/none.yaml", "--at", "1,2,3"),
+                   "/none.yaml: No such file");
+    expect_refusal(PSF("--survey", f->survey, "--wav", "/none"), "/none");
+    expect_refusal(PSF("--survey", f->survey, "--at", "0.1,0.1,1", "--out", f->survey),
+                   "cannot be written");
+    expect_refusal(PSF("--survey", f->survey, "--wav", f->scene, "--background",
+                       f->background, "--volume", "0.02,.24,.02,0,.22,.02,1.0,1.2,0.01"),
+                   "lies on the rim of the volume");
+#undef PSF
+}
+
+static void write_psf(const struct recorded *f, const char *text)
+{
+    char path[192];
+    psf_path(f, path);
+    mkdir(f->out, 0777);
+    FILE *file = fopen(path, "w");
+    fputs(text, file);
+    fclose(file);
+}
+
+static void a_damaged_file_is_told_by_key(void **state)
+{
+    struct recorded *f = *state;
+    struct complaint why = {""};
+    struct psf_file p;
+    char path[192];
+    static const struct {
+        const char *text, *part;
+    } cases[] = {
+        {"", "psf.json:1: "},
+        {"sound_speed_m_s: 340\n", "expected psf.json as anlos psf wrote it"},
+        {"{}", "centre_m: expected an array of 3 numbers"},
+        {"{\"centre_m\": [0, 0, 1], \"covariance_m2\": [1, 0, 0, 1, 0]}",
+         "covariance_m2: expected an array of 6 numbers"},
+        {"{\"centre_m\": [0, 0, 1], \"covariance_m2\": [1, 2, 0, 1, 0, 1], "
+         "\"band_hz\": [2000, 20000]}",
+         "positive definite"},
+        {"{\"centre_m\": [0, 0, 1], \"covariance_m2\": [1, 0, 0, 1, 0, 1]}", "band_hz"},
+        {"{\"centre_m\": [0, 0, 1], \"covariance_m2\": [1, 0, 0, 1, 0, 1], "
+         "\"band_hz\": [2000, 20000]}",
+         "method: expected"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        write_psf(f, cases[i].text);
+        psf_path(f, path);
+        assert_int_not_equal(psf_file_load(&p, path, &why), 0);
+        if (!strstr(why.text, cases[i].part) || !strstr(why.text, path))
+            fail_msg("\"%s\" has no \"%s\"", why.text, cases[i].part);
+    }
+}
+
+static void what_is_written_is_read_again(void **state)
+{
+    struct recorded *f = *state;
+    struct complaint why = {""};
+    struct psf_file p = {.psf = {.centre_m = {0.1, -0.2, 1.5},
+                                 .covariance_m2 = {4e-4, 1e-5, -2e-5, 9e-4, 3e-5, 1e-4},
+                                 .residual = 0.02,
+                                 .n_voxels = 77},
+                         .method = "backprojection",
+                         .band_hz = {2000.0, 9000.0},
+                         .measured = true},
+                    q;
+    mkdir(f->out, 0777);
+    assert_int_equal(psf_file_write(f->out, &p, &why), 0);
+    load(f, &q);
+    for (int a = 0; a < 3; a++)
+        assert_near(q.psf.centre_m[a], p.psf.centre_m[a], 1e-9);
+    for (int i = 0; i < 6; i++)
+        assert_near(q.psf.covariance_m2[i], p.psf.covariance_m2[i], 1e-11);
+    assert_string_equal(q.method, p.method);
+    assert_true(q.measured && q.band_hz[0] == 2000.0 && q.band_hz[1] == 9000.0);
+}
+
+#define test(name) cmocka_unit_test_teardown(name, recorded_forget_results)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        test(a_recorded_point_has_the_aperture_s_widths),
+        test(the_geometry_alone_gives_them_too),
+        test(without_a_folder_it_only_prints),
+        test(wrong_arguments_are_told),
+        test(a_damaged_file_is_told_by_key),
+        test(what_is_written_is_read_again),
+    };
+    return cmocka_run_group_tests(tests, recorded_create, recorded_destroy);
+}

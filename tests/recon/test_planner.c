@@ -1,0 +1,258 @@
+#include "tests/recon/near.h"
+
+#include <string.h>
+
+#include "recon/planner.h"
+#include "tests/recon/rig.h"
+
+/* The paper's array, and a point at 2.6 m of which everything is known. */
+struct scene {
+    struct rig rig;
+    struct trace_set set;
+    struct probe probe;
+    struct grid grid;
+    struct planner_config cfg;
+    struct plan plan;
+};
+
+static void lay_out(struct scene *s)
+{
+    static const double gate_m[2] = {1.0, 4.0};
+    struct rig *r = &s->rig;
+    memset(s, 0, sizeof *s);
+    rig_default(r);
+    r->geometry.n_speakers = r->geometry.n_microphones = 16;
+    r->geometry.n_positions = 32;
+    for (int i = 0; i < 16; i++) {
+        memset(r->speakers_m[i], 0, sizeof r->speakers_m[i]);
+        memset(r->microphones_m[i], 0, sizeof r->microphones_m[i]);
+        r->speakers_m[i][1] = r->microphones_m[i][1] = i / 15.0;
+    }
+    for (int k = 0; k < 32; k++)
+        r->positions_m[k] = k / 31.0;
+    rig_listen(r, gate_m[0], gate_m[1]);
+    grid_default(&s->grid, &r->geometry, gate_m, r->band_hz);
+    s->set = (struct trace_set){.geometry = &r->geometry,
+                                .format = r->format,
+                                .band_hz = {r->band_hz[0], r->band_hz[1]},
+                                .gate_m = {gate_m[0], gate_m[1]}};
+    s->probe = (struct probe){.imaged = true,
+                              .snr_db = 40.0,
+                              .n_objects = 1,
+                              .depth_m = {2.5, 2.7},
+                              .coherence = {0.0, 1.0, 0.01}};
+    s->probe.objects[0] = (struct probe_object){
+        .position_m = {0.5, 0.5, 2.6}, .level_db = 40.0, .noise_m = {1e-4, 1e-4, 1e-4}};
+    s->cfg = (struct planner_config){.set = &s->set,
+                                     .probe = &s->probe,
+                                     .grid = &s->grid,
+                                     .n_threads = 2,
+                                     .slowness = 1.0,
+                                     .budget_s = INFINITY};
+}
+
+static void decide(struct scene *s)
+{
+    size_t taken = 0;
+    planner_decide(&s->plan, &s->cfg);
+    assert_true(s->plan.n_candidates > 0);
+    for (size_t i = 0; i < s->plan.n_candidates; i++)
+        taken += !s->plan.candidates[i].why_not[0];
+    assert_int_equal(taken, 1); /* of all others it says why not */
+    assert_true(s->plan.because[0]);
+    assert_true(isfinite(s->plan.time_s) && s->plan.time_s > 0.0);
+    assert_true(isfinite(s->plan.error_m) && s->plan.error_m > 0.0);
+}
+
+static void an_ordinary_scene_takes_the_fast_way_with_all_pairs(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    decide(&s);
+    assert_string_equal(s.plan.method, "fast");
+    assert_int_equal(s.plan.stride, 1);
+    assert_near(s.plan.band_hz[1], s.set.band_hz[1], 0.0);
+    assert_near(s.plan.grid.step_m[1], s.grid.step_m[1], 0.0);
+}
+
+static void depth_that_holds_nothing_is_not_imaged(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    decide(&s);
+    const struct grid *g = &s.plan.grid;
+    double last_m = g->origin_m[2] + g->step_m[2] * (double)(g->n[2] - 1);
+    assert_true(g->origin_m[2] <= 2.5 && g->origin_m[2] > 2.5 - 2.0 * g->step_m[2]);
+    assert_true(last_m >= 2.7 - 1e-9 && last_m < 2.7 + 2.0 * g->step_m[2]);
+    /* Its planes are planes of the whole image. */
+    double planes = (g->origin_m[2] - s.grid.origin_m[2]) / s.grid.step_m[2];
+    assert_near(planes, rint(planes), 1e-6);
+}
+
+static void a_volume_that_was_asked_for_is_kept(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.cfg.keep_grid = true;
+    s.cfg.error_m = 0.1;
+    decide(&s);
+    assert_memory_equal(&s.plan.grid, &s.grid, sizeof s.grid);
+}
+
+static void positions_lost_to_a_centimetre_leave_power_alone(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.probe.coherence.element_m = 0.010;
+    decide(&s);
+    assert_string_equal(s.plan.method, "incoherent");
+    assert_near(s.plan.band_hz[1], s.set.band_hz[1], 0.0);
+}
+
+/* lambda = 5 sigma is 25 mm: 13.6 kHz at 340 m/s. */
+static void positions_less_certain_narrow_the_band(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.probe.coherence.element_m = 0.005;
+    decide(&s);
+    assert_string_equal(s.plan.method, "fast");
+    assert_near(s.plan.band_hz[1], s.rig.geometry.sound_speed_m_s / 0.025, 1.0);
+    assert_near(s.plan.band_hz[0], s.set.band_hz[0], 0.0);
+}
+
+static void positions_that_cannot_be_told_change_nothing(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.probe.coherence.element_m = NAN;
+    decide(&s);
+    assert_string_equal(s.plan.method, "fast");
+}
+
+static void moveout_that_tears_the_image_apart_asks_for_dip_moveout(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    decide(&s);
+    assert_false(s.plan.dip);
+    s.probe.objects[0].moveout_rad = 2.0;
+    decide(&s);
+    assert_string_equal(s.plan.method, "fast");
+    assert_true(s.plan.dip);
+}
+
+static void pairs_on_no_lattice_ask_for_back_projection(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.probe = (struct probe){.depth_m = {1.0, 4.0}, .coherence = {NAN, 0.0, 0.0}};
+    decide(&s);
+    assert_string_equal(s.plan.method, "backprojection");
+    assert_near(s.plan.grid.step_m[1], s.grid.step_m[1], 0.0);
+}
+
+static void an_error_that_is_allowed_buys_time(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    decide(&s);
+    double exact_s = s.plan.time_s;
+    s.cfg.error_m = 0.01;
+    decide(&s);
+    assert_true(s.plan.error_m <= 0.01);
+    assert_below(s.plan.time_s, exact_s);
+    assert_true(s.plan.grid.step_m[1] > s.grid.step_m[1]);
+}
+
+static void an_error_out_of_reach_is_said_to_be(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.cfg.error_m = 1e-6;
+    decide(&s);
+    assert_true(s.plan.error_m > 1e-6);
+    assert_non_null(strstr(s.plan.because, "no way is exact"));
+}
+
+static void a_budget_is_kept_and_an_impossible_one_named(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    decide(&s);
+    s.cfg.budget_s = 0.8 * s.plan.time_s;
+    decide(&s);
+    assert_true(s.plan.time_s <= s.cfg.budget_s);
+    s.cfg.budget_s = 1e-9;
+    decide(&s);
+    assert_non_null(strstr(s.plan.because, "nothing fits the budget"));
+    for (size_t i = 0; i < s.plan.n_candidates; i++)
+        assert_true(s.plan.time_s <= s.plan.candidates[i].time_s);
+}
+
+static void time_to_spare_sharpens_a_shape(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.probe.objects[0].extent_m = 0.8;
+    s.cfg.budget_s = 60.0;
+    decide(&s);
+    assert_string_equal(s.plan.method, "iterative");
+    s.probe.objects[0].extent_m = 0.0; /* a point has no shape */
+    decide(&s);
+    assert_string_equal(s.plan.method, "fast");
+}
+
+static void what_is_near_gets_finer_steps(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.probe.objects[0].position_m[2] = 1.05;
+    s.probe.depth_m[0] = 1.0;
+    s.probe.depth_m[1] = 1.2;
+    decide(&s);
+    assert_near(s.plan.grid.step_m[1], 0.5 * s.grid.step_m[1], 1e-12);
+}
+
+static void twice_the_pings_take_twice_the_time_to_compress(void **state)
+{
+    (void)state;
+    assert_near(planner_compress_s(1024, 16, 2) / planner_compress_s(512, 16, 2), 2.0,
+                1e-9);
+    assert_near(planner_compress_s(512, 16, 1) / planner_compress_s(512, 16, 2), 2.0,
+                1e-9);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_ordinary_scene_takes_the_fast_way_with_all_pairs),
+        cmocka_unit_test(depth_that_holds_nothing_is_not_imaged),
+        cmocka_unit_test(a_volume_that_was_asked_for_is_kept),
+        cmocka_unit_test(positions_lost_to_a_centimetre_leave_power_alone),
+        cmocka_unit_test(positions_less_certain_narrow_the_band),
+        cmocka_unit_test(positions_that_cannot_be_told_change_nothing),
+        cmocka_unit_test(moveout_that_tears_the_image_apart_asks_for_dip_moveout),
+        cmocka_unit_test(pairs_on_no_lattice_ask_for_back_projection),
+        cmocka_unit_test(an_error_that_is_allowed_buys_time),
+        cmocka_unit_test(an_error_out_of_reach_is_said_to_be),
+        cmocka_unit_test(a_budget_is_kept_and_an_impossible_one_named),
+        cmocka_unit_test(time_to_spare_sharpens_a_shape),
+        cmocka_unit_test(what_is_near_gets_finer_steps),
+        cmocka_unit_test(twice_the_pings_take_twice_the_time_to_compress),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

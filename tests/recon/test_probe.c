@@ -1,0 +1,128 @@
+#include "tests/recon/near.h"
+
+#include <string.h>
+
+#include "recon/probe.h"
+#include "tests/recon/array_traces.h"
+
+static const double volume_m[3][3] = {
+    {0.0, 1.0, 0.02}, {0.0, 1.0, 0.02}, {1.1, 2.95, 0.01}};
+
+static struct probe look(const struct array_traces *a, size_t threads)
+{
+    struct probe p;
+    struct grid grid;
+    struct pool *pool;
+    assert_int_equal(grid_from_limits(&grid, volume_m), 0);
+    assert_int_equal(pool_create(&pool, threads), 0);
+    assert_int_equal(probe_run(&p, &a->set, &grid, pool), 0);
+    pool_destroy(pool);
+    return p;
+}
+
+static void objects_and_the_depth_they_need_are_found(void **state)
+{
+    (void)state;
+    struct array_traces a;
+    const struct scatterer points[] = {{{0.3, 0.62, 1.8}, 1.0}, {{0.71, 0.4, 2.2}, 1.3}};
+    array_traces_create(&a, 8);
+    array_traces_fill(&a, points, 2, 0.0);
+    struct probe p = look(&a, 2);
+    assert_true(p.imaged);
+    assert_true(p.n_objects >= 2);
+    for (int i = 0; i < 2; i++) {
+        double nearest_m = INFINITY;
+        for (int q = 0; q < 2; q++)
+            nearest_m = fmin(nearest_m,
+                             reference_distance(p.objects[i].position_m, points[q].at_m));
+        assert_below(nearest_m, 0.015);
+    }
+    assert_true(p.depth_m[0] < 1.75 && p.depth_m[0] > 1.3);
+    assert_true(p.depth_m[1] > 2.25 && p.depth_m[1] < 2.7);
+    assert_false(p.specular);
+    array_traces_clear(&a);
+}
+
+/* The image of a mirror is that of each element's mirror image: all pairs hear one echo
+ * of the path 2 sqrt(z^2 + h^2), whatever the midpoint. */
+static void fill_mirror(struct array_traces *a, double z_m)
+{
+    const struct geometry *g = a->set.geometry;
+    size_t n = a->set.format.n_samples, pairs = trace_set_pairs(&a->set);
+    for (size_t q = 0; q < g->n_positions * pairs; q++) {
+        double h = 0.5 * (g->speakers_m[q % pairs / g->n_microphones][1] -
+                          g->microphones_m[q % g->n_microphones][1]);
+        double path = 2.0 * hypot(z_m, h);
+        for (size_t s = 0; s < n; s++)
+            a->traces[q * n + s] = (float complex)(
+                reference_echo(a->set.band_hz, a->set.format.carrier_hz,
+                               path / g->sound_speed_m_s,
+                               a->set.format.t0_s + (double)s / a->set.format.rate_hz) /
+                path);
+    }
+}
+
+static void a_mirror_is_told_from_a_point(void **state)
+{
+    (void)state;
+    struct array_traces a;
+    array_traces_create(&a, 8);
+    fill_mirror(&a, 2.0);
+    struct probe p = look(&a, 1);
+    assert_true(p.specular);
+    assert_near(p.scattering.bend, 0.0, 0.05);
+    array_traces_clear(&a);
+}
+
+static void silence_keeps_all_depths(void **state)
+{
+    (void)state;
+    struct array_traces a;
+    array_traces_create(&a, 4);
+    array_traces_fill(&a, NULL, 0, 0.0);
+    struct probe p = look(&a, 1);
+    assert_int_equal(p.n_objects, 0);
+    assert_near(p.depth_m[0], 1.1, 1e-9);
+    assert_near(p.depth_m[1], 2.95, 0.011);
+    assert_true(isnan(p.coherence.element_m));
+    array_traces_clear(&a);
+}
+
+static void a_single_pair_in_motion_is_looked_at_too(void **state)
+{
+    (void)state;
+    struct array_traces a;
+    const struct scatterer point = {{0.5, 0.5, 2.0}, 1.0};
+    array_traces_create(&a, 1);
+    array_traces_fill(&a, &point, 1, 0.0);
+    struct probe p = look(&a, 1);
+    assert_true(p.imaged);
+    assert_true(isnan(p.coherence.element_m));
+    array_traces_clear(&a);
+}
+
+static void threads_do_not_change_what_is_seen(void **state)
+{
+    (void)state;
+    struct array_traces a;
+    const struct scatterer point = {{0.4, 0.6, 2.1}, 1.0};
+    array_traces_create(&a, 6);
+    array_traces_fill(&a, &point, 1, 0.01);
+    struct probe one = look(&a, 1), two = look(&a, 2);
+    assert_int_equal(one.n_objects, two.n_objects);
+    assert_near(one.snr_db, two.snr_db, 0.01);
+    assert_near(one.depth_m[1], two.depth_m[1], 1e-9);
+    array_traces_clear(&a);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(objects_and_the_depth_they_need_are_found),
+        cmocka_unit_test(a_mirror_is_told_from_a_point),
+        cmocka_unit_test(silence_keeps_all_depths),
+        cmocka_unit_test(a_single_pair_in_motion_is_looked_at_too),
+        cmocka_unit_test(threads_do_not_change_what_is_seen),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
