@@ -5,7 +5,7 @@
  * The dsp node keeps traces, because background pings come long before those of the scene
  * and both must be compressed when they come, so that nothing is left to do after the
  * last one.  `anlos recon` has both recordings at hand and subtracts samples
- * (nodes/anlos/recon_job), which halves the compressions and stores nothing. */
+ * (nodes/anlos/recon/job), which halves the compressions and stores nothing. */
 #ifndef ANLOS_DSP_BACKGROUND_H
 #define ANLOS_DSP_BACKGROUND_H
 

@@ -179,14 +179,18 @@ static double beyond(const struct grid *g, int axis, const double *lines, size_t
     return outside > half ? outside + half : 0.0;
 }
 
-/* Of the steepest waves used: those of a cone that each voxel sees the midpoints in, or
- * what it takes to see them at all, but not more than there is. */
+/* Of the steepest waves used: those of a cone that each voxel sees the midpoints in, of
+ * the middle of the image all along an axis, or what it takes to see them at all, but not
+ * more than there is. */
 static double steepest_sine(const struct fk *m, const struct fk_config *cfg)
 {
     const struct grid *g = &m->grid;
-    double all = hypot(reach(g, 0, cfg->x_m, cfg->nx), reach(g, 1, cfg->y_m, cfg->ny));
+    double across[2] = {reach(g, 0, cfg->x_m, cfg->nx), reach(g, 1, cfg->y_m, cfg->ny)};
+    double all = hypot(across[0], across[1]), along = fmax(across[0], across[1]);
     double side = hypot(beyond(g, 0, cfg->x_m, cfg->nx), beyond(g, 1, cfg->y_m, cfg->ny));
+    double middle_m = m->depth_m + 0.5 * (double)(g->n[2] - 1) * g->step_m[2];
     double needed = fmax(side / hypot(side, m->depth_m), APERTURE_SINE);
+    needed = fmax(needed, along / hypot(along, middle_m));
     return fmin(fmin(needed, all / hypot(all, m->depth_m)), STEEPEST_SINE);
 }
 

@@ -192,8 +192,7 @@ static void leave_out_moveout(struct probe *out, const struct trace_set *set)
         return;
     double path_m = out->objects[0].moveout_rad * set->geometry->sound_speed_m_s /
                     (2.0 * M_PI * centre_hz);
-    out->coherence.element_m =
-        sqrt(fmax(sigma_m * sigma_m - 0.5 * path_m * path_m, 0.0));
+    out->coherence.element_m = sqrt(fmax(sigma_m * sigma_m - 0.5 * path_m * path_m, 0.0));
 }
 
 int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,

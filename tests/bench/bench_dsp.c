@@ -5,7 +5,6 @@
 
 #include "dsp/pool.h"
 #include "dsp/pulse_compress.h"
-#include "dsp/wisdom.h"
 
 #define N_PINGS     512
 #define N_CHANNELS  16
@@ -81,7 +80,6 @@ int main(void)
     unsigned seed = 1;
     int err = 0;
 
-    wisdom_load();
     for (size_t i = 0; i < MAX_THREADS && !err; i++) {
         double t = clock_s();
         err = pulse_compress_create(&j.pc[i], &cfg);
@@ -89,7 +87,6 @@ int main(void)
     }
     if (err || !rx)
         goto done;
-    wisdom_save();
     for (size_t i = 0; i < n_rx; i++) {
         seed = seed * 1664525u + 1013904223u;
         rx[i] = (float)(seed >> 8) / 8388608.0f - 1.0f;

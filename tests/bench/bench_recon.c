@@ -12,7 +12,6 @@
 #include <sys/resource.h>
 #include <time.h>
 
-#include "dsp/wisdom.h"
 #include "nodes/rt/compressor.h"
 #include "nodes/rt/processing.h"
 
@@ -180,8 +179,8 @@ int main(int argc, char **argv)
     struct complaint why = {0};
 
     lay_out(&b);
-    wisdom_load();
     int err = processing_plan(&b.processing, &b.survey, &why);
+    b.processing.ping_samples = b.processing.echo_samples; /* as `anlos recon` does */
     if (!err && b.processing.ping_samples > SLOT + TAIL)
         err = complain(&why, -EINVAL, "the ping needs %zu samples",
                        b.processing.ping_samples);
@@ -198,8 +197,6 @@ int main(int argc, char **argv)
     for (int i = 0; !err && i < n; i++)
         for (size_t threads = 1; !err && threads <= MAX_THREADS; threads++)
             err = run(&b, methods[i], threads, &why);
-    if (!err)
-        wisdom_save(); /* the next run plans faster */
     if (err)
         fprintf(stderr, "bench_recon: %s\n", why.text);
     free(b.intensity);

@@ -52,7 +52,8 @@ def sine(across_m, depth_m):
 
 def steepest_used(case):
     """recon/fk leaves out what is steeper than any line from a midpoint to a voxel, and
-    than 30 degrees unless voxels beside the midpoints need it."""
+    than 30 degrees unless voxels beside the midpoints need it, or those in the middle of
+    the depth see more of a line of midpoints."""
     nx, ny, px, py, point = case[:5]
     voxels = voxels_of(point)
     reach, beyond = [], []
@@ -61,7 +62,8 @@ def steepest_used(case):
         half = (line[-1] - line[0]) / 2
         reach.append(max(at[-1] - line[0], line[-1] - at[0]))
         beyond.append(outside + half if outside > half else 0.0)
-    needed = max(sine(np.hypot(*beyond), voxels[2][0]), 0.5)
+    middle = (voxels[2][0] + voxels[2][-1]) / 2
+    needed = max(sine(np.hypot(*beyond), voxels[2][0]), sine(max(reach), middle), 0.5)
     return min(needed, sine(np.hypot(*reach), voxels[2][0]), 0.9)
 
 

@@ -12,10 +12,10 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/bench_chart.h"
-#include "nodes/anlos/bench_noise.h"
-#include "nodes/anlos/bench_plan.h"
-#include "nodes/anlos/bench_results.h"
+#include "nodes/anlos/bench/chart.h"
+#include "nodes/anlos/bench/noise.h"
+#include "nodes/anlos/bench/plan.h"
+#include "nodes/anlos/bench/results.h"
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"

@@ -13,8 +13,8 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/confocal_job.h"
-#include "nodes/anlos/confocal_traces.h"
+#include "nodes/anlos/confocal/job.h"
+#include "nodes/anlos/confocal/traces.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/mat_write.h"
 #include "tests/nodes/near.h"

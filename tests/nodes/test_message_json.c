@@ -12,7 +12,7 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/tensor.h"
 #include "msgs/traces.pb-c.h"
-#include "nodes/anlos/message_json.h"
+#include "nodes/anlos/topic/message_json.h"
 #include "tests/nodes/near.h"
 
 static void every_field_is_written_under_its_own_name(void **state)

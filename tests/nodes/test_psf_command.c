@@ -10,7 +10,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/psf_file.h"
+#include "nodes/anlos/psf/file.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/recorded.h"
 

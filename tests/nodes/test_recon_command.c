@@ -20,7 +20,7 @@
 
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/recon_job.h"
+#include "nodes/anlos/recon/job.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 
@@ -504,8 +504,9 @@ static void wrong_arguments_are_told_with_a_hint(void **state)
     expect_usage(WORDS("--threads", "2x"), "1 to 256");
     expect_usage(WORDS("--window", "blackman"), "hann");
     expect_usage(WORDS("--compression", "zip"), "matched_filter");
-    expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method", "magic"),
-                 "--method magic: no such method; expected one of auto, fast, backprojection");
+    expect_usage(
+        WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method", "magic"),
+        "--method magic: no such method; expected one of auto, fast, backprojection");
     expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method", "fk"),
                  "--method fk: only for --confocal");
     expect_usage(WORDS("--set", "l2=1"),

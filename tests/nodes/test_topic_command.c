@@ -16,7 +16,7 @@
 #include "msgs/bus.h"
 #include "msgs/stage.pb-c.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/topic_watch.h"
+#include "nodes/anlos/topic/watch.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 

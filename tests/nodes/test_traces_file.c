@@ -10,8 +10,8 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/traces_band.h"
-#include "nodes/anlos/traces_file.h"
+#include "nodes/anlos/recon/traces_band.h"
+#include "nodes/anlos/recon/traces_file.h"
 #include "tests/nodes/mat_write.h"
 #include "tests/nodes/traces_write.h"
 #include "tests/recon/turntable.h"

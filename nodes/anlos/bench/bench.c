@@ -1,0 +1,175 @@
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "nodes/anlos/bench/bench.h"
+#include "nodes/anlos/commands.h"
+#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/usage.h"
+
+#define MAX_THREADS 256
+#define MAX_SEEDS   1000000
+#define LIMIT_S     20.0
+
+static const char help[] =
+    "anlos bench -- what error costs in time, measured\n"
+    "\n"
+    "usage: anlos bench speed-error [--scenes NAME,...] [--methods NAME,...]\n"
+    "                   [--recordings DIR] [--out DIR] [--quick] ...\n"
+    "       anlos bench detection [--methods NAME,...] [--seeds N] [--out DIR] "
+    "[--quick]\n"
+    "\n"
+    "speed-error images scenes whose truth is known by every method, with all and with\n"
+    "fewer speakers and positions, on finer and coarser grids, in other bands, with "
+    "other\n"
+    "numbers of iterations and threads: one parameter at a time, of fast also some\n"
+    "together.  Then it measures how time and memory grow with the work, and how "
+    "exactly\n"
+    "one point is placed in noise beside what is possible at all (Cramer-Rao).\n"
+    "detection measures how often one point is found in how much noise.\n"
+    "\n"
+    "  --scenes NAME,...    points, corner_reflectors, letter_H, letters_LT (these four "
+    "by\n"
+    "                       default), or files as `anlos sim` takes; with --recordings,\n"
+    "                       what is in there (by default all)\n"
+    "  --methods NAME,...   as of `anlos recon`; default: all, of detection the first "
+    "two\n"
+    "  --recordings DIR     takes scenes from a folder, in place of the simulator: NAME "
+    "as\n"
+    "                       `anlos sim` wrote it (points and corners), or NAME.json,\n"
+    "                       NAME_wav/ and NAME_bg_wav/ of the reference simulator\n"
+    "  --calibration DIR    the curves of the latter's microphones, with\n"
+    "                       channel_mapping.txt\n"
+    "  --out DIR            default: out/bench\n"
+    "  --limit-s SECONDS    skips a run that is predicted to take longer; default 20\n"
+    "  --threads N          at most; default: one for each processor\n"
+    "  --seeds N            of noise; default 32, of detection 400; 0: no noise\n"
+    "  --quick              few methods and parameters: under a minute\n"
+    "  --help               this text\n"
+    "\n"
+    "files written\n"
+    "  speed-error.csv      a line for each run, as soon as it is done\n"
+    "  speed-error.md       the same in tables, with machine, compiler and FFTW\n"
+    "  speed-error-SCENE    charts, .svg and .png: error over time, Pareto front marked\n"
+    "  noise-lateral, noise-depth, noise.csv\n"
+    "  growth-time, growth-memory\n"
+    "  detection.csv        of detection\n"
+    "  scenes/              what was simulated, or the surveys of what was read\n"
+    "\n"
+    "example\n"
+    "  anlos bench speed-error --quick --out /tmp/bench\n"
+    "\n"
+    "exit codes: 0 done; 1 failed; 2 bad arguments or input; 130 stopped by Ctrl-C, "
+    "what\n"
+    "was done until then is written\n";
+
+enum option_code {
+    OPTION_SCENES = 256,
+    OPTION_METHODS,
+    OPTION_RECORDINGS,
+    OPTION_CALIBRATION,
+    OPTION_OUT,
+    OPTION_LIMIT,
+    OPTION_THREADS,
+    OPTION_SEEDS,
+    OPTION_QUICK,
+};
+
+static const struct option options[] = {
+    {"scenes", required_argument, NULL, OPTION_SCENES},
+    {"methods", required_argument, NULL, OPTION_METHODS},
+    {"recordings", required_argument, NULL, OPTION_RECORDINGS},
+    {"calibration", required_argument, NULL, OPTION_CALIBRATION},
+    {"out", required_argument, NULL, OPTION_OUT},
+    {"limit-s", required_argument, NULL, OPTION_LIMIT},
+    {"threads", required_argument, NULL, OPTION_THREADS},
+    {"seeds", required_argument, NULL, OPTION_SEEDS},
+    {"quick", no_argument, NULL, OPTION_QUICK},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+static int take_option(struct bench_options *o, int code, char **argv)
+{
+    switch (code) {
+    case OPTION_SCENES:
+        o->scenes = optarg;
+        return 0;
+    case OPTION_METHODS:
+        o->methods = optarg;
+        return 0;
+    case OPTION_RECORDINGS:
+        o->recordings = optarg;
+        return 0;
+    case OPTION_CALIBRATION:
+        o->calibration = optarg;
+        return 0;
+    case OPTION_OUT:
+        o->out = optarg;
+        return *optarg ? 0 : usage_error("bench", "--out: expected a folder");
+    case OPTION_QUICK:
+        o->quick = true;
+        return 0;
+    case OPTION_LIMIT:
+        return usage_positive(optarg, &o->limit_s)
+                   ? usage_error("bench", "--limit-s %s: expected seconds above 0",
+                                 optarg)
+                   : 0;
+    case OPTION_THREADS:
+        return usage_count(optarg, 1, MAX_THREADS, &o->threads)
+                   ? usage_error("bench", "--threads %s: expected a number from 1 to %d",
+                                 optarg, MAX_THREADS)
+                   : 0;
+    case OPTION_SEEDS:
+        return usage_count(optarg, 0, MAX_SEEDS, &o->seeds)
+                   ? usage_error("bench", "--seeds %s: expected a number from 0 to %d",
+                                 optarg, MAX_SEEDS)
+                   : 0;
+    default:
+        return usage_option_error("bench", code, argv, options);
+    }
+}
+
+static int run(const struct bench_options *o, bool speed)
+{
+    struct complaint why = {0};
+    interrupt_catch();
+    int err = speed ? bench_speed(o, &why) : bench_detection(o, &why);
+    if (!err)
+        return EXIT_WORKED;
+    fprintf(stderr, "anlos bench: %s\n", why.text);
+    return err == -EINTR                      ? EXIT_INTERRUPTED
+           : err == -ENOENT || err == -EINVAL ? EXIT_BAD_INPUT
+                                              : EXIT_FAILED;
+}
+
+int command_bench(int argc, char **argv)
+{
+    struct bench_options o = {.out = "out/bench",
+                              .limit_s = LIMIT_S,
+                              .threads = usage_default_threads(),
+                              .seeds = BENCH_USUAL_SEEDS};
+    int code;
+
+    opterr = 0;
+    optind = 1;
+    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
+        if (code == 'h')
+            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
+        code = take_option(&o, code, argv);
+        if (code)
+            return code;
+    }
+    if (optind >= argc)
+        return usage_error("bench", "expected speed-error or detection");
+    const char *what = argv[optind];
+    if (optind + 1 < argc)
+        return usage_error("bench", "%s: unexpected argument", argv[optind + 1]);
+    if (strcmp(what, "speed-error") && strcmp(what, "detection"))
+        return usage_error("bench", "%s: expected speed-error or detection", what);
+    if (!strcmp(what, "detection") && (o.scenes || o.recordings))
+        return usage_error("bench", "detection makes its own scene");
+    if (!strcmp(what, "detection") && !o.seeds)
+        return usage_error("bench", "--seeds 0: detection needs noise");
+    return run(&o, !strcmp(what, "speed-error"));
+}

@@ -1,0 +1,33 @@
+/* nodes/anlos/bench/results.h -- the runs of `anlos bench speed-error` as they come: a
+ * line of CSV each, kept for the table and the charts. */
+#ifndef ANLOS_NODES_ANLOS_BENCH_RESULTS_H
+#define ANLOS_NODES_ANLOS_BENCH_RESULTS_H
+
+#include <stdio.h>
+
+#include "nodes/anlos/bench/case.h"
+
+struct bench_results {
+    struct bench_result *r; /* [n] */
+    size_t n, room;
+    FILE *csv;
+};
+
+/* Begins FOLDER/speed-error.csv.  0 or a negative errno. */
+int bench_results_open(struct bench_results *b, const char *folder,
+                       struct complaint *why);
+
+/* Adds one; its line is in the file when this returns.  0 or a negative errno. */
+int bench_results_add(struct bench_results *b, const struct bench_result *r,
+                      struct complaint *why);
+
+/* front[n] of the runs of one scene: done, and none that is done is both faster and less
+ * wrong.  Growth is not in it. */
+void bench_results_front(const struct bench_results *b, const char *scene, bool *front);
+
+/* Is it one that charts of error over time show? */
+bool bench_result_counts(const struct bench_result *r, const char *scene);
+
+void bench_results_close(struct bench_results *b);
+
+#endif

@@ -1,0 +1,232 @@
+#include "nodes/anlos/recon/job.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "hal/survey_file.h"
+#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/recon/auto.h"
+#include "nodes/anlos/recon/method.h"
+#include "nodes/anlos/recon/traces.h"
+#include "nodes/rt/objects.h"
+
+/* Processing knows the field, not the file. */
+static void name_survey(const struct recon_options *options, int err,
+                        struct complaint *why)
+{
+    struct complaint named;
+
+    if (!options->survey || !strncmp(why->text, options->survey, strlen(options->survey)))
+        return;
+    complain(&named, err, "%s: %.900s", options->survey, why->text);
+    *why = named;
+}
+
+/* The survey and what it says, then the files. */
+static int open_recording(struct recon_job *job, struct complaint *why)
+{
+    const struct recon_options *options = job->options;
+    int err = survey_load(&job->survey, options->survey, why);
+    if (!err && options->has_volume) {
+        job->survey.has_volume = true;
+        memcpy(job->survey.volume_m, options->volume_m, sizeof options->volume_m);
+    }
+    if (!err)
+        err = processing_plan(&job->processing, &job->survey, why);
+    if (err == -EINVAL || err == -EFBIG)
+        name_survey(options, err, why);
+    if (!err)
+        err = recording_open(&job->recording, options->wav, &job->survey, why);
+    if (!err && options->background)
+        err = recording_open(&job->background, options->background, &job->survey, why);
+    if (!err && job->background &&
+        recording_frames(job->background) != recording_frames(job->recording))
+        err = complain(why, -EINVAL, "%s: %zu frames, expected the %zu of %s",
+                       options->background, recording_frames(job->background),
+                       recording_frames(job->recording), options->wav);
+    return err;
+}
+
+int recon_job_open(struct recon_job *job, const struct recon_options *options,
+                   struct complaint *why)
+{
+    memset(job, 0, sizeof *job);
+    job->options = options;
+    struct stopwatch now = stopwatch_now(false);
+    int err = options->traces ? recon_traces_open(job, why) : open_recording(job, why);
+    if (!err)
+        err = recon_method_plan(job, why);
+    stopwatch_lap(&job->stages[RECON_READ], &now, false);
+    return err;
+}
+
+static int create_reader(struct recon_job *job, struct complaint *why)
+{
+    const struct recon_reader_config cfg = {
+        .survey = &job->survey,
+        .processing = &job->processing,
+        .recording = job->recording,
+        .background = job->background,
+        .scene_check = job->scene_check,
+        .background_check = job->background_check,
+        .compression = job->options->compression,
+        .window = job->options->window,
+        .pool = job->pool,
+    };
+    int err = recon_reader_create(&job->reader, &cfg, why);
+    if (!err)
+        recon_reader_format(job->reader, &job->format);
+    return err;
+}
+
+/* None for traces: they come compressed. */
+static int create_checks(struct recon_job *job, struct complaint *why)
+{
+    const struct survey *s = &job->survey;
+    int err = channel_check_create(&job->scene_check, s->n_microphones, s->n_positions);
+    if (!err && job->background)
+        err = channel_check_create(&job->background_check, s->n_microphones,
+                                   s->n_positions);
+    return err ? complain(why, err, "out of memory") : 0;
+}
+
+static int create_imager(struct recon_job *job, struct complaint *why)
+{
+    int err = processing_imager(&job->imager, &job->processing, job->method, &job->format,
+                                job->pool, why);
+    if (err == -EINVAL || err == -ENOTSUP)
+        name_survey(job->options, err, why);
+    if (err)
+        return err;
+    job->intensity = calloc(grid_size(&job->processing.grid), sizeof *job->intensity);
+    return job->intensity ? 0 : complain(why, -ENOMEM, "out of memory");
+}
+
+int recon_job_plan(struct recon_job *job, struct complaint *why)
+{
+    struct stopwatch now = stopwatch_now(false);
+    int err = pool_create(&job->pool, job->options->threads);
+    if (err)
+        return complain(why, err, "%zu threads: %s", job->options->threads,
+                        strerror(-err));
+    if (!job->options->traces) {
+        err = create_checks(job, why);
+        if (!err)
+            err = create_reader(job, why);
+    }
+    if (!err)
+        err = job->method == recon_auto_name
+                  ? recon_auto_create(&job->automatic, job, why)
+                  : create_imager(job, why);
+    stopwatch_lap(&job->stages[RECON_PLAN], &now, false);
+    return err;
+}
+
+/* -- run --------------------------------------------------------------------------------
+ */
+
+static void add_to_image(void *ctx, size_t position, size_t speaker,
+                         const float complex *traces, const bool *masked)
+{
+    struct recon_job *job = ctx;
+    imager_add(job->imager, position, speaker, traces, masked);
+}
+
+/* All traces to whoever takes them. */
+static int make_traces(struct recon_job *job, struct complaint *why)
+{
+    struct recon_sink sink = {add_to_image, job};
+    if (job->automatic)
+        sink = (struct recon_sink){recon_auto_take, job->automatic};
+    if (job->reader)
+        return recon_reader_run(job->reader, &sink, job->stages, &job->air, why);
+    struct stopwatch now = stopwatch_now(false);
+    recon_traces_add(job, &sink);
+    stopwatch_lap(&job->stages[RECON_STACK], &now, false);
+    return interrupt_requested() ? complain(why, -EINTR, "interrupted") : 0;
+}
+
+/* The traces of another band.  Channels were checked the first time. */
+static int make_traces_again(struct recon_job *job, struct complaint *why)
+{
+    struct recon_auto *first = job->automatic;
+    recon_reader_destroy(job->reader);
+    job->reader = NULL;
+    job->automatic = NULL;
+    int err = create_reader(job, why);
+    if (!err)
+        err = recon_auto_create(&job->automatic, job, why);
+    if (!err) {
+        recon_auto_inherit(job, first);
+        err = make_traces(job, why);
+    }
+    recon_auto_destroy(first);
+    return err;
+}
+
+static int decide(struct recon_job *job, struct complaint *why)
+{
+    bool again;
+    int err = recon_auto_decide(job->automatic, job, &again, why);
+    if (!err && again)
+        err = make_traces_again(job, why);
+    struct stopwatch now = stopwatch_now(false);
+    if (!err)
+        err = create_imager(job, why);
+    if (!err)
+        err = recon_auto_feed(job->automatic, job, why);
+    stopwatch_lap(&job->stages[RECON_STACK], &now, false);
+    return err;
+}
+
+static int find_objects(struct recon_job *job, struct complaint *why)
+{
+    struct detect_config detect;
+    detect_config_default(&detect);
+    int err = objects_find(&job->detections, &job->survey, &detect, 0.0,
+                           &job->processing.grid, job->intensity);
+    if (err)
+        return complain(why, err, "detection: %s", strerror(-err));
+    job->detections->scan = 1;
+    job->detections->counter = 1;
+    return 0;
+}
+
+int recon_job_run(struct recon_job *job, struct complaint *why)
+{
+    int err = make_traces(job, why);
+    if (!err && job->automatic)
+        err = decide(job, why);
+    if (err)
+        return err;
+    if (!imager_pings(job->imager))
+        return complain(why, -ENODATA,
+                        "%s: no microphone is usable in any position; expected sound",
+                        job->options->wav ? job->options->wav : job->options->traces);
+    struct stopwatch now = stopwatch_now(false);
+    imager_image(job->imager, job->intensity);
+    stopwatch_lap(&job->stages[RECON_IMAGE], &now, false);
+    if (interrupt_requested())
+        return complain(why, -EINTR, "interrupted");
+    err = find_objects(job, why);
+    stopwatch_lap(&job->stages[RECON_DETECT], &now, false);
+    return err;
+}
+
+void recon_job_clear(struct recon_job *job)
+{
+    objects_free(job->detections);
+    free(job->intensity);
+    imager_destroy(job->imager);
+    recon_auto_destroy(job->automatic);
+    recon_reader_destroy(job->reader);
+    channel_check_destroy(job->background_check);
+    channel_check_destroy(job->scene_check);
+    pool_destroy(job->pool);
+    recording_close(job->background);
+    recording_close(job->recording);
+    traces_clear(&job->traces);
+    survey_clear(&job->survey);
+    memset(job, 0, sizeof *job);
+}

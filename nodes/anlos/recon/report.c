@@ -1,0 +1,283 @@
+#include "nodes/anlos/recon/report.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "nodes/anlos/recon/auto.h"
+#include "nodes/rt/export.h"
+
+#define COARSEST_STEP 0.6 /* of a point's width: coarser, and positions suffer */
+#define FINE_STEP     0.4
+#define SAME_BAND     0.01 /* of its top, that another may be off */
+
+static size_t pings_expected(const struct recon_job *job)
+{
+    return job->survey.n_positions * job->survey.n_speakers;
+}
+
+static void warn(json_t *warnings, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+static void warn(json_t *warnings, const char *format, ...)
+{
+    char text[512];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    json_array_append_new(warnings, json_string(text));
+}
+
+static void warn_microphones(json_t *warnings, const struct channel_check *check,
+                             const struct survey *s, const char *prefix)
+{
+    for (size_t i = 0; check && i < s->n_microphones; i++) {
+        struct channel_summary c;
+        channel_check_summary(check, i, &c);
+        if (c.silent)
+            warn(warnings,
+                 "%smicrophone %zu: silent in %zu of %zu positions: left out there",
+                 prefix, i + 1, c.silent, s->n_positions);
+        if (c.damaged)
+            warn(warnings,
+                 "%smicrophone %zu: %llu samples not finite in %zu of %zu positions: "
+                 "left out "
+                 "there",
+                 prefix, i + 1, (unsigned long long)c.not_finite_samples, c.damaged,
+                 s->n_positions);
+        if (c.clipped_samples)
+            warn(warnings,
+                 "%smicrophone %zu: %llu samples clipped; left out of %zu of %zu "
+                 "positions",
+                 prefix, i + 1, (unsigned long long)c.clipped_samples, c.clipped,
+                 s->n_positions);
+    }
+}
+
+/* Around an object a point is a fraction of a wavelength wide. */
+static void warn_steps(json_t *warnings, const struct recon_job *job)
+{
+    const struct processing *p = &job->processing;
+    double middle[3], width_m[3];
+    for (int a = 0; a < 3; a++)
+        middle[a] = p->grid.origin_m[a] +
+                    0.5 * (double)(p->grid.n[a] - 1) * p->grid.step_m[a];
+    geometry_resolution_at(&p->geometry, p->band_hz, middle, width_m);
+    for (int a = 0; a < 3; a++)
+        if (p->grid.n[a] > 1 && p->grid.step_m[a] > COARSEST_STEP * width_m[a])
+            warn(warnings,
+                 "volume: a step of %.3g m along %c is coarse for images of points that "
+                 "are %.3g m wide; positions want %.2g m",
+                 p->grid.step_m[a], "xyz"[a], width_m[a], FINE_STEP * width_m[a]);
+}
+
+/* Sharpened with a function of other images. */
+static void warn_psf(json_t *warnings, const struct recon_job *job)
+{
+    const struct psf_file *p = &job->psf;
+    const double *band_hz = job->processing.band_hz;
+    if (p->measured && strcmp(p->method, job->imaging.base))
+        warn(warnings, "%s: of an image by %s, but the base is %s", job->options->psf,
+             p->method, job->imaging.base);
+    for (int i = 0; i < 2; i++) {
+        if (fabs(p->band_hz[i] - band_hz[i]) <= SAME_BAND * band_hz[1])
+            continue;
+        warn(warnings, "%s: of a band of %g to %g Hz, but the recording's is %g to %g",
+             job->options->psf, p->band_hz[0], p->band_hz[1], band_hz[0], band_hz[1]);
+        break;
+    }
+}
+
+static void warn_lost(json_t *warnings, const struct recon_job *job, size_t lost)
+{
+    size_t expected = pings_expected(job);
+    if (job->automatic && job->automatic->plan.stride > 1)
+        warn(warnings,
+             "%zu of %zu pings are not used: every %zuth speaker fits the budget", lost,
+             expected, job->automatic->plan.stride);
+    else if (job->air.corrected)
+        warn(
+            warnings,
+            "%zu of %zu pings are lost: no usable microphone, or the last of a file that "
+            "breaks off before its echoes, which a changed background cannot be "
+            "subtracted from",
+            lost, expected);
+    else
+        warn(warnings, "%zu of %zu pings are lost: no usable microphone", lost, expected);
+}
+
+json_t *recon_report_warnings(const struct recon_job *job)
+{
+    json_t *warnings = json_array();
+    size_t used = imager_pings(job->imager);
+    warn_microphones(warnings, job->scene_check, &job->survey, "");
+    warn_microphones(warnings, job->background_check, &job->survey, "background: ");
+    if (job->traces.n_not_finite)
+        warn(warnings, "%zu traces have samples that are not finite: left out",
+             job->traces.n_not_finite);
+    if (job->traces.n_silent)
+        warn(warnings, "%zu traces are silent: left out", job->traces.n_silent);
+    if (used < pings_expected(job) && !job->options->traces)
+        warn_lost(warnings, job, pings_expected(job) - used);
+    if (job->processing.geometry.pings_m)
+        warn_steps(warnings, job);
+    if (job->options->psf)
+        warn_psf(warnings, job);
+    if (air_is_distrusted(&job->air))
+        warn(warnings,
+             "background: the air has changed by %.1f K since it was recorded: "
+             "it does not fit any more",
+             air_kelvin(&job->air, job->air.largest));
+    if (!job->background && !job->options->traces)
+        warn(warnings,
+             "no background recording: the room's own echoes stay in the image");
+    return warnings;
+}
+
+static json_t *check_json(const struct channel_check *check, size_t n_microphones)
+{
+    json_t *masked = json_array(), *clipped = json_array(), *bad = json_array();
+    json_t *silent = json_array();
+    for (size_t i = 0; i < n_microphones; i++) {
+        struct channel_summary c;
+        channel_check_summary(check, i, &c);
+        json_array_append_new(clipped, json_integer((json_int_t)c.clipped_samples));
+        json_array_append_new(bad, json_integer((json_int_t)c.not_finite_samples));
+        json_array_append_new(silent, json_integer((json_int_t)c.silent));
+        if (c.silent || c.damaged || c.clipped)
+            json_array_append_new(masked, json_integer((json_int_t)i + 1));
+    }
+    return json_pack("{so, so, so, so}", "microphones_masked", masked, "clipped_samples",
+                     clipped, "not_finite_samples", bad, "silent_positions", silent);
+}
+
+static json_t *recording_json(const struct recon_job *job)
+{
+    const struct recon_options *o = job->options;
+    json_t *r = json_pack("{ss?, ss?, ss?, ss?}", "survey", o->survey, "wav", o->wav,
+                          "traces", o->traces, "background", o->background);
+    json_object_set_new(r, "positions",
+                        json_integer((json_int_t)job->survey.n_positions));
+    json_object_set_new(r, "speakers", json_integer((json_int_t)job->survey.n_speakers));
+    json_object_set_new(r, "microphones",
+                        json_integer((json_int_t)job->survey.n_microphones));
+    json_object_set_new(r, "calibrated", json_boolean(job->survey.n_responses));
+    return r;
+}
+
+static json_t *channels_json(const struct recon_job *job)
+{
+    json_t *channels = json_object();
+    size_t n = job->survey.n_microphones;
+    if (job->scene_check)
+        json_object_set_new(channels, "scene", check_json(job->scene_check, n));
+    if (job->background_check)
+        json_object_set_new(channels, "background", check_json(job->background_check, n));
+    return channels;
+}
+
+/* Since the background was recorded. */
+static json_t *air_json(const struct air *a)
+{
+    double mean = a->pings ? a->sum / (double)a->pings : 0.0;
+    return json_pack("{sI, so, so}", "pings_corrected", (json_int_t)a->corrected,
+                     "mean_k", export_real(air_kelvin(a, mean)), "largest_k",
+                     export_real(air_kelvin(a, a->largest)));
+}
+
+json_t *recon_report_create(const struct recon_job *job, const struct recon_results *r)
+{
+    const struct recon_options *o = job->options;
+    size_t expected = pings_expected(job), used = imager_pings(job->imager);
+    json_t *report = recon_results_report(r, recording_json(job));
+
+    if (job->method_because)
+        json_object_set_new(report, "method_because", json_string(job->method_because));
+    if (job->automatic)
+        json_object_set_new(report, "plan", recon_auto_report(job->automatic, job));
+    if (job->background)
+        json_object_set_new(report, "air", air_json(&job->air));
+    if (o->psf)
+        json_object_set_new(report, "psf", json_string(o->psf));
+    if (!o->traces) {
+        json_object_set_new(report, "compression",
+                            json_string(compression_name(o->compression)));
+        json_object_set_new(report, "window", json_string(window_name(o->window)));
+    }
+    json_object_set_new(report, "pings",
+                        json_pack("{sI, sI, sI}", "expected", (json_int_t)expected,
+                                  "used", (json_int_t)used, "lost",
+                                  (json_int_t)(expected - used)));
+    json_object_set_new(report, "channels", channels_json(job));
+    json_object_set_new(report, "sound_speed_m_s",
+                        export_real(job->survey.sound_speed_m_s));
+    json_object_set_new(report, "temperature_c", export_real(job->survey.temperature_c));
+    return report;
+}
+
+static void print_object(const Anlos__Detection *d)
+{
+    double sigma = d->n_covariance_m2 == 6
+                       ? sqrt(fmax(fmax(d->covariance_m2[0], d->covariance_m2[3]),
+                                   d->covariance_m2[5]))
+                       : NAN;
+    printf("%4u %9.3f %8.3f %8.3f %9.1f %8.1f %9.0f %%", d->id, d->position_m->x,
+           d->position_m->y, d->position_m->z, 100.0 * sigma, d->level_db,
+           100.0 * d->existence);
+    if (fmax(fmax(d->extent_m->x, d->extent_m->y), d->extent_m->z) > 0.0)
+        printf("   %.2f x %.2f x %.2f", d->extent_m->x, d->extent_m->y, d->extent_m->z);
+    printf("\n");
+}
+
+/* In whose terms the places are. */
+static const char *frame_text(const struct recon_job *job)
+{
+    const Anlos__DetectionList *list = job->detections;
+    if (list->mirrored)
+        return list->in_vehicle_frame ? "positions in the vehicle frame"
+                                      : "positions in the array frame";
+    if (job->processing.geometry.pings_m) /* may stand around the objects */
+        return list->in_vehicle_frame ? "positions in the vehicle frame, as imaged"
+               : job->options->traces ? "positions as tx_m and rx_m have them"
+                                      : "positions in the frame of the pings";
+    return list->in_vehicle_frame
+               ? "positions in the vehicle frame, as mirrored by the wall (the survey "
+                 "names no wall)"
+               : "positions in the array frame, as mirrored by the wall (the survey "
+                 "names no wall)";
+}
+
+static void print_air(const struct recon_job *job)
+{
+    char text[128];
+    air_text(&job->air, text, sizeof text);
+    if (text[0])
+        printf("%s: corrected\n", text);
+}
+
+void recon_report_print(const struct recon_job *job)
+{
+    const Anlos__DetectionList *list = job->detections;
+    size_t used = imager_pings(job->imager);
+    printf("%zu %s%s, %s\n", list->n_detections,
+           job->processing.geometry.pings_m ? "object" : "hidden object",
+           list->n_detections == 1 ? "" : "s", frame_text(job));
+    if (list->n_detections)
+        printf("   # %9s %8s %8s %9s %8s %11s   %s\n", "x m", "y m", "z m", "sigma cm",
+               "SNR dB", "existence", "extent m");
+    for (size_t i = 0; i < list->n_detections; i++)
+        print_object(list->detections[i]);
+    print_air(job);
+    printf("%zu of %zu pings, method %s%s%s%s, %zu thread%s: %.2f s", used,
+           pings_expected(job), job->method, job->method_because ? " (" : "",
+           job->method_because ? job->method_because : "", job->method_because ? ")" : "",
+           job->options->threads, job->options->threads == 1 ? "" : "s",
+           job->total.wall_s);
+    for (int i = 0; i < RECON_STAGES; i++)
+        printf("%s%s %.2f", i ? ", " : " (", recon_stage_name(i), job->stages[i].wall_s);
+    printf(
+        ")\n%s: volume.nrrd, projection_{xy,xz,yz}.png, detections.json, report.json\n",
+        job->options->out);
+}

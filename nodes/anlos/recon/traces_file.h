@@ -1,0 +1,39 @@
+/* nodes/anlos/recon/traces_file.h -- pulse-compressed traces from elsewhere, as a MATLAB
+ * file: traces   [n_ping][n_sample] complex or real, any numeric class tx_m [n_ping][3]
+ * where the sound of a ping came from rx_m     [n_ping][3]        and where it was heard
+ *   fs_hz    rate of the samples
+ *   t0_s     time of sample 0 after the emission
+ *   fc_hz    carrier, when the traces are basebanded: the analytic signal at t is
+ *            trace exp(2 pi i fc_hz t); else 0
+ *   c_m_s    speed of sound
+ * They come out as the imagers want them (dsp/pulse_compress.h): the band that they fill
+ * is found in their mean spectrum and stands around the middle of a rate 2.2 times its
+ * width.  Real traces become analytic by it. */
+#ifndef ANLOS_NODES_ANLOS_RECON_TRACES_FILE_H
+#define ANLOS_NODES_ANLOS_RECON_TRACES_FILE_H
+
+#include <complex.h>
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "dsp/pulse_compress.h"
+#include "msgs/complaint.h"
+
+struct traces_file {
+    size_t n_pings;
+    double (*pings_m)[2][3]; /* [n_pings][speaker, microphone] */
+    double sound_speed_m_s;
+    double band_hz[2];
+    struct trace_format format;
+    float complex *traces; /* [n_pings][format.n_samples] */
+    bool *masked;          /* [n_pings] silent, or with samples that are not finite */
+    size_t n_silent, n_not_finite;
+};
+
+/* Clear with traces_clear, also after an error.  The complaint is "file: variable: what
+ * was expected".  0, -ENOENT and other errno of reading, -EINVAL, -EFBIG, -EIO (broken
+ * off), -ENODATA (all are silent or not finite), -ENOMEM. */
+int traces_load(struct traces_file *out, const char *path, struct complaint *why);
+void traces_clear(struct traces_file *t);
+
+#endif
