@@ -17,17 +17,18 @@
 #define STRONG_DB   10.0 /* below the strongest: what the error is stated for */
 #define POWER_WIDER 2.4  /* times: a point in an image of power */
 #define LEAST_STEPS 0.4  /* of a point's width: coarser, and positions suffer */
+#define NEARLY      0.9  /* errors this near to each other are the same */
 #define MIRROR      3.0  /* times a point's width: a shape to be sharpened */
 
 /* ns on one core of the machine they were measured on. */
-#define COMPRESS_NS      5.0e3 /* a trace */
-#define STACK_NS         4.0   /* a sample of a trace, moved out */
+#define COMPRESS_NS      1.3e4 /* a trace */
+#define STACK_NS         7.0   /* a sample of a trace, moved out */
 #define DIP_NS           30.0  /* a sample of a trace, by its dip */
 #define FAST_NS          75.0  /* a voxel */
-#define SCAN_NS          1.0 /* a pair of trace and voxel, steps that divide the stage's */
-#define ANY_NS           1.8  /* elsewhere */
-#define INCOHERENT_NS    0.2  /* a pair, on coarse slabs */
-#define ITERATIVE_NS     25.0 /* a voxel and iteration */
+#define SCAN_NS          0.48 /* a pair of trace and voxel, steps that divide the stage's */
+#define ANY_NS           1.4   /* elsewhere */
+#define INCOHERENT_NS    0.25  /* a pair, on coarse slabs */
+#define ITERATIVE_NS     120.0 /* a voxel and iteration */
 #define ITERATIVE_ROUNDS 30.0
 #define COARSE_VOXELS    7.0 /* of the image, to one of the probe's */
 
@@ -239,7 +240,8 @@ static void list(struct planning *p)
     bool lost = positions_are_lost(probe), finite = isfinite(p->cfg->budget_s);
     bool free_steps = !p->cfg->keep_grid && (finite || p->cfg->error_m > 0.0);
     for (size_t f = 0; f < sizeof coarser / sizeof *coarser; f++) {
-        if (coarser[f] < 1.0 ? !supports_finer(p) : coarser[f] > 1.0 && !free_steps)
+        bool finer = supports_finer(p) || (p->cfg->error_m > 0.0 && !p->cfg->keep_grid);
+        if (coarser[f] < 1.0 ? !finer : coarser[f] > 1.0 && !free_steps)
             continue;
         for (size_t s = 0; s < sizeof strides / sizeof *strides; s++) {
             if (s > 0 && (!finite || strides[s] > p->cfg->set->geometry->n_speakers))
@@ -283,6 +285,9 @@ static bool is_better(const struct planning *p, const struct planner_candidate *
         return a->time_s < b->time_s;
     if (p->cfg->error_m > 0.0 && is_exact(p, a) != is_exact(p, b))
         return is_exact(p, a);
+    if (p->cfg->error_m > 0.0 &&
+        fmin(a->error_m, b->error_m) < NEARLY * fmax(a->error_m, b->error_m))
+        return a->error_m < b->error_m;
     if (a->coarser != b->coarser)
         return a->coarser < b->coarser;
     if (a->stride != b->stride)
