@@ -4,8 +4,9 @@
  * Compression is linear, so without a drift this equals subtraction of the raw samples.
  * The dsp node keeps traces, because background pings come long before those of the scene
  * and both must be compressed when they come, so that nothing is left to do after the
- * last one.  `anlos recon` has both recordings at hand and subtracts samples
- * (nodes/anlos/recon/job), which halves the compressions and stores nothing. */
+ * last one.  `anlos recon` has both recordings at hand and, unless the air has
+ * changed, subtracts samples (nodes/anlos/recon/reader), which halves the compressions
+ * and stores nothing. */
 #ifndef ANLOS_DSP_BACKGROUND_H
 #define ANLOS_DSP_BACKGROUND_H
 

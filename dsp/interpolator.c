@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/normal_equations.h"
+
 #define TAPS  INTERPOLATOR_TAPS
 #define STEPS 256  /* linear between them: -100 dB */
 #define RIDGE 1e-9 /* keeps the normal equations regular at low occupancy */
@@ -23,41 +25,22 @@ static double sinc_slope(double x)
     return fabs(x) < 1e-4 ? -M_PI * M_PI * x / 3.0 : (cos(M_PI * x) - sinc(x)) / x;
 }
 
-/* R = L L^T in place; R is positive definite by its ridge. */
-static void cholesky(double r[TAPS][TAPS])
+/* r is positive definite by its ridge. */
+static void solve(const double r[TAPS][TAPS], double x[TAPS])
 {
-    for (int i = 0; i < TAPS; i++)
-        for (int j = 0; j <= i; j++) {
-            double sum = r[i][j];
-            for (int k = 0; k < j; k++)
-                sum -= r[i][k] * r[j][k];
-            r[i][j] = i == j ? sqrt(sum) : sum / r[j][j];
-        }
-}
-
-static void cholesky_solve(const double l[TAPS][TAPS], double x[TAPS])
-{
-    for (int i = 0; i < TAPS; i++) {
-        for (int k = 0; k < i; k++)
-            x[i] -= l[i][k] * x[k];
-        x[i] /= l[i][i];
-    }
-    for (int i = TAPS - 1; i >= 0; i--) {
-        for (int k = i + 1; k < TAPS; k++)
-            x[i] -= l[k][i] * x[k];
-        x[i] /= l[i][i];
-    }
+    double a[TAPS][TAPS];
+    memcpy(a, r, sizeof a);
+    normal_equations_solve(TAPS, a[0], x, 0.0);
 }
 
 /* The signal's correlation is sinc(occupancy lag): weights w solve R w = r(fraction). */
 static void fill(struct interpolator *ip, double occupancy)
 {
-    double l[TAPS][TAPS];
+    double r[TAPS][TAPS];
 
     for (int i = 0; i < TAPS; i++)
         for (int j = 0; j < TAPS; j++)
-            l[i][j] = sinc(occupancy * (i - j)) + (i == j ? RIDGE : 0.0);
-    cholesky(l);
+            r[i][j] = sinc(occupancy * (i - j)) + (i == j ? RIDGE : 0.0);
     for (int step = 0; step <= STEPS; step++) {
         double value[TAPS], slope[TAPS];
         for (int q = 0; q < TAPS; q++) {
@@ -65,8 +48,8 @@ static void fill(struct interpolator *ip, double occupancy)
             value[q] = sinc(occupancy * lag);
             slope[q] = occupancy * sinc_slope(occupancy * lag);
         }
-        cholesky_solve((const double(*)[TAPS])l, value);
-        cholesky_solve((const double(*)[TAPS])l, slope);
+        solve((const double(*)[TAPS])r, value);
+        solve((const double(*)[TAPS])r, slope);
         for (int q = 0; q < TAPS; q++) {
             ip->table[step][q] = (float)value[q];
             ip->table[step][TAPS + q] = (float)slope[q];

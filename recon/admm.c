@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/admm_shrink.h"
+
 #define RELAXATION  1.8 /* Boyd 3.4.3 */
 #define CHECK_EVERY 5   /* iterations between looks at the residuals */
 #define BALANCE     3.0 /* residuals farther apart than this move rho */
@@ -153,7 +155,7 @@ static void balance(struct admm *a, const struct residuals *r)
     double factor = fmin(fmax(sqrt(ratio), 1.0 / RHO_STEP), RHO_STEP);
     double rho = fmin(fmax(a->rho * factor, RHO_LEAST), RHO_MOST);
     if (rho != a->rho)
-        admm_split_rescale(a, rho);
+        admm_shrink_rescale(a, rho);
 }
 
 static void iterate(struct admm *a, double length, struct admm_result *result)

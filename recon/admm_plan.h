@@ -73,8 +73,6 @@ size_t admm_split_scratch(const struct admm *a);
 /* admm_split.c: v <- v + a (A x - S(v)), then for each plane A' (2 S(v) - v) goes to
  * `emit` (as [ny][nx] in the thread's scratch->plane).  Also swaps v. */
 void admm_split(struct admm *a, void (*emit)(struct admm *a, size_t z, size_t thread));
-/* Keeps z and the unscaled dual when rho changes. */
-void admm_split_rescale(struct admm *a, double rho);
 /* The sums of the last checked round. */
 void admm_split_norms(const struct admm *a, struct admm_norms *out);
 

@@ -3,13 +3,11 @@
  *
  * A plane needs the shrunk differences of the plane before it.  Threads take runs of
  * planes and do that one plane twice rather than wait for each other. */
-#include "recon/admm_plan.h"
 
-#include <float.h>
-#include <math.h>
 #include <string.h>
 
 #include "dsp/vector.h"
+#include "recon/admm_shrink.h"
 
 enum field { FIELD_G, FIELD_CHANGE, FIELD_DUAL, FIELDS };
 
@@ -41,149 +39,6 @@ static float *plane_of(const struct admm *a, const struct admm_scratch *s, size_
     return s->rows + ROWS * (a->nx + VECTOR_LANES) + f * a->nx * a->ny;
 }
 
-VECTOR_INLINE double squares(const float *x, size_t n)
-{
-    double sum = 0.0;
-    float lanes[VECTOR_LANES] = {0};
-    size_t i = 0;
-    for (; i + VECTOR_LANES <= n; i += VECTOR_LANES)
-        for (size_t l = 0; l < VECTOR_LANES; l++)
-            lanes[l] += x[i + l] * x[i + l];
-    for (size_t l = 0; l < VECTOR_LANES; l++)
-        sum += (double)lanes[l];
-    for (; i < n; i++)
-        sum += (double)x[i] * (double)x[i];
-    return sum;
-}
-
-/* Where a part of a row comes from and goes to. */
-struct part {
-    const float *ax, *before;
-    float *after, *g, *change, *dual, *gap, *z;
-};
-
-VECTOR_INLINE float soft(float v, float kappa)
-{
-    float low = v > kappa ? kappa : v;
-    return v - (low < -kappa ? -kappa : low);
-}
-
-VECTOR_INLINE float soft_positive(float v, float kappa)
-{
-    return v > kappa ? v - kappa : 0.0f;
-}
-
-/* x >= 0 with its L1 weight, or a difference with its weight. */
-VECTOR_INLINE void shrink_part(size_t n, const float *restrict ax,
-                               const float *restrict before, float *restrict after,
-                               float *restrict g, float relax, float kappa, int self)
-{
-    for (size_t i = 0; i < n; i++) {
-        float z = self ? soft_positive(before[i], kappa) : soft(before[i], kappa);
-        float v = before[i] + relax * (ax[i] - z);
-        z = self ? soft_positive(v, kappa) : soft(v, kappa);
-        after[i] = v;
-        g[i] = 2.0f * z - v;
-    }
-}
-
-/* 1 - kappa / |v|, not below 0; a threshold of 0 leaves even a zero as it is. */
-VECTOR_INLINE float shorten(float x, float y, float z, float kappa)
-{
-    float length = sqrtf(x * x + y * y + z * z);
-    float factor = 1.0f - kappa / (length > FLT_MIN ? length : FLT_MIN);
-    return factor > 0.0f ? factor : 0.0f;
-}
-
-VECTOR_INLINE void shrink_gradient(const struct part *p, size_t n, float relax,
-                                   float kappa)
-{
-    const float *restrict xb = p[0].before, *restrict yb = p[1].before;
-    const float *restrict zb = p[2].before, *restrict dx = p[0].ax;
-    const float *restrict dy = p[1].ax, *restrict dz = p[2].ax;
-    float *restrict xa = p[0].after, *restrict ya = p[1].after, *restrict za = p[2].after;
-    float *restrict xg = p[0].g, *restrict yg = p[1].g, *restrict zg = p[2].g;
-    for (size_t i = 0; i < n; i++) {
-        float x = xb[i], y = yb[i], z = zb[i];
-        float f = shorten(x, y, z, kappa);
-        x += relax * (dx[i] - f * x);
-        y += relax * (dy[i] - f * y);
-        z += relax * (dz[i] - f * z);
-        f = 2.0f * shorten(x, y, z, kappa) - 1.0f;
-        xa[i] = x;
-        ya[i] = y;
-        za[i] = z;
-        xg[i] = f * x;
-        yg[i] = f * y;
-        zg[i] = f * z;
-    }
-}
-
-/* What the stopping rule looks at, from v and g = 2 z - v. */
-VECTOR_INLINE void compare_part(size_t n, const float *restrict ax,
-                                const float *restrict after, const float *restrict g,
-                                float *restrict z, float *restrict dual,
-                                float *restrict gap)
-{
-    for (size_t i = 0; i < n; i++) {
-        z[i] = 0.5f * (g[i] + after[i]);
-        dual[i] = after[i] - z[i];
-        gap[i] = ax[i] - z[i];
-    }
-}
-
-/* change = z - the z before. */
-VECTOR_INLINE void change_part(size_t n, const float *restrict before,
-                               const float *restrict z, float *restrict change,
-                               float kappa, int self)
-{
-    for (size_t i = 0; i < n; i++)
-        change[i] = z[i] -
-                    (self ? soft_positive(before[i], kappa) : soft(before[i], kappa));
-}
-
-static void change_gradient(const struct part *p, size_t n, float kappa)
-{
-    for (size_t i = 0; i < n; i++) {
-        float f = shorten(p[0].before[i], p[1].before[i], p[2].before[i], kappa);
-        for (int d = 0; d < 3; d++)
-            p[d].change[i] = p[d].z[i] - f * p[d].before[i];
-    }
-}
-
-VECTOR_CLONES
-static void shrink_row(const struct admm *a, const struct part *p)
-{
-    float relax = (float)a->cfg.relaxation;
-    shrink_part(a->nx, p->ax, p->before, p->after, p->g, relax, a->kappa[0], 1);
-    if (a->parts > 1 && a->cfg.tv_isotropic) {
-        shrink_gradient(p + 1, a->nx, relax, a->kappa[1]);
-        return;
-    }
-    for (size_t d = 1; d < a->parts; d++)
-        shrink_part(a->nx, p[d].ax, p[d].before, p[d].after, p[d].g, relax, a->kappa[1],
-                    0);
-}
-
-VECTOR_CLONES
-static void compare_row(const struct admm *a, const struct part *p,
-                        struct admm_norms *norms)
-{
-    bool gradient = a->parts > 1 && a->cfg.tv_isotropic;
-    for (size_t d = 0; d < a->parts; d++) {
-        compare_part(a->nx, p[d].ax, p[d].after, p[d].g, p[d].z, p[d].dual, p[d].gap);
-        norms->gap += squares(p[d].gap, a->nx);
-        norms->ax += squares(p[d].ax, a->nx);
-        norms->z += squares(p[d].z, a->nx);
-        if (d == ADMM_SELF)
-            change_part(a->nx, p->before, p->z, p->change, a->kappa[0], 1);
-        else if (!gradient)
-            change_part(a->nx, p[d].before, p[d].z, p[d].change, a->kappa[1], 0);
-    }
-    if (gradient)
-        change_gradient(p + 1, a->nx, a->kappa[1]);
-}
-
 VECTOR_CLONES
 static void differences(size_t n, const float *x, const float *x_y, const float *x_z,
                         float end, float *restrict dx, float *restrict dy,
@@ -211,14 +66,14 @@ static size_t next(const struct admm *a, size_t i, size_t n)
 static void do_row(struct admm *a, struct admm_scratch *s, size_t z, size_t y,
                    struct admm_norms *norms)
 {
-    struct part parts[ADMM_PARTS];
+    struct admm_part_row parts[ADMM_PARTS];
     struct admm_norms elsewhere = {0};
     const float *x = a->x + z * a->plane + y * a->nx;
     size_t at = z * a->plane + y * a->nx;
     for (size_t d = 0; d < a->parts; d++) {
         float *carried = row_of(a, s, ROWS_NEW + FIELDS * d);
         size_t row = a->nx + VECTOR_LANES;
-        parts[d] = (struct part){
+        parts[d] = (struct admm_part_row){
             .ax = d == ADMM_SELF ? x : row_of(a, s, ROWS_AX + d),
             .before = a->v[0][d] + at,
             /* a row that is done twice is stored once */
@@ -235,9 +90,9 @@ static void do_row(struct admm *a, struct admm_scratch *s, size_t z, size_t y,
                     a->x + next(a, z, a->nz) * a->plane + y * a->nx,
                     x[next(a, a->nx - 1, a->nx)], row_of(a, s, ROWS_AX + ADMM_X),
                     row_of(a, s, ROWS_AX + ADMM_Y), row_of(a, s, ROWS_AX + ADMM_Z));
-    shrink_row(a, parts);
+    admm_shrink_row(a, parts);
     if (a->check)
-        compare_row(a, parts, norms ? norms : &elsewhere);
+        admm_compare_row(a, parts, norms ? norms : &elsewhere);
 }
 
 /* out = A' of the row's parts: self - differences of the others, backwards. */
@@ -249,12 +104,6 @@ static void gather_row(size_t n, const float *self, const float *x, const float 
     out[0] = self[0] + x[n - 1] - x[0] + (y_before[0] - y[0]) + (z_before[0] - z[0]);
     for (size_t i = 1; i < n; i++)
         out[i] = self[i] + x[i - 1] - x[i] + (y_before[i] - y[i]) + (z_before[i] - z[i]);
-}
-
-VECTOR_CLONES
-static double sum_squares(const float *x, size_t n)
-{
-    return squares(x, n);
 }
 
 /* The row of a field to out, and what the next row and plane need of it is kept. */
@@ -320,9 +169,9 @@ static void split_run(void *ctx, size_t item, size_t thread)
             if (!a->check)
                 continue;
             gather(a, s, FIELD_CHANGE, y, spare);
-            norms->change += sum_squares(spare, a->nx);
+            norms->change += admm_squares(spare, a->nx);
             gather(a, s, FIELD_DUAL, y, spare);
-            norms->dual += sum_squares(spare, a->nx);
+            norms->dual += admm_squares(spare, a->nx);
         }
         p->emit(a, z, thread);
     }
@@ -351,45 +200,4 @@ void admm_split_norms(const struct admm *a, struct admm_norms *out)
         out->change += n->change;
         out->dual += n->dual;
     }
-}
-
-/* v = z + u, and rho u stays: v <- z + (v - z) / factor. */
-VECTOR_CLONES
-static void rescale(struct admm *a, size_t at, size_t n, float inverse)
-{
-    float *self = a->v[0][ADMM_SELF] + at;
-    for (size_t i = 0; i < n; i++) {
-        float z = self[i] - a->kappa[0] > 0.0f ? self[i] - a->kappa[0] : 0.0f;
-        self[i] = z + inverse * (self[i] - z);
-    }
-    if (a->parts == 1)
-        return;
-    float *x = a->v[0][ADMM_X] + at, *y = a->v[0][ADMM_Y] + at, *w = a->v[0][ADMM_Z] + at;
-    if (a->cfg.tv_isotropic) {
-        for (size_t i = 0; i < n; i++) {
-            float f = shorten(x[i], y[i], w[i], a->kappa[1]);
-            float factor = f + inverse * (1.0f - f);
-            x[i] *= factor;
-            y[i] *= factor;
-            w[i] *= factor;
-        }
-        return;
-    }
-    for (size_t d = ADMM_X; d < ADMM_PARTS; d++) {
-        float *v = a->v[0][d] + at;
-        for (size_t i = 0; i < n; i++) {
-            float z = soft(v[i], a->kappa[1]);
-            v[i] = z + inverse * (v[i] - z);
-        }
-    }
-}
-
-void admm_split_rescale(struct admm *a, double rho)
-{
-    float factor = (float)(rho / a->rho);
-    for (size_t z = 0; z < a->nz; z++)
-        rescale(a, z * a->plane, a->nx * a->ny, 1.0f / factor);
-    a->kappa[0] /= factor;
-    a->kappa[1] /= factor;
-    a->rho = rho;
 }

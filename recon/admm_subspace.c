@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/normal_equations.h"
 #include "dsp/vector.h"
 
 #define CHUNK 4096 /* floats worked on at once: sums do not depend on threads */
@@ -149,31 +150,16 @@ static void step_chunk(void *ctx, size_t chunk, size_t thread)
 /* -- the small system -------------------------------------------------------------------
  */
 
-/* step = gram^-1 right by Gauss, diagonal pivots: the matrix is positive.  A direction
- * that the ones before it hold already gets no step. */
+/* step = gram^-1 right.  A direction that the ones before it hold already gets no step.
+ */
 static void solve(struct admm_subspace *s, const double *right)
 {
-    double m[ADMM_DIRECTIONS][ADMM_DIRECTIONS + 1], step[ADMM_DIRECTIONS];
+    double m[ADMM_DIRECTIONS * ADMM_DIRECTIONS], step[ADMM_DIRECTIONS];
     size_t n = s->count;
-    for (size_t i = 0; i < n; i++) {
-        memcpy(m[i], s->gram[i], n * sizeof(double));
-        m[i][n] = right[i];
-    }
-    for (size_t i = 0; i < n; i++) {
-        if (!(m[i][i] > INDEPENDENT * s->gram[i][i]))
-            m[i][i] = INFINITY;
-        for (size_t r = i + 1; r < n; r++) {
-            double f = m[r][i] / m[i][i];
-            for (size_t c = i + 1; c <= n; c++)
-                m[r][c] -= f * m[i][c];
-        }
-    }
-    for (size_t i = n; i-- > 0;) {
-        step[i] = m[i][n];
-        for (size_t c = i + 1; c < n; c++)
-            step[i] -= m[i][c] * step[c];
-        step[i] /= m[i][i];
-    }
+    for (size_t i = 0; i < n; i++)
+        memcpy(m + i * n, s->gram[i], n * sizeof *m);
+    memcpy(step, right, n * sizeof *step);
+    normal_equations_solve(n, m, step, INDEPENDENT);
     for (size_t i = 0; i < n; i++)
         s->step[i] = isfinite(step[i]) ? step[i] : 0.0;
 }

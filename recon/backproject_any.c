@@ -1,7 +1,6 @@
 /* recon/backproject_any.c -- back-projection for any geometry: voxels in the lanes, each
  * looks its delay up in the trace. */
 #include <errno.h>
-#include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>

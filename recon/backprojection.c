@@ -6,76 +6,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/lines.h"
+#include "recon/fold.h"
 #include "recon/method.h"
 
 /* Stored rate over band width, at least.  Linear interpolation then errs by -51 dB of a
  * Hann-windowed trace, -40 dB of a rectangular one; at 1.9 it would be faster by a
  * quarter and err by -33 dB. */
 #define OVERSAMPLING 3.9
-#define SAME_M       1e-3 /* midpoints closer than this are one */
-#define LANE_BLOCK   16   /* lanes of a group are padded to a multiple of this */
+#define LANE_BLOCK   16 /* lanes of a group are padded to a multiple of this */
 
 static size_t n_traces(const struct backprojection *b)
 {
     return backprojection_pairs(b) * b->geometry.n_positions;
-}
-
-/* -- midpoints that several pairs share -------------------------------------------------
- */
-
-static double middle(const struct backprojection *b, size_t t, int axis)
-{
-    const struct geometry *g = &b->geometry;
-    size_t k = t / backprojection_pairs(b), pair = t % backprojection_pairs(b);
-    double s[3], m[3];
-    geometry_speaker(g, k, pair / g->n_microphones, s);
-    geometry_microphone(g, k, pair % g->n_microphones, m);
-    return 0.5 * (s[axis] + m[axis]);
-}
-
-struct middle {
-    uint32_t at[3]; /* lines of x, y, z */
-    uint32_t trace;
-};
-
-static int by_place(const void *a, const void *b)
-{
-    return memcmp(((const struct middle *)a)->at, ((const struct middle *)b)->at,
-                  sizeof((const struct middle *)a)->at);
-}
-
-static void number_cells(struct backprojection *b, struct middle *middles, size_t n)
-{
-    qsort(middles, n, sizeof *middles, by_place);
-    for (size_t t = 0; t < n; t++) {
-        if (t == 0 || by_place(&middles[t - 1], &middles[t]) != 0)
-            b->n_cells++;
-        b->cell[middles[t].trace] = (uint32_t)(b->n_cells - 1);
-    }
-}
-
-static int number_midpoints(struct backprojection *b)
-{
-    size_t n = n_traces(b);
-    struct middle *middles = calloc(n, sizeof *middles);
-    double *lines = malloc(n * sizeof *lines);
-    if (middles && lines) {
-        for (int axis = 0; axis < 3; axis++) {
-            for (size_t t = 0; t < n; t++)
-                lines[t] = middle(b, t, axis);
-            size_t n_lines = lines_merge(lines, n, SAME_M);
-            for (size_t t = 0; t < n; t++)
-                middles[t].at[axis] = lines_nearest(lines, n_lines, middle(b, t, axis));
-        }
-        for (size_t t = 0; t < n; t++)
-            middles[t].trace = (uint32_t)t;
-        number_cells(b, middles, n);
-    }
-    int err = middles && lines ? 0 : -ENOMEM;
-    free(middles);
-    free(lines);
-    return err;
 }
 
 /* -- create -----------------------------------------------------------------------------
@@ -105,7 +47,7 @@ static int allocate(struct backprojection *b, double band_hz)
     b->live = calloc(n, sizeof *b->live);
     if (!b->cell || !b->live)
         return -ENOMEM;
-    int err = number_midpoints(b);
+    int err = fold_number(&b->geometry, b->cell, &b->n_cells);
     if (err)
         return err;
     b->fold = malloc(b->n_cells * sizeof *b->fold);
@@ -115,6 +57,16 @@ static int allocate(struct backprojection *b, double band_hz)
     if (err)
         return err;
     return b->scan ? backproject_scan_create(b) : backproject_any_create(b);
+}
+
+static double middle(const struct backprojection *b, size_t t, int axis)
+{
+    const struct geometry *g = &b->geometry;
+    size_t k = t / backprojection_pairs(b), pair = t % backprojection_pairs(b);
+    double s[3], m[3];
+    geometry_speaker(g, k, pair / g->n_microphones, s);
+    geometry_microphone(g, k, pair % g->n_microphones, m);
+    return 0.5 * (s[axis] + m[axis]);
 }
 
 /* Mean and rms distance from it of the pairs' midpoints. */

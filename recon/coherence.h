@@ -23,7 +23,7 @@ struct coherence {
 
 /* From at most COHERENCE_POSITIONS stage positions, spread over the scan.  0, -ENOTSUP
  * (midpoints are not a lattice: recon/midpoint.h), -EINVAL, -ENOMEM. */
-#define COHERENCE_POSITIONS 8
+#define COHERENCE_POSITIONS 4
 int coherence_measure(struct coherence *out, const struct trace_set *set,
                       struct pool *pool);
 

@@ -8,7 +8,7 @@
 
 #include "dsp/vector.h"
 
-#define ROWS 4 /* lines of midpoints that are summed together */
+#define ROWS 8 /* lines of midpoints that are summed together */
 
 struct dmo {
     size_t n_lines, n_offsets, n_inputs;
@@ -151,15 +151,21 @@ void dmo_destroy(struct dmo *d)
 /* -- stack ------------------------------------------------------------------------------
  */
 
-/* ROWS lines. */
+/* ROWS lines.  fetch: the next bin's inputs and kernel, whose order no machine foresees:
+ * each input is in a page of its own. */
 VECTOR_INLINE void stack_rows(const struct dmo *d, const float *kernel, const float *in,
                               size_t in_stride, float *out, size_t out_stride,
-                              size_t n_rows)
+                              size_t n_rows, bool fetch)
 {
     vector16 re[ROWS] = {{0}}, im[ROWS] = {{0}};
     for (size_t q = 0; q < d->n_inputs; q++) {
         const float *k = kernel + 2 * (size_t)d->first[q], *x = in + q * in_stride;
         vector16 xr = *(const vector16 *)x, xi = *(const vector16 *)(x + VECTOR_LANES);
+        if (fetch) {
+            __builtin_prefetch(x + 2 * VECTOR_LANES);
+            __builtin_prefetch(x + 3 * VECTOR_LANES);
+            __builtin_prefetch(k + d->n_offsets * d->span * 2);
+        }
         for (size_t r = 0; r < ROWS; r++) {
             re[r] += k[2 * r] * xr;
             im[r] += k[2 * r] * xi;
@@ -181,6 +187,6 @@ void dmo_stack(const struct dmo *d, size_t bin, const float *restrict in,
     for (size_t line = 0; line < d->n_lines; line += ROWS) {
         size_t n_rows = d->n_lines - line < ROWS ? d->n_lines - line : ROWS;
         stack_rows(d, kernel + 2 * line, in, in_stride, out + line * out_stride,
-                   out_stride, n_rows);
+                   out_stride, n_rows, line == 0);
     }
 }

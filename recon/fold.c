@@ -6,7 +6,7 @@
 
 #include "recon/lines.h"
 
-#define SAME_M 1e-3
+#define SAME_M 1e-3 /* midpoints closer than this are one */
 
 struct middle {
     uint32_t at[3]; /* lines of x, y, z */

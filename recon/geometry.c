@@ -121,7 +121,7 @@ void geometry_resolution(const struct geometry *g, const double band_hz[2],
     out[2] = g->sound_speed_m_s / (band_hz[1] - band_hz[0]);
 }
 
-static double distance(const double a[3], const double b[3])
+double geometry_distance(const double a[3], const double b[3])
 {
     return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
 }
@@ -134,7 +134,7 @@ static void pair_direction(const struct geometry *g, size_t k, size_t j, size_t 
     double s[3], m[3];
     geometry_speaker(g, k, j, s);
     geometry_microphone(g, k, i, m);
-    double rs = distance(at_m, s), rm = distance(at_m, m);
+    double rs = geometry_distance(at_m, s), rm = geometry_distance(at_m, m);
     for (int a = 0; a < 3; a++)
         out[a] = (rs > 0.0 ? (at_m[a] - s[a]) / rs : 0.0) +
                  (rm > 0.0 ? (at_m[a] - m[a]) / rm : 0.0);

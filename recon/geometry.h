@@ -29,6 +29,8 @@ void geometry_speaker(const struct geometry *g, size_t position, size_t speaker,
 void geometry_microphone(const struct geometry *g, size_t position, size_t microphone,
                          double out[3]);
 
+double geometry_distance(const double a[3], const double b[3]);
+
 /* Smallest and largest coordinates of the pairs' midpoints. */
 void geometry_aperture(const struct geometry *g, double min[3], double max[3]);
 

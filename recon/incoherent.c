@@ -49,6 +49,7 @@ static void incoherent_destroy(void *state)
     free(b->cell);
     free(b->fold);
     free(b->stored);
+    incoherent_mirror_destroy(b->mirror);
     geometry_clear(&b->geometry);
     free(b);
 }
@@ -143,9 +144,8 @@ static int incoherent_create(void **state, const struct imager_config *cfg,
         double samples_per_m = b->in.rate_hz / cfg->geometry->sound_speed_m_s;
         err = plan_filter(b, SIGMA_M * samples_per_m);
     }
-    if (!err) {
+    if (!err)
         err = incoherent_slabs_create(b);
-    }
     if (!err) {
         b->scan = true;
         for (size_t i = 0; i < b->n_slabs; i++)
@@ -155,6 +155,8 @@ static int incoherent_create(void **state, const struct imager_config *cfg,
                            : 1;
         err = allocate(b);
     }
+    if (!err)
+        err = incoherent_mirror_create(&b->mirror, cfg);
     if (err) {
         incoherent_destroy(b);
         return err;
@@ -171,6 +173,8 @@ static void incoherent_add(void *state, size_t position, size_t speaker,
 {
     struct incoherent *b = state;
     size_t n_m = b->geometry.n_microphones, n = b->in.n_samples;
+    if (b->mirror)
+        incoherent_mirror_add(b->mirror, position, speaker, traces, masked);
     for (size_t i = 0; i < n_m; i++) {
         if (masked && masked[i])
             continue;
@@ -190,6 +194,8 @@ static void incoherent_reset(void *state)
     struct incoherent *b = state;
     memset(b->power, 0, n_traces(b) * b->in.n_samples * sizeof *b->power);
     memset(b->live, 0, n_traces(b) * sizeof *b->live);
+    if (b->mirror)
+        incoherent_mirror_reset(b->mirror);
 }
 
 /* -- image ------------------------------------------------------------------------------
@@ -280,6 +286,8 @@ static void clip(void *ctx, size_t plane, size_t thread)
 static void incoherent_image(void *state, float *intensity)
 {
     struct incoherent *b = state;
+    if (b->mirror && incoherent_mirror_image(b->mirror, intensity))
+        return;
     memset(b->fold, 0, b->n_cells * sizeof *b->fold);
     for (size_t t = 0; t < n_traces(b); t++)
         b->fold[b->cell[t]] += b->live[t];

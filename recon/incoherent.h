@@ -7,7 +7,7 @@
  * what each echo smears over the voxels that it could come from cancels where they do
  * not agree.  Each voxel sums all traces at its delay, a midpoint counting once however
  * many pairs share it; what stays below 0 is none.  The Gaussian is as wide as positions
- * may be wrong. */
+ * may be wrong.  Mirrors are imaged in another way: recon/incoherent_mirror.h. */
 #ifndef ANLOS_RECON_INCOHERENT_H
 #define ANLOS_RECON_INCOHERENT_H
 
@@ -15,6 +15,7 @@
 #include <stdint.h>
 
 #include "recon/imager.h"
+#include "recon/incoherent_mirror.h"
 #include "recon/resample.h"
 
 struct incoherent {
@@ -42,6 +43,7 @@ struct incoherent {
     float **scratch; /* [threads][in.n_samples + taps][lanes] */
     void *sweeps;    /* of the imaging part */
 
+    struct incoherent_mirror *mirror; /* NULL: cannot be told */
     struct incoherent_slab *slabs;
     size_t n_slabs;
     float *coarse; /* image of one slab */

@@ -12,42 +12,20 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/fft_size.h"
 #include "recon/admm.h"
 #include "recon/iterative.h"
+#include "recon/iterative_slabs.h"
 #include "recon/method.h"
-#include "recon/psf.h"
-
-#define REACH_SIGMAS 3.0 /* of the point spread function that count */
-#define SLAB_M       0.2 /* of depth, without what it shares with its neighbours */
-#define SLACK        1.1 /* of the transforms' sizes */
-#define PSF_PAIRS    512
-#define NEAREST_M    0.25 /* a slab nearer to the array takes the function from here */
-
-/* Of an extended mirror-like object the image is sharper than of points: too narrow a
- * function sharpens less, too wide a one eats the object (referee's letters: 0.5 to 0.7
- * is best). */
-#define WIDTH 0.6
-
-static const int row[6] = {0, 0, 0, 1, 1, 2}, column[6] = {0, 1, 2, 1, 2, 2};
-static const int diagonal[3] = {0, 3, 5};
-
-struct slab {
-    size_t first, core;   /* planes of the image that are its own */
-    double covariance[6]; /* of the function, voxels^2 */
-};
 
 struct iterative {
     struct imager *base;
     struct iterative_lightcone *lightcone; /* NULL: sharpen base's image */
     struct grid grid;
     struct pool *pool;
-    size_t margin, n[3]; /* planes shared with each neighbour; voxels of a padded slab */
-    size_t n_slabs;
-    struct slab *slabs;
+    struct iterative_slabs slabs;
     struct admm *admm;
     double l1;
-    float *amplitude, *sharp; /* [n[2]][n[1]][n[0]] */
+    float *amplitude, *sharp; /* of a padded slab */
     float *image;             /* of the base, [grid] */
 };
 
@@ -59,7 +37,7 @@ static void iterative_destroy(void *state)
     iterative_lightcone_destroy(it->lightcone);
     imager_destroy(it->base);
     admm_destroy(it->admm);
-    free(it->slabs);
+    iterative_slabs_clear(&it->slabs);
     free(it->amplitude);
     free(it->image);
     free(it->sharp);
@@ -68,105 +46,6 @@ static void iterative_destroy(void *state)
 
 /* -- planning ---------------------------------------------------------------------------
  */
-
-/* A measured function widens across, not along depth, with the distance. */
-static void scale_measured(const struct psf *measured, double plane_z_m, double at_z_m,
-                           double covariance[6])
-{
-    double near_m = fmax(fabs(measured->centre_m[2] - plane_z_m), NEAREST_M);
-    double s = fmax(fabs(at_z_m - plane_z_m), NEAREST_M) / near_m;
-    const double factor[6] = {s * s, s * s, s, s * s, s, 1.0};
-    for (int q = 0; q < 6; q++)
-        covariance[q] = measured->covariance_m2[q] * factor[q];
-}
-
-/* The place of a slab's function: the middle of its planes, before the array. */
-static void slab_place(const struct slab *s, const struct imager_config *cfg,
-                       double plane_z_m, struct psf_config *out)
-{
-    const struct grid *g = &cfg->grid;
-    *out = (struct psf_config){.geometry = cfg->geometry,
-                               .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
-                               .n_pairs = PSF_PAIRS};
-    for (int a = 0; a < 2; a++)
-        out->at_m[a] = g->origin_m[a] + 0.5 * g->step_m[a] * (double)(g->n[a] - 1);
-    out->at_m[2] = g->origin_m[2] + g->step_m[2] * (double)(s->first + s->core / 2);
-    if (fabs(out->at_m[2] - plane_z_m) < NEAREST_M)
-        out->at_m[2] = plane_z_m + NEAREST_M;
-}
-
-/* A fit over the curvature in closed form: hardly depends on the place. */
-static int fit_correction(const struct psf_config *at, double correction[6])
-{
-    double closed[6];
-    struct psf fit;
-    int err = psf_curvature(at, closed);
-    if (!err)
-        err = psf_compute(&fit, at, NULL, NULL);
-    for (int q = 0; !err && q < 6; q++) {
-        double r = fit.covariance_m2[diagonal[row[q]]] / closed[diagonal[row[q]]];
-        double c = fit.covariance_m2[diagonal[column[q]]] / closed[diagonal[column[q]]];
-        correction[q] = sqrt(r * c);
-    }
-    return err;
-}
-
-static int plan_functions(struct iterative *it, const struct imager_config *cfg,
-                          const struct psf *measured, const char **why)
-{
-    double low[3], high[3], correction[6];
-    struct psf_config at;
-    int err = 0;
-    geometry_aperture(cfg->geometry, low, high);
-    double plane_z_m = 0.5 * (low[2] + high[2]);
-    slab_place(&it->slabs[it->n_slabs / 2], cfg, plane_z_m, &at);
-    if (!measured)
-        err = fit_correction(&at, correction);
-    for (size_t i = 0; !err && i < it->n_slabs; i++) {
-        double *c = it->slabs[i].covariance;
-        slab_place(&it->slabs[i], cfg, plane_z_m, &at);
-        if (measured)
-            scale_measured(measured, plane_z_m, at.at_m[2], c);
-        else
-            err = psf_curvature(&at, c);
-        for (int q = 0; !err && q < 6; q++)
-            c[q] *= WIDTH * WIDTH * (measured ? 1.0 : correction[q]) /
-                    (cfg->grid.step_m[row[q]] * cfg->grid.step_m[column[q]]);
-    }
-    if (err == -ERANGE) {
-        *why = "an aperture that resolves all axes, or a measured PSF";
-        err = -ENOTSUP;
-    }
-    return err;
-}
-
-/* Slabs, their functions, and the size that holds the widest. */
-static int plan_slabs(struct iterative *it, const struct imager_config *cfg,
-                      const struct psf *measured, const char **why)
-{
-    const size_t *n = cfg->grid.n;
-    size_t core = (size_t)fmax(rint(SLAB_M / cfg->grid.step_m[2]), 1.0);
-    core = core < n[2] ? core : n[2];
-    it->n_slabs = (n[2] + core - 1) / core;
-    it->slabs = calloc(it->n_slabs, sizeof *it->slabs);
-    if (!it->slabs)
-        return -ENOMEM;
-    for (size_t i = 0; i < it->n_slabs; i++) {
-        it->slabs[i].first = i * core;
-        it->slabs[i].core = (i + 1) * core < n[2] ? core : n[2] - i * core;
-    }
-    int err = plan_functions(it, cfg, measured, why);
-    for (int a = 0; !err && a < 3; a++) {
-        double reach = 0.0;
-        for (size_t i = 0; i < it->n_slabs; i++)
-            reach = fmax(reach, sqrt(fmax(it->slabs[i].covariance[diagonal[a]], 0.0)));
-        size_t room = (size_t)fmin(ceil(REACH_SIGMAS * reach), (double)n[a]);
-        if (a == 2)
-            it->margin = it->n_slabs > 1 ? room : 0;
-        it->n[a] = fft_size((a == 2 ? core + 2 * it->margin : n[a]) + room, SLACK);
-    }
-    return err;
-}
 
 static int plan_blur(struct iterative *it, const struct imager_config *cfg,
                      const struct imager_options *o, const char **why)
@@ -179,18 +58,19 @@ static int plan_blur(struct iterative *it, const struct imager_config *cfg,
         err = -ENOTSUP;
     }
     if (!err)
-        err = plan_slabs(it, cfg, o->psf, why);
+        err = iterative_slabs_create(&it->slabs, cfg, o->psf, why);
     if (err)
         return err;
-    struct admm_config admm = {.n = {it->n[0], it->n[1], it->n[2]},
-                               .l1 = o->l1,
-                               .tv = o->tv,
-                               .tv_isotropic = o->tv_isotropic,
-                               .rho = o->rho,
-                               .iterations = o->iterations,
-                               .tolerance = o->tolerance,
-                               .pool = cfg->pool};
-    size_t size = it->n[0] * it->n[1] * it->n[2];
+    struct admm_config admm = {
+        .n = {it->slabs.size[0], it->slabs.size[1], it->slabs.size[2]},
+        .l1 = o->l1,
+        .tv = o->tv,
+        .tv_isotropic = o->tv_isotropic,
+        .rho = o->rho,
+        .iterations = o->iterations,
+        .tolerance = o->tolerance,
+        .pool = cfg->pool};
+    size_t size = it->slabs.size[0] * it->slabs.size[1] * it->slabs.size[2];
     it->amplitude = malloc(size * sizeof *it->amplitude);
     it->sharp = malloc(size * sizeof *it->sharp);
     it->image = malloc(grid_size(&cfg->grid) * sizeof *it->image);
@@ -232,18 +112,21 @@ static int iterative_create(void **state, const struct imager_config *cfg,
  */
 
 /* The slab's planes and what it shares, as amplitudes, with zeros around; the largest. */
-static float load(const struct iterative *it, const struct slab *s)
+static float load(const struct iterative *it, const struct iterative_slab *s)
 {
     size_t nx = it->grid.n[0], ny = it->grid.n[1];
-    size_t used = s->core + 2 * it->margin;
+    size_t used = s->core + 2 * it->slabs.margin;
     float largest = 0.0f;
-    memset(it->amplitude, 0, it->n[0] * it->n[1] * it->n[2] * sizeof *it->amplitude);
+    memset(it->amplitude, 0,
+           it->slabs.size[0] * it->slabs.size[1] * it->slabs.size[2] *
+               sizeof *it->amplitude);
     for (size_t k = 0; k < used; k++) {
-        if (s->first + k < it->margin || s->first + k - it->margin >= it->grid.n[2])
+        if (s->first + k < it->slabs.margin ||
+            s->first + k - it->slabs.margin >= it->grid.n[2])
             continue;
-        const float *plane = it->image + (s->first + k - it->margin) * nx * ny;
+        const float *plane = it->image + (s->first + k - it->slabs.margin) * nx * ny;
         for (size_t y = 0; y < ny; y++) {
-            float *line = it->amplitude + (k * it->n[1] + y) * it->n[0];
+            float *line = it->amplitude + (k * it->slabs.size[1] + y) * it->slabs.size[0];
             for (size_t x = 0; x < nx; x++) {
                 line[x] = sqrtf(fmaxf(plane[y * nx + x], 0.0f));
                 largest = fmaxf(largest, line[x]);
@@ -253,12 +136,14 @@ static float load(const struct iterative *it, const struct slab *s)
     return largest;
 }
 
-static void store(const struct iterative *it, const struct slab *s, float *out)
+static void store(const struct iterative *it, const struct iterative_slab *s, float *out)
 {
     size_t nx = it->grid.n[0], ny = it->grid.n[1];
     for (size_t k = 0; k < s->core; k++) {
         for (size_t y = 0; y < ny; y++) {
-            const float *line = it->sharp + ((k + it->margin) * it->n[1] + y) * it->n[0];
+            const float *line = it->sharp +
+                                ((k + it->slabs.margin) * it->slabs.size[1] + y) *
+                                    it->slabs.size[0];
             float *to = out + ((s->first + k) * ny + y) * nx;
             for (size_t x = 0; x < nx; x++)
                 to[x] = line[x] * line[x];
@@ -273,8 +158,8 @@ static void sharpen(struct iterative *it, float *intensity)
     for (size_t v = 0; v < size; v++)
         brightest = fmaxf(brightest, it->image[v]);
     double reference = sqrt((double)brightest);
-    for (size_t i = 0; i < it->n_slabs; i++) {
-        const struct slab *s = &it->slabs[i];
+    for (size_t i = 0; i < it->slabs.n; i++) {
+        const struct iterative_slab *s = &it->slabs.all[i];
         float largest = load(it, s);
         if (!(largest > it->l1 * reference)) {
             memset(intensity + s->first * plane, 0, s->core * plane * sizeof *intensity);
@@ -282,7 +167,7 @@ static void sharpen(struct iterative *it, float *intensity)
         }
         admm_blur_gaussian(it->admm, s->covariance);
         admm_solve(it->admm, it->amplitude, reference, it->sharp, NULL);
-        iterative_beam(it->n, it->sharp, it->amplitude);
+        iterative_beam(it->slabs.size, it->sharp, it->amplitude);
         store(it, s, intensity);
     }
 }

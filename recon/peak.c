@@ -2,11 +2,11 @@
 
 #include <math.h>
 #include <stdbool.h>
-#include <string.h>
 
-#define WIDTH_SIGMAS                                                                     \
-    3.3302 /* -6 dB (a factor of 4) width of a Gaussian over its sigma                   \
-            */
+#include "recon/psf.h"
+
+/* -6 dB (a factor of 4) width of a Gaussian over its sigma. */
+#define WIDTH_SIGMAS 3.3302
 
 static double level(const struct grid *g, const float *v, const size_t at[3],
                     const int d[3])
@@ -34,32 +34,19 @@ static double mixed_slope(const struct grid *g, const float *v, const size_t at[
     return sum;
 }
 
-/* Inverse of a symmetric positive definite matrix; false: it is not. */
-static bool invert(const double m[3][3], double out[3][3])
-{
-    double c00 = m[1][1] * m[2][2] - m[1][2] * m[1][2];
-    double c01 = m[0][2] * m[1][2] - m[0][1] * m[2][2];
-    double c02 = m[0][1] * m[1][2] - m[0][2] * m[1][1];
-    double det = m[0][0] * c00 + m[0][1] * c01 + m[0][2] * c02;
-    double minor = m[0][0] * m[1][1] - m[0][1] * m[0][1];
-    if (!(m[0][0] > 0.0) || !(minor > 0.0) || !(det > 0.0))
-        return false;
-    out[0][0] = c00 / det;
-    out[0][1] = out[1][0] = c01 / det;
-    out[0][2] = out[2][0] = c02 / det;
-    out[1][1] = (m[0][0] * m[2][2] - m[0][2] * m[0][2]) / det;
-    out[1][2] = out[2][1] = (m[0][1] * m[0][2] - m[0][0] * m[1][2]) / det;
-    out[2][2] = minor / det;
-    return true;
-}
+/* Of a symmetric matrix as xx xy xz yy yz zz. */
+static const int element[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
-void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr,
-              struct peak_fit *out)
+struct bend { /* of the logarithm of the intensity, in voxels */
+    double slope[3];
+    double curvature[6]; /* downwards; of an axis that has none: of a voxel's width */
+};
+
+static void measure_bend(struct bend *out, const struct grid *g, const float *v,
+                         const size_t at[3])
 {
-    size_t at[3] = {voxel % g->n[0], voxel / g->n[0] % g->n[1],
-                    voxel / (g->n[0] * g->n[1])};
-    double curvature[3][3] = {{0}}, slope[3] = {0}, c[3][3];
     bool fitted[3];
+    *out = (struct bend){{0}, {0}};
     for (int a = 0; a < 3; a++) {
         int up[3] = {0}, down[3] = {0}, here[3] = {0};
         up[a] = 1;
@@ -68,35 +55,46 @@ void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr,
         if (inside(g, at, a)) {
             double high = level(g, v, at, up), low = level(g, v, at, down);
             bend = 2.0 * level(g, v, at, here) - high - low;
-            slope[a] = 0.5 * (high - low);
+            out->slope[a] = 0.5 * (high - low);
         }
         fitted[a] = bend > 1e-6;
-        curvature[a][a] = fitted[a] ? bend : WIDTH_SIGMAS * WIDTH_SIGMAS;
-        slope[a] = fitted[a] ? slope[a] : 0.0;
-        out->width_m[a] = g->step_m[a] * WIDTH_SIGMAS / sqrt(curvature[a][a]);
+        out->curvature[element[a][a]] = fitted[a] ? bend : WIDTH_SIGMAS * WIDTH_SIGMAS;
+        out->slope[a] = fitted[a] ? out->slope[a] : 0.0;
     }
     for (int a = 0; a < 3; a++)
         for (int b = a + 1; b < 3; b++)
             if (fitted[a] && fitted[b])
-                curvature[a][b] = curvature[b][a] = -mixed_slope(g, v, at, a, b);
-    if (!invert(curvature, c)) {
-        memset(c, 0, sizeof c);
+                out->curvature[element[a][b]] = -mixed_slope(g, v, at, a, b);
+}
+
+void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr,
+              struct peak_fit *out)
+{
+    size_t at[3] = {voxel % g->n[0], voxel / g->n[0] % g->n[1],
+                    voxel / (g->n[0] * g->n[1])};
+    struct bend bend;
+    double inverse[6] = {0};
+    measure_bend(&bend, g, v, at);
+    if (!psf_invert(bend.curvature, inverse))
         for (int a = 0; a < 3; a++)
-            c[a][a] = 1.0 / curvature[a][a];
-    }
+            inverse[element[a][a]] = 1.0 / bend.curvature[element[a][a]];
     /* A point's image is tilted towards the array: the top lies where all slopes vanish
      * together, not axis by axis.  Not farther than the next voxel, but towards it: what
      * is long and tilted would be left otherwise. */
-    double shift[3], longest = 1.0;
+    double shift[3] = {0}, longest = 1.0;
     for (int a = 0; a < 3; a++) {
-        shift[a] = c[a][0] * slope[0] + c[a][1] * slope[1] + c[a][2] * slope[2];
+        for (int b = 0; b < 3; b++)
+            shift[a] += inverse[element[a][b]] * bend.slope[b];
         longest = fmax(longest, fabs(shift[a]));
     }
-    for (int a = 0; a < 3; a++)
+    double scale = 1.0 / fmax(snr, 1.0);
+    for (int a = 0; a < 3; a++) {
+        out->width_m[a] = g->step_m[a] * WIDTH_SIGMAS /
+                          sqrt(bend.curvature[element[a][a]]);
         out->position_m[a] = g->origin_m[a] +
                              g->step_m[a] * ((double)at[a] + shift[a] / longest);
-    double scale = 1.0 / fmax(snr, 1.0);
-    for (int a = 0, q = 0; a < 3; a++)
-        for (int b = a; b < 3; b++, q++)
-            out->covariance_m2[q] = scale * c[a][b] * g->step_m[a] * g->step_m[b];
+        for (int b = a; b < 3; b++)
+            out->covariance_m2[element[a][b]] = scale * inverse[element[a][b]] *
+                                                g->step_m[a] * g->step_m[b];
+    }
 }

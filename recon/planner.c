@@ -20,18 +20,6 @@
 #define NEARLY      0.9  /* errors this near to each other are the same */
 #define MIRROR      3.0  /* times a point's width: a shape to be sharpened */
 
-/* ns on one core of the machine they were measured on. */
-#define COMPRESS_NS      1.3e4 /* a trace */
-#define STACK_NS         7.0   /* a sample of a trace, moved out */
-#define DIP_NS           30.0  /* a sample of a trace, by its dip */
-#define FAST_NS          75.0  /* a voxel */
-#define SCAN_NS          0.48 /* a pair of trace and voxel, steps that divide the stage's */
-#define ANY_NS           1.4   /* elsewhere */
-#define INCOHERENT_NS    0.25  /* a pair, on coarse slabs */
-#define ITERATIVE_NS     120.0 /* a voxel and iteration */
-#define ITERATIVE_ROUNDS 30.0
-#define COARSE_VOXELS    7.0 /* of the image, to one of the probe's */
-
 static const double coarser[] = {0.5, 1.0, 1.5, 2.0};
 static const size_t strides[] = {1, 2, 4};
 
@@ -53,20 +41,6 @@ static void say(char text[PLANNER_WORDS], const char *format, ...)
     va_start(args, format);
     vsnprintf(text, PLANNER_WORDS, format, args);
     va_end(args);
-}
-
-double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads)
-{
-    return 1e-9 * COMPRESS_NS * (double)(n_pings * n_microphones) / (double)n_threads;
-}
-
-double planner_probe_s(const struct trace_set *set, const struct grid *grid,
-                       size_t n_threads)
-{
-    double traces = (double)(set->geometry->n_positions * trace_set_pairs(set));
-    double ns = STACK_NS * traces * (double)set->format.n_samples +
-                FAST_NS * (double)grid_size(grid) / COARSE_VOXELS;
-    return 1e-9 * ns / (double)n_threads;
 }
 
 /* -- what an image is of ----------------------------------------------------------------
@@ -166,39 +140,12 @@ static double error_m(const struct planning *p, const struct planner_candidate *
     return worst_m;
 }
 
-/* -- time -------------------------------------------------------------------------------
- */
-
-/* Back-projection takes its fast way when steps along x divide the stage's. */
-static bool divides_stage(const struct geometry *g, double step_m)
-{
-    if (g->pings_m || g->n_positions < 2 || g->stage_axis[0] < 0.999)
-        return false;
-    double pitch = fabs(g->stage_positions_m[1] - g->stage_positions_m[0]) / step_m;
-    return rint(pitch) >= 1.0 && fabs(pitch - rint(pitch)) < 1e-3;
-}
-
 static double time_s(const struct planning *p, const struct planner_candidate *c)
 {
-    const struct trace_set *s = p->cfg->set;
     struct grid grid;
     plan_grid(p, c->coarser, &grid);
-    double voxels = (double)grid_size(&grid);
-    double traces = (double)(s->geometry->n_positions * trace_set_pairs(s)) /
-                    (double)c->stride;
-    double ns = STACK_NS * traces * (double)s->format.n_samples;
-    if (!strcmp(c->method, "backprojection"))
-        ns += traces * voxels *
-              (divides_stage(s->geometry, grid.step_m[0]) ? SCAN_NS : ANY_NS);
-    else if (!strcmp(c->method, "incoherent"))
-        ns += traces * voxels * INCOHERENT_NS;
-    else
-        ns += voxels * FAST_NS;
-    if (c->dip)
-        ns += DIP_NS * traces * (double)s->format.n_samples;
-    if (!strcmp(c->method, "iterative"))
-        ns += voxels * ITERATIVE_NS * ITERATIVE_ROUNDS;
-    return 1e-9 * ns * p->cfg->slowness / (double)p->cfg->n_threads;
+    return p->cfg->slowness * planner_image_s(p->cfg->set, &grid, c->method, c->dip,
+                                              c->stride, p->cfg->n_threads);
 }
 
 /* -- the choice -------------------------------------------------------------------------
@@ -250,7 +197,8 @@ static void list(struct planning *p)
                 add(p, "incoherent", false, coarser[f], strides[s]);
             if (!lost)
                 add(p, "backprojection", false, coarser[f], strides[s]);
-            for (int dip = 0; !lost && probe->imaged && s == 0 && dip < 2; dip++)
+            for (int dip = 0;
+                 !lost && probe->imaged && s == 0 && dip < (probe->uneven ? 1 : 2); dip++)
                 add(p, "fast", dip, coarser[f], 1);
             if (!lost && probe->imaged && finite && coarser[f] == 1.0 && s == 0 &&
                 has_shape(p))
@@ -306,8 +254,8 @@ static void explain_others(const struct planning *p, const struct planner_candid
         if (c == best)
             continue;
         if (!is_affordable(p, c))
-            say(c->why_not, "takes %.0f ms, %.0f are left", 1e3 * c->time_s,
-                1e3 * p->cfg->budget_s);
+            say(c->why_not, "takes %.1f ms, %.1f are left", 1e3 * c->time_s,
+                1e3 * fmax(p->cfg->budget_s, 0.0));
         else if (p->cfg->error_m > 0.0 && !is_exact(p, c))
             say(c->why_not, "error %.2f cm, %.2f are allowed", 100.0 * c->error_m,
                 100.0 * p->goal_m);
@@ -320,6 +268,38 @@ static void explain_others(const struct planning *p, const struct planner_candid
     }
 }
 
+/* Is plain `fast` too far off for what there is? */
+static bool needs_dip(const struct planning *p, const struct planner_candidate *best)
+{
+    for (size_t i = 0; i < p->plan->n_candidates; i++) {
+        const struct planner_candidate *c = &p->plan->candidates[i];
+        if (strcmp(c->method, "fast") != 0 || c->dip || c->coarser != best->coarser)
+            continue;
+        return p->cfg->error_m > 0.0 ? !is_exact(p, c)
+                                     : c->error_m - best->error_m > p->goal_m;
+    }
+    return false;
+}
+
+static void explain_moderate(const struct planning *p,
+                             const struct planner_candidate *best)
+{
+    char *because = p->plan->because;
+    bool iterative = !strcmp(best->method, "iterative");
+    if (!iterative && needs_dip(p, best))
+        say(because,
+            "targets are near or far aside: moveout without dip does not suffice");
+    else if (p->cfg->error_m > 0.0)
+        say(because, "the cheapest that is exact to %.2f cm", 100.0 * p->goal_m);
+    else if (best->coarser > 1.0 || best->stride > 1)
+        say(because, "the finest steps and most pairs that fit the budget");
+    else if (iterative)
+        say(because, "something extended, and time to sharpen it");
+    else
+        say(because, "the cheapest: no other is more exact by %.2f cm",
+            100.0 * p->goal_m);
+}
+
 static void explain(const struct planning *p, const struct planner_candidate *best)
 {
     const struct probe *probe = p->cfg->probe;
@@ -327,21 +307,15 @@ static void explain(const struct planning *p, const struct planner_candidate *be
     if (positions_are_lost(probe))
         say(because, "element positions are uncertain by %.1f mm: phase says nothing",
             1e3 * probe->coherence.element_m);
-    else if (!probe->imaged)
-        say(because, "the midpoints of the pairs are no lattice before the image");
     else if (!is_affordable(p, best))
         say(because, "nothing fits the budget: the cheapest of all");
+    else if (!probe->imaged)
+        say(because, "fast needs midpoints on a lattice before the image");
     else if (p->cfg->error_m > 0.0 && !is_exact(p, best))
-        say(because, "no way is exact to %.2f cm: the best of those that fit the budget",
-            100.0 * p->goal_m);
-    else if (!strcmp(best->method, "backprojection"))
-        say(because,
-            "targets are near or far aside: moveout without dip does not suffice");
-    else if (!strcmp(best->method, "iterative"))
-        say(because, "something extended, and time to sharpen it");
+        say(because, "no way is exact to %.2f cm: the best of %s", 100.0 * p->goal_m,
+            isfinite(p->cfg->budget_s) ? "those that fit the budget" : "all");
     else
-        say(because, "the cheapest of those that are as exact to %.2f cm",
-            100.0 * p->goal_m);
+        explain_moderate(p, best);
 }
 
 void planner_decide(struct plan *out, const struct planner_config *cfg)

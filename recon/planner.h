@@ -11,12 +11,12 @@
  *             apart: width / 4
  *   steps     0.6 step^3 / width^2                (peak between voxels; measured)
  *   power     `incoherent`: 0.03 of its width     (measured)
- * Time: operations of each method, by rates that were measured once on one machine, times
- * how much slower this one was at compressing. */
+ * Time: recon/planner_time.h, times how much slower this machine was at compressing. */
 #ifndef ANLOS_RECON_PLANNER_H
 #define ANLOS_RECON_PLANNER_H
 
 #include "recon/imager.h"
+#include "recon/planner_time.h"
 #include "recon/probe.h"
 
 struct planner_config {
@@ -55,12 +55,5 @@ struct plan {
 };
 
 void planner_decide(struct plan *out, const struct planner_config *cfg);
-
-/* What a look at the scene (recon/probe) should take on the machine of the rates. */
-double planner_probe_s(const struct trace_set *set, const struct grid *grid,
-                       size_t n_threads);
-
-/* What compression of so many pings should take on the machine of the rates. */
-double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads);
 
 #endif

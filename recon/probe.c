@@ -134,6 +134,7 @@ static int look(struct probing *p)
         p->out->imaged = true;
         err = find_objects(p);
     }
+    p->cfg.options = NULL; /* plain ends here */
     imager_destroy(im);
     return err;
 }

@@ -23,6 +23,7 @@ struct probe_object {
 struct probe {
     bool imaged; /* the coarse image was possible: midpoints on a lattice, grid before it
                   */
+    bool uneven; /* dip moveout is not: lines of midpoints are not evenly spaced */
     double snr_db; /* of the strongest object; 0: nothing there */
     size_t n_objects;
     struct probe_object objects[PROBE_OBJECTS]; /* strongest first */

@@ -34,11 +34,6 @@ static int by_cell(const void *a, const void *b)
     return 0;
 }
 
-static double distance(const double a[3], const double b[3])
-{
-    return sqrt(pow(a[0] - b[0], 2.0) + pow(a[1] - b[1], 2.0) + pow(a[2] - b[2], 2.0));
-}
-
 static void fill_pair(struct pair *p, const struct psf_config *cfg, size_t number)
 {
     const struct geometry *g = cfg->geometry;
@@ -47,8 +42,8 @@ static void fill_pair(struct pair *p, const struct psf_config *cfg, size_t numbe
     geometry_microphone(g, number / pairs, pair % g->n_microphones, p->microphone);
     for (int d = 0; d < 3; d++)
         p->cell[d] = llrint(0.5 * (p->speaker[d] + p->microphone[d]) / SAME_M);
-    double near = distance(p->speaker, cfg->at_m);
-    double far = distance(p->microphone, cfg->at_m);
+    double near = geometry_distance(p->speaker, cfg->at_m);
+    double far = geometry_distance(p->microphone, cfg->at_m);
     p->delay_s = (near + far) / g->sound_speed_m_s;
     p->weight = 1.0 / fmax(near * far, 1e-12);
 }
@@ -104,9 +99,10 @@ static double level_at(const struct psf_config *cfg, const struct pair *pairs, s
     double middle = M_PI * (cfg->band_hz[0] + cfg->band_hz[1]);
     for (size_t i = 0; i < n; i++) {
         const struct pair *p = &pairs[i];
-        double late_s = (distance(p->speaker, at) + distance(p->microphone, at)) /
-                            cfg->geometry->sound_speed_m_s -
-                        p->delay_s;
+        double late_s =
+            (geometry_distance(p->speaker, at) + geometry_distance(p->microphone, at)) /
+                cfg->geometry->sound_speed_m_s -
+            p->delay_s;
         double a = p->weight * pulse(band_hz * late_s);
         re += a * cos(middle * late_s);
         im += a * sin(middle * late_s);
@@ -114,7 +110,10 @@ static double level_at(const struct psf_config *cfg, const struct pair *pairs, s
     return re * re + im * im;
 }
 
-int psf_sample(const struct psf_config *cfg, const struct grid *grid, float *intensity)
+/* intensity [nz][ny][nx] of the point's image, 1 at the point: all pairs summed with
+ * their phase in double precision.  0, -ENOMEM. */
+static int sample_image(const struct psf_config *cfg, const struct grid *grid,
+                        float *intensity)
 {
     struct pair *pairs;
     size_t n;
@@ -135,8 +134,8 @@ int psf_sample(const struct psf_config *cfg, const struct grid *grid, float *int
 /* Wave vector of a pair per frequency: how its delay grows with the position. */
 static void delay_slope(const struct psf_config *cfg, const struct pair *p, double out[3])
 {
-    double near = fmax(distance(p->speaker, cfg->at_m), 1e-12);
-    double far = fmax(distance(p->microphone, cfg->at_m), 1e-12);
+    double near = fmax(geometry_distance(p->speaker, cfg->at_m), 1e-12);
+    double far = fmax(geometry_distance(p->microphone, cfg->at_m), 1e-12);
     for (int d = 0; d < 3; d++)
         out[d] = ((cfg->at_m[d] - p->speaker[d]) / near +
                   (cfg->at_m[d] - p->microphone[d]) / far) *
@@ -214,7 +213,7 @@ int psf_compute(struct psf *out, const struct psf_config *cfg, struct grid *grid
     float *image = malloc(grid_size(&own) * sizeof *image);
     if (!image)
         return -ENOMEM;
-    err = psf_sample(&some, &own, image);
+    err = sample_image(&some, &own, image);
     if (!err)
         err = psf_fit(out, &own, image, grid_size(&own) / 2);
     if (grid)

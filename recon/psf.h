@@ -42,17 +42,14 @@ struct psf_config { /* a point that all pairs see, each midpoint counted once */
     size_t n_pairs; /* at most so many are summed, spread evenly; 0: all */
 };
 
-/* intensity [nz][ny][nx] of the point's image, 1 at the point: all pairs summed with
- * their phase in double precision.  0, -ENOMEM. */
-int psf_sample(const struct psf_config *cfg, const struct grid *grid, float *intensity);
-
 /* In closed form: exp(-1/2 d' C^-1 d) with the curvature that the amplitude has at the
  * point, which is the covariance of the wave vectors that the pairs send and hear.  A few
  * percent wider than a fit, and cheap.  0, -ERANGE (an axis is not resolved), -ENOMEM. */
 int psf_curvature(const struct psf_config *cfg, double covariance_m2[6]);
 
-/* The fit to psf_sample, on a grid made for it.  *grid and *intensity (free it) may be
- * NULL.  0, -ERANGE (fewer than two axes are resolved), -ENOMEM. */
+/* The fit to the point's image, all pairs summed with their phase in double precision, on
+ * a grid made for it.  *grid and *intensity ([nz][ny][nx], 1 at the point; free it) may
+ * be NULL.  0, -ERANGE (fewer than two axes are resolved), -ENOMEM. */
 int psf_compute(struct psf *out, const struct psf_config *cfg, struct grid *grid,
                 float **intensity);
 

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/normal_equations.h"
+
 #define N       10    /* parameters: log peak, centre, precision */
 #define STEPS   60    /* of the fit, at most */
 #define SETTLED 1e-10 /* relative gain of a step that ends it */
@@ -85,33 +87,6 @@ bool psf_invert(const double m[6], double out[6])
         c00, c01, c02, m[0] * m[5] - m[2] * m[2], m[1] * m[2] - m[0] * m[4], minor};
     for (int q = 0; q < 6; q++)
         out[q] = inverse[q] / det;
-    return true;
-}
-
-/* x = A^-1 b by Cholesky; false: not positive definite. */
-static bool solve(double a[N][N], const double b[N], double x[N])
-{
-    for (int j = 0; j < N; j++) {
-        for (int i = j; i < N; i++) {
-            double sum = a[i][j];
-            for (int k = 0; k < j; k++)
-                sum -= a[i][k] * a[j][k];
-            if (i == j && !(sum > 0.0))
-                return false;
-            a[i][j] = i == j ? sqrt(sum) : sum / a[j][j];
-        }
-    }
-    for (int i = 0; i < N; i++) {
-        x[i] = b[i];
-        for (int k = 0; k < i; k++)
-            x[i] -= a[i][k] * x[k];
-        x[i] /= a[i][i];
-    }
-    for (int i = N - 1; i >= 0; i--) {
-        for (int k = i + 1; k < N; k++)
-            x[i] -= a[k][i] * x[k];
-        x[i] /= a[i][i];
-    }
     return true;
 }
 
@@ -219,7 +194,8 @@ static int fit(const struct samples *s, double p[N], double *residual)
         memcpy(damped, normal, sizeof damped);
         for (int q = 0; q < N; q++)
             damped[q][q] *= 1.0 + damping;
-        if (!solve(damped, gradient, step))
+        memcpy(step, gradient, sizeof step);
+        if (normal_equations_solve(N, damped[0], step, 0.0))
             return -ERANGE;
         for (int q = 0; q < N; q++)
             next[q] = p[q] + step[q];

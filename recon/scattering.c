@@ -3,13 +3,18 @@
 #include <math.h>
 #include <string.h>
 
-#define REACH_M  0.13  /* of the surface that is fitted, to either side */
-#define JUMP_M   0.08  /* echoes farther off than this belong to something else */
-#define ROUGH_M  0.006 /* rms, about the range resolution: beyond it nothing fits */
-#define LEAST    0.7   /* of the echoes around a place that must belong together */
-#define BEND_MAX 2.0
-#define TERMS    4 /* 1, x, y, (x^2 + y^2) / 2 */
+#include "dsp/normal_equations.h"
 
+#define REACH_M    0.13  /* of the surface that is fitted, to either side */
+#define JUMP_M     0.08  /* echoes farther off than this belong to something else */
+#define ROUGH_M    0.006 /* rms, about the range resolution: beyond it nothing fits */
+#define LEAST      0.7   /* of the echoes around a place that must belong together */
+#define BEND_MAX   2.0
+#define TERMS      4    /* 1, x, y, (x^2 + y^2) / 2 */
+#define UNRESOLVED 1e-9 /* of a term's own square: an axis without extent */
+
+/* A mirror: nearer to 0 than to 1, from straight ahead to within a few wavelengths, and
+ * seen from enough places to believe it. */
 #define SPECULAR_BEND    0.25
 #define SPECULAR_SHIFT_M 0.08
 #define SPECULAR_SHARE   0.05
@@ -35,30 +40,6 @@ static void pick(const struct scattering_config *cfg, const float *trace, float 
         at = 0.5f * (left - right) / bow;
     *range_m = (float)(cfg->range_m + cfg->range_step_m * ((double)best + (double)at));
     *power = isfinite(peak) && peak > 0.0f ? peak : 0.0f;
-}
-
-/* Solves the symmetric a x = b in place by elimination; terms without extent stay 0. */
-static void solve(double a[TERMS][TERMS], double b[TERMS])
-{
-    for (int p = 0; p < TERMS; p++) {
-        if (a[p][p] < 1e-9) {
-            for (int q = 0; q < TERMS; q++)
-                a[p][q] = a[q][p] = 0.0;
-            a[p][p] = 1.0;
-            b[p] = 0.0;
-        }
-        for (int r = p + 1; r < TERMS; r++) {
-            double f = a[r][p] / a[p][p];
-            for (int q = p; q < TERMS; q++)
-                a[r][q] -= f * a[p][q];
-            b[r] -= f * b[p];
-        }
-    }
-    for (int p = TERMS - 1; p >= 0; p--) {
-        for (int q = p + 1; q < TERMS; q++)
-            b[p] -= a[p][q] * b[q];
-        b[p] /= a[p][p];
-    }
 }
 
 struct fit { /* sums over the echoes around a place */
@@ -100,7 +81,7 @@ static int fit_place(const struct arrivals *s, size_t x, size_t y, double term[T
         return 0;
     memcpy(term, f.b, sizeof f.b);
     double left = f.square;
-    solve(f.a, term);
+    normal_equations_solve(TERMS, f.a[0], term, UNRESOLVED);
     for (int p = 0; p < TERMS; p++)
         left -= term[p] * f.b[p];
     return sqrt(fmax(left, 0.0) / (double)f.n) * REACH_M < ROUGH_M;

@@ -55,6 +55,12 @@ static inline size_t sparse_elements(const struct sparse_operator *s)
     return s->geometry.n_speakers + s->geometry.n_microphones;
 }
 
+/* Samples of a run's window: a trace with the pulse's reach on both sides. */
+static inline size_t sparse_window(const struct sparse_operator *s)
+{
+    return s->format.n_samples + 2 * s->half;
+}
+
 struct sparse_pair { /* tables of its speaker and its microphone */
     const float *delay_s, *delay_m, *re_s, *re_m, *im_s, *im_m;
 };

@@ -231,6 +231,7 @@ void zero_offset_lattice(const struct zero_offset *c, struct zero_offset_lattice
  */
 
 /* What is no number, or too loud to be one, is left out. */
+VECTOR_CLONES
 static void add_powers(size_t n, const float *restrict z, float *restrict sum)
 {
     for (size_t q = 0; q < n; q++) {
@@ -239,6 +240,7 @@ static void add_powers(size_t n, const float *restrict z, float *restrict sum)
     }
 }
 
+VECTOR_CLONES
 static void add_floats(size_t n, const float *restrict z, float *restrict sum)
 {
     for (size_t q = 0; q < n; q++)

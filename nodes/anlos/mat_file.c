@@ -6,51 +6,17 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <hdf5.h>
 #include <matio.h>
 
+#include "nodes/anlos/mat_truncation.h"
+
 struct mat_file {
     mat_t *mat;
     char *path;
 };
-
-#define V5_HEADER     128
-#define V5_COMPRESSED 15
-
-static uint32_t word_at(const uint8_t *p, bool little)
-{
-    return little ? p[0] | p[1] << 8 | p[2] << 16 | (uint32_t)p[3] << 24
-                  : p[3] | p[2] << 8 | p[1] << 16 | (uint32_t)p[0] << 24;
-}
-
-/* libmatio reads what is missing at the end of a v5 file as zeros, without an error: so
- * its elements are walked over here (MAT-File Format, MathWorks R2023a, 1-9).  Of files
- * that are not v5 nothing is said. */
-static bool is_cut_off(int fd)
-{
-    uint8_t head[V5_HEADER], tag[8];
-    struct stat st;
-    if (fstat(fd, &st) || pread(fd, head, sizeof head, 0) != (ssize_t)sizeof head)
-        return false;
-    bool little = head[126] == 'I' && head[127] == 'M';
-    bool big = head[126] == 'M' && head[127] == 'I';
-    if ((!little && !big) || head[little ? 125 : 124] != 1) /* version 0x0100 */
-        return false;
-    off_t at = V5_HEADER;
-    while (at < st.st_size) {
-        if (pread(fd, tag, sizeof tag, at) != (ssize_t)sizeof tag)
-            return true;
-        uint32_t type = word_at(tag, little), size = word_at(tag + 4, little);
-        at += 8;
-        if (type >> 16) /* a small element: its data are in the tag */
-            continue;
-        at += type == V5_COMPRESSED ? (off_t)size : ((off_t)size + 7) / 8 * 8;
-    }
-    return at > st.st_size;
-}
 
 /* libmatio tells nothing about why a file does not open. */
 static int check_readable(const char *path, struct complaint *why)
@@ -58,7 +24,7 @@ static int check_readable(const char *path, struct complaint *why)
     char c;
     int fd = open(path, O_RDONLY | O_CLOEXEC);
     int err = fd < 0 || read(fd, &c, 1) < 0 ? -errno : 0;
-    bool cut_off = !err && is_cut_off(fd);
+    bool cut_off = !err && mat_truncation_check(fd);
     if (fd >= 0)
         close(fd);
     if (cut_off)
@@ -170,50 +136,40 @@ int mat_file_extents(struct mat_file *f, const char *name, size_t rank, size_t e
     return err;
 }
 
-#define CONVERT(class, type)                                                             \
+#define CONVERT(class, type, to)                                                         \
     case class:                                                                          \
         for (size_t i = 0; i < n; i++)                                                   \
-            out[i * stride] = (float)((const type *)from)[i];                            \
+            out[i * stride] = (to)((const type *)from)[i];                               \
         break
+
+#define CONVERT_NUMBERS(class, to)                                                       \
+    switch (class) {                                                                     \
+        CONVERT(MAT_C_DOUBLE, double, to);                                               \
+        CONVERT(MAT_C_SINGLE, float, to);                                                \
+        CONVERT(MAT_C_INT8, int8_t, to);                                                 \
+        CONVERT(MAT_C_UINT8, uint8_t, to);                                               \
+        CONVERT(MAT_C_INT16, int16_t, to);                                               \
+        CONVERT(MAT_C_UINT16, uint16_t, to);                                             \
+        CONVERT(MAT_C_INT32, int32_t, to);                                               \
+        CONVERT(MAT_C_UINT32, uint32_t, to);                                             \
+        CONVERT(MAT_C_INT64, int64_t, to);                                               \
+        CONVERT(MAT_C_UINT64, uint64_t, to);                                             \
+    default:                                                                             \
+        break;                                                                           \
+    }
 
 static void to_float(const void *from, enum matio_classes class, size_t n, size_t stride,
                      float *restrict out)
 {
-    switch (class) {
-        CONVERT(MAT_C_DOUBLE, double);
-        CONVERT(MAT_C_SINGLE, float);
-        CONVERT(MAT_C_INT8, int8_t);
-        CONVERT(MAT_C_UINT8, uint8_t);
-        CONVERT(MAT_C_INT16, int16_t);
-        CONVERT(MAT_C_UINT16, uint16_t);
-        CONVERT(MAT_C_INT32, int32_t);
-        CONVERT(MAT_C_UINT32, uint32_t);
-        CONVERT(MAT_C_INT64, int64_t);
-        CONVERT(MAT_C_UINT64, uint64_t);
-    default:
-        break;
-    }
+    CONVERT_NUMBERS(class, float)
 }
 
-/* Positions and clocks need more digits than a float holds; others lose nothing by it. */
+/* Positions and clocks need more digits than a float holds. */
 static void to_double(const void *from, enum matio_classes class, size_t n,
                       double *restrict out)
 {
-    for (size_t i = 0; i < n; i++) {
-        float x = 0.0f;
-        size_t size = Mat_SizeOfClass((int)class);
-        const char *at = (const char *)from + i * size;
-        if (class == MAT_C_DOUBLE)
-            memcpy(&out[i], at, sizeof(double));
-        else if (class == MAT_C_INT32)
-            out[i] = (double)((const int32_t *)from)[i];
-        else if (class == MAT_C_UINT32)
-            out[i] = (double)((const uint32_t *)from)[i];
-        else {
-            to_float(at, class, 1, 1, &x);
-            out[i] = (double)x;
-        }
-    }
+    const size_t stride = 1;
+    CONVERT_NUMBERS(class, double)
 }
 
 /* The variable with its data. */

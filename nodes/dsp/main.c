@@ -37,7 +37,7 @@ static void show_air(struct node *node, const struct air *air)
                    "%s: too much to subtract it well; record it again", text);
     else
         node_state(node, ANLOS__HEALTH__STATE__READY, "%s", text[0] ? text : "ready");
-    if (air->corrected && air->pings == air->expected)
+    if (text[0] && air->pings == air->expected)
         node_log(node, LOG_LEVEL_INFO, "%zu of %zu backgrounds corrected: %s",
                  air->corrected, air->pings, text);
 }

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "hal/room.h"
+#include "recon/geometry.h"
 
 static int read_position(const json_t *list, double out[3])
 {
@@ -89,12 +90,6 @@ int truth_read_scene(struct truth *t, const char *scene, struct complaint *why)
     return 0;
 }
 
-static double distance_m(const double a[3], const double b[3])
-{
-    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
-                (a[2] - b[2]) * (a[2] - b[2]));
-}
-
 /* Matches the nearest pair that is left; false: there is none within reach. */
 static bool match_nearest(struct truth *t)
 {
@@ -105,7 +100,8 @@ static bool match_nearest(struct truth *t)
         for (size_t k = 0; k < t->n_detections; k++) {
             if (t->objects[i].found >= 0 || t->detections[k].object >= 0)
                 continue;
-            double d = distance_m(t->objects[i].position_m, t->detections[k].position_m);
+            double d =
+                geometry_distance(t->objects[i].position_m, t->detections[k].position_m);
             if (d > best_m)
                 continue;
             best_m = d;
@@ -141,7 +137,8 @@ static void print_object(const struct truth *t, const struct truth_object *o, FI
     }
     const struct truth_detection *d = &t->detections[o->found];
     print_position(d->position_m, to);
-    fprintf(to, " %4.1f cm%8.0f %%\n", 100.0 * distance_m(o->position_m, d->position_m),
+    fprintf(to, " %4.1f cm%8.0f %%\n",
+            100.0 * geometry_distance(o->position_m, d->position_m),
             100.0 * d->existence);
 }
 

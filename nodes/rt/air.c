@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
+#define LEAST_KELVIN              0.05  /* less is not worth a word */
 #define SOUND_SPEED_SQUARED_PER_K 401.9 /* dry air: 1.4 * 8.314 / 0.02896 m2/s2/K */
 
 void air_start(struct air *a, double sound_speed_m_s, size_t expected)
@@ -47,7 +48,7 @@ void air_text(const struct air *a, char *out, size_t size)
     if (!size)
         return;
     out[0] = 0;
-    if (a->corrected)
+    if (a->corrected && fabs(air_kelvin(a, a->largest)) >= LEAST_KELVIN)
         snprintf(out, size,
                  "air %+.1f K (%.2f%%) since the background, at most %+.1f K (%.2f%%)",
                  air_kelvin(a, mean), 100.0 * fabs(mean), air_kelvin(a, a->largest),

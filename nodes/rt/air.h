@@ -31,7 +31,7 @@ double air_kelvin(const struct air *a, double stretch);
 bool air_is_distrusted(const struct air *a);
 
 /* "air -0.6 K (0.10%) since the background, at most -0.7 K (0.11%)"; empty: no ping was
- * corrected. */
+ * corrected by 0.05 K. */
 void air_text(const struct air *a, char *out, size_t size);
 
 #endif

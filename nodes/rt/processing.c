@@ -28,11 +28,6 @@ void processing_geometry(struct geometry *g, const struct survey *s)
     g->pings_m = (const double(*)[2][3])s->pings_m;
 }
 
-static double distance_m(const double a[3], const double b[3])
-{
-    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
-}
-
 struct chirp processing_chirp(const struct survey *s)
 {
     return (struct chirp){.start_hz = s->chirp_start_hz,
@@ -45,10 +40,11 @@ static double longest_direct_path_m(const struct survey *s)
 {
     double longest = 0.0;
     for (size_t k = 0; s->pings_m && k < s->n_positions; k++)
-        longest = fmax(longest, distance_m(s->pings_m[k][0], s->pings_m[k][1]));
+        longest = fmax(longest, geometry_distance(s->pings_m[k][0], s->pings_m[k][1]));
     for (size_t j = 0; !s->pings_m && j < s->n_speakers; j++)
         for (size_t i = 0; i < s->n_microphones; i++)
-            longest = fmax(longest, distance_m(s->speakers_m[j], s->microphones_m[i]));
+            longest =
+                fmax(longest, geometry_distance(s->speakers_m[j], s->microphones_m[i]));
     return longest;
 }
 

@@ -85,6 +85,28 @@ static void one_parameter_is_varied_at_a_time(void **state)
     assert_true(bench_plan(cases, "fast", 2, true) < bench_plan(cases, "fast", 2, false));
 }
 
+static void auto_is_given_goals_and_nothing_else(void **state)
+{
+    (void)state;
+    struct bench_case cases[BENCH_MAX_CASES];
+    size_t n = bench_plan(cases, "auto", 2, false), free_runs = 0, budgets = 0,
+           errors = 0;
+    for (size_t i = 0; i < n; i++) {
+        const struct bench_case *c = &cases[i];
+        assert_int_equal(c->speaker_stride * c->position_stride, 1);
+        assert_true(c->band_hz[1] == 0.0);
+        assert_int_equal(c->iterations, 0);
+        free_runs += c->budget_s == 0.0 && c->error_m == 0.0;
+        budgets += c->budget_s > 0.0;
+        errors += c->error_m > 0.0;
+    }
+    assert_int_equal(free_runs, 1);
+    assert_true(budgets >= 3 && errors >= 3);
+    n = bench_plan(cases, "fast", 2, false);
+    for (size_t i = 0; i < n; i++)
+        assert_true(cases[i].budget_s == 0.0 && cases[i].error_m == 0.0);
+}
+
 static void growth_is_1_4_and_16_times_the_work(void **state)
 {
     (void)state;
@@ -132,6 +154,27 @@ static void the_front_is_what_nothing_beats(void **state)
         assert_false(front[i]);
 }
 
+static void the_rival_of_auto_is_the_best_fast_in_its_time(void **state)
+{
+    (void)state;
+    static const double time_s[6] = {1, 2, 3, 5, 1, 1}, error_m[6] = {4, 2, 3, 1, 1, 1};
+    struct bench_result r[7] = {{.scene = "s"}};
+    struct bench_results all = {.r = r, .n = 7};
+    for (int i = 0; i < 6; i++) {
+        r[i] = (struct bench_result){.scene = "s",
+                                     .c = {.varied = "grid", .method = "fast"}};
+        r[i].cost.total_s = time_s[i];
+        r[i].score = (struct bench_score){.lateral_m = error_m[i], .iou = NAN};
+    }
+    r[4].c.method = "paper";
+    strcpy(r[5].scene, "another");
+    r[6] = (struct bench_result){.scene = "s", .c = {.varied = "base", .method = "auto"}};
+    r[6].cost.total_s = 4;
+    assert_ptr_equal(bench_results_rival(&all, &r[6]), &r[1]);
+    r[6].cost.total_s = 0.5;
+    assert_null(bench_results_rival(&all, &r[6]));
+}
+
 /* -- the command ------------------------------------------------------------------------
  */
 
@@ -157,7 +200,7 @@ static void a_recording_is_measured_tabled_and_drawn(void **state)
     if (r.code)
         fail_msg("%s", r.err);
     char *words[] = {"bench",        "speed-error",  "--recordings",
-                     path_of("all"), "--methods",    "fast,backprojection",
+                     path_of("all"), "--methods",    "fast,auto,backprojection",
                      "--quick",      "--seeds",      "0",
                      "--out",        path_of("out"), NULL};
     command_run(&r, command_bench, words);
@@ -166,10 +209,13 @@ static void a_recording_is_measured_tabled_and_drawn(void **state)
     const char *csv = read_file("out/speed-error.csv");
     const char *base = strstr(csv, "small,fast,\"base\",1/1,1/1,0.45,");
     assert_non_null(base);
+    assert_non_null(strstr(csv, "small,auto,\"base\",1/1,1/1,"));
     assert_non_null(strstr(csv, "small,backprojection,\"growth, pairs\",1/4,1/4,"));
     const char *table = read_file("out/speed-error.md");
     assert_non_null(strstr(table, "## small"));
     assert_non_null(strstr(table, "fftw-3"));
+    assert_non_null(strstr(table, "| no goal, "));
+    assert_non_null(strstr(table, "| within 100 ms, "));
     expect_picture("out/speed-error-small");
     expect_picture("out/growth-time");
     expect_picture("out/growth-memory");
@@ -287,9 +333,11 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(one_parameter_is_varied_at_a_time),
+        TEST(auto_is_given_goals_and_nothing_else),
         TEST(growth_is_1_4_and_16_times_the_work),
         TEST(what_takes_pairs_and_voxels_grows_with_their_product),
         TEST(the_front_is_what_nothing_beats),
+        TEST(the_rival_of_auto_is_the_best_fast_in_its_time),
         TEST(a_recording_is_measured_tabled_and_drawn),
         TEST(noise_moves_a_point_by_little_more_than_the_bound),
         TEST(wrong_names_give_the_list),

@@ -18,9 +18,10 @@ struct rig {
     char text[16384];
 };
 
-/* Runs until it is stopped, and says so when it is. */
+/* Runs until it is stopped, and says so when it is.  The trap is set before anything is
+ * told to others, who may stop it at once. */
+#define TRAP "trap 'echo info stopped; test -z \"$!\" || kill $!; exit 0' TERM\n"
 #define STAY                                                                             \
-    "trap 'echo info stopped; kill $!; exit 0' TERM\n"                                   \
     "sleep 1000 >&- 2>&- &\n"                                                            \
     "wait\n"
 
@@ -137,8 +138,8 @@ static void when_the_report_is_written_all_others_are_stopped(void **state)
     struct rig *r = *state;
 
     write_launch(r, "scan, can, report");
-    write_node(r, "scan", "echo go > $D/go\n" STAY);
-    write_node(r, "can", STAY);
+    write_node(r, "scan", TRAP "echo go > $D/go\n" STAY);
+    write_node(r, "can", TRAP STAY);
     write_node(r, "report", "read x < $D/go; exit 0");
     start(r);
     assert_int_equal(finish(r), 0);
@@ -151,7 +152,7 @@ static void lines_carry_node_and_level(void **state)
 
     write_launch(r, "can, report");
     write_node(r, "can",
-               "echo warning mind the step >&2; echo plain; echo go > $D/go\n" STAY);
+               TRAP "echo warning mind the step >&2; echo plain; echo go > $D/go\n" STAY);
     write_node(r, "report", "read x < $D/go");
     start(r);
     assert_int_equal(finish(r), 0);
@@ -182,7 +183,7 @@ static void a_node_that_always_crashes_is_given_up(void **state)
     struct rig *r = *state;
 
     write_launch(r, "scan, can");
-    write_node(r, "scan", STAY);
+    write_node(r, "scan", TRAP STAY);
     write_node(r, "can", "exit 1");
     start(r);
     assert_int_equal(finish(r), 1);
@@ -197,7 +198,7 @@ static void bad_configuration_stops_all_at_once(void **state)
     struct rig *r = *state;
 
     write_launch(r, "scan, can");
-    write_node(r, "scan", "echo go > $D/go\n" STAY);
+    write_node(r, "scan", TRAP "echo go > $D/go\n" STAY);
     write_node(r, "can", "read x < $D/go; echo error a.yaml:3: what is this >&2; exit 2");
     start(r);
     assert_int_equal(finish(r), 2);
@@ -211,9 +212,9 @@ static void ctrl_c_stops_all_cleanly(void **state)
     struct rig *r = *state;
 
     write_launch(r, "scan, can, report");
-    write_node(r, "scan", "read x < $D/go; echo info scan is here\n" STAY);
-    write_node(r, "can", "echo go > $D/go\n" STAY);
-    write_node(r, "report", STAY);
+    write_node(r, "scan", TRAP "read x < $D/go; echo info scan is here\n" STAY);
+    write_node(r, "can", TRAP "echo go > $D/go\n" STAY);
+    write_node(r, "report", TRAP STAY);
     start(r);
     read_until(r, "scan is here");
     assert_int_equal(kill(r->pid, SIGINT), 0);
@@ -268,7 +269,7 @@ static void a_program_that_is_missing_is_named(void **state)
     struct rig *r = *state;
 
     write_launch(r, "scan, can");
-    write_node(r, "scan", STAY);
+    write_node(r, "scan", TRAP STAY);
     start(r);
     assert_int_equal(finish(r), 2);
     assert_contains(r->text, "anlos-can: cannot be started: No such file or directory");

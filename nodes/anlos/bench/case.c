@@ -1,16 +1,17 @@
 #include "nodes/anlos/bench/case.h"
 
-#include <complex.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "nodes/anlos/bench/automatic.h"
 #include "nodes/anlos/bench/memory.h"
+#include "nodes/anlos/bench/pings.h"
 #include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/stopwatch.h"
-#include "nodes/rt/compressor.h"
 #include "nodes/rt/processing.h"
 
 #define MARGIN_M       0.05
@@ -56,24 +57,17 @@ double bench_case_predict(const struct bench_case *c, size_t voxels, size_t pair
 /* -- a run ------------------------------------------------------------------------------
  */
 
-struct worker {
-    struct compressor *compressor;
-    float *difference;     /* [n_microphones][stride], zeros after the recording's end */
-    float complex *traces; /* [n_microphones][n] */
-    struct stopwatch compress, stack;
-};
-
 struct run {
     const struct bench_scene *scene;
     const struct bench_case *c;
     struct survey survey; /* what is used of the scene's */
     struct processing processing;
     struct imager_options options;
-    size_t stride; /* frames of the recording, or more where the last ping's end lies */
     struct pool *pool;
+    struct bench_pings_config pings_config;
+    struct bench_pings *pings; /* these two not for auto, which makes its own */
     struct imager *imager;
-    struct worker *workers; /* [c->threads] */
-    float *intensity;
+    struct bench_image image;
 };
 
 /* Keeps every so manieth of both. */
@@ -109,6 +103,7 @@ static int plan_survey(struct run *r, struct complaint *why)
         v[2] = grid.step_m[a];
     }
     err = processing_plan(&r->processing, &r->survey, why);
+    r->processing.ping_samples = r->processing.echo_samples; /* in air that stays */
     if (!err && r->c->band_hz[1] > 0.0)
         memcpy(r->processing.band_hz, r->c->band_hz, sizeof r->c->band_hz);
     imager_options_default(&r->options);
@@ -119,18 +114,9 @@ static int plan_survey(struct run *r, struct complaint *why)
     return err;
 }
 
-static int plan_worker(struct run *r, struct worker *w, struct trace_format *format,
-                       struct complaint *why)
+static bool is_automatic(const struct run *r)
 {
-    size_t n_mics = r->survey.n_microphones;
-    int err = compressor_create(&w->compressor, &r->processing, &r->survey,
-                                COMPRESSION_MATCHED_FILTER, WINDOW_HANN, why);
-    if (err)
-        return err;
-    compressor_format(w->compressor, format);
-    w->difference = calloc(n_mics * r->stride, sizeof *w->difference);
-    w->traces = malloc(n_mics * format->n_samples * sizeof *w->traces);
-    return w->difference && w->traces ? 0 : complain(why, -ENOMEM, "out of memory");
+    return !strcmp(r->c->method, recon_auto_name);
 }
 
 static int plan(struct run *r, struct complaint *why)
@@ -139,18 +125,24 @@ static int plan(struct run *r, struct complaint *why)
     int err = plan_survey(r, why);
     if (err)
         return err;
-    size_t last = (r->survey.n_speakers - 1) * r->c->speaker_stride;
-    size_t end = last * r->survey.slot_samples + r->processing.ping_samples;
-    r->stride = end > r->scene->frames ? end : r->scene->frames;
-    r->workers = calloc(r->c->threads, sizeof *r->workers);
-    r->intensity = calloc(grid_size(&r->processing.grid), sizeof *r->intensity);
-    if (!r->workers || !r->intensity)
-        return complain(why, -ENOMEM, "out of memory");
     err = pool_create(&r->pool, r->c->threads);
     if (err)
         return complain(why, err, "%zu threads: %s", r->c->threads, strerror(-err));
-    for (size_t t = 0; !err && t < r->c->threads; t++)
-        err = plan_worker(r, &r->workers[t], &format, why);
+    r->pings_config = (struct bench_pings_config){
+        .scene = r->scene,
+        .survey = &r->survey,
+        .speaker_stride = r->c->speaker_stride,
+        .position_stride = r->c->position_stride,
+        .processing = &r->processing,
+        .pool = r->pool,
+    };
+    if (is_automatic(r))
+        return 0;
+    r->image.grid = r->processing.grid;
+    r->image.intensity = calloc(grid_size(&r->image.grid), sizeof *r->image.intensity);
+    if (!r->image.intensity)
+        return complain(why, -ENOMEM, "out of memory");
+    err = bench_pings_create(&r->pings, &r->pings_config, &format, why);
     if (!err)
         err = processing_imager(&r->imager, &r->processing, r->c->method, &format,
                                 r->pool, why);
@@ -160,108 +152,72 @@ static int plan(struct run *r, struct complaint *why)
 static void release(struct run *r)
 {
     imager_destroy(r->imager);
-    for (size_t t = 0; r->workers && t < r->c->threads; t++) {
-        compressor_destroy(r->workers[t].compressor);
-        free(r->workers[t].difference);
-        free(r->workers[t].traces);
-    }
-    free(r->workers);
-    free(r->intensity);
+    bench_pings_destroy(r->pings);
+    free(r->image.intensity);
     pool_destroy(r->pool);
     survey_clear(&r->survey);
 }
 
-/* Scene less background, from frame `from` to `to` of each microphone. */
-static void subtract(const struct run *r, float *out, size_t position, size_t from,
-                     size_t to)
+static void add_to_image(void *ctx, size_t position, size_t speaker,
+                         const float complex *traces, const bool *masked)
 {
-    size_t frames = r->scene->frames, n_mics = r->survey.n_microphones;
-    size_t start = position * n_mics * frames;
-    to = to < frames ? to : frames;
-    if (from >= to)
-        return;
-    for (size_t i = 0; i < n_mics; i++) {
-        const float *a = r->scene->scene + start + i * frames;
-        float *o = out + i * r->stride;
-        if (!r->scene->background) {
-            memcpy(o + from, a + from, (to - from) * sizeof *o);
-            continue;
-        }
-        const float *b = r->scene->background + start + i * frames;
-        for (size_t q = from; q < to; q++)
-            o[q] = a[q] - b[q];
-    }
-}
-
-static void process_position(void *ctx, size_t position, size_t thread)
-{
-    struct run *r = ctx;
-    struct worker *w = &r->workers[thread];
-    size_t done = 0;
-    struct stopwatch now = stopwatch_now(true);
-    if (interrupt_requested())
-        return;
-    for (size_t j = 0; j < r->survey.n_speakers; j++) {
-        size_t start = j * r->c->speaker_stride * r->survey.slot_samples;
-        size_t end = start + r->processing.ping_samples;
-        subtract(r, w->difference, position * r->c->position_stride,
-                 done > start ? done : start, end);
-        done = end;
-        compressor_execute(w->compressor, w->difference + start, r->stride, w->traces);
-        stopwatch_lap(&w->compress, &now, true);
-        imager_add(r->imager, position, j, w->traces, NULL);
-        stopwatch_lap(&w->stack, &now, true);
-    }
+    imager_add(ctx, position, speaker, traces, masked);
 }
 
 /* Once from recordings to volume. */
-static struct bench_cost once(struct run *r)
+static int once(struct run *r, struct bench_cost *cost, struct complaint *why)
 {
-    struct bench_cost cost = {0};
-    struct stopwatch all = {0}, pings = {0}, image = {0};
-    double compress_s = 0.0, stack_s = 0.0;
-    for (size_t t = 0; t < r->c->threads; t++)
-        r->workers[t].compress = r->workers[t].stack = (struct stopwatch){0};
+    if (is_automatic(r)) {
+        free(r->image.intensity);
+        return bench_automatic(&r->image, cost, &r->pings_config, r->c, why);
+    }
+    struct stopwatch all = {0}, image = {0};
     imager_reset(r->imager);
-    struct stopwatch now = stopwatch_now(false), began = now;
-    pool_run(r->pool, r->survey.n_positions, process_position, r);
-    stopwatch_lap(&pings, &now, false);
-    imager_image(r->imager, r->intensity);
+    struct stopwatch began = stopwatch_now(false), now;
+    bench_pings_run(r->pings, &(struct recon_sink){add_to_image, r->imager},
+                    &cost->compress_s, &cost->stack_s);
+    now = stopwatch_now(false);
+    imager_image(r->imager, r->image.intensity);
     stopwatch_lap(&image, &now, false);
     stopwatch_lap(&all, &began, false);
-    for (size_t t = 0; t < r->c->threads; t++) {
-        compress_s += r->workers[t].compress.wall_s;
-        stack_s += r->workers[t].stack.wall_s;
-    }
-    double share = compress_s + stack_s > 0.0 ? compress_s / (compress_s + stack_s) : 0.0;
-    cost.compress_s = pings.wall_s * share;
-    cost.stack_s = pings.wall_s - cost.compress_s;
-    cost.image_s = image.wall_s;
-    cost.total_s = all.wall_s;
-    cost.cpu_s = all.cpu_s;
-    return cost;
+    cost->image_s = image.wall_s;
+    cost->total_s = all.wall_s;
+    cost->cpu_s = all.cpu_s;
+    return 0;
+}
+
+/* A budget can end in another image each time: time and error are of the same run. */
+static int keep(struct bench_result *out, const struct run *r,
+                const struct bench_cost *cost, struct complaint *why)
+{
+    double window_m[4];
+    struct geometry g;
+    processing_geometry(&g, &r->scene->survey);
+    bench_score_window(window_m, &g);
+    out->cost = *cost;
+    out->voxels = grid_size(&r->image.grid);
+    memcpy(out->note, r->image.chosen, sizeof out->note);
+    int err = bench_score(&out->score, &r->scene->truth, window_m, &r->image.grid,
+                          r->image.intensity);
+    return err ? complain(why, err, "errors: %s", strerror(-err)) : 0;
 }
 
 static int measure(struct bench_result *out, struct run *r, double patience_s,
                    struct complaint *why)
 {
     double spent_s = 0.0, plan_s = out->cost.plan_s;
-    for (int i = 0; i < MAX_RUNS && (!i || spent_s < patience_s); i++) {
-        struct bench_cost cost = once(r);
-        if (interrupt_requested())
-            return complain(why, -EINTR, "interrupted");
-        if (!i || cost.total_s < out->cost.total_s)
-            out->cost = cost;
+    int err = 0;
+    for (int i = 0; !err && i < MAX_RUNS && (!i || spent_s < patience_s); i++) {
+        struct bench_cost cost = {0};
+        err = once(r, &cost, why);
+        if (!err && interrupt_requested())
+            err = complain(why, -EINTR, "interrupted");
+        cost.plan_s += plan_s;
+        if (!err && (!i || cost.total_s < out->cost.total_s))
+            err = keep(out, r, &cost, why);
         spent_s += cost.total_s;
     }
-    out->cost.plan_s = plan_s;
-    double window_m[4];
-    struct geometry g;
-    processing_geometry(&g, &r->scene->survey);
-    bench_score_window(window_m, &g);
-    int err = bench_score(&out->score, &r->scene->truth, window_m, &r->processing.grid,
-                          r->intensity);
-    return err ? complain(why, err, "errors: %s", strerror(-err)) : 0;
+    return err;
 }
 
 int bench_case_run(struct bench_result *out, const struct bench_scene *s,
@@ -277,12 +233,13 @@ int bench_case_run(struct bench_result *out, const struct bench_scene *s,
     out->cost.plan_s = planning.wall_s;
     out->voxels = grid_size(&r.processing.grid);
     out->pairs = r.survey.n_speakers * r.survey.n_microphones * r.survey.n_positions;
+    if (!err)
+        err = measure(out, &r, patience_s, why);
     if (err == -ENOTSUP || err == -EINVAL) {
         out->state = BENCH_IMPOSSIBLE;
         snprintf(out->note, sizeof out->note, "%.180s", why->text);
         err = 0;
     } else if (!err) {
-        err = measure(out, &r, patience_s, why);
         out->cost.memory_bytes = bench_memory_end(held);
     }
     release(&r);

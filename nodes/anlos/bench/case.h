@@ -7,6 +7,8 @@
 #include "nodes/anlos/bench/scene.h"
 #include "nodes/anlos/bench/score.h"
 
+#define BENCH_NOTE_SIZE 192
+
 struct bench_case {
     const char *method;
     const char *varied;     /* the parameter that differs from the base point */
@@ -15,13 +17,17 @@ struct bench_case {
     double step;            /* of the grid, in -6 dB widths of a point */
     double band_hz[2];      /* 0, 0: the chirp's */
     size_t iterations;      /* at most; 0: the method's own number */
+    double budget_s;        /* of auto, which also chooses its step; 0: none */
+    double error_m;         /* the same */
     size_t threads;
 };
 
 struct bench_cost { /* wall seconds, of the fastest of some runs */
     double plan_s;  /* once: transforms, tables, memory */
-    double compress_s, stack_s, image_s;
-    double total_s;      /* of these three */
+    double compress_s;
+    double look_s; /* of auto, at the scene */
+    double stack_s, image_s;
+    double total_s;      /* of these four */
     double cpu_s;        /* of the same on all threads */
     double memory_bytes; /* at most, beyond the recordings; NaN: not known here */
 };
@@ -30,7 +36,7 @@ struct bench_result {
     char scene[64];
     struct bench_case c;
     enum bench_state { BENCH_DONE, BENCH_SKIPPED, BENCH_IMPOSSIBLE } state;
-    char note[192]; /* why it is not done */
+    char note[BENCH_NOTE_SIZE]; /* why it is not done, or what auto chose */
     size_t voxels, pairs;
     struct bench_cost cost;
     struct bench_score score;

@@ -180,7 +180,7 @@ int bench_detection(const struct bench_options *o, struct complaint *why)
     struct bench_scene point;
     struct export_file e;
     char *methods = NULL;
-    int err = bench_names_methods(&methods, o->methods, usual, why);
+    int err = bench_names_methods(&methods, o->methods, usual, imager_methods(), why);
     if (!err)
         err = simulate(&point, o, why);
     if (!err) {

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nodes/anlos/recon/auto.h"
 #include "recon/imager.h"
 
 bool bench_names_have(const char *list, const char *name)
@@ -51,19 +52,36 @@ int bench_names_check(const char *what, const char *names, const char *known,
     return *names ? 0 : complain(why, -EINVAL, "expected the name of a %s", what);
 }
 
-int bench_names_methods(char **out, const char *asked, const char *usual,
-                        struct complaint *why)
+static size_t list_size(const char *list)
 {
-    if (!usual)
-        usual = imager_methods();
+    size_t n = 0;
+    for (const char *m = list; *m; m += strlen(m) + 1)
+        n += strlen(m) + 1;
+    return n;
+}
+
+char *bench_names_all_methods(void)
+{
+    size_t n = list_size(imager_methods());
+    char *out = calloc(n + strlen(recon_auto_name) + 2, 1);
+    if (!out)
+        return NULL;
+    memcpy(out, imager_methods(), n);
+    memcpy(out + n, recon_auto_name, strlen(recon_auto_name));
+    return out;
+}
+
+int bench_names_methods(char **out, const char *asked, const char *usual,
+                        const char *known, struct complaint *why)
+{
     if (asked) {
         *out = bench_names_split(asked);
-        return *out ? bench_names_check("method", *out, imager_methods(), why)
+        return *out ? bench_names_check("method", *out, known, why)
                     : complain(why, -ENOMEM, "out of memory");
     }
-    size_t n = 1;
-    for (const char *m = usual; *m; m += strlen(m) + 1)
-        n += strlen(m) + 1;
+    if (!usual)
+        usual = known;
+    size_t n = list_size(usual) + 1;
     *out = malloc(n);
     if (!*out)
         return complain(why, -ENOMEM, "out of memory");

@@ -20,10 +20,13 @@ char *bench_names_split(const char *text);
 int bench_names_check(const char *what, const char *names, const char *known,
                       struct complaint *why);
 
-/* The methods that were asked for with commas, checked; NULL: the usual ones, or all
- * where that is NULL too.  free() *out, also after an error.  0, -ENOENT, -EINVAL,
- * -ENOMEM. */
+/* imager_methods() and auto.  free() it.  NULL: no memory. */
+char *bench_names_all_methods(void);
+
+/* The methods that were asked for with commas, checked; NULL: the usual ones, or all of
+ * `known` where that is NULL too.  free() *out, also after an error.  0, -ENOENT,
+ * -EINVAL, -ENOMEM. */
 int bench_names_methods(char **out, const char *asked, const char *usual,
-                        struct complaint *why);
+                        const char *known, struct complaint *why);
 
 #endif

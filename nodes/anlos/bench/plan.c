@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "nodes/anlos/recon/auto.h"
+
 #define BASE_STEP  0.28 /* of a width: 3.6 voxels in a point, as grid_default has it */
 #define QUICK_STEP 0.45
 #define KHZ        1e3
@@ -11,12 +13,13 @@
  * the chirp's band, the method's own iterations and all threads.  0: as there. */
 struct row {
     const char *varied;
-    const char *method; /* NULL: all */
+    const char *method; /* NULL: all, of auto only the base */
     bool quick;         /* also in a quick run */
     double step;
     size_t speaker_stride, position_stride;
     double band_hz[2];
     size_t iterations, threads;
+    double budget_s, error_m;
 };
 
 static const struct row rows[] = {
@@ -33,6 +36,13 @@ static const struct row rows[] = {
     {.varied = "iterations", .method = "iterative", .iterations = 40},
     {.varied = "iterations", .method = "sparse", .iterations = 10},
     {.varied = "iterations", .method = "sparse", .iterations = 40},
+    {.varied = "budget", .method = "auto", .budget_s = 0.05},
+    {.varied = "budget", .method = "auto", .budget_s = 0.1, .quick = true},
+    {.varied = "budget", .method = "auto", .budget_s = 0.2},
+    {.varied = "budget", .method = "auto", .budget_s = 0.5},
+    {.varied = "error", .method = "auto", .error_m = 0.02},
+    {.varied = "error", .method = "auto", .error_m = 0.005},
+    {.varied = "error", .method = "auto", .error_m = 0.001},
     {.varied = "band", .band_hz = {2 * KHZ, 14 * KHZ}, .quick = true},
     {.varied = "band", .band_hz = {2 * KHZ, 9 * KHZ}},
     {.varied = "band", .band_hz = {8 * KHZ, 20 * KHZ}},
@@ -66,6 +76,8 @@ static struct bench_case row_case(const struct row *r, struct bench_case c)
     c.position_stride = r->position_stride ? r->position_stride : 1;
     memcpy(c.band_hz, r->band_hz, sizeof c.band_hz);
     c.iterations = r->iterations;
+    c.budget_s = r->budget_s;
+    c.error_m = r->error_m;
     c.threads = r->threads ? r->threads : c.threads;
     return c;
 }
@@ -86,13 +98,20 @@ static size_t add_product(struct bench_case *out, struct bench_case c)
     return n;
 }
 
+static bool is_of(const struct row *r, const char *method)
+{
+    if (r->method)
+        return !strcmp(r->method, method);
+    return strcmp(method, recon_auto_name) || !strcmp(r->varied, "base");
+}
+
 size_t bench_plan(struct bench_case *out, const char *method, size_t threads, bool quick)
 {
     struct bench_case base = base_case(method, threads, quick);
     size_t n = 0;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
         const struct row *r = &rows[i];
-        if ((quick && !r->quick) || (r->method && strcmp(r->method, method)) ||
+        if ((quick && !r->quick) || !is_of(r, method) ||
             (r->threads && r->threads >= threads))
             continue;
         out[n++] = row_case(r, base);

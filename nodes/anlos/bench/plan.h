@@ -1,5 +1,6 @@
 /* nodes/anlos/bench/plan.h -- which runs `anlos bench speed-error` makes of a method:
- * a base point, and one parameter varied at a time; of `fast`, also a small product. */
+ * a base point, and one parameter varied at a time; of `fast`, also a small product; of
+ * `auto`, its goals. */
 #ifndef ANLOS_NODES_ANLOS_BENCH_PLAN_H
 #define ANLOS_NODES_ANLOS_BENCH_PLAN_H
 

@@ -8,7 +8,8 @@
 
 static const char columns[] =
     "scene,method,varied,speakers,positions,step_widths,band_low_hz,band_high_hz,"
-    "iterations,threads,voxels,pairs,state,plan_s,compress_s,stack_s,image_s,total_s,"
+    "iterations,budget_ms,error_goal_cm,threads,voxels,pairs,state,plan_s,compress_s,"
+    "look_s,stack_s,image_s,total_s,"
     "cpu_s,memory_mb,lateral_cm,lateral_worst_cm,depth_cm,width_x_cm,width_y_cm,"
     "width_z_cm,sidelobe_db,iou,correlation,note\n";
 
@@ -33,11 +34,16 @@ static void put(FILE *f, const char *format, double value)
         fprintf(f, format, value);
 }
 
+static void put_goal(FILE *f, double goal)
+{
+    put(f, "%g", goal > 0.0 ? goal : NAN);
+}
+
 static void put_measured(FILE *f, const struct bench_result *r)
 {
     const struct bench_cost *c = &r->cost;
     const struct bench_score *s = &r->score;
-    const double seconds[] = {c->plan_s,  c->compress_s, c->stack_s,
+    const double seconds[] = {c->plan_s,  c->compress_s, c->look_s, c->stack_s,
                               c->image_s, c->total_s,    c->cpu_s};
     const double centimetres[] = {s->lateral_m,  s->lateral_worst_m, s->depth_m,
                                   s->width_m[0], s->width_m[1],      s->width_m[2]};
@@ -63,11 +69,13 @@ static void put_result(FILE *f, const struct bench_result *r)
         fputs(",,", f);
     if (c->iterations)
         fprintf(f, "%zu", c->iterations);
+    put_goal(f, 1e3 * c->budget_s);
+    put_goal(f, 100.0 * c->error_m);
     fprintf(f, ",%zu,%zu,%zu,%s", c->threads, r->voxels, r->pairs, states[r->state]);
     if (r->state == BENCH_DONE)
         put_measured(f, r);
     else
-        fputs(",,,,,,,,,,,,,,,,", f);
+        fputs(",,,,,,,,,,,,,,,,,", f);
     fputs(",\"", f);
     for (const char *q = r->note; *q; q++)
         fputc(*q == '"' ? '\'' : *q, f);
@@ -111,6 +119,21 @@ void bench_results_front(const struct bench_results *b, const char *scene, bool 
                 front[i] = false;
         }
     }
+}
+
+const struct bench_result *bench_results_rival(const struct bench_results *b,
+                                               const struct bench_result *r)
+{
+    const struct bench_result *best = NULL;
+    for (size_t i = 0; i < b->n; i++) {
+        const struct bench_result *f = &b->r[i];
+        if (!bench_result_counts(f, r->scene) || strcmp(f->c.method, "fast") ||
+            f->cost.total_s > r->cost.total_s)
+            continue;
+        if (!best || bench_score_error(&f->score) < bench_score_error(&best->score))
+            best = f;
+    }
+    return best;
 }
 
 void bench_results_close(struct bench_results *b)

@@ -25,6 +25,11 @@ int bench_results_add(struct bench_results *b, const struct bench_result *r,
  * wrong.  Growth is not in it. */
 void bench_results_front(const struct bench_results *b, const char *scene, bool *front);
 
+/* What `auto` is to be held against: the least error of the runs of `fast` of its scene
+ * that took at most as long.  NULL: none did. */
+const struct bench_result *bench_results_rival(const struct bench_results *b,
+                                               const struct bench_result *r);
+
 /* Is it one that charts of error over time show? */
 bool bench_result_counts(const struct bench_result *r, const char *scene);
 

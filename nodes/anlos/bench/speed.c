@@ -16,7 +16,6 @@
 #include "nodes/anlos/bench/table.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export.h"
-#include "recon/imager.h"
 
 #define PATIENCE_S    0.8 /* of one case, for the fastest of some runs */
 #define QUICK_LIMIT_S 2.0
@@ -25,7 +24,7 @@
 
 static const char usual_scenes[] = "points,corner_reflectors,letter_H,letters_LT";
 static const char quick_scenes[] = "points,letter_H";
-static const char quick_methods[] = "fast\0backprojection\0confocal\0lct\0paper\0";
+static const char quick_methods[] = "fast\0auto\0backprojection\0confocal\0lct\0paper\0";
 
 /* The ones whose growth is measured: on a grid alone, sparse and iterative are not. */
 static const char grow[] = "fast\0backprojection\0incoherent\0lct\0paper\0";
@@ -255,8 +254,11 @@ static int run_all(struct speed *s, struct complaint *why)
 int bench_speed(const struct bench_options *o, struct complaint *why)
 {
     struct speed s = {.options = o};
-    int err =
-        bench_names_methods(&s.methods, o->methods, o->quick ? quick_methods : NULL, why);
+    char *known = bench_names_all_methods();
+    int err = known ? bench_names_methods(&s.methods, o->methods,
+                                          o->quick ? quick_methods : NULL, known, why)
+                    : complain(why, -ENOMEM, "out of memory");
+    free(known);
     if (!err)
         err = choose_scenes(&s, why);
     if (!err)

@@ -7,11 +7,22 @@
 
 #include "nodes/anlos/bench/machine.h"
 #include "nodes/anlos/bench/plan.h"
+#include "nodes/anlos/recon/auto.h"
 #include "nodes/rt/export_file.h"
+
+#define WORSE 1.1 /* times the error of fast: more, and auto has chosen badly */
 
 void bench_table_setting(const struct bench_case *c, char *text, size_t size)
 {
-    size_t used = (size_t)snprintf(text, size, "step %.2f", c->step);
+    size_t used = 0;
+    if (c->budget_s > 0.0)
+        used = (size_t)snprintf(text, size, "within %g ms", 1e3 * c->budget_s);
+    else if (c->error_m > 0.0)
+        used = (size_t)snprintf(text, size, "error %g cm", 100.0 * c->error_m);
+    else if (!strcmp(c->method, recon_auto_name))
+        used = (size_t)snprintf(text, size, "no goal");
+    else
+        used = (size_t)snprintf(text, size, "step %.2f", c->step);
     if (c->speaker_stride > 1 && used < size)
         used += (size_t)snprintf(text + used, size - used, ", 1/%zu of the speakers",
                                  c->speaker_stride);
@@ -87,6 +98,51 @@ static int put_front(FILE *f, const struct bench_results *b, const char *scene)
     return err;
 }
 
+/* In the unit of bench_score_error. */
+static void put_error(FILE *f, const struct bench_result *r)
+{
+    fprintf(f, isnan(r->score.iou) ? " %.3f cm |" : " %.3f |",
+            bench_score_error(&r->score));
+}
+
+/* The error that was allowed, in the unit of bench_score_error; of letters it is none. */
+static double goal_of(const struct bench_result *r)
+{
+    return isnan(r->score.iou) ? 100.0 * r->c.error_m : 0.0;
+}
+
+/* Is auto worth it?  What is less exact than fast was asked to be no more exact. */
+static void put_automatic(FILE *f, const struct bench_results *b, const char *scene)
+{
+    bool headed = false;
+    for (size_t i = 0; i < b->n; i++) {
+        const struct bench_result *r = &b->r[i];
+        char setting[160];
+        if (!bench_result_counts(r, scene) || strcmp(r->c.method, recon_auto_name))
+            continue;
+        if (!headed)
+            fprintf(f,
+                    "\n`auto` beside the best of `fast` in the time it took (error: "
+                    "%s):\n\n"
+                    "| goal | chose | time s | error | fast: time s | error | worse by "
+                    "10%% |\n|---|---|---|---|---|---|---|\n",
+                    isnan(r->score.iou) ? "mean lateral" : "1 - IoU");
+        headed = true;
+        bench_table_setting(&r->c, setting, sizeof setting);
+        fprintf(f, "| %s | %s | %.3f |", setting, r->note, r->cost.total_s);
+        put_error(f, r);
+        const struct bench_result *rival = bench_results_rival(b, r);
+        if (!rival) {
+            fputs(" none so soon | | no |\n", f);
+            continue;
+        }
+        fprintf(f, " %.3f |", rival->cost.total_s);
+        put_error(f, rival);
+        double limit = fmax(WORSE * bench_score_error(&rival->score), goal_of(r));
+        fputs(bench_score_error(&r->score) > limit ? " yes |\n" : " no |\n", f);
+    }
+}
+
 static void put_not_done(FILE *f, const struct bench_results *b, const char *scene)
 {
     bool any = false;
@@ -116,6 +172,7 @@ static int put_scene(FILE *f, const struct bench_results *b, const char *scene)
         headed = true;
         put_row(f, r);
     }
+    put_automatic(f, b, scene);
     int err = put_front(f, b, scene);
     put_not_done(f, b, scene);
     return err;

@@ -153,12 +153,14 @@ static void warn_width(const struct psf_job *job)
     psf_widths(&job->file.psf, width_m);
     if (strcmp(method, "fast") && strcmp(method, "backprojection"))
         return;
-    for (int a = 0; a < 3; a++)
-        if (width_m[a] > WIDEST * job->expected_m[a])
+    for (int a = 0; a < 3; a++) {
+        double expected_m = job->expected_m[a];
+        if (width_m[a] > WIDEST * expected_m)
             fprintf(stderr,
                     "anlos psf: %.1f cm wide along %c, and of a point it would be %.1f: "
                     "no small corner reflector, or wrong places of the elements\n",
-                    100.0 * width_m[a], "xyz"[a], 100.0 * job -> expected_m[a]);
+                    100.0 * width_m[a], "xyz"[a], 100.0 * expected_m);
+    }
 }
 
 static void warn(const struct psf_job *job)

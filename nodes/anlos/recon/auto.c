@@ -5,9 +5,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/rt/export.h"
+/* What a look may take: of what is left of the budget; of it when nothing else calls for
+ * one; of the whole image, which it makes smaller. */
+#define MOST_LOOK   0.5
+#define LITTLE_LOOK 0.1
+#define PAYS_LOOK   0.5
 
-#define LEAST_LOOK 0.5 /* of what is left of the budget, that the look may take */
+#define SUSPICIOUS_M 0.0034 /* elements off by more would be treated otherwise */
 
 const char recon_auto_name[] = "auto";
 
@@ -33,6 +37,8 @@ int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
     }
     a->set.traces = a->traces;
     a->set.heard = a->heard;
+    a->whole = job->processing.grid;
+    a->whole_band_hz = a->set.band_hz[1];
     *out = a;
     return 0;
 }
@@ -43,6 +49,9 @@ void recon_auto_inherit(struct recon_job *job, const struct recon_auto *from)
     a->probe = from->probe;
     a->plan = from->plan;
     a->slowness = from->slowness;
+    a->looked = from->looked;
+    a->whole_band_hz = from->whole_band_hz;
+    a->whole = from->whole;
     job->method_because = a->plan.because;
 }
 
@@ -61,13 +70,15 @@ void recon_auto_take(void *ctx, size_t position, size_t speaker,
 /* -- the decision -----------------------------------------------------------------------
  */
 
-/* No time to look: all of it is imaged as if nothing were known. */
-static void know_nothing(struct recon_auto *a, const struct grid *grid)
+/* Without a look all of it is imaged, as if nothing were known but how the elements
+ * stand. */
+static void know_nothing(struct recon_auto *a)
 {
-    double end_m = grid->origin_m[2] + grid->step_m[2] * (double)(grid->n[2] - 1);
+    const struct grid *g = &a->whole;
+    double end_m = g->origin_m[2] + g->step_m[2] * (double)(g->n[2] - 1);
     a->probe = (struct probe){.imaged = !a->set.geometry->pings_m,
-                              .depth_m = {grid->origin_m[2], end_m},
-                              .coherence = {.element_m = NAN}};
+                              .depth_m = {g->origin_m[2], end_m},
+                              .coherence = a->probe.coherence};
 }
 
 static size_t count_heard(const struct recon_auto *a)
@@ -78,22 +89,44 @@ static size_t count_heard(const struct recon_auto *a)
     return heard;
 }
 
+/* Is a look at the scene worth its time?  It is where an error is to be kept, where
+ * elements seem to be off, and where it may save most of the image, or is nothing against
+ * the budget. */
+static bool look_pays(const struct recon_auto *a, const struct recon_job *job,
+                      double look_s, double left_s)
+{
+    const struct recon_options *o = job->options;
+    double image_s = a->slowness * planner_image_s(&a->set, &job->processing.grid, "fast",
+                                                   false, 1, o->threads);
+    if (look_s > MOST_LOOK * left_s)
+        return false;
+    if (o->error_m > 0.0 || a->probe.coherence.element_m > SUSPICIOUS_M)
+        return true;
+    if (isfinite(left_s) && look_s < LITTLE_LOOK * left_s)
+        return true;
+    return !job->survey.has_volume && look_s < PAYS_LOOK * image_s;
+}
+
 static int look(struct recon_auto *a, struct recon_job *job, double left_s)
 {
-    const struct grid *grid = &job->processing.grid;
     struct stopwatch now = stopwatch_now(false);
-    double look_s = a->slowness * planner_probe_s(&a->set, grid, job->options->threads);
+    double look_s = a->slowness * planner_probe_s(&a->set, &job->processing.grid,
+                                                  job->options->threads);
     int err = 0;
-    if (look_s > LEAST_LOOK * left_s)
-        know_nothing(a, grid);
+    a->probe.coherence.element_m = NAN;
+    if (look_s <= MOST_LOOK * left_s)
+        err = coherence_measure(&a->probe.coherence, &a->set, job->pool);
+    err = err == -ENOTSUP ? 0 : err;
+    a->looked = !err && look_pays(a, job, look_s, left_s);
+    if (a->looked)
+        err = probe_run(&a->probe, &a->set, &job->processing.grid, job->pool);
     else
-        err = probe_run(&a->probe, &a->set, grid, job->pool);
+        know_nothing(a);
     stopwatch_lap(&job->stages[RECON_LOOK], &now, false);
     return err;
 }
 
-/* How much of the budget is gone. */
-static double spent_s(const struct recon_job *job)
+double recon_auto_spent_s(const struct recon_job *job)
 {
     return job->stages[RECON_PLAN].wall_s + job->stages[RECON_COMPRESS].wall_s +
            job->stages[RECON_LOOK].wall_s + job->stages[RECON_STACK].wall_s;
@@ -104,40 +137,77 @@ static void apply(const struct recon_auto *a, struct recon_job *job)
     const struct plan *p = &a->plan;
     job->method = p->method;
     job->method_because = p->because;
-    job->imaging.dmo = p->dip;
+    job->imaging.dmo = a->looked ? p->dip : -1;
     job->processing.grid = p->grid;
     memcpy(job->processing.band_hz, p->band_hz, sizeof p->band_hz);
+}
+
+static double left_s(const struct recon_job *job)
+{
+    double budget_s = job->options->budget_s;
+    return budget_s > 0.0 ? budget_s - recon_auto_spent_s(job) : INFINITY;
+}
+
+static void decide(struct recon_auto *a, struct recon_job *job)
+{
+    const struct planner_config planner = {
+        .set = &a->set,
+        .probe = &a->probe,
+        .grid = &a->whole,
+        .n_threads = job->options->threads,
+        .slowness = a->slowness,
+        .budget_s = left_s(job),
+        .error_m = job->options->error_m,
+        .keep_grid = job->survey.has_volume,
+    };
+    planner_decide(&a->plan, &planner);
+}
+
+/* A narrower band takes another compression, where there is time for it. */
+static bool wants_other_band(struct recon_auto *a, const struct recon_job *job)
+{
+    if (a->plan.band_hz[1] >= a->set.band_hz[1])
+        return false;
+    double again_s = job->stages[RECON_COMPRESS].wall_s;
+    if (!job->options->traces && a->plan.time_s + again_s <= left_s(job))
+        return true;
+    if (!job->options->traces)
+        memcpy(a->plan.band_hz, a->set.band_hz, sizeof a->plan.band_hz);
+    return false;
 }
 
 int recon_auto_decide(struct recon_auto *a, struct recon_job *job, bool *again,
                       struct complaint *why)
 {
-    const struct recon_options *o = job->options;
     const struct geometry *g = a->set.geometry;
     size_t heard = count_heard(a);
-    double nominal_s =
-        planner_compress_s(heard / g->n_microphones, g->n_microphones, o->threads);
-    double budget_s = o->budget_s > 0.0 ? o->budget_s : INFINITY;
+    double nominal_s = planner_compress_s(heard / g->n_microphones, g->n_microphones,
+                                          job->options->threads);
     a->slowness = 1.0;
     if (job->stages[RECON_COMPRESS].wall_s > 0.0 && nominal_s > 0.0)
         a->slowness = job->stages[RECON_COMPRESS].wall_s / nominal_s;
-    int err = heard ? look(a, job, budget_s - spent_s(job)) : 0;
+    int err = heard ? look(a, job, left_s(job)) : 0;
     if (err)
         return complain(why, err, "a look at the scene: %s", strerror(-err));
-    const struct planner_config planner = {
-        .set = &a->set,
-        .probe = &a->probe,
-        .grid = &job->processing.grid,
-        .n_threads = o->threads,
-        .slowness = a->slowness,
-        .budget_s = budget_s - spent_s(job),
-        .error_m = o->error_m,
-        .keep_grid = job->survey.has_volume,
-    };
-    planner_decide(&a->plan, &planner);
-    *again = !o->traces && a->plan.band_hz[1] < a->set.band_hz[1];
+    decide(a, job);
+    *again = wants_other_band(a, job);
     apply(a, job);
     return 0;
+}
+
+bool recon_auto_retreat(struct recon_auto *a, struct recon_job *job)
+{
+    if (!a->probe.imaged)
+        return false;
+    if (a->plan.dip)
+        a->probe.uneven = true;
+    else
+        a->probe.imaged = false;
+    double band_hz[2] = {a->plan.band_hz[0], a->plan.band_hz[1]};
+    decide(a, job);
+    memcpy(a->plan.band_hz, band_hz, sizeof band_hz); /* traces have it already */
+    apply(a, job);
+    return true;
 }
 
 static void thin_out(const struct recon_auto *a)
@@ -164,50 +234,4 @@ void recon_auto_destroy(struct recon_auto *a)
     free(a->traces);
     free(a->heard);
     free(a);
-}
-
-/* -- report -----------------------------------------------------------------------------
- */
-
-static json_t *seen_json(const struct recon_auto *a)
-{
-    const struct probe *p = &a->probe;
-    return json_pack("{so, sI, so, so, so, sb}", "snr_db", export_real(p->snr_db),
-                     "objects", (json_int_t)p->n_objects, "depth_m",
-                     export_reals(p->depth_m, 2), "element_error_m",
-                     export_real(p->coherence.element_m), "bend",
-                     export_real(p->scattering.share > 0.0 ? p->scattering.bend : NAN),
-                     "mirror", p->specular);
-}
-
-static json_t *candidate_json(const struct planner_candidate *c)
-{
-    json_t *o = json_pack("{ss, sf, sI, so, so}", "method", c->method, "coarser",
-                          c->coarser, "every_nth_speaker", (json_int_t)c->stride,
-                          "time_s", export_real(c->time_s), "error_m",
-                          export_real(c->error_m));
-    if (!strcmp(c->method, "fast"))
-        json_object_set_new(o, "dmo", json_string(c->dip ? "always" : "never"));
-    if (c->why_not[0])
-        json_object_set_new(o, "why_not", json_string(c->why_not));
-    return o;
-}
-
-json_t *recon_auto_report(const struct recon_auto *a, const struct recon_job *job)
-{
-    const struct plan *p = &a->plan;
-    double taken_s = job->stages[RECON_STACK].wall_s + job->stages[RECON_IMAGE].wall_s;
-    json_t *all = json_array();
-    for (size_t i = 0; i < p->n_candidates; i++)
-        json_array_append_new(all, candidate_json(&p->candidates[i]));
-    return json_pack(
-        "{so, ss, so, so, so, so, so, so, ss}", "seen", seen_json(a), "because",
-        p->because, "predicted_s", export_real(p->time_s), "taken_s",
-        export_real(taken_s), "predicted_error_m", export_real(p->error_m), "budget_s",
-        export_real(job->options->budget_s > 0.0 ? job->options->budget_s : NAN),
-        "allowed_error_m",
-        export_real(job->options->error_m > 0.0 ? job->options->error_m : NAN),
-        "candidates", all, "left_out",
-        "confocal, lct, paper: fewer pairs or power alone; sparse: for a few points that "
-        "stand closer than the image resolves");
 }

@@ -15,7 +15,11 @@ struct recon_auto {
     bool *heard;           /* [position][speaker][microphone] */
     struct probe probe;
     struct plan plan;
-    double slowness; /* of this machine; recon/planner.h */
+    double slowness;      /* of this machine; recon/planner.h */
+    struct grid whole;    /* the image when nothing is left out */
+    double whole_band_hz; /* the top of its band */
+    bool looked;          /* there was time to, and reason */
+    double kept_s;        /* time of the stack's stage before the image was begun */
 };
 
 /* The method's name on the command line. */
@@ -37,12 +41,22 @@ void recon_auto_take(void *ctx, size_t position, size_t speaker,
 int recon_auto_decide(struct recon_auto *a, struct recon_job *job, bool *again,
                       struct complaint *why);
 
+/* The chosen method cannot do this geometry: decides without it.  false: nothing else is
+ * left. */
+bool recon_auto_retreat(struct recon_auto *a, struct recon_job *job);
+
 /* Traces to the job's imager. */
 int recon_auto_feed(const struct recon_auto *a, struct recon_job *job,
                     struct complaint *why);
 
+/* How much of the budget is gone. */
+double recon_auto_spent_s(const struct recon_job *job);
+
 /* What was seen, chosen, and left out, and why. */
 json_t *recon_auto_report(const struct recon_auto *a, const struct recon_job *job);
+
+/* The same in a few lines on stdout. */
+void recon_auto_print(const struct recon_auto *a, const struct recon_job *job);
 void recon_auto_destroy(struct recon_auto *a);
 
 #endif

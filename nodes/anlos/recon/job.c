@@ -171,8 +171,14 @@ static int decide(struct recon_job *job, struct complaint *why)
     int err = recon_auto_decide(job->automatic, job, &again, why);
     if (!err && again)
         err = make_traces_again(job, why);
+    if (!err && interrupt_requested())
+        err = complain(why, -EINTR, "interrupted");
+    if (err)
+        return err;
     struct stopwatch now = stopwatch_now(false);
-    if (!err)
+    job->automatic->kept_s = job->stages[RECON_STACK].wall_s;
+    err = create_imager(job, why);
+    while (err == -ENOTSUP && recon_auto_retreat(job->automatic, job))
         err = create_imager(job, why);
     if (!err)
         err = recon_auto_feed(job->automatic, job, why);

@@ -91,7 +91,7 @@ static int take_goal(struct recon_options *o, const char *command, int code)
     bool time = code == RECON_OPTION_BUDGET;
     double value, unit = time ? 1e-3 : 1e-2;
     if (usage_numbers(optarg, 1, &value) || !(value > 0.0) || !(value <= MOST_GOAL))
-        return usage_error(command, "--%s %s: expected a number above 0, up to %g",
+        return usage_error(command, "--%s %s: expected a number above 0, up to %.0f",
                            time ? "budget-ms" : "error-cm", optarg, MOST_GOAL);
     *(time ? &o->budget_s : &o->error_m) = unit * value;
     return 0;
@@ -184,6 +184,9 @@ static int check_confocal(struct recon_options *o)
     if (other)
         return usage_error("recon", "--confocal stands in place of %s; expected one",
                            other);
+    if (o->budget_s > 0.0 || o->error_m > 0.0)
+        return usage_error("recon", "--%s is for --method auto, which --confocal has not",
+                           o->budget_s > 0.0 ? "budget-ms" : "error-cm");
     if (!o->method)
         o->method = confocal_methods();
     if (!confocal_has_method(o->method))

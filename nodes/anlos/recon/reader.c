@@ -28,12 +28,14 @@ struct worker {
     bool *masked; /* all [n_microphones] */
     struct stopwatch stages[RECON_STAGES];
     struct air air;
+    size_t n_cut; /* positions whose last ping breaks off */
 };
 
 struct recon_reader {
     struct recon_reader_config cfg;
     struct processing processing; /* with the length of pings that is needed */
     bool drifting;
+    double stretch;         /* where the look has noticed it: what it is about */
     struct worker *workers; /* [threads] */
 };
 
@@ -197,8 +199,8 @@ static bool is_noticeable(const struct drift_measurement *m)
            fabs(m->stretch) > fmax(LEAST_STRETCH, CERTAIN * sqrt(m->variance));
 }
 
-static int look_at_position(const struct recon_reader *r, struct worker *w,
-                            size_t position, bool *changed, struct complaint *why)
+static int look_at_position(struct recon_reader *r, struct worker *w, size_t position,
+                            bool *changed, struct complaint *why)
 {
     size_t speakers = r->cfg.survey->n_speakers;
     size_t usable = speakers > 1 ? speakers - 1 : 1;    /* the last one may be cut */
@@ -210,6 +212,7 @@ static int look_at_position(const struct recon_reader *r, struct worker *w,
         compress(r, w, w->background, speaker, w->background_traces);
         drift_measure(w->drift, w->background_traces, w->traces, w->masked, &now);
         *changed = is_noticeable(&now);
+        r->stretch = now.stretch;
     }
     return err;
 }
@@ -308,9 +311,13 @@ static void process_position(void *ctx, size_t position, size_t thread)
     }
     if (all_masked(w->masked, r->cfg.survey->n_microphones))
         return; /* its pings are lost, and counted as such */
-    if (r->drifting && speakers > 1 && is_cut(r, w->samples))
-        speakers--;
+    if (r->drifting && is_cut(r, w->samples)) {
+        w->n_cut++;
+        if (speakers > 1)
+            speakers--;
+    }
     drift_track_start(&track); /* of each position, so that threads change nothing */
+    track.stretch = r->stretch;
     for (size_t j = 0; j < speakers; j++)
         process_ping(run, w, position, j, &track, &now);
 }
@@ -351,6 +358,14 @@ int recon_reader_run(struct recon_reader *r, const struct recon_sink *sink,
     if (interrupt_requested())
         return complain(why, -EINTR, "interrupted");
     return atomic_load(&run.err);
+}
+
+size_t recon_reader_cut(const struct recon_reader *r)
+{
+    size_t n = 0;
+    for (size_t t = 0; t < pool_threads(r->cfg.pool); t++)
+        n += r->workers[t].n_cut;
+    return n;
 }
 
 void recon_reader_destroy(struct recon_reader *r)

@@ -47,6 +47,11 @@ void recon_reader_format(const struct recon_reader *r, struct trace_format *out)
  * -EIO. */
 int recon_reader_run(struct recon_reader *r, const struct recon_sink *sink,
                      struct stopwatch *stages, struct air *air, struct complaint *why);
+
+/* After a run in other air than the background's: positions whose file ends with its last
+ * slot.  Of several speakers the last one's ping was left out there; one alone was not,
+ * and its stretch is uncertain. */
+size_t recon_reader_cut(const struct recon_reader *r);
 void recon_reader_destroy(struct recon_reader *r);
 
 #endif

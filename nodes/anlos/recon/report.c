@@ -93,19 +93,33 @@ static void warn_psf(json_t *warnings, const struct recon_job *job)
 static void warn_lost(json_t *warnings, const struct recon_job *job, size_t lost)
 {
     size_t expected = pings_expected(job);
-    if (job->automatic && job->automatic->plan.stride > 1)
+    size_t cut = job->reader && job->survey.n_speakers > 1 ? recon_reader_cut(job->reader)
+                                                           : 0;
+    size_t stride = job->automatic ? job->automatic->plan.stride : 1;
+    if (stride > 1)
         warn(warnings,
-             "%zu of %zu pings are not used: every %zuth speaker fits the budget", lost,
-             expected, job->automatic->plan.stride);
-    else if (job->air.corrected)
-        warn(
-            warnings,
-            "%zu of %zu pings are lost: no usable microphone, or the last of a file that "
-            "breaks off before its echoes, which a changed background cannot be "
-            "subtracted from",
-            lost, expected);
-    else
-        warn(warnings, "%zu of %zu pings are lost: no usable microphone", lost, expected);
+             "%zu of %zu pings are left out to save time: of the speakers only every "
+             "%zuth is used",
+             lost, expected, stride);
+    else if (lost > cut)
+        warn(warnings, "%zu of %zu pings are lost: no usable microphone", lost - cut,
+             expected);
+}
+
+/* Only in other air than the background's it matters. */
+static void warn_cut(json_t *warnings, const struct recon_job *job)
+{
+    size_t cut = job->reader ? recon_reader_cut(job->reader) : 0;
+    if (cut && job->survey.n_speakers > 1)
+        warn(warnings,
+             "%zu of %zu pings are left out: their files end with the slot, before the "
+             "echoes do, and the background of other air cannot be subtracted from that",
+             cut, pings_expected(job));
+    else if (cut)
+        warn(warnings,
+             "%zu of %zu pings end with their slot, before their echoes do: how far the "
+             "air has changed since the background does not show well",
+             cut, pings_expected(job));
 }
 
 json_t *recon_report_warnings(const struct recon_job *job)
@@ -121,6 +135,7 @@ json_t *recon_report_warnings(const struct recon_job *job)
         warn(warnings, "%zu traces are silent: left out", job->traces.n_silent);
     if (used < pings_expected(job) && !job->options->traces)
         warn_lost(warnings, job, pings_expected(job) - used);
+    warn_cut(warnings, job);
     if (job->processing.geometry.pings_m)
         warn_steps(warnings, job);
     if (job->options->psf)
@@ -183,8 +198,8 @@ static json_t *air_json(const struct air *a)
 {
     double mean = a->pings ? a->sum / (double)a->pings : 0.0;
     return json_pack("{sI, so, so}", "pings_corrected", (json_int_t)a->corrected,
-                     "mean_k", export_real(air_kelvin(a, mean)), "largest_k",
-                     export_real(air_kelvin(a, a->largest)));
+                     "mean_k", export_real(0.0 + air_kelvin(a, mean)), /* no -0 */
+                     "largest_k", export_real(0.0 + air_kelvin(a, a->largest)));
 }
 
 json_t *recon_report_create(const struct recon_job *job, const struct recon_results *r)
@@ -270,6 +285,8 @@ void recon_report_print(const struct recon_job *job)
     for (size_t i = 0; i < list->n_detections; i++)
         print_object(list->detections[i]);
     print_air(job);
+    if (job->automatic)
+        recon_auto_print(job->automatic, job);
     printf("%zu of %zu pings, method %s%s%s%s, %zu thread%s: %.2f s", used,
            pings_expected(job), job->method, job->method_because ? " (" : "",
            job->method_because ? job->method_because : "", job->method_because ? ")" : "",

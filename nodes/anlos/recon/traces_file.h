@@ -1,11 +1,15 @@
 /* nodes/anlos/recon/traces_file.h -- pulse-compressed traces from elsewhere, as a MATLAB
- * file: traces   [n_ping][n_sample] complex or real, any numeric class tx_m [n_ping][3]
- * where the sound of a ping came from rx_m     [n_ping][3]        and where it was heard
+ * file:
+ *
+ *   traces   [n_ping][n_sample], complex or real, of any numeric class
+ *   tx_m     [n_ping][3], where the sound of a ping came from
+ *   rx_m     [n_ping][3], and where it was heard
  *   fs_hz    rate of the samples
  *   t0_s     time of sample 0 after the emission
  *   fc_hz    carrier, when the traces are basebanded: the analytic signal at t is
  *            trace exp(2 pi i fc_hz t); else 0
  *   c_m_s    speed of sound
+ *
  * They come out as the imagers want them (dsp/pulse_compress.h): the band that they fill
  * is found in their mean spectrum and stands around the middle of a rate 2.2 times its
  * width.  Real traces become analytic by it. */

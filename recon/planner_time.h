@@ -1,0 +1,23 @@
+/* recon/planner_time.h -- what a step of `--method auto` takes: its operations, by rates
+ * that were measured once, on one machine. */
+#ifndef ANLOS_RECON_PLANNER_TIME_H
+#define ANLOS_RECON_PLANNER_TIME_H
+
+#include <stdbool.h>
+
+#include "recon/grid.h"
+#include "recon/trace_set.h"
+
+/* Compression of so many pings. */
+double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads);
+
+/* A look at the scene (recon/probe) that is to be imaged on this grid. */
+double planner_probe_s(const struct trace_set *set, const struct grid *grid,
+                       size_t n_threads);
+
+/* Stack and image by a method (dip: `fast` with dip moveout) of every so manieth
+ * speaker's traces. */
+double planner_image_s(const struct trace_set *set, const struct grid *grid,
+                       const char *method, bool dip, size_t stride, size_t n_threads);
+
+#endif
