@@ -30,7 +30,10 @@
 #define VECTOR_INLINE static inline __attribute__((always_inline))
 
 /* 16 floats at once, in as many registers as the machine needs, at any float's address.
- * For locals of VECTOR_CLONES functions, never for arguments. */
+ * For locals of VECTOR_CLONES functions, never for arguments, and not for sums that live
+ * across a loop: GCC 12 keeps those in memory where the machine's registers are shorter
+ * (AVX2: 20 times slower).  A float[VECTOR_LANES] and an inner loop over it become
+ * registers of any length. */
 #define VECTOR_LANES 16
 typedef float vector16 __attribute__((vector_size(64), aligned(4), may_alias));
 

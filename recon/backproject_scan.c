@@ -74,41 +74,56 @@ static void plan_reading(const struct scan_row *w, size_t speaker, size_t microp
     }
 }
 
-/* sum[SCAN_SUMS][lanes] += what n pairs add to difference d for the lanes from k on. */
+/* sum[SCAN_SUMS][lanes] += what n pairs add to difference d for the lanes from k on.  Two
+ * short loops rather than one: a single one GCC 12 interleaves over i, and then makes no
+ * vectors of it. */
 VECTOR_INLINE void add_lanes(const struct scan_reading *readings, size_t n, size_t lanes,
                              size_t k, size_t d, float *sum, bool power)
 {
-    vector16 re = *(vector16 *)(sum + k), im = *(vector16 *)(sum + lanes + k);
-    vector16 re_far = {0}, im_far = {0}, squares = {0};
+    float re[VECTOR_LANES], im[VECTOR_LANES];
+    float re_far[VECTOR_LANES] = {0}, im_far[VECTOR_LANES] = {0};
+    float squares[VECTOR_LANES] = {0}, zr[VECTOR_LANES], zi[VECTOR_LANES];
+    memcpy(re, sum + k, sizeof re);
+    memcpy(im, sum + lanes + k, sizeof im);
+    if (power)
+        memcpy(squares, sum + 2 * lanes + k, sizeof squares);
     for (size_t i = 0; i < n; i++) {
         const struct scan_reading *r = &readings[i];
         const float *x = r->trace + (size_t)(unsigned)r->sample[d] * 2 * lanes + k;
-        vector16 xr = *(const vector16 *)x, xi = *(const vector16 *)(x + lanes);
-        vector16 yr = *(const vector16 *)(x + 2 * lanes);
-        vector16 yi = *(const vector16 *)(x + 3 * lanes);
+        const float *xr = x, *xi = x + lanes, *yr = x + 2 * lanes, *yi = x + 3 * lanes;
+        const float *fold = r->fold + k;
         float ar = r->near[0][d], ai = r->near[1][d];
         float br = r->far[0][d], bi = r->far[1][d];
-        if (power) {
-            vector16 zr = ar * xr - ai * xi + br * yr - bi * yi;
-            vector16 zi = ar * xi + ai * xr + br * yi + bi * yr;
-            re += zr;
-            im += zi;
-            squares += *(const vector16 *)(r->fold + k) * (zr * zr + zi * zi);
-        } else {
-            re += ar * xr;
-            im += ar * xi;
-            re_far += br * yr;
-            im_far += br * yi;
-            re -= ai * xi;
-            im += ai * xr;
-            re_far -= bi * yi;
-            im_far += bi * yr;
+        for (size_t v = 0; power && v < VECTOR_LANES; v++) {
+            zr[v] = ar * xr[v] - ai * xi[v] + br * yr[v] - bi * yi[v];
+            zi[v] = ar * xi[v] + ai * xr[v] + br * yi[v] + bi * yr[v];
+        }
+        for (size_t v = 0; power && v < VECTOR_LANES; v++) {
+            re[v] += zr[v];
+            im[v] += zi[v];
+            squares[v] += fold[v] * (zr[v] * zr[v] + zi[v] * zi[v]);
+        }
+        for (size_t v = 0; !power && v < VECTOR_LANES; v++) {
+            re[v] += ar * xr[v];
+            im[v] += ar * xi[v];
+            re_far[v] += br * yr[v];
+            im_far[v] += br * yi[v];
+        }
+        for (size_t v = 0; !power && v < VECTOR_LANES; v++) {
+            re[v] -= ai * xi[v];
+            im[v] += ai * xr[v];
+            re_far[v] -= bi * yi[v];
+            im_far[v] += bi * yr[v];
         }
     }
-    *(vector16 *)(sum + k) = re + re_far;
-    *(vector16 *)(sum + lanes + k) = im + im_far;
+    for (size_t v = 0; v < VECTOR_LANES; v++) {
+        re[v] += re_far[v];
+        im[v] += im_far[v];
+    }
+    memcpy(sum + k, re, sizeof re);
+    memcpy(sum + lanes + k, im, sizeof im);
     if (power)
-        *(vector16 *)(sum + 2 * lanes + k) += squares;
+        memcpy(sum + 2 * lanes + k, squares, sizeof squares);
 }
 
 VECTOR_CLONES

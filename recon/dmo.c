@@ -157,25 +157,28 @@ VECTOR_INLINE void stack_rows(const struct dmo *d, const float *kernel, const fl
                               size_t in_stride, float *out, size_t out_stride,
                               size_t n_rows, bool fetch)
 {
-    vector16 re[ROWS] = {{0}}, im[ROWS] = {{0}};
+    float re[ROWS][VECTOR_LANES] = {{0}}, im[ROWS][VECTOR_LANES] = {{0}};
     for (size_t q = 0; q < d->n_inputs; q++) {
         const float *k = kernel + 2 * (size_t)d->first[q], *x = in + q * in_stride;
-        vector16 xr = *(const vector16 *)x, xi = *(const vector16 *)(x + VECTOR_LANES);
+        const float *xr = x, *xi = x + VECTOR_LANES;
         if (fetch) {
             __builtin_prefetch(x + 2 * VECTOR_LANES);
             __builtin_prefetch(x + 3 * VECTOR_LANES);
             __builtin_prefetch(k + d->n_offsets * d->span * 2);
         }
+#pragma GCC unroll 8 /* all ROWS: their sums become registers */
         for (size_t r = 0; r < ROWS; r++) {
-            re[r] += k[2 * r] * xr;
-            im[r] += k[2 * r] * xi;
-            re[r] -= k[2 * r + 1] * xi;
-            im[r] += k[2 * r + 1] * xr;
+            for (size_t v = 0; v < VECTOR_LANES; v++) {
+                re[r][v] += k[2 * r] * xr[v];
+                im[r][v] += k[2 * r] * xi[v];
+                re[r][v] -= k[2 * r + 1] * xi[v];
+                im[r][v] += k[2 * r + 1] * xr[v];
+            }
         }
     }
     for (size_t r = 0; r < n_rows; r++) {
-        *(vector16 *)(out + r * out_stride) = re[r];
-        *(vector16 *)(out + r * out_stride + VECTOR_LANES) = im[r];
+        memcpy(out + r * out_stride, re[r], sizeof re[r]);
+        memcpy(out + r * out_stride + VECTOR_LANES, im[r], sizeof im[r]);
     }
 }
 

@@ -216,10 +216,11 @@ static void filter_lanes(const struct incoherent *b, size_t n, const float *rest
         const float *w = b->filter + q % FINE * b->n_taps;
         const float *x = in + q / FINE * b->lanes;
         for (size_t k = 0; k < b->lanes; k += VECTOR_LANES) {
-            vector16 sum = {0};
+            float sum[VECTOR_LANES] = {0};
             for (size_t l = 0; l < b->n_taps; l++)
-                sum += w[l] * *(const vector16 *)(x + l * b->lanes + k);
-            *(vector16 *)(out + k) = sum;
+                for (size_t v = 0; v < VECTOR_LANES; v++)
+                    sum[v] += w[l] * x[l * b->lanes + k + v];
+            memcpy(out + k, sum, sizeof sum);
         }
     }
 }

@@ -176,17 +176,19 @@ static void sum_pairs(const struct incoherent *b, const float *stored, const int
                       const float *beyond, float *restrict sum)
 {
     size_t pairs = incoherent_pairs(b), pitch = b->n_stored * b->lanes;
-    vector16 part[TOGETHER] = {{0}};
+    float part[TOGETHER][VECTOR_LANES] = {{0}};
     for (size_t pair = 0; pair < pairs; pair++, stored += pitch) {
+#pragma GCC unroll 4 /* all TOGETHER: their sums become registers */
         for (size_t d = 0; d < TOGETHER; d++) {
             const float *x = stored + (size_t)sample[pair * BLOCK + d] * b->lanes;
             float f = beyond[pair * BLOCK + d];
-            part[d] += (1.0f - f) * *(const vector16 *)x;
-            part[d] += f * *(const vector16 *)(x + b->lanes);
+            for (size_t v = 0; v < VECTOR_LANES; v++) {
+                part[d][v] += (1.0f - f) * x[v];
+                part[d][v] += f * x[b->lanes + v];
+            }
         }
     }
-    for (size_t d = 0; d < TOGETHER; d++)
-        *(vector16 *)(sum + d * VECTOR_LANES) = part[d];
+    memcpy(sum, part, sizeof part);
 }
 
 /* Lane k of difference d belongs to voxel d - (lanes - 1) * stride + k * stride. */

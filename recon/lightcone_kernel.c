@@ -79,13 +79,11 @@ static void kernel_row(void *ctx, size_t dy, size_t thread)
 VECTOR_INLINE void cosine_sum(const float *x, size_t n, size_t stride,
                               const float *cosine, float *y)
 {
-    vector16 re = {0}, im = {0};
-    for (size_t b = 0; b < n; b++) {
-        re += cosine[b] * LANES_AT(x + b * stride);
-        im += cosine[b] * LANES_AT(x + b * stride + VECTOR_LANES);
-    }
-    LANES_AT(y) = re;
-    LANES_AT(y + VECTOR_LANES) = im;
+    float sum[2 * VECTOR_LANES] = {0};
+    for (size_t b = 0; b < n; b++)
+        for (size_t v = 0; v < 2 * VECTOR_LANES; v++)
+            sum[v] += cosine[b] * x[b * stride + v];
+    memcpy(y, sum, sizeof sum);
 }
 
 /* The kernel is even in x and y: its transform is a sum of cosines. */

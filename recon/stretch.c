@@ -212,24 +212,27 @@ VECTOR_INLINE void interpolate(const struct stretch *s, const struct step *steps
     for (size_t q = 0; q < n; q++, out += LANE_FFT_POINT) {
         const struct step *step = &steps[q];
         const float *w = table + step->fraction * TAPS;
-        float *x = (float *)in + (size_t)step->first * LANE_FFT_POINT;
+        const float *x = in + (size_t)step->first * LANE_FFT_POINT;
         float a = step->gain, c = step->phase[0], d = step->phase[1];
         if (a == 0.0f) { /* also where there is nothing to read */
             memset(out, 0, LANE_FFT_POINT * sizeof *out);
             continue;
         }
-        vector16 re = {0}, im = {0};
+        float re[VECTOR_LANES] = {0}, im[VECTOR_LANES] = {0};
         for (size_t l = 0; l < TAPS; l++, x += LANE_FFT_POINT) {
-            re += a * w[l] * LANES_AT(x);
-            im += a * w[l] * LANES_AT(x + VECTOR_LANES);
+#pragma GCC unroll 1 /* else GCC 12 unrolls it before it could become vectors */
+            for (size_t v = 0; v < VECTOR_LANES; v++) {
+                re[v] += a * w[l] * x[v];
+                im[v] += a * w[l] * x[VECTOR_LANES + v];
+            }
         }
-        if (!s->power) {
-            vector16 turned = re * c - im * d;
-            im = re * d + im * c;
-            re = turned;
+        for (size_t v = 0; !s->power && v < VECTOR_LANES; v++) {
+            float turned = re[v] * c - im[v] * d;
+            im[v] = re[v] * d + im[v] * c;
+            re[v] = turned;
         }
-        LANES_AT(out) = re;
-        LANES_AT(out + VECTOR_LANES) = im;
+        memcpy(out, re, sizeof re);
+        memcpy(out + VECTOR_LANES, im, sizeof im);
     }
 }
 
