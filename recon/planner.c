@@ -16,11 +16,12 @@
 #define FALLS_APART 0.8  /* rad of phase, rms over the pairs */
 #define STRONG_DB   10.0 /* below the strongest: what the error is stated for */
 #define POWER_WIDER 2.4  /* times: a point in an image of power */
-#define LEAST_STEPS 0.4  /* of a point's width: coarser, and positions suffer */
-#define NEARLY      0.9  /* errors this near to each other are the same */
-#define MIRROR      3.0  /* times a point's width: a shape to be sharpened */
+#define FINE        0.7 /* steps: cost f-k migration little, and halve a position's error */
+#define LEAST_STEPS 0.4 /* of a point's width: coarser, and positions suffer */
+#define NEARLY      0.9 /* errors this near to each other are the same */
+#define MIRROR      3.0 /* times a point's width: a shape to be sharpened */
 
-static const double coarser[] = {0.5, 1.0, 1.5, 2.0};
+static const double coarser[] = {0.5, FINE, 1.0, 1.5, 2.0};
 static const size_t strides[] = {1, 2, 4};
 
 struct planning {
@@ -181,29 +182,42 @@ static bool supports_finer(const struct planning *p)
             step_m[1] > LEAST_STEPS * p->width_m[1]);
 }
 
-static void list(struct planning *p)
+/* May steps be so many times those of the whole image? */
+static bool may_step(const struct planning *p, double factor)
+{
+    bool finite = isfinite(p->cfg->budget_s), asked = p->cfg->error_m > 0.0;
+    if (factor == 1.0 || p->cfg->keep_grid)
+        return factor == 1.0;
+    return factor > 1.0 ? finite || asked
+                        : asked || (factor != FINE && supports_finer(p));
+}
+
+static void list_at(struct planning *p, double factor, size_t stride)
 {
     const struct probe *probe = p->cfg->probe;
-    bool lost = positions_are_lost(probe), finite = isfinite(p->cfg->budget_s);
-    bool free_steps = !p->cfg->keep_grid && (finite || p->cfg->error_m > 0.0);
+    bool lost = positions_are_lost(probe);
+    if (factor != FINE)
+        add(p, lost ? "incoherent" : "backprojection", false, factor, stride);
+    if (lost || !probe->imaged || stride > 1)
+        return;
+    add(p, "fast", false, factor, 1);
+    if (!probe->uneven)
+        add(p, "fast", true, factor, 1);
+    if (isfinite(p->cfg->budget_s) && factor == 1.0 && has_shape(p))
+        add(p, "iterative", false, factor, 1);
+}
+
+/* Fewer pairs only where time presses. */
+static void list(struct planning *p)
+{
+    size_t n_speakers = p->cfg->set->geometry->n_speakers;
     for (size_t f = 0; f < sizeof coarser / sizeof *coarser; f++) {
-        bool finer = supports_finer(p) || (p->cfg->error_m > 0.0 && !p->cfg->keep_grid);
-        if (coarser[f] < 1.0 ? !finer : coarser[f] > 1.0 && !free_steps)
+        if (!may_step(p, coarser[f]))
             continue;
-        for (size_t s = 0; s < sizeof strides / sizeof *strides; s++) {
-            if (s > 0 && (!finite || strides[s] > p->cfg->set->geometry->n_speakers))
-                break; /* fewer pairs only where time presses */
-            if (lost)
-                add(p, "incoherent", false, coarser[f], strides[s]);
-            if (!lost)
-                add(p, "backprojection", false, coarser[f], strides[s]);
-            for (int dip = 0;
-                 !lost && probe->imaged && s == 0 && dip < (probe->uneven ? 1 : 2); dip++)
-                add(p, "fast", dip, coarser[f], 1);
-            if (!lost && probe->imaged && finite && coarser[f] == 1.0 && s == 0 &&
-                has_shape(p))
-                add(p, "iterative", false, coarser[f], 1);
-        }
+        list_at(p, coarser[f], 1);
+        for (size_t s = 1; s < sizeof strides / sizeof *strides; s++)
+            if (isfinite(p->cfg->budget_s) && strides[s] <= n_speakers)
+                list_at(p, coarser[f], strides[s]);
     }
 }
 
@@ -218,9 +232,9 @@ static bool is_affordable(const struct planning *p, const struct planner_candida
 }
 
 /* Is a to be preferred to b?  What fits the budget comes first.  Of that, when an error
- * is asked for, the cheapest that keeps it.  Else a sharper shape, all pairs and fine
- * steps before fewer and coarser ones, and of methods the cheapest, unless its error is
- * larger by more than the goal. */
+ * is asked for, the cheapest that keeps it.  Else what is more exact by more than the
+ * goal; of what is not, a sharper shape, fine steps and all pairs before coarse and fewer
+ * ones, and the cheapest method. */
 static bool is_better(const struct planning *p, const struct planner_candidate *a,
                       const struct planner_candidate *b)
 {
@@ -236,14 +250,14 @@ static bool is_better(const struct planning *p, const struct planner_candidate *
     if (p->cfg->error_m > 0.0 &&
         fmin(a->error_m, b->error_m) < NEARLY * fmax(a->error_m, b->error_m))
         return a->error_m < b->error_m;
+    if (fabs(a->error_m - b->error_m) > p->goal_m)
+        return a->error_m < b->error_m;
+    if (sharper != !strcmp(b->method, "iterative"))
+        return sharper;
     if (a->coarser != b->coarser)
         return a->coarser < b->coarser;
     if (a->stride != b->stride)
         return a->stride < b->stride;
-    if (sharper != !strcmp(b->method, "iterative"))
-        return sharper;
-    if (fabs(a->error_m - b->error_m) > p->goal_m)
-        return a->error_m < b->error_m;
     return a->time_s < b->time_s;
 }
 

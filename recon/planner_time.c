@@ -8,8 +8,8 @@
 #define COMPRESS_NS      1.3e4 /* a trace */
 #define STACK_NS         7.0   /* a sample of a trace, moved out */
 #define DIP_NS           30.0  /* a sample of a trace, by its dip */
-#define FAST_NS          50.0  /* a voxel */
-#define WAVE_NS          200.0 /* a cube of the shortest wave, whatever the steps */
+#define FAST_NS          30.0  /* a voxel */
+#define WAVE_NS          300.0 /* a cube of the shortest wave, whatever the steps */
 #define SCAN_NS          0.48  /* a pair of trace and voxel, steps dividing the stage's */
 #define ANY_NS           1.4   /* elsewhere */
 #define INCOHERENT_NS    0.25  /* a pair, on coarse slabs */

@@ -9,7 +9,7 @@
  * one; of the whole image, which it makes smaller. */
 #define MOST_LOOK   0.5
 #define LITTLE_LOOK 0.1
-#define PAYS_LOOK   0.5
+#define PAYS_LOOK   0.7
 
 #define SUSPICIOUS_M 0.0034 /* elements off by more would be treated otherwise */
 
