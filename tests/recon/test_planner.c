@@ -191,7 +191,7 @@ static void a_budget_is_kept_and_an_impossible_one_named(void **state)
     struct scene s;
     lay_out(&s);
     decide(&s);
-    s.cfg.budget_s = 0.8 * s.plan.time_s;
+    s.cfg.budget_s = 0.95 * s.plan.time_s;
     decide(&s);
     assert_true(s.plan.time_s <= s.cfg.budget_s);
     s.cfg.budget_s = 1e-9;
