@@ -327,7 +327,8 @@ static void add_masked(struct bench *b, size_t microphone, float stuffing)
 }
 
 /* The same image but for one factor: fewer midpoints share the same weight. */
-static void expect_proportional(const struct rig *r, const float *a, const float *b)
+static void expect_proportional(const struct rig *r, const float *a, const float *b,
+                                double limit)
 {
     double ab = 0.0, bb = 0.0, largest = 0.0;
     for (size_t v = 0; v < grid_size(&r->grid); v++) {
@@ -336,7 +337,7 @@ static void expect_proportional(const struct rig *r, const float *a, const float
         largest = fmax(largest, a[v]);
     }
     for (size_t v = 0; v < grid_size(&r->grid); v++)
-        assert_near(a[v] / largest, b[v] * ab / bb / largest, 1e-3);
+        assert_near(a[v] / largest, b[v] * ab / bb / largest, limit);
 }
 
 static void a_masked_microphone_is_as_if_absent(void **state)
@@ -354,7 +355,9 @@ static void a_masked_microphone_is_as_if_absent(void **state)
         for (size_t e = 1; e < 3; e++)
             without.microphones_m[e][1] = b.rig.microphones_m[e + 1][1];
         float *absent = rig_image(&without, methods[q], &a_point, 1, 1);
-        expect_proportional(&b.rig, b.image, absent);
+        /* Dip moveout of other offsets samples log time elsewhere. */
+        expect_proportional(&b.rig, b.image, absent,
+                            strcmp(methods[q], "fast") ? 1e-4 : 2e-4);
         free(absent);
         bench_close(&b);
     }

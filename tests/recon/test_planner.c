@@ -243,7 +243,7 @@ static void uneven_lines_leave_dip_moveout_out(void **state)
 }
 
 /* The waves of f-k migration are as many, whatever the steps: measured on the paper's
- * array, twice the steps leave some 0.4 of the time, not 1/8. */
+ * array, 0.95 million voxels take 55 ms, twice the steps 29 (0.53), not 1/8. */
 static void coarser_steps_save_less_than_their_voxels(void **state)
 {
     (void)state;
@@ -258,7 +258,7 @@ static void coarser_steps_save_less_than_their_voxels(void **state)
         planner_image_s(&s.set, &(struct grid){.n = {0}}, "fast", false, 1, 2);
     double fine_s = planner_image_s(&s.set, &s.grid, "fast", false, 1, 2) - stack_s;
     double coarse_s = planner_image_s(&s.set, &coarse, "fast", false, 1, 2) - stack_s;
-    assert_near(coarse_s / fine_s, 0.5, 0.12);
+    assert_near(coarse_s / fine_s, 0.53, 0.1);
 }
 
 static void twice_the_pings_take_twice_the_time_to_compress(void **state)
