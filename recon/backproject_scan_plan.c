@@ -4,26 +4,12 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define SAME_M 1e-4 /* what a stage position may be off its place */
-
 bool backproject_scan_fits(struct backprojection *b)
 {
     const struct geometry *g = &b->geometry;
-    if (g->pings_m || g->n_positions < SCAN_LANES || fabs(g->stage_axis[0] - 1.0) > 1e-9)
+    b->stride = geometry_stage_stride(g, b->grid.step_m[0]);
+    if (!b->stride || g->n_positions < SCAN_LANES)
         return false;
-    double step_m = b->grid.step_m[0];
-    double pitch_m =
-        (g->stage_positions_m[g->n_positions - 1] - g->stage_positions_m[0]) /
-        (double)(g->n_positions - 1);
-    double stride = rint(pitch_m / step_m);
-    if (stride < 1.0)
-        return false;
-    for (size_t k = 0; k < g->n_positions; k++) {
-        double at = g->stage_positions_m[0] + (double)k * stride * step_m;
-        if (fabs(at - g->stage_positions_m[k]) > SAME_M)
-            return false;
-    }
-    b->stride = (size_t)stride;
     b->first_m = g->stage_positions_m[0];
     return true;
 }

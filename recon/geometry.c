@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define STAGE_OFF_M 1e-4 /* that a stage position may be off its place */
+
 static void *duplicate(const void *data, size_t size)
 {
     void *copy = malloc(size ? size : 1);
@@ -85,6 +87,23 @@ static void pings_aperture(const struct geometry *g, double min[3], double max[3
             max[a] = fmax(max[a], middle);
         }
     }
+}
+
+size_t geometry_stage_stride(const struct geometry *g, double step_m)
+{
+    size_t last = g->n_positions - 1;
+    if (g->pings_m || g->n_positions < 2 || fabs(g->stage_axis[0] - 1.0) > 1e-9)
+        return 0;
+    double travel_m = g->stage_positions_m[last] - g->stage_positions_m[0];
+    double stride = rint(travel_m / (double)last / step_m);
+    if (stride < 1.0)
+        return 0;
+    for (size_t k = 0; k <= last; k++) {
+        double at = g->stage_positions_m[0] + (double)k * stride * step_m;
+        if (fabs(at - g->stage_positions_m[k]) > STAGE_OFF_M)
+            return 0;
+    }
+    return (size_t)stride;
 }
 
 void geometry_aperture(const struct geometry *g, double min[3], double max[3])

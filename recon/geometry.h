@@ -31,6 +31,10 @@ void geometry_microphone(const struct geometry *g, size_t position, size_t micro
 
 double geometry_distance(const double a[3], const double b[3]);
 
+/* How many voxels of such a step along x lie from each stage position to the next; 0: the
+ * stage does not run along x in steps of whole voxels, to 0.1 mm. */
+size_t geometry_stage_stride(const struct geometry *g, double step_m);
+
 /* Smallest and largest coordinates of the pairs' midpoints. */
 void geometry_aperture(const struct geometry *g, double min[3], double max[3]);
 

@@ -10,10 +10,9 @@
 #include "dsp/vector.h"
 #include "recon/incoherent.h"
 
-#define SAME_M   1e-4 /* what a stage position may be off its place */
-#define ROWS     8    /* depths that are imaged together */
-#define BLOCK    16   /* differences that are planned together */
-#define TOGETHER 4    /* differences summed together */
+#define ROWS     8  /* depths that are imaged together */
+#define BLOCK    16 /* differences that are planned together */
+#define TOGETHER 4  /* differences summed together */
 
 struct sweep {     /* one a thread */
     size_t n_d;    /* differences of x between voxel and stage */
@@ -31,24 +30,8 @@ static size_t n_elements(const struct incoherent *b)
 
 bool incoherent_scan_fits(const struct incoherent *b, struct incoherent_slab *slab)
 {
-    const struct geometry *g = &b->geometry;
-    if (g->pings_m || g->n_positions < VECTOR_LANES ||
-        fabs(g->stage_axis[0] - 1.0) > 1e-9)
-        return false;
-    double step_m = slab->grid.step_m[0];
-    double pitch_m =
-        (g->stage_positions_m[g->n_positions - 1] - g->stage_positions_m[0]) /
-        (double)(g->n_positions - 1);
-    double stride = rint(pitch_m / step_m);
-    if (stride < 1.0)
-        return false;
-    for (size_t k = 0; k < g->n_positions; k++) {
-        double at = g->stage_positions_m[0] + (double)k * stride * step_m;
-        if (fabs(at - g->stage_positions_m[k]) > SAME_M)
-            return false;
-    }
-    slab->stride = (size_t)stride;
-    return true;
+    slab->stride = geometry_stage_stride(&b->geometry, slab->grid.step_m[0]);
+    return slab->stride && b->geometry.n_positions >= VECTOR_LANES;
 }
 
 static size_t differences(const struct incoherent *b, const struct incoherent_slab *slab)

@@ -46,15 +46,6 @@ double planner_probe_s(const struct trace_set *set, const struct grid *grid,
     return 1e-9 * ns / (double)n_threads;
 }
 
-/* Back-projection takes its fast way when steps along x divide the stage's. */
-static bool divides_stage(const struct geometry *g, double step_m)
-{
-    if (g->pings_m || g->n_positions < 2 || g->stage_axis[0] < 0.999)
-        return false;
-    double pitch = fabs(g->stage_positions_m[1] - g->stage_positions_m[0]) / step_m;
-    return rint(pitch) >= 1.0 && fabs(pitch - rint(pitch)) < 1e-3;
-}
-
 double planner_image_s(const struct trace_set *set, const struct grid *grid,
                        const char *method, bool dip, size_t stride, size_t n_threads)
 {
@@ -65,7 +56,7 @@ double planner_image_s(const struct trace_set *set, const struct grid *grid,
     double ns = STACK_NS * samples;
     if (!strcmp(method, "backprojection"))
         ns += traces * voxels *
-              (divides_stage(set->geometry, grid->step_m[0]) ? SCAN_NS : ANY_NS);
+              (geometry_stage_stride(set->geometry, grid->step_m[0]) ? SCAN_NS : ANY_NS);
     else if (!strcmp(method, "incoherent"))
         ns += traces * voxels * INCOHERENT_NS;
     else

@@ -132,6 +132,28 @@ static void a_geometry_without_elements_can_be_copied(void **state)
     geometry_clear(&copy);
 }
 
+static void steps_that_go_into_the_stages_are_counted(void **state)
+{
+    (void)state;
+    double positions_m[5] = {0.1, 0.13, 0.16, 0.19, 0.22};
+    struct geometry g = {.n_positions = 5,
+                         .stage_axis = {1.0, 0.0, 0.0},
+                         .stage_positions_m = positions_m};
+    assert_int_equal(geometry_stage_stride(&g, 0.03), 1);
+    assert_int_equal(geometry_stage_stride(&g, 0.01), 3);
+    assert_int_equal(geometry_stage_stride(&g, 0.02), 0); /* 1.5 of them */
+    assert_int_equal(geometry_stage_stride(&g, 0.1), 0);
+    positions_m[2] += 0.0005; /* an uneven stage */
+    assert_int_equal(geometry_stage_stride(&g, 0.01), 0);
+    positions_m[2] -= 0.0005;
+    g.n_positions = 1;
+    assert_int_equal(geometry_stage_stride(&g, 0.01), 0);
+    g.n_positions = 5;
+    g.stage_axis[0] = 0.0;
+    g.stage_axis[1] = 1.0;
+    assert_int_equal(geometry_stage_stride(&g, 0.01), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -141,6 +163,7 @@ int main(void)
         cmocka_unit_test(a_copy_lives_without_its_original),
         cmocka_unit_test(clearing_twice_is_harmless),
         cmocka_unit_test(a_geometry_without_elements_can_be_copied),
+        cmocka_unit_test(steps_that_go_into_the_stages_are_counted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
