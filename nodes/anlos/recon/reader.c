@@ -4,11 +4,10 @@
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
-#include <string.h>
 
-#include "dsp/drift.h"
 #include "dsp/drift_track.h"
 #include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/recon/reader_worker.h"
 
 #define LOOK_POSITIONS 3 /* whose air is looked at, spread over the scan */
 #define LOOK_SPEAKERS  2 /* of each */
@@ -18,145 +17,11 @@
 #define LEAST_STRETCH 5e-6
 #define CERTAIN       3.0
 
-struct worker {
-    struct compressor *compressor;
-    struct drift *drift;         /* only while drifting, as are background_traces */
-    float *samples, *background; /* [n_microphones][frames] */
-    float *ping;                 /* [n_microphones][ping_samples] */
-    float complex *traces, *background_traces; /* [n_microphones][format.n_samples] */
-    uint32_t *clipped, *not_finite;
-    bool *masked; /* all [n_microphones] */
-    struct stopwatch stages[RECON_STAGES];
-    struct air air;
-    size_t n_cut; /* positions whose last ping breaks off */
-};
-
 struct recon_reader {
-    struct recon_reader_config cfg;
-    struct processing processing; /* with the length of pings that is needed */
-    bool drifting;
-    double stretch;         /* where the look has noticed it: what it is about */
-    struct worker *workers; /* [threads] */
+    struct reader_setup setup;
+    double stretch;                /* where the look has noticed it: what it is about */
+    struct reader_worker *workers; /* [threads] */
 };
-
-static void worker_clear(struct worker *w)
-{
-    compressor_destroy(w->compressor);
-    drift_destroy(w->drift);
-    free(w->samples);
-    free(w->background);
-    free(w->ping);
-    free(w->traces);
-    free(w->background_traces);
-    free(w->clipped);
-    free(w->not_finite);
-    free(w->masked);
-    memset(w, 0, sizeof *w);
-}
-
-static int worker_create_drift(struct worker *w, const struct recon_reader *r,
-                               const struct trace_format *format, struct complaint *why)
-{
-    const struct drift_config cfg = {
-        .format = *format,
-        .band_hz = {r->processing.band_hz[0], r->processing.band_hz[1]},
-        .n_channels = r->cfg.survey->n_microphones,
-    };
-    int err = drift_create(&w->drift, &cfg);
-    w->background_traces =
-        malloc(cfg.n_channels * format->n_samples * sizeof *w->background_traces);
-    if (!err && !w->background_traces)
-        err = -ENOMEM;
-    return err ? complain(why, err, "drift of the background: %s", strerror(-err)) : 0;
-}
-
-static int worker_create(struct worker *w, const struct recon_reader *r,
-                         struct complaint *why)
-{
-    const struct recon_reader_config *cfg = &r->cfg;
-    size_t n_mics = cfg->survey->n_microphones;
-    size_t frames = recording_frames(cfg->recording);
-    struct trace_format format;
-    int err = compressor_create(&w->compressor, &r->processing, cfg->survey,
-                                cfg->compression, cfg->window, why);
-    if (err)
-        return err;
-    compressor_format(w->compressor, &format);
-    air_start(&w->air, cfg->survey->sound_speed_m_s,
-              cfg->survey->n_positions * cfg->survey->n_speakers);
-    w->samples = malloc(n_mics * frames * sizeof *w->samples);
-    if (cfg->background)
-        w->background = malloc(n_mics * frames * sizeof *w->background);
-    w->ping = malloc(n_mics * r->processing.ping_samples * sizeof *w->ping);
-    w->traces = malloc(n_mics * format.n_samples * sizeof *w->traces);
-    w->clipped = malloc(n_mics * sizeof *w->clipped);
-    w->not_finite = malloc(n_mics * sizeof *w->not_finite);
-    w->masked = malloc(n_mics * sizeof *w->masked);
-    if (!w->samples || (cfg->background && !w->background) || !w->ping || !w->traces ||
-        !w->clipped || !w->not_finite || !w->masked)
-        return complain(why, -ENOMEM, "out of memory");
-    return r->drifting ? worker_create_drift(w, r, &format, why) : 0;
-}
-
-/* -- one position -----------------------------------------------------------------------
- */
-
-static int read_samples(const struct recon_reader *r, struct worker *w, size_t position,
-                        bool check, struct complaint *why)
-{
-    const struct recon_reader_config *cfg = &r->cfg;
-    size_t frames = recording_frames(cfg->recording);
-    memset(w->masked, 0, cfg->survey->n_microphones * sizeof *w->masked);
-    int err = recording_read(cfg->recording, position, w->samples, w->clipped,
-                             w->not_finite, why);
-    if (!err && check)
-        channel_check_position(cfg->scene_check, position, frames, w->samples, w->clipped,
-                               w->not_finite, w->masked);
-    if (err || !cfg->background)
-        return err;
-    err = recording_read(cfg->background, position, w->background, w->clipped,
-                         w->not_finite, why);
-    if (!err && check)
-        channel_check_position(cfg->background_check, position, frames, w->background,
-                               w->clipped, w->not_finite, w->masked);
-    return err;
-}
-
-/* Scene minus background sample by sample halves the compressions. */
-static void subtract_samples(const struct recon_reader *r, struct worker *w)
-{
-    size_t n = r->cfg.survey->n_microphones * recording_frames(r->cfg.recording);
-    for (size_t i = 0; i < n; i++)
-        w->samples[i] -= w->background[i];
-}
-
-/* The ping of a slot; one whose tail runs past the end of the recording is continued with
- * zeros in a buffer of its own. */
-static const float *find_ping(const struct recon_reader *r, struct worker *w,
-                              const float *samples, size_t speaker, size_t *stride)
-{
-    size_t frames = recording_frames(r->cfg.recording);
-    size_t n = r->processing.ping_samples;
-    size_t start = speaker * r->cfg.survey->slot_samples;
-    *stride = frames;
-    if (start + n <= frames)
-        return samples + start;
-    size_t there = frames - start;
-    for (size_t i = 0; i < r->cfg.survey->n_microphones; i++) {
-        memcpy(w->ping + i * n, samples + i * frames + start, there * sizeof(float));
-        memset(w->ping + i * n + there, 0, (n - there) * sizeof(float));
-    }
-    *stride = n;
-    return w->ping;
-}
-
-static void compress(const struct recon_reader *r, struct worker *w, const float *samples,
-                     size_t speaker, float complex *traces)
-{
-    size_t stride;
-    const float *ping = find_ping(r, w, samples, speaker, &stride);
-    compressor_execute(w->compressor, ping, stride, traces);
-}
 
 static bool all_masked(const bool *masked, size_t n)
 {
@@ -166,24 +31,11 @@ static bool all_masked(const bool *masked, size_t n)
     return true;
 }
 
-/* The file ends with the last slot: what echoes of it would have come later is missing,
- * and that leaks like an emission that is cut off (dsp/drift.h). */
-static bool is_cut(const struct recon_reader *r, const float *samples)
-{
-    size_t frames = recording_frames(r->cfg.recording);
-    size_t slots = r->cfg.survey->n_speakers * r->cfg.survey->slot_samples;
-    for (size_t i = 0; i < r->cfg.survey->n_microphones; i++)
-        for (size_t n = slots; n < frames; n++)
-            if (samples[i * frames + n] != 0.0f)
-                return false;
-    return frames > slots;
-}
-
-static void subtract_traces(const struct recon_reader *r, struct worker *w,
+static void subtract_traces(const struct recon_reader *r, struct reader_worker *w,
                             size_t speaker, struct drift_track *track)
 {
     struct drift_measurement now;
-    compress(r, w, w->background, speaker, w->background_traces);
+    reader_worker_compress(&r->setup, w, w->background, speaker, w->background_traces);
     drift_measure(w->drift, w->background_traces, w->traces, w->masked, &now);
     double stretch = drift_track_update(track, &now);
     air_add(&w->air, stretch,
@@ -199,17 +51,19 @@ static bool is_noticeable(const struct drift_measurement *m)
            fabs(m->stretch) > fmax(LEAST_STRETCH, CERTAIN * sqrt(m->variance));
 }
 
-static int look_at_position(struct recon_reader *r, struct worker *w, size_t position,
-                            bool *changed, struct complaint *why)
+static int look_at_position(struct recon_reader *r, struct reader_worker *w,
+                            size_t position, bool *changed, struct complaint *why)
 {
-    size_t speakers = r->cfg.survey->n_speakers;
-    size_t usable = speakers > 1 ? speakers - 1 : 1;    /* the last one may be cut */
-    int err = read_samples(r, w, position, false, why); /* they are checked later */
+    size_t speakers = r->setup.cfg.survey->n_speakers;
+    size_t usable = speakers > 1 ? speakers - 1 : 1; /* the last one may be cut */
+    int err = reader_worker_read(&r->setup, w, position, false,
+                                 why); /* they are checked later */
     for (size_t i = 0; !err && i < LOOK_SPEAKERS && !*changed; i++) {
         struct drift_measurement now;
         size_t speaker = (2 * i + 1) * usable / (2 * LOOK_SPEAKERS);
-        compress(r, w, w->samples, speaker, w->traces);
-        compress(r, w, w->background, speaker, w->background_traces);
+        reader_worker_compress(&r->setup, w, w->samples, speaker, w->traces);
+        reader_worker_compress(&r->setup, w, w->background, speaker,
+                               w->background_traces);
         drift_measure(w->drift, w->background_traces, w->traces, w->masked, &now);
         *changed = is_noticeable(&now);
         r->stretch = now.stretch;
@@ -219,16 +73,16 @@ static int look_at_position(struct recon_reader *r, struct worker *w, size_t pos
 
 static int look_at_air(struct recon_reader *r, struct complaint *why)
 {
-    struct worker w = {0};
-    size_t n = r->cfg.survey->n_positions;
+    struct reader_worker w = {0};
+    size_t n = r->setup.cfg.survey->n_positions;
     bool changed = false;
-    r->drifting = true;
-    int err = worker_create(&w, r, why);
+    r->setup.drifting = true;
+    int err = reader_worker_create(&w, &r->setup, why);
     for (size_t i = 0; !err && !changed && i < LOOK_POSITIONS; i++)
         err = look_at_position(r, &w, (2 * i + 1) * n / (2 * LOOK_POSITIONS), &changed,
                                why);
-    worker_clear(&w);
-    r->drifting = changed;
+    reader_worker_clear(&w);
+    r->setup.drifting = changed;
     return err;
 }
 
@@ -243,17 +97,17 @@ int recon_reader_create(struct recon_reader **out, const struct recon_reader_con
     int err = 0;
     if (!r)
         return complain(why, -ENOMEM, "out of memory");
-    r->cfg = *cfg;
-    r->processing = *cfg->processing;
+    r->setup.cfg = *cfg;
+    r->setup.processing = *cfg->processing;
     r->workers = calloc(threads, sizeof *r->workers);
     if (!r->workers)
         err = complain(why, -ENOMEM, "out of memory");
     if (!err && cfg->background && cfg->compression == COMPRESSION_MATCHED_FILTER)
         err = look_at_air(r, why);
-    if (!r->drifting)
-        r->processing.ping_samples = r->processing.echo_samples;
+    if (!r->setup.drifting)
+        r->setup.processing.ping_samples = r->setup.processing.echo_samples;
     for (size_t t = 0; !err && t < threads; t++)
-        err = worker_create(&r->workers[t], r, why);
+        err = reader_worker_create(&r->workers[t], &r->setup, why);
     if (err) {
         recon_reader_destroy(r);
         return err;
@@ -275,12 +129,12 @@ struct run {
     struct complaint *why;
 };
 
-static void process_ping(struct run *run, struct worker *w, size_t position,
+static void process_ping(struct run *run, struct reader_worker *w, size_t position,
                          size_t speaker, struct drift_track *track, struct stopwatch *now)
 {
     const struct recon_reader *r = run->reader;
-    compress(r, w, w->samples, speaker, w->traces);
-    if (r->drifting)
+    reader_worker_compress(&r->setup, w, w->samples, speaker, w->traces);
+    if (r->setup.drifting)
         subtract_traces(r, w, speaker, track);
     stopwatch_lap(&w->stages[RECON_COMPRESS], now, true);
     run->sink->take(run->sink->ctx, position, speaker, w->traces, w->masked);
@@ -291,8 +145,8 @@ static void process_position(void *ctx, size_t position, size_t thread)
 {
     struct run *run = ctx;
     struct recon_reader *r = run->reader;
-    struct worker *w = &r->workers[thread];
-    size_t speakers = r->cfg.survey->n_speakers;
+    struct reader_worker *w = &r->workers[thread];
+    size_t speakers = r->setup.cfg.survey->n_speakers;
     struct complaint why = {0};
     struct drift_track track;
     int none = 0;
@@ -300,18 +154,18 @@ static void process_position(void *ctx, size_t position, size_t thread)
     if (atomic_load(&run->err) || interrupt_requested())
         return;
     struct stopwatch now = stopwatch_now(true);
-    int err = read_samples(r, w, position, true, &why);
-    if (!err && r->cfg.background && !r->drifting)
-        subtract_samples(r, w);
+    int err = reader_worker_read(&r->setup, w, position, true, &why);
+    if (!err && r->setup.cfg.background && !r->setup.drifting)
+        reader_worker_subtract(&r->setup, w);
     stopwatch_lap(&w->stages[RECON_READ], &now, true);
     if (err) {
         if (atomic_compare_exchange_strong(&run->err, &none, err))
             *run->why = why;
         return;
     }
-    if (all_masked(w->masked, r->cfg.survey->n_microphones))
+    if (all_masked(w->masked, r->setup.cfg.survey->n_microphones))
         return; /* its pings are lost, and counted as such */
-    if (r->drifting && is_cut(r, w->samples)) {
+    if (r->setup.drifting && reader_worker_is_cut(&r->setup, w)) {
         w->n_cut++;
         if (speakers > 1)
             speakers--;
@@ -326,7 +180,7 @@ static void process_position(void *ctx, size_t position, size_t thread)
 static void share_times(const struct recon_reader *r, double wall_s,
                         struct stopwatch *stages)
 {
-    size_t threads = pool_threads(r->cfg.pool);
+    size_t threads = pool_threads(r->setup.cfg.pool);
     double busy_s = 0.0;
     for (size_t t = 0; t < threads; t++)
         for (int i = 0; i < RECON_STAGES; i++)
@@ -346,14 +200,14 @@ int recon_reader_run(struct recon_reader *r, const struct recon_sink *sink,
 {
     struct run run = {.reader = r, .sink = sink, .why = why};
     struct stopwatch phase = {0}, now = stopwatch_now(false);
-    const struct survey *s = r->cfg.survey;
+    const struct survey *s = r->setup.cfg.survey;
 
     atomic_init(&run.err, 0);
-    pool_run(r->cfg.pool, s->n_positions, process_position, &run);
+    pool_run(r->setup.cfg.pool, s->n_positions, process_position, &run);
     stopwatch_lap(&phase, &now, false);
     share_times(r, phase.wall_s, stages);
     air_start(air, s->sound_speed_m_s, s->n_positions * s->n_speakers);
-    for (size_t t = 0; t < pool_threads(r->cfg.pool); t++)
+    for (size_t t = 0; t < pool_threads(r->setup.cfg.pool); t++)
         air_join(air, &r->workers[t].air);
     if (interrupt_requested())
         return complain(why, -EINTR, "interrupted");
@@ -363,7 +217,7 @@ int recon_reader_run(struct recon_reader *r, const struct recon_sink *sink,
 size_t recon_reader_cut(const struct recon_reader *r)
 {
     size_t n = 0;
-    for (size_t t = 0; t < pool_threads(r->cfg.pool); t++)
+    for (size_t t = 0; t < pool_threads(r->setup.cfg.pool); t++)
         n += r->workers[t].n_cut;
     return n;
 }
@@ -372,8 +226,8 @@ void recon_reader_destroy(struct recon_reader *r)
 {
     if (!r)
         return;
-    for (size_t t = 0; r->workers && t < pool_threads(r->cfg.pool); t++)
-        worker_clear(&r->workers[t]);
+    for (size_t t = 0; r->workers && t < pool_threads(r->setup.cfg.pool); t++)
+        reader_worker_clear(&r->workers[t]);
     free(r->workers);
     free(r);
 }
