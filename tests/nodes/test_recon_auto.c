@@ -261,6 +261,33 @@ static void more_than_ample_time_changes_nothing(void **state)
     recon_job_clear(&less);
 }
 
+static void a_trace_with_what_is_no_number_counts_as_masked(void **state)
+{
+    (void)state;
+    static struct recon_job job; /* one speaker, three microphones, traces of 8 samples */
+    static const double speaker[1][3] = {{0}}, microphones[3][3] = {{0}},
+                        position[1] = {0};
+    struct complaint why;
+    float complex traces[3 * 8] = {0};
+    const bool masked[3] = {false, false, true};
+    job.processing.geometry = (struct geometry){.sound_speed_m_s = 343.0,
+                                                .n_speakers = 1,
+                                                .n_microphones = 3,
+                                                .n_positions = 1,
+                                                .speakers_m = speaker,
+                                                .microphones_m = microphones,
+                                                .stage_axis = {1.0, 0.0, 0.0},
+                                                .stage_positions_m = position};
+    job.format.n_samples = 8;
+    traces[8 + 5] = NAN;
+    assert_int_equal(recon_auto_create(&job.automatic, &job, &why), 0);
+    recon_auto_take(job.automatic, 0, 0, traces, masked);
+    assert_true(job.automatic->heard[0]);
+    assert_false(job.automatic->heard[1]);
+    assert_false(job.automatic->heard[2]);
+    recon_auto_destroy(job.automatic);
+}
+
 static void where_a_look_saves_little_there_is_none(void **state)
 {
     struct simulated *s = *state;
@@ -559,6 +586,7 @@ int main(void)
         cmocka_unit_test(depth_that_holds_nothing_is_left_out),
         cmocka_unit_test(steps_follow_the_error_that_is_allowed),
         cmocka_unit_test(more_than_ample_time_changes_nothing),
+        cmocka_unit_test(a_trace_with_what_is_no_number_counts_as_masked),
         cmocka_unit_test(where_a_look_saves_little_there_is_none),
         cmocka_unit_test(no_time_to_look_still_finds_the_point),
         cmocka_unit_test(elements_a_centimetre_off_leave_power_alone),

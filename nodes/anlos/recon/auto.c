@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/trace_check.h"
+
 /* What a look may take: of what is left of the budget; of it when nothing else calls for
  * one; of the whole image, which it makes smaller. */
 #define MOST_LOOK   0.5
@@ -64,7 +66,7 @@ void recon_auto_take(void *ctx, size_t position, size_t speaker,
     size_t first = (position * g->n_speakers + speaker) * n_mic;
     memcpy(a->traces + first * n, traces, n_mic * n * sizeof *traces);
     for (size_t i = 0; i < n_mic; i++)
-        a->heard[first + i] = !(masked && masked[i]);
+        a->heard[first + i] = !(masked && masked[i]) && trace_check(traces + i * n, n);
 }
 
 /* -- the decision -----------------------------------------------------------------------

@@ -32,7 +32,8 @@ int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
 /* What another one has seen and decided becomes that of the job. */
 void recon_auto_inherit(struct recon_job *job, const struct recon_auto *from);
 
-/* A reader's sink; of job->automatic. */
+/* A reader's sink; of job->automatic.  Traces that recon/trace_check finds unfit count as
+ * masked. */
 void recon_auto_take(void *ctx, size_t position, size_t speaker,
                      const float complex *traces, const bool *masked);
 
