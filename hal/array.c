@@ -91,6 +91,11 @@ int array_next(struct array *a, struct array_ping *out, struct complaint *why)
     return err;
 }
 
+size_t array_counts(struct array *a, struct device_count out[DEVICE_MAX_COUNTS])
+{
+    return a->ops->counts ? a->ops->counts(a->state, out) : 0;
+}
+
 void array_close(struct array *a)
 {
     if (!a)

@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "hal/clock.h"
+#include "hal/device_count.h"
 #include "msgs/complaint.h"
 #include "msgs/survey.h"
 
@@ -44,6 +45,8 @@ struct array_ops {
     const struct survey *(*survey)(void *state);
     int (*fire)(void *state, const struct array_shot *shot);
     int (*next)(void *state, struct array_ping *out, struct complaint *why);
+    /* May be NULL: nothing is counted. */
+    size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
     void (*close)(void *state);
 };
 
@@ -64,6 +67,8 @@ int array_fire(struct array *a, const struct array_shot *shot);
  * -EINTR (a signal; call again or give up), other negative errno, which end the shot. */
 int array_next(struct array *a, struct array_ping *out, struct complaint *why);
 
+/* How many counts there are. */
+size_t array_counts(struct array *a, struct device_count out[DEVICE_MAX_COUNTS]);
 void array_close(struct array *a);
 
 #endif

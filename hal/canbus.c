@@ -73,6 +73,11 @@ int canbus_flush(struct canbus *b)
     return b->ops->flush(b->state);
 }
 
+size_t canbus_counts(struct canbus *b, struct device_count out[DEVICE_MAX_COUNTS])
+{
+    return b->ops->counts ? b->ops->counts(b->state, out) : 0;
+}
+
 void canbus_close(struct canbus *b)
 {
     if (!b)

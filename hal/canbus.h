@@ -6,8 +6,10 @@
 #define ANLOS_HAL_CANBUS_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
+#include "hal/device_count.h"
 #include "msgs/can/frames.h"
 #include "msgs/complaint.h"
 
@@ -16,6 +18,8 @@ struct canbus_ops {
     int (*open)(void **state, const char *arg, struct complaint *why);
     int (*send)(void *state, const struct can_frame_data *frame, int64_t stamp_ns);
     int (*flush)(void *state);
+    /* May be NULL: nothing is counted. */
+    size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
     void (*close)(void *state);
 };
 
@@ -32,6 +36,8 @@ int canbus_send(struct canbus *b, const struct can_frame_data *frame, int64_t st
 
 /* A list of frames is complete: a log writes it out whole.  0 or as canbus_send. */
 int canbus_flush(struct canbus *b);
+/* How many counts there are. */
+size_t canbus_counts(struct canbus *b, struct device_count out[DEVICE_MAX_COUNTS]);
 void canbus_close(struct canbus *b);
 
 #endif

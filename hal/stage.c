@@ -55,6 +55,11 @@ void stage_status(struct stage *s, struct stage_status *out)
     s->ops->status(s->state, out);
 }
 
+size_t stage_counts(struct stage *s, struct device_count out[DEVICE_MAX_COUNTS])
+{
+    return s->ops->counts ? s->ops->counts(s->state, out) : 0;
+}
+
 void stage_close(struct stage *s)
 {
     if (!s)

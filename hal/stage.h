@@ -6,9 +6,11 @@
 #define ANLOS_HAL_STAGE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #include "hal/clock.h"
+#include "hal/device_count.h"
 #include "msgs/complaint.h"
 
 enum stage_motion { STAGE_IDLE, STAGE_MOVING, STAGE_SETTLING, STAGE_FAULT };
@@ -27,6 +29,8 @@ struct stage_ops {
     int (*move)(void *state, double target_m); /* as stage_move; target_m is finite */
     /* *out comes idle and without text. */
     void (*status)(void *state, struct stage_status *out);
+    /* May be NULL: nothing is counted. */
+    size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
     void (*close)(void *state);
 };
 
@@ -39,6 +43,8 @@ int stage_open(struct stage **out, const char *uri, const struct clock_source *c
 /* Starts a move and returns; a move under way is replaced.  0, -ERANGE (soft limits). */
 int stage_move(struct stage *s, double target_m);
 void stage_status(struct stage *s, struct stage_status *out);
+/* How many counts there are. */
+size_t stage_counts(struct stage *s, struct device_count out[DEVICE_MAX_COUNTS]);
 void stage_close(struct stage *s);
 
 #endif

@@ -59,6 +59,11 @@ static void take(struct run *r, const struct node_message *in)
         node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
 }
 
+static size_t counts(void *device, struct device_count *out)
+{
+    return array_counts(device, out);
+}
+
 static int run(struct run *r)
 {
     struct node_message in;
@@ -95,8 +100,11 @@ int main(int argc, char **argv)
         node_log(r.node, LOG_LEVEL_ERROR, "%s", why.text);
     if (!err)
         err = shooter_create(&r.shooter, array);
-    if (!err)
+    if (!err) {
+        node_device(r.node, counts, array);
         err = run(&r);
+    }
+    node_device(r.node, NULL, NULL);
     shooter_destroy(r.shooter);
     array_close(array);
     return node_finish(r.node, err);

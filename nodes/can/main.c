@@ -77,6 +77,11 @@ static void take(struct run *r, const struct node_message *in)
                                 in->capture_ns, node_now_ns(r->node), frames));
 }
 
+static size_t counts(void *device, struct device_count *out)
+{
+    return canbus_counts(device, out);
+}
+
 static int run(struct run *r)
 {
     struct node_message in;
@@ -123,8 +128,11 @@ int main(int argc, char **argv)
         return err - 1;
     sender_init(&r.sender, node_launch(r.node)->can.base_id);
     err = open_bus(&r);
-    if (!err)
+    if (!err) {
+        node_device(r.node, counts, r.bus);
         err = run(&r);
+    }
+    node_device(r.node, NULL, NULL);
     canbus_close(r.bus);
     return node_finish(r.node, err);
 }

@@ -91,7 +91,7 @@ static json_t *topic_count(const Anlos__TopicCount *c)
 static json_t *node(const struct report_node *n)
 {
     const Anlos__Health *h = n->health;
-    json_t *o = json_object(), *topics = json_array();
+    json_t *o = json_object(), *topics = json_array(), *device = json_object();
 
     json_object_set_new(o, "node", json_string(h->node));
     json_object_set_new(o, "state", json_string(health_state_name(h->state)));
@@ -104,6 +104,9 @@ static json_t *node(const struct report_node *n)
     for (size_t i = 0; i < h->n_topics; i++)
         json_array_append_new(topics, topic_count(h->topics[i]));
     json_object_set_new(o, "topics", topics);
+    for (size_t i = 0; i < h->n_device; i++)
+        json_object_set_new(device, h->device[i]->name, integer(h->device[i]->value));
+    json_object_set_new(o, "device", device);
     return o;
 }
 

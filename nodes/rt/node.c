@@ -27,6 +27,8 @@ struct node {
     Anlos__Health__State state;
     char text[256];
     uint64_t malformed;
+    size_t (*counts)(void *device, struct device_count *out);
+    void *device;              /* NULL: none */
     ProtobufCMessage *content; /* of the message that node_next gave out last */
 };
 
@@ -142,9 +144,12 @@ int node_subscribe(struct node *n, const struct topic *t)
 static void publish_health(struct node *n)
 {
     struct vitals v;
+    struct device_count counts[DEVICE_MAX_COUNTS];
     int64_t now = node_now_ns(n);
 
     vitals_take(&v, n->bus, n->name, n->malformed);
+    if (n->device)
+        vitals_device(&v, counts, n->counts(n->device, counts));
     v.message.state = n->state;
     v.message.text = n->text;
     v.message.uptime_s = (double)(now - n->epoch_ns) * 1e-9;
@@ -218,6 +223,13 @@ int node_publish(struct node *n, const struct topic *t, int64_t capture_ns,
     if (err)
         node_log(n, LOG_LEVEL_ERROR, "cannot publish %s: %s", t->name, strerror(-err));
     return err;
+}
+
+void node_device(struct node *n, size_t (*counts)(void *device, struct device_count *out),
+                 void *device)
+{
+    n->counts = counts;
+    n->device = device;
 }
 
 void node_state(struct node *n, Anlos__Health__State state, const char *format, ...)

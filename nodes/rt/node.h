@@ -5,9 +5,11 @@
 #define ANLOS_NODES_RT_NODE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #include "hal/clock.h"
+#include "hal/device_count.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
 #include "nodes/rt/exit_code.h"
@@ -49,6 +51,11 @@ int node_publish(struct node *n, const struct topic *t, int64_t capture_ns,
 /* Sets this node's state and says so at once when it changed. */
 void node_state(struct node *n, Anlos__Health__State state, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+
+/* The device that this node drives: each health message asks it for its counts.  device
+ * NULL: none any more. */
+void node_device(struct node *n, size_t (*counts)(void *device, struct device_count *out),
+                 void *device);
 
 void node_log(const struct node *n, enum log_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));

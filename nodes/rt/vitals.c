@@ -55,3 +55,15 @@ void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malfo
     out->message.topics = out->count_list;
     out->message.refused = bus_refused(bus) + malformed;
 }
+
+void vitals_device(struct vitals *out, const struct device_count *counts, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        anlos__device_count__init(&out->device[i]);
+        out->device[i].name = (char *)counts[i].name;
+        out->device[i].value = counts[i].value;
+        out->device_list[i] = &out->device[i];
+    }
+    out->message.n_device = n;
+    out->message.device = out->device_list;
+}

@@ -4,6 +4,7 @@
 
 #include <stddef.h>
 
+#include "hal/device_count.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
 
@@ -13,10 +14,15 @@ struct vitals { /* the message and what it points to */
     Anlos__Health message;
     Anlos__TopicCount counts[VITALS_MAX_TOPICS];
     Anlos__TopicCount *count_list[VITALS_MAX_TOPICS];
+    Anlos__DeviceCount device[DEVICE_MAX_COUNTS];
+    Anlos__DeviceCount *device_list[DEVICE_MAX_COUNTS];
 };
 
 /* Fills in everything but state, text and uptime_s.  malformed: messages that were whole
  * but did not unpack, counted as refused. */
 void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malformed);
+
+/* Adds what the node's device counts. */
+void vitals_device(struct vitals *out, const struct device_count *counts, size_t n);
 
 #endif

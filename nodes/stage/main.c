@@ -5,6 +5,11 @@
 #include "nodes/rt/node.h"
 #include "nodes/stage/mover.h"
 
+static size_t counts(void *device, struct device_count *out)
+{
+    return stage_counts(device, out);
+}
+
 static int run(struct node *node, struct stage *stage)
 {
     struct mover mover;
@@ -51,8 +56,11 @@ int main(int argc, char **argv)
     err = stage_open(&stage, node_launch(node)->stage.uri, node_clock(node), &why);
     if (err)
         node_log(node, LOG_LEVEL_ERROR, "%s", why.text);
-    else
+    else {
+        node_device(node, counts, stage);
         err = run(node, stage);
+    }
+    node_device(node, NULL, NULL);
     stage_close(stage);
     return node_finish(node, err);
 }

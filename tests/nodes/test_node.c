@@ -93,6 +93,32 @@ static void health_is_published_without_being_asked(void **state)
     assert_int_equal(node_finish(r->node, 0), 0);
 }
 
+static size_t count_overruns(void *device, struct device_count *out)
+{
+    *out = (struct device_count){.name = "overruns", .value = ++*(uint64_t *)device};
+    return 1;
+}
+
+static void health_carries_what_the_device_counts_now(void **state)
+{
+    struct rig *r = *state;
+    uint64_t overruns = 41;
+
+    assert_int_equal(create(r, "scan", NULL, NULL), 0);
+    node_device(r->node, count_overruns, &overruns);
+    struct bus *b = listen(r, topic_health());
+    for (uint64_t expected = 42; expected < 44; expected++) {
+        Anlos__Health *h = (Anlos__Health *)hear(r, b);
+        assert_int_equal(h->n_device, 1);
+        assert_string_equal(h->device[0]->name, "overruns");
+        assert_int_equal(h->device[0]->value, expected);
+        anlos__health__free_unpacked(h, NULL);
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "again");
+    }
+    bus_destroy(b);
+    node_finish(r->node, 0);
+}
+
 static void a_change_of_state_is_said_at_once(void **state)
 {
     struct rig *r = *state;
@@ -204,6 +230,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(health_is_published_without_being_asked),
+        TEST(health_carries_what_the_device_counts_now),
         TEST(a_change_of_state_is_said_at_once),
         TEST(messages_come_unpacked_with_their_sender),
         TEST(waiting_ends_when_its_time_is_over),

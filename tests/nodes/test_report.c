@@ -60,6 +60,7 @@ static void tell_health(struct report *r, const char *node, int64_t epoch_ns,
 {
     Anlos__Health h = ANLOS__HEALTH__INIT;
     Anlos__TopicCount c = ANLOS__TOPIC_COUNT__INIT, *list = &c;
+    Anlos__DeviceCount d = ANLOS__DEVICE_COUNT__INIT, *device = &d;
 
     c.topic = (char *)"ping";
     c.gaps = gaps;
@@ -69,6 +70,10 @@ static void tell_health(struct report *r, const char *node, int64_t epoch_ns,
     h.topics = &list;
     h.n_topics = 1;
     h.refused = 1;
+    d.name = (char *)"overruns";
+    d.value = gaps + 10;
+    h.device = &device;
+    h.n_device = 1;
     assert_int_equal(report_health(r, &h, epoch_ns), 0);
 }
 
@@ -156,6 +161,8 @@ static void the_report_says_how_it_went(void **state)
     const json_t *dsp = json_array_get(json_object_get(o, "nodes"), 0);
     assert_string_equal(json_string_value(json_object_get(dsp, "node")), "dsp");
     assert_int_equal(json_integer_value(json_object_get(dsp, "restarts")), 1);
+    const json_t *device = json_object_get(dsp, "device");
+    assert_int_equal(json_integer_value(json_object_get(device, "overruns")), 14);
     json_decref(o);
     report_clear(&r);
 }
