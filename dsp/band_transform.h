@@ -1,11 +1,9 @@
 /* dsp/band_transform.h -- a real signal to the frequencies of one band, and those back to
  * complex baseband over a part of the time: what a filter needs, and nothing beside it.
  *
- * A transform of L = R m samples is R/2 complex ones of m and a direct sum over R in
- * vector code (decimation in frequency); the way back is R of m' and a sum over R for
- * those samples that are wanted.  Frequencies are (k + 1/2) / L, so that the R streams of
- * bins are R/2 conjugate pairs.  It takes half the time of FFTW's own transforms of those
- * lengths, and short ones are planned in a moment. */
+ * Long transforms are cut into short ones and direct sums in vector code
+ * (dsp/band_plan).  That takes half the time of FFTW's own transforms of those lengths,
+ * and short ones are planned in a moment. */
 #ifndef ANLOS_DSP_BAND_TRANSFORM_H
 #define ANLOS_DSP_BAND_TRANSFORM_H
 
@@ -29,6 +27,7 @@ struct band_transform_layout {
     double carrier;  /* cycles per sample of the signal; is at 0 in the baseband */
 };
 
+struct band_plan;
 struct band_transform;
 
 /* Plans (from one thread at a time) and allocates.  0, -EINVAL, -ENOMEM. */
@@ -36,6 +35,9 @@ int band_transform_create(struct band_transform **out,
                           const struct band_transform_config *cfg);
 void band_transform_layout(const struct band_transform *bt,
                            struct band_transform_layout *out);
+
+/* How it is cut and its tables, for dsp/band_lanes; they live as long as it does. */
+const struct band_plan *band_transform_plan(const struct band_transform *bt);
 
 /* Frequency of a bin, in cycles per sample. */
 double band_transform_frequency(const struct band_transform *bt, size_t stream,

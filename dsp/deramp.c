@@ -4,27 +4,31 @@
 #include <fftw3.h>
 #include <math.h>
 #include <stdbool.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/deramp_layout.h"
 #include "dsp/fft_plan.h"
-#include "dsp/fft_size.h"
 
-/* Of an echo at the gate's far end, at least this part must fall into the slot. */
-#define MIN_OVERLAP 0.05
+/* Of a sweep's spectrum: the emission's, half of it at its ends, is not taken for less.
+ */
+#define MIN_TONE 0.25
 
 struct deramp {
-    struct trace_format format;
+    struct deramp_layout layout;
     size_t n_channels;
-    size_t first, n_slot;      /* samples of a ping that are used */
-    size_t n_analytic, n_beat; /* transform lengths */
-    size_t first_bin;          /* the range bin of a trace's sample 0 */
-    float *mixer;              /* [n_slot][2], window and conjugate chirp */
-    float *turn;               /* [format.n_samples][2] */
-    float *wave, *spectrum;    /* [n_analytic][2] */
-    float *mixed, *beat;       /* [n_beat][2] */
-    fftwf_plan forward, backward, range;
+    struct band_transform *transform;
+    size_t n_filters;        /* 1: all microphones are flat */
+    size_t n_filter;         /* bins of the transform */
+    float complex *filters;  /* [n_filters][n_filter]: from emission to sweep */
+    float *mixer;            /* [n_mixed][2]: fades, conjugate chirp */
+    float *deskew;           /* [n_beats][2] */
+    float *window;           /* [n_band] */
+    float *turn;             /* [format.n_samples][2] */
+    float *mixed, *spectrum; /* [n_beat][2]; mixed is 0 from n_mixed on */
+    float *beats, *aligned;  /* [n_aligned][2]; beats are 0 from n_beats on */
+    float *band, *range;     /* [n_range][2]; the band is 0 from n_band on */
+    fftwf_plan beat, align, compress;
 };
 
 static void complex_multiply(float *z, const float *w)
@@ -43,191 +47,209 @@ static void complex_polar(float *z, double magnitude, double cycles)
     z[1] = (float)(magnitude * sin(a));
 }
 
-static bool config_is_valid(const struct deramp_config *c)
+static int arrays_create(struct deramp *d)
 {
-    double nyquist_hz = c->sample_rate_hz / 2.0;
+    const struct deramp_layout *l = &d->layout;
 
-    return isfinite(nyquist_hz) && nyquist_hz > 0.0 && c->n_channels && c->n_samples &&
-           c->n_samples < INT32_MAX / 4 && c->latency_samples >= 0.0 &&
-           c->latency_samples < 1e9 && c->chirp.start_hz >= 0.0 &&
-           c->chirp.start_hz <= nyquist_hz && c->chirp.stop_hz >= 0.0 &&
-           c->chirp.stop_hz <= nyquist_hz && c->chirp.start_hz != c->chirp.stop_hz &&
-           chirp_length(&c->chirp, c->sample_rate_hz) >= 2 && c->gate_s[0] >= 0.0 &&
-           c->gate_s[1] > c->gate_s[0] && isfinite(c->gate_s[1]) && c->rate_hz > 0.0 &&
-           c->rate_hz <= 64.0 * c->sample_rate_hz;
-}
-
-static double slope_hz_s(const struct deramp_config *c)
-{
-    return (c->chirp.stop_hz - c->chirp.start_hz) / c->chirp.duration_s;
-}
-
-static double slot_time_s(const struct deramp *d, const struct deramp_config *c, size_t i)
-{
-    return ((double)(d->first + i) - c->latency_samples) / c->sample_rate_hz;
-}
-
-static double slot_weight(const struct deramp *d, const struct deramp_config *c, size_t i)
-{
-    return window_weight(c->window, slot_time_s(d, c, i) / c->chirp.duration_s);
-}
-
-/* What a unit echo of that delay adds up to: it is absent from the slot's beginning. */
-static double slot_overlap(const struct deramp *d, const struct deramp_config *c,
-                           double delay_s)
-{
-    double sum = 0.0;
-
-    for (size_t i = 0; i < d->n_slot; i++)
-        if (slot_time_s(d, c, i) >= delay_s)
-            sum += slot_weight(d, c, i);
-    return sum;
-}
-
-static int layout_choose(struct deramp *d, const struct deramp_config *c)
-{
-    double fs = c->sample_rate_hz, first = ceil(c->latency_samples);
-    double slope = fabs(slope_hz_s(c)), n_beat;
-    struct trace_format *f = &d->format;
-    double whole;
-
-    if (first + 2.0 > (double)c->n_samples)
-        return -ERANGE;
-    d->first = (size_t)first;
-    d->n_slot = (size_t)floor(c->chirp.duration_s * fs - (first - c->latency_samples)) +
-                1;
-    if (d->n_slot > c->n_samples - d->first)
-        d->n_slot = c->n_samples - d->first;
-    whole = slot_overlap(d, c, 0.0);
-    if (!(whole > 0.0 && slot_overlap(d, c, c->gate_s[1]) >= MIN_OVERLAP * whole))
-        return -ERANGE;
-    n_beat = fmax(ceil(fs * c->rate_hz / slope - 1e-6), (double)d->n_slot);
-    if (n_beat > INT32_MAX / 4)
-        return -EINVAL;
-    d->n_channels = c->n_channels;
-    d->n_beat = fft_size((size_t)n_beat, 1.05);
-    /* Room after the slot, for the analytic signal's tails to wrap into. */
-    d->n_analytic = fft_size(d->n_slot + d->n_slot / 8 + 1, 1.25);
-    f->rate_hz = (double)d->n_beat * slope / fs;
-    d->first_bin = (size_t)ceil(c->gate_s[0] * f->rate_hz - 1e-6);
-    f->t0_s = (double)d->first_bin / f->rate_hz;
-    if (c->gate_s[1] < f->t0_s)
-        return -EINVAL;
-    f->n_samples = (size_t)floor((c->gate_s[1] - f->t0_s) * f->rate_hz + 1e-6) + 1;
-    if (d->first_bin + f->n_samples > d->n_beat)
-        return -ERANGE;
-    /* The frequency that the echo in the gate's middle has in the slot's middle. */
-    f->carrier_hz = c->chirp.start_hz +
-                    slope_hz_s(c) * 0.5 *
-                        (c->chirp.duration_s - c->gate_s[0] - c->gate_s[1]);
+    d->filters = fftwf_malloc(d->n_filters * d->n_filter * sizeof(*d->filters));
+    d->mixer = fftwf_malloc(2 * l->n_mixed * sizeof(float));
+    d->deskew = fftwf_malloc(2 * l->n_beats * sizeof(float));
+    d->window = fftwf_malloc(l->n_band * sizeof(float));
+    d->turn = fftwf_malloc(2 * l->format.n_samples * sizeof(float));
+    d->mixed = fftwf_malloc(2 * l->n_beat * sizeof(float));
+    d->spectrum = fftwf_malloc(2 * l->n_beat * sizeof(float));
+    d->beats = fftwf_malloc(2 * l->n_aligned * sizeof(float));
+    d->aligned = fftwf_malloc(2 * l->n_aligned * sizeof(float));
+    d->band = fftwf_malloc(2 * l->n_range * sizeof(float));
+    d->range = fftwf_malloc(2 * l->n_range * sizeof(float));
+    if (!d->filters || !d->mixer || !d->deskew || !d->window || !d->turn || !d->mixed ||
+        !d->spectrum || !d->beats || !d->aligned || !d->band || !d->range)
+        return -ENOMEM;
+    memset(d->mixed, 0, 2 * l->n_beat * sizeof(float));
+    memset(d->beats, 0, 2 * l->n_aligned * sizeof(float));
+    memset(d->band, 0, 2 * l->n_range * sizeof(float));
     return 0;
 }
 
-static int scratch_create(struct deramp *d, bool rising)
+/* Beats are counted by the delays they stand for: of a rising chirp they are negative
+ * frequencies. */
+static int plans_create(struct deramp *d, bool rising)
 {
-    size_t n = 2 * d->n_analytic, m = 2 * d->n_beat;
+    const struct deramp_layout *l = &d->layout;
+    int to_delay = rising ? FFTW_BACKWARD : FFTW_FORWARD;
+    int to_time = rising ? FFTW_FORWARD : FFTW_BACKWARD;
 
-    d->mixer = fftwf_malloc(2 * d->n_slot * sizeof(float));
-    d->turn = fftwf_malloc(2 * d->format.n_samples * sizeof(float));
-    d->wave = fftwf_malloc(n * sizeof(float));
-    d->spectrum = fftwf_malloc(n * sizeof(float));
-    d->mixed = fftwf_malloc(m * sizeof(float));
-    d->beat = fftwf_malloc(m * sizeof(float));
-    if (!d->mixer || !d->turn || !d->wave || !d->spectrum || !d->mixed || !d->beat)
-        return -ENOMEM;
-    d->forward = fft_plan(d->n_analytic, d->wave, d->spectrum, FFTW_FORWARD);
-    d->backward = fft_plan(d->n_analytic, d->spectrum, d->wave, FFTW_BACKWARD);
-    d->range =
-        fft_plan(d->n_beat, d->mixed, d->beat, rising ? FFTW_BACKWARD : FFTW_FORWARD);
-    if (!d->forward || !d->backward || !d->range)
-        return -ENOMEM;
-    memset(d->mixed, 0, m * sizeof(float));
-    return 0;
+    d->beat = fft_plan(l->n_beat, d->mixed, d->spectrum, to_delay);
+    d->align = fft_plan(l->n_aligned, d->beats, d->aligned, to_time);
+    d->compress = fft_plan(l->n_range, d->band, d->range, to_delay);
+    return d->beat && d->align && d->compress ? 0 : -ENOMEM;
 }
 
-/* An echo of delay tau leaves the mixer as exp(-2 pi i (f0 tau + k tau t - k tau^2 / 2)).
- * The transform at k tau removes the beat; the turn removes the rest at tau, the
- * residual video phase pi k tau^2 too, and takes the carrier out. */
-static void tables_fill(struct deramp *d, const struct deramp_config *c)
+/* An echo of delay tau leaves the mixer as exp(-2 pi i (f0 tau + k tau t - k tau^2 / 2))
+ * from t = tau on.  The deskewing filter removes the last term, the residual video phase,
+ * and brings it forward by tau: exp(-2 pi i (f0 + k t) tau) from t = 0 on. */
+static void phases_fill(struct deramp *d, const struct deramp_config *c)
 {
-    double slope = slope_hz_s(c), t0 = slot_time_s(d, c, 0);
+    const struct deramp_layout *l = &d->layout;
+    double slope = deramp_slope_hz_s(c);
+    struct band_transform_layout band;
 
-    for (size_t i = 0; i < d->n_slot; i++) {
-        double phase = chirp_phase_rad(&c->chirp, slot_time_s(d, c, i));
-        complex_polar(d->mixer + 2 * i, slot_weight(d, c, i) / (double)d->n_analytic,
-                      -phase / (2.0 * M_PI));
+    band_transform_layout(d->transform, &band);
+    double scale = 1.0 / ((double)band.length * (double)l->n_beat);
+    double carrier_hz = band.carrier * c->sample_rate_hz;
+    for (size_t i = 0; i < l->n_mixed; i++) {
+        double after_s = (double)i * l->mixed_step_s, t = l->begin_s + after_s;
+        complex_polar(d->mixer + 2 * i, scale * deramp_fade(l, c, t),
+                      carrier_hz * after_s -
+                          chirp_phase_rad(&c->chirp, t) / (2.0 * M_PI));
     }
-    for (size_t i = 0; i < d->format.n_samples; i++) {
-        double tau = d->format.t0_s + (double)i / d->format.rate_hz;
-        double cycles = slope * tau * t0 +
-                        (c->chirp.start_hz - d->format.carrier_hz) * tau -
-                        0.5 * slope * tau * tau;
-        complex_polar(d->turn + 2 * i, 1.0 / slot_overlap(d, c, tau), cycles);
+    for (size_t b = 0; b < l->n_beats; b++) {
+        double tau = l->first_beat_s + (double)b * l->beat_s;
+        complex_polar(d->deskew + 2 * b, 1.0, slope * tau * (l->begin_s - 0.5 * tau));
     }
+    for (size_t n = 0; n < l->n_band; n++)
+        d->window[n] = (float)deramp_band_weight(l, c, n);
+    for (size_t i = 0; i < l->format.n_samples; i++) {
+        double tau = l->format.t0_s + (double)i / l->format.rate_hz;
+        complex_polar(d->turn + 2 * i, 1.0 / deramp_echo_sum(l, c, tau),
+                      (c->chirp.start_hz - l->format.carrier_hz) * tau);
+    }
+}
+
+/* The spectrum of a sweep without beginning and end, by stationary phase: that of the
+ * emission without the ripple that its ends add (Klauder 1960). */
+static double complex sweep(const struct deramp_config *c, double f_hz)
+{
+    double slope = deramp_slope_hz_s(c), off_hz = f_hz - c->chirp.start_hz;
+    double phase = chirp_phase_rad(&c->chirp, 0.0) + copysign(M_PI / 4.0, slope) -
+                   M_PI * off_hz * off_hz / slope;
+
+    return 0.5 * c->sample_rate_hz / sqrt(fabs(slope)) * cexp(I * phase);
+}
+
+static bool in_band(const struct deramp_config *c, double f_hz)
+{
+    return f_hz >= fmin(c->chirp.start_hz, c->chirp.stop_hz) &&
+           f_hz <= fmax(c->chirp.start_hz, c->chirp.stop_hz);
+}
+
+/* From the emission as a microphone hears it to the sweep. */
+static int filters_fill(struct deramp *d, const struct deramp_config *c)
+{
+    size_t n = chirp_length(&c->chirp, c->sample_rate_hz);
+    float *chirp = malloc(n * sizeof(*chirp));
+    struct band_transform_layout band;
+
+    if (!chirp)
+        return -ENOMEM;
+    chirp_generate(&c->chirp, c->sample_rate_hz, chirp);
+    band_transform_layout(d->transform, &band);
+    band_transform_forward(d->transform, chirp, n);
+    free(chirp);
+    for (size_t q = 0; q < d->n_filters * d->n_filter; q++) {
+        size_t k = q % d->n_filter, stream = k / band.n_bins, bin = k % band.n_bins;
+        double f_hz = c->sample_rate_hz *
+                      band_transform_frequency(d->transform, stream, bin);
+        double complex s = band_transform_bin(d->transform, stream, bin);
+        double complex to = sweep(c, f_hz), g;
+        double least = MIN_TONE * cabs(to);
+        g = 2.0 * to * conj(s) / fmax(creal(s * conj(s)), least * least);
+        if (c->microphones)
+            g *= microphone_correction(c->microphones[q / d->n_filter], f_hz);
+        d->filters[q] = in_band(c, f_hz) ? (float complex)g : 0.0f;
+    }
+    return 0;
 }
 
 int deramp_create(struct deramp **out, const struct deramp_config *c)
 {
+    struct band_transform_layout band;
     struct deramp *d;
     int err;
 
-    if (!out || !c || !config_is_valid(c))
+    if (!out || !c)
         return -EINVAL;
     d = calloc(1, sizeof(*d));
     if (!d)
         return -ENOMEM;
-    err = layout_choose(d, c);
+    err = deramp_layout_choose(&d->layout, &d->transform, c);
+    if (err)
+        goto fail;
+    band_transform_layout(d->transform, &band);
+    d->n_channels = c->n_channels;
+    d->n_filters = c->microphones ? c->n_channels : 1;
+    d->n_filter = band.n_streams * band.n_bins;
+    err = arrays_create(d);
     if (!err)
-        err = scratch_create(d, slope_hz_s(c) > 0.0);
-    if (err) {
-        deramp_destroy(d);
-        return err;
-    }
-    tables_fill(d, c);
+        err = plans_create(d, deramp_slope_hz_s(c) > 0.0);
+    if (!err)
+        err = filters_fill(d, c);
+    if (err)
+        goto fail;
+    phases_fill(d, c);
     *out = d;
     return 0;
+fail:
+    deramp_destroy(d);
+    return err;
 }
 
 void deramp_format(const struct deramp *d, struct trace_format *out)
 {
-    *out = d->format;
+    *out = d->layout.format;
 }
 
-/* Mixing a real signal would keep the sum of the frequencies beside their difference, and
- * part of it lies in the gate: negative frequencies go first. */
-static void wave_make_analytic(struct deramp *d, const float *x)
+/* Only positive frequencies come out of the transform: mixing a real signal would keep
+ * the sum of the frequencies beside their difference, and part of it lies in the gate. */
+static void mix(struct deramp *d, const float *x, const float complex *filter)
 {
-    size_t n = d->n_analytic;
+    const struct deramp_layout *l = &d->layout;
 
-    memset(d->wave, 0, 2 * n * sizeof(float));
-    for (size_t i = 0; i < d->n_slot; i++)
-        d->wave[2 * i] = x[i];
-    fftwf_execute(d->forward);
-    for (size_t k = 1; k < (n + 1) / 2; k++) {
-        d->spectrum[2 * k] *= 2.0f;
-        d->spectrum[2 * k + 1] *= 2.0f;
-    }
-    memset(d->spectrum + 2 * (n / 2 + 1), 0, 2 * (n - n / 2 - 1) * sizeof(float));
-    fftwf_execute(d->backward);
+    band_transform_forward(d->transform, x, l->n_used);
+    band_transform_inverse(d->transform, filter, (float complex *)d->mixed);
+    for (size_t i = 0; i < l->n_mixed; i++)
+        complex_multiply(d->mixed + 2 * i, d->mixer + 2 * i);
+    fftwf_execute(d->beat);
 }
 
-/* The low-pass is the choice of bins: only beats of the gate's delays are taken. */
+/* The choice of beats is the low-pass: only those of the gate's delays are taken. */
+static void align(struct deramp *d)
+{
+    const struct deramp_layout *l = &d->layout;
+    size_t k = l->first_beat;
+
+    for (size_t b = 0; b < l->n_beats; b++) {
+        memcpy(d->beats + 2 * b, d->spectrum + 2 * k, 2 * sizeof(float));
+        complex_multiply(d->beats + 2 * b, d->deskew + 2 * b);
+        k = k + 1 < l->n_beat ? k + 1 : 0;
+    }
+    fftwf_execute(d->align);
+}
+
+static void compress(struct deramp *d, float *trace)
+{
+    const struct deramp_layout *l = &d->layout;
+
+    for (size_t n = 0; n < l->n_band; n++) {
+        d->band[2 * n] = d->window[n] * d->aligned[2 * n];
+        d->band[2 * n + 1] = d->window[n] * d->aligned[2 * n + 1];
+    }
+    fftwf_execute(d->compress);
+    memcpy(trace, d->range + 2 * l->first_bin, 2 * l->format.n_samples * sizeof(float));
+    for (size_t i = 0; i < l->format.n_samples; i++)
+        complex_multiply(trace + 2 * i, d->turn + 2 * i);
+}
+
 void deramp_execute(struct deramp *d, const float *rx, size_t rx_stride,
                     float complex *restrict y)
 {
-    size_t n = d->format.n_samples;
+    const struct deramp_layout *l = &d->layout;
 
     for (size_t i = 0; i < d->n_channels; i++) {
-        float *trace = (float *)(y + i * n);
-
-        wave_make_analytic(d, rx + i * rx_stride + d->first);
-        memcpy(d->mixed, d->wave, 2 * d->n_slot * sizeof(float));
-        for (size_t j = 0; j < d->n_slot; j++)
-            complex_multiply(d->mixed + 2 * j, d->mixer + 2 * j);
-        fftwf_execute(d->range);
-        memcpy(trace, d->beat + 2 * d->first_bin, 2 * n * sizeof(float));
-        for (size_t j = 0; j < n; j++)
-            complex_multiply(trace + 2 * j, d->turn + 2 * j);
+        size_t row = d->n_filters > 1 ? i : 0;
+        mix(d, rx + i * rx_stride + l->first, d->filters + row * d->n_filter);
+        align(d);
+        compress(d, (float *)(y + i * l->format.n_samples));
     }
 }
 
@@ -235,17 +257,15 @@ void deramp_destroy(struct deramp *d)
 {
     if (!d)
         return;
-    if (d->forward)
-        fftwf_destroy_plan(d->forward);
-    if (d->backward)
-        fftwf_destroy_plan(d->backward);
-    if (d->range)
-        fftwf_destroy_plan(d->range);
-    fftwf_free(d->mixer);
-    fftwf_free(d->turn);
-    fftwf_free(d->wave);
-    fftwf_free(d->spectrum);
-    fftwf_free(d->mixed);
-    fftwf_free(d->beat);
+    const fftwf_plan plans[] = {d->beat, d->align, d->compress};
+    float *const arrays[] = {d->mixer,    d->deskew, d->window,  d->turn, d->mixed,
+                             d->spectrum, d->beats,  d->aligned, d->band, d->range};
+    for (size_t i = 0; i < sizeof(plans) / sizeof(*plans); i++)
+        if (plans[i])
+            fftwf_destroy_plan(plans[i]);
+    for (size_t i = 0; i < sizeof(arrays) / sizeof(*arrays); i++)
+        fftwf_free(arrays[i]);
+    fftwf_free(d->filters);
+    band_transform_destroy(d->transform);
     free(d);
 }

@@ -15,11 +15,6 @@ static unsigned size_cost(size_t n)
     return n == 1 ? cost : 0;
 }
 
-double fft_size_cost_ns(size_t n)
-{
-    return 0.072 * (double)n * (double)size_cost(n);
-}
-
 size_t fft_size(size_t min, double slack)
 {
     size_t best = 0;

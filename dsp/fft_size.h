@@ -8,7 +8,4 @@
  * from min on when there is none in that range.  min >= 1, slack >= 1. */
 size_t fft_size(size_t min, double slack);
 
-/* Roughly what one complex transform of such a length takes, for comparing. */
-double fft_size_cost_ns(size_t n);
-
 #endif

@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#define MAX_CORRECTION 10.0
+
 double microphone_gain(const struct microphone *m, double frequency_hz)
 {
     const double *f = m->frequency_hz, *g = m->gain_db;
@@ -26,4 +28,11 @@ double microphone_gain(const struct microphone *m, double frequency_hz)
         db = g[low] + (g[high] - g[low]) * (frequency_hz - f[low]) / (f[high] - f[low]);
     }
     return pow(10.0, db / 20.0);
+}
+
+double microphone_correction(const struct microphone *m, double frequency_hz)
+{
+    double gain = m ? microphone_gain(m, frequency_hz) : 1.0;
+
+    return fmin(fmax(1.0 / gain, 1.0 / MAX_CORRECTION), MAX_CORRECTION);
 }

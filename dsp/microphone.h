@@ -1,4 +1,4 @@
-/* dsp/microphone.h -- a microphone's factory calibration curve; hal/response_file reads
+/* dsp/microphone.h -- a microphone's factory calibration curve; hal/survey/response_file reads
  * the files. */
 #ifndef ANLOS_DSP_MICROPHONE_H
 #define ANLOS_DSP_MICROPHONE_H
@@ -13,5 +13,8 @@ struct microphone {             /* borrows its curve */
 
 /* Amplitude at a frequency: linear in dB between points, constant outside. */
 double microphone_gain(const struct microphone *m, double frequency_hz);
+
+/* What undoes it: 1 / gain, at most 20 dB either way; 1 for no microphone (NULL). */
+double microphone_correction(const struct microphone *m, double frequency_hz);
 
 #endif

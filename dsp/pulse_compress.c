@@ -6,12 +6,17 @@
 #include <stdint.h>
 #include <stdlib.h>
 
+#include "dsp/band_lanes.h"
 #include "dsp/band_transform.h"
 
 /* Whitening: bins this far (in power) below the strongest are not amplified further. */
 #define REGULARISER 1e-3
 /* A microphone's response is undone by at most 20 dB either way. */
 #define MAX_CORRECTION 10.0
+/* From so many channels on they take less time side by side than one by one. */
+#define MIN_LANES 9
+/* Transforms up to this length are made side by side: longer ones leave the caches. */
+#define MAX_LANES_LENGTH 32768
 
 struct pulse_compress {
     struct trace_format format;
@@ -22,6 +27,8 @@ struct pulse_compress {
     size_t n_filter;        /* values in each */
     float complex *filters; /* [n_filters][n_filter] */
     struct band_transform *transform;
+    struct band_lanes *lanes; /* NULL: channels go one by one */
+    float *lane_filters; /* [groups of 16][n_filter][BAND_LANES_POINT]; NULL: all flat */
 };
 
 static bool config_is_valid(const struct pulse_compress_config *c)
@@ -199,6 +206,30 @@ static int filters_create(struct pulse_compress *pc,
     return err;
 }
 
+/* Filters as the lanes read them. */
+static int lanes_create(struct pulse_compress *pc)
+{
+    const struct band_plan *plan = band_transform_plan(pc->transform);
+    size_t n_floats = pc->n_filter * BAND_LANES_POINT;
+    size_t n_lanes = (pc->n_filters + VECTOR_LANES - 1) / VECTOR_LANES * VECTOR_LANES;
+
+    if (pc->n_channels < MIN_LANES || plan->layout.length > MAX_LANES_LENGTH)
+        return 0;
+    if (pc->n_filters > 1) {
+        pc->lane_filters =
+            aligned_alloc(BAND_LANES_POINT * sizeof(float),
+                          n_lanes / VECTOR_LANES * n_floats * sizeof(float));
+        if (!pc->lane_filters)
+            return -ENOMEM;
+        for (size_t i = 0; i < n_lanes; i++) {
+            size_t filter = i < pc->n_filters ? i : pc->n_filters - 1;
+            band_lanes_filter(plan, pc->lane_filters + i / VECTOR_LANES * n_floats,
+                              i % VECTOR_LANES, pc->filters + filter * pc->n_filter);
+        }
+    }
+    return band_lanes_create(&pc->lanes, plan);
+}
+
 int pulse_compress_create(struct pulse_compress **out,
                           const struct pulse_compress_config *c)
 {
@@ -223,6 +254,8 @@ int pulse_compress_create(struct pulse_compress **out,
         err = replica_transform(pc, c);
     if (!err)
         err = filters_create(pc, c, band_hz);
+    if (!err)
+        err = lanes_create(pc);
     if (err)
         pulse_compress_destroy(pc);
     else
@@ -235,22 +268,50 @@ void pulse_compress_format(const struct pulse_compress *pc, struct trace_format 
     *out = pc->format;
 }
 
+static void channel_compress(struct pulse_compress *pc, size_t channel, const float *rx,
+                             float complex *restrict y)
+{
+    size_t filter = pc->n_filters > 1 ? channel : 0;
+
+    band_transform_forward(pc->transform, rx, pc->n_input);
+    band_transform_inverse(pc->transform, pc->filters + filter * pc->n_filter, y);
+}
+
+/* `channel`: the first of a group of 16. */
+static void group_compress(struct pulse_compress *pc, size_t channel, size_t n_channels,
+                           const float *rx, size_t rx_stride, float complex *restrict y)
+{
+    bool shared = !pc->lane_filters;
+    const float *filter = shared ? (const float *)pc->filters
+                                 : pc->lane_filters + channel / VECTOR_LANES *
+                                                          pc->n_filter * BAND_LANES_POINT;
+
+    band_lanes_execute(pc->lanes, rx, rx_stride, pc->n_input, filter, shared, y,
+                       n_channels);
+}
+
 void pulse_compress_execute(struct pulse_compress *pc, const float *rx, size_t rx_stride,
                             float complex *restrict y)
 {
-    for (size_t i = 0; i < pc->n_channels; i++) {
-        const float complex *h = pc->filters + (pc->n_filters > 1 ? i * pc->n_filter : 0);
+    size_t i = 0, n = pc->format.n_samples;
 
-        band_transform_forward(pc->transform, rx + i * rx_stride + pc->first,
-                               pc->n_input);
-        band_transform_inverse(pc->transform, h, y + i * pc->format.n_samples);
+    rx += pc->first;
+    while (pc->lanes && pc->n_channels - i >= MIN_LANES) {
+        size_t left = pc->n_channels - i,
+               n_group = left < VECTOR_LANES ? left : VECTOR_LANES;
+        group_compress(pc, i, n_group, rx + i * rx_stride, rx_stride, y + i * n);
+        i += n_group;
     }
+    for (; i < pc->n_channels; i++)
+        channel_compress(pc, i, rx + i * rx_stride, y + i * n);
 }
 
 void pulse_compress_destroy(struct pulse_compress *pc)
 {
     if (!pc)
         return;
+    band_lanes_destroy(pc->lanes);
+    free(pc->lane_filters);
     band_transform_destroy(pc->transform);
     fftwf_free(pc->filters);
     free(pc);

@@ -37,4 +37,13 @@
 #define VECTOR_LANES 16
 typedef float vector16 __attribute__((vector_size(64), aligned(4), may_alias));
 
+/* Before a loop over lanes whose passes do not touch each other's data, which the
+ * compiler cannot see: registers of any length, where it would keep vector16 of shorter
+ * machines in memory (GCC 12: 4 times slower). */
+#ifdef __clang__
+#define VECTOR_LOOP _Pragma("clang loop vectorize(assume_safety)")
+#else
+#define VECTOR_LOOP _Pragma("GCC ivdep")
+#endif
+
 #endif

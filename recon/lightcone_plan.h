@@ -5,7 +5,7 @@
 
 #include <fftw3.h>
 
-#include "recon/lane_fft.h"
+#include "dsp/lane_fft.h"
 #include "recon/lightcone.h"
 #include "recon/shares.h"
 

@@ -12,8 +12,14 @@
 #include "recon/zero_offset.h"
 
 #define MIN_SAMPLES 16
-#define SNR         3.2 /* of the Wiener filter: powers of many points beat with each other */
 #define FALLOFF     2.0 /* of a point's power after the gain */
+
+/* Of the Wiener filter.  What is not of its model is no noise, but as loud as the echoes
+ * themselves: powers of many points beat with each other, and what does not scatter all
+ * around ends within the aperture.  Measured: at 30 dB and at -15 dB raw signal to noise
+ * a point is as exact and as wide; 1 or 10 change its place by 0.05 cm and its sidelobes
+ * by 2 dB. */
+#define SNR 3.2
 
 /* Measured: mirrors bend below 0.1, letters smaller than a Fresnel zone 0.5, points and
  * corners 0.95; a mirror that faces the array shifts 2 cm, one tilted by 5 degrees 20. */

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/lane_fft.h"
 #include "dsp/vector.h"
-#include "recon/lane_fft.h"
 #include "recon/sinc.h"
 
 #define TAPS         8
@@ -21,6 +21,8 @@
 #define POWER_SAMPLES 1.5  /* of log time, for each period of the band's width */
 #define POWER_IN      0.55 /* of the band that the interpolations are to keep */
 #define POWER_OUT     0.58
+/* A transform that is 2% short serves, with coarser steps. */
+#define FIT 0.98
 
 struct step {
     uint32_t first;    /* row of the first tap */
@@ -131,12 +133,14 @@ static void plan_axis(struct stretch *s, const struct stretch_config *cfg)
     double low = cfg->band_hz[0] * first_s;
     double per_ln = cfg->power ? POWER_SAMPLES * width_hz * last_s
                                : OVERSAMPLING * (high - low);
+    double span_ln = log(last_s / first_s) + longest_lead(cfg, first_s);
+    double rows = per_ln * span_ln + 3 * TAPS;
+    s->n_rows = lane_fft_size((size_t)ceil(FIT * rows));
+    if ((double)s->n_rows < rows)
+        per_ln = ((double)s->n_rows - 3 * TAPS) / span_ln;
     s->step_ln = 1.0 / per_ln;
     s->centre = cfg->power ? 0.0 : M_PI * (high + low);
     s->first_ln = log(first_s) - TAPS * s->step_ln;
-    double lead = longest_lead(cfg, first_s) / s->step_ln;
-    double rows = (log(last_s) - s->first_ln) / s->step_ln + 2 * TAPS + lead;
-    s->n_rows = lane_fft_size((size_t)ceil(rows));
 }
 
 static bool sensible(const struct stretch_config *cfg)

@@ -9,10 +9,10 @@
  *
  * The steps of log time are as fine as the last time needs (powers: 1.5 samples for each
  * period of the band's width; traces: 1.4 complex samples for each period of the band's
- * top), so that earlier times, even those of a gate that begins with the emission, are
- * sampled more finely.  Interpolation is by 8-tap windowed sinc; there and back returns a
- * Hann-windowed echo within 1% of its peak, inside the gate; 3% of complex traces when
- * the gate begins with the emission. */
+ * top; 2% less where a shorter transform then does), so that earlier times, even those of
+ * a gate that begins with the emission, are sampled more finely.  Interpolation is by
+ * 8-tap windowed sinc; there and back returns a Hann-windowed echo within 1% of its peak,
+ * inside the gate; 3% of complex traces when the gate begins with the emission. */
 #ifndef ANLOS_RECON_STRETCH_H
 #define ANLOS_RECON_STRETCH_H
 

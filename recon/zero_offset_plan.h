@@ -6,8 +6,8 @@
 #include <pthread.h>
 #include <stdint.h>
 
+#include "dsp/lane_fft.h"
 #include "recon/dmo.h"
-#include "recon/lane_fft.h"
 #include "recon/stretch.h"
 #include "recon/zero_offset.h"
 

@@ -45,14 +45,7 @@ static void lay_side_by_side(const struct zero_offset *c, size_t input, size_t g
 VECTOR_CLONES
 static void transform_forward(const struct lane_fft *f, float *x)
 {
-    const float *w = f->twiddles;
-    for (size_t block = f->n; block > f->leaf; block /= 4) {
-        for (size_t at = 0; at < f->n; at += block)
-            lane_fft_split(x + at * POINT, block / 4, w);
-        w += 6 * (block / 4);
-    }
-    for (size_t at = 0; f->leaf > 1 && at < f->n; at += f->leaf)
-        lane_fft_leaf(x + at * POINT, f->leaf, -1.0f);
+    lane_fft_whole(f, x);
 }
 
 VECTOR_CLONES

@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/deramp.h"
-
 struct compressor {
     struct pulse_compress *matched; /* one of the two */
     struct deramp *deramp;
@@ -49,31 +47,6 @@ const char *compression_name(enum compression compression)
     return compressions[compression];
 }
 
-static int create_deramp(struct deramp **out, const struct processing *p,
-                         const struct survey *s, enum window window,
-                         struct complaint *why)
-{
-    struct deramp_config cfg = {
-        .sample_rate_hz = s->sample_rate_hz,
-        .n_samples = p->ping_samples,
-        .chirp = processing_chirp(s),
-        .latency_samples = s->latency_samples,
-        .window = window,
-        .gate_s = {p->gate_s[0], p->gate_s[1]},
-        .n_channels = s->n_microphones,
-        .rate_hz = 2.0 * (p->band_hz[1] - p->band_hz[0]),
-    };
-    if (s->n_replica)
-        return complain(why, -EINVAL,
-                        "deramp mixes with a chirp, and the survey names a replica; use "
-                        "matched_filter");
-    int err = deramp_create(out, &cfg);
-    if (err)
-        complain(why, err, "deramp of %zu samples, %.4f to %.4f s: %s", p->ping_samples,
-                 p->gate_s[0], p->gate_s[1], strerror(-err));
-    return err;
-}
-
 int compressor_create(struct compressor **out, const struct processing *p,
                       const struct survey *s, enum compression compression,
                       enum window window, struct complaint *why)
@@ -84,7 +57,7 @@ int compressor_create(struct compressor **out, const struct processing *p,
     if (!c)
         return complain(why, -ENOMEM, "out of memory");
     if (compression == COMPRESSION_DERAMP)
-        err = create_deramp(&c->deramp, p, s, window, why);
+        err = processing_deramp(&c->deramp, p, s, window, why);
     else
         err = processing_compressor(&c->matched, p, s, window, why);
     if (err) {

@@ -175,35 +175,79 @@ static void configure(struct pulse_compress_config *cfg, const struct processing
     cfg->n_channels = s->n_microphones;
 }
 
+struct curves {
+    struct microphone *curve;
+    const struct microphone **each; /* [n_microphones]; NULL: all are flat */
+};
+
+static int curves_take(struct curves *out, const struct survey *s)
+{
+    *out = (struct curves){NULL, NULL};
+    if (!s->n_responses)
+        return 0;
+    out->curve = calloc(s->n_microphones, sizeof *out->curve);
+    out->each = calloc(s->n_microphones, sizeof *out->each);
+    if (!out->curve || !out->each)
+        return -ENOMEM;
+    for (size_t i = 0; i < s->n_microphones; i++) {
+        const struct survey_response *r = &s->responses[i];
+        out->curve[i] = (struct microphone){r->n_points, r->frequency_hz, r->gain_db};
+        out->each[i] = &out->curve[i];
+    }
+    return 0;
+}
+
+static void curves_clear(struct curves *c)
+{
+    free(c->each);
+    free(c->curve);
+}
+
 int processing_compressor(struct pulse_compress **out, const struct processing *p,
                           const struct survey *s, enum window window,
                           struct complaint *why)
 {
     struct pulse_compress_config cfg;
-    struct microphone *curves = NULL;
-    const struct microphone **microphones = NULL;
-    int err = -ENOMEM;
+    struct curves curves;
+    int err = curves_take(&curves, s);
 
     configure(&cfg, p, s, window);
-    if (s->n_responses) {
-        curves = calloc(s->n_microphones, sizeof *curves);
-        microphones = calloc(s->n_microphones, sizeof *microphones);
-        if (!curves || !microphones)
-            goto out;
-        for (size_t i = 0; i < s->n_microphones; i++) {
-            const struct survey_response *r = &s->responses[i];
-            curves[i] = (struct microphone){r->n_points, r->frequency_hz, r->gain_db};
-            microphones[i] = &curves[i];
-        }
-        cfg.microphones = microphones;
-    }
-    err = pulse_compress_create(out, &cfg);
-out:
+    cfg.microphones = curves.each;
+    if (!err)
+        err = pulse_compress_create(out, &cfg);
     if (err)
         complain(why, err, "pulse compression of %zu samples, %.4f to %.4f s: %s",
                  p->ping_samples, p->gate_s[0], p->gate_s[1], strerror(-err));
-    free(microphones);
-    free(curves);
+    curves_clear(&curves);
+    return err;
+}
+
+int processing_deramp(struct deramp **out, const struct processing *p,
+                      const struct survey *s, enum window window, struct complaint *why)
+{
+    struct curves curves;
+    if (s->n_replica)
+        return complain(why, -EINVAL,
+                        "deramp mixes with a chirp, and the survey names a replica; use "
+                        "matched_filter");
+    int err = curves_take(&curves, s);
+    struct deramp_config cfg = {
+        .sample_rate_hz = s->sample_rate_hz,
+        .n_samples = p->ping_samples,
+        .chirp = processing_chirp(s),
+        .latency_samples = s->latency_samples,
+        .window = window,
+        .gate_s = {p->gate_s[0], p->gate_s[1]},
+        .n_channels = s->n_microphones,
+        .microphones = curves.each,
+        .rate_hz = TRACE_OVERSAMPLING * (p->band_hz[1] - p->band_hz[0]),
+    };
+    if (!err)
+        err = deramp_create(out, &cfg);
+    if (err)
+        complain(why, err, "deramp of %zu samples, %.4f to %.4f s: %s", p->ping_samples,
+                 p->gate_s[0], p->gate_s[1], strerror(-err));
+    curves_clear(&curves);
     return err;
 }
 

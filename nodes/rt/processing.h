@@ -3,6 +3,7 @@
 #ifndef ANLOS_NODES_RT_PROCESSING_H
 #define ANLOS_NODES_RT_PROCESSING_H
 
+#include "dsp/deramp.h"
 #include "dsp/pulse_compress.h"
 #include "msgs/complaint.h"
 #include "msgs/survey.h"
@@ -35,6 +36,10 @@ int processing_plan(struct processing *out, const struct survey *s,
 int processing_compressor(struct pulse_compress **out, const struct processing *p,
                           const struct survey *s, enum window window,
                           struct complaint *why);
+
+/* The same for the paper's way; a survey with a replica has no chirp to mix with. */
+int processing_deramp(struct deramp **out, const struct processing *p,
+                      const struct survey *s, enum window window, struct complaint *why);
 
 /* An imager for the traces of that compressor. */
 int processing_imager(struct imager **out, const struct processing *p, const char *method,

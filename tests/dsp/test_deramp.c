@@ -13,12 +13,12 @@
 #include "tests/dsp/echo.h"
 
 #define RATE_HZ 48000.0
-#define N_PING  4200
+#define N_PING  6144 /* of which a standard ping takes 4200 */
 
 static const struct sweep rising = {RATE_HZ, 2000.0, 20000.0, 0.0625, 0.0};
 static const struct deramp_config standard = {
     .sample_rate_hz = RATE_HZ,
-    .n_samples = N_PING,
+    .n_samples = 4200,
     .chirp = {2000.0, 20000.0, 0.0625, false},
     .window = WINDOW_HANN,
     .gate_s = {0.006, 0.025},
@@ -143,23 +143,104 @@ static void a_falling_chirp_and_a_sine_work_too(void **state)
     bench_close(&b);
 }
 
-/* Around an echo, the phase runs at the frequencies that were emitted, as it does after
- * pulse compression: the quadratic phase of the mixing is gone. */
-static void the_phase_runs_at_the_carrier(void **state)
+/* The largest deviation from the window's transform around mid-band, out to four times
+ * the width of the pulse. */
+static double deviation(const struct bench *b, double tau)
 {
-    double tau = 0.0155;
+    double worst = 0.0;
+
+    for (size_t n = 0; n < b->f.n_samples; n++) {
+        double off = sample_time(b, n) - tau;
+        if (fabs(off) * 18000.0 < 8.0)
+            worst = fmax(worst, cabs(analytic(b, n) - hann_pulse(2000.0, 20000.0, off)));
+    }
+    return worst;
+}
+
+/* The pulse and its phase are those of the whole band under the window, whenever the echo
+ * comes. */
+static void late_echoes_have_the_same_band_as_early_ones(void **state)
+{
+    static const double delays_s[] = {0.0065, 0.0101, 0.0155, 0.0203, 0.0246};
     struct bench b;
-    size_t n;
 
     (void)state;
     bench_open(&b, &standard);
-    bench_echo(&b, &rising, tau, 1.0);
-    n = peak(&b);
-    for (size_t i = n - 3; i <= n + 3; i++) {
-        double off = sample_time(&b, i) - tau;
-        double complex z = analytic(&b, i) * cexp(-2.0 * M_PI * I * b.f.carrier_hz * off);
-        assert_true(fabs(carg(z)) < 0.15);
+    for (size_t i = 0; i < sizeof(delays_s) / sizeof(*delays_s); i++) {
+        bench_echo(&b, &rising, delays_s[i], 1.0);
+        assert_true(deviation(&b, delays_s[i]) < 1e-4);
     }
+    bench_close(&b);
+}
+
+/* Three taps, symmetric, so without phase: 1 + 2 a cos(2 pi f / fs). */
+static void microphones_are_equalised(void **state)
+{
+    enum { POINTS = 200 };
+    static double f_hz[POINTS], gain_db[POINTS];
+    const struct microphone curve = {POINTS, f_hz, gain_db};
+    const struct microphone *const one[] = {&curve};
+    struct deramp_config cfg = standard;
+    double a = 0.4, tau = 0.0187;
+    float x[N_PING] = {0};
+    struct bench b;
+
+    (void)state;
+    for (int i = 0; i < POINTS; i++) {
+        f_hz[i] = 1000.0 + 100.0 * i;
+        gain_db[i] = 20.0 * log10(1.0 + 2.0 * a * cos(2.0 * M_PI * f_hz[i] / RATE_HZ));
+    }
+    for (int flat = 0; flat < 2; flat++) {
+        cfg.microphones = flat ? NULL : one;
+        bench_open(&b, &cfg);
+        echo_add(&rising, b.x, N_PING, tau, 1.0);
+        for (int i = 1; i + 1 < N_PING; i++)
+            x[i] = b.x[i] + (float)a * (b.x[i - 1] + b.x[i + 1]);
+        deramp_execute(b.d, x, N_PING, b.y);
+        assert_true(flat ? deviation(&b, tau) > 0.05 : deviation(&b, tau) < 1e-4);
+        bench_close(&b);
+    }
+}
+
+static double loudest(const struct bench *b)
+{
+    return cabsf(b->y[peak(b)]);
+}
+
+/* Unit echoes before and behind the gate, the end of the emission that went before, and
+ * the whole of the next one: what is cut by the ping's ends is a click. */
+static void what_is_outside_the_gate_stays_outside(void **state)
+{
+    static const struct {
+        double start_s, level;
+    } sounds[] = {{0.001, 1e-5},          {0.004, 1e-4},          {0.03, 1e-5},
+                  {0.035, 1e-5},          {0.010 - 0.0625, 1e-3}, {0.020 - 0.0625, 1e-3},
+                  {0.0625 + 0.001, 1e-4}, {0.0625 + 0.002, 1e-4}};
+    struct deramp_config cfg = standard;
+    struct bench b;
+
+    (void)state;
+    cfg.n_samples = N_PING;
+    bench_open(&b, &cfg);
+    for (size_t i = 0; i < sizeof(sounds) / sizeof(*sounds); i++) {
+        bench_echo(&b, &rising, sounds[i].start_s, 1.0);
+        assert_true(loudest(&b) < sounds[i].level);
+    }
+    bench_close(&b);
+}
+
+/* Of a ping without a tail, an echo at 20 ms has lost a third of its chirp. */
+static void an_echo_that_the_ping_cuts_off_keeps_its_place_and_height(void **state)
+{
+    struct deramp_config cfg = standard;
+    struct bench b;
+
+    (void)state;
+    cfg.n_samples = 3000;
+    bench_open(&b, &cfg);
+    bench_echo(&b, &rising, 0.0201, 1.0);
+    assert_true(fabs(sample_time(&b, peak(&b)) - 0.0201) <= 1.0 / b.f.rate_hz);
+    assert_true(fabs(loudest(&b) - 1.0) < 0.02);
     bench_close(&b);
 }
 
@@ -208,16 +289,52 @@ static void channels_are_taken_in_turn(void **state)
     free(y);
 }
 
-static void a_gate_that_the_slot_hardly_hears_is_refused(void **state)
+static void a_gate_that_the_ping_hardly_hears_is_refused(void **state)
 {
     struct deramp_config cfg = standard;
     struct deramp *d = NULL;
 
     (void)state;
     cfg.gate_s[1] = 0.062;
+    cfg.n_samples = 3100;
     assert_int_equal(deramp_create(&d, &cfg), -ERANGE);
     cfg = standard;
-    cfg.latency_samples = 4200.0;
+    cfg.latency_samples = 4199.0;
+    assert_int_equal(deramp_create(&d, &cfg), -ERANGE);
+    assert_null(d);
+}
+
+/* A ping of half a chirp still hears an early echo, with the lower half of the band. */
+static void a_ping_shorter_than_the_chirp_is_taken_as_it_is(void **state)
+{
+    struct deramp_config cfg = standard;
+    struct bench b;
+
+    (void)state;
+    cfg.n_samples = 1500;
+    cfg.gate_s[1] = 0.01;
+    bench_open(&b, &cfg);
+    bench_echo(&b, &rising, 0.0081, 1.0);
+    assert_true(fabs(sample_time(&b, peak(&b)) - 0.0081) <= 1.0 / b.f.rate_hz);
+    assert_true(fabs(loudest(&b) - 1.0) < 0.02);
+    bench_close(&b);
+}
+
+/* Its beats reach 50 kHz, beyond the sample rate. */
+static void a_steep_chirp_works_until_its_beats_are_too_many(void **state)
+{
+    static const struct sweep steep = {RATE_HZ, 2000.0, 20000.0, 0.009, 0.0};
+    struct deramp_config cfg = standard;
+    struct deramp *d = NULL;
+    struct bench b;
+
+    (void)state;
+    cfg.chirp.duration_s = 0.009;
+    bench_open(&b, &cfg);
+    bench_echo(&b, &steep, 0.0203, 1.0);
+    assert_true(deviation(&b, 0.0203) < 1e-3);
+    bench_close(&b);
+    cfg.chirp.duration_s = 0.0004;
     assert_int_equal(deramp_create(&d, &cfg), -ERANGE);
     assert_null(d);
 }
@@ -256,10 +373,15 @@ int main(void)
         cmocka_unit_test(an_echo_peaks_at_its_delay_with_magnitude_one_and_phase_zero),
         cmocka_unit_test(latency_is_taken_out_fractions_too),
         cmocka_unit_test(a_falling_chirp_and_a_sine_work_too),
-        cmocka_unit_test(the_phase_runs_at_the_carrier),
+        cmocka_unit_test(late_echoes_have_the_same_band_as_early_ones),
+        cmocka_unit_test(microphones_are_equalised),
+        cmocka_unit_test(what_is_outside_the_gate_stays_outside),
+        cmocka_unit_test(an_echo_that_the_ping_cuts_off_keeps_its_place_and_height),
         cmocka_unit_test(deramping_is_linear),
         cmocka_unit_test(channels_are_taken_in_turn),
-        cmocka_unit_test(a_gate_that_the_slot_hardly_hears_is_refused),
+        cmocka_unit_test(a_ping_shorter_than_the_chirp_is_taken_as_it_is),
+        cmocka_unit_test(a_gate_that_the_ping_hardly_hears_is_refused),
+        cmocka_unit_test(a_steep_chirp_works_until_its_beats_are_too_many),
         cmocka_unit_test(nonsense_is_refused),
     };
 

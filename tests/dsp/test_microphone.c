@@ -29,11 +29,25 @@ static void without_a_curve_the_gain_is_1(void **state)
     assert_near(microphone_gain(&m, 1000.0), 1.0, 0.0);
 }
 
+static void a_correction_undoes_the_gain_by_20_db_at_most(void **state)
+{
+    const double f[] = {100.0, 200.0, 300.0}, g[] = {6.0, -26.0, 26.0};
+    const struct microphone m = {3, f, g};
+
+    (void)state;
+    assert_near(microphone_correction(&m, 100.0), 0.5011872336272722, 1e-12);
+    assert_near(microphone_correction(&m, 150.0), 3.1622776601683795, 1e-12); /* 10 dB */
+    assert_near(microphone_correction(&m, 200.0), 10.0, 1e-12);
+    assert_near(microphone_correction(&m, 300.0), 0.1, 1e-12);
+    assert_near(microphone_correction(NULL, 100.0), 1.0, 0.0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gain_is_linear_in_db_between_points_and_constant_outside),
         cmocka_unit_test(without_a_curve_the_gain_is_1),
+        cmocka_unit_test(a_correction_undoes_the_gain_by_20_db_at_most),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

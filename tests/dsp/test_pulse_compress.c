@@ -421,6 +421,39 @@ static void microphones_are_equalised(void **state)
     bench_close(&b);
 }
 
+/* Channels by 16, the rest of them side by side too or one by one: each has an echo of
+ * its own and, where they are not flat, a gain of its own. */
+static void any_number_of_channels_is_any_channels_own(void **state)
+{
+    static const size_t numbers[] = {8, 9, 16, 21, 27, 40};
+    double f_hz[] = {1000.0}, gain_db[40];
+    struct microphone each[40];
+    const struct microphone *microphones[40];
+
+    (void)state;
+    for (size_t i = 0; i < 40; i++) {
+        gain_db[i] = -0.4 * (double)i;
+        each[i] = (struct microphone){1, f_hz, &gain_db[i]};
+        microphones[i] = &each[i];
+    }
+    for (size_t q = 0; q < 2 * sizeof(numbers) / sizeof(*numbers); q++) {
+        struct pulse_compress_config cfg = standard;
+        struct bench b;
+
+        cfg.n_channels = numbers[q / 2];
+        cfg.microphones = q % 2 ? microphones : NULL;
+        bench_open(&b, &cfg);
+        for (size_t i = 0; i < cfg.n_channels; i++)
+            echo_add(&cosine, b.x + i * N_PING, N_PING, 0.008 + 4e-4 * (double)i, 1.0);
+        bench_run(&b);
+        for (size_t i = 0; i < cfg.n_channels; i++) {
+            double gain = q % 2 ? pow(10.0, -gain_db[i] / 20.0) : 1.0;
+            assert_true(worst_error(&b, i, 0.008 + 4e-4 * (double)i, gain) < 2e-3 * gain);
+        }
+        bench_close(&b);
+    }
+}
+
 static void a_deaf_microphone_is_amplified_by_20_db_at_most(void **state)
 {
     double f_hz[] = {1000.0}, deaf_db[] = {-60.0}, loud_db[] = {60.0};
@@ -599,6 +632,7 @@ int main(void)
         cmocka_unit_test(a_rectangular_window_is_narrower_and_still_one),
         cmocka_unit_test(channels_are_independent),
         cmocka_unit_test(microphones_are_equalised),
+        cmocka_unit_test(any_number_of_channels_is_any_channels_own),
         cmocka_unit_test(a_deaf_microphone_is_amplified_by_20_db_at_most),
         cmocka_unit_test(a_replica_of_ones_own_does_what_the_chirp_does),
         cmocka_unit_test(a_ping_without_a_tail_still_shows_its_echoes),

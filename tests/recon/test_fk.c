@@ -227,6 +227,53 @@ static void a_coarse_grid_holds_the_fine_image_at_its_voxels(void **state)
 }
 
 /* |a + b|^2 + |a - b|^2 = 2 |a|^2 + 2 |b|^2 holds for complex amplitudes that add. */
+/* From the middle of the grid along x to a quarter of its intensity, in voxels. */
+static double half_width(const struct site *s, const float *image)
+{
+    const struct grid *g = &s->rig.grid;
+    const float *line = image + (g->n[2] / 2 * g->n[1] + g->n[1] / 2) * g->n[0];
+    float level = 0.25f * line[g->n[0] / 2];
+    size_t i = g->n[0] / 2;
+    while (i + 1 < g->n[0] && line[i] > level)
+        i++;
+    return (double)(i - g->n[0] / 2) -
+           (double)((level - line[i]) / (line[i - 1] - line[i]));
+}
+
+/* Of a band with Hann's window, times the power of the frequency. */
+static double mean_frequency(double power)
+{
+    double sum = 0.0, weight = 0.0;
+    for (double x = 0.005; x < 1.0; x += 0.01) {
+        double f = 2.0 + 18.0 * x, w = pow(sin(M_PI * x), 2.0) * pow(f, power);
+        sum += w * f;
+        weight += w;
+    }
+    return sum / weight;
+}
+
+/* A point is as wide as waves are long, in the mean over the band. */
+static void weight_on_high_sounds_makes_points_narrower(void **state)
+{
+    (void)state;
+    static const struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+    struct site s;
+    site_default(&s);
+    rig_look_at(&s.rig, 0.0, 0.0, 1.1, 61, 0.002);
+    float *plain = migrate(&s, &point, 1);
+    s.cfg.sharpen = 2.0;
+    float *sharp = migrate(&s, &point, 1);
+    double expected = mean_frequency(0.5) / mean_frequency(2.5);
+    assert_near(half_width(&s, sharp) / half_width(&s, plain), expected, 0.04);
+    assert_below(expected, 0.9);
+    struct peak_fit at;
+    assert_true(rig_peak(&s.rig, sharp, &at) > 0.0f);
+    assert_near(at.position_m[0], 0.0, 5e-4);
+    assert_near(at.position_m[2], 1.1, 5e-4);
+    free(plain);
+    free(sharp);
+}
+
 static void amplitudes_superpose(void **state)
 {
     (void)state;
@@ -455,6 +502,7 @@ int main(void)
         cmocka_unit_test(the_plane_of_the_midpoints_may_stand_anywhere),
         cmocka_unit_test(a_point_is_where_it_is),
         cmocka_unit_test(a_coarse_grid_holds_the_fine_image_at_its_voxels),
+        cmocka_unit_test(weight_on_high_sounds_makes_points_narrower),
         cmocka_unit_test(amplitudes_superpose),
         cmocka_unit_test(weights_multiply_their_traces),
         cmocka_unit_test(the_number_of_threads_does_not_matter),

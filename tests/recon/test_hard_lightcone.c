@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "dsp/fft_size.h"
-#include "recon/lane_fft.h"
+#include "dsp/lane_fft.h"
 #include "recon/lightcone.h"
 #include "tests/golden/golden.h"
 

@@ -15,7 +15,7 @@ static struct probe look(const struct array_traces *a, size_t threads)
     struct pool *pool;
     assert_int_equal(grid_from_limits(&grid, volume_m), 0);
     assert_int_equal(pool_create(&pool, threads), 0);
-    assert_int_equal(probe_run(&p, &a->set, &grid, pool), 0);
+    assert_int_equal(probe_run(&p, &a->set, &grid, NULL, pool), 0);
     pool_destroy(pool);
     return p;
 }

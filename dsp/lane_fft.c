@@ -1,4 +1,4 @@
-#include "recon/lane_fft.h"
+#include "dsp/lane_fft.h"
 
 #include <errno.h>
 #include <math.h>
@@ -7,17 +7,22 @@
 /* What is left of n without its factors 4; 0 when n is none of ours. */
 static size_t find_leaf(size_t n)
 {
-    if (n < 4)
+    if (n < 4 || n % 4 != 0)
         return 0;
     while (n >= 4 && n % 4 == 0)
         n /= 4;
-    return n <= 3 ? n : 0;
+    return n <= 3 || n == 5 ? n : 0;
+}
+
+bool lane_fft_transforms(size_t n)
+{
+    return find_leaf(n) > 0;
 }
 
 size_t lane_fft_size(size_t least)
 {
     size_t n = least < 4 ? 4 : least;
-    while (!find_leaf(n))
+    while (!find_leaf(n) || find_leaf(n) == 5)
         n++;
     return n;
 }
