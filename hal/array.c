@@ -14,7 +14,8 @@ struct array {
     uint32_t *speakers; /* [survey's n_speakers], of the shot */
 };
 
-static const struct array_ops *const backends[] = {&array_sim_ops, &array_wav_ops};
+static const struct array_ops *const backends[] = {&array_sim_ops, &array_wav_ops,
+                                                   &array_alsa_ops};
 
 static const struct array_ops *find_backend(const char *uri, const char **arg)
 {
@@ -35,7 +36,9 @@ int array_open(struct array **out, const char *uri, const struct clock_source *c
     if (!ops)
         return complain(
             why, -ENODEV,
-            "%s: no such kind of array; expected sim:SCENE.yaml or wav:FOLDER", uri);
+            "%s: no such kind of array; expected sim:SCENE.yaml, wav:FOLDER or "
+            "alsa:DEVICE?rig=FILE.yaml",
+            uri);
     struct array *a = calloc(1, sizeof *a);
     if (!a)
         return complain(why, -ENOMEM, "%s: out of memory", uri);
@@ -78,7 +81,7 @@ int array_fire(struct array *a, const struct array_shot *shot)
     return err;
 }
 
-/* An error other than a signal ends the shot: the array is ready for the next one. */
+/* An error ends the shot, unless it comes of waiting: the array is ready for the next. */
 int array_next(struct array *a, struct array_ping *out, struct complaint *why)
 {
     if (!a->n_left)
@@ -86,7 +89,7 @@ int array_next(struct array *a, struct array_ping *out, struct complaint *why)
     int err = a->ops->next(a->state, out, why);
     if (!err)
         a->n_left--;
-    else if (err != -EINTR)
+    else if (err != -EINTR && err != -EAGAIN)
         a->n_left = 0;
     return err;
 }
@@ -94,6 +97,16 @@ int array_next(struct array *a, struct array_ping *out, struct complaint *why)
 size_t array_counts(struct array *a, struct device_count out[DEVICE_MAX_COUNTS])
 {
     return a->ops->counts ? a->ops->counts(a->state, out) : 0;
+}
+
+int array_condition(struct array *a, struct complaint *why)
+{
+    return a->ops->condition ? a->ops->condition(a->state, why) : 0;
+}
+
+bool array_notice(struct array *a, struct complaint *out)
+{
+    return a->ops->notice && a->ops->notice(a->state, out);
 }
 
 void array_close(struct array *a)

@@ -1,8 +1,11 @@
 /* hal/array.h -- the speaker and microphone array: emit a shot, get its pings, every
  * microphone on one clock.  A backend is a table of operations behind a URI:
- *   sim:scene.yaml            the simulated room (hal/room)
- *   wav:folder                a recording with its survey.yaml (hal/recording)
- * URIs may carry options: "sim:scene.yaml?pace=real", "wav:rec?background=rec_bg". */
+ *   sim:scene.yaml            the simulated room (hal/room/room)
+ *   wav:folder                a recording with its survey.yaml (hal/recording/recording)
+ *   alsa:hw:2,0?rig=rig.yaml  a sound card (hal/survey/rig_file)
+ * URIs may carry options: "sim:scene.yaml?pace=real", "wav:rec?background=rec_bg".
+ * "calibrated=FILE" sets survey and samples right by what `anlos calibrate` has measured
+ * (hal/survey/calibration_file.h); an empty one takes the array as it is. */
 #ifndef ANLOS_HAL_ARRAY_H
 #define ANLOS_HAL_ARRAY_H
 
@@ -47,6 +50,9 @@ struct array_ops {
     int (*next)(void *state, struct array_ping *out, struct complaint *why);
     /* May be NULL: nothing is counted. */
     size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
+    /* May be NULL: it is always there, and nothing befalls it. */
+    int (*condition)(void *state, struct complaint *why);
+    bool (*notice)(void *state, struct complaint *out);
     void (*close)(void *state);
 };
 
@@ -64,11 +70,19 @@ const struct survey *array_survey(const struct array *a);
 int array_fire(struct array *a, const struct array_shot *shot);
 
 /* Blocks until the next ping of the shot is recorded.  0, -ENODATA (the shot has ended),
- * -EINTR (a signal; call again or give up), other negative errno, which end the shot. */
+ * -EINTR (a signal; call again or give up), -EAGAIN (the device is away, array_condition
+ * says why; the shot goes on when it is back: call again or give up), other negative
+ * errno, which end the shot. */
 int array_next(struct array *a, struct array_ping *out, struct complaint *why);
 
 /* How many counts there are. */
 size_t array_counts(struct array *a, struct device_count out[DEVICE_MAX_COUNTS]);
+
+/* 0, or a negative errno while the device is away and is tried again: why says so. */
+int array_condition(struct array *a, struct complaint *why);
+
+/* What has befallen the device and a person should know, once each.  false: no more. */
+bool array_notice(struct array *a, struct complaint *out);
 void array_close(struct array *a);
 
 #endif

@@ -4,6 +4,7 @@
 
 #include "hal/array.h"
 
+extern const struct array_ops array_alsa_ops;
 extern const struct array_ops array_sim_ops;
 extern const struct array_ops array_wav_ops;
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/canbus_backends.h"
+#include "hal/can/backends.h"
 #include "hal/device.h"
 
 struct canbus {
@@ -73,7 +73,14 @@ int canbus_flush(struct canbus *b)
     return b->ops->flush(b->state);
 }
 
-size_t canbus_counts(struct canbus *b, struct device_count out[DEVICE_MAX_COUNTS])
+void canbus_poll(struct canbus *b, int64_t now_ns, struct canbus_status *out)
+{
+    *out = (struct canbus_status){.state = CANBUS_READY};
+    if (b->ops->poll)
+        b->ops->poll(b->state, now_ns, out);
+}
+
+size_t canbus_counts(struct canbus *b, struct device_count out[CANBUS_MAX_COUNTS])
 {
     return b->ops->counts ? b->ops->counts(b->state, out) : 0;
 }

@@ -1,7 +1,7 @@
 /* hal/canbus.h -- where CAN frames go.  Backend by URI:
  *   log:out.candump            the format of `candump -L`, interface name "can0"
  *   log:out.candump?interface=vcan1
- *   socketcan:can0             a raw socket, classic and FD */
+ *   socketcan:can0             a raw socket, classic and FD (hal/can/socketcan.c) */
 #ifndef ANLOS_HAL_CANBUS_H
 #define ANLOS_HAL_CANBUS_H
 
@@ -13,13 +13,36 @@
 #include "msgs/can/frames.h"
 #include "msgs/complaint.h"
 
+enum { CANBUS_MAX_COUNTS = 13 };
+
+/* In the order of how bad it is.  From CANBUS_SILENT on nothing is known to go out; in
+ * CANBUS_SILENT and CANBUS_OFF a frame may be tried. */
+enum canbus_state {
+    CANBUS_READY,
+    CANBUS_WARNING, /* the controller counts many errors */
+    CANBUS_PASSIVE, /* and more: soon it leaves the bus */
+    CANBUS_SILENT,  /* for a second it has confirmed no frame: nobody acknowledges */
+    CANBUS_OFF,     /* the controller left the bus until it is restarted */
+    CANBUS_DOWN,    /* the interface is there, and down */
+    CANBUS_GONE,    /* there is no interface of that name any more */
+};
+
+struct canbus_status {
+    enum canbus_state state;
+    char text[256];   /* what is wrong and what to do about it; empty when ready */
+    size_t pending;   /* frames that were taken and are not on the bus yet */
+    uint64_t outages; /* times that pending frames were thrown away, by bus-off or so */
+};
+
 struct canbus_ops {
     const char *scheme;
     int (*open)(void **state, const char *arg, struct complaint *why);
     int (*send)(void *state, const struct can_frame_data *frame, int64_t stamp_ns);
     int (*flush)(void *state);
+    /* May be NULL: always ready, and what was sent is on the bus. */
+    void (*poll)(void *state, int64_t now_ns, struct canbus_status *out);
     /* May be NULL: nothing is counted. */
-    size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
+    size_t (*counts)(void *state, struct device_count out[CANBUS_MAX_COUNTS]);
     void (*close)(void *state);
 };
 
@@ -29,15 +52,22 @@ struct canbus;
  * file or socket; the complaint names the URI. */
 int canbus_open(struct canbus **out, const char *uri, struct complaint *why);
 
-/* stamp_ns: time of sending, written into a log.  An FD frame is filled up with zeros to
- * the next legal size.  0, -EINVAL (size or identifier), -EOPNOTSUPP (FD on a classic
- * interface), -ENOBUFS (try again), -ENOSPC, -ENETDOWN, -EIO. */
+/* Never waits.  stamp_ns: time of sending, written into a log.  An FD frame is filled up
+ * with zeros to the next legal size.  0; -EINVAL (size or identifier, or more different
+ * identifiers than 16); -EOPNOTSUPP (FD on a classic interface); -ENOBUFS (full, try
+ * again); -ENETDOWN (canbus_poll tells why and when it works again); -ENOSPC, -EIO. */
 int canbus_send(struct canbus *b, const struct can_frame_data *frame, int64_t stamp_ns);
 
 /* A list of frames is complete: a log writes it out whole.  0 or as canbus_send. */
 int canbus_flush(struct canbus *b);
+
+/* Takes in what has happened since: frames confirmed, errors of the bus, an interface
+ * that went or came back.  To be called often while something is to be sent.  Never
+ * waits. */
+void canbus_poll(struct canbus *b, int64_t now_ns, struct canbus_status *out);
+
 /* How many counts there are. */
-size_t canbus_counts(struct canbus *b, struct device_count out[DEVICE_MAX_COUNTS]);
+size_t canbus_counts(struct canbus *b, struct device_count out[CANBUS_MAX_COUNTS]);
 void canbus_close(struct canbus *b);
 
 #endif

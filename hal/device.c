@@ -37,7 +37,7 @@ static bool is_known(const char *const *known, const char *key)
 static int parse_option(struct device *d, char *text, const char *const *known,
                         struct complaint *why)
 {
-    char list[200];
+    char list[320];
     char *equals = strchr(text, '=');
     if (!equals || equals == text)
         return complain(why, -EINVAL, "option \"%s\": expected key=value", text);
@@ -103,7 +103,7 @@ int device_number(const struct device *d, const char *key, double min, double ma
 int device_choice(const struct device *d, const char *key, const char *const *words,
                   struct complaint *why)
 {
-    char list[200];
+    char list[320];
     const char *text = device_option(d, key);
     if (!text)
         return 0;

@@ -6,7 +6,7 @@
 
 #include "msgs/complaint.h"
 
-enum { DEVICE_MAX_OPTIONS = 16 };
+enum { DEVICE_MAX_OPTIONS = 24 };
 
 /* What follows the scheme, cut into pieces. */
 struct device {

@@ -6,14 +6,15 @@
 #include <stdlib.h>
 
 #include "hal/device.h"
-#include "hal/stage_backends.h"
+#include "hal/stage/backends.h"
 
 struct stage {
     const struct stage_ops *ops;
     void *state;
 };
 
-static const struct stage_ops *const backends[] = {&stage_sim_ops, &stage_none_ops};
+static const struct stage_ops *const backends[] = {&stage_sim_ops, &stage_none_ops,
+                                                   &stage_gpiod_ops, &stage_zaber_ops};
 
 int stage_open(struct stage **out, const char *uri, const struct clock_source *clock,
                struct complaint *why)
@@ -27,7 +28,9 @@ int stage_open(struct stage **out, const char *uri, const struct clock_source *c
     }
     if (!arg)
         return complain(why, -ENODEV,
-                        "%s: no such kind of stage; expected sim: or none:", uri);
+                        "%s: no such kind of stage; expected gpiod:, zaber:, sim: or "
+                        "none:",
+                        uri);
     struct stage *s = calloc(1, sizeof *s);
     if (!s)
         return complain(why, -ENOMEM, "%s: out of memory", uri);
@@ -49,9 +52,19 @@ int stage_move(struct stage *s, double target_m)
     return s->ops->move(s->state, target_m);
 }
 
+int stage_home(struct stage *s)
+{
+    return s->ops->home(s->state);
+}
+
+int stage_stop(struct stage *s)
+{
+    return s->ops->stop(s->state);
+}
+
 void stage_status(struct stage *s, struct stage_status *out)
 {
-    *out = (struct stage_status){.motion = STAGE_IDLE};
+    *out = (struct stage_status){.motion = STAGE_IDLE, .homed = true};
     s->ops->status(s->state, out);
 }
 

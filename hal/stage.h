@@ -1,7 +1,11 @@
 /* hal/stage.h -- the translation stage that carries the array.  Backend by URI:
  *   sim:?speed=0.2&acceleration=0.5&settle=0.15&error=0.0001     (m/s, m/s2, s, m)
  *   sim:?pace=fast      moves take no time
- *   none:               a fixed array */
+ *   none:               a fixed array
+ *   gpiod:CHIP?step=LINE&...    a step-and-direction driver on GPIO lines
+ *   zaber:TTY?pitch_mm=...      a Zaber stage on a serial line
+ * The real ones lose their place with every fault: each move is refused until it is
+ * homed. */
 #ifndef ANLOS_HAL_STAGE_H
 #define ANLOS_HAL_STAGE_H
 
@@ -13,13 +17,17 @@
 #include "hal/device_count.h"
 #include "msgs/complaint.h"
 
+enum { STAGE_TEXT_SIZE = 160 };
+
 enum stage_motion { STAGE_IDLE, STAGE_MOVING, STAGE_SETTLING, STAGE_FAULT };
 
 struct stage_status {
     enum stage_motion motion;
     double position_m;
     double target_m;
-    char text[128]; /* of a fault */
+    bool homed;                 /* its place is known */
+    char text[STAGE_TEXT_SIZE]; /* of a fault */
+    char note[STAGE_TEXT_SIZE]; /* what a person should know though it works; or empty */
 };
 
 struct stage_ops {
@@ -27,7 +35,9 @@ struct stage_ops {
     int (*open)(void **state, const char *arg, const struct clock_source *clock,
                 struct complaint *why);
     int (*move)(void *state, double target_m); /* as stage_move; target_m is finite */
-    /* *out comes idle and without text. */
+    int (*home)(void *state);
+    int (*stop)(void *state);
+    /* *out comes idle, homed and without text. */
     void (*status)(void *state, struct stage_status *out);
     /* May be NULL: nothing is counted. */
     size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
@@ -40,8 +50,16 @@ struct stage;
 int stage_open(struct stage **out, const char *uri, const struct clock_source *clock,
                struct complaint *why);
 
-/* Starts a move and returns; a move under way is replaced.  0, -ERANGE (soft limits). */
+/* Starts a move and returns; a move under way is replaced.  0, -ERANGE (soft limits),
+ * -ESTALE (its place is lost: home it). */
 int stage_move(struct stage *s, double target_m);
+
+/* Starts to look for its place, which also ends a fault.  0, -errno. */
+int stage_home(struct stage *s);
+
+/* Brakes to rest; the place stays known, but for a homing that is broken off.  0, -errno.
+ */
+int stage_stop(struct stage *s);
 void stage_status(struct stage *s, struct stage_status *out);
 /* How many counts there are. */
 size_t stage_counts(struct stage *s, struct device_count out[DEVICE_MAX_COUNTS]);

@@ -5,16 +5,37 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Cramer, J. Acoust. Soc. Am. 93 (1993) 2510, equation 15, for dry air of 1013.25 hPa
- * and 400 ppm of carbon dioxide.  His fit is for 0..30 C; it stays within 0.1 % of the
- * ideal gas over -20..50 C. */
+#define PRESSURE_PA 101325.0
+
+/* Mole fraction of water in air of a relative humidity, 0..1: Giacomo's equations
+ * (Metrologia 18 (1982) 33) for the pressure of saturated vapour and its enhancement, as
+ * Cramer's appendix has them. */
+static double water_fraction(double temperature_c, double humidity)
+{
+    const double t = temperature_c, kelvin = t + 273.15;
+    double saturated_pa = exp(1.2811805e-5 * kelvin * kelvin - 1.9509874e-2 * kelvin +
+                              34.04926034 - 6.3536311e3 / kelvin);
+    double enhancement = 1.00062 + 3.14e-8 * PRESSURE_PA + 5.6e-7 * t * t;
+    return humidity * enhancement * saturated_pa / PRESSURE_PA;
+}
+
+/* Cramer, J. Acoust. Soc. Am. 93 (1993) 2510, equation 15, for 1013.25 hPa and 400 ppm of
+ * carbon dioxide.  His fit is for 0..30 C and up to 6 % of water; dry it stays within
+ * 0.1 % of the ideal gas over -20..50 C. */
+double survey_humid_sound_speed_m_s(double temperature_c, double humidity)
+{
+    const double t = temperature_c, p = PRESSURE_PA, xc = 400e-6;
+    double xw = water_fraction(temperature_c, humidity);
+    return 331.5024 + 0.603055 * t - 0.000528 * t * t +
+           (51.471935 + 0.1495874 * t - 0.000782 * t * t) * xw +
+           (-1.82e-7 + 3.73e-8 * t - 2.93e-10 * t * t) * p +
+           (-85.20931 - 0.228525 * t + 5.91e-5 * t * t) * xc - 2.835149 * xw * xw -
+           2.15e-13 * p * p + 29.179762 * xc * xc + 0.000486 * xw * p * xc;
+}
+
 double survey_sound_speed_m_s(double temperature_c)
 {
-    const double t = temperature_c, p = 101325, xc = 400e-6;
-    return 331.5024 + 0.603055 * t - 0.000528 * t * t +
-           (-1.82e-7 + 3.73e-8 * t - 2.93e-10 * t * t) * p +
-           (-85.20931 - 0.228525 * t + 5.91e-5 * t * t) * xc - 2.15e-13 * p * p +
-           29.179762 * xc * xc;
+    return survey_humid_sound_speed_m_s(temperature_c, 0);
 }
 
 static void hash_bytes(uint64_t *h, const void *data, size_t size)

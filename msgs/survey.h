@@ -62,6 +62,10 @@ struct survey {
 /* Speed of sound in dry air, m/s (Cramer 1993 to 0.1 %, -20..50 C). */
 double survey_sound_speed_m_s(double temperature_c);
 
+/* The same in air of a relative humidity, 0..1: at 20 C half of saturation makes it 0.18
+ * % faster. */
+double survey_humid_sound_speed_m_s(double temperature_c, double humidity);
+
 #define SURVEY_MAX_ELEMENTS                                                              \
     4096 /* speakers, microphones, positions; points of a curve                          \
           */

@@ -21,6 +21,7 @@ enum {
     SURVEY,
     STAGE_COMMAND,
     STAGE_STATE,
+    STAGE_MANUAL,
     FIRE,
     PING,
     TRACES,
@@ -41,6 +42,8 @@ static const struct topic topics[N_TOPICS + 1] = {
                        0, TOPIC_ALL, 16, 4 * KB, {"scan"}},
     [STAGE_STATE]   = {"stage/state", &anlos__stage_state__descriptor,
                        2, TOPIC_LATEST, 1, 4 * KB, {"stage"}},
+    [STAGE_MANUAL]  = {"stage/manual", &anlos__stage_manual__descriptor,
+                       0, TOPIC_ALL, 16, 4 * KB, {"hand"}},
     [FIRE]          = {"array/fire", &anlos__fire_command__descriptor,
                        0, TOPIC_ALL, 16, 64 * KB, {"scan"}},
     [PING]          = {"ping", &anlos__ping__descriptor,
@@ -111,6 +114,11 @@ const struct topic *topic_stage_command(void)
 const struct topic *topic_stage_state(void)
 {
     return &topics[STAGE_STATE];
+}
+
+const struct topic *topic_stage_manual(void)
+{
+    return &topics[STAGE_MANUAL];
 }
 
 const struct topic *topic_fire(void)

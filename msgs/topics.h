@@ -39,6 +39,7 @@ bool topic_is_published_by(const struct topic *t, const char *node);
 const struct topic *topic_survey(void);
 const struct topic *topic_stage_command(void);
 const struct topic *topic_stage_state(void);
+const struct topic *topic_stage_manual(void); /* of "hand": a command line, no node */
 const struct topic *topic_fire(void);
 const struct topic *topic_ping(void);
 const struct topic *topic_traces(void);

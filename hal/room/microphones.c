@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "hal/random.h"
-#include "hal/response_file.h"
+#include "hal/survey/response_file.h"
 
 enum { N_POINTS = 200, N_WAVES = 4, STREAM_CURVE = 3, STREAM_GAIN = 4 };
 #define LOWEST_HZ 20.0

@@ -25,10 +25,10 @@ struct propagate {
     struct arrivals *arrivals;
     float *impulses;                 /* [GRID * n_samples] */
     float complex *spectrum, *facet; /* [GRID * n_samples / 2 + 1] */
-    float complex *chirp;            /* [n_bins], with the scale of the transforms */
-    float *responses;                /* [n_microphones][n_bins] */
-    float *heard;                    /* [n_samples] */
-    fftwf_plan forward, backward;    /* impulses -> spectrum, spectrum -> heard */
+    float complex *emissions;     /* [n_speakers][n_bins], with the transforms' scale */
+    float *responses;             /* [n_microphones][n_bins] */
+    float *heard;                 /* [n_samples] */
+    fftwf_plan forward, backward; /* impulses -> spectrum, spectrum -> heard */
 };
 
 size_t propagate_length(size_t least)
@@ -54,10 +54,10 @@ static int allocate(struct propagate *p)
     p->impulses = fftwf_malloc(GRID * n * sizeof *p->impulses);
     p->spectrum = fftwf_malloc(n_wide * sizeof *p->spectrum);
     p->facet = fftwf_malloc(n_wide * sizeof *p->facet);
-    p->chirp = fftwf_malloc(p->n_bins * sizeof *p->chirp);
+    p->emissions = fftwf_malloc(p->cfg.n_speakers * p->n_bins * sizeof *p->emissions);
     p->responses = malloc(p->cfg.n_microphones * p->n_bins * sizeof *p->responses);
     p->heard = fftwf_malloc(n * sizeof *p->heard);
-    if (!p->arrivals || !p->impulses || !p->spectrum || !p->facet || !p->chirp ||
+    if (!p->arrivals || !p->impulses || !p->spectrum || !p->facet || !p->emissions ||
         !p->responses || !p->heard)
         return -ENOMEM;
     p->forward =
@@ -66,18 +66,20 @@ static int allocate(struct propagate *p)
     return p->forward && p->backward ? 0 : -ENOMEM;
 }
 
-static int transform_chirp(struct propagate *p)
+static int transform_emissions(struct propagate *p)
 {
-    size_t n = p->cfg.n_samples;
-    fftwf_plan plan = fftwf_plan_dft_r2c_1d((int)n, p->heard, p->chirp, FFTW_ESTIMATE);
+    size_t n = p->cfg.n_samples, n_chirp = p->cfg.n_chirp;
+    fftwf_plan plan = fftwf_plan_dft_r2c_1d((int)n, p->heard, p->spectrum, FFTW_ESTIMATE);
     if (!plan)
         return -ENOMEM;
-    memset(p->heard, 0, n * sizeof *p->heard);
-    memcpy(p->heard, p->cfg.chirp, p->cfg.n_chirp * sizeof *p->heard);
-    fftwf_execute(plan);
+    for (size_t j = 0; j < p->cfg.n_speakers; j++) {
+        memset(p->heard, 0, n * sizeof *p->heard);
+        memcpy(p->heard, p->cfg.emissions + j * n_chirp, n_chirp * sizeof *p->heard);
+        fftwf_execute(plan);
+        for (size_t k = 0; k < p->n_bins; k++)
+            p->emissions[j * p->n_bins + k] = p->spectrum[k] / (float)n;
+    }
     fftwf_destroy_plan(plan);
-    for (size_t k = 0; k < p->n_bins; k++)
-        p->chirp[k] /= (float)n;
     return 0;
 }
 
@@ -92,7 +94,7 @@ int propagate_create(struct propagate **out, const struct propagate_config *cfg)
     p->cfg = *cfg;
     int err = allocate(p);
     if (!err)
-        err = transform_chirp(p);
+        err = transform_emissions(p);
     if (err) {
         propagate_destroy(p);
         return err;
@@ -176,6 +178,7 @@ const float *propagate_pair(struct propagate *p, size_t speaker, size_t micropho
 {
     const struct propagate_scene *s = &p->scene;
     const float *response = p->responses + microphone * p->n_bins;
+    const float complex *emission = p->emissions + speaker * p->n_bins;
     memset(p->impulses, 0, GRID * p->cfg.n_samples * sizeof *p->impulses);
     add_group(p, POINTS, speaker, microphone, s->mirror_gain);
     add_group(p, CLUTTER, speaker, microphone, 1);
@@ -189,7 +192,7 @@ const float *propagate_pair(struct propagate *p, size_t speaker, size_t micropho
             p->spectrum[k] += p->facet[k];
     }
     for (size_t k = 0; k < p->n_bins; k++)
-        p->spectrum[k] *= p->chirp[k] * response[k];
+        p->spectrum[k] *= emission[k] * response[k];
     p->spectrum[0] = crealf(p->spectrum[0]);
     p->spectrum[p->n_bins - 1] = crealf(p->spectrum[p->n_bins - 1]);
     fftwf_execute(p->backward);
@@ -210,7 +213,7 @@ void propagate_destroy(struct propagate *p)
     fftwf_free(p->impulses);
     fftwf_free(p->spectrum);
     fftwf_free(p->facet);
-    fftwf_free(p->chirp);
+    fftwf_free(p->emissions);
     free(p->responses);
     fftwf_free(p->heard);
     free(p);

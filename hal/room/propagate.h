@@ -18,7 +18,7 @@ struct propagate_config {
     double sample_rate_hz;
     size_t n_samples; /* of what a microphone hears of one chirp; see propagate_length */
     size_t n_speakers, n_microphones;
-    const float *chirp; /* [n_chirp] */
+    const float *emissions; /* [n_speakers][n_chirp]: of each its chirp */
     size_t n_chirp;
     const float *responses; /* [n_microphones][n_samples / 2 + 1], bin k: k/n_samples of
                                the rate; the amplitude that a microphone makes of 1 */
@@ -29,7 +29,7 @@ struct propagate;
 /* The number of samples to compute, a good one for the FFT, at least `least`. */
 size_t propagate_length(size_t least);
 
-/* Plans and allocates, copies chirp and responses.  0, -EINVAL, -ENOMEM. */
+/* Plans and allocates, copies emissions and responses.  0, -EINVAL, -ENOMEM. */
 int propagate_create(struct propagate **out, const struct propagate_config *cfg);
 
 /* Where everything is at one stage position. */

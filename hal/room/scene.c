@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/yaml_file.h"
-#include "hal/yaml_place.h"
+#include "hal/yaml/file.h"
+#include "hal/survey/place.h"
 
 #define OPTIONAL CYAML_FLAG_OPTIONAL
 
@@ -71,6 +71,28 @@ static const cyaml_schema_field_t drift_fields[] = {
     NUMBER(scene_drift, background_c, OPTIONAL), NUMBER(scene_drift, scan_c, OPTIONAL),
     CYAML_FIELD_END};
 
+static const cyaml_schema_field_t fault_fields[] = {
+    CYAML_FIELD_UINT("channel", CYAML_FLAG_DEFAULT, struct scene_fault, channel),
+    NUMBER(scene_fault, gain_db, OPTIONAL),
+    CYAML_FIELD_BOOL("inverted", OPTIONAL, struct scene_fault, inverted),
+    CYAML_FIELD_BOOL("dead", OPTIONAL, struct scene_fault, dead),
+    NUMBER(scene_fault, noise_rms, OPTIONAL),
+    NUMBER_PTR(scene_fault, limit),
+    CYAML_FIELD_UINT_PTR("swapped_with", OPTIONAL, struct scene_fault, swapped_with),
+    CYAML_FIELD_END};
+static const cyaml_schema_value_t fault_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_fault, fault_fields)};
+static const cyaml_schema_field_t faults_fields[] = {
+    NUMBER(scene_faults, latency_samples, OPTIONAL),
+    NUMBER_PTR(scene_faults, sound_speed_m_s),
+    CYAML_FIELD_SEQUENCE_COUNT("speakers", CYAML_FLAG_POINTER | OPTIONAL,
+                               struct scene_faults, speakers, n_speakers, &fault_schema,
+                               0, SURVEY_MAX_ELEMENTS),
+    CYAML_FIELD_SEQUENCE_COUNT("microphones", CYAML_FLAG_POINTER | OPTIONAL,
+                               struct scene_faults, microphones, n_microphones,
+                               &fault_schema, 0, SURVEY_MAX_ELEMENTS),
+    CYAML_FIELD_END};
+
 static const cyaml_schema_field_t scene_fields[] = {
     SURVEY_YAML_FIELDS(struct scene, CYAML_FLAG_OPTIONAL),
     CYAML_FIELD_ENUM("array", CYAML_FLAG_STRICT | OPTIONAL, struct scene, array, arrays,
@@ -84,6 +106,7 @@ static const cyaml_schema_field_t scene_fields[] = {
     PART(errors, error_fields),
     PART(noise, noise_fields),
     PART(drift, drift_fields),
+    PART(faults, faults_fields),
     CYAML_FIELD_SEQUENCE_COUNT("objects", CYAML_FLAG_POINTER | OPTIONAL, struct scene,
                                objects, n_objects, &object_schema, 0, 1000),
     CYAML_FIELD_END};
@@ -172,6 +195,7 @@ static int fill_in_defaults(struct scene *s)
     static const struct scene_errors errors = {0, 0, 0};
     static const struct scene_noise noise = {NULL, NULL};
     static const struct scene_drift drift = {0, 0};
+    static const struct scene_faults faults = {0};
     if (fill_in(&s->level, &level, sizeof level) ||
         fill_in(&s->direct_level, &direct, sizeof direct) ||
         fill_in(&s->wall_sound, &wall, sizeof wall) ||
@@ -179,7 +203,8 @@ static int fill_in_defaults(struct scene *s)
         fill_in(&s->microphones, &microphones, sizeof microphones) ||
         fill_in(&s->errors, &errors, sizeof errors) ||
         fill_in(&s->noise, &noise, sizeof noise) ||
-        fill_in(&s->drift, &drift, sizeof drift))
+        fill_in(&s->drift, &drift, sizeof drift) ||
+        fill_in(&s->faults, &faults, sizeof faults))
         return -ENOMEM;
     return 0;
 }

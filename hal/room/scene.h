@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-#include "hal/survey_yaml.h"
+#include "hal/survey/yaml.h"
 #include "msgs/complaint.h"
 #include "msgs/survey.h"
 
@@ -64,6 +64,23 @@ struct scene_drift {     /* of the air, against temperature_c */
     double scan_c;       /* from the first to the last position of a pass */
 };
 
+struct scene_fault { /* of one speaker or microphone */
+    uint32_t channel;
+    double gain_db;
+    bool inverted, dead;
+    double noise_rms; /* added to what is heard: of a speaker by all, while it emits */
+    double *limit;    /* where it clips: of a speaker over the chirp's amplitude, of a
+                         microphone over full scale */
+    uint32_t *swapped_with; /* the channel whose cable is in its place */
+};
+
+struct scene_faults {        /* of the array; unknown to the processor */
+    double latency_samples;  /* on top of the survey's */
+    double *sound_speed_m_s; /* in place of the survey's */
+    struct scene_fault *speakers, *microphones;
+    unsigned n_speakers, n_microphones;
+};
+
 struct scene {
     struct survey_yaml survey;
     int array; /* 0: as the keys say, 1: paper */
@@ -76,6 +93,7 @@ struct scene {
     struct scene_errors *errors;
     struct scene_noise *noise;
     struct scene_drift *drift;
+    struct scene_faults *faults;
     struct scene_object *objects;
     unsigned n_objects;
 };

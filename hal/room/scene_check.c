@@ -7,7 +7,7 @@
 
 #include "hal/room/scatter.h"
 #include "hal/room/scene.h"
-#include "hal/yaml_place.h"
+#include "hal/survey/place.h"
 
 struct rule {
     const char *key;
@@ -151,10 +151,47 @@ static int check_object(const struct scene_object *o, const char *prefix,
     return err;
 }
 
+/* Of n channels. */
+static int check_fault(const struct scene_fault *f, const char *prefix, size_t n,
+                       const char *path, struct complaint *why)
+{
+    const struct rule rules[] = {
+        {"channel", f->channel, 0, (double)n - 1},
+        {"gain_db", f->gain_db, -60, 60},
+        {"noise_rms", f->noise_rms, 0, 10},
+        {"limit", f->limit ? *f->limit : 1, 0, 1e3},
+        {"swapped_with", f->swapped_with ? *f->swapped_with : 0, 0, (double)n - 1},
+    };
+    return check_rules(rules, sizeof rules / sizeof *rules, prefix, path, why);
+}
+
+static int check_faults(const struct scene *s, const char *path, struct complaint *why)
+{
+    const struct scene_faults *f = s->faults;
+    const struct rule rules[] = {
+        {"faults.latency_samples", f->latency_samples, 0, 1e6},
+        {"faults.sound_speed_m_s", f->sound_speed_m_s ? *f->sound_speed_m_s : 340, 300,
+         360},
+    };
+    char prefix[48];
+    int err = check_rules(rules, sizeof rules / sizeof *rules, "", path, why);
+    for (unsigned i = 0; i < f->n_speakers && !err; i++) {
+        snprintf(prefix, sizeof prefix, "faults.speakers[%u].", i);
+        err = check_fault(&f->speakers[i], prefix, s->survey.n_speakers, path, why);
+    }
+    for (unsigned i = 0; i < f->n_microphones && !err; i++) {
+        snprintf(prefix, sizeof prefix, "faults.microphones[%u].", i);
+        err = check_fault(&f->microphones[i], prefix, s->survey.n_microphones, path, why);
+    }
+    return err;
+}
+
 int scene_check(const struct scene *s, const char *path, struct complaint *why)
 {
     char prefix[32];
     int err = check_world(s, path, why);
+    if (!err)
+        err = check_faults(s, path, why);
     for (unsigned i = 0; i < s->n_objects && !err; i++) {
         snprintf(prefix, sizeof prefix, "objects[%u].", i);
         err = check_object(&s->objects[i], prefix, path, why);

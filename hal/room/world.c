@@ -8,7 +8,7 @@
 
 #include "hal/random.h"
 #include "hal/room/vector.h"
-#include "hal/yaml_place.h"
+#include "hal/survey/place.h"
 
 #define FACETS_PER_WAVELENGTH 2.8 /* of the highest frequency; 2 is the limit */
 #define WALL_REACH_M          1.5 /* clutter on the wall, from the array's foot point */

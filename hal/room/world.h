@@ -3,7 +3,7 @@
 #ifndef ANLOS_HAL_ROOM_WORLD_H
 #define ANLOS_HAL_ROOM_WORLD_H
 
-#include "hal/room.h"
+#include "hal/room/room.h"
 #include "hal/room/scatter.h"
 #include "hal/room/scene.h"
 

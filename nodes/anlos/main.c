@@ -14,6 +14,7 @@ struct command {
 
 static const struct command commands[] = {
     {"launch", "run a whole system from a launch file", command_launch},
+    {"calibrate", "measure an array: timing, channels, gains, air", command_calibrate},
     {"recon", "image a recording, in one process without the bus", command_recon},
     {"psf", "measure or compute the image of a point", command_psf},
     {"resolution", "tell how close things may be and still be told apart",
@@ -21,6 +22,9 @@ static const struct command commands[] = {
     {"falloff", "fit how echoes fade with distance", command_falloff},
     {"bench", "measure what error costs in time", command_bench},
     {"sim", "record a simulated scene as WAV files", command_sim},
+    {"array", "look at the sound cards of this machine", command_array},
+    {"stage", "look at the stage, home it, move it by hand", command_stage},
+    {"bag", "look at recordings, check, cut and convert them", command_bag},
     {"topic", "look at the messages of a running system", command_topic},
 };
 

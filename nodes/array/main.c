@@ -11,7 +11,9 @@
 
 struct run {
     struct node *node;
+    struct array *array;
     struct shooter *shooter;
+    bool heard; /* the scan */
     int64_t survey_due_ns;
     unsigned failures;
 };
@@ -39,7 +41,8 @@ static int publish_ping(struct run *r)
         node_publish(r->node, topic_ping(), t0_ns, &ping.base);
         return 0;
     }
-    if (err == -EINTR || err == -ENODATA)
+    /* While the device is away the shot waits for it. */
+    if (err == -EINTR || err == -ENODATA || err == -EAGAIN)
         return 0;
     node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text[0] ? why.text : strerror(-err));
     if (err == -EINVAL)
@@ -51,12 +54,27 @@ static void take(struct run *r, const struct node_message *in)
 {
     struct complaint why = {""};
 
-    node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
+    r->heard = true;
     if (in->topic != topic_fire())
         return;
     if (shooter_fire(r->shooter, (const Anlos__FireCommand *)in->content, in->epoch_ns,
                      &why))
         node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
+}
+
+/* Not ready while the device is away: the scan waits, and gives no ping up. */
+static void look_at_device(struct run *r)
+{
+    struct complaint why;
+
+    while (array_notice(r->array, &why))
+        node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
+    if (array_condition(r->array, &why))
+        node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "%s", why.text);
+    else if (r->heard)
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
+    else
+        node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for scan");
 }
 
 static size_t counts(void *device, struct device_count *out)
@@ -72,8 +90,8 @@ static int run(struct run *r)
     /* Hearing the scan's status proves that its commands will come through. */
     if (!err)
         err = node_subscribe(r->node, topic_scan_status());
-    node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for scan");
     while (!err) {
+        look_at_device(r);
         err = publish_survey(r);
         if (!err)
             err = node_next(r->node, &in, shooter_busy(r->shooter) ? 0 : 100);
@@ -88,24 +106,23 @@ static int run(struct run *r)
 int main(int argc, char **argv)
 {
     struct run r = {0};
-    struct array *array = NULL;
     struct complaint why = {""};
     int err = node_create(&r.node, "array",
                           "Fires the speakers, records every microphone.", argc, argv);
 
     if (err)
         return err - 1;
-    err = array_open(&array, node_launch(r.node)->array.uri, node_clock(r.node), &why);
+    err = array_open(&r.array, node_launch(r.node)->array.uri, node_clock(r.node), &why);
     if (err)
         node_log(r.node, LOG_LEVEL_ERROR, "%s", why.text);
     if (!err)
-        err = shooter_create(&r.shooter, array);
+        err = shooter_create(&r.shooter, r.array);
     if (!err) {
-        node_device(r.node, counts, array);
+        node_device(r.node, counts, r.array);
         err = run(&r);
     }
     node_device(r.node, NULL, NULL);
     shooter_destroy(r.shooter);
-    array_close(array);
+    array_close(r.array);
     return node_finish(r.node, err);
 }

@@ -178,7 +178,7 @@ int shooter_next(struct shooter *s, Anlos__Ping *out, int64_t *t0_ns,
             *t0_ns = ping.t0_ns;
             return 0;
         }
-        if (err == -EINTR)
+        if (err == -EINTR || err == -EAGAIN)
             return err;
         end_shot(s);
         if (err != -ENODATA)

@@ -28,8 +28,9 @@ int shooter_fire(struct shooter *s, const Anlos__FireCommand *command, int64_t e
 bool shooter_busy(const struct shooter *s);
 
 /* Blocks until the next ping of the shots queued is recorded.  The message borrows from
- * the array until the next call.  0, -ENODATA (nothing to do), -EINTR (a signal; call
- * again), other negative errno of the array: the rest of that shot is lost. */
+ * the array until the next call.  0, -ENODATA (nothing to do), -EINTR (a signal) and
+ * -EAGAIN (the device is away): call again; other negative errno of the array: the rest
+ * of that shot is lost. */
 int shooter_next(struct shooter *s, Anlos__Ping *out, int64_t *t0_ns,
                  struct complaint *why);
 void shooter_destroy(struct shooter *s);

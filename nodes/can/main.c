@@ -1,57 +1,25 @@
 /* nodes/can/main.c: "detections", "scan/status", "survey" -> the vehicle's CAN bus */
 #include <errno.h>
-#include <string.h>
 
 #include "hal/canbus.h"
 #include "msgs/topics.h"
-#include "nodes/can/sender.h"
+#include "nodes/can/outbox.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/uri.h"
 
 #define STATUS_PERIOD_NS 100000000LL
-#define FULL_RETRIES     20 /* a list of 98 frames outruns the queue of a CAN interface */
-#define FULL_PAUSE_NS    1000000LL
+#define FINISH_NS        100000000LL /* what waits has to go out in when the node ends */
 
 struct run {
     struct node *node;
     struct canbus *bus;
     struct sender sender;
+    struct outbox outbox;
     int64_t status_due_ns;
-    uint64_t unsent;
 };
 
-static int send_frame(struct run *r, const struct can_frame_data *frame)
-{
-    const struct clock_source *clock = node_clock(r->node);
-    int err = -ENOBUFS;
-
-    for (int i = 0; i < FULL_RETRIES && err == -ENOBUFS; i++) {
-        err = canbus_send(r->bus, frame, node_now_ns(r->node));
-        if (err == -ENOBUFS)
-            clock->sleep_until_ns(clock->state, node_now_ns(r->node) + FULL_PAUSE_NS);
-    }
-    return err;
-}
-
-/* Half a list is no list: after a frame that did not go, the rest stays. */
-static void send_frames(struct run *r, const struct can_frame_data *frames, size_t n)
-{
-    int err = 0;
-
-    for (size_t i = 0; i < n && !err; i++)
-        err = send_frame(r, &frames[i]);
-    if (!err)
-        err = canbus_flush(r->bus);
-    if (err)
-        node_state(r->node, ANLOS__HEALTH__STATE__DEGRADED,
-                   "frames did not go out %llu times: %s",
-                   (unsigned long long)++r->unsent, strerror(-err));
-    else
-        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
-}
-
-static void send_status(struct run *r)
+static void put_status(struct run *r)
 {
     struct can_frame_data frame;
     int64_t now = node_now_ns(r->node);
@@ -60,26 +28,61 @@ static void send_status(struct run *r)
         return;
     r->status_due_ns = now + STATUS_PERIOD_NS;
     sender_status(&r->sender, &frame);
-    send_frames(r, &frame, 1);
+    outbox_put_status(&r->outbox, &frame);
 }
 
 static void take(struct run *r, const struct node_message *in)
 {
-    struct can_frame_data frames[SENDER_MAX_FRAMES];
+    struct sender_list list;
 
-    if (in->topic == topic_survey())
+    if (in->topic == topic_survey()) {
         sender_survey(&r->sender, (const Anlos__Survey *)in->content);
-    else if (in->topic == topic_scan_status())
+    } else if (in->topic == topic_scan_status()) {
         sender_scan(&r->sender, (const Anlos__ScanStatus *)in->content);
-    else
-        send_frames(r, frames,
-                    sender_list(&r->sender, (const Anlos__DetectionList *)in->content,
-                                in->capture_ns, node_now_ns(r->node), frames));
+    } else {
+        sender_list(&r->sender, (const Anlos__DetectionList *)in->content, in->capture_ns,
+                    &list);
+        outbox_put_list(&r->outbox, &list);
+    }
 }
+
+static void step(struct run *r)
+{
+    char text[256];
+
+    outbox_step(&r->outbox);
+    if (outbox_well(&r->outbox, text, sizeof text))
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
+    else
+        node_state(r->node, ANLOS__HEALTH__STATE__DEGRADED, "%s", text);
+}
+
+/* A list on its way is finished if the bus takes it. */
+static void finish(struct run *r)
+{
+    const struct clock_source *clock = node_clock(r->node);
+    int64_t end = node_now_ns(r->node) + FINISH_NS;
+
+    outbox_step(&r->outbox);
+    while (outbox_busy(&r->outbox) && node_now_ns(r->node) < end) {
+        clock->sleep_until_ns(clock->state, node_now_ns(r->node) +
+                                                outbox_wait_ms(&r->outbox) * 1000000LL);
+        outbox_step(&r->outbox);
+    }
+    if (r->outbox.n_lists)
+        node_log(r->node, LOG_LEVEL_WARNING, "lists that did not go out: %zu",
+                 r->outbox.n_lists);
+}
+
+_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS <= DEVICE_MAX_COUNTS, "no room");
 
 static size_t counts(void *device, struct device_count *out)
 {
-    return canbus_counts(device, out);
+    const struct run *r = device;
+    size_t n = canbus_counts(r->bus, out);
+
+    outbox_counts(&r->outbox, out + n);
+    return n + OUTBOX_COUNTS;
 }
 
 static int run(struct run *r)
@@ -92,13 +95,15 @@ static int run(struct run *r)
     if (!err)
         err = node_subscribe(r->node, topic_survey());
     while (!err) {
-        send_status(r);
-        err = node_next(r->node, &in, 20);
+        put_status(r);
+        step(r);
+        err = node_next(r->node, &in, (int)outbox_wait_ms(&r->outbox));
         if (!err)
             take(r, &in);
         else if (err == -ETIMEDOUT)
             err = 0;
     }
+    finish(r);
     return err;
 }
 
@@ -129,7 +134,8 @@ int main(int argc, char **argv)
     sender_init(&r.sender, node_launch(r.node)->can.base_id);
     err = open_bus(&r);
     if (!err) {
-        node_device(r.node, counts, r.bus);
+        outbox_init(&r.outbox, r.bus, node_clock(r.node), &r.sender);
+        node_device(r.node, counts, &r);
         err = run(&r);
     }
     node_device(r.node, NULL, NULL);

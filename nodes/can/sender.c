@@ -40,7 +40,7 @@ void sender_scan(struct sender *s, const Anlos__ScanStatus *status)
     case ANLOS__SCAN_STATUS__STATE__DONE:
         s->status.state = status->pings_lost ? CAN_DEGRADED : CAN_ACTIVE;
         break;
-    default:
+    default: /* failed, or paused until a person comes */
         s->status.state = CAN_FAULT;
     }
 }
@@ -85,31 +85,36 @@ static void fill_object(struct can_object *o, const Anlos__DetectionList *list, 
         fill_place(o, d);
 }
 
-size_t sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
-                   int64_t now_ns, struct can_frame_data *frames)
+void sender_list(const struct sender *s, const Anlos__DetectionList *list,
+                 int64_t capture_ns, struct sender_list *out)
 {
     size_t n = list->n_detections < CAN_MAX_OBJECTS ? list->n_detections
                                                     : CAN_MAX_OBJECTS;
-    size_t k = 0;
-    const struct can_list_header header = {
-        .number = (uint8_t)n,
-        .counter = (uint16_t)list->counter,
-        .latency_ms = capture_ns ? 1e-6 * (double)(now_ns - capture_ns) : NAN,
-        .cycle_ms = s->list_ns ? 1e-6 * (double)(now_ns - s->list_ns) : NAN,
-        .truncated = n < list->n_detections,
-    };
+    struct can_frame_data *frame = out->frames + 2;
 
-    s->list_ns = now_ns;
-    can_pack_list_header(&frames[k++], s->base_id, &header);
-    can_pack_time(&frames[k++], s->base_id, capture_ns ? capture_ns : now_ns);
+    out->header = (struct can_list_header){.number = (uint8_t)n,
+                                           .counter = (uint16_t)list->counter,
+                                           .truncated = n < list->n_detections};
+    out->capture_ns = capture_ns;
+    out->n_frames = 2 + 3 * n;
     for (size_t i = 0; i < n; i++) {
         struct can_object object;
         fill_object(&object, list, i);
-        can_pack_object_state(&frames[k++], s->base_id, &object);
-        can_pack_object_dynamics(&frames[k++], s->base_id, &object);
-        can_pack_object_quality(&frames[k++], s->base_id, &object);
+        can_pack_object_state(frame++, s->base_id, &object);
+        can_pack_object_dynamics(frame++, s->base_id, &object);
+        can_pack_object_quality(frame++, s->base_id, &object);
     }
-    return k;
+}
+
+void sender_date(const struct sender *s, struct sender_list *list, int64_t now_ns,
+                 int64_t last_ns)
+{
+    int64_t capture_ns = list->capture_ns;
+
+    list->header.latency_ms = capture_ns ? 1e-6 * (double)(now_ns - capture_ns) : NAN;
+    list->header.cycle_ms = last_ns ? 1e-6 * (double)(now_ns - last_ns) : NAN;
+    can_pack_list_header(&list->frames[0], s->base_id, &list->header);
+    can_pack_time(&list->frames[1], s->base_id, capture_ns ? capture_ns : now_ns);
 }
 
 void sender_status(const struct sender *s, struct can_frame_data *frame)

@@ -26,6 +26,11 @@ static void write_text(struct progress *p, const Anlos__ScanStatus *s)
         snprintf(p->text, sizeof p->text, "%s", s->text);
         return;
     }
+    if (s->state == ANLOS__SCAN_STATUS__STATE__PAUSED) {
+        snprintf(p->text, sizeof p->text, "paused at %u/%u pings; %s", s->pings_done,
+                 s->pings_expected, s->text);
+        return;
+    }
     if (s->state == ANLOS__SCAN_STATUS__STATE__RUNNING && s->pings_done)
         snprintf(left, sizeof left, ", %.0f s left", s->time_left_s);
     snprintf(p->text, sizeof p->text,
@@ -35,16 +40,24 @@ static void write_text(struct progress *p, const Anlos__ScanStatus *s)
              (unsigned long long)messages_lost(p), s->text[0] ? "; " : "", s->text);
 }
 
+/* What a reader of a pipe must not miss. */
+static bool is_event(const struct progress *p, const Anlos__ScanStatus *s)
+{
+    return s->state != p->state && (s->state == ANLOS__SCAN_STATUS__STATE__FAILED ||
+                                    s->state == ANLOS__SCAN_STATUS__STATE__PAUSED ||
+                                    p->state == ANLOS__SCAN_STATUS__STATE__PAUSED);
+}
+
 bool progress_status(struct progress *p, const Anlos__ScanStatus *s)
 {
-    bool changed = s->state != p->state;
+    bool event = is_event(p, s);
     int step = s->pings_expected ? (int)(10ull * s->pings_done / s->pings_expected) : -1;
 
     p->state = s->state;
     write_text(p, s);
     if (p->terminal)
         return true;
-    if (step == p->step && !(changed && s->state == ANLOS__SCAN_STATUS__STATE__FAILED))
+    if (step == p->step && !event)
         return false;
     p->step = step;
     return true;

@@ -1,5 +1,6 @@
 /* nodes/launcher/progress.h -- how far the scan is, as a line of text: on a terminal
- * rewritten in place, in a pipe a new line for every 10 %. */
+ * rewritten in place, in a pipe a new line for every 10 %, and when the scan
+ * pauses, goes on or fails. */
 #ifndef ANLOS_NODES_LAUNCHER_PROGRESS_H
 #define ANLOS_NODES_LAUNCHER_PROGRESS_H
 
@@ -11,7 +12,7 @@
 #include "msgs/scan.pb-c.h"
 
 #define PROGRESS_MAX_NODES 16
-#define PROGRESS_TEXT_SIZE 200
+#define PROGRESS_TEXT_SIZE 320
 
 struct progress {
     bool terminal;

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "hal/room.h"
+#include "hal/room/room.h"
 #include "recon/geometry.h"
 
 static int read_position(const json_t *list, double out[3])

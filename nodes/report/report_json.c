@@ -13,6 +13,8 @@ static const char *scan_state_name(Anlos__ScanStatus__State state)
         return "running";
     case ANLOS__SCAN_STATUS__STATE__DONE:
         return "done";
+    case ANLOS__SCAN_STATUS__STATE__PAUSED:
+        return "paused";
     default:
         return "failed";
     }

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/yaml_file.h"
-#include "hal/yaml_place.h"
+#include "hal/yaml/file.h"
+#include "hal/survey/place.h"
 #include "msgs/topics.h"
 #include "nodes/rt/launchfile_text.h"
 #include "nodes/rt/uri.h"
@@ -152,7 +152,8 @@ static int replace(char **uri, char *text)
 
 static int resolve_paths(struct launchfile *l, const struct launchfile_options *options)
 {
-    static const char *const options_with_paths[] = {"background", "survey"};
+    static const char *const options_with_paths[] = {"background", "survey", "calibrated",
+                                                     "rig"};
     const char *slash = strrchr(l->path, '/');
     char *folder = slash
                        ? strndup(l->path, (size_t)(slash - l->path) + (slash == l->path))

@@ -36,7 +36,8 @@ static const cyaml_schema_field_t option_fields[] = {
     METHOD_OPTION(base),      METHOD_OPTION(iterations), METHOD_OPTION(tolerance),
     METHOD_OPTION(l1),        METHOD_OPTION(tv),         METHOD_OPTION(tv_isotropic),
     METHOD_OPTION(rho),       METHOD_OPTION(snr_db),     METHOD_OPTION(dmo),
-    METHOD_OPTION(lightcone), METHOD_OPTION(coherence),  CYAML_FIELD_END};
+    METHOD_OPTION(lightcone), METHOD_OPTION(coherence),  METHOD_OPTION(sharpen),
+    CYAML_FIELD_END};
 static const cyaml_schema_field_t recon_fields[] = {
     CYAML_FIELD_STRING_PTR("method", CYAML_FLAG_POINTER | OPTIONAL,
                            struct launch_text_recon, method, 1, NAME_SIZE),

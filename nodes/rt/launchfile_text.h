@@ -26,7 +26,7 @@ struct launch_text_dsp {
 };
 
 struct launch_text_options { /* as written; by the names of recon/imager_options.h */
-    char *base, *iterations, *tolerance, *l1, *tv, *tv_isotropic, *rho, *snr_db;
+    char *base, *iterations, *tolerance, *l1, *tv, *tv_isotropic, *rho, *snr_db, *sharpen;
     char *dmo, *lightcone, *coherence;
 };
 

@@ -2,12 +2,11 @@
 
 #include <stdio.h>
 
-#define RESEND_NS      500000000LL  /* without a sign that the command was accepted */
-#define FAULT_PAUSE_NS 1000000000LL /* before a stage in fault is asked again */
+#define RESEND_NS 500000000LL /* without a sign that the command was accepted */
 
-void carriage_init(struct carriage *c, unsigned retries)
+void carriage_init(struct carriage *c)
 {
-    *c = (struct carriage){.retries = retries};
+    *c = (struct carriage){.commanded = false};
 }
 
 void carriage_state(struct carriage *c, const Anlos__StageState *state)
@@ -17,14 +16,21 @@ void carriage_state(struct carriage *c, const Anlos__StageState *state)
     c->accepted = c->commanded && state->command_id == c->id &&
                   state->target_m == c->target_m;
     c->idle = state->state == ANLOS__STAGE_STATE__STATE__IDLE;
+    c->refused = state->state == ANLOS__STAGE_STATE__STATE__REFUSED;
     c->fault = state->state == ANLOS__STAGE_STATE__STATE__FAULT;
+    c->held = state->held;
     snprintf(c->text, sizeof c->text, "%s", state->text);
 }
 
 void carriage_forget(struct carriage *c)
 {
-    c->commanded = false;
-    c->accepted = false;
+    c->commanded = c->accepted = false;
+    c->fault = c->held = false;
+}
+
+bool carriage_is_paused(const struct carriage *c)
+{
+    return c->fault || c->held;
 }
 
 static enum carriage_progress send_new(struct carriage *c, double target_m,
@@ -32,7 +38,6 @@ static enum carriage_progress send_new(struct carriage *c, double target_m,
 {
     c->commanded = true;
     c->accepted = false;
-    c->fault = false;
     c->id++;
     c->target_m = target_m;
     c->sent_ns = now_ns;
@@ -41,6 +46,10 @@ static enum carriage_progress send_new(struct carriage *c, double target_m,
 
 enum carriage_progress carriage_go(struct carriage *c, double target_m, int64_t now_ns)
 {
+    if (carriage_is_paused(c)) {
+        c->commanded = c->accepted = false;
+        return CARRIAGE_PAUSED;
+    }
     if (!c->commanded || c->target_m != target_m)
         return send_new(c, target_m, now_ns);
     if (!c->accepted) {
@@ -49,16 +58,7 @@ enum carriage_progress carriage_go(struct carriage *c, double target_m, int64_t 
         c->sent_ns = now_ns;
         return CARRIAGE_SEND;
     }
-    if (c->fault) {
-        if (now_ns - c->sent_ns < FAULT_PAUSE_NS)
-            return CARRIAGE_MOVING;
-        if (c->faults >= c->retries)
-            return CARRIAGE_FAILED;
-        c->faults++;
-        return send_new(c, target_m, now_ns);
-    }
-    if (!c->idle)
-        return CARRIAGE_MOVING;
-    c->faults = 0;
-    return CARRIAGE_THERE;
+    if (c->refused)
+        return CARRIAGE_FAILED;
+    return c->idle ? CARRIAGE_THERE : CARRIAGE_MOVING;
 }

@@ -79,9 +79,12 @@ static void publish_status(struct run *r)
         return;
     if (status.state != r->state && status.text[0])
         node_log(r->node,
-                 status.state == ANLOS__SCAN_STATUS__STATE__FAILED ? LOG_LEVEL_ERROR
-                                                                   : LOG_LEVEL_INFO,
-                 "%s", status.text);
+                 status.state == ANLOS__SCAN_STATUS__STATE__FAILED   ? LOG_LEVEL_ERROR
+                 : status.state == ANLOS__SCAN_STATUS__STATE__PAUSED ? LOG_LEVEL_WARNING
+                                                                     : LOG_LEVEL_INFO,
+                 "%s%s",
+                 status.state == ANLOS__SCAN_STATUS__STATE__PAUSED ? "pauses: " : "",
+                 status.text);
     r->state = status.state;
     r->status_due_ns = now + STATUS_PERIOD_NS;
     node_publish(r->node, topic_scan_status(), 0, &status.base);

@@ -1,7 +1,6 @@
 #include "nodes/scan/scan.h"
 
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +8,7 @@
 #include "nodes/scan/carriage.h"
 #include "nodes/scan/ledger.h"
 #include "nodes/scan/peers.h"
+#include "nodes/scan/route.h"
 #include "nodes/scan/volley.h"
 
 struct scan {
@@ -17,14 +17,13 @@ struct scan {
     struct carriage carriage;
     struct ledger *ledger; /* NULL: no survey yet */
     uint64_t survey_id;
-    size_t n_positions, n_speakers;
-    double *positions_m;  /* [n_positions] */
-    uint32_t *speakers;   /* [n_speakers], scratch */
+    struct route route;
     uint32_t number;      /* of the scan, from 1 */
     struct volley volley; /* fired last */
     size_t position;
     int64_t sign_ns;  /* last sign of life of what is under way */
-    int64_t start_ns; /* 0: not yet running */
+    int64_t start_ns; /* 0: not yet running; later by each pause */
+    int64_t pause_ns; /* since when it pauses; 0: it does not */
     Anlos__ScanStatus__State state;
     bool failed; /* for good */
     char text[256];
@@ -39,7 +38,7 @@ int scan_create(struct scan **out, const struct scan_config *cfg)
     s->cfg = *cfg;
     s->state = ANLOS__SCAN_STATUS__STATE__WAITING;
     peers_init(&s->peers, cfg->needs, cfg->n_needs, cfg->silence_s);
-    carriage_init(&s->carriage, cfg->retries);
+    carriage_init(&s->carriage);
     snprintf(s->text, sizeof s->text, "waits for the other nodes");
     *out = s;
     return 0;
@@ -83,27 +82,21 @@ int scan_survey(struct scan *s, const Anlos__Survey *survey)
 
     if (s->ledger && survey->id == s->survey_id)
         return 0;
+    struct route route = {.n_positions = 0};
     int err = ledger_create(&ledger, &size);
-    if (err)
-        return err;
-    double *positions = calloc(size.n_positions, sizeof *positions);
-    uint32_t *speakers = calloc(size.n_speakers, sizeof *speakers);
-    err = positions && speakers ? volley_reset(&s->volley, size.n_speakers) : -ENOMEM;
+    if (!err)
+        err = route_open(&route, survey);
+    if (!err)
+        err = volley_reset(&s->volley, size.n_speakers);
     if (err) {
-        free(positions);
-        free(speakers);
+        route_clear(&route);
         ledger_destroy(ledger);
         return err;
     }
-    memcpy(positions, survey->stage_positions_m, size.n_positions * sizeof *positions);
     ledger_destroy(s->ledger);
-    free(s->positions_m);
-    free(s->speakers);
+    route_clear(&s->route);
     s->ledger = ledger;
-    s->positions_m = positions;
-    s->speakers = speakers;
-    s->n_positions = size.n_positions;
-    s->n_speakers = size.n_speakers;
+    s->route = route;
     s->survey_id = survey->id;
     s->position = 0;
     s->start_ns = 0;
@@ -142,23 +135,6 @@ void scan_receipt(struct scan *s, const Anlos__Receipt *receipt, int64_t now_ns)
     ledger_receipt(s->ledger, &p, receipt->usable);
 }
 
-/* The nearest position where something is missing; n_positions: nowhere.  So the stage
- * goes there and back again, and takes up what was lost on its way. */
-static size_t nearest_missing(const struct scan *s, Anlos__Pass pass)
-{
-    size_t best = s->n_positions;
-    double best_m = INFINITY;
-
-    for (size_t i = 0; i < s->n_positions; i++) {
-        double distance_m = fabs(s->positions_m[i] - s->positions_m[s->position]);
-        if (distance_m < best_m && ledger_missing(s->ledger, pass, i, s->speakers)) {
-            best = i;
-            best_m = distance_m;
-        }
-    }
-    return best;
-}
-
 static void fail(struct scan *s, const char *who, const char *what)
 {
     s->failed = true;
@@ -178,23 +154,26 @@ static void fire(struct scan *s, Anlos__Pass pass, size_t n, int64_t now_ns,
     Anlos__FireCommand *c = &s->volley.command;
 
     for (size_t i = 0; i < n; i++) {
-        const struct ledger_ping ping = {pass, s->position, s->speakers[i]};
+        const struct ledger_ping ping = {pass, s->position, s->route.speakers[i]};
         ledger_fire(s->ledger, &ping);
     }
-    volley_load(&s->volley, s->number, s->speakers, n);
+    volley_load(&s->volley, s->number, s->route.speakers, n);
     c->pass = pass;
     c->position = (uint32_t)s->position;
-    c->stage_m = s->cfg.has_stage ? s->carriage.position_m : s->positions_m[s->position];
+    c->stage_m = s->cfg.has_stage ? s->carriage.position_m
+                                  : s->route.positions_m[s->position];
     s->sign_ns = now_ns;
     send_volley(s, now_ns, out);
 }
 
-/* true: the stage stands where it should. */
-static bool move(struct scan *s, int64_t now_ns, struct scan_action *out)
+/* true: the stage stands where it should.  What is on its way to the image still gets
+ * there when it cannot. */
+static bool move(struct scan *s, int64_t now_ns, const struct ledger_count *count,
+                 struct scan_action *out)
 {
     if (!s->cfg.has_stage)
         return true;
-    switch (carriage_go(&s->carriage, s->positions_m[s->position], now_ns)) {
+    switch (carriage_go(&s->carriage, s->route.positions_m[s->position], now_ns)) {
     case CARRIAGE_THERE:
         return true;
     case CARRIAGE_SEND:
@@ -203,7 +182,8 @@ static bool move(struct scan *s, int64_t now_ns, struct scan_action *out)
         out->stage_command.target_m = s->carriage.target_m;
         return false;
     case CARRIAGE_FAILED:
-        fail(s, "stage", s->carriage.text);
+        if (!count->under_way)
+            fail(s, "stage", s->carriage.text);
         return false;
     default:
         return false;
@@ -245,6 +225,34 @@ static bool all_ready(struct scan *s, int64_t now_ns)
     return true;
 }
 
+/* What was fired and not recorded yet may not stand where it should: it is taken again.
+ */
+static void begin_pause(struct scan *s, int64_t now_ns)
+{
+    s->pause_ns = now_ns;
+    ledger_forget_under_way(s->ledger);
+    volley_answer(&s->volley);
+}
+
+static bool pauses(struct scan *s, int64_t now_ns)
+{
+    const struct carriage *c = &s->carriage;
+
+    if (!s->cfg.has_stage || !carriage_is_paused(c)) {
+        if (s->pause_ns && s->start_ns)
+            s->start_ns += now_ns - s->pause_ns;
+        s->pause_ns = 0;
+        return false;
+    }
+    if (!s->pause_ns)
+        begin_pause(s, now_ns);
+    s->sign_ns = now_ns;
+    s->state = ANLOS__SCAN_STATUS__STATE__PAUSED;
+    snprintf(s->text, sizeof s->text, "stage: %s; 'anlos stage home'%s goes on", c->text,
+             c->fault ? "" : " or 'release'");
+    return true;
+}
+
 static void advance(struct scan *s, int64_t now_ns, const struct ledger_count *count,
                     struct scan_action *out)
 {
@@ -257,13 +265,13 @@ static void advance(struct scan *s, int64_t now_ns, const struct ledger_count *c
             send_volley(s, now_ns, out);
         return;
     }
-    next = nearest_missing(s, pass);
-    if (next == s->n_positions)
+    next = route_nearest(&s->route, s->ledger, pass, s->position);
+    if (next == s->route.n_positions)
         return;
     s->position = next;
-    if (!move(s, now_ns, out))
+    if (!move(s, now_ns, count, out))
         return;
-    size_t n = ledger_missing(s->ledger, pass, s->position, s->speakers);
+    size_t n = route_missing(&s->route, s->ledger, pass, s->position);
     size_t whole = n < s->cfg.window ? n : s->cfg.window;
     if (count->under_way + whole <= s->cfg.window)
         fire(s, pass, whole, now_ns, out);
@@ -285,7 +293,7 @@ void scan_step(struct scan *s, int64_t now_ns, struct scan_action *out)
             return;
         }
     }
-    if (!all_ready(s, now_ns))
+    if (!all_ready(s, now_ns) || pauses(s, now_ns))
         return;
     if (!s->start_ns)
         s->start_ns = now_ns;
@@ -326,8 +334,7 @@ void scan_destroy(struct scan *s)
     if (!s)
         return;
     ledger_destroy(s->ledger);
-    free(s->positions_m);
-    free(s->speakers);
+    route_clear(&s->route);
     volley_clear(&s->volley);
     free(s);
 }

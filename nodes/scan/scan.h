@@ -3,7 +3,8 @@
  * (background first) and stage position: move, wait until settled, fire what is missing.
  * It goes on to the next position while receipts are on their way, but never has more
  * than `window` pings under way.  A ping that got lost is taken again, up to `retries`
- * times; a node that was restarted loses what it kept, and that is taken again too. */
+ * times; a node that was restarted loses what it kept, and that is taken again too.
+ * While the stage is in fault or held by hand the scan pauses, and nothing times out. */
 #ifndef ANLOS_NODES_SCAN_SCAN_H
 #define ANLOS_NODES_SCAN_SCAN_H
 

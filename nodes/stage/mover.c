@@ -19,8 +19,19 @@ void mover_init(struct mover *m, struct stage *stage)
     *m = (struct mover){.stage = stage};
 }
 
+static void say_refusal(char out[MOVER_TEXT_SIZE], const char *what, double target_m,
+                        int err)
+{
+    snprintf(out, MOVER_TEXT_SIZE, "cannot %s %.4f m: %s", what, target_m,
+             err == -ERANGE   ? "it does not reach that far"
+             : err == -ESTALE ? "its place is not known, home it first"
+                              : strerror(-err));
+}
+
 void mover_command(struct mover *m, const Anlos__StageCommand *command)
 {
+    if (m->held)
+        return;
     /* A scan that was restarted counts from 1 again: the target tells it apart. */
     if (m->commanded && command->id == m->command_id && command->target_m == m->target_m)
         return;
@@ -29,45 +40,138 @@ void mover_command(struct mover *m, const Anlos__StageCommand *command)
     m->target_m = command->target_m;
     m->refusal[0] = '\0';
     int err = stage_move(m->stage, command->target_m);
+    if (err && err != -ESTALE) /* which the stage's own fault says better */
+        say_refusal(m->refusal, "move to", command->target_m, err);
+}
+
+/* The scan's command is void from now on, so that it is given again. */
+static void take_by_hand(struct mover *m)
+{
+    m->held = true;
+    m->homing = false;
+    m->commanded = false;
+    m->command_id = 0;
+    m->refusal[0] = '\0';
+}
+
+static void release(struct mover *m)
+{
+    struct stage_status status;
+
+    stage_status(m->stage, &status);
+    if (status.motion == STAGE_FAULT)
+        snprintf(m->manual_refusal, sizeof m->manual_refusal,
+                 "it is in fault: home it, which also releases it");
+    else
+        m->held = m->homing = false;
+}
+
+void mover_manual(struct mover *m, const Anlos__StageManual *command)
+{
+    int err = 0;
+
+    if (command->id == m->manual_id)
+        return;
+    m->manual_id = command->id;
+    m->manual_refusal[0] = '\0';
+    switch (command->verb) {
+    case ANLOS__STAGE_MANUAL__VERB__HOME:
+        take_by_hand(m);
+        m->homing = true;
+        err = stage_home(m->stage);
+        break;
+    case ANLOS__STAGE_MANUAL__VERB__MOVE:
+        err = stage_move(m->stage, command->target_m);
+        if (!err)
+            take_by_hand(m);
+        break;
+    case ANLOS__STAGE_MANUAL__VERB__STOP:
+        take_by_hand(m);
+        err = stage_stop(m->stage);
+        break;
+    case ANLOS__STAGE_MANUAL__VERB__RELEASE:
+        release(m);
+        break;
+    default:
+        err = -ENOTSUP;
+    }
     if (err)
-        snprintf(m->refusal, sizeof m->refusal, "cannot move to %.4f m: %s",
-                 command->target_m,
-                 err == -ERANGE ? "it does not reach that far" : strerror(-err));
+        say_refusal(m->manual_refusal, "move by hand to", command->target_m, err);
+}
+
+const char *mover_note(struct mover *m)
+{
+    if (m->note_told || !m->note[0])
+        return NULL;
+    m->note_told = true;
+    return m->note;
+}
+
+static void take_note(struct mover *m, const char *note)
+{
+    if (!strcmp(note, m->note))
+        return;
+    snprintf(m->note, sizeof m->note, "%s", note);
+    m->note_told = false;
+}
+
+static void write_text(struct mover *m, const struct stage_status *status)
+{
+    if (m->refusal[0])
+        snprintf(m->text, sizeof m->text, "%s", m->refusal);
+    else if (status->motion == STAGE_FAULT || !m->held)
+        snprintf(m->text, sizeof m->text, "%s", status->text);
+    else
+        snprintf(m->text, sizeof m->text,
+                 m->homing ? "is homed by hand" : "held by hand");
+}
+
+static bool is_news(const struct mover *m, const Anlos__StageState *s)
+{
+    const Anlos__StageState *last = &m->last;
+
+    return !m->told || s->state != last->state || s->command_id != last->command_id ||
+           s->target_m != last->target_m || s->manual_id != last->manual_id ||
+           s->held != last->held || s->homed != last->homed;
 }
 
 bool mover_state(struct mover *m, int64_t now_ns, Anlos__StageState *out)
 {
     struct stage_status status;
-    bool refused = m->refusal[0];
 
     stage_status(m->stage, &status);
+    take_note(m, status.note);
+    if (m->homing && status.motion == STAGE_IDLE && status.homed)
+        m->held = m->homing = false;
     anlos__stage_state__init(out);
-    out->state = refused ? ANLOS__STAGE_STATE__STATE__FAULT : states[status.motion];
+    out->state = m->refusal[0] ? ANLOS__STAGE_STATE__STATE__REFUSED
+                               : states[status.motion];
     out->command_id = m->command_id;
     out->position_m = status.position_m;
     out->target_m = m->commanded ? m->target_m : status.target_m;
-    snprintf(m->text, sizeof m->text, "%s", refused ? m->refusal : status.text);
+    out->homed = status.homed;
+    out->held = m->held;
+    out->manual_id = m->manual_id;
+    write_text(m, &status);
 
     int64_t period = out->state == ANLOS__STAGE_STATE__STATE__MOVING ||
                              out->state == ANLOS__STAGE_STATE__STATE__SETTLING
                          ? MOVING_PERIOD_NS
                          : REST_PERIOD_NS;
-    bool due = !m->told || out->state != m->last.state ||
-               out->command_id != m->last.command_id ||
-               out->target_m != m->last.target_m || now_ns - m->last_ns >= period;
-    if (!due)
+    if (!is_news(m, out) && now_ns - m->last_ns < period)
         return false;
     m->told = true;
     m->last = *out;
     m->last_ns = now_ns;
     out->text = m->text;
+    out->manual_refusal = m->manual_refusal;
     return true;
 }
 
 int mover_wait_ms(const struct mover *m)
 {
-    bool at_rest = m->told && (m->last.state == ANLOS__STAGE_STATE__STATE__IDLE ||
-                               m->last.state == ANLOS__STAGE_STATE__STATE__FAULT);
+    bool moves = m->last.state == ANLOS__STAGE_STATE__STATE__MOVING ||
+                 m->last.state == ANLOS__STAGE_STATE__STATE__SETTLING;
 
-    return at_rest ? 100 : 5;
+    return m->told && !moves ? 100 : 5;
 }

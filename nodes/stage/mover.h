@@ -1,5 +1,6 @@
 /* nodes/stage/mover.h -- the stage node's step: commands to the hardware, its state to
- * messages. */
+ * messages.  A person may take the stage by hand: then the scan has to wait until it is
+ * released, or homed. */
 #ifndef ANLOS_NODES_STAGE_MOVER_H
 #define ANLOS_NODES_STAGE_MOVER_H
 
@@ -9,7 +10,7 @@
 #include "hal/stage.h"
 #include "msgs/stage.pb-c.h"
 
-#define MOVER_TEXT_SIZE 128
+#define MOVER_TEXT_SIZE STAGE_TEXT_SIZE
 
 struct mover {
     struct stage *stage; /* not owned */
@@ -17,16 +18,28 @@ struct mover {
     uint32_t command_id;
     double target_m;
     char refusal[MOVER_TEXT_SIZE]; /* why the newest command cannot be done; or empty */
-    bool told;                     /* a state has been given out */
-    Anlos__StageState last;        /* it, without its text */
+    uint64_t manual_id;
+    char manual_refusal[MOVER_TEXT_SIZE];
+    bool held;   /* by hand */
+    bool homing; /* by hand: at its end it is released */
+    char note[MOVER_TEXT_SIZE];
+    bool note_told;
+    bool told;              /* a state has been given out */
+    Anlos__StageState last; /* it, without its text */
     char text[MOVER_TEXT_SIZE];
     int64_t last_ns;
 };
 
 void mover_init(struct mover *m, struct stage *stage);
 
-/* A command seen before is ignored.  The hardware's refusal shows in the state. */
+/* Ignored: a command seen before, and any while the stage is held by hand.  The
+ * hardware's refusal shows in the state. */
 void mover_command(struct mover *m, const Anlos__StageCommand *command);
+
+void mover_manual(struct mover *m, const Anlos__StageManual *command);
+
+/* What a person should know and has not been told yet, or NULL. */
+const char *mover_note(struct mover *m);
 
 /* Reads the stage.  true: the state in *out is to be published now, because it changed or
  * the last one is 50 ms (moving) or 500 ms (at rest) old.  Its text lives in m. */

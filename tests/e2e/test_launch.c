@@ -9,7 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "hal/room.h"
+#include "hal/room/room.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/scan.pb-c.h"

@@ -4,9 +4,9 @@
 #include <math.h>
 
 #include "hal/array.h"
-#include "hal/recording.h"
-#include "hal/room.h"
-#include "hal/survey_file.h"
+#include "hal/recording/recording.h"
+#include "hal/room/room.h"
+#include "hal/survey/file.h"
 
 #define SCENE SOURCE_DIR "/launch/scenes/point.yaml"
 
@@ -246,7 +246,7 @@ static void devices_that_do_not_exist_are_named(void **state)
         int err;
         const char *part;
     } cases[] = {
-        {"alsa:hw:2,0", -ENODEV, "alsa:hw:2,0: no such kind of array; expected sim:"},
+        {"tape:reel", -ENODEV, "tape:reel: no such kind of array; expected sim:"},
         {"scene.yaml", -ENODEV, "no such kind of array"},
         {"sim:", -EINVAL, "expected a scene file"},
         {"sim:/nowhere.yaml", -ENOENT, "/nowhere.yaml: No such file"},
@@ -255,7 +255,7 @@ static void devices_that_do_not_exist_are_named(void **state)
         {"wav:", -EINVAL, "expected a folder"},
         {"wav:/nowhere", -ENOENT, "/nowhere: No such file"},
         {"wav:/nowhere?survey=/nowhere.yaml", -ENOENT, "/nowhere.yaml: No such file"},
-        {"wav:/tmp?rate=1", -EINVAL, "expected background or survey"},
+        {"wav:/tmp?rate=1", -EINVAL, "expected background, survey or calibrated"},
     };
     struct fake_clock clock;
     (void)state;

@@ -6,9 +6,9 @@
 
 #include <sndfile.h>
 
-#include "hal/recording.h"
-#include "hal/replica_file.h"
-#include "hal/survey_file.h"
+#include "hal/recording/recording.h"
+#include "hal/recording/replica_file.h"
+#include "hal/survey/file.h"
 #include "hal/tail.h"
 
 enum { RATE = 48000, PINGS = 5, SLOT = 400, CHIRP = 300 };

@@ -6,7 +6,7 @@
 
 #include <sndfile.h>
 
-#include "hal/recording.h"
+#include "hal/recording/recording.h"
 #include "hal/tail.h"
 
 enum {

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <unistd.h>
 
-#include "hal/response_file.h"
+#include "hal/survey/response_file.h"
 
 #define FOLDER SOURCE_DIR "/../shared/data/microphone-calibration"
 

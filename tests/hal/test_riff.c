@@ -2,7 +2,7 @@
 
 #include <errno.h>
 
-#include "hal/riff.h"
+#include "hal/recording/riff.h"
 
 static const unsigned char format[] = {'f', 'm', 't', ' ', 16, 0, 0, 0};
 static const unsigned char zeros[64];

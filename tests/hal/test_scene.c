@@ -4,7 +4,7 @@
 #include <errno.h>
 #include <math.h>
 
-#include "hal/room.h"
+#include "hal/room/room.h"
 
 #define SCENE                                                                            \
     "array: paper\n"                                                                     \

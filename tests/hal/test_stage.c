@@ -122,6 +122,23 @@ static void soft_limits_refuse_and_leave_the_stage_alone(void **state)
     stage_close(s);
 }
 
+/* 0.1 m/s after 0.2 s at 0.5 m/s2: 0.01 m gone, and as much to come to rest. */
+static void a_stop_brakes_it_where_it_is(void **state)
+{
+    struct fake_clock clock;
+    struct stage *s =
+        open_stage("sim:?speed=0.2&acceleration=0.5&settle=0&error=0", &clock);
+    (void)state;
+    assert_int_equal(stage_move(s, 1), 0);
+    clock.now_ns += INT64_C(200000000);
+    assert_int_equal(stage_stop(s), 0);
+    assert_at(s, &clock, 0, STAGE_MOVING, 0.01);
+    assert_at(s, &clock, 0.21, STAGE_IDLE, 0.02);
+    assert_int_equal(stage_home(s), 0);
+    assert_at(s, &clock, 10, STAGE_IDLE, 0);
+    stage_close(s);
+}
+
 static void a_fixed_array_stays_at_0(void **state)
 {
     struct fake_clock clock;
@@ -140,7 +157,7 @@ static void devices_that_do_not_exist_are_named(void **state)
         int err;
         const char *part;
     } cases[] = {
-        {"zaber:/dev/ttyUSB0", -ENODEV, "zaber:/dev/ttyUSB0: no such kind of stage"},
+        {"stepper:/dev/ttyUSB0", -ENODEV, "stepper:/dev/ttyUSB0: no such kind of stage"},
         {"sim:?speed=-1", -EINVAL, "option speed=-1: expected a number in 0.0001..100"},
         {"sim:?speed=x", -EINVAL, "option speed=x: expected a number"},
         {"sim:?pace=slow", -EINVAL, "option pace=slow: expected real or fast"},
@@ -149,6 +166,22 @@ static void devices_that_do_not_exist_are_named(void **state)
         {"sim:?speed=1&speed=2", -EINVAL, "option \"speed\" is given twice"},
         {"sim:?min=1&max=0", -EINVAL, "min=1 is above max=0"},
         {"sim:there", -EINVAL, "expected only options"},
+        {"gpiod:/dev/gpiochip0?direction=1", -EINVAL, "option step is missing"},
+        {"gpiod:/dev/gpiochip0?step=1", -EINVAL, "option direction is missing"},
+        {"gpiod:/dev/gpiochip0?step=1&direction=2", -EINVAL, "steps_per_m is missing"},
+        {"gpiod:/dev/none?step=1&direction=2&steps_per_m=1000&max=1", -ENOENT,
+         "there is no GPIO chip /dev/none"},
+        {"gpiod:?step=1&direction=2&steps_per_m=1000&max=1", -EINVAL, "no chip is named"},
+        {"gpiod:x?step=1&direction=2&steps_per_m=1000&max=1&invert=step,steep", -EINVAL,
+         "option invert: \"steep\": expected step, direction"},
+        {"gpiod:x?step=1&direction=2&steps_per_m=1000&max=1&pull=hard", -EINVAL,
+         "option pull=hard: expected as-is, up or down"},
+        {"gpiod:x?step=1&direction=2&steps_per_m=1000&max=1&homing=first-move", -EINVAL,
+         "homing=first-move needs home=LINE"},
+        {"gpiod:x?step=1&direction=2&steps_per_m=1e6&max=1&speed=1", -EINVAL,
+         "1 m/s need 1000000 steps/s, more than pulses of 5 us allow"},
+        {"gpiod:x?step=1&direction=2&steps_per_m=1000&max=1&backlash=0.01", -EINVAL,
+         "backlash=0.01: expected less than back_off=0.005"},
         {"none:here", -EINVAL, "expected nothing after none:"},
     };
     struct fake_clock clock;
@@ -172,6 +205,7 @@ int main(void)
         cmocka_unit_test(fast_moves_take_no_time),
         cmocka_unit_test(positions_err_by_the_rms_asked_for),
         cmocka_unit_test(soft_limits_refuse_and_leave_the_stage_alone),
+        cmocka_unit_test(a_stop_brakes_it_where_it_is),
         cmocka_unit_test(a_fixed_array_stays_at_0),
         cmocka_unit_test(devices_that_do_not_exist_are_named),
     };

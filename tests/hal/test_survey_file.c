@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <math.h>
 
-#include "hal/survey_file.h"
+#include "hal/survey/file.h"
 
 #define HEAD                                                                             \
     "temperature_c: 20\n"                                                                \

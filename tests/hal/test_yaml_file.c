@@ -2,8 +2,8 @@
 
 #include <errno.h>
 
-#include "hal/yaml_file.h"
-#include "hal/yaml_place.h"
+#include "hal/yaml/file.h"
+#include "hal/survey/place.h"
 
 struct part {
     double start_hz;

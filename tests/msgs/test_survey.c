@@ -579,6 +579,26 @@ static void the_speed_of_sound_is_that_of_dry_air(void **state)
     }
 }
 
+/* The ideal gas again, with the heat and the mass of water vapour; the vapour's pressure
+ * by Buck's formula (1981), not by Giacomo's. */
+static void humid_air_is_faster_as_its_vapour_is_lighter(void **state)
+{
+    const double r = 8.314462618;
+    (void)state;
+    for (double t = 0; t <= 30; t += 5)
+        for (double humidity = 0; humidity <= 1; humidity += 0.25) {
+            double saturated_pa = 611.21 * exp((18.678 - t / 234.5) * (t / (257.14 + t)));
+            double x = humidity * saturated_pa / 101325;
+            double heat = (1 - x) * 29.12 + x * 33.58;
+            double mass = (1 - x) * 28.9655e-3 + x * 18.0153e-3;
+            double ideal = sqrt(heat / (heat - r) * r * (t + 273.15) / mass);
+            double c = survey_humid_sound_speed_m_s(t, humidity);
+            assert_true(fabs(c / ideal - 1) < 6e-4);
+            double dry = sqrt(29.12 / (29.12 - r) * r * (t + 273.15) / 28.9655e-3);
+            assert_true(fabs(c / survey_sound_speed_m_s(t) - ideal / dry) < 1.5e-4);
+        }
+}
+
 /* Looking along the vehicle's x: array x to the left, y up, z ahead. */
 static void array_coordinates_become_vehicle_coordinates(void **state)
 {
@@ -613,6 +633,7 @@ int main(void)
         cmocka_unit_test(a_message_with_too_many_elements_is_refused),
         cmocka_unit_test(a_message_cut_at_any_length_is_refused),
         cmocka_unit_test(the_speed_of_sound_is_that_of_dry_air),
+        cmocka_unit_test(humid_air_is_faster_as_its_vapour_is_lighter),
         cmocka_unit_test(array_coordinates_become_vehicle_coordinates),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -41,9 +41,9 @@ static void what_is_not_there_is_named_with_file_and_key(void **state)
     } cases[] = {
         {"array: {uri: 'sim:nowhere.yaml'}\n", "a.yaml: array.uri: sim:", -ENOENT},
         {"array: {uri: 'wav:nowhere'}\n", "a.yaml: array.uri: wav:", -ENOENT},
-        {"array: {uri: 'alsa:hw:9'}\n", "a.yaml: array.uri: alsa:hw:9", -ENODEV},
-        {"array: {uri: 'sim:" SCENE "'}\nstage: {uri: 'zaber:/dev/no'}\n",
-         "a.yaml: stage.uri: zaber:/dev/no", -ENODEV},
+        {"array: {uri: 'alsa:hw:9'}\n", "a.yaml: array.uri: alsa:hw:9", -EINVAL},
+        {"array: {uri: 'sim:" SCENE "'}\nstage: {uri: 'zaber:/dev/no?pitch_mm=1'}\n",
+         "a.yaml: stage.uri: zaber:/dev/no", -ENOENT},
         {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'socketcan:nocan'}\n",
          "a.yaml: can.uri: socketcan:nocan", -ENODEV},
     };

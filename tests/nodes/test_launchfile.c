@@ -2,6 +2,7 @@
 
 #include <errno.h>
 
+#include "hal/survey/rig_file.h"
 #include "msgs/topics.h"
 #include "nodes/rt/launchfile.h"
 
@@ -274,15 +275,33 @@ static void the_demo_can_be_loaded(void **state)
     launchfile_destroy(l);
 }
 
-static void the_survey_of_a_recording_is_relative_to_the_file_too(void **state)
+static void what_a_recording_names_is_relative_to_the_file_too(void **state)
 {
     struct scratch *s = *state;
-    char expected[300];
-    struct launchfile *l = load(
-        s, "nodes: [array]\narray: {uri: 'wav:rec?survey=s.yaml&background=bg'}\n", NULL);
+    char expected[400];
+    struct launchfile *l =
+        load(s,
+             "nodes: [array]\narray: {uri: "
+             "'wav:rec?survey=s.yaml&background=bg&calibrated=c.yaml'}\n",
+             NULL);
 
-    snprintf(expected, sizeof expected, "wav:%s/rec?survey=%s/s.yaml&background=%s/bg",
-             s->folder, s->folder, s->folder);
+    snprintf(expected, sizeof expected,
+             "wav:%s/rec?survey=%s/s.yaml&background=%s/bg&calibrated=%s/c.yaml",
+             s->folder, s->folder, s->folder, s->folder);
+    assert_string_equal(l->array.uri, expected);
+    launchfile_destroy(l);
+}
+
+static void a_sound_cards_rig_is_relative_to_the_file_and_its_name_is_not(void **state)
+{
+    struct scratch *s = *state;
+    char expected[400];
+    struct launchfile *l =
+        load(s, "nodes: [array]\narray: {uri: 'alsa:hw:2,0?rig=r.yaml&background=bg'}\n",
+             NULL);
+
+    snprintf(expected, sizeof expected, "alsa:hw:2,0?rig=%s/r.yaml&background=%s/bg",
+             s->folder, s->folder);
     assert_string_equal(l->array.uri, expected);
     launchfile_destroy(l);
 }
@@ -294,6 +313,7 @@ static void a_stage_stands_still_while_a_recording_is_played(void **state)
         bool moves;
     } cases[] = {
         {"nodes: [array, stage]\narray: {uri: 'sim:a.yaml'}\n", true},
+        {"nodes: [array, stage]\narray: {uri: 'alsa:hw:2,0?rig=r.yaml'}\n", true},
         {"nodes: [array, stage]\narray: {uri: 'wav:rec'}\n", false},
         {"nodes: [array]\narray: {uri: 'sim:a.yaml'}\n", false},
     };
@@ -317,6 +337,34 @@ static void the_replay_can_be_loaded(void **state)
     launchfile_destroy(l);
 }
 
+static void the_hardware_to_start_from_can_be_loaded(void **state)
+{
+    static const struct {
+        const char *launch, *rig;
+        size_t n_speakers, n_positions;
+    } files[] = {{"lab-scan", "lab-rig", 16, 32}, {"vehicle", "vehicle-rig", 8, 16}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        struct complaint why = {""};
+        struct launchfile *l = NULL;
+        struct rig rig;
+        char path[512];
+        snprintf(path, sizeof path, SOURCE_DIR "/launch/%s.yaml", files[i].launch);
+        if (launchfile_load(&l, path, NULL, &why))
+            fail_msg("%s", why.text);
+        snprintf(path, sizeof path, "?rig=" SOURCE_DIR "/launch/%s.yaml", files[i].rig);
+        assert_non_null(strstr(l->array.uri, path));
+        assert_true(launchfile_moves_stage(l));
+        if (rig_load(&rig, path + strlen("?rig="), &why))
+            fail_msg("%s", why.text);
+        assert_int_equal(rig.survey.n_speakers, files[i].n_speakers);
+        assert_int_equal(rig.survey.n_positions, files[i].n_positions);
+        rig_clear(&rig);
+        launchfile_destroy(l);
+    }
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
 int main(void)
@@ -337,10 +385,12 @@ int main(void)
         TEST(a_node_twice_is_refused),
         TEST(an_array_node_needs_a_device),
         TEST(an_unknown_method_is_refused),
-        TEST(the_survey_of_a_recording_is_relative_to_the_file_too),
+        TEST(what_a_recording_names_is_relative_to_the_file_too),
+        TEST(a_sound_cards_rig_is_relative_to_the_file_and_its_name_is_not),
         TEST(a_stage_stands_still_while_a_recording_is_played),
         TEST(the_demo_can_be_loaded),
         TEST(the_replay_can_be_loaded),
+        TEST(the_hardware_to_start_from_can_be_loaded),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

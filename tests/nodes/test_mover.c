@@ -14,7 +14,7 @@
 
 struct stage {
     struct stage_status status;
-    int moves, result;
+    int moves, homes, stops, result;
 };
 
 int stage_move(struct stage *s, double target_m)
@@ -25,6 +25,23 @@ int stage_move(struct stage *s, double target_m)
         s->status.target_m = target_m;
     }
     return s->result;
+}
+
+int stage_home(struct stage *s)
+{
+    s->homes++;
+    s->status.motion = STAGE_MOVING;
+    s->status.homed = false;
+    s->status.text[0] = '\0';
+    return 0;
+}
+
+int stage_stop(struct stage *s)
+{
+    s->stops++;
+    if (s->status.motion == STAGE_MOVING)
+        s->status.motion = STAGE_IDLE;
+    return 0;
 }
 
 void stage_status(struct stage *s, struct stage_status *out)
@@ -39,6 +56,17 @@ static void command(struct mover *m, uint32_t id, double target_m)
     c.id = id;
     c.target_m = target_m;
     mover_command(m, &c);
+}
+
+static void by_hand(struct mover *m, uint64_t id, Anlos__StageManual__Verb verb,
+                    double target_m)
+{
+    Anlos__StageManual c = ANLOS__STAGE_MANUAL__INIT;
+
+    c.id = id;
+    c.verb = verb;
+    c.target_m = target_m;
+    mover_manual(m, &c);
 }
 
 static void a_command_moves_the_stage_and_is_named_in_the_state(void **state)
@@ -99,7 +127,7 @@ static void states_repeat_faster_in_motion_than_at_rest(void **state)
     assert_int_equal(n, 20);
 }
 
-static void a_target_out_of_reach_shows_as_a_fault_until_the_next_command(void **state)
+static void a_target_out_of_reach_is_refused_until_the_next_command(void **state)
 {
     struct stage stage = {.result = -ERANGE};
     struct mover m;
@@ -109,7 +137,7 @@ static void a_target_out_of_reach_shows_as_a_fault_until_the_next_command(void *
     mover_init(&m, &stage);
     command(&m, 3, 9.0);
     assert_true(mover_state(&m, 0, &s));
-    assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__FAULT);
+    assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__REFUSED);
     assert_int_equal(s.command_id, 3);
     assert_true(s.target_m == 9.0);
     assert_non_null(strstr(s.text, "cannot move to 9.0000 m: it does not reach"));
@@ -133,14 +161,147 @@ static void a_fault_of_the_hardware_is_passed_on_with_its_text(void **state)
     assert_string_equal(s.text, "motor stalled");
 }
 
+/* A lost place is the stage's fault, not the target's. */
+static void a_move_without_a_place_shows_the_stages_own_fault(void **state)
+{
+    struct stage stage = {
+        .result = -ESTALE,
+        .status = {.motion = STAGE_FAULT, .text = "the far limit switch was hit"}};
+    struct mover m;
+    Anlos__StageState s;
+
+    (void)state;
+    mover_init(&m, &stage);
+    command(&m, 3, 0.1);
+    assert_true(mover_state(&m, 0, &s));
+    assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__FAULT);
+    assert_string_equal(s.text, "the far limit switch was hit");
+}
+
+static void stopped_by_hand_it_is_held_until_it_is_released(void **state)
+{
+    struct stage stage = {.status = {.homed = true}};
+    struct mover m;
+    Anlos__StageState s;
+
+    (void)state;
+    mover_init(&m, &stage);
+    command(&m, 1, 0.5);
+    assert_true(mover_state(&m, 0, &s));
+    by_hand(&m, 77, ANLOS__STAGE_MANUAL__VERB__STOP, 0);
+    assert_int_equal(stage.stops, 1);
+    assert_true(mover_state(&m, 1, &s));
+    assert_true(s.held);
+    assert_true(s.manual_id == 77);
+    assert_string_equal(s.text, "held by hand");
+    /* Its command of before is forgotten, or the scan would take it for done. */
+    assert_int_equal(s.command_id, 0);
+    command(&m, 2, 0.6);
+    assert_int_equal(stage.moves, 1);
+    by_hand(&m, 78, ANLOS__STAGE_MANUAL__VERB__RELEASE, 0);
+    assert_true(mover_state(&m, 2, &s));
+    assert_false(s.held);
+    command(&m, 2, 0.6);
+    assert_int_equal(stage.moves, 2);
+}
+
+static void a_move_by_hand_holds_it_and_the_same_one_is_made_once(void **state)
+{
+    struct stage stage = {.status = {.homed = true}};
+    struct mover m;
+    Anlos__StageState s;
+
+    (void)state;
+    mover_init(&m, &stage);
+    by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 0.3);
+    by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 0.3);
+    assert_int_equal(stage.moves, 1);
+    assert_true(mover_state(&m, 0, &s));
+    assert_true(s.held);
+    assert_true(s.target_m == 0.3);
+}
+
+static void a_move_by_hand_that_is_refused_says_why_and_holds_nothing(void **state)
+{
+    static const struct {
+        int err;
+        const char *part;
+    } cases[] = {{-ERANGE, "does not reach that far"}, {-ESTALE, "home it first"}};
+
+    (void)state;
+    for (size_t i = 0; i < 2; i++) {
+        struct stage stage = {.result = cases[i].err};
+        struct mover m;
+        Anlos__StageState s;
+        mover_init(&m, &stage);
+        by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 9);
+        assert_true(mover_state(&m, 0, &s));
+        assert_false(s.held);
+        assert_non_null(strstr(s.manual_refusal, cases[i].part));
+    }
+}
+
+/* It takes no command while it looks for its place: the newest one would count. */
+static void homing_by_hand_ends_a_fault_and_releases_it_when_done(void **state)
+{
+    struct stage stage = {.status = {.motion = STAGE_FAULT, .text = "emergency stop"}};
+    struct mover m;
+    Anlos__StageState s;
+
+    (void)state;
+    mover_init(&m, &stage);
+    by_hand(&m, 4, ANLOS__STAGE_MANUAL__VERB__RELEASE, 0);
+    assert_true(mover_state(&m, 0, &s));
+    assert_non_null(strstr(s.manual_refusal, "home it"));
+    by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__HOME, 0);
+    assert_int_equal(stage.homes, 1);
+    assert_true(mover_state(&m, 1, &s));
+    assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__MOVING);
+    assert_true(s.held);
+    assert_string_equal(s.manual_refusal, "");
+    command(&m, 2, 0.6);
+    assert_int_equal(stage.moves, 0);
+    stage.status.motion = STAGE_IDLE;
+    stage.status.homed = true;
+    assert_true(mover_state(&m, 2, &s));
+    assert_false(s.held);
+    assert_true(s.homed);
+    command(&m, 2, 0.6);
+    assert_int_equal(stage.moves, 1);
+}
+
+static void a_note_is_told_once_and_again_when_it_changes(void **state)
+{
+    struct stage stage = {.status = {.note = "it is hot"}};
+    struct mover m;
+    Anlos__StageState s;
+
+    (void)state;
+    mover_init(&m, &stage);
+    assert_null(mover_note(&m));
+    mover_state(&m, 0, &s);
+    assert_string_equal(mover_note(&m), "it is hot");
+    mover_state(&m, 1, &s);
+    assert_null(mover_note(&m));
+    stage.status.note[0] = '\0';
+    mover_state(&m, 2, &s);
+    assert_null(mover_note(&m));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_command_moves_the_stage_and_is_named_in_the_state),
         cmocka_unit_test(a_command_seen_before_is_ignored),
         cmocka_unit_test(states_repeat_faster_in_motion_than_at_rest),
-        cmocka_unit_test(a_target_out_of_reach_shows_as_a_fault_until_the_next_command),
+        cmocka_unit_test(a_target_out_of_reach_is_refused_until_the_next_command),
         cmocka_unit_test(a_fault_of_the_hardware_is_passed_on_with_its_text),
+        cmocka_unit_test(a_move_without_a_place_shows_the_stages_own_fault),
+        cmocka_unit_test(stopped_by_hand_it_is_held_until_it_is_released),
+        cmocka_unit_test(a_move_by_hand_holds_it_and_the_same_one_is_made_once),
+        cmocka_unit_test(a_move_by_hand_that_is_refused_says_why_and_holds_nothing),
+        cmocka_unit_test(homing_by_hand_ends_a_fault_and_releases_it_when_done),
+        cmocka_unit_test(a_note_is_told_once_and_again_when_it_changes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

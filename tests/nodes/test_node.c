@@ -107,11 +107,13 @@ static void health_carries_what_the_device_counts_now(void **state)
     assert_int_equal(create(r, "scan", NULL, NULL), 0);
     node_device(r->node, count_overruns, &overruns);
     struct bus *b = listen(r, topic_health());
-    for (uint64_t expected = 42; expected < 44; expected++) {
+    uint64_t last = 41;
+    for (int i = 0; i < 2; i++) { /* one may go by before the listener is connected */
         Anlos__Health *h = (Anlos__Health *)hear(r, b);
         assert_int_equal(h->n_device, 1);
         assert_string_equal(h->device[0]->name, "overruns");
-        assert_int_equal(h->device[0]->value, expected);
+        assert_true(h->device[0]->value > last && h->device[0]->value <= overruns);
+        last = h->device[0]->value;
         anlos__health__free_unpacked(h, NULL);
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "again");
     }

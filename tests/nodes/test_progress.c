@@ -105,9 +105,28 @@ static void a_failure_is_shown_at_once(void **state)
     assert_int_equal(p.state, ANLOS__SCAN_STATUS__STATE__FAILED);
 }
 
+static void a_pause_is_said_at_once_and_so_is_its_end(void **state)
+{
+    struct progress p;
+    Anlos__ScanStatus s = ANLOS__SCAN_STATUS__INIT;
+
+    (void)state;
+    progress_init(&p, false);
+    tell(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, 21);
+    s.state = ANLOS__SCAN_STATUS__STATE__PAUSED;
+    s.pings_done = 21;
+    s.pings_expected = 200;
+    s.text = (char *)"stage: emergency stop";
+    assert_true(progress_status(&p, &s));
+    assert_string_equal(p.text, "paused at 21/200 pings; stage: emergency stop");
+    assert_false(progress_status(&p, &s));
+    assert_true(tell(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, 21));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_pause_is_said_at_once_and_so_is_its_end),
         cmocka_unit_test(a_pipe_gets_a_line_for_each_tenth),
         cmocka_unit_test(a_terminal_gets_every_change),
         cmocka_unit_test(the_line_says_pings_time_and_losses),

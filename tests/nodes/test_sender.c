@@ -60,16 +60,19 @@ static void a_list_is_header_time_and_three_frames_an_object(void **state)
 {
     struct sender s;
     struct list l;
-    struct can_frame_data f[SENDER_MAX_FRAMES], expected;
+    struct can_frame_data expected;
+    struct sender_list sent;
+    const struct can_frame_data *f = sent.frames;
     static const uint32_t ids[] = {0x502, 0x503, 0x504, 0x505,
                                    0x506, 0x504, 0x505, 0x506};
 
     (void)state;
     sender_init(&s, 0x500);
     fill(&l, 2);
-    size_t n = sender_list(&s, &l.message, 1000 * MS, 1030 * MS, f);
-    assert_int_equal(n, 8);
-    for (size_t i = 0; i < n; i++)
+    sender_list(&s, &l.message, 1000 * MS, &sent);
+    sender_date(&s, &sent, 1030 * MS, 0);
+    assert_int_equal(sent.n_frames, 8);
+    for (size_t i = 0; i < 8; i++)
         assert_int_equal(f[i].id, ids[i]);
     can_pack_list_header(
         &expected, 0x500,
@@ -84,7 +87,9 @@ static void an_object_carries_what_the_detection_says(void **state)
 {
     struct sender s;
     struct list l;
-    struct can_frame_data f[SENDER_MAX_FRAMES], expected;
+    struct can_frame_data expected;
+    struct sender_list sent;
+    const struct can_frame_data *f = sent.frames;
     const struct can_object object = {.id = 1,
                                       .counter = 5,
                                       .position_m = {4.0, -1.5, 0.5},
@@ -99,7 +104,8 @@ static void an_object_carries_what_the_detection_says(void **state)
     (void)state;
     sender_init(&s, 0x400);
     fill(&l, 1);
-    assert_int_equal(sender_list(&s, &l.message, 1, 2, f), 5);
+    sender_list(&s, &l.message, 1, &sent);
+    assert_int_equal(sent.n_frames, 5);
     can_pack_object_state(&expected, 0x400, &object);
     assert_frame(&f[2], &expected);
     can_pack_object_dynamics(&expected, 0x400, &object);
@@ -108,17 +114,21 @@ static void an_object_carries_what_the_detection_says(void **state)
     assert_frame(&f[4], &expected);
 }
 
-static void the_cycle_is_the_time_between_lists(void **state)
+/* Not when it was made: it may have waited for the bus. */
+static void age_and_cycle_are_those_of_when_it_goes_out(void **state)
 {
     struct sender s;
     struct list l;
-    struct can_frame_data f[SENDER_MAX_FRAMES], expected;
+    struct can_frame_data expected;
+    struct sender_list sent;
+    const struct can_frame_data *f = sent.frames;
 
     (void)state;
     sender_init(&s, 0x400);
     fill(&l, 0);
-    sender_list(&s, &l.message, 1000 * MS, 1010 * MS, f);
-    sender_list(&s, &l.message, 1100 * MS, 1120 * MS, f);
+    sender_list(&s, &l.message, 1100 * MS, &sent);
+    sender_date(&s, &sent, 1105 * MS, 1010 * MS);
+    sender_date(&s, &sent, 1120 * MS, 1010 * MS);
     can_pack_list_header(
         &expected, 0x400,
         &(struct can_list_header){.counter = 5, .latency_ms = 20.0, .cycle_ms = 110.0});
@@ -129,12 +139,16 @@ static void more_objects_than_fit_are_cut_off_and_said(void **state)
 {
     struct sender s;
     struct list l;
-    struct can_frame_data f[SENDER_MAX_FRAMES], expected;
+    struct can_frame_data expected;
+    struct sender_list sent;
+    const struct can_frame_data *f = sent.frames;
 
     (void)state;
     sender_init(&s, 0x400);
     fill(&l, 40);
-    assert_int_equal(sender_list(&s, &l.message, 0, 7 * MS, f), SENDER_MAX_FRAMES);
+    sender_list(&s, &l.message, 0, &sent);
+    sender_date(&s, &sent, 7 * MS, 0);
+    assert_int_equal(sent.n_frames, SENDER_MAX_FRAMES);
     can_pack_list_header(&expected, 0x400,
                          &(struct can_list_header){.number = CAN_MAX_OBJECTS,
                                                    .counter = 5,
@@ -148,7 +162,9 @@ static void more_objects_than_fit_are_cut_off_and_said(void **state)
 static void assert_nowhere(const struct list *l)
 {
     struct sender s;
-    struct can_frame_data f[SENDER_MAX_FRAMES], expected;
+    struct can_frame_data expected;
+    struct sender_list sent;
+    const struct can_frame_data *f = sent.frames;
     const struct can_object object = {.id = 1,
                                       .counter = 5,
                                       .position_m = {NAN, NAN, NAN},
@@ -160,7 +176,8 @@ static void assert_nowhere(const struct list *l)
                                       .width_m = NAN};
 
     sender_init(&s, 0x400);
-    assert_int_equal(sender_list(&s, &l->message, 1, 2, f), 5);
+    sender_list(&s, &l->message, 1, &sent);
+    assert_int_equal(sent.n_frames, 5);
     can_pack_object_state(&expected, 0x400, &object);
     assert_frame(&f[2], &expected);
     can_pack_object_dynamics(&expected, 0x400, &object);
@@ -260,7 +277,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_list_is_header_time_and_three_frames_an_object),
         cmocka_unit_test(an_object_carries_what_the_detection_says),
-        cmocka_unit_test(the_cycle_is_the_time_between_lists),
+        cmocka_unit_test(age_and_cycle_are_those_of_when_it_goes_out),
         cmocka_unit_test(more_objects_than_fit_are_cut_off_and_said),
         cmocka_unit_test(what_a_detection_does_not_say_is_not_available),
         cmocka_unit_test(a_place_outside_of_the_vehicle_frame_is_not_sent),

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "hal/room.h"
+#include "hal/room/room.h"
 #include "msgs/tensor.h"
 #include "nodes/array/shooter.h"
 

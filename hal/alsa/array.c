@@ -1,0 +1,216 @@
+/* hal/alsa/array.c -- a sound card as an array.  The card runs all the time
+ * (hal/alsa/engine.h); a ping is cut out of what it has recorded of the shot. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "hal/alsa/engine.h"
+#include "hal/array_backends.h"
+#include "hal/device.h"
+#include "hal/recording/recording.h"
+#include "hal/recording/wav_samples.h"
+
+struct array_alsa {
+    const struct clock_source *clock;
+    struct rig rig;
+    struct alsa_engine *engine;
+    struct recording *background; /* made before; NULL: recorded like the scene */
+    struct array_shot shot;
+    size_t next;
+    size_t n_ping;        /* samples: slot and tail */
+    float *ping;          /* [n_microphones][n_ping] */
+    uint32_t *clipped;    /* [n_speakers][n_microphones], [0] when live */
+    uint32_t *not_finite; /* [n_speakers][n_microphones] */
+    float *played;        /* [n_microphones][recording_frames] of the background */
+    bool loaded;          /* the shot's position is in played */
+};
+
+static void alsa_close(void *state)
+{
+    struct array_alsa *a = state;
+    if (a->engine)
+        alsa_engine_destroy(a->engine);
+    recording_close(a->background);
+    rig_clear(&a->rig);
+    free(a->ping);
+    free(a->clipped);
+    free(a->not_finite);
+    free(a->played);
+    free(a);
+}
+
+static int allocate(struct array_alsa *a)
+{
+    const struct survey *s = &a->rig.survey;
+    const struct alsa_shot *shot = alsa_engine_shot(a->engine);
+    size_t n_counts = s->n_speakers * s->n_microphones;
+    a->n_ping = s->slot_samples + shot->plan.tail_samples;
+    a->ping = calloc(s->n_microphones * a->n_ping, sizeof *a->ping);
+    a->clipped = calloc(n_counts, sizeof *a->clipped);
+    a->not_finite = calloc(n_counts, sizeof *a->not_finite);
+    if (a->background)
+        a->played =
+            calloc(s->n_microphones * recording_frames(a->background), sizeof *a->played);
+    return a->ping && a->clipped && a->not_finite && (a->played || !a->background)
+               ? 0
+               : -ENOMEM;
+}
+
+static int open_parts(struct array_alsa *a, const struct device *d, struct complaint *why)
+{
+    const char *rig = device_option(d, "rig");
+    const char *background = device_option(d, "background");
+    if (!*d->path || !rig)
+        return complain(why, -EINVAL,
+                        "expected a sound card and its rig, alsa:DEVICE?rig=FILE.yaml; "
+                        "'anlos array list' has the names of the cards");
+    int err = rig_load_calibrated(&a->rig, rig, device_option(d, "calibrated"), why);
+    if (!background)
+        background = a->rig.background;
+    if (!err && background && *background)
+        err = recording_open(&a->background, background, &a->rig.survey, why);
+    if (!err)
+        err = alsa_engine_create(&a->engine, d->path, &a->rig, a->clock, why);
+    if (!err && allocate(a))
+        err = complain(why, -ENOMEM, "out of memory");
+    return err;
+}
+
+static int alsa_array_open(void **state, const char *arg,
+                           const struct clock_source *clock, struct complaint *why)
+{
+    static const char *const known[] = {"rig", "background", "calibrated", NULL};
+    struct device d;
+    int err = device_parse(&d, arg, known, why);
+    if (err)
+        return err;
+    struct array_alsa *a = calloc(1, sizeof *a);
+    if (a) {
+        a->clock = clock;
+        err = open_parts(a, &d, why);
+        if (err)
+            alsa_close(a);
+        else
+            *state = a;
+    } else {
+        err = complain(why, -ENOMEM, "out of memory");
+    }
+    device_clear(&d);
+    return err;
+}
+
+static const struct survey *alsa_survey(void *state)
+{
+    return &((const struct array_alsa *)state)->rig.survey;
+}
+
+static bool is_played(const struct array_alsa *a)
+{
+    return a->background && a->shot.pass == ANLOS__PASS__BACKGROUND;
+}
+
+static int alsa_fire(void *state, const struct array_shot *shot)
+{
+    struct array_alsa *a = state;
+    a->shot = *shot;
+    a->next = 0;
+    a->loaded = false;
+    if (!is_played(a))
+        alsa_shot_fire(alsa_engine_shot(a->engine), shot->speakers, shot->n_speakers);
+    return 0;
+}
+
+static void cut(struct array_alsa *a, const float *from, size_t n_frames)
+{
+    for (size_t m = 0; m < a->rig.survey.n_microphones; m++)
+        memcpy(a->ping + m * a->n_ping, from + m * n_frames, a->n_ping * sizeof *a->ping);
+}
+
+/* Full scale is the card's: gains come after the count. */
+static void finish(struct array_alsa *a, size_t speaker)
+{
+    size_t n_microphones = a->rig.survey.n_microphones;
+    const struct wav_samples w = {.n_channels = n_microphones,
+                                  .n_frames = a->n_ping,
+                                  .n_slots = 1,
+                                  .slot_samples = a->n_ping};
+    wav_samples_count(&w, a->ping, a->n_ping, a->clipped, a->not_finite);
+    for (size_t m = 0; m < n_microphones; m++)
+        for (size_t i = 0; i < a->n_ping; i++)
+            a->ping[m * a->n_ping + i] *= a->rig.input_gain[m];
+    calibration_correct(a->rig.calibration, speaker, a->n_ping, a->ping);
+}
+
+static int record(struct array_alsa *a, struct array_ping *out, struct complaint *why)
+{
+    struct alsa_shot *shot = alsa_engine_shot(a->engine);
+    int err = alsa_engine_wait(a->engine, a->next, why);
+    if (err)
+        return err;
+    alsa_shot_read(shot, a->next, &out->valid, &out->t0_ns);
+    cut(a, shot->recording + a->next * shot->plan.slot_samples, shot->n_frames);
+    finish(a, a->shot.speakers[a->next]);
+    out->clipped = a->clipped;
+    out->not_finite = a->not_finite;
+    return 0;
+}
+
+static int play(struct array_alsa *a, struct array_ping *out, struct complaint *why)
+{
+    const struct survey *s = &a->rig.survey;
+    size_t speaker = a->shot.speakers[a->next];
+    if (!a->loaded) {
+        int err = recording_read_slots(a->background, a->shot.position, a->played,
+                                       a->clipped, a->not_finite, why);
+        if (err)
+            return err;
+        a->loaded = true;
+    }
+    cut(a, a->played + speaker * s->slot_samples, recording_frames(a->background));
+    calibration_correct(a->rig.calibration, speaker, a->n_ping, a->ping);
+    out->clipped = a->clipped + speaker * s->n_microphones;
+    out->not_finite = a->not_finite + speaker * s->n_microphones;
+    out->valid = true;
+    out->t0_ns = clock_now_ns(a->clock);
+    return 0;
+}
+
+static int alsa_next(void *state, struct array_ping *out, struct complaint *why)
+{
+    struct array_alsa *a = state;
+    *out = (struct array_ping){.shot_index = a->next,
+                               .samples = a->ping,
+                               .n_samples = a->n_ping,
+                               .temperature_c = a->rig.survey.temperature_c};
+    int err = is_played(a) ? play(a, out, why) : record(a, out, why);
+    a->next += !err;
+    return err;
+}
+
+static size_t alsa_counts(void *state, struct device_count out[DEVICE_MAX_COUNTS])
+{
+    struct array_alsa *a = state;
+    return alsa_report_counts(alsa_engine_report(a->engine), out);
+}
+
+static int alsa_condition(void *state, struct complaint *why)
+{
+    struct array_alsa *a = state;
+    return alsa_report_condition(alsa_engine_report(a->engine), why);
+}
+
+static bool alsa_notice(void *state, struct complaint *out)
+{
+    struct array_alsa *a = state;
+    return alsa_report_take(alsa_engine_report(a->engine), out);
+}
+
+const struct array_ops array_alsa_ops = {.scheme = "alsa",
+                                         .open = alsa_array_open,
+                                         .survey = alsa_survey,
+                                         .fire = alsa_fire,
+                                         .next = alsa_next,
+                                         .counts = alsa_counts,
+                                         .condition = alsa_condition,
+                                         .notice = alsa_notice,
+                                         .close = alsa_close};

@@ -1,0 +1,305 @@
+/* hal/can/socketcan.c -- a CAN interface of the kernel, through what befalls it:
+ * errors of the bus, down and up, deleted and made again. */
+#include <errno.h>
+#include <net/if.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "hal/can/delivery.h"
+#include "hal/can/socket.h"
+#include "hal/can/advice.h"
+#include "hal/can/backends.h"
+#include "hal/can/errors.h"
+#include "hal/device.h"
+
+#define LOOK_NS      50000000LL /* how often a lost interface is looked for at first */
+#define LOOK_LAST_NS 800000000LL
+
+enum { MAX_ERRORS = 3 }; /* in a row, of a socket: down, gone, and no end of it */
+
+enum link_state { LINK_UP, LINK_DOWN, LINK_GONE };
+
+struct canbus_socketcan {
+    char interface[IF_NAMESIZE];
+    int fd; /* none while the link is gone */
+    enum link_state link;
+    bool can_fd;
+    struct canbus_errors errors;
+    struct can_delivery delivery;
+    int64_t look_ns, look_period_ns;  /* when to look at the interface again */
+    uint32_t ids[CAN_SOCKET_MAX_IDS]; /* [n_ids] that were sent: the socket's filter */
+    size_t n_ids;
+    uint64_t no_buffer, link_down, reopened, foreign;
+};
+
+static void leave(struct canbus_socketcan *s, enum link_state link, int64_t now_ns)
+{
+    if (link == s->link)
+        return;
+    if (s->link == LINK_UP)
+        s->link_down++;
+    if (link == LINK_GONE)
+        close(s->fd);
+    s->link = link;
+    s->look_period_ns = LOOK_NS;
+    s->look_ns = now_ns + LOOK_NS;
+    can_delivery_lost(&s->delivery);
+}
+
+/* An interface that comes up has a controller that starts anew.  One without carrier is
+ * off already, and its error frame was before our time. */
+static int read_link(struct canbus_socketcan *s)
+{
+    struct can_link link;
+    int err = can_socket_link(s->fd, s->interface, &link);
+
+    if (err)
+        return err;
+    s->link = link.up ? LINK_UP : LINK_DOWN;
+    s->can_fd = link.can_fd;
+    s->errors.state = link.carrier ? CANBUS_READY : CANBUS_OFF;
+    return 0;
+}
+
+static int open_socket(struct canbus_socketcan *s, struct complaint *why)
+{
+    int err = can_socket_open(&s->fd, s->interface, canbus_errors_mask(), why);
+
+    if (err)
+        return err;
+    if (s->n_ids)
+        err = can_socket_filter(s->fd, s->ids, s->n_ids);
+    if (!err)
+        err = read_link(s);
+    if (err) {
+        close(s->fd);
+        complain(why, err, "%s: %s", s->interface, strerror(-err));
+    }
+    return err;
+}
+
+static int socketcan_open(void **state, const char *arg, struct complaint *why)
+{
+    static const char *const known[] = {NULL};
+    struct canbus_socketcan *s = NULL;
+    struct device d;
+    int err = device_parse(&d, arg, known, why);
+
+    if (err)
+        return err;
+    s = calloc(1, sizeof *s);
+    if (!s) {
+        err = complain(why, -ENOMEM, "out of memory");
+        goto device;
+    }
+    if (strlen(d.path) >= sizeof s->interface) {
+        err = complain(why, -ENODEV, "interface \"%s\": a name has %zu letters at most",
+                       d.path, sizeof s->interface - 1);
+        goto socket;
+    }
+    strcpy(s->interface, d.path);
+    s->look_period_ns = LOOK_NS;
+    err = open_socket(s, why);
+    if (err)
+        goto socket;
+    *state = s;
+    s = NULL;
+socket:
+    free(s);
+device:
+    device_clear(&d);
+    return err;
+}
+
+/* The first frame of an identifier lets its echoes in. */
+static int know_id(struct canbus_socketcan *s, uint32_t id)
+{
+    size_t i = 0;
+
+    while (i < s->n_ids && s->ids[i] != id)
+        i++;
+    if (i < s->n_ids)
+        return 0;
+    if (i == CAN_SOCKET_MAX_IDS)
+        return -EINVAL;
+    s->ids[s->n_ids] = id;
+    int err = can_socket_filter(s->fd, s->ids, s->n_ids + 1);
+    if (!err)
+        s->n_ids++;
+    return err;
+}
+
+static void take_error(struct canbus_socketcan *s, const struct can_event *event)
+{
+    uint64_t before = s->errors.off + s->errors.restarted;
+
+    canbus_errors_take(&s->errors, event->id, event->data);
+    if (s->errors.off + s->errors.restarted != before)
+        can_delivery_lost(&s->delivery);
+}
+
+static void take_event(struct canbus_socketcan *s, const struct can_event *event,
+                       int64_t now_ns)
+{
+    switch (event->kind) {
+    case CAN_EVENT_ECHO:
+        can_delivery_echo(&s->delivery, now_ns);
+        canbus_errors_alive(&s->errors);
+        break;
+    case CAN_EVENT_ERROR:
+        take_error(s, event);
+        break;
+    case CAN_EVENT_FOREIGN:
+        s->foreign++;
+        break;
+    }
+}
+
+/* The kernel tells that the interface went before what was received until then: that is
+ * taken first, so that frames which did go out do not count as lost. */
+static void take_events(struct canbus_socketcan *s, int64_t now_ns)
+{
+    enum link_state link = LINK_UP;
+    struct can_event event;
+    int err = 0;
+
+    for (int errors = 0; err != -EAGAIN && errors < MAX_ERRORS; errors += err != 0) {
+        err = can_socket_receive(s->fd, &event);
+        if (!err)
+            take_event(s, &event, now_ns);
+        else if (err == -ENETDOWN && link == LINK_UP)
+            link = LINK_DOWN;
+        else if (err != -EAGAIN)
+            link = LINK_GONE;
+    }
+    if (link != LINK_UP)
+        leave(s, link, now_ns);
+}
+
+static int refused(struct canbus_socketcan *s, int err, int64_t now_ns)
+{
+    switch (err) {
+    case -ENOBUFS:
+        s->no_buffer++;
+        return err;
+    case -ENETDOWN:
+    case -ENXIO:
+    case -ENODEV:
+        take_events(s, now_ns);
+        if (s->link == LINK_UP)
+            leave(s, err == -ENETDOWN ? LINK_DOWN : LINK_GONE, now_ns);
+        return -ENETDOWN;
+    default:
+        return err;
+    }
+}
+
+static int socketcan_send(void *state, const struct can_frame_data *f, int64_t stamp_ns)
+{
+    struct canbus_socketcan *s = state;
+
+    if (s->link != LINK_UP)
+        return -ENETDOWN;
+    if (f->fd && !s->can_fd)
+        return -EOPNOTSUPP;
+    int err = know_id(s, f->id);
+    if (!err)
+        err = can_socket_send(s->fd, f);
+    if (err)
+        return refused(s, err, stamp_ns);
+    can_delivery_sent(&s->delivery, stamp_ns);
+    return 0;
+}
+
+static int socketcan_flush(void *state)
+{
+    (void)state; /* each frame left with its write */
+    return 0;
+}
+
+/* Looks for an interface that was lost, ever less often. */
+static void look_for_link(struct canbus_socketcan *s, int64_t now_ns)
+{
+    enum link_state before = s->link;
+
+    if (now_ns < s->look_ns)
+        return;
+    if (s->link == LINK_GONE)
+        s->reopened += !open_socket(s, NULL);
+    else if (read_link(s))
+        leave(s, LINK_GONE, now_ns);
+    s->look_period_ns *= 2;
+    if (s->link != before)
+        s->look_period_ns = LOOK_NS;
+    else if (s->look_period_ns > LOOK_LAST_NS)
+        s->look_period_ns = LOOK_LAST_NS;
+    s->look_ns = now_ns + s->look_period_ns;
+}
+
+static enum canbus_state state_of(const struct canbus_socketcan *s)
+{
+    if (s->link == LINK_GONE)
+        return CANBUS_GONE;
+    if (s->link == LINK_DOWN)
+        return CANBUS_DOWN;
+    if (s->delivery.silent && s->errors.state < CANBUS_SILENT)
+        return CANBUS_SILENT;
+    return s->errors.state;
+}
+
+static void socketcan_poll(void *state, int64_t now_ns, struct canbus_status *out)
+{
+    struct canbus_socketcan *s = state;
+
+    if (s->link != LINK_GONE)
+        take_events(s, now_ns);
+    if (s->link != LINK_UP)
+        look_for_link(s, now_ns);
+    can_delivery_check(&s->delivery, now_ns);
+    out->state = state_of(s);
+    out->pending = s->delivery.pending;
+    out->outages = s->delivery.outages;
+    canbus_advice(out->text, sizeof out->text, out->state, s->interface);
+}
+
+static size_t socketcan_counts(void *state, struct device_count out[CANBUS_MAX_COUNTS])
+{
+    const struct canbus_socketcan *s = state;
+    const struct device_count counts[] = {
+        {"frames_sent", s->delivery.sent},
+        {"frames_confirmed", s->delivery.confirmed},
+        {"frames_unconfirmed", s->delivery.unconfirmed},
+        {"no_buffer", s->no_buffer},
+        {"error_warning", s->errors.warning},
+        {"error_passive", s->errors.passive},
+        {"bus_off", s->errors.off},
+        {"restarts", s->errors.restarted},
+        {"arbitration_lost", s->errors.arbitration_lost},
+        {"unacknowledged", s->errors.unacknowledged},
+        {"link_down", s->link_down},
+        {"reopened", s->reopened},
+        {"foreign_frames", s->foreign},
+    };
+
+    _Static_assert(sizeof counts / sizeof *counts <= CANBUS_MAX_COUNTS, "no room");
+    memcpy(out, counts, sizeof counts);
+    return sizeof counts / sizeof *counts;
+}
+
+static void socketcan_close(void *state)
+{
+    struct canbus_socketcan *s = state;
+
+    if (s->link != LINK_GONE)
+        close(s->fd);
+    free(s);
+}
+
+const struct canbus_ops canbus_socketcan_ops = {.scheme = "socketcan",
+                                                .open = socketcan_open,
+                                                .send = socketcan_send,
+                                                .flush = socketcan_flush,
+                                                .poll = socketcan_poll,
+                                                .counts = socketcan_counts,
+                                                .close = socketcan_close};

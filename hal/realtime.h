@@ -1,0 +1,21 @@
+/* hal/realtime.h -- a thread that must not be late: real-time priority and locked memory
+ * where the system permits it. */
+#ifndef ANLOS_HAL_REALTIME_H
+#define ANLOS_HAL_REALTIME_H
+
+#include <pthread.h>
+#include <stdbool.h>
+
+#include "msgs/complaint.h"
+
+/* Starts run(arg) with all signals blocked: they are the caller's.  urgent: with
+ * SCHED_FIFO, and what the process has in memory stays there.  Where that is not
+ * permitted the thread runs all the same, and the complaint says what is missing; else it
+ * stays as it is.  0 or a negative errno. */
+int realtime_start(pthread_t *out, void *(*run)(void *), void *arg, bool urgent,
+                   struct complaint *missing);
+
+/* Waits for its end, and lets go of the memory again. */
+void realtime_join(pthread_t thread, bool urgent);
+
+#endif

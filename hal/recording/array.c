@@ -1,0 +1,191 @@
+/* hal/recording/array.c -- a recording, played as if it were taken now. */
+#include <errno.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "hal/array_backends.h"
+#include "hal/survey/calibration_file.h"
+#include "hal/device.h"
+#include "hal/recording/recording.h"
+#include "hal/survey/file.h"
+#include "hal/tail.h"
+
+struct array_wav {
+    const struct clock_source *clock;
+    struct survey survey;
+    struct calibration *calibration;      /* may be NULL */
+    struct recording *scene, *background; /* background may be NULL */
+    size_t n_ping;                        /* samples: slot and tail */
+    struct array_shot shot;
+    size_t next;
+    bool loaded;          /* the shot's position is in samples */
+    float *samples;       /* [n_microphones][recording_frames] */
+    float *ping;          /* [n_microphones][n_ping] */
+    uint32_t *clipped;    /* [n_speakers][n_microphones] */
+    uint32_t *not_finite; /* [n_speakers][n_microphones] */
+};
+
+/* What the option says, else FOLDER/survey.yaml, else the one beside the folder. */
+static int find_survey(const struct device *d, char **path, struct complaint *why)
+{
+    const char *given = device_option(d, "survey");
+    *path = given ? strdup(given) : NULL;
+    if (given)
+        return *path ? 0 : complain(why, -ENOMEM, "out of memory");
+    if (access(d->path, F_OK) < 0)
+        return complain(why, -errno, "%s: %s", d->path, strerror(errno));
+    if (asprintf(path, "%s/survey.yaml", d->path) < 0)
+        return complain(why, -ENOMEM, "out of memory");
+    if (!access(*path, F_OK))
+        return 0;
+    free(*path);
+    if (asprintf(path, "%s/../survey.yaml", d->path) < 0)
+        return complain(why, -ENOMEM, "out of memory");
+    if (!access(*path, F_OK))
+        return 0;
+    free(*path);
+    return complain(why, -ENOENT,
+                    "%s: no survey.yaml in it or beside it; name it with ?survey=FILE",
+                    d->path);
+}
+
+static void wav_close(void *state)
+{
+    struct array_wav *a = state;
+    recording_close(a->scene);
+    recording_close(a->background);
+    calibration_destroy(a->calibration);
+    survey_clear(&a->survey);
+    free(a->samples);
+    free(a->ping);
+    free(a->clipped);
+    free(a->not_finite);
+    free(a);
+}
+
+static int allocate(struct array_wav *a)
+{
+    const struct survey *s = &a->survey;
+    size_t n_counts = s->n_speakers * s->n_microphones;
+    a->n_ping = s->slot_samples + tail_samples(s);
+    a->samples = calloc(s->n_microphones * recording_frames(a->scene), sizeof(float));
+    a->ping = calloc(s->n_microphones * a->n_ping, sizeof(float));
+    a->clipped = calloc(n_counts, sizeof *a->clipped);
+    a->not_finite = calloc(n_counts, sizeof *a->not_finite);
+    return a->samples && a->ping && a->clipped && a->not_finite ? 0 : -ENOMEM;
+}
+
+static int open_parts(struct array_wav *a, const struct device *d, struct complaint *why)
+{
+    char *path;
+    const char *background = device_option(d, "background");
+    if (!*d->path)
+        return complain(why, -EINVAL, "expected a folder, wav:FOLDER");
+    int err = find_survey(d, &path, why);
+    if (err)
+        return err;
+    err = survey_load(&a->survey, path, why);
+    free(path);
+    if (err)
+        return err;
+    a->survey.source = ANLOS__SOURCE__REPLAY;
+    err = calibration_take(&a->calibration, device_option(d, "calibrated"), &a->survey,
+                           why);
+    if (err)
+        return err;
+    err = recording_open(&a->scene, d->path, &a->survey, why);
+    if (!err && background)
+        err = recording_open(&a->background, background, &a->survey, why);
+    if (!err && allocate(a) < 0)
+        err = complain(why, -ENOMEM, "out of memory");
+    return err;
+}
+
+static int wav_open(void **state, const char *arg, const struct clock_source *clock,
+                    struct complaint *why)
+{
+    static const char *const known[] = {"background", "survey", "calibrated", NULL};
+    struct device d;
+    int err = device_parse(&d, arg, known, why);
+    if (err)
+        return err;
+    struct array_wav *a = calloc(1, sizeof *a);
+    if (!a) {
+        err = complain(why, -ENOMEM, "out of memory");
+        goto device;
+    }
+    a->clock = clock;
+    err = open_parts(a, &d, why);
+    if (err)
+        wav_close(a);
+    else
+        *state = a;
+device:
+    device_clear(&d);
+    return err;
+}
+
+static const struct survey *wav_survey(void *state)
+{
+    return &((const struct array_wav *)state)->survey;
+}
+
+static int wav_fire(void *state, const struct array_shot *shot)
+{
+    struct array_wav *a = state;
+    if (shot->pass == ANLOS__PASS__BACKGROUND && !a->background)
+        return -EINVAL;
+    /* What is in memory serves a retake. */
+    if (shot->pass != a->shot.pass || shot->position != a->shot.position)
+        a->loaded = false;
+    a->shot = *shot;
+    a->next = 0;
+    return 0;
+}
+
+static int load(struct array_wav *a, struct complaint *why)
+{
+    const struct recording *r = a->shot.pass == ANLOS__PASS__BACKGROUND ? a->background
+                                                                        : a->scene;
+    if (a->loaded)
+        return 0;
+    int err = recording_read_slots(r, a->shot.position, a->samples, a->clipped,
+                                   a->not_finite, why);
+    a->loaded = !err;
+    return err;
+}
+
+static int wav_next(void *state, struct array_ping *out, struct complaint *why)
+{
+    struct array_wav *a = state;
+    const struct survey *s = &a->survey;
+    size_t n_frames = recording_frames(a->scene), speaker = a->shot.speakers[a->next];
+    int err = load(a, why);
+    if (err)
+        return err;
+    for (size_t m = 0; m < s->n_microphones; m++)
+        memcpy(a->ping + m * a->n_ping,
+               a->samples + m * n_frames + speaker * s->slot_samples,
+               a->n_ping * sizeof *a->ping);
+    calibration_correct(a->calibration, speaker, a->n_ping, a->ping);
+    *out = (struct array_ping){.shot_index = a->next++,
+                               .samples = a->ping,
+                               .n_samples = a->n_ping,
+                               .clipped = a->clipped + speaker * s->n_microphones,
+                               .not_finite = a->not_finite + speaker * s->n_microphones,
+                               .valid = true,
+                               .temperature_c = s->temperature_c,
+                               .t0_ns = clock_now_ns(a->clock)};
+    return 0;
+}
+
+const struct array_ops array_wav_ops = {.scheme = "wav",
+                                        .open = wav_open,
+                                        .survey = wav_survey,
+                                        .fire = wav_fire,
+                                        .next = wav_next,
+                                        .close = wav_close};

@@ -1,0 +1,173 @@
+#include "hal/recording/pings_file.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "msgs/survey.h"
+
+enum { COLUMNS = 6, MAX_FIELDS = 64 };
+
+static const char *const names[2][COLUMNS] = {
+    {"tx_x_m", "tx_y_m", "tx_z_m", "rx_x_m", "rx_y_m", "rx_z_m"},
+    {"speaker_x_m", "speaker_y_m", "speaker_z_m", "microphone_x_m", "microphone_y_m",
+     "microphone_z_m"}};
+
+struct pings_file {
+    const char *path;
+    size_t line;            /* from 1 */
+    bool named;             /* there was a line of names */
+    size_t column[COLUMNS]; /* of the fields, which the six numbers are */
+    size_t n_fields;        /* in a line of names */
+    double (*pings)[2][3];
+    size_t n, room;
+    struct complaint *why;
+};
+
+/* Cuts a line into fields without the space and the quotes around them. */
+static size_t split(char *line, char *fields[MAX_FIELDS])
+{
+    size_t n = 0;
+    line[strcspn(line, "\r\n")] = 0;
+    for (char *at = line; at && n < MAX_FIELDS; n++) {
+        char *end = strpbrk(at, ",;\t");
+        if (end)
+            *end++ = 0;
+        at += strspn(at, " \"");
+        size_t length = strlen(at);
+        while (length && strchr(" \"", at[length - 1]))
+            at[--length] = 0;
+        fields[n] = at;
+        at = end;
+    }
+    return n;
+}
+
+static bool parse_number(const char *text, double *out)
+{
+    char *end;
+    *out = strtod(text, &end);
+    return end != text && !*end;
+}
+
+static bool is_header(char *const *fields, size_t n)
+{
+    double x;
+    for (size_t i = 0; i < n; i++)
+        if (*fields[i] && !parse_number(fields[i], &x))
+            return true;
+    return false;
+}
+
+static int take_names(struct pings_file *f, char *const *fields, size_t n)
+{
+    for (size_t c = 0; c < COLUMNS; c++) {
+        size_t found = 0;
+        for (size_t i = 0; i < n; i++) {
+            if (strcasecmp(fields[i], names[0][c]) && strcasecmp(fields[i], names[1][c]))
+                continue;
+            f->column[c] = i;
+            found++;
+        }
+        if (found != 1)
+            return complain(f->why, -EINVAL,
+                            "%s:%zu: the column %s %s; expected %s, %s, ... %s once each",
+                            f->path, f->line, names[0][c],
+                            found ? "is named twice" : "is missing", names[0][0],
+                            names[0][1], names[0][5]);
+    }
+    f->named = true;
+    f->n_fields = n;
+    return 0;
+}
+
+static int append(struct pings_file *f, const double at[COLUMNS])
+{
+    if (f->n == SURVEY_MAX_PINGS)
+        return complain(f->why, -EINVAL, "%s:%zu: more than %d pings", f->path, f->line,
+                        SURVEY_MAX_PINGS);
+    if (f->n == f->room) {
+        size_t room = f->room ? 2 * f->room : 256;
+        void *more = realloc(f->pings, room * sizeof *f->pings);
+        if (!more)
+            return complain(f->why, -ENOMEM, "%s: out of memory", f->path);
+        f->pings = more;
+        f->room = room;
+    }
+    memcpy(f->pings[f->n++], at, sizeof *f->pings);
+    return 0;
+}
+
+static int take_ping(struct pings_file *f, char *const *fields, size_t n)
+{
+    double at[COLUMNS];
+    if (n != f->n_fields)
+        return complain(f->why, -EINVAL, "%s:%zu: %zu columns, expected %zu%s", f->path,
+                        f->line, n, f->n_fields,
+                        f->named ? ""
+                                 : ": speaker x, y, z and microphone x, y, z in m, or a "
+                                   "first line with names");
+    for (size_t c = 0; c < COLUMNS; c++) {
+        const char *text = fields[f->column[c]];
+        if (!parse_number(text, &at[c]) || !isfinite(at[c]))
+            return complain(f->why, -EINVAL, "%s:%zu: %s is \"%.40s\", expected metres",
+                            f->path, f->line, names[0][c], text);
+    }
+    return append(f, at);
+}
+
+static int take_line(struct pings_file *f, char *line)
+{
+    char *fields[MAX_FIELDS];
+    if (f->line == 1 && !strncmp(line, "\xef\xbb\xbf", 3))
+        line += 3; /* byte order mark */
+    line += strspn(line, " ");
+    if (*line == '#' || !line[strspn(line, " \t\r\n")])
+        return 0;
+    size_t n = split(line, fields);
+    if (!f->named && !f->n && is_header(fields, n))
+        return take_names(f, fields, n);
+    return take_ping(f, fields, n);
+}
+
+static int read_lines(struct pings_file *f, FILE *from)
+{
+    char *line = NULL;
+    size_t room = 0;
+    int err = 0;
+    while (!err && getline(&line, &room, from) >= 0) {
+        f->line++;
+        err = take_line(f, line);
+    }
+    free(line);
+    if (!err && ferror(from))
+        err = complain(f->why, -EIO, "%s: cannot be read", f->path);
+    if (!err && !f->n)
+        err = complain(f->why, -EINVAL, "%s: expected a line for each ping, found none",
+                       f->path);
+    return err;
+}
+
+int pings_load(double (**out)[2][3], size_t *n, const char *path, struct complaint *why)
+{
+    struct pings_file f = {
+        .path = path, .column = {0, 1, 2, 3, 4, 5}, .n_fields = COLUMNS, .why = why};
+    FILE *from = fopen(path, "re");
+    if (!from) {
+        int err = -errno;
+        return complain(why, err, "%s: %s", path, strerror(-err));
+    }
+    int err = read_lines(&f, from);
+    fclose(from);
+    if (err) {
+        free(f.pings);
+        return err;
+    }
+    *out = f.pings;
+    *n = f.n;
+    return 0;
+}

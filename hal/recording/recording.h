@@ -1,0 +1,49 @@
+/* hal/recording/recording.h -- a folder of WAV files, one multichannel file for each
+ * stage position in name order, slot j = emission of speaker j; any PCM or float format.
+ * Of a survey that names pings: one mono file, slot k = ping k, which is position k;
+ * files no longer than a slot (a replica) do not count beside it. */
+#ifndef ANLOS_HAL_RECORDING_RECORDING_H
+#define ANLOS_HAL_RECORDING_RECORDING_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/complaint.h"
+#include "msgs/survey.h"
+
+struct recording;
+
+/* Opens the folder and checks every file's header against the survey: number of files,
+ * channels, rate, frames (a whole number of slots is not asked for, but the last
+ * speaker's slot must have begun).  Only headers are read. 0, -ENOENT, -EINVAL, -ENOMEM;
+ * the complaint names the file and what was expected. */
+int recording_open(struct recording **out, const char *folder, const struct survey *s,
+                   struct complaint *why);
+
+/* Frames that recording_read yields: n_speakers slots and tail_samples() (hal/tail.h). */
+size_t recording_frames(const struct recording *r);
+
+/* Reads one position: samples [n_microphones][recording_frames], zeros beyond the end of
+ * the file; clipped[n_microphones] and not_finite[n_microphones] are counted (samples
+ * that are not finite become 0).  Threads may read different positions at once. 0, -EIO
+ * (short or unreadable), -EINVAL. */
+int recording_read(const struct recording *r, size_t position, float *samples,
+                   uint32_t *clipped, uint32_t *not_finite, struct complaint *why);
+
+/* The same with the counts of each slot, for pings: clipped and not_finite
+ * [n_speakers][n_microphones]; what follows the last slot counts into it.
+ *
+ * Clipped is, in PCM files, a run of 3 or more consecutive samples at 0.9999 of full
+ * scale or beyond; float files know no full scale, so there it is a run of 4 or more
+ * equal samples above half of the channel's maximum. */
+int recording_read_slots(const struct recording *r, size_t position, float *samples,
+                         uint32_t *clipped, uint32_t *not_finite, struct complaint *why);
+void recording_close(struct recording *r);
+
+/* Writes one position as float32 WAV "FOLDER/posNN.wav": samples
+ * [n_microphones][n_frames]. 0 or a negative errno. */
+int recording_write(const char *folder, size_t position, size_t n_microphones,
+                    size_t n_frames, double sample_rate_hz, const float *samples,
+                    struct complaint *why);
+
+#endif

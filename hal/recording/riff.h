@@ -1,0 +1,13 @@
+/* hal/recording/riff.h -- how much sound a WAV file promises, and how much of it is
+ * there. libsndfile reads what is left of a truncated file without a word. */
+#ifndef ANLOS_HAL_RECORDING_RIFF_H
+#define ANLOS_HAL_RECORDING_RIFF_H
+
+#include <stdint.h>
+
+/* Sizes of the data chunk in bytes.  A writer that never closed its file leaves 0 or
+ * 0xffffffff: then both are what is there.  0, -EINVAL (no RIFF, RIFX or RF64 file, or no
+ * data chunk), a negative errno of reading. */
+int riff_data_size(const char *path, uint64_t *promised, uint64_t *present);
+
+#endif

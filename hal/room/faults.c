@@ -1,0 +1,97 @@
+#include "hal/room/faults.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "hal/random.h"
+
+enum { STREAM_FAULTS = 9 };
+
+static struct fault *faults_of(const struct scene_fault *list, unsigned n_list, size_t n)
+{
+    struct fault *out = calloc(n, sizeof *out);
+    for (size_t i = 0; out && i < n; i++)
+        out[i] = (struct fault){.wired_to = i, .gain = 1, .limit = INFINITY};
+    for (unsigned k = 0; out && k < n_list; k++) {
+        const struct scene_fault *s = &list[k];
+        struct fault *f = &out[s->channel];
+        double gain = s->dead ? 0 : pow(10, s->gain_db / 20);
+        f->gain = (float)(s->inverted ? -gain : gain);
+        f->noise_rms = (float)s->noise_rms;
+        if (s->limit)
+            f->limit = (float)*s->limit;
+        if (s->swapped_with) {
+            f->wired_to = *s->swapped_with;
+            out[*s->swapped_with].wired_to = s->channel;
+        }
+    }
+    return out;
+}
+
+int faults_create(struct faults *out, const struct scene_faults *s, size_t n_speakers,
+                  size_t n_microphones)
+{
+    out->n_speakers = n_speakers;
+    out->n_microphones = n_microphones;
+    out->speakers = faults_of(s->speakers, s->n_speakers, n_speakers);
+    out->microphones = faults_of(s->microphones, s->n_microphones, n_microphones);
+    if (out->speakers && out->microphones)
+        return 0;
+    faults_clear(out);
+    return -ENOMEM;
+}
+
+void faults_clear(struct faults *f)
+{
+    free(f->speakers);
+    free(f->microphones);
+    *f = (struct faults){.speakers = NULL};
+}
+
+static void limit(const struct fault *f, float *x, size_t n)
+{
+    for (size_t i = 0; isfinite(f->limit) && i < n; i++)
+        x[i] = fmaxf(-f->limit, fminf(f->limit, x[i]));
+}
+
+float *faults_emit(const struct faults *f, const float *chirp, size_t n_chirp)
+{
+    float *out = malloc(f->n_speakers * n_chirp * sizeof *out);
+    for (size_t j = 0; out && j < f->n_speakers; j++) {
+        float *emission = out + j * n_chirp;
+        for (size_t i = 0; i < n_chirp; i++)
+            emission[i] = f->speakers[j].gain * chirp[i];
+        limit(&f->speakers[j], emission, n_chirp);
+    }
+    return out;
+}
+
+/* speaker: 0: the microphone's own. */
+static void add_noise(const uint64_t words[4], size_t microphone, size_t speaker,
+                      float rms, float *x, size_t n)
+{
+    struct random random;
+    if (!(rms > 0))
+        return;
+    random_seed(&random,
+                (uint64_t[]){words[0], STREAM_FAULTS, words[1], words[2], words[3],
+                             microphone, speaker},
+                7);
+    random_add_noise(&random, x, n, rms);
+}
+
+void faults_record(const struct faults *f, const struct fault_slots *slots,
+                   const uint64_t words[4], float *samples)
+{
+    for (size_t m = 0; m < f->n_microphones; m++) {
+        float *heard = samples + m * slots->n_frames;
+        add_noise(words, m, 0, f->microphones[m].noise_rms, heard, slots->n_frames);
+        for (size_t j = 0; j < slots->n_speakers; j++) {
+            uint32_t speaker = slots->speakers[j];
+            add_noise(words, m, 1 + speaker, f->speakers[speaker].noise_rms,
+                      heard + j * slots->slot_samples, slots->slot_samples);
+        }
+        limit(&f->microphones[m], heard, slots->n_frames);
+    }
+}

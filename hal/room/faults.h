@@ -1,0 +1,43 @@
+/* hal/room/faults.h -- what is wrong with a simulated array and its survey does not know:
+ * a scene's `faults`, element by element. */
+#ifndef ANLOS_HAL_ROOM_FAULTS_H
+#define ANLOS_HAL_ROOM_FAULTS_H
+
+#include <stddef.h>
+
+#include "hal/room/scene.h"
+
+struct fault {
+    size_t wired_to; /* the element that this channel drives or hears */
+    float gain;      /* below 0: inverted; 0: dead */
+    float limit;     /* of the amplitude; INFINITY: none */
+    float noise_rms;
+};
+
+struct faults {
+    size_t n_speakers, n_microphones;
+    struct fault *speakers;    /* [n_speakers] */
+    struct fault *microphones; /* [n_microphones] */
+};
+
+/* 0, -ENOMEM. */
+int faults_create(struct faults *out, const struct scene_faults *s, size_t n_speakers,
+                  size_t n_microphones);
+void faults_clear(struct faults *f);
+
+/* What each speaker makes of a chirp: [n_speakers][n_chirp].  free() it; NULL: no memory.
+ */
+float *faults_emit(const struct faults *f, const float *chirp, size_t n_chirp);
+
+struct fault_slots { /* a recording of some speakers, one after the other */
+    size_t n_frames, slot_samples;
+    const uint32_t *speakers; /* [n_speakers] */
+    size_t n_speakers;
+};
+
+/* The noise of single channels into samples [n_microphones][n_frames], which then clip.
+ * The noise depends on nothing but words[4] and the faults. */
+void faults_record(const struct faults *f, const struct fault_slots *slots,
+                   const uint64_t words[4], float *samples);
+
+#endif

@@ -1,0 +1,53 @@
+#include "hal/room/reach.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "hal/room/vector.h"
+
+static double distance_m(const double a[3], const double b[3])
+{
+    double way[3];
+    vector_add(a, -1, b, way);
+    return sqrt(vector_dot(way, way));
+}
+
+/* The farthest that any element gets from the first speaker at the first position. */
+static double array_reach_m(struct pose *pose, double first[3])
+{
+    const struct survey *s = pose->survey;
+    double reach = 0;
+    for (size_t k = 0; k < s->n_positions; k++) {
+        pose_move(pose, k);
+        if (k == 0)
+            memcpy(first, pose->speakers_m[0], 3 * sizeof *first);
+        for (size_t i = 0; i < s->n_speakers; i++)
+            reach = fmax(reach, distance_m(pose->speakers_m[i], first));
+        for (size_t i = 0; i < s->n_microphones; i++)
+            reach = fmax(reach, distance_m(pose->microphones_m[i], first));
+    }
+    return reach;
+}
+
+static double farthest_m(const struct scatter *s, const double from[3])
+{
+    double farthest = 0;
+    for (size_t i = 0; i < s->n; i++) {
+        farthest = fmax(farthest, distance_m(s->pieces[i].in, from));
+        farthest = fmax(farthest, distance_m(s->pieces[i].out, from));
+    }
+    return farthest;
+}
+
+double reach_longest_path_m(struct pose *pose, const struct world *world)
+{
+    const struct survey *s = pose->survey;
+    double first[3], image[3];
+    double reach = array_reach_m(pose, first);
+    vector_mirror(s->wall_normal, s->wall_distance_m, first, image);
+    double far =
+        fmax(farthest_m(&world->points, image), farthest_m(&world->facets, image));
+    far = fmax(far, farthest_m(&world->clutter, first));
+    far = fmax(far, distance_m(first, image) / 2); /* the wall's echo */
+    return 2 * (far + reach);
+}

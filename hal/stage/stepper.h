@@ -1,0 +1,76 @@
+/* hal/stage/stepper.h -- steps for a step-and-direction driver, one after the other in
+ * the caller's thread.  A step is never sooner than the trapezoid of speed has it: one
+ * that comes late moves all that follow, and when it broke the rhythm they start again
+ * from the speed that was left.  Before each step the switches are looked at. */
+#ifndef ANLOS_HAL_STAGE_STEPPER_H
+#define ANLOS_HAL_STAGE_STEPPER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum stepper_line {
+    STEPPER_STEP,
+    STEPPER_DIRECTION,
+    STEPPER_ENABLE,
+    STEPPER_N_OUTPUTS,
+    STEPPER_HOME = STEPPER_N_OUTPUTS,
+    STEPPER_LIMIT, /* at the far end */
+    STEPPER_ESTOP,
+    STEPPER_N_LINES,
+};
+#define STEPPER_BIT(line) (1u << (line))
+
+/* The lines and the clock, so that tests have a rail of their own.  Absent outputs accept
+ * everything, absent inputs are never active. */
+struct stepper_io {
+    void *state;
+    int64_t (*now_ns)(void *state);
+    void (*sleep)(void *state, int64_t t_ns); /* never ends early */
+    /* Sleeps until t_ns, or until an input changes. */
+    void (*watch)(void *state, int64_t t_ns);
+    int (*set)(void *state, enum stepper_line line, bool active); /* 0, -errno */
+    /* Bits of the inputs that are active, or were since the last call.  0, -errno. */
+    int (*inputs)(void *state, unsigned *active);
+    bool (*cancelled)(void *state); /* something newer is to be done */
+};
+
+struct stepper_config {
+    double acceleration; /* steps/s2 */
+    int64_t pulse_ns;    /* the step line is active for so long, and then inactive */
+    int64_t direction_setup_ns, enable_ns;
+};
+
+struct stepper {
+    struct stepper_config cfg;
+    struct stepper_io io;
+    int64_t position; /* steps */
+    bool enabled, forward, direction_set;
+    int64_t ready_ns;                   /* when the pulse before is over */
+    _Atomic uint64_t steps, late_steps; /* others may read them meanwhile */
+};
+
+enum stepper_end {
+    STEPPER_ARRIVED,
+    STEPPER_CANCELLED, /* braked to rest */
+    STEPPER_INPUT,     /* one of stop_on is active: stopped at once */
+    STEPPER_ERROR,     /* the lines cannot be used: stopped at once */
+};
+
+struct stepper_run {
+    int64_t target;   /* steps */
+    double speed;     /* steps/s */
+    unsigned stop_on; /* bits of inputs */
+    unsigned active;  /* out: which of stop_on ended it */
+    int error;        /* out: of STEPPER_ERROR, -errno */
+};
+
+void stepper_init(struct stepper *s, const struct stepper_config *cfg,
+                  const struct stepper_io *io);
+
+/* Makes the steps from position to target, and returns when they are made. */
+enum stepper_end stepper_go(struct stepper *s, struct stepper_run *run);
+
+/* The driver holds the motor, or lets go of it.  0, -errno. */
+int stepper_enable(struct stepper *s, bool on);
+
+#endif

@@ -1,0 +1,121 @@
+#include "hal/survey/calibration.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The id of a survey that has nothing but the places of its elements. */
+static void name_geometry(const struct survey *s, char *out, size_t size)
+{
+    struct survey bare = {.n_speakers = s->n_speakers,
+                          .speakers_m = s->speakers_m,
+                          .n_microphones = s->n_microphones,
+                          .microphones_m = s->microphones_m};
+    snprintf(out, size, "%016" PRIx64, survey_id(&bare));
+}
+
+int calibration_create(struct calibration **out, size_t n_speakers, size_t n_microphones)
+{
+    struct calibration *c = calloc(1, sizeof *c);
+    *out = NULL;
+    if (!c)
+        return -ENOMEM;
+    c->sample_rate_hz = c->latency_samples = c->temperature_c = NAN;
+    c->humidity_percent = c->sound_speed_m_s = NAN;
+    c->n_speakers = n_speakers;
+    c->n_microphones = n_microphones;
+    c->speakers = calloc(n_speakers, sizeof *c->speakers);
+    c->microphones = calloc(n_microphones, sizeof *c->microphones);
+    if (!c->speakers || !c->microphones) {
+        calibration_destroy(c);
+        return -ENOMEM;
+    }
+    *out = c;
+    return 0;
+}
+
+void calibration_name(struct calibration *c, const struct survey *s, const char *array)
+{
+    snprintf(c->array, sizeof c->array, "%s", array);
+    name_geometry(s, c->geometry, sizeof c->geometry);
+    c->sample_rate_hz = s->sample_rate_hz;
+}
+
+int calibration_fits(const struct calibration *c, const struct survey *s,
+                     const char *path, struct complaint *why)
+{
+    char geometry[sizeof c->geometry];
+    if (c->n_speakers != s->n_speakers || c->n_microphones != s->n_microphones)
+        return complain(why, -EINVAL,
+                        "%s: made for %zu speakers and %zu microphones, and the array "
+                        "has %zu and %zu; calibrate anew",
+                        path, c->n_speakers, c->n_microphones, s->n_speakers,
+                        s->n_microphones);
+    if (c->sample_rate_hz != s->sample_rate_hz)
+        return complain(why, -EINVAL,
+                        "%s: made at %g Hz, and the array runs at %g Hz; calibrate anew",
+                        path, c->sample_rate_hz, s->sample_rate_hz);
+    name_geometry(s, geometry, sizeof geometry);
+    if (strcmp(geometry, c->geometry) != 0)
+        return complain(why, -EINVAL,
+                        "%s: made with speakers and microphones at other places "
+                        "(geometry %s) than this array's (%s); calibrate anew",
+                        path, c->geometry, geometry);
+    return 0;
+}
+
+int calibration_apply(const struct calibration *c, struct survey *s, const char *path,
+                      struct complaint *why)
+{
+    struct complaint inner = {.text = ""};
+    struct survey set = *s;
+    int err = calibration_fits(c, s, path, why);
+    if (err)
+        return err;
+    if (!isnan(c->latency_samples))
+        set.latency_samples = c->latency_samples;
+    if (!isnan(c->temperature_c))
+        set.temperature_c = c->temperature_c;
+    if (!isnan(c->sound_speed_m_s))
+        set.sound_speed_m_s = c->sound_speed_m_s;
+    err = survey_check(&set, &inner);
+    if (err)
+        return complain(why, err, "%s: with it the survey is wrong: %.700s", path,
+                        inner.text);
+    *s = set;
+    return 0;
+}
+
+float calibration_factor(const struct calibration_channel *channel)
+{
+    double factor = pow(10.0, -channel->gain_db / 20.0);
+    if (channel->faults & (CALIBRATION_DEAD | CALIBRATION_NOISY))
+        return 0.0f;
+    return (float)(channel->faults & CALIBRATION_INVERTED ? -factor : factor);
+}
+
+void calibration_correct(const struct calibration *c, size_t speaker, size_t n_samples,
+                         float *samples)
+{
+    if (!c)
+        return;
+    float sent = calibration_factor(&c->speakers[speaker]);
+    for (size_t m = 0; m < c->n_microphones; m++) {
+        float factor = sent * calibration_factor(&c->microphones[m]);
+        for (size_t i = 0; factor != 1.0f && i < n_samples; i++)
+            samples[m * n_samples + i] *= factor;
+    }
+}
+
+void calibration_destroy(struct calibration *c)
+{
+    if (!c)
+        return;
+    free(c->speakers);
+    free(c->microphones);
+    free(c->background);
+    free(c);
+}

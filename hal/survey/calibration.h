@@ -1,0 +1,66 @@
+/* hal/survey/calibration.h -- what `anlos calibrate` has measured of an array, and how a
+ * survey and samples are set right by it.  hal/survey/calibration_file.h reads and writes
+ * it. */
+#ifndef ANLOS_HAL_SURVEY_CALIBRATION_H
+#define ANLOS_HAL_SURVEY_CALIBRATION_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "msgs/complaint.h"
+#include "msgs/survey.h"
+
+enum calibration_fault {
+    CALIBRATION_INVERTED = 1,
+    CALIBRATION_DEAD = 2,
+    CALIBRATION_CLIPPED = 4,
+    CALIBRATION_NOISY = 8,
+};
+
+struct calibration_channel {
+    double gain_db;  /* over the mean of its kind; 0: not measured */
+    unsigned faults; /* enum calibration_fault; 0: none, or not looked for */
+};
+
+struct calibration {
+    char array[512];   /* the URI it was made with */
+    char made[32];     /* when it was last changed, "2026-05-01T12:00:00Z" */
+    char geometry[24]; /* stands for the places of the elements */
+    double sample_rate_hz;
+    double latency_samples;                                  /* NaN: not measured */
+    double temperature_c, humidity_percent, sound_speed_m_s; /* NaN: not known */
+    bool has_channels, has_gains;                            /* looked at */
+    size_t n_speakers, n_microphones;
+    struct calibration_channel *speakers;    /* [n_speakers] */
+    struct calibration_channel *microphones; /* [n_microphones] */
+    char *background; /* folder, relative to the calibration file; NULL: none */
+};
+
+#define CALIBRATION_MAX_GAIN_DB 20.0
+
+/* One without any measurement, of no array in particular.  0, -ENOMEM. */
+int calibration_create(struct calibration **out, size_t n_speakers, size_t n_microphones);
+
+/* It is of this array from now on: its URI, its rate and the places of its elements. */
+void calibration_name(struct calibration *c, const struct survey *s, const char *array);
+
+/* Is it for this array: number and places of elements, sample rate?  path: for the
+ * complaint.  0, -EINVAL. */
+int calibration_fits(const struct calibration *c, const struct survey *s,
+                     const char *path, struct complaint *why);
+
+/* Latency, temperature and speed of sound into the survey, where they are known.
+ * 0, -EINVAL (does not fit, or the survey is not plausible with it), and *s as it was. */
+int calibration_apply(const struct calibration *c, struct survey *s, const char *path,
+                      struct complaint *why);
+
+/* What a channel's samples are to be multiplied by: its gain and polarity undone; 0 for a
+ * dead or noisy one, which nodes/rt/channel_check then leaves out. */
+float calibration_factor(const struct calibration_channel *channel);
+
+/* samples [n_microphones][n_samples] of a ping of one speaker; c may be NULL. */
+void calibration_correct(const struct calibration *c, size_t speaker, size_t n_samples,
+                         float *samples);
+void calibration_destroy(struct calibration *c);
+
+#endif

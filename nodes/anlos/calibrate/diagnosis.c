@@ -1,0 +1,322 @@
+#include "nodes/anlos/calibrate/diagnosis.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "dsp/polarity.h"
+#include "nodes/anlos/calibrate/wiring.h"
+
+#define DEAD_DB        -20.0 /* against the median: more is no matter of gain */
+#define LEAST_HEARD    0.25  /* of the channels of the other kind that are alive */
+#define NOISY          4.0   /* times the median: 12 dB */
+#define NOISE_MATTERS  1e-3  /* of the sound's rms: less harms nothing */
+#define DISTORTED      0.1   /* third overtone over the first */
+#define OVERTONE_FLOOR 8.0   /* times the median amplitude of its trace */
+
+struct maker {
+    struct diagnosis *d;
+    struct sounding *s;
+    const struct survey *survey;
+    struct path *first; /* [n_speakers][n_microphones]: first arrivals, wherever */
+    double *scratch;    /* [n_speakers + n_microphones] */
+};
+
+static int compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* NaN of none. */
+static double median(double *x, size_t n)
+{
+    qsort(x, n, sizeof *x, compare);
+    return n ? x[n / 2] : NAN;
+}
+
+static const struct path *first(const struct maker *k, size_t j, size_t m)
+{
+    return &k->first[j * k->survey->n_microphones + m];
+}
+
+static bool is_dead(const struct diagnosis_channel *c)
+{
+    return c->faults & CALIBRATION_DEAD;
+}
+
+/* -- level ------------------------------------------------------------------------------
+ */
+
+/* Of channel i over those others that are alive; spherical spreading taken out. */
+static double level_db(const struct maker *k, bool microphone, size_t i)
+{
+    const struct diagnosis *d = k->d;
+    size_t n = microphone ? d->n_speakers : d->n_microphones, heard = 0, alive = 0;
+    for (size_t o = 0; o < n; o++) {
+        const struct path *p = microphone ? first(k, o, i) : first(k, i, o);
+        if (is_dead(microphone ? &d->speakers[o] : &d->microphones[o]))
+            continue;
+        alive++;
+        if (p->heard)
+            k->scratch[heard++] = 20.0 * log10(cabs(p->arrival.peak) * p->distance_m);
+    }
+    if (!heard || (double)heard < LEAST_HEARD * (double)alive)
+        return -INFINITY;
+    return median(k->scratch, heard);
+}
+
+static void measure_levels(const struct maker *k, bool microphones)
+{
+    struct diagnosis_channel *c = microphones ? k->d->microphones : k->d->speakers;
+    size_t n = microphones ? k->d->n_microphones : k->d->n_speakers, heard = 0;
+    for (size_t i = 0; i < n; i++)
+        c[i].level_db = level_db(k, microphones, i);
+    for (size_t i = 0; i < n; i++)
+        if (isfinite(c[i].level_db))
+            k->scratch[heard++] = c[i].level_db;
+    double usual_db = median(k->scratch, heard);
+    for (size_t i = 0; i < n; i++)
+        c[i].level_db -= usual_db;
+}
+
+static void find_dead_of(const struct maker *k, bool microphones)
+{
+    struct diagnosis_channel *c = microphones ? k->d->microphones : k->d->speakers;
+    size_t n = microphones ? k->d->n_microphones : k->d->n_speakers;
+    measure_levels(k, microphones);
+    for (size_t i = 0; i < n; i++)
+        if (!(c[i].level_db >= DEAD_DB))
+            c[i].faults |= CALIBRATION_DEAD;
+}
+
+static bool any_heard(const struct maker *k, bool microphone, size_t i)
+{
+    size_t n = microphone ? k->d->n_speakers : k->d->n_microphones;
+    for (size_t o = 0; o < n; o++)
+        if ((microphone ? first(k, o, i) : first(k, i, o))->heard)
+            return true;
+    return false;
+}
+
+/* Channels without any arrival are left out first: one that takes part in none with the
+ * dead of the other kind is not dead itself. */
+static void find_dead(const struct maker *k)
+{
+    struct diagnosis *d = k->d;
+    for (size_t j = 0; j < d->n_speakers; j++)
+        d->speakers[j].faults = any_heard(k, false, j) ? 0 : CALIBRATION_DEAD;
+    for (size_t m = 0; m < d->n_microphones; m++)
+        d->microphones[m].faults = any_heard(k, true, m) ? 0 : CALIBRATION_DEAD;
+    find_dead_of(k, false);
+    find_dead_of(k, true);
+}
+
+/* -- noise ------------------------------------------------------------------------------
+ */
+
+static double usual_rms(const struct maker *k, size_t j)
+{
+    size_t n = 0;
+    for (size_t m = 0; m < k->d->n_microphones; m++)
+        if (!is_dead(&k->d->microphones[m]))
+            k->scratch[n++] = sounding_pair(k->s, j, m)->rms;
+    return n ? median(k->scratch, n) : 0.0;
+}
+
+/* A microphone's noise is the same whoever speaks. */
+static void find_noisy_microphones(const struct maker *k)
+{
+    struct diagnosis *d = k->d;
+    double loudness = 0.0;
+    for (size_t j = 0; j < d->n_speakers; j++)
+        loudness = fmax(loudness, usual_rms(k, j));
+    for (size_t m = 0; m < d->n_microphones; m++) {
+        for (size_t j = 0; j < d->n_speakers; j++)
+            k->scratch[j] = sounding_pair(k->s, j, m)->noise_rms;
+        d->microphones[m].noise_rms = median(k->scratch, d->n_speakers);
+        d->microphones[m].overtone = NAN;
+        d->has_noise |= d->microphones[m].noise_rms > 0.0;
+    }
+    for (size_t m = 0; m < d->n_microphones; m++)
+        k->scratch[m] = d->microphones[m].noise_rms;
+    double usual = median(k->scratch, d->n_microphones);
+    for (size_t m = 0; m < d->n_microphones; m++) {
+        struct diagnosis_channel *c = &d->microphones[m];
+        c->noise = usual > 0.0 ? c->noise_rms / usual : NAN;
+        if (c->noise_rms > NOISY * usual && c->noise_rms > NOISE_MATTERS * loudness)
+            c->faults |= CALIBRATION_NOISY;
+    }
+}
+
+/* A speaker's noise is heard by all, on top of their own, while it emits. */
+static void find_noisy_speakers(const struct maker *k)
+{
+    struct diagnosis *d = k->d;
+    for (size_t j = 0; j < d->n_speakers; j++) {
+        struct diagnosis_channel *c = &d->speakers[j];
+        double loudness = usual_rms(k, j);
+        size_t n = 0, matters = 0;
+        for (size_t m = 0; m < d->n_microphones; m++) {
+            double noise = sounding_pair(k->s, j, m)->noise_rms;
+            if (is_dead(&d->microphones[m]))
+                continue;
+            matters += noise > NOISE_MATTERS * loudness;
+            k->scratch[n++] = noise / fmax(d->microphones[m].noise_rms, 1e-12);
+        }
+        d->has_noise |= matters > 0;
+        c->noise = median(k->scratch, n);
+        if (c->noise > NOISY && 2 * matters > n)
+            c->faults |= CALIBRATION_NOISY;
+    }
+}
+
+/* -- clipping ---------------------------------------------------------------------------
+ */
+
+static void find_clipped_microphones(const struct maker *k)
+{
+    struct diagnosis *d = k->d;
+    for (size_t m = 0; m < d->n_microphones; m++) {
+        for (size_t j = 0; j < d->n_speakers; j++) {
+            d->microphones[m].clipped_pings += sounding_pair(k->s, j, m)->clipped > 0;
+            d->microphones[m].not_finite += sounding_pair(k->s, j, m)->not_finite;
+        }
+        if (d->microphones[m].clipped_pings)
+            d->microphones[m].faults |= CALIBRATION_CLIPPED;
+    }
+}
+
+/* An overtone that most microphones hear is the speaker's, or its amplifier's. */
+static int find_clipped_speakers(const struct maker *k)
+{
+    const unsigned unfit = CALIBRATION_DEAD | CALIBRATION_CLIPPED | CALIBRATION_NOISY;
+    struct diagnosis *d = k->d;
+    double window_s = paths_window_s(k->survey);
+    for (size_t j = 0; j < d->n_speakers; j++) {
+        struct trace_format f;
+        const float complex *y = sounding_overtones(k->s, j, &f);
+        size_t n = 0;
+        d->speakers[j].overtone = NAN;
+        if (!y)
+            continue;
+        d->has_overtones = true;
+        float *scratch = malloc(f.n_samples * sizeof *scratch);
+        if (!scratch)
+            return -ENOMEM;
+        for (size_t m = 0; m < d->n_microphones; m++, y += f.n_samples) {
+            const struct path *p = first(k, j, m);
+            struct arrival a;
+            if (!p->heard || d->microphones[m].faults & unfit)
+                continue;
+            double least = OVERTONE_FLOOR * arrival_floor(&f, y, scratch);
+            bool heard = arrival_strongest(&f, y, p->arrival.time_s - window_s,
+                                           p->arrival.time_s + window_s, &a) &&
+                         cabs(a.peak) >= least;
+            k->scratch[n++] = heard ? cabs(a.peak) / cabs(p->arrival.peak) : 0.0;
+        }
+        free(scratch);
+        d->speakers[j].overtone = median(k->scratch, n);
+        if (d->speakers[j].overtone > DISTORTED)
+            d->speakers[j].faults |= CALIBRATION_CLIPPED;
+    }
+    return 0;
+}
+
+/* -- polarity ---------------------------------------------------------------------------
+ */
+
+static int find_inverted(const struct maker *k)
+{
+    struct diagnosis *d = k->d;
+    size_t n = d->n_speakers * d->n_microphones;
+    double complex *peaks = calloc(n, sizeof *peaks);
+    bool *inverted = calloc(d->n_speakers + d->n_microphones, sizeof *inverted);
+    int err = peaks && inverted ? 0 : -ENOMEM;
+    for (size_t p = 0; !err && p < n; p++)
+        if (k->first[p].heard && !is_dead(&d->speakers[p / d->n_microphones]) &&
+            !is_dead(&d->microphones[p % d->n_microphones]))
+            peaks[p] = k->first[p].arrival.peak;
+    if (!err)
+        err = polarity_find(d->n_speakers, d->n_microphones, peaks, inverted,
+                            inverted + d->n_speakers);
+    for (size_t i = 0; !err && i < d->n_speakers; i++)
+        d->speakers[i].faults |= inverted[i] ? CALIBRATION_INVERTED : 0;
+    for (size_t i = 0; !err && i < d->n_microphones; i++)
+        d->microphones[i].faults |= inverted[d->n_speakers + i] ? CALIBRATION_INVERTED
+                                                                : 0;
+    free(inverted);
+    free(peaks);
+    return err;
+}
+
+/* Levels once more, with the distances of the elements that the channels lead to. */
+static void set_levels(const struct maker *k, const struct path *direct)
+{
+    struct diagnosis *d = k->d;
+    for (size_t j = 0; j < d->n_speakers; j++)
+        for (size_t m = 0; m < d->n_microphones; m++)
+            k->first[j * d->n_microphones + m].distance_m =
+                direct[d->speakers[j].answers_as * d->n_microphones +
+                       d->microphones[m].answers_as]
+                    .distance_m;
+    measure_levels(k, false);
+    measure_levels(k, true);
+}
+
+static int find_wiring(struct maker *k, double speed_m_s)
+{
+    struct path *direct = paths_direct(k->survey);
+    int err = direct ? wiring_find(k->d, k->first, speed_m_s) : -ENOMEM;
+    if (!err)
+        set_levels(k, direct);
+    free(direct);
+    return err;
+}
+
+static int diagnose(struct maker *k, double speed_m_s)
+{
+    int err = paths_hear_first(k->first, k->s);
+    if (err)
+        return err;
+    find_dead(k);
+    find_noisy_microphones(k);
+    find_noisy_speakers(k);
+    find_clipped_microphones(k);
+    err = find_clipped_speakers(k);
+    if (!err)
+        err = find_inverted(k);
+    return err ? err : find_wiring(k, speed_m_s);
+}
+
+int diagnosis_make(struct diagnosis *out, struct sounding *s, double speed_m_s,
+                   struct complaint *why)
+{
+    const struct survey *survey = sounding_survey(s);
+    struct maker k = {.d = out, .s = s, .survey = survey};
+    *out = (struct diagnosis){.n_speakers = survey->n_speakers,
+                              .n_microphones = survey->n_microphones,
+                              .retaken = sounding_retaken(s)};
+    out->speakers = calloc(out->n_speakers, sizeof *out->speakers);
+    out->microphones = calloc(out->n_microphones, sizeof *out->microphones);
+    k.first = paths_direct(survey);
+    k.scratch = malloc((out->n_speakers + out->n_microphones) * sizeof *k.scratch);
+    int err = out->speakers && out->microphones && k.first && k.scratch
+                  ? 0
+                  : complain(why, -ENOMEM, "out of memory");
+    if (!err)
+        err = paths_fit_latency(k.first, s, speed_m_s, &out->time_zero, why);
+    if (!err && diagnose(&k, speed_m_s) < 0)
+        err = complain(why, -ENOMEM, "out of memory");
+    free(k.scratch);
+    free(k.first);
+    return err;
+}
+
+void diagnosis_clear(struct diagnosis *d)
+{
+    free(d->speakers);
+    free(d->microphones);
+    *d = (struct diagnosis){.n_speakers = 0};
+}

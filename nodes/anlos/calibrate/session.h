@@ -1,0 +1,43 @@
+/* nodes/anlos/calibrate/session.h -- what the subcommands of `anlos calibrate` share: the
+ * array, and the calibration file that each of them renews a part of. */
+#ifndef ANLOS_NODES_ANLOS_CALIBRATE_SESSION_H
+#define ANLOS_NODES_ANLOS_CALIBRATE_SESSION_H
+
+#include <stdbool.h>
+
+#include "hal/array.h"
+#include "hal/survey/calibration_file.h"
+#include "nodes/anlos/calibrate/options.h"
+
+struct session {
+    const struct calibrate_options *options;
+    struct array *array;             /* NULL: none was named */
+    const struct survey *survey;     /* of the array */
+    struct calibration *calibration; /* read, or a new one */
+    bool existed;
+    struct complaint why;
+};
+
+/* Reads the file, if it is there, and opens the array as it is, without what a file would
+ * correct.  0, -EINVAL (wrong file, made for another array), other negative errno. */
+int session_open(struct session *s, const struct calibrate_options *o);
+
+/* Writes the file, with today's date and the array's name.  0, -EINVAL (the survey would
+ * be wrong with it), other negative errno. */
+int session_save(struct session *s);
+void session_close(struct session *s);
+
+/* To a thousandth: what is measured is no more exact, and easier to read. */
+double session_round(double x);
+
+/* By what is known so far, else by the survey. */
+double session_speed_m_s(const struct session *s);
+
+/* Speakers and microphones with places of their own, and a position that exists?
+ * 0, -EINVAL. */
+int session_check(struct session *s);
+
+/* A line about pings that came invalid, if there were any. */
+void session_print_retaken(size_t pings);
+
+#endif

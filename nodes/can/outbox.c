@@ -1,0 +1,196 @@
+#include "nodes/can/outbox.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#define PROBE_NS  1000000000LL
+#define RECENT_NS 5000000000LL
+
+enum { FIRST_WAIT_MS = 1, LAST_WAIT_MS = 16, IDLE_MS = 20 };
+
+void outbox_init(struct outbox *o, struct canbus *bus, const struct clock_source *clock,
+                 const struct sender *sender)
+{
+    *o = (struct outbox){
+        .bus = bus, .clock = clock, .sender = sender, .wait_ms = FIRST_WAIT_MS};
+}
+
+/* Takes the list out of the queue. */
+static void take_out(struct outbox *o, size_t i)
+{
+    o->n_lists--;
+    memmove(&o->lists[i], &o->lists[i + 1], (o->n_lists - i) * sizeof *o->lists);
+    if (i == 0) {
+        o->next = 0;
+        o->cut = false;
+    }
+}
+
+static void drop(struct outbox *o, size_t i)
+{
+    o->dropped++;
+    o->cut_off += i == 0 && (o->cut || o->next);
+    o->dropped_ns = clock_now_ns(o->clock);
+    take_out(o, i);
+}
+
+void outbox_put_list(struct outbox *o, const struct sender_list *list)
+{
+    if (o->n_lists == OUTBOX_LISTS)
+        drop(o, o->next ? 1 : 0);
+    o->lists[o->n_lists++] = *list;
+}
+
+void outbox_put_status(struct outbox *o, const struct can_frame_data *frame)
+{
+    o->status = *frame;
+    o->has_status = true;
+}
+
+static bool holds_back(const struct outbox *o)
+{
+    return o->health.state >= CANBUS_SILENT;
+}
+
+static bool is_all_out(const struct outbox *o)
+{
+    return o->n_lists && o->next == o->lists[0].n_frames;
+}
+
+/* How the bus is, what became of the list on its way. */
+static void look(struct outbox *o)
+{
+    uint64_t outages = o->health.outages;
+
+    canbus_poll(o->bus, clock_now_ns(o->clock), &o->health);
+    if (o->health.outages != outages && o->next) {
+        o->next = 0;
+        o->cut = true;
+    }
+    if (is_all_out(o) && !o->health.pending) {
+        o->sent++;
+        o->last_ns = o->begun_ns;
+        take_out(o, 0);
+    }
+}
+
+/* 0, -EAGAIN (the bus does not take it now), or an error that will not go by. */
+static int send_frame(struct outbox *o, const struct can_frame_data *frame)
+{
+    int err = canbus_send(o->bus, frame, clock_now_ns(o->clock));
+
+    if (err == -ENOBUFS || err == -ENETDOWN)
+        return -EAGAIN;
+    o->error = err;
+    return err;
+}
+
+static bool send_status(struct outbox *o)
+{
+    int err = send_frame(o, &o->status);
+
+    if (err == -EAGAIN)
+        return false;
+    if (!err)
+        o->error = canbus_flush(o->bus);
+    o->has_status = false;
+    return true;
+}
+
+/* As many frames of the oldest list as go. */
+static bool send_list(struct outbox *o)
+{
+    struct sender_list *list = &o->lists[0];
+    size_t before = o->next;
+    int err = 0;
+
+    if (!o->next) {
+        o->begun_ns = clock_now_ns(o->clock);
+        sender_date(o->sender, list, o->begun_ns, o->last_ns);
+    }
+    while (!err && o->next < list->n_frames) {
+        err = send_frame(o, &list->frames[o->next]);
+        o->next += !err;
+    }
+    if (!err)
+        err = o->error = canbus_flush(o->bus);
+    if (err && err != -EAGAIN) {
+        drop(o, 0);
+        return true;
+    }
+    return o->next > before;
+}
+
+/* A bus that holds back is tried with a status frame now and then: not every controller
+ * says that it was restarted. */
+static void probe(struct outbox *o, int64_t now_ns)
+{
+    bool open = o->health.state == CANBUS_SILENT || o->health.state == CANBUS_OFF;
+
+    if (!open || !o->has_status || now_ns < o->probe_ns)
+        return;
+    send_status(o);
+    o->probe_ns = now_ns + PROBE_NS;
+}
+
+/* Returns whether it got on. */
+static bool advance(struct outbox *o)
+{
+    int64_t now = clock_now_ns(o->clock);
+
+    look(o);
+    if (holds_back(o)) {
+        probe(o, now);
+        return false;
+    }
+    o->probe_ns = now + PROBE_NS;
+    bool under_way = o->next && !is_all_out(o);
+    if (o->has_status && (under_way || !o->health.pending))
+        return send_status(o);
+    return o->n_lists && (under_way || (!o->next && !o->health.pending)) && send_list(o);
+}
+
+void outbox_step(struct outbox *o)
+{
+    bool got_on = false;
+
+    while (advance(o))
+        got_on = true;
+    o->wait_ms = got_on                          ? FIRST_WAIT_MS
+                 : o->wait_ms * 2 < LAST_WAIT_MS ? o->wait_ms * 2
+                                                 : LAST_WAIT_MS;
+}
+
+bool outbox_busy(const struct outbox *o)
+{
+    return o->n_lists && !holds_back(o);
+}
+
+unsigned outbox_wait_ms(const struct outbox *o)
+{
+    bool waits = o->n_lists || o->has_status || o->health.pending;
+
+    return waits && !holds_back(o) ? o->wait_ms : IDLE_MS;
+}
+
+bool outbox_well(const struct outbox *o, char *text, size_t size)
+{
+    if (o->health.state != CANBUS_READY)
+        snprintf(text, size, "%s", o->health.text);
+    else if (o->error)
+        snprintf(text, size, "frames did not go out: %s", strerror(-o->error));
+    else if (o->dropped_ns && clock_now_ns(o->clock) - o->dropped_ns < RECENT_NS)
+        snprintf(text, size, "lists come faster than the bus takes them: %llu dropped",
+                 (unsigned long long)o->dropped);
+    else
+        return true;
+    return false;
+}
+
+void outbox_counts(const struct outbox *o, struct device_count out[OUTBOX_COUNTS])
+{
+    out[0] = (struct device_count){"lists_sent", o->sent};
+    out[1] = (struct device_count){"lists_dropped", o->dropped};
+    out[2] = (struct device_count){"lists_cut", o->cut_off};
+}

@@ -1,0 +1,376 @@
+/* `alsa:` without a kernel's sound: alsa-lib's file plugin writes what is played into a
+ * file and reads what is recorded from a pipe, which paces it. */
+#include "scratch.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdbool.h>
+#include <unistd.h>
+
+#include "hal/array.h"
+#include "hal/recording/recording.h"
+#include "hal/survey/rig_file.h"
+#include "hal/survey/file.h"
+#include "rig.h"
+
+enum { SLOT = 1500, CHIRP = 480, BUFFER = 960, OUTPUTS = 4, INPUTS = 3 };
+/* Fits into a pipe in every format; enough for two slots, their tail, and what is written
+ * ahead. */
+enum { FRAMES = 5300 };
+
+/* The cards live in a file of their own; alsa-lib reads the path once. */
+static char folder[64];
+
+static int set_up(void **state)
+{
+    char path[128], text[1024];
+    (void)state;
+    strcpy(folder, "/tmp/anlos-alsa-XXXXXX");
+    if (!mkdtemp(folder))
+        return -1;
+    snprintf(path, sizeof path, "%s/asound.conf", folder);
+    snprintf(text, sizeof text,
+             "pcm.null { type null }\n"
+             "pcm.out { type file slave.pcm null file \"%s/out\" format raw }\n"
+             "pcm.in { type file slave.pcm null file /dev/null infile \"%s/in\" "
+             "format raw }\n"
+             "pcm.card { type asym playback.pcm out capture.pcm in }\n",
+             folder, folder);
+    FILE *f = fopen(path, "w");
+    if (!f || fputs(text, f) < 0 || fclose(f))
+        return -1;
+    snprintf(text, sizeof text, "%s/in", folder);
+    return setenv("ALSA_CONFIG_PATH", path, 1) || mkfifo(text, 0600);
+}
+
+static int tear_down(void **state)
+{
+    char command[128];
+    (void)state;
+    snprintf(command, sizeof command, "rm -rf '%s'", folder);
+    return system(command);
+}
+
+struct card {
+    struct array *array;
+    int pipe;
+    const char *format;
+    size_t bytes; /* of a sample */
+};
+
+static void card_open(struct card *c, struct scratch *s, const char *format,
+                      const char *device, const char *options)
+{
+    char text[2000], uri[1000];
+    struct complaint why = {.text = ""};
+    c->format = format;
+    c->bytes = !strcmp(format, "S16") ? 2 : !strcmp(format, "S24_3") ? 3 : 4;
+    snprintf(text, sizeof text, "%s/out", folder);
+    unlink(text);
+    snprintf(text, sizeof text, "%s/in", folder);
+    c->pipe = open(text, O_RDWR); /* nobody waits for the other end */
+    assert_true(c->pipe >= 0);
+    snprintf(text, sizeof text,
+             RIG_SURVEY
+             "gate_m: [0.3, 4]\ndevice: {format: %s, access: rw, buffer_ms: 20, "
+             "level_db: 0, outputs: [1, 3], inputs: [2, 0, 1]%s}\n",
+             format, device);
+    snprintf(uri, sizeof uri, "alsa:card?rig=%s%s", scratch_write(s, "rig.yaml", text),
+             options);
+    if (array_open(&c->array, uri, clock_system(), &why))
+        fail_msg("%s", why.text);
+}
+
+static void card_close(struct card *c)
+{
+    close(c->pipe);
+    array_close(c->array);
+}
+
+/* What microphone channel c hears in frame n, in steps of 2^-15. */
+static int heard(size_t n, size_t c)
+{
+    return (int)((7 * n + 5000 * c) % 40000) - 20000;
+}
+
+static void put(const struct card *c, int value, unsigned char *out)
+{
+    int32_t word = (int32_t)((uint32_t)value << 16);
+    float single = (float)value / 32768;
+    if (!strcmp(c->format, "float")) {
+        memcpy(out, &single, 4);
+        return;
+    }
+    if (!strcmp(c->format, "S24")) /* the low three of four bytes */
+        word >>= 8;
+    size_t skip = !strcmp(c->format, "S24") ? 0 : 4 - c->bytes;
+    memcpy(out, (const unsigned char *)&word + skip, c->bytes);
+}
+
+static void feed(const struct card *c, int (*sound)(size_t, size_t))
+{
+    static unsigned char bytes[FRAMES * INPUTS * 4];
+    size_t size = FRAMES * INPUTS * c->bytes;
+    for (size_t n = 0; n < FRAMES; n++)
+        for (size_t k = 0; k < INPUTS; k++)
+            put(c, sound(n, k), bytes + (n * INPUTS + k) * c->bytes);
+    assert_int_equal(write(c->pipe, bytes, size), (ssize_t)size);
+}
+
+static void next(struct card *c, struct array_ping *ping)
+{
+    struct complaint why = {.text = ""};
+    if (array_next(c->array, ping, &why))
+        fail_msg("%s", why.text);
+}
+
+static double get(const struct card *c, const unsigned char *in)
+{
+    int32_t word = 0;
+    float single;
+    if (!strcmp(c->format, "float")) {
+        memcpy(&single, in, 4);
+        return single;
+    }
+    size_t skip = !strcmp(c->format, "S24") ? 0 : 4 - c->bytes;
+    memcpy((unsigned char *)&word + skip, in, c->bytes);
+    if (!strcmp(c->format, "S24"))
+        word = (int32_t)((uint32_t)word << 8);
+    return word / 2147483648.0;
+}
+
+/* Frame `frame` of what was played, channel k. */
+static double played(const struct card *c, const unsigned char *out, size_t frame,
+                     size_t k)
+{
+    return get(c, out + (frame * OUTPUTS + k) * c->bytes);
+}
+
+static double chirp(size_t i)
+{
+    double t = (double)i / 48000;
+    return (float)cos(2 * M_PI * (2000 * t + 0.5 * 18000 / 0.01 * t * t));
+}
+
+/* Reads what was played; its first frame that is not silent. */
+static size_t read_played(const struct card *c, unsigned char *out, size_t size)
+{
+    char path[128];
+    snprintf(path, sizeof path, "%s/out", folder);
+    FILE *f = fopen(path, "r");
+    assert_non_null(f);
+    size_t n = fread(out, 1, size, f) / (OUTPUTS * c->bytes);
+    fclose(f);
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < OUTPUTS; k++)
+            if (played(c, out, i, k) != 0)
+                return i;
+    fail_msg("nothing was played in %zu frames", n);
+    return 0;
+}
+
+/* Speaker 1 is at output 3, speaker 0 at 1; microphones at inputs 2, 0, 1. */
+static void what_is_heard_belongs_to_what_is_played_in_every_format(void **state)
+{
+    static const char *const formats[] = {"S16", "S24_3", "S24", "S32", "float"};
+    static const uint32_t speakers[] = {1, 0};
+    static const size_t inputs[] = {2, 0, 1}, outputs[] = {3, 1};
+    static unsigned char out[FRAMES * 2 * OUTPUTS * 4];
+    static float samples[2][3][2 * SLOT];
+    for (size_t i = 0; i < 5; i++) {
+        struct array_shot shot = {.speakers = speakers, .n_speakers = 2};
+        struct array_ping ping;
+        struct complaint why;
+        struct card c;
+        card_open(&c, *state, formats[i], "", "");
+        assert_int_equal(array_fire(c.array, &shot), 0);
+        feed(&c, heard);
+        size_t n = 0;
+        for (size_t j = 0; j < 2; j++) {
+            next(&c, &ping);
+            n = ping.n_samples;
+            assert_true(ping.valid && ping.shot_index == j && n > SLOT && n <= 2 * SLOT);
+            for (size_t m = 0; m < 3; m++)
+                memcpy(samples[j][m], ping.samples + m * n, n * sizeof(float));
+        }
+        assert_int_equal(array_next(c.array, &ping, &why), -ENODATA);
+        card_close(&c);
+        size_t start = read_played(&c, out, sizeof out);
+        assert_int_equal(start % BUFFER, 0); /* behind what was written ahead */
+        double step = !strcmp(formats[i], "S16") ? 0x1p-16 : 0x1p-24;
+        for (size_t j = 0; j < 2; j++)
+            for (size_t f = 0; f < SLOT; f++)
+                for (size_t k = 0; k < OUTPUTS; k++) {
+                    double expected = k == outputs[j] && f < CHIRP ? chirp(f) : 0;
+                    double x = played(&c, out, start + j * SLOT + f, k);
+                    assert_true(fabs(x - expected) <= 2 * step);
+                }
+        for (size_t j = 0; j < 2; j++)
+            for (size_t m = 0; m < 3; m++)
+                for (size_t f = 0; f < n; f++)
+                    assert_true(samples[j][m][f] ==
+                                (float)heard(start + j * SLOT + f, inputs[m]) / 32768);
+    }
+}
+
+static int loud(size_t n, size_t c)
+{
+    return c == 1 && n % 2 ? 32767 : c == 1 ? -32768 : 16384;
+}
+
+/* Input 1 is microphone 2: each of its samples is at full scale, which a gain of -20 dB
+ * does not hide; input 0 is microphone 1. */
+static void clipping_is_counted_at_the_cards_full_scale(void **state)
+{
+    static const uint32_t speaker = 0;
+    struct array_shot shot = {.speakers = &speaker, .n_speakers = 1};
+    struct array_ping ping;
+    struct card c;
+    card_open(&c, *state, "S16", ", input_gain_db: [0, 20, -20], invert_inputs: [1]", "");
+    assert_int_equal(array_fire(c.array, &shot), 0);
+    feed(&c, loud);
+    next(&c, &ping);
+    assert_int_equal(ping.clipped[0], 0);
+    assert_int_equal(ping.clipped[1], 0);
+    assert_int_equal(ping.clipped[2], ping.n_samples);
+    assert_true(fabsf(ping.samples[ping.n_samples] + 5) < 1e-5f);
+    assert_true(fabsf(fabsf(ping.samples[2 * ping.n_samples]) - 0.1f) < 1e-5f);
+    card_close(&c);
+}
+
+static void what_cannot_be_linked_is_said_once(void **state)
+{
+    struct complaint notice;
+    struct device_count counts[DEVICE_MAX_COUNTS];
+    struct card c;
+    card_open(&c, *state, "S16", "", "");
+    assert_true(array_notice(c.array, &notice));
+    assert_contains(notice.text, "card: playback and capture cannot be linked");
+    assert_false(array_notice(c.array, &notice));
+    assert_int_equal(array_condition(c.array, &notice), 0);
+    size_t n = array_counts(c.array, counts);
+    assert_int_equal(n, 6);
+    for (size_t i = 0; i < n; i++)
+        assert_int_equal(counts[i].value, 0);
+    card_close(&c);
+}
+
+/* The recording's sample i of microphone m is (1000 m + i) / 65536. */
+static void a_background_may_come_from_a_recording(void **state)
+{
+    static const uint32_t speakers[] = {1};
+    static float samples[3][2 * SLOT];
+    struct scratch *s = *state;
+    struct array_shot shot = {
+        .pass = ANLOS__PASS__BACKGROUND, .speakers = speakers, .n_speakers = 1};
+    struct array_ping ping;
+    struct complaint why = {.text = ""};
+    struct card c;
+    char option[200];
+    scratch_folder(s, "empty");
+    for (size_t m = 0; m < 3; m++)
+        for (size_t i = 0; i < 2 * SLOT; i++)
+            samples[m][i] = (float)(1000 * m + i) / 65536;
+    assert_int_equal(recording_write(scratch_path(s, "empty"), 0, 3, 2 * SLOT, 48000,
+                                     samples[0], &why),
+                     0);
+    snprintf(option, sizeof option, "&background=%s/empty", s->folder);
+    card_open(&c, s, "S16", "", option);
+    assert_int_equal(array_fire(c.array, &shot), 0);
+    next(&c, &ping);
+    assert_true(ping.valid);
+    for (size_t m = 0; m < 3; m++)
+        assert_memory_equal(ping.samples + m * ping.n_samples, samples[m] + SLOT,
+                            SLOT * sizeof(float));
+    shot.pass = ANLOS__PASS__SCENE;
+    assert_int_equal(array_fire(c.array, &shot), 0);
+    feed(&c, heard);
+    next(&c, &ping);
+    assert_true(ping.samples[0] != samples[0][SLOT]);
+    card_close(&c);
+}
+
+/* A calibration whose microphone 1 is 20 dB too loud, and that names the recording. */
+static void write_calibration(struct scratch *s)
+{
+    struct rig rig;
+    struct calibration *c;
+    struct complaint why = {.text = ""};
+    if (rig_load(&rig, scratch_write(s, "plain.yaml", RIG_SURVEY), &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(calibration_create(&c, 2, 3), 0);
+    calibration_name(c, &rig.survey, "alsa:card");
+    c->has_gains = true;
+    c->microphones[1].gain_db = 20;
+    strcpy(c->made, "2026-05-01T12:00:00Z");
+    c->background = strdup("empty");
+    if (calibration_save(c, scratch_path(s, "c.yaml"), &why))
+        fail_msg("%s", why.text);
+    calibration_destroy(c);
+    rig_clear(&rig);
+}
+
+static void the_calibrations_background_is_played_and_set_right(void **state)
+{
+    static const uint32_t speakers[] = {1};
+    static float samples[3][2 * SLOT];
+    struct scratch *s = *state;
+    const struct array_shot shot = {
+        .pass = ANLOS__PASS__BACKGROUND, .speakers = speakers, .n_speakers = 1};
+    struct array_ping ping;
+    struct complaint why = {.text = ""};
+    struct card c;
+    char option[200];
+    scratch_folder(s, "empty");
+    for (size_t m = 0; m < 3; m++)
+        for (size_t i = 0; i < 2 * SLOT; i++)
+            samples[m][i] = (float)(1000 * m + i) / 65536;
+    assert_int_equal(recording_write(scratch_path(s, "empty"), 0, 3, 2 * SLOT, 48000,
+                                     samples[0], &why),
+                     0);
+    write_calibration(s);
+    snprintf(option, sizeof option, "&calibrated=%s/c.yaml", s->folder);
+    card_open(&c, s, "S16", "", option);
+    assert_int_equal(array_fire(c.array, &shot), 0);
+    next(&c, &ping);
+    for (size_t m = 0; m < 3; m++)
+        for (size_t i = 0; i < SLOT; i++)
+            assert_true(fabsf(ping.samples[m * ping.n_samples + i] -
+                              samples[m][SLOT + i] * (m == 1 ? 0.1f : 1)) < 1e-6f);
+    card_close(&c);
+}
+
+static void what_is_missing_is_said(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {.text = ""};
+    struct array *a;
+    char uri[600];
+    assert_int_equal(array_open(&a, "alsa:", clock_system(), &why), -EINVAL);
+    assert_contains(why.text, "expected a sound card and its rig");
+    assert_int_equal(array_open(&a, "alsa:card", clock_system(), &why), -EINVAL);
+    assert_contains(why.text, "alsa:DEVICE?rig=FILE.yaml");
+    assert_int_equal(array_open(&a, "alsa:card?rig=/nowhere.yaml", clock_system(), &why),
+                     -ENOENT);
+    assert_contains(why.text, "/nowhere.yaml: No such file");
+    snprintf(uri, sizeof uri, "alsa:other?rig=%s",
+             scratch_write(s, "r.yaml", RIG_SURVEY));
+    assert_int_equal(array_open(&a, uri, clock_system(), &why), -ENOENT);
+    assert_contains(why.text, "other: playback: no such device");
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(what_is_heard_belongs_to_what_is_played_in_every_format),
+        TEST(clipping_is_counted_at_the_cards_full_scale),
+        TEST(what_cannot_be_linked_is_said_once),
+        TEST(a_background_may_come_from_a_recording),
+        TEST(the_calibrations_background_is_played_and_set_right),
+        TEST(what_is_missing_is_said),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
