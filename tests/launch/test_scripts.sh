@@ -4,7 +4,8 @@ set -euo pipefail
 # shellcheck source=tests/launch/check.sh
 . "$(dirname "$0")/check.sh"
 
-scripts=(launch/setup launch/build launch/demo tests/run tests/format)
+scripts=(launch/setup launch/build launch/demo tests/run tests/format tests/hw/kernel
+    tests/hw/guest)
 
 test_every_script_explains_itself() {
     local script
@@ -39,6 +40,18 @@ test_an_option_without_its_value_is_refused() {
     run "$root/tests/run" --compiler tcc
     expect_code 2
     expect_text "tcc"
+    run "$root/tests/run" --hardware --sanitize
+    expect_code 2
+    expect_text "--sanitize"
+    run "$root/tests/hw/guest" --memory 5x -- true
+    expect_code 2
+    expect_text "--memory"
+    run "$root/tests/hw/guest" --out
+    expect_code 2
+    expect_text "--out"
+    run "$root/tests/hw/guest" --timeout 5 --
+    expect_code 2
+    expect_text "a program is missing"
 }
 
 test_scripts_find_their_tree_from_any_folder() {

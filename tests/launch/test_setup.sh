@@ -173,6 +173,16 @@ test_packages_of_the_tests_come_only_on_request() {
     expect_calls "install clang (0, noninteractive)"
 }
 
+test_packages_of_the_hardware_tests_come_only_on_request() {
+    install_all_but 'none'
+    setup --tests
+    expect_code 0
+    expect_calls ""
+    setup --hardware --check
+    expect_code 1
+    expect_text "flex - "
+}
+
 test_a_package_of_which_only_the_configuration_is_left_is_missing() {
     install_all_but 'cmake'
     echo cmake >"$state/removed"

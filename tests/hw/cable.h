@@ -1,0 +1,48 @@
+/* tests/hw/cable.h -- the array on one end of a snd-aloop cable, an echo on the other. */
+#ifndef ANLOS_TESTS_HW_CABLE_H
+#define ANLOS_TESTS_HW_CABLE_H
+
+#include "tests/hal/scratch.h"
+
+#include <stdbool.h>
+
+#include "hal/array.h"
+#include "tests/hw/echo.h"
+#include "tests/hw/far_end.h"
+
+enum { SPEAKERS = 3, MICROPHONES = 4, MAX_RATE_HZ = 192000 };
+enum { TRIES = 8 };
+
+/* Frames from one emission to the next (1/16 s), and of an emission (1/100 s). */
+size_t cable_slot(const struct way *w);
+size_t cable_chirp(const struct way *w);
+
+struct cable {
+    struct echo echo;
+    struct far_end *far;
+    struct array *array;
+};
+
+/* Writes rig.yaml: speaker j at the channel j from the last, microphone m at channel
+ * 2 m + 1, the last microphone inverted, speaker 1 too. */
+const char *cable_rig(struct scratch *s, const struct way *w);
+void cable_open(struct cable *c, struct scratch *s, const struct way *w);
+
+/* The array stays; the far end begins anew. */
+struct far_end *cable_far_end(struct echo *e);
+
+/* All but the array, which is closed before. */
+void cable_close(struct cable *c);
+
+enum { N_SAMPLES_MAX = MAX_RATE_HZ / 8 };
+struct taken {
+    size_t n_samples;
+    float samples[MICROPHONES][N_SAMPLES_MAX];
+};
+
+/* Fires all speakers in cable_order; their pings in out[SPEAKERS].  false: one of them is
+ * to be taken again. */
+extern const uint32_t cable_order[SPEAKERS];
+bool cable_shoot(struct array *a, struct taken *out);
+
+#endif

@@ -1,0 +1,151 @@
+/* `anlos calibrate` on a sound card: the cable's far end is a simulated room with faults,
+ * some 125 ms away. */
+#include "tests/hal/scratch.h"
+
+#include <math.h>
+#include <sched.h>
+#include <spawn.h>
+#include <string.h>
+#include <sys/wait.h>
+
+#include "hal/survey/calibration_file.h"
+#include "tests/hw/far_end.h"
+#include "tests/hw/room_answer.h"
+
+enum { CHANNELS = 8, AHEAD = 6000, TRIES = 3 };
+static const size_t inputs[] = {3, 2, 1, 0};
+
+/* The rig names the calibration file before it is there. */
+#define ARRAY                                                                            \
+    "sound_speed_m_s: 343\n"                                                             \
+    "sample_rate_hz: 48000\n"                                                            \
+    "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.03125, phase: cosine}\n"      \
+    "slot_samples: 9600\n"                                                               \
+    "speakers_m: [[0, 0, 0], [0, 0.2, 0], [0, 0.4, 0], [0, 0.6, 0]]\n"                   \
+    "microphones_m: [[0.1, 0, 0], [0.1, 0.2, 0], [0.1, 0.4, 0], [0.1, 0.6, 0]]\n"        \
+    "wall: {normal: [0, 0, 1], distance_m: 1}\n"                                         \
+    "gate_m: [0.5, 1.8]\n"
+#define SCENE                                                                            \
+    ARRAY "level: 0.02\nwall_sound: {reflectivity: 1, echo: 0.8}\n"                      \
+          "faults:\n  latency_samples: 17.37\n"                                          \
+          "  speakers: [{channel: 1, inverted: true}, {channel: 3, gain_db: -3}]\n"      \
+          "  microphones: [{channel: 0, gain_db: 4}, {channel: 2, dead: true}]\n"
+#define RIG                                                                              \
+    ARRAY "device: {format: S32, buffer_ms: 250, inputs: [3, 2, 1, 0]}\n"                \
+          "calibrated: lab.yaml\n"
+
+extern char **environ;
+
+/* What stands for hardware is not late because the system is busy. */
+static void be_urgent(bool urgent)
+{
+    const struct sched_param priority = {.sched_priority = urgent ? 40 : 0};
+    assert_int_equal(sched_setscheduler(0, urgent ? SCHED_FIFO : SCHED_OTHER, &priority),
+                     0);
+}
+
+static struct far_end *start_room(struct room_answer *room)
+{
+    const struct far_end_config cfg = {.format = SND_PCM_FORMAT_S32,
+                                       .n_channels = CHANNELS,
+                                       .rate_hz = 48000,
+                                       .buffer_frames = 2 * AHEAD,
+                                       .ahead_frames = AHEAD,
+                                       .answer = room_answer_give,
+                                       .ctx = room};
+    be_urgent(true);
+    struct far_end *far = far_end_start(&cfg);
+    be_urgent(false);
+    return far;
+}
+
+/* Exit code of `anlos calibrate WHAT more` with the far end there; -1: frames were lost
+ * at that end.  What it says goes to the test's own output. */
+static int calibrate_once(struct scratch *s, struct room_answer *room, const char *what)
+{
+    char array[256], out[128];
+    pid_t pid;
+    int status;
+    snprintf(array, sizeof array, "alsa:hw:Loopback,0,0?rig=%s/rig.yaml", s->folder);
+    snprintf(out, sizeof out, "%s/lab.yaml", s->folder);
+    char *const words[] = {BINARY_DIR "/bin/anlos",
+                           "calibrate",
+                           (char *)what,
+                           "--array",
+                           array,
+                           "--out",
+                           out,
+                           NULL};
+    struct far_end *far = start_room(room);
+    fflush(NULL);
+    assert_int_equal(posix_spawn(&pid, words[0], NULL, NULL, words, environ), 0);
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFEXITED(status));
+    bool broke = far_end_broke(far);
+    far_end_stop(far);
+    room_answer_forget(room);
+    return broke ? -1 : WEXITSTATUS(status);
+}
+
+static int calibrate(struct scratch *s, struct room_answer *room, const char *what)
+{
+    int code = -1;
+    for (int tries = 0; code < 0; tries++) {
+        assert_true(tries < TRIES); /* this machine stood still for too long */
+        code = calibrate_once(s, room, what);
+    }
+    return code;
+}
+
+static struct calibration *load(struct scratch *s)
+{
+    struct complaint why = {.text = ""};
+    struct calibration *c;
+    if (calibration_load(&c, scratch_path(s, "lab.yaml"), &why))
+        fail_msg("%s", why.text);
+    return c;
+}
+
+/* The cable's delay is a whole number of frames, so the fraction is the room's. */
+static void a_card_is_calibrated_to_a_tenth_of_a_sample(void **state)
+{
+    static const double speaker_db[] = {0.75, 0.75, 0.75, -2.25};
+    static const double microphone_db[] = {4 - 4 / 3.0, -4 / 3.0, 0, -4 / 3.0};
+    struct scratch *s = *state;
+    struct room_answer room;
+    scratch_write(s, "rig.yaml", RIG);
+    room_answer_create(&room, scratch_write(s, "scene.yaml", SCENE), CHANNELS, inputs,
+                       pow(10, -6 / 20.0));
+    assert_int_equal(calibrate(s, &room, "time-zero"), 0);
+    assert_int_equal(calibrate(s, &room, "channels"), 1);
+    assert_int_equal(calibrate(s, &room, "gains"), 0);
+    struct calibration *c = load(s);
+    double cable = c->latency_samples - 17.37;
+    print_message("the cable's delay: %.3f\n", cable);
+    assert_true(fabs(cable - rint(cable)) < 0.1);
+    assert_true(fabs(cable - AHEAD) < 100);
+    for (size_t i = 0; i < 4; i++) {
+        assert_int_equal(c->speakers[i].faults, i == 1 ? CALIBRATION_INVERTED : 0);
+        assert_int_equal(c->microphones[i].faults, i == 2 ? CALIBRATION_DEAD : 0);
+        assert_true(fabs(c->speakers[i].gain_db - speaker_db[i]) < 0.1);
+        assert_true(fabs(c->microphones[i].gain_db - microphone_db[i]) < 0.1);
+    }
+    calibration_destroy(c);
+    /* With the file that the rig names in place, what is measured stays the same. */
+    assert_int_equal(calibrate(s, &room, "channels"), 1);
+    c = load(s);
+    assert_int_equal(c->speakers[1].faults, CALIBRATION_INVERTED);
+    calibration_destroy(c);
+    assert_int_equal(room.n_strange, 0);
+    room_answer_clear(&room);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_card_is_calibrated_to_a_tenth_of_a_sample),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
