@@ -35,7 +35,7 @@ struct row {
 
 static void print_row(const struct row *r, int width)
 {
-    printf("%-9s %-*s %s\n", r->name, width, r->cells[0], r->cells[1]);
+    printf("%-9s %-*s  %s\n", r->name, width, r->cells[0], r->cells[1]);
 }
 
 static void describe(const struct alsa_capability *c, struct row rows[ROWS], int side)
