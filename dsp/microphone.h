@@ -1,5 +1,5 @@
-/* dsp/microphone.h -- a microphone's factory calibration curve; hal/survey/response_file reads
- * the files. */
+/* dsp/microphone.h -- a microphone's factory calibration curve;
+ * hal/survey/response_file.h reads the files. */
 #ifndef ANLOS_DSP_MICROPHONE_H
 #define ANLOS_DSP_MICROPHONE_H
 

@@ -1,7 +1,7 @@
 /* hal/array.h -- the speaker and microphone array: emit a shot, get its pings, every
  * microphone on one clock.  A backend is a table of operations behind a URI:
- *   sim:scene.yaml            the simulated room (hal/room/room)
- *   wav:folder                a recording with its survey.yaml (hal/recording/recording)
+ *   sim:scene.yaml            the simulated room (hal/room)
+ *   wav:folder                a recording with its survey.yaml (hal/recording)
  *   alsa:hw:2,0?rig=rig.yaml  a sound card (hal/survey/rig_file)
  * URIs may carry options: "sim:scene.yaml?pace=real", "wav:rec?background=rec_bg".
  * "calibrated=FILE" sets survey and samples right by what `anlos calibrate` has measured

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "dsp/fft_size.h"
+#include "dsp/vector.h"
 #include "recon/midpoint.h"
 #include "recon/nmo.h"
 
@@ -15,6 +16,8 @@
 #define CERTAIN      4.0 /* times the floor: less is noise */
 #define SLACK        1.2
 #define QUIET        32 /* samples of a stretch of noise */
+#define HOP          8  /* from stretch to stretch: beside an echo one fits in */
+#define EDGE         8  /* samples left out at either end */
 
 struct gather {              /* of one stage position; one a thread */
     float complex *trace;    /* [n_bins] */
@@ -74,6 +77,24 @@ static void work_clear(struct work *w, size_t threads)
     midpoints_destroy(w->midpoints);
 }
 
+static size_t count_samples(const struct geometry *g)
+{
+    return g->n_positions < COHERENCE_POSITIONS ? g->n_positions : COHERENCE_POSITIONS;
+}
+
+static size_t sampled(const struct geometry *g, size_t item)
+{
+    return item * g->n_positions / count_samples(g);
+}
+
+bool coherence_samples(const struct geometry *g, size_t position)
+{
+    for (size_t i = 0; i < count_samples(g); i++)
+        if (sampled(g, i) == position)
+            return true;
+    return false;
+}
+
 static int work_create(struct work *w, const struct trace_set *set, size_t threads,
                        const char **why)
 {
@@ -93,8 +114,7 @@ static int work_create(struct work *w, const struct trace_set *set, size_t threa
     };
     err = nmo_create(&w->nmo, &nmo);
     w->n_bins = fft_size(set->format.n_samples, SLACK);
-    w->n_positions = g->n_positions < COHERENCE_POSITIONS ? g->n_positions
-                                                          : COHERENCE_POSITIONS;
+    w->n_positions = count_samples(g);
     w->gathers = calloc(threads, sizeof *w->gathers);
     if (!err && !w->gathers)
         err = -ENOMEM;
@@ -108,29 +128,39 @@ static int work_create(struct work *w, const struct trace_set *set, size_t threa
     return w->plan ? 0 : -ENOMEM;
 }
 
-/* A pair's spectrum into the sums of its midpoint. */
-static void add_pair(const struct work *w, struct gather *g, size_t position, size_t pair)
+VECTOR_CLONES
+static void add_power(size_t n, const float *restrict in, double *restrict power)
 {
-    const struct trace_set *s = w->set;
-    size_t pairs = trace_set_pairs(s), n = s->format.n_samples;
-    size_t y = w->midpoints->iy[position * pairs + pair];
-    const float *in = (const float *)(s->traces + (position * pairs + pair) * n);
     for (size_t q = 0; q < n; q++)
-        g->power[q] += (double)(in[2 * q] * in[2 * q] + in[2 * q + 1] * in[2 * q + 1]);
-    memset(g->trace, 0, w->n_bins * sizeof *g->trace);
-    nmo_stack(w->nmo, w->midpoints->offset[pair],
-              s->traces + (position * pairs + pair) * n, g->trace);
-    fftwf_execute_dft(w->plan, g->trace, g->trace);
-    float *sum = (float *)(g->sum + y * w->n_bins);
-    const float *z = (const float *)g->trace;
-    double *length = g->length + y * w->n_bins, *square = g->square + y * w->n_bins;
-    for (size_t k = 0; k < w->n_bins; k++) {
+        power[q] += (double)(in[2 * q] * in[2 * q] + in[2 * q + 1] * in[2 * q + 1]);
+}
+
+VECTOR_CLONES
+static void add_spectrum(size_t n, const float *restrict z, float *restrict sum,
+                         double *restrict length, double *restrict square)
+{
+    for (size_t k = 0; k < n; k++) {
         float re = z[2 * k], im = z[2 * k + 1], own = re * re + im * im;
         sum[2 * k] += re;
         sum[2 * k + 1] += im;
         length[k] += (double)sqrtf(own);
         square[k] += (double)own;
     }
+}
+
+/* A pair's spectrum into the sums of its midpoint. */
+static void add_pair(const struct work *w, struct gather *g, size_t position, size_t pair)
+{
+    const struct trace_set *s = w->set;
+    size_t pairs = trace_set_pairs(s), n = s->format.n_samples;
+    size_t y = w->midpoints->iy[position * pairs + pair];
+    const float complex *in = s->traces + (position * pairs + pair) * n;
+    add_power(n, (const float *)in, g->power);
+    memset(g->trace, 0, w->n_bins * sizeof *g->trace);
+    nmo_stack(w->nmo, w->midpoints->offset[pair], in, g->trace);
+    fftwf_execute_dft(w->plan, g->trace, g->trace);
+    add_spectrum(w->n_bins, (const float *)g->trace, (float *)(g->sum + y * w->n_bins),
+                 g->length + y * w->n_bins, g->square + y * w->n_bins);
     g->n[y]++;
 }
 
@@ -159,7 +189,7 @@ static void measure_position(void *ctx, size_t item, size_t thread)
     struct work *w = ctx;
     struct gather *g = &w->gathers[thread];
     size_t pairs = trace_set_pairs(w->set), ny = w->midpoints->ny;
-    size_t position = item * w->set->geometry->n_positions / w->n_positions;
+    size_t position = sampled(w->set->geometry, item);
     memset(g->sum, 0, ny * w->n_bins * sizeof *g->sum);
     memset(g->length, 0, ny * w->n_bins * sizeof *g->length);
     memset(g->square, 0, ny * w->n_bins * sizeof *g->square);
@@ -177,23 +207,33 @@ static double bin_hz(const struct work *w, size_t k)
            w->set->format.rate_hz * (at < 0.5 * n ? at : at - n) / n;
 }
 
+static double quietest_power(const double *power, size_t n)
+{
+    double least = INFINITY;
+    for (size_t from = 0; from + QUIET <= n; from += HOP) {
+        double sum = 0.0;
+        for (size_t q = from; q < from + QUIET; q++)
+            sum += power[q];
+        least = fmin(least, sum / QUIET);
+    }
+    return least;
+}
+
 /* Of the echoes in the power of the traces, from the quietest stretch: the echoes' gain
  * with range, which moveout puts on, weighs both. */
 static double echo_share(const struct work *w, const struct gather *all)
 {
     const struct trace_format *f = &w->set->format;
-    double quietest = INFINITY, sum = 0.0, weight = 0.0;
-    for (size_t n = QUIET; n + 2 * QUIET <= f->n_samples; n += QUIET) {
-        double stretch = 0.0;
-        for (size_t q = n; q < n + QUIET; q++) {
-            double t = f->t0_s + (double)q / f->rate_hz;
-            stretch += all->power[q];
-            sum += t * t * all->power[q];
-            weight += t * t;
-        }
-        quietest = fmin(quietest, stretch / QUIET);
+    double sum = 0.0, weight = 0.0;
+    if (f->n_samples < QUIET + 2 * EDGE)
+        return 0.0;
+    for (size_t q = EDGE; q < f->n_samples - EDGE; q++) {
+        double t = f->t0_s + (double)q / f->rate_hz;
+        sum += t * t * all->power[q];
+        weight += t * t;
     }
-    return sum > 0.0 ? fmax(1.0 - quietest * weight / sum, 0.0) : 0.0;
+    double noise = quietest_power(all->power + EDGE, f->n_samples - 2 * EDGE);
+    return sum > 0.0 ? fmax(1.0 - noise * weight / sum, 0.0) : 0.0;
 }
 
 static double misfit(const struct work *w, const struct gather *all, double level,

@@ -21,9 +21,13 @@ struct coherence {
     double floor;     /* what gamma would scatter by if all were noise */
 };
 
-/* From at most COHERENCE_POSITIONS stage positions, spread over the scan.  0, -ENOTSUP
- * (midpoints are not a lattice: recon/midpoint.h), -EINVAL, -ENOMEM. */
 #define COHERENCE_POSITIONS 4
+
+/* Is this stage position one of those, COHERENCE_POSITIONS at most, that tell? */
+bool coherence_samples(const struct geometry *g, size_t position);
+
+/* From their pairs, the more of them the better.  0, -ENOTSUP (midpoints are not a
+ * lattice: recon/midpoint.h), -EINVAL, -ENOMEM. */
 int coherence_measure(struct coherence *out, const struct trace_set *set,
                       struct pool *pool);
 

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 
 #include "recon/fk.h"
+#include "recon/fold.h"
 #include "recon/method.h"
 #include "recon/midpoint.h"
 #include "recon/midpoint_stack.h"
@@ -45,7 +46,8 @@ static int needs_dip(const struct imager_config *cfg, bool *out)
 {
     const struct grid *g = &cfg->grid;
     double centre_hz = 0.5 * (cfg->band_hz[0] + cfg->band_hz[1]);
-    int err = 0;
+    float *weight;
+    int err = fold_weights(cfg->geometry, &weight);
     *out = false;
     for (size_t corner = 0; !err && !*out && corner < 4; corner++) {
         double rest_rad = 0.0, shift_m[3], at_m[3];
@@ -53,9 +55,10 @@ static int needs_dip(const struct imager_config *cfg, bool *out)
                                  corner / 2 ? g->n[1] - 1 : 0, g->n[2] / 2};
         for (int a = 0; a < 3; a++)
             at_m[a] = g->origin_m[a] + g->step_m[a] * (double)index[a];
-        err = moveout_error(cfg->geometry, at_m, centre_hz, shift_m, &rest_rad);
+        moveout_error(cfg->geometry, weight, at_m, centre_hz, shift_m, &rest_rad);
         *out = rest_rad > OUT_OF_STEP;
     }
+    free(weight);
     return err;
 }
 
@@ -107,6 +110,7 @@ static int create_stages(struct fast *f, const struct imager_config *cfg,
         .trace = colocated,
         .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
         .grid = cfg->grid,
+        .sharpen = cfg->options ? cfg->options->sharpen : 0.0,
         .pool = cfg->pool,
     };
     err = fk_create(&f->fk, &fk);

@@ -155,9 +155,7 @@ static double depth_index(const struct fk *m, double f_hz, double k_lateral2)
 }
 
 /* For depth wavenumbers low..high-1: the spectrum bin before, the weights between bins,
- * and the phase that puts the grid's first plane at 0.  The gain sqrt(kz) lies between
- * Stolt's inverse (kz), which is narrow sideways, and the adjoint (1), which is narrow in
- * depth. */
+ * and the phase that puts the grid's first plane at 0, with the gain. */
 VECTOR_CLONES
 static void plan_map(const struct fk *m, double k_lateral2, size_t low, size_t high,
                      struct fk_scratch *s)
@@ -174,7 +172,7 @@ static void plan_map(const struct fk *m, double k_lateral2, size_t low, size_t h
         s->bin[z] = below - (FK_TAPS / 2 - 1);
         s->fraction[z] = (int)((at - below) * FK_FRACTIONS + 0.5);
         double turns = kz * depth_turns - f * m->centre_s;
-        float gain = sqrtf((float)kz), re, im;
+        float gain = m->gain[z], re, im;
         phasor((float)(turns - rint(turns)), &re, &im);
         s->phase_re[z] = gain * re;
         s->phase_im[z] = gain * im;

@@ -6,7 +6,12 @@
  * midpoints may stand on any lines and the image on any grid.  Wavenumbers beyond what
  * the midpoints sample are used as well (the spectrum is tiled), up to the steepest angle
  * under which the aperture sees the image; what is finer than the grid folds onto it, so
- * that each voxel holds the value of the fine image at its centre. */
+ * that each voxel holds the value of the fine image at its centre.
+ *
+ * Gain: Stolt's inverse (kz) is narrow sideways, the adjoint (1) in depth; it is sqrt(kz)
+ * times the power that `sharpen` asks for.  A frequency f holds what lateral wavenumbers
+ * up to a limit that grows with f hold, so that low ones are in all of the band, high
+ * ones in its top alone: weight on the top evens that out. */
 #ifndef ANLOS_RECON_FK_H
 #define ANLOS_RECON_FK_H
 
@@ -27,6 +32,8 @@ struct fk_config {
     struct trace_format trace; /* of the co-located traces */
     double band_hz[2];
     struct grid grid; /* before the plane (z above plane_z_m) */
+    double sharpen; /* exponent of the depth wavenumber over its largest: 0 as below, more
+                     * for narrower points with stronger sidelobes */
     struct pool *pool;
 };
 

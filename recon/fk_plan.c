@@ -98,12 +98,18 @@ static void plan_depth(struct fk *m, const struct fk_config *cfg)
     m->n_kz = (size_t)(floor(k_high / m->dkz) - (double)m->kz_first + 1.0);
 }
 
-static int plan_tables(struct fk *m)
+static int plan_tables(struct fk *m, const struct fk_config *cfg)
 {
     m->weights = fftwf_malloc((FK_FRACTIONS + 1) * FK_TAPS * sizeof *m->weights);
     m->centring = malloc(2 * m->n_f * sizeof *m->centring);
-    if (!m->weights || !m->centring)
+    m->gain = malloc(m->n_kz * sizeof *m->gain);
+    if (!m->weights || !m->centring || !m->gain)
         return -ENOMEM;
+    for (size_t z = 0; z < m->n_kz; z++) {
+        double kz = (double)(m->kz_first + (long)z) * m->dkz;
+        double k_high = 4.0 * M_PI * cfg->band_hz[1] / m->c;
+        m->gain[z] = sqrtf((float)kz) * (float)pow(kz / k_high, cfg->sharpen);
+    }
     for (size_t q = 0; q < m->n_f; q++) {
         double f_hz = (double)(m->first_bin + (long)q) * m->df_hz;
         double phase = 2.0 * M_PI * f_hz * (m->centre_s - m->trace.t0_s);
@@ -198,7 +204,8 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
     double depth_m = cfg->grid.origin_m[2] - cfg->plane_z_m;
     if (!cfg->nx || !cfg->ny || !grid_size(&cfg->grid) || !(depth_m > 0.0) ||
         cfg->trace.n_samples < FK_MIN_SAMPLES || !(cfg->trace.rate_hz > 0.0) ||
-        !(cfg->sound_speed_m_s > 0.0) || !(cfg->band_hz[1] > cfg->band_hz[0]))
+        !(cfg->sound_speed_m_s > 0.0) || !(cfg->band_hz[1] > cfg->band_hz[0]) ||
+        !(cfg->sharpen >= 0.0))
         return -EINVAL;
     for (int a = 0; a < 3; a++)
         if (!(cfg->grid.step_m[a] > 0.0))
@@ -224,7 +231,7 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
     double spacing = m->x.dk * m->y.dk * m->dkz / (double)(cfg->nx * cfg->ny);
     m->scale = (float)(spacing / pow(k_high, 3.5));
     if (!err)
-        err = plan_tables(m);
+        err = plan_tables(m, cfg);
     if (!err)
         err = allocate(m);
     if (!err)
@@ -268,6 +275,7 @@ void fk_destroy(struct fk *m)
     free(m->scratch);
     fftwf_free(m->weights);
     free(m->centring);
+    free(m->gain);
     fftwf_free(m->spectrum);
     fftwf_free(m->half);
     free(m->x.cosine);

@@ -61,6 +61,7 @@ struct fk {
     float scale; /* of amplitudes */
 
     float *centring;     /* [n_f][2]: phase that moves the origin of time to centre_s */
+    float *gain;         /* [n_kz] */
     float *weights;      /* [FK_FRACTIONS + 1][FK_TAPS] */
     float *spectrum;     /* [n_f / FK_X_BLOCK][y lines][x lines][FK_BLOCK] */
     fftwf_complex *half; /* [x.n][grid ny][grid nz]: imaged in y and z, not yet in x */

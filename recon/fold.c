@@ -58,3 +58,22 @@ int fold_number(const struct geometry *g, uint32_t *cell, size_t *n_cells)
     free(lines);
     return err;
 }
+
+int fold_weights(const struct geometry *g, float **weight)
+{
+    size_t n = g->n_positions * g->n_speakers * g->n_microphones, n_cells;
+    uint32_t *cell = malloc(n * sizeof *cell), *fold = calloc(n, sizeof *fold);
+    *weight = malloc(n * sizeof **weight);
+    int err = cell && fold && *weight ? fold_number(g, cell, &n_cells) : -ENOMEM;
+    for (size_t t = 0; !err && t < n; t++)
+        fold[cell[t]]++;
+    for (size_t t = 0; !err && t < n; t++)
+        (*weight)[t] = 1.0f / (float)fold[cell[t]];
+    if (err) {
+        free(*weight);
+        *weight = NULL;
+    }
+    free(cell);
+    free(fold);
+    return err;
+}

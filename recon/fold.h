@@ -10,4 +10,8 @@
  * 1 mm of each other being one; *n_cells: how many there are.  0, -ENOMEM. */
 int fold_number(const struct geometry *g, uint32_t *cell, size_t *n_cells);
 
+/* [position][speaker][microphone]: one over how many traces share the trace's midpoint;
+ * free() it.  0, -ENOMEM. */
+int fold_weights(const struct geometry *g, float **weight);
+
 #endif

@@ -30,6 +30,8 @@ const struct imager_option imager_option_table[] = {
      "of the Wiener filter: more is sharper and noisier"},
     {"dmo", IMAGER_OPTION_CHOICE, 0.0, 0.0, AT(dmo), "fast\0",
      "dip moveout; auto: where targets are near"},
+    {"sharpen", IMAGER_OPTION_REAL, 0.0, 8.0, AT(sharpen), "fast\0",
+     "weight of high sounds, an exponent: narrower, more sidelobes"},
     {"lightcone", IMAGER_OPTION_CHOICE, 0.0, 0.0, AT(lightcone), "paper\0",
      "transform; auto: unless it sees mirrors"},
     {"coherence", IMAGER_OPTION_REAL, 0.0, 8.0, AT(coherence), "backprojection\0",

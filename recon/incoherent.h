@@ -73,6 +73,10 @@ static inline double incoherent_rate_hz(const struct incoherent *b)
     return b->in.rate_hz * INCOHERENT_FINE;
 }
 
+/* Voxels that back-projection of power goes through for such an image, in all slabs;
+ * *scan: by the fast way of an array on a stage. */
+double incoherent_voxels(const struct geometry *g, const struct grid *image, bool *scan);
+
 /* Cuts the image into slabs.  0, -ENOMEM. */
 int incoherent_slabs_create(struct incoherent *b);
 void incoherent_slabs_destroy(struct incoherent *b);

@@ -1,12 +1,9 @@
 #include "recon/moveout_error.h"
 
-#include <errno.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "dsp/normal_equations.h"
-#include "recon/fold.h"
 
 #define UNRESOLVED 1e-6 /* of the normal matrix' largest element, or of its own */
 
@@ -48,38 +45,27 @@ static void solve(const struct normal *n, double x[3])
     normal_equations_solve(3, a[0], x, UNRESOLVED);
 }
 
-static void add_pairs(struct normal *n, const struct geometry *g, const double at_m[3],
-                      const uint32_t *cell, const uint32_t *fold)
+static void add_pairs(struct normal *n, const struct geometry *g, const float *weight,
+                      const double at_m[3])
 {
     size_t pairs = g->n_speakers * g->n_microphones;
     for (size_t q = 0; q < g->n_positions * pairs; q++) {
         double speaker[3], microphone[3];
         geometry_speaker(g, q / pairs, q % pairs / g->n_microphones, speaker);
         geometry_microphone(g, q / pairs, q % g->n_microphones, microphone);
-        add_pair(n, speaker, microphone, at_m, 1.0 / (double)fold[cell[q]]);
+        add_pair(n, speaker, microphone, at_m, (double)weight[q]);
     }
 }
 
-int moveout_error(const struct geometry *g, const double at_m[3], double centre_hz,
-                  double shift_m[3], double *rest_rad)
+void moveout_error(const struct geometry *g, const float *weight, const double at_m[3],
+                   double centre_hz, double shift_m[3], double *rest_rad)
 {
     struct normal n = {0};
-    size_t n_traces = g->n_positions * g->n_speakers * g->n_microphones, n_cells;
-    uint32_t *cell = malloc(n_traces * sizeof *cell);
-    uint32_t *fold = calloc(n_traces, sizeof *fold);
-    int err = cell && fold ? fold_number(g, cell, &n_cells) : -ENOMEM;
-    if (!err) {
-        for (size_t q = 0; q < n_traces; q++)
-            fold[cell[q]]++;
-        add_pairs(&n, g, at_m, cell, fold);
-        solve(&n, shift_m);
-        double left = n.square;
-        for (int p = 0; p < 3; p++)
-            left -= shift_m[p] * n.b[p];
-        *rest_rad = 2.0 * M_PI * centre_hz / g->sound_speed_m_s *
-                    sqrt(fmax(left, 0.0) / n.weight);
-    }
-    free(cell);
-    free(fold);
-    return err;
+    add_pairs(&n, g, weight, at_m);
+    solve(&n, shift_m);
+    double left = n.square;
+    for (int p = 0; p < 3; p++)
+        left -= shift_m[p] * n.b[p];
+    *rest_rad = 2.0 * M_PI * centre_hz / g->sound_speed_m_s *
+                sqrt(fmax(left, 0.0) / n.weight);
 }

@@ -1,17 +1,8 @@
 /* recon/planner.h -- `--method auto`: from what a scene is like (recon/probe) and what
  * the user can spend, the method, the pairs, the band, the depth and the steps of its
- * image.  Every combination is given a time and an error beforehand; the cheapest that is
- * exact enough is taken, or the best that time allows.
- *
- * Error: standard deviation of a small object's position across the line of sight, the
- * worst of the strong ones; the root of the sum of squares of
- *   noise     width / sqrt(8 ln 4 SNR)            (Cramer-Rao, the image's own SNR)
- *   elements  sigma R sqrt(12 / N) / D            (N elements over an aperture D)
- *   moveout   `fast` without dip moveout: recon/moveout_error.h; an image that falls
- *             apart: width / 4
- *   steps     0.6 step^3 / width^2                (peak between voxels; measured)
- *   power     `incoherent`: 0.03 of its width     (measured)
- * Time: recon/planner_time.h, times how much slower this machine was at compressing. */
+ * image.  Every combination is given a time (recon/planner_time.h) and an error
+ * (recon/planner_error.h) beforehand; the cheapest that is exact enough is taken, or the
+ * best that time allows. */
 #ifndef ANLOS_RECON_PLANNER_H
 #define ANLOS_RECON_PLANNER_H
 
@@ -24,29 +15,38 @@ struct planner_config {
     const struct probe *probe;
     const struct grid *grid; /* the whole image, with the steps of resolution */
     size_t n_threads;
-    double slowness; /* of this machine: compression's time over
-                      * planner_compress_s */
-    double budget_s; /* for stacking and imaging; INFINITY: none */
-    double error_m;  /* 0: none, as good as can be had for the time */
-    bool keep_grid;  /* the volume was asked for: neither depth nor steps change */
+    double slowness;     /* of this machine; times what recon/planner_time.h says */
+    double compress_s;   /* that it still takes to compress all pings; 0: it is done */
+    size_t least_stride; /* not more pairs than these: the others were not compressed */
+    double budget_s;     /* for what is still to be done; INFINITY: none */
+    double error_m;      /* 0: none, as good as can be had for the time */
+    bool keep_grid;      /* the volume was asked for: neither depth nor steps change */
 };
 
-enum { PLANNER_CANDIDATES = 64, PLANNER_WORDS = 160 };
+#define PLANNER_INCOHERENT_M 0.0065 /* positions less certain than this: power alone */
+
+enum { PLANNER_CANDIDATES = 256, PLANNER_WORDS = 160 };
 
 struct planner_candidate {
     const char *method;
     bool dip;       /* fast: with dip moveout */
     double coarser; /* steps, times those of the whole image */
+    double deeper;  /* and in depth times this as well, 1 at most */
+    double top_hz;  /* fast: of the traces' band, up to here */
     size_t stride;  /* every so manieth speaker */
     double time_s, error_m;
+    double own_m; /* error but for places of elements, which no way can change */
     char why_not[PLANNER_WORDS]; /* empty: this one is taken */
 };
 
 struct plan {
     const char *method;
-    bool dip; /* fast: with dip moveout */
+    bool dip;       /* fast: with dip moveout */
+    double sharpen; /* fast: recon/fk.h */
     size_t stride;
-    double band_hz[2];
+    double band_hz[2];  /* that is imaged */
+    double reliable_hz; /* waves of sounds above this are shorter than places of elements
+                         * allow: traces are better without; else the band's top */
     struct grid grid;
     double time_s, error_m;
     char because[PLANNER_WORDS];

@@ -4,18 +4,27 @@
 #include <stdbool.h>
 #include <string.h>
 
-/* ns on one core of the machine they were measured on. */
-#define COMPRESS_NS      1.3e4 /* a trace */
-#define STACK_NS         7.0   /* a sample of a trace, moved out */
-#define DIP_NS           30.0  /* a sample of a trace, by its dip */
-#define FAST_NS          30.0  /* a voxel */
-#define WAVE_NS          300.0 /* a cube of the shortest wave, whatever the steps */
+#include "recon/coherence.h"
+#include "recon/incoherent.h"
+
+/* ns on one core of the machine they were measured on, in memory that is used for the
+ * first time. */
+#define COHERENCE_NS     16.0  /* a sample of a trace */
+#define COMPRESS_NS      8.0e3 /* a trace */
+#define STACK_NS         4.5   /* a sample of a trace, moved out */
+#define DIP_NS           9.0   /* a sample of a trace, by its dip */
+#define DIP_PLAN_NS      160.0 /* a sample of a midpoint's trace, of all the chirp's band */
+#define FAST_NS          33.0  /* a voxel */
+#define COLUMN_NS        85.0  /* a shortest wave of depth in a column of voxels */
+#define WAVE_NS          160.0 /* a cube of the shortest wave, whatever the steps */
 #define SCAN_NS          0.48  /* a pair of trace and voxel, steps dividing the stage's */
 #define ANY_NS           1.4   /* elsewhere */
-#define INCOHERENT_NS    0.25  /* a pair, on coarse slabs */
+#define INCOHERENT_NS    0.35  /* a pair, on coarse slabs; of other steps ANY_NS */
+#define FILTER_NS        20.0  /* a sample of a trace, of power */
+#define MIRROR_NS        25.0  /* a sample of a trace, from power to the image */
 #define ITERATIVE_NS     120.0 /* a voxel and iteration */
 #define ITERATIVE_ROUNDS 30.0
-#define COARSE_VOXELS    7.0 /* of the image, to one of the probe's */
+#define COARSER          1.9 /* steps of the probe, times those of the image */
 
 double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads)
 {
@@ -36,14 +45,63 @@ static double count_waves(const struct trace_set *s, const struct grid *g)
     return waves;
 }
 
+/* ns of f-k migration. */
+static double migrate_ns(const struct trace_set *s, const struct grid *g)
+{
+    double wave_m = s->geometry->sound_speed_m_s / s->band_hz[1];
+    double depth = g->step_m[2] * (double)g->n[2] / wave_m;
+    return FAST_NS * (double)grid_size(g) + WAVE_NS * count_waves(s, g) +
+           COLUMN_NS * (double)(g->n[0] * g->n[1]) * depth;
+}
+
 double planner_probe_s(const struct trace_set *set, const struct grid *grid,
                        size_t n_threads)
 {
     double traces = (double)(set->geometry->n_positions * trace_set_pairs(set));
+    struct grid coarse = *grid;
+    for (int a = 0; a < 3; a++) {
+        coarse.step_m[a] *= COARSER;
+        coarse.n[a] = (size_t)ceil((double)grid->n[a] / COARSER);
+    }
     double ns = STACK_NS * traces * (double)set->format.n_samples +
-                FAST_NS * (double)grid_size(grid) / COARSE_VOXELS +
-                WAVE_NS * count_waves(set, grid);
+                migrate_ns(set, &coarse);
     return 1e-9 * ns / (double)n_threads;
+}
+
+double planner_coherence_s(const struct trace_set *set, size_t stride, size_t n_threads)
+{
+    size_t n = set->geometry->n_positions;
+    double positions = (double)(n < COHERENCE_POSITIONS ? n : COHERENCE_POSITIONS);
+    double traces = positions * (double)trace_set_pairs(set) / (double)stride;
+    return 1e-9 * COHERENCE_NS * traces * (double)set->format.n_samples /
+           (double)n_threads;
+}
+
+/* Of every pair, heard or not. */
+static double incoherent_ns(const struct trace_set *set, const struct grid *grid)
+{
+    bool scan;
+    double traces = (double)(set->geometry->n_positions * trace_set_pairs(set));
+    double voxels = incoherent_voxels(set->geometry, grid, &scan);
+    return traces * (FILTER_NS * (double)set->format.n_samples +
+                     voxels * (scan ? INCOHERENT_NS : ANY_NS));
+}
+
+double planner_mirror_s(const struct trace_set *set, size_t n_threads)
+{
+    double traces = (double)(set->geometry->n_positions * trace_set_pairs(set));
+    return 1e-9 * MIRROR_NS * traces * (double)set->format.n_samples / (double)n_threads;
+}
+
+/* What dip moveout takes before the first trace, whatever the speakers: the paper's array
+ * has a midpoint for each position and sum of two elements' places.  As many frequencies
+ * as wavenumbers: the square of the band's top, in that of the rate. */
+static double dip_plan_ns(const struct trace_set *set)
+{
+    const struct geometry *g = set->geometry;
+    double midpoints = (double)(g->n_positions * (g->n_speakers + g->n_microphones - 1));
+    double top = set->band_hz[1] / (0.5 * set->format.rate_hz + set->band_hz[0]);
+    return DIP_PLAN_NS * midpoints * (double)set->format.n_samples * top * top;
 }
 
 double planner_image_s(const struct trace_set *set, const struct grid *grid,
@@ -58,11 +116,11 @@ double planner_image_s(const struct trace_set *set, const struct grid *grid,
         ns += traces * voxels *
               (geometry_stage_stride(set->geometry, grid->step_m[0]) ? SCAN_NS : ANY_NS);
     else if (!strcmp(method, "incoherent"))
-        ns += traces * voxels * INCOHERENT_NS;
+        ns += incoherent_ns(set, grid);
     else
-        ns += voxels * FAST_NS + WAVE_NS * count_waves(set, grid);
+        ns += migrate_ns(set, grid);
     if (dip)
-        ns += DIP_NS * samples;
+        ns += DIP_NS * samples + dip_plan_ns(set);
     if (!strcmp(method, "iterative"))
         ns += voxels * ITERATIVE_NS * ITERATIVE_ROUNDS;
     return 1e-9 * ns / (double)n_threads;

@@ -15,9 +15,15 @@ double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads
 double planner_probe_s(const struct trace_set *set, const struct grid *grid,
                        size_t n_threads);
 
+/* How the elements stand (recon/coherence), from every so manieth speaker's traces. */
+double planner_coherence_s(const struct trace_set *set, size_t stride, size_t n_threads);
+
 /* Stack and image by a method (dip: `fast` with dip moveout) of every so manieth
- * speaker's traces. */
+ * speaker's traces; `incoherent`: of what scatters. */
 double planner_image_s(const struct trace_set *set, const struct grid *grid,
                        const char *method, bool dip, size_t stride, size_t n_threads);
+
+/* The same by `incoherent`, of mirrors. */
+double planner_mirror_s(const struct trace_set *set, size_t n_threads);
 
 #endif

@@ -6,7 +6,9 @@
 #include <string.h>
 
 #include "recon/colocated.h"
+#include "recon/fold.h"
 #include "recon/imager.h"
+#include "recon/lean.h"
 #include "recon/moveout_error.h"
 
 #define COARSER    2.0 /* times the steps of the image that is wanted */
@@ -35,6 +37,17 @@ static void coarsen(struct grid *out, const struct grid *fine, const struct trac
         out->step_m[a] = step_m;
         out->n[a] = (size_t)ceil(extent_m / step_m - 1e-6) + 1;
     }
+}
+
+static void configure(struct probing *p, const struct grid *grid)
+{
+    p->cfg = (struct imager_config){.method = "fast",
+                                    .geometry = p->set->geometry,
+                                    .format = p->set->format,
+                                    .band_hz = {p->set->band_hz[0], p->set->band_hz[1]},
+                                    .gate_m = {p->set->gate_m[0], p->set->gate_m[1]},
+                                    .grid = *grid,
+                                    .pool = p->pool};
 }
 
 /* -- the coarse image -------------------------------------------------------------------
@@ -71,20 +84,62 @@ static void measure_depth(const struct probing *p, double range_db)
         fmin(g->origin_m[2] + g->step_m[2] * (double)last + MARGIN_M, end_m);
 }
 
-static int describe_object(const struct probing *p, const struct detection *d,
+/* What the geometry says of its position_m. */
+static void describe_place(const struct trace_set *set, const float *weight,
                            struct probe_object *o)
 {
-    double width_m[3], noise = pow(10.0, -0.05 * d->level_db); /* over amplitude */
-    double centre_hz = 0.5 * (p->set->band_hz[0] + p->set->band_hz[1]);
+    double centre_hz = 0.5 * (set->band_hz[0] + set->band_hz[1]);
+    geometry_resolution_at(set->geometry, set->band_hz, o->position_m, o->width_m);
+    lean_of_point(set->geometry, weight, set->band_hz, o->position_m, o->lean);
+    moveout_error(set->geometry, weight, o->position_m, centre_hz, o->moveout_m,
+                  &o->moveout_rad);
+}
+
+int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid)
+{
+    static const double part[3] = {0.75, 0.75, 0.5};
+    struct probe_object *o = &out->typical;
+    memset(out, 0, sizeof *out);
+    out->imaged = !set->geometry->pings_m;
+    out->coherence.element_m = NAN;
+    out->depth_m[0] = grid->origin_m[2];
+    out->depth_m[1] = grid->origin_m[2] + grid->step_m[2] * (double)(grid->n[2] - 1);
+    for (int a = 0; a < 3; a++)
+        o->position_m[a] = grid->origin_m[a] +
+                           part[a] * grid->step_m[a] * (double)(grid->n[a] - 1);
+    float *weight;
+    int err = fold_weights(set->geometry, &weight);
+    if (err)
+        return err;
+    describe_place(set, weight, o);
+    free(weight);
+    return 0;
+}
+
+/* Of what is extended, the edge that is farther aside suffers most. */
+static void move_to_edge(const struct geometry *g, const double extent_m[2],
+                         struct probe_object *o)
+{
+    double low[3], high[3];
+    geometry_aperture(g, low, high);
+    for (int a = 0; a < 2; a++)
+        o->position_m[a] +=
+            copysign(0.5 * extent_m[a], o->position_m[a] - 0.5 * (low[a] + high[a]));
+}
+
+static void describe_object(const struct probing *p, const float *weight,
+                            const struct detection *d, struct probe_object *o)
+{
+    double noise = pow(10.0, -0.05 * d->level_db); /* over amplitude */
     *o = (struct probe_object){.level_db = d->level_db,
                                .extent_m = fmax(d->extent_m[0], d->extent_m[1])};
     memcpy(o->position_m, d->position_m, sizeof o->position_m);
-    geometry_resolution_at(p->set->geometry, p->set->band_hz, d->position_m, width_m);
+    move_to_edge(p->set->geometry, d->extent_m, o);
+    describe_place(p->set, weight, o);
+    memcpy(o->position_m, d->position_m, sizeof o->position_m);
     for (int a = 0; a < 3; a++) /* 1 / sqrt(curvature of the intensity x SNR) */
-        o->noise_m[a] = isfinite(width_m[a]) ? width_m[a] / sqrt(8.0 * log(4.0)) * noise
-                                             : 0.0;
-    return moveout_error(p->set->geometry, d->position_m, centre_hz, o->moveout_m,
-                         &o->moveout_rad);
+        o->noise_m[a] =
+            isfinite(o->width_m[a]) ? o->width_m[a] / sqrt(8.0 * log(4.0)) * noise : 0.0;
 }
 
 static int find_objects(const struct probing *p)
@@ -97,8 +152,12 @@ static int find_objects(const struct probing *p)
                         detect.resolution_m);
     int err = detect_objects(&detect, &p->cfg.grid, p->intensity, found, PROBE_OBJECTS,
                              &p->out->n_objects);
+    float *weight = NULL;
+    if (!err)
+        err = fold_weights(p->set->geometry, &weight);
     for (size_t i = 0; !err && i < p->out->n_objects; i++)
-        err = describe_object(p, &found[i], &p->out->objects[i]);
+        describe_object(p, weight, &found[i], &p->out->objects[i]);
+    free(weight);
     if (!err && p->out->n_objects)
         p->out->snr_db = found[0].level_db;
     if (!err)
@@ -113,14 +172,7 @@ static int look(struct probing *p)
     struct imager_options plain;
     imager_options_default(&plain);
     plain.dmo = 0;
-    p->cfg = (struct imager_config){.method = "fast",
-                                    .geometry = p->set->geometry,
-                                    .format = p->set->format,
-                                    .band_hz = {p->set->band_hz[0], p->set->band_hz[1]},
-                                    .gate_m = {p->set->gate_m[0], p->set->gate_m[1]},
-                                    .grid = p->cfg.grid,
-                                    .pool = p->pool,
-                                    .options = &plain};
+    p->cfg.options = &plain;
     int err = imager_create(&im, &p->cfg, &why);
     if (err == -ENOTSUP)
         return 0;
@@ -196,23 +248,37 @@ static void leave_out_moveout(struct probe *out, const struct trace_set *set)
     out->coherence.element_m = sqrt(fmax(sigma_m * sigma_m - 0.5 * path_m * path_m, 0.0));
 }
 
-int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,
-              struct pool *pool)
+int probe_scattering(struct probe *out, const struct trace_set *set,
+                     const struct grid *grid, struct pool *pool)
 {
     struct probing p = {.out = out, .set = set, .pool = pool};
-    memset(out, 0, sizeof *out);
-    out->coherence.element_m = NAN;
-    out->depth_m[0] = grid->origin_m[2];
-    out->depth_m[1] = grid->origin_m[2] + grid->step_m[2] * (double)(grid->n[2] - 1);
-    coarsen(&p.cfg.grid, grid, set);
-    int err = look(&p);
+    configure(&p, grid);
+    return measure_scattering(&p);
+}
+
+int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,
+              const struct coherence *known, struct pool *pool)
+{
+    struct probing p = {.out = out, .set = set, .pool = pool};
+    struct coherence before;
+    struct grid coarse;
+    if (known)
+        before = *known; /* it may be that of *out */
+    int err = probe_assume(out, set, grid);
+    out->imaged = false;
+    coarsen(&coarse, grid, set);
+    configure(&p, &coarse);
+    if (!err)
+        err = look(&p);
     if (!err && out->imaged)
         err = measure_scattering(&p);
-    if (!err) {
+    if (!err && known)
+        out->coherence = before;
+    else if (!err)
         err = coherence_measure(&out->coherence, set, pool);
-        err = err == -ENOTSUP ? 0 : err;
+    err = err == -ENOTSUP ? 0 : err;
+    if (!err)
         leave_out_moveout(out, set);
-    }
     free(p.intensity);
     return err;
 }

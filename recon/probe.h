@@ -16,8 +16,11 @@ struct probe_object {
     double level_db;      /* above the image's noise */
     double extent_m;      /* the larger of width and height; 0: a point */
     double noise_m[3];    /* standard deviation of its position from noise: Cramer-Rao */
-    double moveout_m[3];  /* where moveout without dip (`fast`) images it beside itself */
-    double moveout_rad;   /* phase, rms over the pairs, that this leaves */
+    double moveout_m[3]; /* where moveout without dip (`fast`) images it, or its edge that
+                          * is farther aside, beside itself */
+    double moveout_rad;  /* phase, rms over the pairs, that this leaves */
+    double width_m[3];   /* of a point there */
+    double lean[2];      /* recon/lean.h */
 };
 
 struct probe {
@@ -27,15 +30,25 @@ struct probe {
     double snr_db; /* of the strongest object; 0: nothing there */
     size_t n_objects;
     struct probe_object objects[PROBE_OBJECTS]; /* strongest first */
+    struct probe_object typical; /* what may stand in this image: n_objects 0 */
     double depth_m[2]; /* z of the first and last plane that can hold a reported object */
     struct coherence coherence;   /* element_m NAN when not measurable */
     struct scattering scattering; /* share 0 when not measurable */
     bool specular;                /* mirrors that face the array */
 };
 
+/* Nothing was looked at: all of the grid may hold something, and as an example a point
+ * stands half way to its edge in x and y, in the middle of its depth.  0, -ENOMEM. */
+int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid);
+
 /* grid: of the image that is wanted; looked at with double steps, except where that would
- * be coarser than a point is wide.  0, -EINVAL, -ENOMEM. */
+ * be coarser than a point is wide.  known: what was measured of these traces before, or
+ * NULL.  0, -EINVAL, -ENOMEM. */
 int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,
-              struct pool *pool);
+              const struct coherence *known, struct pool *pool);
+
+/* Only whether things mirror or scatter, which takes less.  0, -EINVAL, -ENOMEM. */
+int probe_scattering(struct probe *out, const struct trace_set *set,
+                     const struct grid *grid, struct pool *pool);
 
 #endif

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey_file.h"
+#include "hal/survey/file.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"

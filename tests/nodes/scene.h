@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/room.h"
+#include "hal/room/room.h"
 #include "msgs/array.pb-c.h"
 #include "msgs/survey.h"
 #include "msgs/tensor.h"

@@ -13,6 +13,7 @@
 
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
+#include "nodes/anlos/recon/auto_pace.h"
 #include "nodes/anlos/recon/report.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/simulated.h"
@@ -264,6 +265,7 @@ static void more_than_ample_time_changes_nothing(void **state)
 static void a_trace_with_what_is_no_number_counts_as_masked(void **state)
 {
     (void)state;
+    static const struct recon_options options = {.threads = 1};
     static struct recon_job job; /* one speaker, three microphones, traces of 8 samples */
     static const double speaker[1][3] = {{0}}, microphones[3][3] = {{0}},
                         position[1] = {0};
@@ -279,9 +281,11 @@ static void a_trace_with_what_is_no_number_counts_as_masked(void **state)
                                                 .stage_axis = {1.0, 0.0, 0.0},
                                                 .stage_positions_m = position};
     job.format.n_samples = 8;
+    job.options = &options;
     traces[8 + 5] = NAN;
     assert_int_equal(recon_auto_create(&job.automatic, &job, &why), 0);
-    recon_auto_take(job.automatic, 0, 0, traces, masked);
+    struct recon_sink sink = recon_auto_sink(job.automatic);
+    sink.take(sink.ctx, 0, 0, traces, masked);
     assert_true(job.automatic->heard[0]);
     assert_false(job.automatic->heard[1]);
     assert_false(job.automatic->heard[2]);
@@ -301,7 +305,7 @@ static void where_a_look_saves_little_there_is_none(void **state)
         assert_near(got->step_m[a] * (double)(got->n[a] - 1),
                     whole->step_m[a] * (double)(whole->n[a] - 1), whole->step_m[a]);
     }
-    assert_int_equal(job.imaging.dmo, -1);
+    assert_int_equal(job.imaging.dmo, job.automatic->plan.dip);
     expect_point(&job, 2e-3);
     recon_job_clear(&job);
 }
@@ -316,6 +320,25 @@ static void no_time_to_look_still_finds_the_point(void **state)
     assert_true(isnan(job.automatic->probe.coherence.element_m));
     assert_int_equal(imager_pings(job.imager), 6);
     expect_point(&job, 0.02);
+    recon_job_clear(&job);
+}
+
+/* The first 16 pings tell the pace; on two threads none of the last position is among
+ * them. */
+static void on_a_budget_fewer_pings_are_compressed(void **state)
+{
+    struct simulated *s = *state;
+    struct recon_job job;
+    simulated_use(s, "free");
+    image(s, &job, 1e-9, 0.0);
+    size_t n = job.format.n_samples, position = 4 * 4 * n;
+    for (size_t j = 0; j < 4; j++) {
+        const float complex *traces = job.automatic->traces + 5 * position + j * 4 * n;
+        double sum = 0.0;
+        for (size_t q = 0; q < 4 * n; q++)
+            sum += cabs((double complex)traces[q]);
+        assert_true(j == 0 ? sum > 0.0 : sum == 0.0);
+    }
     recon_job_clear(&job);
 }
 
@@ -339,6 +362,24 @@ static void elements_a_centimetre_off_leave_power_alone(void **state)
     assert_string_equal(job.method, "incoherent");
     assert_non_null(strstr(job.method_because, "phase says nothing"));
     assert_near(log2(job.automatic->probe.coherence.element_m / 0.01), 0.0, 1.0);
+    expect_point(&job, 0.05);
+    recon_job_clear(&job);
+}
+
+/* Half of the speakers have been compressed when it shows. */
+static void power_has_the_speakers_that_were_left_out_compressed_after_all(void **state)
+{
+    struct simulated *s = *state;
+    struct recon_job job;
+    struct complaint why;
+    simulated_use(s, "off");
+    struct recon_options o = simulated_options(s, recon_auto_name);
+    assert_int_equal(recon_job_open(&job, &o, &why), 0);
+    assert_int_equal(recon_job_plan(&job, &why), 0);
+    recon_auto_pace_follow(job.automatic->pace, 2);
+    assert_int_equal(recon_job_run(&job, &why), 0);
+    assert_string_equal(job.method, "incoherent");
+    assert_int_equal(imager_pings(job.imager), 36);
     expect_point(&job, 0.05);
     recon_job_clear(&job);
 }
@@ -589,7 +630,9 @@ int main(void)
         cmocka_unit_test(a_trace_with_what_is_no_number_counts_as_masked),
         cmocka_unit_test(where_a_look_saves_little_there_is_none),
         cmocka_unit_test(no_time_to_look_still_finds_the_point),
+        cmocka_unit_test(on_a_budget_fewer_pings_are_compressed),
         cmocka_unit_test(elements_a_centimetre_off_leave_power_alone),
+        cmocka_unit_test(power_has_the_speakers_that_were_left_out_compressed_after_all),
         cmocka_unit_test(elements_that_stand_right_keep_their_phase),
         cmocka_unit_test(a_way_that_the_array_cannot_go_is_not_chosen),
         cmocka_unit_test(one_speaker_and_one_position_are_enough_for_a_range),

@@ -106,8 +106,9 @@ static void a_method_that_nobody_named_is_told_with_the_reason(void **state)
     assert_string_equal(json_string_value(json_object_get(j, "method_because")),
                         "the default");
     const json_t *options = json_object_get(j, "options");
-    assert_int_equal(json_object_size(options), 1);
+    assert_int_equal(json_object_size(options), 2);
     assert_string_equal(json_string_value(json_object_get(options, "dmo")), "auto");
+    assert_true(json_number_value(json_object_get(options, "sharpen")) == 0.0);
     json_decref(j);
 }
 

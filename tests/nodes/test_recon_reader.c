@@ -304,7 +304,7 @@ static void read_all(const struct simulated *s, size_t threads, struct kept *k,
     k->masked = calloc(POSITIONS * SPEAKERS * MICROPHONES, sizeof *k->masked);
     assert_non_null(k->traces);
     assert_non_null(k->masked);
-    const struct recon_sink sink = {keep, k};
+    const struct recon_sink sink = {keep, k, NULL};
     assert_int_equal(recon_reader_run(job.reader, &sink, stages, air, &why), 0);
     recon_job_clear(&job);
 }

@@ -15,8 +15,8 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "hal/recording.h"
-#include "hal/survey_file.h"
+#include "hal/recording/recording.h"
+#include "hal/survey/file.h"
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"

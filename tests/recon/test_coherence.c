@@ -112,6 +112,38 @@ static void traces_that_were_not_heard_do_not_count(void **state)
     array_traces_clear(&a);
 }
 
+/* 12 positions: every third one tells; of 3 all do. */
+static void positions_that_tell_are_spread_over_the_scan(void **state)
+{
+    (void)state;
+    struct geometry g = {.n_positions = 12};
+    for (size_t k = 0; k < 12; k++)
+        assert_int_equal(coherence_samples(&g, k), k % 3 == 0);
+    g.n_positions = 3;
+    for (size_t k = 0; k < 3; k++)
+        assert_true(coherence_samples(&g, k));
+}
+
+/* Short traces with one echo, wherever in them it lies: what is beside it is no echo. */
+static void the_quiet_beside_an_echo_is_found(void **state)
+{
+    (void)state;
+    struct array_traces a;
+    array_traces_create(&a, 4);
+    size_t n = 110, traces = 4 * trace_set_pairs(&a.set);
+    a.set.format.n_samples = n;
+    for (size_t at = 20; at < n - 20; at += 3) {
+        for (size_t q = 0; q < traces; q++) {
+            float complex *trace = a.traces + q * n;
+            for (size_t i = 0; i < n; i++)
+                trace[i] = 1e-3f * (float)cos((double)(i * i + 7 * q * i));
+            trace[at] = 1.0f;
+        }
+        assert_near(measure(&a, 1).level, 1.0, 0.01);
+    }
+    array_traces_clear(&a);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -123,6 +155,8 @@ int main(void)
         cmocka_unit_test(what_some_pairs_hear_more_loudly_counts_for_nothing),
         cmocka_unit_test(a_single_pair_tells_nothing),
         cmocka_unit_test(traces_that_were_not_heard_do_not_count),
+        cmocka_unit_test(positions_that_tell_are_spread_over_the_scan),
+        cmocka_unit_test(the_quiet_beside_an_echo_is_found),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

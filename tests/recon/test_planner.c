@@ -124,6 +124,44 @@ static void positions_lost_to_a_centimetre_leave_power_alone(void **state)
     assert_near(s.plan.band_hz[1], s.set.band_hz[1], 0.0);
 }
 
+/* No budget makes power forgo speakers, or steps half as wide again; where the scene
+ * mirrors no step is given up, for none saves anything. */
+static void power_keeps_all_speakers_and_moderate_steps(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.probe.coherence.element_m = 0.010;
+    s.cfg.budget_s = 1e-6;
+    decide(&s);
+    assert_string_equal(s.plan.method, "incoherent");
+    assert_int_equal(s.plan.stride, 1);
+    assert_near(s.plan.grid.step_m[1], 1.5 * s.grid.step_m[1], 1e-9);
+    double scattered_s = s.plan.time_s;
+    s.probe.specular = true;
+    decide(&s);
+    assert_int_equal(s.plan.stride, 1);
+    assert_near(s.plan.grid.step_m[1], s.grid.step_m[1], 1e-9);
+    assert_below(s.plan.time_s, scattered_s);
+}
+
+/* Planes and dip moveout are for what stands aside. */
+static void mirrors_are_not_paid_what_leaning_points_need(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.probe.objects[0].extent_m = 0.8;
+    s.probe.objects[0].lean[0] = -0.7;
+    s.probe.objects[0].moveout_m[0] = 0.02;
+    decide(&s);
+    assert_true(s.plan.dip);
+    s.probe.specular = true;
+    decide(&s);
+    assert_false(s.plan.dip);
+    assert_near(s.plan.grid.step_m[2], s.grid.step_m[2], 1e-12);
+}
+
 /* lambda = 5 sigma is 25 mm: 13.6 kHz at 340 m/s. */
 static void positions_less_certain_narrow_the_band(void **state)
 {
@@ -387,6 +425,8 @@ int main(void)
         cmocka_unit_test(depth_that_holds_nothing_is_not_imaged),
         cmocka_unit_test(a_volume_that_was_asked_for_is_kept),
         cmocka_unit_test(positions_lost_to_a_centimetre_leave_power_alone),
+        cmocka_unit_test(power_keeps_all_speakers_and_moderate_steps),
+        cmocka_unit_test(mirrors_are_not_paid_what_leaning_points_need),
         cmocka_unit_test(positions_less_certain_narrow_the_band),
         cmocka_unit_test(positions_that_cannot_be_told_change_nothing),
         cmocka_unit_test(moveout_that_tears_the_image_apart_asks_for_dip_moveout),

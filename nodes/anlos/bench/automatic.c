@@ -16,26 +16,42 @@ struct automatic {
     struct bench_cost *cost;
 };
 
-/* Compressed and kept; what one that went before has decided stays. */
+/* Compressed and kept by an automatic that is there, or by a new one. */
 static int keep_traces(struct automatic *a, struct complaint *why)
 {
-    struct recon_auto *first = a->job.automatic;
+    struct recon_job *job = &a->job;
     struct bench_pings *pings = NULL;
-    double compress_s = 0.0, keep_s = 0.0;
     struct stopwatch planning = {0}, now = stopwatch_now(false);
-    a->job.automatic = NULL;
-    int err = bench_pings_create(&pings, &a->cfg, &a->job.format, why);
-    if (!err)
-        err = recon_auto_create(&a->job.automatic, &a->job, why);
+    int err = bench_pings_create(&pings, &a->cfg, &job->format, why);
+    if (!err && !job->automatic)
+        err = recon_auto_create(&job->automatic, job, why);
     stopwatch_lap(&planning, &now, false);
+    a->cost->plan_s += planning.wall_s;
     if (!err) {
-        if (first)
-            recon_auto_inherit(&a->job, first);
-        bench_pings_run(pings, &(struct recon_sink){recon_auto_take, a->job.automatic},
-                        &compress_s, &keep_s);
-        *(first ? &a->cost->compress_s : &a->cost->plan_s) += planning.wall_s;
-        a->cost->compress_s += compress_s;
-        a->cost->stack_s += keep_s;
+        struct recon_sink sink = recon_auto_sink(job->automatic);
+        bench_pings_run(pings, &sink, &job->stages[RECON_COMPRESS],
+                        &job->stages[RECON_STACK]);
+    }
+    bench_pings_destroy(pings);
+    return err;
+}
+
+/* What one that went before has decided stays; to plan anew takes time as well. */
+static int keep_traces_again(struct automatic *a, struct complaint *why)
+{
+    struct recon_job *job = &a->job;
+    struct recon_auto *first = job->automatic;
+    struct bench_pings *pings = NULL;
+    struct stopwatch *compress = &job->stages[RECON_COMPRESS], now = stopwatch_now(false);
+    job->automatic = NULL;
+    int err = bench_pings_create(&pings, &a->cfg, &job->format, why);
+    if (!err)
+        err = recon_auto_create(&job->automatic, job, why);
+    stopwatch_lap(compress, &now, false);
+    if (!err) {
+        recon_auto_inherit(job, first);
+        struct recon_sink sink = recon_auto_sink(job->automatic);
+        bench_pings_run(pings, &sink, compress, &job->stages[RECON_STACK]);
     }
     bench_pings_destroy(pings);
     recon_auto_destroy(first);
@@ -45,14 +61,14 @@ static int keep_traces(struct automatic *a, struct complaint *why)
 static int decide(struct automatic *a, struct complaint *why)
 {
     struct recon_job *job = &a->job;
-    bool again;
-    job->stages[RECON_COMPRESS].wall_s = a->cost->compress_s;
-    job->stages[RECON_STACK].wall_s = a->cost->stack_s;
-    struct stopwatch looking = {0}, now = stopwatch_now(false);
-    int err = recon_auto_decide(job->automatic, job, &again, why);
-    stopwatch_lap(&looking, &now, false);
-    a->cost->look_s += looking.wall_s;
-    return !err && again ? keep_traces(a, why) : err;
+    enum recon_auto_next next;
+    int err = recon_auto_decide(job->automatic, job, &next, why);
+    if (!err && next == RECON_AUTO_MORE) {
+        err = keep_traces(a, why);
+        if (!err)
+            err = recon_auto_decide(job->automatic, job, &next, why);
+    }
+    return !err && next == RECON_AUTO_OTHER_BAND ? keep_traces_again(a, why) : err;
 }
 
 static int plan_image(struct automatic *a, struct bench_image *out, struct complaint *why)
@@ -76,14 +92,12 @@ static int plan_image(struct automatic *a, struct bench_image *out, struct compl
 
 static int make_image(struct automatic *a, float *intensity, struct complaint *why)
 {
-    struct stopwatch stack = {0}, image = {0}, now = stopwatch_now(false);
+    struct stopwatch *stages = a->job.stages, now = stopwatch_now(false);
     int err = recon_auto_feed(a->job.automatic, &a->job, why);
-    stopwatch_lap(&stack, &now, false);
+    stopwatch_lap(&stages[RECON_STACK], &now, false);
     if (!err)
         imager_image(a->job.imager, intensity);
-    stopwatch_lap(&image, &now, false);
-    a->cost->stack_s += stack.wall_s;
-    a->cost->image_s += image.wall_s;
+    stopwatch_lap(&stages[RECON_IMAGE], &now, false);
     return err;
 }
 
@@ -94,8 +108,9 @@ static void tell_choice(const struct automatic *a, char *text)
     char speakers[48] = "";
     if (p->stride > 1)
         snprintf(speakers, sizeof speakers, ", 1/%zu of the speakers", p->stride);
-    snprintf(text, BENCH_NOTE_SIZE, "%s%s, %g-%g kHz%s, %zu x %zu x %zu voxels",
-             p->method, fast && p->dip ? " with dip moveout" : "", 1e-3 * p->band_hz[0],
+    snprintf(text, BENCH_NOTE_SIZE, "%s%s%s, %g-%g kHz%s, %zu x %zu x %zu voxels",
+             p->method, fast && p->dip ? " with dip moveout" : "",
+             p->sharpen > 0.0 ? ", sharpened" : "", 1e-3 * p->band_hz[0],
              1e-3 * p->band_hz[1], speakers, p->grid.n[0], p->grid.n[1], p->grid.n[2]);
 }
 
@@ -138,6 +153,10 @@ int bench_automatic(struct bench_image *out, struct bench_cost *cost,
     if (!err)
         tell_choice(&a, out->chosen);
     stopwatch_lap(&all, &now, false);
+    cost->compress_s = a.job.stages[RECON_COMPRESS].wall_s;
+    cost->look_s = a.job.stages[RECON_LOOK].wall_s;
+    cost->stack_s = a.job.stages[RECON_STACK].wall_s;
+    cost->image_s = a.job.stages[RECON_IMAGE].wall_s;
     cost->total_s = cost->compress_s + cost->look_s + cost->stack_s + cost->image_s;
     cost->cpu_s = all.cpu_s;
     imager_destroy(a.job.imager);

@@ -4,7 +4,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "hal/recording.h"
+#include "hal/recording/recording.h"
 #include "nodes/anlos/bench/files.h"
 #include "nodes/anlos/interrupt.h"
 

@@ -110,6 +110,8 @@ static void process_position(void *ctx, size_t position, size_t thread)
     for (size_t j = 0; j < s->n_speakers; j++) {
         size_t start = j * p->cfg.speaker_stride * s->slot_samples;
         size_t end = start + p->ping_samples;
+        if (p->sink->wants && !p->sink->wants(p->sink->ctx, position, j))
+            continue;
         subtract(p, w->difference, position * p->cfg.position_stride,
                  done > start ? done : start, end);
         done = end;
@@ -121,19 +123,24 @@ static void process_position(void *ctx, size_t position, size_t thread)
 }
 
 void bench_pings_run(struct bench_pings *p, const struct recon_sink *sink,
-                     double *compress_s, double *sink_s)
+                     struct stopwatch *compress, struct stopwatch *keep)
 {
-    struct stopwatch all = {0}, now = stopwatch_now(false);
-    double compress = 0.0, both = 0.0;
+    struct stopwatch all = {0}, now = stopwatch_now(false), first = {0}, second = {0};
     p->sink = sink;
     for (size_t t = 0; t < p->n_workers; t++)
         p->workers[t].compress = p->workers[t].sink = (struct stopwatch){0};
     pool_run(p->cfg.pool, p->cfg.survey->n_positions, process_position, p);
     stopwatch_lap(&all, &now, false);
     for (size_t t = 0; t < p->n_workers; t++) {
-        compress += p->workers[t].compress.wall_s;
-        both += p->workers[t].compress.wall_s + p->workers[t].sink.wall_s;
+        first.wall_s += p->workers[t].compress.wall_s;
+        first.cpu_s += p->workers[t].compress.cpu_s;
+        second.wall_s += p->workers[t].sink.wall_s;
+        second.cpu_s += p->workers[t].sink.cpu_s;
     }
-    *compress_s = both > 0.0 ? all.wall_s * compress / both : 0.0;
-    *sink_s = all.wall_s - *compress_s;
+    double busy_s = first.wall_s + second.wall_s;
+    double share = busy_s > 0.0 ? first.wall_s / busy_s : 0.0;
+    compress->wall_s += all.wall_s * share;
+    compress->cpu_s += first.cpu_s;
+    keep->wall_s += all.wall_s * (1.0 - share);
+    keep->cpu_s += second.cpu_s;
 }

@@ -23,10 +23,10 @@ struct bench_pings;
 int bench_pings_create(struct bench_pings **out, const struct bench_pings_config *cfg,
                        struct trace_format *format, struct complaint *why);
 
-/* All of them; fewer when a person interrupts.  *compress_s, *sink_s: the wall time, in
- * the shares that compression and the sink had of the threads' time. */
+/* All of them; fewer when a person interrupts.  Adds the wall time, in the shares that
+ * compression and the sink had of the threads' time, and the threads' processor time. */
 void bench_pings_run(struct bench_pings *p, const struct recon_sink *sink,
-                     double *compress_s, double *sink_s);
+                     struct stopwatch *compress, struct stopwatch *keep);
 void bench_pings_destroy(struct bench_pings *p);
 
 #endif

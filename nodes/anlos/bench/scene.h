@@ -1,5 +1,6 @@
 /* nodes/anlos/bench/scene.h -- a scene that `anlos bench` images: both recordings in
- * memory, and the truth.  Made by the simulator of hal/room, or read from a folder. */
+ * memory, and the truth.  Made by the simulator of hal/room/room, or read from a folder.
+ */
 #ifndef ANLOS_NODES_ANLOS_BENCH_SCENE_H
 #define ANLOS_NODES_ANLOS_BENCH_SCENE_H
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey_file.h"
+#include "hal/survey/file.h"
 #include "nodes/anlos/bench/files.h"
 
 static int read_objects(struct bench_truth *t, const char *path, struct complaint *why)

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey_file.h"
+#include "hal/survey/file.h"
 #include "nodes/anlos/bench/files.h"
 #include "nodes/rt/export_file.h"
 

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "dsp/pool.h"
-#include "hal/room.h"
+#include "hal/room/room.h"
 #include "hal/room/scene.h"
 #include "nodes/anlos/bench/scene.h"
 #include "nodes/anlos/interrupt.h"

@@ -10,8 +10,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "hal/recording.h"
-#include "hal/survey_file.h"
+#include "hal/recording/recording.h"
+#include "hal/survey/file.h"
 #include "nodes/rt/compressor.h"
 #include "recon/falloff.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey_file.h"
+#include "hal/survey/file.h"
 #include "nodes/anlos/recon/job.h"
 
 #define HALF_WIDTHS  2.0 /* of a point's image, on each side of it in fine steps */

@@ -5,15 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nodes/anlos/recon/auto_look.h"
+#include "nodes/anlos/recon/auto_pace.h"
+#include "nodes/anlos/usage.h"
 #include "recon/trace_check.h"
-
-/* What a look may take: of what is left of the budget; of it when nothing else calls for
- * one; of the whole image, which it makes smaller. */
-#define MOST_LOOK   0.5
-#define LITTLE_LOOK 0.1
-#define PAYS_LOOK   0.7
-
-#define SUSPICIOUS_M 0.0034 /* elements off by more would be treated otherwise */
 
 const char recon_auto_name[] = "auto";
 
@@ -33,7 +28,8 @@ int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
     size_t n = g->n_positions * trace_set_pairs(&a->set);
     a->traces = calloc(n * job->format.n_samples, sizeof *a->traces);
     a->heard = calloc(n, sizeof *a->heard);
-    if (!a->traces || !a->heard) {
+    a->taken = calloc(n / g->n_microphones, sizeof *a->taken);
+    if (!a->traces || !a->heard || !a->taken) {
         recon_auto_destroy(a);
         return complain(why, -ENOMEM, "out of memory: auto keeps all %zu traces", n);
     }
@@ -41,6 +37,13 @@ int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
     a->set.heard = a->heard;
     a->whole = job->processing.grid;
     a->whole_band_hz = a->set.band_hz[1];
+    int err = probe_assume(&a->unknown, &a->set, &a->whole);
+    if (!err)
+        err = recon_auto_pace_create(&a->pace, a, job);
+    if (err) {
+        recon_auto_destroy(a);
+        return complain(why, err, "out of memory");
+    }
     *out = a;
     return 0;
 }
@@ -54,78 +57,43 @@ void recon_auto_inherit(struct recon_job *job, const struct recon_auto *from)
     a->looked = from->looked;
     a->whole_band_hz = from->whole_band_hz;
     a->whole = from->whole;
+    recon_auto_pace_follow(a->pace, recon_auto_pace_stride(from->pace));
     job->method_because = a->plan.because;
 }
 
-void recon_auto_take(void *ctx, size_t position, size_t speaker,
-                     const float complex *traces, const bool *masked)
+static bool wants(void *ctx, size_t position, size_t speaker)
+{
+    const struct recon_auto *a = ctx;
+    return !a->taken[position * a->set.geometry->n_speakers + speaker] &&
+           recon_auto_pace_wants(a->pace, position, speaker);
+}
+
+static void keep(void *ctx, size_t position, size_t speaker, const float complex *traces,
+                 const bool *masked)
 {
     struct recon_auto *a = ctx;
     const struct geometry *g = a->set.geometry;
     size_t n = a->set.format.n_samples, n_mic = g->n_microphones;
     size_t first = (position * g->n_speakers + speaker) * n_mic;
+    recon_auto_pace_done(a->pace, position);
     memcpy(a->traces + first * n, traces, n_mic * n * sizeof *traces);
     for (size_t i = 0; i < n_mic; i++)
         a->heard[first + i] = !(masked && masked[i]) && trace_check(traces + i * n, n);
+    a->taken[first / n_mic] = true;
 }
 
-/* -- the decision -----------------------------------------------------------------------
+struct recon_sink recon_auto_sink(struct recon_auto *a)
+{
+    return (struct recon_sink){keep, a, wants};
+}
+
+/* -- time -------------------------------------------------------------------------------
  */
 
-/* Without a look all of it is imaged, as if nothing were known but how the elements
- * stand. */
-static void know_nothing(struct recon_auto *a)
+size_t recon_auto_threads(const struct recon_job *job)
 {
-    const struct grid *g = &a->whole;
-    double end_m = g->origin_m[2] + g->step_m[2] * (double)(g->n[2] - 1);
-    a->probe = (struct probe){.imaged = !a->set.geometry->pings_m,
-                              .depth_m = {g->origin_m[2], end_m},
-                              .coherence = a->probe.coherence};
-}
-
-static size_t count_heard(const struct recon_auto *a)
-{
-    size_t n = a->set.geometry->n_positions * trace_set_pairs(&a->set), heard = 0;
-    for (size_t q = 0; q < n; q++)
-        heard += a->heard[q];
-    return heard;
-}
-
-/* Is a look at the scene worth its time?  It is where an error is to be kept, where
- * elements seem to be off, and where it may save most of the image, or is nothing against
- * the budget. */
-static bool look_pays(const struct recon_auto *a, const struct recon_job *job,
-                      double look_s, double left_s)
-{
-    const struct recon_options *o = job->options;
-    double image_s = a->slowness * planner_image_s(&a->set, &job->processing.grid, "fast",
-                                                   false, 1, o->threads);
-    if (look_s > MOST_LOOK * left_s)
-        return false;
-    if (o->error_m > 0.0 || a->probe.coherence.element_m > SUSPICIOUS_M)
-        return true;
-    if (isfinite(left_s) && look_s < LITTLE_LOOK * left_s)
-        return true;
-    return !job->survey.has_volume && look_s < PAYS_LOOK * image_s;
-}
-
-static int look(struct recon_auto *a, struct recon_job *job, double left_s)
-{
-    struct stopwatch now = stopwatch_now(false);
-    double look_s = a->slowness * planner_probe_s(&a->set, &job->processing.grid,
-                                                  job->options->threads);
-    int err = 0;
-    a->probe.coherence.element_m = NAN;
-    if (look_s <= MOST_LOOK * left_s)
-        err = coherence_measure(&a->probe.coherence, &a->set, job->pool);
-    err = err == -ENOTSUP ? 0 : err;
-    a->looked = !err && look_pays(a, job, look_s, left_s);
-    if (a->looked)
-        err = probe_run(&a->probe, &a->set, &job->processing.grid, job->pool);
-    else
-        know_nothing(a);
-    stopwatch_lap(&job->stages[RECON_LOOK], &now, false);
-    return err;
+    size_t cores = usage_default_threads();
+    return job->options->threads < cores ? job->options->threads : cores;
 }
 
 double recon_auto_spent_s(const struct recon_job *job)
@@ -134,20 +102,49 @@ double recon_auto_spent_s(const struct recon_job *job)
            job->stages[RECON_LOOK].wall_s + job->stages[RECON_STACK].wall_s;
 }
 
+/* Where all threads work, or nearly all the time. */
+static double shared_s(const struct recon_job *job, int stage)
+{
+    return job->stages[stage].cpu_s / (double)recon_auto_threads(job);
+}
+
+double recon_auto_left_s(const struct recon_job *job)
+{
+    const struct stopwatch *plan = &job->stages[RECON_PLAN];
+    double spent_s = fmin(plan->wall_s, plan->cpu_s) + shared_s(job, RECON_COMPRESS) +
+                     shared_s(job, RECON_STACK) + shared_s(job, RECON_LOOK);
+    return job->options->budget_s > 0.0 ? job->options->budget_s - spent_s : INFINITY;
+}
+
+static void thin_out(const struct recon_auto *a, size_t stride)
+{
+    const struct geometry *g = a->set.geometry;
+    size_t n = g->n_positions * trace_set_pairs(&a->set);
+    for (size_t q = 0; q < n; q++)
+        if (q / g->n_microphones % g->n_speakers % stride)
+            a->heard[q] = false;
+}
+
+static size_t count(const bool *these, size_t n)
+{
+    size_t sum = 0;
+    for (size_t i = 0; i < n; i++)
+        sum += these[i];
+    return sum;
+}
+
+/* -- the decision -----------------------------------------------------------------------
+ */
+
 static void apply(const struct recon_auto *a, struct recon_job *job)
 {
     const struct plan *p = &a->plan;
     job->method = p->method;
     job->method_because = p->because;
-    job->imaging.dmo = a->looked ? p->dip : -1;
+    job->imaging.dmo = p->dip;
+    job->imaging.sharpen = p->sharpen;
     job->processing.grid = p->grid;
     memcpy(job->processing.band_hz, p->band_hz, sizeof p->band_hz);
-}
-
-static double left_s(const struct recon_job *job)
-{
-    double budget_s = job->options->budget_s;
-    return budget_s > 0.0 ? budget_s - recon_auto_spent_s(job) : INFINITY;
 }
 
 static void decide(struct recon_auto *a, struct recon_job *job)
@@ -156,9 +153,10 @@ static void decide(struct recon_auto *a, struct recon_job *job)
         .set = &a->set,
         .probe = &a->probe,
         .grid = &a->whole,
-        .n_threads = job->options->threads,
+        .n_threads = recon_auto_threads(job),
         .slowness = a->slowness,
-        .budget_s = left_s(job),
+        .least_stride = recon_auto_pace_stride(a->pace),
+        .budget_s = recon_auto_left_s(job),
         .error_m = job->options->error_m,
         .keep_grid = job->survey.has_volume,
     };
@@ -168,31 +166,60 @@ static void decide(struct recon_auto *a, struct recon_job *job)
 /* A narrower band takes another compression, where there is time for it. */
 static bool wants_other_band(struct recon_auto *a, const struct recon_job *job)
 {
-    if (a->plan.band_hz[1] >= a->set.band_hz[1])
+    if (a->plan.reliable_hz >= a->set.band_hz[1])
         return false;
-    double again_s = job->stages[RECON_COMPRESS].wall_s;
-    if (!job->options->traces && a->plan.time_s + again_s <= left_s(job))
+    if (!job->options->traces &&
+        a->plan.time_s + shared_s(job, RECON_COMPRESS) <= recon_auto_left_s(job))
         return true;
     if (!job->options->traces)
         memcpy(a->plan.band_hz, a->set.band_hz, sizeof a->plan.band_hz);
     return false;
 }
 
-int recon_auto_decide(struct recon_auto *a, struct recon_job *job, bool *again,
-                      struct complaint *why)
+/* Of how this machine compares: what has been compressed so far. */
+static void take_pace(struct recon_auto *a, const struct recon_job *job)
 {
     const struct geometry *g = a->set.geometry;
-    size_t heard = count_heard(a);
-    double nominal_s = planner_compress_s(heard / g->n_microphones, g->n_microphones,
-                                          job->options->threads);
+    size_t pings = count(a->taken, g->n_positions * g->n_speakers);
+    double nominal_s =
+        planner_compress_s(pings, g->n_microphones, recon_auto_threads(job));
     a->slowness = 1.0;
-    if (job->stages[RECON_COMPRESS].wall_s > 0.0 && nominal_s > 0.0)
-        a->slowness = job->stages[RECON_COMPRESS].wall_s / nominal_s;
-    int err = heard ? look(a, job, left_s(job)) : 0;
+    if (shared_s(job, RECON_COMPRESS) > 0.0 && nominal_s > 0.0)
+        a->slowness = shared_s(job, RECON_COMPRESS) / nominal_s;
+}
+
+/* Power needs every speaker: of fewer mirrors are not told from what scatters. */
+static bool wants_more(struct recon_auto *a, const struct recon_job *job)
+{
+    if (!recon_auto_is_lost(a) || recon_auto_pace_stride(a->pace) == 1 ||
+        job->options->traces)
+        return false;
+    recon_auto_pace_follow(a->pace, 1);
+    return true;
+}
+
+int recon_auto_decide(struct recon_auto *a, struct recon_job *job,
+                      enum recon_auto_next *next, struct complaint *why)
+{
+    size_t n = a->set.geometry->n_positions * trace_set_pairs(&a->set);
+    bool heard = count(a->heard, n) > 0;
+    struct stopwatch now = stopwatch_now(false);
+    int err = 0;
+    *next = RECON_AUTO_MORE;
+    take_pace(a, job);
+    if (heard && !a->stands)
+        err = recon_auto_look_at_elements(a, job);
+    stopwatch_lap(&job->stages[RECON_LOOK], &now, false);
+    if (!err && wants_more(a, job))
+        return 0;
+    thin_out(a, recon_auto_pace_stride(a->pace));
+    if (!err && heard)
+        err = recon_auto_look(a, job);
+    stopwatch_lap(&job->stages[RECON_LOOK], &now, false);
     if (err)
         return complain(why, err, "a look at the scene: %s", strerror(-err));
     decide(a, job);
-    *again = wants_other_band(a, job);
+    *next = wants_other_band(a, job) ? RECON_AUTO_OTHER_BAND : RECON_AUTO_IMAGE;
     apply(a, job);
     return 0;
 }
@@ -212,19 +239,10 @@ bool recon_auto_retreat(struct recon_auto *a, struct recon_job *job)
     return true;
 }
 
-static void thin_out(const struct recon_auto *a)
-{
-    const struct geometry *g = a->set.geometry;
-    size_t n = g->n_positions * trace_set_pairs(&a->set);
-    for (size_t q = 0; q < n; q++)
-        if (q / g->n_microphones % g->n_speakers % a->plan.stride)
-            a->heard[q] = false;
-}
-
 int recon_auto_feed(const struct recon_auto *a, struct recon_job *job,
                     struct complaint *why)
 {
-    thin_out(a);
+    thin_out(a, a->plan.stride);
     int err = trace_set_feed(&a->set, job->imager, job->pool);
     return err ? complain(why, err, "out of memory") : 0;
 }
@@ -233,7 +251,9 @@ void recon_auto_destroy(struct recon_auto *a)
 {
     if (!a)
         return;
+    recon_auto_pace_destroy(a->pace);
     free(a->traces);
     free(a->heard);
+    free(a->taken);
     free(a);
 }

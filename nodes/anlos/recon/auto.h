@@ -13,13 +13,17 @@ struct recon_auto {
     struct trace_set set;
     float complex *traces; /* [position][speaker][microphone][format.n_samples] */
     bool *heard;           /* [position][speaker][microphone] */
+    bool *taken;           /* [position][speaker]: compressed, if it was heard or not */
     struct probe probe;
+    struct probe unknown; /* what is to be assumed without a look */
     struct plan plan;
-    double slowness;      /* of this machine; recon/planner.h */
-    struct grid whole;    /* the image when nothing is left out */
-    double whole_band_hz; /* the top of its band */
-    bool looked;          /* there was time to, and reason */
-    double kept_s;        /* time of the stack's stage before the image was begun */
+    double slowness;              /* of this machine; recon/planner.h */
+    struct recon_auto_pace *pace; /* nodes/anlos/recon/auto_pace.h */
+    struct grid whole;            /* the image when nothing is left out */
+    double whole_band_hz;         /* the top of its band */
+    bool stands;                  /* how the elements stand was looked at */
+    bool looked;                  /* there was time to, and reason */
+    double kept_s; /* time of the stack's stage before the image was begun */
 };
 
 /* The method's name on the command line. */
@@ -32,15 +36,23 @@ int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
 /* What another one has seen and decided becomes that of the job. */
 void recon_auto_inherit(struct recon_job *job, const struct recon_auto *from);
 
-/* A reader's sink; of job->automatic.  Traces that recon/trace_check finds unfit count as
+/* A reader's sink, with recon_auto as its ctx: of a budget's pings only those of as many
+ * speakers as there is time for.  Traces that recon/trace_check finds unfit count as
  * masked. */
-void recon_auto_take(void *ctx, size_t position, size_t speaker,
-                     const float complex *traces, const bool *masked);
+struct recon_sink recon_auto_sink(struct recon_auto *a);
 
-/* Looks, decides, and puts method, options, grid and band into the job.  *again: the band
- * is another, traces have to be made once more.  0, -ENOMEM, -EINVAL. */
-int recon_auto_decide(struct recon_auto *a, struct recon_job *job, bool *again,
-                      struct complaint *why);
+/* What is to be done next. */
+enum recon_auto_next {
+    RECON_AUTO_IMAGE,
+    RECON_AUTO_MORE,      /* pings that were left out are wanted after all */
+    RECON_AUTO_OTHER_BAND /* traces have to be made once more */
+};
+
+/* Looks, decides, and puts method, options, grid and band into the job.  RECON_AUTO_MORE:
+ * has decided nothing yet; run the reader with the sink again, then ask again.  0,
+ * -ENOMEM, -EINVAL. */
+int recon_auto_decide(struct recon_auto *a, struct recon_job *job,
+                      enum recon_auto_next *next, struct complaint *why);
 
 /* The chosen method cannot do this geometry: decides without it.  false: nothing else is
  * left. */
@@ -49,6 +61,15 @@ bool recon_auto_retreat(struct recon_auto *a, struct recon_job *job);
 /* Traces to the job's imager. */
 int recon_auto_feed(const struct recon_auto *a, struct recon_job *job,
                     struct complaint *why);
+
+/* That can work at the same time. */
+size_t recon_auto_threads(const struct recon_job *job);
+
+/* Of a budget may go into learning how the elements stand. */
+#define RECON_AUTO_STAND 0.2
+
+/* Of the budget, as if no other program had held anything up; INFINITY: there is none. */
+double recon_auto_left_s(const struct recon_job *job);
 
 /* How much of the budget is gone. */
 double recon_auto_spent_s(const struct recon_job *job);

@@ -33,10 +33,11 @@ static json_t *seen_json(const struct recon_auto *a)
 
 static json_t *candidate_json(const struct planner_candidate *c)
 {
-    json_t *o = json_pack("{ss, sf, sI, so, so}", "method", c->method, "coarser",
-                          c->coarser, "every_nth_speaker", (json_int_t)c->stride,
-                          "time_s", export_real(c->time_s), "error_m",
-                          export_real(c->error_m));
+    json_t *o = json_pack("{ss, sf, sf, sI, so, so}", "method", c->method, "coarser",
+                          c->coarser, "depth_steps", c->deeper, "every_nth_speaker",
+                          (json_int_t)c->stride, "time_s", export_real(c->time_s),
+                          "error_m", export_real(c->error_m));
+    json_object_set_new(o, "top_hz", json_real(c->top_hz));
     if (!strcmp(c->method, "fast"))
         json_object_set_new(o, "dmo", json_string(c->dip ? "always" : "never"));
     if (c->why_not[0])

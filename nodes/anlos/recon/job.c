@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey_file.h"
+#include "hal/survey/file.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/recon/method.h"
@@ -136,9 +136,9 @@ static void add_to_image(void *ctx, size_t position, size_t speaker,
 /* All traces to whoever takes them. */
 static int make_traces(struct recon_job *job, struct complaint *why)
 {
-    struct recon_sink sink = {add_to_image, job};
+    struct recon_sink sink = {add_to_image, job, NULL};
     if (job->automatic)
-        sink = (struct recon_sink){recon_auto_take, job->automatic};
+        sink = recon_auto_sink(job->automatic);
     if (job->reader)
         return recon_reader_run(job->reader, &sink, job->stages, &job->air, why);
     struct stopwatch now = stopwatch_now(false);
@@ -167,9 +167,14 @@ static int make_traces_again(struct recon_job *job, struct complaint *why)
 
 static int decide(struct recon_job *job, struct complaint *why)
 {
-    bool again;
-    int err = recon_auto_decide(job->automatic, job, &again, why);
-    if (!err && again)
+    enum recon_auto_next next;
+    int err = recon_auto_decide(job->automatic, job, &next, why);
+    if (!err && next == RECON_AUTO_MORE) {
+        err = make_traces(job, why);
+        if (!err)
+            err = recon_auto_decide(job->automatic, job, &next, why);
+    }
+    if (!err && next == RECON_AUTO_OTHER_BAND)
         err = make_traces_again(job, why);
     if (!err && interrupt_requested())
         err = complain(why, -EINTR, "interrupted");

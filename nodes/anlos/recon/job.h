@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_ANLOS_RECON_JOB_H
 #define ANLOS_NODES_ANLOS_RECON_JOB_H
 
-#include "hal/recording.h"
+#include "hal/recording/recording.h"
 #include "msgs/complaint.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/survey.h"

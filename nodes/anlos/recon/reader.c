@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "dsp/drift_track.h"
 #include "nodes/anlos/interrupt.h"
@@ -133,6 +134,8 @@ static void process_ping(struct run *run, struct reader_worker *w, size_t positi
                          size_t speaker, struct drift_track *track, struct stopwatch *now)
 {
     const struct recon_reader *r = run->reader;
+    if (run->sink->wants && !run->sink->wants(run->sink->ctx, position, speaker))
+        return;
     reader_worker_compress(&r->setup, w, w->samples, speaker, w->traces);
     if (r->setup.drifting)
         subtract_traces(r, w, speaker, track);
@@ -203,6 +206,10 @@ int recon_reader_run(struct recon_reader *r, const struct recon_sink *sink,
     const struct survey *s = r->setup.cfg.survey;
 
     atomic_init(&run.err, 0);
+    for (size_t t = 0; t < pool_threads(r->setup.cfg.pool); t++) {
+        memset(r->workers[t].stages, 0, sizeof r->workers[t].stages);
+        r->workers[t].n_cut = 0;
+    }
     pool_run(r->setup.cfg.pool, s->n_positions, process_position, &run);
     stopwatch_lap(&phase, &now, false);
     share_times(r, phase.wall_s, stages);

@@ -8,7 +8,7 @@
 #include <stdbool.h>
 
 #include "dsp/pool.h"
-#include "hal/recording.h"
+#include "hal/recording/recording.h"
 #include "msgs/complaint.h"
 #include "nodes/anlos/recon/results.h"
 #include "nodes/rt/air.h"
@@ -31,6 +31,9 @@ struct recon_sink {
     void (*take)(void *ctx, size_t position, size_t speaker, const float complex *traces,
                  const bool *masked);
     void *ctx;
+    bool (*wants)(void *ctx, size_t position, size_t speaker); /* NULL: every ping.  Asked
+                                                                * right before, by the
+                                                                * same thread */
 };
 
 struct recon_reader;

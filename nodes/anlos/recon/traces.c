@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey_file.h"
+#include "hal/survey/file.h"
 #include "nodes/anlos/interrupt.h"
 
 /* A survey of the traces: places, band, speed of sound, and nothing of a recording. */

@@ -6,7 +6,7 @@
 #include "nodes/anlos/recon/job.h"
 
 /* Fills the job's traces, survey and processing.  The volume is the options' or that of
- * options->survey, of which only the place is read (hal/survey_file.h); so are the wall
+ * options->survey, of which only the place is read (hal/survey/file.h); so are the wall
  * and the mount.  0, or as traces_load; -EINVAL (no volume, or one that no trace
  * reaches).
  */

@@ -8,9 +8,9 @@
 #include <sys/stat.h>
 
 #include "dsp/pool.h"
-#include "hal/recording.h"
-#include "hal/room.h"
-#include "hal/survey_file.h"
+#include "hal/recording/recording.h"
+#include "hal/room/room.h"
+#include "hal/survey/file.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/sim/truth.h"
 #include "nodes/rt/export.h"

@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_ANLOS_SIM_TRUTH_H
 #define ANLOS_NODES_ANLOS_SIM_TRUTH_H
 
-#include "hal/room.h"
+#include "hal/room/room.h"
 #include "msgs/complaint.h"
 
 /* Writes FOLDER/truth.json.  0 or a negative errno. */
