@@ -1,0 +1,293 @@
+#include "msgs/bag/catalog.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msgs/bag/catalog_build.h"
+
+#define FOOTER_SIZE (BAG_RECORD_HEAD_SIZE + 20)
+
+static struct bytes content_of(const struct bytes_buffer *record)
+{
+    return (struct bytes){record->data + BAG_RECORD_HEAD_SIZE,
+                          record->size - BAG_RECORD_HEAD_SIZE};
+}
+
+int bag_catalog_keep(struct bag_kept **list, size_t *n, const struct bag_record *r)
+{
+    if (!(*n & (*n - 1))) { /* 0 and powers of two */
+        struct bag_kept *grown = realloc(*list, (*n ? 2 * *n : 1) * sizeof *grown);
+        if (!grown)
+            return -ENOMEM;
+        *list = grown;
+    }
+    struct bag_kept *k = &(*list)[(*n)++];
+    *k = (struct bag_kept){.copy = {0}};
+    bag_record_put(&k->copy, r);
+    return k->copy.failed ? -ENOMEM
+                          : bag_record_parse(&k->record, r->opcode, content_of(&k->copy));
+}
+
+int bag_catalog_define(struct bag_catalog *c, const struct bag_record *r)
+{
+    bool schema = r->opcode == BAG_SCHEMA;
+    uint32_t *at = schema ? &c->schema_at[r->schema.id] : &c->channel_at[r->channel.id];
+
+    if (*at)
+        return 0;
+    int err = schema ? bag_catalog_keep(&c->schemas, &c->n_schemas, r)
+                     : bag_catalog_keep(&c->channels, &c->n_channels, r);
+    *at = (uint32_t)(schema ? c->n_schemas : c->n_channels);
+    return err;
+}
+
+int bag_catalog_add_block(struct bag_catalog *c, const struct bag_block *block)
+{
+    if (!(c->n_blocks & (c->n_blocks - 1))) {
+        size_t room = c->n_blocks ? 2 * c->n_blocks : 1;
+        struct bag_block *grown = realloc(c->blocks, room * sizeof *grown);
+        if (!grown)
+            return -ENOMEM;
+        c->blocks = grown;
+    }
+    c->blocks[c->n_blocks++] = *block;
+    return 0;
+}
+
+static void take_statistics(struct bag_catalog *c, const struct bag_statistics *s)
+{
+    struct bytes list = s->channel_message_counts;
+    uint64_t id, count;
+
+    c->n_messages = s->message_count;
+    c->start_time = s->message_start_time;
+    c->end_time = s->message_end_time;
+    while (bag_list_next(&list, 2, &id, &count))
+        c->counts[id] = count;
+}
+
+static int take(struct bag_catalog *c, const struct bag_record *r)
+{
+    switch (r->opcode) {
+    case BAG_SCHEMA:
+    case BAG_CHANNEL:
+        return bag_catalog_define(c, r);
+    case BAG_STATISTICS:
+        take_statistics(c, &r->statistics);
+        return 0;
+    case BAG_CHUNK_INDEX:
+        return bag_catalog_keep(&c->chunks, &c->n_chunks, r);
+    case BAG_ATTACHMENT_INDEX:
+        return bag_catalog_keep(&c->attachments, &c->n_attachments, r);
+    case BAG_METADATA_INDEX:
+        return bag_catalog_keep(&c->metadata, &c->n_metadata, r);
+    default:
+        return 0;
+    }
+}
+
+/* Does the summary say where everything is? */
+static bool is_complete(const struct bag_catalog *c, const struct bag_statistics *s)
+{
+    return c->n_schemas == s->schema_count && c->n_channels == s->channel_count &&
+           c->n_chunks == s->chunk_count && c->n_attachments == s->attachment_count &&
+           c->n_metadata == s->metadata_count && (s->chunk_count || !s->message_count);
+}
+
+static int add_blocks(struct bag_catalog *c)
+{
+    int err = 0;
+
+    for (size_t i = 0; i < c->n_chunks && !err; i++) {
+        const struct bag_chunk_index *k = &c->chunks[i].record.chunk_index;
+        const struct bag_block block = {.offset = k->chunk_start_offset,
+                                        .length = k->chunk_length,
+                                        .start_time = k->message_start_time,
+                                        .end_time = k->message_end_time,
+                                        .channels = k->message_index_offsets};
+        err = bag_catalog_add_block(c, &block);
+    }
+    return err;
+}
+
+/* -EBADMSG: the summary is missing, damaged or says too little. */
+static int walk_summary(struct bag_catalog *c, struct bytes section)
+{
+    struct bytes_cursor left = {.left = section};
+    struct bag_record r;
+    struct bag_statistics statistics = {.message_count = 0};
+    bool has_statistics = false;
+
+    while (left.left.size) {
+        int err = bag_record_take(&left, &r);
+        if (!err)
+            err = take(c, &r);
+        if (err && err != -ENOTSUP)
+            return err;
+        if (!err && r.opcode == BAG_STATISTICS) {
+            statistics = r.statistics;
+            has_statistics = true;
+        }
+    }
+    return has_statistics && is_complete(c, &statistics) ? add_blocks(c) : -EBADMSG;
+}
+
+static int read_summary(struct bag_catalog *c, struct bytes_buffer *bytes)
+{
+    struct bag_record footer;
+    uint64_t tail = FOOTER_SIZE + BAG_MAGIC_SIZE, start;
+    int err = c->file.size < tail
+                  ? -EBADMSG
+                  : bag_file_read(&c->file, c->file.size - tail, tail, bytes, NULL);
+    if (err)
+        return err;
+    if (bytes->data[0] != BAG_FOOTER ||
+        memcmp(bytes->data + FOOTER_SIZE, BAG_MAGIC, BAG_MAGIC_SIZE) ||
+        bag_record_parse(&footer, BAG_FOOTER,
+                         (struct bytes){bytes->data + BAG_RECORD_HEAD_SIZE, 20}))
+        return -EBADMSG;
+    start = footer.footer.summary_start;
+    if (!start || start > c->file.size - tail)
+        return -EBADMSG;
+    err = bag_file_read(&c->file, start, c->file.size - BAG_MAGIC_SIZE - start, bytes,
+                        NULL);
+    if (err)
+        return err;
+    if (footer.footer.summary_crc &&
+        bag_crc(0, (struct bytes){bytes->data, bytes->size - 4}) !=
+            footer.footer.summary_crc)
+        return -EBADMSG;
+    return walk_summary(c, bytes_in(bytes));
+}
+
+static int read_header(struct bag_catalog *c, struct bytes_buffer *bytes,
+                       struct complaint *why)
+{
+    struct bag_record r;
+    size_t n = 0;
+    struct bag_kept *kept = NULL;
+    int err = bag_file_record(&c->file, BAG_MAGIC_SIZE, bytes, why);
+
+    if (err)
+        return err;
+    if (bytes->data[0] != BAG_HEADER ||
+        bag_record_parse(&r, BAG_HEADER, content_of(bytes)))
+        return complain(why, -EBADMSG, "%s: the first record is no header", c->file.path);
+    err = bag_catalog_keep(&kept, &n, &r);
+    if (kept)
+        c->header = *kept;
+    free(kept);
+    return err;
+}
+
+static void free_list(struct bag_kept *list, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        bytes_free(&list[i].copy);
+    free(list);
+}
+
+/* Forgets all but the file and the header. */
+static void forget(struct bag_catalog *c)
+{
+    struct bag_file file = c->file;
+    struct bag_kept header = c->header;
+
+    free_list(c->schemas, c->n_schemas);
+    free_list(c->channels, c->n_channels);
+    free_list(c->attachments, c->n_attachments);
+    free_list(c->metadata, c->n_metadata);
+    free_list(c->chunks, c->n_chunks);
+    free(c->blocks);
+    memset(c, 0, sizeof *c);
+    c->file = file;
+    c->header = header;
+}
+
+static int compare_blocks(const void *a, const void *b)
+{
+    const struct bag_block *x = a, *y = b;
+
+    if (x->start_time != y->start_time)
+        return x->start_time < y->start_time ? -1 : 1;
+    return x->offset < y->offset ? -1 : x->offset > y->offset;
+}
+
+static int fill(struct bag_catalog *c, const char *path, struct complaint *why)
+{
+    struct bytes_buffer bytes = {0};
+    int err = bag_file_open(&c->file, path, why);
+
+    if (!err)
+        err = read_header(c, &bytes, why);
+    if (!err) {
+        err = read_summary(c, &bytes);
+        if (err == -EBADMSG || err == -EFBIG) {
+            forget(c);
+            c->scanned = true;
+            err = bag_catalog_scan(c, why);
+        } else if (err) {
+            complain(why, err, "%s: %s", path, strerror(-err));
+        }
+    }
+    bytes_free(&bytes);
+    if (!err)
+        err = bag_catalog_check_spans(c, why);
+    if (!err && c->n_blocks)
+        qsort(c->blocks, c->n_blocks, sizeof *c->blocks, compare_blocks);
+    return err == -ENOMEM ? complain(why, err, "%s: out of memory", path) : err;
+}
+
+int bag_catalog_open(struct bag_catalog **out, const char *path, struct complaint *why)
+{
+    struct bag_catalog *c = calloc(1, sizeof *c);
+    if (!c)
+        return complain(why, -ENOMEM, "%s: out of memory", path);
+    c->file.fd = -1;
+    int err = fill(c, path, why);
+    if (err)
+        bag_catalog_close(c);
+    else
+        *out = c;
+    return err;
+}
+
+const struct bag_channel *bag_catalog_channel(const struct bag_catalog *c, uint16_t id)
+{
+    return c->channel_at[id] ? &c->channels[c->channel_at[id] - 1].record.channel : NULL;
+}
+
+const struct bag_schema *bag_catalog_schema(const struct bag_catalog *c, uint16_t id)
+{
+    return c->schema_at[id] ? &c->schemas[c->schema_at[id] - 1].record.schema : NULL;
+}
+
+int bag_catalog_read(const struct bag_catalog *c, const struct bag_record *index,
+                     struct bytes_buffer *into, struct bag_record *out,
+                     struct complaint *why)
+{
+    bool attachment = index->opcode == BAG_ATTACHMENT_INDEX;
+    uint64_t offset = attachment ? index->attachment_index.offset
+                                 : index->metadata_index.offset;
+    uint8_t opcode = attachment ? BAG_ATTACHMENT : BAG_METADATA;
+    int err = bag_file_record(&c->file, offset, into, why);
+
+    if (err)
+        return err;
+    if (into->data[0] != opcode || bag_record_parse(out, opcode, content_of(into)))
+        return complain(why, -EBADMSG, "%s: byte %" PRIu64 ": no %s, as the index has it",
+                        c->file.path, offset, bag_opcode_name(opcode));
+    return attachment ? bag_file_attachment(&c->file, offset, &out->attachment, why) : 0;
+}
+
+void bag_catalog_close(struct bag_catalog *c)
+{
+    if (!c)
+        return;
+    forget(c);
+    bytes_free(&c->header.copy);
+    bag_file_close(&c->file);
+    free(c);
+}

@@ -1,0 +1,242 @@
+#include "msgs/bag/recover.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msgs/bag/catalog_build.h"
+#include "msgs/bag/copy.h"
+#include "msgs/bag/salvage.h"
+#include "msgs/bag/writer.h"
+
+#define CHUNK_SIZE (4u << 20) /* of the new bag */
+
+struct recover {
+    struct bag_catalog *catalog; /* the file, and what is defined in it */
+    struct bag_writer *writer;   /* NULL: only look for definitions */
+    struct bag_recovery count;
+    struct bag_copy *copy; /* to the writer */
+    struct bag_salvage salvage;
+    char profile[64]; /* of the header, if that is whole */
+    struct bag_recover_watch watch;
+};
+
+bool bag_recovery_is_loss(const struct bag_recovery *r)
+{
+    return r->n_damages || r->n_unchecked || r->n_nameless || !r->ended ||
+           (r->expected_messages && r->n_messages < r->expected_messages);
+}
+
+static int save_message(struct recover *r, const struct bag_message *m,
+                        struct complaint *why)
+{
+    struct bag_message copy = *m;
+    int err = bag_copy_channel(r->copy, 0, m->channel_id, &copy.channel_id, why);
+
+    if (err)
+        return err;
+    if (!copy.channel_id) {
+        r->count.n_nameless++;
+        return 0;
+    }
+    r->count.n_messages++;
+    return bag_writer_message(r->writer, &copy, why);
+}
+
+static void keep_profile(struct recover *r, struct bytes profile)
+{
+    if (profile.size < sizeof r->profile)
+        snprintf(r->profile, sizeof r->profile, "%.*s", (int)profile.size,
+                 (const char *)profile.data);
+}
+
+/* A record that is whole. */
+static int save(struct recover *r, const struct bag_record *record, struct complaint *why)
+{
+    switch (record->opcode) {
+    case BAG_HEADER:
+        keep_profile(r, record->header.profile);
+        return 0;
+    case BAG_SCHEMA:
+    case BAG_CHANNEL:
+        return bag_catalog_define(r->catalog, record); /* unless it is known */
+    case BAG_STATISTICS:
+        r->count.expected_messages = record->statistics.message_count;
+        return 0;
+    case BAG_MESSAGE:
+        return r->writer ? save_message(r, &record->message, why) : 0;
+    case BAG_ATTACHMENT:
+        r->count.n_attachments++;
+        return r->writer ? bag_writer_attachment(r->writer, &record->attachment, why) : 0;
+    case BAG_METADATA:
+        r->count.n_metadata++;
+        return r->writer ? bag_writer_metadata(r->writer, &record->metadata, why) : 0;
+    default:
+        return 0;
+    }
+}
+
+/* Every record up to the end or to one that does not fit. */
+static int save_all(struct recover *r, struct bytes records, struct complaint *why)
+{
+    struct bytes_cursor left = {.left = records};
+    struct bag_record record;
+
+    while (left.left.size) {
+        int err = bag_record_take(&left, &record);
+        if (err == -EBADMSG)
+            return 0;
+        if (!err)
+            err = save(r, &record, why);
+        if (err && err != -ENOTSUP)
+            return err;
+    }
+    return 0;
+}
+
+/* A chunk that is damaged, or cut by the file's end: n bytes of it are there.  What it
+ * defines counts only where nothing that is whole does. */
+static int save_start(struct recover *r, uint64_t offset, uint64_t n,
+                      struct complaint *why)
+{
+    uint64_t before = r->count.n_messages;
+    int err = r->writer ? bag_salvage_start(&r->salvage, offset, n) : -EBADMSG;
+
+    if (err == -EBADMSG)
+        return 0;
+    if (err)
+        return complain(why, err, "%s: byte %" PRIu64 ": %s", r->catalog->file.path,
+                        offset, strerror(-err));
+    err = save_all(r, bytes_in(&r->salvage.plain), why);
+    r->count.n_unchecked += r->count.n_messages - before;
+    return err;
+}
+
+/* A message that nothing sensible follows: what is whole of it cannot be told, as it has
+ * no checksum, but nothing else begins within it.  *end: where it ends. */
+static int save_last(struct recover *r, uint64_t offset, uint64_t next, uint64_t *end,
+                     struct complaint *why)
+{
+    struct bag_record record;
+
+    if (bag_file_record(&r->catalog->file, offset, &r->salvage.record, NULL))
+        return 0;
+    struct bytes_cursor whole = {.left = bytes_in(&r->salvage.record)};
+    if (r->salvage.record.size > next - offset || bag_record_take(&whole, &record))
+        return 0;
+    *end = offset + r->salvage.record.size;
+    r->count.n_unchecked++;
+    return save(r, &record, why);
+}
+
+/* Nothing whole stands at the offset.  *next: where the file goes on. */
+static int pass_damage(struct recover *r, uint64_t offset, uint64_t *next,
+                       struct complaint *why)
+{
+    uint8_t opcode;
+    uint64_t size = r->catalog->file.size, begin = offset;
+    uint64_t length = bag_salvage_length(&r->salvage, offset, &opcode);
+    const char *what = "no record";
+    int err = 0;
+
+    if (length && opcode == BAG_CHUNK &&
+        bag_salvage_goes_on(&r->salvage, offset + length)) {
+        *next = offset + length;
+        what = "a damaged chunk";
+    } else {
+        *next = bag_salvage_find(&r->salvage, offset + 1);
+        if (*next == size)
+            what = "the file was cut";
+    }
+    if (opcode == BAG_CHUNK)
+        err = save_start(r, offset, *next - offset, why);
+    else if (length && opcode == BAG_MESSAGE)
+        err = save_last(r, offset, *next, &begin, why);
+    r->count.n_damages++;
+    r->count.lost_bytes += *next - begin;
+    if (r->writer && r->watch.damaged)
+        r->watch.damaged(r->watch.context, begin, *next, what);
+    return err;
+}
+
+static int walk(struct recover *r, struct complaint *why)
+{
+    uint64_t size = r->catalog->file.size, next;
+    uint64_t offset = bag_salvage_is_magic(&r->salvage, 0) ? BAG_MAGIC_SIZE : 0;
+    struct bag_record record;
+    int err = 0;
+
+    r->count = (struct bag_recovery){.n_damages = offset ? 0 : 1};
+    for (; !err && offset < size; offset = next) {
+        if (r->watch.stop && r->watch.stop())
+            return complain(why, -EINTR, "interrupted");
+        if (bag_salvage_take(&r->salvage, offset, &record)) {
+            next = offset + r->salvage.record.size;
+            r->count.ended |= record.opcode == BAG_FOOTER;
+            err = record.opcode == BAG_CHUNK
+                      ? save_all(r, bytes_in(&r->salvage.plain), why)
+                      : save(r, &record, why);
+        } else if (size - offset == BAG_MAGIC_SIZE &&
+                   bag_salvage_is_magic(&r->salvage, offset)) {
+            next = size;
+        } else {
+            err = pass_damage(r, offset, &next, why);
+        }
+    }
+    return err;
+}
+
+static int run(struct recover *r, const char *from, const char *to, struct complaint *why)
+{
+    int err = bag_file_open_any(&r->catalog->file, from, why);
+
+    if (err)
+        return err;
+    bag_salvage_init(&r->salvage, &r->catalog->file);
+    err = walk(r, why); /* for the definitions, wherever they stand */
+    if (err)
+        return err;
+    const struct bag_writer_config cfg = {.profile = r->profile,
+                                          .library = "anlos " ANLOS_VERSION,
+                                          .chunk_size = CHUNK_SIZE,
+                                          .compression = BAG_ZSTD};
+    err = bag_writer_create(&r->writer, to, &cfg, why);
+    if (err)
+        return err;
+    bag_salvage_free(&r->salvage);
+    bag_salvage_init(&r->salvage, &r->catalog->file);
+    if (bag_copy_create(&r->copy, r->writer) || bag_copy_add(r->copy, r->catalog))
+        err = complain(why, -ENOMEM, "%s: out of memory", from);
+    if (!err)
+        err = walk(r, why);
+    int closed = bag_writer_close(r->writer, err ? NULL : why);
+    return err ? err : closed;
+}
+
+int bag_recover(struct bag_recovery *out, const char *from, const char *to,
+                const struct bag_recover_watch *watch, struct complaint *why)
+{
+    struct recover *r = calloc(1, sizeof *r);
+    int err = r ? 0 : complain(why, -ENOMEM, "%s: out of memory", from);
+
+    if (!err) {
+        if (watch)
+            r->watch = *watch;
+        r->catalog = calloc(1, sizeof *r->catalog);
+        err = r->catalog ? 0 : complain(why, -ENOMEM, "%s: out of memory", from);
+    }
+    if (!err) {
+        r->catalog->file.fd = -1;
+        err = run(r, from, to, why);
+        *out = r->count;
+    }
+    if (r) {
+        bag_copy_destroy(r->copy);
+        bag_catalog_close(r->catalog);
+        bag_salvage_free(&r->salvage);
+    }
+    free(r);
+    return err;
+}

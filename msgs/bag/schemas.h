@@ -1,0 +1,16 @@
+/* msgs/bag/schemas.h -- the schema that a bag names for each topic: "anlos.Ping" as a
+ * protobuf file descriptor set with all that it imports, so that any MCAP tool can decode
+ * the messages without us.  Built in; made by protoc-c (schemas.cmake). */
+#ifndef ANLOS_MSGS_BAG_SCHEMAS_H
+#define ANLOS_MSGS_BAG_SCHEMAS_H
+
+#include "msgs/bag/record.h"
+#include "msgs/topics.h"
+
+#define BAG_PROTOBUF "protobuf" /* the encoding of schemas and messages */
+
+/* Without an id.  Points to what lives as long as the program; every topic of
+ * msgs/topics.h has one. */
+struct bag_schema bag_schema_of(const struct topic *t);
+
+#endif

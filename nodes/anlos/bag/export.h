@@ -1,0 +1,29 @@
+/* nodes/anlos/bag/export.h -- the formats of `anlos bag export`. */
+#ifndef ANLOS_NODES_ANLOS_BAG_EXPORT_H
+#define ANLOS_NODES_ANLOS_BAG_EXPORT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "nodes/anlos/bag/stream.h"
+
+struct export_options { /* borrow from argv */
+    const char *file, *topics, *out;
+    size_t scan; /* 0: the last one of the bag */
+    bool full;   /* JSON: every number of sound and images */
+};
+
+/* Each writes out (all of it or nothing) from the topics that the stream has, and says on
+ * stdout what.  0, -EINTR, -ENODATA (the bag holds none of that), -EEXIST, errors of
+ * stream_next and of writing. */
+int export_lines(struct stream *s, const struct export_options *o, struct complaint *why);
+int export_csv(struct stream *s, const struct export_options *o, struct complaint *why);
+int export_nrrd_file(struct stream *s, const struct export_options *o,
+                     struct complaint *why);
+int export_png(struct stream *s, const struct export_options *o, struct complaint *why);
+
+/* *n_missing: pings that the recording has not, silent there. */
+int export_wav(struct stream *s, const struct export_options *o, size_t *n_missing,
+               struct complaint *why);
+
+#endif

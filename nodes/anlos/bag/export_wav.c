@@ -1,0 +1,238 @@
+/* A scan as the recording that `anlos recon` reads: survey.yaml, scene and background
+ * with a WAV file for each stage position, or one file of all pings with places of their
+ * own. A slot's sound rings on into the next one: there the file has what the next ping
+ * heard, which is the same unless one of the two was taken again. */
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "hal/recording/recording.h"
+#include "hal/survey/file.h"
+#include "hal/tail.h"
+#include "msgs/tensor.h"
+#include "nodes/anlos/bag/export.h"
+#include "nodes/anlos/bag/takes.h"
+#include "nodes/rt/export.h"
+
+struct wav_file {   /* that is being filled */
+    float *samples; /* [n_microphones][n_frames]; NULL: not begun, or written */
+    size_t n_left;  /* pings that are still to come */
+};
+
+struct wav_set {
+    struct takes takes;
+    struct export_stage stage;
+    char folders[2][PATH_MAX];         /* scene, background; inside the stage */
+    size_t n_files, n_slots, n_frames; /* files of a pass; of a file */
+    struct wav_file *files;            /* [2][n_files] */
+    uint64_t n_clipped;
+};
+
+static const char *const pass_names[2] = {"scene", "background"};
+
+/* A recording is not written over. */
+static int check_vacant(const char *out, struct complaint *why)
+{
+    static const char *const names[] = {"scene", "background", "calibration",
+                                        "survey.yaml"};
+
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        char path[PATH_MAX];
+        struct stat st;
+        if (snprintf(path, sizeof path, "%s/%s", out, names[i]) < (int)sizeof path &&
+            !lstat(path, &st))
+            return complain(why, -EEXIST,
+                            "%s exists already; remove it or name another folder", path);
+    }
+    return 0;
+}
+
+static int plan(struct wav_set *w, struct complaint *why)
+{
+    const struct survey *s = &w->takes.survey;
+    bool own_places = s->pings_m != NULL;
+
+    w->n_files = own_places ? 1 : s->n_positions;
+    w->n_slots = own_places ? s->n_positions : s->n_speakers;
+    w->n_frames = w->n_slots * s->slot_samples + tail_samples(s);
+    w->files = calloc(2 * w->n_files, sizeof *w->files);
+    if (!w->files)
+        return complain(why, -ENOMEM, "out of memory");
+    for (size_t i = 0; i < 2 * w->n_files * w->n_slots; i++)
+        w->files[i / w->n_slots].n_left += w->takes.chosen[i] != 0;
+    return 0;
+}
+
+static int make_folders(struct wav_set *w, struct complaint *why)
+{
+    char path[PATH_MAX];
+    bool fits = true;
+
+    for (size_t pass = 0; pass < (w->takes.has_background ? 2u : 1u); pass++) {
+        char *folder = w->folders[pass];
+        fits = fits && snprintf(folder, PATH_MAX, "%s/%s", w->stage.path,
+                                pass_names[pass]) < PATH_MAX;
+        if (fits && mkdir(folder, 0777))
+            return complain(why, -errno, "%s: %s", folder, strerror(errno));
+    }
+    fits = fits && snprintf(path, sizeof path, "%s/survey.yaml", w->stage.path) <
+                       (int)sizeof path;
+    return fits ? survey_save(&w->takes.survey, path, "calibration", why)
+                : complain(why, -ENAMETOOLONG, "%s: path too long", w->stage.path);
+}
+
+static int write_file(struct wav_set *w, size_t i, struct complaint *why)
+{
+    const struct survey *s = &w->takes.survey;
+    struct wav_file *f = &w->files[i];
+    int err = recording_write(w->folders[i / w->n_files], i % w->n_files,
+                              s->n_microphones, w->n_frames, s->sample_rate_hz,
+                              f->samples, why);
+
+    free(f->samples);
+    f->samples = NULL;
+    return err;
+}
+
+static int begin_file(struct wav_set *w, struct wav_file *f, struct complaint *why)
+{
+    if (f->samples)
+        return 0;
+    f->samples = calloc(w->takes.survey.n_microphones * w->n_frames, sizeof(float));
+    return f->samples ? 0 : complain(why, -ENOMEM, "out of memory");
+}
+
+/* slot: among takes.chosen.  The tail goes where no ping of its own is. */
+static void place(struct wav_set *w, size_t slot, const float *x, size_t n_samples)
+{
+    const struct survey *s = &w->takes.survey;
+    float *samples = w->files[slot / w->n_slots].samples;
+    size_t in_file = slot % w->n_slots, at = in_file * s->slot_samples;
+    bool followed = in_file + 1 < w->n_slots && w->takes.chosen[slot + 1];
+    size_t n = followed ? s->slot_samples : s->slot_samples + tail_samples(s);
+
+    n = n < n_samples ? n : n_samples;
+    n = n < w->n_frames - at ? n : w->n_frames - at;
+    for (size_t m = 0; m < s->n_microphones; m++)
+        memcpy(samples + m * w->n_frames + at, x + m * n_samples, n * sizeof *x);
+}
+
+static int take_ping(struct wav_set *w, const Anlos__Ping *p, uint64_t number,
+                     struct complaint *why)
+{
+    const struct survey *s = &w->takes.survey;
+    size_t slot, extents[2];
+
+    if (!takes_slot(&w->takes, p, &slot) || w->takes.chosen[slot] != number)
+        return 0;
+    const float *x = p->samples ? tensor_f32(p->samples, 2, extents) : NULL;
+    if (!x || extents[0] != s->n_microphones)
+        return complain(why, -EBADMSG, "a ping does not fit its survey");
+    struct wav_file *f = &w->files[slot / w->n_slots];
+    int err = begin_file(w, f, why);
+    if (err)
+        return err;
+    place(w, slot, x, extents[1]);
+    for (size_t m = 0; m < p->n_clipped; m++)
+        w->n_clipped += p->clipped[m];
+    return --f->n_left ? 0 : write_file(w, slot / w->n_slots, why);
+}
+
+/* A position of which there is no ping at all is silent. */
+static int write_silent(struct wav_set *w, struct complaint *why)
+{
+    int err = 0;
+
+    for (size_t i = 0; i < (w->takes.has_background ? 2 : 1) * w->n_files && !err; i++) {
+        bool any = false;
+        for (size_t k = 0; k < w->n_slots; k++)
+            any |= w->takes.chosen[i * w->n_slots + k] != 0;
+        if (any)
+            continue;
+        err = begin_file(w, &w->files[i], why);
+        if (!err)
+            err = write_file(w, i, why);
+    }
+    return err;
+}
+
+static int write_files(struct wav_set *w, struct stream *s, struct complaint *why)
+{
+    struct stream_message m;
+    uint64_t number = 0;
+    int err = make_folders(w, why);
+
+    stream_rewind(s);
+    while (!err && !(err = stream_next(s, &m, why))) {
+        number++;
+        if (m.topic != topic_ping())
+            continue;
+        Anlos__Ping *p = (Anlos__Ping *)stream_unpack(&m);
+        if (!p)
+            return complain(why, -ENOMEM, "out of memory");
+        err = take_ping(w, p, number, why);
+        anlos__ping__free_unpacked(p, NULL);
+    }
+    return err == -ENODATA ? write_silent(w, why) : err;
+}
+
+static void say(const struct wav_set *w, const char *out)
+{
+    const struct takes *t = &w->takes;
+    size_t n = (t->has_background ? 2 : 1) * w->n_files * w->n_slots;
+
+    printf("%s: scan %u, %zu of %zu pings at %zu positions%s\n", out, t->scan,
+           n - t->n_missing, n, t->survey.n_positions,
+           t->has_background ? ", with background" : ", no background");
+    if (t->n_retaken)
+        printf("%s: %" PRIu64 " pings were taken again; the last valid ones are here\n",
+               out, t->n_retaken);
+    if (t->n_unplaced)
+        printf("%s: %" PRIu64 " pings do not belong to the survey and were left out\n",
+               out, t->n_unplaced);
+    if (w->n_clipped)
+        printf("%s: %" PRIu64 " samples are clipped\n", out, w->n_clipped);
+}
+
+static int write_set(struct wav_set *w, struct stream *s, const char *out,
+                     struct complaint *why)
+{
+    int err = check_vacant(out, why);
+
+    if (!err)
+        err = plan(w, why);
+    if (!err)
+        err = export_stage_begin(&w->stage, out, why);
+    if (err)
+        return err;
+    err = write_files(w, s, why);
+    if (!err)
+        err = export_stage_commit(&w->stage, why);
+    if (err)
+        export_stage_abandon(&w->stage);
+    else
+        say(w, out);
+    return err;
+}
+
+int export_wav(struct stream *s, const struct export_options *o, size_t *n_missing,
+               struct complaint *why)
+{
+    struct wav_set *w = calloc(1, sizeof *w);
+
+    if (!w)
+        return complain(why, -ENOMEM, "out of memory");
+    int err = takes_find(&w->takes, s, o->scan, why);
+    if (!err)
+        err = write_set(w, s, o->out, why);
+    *n_missing = w->takes.n_missing;
+    for (size_t i = 0; w->files && i < 2 * w->n_files; i++)
+        free(w->files[i].samples);
+    free(w->files);
+    takes_clear(&w->takes);
+    free(w);
+    return err;
+}

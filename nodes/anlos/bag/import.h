@@ -1,0 +1,26 @@
+/* nodes/anlos/bag/import.h -- what `anlos bag import` makes bags of. */
+#ifndef ANLOS_NODES_ANLOS_BAG_IMPORT_H
+#define ANLOS_NODES_ANLOS_BAG_IMPORT_H
+
+#include "nodes/anlos/bag/import_bag.h"
+
+struct import_options { /* borrow from argv */
+    const char *from, *out;
+    const char *survey, *background; /* of a recording; NULL: beside it, or none */
+    enum bag_compression compression;
+};
+
+/* A recording folder: survey and pings, as the array node publishes them.  0, -EINTR
+ * (Ctrl-C), errors of array_open and of import_bag_ping. */
+int import_recording(struct import_bag *bag, const struct import_options *o,
+                     struct complaint *why);
+
+/* An optical confocal scan (nodes/anlos/confocal/file.h) as if it had been made with
+ * sound: each place of the scan has sent a pulse that fills the band in which the scan
+ * stands out of the noise, and hears the root of the counts answer it (waves of light,
+ * Lindell 2019).  Ranges stay, and times are those of sound of 343 m/s.  Errors of
+ * confocal_file_load and of import_bag_ping. */
+int import_mat(struct import_bag *bag, const struct import_options *o,
+               struct complaint *why);
+
+#endif

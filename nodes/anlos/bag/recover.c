@@ -1,0 +1,105 @@
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "msgs/bag/recover.h"
+#include "nodes/anlos/bag/bag.h"
+#include "nodes/anlos/bag/verb.h"
+#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/usage.h"
+
+static const char help[] =
+    "anlos bag recover -- save what is whole in a bag that was cut or damaged\n"
+    "\n"
+    "usage: anlos bag recover FILE -o OUT\n"
+    "\n"
+    "Writes every whole message, attachment and metadata before and after each damage "
+    "into\n"
+    "a new bag, and says which bytes were lost.  FILE stays as it is.\n"
+    "\n"
+    "  -o, --out OUT   the new bag; must not be there\n"
+    "  --help          this text\n"
+    "\n"
+    "exit codes: 0 nothing was lost; 1 something was, or failed; 2 bad arguments or "
+    "files;\n"
+    "130 stopped by Ctrl-C (no OUT then)\n";
+
+static const struct option options[] = {
+    {"out", required_argument, NULL, 'o'},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+static void print_damage(void *context, uint64_t begin, uint64_t end, const char *what)
+{
+    printf("%s: bytes %" PRIu64 " to %" PRIu64 ": %s\n", (const char *)context, begin,
+           end, what);
+}
+
+static void print_result(const struct bag_recovery *r, const char *from, const char *to)
+{
+    printf("%s: %" PRIu64 " messages, %" PRIu64 " attachments, %" PRIu64 " metadata\n",
+           to, r->n_messages, r->n_attachments, r->n_metadata);
+    if (!bag_recovery_is_loss(r)) {
+        printf("%s: nothing was lost\n", from);
+        return;
+    }
+    printf("%s: %" PRIu64 " damaged places, %" PRIu64 " bytes\n", from, r->n_damages,
+           r->lost_bytes);
+    if (r->expected_messages > r->n_messages)
+        printf("%s: %" PRIu64 " of %" PRIu64 " messages were lost\n", from,
+               r->expected_messages - r->n_messages, r->expected_messages);
+    else if (!r->expected_messages)
+        printf("%s: how many messages it had is not known: its statistics are gone\n",
+               from);
+    if (r->n_unchecked)
+        printf("%s: %" PRIu64 " of the messages saved have no valid checksum\n", from,
+               r->n_unchecked);
+    if (r->n_nameless)
+        printf("%s: %" PRIu64 " messages were left out: the definition of their channel "
+               "is lost\n",
+               from, r->n_nameless);
+}
+
+static int run(char *from, const char *to)
+{
+    const struct bag_recover_watch watch = {
+        .damaged = print_damage, .stop = interrupt_requested, .context = from};
+    struct verb_output out;
+    struct bag_recovery found;
+    struct complaint why = {""};
+
+    interrupt_catch();
+    int err = verb_output_begin(&out, to, &why);
+    if (!err) {
+        err = bag_recover(&found, from, out.temporary, &watch, &why);
+        err = verb_output_end(&out, err, &why);
+    }
+    if (err)
+        return verb_end("recover", err, &why);
+    print_result(&found, from, to);
+    return fflush(stdout) || bag_recovery_is_loss(&found) ? EXIT_FAILED : EXIT_WORKED;
+}
+
+int bag_recover_command(int argc, char **argv)
+{
+    const char *out = NULL;
+    int code;
+
+    opterr = 0;
+    optind = 1;
+    while ((code = getopt_long(argc, argv, ":ho:", options, NULL)) != -1) {
+        if (code == 'h')
+            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
+        if (code != 'o')
+            return usage_option_error("bag recover", code, argv, options);
+        out = optarg;
+    }
+    code = verb_one_operand("bag recover", "FILE", argc, argv);
+    if (code)
+        return code;
+    if (!out)
+        return usage_error("bag recover", "-o OUT is missing");
+    return run(argv[optind], out);
+}

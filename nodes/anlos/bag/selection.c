@@ -1,0 +1,189 @@
+#include "nodes/anlos/bag/selection.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msgs/bag/copy.h"
+#include "msgs/bag/cursor.h"
+#include "nodes/anlos/bag/verb.h"
+#include "nodes/anlos/interrupt.h"
+
+struct input {
+    struct bag_cursor *cursor;
+    struct bag_message next;
+    bool ended;
+};
+
+struct run {
+    const struct selection *selection;
+    struct bag_catalog **catalogs; /* [n_files] */
+    struct input *inputs;          /* [n_files] */
+    struct bag_writer *writer;
+    struct bag_copy *copy;
+    uint64_t from, to; /* log times */
+};
+
+static int open_all(struct run *r, struct complaint *why)
+{
+    const struct selection *s = r->selection;
+    int err = 0;
+
+    r->catalogs = calloc(s->n_files, sizeof(struct bag_catalog *));
+    r->inputs = calloc(s->n_files, sizeof *r->inputs);
+    if (!r->catalogs || !r->inputs)
+        return complain(why, -ENOMEM, "out of memory");
+    for (size_t i = 0; i < s->n_files && !err; i++)
+        err = bag_catalog_open(&r->catalogs[i], s->files[i], why);
+    return err;
+}
+
+static int check_patterns(const struct run *r, struct complaint *why)
+{
+    const struct selection *s = r->selection;
+    char stray[64];
+
+    if (verb_finds_stray(s->topics, r->catalogs, s->n_files, stray) ||
+        verb_finds_stray(s->exclude, r->catalogs, s->n_files, stray))
+        return complain(why, -EINVAL,
+                        "no topic is called \"%s\"; 'anlos bag info' has their "
+                        "names",
+                        stray);
+    return 0;
+}
+
+static uint64_t after(uint64_t time, double s)
+{
+    double ns = 1e9 * s, room = (double)(UINT64_MAX - time);
+
+    return ns < room ? time + (uint64_t)llround(fmin(ns, 9e18)) : UINT64_MAX;
+}
+
+static void set_times(struct run *r)
+{
+    const struct selection *s = r->selection;
+    uint64_t first = UINT64_MAX;
+
+    for (size_t i = 0; i < s->n_files; i++)
+        if (r->catalogs[i]->n_messages && r->catalogs[i]->start_time < first)
+            first = r->catalogs[i]->start_time;
+    r->from = after(first, s->start_s);
+    r->to = after(first, s->end_s);
+}
+
+static int advance(struct input *in, struct complaint *why)
+{
+    int err = bag_cursor_next(in->cursor, &in->next, why);
+
+    in->ended = err != 0;
+    return err == -ENODATA ? 0 : err;
+}
+
+static int start_input(struct run *r, size_t i, struct complaint *why)
+{
+    const struct selection *s = r->selection;
+    const struct bag_catalog *c = r->catalogs[i];
+
+    if (bag_cursor_create(&r->inputs[i].cursor, c) || bag_copy_add(r->copy, c))
+        return complain(why, -ENOMEM, "out of memory");
+    for (size_t k = 0; k < c->n_channels; k++) {
+        const struct bag_channel *h = &c->channels[k].record.channel;
+        bag_cursor_select(r->inputs[i].cursor, h->id,
+                          verb_matches(s->topics, h->topic) &&
+                              !(s->exclude && verb_matches(s->exclude, h->topic)));
+    }
+    bag_cursor_seek(r->inputs[i].cursor, r->from);
+    int err = bag_copy_rest(r->copy, i, why);
+    return err ? err : advance(&r->inputs[i], why);
+}
+
+/* The input whose message comes first; n_files: all have ended. */
+static size_t first_input(const struct run *r)
+{
+    size_t n = r->selection->n_files, best = n;
+
+    for (size_t i = 0; i < n; i++)
+        if (!r->inputs[i].ended &&
+            (best == n || r->inputs[i].next.log_time < r->inputs[best].next.log_time))
+            best = i;
+    return best;
+}
+
+static int copy_all(struct run *r, struct selection_result *out, struct complaint *why)
+{
+    int err = 0;
+
+    for (size_t i = 0; i < r->selection->n_files && !err; i++) {
+        out->n_messages += r->catalogs[i]->n_messages;
+        err = start_input(r, i, why);
+    }
+    while (!err) {
+        size_t i = first_input(r);
+        if (i == r->selection->n_files || r->inputs[i].next.log_time > r->to)
+            return 0;
+        if (interrupt_requested())
+            return complain(why, -EINTR, "interrupted");
+        err = bag_copy_message(r->copy, i, &r->inputs[i].next, why);
+        out->n_written += !err;
+        if (!err)
+            err = advance(&r->inputs[i], why);
+    }
+    return err;
+}
+
+/* What all of the bags have; empty: they differ. */
+static void find_profile(const struct run *r, char out[64])
+{
+    struct bytes first = r->catalogs[0]->header.record.header.profile;
+
+    for (size_t i = 0; i < r->selection->n_files; i++)
+        if (!bytes_equal(r->catalogs[i]->header.record.header.profile, first))
+            first.size = 0;
+    snprintf(out, 64, "%.*s", (int)(first.size < 64 ? first.size : 0),
+             (const char *)first.data);
+}
+
+static int write_bag(struct run *r, struct selection_result *out, struct complaint *why)
+{
+    struct verb_output o;
+    char profile[64];
+    int err = verb_output_begin(&o, r->selection->out, why);
+
+    if (err)
+        return err;
+    find_profile(r, profile);
+    err = verb_writer_create(&r->writer, &o, profile, r->selection->compression, why);
+    if (!err && bag_copy_create(&r->copy, r->writer))
+        err = complain(why, -ENOMEM, "out of memory");
+    if (!err)
+        err = copy_all(r, out, why);
+    int closed = bag_writer_close(r->writer, err ? NULL : why);
+    return verb_output_end(&o, err ? err : closed, why);
+}
+
+int selection_write(const struct selection *s, struct selection_result *out,
+                    struct complaint *why)
+{
+    struct run r = {.selection = s};
+    int err = open_all(&r, why);
+
+    *out = (struct selection_result){0};
+    if (!err)
+        err = check_patterns(&r, why);
+    if (!err) {
+        set_times(&r);
+        err = write_bag(&r, out, why);
+    }
+    bag_copy_destroy(r.copy);
+    for (size_t i = 0; i < s->n_files; i++) {
+        if (r.inputs)
+            bag_cursor_destroy(r.inputs[i].cursor);
+        if (r.catalogs)
+            bag_catalog_close(r.catalogs[i]);
+    }
+    free(r.catalogs);
+    free(r.inputs);
+    return err;
+}

@@ -1,0 +1,110 @@
+#include "nodes/anlos/bag/stream.h"
+
+#include <errno.h>
+#include <stdlib.h>
+
+#include "nodes/anlos/bag/verb.h"
+#include "nodes/anlos/interrupt.h"
+
+struct stream {
+    struct bag_catalog *catalog;
+    struct bag_cursor *cursor;
+    struct bag_source *sources; /* [n_channels]; topic NULL: not ours */
+};
+
+static int open_parts(struct stream *s, const char *path, struct complaint *why)
+{
+    int err = bag_catalog_open(&s->catalog, path, why);
+
+    if (err)
+        return err;
+    s->sources = calloc(s->catalog->n_channels + 1, sizeof *s->sources);
+    if (!s->sources || bag_cursor_create(&s->cursor, s->catalog))
+        return complain(why, -ENOMEM, "out of memory");
+    for (size_t i = 0; i < s->catalog->n_channels; i++)
+        if (bag_source_of(&s->sources[i], &s->catalog->channels[i].record.channel))
+            s->sources[i].topic = NULL;
+    return 0;
+}
+
+int stream_open(struct stream **out, const char *path, struct complaint *why)
+{
+    struct stream *s = calloc(1, sizeof *s);
+    int err = s ? open_parts(s, path, why) : complain(why, -ENOMEM, "out of memory");
+
+    if (err)
+        stream_close(s);
+    else
+        *out = s;
+    return err;
+}
+
+int stream_require(const struct stream *s, const char *topics, struct complaint *why)
+{
+    char stray[64];
+
+    return verb_finds_stray(topics, &s->catalog, 1, stray)
+               ? complain(why, -EINVAL,
+                          "%s: no topic is called \"%s\"; 'anlos bag info' "
+                          "has their names",
+                          s->catalog->file.path, stray)
+               : 0;
+}
+
+void stream_select(struct stream *s, const char *topics)
+{
+    for (size_t i = 0; i < s->catalog->n_channels; i++) {
+        const struct bag_channel *h = &s->catalog->channels[i].record.channel;
+        bag_cursor_select(s->cursor, h->id, verb_matches(topics, h->topic));
+    }
+}
+
+void stream_rewind(struct stream *s)
+{
+    bag_cursor_seek(s->cursor, 0);
+}
+
+int stream_next(struct stream *s, struct stream_message *out, struct complaint *why)
+{
+    struct bag_message m;
+    int err = interrupt_requested() ? complain(why, -EINTR, "interrupted")
+                                    : bag_cursor_next(s->cursor, &m, why);
+
+    if (err)
+        return err;
+    *out = (struct stream_message){
+        .channel = bag_catalog_channel(s->catalog, m.channel_id), .payload = m.data};
+    if (!out->channel)
+        return complain(why, -EBADMSG,
+                        "%s: a message of channel %u, which is not defined",
+                        s->catalog->file.path, m.channel_id);
+    const struct bag_source *source =
+        &s->sources[s->catalog->channel_at[m.channel_id] - 1];
+    out->topic = source->topic;
+    if (out->topic)
+        bag_source_envelope(source, &m, &out->envelope);
+    else
+        out->envelope = (struct envelope){.sequence = m.sequence,
+                                          .capture_ns = (int64_t)m.publish_time,
+                                          .publish_ns = (int64_t)m.log_time,
+                                          .payload_size = (uint32_t)m.data.size};
+    return 0;
+}
+
+ProtobufCMessage *stream_unpack(const struct stream_message *m)
+{
+    if (!m->topic || m->payload.size > m->topic->max_size)
+        return NULL;
+    return protobuf_c_message_unpack(m->topic->schema, NULL, m->payload.size,
+                                     m->payload.data);
+}
+
+void stream_close(struct stream *s)
+{
+    if (!s)
+        return;
+    bag_cursor_destroy(s->cursor);
+    bag_catalog_close(s->catalog);
+    free(s->sources);
+    free(s);
+}

@@ -1,0 +1,41 @@
+/* nodes/anlos/bag/stream.h -- the messages of some topics of a bag, in the order of their
+ * times, as the bus would have brought them. */
+#ifndef ANLOS_NODES_ANLOS_BAG_STREAM_H
+#define ANLOS_NODES_ANLOS_BAG_STREAM_H
+
+#include "msgs/bag/cursor.h"
+#include "msgs/bag/topic_message.h"
+
+struct stream;
+
+struct stream_message {
+    const struct bag_channel *channel;
+    const struct topic
+        *topic; /* NULL: not one of ours; then the envelope has times only */
+    struct envelope envelope;
+    struct bytes payload; /* until the next one */
+};
+
+/* All topics.  0, as bag_catalog_open. */
+int stream_open(struct stream **out, const char *path, struct complaint *why);
+
+/* Does each pattern (verb_matches) match a topic of the bag?  0, -EINVAL: one does not;
+ * the complaint says which. */
+int stream_require(const struct stream *s, const char *topics, struct complaint *why);
+
+/* Only what the patterns match; to be said before the first stream_next. */
+void stream_select(struct stream *s, const char *topics);
+
+/* From the first message again. */
+void stream_rewind(struct stream *s);
+
+/* 0, -ENODATA (the end), -EINTR (Ctrl-C), -EBADMSG (of no channel), as bag_cursor_next.
+ */
+int stream_next(struct stream *s, struct stream_message *out, struct complaint *why);
+
+/* The content by the topic's schema.  NULL: it is not one, or of no topic of ours.  Free
+ * it with protobuf_c_message_free_unpacked. */
+ProtobufCMessage *stream_unpack(const struct stream_message *m);
+void stream_close(struct stream *s);
+
+#endif

@@ -1,0 +1,55 @@
+/* nodes/anlos/bag/verb.h -- what the verbs of `anlos bag` share: how they end, and the
+ * file that they make. */
+#ifndef ANLOS_NODES_ANLOS_BAG_VERB_H
+#define ANLOS_NODES_ANLOS_BAG_VERB_H
+
+#include <limits.h>
+#include <stdbool.h>
+#include <stdio.h>
+
+#include "msgs/bag/catalog.h"
+#include "msgs/bag/compression.h"
+#include "msgs/bag/writer.h"
+#include "msgs/complaint.h"
+
+/* Prints "anlos bag VERB: text" unless err is 0 or -EINTR; returns the exit code: 0, 130,
+ * 2 for what is wrong with the input (no such file, no bag, damaged, too large, an output
+ * that is there already), else 1. */
+int verb_end(const char *verb, int err, const struct complaint *why);
+
+/* A file that appears under its name when it is whole. */
+struct verb_output {
+    char path[PATH_MAX];
+    char temporary[PATH_MAX]; /* to be made by the caller */
+};
+
+/* 0, -EEXIST (path is there already), -ENAMETOOLONG. */
+int verb_output_begin(struct verb_output *o, const char *path, struct complaint *why);
+
+/* err 0: gives the file its name; else removes it.  err, or an errno of renaming. */
+int verb_output_end(struct verb_output *o, int err, struct complaint *why);
+
+/* A bag as we write them, under o->temporary.  As bag_writer_create. */
+int verb_writer_create(struct bag_writer **out, const struct verb_output *o,
+                       const char *profile, enum bag_compression compression,
+                       struct complaint *why);
+
+/* A text file that appears whole, or "-" for stdout: write fills it and returns 0 or a
+ * negative errno with a complaint.  That, or an errno of writing. */
+int verb_write_file(const char *path,
+                    int (*write)(FILE *f, void *context, struct complaint *why),
+                    void *context, struct complaint *why);
+
+/* Of the command line, after its options.  0, or what usage_error returns. */
+int verb_one_operand(const char *command, const char *what, int argc, char **argv);
+int verb_take_compression(const char *command, const char *text,
+                          enum bag_compression *out);
+
+/* A topic by patterns (fnmatch(3)) with commas between; NULL: every one. */
+bool verb_matches(const char *patterns, struct bytes topic);
+
+/* The first pattern that no topic of the bags matches, in out.  false: each matches. */
+bool verb_finds_stray(const char *patterns, struct bag_catalog *const *bags,
+                      size_t n_bags, char out[64]);
+
+#endif

@@ -1,0 +1,655 @@
+/* `anlos bag`: a small simulated recording there and back, and bags made for the purpose.
+ */
+#include "tests/hal/scratch.h"
+
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "hal/recording/recording.h"
+#include "hal/survey/file.h"
+#include "msgs/array.pb-c.h"
+#include "msgs/bag/topic_message.h"
+#include "msgs/detections.pb-c.h"
+#include "msgs/tensor.h"
+#include "msgs/volume.pb-c.h"
+#include "nodes/anlos/bag/import.h"
+#include "nodes/anlos/bag/selection.h"
+#include "nodes/anlos/bag/stream.h"
+#include "nodes/anlos/commands.h"
+#include "nodes/anlos/interrupt.h"
+#include "tests/nodes/command.h"
+
+static struct command_result result;
+
+static int run(const char *const words[])
+{
+    command_run(&result, command_bag, (char *const *)words);
+    return result.code;
+}
+
+/* `anlos bag` with these words; its exit code. */
+#define bag(...) run((const char *const[]){"bag", __VA_ARGS__, NULL})
+
+static char folder[64]; /* with the recording "r" and its bag "r.mcap" */
+static char recording[96], recorded_bag[96];
+
+static int make_recording(void **state)
+{
+    struct scratch *s;
+
+    if (scratch_open(state))
+        return -1;
+    s = *state;
+    snprintf(folder, sizeof folder, "%s", s->folder);
+    snprintf(recording, sizeof recording, "%s/r", folder);
+    snprintf(recorded_bag, sizeof recorded_bag, "%s/r.mcap", folder);
+    char *words[] = {"sim", SOURCE_DIR "/tests/nodes/point.yaml", "--out", recording,
+                     NULL};
+    command_run(&result, command_sim, words);
+    return result.code ? -1 : bag("import", recording, "-o", recorded_bag);
+}
+
+/* A path in the folder; four may be in use at once. */
+static const char *in_folder(const char *name)
+{
+    static char paths[4][128];
+    static int next;
+    char *path = paths[next++ % 4];
+
+    snprintf(path, sizeof paths[0], "%s/%s", folder, name);
+    return path;
+}
+
+static bool is_there(const char *name)
+{
+    return !access(in_folder(name), F_OK);
+}
+
+/* What no test may leave behind. */
+static void assert_no_leftovers(void)
+{
+    char command[160];
+
+    snprintf(command, sizeof command,
+             "test -z \"$(find '%s' -name '*.part*' -o -name '.[a-z]*')\"", folder);
+    assert_int_equal(system(command), 0);
+}
+
+static char *slurp(const char *name, size_t *size)
+{
+    FILE *f = fopen(in_folder(name), "rb");
+    assert_non_null(f);
+    fseek(f, 0, SEEK_END);
+    *size = (size_t)ftell(f);
+    rewind(f);
+    char *data = malloc(*size + 1);
+    assert_int_equal(fread(data, 1, *size, f), *size);
+    data[*size] = '\0';
+    fclose(f);
+    return data;
+}
+
+static void assert_same(const char *a, const char *b)
+{
+    size_t n[2];
+    char *x = slurp(a, &n[0]), *y = slurp(b, &n[1]);
+
+    assert_int_equal(n[0], n[1]);
+    assert_memory_equal(x, y, n[0]);
+    free(x);
+    free(y);
+}
+
+static void export_lines_of(const char *from, const char *to)
+{
+    if (bag("export", in_folder(from), "--format", "json", "-o", in_folder(to)))
+        fail_msg("%s", result.err);
+}
+
+/* Samples of a recording's pass, [n_positions][n_microphones][frames]. */
+static float *read_pass(const char *in, const char *pass, size_t *n, uint64_t *id)
+{
+    struct complaint why = {""};
+    struct survey s;
+    struct recording *r;
+    uint32_t counts[2][64];
+    char path[200];
+
+    snprintf(path, sizeof path, "%.90s/survey.yaml", in);
+    if (survey_load(&s, path, &why))
+        fail_msg("%s", why.text);
+    *id = survey_id(&s);
+    snprintf(path, sizeof path, "%.90s/%s", in, pass);
+    if (recording_open(&r, path, &s, &why))
+        fail_msg("%s", why.text);
+    size_t frames = s.n_microphones * recording_frames(r);
+    float *x = malloc(s.n_positions * frames * sizeof *x);
+    for (size_t k = 0; k < s.n_positions; k++)
+        assert_int_equal(recording_read(r, k, x + k * frames, counts[0], counts[1], &why),
+                         0);
+    *n = s.n_positions * frames;
+    recording_close(r);
+    survey_clear(&s);
+    return x;
+}
+
+static void a_recording_comes_back_out_of_its_bag(void **state)
+{
+    static const char *const passes[] = {"scene", "background"};
+
+    (void)state;
+    if (bag("export", recorded_bag, "--format", "wav", "-o", in_folder("back")))
+        fail_msg("%s", result.err);
+    for (int i = 0; i < 2; i++) {
+        size_t n[2];
+        uint64_t id[2];
+        float *x = read_pass(recording, passes[i], &n[0], &id[0]);
+        float *y = read_pass(in_folder("back"), passes[i], &n[1], &id[1]);
+        assert_int_equal(n[0], n[1]);
+        assert_true(id[0] == id[1]);
+        assert_memory_equal(x, y, n[0] * sizeof *x);
+        free(x);
+        free(y);
+    }
+    assert_no_leftovers();
+}
+
+static void equal_recordings_become_equal_bags(void **state)
+{
+    (void)state;
+    assert_int_equal(bag("import", recording, "-o", in_folder("again.mcap")), 0);
+    assert_same("r.mcap", "again.mcap");
+    assert_int_equal(bag("check", recorded_bag, in_folder("again.mcap")), 0);
+    assert_contains(result.out, "no fault");
+}
+
+static void info_tells_what_is_there(void **state)
+{
+    json_t *o, *topic;
+    size_t i;
+
+    (void)state;
+    assert_int_equal(bag("info", recorded_bag), 0);
+    assert_contains(result.out, "ping           anlos.Ping");
+    assert_contains(result.out, "survey.yaml");
+    assert_contains(result.out, "zstd");
+    assert_int_equal(bag("info", "--json", recorded_bag), 0);
+    o = json_loads(result.out, 0, NULL);
+    assert_non_null(o);
+    json_array_foreach(json_object_get(o, "topics"), i, topic)
+    {
+        json_int_t n = json_integer_value(json_object_get(topic, "messages"));
+        if (i == 1) { /* 24 pings of a pass, a slot of 31.25 ms each */
+            assert_string_equal(json_string_value(json_object_get(topic, "topic")),
+                                "ping");
+            assert_int_equal(n, 48);
+            assert_float_equal(json_number_value(json_object_get(topic, "rate_hz")), 32.0,
+                               1e-6);
+        }
+    }
+    assert_int_equal(json_integer_value(json_object_get(o, "messages")), 50);
+    json_decref(o);
+}
+
+static void parts_of_a_bag_merge_into_the_whole(void **state)
+{
+    (void)state;
+    assert_int_equal(
+        bag("filter", recorded_bag, "-o", in_folder("1.mcap"), "--end", "0.7"), 0);
+    assert_int_equal(
+        bag("filter", recorded_bag, "-o", in_folder("2.mcap"), "--start", "0.7000001"),
+        0);
+    assert_int_equal(bag("merge", in_folder("2.mcap"), in_folder("1.mcap"), "-o",
+                         in_folder("12.mcap"), "--compression", "lz4"),
+                     0);
+    assert_int_equal(bag("check", in_folder("12.mcap")), 0);
+    export_lines_of("r.mcap", "r.json");
+    export_lines_of("12.mcap", "12.json");
+    assert_same("r.json", "12.json");
+    assert_int_equal(bag("info", in_folder("12.mcap")), 0);
+    assert_contains(result.out, "lz4");
+    /* The attachment and the metadata were the same in both. */
+    assert_null(strstr(strstr(result.out, "survey.yaml") + 1, "survey.yaml"));
+    assert_no_leftovers();
+}
+
+static void topics_are_filtered_by_name_and_pattern(void **state)
+{
+    (void)state;
+    assert_int_equal(
+        bag("filter", recorded_bag, "-o", in_folder("s.mcap"), "--topics", "sur*"), 0);
+    assert_contains(result.out, "2 of 50 messages");
+    assert_int_equal(bag("filter", recorded_bag, "-o", in_folder("p.mcap"), "--exclude",
+                         "survey,stage/*"),
+                     2);
+    assert_contains(result.err, "stage/*");
+    assert_false(is_there("p.mcap"));
+    assert_int_equal(
+        bag("filter", recorded_bag, "-o", in_folder("p.mcap"), "--exclude", "survey"), 0);
+    assert_contains(result.out, "48 of 50 messages");
+}
+
+static void lines_go_to_stdout_too(void **state)
+{
+    size_t size;
+
+    (void)state;
+    export_lines_of("r.mcap", "file.json");
+    assert_int_equal(
+        bag("export", recorded_bag, "--format", "json", "--topic", "survey", "-o", "-"),
+        0);
+    char *text = slurp("file.json", &size);
+    /* The first survey is the first message, and nothing else is said. */
+    assert_memory_equal(result.out, text, strcspn(text, "\n") + 1);
+    assert_int_equal(result.out[strlen(result.out) - 1], '\n');
+    assert_int_equal(result.out[strlen(result.out) - 2], '}');
+    free(text);
+}
+
+static void what_was_cut_is_recovered_and_told(void **state)
+{
+    size_t size;
+    char *data = slurp("r.mcap", &size);
+    FILE *f = fopen(in_folder("cut.mcap"), "wb");
+
+    (void)state;
+    fwrite(data, 1, size / 2, f);
+    fclose(f);
+    assert_int_equal(bag("check", in_folder("cut.mcap")), 1);
+    assert_contains(result.out, "byte ");
+    assert_int_equal(bag("info", in_folder("cut.mcap")), 2);
+    assert_contains(result.err, "anlos bag recover");
+    assert_int_equal(bag("recover", in_folder("cut.mcap"), "-o", in_folder("saved.mcap")),
+                     1);
+    assert_contains(result.out, "the file was cut");
+    assert_int_equal(bag("check", in_folder("saved.mcap")), 0);
+    assert_int_equal(bag("recover", recorded_bag, "-o", in_folder("all.mcap")), 0);
+    assert_contains(result.out, "nothing was lost");
+    export_lines_of("r.mcap", "whole.json");
+    export_lines_of("all.mcap", "all.json");
+    assert_same("whole.json", "all.json");
+    free(data);
+    assert_no_leftovers();
+}
+
+/* -- bags of single messages ------------------------------------------------------------
+ */
+
+struct making {
+    struct bag_writer *writer;
+    struct bag_topics *topics;
+    int64_t now_ns;
+};
+
+static struct making make(const char *name)
+{
+    const struct bag_writer_config cfg = {.profile = "", .library = ""};
+    struct making m = {.now_ns = 1000};
+    struct complaint why = {""};
+
+    if (bag_writer_create(&m.writer, in_folder(name), &cfg, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(bag_topics_create(&m.topics, m.writer), 0);
+    return m;
+}
+
+static void add_bytes(struct making *m, const char *topic, const uint8_t *data,
+                      size_t size)
+{
+    struct complaint why = {""};
+    struct envelope e = {.node = "test",
+                         .capture_ns = m->now_ns,
+                         .publish_ns = m->now_ns + 5,
+                         .payload_size = (uint32_t)size};
+
+    m->now_ns += 10;
+    snprintf(e.topic, sizeof e.topic, "%s", topic);
+    if (bag_topics_put(m->topics, &e, data, NULL, &why))
+        fail_msg("%s", why.text);
+}
+
+static void add(struct making *m, const char *topic, const ProtobufCMessage *message)
+{
+    size_t size = protobuf_c_message_get_packed_size(message);
+    uint8_t *data = malloc(size + 1);
+
+    protobuf_c_message_pack(message, data);
+    add_bytes(m, topic, data, size);
+    free(data);
+}
+
+static void made(struct making *m)
+{
+    struct complaint why = {""};
+
+    bag_topics_destroy(m->topics);
+    if (bag_writer_close(m->writer, &why))
+        fail_msg("%s", why.text);
+}
+
+static Anlos__Vec3 vec3(double x, double y, double z)
+{
+    Anlos__Vec3 v = ANLOS__VEC3__INIT;
+
+    v.x = x;
+    v.y = y;
+    v.z = z;
+    return v;
+}
+
+static void detections_become_lines_of_a_table(void **state)
+{
+    Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
+    Anlos__Detection d = ANLOS__DETECTION__INIT, *all[] = {&d, &d};
+    Anlos__Vec3 at = vec3(1.5, -2, 0.25), at_virtual = vec3(0.1, 0.2, 0.3);
+    double covariance[] = {1, 2, 3, 4, 5, 6};
+    struct making m = make("d.mcap");
+    size_t size;
+
+    (void)state;
+    d.id = 7;
+    d.position_m = &at;
+    d.virtual_m = &at_virtual;
+    d.covariance_m2 = covariance;
+    d.n_covariance_m2 = 6;
+    d.existence = 0.75;
+    d.level_db = NAN;
+    list.scan = 2;
+    list.counter = 9;
+    list.mirrored = list.in_vehicle_frame = true;
+    list.detections = all;
+    list.n_detections = 1;
+    add(&m, "detections", &list.base);
+    made(&m);
+    assert_int_equal(
+        bag("export", in_folder("d.mcap"), "--format", "csv", "-o", in_folder("d.csv")),
+        0);
+    char *text = slurp("d.csv", &size);
+    assert_string_equal(
+        strchr(text, '\n') + 1,
+        "1000,1005,2,9,0,vehicle,1,7,1.5,-2,0.25,1,2,3,4,5,6,0.75,,0.1,0.2,0.3,,,\n");
+    free(text);
+}
+
+static void the_last_final_volume_becomes_nrrd_and_pictures(void **state)
+{
+    float voxels[24];
+    struct tensor_view view;
+    Anlos__Volume v = ANLOS__VOLUME__INIT;
+    Anlos__Vec3 origin = vec3(1, 2, 3), step = vec3(0.5, 0.25, 0.125);
+    struct making m = make("v.mcap");
+    size_t size;
+
+    (void)state;
+    v.origin_m = &origin;
+    v.step_m = &step;
+    for (uint32_t i = 0; i < 3; i++) { /* a preview, the image, a preview repeated */
+        for (int k = 0; k < 24; k++)
+            voxels[k] = (float)(k + 100 * (int)i);
+        v.intensity =
+            tensor_borrow_f32(&view, voxels, 3, (size_t)4, (size_t)3, (size_t)2);
+        v.scan = 1;
+        v.preview = i != 1;
+        add(&m, "volume", &v.base);
+    }
+    made(&m);
+    assert_int_equal(
+        bag("export", in_folder("v.mcap"), "--format", "nrrd", "-o", in_folder("v.nrrd")),
+        0);
+    char *text = slurp("v.nrrd", &size);
+    assert_contains(text, "sizes: 2 3 4");
+    for (int k = 0; k < 24; k++)
+        voxels[k] = (float)(k + 100);
+    assert_memory_equal(text + size - sizeof voxels, voxels, sizeof voxels);
+    free(text);
+    assert_int_equal(bag("export", in_folder("v.mcap"), "--format", "png", "-o",
+                         in_folder("pictures")),
+                     0);
+    assert_true(is_there("pictures/projection_xz.png"));
+    assert_int_equal(bag("export", in_folder("v.mcap"), "--format", "nrrd", "-o",
+                         in_folder("w.nrrd"), "--scan", "2"),
+                     2);
+    assert_contains(result.err, "scan 2");
+    assert_no_leftovers();
+}
+
+/* The pings of the recording's bag again, changed on their way. */
+static void copy_pings(struct making *m, bool (*change)(Anlos__Ping *, size_t i))
+{
+    struct complaint why = {""};
+    struct stream_message in;
+    struct stream *s;
+    size_t i = 0;
+
+    if (stream_open(&s, recorded_bag, &why))
+        fail_msg("%s", why.text);
+    while (!stream_next(s, &in, &why)) {
+        ProtobufCMessage *content = stream_unpack(&in);
+        assert_non_null(content);
+        if (in.topic != topic_ping() || change((Anlos__Ping *)content, i++))
+            add(m, in.topic->name, content);
+        protobuf_c_message_free_unpacked(content, NULL);
+    }
+    stream_close(s);
+}
+
+static bool spoil_the_third(Anlos__Ping *p, size_t i)
+{
+    if (i != 2)
+        return true;
+    memset(p->samples->data.data, 0x3d, p->samples->data.len);
+    p->valid = false;
+    return true;
+}
+
+static bool keep_the_third(Anlos__Ping *p, size_t i)
+{
+    (void)p;
+    return i == 2;
+}
+
+static bool shift_the_stage(Anlos__Ping *p, size_t i)
+{
+    (void)i;
+    p->stage_m += 0.001;
+    return true;
+}
+
+static void a_ping_that_was_taken_again_stands_for_the_failed_one(void **state)
+{
+    struct making m = make("retaken.mcap");
+    size_t n[2];
+    uint64_t id[2];
+
+    (void)state;
+    copy_pings(&m, spoil_the_third);
+    copy_pings(&m, keep_the_third);
+    made(&m);
+    if (bag("export", in_folder("retaken.mcap"), "--format", "wav", "-o",
+            in_folder("retaken")))
+        fail_msg("%s", result.err);
+    assert_contains(result.out, "1 pings were taken again");
+    float *x = read_pass(recording, "background", &n[0], &id[0]);
+    float *y = read_pass(in_folder("retaken"), "background", &n[1], &id[1]);
+    assert_memory_equal(x, y, n[0] * sizeof *x);
+    free(x);
+    free(y);
+}
+
+static void a_ping_that_is_missing_is_told(void **state)
+{
+    struct making m = make("lossy.mcap");
+
+    (void)state;
+    copy_pings(&m, spoil_the_third);
+    made(&m);
+    assert_int_equal(bag("export", in_folder("lossy.mcap"), "--format", "wav", "-o",
+                         in_folder("lossy")),
+                     1);
+    assert_contains(result.err, "1 pings are missing");
+    assert_contains(result.out, "47 of 48 pings");
+    assert_true(is_there("lossy/survey.yaml"));
+}
+
+static void the_survey_of_an_export_says_where_the_stage_stood(void **state)
+{
+    struct making m = make("shifted.mcap");
+    struct complaint why = {""};
+    struct survey s[2];
+    char path[200];
+
+    (void)state;
+    copy_pings(&m, shift_the_stage);
+    made(&m);
+    assert_int_equal(bag("export", in_folder("shifted.mcap"), "--format", "wav", "-o",
+                         in_folder("shifted")),
+                     0);
+    snprintf(path, sizeof path, "%s/survey.yaml", recording);
+    assert_int_equal(survey_load(&s[0], path, &why), 0);
+    assert_int_equal(survey_load(&s[1], in_folder("shifted/survey.yaml"), &why), 0);
+    for (size_t k = 0; k < s[0].n_positions; k++)
+        assert_float_equal(s[1].stage_positions_m[k], s[0].stage_positions_m[k] + 0.001,
+                           1e-9);
+    survey_clear(&s[0]);
+    survey_clear(&s[1]);
+}
+
+static void a_message_that_is_none_is_told_and_does_no_harm(void **state)
+{
+    struct making m = make("garbled.mcap");
+    const uint8_t noise[] = {0xff, 0xff, 0xff, 0xff};
+    size_t size;
+
+    (void)state;
+    add_bytes(&m, "ping", noise, sizeof noise);
+    made(&m);
+    assert_int_equal(bag("export", in_folder("garbled.mcap"), "--format", "wav", "-o",
+                         in_folder("garbled")),
+                     2);
+    assert_contains(result.err, "is none");
+    assert_false(is_there("garbled"));
+    export_lines_of("garbled.mcap", "garbled.json");
+    char *text = slurp("garbled.json", &size);
+    assert_contains(text, "not a message of the topic's schema");
+    free(text);
+}
+
+/* -- refusals ---------------------------------------------------------------------------
+ */
+
+static void a_file_that_is_there_is_not_written_over(void **state)
+{
+    static const char *const verbs[] = {"recover", "filter", "merge"};
+
+    (void)state;
+    for (size_t i = 0; i < 3; i++) {
+        assert_int_equal(bag(verbs[i], recorded_bag, "-o", recorded_bag), 2);
+        assert_contains(result.err, "exists already");
+    }
+    assert_int_equal(bag("import", recording, "-o", recorded_bag), 2);
+    assert_int_equal(bag("export", recorded_bag, "--format", "json", "-o", recorded_bag),
+                     2);
+    assert_int_equal(bag("export", recorded_bag, "--format", "wav", "-o", recording), 2);
+    assert_contains(result.err, "exists already");
+    assert_int_equal(bag("check", recorded_bag), 0);
+}
+
+static void ctrl_c_leaves_no_file(void **state)
+{
+    char *files[] = {recorded_bag};
+    const struct selection s = {
+        .files = files, .n_files = 1, .end_s = INFINITY, .out = in_folder("half.mcap")};
+    const struct import_options o = {.from = recording, .out = in_folder("i.mcap")};
+    struct selection_result r;
+    struct import_bag *b;
+    struct complaint why = {""};
+
+    (void)state;
+    interrupt_catch();
+    raise(SIGINT);
+    assert_int_equal(selection_write(&s, &r, &why), -EINTR);
+    assert_int_equal(import_bag_begin(&b, o.out, BAG_ZSTD, &why), 0);
+    assert_int_equal(import_bag_end(b, import_recording(b, &o, &why), &why), -EINTR);
+    interrupt_catch();
+    assert_false(is_there("half.mcap"));
+    assert_false(is_there("i.mcap"));
+    assert_no_leftovers();
+}
+
+static void wrong_arguments_are_refused(void **state)
+{
+    static const struct {
+        const char *words[5], *text;
+    } all[] = {
+        {{NULL}, "is missing"},
+        {{"inof"}, "inof: no such verb"},
+        {{"info"}, "FILE is missing"},
+        {{"info", "a", "b"}, "b: unexpected"},
+        {{"info", "--jsn", "a"}, "did you mean --json?"},
+        {{"info", "/nowhere/a.mcap"}, "/nowhere/a.mcap"},
+        {{"check"}, "FILE is missing"},
+        {{"check", SOURCE_DIR "/README.md"}, "no MCAP file"},
+        {{"recover", "a"}, "-o OUT is missing"},
+        {{"merge", "-o", "b"}, "FILE is missing"},
+        {{"merge", "a", "-o", "b", "--compression"}, "expected a value"},
+        {{"filter", "a", "--start", "-1"}, "--start -1: expected seconds"},
+        {{"export", "a", "-o", "b"}, "--format is missing"},
+        {{"export", "a", "--format", "mp3"}, "--format mp3: expected wav"},
+        {{"import", "-o", "b"}, "FOLDER or FILE.mat is missing"},
+        {{"import", "/nowhere", "-o", "/tmp/anlos-never"}, "/nowhere"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        const char *const *w = all[i].words;
+        int code = bag(w[0], w[1], w[2], w[3], w[4]);
+        if (code != 2 || !strstr(result.err, all[i].text))
+            fail_msg("%zu: %d, %s", i, code, result.err);
+    }
+    assert_int_equal(bag("filter", "a", "-o", "b", "--start", "2", "--end"), 2);
+}
+
+static void every_verb_explains_itself(void **state)
+{
+    static const char *const verbs[] = {"info",   "check",  "recover", "merge",
+                                        "filter", "export", "import"};
+
+    (void)state;
+    assert_int_equal(bag("--help"), 0);
+    for (size_t i = 0; i < sizeof verbs / sizeof *verbs; i++) {
+        char text[40];
+        assert_contains(result.out, verbs[i]);
+        snprintf(text, sizeof text, "usage: anlos bag %s", verbs[i]);
+        assert_int_equal(bag(verbs[i], "--help"), 0);
+        assert_contains(result.out, text);
+        assert_int_equal(bag("--help"), 0);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_recording_comes_back_out_of_its_bag),
+        cmocka_unit_test(equal_recordings_become_equal_bags),
+        cmocka_unit_test(info_tells_what_is_there),
+        cmocka_unit_test(parts_of_a_bag_merge_into_the_whole),
+        cmocka_unit_test(topics_are_filtered_by_name_and_pattern),
+        cmocka_unit_test(lines_go_to_stdout_too),
+        cmocka_unit_test(what_was_cut_is_recovered_and_told),
+        cmocka_unit_test(detections_become_lines_of_a_table),
+        cmocka_unit_test(the_last_final_volume_becomes_nrrd_and_pictures),
+        cmocka_unit_test(a_ping_that_was_taken_again_stands_for_the_failed_one),
+        cmocka_unit_test(a_ping_that_is_missing_is_told),
+        cmocka_unit_test(the_survey_of_an_export_says_where_the_stage_stood),
+        cmocka_unit_test(a_message_that_is_none_is_told_and_does_no_harm),
+        cmocka_unit_test(a_file_that_is_there_is_not_written_over),
+        cmocka_unit_test(ctrl_c_leaves_no_file),
+        cmocka_unit_test(wrong_arguments_are_refused),
+        cmocka_unit_test(every_verb_explains_itself),
+    };
+    return cmocka_run_group_tests(tests, make_recording, scratch_close);
+}
