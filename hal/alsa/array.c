@@ -1,14 +1,21 @@
 /* hal/alsa/array.c -- a sound card as an array.  The card runs all the time
  * (hal/alsa/engine.h); a ping is cut out of what it has recorded of the shot. */
 #include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "hal/alsa/engine.h"
 #include "hal/array_backends.h"
 #include "hal/device.h"
 #include "hal/recording/recording.h"
 #include "hal/recording/wav_samples.h"
+#include "hal/survey/file.h"
+
+#define SAME_PLACE_M 1e-4
 
 struct array_alsa {
     const struct clock_source *clock;
@@ -56,6 +63,41 @@ static int allocate(struct array_alsa *a)
                : -ENOMEM;
 }
 
+static bool is_same_sound(const struct survey *a, const struct survey *b)
+{
+    bool same = a->slot_samples == b->slot_samples &&
+                a->chirp_start_hz == b->chirp_start_hz &&
+                a->chirp_stop_hz == b->chirp_stop_hz &&
+                a->chirp_duration_s == b->chirp_duration_s &&
+                a->chirp_sine == b->chirp_sine && a->n_positions == b->n_positions;
+    for (size_t i = 0; same && i < a->n_positions; i++)
+        same = fabs(a->stage_positions_m[i] - b->stage_positions_m[i]) < SAME_PLACE_M;
+    return same;
+}
+
+/* Subtracted from every ping: one of another chirp or other places would spoil all. */
+static int open_background(struct array_alsa *a, const char *folder,
+                           struct complaint *why)
+{
+    char path[PATH_MAX];
+    struct survey s;
+    struct complaint missing;
+    snprintf(path, sizeof path, "%s/survey.yaml", folder);
+    if (!access(path, F_OK)) {
+        int err = survey_load(&s, path, &missing);
+        if (err)
+            return complain(why, err, "%s", missing.text);
+        bool same = is_same_sound(&s, &a->rig.survey);
+        survey_clear(&s);
+        if (!same)
+            return complain(why, -EINVAL,
+                            "the background %s was recorded with another chirp, slot or "
+                            "stage positions than the rig's: record it anew",
+                            folder);
+    }
+    return recording_open(&a->background, folder, &a->rig.survey, why);
+}
+
 static int open_parts(struct array_alsa *a, const struct device *d, struct complaint *why)
 {
     const char *rig = device_option(d, "rig");
@@ -68,7 +110,7 @@ static int open_parts(struct array_alsa *a, const struct device *d, struct compl
     if (!background)
         background = a->rig.background;
     if (!err && background && *background)
-        err = recording_open(&a->background, background, &a->rig.survey, why);
+        err = open_background(a, background, why);
     if (!err)
         err = alsa_engine_create(&a->engine, d->path, &a->rig, a->clock, why);
     if (!err && allocate(a))

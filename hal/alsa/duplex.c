@@ -134,6 +134,8 @@ int alsa_duplex_cycle(struct alsa_duplex *d, const struct alsa_duplex_ends *ends
         err = move(&d->capture, &d->heard, d->capture.buffer, ends);
     if (!err)
         err = fill_up(d, ends);
+    if (!err && d->heard > d->played) /* capture goes on alone: playback stands still */
+        err = -ETIMEDOUT;
     if (err)
         return err;
     /* What was read while the card wrote over it is no sound. */

@@ -226,7 +226,8 @@ static long move_copied(struct alsa_stream *s, size_t n, alsa_frames_fn *fn, voi
 
 long alsa_stream_move(struct alsa_stream *s, size_t n, alsa_frames_fn *fn, void *ctx)
 {
-    snd_pcm_sframes_t there = snd_pcm_avail_update(s->pcm);
+    /* Asks the hardware: its last interrupt may be a period ago. */
+    snd_pcm_sframes_t there = snd_pcm_avail(s->pcm);
     if (there < 0)
         return there;
     n = n < (size_t)there ? n : (size_t)there;

@@ -7,6 +7,7 @@
 
 #define SLOW_PART    0.1 /* of the homing speed: the second, exact approach */
 #define RANGE_MARGIN 1.2 /* of the range: farther away there is no home switch */
+#define LEAVE_TIMES  5   /* back-offs: a home switch that is not open by then is stuck */
 #define LIMITS       (STEPPER_BIT(STEPPER_HOME) | STEPPER_BIT(STEPPER_LIMIT))
 #define ESTOP        STEPPER_BIT(STEPPER_ESTOP)
 
@@ -103,11 +104,12 @@ static int back_off(struct stepper_axis *a, double speed_m_s)
     return go(a, a->stepper.position + by, speed_m_s, 0, STEPPER_BIT(STEPPER_HOME));
 }
 
-/* Off the switch, by a little more each time. */
+/* Off the switch, by a little more each time.  One that is stuck, or whose wire is
+ * broken, must not send the stage across its range. */
 static int leave_switch(struct stepper_axis *a, double speed_m_s)
 {
     struct stepper *s = &a->stepper;
-    int64_t end = s->position + away(a) * steps(a, a->cfg.max_m - a->cfg.min_m);
+    int64_t end = s->position + away(a) * steps(a, LEAVE_TIMES * a->cfg.back_off_m);
     unsigned pressed, active;
 
     for (;;) {
@@ -231,5 +233,7 @@ int stepper_axis_watch(struct stepper_axis *a)
 
     if (err)
         return lose_by_error(a, err);
-    return active && a->homed ? lose_by_switch(a, active) : 0;
+    /* An emergency stop lets go of a motor that only holds, too. */
+    bool news = a->homed || (active & ESTOP && a->stepper.enabled);
+    return active && news ? lose_by_switch(a, active) : 0;
 }

@@ -30,12 +30,13 @@ struct stage_worker {
     int64_t rest_ns;            /* since when it stands still */
 };
 
-static void fault(struct stage_worker *w, const char *text)
+/* A stop in an emergency is newer than any wish but to end. */
+static void fault(struct stage_worker *w, int err, const char *text)
 {
     w->status.motion = STAGE_FAULT;
     w->status.homed = false;
     snprintf(w->status.text, sizeof w->status.text, "%s", text);
-    if (w->wish == MOVE)
+    if (w->wish == MOVE || (err == -ESHUTDOWN && w->wish == HOME))
         w->wish = NOTHING;
 }
 
@@ -102,9 +103,9 @@ static void conclude(struct stage_worker *w, enum wish wish, int err, const char
 {
     pthread_mutex_lock(&w->lock);
     if (err && err != -ECANCELED)
-        fault(w, text[0] ? text : strerror(-err));
+        fault(w, err, text[0] ? text : strerror(-err));
     else if (wish == STOP && !w->status.homed && w->status.motion == STAGE_MOVING)
-        fault(w, "homing was stopped; its place is not known until it is homed");
+        fault(w, 0, "homing was stopped; its place is not known until it is homed");
     else if (!err && wish != NOTHING && w->wish == NOTHING &&
              w->status.motion == STAGE_MOVING)
         come_to_rest(w);
@@ -159,7 +160,7 @@ int stage_worker_create(struct stage_worker **out, const struct stage_worker_con
     atomic_init(&w->position_m, cfg->position_m);
     pthread_mutex_init(&w->lock, NULL);
     if (!cfg->homed && !cfg->home_first)
-        fault(w, "its place is not known: home it");
+        fault(w, 0, "its place is not known: home it");
     w->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     *out = w; /* the thread's device may use it at once */
     int err = w->wake_fd < 0 ? -errno : start_thread(w);

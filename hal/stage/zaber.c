@@ -15,6 +15,7 @@ struct stage_zaber {
     char *path;
     struct zaber_drive drive;
     double min_m, max_m;
+    bool fault; /* from before; nothing moves until a person has homed it */
 };
 
 /* Without an answer there is no telling how far a microstep goes. */
@@ -31,6 +32,7 @@ static int introduce(struct stage_zaber *s, const struct stage_zaber_options *o,
     s->drive.m_per_step = m;
     s->drive.rest_m = facts.position * m;
     s->drive.homed = facts.homed;
+    s->fault = facts.fault;
     s->min_m = fmax(o->min_m, facts.min * m);
     s->max_m = fmin(o->max_m, facts.max * m);
     return 0;
@@ -52,7 +54,7 @@ static int start(struct stage_zaber *s, const struct stage_zaber_options *o,
         err = introduce(s, o, why);
     const struct stage_worker_config cfg = {.settle_s = o->settle_s,
                                             .homed = s->drive.homed,
-                                            .home_first = o->home_first,
+                                            .home_first = o->home_first && !s->fault,
                                             .position_m = s->drive.rest_m};
     if (err)
         return err;

@@ -223,5 +223,6 @@ int zaber_drive_ask(struct zaber_drive *z, struct zaber_facts *facts,
     if (!err)
         err = ask_number(&z->port, "get pos", &facts->position, &m, text);
     facts->homed = !err && zaber_warning(m.warning, &words) < ZABER_UNHOMED;
+    facts->fault = !err && zaber_warning(m.warning, &words) == ZABER_FAULT;
     return err;
 }

@@ -23,6 +23,7 @@ struct zaber_facts {
     double min, max;   /* microsteps */
     double position;   /* microsteps */
     bool homed;
+    bool fault; /* it has stopped by itself: a person has to look */
 };
 
 /* facts->resolution: 0 on entry asks the device.  0, or -errno with why in text. */

@@ -1,7 +1,9 @@
-/* nodes/array/main.c: "array/fire" -> the speakers and microphones -> "ping", "survey" */
+/* nodes/array/main.c: "array/fire", "stage/state" -> the speakers and microphones ->
+ * "ping", "survey" */
 #include <errno.h>
 #include <string.h>
 
+#include "msgs/stage.pb-c.h"
 #include "msgs/topics.h"
 #include "nodes/array/shooter.h"
 #include "nodes/rt/node.h"
@@ -54,6 +56,12 @@ static void take(struct run *r, const struct node_message *in)
 {
     struct complaint why = {""};
 
+    if (in->topic == topic_stage_state()) {
+        const Anlos__StageState *stage = (const Anlos__StageState *)in->content;
+        shooter_displaced(
+            r->shooter, stage->held || stage->state == ANLOS__STAGE_STATE__STATE__FAULT);
+        return;
+    }
     r->heard = true;
     if (in->topic != topic_fire())
         return;
@@ -90,6 +98,8 @@ static int run(struct run *r)
     /* Hearing the scan's status proves that its commands will come through. */
     if (!err)
         err = node_subscribe(r->node, topic_scan_status());
+    if (!err)
+        err = node_subscribe(r->node, topic_stage_state());
     while (!err) {
         look_at_device(r);
         err = publish_survey(r);

@@ -12,6 +12,7 @@ struct shot {
     Anlos__FireCommand command; /* without its speakers */
     uint32_t *speakers;         /* [n_speakers of the survey] */
     size_t n_speakers;
+    bool displaced;
 };
 
 struct shooter {
@@ -20,6 +21,7 @@ struct shooter {
     struct shot shots[MAX_SHOTS]; /* a ring; the first is the one under way */
     size_t first, n_shots;
     bool fired; /* the first one has been given to the array */
+    bool displaced;
     bool commanded;
     uint32_t newest_id; /* of the commands taken, and who sent it */
     int64_t newest_epoch_ns;
@@ -97,6 +99,7 @@ int shooter_fire(struct shooter *s, const Anlos__FireCommand *command, int64_t e
         return complain(why, -ENOBUFS, "fire %u: %d shots are waiting already",
                         command->id, MAX_SHOTS);
     struct shot *shot = &s->shots[(s->first + s->n_shots) % MAX_SHOTS];
+    shot->displaced = s->displaced;
     shot->command = *command;
     shot->command.speakers = NULL;
     shot->n_speakers = command->n_speakers;
@@ -107,6 +110,13 @@ int shooter_fire(struct shooter *s, const Anlos__FireCommand *command, int64_t e
     s->newest_id = command->id;
     s->newest_epoch_ns = epoch_ns;
     return 0;
+}
+
+void shooter_displaced(struct shooter *s, bool displaced)
+{
+    s->displaced = displaced;
+    for (size_t i = 0; displaced && i < s->n_shots; i++)
+        s->shots[(s->first + i) % MAX_SHOTS].displaced = true;
 }
 
 bool shooter_busy(const struct shooter *s)
@@ -158,7 +168,7 @@ static void write_message(struct shooter *s, const struct shot *shot,
     out->clipped = (uint32_t *)ping->clipped;
     out->n_not_finite = n_mics;
     out->not_finite = (uint32_t *)ping->not_finite;
-    out->valid = ping->valid;
+    out->valid = ping->valid && !shot->displaced;
     out->temperature_c = ping->temperature_c;
 }
 

@@ -24,6 +24,10 @@ const Anlos__Survey *shooter_survey(const struct shooter *s);
 int shooter_fire(struct shooter *s, const Anlos__FireCommand *command, int64_t epoch_ns,
                  struct complaint *why);
 
+/* Whether the stage may stand elsewhere than the scan knows: pushed by hand, or in fault.
+ * Pings recorded then, and the rest of the shots that were queued then, are not valid. */
+void shooter_displaced(struct shooter *s, bool displaced);
+
 /* Is there anything to record? */
 bool shooter_busy(const struct shooter *s);
 

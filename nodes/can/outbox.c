@@ -48,14 +48,14 @@ void outbox_put_status(struct outbox *o, const struct can_frame_data *frame)
     o->has_status = true;
 }
 
-static bool holds_back(const struct outbox *o)
-{
-    return o->health.state >= CANBUS_SILENT;
-}
-
 static bool is_all_out(const struct outbox *o)
 {
     return o->n_lists && o->next == o->lists[0].n_frames;
+}
+
+static bool holds_back(const struct outbox *o)
+{
+    return o->health.state >= CANBUS_SILENT;
 }
 
 /* How the bus is, what became of the list on its way. */
@@ -64,7 +64,8 @@ static void look(struct outbox *o)
     uint64_t outages = o->health.outages;
 
     canbus_poll(o->bus, clock_now_ns(o->clock), &o->health);
-    if (o->health.outages != outages && o->next) {
+    bool broken = o->health.outages != outages || (holds_back(o) && !is_all_out(o));
+    if (broken && o->next) {
         o->next = 0;
         o->cut = true;
     }

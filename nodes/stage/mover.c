@@ -70,8 +70,10 @@ void mover_manual(struct mover *m, const Anlos__StageManual *command)
 {
     int err = 0;
 
-    if (command->id == m->manual_id)
+    /* They come again and again: the one before may still do so. */
+    if (command->id == m->manual_id || command->id == m->manual_id_before)
         return;
+    m->manual_id_before = m->manual_id;
     m->manual_id = command->id;
     m->manual_refusal[0] = '\0';
     switch (command->verb) {

@@ -18,7 +18,7 @@ struct mover {
     uint32_t command_id;
     double target_m;
     char refusal[MOVER_TEXT_SIZE]; /* why the newest command cannot be done; or empty */
-    uint64_t manual_id;
+    uint64_t manual_id, manual_id_before;
     char manual_refusal[MOVER_TEXT_SIZE];
     bool held;   /* by hand */
     bool homing; /* by hand: at its end it is released */

@@ -304,6 +304,25 @@ static void a_background_may_come_from_a_recording(void **state)
     card_close(&c);
 }
 
+static void a_background_of_another_chirp_is_refused(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {.text = ""};
+    struct array *a;
+    char uri[600];
+    scratch_folder(s, "empty");
+    scratch_write(s, "empty/survey.yaml",
+                  "temperature_c: 20\nsample_rate_hz: 48000\nslot_samples: 1500\n"
+                  "chirp: {start_hz: 2000, stop_hz: 18000, duration_s: 0.01}\n"
+                  "speakers_m: [[0, 0, 0], [0.1, 0, 0]]\n"
+                  "microphones_m: [[0, 0.1, 0], [0.1, 0.1, 0], [0.2, 0.1, 0]]\n");
+    scratch_write(s, "rig.yaml", RIG_SURVEY);
+    snprintf(uri, sizeof uri, "alsa:card?rig=%s/rig.yaml&background=%s/empty", s->folder,
+             s->folder);
+    assert_int_equal(array_open(&a, uri, clock_system(), &why), -EINVAL);
+    assert_contains(why.text, "recorded with another chirp");
+}
+
 /* A calibration whose microphone 1 is 20 dB too loud, and that names the recording. */
 static void write_calibration(struct scratch *s)
 {
@@ -368,6 +387,7 @@ int main(void)
         TEST(clipping_is_counted_at_the_cards_full_scale),
         TEST(what_cannot_be_linked_is_said_once),
         TEST(a_background_may_come_from_a_recording),
+        TEST(a_background_of_another_chirp_is_refused),
         TEST(the_calibrations_background_is_played_and_set_right),
         TEST(what_is_missing_is_said),
     };

@@ -50,7 +50,7 @@ static void assert_homed(struct bench *b, int64_t at)
  */
 static void homing_ends_at_the_same_place_from_everywhere(void **state)
 {
-    static const int64_t starts[] = {5000, 1001, 1000, 999, 990, 400, 6999, 7000};
+    static const int64_t starts[] = {5000, 1001, 1000, 999, 990, 810, 6999, 7000};
     (void)state;
     for (size_t i = 0; i < sizeof starts / sizeof *starts; i++) {
         struct bench b;
@@ -219,6 +219,37 @@ static void a_switch_that_closes_at_rest_is_a_fault_once(void **state)
     free(b.rail);
 }
 
+static void the_emergency_stop_lets_go_of_a_motor_whose_place_is_lost(void **state)
+{
+    struct bench b;
+    (void)state;
+    setup(&b, &standard, 2000);
+    assert_homed(&b, 1050);
+    b.rail->limit_at = 3000; /* something is in the way */
+    assert_int_equal(stepper_axis_move(&b.axis, 0.4), -EIO);
+    assert_true(b.rail->enabled);
+    b.rail->limit_at = 7000;
+    b.rail->estop_after = 1;
+    assert_int_equal(stepper_axis_watch(&b.axis), -ESHUTDOWN);
+    assert_false(b.rail->enabled);
+    assert_int_equal(stepper_axis_watch(&b.axis), 0);
+    assert_int_equal(b.axis.estops, 1);
+    free(b.rail);
+}
+
+/* A broken wire reads as pressed: 0.5 m of range must not be driven because of it. */
+static void a_home_switch_that_is_stuck_stops_the_homing_soon(void **state)
+{
+    struct bench b;
+    (void)state;
+    setup(&b, &standard, 3000);
+    b.rail->home_at = 100000;
+    assert_int_equal(stepper_axis_home(&b.axis), -EIO);
+    assert_false(b.axis.homed);
+    assert_true(b.rail->motor <= 3000 + 5 * 50 + 50);
+    free(b.rail);
+}
+
 /* With 0.8 mm of play the carriage lags behind the motor going down, and is pulled going
  * up.  It has to stand at one place for one target, whichever side it came from. */
 static void backlash_is_taken_up_from_one_side(void **state)
@@ -272,6 +303,8 @@ int main(void)
         cmocka_unit_test(a_limit_in_a_move_stops_it_at_once_and_its_place_is_lost),
         cmocka_unit_test(the_emergency_stop_lets_go_of_the_motor_and_bars_homing),
         cmocka_unit_test(a_switch_that_closes_at_rest_is_a_fault_once),
+        cmocka_unit_test(the_emergency_stop_lets_go_of_a_motor_whose_place_is_lost),
+        cmocka_unit_test(a_home_switch_that_is_stuck_stops_the_homing_soon),
         cmocka_unit_test(backlash_is_taken_up_from_one_side),
         cmocka_unit_test(a_homing_that_is_broken_off_leaves_no_place),
     };

@@ -337,6 +337,22 @@ static void a_list_that_was_broken_off_is_sent_again_from_its_header(void **stat
     assert_int_equal(count_of(r, "lists_sent"), 2);
 }
 
+static void so_is_one_of_which_all_that_went_out_was_confirmed(void **state)
+{
+    struct rig *r = *state;
+
+    r->bus.room = 6;
+    put(r, 1, 2);
+    step(r, 1);
+    r->bus.state = CANBUS_DOWN; /* nothing was pending: nothing was thrown away */
+    step(r, 100);
+    r->bus.state = CANBUS_READY;
+    r->bus.room = SIZE_MAX;
+    step(r, 100);
+    assert_int_equal(r->bus.n_wire, 6 + 8);
+    assert_string_equal(received(&r->bus), "1 ");
+}
+
 static void the_cycle_is_from_the_list_that_was_finished_before(void **state)
 {
     struct rig *r = *state;
@@ -479,6 +495,7 @@ int main(void)
         TEST(a_status_frame_does_not_wait_for_a_long_list),
         TEST(a_list_begins_when_the_one_before_is_confirmed),
         TEST(a_list_that_was_broken_off_is_sent_again_from_its_header),
+        TEST(so_is_one_of_which_all_that_went_out_was_confirmed),
         TEST(the_cycle_is_from_the_list_that_was_finished_before),
         TEST(a_list_that_was_thrown_away_unconfirmed_is_sent_again),
         TEST(a_list_that_is_confirmed_is_not_sent_again),

@@ -174,6 +174,29 @@ static void shots_wait_for_their_turn(void **state)
     assert_int_equal(ping.speaker, 2);
 }
 
+static void what_was_queued_while_the_stage_is_displaced_is_not_valid(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {0, 1}, later[] = {2};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    assert_int_equal(fire(r, 1, 0, speakers, 2, NULL), 0);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_true(ping.valid);
+    shooter_displaced(r->shooter, true);
+    shooter_displaced(r->shooter, false); /* back again: the shot stays doubtful */
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_false(ping.valid);
+    assert_int_equal(fire(r, 2, 1, later, 1, NULL), 0);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_true(ping.valid);
+    shooter_displaced(r->shooter, true);
+    assert_int_equal(fire(r, 3, 1, later, 1, NULL), 0);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_false(ping.valid);
+}
+
 static void a_command_sent_again_is_not_fired_again(void **state)
 {
     struct rig *r = *state;
@@ -274,6 +297,7 @@ int main(void)
         TEST(a_shot_becomes_a_ping_for_each_speaker),
         TEST(the_same_id_of_a_new_process_is_a_new_command),
         TEST(shots_wait_for_their_turn),
+        TEST(what_was_queued_while_the_stage_is_displaced_is_not_valid),
         TEST(a_command_sent_again_is_not_fired_again),
         TEST(commands_that_do_not_fit_the_survey_are_refused),
         TEST(too_many_shots_are_refused_not_forgotten),

@@ -24,6 +24,12 @@ static int read_file(struct session *s)
 static int open_array(struct session *s)
 {
     char *uri = uri_set_option(s->options->array, "calibrated", "");
+    /* A card records the room anew; what is played from files has to stay. */
+    if (uri && uri_has_scheme(uri, "alsa")) {
+        char *live = uri_set_option(uri, "background", "");
+        free(uri);
+        uri = live;
+    }
     if (!uri)
         return complain(&s->why, -ENOMEM, "out of memory");
     int err = array_open(&s->array, uri, clock_system(), &s->why);

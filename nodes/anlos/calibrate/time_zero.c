@@ -184,7 +184,7 @@ static bool judge(const struct session *s, const struct measurement *m)
                "channels\n");
     else if (2 * z->n_used < z->n_heard)
         printf("bad: fewer than half of the pairs agree; see anlos calibrate channels\n");
-    else if (spread > MOST_SPREAD || (isfinite(sigma) && sigma > MOST_SIGMA))
+    else if (spread > MOST_SPREAD || (asked > 1 && !(sigma <= MOST_SIGMA)))
         printf("bad: the pairs do not agree; is nothing swapped (anlos calibrate "
                "channels), and do the elements stand where the survey says, to 5 mm?\n");
     else if (!(z->speed_m_s >= 300.0 && z->speed_m_s <= 360.0))
@@ -209,8 +209,11 @@ int calibrate_time_zero(struct session *s, bool *good)
         if (*good) {
             s->calibration->latency_samples =
                 fmax(0.0, session_round(m.latency.latency_s * m.rate_hz));
-            if (s->options->fit_speed)
+            if (s->options->fit_speed) { /* and no longer from the air's temperature */
                 s->calibration->sound_speed_m_s = session_round(m.latency.speed_m_s);
+                s->calibration->temperature_c = NAN;
+                s->calibration->humidity_percent = NAN;
+            }
             err = session_save(s);
         } else {
             printf("nothing was written to %s\n", s->options->out);
