@@ -221,6 +221,20 @@ static void a_move_by_hand_holds_it_and_the_same_one_is_made_once(void **state)
     assert_true(s.target_m == 0.3);
 }
 
+static void a_move_by_hand_that_comes_again_after_a_stop_stays_stopped(void **state)
+{
+    struct stage stage = {.status = {.homed = true}};
+    struct mover m;
+
+    (void)state;
+    mover_init(&m, &stage);
+    by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 0.3);
+    by_hand(&m, 6, ANLOS__STAGE_MANUAL__VERB__STOP, 0);
+    by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 0.3);
+    assert_int_equal(stage.moves, 1);
+    assert_int_equal(stage.stops, 1);
+}
+
 static void a_move_by_hand_that_is_refused_says_why_and_holds_nothing(void **state)
 {
     static const struct {
@@ -299,6 +313,7 @@ int main(void)
         cmocka_unit_test(a_move_without_a_place_shows_the_stages_own_fault),
         cmocka_unit_test(stopped_by_hand_it_is_held_until_it_is_released),
         cmocka_unit_test(a_move_by_hand_holds_it_and_the_same_one_is_made_once),
+        cmocka_unit_test(a_move_by_hand_that_comes_again_after_a_stop_stays_stopped),
         cmocka_unit_test(a_move_by_hand_that_is_refused_says_why_and_holds_nothing),
         cmocka_unit_test(homing_by_hand_ends_a_fault_and_releases_it_when_done),
         cmocka_unit_test(a_note_is_told_once_and_again_when_it_changes),
