@@ -3,6 +3,8 @@
 #include <nanomsg/nn.h>
 #include <string.h>
 
+#include "msgs/unpack.h"
+
 void bus_message_free(struct bus_message *m)
 {
     if (m->owner)
@@ -12,6 +14,5 @@ void bus_message_free(struct bus_message *m)
 
 ProtobufCMessage *bus_message_unpack(const struct bus_message *m)
 {
-    return protobuf_c_message_unpack(m->topic->schema, NULL, m->envelope.payload_size,
-                                     m->payload);
+    return message_unpack(m->topic->schema, m->envelope.payload_size, m->payload);
 }

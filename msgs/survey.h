@@ -67,10 +67,13 @@ double survey_sound_speed_m_s(double temperature_c);
 double survey_humid_sound_speed_m_s(double temperature_c, double humidity);
 
 #define SURVEY_MAX_ELEMENTS                                                              \
-    4096 /* speakers, microphones, positions; points of a curve                          \
-          */
-#define SURVEY_MAX_PINGS      65536 /* with places of their own */
-#define SURVEY_UNIT_TOLERANCE 1e-3  /* of the length of a unit vector */
+    4096                       /* speakers, microphones, positions; points of a curve    \
+                                */
+#define SURVEY_MAX_PINGS 65536 /* with places of their own */
+#define SURVEY_MAX_PATHS                                                                 \
+    ((size_t)1 << 24) /* from a speaker to a microphone at a position: the paper's scan  \
+                         has 8192, and to plan for this many takes seconds already */
+#define SURVEY_UNIT_TOLERANCE 1e-3 /* of the length of a unit vector */
 
 /* Plausible and consistent?  Ranges are stated in the complaint.  0 or -EINVAL. */
 int survey_check(const struct survey *s, struct complaint *why);

@@ -146,6 +146,11 @@ static int check_array(const struct survey *s, struct complaint *why)
             err = complain(why, -EINVAL,
                            "stage positions_m[%zu] is %g, expected within +-%g m", i,
                            s->stage_positions_m[i], MAX_DISTANCE_M);
+    if (!err && s->n_speakers * s->n_microphones > SURVEY_MAX_PATHS / s->n_positions)
+        err = complain(why, -EINVAL,
+                       "%zu speakers, %zu microphones and %zu positions; expected at "
+                       "most %zu paths of them all",
+                       s->n_speakers, s->n_microphones, s->n_positions, SURVEY_MAX_PATHS);
     return err;
 }
 

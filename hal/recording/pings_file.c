@@ -8,6 +8,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "hal/text_file.h"
 #include "msgs/survey.h"
 
 enum { COLUMNS = 6, MAX_FIELDS = 64 };
@@ -156,12 +157,11 @@ int pings_load(double (**out)[2][3], size_t *n, const char *path, struct complai
 {
     struct pings_file f = {
         .path = path, .column = {0, 1, 2, 3, 4, 5}, .n_fields = COLUMNS, .why = why};
-    FILE *from = fopen(path, "re");
-    if (!from) {
-        int err = -errno;
-        return complain(why, err, "%s: %s", path, strerror(-err));
-    }
-    int err = read_lines(&f, from);
+    FILE *from;
+    int err = text_file_open(&from, path, why);
+    if (err)
+        return err;
+    err = read_lines(&f, from);
     fclose(from);
     if (err) {
         free(f.pings);

@@ -7,13 +7,11 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <sys/stat.h>
-
-#include <sndfile.h>
 
 #include "hal/recording/riff.h"
-#include "hal/tail.h"
+#include "hal/recording/wav_open.h"
 #include "hal/recording/wav_samples.h"
+#include "hal/tail.h"
 
 enum { BLOCK_FRAMES = 2048 };
 
@@ -60,12 +58,12 @@ static int leave_out_replicas(const struct recording *r, const char *folder,
 {
     int kept = 0;
     for (int i = 0; i < n; i++) {
-        SF_INFO info = {.format = 0};
+        SF_INFO info;
         char *path = NULL;
         struct dirent *entry = entries[i];
         SNDFILE *f = NULL;
         if (asprintf(&path, "%s/%s", folder, entry->d_name) >= 0)
-            f = sf_open(path, SFM_READ, &info);
+            wav_open(&f, &info, path, NULL);
         bool is_short = f && (uint64_t)info.frames <= r->slot_samples;
         if (f)
             sf_close(f);
@@ -111,14 +109,9 @@ static int list_files(struct recording *r, const char *folder, struct complaint 
 static int check_size(const char *path, struct complaint *why)
 {
     uint64_t promised, present;
-    struct stat st;
-    if (!stat(path, &st) && !S_ISREG(st.st_mode)) /* a pipe would be waited for */
-        return complain(why, -EINVAL, "%s: is no file; expected a WAV file", path);
     int err = riff_data_size(path, &promised, &present);
-    if (err == -EINVAL)
-        return 0; /* another container; libsndfile judges it */
     if (err)
-        return complain(why, err, "%s: %s", path, strerror(-err));
+        return wav_complain(why, err, path);
     if (present < promised)
         return complain(why, -EINVAL,
                         "%s: truncated: its header promises %" PRIu64
@@ -160,12 +153,9 @@ static int check_info(const struct recording *r, const char *path, const SF_INFO
 static SNDFILE *open_file(const struct recording *r, const char *path, SF_INFO *info,
                           int *err, struct complaint *why)
 {
-    *info = (SF_INFO){.format = 0};
-    SNDFILE *f = sf_open(path, SFM_READ, info);
-    *err = 0;
-    if (!f)
-        *err = complain(why, -EINVAL, "%s: no WAV file: %s", path, sf_strerror(NULL));
-    else
+    SNDFILE *f;
+    *err = wav_open(&f, info, path, why);
+    if (!*err)
         *err = check_info(r, path, info, why);
     if (!*err)
         return f;

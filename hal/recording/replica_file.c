@@ -4,9 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
-#include <sndfile.h>
+#include "hal/recording/wav_open.h"
 
 #define PIECE    256  /* samples that are transformed at once */
 #define FAINTEST 0.01 /* of the largest power density is sound at all */
@@ -43,13 +42,12 @@ static int read_file(float **out, size_t *n, SNDFILE *f, const SF_INFO *info,
 int replica_load(float **out, size_t *n, const char *path, double sample_rate_hz,
                  struct complaint *why)
 {
-    SF_INFO info = {.format = 0};
-    if (access(path, R_OK) < 0)
-        return complain(why, -errno, "%s: %s", path, strerror(errno));
-    SNDFILE *f = sf_open(path, SFM_READ, &info);
-    if (!f)
-        return complain(why, -EINVAL, "%s: no WAV file: %s", path, sf_strerror(NULL));
-    int err = read_file(out, n, f, &info, path, sample_rate_hz, why);
+    SF_INFO info;
+    SNDFILE *f;
+    int err = wav_open(&f, &info, path, why);
+    if (err)
+        return err;
+    err = read_file(out, n, f, &info, path, sample_rate_hz, why);
     sf_close(f);
     return err;
 }

@@ -9,6 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "hal/text_file.h"
+
 enum { MAX_POINTS = SURVEY_MAX_ELEMENTS };
 
 static int append(struct survey_response *r, size_t *room, double hz, double db)
@@ -98,13 +100,10 @@ int response_load(struct survey_response *out, const char *folder, const char *s
     char *path = path_of(folder, serial);
     if (!path)
         return complain(why, -ENOMEM, "out of memory");
-    int err = 0;
-    FILE *f = fopen(path, "re");
-    if (!f) {
-        err = -errno;
-        complain(why, err, "%s: %s", path, strerror(-err));
+    FILE *f;
+    int err = text_file_open(&f, path, why);
+    if (err)
         goto path;
-    }
     strcpy(out->serial, serial);
     err = read_points(out, f, path, why);
     if (err)

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "hal/yaml/check.h"
+#include "hal/yaml/depth.h"
 
 struct bytes {
     unsigned char *data;
@@ -62,15 +63,18 @@ static int read_file(const char *path, struct bytes *out, struct complaint *why)
     return 0;
 }
 
-static int check(const struct bytes *text, const struct cyaml_schema_value *schema,
-                 const char *path, struct complaint *why)
+static int check(const unsigned char *text, size_t size,
+                 const struct cyaml_schema_value *schema, const char *path,
+                 struct complaint *why)
 {
     yaml_parser_t parser;
     yaml_document_t document, more;
-    int err;
+    int err = yaml_check_depth(text, size, path, why);
+    if (err)
+        return err;
     if (!yaml_parser_initialize(&parser))
         return complain(why, -ENOMEM, "%s: out of memory", path);
-    yaml_parser_set_input_string(&parser, text->data, text->size);
+    yaml_parser_set_input_string(&parser, text, size);
     if (!yaml_parser_load(&parser, &document)) {
         size_t line = parser.problem_mark.line ? parser.problem_mark.line
                                                : parser.context_mark.line;
@@ -128,12 +132,13 @@ static cyaml_config_t config_of(struct cyaml_notes *notes)
                             .flags = CYAML_CFG_NO_ALIAS};
 }
 
-static int load(const struct bytes *text, const struct cyaml_schema_value *schema,
-                const char *path, void **out, struct complaint *why)
+static int load(const unsigned char *text, size_t size,
+                const struct cyaml_schema_value *schema, const char *path, void **out,
+                struct complaint *why)
 {
     struct cyaml_notes notes = {.line = 0};
     cyaml_config_t config = config_of(&notes);
-    cyaml_err_t e = cyaml_load_data(text->data, text->size, &config, schema, out, NULL);
+    cyaml_err_t e = cyaml_load_data(text, size, &config, schema, out, NULL);
     if (e == CYAML_ERR_OOM)
         return complain(why, -ENOMEM, "%s: out of memory", path);
     if (e != CYAML_OK)
@@ -149,6 +154,17 @@ static int load(const struct bytes *text, const struct cyaml_schema_value *schem
     return 0;
 }
 
+int yaml_parse(const char *path, const void *data, size_t size,
+               const struct cyaml_schema_value *schema, void **out, struct complaint *why)
+{
+    *out = NULL;
+    if (size > YAML_FILE_MAX_SIZE)
+        return complain(why, -EFBIG, "%s: larger than %u bytes", path,
+                        YAML_FILE_MAX_SIZE);
+    int err = check(data, size, schema, path, why);
+    return err ? err : load(data, size, schema, path, out, why);
+}
+
 int yaml_load(const char *path, const struct cyaml_schema_value *schema, void **out,
               struct complaint *why)
 {
@@ -156,9 +172,7 @@ int yaml_load(const char *path, const struct cyaml_schema_value *schema, void **
     *out = NULL;
     int err = read_file(path, &text, why);
     if (!err)
-        err = check(&text, schema, path, why);
-    if (!err)
-        err = load(&text, schema, path, out, why);
+        err = yaml_parse(path, text.data, text.size, schema, out, why);
     free(text.data);
     return err;
 }

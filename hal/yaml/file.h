@@ -11,12 +11,17 @@
 
 #include "msgs/complaint.h"
 
-#define YAML_FILE_MAX_SIZE (16u << 20) /* bytes; a survey is some 10 kB */
+#define YAML_FILE_MAX_SIZE (4u << 20) /* bytes; a survey is some 10 kB */
 
 /* *out: what the schema describes; yaml_unload it.  0, -ENOENT, -EACCES, other errno of
  * reading, -EFBIG, -EINVAL (contents), -ENOMEM. */
 int yaml_load(const char *path, const struct cyaml_schema_value *schema, void **out,
               struct complaint *why);
+
+/* The same of a text in memory, data[size]; path: what complaints call it. */
+int yaml_parse(const char *path, const void *data, size_t size,
+               const struct cyaml_schema_value *schema, void **out,
+               struct complaint *why);
 
 /* Frees what yaml_load made; data may be NULL. */
 void yaml_unload(const struct cyaml_schema_value *schema, void *data);

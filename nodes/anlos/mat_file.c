@@ -1,258 +1,90 @@
 #include "nodes/anlos/mat_file.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <math.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
-#include <hdf5.h>
-#include <matio.h>
-
-#include "nodes/anlos/mat_truncation.h"
+#include "nodes/anlos/mat_process.h"
 
 struct mat_file {
-    mat_t *mat;
     char *path;
 };
 
-/* libmatio tells nothing about why a file does not open. */
-static int check_readable(const char *path, struct complaint *why)
-{
-    char c;
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
-    int err = fd < 0 || read(fd, &c, 1) < 0 ? -errno : 0;
-    bool cut_off = !err && mat_truncation_check(fd);
-    if (fd >= 0)
-        close(fd);
-    if (cut_off)
-        return complain(why, -EIO, "%s: truncated: its last variable is not whole", path);
-    return err ? complain(why, err, "%s: %s", path, strerror(-err)) : 0;
-}
-
 int mat_file_open(struct mat_file **out, const char *path, struct complaint *why)
 {
-    int err = check_readable(path, why);
+    const struct mat_question q = {.path = path, .what = MAT_OPEN};
+    struct mat_file *f;
+    int err = mat_process_ask(&q, NULL, NULL, why);
+
     if (err)
         return err;
-    struct mat_file *f = calloc(1, sizeof *f);
+    f = calloc(1, sizeof *f);
     if (f)
         f->path = strdup(path);
     if (!f || !f->path) {
         free(f);
         return complain(why, -ENOMEM, "%s: out of memory", path);
     }
-    H5Eset_auto(H5E_DEFAULT, NULL, NULL); /* or it prints every error that it meets */
-    f->mat = Mat_Open(path, MAT_ACC_RDONLY);
-    /* Any bytes pass for version 4, which has no mark. */
-    if (!f->mat || (Mat_GetVersion(f->mat) != MAT_FT_MAT5 &&
-                    Mat_GetVersion(f->mat) != MAT_FT_MAT73)) {
-        mat_file_close(f);
-        return complain(why, -EINVAL, "%s: expected a MATLAB file, v5 or v7.3", path);
-    }
     *out = f;
     return 0;
 }
 
-static matvar_t *find(struct mat_file *f, const char *name)
-{
-    Mat_Rewind(f->mat);
-    return Mat_VarReadInfo(f->mat, name);
-}
-
 bool mat_file_has(struct mat_file *f, const char *name)
 {
-    matvar_t *v = find(f, name);
-    Mat_VarFree(v);
-    return v != NULL;
-}
+    const struct mat_question q = {.path = f->path, .what = MAT_HAS, .name = name};
 
-static bool is_numeric(enum matio_classes class)
-{
-    switch (class) {
-    case MAT_C_DOUBLE:
-    case MAT_C_SINGLE:
-    case MAT_C_INT8:
-    case MAT_C_UINT8:
-    case MAT_C_INT16:
-    case MAT_C_UINT16:
-    case MAT_C_INT32:
-    case MAT_C_UINT32:
-    case MAT_C_INT64:
-    case MAT_C_UINT64:
-        return true;
-    default:
-        return false;
-    }
-}
-
-static int check_shape(const struct mat_file *f, const matvar_t *v, const char *name,
-                       size_t rank, size_t extents[], struct complaint *why)
-{
-    size_t n = 1;
-    if (!is_numeric(v->class_type))
-        return complain(why, -EINVAL, "%s: %s: expected an array of numbers, not sparse",
-                        f->path, name);
-    for (size_t d = 0; d < rank; d++)
-        extents[d] = 1;
-    for (size_t d = 0; d < (size_t)v->rank; d++) {
-        if (d >= rank && v->dims[d] != 1)
-            return complain(why, -EINVAL, "%s: %s: %d dimensions, expected %zu", f->path,
-                            name, v->rank, rank);
-        if (d < rank)
-            extents[d] = v->dims[d];
-        if (!v->dims[d])
-            return complain(why, -EINVAL, "%s: %s: is empty", f->path, name);
-        if (v->dims[d] > MAT_FILE_MAX_ELEMENTS / n)
-            return complain(why, -EFBIG, "%s: %s: expected at most %zu elements", f->path,
-                            name, MAT_FILE_MAX_ELEMENTS);
-        n *= v->dims[d];
-    }
-    return 0;
-}
-
-static int find_shape(struct mat_file *f, const char *name, size_t rank, size_t extents[],
-                      matvar_t **out, struct complaint *why)
-{
-    matvar_t *v = find(f, name);
-    if (!v)
-        return complain(why, -ENOENT, "%s: expected a variable %s", f->path, name);
-    int err = check_shape(f, v, name, rank, extents, why);
-    if (err)
-        Mat_VarFree(v);
-    else
-        *out = v;
-    return err;
+    return !mat_process_ask(&q, NULL, NULL, NULL);
 }
 
 int mat_file_extents(struct mat_file *f, const char *name, size_t rank, size_t extents[],
                      struct complaint *why)
 {
-    matvar_t *v = NULL;
-    int err = find_shape(f, name, rank, extents, &v, why);
-    Mat_VarFree(v);
-    return err;
+    const struct mat_question q = {
+        .path = f->path, .what = MAT_EXTENTS, .name = name, .rank = rank};
+
+    return mat_process_ask(&q, extents, NULL, why);
 }
 
-#define CONVERT(class, type, to)                                                         \
-    case class:                                                                          \
-        for (size_t i = 0; i < n; i++)                                                   \
-            out[i * stride] = (to)((const type *)from)[i];                               \
-        break
-
-#define CONVERT_NUMBERS(class, to)                                                       \
-    switch (class) {                                                                     \
-        CONVERT(MAT_C_DOUBLE, double, to);                                               \
-        CONVERT(MAT_C_SINGLE, float, to);                                                \
-        CONVERT(MAT_C_INT8, int8_t, to);                                                 \
-        CONVERT(MAT_C_UINT8, uint8_t, to);                                               \
-        CONVERT(MAT_C_INT16, int16_t, to);                                               \
-        CONVERT(MAT_C_UINT16, uint16_t, to);                                             \
-        CONVERT(MAT_C_INT32, int32_t, to);                                               \
-        CONVERT(MAT_C_UINT32, uint32_t, to);                                             \
-        CONVERT(MAT_C_INT64, int64_t, to);                                               \
-        CONVERT(MAT_C_UINT64, uint64_t, to);                                             \
-    default:                                                                             \
-        break;                                                                           \
-    }
-
-static void to_float(const void *from, enum matio_classes class, size_t n, size_t stride,
-                     float *restrict out)
+static int read_all(struct mat_file *f, enum mat_what what, const char *name, size_t rank,
+                    size_t extents[], void **out, struct complaint *why)
 {
-    CONVERT_NUMBERS(class, float)
-}
+    const struct mat_question q = {
+        .path = f->path, .what = what, .name = name, .rank = rank};
 
-/* Positions and clocks need more digits than a float holds. */
-static void to_double(const void *from, enum matio_classes class, size_t n,
-                      double *restrict out)
-{
-    const size_t stride = 1;
-    CONVERT_NUMBERS(class, double)
-}
-
-/* The variable with its data. */
-static int load(struct mat_file *f, const char *name, size_t rank, size_t extents[],
-                bool may_be_complex, matvar_t **out, size_t *n, struct complaint *why)
-{
-    matvar_t *v = NULL;
-    int err = find_shape(f, name, rank, extents, &v, why);
-    if (err)
-        return err;
-    if (v->isComplex && !may_be_complex) {
-        Mat_VarFree(v);
-        return complain(why, -EINVAL, "%s: %s: is complex, expected real numbers",
-                        f->path, name);
-    }
-    *n = 1;
-    for (size_t d = 0; d < rank; d++)
-        *n *= extents[d];
-    size_t bytes = *n * Mat_SizeOfClass((int)v->class_type);
-    int failed = Mat_VarReadDataAll(f->mat, v);
-    const mat_complex_split_t *split = v->data;
-    if (failed || !v->data || (v->isComplex && (!split->Re || !split->Im)) ||
-        v->nbytes < bytes) {
-        Mat_VarFree(v);
-        return complain(why, -EIO, "%s: %s: truncated or unreadable", f->path, name);
-    }
-    *out = v;
-    return 0;
+    return mat_process_ask(&q, extents, out, why);
 }
 
 int mat_file_read_float(struct mat_file *f, const char *name, size_t rank,
                         size_t extents[], float **out, struct complaint *why)
 {
-    matvar_t *v = NULL;
-    size_t n = 0;
-    int err = load(f, name, rank, extents, false, &v, &n, why);
-    if (err)
-        return err;
-    *out = malloc(n * sizeof **out);
-    if (*out)
-        to_float(v->data, v->class_type, n, 1, *out);
-    else
-        err = complain(why, -ENOMEM, "%s: out of memory", f->path);
-    Mat_VarFree(v);
+    void *data;
+    int err = read_all(f, MAT_FLOATS, name, rank, extents, &data, why);
+
+    if (!err)
+        *out = data;
     return err;
 }
 
 int mat_file_read_double(struct mat_file *f, const char *name, size_t rank,
                          size_t extents[], double **out, struct complaint *why)
 {
-    matvar_t *v = NULL;
-    size_t n = 0;
-    int err = load(f, name, rank, extents, false, &v, &n, why);
-    if (err)
-        return err;
-    *out = malloc(n * sizeof **out);
-    if (*out)
-        to_double(v->data, v->class_type, n, *out);
-    else
-        err = complain(why, -ENOMEM, "%s: out of memory", f->path);
-    Mat_VarFree(v);
+    void *data;
+    int err = read_all(f, MAT_DOUBLES, name, rank, extents, &data, why);
+
+    if (!err)
+        *out = data;
     return err;
 }
 
 int mat_file_read_complex(struct mat_file *f, const char *name, size_t rank,
                           size_t extents[], float complex **out, struct complaint *why)
 {
-    matvar_t *v = NULL;
-    size_t n = 0;
-    int err = load(f, name, rank, extents, true, &v, &n, why);
-    if (err)
-        return err;
-    *out = calloc(n, sizeof **out);
-    if (!*out) {
-        err = complain(why, -ENOMEM, "%s: out of memory", f->path);
-    } else if (v->isComplex) {
-        const mat_complex_split_t *split = v->data;
-        to_float(split->Re, v->class_type, n, 2, (float *)*out);
-        to_float(split->Im, v->class_type, n, 2, (float *)*out + 1);
-    } else {
-        to_float(v->data, v->class_type, n, 2, (float *)*out);
-    }
-    Mat_VarFree(v);
+    void *data;
+    int err = read_all(f, MAT_COMPLEX, name, rank, extents, &data, why);
+
+    if (!err)
+        *out = data;
     return err;
 }
 
@@ -280,8 +112,6 @@ void mat_file_close(struct mat_file *f)
 {
     if (!f)
         return;
-    if (f->mat)
-        Mat_Close(f->mat);
     free(f->path);
     free(f);
 }

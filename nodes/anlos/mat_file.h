@@ -1,4 +1,5 @@
-/* nodes/anlos/mat_file.h -- numeric arrays of MATLAB files, v5 and v7.3 (libmatio).
+/* nodes/anlos/mat_file.h -- numeric arrays of MATLAB files, v5 and v7.3 (libmatio, in a
+ * process of its own: mat_process.h).
  *
  * Data are handed out in MATLAB's order, first index fastest: element (i, j, k) of an
  * array of extents [a][b][c] is out[i + a * (j + b * k)].  Any integer or real class is
@@ -18,8 +19,8 @@
 
 struct mat_file;
 
-/* 0, -ENOENT and other errno of reading, -EIO (truncated), -EINVAL (no such
- * MATLAB file), -ENOMEM. */
+/* 0, -ENOENT and other errno of reading, -EIO (truncated or damaged), -EINVAL (no such
+ * MATLAB file), -ENOMEM, errors of fork(2). */
 int mat_file_open(struct mat_file **out, const char *path, struct complaint *why);
 bool mat_file_has(struct mat_file *f, const char *name);
 

@@ -333,6 +333,23 @@ static void assert_refused(const struct survey *s, const char *says)
         fail_msg("\"%s\" does not say \"%s\"", why.text, says);
 }
 
+/* Each list is of a length that it may have, all together would take days. */
+static void more_paths_than_can_be_planned_for_are_refused(void **state)
+{
+    (void)state;
+    static double elements[SURVEY_MAX_ELEMENTS][3], positions[SURVEY_MAX_ELEMENTS];
+    struct survey s = example();
+    s.speakers_m = s.microphones_m = elements;
+    s.stage_positions_m = positions;
+    s.n_responses = 0;
+    s.n_speakers = s.n_microphones = s.n_positions = 256;
+    assert_int_equal(survey_check(&s, NULL), 0);
+    s.n_positions = 257;
+    assert_refused(&s, "257 positions; expected at most 16777216 paths");
+    s.n_speakers = s.n_microphones = s.n_positions = SURVEY_MAX_ELEMENTS;
+    assert_refused(&s, "expected at most 16777216 paths");
+}
+
 static void counts_and_lists_are_refused_by_name(void **state)
 {
     (void)state;
@@ -624,6 +641,7 @@ int main(void)
         cmocka_unit_test(a_copy_is_equal_and_its_own),
         cmocka_unit_test(each_number_out_of_range_is_refused_by_name),
         cmocka_unit_test(parts_that_are_not_there_are_not_checked),
+        cmocka_unit_test(more_paths_than_can_be_planned_for_are_refused),
         cmocka_unit_test(counts_and_lists_are_refused_by_name),
         cmocka_unit_test(calibration_is_refused_by_serial),
         cmocka_unit_test(a_bad_survey_is_not_packed),

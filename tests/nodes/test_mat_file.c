@@ -1,11 +1,14 @@
 #include <errno.h>
 #include <math.h>
+#include <pthread.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <cmocka.h>
 
@@ -219,6 +222,81 @@ static void a_truncated_file_is_an_error(void **state)
     }
 }
 
+/* 16384 x 16384 doubles out of 200 bytes. */
+static void a_file_that_claims_more_than_it_can_hold_is_refused(void **state)
+{
+    (void)state;
+    static const unsigned char extents[8] = {0, 64, 0, 0, 0, 64, 0, 0};
+    double one = 1.0, *out;
+    size_t n[2];
+    struct complaint why = {""};
+    mat_t *mat = Mat_CreateVer(path, NULL, MAT_FT_MAT5);
+    matvar_t *v =
+        Mat_VarCreate("x", MAT_C_DOUBLE, MAT_T_DOUBLE, 2, (size_t[]){1, 1}, &one, 0);
+    assert_int_equal(Mat_VarWrite(mat, v, MAT_COMPRESSION_NONE), 0);
+    Mat_VarFree(v);
+    Mat_Close(mat);
+    FILE *f = fopen(path, "r+");
+    assert_int_equal(fseek(f, 128 + 8 + 16 + 8, SEEK_SET), 0); /* of the dimensions */
+    assert_int_equal(fwrite(extents, 1, 8, f), 8);
+    fclose(f);
+    struct mat_file *file = open_file();
+    assert_int_equal(mat_file_read_double(file, "x", 2, n, &out, &why), -EIO);
+    assert_non_null(strstr(why.text, "more than the file can hold"));
+    mat_file_close(file);
+}
+
+static int end_by; /* the signal that ends each process that is forked; 0: none */
+
+static void meet_end(void)
+{
+    if (end_by) {
+        signal(end_by, SIG_DFL);
+        raise(end_by);
+    }
+}
+
+/* What a damaged file can do to libmatio is an error of that file, and no more. */
+static void a_crash_of_the_library_is_an_error(void **state)
+{
+    (void)state;
+    static const struct {
+        int end_by;
+        const char *words;
+    } ends[] = {{SIGSEGV, "damaged: the MATLAB library cannot read it"},
+                {SIGKILL, "damaged: the MATLAB library cannot read it"},
+                {SIGXCPU, "takes longer to read"}};
+    float x[2] = {1, 2}, *out;
+    size_t n[2];
+    mat_t *mat = Mat_CreateVer(path, NULL, MAT_FT_MAT5);
+    mat_put(mat, "x", MAT_C_SINGLE, 1, 2, x, NULL);
+    Mat_Close(mat);
+    struct mat_file *f = open_file();
+    assert_int_equal(pthread_atfork(NULL, NULL, meet_end), 0);
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
+        struct complaint why = {""};
+        end_by = ends[i].end_by;
+        assert_int_equal(mat_file_read_float(f, "x", 2, n, &out, &why), -EIO);
+        assert_non_null(strstr(why.text, ends[i].words));
+        assert_false(mat_file_has(f, "x"));
+    }
+    end_by = 0;
+    assert_int_equal(mat_file_read_float(f, "x", 2, n, &out, NULL), 0);
+    free(out);
+    mat_file_close(f);
+}
+
+static void a_pipe_is_not_waited_for(void **state)
+{
+    (void)state;
+    struct mat_file *f;
+    struct complaint why = {""};
+    assert_int_equal(unlink(path), 0);
+    assert_int_equal(mkfifo(path, 0600), 0);
+    assert_int_equal(mat_file_open(&f, path, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "not a regular file"));
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 int main(void)
@@ -230,6 +308,9 @@ int main(void)
         TEST(what_does_not_suit_is_named),
         TEST(other_files_are_refused),
         TEST(a_truncated_file_is_an_error),
+        TEST(a_file_that_claims_more_than_it_can_hold_is_refused),
+        TEST(a_crash_of_the_library_is_an_error),
+        TEST(a_pipe_is_not_waited_for),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

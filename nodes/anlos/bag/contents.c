@@ -32,28 +32,52 @@ static void add_name(struct topic_contents *t, const char *node)
     snprintf(t->from + used, sizeof t->from - used, "%s%s", used ? " " : "", node);
 }
 
+/* Rows by their name and type: slots of index + 1, 0: free.  There can be 65535 channels,
+ * which are too many to compare each with each. */
+enum { N_SLOTS = 1 << 17 };
+
+static uint32_t hash_of(struct bytes name, struct bytes type)
+{
+    return bag_crc(bag_crc(0, name), type) % N_SLOTS;
+}
+
+/* The row of a name and type; it is added when there is none yet. */
+static size_t find_row(struct contents *out, uint32_t *slots, struct bytes name,
+                       struct bytes type)
+{
+    uint32_t at = hash_of(name, type);
+
+    for (; slots[at]; at = (at + 1) % N_SLOTS) {
+        const struct topic_contents *t = &out->topics[slots[at] - 1];
+        if (bytes_equal(t->name, name) && bytes_equal(t->type, type))
+            return slots[at] - 1;
+    }
+    out->topics[out->n++] = (struct topic_contents){.name = name, .type = type};
+    slots[at] = (uint32_t)out->n;
+    return out->n - 1;
+}
+
 /* Channels of one topic and type are one row. */
 static int list_topics(struct contents *out, const struct bag_catalog *c)
 {
+    uint32_t *slots = calloc(N_SLOTS, sizeof *slots);
+
     out->topics = calloc(c->n_channels + 1, sizeof *out->topics);
-    if (!out->topics)
+    if (!out->topics || !slots) {
+        free(slots);
         return -ENOMEM;
+    }
     for (size_t i = 0; i < c->n_channels; i++) {
         const struct bag_channel *h = &c->channels[i].record.channel;
         const struct bag_schema *s = bag_catalog_schema(c, h->schema_id);
         struct bytes type = s ? s->name : (struct bytes){NULL, 0};
         struct bag_source source;
-        size_t at = 0;
-        while (at < out->n && !(bytes_equal(out->topics[at].name, h->topic) &&
-                                bytes_equal(out->topics[at].type, type)))
-            at++;
-        if (at == out->n)
-            out->topics[out->n++] =
-                (struct topic_contents){.name = h->topic, .type = type};
+        size_t row = find_row(out, slots, h->topic, type);
         if (!bag_source_of(&source, h))
-            add_name(&out->topics[at], source.node);
-        out->topic_of[h->id] = (uint16_t)at;
+            add_name(&out->topics[row], source.node);
+        out->topic_of[h->id] = (uint16_t)row;
     }
+    free(slots);
     return 0;
 }
 

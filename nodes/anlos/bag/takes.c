@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define MOST_SURVEYS 1000 /* of different ids, which are compared with one another */
+
 struct fact { /* of a ping */
     uint64_t number, survey_id;
     double stage_m;
@@ -26,6 +28,10 @@ static int add_survey(struct facts *f, Anlos__Survey *survey)
             anlos__survey__free_unpacked(survey, NULL);
             return 0;
         }
+    }
+    if (f->n_surveys == MOST_SURVEYS) {
+        anlos__survey__free_unpacked(survey, NULL);
+        return -EFBIG;
     }
     Anlos__Survey **grown =
         realloc(f->surveys, (f->n_surveys + 1) * sizeof(Anlos__Survey *));
@@ -77,7 +83,9 @@ static int read_facts(struct facts *f, struct stream *s, struct complaint *why)
             err = add_ping(f, (Anlos__Ping *)content, number);
             protobuf_c_message_free_unpacked(content, NULL);
         }
-        if (err)
+        if (err == -EFBIG)
+            complain(why, err, "more than %d different surveys", MOST_SURVEYS);
+        else if (err)
             complain(why, err, "out of memory");
     }
     return err == -ENODATA ? 0 : err;

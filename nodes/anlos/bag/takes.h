@@ -20,7 +20,7 @@ struct takes {
 
 /* Reads all of the stream; scan 0: the last one.  Clear with takes_clear, also after an
  * error.  0, -ENODATA (no pings, or none of that scan, or no survey of theirs), -EBADMSG,
- * errors of stream_next. */
+ * -EFBIG (surveys without number), errors of stream_next. */
 int takes_find(struct takes *t, struct stream *s, size_t scan, struct complaint *why);
 
 /* The place of a ping among chosen; false: it is none of the scan's. */

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "hal/text_file.h"
 #include "nodes/rt/export.h"
 
 /* -- writing ----------------------------------------------------------------------------
@@ -85,16 +86,17 @@ int psf_file_load(struct psf_file *out, const char *path, struct complaint *why)
 {
     json_error_t error;
     memset(out, 0, sizeof *out);
-    FILE *f = fopen(path, "r");
-    if (!f)
-        return complain(why, -errno, "%s: %s", path, strerror(errno));
+    FILE *f;
+    int err = text_file_open(&f, path, why);
+    if (err)
+        return err;
     json_t *o = json_loadf(f, 0, &error);
     fclose(f);
     if (!o)
         return complain(why, -EINVAL,
                         "%s:%d: %s; expected psf.json as anlos psf wrote it", path,
                         error.line, error.text);
-    int err = read_values(out, o, path, why);
+    err = read_values(out, o, path, why);
     json_decref(o);
     return err;
 }

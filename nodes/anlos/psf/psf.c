@@ -98,18 +98,11 @@ static int check(const struct request *q, int argc, char **argv)
 /* true: go on; false: end with *exit_code. */
 static bool parse(struct request *q, int argc, char **argv, int *exit_code)
 {
+    struct usage usage = {.command = "psf", .help = help, .options = options};
     int code;
     *exit_code = 0;
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
-        if (code == 'h') {
-            *exit_code = fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-            return false;
-        }
-        if (code == '?' || code == ':')
-            *exit_code = usage_option_error("psf", code, argv, options);
-        else if (code != OPTION_AT)
+    while ((code = usage_next(&usage, argc, argv)) > 0) {
+        if (code != OPTION_AT)
             *exit_code = recon_options_take(&q->recon, "psf", code);
         else if (usage_numbers(optarg, 3, q->at_m))
             *exit_code = usage_error("psf", "--at %s: expected X,Y,Z in m", optarg);
@@ -117,8 +110,8 @@ static bool parse(struct request *q, int argc, char **argv, int *exit_code)
         if (*exit_code)
             return false;
     }
-    *exit_code = check(q, argc, argv);
-    return !*exit_code;
+    *exit_code = code ? ~code : check(q, argc, argv);
+    return !code && !*exit_code;
 }
 
 static void print(const struct psf_job *job, const char *out)

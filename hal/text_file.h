@@ -1,0 +1,16 @@
+/* hal/text_file.h -- opens a text that is read line by line. */
+#ifndef ANLOS_HAL_TEXT_FILE_H
+#define ANLOS_HAL_TEXT_FILE_H
+
+#include <stdio.h>
+
+#include "msgs/complaint.h"
+
+#define TEXT_FILE_MAX_SIZE (64u << 20) /* bytes */
+
+/* A regular file of at most TEXT_FILE_MAX_SIZE: paths stand in files that anyone may have
+ * written, and a device or a pipe has no end.  0, -EINVAL, -EFBIG, -ENOENT and other
+ * errno of opening. */
+int text_file_open(FILE **out, const char *path, struct complaint *why);
+
+#endif

@@ -1,0 +1,178 @@
+/* Messages into the steps of all nodes, whoever they are for: the first survey is
+ * planned for (after that of its content it may be anything that is not large). */
+#include <stdlib.h>
+
+#include "msgs/unpack.h"
+#include "nodes/can/sender.h"
+#include "nodes/dsp/dsp.h"
+#include "nodes/recon/recon.h"
+#include "nodes/report/report.h"
+#include "nodes/report/report_json.h"
+#include "nodes/rt/processing.h"
+#include "nodes/track/detector.h"
+#include "tests/fuzz/fuzz.h"
+#include "tests/fuzz/messages.h"
+
+#define MOST_SAMPLES                                                                     \
+    100000 /* of a scan: more is slow with sanitizers, and finds no more */
+#define MOST_VOXELS 20000
+
+struct system {
+    struct dsp *dsp;
+    struct recon *recon;
+    struct detector detector;
+    struct sender sender;
+    struct report report;
+    bool has_survey;
+    int64_t now_ns;
+};
+
+static void start(struct system *s)
+{
+    const struct dsp_config dsp = {.window = WINDOW_HANN};
+    const struct recon_config recon = {
+        .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
+    const struct detector_config detector = {.threshold_db = 12.0, .min_existence = 0.1};
+
+    *s = (struct system){.now_ns = 1};
+    FUZZ_REQUIRE(!dsp_create(&s->dsp, &dsp));
+    FUZZ_REQUIRE(!recon_create(&s->recon, &recon));
+    detector_init(&s->detector, &detector);
+    sender_init(&s->sender, CAN_BASE_DEFAULT);
+    report_init(&s->report);
+}
+
+static void stop(struct system *s)
+{
+    dsp_destroy(s->dsp);
+    recon_destroy(s->recon);
+    detector_clear(&s->detector);
+    report_clear(&s->report);
+}
+
+/* Sets the id right; is it a survey to plan for, or none at all? */
+static bool is_small(Anlos__Survey *m)
+{
+    struct complaint why = {""};
+    struct processing p;
+    struct survey s;
+
+    if (messages_survey(&s, m))
+        return true;
+    bool small = s.n_positions * s.n_speakers * s.n_microphones * s.slot_samples <
+                     MOST_SAMPLES &&
+                 (processing_plan(&p, &s, &why) || grid_size(&p.grid) < MOST_VOXELS);
+    survey_clear(&s);
+    return small;
+}
+
+static void take_survey(struct system *s, Anlos__Survey *m)
+{
+    struct complaint why = {""};
+
+    if (s->has_survey || !is_small(m))
+        return;
+    FUZZ_REQUIRE(!dsp_survey(s->dsp, m, &why) == dsp_is_planned(s->dsp));
+    FUZZ_REQUIRE(!recon_survey(s->recon, m, &why) == recon_is_planned(s->recon));
+    detector_survey(&s->detector, m, &why);
+    sender_survey(&s->sender, m);
+    report_survey(&s->report, m);
+    s->has_survey = dsp_is_planned(s->dsp);
+}
+
+static void take_detections(struct system *s, const Anlos__DetectionList *m)
+{
+    struct sender_list *list = malloc(sizeof *list);
+
+    FUZZ_REQUIRE(list);
+    sender_list(&s->sender, m, m->counter % 2 ? INT64_MIN : m->counter, list);
+    FUZZ_REQUIRE(list->n_frames <= SENDER_MAX_FRAMES);
+    sender_date(&s->sender, list, s->now_ns, 0);
+    free(list);
+    report_detections(&s->report, m);
+}
+
+static void take_volume(struct system *s, const Anlos__Volume *m)
+{
+    Anlos__DetectionList *list;
+    struct complaint why = {""};
+
+    if (!detector_volume(&s->detector, m, &list, &why)) {
+        take_detections(s, list);
+        anlos__detection_list__free_unpacked(list, NULL);
+    }
+    report_volume(&s->report, m, m->scan % 2 ? INT64_MIN : 0, s->now_ns);
+}
+
+static void take_traces(struct system *s, const Anlos__Traces *m)
+{
+    Anlos__Receipt receipt;
+    char note[256];
+
+    recon_traces(s->recon, m, m->scan, s->now_ns, &receipt, note, sizeof note);
+    FUZZ_REQUIRE(receipt.usable == !note[0]);
+}
+
+static void take_ping(struct system *s, Anlos__Ping *m)
+{
+    struct dsp_output out;
+
+    dsp_ping(s->dsp, m, &out);
+    FUZZ_REQUIRE(out.has_traces || out.has_receipt);
+    if (out.has_traces)
+        take_traces(s, &out.traces);
+}
+
+static void take(struct system *s, const struct topic *t, ProtobufCMessage *m)
+{
+    if (t == topic_survey())
+        take_survey(s, (Anlos__Survey *)m);
+    else if (t == topic_ping())
+        take_ping(s, (Anlos__Ping *)m);
+    else if (t == topic_traces())
+        take_traces(s, (const Anlos__Traces *)m);
+    else if (t == topic_volume())
+        take_volume(s, (const Anlos__Volume *)m);
+    else if (t == topic_detections())
+        take_detections(s, (const Anlos__DetectionList *)m);
+    else if (t == topic_health())
+        report_health(&s->report, (const Anlos__Health *)m, s->now_ns);
+    else if (t == topic_scan_status()) {
+        report_status(&s->report, (const Anlos__ScanStatus *)m, s->now_ns);
+        sender_scan(&s->sender, (const Anlos__ScanStatus *)m);
+    }
+}
+
+static void end(struct system *s)
+{
+    struct can_frame_data frame;
+    Anlos__Volume volume;
+
+    if (recon_pings(s->recon)) {
+        recon_image(s->recon, false, &volume);
+        take_volume(s, &volume);
+    }
+    sender_status(&s->sender, &frame);
+    if (report_is_complete(&s->report, s->now_ns))
+        json_decref(report_json(&s->report));
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    struct bytes input = {data, size}, payload;
+    const struct topic *topic;
+    struct system s;
+
+    start(&s);
+    while (messages_next(&input, &topic, &payload)) {
+        ProtobufCMessage *m = message_unpack(topic->schema, payload.size, payload.data);
+        s.now_ns++;
+        if (m)
+            take(&s, topic, m);
+        if (m)
+            protobuf_c_message_free_unpacked(m, NULL);
+    }
+    end(&s);
+    stop(&s);
+    return 0;
+}
