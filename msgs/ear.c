@@ -4,6 +4,7 @@
 #include <nanomsg/nn.h>
 #include <nanomsg/pubsub.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "msgs/endpoint.h"
 
@@ -30,23 +31,71 @@ static int set_options(struct ear *ear)
     return 0;
 }
 
-/* Subscribes to everything on the endpoints, which carry this topic only: whatever else
- * comes out of them is refused and counted, not filtered away in silence. */
-int ear_open(struct ear *ear, const struct topic *t, const char *run_dir)
+/* To the publisher's socket in this run folder; awaits: only if there is one. */
+static int connect_here(struct ear *ear, struct ear_source *source, const char *url,
+                        bool awaits)
+{
+    source->here = true;
+    if (awaits && access(endpoint_path(url), F_OK) != 0)
+        return 0;
+    source->endpoint = nn_connect(ear->socket, url);
+    return source->endpoint < 0 ? -errno : 0;
+}
+
+/* To the publisher in this run folder, and in those of other hosts on this machine. */
+static int connect_node(struct ear *ear, struct ear_source *source, const char *node,
+                        const char *run_dir, const struct hosts *hosts, bool awaits)
+{
+    char url[ENDPOINT_URL_SIZE];
+    int err = 0;
+    source->endpoint = -1;
+    for (size_t i = 0; !err && i < (hosts->n ? hosts->n : 1); i++) {
+        bool here = !hosts->n || i == hosts->here;
+        const char *folder = here ? run_dir : hosts->list[i].folder;
+        if (!folder[0] || !hosts_may_run(hosts, i, node))
+            continue;
+        err = endpoint_url(url, folder, node, ear->topic->name, NULL);
+        if (!err && here)
+            err = connect_here(ear, source, url, awaits);
+        else if (!err && nn_connect(ear->socket, url) < 0)
+            err = -errno;
+    }
+    return err;
+}
+
+void ear_meet(struct ear *ear, const char *run_dir, const char *name)
 {
     char url[ENDPOINT_URL_SIZE];
     const char *node;
-    *ear = (struct ear){.topic = t};
+    for (size_t i = 0; i < EAR_MAX_PUBLISHERS && (node = topic_publisher(ear->topic, i));
+         i++) {
+        struct ear_source *s = &ear->sources[i];
+        if (!s->here || endpoint_url(url, run_dir, node, ear->topic->name, NULL) != 0 ||
+            strcmp(strrchr(url, '/') + 1, name) != 0)
+            continue;
+        if (s->endpoint >= 0) /* to one that is gone; it would try again, but later */
+            nn_shutdown(ear->socket, s->endpoint);
+        s->endpoint = nn_connect(ear->socket, url);
+    }
+}
+
+/* Subscribes to everything on the endpoints, which carry this topic only: whatever else
+ * comes out of them is refused and counted, not filtered away in silence. */
+int ear_open(struct ear *ear, const struct topic *t, const char *run_dir,
+             const struct remote *remote, bool awaits)
+{
+    const char *node;
+    *ear = (struct ear){.topic = t, .remote_fd = -1};
     ear->socket = nn_socket(AF_SP, NN_SUB);
     if (ear->socket < 0)
         return -errno;
     int err = set_options(ear);
-    for (size_t i = 0; !err && (node = topic_publisher(t, i)); i++) {
-        err = i < EAR_MAX_PUBLISHERS ? endpoint_url(url, run_dir, node, t->name, NULL)
+    for (size_t i = 0; !err && (node = topic_publisher(t, i)); i++)
+        err = i < EAR_MAX_PUBLISHERS ? connect_node(ear, &ear->sources[i], node, run_dir,
+                                                    remote_hosts(remote), awaits)
                                      : -E2BIG;
-        if (!err && nn_connect(ear->socket, url) < 0)
-            err = -errno;
-    }
+    if (!err)
+        err = remote_ear_open(&ear->remote, &ear->remote_fd, remote, t);
     if (err)
         ear_close(ear);
     return err;
@@ -62,28 +111,45 @@ struct ear_source *ear_find_source(struct ear *ear, const char *node)
     return NULL;
 }
 
-/* What was sent before the first message that arrives here is not missed, nor is what a
- * process sent that has been restarted since. */
-static uint64_t count_gap(struct ear_source *s, const struct envelope *e)
+/* What was sent before the first message that arrives here is not missed, unless the
+ * process started after since_ns, by the clock of this machine, nor is what one sent that
+ * has been restarted since.  A new process takes the place of the one that was heard
+ * longest ago. */
+static uint64_t count_gap(struct ear *ear, struct ear_source *s, const struct envelope *e)
 {
-    uint64_t gap = 0;
-    if (s->known && s->epoch_ns == e->epoch_ns && e->sequence > s->next)
-        gap = e->sequence - s->next;
-    s->known = true;
-    s->epoch_ns = e->epoch_ns;
-    s->next = e->sequence + 1;
-    return gap;
+    size_t i = 0, oldest = 0;
+    for (; i < EAR_MAX_PROCESSES; i++) {
+        if (s->processes[i].heard && s->processes[i].epoch_ns == e->epoch_ns)
+            break;
+        if (s->processes[i].heard < s->processes[oldest].heard)
+            oldest = i;
+    }
+    bool goes_on = i < EAR_MAX_PROCESSES;
+    i = goes_on ? i : oldest;
+    bool is_younger = s->here && e->epoch_ns > ear->since_ns;
+    uint64_t expected = goes_on ? s->processes[i].next : is_younger ? 0 : e->sequence;
+    s->processes[i].epoch_ns = e->epoch_ns;
+    s->processes[i].next = e->sequence + 1;
+    s->processes[i].heard = ear->messages;
+    return e->sequence > expected ? e->sequence - expected : 0;
 }
 
 void ear_count(struct ear *ear, struct ear_source *source, const struct envelope *e)
 {
     ear->messages++;
     ear->bytes += e->payload_size;
-    ear->gaps += count_gap(source, e);
+    ear->gaps += count_gap(ear, source, e);
+}
+
+size_t ear_peers(const struct ear *ear)
+{
+    uint64_t peers = nn_get_statistic(ear->socket, NN_STAT_CURRENT_CONNECTIONS);
+    return ear->remote_peers + (peers == (uint64_t)-1 ? 0 : (size_t)peers);
 }
 
 void ear_close(struct ear *ear)
 {
+    remote_ear_close(ear->remote);
     while (nn_close(ear->socket) < 0 && errno == EINTR)
         ;
 }

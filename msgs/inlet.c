@@ -9,11 +9,13 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "msgs/ear.h"
+#include "msgs/newcomers.h"
 
-#define MAX_TOPICS 16
+#define MAX_TOPICS 32
 
 enum refusal { /* after those of enum envelope_fault */
                REFUSAL_TOPIC = ENVELOPE_TOO_LARGE + 1,
@@ -36,11 +38,14 @@ static const char *const refusal_texts[N_REFUSALS] = {
 
 struct inlet {
     char *run_dir;
+    struct remote *remote;
     struct mailbox *mailbox;
     pthread_t thread;
     int wake_fd;
-    pthread_mutex_t lock; /* what follows */
+    struct newcomers newcomers; /* fd -1: sockets that appear are not waited for */
+    pthread_mutex_t lock;       /* what follows */
     bool stop;
+    int64_t since_ns; /* for ears to come */
     size_t n_ears;
     struct ear ears[MAX_TOPICS]; /* one that is in use keeps its place */
     uint64_t refused;
@@ -110,33 +115,104 @@ static int listen_once(struct inlet *in, struct ear *ear)
     }
 }
 
+static void listen_remote(struct inlet *in, struct ear *ear)
+{
+    void *data;
+    size_t size;
+    while ((data = remote_ear_receive(ear->remote, &size)))
+        accept_message(in, ear, data, size);
+}
+
+static int64_t monotonic_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
+}
+
+/* When it is time.  How long then may be waited, in ms. */
+static int tend_remotes(struct inlet *in, size_t n_ears, int64_t *due_ms)
+{
+    int64_t now_ms = monotonic_ms();
+    bool any = false, due = now_ms >= *due_ms;
+    for (size_t i = 0; i < n_ears; i++) {
+        struct ear *ear = &in->ears[i];
+        if (!ear->remote)
+            continue;
+        any = true;
+        if (!due)
+            continue;
+        size_t peers = remote_ear_tend(ear->remote);
+        listen_remote(in, ear); /* the descriptor tells only of what is new */
+        pthread_mutex_lock(&in->lock);
+        ear->remote_peers = peers;
+        pthread_mutex_unlock(&in->lock);
+    }
+    if (due)
+        *due_ms = now_ms + REMOTE_EAR_TEND_MS;
+    return any ? (int)(*due_ms - now_ms) : -1;
+}
+
+/* Two descriptors for each ear; poll skips what is -1. */
+static void listen_to_all(struct inlet *in, size_t n_ears, struct pollfd *fds)
+{
+    for (size_t i = 0; i < n_ears; i++) {
+        if (fds[2 * i].revents && listen_once(in, &in->ears[i]) != 0)
+            fds[2 * i].fd = -1;
+        if (fds[2 * i + 1].revents)
+            listen_remote(in, &in->ears[i]);
+    }
+}
+
+/* Takes in the ears that have come, and who tells of newcomers, as fds[0].  false: stop.
+ */
+static bool heed_wake(struct inlet *in, size_t *n_ears, struct pollfd *fds)
+{
+    uint64_t count;
+    ssize_t got = read(in->wake_fd, &count, sizeof count);
+    (void)got;
+    pthread_mutex_lock(&in->lock);
+    bool stop = in->stop;
+    fds[0].fd = in->newcomers.fd;
+    for (; *n_ears < in->n_ears; ++*n_ears) {
+        const struct ear *ear = &in->ears[*n_ears];
+        fds[1 + 2 * *n_ears] = (struct pollfd){.fd = ear->fd, .events = POLLIN};
+        fds[2 + 2 * *n_ears] = (struct pollfd){.fd = ear->remote_fd, .events = POLLIN};
+    }
+    pthread_mutex_unlock(&in->lock);
+    return !stop;
+}
+
+static void meet(void *context, const char *name)
+{
+    struct inlet *in = context;
+    pthread_mutex_lock(&in->lock);
+    for (size_t i = 0; i < in->n_ears; i++)
+        ear_meet(&in->ears[i], in->run_dir, name);
+    pthread_mutex_unlock(&in->lock);
+}
+
 static void *listen_for_ever(void *arg)
 {
     struct inlet *in = arg;
-    struct pollfd fds[MAX_TOPICS + 1] = {{.fd = in->wake_fd, .events = POLLIN}};
+    struct pollfd fds[2 + 2 * MAX_TOPICS] = {{.fd = in->wake_fd, .events = POLLIN},
+                                             {.fd = -1, .events = POLLIN}};
     size_t n_ears = 0;
+    int64_t due_ms = 0;
     for (;;) {
-        int n = poll(fds, n_ears + 1, -1);
+        int n = poll(fds, 2 + 2 * n_ears, tend_remotes(in, n_ears, &due_ms));
         if (n < 0 && errno != EINTR)
             abort(); /* only a bug gets here: a bad pointer or count */
         if (n <= 0)
             continue;
-        for (size_t i = 0; i < n_ears; i++)
-            if (fds[1 + i].revents && listen_once(in, &in->ears[i]) != 0)
-                fds[1 + i].fd = -1; /* poll skips it */
-        if (!fds[0].revents)
-            continue;
-        uint64_t count;
-        ssize_t got = read(in->wake_fd, &count, sizeof count);
-        (void)got;
-        pthread_mutex_lock(&in->lock);
-        bool stop = in->stop;
-        for (; n_ears < in->n_ears; n_ears++)
-            fds[1 + n_ears] =
-                (struct pollfd){.fd = in->ears[n_ears].fd, .events = POLLIN};
-        pthread_mutex_unlock(&in->lock);
-        if (stop)
-            return NULL;
+        if (fds[1].revents)
+            newcomers_read(&in->newcomers, meet, in);
+        listen_to_all(in, n_ears, fds + 2);
+        if (fds[0].revents) {
+            if (!heed_wake(in, &n_ears, fds + 1))
+                return NULL;
+            due_ms = 0;
+        }
     }
 }
 
@@ -158,13 +234,17 @@ static int start_thread(struct inlet *in)
     return err;
 }
 
-int inlet_create(struct inlet **out, const char *run_dir, struct mailbox *mailbox)
+int inlet_create(struct inlet **out, const char *run_dir, struct remote *remote,
+                 struct mailbox *mailbox)
 {
     struct inlet *in = calloc(1, sizeof *in);
     if (!in)
         return -ENOMEM;
+    in->remote = remote;
     in->mailbox = mailbox;
+    in->since_ns = INT64_MAX;
     in->run_dir = strdup(run_dir);
+    in->newcomers = (struct newcomers){-1, -1};
     in->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     int err = !in->run_dir ? -ENOMEM : in->wake_fd < 0 ? -errno : 0;
     if (err)
@@ -196,7 +276,8 @@ int inlet_subscribe(struct inlet *in, const struct topic *t)
         known |= in->ears[i].topic == t;
     if (!known && !err) {
         struct ear *ear = &in->ears[in->n_ears];
-        err = ear_open(ear, t, in->run_dir);
+        err = ear_open(ear, t, in->run_dir, in->remote, in->newcomers.fd >= 0);
+        ear->since_ns = in->since_ns;
         if (!err && (err = mailbox_add(in->mailbox, t, &ear->slot)))
             ear_close(ear);
         in->n_ears += !err;
@@ -204,6 +285,15 @@ int inlet_subscribe(struct inlet *in, const struct topic *t)
     pthread_mutex_unlock(&in->lock);
     wake(in);
     return known ? 0 : err;
+}
+
+void inlet_count_from_start(struct inlet *in, int64_t now_ns)
+{
+    pthread_mutex_lock(&in->lock);
+    in->since_ns = now_ns;
+    if (in->newcomers.fd < 0)
+        newcomers_open(&in->newcomers, in->run_dir); /* without: nanomsg tries often */
+    pthread_mutex_unlock(&in->lock);
 }
 
 size_t inlet_counts(struct inlet *in, struct bus_count *out, size_t max)
@@ -215,7 +305,8 @@ size_t inlet_counts(struct inlet *in, struct bus_count *out, size_t max)
         out[i] = (struct bus_count){.topic = ear->topic,
                                     .messages = ear->messages,
                                     .bytes = ear->bytes,
-                                    .gaps = ear->gaps};
+                                    .gaps = ear->gaps,
+                                    .peers = ear_peers(ear)};
         mailbox_count(in->mailbox, ear->slot, &out[i].dropped, &out[i].queued);
     }
     pthread_mutex_unlock(&in->lock);
@@ -248,6 +339,7 @@ void inlet_destroy(struct inlet *in)
     pthread_mutex_unlock(&in->lock);
     wake(in);
     pthread_join(in->thread, NULL);
+    newcomers_close(&in->newcomers);
     for (size_t i = 0; i < in->n_ears; i++)
         ear_close(&in->ears[i]);
     pthread_mutex_destroy(&in->lock);

@@ -26,6 +26,8 @@ struct outlet {
     struct pace pace;
     int socket;
     char url[ENDPOINT_URL_SIZE];
+    void *remote; /* NULL: nobody on another machine */
+    size_t remote_peers;
 };
 
 static int64_t monotonic_ns(void)
@@ -67,7 +69,7 @@ static int bind_socket(struct outlet *o, struct complaint *why)
 }
 
 int outlet_create(struct outlet **out, const struct bus_config *cfg,
-                  const struct topic *t, struct complaint *why)
+                  struct remote *remote, const struct topic *t, struct complaint *why)
 {
     struct outlet *o = calloc(1, sizeof *o);
     if (!o)
@@ -89,6 +91,8 @@ int outlet_create(struct outlet **out, const struct bus_config *cfg,
         o->url[0] = 0; /* nothing to unlink */
     else
         err = bind_socket(o, why);
+    if (!err)
+        err = remote_bind(&o->remote, remote, cfg->node, t, why);
     if (err)
         outlet_destroy(o);
     else
@@ -116,13 +120,17 @@ static void keep_pace(const struct outlet *o)
         ;
 }
 
+static size_t count_peers(const struct outlet *o)
+{
+    uint64_t peers = nn_get_statistic(o->socket, NN_STAT_CURRENT_CONNECTIONS);
+    return peers == (uint64_t)-1 ? 0 : (size_t)peers;
+}
+
 /* Each connection carries its own copy; without one, nothing is under way. */
 static void spend_pace(struct outlet *o, size_t size)
 {
-    uint64_t peers = nn_get_statistic(o->socket, NN_STAT_CURRENT_CONNECTIONS);
-    if (peers != (uint64_t)-1)
-        pace_spend(&o->pace, monotonic_ns(),
-                   (MESSAGE_COST_BYTES + (double)size) * (double)peers);
+    pace_spend(&o->pace, monotonic_ns(),
+               (MESSAGE_COST_BYTES + (double)size) * (double)count_peers(o));
 }
 
 int outlet_send(struct outlet *o, int64_t capture_ns, int64_t publish_ns, void *message,
@@ -135,6 +143,8 @@ int outlet_send(struct outlet *o, int64_t capture_ns, int64_t publish_ns, void *
     o->envelope.payload_size = (uint32_t)size;
     envelope_pack(&o->envelope, message);
     keep_pace(o);
+    if (o->remote)
+        remote_send(o->remote, message, ENVELOPE_SIZE + size);
     do
         n = nn_send(o->socket, &message, NN_MSG, 0);
     while (n < 0 && errno == EINTR);
@@ -151,6 +161,13 @@ int outlet_send(struct outlet *o, int64_t capture_ns, int64_t publish_ns, void *
     return err;
 }
 
+void outlet_set_replayed(struct outlet *o, bool replayed)
+{
+    pthread_mutex_lock(&o->lock);
+    o->envelope.replayed = replayed;
+    pthread_mutex_unlock(&o->lock);
+}
+
 const struct topic *outlet_topic(const struct outlet *o)
 {
     return o->topic;
@@ -159,15 +176,26 @@ const struct topic *outlet_topic(const struct outlet *o)
 void outlet_count(struct outlet *o, struct bus_count *out)
 {
     pthread_mutex_lock(&o->lock);
-    *out = (struct bus_count){
-        .topic = o->topic, .published = true, .messages = o->messages, .bytes = o->bytes};
+    if (o->remote)
+        remote_count_peers(o->remote, &o->remote_peers);
+    *out = (struct bus_count){.topic = o->topic,
+                              .published = true,
+                              .messages = o->messages,
+                              .bytes = o->bytes,
+                              .peers = count_peers(o) + o->remote_peers};
     pthread_mutex_unlock(&o->lock);
+}
+
+size_t outlet_room(const struct outlet *o)
+{
+    return (size_t)(2.0 * o->pace.burst_bytes); /* of which a burst is half */
 }
 
 void outlet_destroy(struct outlet *o)
 {
     if (!o)
         return;
+    remote_close(o->remote);
     keep_pace(o); /* nanomsg does not linger: what the kernel has not got yet is lost */
     if (o->socket >= 0)
         while (nn_close(o->socket) < 0 && errno == EINTR)

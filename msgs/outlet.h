@@ -6,13 +6,15 @@
 #define ANLOS_MSGS_OUTLET_H
 
 #include "msgs/bus.h"
+#include "msgs/remote.h"
 
 struct outlet;
 
 /* The caller holds the node's lock, so a socket file that is there is of a dead process
- * and goes. 0, -ENOMEM, -ENAMETOOLONG, other negative errno. */
+ * and goes.  remote NULL: nobody on another machine is to hear it.  0, -ENOMEM,
+ * -ENAMETOOLONG, other negative errno. */
 int outlet_create(struct outlet **out, const struct bus_config *cfg,
-                  const struct topic *t, struct complaint *why);
+                  struct remote *remote, const struct topic *t, struct complaint *why);
 
 /* A message with room for size bytes at *payload.  NULL: out of memory. */
 void *outlet_allocate(size_t size, void **payload);
@@ -22,8 +24,15 @@ void *outlet_allocate(size_t size, void **payload);
 int outlet_send(struct outlet *o, int64_t capture_ns, int64_t publish_ns, void *message,
                 size_t size);
 
+/* Of what is sent from now on.  Thread-safe. */
+void outlet_set_replayed(struct outlet *o, bool replayed);
+
 const struct topic *outlet_topic(const struct outlet *o);
 void outlet_count(struct outlet *o, struct bus_count *out);
+
+/* Bytes that the kernel takes for a connection before its reader reads.  nanomsg drops a
+ * message while the one before has not gone there whole. */
+size_t outlet_room(const struct outlet *o);
 void outlet_destroy(struct outlet *o);
 
 #endif

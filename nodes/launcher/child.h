@@ -9,10 +9,11 @@
 #include <sys/types.h>
 
 #include "msgs/complaint.h"
+#include "nodes/rt/log_line.h"
 
 #define CHILD_MAX_CRASHES 5             /* without a good run between them */
 #define CHILD_GOOD_RUN_NS 10000000000LL /* a run that makes up for earlier crashes */
-#define CHILD_LINE_SIZE   1100
+#define CHILD_LINE_SIZE   LOG_LINE_SIZE
 
 enum child_phase {
     CHILD_RUNNING,
@@ -31,6 +32,7 @@ struct child_pipe {
 struct child {
     const char *name;  /* not owned */
     char *const *argv; /* not owned */
+    bool aside;        /* the others go on without it, and it ends after them */
     pid_t pid;         /* 0: not running */
     enum child_phase phase;
     unsigned crashes;

@@ -3,6 +3,7 @@
 #include "hal/array.h"
 #include "hal/canbus.h"
 #include "hal/stage.h"
+#include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/uri.h"
 
 static int check_array(const char *uri, struct complaint *why)
@@ -45,7 +46,7 @@ int devices_check(const struct launchfile *l, struct complaint *why)
 
     for (size_t i = 0; i < sizeof devices / sizeof *devices; i++) {
         struct complaint inner = {""};
-        if (!launchfile_has_node(l, devices[i].node))
+        if (!launchfile_runs_here(l, devices[i].node))
             continue;
         int err = devices[i].check(devices[i].uri, &inner);
         if (err)

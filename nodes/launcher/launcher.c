@@ -13,13 +13,20 @@
 #include "hal/clock.h"
 #include "msgs/bus.h"
 #include "nodes/launcher/child.h"
+#include "nodes/launcher/fellowship.h"
 #include "nodes/launcher/program.h"
 #include "nodes/launcher/progress.h"
 #include "nodes/launcher/screen.h"
+#include "nodes/launcher/voice.h"
+#include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/node.h"
 
 #define KILL_AFTER_NS 3000000000LL
-#define MAX_NODES     16
+#define KILL_ASIDE_NS                                                                    \
+    30000000000LL              /* a recorder may have much to bring to a slow disk       \
+                                */
+#define READY_NS  1000000000LL /* for a recorder to be all ears before the rest starts */
+#define MAX_NODES 16
 
 struct launcher {
     const struct launcher_config *cfg;
@@ -30,25 +37,34 @@ struct launcher {
     int signal_fd;
     struct bus *bus;
     struct progress progress;
+    struct fellowship fellowship; /* with the other hosts */
     struct screen screen;
-    bool stopping, killed;
+    struct voice voice;
+    bool stopping, stopping_aside, killed;
     bool reported;
+    bool recording_failed; /* the rest went on */
     int64_t kill_ns;
     int exit_code; /* once stopping */
 };
 
 static void print_line(void *ctx, const struct child *c, const char *line)
 {
-    screen_log(ctx, c->name, line);
+    struct launcher *l = ctx;
+
+    screen_output(&l->screen, c->name, line, clock_now_ns(l->clock));
 }
 
 static void say(struct launcher *l, const char *node, enum log_level level,
                 const char *text)
 {
-    char line[1200];
+    struct log_line line = {.stamp_ns = clock_now_ns(l->clock), .level = level};
 
-    snprintf(line, sizeof line, "%s %s", log_level_name(level), text);
-    screen_log(&l->screen, node, line);
+    snprintf(line.node, sizeof line.node, "%s", node);
+    snprintf(line.text, sizeof line.text, "%s", text);
+    log_text_clean(line.text);
+    if (level >= l->cfg->arguments->log_level)
+        screen_log(&l->screen, &line);
+    voice_log(&l->voice, &line);
 }
 
 /* Asks all to end.  The first reason decides the exit code. */
@@ -60,24 +76,43 @@ static void stop(struct launcher *l, int exit_code)
     l->stopping = true;
     l->exit_code = exit_code;
     l->kill_ns = clock_now_ns(l->clock) + KILL_AFTER_NS;
+    fellowship_end(&l->fellowship, exit_code,
+                   l->reported ? l->cfg->launch->report.folder : NULL,
+                   clock_now_ns(l->clock));
     for (unsigned i = 0; i < l->n; i++)
-        child_signal(&l->children[i], SIGTERM);
+        if (!l->children[i].aside)
+            child_signal(&l->children[i], SIGTERM);
 }
 
-static bool any_running(const struct launcher *l)
+static bool any_running(const struct launcher *l, bool aside)
 {
     for (unsigned i = 0; i < l->n; i++)
-        if (l->children[i].pid > 0)
+        if (l->children[i].pid > 0 && (aside || !l->children[i].aside))
             return true;
     return false;
+}
+
+/* What is aside has seen everything when the others have ended. */
+static void stop_aside(struct launcher *l, int64_t now_ns)
+{
+    if (!l->stopping || l->stopping_aside || any_running(l, false))
+        return;
+    l->stopping_aside = true;
+    if (l->kill_ns) {
+        l->killed = false;
+        l->kill_ns = now_ns + KILL_ASIDE_NS;
+    }
+    for (unsigned i = 0; i < l->n; i++)
+        if (l->children[i].aside)
+            child_signal(&l->children[i], SIGTERM);
 }
 
 /* Running, or about to be again? */
 static bool any_alive(const struct launcher *l)
 {
     for (unsigned i = 0; i < l->n; i++)
-        if (l->children[i].phase == CHILD_RUNNING ||
-            l->children[i].phase == CHILD_PAUSING)
+        if (!l->children[i].aside && (l->children[i].phase == CHILD_RUNNING ||
+                                      l->children[i].phase == CHILD_PAUSING))
             return true;
     return false;
 }
@@ -86,12 +121,13 @@ static void start_child(struct launcher *l, struct child *c)
 {
     struct complaint why = {""};
 
-    child_close(c, print_line, &l->screen);
+    child_close(c, print_line, l);
     if (!child_start(c, clock_now_ns(l->clock), &why))
         return;
     say(l, c->name, LOG_LEVEL_ERROR, why.text);
     c->phase = CHILD_FAILED;
-    stop(l, EXIT_BAD_INPUT);
+    if (!c->aside)
+        stop(l, EXIT_BAD_INPUT);
 }
 
 static void describe_crash(struct launcher *l, const struct child *c, int status)
@@ -108,18 +144,81 @@ static void describe_crash(struct launcher *l, const struct child *c, int status
     say(l, c->name, c->phase == CHILD_FAILED ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING, text);
 }
 
+static bool is_aside(const struct launcher *l, const char *name)
+{
+    for (unsigned i = 0; i < l->n; i++)
+        if (l->children[i].aside && (!name || !strcmp(l->children[i].name, name)))
+            return true;
+    return false;
+}
+
+/* Those that were not started yet: at start_ns. */
+static void start_rest(struct launcher *l, int64_t start_ns)
+{
+    for (unsigned i = 0; i < l->n; i++)
+        if (!l->children[i].started_ns && !l->children[i].aside)
+            l->children[i].restart_ns = start_ns;
+}
+
+/* What is aside comes first, so that it misses nothing of the others. */
+static void start_all(struct launcher *l)
+{
+    for (unsigned i = 0; i < l->n && !l->stopping; i++)
+        if (l->children[i].aside)
+            start_child(l, &l->children[i]);
+    start_rest(l, is_aside(l, NULL) ? clock_now_ns(l->clock) + READY_NS : 0);
+}
+
+/* A recorder that refuses what it is to do, before there is anything to be lost? */
+static bool refuses(const struct launcher *l, int status)
+{
+    return WIFEXITED(status) && WEXITSTATUS(status) == EXIT_BAD_INPUT &&
+           !any_running(l, false);
+}
+
+/* One that is aside is started again only when it crashed: what made it give up, such as
+ * a full disk, is still there. */
+static void exited_aside(struct launcher *l, struct child *c, int status)
+{
+    char exit_text[64], text[160];
+
+    if (refuses(l, status)) {
+        stop(l, EXIT_BAD_INPUT);
+        return;
+    }
+    start_rest(l, 0);
+    if (c->phase == CHILD_ENDED)
+        return;
+    if (c->phase == CHILD_PAUSING && !WIFEXITED(status)) {
+        describe_crash(l, c, status);
+        return;
+    }
+    c->phase = CHILD_FAILED;
+    child_describe_exit(status, exit_text, sizeof exit_text);
+    snprintf(text, sizeof text, "ended with %s; the others go on without it", exit_text);
+    say(l, c->name, LOG_LEVEL_ERROR, text);
+}
+
 static void exited(struct launcher *l, struct child *c, int status)
 {
     enum child_phase phase = child_exited(c, status, clock_now_ns(l->clock));
 
-    child_close(c, print_line, &l->screen);
+    child_close(c, print_line, l);
+    if (c->aside && status)
+        l->recording_failed |= l->stopping || WIFEXITED(status) || phase == CHILD_FAILED;
     if (l->stopping)
         return;
+    if (c->aside) {
+        exited_aside(l, c, status);
+        return;
+    }
     switch (phase) {
     case CHILD_ENDED:
-        if (strcmp(c->name, "report"))
+        if (strcmp(c->name, "report")) {
+            say(l, c->name, LOG_LEVEL_INFO, "has ended; it is not started again");
             break;
-        l->reported = true;
+        }
+        l->reported = true; /* before stop: the other hosts are told */
         stop(l, l->progress.state == ANLOS__SCAN_STATUS__STATE__FAILED ? EXIT_FAILED
                                                                        : EXIT_WORKED);
         break;
@@ -165,6 +264,13 @@ static void show_progress(struct launcher *l, const ProtobufCMessage *status)
         screen_progress(&l->screen, l->progress.text);
 }
 
+static void hear_health(struct launcher *l, const Anlos__Health *health)
+{
+    progress_health(&l->progress, health);
+    if (health->state == ANLOS__HEALTH__STATE__READY && is_aside(l, health->node))
+        start_rest(l, 0);
+}
+
 static void read_bus(struct launcher *l)
 {
     struct bus_message in;
@@ -174,11 +280,49 @@ static void read_bus(struct launcher *l)
         if (m && in.topic == topic_scan_status() && !l->stopping)
             show_progress(l, m);
         else if (m && in.topic == topic_health())
-            progress_health(&l->progress, (const Anlos__Health *)m);
+            hear_health(l, (const Anlos__Health *)m);
+        else if (m && in.topic == topic_host())
+            fellowship_hear(&l->fellowship, m, &in.envelope, clock_now_ns(l->clock));
         if (m)
             protobuf_c_message_free_unpacked(m, NULL);
         bus_message_free(&in);
     }
+}
+
+static void judge_fellows(struct launcher *l, int64_t now_ns)
+{
+    char text[FELLOWS_TEXT_SIZE];
+    enum fellows_verdict verdict;
+
+    while (!l->stopping && (verdict = fellows_judge(&l->fellowship.fellows, now_ns,
+                                                    text)) != FELLOWS_GO_ON) {
+        say(l, "launcher",
+            verdict == FELLOWS_FAILED    ? LOG_LEVEL_ERROR
+            : verdict == FELLOWS_WARNING ? LOG_LEVEL_WARNING
+                                         : LOG_LEVEL_INFO,
+            text);
+        if (verdict == FELLOWS_DONE)
+            stop(l, EXIT_WORKED);
+        else if (verdict == FELLOWS_FAILED)
+            stop(l, EXIT_FAILED);
+    }
+}
+
+/* May it end?  When the nodes have, and the other hosts know, or a person is impatient.
+ */
+static bool has_ended(const struct launcher *l)
+{
+    return l->stopping && !any_running(l, true) &&
+           (!l->kill_ns || fellowship_may_leave(&l->fellowship, clock_now_ns(l->clock)));
+}
+
+static unsigned count_phase(const struct launcher *l, enum child_phase phase)
+{
+    unsigned n = 0;
+
+    for (unsigned i = 0; i < l->n; i++)
+        n += l->children[i].phase == phase;
+    return n;
 }
 
 /* What time brings: restarts, and an end for those that do not end by themselves.
@@ -188,6 +332,15 @@ static int act_on_time(struct launcher *l)
     int64_t now = clock_now_ns(l->clock);
     int64_t next = now + 1000000000LL;
 
+    judge_fellows(l, now);
+    int64_t tell_ns = fellowship_tell(&l->fellowship, now);
+    voice_health(&l->voice, now, count_phase(l, CHILD_RUNNING),
+                 count_phase(l, CHILD_ENDED), l->n);
+    stop_aside(l, now);
+    if (tell_ns < next)
+        next = tell_ns;
+    if (l->voice.bus && l->voice.due_ns < next)
+        next = l->voice.due_ns;
     for (unsigned i = 0; i < l->n && !l->stopping; i++) {
         struct child *c = &l->children[i];
         if (c->phase != CHILD_PAUSING)
@@ -200,6 +353,8 @@ static int act_on_time(struct launcher *l)
     if (l->stopping && !l->killed && now >= l->kill_ns) {
         l->killed = true;
         for (unsigned i = 0; i < l->n; i++) {
+            if (l->children[i].aside && !l->stopping_aside && l->kill_ns)
+                continue;
             if (l->children[i].pid > 0)
                 say(l, l->children[i].name, LOG_LEVEL_WARNING, "does not stop; killed");
             child_signal(&l->children[i], SIGKILL);
@@ -226,12 +381,19 @@ static void wait_and_read(struct launcher *l, int timeout_ms)
     for (unsigned i = 0; i < l->n; i++)
         for (int k = 0; k < 2; k++)
             if (fds[2 + 2 * i + (unsigned)k].revents)
-                child_read(&l->children[i], &l->children[i].pipes[k], print_line,
-                           &l->screen);
+                child_read(&l->children[i], &l->children[i].pipes[k], print_line, l);
     if (l->bus && fds[1].revents)
         read_bus(l);
     if (fds[0].revents)
         read_signals(l);
+}
+
+/* As nohup leaves it: a signal that is blocked comes even if it is to be ignored. */
+static bool hangup_is_ignored(void)
+{
+    struct sigaction now;
+
+    return !sigaction(SIGHUP, NULL, &now) && now.sa_handler == SIG_IGN;
 }
 
 static int open_signals(struct launcher *l)
@@ -242,7 +404,8 @@ static int open_signals(struct launcher *l)
     sigemptyset(&set);
     sigaddset(&set, SIGINT);
     sigaddset(&set, SIGTERM);
-    sigaddset(&set, SIGHUP);
+    if (!hangup_is_ignored())
+        sigaddset(&set, SIGHUP);
     sigaddset(&set, SIGCHLD);
     signal(SIGPIPE, SIG_IGN);
     snprintf(parent, sizeof parent, "%ld", (long)getpid());
@@ -252,22 +415,44 @@ static int open_signals(struct launcher *l)
     return l->signal_fd < 0 ? -errno : 0;
 }
 
-/* Without the bus there is no progress to be seen, but the nodes do their work. */
+/* Which ports a firewall has to let through. */
+static void say_endpoint(struct launcher *l, const struct host *h)
+{
+    char text[200];
+
+    if (h->address[0])
+        snprintf(text, sizeof text, "this is host %s: %s, ports %u to %u", h->name,
+                 h->address, h->port, h->port + hosts_n_ports() - 1);
+    else
+        snprintf(text, sizeof text, "this is host %s: %s", h->name, h->folder);
+    say(l, "launcher", LOG_LEVEL_INFO, text);
+}
+
+/* On one machine it is only to show the progress: the nodes do their work without. */
 static void open_bus(struct launcher *l)
 {
+    const struct hosts *hosts = &l->cfg->launch->hosts;
     const struct bus_config cfg = {.node = "launcher",
                                    .run_dir = l->cfg->run_dir,
-                                   .epoch_ns = clock_now_ns(l->clock),
-                                   .listen_only = true};
+                                   .epoch_ns = clock_now_ns(l->clock)};
     struct complaint why = {""};
     int err = bus_create(&l->bus, &cfg, &why);
 
+    voice_open(&l->voice, l->bus, cfg.epoch_ns);
     if (!err)
         err = bus_subscribe(l->bus, topic_scan_status());
     if (!err)
         err = bus_subscribe(l->bus, topic_health());
+    if (!err)
+        err = fellowship_open(&l->fellowship, l->bus, hosts, cfg.epoch_ns,
+                              l->cfg->launch_file);
     if (err)
-        say(l, "launch", LOG_LEVEL_WARNING, why.text[0] ? why.text : strerror(-err));
+        say(l, "launcher", hosts->n ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING,
+            why.text[0] ? why.text : strerror(-err));
+    if (err && hosts->n)
+        stop(l, EXIT_BAD_INPUT);
+    if (!err && hosts->n)
+        say_endpoint(l, &hosts->list[hosts->here]);
 }
 
 static int set_up(struct launcher *l)
@@ -276,11 +461,14 @@ static int set_up(struct launcher *l)
 
     for (unsigned i = 0; !err && i < l->cfg->launch->n_nodes && i < MAX_NODES; i++) {
         const char *name = l->cfg->launch->nodes[i];
-        err = program_fill(&l->programs[i], l->cfg, name);
+        if (!launchfile_runs_here(l->cfg->launch, name))
+            continue;
+        err = program_fill(&l->programs[l->n], l->cfg, name);
         if (err)
             break;
-        child_init(&l->children[i], name, l->programs[i].argv);
-        l->n = i + 1;
+        child_init(&l->children[l->n], name, l->programs[l->n].argv);
+        l->children[l->n].aside = !strcmp(name, "record");
+        l->n++;
     }
     return err;
 }
@@ -295,26 +483,28 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     l->cfg = cfg;
     l->clock = clock_system();
     l->signal_fd = -1;
-    screen_init(&l->screen);
+    screen_init(&l->screen, cfg->arguments->log_format);
     progress_init(&l->progress, l->screen.out_terminal);
     int err = set_up(l);
     if (err) {
-        say(l, "launch", LOG_LEVEL_ERROR, strerror(-err));
+        say(l, "launcher", LOG_LEVEL_ERROR, strerror(-err));
         l->exit_code = EXIT_FAILED;
     } else {
-        for (unsigned i = 0; i < l->n && !l->stopping; i++)
-            start_child(l, &l->children[i]);
         open_bus(l);
-        while (!l->stopping || any_running(l))
+        start_all(l);
+        while (!has_ended(l))
             wait_and_read(l, act_on_time(l));
     }
     screen_end_progress(&l->screen);
+    voice_close(&l->voice);
     bus_destroy(l->bus);
     for (unsigned i = 0; i < l->n; i++)
-        child_close(&l->children[i], print_line, &l->screen);
+        child_close(&l->children[i], print_line, l);
     if (l->signal_fd >= 0)
         close(l->signal_fd);
     int exit_code = l->exit_code;
+    if (exit_code == EXIT_WORKED && l->recording_failed)
+        exit_code = EXIT_FAILED; /* the results are there, the bag is cut short */
     *reported = l->reported;
     free(l);
     return exit_code;

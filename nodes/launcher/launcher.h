@@ -4,6 +4,7 @@
 #define ANLOS_NODES_LAUNCHER_LAUNCHER_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "nodes/rt/arguments.h"
 #include "nodes/rt/launchfile.h"
@@ -12,7 +13,8 @@ struct launcher_config {
     const struct launchfile *launch;
     const struct arguments *arguments; /* handed on to the nodes */
     const char *run_dir;
-    const char *bin_dir; /* where anlos-NODE stand */
+    uint64_t launch_file; /* a hash of it, for the other hosts */
+    const char *bin_dir;  /* where anlos-NODE stand */
 };
 
 /* Shows logs and progress while it runs.  Returns the exit code: 0 (the report is

@@ -1,7 +1,24 @@
 #include "nodes/launcher/program.h"
 
 #include <errno.h>
+#include <libgen.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+int program_folder(char *out, size_t size)
+{
+    const char *given = getenv("ANLOS_BIN_DIR");
+    char path[4096];
+
+    if (given)
+        return snprintf(out, size, "%s", given) < (int)size ? 0 : -ENAMETOOLONG;
+    ssize_t n = readlink("/proc/self/exe", path, sizeof path - 1);
+    if (n < 0)
+        return -errno;
+    path[n] = '\0';
+    return snprintf(out, size, "%s", dirname(path)) < (int)size ? 0 : -ENAMETOOLONG;
+}
 
 int program_fill(struct program *p, const struct launcher_config *cfg, const char *node)
 {
@@ -18,9 +35,25 @@ int program_fill(struct program *p, const struct launcher_config *cfg, const cha
     *v++ = (char *)cfg->run_dir;
     *v++ = (char *)"--log-level";
     *v++ = (char *)log_level_name(a->log_level);
+    if (a->log_format == LOG_FORMAT_JSON) {
+        *v++ = (char *)"--log-format";
+        *v++ = (char *)"json";
+    }
     if (a->out) {
         *v++ = (char *)"--out";
         *v++ = (char *)a->out;
+    }
+    if (a->record) {
+        *v++ = (char *)"--record";
+        *v++ = (char *)a->record;
+    }
+    if (a->bag) {
+        *v++ = (char *)"--bag";
+        *v++ = (char *)a->bag;
+    }
+    if (a->rate) {
+        *v++ = (char *)"--rate";
+        *v++ = (char *)a->rate;
     }
     if (a->realtime)
         *v++ = (char *)"--realtime";

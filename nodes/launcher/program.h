@@ -4,12 +4,16 @@
 
 #include "nodes/launcher/launcher.h"
 
-#define PROGRAM_MAX_ARGS 12
+#define PROGRAM_MAX_ARGS 20
 
 struct program {
     char path[4096];
     char *argv[PROGRAM_MAX_ARGS]; /* borrows from path and from the launcher's words */
 };
+
+/* The folder of this program, where the nodes' are too; $ANLOS_BIN_DIR wins.  0,
+ * -ENAMETOOLONG, other negative errno. */
+int program_folder(char *out, size_t size);
 
 /* That of the node: anlos-NAME in cfg->bin_dir.  It must stay where it is, and cfg what
  * it is, while argv is used.  0, -ENAMETOOLONG. */

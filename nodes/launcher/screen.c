@@ -3,15 +3,15 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/ioctl.h>
+#include <time.h>
 #include <unistd.h>
-
-#include "nodes/rt/log.h"
 
 #define CLEAR_LINE "\r\033[K"
 
-void screen_init(struct screen *s)
+void screen_init(struct screen *s, enum log_format format)
 {
-    *s = (struct screen){.out_terminal = isatty(STDOUT_FILENO),
+    *s = (struct screen){.format = format,
+                         .out_terminal = isatty(STDOUT_FILENO),
                          .err_terminal = isatty(STDERR_FILENO)};
 }
 
@@ -58,21 +58,64 @@ static void draw_progress(struct screen *s)
     fflush(stdout);
 }
 
-void screen_log(struct screen *s, const char *node, const char *line)
+static void clear_progress(const struct screen *s)
 {
-    enum log_level level = read_level(&line);
+    if (!s->progress_shown)
+        return;
+    printf(CLEAR_LINE);
+    fflush(stdout);
+}
 
-    if (s->progress_shown) {
-        printf(CLEAR_LINE);
-        fflush(stdout);
+static void write_coloured(const struct log_line *l)
+{
+    char text[LOG_TEXT_SIZE + 64], time_of_day[16] = "";
+    time_t seconds = (time_t)(l->stamp_ns / 1000000000);
+    struct tm t;
+
+    if (localtime_r(&seconds, &t))
+        strftime(time_of_day, sizeof time_of_day, "%H:%M:%S", &t);
+    log_line_text(l, text, sizeof text);
+    fprintf(stderr, "\033[2m%s.%03d\033[0m \033[1m%-7s\033[0m %s%-7s %s\033[0m\n",
+            time_of_day, (int)(l->stamp_ns / 1000000 % 1000), l->node, colour(l->level),
+            log_level_name(l->level), text);
+}
+
+void screen_log(struct screen *s, const struct log_line *line)
+{
+    clear_progress(s);
+    if (s->err_terminal && s->format == LOG_FORMAT_TEXT) {
+        write_coloured(line);
+    } else {
+        char text[LOG_LINE_SIZE];
+        fwrite(text, 1, log_line_write(line, s->format, text), stderr);
     }
-    if (s->err_terminal)
-        fprintf(stderr, "\033[1m%-7s\033[0m %s%-7s %s\033[0m\n", node, colour(level),
-                log_level_name(level), line);
-    else
-        fprintf(stderr, "%-7s %-7s %s\n", node, log_level_name(level), line);
     if (s->progress_shown)
         draw_progress(s);
+}
+
+void screen_output(struct screen *s, const char *node, const char *text, int64_t now_ns)
+{
+    struct log_line line;
+
+    if (s->format == LOG_FORMAT_JSON && text[0] == '{') {
+        clear_progress(s);
+        fprintf(stderr, "%s\n", text);
+        if (s->progress_shown)
+            draw_progress(s);
+        return;
+    }
+    if (!log_line_read(&line, text)) {
+        screen_log(s, &line);
+        return;
+    }
+    line = (struct log_line){.stamp_ns = now_ns, .level = read_level(&text)};
+    snprintf(line.node, sizeof line.node, "%s", node);
+    do { /* what is too long for one line goes into more */
+        size_t n = (size_t)snprintf(line.text, sizeof line.text, "%s", text);
+        text += n < sizeof line.text ? n : sizeof line.text - 1;
+        log_text_clean(line.text);
+        screen_log(s, &line);
+    } while (*text);
 }
 
 void screen_progress(struct screen *s, const char *text)

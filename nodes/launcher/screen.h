@@ -1,21 +1,27 @@
 /* nodes/launcher/screen.h -- what the launcher shows: log lines of the nodes on stderr,
- * with node and level, coloured on a terminal; one line of progress on stdout, which on a
- * terminal stays below them. */
+ * with stamp, node and level, coloured on a terminal, where the time is the local one;
+ * one line of progress on stdout, which on a terminal stays below them. */
 #ifndef ANLOS_NODES_LAUNCHER_SCREEN_H
 #define ANLOS_NODES_LAUNCHER_SCREEN_H
 
 #include <stdbool.h>
 
+#include "nodes/rt/log_line.h"
+
 struct screen {
+    enum log_format format;
     bool out_terminal, err_terminal;
     bool progress_shown; /* on the terminal's last line */
     char progress[200];
 };
 
-void screen_init(struct screen *s);
+void screen_init(struct screen *s, enum log_format format);
 
-/* line: "level text" as nodes/rt/log.h writes it; other text counts as info. */
-void screen_log(struct screen *s, const char *node, const char *line);
+void screen_log(struct screen *s, const struct log_line *line);
+
+/* What a node wrote: a line as nodes/rt/log.h writes it, or else, of now_ns, "level text"
+ * or text, which counts as info. */
+void screen_output(struct screen *s, const char *node, const char *text, int64_t now_ns);
 void screen_progress(struct screen *s, const char *text);
 
 /* Leaves the progress line where it is; what follows goes below it. */

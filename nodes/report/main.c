@@ -18,7 +18,7 @@ static int subscribe(struct node *node)
         if (err)
             return err;
     }
-    return 0;
+    return node_launch(node)->hosts.n ? node_subscribe(node, topic_host()) : 0;
 }
 
 static int take(struct node *node, struct report *r, const struct node_message *in)
@@ -32,7 +32,9 @@ static int take(struct node *node, struct report *r, const struct node_message *
         return report_detections(r, (const Anlos__DetectionList *)in->content);
     if (in->topic == topic_scan_status())
         return report_status(r, (const Anlos__ScanStatus *)in->content,
-                             node_now_ns(node));
+                             node_machine_ns(node));
+    if (in->topic == topic_host())
+        return report_hosts_take(&r->hosts, (const Anlos__HostStatus *)in->content);
     return report_health(r, (const Anlos__Health *)in->content, in->epoch_ns);
 }
 
@@ -47,7 +49,7 @@ static int run(struct node *node, struct report *r)
         err = subscribe(node);
     if (!err)
         node_state(node, ANLOS__HEALTH__STATE__READY, "ready");
-    while (!err && !report_is_complete(r, node_now_ns(node))) {
+    while (!err && !report_is_complete(r, node_machine_ns(node))) {
         err = node_next(node, &in, 500);
         if (!err)
             err = take(node, r, &in);
@@ -74,6 +76,8 @@ int main(int argc, char **argv)
     if (err)
         return err - 1;
     report_init(&report);
+    if (node_launch(node)->hosts.n)
+        report.map = &node_launch(node)->hosts;
     err = run(node, &report);
     report_clear(&report);
     return node_finish(node, err);

@@ -195,5 +195,6 @@ void report_clear(struct report *r)
     anlos__scan_status__free_unpacked(r->status, NULL);
     for (size_t i = 0; i < r->n_nodes; i++)
         anlos__health__free_unpacked(r->nodes[i].health, NULL);
+    report_hosts_clear(&r->hosts);
     report_init(r);
 }

@@ -12,6 +12,7 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/volume.pb-c.h"
+#include "nodes/report/report_hosts.h"
 
 #define REPORT_MAX_NODES 16
 
@@ -30,6 +31,8 @@ struct report {
     int64_t running_ns, ended_ns; /* 0: not yet */
     struct report_node nodes[REPORT_MAX_NODES];
     size_t n_nodes;
+    const struct hosts *map; /* who is where; NULL: all on one machine */
+    struct report_hosts hosts;
 };
 
 void report_init(struct report *r);

@@ -39,10 +39,16 @@ static json_t *integer(uint64_t value)
     return json_integer((json_int_t)value);
 }
 
+/* Modulo 2^64 ns: a stamp is whatever its sender wrote. */
+static double elapsed_s(int64_t from_ns, int64_t to_ns)
+{
+    return 1e-9 * (double)(int64_t)((uint64_t)to_ns - (uint64_t)from_ns);
+}
+
 /* Seconds between two stamps, null when one is missing. */
 static json_t *seconds(int64_t from_ns, int64_t to_ns)
 {
-    return from_ns && to_ns ? export_real(1e-9 * (double)(to_ns - from_ns)) : json_null();
+    return from_ns && to_ns ? export_real(elapsed_s(from_ns, to_ns)) : json_null();
 }
 
 static json_t *pings(const struct report *r)
@@ -61,6 +67,23 @@ static json_t *pings(const struct report *r)
     return o;
 }
 
+/* The host that runs a node. */
+static const char *host_of(const struct hosts *map, const char *node)
+{
+    for (size_t i = 0; i < map->n; i++)
+        if (hosts_may_run(map, i, node))
+            return map->list[i].name;
+    return "";
+}
+
+/* How far the clock that stamps volumes is ahead of the one that stamps sound. */
+static double clock_ahead_s(const struct report *r)
+{
+    return r->map ? report_hosts_ahead_s(&r->hosts, host_of(r->map, "recon"),
+                                         host_of(r->map, "array"))
+                  : 0.0;
+}
+
 /* The capture stamp is that of a ping's first sample: it has been heard ping_s later. */
 static json_t *times(const struct report *r)
 {
@@ -68,7 +91,8 @@ static json_t *times(const struct report *r)
 
     json_object_set_new(o, "scan_s", seconds(r->running_ns, r->ended_ns));
     if (r->volume) {
-        double after = 1e-9 * (double)(r->volume_publish_ns - r->volume_capture_ns);
+        double after = elapsed_s(r->volume_capture_ns, r->volume_publish_ns) -
+                       clock_ahead_s(r);
         json_object_set_new(o, "imaging_s", export_real(r->volume->imaging_s));
         /* A simulation that runs fast stamps sound that was never waited for. */
         json_object_set_new(o, "last_ping_to_volume_s",
@@ -146,6 +170,8 @@ json_t *report_json(const struct report *r)
     json_object_set_new(o, "pings", pings(r));
     json_object_set_new(o, "times", times(r));
     json_object_set_new(o, "messages_lost", messages(r));
+    if (r->map)
+        json_object_set_new(o, "hosts", report_hosts_json(&r->hosts));
     for (size_t i = 0; i < r->n_nodes; i++)
         json_array_append_new(nodes, node(&r->nodes[i]));
     json_object_set_new(o, "nodes", nodes);

@@ -31,7 +31,7 @@ static int create(struct run *r)
                               .needs = needs};
 
     for (unsigned i = 0; i < l->n_nodes && cfg.n_needs < PEERS_MAX; i++)
-        if (strcmp(l->nodes[i], "scan"))
+        if (strcmp(l->nodes[i], "scan") && strcmp(l->nodes[i], "record"))
             needs[cfg.n_needs++] = l->nodes[i];
     return scan_create(&r->scan, &cfg);
 }

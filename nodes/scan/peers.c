@@ -26,7 +26,8 @@ enum peers_news peers_hear(struct peers *p, const char *name, int64_t epoch_ns,
 
     if (!peer)
         return PEERS_STRANGER;
-    if (epoch_ns < peer->epoch_ns)
+    /* A machine that was away may come back with a clock that is behind. */
+    if (epoch_ns < peer->epoch_ns && now_ns - peer->heard_ns <= p->silence_ns)
         return PEERS_STALE;
     peer->heard_ns = now_ns;
     if (epoch_ns == peer->epoch_ns)
@@ -72,6 +73,14 @@ bool peers_ready(const struct peers *p, int64_t now_ns, char *text, size_t size)
         all = false;
     }
     return all;
+}
+
+bool peers_heard(const struct peers *p, int64_t now_ns, int64_t within_ns)
+{
+    for (size_t i = 0; i < p->n; i++)
+        if (now_ns - p->list[i].heard_ns > within_ns)
+            return false;
+    return true;
 }
 
 const struct peer *peers_fault(const struct peers *p)

@@ -45,6 +45,9 @@ void peers_health(struct peers *p, const char *name, const Anlos__Health *health
 /* All there and ready?  Else text[size] says who is waited for. */
 bool peers_ready(const struct peers *p, int64_t now_ns, char *text, size_t size);
 
+/* Has each of them been heard of within so long? */
+bool peers_heard(const struct peers *p, int64_t now_ns, int64_t within_ns);
+
 /* A peer that says it cannot go on, or NULL. */
 const struct peer *peers_fault(const struct peers *p);
 

@@ -11,6 +11,8 @@
 #include "nodes/scan/route.h"
 #include "nodes/scan/volley.h"
 
+#define HEARD_NS 2000000000LL /* each node publishes its health every second */
+
 struct scan {
     struct scan_config cfg;
     struct peers peers;
@@ -299,6 +301,8 @@ void scan_step(struct scan *s, int64_t now_ns, struct scan_action *out)
         s->start_ns = now_ns;
     s->state = ANLOS__SCAN_STATUS__STATE__RUNNING;
     s->text[0] = '\0';
+    if (!peers_heard(&s->peers, now_ns, HEARD_NS))
+        s->sign_ns = now_ns; /* a link may be down: what is on its way is not lost yet */
     if (count.under_way && now_ns - s->sign_ns > (int64_t)(s->cfg.timeout_s * 1e9)) {
         ledger_time_out(s->ledger);
         ledger_count(s->ledger, &count);

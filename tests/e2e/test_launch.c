@@ -1,20 +1,16 @@
 /* The real processes, from the emitted chirp to CAN frames, on a small simulated scene.
  */
-#include "tests/hal/scratch.h"
+#include "tests/e2e/point.h"
 
 #include <errno.h>
-#include <jansson.h>
-#include <math.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "hal/room/room.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/scan.pb-c.h"
 
-#define SCENE       SOURCE_DIR "/launch/scenes/point.yaml"
 #define DEADLINE_MS 60000
 
 /* In both passes. */
@@ -110,28 +106,11 @@ static json_t *read_json(struct scratch *s, const char *name)
     return o;
 }
 
-/* The one object of the scene, within 3 cm of where it is, in the vehicle frame. */
 static void assert_detections(struct scratch *s)
 {
-    const struct room_object *object;
-    struct room *room = NULL;
-    double truth[3], square = 0.0;
     json_t *o = read_json(s, "out/detections.json");
-    const json_t *list = json_object_get(o, "detections");
 
-    assert_int_equal(room_load(&room, SCENE, NULL), 0);
-    assert_int_equal(room_objects(room, &object), 1);
-    survey_to_vehicle(room_survey(room), object->position_m, truth);
-    assert_string_equal(json_string_value(json_object_get(o, "frame")), "vehicle");
-    assert_int_equal(json_array_size(list), 1);
-    const json_t *at = json_object_get(json_array_get(list, 0), "position_m");
-    for (size_t i = 0; i < 3; i++) {
-        double d = json_number_value(json_array_get(at, i)) - truth[i];
-        square += d * d;
-    }
-    if (!(sqrt(square) <= 0.03))
-        fail_msg("the point is reported %.3f m away", sqrt(square));
-    room_destroy(room);
+    assert_point_found(o);
     json_decref(o);
 }
 
@@ -189,6 +168,21 @@ static void assert_folder(struct scratch *s)
     assert_candump(s);
 }
 
+/* How many of those of the launch file; a launch of a moment may be over before the
+ * launcher's own health comes. */
+static size_t nodes_with_health(const json_t *report)
+{
+    const json_t *node;
+    size_t i, n = 0;
+
+    json_array_foreach(json_object_get(report, "nodes"), i, node)
+    {
+        const char *name = json_string_value(json_object_get(node, "node"));
+        n += name && strcmp(name, "launcher");
+    }
+    return n;
+}
+
 static void one_command_goes_from_chirp_to_can_frame(void **state)
 {
     struct scratch *s = *state;
@@ -204,7 +198,7 @@ static void one_command_goes_from_chirp_to_can_frame(void **state)
     assert_int_equal(integer(report, "pings", "done"), n_pings);
     assert_int_equal(integer(report, "pings", "lost"), 0);
     assert_int_equal(integer(report, "pings", "imaged"), n_pings / 2);
-    assert_int_equal(json_array_size(json_object_get(report, "nodes")), 8);
+    assert_int_equal(nodes_with_health(report), 8);
     json_decref(report);
 }
 

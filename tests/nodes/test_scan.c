@@ -79,13 +79,14 @@ static void tell_survey(struct world *w)
     assert_int_equal(scan_survey(w->scan, &survey), 0);
 }
 
-static void setup(struct world *w, bool background, unsigned retries, unsigned window)
+static void setup_patient(struct world *w, bool background, unsigned retries,
+                          unsigned window, double timeout_s)
 {
     const struct scan_config cfg = {.background = background,
                                     .has_stage = true,
                                     .window = window,
                                     .retries = retries,
-                                    .timeout_s = 1.0,
+                                    .timeout_s = timeout_s,
                                     .silence_s = 5.0,
                                     .needs = needs,
                                     .n_needs = 4};
@@ -94,6 +95,11 @@ static void setup(struct world *w, bool background, unsigned retries, unsigned w
     w->now_ns = 1000 * MS;
     w->epoch.array = w->epoch.dsp = w->epoch.recon = w->epoch.stage = 1;
     assert_int_equal(scan_create(&w->scan, &cfg), 0);
+}
+
+static void setup(struct world *w, bool background, unsigned retries, unsigned window)
+{
+    setup_patient(w, background, retries, window, 1.0);
 }
 
 static void tell_stage(struct world *w)
@@ -743,31 +749,81 @@ static void receipts_of_a_former_process_are_void(void **state)
     scan_destroy(w.scan);
 }
 
+/* The link between array and dsp, say: what it holds back comes later. */
+static void a_link_that_is_cut_for_longer_than_the_time_out_costs_no_ping(void **state)
+{
+    struct world w;
+
+    (void)state;
+    setup_patient(&w, false, 0, N_SPEAKERS, 2.5);
+    start(&w);
+    step(&w);
+    step(&w);
+    assert_int_equal(w.n_queue, N_SPEAKERS);
+    for (size_t i = 0; i < w.n_queue; i++)
+        tell_ping(&w, &w.queue[i]);
+    for (int i = 0; i < 80; i++) { /* 4 s without a word */
+        w.now_ns += 50 * MS;
+        step(&w);
+    }
+    assert_int_equal(status(&w).pings_lost, 0);
+    assert_int_equal(fired_total(&w, ANLOS__PASS__SCENE), N_SPEAKERS);
+    all_healthy(&w);
+    step(&w);
+    run(&w, 10000);
+    assert_int_equal(status(&w).state, ANLOS__SCAN_STATUS__STATE__DONE);
+    assert_int_equal(status(&w).pings_lost, 0);
+    assert_int_equal(status(&w).pings_retaken, 0);
+    assert_all_imaged(&w);
+    scan_destroy(w.scan);
+}
+
+/* Four pings are fired; then recon is gone, and nothing comes back. */
+static void lose_recon(struct world *w)
+{
+    setup(w, false, 0, 8);
+    start(w);
+    step(w);
+    step(w);
+    w->n_queue = 0;
+    for (int i = 0; i < 4; i++)
+        tell_ping(w, &(struct ping){ANLOS__PASS__SCENE, 1, 0, (uint32_t)i, 0.0});
+    w->now_ns += 900 * MS;
+    step(w);
+    w->now_ns += 5000 * MS;
+    hear(w, "stage", 1, ANLOS__HEALTH__STATE__READY);
+    hear(w, "array", 1, ANLOS__HEALTH__STATE__READY);
+    hear(w, "dsp", 1, ANLOS__HEALTH__STATE__READY);
+    step(w);
+    assert_string_equal(status(w).text, "waits for recon");
+}
+
 static void a_silent_node_is_waited_for_and_nothing_times_out(void **state)
 {
     struct world w;
 
     (void)state;
-    setup(&w, false, 0, 8);
-    start(&w);
-    step(&w);
-    step(&w); /* four pings are fired; then recon is gone, and nothing comes back */
-    w.n_queue = 0;
-    for (int i = 0; i < 4; i++)
-        tell_ping(&w, &(struct ping){ANLOS__PASS__SCENE, 1, 0, (uint32_t)i, 0.0});
-    w.now_ns += 900 * MS;
-    step(&w);
-    w.now_ns += 5000 * MS;
-    hear(&w, "stage", 1, ANLOS__HEALTH__STATE__READY);
-    hear(&w, "array", 1, ANLOS__HEALTH__STATE__READY);
-    hear(&w, "dsp", 1, ANLOS__HEALTH__STATE__READY);
-    step(&w);
-    assert_string_equal(status(&w).text, "waits for recon");
+    lose_recon(&w);
     assert_int_equal(status(&w).pings_lost, 0);
     w.epoch.recon = 2;
     run(&w, 10000);
     assert_int_equal(status(&w).state, ANLOS__SCAN_STATUS__STATE__DONE);
     assert_int_equal(status(&w).pings_lost, 0);
+    scan_destroy(w.scan);
+}
+
+/* Its machine has no battery, say, and stamps its start with an earlier time. */
+static void a_node_that_comes_back_with_its_clock_behind_is_taken_as_new(void **state)
+{
+    struct world w;
+
+    (void)state;
+    lose_recon(&w);
+    w.epoch.recon = -3600000 * MS;
+    run(&w, 10000);
+    assert_int_equal(status(&w).state, ANLOS__SCAN_STATUS__STATE__DONE);
+    assert_int_equal(status(&w).pings_lost, 0);
+    assert_all_imaged(&w);
     scan_destroy(w.scan);
 }
 
@@ -827,7 +883,9 @@ int main(void)
         cmocka_unit_test(a_recon_that_dies_after_the_end_begins_the_scene_anew),
         cmocka_unit_test(a_restarted_array_or_stage_is_commanded_again),
         cmocka_unit_test(receipts_of_a_former_process_are_void),
+        cmocka_unit_test(a_link_that_is_cut_for_longer_than_the_time_out_costs_no_ping),
         cmocka_unit_test(a_silent_node_is_waited_for_and_nothing_times_out),
+        cmocka_unit_test(a_node_that_comes_back_with_its_clock_behind_is_taken_as_new),
         cmocka_unit_test(a_node_that_cannot_go_on_ends_the_scan),
         cmocka_unit_test(time_left_follows_the_pace),
     };

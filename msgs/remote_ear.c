@@ -1,0 +1,186 @@
+#include "msgs/remote_ear.h"
+
+#include <errno.h>
+#include <nanomsg/nn.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <zmq.h>
+
+#define MAX_ENDPOINTS (HOSTS_MAX * 16)
+#define GONE_EVENTS                                                                      \
+    (ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |                     \
+     ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
+#define HELD_EVENTS                                                                      \
+    (ZMQ_EVENT_CONNECT_DELAYED | ZMQ_EVENT_CONNECT_RETRIED | ZMQ_EVENT_CONNECTED)
+
+struct endpoint {
+    char url[REMOTE_URL_SIZE];
+    bool connected; /* and has answered as ZeroMQ does */
+    bool gone;      /* the newest word of it: nothing has been tried since */
+    bool was_gone;  /* when it was tended last */
+};
+
+struct remote_ear {
+    void *socket, *monitor;
+    size_t n;
+    struct endpoint endpoints[MAX_ENDPOINTS];
+};
+
+/* The publishers on other machines.  0, -E2BIG. */
+static int list_endpoints(struct remote_ear *e, const struct remote *r,
+                          const struct topic *t)
+{
+    const struct hosts *h = remote_hosts(r);
+    const char *node;
+    for (size_t i = 0; i < h->n; i++)
+        for (size_t k = 0; i != h->here && (node = topic_publisher(t, k)); k++) {
+            if (!hosts_may_run(h, i, node))
+                continue;
+            if (e->n == MAX_ENDPOINTS)
+                return -E2BIG;
+            remote_url(e->endpoints[e->n++].url, &h->list[i], node, t);
+        }
+    return 0;
+}
+
+static int open_monitor(struct remote_ear *e, const struct remote *r)
+{
+    char url[48];
+    snprintf(url, sizeof url, "inproc://monitor-%p", (void *)e);
+    if (zmq_socket_monitor(e->socket, url,
+                           GONE_EVENTS | HELD_EVENTS | ZMQ_EVENT_HANDSHAKE_SUCCEEDED))
+        return -errno;
+    e->monitor = zmq_socket(remote_context(r), ZMQ_PAIR);
+    return !e->monitor || zmq_connect(e->monitor, url) ? -errno : 0;
+}
+
+static int open_socket(struct remote_ear *e, int *fd, const struct remote *r,
+                       const struct topic *t)
+{
+    size_t size = sizeof *fd;
+    e->socket = zmq_socket(remote_context(r), ZMQ_SUB);
+    int err = e->socket ? remote_set_options(e->socket, t, ENVELOPE_SIZE + t->max_size)
+                        : -errno;
+    if (!err && (zmq_setsockopt(e->socket, ZMQ_SUBSCRIBE, "", 0) ||
+                 zmq_getsockopt(e->socket, ZMQ_FD, fd, &size)))
+        err = -errno;
+    if (!err)
+        err = open_monitor(e, r);
+    for (size_t i = 0; !err && i < e->n; i++)
+        if (zmq_connect(e->socket, e->endpoints[i].url))
+            err = -errno;
+    return err;
+}
+
+int remote_ear_open(struct remote_ear **out, int *fd, const struct remote *r,
+                    const struct topic *t)
+{
+    *out = NULL;
+    *fd = -1;
+    if (!remote_context(r))
+        return 0;
+    struct remote_ear *e = calloc(1, sizeof *e);
+    int err = e ? list_endpoints(e, r, t) : -ENOMEM;
+    if (!err && e->n)
+        err = open_socket(e, fd, r, t);
+    if (err || !e->n) {
+        *fd = -1;
+        remote_ear_close(e);
+        return err;
+    }
+    *out = e;
+    return 0;
+}
+
+/* Takes a frame that waits; true: there was one, and text has its beginning. */
+static bool take_frame(void *socket, char *text, size_t size)
+{
+    int n;
+    do
+        n = zmq_recv(socket, text, size - 1, ZMQ_DONTWAIT);
+    while (n < 0 && errno == EINTR);
+    if (n >= 0)
+        text[(size_t)n < size ? (size_t)n : size - 1] = 0;
+    return n >= 0;
+}
+
+static struct endpoint *find(struct remote_ear *e, const char *url)
+{
+    for (size_t i = 0; i < e->n; i++)
+        if (!strcmp(e->endpoints[i].url, url))
+            return &e->endpoints[i];
+    return NULL;
+}
+
+/* An event is two frames: u16 which, u32 value; and of which endpoint. */
+static void read_events(struct remote_ear *e)
+{
+    char what[8], url[REMOTE_URL_SIZE];
+    while (take_frame(e->monitor, what, sizeof what) &&
+           take_frame(e->monitor, url, sizeof url)) {
+        struct endpoint *end = find(e, url);
+        uint16_t event;
+        memcpy(&event, what, sizeof event);
+        if (!end)
+            continue;
+        end->connected = event == ZMQ_EVENT_HANDSHAKE_SUCCEEDED;
+        end->gone = event & GONE_EVENTS;
+    }
+}
+
+/* ZeroMQ says at once when it tries again; it did not from one time to the next. */
+static void connect_again(struct remote_ear *e, struct endpoint *end)
+{
+    if (end->gone && end->was_gone) {
+        zmq_disconnect(e->socket, end->url); /* -ENOENT when it has forgotten it */
+        end->gone = zmq_connect(e->socket, end->url) != 0;
+    }
+    end->was_gone = end->gone;
+}
+
+size_t remote_ear_tend(struct remote_ear *e)
+{
+    size_t connected = 0;
+    read_events(e);
+    for (size_t i = 0; i < e->n; i++) {
+        connect_again(e, &e->endpoints[i]);
+        connected += e->endpoints[i].connected;
+    }
+    return connected;
+}
+
+void *remote_ear_receive(struct remote_ear *e, size_t *size)
+{
+    zmq_msg_t in;
+    void *message = NULL;
+    zmq_msg_init(&in);
+    while (!message) { /* without memory it is lost, and a gap */
+        if (zmq_msg_recv(&in, e->socket, ZMQ_DONTWAIT) < 0) {
+            if (errno == EINTR)
+                continue;
+            break;
+        }
+        *size = zmq_msg_size(&in);
+        message = nn_allocmsg(*size ? *size : 1, 0);
+        if (message)
+            memcpy(message, zmq_msg_data(&in), *size);
+    }
+    zmq_msg_close(&in);
+    return message;
+}
+
+void remote_ear_close(struct remote_ear *e)
+{
+    if (!e)
+        return;
+    if (e->socket)
+        zmq_socket_monitor(e->socket, NULL, 0);
+    if (e->monitor)
+        zmq_close(e->monitor);
+    if (e->socket)
+        zmq_close(e->socket);
+    free(e);
+}

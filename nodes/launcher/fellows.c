@@ -1,0 +1,254 @@
+#include "nodes/launcher/fellows.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define FAR_APART_S 0.1 /* clocks; worth a warning */
+
+void fellows_init(struct fellows *f, const struct hosts *h, int64_t epoch_ns,
+                  uint64_t launch_file)
+{
+    *f = (struct fellows){.epoch_ns = epoch_ns, .launch_file = launch_file};
+    if (!h->n)
+        return;
+    memcpy(f->name, h->list[h->here].name, sizeof f->name);
+    for (size_t i = 0; i < h->n; i++)
+        if (i != h->here)
+            memcpy(f->list[f->n++].name, h->list[i].name, sizeof f->name);
+}
+
+static struct fellow *find(struct fellows *f, const char *name)
+{
+    for (size_t i = 0; i < f->n; i++)
+        if (!strcmp(f->list[i].name, name))
+            return &f->list[i];
+    return NULL;
+}
+
+/* Of stamps that came from elsewhere, and may be anything. */
+static double seconds(int64_t from_ns, int64_t to_ns)
+{
+    int64_t ns;
+
+    return __builtin_sub_overflow(to_ns, from_ns, &ns) ? 0.0 : 1e-9 * (double)ns;
+}
+
+/* How far the clocks are apart, and how long a message is on its way there and back, from
+ * the four stamps of NTP (RFC 5905, section 8). */
+static void measure(struct fellow *o, const Anlos__HostSight *sight, int64_t publish_ns,
+                    int64_t now_ns)
+{
+    double there_s = seconds(sight->sent_ns, sight->heard_ns);
+    double back_s = seconds(publish_ns, now_ns);
+    unsigned i = o->n_samples++ % FELLOWS_SAMPLES;
+
+    o->ahead_s[i] = 0.5 * (there_s - back_s);
+    o->round_trip_s[i] = there_s + back_s;
+    o->clock_known |= o->n_samples == FELLOWS_SAMPLES;
+}
+
+/* The sample that was least delayed is the one least wrong. */
+static bool best_sample(const struct fellow *o, double *ahead_s, double *round_trip_s)
+{
+    unsigned n = o->n_samples < FELLOWS_SAMPLES ? o->n_samples : FELLOWS_SAMPLES;
+    unsigned best = 0;
+
+    for (unsigned i = 1; i < n; i++)
+        if (o->round_trip_s[i] < o->round_trip_s[best])
+            best = i;
+    *ahead_s = n ? o->ahead_s[best] : 0.0;
+    *round_trip_s = n ? o->round_trip_s[best] : 0.0;
+    return n > 0;
+}
+
+static void begin_epoch(struct fellow *o, int64_t epoch_ns)
+{
+    o->restarted = o->epoch_ns != 0;
+    o->epoch_ns = epoch_ns;
+    o->knows_ns = 0;
+    o->n_samples = 0;
+    o->ran = o->ended = false;
+}
+
+/* It was held up on its way.  A machine that was away may come back with a clock that is
+ * behind: then its new start seems to be before the old one. */
+static bool is_stale(const struct fellow *o, int64_t epoch_ns, int64_t publish_ns,
+                     int64_t now_ns)
+{
+    if (epoch_ns == o->epoch_ns)
+        return publish_ns < o->sent_ns;
+    return epoch_ns < o->epoch_ns && now_ns - o->heard_ns <= FELLOWS_SILENCE_NS;
+}
+
+void fellows_hear(struct fellows *f, const Anlos__HostStatus *m, int64_t epoch_ns,
+                  int64_t publish_ns, int64_t now_ns)
+{
+    struct fellow *o = find(f, m->host);
+
+    if (!o || is_stale(o, epoch_ns, publish_ns, now_ns))
+        return;
+    if (epoch_ns != o->epoch_ns) {
+        begin_epoch(o, epoch_ns);
+        o->other_file = m->launch_file != f->launch_file;
+    }
+    if (o->silent) {
+        o->silent = false;
+        o->returned = true;
+        o->silence_ns = now_ns - o->heard_ns;
+    }
+    o->sent_ns = publish_ns;
+    o->heard_ns = now_ns;
+    o->ended |= o->ran && m->state != ANLOS__HOST_STATUS__STATE__RUNNING &&
+                o->state == ANLOS__HOST_STATUS__STATE__RUNNING;
+    o->ran |= m->state == ANLOS__HOST_STATUS__STATE__RUNNING;
+    o->state = m->state;
+    snprintf(o->text, sizeof o->text, "%s", m->text);
+    for (size_t i = 0; i < m->n_sights; i++) {
+        const Anlos__HostSight *sight = m->sights[i];
+        if (strcmp(sight->host, f->name) != 0 || sight->epoch_ns != f->epoch_ns ||
+            sight->sent_ns <= o->knows_ns)
+            continue;
+        o->knows_ns = sight->sent_ns;
+        measure(o, sight, publish_ns, now_ns);
+    }
+}
+
+void fellows_say(struct fellows *f, Anlos__HostStatus *out)
+{
+    anlos__host_status__init(out);
+    out->host = f->name;
+    out->state = f->state;
+    out->text = f->text;
+    out->launch_file = f->launch_file;
+    out->sights = f->sight_list;
+    for (size_t i = 0; i < f->n; i++) {
+        struct fellow *o = &f->list[i];
+        if (!o->epoch_ns)
+            continue;
+        Anlos__HostSight *s = f->sight_list[out->n_sights] = &f->sights[out->n_sights];
+        out->n_sights++;
+        anlos__host_sight__init(s);
+        s->host = o->name;
+        s->epoch_ns = o->epoch_ns;
+        s->sent_ns = o->sent_ns;
+        s->heard_ns = o->heard_ns;
+        s->silences = o->silences;
+        best_sample(o, &s->clock_ahead_s, &s->round_trip_s);
+    }
+}
+
+void fellows_end(struct fellows *f, Anlos__HostStatus__State state, const char *text,
+                 int64_t now_ns)
+{
+    if (f->state != ANLOS__HOST_STATUS__STATE__RUNNING)
+        return;
+    f->state = state;
+    f->state_ns = now_ns;
+    snprintf(f->text, sizeof f->text, "%s", text);
+}
+
+static enum fellows_verdict tell_end(const struct fellow *o, char *text)
+{
+    switch (o->state) {
+    case ANLOS__HOST_STATUS__STATE__DONE:
+        snprintf(text, FELLOWS_TEXT_SIZE, "host %s: %.140s", o->name, o->text);
+        return FELLOWS_DONE;
+    case ANLOS__HOST_STATUS__STATE__FAILED:
+        snprintf(text, FELLOWS_TEXT_SIZE, "host %s: %.140s", o->name, o->text);
+        return FELLOWS_FAILED;
+    default:
+        snprintf(text, FELLOWS_TEXT_SIZE,
+                 "host %s was stopped; this one waits %lld s for it to come back",
+                 o->name, FELLOWS_PATIENCE_NS / 1000000000);
+        return FELLOWS_WARNING;
+    }
+}
+
+static enum fellows_verdict tell_clock(const struct fellow *o, char *text)
+{
+    double ahead_s, round_trip_s;
+
+    best_sample(o, &ahead_s, &round_trip_s);
+    snprintf(text, FELLOWS_TEXT_SIZE,
+             "host %s: its clock is %.1f ms %s this one's, to within %.1f ms%s", o->name,
+             1e3 * fabs(ahead_s), ahead_s < 0 ? "behind" : "ahead of",
+             0.5e3 * round_trip_s,
+             fabs(ahead_s) > FAR_APART_S
+                 ? "; latencies between the two are wrong by that: set them by NTP or PTP"
+                 : "");
+    return fabs(ahead_s) > FAR_APART_S ? FELLOWS_WARNING : FELLOWS_NOTE;
+}
+
+/* true: what the flag stood for is to be told now, once. */
+static bool take(bool *flag)
+{
+    bool was = *flag;
+
+    *flag = false;
+    return was;
+}
+
+static enum fellows_verdict judge_one(struct fellow *o, int64_t now_ns, char *text)
+{
+    int64_t quiet_ns = now_ns - o->heard_ns;
+
+    if (take(&o->restarted)) {
+        snprintf(text, FELLOWS_TEXT_SIZE, "host %s was started again", o->name);
+        return FELLOWS_NOTE;
+    }
+    if (take(&o->other_file)) {
+        snprintf(text, FELLOWS_TEXT_SIZE, "host %s runs from another launch file",
+                 o->name);
+        return FELLOWS_WARNING;
+    }
+    if (take(&o->returned)) {
+        snprintf(text, FELLOWS_TEXT_SIZE, "host %s is heard again, after %.1f s", o->name,
+                 1e-9 * (double)o->silence_ns);
+        return FELLOWS_WARNING;
+    }
+    if (take(&o->ended))
+        return tell_end(o, text);
+    if (take(&o->clock_known))
+        return tell_clock(o, text);
+    if (!o->ran || quiet_ns <= FELLOWS_SILENCE_NS)
+        return FELLOWS_GO_ON;
+    if (quiet_ns > FELLOWS_PATIENCE_NS) {
+        snprintf(text, FELLOWS_TEXT_SIZE, "host %s has not been heard for %lld s",
+                 o->name, FELLOWS_PATIENCE_NS / 1000000000);
+        return FELLOWS_FAILED;
+    }
+    if (o->silent || o->state != ANLOS__HOST_STATUS__STATE__RUNNING)
+        return FELLOWS_GO_ON;
+    o->silent = true;
+    o->silences++;
+    snprintf(text, FELLOWS_TEXT_SIZE, "host %s is not heard any more", o->name);
+    return FELLOWS_WARNING;
+}
+
+enum fellows_verdict fellows_judge(struct fellows *f, int64_t now_ns,
+                                   char text[FELLOWS_TEXT_SIZE])
+{
+    enum fellows_verdict verdict = FELLOWS_GO_ON;
+
+    for (size_t i = 0; i < f->n && verdict == FELLOWS_GO_ON; i++)
+        verdict = judge_one(&f->list[i], now_ns, text);
+    return verdict;
+}
+
+/* One that has ended too needs no word of us; one that was never heard gets none. */
+static bool is_told(const struct fellows *f, const struct fellow *o, int64_t now_ns)
+{
+    return !o->epoch_ns || o->knows_ns >= f->state_ns ||
+           o->state != ANLOS__HOST_STATUS__STATE__RUNNING ||
+           now_ns - o->heard_ns > FELLOWS_FAREWELL_NS ||
+           now_ns - f->state_ns > FELLOWS_FAREWELL_NS;
+}
+
+bool fellows_may_leave(const struct fellows *f, int64_t now_ns)
+{
+    for (size_t i = 0; i < f->n; i++)
+        if (!is_told(f, &f->list[i], now_ns))
+            return false;
+    return true;
+}

@@ -1,0 +1,59 @@
+#include "nodes/launcher/site.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "msgs/endpoint.h"
+
+int site_open(const struct launchfile *l, const struct arguments *a,
+              char run_dir[RUNDIR_SIZE], struct complaint *why)
+{
+    const struct host *here = l->hosts.n ? &l->hosts.list[l->hosts.here] : NULL;
+    const char *asked = a->run_dir;
+
+    if (here && here->folder[0]) {
+        if (asked && strcmp(asked, here->folder) != 0)
+            return complain(why, -EINVAL, "--run-dir %s: %s has %s as the folder of %s",
+                            asked, l->path, here->folder, here->name);
+        asked = here->folder;
+    }
+    int err = rundir_open(run_dir, asked, why);
+    if (!err && here)
+        err = host_check_address(here, why);
+    if (err)
+        return err;
+    int lock = endpoint_lock(run_dir, "launcher", why); /* the file is of who runs here */
+    if (lock < 0)
+        return lock;
+    err = hosts_write(&l->hosts, run_dir, why);
+    close(lock);
+    return err;
+}
+
+void site_close(const struct launchfile *l, const char *run_dir)
+{
+    const struct hosts none = {.n = 0};
+    int lock = l->hosts.n ? endpoint_lock(run_dir, "launcher", NULL) : -1;
+
+    if (lock < 0) /* or it is of the next one by now */
+        return;
+    hosts_write(&none, run_dir, NULL);
+    close(lock);
+}
+
+/* FNV-1a, of 64 bits (Fowler, Noll, Vo). */
+uint64_t site_launch_file(const struct launchfile *l)
+{
+    uint64_t hash = 14695981039346656037u;
+    FILE *f = fopen(l->path, "re");
+    int c;
+
+    if (!f)
+        return 0;
+    while ((c = getc(f)) != EOF)
+        hash = (hash ^ (uint64_t)c) * 1099511628211u;
+    fclose(f);
+    return hash;
+}

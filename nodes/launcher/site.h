@@ -1,0 +1,24 @@
+/* nodes/launcher/site.h -- where a launch takes place: the run folder, and what its nodes
+ * and tools find there about the other hosts. */
+#ifndef ANLOS_NODES_LAUNCHER_SITE_H
+#define ANLOS_NODES_LAUNCHER_SITE_H
+
+#include <stdint.h>
+
+#include "nodes/rt/arguments.h"
+#include "nodes/rt/launchfile.h"
+#include "nodes/rt/rundir.h"
+
+/* Opens the run folder and writes RUN_DIR/hosts, or removes it; launchfile_choose_host
+ * comes before.  0, -EINVAL, -EADDRNOTAVAIL (the host is not this machine), -EADDRINUSE
+ * (a launcher runs in the folder), other negative errno. */
+int site_open(const struct launchfile *l, const struct arguments *a,
+              char run_dir[RUNDIR_SIZE], struct complaint *why);
+
+/* When all has ended: takes away what it wrote, unless another launcher runs there. */
+void site_close(const struct launchfile *l, const char *run_dir);
+
+/* A hash of the launch file's bytes; 0: it cannot be read. */
+uint64_t site_launch_file(const struct launchfile *l);
+
+#endif

@@ -1,0 +1,52 @@
+#include "nodes/launcher/voice.h"
+
+#include <stdio.h>
+
+#include "nodes/rt/vitals.h"
+
+#define PERIOD_NS 1000000000LL
+
+void voice_open(struct voice *v, struct bus *bus, int64_t epoch_ns)
+{
+    *v =
+        (struct voice){.bus = bus,
+                       .log = {.bus = bus, .room = LOG_TOPIC_BURST, .start_ns = epoch_ns},
+                       .epoch_ns = epoch_ns};
+}
+
+void voice_close(struct voice *v)
+{
+    if (v->bus)
+        log_topic_flush(&v->log);
+    v->bus = NULL;
+}
+
+void voice_log(struct voice *v, const struct log_line *line)
+{
+    if (v->bus && line->level >= LOG_LEVEL_INFO)
+        log_topic_send(&v->log, line);
+}
+
+void voice_health(struct voice *v, int64_t now_ns, unsigned n_running, unsigned n_ended,
+                  unsigned n_nodes)
+{
+    const struct log_line tick = {
+        .stamp_ns = now_ns, .level = LOG_LEVEL_INFO, .node = "launcher"};
+    struct vitals vitals;
+    char name[] = "launcher", text[64], ended[32] = "";
+
+    if (!v->bus || now_ns < v->due_ns)
+        return;
+    v->due_ns = now_ns + PERIOD_NS;
+    voice_log(v, &tick);
+    vitals_take(&vitals, v->bus, name, 0);
+    vitals.message.state = n_running + n_ended == n_nodes
+                               ? ANLOS__HEALTH__STATE__READY
+                               : ANLOS__HEALTH__STATE__DEGRADED;
+    if (n_ended)
+        snprintf(ended, sizeof ended, ", %u ended", n_ended);
+    snprintf(text, sizeof text, "%u of %u nodes run%s", n_running, n_nodes, ended);
+    vitals.message.text = text;
+    vitals.message.uptime_s = 1e-9 * (double)(now_ns - v->epoch_ns);
+    bus_publish_message(v->bus, topic_health(), 0, now_ns, &vitals.message.base);
+}

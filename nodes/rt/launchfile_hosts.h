@@ -1,0 +1,25 @@
+/* nodes/rt/launchfile_hosts.h -- the section `hosts` of a launch file: which machine runs
+ * which nodes, and where they are reached.  Without it all is on one machine. */
+#ifndef ANLOS_NODES_RT_LAUNCHFILE_HOSTS_H
+#define ANLOS_NODES_RT_LAUNCHFILE_HOSTS_H
+
+#include "nodes/rt/launchfile.h"
+#include "nodes/rt/launchfile_text.h"
+
+/* Fills in l->hosts, but for which of them is here; l->nodes are there already.  0,
+ * -EINVAL: each node has to be on one host, names and ports on none of two. */
+int launchfile_copy_hosts(struct launchfile *l, const struct launch_text *t,
+                          struct complaint *why);
+
+/* Says which host this machine is; name NULL where there are none.  0, -EINVAL. */
+int launchfile_choose_host(struct launchfile *l, const char *name, struct complaint *why);
+
+/* Is the node to be started on this machine, after launchfile_choose_host? */
+bool launchfile_runs_here(const struct launchfile *l, const char *node);
+
+/* For a node that is started alone: writes RUN_DIR/hosts when the name is given; else, of
+ * a launch file with hosts, it has to be there.  0, -EINVAL, other negative errno. */
+int launchfile_join_hosts(struct launchfile *l, const char *name, const char *run_dir,
+                          struct complaint *why);
+
+#endif
