@@ -3,15 +3,22 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "msgs/endpoint.h"
 #include "msgs/inlet.h"
 #include "msgs/mailbox.h"
+#include "msgs/newcomers.h"
 #include "msgs/outlet.h"
+#include "msgs/remote.h"
+
+#define HANDSHAKE_MS 10
+#define PEERS_MS     200
 
 struct bus {
     int lock_fd; /* -1: listens only */
+    struct remote *remote;
     struct mailbox *mailbox;
     struct inlet *inlet;
     size_t n_outlets;
@@ -31,12 +38,42 @@ static int open_outlets(struct bus *b, const struct bus_config *cfg,
         if (b->n_outlets == max)
             return complain(why, -E2BIG, "node \"%s\" publishes over %zu topics",
                             cfg->node, max);
-        int err = outlet_create(&b->outlets[b->n_outlets], cfg, t, why);
+        int err = outlet_create(&b->outlets[b->n_outlets], cfg, b->remote, t, why);
         if (err)
             return err;
         b->n_outlets++;
     }
     return 0;
+}
+
+/* Who listens, over all topics; 0: to one of them nobody. */
+static size_t count_heard(const struct bus *b)
+{
+    size_t sum = 0;
+
+    for (size_t i = 0; i < b->n_outlets; i++) {
+        struct bus_count count;
+        outlet_count(b->outlets[i], &count);
+        if (!count.peers)
+            return 0;
+        sum += count.peers;
+    }
+    return sum;
+}
+
+/* For each topic somebody, and nobody more for a moment: who is there is then sure to
+ * hear the first message.  nanomsg tells nobody of a connection, it has to be asked; and
+ * it counts one before its ends have shaken hands, for which there is some time more. */
+static void await_peers(const struct bus *b)
+{
+    const struct timespec pause = {.tv_nsec = 1000000};
+    size_t before = 0;
+    for (int ms = 0, same_ms = 0; same_ms <= HANDSHAKE_MS && ms < PEERS_MS; ms++) {
+        nanosleep(&pause, NULL);
+        size_t heard = count_heard(b);
+        same_ms = heard && heard == before ? same_ms + 1 : 0;
+        before = heard;
+    }
 }
 
 static int check_config(const struct bus_config *cfg, struct complaint *why)
@@ -64,23 +101,41 @@ int bus_create(struct bus **out, const struct bus_config *cfg, struct complaint 
     if (!b)
         return complain(why, -ENOMEM, "out of memory");
     b->lock_fd = -1;
+    err = remote_create(&b->remote, cfg->run_dir, why);
+    if (err)
+        goto fail;
     err = mailbox_create(&b->mailbox);
     if (!err)
-        err = inlet_create(&b->inlet, cfg->run_dir, b->mailbox);
+        err = inlet_create(&b->inlet, cfg->run_dir, b->remote, b->mailbox);
     if (err)
         complain(why, err, "run folder %s: no bus: %s", cfg->run_dir, strerror(-err));
     if (!err && !cfg->listen_only)
         err = open_outlets(b, cfg, why);
+    if (!err && !cfg->listen_only && newcomers_are_awaited(cfg->run_dir))
+        await_peers(b);
     if (err)
-        bus_destroy(b);
-    else
-        *out = b;
+        goto fail;
+    *out = b;
+    return 0;
+fail:
+    bus_destroy(b);
     return err;
 }
 
 int bus_subscribe(struct bus *b, const struct topic *t)
 {
     return inlet_subscribe(b->inlet, t);
+}
+
+void bus_keep_all(struct bus *b, size_t bytes, int64_t now_ns)
+{
+    mailbox_keep_all(b->mailbox, bytes);
+    inlet_count_from_start(b->inlet, now_ns);
+}
+
+size_t bus_waiting_bytes(struct bus *b)
+{
+    return mailbox_waiting_bytes(b->mailbox);
 }
 
 static struct outlet *find_outlet(const struct bus *b, const struct topic *t)
@@ -123,6 +178,12 @@ int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns
     return outlet_send(o, capture_ns, publish_ns, message, size);
 }
 
+void bus_set_replayed(struct bus *b, bool replayed)
+{
+    for (size_t i = 0; i < b->n_outlets; i++)
+        outlet_set_replayed(b->outlets[i], replayed);
+}
+
 int bus_receive(struct bus *b, struct bus_message *out, int timeout_ms)
 {
     return mailbox_take(b->mailbox, out, timeout_ms);
@@ -136,6 +197,11 @@ int bus_fd(const struct bus *b)
 void bus_interrupt(struct bus *b)
 {
     mailbox_interrupt(b->mailbox);
+}
+
+void bus_resume(struct bus *b)
+{
+    mailbox_resume(b->mailbox);
 }
 
 size_t bus_counts(struct bus *b, struct bus_count *out, size_t max)
@@ -164,6 +230,7 @@ void bus_destroy(struct bus *b)
     for (size_t i = 0; i < b->n_outlets; i++)
         outlet_destroy(b->outlets[i]);
     inlet_destroy(b->inlet);
+    remote_destroy(b->remote);
     mailbox_destroy(b->mailbox);
     if (b->lock_fd >= 0)
         close(b->lock_fd); /* last: until here the socket files are ours */

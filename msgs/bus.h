@@ -1,7 +1,9 @@
 /* msgs/bus.h -- publish and subscribe over nanomsg, with accounting.  The only place that
  * knows nanomsg (with its parts outlet, inlet, ear, mailbox).  A node has an
  * endpoint for each topic that it publishes ("ipc://RUN_DIR/NODE.TOPIC.ipc"), and
- * connects to those of the publishers of what it wants (msgs/topics.h).
+ * connects to those of the publishers of what it wants (msgs/topics.h).  In a system on
+ * several machines it has one more at an address of its host (msgs/hosts.h), and those on
+ * other machines are heard there, by ZeroMQ (msgs/remote.h).
  *
  * nanomsg PUB drops silently when a peer is slow, filters at the subscriber, refuses what
  * exceeds NN_RCVMAXSIZE by dropping the connection, loses what is sent before a
@@ -33,6 +35,7 @@ struct bus_count {
     bool published;
     uint64_t messages, bytes, gaps, dropped;
     size_t queued;
+    size_t peers; /* connected now: subscribers, or of a topic received, publishers */
 };
 
 /* Opens an endpoint for each topic that the node publishes.  0, -EINVAL, -ENOMEM,
@@ -45,6 +48,16 @@ int bus_create(struct bus **out, const struct bus_config *cfg, struct complaint 
  * 0, -ENOMEM, -ENAMETOOLONG, other negative errno. */
 int bus_subscribe(struct bus *b, const struct topic *t);
 
+/* For a recorder: from now on all messages of all topics wait for bus_receive, whatever
+ * the topic's depth and policy, up to so many bytes in all; what comes beyond is dropped,
+ * and counted.  A publisher that starts later waits for this one to connect, and what it
+ * sent before the first message that arrives is a gap too, if it is of this machine,
+ * whose clock now_ns is of. Before the first bus_subscribe. */
+void bus_keep_all(struct bus *b, size_t bytes, int64_t now_ns);
+
+/* Bytes of payload that wait. */
+size_t bus_waiting_bytes(struct bus *b);
+
 /* Sends to whoever listens; never blocks on a slow one, but keeps to 500 MB/s for each
  * subscriber of a topic, beyond what the kernel's buffer holds (msgs/pace.h).
  * Thread-safe. 0, -EINVAL (not a topic of this node's), -EMSGSIZE (over the topic's
@@ -56,6 +69,10 @@ int bus_publish(struct bus *b, const struct topic *t, int64_t capture_ns,
 int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns,
                         int64_t publish_ns, const ProtobufCMessage *m);
 
+/* Whether what is published from now on is marked as replayed (msgs/envelope.h).
+ * Thread-safe. */
+void bus_set_replayed(struct bus *b, bool replayed);
+
 /* The next message of any subscribed topic, in the order of arrival.  timeout_ms < 0:
  * waits for ever.  0, -ETIMEDOUT, -ESHUTDOWN (bus_interrupt was called). */
 int bus_receive(struct bus *b, struct bus_message *out, int timeout_ms);
@@ -66,6 +83,9 @@ int bus_fd(const struct bus *b);
 
 /* Wakes bus_receive for good.  Safe in a signal handler. */
 void bus_interrupt(struct bus *b);
+
+/* Ends that: for who takes what still waits before it closes. */
+void bus_resume(struct bus *b);
 
 /* Writes up to max counts, returns how many there are. */
 size_t bus_counts(struct bus *b, struct bus_count *out, size_t max);

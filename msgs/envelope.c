@@ -1,7 +1,6 @@
 #include "msgs/envelope.h"
 
 #include <errno.h>
-#include <stdbool.h>
 #include <string.h>
 
 enum {
@@ -14,7 +13,8 @@ enum {
     AT_CAPTURE = 64,
     AT_PUBLISH = 72,
     AT_PAYLOAD_SIZE = 80,
-    AT_PADDING = 84,
+    AT_REPLAYED = 84,
+    AT_PADDING = 85,
 };
 
 static void put(uint8_t *out, uint64_t value, unsigned n_bytes)
@@ -58,6 +58,12 @@ void envelope_pack(const struct envelope *e, uint8_t *out)
     put(out + AT_CAPTURE, (uint64_t)e->capture_ns, 8);
     put(out + AT_PUBLISH, (uint64_t)e->publish_ns, 8);
     put(out + AT_PAYLOAD_SIZE, e->payload_size, 4);
+    out[AT_REPLAYED] = e->replayed;
+}
+
+static bool stamp_holds(const uint8_t *data)
+{
+    return get(data, 8) <= (uint64_t)ENVELOPE_MAX_STAMP;
 }
 
 enum envelope_fault envelope_inspect(const uint8_t *data, size_t size, size_t max_payload)
@@ -70,7 +76,8 @@ enum envelope_fault envelope_inspect(const uint8_t *data, size_t size, size_t ma
         return ENVELOPE_OTHER_VERSION;
     if (!name_holds(data + AT_TOPIC, ENVELOPE_TOPIC_SIZE) ||
         !name_holds(data + AT_NODE, ENVELOPE_NODE_SIZE) ||
-        !zeros(data + AT_PADDING, ENVELOPE_SIZE - AT_PADDING))
+        !stamp_holds(data + AT_CAPTURE) || !stamp_holds(data + AT_PUBLISH) ||
+        data[AT_REPLAYED] > 1 || !zeros(data + AT_PADDING, ENVELOPE_SIZE - AT_PADDING))
         return ENVELOPE_GARBLED;
     if (get(data + AT_PAYLOAD_SIZE, 4) != size - ENVELOPE_SIZE)
         return ENVELOPE_LENGTH;
@@ -99,5 +106,6 @@ int envelope_unpack(struct envelope *e, const uint8_t *data, size_t size,
     e->capture_ns = (int64_t)get(data + AT_CAPTURE, 8);
     e->publish_ns = (int64_t)get(data + AT_PUBLISH, 8);
     e->payload_size = (uint32_t)get(data + AT_PAYLOAD_SIZE, 4);
+    e->replayed = data[AT_REPLAYED];
     return 0;
 }

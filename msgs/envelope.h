@@ -5,10 +5,11 @@
  *
  *   0 topic[24]   24 magic u32   28 version u32   32 node[16]   48 epoch_ns i64
  *  56 sequence u64   64 capture_ns i64   72 publish_ns i64   80 payload_size u32
- *  84 twelve zeros   96 payload */
+ *  84 replayed u8, 0 or 1   85 eleven zeros   96 payload */
 #ifndef ANLOS_MSGS_ENVELOPE_H
 #define ANLOS_MSGS_ENVELOPE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -17,6 +18,8 @@
 #define ENVELOPE_NODE_SIZE  16
 #define ENVELOPE_MAGIC      0x534f4c4eu /* "NLOS" */
 #define ENVELOPE_VERSION    1
+#define ENVELOPE_MAX_STAMP                                                               \
+    (INT64_C(1) << 62) /* ns: year 2116; from 0: differences hold */
 
 struct envelope {
     char topic[ENVELOPE_TOPIC_SIZE];
@@ -26,6 +29,7 @@ struct envelope {
     int64_t capture_ns;            /* when the sound was taken; 0: not of any sound */
     int64_t publish_ns;
     uint32_t payload_size;
+    bool replayed; /* of a recording, or made from it: its times are not those of now */
 };
 
 /* What can be wrong with a message, in the order in which it is looked for. */
@@ -34,7 +38,8 @@ enum envelope_fault {
     ENVELOPE_SHORT,   /* ends within the header */
     ENVELOPE_FOREIGN, /* magic */
     ENVELOPE_OTHER_VERSION,
-    ENVELOPE_GARBLED, /* a name without an end or empty, or padding that is not zero */
+    ENVELOPE_GARBLED, /* a name without an end or empty, a stamp that is none, or what has
+                       * to be zero is not */
     ENVELOPE_LENGTH,  /* payload_size is not what follows */
     ENVELOPE_TOO_LARGE,
 };

@@ -26,6 +26,8 @@ struct mailbox {
     int fd; /* eventfd: not 0 while a message waits or `interrupted` is set */
     atomic_bool interrupted;
     size_t waiting; /* over all queues */
+    size_t waiting_bytes;
+    size_t keep_bytes; /* 0: queues as their topics say */
     uint64_t arrivals;
     size_t n_queues;
     struct queue *queues; /* [n_queues] */
@@ -69,6 +71,13 @@ int mailbox_add(struct mailbox *m, const struct topic *t, size_t *slot)
     return queues ? 0 : -ENOMEM;
 }
 
+void mailbox_keep_all(struct mailbox *m, size_t bytes)
+{
+    pthread_mutex_lock(&m->lock);
+    m->keep_bytes = bytes;
+    pthread_mutex_unlock(&m->lock);
+}
+
 static void signal_fd(int fd)
 {
     int saved = errno; /* also in signal handlers */
@@ -94,27 +103,63 @@ static struct bus_message pop(struct mailbox *m, struct queue *q)
     struct bus_message first = q->ring[q->head].message;
     q->head = (q->head + 1) % q->depth;
     q->n--;
+    m->waiting_bytes -= first.envelope.payload_size;
     if (--m->waiting == 0)
         clear_fd(m);
     return first;
 }
 
-void mailbox_put(struct mailbox *m, size_t slot, const struct bus_message *message)
+static void push(struct mailbox *m, struct queue *q, const struct bus_message *message)
 {
-    struct bus_message pushed_out = {0};
-    pthread_mutex_lock(&m->lock);
-    struct queue *q = &m->queues[slot];
-    if (q->n == q->depth) {
-        pushed_out = pop(m, q);
-        q->dropped += q->policy == TOPIC_ALL;
-    }
     struct letter *l = &q->ring[(q->head + q->n++) % q->depth];
     l->message = *message;
     l->arrival = m->arrivals++;
+    m->waiting_bytes += message->envelope.payload_size;
     if (m->waiting++ == 0)
         signal_fd(m->fd);
+}
+
+/* false: no memory. */
+static bool grow(struct queue *q)
+{
+    struct letter *ring = calloc(2 * q->depth, sizeof *ring);
+    if (!ring)
+        return false;
+    for (size_t i = 0; i < q->n; i++)
+        ring[i] = q->ring[(q->head + i) % q->depth];
+    free(q->ring);
+    q->ring = ring;
+    q->head = 0;
+    q->depth *= 2;
+    return true;
+}
+
+/* What waits is without a hole, so it is the new one that goes. */
+static bool has_room(const struct mailbox *m, struct queue *q, size_t bytes)
+{
+    if (m->waiting &&
+        (m->waiting_bytes >= m->keep_bytes || bytes > m->keep_bytes - m->waiting_bytes))
+        return false;
+    return q->n < q->depth || grow(q);
+}
+
+void mailbox_put(struct mailbox *m, size_t slot, const struct bus_message *message)
+{
+    struct bus_message lost = {0};
+    pthread_mutex_lock(&m->lock);
+    struct queue *q = &m->queues[slot];
+    bool fits = !m->keep_bytes || has_room(m, q, message->envelope.payload_size);
+    if (!fits) {
+        lost = *message;
+        q->dropped++;
+    } else if (q->n == q->depth) {
+        lost = pop(m, q);
+        q->dropped += q->policy == TOPIC_ALL;
+    }
+    if (fits)
+        push(m, q, message);
     pthread_mutex_unlock(&m->lock);
-    bus_message_free(&pushed_out);
+    bus_message_free(&lost);
 }
 
 static struct queue *find_oldest(struct mailbox *m)
@@ -175,6 +220,23 @@ void mailbox_interrupt(struct mailbox *m)
 {
     atomic_store(&m->interrupted, true);
     signal_fd(m->fd);
+}
+
+void mailbox_resume(struct mailbox *m)
+{
+    pthread_mutex_lock(&m->lock);
+    atomic_store(&m->interrupted, false);
+    if (!m->waiting)
+        clear_fd(m);
+    pthread_mutex_unlock(&m->lock);
+}
+
+size_t mailbox_waiting_bytes(struct mailbox *m)
+{
+    pthread_mutex_lock(&m->lock);
+    size_t bytes = m->waiting_bytes;
+    pthread_mutex_unlock(&m->lock);
+    return bytes;
 }
 
 void mailbox_count(struct mailbox *m, size_t slot, uint64_t *dropped, size_t *queued)

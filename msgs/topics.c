@@ -3,8 +3,11 @@
 #include <string.h>
 
 #include "msgs/array.pb-c.h"
+#include "msgs/clock.pb-c.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/health.pb-c.h"
+#include "msgs/host.pb-c.h"
+#include "msgs/log.pb-c.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/stage.pb-c.h"
 #include "msgs/survey.pb-c.h"
@@ -15,7 +18,8 @@
 #define MB ((size_t)1 << 20)
 
 static const char *const nodes[] = {"stage", "array", "scan",   "dsp",      "recon",
-                                    "track", "can",   "report", "launcher", NULL};
+                                    "track", "can",   "report", "launcher", "record",
+                                    "play",  "view",  NULL};
 
 enum {
     SURVEY,
@@ -30,6 +34,9 @@ enum {
     SCAN_STATUS,
     RECEIPT,
     HEALTH,
+    LOG,
+    CLOCK,
+    HOST,
     N_TOPICS
 };
 
@@ -60,6 +67,12 @@ static const struct topic topics[N_TOPICS + 1] = {
                        16, TOPIC_ALL, 4096, 4 * KB, {"dsp", "recon"}},
     [HEALTH]        = {"health", &anlos__health__descriptor,
                        1, TOPIC_ALL, 256, 64 * KB, {"*"}},
+    [LOG]           = {"log", &anlos__log__descriptor,
+                       0, TOPIC_ALL, 512, 16 * KB, {"*"}},
+    [CLOCK]         = {"clock", &anlos__clock__descriptor,
+                       5, TOPIC_LATEST, 1, 8 * KB, {"play"}},
+    [HOST]          = {"host", &anlos__host_status__descriptor,
+                       2, TOPIC_ALL, 16, 4 * KB, {"launcher"}},
     /* clang-format on */
 };
 
@@ -159,4 +172,19 @@ const struct topic *topic_receipt(void)
 const struct topic *topic_health(void)
 {
     return &topics[HEALTH];
+}
+
+const struct topic *topic_log(void)
+{
+    return &topics[LOG];
+}
+
+const struct topic *topic_clock(void)
+{
+    return &topics[CLOCK];
+}
+
+const struct topic *topic_host(void)
+{
+    return &topics[HOST];
 }

@@ -48,5 +48,8 @@ const struct topic *topic_detections(void);
 const struct topic *topic_scan_status(void);
 const struct topic *topic_receipt(void);
 const struct topic *topic_health(void);
+const struct topic *topic_log(void);
+const struct topic *topic_clock(void);
+const struct topic *topic_host(void); /* of launchers of a system on several machines */
 
 #endif

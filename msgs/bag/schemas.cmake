@@ -1,14 +1,19 @@
-# Writes OUT, a C file with the table of msgs/bag/schema_table.h, from schema files
-# (PROTOS, paths under SOURCE, commas between) by way of their descriptor sets:
-#   cmake -DPROTOC_C=.. -DSOURCE=.. -DPROTOS=msgs/a.proto,.. -DOUT=.. -P schemas.cmake
+# Writes OUT, a C file with a TABLE as in msgs/bag/schema_table.h, from schema files
+# (PROTOS, paths under the first of SOURCES, where imports are looked for; commas between)
+# by way of their descriptor sets:
+#   cmake -DPROTOC_C=.. -DSOURCES=.. -DPROTOS=msgs/a.proto,.. -DTABLE=.. -DOUT=..
+#       -P schemas.cmake
 string(REPLACE "," ";" protos "${PROTOS}")
+string(REPLACE "," ";" sources "${SOURCES}")
+list(GET sources 0 source)
+list(TRANSFORM sources PREPEND --proto_path=)
 set(arrays "")
 set(rows "")
 set(number 0)
 foreach(proto ${protos})
     execute_process(COMMAND "${PROTOC_C}" --include_imports
-        "--descriptor_set_out=${OUT}.set" "--proto_path=${SOURCE}" "${proto}"
-        WORKING_DIRECTORY "${SOURCE}" RESULT_VARIABLE failed)
+        "--descriptor_set_out=${OUT}.set" ${sources} "${proto}"
+        WORKING_DIRECTORY "${source}" RESULT_VARIABLE failed)
     if(failed)
         message(FATAL_ERROR "${proto}: no descriptor set")
     endif()
@@ -17,7 +22,7 @@ foreach(proto ${protos})
     string(REGEX REPLACE "(................................)" "\\1\n    " hex "${hex}")
     string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," hex "${hex}")
     string(APPEND arrays "static const uint8_t set_${number}[] = {\n    ${hex}};\n")
-    file(STRINGS "${SOURCE}/${proto}" lines REGEX "^(package|message) ")
+    file(STRINGS "${source}/${proto}" lines REGEX "^(package|message) ")
     set(package "")
     foreach(line ${lines})
         if(line MATCHES "^package +([A-Za-z0-9_.]+)")
@@ -31,4 +36,4 @@ foreach(proto ${protos})
 endforeach()
 file(WRITE "${OUT}" "/* Written by msgs/bag/schemas.cmake. */\n"
     "#include \"msgs/bag/schema_table.h\"\n\n${arrays}\n"
-    "const struct bag_schema_entry bag_schema_table[] = {\n${rows}    {0},\n};\n")
+    "const struct bag_schema_entry ${TABLE}[] = {\n${rows}    {0},\n};\n")

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "msgs/bag/record.h"
@@ -22,11 +23,22 @@ int bag_sink_create(struct bag_sink *s, const char *path, struct complaint *why)
     return err;
 }
 
+/* A file may not grow beyond the process's limit, nor can space be held there. */
+static bool exceeds_limit(uint64_t end)
+{
+    struct rlimit limit;
+
+    return !getrlimit(RLIMIT_FSIZE, &limit) && limit.rlim_cur != RLIM_INFINITY &&
+           end > limit.rlim_cur;
+}
+
 /* 0, or a disk that is full; a file system that cannot hold space ready is let be. */
 static int hold(const struct bag_sink *s, uint64_t n)
 {
     int err;
 
+    if (exceeds_limit(s->size + n))
+        return -EFBIG;
     do
         err = fallocate(s->fd, FALLOC_FL_KEEP_SIZE, (off_t)s->size, (off_t)n) ? errno : 0;
     while (err == EINTR);

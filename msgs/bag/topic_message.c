@@ -195,13 +195,19 @@ int bag_source_of(struct bag_source *out, const struct bag_channel *channel)
                : -EINVAL;
 }
 
+/* A time that no bus would have taken is the last that it takes. */
+static int64_t stamp(uint64_t ns)
+{
+    return ns < (uint64_t)ENVELOPE_MAX_STAMP ? (int64_t)ns : ENVELOPE_MAX_STAMP;
+}
+
 void bag_source_envelope(const struct bag_source *s, const struct bag_message *m,
                          struct envelope *out)
 {
     *out = (struct envelope){.epoch_ns = s->epoch_ns,
                              .sequence = m->sequence,
-                             .publish_ns = (int64_t)m->log_time,
-                             .capture_ns = s->captured ? (int64_t)m->publish_time : 0,
+                             .publish_ns = stamp(m->log_time),
+                             .capture_ns = s->captured ? stamp(m->publish_time) : 0,
                              .payload_size = (uint32_t)m->data.size};
     snprintf(out->topic, sizeof out->topic, "%s", s->topic->name);
     memcpy(out->node, s->node, sizeof out->node);

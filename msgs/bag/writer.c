@@ -4,6 +4,7 @@
 #include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "msgs/bag/file.h"
 #include "msgs/bag/writer_state.h"
@@ -75,10 +76,12 @@ int bag_writer_create(struct bag_writer **out, const char *path,
     bytes_put(&w->out, (struct bytes){(const uint8_t *)BAG_MAGIC, BAG_MAGIC_SIZE});
     bag_record_put(&w->out, &header);
     err = writer_emit(w, why);
-    if (err)
+    if (err) {
         bag_writer_close(w, NULL);
-    else
+        unlink(path);
+    } else {
         *out = w;
+    }
     return err;
 }
 
@@ -199,6 +202,11 @@ int bag_writer_flush(struct bag_writer *w, struct complaint *why)
 uint64_t bag_writer_size(const struct bag_writer *w)
 {
     return w->sink.size + w->chunk.size;
+}
+
+uint64_t bag_writer_messages(const struct bag_writer *w)
+{
+    return w->messages.n;
 }
 
 static void summarize(struct bag_writer *w)

@@ -56,6 +56,9 @@ int bag_writer_flush(struct bag_writer *w, struct complaint *why);
 /* Bytes in the file, and those of the chunk that is not yet in it. */
 uint64_t bag_writer_size(const struct bag_writer *w);
 
+/* Messages in the file: after an error of writing, all that it will have. */
+uint64_t bag_writer_messages(const struct bag_writer *w);
+
 /* Writes the summary and frees w.  0 or an error of writing, now or before. */
 int bag_writer_close(struct bag_writer *w, struct complaint *why);
 

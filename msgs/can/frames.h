@@ -41,7 +41,7 @@ enum can_state {
     CAN_BLOCKED,
     CAN_STANDBY
 };
-enum can_source { CAN_LIVE, CAN_REPLAY, CAN_SIMULATION };
+enum can_source { CAN_LIVE, CAN_REPLAY, CAN_SIMULATION, CAN_SOURCE_UNKNOWN };
 enum can_measurement { CAN_NEW, CAN_MEASURED, CAN_PREDICTED, CAN_DELETED };
 
 struct can_status { /* every 100 ms */

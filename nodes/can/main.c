@@ -1,5 +1,6 @@
 /* nodes/can/main.c: "detections", "scan/status", "survey" -> the vehicle's CAN bus */
 #include <errno.h>
+#include <string.h>
 
 #include "hal/canbus.h"
 #include "msgs/topics.h"
@@ -17,17 +18,20 @@ struct run {
     struct sender sender;
     struct outbox outbox;
     int64_t status_due_ns;
+    struct can_frame_data status; /* as it went out last */
 };
 
+/* When it is due, and at once when it says something else. */
 static void put_status(struct run *r)
 {
     struct can_frame_data frame;
-    int64_t now = node_now_ns(r->node);
+    int64_t now = node_machine_ns(r->node);
 
-    if (now < r->status_due_ns)
+    sender_status(&r->sender, &frame);
+    if (now < r->status_due_ns && !memcmp(&frame, &r->status, sizeof frame))
         return;
     r->status_due_ns = now + STATUS_PERIOD_NS;
-    sender_status(&r->sender, &frame);
+    r->status = frame;
     outbox_put_status(&r->outbox, &frame);
 }
 
@@ -42,6 +46,8 @@ static void take(struct run *r, const struct node_message *in)
     } else {
         sender_list(&r->sender, (const Anlos__DetectionList *)in->content, in->capture_ns,
                     &list);
+        if (node_is_replayed(r->node))
+            list.dated_ns = in->publish_ns;
         outbox_put_list(&r->outbox, &list);
     }
 }
@@ -60,12 +66,12 @@ static void step(struct run *r)
 /* A list on its way is finished if the bus takes it. */
 static void finish(struct run *r)
 {
-    const struct clock_source *clock = node_clock(r->node);
-    int64_t end = node_now_ns(r->node) + FINISH_NS;
+    const struct clock_source *clock = clock_system();
+    int64_t end = node_machine_ns(r->node) + FINISH_NS;
 
     outbox_step(&r->outbox);
-    while (outbox_busy(&r->outbox) && node_now_ns(r->node) < end) {
-        clock->sleep_until_ns(clock->state, node_now_ns(r->node) +
+    while (outbox_busy(&r->outbox) && node_machine_ns(r->node) < end) {
+        clock->sleep_until_ns(clock->state, node_machine_ns(r->node) +
                                                 outbox_wait_ms(&r->outbox) * 1000000LL);
         outbox_step(&r->outbox);
     }
@@ -107,6 +113,13 @@ static int run(struct run *r)
     return err;
 }
 
+/* A bus has time-outs of its own; a log has none, and is dated like what it holds. */
+static const struct clock_source *bus_clock(const struct node *node)
+{
+    return uri_has_scheme(node_launch(node)->can.uri, "log") ? node_clock(node)
+                                                             : clock_system();
+}
+
 static int open_bus(struct run *r)
 {
     const struct launchfile *l = node_launch(r->node);
@@ -132,9 +145,11 @@ int main(int argc, char **argv)
     if (err)
         return err - 1;
     sender_init(&r.sender, node_launch(r.node)->can.base_id);
+    if (node_is_replayed(r.node)) /* from the first frame on */
+        r.sender.status.source = CAN_REPLAY;
     err = open_bus(&r);
     if (!err) {
-        outbox_init(&r.outbox, r.bus, node_clock(r.node), &r.sender);
+        outbox_init(&r.outbox, r.bus, bus_clock(r.node), &r.sender);
         node_device(r.node, counts, &r);
         err = run(&r);
     }

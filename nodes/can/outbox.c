@@ -107,7 +107,7 @@ static bool send_list(struct outbox *o)
     int err = 0;
 
     if (!o->next) {
-        o->begun_ns = clock_now_ns(o->clock);
+        o->begun_ns = list->dated_ns ? list->dated_ns : clock_now_ns(o->clock);
         sender_date(o->sender, list, o->begun_ns, o->last_ns);
     }
     while (!err && o->next < list->n_frames) {

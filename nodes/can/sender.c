@@ -5,7 +5,9 @@
 void sender_init(struct sender *s, uint32_t base_id)
 {
     *s = (struct sender){.base_id = base_id,
-                         .status = {.state = CAN_INIT, .temperature_c = NAN}};
+                         .status = {.state = CAN_INIT,
+                                    .source = CAN_SOURCE_UNKNOWN,
+                                    .temperature_c = NAN}};
 }
 
 static enum can_source source_of(Anlos__Source source)
@@ -96,6 +98,7 @@ void sender_list(const struct sender *s, const Anlos__DetectionList *list,
                                            .counter = (uint16_t)list->counter,
                                            .truncated = n < list->n_detections};
     out->capture_ns = capture_ns;
+    out->dated_ns = 0;
     out->n_frames = 2 + 3 * n;
     for (size_t i = 0; i < n; i++) {
         struct can_object object;
@@ -106,13 +109,19 @@ void sender_list(const struct sender *s, const Anlos__DetectionList *list,
     }
 }
 
+/* In ms, modulo 2^64 ns: a stamp is whatever its sender wrote. */
+static double age_ms(int64_t now_ns, int64_t then_ns)
+{
+    return 1e-6 * (double)(int64_t)((uint64_t)now_ns - (uint64_t)then_ns);
+}
+
 void sender_date(const struct sender *s, struct sender_list *list, int64_t now_ns,
                  int64_t last_ns)
 {
     int64_t capture_ns = list->capture_ns;
 
-    list->header.latency_ms = capture_ns ? 1e-6 * (double)(now_ns - capture_ns) : NAN;
-    list->header.cycle_ms = last_ns ? 1e-6 * (double)(now_ns - last_ns) : NAN;
+    list->header.latency_ms = capture_ns ? age_ms(now_ns, capture_ns) : NAN;
+    list->header.cycle_ms = last_ns ? age_ms(now_ns, last_ns) : NAN;
     can_pack_list_header(&list->frames[0], s->base_id, &list->header);
     can_pack_time(&list->frames[1], s->base_id, capture_ns ? capture_ns : now_ns);
 }

@@ -22,6 +22,7 @@ struct sender {
 struct sender_list {
     struct can_list_header header; /* latency and cycle are known when it goes out */
     int64_t capture_ns;            /* 0: not of any sound */
+    int64_t dated_ns;              /* of a replay: when it came about; 0: when it goes */
     size_t n_frames;
     struct can_frame_data frames[SENDER_MAX_FRAMES]; /* [n_frames] */
 };

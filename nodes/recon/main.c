@@ -43,7 +43,7 @@ static void publish_final(struct run *r)
     recon_image(r->recon, false, &r->final);
     publish_volume(r, &r->final);
     r->has_final = true;
-    r->repeat_due_ns = node_now_ns(r->node) + REPEAT_NS;
+    r->repeat_due_ns = node_machine_ns(r->node) + REPEAT_NS;
     node_log(r->node, LOG_LEVEL_DEBUG, "volume of %zu pings, %.1f ms after the last",
              recon_pings(r->recon), 1e3 * r->final.imaging_s);
 }
@@ -51,11 +51,11 @@ static void publish_final(struct run *r)
 static void publish_preview(struct run *r)
 {
     Anlos__Volume v;
-    int64_t start = node_now_ns(r->node);
+    int64_t start = node_machine_ns(r->node);
 
     recon_image(r->recon, true, &v);
     publish_volume(r, &v);
-    int64_t now = node_now_ns(r->node);
+    int64_t now = node_machine_ns(r->node);
     int64_t pause = PREVIEW_PAUSE * (now - start);
     r->preview_due_ns = now + (pause > PREVIEW_PAUSE_MIN ? pause : PREVIEW_PAUSE_MIN);
 }
@@ -107,16 +107,17 @@ static void take_status(struct run *r, const struct node_message *in)
 static bool wants_preview(const struct run *r)
 {
     return node_launch(r->node)->recon.preview && recon_has_new_position(r->recon) &&
-           !recon_is_complete(r->recon) && node_now_ns(r->node) >= r->preview_due_ns;
+           !recon_is_complete(r->recon) && node_machine_ns(r->node) >= r->preview_due_ns;
 }
 
 static void idle(struct run *r)
 {
     if (wants_preview(r)) {
         publish_preview(r);
-    } else if (r->has_final && node_now_ns(r->node) >= r->repeat_due_ns) {
+    } else if (r->has_final && node_machine_ns(r->node) >= r->repeat_due_ns) {
+        r->final.repeated = true;
         node_publish(r->node, topic_volume(), recon_capture_ns(r->recon), &r->final.base);
-        r->repeat_due_ns = node_now_ns(r->node) + REPEAT_NS;
+        r->repeat_due_ns = node_machine_ns(r->node) + REPEAT_NS;
     }
 }
 

@@ -33,10 +33,22 @@ static int parse_one(struct arguments *a, int argc, char **argv, int *i,
         a->run_dir = value;
     else if ((value = option_value("--out", argc, argv, i)))
         a->out = value;
+    else if ((value = option_value("--record", argc, argv, i)))
+        a->record = value;
+    else if ((value = option_value("--bag", argc, argv, i)))
+        a->bag = value;
+    else if ((value = option_value("--rate", argc, argv, i)))
+        a->rate = value;
+    else if ((value = option_value("--host", argc, argv, i)))
+        a->host = value;
     else if ((value = option_value("--log-level", argc, argv, i))) {
         if (log_level_parse(&a->log_level, value))
             return complain(why, -EINVAL,
                             "--log-level: expected debug, info, warning or error, not %s",
+                            value);
+    } else if ((value = option_value("--log-format", argc, argv, i))) {
+        if (log_format_parse(&a->log_format, value))
+            return complain(why, -EINVAL, "--log-format: expected text or json, not %s",
                             value);
     } else if (arg[0] != '-' && !a->launch)
         a->launch = arg;
@@ -58,6 +70,8 @@ int arguments_parse(struct arguments *out, int argc, char **argv, struct complai
         return complain(why, -EINVAL, "which launch file? see --help");
     if (out->out && !out->out[0])
         return complain(why, -EINVAL, "--out: expected the name of a folder");
+    if (out->record && !out->record[0])
+        return complain(why, -EINVAL, "--record: expected the name of a bag");
     return 0;
 }
 
@@ -66,7 +80,12 @@ const char *arguments_help(void)
     return "  --run-dir DIR      where the processes of one system meet; default\n"
            "                     $XDG_RUNTIME_DIR/anlos or /tmp/anlos-UID\n"
            "  --out DIR          the folder of results, instead of report.folder\n"
+           "  --record BAG       records every topic into it, instead of record.path\n"
+           "  --host NAME        which one of the launch file's hosts this machine is\n"
+           "  --bag FILE         what the node play plays, instead of play.bag\n"
+           "  --rate R           of its pace, or max: as fast as it is used\n"
            "  --realtime         simulated hardware runs at the true pace\n"
            "  --log-level LEVEL  debug, info (default), warning or error\n"
+           "  --log-format FORM  of lines on stderr: text (default) or json\n"
            "  --help             this text\n";
 }

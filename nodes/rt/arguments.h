@@ -9,14 +9,20 @@
 
 struct arguments { /* borrow from argv */
     const char *launch;
-    const char *run_dir; /* NULL: the default */
-    const char *out;     /* NULL: as the launch file says */
+    const char *run_dir;    /* NULL: the default */
+    const char *out;        /* NULL: as the launch file says */
+    const char *record;     /* a bag to be recorded; NULL: as the launch file says */
+    const char *bag, *rate; /* of the node play; NULL: as the launch file says */
+    const char *host;       /* which of the launch file's hosts this is; NULL: not said */
     bool realtime;
     bool help;
     enum log_level log_level;
+    enum log_format log_format;
 };
 
-/* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --realtime --log-level L --help`.
+/* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --host H --realtime
+ * --log-level L
+ * --log-format F --help`.
  * 0, or -EINVAL: unknown option, missing value, no launch file. */
 int arguments_parse(struct arguments *out, int argc, char **argv, struct complaint *why);
 

@@ -5,6 +5,7 @@
 
 #include <jansson.h>
 #include <limits.h>
+#include <stdint.h>
 
 #include "msgs/complaint.h"
 #include "msgs/detections.pb-c.h"
@@ -45,6 +46,11 @@ int export_projections(const char *folder, const struct grid *grid,
 int export_projection(const char *folder, size_t which, const struct grid *grid,
                       const float *intensity, const Anlos__DetectionList *detections,
                       struct complaint *why);
+
+/* The same, two thirds as large, as a PNG in *png, which free() frees.  0, -ENOMEM. */
+int export_projection_png(size_t which, const struct grid *grid, const float *intensity,
+                          const Anlos__DetectionList *detections, uint8_t **png,
+                          size_t *size);
 
 /* detections.json. */
 int export_detections(const char *folder, const Anlos__DetectionList *detections,

@@ -8,8 +8,7 @@
 
 #include "nodes/rt/export_colour.h"
 
-/* In units of a picture about 760 wide, drawn finer so that it stays sharp. */
-#define FINENESS   1.5
+/* In units of a picture about 760 wide. */
 #define LEFT       88.0
 #define RIGHT      122.0
 #define TOP        58.0
@@ -92,8 +91,8 @@ static void paint_pixels(const struct plot *plot, const float *amplitude,
 
 static int draw_image(cairo_t *cr, const struct plot *plot, const struct page *page)
 {
-    int w = (int)fmax(lrint(FINENESS * page->w), 1.0);
-    int h = (int)fmax(lrint(FINENESS * page->h), 1.0);
+    int w = (int)fmax(lrint(plot->fineness * page->w), 1.0);
+    int h = (int)fmax(lrint(plot->fineness * page->h), 1.0);
     float *amplitude = malloc((size_t)w * (size_t)h * sizeof *amplitude);
     cairo_surface_t *image = cairo_image_surface_create(CAIRO_FORMAT_RGB24, w, h);
     int err = amplitude && cairo_surface_status(image) == CAIRO_STATUS_SUCCESS ? 0
@@ -261,12 +260,12 @@ cairo_surface_t *plot_draw(const struct plot *plot)
 {
     struct page page;
     lay_out(&page, plot);
-    cairo_surface_t *surface =
-        cairo_image_surface_create(CAIRO_FORMAT_RGB24, (int)lrint(FINENESS * page.width),
-                                   (int)lrint(FINENESS * page.height));
+    cairo_surface_t *surface = cairo_image_surface_create(
+        CAIRO_FORMAT_RGB24, (int)lrint(plot->fineness * page.width),
+        (int)lrint(plot->fineness * page.height));
     cairo_t *cr = cairo_create(surface);
 
-    cairo_scale(cr, FINENESS, FINENESS);
+    cairo_scale(cr, plot->fineness, plot->fineness);
     cairo_set_source_rgb(cr, 1.0, 1.0, 1.0);
     cairo_paint(cr);
     int err = draw_image(cr, plot, &page);

@@ -18,6 +18,7 @@ struct plot {
     const struct projection *amplitude; /* drawn as 20 log10(value / peak) */
     double peak;                        /* amplitude of 0 dB; 0: nothing is there */
     double range_db;                    /* drawn below the peak, > 0 */
+    double fineness;                    /* 1: 760 pixels wide, or less; > 0 */
     const struct plot_mark *marks;      /* [n_marks] */
     size_t n_marks;
 };

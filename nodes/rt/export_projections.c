@@ -2,13 +2,16 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "nodes/rt/export_file.h"
 #include "nodes/rt/export_plot.h"
 #include "nodes/rt/export_projection.h"
 
-#define RANGE_DB 25.0
+#define RANGE_DB       25.0
+#define FILE_FINENESS  1.5 /* sharp on any screen */
+#define SHOWN_FINENESS 1.0 /* drawn again and again while a scan goes on */
 
 struct view {
     const char *file, *title;
@@ -66,35 +69,67 @@ static int write_png(const char *folder, const char *name, cairo_surface_t *surf
     return export_file_commit(&e, why);
 }
 
-int export_projection(const char *folder, size_t which, const struct grid *grid,
-                      const float *intensity, const Anlos__DetectionList *detections,
-                      struct complaint *why)
+/* NULL: no memory. */
+static cairo_surface_t *draw(const struct view *view, double fineness,
+                             const struct grid *grid, const float *intensity,
+                             const Anlos__DetectionList *detections)
 {
-    const struct view *view = &views[which];
     struct projection p = {0};
     struct plot plot = {.title = view->title,
                         .label = {labels[view->across], labels[view->up]},
                         .amplitude = &p,
-                        .range_db = RANGE_DB};
+                        .range_db = RANGE_DB,
+                        .fineness = fineness};
     struct plot_mark *marks = make_marks(detections, view, &plot.n_marks);
     cairo_surface_t *surface = NULL;
-    int err = marks ? projection_create(&p, grid, intensity, view->across, view->up)
-                    : -ENOMEM;
-    if (!err) {
+
+    if (marks && !projection_create(&p, grid, intensity, view->across, view->up)) {
         for (size_t i = 0; i < p.n[0] * p.n[1]; i++) {
             p.value[i] = sqrtf(p.value[i]);
             plot.peak = fmax(plot.peak, (double)p.value[i]);
         }
         plot.marks = marks;
         surface = plot_draw(&plot);
-        err = surface ? write_png(folder, view->file, surface, why) : -ENOMEM;
     }
+    projection_clear(&p);
+    free(marks);
+    return surface;
+}
+
+int export_projection(const char *folder, size_t which, const struct grid *grid,
+                      const float *intensity, const Anlos__DetectionList *detections,
+                      struct complaint *why)
+{
+    const struct view *view = &views[which];
+    cairo_surface_t *surface = draw(view, FILE_FINENESS, grid, intensity, detections);
+    int err = surface ? write_png(folder, view->file, surface, why) : -ENOMEM;
+
     if (err == -ENOMEM)
         complain(why, err, "%s/%s: out of memory", folder, view->file);
     cairo_surface_destroy(surface);
-    projection_clear(&p);
-    free(marks);
     return err;
+}
+
+int export_projection_png(size_t which, const struct grid *grid, const float *intensity,
+                          const Anlos__DetectionList *detections, uint8_t **png,
+                          size_t *size)
+{
+    cairo_surface_t *surface =
+        draw(&views[which], SHOWN_FINENESS, grid, intensity, detections);
+    char *data = NULL;
+    FILE *f = open_memstream(&data, size);
+    bool failed = !f || !surface ||
+                  cairo_surface_write_to_png_stream(surface, write_bytes, f) !=
+                      CAIRO_STATUS_SUCCESS;
+
+    if (f)
+        failed = fclose(f) || failed;
+    cairo_surface_destroy(surface);
+    if (failed)
+        free(data);
+    else
+        *png = (uint8_t *)data;
+    return failed ? -ENOMEM : 0;
 }
 
 int export_projections(const char *folder, const struct grid *grid,

@@ -8,6 +8,10 @@
 #include "hal/yaml/file.h"
 #include "hal/survey/place.h"
 #include "msgs/topics.h"
+#include "nodes/rt/launchfile_hosts.h"
+#include "nodes/rt/launchfile_play.h"
+#include "nodes/rt/launchfile_record.h"
+#include "nodes/rt/launchfile_view.h"
 #include "nodes/rt/launchfile_text.h"
 #include "nodes/rt/uri.h"
 #include "recon/imager.h"
@@ -126,7 +130,7 @@ static int copy_nodes(struct launchfile *l, const struct launch_text *t,
             return yaml_complain(
                 why, -EINVAL, l->path, key,
                 "%s is no node; expected stage, array, scan, dsp, recon, "
-                "track, can or report",
+                "track, can, report, record, play or view",
                 t->nodes[i]);
         if (launchfile_has_node(l, t->nodes[i]))
             return yaml_complain(why, -EINVAL, l->path, "nodes",
@@ -211,21 +215,19 @@ static int check(const struct launchfile *l, struct complaint *why)
     return check_numbers(l, why);
 }
 
-int launchfile_load(struct launchfile **out, const char *path,
-                    const struct launchfile_options *options, struct complaint *why)
+static int fill(struct launchfile *l, const struct launch_text *text,
+                const struct launchfile_options *options, struct complaint *why)
 {
-    void *text = NULL;
-    struct launchfile *l = calloc(1, sizeof *l);
-    int err;
+    int err = copy_nodes(l, text, why);
 
-    if (!l || !(l->path = strdup(path))) {
-        free(l);
-        return complain(why, -ENOMEM, "%s: not enough memory", path);
-    }
-    err = yaml_load(path, &launch_text_schema, &text, why);
-    if (err)
-        goto fail;
-    err = copy_nodes(l, text, why);
+    if (!err)
+        err = launchfile_copy_hosts(l, text, why);
+    if (!err)
+        err = launchfile_copy_view(l, text, why);
+    if (!err)
+        err = launchfile_copy_record(l, text, options, why);
+    if (!err)
+        err = launchfile_copy_play(l, text, options, why);
     if (!err)
         err = copy_dsp(l, text, why);
     if (!err)
@@ -236,16 +238,44 @@ int launchfile_load(struct launchfile **out, const char *path,
         err = copy_options(l, text, why);
     if (!err)
         err = resolve_paths(l, options);
-    if (err == -ENOMEM)
-        complain(why, err, "%s: not enough memory", path);
+    return err == -ENOMEM ? complain(why, err, "%s: not enough memory", l->path) : err;
+}
+
+/* Takes over text. */
+static int create(struct launchfile **out, const char *path, void *text,
+                  const struct launchfile_options *options, struct complaint *why)
+{
+    struct launchfile *l = calloc(1, sizeof *l);
+    int err;
+
+    if (l && (l->path = strdup(path)))
+        err = fill(l, text, options, why);
+    else
+        err = complain(why, -ENOMEM, "%s: not enough memory", path);
     yaml_unload(&launch_text_schema, text);
     if (err)
-        goto fail;
-    *out = l;
-    return 0;
-fail:
-    launchfile_destroy(l);
+        launchfile_destroy(l);
+    else
+        *out = l;
     return err;
+}
+
+int launchfile_load(struct launchfile **out, const char *path,
+                    const struct launchfile_options *options, struct complaint *why)
+{
+    void *text;
+    int err = yaml_load(path, &launch_text_schema, &text, why);
+
+    return err ? err : create(out, path, text, options, why);
+}
+
+int launchfile_parse(struct launchfile **out, const char *path, const void *data,
+                     size_t size, struct complaint *why)
+{
+    void *text;
+    int err = yaml_parse(path, data, size, &launch_text_schema, &text, why);
+
+    return err ? err : create(out, path, text, NULL, why);
 }
 
 void launchfile_destroy(struct launchfile *l)
@@ -260,6 +290,9 @@ void launchfile_destroy(struct launchfile *l)
     free(l->recon.method);
     free(l->can.uri);
     free(l->report.folder);
+    launchfile_free_record(l);
+    launchfile_free_play(l);
+    launchfile_free_view(l);
     free(l->path);
     free(l);
 }

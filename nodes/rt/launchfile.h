@@ -6,7 +6,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "msgs/bag/compression.h"
 #include "msgs/complaint.h"
+#include "msgs/hosts.h"
 #include "nodes/rt/compressor.h"
 #include "recon/imager_options.h"
 
@@ -50,10 +52,32 @@ struct launchfile {
     struct {
         char *folder; /* what the report node writes into; default "out" */
     } report;
+    struct {
+        char *path;             /* of the bag; relative to the current folder */
+        char *topics, *exclude; /* patterns with commas between; default "*" and "" */
+        unsigned split_mb, split_s, quota_mb; /* 0: none */
+        enum bag_compression compression;     /* default none */
+        unsigned flush_ms;                    /* default 1000 */
+    } record;
+    struct {
+        char *bag;   /* empty: there is no node play */
+        double rate; /* of the recording's pace; 0: max */
+        bool loop;
+        double start_s, end_s; /* after its first message; INFINITY: to the end */
+        char *topics, *exclude, *remap; /* NULL: the default (nodes/play/playback.h) */
+    } play;
+    struct {
+        char *address; /* default 127.0.0.1 */
+        unsigned port; /* default 8765 */
+        char *bag;     /* NULL: the running system is shown */
+    } view;
+    struct hosts hosts; /* none: all on this machine (nodes/rt/launchfile_hosts.h) */
 };
 
 struct launchfile_options { /* of the command line, they win over the file */
     const char *out;        /* report.folder, or NULL */
+    const char *record;     /* record.path, and there is such a node; or NULL */
+    const char *bag, *rate; /* play.bag and play.rate, or NULL */
     bool realtime;          /* simulated hardware runs at the true pace */
 };
 
@@ -67,6 +91,10 @@ bool launchfile_moves_stage(const struct launchfile *l);
  * 0, -ENOENT, -EINVAL ("file:line: key: expected"), -ENOMEM. */
 int launchfile_load(struct launchfile **out, const char *path,
                     const struct launchfile_options *options, struct complaint *why);
+
+/* The same of a text in memory, data[size]; path: what it is called. */
+int launchfile_parse(struct launchfile **out, const char *path, const void *data,
+                     size_t size, struct complaint *why);
 void launchfile_destroy(struct launchfile *l);
 
 #endif

@@ -62,6 +62,51 @@ static const cyaml_schema_field_t report_fields[] = {
                            folder, 1, TEXT_SIZE),
     CYAML_FIELD_END};
 
+static const cyaml_schema_field_t host_fields[] = {
+    CYAML_FIELD_STRING_PTR("name", CYAML_FLAG_POINTER, struct launch_text_host, name, 1,
+                           NAME_SIZE),
+    CYAML_FIELD_STRING_PTR("endpoint", CYAML_FLAG_POINTER, struct launch_text_host,
+                           endpoint, 1, TEXT_SIZE),
+    CYAML_FIELD_SEQUENCE("nodes", CYAML_FLAG_POINTER, struct launch_text_host, nodes,
+                         &node_schema, 1, MAX_NODES),
+    CYAML_FIELD_END};
+static const cyaml_schema_value_t host_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct launch_text_host, host_fields)};
+
+#define RECORD_TEXT(name)                                                                \
+    CYAML_FIELD_STRING_PTR(#name, CYAML_FLAG_POINTER | OPTIONAL,                         \
+                           struct launch_text_record, name, 0, TEXT_SIZE)
+#define RECORD_COUNT(name)                                                               \
+    CYAML_FIELD_UINT_PTR(#name, OPTIONAL, struct launch_text_record, name)
+static const cyaml_schema_field_t record_fields[] = {
+    RECORD_TEXT(path),      RECORD_TEXT(topics),      RECORD_TEXT(exclude),
+    RECORD_COUNT(split_mb), RECORD_COUNT(split_s),    RECORD_COUNT(quota_mb),
+    RECORD_COUNT(flush_ms), RECORD_TEXT(compression), CYAML_FIELD_END};
+
+#define PLAY_TEXT(name)                                                                  \
+    CYAML_FIELD_STRING_PTR(#name, CYAML_FLAG_POINTER | OPTIONAL,                         \
+                           struct launch_text_play, name, 1, TEXT_SIZE)
+#define PLAY_SECONDS(name)                                                               \
+    CYAML_FIELD_FLOAT_PTR(#name, OPTIONAL, struct launch_text_play, name)
+static const cyaml_schema_field_t play_fields[] = {
+    PLAY_TEXT(bag),
+    PLAY_TEXT(rate),
+    CYAML_FIELD_BOOL_PTR("loop", OPTIONAL, struct launch_text_play, loop),
+    PLAY_SECONDS(start_s),
+    PLAY_SECONDS(end_s),
+    PLAY_TEXT(topics),
+    PLAY_TEXT(exclude),
+    PLAY_TEXT(remap),
+    CYAML_FIELD_END};
+
+static const cyaml_schema_field_t view_fields[] = {
+    CYAML_FIELD_STRING_PTR("address", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_view, address, 1, NAME_SIZE),
+    CYAML_FIELD_UINT_PTR("port", OPTIONAL, struct launch_text_view, port),
+    CYAML_FIELD_STRING_PTR("bag", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text_view,
+                           bag, 1, TEXT_SIZE),
+    CYAML_FIELD_END};
+
 static const cyaml_schema_field_t launch_fields[] = {
     CYAML_FIELD_SEQUENCE("nodes", CYAML_FLAG_POINTER, struct launch_text, nodes,
                          &node_schema, 1, MAX_NODES),
@@ -73,6 +118,11 @@ static const cyaml_schema_field_t launch_fields[] = {
     CYAML_FIELD_MAPPING("track", OPTIONAL, struct launch_text, track, track_fields),
     CYAML_FIELD_MAPPING("can", OPTIONAL, struct launch_text, can, can_fields),
     CYAML_FIELD_MAPPING("report", OPTIONAL, struct launch_text, report, report_fields),
+    CYAML_FIELD_MAPPING("view", OPTIONAL, struct launch_text, view, view_fields),
+    CYAML_FIELD_MAPPING("record", OPTIONAL, struct launch_text, record, record_fields),
+    CYAML_FIELD_MAPPING("play", OPTIONAL, struct launch_text, play, play_fields),
+    CYAML_FIELD_SEQUENCE("hosts", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text,
+                         hosts, &host_schema, 1, CYAML_UNLIMITED),
     CYAML_FIELD_END};
 const struct cyaml_schema_value launch_text_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_POINTER, struct launch_text, launch_fields)};

@@ -46,8 +46,30 @@ struct launch_text_can {
     unsigned *base_id;
 };
 
+struct launch_text_view {
+    char *address, *bag;
+    unsigned *port;
+};
+
 struct launch_text_report {
     char *folder;
+};
+
+struct launch_text_host {
+    char *name, *endpoint;
+    char **nodes; /* [nodes_count] */
+    unsigned nodes_count;
+};
+
+struct launch_text_record {
+    char *path, *topics, *exclude, *compression;
+    unsigned *split_mb, *split_s, *quota_mb, *flush_ms;
+};
+
+struct launch_text_play {
+    char *bag, *rate, *topics, *exclude, *remap;
+    bool *loop;
+    double *start_s, *end_s;
 };
 
 struct launch_text {
@@ -61,6 +83,11 @@ struct launch_text {
     struct launch_text_track track;
     struct launch_text_can can;
     struct launch_text_report report;
+    struct launch_text_view view;
+    struct launch_text_record record;
+    struct launch_text_play play;
+    struct launch_text_host *hosts; /* [hosts_count] */
+    unsigned hosts_count;
 };
 
 /* What is written for an option; NULL: nothing. */

@@ -1,53 +1,119 @@
 #include "nodes/rt/log.h"
 
 #include <errno.h>
+#include <pthread.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#define LOG_TEXT_SIZE 1001
+#include "nodes/rt/log_repeats.h"
 
-static const char *const level_names[] = {"debug", "info", "warning", "error"};
+struct log {
+    struct log_config cfg;
+    char node[ENVELOPE_NODE_SIZE];
+    pthread_mutex_t lock; /* what follows, and the order of lines */
+    void (*call)(void *ctx, const struct log_line *line);
+    void *ctx;
+    struct log_repeats repeats;
+    char written[LOG_LINE_SIZE];
+};
 
-const char *log_level_name(enum log_level level)
+int log_create(struct log **out, const struct log_config *cfg)
 {
-    return level_names[level];
-}
+    struct log *l = calloc(1, sizeof *l);
+    int err = l ? -pthread_mutex_init(&l->lock, NULL) : -ENOMEM;
 
-int log_level_parse(enum log_level *out, const char *name)
-{
-    for (int i = LOG_LEVEL_DEBUG; i <= LOG_LEVEL_ERROR; i++) {
-        if (!strcmp(name, level_names[i])) {
-            *out = (enum log_level)i;
-            return 0;
-        }
+    if (err) {
+        free(l);
+        return err;
     }
-    return -EINVAL;
+    l->cfg = *cfg;
+    snprintf(l->node, sizeof l->node, "%s", cfg->node);
+    l->cfg.node = l->node;
+    *out = l;
+    return 0;
 }
 
-void log_vwrite(const struct log *l, enum log_level level, const char *format,
-                va_list args)
+void log_on_line(struct log *l, void (*call)(void *ctx, const struct log_line *line),
+                 void *ctx)
 {
-    char text[LOG_TEXT_SIZE];
-    char line[LOG_TEXT_SIZE + 16];
-
-    if (level < l->least)
-        return;
-    vsnprintf(text, sizeof text, format, args);
-    for (char *p = text; *p; p++)
-        if (*p == '\n' || *p == '\r')
-            *p = ' ';
-    int n = snprintf(line, sizeof line, "%s %s\n", level_names[level], text);
-    /* Whoever reads the log may be gone; there is nobody left to tell. */
-    ssize_t written = write(l->fd, line, (size_t)n);
-    (void)written;
+    pthread_mutex_lock(&l->lock);
+    l->call = call;
+    l->ctx = ctx;
+    pthread_mutex_unlock(&l->lock);
 }
 
-void log_write(const struct log *l, enum log_level level, const char *format, ...)
+static void put_line(struct log *l, struct log_line *line)
+{
+    memcpy(line->node, l->node, sizeof line->node);
+    if (line->level >= l->cfg.least) {
+        size_t n = log_line_write(line, l->cfg.format, l->written);
+        /* Whoever reads the log may be gone; there is nobody left to tell. */
+        ssize_t done = write(l->cfg.fd, l->written, n);
+        (void)done;
+    }
+    if (l->call && line->level >= LOG_LEVEL_INFO)
+        l->call(l->ctx, line);
+}
+
+void log_vwrite(struct log *l, enum log_level level, const char *format, va_list args)
+{
+    struct log_line line = {.level = level}, before;
+
+    if (level < l->cfg.least && level < LOG_LEVEL_INFO)
+        return;
+    vsnprintf(line.text, sizeof line.text, format, args);
+    log_text_clean(line.text);
+    pthread_mutex_lock(&l->lock);
+    line.stamp_ns = clock_now_ns(l->cfg.clock);
+    bool fresh = log_repeats_take(&l->repeats, &line, &before);
+    if (before.repeats)
+        put_line(l, &before);
+    if (fresh)
+        put_line(l, &line);
+    pthread_mutex_unlock(&l->lock);
+}
+
+void log_write(struct log *l, enum log_level level, const char *format, ...)
 {
     va_list args;
 
     va_start(args, format);
     log_vwrite(l, level, format, args);
     va_end(args);
+}
+
+static void tell_repeats(struct log *l, bool all)
+{
+    struct log_line line, tick = {.level = LOG_LEVEL_INFO};
+
+    pthread_mutex_lock(&l->lock);
+    int64_t now_ns = clock_now_ns(l->cfg.clock);
+    while (log_repeats_due(&l->repeats, now_ns, all, &line))
+        put_line(l, &line);
+    tick.stamp_ns = now_ns;
+    memcpy(tick.node, l->node, sizeof tick.node);
+    if (l->call)
+        l->call(l->ctx, &tick);
+    pthread_mutex_unlock(&l->lock);
+}
+
+void log_tick(struct log *l)
+{
+    tell_repeats(l, false);
+}
+
+void log_tell_repeats(struct log *l)
+{
+    tell_repeats(l, true);
+}
+
+void log_destroy(struct log *l)
+{
+    if (!l)
+        return;
+    tell_repeats(l, true);
+    pthread_mutex_destroy(&l->lock);
+    free(l);
 }

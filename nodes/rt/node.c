@@ -7,28 +7,27 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "hal/clock_replay.h"
 #include "nodes/rt/arguments.h"
+#include "nodes/rt/heartbeat.h"
+#include "nodes/rt/launchfile_hosts.h"
+#include "nodes/rt/log_topic.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/rt/stop.h"
-#include "nodes/rt/vitals.h"
 
-#define HEALTH_PERIOD_NS 1000000000LL
-#define NS_PER_MS        1000000LL
+#define NS_PER_MS 1000000LL
 
 struct node {
     char name[ENVELOPE_NODE_SIZE];
     char run_dir[RUNDIR_SIZE];
-    struct log log;
+    struct log *log;
+    struct log_topic log_topic;
     struct launchfile *launch;
-    const struct clock_source *clock;
+    struct clock_replay clock;
+    bool sounded; /* the replay's time is that of a message of sound */
     struct bus *bus;
     int64_t epoch_ns;
-    int64_t health_due_ns;
-    Anlos__Health__State state;
-    char text[256];
-    uint64_t malformed;
-    size_t (*counts)(void *device, struct device_count *out);
-    void *device;              /* NULL: none */
+    struct heartbeat heart;
     ProtobufCMessage *content; /* of the message that node_next gave out last */
 };
 
@@ -48,7 +47,9 @@ static int open_bus(struct node *n, struct complaint *why)
     stop_unblock(&before);
     if (err)
         return err;
+    n->heart.bus = n->bus;
     bus_on_refusal(n->bus, log_refusal, n);
+    log_topic_start(&n->log_topic, n->log, n->bus, node_machine_ns(n));
     stop_wakes(n->bus);
     return 0;
 }
@@ -67,21 +68,73 @@ static void node_free(struct node *n)
     stop_wakes(NULL);
     if (n->content)
         protobuf_c_message_free_unpacked(n->content, NULL);
+    if (n->bus) {
+        log_tell_repeats(n->log);
+        log_topic_stop(&n->log_topic, n->log);
+    }
     bus_destroy(n->bus);
     launchfile_destroy(n->launch);
+    log_destroy(n->log);
     free(n);
 }
 
 static int open_all(struct node *n, const struct arguments *args, struct complaint *why)
 {
-    struct launchfile_options options = {.out = args->out, .realtime = args->realtime};
-    int err = launchfile_load(&n->launch, args->launch, &options, why);
+    struct launchfile_options options = {.out = args->out,
+                                         .bag = args->bag,
+                                         .rate = args->rate,
+                                         .record = args->record,
+                                         .realtime = args->realtime};
+    int err = args->launch ? launchfile_load(&n->launch, args->launch, &options, why) : 0;
 
     if (!err)
         err = rundir_open(n->run_dir, args->run_dir, why);
+    if (!err && n->launch)
+        err = launchfile_join_hosts(n->launch, args->host, n->run_dir, why);
     if (!err && (err = stop_install()))
         complain(why, err, "signals: %s", strerror(-err));
     return err ? err : open_bus(n, why);
+}
+
+static int open_log(struct node *n, const char *name, const struct arguments *args)
+{
+    const struct log_config cfg = {.fd = STDERR_FILENO,
+                                   .least = args->log_level,
+                                   .format = args->log_format,
+                                   .node = name,
+                                   .clock = clock_system()};
+
+    return log_create(&n->log, &cfg);
+}
+
+static int begin(struct node *n, const char *name, const struct arguments *args,
+                 struct complaint *why)
+{
+    snprintf(n->name, sizeof n->name, "%s", name);
+    clock_replay_init(&n->clock, clock_system());
+    n->epoch_ns = node_now_ns(n);
+    n->heart = (struct heartbeat){.node = n->name,
+                                  .log = n->log,
+                                  .clock = &n->clock,
+                                  .epoch_ns = n->epoch_ns,
+                                  .state = ANLOS__HEALTH__STATE__STARTING,
+                                  .text = "starting"};
+    return open_all(n, args, why);
+}
+
+int node_start(struct node **out, const char *name, const struct arguments *args,
+               struct complaint *why)
+{
+    struct node *n = calloc(1, sizeof *n);
+    int err = n ? open_log(n, name, args) : -ENOMEM;
+
+    if (!err)
+        err = begin(n, name, args, why);
+    if (err)
+        node_free(n);
+    else
+        *out = n;
+    return err == -ENOMEM ? complain(why, err, "out of memory") : err;
 }
 
 int node_create(struct node **out, const char *name, const char *what_it_does, int argc,
@@ -91,24 +144,19 @@ int node_create(struct node **out, const char *name, const char *what_it_does, i
     struct complaint why = {""};
     struct node *n = calloc(1, sizeof *n);
     int err = n ? arguments_parse(&args, argc, argv, &why) : -ENOMEM;
+    int log_err = n ? open_log(n, name, &args) : 0;
 
     if (!err && args.help) {
         print_help(name, what_it_does);
-        free(n);
+        node_free(n);
         return 1 + EXIT_WORKED;
     }
-    if (!err) {
-        snprintf(n->name, sizeof n->name, "%s", name);
-        n->log = (struct log){.fd = STDERR_FILENO, .least = args.log_level};
-        n->clock = clock_system();
-        n->epoch_ns = clock_now_ns(n->clock);
-        n->state = ANLOS__HEALTH__STATE__STARTING;
-        snprintf(n->text, sizeof n->text, "starting");
-        err = open_all(n, &args, &why);
-    }
+    err = err ? err : log_err;
+    if (!err)
+        err = begin(n, name, &args, &why);
     if (err) {
-        struct log log = {.fd = STDERR_FILENO};
-        log_write(&log, LOG_LEVEL_ERROR, "%s", why.text[0] ? why.text : strerror(-err));
+        if (n && n->log)
+            node_log(n, LOG_LEVEL_ERROR, "%s", why.text[0] ? why.text : strerror(-err));
         node_free(n);
         return 1 + (err == -ENOMEM ? EXIT_FAILED : EXIT_BAD_INPUT);
     }
@@ -121,14 +169,44 @@ const struct launchfile *node_launch(const struct node *n)
     return n->launch;
 }
 
+const char *node_run_dir(const struct node *n)
+{
+    return n->run_dir;
+}
+
+int64_t node_epoch_ns(const struct node *n)
+{
+    return n->epoch_ns;
+}
+
+int node_fd(const struct node *n)
+{
+    return bus_fd(n->bus);
+}
+
+size_t node_counts(struct node *n, struct bus_count *out, size_t max)
+{
+    return bus_counts(n->bus, out, max);
+}
+
 const struct clock_source *node_clock(const struct node *n)
 {
-    return n->clock;
+    return &n->clock.source;
 }
 
 int64_t node_now_ns(const struct node *n)
 {
-    return clock_now_ns(n->clock);
+    return clock_now_ns(&n->clock.source);
+}
+
+int64_t node_machine_ns(const struct node *n)
+{
+    return clock_now_ns(n->clock.machine);
+}
+
+bool node_is_replayed(const struct node *n)
+{
+    return n->clock.on || (n->launch && launchfile_has_node(n->launch, "play"));
 }
 
 int node_subscribe(struct node *n, const struct topic *t)
@@ -141,22 +219,25 @@ int node_subscribe(struct node *n, const struct topic *t)
     return err;
 }
 
-static void publish_health(struct node *n)
+/* Messages of sound come down one chain, one after the other; what else comes has an
+ * order by chance, and decides about time only while there is nothing better. */
+static void follow_time(struct node *n, const struct bus_message *m)
 {
-    struct vitals v;
-    struct device_count counts[DEVICE_MAX_COUNTS];
-    int64_t now = node_now_ns(n);
+    const struct envelope *e = &m->envelope;
 
-    vitals_take(&v, n->bus, n->name, n->malformed);
-    if (n->device)
-        vitals_device(&v, counts, n->counts(n->device, counts));
-    v.message.state = n->state;
-    v.message.text = n->text;
-    v.message.uptime_s = (double)(now - n->epoch_ns) * 1e-9;
-    n->health_due_ns = now + HEALTH_PERIOD_NS;
-    int err = bus_publish_message(n->bus, topic_health(), 0, now, &v.message.base);
-    if (err)
-        node_log(n, LOG_LEVEL_ERROR, "cannot publish health: %s", strerror(-err));
+    if (m->topic == topic_health() || m->topic == topic_log() ||
+        m->topic == topic_clock())
+        return;
+    if (e->replayed != n->clock.on)
+        bus_set_replayed(n->bus, e->replayed);
+    if (!e->replayed) {
+        clock_replay_end(&n->clock);
+        n->sounded = false;
+        return;
+    }
+    if (e->capture_ns || !n->sounded)
+        clock_replay_set(&n->clock, e->publish_ns);
+    n->sounded |= e->capture_ns != 0;
 }
 
 /* Milliseconds to t, rounded up. */
@@ -169,12 +250,15 @@ static int unpack(struct node *n, struct bus_message *m, struct node_message *ou
 {
     n->content = bus_message_unpack(m);
     if (!n->content) {
-        if (!n->malformed++)
+        if (!n->heart.malformed++)
             node_log(n, LOG_LEVEL_WARNING,
                      "%s from %s is not a message of its schema; it is passed over",
                      m->topic->name, m->envelope.node);
         return -EPROTO;
     }
+    follow_time(n, m);
+    latencies_add(&n->heart.latencies, m->topic, false, node_now_ns(n),
+                  m->envelope.capture_ns);
     *out = (struct node_message){.topic = m->topic,
                                  .content = n->content,
                                  .capture_ns = m->envelope.capture_ns,
@@ -186,7 +270,7 @@ static int unpack(struct node *n, struct bus_message *m, struct node_message *ou
 
 int node_next(struct node *n, struct node_message *out, int timeout_ms)
 {
-    int64_t now = node_now_ns(n);
+    int64_t now = node_machine_ns(n);
     int64_t end = now + timeout_ms * NS_PER_MS;
     struct bus_message m;
 
@@ -196,9 +280,7 @@ int node_next(struct node *n, struct node_message *out, int timeout_ms)
     for (;;) {
         if (stop_requested())
             return -ESHUTDOWN;
-        if (now >= n->health_due_ns)
-            publish_health(n);
-        int64_t wait = ms_until(now, n->health_due_ns);
+        int64_t wait = ms_until(now, heartbeat_tick(&n->heart, now));
         if (timeout_ms >= 0 && ms_until(now, end) < wait)
             wait = ms_until(now, end);
         int err = bus_receive(n->bus, &m, (int)wait);
@@ -209,7 +291,7 @@ int node_next(struct node *n, struct node_message *out, int timeout_ms)
                 return 0;
         } else if (err != -ETIMEDOUT)
             return err;
-        now = node_now_ns(n);
+        now = node_machine_ns(n);
         if (timeout_ms >= 0 && now >= end)
             return -ETIMEDOUT;
     }
@@ -218,9 +300,12 @@ int node_next(struct node *n, struct node_message *out, int timeout_ms)
 int node_publish(struct node *n, const struct topic *t, int64_t capture_ns,
                  const ProtobufCMessage *m)
 {
-    int err = bus_publish_message(n->bus, t, capture_ns, node_now_ns(n), m);
+    int64_t now = node_now_ns(n);
+    int err = bus_publish_message(n->bus, t, capture_ns, now, m);
 
-    if (err)
+    if (!err)
+        latencies_add(&n->heart.latencies, t, true, now, capture_ns);
+    else
         node_log(n, LOG_LEVEL_ERROR, "cannot publish %s: %s", t->name, strerror(-err));
     return err;
 }
@@ -228,29 +313,19 @@ int node_publish(struct node *n, const struct topic *t, int64_t capture_ns,
 void node_device(struct node *n, size_t (*counts)(void *device, struct device_count *out),
                  void *device)
 {
-    n->counts = counts;
-    n->device = device;
+    n->heart.counts = counts;
+    n->heart.device = device;
 }
 
 void node_state(struct node *n, Anlos__Health__State state, const char *format, ...)
 {
-    char text[sizeof n->text];
+    char text[sizeof n->heart.text];
     va_list args;
 
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    if (state == n->state && !strcmp(text, n->text))
-        return;
-    if (state != n->state)
-        node_log(n,
-                 state == ANLOS__HEALTH__STATE__FAULT      ? LOG_LEVEL_ERROR
-                 : state == ANLOS__HEALTH__STATE__DEGRADED ? LOG_LEVEL_WARNING
-                                                           : LOG_LEVEL_DEBUG,
-                 "%s", text);
-    n->state = state;
-    memcpy(n->text, text, sizeof text);
-    publish_health(n);
+    heartbeat_state(&n->heart, state, text);
 }
 
 void node_log(const struct node *n, enum log_level level, const char *format, ...)
@@ -258,7 +333,7 @@ void node_log(const struct node *n, enum log_level level, const char *format, ..
     va_list args;
 
     va_start(args, format);
-    log_vwrite(&n->log, level, format, args);
+    log_vwrite(n->log, level, format, args);
     va_end(args);
 }
 
@@ -279,6 +354,8 @@ int node_finish(struct node *n, int err)
     case -EACCES:
     case -ENOTDIR:
     case -EROFS:
+    case -EADDRINUSE:
+    case -EADDRNOTAVAIL:
         return EXIT_BAD_INPUT;
     default:
         return EXIT_FAILED;

@@ -12,6 +12,7 @@
 #include "hal/device_count.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
+#include "nodes/rt/arguments.h"
 #include "nodes/rt/exit_code.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/log.h"
@@ -35,9 +36,28 @@ struct node_message {
 int node_create(struct node **out, const char *name, const char *what_it_does, int argc,
                 char **argv);
 
+/* The same for a command that takes a node's place: args->launch may be NULL, and so is
+ * node_launch then.  0 or a negative errno with a complaint. */
+int node_start(struct node **out, const char *name, const struct arguments *args,
+               struct complaint *why);
+
 const struct launchfile *node_launch(const struct node *n);
+const char *node_run_dir(const struct node *n);
+int64_t node_epoch_ns(const struct node *n); /* when this process started */
+
+/* For loops that wait for something else too; as bus_fd and bus_counts. */
+int node_fd(const struct node *n);
+size_t node_counts(struct node *n, struct bus_count *out, size_t max);
+
 const struct clock_source *node_clock(const struct node *n);
 int64_t node_now_ns(const struct node *n);
+
+/* For what waits: now_ns stands still between the messages of a replay
+ * (hal/clock_replay.h), where it is the publish stamp of the newest message of sound. */
+int64_t node_machine_ns(const struct node *n);
+
+/* What came last was replayed, or the launch file says that all will be. */
+bool node_is_replayed(const struct node *n);
 
 int node_subscribe(struct node *n, const struct topic *t);
 
@@ -61,8 +81,8 @@ void node_log(const struct node *n, enum log_level level, const char *format, ..
     __attribute__((format(printf, 3, 4)));
 
 /* Closes all and returns the process's exit code: 0 if err is 0 or -ESHUTDOWN, 2 if it is
- * one of configuration (-EINVAL, -ENOENT, -ENODEV, -ENOTSUP, -EACCES, -ENOTDIR, -EROFS:
- * no use in starting it again), else 1. */
+ * one of configuration (-EINVAL, -ENOENT, -ENODEV, -ENOTSUP, -EACCES, -ENOTDIR, -EROFS,
+ * -EADDRINUSE, -EADDRNOTAVAIL: no use in starting it again), else 1. */
 int node_finish(struct node *n, int err);
 
 #endif

@@ -8,9 +8,16 @@
 
 #define RUNDIR_SIZE 88 /* with zero; a socket's path has room for 108 characters */
 
+/* The name alone: nothing is made or looked at.  0, -EINVAL (too long). */
+int rundir_name(char out[RUNDIR_SIZE], const char *asked, struct complaint *why);
+
 /* The folder asked for, or $XDG_RUNTIME_DIR/anlos, or /tmp/anlos-UID; made with mode 0700
  * when missing.  0, -EINVAL (too long, or not a folder), -EACCES (belongs to somebody
  * else), other negative errno. */
 int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct complaint *why);
+
+/* Can it be looked into and spoken in, if it is there?  0, -EINVAL (not a folder),
+ * -EACCES (somebody else's), other negative errno. */
+int rundir_check(const char *run_dir, struct complaint *why);
 
 #endif

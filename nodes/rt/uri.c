@@ -42,6 +42,14 @@ static const char *find_option(const char *uri, const char *key, size_t *size)
     return NULL;
 }
 
+char *uri_option(const char *uri, const char *key)
+{
+    size_t size = 0;
+    const char *value = find_option(uri, key, &size);
+
+    return strndup(value ? value : "", size);
+}
+
 /* "FOLDER/" at place `at`, unless what stands there is empty or absolute. */
 static char *insert_folder(const char *uri, const char *at, size_t size,
                            const char *folder)

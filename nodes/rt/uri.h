@@ -10,6 +10,9 @@ bool uri_has_scheme(const char *uri, const char *scheme);
 /* The path without scheme and options; may be empty. */
 char *uri_path(const char *uri);
 
+/* The value of an option; empty when it has none. */
+char *uri_option(const char *uri, const char *key);
+
 /* The URI with its relative path put into a folder. */
 char *uri_in_folder(const char *uri, const char *folder);
 

@@ -45,6 +45,7 @@ void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malfo
         c->gaps = counts[i].gaps;
         c->dropped = counts[i].dropped;
         c->queued = (uint32_t)counts[i].queued;
+        c->peers = (uint32_t)counts[i].peers;
         out->count_list[i] = c;
     }
     out->message.node = node;
@@ -54,6 +55,18 @@ void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malfo
     out->message.n_topics = n;
     out->message.topics = out->count_list;
     out->message.refused = bus_refused(bus) + malformed;
+}
+
+void vitals_latencies(struct vitals *out, const struct latencies *l, int64_t now_ns)
+{
+    for (size_t i = 0; i < out->message.n_topics; i++) {
+        Anlos__TopicCount *c = &out->counts[i];
+        struct latency_summary s =
+            latencies_summarise(l, topics_find(c->topic), c->published, now_ns);
+        c->latency_n = (uint32_t)s.n;
+        c->latency_median_s = s.median_s;
+        c->latency_p99_s = s.p99_s;
+    }
 }
 
 void vitals_device(struct vitals *out, const struct device_count *counts, size_t n)

@@ -7,6 +7,7 @@
 #include "hal/device_count.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
+#include "nodes/rt/latencies.h"
 
 #define VITALS_MAX_TOPICS 64
 
@@ -21,6 +22,9 @@ struct vitals { /* the message and what it points to */
 /* Fills in everything but state, text and uptime_s.  malformed: messages that were whole
  * but did not unpack, counted as refused. */
 void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malformed);
+
+/* Adds how old the sound is in what the node takes and publishes. */
+void vitals_latencies(struct vitals *out, const struct latencies *l, int64_t now_ns);
 
 /* Adds what the node's device counts. */
 void vitals_device(struct vitals *out, const struct device_count *counts, size_t n);

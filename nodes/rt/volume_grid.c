@@ -4,6 +4,11 @@
 
 #include "msgs/tensor.h"
 
+/* Beyond these it is no image of sound, and what draws axes would never come to an end.
+ */
+#define FARTHEST_M 1e4
+#define FINEST_M   1e-6
+
 static int read_vec3(const Anlos__Vec3 *v, double out[3])
 {
     if (!v || !isfinite(v->x) || !isfinite(v->y) || !isfinite(v->z))
@@ -23,7 +28,8 @@ const float *volume_grid(const Anlos__Volume *v, struct grid *out)
         return NULL;
     for (int i = 0; i < 3; i++) {
         out->n[i] = extents[2 - i];
-        if (!(out->step_m[i] > 0.0))
+        if (!(fabs(out->origin_m[i]) <= FARTHEST_M && out->step_m[i] >= FINEST_M &&
+              (double)out->n[i] * out->step_m[i] <= FARTHEST_M))
             return NULL;
     }
     return x;

@@ -24,17 +24,39 @@ static int take_survey(struct node *node, struct detector *d, const Anlos__Surve
     return 0;
 }
 
+struct listed { /* the volume that the newest list is of */
+    bool any;
+    uint32_t scan;
+    int64_t capture_ns;
+};
+
+/* How many previews there are, and how often a volume is repeated, depends on the
+ * machine.  The lists of a replay do not: there is one for each final image. */
+static bool makes_list(const struct node *node, const struct listed *last,
+                       const struct node_message *in)
+{
+    const Anlos__Volume *v = (const Anlos__Volume *)in->content;
+    bool has_it = last->any && v->scan == last->scan &&
+                  in->capture_ns == last->capture_ns;
+
+    return !node_is_replayed(node) || !(v->preview || (v->repeated && has_it));
+}
+
 /* A volume that cannot be used is logged; recon repeats the last one of a scan. */
-static void take_volume(struct node *node, struct detector *d,
+static void take_volume(struct node *node, struct detector *d, struct listed *last,
                         const struct node_message *in)
 {
+    const Anlos__Volume *v = (const Anlos__Volume *)in->content;
     Anlos__DetectionList *list = NULL;
     struct complaint why = {""};
 
-    if (detector_volume(d, (const Anlos__Volume *)in->content, &list, &why)) {
+    if (!makes_list(node, last, in))
+        return;
+    if (detector_volume(d, v, &list, &why)) {
         node_log(node, LOG_LEVEL_WARNING, "%s", why.text);
         return;
     }
+    *last = (struct listed){true, v->scan, in->capture_ns};
     node_publish(node, topic_detections(), in->capture_ns, &list->base);
     objects_free(list);
 }
@@ -42,6 +64,7 @@ static void take_volume(struct node *node, struct detector *d,
 static int run(struct node *node, struct detector *d)
 {
     struct node_message in;
+    struct listed last = {.any = false};
     int err = node_subscribe(node, topic_survey());
 
     if (!err)
@@ -52,7 +75,7 @@ static int run(struct node *node, struct detector *d)
         if (!err && in.topic == topic_survey())
             err = take_survey(node, d, (const Anlos__Survey *)in.content);
         else if (!err)
-            take_volume(node, d, &in);
+            take_volume(node, d, &last, &in);
     }
     return err;
 }

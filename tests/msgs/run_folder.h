@@ -39,7 +39,7 @@ static int remove_run_folder(void **state)
     return rmdir(run_folder);
 }
 
-static struct bus *open_bus(const char *node, int64_t epoch_ns)
+static inline struct bus *open_bus(const char *node, int64_t epoch_ns)
 {
     const struct bus_config cfg = {
         .node = node, .run_dir = run_folder, .epoch_ns = epoch_ns};
@@ -50,14 +50,15 @@ static struct bus *open_bus(const char *node, int64_t epoch_ns)
     return b;
 }
 
-static struct bus_message receive(struct bus *b)
+static inline struct bus_message receive(struct bus *b)
 {
     struct bus_message m = {0};
     assert_int_equal(bus_receive(b, &m, DEADLINE_MS), 0);
     return m;
 }
 
-static struct bus_count count_of(struct bus *b, const struct topic *t, bool published)
+static inline struct bus_count count_of(struct bus *b, const struct topic *t,
+                                        bool published)
 {
     struct bus_count counts[32];
     size_t n = bus_counts(b, counts, 32);
@@ -69,7 +70,7 @@ static struct bus_count count_of(struct bus *b, const struct topic *t, bool publ
     return counts[0];
 }
 
-static int64_t now_ms(void)
+static inline int64_t now_ms(void)
 {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);

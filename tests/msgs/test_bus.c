@@ -39,7 +39,7 @@ static void a_message_arrives_as_it_was_sent(void **state)
     assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
     join(array, topic_ping(), dsp);
     uint64_t before = count_of(array, topic_ping(), true).messages;
-    assert_int_equal(bus_publish(array, topic_ping(), -12, 34, "sound", 6), 0);
+    assert_int_equal(bus_publish(array, topic_ping(), 12, 34, "sound", 6), 0);
     assert_int_equal(bus_publish(array, topic_ping(), 56, 78, NULL, 0), 0);
     struct bus_message m = receive(dsp);
     assert_ptr_equal(m.topic, topic_ping());
@@ -47,7 +47,7 @@ static void a_message_arrives_as_it_was_sent(void **state)
     assert_string_equal(m.envelope.node, "array");
     assert_true(m.envelope.epoch_ns == 777);
     assert_true(m.envelope.sequence == before);
-    assert_true(m.envelope.capture_ns == -12 && m.envelope.publish_ns == 34);
+    assert_true(m.envelope.capture_ns == 12 && m.envelope.publish_ns == 34);
     assert_int_equal(m.envelope.payload_size, 6);
     assert_memory_equal(m.payload, "sound", 6);
     bus_message_free(&m);
@@ -86,6 +86,96 @@ static void a_restart_is_not_a_gap(void **state)
     assert_int_equal(bus_refused(dsp), 0);
     bus_destroy(array);
     bus_destroy(dsp);
+}
+
+/* Which messages come before the connection stands is chance, but the gap says it. */
+static void who_keeps_all_counts_from_the_start_of_a_younger_publisher(void **state)
+{
+    (void)state;
+    struct bus *dsp = open_bus("dsp", 1);
+    bus_keep_all(dsp, 1 << 20, 100);
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    struct bus *array = open_bus("array", 101);
+    join(array, topic_ping(), dsp);
+    struct bus_count heard = count_of(dsp, topic_ping(), false);
+    assert_true(heard.gaps + heard.messages ==
+                count_of(array, topic_ping(), true).messages);
+    bus_destroy(array);
+    array = open_bus("array", 102);
+    join(array, topic_ping(), dsp);
+    uint64_t gaps = count_of(dsp, topic_ping(), false).gaps - heard.gaps;
+    uint64_t messages = count_of(dsp, topic_ping(), false).messages - heard.messages;
+    assert_true(gaps + messages == count_of(array, topic_ping(), true).messages);
+    bus_destroy(array);
+    uint64_t before = count_of(dsp, topic_ping(), false).gaps;
+    array = open_bus("array", 99); /* older than the recorder: what it missed is before */
+    join(array, topic_ping(), dsp);
+    assert_int_equal(count_of(dsp, topic_ping(), false).gaps, before);
+    bus_destroy(array);
+    bus_destroy(dsp);
+}
+
+/* The first is sent right away: the publisher waits until it is connected. */
+static void who_keeps_all_hears_the_first_message(void **state)
+{
+    (void)state;
+    struct bus *dsp = open_bus("dsp", 1);
+    bus_keep_all(dsp, 1 << 20, 1);
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    for (int64_t epoch = 2; epoch < 5; epoch++) {
+        struct bus *array = open_bus("array", epoch);
+        assert_int_equal(bus_publish(array, topic_ping(), 0, 0, "first", 5), 0);
+        struct bus_message m = receive(dsp);
+        assert_int_equal(m.envelope.sequence, 0);
+        assert_int_equal(m.envelope.epoch_ns, epoch);
+        bus_message_free(&m);
+        bus_destroy(array);
+    }
+    assert_int_equal(count_of(dsp, topic_ping(), false).gaps, 0);
+    bus_destroy(dsp);
+}
+
+/* Not only the one that is connected first. */
+static void all_who_keep_all_hear_the_first_message(void **state)
+{
+    (void)state;
+    static const char *const nodes[] = {"dsp", "recon", "track", "can", "report"};
+    enum { N = sizeof nodes / sizeof *nodes };
+    struct bus *all[N];
+    for (size_t i = 0; i < N; i++) {
+        all[i] = open_bus(nodes[i], 1);
+        bus_keep_all(all[i], 1 << 20, 1);
+        assert_int_equal(bus_subscribe(all[i], topic_ping()), 0);
+    }
+    struct bus *array = open_bus("array", 2);
+    assert_int_equal(bus_publish(array, topic_ping(), 0, 0, "first", 5), 0);
+    for (size_t i = 0; i < N; i++) {
+        struct bus_message m = receive(all[i]);
+        assert_int_equal(m.envelope.sequence, 0);
+        bus_message_free(&m);
+    }
+    bus_destroy(array);
+    for (size_t i = 0; i < N; i++)
+        bus_destroy(all[i]);
+}
+
+static void who_keeps_all_misses_no_state(void **state)
+{
+    (void)state;
+    struct bus *stage = open_bus("stage", 1), *dsp = open_bus("dsp", 1);
+    struct bus_message m;
+    bus_keep_all(dsp, 1 << 20, 0);
+    assert_int_equal(bus_subscribe(dsp, topic_stage_state()), 0); /* latest, depth 1 */
+    join(stage, topic_stage_state(), dsp);
+    for (unsigned i = 0; i < 500; i++)
+        assert_int_equal(bus_publish(stage, topic_stage_state(), 0, 0, &i, sizeof i), 0);
+    for (unsigned i = 0; i < 500; i++) {
+        m = receive(dsp);
+        assert_memory_equal(m.payload, &i, sizeof i);
+        bus_message_free(&m);
+    }
+    bus_destroy(dsp);
+    bus_destroy(stage);
 }
 
 static void a_protobuf_message_comes_through(void **state)
@@ -348,7 +438,7 @@ static void a_tool_listens_and_publishes_nothing(void **state)
     join(array, topic_ping(), two);
     assert_int_equal(bus_publish(one, topic_ping(), 0, 0, "x", 1), -EINVAL);
     assert_int_equal(bus_counts(one, NULL, 0), 1);
-    assert_int_equal(bus_counts(array, NULL, 0), 3); /* survey, ping, health */
+    assert_int_equal(bus_counts(array, NULL, 0), 4); /* survey, ping, health, log */
     bus_destroy(one);
     bus_destroy(two);
     bus_destroy(array);
@@ -477,6 +567,10 @@ int main(void)
         in_a_folder(a_message_arrives_as_it_was_sent),
         in_a_folder(a_subscriber_may_start_before_the_publisher),
         in_a_folder(a_restart_is_not_a_gap),
+        in_a_folder(who_keeps_all_counts_from_the_start_of_a_younger_publisher),
+        in_a_folder(who_keeps_all_hears_the_first_message),
+        in_a_folder(all_who_keep_all_hear_the_first_message),
+        in_a_folder(who_keeps_all_misses_no_state),
         in_a_folder(a_protobuf_message_comes_through),
         in_a_folder(the_health_of_every_node_arrives),
         in_a_folder(a_large_message_arrives_whole),

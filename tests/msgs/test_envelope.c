@@ -19,7 +19,7 @@ static const uint8_t golden[ENVELOPE_SIZE + 3] = {
     's', 'c', 'a', 'n', 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
     0x08, 0x07, 0x06, 0x05, 0x04, 0x03, 0x02, 0x01,
     0xff, 0xee, 0xdd, 0xcc, 0xbb, 0xaa, 0x99, 0x88,
-    0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff,
+    0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x3f,
     0x00, 0xca, 0x9a, 0x3b, 0x00, 0x00, 0x00, 0x00,
     3, 0, 0, 0,
     0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
@@ -33,7 +33,7 @@ static struct envelope example(void)
                              .node = "scan",
                              .epoch_ns = INT64_C(0x0102030405060708),
                              .sequence = UINT64_C(0x8899aabbccddeeff),
-                             .capture_ns = -2,
+                             .capture_ns = ENVELOPE_MAX_STAMP - 2,
                              .publish_ns = 1000000000,
                              .payload_size = 3};
 }
@@ -60,6 +60,20 @@ static void unpacking_gives_back_every_field(void **state)
     assert_true(e.capture_ns == expected.capture_ns);
     assert_true(e.publish_ns == expected.publish_ns);
     assert_int_equal(e.payload_size, 3);
+    assert_false(e.replayed);
+}
+
+static void what_is_replayed_stays_so(void **state)
+{
+    (void)state;
+    struct envelope e = example();
+    uint8_t out[ENVELOPE_SIZE + 3] = {0};
+    e.replayed = true;
+    envelope_pack(&e, out);
+    assert_int_equal(out[84], 1);
+    e.replayed = false;
+    assert_int_equal(envelope_unpack(&e, out, sizeof out, 3), 0);
+    assert_true(e.replayed);
 }
 
 static void names_that_fill_their_fields_survive(void **state)
@@ -135,7 +149,10 @@ static void every_malformed_field_is_refused(void **state)
         {23, 'x', ENVELOPE_GARBLED, -EPROTO}, /* something behind its end */
         {32, 0, ENVELOPE_GARBLED, -EPROTO},
         {47, 'x', ENVELOPE_GARBLED, -EPROTO},
-        {84, 1, ENVELOPE_GARBLED, -EPROTO},
+        {71, 0xff, ENVELOPE_GARBLED, -EPROTO}, /* stamps before 1970, after 2116 */
+        {79, 0x41, ENVELOPE_GARBLED, -EPROTO},
+        {84, 2, ENVELOPE_GARBLED, -EPROTO},
+        {85, 1, ENVELOPE_GARBLED, -EPROTO},
         {95, 1, ENVELOPE_GARBLED, -EPROTO},
         {80, 2, ENVELOPE_LENGTH, -EMSGSIZE},
         {80, 4, ENVELOPE_LENGTH, -EMSGSIZE},
@@ -168,6 +185,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(packing_gives_the_bytes_of_the_layout),
         cmocka_unit_test(unpacking_gives_back_every_field),
+        cmocka_unit_test(what_is_replayed_stays_so),
         cmocka_unit_test(names_that_fill_their_fields_survive),
         cmocka_unit_test(names_without_an_end_are_cut_when_packed),
         cmocka_unit_test(a_message_cut_at_any_length_is_refused),

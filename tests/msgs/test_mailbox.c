@@ -146,6 +146,68 @@ static void an_interrupt_makes_an_empty_box_readable(void **state)
     assert_true(readable(b));
 }
 
+static void an_interrupt_can_be_ended(void **state)
+{
+    struct box *b = *state;
+    put(b, b->all, 1);
+    mailbox_interrupt(b->m);
+    mailbox_resume(b->m);
+    assert_true(readable(b));
+    assert_int_equal(take(b), 1);
+    assert_false(readable(b));
+    mailbox_interrupt(b->m);
+    mailbox_resume(b->m);
+    assert_false(readable(b));
+    an_empty_box_times_out(state);
+}
+
+static void put_bytes(struct box *b, size_t slot, uint64_t sequence, uint32_t bytes)
+{
+    struct bus_message m = {.topic = slot == b->all ? &all_of_three : &latest,
+                            .envelope = {.sequence = sequence, .payload_size = bytes}};
+    mailbox_put(b->m, slot, &m);
+}
+
+static void who_must_have_everything_gets_it_whatever_depth_and_policy(void **state)
+{
+    struct box *b = *state;
+    uint64_t dropped;
+    size_t queued;
+    mailbox_keep_all(b->m, 1000);
+    for (uint64_t i = 0; i < 100; i++)
+        put_bytes(b, i % 2 ? b->all : b->latest, i, 10);
+    assert_int_equal(mailbox_waiting_bytes(b->m), 1000);
+    mailbox_count(b->m, b->latest, &dropped, &queued);
+    assert_int_equal(dropped, 0);
+    assert_int_equal(queued, 50);
+    for (uint64_t i = 0; i < 100; i++)
+        assert_int_equal(take(b), i);
+    assert_int_equal(mailbox_waiting_bytes(b->m), 0);
+}
+
+static void what_does_not_fit_the_bytes_goes_and_is_counted_for_its_topic(void **state)
+{
+    struct box *b = *state;
+    uint64_t dropped;
+    size_t queued;
+    mailbox_keep_all(b->m, 100);
+    put_bytes(b, b->all, 1, 60);
+    put_bytes(b, b->latest, 2, 50); /* 110 */
+    put_bytes(b, b->all, 3, 40);
+    put_bytes(b, b->all, 4, 1);
+    mailbox_count(b->m, b->latest, &dropped, &queued);
+    assert_int_equal(dropped, 1);
+    mailbox_count(b->m, b->all, &dropped, &queued);
+    assert_int_equal(dropped, 1);
+    assert_int_equal(queued, 2);
+    assert_int_equal(take(b), 1);
+    put_bytes(b, b->latest, 5, 60);
+    assert_int_equal(take(b), 3);
+    assert_int_equal(take(b), 5);
+    put_bytes(b, b->latest, 6, 5000); /* by itself */
+    assert_int_equal(take(b), 6);
+}
+
 int main(void)
 {
 #define in_a_box(test) cmocka_unit_test_setup_teardown(test, open_box, close_box)
@@ -158,6 +220,9 @@ int main(void)
         in_a_box(an_empty_box_times_out),
         in_a_box(an_interrupt_comes_before_messages_that_wait),
         in_a_box(an_interrupt_makes_an_empty_box_readable),
+        in_a_box(an_interrupt_can_be_ended),
+        in_a_box(who_must_have_everything_gets_it_whatever_depth_and_policy),
+        in_a_box(what_does_not_fit_the_bytes_goes_and_is_counted_for_its_topic),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

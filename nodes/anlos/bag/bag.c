@@ -13,6 +13,8 @@ struct verb {
 };
 
 static const struct verb verbs[] = {
+    {"record", "what goes over the bus of a running system", bag_record},
+    {"play", "a recording onto the bus, as if it happened now", bag_play},
     {"info", "what is in a bag: topics, times, sizes, attachments", bag_info},
     {"check", "every checksum, every index against the content", bag_check_command},
     {"recover", "save what is whole in a bag that was cut or damaged",
@@ -47,10 +49,11 @@ int command_bag(int argc, char **argv)
     for (size_t i = 0; i < N_VERBS; i++)
         if (!strcmp(name, verbs[i].name))
             return verbs[i].run(argc - 1, argv + 1);
-    return usage_error("bag",
-                       *name ? "%s: no such verb; expected info, check, recover, merge, "
-                               "filter, export or import"
-                             : "%sinfo, check, recover, merge, filter, export or import "
-                               "is missing",
-                       name);
+    return usage_error(
+        "bag",
+        *name ? "%s: no such verb; expected record, play, info, check, recover, merge, "
+                "filter, export or import"
+              : "%srecord, play, info, check, recover, merge, filter, export or import "
+                "is missing",
+        name);
 }

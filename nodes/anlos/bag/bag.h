@@ -3,6 +3,8 @@
 #ifndef ANLOS_NODES_ANLOS_BAG_BAG_H
 #define ANLOS_NODES_ANLOS_BAG_BAG_H
 
+int bag_record(int argc, char **argv);
+int bag_play(int argc, char **argv);
 int bag_info(int argc, char **argv);
 int bag_check_command(int argc, char **argv);
 int bag_recover_command(int argc, char **argv);

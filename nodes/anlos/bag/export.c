@@ -29,8 +29,13 @@ static const char help[] =
     "  nrrd    volume          a file: float32, x fastest, in m\n"
     "  png     volume          a folder: the maxima along x, y and z, with the "
     "detections\n"
+    "  foxglove  all           a bag: this one, and in Foxglove's own schemas the image "
+    "as a\n"
+    "                          cloud, voxels and pictures, the objects, wall, vehicle, "
+    "frames\n"
+    "                          and log, under view/: Foxglove and Lichtblick draw them\n"
     "\n"
-    "  --format F      wav, csv, json, nrrd or png\n"
+    "  --format F      wav, csv, json, nrrd, png or foxglove\n"
     "  -o, --out OUT   must not be there; csv and json: - is stdout\n"
     "  --topic T       json: only these, names or patterns with commas between; all by\n"
     "                  default\n"
@@ -69,6 +74,7 @@ static const struct format formats[] = {
     {"json", NULL, NULL, export_lines},
     {"nrrd", "volume", "volume,detections", export_nrrd_file},
     {"png", "volume", "volume,detections", export_png},
+    {"foxglove", "survey", NULL, export_foxglove},
 };
 
 static const struct format *find_format(const char *name)
@@ -127,7 +133,8 @@ static int take_option(struct export_options *o, const struct format **f, int co
         if (*f)
             return 0;
         return usage_error("bag export",
-                           "--format %s: expected wav, csv, json, nrrd or png", optarg);
+                           "--format %s: expected wav, csv, json, nrrd, png or foxglove",
+                           optarg);
     case 'o':
         o->out = optarg;
         return 0;
@@ -157,11 +164,11 @@ static int check(const struct export_options *o, const struct format *f)
         return usage_error("bag export", "-o OUT is missing");
     if (o->full && !json)
         return usage_error("bag export", "--full: only with --format json");
-    if (o->scan && (json || !strcmp(f->name, "csv")))
+    if (o->scan && (json || !strcmp(f->name, "csv") || !f->wants))
         return usage_error("bag export", "--scan: only with --format wav, nrrd or png");
     if (o->topics && !json && strcmp(o->topics, f->needs))
         return usage_error("bag export", "--topic %s: --format %s is made of %s",
-                           o->topics, f->name, f->needs);
+                           o->topics, f->name, f->wants ? f->needs : "all topics");
     return 0;
 }
 

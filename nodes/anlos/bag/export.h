@@ -22,6 +22,10 @@ int export_nrrd_file(struct stream *s, const struct export_options *o,
                      struct complaint *why);
 int export_png(struct stream *s, const struct export_options *o, struct complaint *why);
 
+/* The bag with what Foxglove draws added (nodes/foxglove/channels.h). */
+int export_foxglove(struct stream *s, const struct export_options *o,
+                    struct complaint *why);
+
 /* *n_missing: pings that the recording has not, silent there. */
 int export_wav(struct stream *s, const struct export_options *o, size_t *n_missing,
                struct complaint *why);

@@ -5,36 +5,25 @@
 
 #include "nodes/anlos/bag/export.h"
 #include "nodes/anlos/bag/verb.h"
-#include "nodes/anlos/topic/message_json.h"
+#include "nodes/anlos/topic/message_line.h"
 
-static json_t *text_json(struct bytes text)
-{
-    json_t *j = json_stringn(text.size ? (const char *)text.data : "", text.size);
-
-    return j ? j : json_null();
-}
-
-/* As `anlos topic echo` has it.  0, -ENOMEM; what cannot be written shows in f. */
+/* 0, -ENOMEM; what cannot be written shows in f. */
 static int write_line(FILE *f, const struct stream_message *m, bool full)
 {
     ProtobufCMessage *content = stream_unpack(m);
-    json_t *o =
-        json_pack("{so, so, sI, sI, sI, sI, so}", "topic", text_json(m->channel->topic),
-                  "from", text_json(bytes_of(m->envelope.node)), "sequence",
-                  (json_int_t)m->envelope.sequence, "capture_ns",
-                  (json_int_t)m->envelope.capture_ns, "publish_ns",
-                  (json_int_t)m->envelope.publish_ns, "bytes",
-                  (json_int_t)m->payload.size, "content",
-                  content ? message_json(content, full)
-                          : json_string(m->topic ? "not a message of the topic's schema"
-                                                 : "not a topic of anlos"));
+    const struct message_line l = {.topic = (const char *)m->channel->topic.data,
+                                   .n_topic = m->channel->topic.size,
+                                   .envelope = &m->envelope,
+                                   .n_bytes = m->payload.size,
+                                   .content = content,
+                                   .why_not = m->topic
+                                                  ? "not a message of the topic's schema"
+                                                  : "not a topic of anlos"};
+    int err = message_line_write(&l, full, f);
+
     if (content)
         protobuf_c_message_free_unpacked(content, NULL);
-    int failed = !o ||
-                 (json_dumpf(o, f, JSON_COMPACT | JSON_REAL_PRECISION(9)) && !ferror(f));
-    fputc('\n', f);
-    json_decref(o);
-    return failed ? -ENOMEM : 0;
+    return err;
 }
 
 struct lines {

@@ -72,19 +72,26 @@ static void print_head(const struct bag_catalog *bag, const struct contents *c)
 
 static void print_topics(const struct contents *c)
 {
+    size_t width[2] = {14, 20};
     char size[24];
 
-    printf("\n%-14s %-20s %9s %12s %10s  %s\n", "topic", "type", "messages", "rate",
-           "size", "from");
+    for (size_t i = 0; i < c->n; i++) {
+        const struct bytes *text[2] = {&c->topics[i].name, &c->topics[i].type};
+        for (int k = 0; k < 2; k++)
+            if (text[k]->size > width[k] && text[k]->size < 60)
+                width[k] = text[k]->size;
+    }
+    printf("\n%-*s %-*s %9s %12s %10s  %s\n", (int)width[0], "topic", (int)width[1],
+           "type", "messages", "rate", "size", "from");
     for (size_t i = 0; i < c->n; i++) {
         const struct topic_contents *t = &c->topics[i];
         char rate[24] = "-";
         if (topic_rate_hz(t) > 0.0)
             snprintf(rate, sizeof rate, "%.1f Hz", topic_rate_hz(t));
         format_size(t->n_bytes, size);
-        print_padded(t->name, 14);
+        print_padded(t->name, (int)width[0]);
         putchar(' ');
-        print_padded(t->type, 20);
+        print_padded(t->type, (int)width[1]);
         printf(" %9" PRIu64 " %12s %10s  %s\n", t->n_messages, rate, size, t->from);
     }
 }

@@ -45,8 +45,13 @@ static void print_result(const struct bag_recovery *r, const char *from, const c
         printf("%s: nothing was lost\n", from);
         return;
     }
-    printf("%s: %" PRIu64 " damaged places, %" PRIu64 " bytes\n", from, r->n_damages,
-           r->lost_bytes);
+    if (r->n_damages)
+        printf("%s: %" PRIu64 " damaged places, %" PRIu64 " bytes\n", from, r->n_damages,
+               r->lost_bytes);
+    if (!r->ended)
+        printf("%s: its end is missing, as after a crash of what wrote it: what had not "
+               "come to the disk is lost\n",
+               from);
     if (r->expected_messages > r->n_messages)
         printf("%s: %" PRIu64 " of %" PRIu64 " messages were lost\n", from,
                r->expected_messages - r->n_messages, r->expected_messages);

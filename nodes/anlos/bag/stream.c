@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <stdlib.h>
 
+#include "msgs/unpack.h"
 #include "nodes/anlos/bag/verb.h"
 #include "nodes/anlos/interrupt.h"
 
@@ -59,6 +60,11 @@ void stream_select(struct stream *s, const char *topics)
     }
 }
 
+const struct bag_catalog *stream_catalog(const struct stream *s)
+{
+    return s->catalog;
+}
+
 void stream_rewind(struct stream *s)
 {
     bag_cursor_seek(s->cursor, 0);
@@ -72,8 +78,10 @@ int stream_next(struct stream *s, struct stream_message *out, struct complaint *
 
     if (err)
         return err;
-    *out = (struct stream_message){
-        .channel = bag_catalog_channel(s->catalog, m.channel_id), .payload = m.data};
+    *out =
+        (struct stream_message){.channel = bag_catalog_channel(s->catalog, m.channel_id),
+                                .payload = m.data,
+                                .raw = m};
     if (!out->channel)
         return complain(why, -EBADMSG,
                         "%s: a message of channel %u, which is not defined",
@@ -95,8 +103,7 @@ ProtobufCMessage *stream_unpack(const struct stream_message *m)
 {
     if (!m->topic || m->payload.size > m->topic->max_size)
         return NULL;
-    return protobuf_c_message_unpack(m->topic->schema, NULL, m->payload.size,
-                                     m->payload.data);
+    return message_unpack(m->topic->schema, m->payload.size, m->payload.data);
 }
 
 void stream_close(struct stream *s)

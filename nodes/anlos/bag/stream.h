@@ -13,7 +13,8 @@ struct stream_message {
     const struct topic
         *topic; /* NULL: not one of ours; then the envelope has times only */
     struct envelope envelope;
-    struct bytes payload; /* until the next one */
+    struct bytes payload;   /* until the next one */
+    struct bag_message raw; /* the same as it is in the bag */
 };
 
 /* All topics.  0, as bag_catalog_open. */
@@ -25,6 +26,9 @@ int stream_require(const struct stream *s, const char *topics, struct complaint 
 
 /* Only what the patterns match; to be said before the first stream_next. */
 void stream_select(struct stream *s, const char *topics);
+
+/* What it reads; as long as the stream. */
+const struct bag_catalog *stream_catalog(const struct stream *s);
 
 /* From the first message again. */
 void stream_rewind(struct stream *s);

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/patterns.h"
 
 #define CHUNK_SIZE (4u << 20)
 
@@ -123,18 +124,6 @@ int verb_take_compression(const char *command, const char *text,
     return usage_error(command, "--compression %s: expected zstd, lz4 or none", text);
 }
 
-/* The next of patterns with commas between, in out; what does not fit is cut.  NULL: no
- * more. */
-static const char *next_pattern(const char *patterns, char out[64])
-{
-    size_t n = strcspn(patterns, ",");
-
-    if (!*patterns)
-        return NULL;
-    snprintf(out, 64, "%.*s", (int)n, patterns);
-    return patterns + n + (patterns[n] == ',');
-}
-
 static bool is_match(const char *pattern, struct bytes topic)
 {
     char name[256];
@@ -146,20 +135,20 @@ static bool is_match(const char *pattern, struct bytes topic)
 
 bool verb_matches(const char *patterns, struct bytes topic)
 {
-    char pattern[64];
+    char pattern[PATTERN_SIZE];
 
     if (!patterns)
         return true;
-    while ((patterns = next_pattern(patterns, pattern)))
+    while ((patterns = patterns_next(patterns, pattern)))
         if (is_match(pattern, topic))
             return true;
     return false;
 }
 
 bool verb_finds_stray(const char *patterns, struct bag_catalog *const *bags,
-                      size_t n_bags, char out[64])
+                      size_t n_bags, char out[PATTERN_SIZE])
 {
-    while (patterns && (patterns = next_pattern(patterns, out))) {
+    while (patterns && (patterns = patterns_next(patterns, out))) {
         bool found = false;
         for (size_t b = 0; b < n_bags; b++)
             for (size_t i = 0; i < bags[b]->n_channels && !found; i++)

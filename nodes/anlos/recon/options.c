@@ -21,6 +21,8 @@ static const struct option options[] = {
     {"volume", required_argument, NULL, RECON_OPTION_VOLUME},
     {"confocal", required_argument, NULL, RECON_OPTION_CONFOCAL},
     {"gate-m", required_argument, NULL, RECON_OPTION_GATE},
+    {"bag", required_argument, NULL, RECON_OPTION_BAG},
+    {"launch", required_argument, NULL, RECON_OPTION_LAUNCH},
     {"background", required_argument, NULL, RECON_OPTION_BACKGROUND},
     {"method", required_argument, NULL, RECON_OPTION_METHOD},
     {"set", required_argument, NULL, RECON_OPTION_SET},
@@ -123,6 +125,10 @@ static const char **find_text(struct recon_options *o, int code)
         return &o->traces;
     case RECON_OPTION_CONFOCAL:
         return &o->confocal;
+    case RECON_OPTION_BAG:
+        return &o->bag;
+    case RECON_OPTION_LAUNCH:
+        return &o->launch;
     case RECON_OPTION_BACKGROUND:
         return &o->background;
     case RECON_OPTION_PSF:
@@ -152,11 +158,13 @@ int recon_options_take(struct recon_options *o, const char *command, int code)
         return usage_error(command, "--threads %s: expected a number from 1 to %d",
                            optarg, MAX_THREADS);
     case RECON_OPTION_WINDOW:
+        o->has_window = true;
         if (!window_from_name(optarg, &o->window))
             return 0;
         return usage_error(command, "--window %s: expected hann, hamming or rectangular",
                            optarg);
     case RECON_OPTION_COMPRESSION:
+        o->has_compression = true;
         if (!compression_from_name(optarg, &o->compression))
             return 0;
         return usage_error(command, "--compression %s: expected matched_filter or deramp",
@@ -170,17 +178,42 @@ int recon_options_take(struct recon_options *o, const char *command, int code)
 /* -- all of them ------------------------------------------------------------------------
  */
 
+/* What belongs to a recording and has no place beside an optical scan or a bag. */
+static const char *recording_option(const struct recon_options *o)
+{
+    return o->survey       ? "--survey"
+           : o->wav        ? "--wav"
+           : o->background ? "--background"
+           : o->traces     ? "--traces"
+           : o->has_volume ? "--volume"
+           : o->psf        ? "--psf"
+                           : NULL;
+}
+
+/* A bag goes the way of the nodes, and these image what a survey says, with a method that
+ * is named. */
+static int check_bag(const struct recon_options *o)
+{
+    const char *other = recording_option(o);
+    if (other)
+        return usage_error("recon",
+                           "--bag stands in place of %s; expected one (anlos bag "
+                           "export --format wav makes a recording of a bag)",
+                           other);
+    if (o->budget_s > 0.0 || o->error_m > 0.0 ||
+        (o->method && !strcmp(o->method, recon_auto_name)))
+        return usage_error("recon", "--method auto needs a recording: anlos bag export "
+                                    "--format wav makes one of a bag");
+    if (o->method && !imager_has_method(o->method))
+        return usage_error("recon", "--method %s: only for --confocal", o->method);
+    return 0;
+}
+
 /* An optical scan has its own methods and nothing of a recording. */
 static int check_confocal(struct recon_options *o)
 {
     char why[256];
-    const char *other = o->survey       ? "--survey"
-                        : o->wav        ? "--wav"
-                        : o->background ? "--background"
-                        : o->traces     ? "--traces"
-                        : o->has_volume ? "--volume"
-                        : o->psf        ? "--psf"
-                                        : NULL;
+    const char *other = recording_option(o);
     if (other)
         return usage_error("recon", "--confocal stands in place of %s; expected one",
                            other);
@@ -245,7 +278,13 @@ static int check(struct recon_options *o, int argc, char **argv)
     if (o->has_gate && !o->confocal)
         return usage_error("recon", "--gate-m belongs to --confocal; a survey names its "
                                     "own gate_m");
-    int code = o->confocal ? check_confocal(o) : recon_options_check(o, "recon");
+    if (o->confocal && o->bag)
+        return usage_error("recon", "--confocal stands in place of --bag; expected one");
+    if (o->launch && !o->bag)
+        return usage_error("recon", "--launch belongs to --bag");
+    int code = o->confocal ? check_confocal(o)
+               : o->bag    ? check_bag(o)
+                           : recon_options_check(o, "recon");
     if (!code && (!o->out || !o->out[0]))
         return usage_error("recon", "--out DIR is missing");
     return code;

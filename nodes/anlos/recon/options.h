@@ -14,11 +14,14 @@ struct recon_options {                           /* borrow from argv */
     const char *method;                          /* NULL: what suits the recording */
     const char *traces;                          /* in place of wav, or NULL */
     const char *confocal;                        /* optical scan, or NULL */
-    bool has_gate;                               /* of the optical scan */
+    const char *bag;                             /* recorded scan, or NULL */
+    const char *launch; /* settings in place of those in the bag, or NULL */
+    bool has_gate;      /* of the optical scan */
     double gate_m[2];
     bool has_volume; /* in place of the survey's */
     double volume_m[3][3];
     size_t threads;
+    bool has_window, has_compression;
     enum window window;
     enum compression compression;
     struct imager_options *imaging; /* not owned; NULL: the defaults */
@@ -33,6 +36,8 @@ enum recon_option { /* getopt_long's codes */
                     RECON_OPTION_VOLUME,
                     RECON_OPTION_CONFOCAL,
                     RECON_OPTION_GATE,
+                    RECON_OPTION_BAG,
+                    RECON_OPTION_LAUNCH,
                     RECON_OPTION_BACKGROUND,
                     RECON_OPTION_METHOD,
                     RECON_OPTION_SET,

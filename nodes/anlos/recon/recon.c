@@ -6,6 +6,7 @@
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/job.h"
 #include "nodes/anlos/recon/report.h"
+#include "nodes/anlos/replay/replay.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 
@@ -91,5 +92,7 @@ int command_recon(int argc, char **argv)
     recon_options_default(&o, &imaging);
     if (!recon_options_parse(&o, argc, argv, &exit_code))
         return exit_code;
+    if (o.bag)
+        return replay_run(&o, &began);
     return o.confocal ? confocal_run(&o, &began) : run(&o, &began);
 }

@@ -194,7 +194,7 @@ static json_t *channels_json(const struct recon_job *job)
 }
 
 /* Since the background was recorded. */
-static json_t *air_json(const struct air *a)
+json_t *recon_report_air(const struct air *a)
 {
     double mean = a->pings ? a->sum / (double)a->pings : 0.0;
     return json_pack("{sI, so, so}", "pings_corrected", (json_int_t)a->corrected,
@@ -213,7 +213,7 @@ json_t *recon_report_create(const struct recon_job *job, const struct recon_resu
     if (job->automatic)
         json_object_set_new(report, "plan", recon_auto_report(job->automatic, job));
     if (job->background)
-        json_object_set_new(report, "air", air_json(&job->air));
+        json_object_set_new(report, "air", recon_report_air(&job->air));
     if (o->psf)
         json_object_set_new(report, "psf", json_string(o->psf));
     if (!o->traces) {
@@ -247,21 +247,40 @@ static void print_object(const Anlos__Detection *d)
 }
 
 /* In whose terms the places are. */
-static const char *frame_text(const struct recon_job *job)
+static const char *frame_text(const Anlos__DetectionList *list, bool own_places,
+                              bool traces)
 {
-    const Anlos__DetectionList *list = job->detections;
     if (list->mirrored)
         return list->in_vehicle_frame ? "positions in the vehicle frame"
                                       : "positions in the array frame";
-    if (job->processing.geometry.pings_m) /* may stand around the objects */
+    if (own_places) /* may stand around the objects */
         return list->in_vehicle_frame ? "positions in the vehicle frame, as imaged"
-               : job->options->traces ? "positions as tx_m and rx_m have them"
+               : traces               ? "positions as tx_m and rx_m have them"
                                       : "positions in the frame of the pings";
     return list->in_vehicle_frame
                ? "positions in the vehicle frame, as mirrored by the wall (the survey "
                  "names no wall)"
                : "positions in the array frame, as mirrored by the wall (the survey "
                  "names no wall)";
+}
+
+void recon_report_print_objects(const Anlos__DetectionList *list, bool own_places,
+                                bool traces)
+{
+    printf("%zu %s%s, %s\n", list->n_detections, own_places ? "object" : "hidden object",
+           list->n_detections == 1 ? "" : "s", frame_text(list, own_places, traces));
+    if (list->n_detections)
+        printf("   # %9s %8s %8s %9s %8s %11s   %s\n", "x m", "y m", "z m", "sigma cm",
+               "SNR dB", "existence", "extent m");
+    for (size_t i = 0; i < list->n_detections; i++)
+        print_object(list->detections[i]);
+}
+
+void recon_report_print_stages(const struct stopwatch stages[RECON_STAGES])
+{
+    for (int i = 0; i < RECON_STAGES; i++)
+        printf("%s%s %.2f", i ? ", " : " (", recon_stage_name(i), stages[i].wall_s);
+    printf(")\n");
 }
 
 static void print_air(const struct recon_job *job)
@@ -274,27 +293,18 @@ static void print_air(const struct recon_job *job)
 
 void recon_report_print(const struct recon_job *job)
 {
-    const Anlos__DetectionList *list = job->detections;
-    size_t used = imager_pings(job->imager);
-    printf("%zu %s%s, %s\n", list->n_detections,
-           job->processing.geometry.pings_m ? "object" : "hidden object",
-           list->n_detections == 1 ? "" : "s", frame_text(job));
-    if (list->n_detections)
-        printf("   # %9s %8s %8s %9s %8s %11s   %s\n", "x m", "y m", "z m", "sigma cm",
-               "SNR dB", "existence", "extent m");
-    for (size_t i = 0; i < list->n_detections; i++)
-        print_object(list->detections[i]);
+    recon_report_print_objects(job->detections, job->processing.geometry.pings_m != NULL,
+                               job->options->traces != NULL);
     print_air(job);
     if (job->automatic)
         recon_auto_print(job->automatic, job);
-    printf("%zu of %zu pings, method %s%s%s%s, %zu thread%s: %.2f s", used,
-           pings_expected(job), job->method, job->method_because ? " (" : "",
+    printf("%zu of %zu pings, method %s%s%s%s, %zu thread%s: %.2f s",
+           imager_pings(job->imager), pings_expected(job), job->method,
+           job->method_because ? " (" : "",
            job->method_because ? job->method_because : "", job->method_because ? ")" : "",
            job->options->threads, job->options->threads == 1 ? "" : "s",
            job->total.wall_s);
-    for (int i = 0; i < RECON_STAGES; i++)
-        printf("%s%s %.2f", i ? ", " : " (", recon_stage_name(i), job->stages[i].wall_s);
-    printf(
-        ")\n%s: volume.nrrd, projection_{xy,xz,yz}.png, detections.json, report.json\n",
-        job->options->out);
+    recon_report_print_stages(job->stages);
+    printf("%s: volume.nrrd, projection_{xy,xz,yz}.png, detections.json, report.json\n",
+           job->options->out);
 }

@@ -18,4 +18,11 @@ json_t *recon_report_create(const struct recon_job *job, const struct recon_resu
 /* The objects, the time and the folder, on stdout. */
 void recon_report_print(const struct recon_job *job);
 
+/* Parts of both for other ways to an image.  own_places: each ping has places of its own;
+ * traces: they came compressed, with places of their own terms. */
+json_t *recon_report_air(const struct air *a);
+void recon_report_print_objects(const Anlos__DetectionList *list, bool own_places,
+                                bool traces);
+void recon_report_print_stages(const struct stopwatch stages[RECON_STAGES]);
+
 #endif

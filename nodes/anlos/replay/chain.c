@@ -1,0 +1,163 @@
+#include "nodes/anlos/replay/chain.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "nodes/rt/objects.h"
+
+#define MAX_NOTES (sizeof((struct chain *)0)->notes / sizeof(struct chain_note))
+
+int chain_create(struct chain *c, const struct chain_config *cfg,
+                 struct stopwatch stages[RECON_STAGES])
+{
+    *c = (struct chain){.cfg = *cfg, .stages = stages};
+    detector_init(&c->detector, &cfg->track);
+    sender_init(&c->sender, cfg->can_base_id);
+    int err = dsp_create(&c->dsp, &cfg->dsp);
+    return err ? err : recon_create(&c->recon, &cfg->recon);
+}
+
+static void note(struct chain *c, const char *text)
+{
+    if (!text[0])
+        return;
+    for (size_t i = 0; i < c->n_notes; i++) {
+        if (!strcmp(c->notes[i].text, text)) {
+            c->notes[i].times++;
+            return;
+        }
+    }
+    if (c->n_notes == MAX_NOTES) {
+        c->n_more_notes++;
+        return;
+    }
+    struct chain_note *n = &c->notes[c->n_notes++];
+    snprintf(n->text, sizeof n->text, "%s", text);
+    n->times = 1;
+}
+
+int chain_survey(struct chain *c, const Anlos__Survey *survey, struct complaint *why)
+{
+    struct stopwatch now = stopwatch_now(false);
+    int err = dsp_survey(c->dsp, survey, why);
+
+    if (!err)
+        err = recon_survey(c->recon, survey, why);
+    if (!err)
+        err = detector_survey(&c->detector, survey, why);
+    if (!err)
+        sender_survey(&c->sender, survey);
+    stopwatch_lap(&c->stages[RECON_PLAN], &now, false);
+    return err;
+}
+
+/* What the can node's outbox does on a bus that takes everything at once. */
+static int send_list(struct chain *c, int64_t capture_ns, int64_t now_ns,
+                     struct complaint *why)
+{
+    struct sender_list list;
+    int err = 0;
+
+    sender_list(&c->sender, c->detections, capture_ns, &list);
+    sender_date(&c->sender, &list, now_ns, c->list_ns);
+    c->list_ns = now_ns;
+    for (size_t i = 0; !err && i < list.n_frames; i++)
+        err = canbus_send(c->cfg.can, &list.frames[i], now_ns);
+    if (!err)
+        err = canbus_flush(c->cfg.can);
+    return err ? complain(why, err, "CAN frames: %s", strerror(-err)) : 0;
+}
+
+static int make_image(struct chain *c, struct complaint *why)
+{
+    struct stopwatch now = stopwatch_now(false);
+    int64_t capture_ns = recon_capture_ns(c->recon), taken_ns = recon_taken_ns(c->recon);
+
+    recon_image(c->recon, false, &c->volume);
+    stopwatch_lap(&c->stages[RECON_IMAGE], &now, false);
+    c->has_image = true;
+    c->n_images++;
+    objects_free(c->detections);
+    c->detections = NULL;
+    int err = detector_volume(&c->detector, &c->volume, &c->detections, why);
+    if (!err)
+        err = send_list(c, capture_ns, taken_ns, why);
+    stopwatch_lap(&c->stages[RECON_DETECT], &now, false);
+    return err;
+}
+
+static int take_traces(struct chain *c, const Anlos__Traces *traces, int64_t capture_ns,
+                       int64_t publish_ns, struct complaint *why)
+{
+    Anlos__Receipt receipt;
+    char text[128];
+    struct stopwatch now = stopwatch_now(false);
+
+    recon_traces(c->recon, traces, capture_ns, publish_ns, &receipt, text, sizeof text);
+    stopwatch_lap(&c->stages[RECON_STACK], &now, false);
+    c->n_unusable += !receipt.usable;
+    note(c, text);
+    if (!recon_is_complete(c->recon)) {
+        c->has_image = false;
+        return 0;
+    }
+    return c->has_image ? 0 : make_image(c, why);
+}
+
+static void follow_scan(struct chain *c, uint32_t scan)
+{
+    if (scan > c->newest_scan)
+        c->newest_scan = scan;
+}
+
+int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
+               int64_t publish_ns, struct complaint *why)
+{
+    struct dsp_output out;
+    struct stopwatch now = stopwatch_now(false);
+    Anlos__Ping counted = *recorded, *ping = &counted;
+
+    ping->scan += c->scan_base;
+    follow_scan(c, ping->scan);
+    if (ping->pass == ANLOS__PASS__SCENE)
+        c->n_scene_pings++;
+    else
+        c->n_background_pings++;
+    for (size_t m = 0; m < ping->n_clipped; m++)
+        c->clipped += ping->clipped[m];
+    dsp_ping(c->dsp, ping, &out);
+    stopwatch_lap(&c->stages[RECON_COMPRESS], &now, false);
+    note(c, out.note);
+    if (out.has_receipt)
+        c->n_unusable += !out.receipt.usable;
+    return out.has_traces ? take_traces(c, &out.traces, capture_ns, publish_ns, why) : 0;
+}
+
+int chain_end(struct chain *c, struct complaint *why)
+{
+    return !c->has_image && recon_pings(c->recon) ? make_image(c, why) : 0;
+}
+
+int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch_ns,
+                 struct complaint *why)
+{
+    /* A scan node that was started again counts from 1 again. */
+    if (c->scan_epoch_ns && epoch_ns != c->scan_epoch_ns)
+        c->scan_base = c->newest_scan;
+    c->scan_epoch_ns = epoch_ns;
+    follow_scan(c, status->scan + c->scan_base);
+    sender_scan(&c->sender, status);
+    return status->state == ANLOS__SCAN_STATUS__STATE__DONE ||
+                   status->state == ANLOS__SCAN_STATUS__STATE__FAILED
+               ? chain_end(c, why)
+               : 0;
+}
+
+void chain_clear(struct chain *c)
+{
+    objects_free(c->detections);
+    detector_clear(&c->detector);
+    recon_destroy(c->recon);
+    dsp_destroy(c->dsp);
+}

@@ -1,0 +1,187 @@
+#include "nodes/anlos/replay/replay.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "msgs/topics.h"
+#include "nodes/anlos/bag/stream.h"
+#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/replay/report.h"
+#include "nodes/anlos/usage.h"
+#include "nodes/rt/export.h"
+
+static const char topics[] = "survey,ping,scan/status";
+
+/* The nodes begin when they know the survey. */
+static int begin(struct replay *r, const Anlos__Survey *survey, struct complaint *why)
+{
+    struct chain_config cfg = r->settings.chain;
+
+    if (!cfg.recon.method) {
+        cfg.recon.method = survey->n_pings_m ? "backprojection" : "fast";
+        r->settings.chain.recon.method = cfg.recon.method;
+    }
+    cfg.can = r->can;
+    int err = chain_create(&r->chain, &cfg, r->stages);
+    r->begun = true;
+    return err ? complain(why, err, "%zu threads: %s", cfg.recon.threads, strerror(-err))
+               : 0;
+}
+
+/* Nothing that comes out of a recording may look live. */
+static int take_survey(struct replay *r, Anlos__Survey *survey, struct complaint *why)
+{
+    int err = 0;
+
+    survey->source = ANLOS__SOURCE__REPLAY;
+    if (!r->begun)
+        err = begin(r, survey, why);
+    if (!err)
+        err = chain_survey(&r->chain, survey, why);
+    if (err || (r->survey.n_positions && r->survey_id == survey->id))
+        return err;
+    survey_clear(&r->survey);
+    r->survey_id = survey->id;
+    err = survey_from_message(&r->survey, survey, why);
+    return err ? err : processing_plan(&r->processing, &r->survey, why);
+}
+
+static int take(struct replay *r, const struct stream_message *m,
+                ProtobufCMessage *content, struct complaint *why)
+{
+    const struct envelope *e = &m->envelope;
+
+    if (m->topic == topic_survey())
+        return take_survey(r, (Anlos__Survey *)content, why);
+    if (!r->begun) {
+        r->n_early += m->topic == topic_ping();
+        return 0;
+    }
+    if (m->topic == topic_ping())
+        return chain_ping(&r->chain, (Anlos__Ping *)content, e->capture_ns, e->publish_ns,
+                          why);
+    return chain_status(&r->chain, (Anlos__ScanStatus *)content, e->epoch_ns, why);
+}
+
+static int read_bag(struct replay *r, struct stream *s, struct complaint *why)
+{
+    struct stream_message m;
+    int err = 0;
+
+    for (;;) {
+        struct stopwatch now = stopwatch_now(false);
+        err = stream_next(s, &m, why);
+        ProtobufCMessage *content = err ? NULL : stream_unpack(&m);
+        stopwatch_lap(&r->stages[RECON_READ], &now, false);
+        if (err)
+            break;
+        if (!content)
+            return complain(why, -EBADMSG, "%s: a message of \"%.*s\" is none",
+                            r->options->bag, (int)m.channel->topic.size,
+                            (const char *)m.channel->topic.data);
+        err = take(r, &m, content, why);
+        protobuf_c_message_free_unpacked(content, NULL);
+        if (err)
+            return err;
+    }
+    if (err != -ENODATA)
+        return err;
+    return r->begun ? chain_end(&r->chain, why) : 0;
+}
+
+/* Why there is no image. */
+static int complain_of_nothing(const struct replay *r, struct complaint *why)
+{
+    const struct chain *c = &r->chain;
+    const char *bag = r->options->bag;
+
+    if (!r->begun)
+        return complain(why, -ENODATA, "%s: no survey; 'anlos bag info' shows what is in",
+                        bag);
+    if (!c->n_scene_pings)
+        return complain(why, -ENODATA, "%s: no pings of a scene", bag);
+    if (c->cfg.dsp.background && !c->n_background_pings)
+        return complain(why, -ENODATA,
+                        "%s: %s asks for a background (scan.background), and no pings of "
+                        "one are there; --launch FILE names other settings",
+                        bag, r->settings.name);
+    return complain(why, -ENODATA, "%s: of %zu pings none is usable%s%s", bag,
+                    c->n_scene_pings, c->n_notes ? ": " : "",
+                    c->n_notes ? c->notes[0].text : "");
+}
+
+static int process(struct replay *r, struct stream *s, const char *folder,
+                   struct complaint *why)
+{
+    char uri[PATH_MAX + 32];
+
+    snprintf(uri, sizeof uri, "log:%s/" REPLAY_CAN_FILE, folder);
+    int err = canbus_open(&r->can, uri, why);
+    if (!err)
+        err = read_bag(r, s, why);
+    if (!err && !r->chain.detections)
+        err = complain_of_nothing(r, why);
+    canbus_close(r->can);
+    r->can = NULL;
+    return err;
+}
+
+static int run_in_stage(struct replay *r, struct stream *s, struct export_stage *stage,
+                        const struct stopwatch *began, struct complaint *why)
+{
+    int err = process(r, s, stage->path, why);
+
+    r->bad_input = err && err != -ENOMEM && err != -EINTR && err != -EAGAIN &&
+                   err != -ENOSPC && err != -EIO;
+    if (!err)
+        err = replay_write(r, stage->path, began, why);
+    if (!err && interrupt_requested())
+        err = complain(why, -EINTR, "interrupted");
+    return err ? err : export_stage_commit(stage, why);
+}
+
+static int run(struct replay *r, const struct stopwatch *began, struct complaint *why)
+{
+    struct export_stage stage;
+    struct stream *s = NULL;
+
+    r->bad_input = true;
+    int err = settings_load(&r->settings, r->options, why);
+    if (!err)
+        err = stream_open(&s, r->options->bag, why);
+    if (!err) {
+        stream_select(s, topics);
+        err = export_stage_begin(&stage, r->options->out, why);
+    }
+    if (!err) {
+        err = run_in_stage(r, s, &stage, began, why);
+        if (err)
+            export_stage_abandon(&stage);
+    }
+    stream_close(s);
+    return err;
+}
+
+int replay_run(const struct recon_options *options, const struct stopwatch *began)
+{
+    struct replay r = {.options = options};
+    struct complaint why = {0};
+
+    interrupt_catch();
+    int err = run(&r, began, &why);
+    if (err)
+        fprintf(stderr, "anlos recon: %s\n", why.text);
+    else
+        replay_print(&r);
+    if (r.begun)
+        chain_clear(&r.chain);
+    survey_clear(&r.survey);
+    settings_clear(&r.settings);
+    if (!err)
+        return EXIT_WORKED;
+    return err == -EINTR                   ? EXIT_INTERRUPTED
+           : r.bad_input && err != -ENOMEM ? EXIT_BAD_INPUT
+                                           : EXIT_FAILED;
+}

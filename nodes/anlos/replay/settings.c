@@ -1,0 +1,146 @@
+#include "nodes/anlos/replay/settings.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "msgs/bag/catalog.h"
+#include "msgs/bag/manifest.h"
+#include "msgs/can/frames.h"
+#include "recon/imager.h"
+
+static bool is_text(struct bytes b, const char *text)
+{
+    return b.size == strlen(text) && !memcmp(b.data, text, b.size);
+}
+
+static void copy_text(char *out, size_t size, struct bytes b)
+{
+    snprintf(out, size, "%.*s", (int)(b.size < size ? b.size : size - 1),
+             b.size ? (const char *)b.data : "");
+}
+
+/* What the recorder says of itself. */
+static int read_session(struct settings *s, const struct bag_catalog *bag,
+                        struct complaint *why)
+{
+    struct bytes_buffer into = {0};
+    struct bag_record r;
+    struct bytes key, value;
+    int err = 0;
+
+    for (size_t i = 0; !err && i < bag->n_metadata; i++) {
+        const struct bag_record *index = &bag->metadata[i].record;
+        if (!is_text(index->metadata_index.name, MANIFEST_SESSION))
+            continue;
+        err = bag_catalog_read(bag, index, &into, &r, why);
+        while (!err && bag_map_next(&r.metadata.metadata, &key, &value)) {
+            if (is_text(key, MANIFEST_LAUNCH))
+                copy_text(s->name, sizeof s->name, value);
+            if (is_text(key, MANIFEST_REVISION))
+                copy_text(s->revision, sizeof s->revision, value);
+        }
+    }
+    bytes_free(&into);
+    return err;
+}
+
+static int read_launch(struct settings *s, const struct bag_catalog *bag,
+                       struct complaint *why)
+{
+    struct bytes_buffer into = {0};
+    struct bag_record r;
+    char name[512];
+    int err = 0;
+
+    for (size_t i = 0; !err && !s->launch && i < bag->n_attachments; i++) {
+        const struct bag_record *index = &bag->attachments[i].record;
+        if (!s->name[0] || !is_text(index->attachment_index.name, s->name))
+            continue;
+        snprintf(name, sizeof name, "%s in the bag", s->name);
+        err = bag_catalog_read(bag, index, &into, &r, why);
+        if (!err)
+            err = launchfile_parse(&s->launch, name, r.attachment.data.data,
+                                   r.attachment.data.size, why);
+    }
+    bytes_free(&into);
+    return err;
+}
+
+/* As a launch file without these keys would have it.  Whether there is a background shows
+ * when its pings come. */
+static void set_defaults(struct chain_config *c)
+{
+    *c = (struct chain_config){
+        .dsp = {.window = WINDOW_HANN, .compression = COMPRESSION_MATCHED_FILTER},
+        .track = {.threshold_db = 12.0, .min_existence = 0.5},
+        .can_base_id = CAN_BASE_DEFAULT};
+}
+
+static void take_launch(struct chain_config *c, const struct launchfile *l)
+{
+    c->dsp = (struct dsp_config){.window = l->dsp.window,
+                                 .compression = l->dsp.compression,
+                                 .background = l->scan.background};
+    c->recon.method = l->recon.method;
+    c->recon.options = &l->recon.options;
+    c->track = (struct detector_config){.threshold_db = l->track.threshold_db,
+                                        .min_existence = l->track.min_existence};
+    c->can_base_id = l->can.base_id;
+}
+
+/* What the command line says wins.  Another method does not take the options of the
+ * launch file's. */
+static int take_options(struct chain_config *c, const struct recon_options *o,
+                        struct complaint *why)
+{
+    char reason[256];
+
+    if (o->has_window)
+        c->dsp.window = o->window;
+    if (o->has_compression)
+        c->dsp.compression = o->compression;
+    c->recon.window = c->dsp.window;
+    c->recon.compression = c->dsp.compression;
+    c->recon.threads = o->threads;
+    if (o->method || o->imaging->given || !c->recon.options)
+        c->recon.options = o->imaging;
+    if (o->method)
+        c->recon.method = o->method;
+    if (c->recon.method &&
+        imager_options_check(c->recon.options, c->recon.method, reason, sizeof reason))
+        return complain(why, -EINVAL, "--set %s", reason);
+    return 0;
+}
+
+int settings_load(struct settings *s, const struct recon_options *o,
+                  struct complaint *why)
+{
+    struct bag_catalog *bag = NULL;
+
+    *s = (struct settings){.launch = NULL};
+    int err = bag_catalog_open(&bag, o->bag, why);
+    if (!err)
+        err = read_session(s, bag, why);
+    if (!err && o->launch) {
+        snprintf(s->name, sizeof s->name, "%s", o->launch);
+        err = launchfile_load(&s->launch, o->launch, NULL, why);
+    } else if (!err) {
+        err = read_launch(s, bag, why);
+    }
+    bag_catalog_close(bag);
+    if (err)
+        return err;
+    set_defaults(&s->chain);
+    if (s->launch)
+        take_launch(&s->chain, s->launch);
+    else
+        s->name[0] = '\0';
+    return take_options(&s->chain, o, why);
+}
+
+void settings_clear(struct settings *s)
+{
+    launchfile_destroy(s->launch);
+    s->launch = NULL;
+}

@@ -1,0 +1,333 @@
+#include "nodes/play/playback.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "nodes/play/playback_state.h"
+
+#define SETTLE_NS       300000000LL /* who listens already finds the new sockets by then */
+#define REPEAT_NS       1000000000LL /* as the array repeats its survey */
+#define REPEAT_WAITS_NS 200000000LL  /* the sooner all are ready */
+#define TELL_NS         50000000LL   /* between that and the first message */
+#define HOLD_NS         50000000LL   /* nothing tells that time has run out */
+
+int playback_create(struct playback **out, const struct playback_config *cfg,
+                    int64_t epoch_ns, struct complaint *why)
+{
+    struct playback *p = calloc(1, sizeof *p);
+    int err = p ? 0 : complain(why, -ENOMEM, "out of memory");
+
+    if (err)
+        return err;
+    p->cfg = *cfg;
+    p->paused = cfg->paused;
+    if (p->cfg.window < 1 || p->cfg.window > ACCOUNT_MAX)
+        p->cfg.window = ACCOUNT_MAX;
+    tempo_init(&p->tempo, cfg->rate);
+    err = tape_open(&p->tape, &cfg->tape, why);
+    if (!err)
+        err = stand_in_create(&p->stand_in, cfg->run_dir, epoch_ns, why);
+    if (!err)
+        err = playback_cast(p, why);
+    if (err) {
+        playback_destroy(p);
+        return err;
+    }
+    if (tape_foreign(p->tape))
+        playback_notes(p, "%s: %zu channels are of no topic here, and are not played",
+                       cfg->tape.bag, tape_foreign(p->tape));
+    p->at_ns = tape_start_ns(p->tape);
+    tape_seek(p->tape, p->at_ns);
+    *out = p;
+    return 0;
+}
+
+void playback_notes(struct playback *p, const char *format, ...)
+{
+    va_list args;
+
+    va_start(args, format);
+    vsnprintf(p->note, sizeof p->note, format, args);
+    va_end(args);
+    p->noted = true;
+}
+
+const char *playback_note(struct playback *p)
+{
+    bool noted = p->noted;
+
+    p->noted = false;
+    return noted ? p->note : NULL;
+}
+
+void playback_health(struct playback *p, const char *from, int64_t epoch_ns,
+                     const Anlos__Health *h, int64_t now_ns)
+{
+    if (!audience_health(&p->audience, from, epoch_ns, h, now_ns))
+        return;
+    if (!p->scan || p->scan_ended || (strcmp(from, "dsp") && strcmp(from, "recon")))
+        return;
+    account_give_up(&p->account);
+    playback_notes(p,
+                   "%s was started again: what it knew of scan %u is lost; play it again",
+                   from, p->scan);
+}
+
+void playback_receipt(struct playback *p, const Anlos__Receipt *r, int64_t now_ns)
+{
+    uint64_t unused = p->account.unused, missing = p->account.missing;
+
+    if (!account_receipt(&p->account, r))
+        return;
+    p->sign_ns = now_ns;
+    if (r->usable && r->pass == ANLOS__PASS__SCENE && r->scan == p->scan)
+        p->scene_used++;
+    if (!unused && p->account.unused)
+        playback_notes(
+            p,
+            "a ping could not be used (scan %u, position %u, speaker %u)%s; more "
+            "are only counted",
+            r->scan, r->position, r->speaker,
+            r->pass == ANLOS__PASS__BACKGROUND ? ": dsp has not heard its background"
+                                               : "");
+    if (!missing && p->account.missing)
+        playback_notes(p,
+                       "a ping was lost on the way before position %u, speaker %u; more "
+                       "are only counted",
+                       r->position, r->speaker);
+}
+
+void playback_traces(struct playback *p, const Anlos__Traces *t, int64_t now_ns)
+{
+    Anlos__Receipt r = ANLOS__RECEIPT__INIT;
+
+    r.scan = t->scan;
+    r.position = t->position;
+    r.speaker = t->speaker;
+    r.usable = true;
+    playback_receipt(p, &r, now_ns);
+}
+
+bool playback_wants_traces(const struct playback *p)
+{
+    return p->flow == topic_ping() && !audience_has(&p->audience, "recon");
+}
+
+void playback_list(struct playback *p, const Anlos__DetectionList *list)
+{
+    if (list->preview)
+        return;
+    p->lists++;
+    p->list_scan = list->scan;
+}
+
+size_t playback_speakers(const struct playback *p, const struct topic *t)
+{
+    const char *node;
+    size_t n = 0;
+
+    for (size_t i = 0; (node = topic_publisher(t, i)); i++)
+        n += audience_has(&p->audience, node);
+    return p->cfg.several_hosts ? 0 : n;
+}
+
+void playback_hears(struct playback *p, bool all)
+{
+    p->hears = all;
+}
+
+static int send_next(struct playback *p, int64_t now_ns, struct complaint *why)
+{
+    struct playback_next *n = &p->next;
+    const struct envelope *e = &n->m.envelope;
+    bool hopeless = playback_is_hopeless(p);
+    int err = 0;
+
+    n->is = false;
+    p->at_ns = e->publish_ns;
+    if (hopeless)
+        err = playback_say_hopeless(p, now_ns);
+    else
+        err = stand_in_publish(p->stand_in, n->m.part->node, n->m.part->topic,
+                               e->capture_ns, e->publish_ns, n->m.payload.data,
+                               n->m.payload.size);
+    p->messages += !err;
+    if (!err && !hopeless)
+        err = playback_went(p, n, now_ns);
+    return err ? complain(why, err, "%s cannot be published: %s", n->m.part->topic->name,
+                          strerror(-err))
+               : 0;
+}
+
+int playback_seek(struct playback *p, int64_t publish_ns, struct complaint *why)
+{
+    int64_t start = tape_start_ns(p->tape), end = tape_end_ns(p->tape);
+
+    p->at_ns = publish_ns < start ? start : publish_ns > end ? end : publish_ns;
+    account_forget(&p->account);
+    tape_seek(p->tape, p->at_ns);
+    p->next.is = p->ended = p->tape_ended = false;
+    p->tempo.started = false;
+    p->scan_base = p->newest_scan;
+    p->scan_epoch_ns = p->list_since_ns = 0;
+    p->scan = 0;
+    return p->begun ? playback_find_survey(p, p->survey.sent_ns, why) : 0;
+}
+
+/* -EAGAIN: not yet. */
+static int finish(struct playback *p, int64_t now_ns, struct complaint *why)
+{
+    if (!playback_is_settled(p, now_ns))
+        return -EAGAIN;
+    if (p->scan && !p->scan_ended) {
+        int err = playback_say_end(p, now_ns);
+        return err ? complain(why, err, "scan/status: %s", strerror(-err)) : -EAGAIN;
+    }
+    p->rounds++;
+    if (p->cfg.loop)
+        return playback_seek(p, tape_start_ns(p->tape), why);
+    p->ended = true;
+    return 0;
+}
+
+static int introduce(struct playback *p, int64_t now_ns, struct complaint *why)
+{
+    p->begin_ns = now_ns + SETTLE_NS;
+    int err = playback_find_survey(p, now_ns, why);
+    if (!err && (err = playback_say_begin(p, now_ns)))
+        complain(why, err, "scan/status: %s", strerror(-err));
+    return err;
+}
+
+/* 0, or -EAGAIN: still waiting. */
+static int begin(struct playback *p, int64_t now_ns, struct complaint *why)
+{
+    int err = p->begin_ns ? 0 : introduce(p, now_ns, why);
+    bool ready = audience_is_ready(&p->audience, p->waits_for, sizeof p->waits_for);
+
+    if (ready && !p->hears)
+        snprintf(p->waits_for, sizeof p->waits_for, "waits for connections");
+    ready = ready && p->hears;
+    if (!err && ready && !p->ready) { /* once more: now everybody hears it */
+        err = playback_repeat(p, 0, now_ns);
+        if (p->begin_ns < now_ns + TELL_NS)
+            p->begin_ns = now_ns + TELL_NS;
+    }
+    p->ready = ready;
+    p->begun = ready && now_ns >= p->begin_ns;
+    if (!err && !p->begun)
+        err = playback_repeat(p, REPEAT_WAITS_NS, now_ns);
+    return err ? err : p->begun ? 0 : -EAGAIN;
+}
+
+/* The next message, if it may go now. */
+static int advance(struct playback *p, int64_t now_ns, int64_t *due_ns,
+                   struct complaint *why)
+{
+    int64_t publish_ns = p->next.m.envelope.publish_ns;
+
+    p->waits_for[0] = '\0';
+    if (p->paused && !p->ones)
+        return playback_repeat(p, REPEAT_NS, now_ns);
+    int64_t at = p->ones ? now_ns : tempo_due_ns(&p->tempo, publish_ns, now_ns);
+    if (at > now_ns) {
+        *due_ns = at < *due_ns ? at : *due_ns;
+        return playback_repeat(p, REPEAT_NS, now_ns);
+    }
+    if (!playback_may_go(p, now_ns)) {
+        tempo_set(&p->tempo, publish_ns, now_ns); /* what it waits is not made up for */
+        return playback_repeat(p, REPEAT_NS, now_ns);
+    }
+    p->ones -= p->ones > 0;
+    *due_ns = now_ns;
+    return send_next(p, now_ns, why);
+}
+
+int playback_step(struct playback *p, int64_t now_ns, int64_t *due_ns,
+                  struct complaint *why)
+{
+    int err = 0;
+
+    *due_ns = now_ns + HOLD_NS;
+    if (!p->begun)
+        err = begin(p, now_ns, why);
+    if (!err && p->ended) {
+        *due_ns = INT64_MAX;
+        return playback_repeat(p, REPEAT_NS, now_ns);
+    }
+    if (!err && !p->next.is && !p->tape_ended) {
+        err = playback_load(p, why);
+        p->tape_ended = err == -ENODATA;
+        err = p->tape_ended ? 0 : err;
+    }
+    if (!err && p->tape_ended)
+        err = finish(p, now_ns, why);
+    else if (!err)
+        err = advance(p, now_ns, due_ns, why);
+    return err == -EAGAIN ? 0 : err;
+}
+
+void playback_pause(struct playback *p, bool paused, int64_t now_ns)
+{
+    p->paused = paused;
+    p->ones = 0;
+    if (!paused && p->tempo.started)
+        tempo_set(&p->tempo, p->at_ns, now_ns);
+}
+
+void playback_one(struct playback *p)
+{
+    p->ones++;
+}
+
+void playback_rate(struct playback *p, double rate, int64_t now_ns)
+{
+    p->tempo.rate = rate;
+    if (p->tempo.started)
+        tempo_set(&p->tempo, p->at_ns, now_ns);
+}
+
+void playback_status(const struct playback *p, struct playback_status *out)
+{
+    *out = (struct playback_status){
+        .phase = p->ended    ? PLAYBACK_ENDED
+                 : !p->begun ? PLAYBACK_WAITS
+                 : p->paused ? PLAYBACK_PAUSES
+                             : PLAYBACK_PLAYS,
+        .rate = p->tempo.rate,
+        .at_ns = p->at_ns,
+        .start_ns = tape_start_ns(p->tape),
+        .end_ns = tape_end_ns(p->tape),
+        .messages = p->messages,
+        .malformed = p->malformed,
+        .lists = p->lists,
+        .rounds = p->rounds,
+        .pings = p->account,
+    };
+    memcpy(out->text, p->waits_for, sizeof out->text);
+}
+
+const char *playback_bag(const struct playback *p)
+{
+    return p->cfg.tape.bag;
+}
+
+const char *playback_stands_for(const struct playback *p, size_t i)
+{
+    return stand_in_node(p->stand_in, i);
+}
+
+void playback_destroy(struct playback *p)
+{
+    if (!p)
+        return;
+    stand_in_destroy(p->stand_in);
+    tape_close(p->tape);
+    bytes_free(&p->rewritten);
+    bytes_free(&p->survey.payload);
+    bytes_free(&p->status.payload);
+    free(p);
+}

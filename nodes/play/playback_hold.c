@@ -1,0 +1,122 @@
+#include <stdio.h>
+
+#include "nodes/play/playback_state.h"
+
+#define TAKEN_NS                                                                         \
+    200000000LL /* a health message that comes so much later comes after it */
+
+static int64_t timeout_ns(const struct playback *p)
+{
+    return (int64_t)(1e9 * p->cfg.timeout_s);
+}
+
+/* Who works on a long image says nothing meanwhile; who says that it is well, long after
+ * it was sent something, has had it. */
+static bool have_turned(const struct playback *p, int64_t after_ns)
+{
+    return audience_heard(&p->audience, "dsp", after_ns) &&
+           audience_heard(&p->audience, "recon", after_ns) &&
+           audience_heard(&p->audience, "track", after_ns);
+}
+
+static void give_up_overdue(struct playback *p, int64_t now_ns)
+{
+    int64_t end_ns = p->sign_ns + timeout_ns(p);
+
+    if (!p->account.n || now_ns < end_ns || !have_turned(p, end_ns))
+        return;
+    size_t n = account_give_up(&p->account);
+    playback_notes(p, "%zu pings were played, and in %g s nobody said that they arrived",
+                   n, p->cfg.timeout_s);
+}
+
+/* true: it is here, or will not come. */
+static bool has_list(struct playback *p, int64_t now_ns)
+{
+    if (!p->list_since_ns)
+        return true;
+    int64_t end_ns = p->list_since_ns + timeout_ns(p);
+    if (p->list_scan == p->scan) {
+        p->list_since_ns = 0;
+    } else if (now_ns >= end_ns && have_turned(p, end_ns)) {
+        playback_notes(p,
+                       "scan %u has ended, and in %g s there was no list of its objects",
+                       p->scan, p->cfg.timeout_s);
+        p->list_since_ns = 0;
+    }
+    return !p->list_since_ns;
+}
+
+bool playback_is_settled(struct playback *p, int64_t now_ns)
+{
+    give_up_overdue(p, now_ns);
+    if (p->account.n)
+        snprintf(p->waits_for, sizeof p->waits_for, "waits for %zu receipts",
+                 p->account.n);
+    else if (!has_list(p, now_ns))
+        snprintf(p->waits_for, sizeof p->waits_for, "waits for the list of scan %u",
+                 p->scan);
+    else
+        return true;
+    return false;
+}
+
+static bool is_end(const struct playback_next *n)
+{
+    return n->m.part->topic == topic_scan_status() &&
+           (n->state == ANLOS__SCAN_STATUS__STATE__DONE ||
+            n->state == ANLOS__SCAN_STATUS__STATE__FAILED);
+}
+
+void playback_end_scan(struct playback *p, int64_t now_ns)
+{
+    if (p->scan_ended)
+        return;
+    p->scan_ended = true;
+    if (p->scene_used && p->list_scan != p->scan && audience_has(&p->audience, "recon") &&
+        audience_has(&p->audience, "track"))
+        p->list_since_ns = now_ns;
+}
+
+/* A recording that goes on with the next scan without an end of the one before. */
+static bool is_other_scan(struct playback *p, int64_t now_ns)
+{
+    bool other = p->next.flow && p->scan && p->next.ping.scan != p->scan;
+
+    if (other && !p->account.n && p->scene_used >= p->pings_of_scan)
+        playback_end_scan(p, now_ns);
+    return other;
+}
+
+/* What fits the consumers' queues, and gets there: traces are no larger than their ping.
+ */
+static size_t window_of(const struct playback *p, const struct playback_next *n)
+{
+    size_t sure = stand_in_window(p->stand_in, n->m.part->node, n->m.part->topic,
+                                  n->m.payload.size);
+
+    return sure < p->cfg.window ? sure : p->cfg.window;
+}
+
+bool playback_may_go(struct playback *p, int64_t now_ns)
+{
+    const struct topic *t = p->next.m.part->topic;
+
+    if (p->next.flow && p->account.n >= window_of(p, &p->next)) {
+        give_up_overdue(p, now_ns);
+        snprintf(p->waits_for, sizeof p->waits_for, "waits for %zu receipts",
+                 p->account.n);
+        return p->account.n < window_of(p, &p->next);
+    }
+    if (p->next.flow && p->survey_new_ns) {
+        snprintf(p->waits_for, sizeof p->waits_for, "another survey has to be taken");
+        if (!have_turned(p, p->survey_new_ns + TAKEN_NS))
+            return false;
+        p->survey_new_ns = 0;
+    }
+    bool other_survey = t == topic_survey() && p->survey_id &&
+                        p->next.survey_id != p->survey_id;
+    if (p->list_since_ns || is_end(&p->next) || other_survey || is_other_scan(p, now_ns))
+        return playback_is_settled(p, now_ns);
+    return true;
+}

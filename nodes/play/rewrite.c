@@ -1,0 +1,65 @@
+#include "nodes/play/rewrite.h"
+
+#include <errno.h>
+#include <string.h>
+
+#include "msgs/tensor.pb-c.h"
+#include "msgs/unpack.h"
+
+static const ProtobufCFieldDescriptor *find(const ProtobufCMessageDescriptor *d,
+                                            const char *name)
+{
+    const ProtobufCFieldDescriptor *f =
+        protobuf_c_message_descriptor_get_field_by_name(d, name);
+
+    return f && f->label != PROTOBUF_C_LABEL_REPEATED &&
+                   (f->type == PROTOBUF_C_TYPE_UINT32 || f->type == PROTOBUF_C_TYPE_ENUM)
+               ? f
+               : NULL;
+}
+
+static uint32_t *at(const ProtobufCMessage *m, const ProtobufCFieldDescriptor *f)
+{
+    return (uint32_t *)(void *)((char *)m + f->offset);
+}
+
+int64_t rewrite_peek(const ProtobufCMessage *m, const char *field)
+{
+    const ProtobufCFieldDescriptor *f = find(m->descriptor, field);
+
+    return f ? (int64_t)*at(m, f) : -1;
+}
+
+static int pack(const ProtobufCMessage *m, struct bytes *payload,
+                struct bytes_buffer *into)
+{
+    size_t size = protobuf_c_message_get_packed_size(m);
+
+    if (bytes_reserve(into, size ? size : 1))
+        return -ENOMEM;
+    into->size = protobuf_c_message_pack(m, into->data);
+    *payload = bytes_in(into);
+    return 0;
+}
+
+int rewrite(const struct topic *t, uint32_t scan_base, struct bytes *payload,
+            struct bytes_buffer *into)
+{
+    const ProtobufCFieldDescriptor *scan = scan_base ? find(t->schema, "scan") : NULL;
+    const ProtobufCFieldDescriptor *source = find(t->schema, "source");
+
+    if (source && source->descriptor != &anlos__source__descriptor)
+        source = NULL;
+    if (!scan && !source)
+        return 0;
+    ProtobufCMessage *m = message_unpack(t->schema, payload->size, payload->data);
+    if (!m)
+        return -EPROTO;
+    if (scan)
+        *at(m, scan) += scan_base;
+    if (source)
+        *at(m, source) = ANLOS__SOURCE__REPLAY;
+    int err = pack(m, payload, into);
+    protobuf_c_message_free_unpacked(m, NULL);
+    return err;
+}

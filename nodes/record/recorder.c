@@ -1,0 +1,305 @@
+#include "nodes/record/recorder.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+
+#include "msgs/bag/topic_message.h"
+#include "nodes/record/parts.h"
+#include "nodes/record/survey_cargo.h"
+
+#define CHUNK_SIZE      (4u << 20)
+#define SURVEY_WAIT_NS  2000000000LL /* twice the survey's period */
+#define PARTS_PER_QUOTA 8            /* where no size of a part is said */
+
+struct recorder {
+    struct recorder_config cfg;
+    struct parts parts;
+    struct balance balance;
+    struct survey_cargo survey;
+    char path[PATH_MAX];
+    struct bag_writer *writer;
+    struct bag_topics *topics;
+    uint64_t part_cargo;  /* bytes of the part that are no messages: attachments */
+    int64_t part_ns;      /* when the part began */
+    bool over;            /* it should end */
+    int64_t over_ns;      /* since when */
+    int64_t flush_due_ns; /* INT64_MAX: nothing to be flushed */
+    uint64_t n_written;   /* messages in complete files */
+    bool failed, ended;
+};
+
+static void say(const struct recorder *r, enum log_level level, const char *text)
+{
+    if (r->cfg.say)
+        r->cfg.say(r->cfg.context, level, text);
+}
+
+static int open_part(struct recorder *r, int64_t now_ns, struct complaint *why)
+{
+    const struct bag_writer_config cfg = {.profile = "anlos",
+                                          .library = "anlos " ANLOS_VERSION,
+                                          .chunk_size = CHUNK_SIZE,
+                                          .compression = r->cfg.compression};
+    int err = bag_writer_create(&r->writer, parts_begin(&r->parts, r->path), &cfg, why);
+
+    if (!err && bag_topics_create(&r->topics, r->writer))
+        err = complain(why, -ENOMEM, "out of memory");
+    if (!err)
+        err = session_write(r->cfg.session, r->parts.n, now_ns, r->writer, why);
+    if (!err)
+        err = survey_cargo_write(&r->survey, now_ns, r->writer, why);
+    r->part_cargo = r->writer ? bag_writer_size(r->writer) : 0;
+    r->part_ns = now_ns;
+    r->over = false;
+    r->flush_due_ns = INT64_MAX;
+    return err;
+}
+
+static uint64_t file_size(const char *path, uint64_t otherwise)
+{
+    struct stat st;
+
+    return stat(path, &st) ? otherwise : (uint64_t)st.st_size;
+}
+
+/* Also of a file that could not be written on. */
+static int close_part(struct recorder *r, int64_t now_ns, struct complaint *why)
+{
+    if (!r->writer)
+        return 0;
+    int err = r->failed ? 0 : balance_end_file(&r->balance, now_ns, r->writer, why);
+    uint64_t bytes = bag_writer_size(r->writer);
+    struct bag_writer *w = r->writer;
+    bag_topics_destroy(r->topics);
+    r->topics = NULL;
+    r->writer = NULL;
+    int flushed = r->failed || err ? 0 : bag_writer_flush(w, why);
+    err = err ? err : flushed;
+    r->n_written += bag_writer_messages(w);
+    int closed = bag_writer_close(w, r->failed || err ? NULL : why);
+    if (!r->failed && !err)
+        err = closed;
+    if (parts_end(&r->parts, file_size(r->path, bytes)) && !err)
+        err = complain(why, -ENOMEM, "out of memory");
+    return err;
+}
+
+static int keep_quota(struct recorder *r, struct complaint *why)
+{
+    unsigned before = r->parts.n_removed;
+    uint64_t open = r->writer ? bag_writer_size(r->writer) : 0;
+    char text[200];
+
+    if (!r->cfg.quota_bytes)
+        return 0;
+    int err = parts_keep_quota(&r->parts, r->cfg.quota_bytes, open, why);
+    if (r->parts.n_removed > before) {
+        snprintf(
+            text, sizeof text,
+            "the quota is reached: of this recording the oldest files go, %u so far, "
+            "%.1f MB",
+            r->parts.n_removed, 1e-6 * (double)r->parts.removed_bytes);
+        say(r, LOG_LEVEL_WARNING, text);
+    }
+    return err;
+}
+
+static int next_part(struct recorder *r, int64_t now_ns, struct complaint *why)
+{
+    int err = close_part(r, now_ns, why);
+
+    if (!err)
+        err = open_part(r, now_ns, why);
+    if (!err) {
+        char text[PATH_MAX + 32];
+        snprintf(text, sizeof text, "goes on in %s", r->path);
+        say(r, LOG_LEVEL_INFO, text);
+        err = keep_quota(r, why);
+    }
+    return err;
+}
+
+/* The size at which a part ends: half of it at least are messages, or else each would
+ * make a file of its own where the attachments are larger than split_bytes. */
+static uint64_t part_limit(const struct recorder *r)
+{
+    return r->cfg.split_bytes > 2 * r->part_cargo ? r->cfg.split_bytes
+                                                  : 2 * r->part_cargo;
+}
+
+/* A part ends where the next one can begin with a survey: it is of use by itself then. */
+static bool ends_before(const struct recorder *r, const struct bus_message *m,
+                        int64_t now_ns)
+{
+    if (!r->over)
+        return false;
+    return m->topic == topic_survey() || !r->survey.id ||
+           now_ns - r->over_ns > SURVEY_WAIT_NS ||
+           (r->cfg.split_bytes &&
+            bag_writer_size(r->writer) > part_limit(r) + part_limit(r) / 4);
+}
+
+static void look_at_size(struct recorder *r, int64_t now_ns)
+{
+    bool over = (r->cfg.split_bytes && bag_writer_size(r->writer) >= part_limit(r)) ||
+                (r->cfg.split_ns && now_ns - r->part_ns >= r->cfg.split_ns);
+
+    if (over && !r->over)
+        r->over_ns = now_ns;
+    r->over |= over;
+}
+
+/* A survey that cannot be kept as a file is a message all the same. */
+static int take_survey(struct recorder *r, const struct bus_message *m, int64_t now_ns,
+                       struct complaint *why)
+{
+    Anlos__Survey *survey = (Anlos__Survey *)bus_message_unpack(m);
+    struct complaint reason = {""};
+    char text[sizeof reason.text + 64];
+    int err = 0;
+
+    if (survey && survey_cargo_is_news(&r->survey, survey)) {
+        if (survey_cargo_take(&r->survey, survey, &reason)) {
+            snprintf(text, sizeof text, "the survey is not attached: %s", reason.text);
+            say(r, LOG_LEVEL_WARNING, text);
+        }
+        uint64_t before = bag_writer_size(r->writer);
+        err = survey_cargo_write(&r->survey, now_ns, r->writer, why);
+        r->part_cargo += bag_writer_size(r->writer) - before;
+    }
+    if (survey)
+        anlos__survey__free_unpacked(survey, NULL);
+    return err;
+}
+
+int recorder_put(struct recorder *r, const struct bus_message *m, int64_t now_ns,
+                 struct complaint *why)
+{
+    int err = ends_before(r, m, now_ns) ? next_part(r, now_ns, why) : 0;
+
+    if (!err && m->topic == topic_survey())
+        err = take_survey(r, m, now_ns, why);
+    if (!err)
+        err = bag_topics_put(r->topics, &m->envelope, m->payload, NULL, why);
+    balance_take(&r->balance, m->topic, m->envelope.payload_size);
+    r->failed = err != 0;
+    if (err)
+        return err;
+    if (r->flush_due_ns == INT64_MAX)
+        r->flush_due_ns = now_ns + r->cfg.flush_ns;
+    look_at_size(r, now_ns);
+    return 0;
+}
+
+void recorder_lost(struct recorder *r, const struct topic *t, uint64_t total)
+{
+    balance_lost(&r->balance, t, total);
+}
+
+int recorder_tick(struct recorder *r, int64_t now_ns, int64_t *due_ns,
+                  struct complaint *why)
+{
+    int err = 0;
+
+    if (now_ns >= r->flush_due_ns) {
+        err = balance_tell(&r->balance, now_ns, r->writer, why);
+        if (!err)
+            err = bag_writer_flush(r->writer, why);
+        r->flush_due_ns = INT64_MAX;
+        r->failed = err != 0;
+        if (!err)
+            err = keep_quota(r, why);
+    }
+    *due_ns = r->flush_due_ns;
+    return err;
+}
+
+const char *recorder_path(const struct recorder *r)
+{
+    return r->path;
+}
+
+const struct balance *recorder_balance(const struct recorder *r)
+{
+    return &r->balance;
+}
+
+void recorder_sum(const struct recorder *r, struct recorder_totals *out)
+{
+    struct balance_topic sum = balance_sum(&r->balance);
+
+    *out = (struct recorder_totals){
+        .messages = sum.messages,
+        .lost = sum.lost,
+        .unwritten = r->ended ? sum.messages - r->n_written : 0,
+        .file_bytes = parts_bytes(&r->parts) +
+                      (r->writer ? bag_writer_size(r->writer) : 0),
+        .n_files = r->parts.n_closed + (r->writer != NULL),
+        .n_removed = r->parts.n_removed,
+    };
+}
+
+/* With a quota there have to be parts that can go, of a size that leaves room. */
+static int settle_sizes(struct recorder_config *c, struct complaint *why)
+{
+    if (!c->quota_bytes)
+        return 0;
+    if (!c->split_bytes)
+        c->split_bytes = c->quota_bytes / PARTS_PER_QUOTA;
+    if (c->split_bytes > c->quota_bytes / 2)
+        return complain(why, -EINVAL,
+                        "files of %.6g MB do not fit a quota of %.6g MB twice",
+                        1e-6 * (double)c->split_bytes, 1e-6 * (double)c->quota_bytes);
+    return 0;
+}
+
+int recorder_create(struct recorder **out, const struct recorder_config *cfg,
+                    int64_t now_ns, struct complaint *why)
+{
+    struct recorder *r = calloc(1, sizeof *r);
+
+    if (!r)
+        return complain(why, -ENOMEM, "out of memory");
+    r->cfg = *cfg;
+    int err = settle_sizes(&r->cfg, why);
+    bool split = r->cfg.split_bytes || r->cfg.split_ns;
+    if (!err)
+        err = cfg->free_name ? parts_init_free(&r->parts, cfg->path, split, why)
+                             : parts_init(&r->parts, cfg->path, split, why);
+    if (!err && balance_init(&r->balance, cfg->topics, cfg->n_topics, now_ns))
+        err = complain(why, -ENOMEM, "out of memory");
+    if (!err)
+        err = open_part(r, now_ns, why);
+    if (err) {
+        r->failed = true;
+        recorder_destroy(r);
+        return err;
+    }
+    *out = r;
+    return 0;
+}
+
+int recorder_end(struct recorder *r, int64_t now_ns, struct complaint *why)
+{
+    int err = close_part(r, now_ns, why);
+
+    if (!err && !r->failed)
+        err = keep_quota(r, why);
+    r->ended = true;
+    return err;
+}
+
+void recorder_destroy(struct recorder *r)
+{
+    if (!r)
+        return;
+    if (!r->ended)
+        recorder_end(r, r->part_ns, NULL);
+    survey_cargo_clear(&r->survey);
+    balance_clear(&r->balance);
+    parts_clear(&r->parts);
+    free(r);
+}

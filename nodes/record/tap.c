@@ -1,0 +1,120 @@
+#include "nodes/record/tap.h"
+
+#include <errno.h>
+#include <stdlib.h>
+
+#define COUNT_PERIOD_NS 100000000LL
+#define NS_PER_MS       1000000LL
+#define QUIET_MS        50
+#define LAST_NS         2000000000LL /* to wait for what is on its way */
+
+static int receive_from_bus(void *source, struct bus_message *out, int timeout_ms)
+{
+    return bus_receive(source, out, timeout_ms);
+}
+
+int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
+             const struct recorder_config *cfg, const struct clock_source *clock)
+{
+    int err = 0;
+
+    *t = (struct tap){.bus = bus,
+                      .recorder = recorder,
+                      .clock = clock,
+                      .receive = receive_from_bus,
+                      .source = bus};
+    bus_keep_all(bus, TAP_QUEUE_BYTES, clock_now_ns(clock));
+    for (size_t i = 0; !err && i < cfg->n_topics; i++)
+        err = bus_subscribe(bus, cfg->topics[i]);
+    if (err)
+        return err;
+    t->room = bus_counts(bus, NULL, 0);
+    t->counts = calloc(t->room ? t->room : 1, sizeof *t->counts);
+    return t->counts ? 0 : -ENOMEM;
+}
+
+void tap_count(struct tap *t)
+{
+    size_t n = bus_counts(t->bus, t->counts, t->room);
+
+    for (size_t i = 0; i < n && i < t->room; i++)
+        if (!t->counts[i].published)
+            recorder_lost(t->recorder, t->counts[i].topic,
+                          t->counts[i].gaps + t->counts[i].dropped);
+}
+
+/* Milliseconds to t, rounded up. */
+static int ms_until(int64_t now_ns, int64_t t_ns)
+{
+    return t_ns > now_ns ? (int)((t_ns - now_ns + NS_PER_MS - 1) / NS_PER_MS) : 0;
+}
+
+static int put(struct tap *t, struct bus_message *m, struct complaint *why)
+{
+    int err = recorder_put(t->recorder, m, clock_now_ns(t->clock), why);
+
+    bus_message_free(m);
+    return err;
+}
+
+static int tick(struct tap *t, int64_t *due_ns, struct complaint *why)
+{
+    int64_t now = clock_now_ns(t->clock);
+
+    if (now >= t->count_due_ns) {
+        tap_count(t);
+        t->count_due_ns = now + COUNT_PERIOD_NS;
+    }
+    return recorder_tick(t->recorder, now, due_ns, why);
+}
+
+int tap_step(struct tap *t, int timeout_ms, struct complaint *why)
+{
+    struct bus_message m;
+    int64_t due_ns;
+    int err = tick(t, &due_ns, why);
+
+    if (err)
+        return err;
+    if (due_ns != INT64_MAX) {
+        int ms = ms_until(clock_now_ns(t->clock), due_ns);
+        timeout_ms = ms < timeout_ms ? ms : timeout_ms;
+    }
+    err = t->receive(t->source, &m, timeout_ms);
+    if (err)
+        return err == -ETIMEDOUT ? 0 : err;
+    return put(t, &m, why);
+}
+
+/* Stamps of a replay tell nothing of when it was sent. */
+int tap_drain(struct tap *t, struct complaint *why)
+{
+    int64_t stop_ns = clock_now_ns(t->clock), due_ns;
+    int err = 0;
+
+    bus_resume(t->bus);
+    while (!err) {
+        struct bus_message m;
+        err = bus_receive(t->bus, &m, QUIET_MS);
+        if (err)
+            break;
+        bool late = clock_now_ns(t->clock) > stop_ns + LAST_NS;
+        if (m.envelope.publish_ns <= stop_ns && !(late && m.envelope.replayed)) {
+            err = put(t, &m, why);
+            if (!err)
+                err = tick(t, &due_ns, why);
+        } else {
+            bus_message_free(&m);
+            if (late)
+                break;
+        }
+    }
+    tap_count(t);
+    return err == -ETIMEDOUT || err == -ESHUTDOWN ? 0 : err;
+}
+
+void tap_close(struct tap *t)
+{
+    free(t->counts);
+    t->counts = NULL;
+}

@@ -1,0 +1,39 @@
+/* nodes/record/tap.h -- what comes over a bus, into a recorder. */
+#ifndef ANLOS_NODES_RECORD_TAP_H
+#define ANLOS_NODES_RECORD_TAP_H
+
+#include "hal/clock.h"
+#include "msgs/bus.h"
+#include "nodes/record/recorder.h"
+
+#define TAP_QUEUE_BYTES ((size_t)256 << 20) /* 10 s of a scan at four times its pace */
+
+struct tap {
+    struct bus *bus;
+    struct recorder *recorder;
+    const struct clock_source *clock;
+    int (*receive)(void *source, struct bus_message *out, int timeout_ms);
+    void *source; /* of receive; NULL: the bus */
+    int64_t count_due_ns;
+    struct bus_count *counts; /* [room] */
+    size_t room;
+};
+
+/* A tap on a bus that subscribes to nothing yet; receive may be NULL: bus_receive.
+ * 0, -ENOMEM, as bus_subscribe. */
+int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
+             const struct recorder_config *cfg, const struct clock_source *clock);
+
+/* Takes at most one message, waiting for it no longer than timeout_ms, and has the
+ * recorder flush when it is time.  0; errors of receive but -ETIMEDOUT, of recorder. */
+int tap_step(struct tap *t, int timeout_ms, struct complaint *why);
+
+/* Takes what was published before now and is still on its way or waits: until nothing
+ * comes for a moment.  Ends an interrupt.  As tap_step. */
+int tap_drain(struct tap *t, struct complaint *why);
+
+/* What is lost by now, to the recorder. */
+void tap_count(struct tap *t);
+void tap_close(struct tap *t);
+
+#endif

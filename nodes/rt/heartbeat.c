@@ -1,0 +1,74 @@
+#include "nodes/rt/heartbeat.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "nodes/rt/vitals.h"
+
+#define PERIOD_NS      1000000000LL
+#define LOOK_PERIOD_NS 100000000LL /* for new connections, in a young process */
+#define YOUNG_NS       10000000000LL
+
+void heartbeat_publish(struct heartbeat *h)
+{
+    struct vitals v;
+    struct device_count counts[DEVICE_MAX_COUNTS];
+    int64_t machine_ns = clock_now_ns(h->clock->machine);
+    int64_t now_ns = clock_now_ns(&h->clock->source);
+
+    log_tick(h->log);
+    vitals_take(&v, h->bus, h->node, h->malformed);
+    vitals_latencies(&v, &h->latencies, now_ns);
+    if (h->device)
+        vitals_device(&v, counts, h->counts(h->device, counts));
+    v.message.state = h->state;
+    v.message.text = h->text;
+    v.message.uptime_s = (double)(machine_ns - h->epoch_ns) * 1e-9;
+    h->due_ns = machine_ns + PERIOD_NS;
+    int err = bus_publish_message(h->bus, topic_health(), 0, now_ns, &v.message.base);
+    if (err)
+        log_write(h->log, LOG_LEVEL_ERROR, "cannot publish health: %s", strerror(-err));
+}
+
+/* Whoever waits for this node wants to know when it hears those whom it listens to; and
+ * who begins to listen to its health has missed what it said so far. */
+static void look_at_peers(struct heartbeat *h, int64_t now_ns)
+{
+    struct bus_count counts[VITALS_MAX_TOPICS];
+    size_t peers = 0;
+
+    if (now_ns < h->look_due_ns)
+        return;
+    h->look_due_ns = now_ns - h->epoch_ns < YOUNG_NS ? now_ns + LOOK_PERIOD_NS
+                                                     : h->due_ns;
+    size_t n_counts = bus_counts(h->bus, counts, VITALS_MAX_TOPICS);
+    for (size_t i = 0; i < n_counts && i < VITALS_MAX_TOPICS; i++)
+        if (!counts[i].published || counts[i].topic == topic_health())
+            peers += counts[i].peers;
+    if (peers != h->peers)
+        h->due_ns = now_ns;
+    h->peers = peers;
+}
+
+int64_t heartbeat_tick(struct heartbeat *h, int64_t now_ns)
+{
+    look_at_peers(h, now_ns);
+    if (now_ns >= h->due_ns)
+        heartbeat_publish(h);
+    return h->look_due_ns < h->due_ns ? h->look_due_ns : h->due_ns;
+}
+
+void heartbeat_state(struct heartbeat *h, Anlos__Health__State state, const char *text)
+{
+    if (state == h->state && !strcmp(text, h->text))
+        return;
+    if (state != h->state)
+        log_write(h->log,
+                  state == ANLOS__HEALTH__STATE__FAULT      ? LOG_LEVEL_ERROR
+                  : state == ANLOS__HEALTH__STATE__DEGRADED ? LOG_LEVEL_WARNING
+                                                            : LOG_LEVEL_DEBUG,
+                  "%s", text);
+    h->state = state;
+    snprintf(h->text, sizeof h->text, "%s", text);
+    heartbeat_publish(h);
+}

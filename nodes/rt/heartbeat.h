@@ -1,0 +1,39 @@
+/* nodes/rt/heartbeat.h -- a node's health messages: once a second, at each change of its
+ * state, and when somebody begins to listen. */
+#ifndef ANLOS_NODES_RT_HEARTBEAT_H
+#define ANLOS_NODES_RT_HEARTBEAT_H
+
+#include "hal/clock_replay.h"
+#include "hal/device_count.h"
+#include "msgs/bus.h"
+#include "msgs/health.pb-c.h"
+#include "nodes/rt/latencies.h"
+#include "nodes/rt/log.h"
+
+struct heartbeat {
+    char *node; /* whose, not owned; bus, log and clock neither */
+    struct bus *bus;
+    struct log *log;
+    const struct clock_replay *clock;
+    int64_t epoch_ns;
+    int64_t due_ns, look_due_ns;
+    size_t peers; /* connected, as health said last */
+    Anlos__Health__State state;
+    char text[256];
+    uint64_t malformed; /* messages that did not unpack */
+    struct latencies latencies;
+    size_t (*counts)(void *device, struct device_count *out);
+    void *device; /* NULL: none */
+};
+
+/* Says how the node is, now; also tells of repeated lines in its log. */
+void heartbeat_publish(struct heartbeat *h);
+
+/* The same if it is time to.  now_ns, here and of what it returns: the machine's.
+ * Returns when to ask again. */
+int64_t heartbeat_tick(struct heartbeat *h, int64_t now_ns);
+
+/* Sets the state and says so at once when it changed; one that is worse is logged. */
+void heartbeat_state(struct heartbeat *h, Anlos__Health__State state, const char *text);
+
+#endif

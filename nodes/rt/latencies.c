@@ -1,0 +1,64 @@
+#include "nodes/rt/latencies.h"
+
+#include <stdlib.h>
+
+static const struct latency_track *find(const struct latencies *l, const struct topic *t,
+                                        bool published)
+{
+    for (size_t i = 0; i < l->n; i++)
+        if (l->tracks[i].topic == t && l->tracks[i].published == published)
+            return &l->tracks[i];
+    return NULL;
+}
+
+static struct latency_track *find_or_begin(struct latencies *l, const struct topic *t,
+                                           bool published)
+{
+    const struct latency_track *known = find(l, t, published);
+
+    if (known)
+        return &l->tracks[known - l->tracks];
+    if (l->n == LATENCIES_MAX_TOPICS)
+        return NULL;
+    l->tracks[l->n].topic = t;
+    l->tracks[l->n].published = published;
+    return &l->tracks[l->n++];
+}
+
+void latencies_add(struct latencies *l, const struct topic *t, bool published,
+                   int64_t now_ns, int64_t capture_ns)
+{
+    struct latency_track *track = capture_ns ? find_or_begin(l, t, published) : NULL;
+
+    if (track)
+        track->ring[track->n++ % LATENCIES_DEPTH] = (struct latency_sample){
+            .at_ns = now_ns, .s = 1e-9 * (double)(now_ns - capture_ns)};
+}
+
+static int compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+struct latency_summary latencies_summarise(const struct latencies *l,
+                                           const struct topic *t, bool published,
+                                           int64_t now_ns)
+{
+    const struct latency_track *track = find(l, t, published);
+    size_t held = !track ? 0 : track->n < LATENCIES_DEPTH ? track->n : LATENCIES_DEPTH;
+    double sorted[LATENCIES_DEPTH];
+    size_t n = 0;
+
+    for (size_t i = 0; i < held; i++)
+        if (track->ring[i].at_ns <= now_ns &&
+            track->ring[i].at_ns > now_ns - LATENCIES_WINDOW_NS)
+            sorted[n++] = track->ring[i].s;
+    if (!n)
+        return (struct latency_summary){0};
+    qsort(sorted, n, sizeof sorted[0], compare);
+    return (struct latency_summary){.n = n,
+                                    .median_s = sorted[(n + 1) / 2 - 1],
+                                    .p99_s = sorted[(99 * n + 99) / 100 - 1]};
+}

@@ -1,0 +1,45 @@
+#include "nodes/rt/presence.h"
+
+#include <inttypes.h>
+#include <limits.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <sys/stat.h>
+
+/* "1: FLOCK  ADVISORY  WRITE 6533 fe:00:11993496 0 EOF"; one that waits has "->". */
+void presence_read(struct presence_locks *out, const char *path)
+{
+    char line[256];
+    FILE *f = fopen(path ? path : "/proc/locks", "re");
+
+    out->n = 0;
+    if (!f)
+        return;
+    while (out->n < PRESENCE_MAX_LOCKS && fgets(line, sizeof line, f)) {
+        uint64_t inode;
+        int pid;
+        if (sscanf(line, "%*u: FLOCK %*s %*s %d %*x:%*x:%" SCNu64, &pid, &inode) != 2)
+            continue;
+        out->held[out->n].pid = pid;
+        out->held[out->n++].inode = inode;
+    }
+    fclose(f);
+}
+
+enum presence presence_of(const struct presence_locks *locks, const char *run_dir,
+                          const char *node)
+{
+    char path[PATH_MAX];
+    struct stat st;
+    int n = snprintf(path, sizeof path, "%s/%s.lock", run_dir, node), pid = 0;
+    FILE *f = n > 0 && (size_t)n < sizeof path ? fopen(path, "re") : NULL;
+
+    if (!f)
+        return PRESENCE_NEVER;
+    bool known = !fstat(fileno(f), &st) && fscanf(f, "%d", &pid) == 1;
+    fclose(f);
+    for (size_t i = 0; known && i < locks->n; i++)
+        if (locks->held[i].pid == pid && locks->held[i].inode == st.st_ino)
+            return PRESENCE_ALIVE;
+    return PRESENCE_GONE;
+}

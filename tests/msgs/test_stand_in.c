@@ -1,0 +1,137 @@
+/* A bus listens to somebody who speaks under the names of others. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "tests/msgs/run_folder.h"
+
+#include "msgs/scan.pb-c.h"
+#include "msgs/stand_in.h"
+
+#define EPOCH 77
+
+static struct stand_in *create(void)
+{
+    struct stand_in *s = NULL;
+
+    assert_int_equal(stand_in_create(&s, run_folder, EPOCH, NULL), 0);
+    return s;
+}
+
+static struct bus *listen(const struct topic *t)
+{
+    const struct bus_config cfg = {.run_dir = run_folder, .listen_only = true};
+    struct bus *b = NULL;
+
+    assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+    assert_int_equal(bus_subscribe(b, t), 0);
+    return b;
+}
+
+static int say(struct stand_in *s, const char *text)
+{
+    return stand_in_publish(s, "scan", topic_scan_status(), 0, 5, text, strlen(text));
+}
+
+/* Until a message comes: what is sent before the listener is connected is lost. */
+static struct bus_message hear(struct stand_in *s, struct bus *b, const char *text)
+{
+    struct bus_message m = {0};
+    int64_t end = now_ms() + DEADLINE_MS;
+
+    while (bus_receive(b, &m, 10) == -ETIMEDOUT) {
+        assert_true(now_ms() < end);
+        assert_int_equal(say(s, text), 0);
+    }
+    return m;
+}
+
+static void it_speaks_under_the_other_s_name_in_its_own_epoch(void **state)
+{
+    struct stand_in *s = create();
+    struct bus *b = listen(topic_scan_status());
+
+    (void)state;
+    assert_int_equal(stand_in_add(s, "scan", topic_scan_status(), NULL), 0);
+    assert_int_equal(stand_in_add(s, "scan", topic_scan_status(), NULL), 0);
+    struct bus_message m = hear(s, b, "abc");
+    assert_string_equal(m.envelope.node, "scan");
+    assert_string_equal(m.envelope.topic, "scan/status");
+    assert_int_equal(m.envelope.epoch_ns, EPOCH);
+    assert_int_equal(m.envelope.publish_ns, 5);
+    assert_int_equal(m.envelope.capture_ns, 0);
+    assert_true(m.envelope.replayed);
+    assert_memory_equal(m.payload, "abc", 3);
+    bus_message_free(&m);
+    assert_int_equal(count_of(b, topic_scan_status(), false).peers, 1);
+    bus_destroy(b);
+    stand_in_destroy(s);
+}
+
+static void what_was_not_added_cannot_be_said(void **state)
+{
+    struct stand_in *s = create();
+
+    (void)state;
+    assert_int_equal(say(s, "a"), -EINVAL);
+    assert_int_equal(stand_in_add(s, "dsp", topic_scan_status(), NULL), -EINVAL);
+    assert_int_equal(stand_in_add(s, "scan", topic_scan_status(), NULL), 0);
+    assert_true(stand_in_has(s, "scan", topic_scan_status()));
+    assert_false(stand_in_has(s, "scan", topic_fire()));
+    assert_string_equal(stand_in_node(s, 0), "scan");
+    assert_null(stand_in_node(s, 1));
+    static char large[5000];
+    assert_int_equal(
+        stand_in_publish(s, "scan", topic_scan_status(), 0, 1, large, sizeof large),
+        -EMSGSIZE);
+    stand_in_destroy(s);
+}
+
+/* nanomsg drops what comes while the one before is not with the kernel. */
+static void what_is_larger_than_the_kernel_s_buffer_goes_one_by_one(void **state)
+{
+    struct stand_in *s = create();
+    const struct topic *t = topic_scan_status();
+
+    (void)state;
+    assert_int_equal(stand_in_window(s, "scan", t, 1),
+                     1); /* not added: nothing is sure */
+    assert_int_equal(stand_in_add(s, "scan", t, NULL), 0);
+    assert_int_equal(stand_in_window(s, "scan", t, (size_t)1 << 30), 1);
+    size_t small = stand_in_window(s, "scan", t, 1000);
+    assert_true(small > stand_in_window(s, "scan", t, 10000));
+    stand_in_destroy(s);
+}
+
+static void nobody_can_be_there_twice(void **state)
+{
+    struct stand_in *s = create();
+    const struct bus_config cfg = {.node = "scan", .run_dir = run_folder};
+    struct complaint why;
+    struct bus *b = open_bus("scan", 1);
+
+    (void)state;
+    assert_int_equal(stand_in_add(s, "scan", topic_scan_status(), NULL), -EADDRINUSE);
+    bus_destroy(b);
+    assert_int_equal(stand_in_add(s, "scan", topic_scan_status(), NULL), 0);
+    assert_int_equal(bus_create(&b, &cfg, &why), -EADDRINUSE);
+    stand_in_destroy(s);
+    b = open_bus("scan", 2);
+    bus_destroy(b);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, make_run_folder, remove_run_folder)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(it_speaks_under_the_other_s_name_in_its_own_epoch),
+        TEST(what_was_not_added_cannot_be_said),
+        TEST(what_is_larger_than_the_kernel_s_buffer_goes_one_by_one),
+        TEST(nobody_can_be_there_twice),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

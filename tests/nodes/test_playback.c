@@ -1,0 +1,440 @@
+/* A bag is played to nodes that the test plays: it says what they would, and when. */
+#include "tests/nodes/played_bag.h"
+
+#include <errno.h>
+#include <math.h>
+
+#include "msgs/bus.h"
+#include "nodes/play/playback.h"
+
+#define MS INT64_C(1000000)
+
+struct rig {
+    struct scratch *scratch;
+    struct playback *p;
+    struct playback_config cfg;
+    int64_t now_ns;
+    char bag[600];
+};
+
+static const char *const all[] = {"play", "dsp", "recon", "track"};
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r || scratch_open((void **)&r->scratch))
+        return -1;
+    snprintf(r->bag, sizeof r->bag, "%s", scratch_path(r->scratch, "a.mcap"));
+    r->now_ns = 5000000 * MS;
+    r->cfg = (struct playback_config){.tape = {.bag = r->bag, .end_s = INFINITY},
+                                      .run_dir = r->scratch->folder,
+                                      .nodes = all,
+                                      .n_nodes = 4,
+                                      .window = 4,
+                                      .timeout_s = 5.0};
+    *state = r;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+    void *scratch = r->scratch;
+
+    playback_destroy(r->p);
+    free(r);
+    return scratch_close(&scratch);
+}
+
+static struct playback_status status_of(const struct rig *r)
+{
+    struct playback_status s;
+
+    playback_status(r->p, &s);
+    return s;
+}
+
+static void say_health(struct rig *r)
+{
+    Anlos__Health h = ANLOS__HEALTH__INIT;
+
+    h.state = ANLOS__HEALTH__STATE__READY;
+    for (size_t i = 1; i < r->cfg.n_nodes; i++)
+        playback_health(r->p, r->cfg.nodes[i], 7, &h, r->now_ns);
+}
+
+/* As long as something goes out, and time passes. */
+static void turn(struct rig *r, int64_t for_ns)
+{
+    struct complaint why = {""};
+    int64_t due_ns, end_ns = r->now_ns + for_ns;
+
+    do {
+        if (playback_step(r->p, r->now_ns, &due_ns, &why))
+            fail_msg("%s", why.text);
+        if (due_ns > r->now_ns)
+            r->now_ns = due_ns < end_ns ? due_ns : end_ns;
+    } while (r->now_ns < end_ns);
+}
+
+/* All are ready, and nothing has been played: what the bag holds comes after this. */
+static void create(struct rig *r)
+{
+    struct complaint why = {""};
+
+    if (playback_create(&r->p, &r->cfg, 3, &why))
+        fail_msg("%s", why.text);
+    playback_hears(r->p, true);
+    assert_int_equal(status_of(r).phase, PLAYBACK_WAITS);
+    turn(r, 100 * MS);
+    say_health(r);
+}
+
+static void answer(struct rig *r, uint32_t scan, uint32_t i)
+{
+    Anlos__Receipt receipt = ANLOS__RECEIPT__INIT;
+
+    receipt.scan = scan;
+    receipt.pass = ANLOS__PASS__SCENE;
+    receipt.position = i / N_SPEAKERS;
+    receipt.speaker = i % N_SPEAKERS;
+    receipt.usable = true;
+    playback_receipt(r->p, &receipt, r->now_ns);
+}
+
+static void list(struct rig *r, uint32_t scan, bool preview)
+{
+    Anlos__DetectionList l = ANLOS__DETECTION_LIST__INIT;
+
+    l.scan = scan;
+    l.preview = preview;
+    playback_list(r->p, &l);
+}
+
+static void nothing_is_played_before_all_are_ready(void **state)
+{
+    struct rig *r = *state;
+    struct complaint why = {""};
+
+    played_bag_write(r->bag, true);
+    assert_int_equal(playback_create(&r->p, &r->cfg, 3, &why), 0);
+    turn(r, 10000 * MS);
+    struct playback_status s = status_of(r);
+    assert_int_equal(s.phase, PLAYBACK_WAITS);
+    assert_int_equal(s.messages, 0);
+    assert_string_equal(s.text, "waits for dsp, recon, track");
+    say_health(r);
+    turn(r, 1000 * MS);
+    assert_string_equal(status_of(r).text, "waits for connections");
+    playback_hears(r->p, true);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).pings.played, 4);
+}
+
+static void no_more_pings_are_under_way_than_the_window_has(void **state)
+{
+    struct rig *r = *state;
+
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 1000 * MS);
+    struct playback_status s = status_of(r);
+    assert_int_equal(s.pings.played, 4);
+    assert_int_equal(s.messages, 6);
+    assert_string_equal(s.text, "waits for 4 receipts");
+    answer(r, 1, 0);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).pings.played, 5);
+}
+
+static void the_end_of_a_scan_waits_for_its_pings_and_the_rest_for_its_list(void **state)
+{
+    struct rig *r = *state;
+
+    r->cfg.window = 32;
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).messages, 2 + N_PINGS);
+    for (uint32_t i = 0; i < N_PINGS - 1; i++)
+        answer(r, 1, i);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).messages, 2 + N_PINGS);
+    answer(r, 1, N_PINGS - 1);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).messages, 2 + N_PINGS + 1); /* the first DONE */
+    list(r, 1, true);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).messages, 2 + N_PINGS + 1);
+    list(r, 1, false);
+    turn(r, 1000 * MS);
+    struct playback_status s = status_of(r);
+    assert_int_equal(s.messages, 2 + N_PINGS + 2);
+    assert_int_equal(s.phase, PLAYBACK_ENDED);
+    assert_int_equal(s.pings.used, N_PINGS);
+    assert_null(playback_note(r->p));
+}
+
+static void what_nobody_answers_is_given_up_counted_and_said(void **state)
+{
+    struct rig *r = *state;
+
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 20000 * MS);
+    /* Nobody has said anything since: they may be busy, and not even that is known. */
+    assert_int_equal(status_of(r).pings.missing, 0);
+    say_health(r);
+    turn(r, 100 * MS);
+    assert_int_equal(status_of(r).pings.missing, 4);
+    assert_contains(playback_note(r->p), "4 pings were played, and in 5 s nobody said");
+    assert_int_equal(status_of(r).pings.played, N_PINGS);
+}
+
+static void messages_are_due_by_their_stamps_and_the_rate(void **state)
+{
+    struct rig *r = *state;
+
+    r->cfg.rate = 0.5;
+    r->cfg.n_nodes = 1; /* nobody is waited for */
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 300 * MS);
+    int64_t start_ns = r->now_ns;
+    while (status_of(r).messages < 6)
+        turn(r, 1 * MS);
+    /* the sixth has its stamp 0.5 s after the first, which went out at once */
+    double after_s = 1e-9 * (double)(r->now_ns - start_ns);
+    assert_true(after_s > 0.9 && after_s < 1.06);
+    playback_rate(r->p, 0.0, r->now_ns);
+    turn(r, 10 * MS);
+    assert_int_equal(status_of(r).messages, 2 + N_PINGS + 2);
+}
+
+static void a_wait_is_not_made_up_for(void **state)
+{
+    struct rig *r = *state;
+
+    r->cfg.rate = 1.0;
+    r->cfg.window = 1;
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 3000 * MS);
+    assert_int_equal(status_of(r).pings.played, 1);
+    for (uint32_t i = 0; i < 3; i++)
+        answer(r, 1, i);
+    turn(r, 60 * MS); /* the second goes at once, and the third 0.1 s later */
+    assert_int_equal(status_of(r).pings.played, 2);
+}
+
+static void a_pause_lasts_until_it_ends_and_one_message_is_one(void **state)
+{
+    struct rig *r = *state;
+
+    r->cfg.paused = true;
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 2000 * MS);
+    assert_int_equal(status_of(r).phase, PLAYBACK_PAUSES);
+    assert_int_equal(status_of(r).messages, 0);
+    playback_one(r->p);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).messages, 1);
+    playback_pause(r->p, false, r->now_ns);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).pings.played, 4);
+}
+
+static void answer_all(struct rig *r, uint32_t scan)
+{
+    for (uint32_t i = 0; i < N_PINGS; i++) {
+        turn(r, 100 * MS);
+        answer(r, scan, i);
+    }
+    turn(r, 100 * MS);
+    list(r, scan, false);
+    turn(r, 100 * MS);
+}
+
+static void the_scans_of_a_loop_count_on(void **state)
+{
+    struct rig *r = *state;
+
+    r->cfg.loop = true;
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 300 * MS);
+    for (uint32_t scan = 1; scan <= 3; scan++)
+        answer_all(r, scan);
+    struct playback_status s = status_of(r);
+    assert_int_equal(s.rounds, 3);
+    assert_int_equal(s.pings.used, 3 * N_PINGS);
+    assert_int_equal(s.lists, 3);
+    assert_int_equal(s.pings.missing + s.pings.unused, 0);
+}
+
+static void after_a_seek_old_receipts_count_for_nothing(void **state)
+{
+    struct rig *r = *state;
+
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).pings.n, 4);
+    assert_int_equal(playback_seek(r->p, FIRST_NS + 7 * STEP_NS, NULL), 0);
+    turn(r, 1000 * MS);
+    struct playback_status s = status_of(r);
+    assert_int_equal(s.pings.played, 5); /* the last one of the bag */
+    assert_int_equal(s.pings.n, 1);
+    answer(r, 1, N_PINGS - 1);
+    assert_int_equal(status_of(r).pings.n, 1);
+    answer(r, 2, N_PINGS - 1);
+    assert_int_equal(status_of(r).pings.n, 0);
+    assert_int_equal(status_of(r).pings.missing, 0);
+}
+
+static void a_dsp_that_starts_again_is_said(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Health h = ANLOS__HEALTH__INIT;
+
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 1000 * MS);
+    h.state = ANLOS__HEALTH__STATE__READY;
+    playback_health(r->p, "dsp", 8, &h, r->now_ns);
+    assert_contains(playback_note(r->p), "dsp was started again");
+    assert_int_equal(status_of(r).pings.missing, 4);
+}
+
+static void a_scan_that_was_begun_again_has_another_number(void **state)
+{
+    struct rig *r = *state;
+    struct played_bag b;
+
+    r->cfg.window = 32;
+    played_bag_open(&b, r->bag);
+    played_bag_survey(&b);
+    played_bag_status(&b, ANLOS__SCAN_STATUS__STATE__RUNNING);
+    for (uint32_t i = 0; i < 3; i++)
+        played_bag_ping(&b, i);
+    b.epoch_ns = 2;
+    played_bag_status(&b, ANLOS__SCAN_STATUS__STATE__RUNNING);
+    for (uint32_t i = 0; i < N_PINGS; i++)
+        played_bag_ping(&b, i);
+    played_bag_status(&b, ANLOS__SCAN_STATUS__STATE__DONE);
+    played_bag_close(&b);
+    create(r);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).pings.played, 3);
+    for (uint32_t i = 0; i < 3; i++)
+        answer(r, 1, i);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).pings.played, 3 + N_PINGS);
+    for (uint32_t i = 0; i < N_PINGS; i++)
+        answer(r, 2, i);
+    list(r, 2, false);
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).phase, PLAYBACK_ENDED);
+    assert_int_equal(status_of(r).pings.used, 3 + N_PINGS);
+}
+
+static struct bus *listen(struct rig *r)
+{
+    const struct bus_config cfg = {.run_dir = r->scratch->folder, .listen_only = true};
+    struct bus_count count;
+    struct bus *b = NULL;
+    int64_t due_ns;
+
+    assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+    assert_int_equal(bus_subscribe(b, topic_scan_status()), 0);
+    do { /* its sockets stand once it has been created; the machine's time passes here */
+        struct bus_message m;
+        assert_int_equal(playback_step(r->p, r->now_ns, &due_ns, NULL), 0);
+        if (!bus_receive(b, &m, 10))
+            bus_message_free(&m);
+        assert_int_equal(bus_counts(b, &count, 1), 1);
+    } while (!count.peers);
+    return b;
+}
+
+static void a_scan_of_which_nothing_can_be_used_has_failed(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Receipt refusal = ANLOS__RECEIPT__INIT;
+    Anlos__ScanStatus *status = NULL;
+    struct bus_message m;
+
+    r->cfg.window = 32;
+    played_bag_write(r->bag, true);
+    create(r);
+    struct bus *b = listen(r);
+    turn(r, 1000 * MS);
+    for (uint32_t i = 0; i < N_PINGS; i++) {
+        refusal.scan = 1;
+        refusal.pass = ANLOS__PASS__BACKGROUND; /* dsp asks for it */
+        refusal.position = i / N_SPEAKERS;
+        refusal.speaker = i % N_SPEAKERS;
+        playback_receipt(r->p, &refusal, r->now_ns);
+    }
+    assert_contains(playback_note(r->p), "dsp has not heard its background");
+    turn(r, 1000 * MS);
+    assert_int_equal(status_of(r).phase, PLAYBACK_ENDED);
+    assert_int_equal(status_of(r).pings.unused, N_PINGS);
+    do {
+        if (status)
+            anlos__scan_status__free_unpacked(status, NULL);
+        for (int i = 0; bus_receive(b, &m, 10); i++) {
+            assert_true(i < 2000);
+            turn(r, 1100 * MS); /* the last status is repeated */
+        }
+        status = (Anlos__ScanStatus *)bus_message_unpack(&m);
+        bus_message_free(&m);
+        assert_non_null(status);
+        assert_int_not_equal(status->state, ANLOS__SCAN_STATUS__STATE__DONE);
+    } while (status->state != ANLOS__SCAN_STATUS__STATE__FAILED);
+    assert_string_equal(status->text, "not one ping of the scene could be used");
+    anlos__scan_status__free_unpacked(status, NULL);
+    bus_destroy(b);
+}
+
+static void what_runs_beside_it_is_not_played(void **state)
+{
+    static const char *const everybody[] = {"array", "scan", "dsp"};
+    struct rig *r = *state;
+    struct complaint why = {""};
+
+    played_bag_write(r->bag, true);
+    r->cfg.nodes = everybody;
+    r->cfg.n_nodes = 3;
+    assert_int_equal(playback_create(&r->p, &r->cfg, 3, &why), -EINVAL);
+    assert_contains(why.text, "nothing is left to play");
+    r->cfg.nodes = all;
+    r->cfg.n_nodes = 4;
+    r->cfg.topics = "pong";
+    assert_int_equal(playback_create(&r->p, &r->cfg, 3, &why), -EINVAL);
+    assert_contains(why.text, "no topic is called \"pong\"");
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(nothing_is_played_before_all_are_ready),
+        TEST(no_more_pings_are_under_way_than_the_window_has),
+        TEST(the_end_of_a_scan_waits_for_its_pings_and_the_rest_for_its_list),
+        TEST(what_nobody_answers_is_given_up_counted_and_said),
+        TEST(messages_are_due_by_their_stamps_and_the_rate),
+        TEST(a_wait_is_not_made_up_for),
+        TEST(a_pause_lasts_until_it_ends_and_one_message_is_one),
+        TEST(the_scans_of_a_loop_count_on),
+        TEST(after_a_seek_old_receipts_count_for_nothing),
+        TEST(a_dsp_that_starts_again_is_said),
+        TEST(a_scan_that_was_begun_again_has_another_number),
+        TEST(a_scan_of_which_nothing_can_be_used_has_failed),
+        TEST(what_runs_beside_it_is_not_played),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,379 @@
+/* `anlos bag record` as a person uses it, beside a bus on which the test publishes. */
+#include "record_rig.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <nanomsg/nn.h>
+#include <nanomsg/pubsub.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "msgs/bag/manifest.h"
+#include "msgs/bus.h"
+
+#define DEADLINE_MS 20000
+#define MAX_WORDS   24
+
+extern char **environ;
+
+struct rig {
+    struct scratch *scratch;
+    char bag[128], run_dir[128];
+    struct bus *bus; /* of "stage" */
+    uint64_t n;      /* published */
+    pid_t pid;
+    int out; /* stdout and stderr of the recorder */
+    char text[8192];
+};
+
+static int setup(void **state)
+{
+    struct rig *g = calloc(1, sizeof *g);
+
+    if (!g || scratch_open((void **)&g->scratch))
+        return -1;
+    snprintf(g->bag, sizeof g->bag, "%s/a.mcap", g->scratch->folder);
+    snprintf(g->run_dir, sizeof g->run_dir, "%s/run", g->scratch->folder);
+    const struct bus_config cfg = {
+        .node = "stage", .run_dir = g->run_dir, .epoch_ns = EPOCH_NS};
+    *state = g;
+    return bus_create(&g->bus, &cfg, NULL);
+}
+
+static int teardown(void **state)
+{
+    struct rig *g = *state;
+    void *scratch = g->scratch;
+
+    bus_destroy(g->bus);
+    free(g);
+    return scratch_close(&scratch);
+}
+
+/* "anlos bag record" and the words up to NULL; prefix: of a shell's command line. */
+static void start(struct rig *g, const char *prefix, const char *const *words)
+{
+    char command[2048];
+    posix_spawn_file_actions_t files;
+    int fds[2];
+    size_t n = (size_t)snprintf(command, sizeof command,
+                                "%s exec %s/bin/anlos bag record", prefix, BINARY_DIR);
+
+    for (; *words; words++)
+        n += (size_t)snprintf(command + n, sizeof command - n, " '%s'", *words);
+    assert_true(n < sizeof command);
+    char *const argv[] = {(char *)"sh", (char *)"-c", command, NULL};
+    assert_int_equal(pipe2(fds, O_CLOEXEC), 0);
+    posix_spawn_file_actions_init(&files);
+    posix_spawn_file_actions_adddup2(&files, fds[1], 1);
+    posix_spawn_file_actions_adddup2(&files, fds[1], 2);
+    assert_int_equal(posix_spawn(&g->pid, "/bin/sh", &files, NULL, argv, environ), 0);
+    posix_spawn_file_actions_destroy(&files);
+    close(fds[1]);
+    g->out = fds[0];
+}
+
+/* What it said until it ended; the exit code. */
+static int finish(struct rig *g)
+{
+    size_t used = 0;
+    ssize_t n;
+    int status;
+
+    for (;;) {
+        struct pollfd p = {.fd = g->out, .events = POLLIN};
+        assert_int_equal(poll(&p, 1, DEADLINE_MS), 1);
+        n = read(g->out, g->text + used, sizeof g->text - 1 - used);
+        if (n <= 0)
+            break;
+        used += (size_t)n;
+    }
+    g->text[used] = '\0';
+    close(g->out);
+    assert_int_equal(waitpid(g->pid, &status, 0), g->pid);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+static int run(struct rig *g, const char *prefix, const char *const *words)
+{
+    start(g, prefix, words);
+    return finish(g);
+}
+
+static int64_t now_ns(void)
+{
+    return clock_now_ns(clock_system());
+}
+
+static void publish(struct rig *g, size_t size)
+{
+    static uint8_t payload[4000];
+
+    memcpy(payload, &g->n, sizeof g->n);
+    assert_int_equal(bus_publish(g->bus, topic_stage_state(), 0, now_ns(), payload, size),
+                     0);
+    g->n++;
+}
+
+/* Until the recorder has written one: its file grows beyond any start of it. */
+static void publish_until_recorded(struct rig *g)
+{
+    int64_t end_ns = now_ns() + DEADLINE_MS * 1000000LL;
+    struct stat st = {.st_size = 0};
+
+    while (stat(g->bag, &st) || st.st_size < 4000) {
+        struct pollfd p = {.fd = g->out, .events = 0};
+        assert_true(now_ns() < end_ns);
+        publish(g, 4000);
+        assert_int_equal(poll(&p, 1, 5), 0); /* not ended */
+    }
+}
+
+/* Of a bag without fault: its messages, the sequence going on without a hole. */
+static uint64_t count_in_sequence(const char *path, uint64_t *last)
+{
+    struct complaint why = {""};
+    struct bag_cursor *cursor;
+    struct bag_message m;
+    uint64_t n_faults, n = 0;
+
+    assert_int_equal(bag_check(&n_faults, path, NULL, &why), 0);
+    assert_int_equal(n_faults, 0);
+    struct bag_catalog *c = open_catalog(path);
+    assert_false(c->scanned);
+    assert_int_equal(bag_cursor_create(&cursor, c), 0);
+    for (; !bag_cursor_next(cursor, &m, &why); n++) {
+        assert_true(!n || m.sequence == *last + 1);
+        *last = m.sequence;
+    }
+    bag_cursor_destroy(cursor);
+    bag_catalog_close(c);
+    return n;
+}
+
+static void ctrl_c_ends_a_recording_that_has_everything_up_to_it(void **state)
+{
+    struct rig *g = *state;
+    const char *const words[] = {"-o",         g->bag, "--run-dir", g->run_dir,
+                                 "--flush-ms", "20",   NULL};
+    uint64_t last = 0;
+    char text[256];
+
+    start(g, "", words);
+    publish_until_recorded(g);
+    for (int i = 0; i < 2000; i++) /* of a topic that others take the latest of */
+        publish(g, 100);
+    assert_int_equal(kill(g->pid, SIGINT), 0);
+    assert_int_equal(finish(g), 0);
+    assert_true(count_in_sequence(g->bag, &last) >= 2001);
+    assert_int_equal(last, g->n - 1);
+    assert_contains(g->text, "stage/state");
+    assert_contains(g->text, ", 0 lost\n");
+    assert_true(find_metadata(g->bag, MANIFEST_LOST, 0, "stage/state", text));
+    assert_string_equal(text, "0");
+}
+
+static void it_ends_by_itself_after_the_duration(void **state)
+{
+    struct rig *g = *state;
+    const char *const words[] = {"-o",           g->bag, "--run-dir", g->run_dir,
+                                 "--duration-s", "0.2",  NULL};
+    int64_t start_ns = now_ns();
+
+    assert_int_equal(run(g, "", words), 0);
+    assert_true(now_ns() - start_ns >= 200000000LL);
+    struct bag_catalog *c = open_catalog(g->bag);
+    assert_false(c->scanned);
+    bag_catalog_close(c);
+}
+
+static void only_the_topics_named_are_recorded(void **state)
+{
+    struct rig *g = *state;
+    const char *const words[] = {"-o",         g->bag, "--run-dir", g->run_dir,
+                                 "stage/*",    "ping", "--exclude", "stage/m*,*command",
+                                 "--flush-ms", "10",   NULL};
+    char text[256];
+
+    start(g, "", words);
+    publish_until_recorded(g);
+    assert_int_equal(kill(g->pid, SIGTERM), 0);
+    assert_int_equal(finish(g), 0);
+    assert_true(find_metadata(g->bag, MANIFEST_SESSION, 0, MANIFEST_TOPICS, text));
+    assert_string_equal(text, "stage/*,ping");
+    assert_true(find_metadata(g->bag, MANIFEST_LOST, 0, "stage/state", text));
+    assert_true(find_metadata(g->bag, MANIFEST_LOST, 0, "ping", text));
+    assert_false(find_metadata(g->bag, MANIFEST_LOST, 0, "stage/command", text));
+    assert_false(find_metadata(g->bag, MANIFEST_LOST, 0, "stage/manual", text));
+    assert_false(find_metadata(g->bag, MANIFEST_LOST, 0, "health", text));
+}
+
+static void a_full_disk_ends_it_with_one_error_and_a_whole_file(void **state)
+{
+    struct rig *g = *state;
+    const char *const words[] = {"-o",         g->bag, "--run-dir", g->run_dir,
+                                 "--flush-ms", "10",   NULL};
+    int64_t end_ns = now_ns() + DEADLINE_MS * 1000000LL;
+    struct pollfd p = {.events = 0};
+    uint64_t last = 0;
+
+    start(g, "ulimit -f 2000; ", words); /* 1 MB, in blocks of 512 bytes */
+    p.fd = g->out;
+    publish_until_recorded(g);
+    do {
+        assert_true(now_ns() < end_ns);
+        publish(g, 4000);
+        assert_true(poll(&p, 1, g->n % 4 ? 0 : 2) >= 0);
+    } while (!(p.revents & POLLHUP));
+    assert_int_equal(finish(g), 1);
+    assert_contains(g->text, "a.mcap: File too large");
+    assert_true(strstr(g->text, "File too large") ==
+                strrchr(g->text, 'F'));                         /* said once */
+    assert_in_range(count_in_sequence(g->bag, &last), 50, 256); /* of 1 MB */
+}
+
+/* A publisher whose first three messages nobody gets: it starts counting at 3.  What else
+ * it sends before the recorder has connected is lost too, and tells its number. */
+static void publish_from_third(struct rig *g)
+{
+    uint8_t message[ENVELOPE_SIZE + 4000] = {0};
+    struct envelope e = {.topic = "stage/state",
+                         .node = "stage",
+                         .epoch_ns = now_ns(),
+                         .sequence = 3,
+                         .payload_size = 4000};
+    char url[256];
+    struct stat before, st;
+
+    bus_destroy(g->bus);
+    g->bus = NULL;
+    snprintf(url, sizeof url, "ipc://%s/stage.stage-state.ipc", g->run_dir);
+    int s = nn_socket(AF_SP, NN_PUB);
+    assert_true(s >= 0 && nn_bind(s, url) >= 0);
+    assert_int_equal(stat(g->bag, &before), 0);
+    do {
+        struct pollfd p = {.fd = g->out};
+        e.publish_ns = now_ns();
+        assert_true(e.publish_ns - e.epoch_ns < DEADLINE_MS * 1000000LL);
+        envelope_pack(&e, message);
+        assert_int_equal(nn_send(s, message, sizeof message, 0), sizeof message);
+        e.sequence++;
+        assert_int_equal(poll(&p, 1, 1), 0);
+        assert_int_equal(stat(g->bag, &st), 0);
+    } while (st.st_size < before.st_size + 200000); /* more than what was on its way */
+    nn_close(s);
+}
+
+/* The first number that the bag has of a process that started after the recorder. */
+static uint64_t first_of_the_younger(const char *path)
+{
+    struct bag_catalog *c = open_catalog(path);
+    struct complaint why = {""};
+    struct bag_source source;
+    struct bag_cursor *cursor;
+    struct bag_message m;
+
+    assert_int_equal(bag_cursor_create(&cursor, c), 0);
+    do {
+        assert_int_equal(bag_cursor_next(cursor, &m, &why), 0);
+        assert_int_equal(bag_source_of(&source, bag_catalog_channel(c, m.channel_id)), 0);
+    } while (source.epoch_ns == EPOCH_NS);
+    uint64_t first = m.sequence;
+    bag_cursor_destroy(cursor);
+    bag_catalog_close(c);
+    return first;
+}
+
+static void messages_that_get_lost_are_told(void **state)
+{
+    struct rig *g = *state;
+    const char *const words[] = {"-o",         g->bag, "--run-dir", g->run_dir,
+                                 "--flush-ms", "10",   NULL};
+    char text[256], expected[32];
+
+    start(g, "", words);
+    publish_until_recorded(g);
+    publish_from_third(g);
+    assert_int_equal(kill(g->pid, SIGINT), 0);
+    assert_int_equal(finish(g), 1);
+    unsigned long long lost = first_of_the_younger(g->bag);
+    assert_true(lost >= 3);
+    snprintf(expected, sizeof expected, ", %llu lost\n", lost);
+    assert_contains(g->text, expected);
+    snprintf(expected, sizeof expected, "%llu", lost);
+    assert_true(find_metadata(g->bag, MANIFEST_LOST, 0, "stage/state", text));
+    assert_string_equal(text, expected);
+    assert_true(find_metadata(g->bag, MANIFEST_LOSS, 0, "stage/state", text));
+    assert_string_equal(text, expected);
+}
+
+static void wrong_arguments_are_named(void **state)
+{
+    struct rig *g = *state;
+    static const struct {
+        const char *words[8], *says;
+    } cases[] = {
+        {{NULL}, "-o FILE is missing"},
+        {{"-o", "a", "pings"}, "no topic is called \"pings\""},
+        {{"-o", "a", "--exclude", "x"}, "no topic is called \"x\""},
+        {{"-o", "a", "--split-mb", "0"}, "--split-mb 0: expected a number above 0"},
+        {{"-o", "a", "--split-mb", "9", "--quota-mb", "10"},
+         "--split-mb 9: expected no more than half of --quota-mb 10"},
+        {{"-o", "a", "--flush-ms", "-3"}, "--flush-ms -3: expected a number above 0"},
+        {{"-o", "a", "--duration-s", "long"}, "--duration-s long: expected"},
+        {{"-o", "a", "--compression", "zip"}, "expected zstd, lz4 or none"},
+        {{"-o", "a", "--splitmb", "3"}, "did you mean --split-mb?"},
+        {{"-o", "/no/such/folder/a"}, "/no/such/folder/a: No such file or directory"},
+        {{"-o", "a", "--launch", "none.yaml"}, "none.yaml"},
+    };
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const char *words[MAX_WORDS] = {"--run-dir", g->run_dir};
+        for (size_t k = 0; cases[i].words[k]; k++)
+            words[k + 2] = cases[i].words[k];
+        assert_int_equal(run(g, "cd /tmp;", words), 2);
+        assert_contains(g->text, "anlos bag record: ");
+        assert_contains(g->text, cases[i].says);
+    }
+}
+
+static void a_bag_that_is_there_is_not_touched(void **state)
+{
+    struct rig *g = *state;
+    const char *const words[] = {"-o", g->bag, "--run-dir", g->run_dir, NULL};
+
+    scratch_write(g->scratch, "a.mcap", "precious");
+    assert_int_equal(run(g, "", words), 2);
+    assert_contains(g->text, "a.mcap exists already");
+}
+
+static void help_names_every_option(void **state)
+{
+    const char *const words[] = {"--help", NULL};
+    struct rig *g = *state;
+
+    assert_int_equal(run(g, "", words), 0);
+    assert_contains(g->text, "usage: anlos bag record -o FILE");
+    assert_contains(g->text, "--quota-mb");
+}
+
+#define RIG_TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        RIG_TEST(ctrl_c_ends_a_recording_that_has_everything_up_to_it),
+        RIG_TEST(it_ends_by_itself_after_the_duration),
+        RIG_TEST(only_the_topics_named_are_recorded),
+        RIG_TEST(a_full_disk_ends_it_with_one_error_and_a_whole_file),
+        RIG_TEST(messages_that_get_lost_are_told),
+        RIG_TEST(wrong_arguments_are_named),
+        RIG_TEST(a_bag_that_is_there_is_not_touched),
+        RIG_TEST(help_names_every_option),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,370 @@
+/* The recorder's files: what is in them, when, and in how many. */
+#include "recorder_rig.h"
+
+#include <errno.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/mount.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "msgs/bag/manifest.h"
+#include "msgs/bag/recover.h"
+
+static void every_message_is_kept_with_its_bytes_and_stamps(void **state)
+{
+    static const enum bag_compression compressions[] = {BAG_NONE, BAG_LZ4, BAG_ZSTD};
+    struct rig *g = *state;
+    struct recorder_config cfg = config(g);
+
+    for (size_t k = 0; k < 3; k++) {
+        struct recorder_totals t;
+        cfg.compression = compressions[k];
+        struct recorder *r = start(&cfg);
+        for (size_t i = 0; i < 300; i++)
+            put_at(r, i, (int64_t)i * MS);
+        end_at(r, 300 * MS);
+        recorder_sum(r, &t);
+        recorder_destroy(r);
+        assert_int_equal(check_bag(g->bag, 0), 300);
+        assert_int_equal(t.messages, 300);
+        assert_int_equal(t.unwritten, 0);
+        assert_int_equal(t.n_files, 1);
+        assert_int_equal(unlink(g->bag), 0);
+    }
+}
+
+/* Messages that a recovery of the file as it is now finds. */
+static uint64_t recoverable(struct rig *g)
+{
+    struct bag_recovery found;
+    struct complaint why = {""};
+    const char *saved = scratch_path(g->scratch, "saved.mcap");
+
+    if (bag_recover(&found, g->bag, saved, NULL, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(unlink(saved), 0);
+    return found.n_messages;
+}
+
+static void
+a_message_is_in_the_file_after_the_flush_interval_and_not_long_before(void **state)
+{
+    struct rig *g = *state;
+    const struct recorder_config cfg = config(g);
+    struct complaint why = {""};
+    struct recorder *r = start(&cfg);
+    int64_t due_ns;
+
+    assert_int_equal(recorder_tick(r, 0, &due_ns, &why), 0);
+    assert_int_equal(due_ns, INT64_MAX);
+    put_at(r, 0, 500 * MS);
+    put_at(r, 1, 900 * MS);
+    assert_int_equal(recorder_tick(r, 1499 * MS, &due_ns, &why), 0);
+    assert_int_equal(due_ns, 1500 * MS);
+    assert_int_equal(recoverable(g), 0);
+    assert_int_equal(recorder_tick(r, 1500 * MS, &due_ns, &why), 0);
+    assert_int_equal(due_ns, INT64_MAX);
+    assert_int_equal(recoverable(g), 2);
+    recorder_destroy(r);
+}
+
+/* Each part is whole by itself, and together they have every message once. */
+static size_t check_parts(struct rig *g, unsigned from, unsigned to, size_t first)
+{
+    size_t n = first;
+    char text[256];
+
+    for (unsigned k = from; k <= to; k++) {
+        const char *path = part_path(g, k);
+        char number[16];
+        n += check_bag(path, n);
+        assert_true(find_metadata(path, MANIFEST_SESSION, 0, MANIFEST_PART, text));
+        snprintf(number, sizeof number, "%u", k);
+        assert_string_equal(text, number);
+        assert_true(find_metadata(path, MANIFEST_LOST, 0, "ping", text));
+        assert_string_equal(text, "0");
+    }
+    return n;
+}
+
+static void a_recording_is_split_by_size(void **state)
+{
+    struct rig *g = *state;
+    struct recorder_config cfg = config(g);
+    struct recorder_totals t;
+
+    cfg.split_bytes = 50000;
+    struct recorder *r = start(&cfg);
+    for (size_t i = 0; i < 900; i++)
+        put_at(r, i, 0);
+    end_at(r, 0);
+    recorder_sum(r, &t);
+    recorder_destroy(r);
+    assert_in_range(t.n_files, 8, 12); /* some 900 * 550 bytes */
+    assert_int_equal(check_parts(g, 1, t.n_files, 0), 900);
+    assert_int_equal(access(part_path(g, t.n_files + 1), F_OK), -1);
+    assert_contains(g->said, "goes on in");
+}
+
+static void attachments_larger_than_a_part_do_not_split_every_message_off(void **state)
+{
+    struct rig *g = *state;
+    struct recorder_config cfg = config(g);
+    struct recorder_totals t;
+    char *text = calloc(1, 40001);
+
+    assert_non_null(text);
+    memset(text, '#', 40000);
+    assert_int_equal(cargo_add_file(&g->session.cargo, "launch/large.yaml",
+                                    scratch_write(g->scratch, "large.yaml", text), NULL),
+                     0);
+    free(text);
+    cfg.split_bytes = 20000;
+    struct recorder *r = start(&cfg);
+    for (size_t i = 0; i < 900; i++)
+        put_at(r, i, 0);
+    end_at(r, 0);
+    recorder_sum(r, &t);
+    recorder_destroy(r);
+    assert_in_range(t.n_files, 4, 13); /* as much again as the 40 kB */
+    assert_int_equal(check_parts(g, 1, t.n_files, 0), 900);
+}
+
+static void a_recording_is_split_by_time(void **state)
+{
+    struct rig *g = *state;
+    struct recorder_config cfg = config(g);
+    struct recorder_totals t;
+
+    cfg.split_ns = 10000 * MS;
+    struct recorder *r = start(&cfg);
+    for (size_t i = 0; i < 50; i++)
+        put_at(r, i, (int64_t)i * 1000 * MS);
+    end_at(r, 50000 * MS);
+    recorder_sum(r, &t);
+    recorder_destroy(r);
+    assert_int_equal(t.n_files, 5);
+    assert_int_equal(check_parts(g, 1, 5, 0), 50);
+}
+
+static void the_oldest_parts_go_when_the_quota_is_reached(void **state)
+{
+    struct rig *g = *state;
+    struct recorder_config cfg = config(g);
+    struct recorder_totals t;
+    uint64_t on_disk = 0;
+    struct stat st;
+
+    cfg.quota_bytes = 200000;
+    struct recorder *r = start(&cfg);
+    for (size_t i = 0; i < 900; i++) {
+        put_at(r, i, (int64_t)i * 10 * MS);
+        tick_at(r, (int64_t)i * 10 * MS);
+    }
+    end_at(r, 9000 * MS);
+    recorder_sum(r, &t);
+    recorder_destroy(r);
+    unsigned last = t.n_files + t.n_removed;
+    assert_true(t.n_removed > 0);
+    for (unsigned k = 1; k <= last; k++) {
+        bool there = !stat(part_path(g, k), &st);
+        assert_int_equal(there, k > t.n_removed);
+        on_disk += there ? (uint64_t)st.st_size : 0;
+    }
+    assert_in_range(on_disk, 100000, 200000);
+    assert_int_equal(on_disk, t.file_bytes);
+    assert_contains(g->said, "the quota is reached");
+    struct bag_catalog *c = open_catalog(part_path(g, last));
+    assert_int_equal(c->end_time, EPOCH_NS + 899 * 1000);
+    bag_catalog_close(c);
+}
+
+static void a_quota_without_room_for_two_files_is_refused(void **state)
+{
+    struct rig *g = *state;
+    struct recorder_config cfg = config(g);
+    struct complaint why = {""};
+    struct recorder *r;
+
+    cfg.quota_bytes = 1000000;
+    cfg.split_bytes = 600000;
+    assert_int_equal(recorder_create(&r, &cfg, 0, &why), -EINVAL);
+    assert_contains(why.text, "quota");
+    assert_int_equal(access(part_path(g, 1), F_OK), -1);
+}
+
+static void losses_are_written_with_topic_number_and_time(void **state)
+{
+    struct rig *g = *state;
+    const struct recorder_config cfg = config(g);
+    struct recorder *r = start(&cfg);
+    char text[256];
+
+    put_at(r, 0, 100 * MS);
+    recorder_lost(r, topic_ping(), 3);
+    tick_at(r, 1100 * MS);
+    put_at(r, 1, 1200 * MS);
+    tick_at(r, 2200 * MS);
+    put_at(r, 2, 2300 * MS);
+    recorder_lost(r, topic_ping(), 5);
+    recorder_lost(r, topic_volume(), 1);
+    end_at(r, 2400 * MS);
+    recorder_destroy(r);
+    assert_true(find_metadata(g->bag, MANIFEST_LOSS, 0, "ping", text));
+    assert_string_equal(text, "3");
+    assert_true(find_metadata(g->bag, MANIFEST_LOSS, 0, MANIFEST_FROM_NS, text));
+    assert_string_equal(text, "0");
+    assert_true(find_metadata(g->bag, MANIFEST_LOSS, 0, MANIFEST_TO_NS, text));
+    assert_string_equal(text, "1100000000");
+    assert_false(find_metadata(g->bag, MANIFEST_LOSS, 0, "volume", text));
+    assert_true(find_metadata(g->bag, MANIFEST_LOSS, 1, "ping", text));
+    assert_string_equal(text, "2");
+    assert_true(find_metadata(g->bag, MANIFEST_LOSS, 1, MANIFEST_FROM_NS, text));
+    assert_string_equal(text, "2200000000");
+    assert_false(find_metadata(g->bag, MANIFEST_LOSS, 2, MANIFEST_FROM_NS, text));
+    assert_true(find_metadata(g->bag, MANIFEST_LOST, 0, "ping", text));
+    assert_string_equal(text, "5");
+    assert_true(find_metadata(g->bag, MANIFEST_LOST, 0, "volume", text));
+    assert_string_equal(text, "1");
+    assert_true(find_metadata(g->bag, MANIFEST_LOST, 0, "traces", text));
+    assert_string_equal(text, "0");
+}
+
+/* In a bag without a fault that has its end; 0: it is not one. */
+static uint64_t count_messages(const char *path)
+{
+    struct bag_catalog *c;
+    uint64_t n_faults, n;
+
+    if (bag_check(&n_faults, path, NULL, NULL) || n_faults ||
+        bag_catalog_open(&c, path, NULL))
+        return 0;
+    n = c->scanned ? 0 : c->n_messages;
+    bag_catalog_close(c);
+    return n;
+}
+
+/* Records until the disk is full; exit code 0: it ended as it should.  In a process of
+ * its own: limits and mounts are the process's. */
+static int fill_disk(struct rig *g, int expected_err)
+{
+    struct recorder_config cfg = config(g);
+    struct recorder_totals t;
+    struct complaint why = {""};
+    uint8_t payload[PAYLOAD_MAX];
+    struct recorder *r;
+    int64_t due_ns;
+    size_t i = 0;
+    int err;
+
+    cfg.flush_ns = MS;
+    if (recorder_create(&r, &cfg, 0, &why))
+        return 2;
+    do {
+        struct bus_message m = make_message(i, payload);
+        err = recorder_put(r, &m, (int64_t)i * MS / 8, &why);
+        if (!err)
+            err = recorder_tick(r, (int64_t)i * MS / 8, &due_ns, &why);
+    } while (!err && ++i < 100000);
+    if (err != expected_err || !strstr(why.text, g->bag))
+        return 3;
+    if (recorder_end(r, 0, &why))
+        return 4;
+    recorder_sum(r, &t);
+    recorder_destroy(r);
+    uint64_t n = count_messages(g->bag);
+    return n < 100 || t.messages - t.unwritten != n || t.unwritten > 10 ? 5 : 0;
+}
+
+static int run_child(struct rig *g, int (*act)(struct rig *g))
+{
+    int status;
+    pid_t pid = fork();
+
+    assert_true(pid >= 0);
+    if (!pid)
+        _exit(act(g));
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFEXITED(status));
+    return WEXITSTATUS(status);
+}
+
+static int fill_tmpfs(struct rig *g)
+{
+    if (unshare(CLONE_NEWNS) || mount(NULL, "/", NULL, MS_REC | MS_PRIVATE, NULL) ||
+        mount("tmpfs", g->scratch->folder, "tmpfs", 0, "size=1m"))
+        return 77;
+    return fill_disk(g, -ENOSPC);
+}
+
+static void a_full_disk_ends_the_recording_with_a_whole_file(void **state)
+{
+    int code = run_child(*state, fill_tmpfs);
+
+    if (code == 77) {
+        print_message("mounting is not allowed here\n");
+        skip();
+    }
+    assert_int_equal(code, 0);
+}
+
+static int fill_limit(struct rig *g)
+{
+    const struct rlimit limit = {1 << 20, 1 << 20};
+
+    signal(SIGXFSZ, SIG_IGN);
+    return setrlimit(RLIMIT_FSIZE, &limit) ? 1 : fill_disk(g, -EFBIG);
+}
+
+static void a_file_that_may_not_grow_ends_it_likewise(void **state)
+{
+    struct rig *g = *state;
+
+    assert_int_equal(run_child(g, fill_limit), 0);
+    assert_in_range(check_bag(g->bag, 0), 1000, 3000); /* of some 550 bytes in 1 MB */
+}
+
+static void a_file_that_is_there_is_never_written_over(void **state)
+{
+    struct rig *g = *state;
+    struct recorder_config cfg = config(g);
+    struct complaint why = {""};
+    struct recorder *r;
+
+    scratch_write(g->scratch, "a.mcap", "an earlier one");
+    assert_int_equal(recorder_create(&r, &cfg, 0, &why), -EEXIST);
+    assert_contains(why.text, "a.mcap exists already");
+    cfg.free_name = true;
+    r = start(&cfg);
+    assert_contains(recorder_path(r), "/a-2.mcap");
+    recorder_destroy(r);
+    r = start(&cfg);
+    assert_contains(recorder_path(r), "/a-3.mcap");
+    recorder_destroy(r);
+    scratch_write(g->scratch, "a_0007.mcap", "of an earlier split one");
+    cfg.free_name = false;
+    cfg.split_ns = MS;
+    assert_int_equal(recorder_create(&r, &cfg, 0, &why), -EEXIST);
+    assert_contains(why.text, "a_0007.mcap exists already");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        RIG_TEST(every_message_is_kept_with_its_bytes_and_stamps),
+        RIG_TEST(a_message_is_in_the_file_after_the_flush_interval_and_not_long_before),
+        RIG_TEST(a_recording_is_split_by_size),
+        RIG_TEST(attachments_larger_than_a_part_do_not_split_every_message_off),
+        RIG_TEST(a_recording_is_split_by_time),
+        RIG_TEST(the_oldest_parts_go_when_the_quota_is_reached),
+        RIG_TEST(a_quota_without_room_for_two_files_is_refused),
+        RIG_TEST(losses_are_written_with_topic_number_and_time),
+        RIG_TEST(a_full_disk_ends_the_recording_with_a_whole_file),
+        RIG_TEST(a_file_that_may_not_grow_ends_it_likewise),
+        RIG_TEST(a_file_that_is_there_is_never_written_over),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

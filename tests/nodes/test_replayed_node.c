@@ -1,0 +1,155 @@
+/* A node in this process hears what somebody plays: its time is that of the sound. */
+#include "tests/hal/scratch.h"
+
+#include <errno.h>
+
+#include "msgs/array.pb-c.h"
+#include "msgs/stand_in.h"
+#include "msgs/survey.pb-c.h"
+#include "nodes/rt/node.h"
+
+#define DEADLINE_MS 20000
+
+struct rig {
+    struct scratch *scratch;
+    struct node *node;
+    struct stand_in *stand_in;
+};
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+    char launch[600];
+
+    if (!r || scratch_open((void **)&r->scratch))
+        return -1;
+    snprintf(launch, sizeof launch, "%s",
+             scratch_write(r->scratch, "a.yaml", "nodes: [dsp]\n"));
+    char *argv[] = {(char *)"program",   (char *)"--launch", launch,
+                    (char *)"--run-dir", r->scratch->folder, NULL};
+    if (node_create(&r->node, "dsp", "Does nothing.", 5, argv) ||
+        node_subscribe(r->node, topic_ping()) || node_subscribe(r->node, topic_survey()))
+        return -1;
+    if (stand_in_create(&r->stand_in, r->scratch->folder, 5, NULL) ||
+        stand_in_add(r->stand_in, "array", topic_ping(), NULL) ||
+        stand_in_add(r->stand_in, "array", topic_survey(), NULL))
+        return -1;
+    *state = r;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+    void *scratch = r->scratch;
+
+    stand_in_destroy(r->stand_in);
+    node_finish(r->node, 0);
+    free(r);
+    return scratch_close(&scratch);
+}
+
+/* Until it arrives: the first ones may be lost while the connection is made. */
+static void play(struct rig *r, const struct topic *t, int64_t capture_ns,
+                 int64_t publish_ns)
+{
+    struct node_message in;
+    int err = -ETIMEDOUT;
+
+    for (int i = 0; err == -ETIMEDOUT; i++) {
+        assert_true(i < DEADLINE_MS / 20);
+        assert_int_equal(
+            stand_in_publish(r->stand_in, "array", t, capture_ns, publish_ns, "", 0), 0);
+        err = node_next(r->node, &in, 20);
+    }
+    assert_int_equal(err, 0);
+    while (!node_next(r->node, &in, 0)) /* what came twice */
+        ;
+}
+
+static void the_time_is_that_of_the_newest_sound(void **state)
+{
+    struct rig *r = *state;
+    int64_t machine_ns = node_machine_ns(r->node);
+
+    assert_false(node_is_replayed(r->node));
+    assert_true(node_now_ns(r->node) >= machine_ns);
+    play(r, topic_survey(), 0, 500);
+    assert_true(node_is_replayed(r->node));
+    assert_int_equal(node_now_ns(r->node), 500);
+    play(r, topic_ping(), 890, 900);
+    assert_int_equal(node_now_ns(r->node), 900);
+    /* What is no sound comes as it likes, and moves nothing. */
+    play(r, topic_survey(), 0, 950);
+    assert_int_equal(node_now_ns(r->node), 900);
+    play(r, topic_ping(), 790, 800); /* a bag that begins again */
+    assert_int_equal(node_now_ns(r->node), 800);
+    assert_true(node_machine_ns(r->node) > machine_ns);
+}
+
+static struct bus_message receive(struct rig *r, struct bus *b, const struct topic *t)
+{
+    struct bus_message m = {0};
+    struct node_message in;
+    Anlos__Health h = ANLOS__HEALTH__INIT;
+    int err = -ETIMEDOUT;
+
+    for (int i = 0; err; i++) {
+        assert_true(i < DEADLINE_MS / 10);
+        assert_int_equal(node_publish(r->node, t, 0, &h.base), 0);
+        err = bus_receive(b, &m, 10);
+        node_next(r->node, &in, 0);
+    }
+    return m;
+}
+
+static void what_a_node_makes_of_a_replay_is_marked_and_stamped_so(void **state)
+{
+    struct rig *r = *state;
+    const struct bus_config cfg = {.run_dir = r->scratch->folder, .listen_only = true};
+    struct bus *b = NULL;
+
+    play(r, topic_ping(), 890, 900);
+    assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+    assert_int_equal(bus_subscribe(b, topic_health()), 0);
+    struct bus_message m = receive(r, b, topic_health());
+    assert_true(m.envelope.replayed);
+    assert_int_equal(m.envelope.publish_ns, 900);
+    bus_message_free(&m);
+    bus_destroy(b);
+}
+
+static void live_sound_ends_a_replay(void **state)
+{
+    struct rig *r = *state;
+    struct node_message in;
+    struct bus *array = NULL;
+    int err = -ETIMEDOUT;
+
+    play(r, topic_ping(), 890, 900);
+    stand_in_destroy(r->stand_in);
+    r->stand_in = NULL;
+    const struct bus_config cfg = {
+        .node = "array", .run_dir = r->scratch->folder, .epoch_ns = 6};
+    assert_int_equal(bus_create(&array, &cfg, NULL), 0);
+    for (int i = 0; err == -ETIMEDOUT; i++) {
+        assert_true(i < DEADLINE_MS / 20);
+        assert_int_equal(bus_publish(array, topic_ping(), 1, 2, "", 0), 0);
+        err = node_next(r->node, &in, 20);
+    }
+    assert_false(node_is_replayed(r->node));
+    assert_true(node_now_ns(r->node) > 900);
+    bus_destroy(array);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(the_time_is_that_of_the_newest_sound),
+        TEST(what_a_node_makes_of_a_replay_is_marked_and_stamped_so),
+        TEST(live_sound_ends_a_replay),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
