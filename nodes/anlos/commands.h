@@ -7,13 +7,17 @@ int command_array(int argc, char **argv);
 int command_bag(int argc, char **argv);
 int command_bench(int argc, char **argv);
 int command_calibrate(int argc, char **argv);
+int command_doctor(int argc, char **argv);
 int command_launch(int argc, char **argv);
+int command_node(int argc, char **argv);
 int command_psf(int argc, char **argv);
 int command_recon(int argc, char **argv);
 int command_falloff(int argc, char **argv);
 int command_resolution(int argc, char **argv);
 int command_sim(int argc, char **argv);
 int command_stage(int argc, char **argv);
+int command_top(int argc, char **argv);
 int command_topic(int argc, char **argv);
+int command_view(int argc, char **argv);
 
 #endif

@@ -4,8 +4,8 @@
 
 #include <stdbool.h>
 
-/* SIGINT and SIGTERM only set the flag from now on (the second one kills as usual);
- * SIGPIPE and SIGXFSZ become errors of the write that caused them. */
+/* SIGINT, SIGTERM and SIGHUP only set the flag from now on (the second one kills as
+ * usual); SIGPIPE and SIGXFSZ become errors of the write that caused them. */
 void interrupt_catch(void);
 bool interrupt_requested(void);
 

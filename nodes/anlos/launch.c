@@ -1,6 +1,5 @@
 /* nodes/anlos/launch.c -- `anlos launch`: a whole system from one file. */
 #include <errno.h>
-#include <libgen.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,12 +8,14 @@
 #include "nodes/anlos/commands.h"
 #include "nodes/launcher/devices.h"
 #include "nodes/launcher/launcher.h"
+#include "nodes/launcher/program.h"
+#include "nodes/launcher/site.h"
 #include "nodes/launcher/truth.h"
+#include "nodes/record/parts.h"
 #include "nodes/rt/arguments.h"
 #include "nodes/rt/export.h"
-#include "nodes/rt/launchfile.h"
+#include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/node.h"
-#include "nodes/rt/rundir.h"
 #include "nodes/rt/uri.h"
 
 static void print_help(void)
@@ -23,7 +24,12 @@ static void print_help(void)
         "usage: anlos launch FILE [options]\n\n"
         "Starts every node that the launch file names, each a process of its own, shows\n"
         "their logs and the progress of the scan, starts a node again that crashed, and\n"
-        "ends when the results are written.  Ctrl-C stops all of them.\n\n"
+        "ends when the results are written.  Ctrl-C stops all of them.  Of a launch "
+        "file\n"
+        "with hosts, start it on each of them: it runs what is to run there, and ends\n"
+        "when the host with the report is done, when another one failed, or when one "
+        "has\n"
+        "not been heard for a minute.\n\n"
         "  FILE               a launch file (YAML), e.g. launch/demo.yaml\n"
         "%s\n"
         "Results, in report.folder of the launch file: volume.nrrd, projection_*.png,\n"
@@ -32,37 +38,56 @@ static void print_help(void)
         "Exit codes: 0 done, 1 a node or the scan failed, 2 bad configuration,\n"
         "130 Ctrl-C.\n\n"
         "  anlos launch launch/demo.yaml --out /tmp/demo\n"
-        "  anlos launch launch/demo.yaml --realtime\n",
+        "  anlos launch launch/demo.yaml --realtime\n"
+        "  anlos launch launch/play.yaml --bag scan.mcap --rate max\n"
+        "  anlos launch launch/two-hosts.yaml --host vehicle\n",
         arguments_help());
 }
 
-/* The folder of this program, where the nodes are too. */
-static int find_programs(char *out, size_t size)
+/* A name on the command line is meant: what stands there is not to be passed over. */
+static int check_recording(const struct launchfile *l, const struct arguments *a,
+                           struct complaint *why)
 {
-    const char *given = getenv("ANLOS_BIN_DIR");
-    char path[4096];
+    struct parts parts;
+    bool split = l->record.split_mb || l->record.split_s || l->record.quota_mb;
 
-    if (given)
-        return snprintf(out, size, "%s", given) < (int)size ? 0 : -ENAMETOOLONG;
-    ssize_t n = readlink("/proc/self/exe", path, sizeof path - 1);
-    if (n < 0)
-        return -errno;
-    path[n] = '\0';
-    return snprintf(out, size, "%s", dirname(path)) < (int)size ? 0 : -ENAMETOOLONG;
+    return a->record ? parts_init(&parts, l->record.path, split, why) : 0;
 }
 
 static int prepare(struct launchfile **launch, const struct arguments *a,
                    char run_dir[RUNDIR_SIZE], struct complaint *why)
 {
-    const struct launchfile_options options = {.out = a->out, .realtime = a->realtime};
+    const struct launchfile_options options = {.out = a->out,
+                                               .bag = a->bag,
+                                               .rate = a->rate,
+                                               .record = a->record,
+                                               .realtime = a->realtime};
     int err = launchfile_load(launch, a->launch, &options, why);
 
     if (!err)
+        err = launchfile_choose_host(*launch, a->host, why);
+    if (!err)
         err = devices_check(*launch, why);
     if (!err)
-        err = rundir_open(run_dir, a->run_dir, why);
-    if (!err && launchfile_has_node(*launch, "report"))
+        err = check_recording(*launch, a, why);
+    if (!err)
+        err = site_open(*launch, a, run_dir, why);
+    if (!err && launchfile_runs_here(*launch, "report"))
         err = export_folder((*launch)->report.folder, why);
+    return err;
+}
+
+/* It may lie only on the host that has the array. */
+static int read_scene(struct truth *t, const struct launchfile *l, struct complaint *why)
+{
+    char *scene = uri_path(l->array.uri);
+    int err = 0;
+
+    if (!scene)
+        err = complain(why, -ENOMEM, "not enough memory for the scene");
+    else if (launchfile_runs_here(l, "array") || !access(scene, R_OK))
+        err = truth_read_scene(t, scene, why);
+    free(scene);
     return err;
 }
 
@@ -73,12 +98,8 @@ static void print_results(const struct launchfile *l)
     int err = t ? truth_read_detections(t, l->report.folder, &why)
                 : complain(&why, -ENOMEM, "not enough memory for the table");
 
-    if (!err && uri_has_scheme(l->array.uri, "sim")) {
-        char *scene = uri_path(l->array.uri);
-        err = scene ? truth_read_scene(t, scene, &why)
-                    : complain(&why, -ENOMEM, "not enough memory for the scene");
-        free(scene);
-    }
+    if (!err && uri_has_scheme(l->array.uri, "sim"))
+        err = read_scene(t, l, &why);
     if (err && err != -ENOENT) {
         fprintf(stderr, "anlos launch: %s\n", why.text);
     } else {
@@ -110,14 +131,18 @@ int command_launch(int argc, char **argv)
     }
     if (!err)
         err = prepare(&launch, &args, run_dir, &why);
-    if (!err && (err = find_programs(bin_dir, sizeof bin_dir)))
+    if (!err && (err = program_folder(bin_dir, sizeof bin_dir)))
         complain(&why, err, "the folder of this program: %s", strerror(-err));
     if (err) {
         fprintf(stderr, "anlos launch: %s\n", why.text);
     } else {
-        const struct launcher_config cfg = {
-            .launch = launch, .arguments = &args, .run_dir = run_dir, .bin_dir = bin_dir};
+        const struct launcher_config cfg = {.launch = launch,
+                                            .arguments = &args,
+                                            .run_dir = run_dir,
+                                            .bin_dir = bin_dir,
+                                            .launch_file = site_launch_file(launch)};
         code = launcher_run(&cfg, &reported);
+        site_close(launch, run_dir);
         if (reported)
             print_results(launch);
     }

@@ -24,8 +24,12 @@ static const struct command commands[] = {
     {"sim", "record a simulated scene as WAV files", command_sim},
     {"array", "look at the sound cards of this machine", command_array},
     {"stage", "look at the stage, home it, move it by hand", command_stage},
-    {"bag", "look at recordings, check, cut and convert them", command_bag},
+    {"bag", "record, play, check, cut and convert recordings", command_bag},
+    {"top", "watch the nodes and topics of a running system", command_top},
     {"topic", "look at the messages of a running system", command_topic},
+    {"view", "show a running system or a bag on a web page", command_view},
+    {"node", "look at the processes of a running system", command_node},
+    {"doctor", "find what is wrong with this machine or system", command_doctor},
 };
 
 #define N_COMMANDS (sizeof commands / sizeof commands[0])

@@ -177,24 +177,17 @@ static int draw_into(const char *out, const struct subject *x, struct complaint 
 
 int command_resolution(int argc, char **argv)
 {
+    struct usage usage = {.command = "resolution", .help = help, .options = options};
     const char *survey_path = NULL, *out = NULL;
     struct complaint why = {0};
     struct survey survey;
     struct subject x;
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
-        if (code == 'h')
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-        if (code == 's')
-            survey_path = optarg;
-        else if (code == 'o')
-            out = optarg;
-        else
-            return usage_option_error("resolution", code, argv, options);
-    }
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        *(code == 's' ? &survey_path : &out) = optarg;
+    if (code)
+        return ~code;
     if (optind < argc)
         return usage_error("resolution", "%s: unexpected argument", argv[optind]);
     if (!survey_path)

@@ -19,6 +19,16 @@ int usage_error(const char *command, const char *format, ...)
     return EXIT_BAD_INPUT;
 }
 
+int usage_flush(const char *command)
+{
+    errno = 0;
+    if (!fflush(stdout) && !ferror(stdout))
+        return EXIT_WORKED;
+    fprintf(stderr, "anlos %s: standard output: %s\n", command,
+            errno ? strerror(errno) : "cannot be written");
+    return EXIT_FAILED;
+}
+
 #define LONGEST_WORD 32
 
 /* Insertions, deletions and changes that make b out of a (Levenshtein). */
@@ -74,6 +84,23 @@ int usage_option_error(const char *command, int code, char **argv,
         return usage_error(command, "%.*s: no such option; did you mean --%s?",
                            (int)n + 2, at, near);
     return usage_error(command, "%.*s: no such option", (int)n + 2, at);
+}
+
+int usage_next(struct usage *u, int argc, char **argv)
+{
+    opterr = 0;
+    if (!u->begun)
+        optind = 1;
+    u->begun = true;
+    int code = getopt_long(argc, argv, u->short_options ? u->short_options : ":h",
+                           u->options, NULL);
+    if (code == -1)
+        return 0;
+    if (code == 'h')
+        return ~(fputs(u->help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED);
+    if (code == '?' || code == ':')
+        return ~usage_option_error(u->command, code, argv, u->options);
+    return code;
 }
 
 int usage_count(const char *text, size_t min, size_t max, size_t *out)

@@ -3,6 +3,7 @@
 #define ANLOS_NODES_ANLOS_USAGE_H
 
 #include <getopt.h>
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "nodes/rt/exit_code.h"
@@ -10,6 +11,21 @@
 /* Prints "anlos COMMAND: text" and where help is; returns EXIT_BAD_INPUT. */
 int usage_error(const char *command, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
+
+/* What was printed is out: EXIT_WORKED; else it says why not and returns EXIT_FAILED. */
+int usage_flush(const char *command);
+
+struct usage {
+    const char *command, *help;
+    const struct option *options;
+    const char *short_options; /* as getopt's, with 'h'; NULL: ":h" */
+    bool begun;
+};
+
+/* The val of the next option, with optarg; 0: no more, optind stands at what follows.
+ * Prints the help of 'h' and what is wrong with an option itself: then it is ~exit code,
+ * below 0. */
+int usage_next(struct usage *u, int argc, char **argv);
 
 /* For getopt_long's '?' and ':' with opterr = 0: says what is wrong with the argument it
  * stands at, and which option is spelled nearly so.  Returns EXIT_BAD_INPUT. */

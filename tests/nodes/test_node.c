@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "msgs/bus.h"
+#include "msgs/log.pb-c.h"
 #include "msgs/scan.pb-c.h"
 #include "nodes/rt/node.h"
 
@@ -121,6 +122,46 @@ static void health_carries_what_the_device_counts_now(void **state)
     node_finish(r->node, 0);
 }
 
+static const Anlos__TopicCount *find_count(const Anlos__Health *h, const char *topic,
+                                           bool published)
+{
+    for (size_t i = 0; i < h->n_topics; i++)
+        if (!strcmp(h->topics[i]->topic, topic) && h->topics[i]->published == published)
+            return h->topics[i];
+    fail_msg("no count of %s", topic);
+    return NULL;
+}
+
+/* Half a second, and what the test takes. */
+static void health_tells_how_old_the_sound_was(void **state)
+{
+    struct rig *r = *state;
+    Anlos__ScanStatus s = ANLOS__SCAN_STATUS__INIT;
+    Anlos__Health *h = NULL;
+
+    assert_int_equal(create(r, "scan", "--log-level", "error"), 0);
+    assert_int_equal(node_subscribe(r->node, topic_scan_status()), 0);
+    struct bus *b = listen(r, topic_health());
+    for (int i = 0; !h || !find_count(h, "scan/status", false)->latency_n; i++) {
+        assert_true(i < 200); /* it has to connect first */
+        int64_t capture_ns = node_now_ns(r->node) - 500000000;
+        node_publish(r->node, topic_scan_status(), capture_ns, &s.base);
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "turn %d", i);
+        if (h)
+            anlos__health__free_unpacked(h, NULL);
+        h = (Anlos__Health *)hear(r, b);
+    }
+    const Anlos__TopicCount *in = find_count(h, "scan/status", false);
+    const Anlos__TopicCount *out = find_count(h, "scan/status", true);
+    assert_true(in->latency_n > 0 && out->latency_n >= in->latency_n);
+    assert_true(out->latency_median_s >= 0.5 && out->latency_p99_s < 5);
+    assert_true(in->latency_median_s >= 0.5 && in->latency_p99_s < 5);
+    assert_int_equal(find_count(h, "health", true)->latency_n, 0); /* of no sound */
+    anlos__health__free_unpacked(h, NULL);
+    bus_destroy(b);
+    node_finish(r->node, 0);
+}
+
 static void a_change_of_state_is_said_at_once(void **state)
 {
     struct rig *r = *state;
@@ -138,6 +179,33 @@ static void a_change_of_state_is_said_at_once(void **state)
     assert_int_equal(h->state, ANLOS__HEALTH__STATE__DEGRADED);
     assert_string_equal(h->text, "only 3 of 4");
     anlos__health__free_unpacked(h, NULL);
+    bus_destroy(b);
+    node_finish(r->node, 0);
+}
+
+static void what_it_logs_is_on_the_bus_whatever_is_printed(void **state)
+{
+    struct rig *r = *state;
+    struct bus_message m;
+    int err = -ETIMEDOUT;
+
+    assert_int_equal(create(r, "scan", "--log-level", "error"), 0);
+    struct bus *b = listen(r, topic_log());
+    for (int i = 0; i < 200 && err == -ETIMEDOUT; i++) { /* it has to connect first */
+        node_log(r->node, LOG_LEVEL_DEBUG, "not for the bus");
+        node_log(r->node, LOG_LEVEL_INFO, "try %d", i);
+        err = bus_receive(b, &m, 100);
+    }
+    assert_int_equal(err, 0);
+    Anlos__Log *l = (Anlos__Log *)bus_message_unpack(&m);
+    assert_non_null(l);
+    assert_string_equal(m.envelope.node, "scan");
+    assert_string_equal(l->node, "scan");
+    assert_int_equal(l->level, ANLOS__LOG__LEVEL__INFO);
+    assert_int_equal(strncmp(l->text, "try ", 4), 0);
+    assert_true(llabs(l->stamp_ns - node_machine_ns(r->node)) < 60000000000LL);
+    anlos__log__free_unpacked(l, NULL);
+    bus_message_free(&m);
     bus_destroy(b);
     node_finish(r->node, 0);
 }
@@ -199,6 +267,7 @@ static void help_and_mistakes_end_the_program(void **state)
     assert_int_equal(create(r, "scan", "--help", NULL), 1 + 0);
     assert_int_equal(create(r, "scan", "--what", NULL), 1 + 2);
     assert_int_equal(create(r, "scan", "--log-level", "loud"), 1 + 2);
+    assert_int_equal(create(r, "scan", "--log-format", "xml"), 1 + 2);
     scratch_write(r->scratch, "a.yaml", "nodes: [radar]\n");
     assert_int_equal(create(r, "scan", NULL, NULL), 1 + 2);
 }
@@ -233,7 +302,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(health_is_published_without_being_asked),
         TEST(health_carries_what_the_device_counts_now),
+        TEST(health_tells_how_old_the_sound_was),
         TEST(a_change_of_state_is_said_at_once),
+        TEST(what_it_logs_is_on_the_bus_whatever_is_printed),
         TEST(messages_come_unpacked_with_their_sender),
         TEST(waiting_ends_when_its_time_is_over),
         TEST(exit_codes_tell_bad_configuration_from_failure),

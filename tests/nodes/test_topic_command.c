@@ -2,6 +2,7 @@
 #include <jansson.h>
 #include <poll.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -50,8 +51,10 @@ static void nothing_running_is_said_clearly(void **state)
     struct command_result r;
     char *echo[] = {"topic", "echo", "ping", "--run-dir", run_dir, NULL};
     char *hz[] = {"topic", "hz", "--run-dir", run_dir, NULL};
-    char **all[] = {echo, hz};
-    for (int i = 0; i < 2; i++) {
+    char *bw[] = {"topic", "bw", "--run-dir", run_dir, NULL};
+    char *delay[] = {"topic", "delay", "--run-dir", run_dir, NULL};
+    char **all[] = {echo, hz, bw, delay};
+    for (int i = 0; i < 4; i++) {
         command_run(&r, command_topic, all[i]);
         assert_int_equal(r.code, 1);
         assert_non_null(strstr(r.err, "nothing is running"));
@@ -68,11 +71,17 @@ static void wrong_arguments_are_refused(void **state)
     char *which[] = {"topic", "echo", NULL}, *typo[] = {"topic", "echo", "pings", NULL};
     char *count[] = {"topic", "echo", "ping", "--count", "0", NULL};
     char *time[] = {"topic", "hz", "--seconds", "-3", NULL};
-    char **all[] = {none, verb, which, typo, count, time};
+    char *ages[] = {"topic", "hz", "--seconds", "1e12", NULL};
+    char *listed[] = {"topic", "list", "--count", "3", NULL};
+    char *whole[] = {"topic", "hz", "--full", NULL};
+    char *echoed[] = {"topic", "echo", "ping", "--seconds", "3", NULL};
+    char **all[] = {none, verb, which, typo, count, time, ages, listed, whole, echoed};
     static const char *const texts[] = {"is missing",         "list2",
                                         "expected one topic", "pings: no such topic",
-                                        "--count 0",          "--seconds -3"};
-    for (size_t i = 0; i < 6; i++) {
+                                        "--count 0",          "--seconds -3",
+                                        "--seconds 1e12",     "list has no such option",
+                                        "hz has no such",     "echo has no such"};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         command_run(&r, command_topic, all[i]);
         assert_int_equal(r.code, 2);
         assert_non_null(strstr(r.err, texts[i]));
@@ -147,24 +156,100 @@ static void echo_prints_a_message_as_one_line_of_json(void **state)
     json_decref(j);
 }
 
-static void hz_counts_what_arrives(void **state)
+/* The row of stage/state in what the verb prints after half a second. */
+static const char *watch(const char *verb, char *text, size_t size)
 {
-    (void)state;
-    char text[4096];
     int out, err;
-    unsigned long messages = 0;
-    char *words[] = {"topic",  "hz",        "stage/state", "--seconds", "0.5",
-                     "--wait", "--run-dir", run_dir,       NULL};
+    char *words[] = {"topic",  (char *)verb, "stage/state", "--seconds", "0.5",
+                     "--wait", "--run-dir",  run_dir,       NULL};
     pid_t pid = command_start(command_topic, words, &out, &err);
-    publish_until_answered(out, text, sizeof text);
+    publish_until_answered(out, text, size);
     assert_int_equal(ended(pid), 0);
     close(out);
     close(err);
     const char *row = strstr(text, "\nstage/state ");
     assert_non_null(row);
-    assert_int_equal(sscanf(row, " stage/state %lu", &messages), 1);
+    assert_null(strstr(text, "\033")); /* in a pipe nothing is drawn */
+    return row;
+}
+
+static void hz_tells_rate_intervals_and_gaps(void **state)
+{
+    (void)state;
+    char text[4096], from[16];
+    unsigned long messages = 0, gaps = 99;
+    double rate_hz, expected_hz, mean_ms, min_ms, max_ms, std_ms;
+    const char *row = watch("hz", text, sizeof text);
+    assert_int_equal(sscanf(row, " stage/state %15s %lu %lf/%lf %lf %lf %lf %lf %lu",
+                            from, &messages, &rate_hz, &expected_hz, &mean_ms, &min_ms,
+                            &max_ms, &std_ms, &gaps),
+                     9);
+    assert_string_equal(from, "stage");
     assert_true(messages > 3);
-    assert_non_null(strstr(row, "Hz"));
+    assert_near(expected_hz, topic_stage_state()->rate_hz, 0.0);
+    /* Rounded to 0.5 Hz and 0.05 ms at the worst. */
+    assert_near(rate_hz * mean_ms, 1000.0, 0.5 * mean_ms + 0.05 * rate_hz);
+    assert_true(min_ms <= mean_ms && mean_ms <= max_ms && std_ms <= max_ms - min_ms);
+    assert_int_equal(gaps, 0);
+}
+
+static void bw_tells_bytes_a_second_and_of_a_message(void **state)
+{
+    (void)state;
+    char text[4096], from[16];
+    unsigned long messages = 0;
+    double mean, min, max;
+    Anlos__StageState m = ANLOS__STAGE_STATE__INIT;
+    m.state = ANLOS__STAGE_STATE__STATE__MOVING;
+    m.position_m = 0.25;
+    m.text = "on its way";
+    double size = (double)anlos__stage_state__get_packed_size(&m);
+    const char *row = watch("bw", text, sizeof text);
+    assert_int_equal(sscanf(row, " stage/state %15s %lu %*f %*[kB] %lf B %lf B %lf B",
+                            from, &messages, &mean, &min, &max),
+                     5);
+    assert_near(mean, size, 0.0);
+    assert_near(min, size, 0.0);
+    assert_near(max, size, 0.0);
+}
+
+static void delay_tells_times_since_sound_and_sending(void **state)
+{
+    (void)state;
+    char text[4096], from[16];
+    unsigned long messages = 0;
+    double capture[2], published[2];
+    const char *row = watch("delay", text, sizeof text);
+    assert_int_equal(sscanf(row, " stage/state %15s %lu %lf %lf %lf %lf", from, &messages,
+                            &capture[0], &capture[1], &published[0], &published[1]),
+                     6);
+    /* Its stamps are 11 and 22 ns after 1970. */
+    double now_ms = 1e3 * (double)time(NULL);
+    for (int i = 0; i < 2; i++) {
+        assert_near(capture[i], now_ms, 60e3);
+        assert_near(published[i], now_ms, 60e3);
+    }
+}
+
+static void ctrl_c_ends_it_with_the_table_so_far(void **state)
+{
+    (void)state;
+    char text[4096];
+    int out, err;
+    size_t used = 0;
+    char *words[] = {"topic",  "hz",        "--seconds", "1000",
+                     "--wait", "--run-dir", run_dir,     NULL};
+    pid_t pid = command_start(command_topic, words, &out, &err);
+    assert_true(read(err, text, sizeof text) > 0); /* "yet; waiting" */
+    assert_int_equal(kill(pid, SIGINT), 0);
+    for (ssize_t n; used + 1 < sizeof text &&
+                    (n = read(out, text + used, sizeof text - 1 - used)) > 0;)
+        used += (size_t)n;
+    text[used] = '\0';
+    assert_int_equal(ended(pid), 130);
+    close(out);
+    close(err);
+    assert_non_null(strstr(text, "scan/status"));
 }
 
 int main(void)
@@ -174,7 +259,10 @@ int main(void)
         cmocka_unit_test(nothing_running_is_said_clearly),
         cmocka_unit_test(wrong_arguments_are_refused),
         cmocka_unit_test(echo_prints_a_message_as_one_line_of_json),
-        cmocka_unit_test(hz_counts_what_arrives),
+        cmocka_unit_test(hz_tells_rate_intervals_and_gaps),
+        cmocka_unit_test(bw_tells_bytes_a_second_and_of_a_message),
+        cmocka_unit_test(delay_tells_times_since_sound_and_sending),
+        cmocka_unit_test(ctrl_c_ends_it_with_the_table_so_far),
     };
     int failed = cmocka_run_group_tests(tests, set_up, NULL);
     char command[128];

@@ -86,18 +86,14 @@ static int probe(const char *name, bool json)
 
 int command_array(int argc, char **argv)
 {
+    struct usage usage = {.command = "array", .help = help, .options = options};
     bool json = false;
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
-        if (code == 'h')
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-        if (code != 'j')
-            return usage_option_error("array", code, argv, options);
+    while ((code = usage_next(&usage, argc, argv)) > 0)
         json = true;
-    }
+    if (code)
+        return ~code;
     const char *verb = optind < argc ? argv[optind] : "";
     int n_names = argc - optind - 1;
     if (!strcmp(verb, "list") && n_names == 0)

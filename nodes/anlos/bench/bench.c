@@ -91,7 +91,7 @@ static const struct option options[] = {
     {NULL, 0, NULL, 0},
 };
 
-static int take_option(struct bench_options *o, int code, char **argv)
+static int take_option(struct bench_options *o, int code)
 {
     switch (code) {
     case OPTION_SCENES:
@@ -122,13 +122,11 @@ static int take_option(struct bench_options *o, int code, char **argv)
                    ? usage_error("bench", "--threads %s: expected a number from 1 to %d",
                                  optarg, MAX_THREADS)
                    : 0;
-    case OPTION_SEEDS:
+    default:
         return usage_count(optarg, 0, MAX_SEEDS, &o->seeds)
                    ? usage_error("bench", "--seeds %s: expected a number from 0 to %d",
                                  optarg, MAX_SEEDS)
                    : 0;
-    default:
-        return usage_option_error("bench", code, argv, options);
     }
 }
 
@@ -151,17 +149,14 @@ int command_bench(int argc, char **argv)
                               .limit_s = LIMIT_S,
                               .threads = usage_default_threads(),
                               .seeds = BENCH_USUAL_SEEDS};
+    struct usage usage = {.command = "bench", .help = help, .options = options};
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
-        if (code == 'h')
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-        code = take_option(&o, code, argv);
-        if (code)
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((code = take_option(&o, code)) != 0)
             return code;
-    }
+    if (code)
+        return ~code;
     if (optind >= argc)
         return usage_error("bench", "expected speed-error or detection");
     const char *what = argv[optind];

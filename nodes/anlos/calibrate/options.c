@@ -196,26 +196,20 @@ static int take_word(struct calibrate_options *o, const char *word)
 bool calibrate_options_parse(struct calibrate_options *o, int argc, char **argv,
                              int *exit_code)
 {
-    int code;
+    struct usage usage = {
+        .command = COMMAND, .help = help, .options = options, .short_options = "-:h"};
+    int code = 0;
     *o = (struct calibrate_options){.takes = 4,
                                     .distance_m = NAN,
                                     .range_m = NAN,
                                     .temperature_c = NAN,
                                     .humidity_percent = NAN};
     *exit_code = 0;
-    opterr = 0;
-    optind = 1;
-    while (!*exit_code && (code = getopt_long(argc, argv, "-:h", options, NULL)) != -1) {
-        if (code == 'h') {
-            *exit_code = fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-            return false;
-        }
-        if (code == 1)
-            *exit_code = take_word(o, optarg);
-        else if (code == '?' || code == ':')
-            *exit_code = usage_option_error(COMMAND, code, argv, options);
-        else
-            *exit_code = take_option(o, code, optarg);
+    while (!*exit_code && (code = usage_next(&usage, argc, argv)) > 0)
+        *exit_code = code == 1 ? take_word(o, optarg) : take_option(o, code, optarg);
+    if (code < 0) {
+        *exit_code = ~code;
+        return false;
     }
     if (!*exit_code && !o->what)
         *exit_code = usage_error(COMMAND, "what? time-zero, channels, gains, "

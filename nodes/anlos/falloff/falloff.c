@@ -230,23 +230,19 @@ int command_falloff(int argc, char **argv)
 {
     struct falloff f = {0};
     struct complaint why = {0};
-    int code, err = 0;
+    struct usage usage = {
+        .command = "falloff", .help = help, .options = options, .short_options = "-:h"};
+    int code = 0, err = 0;
 
-    opterr = 0;
-    optind = 1;
-    while (!err && (code = getopt_long(argc, argv, "-:h", options, NULL)) != -1) {
-        if (code == 'h') {
-            falloff_clear(&f);
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-        }
-        if (code == 'o') {
+    while (!err && (code = usage_next(&usage, argc, argv)) > 0) {
+        if (code == 'o')
             f.out = optarg;
-        } else if (code == 's' || code == 1) {
+        else
             err = take_argument(&f, code, optarg, &why);
-        } else {
-            falloff_clear(&f);
-            return usage_option_error("falloff", code, argv, options);
-        }
+    }
+    if (code < 0) {
+        falloff_clear(&f);
+        return ~code;
     }
     if (!err && !f.n_sets)
         return usage_error("falloff", "expected one RECORDING or more");

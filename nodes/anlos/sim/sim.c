@@ -88,23 +88,20 @@ int command_sim(int argc, char **argv)
 {
     struct sim_options o = {.threads = usage_default_threads(),
                             .progress = isatty(STDERR_FILENO)};
+    struct usage usage = {.command = "sim", .help = help, .options = options};
     struct complaint why = {0};
     bool bad_input = false;
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
-        if (code == 'h')
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
+    while ((code = usage_next(&usage, argc, argv)) > 0) {
         if (code == 'o')
             o.out = optarg;
-        else if (code != 't')
-            return usage_option_error("sim", code, argv, options);
         else if (usage_count(optarg, 1, MAX_THREADS, &o.threads))
             return usage_error("sim", "--threads %s: expected a number from 1 to %d",
                                optarg, MAX_THREADS);
     }
+    if (code)
+        return ~code;
     if (optind == argc)
         return usage_error("sim", "SCENE.yaml is missing");
     if (optind + 1 < argc)

@@ -2,30 +2,46 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/topic/table.h"
 #include "nodes/anlos/topic/watch.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/rundir.h"
+
+#define DEFAULT_SECONDS 5.0
+#define MOST_SECONDS    1e9 /* in ns, and added to the time of day, it has to be int64 */
 
 static const char help[] =
     "anlos topic -- look at the messages of a running system\n"
     "\n"
     "usage: anlos topic list\n"
     "       anlos topic echo TOPIC [--count N] [--full] [--wait] [--run-dir DIR]\n"
-    "       anlos topic hz [TOPIC...] [--seconds S] [--wait] [--run-dir DIR]\n"
+    "       anlos topic hz|bw|delay [TOPIC...] [--seconds S] [--wait] [--run-dir DIR]\n"
     "\n"
     "  list            every topic: schema, expected rate, queue policy, publishers\n"
     "  echo            prints messages as JSON, one a line; sound and images as type,\n"
     "                  shape, least and greatest value\n"
-    "  hz              listens for some seconds: rate against the expected one, "
-    "bandwidth,\n"
-    "                  messages that got lost; all topics when none is named\n"
+    "  hz              how often they come, against the expected rate; mean, least and\n"
+    "                  greatest interval, its standard deviation; messages that got "
+    "lost\n"
+    "  bw              bytes a second; mean, least and greatest size of a message\n"
+    "  delay           median and 99th percentile of the time from when a message's "
+    "sound\n"
+    "                  was taken to its arrival here, and from when it was sent; of the\n"
+    "                  newest 4096 messages\n"
+    "\n"
+    "  hz, bw and delay have a row for each topic (all when none is named) and sender.\n"
+    "  A replayed message has no delays: its times are not those of now.\n"
+    "  On a terminal the table is drawn anew every second until Ctrl-C; in a pipe or "
+    "file\n"
+    "  it is printed once.\n"
     "\n"
     "  --count N       stop after N messages, default: never\n"
     "  --full          print every number of sound and images\n"
-    "  --seconds S     how long hz listens, default 5\n"
+    "  --seconds S     how long hz, bw and delay listen; default 5 in a pipe or file\n"
     "  --wait          go on when nothing is running yet\n"
     "  --run-dir DIR   where the system's sockets are, default $XDG_RUNTIME_DIR/anlos, "
     "else\n"
@@ -36,7 +52,9 @@ static const char help[] =
     "\n"
     "examples\n"
     "  anlos topic hz --seconds 10\n"
+    "  anlos topic delay traces volume detections\n"
     "  anlos topic echo detections --count 1 | jq .content.detections\n"
+    "  anlos topic echo log | jq -r '.content | .node + \": \" + .text'\n"
     "\n"
     "exit codes: 0 done; 1 nothing is running, or failed; 2 bad arguments;\n"
     "130 stopped by Ctrl-C\n";
@@ -54,26 +72,26 @@ static const struct option options[] = {
 struct topic_options {
     const char *run_dir; /* NULL: the default */
     size_t count;
-    double seconds;
+    double seconds; /* 0: not said */
     bool full, wait;
 };
 
+static const struct watched {
+    const char *verb;
+    struct topic_watch how; /* without table: echo */
+} verbs[] = {
+    {"echo", {0}},
+    {"hz", {.table = topic_table_rates}},
+    {"bw", {.table = topic_table_sizes}},
+    {"delay", {.table = topic_table_delays, .delays = true}},
+};
+
+#define N_VERBS (sizeof verbs / sizeof *verbs)
+
 static int list_topics(void)
 {
-    printf("%-14s %-20s %8s  %-7s %6s %9s  %s\n", "topic", "schema", "rate", "policy",
-           "depth", "max size", "published by");
-    for (const struct topic *t = topics_all(); t->name; t++) {
-        char rate[16] = "-";
-        if (t->rate_hz > 0.0)
-            snprintf(rate, sizeof rate, "%g Hz", t->rate_hz);
-        printf("%-14s %-20s %8s  %-7s %6zu %6zu kB ", t->name, t->schema->name, rate,
-               t->policy == TOPIC_ALL ? "all" : "latest", t->depth, t->max_size / 1024);
-        for (size_t i = 0; i < 8 && t->publishers[i]; i++)
-            printf(" %s",
-                   strcmp(t->publishers[i], "*") ? t->publishers[i] : "every node");
-        printf("\n");
-    }
-    return fflush(stdout) ? EXIT_FAILED : EXIT_WORKED;
+    topic_table_all(stdout);
+    return usage_flush("topic");
 }
 
 static int take_option(struct topic_options *o, int code, char **argv)
@@ -85,9 +103,10 @@ static int take_option(struct topic_options *o, int code, char **argv)
         return usage_error("topic", "--count %s: expected a whole number above 0",
                            optarg);
     case 's':
-        if (!usage_positive(optarg, &o->seconds))
+        if (!usage_positive(optarg, &o->seconds) && o->seconds <= MOST_SECONDS)
             return 0;
-        return usage_error("topic", "--seconds %s: expected a number above 0", optarg);
+        return usage_error("topic", "--seconds %s: expected a number above 0, up to %g",
+                           optarg, MOST_SECONDS);
     case 'f':
         o->full = true;
         return 0;
@@ -100,6 +119,19 @@ static int take_option(struct topic_options *o, int code, char **argv)
     default:
         return usage_option_error("topic", code, argv, options);
     }
+}
+
+/* An option that would not be heeded.  Returns 0 or an exit code. */
+static int check_options(const struct topic_options *o, const char *verb)
+{
+    bool echo = !strcmp(verb, "echo"), list = !strcmp(verb, "list");
+    const char *odd = !echo && o->count                    ? "count"
+                      : !echo && o->full                   ? "full"
+                      : (echo || list) && o->seconds > 0.0 ? "seconds"
+                      : list && o->wait                    ? "wait"
+                                                           : NULL;
+
+    return odd ? usage_error("topic", "--%s: %s has no such option", odd, verb) : 0;
 }
 
 /* The topics named, or all.  Returns 0 or an exit code. */
@@ -124,7 +156,20 @@ static int find_topics(char **names, size_t n_names, const struct topic ***out, 
     return 0;
 }
 
-static int watch(bool echo, const struct topic *const *topics, size_t n,
+static int run_verb(struct bus *bus, const struct watched *v,
+                    const struct topic *const *topics, size_t n,
+                    const struct topic_options *o)
+{
+    struct topic_watch how = v->how;
+
+    if (!how.table)
+        return topic_watch_echo(bus, o->count, o->full);
+    how.live = isatty(STDOUT_FILENO);
+    how.seconds = o->seconds > 0.0 || how.live ? o->seconds : DEFAULT_SECONDS;
+    return topic_watch_tally(bus, topics, n, &how);
+}
+
+static int watch(const struct watched *v, const struct topic *const *topics, size_t n,
                  const struct topic_options *o)
 {
     char run_dir[RUNDIR_SIZE];
@@ -135,6 +180,7 @@ static int watch(bool echo, const struct topic *const *topics, size_t n,
         fprintf(stderr, "anlos topic: %s\n", why.text);
         return EXIT_BAD_INPUT;
     }
+    interrupt_catch();
     if (!topic_watch_alive(run_dir)) {
         fprintf(stderr, "anlos topic: nothing is running in %s%s\n", run_dir,
                 o->wait ? " yet; waiting"
@@ -143,26 +189,25 @@ static int watch(bool echo, const struct topic *const *topics, size_t n,
         if (!o->wait)
             return EXIT_FAILED;
     }
-    interrupt_catch();
     int err = topic_watch_open(&bus, run_dir, topics, n, &why);
     if (err) {
         fprintf(stderr, "anlos topic: %s\n", why.text);
         return EXIT_FAILED;
     }
-    err = echo ? topic_watch_echo(bus, o->count, o->full)
-               : topic_watch_rates(bus, topics, n, o->seconds);
+    err = run_verb(bus, v, topics, n, o);
     bus_destroy(bus);
     if (!err)
         return EXIT_WORKED;
     if (err == -EINTR)
         return EXIT_INTERRUPTED;
-    fprintf(stderr, "anlos topic: %s\n", strerror(-err));
+    fprintf(stderr, "anlos topic: %s%s\n", ferror(stdout) ? "standard output: " : "",
+            strerror(-err));
     return EXIT_FAILED;
 }
 
 int command_topic(int argc, char **argv)
 {
-    struct topic_options o = {.seconds = 5.0};
+    struct topic_options o = {0};
     const struct topic **topics = NULL;
     size_t n = 0;
     int code;
@@ -179,19 +224,26 @@ int command_topic(int argc, char **argv)
     const char *verb = optind < argc ? argv[optind] : "";
     char **names = argv + optind + 1;
     int n_names = argc - optind - 1;
-    bool echo = !strcmp(verb, "echo");
-    if (!strcmp(verb, "list") && n_names <= 0)
-        return list_topics();
-    if (!echo && strcmp(verb, "hz"))
+    const struct watched *v = verbs;
+    while (v < verbs + N_VERBS && strcmp(verb, v->verb))
+        v++;
+    if (!strcmp(verb, "list") && n_names <= 0) {
+        code = check_options(&o, verb);
+        return code ? code : list_topics();
+    }
+    if (v == verbs + N_VERBS)
         return usage_error("topic",
-                           *verb ? "%s: expected list, echo TOPIC or hz [TOPIC...]"
-                                 : "%slist, echo TOPIC or hz is missing",
+                           *verb ? "%s: expected list, echo TOPIC, or hz, bw or delay "
+                                   "[TOPIC...]"
+                                 : "%slist, echo, hz, bw or delay is missing",
                            verb);
-    if (echo && n_names != 1)
+    if (!v->how.table && n_names != 1)
         return usage_error("topic", "echo: expected one topic");
-    code = find_topics(names, (size_t)n_names, &topics, &n);
+    code = check_options(&o, verb);
     if (!code)
-        code = watch(echo, topics, n, &o);
+        code = find_topics(names, (size_t)n_names, &topics, &n);
+    if (!code)
+        code = watch(v, topics, n, &o);
     free(topics);
     return code;
 }

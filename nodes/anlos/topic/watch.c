@@ -3,8 +3,6 @@
 #include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
-#include <jansson.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,9 +12,14 @@
 
 #include "hal/clock.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/topic/message_json.h"
+#include "nodes/anlos/live.h"
+#include "nodes/anlos/topic/message_line.h"
 
 #define LOOK_UP_MS 100 /* between looks at Ctrl-C and the clock */
+#define REDRAW_NS  1000000000LL
+#define KEEP_BYTES ((size_t)256 << 20) /* that may wait to be looked at */
+
+enum { MAX_TOPICS = 64 };
 
 static bool socket_answers(const char *folder, const char *name)
 {
@@ -46,16 +49,13 @@ bool topic_watch_alive(const char *run_dir)
     return alive;
 }
 
-static double now_s(void)
-{
-    return 1e-9 * (double)clock_now_ns(clock_system());
-}
-
 int topic_watch_open(struct bus **out, const char *run_dir,
                      const struct topic *const *topics, size_t n, struct complaint *why)
 {
     struct bus_config cfg = {.run_dir = run_dir, .listen_only = true};
     int err = bus_create(out, &cfg, why);
+    if (!err) /* INT64_MAX: no publisher counts as one that starts later */
+        bus_keep_all(*out, KEEP_BYTES, INT64_MAX);
     for (size_t i = 0; !err && i < n; i++) {
         err = bus_subscribe(*out, topics[i]);
         if (err) {
@@ -69,21 +69,16 @@ int topic_watch_open(struct bus **out, const char *run_dir,
 static int echo_message(const struct bus_message *m, bool full)
 {
     ProtobufCMessage *content = bus_message_unpack(m);
-    json_t *o = json_object();
-    json_object_set_new(o, "topic", json_string(m->topic->name));
-    json_object_set_new(o, "from", json_string(m->envelope.node));
-    json_object_set_new(o, "sequence", json_integer((json_int_t)m->envelope.sequence));
-    json_object_set_new(o, "capture_ns", json_integer(m->envelope.capture_ns));
-    json_object_set_new(o, "publish_ns", json_integer(m->envelope.publish_ns));
-    json_object_set_new(o, "bytes", json_integer((json_int_t)m->envelope.payload_size));
-    json_object_set_new(o, "content",
-                        content ? message_json(content, full)
-                                : json_string("not a message of the topic's schema"));
+    const struct message_line l = {.topic = m->topic->name,
+                                   .n_topic = strlen(m->topic->name),
+                                   .envelope = &m->envelope,
+                                   .n_bytes = m->envelope.payload_size,
+                                   .content = content,
+                                   .why_not = "not a message of the topic's schema"};
     errno = 0;
-    int failed = json_dumpf(o, stdout, JSON_COMPACT | JSON_REAL_PRECISION(9)) ||
-                 putchar('\n') == EOF || fflush(stdout);
-    int err = failed ? (errno ? -errno : -ENOMEM) : 0;
-    json_decref(o);
+    int err = message_line_write(&l, full, stdout);
+    if (!err && fflush(stdout))
+        err = errno ? -errno : -EIO;
     if (content)
         protobuf_c_message_free_unpacked(content, NULL);
     return err;
@@ -112,76 +107,91 @@ int topic_watch_echo(struct bus *bus, size_t count, bool full)
     return 0;
 }
 
-struct arrivals {
-    double first_s, last_s;
-};
-
-static void print_rate(const struct topic *t, const struct arrivals *a,
-                       const struct bus_count *c, double elapsed_s)
+/* Listens until end_ns, taking every message as soon as it comes.  0, -EINTR, -ENOMEM. */
+static int listen_until(struct bus *bus, struct tally *t, int64_t end_ns)
 {
-    char expected[32] = "now and then", measured[32] = "-";
-    if (t->rate_hz > 0.0)
-        snprintf(expected, sizeof expected, "%.1f Hz", t->rate_hz);
-    if (c->messages > 1 && a->last_s > a->first_s)
-        snprintf(measured, sizeof measured, "%.1f Hz",
-                 (double)(c->messages - 1) / (a->last_s - a->first_s));
-    printf("%-14s %10" PRIu64 " %12s %13s %12.1f %8" PRIu64 "\n", t->name, c->messages,
-           measured, expected, 1e-3 * (double)c->bytes / elapsed_s, c->gaps);
-}
-
-static int print_rates(struct bus *bus, const struct topic *const *topics, size_t n,
-                       const struct arrivals *arrivals, double elapsed_s)
-{
-    size_t all = bus_counts(bus, NULL, 0);
-    struct bus_count *counts = calloc(all ? all : 1, sizeof *counts);
-    if (!counts)
-        return -ENOMEM;
-    size_t room = all;
-    all = bus_counts(bus, counts, room);
-    all = all < room ? all : room;
-    printf("%-14s %10s %12s %13s %12s %8s\n", "topic", "messages", "rate", "expected",
-           "kB/s", "gaps");
-    for (size_t i = 0; i < n; i++) {
-        struct bus_count none = {0}, *c = &none;
-        for (size_t k = 0; k < all; k++)
-            if (counts[k].topic == topics[i] && !counts[k].published)
-                c = &counts[k];
-        print_rate(topics[i], &arrivals[i], c, elapsed_s);
-    }
-    if (bus_refused(bus))
-        printf("%" PRIu64 " messages were refused (wrong magic, version or length)\n",
-               bus_refused(bus));
-    free(counts);
-    return fflush(stdout) ? -errno : 0;
-}
-
-int topic_watch_rates(struct bus *bus, const struct topic *const *topics, size_t n,
-                      double seconds)
-{
-    struct arrivals *arrivals = calloc(n ? n : 1, sizeof *arrivals);
-    double began_s = now_s();
-    int err = 0;
-    if (!arrivals)
-        return -ENOMEM;
-    while (now_s() < began_s + seconds && !interrupt_requested()) {
+    for (;;) {
         struct bus_message m;
-        double left_ms = 1e3 * (began_s + seconds - now_s());
-        err = bus_receive(bus, &m, (int)fmax(fmin(left_ms + 1.0, LOOK_UP_MS), 0.0));
+        int64_t now_ns = clock_now_ns(clock_system());
+        if (interrupt_requested())
+            return -EINTR;
+        if (now_ns >= end_ns)
+            return 0;
+        int64_t left_ms = (end_ns - now_ns) / 1000000 + 1;
+        int err = bus_receive(bus, &m, left_ms < LOOK_UP_MS ? (int)left_ms : LOOK_UP_MS);
         if (err == -ETIMEDOUT)
             continue;
-        if (err)
-            break;
-        for (size_t i = 0; i < n; i++) {
-            if (topics[i] != m.topic)
-                continue;
-            arrivals[i].last_s = now_s();
-            if (arrivals[i].first_s == 0.0)
-                arrivals[i].first_s = arrivals[i].last_s;
+        if (!err) {
+            err = tally_add(t, &m, clock_now_ns(clock_system()));
+            bus_message_free(&m);
         }
-        bus_message_free(&m);
+        if (err)
+            return err;
     }
-    if (!err || err == -ETIMEDOUT)
-        err = print_rates(bus, topics, n, arrivals, now_s() - began_s);
-    free(arrivals);
-    return err ? err : interrupt_requested() ? -EINTR : 0;
+}
+
+/* What came to grief here and shows in no row. */
+static void print_rest(struct bus *bus, FILE *f)
+{
+    uint64_t dropped = 0, refused = bus_refused(bus);
+    struct bus_count counts[MAX_TOPICS];
+    size_t n = bus_counts(bus, counts, MAX_TOPICS);
+
+    for (size_t i = 0; i < n && i < MAX_TOPICS; i++)
+        dropped += counts[i].dropped;
+    if (refused)
+        fprintf(f, "%" PRIu64 " messages were refused (wrong magic, version or length)\n",
+                refused);
+    if (dropped)
+        fprintf(f,
+                "%" PRIu64 " messages came faster than they were looked at: they count "
+                "as gaps here, not in the system\n",
+                dropped);
+}
+
+static int show(struct bus *bus, const struct tally *t, const struct topic_watch *w,
+                struct live *live, double elapsed_s)
+{
+    char *text = NULL;
+    size_t size, rows, columns;
+    FILE *f = open_memstream(&text, &size);
+    int err = 0;
+
+    if (!f)
+        return -ENOMEM;
+    w->table(t, elapsed_s, f);
+    print_rest(bus, f);
+    if (fclose(f)) {
+        err = -ENOMEM;
+    } else if (w->live) {
+        live_size(STDOUT_FILENO, &rows, &columns);
+        err = live_draw(live, text, rows, columns);
+    } else if (fputs(text, stdout) == EOF || fflush(stdout)) {
+        err = -errno;
+    }
+    free(text);
+    return err;
+}
+
+int topic_watch_tally(struct bus *bus, const struct topic *const *topics, size_t n,
+                      const struct topic_watch *w)
+{
+    struct live live = {.f = stdout};
+    struct tally t;
+    int64_t began_ns = clock_now_ns(clock_system()), now_ns = began_ns;
+    int64_t end_ns = w->seconds > 0.0 ? began_ns + (int64_t)(1e9 * w->seconds)
+                                      : INT64_MAX;
+    int err = tally_open(&t, topics, n, w->delays);
+
+    while (!err && now_ns < end_ns) {
+        int64_t next_ns = now_ns + REDRAW_NS;
+        err = listen_until(bus, &t, w->live && next_ns < end_ns ? next_ns : end_ns);
+        now_ns = clock_now_ns(clock_system());
+        if (!err || err == -EINTR) {
+            int shown = show(bus, &t, w, &live, 1e-9 * (double)(now_ns - began_ns));
+            err = err ? err : shown;
+        }
+    }
+    tally_clear(&t);
+    return err;
 }

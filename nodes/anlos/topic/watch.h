@@ -1,12 +1,14 @@
-/* nodes/anlos/topic/watch.h -- listening to a running system: echo and hz. */
+/* nodes/anlos/topic/watch.h -- listening to a running system. */
 #ifndef ANLOS_NODES_ANLOS_TOPIC_WATCH_H
 #define ANLOS_NODES_ANLOS_TOPIC_WATCH_H
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
 
 #include "msgs/bus.h"
 #include "msgs/complaint.h"
+#include "nodes/anlos/topic/tally.h"
 
 /* Does anybody publish in the folder?  Tries each socket in it. */
 bool topic_watch_alive(const char *run_dir);
@@ -19,9 +21,16 @@ int topic_watch_open(struct bus **out, const char *run_dir,
  * 0, -EINTR, -ENOMEM, -EIO. */
 int topic_watch_echo(struct bus *bus, size_t count, bool full);
 
-/* Listens for some seconds (Ctrl-C ends it early) and prints a table: rate measured and
- * expected, bandwidth, gaps.  0, -EINTR, -ENOMEM, -EIO. */
-int topic_watch_rates(struct bus *bus, const struct topic *const *topics, size_t n,
-                      double seconds);
+struct topic_watch {
+    void (*table)(const struct tally *t, double elapsed_s, FILE *f);
+    bool delays;    /* keep them for the table */
+    bool live;      /* stdout is a terminal: drawn anew every second */
+    double seconds; /* 0: until Ctrl-C */
+};
+
+/* Listens and prints a table, at Ctrl-C too.  0, -EINTR, -ENOMEM, other negative errno of
+ * writing. */
+int topic_watch_tally(struct bus *bus, const struct topic *const *topics, size_t n,
+                      const struct topic_watch *w);
 
 #endif

@@ -1,0 +1,49 @@
+/* nodes/anlos/doctor/findings.h -- what `anlos doctor` found: for each thing it looked at
+ * how it is, and what to do about it. */
+#ifndef ANLOS_NODES_ANLOS_DOCTOR_FINDINGS_H
+#define ANLOS_NODES_ANLOS_DOCTOR_FINDINGS_H
+
+#include <jansson.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdio.h>
+
+enum finding_level {
+    FINDING_OK,
+    FINDING_NOTE,  /* works, but not as well as it could */
+    FINDING_WRONG, /* will not work, or does not */
+};
+
+struct finding {
+    enum finding_level level;
+    char area[16];
+    char what[1100];
+    char todo[512]; /* empty: nothing */
+};
+
+struct findings { /* zeroed: none */
+    size_t n, room;
+    struct finding *list;
+    bool full; /* out of memory: some are missing */
+};
+
+void finding_add(struct findings *f, enum finding_level level, const char *area,
+                 const char *format, ...) __attribute__((format(printf, 4, 5)));
+
+/* What to do about the one added last. */
+void finding_todo(struct findings *f, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+size_t findings_count(const struct findings *f, enum finding_level level);
+
+/* A line for each, what to do below it, and how many there are. */
+void findings_print(const struct findings *f, bool colour, FILE *to);
+
+/* {"findings": [...], "wrong": n, "notes": n}; NULL: no memory. */
+json_t *findings_json(const struct findings *f);
+
+/* Adds those of findings_json.  0, -EINVAL: it is something else. */
+int findings_add_json(struct findings *f, const json_t *o);
+void findings_clear(struct findings *f);
+
+#endif

@@ -1,0 +1,210 @@
+#include "nodes/anlos/doctor/doctor.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include "msgs/endpoint.h"
+#include "nodes/rt/launchfile_hosts.h"
+#include "nodes/rt/rundir.h"
+
+#define DISK_WRONG_MB 50
+#define DISK_NOTE_MB  1000
+
+struct launchfile *doctor_load(const struct doctor *d)
+{
+    struct launchfile *l = NULL;
+
+    if (!d->launch || launchfile_load(&l, d->launch, NULL, NULL))
+        return NULL;
+    if (!d->host || !launchfile_choose_host(l, d->host, NULL))
+        return l;
+    launchfile_destroy(l);
+    return NULL;
+}
+
+bool doctor_runs(const struct doctor *d, const struct launchfile *l, const char *node)
+{
+    if (l->hosts.n && !d->host)
+        return false;
+    return l->hosts.n ? launchfile_runs_here(l, node) : launchfile_has_node(l, node);
+}
+
+/* The folder, or the nearest one above it that is there. */
+static void find_existing(char path[PATH_MAX], const char *folder)
+{
+    snprintf(path, PATH_MAX, "%s", folder);
+    while (access(path, F_OK)) {
+        char *slash = strrchr(path, '/');
+        if (!slash) {
+            snprintf(path, PATH_MAX, ".");
+            return;
+        }
+        slash[slash == path] = '\0';
+        if (slash == path && access(path, F_OK))
+            return;
+    }
+}
+
+static void look_at_room(struct findings *f, const char *area, const char *what,
+                         const char *folder, const char *there)
+{
+    struct statvfs v;
+
+    if (statvfs(there, &v)) {
+        finding_add(f, FINDING_NOTE, area,
+                    "%s %s: how much room is left is not known: %s", what, folder,
+                    strerror(errno));
+        return;
+    }
+    double mb = 1e-6 * (double)v.f_bavail * (double)v.f_frsize;
+    bool no_files = v.f_files && !v.f_favail;
+    finding_add(f,
+                mb < DISK_WRONG_MB || no_files ? FINDING_WRONG
+                : mb < DISK_NOTE_MB            ? FINDING_NOTE
+                                               : FINDING_OK,
+                area, "%s %s%s: room for %.0f MB%s", what, folder,
+                strcmp(folder, there) ? " (will be made)" : "", mb,
+                no_files ? ", but for no more files" : "");
+    if (mb < DISK_NOTE_MB || no_files)
+        finding_todo(f, "free some of it, or choose a folder on another disk");
+}
+
+void doctor_folder(struct findings *f, const char *area, const char *what,
+                   const char *folder)
+{
+    char there[PATH_MAX];
+    struct stat st = {0};
+
+    find_existing(there, folder);
+    if (!stat(there, &st) && !S_ISDIR(st.st_mode)) {
+        finding_add(f, FINDING_WRONG, area, "%s %s: %s is no folder", what, folder,
+                    there);
+        finding_todo(f, "remove that file, or choose another folder");
+    } else if (access(there, W_OK | X_OK)) {
+        finding_add(f, FINDING_WRONG, area, "%s %s: %s: %s", what, folder, there,
+                    strerror(errno));
+        finding_todo(f,
+                     "be user %u, to whom that belongs; or, as root, 'install -d -o %u "
+                     "%s'; or choose another folder",
+                     (unsigned)st.st_uid, (unsigned)geteuid(), folder);
+    } else {
+        look_at_room(f, area, what, folder, there);
+    }
+}
+
+static void look_at_record(const struct doctor *d, const struct launchfile *l,
+                           struct findings *f)
+{
+    char folder[PATH_MAX];
+
+    if (!doctor_runs(d, l, "record") || !l->record.path)
+        return;
+    snprintf(folder, sizeof folder, "%s", l->record.path);
+    char *slash = strrchr(folder, '/');
+    if (slash)
+        slash[slash == folder] = '\0';
+    doctor_folder(f, "record", "bags go to", slash ? folder : ".");
+}
+
+static void look_at_bag(const struct doctor *d, const struct launchfile *l,
+                        struct findings *f)
+{
+    if (!doctor_runs(d, l, "play") || !l->play.bag || !*l->play.bag)
+        return;
+    if (!access(l->play.bag, R_OK)) {
+        finding_add(f, FINDING_OK, "play", "%s is there", l->play.bag);
+        return;
+    }
+    finding_add(f, FINDING_WRONG, "play", "%s: %s", l->play.bag, strerror(errno));
+    finding_todo(f, "name a bag in play.bag of the launch file, or by --bag");
+}
+
+/* Which of the machines is this, and is it? */
+static void look_at_host(const struct doctor *d, struct launchfile *l, struct findings *f)
+{
+    struct complaint why = {""};
+
+    if (!l->hosts.n && !d->host)
+        return;
+    if (l->hosts.n && !d->host) {
+        finding_add(f, FINDING_NOTE, "host", "%s is of %zu machines: which is this one?",
+                    d->launch, l->hosts.n);
+        finding_todo(f,
+                     "--host %s, or another of its hosts: then its devices are looked "
+                     "at",
+                     l->hosts.list[0].name);
+    } else if (launchfile_choose_host(l, d->host, &why) ||
+               (l->hosts.list[l->hosts.here].address[0] &&
+                host_check_address(&l->hosts.list[l->hosts.here], &why))) {
+        finding_add(f, FINDING_WRONG, "host", "%s", why.text);
+        finding_todo(f, "set hosts right in the launch file, or name another --host");
+    } else {
+        finding_add(f, FINDING_OK, "host", "this is %s", d->host);
+    }
+}
+
+void doctor_launch(const void *ctx, struct findings *f)
+{
+    const struct doctor *d = ctx;
+    struct launchfile *l = NULL;
+    struct complaint why = {""};
+    char nodes[256] = "";
+
+    if (!d->launch)
+        return;
+    if (launchfile_load(&l, d->launch, NULL, &why)) {
+        finding_add(f, FINDING_WRONG, "launch", "%s", why.text);
+        finding_todo(f, "set that right; launch/demo.yaml is one that works");
+        return;
+    }
+    for (unsigned i = 0; i < l->n_nodes; i++) {
+        size_t used = strlen(nodes);
+        snprintf(nodes + used, sizeof nodes - used, "%s%s", i ? ", " : "", l->nodes[i]);
+    }
+    finding_add(f, FINDING_OK, "launch", "%s: %s", d->launch, nodes);
+    look_at_host(d, l, f);
+    if (doctor_runs(d, l, "report"))
+        doctor_folder(f, "results", "results go to", l->report.folder);
+    look_at_record(d, l, f);
+    look_at_bag(d, l, f);
+    launchfile_destroy(l);
+}
+
+/* The longest name that a socket in the folder may have. */
+static bool has_room_for_sockets(const char *run_dir, struct complaint *why)
+{
+    char url[ENDPOINT_URL_SIZE];
+
+    for (const struct topic *t = topics_all(); t->name; t++)
+        for (const char *const *n = topics_nodes(); *n; n++)
+            if (topic_is_published_by(t, *n) &&
+                endpoint_url(url, run_dir, *n, t->name, why))
+                return false;
+    return true;
+}
+
+void doctor_run_dir(const void *ctx, struct findings *f)
+{
+    const struct doctor *d = ctx;
+    char run_dir[RUNDIR_SIZE];
+    struct complaint why = {""};
+    struct stat st;
+
+    if (rundir_name(run_dir, d->run_dir, &why) || !has_room_for_sockets(run_dir, &why)) {
+        finding_add(f, FINDING_WRONG, "run-dir", "%s", why.text);
+        finding_todo(f, "name a shorter one with --run-dir");
+        return;
+    }
+    if (!d->run_dir && !stat(run_dir, &st) &&
+        (st.st_uid != geteuid() || (st.st_mode & 022))) {
+        finding_add(f, FINDING_WRONG, "run-dir", "%s is not yours alone", run_dir);
+        finding_todo(f, "'rm -r %s' when nothing runs there, or --run-dir", run_dir);
+        return;
+    }
+    doctor_folder(f, "run-dir", "processes meet in", run_dir);
+}

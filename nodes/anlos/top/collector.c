@@ -1,0 +1,121 @@
+#include "nodes/anlos/top/collector.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "nodes/anlos/top/member.h"
+
+struct collector {
+    size_t n_members;
+    struct member members[TABLE_MAX_NODES]; /* in the order of msgs/topics.h */
+    struct table_scan scan;
+    size_t n_logs; /* ever come; the newest stands at (n_logs - 1) % TABLE_MAX_LOGS */
+    struct table_log logs[TABLE_MAX_LOGS];
+};
+
+int collector_create(struct collector **out)
+{
+    const char *const *names = topics_nodes();
+    struct collector *c = calloc(1, sizeof *c);
+
+    if (!c)
+        return -ENOMEM;
+    for (; names[c->n_members] && c->n_members < TABLE_MAX_NODES; c->n_members++)
+        snprintf(c->members[c->n_members].row.name, ENVELOPE_NODE_SIZE, "%s",
+                 names[c->n_members]);
+    *out = c;
+    return 0;
+}
+
+static struct member *find_member(struct collector *c, const char *node)
+{
+    for (size_t i = 0; i < c->n_members; i++)
+        if (!strcmp(c->members[i].row.name, node))
+            return &c->members[i];
+    return NULL;
+}
+
+void collector_health(struct collector *c, const Anlos__Health *m, int64_t epoch_ns,
+                      int64_t now_ns)
+{
+    struct member *member = find_member(c, m->node);
+
+    if (member)
+        member_health(member, m, epoch_ns, now_ns);
+}
+
+void collector_presence(struct collector *c, const char *node, enum presence presence,
+                        int64_t now_ns)
+{
+    struct member *member = find_member(c, node);
+
+    if (member)
+        member_presence(member, presence, now_ns);
+}
+
+void collector_scan(struct collector *c, const Anlos__ScanStatus *m)
+{
+    c->scan = (struct table_scan){.known = true,
+                                  .state = m->state,
+                                  .pass = m->pass,
+                                  .scan = m->scan,
+                                  .position = m->position,
+                                  .done = m->pings_done,
+                                  .expected = m->pings_expected,
+                                  .retaken = m->pings_retaken,
+                                  .given_up = m->pings_lost,
+                                  .left_s = m->time_left_s};
+    snprintf(c->scan.text, sizeof c->scan.text, "%s", m->text);
+}
+
+void collector_log(struct collector *c, const Anlos__Log *m)
+{
+    static const char *const levels[] = {"debug", "info", "warning", "error"};
+    unsigned level = (unsigned)m->level;
+    struct table_log *l = &c->logs[c->n_logs++ % TABLE_MAX_LOGS];
+
+    *l = (struct table_log){
+        .stamp_ns = m->stamp_ns, .repeats = m->repeats, .left_out = m->left_out};
+    snprintf(l->level, sizeof l->level, "%s", level < 4 ? levels[level] : "?");
+    snprintf(l->node, sizeof l->node, "%s", m->node);
+    snprintf(l->text, sizeof l->text, "%s", m->text);
+}
+
+static void fill_logs(const struct collector *c, struct table *out)
+{
+    out->n_logs = c->n_logs < TABLE_MAX_LOGS ? c->n_logs : TABLE_MAX_LOGS;
+    for (size_t i = 0; i < out->n_logs; i++)
+        out->logs[i] = c->logs[(c->n_logs - out->n_logs + i) % TABLE_MAX_LOGS];
+}
+
+static void fill_nodes(const struct collector *c, int64_t now_ns, struct table *out)
+{
+    bool background = c->scan.known && c->scan.pass == ANLOS__PASS__BACKGROUND;
+
+    out->n_nodes = 0;
+    out->lost = 0;
+    for (size_t i = 0; i < c->n_members; i++) {
+        if (!member_is_known(&c->members[i]))
+            continue;
+        struct table_node *row = &out->nodes[out->n_nodes++];
+        member_row(&c->members[i], now_ns, background, row);
+        out->lost += row->gaps + row->dropped;
+        if (!strcmp(row->name, "scan"))
+            out->scan.over = !table_node_is_alive(row);
+    }
+}
+
+void collector_table(const struct collector *c, int64_t now_ns, struct table *out)
+{
+    out->scan = c->scan;
+    fill_nodes(c, now_ns, out);
+    fill_logs(c, out);
+    table_fill_topics(out);
+}
+
+void collector_destroy(struct collector *c)
+{
+    free(c);
+}

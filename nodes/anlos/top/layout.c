@@ -1,0 +1,298 @@
+#include "nodes/anlos/top/layout.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "nodes/anlos/top/columns.h"
+#include "nodes/anlos/top/detail.h"
+#include "nodes/anlos/top/help.h"
+
+#define FRAME_LINES 3 /* two above the panels, the keys below */
+#define FAIR_LOGS   5
+
+struct share { /* of the height, a panel's lines with its title */
+    size_t least, fair, most;
+    size_t got;
+};
+
+/* The panels that stay when there is little room, the last to go first. */
+static const enum look_panel by_weight[LOOK_PANELS] = {LOOK_NODES, LOOK_TOPICS,
+                                                       LOOK_DETAIL, LOOK_LOG};
+
+/* One that is not there stays away. */
+static void grow(struct share *s, size_t to, size_t *left)
+{
+    size_t more = s->got && to > s->got ? to - s->got : 0;
+
+    if (more > *left)
+        more = *left;
+    s->got += more;
+    *left -= more;
+}
+
+/* The one in focus is always there, the others as long as there is room for their least;
+ * then it gets all it can use, and the others first what is fair. */
+static void share_height(struct share s[LOOK_PANELS], enum look_panel focus, size_t left)
+{
+    s[focus].got = 1;
+    left--;
+    grow(&s[focus], s[focus].least, &left);
+    for (size_t i = 0; i < LOOK_PANELS; i++) {
+        struct share *other = &s[by_weight[i]];
+        if (other->got || other->least > left)
+            continue;
+        other->got = other->least;
+        left -= other->least;
+    }
+    grow(&s[focus], s[focus].most, &left);
+    for (size_t i = 0; i < LOOK_PANELS; i++)
+        grow(&s[by_weight[i]], s[by_weight[i]].fair, &left);
+    for (size_t i = 0; i < LOOK_PANELS; i++)
+        grow(&s[by_weight[i]], s[by_weight[i]].most, &left);
+}
+
+static struct share want(size_t least_rows, size_t fair_rows, size_t rows)
+{
+    return (struct share){.least = 1 + (rows < least_rows ? rows : least_rows),
+                          .fair = 1 + fair_rows,
+                          .most = 1 + rows};
+}
+
+/* The first row of n to show in `room` so that the one at `at` is seen. */
+static size_t first_seen(size_t at, size_t room)
+{
+    return room && at >= room ? at - room + 1 : 0;
+}
+
+static void title(struct page *p, const struct look *v, enum look_panel panel,
+                  const char *text)
+{
+    struct page_line *line = page_add(p, "%s", text);
+
+    if (line)
+        line->kind = v->focus == panel ? PAGE_FOCUSED_TITLE : PAGE_TITLE;
+}
+
+static void add_row(struct page *p, const struct column *columns, const void *row,
+                    enum page_tone tone, bool selected)
+{
+    char text[PAGE_LINE_SIZE];
+
+    columns_write(columns, p->width, row, text, sizeof text);
+    if (selected)
+        text[0] = '>';
+    struct page_line *line = page_add(p, "%s", text);
+    if (!line)
+        return;
+    line->selected = selected;
+    line->tone = tone;
+    columns_state(columns, &line->tone_at, &line->tone_n);
+}
+
+static void add_titles(struct page *p, const struct look *v, enum look_panel panel,
+                       const struct column *columns)
+{
+    char text[PAGE_LINE_SIZE];
+
+    columns_write(columns, p->width, NULL, text, sizeof text);
+    title(p, v, panel, text);
+}
+
+static enum page_tone node_tone(enum table_node_state state)
+{
+    switch (state) {
+    case TABLE_READY:
+        return PAGE_GOOD;
+    case TABLE_OFF:
+        return PAGE_FAINT;
+    case TABLE_FAULT:
+    case TABLE_DEAD:
+        return PAGE_BAD;
+    default:
+        return PAGE_NOTE;
+    }
+}
+
+static enum page_tone topic_tone(enum table_topic_state state)
+{
+    switch (state) {
+    case TABLE_OK:
+        return PAGE_GOOD;
+    case TABLE_LOW:
+        return PAGE_NOTE;
+    case TABLE_LOSING:
+    case TABLE_CUT:
+        return PAGE_BAD;
+    default:
+        return PAGE_FAINT;
+    }
+}
+
+static void draw_nodes(struct page *p, const struct table *t, const struct look *v,
+                       size_t room)
+{
+    size_t order[TABLE_MAX_NODES], n = look_nodes(v, t, order);
+    size_t at = look_selected_node(v, t, order, n);
+
+    if (!room--)
+        return;
+    add_titles(p, v, LOOK_NODES, columns_nodes);
+    for (size_t i = first_seen(at, room), k = 0; i < n && k < room; i++, k++) {
+        const struct table_node *row = &t->nodes[order[i]];
+        add_row(p, columns_nodes, row, node_tone(row->state),
+                !v->detail_of_topic && i == at);
+    }
+}
+
+static void draw_topics(struct page *p, const struct table *t, const struct look *v,
+                        size_t room)
+{
+    size_t order[TABLE_MAX_TOPICS], n = look_topics(v, t, order);
+    size_t at = look_selected_topic(v, t, order, n);
+
+    if (!room--)
+        return;
+    add_titles(p, v, LOOK_TOPICS, columns_topics);
+    for (size_t i = first_seen(at, room), k = 0; i < n && k < room; i++, k++) {
+        const struct table_topic *row = &t->topics[order[i]];
+        add_row(p, columns_topics, row, topic_tone(row->state),
+                v->detail_of_topic && i == at);
+    }
+}
+
+/* Returns the name of whose detail it is. */
+static const char *make_detail(struct detail *d, const struct table *t,
+                               const struct look *v, int width)
+{
+    size_t nodes[TABLE_MAX_NODES], topics[TABLE_MAX_TOPICS];
+    size_t n_nodes = look_nodes(v, t, nodes), n_topics = look_topics(v, t, topics);
+
+    d->n = 0;
+    if (v->detail_of_topic && n_topics) {
+        const struct topic *topic =
+            t->topics[topics[look_selected_topic(v, t, topics, n_topics)]].topic;
+        detail_of_topic(d, t, topic, width);
+        return topic->name;
+    }
+    if (v->detail_of_topic || !n_nodes)
+        return "nothing selected";
+    const struct table_node *node =
+        &t->nodes[nodes[look_selected_node(v, t, nodes, n_nodes)]];
+    detail_of_node(d, node, width);
+    return node->name;
+}
+
+static void draw_detail(struct page *p, const struct detail *d, const char *name,
+                        struct look *v, size_t room)
+{
+    char text[64];
+
+    if (!room--)
+        return;
+    snprintf(text, sizeof text, " %s", name);
+    title(p, v, LOOK_DETAIL, text);
+    size_t last = d->n > room ? d->n - room : 0;
+    if (v->detail_line > last)
+        v->detail_line = last;
+    for (size_t i = v->detail_line, k = 0; i < d->n && k < room; i++, k++)
+        page_add(p, "%s", d->lines[i]);
+}
+
+static enum page_tone log_tone(const char *level)
+{
+    return !strcmp(level, "error")     ? PAGE_BAD
+           : !strcmp(level, "warning") ? PAGE_NOTE
+           : !strcmp(level, "debug")   ? PAGE_FAINT
+                                       : PAGE_PLAIN;
+}
+
+static void draw_log(struct page *p, const struct table *t, struct look *v, size_t room)
+{
+    char text[PAGE_LINE_SIZE];
+
+    if (!room--)
+        return;
+    title(p, v, LOOK_LOG, t->n_logs ? " LOG" : " LOG (nothing was said yet)");
+    size_t most = t->n_logs > room ? t->n_logs - room : 0;
+    if (v->log_line > most)
+        v->log_line = most;
+    size_t end = t->n_logs - v->log_line;
+    for (size_t i = end > room ? end - room : 0; i < end; i++) {
+        layout_log(&t->logs[i], text, sizeof text);
+        struct page_line *line = page_add(p, " %s", text);
+        if (line) {
+            line->tone = log_tone(t->logs[i].level);
+            line->tone_n = p->width;
+        }
+    }
+}
+
+static void draw_head(struct page *p, const struct table *t, const struct look *v)
+{
+    char summary[PAGE_LINE_SIZE], scan[PAGE_LINE_SIZE], cpu[16];
+
+    layout_summary(t, summary, sizeof summary);
+    text_percent(cpu, sizeof cpu, t->own_cpu);
+    struct page_line *line = page_add(
+        p, "%s%s%s%s%s%s  (top itself: %s%% CPU)", v->paused ? "PAUSED  " : "", summary,
+        v->sort ? "  sorted by " : "", v->sort ? look_sort_name(v->sort) : "",
+        *v->filter ? "  names with " : "", v->filter, cpu);
+    if (line && v->paused) {
+        line->tone = PAGE_NOTE;
+        line->tone_n = 6;
+    }
+    layout_scan(&t->scan, scan, sizeof scan);
+    page_add(p, "%s", scan);
+}
+
+static void draw_keys(struct page *p, const struct look *v)
+{
+    page_fill(p, p->height - 1);
+    struct page_line *line =
+        v->typing ? page_add(p, "/%s_   part of a name; enter keeps it, escape clears it",
+                             v->filter)
+                  : page_add(p, "q quit  tab panel  arrows select  s sort  p pause  "
+                                "/ filter  h help");
+    if (line)
+        line->kind = PAGE_TITLE;
+}
+
+/* Those that somebody publishes; the others come behind them. */
+static size_t count_present(const struct table *t, const size_t *topics, size_t n)
+{
+    size_t present = 0;
+
+    for (size_t i = 0; i < n; i++)
+        present += t->topics[topics[i]].state != TABLE_ABSENT;
+    return present;
+}
+
+static void draw_panels(struct page *p, const struct table *t, struct look *v)
+{
+    size_t nodes[TABLE_MAX_NODES], topics[TABLE_MAX_TOPICS];
+    size_t n_nodes = look_nodes(v, t, nodes), n_topics = look_topics(v, t, topics);
+    struct detail detail;
+    const char *name = make_detail(&detail, t, v, p->width);
+    struct share s[LOOK_PANELS] = {
+        [LOOK_NODES] = want(3, n_nodes, n_nodes),
+        [LOOK_TOPICS] = want(3, count_present(t, topics, n_topics), n_topics),
+        [LOOK_DETAIL] = want(2, detail.n, detail.n),
+        [LOOK_LOG] = want(2, FAIR_LOGS, TABLE_MAX_LOGS)};
+
+    share_height(s, v->focus, (size_t)(p->height - FRAME_LINES));
+    draw_nodes(p, t, v, s[LOOK_NODES].got);
+    draw_topics(p, t, v, s[LOOK_TOPICS].got);
+    draw_detail(p, &detail, name, v, s[LOOK_DETAIL].got);
+    draw_log(p, t, v, s[LOOK_LOG].got);
+}
+
+void layout_draw(struct page *p, const struct table *t, struct look *v)
+{
+    draw_head(p, t, v);
+    if (v->help)
+        help_draw(p);
+    else if (p->height > FRAME_LINES)
+        draw_panels(p, t, v);
+    if (p->n_lines < p->height)
+        draw_keys(p, v);
+}

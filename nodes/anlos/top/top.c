@@ -1,0 +1,252 @@
+#include <errno.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "nodes/anlos/commands.h"
+#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/top/feed.h"
+#include "nodes/anlos/top/layout.h"
+#include "nodes/anlos/top/plain.h"
+#include "nodes/anlos/top/terminal.h"
+#include "nodes/anlos/usage.h"
+#include "nodes/rt/rundir.h"
+
+#define LOOK_UP_MS       100          /* between looks at Ctrl-C and the clock */
+#define FIRST_TABLE_NS   3500000000LL /* rates need two health messages of each node */
+#define LEAST_INTERVAL_S 0.1
+
+static const char help[] =
+    "anlos top -- watch the nodes and topics of a running system\n"
+    "\n"
+    "usage: anlos top [--run-dir DIR] [--interval S] [--once | --batch N] [--wait]\n"
+    "\n"
+    "Fills the terminal: each node with state, CPU, memory, rate against the expected\n"
+    "one, age of the sound, queue and losses; each topic likewise; how far the scan is;\n"
+    "what the node or topic selected counts in detail; the log.  Key h explains all.\n"
+    "Into a pipe or a file goes one plain table.\n"
+    "\n"
+    "  --once          print one plain table and end\n"
+    "  --batch N       print N plain tables and end\n"
+    "  --interval S    time between two tables, or two looks of the screen; default 1\n"
+    "  --wait          plain tables: go on when nothing is running yet\n"
+    "  --run-dir DIR   where the system's sockets are, default $XDG_RUNTIME_DIR/anlos, "
+    "else\n"
+    "                  /tmp/anlos-UID\n"
+    "  --help          this text\n"
+    "\n"
+    "Without colour when NO_COLOR is set.  Writes no files.\n"
+    "\n"
+    "examples\n"
+    "  anlos top\n"
+    "  anlos top --batch 60 --interval 10 > night.txt\n"
+    "\n"
+    "exit codes: 0 done; 1 nothing is running, or failed; 2 bad arguments, or a "
+    "terminal\n"
+    "that cannot be drawn on; 130 stopped by Ctrl-C\n";
+
+static const struct option options[] = {
+    {"once", no_argument, NULL, 'o'},
+    {"batch", required_argument, NULL, 'b'},
+    {"interval", required_argument, NULL, 'i'},
+    {"wait", no_argument, NULL, 'w'},
+    {"run-dir", required_argument, NULL, 'r'},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+struct top {
+    const char *asked_dir; /* NULL: the default */
+    size_t tables;         /* plain ones; 0: the whole screen */
+    double interval_s;
+    bool wait;
+    char run_dir[RUNDIR_SIZE];
+    struct feed *feed;
+    struct table table;
+    struct look look;
+    struct page page;
+};
+
+static int take_option(struct top *o, int code)
+{
+    switch (code) {
+    case 'o':
+        o->tables = 1;
+        return 0;
+    case 'b':
+        if (!usage_count(optarg, 1, SIZE_MAX, &o->tables))
+            return 0;
+        return usage_error("top", "--batch %s: expected a whole number above 0", optarg);
+    case 'i':
+        if (!usage_positive(optarg, &o->interval_s) &&
+            o->interval_s >= LEAST_INTERVAL_S && o->interval_s <= 86400)
+            return 0;
+        return usage_error("top", "--interval %s: expected %g to 86400 seconds", optarg,
+                           LEAST_INTERVAL_S);
+    case 'w':
+        o->wait = true;
+        return 0;
+    default:
+        o->asked_dir = optarg;
+        return 0;
+    }
+}
+
+/* Waits for messages, for keys if fd is their source, until a time.  Returns an exit code
+ * that ends the program, or 0; *keys: there may be some. */
+static int listen_until(struct top *o, int64_t end_ns, int fd, bool *keys)
+{
+    int64_t left_ns = end_ns - feed_now_ns();
+    int left_ms = left_ns <= 0                       ? 0
+                  : left_ns > LOOK_UP_MS * 1000000LL ? LOOK_UP_MS
+                                                     : (int)(left_ns / 1000000) + 1;
+    struct pollfd fds[2] = {{.fd = feed_fd(o->feed), .events = POLLIN},
+                            {.fd = fd, .events = POLLIN}};
+
+    *keys = poll(fds, 2, left_ms) < 0 || fds[1].revents; /* a new size is a key too */
+    if (interrupt_requested())
+        return EXIT_INTERRUPTED;
+    if (fds[1].revents & (POLLHUP | POLLERR))
+        return EXIT_FAILED; /* the terminal is gone */
+    return feed_take(o->feed) ? EXIT_FAILED : EXIT_WORKED;
+}
+
+static int listen_for_first(struct top *o)
+{
+    int64_t end_ns = feed_now_ns() + FIRST_TABLE_NS;
+    bool keys;
+    int code = 0;
+
+    while (!code && feed_now_ns() < end_ns && !feed_is_ready(o->feed))
+        code = listen_until(o, end_ns, -1, &keys);
+    return code;
+}
+
+static int run_plain(struct top *o)
+{
+    int code = listen_for_first(o);
+    int64_t due_ns = feed_now_ns();
+    bool keys;
+
+    for (size_t i = 0; !code && i < o->tables; i++) {
+        while (!code && feed_now_ns() < due_ns)
+            code = listen_until(o, due_ns, -1, &keys);
+        if (code)
+            break;
+        due_ns += (int64_t)(1e9 * o->interval_s);
+        feed_table(o->feed, &o->table);
+        if (i)
+            putchar('\n');
+        int err = plain_print(stdout, &o->table);
+        if (err == -EPIPE)
+            return EXIT_WORKED; /* `| head` has seen enough */
+        if (err) {
+            fprintf(stderr, "anlos top: standard output: %s\n", strerror(-err));
+            return EXIT_FAILED;
+        }
+    }
+    return code;
+}
+
+static void draw(struct top *o)
+{
+    int width, height;
+
+    terminal_size(&width, &height);
+    page_begin(&o->page, width, height);
+    layout_draw(&o->page, &o->table, &o->look);
+    terminal_draw(&o->page);
+}
+
+/* true: one of them means quit. */
+static bool take_keys(struct top *o)
+{
+    for (int key; (key = terminal_key()) >= 0;)
+        if (look_key(&o->look, &o->table, key))
+            return true;
+    return false;
+}
+
+static int run_screen(struct top *o)
+{
+    struct complaint why = {.text = ""};
+    int64_t due_ns = 0;
+    bool keys = false;
+    int code = 0;
+
+    if (terminal_open(&why)) {
+        fprintf(stderr, "anlos top: %s\n", why.text);
+        return EXIT_BAD_INPUT;
+    }
+    while (!code) {
+        if (keys && take_keys(o))
+            break;
+        bool due = feed_now_ns() >= due_ns;
+        if (due) {
+            due_ns = feed_now_ns() + (int64_t)(1e9 * o->interval_s);
+            if (!o->look.paused)
+                feed_table(o->feed, &o->table);
+        }
+        if (due || keys)
+            draw(o);
+        code = listen_until(o, due_ns, STDIN_FILENO, &keys);
+    }
+    terminal_close();
+    return code;
+}
+
+static int run(struct top *o)
+{
+    struct complaint why = {.text = ""};
+    bool plain = o->tables || !isatty(STDIN_FILENO) || !isatty(STDOUT_FILENO);
+
+    if (plain && !o->tables)
+        o->tables = 1;
+    if (rundir_open(o->run_dir, o->asked_dir, &why)) {
+        fprintf(stderr, "anlos top: %s\n", why.text);
+        return EXIT_BAD_INPUT;
+    }
+    interrupt_catch();
+    if (feed_open(&o->feed, o->run_dir, &why)) {
+        fprintf(stderr, "anlos top: %s\n", why.text);
+        return EXIT_FAILED;
+    }
+    if (!plain)
+        return run_screen(o);
+    if (!feed_is_anybody(o->feed)) {
+        fprintf(stderr, "anlos top: nothing is running in %s%s\n", o->run_dir,
+                o->wait ? " yet; waiting"
+                        : "; start it with 'anlos launch FILE', or name its folder with "
+                          "--run-dir");
+        if (!o->wait)
+            return EXIT_FAILED;
+    }
+    return run_plain(o);
+}
+
+int command_top(int argc, char **argv)
+{
+    struct usage usage = {.command = "top", .help = help, .options = options};
+    struct top *o = calloc(1, sizeof *o);
+    int code;
+
+    if (!o) {
+        fprintf(stderr, "anlos top: out of memory\n");
+        return EXIT_FAILED;
+    }
+    o->interval_s = 1.0;
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((code = ~take_option(o, code)) != ~0)
+            break;
+    if (code)
+        code = ~code;
+    else if (optind < argc)
+        code = usage_error("top", "%s: expected no argument without --", argv[optind]);
+    else
+        code = run(o);
+    feed_close(o->feed);
+    free(o);
+    return code;
+}

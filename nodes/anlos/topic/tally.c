@@ -1,0 +1,160 @@
+#include "nodes/anlos/topic/tally.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+int tally_open(struct tally *t, const struct topic *const *topics, size_t n, bool delays)
+{
+    *t = (struct tally){.delays = delays, .room = n + 16};
+    t->rows = calloc(t->room, sizeof *t->rows);
+    if (!t->rows)
+        return -ENOMEM;
+    for (size_t i = 0; i < n; i++)
+        t->rows[i].topic = topics[i];
+    t->n_rows = n;
+    return 0;
+}
+
+/* A new row before row i. */
+static struct tally_row *insert_row(struct tally *t, size_t i, const struct topic *topic)
+{
+    if (t->n_rows == t->room) {
+        void *rows = realloc(t->rows, 2 * t->room * sizeof *t->rows);
+        if (!rows)
+            return NULL;
+        t->rows = rows;
+        t->room *= 2;
+    }
+    memmove(&t->rows[i + 1], &t->rows[i], (t->n_rows - i) * sizeof *t->rows);
+    t->n_rows++;
+    t->rows[i] = (struct tally_row){.topic = topic};
+    return &t->rows[i];
+}
+
+/* The row of topic and sender, made when there is none. */
+static struct tally_row *find_row(struct tally *t, const struct bus_message *m)
+{
+    size_t end = t->n_rows;
+    struct tally_row *r = NULL;
+
+    for (size_t i = 0; i < t->n_rows; i++) {
+        if (t->rows[i].topic != m->topic)
+            continue;
+        if (!t->rows[i].node[0])
+            r = &t->rows[i];
+        else if (!strcmp(t->rows[i].node, m->envelope.node))
+            return &t->rows[i];
+        end = i + 1;
+    }
+    if (!r)
+        r = insert_row(t, end, m->topic);
+    if (!r)
+        return NULL;
+    snprintf(r->node, sizeof r->node, "%s", m->envelope.node);
+    if (t->delays) {
+        r->capture = calloc(1, sizeof *r->capture);
+        r->published = calloc(1, sizeof *r->published);
+        if (!r->capture || !r->published)
+            return NULL;
+    }
+    return r;
+}
+
+static void add_interval(struct tally_row *r, int64_t arrival_ns)
+{
+    double interval_s = 1e-9 * (double)(arrival_ns - r->last_ns);
+    double before_s = r->messages > 1 ? tally_interval_s(r) : interval_s;
+
+    if (r->messages == 1 || interval_s < r->interval_min_s)
+        r->interval_min_s = interval_s;
+    if (r->messages == 1 || interval_s > r->interval_max_s)
+        r->interval_max_s = interval_s;
+    double mean_s = 1e-9 * (double)(arrival_ns - r->first_ns) / (double)r->messages;
+    r->interval_m2_s2 += (interval_s - before_s) * (interval_s - mean_s);
+}
+
+static void add_sequence(struct tally_row *r, const struct envelope *e)
+{
+    if (r->messages && e->epoch_ns == r->epoch_ns && e->sequence > r->next)
+        r->gaps += e->sequence - r->next;
+    r->epoch_ns = e->epoch_ns;
+    r->next = e->sequence + 1;
+}
+
+static void add_delay(struct tally_delays *d, int64_t from_ns, int64_t to_ns)
+{
+    if (d && from_ns)
+        d->s[d->n++ % TALLY_DELAYS] = 1e-9 * (double)(to_ns - from_ns);
+}
+
+int tally_add(struct tally *t, const struct bus_message *m, int64_t arrival_ns)
+{
+    const struct envelope *e = &m->envelope;
+    struct tally_row *r = find_row(t, m);
+
+    if (!r)
+        return -ENOMEM;
+    add_sequence(r, e);
+    if (r->messages)
+        add_interval(r, arrival_ns);
+    else
+        r->first_ns = arrival_ns;
+    if (!r->messages || e->payload_size < r->min_size)
+        r->min_size = e->payload_size;
+    if (e->payload_size > r->max_size)
+        r->max_size = e->payload_size;
+    r->last_ns = arrival_ns;
+    r->messages++;
+    r->bytes += e->payload_size;
+    r->replayed += e->replayed;
+    if (!e->replayed) {
+        add_delay(r->capture, e->capture_ns, arrival_ns);
+        add_delay(r->published, e->publish_ns, arrival_ns);
+    }
+    return 0;
+}
+
+void tally_clear(struct tally *t)
+{
+    for (size_t i = 0; i < t->n_rows; i++) {
+        free(t->rows[i].capture);
+        free(t->rows[i].published);
+    }
+    free(t->rows);
+    *t = (struct tally){0};
+}
+
+double tally_interval_s(const struct tally_row *r)
+{
+    return r->messages > 1
+               ? 1e-9 * (double)(r->last_ns - r->first_ns) / (double)(r->messages - 1)
+               : NAN;
+}
+
+double tally_interval_std_s(const struct tally_row *r)
+{
+    return r->messages > 1 ? sqrt(r->interval_m2_s2 / (double)(r->messages - 1)) : NAN;
+}
+
+static int compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+double tally_quantile_s(const struct tally_delays *d, double share)
+{
+    double sorted[TALLY_DELAYS];
+    size_t n = !d ? 0 : d->n < TALLY_DELAYS ? d->n : TALLY_DELAYS;
+
+    if (!n)
+        return NAN;
+    memcpy(sorted, d->s, n * sizeof *sorted);
+    qsort(sorted, n, sizeof *sorted, compare);
+    size_t rank = (size_t)ceil(share * (double)n);
+    return sorted[rank ? rank - 1 : 0];
+}

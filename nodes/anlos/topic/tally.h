@@ -1,0 +1,53 @@
+/* nodes/anlos/topic/tally.h -- an account of the messages that came: for each topic and
+ * sender how many, how large, how far apart, how late, and what is missing between. */
+#ifndef ANLOS_NODES_ANLOS_TOPIC_TALLY_H
+#define ANLOS_NODES_ANLOS_TOPIC_TALLY_H
+
+#include <stdbool.h>
+
+#include "msgs/bus_message.h"
+
+enum { TALLY_DELAYS = 4096 }; /* the newest that are kept of each row */
+
+struct tally_delays {
+    size_t n; /* ever added; the newest stands at (n - 1) % TALLY_DELAYS */
+    double s[TALLY_DELAYS];
+};
+
+struct tally_row {
+    const struct topic *topic;
+    char node[ENVELOPE_NODE_SIZE]; /* who sent them; empty: nobody so far */
+    uint64_t messages, bytes, gaps;
+    uint64_t replayed; /* of a recording: their stamps say nothing of delays */
+    size_t min_size, max_size;
+    int64_t first_ns, last_ns; /* of arrival */
+    double interval_min_s, interval_max_s;
+    double interval_m2_s2; /* sum of squared deviations from the mean (Welford 1962) */
+    int64_t epoch_ns;
+    uint64_t next;                  /* sequence expected */
+    struct tally_delays *capture;   /* from capture stamp to arrival; NULL: not kept */
+    struct tally_delays *published; /* from publish stamp to arrival */
+};
+
+struct tally {
+    bool delays;
+    size_t n_rows, room;
+    struct tally_row *rows; /* topics in the order given; of each, senders as they came */
+};
+
+/* A row for each topic.  delays: keep them.  0, -ENOMEM; tally_clear it in any case. */
+int tally_open(struct tally *t, const struct topic *const *topics, size_t n, bool delays);
+
+/* A message of one of the topics, as it came at arrival_ns.  0, -ENOMEM. */
+int tally_add(struct tally *t, const struct bus_message *m, int64_t arrival_ns);
+void tally_clear(struct tally *t);
+
+/* Intervals between messages; NaN with fewer than two. */
+double tally_interval_s(const struct tally_row *r);
+double tally_interval_std_s(const struct tally_row *r);
+
+/* The least delay that a share (0..1) of those kept does not exceed; NaN: none is kept.
+ */
+double tally_quantile_s(const struct tally_delays *d, double share);
+
+#endif
