@@ -266,6 +266,7 @@ static void what_was_cut_is_recovered_and_told(void **state)
     assert_int_equal(bag("recover", in_folder("cut.mcap"), "-o", in_folder("saved.mcap")),
                      1);
     assert_contains(result.out, "the file was cut");
+    assert_contains(result.out, "its end is missing");
     assert_int_equal(bag("check", in_folder("saved.mcap")), 0);
     assert_int_equal(bag("recover", recorded_bag, "-o", in_folder("all.mcap")), 0);
     assert_contains(result.out, "nothing was lost");

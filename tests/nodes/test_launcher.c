@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <stdbool.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -14,7 +15,9 @@
 struct rig {
     struct scratch *scratch;
     pid_t pid;
-    int out; /* what the launcher says, stdout and stderr */
+    int out;            /* what the launcher says, stdout and stderr */
+    const char *option; /* more for its command line, or NULL */
+    bool nohup;
     char text[16384];
 };
 
@@ -69,11 +72,12 @@ static void exec_launcher(const struct rig *r, int out)
 
     snprintf(launch, sizeof launch, "%s/launch.yaml", r->scratch->folder);
     snprintf(out_dir, sizeof out_dir, "%s/out", r->scratch->folder);
+    signal(SIGHUP, r->nohup ? SIG_IGN : SIG_DFL);
     dup2(out, STDOUT_FILENO);
     dup2(out, STDERR_FILENO);
     setenv("ANLOS_BIN_DIR", r->scratch->folder, 1);
     execl(BINARY_DIR "/bin/anlos", "anlos", "launch", launch, "--run-dir",
-          r->scratch->folder, "--out", out_dir, NULL);
+          r->scratch->folder, "--out", out_dir, r->option, NULL);
     _exit(99);
 }
 
@@ -160,6 +164,51 @@ static void lines_carry_node_and_level(void **state)
     assert_contains(r->text, "can     info    plain\n");
 }
 
+static void a_line_of_a_node_keeps_its_own_stamp(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "can");
+    write_node(r, "can", "echo '2001-02-03T04:05:06.789Z can     error   it is off' >&2");
+    start(r);
+    assert_int_equal(finish(r), 0);
+    assert_contains(r->text, "2001-02-03T04:05:06.789Z can     error   it is off\n");
+    assert_int_equal(count(r->text, "it is off"), 1);
+}
+
+static void a_line_that_is_too_long_comes_in_whole_pieces(void **state)
+{
+    struct rig *r = *state;
+    unsigned letters = 0;
+
+    write_launch(r, "can");
+    write_node(r, "can", "head -c 2500 /dev/zero | tr '\\0' q; echo");
+    start(r);
+    assert_int_equal(finish(r), 0);
+    letters = count(r->text, "q");
+    assert_int_equal(letters, 2500);
+    assert_int_equal(count(r->text, "can     info    qq"), 3);
+}
+
+static void json_on_request_is_all_json(void **state)
+{
+    struct rig *r = *state;
+
+    r->option = "--log-format=json";
+    write_launch(r, "can");
+    write_node(r, "can",
+               "echo plain text\n"
+               "echo '{\"stamp\":\"2001-02-03T04:05:06.789Z\",\"text\":\"of a node\"}'\n"
+               "echo \"$@\"; exit 2");
+    start(r);
+    assert_int_equal(finish(r), 2);
+    assert_contains(r->text,
+                    "\"level\":\"info\",\"node\":\"can\",\"text\":\"plain text\"}");
+    assert_contains(r->text,
+                    "{\"stamp\":\"2001-02-03T04:05:06.789Z\",\"text\":\"of a node\"}\n");
+    assert_contains(r->text, "--log-format json");
+}
+
 static void a_crashed_node_is_started_again(void **state)
 {
     struct rig *r = *state;
@@ -222,6 +271,58 @@ static void ctrl_c_stops_all_cleanly(void **state)
     assert_contains(r->text, "scan    info    stopped");
 }
 
+/* Lets the node that reads from $D/go go on. */
+static void say_go(struct rig *r)
+{
+    int fd = open(scratch_path(r->scratch, "go"), O_WRONLY | O_CLOEXEC);
+
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, "go\n", 3), 3);
+    close(fd);
+}
+
+static void a_terminal_that_closes_stops_all(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "can");
+    write_node(r, "can", TRAP "echo info here\n" STAY);
+    start(r);
+    read_until(r, "here");
+    assert_int_equal(kill(r->pid, SIGHUP), 0);
+    assert_int_equal(finish(r), 129);
+    assert_contains(r->text, "can     info    stopped");
+}
+
+static void under_nohup_it_outlives_its_terminal(void **state)
+{
+    struct rig *r = *state;
+
+    r->nohup = true;
+    write_launch(r, "can, report");
+    write_node(r, "can", TRAP "echo info here\n" STAY);
+    write_node(r, "report", "read x < $D/go");
+    start(r);
+    read_until(r, "here");
+    assert_int_equal(kill(r->pid, SIGHUP), 0);
+    say_go(r);
+    assert_int_equal(finish(r), 0);
+}
+
+static void a_node_that_ends_by_itself_is_not_passed_over_in_silence(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "can, report");
+    write_node(r, "can", "exit 0");
+    write_node(r, "report", "read x < $D/go");
+    start(r);
+    read_until(r, "can     info    has ended; it is not started again\n");
+    say_go(r);
+    assert_int_equal(finish(r), 0);
+    assert_int_equal(count(r->text, "has ended"), 1);
+}
+
 static void a_node_that_will_not_stop_is_killed(void **state)
 {
     struct rig *r = *state;
@@ -262,6 +363,105 @@ static void nodes_get_their_arguments(void **state)
         "info    --launch %s/launch.yaml --run-dir %s --log-level info --out %s/out\n", d,
         d, d);
     assert_contains(r->text, expected);
+}
+
+static void write_recording_launch(struct rig *r, const char *others)
+{
+    char text[512];
+
+    snprintf(text, sizeof text,
+             "nodes: [record, %s]\narray: {uri: 'wav:/rec'}\nrecord: {path: a.mcap}\n",
+             others);
+    scratch_write(r->scratch, "launch.yaml", text);
+}
+
+static void the_recorder_is_stopped_when_all_others_have_ended(void **state)
+{
+    struct rig *r = *state;
+
+    write_recording_launch(r, "can, report");
+    write_node(r, "record",
+               "trap 'echo info has everything; kill $!; exit 0' TERM\n" STAY);
+    write_node(r, "can",
+               "trap 'echo info last words; kill $!; exit 0' TERM\n"
+               "echo go > $D/go\n" STAY);
+    write_node(r, "report", "read x < $D/go");
+    start(r);
+    assert_int_equal(finish(r), 0);
+    assert_contains(r->text, "can     info    last words");
+    assert_contains(strstr(r->text, "last words"), "record  info    has everything");
+}
+
+static void a_recorder_that_gives_up_ends_nothing(void **state)
+{
+    struct rig *r = *state;
+
+    write_recording_launch(r, "report");
+    write_node(r, "record", "exit 1");
+    write_node(r, "report", "read x < $D/go");
+    start(r);
+    read_until(r, "record  error   ended with exit code 1; the others go on without it");
+    int go = open(scratch_path(r->scratch, "go"), O_WRONLY);
+    assert_true(go >= 0);
+    assert_int_equal(write(go, "\n", 1), 1);
+    close(go);
+    assert_int_equal(finish(r), 1); /* all went well but the recording */
+    assert_int_equal(count(r->text, "starts again"), 0);
+}
+
+static void a_recorder_that_cannot_end_its_bag_is_told_by_the_exit_code(void **state)
+{
+    struct rig *r = *state;
+
+    write_recording_launch(r, "report");
+    write_node(r, "record", "trap 'kill $!; exit 1' TERM\necho go > $D/go\n" STAY);
+    write_node(r, "report", "read x < $D/go");
+    start(r);
+    assert_int_equal(finish(r), 1);
+}
+
+static void what_a_recorder_refuses_is_not_run_without_it(void **state)
+{
+    struct rig *r = *state;
+
+    write_recording_launch(r, "report");
+    write_node(r, "record", "echo 'error no such folder'; exit 2");
+    write_node(r, "report", "echo info started");
+    start(r);
+    assert_int_equal(finish(r), 2);
+    assert_contains(r->text, "no such folder");
+    assert_int_equal(count(r->text, "started"), 0);
+}
+
+static void a_recorder_that_crashes_is_started_again(void **state)
+{
+    struct rig *r = *state;
+
+    write_recording_launch(r, "report");
+    write_node(r, "record",
+               "if test -e $D/first; then echo go > $D/go; " TRAP STAY "fi\n"
+               ": > $D/first; kill -SEGV $$");
+    write_node(r, "report", "read x < $D/go");
+    start(r);
+    assert_int_equal(finish(r), 0);
+    assert_contains(r->text, "record  warning ended with signal 11 (Segmentation fault); "
+                             "starts again in 0.1 s");
+}
+
+static void a_recording_that_is_there_starts_nothing(void **state)
+{
+    struct rig *r = *state;
+    char option[600];
+
+    snprintf(option, sizeof option, "--record=%s",
+             scratch_write(r->scratch, "earlier.mcap", "precious"));
+    r->option = option;
+    write_launch(r, "can");
+    write_node(r, "can", "echo started");
+    start(r);
+    assert_int_equal(finish(r), 2);
+    assert_contains(r->text, "earlier.mcap exists already");
+    assert_int_equal(count(r->text, "started"), 0);
 }
 
 static void a_program_that_is_missing_is_named(void **state)
@@ -308,13 +508,25 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(when_the_report_is_written_all_others_are_stopped),
         TEST(lines_carry_node_and_level),
+        TEST(a_line_of_a_node_keeps_its_own_stamp),
+        TEST(a_line_that_is_too_long_comes_in_whole_pieces),
+        TEST(json_on_request_is_all_json),
         TEST(a_crashed_node_is_started_again),
         TEST(a_node_that_always_crashes_is_given_up),
         TEST(bad_configuration_stops_all_at_once),
         TEST(ctrl_c_stops_all_cleanly),
+        TEST(a_terminal_that_closes_stops_all),
+        TEST(under_nohup_it_outlives_its_terminal),
+        TEST(a_node_that_ends_by_itself_is_not_passed_over_in_silence),
         TEST(a_node_that_will_not_stop_is_killed),
         TEST(nodes_that_all_end_end_the_launch),
         TEST(nodes_get_their_arguments),
+        TEST(the_recorder_is_stopped_when_all_others_have_ended),
+        TEST(a_recorder_that_gives_up_ends_nothing),
+        TEST(a_recorder_that_cannot_end_its_bag_is_told_by_the_exit_code),
+        TEST(what_a_recorder_refuses_is_not_run_without_it),
+        TEST(a_recorder_that_crashes_is_started_again),
+        TEST(a_recording_that_is_there_starts_nothing),
         TEST(a_program_that_is_missing_is_named),
         TEST(a_bad_launch_file_starts_nothing),
         TEST(an_output_folder_that_cannot_be_starts_nothing),

@@ -188,6 +188,58 @@ static void a_file_that_is_not_there_is_said(void **state)
     assert_contains(why.text, "/no/such.yaml");
 }
 
+static void a_recorder_has_its_section(void **state)
+{
+    struct launchfile *l = load(*state,
+                                "nodes: [record, can]\n"
+                                "record: {path: a/b.mcap, topics: 'ping,scan/*', "
+                                "exclude: scan/status, split_mb: 100, split_s: 60, "
+                                "quota_mb: 2000, compression: lz4, flush_ms: 50}\n",
+                                NULL);
+
+    assert_string_equal(l->record.path, "a/b.mcap");
+    assert_string_equal(l->record.topics, "ping,scan/*");
+    assert_string_equal(l->record.exclude, "scan/status");
+    assert_int_equal(l->record.split_mb, 100);
+    assert_int_equal(l->record.split_s, 60);
+    assert_int_equal(l->record.quota_mb, 2000);
+    assert_int_equal(l->record.compression, BAG_LZ4);
+    assert_int_equal(l->record.flush_ms, 50);
+    launchfile_destroy(l);
+    l = load(*state, "nodes: [record]\nrecord: {path: b.mcap}\n", NULL);
+    assert_string_equal(l->record.topics, "*");
+    assert_string_equal(l->record.exclude, "");
+    assert_int_equal(l->record.split_mb, 0);
+    assert_int_equal(l->record.quota_mb, 0);
+    assert_int_equal(l->record.compression, BAG_NONE);
+    assert_int_equal(l->record.flush_ms, 1000);
+    launchfile_destroy(l);
+    assert_refused(*state, "nodes: [record]\nrecord: {flush_ms: 10}\n",
+                   ":2: record.path: expected the name of a bag, e.g. out/demo.mcap");
+    assert_refused(*state, "nodes: [can]\nrecord: {flush_ms: 0}\n",
+                   ":2: record.flush_ms: expected 1 to 3600000, not 0");
+    assert_refused(*state, "nodes: [can]\nrecord: {compression: zip}\n",
+                   ":2: record.compression: expected none, lz4 or zstd, not zip");
+    assert_refused(*state, "nodes: [can]\nrecord: {quota_mb: 10, split_mb: 6}\n",
+                   ":2: record.split_mb: expected no more than half of quota_mb");
+}
+
+static void a_recording_on_the_command_line_adds_the_recorder_before_all(void **state)
+{
+    const struct launchfile_options options = {.record = "my.mcap"};
+    struct launchfile *l = load(*state, "nodes: [can, report]\n", &options);
+
+    assert_int_equal(l->n_nodes, 3);
+    assert_string_equal(l->nodes[0], "record");
+    assert_string_equal(l->nodes[2], "report");
+    assert_string_equal(l->record.path, "my.mcap");
+    launchfile_destroy(l);
+    l = load(*state, "nodes: [can, record]\nrecord: {path: a.mcap}\n", &options);
+    assert_int_equal(l->n_nodes, 2);
+    assert_string_equal(l->record.path, "my.mcap");
+    launchfile_destroy(l);
+}
+
 static void mistakes_are_named_with_file_and_line(void **state)
 {
     struct complaint why = {""};
@@ -227,10 +279,10 @@ static void names_that_do_not_exist_are_refused_with_those_that_do(void **state)
 {
     assert_refused(*state, "nodes:\n  - can\n  - radar\n",
                    ":3: nodes[1]: radar is no node; expected stage, array, scan, dsp, "
-                   "recon, track, can or report");
+                   "recon, track, can, report, record, play or view");
     assert_refused(*state, "nodes: [can, launcher]\n",
                    ":1: nodes[1]: launcher is no node; expected stage, array, scan, dsp, "
-                   "recon, track, can or report");
+                   "recon, track, can, report, record, play or view");
     assert_refused(*state, "nodes: [can]\ndsp: {window: blackman}\n",
                    ":2: dsp.window: expected hann, hamming or rectangular, not blackman");
     assert_refused(*state, "nodes: [can]\ndsp: {compression: mp3}\n",
@@ -270,9 +322,75 @@ static void the_demo_can_be_loaded(void **state)
     (void)state;
     if (launchfile_load(&l, SOURCE_DIR "/launch/demo.yaml", NULL, &why))
         fail_msg("%s", why.text);
-    for (const char *const *n = topics_nodes(); *n; n++)
-        assert_int_equal(launchfile_has_node(l, *n), strcmp(*n, "launcher") != 0);
+    assert_int_equal(l->n_nodes, 8);
+    for (unsigned i = 0; i < l->n_nodes; i++)
+        assert_true(topic_is_published_by(topic_health(), l->nodes[i]));
     launchfile_destroy(l);
+}
+
+static void what_is_played_is_said_in_the_file_or_on_the_command_line(void **state)
+{
+    struct scratch *s = *state;
+    struct launchfile_options options = {.bag = NULL};
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+    char bag[600];
+
+    const char *path = scratch_write(s, "a.yaml",
+                                     "nodes: [play, dsp]\n"
+                                     "play: {bag: a.mcap, rate: max, loop: true, "
+                                     "end_s: 2.5, exclude: 'stage/*'}\n");
+    if (launchfile_load(&l, path, &options, &why))
+        fail_msg("%s", why.text);
+    snprintf(bag, sizeof bag, "%s/a.mcap", s->folder);
+    assert_string_equal(l->play.bag, bag);
+    assert_true(l->play.rate == 0.0);
+    assert_true(l->play.loop);
+    assert_true(l->play.start_s == 0.0 && l->play.end_s == 2.5);
+    assert_string_equal(l->play.exclude, "stage/*");
+    assert_null(l->play.topics);
+    launchfile_destroy(l);
+    options.bag = "b.mcap";
+    options.rate = "0.5";
+    assert_int_equal(launchfile_load(&l, path, &options, &why), 0);
+    assert_string_equal(l->play.bag, "b.mcap");
+    assert_true(l->play.rate == 0.5);
+    launchfile_destroy(l);
+}
+
+static void the_replay_can_be_loaded(void **state)
+{
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+
+    (void)state;
+    if (launchfile_load(&l, SOURCE_DIR "/launch/play.yaml", NULL, &why))
+        fail_msg("%s", why.text);
+    assert_true(launchfile_has_node(l, "play"));
+    assert_string_equal(l->play.bag, SOURCE_DIR "/launch/../out/demo.mcap");
+    launchfile_destroy(l);
+}
+
+static void what_cannot_be_played_is_refused(void **state)
+{
+    struct scratch *s = *state;
+    const struct launchfile_options options = {.rate = "fast"};
+    const struct launchfile_options bag = {.bag = "a.mcap"};
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+
+    assert_refused(s, "nodes: [play]\n",
+                   ": play.bag: expected the name of a bag; or say --bag FILE");
+    assert_refused(s, "nodes: [play]\nplay: {bag: a, rate: -1}\n",
+                   ":2: play.rate: expected max, or 0.001 to 1000000, not -1");
+    assert_refused(s, "nodes: [play]\nplay: {bag: a, start_s: 3, end_s: 2}\n",
+                   ":2: play.start_s: expected 0 or more, and no more than end_s");
+    const char *path = scratch_write(s, "a.yaml", "nodes: [play]\nplay: {bag: a}\n");
+    assert_int_equal(launchfile_load(&l, path, &options, &why), -EINVAL);
+    assert_string_equal(why.text, "--rate fast: expected max, or 0.001 to 1000000");
+    path = scratch_write(s, "a.yaml", "nodes: [dsp]\n");
+    assert_int_equal(launchfile_load(&l, path, &bag, &why), -EINVAL);
+    assert_contains(why.text, "launch files with the node play");
 }
 
 static void what_a_recording_names_is_relative_to_the_file_too(void **state)
@@ -325,7 +443,7 @@ static void a_stage_stands_still_while_a_recording_is_played(void **state)
     }
 }
 
-static void the_replay_can_be_loaded(void **state)
+static void the_launch_file_of_bags_can_be_loaded(void **state)
 {
     struct complaint why = {""};
     struct launchfile *l = NULL;
@@ -379,12 +497,17 @@ int main(void)
         TEST(the_command_line_wins),
         TEST(real_hardware_does_not_hear_of_paces),
         TEST(a_file_that_is_not_there_is_said),
+        TEST(a_recorder_has_its_section),
+        TEST(a_recording_on_the_command_line_adds_the_recorder_before_all),
         TEST(mistakes_are_named_with_file_and_line),
         TEST(values_out_of_range_are_named_with_their_limits),
         TEST(names_that_do_not_exist_are_refused_with_those_that_do),
         TEST(a_node_twice_is_refused),
         TEST(an_array_node_needs_a_device),
         TEST(an_unknown_method_is_refused),
+        TEST(what_is_played_is_said_in_the_file_or_on_the_command_line),
+        TEST(the_launch_file_of_bags_can_be_loaded),
+        TEST(what_cannot_be_played_is_refused),
         TEST(what_a_recording_names_is_relative_to_the_file_too),
         TEST(a_sound_cards_rig_is_relative_to_the_file_and_its_name_is_not),
         TEST(a_stage_stands_still_while_a_recording_is_played),

@@ -190,6 +190,25 @@ static uint64_t count_of(const struct rig *r, const char *name)
     return 0;
 }
 
+/* However long it waits for the bus. */
+static void a_list_of_a_replay_is_dated_by_its_stamp(void **state)
+{
+    struct rig *r = *state;
+    Anlos__DetectionList message = ANLOS__DETECTION_LIST__INIT;
+    struct sender_list list;
+
+    for (int i = 0; i < 2; i++) {
+        sender_list(&r->sender, &message, 1000 * MS, &list);
+        list.dated_ns = (1250 + 100 * i) * MS;
+        outbox_put_list(&r->outbox, &list);
+    }
+    step(r, 70000);
+    assert_int_equal(count_frames(&r->bus, 0x402), 2);
+    assert_int_equal(latency_ms(&r->bus.wire[0]), 250);
+    assert_int_equal(latency_ms(&r->bus.wire[2]), 350);
+    assert_int_equal(cycle_ms(&r->bus.wire[2]), 100);
+}
+
 static void lists_and_status_go_at_once_when_the_bus_takes_them(void **state)
 {
     struct rig *r = *state;
@@ -487,6 +506,7 @@ static void an_error_that_is_not_of_the_bus_costs_the_list_and_is_said(void **st
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        TEST(a_list_of_a_replay_is_dated_by_its_stamp),
         TEST(lists_and_status_go_at_once_when_the_bus_takes_them),
         TEST(a_full_bus_gets_the_frames_in_order_as_it_takes_them),
         TEST(tries_become_rare_and_frequent_again_when_frames_go),

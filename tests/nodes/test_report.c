@@ -167,6 +167,56 @@ static void the_report_says_how_it_went(void **state)
     report_clear(&r);
 }
 
+/* Of a host that has measured another one's clock. */
+static void tell_host(struct report *r, const char *host, const char *other,
+                      double ahead_s)
+{
+    Anlos__HostStatus m = ANLOS__HOST_STATUS__INIT;
+    Anlos__HostSight sight = ANLOS__HOST_SIGHT__INIT, *list = &sight;
+
+    sight.host = (char *)other;
+    sight.clock_ahead_s = ahead_s;
+    sight.round_trip_s = 0.04;
+    sight.silences = 2;
+    m.host = (char *)host;
+    m.sights = &list;
+    m.n_sights = 1;
+    assert_int_equal(report_hosts_take(&r->hosts, &m), 0);
+}
+
+static void the_difference_of_two_hosts_clocks_is_told_and_taken_out(void **state)
+{
+    struct hosts map = {.n = 2,
+                        .list = {{.name = "vehicle", .n_nodes = 1, .nodes = {"array"}},
+                                 {.name = "computer", .n_nodes = 1, .nodes = {"recon"}}}};
+    struct report r;
+
+    (void)state;
+    report_init(&r);
+    r.map = &map;
+    r.ping_s = 0.05;
+    tell_status(&r, ANLOS__SCAN_STATUS__STATE__DONE, 11 * S);
+    /* Stamped 3 s before the sound was taken, by a clock that is 3.1 s behind. */
+    tell_volume(&r, false, 10 * S, 7 * S);
+    tell_host(&r, "vehicle", "computer", -3.0);
+    tell_host(&r, "vehicle", "computer", -3.1);
+    json_t *o = report_json(&r);
+    assert_near(number(o, "times", "last_ping_to_volume_s"), 0.05, 1e-9);
+    const json_t *hosts = json_object_get(o, "hosts"), *sight = json_array_get(hosts, 0);
+    assert_int_equal(json_array_size(hosts), 1);
+    assert_string_equal(json_string_value(json_object_get(sight, "host")), "computer");
+    assert_string_equal(json_string_value(json_object_get(sight, "seen_by")), "vehicle");
+    assert_near(json_number_value(json_object_get(sight, "clock_ahead_s")), -3.1, 1e-9);
+    assert_int_equal(json_integer_value(json_object_get(sight, "silences")), 2);
+    json_decref(o);
+    tell_host(&r, "computer", "vehicle", 3.12); /* either one's word will do */
+    o = report_json(&r);
+    assert_near(number(o, "times", "last_ping_to_volume_s"), 0.05, 0.021);
+    assert_int_equal(json_array_size(json_object_get(o, "hosts")), 2);
+    json_decref(o);
+    report_clear(&r);
+}
+
 static void the_length_of_a_ping_comes_from_the_survey(void **state)
 {
     struct report r;
@@ -231,6 +281,7 @@ int main(void)
         cmocka_unit_test(previews_do_not_count),
         cmocka_unit_test(a_failed_scan_is_waited_for_only_so_long),
         cmocka_unit_test(the_report_says_how_it_went),
+        cmocka_unit_test(the_difference_of_two_hosts_clocks_is_told_and_taken_out),
         cmocka_unit_test(the_length_of_a_ping_comes_from_the_survey),
         TEST(a_failed_scan_leaves_a_report_and_nothing_else),
         TEST(a_folder_that_cannot_be_is_complained_about),

@@ -1,6 +1,7 @@
 #include "tests/hal/scratch.h"
 
 #include <errno.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "nodes/rt/rundir.h"
@@ -52,6 +53,30 @@ static void a_file_in_its_place_is_named(void **state)
     assert_contains(why.text, path);
 }
 
+/* root is let in everywhere: a process of another user looks. */
+static void a_folder_of_somebody_else_is_not_taken_for_an_empty_one(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {""};
+    int status;
+
+    scratch_folder(s, "run");
+    assert_int_equal(chmod(s->path, 0500), 0);
+    pid_t pid = fork();
+    if (!pid) {
+        if (!geteuid() && (chmod(s->folder, 0711) || setuid(65534)))
+            _exit(1);
+        _exit(rundir_check(s->path, &why) == -EACCES &&
+                      strstr(why.text, "closed to others")
+                  ? 0
+                  : 2);
+    }
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 0);
+    assert_int_equal(rundir_check("/nowhere/at/all", &why), 0); /* to be made */
+}
+
 static void a_name_too_long_for_sockets_is_refused(void **state)
 {
     char asked[200], got[RUNDIR_SIZE];
@@ -72,6 +97,7 @@ int main(void)
         TEST(the_default_is_in_the_runtime_folder),
         TEST(a_default_that_others_can_write_is_refused),
         TEST(a_file_in_its_place_is_named),
+        TEST(a_folder_of_somebody_else_is_not_taken_for_an_empty_one),
         TEST(a_name_too_long_for_sockets_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -262,6 +262,7 @@ static void what_is_not_known_to_be_live_never_looks_live(void **state)
 
     (void)state;
     sender_init(&s, 0x400);
+    assert_int_equal(s.status.source, CAN_SOURCE_UNKNOWN); /* until a survey says it */
     survey.temperature_c = 20.0;
     survey.sound_speed_m_s = 343.2;
     survey.source = (Anlos__Source)9;

@@ -1,0 +1,43 @@
+/* nodes/foxglove/channels.h -- what Foxglove is offered: every topic of msgs/topics.h
+ * under its own name and schema, and under "view/" what of it a person looks at, in
+ * Foxglove's schemas:
+ *
+ *   view/cloud    foxglove.PointCloud       the voxels that stand out, where they are
+ *   view/voxels   foxglove.VoxelGrid        the whole image, coarser
+ *   view/front    foxglove.CompressedImage  the image's maxima as seen by the array
+ *   view/top      foxglove.CompressedImage
+ *   view/side     foxglove.CompressedImage
+ *   view/objects  foxglove.SceneUpdate      the hidden objects, and how certain they are
+ *   view/scene    foxglove.SceneUpdate      wall, vehicle, speakers, microphones
+ *   view/frames   foxglove.FrameTransforms  of the frames in setting.h
+ *   view/log      foxglove.Log */
+#ifndef ANLOS_NODES_FOXGLOVE_CHANNELS_H
+#define ANLOS_NODES_FOXGLOVE_CHANNELS_H
+
+#include <stdbool.h>
+
+#include "msgs/bag/record.h"
+#include "nodes/foxglove/convert.h"
+
+#define CHANNEL_VIEW        "view/" /* what the names of converted ones begin with */
+#define CHANNEL_MAX_SOURCES 2
+
+struct channel {
+    const char *name;
+    struct bag_schema schema;                         /* without an id */
+    const struct topic *sources[CHANNEL_MAX_SOURCES]; /* NULL: no more */
+    foxglove_convert convert;                         /* NULL: a topic as it is */
+};
+
+size_t channels_count(void);
+
+/* index: 0 up to channels_count; the first ones are those of topics_all. */
+void channel_get(size_t index, struct channel *out);
+bool channel_is_from(const struct channel *c, const struct topic *t);
+
+/* What the message becomes in the channel, packed into *out, which free() frees.  The
+ * setting knows the message already (setting_take).  0, -ENOMEM, as foxglove_convert. */
+int channel_pack(const struct channel *c, const struct setting *s,
+                 const struct foxglove_message *m, uint8_t **out, size_t *size);
+
+#endif

@@ -1,0 +1,53 @@
+#include "nodes/foxglove/setting.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "msgs/stage.pb-c.h"
+
+static bool take_survey(struct setting *s, const Anlos__Survey *m)
+{
+    struct complaint why;
+    struct survey fresh;
+
+    if (s->has_survey && s->survey_id == m->id)
+        return false;
+    if (survey_from_message(&fresh, m, &why))
+        return false; /* the nodes that work with it complain */
+    survey_clear(&s->survey);
+    s->survey = fresh;
+    s->survey_id = m->id;
+    s->has_survey = true;
+    return true;
+}
+
+bool setting_take(struct setting *s, const struct foxglove_message *m)
+{
+    if (m->topic == topic_survey())
+        return take_survey(s, (const Anlos__Survey *)m->content);
+    if (m->topic == topic_stage_state()) {
+        double at_m = ((const Anlos__StageState *)m->content)->position_m;
+        s->stage_m = isfinite(at_m) ? at_m : s->stage_m;
+    }
+    return false;
+}
+
+bool setting_wall(const struct setting *s, struct wall *out)
+{
+    if (!s->has_survey || !s->survey.has_wall)
+        return false;
+    memcpy(out->normal, s->survey.wall_normal, sizeof out->normal);
+    out->distance_m = s->survey.wall_distance_m;
+    return true;
+}
+
+const char *setting_root(const struct setting *s)
+{
+    return s->has_survey && s->survey.has_mount ? FRAME_VEHICLE : FRAME_ARRAY;
+}
+
+void setting_clear(struct setting *s)
+{
+    survey_clear(&s->survey);
+    *s = (struct setting){.has_survey = false};
+}

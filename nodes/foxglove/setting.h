@@ -1,0 +1,40 @@
+/* nodes/foxglove/setting.h -- where things stand: what the newest survey and the stage
+ * say, which the conversions of other messages need.
+ *
+ * Frames, as Foxglove draws them:
+ *   vehicle  x forward, y left, z up; the root, where the survey has a mount
+ *   array    x along the stage, y up, z forward to the wall; the root without a mount
+ *   stage    the array frame, moved with the elements along the stage */
+#ifndef ANLOS_NODES_FOXGLOVE_SETTING_H
+#define ANLOS_NODES_FOXGLOVE_SETTING_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "msgs/survey.h"
+#include "nodes/foxglove/message.h"
+#include "recon/wall.h"
+
+#define FRAME_VEHICLE "vehicle"
+#define FRAME_ARRAY   "array"
+#define FRAME_STAGE   "stage"
+
+struct setting { /* begins zeroed; clear with setting_clear */
+    bool has_survey;
+    uint64_t survey_id;
+    struct survey survey;
+    double stage_m; /* where the stage is; 0 before it says so */
+};
+
+/* Takes what concerns it from any message.  true: there is another survey now, and what
+ * was made with the one before does not hold. */
+bool setting_take(struct setting *s, const struct foxglove_message *m);
+
+/* The wall of a known survey.  false: it has none. */
+bool setting_wall(const struct setting *s, struct wall *out);
+
+/* The vehicle's or the array's. */
+const char *setting_root(const struct setting *s);
+void setting_clear(struct setting *s);
+
+#endif

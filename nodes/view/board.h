@@ -1,0 +1,52 @@
+/* nodes/view/board.h -- what every open page is to show: one frame for each subject, the
+ * newest in place of the one before.  A page that is slow finds newer frames when it
+ * comes back and skips those between: it costs no memory and keeps nobody waiting. */
+#ifndef ANLOS_NODES_VIEW_BOARD_H
+#define ANLOS_NODES_VIEW_BOARD_H
+
+#include "nodes/view/frame.h"
+
+enum board_subject {
+    BOARD_HELLO,
+    BOARD_TIMELINE,
+    BOARD_SCENE,
+    BOARD_SCAN,
+    BOARD_STAGE,
+    BOARD_CLOCK,
+    BOARD_NODES,
+    BOARD_OBJECTS,
+    BOARD_LEVELS,
+    BOARD_LOG,
+    BOARD_VOLUME,
+    BOARD_TIME,
+    BOARD_SUBJECTS
+};
+
+struct board;
+
+int board_create(struct board **out); /* 0, -ENOMEM */
+
+/* f, which becomes the board's, is what the subject shows from now on.  NULL: it could
+ * not be made, and the one before stays. */
+void board_post(struct board *b, enum board_subject subject, struct frame *f);
+
+/* A page that reads the board; starts as {0}. */
+struct board_reader {
+    uint64_t seen[BOARD_SUBJECTS];
+    struct frame *handed;
+    bool closed;
+};
+
+/* Gives a reader a frame of its own, in place of one that it has not fetched. */
+void board_hand(struct board *b, struct board_reader *r, struct frame *f);
+
+/* Waits for something that the reader has not seen; a reference of the caller's.  NULL:
+ * the reader was closed. */
+struct frame *board_next(struct board *b, struct board_reader *r);
+void board_close(struct board *b, struct board_reader *r);
+
+/* Frames that were replaced before a reader came for them, of all readers. */
+uint64_t board_skipped(struct board *b);
+void board_destroy(struct board *b);
+
+#endif

@@ -1,0 +1,18 @@
+/* nodes/view/names.h -- what the states in messages are called on the page. */
+#ifndef ANLOS_NODES_VIEW_NAMES_H
+#define ANLOS_NODES_VIEW_NAMES_H
+
+#include "msgs/health.pb-c.h"
+#include "msgs/log.pb-c.h"
+#include "msgs/scan.pb-c.h"
+#include "msgs/stage.pb-c.h"
+#include "msgs/tensor.pb-c.h"
+
+const char *name_of_source(Anlos__Source source);
+const char *name_of_pass(Anlos__Pass pass);
+const char *name_of_scan_state(Anlos__ScanStatus__State state);
+const char *name_of_stage_state(Anlos__StageState__State state);
+const char *name_of_health_state(Anlos__Health__State state);
+const char *name_of_log_level(Anlos__Log__Level level);
+
+#endif

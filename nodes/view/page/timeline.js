@@ -1,0 +1,92 @@
+// The timeline of a bag: scrub, step from image to image, play.
+import { svg } from "./axes.js";
+
+const $ = (id) => document.getElementById(id);
+const STEP_MS = 100;
+
+const seconds = (s) => `${s.toFixed(1)} s`;
+
+export function createTimeline(link) {
+    const line = { state: null };
+    let waiting = false; // for the answer to a seek
+    let wanted = null; // the next seek, when that has come
+    let timer = 0;
+    let at = 0; // exactly: the slider rounds
+
+    const seek = (s) => {
+        const to = Math.min(Math.max(s, 0), line.state.span_s);
+        say(to);
+        if (waiting) wanted = to;
+        else waiting = link.send({ seek: to });
+    };
+    const say = (s) => {
+        at = s;
+        $("at").value = s;
+        const text = `${seconds(s)} of ${seconds(line.state.span_s)}`;
+        $("at-text").value = text;
+        $("at").setAttribute("aria-valuetext", text);
+        $("earlier").disabled = !line.state.images.some((t) => t < s - 1e-6);
+        $("later").disabled = !line.state.images.some((t) => t > s + 1e-6);
+    };
+    const stop = () => {
+        clearInterval(timer);
+        timer = 0;
+        $("play").textContent = "Play";
+    };
+    const play = () => {
+        if (timer) return stop();
+        if (at >= line.state.span_s - 0.01) seek(0);
+        $("play").textContent = "Pause";
+        timer = setInterval(() => {
+            const next = at + STEP_MS / 1000;
+            seek(next);
+            if (next >= line.state.span_s) stop();
+        }, STEP_MS);
+    };
+    const marks = () => {
+        const { images, span_s } = line.state;
+        $("marks").setAttribute("viewBox", `0 0 1000 8`);
+        $("marks").setAttribute("preserveAspectRatio", "none");
+        $("marks").replaceChildren(...images.map((t) => {
+            const x = (1000 * t) / Math.max(span_s, 1e-9);
+            return svg("line", { x1: x, x2: x, y1: 0, y2: 8 });
+        }));
+    };
+
+    line.take = (message) => {
+        const state = { ...message, span_s: message.span_us / 1e6, at_s: message.at_us / 1e6,
+            images: message.images.map((us) => us / 1e6) };
+        const fresh = !line.state || line.state.images.length !== state.images.length;
+        line.state = state;
+        waiting = false;
+        $("timeline").hidden = false;
+        $("wrong").textContent = state.wrong ? `Damaged: ${state.wrong}` : "";
+        if (fresh) {
+            $("at").max = state.span_s;
+            marks();
+        }
+        if (wanted !== null) {
+            const next = wanted;
+            wanted = null;
+            seek(next);
+        } else if (!timer || state.at_s >= state.span_s) {
+            say(state.at_s);
+        }
+        document.body.dataset.seekMs = state.took_ms;
+    };
+    line.lost = () => {
+        waiting = false;
+        stop();
+    };
+    $("at").oninput = () => seek(Number($("at").value));
+    $("play").onclick = play;
+    $("earlier").onclick = () => seek(line.state.images.filter((t) => t < at - 1e-6).at(-1));
+    $("later").onclick = () => seek(line.state.images.find((t) => t > at + 1e-6));
+    $("at").onkeydown = (event) => {
+        const step = { PageUp: 5, PageDown: -5, ArrowRight: 0.5, ArrowUp: 0.5, ArrowLeft: -0.5, ArrowDown: -0.5 }[event.key];
+        if (step === undefined) return;
+        event.preventDefault();
+        seek(at + step);
+    };
+    return line;
+}

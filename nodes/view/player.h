@@ -1,0 +1,25 @@
+/* nodes/view/player.h -- shows a bag: a thread that brings the view to the place in it
+ * that a page asked for last.  All pages show the same place. */
+#ifndef ANLOS_NODES_VIEW_PLAYER_H
+#define ANLOS_NODES_VIEW_PLAYER_H
+
+#include "nodes/view/timeline.h"
+
+struct player;
+
+/* The player's thread is the one that the view takes messages from; the view outlives it.
+ * tell is called with every message that is shown, also by that thread.  It starts at the
+ * end of the bag, where the results are.  0, errors as timeline_open. */
+int player_create(struct player **out, const char *path, struct view *view,
+                  struct complaint *why);
+int player_start(struct player *p, void (*tell)(void *ctx, const struct view_message *m),
+                 void *ctx); /* 0, -EAGAIN */
+
+/* Any thread; of several requests that wait, the last one counts. */
+void player_seek(void *player, double seconds);
+
+/* Ends the thread: nothing is shown or told any more.  NULL is fine. */
+void player_stop(struct player *p);
+void player_destroy(struct player *p);
+
+#endif

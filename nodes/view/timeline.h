@@ -1,0 +1,33 @@
+/* nodes/view/timeline.h -- the state of a recorded system at any time: of each channel of
+ * a bag the newest message at or before it, found in the chunks before that time. */
+#ifndef ANLOS_NODES_VIEW_TIMELINE_H
+#define ANLOS_NODES_VIEW_TIMELINE_H
+
+#include "msgs/complaint.h"
+#include "nodes/view/view.h"
+
+struct timeline;
+
+/* 0; errors as bag_catalog_open; -ENODATA (nothing in it that could be shown). */
+int timeline_open(struct timeline **out, const char *path, struct complaint *why);
+
+/* Log times of the first and the last message. */
+void timeline_span(const struct timeline *t, int64_t *start_ns, int64_t *end_ns);
+
+/* The times at which there are images, in us after the start, rounded up; 1000 at most,
+ * evenly thinned.  Of a bag without an index: none. */
+json_t *timeline_images(const struct timeline *t);
+
+/* Gives each of those messages to take, surveys first, then in the order of their times;
+ * of the log all lines that it has come across, and of pings the last 16 or more.  What
+ * is damaged is left out.  0, or the error of what was left out; -ENOMEM. */
+int timeline_at(struct timeline *t, int64_t time_ns,
+                void (*take)(void *ctx, const struct view_message *m), void *ctx,
+                struct complaint *why);
+
+/* Are the chunks whole from which timeline_at has taken single messages?  Reads some MB
+ * for each.  0, -EBADMSG and other errors as bag_file_chunk. */
+int timeline_check(struct timeline *t, struct complaint *why);
+void timeline_close(struct timeline *t);
+
+#endif

@@ -1,0 +1,109 @@
+#include "nodes/view/viewer.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msgs/clock.pb-c.h"
+#include "nodes/foxglove/server.h"
+#include "nodes/view/player.h"
+#include "nodes/view/server.h"
+
+#define REPLAY_NS 2000000000LL /* without a word of it, a replay has ended */
+
+struct viewer {
+    struct view *view;
+    struct player *player; /* NULL: no bag */
+    struct server *server;
+    int64_t replay_ns, replay_heard_ns; /* the time of a replay, and when it was told */
+};
+
+static void tell_foxglove(struct viewer *v, const struct view_message *m)
+{
+    const struct foxglove_message out = {.topic = m->topic,
+                                         .node = m->from,
+                                         .content = m->content,
+                                         .capture_ns = m->capture_ns,
+                                         .publish_ns = m->publish_ns};
+
+    server_message(v->server, &out);
+}
+
+static void show_foxglove(void *ctx, const struct view_message *m)
+{
+    struct viewer *v = ctx;
+
+    tell_foxglove(v, m);
+    server_time(v->server, m->publish_ns);
+}
+
+static int create_all(struct viewer *v, const struct viewer_config *cfg,
+                      struct complaint *why)
+{
+    struct server_config server = {
+        .address = cfg->address, .port = cfg->port, .now_ns = cfg->now_ns};
+    int err = view_create(&v->view, cfg->bag ? cfg->bag : cfg->run_dir, cfg->bag != NULL);
+
+    if (err)
+        return complain(why, err, "not enough memory for the view");
+    if (cfg->bag)
+        err = player_create(&v->player, cfg->bag, v->view, why);
+    server.view = v->view;
+    server.seek = v->player ? player_seek : NULL;
+    server.seek_ctx = v->player;
+    if (!err)
+        err = server_create(&v->server, &server, why);
+    if (!err && v->player && (err = player_start(v->player, show_foxglove, v)))
+        complain(why, err, "%s: no thread to read it: %s", cfg->bag, strerror(-err));
+    return err;
+}
+
+int viewer_create(struct viewer **out, const struct viewer_config *cfg,
+                  struct complaint *why)
+{
+    struct viewer *v = calloc(1, sizeof *v);
+    int err = v ? create_all(v, cfg, why)
+                : complain(why, -ENOMEM, "not enough memory for the view");
+
+    if (err)
+        viewer_destroy(v);
+    else
+        *out = v;
+    return err;
+}
+
+const char *viewer_url(const struct viewer *v)
+{
+    return server_url(v->server);
+}
+
+void viewer_take(struct viewer *v, const struct view_message *m, int64_t now_ns)
+{
+    view_take(v->view, m, now_ns);
+    tell_foxglove(v, m);
+    if (m->topic == topic_clock()) {
+        v->replay_ns = ((const Anlos__Clock *)m->content)->time_ns;
+        v->replay_heard_ns = now_ns;
+    }
+}
+
+int viewer_tick(struct viewer *v, int64_t now_ns)
+{
+    if (v->player)
+        return 1000; /* it has a thread of its own */
+    server_time(v->server,
+                now_ns - v->replay_heard_ns < REPLAY_NS ? v->replay_ns : now_ns);
+    return view_tick(v->view, now_ns);
+}
+
+/* The player's thread tells the server, whose threads seek in the player. */
+void viewer_destroy(struct viewer *v)
+{
+    if (!v)
+        return;
+    player_stop(v->player);
+    server_destroy(v->server);
+    player_destroy(v->player);
+    view_destroy(v->view);
+    free(v);
+}

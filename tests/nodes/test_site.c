@@ -1,0 +1,63 @@
+#include "tests/hal/scratch.h"
+
+#include <errno.h>
+#include <unistd.h>
+
+#include "msgs/endpoint.h"
+#include "nodes/launcher/site.h"
+
+static struct launchfile on_two_hosts(struct scratch *s)
+{
+    struct launchfile l = {.hosts = {.n = 2}};
+    char endpoint[128];
+
+    strcpy(l.hosts.list[0].name, "vehicle");
+    strcpy(l.hosts.list[1].name, "computer");
+    snprintf(endpoint, sizeof endpoint, "ipc://%s", s->folder);
+    assert_int_equal(host_set_endpoint(&l.hosts.list[0], endpoint, NULL), 0);
+    assert_int_equal(host_set_endpoint(&l.hosts.list[1], "ipc:///elsewhere", NULL), 0);
+    return l;
+}
+
+static void the_hosts_stand_in_the_run_folder_while_it_runs(void **state)
+{
+    struct scratch *s = *state;
+    struct launchfile l = on_two_hosts(s);
+    const struct arguments a = {0};
+    char run_dir[RUNDIR_SIZE];
+    struct hosts read;
+
+    assert_int_equal(site_open(&l, &a, run_dir, NULL), 0);
+    assert_string_equal(run_dir, s->folder);
+    assert_int_equal(hosts_read(&read, run_dir, NULL), 0);
+    assert_int_equal(read.n, 2);
+    site_close(&l, run_dir);
+    assert_int_equal(access(scratch_path(s, "hosts"), F_OK), -1);
+}
+
+static void what_the_next_launcher_wrote_is_left_alone(void **state)
+{
+    struct scratch *s = *state;
+    struct launchfile l = on_two_hosts(s);
+    const struct arguments a = {0};
+    char run_dir[RUNDIR_SIZE];
+
+    assert_int_equal(site_open(&l, &a, run_dir, NULL), 0);
+    int next = endpoint_lock(run_dir, "launcher", NULL);
+    assert_true(next >= 0);
+    assert_int_equal(site_open(&l, &a, run_dir, NULL), -EADDRINUSE);
+    site_close(&l, run_dir);
+    assert_int_equal(access(scratch_path(s, "hosts"), F_OK), 0);
+    close(next);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(the_hosts_stand_in_the_run_folder_while_it_runs),
+        TEST(what_the_next_launcher_wrote_is_left_alone),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,361 @@
+#!/usr/bin/env python3
+"""The page in headless Chromium, as a person uses it: waits, looks, clicks, types, on a
+desk and on a phone, live and with a bag.
+
+    test_view_browser.py ANLOS SOURCE_DIR [FOLDER]
+
+FOLDER gets the pictures of the page: view-desktop.png, view-phone.png, view-bag.png (those
+of the README are in launch/images).  Exit code 77: there is no Chromium."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+
+sys.dont_write_bytecode = True
+import chromium  # beside this file
+
+PIXEL = """(([side, u, v]) => {
+    const canvas = document.querySelector('#view-' + side + ' canvas');
+    const x = (u - spans[side][0]) / (spans[side][1] - spans[side][0]);
+    const y = 1 - (v - spans[side][2]) / (spans[side][3] - spans[side][2]);
+    const p = canvas.getContext('2d').getImageData(
+        Math.round(x * canvas.width), Math.round(y * canvas.height), 1, 1).data;
+    return p[0] + p[1] + p[2];
+})"""
+
+
+def truth(scene):
+    """Of launch/scenes/corner.yaml: what is imaged where, and what really stands where in
+    the vehicle, by the geometry that its comments state: the wall is x + z = 1.6, the
+    array's x is the vehicle's y, its y the z, its z the x, from (3.6, -0.54, 0.3)."""
+    text = open(scene).read()
+    found = re.findall(r"position_m: \[([-\d.]+), ([-\d.]+), ([-\d.]+)\]", text)
+    if len(found) != 3 or "wall: {normal: [1, 0, 1], distance_m: 1.13137085}" not in text:
+        raise chromium.Failed("another scene than the one that this test knows")
+    places = [tuple(map(float, p)) for p in found]
+    return [{"image": (1.6 - z, y, 1.6 - x), "vehicle": (3.6 + z, -0.54 + x, 0.3 + y)}
+            for x, y, z in places]
+
+
+def near(a, b, most):
+    return all(abs(p - q) <= most for p, q in zip(a, b))
+
+
+def check(what, text):
+    if not what:
+        raise chromium.Failed(text)
+
+
+class View:
+    """`anlos view` as a process."""
+
+    def __init__(self, anlos, *arguments):
+        self.process = subprocess.Popen([anlos, "view", *arguments],
+                                        stdout=subprocess.PIPE, text=True)
+        self.url = self.process.stdout.readline().strip()
+        check(self.url.startswith("http://127.0.0.1:"), "it prints where the page is")
+        self.port = self.url.rstrip("/").rsplit(":", 1)[1]
+
+    def end(self):
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(1)  # whatever its clients do
+        self.process.stdout.close()
+
+
+def text(browser, selector):
+    return browser.ask("document.querySelector('%s').textContent" % selector)
+
+
+def table(browser, selector):
+    return browser.ask("[...document.querySelectorAll('%s tbody tr')].map("
+                       "r => [...r.cells].map(c => c.textContent))" % selector)
+
+
+def number(cell):
+    return float(cell.replace("−", "-").split()[0])
+
+
+def it_says_what_it_waits_for(browser):
+    browser.wait("document.querySelector('#link').textContent === 'Waits for the system'")
+    for place in "#image-empty", "#objects-empty", "#array-empty", "#nodes-empty":
+        check(len(text(browser, place)) > 20, place + " says what is waited for")
+    check("anlos launch" in text(browser, "#nodes-empty"), "and what to do")
+
+
+def it_shows_where_the_objects_are(browser, objects):
+    rows = table(browser, "#objects")
+    check(len(rows) == 3, "three objects are listed: %s" % rows)
+    for o in objects:
+        at = [r for r in rows if near([number(c) for c in r[1:4]], o["vehicle"], 0.03)]
+        check(len(at) == 1, "%s is where it is: %s" % (o, rows))
+        place = browser.ask(
+            "(() => { const g = document.querySelector('.plan-object[data-id=\"%s\"]"
+            " circle').getBBox(); return [g.x + g.width / 2, g.y + g.height / 2]; })()"
+            % at[0][0])
+        o["plan"], o["id"] = place, at[0][0]
+    # The plan keeps directions and proportions: ahead is up, the vehicle's left is left.
+    a, b = objects[0], objects[1]
+    ahead = b["vehicle"][0] - a["vehicle"][0]
+    left = b["vehicle"][1] - a["vehicle"][1]
+    scale = (a["plan"][1] - b["plan"][1]) / ahead
+    check(scale > 10 and abs((a["plan"][0] - b["plan"][0]) / left - scale) < 0.05 * scale,
+          "the plan has one scale: %s" % objects)
+
+
+def the_scan_and_the_nodes_are_told(browser):
+    check("1024 of 1024 pings" in text(browser, "#scan-text"), "pings of the scan")
+    bar = browser.ask("[document.querySelector('#scan-bar').value,"
+                      " document.querySelector('#scan-bar').max]")
+    check(bar == [1024, 1024], "the bar is full: %s" % bar)
+    check(text(browser, "#source") == "simulation", "a simulation says so")
+    names = [r[0] for r in table(browser, "#node-list")]
+    for node in "array", "dsp", "recon", "track", "can":
+        check(node in names, "%s is listed: %s" % (node, names))
+    meters = browser.ask("[...document.querySelectorAll('#microphones .meter')].map("
+                         "m => [m.getAttribute('aria-label'),"
+                         " Number(m.getAttribute('aria-valuenow'))])")
+    check(len(meters) == 16 and all(-80 < m[1] < 0 for m in meters), "levels: %s" % meters)
+    check("All 16 microphones ok" in text(browser, "#array-text"), "and in words")
+
+
+def spans(browser):
+    """From the ticks of the axes: the metres at the edges of each side."""
+    browser.ask("""window.spans = Object.fromEntries(['xy', 'yz', 'xz'].map(side => {
+        const svg = document.querySelector('#view-' + side + ' svg');
+        const box = svg.querySelector('rect').getBBox();
+        const ticks = (anchor, pick) => [...svg.querySelectorAll('text[text-anchor=' + anchor + ']')]
+            .filter(t => /^\\u2212?[0-9.]+$/.test(t.textContent))
+            .map(t => [pick(t), Number(t.textContent.replace('\\u2212', '-'))]);
+        const line = (all, p) => { const [a, b] = [all[0], all.at(-1)];
+            return a[1] + (p - a[0]) / (b[0] - a[0]) * (b[1] - a[1]); };
+        const across = ticks('middle', t => Number(t.getAttribute('x')));
+        const up = ticks('end', t => Number(t.getAttribute('y')) - 4);
+        return [side, [line(across, box.x), line(across, box.x + box.width),
+                       line(up, box.y + box.height), line(up, box.y)]];
+    })); 0""")
+
+
+def pixel(browser, side, u, v):
+    return browser.ask("%s(['%s', %g, %g])" % (PIXEL, side, u, v))
+
+
+def the_image_is_bright_where_they_are(browser, objects):
+    spans(browser)
+    for o in objects[:2]:  # compact ones
+        x, y, z = o["image"]
+        for side, u, v in ("xy", x, y), ("xz", x, z), ("yz", z, y):
+            here, beside = pixel(browser, side, u, v), pixel(browser, side, u, v + 0.12)
+            check(here > 150 and here > beside + 100,
+                  "%s is seen from %s: %s, beside it %s" % (o, side, here, beside))
+
+
+def the_slider_slices(browser, objects):
+    x, y, z = objects[0]["image"]
+    check(browser.ask("document.querySelector('#view-xy').dataset.shows") == "maximum",
+          "the maximum comes first")
+    browser.click("#depth")
+    browser.wait("document.querySelector('#view-xy').dataset.shows === 'slice'")
+    browser.press("Home")
+    browser.wait("/z = 1.80 m/.test(document.querySelector('#caption-xy').textContent)")
+    spans(browser)
+    browser.wait("%s(['xy', %g, %g]) < 60" % (PIXEL, x, y))  # not at this depth
+    for _ in range(round((z - 1.8) / 0.01)):
+        browser.press("ArrowRight")
+    browser.wait("document.querySelector('#depth-text').value === 'z = %.2f m'" % z)
+    browser.wait("%s(['xy', %g, %g]) > 400" % (PIXEL, x, y))
+    browser.ask("document.querySelectorAll('#view-xz .depth').length === 1 || fail()")
+    browser.click("#front-all")
+    browser.wait("document.querySelector('#view-xy').dataset.shows === 'maximum'")
+
+
+def the_keyboard_reaches_everything(browser, wanted):
+    browser.ask("document.activeElement.blur(); scrollTo(0, 0)")
+    seen, marked = [], []
+    for _ in range(4 * len(wanted) + 16):
+        browser.press("Tab")
+        name, style = browser.ask(
+            "(() => { const e = document.activeElement, s = getComputedStyle(e);"
+            " return [e.id || e.className, s.outlineStyle + s.outlineWidth]; })()")
+        seen.append(name)
+        marked.append((name, style))
+    start = seen.index("skip")  # the first thing of the page
+    places = [seen.index(w, start) if w in seen[start:] else -1 for w in wanted]
+    check(-1 not in places and places == sorted(places),
+          "Tab goes to %s in this order: %s" % (wanted, seen))
+    check(all(s != "none0px" and not s.startswith("none") for n, s in marked
+              if n in wanted), "what has the focus shows it: %s" % marked)
+
+
+def it_is_light_or_dark_as_asked(browser):
+    shades = []
+    for dark in False, True:
+        browser.size(1280, 800, dark=dark)
+        shades.append(browser.ask(
+            "['backgroundColor', 'color'].map(k => getComputedStyle(document.body)[k]"
+            ".match(/\\d+/g).slice(0, 3).reduce((a, b) => a + Number(b), 0) / 3)"))
+    (paper, ink), (night, chalk) = shades
+    check(paper > 200 and ink < 60 and night < 60 and chalk > 200, "shades: %s" % shades)
+
+
+def it_fits_a_phone(browser):
+    browser.size(360, 740, phone=True)
+    browser.wait("innerWidth === 360")
+    browser.wait("document.documentElement.scrollWidth <= 360")
+    chosen = "document.querySelector('figure.chosen').id"
+    browser.wait("getComputedStyle(document.querySelector('#tabs')).display === 'flex'")
+    browser.wait("document.querySelectorAll('figure.chosen .plot canvas').length === 1")
+    check(browser.ask(chosen) == "view-xy", "the front comes first")
+    browser.click("#tab-xz")
+    browser.wait(chosen + " === 'view-xz'")
+    browser.press("ArrowRight")
+    browser.wait(chosen + " === 'view-yz' && document.activeElement.id === 'tab-yz'")
+    shown = browser.ask("[...document.querySelectorAll('figure')].filter("
+                        "f => f.offsetParent).map(f => f.id)")
+    check(shown == ["view-yz"], "one side at a time: %s" % shown)
+    browser.press("Home")
+    browser.wait(chosen + " === 'view-xy'")
+    cut = browser.ask("[...document.querySelectorAll('body *')].filter(e => e.offsetParent"
+                      " && !e.closest('.scroll') && !e.closest('svg')"
+                      " && e.getBoundingClientRect().right > 361).map(e => e.id || e.tagName)")
+    check(not cut, "nothing is cut off: %s" % cut)
+
+
+def it_says_when_data_is_stale_and_comes_back(browser, view, anlos, run_dir):
+    link = "document.querySelector('#link')"
+    view.process.send_signal(signal.SIGSTOP)
+    browser.wait(link + ".textContent.startsWith('Stale: no answer')")
+    view.process.send_signal(signal.SIGCONT)
+    browser.wait("!%s.textContent.startsWith('Stale: no answer')" % link)
+    view.end()
+    browser.wait(link + ".dataset.state === 'lost'")
+    view = View(anlos, "--port", view.port, "--run-dir", run_dir)
+    browser.wait(link + ".dataset.state !== 'lost'")
+    return view
+
+
+def take_picture(browser, path):
+    browser.ask("document.activeElement.blur(); scrollTo(0, 0)")
+    browser.picture(path)
+
+
+def live(browser, anlos, source, work, pictures):
+    objects = truth(source + "/launch/scenes/corner.yaml")
+    run_dir, bag = work + "/run", work + "/demo.mcap"
+    view = View(anlos, "--port", "0", "--run-dir", run_dir)
+    browser.size(1280, 800)
+    browser.open(view.url)
+    it_says_what_it_waits_for(browser)
+    # Its launcher's log would be in the way of ctest's.
+    launch = subprocess.Popen([anlos, "launch", source + "/launch/demo.yaml", "--out",
+                               work + "/out", "--run-dir", run_dir, "--record", bag],
+                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        browser.wait("document.querySelector('#scan-state').textContent === 'Scan 1 done'"
+                     " && document.querySelector('#image-about').textContent.startsWith("
+                     "'final') && document.querySelectorAll('#objects tbody tr').length === 3"
+                     " && !/Preliminary/.test(document.querySelector('#plan-note').textContent)",
+                     90)
+        it_shows_where_the_objects_are(browser, objects)
+        the_scan_and_the_nodes_are_told(browser)
+        the_image_is_bright_where_they_are(browser, objects)
+        take_picture(browser, pictures + "/view-desktop.png")
+        the_slider_slices(browser, objects)
+        the_keyboard_reaches_everything(
+            browser, ["front-all", "depth", "range", "lines"])
+        it_is_light_or_dark_as_asked(browser)
+        it_fits_a_phone(browser)
+        take_picture(browser, pictures + "/view-phone.png")
+        browser.size(1280, 800)
+        check(launch.wait(60) == 0, "the launch ends by itself")
+        view = it_says_when_data_is_stale_and_comes_back(browser, view, anlos, run_dir)
+    finally:
+        launch.kill()
+        launch.wait()
+        view.end()
+    return bag
+
+
+def the_timeline_scrubs(browser):
+    at = "document.querySelector('#at')"
+    browser.wait(at + ".max > 1 && document.querySelector('#objects tbody tr')")
+    check(text(browser, "#source") == "recording, simulation", "it never looks live")
+    check("final" in text(browser, "#image-about"), "it starts with the results")
+    browser.click("#at")
+    browser.press("Home")
+    browser.wait("/Nothing of it before/.test(document.querySelector('#image-empty').textContent)")
+    check(browser.ask("document.querySelector('#views').hidden"), "and no image")
+    took = []
+    images = browser.ask("document.querySelectorAll('#marks line').length")
+    check(images >= 1, "images are marked")
+    for i in range(images):
+        browser.ask("document.body.dataset.seekMs = ''")
+        browser.click("#later")
+        browser.wait("/of 512 pings/.test(document.querySelector('#image-about').textContent)"
+                     " && document.body.dataset.seekMs")
+        took.append(float(browser.ask("document.body.dataset.seekMs")))
+    browser.wait("/final/.test(document.querySelector('#image-about').textContent)")
+    browser.ask(at + ".focus()")
+    browser.press("Home")
+    browser.wait(at + ".value == 0")
+    browser.press("ArrowRight")
+    browser.wait(at + ".value > 0.4")
+    browser.click("#play")
+    browser.wait(at + ".value > 1")
+    check(text(browser, "#play") == "Pause", "it plays")
+    browser.click("#play")
+    browser.ask(at + ".focus()")
+    browser.press("End")
+    browser.wait("/final/.test(document.querySelector('#image-about').textContent)")
+    check(min(took) < 50, "a place is shown within 50 ms: %s" % took)
+    print("seeks took %s ms" % ", ".join("%.1f" % t for t in took))
+
+
+def recorded(browser, anlos, bag, pictures):
+    view = View(anlos, "--port", "0", "--bag", bag)
+    try:
+        browser.size(1280, 800)
+        browser.open(view.url)
+        the_timeline_scrubs(browser)
+        the_keyboard_reaches_everything(
+            browser, ["play", "earlier", "at", "front-all", "depth", "range"])
+        take_picture(browser, pictures + "/view-bag.png")
+        browser.size(360, 740, phone=True)
+        browser.wait("document.documentElement.scrollWidth <= 360")
+    finally:
+        view.end()
+
+
+def main():
+    program = chromium.find()
+    if not program:
+        return 77
+    anlos, source = sys.argv[1:3]
+    work = tempfile.mkdtemp(prefix="anlos-view-")
+    pictures = sys.argv[3] if len(sys.argv) > 3 else work
+    browser = chromium.Browser(program)
+    try:
+        bag = live(browser, anlos, source, work, pictures)
+        recorded(browser, anlos, bag, pictures)
+        # A page that is cut off while the server restarts says so itself.
+        said = [s for s in browser.said if "ERR_CONNECTION" not in s and "WebSocket" not in s]
+        check(not said, "the page has errors: %s" % said)
+    except chromium.Failed as wrong:
+        print("FAILED: %s" % wrong)
+        print("the page: %s" % browser.ask("document.body.innerText")[:3000])
+        print("errors of the page: %s" % browser.said)
+        picture = os.path.join(tempfile.gettempdir(), "anlos-view-failed.png")
+        browser.picture(picture)
+        print("how it looks: " + picture)
+        return 1
+    finally:
+        browser.close()
+        shutil.rmtree(work, ignore_errors=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
