@@ -12,29 +12,23 @@
 
 #include "hal/clock.h"
 #include "msgs/bus.h"
-#include "nodes/launcher/child.h"
+#include "nodes/launcher/crew.h"
 #include "nodes/launcher/fellowship.h"
-#include "nodes/launcher/program.h"
 #include "nodes/launcher/progress.h"
 #include "nodes/launcher/screen.h"
 #include "nodes/launcher/voice.h"
-#include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/node.h"
 
 #define KILL_AFTER_NS 3000000000LL
-#define KILL_ASIDE_NS                                                                    \
-    30000000000LL              /* a recorder may have much to bring to a slow disk       \
-                                */
-#define READY_NS  1000000000LL /* for a recorder to be all ears before the rest starts */
-#define MAX_NODES 16
+#define KILL_ASIDE_NS 30000000000LL /* a recorder may bring much to a slow disk */
+#define READY_NS      1000000000LL /* for a recorder to be all ears before the rest starts */
 
 struct launcher {
     const struct launcher_config *cfg;
     const struct clock_source *clock;
-    struct child children[MAX_NODES];
-    struct program programs[MAX_NODES];
-    unsigned n;
+    struct crew crew;
     int signal_fd;
+    sigset_t signals_before;
     struct bus *bus;
     struct progress progress;
     struct fellowship fellowship; /* with the other hosts */
@@ -79,42 +73,20 @@ static void stop(struct launcher *l, int exit_code)
     fellowship_end(&l->fellowship, exit_code,
                    l->reported ? l->cfg->launch->report.folder : NULL,
                    clock_now_ns(l->clock));
-    for (unsigned i = 0; i < l->n; i++)
-        if (!l->children[i].aside)
-            child_signal(&l->children[i], SIGTERM);
-}
-
-static bool any_running(const struct launcher *l, bool aside)
-{
-    for (unsigned i = 0; i < l->n; i++)
-        if (l->children[i].pid > 0 && (aside || !l->children[i].aside))
-            return true;
-    return false;
+    crew_signal(&l->crew, false, SIGTERM);
 }
 
 /* What is aside has seen everything when the others have ended. */
 static void stop_aside(struct launcher *l, int64_t now_ns)
 {
-    if (!l->stopping || l->stopping_aside || any_running(l, false))
+    if (!l->stopping || l->stopping_aside || crew_runs(&l->crew, false))
         return;
     l->stopping_aside = true;
     if (l->kill_ns) {
         l->killed = false;
         l->kill_ns = now_ns + KILL_ASIDE_NS;
     }
-    for (unsigned i = 0; i < l->n; i++)
-        if (l->children[i].aside)
-            child_signal(&l->children[i], SIGTERM);
-}
-
-/* Running, or about to be again? */
-static bool any_alive(const struct launcher *l)
-{
-    for (unsigned i = 0; i < l->n; i++)
-        if (!l->children[i].aside && (l->children[i].phase == CHILD_RUNNING ||
-                                      l->children[i].phase == CHILD_PAUSING))
-            return true;
-    return false;
+    crew_signal(&l->crew, true, SIGTERM);
 }
 
 static void start_child(struct launcher *l, struct child *c)
@@ -144,36 +116,21 @@ static void describe_crash(struct launcher *l, const struct child *c, int status
     say(l, c->name, c->phase == CHILD_FAILED ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING, text);
 }
 
-static bool is_aside(const struct launcher *l, const char *name)
-{
-    for (unsigned i = 0; i < l->n; i++)
-        if (l->children[i].aside && (!name || !strcmp(l->children[i].name, name)))
-            return true;
-    return false;
-}
-
-/* Those that were not started yet: at start_ns. */
-static void start_rest(struct launcher *l, int64_t start_ns)
-{
-    for (unsigned i = 0; i < l->n; i++)
-        if (!l->children[i].started_ns && !l->children[i].aside)
-            l->children[i].restart_ns = start_ns;
-}
-
 /* What is aside comes first, so that it misses nothing of the others. */
 static void start_all(struct launcher *l)
 {
-    for (unsigned i = 0; i < l->n && !l->stopping; i++)
-        if (l->children[i].aside)
-            start_child(l, &l->children[i]);
-    start_rest(l, is_aside(l, NULL) ? clock_now_ns(l->clock) + READY_NS : 0);
+    for (unsigned i = 0; i < l->crew.n && !l->stopping; i++)
+        if (l->crew.children[i].aside)
+            start_child(l, &l->crew.children[i]);
+    crew_start_rest(
+        &l->crew, crew_has_aside(&l->crew, NULL) ? clock_now_ns(l->clock) + READY_NS : 0);
 }
 
 /* A recorder that refuses what it is to do, before there is anything to be lost? */
 static bool refuses(const struct launcher *l, int status)
 {
     return WIFEXITED(status) && WEXITSTATUS(status) == EXIT_BAD_INPUT &&
-           !any_running(l, false);
+           !crew_runs(&l->crew, false);
 }
 
 /* One that is aside is started again only when it crashed: what made it give up, such as
@@ -186,7 +143,7 @@ static void exited_aside(struct launcher *l, struct child *c, int status)
         stop(l, EXIT_BAD_INPUT);
         return;
     }
-    start_rest(l, 0);
+    crew_start_rest(&l->crew, 0);
     if (c->phase == CHILD_ENDED)
         return;
     if (c->phase == CHILD_PAUSING && !WIFEXITED(status)) {
@@ -236,9 +193,9 @@ static void exited(struct launcher *l, struct child *c, int status)
 
 static void reap(struct launcher *l)
 {
-    for (unsigned i = 0; i < l->n; i++) {
+    for (unsigned i = 0; i < l->crew.n; i++) {
         int status;
-        struct child *c = &l->children[i];
+        struct child *c = &l->crew.children[i];
         if (c->pid > 0 && waitpid(c->pid, &status, WNOHANG) == c->pid)
             exited(l, c, status);
     }
@@ -254,7 +211,7 @@ static void read_signals(struct launcher *l)
         else if (info.ssi_signo != SIGCHLD)
             stop(l, 128 + (int)info.ssi_signo);
     reap(l);
-    if (!any_alive(l))
+    if (!crew_goes_on(&l->crew))
         stop(l, EXIT_WORKED);
 }
 
@@ -267,8 +224,9 @@ static void show_progress(struct launcher *l, const ProtobufCMessage *status)
 static void hear_health(struct launcher *l, const Anlos__Health *health)
 {
     progress_health(&l->progress, health);
-    if (health->state == ANLOS__HEALTH__STATE__READY && is_aside(l, health->node))
-        start_rest(l, 0);
+    if (health->state == ANLOS__HEALTH__STATE__READY &&
+        crew_has_aside(&l->crew, health->node))
+        crew_start_rest(&l->crew, 0);
 }
 
 static void read_bus(struct launcher *l)
@@ -312,17 +270,8 @@ static void judge_fellows(struct launcher *l, int64_t now_ns)
  */
 static bool has_ended(const struct launcher *l)
 {
-    return l->stopping && !any_running(l, true) &&
+    return l->stopping && !crew_runs(&l->crew, true) &&
            (!l->kill_ns || fellowship_may_leave(&l->fellowship, clock_now_ns(l->clock)));
-}
-
-static unsigned count_phase(const struct launcher *l, enum child_phase phase)
-{
-    unsigned n = 0;
-
-    for (unsigned i = 0; i < l->n; i++)
-        n += l->children[i].phase == phase;
-    return n;
 }
 
 /* What time brings: restarts, and an end for those that do not end by themselves.
@@ -334,15 +283,15 @@ static int act_on_time(struct launcher *l)
 
     judge_fellows(l, now);
     int64_t tell_ns = fellowship_tell(&l->fellowship, now);
-    voice_health(&l->voice, now, count_phase(l, CHILD_RUNNING),
-                 count_phase(l, CHILD_ENDED), l->n);
+    voice_health(&l->voice, now, crew_count(&l->crew, CHILD_RUNNING),
+                 crew_count(&l->crew, CHILD_ENDED), l->crew.n);
     stop_aside(l, now);
     if (tell_ns < next)
         next = tell_ns;
     if (l->voice.bus && l->voice.due_ns < next)
         next = l->voice.due_ns;
-    for (unsigned i = 0; i < l->n && !l->stopping; i++) {
-        struct child *c = &l->children[i];
+    for (unsigned i = 0; i < l->crew.n && !l->stopping; i++) {
+        struct child *c = &l->crew.children[i];
         if (c->phase != CHILD_PAUSING)
             continue;
         if (c->restart_ns <= now)
@@ -352,12 +301,13 @@ static int act_on_time(struct launcher *l)
     }
     if (l->stopping && !l->killed && now >= l->kill_ns) {
         l->killed = true;
-        for (unsigned i = 0; i < l->n; i++) {
-            if (l->children[i].aside && !l->stopping_aside && l->kill_ns)
+        for (unsigned i = 0; i < l->crew.n; i++) {
+            if (l->crew.children[i].aside && !l->stopping_aside && l->kill_ns)
                 continue;
-            if (l->children[i].pid > 0)
-                say(l, l->children[i].name, LOG_LEVEL_WARNING, "does not stop; killed");
-            child_signal(&l->children[i], SIGKILL);
+            if (l->crew.children[i].pid > 0)
+                say(l, l->crew.children[i].name, LOG_LEVEL_WARNING,
+                    "does not stop; killed");
+            child_signal(&l->crew.children[i], SIGKILL);
         }
     } else if (l->stopping && !l->killed && l->kill_ns < next) {
         next = l->kill_ns;
@@ -367,21 +317,22 @@ static int act_on_time(struct launcher *l)
 
 static void wait_and_read(struct launcher *l, int timeout_ms)
 {
-    struct pollfd fds[2 + 2 * MAX_NODES];
+    struct pollfd fds[2 + 2 * CREW_MAX];
     nfds_t n = 0;
 
     fds[n++] = (struct pollfd){.fd = l->signal_fd, .events = POLLIN};
     fds[n++] = (struct pollfd){.fd = l->bus ? bus_fd(l->bus) : -1, .events = POLLIN};
-    for (unsigned i = 0; i < l->n; i++)
+    for (unsigned i = 0; i < l->crew.n; i++)
         for (int k = 0; k < 2; k++)
             fds[n++] =
-                (struct pollfd){.fd = l->children[i].pipes[k].fd, .events = POLLIN};
+                (struct pollfd){.fd = l->crew.children[i].pipes[k].fd, .events = POLLIN};
     if (poll(fds, n, timeout_ms) < 0)
         return;
-    for (unsigned i = 0; i < l->n; i++)
+    for (unsigned i = 0; i < l->crew.n; i++)
         for (int k = 0; k < 2; k++)
             if (fds[2 + 2 * i + (unsigned)k].revents)
-                child_read(&l->children[i], &l->children[i].pipes[k], print_line, l);
+                child_read(&l->crew.children[i], &l->crew.children[i].pipes[k],
+                           print_line, l);
     if (l->bus && fds[1].revents)
         read_bus(l);
     if (fds[0].revents)
@@ -409,10 +360,25 @@ static int open_signals(struct launcher *l)
     sigaddset(&set, SIGCHLD);
     signal(SIGPIPE, SIG_IGN);
     snprintf(parent, sizeof parent, "%ld", (long)getpid());
-    if (sigprocmask(SIG_BLOCK, &set, NULL) || setenv("ANLOS_LAUNCHER_PID", parent, 1))
+    if (sigprocmask(SIG_BLOCK, &set, &l->signals_before) ||
+        setenv("ANLOS_LAUNCHER_PID", parent, 1))
         return -errno;
     l->signal_fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
     return l->signal_fd < 0 ? -errno : 0;
+}
+
+/* What follows can be stopped as any program; signals that were for the nodes are not for
+ * it. */
+static void close_signals(struct launcher *l)
+{
+    struct signalfd_siginfo info;
+
+    if (l->signal_fd < 0)
+        return;
+    while (read(l->signal_fd, &info, sizeof info) == (ssize_t)sizeof info)
+        ;
+    close(l->signal_fd);
+    sigprocmask(SIG_SETMASK, &l->signals_before, NULL);
 }
 
 /* Which ports a firewall has to let through. */
@@ -455,24 +421,6 @@ static void open_bus(struct launcher *l)
         say_endpoint(l, &hosts->list[hosts->here]);
 }
 
-static int set_up(struct launcher *l)
-{
-    int err = open_signals(l);
-
-    for (unsigned i = 0; !err && i < l->cfg->launch->n_nodes && i < MAX_NODES; i++) {
-        const char *name = l->cfg->launch->nodes[i];
-        if (!launchfile_runs_here(l->cfg->launch, name))
-            continue;
-        err = program_fill(&l->programs[l->n], l->cfg, name);
-        if (err)
-            break;
-        child_init(&l->children[l->n], name, l->programs[l->n].argv);
-        l->children[l->n].aside = !strcmp(name, "record");
-        l->n++;
-    }
-    return err;
-}
-
 int launcher_run(const struct launcher_config *cfg, bool *reported)
 {
     struct launcher *l = calloc(1, sizeof *l);
@@ -485,7 +433,9 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     l->signal_fd = -1;
     screen_init(&l->screen, cfg->arguments->log_format);
     progress_init(&l->progress, l->screen.out_terminal);
-    int err = set_up(l);
+    int err = open_signals(l);
+    if (!err)
+        err = crew_fill(&l->crew, cfg);
     if (err) {
         say(l, "launcher", LOG_LEVEL_ERROR, strerror(-err));
         l->exit_code = EXIT_FAILED;
@@ -498,10 +448,10 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     screen_end_progress(&l->screen);
     voice_close(&l->voice);
     bus_destroy(l->bus);
-    for (unsigned i = 0; i < l->n; i++)
-        child_close(&l->children[i], print_line, l);
-    if (l->signal_fd >= 0)
-        close(l->signal_fd);
+    for (unsigned i = 0; i < l->crew.n; i++)
+        child_close(&l->crew.children[i], print_line, l);
+    screen_close(&l->screen, clock_now_ns(l->clock));
+    close_signals(l);
     int exit_code = l->exit_code;
     if (exit_code == EXIT_WORKED && l->recording_failed)
         exit_code = EXIT_FAILED; /* the results are there, the bag is cut short */

@@ -1,12 +1,14 @@
 #include "nodes/launcher/screen.h"
 
+#include <poll.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <time.h>
 #include <unistd.h>
 
-#define CLEAR_LINE "\r\033[K"
+#define CLEAR_LINE  "\r\033[K"
+#define PATIENCE_MS 200 /* with a reader; none any more until it reads again */
 
 void screen_init(struct screen *s, enum log_format format)
 {
@@ -52,15 +54,27 @@ static int columns(void)
                                                                       : size.ws_col - 1;
 }
 
+/* A pipe that says so has room for 4096 bytes, more than nearly any line. */
+static bool has_room(struct screen *s, int fd)
+{
+    bool *stuck = &s->stuck[fd == STDERR_FILENO];
+    struct pollfd p = {.fd = fd, .events = POLLOUT};
+
+    *stuck = poll(&p, 1, *stuck ? 0 : PATIENCE_MS) == 0;
+    return !*stuck;
+}
+
 static void draw_progress(struct screen *s)
 {
+    if (!has_room(s, STDOUT_FILENO))
+        return;
     printf(CLEAR_LINE "%.*s", columns(), s->progress);
     fflush(stdout);
 }
 
-static void clear_progress(const struct screen *s)
+static void clear_progress(struct screen *s)
 {
-    if (!s->progress_shown)
+    if (!s->progress_shown || !has_room(s, STDOUT_FILENO))
         return;
     printf(CLEAR_LINE);
     fflush(stdout);
@@ -80,15 +94,46 @@ static void write_coloured(const struct log_line *l)
             log_level_name(l->level), text);
 }
 
+static void write_line(const struct screen *s, const struct log_line *line)
+{
+    char text[LOG_LINE_SIZE];
+
+    if (s->err_terminal && s->format == LOG_FORMAT_TEXT)
+        write_coloured(line);
+    else
+        fwrite(text, 1, log_line_write(line, s->format, text), stderr);
+}
+
+static void tell_left_out(struct screen *s, int64_t now_ns)
+{
+    struct log_line note = {
+        .stamp_ns = now_ns, .level = LOG_LEVEL_WARNING, .node = "launcher"};
+
+    if (!s->left_out)
+        return;
+    snprintf(note.text, sizeof note.text,
+             "%u lines before this were left out: nobody took them", s->left_out);
+    write_line(s, &note);
+    s->left_out = 0;
+}
+
+/* Makes way for a line of now_ns.  false: it is to be left out. */
+static bool begin_line(struct screen *s, int64_t now_ns)
+{
+    if (!has_room(s, STDERR_FILENO)) {
+        s->left_out++;
+        return false;
+    }
+    clear_progress(s);
+    tell_left_out(s, now_ns);
+    return true;
+}
+
 void screen_log(struct screen *s, const struct log_line *line)
 {
-    clear_progress(s);
-    if (s->err_terminal && s->format == LOG_FORMAT_TEXT) {
-        write_coloured(line);
-    } else {
-        char text[LOG_LINE_SIZE];
-        fwrite(text, 1, log_line_write(line, s->format, text), stderr);
-    }
+    if (!begin_line(s, line->stamp_ns))
+        return;
+    write_line(s, line);
     if (s->progress_shown)
         draw_progress(s);
 }
@@ -98,7 +143,8 @@ void screen_output(struct screen *s, const char *node, const char *text, int64_t
     struct log_line line;
 
     if (s->format == LOG_FORMAT_JSON && text[0] == '{') {
-        clear_progress(s);
+        if (!begin_line(s, now_ns))
+            return;
         fprintf(stderr, "%s\n", text);
         if (s->progress_shown)
             draw_progress(s);
@@ -124,7 +170,7 @@ void screen_progress(struct screen *s, const char *text)
     if (s->out_terminal) {
         s->progress_shown = true;
         draw_progress(s);
-    } else {
+    } else if (has_room(s, STDOUT_FILENO)) {
         printf("%s\n", text);
         fflush(stdout);
     }
@@ -132,8 +178,16 @@ void screen_progress(struct screen *s, const char *text)
 
 void screen_end_progress(struct screen *s)
 {
-    if (s->progress_shown) /* whole, now that it stays */
+    if (s->progress_shown && has_room(s, STDOUT_FILENO)) /* whole, now that it stays */
         printf(CLEAR_LINE "%s\n", s->progress);
     fflush(stdout);
     s->progress_shown = false;
+}
+
+void screen_close(struct screen *s, int64_t now_ns)
+{
+    screen_end_progress(s);
+    s->stuck[1] = false; /* a last chance */
+    if (s->left_out && has_room(s, STDERR_FILENO))
+        tell_left_out(s, now_ns);
 }

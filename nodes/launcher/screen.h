@@ -1,6 +1,8 @@
 /* nodes/launcher/screen.h -- what the launcher shows: log lines of the nodes on stderr,
  * with stamp, node and level, coloured on a terminal, where the time is the local one;
- * one line of progress on stdout, which on a terminal stays below them. */
+ * one line of progress on stdout, which on a terminal stays below them.  A reader that
+ * does not read, or a terminal that was stopped, holds nothing up: lines are left out,
+ * and how many is said when there is room again. */
 #ifndef ANLOS_NODES_LAUNCHER_SCREEN_H
 #define ANLOS_NODES_LAUNCHER_SCREEN_H
 
@@ -12,6 +14,8 @@ struct screen {
     enum log_format format;
     bool out_terminal, err_terminal;
     bool progress_shown; /* on the terminal's last line */
+    bool stuck[2];       /* stdout, stderr: nobody takes what is written */
+    unsigned left_out;   /* lines of the log, for that */
     char progress[200];
 };
 
@@ -26,5 +30,8 @@ void screen_progress(struct screen *s, const char *text);
 
 /* Leaves the progress line where it is; what follows goes below it. */
 void screen_end_progress(struct screen *s);
+
+/* The end: says what is left to be said of lines that were left out. */
+void screen_close(struct screen *s, int64_t now_ns);
 
 #endif

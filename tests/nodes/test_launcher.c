@@ -323,6 +323,43 @@ static void a_node_that_ends_by_itself_is_not_passed_over_in_silence(void **stat
     assert_int_equal(count(r->text, "has ended"), 1);
 }
 
+/* Reads all that is said, however much: was the word among it? */
+static bool is_said(struct rig *r, const char *word)
+{
+    size_t keep = strlen(word), used = 0;
+    bool said = false;
+
+    for (ssize_t n; (n = read(r->out, r->text + used, sizeof r->text - used - 1)) > 0;) {
+        used += (size_t)n;
+        r->text[used] = '\0';
+        said |= strstr(r->text, word) != NULL;
+        if (used > keep) /* it may go on in what comes next */
+            memmove(r->text, r->text + used - keep, keep);
+        used = used > keep ? keep : used;
+    }
+    r->text[0] = '\0';
+    return said;
+}
+
+/* 200 kB, more than pipes take up: without anybody who reads, it comes to its "go". */
+static void a_reader_that_does_not_read_holds_nothing_up(void **state)
+{
+    struct rig *r = *state;
+    struct pollfd go = {.events = POLLIN};
+
+    write_launch(r, "can");
+    write_node(r, "can", TRAP "yes info a line | head -c 200000; echo go > $D/go\n" STAY);
+    go.fd = open(scratch_path(r->scratch, "go"), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    assert_true(go.fd >= 0);
+    start(r);
+    int ready = poll(&go, 1, DEADLINE_MS);
+    assert_int_equal(kill(r->pid, ready == 1 ? SIGTERM : SIGKILL), 0);
+    assert_int_equal(ready, 1);
+    close(go.fd);
+    assert_true(is_said(r, "lines before this were left out: nobody took them\n"));
+    assert_int_equal(finish(r), 143);
+}
+
 static void a_node_that_will_not_stop_is_killed(void **state)
 {
     struct rig *r = *state;
@@ -518,6 +555,7 @@ int main(void)
         TEST(a_terminal_that_closes_stops_all),
         TEST(under_nohup_it_outlives_its_terminal),
         TEST(a_node_that_ends_by_itself_is_not_passed_over_in_silence),
+        TEST(a_reader_that_does_not_read_holds_nothing_up),
         TEST(a_node_that_will_not_stop_is_killed),
         TEST(nodes_that_all_end_end_the_launch),
         TEST(nodes_get_their_arguments),

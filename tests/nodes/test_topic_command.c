@@ -63,6 +63,23 @@ static void nothing_running_is_said_clearly(void **state)
     }
 }
 
+static void a_folder_that_is_not_there_is_not_made(void **state)
+{
+    (void)state;
+    struct command_result r;
+    char away[96];
+    char *hz[] = {"topic", "hz", "--run-dir", away, NULL};
+    char *top[] = {"top", "--once", "--run-dir", away, NULL};
+    snprintf(away, sizeof away, "%s/away", run_dir);
+    command_run(&r, command_topic, hz);
+    assert_int_equal(r.code, 1);
+    assert_non_null(strstr(r.err, "nothing is running"));
+    command_run(&r, command_top, top);
+    assert_int_equal(r.code, 1);
+    assert_non_null(strstr(r.err, "nothing is running"));
+    assert_int_equal(access(away, F_OK), -1);
+}
+
 static void wrong_arguments_are_refused(void **state)
 {
     (void)state;
@@ -257,6 +274,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(list_shows_every_topic_of_the_table),
         cmocka_unit_test(nothing_running_is_said_clearly),
+        cmocka_unit_test(a_folder_that_is_not_there_is_not_made),
         cmocka_unit_test(wrong_arguments_are_refused),
         cmocka_unit_test(echo_prints_a_message_as_one_line_of_json),
         cmocka_unit_test(hz_tells_rate_intervals_and_gaps),

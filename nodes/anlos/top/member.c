@@ -117,10 +117,11 @@ static enum table_node_state judge(const struct member *m, int64_t now_ns)
     }
 }
 
-/* Health and log tell of the node, not of its work. */
+/* These tell of the node or of its host, not of its work. */
 static bool is_work(const struct table_link *l)
 {
-    return l->topic != topic_health() && l->topic != topic_log();
+    return l->topic != topic_health() && l->topic != topic_log() &&
+           l->topic != topic_host();
 }
 
 /* What the node puts out at the highest expected rate; of one that puts nothing out, what

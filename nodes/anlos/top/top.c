@@ -197,6 +197,16 @@ static int run_screen(struct top *o)
     return code;
 }
 
+/* Says that nothing runs.  false: and is not to be waited for. */
+static bool may_wait(const struct top *o)
+{
+    fprintf(stderr, "anlos top: nothing is running in %s%s\n", o->run_dir,
+            o->wait ? " yet; waiting"
+                    : "; start it with 'anlos launch FILE', or name its folder with "
+                      "--run-dir");
+    return o->wait;
+}
+
 static int run(struct top *o)
 {
     struct complaint why = {.text = ""};
@@ -204,6 +214,9 @@ static int run(struct top *o)
 
     if (plain && !o->tables)
         o->tables = 1;
+    if (plain && !o->wait && !rundir_name(o->run_dir, o->asked_dir, &why) &&
+        access(o->run_dir, F_OK) && errno == ENOENT && !may_wait(o))
+        return EXIT_FAILED; /* and no folder is made */
     if (rundir_open(o->run_dir, o->asked_dir, &why)) {
         fprintf(stderr, "anlos top: %s\n", why.text);
         return EXIT_BAD_INPUT;
@@ -215,14 +228,8 @@ static int run(struct top *o)
     }
     if (!plain)
         return run_screen(o);
-    if (!feed_is_anybody(o->feed)) {
-        fprintf(stderr, "anlos top: nothing is running in %s%s\n", o->run_dir,
-                o->wait ? " yet; waiting"
-                        : "; start it with 'anlos launch FILE', or name its folder with "
-                          "--run-dir");
-        if (!o->wait)
-            return EXIT_FAILED;
-    }
+    if (!feed_is_anybody(o->feed) && !may_wait(o))
+        return EXIT_FAILED;
     return run_plain(o);
 }
 

@@ -176,7 +176,7 @@ static int watch(const struct watched *v, const struct topic *const *topics, siz
     struct complaint why = {0};
     struct bus *bus;
 
-    if (rundir_open(run_dir, o->run_dir, &why)) {
+    if (rundir_name(run_dir, o->run_dir, &why) || rundir_check(run_dir, &why)) {
         fprintf(stderr, "anlos topic: %s\n", why.text);
         return EXIT_BAD_INPUT;
     }
@@ -188,6 +188,10 @@ static int watch(const struct watched *v, const struct topic *const *topics, siz
                           "its folder with --run-dir");
         if (!o->wait)
             return EXIT_FAILED;
+    }
+    if (rundir_open(run_dir, o->run_dir, &why)) {
+        fprintf(stderr, "anlos topic: %s\n", why.text);
+        return EXIT_BAD_INPUT;
     }
     int err = topic_watch_open(&bus, run_dir, topics, n, &why);
     if (err) {
