@@ -1,5 +1,6 @@
 #include "msgs/inlet.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <nanomsg/nn.h>
 #include <poll.h>
@@ -13,6 +14,7 @@
 #include <unistd.h>
 
 #include "msgs/ear.h"
+#include "msgs/endpoint.h"
 #include "msgs/newcomers.h"
 
 #define MAX_TOPICS 32
@@ -192,6 +194,24 @@ static void meet(void *context, const char *name)
     pthread_mutex_unlock(&in->lock);
 }
 
+/* Somebody has removed the run folder; what starts from now on meets in a new one.
+ * Returns the descriptor that tells of it, or -1. */
+static int await_in_new_folder(struct inlet *in)
+{
+    pthread_mutex_lock(&in->lock);
+    newcomers_close(&in->newcomers);
+    if (!endpoint_make_folder(in->run_dir, NULL))
+        newcomers_open(&in->newcomers, in->run_dir);
+    int fd = in->newcomers.fd;
+    pthread_mutex_unlock(&in->lock);
+    DIR *d = fd < 0 ? NULL : opendir(in->run_dir);
+    for (const struct dirent *e; d && (e = readdir(d));)
+        meet(in, e->d_name); /* who was there sooner */
+    if (d)
+        closedir(d);
+    return fd;
+}
+
 static void *listen_for_ever(void *arg)
 {
     struct inlet *in = arg;
@@ -205,8 +225,8 @@ static void *listen_for_ever(void *arg)
             abort(); /* only a bug gets here: a bad pointer or count */
         if (n <= 0)
             continue;
-        if (fds[1].revents)
-            newcomers_read(&in->newcomers, meet, in);
+        if (fds[1].revents && !newcomers_read(&in->newcomers, meet, in))
+            fds[1].fd = await_in_new_folder(in);
         listen_to_all(in, n_ears, fds + 2);
         if (fds[0].revents) {
             if (!heed_wake(in, &n_ears, fds + 1))

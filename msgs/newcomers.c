@@ -4,17 +4,20 @@
 #include <fcntl.h>
 #include <stdalign.h>
 #include <stdio.h>
+#include <string.h>
 #include <sys/file.h>
 #include <sys/inotify.h>
 #include <unistd.h>
 
 #include "msgs/endpoint.h"
 
+#define LOCK_NAME "newcomers.lock"
+
 static int open_lock(const char *run_dir, int flags)
 {
     char path[ENDPOINT_PATH_SIZE];
 
-    if (snprintf(path, sizeof path, "%s/newcomers.lock", run_dir) >= (int)sizeof path)
+    if (snprintf(path, sizeof path, "%s/" LOCK_NAME, run_dir) >= (int)sizeof path)
         return -ENAMETOOLONG;
     int fd = open(path, O_RDONLY | O_CLOEXEC | flags, 0600);
     return fd < 0 ? -errno : fd;
@@ -26,7 +29,7 @@ int newcomers_open(struct newcomers *n, const char *run_dir)
 
     n->lock = -1;
     n->fd = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
-    if (n->fd < 0 || inotify_add_watch(n->fd, run_dir, IN_CREATE) < 0)
+    if (n->fd < 0 || inotify_add_watch(n->fd, run_dir, IN_CREATE | IN_DELETE) < 0)
         err = -errno;
     if (!err && (n->lock = open_lock(run_dir, O_CREAT)) < 0)
         err = n->lock;
@@ -37,20 +40,34 @@ int newcomers_open(struct newcomers *n, const char *run_dir)
     return err;
 }
 
-void newcomers_read(const struct newcomers *n,
-                    void (*call)(void *context, const char *name), void *context)
+/* The kernel does not tell that a folder is removed while somebody holds a file of it. */
+static void let_go(struct newcomers *n, const char *deleted)
+{
+    if (n->lock < 0 || strcmp(deleted, LOCK_NAME) != 0)
+        return;
+    close(n->lock);
+    n->lock = -1;
+}
+
+bool newcomers_read(struct newcomers *n, void (*call)(void *context, const char *name),
+                    void *context)
 {
     alignas(struct inotify_event) char events[4096];
+    bool there = true;
     ssize_t size;
 
     while ((size = read(n->fd, events, sizeof events)) > 0) {
         for (const char *at = events; at < events + size;) {
             const struct inotify_event *e = (const void *)at;
-            if (e->len)
+            if (e->mask & IN_DELETE)
+                let_go(n, e->name);
+            else if (e->len)
                 call(context, e->name);
+            there = there && !(e->mask & IN_IGNORED);
             at += sizeof *e + e->len;
         }
     }
+    return there;
 }
 
 void newcomers_close(struct newcomers *n)

@@ -16,9 +16,10 @@ struct newcomers {
  */
 int newcomers_open(struct newcomers *n, const char *run_dir);
 
-/* Calls with the name of each file that has appeared since; never waits. */
-void newcomers_read(const struct newcomers *n,
-                    void (*call)(void *context, const char *name), void *context);
+/* Calls with the name of each file that has appeared since; never waits.  false: the
+ * folder is gone, and nothing more will be told of it. */
+bool newcomers_read(struct newcomers *n, void (*call)(void *context, const char *name),
+                    void *context);
 void newcomers_close(struct newcomers *n);
 
 /* Does somebody wait for them in that folder? */

@@ -115,7 +115,9 @@ static int check_remap(const struct tape *t, const char *remap, struct complaint
         snprintf(from, sizeof from, "%.*s", (int)(to - remap), remap);
         snprintf(topic, sizeof topic, "%.*s", (int)(end - to - 2), to + 2);
         if (!topics_find(topic))
-            return complain(why, -EINVAL, "remap: \"%s\" is no topic; 'anlos topic list'",
+            return complain(why, -EINVAL,
+                            "remap: \"%s\" is no topic; 'anlos topic list' has their "
+                            "names",
                             topic);
         for (size_t i = 0; i < t->catalog->n_channels && !found; i++)
             found =

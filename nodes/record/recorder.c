@@ -4,6 +4,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/stat.h>
 
 #include "msgs/bag/topic_message.h"
@@ -19,6 +20,8 @@ struct recorder {
     struct parts parts;
     struct balance balance;
     struct survey_cargo survey;
+    struct bus_message last_survey; /* payload NULL: none has come */
+    bool repeated;                  /* the part begins with it once more */
     char path[PATH_MAX];
     struct bag_writer *writer;
     struct bag_topics *topics;
@@ -51,6 +54,7 @@ static int open_part(struct recorder *r, int64_t now_ns, struct complaint *why)
         err = session_write(r->cfg.session, r->parts.n, now_ns, r->writer, why);
     if (!err)
         err = survey_cargo_write(&r->survey, now_ns, r->writer, why);
+    r->repeated = false;
     r->part_cargo = r->writer ? bag_writer_size(r->writer) : 0;
     r->part_ns = now_ns;
     r->over = false;
@@ -78,7 +82,8 @@ static int close_part(struct recorder *r, int64_t now_ns, struct complaint *why)
     r->writer = NULL;
     int flushed = r->failed || err ? 0 : bag_writer_flush(w, why);
     err = err ? err : flushed;
-    r->n_written += bag_writer_messages(w);
+    uint64_t n = bag_writer_messages(w);
+    r->n_written += n && r->repeated ? n - 1 : n;
     int closed = bag_writer_close(w, r->failed || err ? NULL : why);
     if (!r->failed && !err)
         err = closed;
@@ -130,7 +135,8 @@ static uint64_t part_limit(const struct recorder *r)
                                                   : 2 * r->part_cargo;
 }
 
-/* A part ends where the next one can begin with a survey: it is of use by itself then. */
+/* A part ends where the next one can begin with a survey: it is of use by itself then.
+ * One that has to end earlier is followed by one with the last survey once more. */
 static bool ends_before(const struct recorder *r, const struct bus_message *m,
                         int64_t now_ns)
 {
@@ -150,6 +156,32 @@ static void look_at_size(struct recorder *r, int64_t now_ns)
     if (over && !r->over)
         r->over_ns = now_ns;
     r->over |= over;
+}
+
+/* For parts that begin without one; there is no memory: without. */
+static void keep_survey(struct recorder *r, const struct bus_message *m)
+{
+    uint8_t *copy = malloc(m->envelope.payload_size + 1);
+
+    free((void *)r->last_survey.payload);
+    if (copy)
+        memcpy(copy, m->payload, m->envelope.payload_size);
+    r->last_survey =
+        (struct bus_message){.topic = m->topic, .envelope = m->envelope, .payload = copy};
+}
+
+/* Pings before the first survey of a file are of no use to anyone. */
+static int repeat_survey(struct recorder *r, struct complaint *why)
+{
+    const struct bus_message *m = &r->last_survey;
+    uint64_t before = bag_writer_size(r->writer);
+
+    if (!m->payload)
+        return 0;
+    int err = bag_topics_put(r->topics, &m->envelope, m->payload, NULL, why);
+    r->repeated = !err;
+    r->part_cargo += bag_writer_size(r->writer) - before;
+    return err;
 }
 
 /* A survey that cannot be kept as a file is a message all the same. */
@@ -178,10 +210,16 @@ static int take_survey(struct recorder *r, const struct bus_message *m, int64_t 
 int recorder_put(struct recorder *r, const struct bus_message *m, int64_t now_ns,
                  struct complaint *why)
 {
-    int err = ends_before(r, m, now_ns) ? next_part(r, now_ns, why) : 0;
+    bool is_survey = m->topic == topic_survey();
+    bool is_over = ends_before(r, m, now_ns);
+    int err = is_over ? next_part(r, now_ns, why) : 0;
 
-    if (!err && m->topic == topic_survey())
+    if (!err && is_survey)
         err = take_survey(r, m, now_ns, why);
+    if (!err && is_survey)
+        keep_survey(r, m);
+    else if (!err && is_over)
+        err = repeat_survey(r, why);
     if (!err)
         err = bag_topics_put(r->topics, &m->envelope, m->payload, NULL, why);
     balance_take(&r->balance, m->topic, m->envelope.payload_size);
@@ -299,6 +337,7 @@ void recorder_destroy(struct recorder *r)
     if (!r->ended)
         recorder_end(r, r->part_ns, NULL);
     survey_cargo_clear(&r->survey);
+    free((void *)r->last_survey.payload);
     balance_clear(&r->balance);
     parts_clear(&r->parts);
     free(r);

@@ -1,6 +1,7 @@
 /* nodes/record/recorder.h -- messages into the files of a recording: chunks that are
  * written through at intervals, parts, a quota, and what was lost.  It reads no clock;
- * times are the recorder's.
+ * times are the recorder's.  A part that does not begin with a survey has the one before
+ * once more: a message that is in two files, and counts once.
  *
  * A flush syncs the file (fdatasync): a process that dies leaves what it wrote to the
  * kernel, but a vehicle's power goes off without a word.  Meanwhile messages wait in the

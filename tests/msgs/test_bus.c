@@ -159,6 +159,23 @@ static void all_who_keep_all_hear_the_first_message(void **state)
         bus_destroy(all[i]);
 }
 
+/* By a person who cleans up, or at the end of a session. */
+static void who_keeps_all_follows_into_a_run_folder_made_anew(void **state)
+{
+    const struct bus_config cfg = {.run_dir = run_folder, .listen_only = true};
+    struct bus *tool;
+    assert_int_equal(bus_create(&tool, &cfg, NULL), 0);
+    bus_keep_all(tool, 1 << 20, 1);
+    assert_int_equal(bus_subscribe(tool, topic_ping()), 0);
+    for (int64_t epoch = 2; epoch < 4; epoch++) {
+        assert_int_equal(remove_run_folder(state), 0);
+        struct bus *array = open_bus("array", epoch);
+        join(array, topic_ping(), tool);
+        bus_destroy(array);
+    }
+    bus_destroy(tool);
+}
+
 static void who_keeps_all_misses_no_state(void **state)
 {
     (void)state;
@@ -570,6 +587,7 @@ int main(void)
         in_a_folder(who_keeps_all_counts_from_the_start_of_a_younger_publisher),
         in_a_folder(who_keeps_all_hears_the_first_message),
         in_a_folder(all_who_keep_all_hear_the_first_message),
+        in_a_folder(who_keeps_all_follows_into_a_run_folder_made_anew),
         in_a_folder(who_keeps_all_misses_no_state),
         in_a_folder(a_protobuf_message_comes_through),
         in_a_folder(the_health_of_every_node_arrives),

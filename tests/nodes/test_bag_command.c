@@ -411,6 +411,10 @@ static void the_last_final_volume_becomes_nrrd_and_pictures(void **state)
                          in_folder("pictures")),
                      0);
     assert_true(is_there("pictures/projection_xz.png"));
+    assert_int_equal(bag("export", in_folder("v.mcap"), "--format", "png", "-o",
+                         in_folder("pictures")),
+                     2);
+    assert_contains(result.err, "projection_xy.png exists already");
     assert_int_equal(bag("export", in_folder("v.mcap"), "--format", "nrrd", "-o",
                          in_folder("w.nrrd"), "--scan", "2"),
                      2);

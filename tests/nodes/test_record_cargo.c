@@ -106,6 +106,51 @@ static void the_survey_goes_into_each_part_and_a_part_begins_with_one(void **sta
     free(payload);
 }
 
+static bool begins_with_a_survey(const char *path, uint64_t *n)
+{
+    struct bag_catalog *c = open_catalog(path);
+    struct complaint why = {""};
+    struct bag_cursor *cursor;
+    struct bag_message m;
+    struct bag_source of;
+
+    assert_int_equal(bag_cursor_create(&cursor, c), 0);
+    assert_int_equal(bag_cursor_next(cursor, &m, &why), 0);
+    assert_int_equal(bag_source_of(&of, bag_catalog_channel(c, m.channel_id)), 0);
+    *n = c->n_messages;
+    bag_cursor_destroy(cursor);
+    bag_catalog_close(c);
+    return of.topic == topic_survey();
+}
+
+static void a_part_that_cannot_wait_for_a_survey_has_the_last_one_again(void **state)
+{
+    struct rig *g = *state;
+    struct recorder_config cfg = config(g);
+    struct recorder_totals t;
+    uint8_t *payload;
+    struct bus_message survey = survey_message(g, &payload, 0);
+    uint64_t n, sum = 0;
+
+    cfg.split_bytes = 20000;
+    struct recorder *r = start(&cfg);
+    assert_int_equal(recorder_put(r, &survey, 0, NULL), 0);
+    for (size_t i = 0; i < 300; i++)
+        put_at(r, i, 0);
+    end_at(r, 0);
+    recorder_sum(r, &t);
+    recorder_destroy(r);
+    free(payload);
+    assert_in_range(t.n_files, 3, 15);
+    for (unsigned k = 1; k <= t.n_files; k++) {
+        assert_true(begins_with_a_survey(part_path(g, k), &n));
+        sum += n;
+    }
+    assert_int_equal(sum, 300 + t.n_files);
+    assert_int_equal(t.messages, 301);
+    assert_int_equal(t.unwritten, 0);
+}
+
 static void the_launch_file_is_kept_with_what_its_uri_names(void **state)
 {
     struct rig *g = *state;
@@ -186,6 +231,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         RIG_TEST(the_survey_goes_into_each_part_and_a_part_begins_with_one),
+        RIG_TEST(a_part_that_cannot_wait_for_a_survey_has_the_last_one_again),
         RIG_TEST(the_launch_file_is_kept_with_what_its_uri_names),
         RIG_TEST(the_session_says_when_and_with_what_it_was_made),
         cmocka_unit_test(topics_are_chosen_by_patterns_and_exclusions),

@@ -8,6 +8,7 @@
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/ioctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -190,6 +191,34 @@ static void it_ends_by_itself_after_the_duration(void **state)
     bag_catalog_close(c);
 }
 
+/* One that wraps would stay on the screen each time. */
+static void on_a_narrow_terminal_the_progress_keeps_to_its_line(void **state)
+{
+    struct rig *g = *state;
+    const char *const words[] = {"-o", g->bag, "--duration-s", "0.1", NULL};
+    const struct winsize narrow = {.ws_row = 24, .ws_col = 30};
+    char prefix[128], shown[4096];
+    int screen = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
+
+    assert_true(screen >= 0);
+    assert_int_equal(grantpt(screen) | unlockpt(screen), 0);
+    assert_int_equal(ioctl(screen, TIOCSWINSZ, &narrow), 0);
+    int held = open(ptsname(screen), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    assert_true(held >= 0); /* what was shown stays until it is read */
+    snprintf(prefix, sizeof prefix, "exec >%s;", ptsname(screen));
+    assert_int_equal(run(g, prefix, words), 0);
+    ssize_t n = read(screen, shown, sizeof shown - 1);
+    assert_true(n > 0);
+    shown[n] = '\0';
+    const char *line = strstr(shown, "\033[K");
+    assert_non_null(line);
+    line += 3;
+    assert_int_equal(strncmp(line, "0 s  ", 5), 0);
+    assert_in_range(strcspn(line, "\r\n"), 20, 29);
+    close(held);
+    close(screen);
+}
+
 static void only_the_topics_named_are_recorded(void **state)
 {
     struct rig *g = *state;
@@ -367,6 +396,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         RIG_TEST(ctrl_c_ends_a_recording_that_has_everything_up_to_it),
         RIG_TEST(it_ends_by_itself_after_the_duration),
+        RIG_TEST(on_a_narrow_terminal_the_progress_keeps_to_its_line),
         RIG_TEST(only_the_topics_named_are_recorded),
         RIG_TEST(a_full_disk_ends_it_with_one_error_and_a_whole_file),
         RIG_TEST(messages_that_get_lost_are_told),

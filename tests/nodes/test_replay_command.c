@@ -278,6 +278,39 @@ static void a_lost_ping_is_told_and_the_rest_is_imaged(void **state)
     json_decref(report);
 }
 
+static void a_ping_whose_background_is_lost_is_told_with_the_reason(void **state)
+{
+    const char *launch = scratch_write(*state, "l.yaml",
+                                       "nodes: [dsp, recon]\nscan: {background: true}\n");
+    struct writing w;
+
+    begin_bag(&w);
+    put(&w, topic_survey(), "array", 0, &scene.survey->base);
+    put_pass(&w, ANLOS__PASS__BACKGROUND, 5);
+    put_pass(&w, ANLOS__PASS__SCENE, 0);
+    end_bag(&w);
+    assert_int_equal(recon("--bag", bag, "--out", out, "--launch", launch), 0);
+    assert_non_null(strstr(result.err, "a ping has no background to be subtracted"));
+    assert_non_null(strstr(result.err, "1 of 24 pings are lost"));
+}
+
+static void pings_before_the_first_survey_of_a_bag_are_of_use(void **state)
+{
+    (void)state;
+    struct writing w;
+
+    begin_bag(&w);
+    put_pass(&w, ANLOS__PASS__BACKGROUND, 0);
+    put_pass(&w, ANLOS__PASS__SCENE, 0);
+    put(&w, topic_survey(), "array", 0, &scene.survey->base);
+    end_bag(&w);
+    assert_int_equal(recon("--bag", bag, "--out", out), 0);
+    assert_point_found();
+    json_t *report = load("report.json");
+    assert_int_equal(number(report, "pings", "used"), 24);
+    json_decref(report);
+}
+
 static void without_a_launch_file_pings_without_background_do(void **state)
 {
     (void)state;
@@ -382,6 +415,8 @@ int main(void)
         TEST(the_report_says_what_it_was_made_of),
         TEST(a_list_is_as_old_as_the_message_was_when_it_was_sent),
         TEST(a_lost_ping_is_told_and_the_rest_is_imaged),
+        TEST(a_ping_whose_background_is_lost_is_told_with_the_reason),
+        TEST(pings_before_the_first_survey_of_a_bag_are_of_use),
         TEST(without_a_launch_file_pings_without_background_do),
         TEST(a_scan_that_was_begun_again_is_of_its_own_pings_alone),
         TEST(options_and_another_launch_file_win_over_those_of_the_bag),

@@ -1,8 +1,10 @@
 /* The image of a scan: its last volume that is no preview, or the last preview of a scan
  * that was not finished. */
 #include <errno.h>
+#include <limits.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "nodes/anlos/bag/export.h"
 #include "nodes/anlos/bag/verb.h"
@@ -127,14 +129,32 @@ int export_nrrd_file(struct stream *s, const struct export_options *o,
     return err;
 }
 
+/* Pictures that are there are not written over: they may be those of a scan. */
+static int check_vacant(const char *out, struct complaint *why)
+{
+    static const char *const names[] = {"projection_xy.png", "projection_xz.png",
+                                        "projection_yz.png"};
+
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        char path[PATH_MAX];
+        if (snprintf(path, sizeof path, "%s/%s", out, names[i]) < (int)sizeof path &&
+            !access(path, F_OK))
+            return complain(why, -EEXIST,
+                            "%s exists already; remove it or name another folder", path);
+    }
+    return 0;
+}
+
 static int write_png(const struct image *i, const struct export_options *o,
                      struct complaint *why)
 {
     struct export_stage stage;
     struct grid grid;
     const float *intensity = intensity_of(i, &grid, o, why);
-    int err = intensity ? export_stage_begin(&stage, o->out, why) : -EBADMSG;
+    int err = intensity ? check_vacant(o->out, why) : -EBADMSG;
 
+    if (!err)
+        err = export_stage_begin(&stage, o->out, why);
     if (err)
         return err;
     err = export_projections(stage.path, &grid, intensity, i->detections, why);

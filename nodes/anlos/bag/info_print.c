@@ -57,7 +57,7 @@ static void print_head(const struct bag_catalog *bag, const struct contents *c)
     }
     printf("messages    %" PRIu64, bag->n_messages);
     if (bag->n_chunks) {
-        printf(" in %zu chunks, ", bag->n_chunks);
+        printf(" in %zu chunk%s, ", bag->n_chunks, bag->n_chunks == 1 ? "" : "s");
         if (c->compression.size) {
             print_text(c->compression);
             printf(" %.2f : 1", contents_ratio(c));

@@ -3,6 +3,9 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
+
+#include "nodes/anlos/live.h"
 
 #define CLEAR_LINE "\r\033[K"
 #define LIST_SIZE  200
@@ -38,10 +41,14 @@ void record_show_progress(struct record_show *s, const struct recorder *r,
     recorder_sum(r, &t);
     list_losses(recorder_balance(r), losses);
     if (s->terminal) {
-        printf(CLEAR_LINE "%.0f s  %" PRIu64
-                          " messages  %.1f MB  waiting %.1f MB  lost %s",
-               elapsed_s, t.messages, 1e-6 * (double)t.file_bytes,
-               1e-6 * (double)queue_bytes, t.lost ? losses : "0");
+        char line[LIST_SIZE + 120];
+        size_t rows, columns; /* a line that wraps would not be taken back */
+        live_size(STDOUT_FILENO, &rows, &columns);
+        snprintf(line, sizeof line,
+                 "%.0f s  %" PRIu64 " messages  %.1f MB  waiting %.1f MB  lost %s",
+                 elapsed_s, t.messages, 1e-6 * (double)t.file_bytes,
+                 1e-6 * (double)queue_bytes, t.lost ? losses : "0");
+        printf(CLEAR_LINE "%.*s", (int)columns - 1, line);
         fflush(stdout);
         s->line_shown = true;
     } else if (t.lost > s->lost) {

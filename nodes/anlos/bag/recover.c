@@ -46,8 +46,8 @@ static void print_result(const struct bag_recovery *r, const char *from, const c
         return;
     }
     if (r->n_damages)
-        printf("%s: %" PRIu64 " damaged places, %" PRIu64 " bytes\n", from, r->n_damages,
-               r->lost_bytes);
+        printf("%s: %" PRIu64 " damaged place%s, %" PRIu64 " bytes\n", from, r->n_damages,
+               r->n_damages == 1 ? "" : "s", r->lost_bytes);
     if (!r->ended)
         printf("%s: its end is missing, as after a crash of what wrote it: what had not "
                "come to the disk is lost\n",

@@ -111,6 +111,16 @@ static void follow_scan(struct chain *c, uint32_t scan)
         c->newest_scan = scan;
 }
 
+/* For people, where the steps say nothing by themselves. */
+static void note_unusable(struct chain *c, const Anlos__Ping *ping,
+                          const struct dsp_output *out)
+{
+    if (out->note[0])
+        return;
+    note(c, !ping->valid ? "a ping was marked as spoilt when it was taken"
+                         : "a ping has no background to be subtracted from it");
+}
+
 int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
                int64_t publish_ns, struct complaint *why)
 {
@@ -129,8 +139,10 @@ int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
     dsp_ping(c->dsp, ping, &out);
     stopwatch_lap(&c->stages[RECON_COMPRESS], &now, false);
     note(c, out.note);
-    if (out.has_receipt)
-        c->n_unusable += !out.receipt.usable;
+    if (out.has_receipt && !out.receipt.usable) {
+        c->n_unusable++;
+        note_unusable(c, ping, &out);
+    }
     return out.has_traces ? take_traces(c, &out.traces, capture_ns, publish_ns, why) : 0;
 }
 

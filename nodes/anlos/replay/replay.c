@@ -55,37 +55,47 @@ static int take(struct replay *r, const struct stream_message *m,
 
     if (m->topic == topic_survey())
         return take_survey(r, (Anlos__Survey *)content, why);
-    if (!r->begun) {
-        r->n_early += m->topic == topic_ping();
+    if (!r->begun)
         return 0;
-    }
     if (m->topic == topic_ping())
         return chain_ping(&r->chain, (Anlos__Ping *)content, e->capture_ns, e->publish_ns,
                           why);
     return chain_status(&r->chain, (Anlos__ScanStatus *)content, e->epoch_ns, why);
 }
 
-static int read_bag(struct replay *r, struct stream *s, struct complaint *why)
+static int take_next(struct replay *r, struct stream *s, struct complaint *why)
 {
     struct stream_message m;
-    int err = 0;
+    struct stopwatch now = stopwatch_now(false);
+    int err = stream_next(s, &m, why);
+    ProtobufCMessage *content = err ? NULL : stream_unpack(&m);
 
-    for (;;) {
-        struct stopwatch now = stopwatch_now(false);
-        err = stream_next(s, &m, why);
-        ProtobufCMessage *content = err ? NULL : stream_unpack(&m);
-        stopwatch_lap(&r->stages[RECON_READ], &now, false);
-        if (err)
-            break;
-        if (!content)
-            return complain(why, -EBADMSG, "%s: a message of \"%.*s\" is none",
-                            r->options->bag, (int)m.channel->topic.size,
-                            (const char *)m.channel->topic.data);
-        err = take(r, &m, content, why);
-        protobuf_c_message_free_unpacked(content, NULL);
-        if (err)
-            return err;
-    }
+    stopwatch_lap(&r->stages[RECON_READ], &now, false);
+    if (err)
+        return err;
+    if (!content)
+        return complain(why, -EBADMSG, "%s: a message of \"%.*s\" is none",
+                        r->options->bag, (int)m.channel->topic.size,
+                        (const char *)m.channel->topic.data);
+    err = take(r, &m, content, why);
+    protobuf_c_message_free_unpacked(content, NULL);
+    return err;
+}
+
+/* The first survey comes before all else, as play has it: a bag that was cut begins with
+ * pings. */
+static int read_bag(struct replay *r, struct stream *s, struct complaint *why)
+{
+    stream_select(s, topic_survey()->name);
+    int err = take_next(r, s, why);
+
+    if (err && err != -ENODATA)
+        return err;
+    stream_select(s, topics);
+    stream_rewind(s);
+    do
+        err = take_next(r, s, why);
+    while (!err);
     if (err != -ENODATA)
         return err;
     return r->begun ? chain_end(&r->chain, why) : 0;
@@ -151,10 +161,8 @@ static int run(struct replay *r, const struct stopwatch *began, struct complaint
     int err = settings_load(&r->settings, r->options, why);
     if (!err)
         err = stream_open(&s, r->options->bag, why);
-    if (!err) {
-        stream_select(s, topics);
+    if (!err)
         err = export_stage_begin(&stage, r->options->out, why);
-    }
     if (!err) {
         err = run_in_stage(r, s, &stage, began, why);
         if (err)

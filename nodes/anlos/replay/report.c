@@ -38,10 +38,6 @@ static json_t *warnings_json(const struct replay *r)
     if (used < expected)
         warn(warnings,
              json_sprintf("%zu of %zu pings are lost", expected - used, expected));
-    if (r->n_early)
-        warn(warnings, json_sprintf("%zu pings came before the survey and were left "
-                                    "out",
-                                    r->n_early));
     if (c->clipped)
         warn(warnings,
              json_sprintf("%llu samples are clipped", (unsigned long long)c->clipped));

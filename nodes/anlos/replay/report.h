@@ -18,7 +18,6 @@ struct replay {
     struct survey survey; /* the newest */
     uint64_t survey_id;
     struct processing processing; /* of it */
-    size_t n_early;               /* pings before the first survey */
     bool bad_input;               /* what went wrong is the input's fault */
     struct stopwatch stages[RECON_STAGES], total;
 };
