@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "nodes/foxglove/channels.h"
 #include "nodes/foxglove/origin.h"
@@ -131,13 +132,34 @@ static void refuse(const struct mg_connection *connection, const char *status,
               status, strlen(text) + 1, text);
 }
 
+/* What civetweb says it has accepted may be of the connection before. */
+static bool speaks_foxglove(const struct mg_connection *connection)
+{
+    static const char *const known[] = FOXGLOVE_SUBPROTOCOLS;
+    const struct mg_request_info *info = mg_get_request_info(connection);
+
+    for (int h = 0; h < info->num_headers; h++) {
+        const char *at = info->http_headers[h].value;
+        if (strcasecmp(info->http_headers[h].name, "Sec-WebSocket-Protocol") != 0)
+            continue;
+        while (at += strspn(at, ", \t"), *at) {
+            size_t n = strcspn(at, ", \t");
+            for (size_t k = 0; k < sizeof known / sizeof *known; k++)
+                if (n == strlen(known[k]) && !strncmp(at, known[k], n))
+                    return true;
+            at += n;
+        }
+    }
+    return false;
+}
+
 int client_connect(const struct mg_connection *connection, void *data)
 {
     struct foxglove_server *s = data;
     const char *origin = mg_get_header(connection, "Origin");
     const char *host = mg_get_header(connection, "Host");
     bool foreign = !origin_is_allowed(origin, host);
-    bool mute = !mg_get_request_info(connection)->acceptedWebSocketSubprotocol;
+    bool mute = !speaks_foxglove(connection);
 
     pthread_mutex_lock(&s->lock);
     bool full = s->stopping || s->counts.clients >= s->cfg.max_clients;

@@ -14,7 +14,7 @@
 #define PARTING_MS     300
 #define NS_PER_MS      1000000LL
 
-static const char *subprotocols[] = {"foxglove.sdk.v1", "foxglove.websocket.v1"};
+static const char *subprotocols[] = FOXGLOVE_SUBPROTOCOLS;
 
 void foxglove_config_default(struct foxglove_config *cfg, int64_t now_ns)
 {

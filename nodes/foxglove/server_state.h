@@ -14,6 +14,11 @@
 #include "nodes/foxglove/server.h"
 #include "nodes/foxglove/setting.h"
 
+#define FOXGLOVE_SUBPROTOCOLS                                                            \
+    {                                                                                    \
+        "foxglove.sdk.v1", "foxglove.websocket.v1"                                       \
+    }
+
 struct subscription { /* of a client to a channel */
     bool active;
     bool told; /* that it is too slow */
