@@ -126,16 +126,10 @@ static void add(const struct planning *p, struct planner_candidate c)
 
 static void list_fast(const struct planning *p, struct planner_candidate c)
 {
-    bool stands = !(p->cfg->probe->coherence.element_m > SHARPEST_M);
     for (size_t d = 0; d < 2 * sizeof deeper / sizeof *deeper; d++) {
         c.deeper = deeper[d / 2];
         c.dip = d % 2;
-        if (c.dip && p->cfg->probe->uneven)
-            continue;
-        c.sharpen = 0.0;
-        add(p, c);
-        c.sharpen = PLANNER_SHARPEN;
-        if (stands)
+        if (!c.dip || !p->cfg->probe->uneven)
             add(p, c);
     }
 }
@@ -258,9 +252,10 @@ static bool is_better(const struct planning *p, const struct planner_candidate *
 static void take(const struct planning *p, const struct planner_candidate *best)
 {
     struct plan *out = p->plan;
+    bool stands = !(p->cfg->probe->coherence.element_m > SHARPEST_M);
     out->method = best->method;
     out->dip = best->dip;
-    out->sharpen = best->sharpen;
+    out->sharpen = stands && !strcmp(best->method, "fast") ? PLANNER_SHARPEN : 0.0;
     out->stride = best->stride;
     out->time_s = best->time_s;
     out->error_m = best->error_m;

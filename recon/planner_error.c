@@ -3,19 +3,16 @@
 #include <math.h>
 #include <string.h>
 
-#define FALLS_APART   0.8  /* rad of phase, rms over the pairs */
-#define STRONG_DB     10.0 /* below the strongest: what the error is stated for */
-#define POWER_WIDER   2.4  /* times: a point in an image of power */
-#define POWER         0.03
-#define BETWEEN       0.33 /* voxels */
-#define BETWEEN_SHARP 0.5
-#define ASIDE_SHARP   0.65 /* times: what leans, sharpened */
-#define EDGE          0.04 /* sharpened */
-#define EDGE_BLUNT    1.2  /* times, if not */
-#define SHARPENED     0.75
-#define UNKNOWN       0.015 /* of a width: of no point more exact than this is made much */
-#define MEAN_STEPS    64
-#define MIRROR        3.0 /* times a point's width: a shape */
+#define FALLS_APART 0.8  /* rad of phase, rms over the pairs */
+#define STRONG_DB   10.0 /* below the strongest: what the error is stated for */
+#define POWER_WIDER 2.4  /* times: a point in an image of power */
+#define POWER       0.03
+#define BETWEEN     0.17 /* voxels */
+#define EDGE        0.04
+#define SHARPENED   0.75
+#define UNKNOWN     0.03 /* of a width: of no point more exact than this is made much */
+#define MEAN_STEPS  64
+#define MIRROR      3.0 /* times a point's width: a shape */
 
 static double square(double x)
 {
@@ -119,8 +116,7 @@ static double along(const struct planner_config *cfg, const struct planner_candi
         width_m *= POWER_WIDER;
         sum += square(POWER * width_m);
     }
-    double between = c->sharpen > 0.0 ? BETWEEN_SHARP : BETWEEN;
-    return sum + square(between * step_m * pow(step_m / width_m, 3.0));
+    return sum + square(BETWEEN * step_m * square(step_m / width_m));
 }
 
 /* What comes to it where echoes come from aside. */
@@ -129,19 +125,18 @@ static double aside(const struct planner_config *cfg, const struct planner_candi
 {
     double plane_m = c->coarser * c->deeper * cfg->grid->step_m[2];
     double sum = square(o->lean[a] * plane_m) / 12.0;
-    if (is_stacked(c) && !c->dip)
-        sum += square(o->moveout_m[a]) +
-               (o->moveout_rad > FALLS_APART ? square(0.25 * o->width_m[a]) : 0.0);
-    return c->sharpen > 0.0 ? square(ASIDE_SHARP) * sum : sum;
+    if (c->dip || !is_stacked(c))
+        return sum;
+    if (o->moveout_rad > FALLS_APART)
+        sum += square(0.25 * o->width_m[a]);
+    return sum + square(o->moveout_m[a]);
 }
 
 /* Of the edges of a shape. */
 static double edge_m(const struct planner_config *cfg, const struct planner_candidate *c,
                      const struct probe_object *o)
 {
-    double sharper = !strcmp(c->method, "iterative") ? SHARPENED
-                     : c->sharpen > 0.0              ? 1.0
-                                                     : EDGE_BLUNT;
+    double sharper = strcmp(c->method, "iterative") ? 1.0 : SHARPENED;
     return EDGE * sharper * longer(cfg, c) * planner_width_m(o) *
            narrowing(cfg->set->geometry, c->stride);
 }

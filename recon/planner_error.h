@@ -5,28 +5,26 @@
  *   elements  sigma R sqrt(12 / N) / D            (N elements over an aperture D)
  *   moveout   `fast` without dip moveout: recon/moveout_error.h; an image that falls
  *             apart: width / 4
- *   steps     0.33 step^4 / width^3, sharpened 0.5   (peak between voxels; measured)
+ *   steps     0.17 step^3 / width^2               (peak between voxels; measured)
  *   planes    lean x step in depth / sqrt(12)     (peak between planes: recon/lean.h)
  *   power     `incoherent`: 0.03 of its width     (measured)
  * and, where something has a shape,
  *   edges     0.04 width, times what the pairs' aperture is smaller for, and the mean
  *             frequency lower; `iterative` makes three quarters of it   (measured)
- * Sharpened, moveout and planes count two thirds, and edges a sixth less (measured).
  * Mirrors answer straight ahead: moveout and planes do not count for them.  Where nothing
  * is known of the scene it may hold points or such shapes, and neither error is to be
- * many times what it need be: their geometric mean, a point's with 0.015 width, so that
+ * many times what it need be: their geometric mean, a point's with 0.03 width, so that
  * what is small enough weighs no more. */
 #ifndef ANLOS_RECON_PLANNER_ERROR_H
 #define ANLOS_RECON_PLANNER_ERROR_H
 
 #include "recon/planner.h"
 
-/* Exponent of `fast` (recon/fk.h) where it is used.  Measured: a third to half off the
- * error of points aside, a sixth off that of letters; 2 dB more sidelobes, and a point
- * straight ahead is read half as wrong again between voxels. */
+/* Exponent of `fast` (recon/fk.h).  Measured: half the error of points, a sixth off that
+ * of letters, 2 dB more sidelobes. */
 #define PLANNER_SHARPEN 2.5
 
-#define PLANNER_GOAL 0.004 /* of a point's width: an error that is small enough */
+#define PLANNER_GOAL 0.008 /* of a point's width: an error that is small enough */
 
 /* Across the line of sight, the larger one that is resolved; 0: none. */
 double planner_width_m(const struct probe_object *o);
