@@ -12,14 +12,16 @@
 #include "msgs/stage.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
+#include "msgs/vehicle.pb-c.h"
 #include "msgs/volume.pb-c.h"
+#include "msgs/wall.pb-c.h"
 
 #define KB ((size_t)1 << 10)
 #define MB ((size_t)1 << 20)
 
 static const char *const nodes[] = {"stage", "array", "scan",   "dsp",      "recon",
                                     "track", "can",   "report", "launcher", "record",
-                                    "play",  "view",  NULL};
+                                    "play",  "view",  "wall",   NULL};
 
 enum {
     SURVEY,
@@ -37,6 +39,9 @@ enum {
     LOG,
     CLOCK,
     HOST,
+    WALL,
+    EGO,
+    AMBIENT,
     N_TOPICS
 };
 
@@ -73,6 +78,12 @@ static const struct topic topics[N_TOPICS + 1] = {
                        5, TOPIC_LATEST, 1, 8 * KB, {"play"}},
     [HOST]          = {"host", &anlos__host_status__descriptor,
                        2, TOPIC_ALL, 16, 4 * KB, {"launcher"}},
+    [WALL]          = {"wall", &anlos__wall_list__descriptor,
+                       10, TOPIC_LATEST, 1, 16 * KB, {"wall"}},
+    [EGO]           = {"ego", &anlos__ego_motion__descriptor,
+                       50, TOPIC_ALL, 256, 4 * KB, {"can"}},
+    [AMBIENT]       = {"ambient", &anlos__ambient__descriptor,
+                       1, TOPIC_LATEST, 1, 4 * KB, {"can"}},
     /* clang-format on */
 };
 
@@ -187,4 +198,19 @@ const struct topic *topic_clock(void)
 const struct topic *topic_host(void)
 {
     return &topics[HOST];
+}
+
+const struct topic *topic_wall(void)
+{
+    return &topics[WALL];
+}
+
+const struct topic *topic_ego(void)
+{
+    return &topics[EGO];
+}
+
+const struct topic *topic_ambient(void)
+{
+    return &topics[AMBIENT];
 }

@@ -51,5 +51,8 @@ const struct topic *topic_health(void);
 const struct topic *topic_log(void);
 const struct topic *topic_clock(void);
 const struct topic *topic_host(void); /* of launchers of a system on several machines */
+const struct topic *topic_wall(void);
+const struct topic *topic_ego(void);
+const struct topic *topic_ambient(void);
 
 #endif

@@ -100,6 +100,9 @@ static void the_functions_name_the_topics_they_say(void **state)
         {topic_log(), "log", "anlos.Log", "launcher"},
         {topic_clock(), "clock", "anlos.Clock", "play"},
         {topic_host(), "host", "anlos.HostStatus", "launcher"},
+        {topic_wall(), "wall", "anlos.WallList", "wall"},
+        {topic_ego(), "ego", "anlos.EgoMotion", "can"},
+        {topic_ambient(), "ambient", "anlos.Ambient", "can"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         assert_string_equal(cases[i].topic->name, cases[i].name);
