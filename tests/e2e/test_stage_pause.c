@@ -10,7 +10,7 @@
 #include "tests/hal/zaber_device.h"
 
 #define SCENE       SOURCE_DIR "/launch/scenes/point.yaml"
-#define DEADLINE_MS 30000
+#define DEADLINE_MS 60000
 #define STEP_M      1.984375e-6 /* 25.4 mm a turn of 200 x 64 microsteps */
 
 static void write_launch(struct scratch *s, const struct zaber_device *d)

@@ -9,7 +9,7 @@
 
 #include "hal/stage/worker.h"
 
-#define DEADLINE_MS 10000
+#define DEADLINE_MS 60000
 
 struct fake {
     struct stage_worker *worker;

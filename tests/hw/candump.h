@@ -19,7 +19,7 @@
 
 #include <cmocka.h>
 
-#define DEADLINE_MS 20000
+#define DEADLINE_MS 60000
 
 struct candump {
     pid_t pid;

@@ -11,11 +11,12 @@
 /* Before the stage's thread in priority: when the machine has stalled and both are late,
  * a pulse is seen before it ends. */
 #define PRIORITY 80
-#define LOOK_NS  500000
+#define LOOKS    4 /* in a pulse; each costs this kernel about 0.3 ms */
 
 struct gpio_rail_insides {
     int value[RAIL_LINES], pull[RAIL_LINES];
     bool inverted, pulled[RAIL_LINES];
+    long pulse_us;
     atomic_bool quit;
     pthread_t thread;
 };
@@ -58,7 +59,7 @@ static void count(struct gpio_rail *r)
 static void *watch(void *arg)
 {
     struct gpio_rail *r = arg;
-    const struct timespec pause = {.tv_nsec = LOOK_NS};
+    const struct timespec pause = {.tv_nsec = 1000 * r->insides->pulse_us / LOOKS};
     bool before = false;
     while (!r->insides->quit) {
         bool high = read_value(r, RAIL_STEP);
@@ -80,7 +81,7 @@ static int open_attribute(int line, const char *name, int flags)
 }
 
 struct gpio_rail *gpio_rail_start(long position, long home_at, long limit_at,
-                                  bool inverted)
+                                  long pulse_us, bool inverted)
 {
     struct gpio_rail *r = calloc(1, sizeof *r);
     struct gpio_rail_insides *in = calloc(1, sizeof *in);
@@ -90,6 +91,7 @@ struct gpio_rail *gpio_rail_start(long position, long home_at, long limit_at,
     *r = (struct gpio_rail){
         .position = position, .home_at = home_at, .limit_at = limit_at, .insides = in};
     in->inverted = inverted;
+    in->pulse_us = pulse_us;
     for (int i = 0; i < RAIL_LINES; i++) {
         in->value[i] = open_attribute(i, "value", O_RDONLY);
         in->pull[i] = open_attribute(i, "pull", O_RDWR);

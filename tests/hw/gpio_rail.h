@@ -29,10 +29,10 @@ struct gpio_rail {
     struct gpio_rail_insides *insides;
 };
 
-/* inverted: the switches' and the enable line are active low.  NULL where there is no
- * such chip. */
+/* pulse_us: how long a pulse lasts, and the pause after it, at least.  inverted: the
+ * switches' and the enable line are active low.  NULL where there is no such chip. */
 struct gpio_rail *gpio_rail_start(long position, long home_at, long limit_at,
-                                  bool inverted);
+                                  long pulse_us, bool inverted);
 void gpio_rail_press(struct gpio_rail *r, bool pressed); /* the emergency stop */
 bool gpio_rail_enabled(struct gpio_rail *r);
 void gpio_rail_stop(struct gpio_rail *r);

@@ -67,7 +67,7 @@ test_files_come_back_in_the_folder_of_results_and_nowhere_else() {
 }
 
 test_what_the_program_leaves_running_does_not_keep_the_guest() {
-    run "$guest" --timeout 20 -- bash -c 'sleep 1000 & echo started'
+    run "$guest" --timeout 120 -- bash -c 'sleep 1000 & echo started'
     expect_code 0
     expect_text "started"
 }
@@ -91,7 +91,7 @@ test_a_signal_ends_the_guest_and_leaves_nothing() {
     mkfifo "$work/said"
     "$guest" -- bash -c 'echo running; exec sleep 1000' >"$work/said" 2>/dev/null &
     process=$!
-    read -r -t 30 line <"$work/said" || true
+    read -r -t 120 line <"$work/said" || true
     [ "$line" = running ] || complain "is not running"
     state=$(ps -o args= --ppid $process | sed -n 's/.* uml_dir=\([^ ]*\).*/\1/p')
     run test -n "$state" -a -d "$state"

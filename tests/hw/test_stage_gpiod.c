@@ -20,9 +20,10 @@
 #define LINES "step=sim0&direction=sim1&enable=sim2&home=sim3&limit=sim4&estop=sim5"
 #define NUMBERS                                                                          \
     "&steps_per_m=1000&max=0.25&speed=0.1&acceleration=0.5&home_speed=0.1"               \
-    "&pulse_us=3000&settle=0.02"
+    "&pulse_us=4000&settle=0.02"
+#define PULSE_US   4000
 #define ZERO       105
-#define DEADLINE_S 20
+#define DEADLINE_S 60
 
 static int64_t now_ns(void)
 {
@@ -83,7 +84,7 @@ static void close_stage(void **state)
 static struct gpio_rail *start_rail(void **state, long position)
 {
     struct bench *b = *state;
-    b->rail = gpio_rail_start(position, 100, 400, false);
+    b->rail = gpio_rail_start(position, 100, 400, PULSE_US, false);
     assert_non_null(b->rail);
     return b->rail;
 }
@@ -254,7 +255,7 @@ static void lines_are_found_by_offset_and_the_chip_by_label(void **state)
 static void lines_may_be_active_low(void **state)
 {
     struct bench *b = *state;
-    b->rail = gpio_rail_start(110, 100, 400, true);
+    b->rail = gpio_rail_start(110, 100, 400, PULSE_US, true);
     assert_non_null(b->rail);
     struct stage *s = open_named(state, getenv("GUEST_GPIOCHIP"),
                                  LINES NUMBERS "&invert=enable,home,limit,estop");

@@ -24,14 +24,16 @@
 #include "tests/hw/gpio_rail.h"
 #include "tests/hw/room_answer.h"
 
-/* The rail steps by 1 mm; its home switch closes at 100, 0 of the stage is 5 above. */
+/* The rail steps by 5 mm, slowly, because each look at its line is dear; its home switch
+ * closes at 100, 0 of the stage is 1 above. */
 #define STAGE                                                                            \
     "step=sim0&direction=sim1&enable=sim2&home=sim3&limit=sim4&estop=sim5"               \
-    "&steps_per_m=1000&max=0.25&speed=0.1&acceleration=0.5&home_speed=0.1"               \
-    "&pulse_us=3000&settle=0.02"
-enum { RAIL_START = 120, RAIL_HOME_AT = 100, RAIL_LIMIT_AT = 400, RAIL_ZERO = 105 };
+    "&steps_per_m=200&max=0.25&speed=0.1&acceleration=0.5&home_speed=0.1"                \
+    "&pulse_us=20000&settle=0.02"
+enum { RAIL_STEPS_PER_M = 200, RAIL_PULSE_US = 20000 };
+enum { RAIL_START = 104, RAIL_HOME_AT = 100, RAIL_LIMIT_AT = 160, RAIL_ZERO = 101 };
 
-enum { CHANNELS = 8, AHEAD = 12000, TRIES = 3 };
+enum { CHANNELS = 8, AHEAD = 24000, BUFFER_MS = 600, TRIES = 5, DEADLINE_S = 200 };
 static const size_t inputs[] = {3, 2, 1, 0};
 
 /* The geometry of launch/scenes/point.yaml.  A slot holds what comes AHEAD frames late.
@@ -40,10 +42,10 @@ static const size_t inputs[] = {3, 2, 1, 0};
     "sound_speed_m_s: 343\n"                                                             \
     "sample_rate_hz: 48000\n"                                                            \
     "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.03125, phase: cosine}\n"      \
-    "slot_samples: 15600\n"                                                              \
+    "slot_samples: 26400\n"                                                              \
     "speakers_m: [[0, 0, 0], [0, 0.08, 0], [0, 0.16, 0], [0, 0.24, 0]]\n"                \
     "microphones_m: [[0.04, 0, 0], [0.04, 0.08, 0], [0.04, 0.16, 0], [0.04, 0.24, 0]]\n" \
-    "stage: {axis: [1, 0, 0], positions_m: [0, 0.04, 0.08, 0.12, 0.16, 0.2]}\n"          \
+    "stage: {axis: [1, 0, 0], positions_m: [0, 0.07, 0.14, 0.21]}\n"                     \
     "wall: {normal: [0, 0, 1], distance_m: 0.8}\n"                                       \
     "gate_m: [0.5, 1.8]\n"                                                               \
     "volume: {x_m: [0.02, 0.24, 0.02], y_m: [0, 0.22, 0.02], z_m: [0.9, 1.5, 0.01]}\n"   \
@@ -58,8 +60,8 @@ static void write_files(struct scratch *s)
                         "position_m: [0.13, 0.11, 0.4], scattering_length_m: 0.05}\n");
     snprintf(text, sizeof text,
              ARRAY "latency_samples: %d\n"
-                   "device: {format: S32, buffer_ms: 400, inputs: [3, 2, 1, 0]}\n",
-             AHEAD);
+                   "device: {format: S32, buffer_ms: %d, inputs: [3, 2, 1, 0]}\n",
+             AHEAD, BUFFER_MS);
     scratch_write(s, "rig.yaml", text);
     snprintf(text, sizeof text,
              "nodes: [stage, array, scan, dsp, recon, track, can, report]\n"
@@ -107,7 +109,7 @@ struct bench {
 static void set_up_room(struct bench *b, const Anlos__FireCommand *fire)
 {
     const struct survey *s = room_survey(b->room.room);
-    double at_m = 1e-3 * (double)(b->rail->position - RAIL_ZERO);
+    double at_m = (double)(b->rail->position - RAIL_ZERO) / RAIL_STEPS_PER_M;
     int position = -1;
     for (size_t k = 0; k < s->n_positions; k++)
         if (fabs(s->stage_positions_m[k] - at_m) < 1e-6)
@@ -139,18 +141,43 @@ static void take(struct bench *b, struct bus_message *m)
     protobuf_c_message_free_unpacked(content, NULL);
 }
 
-/* Follows the system until it ends; its exit status. */
+static void show(struct scratch *s, const char *name)
+{
+    char line[400];
+    FILE *f = fopen(scratch_path(s, name), "r");
+    while (f && fgets(line, sizeof line, f))
+        print_message("%s", line);
+    if (f)
+        fclose(f);
+}
+
+static int64_t now_s(void)
+{
+    return clock_now_ns(clock_system()) / 1000000000;
+}
+
+/* Follows the system until it ends; its exit status.  Where the far end lost frames of
+ * its own, this machine stood still for too long, and the system is not to blame for what
+ * follows: it is ended. */
 static int follow(struct scratch *s, struct bench *b, void (*trouble)(struct bench *b))
 {
     const struct bus_config cfg = {
         .node = "test", .run_dir = s->folder, .listen_only = true};
     struct bus_message m;
+    bool spoilt = false;
     int status;
     assert_int_equal(bus_create(&b->bus, &cfg, NULL), 0);
     assert_int_equal(bus_subscribe(b->bus, topic_fire()), 0);
     assert_int_equal(bus_subscribe(b->bus, topic_scan_status()), 0);
     assert_int_equal(bus_subscribe(b->bus, topic_health()), 0);
+    int64_t end_s = now_s() + DEADLINE_S;
     while (!waitpid(b->system, &status, WNOHANG)) {
+        if (now_s() > end_s) {
+            show(s, "says");
+            fail_msg("the system has not ended after %d s", DEADLINE_S);
+        }
+        if (b->n_troubles != 2 && far_end_broke(b->far) && !spoilt)
+            spoilt = !kill(b->system, SIGTERM);
         if (!bus_receive(b->bus, &m, 20)) {
             take(b, &m);
             bus_message_free(&m);
@@ -160,16 +187,6 @@ static int follow(struct scratch *s, struct bench *b, void (*trouble)(struct ben
     }
     bus_destroy(b->bus);
     return status;
-}
-
-static void show(struct scratch *s, const char *name)
-{
-    char line[400];
-    FILE *f = fopen(scratch_path(s, name), "r");
-    while (f && fgets(line, sizeof line, f))
-        print_message("%s", line);
-    if (f)
-        fclose(f);
 }
 
 /* Bits of an Intel signal of the DBC, with a sign. */
@@ -252,7 +269,7 @@ static void check_all(struct scratch *s, const struct bench *b)
     assert_int_equal(pings(report, "lost"), 0);
     json_decref(report);
     assert_true(b->room.n_emissions >= 2 * survey->n_positions * survey->n_speakers);
-    assert_true(b->rail->steps >= 2 * 200);
+    assert_true(b->rail->steps >= 2 * RAIL_STEPS_PER_M * 0.21);
     assert_int_equal(b->rail->unpowered, 0);
     assert_int_equal(room_objects(b->room.room, &object), 1);
     survey_to_vehicle(survey, object->position_m, truth);
@@ -286,7 +303,8 @@ static void bench_open(struct bench *b, struct scratch *s)
     room_answer_create(&b->room, scratch_path(s, "scene.yaml"), CHANNELS, inputs,
                        pow(10, -6 / 20.0));
     be_urgent(true);
-    b->rail = gpio_rail_start(RAIL_START, RAIL_HOME_AT, RAIL_LIMIT_AT, false);
+    b->rail =
+        gpio_rail_start(RAIL_START, RAIL_HOME_AT, RAIL_LIMIT_AT, RAIL_PULSE_US, false);
     be_urgent(false);
     assert_non_null(b->rail);
     b->far = room_answer_start(&b->room, AHEAD);
@@ -317,16 +335,19 @@ static bool bench_run(struct bench *b, struct scratch *s,
     return whole;
 }
 
-/* Every sound was a chirp, at its speaker. */
+/* Every sound was a chirp, at its speaker; one is cut where the array starts anew. */
 static void what_hides_in_the_room_is_found_on_the_bus(void **state)
 {
     struct bench b;
     for (int tries = 1; bench_open(&b, *state), !bench_run(&b, *state, NULL); tries++) {
-        assert_true(tries < TRIES); /* this machine stood still for too long */
+        assert_true(tries < TRIES);
         bench_close(&b);
     }
     check_all(*state, &b);
-    assert_int_equal(b.room.n_strange, 0);
+    json_t *report = read_report(*state);
+    if (!counted(report, "restarts"))
+        assert_int_equal(b.room.n_strange, 0);
+    json_decref(report);
     bench_close(&b);
 }
 
@@ -336,20 +357,22 @@ static void make_trouble(struct bench *b)
 {
     static pthread_t hand;
     bool amid = b->room.n_emissions == b->before + 2; /* of a shot of four */
-    if (b->n_troubles == 0 && b->done >= 8 && amid && b->array) {
+    if (b->n_troubles == 0 && b->done >= 6 && amid && b->array) {
         kill(b->array, SIGSTOP);
-        poll(NULL, 0, 800);
+        poll(NULL, 0, 2 * BUFFER_MS);
         kill(b->array, SIGCONT);
         b->n_troubles = 1;
-    } else if (b->n_troubles == 1 && b->done >= 28 && amid) {
+    } else if (b->n_troubles == 1 && b->done >= 20 && amid) {
         card_unplug(&hand);
         b->n_troubles = 2;
     } else if (b->n_troubles == 2 && b->away) {
         far_end_stop(b->far);
         pthread_join(hand, NULL);
-        card_plug();
         room_answer_forget(&b->room);
+        kill(b->array, SIGSTOP); /* the first to open the card chooses its channels */
+        card_plug();
         b->far = room_answer_start(&b->room, AHEAD);
+        kill(b->array, SIGCONT);
         b->n_troubles = 3;
     }
 }

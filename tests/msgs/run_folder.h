@@ -14,7 +14,7 @@
 
 #include "msgs/bus.h"
 
-#define DEADLINE_MS 20000
+#define DEADLINE_MS 60000
 
 static char run_folder[64];
 

@@ -70,7 +70,7 @@ class Browser:
         if self.session:
             message["sessionId"] = self.session
         os.write(self.to, json.dumps(message).encode() + b"\0")
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 120
         while True:
             answer = self._next(deadline)
             self._listen(answer)
@@ -97,7 +97,7 @@ class Browser:
             raise Failed("%s: %s" % (script, answer["exceptionDetails"]))
         return answer["result"].get("value")
 
-    def wait(self, script, seconds=20):
+    def wait(self, script, seconds=60):
         """Until the expression is true; its value."""
         deadline = time.monotonic() + seconds
         while True:
@@ -124,13 +124,20 @@ class Browser:
         self.wait("document.readyState === 'complete' && location.href !== 'about:blank'")
 
     def click(self, selector):
-        x, y = self.ask(
-            "(() => { const e = document.querySelector(%s); e.scrollIntoView("
-            "{block: 'center'}); const b = e.getBoundingClientRect();"
-            " return [b.x + b.width / 2, b.y + b.height / 2]; })()" % json.dumps(selector))
-        for kind in "mousePressed", "mouseReleased":
-            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left",
-                      clickCount=1)
+        """Again where the page has moved the element away meanwhile."""
+        for _ in range(10):
+            x, y = self.ask(
+                "(() => { const e = document.querySelector(%s); e.scrollIntoView("
+                "{block: 'center'}); const b = e.getBoundingClientRect(); e.onmousedown ="
+                " () => { e.onmousedown = null; }; window.aim = e;"
+                " return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+                % json.dumps(selector))
+            for kind in "mousePressed", "mouseReleased":
+                self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left",
+                          clickCount=1)
+            if self.ask("!aim.onmousedown"):
+                return
+        raise Failed("it cannot be clicked: " + selector)
 
     def press(self, key, code=None, **more):
         codes = {"Tab": 9, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39,

@@ -12,7 +12,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#define SOCKET_DEADLINE_S 10
+#define SOCKET_DEADLINE_S 60
 #define SOCKET_MAX_FRAME  ((size_t)1 << 22)
 
 enum { OP_CONTINUATION, OP_TEXT, OP_BINARY, OP_CLOSE = 8, OP_PING, OP_PONG };

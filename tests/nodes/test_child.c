@@ -14,7 +14,7 @@
 
 #include "nodes/launcher/child.h"
 
-#define DEADLINE_MS 20000
+#define DEADLINE_MS 60000
 #define S           1000000000LL
 
 struct lines {

@@ -22,7 +22,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 check() {
-    timeout 60 node "$library/check_foxglove.mjs" "$@"
+    timeout 300 node "$library/check_foxglove.mjs" "$@"
 }
 
 check serve "$rig" "$here/../../launch/foxglove-layout.json"

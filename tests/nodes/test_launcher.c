@@ -10,7 +10,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define DEADLINE_MS 30000
+#define DEADLINE_MS 60000
 
 struct rig {
     struct scratch *scratch;
@@ -254,6 +254,24 @@ static void bad_configuration_stops_all_at_once(void **state)
     assert_contains(r->text, "can     error   a.yaml:3: what is this");
     assert_contains(r->text, "scan    info    stopped");
     assert_int_equal(count(r->text, "starts again"), 0);
+}
+
+static void a_signal_that_comes_twice_at_once_is_one(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "scan, can");
+    write_node(r, "scan", TRAP "echo go > $D/go\n" STAY);
+    write_node(r, "can", TRAP "read x < $D/go; echo info ready\n" STAY);
+    start(r);
+    read_until(r, "ready");
+    kill(r->pid, SIGSTOP); /* so that it finds both */
+    assert_int_equal(kill(r->pid, SIGINT), 0);
+    assert_int_equal(kill(r->pid, SIGTERM), 0);
+    kill(r->pid, SIGCONT);
+    assert_int_equal(finish(r), 130);
+    assert_contains(r->text, "can     info    stopped");
+    assert_null(strstr(r->text, "killed"));
 }
 
 static void ctrl_c_stops_all_cleanly(void **state)
@@ -551,6 +569,7 @@ int main(void)
         TEST(a_crashed_node_is_started_again),
         TEST(a_node_that_always_crashes_is_given_up),
         TEST(bad_configuration_stops_all_at_once),
+        TEST(a_signal_that_comes_twice_at_once_is_one),
         TEST(ctrl_c_stops_all_cleanly),
         TEST(a_terminal_that_closes_stops_all),
         TEST(under_nohup_it_outlives_its_terminal),

@@ -8,7 +8,7 @@
 #include "nodes/rt/log_topic.h"
 
 #define S_NS        1000000000LL
-#define DEADLINE_MS 20000
+#define DEADLINE_MS 60000
 
 struct rig {
     struct scratch *scratch;

@@ -10,7 +10,7 @@
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"
 
-#define DEADLINE_MS 20000
+#define DEADLINE_MS 60000
 
 static void run(struct command_result *r, struct scratch *s, const char *option,
                 const char *value)

@@ -15,7 +15,7 @@
 #include "msgs/bag/manifest.h"
 #include "msgs/bus.h"
 
-#define DEADLINE_MS 20000
+#define DEADLINE_MS 60000
 #define MAX_WORDS   24
 
 extern char **environ;

@@ -20,11 +20,11 @@
 #define PAYLOAD_BYTES 8192
 #define AHEAD_BYTES   (1 << 20) /* that may be published and not yet be in the file */
 #define MOST_BYTES    (4 << 20) /* published before the kill */
-#define DEADLINE_NS   20000000000LL
+#define DEADLINE_NS   60000000000LL
 
 /* How old the newest message saved is when the process dies: the interval, and the time
  * of a message's way and of a sync to the disk, which a busy machine stretches. */
-#define USUAL_AGE_NS (FLUSH_NS + 100000000LL)
+#define USUAL_AGE_NS (FLUSH_NS + 500000000LL)
 
 extern char **environ;
 

