@@ -1,5 +1,6 @@
 /* Bytes as the small texts that are read line by line or as a whole: places of pings, a
- * microphone's calibration, what a stage says, device URIs, a point spread function. */
+ * microphone's calibration, what a stage says, device URIs, a point spread function, CAN
+ * frames. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,6 +9,7 @@
 #include "hal/recording/pings_file.h"
 #include "hal/stage/zaber_message.h"
 #include "hal/survey/response_file.h"
+#include "nodes/anlos/can/decode.h"
 #include "nodes/anlos/psf/file.h"
 #include "nodes/rt/uri.h"
 #include "tests/fuzz/fuzz.h"
@@ -53,6 +55,23 @@ static void as_psf(const char *path)
         FUZZ_REQUIRE(why.text[0]);
 }
 
+/* No line is counted twice. */
+static void as_frames(const char *path, bool json, size_t n_lines)
+{
+    struct decode d = {.tally.checks.base = 0x400, .shown = UINT16_MAX, .json = json};
+    FILE *f = fopen(path, "r");
+
+    FUZZ_REQUIRE(f && !decode_file(&d, f));
+    fclose(f);
+    FUZZ_REQUIRE(tally_frames(&d.tally) + d.tally.unknown + d.tally.other +
+                     d.tally.no_frames <=
+                 n_lines);
+    if (json)
+        tally_print_json(&d.tally, stdout);
+    else
+        tally_print(&d.tally, stdout);
+}
+
 static void as_line(const char *line)
 {
     struct zaber_message m;
@@ -94,6 +113,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     as_response(path);
     as_psf(path);
     as_uri(text);
+    as_frames(path, true, size + 1);
+    as_frames(path, false, size + 1);
     for (char *line = text, *rest = text; line; line = rest) {
         strsep(&rest, "\n");
         as_line(line);

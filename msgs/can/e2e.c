@@ -1,0 +1,119 @@
+#include "msgs/can/e2e.h"
+
+static uint8_t crc8(uint8_t crc, const uint8_t *data, size_t size)
+{
+    for (size_t i = 0; i < size; i++) {
+        crc ^= data[i];
+        for (int bit = 0; bit < 8; bit++)
+            crc = (uint8_t)(crc & 0x80 ? crc << 1 ^ 0x1d : crc << 1);
+    }
+    return crc;
+}
+
+static uint16_t crc16(uint16_t crc, const uint8_t *data, size_t size)
+{
+    for (size_t i = 0; i < size; i++) {
+        crc ^= (uint16_t)(data[i] << 8);
+        for (int bit = 0; bit < 8; bit++)
+            crc = (uint16_t)(crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1);
+    }
+    return crc;
+}
+
+uint8_t e2e_crc8_j1850(const uint8_t *data, size_t size)
+{
+    return crc8(0xff, data, size) ^ 0xff;
+}
+
+uint16_t e2e_crc16_ccitt_false(const uint8_t *data, size_t size)
+{
+    return crc16(0xffff, data, size);
+}
+
+static uint8_t p11_crc(const uint8_t *data, size_t size, uint16_t data_id)
+{
+    const uint8_t low[] = {(uint8_t)data_id, 0};
+
+    return crc8(crc8(0, low, sizeof low), data + 1, size - 1);
+}
+
+static uint16_t p05_crc(const uint8_t *data, size_t size, uint16_t data_id)
+{
+    const uint8_t id[] = {(uint8_t)data_id, (uint8_t)(data_id >> 8)};
+
+    return crc16(e2e_crc16_ccitt_false(data + 2, size - 2), id, sizeof id);
+}
+
+static uint8_t p11_nibble(uint16_t data_id)
+{
+    return (uint8_t)(data_id >> 8 & 0xf);
+}
+
+void e2e_p11_protect(uint8_t *data, size_t size, uint16_t data_id, uint8_t counter)
+{
+    data[1] = (uint8_t)(p11_nibble(data_id) << 4 | counter % E2E_P11_COUNTERS);
+    data[0] = p11_crc(data, size, data_id);
+}
+
+void e2e_p05_protect(uint8_t *data, size_t size, uint16_t data_id, uint8_t counter)
+{
+    data[2] = counter;
+    uint16_t crc = p05_crc(data, size, data_id);
+    data[0] = (uint8_t)crc;
+    data[1] = (uint8_t)(crc >> 8);
+}
+
+/* Of an undamaged frame. */
+static enum e2e_verdict follow(struct e2e_check *c, uint8_t counter, unsigned n_counters,
+                               uint8_t max_delta)
+{
+    unsigned delta = (counter + n_counters - c->counter) % n_counters;
+    bool began = c->began;
+
+    *c = (struct e2e_check){.began = true, .counter = counter};
+    if (!began || delta == 1)
+        return E2E_OK;
+    if (delta == 0)
+        return E2E_REPEATED;
+    return delta <= max_delta ? E2E_SOME_LOST : E2E_WRONG_SEQUENCE;
+}
+
+enum e2e_verdict e2e_p11_check(struct e2e_check *c, const uint8_t *data, size_t size,
+                               uint16_t data_id, uint8_t max_delta)
+{
+    if (!data)
+        return E2E_NO_NEW_DATA;
+    if (size < 2 || data[0] != p11_crc(data, size, data_id) ||
+        data[1] >> 4 != p11_nibble(data_id) || (data[1] & 0xf) >= E2E_P11_COUNTERS)
+        return E2E_WRONG_CRC;
+    return follow(c, data[1] & 0xf, E2E_P11_COUNTERS, max_delta);
+}
+
+enum e2e_verdict e2e_p05_check(struct e2e_check *c, const uint8_t *data, size_t size,
+                               uint16_t data_id, uint8_t max_delta)
+{
+    if (!data)
+        return E2E_NO_NEW_DATA;
+    if (size < 3 || (data[0] | data[1] << 8) != p05_crc(data, size, data_id))
+        return E2E_WRONG_CRC;
+    return follow(c, data[2], E2E_P05_COUNTERS, max_delta);
+}
+
+bool e2e_is_usable(enum e2e_verdict v)
+{
+    return v == E2E_OK || v == E2E_SOME_LOST;
+}
+
+const char *e2e_verdict_text(enum e2e_verdict v)
+{
+    static const char *const texts[] = {
+        [E2E_OK] = "ok",
+        [E2E_SOME_LOST] = "some lost",
+        [E2E_NO_NEW_DATA] = "no new data",
+        [E2E_REPEATED] = "repeated",
+        [E2E_WRONG_SEQUENCE] = "wrong sequence",
+        [E2E_WRONG_CRC] = "wrong CRC",
+    };
+
+    return texts[v];
+}

@@ -1,0 +1,55 @@
+/* msgs/can/e2e.h -- end-to-end protection of AUTOSAR (PRS E2EProtocol, R23-11): what is
+ * lost, repeated, late, damaged or somebody else's is known for what it is.
+ *
+ * Profile 11, nibble variant: byte 0 is a CRC-8 (SAE J1850 polynomial 0x1D, from 0, not
+ * inverted) over the low byte of the data ID, a byte 0 and bytes 1..; byte 1 is the
+ * counter, 0..14, in the low and bits 8..11 of the data ID in the high nibble.
+ * Profile 5: bytes 0 and 1 are a CRC-16 (CCITT-FALSE, low byte first) over bytes 2.. and
+ * then the data ID, low byte first; byte 2 is the counter, 0..255. */
+#ifndef ANLOS_MSGS_CAN_E2E_H
+#define ANLOS_MSGS_CAN_E2E_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum e2e_verdict {
+    E2E_OK,
+    E2E_SOME_LOST,      /* as good, and up to max_delta - 1 before it did not come */
+    E2E_NO_NEW_DATA,    /* nothing came */
+    E2E_REPEATED,       /* the same counter once more */
+    E2E_WRONG_SEQUENCE, /* more lost than max_delta allows, or late */
+    E2E_WRONG_CRC,      /* damaged, or of another data ID */
+};
+
+/* Of a receiver, for each data ID.  All zero is one that has heard nothing: its first
+ * frame is E2E_OK whatever the counter.  After a time-out it should begin anew. */
+struct e2e_check {
+    bool began;
+    uint8_t counter; /* of the last undamaged frame */
+};
+
+#define E2E_P11_COUNTERS 15
+#define E2E_P05_COUNTERS 256
+
+uint8_t e2e_crc8_j1850(const uint8_t *data, size_t size);         /* check: 0x4B */
+uint16_t e2e_crc16_ccitt_false(const uint8_t *data, size_t size); /* check: 0x29B1 */
+
+/* Fill in CRC, counter and nibble.  size: 2.. of P11, 3.. of P05.  Only the low 12 bits
+ * of data_id protect in P11. */
+void e2e_p11_protect(uint8_t *data, size_t size, uint16_t data_id, uint8_t counter);
+void e2e_p05_protect(uint8_t *data, size_t size, uint16_t data_id, uint8_t counter);
+
+/* data NULL: nothing has come since the last call.  max_delta: how far the counter may
+ * have gone on, 1..: 1 allows no loss.  A frame of a wrong sequence is not to be used,
+ * and is what the next one is compared with. */
+enum e2e_verdict e2e_p11_check(struct e2e_check *c, const uint8_t *data, size_t size,
+                               uint16_t data_id, uint8_t max_delta);
+enum e2e_verdict e2e_p05_check(struct e2e_check *c, const uint8_t *data, size_t size,
+                               uint16_t data_id, uint8_t max_delta);
+
+/* May the frame be used? */
+bool e2e_is_usable(enum e2e_verdict v);
+const char *e2e_verdict_text(enum e2e_verdict v);
+
+#endif

@@ -1,0 +1,99 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+
+#include "msgs/can/frames.h"
+#include "msgs/can/load.h"
+
+static const struct can_bus_rate rate = {500e3, 2e6};
+
+static void assert_about(double value, double expected)
+{
+    if (fabs(value - expected) > 1e-9 + 1e-6 * fabs(expected))
+        fail_msg("%.9g, expected %.9g", value, expected);
+}
+
+/* The table of Davis et al.: 55, 65, ... 135 bits for 0..8 bytes. */
+static void a_classic_frame_has_the_bits_of_the_literature(void **state)
+{
+    (void)state;
+    for (size_t n = 0; n <= 8; n++)
+        assert_about(can_frame_s(&rate, n, false), (double)(55 + 10 * n) / 500e3);
+}
+
+/* The longest stuffing there is, bit by bit: the same five in a row, then each stuff bit
+ * begins the next four. */
+static size_t worst_stuff(size_t bits)
+{
+    size_t run = 0, stuff = 0;
+
+    for (size_t i = 0; i < bits; i++) {
+        run++;
+        if (run == 5) {
+            stuff++;
+            run = 1; /* the stuff bit, and what follows is like it */
+        }
+    }
+    return stuff;
+}
+
+/* 17 bits up to BRS and 13 from the delimiter on at the first rate; ESI, length, 512 bits
+ * of data, stuff count, CRC-21 and its 7 fixed stuff bits at the second. */
+static void an_fd_frame_of_64_bytes_takes_407_microseconds(void **state)
+{
+    (void)state;
+    size_t slow = 17 + worst_stuff(17) + 13;
+    size_t fast = 1 + 4 + 512 + worst_stuff(534) - worst_stuff(17) + 4 + 21 + 7;
+    double expected = (double)slow / 500e3 + (double)fast / 2e6;
+    assert_about(can_frame_s(&rate, 64, true), expected);
+    assert_true(expected > 406e-6 && expected < 408e-6);
+}
+
+/* Header, time and three frames of 135 bits for each object. */
+static void thirty_two_objects_take_98_frames(void **state)
+{
+    (void)state;
+    assert_about(can_list_s(&rate, 0, false), 2 * 135 / 500e3);
+    assert_about(can_list_s(&rate, 32, false), 98 * 135 / 500e3);
+    assert_about(can_list_s(&rate, 32, true),
+                 2 * 135 / 500e3 + 32 * can_frame_s(&rate, 64, true));
+}
+
+/* 980 frames of the lists, 10 + 1 of status and diagnosis, 50 + 1 + 10 of the vehicle. */
+static void ten_full_lists_a_second_fit_in_three_tenths_of_500_kbit(void **state)
+{
+    (void)state;
+    double load = can_load(&rate, 32, false, 10);
+    assert_about(load, (980 + 11 + 61) * 135 / 500e3);
+    assert_true(load > 0.28 && load < 0.29);
+    assert_true(can_load(&rate, 32, true, 10) < 0.17);
+    assert_int_equal(can_load_objects(&rate, false, 10, 0.5), CAN_MAX_OBJECTS);
+}
+
+static void a_slow_bus_carries_fewer_objects(void **state)
+{
+    const struct can_bus_rate slow = {125e3, 125e3};
+
+    (void)state;
+    size_t n = can_load_objects(&slow, false, 10, 0.5);
+    assert_true(can_load(&slow, n, false, 10) <= 0.5);
+    assert_true(can_load(&slow, n + 1, false, 10) > 0.5);
+    assert_int_equal(n, 12); /* 0.5 / (135 / 125e3) = 463 frames: 72 + 10 (2 + 3 n) */
+    assert_int_equal(can_load_objects(&slow, false, 1000, 0.5), 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_classic_frame_has_the_bits_of_the_literature),
+        cmocka_unit_test(an_fd_frame_of_64_bytes_takes_407_microseconds),
+        cmocka_unit_test(thirty_two_objects_take_98_frames),
+        cmocka_unit_test(ten_full_lists_a_second_fit_in_three_tenths_of_500_kbit),
+        cmocka_unit_test(a_slow_bus_carries_fewer_objects),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
