@@ -5,10 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nodes/rt/vehicle_frame.h"
 #include "nodes/rt/processing.h"
-#include "recon/wall.h"
 
-#define CLUSTER_WIDTHS 3.0 /* of a point, that pings around objects keep apart */
+#define CLUSTER_WIDTHS 3.0  /* of a point, that pings around objects keep apart */
+#define HEIGHT_LEAST_M 0.01 /* of an array that tells heights */
+#define HEIGHT_SIGMA_M 0.5  /* of objects, where they are not told */
 
 static Anlos__Vec3 *vec3_create(const double v[3])
 {
@@ -20,22 +22,6 @@ static Anlos__Vec3 *vec3_create(const double v[3])
     m->y = v[1];
     m->z = v[2];
     return m;
-}
-
-/* The columns of r: the array frame's axes as the vehicle sees them, taken from where
- * survey_to_vehicle puts them. */
-static void axes_in_vehicle(const struct survey *s, double r[3][3])
-{
-    static const double zero[3] = {0.0, 0.0, 0.0};
-    double origin[3];
-
-    survey_to_vehicle(s, zero, origin);
-    for (int a = 0; a < 3; a++) {
-        double unit[3] = {a == 0, a == 1, a == 2}, moved[3];
-        survey_to_vehicle(s, unit, moved);
-        for (int b = 0; b < 3; b++)
-            r[b][a] = moved[b] - origin[b];
-    }
 }
 
 /* out = r c r^T */
@@ -55,60 +41,124 @@ static void turn_covariance(const double r[3][3], const double c[6], double out[
 }
 
 /* The box around an imaged object becomes the box, along the axes of its position's
- * frame, around that box mirrored and turned. */
-static void turn_extent(const struct survey *s, const double r[3][3],
+ * frame, around that box mirrored and turned.  wall: NULL if none mirrored it. */
+static void turn_extent(const struct wall *wall, const double r[3][3],
                         const double extent[3], double out[3])
 {
     for (int b = 0; b < 3; b++) {
         out[b] = 0.0;
         for (int a = 0; a < 3; a++) {
             double side = r[b][a]; /* of r (1 - 2 n n^T) */
-            for (int i = 0; s->has_wall && i < 3; i++)
-                side -= 2.0 * r[b][i] * s->wall_normal[i] * s->wall_normal[a];
+            for (int i = 0; wall && i < 3; i++)
+                side -= 2.0 * r[b][i] * wall->normal[i] * wall->normal[a];
             out[b] += fabs(side) * extent[a];
         }
     }
 }
 
-static int fill_detection(Anlos__Detection *m, const struct survey *s,
-                          const struct detection *d)
+/* From the lowest to the highest place of an element; without it heights are not told. */
+static double array_height_m(const struct survey *s)
 {
-    double position[3], covariance[6], rotated[6], extent[3], r[3][3];
+    double low = INFINITY, high = -INFINITY;
+
+    for (size_t i = 0; !s->pings_m && i < s->n_speakers; i++) {
+        low = fmin(low, s->speakers_m[i][1]);
+        high = fmax(high, s->speakers_m[i][1]);
+    }
+    for (size_t i = 0; !s->pings_m && i < s->n_microphones; i++) {
+        low = fmin(low, s->microphones_m[i][1]);
+        high = fmax(high, s->microphones_m[i][1]);
+    }
+    double travel = 0.0;
+    for (size_t i = 0; !s->pings_m && i < s->n_positions; i++)
+        travel = fmax(travel, fabs((s->stage_positions_m[i] - s->stage_positions_m[0]) *
+                                   s->stage_axis[1]));
+    for (size_t i = 0; s->pings_m && i < s->n_positions; i++)
+        for (int e = 0; e < 2; e++) {
+            low = fmin(low, s->pings_m[i][e][1]);
+            high = fmax(high, s->pings_m[i][e][1]);
+        }
+    return low <= high ? high - low + travel : INFINITY;
+}
+
+static void array_centre(const struct survey *s, double out[3])
+{
+    size_t middle = s->n_positions / 2;
+
+    for (int a = 0; a < 3; a++) {
+        out[a] = s->n_positions ? s->stage_positions_m[middle] * s->stage_axis[a] : 0.0;
+        for (size_t i = 0; i < s->n_speakers; i++)
+            out[a] += 0.5 * s->speakers_m[i][a] / (double)s->n_speakers;
+        for (size_t i = 0; i < s->n_microphones; i++)
+            out[a] += 0.5 * s->microphones_m[i][a] / (double)s->n_microphones;
+        if (s->pings_m)
+            out[a] = 0.5 * (s->pings_m[middle][0][a] + s->pings_m[middle][1][a]);
+    }
+}
+
+void objects_place(struct placement *out, const struct survey *s,
+                   const struct walls *walls, const struct detection *d)
+{
+    double position[3], covariance[6], centre[3], r[3][3], t[3];
     memcpy(position, d->position_m, sizeof position);
     memcpy(covariance, d->covariance_m2, sizeof covariance);
-    if (s->has_wall) {
-        struct wall wall = {.distance_m = s->wall_distance_m};
-        memcpy(wall.normal, s->wall_normal, sizeof wall.normal);
-        wall_mirror(&wall, d->position_m, position);
-        wall_mirror_covariance(&wall, d->covariance_m2, covariance);
+    if (array_height_m(s) < HEIGHT_LEAST_M) {
+        covariance[1] = covariance[4] = 0.0;
+        covariance[3] = HEIGHT_SIGMA_M * HEIGHT_SIGMA_M;
     }
-    double there[3];
-    survey_to_vehicle(s, position, there);
-    axes_in_vehicle(s, r);
-    turn_covariance((const double(*)[3])r, covariance, rotated);
-    turn_extent(s, (const double(*)[3])r, d->extent_m, extent);
+    array_centre(s, centre);
+    size_t at = wall_that_mirrored(walls->list, walls->n, centre, d->position_m);
+    const struct wall *wall = at < walls->n ? &walls->list[at].plane : NULL;
+    *out = (struct placement){.wall = wall ? walls->list[at].id : 0,
+                              .behind_no_wall = walls->n && !wall};
+    if (wall) {
+        wall_mirror(wall, d->position_m, position);
+        wall_mirror_covariance(wall, d->position_m, covariance, covariance);
+    }
+    out->in_free_view = walls_in_free_view(walls, position);
+    vehicle_frame_axes(s, r, t);
+    survey_to_vehicle(s, position, out->position_m);
+    turn_covariance((const double(*)[3])r, covariance, out->covariance_m2);
+    turn_extent(wall, (const double(*)[3])r, d->extent_m, out->extent_m);
+}
 
-    m->position_m = vec3_create(there);
+_Static_assert(SHAPE_POINT == (int)ANLOS__SHAPE__POINT &&
+                   SHAPE_PLATE == (int)ANLOS__SHAPE__PLATE &&
+                   SHAPE_EXTENDED == (int)ANLOS__SHAPE__EXTENDED,
+               "");
+
+static int fill_detection(Anlos__Detection *m, const struct survey *s,
+                          const struct walls *walls, const struct detection *d)
+{
+    struct placement p;
+    objects_place(&p, s, walls, d);
+    m->position_m = vec3_create(p.position_m);
     m->virtual_m = vec3_create(d->position_m);
-    m->extent_m = vec3_create(extent);
-    m->covariance_m2 = malloc(sizeof rotated);
+    m->extent_m = vec3_create(p.extent_m);
+    m->covariance_m2 = malloc(sizeof p.covariance_m2);
     if (!m->position_m || !m->virtual_m || !m->extent_m || !m->covariance_m2)
         return -ENOMEM;
-    memcpy(m->covariance_m2, rotated, sizeof rotated);
+    memcpy(m->covariance_m2, p.covariance_m2, sizeof p.covariance_m2);
     m->n_covariance_m2 = 6;
     m->existence = d->existence;
     m->level_db = d->level_db;
+    m->shape = (Anlos__Shape)d->shape.shape;
+    m->shape_probability = d->shape.probability;
+    m->wall = p.wall;
+    m->behind_no_wall = p.behind_no_wall;
+    m->in_free_view = p.in_free_view;
     return 0;
 }
 
-int objects_list(Anlos__DetectionList **out, const struct survey *s,
-                 const struct detection *objects, size_t n)
+int objects_list_behind(Anlos__DetectionList **out, const struct survey *s,
+                        const struct walls *walls, const struct detection *objects,
+                        size_t n)
 {
     Anlos__DetectionList *list = malloc(sizeof *list);
     if (!list)
         return -ENOMEM;
     anlos__detection_list__init(list);
-    list->mirrored = s->has_wall;
+    list->mirrored = walls->n > 0;
     list->in_vehicle_frame = s->has_mount;
     list->source = s->source;
     list->temperature_c = s->temperature_c;
@@ -123,7 +173,7 @@ int objects_list(Anlos__DetectionList **out, const struct survey *s,
         anlos__detection__init(m);
         m->id = (uint32_t)i + 1;
         list->detections[list->n_detections++] = m;
-        if (fill_detection(m, s, &objects[i]))
+        if (fill_detection(m, s, walls, &objects[i]))
             goto fail;
     }
     *out = list;
@@ -131,6 +181,15 @@ int objects_list(Anlos__DetectionList **out, const struct survey *s,
 fail:
     objects_free(list);
     return -ENOMEM;
+}
+
+int objects_list(Anlos__DetectionList **out, const struct survey *s,
+                 const struct detection *objects, size_t n)
+{
+    struct walls walls;
+
+    walls_from_survey(&walls, s);
+    return objects_list_behind(out, s, &walls, objects, n);
 }
 
 static size_t drop_unlikely(struct detection *found, size_t n, double min_existence)
@@ -143,14 +202,10 @@ static size_t drop_unlikely(struct detection *found, size_t n, double min_existe
     return kept;
 }
 
-int objects_find(Anlos__DetectionList **out, const struct survey *s,
-                 const struct detect_config *cfg, double min_existence,
-                 const struct grid *grid, const float *intensity)
+void objects_resolution(struct detect_config *cfg, const struct survey *s,
+                        const struct grid *grid)
 {
-    struct detection found[OBJECTS_MAX];
-    struct detect_config resolved = *cfg;
     struct geometry geometry;
-    size_t n = 0;
     double band_hz[2] = {fmin(s->chirp_start_hz, s->chirp_stop_hz),
                          fmax(s->chirp_start_hz, s->chirp_stop_hz)};
     double middle[3];
@@ -159,17 +214,39 @@ int objects_find(Anlos__DetectionList **out, const struct survey *s,
 
     processing_geometry(&geometry, s);
     if (geometry.pings_m) { /* a turntable sees details of one cluster's size */
-        double *r = resolved.resolution_m;
+        double *r = cfg->resolution_m;
         geometry_resolution_at(&geometry, band_hz, middle, r);
-        resolved.cluster_m =
-            fmin(resolved.cluster_m, CLUSTER_WIDTHS * cbrt(r[0] * r[1] * r[2]));
+        cfg->cluster_m = fmin(cfg->cluster_m, CLUSTER_WIDTHS * cbrt(r[0] * r[1] * r[2]));
     } else {
-        geometry_resolution(&geometry, band_hz, middle[2], resolved.resolution_m);
+        geometry_resolution(&geometry, band_hz, middle[2], cfg->resolution_m);
     }
+}
+
+int objects_find_behind(Anlos__DetectionList **out, const struct survey *s,
+                        const struct walls *walls, const struct detect_config *cfg,
+                        double min_existence, const struct grid *grid,
+                        const float *intensity)
+{
+    struct detection found[OBJECTS_MAX];
+    struct detect_config resolved = *cfg;
+    size_t n = 0;
+
+    objects_resolution(&resolved, s, grid);
     int err = detect_objects(&resolved, grid, intensity, found, OBJECTS_MAX, &n);
     if (err)
         return err;
-    return objects_list(out, s, found, drop_unlikely(found, n, min_existence));
+    return objects_list_behind(out, s, walls, found,
+                               drop_unlikely(found, n, min_existence));
+}
+
+int objects_find(Anlos__DetectionList **out, const struct survey *s,
+                 const struct detect_config *cfg, double min_existence,
+                 const struct grid *grid, const float *intensity)
+{
+    struct walls walls;
+
+    walls_from_survey(&walls, s);
+    return objects_find_behind(out, s, &walls, cfg, min_existence, grid, intensity);
 }
 
 void objects_free(Anlos__DetectionList *list)
@@ -182,6 +259,8 @@ void objects_free(Anlos__DetectionList *list)
         free(m->virtual_m);
         free(m->extent_m);
         free(m->covariance_m2);
+        free(m->velocity_m_s);
+        free(m->velocity_covariance_m2_s2);
         free(m);
     }
     free(list->detections);

@@ -111,6 +111,7 @@ static void extents_are_mirrored_and_turned_like_the_position(void **state)
     assert_extent(&s, 0.3, 0.1, 0.2);
     s.has_wall = true;
     s.wall_normal[0] = s.wall_normal[2] = half;
+    s.wall_distance_m = 1.0;
     assert_extent(&s, 0.1, 0.3, 0.2);
 }
 
@@ -122,6 +123,91 @@ static void a_turned_extent_is_the_box_around_it(void **state)
     struct survey s = {
         .has_mount = true, .mount_x_axis = {half, half, 0}, .mount_y_axis = {0, 0, 1}};
     assert_extent(&s, (0.1 + 0.3) * half, (0.1 + 0.3) * half, 0.2);
+}
+
+/* n turned by a about y is (a, 0, 1): the image of (0.1, 0.2, 2) in the wall z = 1.25
+ * moves by -1.5 a along x and by -0.2 a along z, and by 2 for each metre of distance. */
+static void the_error_of_the_wall_is_in_the_covariance(void **state)
+{
+    (void)state;
+    const struct survey s = {.temperature_c = NAN};
+    const double turn = 1e-3, distance = 4e-4, both = 2e-4;
+    const struct walls walls = {
+        .n = 1,
+        .list = {{.id = 7,
+                  .plane = {.normal = {0, 0, 1},
+                            .distance_m = 1.25,
+                            .covariance = {turn, 0, both, 0, 0, distance}},
+                  .gate_m = {0, 10}}}};
+    const struct detection d = point(0.1, 0.2, 2.0);
+    struct placement p;
+    objects_place(&p, &s, &walls, &d);
+    assert_int_equal(p.wall, 7);
+    assert_false(p.behind_no_wall || p.in_free_view);
+    assert_near(p.position_m[2], 0.5, 1e-12);
+    const double expected[6] = {1e-4 + 2.25 * turn,
+                                2e-5,
+                                -3e-5 + 0.3 * turn - 3.0 * both,
+                                4e-4,
+                                -5e-5,
+                                9e-4 + 0.04 * turn + 4.0 * distance - 0.8 * both};
+    for (int i = 0; i < 6; i++)
+        assert_near(p.covariance_m2[i], expected[i], 1e-15);
+}
+
+static void each_object_is_mirrored_by_its_wall_or_by_none(void **state)
+{
+    (void)state;
+    const struct survey s = {.temperature_c = NAN};
+    const struct walls walls = {
+        .n = 2,
+        .list = {{1, {.normal = {0, 0, 1}, .distance_m = 1.0}, {0, 3}},
+                 {4, {.normal = {1, 0, 0}, .distance_m = 2.0}, {2, 5}}},
+        .n_corners = 4,
+        .free_view_m = {{-1, 0}, {1, 0}, {1, 0.9}, {-1, 0.9}}};
+    const struct detection d[4] = {point(0.2, 0, 1.8), point(3, 0, 0.5), point(0, 0, 3.5),
+                                   point(0, 0, 0.5)};
+    Anlos__DetectionList *list;
+    assert_int_equal(objects_list_behind(&list, &s, &walls, d, 4), 0);
+    const Anlos__Detection *m = list->detections[0];
+    assert_int_equal(m->wall, 1);
+    assert_near(m->position_m->z, 0.2, 1e-12);
+    assert_true(m->in_free_view); /* at (0.2, 0.2) */
+    m = list->detections[1];
+    assert_int_equal(m->wall, 4);
+    assert_near(m->position_m->x, 1.0, 1e-12);
+    assert_false(m->behind_no_wall);
+    m = list->detections[2]; /* beyond the gate of the wall before it */
+    assert_int_equal(m->wall, 0);
+    assert_true(m->behind_no_wall);
+    assert_false(m->in_free_view);
+    assert_near(m->position_m->z, 3.5, 0.0);
+    m = list->detections[3]; /* before all walls, in sight */
+    assert_true(m->behind_no_wall && m->in_free_view);
+    objects_free(list);
+}
+
+static void a_line_array_does_not_tell_heights(void **state)
+{
+    (void)state;
+    double speakers[2][3] = {{-0.5, 0.3, 0}, {0.5, 0.3, 0}}, stage[1] = {0};
+    const struct survey s = {.n_speakers = 2,
+                             .n_microphones = 2,
+                             .n_positions = 1,
+                             .speakers_m = speakers,
+                             .microphones_m = speakers,
+                             .stage_axis = {1, 0, 0},
+                             .stage_positions_m = stage};
+    const struct walls none = {.n = 0};
+    const struct detection d = point(0.1, 0.2, 2.0);
+    struct placement p;
+    objects_place(&p, &s, &none, &d);
+    assert_near(p.covariance_m2[3], 0.25, 1e-12);
+    assert_near(p.covariance_m2[1], 0.0, 1e-15);
+    assert_near(p.covariance_m2[0], 1e-4, 1e-15);
+    speakers[1][1] = 0.5;
+    objects_place(&p, &s, &none, &d);
+    assert_near(p.covariance_m2[3], 4e-4, 1e-15);
 }
 
 static void ids_rise_in_the_order_given(void **state)
@@ -160,6 +246,9 @@ int main(void)
         cmocka_unit_test(a_mount_turns_position_and_covariance),
         cmocka_unit_test(extents_are_mirrored_and_turned_like_the_position),
         cmocka_unit_test(a_turned_extent_is_the_box_around_it),
+        cmocka_unit_test(the_error_of_the_wall_is_in_the_covariance),
+        cmocka_unit_test(each_object_is_mirrored_by_its_wall_or_by_none),
+        cmocka_unit_test(a_line_array_does_not_tell_heights),
         cmocka_unit_test(ids_rise_in_the_order_given),
         cmocka_unit_test(an_empty_volume_gives_an_empty_list),
     };

@@ -1,0 +1,43 @@
+/* nodes/rt/walls.h -- the walls that mirror sound and what the array sees directly, as
+ * the topic "wall" or a survey has them. */
+#ifndef ANLOS_NODES_RT_WALLS_H
+#define ANLOS_NODES_RT_WALLS_H
+
+#include "msgs/complaint.h"
+#include "msgs/survey.h"
+#include "msgs/wall.pb-c.h"
+#include "recon/ego.h"
+#include "recon/wall.h"
+
+#define WALLS_MAX         SURVEY_MAX_WALLS
+#define WALLS_MAX_CORNERS 32
+#define WALLS_FAR_M       1000.0 /* the far end of a gate that has none */
+
+struct walls {
+    size_t n;
+    struct wall_gate list[WALLS_MAX];         /* in the array frame */
+    size_t n_corners;                         /* of what is in free view; 0: nothing is */
+    double free_view_m[WALLS_MAX_CORNERS][2]; /* x, z, around it */
+};
+
+/* The walls that a survey was given, known exactly. */
+void walls_from_survey(struct walls *out, const struct survey *s);
+
+/* Of topic "wall".  0, or -EINVAL with a complaint: not numbers, a normal that is not of
+ * length 1, a covariance that is none, or more than there is room for. */
+int walls_from_message(struct walls *out, const Anlos__WallList *m,
+                       struct complaint *why);
+
+/* Of topic "wall/given", whose walls are in the vehicle frame; the normal is turned to
+ * point away from the array.  s: for the mount.  0, or -EINVAL with a complaint. */
+int walls_from_given(struct walls *out, const Anlos__WallList *m, const struct survey *s,
+                     struct complaint *why);
+
+/* Carries the walls along from the vehicle's earlier frame to the later one; exactly.
+ * What is in free view is what the array sees, so it comes along by itself. */
+void walls_step(struct walls *w, const struct survey *s, const struct ego_step *step);
+
+/* Does the array look directly at where p stands?  Its height does not matter. */
+bool walls_in_free_view(const struct walls *w, const double p[3]);
+
+#endif

@@ -1,0 +1,43 @@
+/* nodes/wall/listener.h -- the array's own first returns: pings to estimates of the walls
+ * around it.  It compresses the pings itself, without subtracting any background and from
+ * the direct sound on: the traces that the image is made of begin behind the wall.
+ *
+ * Of a fixed array each look is one round of its speakers, carried to the place of the
+ * newest by the vehicle's motion; of a scan it grows by every stage position. */
+#ifndef ANLOS_NODES_WALL_LISTENER_H
+#define ANLOS_NODES_WALL_LISTENER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/array.pb-c.h"
+#include "msgs/complaint.h"
+#include "msgs/survey.h"
+#include "recon/ego.h"
+#include "recon/wall_estimate.h"
+
+struct listener_config {
+    bool vertical;       /* the prior: walls are upright */
+    double vertical_rad; /* one sigma */
+    double reach_m;      /* how far away walls are looked for */
+    double every_s;      /* from look to look */
+};
+
+struct listener;
+
+/* Plans for a survey, which must outlive it.  0, or a negative errno with a complaint. */
+int listener_create(struct listener **out, const struct listener_config *cfg,
+                    const struct survey *s, struct complaint *why);
+
+/* Takes a ping of that survey.  true: it ended a look, and *out is what was heard, in the
+ * array's frame at the ping's capture stamp; then *blind says that the vehicle moved and
+ * nobody knows how.  NULL path: the array stands.  A ping that cannot be used is left out
+ * and counted. */
+bool listener_ping(struct listener *l, const Anlos__Ping *ping, int64_t capture_ns,
+                   const struct ego_path *path, struct wall_estimates *out, bool *blind);
+
+size_t listener_unusable(const struct listener *l); /* pings, of all time */
+void listener_destroy(struct listener *l);
+
+#endif

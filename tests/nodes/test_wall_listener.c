@@ -1,0 +1,281 @@
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <cmocka.h>
+
+#include "hal/room/stream.h"
+#include "nodes/wall/listener.h"
+#include "tests/nodes/near.h"
+#include "tests/nodes/scene.h"
+
+#define SECOND 1000000000LL
+
+static const struct listener_config config = {
+    .vertical = true, .vertical_rad = 0.035, .reach_m = 4.0, .every_s = 0.5};
+
+struct hall {
+    struct scene scene;
+    struct survey survey;
+    struct listener *listener;
+    int64_t now_ns;
+};
+
+/* A scene as text; {0}: not to be opened. */
+static void open_hall(struct hall *h, const char *text, const struct listener_config *cfg)
+{
+    char path[] = "/tmp/anlos-wall-XXXXXX";
+    struct complaint why = {""};
+    int fd = mkstemp(path);
+    assert_true(fd >= 0);
+    assert_int_equal(write(fd, text, strlen(text)), (ssize_t)strlen(text));
+    close(fd);
+    *h = (struct hall){.now_ns = SECOND};
+    int err = scene_open(&h->scene, path);
+    unlink(path);
+    assert_int_equal(err, 0);
+    assert_int_equal(survey_from_message(&h->survey, h->scene.survey, &why), 0);
+    if (listener_create(&h->listener, cfg, &h->survey, &why))
+        fail_msg("%s", why.text);
+}
+
+static void close_hall(struct hall *h)
+{
+    listener_destroy(h->listener);
+    survey_clear(&h->survey);
+    scene_close(&h->scene);
+}
+
+/* One ping; the next one is 25 ms later. */
+static bool hear(struct hall *h, uint32_t position, uint32_t speaker,
+                 struct wall_estimates *out)
+{
+    Anlos__Ping ping;
+    bool blind;
+    scene_ping(&h->scene, ANLOS__PASS__SCENE, position, speaker, &ping);
+    bool done = listener_ping(h->listener, &ping, h->now_ns, NULL, out, &blind);
+    assert_false(done && blind);
+    h->now_ns += SECOND / 40;
+    return done;
+}
+
+#define BUMPER                                                                           \
+    "array: bumper\ntemperature_c: 20\nseed: 3\nlevel: 0.03\n"                           \
+    "objects: [{name: p, kind: point, position_m: [0, 0.3, 0.2], "                       \
+    "scattering_length_m: 0.05}]\n"
+#define ROOM                                                                             \
+    "clutter: {points: 30, scattering_length_m: 0.03, near_m: 1, far_m: 5}\n"            \
+    "errors: {gain_db: 0.5, element_m: 0.0005}\nnoise: {rms: 0.0001}\n"
+
+/* 1.3 m away, its normal 20 degrees to the side. */
+static void a_bumper_hears_the_wall_that_it_stands_before(void **state)
+{
+    (void)state;
+    struct hall h;
+    struct wall_estimates found = {.n = 0};
+    open_hall(&h,
+              BUMPER ROOM "wall: {normal: [0.342020143, 0, 0.939692621], "
+                          "distance_m: 1.3}\n"
+                          "wall_sound: {reflectivity: 0.9, echo: 0.7, patches: 50, "
+                          "scattering_length_m: 0.01, roughness_m: 0.02}\n",
+              &config);
+    for (uint32_t k = 0; k < 16; k++)
+        assert_int_equal(hear(&h, 0, k, &found), k == 15);
+    assert_int_equal(found.n, 1);
+    const struct wall *w = &found.list[0].wall;
+    assert_near(atan2(w->normal[0], w->normal[2]), 20 * M_PI / 180, 0.003);
+    assert_near(w->distance_m, 1.3, 0.004);
+    assert_near(sqrt(w->covariance[3]), 0.035, 0.001); /* the prior's */
+    assert_true(sqrt(w->covariance[5]) < 0.005);
+    close_hall(&h);
+}
+
+static void where_no_wall_sounds_none_is_found(void **state)
+{
+    (void)state;
+    struct hall h;
+    struct wall_estimates found = {.n = 1};
+    open_hall(&h, BUMPER ROOM "wall: {normal: [0, 0, 1], distance_m: 1.3}\n", &config);
+    for (uint32_t k = 0; k < 16; k++)
+        hear(&h, 0, k, &found);
+    assert_int_equal(found.n, 0);
+    close_hall(&h);
+}
+
+static void looks_are_as_far_apart_as_they_are_to_be(void **state)
+{
+    (void)state;
+    struct hall h;
+    struct wall_estimates found;
+    unsigned looks = 0;
+    open_hall(&h,
+              BUMPER "wall: {normal: [0, 0, 1], distance_m: 1.3}\n"
+                     "wall_sound: {reflectivity: 0.9, echo: 0.7}\n",
+              &config);
+    for (uint32_t k = 0; k < 60; k++) /* 1.5 s: at 0, 0.5 and 1.0 a look of 0.4 begins */
+        looks += hear(&h, 0, k % 16, &found);
+    assert_int_equal(looks, 3);
+    close_hall(&h);
+}
+
+static void pings_that_cannot_be_used_are_counted(void **state)
+{
+    (void)state;
+    struct hall h;
+    struct wall_estimates found;
+    bool blind;
+    open_hall(&h, BUMPER "wall: {normal: [0, 0, 1], distance_m: 1.3}\n", &config);
+    for (int k = 0; k < 5; k++) {
+        Anlos__Ping ping;
+        scene_ping(&h.scene, ANLOS__PASS__SCENE, 0, 0, &ping);
+        if (k == 0)
+            ping.valid = false;
+        else if (k == 1)
+            ping.survey_id++;
+        else if (k == 2)
+            ping.samples = NULL;
+        else if (k == 3)
+            ping.speaker = 16;
+        else
+            ping.down = true; /* of a survey without */
+        listener_ping(h.listener, &ping, h.now_ns, NULL, &found, &blind);
+        assert_int_equal(listener_unusable(h.listener), k + 1);
+    }
+    close_hall(&h);
+}
+
+/* An upright line that goes along a stage: the tilt is heard, and after some places the
+ * azimuth too.  No prior. */
+static void a_scan_hears_both_turns_of_a_wall(void **state)
+{
+    (void)state;
+    struct hall h;
+    struct wall_estimates found = {.n = 0}, first = {.n = 9};
+    struct listener_config cfg = config;
+    cfg.vertical = false;
+    cfg.every_s = 0.1;
+    open_hall(&h,
+              "sound_speed_m_s: 343\nsample_rate_hz: 48000\n"
+              "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.02}\n"
+              "slot_samples: 1200\nseed: 1\nlevel: 0.03\n"
+              "speakers_m: [[0, 0, 0], [0, 0.25, 0], [0, 0.5, 0], [0, 0.75, 0]]\n"
+              "microphones_m: [[0, 0.1, 0], [0, 0.35, 0], [0, 0.6, 0], "
+              "[0, 0.85, 0]]\n"
+              "stage: {axis: [1, 0, 0], positions_m: [0, 0.2, 0.4, 0.6]}\n"
+              "objects: [{name: p, kind: point, position_m: [0, 0.3, 0.2], "
+              "scattering_length_m: 0.05}]\nnoise: {rms: 0.0001}\n"
+              "wall: {normal: [0.3, -0.1, 0.948683298], distance_m: 1.5}\n"
+              "wall_sound: {reflectivity: 0.9, echo: 0.7}\n",
+              &cfg);
+    for (uint32_t p = 0; p < 4; p++)
+        for (uint32_t k = 0; k < 4; k++)
+            if (hear(&h, p, k, &found) && first.n == 9)
+                first = found;
+    assert_int_equal(first.n, 0); /* of one place */
+    assert_int_equal(found.n, 1);
+    const struct wall *w = &found.list[0].wall;
+    assert_near(w->normal[0], 0.3, 0.002);
+    assert_near(w->normal[1], -0.1, 0.002);
+    assert_near(w->distance_m, 1.5, 0.004);
+    close_hall(&h);
+}
+
+/* The vehicle comes nearer by up to 2 m/s; the room tells where the wall is then. */
+static void a_moving_array_hears_the_wall_where_it_is_now(void **state)
+{
+    (void)state;
+    static struct ego_path path;
+    struct hall h;
+    struct room_stream *stream;
+    uint32_t speakers[16];
+    unsigned looks = 0;
+    double pushed_s = 0.0;
+    open_hall(&h,
+              BUMPER "wall: {normal: [0.1, 0, 0.994987437], distance_m: 3.5}\n"
+                     "mount: {origin_m: [3, 0, 0.4], x_axis: [0, 1, 0], "
+                     "y_axis: [0, 0, 1]}\n"
+                     "drive: {period_s: 4, ego: [{t_s: 0, speed_m_s: 0}, "
+                     "{t_s: 0.3, speed_m_s: 2}, {t_s: 0.9, speed_m_s: 2}, "
+                     "{t_s: 1.2, speed_m_s: 0}, {t_s: 2, speed_m_s: 0}, "
+                     "{t_s: 2.3, speed_m_s: -2}, {t_s: 2.9, speed_m_s: -2}, "
+                     "{t_s: 3.2, speed_m_s: 0}]}\n"
+                     "wall_sound: {reflectivity: 0.9, echo: 0.7}\n"
+                     "noise: {rms: 0.0001}\n",
+              &config);
+    for (uint32_t k = 0; k < 16; k++)
+        speakers[k] = k;
+    const struct room_stream_config cfg = {
+        .pass = ANLOS__PASS__SCENE, .speakers = speakers, .n_speakers = 16};
+    assert_int_equal(room_stream_create(&stream, h.scene.room, &cfg), 0);
+    for (uint64_t e = 0; e < 64; e++) { /* 1.5 s */
+        Anlos__Ping ping;
+        const float *samples;
+        struct wall_estimates found;
+        bool blind;
+        double t = (double)room_stream_start(stream, e) / h.survey.sample_rate_hz;
+        for (; pushed_s < t + 0.04; pushed_s += 0.02) {
+            struct room_ego ego;
+            room_ego(h.scene.room, pushed_s, &ego);
+            const struct ego_motion motion = {ego.speed_m_s, ego.yaw_rate_rad_s};
+            ego_path_add(&path, SECOND + (int64_t)(1e9 * pushed_s), &motion);
+        }
+        assert_int_equal(room_stream_ping(stream, e, &samples), 0);
+        scene_ping(&h.scene, ANLOS__PASS__SCENE, 0, (uint32_t)(e % 16), &ping);
+        ping.samples =
+            tensor_borrow_f32(&h.scene.view, samples, 2, (size_t)16, h.scene.n_samples);
+        if (!listener_ping(h.listener, &ping, SECOND + (int64_t)(1e9 * t), &path, &found,
+                           &blind))
+            continue;
+        double normal[3], distance_m;
+        room_wall(h.scene.room, t, normal, &distance_m);
+        looks++;
+        assert_false(blind);
+        assert_int_equal(found.n, 1);
+        assert_near(found.list[0].wall.distance_m, distance_m, 0.008);
+        assert_near(found.list[0].wall.normal[0], normal[0], 0.006);
+    }
+    assert_true(looks >= 3);
+    room_stream_destroy(stream);
+    close_hall(&h);
+}
+
+/* Nobody has told how it moves for longer than that counts as known. */
+static void a_look_without_ego_motion_is_blind(void **state)
+{
+    (void)state;
+    static struct ego_path path;
+    struct hall h;
+    struct wall_estimates found;
+    bool blind = false, done = false;
+    open_hall(&h,
+              BUMPER "wall: {normal: [0, 0, 1], distance_m: 1.3}\n"
+                     "wall_sound: {reflectivity: 0.9, echo: 0.7}\n",
+              &config);
+    for (uint32_t k = 0; k < 16; k++) {
+        Anlos__Ping ping;
+        scene_ping(&h.scene, ANLOS__PASS__SCENE, 0, k, &ping);
+        done = listener_ping(h.listener, &ping, h.now_ns, &path, &found, &blind);
+        h.now_ns += SECOND / 40;
+    }
+    assert_true(done && blind);
+    close_hall(&h);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_bumper_hears_the_wall_that_it_stands_before),
+        cmocka_unit_test(where_no_wall_sounds_none_is_found),
+        cmocka_unit_test(looks_are_as_far_apart_as_they_are_to_be),
+        cmocka_unit_test(pings_that_cannot_be_used_are_counted),
+        cmocka_unit_test(a_scan_hears_both_turns_of_a_wall),
+        cmocka_unit_test(a_moving_array_hears_the_wall_where_it_is_now),
+        cmocka_unit_test(a_look_without_ego_motion_is_blind),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
