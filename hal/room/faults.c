@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "hal/random.h"
@@ -67,31 +68,37 @@ float *faults_emit(const struct faults *f, const float *chirp, size_t n_chirp)
     return out;
 }
 
-/* speaker: 0: the microphone's own. */
-static void add_noise(const uint64_t words[4], size_t microphone, size_t speaker,
-                      float rms, float *x, size_t n)
+void faults_add_noise(const struct faults *f, const uint64_t words[4], size_t speaker,
+                      float *samples, size_t stride, size_t n)
 {
-    struct random random;
-    if (!(rms > 0))
-        return;
-    random_seed(&random,
-                (uint64_t[]){words[0], STREAM_FAULTS, words[1], words[2], words[3],
-                             microphone, speaker},
-                7);
-    random_add_noise(&random, x, n, rms);
+    for (size_t m = 0; m < f->n_microphones; m++) {
+        bool own = speaker == FAULTS_NO_SPEAKER;
+        float rms = own ? f->microphones[m].noise_rms : f->speakers[speaker].noise_rms;
+        struct random random;
+        if (!(rms > 0))
+            continue;
+        random_seed(&random,
+                    (uint64_t[]){words[0], STREAM_FAULTS, words[1], words[2], words[3], m,
+                                 own ? 0 : 1 + speaker},
+                    7);
+        random_add_noise(&random, samples + m * stride, n, rms);
+    }
+}
+
+void faults_limit(const struct faults *f, float *samples, size_t stride, size_t n)
+{
+    for (size_t m = 0; m < f->n_microphones; m++)
+        limit(&f->microphones[m], samples + m * stride, n);
 }
 
 void faults_record(const struct faults *f, const struct fault_slots *slots,
                    const uint64_t words[4], float *samples)
 {
-    for (size_t m = 0; m < f->n_microphones; m++) {
-        float *heard = samples + m * slots->n_frames;
-        add_noise(words, m, 0, f->microphones[m].noise_rms, heard, slots->n_frames);
-        for (size_t j = 0; j < slots->n_speakers; j++) {
-            uint32_t speaker = slots->speakers[j];
-            add_noise(words, m, 1 + speaker, f->speakers[speaker].noise_rms,
-                      heard + j * slots->slot_samples, slots->slot_samples);
-        }
-        limit(&f->microphones[m], heard, slots->n_frames);
-    }
+    size_t n = slots->n_frames, together = slots->together > 1 ? slots->together : 1;
+    faults_add_noise(f, words, FAULTS_NO_SPEAKER, samples, n, n);
+    for (size_t j = 0; j < slots->n_speakers; j++)
+        faults_add_noise(f, words, slots->speakers[j],
+                         samples + j / together * slots->slot_samples, n,
+                         slots->slot_samples);
+    faults_limit(f, samples, n, n);
 }

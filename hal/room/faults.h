@@ -4,6 +4,7 @@
 #define ANLOS_HAL_ROOM_FAULTS_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #include "hal/room/scene.h"
 
@@ -31,6 +32,7 @@ float *faults_emit(const struct faults *f, const float *chirp, size_t n_chirp);
 
 struct fault_slots { /* a recording of some speakers, one after the other */
     size_t n_frames, slot_samples;
+    size_t together;          /* that share a slot; 0 or 1: one */
     const uint32_t *speakers; /* [n_speakers] */
     size_t n_speakers;
 };
@@ -39,5 +41,13 @@ struct fault_slots { /* a recording of some speakers, one after the other */
  * The noise depends on nothing but words[4] and the faults. */
 void faults_record(const struct faults *f, const struct fault_slots *slots,
                    const uint64_t words[4], float *samples);
+
+/* The two parts of that, for samples [n_microphones] that stand stride apart, n of each:
+ * the noise of what a speaker emits, or FAULTS_NO_SPEAKER: the microphones' own; and the
+ * clipping. */
+#define FAULTS_NO_SPEAKER SIZE_MAX
+void faults_add_noise(const struct faults *f, const uint64_t words[4], size_t speaker,
+                      float *samples, size_t stride, size_t n);
+void faults_limit(const struct faults *f, float *samples, size_t stride, size_t n);
 
 #endif

@@ -23,7 +23,7 @@ static int reserve(struct legs *l, size_t n)
 }
 
 int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
-             const struct scatter *s, bool outward, bool facets, double delay_per_m)
+             const struct scatter *s, bool outward, double delay_per_m)
 {
     if (reserve(l, n_elements * s->n) < 0)
         return -ENOMEM;
@@ -34,7 +34,8 @@ int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
             double way[3];
             vector_add(elements[e], -1, outward ? p->out : p->in, way);
             double r = sqrt(vector_dot(way, way));
-            double cosine = facets ? vector_dot(way, p->normal) / r : 1;
+            bool front = p->normal[0] != 0 || p->normal[1] != 0 || p->normal[2] != 0;
+            double cosine = front ? vector_dot(way, p->normal) / r : 1;
             l->delay[k] = r * delay_per_m;
             l->gain[k] = cosine > 0 ? (float)(1 / r) : 0;
             l->cosine[k] = (float)cosine;

@@ -119,10 +119,10 @@ int propagate_prepare(struct propagate *p, const struct propagate_scene *scene)
         if (!p->groups[g])
             continue;
         if (legs_set(&p->in[g], direct ? scene->speakers_m : scene->speaker_images_m,
-                     p->cfg.n_speakers, p->groups[g], false, g == FACETS, per_m) < 0 ||
+                     p->cfg.n_speakers, p->groups[g], false, per_m) < 0 ||
             legs_set(&p->out[g],
                      direct ? scene->microphones_m : scene->microphone_images_m,
-                     p->cfg.n_microphones, p->groups[g], true, g == FACETS, per_m) < 0)
+                     p->cfg.n_microphones, p->groups[g], true, per_m) < 0)
             return -ENOMEM;
     }
     return 0;

@@ -1,7 +1,8 @@
 /* hal/room/room.h -- the simulated room behind `sim:`: what a scene file says, and the
  * sound in it.  Objects are given where they really are, in the array frame; the wall
- * mirrors the array to them and back.  Born and Kirchhoff: no multiple scattering, no
- * occlusion. Shares no propagation code with recon. */
+ * mirrors the array to them and back; in direct view or not, they are heard by way of the
+ * wall alone.  Born and Kirchhoff: no multiple scattering, no occlusion.  Shares no
+ * propagation code with recon. */
 #ifndef ANLOS_HAL_ROOM_ROOM_H
 #define ANLOS_HAL_ROOM_ROOM_H
 
@@ -15,10 +16,10 @@
 
 struct room;
 
-/* What is hidden: for the truth table. */
+/* What is hidden: for the truth table.  Of a drive as at time 0. */
 struct room_object {
     char name[32];
-    char kind[16];        /* point, rectangle, polygon, letter, corner */
+    char kind[16];        /* scene_kind_name() */
     double position_m[3]; /* centre, array frame, where it really is */
     double virtual_m[3];  /* mirrored at the wall: where it is imaged */
     double extent_m[3];   /* full size along the axes; 0 for a point */
@@ -48,13 +49,77 @@ size_t room_frames(const struct room *r, size_t n_speakers);
 size_t room_tail(const struct room *r); /* tail_samples() of its survey, hal/tail.h */
 
 /* What the microphones hear when speakers[n_speakers] emit one after the other, a slot
- * each: samples [n_microphones][room_frames(n_speakers)].  The noise depends on the
+ * each: samples [n_microphones][room_frames(n_speakers)], slots and directions
+ * as msgs/survey.h says.  The noise depends on the
  * scene's seed, the pass, the position and `take` only.  The paper's 16 x 16 pairs and
- * 1000 facets take some 30 ms.  0, -EINVAL (no such position, speaker), -ENOMEM. */
+ * 1000 facets take some 30 ms.  0, -EINVAL (no such position, speaker), -ENOTSUP (a
+ * drive), -ENOMEM.
+ */
 int room_record(struct room *r, Anlos__Pass pass, size_t position,
                 const uint32_t *speakers, size_t n_speakers, uint32_t take,
                 float *samples);
 double room_temperature_c(const struct room *r, Anlos__Pass pass, size_t position);
+
+/* A drive: the vehicle and its surroundings move (keys `drive`, `path`,
+ * hal/room/scene.h). World time runs from 0 to the period and starts again; any time may
+ * be asked for.  In a standing scene (not a drive, period 0) nothing below depends on the
+ * time. */
+bool room_is_drive(const struct room *r);
+double room_period_s(const struct room *r);
+
+/* World time at a time of the wall clock: what every process agrees on. */
+double room_time_s(const struct room *r, int64_t wall_ns);
+
+struct room_emission {
+    Anlos__Pass pass;
+    uint32_t speaker;
+    bool down;     /* the chirp runs from its stop to its start */
+    double t_s;    /* world time of sample 0 */
+    uint32_t take; /* the emission's number: its noise depends on nothing else but the
+                      seed and the pass */
+};
+
+/* What the microphones hear of one emission, from where everything is at that time, and
+ * of no other: samples [n_microphones][room_frames(1)], with noise and faults.  The time
+ * axis of each echo is stretched as the ways change while the chirp is under way (hal/
+ * room/doppler.h).  At the survey's position 0.  See hal/room/stream.h for emissions that
+ * ring into each other.
+ * Of a drive it takes some 3 us for each microphone and each piece that moves against the
+ * array: 1 ms with 16 microphones and a person, 4 ms with 80 pieces of clutter while the
+ * vehicle moves.  A plate has 270 pieces in a square decimetre: keep those small.
+ * 0, -EINVAL (no such speaker; down, and the survey's chirps do not alternate), -ENOMEM.
+ */
+int room_emit(struct room *r, const struct room_emission *e, float *samples);
+
+/* An object at a time, in the vehicle frame at that time (the array frame without a
+ * mount). */
+struct room_truth {
+    char name[32];
+    char kind[16];          /* scene_kind_name(): "person" */
+    double position_m[3];   /* centre */
+    double velocity_m_s[3]; /* over ground, along the axes of that frame */
+    double extent_m[3];     /* full size along the axes */
+    double virtual_m[3];    /* mirrored at the wall: where it is imaged, array frame */
+    bool line_of_sight;     /* no building stands between its centre and the array's */
+    double until_sight_s;   /* until that is so: 0 when it is now, NaN when never while
+                               it is there and the drive lasts */
+};
+
+/* The objects that are there at a time; returns how many that are, of which out[max] has
+ * the first. */
+size_t room_truth(const struct room *r, double t_s, struct room_truth *out, size_t max);
+
+/* How the vehicle moves, and where it has got to: its origin and heading in the vehicle
+ * frame of world time 0. */
+struct room_ego {
+    double speed_m_s, yaw_rate_rad_s;
+    bool standstill;
+    double x_m, y_m, yaw_rad;
+};
+void room_ego(const struct room *r, double t_s, struct room_ego *out);
+
+/* The wall { p : normal . p = distance_m } in the array frame at a time. */
+void room_wall(const struct room *r, double t_s, double normal[3], double *distance_m);
 void room_destroy(struct room *r);
 
 #endif

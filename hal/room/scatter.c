@@ -49,7 +49,7 @@ void scatter_plane_set(struct scatter_plane *p, const double centre[3],
     vector_cross(facing, p->u, p->v);
 }
 
-static int append(struct scatter *s, const struct scatter_piece *piece)
+int scatter_add(struct scatter *s, const struct scatter_piece *piece)
 {
     if (s->n == s->room) {
         size_t room = s->room ? 2 * s->room : 256;
@@ -68,7 +68,7 @@ int scatter_add_point(struct scatter *s, const double at[3], double scattering_l
     struct scatter_piece piece = {.weight = scattering_length_m};
     memcpy(piece.in, at, sizeof piece.in);
     memcpy(piece.out, at, sizeof piece.out);
-    return append(s, &piece);
+    return scatter_add(s, &piece);
 }
 
 static bool letter_has(const struct scatter_shape *s, double x, double y)
@@ -136,7 +136,7 @@ static int add_cell(struct scatter *s, const struct scatter_plane *p,
     vector_add(p->centre, side * middle[0], p->u, piece.out);
     vector_add(piece.out, side * middle[1], p->v, piece.out);
     memcpy(piece.normal, p->normal, sizeof piece.normal);
-    return append(s, &piece);
+    return scatter_add(s, &piece);
 }
 
 int scatter_add_shape(struct scatter *s, const struct scatter_plane *plane,

@@ -12,7 +12,7 @@
  * reflector are these two places. */
 struct scatter_piece {
     double in[3], out[3];
-    double normal[3]; /* unit, of the front; of a facet only */
+    double normal[3]; /* unit, of the front; 0: a point that looks everywhere */
     double weight;    /* point: scattering length in m; facet: reflectivity x area, m2 */
 };
 
@@ -40,6 +40,8 @@ struct scatter_shape {
     size_t n_outline;
 };
 
+/* 0, -ENOMEM. */
+int scatter_add(struct scatter *s, const struct scatter_piece *piece);
 int scatter_add_point(struct scatter *s, const double at[3], double scattering_length_m);
 
 /* Facets of at most pitch_m.  retro: sound leaves on the other side of the centre.

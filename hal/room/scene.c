@@ -5,17 +5,19 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "hal/room/scene_preset.h"
 #include "hal/yaml/file.h"
 #include "hal/survey/place.h"
 
 #define OPTIONAL CYAML_FLAG_OPTIONAL
 
-static const cyaml_strval_t kinds[] = {{"point", SCENE_POINT},
-                                       {"rectangle", SCENE_RECTANGLE},
-                                       {"polygon", SCENE_POLYGON},
-                                       {"letter", SCENE_LETTER},
-                                       {"corner", SCENE_CORNER}};
-static const cyaml_strval_t arrays[] = {{"explicit", 0}, {"paper", 1}};
+static const cyaml_strval_t kinds[] = {
+    {"point", SCENE_POINT},     {"rectangle", SCENE_RECTANGLE},
+    {"polygon", SCENE_POLYGON}, {"letter", SCENE_LETTER},
+    {"corner", SCENE_CORNER},   {"person", SCENE_PERSON},
+    {"cyclist", SCENE_CYCLIST}, {"car", SCENE_CAR}};
+static const cyaml_strval_t arrays[] = {
+    {"explicit", SCENE_EXPLICIT}, {"paper", SCENE_PAPER}, {"bumper", SCENE_BUMPER}};
 static const cyaml_schema_value_t pair = {
     CYAML_VALUE_SEQUENCE_FIXED(CYAML_FLAG_DEFAULT, double, &survey_yaml_number, 2)};
 
@@ -29,11 +31,22 @@ static const cyaml_schema_value_t pair = {
     CYAML_FIELD_MAPPING_PTR(#key, OPTIONAL, struct scene, key, fields)
 /* clang-format on */
 
+static const cyaml_schema_field_t knot_fields[] = {
+    NUMBER(scene_knot, t_s, CYAML_FLAG_DEFAULT),
+    CYAML_FIELD_SEQUENCE_FIXED("position_m", CYAML_FLAG_DEFAULT, struct scene_knot,
+                               position_m, &survey_yaml_number, 3),
+    CYAML_FIELD_END};
+static const cyaml_schema_value_t knot_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_knot, knot_fields)};
+
 static const cyaml_schema_field_t object_fields[] = {
     CYAML_FIELD_STRING("name", CYAML_FLAG_DEFAULT, struct scene_object, name, 1),
-    CYAML_FIELD_ENUM("kind", CYAML_FLAG_STRICT, struct scene_object, kind, kinds, 5),
-    CYAML_FIELD_SEQUENCE_FIXED("position_m", CYAML_FLAG_DEFAULT, struct scene_object,
-                               position_m, &survey_yaml_number, 3),
+    CYAML_FIELD_ENUM("kind", CYAML_FLAG_STRICT, struct scene_object, kind, kinds,
+                     SCENE_KINDS),
+    VECTOR_PTR(scene_object, position_m, 3),
+    CYAML_FIELD_SEQUENCE_COUNT("path", CYAML_FLAG_POINTER | OPTIONAL, struct scene_object,
+                               path, n_path, &knot_schema, 1, 100),
+    VECTOR_PTR(scene_object, present_s, 2),
     NUMBER_PTR(scene_object, scattering_length_m),
     NUMBER_PTR(scene_object, side_m),
     VECTOR_PTR(scene_object, size_m, 2),
@@ -66,7 +79,19 @@ static const cyaml_schema_field_t error_fields[] = {
     NUMBER(scene_errors, gain_db, OPTIONAL), NUMBER(scene_errors, element_m, OPTIONAL),
     NUMBER(scene_errors, stage_m, OPTIONAL), CYAML_FIELD_END};
 static const cyaml_schema_field_t noise_fields[] = {
-    NUMBER_PTR(scene_noise, snr_db), NUMBER_PTR(scene_noise, rms), CYAML_FIELD_END};
+    NUMBER_PTR(scene_noise, snr_db), NUMBER_PTR(scene_noise, at_m),
+    NUMBER_PTR(scene_noise, rms), CYAML_FIELD_END};
+static const cyaml_schema_field_t motion_fields[] = {
+    NUMBER(scene_motion, t_s, CYAML_FLAG_DEFAULT),
+    NUMBER(scene_motion, speed_m_s, CYAML_FLAG_DEFAULT),
+    NUMBER(scene_motion, yaw_rate_deg_s, OPTIONAL), CYAML_FIELD_END};
+static const cyaml_schema_value_t motion_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_motion, motion_fields)};
+static const cyaml_schema_field_t drive_fields[] = {
+    NUMBER(scene_drive, period_s, CYAML_FLAG_DEFAULT),
+    CYAML_FIELD_SEQUENCE_COUNT("ego", CYAML_FLAG_POINTER | OPTIONAL, struct scene_drive,
+                               ego, n_ego, &motion_schema, 1, 200),
+    CYAML_FIELD_END};
 static const cyaml_schema_field_t drift_fields[] = {
     NUMBER(scene_drift, background_c, OPTIONAL), NUMBER(scene_drift, scan_c, OPTIONAL),
     CYAML_FIELD_END};
@@ -96,7 +121,7 @@ static const cyaml_schema_field_t faults_fields[] = {
 static const cyaml_schema_field_t scene_fields[] = {
     SURVEY_YAML_FIELDS(struct scene, CYAML_FLAG_OPTIONAL),
     CYAML_FIELD_ENUM("array", CYAML_FLAG_STRICT | OPTIONAL, struct scene, array, arrays,
-                     2),
+                     3),
     CYAML_FIELD_UINT("seed", OPTIONAL, struct scene, seed),
     NUMBER_PTR(scene, level),
     NUMBER_PTR(scene, direct_level),
@@ -107,54 +132,18 @@ static const cyaml_schema_field_t scene_fields[] = {
     PART(noise, noise_fields),
     PART(drift, drift_fields),
     PART(faults, faults_fields),
+    PART(drive, drive_fields),
+    CYAML_FIELD_SEQUENCE_COUNT("building", CYAML_FLAG_POINTER | OPTIONAL, struct scene,
+                               building, n_building, &pair, 3, 100),
     CYAML_FIELD_SEQUENCE_COUNT("objects", CYAML_FLAG_POINTER | OPTIONAL, struct scene,
                                objects, n_objects, &object_schema, 0, 1000),
     CYAML_FIELD_END};
 static const cyaml_schema_value_t scene_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_POINTER, struct scene, scene_fields)};
 
-/* Keeps *p, or makes it and copies the default. */
-static int fill_in(void *p, const void *value, size_t size)
+const char *scene_kind_name(int kind)
 {
-    void *there;
-    memcpy(&there, p, sizeof there);
-    if (there)
-        return 0;
-    there = malloc(size);
-    if (!there)
-        return -ENOMEM;
-    memcpy(there, value, size);
-    memcpy(p, &there, sizeof there);
-    return 0;
-}
-
-/* 16 speakers and 16 microphones upright, 0.08 m apart, carried 1 m in 32 steps (Lindell
- * 2019, section 4). */
-static int fill_in_paper(struct survey_yaml *y)
-{
-    enum { ELEMENTS = 16, POSITIONS = 32 };
-    static const double rate_hz = 48000;
-    static const uint32_t slot = 3000;
-    static const struct survey_yaml_chirp chirp = {2000, 20000, 0.0625, 0};
-    struct survey_yaml_stage stage = {.axis = {1, 0, 0}, .n_positions = POSITIONS};
-    double speakers[ELEMENTS][3], microphones[ELEMENTS][3], positions[POSITIONS];
-    for (int i = 0; i < ELEMENTS; i++)
-        for (int a = 0; a < 3; a++) {
-            speakers[i][a] = a == 1 ? i / 15.0 : 0;
-            microphones[i][a] = a == 0 ? 0.08 : speakers[i][a];
-        }
-    for (int k = 0; k < POSITIONS; k++)
-        positions[k] = k / 31.0;
-    y->n_speakers = y->n_microphones = ELEMENTS;
-    if (fill_in(&y->sample_rate_hz, &rate_hz, sizeof rate_hz) ||
-        fill_in(&y->slot_samples, &slot, sizeof slot) ||
-        fill_in(&y->chirp, &chirp, sizeof chirp) ||
-        fill_in(&y->speakers_m, speakers, sizeof speakers) ||
-        fill_in(&y->microphones_m, microphones, sizeof microphones) ||
-        fill_in(&y->stage, &stage, sizeof stage) ||
-        fill_in(&y->stage->positions_m, positions, sizeof positions))
-        return -ENOMEM;
-    return 0;
+    return kinds[kind].str;
 }
 
 static int fill_in_array(struct scene *s, const char *path, struct complaint *why)
@@ -173,7 +162,8 @@ static int fill_in_array(struct scene *s, const char *path, struct complaint *wh
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
         if (s->array && keys[i].by_preset && keys[i].value)
             return yaml_complain(why, -EINVAL, path, keys[i].key,
-                                 "\"array: paper\" says this already; expected one");
+                                 "\"array: %s\" says this already; expected one",
+                                 arrays[s->array].str);
         if (!s->array && !keys[i].value && strcmp(keys[i].key, "stage"))
             return complain(why, -EINVAL,
                             "%s:1: the key \"%s\" is missing, or \"array: paper\"", path,
@@ -181,7 +171,7 @@ static int fill_in_array(struct scene *s, const char *path, struct complaint *wh
     }
     if (!y->wall)
         return complain(why, -EINVAL, "%s:1: the key \"wall\" is missing", path);
-    if (s->array && fill_in_paper(y) < 0)
+    if (scene_fill_in_array(y, s->array) < 0)
         return complain(why, -ENOMEM, "%s: out of memory", path);
     return 0;
 }
@@ -193,19 +183,32 @@ static int fill_in_defaults(struct scene *s)
     static const struct scene_clutter clutter = {.far_m = 1};
     static const struct scene_microphones microphones = {0};
     static const struct scene_errors errors = {0, 0, 0};
-    static const struct scene_noise noise = {NULL, NULL};
+    static const struct scene_noise noise = {NULL, NULL, NULL};
     static const struct scene_drift drift = {0, 0};
     static const struct scene_faults faults = {0};
-    if (fill_in(&s->level, &level, sizeof level) ||
-        fill_in(&s->direct_level, &direct, sizeof direct) ||
-        fill_in(&s->wall_sound, &wall, sizeof wall) ||
-        fill_in(&s->clutter, &clutter, sizeof clutter) ||
-        fill_in(&s->microphones, &microphones, sizeof microphones) ||
-        fill_in(&s->errors, &errors, sizeof errors) ||
-        fill_in(&s->noise, &noise, sizeof noise) ||
-        fill_in(&s->drift, &drift, sizeof drift) ||
-        fill_in(&s->faults, &faults, sizeof faults))
+    if (scene_fill_in(&s->level, &level, sizeof level) ||
+        scene_fill_in(&s->direct_level, &direct, sizeof direct) ||
+        scene_fill_in(&s->wall_sound, &wall, sizeof wall) ||
+        scene_fill_in(&s->clutter, &clutter, sizeof clutter) ||
+        scene_fill_in(&s->microphones, &microphones, sizeof microphones) ||
+        scene_fill_in(&s->errors, &errors, sizeof errors) ||
+        scene_fill_in(&s->noise, &noise, sizeof noise) ||
+        scene_fill_in(&s->drift, &drift, sizeof drift) ||
+        scene_fill_in(&s->faults, &faults, sizeof faults))
         return -ENOMEM;
+    return 0;
+}
+
+/* What has a path is where that begins. */
+static int place_objects(struct scene *s)
+{
+    for (unsigned i = 0; i < s->n_objects; i++) {
+        struct scene_object *o = &s->objects[i];
+        if (o->n_path && !o->position_m &&
+            scene_fill_in(&o->position_m, o->path[0].position_m,
+                          sizeof o->path[0].position_m))
+            return -ENOMEM;
+    }
     return 0;
 }
 
@@ -222,8 +225,12 @@ int scene_load(struct scene **out, struct survey *survey, const char *path,
     err = fill_in_array(s, path, why);
     if (!err && fill_in_defaults(s) < 0)
         err = complain(why, -ENOMEM, "%s: out of memory", path);
+    if (!err && place_objects(s) < 0)
+        err = complain(why, -ENOMEM, "%s: out of memory", path);
     if (!err)
         err = scene_check(s, path, why);
+    if (!err)
+        err = scene_check_drive(s, path, why);
     if (!err)
         err = survey_from_yaml(survey, &s->survey, path, why);
     if (err) {

@@ -1,5 +1,6 @@
 /* hal/room/scene.h -- a scene file: the survey's keys, and the world that a survey does
- * not know.  All lengths in m, in the array frame. */
+ * not know.  All lengths in m, in the array frame; of a drive, whose vehicle moves, in
+ * the array frame as it stands over ground at time 0. */
 #ifndef ANLOS_HAL_ROOM_SCENE_H
 #define ANLOS_HAL_ROOM_SCENE_H
 
@@ -9,27 +10,44 @@
 #include "msgs/complaint.h"
 #include "msgs/survey.h"
 
+enum scene_array { SCENE_EXPLICIT, SCENE_PAPER, SCENE_BUMPER };
+
 enum scene_kind {
     SCENE_POINT,
     SCENE_RECTANGLE,
     SCENE_POLYGON,
     SCENE_LETTER,
     SCENE_CORNER,
+    SCENE_PERSON, /* bodies of points, hal/room/figure.h */
+    SCENE_CYCLIST,
+    SCENE_CAR,
+    SCENE_KINDS
+};
+
+/* An object goes straight from knot to knot; before the first and after the last it
+ * stands there. */
+struct scene_knot {
+    double t_s, position_m[3];
 };
 
 /* As the file has it; NULL: not given. */
 struct scene_object {
     char name[32];
     int kind;
-    double position_m[3];
-    double *scattering_length_m; /* point */
-    double *side_m;              /* corner: edge of the trihedral */
-    double *size_m;              /* [2] width, height of rectangle, letter */
-    double (*outline_m)[2];      /* polygon: right and up from position_m */
+    double *position_m;      /* [3] where it stands, or its path; the centre of a body */
+    struct scene_knot *path; /* drive: ends where it begins, unless present_s is given */
+    unsigned n_path;
+    double *present_s; /* [2] drive: it is there from one time to another */
+    /* point; of a body the root of its points' squares' sum */
+    double *scattering_length_m;
+    double *side_m;         /* corner: edge of the trihedral */
+    double *size_m;         /* [2] width, height of rectangle, letter */
+    double (*outline_m)[2]; /* polygon: right and up from position_m */
     unsigned n_outline;
     char letter[2];
     double *stroke_m; /* letter */
-    double *facing;   /* [3] the front's direction; default: to the mirrored array */
+    double *facing;   /* [3] the front's direction; default: to the mirrored array, of a
+                         body where it goes */
     double *up;       /* [3] default: the array's y axis */
     double *reflectivity;
 };
@@ -56,7 +74,20 @@ struct scene_errors { /* unknown to the processor; rms for each axis, element, p
 
 struct scene_noise {
     double *snr_db; /* power of the objects' echoes in the recording over the noise's */
+    double *at_m;   /* snr_db: in place of the objects, of a person at this range (half
+                       the path) by way of the wall; what a drive has to say */
     double *rms;    /* or absolute, full scale +-1 */
+};
+
+struct scene_motion {
+    double t_s, speed_m_s, yaw_rate_deg_s; /* of the vehicle; yaw to the left */
+};
+
+struct scene_drive { /* repeats for ever; needs a mount and no stage */
+    double period_s;
+    struct scene_motion *ego; /* straight from knot to knot, constant outside of them;
+                                 absent: the vehicle stands */
+    unsigned n_ego;
 };
 
 struct scene_drift {     /* of the air, against temperature_c */
@@ -83,7 +114,7 @@ struct scene_faults {        /* of the array; unknown to the processor */
 
 struct scene {
     struct survey_yaml survey;
-    int array; /* 0: as the keys say, 1: paper */
+    enum scene_array array;
     uint32_t seed;
     double *level;        /* amplitude at 1 m, full scale +-1; default 0.05 */
     double *direct_level; /* of the way from speaker to microphone; default 1 */
@@ -94,9 +125,16 @@ struct scene {
     struct scene_noise *noise;
     struct scene_drift *drift;
     struct scene_faults *faults;
+    struct scene_drive *drive;
+    double (*building)[2]; /* [n_building] x, z: an outline that hides things from view;
+                              for the truth alone, sound does not know it */
+    unsigned n_building;
     struct scene_object *objects;
     unsigned n_objects;
 };
+
+/* "point" */
+const char *scene_kind_name(int kind);
 
 /* Reads and checks a file; optional mappings are there with their defaults.  *survey: as
  * the processor should know it, but for synthetic microphones.  scene_free the one,
@@ -107,5 +145,8 @@ void scene_free(struct scene *s);
 
 /* Ranges, and keys that belong to another kind of object (scene_check.c). */
 int scene_check(const struct scene *s, const char *path, struct complaint *why);
+
+/* The same of what moves, and of keys that only a drive has (scene_drive.c). */
+int scene_check_drive(const struct scene *s, const char *path, struct complaint *why);
 
 #endif

@@ -47,6 +47,7 @@ static int check_world(const struct scene *s, const char *path, struct complaint
         {"errors.element_m", s->errors->element_m, 0, 0.1},
         {"errors.stage_m", s->errors->stage_m, 0, 0.1},
         {"noise.snr_db", s->noise->snr_db ? *s->noise->snr_db : 0, -100, 200},
+        {"noise.at_m", s->noise->at_m ? *s->noise->at_m : 1, 0.1, 100},
         {"noise.rms", s->noise->rms ? *s->noise->rms : 0, 0, 10},
         {"drift.background_c", s->drift->background_c, -30, 30},
         {"drift.scan_c", s->drift->scan_c, -30, 30},
@@ -54,9 +55,12 @@ static int check_world(const struct scene *s, const char *path, struct complaint
     if (s->noise->snr_db && s->noise->rms)
         return yaml_complain(why, -EINVAL, path, "noise.rms",
                              "expected snr_db or rms, found both");
-    if (s->noise->snr_db && !s->n_objects)
+    if (s->noise->at_m && !s->noise->snr_db)
+        return yaml_complain(why, -EINVAL, path, "noise.at_m", "expected snr_db with it");
+    if (s->noise->snr_db && !s->n_objects && !s->noise->at_m && !s->drive)
         return yaml_complain(why, -EINVAL, path, "noise.snr_db",
-                             "there are no objects to measure noise against; say rms");
+                             "there are no objects to measure noise against; say rms, or "
+                             "at_m");
     if (s->microphones->ripple_db > 0 && s->survey.calibration)
         return yaml_complain(why, -EINVAL, path, "microphones",
                              "calibration says what the microphones do; expected one");
@@ -67,35 +71,36 @@ static int check_world(const struct scene *s, const char *path, struct complaint
 struct key_use {
     const char *key;
     bool given;
-    unsigned char use[5]; /* by enum scene_kind */
+    unsigned char use[SCENE_KINDS];
 };
 
 static int check_keys(const struct scene_object *o, const char *prefix, const char *path,
                       struct complaint *why)
 {
-    static const char *const kinds[] = {"point", "rectangle", "polygon", "letter",
-                                        "corner"};
     const struct key_use keys[] = {
-        {"scattering_length_m", o->scattering_length_m, {2, 0, 0, 0, 0}},
-        {"side_m", o->side_m, {0, 0, 0, 0, 2}},
-        {"size_m", o->size_m, {0, 2, 0, 2, 0}},
-        {"outline_m", o->outline_m, {0, 0, 2, 0, 0}},
-        {"letter", o->letter[0], {0, 0, 0, 2, 0}},
-        {"stroke_m", o->stroke_m, {0, 0, 0, 2, 0}},
-        {"facing", o->facing, {0, 1, 1, 1, 1}},
-        {"up", o->up, {0, 1, 1, 1, 0}},
-        {"reflectivity", o->reflectivity, {0, 1, 1, 1, 1}},
+        {"scattering_length_m", o->scattering_length_m, {2, 0, 0, 0, 0, 1, 1, 1}},
+        {"side_m", o->side_m, {0, 0, 0, 0, 2, 0, 0, 0}},
+        {"size_m", o->size_m, {0, 2, 0, 2, 0, 0, 0, 0}},
+        {"outline_m", o->outline_m, {0, 0, 2, 0, 0, 0, 0, 0}},
+        {"letter", o->letter[0], {0, 0, 0, 2, 0, 0, 0, 0}},
+        {"stroke_m", o->stroke_m, {0, 0, 0, 2, 0, 0, 0, 0}},
+        {"facing", o->facing, {0, 1, 1, 1, 1, 1, 1, 1}},
+        {"up", o->up, {0, 1, 1, 1, 0, 0, 0, 0}},
+        {"reflectivity", o->reflectivity, {0, 1, 1, 1, 1, 0, 0, 0}},
     };
     char key[96];
+    if (!o->position_m)
+        return yaml_complain(why, -EINVAL, path, prefix,
+                             "the key \"position_m\" is missing, or a path");
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
         unsigned use = keys[i].use[o->kind];
         snprintf(key, sizeof key, "%s%s", prefix, keys[i].key);
         if (use == 2 && !keys[i].given)
             return yaml_complain(why, -EINVAL, path, prefix, "a %s needs the key \"%s\"",
-                                 kinds[o->kind], keys[i].key);
+                                 scene_kind_name(o->kind), keys[i].key);
         if (use == 0 && keys[i].given)
             return yaml_complain(why, -EINVAL, path, key, "a %s does not have this",
-                                 kinds[o->kind]);
+                                 scene_kind_name(o->kind));
     }
     return 0;
 }
@@ -130,9 +135,7 @@ static int check_object(const struct scene_object *o, const char *prefix,
         {"position_m[1]", o->position_m[1], -100, 100},
         {"position_m[2]", o->position_m[2], -100, 100},
     };
-    int err = check_keys(o, prefix, path, why);
-    if (!err)
-        err = check_rules(rules, sizeof rules / sizeof *rules, prefix, path, why);
+    int err = check_rules(rules, sizeof rules / sizeof *rules, prefix, path, why);
     for (size_t i = 0; i < 2 * (size_t)o->n_outline && !err; i++)
         if (!(o->outline_m[i / 2][i % 2] >= -5 && o->outline_m[i / 2][i % 2] <= 5)) {
             char key[96];
@@ -194,7 +197,9 @@ int scene_check(const struct scene *s, const char *path, struct complaint *why)
         err = check_faults(s, path, why);
     for (unsigned i = 0; i < s->n_objects && !err; i++) {
         snprintf(prefix, sizeof prefix, "objects[%u].", i);
-        err = check_object(&s->objects[i], prefix, path, why);
+        err = check_keys(&s->objects[i], prefix, path, why);
+        if (!err)
+            err = check_object(&s->objects[i], prefix, path, why);
     }
     return err;
 }

@@ -6,14 +6,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/random.h"
+#include "hal/room/clutter.h"
+#include "hal/room/figure.h"
+#include "hal/room/motion.h"
 #include "hal/room/vector.h"
 #include "hal/survey/place.h"
 
 #define FACETS_PER_WAVELENGTH 2.8 /* of the highest frequency; 2 is the limit */
-#define WALL_REACH_M          1.5 /* clutter on the wall, from the array's foot point */
-
-enum { STREAM_CLUTTER = 1, STREAM_WALL = 2 };
 
 struct builder {
     struct world *world;
@@ -90,12 +89,10 @@ static void describe(const struct builder *b, const struct scene_object *o,
                      const struct scatter_plane *plane, const struct scatter_shape *shape,
                      struct room_object *out)
 {
-    static const char *const kinds[] = {"point", "rectangle", "polygon", "letter",
-                                        "corner"};
     const struct survey *s = b->survey;
     *out = (struct room_object){.name = ""};
     snprintf(out->name, sizeof out->name, "%s", o->name);
-    snprintf(out->kind, sizeof out->kind, "%s", kinds[o->kind]);
+    snprintf(out->kind, sizeof out->kind, "%s", scene_kind_name(o->kind));
     memcpy(out->position_m, o->position_m, sizeof out->position_m);
     if (shape) {
         double middle[2] = {(shape->min[0] + shape->max[0]) / 2,
@@ -109,11 +106,55 @@ static void describe(const struct builder *b, const struct scene_object *o,
     vector_mirror(s->wall_normal, s->wall_distance_m, out->position_m, out->virtual_m);
 }
 
+/* Where it goes, or looks, or to the mirrored array. */
+static void set_heading(const struct builder *b, const struct scene_object *o,
+                        double heading[3])
+{
+    struct motion motion;
+    motion_at(o, b->world->up, 0, &motion);
+    memcpy(heading, motion.heading, sizeof motion.heading);
+    if (vector_dot(heading, heading) > 0)
+        return;
+    if (o->facing)
+        memcpy(heading, o->facing, 3 * sizeof *heading);
+    else
+        vector_add(b->image, -1, o->position_m, heading);
+    vector_add(heading, -vector_dot(heading, b->world->up), b->world->up, heading);
+    if (vector_normalize(heading) < 1e-6) { /* it looks up */
+        static const double spare[3] = {1, 0, 0};
+        vector_cross(b->world->up, spare, heading);
+        vector_normalize(heading);
+    }
+}
+
+static int add_figure(const struct builder *b, const struct scene_object *o,
+                      struct room_object *truth)
+{
+    struct scatter_piece pieces[FIGURE_MAX];
+    struct figure_pose pose = {.walked_m = 0};
+    double length = o->scattering_length_m ? *o->scattering_length_m
+                                           : figure_scattering_length_m(o->kind);
+    double *heading = b->world->parts[b->world->n_objects].heading;
+    set_heading(b, o, heading);
+    memcpy(pose.centre_m, o->position_m, sizeof pose.centre_m);
+    memcpy(pose.heading, heading, sizeof pose.heading);
+    memcpy(pose.up, b->world->up, sizeof pose.up);
+    figure_set(o->kind, &pose, length, pieces);
+    describe(b, o, NULL, NULL, truth);
+    figure_extent(o->kind, &pose, truth->extent_m);
+    for (size_t i = 0; i < figure_size(o->kind); i++)
+        if (scatter_add(&b->world->points, &pieces[i]) < 0)
+            return -ENOMEM;
+    return 0;
+}
+
 static int add_object(const struct builder *b, const struct scene_object *o,
                       struct room_object *truth)
 {
     struct scatter_plane plane;
     struct scatter_shape shape;
+    if (figure_size(o->kind))
+        return add_figure(b, o, truth);
     if (o->kind == SCENE_POINT) {
         describe(b, o, NULL, NULL, truth);
         return scatter_add_point(&b->world->points, o->position_m,
@@ -136,6 +177,18 @@ static double before_wall(const struct builder *b, const double p[3])
     return array_side < 0 ? -side : side;
 }
 
+static int check_place(const struct builder *b, const char *name, const double p[3],
+                       const char *path, const char *key, struct complaint *why)
+{
+    double before_m = before_wall(b, p);
+    if (before_m > 0)
+        return 0;
+    return yaml_complain(why, -EINVAL, path, key,
+                         "%s is %.3f m behind the wall; positions are where objects "
+                         "really are, on the array's side",
+                         name, -before_m);
+}
+
 static int add_objects(const struct builder *b, const char *path, struct complaint *why)
 {
     struct world *w = b->world;
@@ -146,63 +199,38 @@ static int add_objects(const struct builder *b, const char *path, struct complai
     for (unsigned i = 0; i < b->scene->n_objects; i++) {
         const struct scene_object *o = &b->scene->objects[i];
         snprintf(key, sizeof key, "objects[%u].position_m", i);
-        double before_m = before_wall(b, o->position_m);
-        if (before_m <= 0)
-            return yaml_complain(why, -EINVAL, path, key,
-                                 "%s is %.3f m behind the wall; positions are where "
-                                 "objects really are, on the array's side",
-                                 o->name, -before_m);
+        int err = check_place(b, o->name, o->position_m, path, key, why);
+        for (unsigned k = 0; k < o->n_path && !err; k++) {
+            snprintf(key, sizeof key, "objects[%u].path[%u].position_m", i, k);
+            err = check_place(b, o->name, o->path[k].position_m, path, key, why);
+        }
+        if (err)
+            return err;
+        struct world_part *part = &w->parts[w->n_objects];
+        part->point = w->points.n;
+        part->facet = w->facets.n;
         if (add_object(b, o, &w->objects[w->n_objects]) < 0)
             return complain(why, -ENOMEM, "%s: out of memory", path);
+        part->n_points = w->points.n - part->point;
+        part->n_facets = w->facets.n - part->facet;
         w->n_objects++;
     }
     return 0;
 }
 
-/* Diffuse patches around the point of the wall that is nearest to the array. */
-static int add_wall_clutter(const struct builder *b)
+/* The vehicle's z axis in the array frame. */
+static void set_up(const struct survey *s, double up[3])
 {
-    const struct scene_wall *wall = b->scene->wall_sound;
-    const struct survey *s = b->survey;
-    static const double up[3] = {0, 1, 0};
-    struct scatter_plane plane;
-    struct random r;
-    double foot[3];
-    random_seed(&r, (uint64_t[]){b->scene->seed, STREAM_WALL}, 2);
-    vector_add(b->centre, s->wall_distance_m - vector_dot(s->wall_normal, b->centre),
-               s->wall_normal, foot);
-    scatter_plane_set(&plane, foot, s->wall_normal, up);
-    for (uint32_t i = 0; i < wall->patches; i++) {
-        double p[3];
-        vector_add(foot, WALL_REACH_M * (2 * random_even(&r) - 1), plane.u, p);
-        vector_add(p, WALL_REACH_M * (2 * random_even(&r) - 1), plane.v, p);
-        vector_add(p, wall->roughness_m * random_normal(&r), s->wall_normal, p);
-        if (scatter_add_point(&b->world->clutter, p,
-                              wall->scattering_length_m * random_normal(&r)) < 0)
-            return -ENOMEM;
-    }
-    return 0;
-}
-
-/* Anywhere around the array at a distance of near_m to far_m, before the wall. */
-static int add_room_clutter(const struct builder *b)
-{
-    const struct scene_clutter *c = b->scene->clutter;
-    const struct survey *s = b->survey;
-    struct random r;
-    random_seed(&r, (uint64_t[]){b->scene->seed, STREAM_CLUTTER}, 2);
-    for (uint32_t i = 0; i < c->points; i++) {
-        double p[3], way[3] = {random_normal(&r), random_normal(&r), random_normal(&r)};
-        vector_normalize(way);
-        vector_add(b->centre, c->near_m + (c->far_m - c->near_m) * random_even(&r), way,
-                   p);
-        if (before_wall(b, p) < 0)
-            vector_mirror(s->wall_normal, s->wall_distance_m, p, p);
-        if (scatter_add_point(&b->world->clutter, p,
-                              c->scattering_length_m * random_normal(&r)) < 0)
-            return -ENOMEM;
-    }
-    return 0;
+    static const double array_up[3] = {0, 1, 0};
+    double z_axis[3];
+    memcpy(up, array_up, sizeof array_up);
+    if (!s->has_mount)
+        return;
+    vector_cross(s->mount_x_axis, s->mount_y_axis, z_axis);
+    up[0] = s->mount_x_axis[2];
+    up[1] = s->mount_y_axis[2];
+    up[2] = z_axis[2];
+    vector_normalize(up);
 }
 
 int world_create(struct world *out, const struct scene *scene, const struct survey *s,
@@ -211,14 +239,18 @@ int world_create(struct world *out, const struct scene *scene, const struct surv
     struct builder b = {.world = out, .scene = scene, .survey = s};
     *out = (struct world){.n_objects = 0};
     out->objects = calloc(scene->n_objects + 1, sizeof *out->objects);
-    if (!out->objects)
+    out->parts = calloc(scene->n_objects + 1, sizeof *out->parts);
+    if (!out->objects || !out->parts) {
+        world_clear(out);
         return complain(why, -ENOMEM, "%s: out of memory", path);
+    }
+    set_up(s, out->up);
     array_centre(s, b.centre);
     vector_mirror(s->wall_normal, s->wall_distance_m, b.centre, b.image);
     b.pitch_m = s->sound_speed_m_s / fmax(s->chirp_start_hz, s->chirp_stop_hz) /
                 FACETS_PER_WAVELENGTH;
     int err = add_objects(&b, path, why);
-    if (!err && (add_wall_clutter(&b) < 0 || add_room_clutter(&b) < 0))
+    if (!err && clutter_add(&out->clutter, scene, s, b.centre) < 0)
         err = complain(why, -ENOMEM, "%s: out of memory", path);
     if (err)
         world_clear(out);
@@ -231,5 +263,6 @@ void world_clear(struct world *w)
     scatter_clear(&w->facets);
     scatter_clear(&w->clutter);
     free(w->objects);
+    free(w->parts);
     *w = (struct world){.n_objects = 0};
 }

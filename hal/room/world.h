@@ -7,14 +7,23 @@
 #include "hal/room/scatter.h"
 #include "hal/room/scene.h"
 
+/* Which pieces are an object's. */
+struct world_part {
+    size_t point, n_points, facet, n_facets; /* first and number */
+    double heading[3]; /* of a body that never goes anywhere; unit, horizontal */
+};
+
 struct world {
     struct scatter points, facets; /* hidden, where they really are */
     struct scatter clutter;        /* wall and room */
     size_t n_objects;
     struct room_object *objects; /* [n_objects] */
+    struct world_part *parts;    /* [n_objects] */
+    double up[3];                /* unit: of the vehicle, or the array's y axis */
 };
 
-/* path: for complaints.  0, -EINVAL (an object behind the wall), -ENOMEM. */
+/* Everything as at time 0, of a drive too.  path: for complaints.  0, -EINVAL (an object
+ * behind the wall), -ENOMEM. */
 int world_create(struct world *out, const struct scene *scene, const struct survey *s,
                  const char *path, struct complaint *why);
 void world_clear(struct world *w);

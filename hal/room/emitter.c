@@ -1,0 +1,221 @@
+#include "hal/room/emitter.h"
+
+#include <complex.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <fftw3.h>
+
+#include "hal/room/vector.h"
+
+enum { POINT, FACET, WAVES };
+
+struct emitter {
+    struct emitter_config cfg;
+    size_t n_bins;
+    struct wave **waves; /* [up, down][n_speakers][WAVES] */
+    float *responses;    /* [n_microphones][n_bins], with the transforms' scale */
+    float *samples;      /* [n_samples] */
+    fftwf_complex *spectrum;
+    fftwf_plan forward, backward;
+};
+
+static struct wave **wave_of(const struct emitter *e, bool down, size_t speaker, int kind)
+{
+    return &e->waves[(down * e->cfg.n_speakers + speaker) * WAVES + (size_t)kind];
+}
+
+static int create_waves(struct emitter *e)
+{
+    const struct emitter_config *cfg = &e->cfg;
+    int err = 0;
+    for (int down = 0; down < 2 && cfg->emissions[down]; down++)
+        for (size_t s = 0; s < cfg->n_speakers && !err; s++) {
+            const float *x = cfg->emissions[down] + s * cfg->n_chirp;
+            err = wave_create(wave_of(e, down, s, POINT), x, cfg->n_chirp, 0);
+            if (!err && cfg->facets)
+                err = wave_create(wave_of(e, down, s, FACET), x, cfg->n_chirp, 1);
+        }
+    return err;
+}
+
+int emitter_create(struct emitter **out, const struct emitter_config *cfg)
+{
+    *out = NULL;
+    if (!cfg->n_samples || cfg->n_samples % 2 || cfg->n_chirp > cfg->n_samples)
+        return -EINVAL;
+    struct emitter *e = calloc(1, sizeof *e);
+    if (!e)
+        return -ENOMEM;
+    size_t n = cfg->n_samples;
+    int err = -ENOMEM;
+    e->cfg = *cfg;
+    e->n_bins = n / 2 + 1;
+    e->waves = calloc(2 * cfg->n_speakers * WAVES, sizeof(struct wave *));
+    e->responses = malloc(cfg->n_microphones * e->n_bins * sizeof *e->responses);
+    e->samples = fftwf_alloc_real(n);
+    e->spectrum = fftwf_alloc_complex(e->n_bins);
+    if (!e->waves || !e->responses || !e->samples || !e->spectrum)
+        goto fail;
+    e->forward = fftwf_plan_dft_r2c_1d((int)n, e->samples, e->spectrum, FFTW_ESTIMATE);
+    e->backward = fftwf_plan_dft_c2r_1d((int)n, e->spectrum, e->samples, FFTW_ESTIMATE);
+    if (!e->forward || !e->backward)
+        goto fail;
+    for (size_t i = 0; i < cfg->n_microphones * e->n_bins; i++)
+        e->responses[i] = cfg->responses[i] / (float)n;
+    err = create_waves(e);
+    if (err)
+        goto fail;
+    *out = e;
+    return 0;
+fail:
+    emitter_destroy(e);
+    return err;
+}
+
+void emitter_destroy(struct emitter *e)
+{
+    if (!e)
+        return;
+    for (size_t i = 0; e->waves && i < 2 * e->cfg.n_speakers * WAVES; i++)
+        wave_destroy(e->waves[i]);
+    fftwf_destroy_plan(e->forward);
+    fftwf_destroy_plan(e->backward);
+    fftwf_free(e->samples);
+    fftwf_free(e->spectrum);
+    free(e->responses);
+    free(e->waves);
+    free(e);
+}
+
+/* A piece as it is met by the beginning, middle and end of the chirp. */
+struct meeting {
+    double t_s[3]; /* when */
+    double gain;   /* 1 / r of the way in */
+    double cosine; /* of incidence; 1 where it has no front, 0 or less from behind */
+};
+
+static double cosine_to(const struct emitter_piece *p, const double at[3],
+                        const double element[3])
+{
+    double way[3];
+    if (p->normal[0] == 0 && p->normal[1] == 0 && p->normal[2] == 0)
+        return 1;
+    vector_add(element, -1, at, way);
+    vector_normalize(way);
+    return vector_dot(way, p->normal);
+}
+
+static double chirp_s(const struct emitter *e, int third)
+{
+    return 0.5 * third * (double)e->cfg.n_chirp / e->cfg.sample_rate_hz;
+}
+
+static void meet(const struct emitter *e, const struct emitter_scene *s,
+                 const struct doppler_point *source, const struct emitter_piece *p,
+                 struct meeting *out)
+{
+    double at[3], from[3];
+    for (int k = 0; k < 3; k++) {
+        double t_s = chirp_s(e, k);
+        out->t_s[k] = t_s + doppler_way_s(source, t_s, &p->in, s->sound_speed_m_s);
+    }
+    out->gain = 1 / (s->sound_speed_m_s * (out->t_s[1] - chirp_s(e, 1)));
+    doppler_place(&p->in, out->t_s[1], at);
+    doppler_place(source, chirp_s(e, 1), from);
+    out->cosine = cosine_to(p, at, from);
+}
+
+static double to_samples(const struct emitter *e, const struct emitter_scene *s,
+                         double t_s)
+{
+    return s->latency_samples + t_s * e->cfg.sample_rate_hz;
+}
+
+/* From the piece to a microphone or its image. */
+static void add_echo(struct emitter *e, const struct emitter_scene *s,
+                     const struct emitter_piece *p, const struct meeting *met,
+                     const struct doppler_point *microphone, double gain, float *heard)
+{
+    struct wave_axis axis;
+    double samples[3], way_s[3], at[3], to[3];
+    for (int k = 0; k < 3; k++) {
+        way_s[k] = doppler_way_s(&p->out, met->t_s[k], microphone, s->sound_speed_m_s);
+        samples[k] = to_samples(e, s, met->t_s[k] + way_s[k]);
+    }
+    doppler_place(&p->out, met->t_s[1], at);
+    doppler_place(microphone, met->t_s[1] + way_s[1], to);
+    double cosine = cosine_to(p, at, to);
+    if (!(cosine > 0))
+        return;
+    double amplitude = gain * p->weight * met->gain * (met->cosine + cosine) / 2 /
+                       (s->sound_speed_m_s * way_s[1]);
+    if (p->facet) /* jk / 2 pi is the derivative in time over 2 pi c */
+        amplitude *= e->cfg.sample_rate_hz / (2 * M_PI * s->sound_speed_m_s);
+    doppler_axis(samples, &axis);
+    wave_add(*wave_of(e, s->down, s->speaker, p->facet), &axis, (float)amplitude, heard,
+             e->cfg.n_samples);
+}
+
+static void add_pieces(struct emitter *e, const struct emitter_scene *s, bool mirrored,
+                       float *heard)
+{
+    const struct emitter_piece *pieces = mirrored ? s->hidden : s->clutter;
+    const struct doppler_point *microphones = mirrored ? s->microphone_images
+                                                       : s->microphones;
+    size_t n = mirrored ? s->n_hidden : s->n_clutter;
+    for (size_t i = 0; i < n; i++) {
+        struct meeting met;
+        meet(e, s, mirrored ? &s->source_image : &s->source, &pieces[i], &met);
+        for (size_t m = 0; m < e->cfg.n_microphones && met.cosine > 0; m++)
+            add_echo(e, s, &pieces[i], &met, &microphones[m],
+                     mirrored ? s->mirror_gain : 1, heard + m * e->cfg.n_samples);
+    }
+}
+
+/* The speaker, or its image, straight to the microphone. */
+static void add_direct(struct emitter *e, const struct emitter_scene *s,
+                       const struct doppler_point *source,
+                       const struct doppler_point *microphone, double gain, float *heard)
+{
+    struct wave_axis axis;
+    double samples[3], way_s[3];
+    if (gain == 0)
+        return;
+    for (int k = 0; k < 3; k++) {
+        double t_s = chirp_s(e, k);
+        way_s[k] = doppler_way_s(source, t_s, microphone, s->sound_speed_m_s);
+        samples[k] = to_samples(e, s, t_s + way_s[k]);
+    }
+    doppler_axis(samples, &axis);
+    wave_add(*wave_of(e, s->down, s->speaker, POINT), &axis,
+             (float)(gain / (s->sound_speed_m_s * way_s[1])), heard, e->cfg.n_samples);
+}
+
+static void respond(struct emitter *e, size_t microphone, float *heard)
+{
+    const float *response = e->responses + microphone * e->n_bins;
+    size_t size = e->cfg.n_samples * sizeof *heard;
+    memcpy(e->samples, heard, size);
+    fftwf_execute(e->forward);
+    for (size_t k = 0; k < e->n_bins; k++)
+        e->spectrum[k] *= response[k];
+    fftwf_execute(e->backward);
+    memcpy(heard, e->samples, size);
+}
+
+void emitter_execute(struct emitter *e, const struct emitter_scene *s, float *heard)
+{
+    size_t n = e->cfg.n_samples;
+    memset(heard, 0, e->cfg.n_microphones * n * sizeof *heard);
+    add_pieces(e, s, true, heard);
+    add_pieces(e, s, false, heard);
+    for (size_t m = 0; m < e->cfg.n_microphones; m++) {
+        add_direct(e, s, &s->source, &s->microphones[m], s->direct_gain, heard + m * n);
+        add_direct(e, s, &s->source_image, &s->microphones[m], s->wall_echo_gain,
+                   heard + m * n);
+        respond(e, m, heard + m * n);
+    }
+}

@@ -1,0 +1,52 @@
+/* hal/room/emitter.h -- what the microphones hear of one chirp while everything moves:
+ * the echo of each piece is the emission on a time axis of its own.  Amplitudes as in
+ * hal/room/propagate.h, by the ways at the middle of the chirp; moving changes them by
+ * v/c, which is left out. */
+#ifndef ANLOS_HAL_ROOM_EMITTER_H
+#define ANLOS_HAL_ROOM_EMITTER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "hal/room/doppler.h"
+
+struct emitter_config {
+    double sample_rate_hz;
+    size_t n_samples; /* of what a microphone hears; propagate_length */
+    size_t n_speakers, n_microphones;
+    const float *emissions[2]; /* [n_speakers][n_chirp], upward and downward; the latter
+                                  may be NULL */
+    size_t n_chirp;
+    const float *responses; /* [n_microphones][n_samples / 2 + 1] as propagate_config's */
+    bool facets;            /* are there any? */
+};
+
+struct emitter;
+
+/* Plans and tabulates; copies emissions and responses.  0, -EINVAL, -ENOMEM. */
+int emitter_create(struct emitter **out, const struct emitter_config *cfg);
+void emitter_destroy(struct emitter *e);
+
+struct emitter_piece { /* as scatter_piece, in motion */
+    struct doppler_point in, out;
+    double normal[3]; /* 0: it looks everywhere */
+    double weight;
+    bool facet;
+};
+
+/* Where everything is when the chirp begins, and how it moves. */
+struct emitter_scene {
+    double sound_speed_m_s, latency_samples;
+    size_t speaker; /* whose emission */
+    bool down;
+    struct doppler_point source, source_image;
+    const struct doppler_point *microphones, *microphone_images; /* [n_microphones] */
+    const struct emitter_piece *hidden, *clutter; /* by way of the wall, and without */
+    size_t n_hidden, n_clutter;
+    double mirror_gain, direct_gain, wall_echo_gain;
+};
+
+/* heard[n_microphones][n_samples] */
+void emitter_execute(struct emitter *e, const struct emitter_scene *scene, float *heard);
+
+#endif

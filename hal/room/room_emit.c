@@ -1,0 +1,163 @@
+/* hal/room/room_emit.c -- the sound of a room at a time: one emission. */
+#include <errno.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "hal/room/room_state.h"
+#include "hal/room/vector.h"
+
+/* An element of the array over ground, in motion from one frame to another. */
+static void move_element(const double p[3], const struct drive_frame *now,
+                         const struct drive_frame *from, const struct drive_frame *to,
+                         struct doppler_point *out)
+{
+    double a[3], b[3];
+    drive_to_ground(now, p, out->at_m);
+    drive_to_ground(from, p, a);
+    drive_to_ground(to, p, b);
+    for (int k = 0; k < 3; k++)
+        out->velocity_m_s[k] = (b[k] - a[k]) / TRAFFIC_SPAN_S;
+}
+
+/* The array's elements and their images, where the emission comes from, and the frame
+ * that they stand in; *stands: none of it moves. */
+static void move_array(struct room *r, size_t speaker, double t_s,
+                       struct emitter_scene *out, struct drive_frame *now, bool *stands)
+{
+    const struct survey *s = &r->survey;
+    struct drive_frame from, to;
+    double from_s = fmin(t_s, r->scene->drive->period_s - TRAFFIC_SPAN_S);
+    drive_frame(&r->drive, t_s, now);
+    drive_frame(&r->drive, from_s, &from);
+    drive_frame(&r->drive, from_s + TRAFFIC_SPAN_S, &to);
+    *stands = !memcmp(&from, &to, sizeof from) && !memcmp(&from, now, sizeof from);
+    pose_move(&r->pose, 0);
+    move_element(r->pose.speakers_m[speaker], now, &from, &to, &out->source);
+    doppler_mirror(s->wall_normal, s->wall_distance_m, &out->source, &out->source_image);
+    for (size_t m = 0; m < s->n_microphones; m++) {
+        move_element(r->pose.microphones_m[m], now, &from, &to, &r->microphones[m]);
+        doppler_mirror(s->wall_normal, s->wall_distance_m, &r->microphones[m],
+                       &r->microphone_images[m]);
+    }
+}
+
+/* Forgets what was heard from another place, or in other air. */
+static void keep_still(struct room *r, Anlos__Pass pass, const struct drive_frame *frame)
+{
+    struct room_still *still = &r->still;
+    if (still->pass == pass && !memcmp(&still->frame, frame, sizeof *frame))
+        return;
+    for (size_t i = 0; i < 2 * r->survey.n_speakers; i++) {
+        free(still->heard[i]);
+        still->heard[i] = NULL;
+    }
+    still->pass = pass;
+    still->frame = *frame;
+}
+
+/* What is heard without the hidden objects, from here; NULL: no memory. */
+static const float *hear_still(struct room *r, const struct emitter_scene *scene)
+{
+    float **kept = &r->still.heard[scene->down * r->survey.n_speakers + scene->speaker];
+    struct emitter_scene part = *scene;
+    if (*kept)
+        return *kept;
+    *kept = malloc(r->survey.n_microphones * r->n_heard * sizeof **kept);
+    part.n_hidden = 0;
+    if (*kept)
+        emitter_execute(r->emitter, &part, *kept);
+    return *kept;
+}
+
+/* r->heard: what was rendered, and still (NULL: nothing), by the microphones' cables. */
+static void wire(struct room *r, const float *still)
+{
+    for (size_t m = 0; m < r->survey.n_microphones; m++) {
+        size_t from = r->faults.microphones[m].wired_to * r->n_heard;
+        float *heard = r->heard + m * r->n_heard;
+        memcpy(heard, r->rendered + from, r->n_heard * sizeof *heard);
+        for (size_t i = 0; still && i < r->n_heard; i++)
+            heard[i] += still[from + i];
+    }
+}
+
+static int hear_drive(struct room *r, const struct room_emission *e)
+{
+    const struct scene_wall *wall = r->scene->wall_sound;
+    double delay_s = r->latency_samples / r->survey.sample_rate_hz;
+    double t_s = drive_time_s(&r->drive, e->t_s + delay_s);
+    size_t speaker = r->faults.speakers[e->speaker].wired_to;
+    bool objects = e->pass == ANLOS__PASS__SCENE, stands;
+    struct drive_frame frame;
+    if (objects)
+        traffic_set(&r->traffic, t_s);
+    struct emitter_scene scene = {.sound_speed_m_s = room_sound_speed_m_s(r, e->pass, 0),
+                                  .latency_samples = r->latency_samples,
+                                  .speaker = speaker,
+                                  .down = e->down,
+                                  .microphones = r->microphones,
+                                  .microphone_images = r->microphone_images,
+                                  .hidden = r->traffic.pieces,
+                                  .n_hidden = objects ? r->traffic.n : 0,
+                                  .clutter = r->traffic.clutter,
+                                  .n_clutter = r->world.clutter.n,
+                                  .mirror_gain = wall->reflectivity * wall->reflectivity,
+                                  .direct_gain = *r->scene->direct_level,
+                                  .wall_echo_gain = wall->echo};
+    move_array(r, speaker, t_s, &scene, &frame, &stands);
+    const float *still = NULL;
+    if (stands) {
+        keep_still(r, e->pass, &frame);
+        still = hear_still(r, &scene);
+        if (!still)
+            return -ENOMEM;
+        scene.n_clutter = 0;
+        scene.direct_gain = scene.wall_echo_gain = 0;
+    }
+    emitter_execute(r->emitter, &scene, r->rendered);
+    wire(r, still);
+    return 0;
+}
+
+static int hear_standing(struct room *r, const struct room_emission *e)
+{
+    int err = room_prepare(r, e->down, e->pass, 0, e->pass == ANLOS__PASS__SCENE, true);
+    for (size_t m = 0; m < r->survey.n_microphones && !err; m++)
+        memcpy(r->heard + m * r->n_heard,
+               propagate_pair(r->propagate[e->down],
+                              r->faults.speakers[e->speaker].wired_to,
+                              r->faults.microphones[m].wired_to),
+               r->n_heard * sizeof *r->heard);
+    return err;
+}
+
+int room_hear(struct room *r, const struct room_emission *e)
+{
+    if (e->speaker >= r->survey.n_speakers || (e->down && !r->survey.chirp_alternates))
+        return -EINVAL;
+    return r->scene->drive ? hear_drive(r, e) : hear_standing(r, e);
+}
+
+int room_emit(struct room *r, const struct room_emission *e, float *samples)
+{
+    const struct survey *s = &r->survey;
+    size_t n = room_frames(r, 1), n_heard = n < r->n_heard ? n : r->n_heard;
+    int err = room_hear(r, e);
+    if (err)
+        return err;
+    memset(samples, 0, s->n_microphones * n * sizeof *samples);
+    for (size_t m = 0; m < s->n_microphones; m++)
+        memcpy(samples + m * n, r->heard + m * r->n_heard, n_heard * sizeof *samples);
+    room_add_noise(
+        r, (uint64_t[]){r->scene->seed, ROOM_NOISE_EMISSION, (uint64_t)e->pass, e->take},
+        4, samples, n, n);
+    struct fault_slots slots = {.n_frames = n,
+                                .slot_samples = s->slot_samples,
+                                .speakers = &e->speaker,
+                                .n_speakers = 1};
+    uint64_t words[] = {r->scene->seed, (uint64_t)e->pass, ROOM_NOISE_EMISSION, e->take};
+    faults_record(&r->faults, &slots, words, samples);
+    return 0;
+}

@@ -1,0 +1,68 @@
+/* hal/room/room_state.h -- what a room is made of, for its own sources: room.c (shots),
+ * room_create.c, room_emit.c and room_truth.c (at a time), stream.c. */
+#ifndef ANLOS_HAL_ROOM_ROOM_STATE_H
+#define ANLOS_HAL_ROOM_ROOM_STATE_H
+
+#include "hal/room/drive.h"
+#include "hal/room/emitter.h"
+#include "hal/room/faults.h"
+#include "hal/room/pose.h"
+#include "hal/room/propagate.h"
+#include "hal/room/room.h"
+#include "hal/room/scene.h"
+#include "hal/room/sight.h"
+#include "hal/room/traffic.h"
+#include "hal/room/world.h"
+
+/* What is heard besides the hidden objects while the vehicle stands: the same from round
+ * to round, and most of the work. */
+struct room_still {
+    Anlos__Pass pass;
+    struct drive_frame frame; /* where it stands */
+    float **heard; /* [up, down][n_speakers]: [n_microphones][n_heard], or NULL: not
+                      rendered yet */
+};
+
+struct room {
+    struct scene *scene;
+    struct survey survey; /* as the processor knows it */
+    double sound_speed_m_s, temperature_c, latency_samples; /* as they are */
+    struct faults faults;
+    struct world world;
+    struct pose pose;
+    struct drive drive;
+    struct traffic traffic;
+    struct sight_spans *sights;     /* [world.n_objects] of a drive */
+    struct propagate *propagate[2]; /* standing: upward and, where chirps alternate,
+                                       downward */
+    struct emitter *emitter;        /* of a drive */
+    struct room_still still;
+    struct doppler_point *microphones, *microphone_images; /* [n_microphones] */
+    float *heard;            /* [n_microphones][n_heard] of one emission */
+    float *rendered;         /* the same before the cables of a drive's microphones */
+    size_t n_chirp, n_heard; /* samples of a chirp; heard of it by a microphone */
+    double noise_rms;
+};
+
+/* The base temperature's speed, changed as the air's temperature has changed. */
+double room_sound_speed_m_s(const struct room *r, Anlos__Pass pass, size_t position);
+
+/* What is heard in a standing scene: the hidden objects, or what is there anyway, or
+ * both; by the propagation of one direction.  0, -ENOMEM. */
+int room_prepare(struct room *r, bool down, Anlos__Pass pass, size_t position,
+                 bool objects, bool surroundings);
+
+/* An emission into r->heard, without noise.  0, -EINVAL, -ENOMEM. */
+int room_hear(struct room *r, const struct room_emission *e);
+
+/* Does nothing stand between an object's centre and the array's? */
+bool room_sees(const struct room *r, size_t object, double t_s);
+
+/* Noise of the whole array onto samples [n_microphones], stride apart, n of each; it
+ * depends on the words alone. */
+void room_add_noise(const struct room *r, const uint64_t *words, size_t n_words,
+                    float *samples, size_t stride, size_t n);
+
+enum { ROOM_NOISE_SHOT = 8, ROOM_NOISE_EMISSION = 10, ROOM_NOISE_STREAM = 11 };
+
+#endif

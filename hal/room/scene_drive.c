@@ -1,0 +1,129 @@
+/* hal/room/scene_drive.c -- what a schema cannot say about a drive. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "hal/room/scene.h"
+#include "hal/survey/place.h"
+
+enum { MOST_OBJECTS = 64 };
+
+struct span { /* in which a value has to be */
+    double min, max;
+};
+
+static int check_value(double value, struct span span, const char *key, const char *path,
+                       struct complaint *why)
+{
+    if (value >= span.min && value <= span.max)
+        return 0;
+    return yaml_complain(why, -EINVAL, path, key, "%g is outside %g..%g", value, span.min,
+                         span.max);
+}
+
+/* Times rise, from 0 at the earliest to the period at the latest. */
+static int check_time(double t_s, double before_s, bool first, double period_s,
+                      const char *key, const char *path, struct complaint *why)
+{
+    if (!first && !(t_s > before_s))
+        return yaml_complain(why, -EINVAL, path, key,
+                             "%g s does not come after the %g s before it", t_s,
+                             before_s);
+    return check_value(t_s, (struct span){0, period_s}, key, path, why);
+}
+
+static int check_path(const struct scene_object *o, unsigned index, double period_s,
+                      const char *path, struct complaint *why)
+{
+    static const struct span anywhere = {-1000, 1000};
+    char key[64];
+    int err = 0;
+    for (unsigned k = 0; k < o->n_path && !err; k++) {
+        const struct scene_knot *knot = &o->path[k];
+        snprintf(key, sizeof key, "objects[%u].path[%u].t_s", index, k);
+        err =
+            check_time(knot->t_s, k ? knot[-1].t_s : 0, k == 0, period_s, key, path, why);
+        snprintf(key, sizeof key, "objects[%u].path[%u].position_m", index, k);
+        for (int a = 0; a < 3 && !err; a++)
+            err = check_value(knot->position_m[a], anywhere, key, path, why);
+    }
+    if (err || o->present_s || !o->n_path)
+        return err;
+    const double *first = o->path[0].position_m;
+    if (!memcmp(first, o->path[o->n_path - 1].position_m, 3 * sizeof *first))
+        return 0;
+    snprintf(key, sizeof key, "objects[%u].path", index);
+    return yaml_complain(why, -EINVAL, path, key,
+                         "the drive repeats, and this does not end where it begins; say "
+                         "present_s: [FROM, TO]");
+}
+
+static int check_mover(const struct scene_object *o, unsigned index, double period_s,
+                       const char *path, struct complaint *why)
+{
+    char key[64];
+    snprintf(key, sizeof key, "objects[%u].present_s", index);
+    if (o->present_s && !(o->present_s[0] >= 0 && o->present_s[0] < o->present_s[1] &&
+                          o->present_s[1] <= period_s))
+        return yaml_complain(why, -EINVAL, path, key,
+                             "%g to %g is not a span within 0..%g", o->present_s[0],
+                             o->present_s[1], period_s);
+    return check_path(o, index, period_s, path, why);
+}
+
+/* Everything keeps still. */
+static int check_standing(const struct scene *s, const char *path, struct complaint *why)
+{
+    char key[64];
+    for (unsigned i = 0; i < s->n_objects; i++) {
+        const struct scene_object *o = &s->objects[i];
+        if (!o->n_path && !o->present_s)
+            continue;
+        snprintf(key, sizeof key, "objects[%u].%s", i, o->n_path ? "path" : "present_s");
+        return yaml_complain(why, -EINVAL, path, key,
+                             "only a drive has this, and there is no key \"drive\"");
+    }
+    return 0;
+}
+
+static int check_ego(const struct scene_drive *d, const char *path, struct complaint *why)
+{
+    char key[64];
+    int err =
+        check_value(d->period_s, (struct span){0.1, 600}, "drive.period_s", path, why);
+    for (unsigned k = 0; k < d->n_ego && !err; k++) {
+        const struct scene_motion *m = &d->ego[k];
+        snprintf(key, sizeof key, "drive.ego[%u].t_s", k);
+        err = check_time(m->t_s, k ? m[-1].t_s : 0, k == 0, d->period_s, key, path, why);
+        snprintf(key, sizeof key, "drive.ego[%u].speed_m_s", k);
+        if (!err)
+            err = check_value(m->speed_m_s, (struct span){-30, 30}, key, path, why);
+        snprintf(key, sizeof key, "drive.ego[%u].yaw_rate_deg_s", k);
+        if (!err)
+            err =
+                check_value(m->yaw_rate_deg_s, (struct span){-180, 180}, key, path, why);
+    }
+    return err;
+}
+
+int scene_check_drive(const struct scene *s, const char *path, struct complaint *why)
+{
+    if (!s->drive)
+        return check_standing(s, path, why);
+    int err = check_ego(s->drive, path, why);
+    if (!err && !s->survey.mount)
+        err = yaml_complain(why, -EINVAL, path, "drive",
+                            "the key \"mount\" is missing: which way is forward?");
+    if (!err && s->survey.stage && s->survey.stage->n_positions > 1)
+        err = yaml_complain(why, -EINVAL, path, "drive",
+                            "the array of a drive has no stage");
+    if (!err && s->noise->snr_db && !s->noise->at_m)
+        err = yaml_complain(why, -EINVAL, path, "noise.snr_db",
+                            "of a drive this needs at_m, the range of a person");
+    if (!err && s->n_objects > MOST_OBJECTS)
+        err = yaml_complain(why, -EINVAL, path, "objects",
+                            "a drive has up to %d, found %u", MOST_OBJECTS, s->n_objects);
+    for (unsigned i = 0; i < s->n_objects && !err; i++)
+        err = check_mover(&s->objects[i], i, s->drive->period_s, path, why);
+    return err;
+}

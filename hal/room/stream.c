@@ -1,0 +1,159 @@
+#include "hal/room/stream.h"
+
+#include <errno.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "hal/room/room_state.h"
+
+struct room_stream {
+    struct room *room;
+    Anlos__Pass pass;
+    uint32_t *speakers; /* [n_speakers] */
+    size_t n_speakers;
+    double start_s;
+    size_t n_ping, n_line; /* samples */
+    uint64_t base;         /* sample of the stream where the line begins */
+    uint64_t next;         /* emission to render next */
+    uint64_t next_slot;    /* of which to add the noise next */
+    uint64_t asked;        /* pings before this one may not be asked for */
+    float *line;           /* [n_microphones][n_line] */
+    float *ping;           /* [n_microphones][n_ping] */
+};
+
+int room_stream_create(struct room_stream **out, struct room *r,
+                       const struct room_stream_config *cfg)
+{
+    *out = NULL;
+    if (!cfg->n_speakers)
+        return -EINVAL;
+    for (size_t i = 0; i < cfg->n_speakers; i++)
+        if (cfg->speakers[i] >= r->survey.n_speakers)
+            return -EINVAL;
+    struct room_stream *s = calloc(1, sizeof *s);
+    if (!s)
+        return -ENOMEM;
+    size_t n_microphones = r->survey.n_microphones;
+    s->room = r;
+    s->pass = cfg->pass;
+    s->n_speakers = cfg->n_speakers;
+    s->start_s = cfg->start_s;
+    s->n_ping = room_frames(r, 1);
+    s->n_line = s->n_ping + r->n_heard + r->survey.slot_samples;
+    s->speakers = malloc(cfg->n_speakers * sizeof *s->speakers);
+    s->line = calloc(n_microphones * s->n_line, sizeof *s->line);
+    s->ping = calloc(n_microphones * s->n_ping, sizeof *s->ping);
+    if (!s->speakers || !s->line || !s->ping) {
+        room_stream_destroy(s);
+        return -ENOMEM;
+    }
+    memcpy(s->speakers, cfg->speakers, cfg->n_speakers * sizeof *s->speakers);
+    *out = s;
+    return 0;
+}
+
+void room_stream_destroy(struct room_stream *s)
+{
+    if (!s)
+        return;
+    free(s->speakers);
+    free(s->line);
+    free(s->ping);
+    free(s);
+}
+
+uint64_t room_stream_start(const struct room_stream *s, uint64_t n)
+{
+    const struct survey *survey = &s->room->survey;
+    uint64_t round = n / s->n_speakers;
+    uint64_t slot = round * survey_slots(survey, s->n_speakers) +
+                    survey_slot_of(survey, n % s->n_speakers);
+    return slot * survey->slot_samples;
+}
+
+/* Lets the line begin at a later sample. */
+static void advance(struct room_stream *s, uint64_t base)
+{
+    uint64_t by = base - s->base;
+    size_t keep = by < s->n_line ? s->n_line - (size_t)by : 0;
+    for (size_t m = 0; m < s->room->survey.n_microphones; m++) {
+        float *line = s->line + m * s->n_line;
+        if (keep)
+            memmove(line, line + by, keep * sizeof *line);
+        memset(line + keep, 0, (s->n_line - keep) * sizeof *line);
+    }
+    s->base = base;
+}
+
+/* The noise of whole slots, up to a sample.  A slot that had begun before the line was
+ * passed over. */
+static void add_noise(struct room_stream *s, uint64_t until)
+{
+    const struct room *r = s->room;
+    size_t slot_samples = r->survey.slot_samples;
+    if (s->next_slot * slot_samples < s->base)
+        s->next_slot = (s->base + slot_samples - 1) / slot_samples;
+    for (; s->next_slot * slot_samples < until; s->next_slot++) {
+        float *at = s->line + (size_t)(s->next_slot * slot_samples - s->base);
+        uint64_t pass = (uint64_t)s->pass, seed = r->scene->seed;
+        room_add_noise(r, (uint64_t[]){seed, ROOM_NOISE_STREAM, pass, s->next_slot}, 4,
+                       at, s->n_line, slot_samples);
+        faults_add_noise(&r->faults,
+                         (uint64_t[]){seed, pass, ROOM_NOISE_STREAM, s->next_slot},
+                         FAULTS_NO_SPEAKER, at, s->n_line, slot_samples);
+    }
+}
+
+static int add_emission(struct room_stream *s, uint64_t n)
+{
+    struct room *r = s->room;
+    size_t index = (size_t)(n % s->n_speakers);
+    uint64_t start = room_stream_start(s, n);
+    struct room_emission e = {.pass = s->pass,
+                              .speaker = s->speakers[index],
+                              .down = survey_is_down(&r->survey, index),
+                              .t_s = s->start_s +
+                                     (double)start / r->survey.sample_rate_hz};
+    int err = room_hear(r, &e);
+    if (err)
+        return err;
+    size_t skip = start < s->base ? (size_t)(s->base - start) : 0;
+    size_t at = start < s->base ? 0 : (size_t)(start - s->base);
+    size_t left = r->n_heard - skip, room = s->n_line - at;
+    for (size_t m = 0; m < r->survey.n_microphones; m++) {
+        const float *heard = r->heard + m * r->n_heard + skip;
+        float *line = s->line + m * s->n_line + at;
+        for (size_t i = 0; i < left && i < room; i++)
+            line[i] += heard[i];
+    }
+    uint64_t words[] = {r->scene->seed, (uint64_t)s->pass, ROOM_NOISE_STREAM, n};
+    if (!skip)
+        faults_add_noise(&r->faults, words, e.speaker, s->line + at, s->n_line,
+                         r->survey.slot_samples);
+    return 0;
+}
+
+int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples)
+{
+    struct room *r = s->room;
+    uint64_t start = room_stream_start(s, n);
+    if (n < s->asked)
+        return -EINVAL;
+    s->asked = n;
+    advance(s, start);
+    add_noise(s, start + s->n_ping);
+    for (; room_stream_start(s, s->next) < start + s->n_ping; s->next++) {
+        if (room_stream_start(s, s->next) + r->n_heard <= start)
+            continue;
+        int err = add_emission(s, s->next);
+        if (err)
+            return err;
+    }
+    for (size_t m = 0; m < r->survey.n_microphones; m++)
+        memcpy(s->ping + m * s->n_ping, s->line + m * s->n_line,
+               s->n_ping * sizeof *s->ping);
+    faults_limit(&r->faults, s->ping, s->n_ping, s->n_ping);
+    *samples = s->ping;
+    return 0;
+}

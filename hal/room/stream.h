@@ -1,0 +1,36 @@
+/* hal/room/stream.h -- an endless shot in a simulated room: a speaker a slot (two that
+ * share one) round after round, each emission from where everything is at its own time,
+ * and what rings on of those before it.  Slots and directions as msgs/survey.h says. */
+#ifndef ANLOS_HAL_ROOM_STREAM_H
+#define ANLOS_HAL_ROOM_STREAM_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "hal/room/room.h"
+
+struct room_stream;
+
+struct room_stream_config {
+    Anlos__Pass pass;
+    const uint32_t *speakers; /* [n_speakers] of a round; copied */
+    size_t n_speakers;
+    double start_s; /* world time of the first sample */
+};
+
+/* The room must outlive it and do nothing else meanwhile.  0, -EINVAL (no such speaker,
+ * none), -ENOMEM. */
+int room_stream_create(struct room_stream **out, struct room *r,
+                       const struct room_stream_config *cfg);
+
+/* Samples from the first sample of the stream to the start of emission n, which is number
+ * n % n_speakers of round n / n_speakers. */
+uint64_t room_stream_start(const struct room_stream *s, uint64_t n);
+
+/* The ping of emission n: *samples [n_microphones][room_frames(1)], valid until the next
+ * call.  n must not fall; what is left out is not rendered unless it rings on into n.
+ * Costs one emission.  0, -EINVAL (n fell), -ENOMEM. */
+int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples);
+void room_stream_destroy(struct room_stream *s);
+
+#endif
