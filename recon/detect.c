@@ -16,12 +16,15 @@
 #define MODEL_EXTENT  0.05 /* of an extended object's size */
 #define POINT_VOXELS  4.0  /* that a point is wide when nothing better is known */
 #define POINT_WIDTHS  1.6  /* regions up to this many point widths are points */
+#define GUARD_WIDTHS  1.5  /* of a point, where its image has not faded into the noise */
+#define GUARD_M       0.25 /* half of the largest object that must not hide itself */
+#define RANK          0.75 /* of the ordered training cells: a quarter may be objects */
 
 struct search {
     const struct detect_config *cfg;
     const struct grid *grid;
     const float *volume;
-    double floor; /* mean of the noise */
+    double floor; /* mean of the noise, where no cfar tells it */
 };
 
 void detect_config_default(struct detect_config *cfg)
@@ -79,23 +82,44 @@ static void add_model_errors(const struct search *s, struct detection *d)
     }
 }
 
-static double existence(const struct search *s, double peak, double strongest)
+/* Noise alone may be as bright somewhere; so may a sidelobe of the strongest. */
+static double existence(const struct search *s, double peak, double floor,
+                        double strongest)
 {
-    double cells = (double)grid_size(s->grid);
-    double noise = fmin(cells * exp(-peak / s->floor), 1.0);
+    double tail = s->cfg->cfar
+                      ? cfar_noise_tail(cfar_noise(s->cfg->cfar)->shape, peak / floor)
+                      : exp(-peak / floor);
+    double noise = fmin((double)grid_size(s->grid) * tail, 1.0);
     double margin_db = 10.0 * log10(peak / strongest) + SIDELOBE_DB;
     double sidelobe = peak == strongest ? 0.0 : 1.0 / (1.0 + pow(10.0, margin_db / 5.0));
     return (1.0 - noise) * (1.0 - sidelobe);
+}
+
+static struct shape_guess guess_shape(const struct search *s, const struct region *r)
+{
+    double variance_m2[6], width_m[3];
+
+    for (int a = 0, e = 0; a < 3; a++) {
+        width_m[a] = s->cfg->resolution_m[a] > 0.0 ? s->cfg->resolution_m[a]
+                                                   : POINT_VOXELS * s->grid->step_m[a];
+        for (int b = a; b < 3; b++, e++)
+            variance_m2[e] = (r->second[e] / r->sum -
+                              r->moment[a] / r->sum * (r->moment[b] / r->sum)) *
+                             s->grid->step_m[a] * s->grid->step_m[b];
+    }
+    return shape_guess(variance_m2, width_m);
 }
 
 static void describe(const struct search *s, const struct region *r, double strongest,
                      struct detection *d)
 {
     const struct grid *g = s->grid;
-    double peak = s->volume[r->peak];
+    double peak = s->volume[r->peak], floor = s->floor;
     memset(d, 0, sizeof *d);
+    if (s->cfg->cfar)
+        floor = cfar_at(s->cfg->cfar, s->volume, r->peak).noise;
     struct peak_fit fit;
-    peak_fit(g, s->volume, r->peak, peak / s->floor, &fit);
+    peak_fit(g, s->volume, r->peak, peak / floor, &fit);
     bool point = true;
     for (int a = 0; a < 3; a++) {
         double size_m = g->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
@@ -108,8 +132,26 @@ static void describe(const struct search *s, const struct region *r, double stro
     if (!point)
         place_extended(s, r, d);
     add_model_errors(s, d);
-    d->level_db = 10.0 * log10(peak / s->floor);
-    d->existence = existence(s, peak, strongest);
+    d->level_db = 10.0 * log10(peak / floor);
+    d->existence = existence(s, peak, floor, strongest);
+    d->shape = guess_shape(s, r);
+}
+
+static bool stands_out(void *state, size_t voxel)
+{
+    const struct search *s = state;
+
+    return (double)s->volume[voxel] > cfar_at(s->cfg->cfar, s->volume, voxel).threshold;
+}
+
+/* What a peak has to be at least, wherever it is. */
+static double least(const struct search *s, double strongest)
+{
+    double faintest = strongest * pow(10.0, -0.1 * s->cfg->dynamic_range_db);
+
+    if (s->cfg->cfar)
+        return faintest;
+    return fmax(s->floor * pow(10.0, 0.1 * s->cfg->threshold_db), faintest);
 }
 
 int detect_objects(const struct detect_config *cfg, const struct grid *grid,
@@ -126,12 +168,33 @@ int detect_objects(const struct detect_config *cfg, const struct grid *grid,
         return err;
     /* Half of the volume empty: a noiseless one.  Any floor below all of it will do. */
     s.floor = fmax(s.floor, 1e-9 * strongest);
-    double threshold = fmax(s.floor * pow(10.0, 0.1 * cfg->threshold_db),
-                            strongest * pow(10.0, -0.1 * cfg->dynamic_range_db));
+    if (cfg->cfar)
+        cfar_learn(cfg->cfar, intensity);
     struct regions found;
-    err = regions_find(&found, grid, intensity, threshold, cfg->cluster_m);
+    err = regions_find(&found, grid, intensity, least(&s, strongest), cfg->cluster_m,
+                       cfg->cfar ? stands_out : NULL, &s);
     for (size_t r = 0; !err && r < found.n && *n < max; r++)
         describe(&s, &found.at[r], strongest, &out[(*n)++]);
     regions_clear(&found);
     return err;
+}
+
+int detect_cfar(struct cfar **out, enum cfar_kind kind, double false_alarm_rate,
+                const struct grid *grid, const double resolution_m[3])
+{
+    static const size_t training[3] = {6, 2, 10};
+    struct cfar_config cfg = {
+        .kind = kind, .false_alarm_rate = false_alarm_rate, .rank = RANK};
+
+    for (int a = 0; a < 3; a++) {
+        double width = resolution_m[a] > 0.0 ? resolution_m[a] / grid->step_m[a]
+                                             : POINT_VOXELS;
+        double most = (double)grid->n[a];
+        cfg.n[a] = grid->n[a];
+        cfg.pitch[a] = (size_t)fmin(fmax(round(width), 1.0), most);
+        cfg.guard[a] = (size_t)fmin(
+            ceil(fmax(GUARD_WIDTHS * width, GUARD_M / grid->step_m[a])), most);
+        cfg.training[a] = training[a];
+    }
+    return cfar_create(out, &cfg);
 }

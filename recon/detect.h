@@ -5,10 +5,14 @@
 
 #include <stddef.h>
 
+#include "dsp/cfar.h"
 #include "recon/grid.h"
+#include "recon/shape.h"
 
 struct detect_config {
     double threshold_db;     /* above the volume's noise floor; 12 suits most scenes */
+    struct cfar *cfar;       /* in place of floor and threshold: what is around each peak
+                              * decides.  NULL: none.  Not owned. */
     double dynamic_range_db; /* below the brightest; sidelobes start at about -18 */
     double cluster_m;        /* bright places closer than this are one object */
     double resolution_m[3];  /* -6 dB widths of a point's image; 0: four voxels */
@@ -20,9 +24,17 @@ struct detection {
     double level_db;         /* above the noise floor */
     double existence;        /* 0..1 */
     double extent_m[3];      /* full size of what is above half amplitude; 0: a point */
+    struct shape_guess shape;
 };
 
 void detect_config_default(struct detect_config *cfg);
+
+/* Guard and training cells for images on a grid: objects of half a metre and the smear of
+ * a point are left out, and training cells lie as far apart as the image resolves.
+ * resolution_m as above; an axis of one voxel does not count.  0, -EINVAL (a rate outside
+ * 1e-12 to 0.5, or a grid too small to train on), -ENOMEM. */
+int detect_cfar(struct cfar **out, enum cfar_kind kind, double false_alarm_rate,
+                const struct grid *grid, const double resolution_m[3]);
 
 /* intensity [nz][ny][nx], finite, >= 0.  Writes up to max detections, strongest first,
  * and how many in *n.  All-zero volumes have none.  0, -ENOMEM. */

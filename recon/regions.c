@@ -13,6 +13,8 @@ struct search {
     const struct grid *grid;
     const float *volume;
     double threshold, cluster_m;
+    regions_judge judge;
+    void *judge_state;
     uint32_t *owner; /* [voxels] region number + 1, 0: none */
     uint32_t *stack; /* [voxels] */
 };
@@ -53,6 +55,9 @@ static void include(struct search *s, struct region *r, size_t voxel)
         r->high[a] = at[a] > r->high[a] ? at[a] : r->high[a];
         r->moment[a] += v * (double)at[a];
     }
+    for (int a = 0, e = 0; a < 3; a++)
+        for (int b = a; b < 3; b++)
+            r->second[e++] += v * (double)(at[a] * at[b]);
 }
 
 /* Grows a region around its peak over all free voxels within BODY_DB of it. */
@@ -104,7 +109,8 @@ static int find_peaks(const struct search *s, struct peak **out, size_t *n)
     *out = NULL;
     *n = 0;
     for (size_t v = 0; v < grid_size(s->grid); v++) {
-        if (s->volume[v] < s->threshold || !is_peak(s, v))
+        if (s->volume[v] < s->threshold || !is_peak(s, v) ||
+            (s->judge && !s->judge(s->judge_state, v)))
             continue;
         if (*n == capacity) {
             capacity = capacity ? 2 * capacity : 64;
@@ -147,6 +153,8 @@ static void join(struct region *into, const struct region *r)
     into->sum += r->sum;
     for (int a = 0; a < 3; a++)
         into->moment[a] += r->moment[a];
+    for (int e = 0; e < 6; e++)
+        into->second[e] += r->second[e];
 }
 
 /* A fainter neighbour is the smear around an object, not a part of its body. */
@@ -183,13 +191,15 @@ static void take(struct search *s, struct regions *found, size_t peak)
 }
 
 int regions_find(struct regions *out, const struct grid *grid, const float *intensity,
-                 double threshold, double cluster_m)
+                 double threshold, double cluster_m, regions_judge judge, void *state)
 {
     size_t voxels = grid_size(grid), n = 0;
     struct search s = {.grid = grid,
                        .volume = intensity,
                        .threshold = threshold,
-                       .cluster_m = cluster_m};
+                       .cluster_m = cluster_m,
+                       .judge = judge,
+                       .judge_state = state};
     struct peak *peaks = NULL;
     memset(out, 0, sizeof *out);
     s.owner = calloc(voxels, sizeof *s.owner);

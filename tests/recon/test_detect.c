@@ -425,6 +425,55 @@ static void a_peak_on_the_rim_is_found_there(void **state)
     }
 }
 
+/* Noise is 10 dB louder on one side. */
+static void with_cfar_each_place_has_a_threshold_of_its_own(void **state)
+{
+    (void)state;
+    static const double width_m[3] = {0.1, 0.1, 0.05};
+    const double at_m[3] = {-0.05, 0.15, 1.25};
+    struct scene s;
+    struct cfar *cfar;
+
+    scene_open(&s, true);
+    for (size_t v = 0; v < VOXELS; v++)
+        s.amplitude[v] *= powf(10.0f, 0.5f * (float)(v % N) / (float)N);
+    add_point(&s, at_m[0], at_m[1], at_m[2], 31.0);
+    for (size_t v = 0; v < VOXELS; v++)
+        s.volume[v] = powf(cabsf(s.amplitude[v]), 2.0f);
+    for (int kind = CFAR_AVERAGING; kind <= CFAR_ORDERED; kind++) {
+        assert_int_equal(detect_cfar(&cfar, kind, 1e-6, &grid, width_m), 0);
+        s.cfg.cfar = cfar;
+        assert_int_equal(detect_objects(&s.cfg, &grid, s.volume, s.found, MAX, &s.n), 0);
+        assert_int_equal(s.n, 1);
+        expect_at(&s.found[0], at_m, 0.4);
+        assert_true(s.found[0].level_db > 22.0 && s.found[0].level_db < 30.0);
+        assert_true(s.found[0].existence > 0.9);
+        cfar_destroy(cfar);
+    }
+    scene_close(&s);
+}
+
+static void a_box_is_extended_and_a_point_a_point(void **state)
+{
+    (void)state;
+    static const double width_m[3] = {0.1, 0.1, 0.05};
+    const double box_at[3] = {-0.1, 0.1, 1.0}, size_m[3] = {0.2, 0.2, 0.1};
+    struct scene s;
+
+    scene_open(&s, false);
+    add_object(&s, box_at, size_m, 30.0);
+    add_point(&s, 0.2, 0.3, 1.2, 30.0);
+    memcpy(s.cfg.resolution_m, width_m, sizeof width_m);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 2);
+    for (size_t i = 0; i < 2; i++) {
+        bool box = s.found[i].position_m[2] < 1.1;
+        assert_int_equal(s.found[i].shape.shape, box ? SHAPE_EXTENDED : SHAPE_POINT);
+        assert_true(s.found[i].shape.probability > 0.7);
+    }
+    scene_close(&s);
+}
+
 static void expect_nothing(const struct grid *g, float value)
 {
     struct detect_config cfg;
@@ -485,6 +534,8 @@ int main(void)
         cmocka_unit_test(without_noise_there_are_numbers_too),
         cmocka_unit_test(a_lone_bright_voxel_is_a_point_there),
         cmocka_unit_test(a_peak_on_the_rim_is_found_there),
+        cmocka_unit_test(with_cfar_each_place_has_a_threshold_of_its_own),
+        cmocka_unit_test(a_box_is_extended_and_a_point_a_point),
         cmocka_unit_test(an_even_volume_has_no_objects),
         cmocka_unit_test(the_defaults_are_sane),
     };

@@ -1,0 +1,250 @@
+#include "dsp/cfar.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define SHAPE_STEP                                                                       \
+    0.05 /* of its logarithm: what is nearer is the same, factors are dear */
+
+enum { MEMORY = 16384, PARTS = 8 };
+
+struct cfar {
+    struct cfar_config cfg;
+    struct cfar_noise noise;
+    double over_level; /* the noise's mean */
+    size_t most;       /* training cells */
+    double *factor;    /* [most + 1]; NAN: not known yet */
+    float *sample;     /* [most] */
+    float *ratio;      /* [MEMORY] newest powers over their levels, of noise mostly */
+    float *sorted;     /* [MEMORY], scratch */
+    size_t n_ratios, next_ratio, images;
+};
+
+int cfar_kind_from_name(const char *name, enum cfar_kind *out)
+{
+    static const char *const names[] = {"off", "averaging", "ordered"};
+
+    for (unsigned i = 0; i < sizeof names / sizeof *names; i++) {
+        if (strcmp(name, names[i]) == 0) {
+            *out = (enum cfar_kind)i;
+            return 0;
+        }
+    }
+    return -EINVAL;
+}
+
+static bool is_valid(const struct cfar_config *c)
+{
+    bool ok = c->false_alarm_rate >= 1e-12 && c->false_alarm_rate <= 0.5;
+
+    ok = ok && (c->kind == CFAR_AVERAGING ||
+                (c->kind == CFAR_ORDERED && c->rank > 0.0 && c->rank < 1.0));
+    for (int a = 0; a < 3; a++)
+        ok = ok && c->n[a] && c->pitch[a] && c->guard[a] < c->n[a] + c->pitch[a] &&
+             c->training[a] <= 1024;
+    return ok;
+}
+
+/* Cells on either side along an axis, the guard's among them. */
+static size_t reach(const struct cfar_config *c, int axis)
+{
+    return c->n[axis] == 1 ? 0 : c->guard[axis] / c->pitch[axis] + c->training[axis];
+}
+
+static void set_shape(struct cfar *c, double shape)
+{
+    c->noise.shape = shape;
+    c->over_level = c->cfg.kind == CFAR_ORDERED ? cfar_noise_over_rank(shape, c->cfg.rank)
+                                                : 1.0;
+    for (size_t n = 0; n <= c->most; n++)
+        c->factor[n] = NAN;
+}
+
+int cfar_create(struct cfar **out, const struct cfar_config *cfg)
+{
+    size_t most = 1;
+
+    if (!is_valid(cfg))
+        return -EINVAL;
+    for (int a = 0; a < 3; a++)
+        most *= 2 * reach(cfg, a) + 1;
+    if (most <= CFAR_MIN_TRAINING)
+        return -EINVAL;
+    struct cfar *c = calloc(1, sizeof *c);
+    if (!c)
+        return -ENOMEM;
+    *c = (struct cfar){.cfg = *cfg, .most = most};
+    c->factor = malloc((most + 1) * sizeof *c->factor);
+    c->sample = malloc(most * sizeof *c->sample);
+    c->ratio = malloc(MEMORY * sizeof *c->ratio);
+    c->sorted = malloc(MEMORY * sizeof *c->sorted);
+    if (!c->factor || !c->sample || !c->ratio || !c->sorted) {
+        cfar_destroy(c);
+        return -ENOMEM;
+    }
+    set_shape(c, 1.0);
+    *out = c;
+    return 0;
+}
+
+static size_t rank_of(const struct cfar *c, size_t n)
+{
+    size_t k = (size_t)ceil(c->cfg.rank * (double)n);
+
+    return k < 1 ? 1 : k > n ? n : k;
+}
+
+static double factor_at_rate(const struct cfar *c, size_t n, double rate)
+{
+    return c->cfg.kind == CFAR_ORDERED
+               ? cfar_noise_ordered(c->noise.shape, n, rank_of(c, n), rate)
+               : cfar_noise_averaging(c->noise.shape, n, rate);
+}
+
+double cfar_factor(const struct cfar *c, size_t n)
+{
+    if (n > c->most)
+        n = c->most;
+    if (isnan(c->factor[n]))
+        c->factor[n] = factor_at_rate(c, n, c->cfg.false_alarm_rate);
+    if (c->noise.heavy && c->cfg.false_alarm_rate < c->noise.part)
+        return fmax(c->factor[n], cfar_noise_heavy(&c->noise, c->cfg.false_alarm_rate));
+    return c->factor[n];
+}
+
+/* The training cells of a cell into c->sample; returns how many. */
+static size_t train(struct cfar *c, const float *image, size_t cell)
+{
+    const struct cfar_config *g = &c->cfg;
+    const ptrdiff_t at[3] = {(ptrdiff_t)(cell % g->n[0]),
+                             (ptrdiff_t)(cell / g->n[0] % g->n[1]),
+                             (ptrdiff_t)(cell / (g->n[0] * g->n[1]))};
+    ptrdiff_t first[3], last[3], step[3], guard[3], stride[3] = {1, 1, 1};
+    size_t n = 0;
+
+    for (int a = 0; a < 3; a++) {
+        ptrdiff_t far = (ptrdiff_t)(reach(g, a) * g->pitch[a]);
+        step[a] = (ptrdiff_t)g->pitch[a];
+        guard[a] = (ptrdiff_t)g->guard[a];
+        first[a] = -far;
+        last[a] = far;
+        while (at[a] + first[a] < 0)
+            first[a] += step[a];
+        while (at[a] + last[a] >= (ptrdiff_t)g->n[a])
+            last[a] -= step[a];
+        stride[a] = a ? stride[a - 1] * (ptrdiff_t)g->n[a - 1] : 1;
+    }
+    for (ptrdiff_t z = first[2]; z <= last[2]; z += step[2])
+        for (ptrdiff_t y = first[1]; y <= last[1]; y += step[1])
+            for (ptrdiff_t x = first[0]; x <= last[0]; x += step[0])
+                if (labs(x) > guard[0] || labs(y) > guard[1] || labs(z) > guard[2])
+                    c->sample[n++] =
+                        image[(ptrdiff_t)cell + z * stride[2] + y * stride[1] + x];
+    return n;
+}
+
+/* The k-th smallest of x[n], k from 1 (Hoare 1961); turns x around. */
+static float order(float *x, size_t n, size_t k)
+{
+    size_t low = 0, high = n - 1, want = k - 1;
+
+    while (low < high) {
+        float pivot = x[low + (high - low) / 2];
+        size_t i = low, j = high;
+        while (true) {
+            while (x[i] < pivot)
+                i++;
+            while (x[j] > pivot)
+                j--;
+            if (i >= j)
+                break;
+            float swap = x[i];
+            x[i++] = x[j];
+            x[j--] = swap;
+        }
+        if (want <= j)
+            high = j;
+        else
+            low = j + 1;
+    }
+    return x[want];
+}
+
+static double level_of(struct cfar *c, size_t n)
+{
+    double sum = 0.0;
+
+    if (c->cfg.kind == CFAR_ORDERED)
+        return (double)order(c->sample, n, rank_of(c, n));
+    for (size_t i = 0; i < n; i++)
+        sum += (double)c->sample[i];
+    return sum / (double)n;
+}
+
+struct cfar_level cfar_at(struct cfar *c, const float *image, size_t cell)
+{
+    struct cfar_level out = {0.0, INFINITY};
+    size_t n = train(c, image, cell);
+
+    if (n < CFAR_MIN_TRAINING)
+        return out;
+    double level = level_of(c, n);
+    out.noise = level * c->over_level;
+    out.threshold = level * cfar_factor(c, n);
+    return out;
+}
+
+/* What would be detected is no noise, as far as that is known: after the first image. */
+static void remember(struct cfar *c, const float *image, size_t cell)
+{
+    size_t n = train(c, image, cell);
+    double level = n < CFAR_MIN_TRAINING ? 0.0 : level_of(c, n);
+    float ratio = level > 0.0 ? (float)((double)image[cell] / level) : 0.0f;
+
+    if (!(ratio > 0.0f && isfinite(ratio)) ||
+        (c->images > 1 && (double)ratio > cfar_factor(c, n)))
+        return;
+    c->ratio[c->next_ratio] = ratio;
+    c->next_ratio = (c->next_ratio + 1) % MEMORY;
+    c->n_ratios += c->n_ratios < MEMORY;
+}
+
+void cfar_learn(struct cfar *c, const float *image)
+{
+    const struct cfar_config *g = &c->cfg;
+    size_t number = 0, part = c->images++;
+
+    for (size_t z = 0; z < g->n[2]; z += g->pitch[2])
+        for (size_t y = 0; y < g->n[1]; y += g->pitch[1])
+            for (size_t x = 0; x < g->n[0]; x += g->pitch[0])
+                if (part == 0 || number++ % PARTS == part % PARTS)
+                    remember(c, image, (z * g->n[1] + y) * g->n[0] + x);
+    if (c->n_ratios < CFAR_MIN_TRAINING)
+        return;
+    double shape = cfar_noise_shape(c->ratio, c->n_ratios);
+    if (fabs(log(shape / c->noise.shape)) >= SHAPE_STEP)
+        set_shape(c, shape);
+    const double promised[2] = {factor_at_rate(c, c->most, 1e-2),
+                                factor_at_rate(c, c->most, 1e-3)};
+    memcpy(c->sorted, c->ratio, c->n_ratios * sizeof *c->ratio);
+    cfar_noise_fit_tail(&c->noise, c->sorted, c->n_ratios, promised);
+}
+
+const struct cfar_noise *cfar_noise(const struct cfar *c)
+{
+    return &c->noise;
+}
+
+void cfar_destroy(struct cfar *c)
+{
+    if (!c)
+        return;
+    free(c->factor);
+    free(c->sample);
+    free(c->ratio);
+    free(c->sorted);
+    free(c);
+}

@@ -1,0 +1,41 @@
+/* dsp/cfar_noise.h -- how bright noise gets, for dsp/cfar: powers x over their level.
+ * The body is a gamma distribution of some shape.  Clutter of single scatterers has a
+ * tail that no such shape has; where more powers are high than chance allows, the tail
+ * is fitted by itself, beyond its twentieth (extreme values: Dekkers, Einmahl and de Haan
+ * 1989). */
+#ifndef ANLOS_DSP_CFAR_NOISE_H
+#define ANLOS_DSP_CFAR_NOISE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+struct cfar_noise {
+    double shape;                    /* of the gamma distribution */
+    bool heavy;                      /* more than this part of the powers lies over... */
+    double part, from, scale, index; /* ...from, and these are its scale and index */
+};
+
+/* Which part of the noise is brighter than x times its mean. */
+double cfar_noise_tail(double shape, double x);
+
+/* The factor over the level that noise of a shape passes at a rate: over the mean of n
+ * training cells, or the k-th smallest of them. */
+double cfar_noise_averaging(double shape, size_t n, double rate);
+double cfar_noise_ordered(double shape, size_t n, size_t k, double rate);
+
+/* The mean over the level that has a part `rank` of the noise below it. */
+double cfar_noise_over_rank(double shape, double rank);
+
+/* The shape, 0.2 to 64, from powers over their levels x[n] > 0: by the mean of their
+ * logarithms, which a few objects do not change. */
+double cfar_noise_shape(const float *x, size_t n);
+
+/* Is the tail of x[n] heavier than the factors at 1e-2 and 1e-3 promise?  Then it is
+ * fitted.  Sorts x.  Too few of them: it is not. */
+void cfar_noise_fit_tail(struct cfar_noise *out, float *x, size_t n,
+                         const double promised[2]);
+
+/* The factor of a heavy tail at a rate below its part. */
+double cfar_noise_heavy(const struct cfar_noise *noise, double rate);
+
+#endif

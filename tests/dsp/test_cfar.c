@@ -1,0 +1,307 @@
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#include "dsp/cfar.h"
+
+enum { NX = 160, NZ = 400, CELLS = NX * NZ };
+
+static const struct cfar_config usual = {.kind = CFAR_AVERAGING,
+                                         .false_alarm_rate = 1e-3,
+                                         .rank = 0.75,
+                                         .n = {NX, 1, NZ},
+                                         .pitch = {1, 1, 1},
+                                         .guard = {1, 0, 1},
+                                         .training = {3, 0, 4}};
+
+static double uniform(uint64_t *seed)
+{
+    *seed = *seed * 6364136223846793005ull + 1442695040888963407ull;
+    return ((double)(*seed >> 11) + 0.5) / 9007199254740992.0;
+}
+
+/* Powers: sums of `looks` exponentials of mean 1 / looks, on a level of their own. */
+static float *noise(uint64_t seed, int looks, double (*level)(int x, int z))
+{
+    float *image = malloc(CELLS * sizeof *image);
+
+    assert_non_null(image);
+    for (int i = 0; i < CELLS; i++) {
+        double sum = 0.0;
+        for (int k = 0; k < looks; k++)
+            sum -= log(uniform(&seed));
+        image[i] = (float)(sum / looks * (level ? level(i % NX, i / NX) : 1.0));
+    }
+    return image;
+}
+
+static struct cfar *create(const struct cfar_config *cfg)
+{
+    struct cfar *c = NULL;
+
+    assert_int_equal(cfar_create(&c, cfg), 0);
+    return c;
+}
+
+static double rate(struct cfar *c, const float *image)
+{
+    size_t above = 0;
+
+    for (size_t i = 0; i < CELLS; i++)
+        above += (double)image[i] > cfar_at(c, image, i).threshold;
+    return (double)above / CELLS;
+}
+
+static void averaging_has_the_factor_of_finn_and_johnson(void **state)
+{
+    (void)state;
+    static const double rates[] = {1e-2, 1e-4, 1e-8};
+
+    for (size_t i = 0; i < sizeof rates / sizeof *rates; i++) {
+        struct cfar_config cfg = usual;
+        cfg.false_alarm_rate = rates[i];
+        struct cfar *c = create(&cfg);
+        for (size_t n = 16; n <= 70; n += 27)
+            assert_float_equal(cfar_factor(c, n) /
+                                   ((double)n * (pow(rates[i], -1.0 / (double)n) - 1)),
+                               1.0, 1e-9);
+        cfar_destroy(c);
+    }
+}
+
+static void the_ordered_statistic_has_the_factor_of_rohling(void **state)
+{
+    (void)state;
+    static const double rates[] = {1e-2, 1e-4, 1e-6};
+
+    for (size_t i = 0; i < sizeof rates / sizeof *rates; i++) {
+        struct cfar_config cfg = usual;
+        cfg.kind = CFAR_ORDERED;
+        cfg.false_alarm_rate = rates[i];
+        struct cfar *c = create(&cfg);
+        for (size_t n = 16; n <= 64; n += 24) {
+            double factor = cfar_factor(c, n), product = 1.0;
+            size_t k = (size_t)ceil(0.75 * (double)n);
+            for (size_t j = 0; j < k; j++)
+                product *= (double)(n - j) / ((double)(n - j) + factor);
+            assert_float_equal(product / rates[i], 1.0, 0.01);
+        }
+        cfar_destroy(c);
+    }
+}
+
+static double hill(int x, int z)
+{
+    return 1.0 + 30.0 * exp(-pow((x - 80) / 40.0, 2.0) - pow((z - 150) / 90.0, 2.0));
+}
+
+static void assert_rates_hold(int looks, double (*level)(int x, int z))
+{
+    static const double rates[] = {1e-2, 1e-3, 1e-4};
+    static const enum cfar_kind kinds[] = {CFAR_AVERAGING, CFAR_ORDERED};
+
+    for (int k = 0; k < 2; k++) {
+        for (int i = 0; i < 3; i++) {
+            struct cfar_config cfg = usual;
+            double sum = 0.0;
+            int seeds = i == 2 ? 3 : 1; /* 19 false alarms are expected at least */
+            cfg.kind = kinds[k];
+            cfg.false_alarm_rate = rates[i];
+            struct cfar *c = create(&cfg);
+            for (int seed = 0; seed < seeds; seed++) {
+                float *image = noise(77 + (uint64_t)seed, looks, level);
+                cfar_learn(c, image);
+                sum += rate(c, image) / seeds;
+                free(image);
+            }
+            assert_in_range((long)(100 * sum / rates[i]), 50, 200);
+            cfar_destroy(c);
+        }
+    }
+}
+
+static void the_rate_holds_in_noise(void **state)
+{
+    (void)state;
+    assert_rates_hold(1, NULL);
+}
+
+static void the_rate_holds_where_the_level_changes(void **state)
+{
+    (void)state;
+    assert_rates_hold(1, hill);
+}
+
+static void the_rate_holds_for_sums_of_powers(void **state)
+{
+    (void)state;
+    assert_rates_hold(4, NULL);
+}
+
+static void the_shape_is_found(void **state)
+{
+    (void)state;
+    static const int looks[] = {1, 2, 8};
+
+    for (int i = 0; i < 3; i++) {
+        struct cfar *c = create(&usual);
+        float *image = noise(5, looks[i], hill);
+        cfar_learn(c, image);
+        double shape = cfar_noise(c)->shape;
+        assert_true(fabs(log(shape / looks[i])) < 0.1);
+        free(image);
+        cfar_destroy(c);
+    }
+}
+
+/* Two objects in the window of one another. */
+static void a_neighbour_hides_an_object_from_the_mean_only(void **state)
+{
+    (void)state;
+    float *image = noise(9, 1, NULL);
+    const size_t cell = 200 * NX + 80;
+
+    image[cell] = 40.0f;
+    for (size_t x = cell + 2; x <= cell + 4; x++)
+        image[x] = 2000.0f;
+    for (int k = 0; k < 2; k++) {
+        struct cfar_config cfg = usual;
+        cfg.kind = k ? CFAR_ORDERED : CFAR_AVERAGING;
+        struct cfar *c = create(&cfg);
+        assert_int_equal((double)image[cell] > cfar_at(c, image, cell).threshold, k);
+        cfar_destroy(c);
+    }
+    free(image);
+}
+
+static void an_object_does_not_raise_its_own_threshold(void **state)
+{
+    (void)state;
+    float *image = noise(11, 1, NULL);
+    const size_t cell = 60 * NX + 100;
+    struct cfar *c = create(&usual);
+    struct cfar_level before = cfar_at(c, image, cell);
+
+    for (int z = -1; z <= 1; z++)
+        for (int x = -1; x <= 1; x++)
+            image[(ptrdiff_t)cell + z * NX + x] = 1e4f;
+    struct cfar_level after = cfar_at(c, image, cell);
+    assert_true(after.threshold == before.threshold && after.noise == before.noise);
+    free(image);
+    cfar_destroy(c);
+}
+
+static void the_noise_is_its_mean(void **state)
+{
+    (void)state;
+    float *image = noise(13, 1, NULL);
+
+    for (int k = 0; k < 2; k++) {
+        struct cfar_config cfg = usual;
+        double sum = 0.0;
+        cfg.kind = k ? CFAR_ORDERED : CFAR_AVERAGING;
+        struct cfar *c = create(&cfg);
+        for (size_t i = 0; i < CELLS; i += 7)
+            sum += cfar_at(c, image, i).noise;
+        assert_float_equal(sum / (CELLS / 7 + 1), 1.0, 0.03);
+        cfar_destroy(c);
+    }
+    free(image);
+}
+
+static void a_level_of_zero_and_a_lonely_cell_detect_nothing_wrong(void **state)
+{
+    (void)state;
+    float *image = calloc(CELLS, sizeof *image);
+    struct cfar *c = create(&usual);
+
+    assert_non_null(image);
+    cfar_learn(c, image);
+    assert_float_equal(cfar_noise(c)->shape, 1.0, 0.0);
+    assert_true(cfar_at(c, image, 0).threshold == 0.0);
+    assert_true(cfar_at(c, image, CELLS - 1).noise == 0.0);
+    cfar_destroy(c);
+    free(image);
+    /* 3 x 3 cells: too few to tell a level from. */
+    struct cfar_config small = usual;
+    small.n[0] = small.n[2] = 3;
+    const float few[9] = {1, 1, 1, 1, 100, 1, 1, 1, 1};
+    c = create(&small);
+    assert_true(isinf(cfar_at(c, few, 4).threshold));
+    cfar_destroy(c);
+}
+
+/* Spiky or smooth, rare or not: the factor is a number, and rises as the rate falls. */
+static void factors_are_there_for_every_shape(void **state)
+{
+    (void)state;
+    static const double rates[] = {1e-1, 1e-4, 1e-12};
+
+    for (int looks = 0; looks < 4; looks++) {
+        double before = 0.0;
+        float *image = noise(3, looks ? looks * looks * looks * 3 : 1, NULL);
+        for (size_t i = 0; !looks && i < CELLS; i++)
+            image[i] = powf(image[i], 4.0f); /* spiky */
+        for (size_t r = 0; r < 3; r++) {
+            struct cfar_config cfg = usual;
+            cfg.kind = CFAR_ORDERED;
+            cfg.false_alarm_rate = rates[r];
+            struct cfar *c = create(&cfg);
+            cfar_learn(c, image);
+            double factor = cfar_factor(c, 40);
+            assert_true(isfinite(factor) && factor > before);
+            before = factor;
+            cfar_destroy(c);
+        }
+        free(image);
+    }
+}
+
+static void wrong_configurations_are_refused(void **state)
+{
+    (void)state;
+    struct cfar *c = NULL;
+    struct cfar_config wrong[6];
+    enum cfar_kind kind;
+
+    for (size_t i = 0; i < 6; i++)
+        wrong[i] = usual;
+    wrong[0].kind = CFAR_OFF;
+    wrong[1].false_alarm_rate = 0.9;
+    wrong[2].false_alarm_rate = NAN;
+    wrong[3].pitch[0] = 0;
+    wrong[4].training[0] = wrong[4].training[2] = 0;
+    wrong[5].kind = CFAR_ORDERED;
+    wrong[5].rank = 1.0;
+    for (size_t i = 0; i < 6; i++)
+        assert_int_equal(cfar_create(&c, &wrong[i]), -EINVAL);
+    cfar_destroy(NULL);
+    assert_int_equal(cfar_kind_from_name("ordered", &kind), 0);
+    assert_int_equal(kind, CFAR_ORDERED);
+    assert_int_equal(cfar_kind_from_name("greatest", &kind), -EINVAL);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(averaging_has_the_factor_of_finn_and_johnson),
+        cmocka_unit_test(the_ordered_statistic_has_the_factor_of_rohling),
+        cmocka_unit_test(the_rate_holds_in_noise),
+        cmocka_unit_test(the_rate_holds_where_the_level_changes),
+        cmocka_unit_test(the_rate_holds_for_sums_of_powers),
+        cmocka_unit_test(the_shape_is_found),
+        cmocka_unit_test(a_neighbour_hides_an_object_from_the_mean_only),
+        cmocka_unit_test(an_object_does_not_raise_its_own_threshold),
+        cmocka_unit_test(the_noise_is_its_mean),
+        cmocka_unit_test(a_level_of_zero_and_a_lonely_cell_detect_nothing_wrong),
+        cmocka_unit_test(factors_are_there_for_every_shape),
+        cmocka_unit_test(wrong_configurations_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
