@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <float.h>
+#include <string.h>
 
 #include "nodes/rt/objects.h"
 #include "nodes/rt/volume_grid.h"
@@ -9,6 +10,12 @@
 void detector_init(struct detector *d, const struct detector_config *cfg)
 {
     *d = (struct detector){.cfg = *cfg};
+}
+
+static void forget_cells(struct detector *d)
+{
+    cfar_destroy(d->cells);
+    d->cells = NULL;
 }
 
 int detector_survey(struct detector *d, const Anlos__Survey *survey,
@@ -22,10 +29,32 @@ int detector_survey(struct detector *d, const Anlos__Survey *survey,
     if (err)
         return err;
     survey_clear(&d->survey);
+    forget_cells(d);
     d->survey = fresh;
     d->survey_id = survey->id;
     d->has_survey = true;
     return 0;
+}
+
+/* What was learnt of the noise stays while the grid does. */
+static int find_cells(struct detector *d, const struct grid *grid,
+                      struct detect_config *cfg)
+{
+    int err = 0;
+
+    if (d->cfg.cfar == CFAR_OFF)
+        return 0;
+    if (d->cells && memcmp(&d->cells_grid, grid, sizeof *grid))
+        forget_cells(d);
+    if (!d->cells) {
+        struct detect_config resolved = *cfg;
+        objects_resolution(&resolved, &d->survey, grid);
+        err = detect_cfar(&d->cells, d->cfg.cfar, d->cfg.false_alarm_rate, grid,
+                          resolved.resolution_m);
+        d->cells_grid = *grid;
+    }
+    cfg->cfar = d->cells;
+    return err;
 }
 
 static bool is_image(const struct grid *grid, const float *intensity)
@@ -37,9 +66,11 @@ static bool is_image(const struct grid *grid, const float *intensity)
 }
 
 int detector_volume(struct detector *d, const Anlos__Volume *volume,
-                    Anlos__DetectionList **out, struct complaint *why)
+                    const struct walls *walls, Anlos__DetectionList **out,
+                    struct complaint *why)
 {
     struct detect_config cfg;
+    struct walls own;
     struct grid grid;
     const float *intensity = volume_grid(volume, &grid);
 
@@ -51,7 +82,16 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
                         "are not numbers");
     detect_config_default(&cfg);
     cfg.threshold_db = d->cfg.threshold_db;
-    int err = objects_find(out, &d->survey, &cfg, d->cfg.min_existence, &grid, intensity);
+    if (!walls) {
+        walls_from_survey(&own, &d->survey);
+        walls = &own;
+    }
+    int err = find_cells(d, &grid, &cfg);
+    if (err == -EINVAL)
+        return complain(why, err, "a volume that is too small for track.cfar");
+    if (!err)
+        err = objects_find_behind(out, &d->survey, walls, &cfg, d->cfg.min_existence,
+                                  &grid, intensity);
     if (err)
         return complain(why, err, "not enough memory to detect objects");
     (*out)->scan = volume->scan;
@@ -62,6 +102,7 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
 
 void detector_clear(struct detector *d)
 {
+    forget_cells(d);
     survey_clear(&d->survey);
     d->has_survey = false;
 }

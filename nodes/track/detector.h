@@ -1,5 +1,5 @@
-/* nodes/track/detector.h -- the track node's step: a volume to the list of hidden
- * objects, where they really are.  Each list stands for itself: nothing is tracked. */
+/* nodes/track/detector.h -- a volume to the list of hidden objects, where they really
+ * are.  Each list stands for itself: nothing is tracked. */
 #ifndef ANLOS_NODES_TRACK_DETECTOR_H
 #define ANLOS_NODES_TRACK_DETECTOR_H
 
@@ -10,10 +10,14 @@
 #include "msgs/detections.pb-c.h"
 #include "msgs/survey.h"
 #include "msgs/volume.pb-c.h"
+#include "nodes/rt/walls.h"
+#include "recon/detect.h"
 
 struct detector_config {
-    double threshold_db;  /* above the volume's noise floor */
-    double min_existence; /* 0..1: what is less likely is left out */
+    double threshold_db;     /* above the volume's noise floor */
+    double min_existence;    /* 0..1: what is less likely is left out */
+    enum cfar_kind cfar;     /* on: in place of the threshold */
+    double false_alarm_rate; /* of each voxel, with cfar */
 };
 
 struct detector {
@@ -21,6 +25,8 @@ struct detector {
     struct survey survey;
     uint64_t survey_id;
     bool has_survey;
+    struct cfar *cells; /* for images on cells_grid; NULL: none yet */
+    struct grid cells_grid;
     uint32_t counter; /* of lists */
 };
 
@@ -30,10 +36,12 @@ void detector_init(struct detector *d, const struct detector_config *cfg);
 int detector_survey(struct detector *d, const Anlos__Survey *survey,
                     struct complaint *why);
 
-/* The objects of a volume; objects_free the list.  0, -EAGAIN (its survey is not known
- * yet), -EINVAL (not a volume; the complaint says why), -ENOMEM. */
+/* The objects of a volume behind walls (NULL: the survey's); objects_free the list.  0,
+ * -EAGAIN (its survey is not known yet), -EINVAL (not a volume; the complaint says why),
+ * -ENOMEM. */
 int detector_volume(struct detector *d, const Anlos__Volume *volume,
-                    Anlos__DetectionList **out, struct complaint *why);
+                    const struct walls *walls, Anlos__DetectionList **out,
+                    struct complaint *why);
 void detector_clear(struct detector *d);
 
 #endif

@@ -1,27 +1,44 @@
-/* nodes/track/main.c: "survey", "volume" -> detection, the wall's mirror -> "detections"
- */
+/* nodes/track/main.c: "survey", "wall", "ego", "volume" -> detection, the wall's mirror,
+ * tracks -> "detections" */
 #include <errno.h>
 
 #include "msgs/topics.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/objects.h"
-#include "nodes/track/detector.h"
+#include "nodes/track/tracking.h"
 
-static int take_survey(struct node *node, struct detector *d, const Anlos__Survey *survey)
+static void tell_state(struct node *node, const struct tracking *t)
 {
-    struct complaint why = {""};
-    int err = detector_survey(d, survey, &why);
-
-    if (err) {
-        node_state(node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
-        return err;
-    }
-    if (!d->survey.has_wall)
+    if (!tracking_has_survey(t))
+        return;
+    if (!tracking_has_wall(t))
         node_state(node, ANLOS__HEALTH__STATE__DEGRADED,
                    "no wall is known: positions are those of the mirror images");
     else
         node_state(node, ANLOS__HEALTH__STATE__READY, "ready");
-    return 0;
+}
+
+static int take_survey(struct node *node, struct tracking *t, const Anlos__Survey *survey)
+{
+    struct complaint why = {""};
+    int err = tracking_survey(t, survey, &why);
+
+    if (err)
+        node_state(node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
+    else
+        tell_state(node, t);
+    return err;
+}
+
+static void take_walls(struct node *node, struct tracking *t,
+                       const struct node_message *in)
+{
+    struct complaint why = {""};
+
+    if (tracking_walls(t, (const Anlos__WallList *)in->content, in->capture_ns, &why))
+        node_log(node, LOG_LEVEL_WARNING, "walls: %s", why.text);
+    else
+        tell_state(node, t);
 }
 
 struct listed { /* the volume that the newest list is of */
@@ -43,7 +60,7 @@ static bool makes_list(const struct node *node, const struct listed *last,
 }
 
 /* A volume that cannot be used is logged; recon repeats the last one of a scan. */
-static void take_volume(struct node *node, struct detector *d, struct listed *last,
+static void take_volume(struct node *node, struct tracking *t, struct listed *last,
                         const struct node_message *in)
 {
     const Anlos__Volume *v = (const Anlos__Volume *)in->content;
@@ -52,30 +69,61 @@ static void take_volume(struct node *node, struct detector *d, struct listed *la
 
     if (!makes_list(node, last, in))
         return;
-    if (detector_volume(d, v, &list, &why)) {
+    int err = tracking_volume(t, v, in->capture_ns, &list, &why);
+    if (err && !(err == -ESTALE && v->repeated))
         node_log(node, LOG_LEVEL_WARNING, "%s", why.text);
+    if (err)
         return;
-    }
     *last = (struct listed){true, v->scan, in->capture_ns};
     node_publish(node, topic_detections(), in->capture_ns, &list->base);
     objects_free(list);
 }
 
-static int run(struct node *node, struct detector *d)
+/* What the tracker had to leave out, said once for each time that it grew. */
+static void tell_losses(struct node *node, const struct tracking *t,
+                        struct track_counts *told)
 {
+    struct track_counts now = tracking_counts(t);
+
+    if (now.crowded > told->crowded)
+        node_log(node, LOG_LEVEL_WARNING, "more objects than tracks or ids: %zu left out",
+                 (size_t)(now.crowded - told->crowded));
+    if (now.resets > told->resets)
+        node_log(node, LOG_LEVEL_WARNING, "the clock went back: all tracks begin anew");
+    *told = now;
+}
+
+static int take(struct node *node, struct tracking *t, struct listed *last,
+                const struct node_message *in)
+{
+    if (in->topic == topic_survey())
+        return take_survey(node, t, (const Anlos__Survey *)in->content);
+    if (in->topic == topic_wall())
+        take_walls(node, t, in);
+    else if (in->topic == topic_ego())
+        tracking_ego(t, (const Anlos__EgoMotion *)in->content, in->capture_ns);
+    else
+        take_volume(node, t, last, in);
+    return 0;
+}
+
+static int run(struct node *node, struct tracking *t)
+{
+    const struct topic *const topics[] = {topic_survey(), topic_wall(), topic_ego(),
+                                          topic_volume()};
     struct node_message in;
     struct listed last = {.any = false};
-    int err = node_subscribe(node, topic_survey());
+    struct track_counts told = {0};
+    int err = node_order_replay(node);
 
-    if (!err)
-        err = node_subscribe(node, topic_volume());
+    for (size_t i = 0; !err && i < sizeof topics / sizeof *topics; i++)
+        err = node_subscribe(node, topics[i]);
     node_state(node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
     while (!err) {
         err = node_next(node, &in, -1);
-        if (!err && in.topic == topic_survey())
-            err = take_survey(node, d, (const Anlos__Survey *)in.content);
-        else if (!err)
-            take_volume(node, d, &last, &in);
+        if (!err)
+            err = take(node, t, &last, &in);
+        tell_losses(node, t, &told);
     }
     return err;
 }
@@ -83,17 +131,17 @@ static int run(struct node *node, struct detector *d)
 int main(int argc, char **argv)
 {
     struct node *node;
-    struct detector d;
+    struct tracking *t = NULL;
+    struct tracking_config cfg;
     int err =
         node_create(&node, "track", "Finds the hidden objects in the image.", argc, argv);
 
     if (err)
         return err - 1;
-    const struct launchfile *l = node_launch(node);
-    const struct detector_config cfg = {.threshold_db = l->track.threshold_db,
-                                        .min_existence = l->track.min_existence};
-    detector_init(&d, &cfg);
-    err = run(node, &d);
-    detector_clear(&d);
+    tracking_config(&cfg, node_launch(node));
+    err = tracking_create(&t, &cfg);
+    if (!err)
+        err = run(node, t);
+    tracking_destroy(t);
     return node_finish(node, err);
 }

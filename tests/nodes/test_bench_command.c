@@ -289,7 +289,8 @@ static void wrong_names_give_the_list(void **state)
     char *what[] = {"bench", "everything", NULL};
     command_run(&r, command_bench, what);
     assert_int_equal(r.code, 2);
-    assert_non_null(strstr(r.err, "everything: expected speed-error or detection"));
+    assert_non_null(
+        strstr(r.err, "everything: expected speed-error, detection or drive"));
 }
 
 static void ctrl_c_keeps_what_is_done(void **state)

@@ -18,6 +18,8 @@ static const char help[] =
     "                   [--recordings DIR] [--out DIR] [--quick] ...\n"
     "       anlos bench detection [--methods NAME,...] [--seeds N] [--out DIR] "
     "[--quick]\n"
+    "       anlos bench drive [--scenes FILE,...] [--launch FILE] [--seeds N] [--out "
+    "DIR]\n"
     "\n"
     "speed-error images scenes whose truth is known by every method, with all and with\n"
     "fewer speakers and positions, on finer and coarser grids, in other bands, with "
@@ -28,6 +30,8 @@ static const char help[] =
     "exactly\n"
     "one point is placed in noise beside what is possible at all (Cramer-Rao).\n"
     "detection measures how often one point is found in how much noise.\n"
+    "drive tracks what hides in simulated drives, at simulated time, and tells how far\n"
+    "the tracks are from the truth.\n"
     "\n"
     "  --scenes NAME,...    points, corner_reflectors, letter_H, letters_LT (these four "
     "by\n"
@@ -46,6 +50,10 @@ static const char help[] =
     "  --limit-s SECONDS    skips a run that is predicted to take longer; default 20\n"
     "  --threads N          at most; default: one for each processor\n"
     "  --seeds N            of noise; default 32, of detection 400; 0: no noise\n"
+    "  --launch FILE        of drive: settings, and the scene where --scenes has none;\n"
+    "                       default: a recorded background, the wall as the vehicle "
+    "tells\n"
+    "                       it; seeds are rounds of the drive then, 3 or (--quick) 1\n"
     "  --quick              few methods and parameters: under a minute\n"
     "  --help               this text\n"
     "\n"
@@ -56,6 +64,8 @@ static const char help[] =
     "  noise-lateral, noise-depth, noise.csv\n"
     "  growth-time, growth-memory\n"
     "  detection.csv        of detection\n"
+    "  drive.json           of drive: all figures, and for each scene\n"
+    "  SCENE.csv, .svg, .png    GOSPA and OSPA over time\n"
     "  scenes/              what was simulated, or the surveys of what was read\n"
     "\n"
     "example\n"
@@ -74,6 +84,7 @@ enum option_code {
     OPTION_LIMIT,
     OPTION_THREADS,
     OPTION_SEEDS,
+    OPTION_LAUNCH,
     OPTION_QUICK,
 };
 
@@ -86,6 +97,7 @@ static const struct option options[] = {
     {"limit-s", required_argument, NULL, OPTION_LIMIT},
     {"threads", required_argument, NULL, OPTION_THREADS},
     {"seeds", required_argument, NULL, OPTION_SEEDS},
+    {"launch", required_argument, NULL, OPTION_LAUNCH},
     {"quick", no_argument, NULL, OPTION_QUICK},
     {"help", no_argument, NULL, 'h'},
     {NULL, 0, NULL, 0},
@@ -109,6 +121,9 @@ static int take_option(struct bench_options *o, int code)
     case OPTION_OUT:
         o->out = optarg;
         return *optarg ? 0 : usage_error("bench", "--out: expected a folder");
+    case OPTION_LAUNCH:
+        o->launch = optarg;
+        return 0;
     case OPTION_QUICK:
         o->quick = true;
         return 0;
@@ -130,17 +145,18 @@ static int take_option(struct bench_options *o, int code)
     }
 }
 
-static int run(const struct bench_options *o, bool speed)
+static int run(const struct bench_options *o,
+               int (*bench)(const struct bench_options *, struct complaint *))
 {
     struct complaint why = {0};
     interrupt_catch();
-    int err = speed ? bench_speed(o, &why) : bench_detection(o, &why);
+    int err = bench(o, &why);
     if (!err)
         return EXIT_WORKED;
     fprintf(stderr, "anlos bench: %s\n", why.text);
-    return err == -EINTR                      ? EXIT_INTERRUPTED
-           : err == -ENOENT || err == -EINVAL ? EXIT_BAD_INPUT
-                                              : EXIT_FAILED;
+    return err == -EINTR                                         ? EXIT_INTERRUPTED
+           : err == -ENOENT || err == -EINVAL || err == -ENOTSUP ? EXIT_BAD_INPUT
+                                                                 : EXIT_FAILED;
 }
 
 int command_bench(int argc, char **argv)
@@ -158,15 +174,18 @@ int command_bench(int argc, char **argv)
     if (code)
         return ~code;
     if (optind >= argc)
-        return usage_error("bench", "expected speed-error or detection");
+        return usage_error("bench", "expected speed-error, detection or drive");
     const char *what = argv[optind];
+    bool speed = !strcmp(what, "speed-error"), drive = !strcmp(what, "drive");
     if (optind + 1 < argc)
         return usage_error("bench", "%s: unexpected argument", argv[optind + 1]);
-    if (strcmp(what, "speed-error") && strcmp(what, "detection"))
-        return usage_error("bench", "%s: expected speed-error or detection", what);
-    if (!strcmp(what, "detection") && (o.scenes || o.recordings))
+    if (!speed && !drive && strcmp(what, "detection"))
+        return usage_error("bench", "%s: expected speed-error, detection or drive", what);
+    if (!speed && !drive && (o.scenes || o.recordings))
         return usage_error("bench", "detection makes its own scene");
-    if (!strcmp(what, "detection") && !o.seeds)
-        return usage_error("bench", "--seeds 0: detection needs noise");
-    return run(&o, !strcmp(what, "speed-error"));
+    if (!speed && !o.seeds)
+        return usage_error("bench", "--seeds 0: %s needs some", what);
+    if (!drive && o.launch)
+        return usage_error("bench", "--launch: only drive takes one");
+    return run(&o, speed ? bench_speed : drive ? bench_drive : bench_detection);
 }

@@ -14,10 +14,11 @@ struct bench_options {   /* borrow from argv */
     const char *scenes;  /* names or scene files with commas; NULL: the usual ones */
     const char *methods; /* names with commas; NULL: all */
     const char *recordings, *calibration; /* folders, or NULL */
+    const char *launch;                   /* file of drive, or NULL */
     const char *out;
     double limit_s;
     size_t threads;
-    size_t seeds; /* of noise, 0: none; BENCH_USUAL_SEEDS */
+    size_t seeds; /* of noise, 0: none; of drive: rounds; BENCH_USUAL_SEEDS */
     bool quick;
 };
 
@@ -25,5 +26,6 @@ struct bench_options {   /* borrow from argv */
  * other negative errno. */
 int bench_speed(const struct bench_options *o, struct complaint *why);
 int bench_detection(const struct bench_options *o, struct complaint *why);
+int bench_drive(const struct bench_options *o, struct complaint *why);
 
 #endif

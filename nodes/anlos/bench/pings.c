@@ -47,7 +47,8 @@ int bench_pings_create(struct bench_pings **out, const struct bench_pings_config
     size_t last = (cfg->survey->n_speakers - 1) * cfg->speaker_stride, frames;
     p->cfg = *cfg;
     p->ping_samples = cfg->processing->ping_samples;
-    frames = last * cfg->survey->slot_samples + p->ping_samples;
+    frames = survey_slot_of(cfg->survey, last) * cfg->survey->slot_samples +
+             p->ping_samples;
     p->stride = frames > cfg->scene->frames ? frames : cfg->scene->frames;
     p->n_workers = pool_threads(cfg->pool);
     p->workers = calloc(p->n_workers, sizeof *p->workers);
@@ -108,14 +109,16 @@ static void process_position(void *ctx, size_t position, size_t thread)
     if (interrupt_requested())
         return;
     for (size_t j = 0; j < s->n_speakers; j++) {
-        size_t start = j * p->cfg.speaker_stride * s->slot_samples;
+        size_t emission = j * p->cfg.speaker_stride;
+        size_t start = survey_slot_of(s, emission) * s->slot_samples;
         size_t end = start + p->ping_samples;
         if (p->sink->wants && !p->sink->wants(p->sink->ctx, position, j))
             continue;
         subtract(p, w->difference, position * p->cfg.position_stride,
                  done > start ? done : start, end);
         done = end;
-        compressor_execute(w->compressor, w->difference + start, p->stride, w->traces);
+        compressor_execute_either(w->compressor, survey_is_down(s, emission),
+                                  w->difference + start, p->stride, w->traces);
         stopwatch_lap(&w->compress, &now, true);
         p->sink->take(p->sink->ctx, position, j, w->traces, NULL);
         stopwatch_lap(&w->sink, &now, true);

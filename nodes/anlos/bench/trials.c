@@ -36,8 +36,9 @@ static void compress(struct bench_trials *t, float complex *out, size_t position
 {
     const struct survey *s = &t->survey;
     for (size_t j = 0; j < s->n_speakers; j++)
-        compressor_execute(
-            t->compressors[thread], samples + j * s->slot_samples, t->scene->frames,
+        compressor_execute_either(
+            t->compressors[thread], survey_is_down(s, j),
+            samples + survey_slot_of(s, j) * s->slot_samples, t->scene->frames,
             out + (position * s->n_speakers + j) * s->n_microphones * t->n);
 }
 
@@ -94,7 +95,8 @@ static int plan(struct bench_trials *t, const char *methods, struct complaint *w
 {
     struct trace_format format;
     int err = processing_plan(&t->processing, &t->survey, why);
-    size_t last = (t->survey.n_speakers - 1) * t->survey.slot_samples;
+    size_t last = survey_slot_of(&t->survey, t->survey.n_speakers - 1) *
+                  t->survey.slot_samples;
     if (!err && last + t->processing.ping_samples > t->scene->frames)
         err = complain(why, -EINVAL, "the last ping ends after the recording");
     for (size_t i = 0; !err && i < t->threads; i++)
@@ -174,7 +176,7 @@ const struct processing *bench_trials_processing(const struct bench_trials *t)
 double bench_trials_power(const struct bench_trials *t)
 {
     const struct survey *s = &t->survey;
-    size_t slots = s->n_speakers * s->slot_samples;
+    size_t slots = survey_slots(s, s->n_speakers) * s->slot_samples;
     size_t channels = s->n_positions * s->n_microphones;
     double sum = 0.0;
     for (size_t i = 0; i < channels; i++) {
@@ -197,7 +199,7 @@ static double echo_energy(const struct bench_trials *t, size_t position, size_t 
     way_m = hypot(hypot(p[0] - a[0], p[1] - a[1]), p[2] - a[2]) +
             hypot(hypot(p[0] - b[0], p[1] - b[1]), p[2] - b[2]);
     size_t first =
-        speaker * s->slot_samples +
+        survey_slot_of(s, speaker) * s->slot_samples +
         (size_t)rint(way_m / s->sound_speed_m_s * s->sample_rate_hz + s->latency_samples);
     size_t last = first + (size_t)rint(s->chirp_duration_s * s->sample_rate_hz);
     const float *x = t->scene->scene +

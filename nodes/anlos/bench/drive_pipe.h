@@ -1,0 +1,42 @@
+/* nodes/anlos/bench/drive_pipe.h -- a simulated drive through the steps of the nodes dsp,
+ * recon, wall and track, in one process at simulated time, with a launch file's settings:
+ * the same scene gives the same tracks each time. */
+#ifndef ANLOS_NODES_ANLOS_BENCH_DRIVE_PIPE_H
+#define ANLOS_NODES_ANLOS_BENCH_DRIVE_PIPE_H
+
+#include "nodes/anlos/bench/drive_world.h"
+#include "nodes/dsp/dsp.h"
+#include "nodes/recon/steady.h"
+#include "nodes/rt/launchfile.h"
+#include "nodes/track/tracking.h"
+#include "nodes/wall/keeper.h"
+#include "nodes/wall/listener.h"
+
+struct drive_pipe {
+    const struct launchfile *launch;
+    struct drive_world world;
+    struct dsp *dsp;
+    struct steady *steady;
+    struct tracking *tracker, *detector;
+    bool has_keeper; /* there is a node wall */
+    struct keeper keeper;
+    struct listener *listener; /* of echoes */
+    struct survey survey;
+    int64_t ego_ns, wall_ns; /* of the next message */
+    double ping_s;           /* how long one is */
+};
+
+/* The launch file outlives it.  0, or a negative errno with a complaint. */
+int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const char *scene,
+                      size_t threads, struct complaint *why);
+
+/* Goes on to the next image: its lists, which objects_free frees, tracked and not; the
+ * stamp of its newest ping, and when that had ended.  0 or a negative errno. */
+struct drive_image {
+    Anlos__DetectionList *tracks, *detections;
+    double t_s, out_s;
+};
+int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct complaint *why);
+void drive_pipe_clear(struct drive_pipe *p);
+
+#endif

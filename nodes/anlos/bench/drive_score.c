@@ -1,0 +1,316 @@
+#include "nodes/anlos/bench/drive_score.h"
+
+#include <math.h>
+#include <string.h>
+
+#define LOOK_S   0.01 /* how finely objects that come in are looked for */
+#define INSIDE_M 0.3  /* of a long object's outline */
+
+double drive_mean(const struct drive_sum *s)
+{
+    return s->n ? s->sum / (double)s->n : NAN;
+}
+
+double drive_rms(const struct drive_sum *squares)
+{
+    return sqrt(drive_mean(squares));
+}
+
+static void add(struct drive_sum *s, double value)
+{
+    s->sum += value;
+    s->n++;
+}
+
+void drive_score_init(struct drive_score *s, const struct room *room, double began_s)
+{
+    const struct survey *survey = room_survey(room);
+
+    *s = (struct drive_score){.room = room, .looked_s = began_s, .began_s = began_s};
+    memcpy(s->gate_m, survey->gate_m, sizeof s->gate_m);
+    for (int a = 0; a < 2; a++)
+        memcpy(s->volume_m[a], survey->volume_m[2 * a], sizeof s->volume_m[a]);
+}
+
+static double range_m(const struct room_truth *t)
+{
+    return hypot(hypot(t->virtual_m[0], t->virtual_m[1]), t->virtual_m[2]);
+}
+
+static bool is_in_gate(const struct drive_score *s, const struct room_truth *t)
+{
+    double r = range_m(t);
+
+    return r >= s->gate_m[0] && r <= s->gate_m[1] &&
+           t->virtual_m[0] >= s->volume_m[0][0] && t->virtual_m[0] <= s->volume_m[0][1] &&
+           t->virtual_m[2] >= s->volume_m[1][0] && t->virtual_m[2] <= s->volume_m[1][1];
+}
+
+/* -- objects that come and go -----------------------------------------------------------
+ */
+
+static struct drive_object *find(struct drive_score *s, const char name[32])
+{
+    for (size_t i = 0; i < DRIVE_OBJECTS; i++) {
+        if (!s->objects[i].name[0])
+            memcpy(s->objects[i].name, name, sizeof s->objects[i].name);
+        if (!strcmp(s->objects[i].name, name))
+            return &s->objects[i];
+    }
+    return NULL;
+}
+
+static void leave(struct drive_score *s, struct drive_object *o)
+{
+    s->n_late += o->in_gate && !o->confirmed;
+    o->in_gate = false;
+}
+
+/* Who is in the gate at an instant, and since when. */
+static void look(struct drive_score *s, double t_s)
+{
+    struct room_truth truth[DRIVE_OBJECTS];
+    size_t n = room_truth(s->room, t_s, truth, DRIVE_OBJECTS);
+    bool here[DRIVE_OBJECTS] = {false};
+
+    for (size_t i = 0; i < n && i < DRIVE_OBJECTS; i++) {
+        struct drive_object *o = find(s, truth[i].name);
+        if (!o || !is_in_gate(s, &truth[i]))
+            continue;
+        here[o - s->objects] = true;
+        if (o->in_gate)
+            continue;
+        o->in_gate = true;
+        o->confirmed = false;
+        o->entered_s = t_s;
+        o->hidden_first = !truth[i].line_of_sight;
+        s->n_entries++;
+    }
+    for (size_t i = 0; i < DRIVE_OBJECTS; i++)
+        if (!here[i])
+            leave(s, &s->objects[i]);
+}
+
+static void look_until(struct drive_score *s, double t_s)
+{
+    for (; s->looked_s <= t_s; s->looked_s += LOOK_S)
+        look(s, s->looked_s);
+}
+
+static double until_sight_s(const struct drive_score *s, const char *name, double t_s)
+{
+    struct room_truth truth[DRIVE_OBJECTS];
+    size_t n = room_truth(s->room, t_s, truth, DRIVE_OBJECTS);
+
+    for (size_t i = 0; i < n && i < DRIVE_OBJECTS; i++)
+        if (!strcmp(truth[i].name, name))
+            return truth[i].until_sight_s;
+    return NAN;
+}
+
+static void confirm(struct drive_score *s, const struct room_truth *t, double out_s)
+{
+    struct drive_object *o = find(s, t->name);
+
+    if (!o || !o->in_gate || o->confirmed)
+        return;
+    o->confirmed = true;
+    add(&s->delay, out_s - o->entered_s);
+    s->worst_delay_s = fmax(s->worst_delay_s, out_s - o->entered_s);
+    double lead_s = until_sight_s(s, t->name, out_s);
+    if (o->hidden_first && isfinite(lead_s))
+        add(&s->lead, lead_s);
+}
+
+/* -- tracks -----------------------------------------------------------------------------
+ */
+
+/* A track is false that no object was near in all of its life. */
+static void end_life(struct drive_score *s, size_t i)
+{
+    s->n_false_tracks += !s->lives[i].matched;
+    s->lives[i] = s->lives[--s->n_lives];
+}
+
+static void live(struct drive_score *s, const Anlos__Detection *track, bool matched)
+{
+    size_t i = 0;
+
+    while (i < s->n_lives && s->lives[i].id != track->id)
+        i++;
+    if (i == s->n_lives) {
+        if (s->n_lives == DRIVE_LIVES)
+            end_life(s, 0);
+        i = s->n_lives++;
+        s->lives[i] = (struct drive_life){.id = track->id};
+    }
+    s->lives[i].matched |= matched;
+    if (track->measurement == ANLOS__MEASUREMENT__DELETED)
+        end_life(s, i);
+}
+
+struct matching { /* places of a list and of what is there */
+    size_t n_found, n_truth;
+    double found_m[BENCH_SET_MAX][2], truth_m[BENCH_SET_MAX][2];
+    const Anlos__Detection *found[BENCH_SET_MAX];
+    struct room_truth truth[DRIVE_OBJECTS];
+    struct bench_set_distance distance;
+};
+
+/* The part of an object that is nearest to a place. */
+static void nearest_part(const struct room_truth *t, const double p_m[2], double out[2])
+{
+    for (int a = 0; a < 2; a++) {
+        double half_m = fmax(0.5 * t->extent_m[a] - INSIDE_M, 0.0);
+        out[a] = fmin(fmax(p_m[a], t->position_m[a] - half_m), t->position_m[a] + half_m);
+    }
+}
+
+static double away_m(const struct room_truth *t, const double p_m[2])
+{
+    double part[2];
+
+    nearest_part(t, p_m, part);
+    return hypot(part[0] - p_m[0], part[1] - p_m[1]);
+}
+
+static void place_truth(struct matching *m, size_t i)
+{
+    const double *nearest = m->truth[i].position_m;
+    double least_m = INFINITY;
+
+    for (size_t j = 0; j < m->n_found; j++) {
+        double d_m = away_m(&m->truth[i], m->found_m[j]);
+        if (d_m < least_m) {
+            least_m = d_m;
+            nearest = m->found_m[j];
+        }
+    }
+    nearest_part(&m->truth[i], nearest, m->truth_m[i]);
+}
+
+static bool is_somebody(const struct matching *m, size_t found)
+{
+    for (size_t i = 0; i < m->n_truth; i++)
+        if (away_m(&m->truth[i], m->found_m[found]) < DRIVE_CUTOFF_M)
+            return true;
+    return false;
+}
+
+static void match(const struct drive_score *s, double t_s,
+                  const Anlos__DetectionList *list, struct matching *m)
+{
+    m->n_truth = room_truth(s->room, t_s, m->truth, DRIVE_OBJECTS);
+    m->n_truth = m->n_truth < DRIVE_OBJECTS ? m->n_truth : DRIVE_OBJECTS;
+    m->n_found = 0;
+    for (size_t i = 0; i < list->n_detections && m->n_found < BENCH_SET_MAX; i++) {
+        const Anlos__Detection *d = list->detections[i];
+        if (d->measurement == ANLOS__MEASUREMENT__DELETED)
+            continue;
+        m->found_m[m->n_found][0] = d->position_m->x;
+        m->found_m[m->n_found][1] = d->position_m->y;
+        m->found[m->n_found++] = d;
+    }
+    for (size_t i = 0; i < m->n_truth; i++)
+        place_truth(m, i);
+    bench_set_distance(&m->distance, (const double(*)[2])m->truth_m, m->n_truth,
+                       (const double(*)[2])m->found_m, m->n_found, DRIVE_CUTOFF_M,
+                       DRIVE_ORDER);
+}
+
+/* The distance with those left out that need not be found. */
+static void measure(struct drive_score *s, const struct matching *m,
+                    struct drive_moment *out)
+{
+    double truth_m[BENCH_SET_MAX][2], found_m[BENCH_SET_MAX][2];
+    bool ignored[BENCH_SET_MAX] = {false};
+    struct bench_set_distance d;
+
+    for (size_t i = 0; i < m->n_truth; i++) {
+        if (is_in_gate(s, &m->truth[i]))
+            memcpy(truth_m[out->n_objects++], m->truth_m[i], sizeof truth_m[0]);
+        else if (m->distance.match[i] != BENCH_NOBODY)
+            ignored[m->distance.match[i]] = true;
+    }
+    for (size_t i = 0; i < m->n_found; i++)
+        if (!ignored[i])
+            memcpy(found_m[out->n_tracks++], m->found_m[i], sizeof found_m[0]);
+    bench_set_distance(&d, (const double(*)[2])truth_m, out->n_objects,
+                       (const double(*)[2])found_m, out->n_tracks, DRIVE_CUTOFF_M,
+                       DRIVE_ORDER);
+    out->gospa_m = d.gospa_m;
+    out->ospa_m = d.ospa_m;
+    out->localisation_m = sqrt(d.localisation);
+    out->missed_m = sqrt(d.missed);
+    out->false_m = sqrt(d.false_ones);
+    add(&s->gospa, d.gospa_m);
+    add(&s->ospa, d.ospa_m);
+    add(&s->localisation, out->localisation_m);
+    add(&s->missed, out->missed_m);
+    add(&s->false_ones, out->false_m);
+}
+
+static void judge_pair(struct drive_score *s, const struct room_truth *t,
+                       const double at_m[2], const Anlos__Detection *d, double out_s)
+{
+    double dx_m = d->position_m->x - at_m[0], dy_m = d->position_m->y - at_m[1];
+
+    confirm(s, t, out_s);
+    if (!is_in_gate(s, t))
+        return;
+    add(&s->position2, dx_m * dx_m + dy_m * dy_m);
+    if (d->n_velocity_m_s != 2)
+        return;
+    double vx = d->velocity_m_s[0] - t->velocity_m_s[0];
+    double vy = d->velocity_m_s[1] - t->velocity_m_s[1];
+    add(&s->velocity2, vx * vx + vy * vy);
+}
+
+/* Was each object that can be seen detected in this image? */
+static void judge_detections(struct drive_score *s, double t_s,
+                             const Anlos__DetectionList *detections)
+{
+    struct matching m;
+
+    match(s, t_s, detections, &m);
+    for (size_t i = 0; i < m.n_truth; i++) {
+        double seen = m.distance.match[i] != BENCH_NOBODY;
+        if (!is_in_gate(s, &m.truth[i]))
+            continue;
+        add(&s->seen, seen);
+        if (range_m(&m.truth[i]) >= DRIVE_FAR_M)
+            add(&s->seen_far, seen);
+    }
+}
+
+void drive_score_list(struct drive_score *s, double t_s, double out_s,
+                      const Anlos__DetectionList *tracks,
+                      const Anlos__DetectionList *detections, struct drive_moment *moment)
+{
+    struct matching m;
+
+    look_until(s, t_s);
+    s->ended_s = t_s;
+    *moment = (struct drive_moment){.t_s = t_s, .n_detections = detections->n_detections};
+    match(s, t_s, tracks, &m);
+    measure(s, &m, moment);
+    for (size_t i = 0; i < m.n_truth; i++) {
+        size_t found = m.distance.match[i];
+        if (found != BENCH_NOBODY)
+            judge_pair(s, &m.truth[i], m.truth_m[i], m.found[found], out_s);
+    }
+    for (size_t i = 0; i < m.n_found; i++)
+        live(s, m.found[i], is_somebody(&m, i));
+    for (size_t i = 0; i < tracks->n_detections; i++)
+        if (tracks->detections[i]->measurement == ANLOS__MEASUREMENT__DELETED)
+            live(s, tracks->detections[i], false);
+    judge_detections(s, t_s, detections);
+}
+
+void drive_score_end(struct drive_score *s)
+{
+    while (s->n_lives)
+        end_life(s, 0);
+    for (size_t i = 0; i < DRIVE_OBJECTS; i++) /* it was not over with these */
+        s->n_entries -= s->objects[i].in_gate && !s->objects[i].confirmed;
+}

@@ -1,0 +1,107 @@
+#include "nodes/track/sight.h"
+
+#include <math.h>
+#include <string.h>
+
+void sight_init(struct sight *s, const struct survey *survey, const struct walls *walls,
+                const struct grid *grid)
+{
+    static const double zero[3] = {0.0, 0.0, 0.0};
+
+    s->walls = walls;
+    s->grid = grid;
+    survey_to_vehicle(survey, zero, s->origin_m);
+    for (int a = 0; a < 3; a++) {
+        double unit[3] = {a == 0, a == 1, a == 2}, moved[3];
+        survey_to_vehicle(survey, unit, moved);
+        for (int b = 0; b < 3; b++)
+            s->axes[b][a] = moved[b] - s->origin_m[b];
+    }
+}
+
+static const struct wall *find(const struct sight *s, uint32_t id)
+{
+    for (size_t i = 0; i < s->walls->n; i++)
+        if (s->walls->list[i].id == id)
+            return &s->walls->list[i].plane;
+    return NULL;
+}
+
+static void to_array(const struct sight *s, const double p[3], double out[3])
+{
+    for (int a = 0; a < 3; a++) {
+        out[a] = 0.0;
+        for (int b = 0; b < 3; b++)
+            out[a] += s->axes[b][a] * (p[b] - s->origin_m[b]);
+    }
+}
+
+void sight_virtual(const struct sight *s, uint32_t wall, const double p_m[3],
+                   double virtual_m[3])
+{
+    const struct wall *w = find(s, wall);
+    double at_m[3];
+
+    to_array(s, p_m, at_m);
+    if (w)
+        wall_mirror(w, at_m, virtual_m);
+    else
+        memcpy(virtual_m, at_m, sizeof at_m);
+}
+
+static bool is_in_image(const struct grid *g, const double p[3])
+{
+    for (int a = 0; a < 3; a += 2)
+        if (p[a] < g->origin_m[a] ||
+            p[a] > g->origin_m[a] + g->step_m[a] * (double)(g->n[a] - 1))
+            return false;
+    return true;
+}
+
+bool sight_shows(const void *context, const double p_m[3])
+{
+    const struct sight *s = context;
+    double at_m[3], virtual_m[3];
+
+    to_array(s, p_m, at_m);
+    if (!s->walls->n)
+        return is_in_image(s->grid, at_m);
+    for (size_t i = 0; i < s->walls->n; i++) {
+        const struct wall_gate *w = &s->walls->list[i];
+        wall_mirror(&w->plane, at_m, virtual_m);
+        double range_m = hypot(virtual_m[0], virtual_m[2]);
+        if (range_m >= w->gate_m[0] && range_m <= w->gate_m[1] &&
+            is_in_image(s->grid, virtual_m))
+            return true;
+    }
+    return false;
+}
+
+double sight_behind_m(const struct sight *s, uint32_t wall, const double virtual_m[3])
+{
+    const struct wall *w = find(s, wall);
+
+    return w ? w->normal[0] * virtual_m[0] + w->normal[1] * virtual_m[1] +
+                   w->normal[2] * virtual_m[2] - w->distance_m
+             : INFINITY;
+}
+
+void sight_wall_error(const struct sight *s, uint32_t wall, const double virtual_m[3],
+                      double covariance_m2[6])
+{
+    static const double exact[6] = {0.0};
+    static const int at[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+    const struct wall *w = find(s, wall);
+    double c[6];
+
+    memset(covariance_m2, 0, 6 * sizeof *covariance_m2);
+    if (!w)
+        return;
+    wall_mirror_covariance(w, virtual_m, exact, c);
+    for (int a = 0; a < 3; a++)
+        for (int b = a; b < 3; b++)
+            for (int i = 0; i < 3; i++)
+                for (int j = 0; j < 3; j++)
+                    covariance_m2[at[a][b]] += s->axes[a][i] * c[at[i][j]] *
+                                               s->axes[b][j];
+}

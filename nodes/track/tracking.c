@@ -1,0 +1,294 @@
+#include "nodes/track/tracking.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "nodes/rt/launchfile_track.h"
+#include "nodes/rt/objects.h"
+#include "nodes/rt/volume_grid.h"
+#include "nodes/rt/walls.h"
+#include "nodes/track/candidates.h"
+#include "nodes/track/ghosts.h"
+#include "nodes/track/listing.h"
+#include "nodes/track/timing.h"
+
+#define AT_WALL_M     0.25  /* what is imaged so close behind a wall is the wall */
+#define FASTEST_M_S   100.0 /* a vehicle; what says more is not believed */
+#define FASTEST_RAD_S 10.0
+#define LATEST_NS     (INT64_MAX / 2) /* differences of stamps do not overflow */
+
+_Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS, "");
+
+struct tracking {
+    struct tracking_config cfg;
+    struct detector detector;
+    struct tracker *tracker;
+    struct listing listing;
+    struct ego_path ego;
+    struct walls walls; /* of the topic, at a stamp */
+    int64_t walls_ns;
+    bool has_walls;
+    int64_t stamp_ns; /* of the newest image; 0: none */
+    struct track_detection detections[TRACK_DETECTIONS];
+    struct track_report reports[TRACKS_MAX]; /* of the newest image */
+    size_t n_reports;
+    struct ghost_source sources[TRACKS_MAX]; /* the same, as they are in this one */
+};
+
+void tracking_config(struct tracking_config *cfg, const struct launchfile *l)
+{
+    struct launch_track track = launch_track_default;
+
+    if (l)
+        track = l->track;
+    *cfg =
+        (struct tracking_config){.detector = {.threshold_db = track.threshold_db,
+                                              .min_existence = track.min_existence,
+                                              .cfar = track.cfar,
+                                              .false_alarm_rate = track.false_alarm_rate},
+                                 .mode = track.mode,
+                                 .clutter = track.clutter,
+                                 .sidelobe_db = track.sidelobe_db};
+    track_config_default(&cfg->track);
+    cfg->track.life.confirm_hits = track.confirm_hits;
+    cfg->track.life.confirm_of = track.confirm_of;
+    cfg->track.life.confirm_existence = track.confirm_existence;
+    cfg->track.detection_probability = track.detection_probability;
+    cfg->track.acceleration_psd_m2_s3 = track.acceleration_psd;
+    cfg->track.join_m = track.join_m;
+    cfg->track.coast_s = track.coast_s;
+    cfg->look_s = track.look_s;
+}
+
+int tracking_create(struct tracking **out, const struct tracking_config *cfg)
+{
+    struct tracking *t = calloc(1, sizeof *t);
+
+    if (!t)
+        return -ENOMEM;
+    t->cfg = *cfg;
+    detector_init(&t->detector, &cfg->detector);
+    int err = cfg->clutter > 0.0 ? tracker_create(&t->tracker, &cfg->track) : -EINVAL;
+    if (err) {
+        free(t);
+        return err;
+    }
+    *out = t;
+    return 0;
+}
+
+int tracking_survey(struct tracking *t, const Anlos__Survey *survey,
+                    struct complaint *why)
+{
+    return detector_survey(&t->detector, survey, why);
+}
+
+static bool is_time(int64_t stamp_ns)
+{
+    return stamp_ns >= 0 && stamp_ns < LATEST_NS;
+}
+
+int tracking_walls(struct tracking *t, const Anlos__WallList *walls, int64_t capture_ns,
+                   struct complaint *why)
+{
+    struct walls fresh;
+    int err = walls_from_message(&fresh, walls, why);
+
+    if (!err && !is_time(capture_ns))
+        err = complain(why, -EINVAL, "walls with a stamp that is none");
+    if (err)
+        return err;
+    t->walls = fresh;
+    t->walls_ns = capture_ns;
+    t->has_walls = true;
+    return 0;
+}
+
+void tracking_ego(struct tracking *t, const Anlos__EgoMotion *ego, int64_t capture_ns)
+{
+    const struct ego_motion motion = {ego->standstill ? 0.0 : ego->speed_m_s,
+                                      ego->standstill ? 0.0 : ego->yaw_rate_rad_s};
+
+    if (ego->valid && is_time(capture_ns) && fabs(motion.speed_m_s) <= FASTEST_M_S &&
+        fabs(motion.yaw_rate_rad_s) <= FASTEST_RAD_S)
+        ego_path_add(&t->ego, capture_ns, &motion); /* what came late tells nothing new */
+}
+
+bool tracking_has_survey(const struct tracking *t)
+{
+    return t->detector.has_survey;
+}
+
+bool tracking_has_wall(const struct tracking *t)
+{
+    return t->has_walls ? t->walls.n > 0
+                        : t->detector.has_survey && t->detector.survey.has_wall;
+}
+
+/* Between two stamps; false: it is not known, and taken to be what it last was. */
+static bool move_between(const struct tracking *t, int64_t from_ns, int64_t to_ns,
+                         struct ego_step *step)
+{
+    *step = (struct ego_step){0};
+    if (!t->ego.n || !ego_path_between(&t->ego, from_ns, to_ns, step))
+        return true;
+    ego_motion_step(&t->ego.motion[t->ego.newest], 1e-9 * (double)(to_ns - from_ns),
+                    step);
+    return false;
+}
+
+/* The walls as they stand at the image's stamp. */
+static void place_walls(const struct tracking *t, int64_t capture_ns, struct walls *out)
+{
+    struct ego_step step;
+
+    if (!t->has_walls) {
+        walls_from_survey(out, &t->detector.survey);
+        return;
+    }
+    *out = t->walls;
+    move_between(t, t->walls_ns, capture_ns, &step);
+    walls_step(out, &t->detector.survey, &step);
+}
+
+/* The wall's error is the same for all images: no filter takes it for noise.  It comes
+ * back in the listing. */
+static void take_detection(const struct tracking *t, const struct sight *sight,
+                           const Anlos__Volume *volume, const Anlos__Detection *m,
+                           struct track_detection *out)
+{
+    const double virtual_m[3] = {m->virtual_m->x, m->virtual_m->y, m->virtual_m->z};
+    double wall_m2[6];
+
+    sight_wall_error(sight, m->wall, virtual_m, wall_m2);
+    *out = (struct track_detection){
+        .position_m = {m->position_m->x, m->position_m->y, m->position_m->z},
+        .extent_m = {m->extent_m->x, m->extent_m->y, m->extent_m->z},
+        .existence = m->existence,
+        .power = pow(10.0, 0.1 * m->level_db),
+        .height_assumed = sight->grid->n[1] == 1};
+    for (int i = 0; i < 6; i++)
+        out->covariance_m2[i] = m->covariance_m2[i] - wall_m2[i];
+    for (int i = 0; i < 6; i += i ? 2 : 3)
+        out->covariance_m2[i] = fmax(out->covariance_m2[i], 0.0);
+    out->lag_s = timing_lag_s(&t->detector.survey, volume->pings_used,
+                              hypot(hypot(virtual_m[0], virtual_m[1]), virtual_m[2]));
+}
+
+/* Where the tracks of the image before are imaged in this one, dt_s later. */
+static void place_tracks(struct tracking *t, const struct sight *sight,
+                         const struct ego_step *ego, double dt_s)
+{
+    for (size_t i = 0; i < t->n_reports; i++) {
+        const struct track_report *k = &t->reports[i];
+        const struct listing_memory *told = &t->listing.of[k->id];
+        double at_m[3], virtual_m[3];
+        for (int a = 0; a < 3; a++)
+            at_m[a] = k->position_m[a] + (a < 2 ? dt_s * k->velocity_m_s[a] : 0.0);
+        ego_step_point(ego, at_m, at_m);
+        sight_virtual(sight, told->wall, at_m, virtual_m);
+        t->sources[i] = (struct ghost_source){
+            hypot(hypot(virtual_m[0], virtual_m[1]), virtual_m[2]), told->level_db};
+    }
+}
+
+static double floor_m2(const struct grid *g)
+{
+    return g->step_m[0] * (double)g->n[0] * g->step_m[2] * (double)g->n[2];
+}
+
+static int follow(struct tracking *t, const Anlos__Volume *volume,
+                  const struct sight *sight, int64_t capture_ns,
+                  Anlos__DetectionList *list, bool *ego_known)
+{
+    double dt_s = 1e-9 * (double)(capture_ns - t->stamp_ns);
+    struct track_scan scan = {.stamp_ns = capture_ns,
+                              .detections = t->detections,
+                              .fresh = t->stamp_ns && dt_s > 0.0
+                                           ? timing_fresh(&t->detector.survey,
+                                                          volume->pings_used, dt_s,
+                                                          t->cfg.look_s)
+                                           : 1.0,
+                              .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
+                              .ego_known = true,
+                              .shows = sight_shows,
+                              .context = sight};
+
+    if (t->stamp_ns && dt_s > 0.0)
+        scan.ego_known = move_between(t, t->stamp_ns, capture_ns, &scan.ego);
+    double lag_s = timing_lag_s(&t->detector.survey, volume->pings_used, 0.0);
+    place_tracks(t, sight, &scan.ego, fmax(dt_s, 0.0) + lag_s);
+    scan.n = candidates_choose(list, sight, t->sources, t->n_reports, t->cfg.sidelobe_db);
+    for (size_t i = 0; i < scan.n; i++)
+        take_detection(t, sight, volume, list->detections[i], &t->detections[i]);
+    *ego_known = scan.ego_known;
+    return tracker_step(t->tracker, &scan);
+}
+
+static bool is_tracked(const struct tracking *t, const Anlos__Volume *volume)
+{
+    return t->cfg.mode == LAUNCH_TRACK_AUTO ? volume->frame > 0
+                                            : t->cfg.mode == LAUNCH_TRACK_TRACKS;
+}
+
+static int make_tracks(struct tracking *t, const Anlos__Volume *volume,
+                       const struct sight *sight, int64_t capture_ns,
+                       Anlos__DetectionList **list, struct complaint *why)
+{
+    bool ego_known;
+    int err = follow(t, volume, sight, capture_ns, *list, &ego_known);
+
+    if (err)
+        return complain(why, err, "an image that is not newer than the one before");
+    t->stamp_ns = capture_ns;
+    t->n_reports = tracker_report(t->tracker, t->reports);
+    err = listing_make(&t->listing, sight, t->reports, t->n_reports, list);
+    if (err)
+        return complain(why, err, "not enough memory to list tracks");
+    (*list)->tracked = true;
+    (*list)->ego_unknown = !ego_known;
+    return 0;
+}
+
+int tracking_volume(struct tracking *t, const Anlos__Volume *volume, int64_t capture_ns,
+                    Anlos__DetectionList **out, struct complaint *why)
+{
+    struct walls walls;
+    struct sight sight;
+    struct grid grid;
+    Anlos__DetectionList *list;
+
+    if (!is_time(capture_ns))
+        return complain(why, -EINVAL, "an image with a stamp that is none");
+    if (t->detector.has_survey)
+        place_walls(t, capture_ns, &walls);
+    int err = detector_volume(&t->detector, volume, &walls, &list, why);
+    if (err)
+        return err;
+    volume_grid(volume, &grid);
+    sight_init(&sight, &t->detector.survey, &walls, &grid);
+    if (is_tracked(t, volume))
+        err = make_tracks(t, volume, &sight, capture_ns, &list, why);
+    list->frame = volume->frame;
+    if (err)
+        objects_free(list);
+    else
+        *out = list;
+    return err;
+}
+
+struct track_counts tracking_counts(const struct tracking *t)
+{
+    return tracker_counts(t->tracker);
+}
+
+void tracking_destroy(struct tracking *t)
+{
+    if (!t)
+        return;
+    detector_clear(&t->detector);
+    tracker_destroy(t->tracker);
+    free(t);
+}

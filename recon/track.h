@@ -1,0 +1,106 @@
+/* recon/track.h -- detections of image after image to objects that stay: predicted with
+ * the filter of recon/track_filter.h, assigned to each other at the least cost (global
+ * nearest neighbour, recon/assignment.h), confirmed and ended by recon/track_life.h.
+ *
+ * Detections come and tracks are told in the vehicle frame (x forward, y left, z up) at
+ * the stamp of their image; kept they are over ground, in the vehicle frame of the first
+ * image, to which each later one's ego motion is added up.
+ *
+ * One model of motion is enough.  Three models that interact (Blom and Bar-Shalom 1988)
+ * placed a simulated pedestrian who walks, stops and turns hardly better than the one
+ * with acceleration_psd_m2_s3 = 0.5 (4.9 and 5.2 cm at 10 Hz, 6.1 and 6.2 cm at 4 Hz, of
+ * 5 cm of noise on each axis), a braking car by a tenth.  0.5 m2/s3 is an acceleration of
+ * 1 m/s2 rms that lasts a quarter of a second (twice variance times time, Singer 1970): a
+ * walker's starts and stops, from 0 to 1.4 m/s in a second; a car that brakes with 1.5
+ * m/s2 is within it. */
+#ifndef ANLOS_RECON_TRACK_H
+#define ANLOS_RECON_TRACK_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "recon/ego.h"
+#include "recon/track_life.h"
+
+#define TRACKS_MAX       64
+#define TRACK_DETECTIONS 64
+
+struct track_config {
+    double acceleration_psd_m2_s3;
+    double lost_ego_psd_m2_s3;    /* on top while the vehicle's motion is not known */
+    double new_speed_m_s;         /* standard deviation on each axis, before it is seen */
+    double wander_m;              /* the brightest spot of an object about its middle */
+    double gate2;                 /* of Mahalanobis distances, squared */
+    double join_m;                /* what is nearer to an object's detection is its own */
+    double detection_probability; /* in an image that shows where the object is */
+    double new_existence;         /* of the first detection, times that one's */
+    struct track_life_config life;
+    double coast_s;   /* after that time unseen a track ends */
+    double id_rest_s; /* an id is not given again for so long */
+    double reset_s;   /* a stamp that is older by more is a new beginning */
+};
+
+/* 0.5 m2/s3; 9 (a vehicle brakes with 3 m/s2 for half a second); 2.5 m/s; 5 cm;
+ * 13.8 (99.9 % in the plane); 0.5 m; 0.8; 0.3; 3 of 5 looks and 0.9, ends below 0.02,
+ * stays 10 s; coasts 1.5 s; 30 s; 1 s. */
+void track_config_default(struct track_config *cfg);
+
+struct track_detection {
+    double position_m[3], covariance_m2[6]; /* vehicle frame; xx xy xz yy yz zz */
+    double extent_m[3];                     /* full size */
+    double existence;                       /* 0..1 */
+    double power;                           /* of its echo, any unit, > 0 */
+    double lag_s;                           /* recon/track_filter.h */
+    bool height_assumed;
+};
+
+struct track_scan {
+    int64_t stamp_ns;
+    const struct track_detection *detections; /* [n], n <= TRACK_DETECTIONS */
+    size_t n;
+    double fresh;        /* part of the image that is not in the one before, 0..1 */
+    double clutter_m2;   /* false detections for each square metre */
+    struct ego_step ego; /* since the scan before */
+    bool ego_known;
+    /* Does the image show this place (vehicle frame)?  NULL: all. */
+    bool (*shows)(const void *context, const double p_m[3]);
+    const void *context;
+};
+
+enum track_state { TRACK_NEW, TRACK_MEASURED, TRACK_PREDICTED, TRACK_DELETED };
+enum track_motion { TRACK_MOTION_UNKNOWN, TRACK_STANDING, TRACK_MOVING };
+
+struct track_report {
+    unsigned id;
+    enum track_state state;
+    double position_m[3], covariance_m2[6];
+    double velocity_m_s[2], velocity_m2_s2[3]; /* over ground; covariance xx xy yy */
+    double extent_m[3];
+    double existence;
+    enum track_motion motion;
+    double age_s, unseen_s; /* since it was seen first, last */
+    size_t detection;       /* the strongest of its own in this scan; n: none */
+};
+
+struct track_counts {
+    uint64_t late;    /* scans older than the newest, ignored */
+    uint64_t resets;  /* after stamps that went far back */
+    uint64_t crowded; /* objects that found no free track, or no free id */
+};
+
+struct tracker;
+
+/* 0, -EINVAL (a value out of its range), -ENOMEM.  Nothing is allocated later. */
+int tracker_create(struct tracker **out, const struct track_config *cfg);
+
+/* 0, or -ESTALE: not newer than the newest, nothing is done.  64 tracks and detections:
+ * a millisecond. */
+int tracker_step(struct tracker *t, const struct track_scan *scan);
+
+/* The confirmed ones after a step, and those that ended in it, the likeliest first. */
+size_t tracker_report(const struct tracker *t, struct track_report out[TRACKS_MAX]);
+struct track_counts tracker_counts(const struct tracker *t);
+void tracker_destroy(struct tracker *t);
+
+#endif

@@ -1,0 +1,56 @@
+/* recon/track_state.h -- what a tracker holds; private to recon/track*.c. */
+#ifndef ANLOS_RECON_TRACK_STATE_H
+#define ANLOS_RECON_TRACK_STATE_H
+
+#include "recon/track.h"
+#include "recon/track_filter.h"
+#include "recon/track_ids.h"
+
+#define TRACK_NONE ((size_t)-1)
+
+struct track {
+    struct track_filter filter;
+    struct track_filter steady; /* stiffer: only tells standing from moving */
+    struct track_life life;
+    unsigned id; /* 0: not confirmed yet */
+    enum track_state state;
+    enum track_motion motion;
+    int64_t first_ns, seen_ns;
+    double extent_m[3];
+    size_t detection;
+};
+
+struct tracker {
+    struct track_config cfg;
+    struct track tracks[TRACKS_MAX];
+    size_t n;
+    struct track_ids ids;
+    struct ego_step pose; /* of the vehicle over ground */
+    int64_t stamp_ns;
+    bool began;
+    struct track_counts counts;
+    struct track_position positions[TRACK_DETECTIONS]; /* of the scan, over ground */
+    double cost[TRACKS_MAX * (TRACK_DETECTIONS + TRACKS_MAX)];
+};
+
+/* A position, and a direction, of the vehicle frame over ground. */
+void track_to_ground(const struct ego_step *pose, const double from[2], double to[2]);
+void track_turn(double angle, const double from[2], double to[2]);
+void track_turn_matrix(double angle, const double from[2][2], double to[2][2]);
+
+/* t->positions: where the scan's detections are over ground. */
+void track_place(struct tracker *t, const struct track_scan *scan, double fresh);
+
+/* Which detection each track gets, mine[t->n], and whose each detection is,
+ * whose[scan->n]: TRACK_NONE where it is nobody's.  What is near to a track's own becomes
+ * part of it too. */
+void track_associate(struct tracker *t, const struct track_scan *scan, size_t *mine,
+                     size_t *whose);
+
+/* The detections of one owner as one: its middle, with their scatter; *detection is the
+ * strongest. */
+void track_gather(const struct tracker *t, const struct track_scan *scan,
+                  const size_t *whose, size_t owner, struct track_position *middle,
+                  double extent_m[3], double *existence, size_t *detection);
+
+#endif

@@ -1,0 +1,376 @@
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "nodes/rt/objects.h"
+#include "nodes/track/ghosts.h"
+#include "nodes/track/timing.h"
+#include "nodes/track/tracking.h"
+#include "tests/nodes/near.h"
+#include "tests/nodes/scene.h"
+
+enum { NX = 101, NZ = 61 };
+
+#define FRAME_NS 250000000
+#define BEGIN_NS INT64_C(1000000000)
+
+/* The scene's wall is z = 0.8 and its mount puts the array's x to the vehicle's y and its
+ * z to x: an image at (x, z) is really at (1.6 - z, x) for the vehicle. */
+struct rig {
+    struct scene scene;
+    struct tracking *tracking;
+    float intensity[NZ][1][NX];
+    Anlos__Volume volume;
+    Anlos__Vec3 origin, step;
+    struct tensor_view view;
+    Anlos__DetectionList *list;
+    int64_t stamp_ns;
+};
+
+static void clear(struct rig *r)
+{
+    uint32_t seed = 1;
+
+    for (size_t i = 0; i < sizeof r->intensity / sizeof(float); i++) {
+        seed = seed * 1664525u + 1013904223u;
+        (&r->intensity[0][0][0])[i] = 1e-4f * (float)(seed >> 8) / 16777216.0f;
+    }
+}
+
+static void add(struct rig *r, double x_m, double z_m, double power)
+{
+    for (int z = 0; z < NZ; z++)
+        for (int x = 0; x < NX; x++) {
+            double dx = (-2.0 + 0.04 * x - x_m) / 0.05,
+                   dz = (0.9 + 0.04 * z - z_m) / 0.05;
+            r->intensity[z][0][x] += (float)(power * exp(-0.5 * (dx * dx + dz * dz)));
+        }
+}
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+    struct tracking_config cfg;
+
+    if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
+        return -1;
+    tracking_config(&cfg, NULL);
+    if (tracking_create(&r->tracking, &cfg) ||
+        tracking_survey(r->tracking, r->scene.survey, NULL))
+        return -1;
+    anlos__volume__init(&r->volume);
+    anlos__vec3__init(&r->origin);
+    anlos__vec3__init(&r->step);
+    r->origin.x = -2.0;
+    r->origin.z = 0.9;
+    r->step.x = r->step.y = r->step.z = 0.04;
+    r->volume.survey_id = r->scene.survey->id;
+    r->volume.scan = 1;
+    r->volume.pings_used = 4;
+    r->volume.origin_m = &r->origin;
+    r->volume.step_m = &r->step;
+    r->volume.intensity = tensor_borrow_f32(&r->view, &r->intensity[0][0][0], 3,
+                                            (size_t)NZ, (size_t)1, (size_t)NX);
+    r->stamp_ns = BEGIN_NS;
+    clear(r);
+    *state = r;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+
+    objects_free(r->list);
+    tracking_destroy(r->tracking);
+    scene_close(&r->scene);
+    free(r);
+    return 0;
+}
+
+/* The next image of a fixed array. */
+static void image(struct rig *r)
+{
+    objects_free(r->list);
+    r->list = NULL;
+    r->volume.frame++;
+    assert_int_equal(
+        tracking_volume(r->tracking, &r->volume, r->stamp_ns, &r->list, NULL), 0);
+    r->stamp_ns += FRAME_NS;
+    clear(r);
+}
+
+static void tell_motion(struct rig *r, int64_t stamp_ns, double speed_m_s)
+{
+    Anlos__EgoMotion m = ANLOS__EGO_MOTION__INIT;
+
+    m.speed_m_s = speed_m_s;
+    m.valid = true;
+    tracking_ego(r->tracking, &m, stamp_ns);
+}
+
+static void the_lists_of_a_scan_stand_for_themselves(void **state)
+{
+    struct rig *r = *state;
+
+    add(r, 0.5, 2.0, 1.0);
+    assert_int_equal(
+        tracking_volume(r->tracking, &r->volume, r->stamp_ns, &r->list, NULL), 0);
+    assert_false(r->list->tracked);
+    assert_int_equal(r->list->n_detections, 1);
+    assert_int_equal(r->list->detections[0]->n_velocity_m_s, 0);
+}
+
+static void a_fixed_array_tells_of_what_stays(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 6; k++) {
+        add(r, 0.5, 2.0, 1.0);
+        image(r);
+        assert_true(r->list->tracked);
+        assert_int_equal(r->list->frame, k + 1);
+        assert_int_equal(r->list->counter, k);
+        assert_int_equal(r->list->n_detections, k >= 2);
+    }
+    const Anlos__Detection *d = r->list->detections[0];
+    assert_int_equal(d->id, 1);
+    assert_int_equal(d->measurement, ANLOS__MEASUREMENT__MEASURED);
+    assert_int_equal(d->wall, 1);
+    assert_near(d->position_m->x, -0.4, 0.01);
+    assert_near(d->position_m->y, 0.5, 0.01);
+    assert_near(d->virtual_m->x, 0.5, 0.01);
+    assert_near(d->virtual_m->z, 2.0, 0.01);
+    assert_int_equal(d->n_covariance_m2, 6);
+    assert_true(d->covariance_m2[0] > 0.0 && d->covariance_m2[3] > 0.0);
+    assert_int_equal(d->n_velocity_m_s, 2);
+    assert_near(d->velocity_m_s[0], 0.0, 0.05);
+    assert_int_equal(d->n_velocity_covariance_m2_s2, 3);
+    assert_near(d->age_s, 1.25, 1e-9);
+    assert_true(d->level_db > 12.0);
+    assert_int_equal(d->motion, ANLOS__MOTION__STANDING);
+}
+
+/* At 1 m/s along the array's x.  What 4 pings show is 12 ms later (34.7 after the chirp's
+ * start, 46.9 for the mean of the pings), and 6 to 7 ms on the way. */
+static void something_that_walks_is_where_it_is_at_the_stamp(void **state)
+{
+    struct rig *r = *state;
+    const double lag_s = -0.046875 + 0.0347222 + 2.2 / 343.0;
+
+    for (int k = 0; k < 10; k++) {
+        add(r, -1.2 + 0.25 * k + lag_s, 2.0, 1.0);
+        image(r);
+    }
+    const Anlos__Detection *d = r->list->detections[0];
+    assert_near(d->position_m->y, -1.2 + 0.25 * 9, 0.02);
+    assert_near(d->velocity_m_s[1], 1.0, 0.1);
+    assert_int_equal(d->motion, ANLOS__MOTION__MOVING);
+}
+
+static void it_is_predicted_and_then_deleted(void **state)
+{
+    struct rig *r = *state;
+    int predicted = 0;
+
+    for (int k = 0; k < 6; k++) {
+        add(r, 0.5, 2.0, 1.0);
+        image(r);
+    }
+    double level_db = r->list->detections[0]->level_db;
+    for (image(r); r->list->detections[0]->measurement != ANLOS__MEASUREMENT__DELETED;
+         image(r)) {
+        assert_int_equal(r->list->detections[0]->measurement,
+                         ANLOS__MEASUREMENT__PREDICTED);
+        assert_near(r->list->detections[0]->level_db, level_db, 1e-12);
+        predicted++;
+    }
+    assert_in_range(predicted, 3, 6);
+    image(r);
+    assert_int_equal(r->list->n_detections, 0);
+}
+
+/* The vehicle drives 0.8 m/s towards what stands over ground. */
+static void what_stands_is_seen_to_stand_from_a_vehicle_that_moves(void **state)
+{
+    struct rig *r = *state;
+    Anlos__WallList walls = ANLOS__WALL_LIST__INIT;
+    Anlos__Wall wall = ANLOS__WALL__INIT, *list[1] = {&wall};
+    Anlos__Vec3 normal = ANLOS__VEC3__INIT;
+
+    normal.z = 1.0;
+    wall.normal = &normal;
+    wall.id = 7;
+    wall.distance_m = 1.6;
+    wall.gate_far_m = 10.0;
+    walls.walls = list;
+    walls.n_walls = 1;
+    /* Told once, at the beginning: it comes nearer by itself. */
+    assert_int_equal(tracking_walls(r->tracking, &walls, BEGIN_NS, NULL), 0);
+    for (int k = 0; k < 8; k++) {
+        for (int i = 0; i < 13; i++)
+            tell_motion(r, r->stamp_ns - FRAME_NS + 20000000 * i, 0.8);
+        double wall_m = 1.6 - 0.2 * k, object_m = 0.5 - 0.2 * k; /* ahead */
+        add(r, 0.5, 2.0 * wall_m - object_m, 1.0);
+        image(r);
+    }
+    assert_int_equal(r->list->n_detections, 1);
+    const Anlos__Detection *d = r->list->detections[0];
+    assert_int_equal(d->wall, 7);
+    assert_near(d->position_m->x, 0.5 - 0.2 * 7, 0.02);
+    assert_near(d->velocity_m_s[0], 0.0, 0.05);
+    assert_int_equal(d->motion, ANLOS__MOTION__STANDING);
+    assert_false(r->list->ego_unknown);
+}
+
+static void motion_that_is_not_told_any_more_is_said(void **state)
+{
+    struct rig *r = *state;
+
+    image(r);
+    assert_false(r->list->ego_unknown); /* never told: it stands */
+    tell_motion(r, r->stamp_ns - FRAME_NS, 0.0);
+    tell_motion(r, r->stamp_ns - 50000000, 0.0);
+    image(r);
+    assert_true(r->list->ego_unknown); /* 200 ms in between without */
+    for (int i = 0; i <= 12; i++)
+        tell_motion(r, r->stamp_ns - FRAME_NS + 1000 + 20000000 * i, 0.0);
+    image(r);
+    assert_false(r->list->ego_unknown);
+    image(r);
+    assert_true(r->list->ego_unknown);
+}
+
+/* The wall may be 10 cm off: the place of the object as well, twice, however long it is
+ * looked at.  Its distance moves what is behind it by 2 along the normal. */
+static void the_walls_error_is_not_averaged_away(void **state)
+{
+    struct rig *r = *state;
+    Anlos__WallList walls = ANLOS__WALL_LIST__INIT;
+    Anlos__Wall wall = ANLOS__WALL__INIT, *list[1] = {&wall};
+    Anlos__Vec3 normal = ANLOS__VEC3__INIT;
+    double covariance[6] = {0, 0, 0, 0, 0, 0.01};
+
+    normal.z = 1.0;
+    wall.normal = &normal;
+    wall.id = 1;
+    wall.distance_m = 0.8;
+    wall.gate_far_m = 10.0;
+    wall.covariance = covariance;
+    wall.n_covariance = 6;
+    walls.walls = list;
+    walls.n_walls = 1;
+    assert_int_equal(tracking_walls(r->tracking, &walls, BEGIN_NS, NULL), 0);
+    for (int k = 0; k < 12; k++) {
+        add(r, 0.5, 2.0, 1.0);
+        image(r);
+    }
+    assert_near(r->list->detections[0]->covariance_m2[0], 0.04, 0.004);
+    assert_true(r->list->detections[0]->covariance_m2[3] < 0.01);
+}
+
+static void an_image_of_the_past_is_refused(void **state)
+{
+    struct rig *r = *state;
+    struct complaint why = {""};
+    Anlos__DetectionList *list = NULL;
+
+    image(r);
+    assert_int_equal(tracking_volume(r->tracking, &r->volume, BEGIN_NS, &list, &why),
+                     -ESTALE);
+    assert_null(list);
+    assert_string_equal(why.text, "an image that is not newer than the one before");
+    assert_int_equal(tracking_counts(r->tracking).late, 1);
+}
+
+/* As far from the array, which is at the origin, and 10 dB fainter. */
+static void a_sidelobe_begins_no_track(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 8; k++) {
+        add(r, 0.5, 2.0, 1.0);
+        add(r, -1.2, sqrt(0.25 + 4.0 - 1.44), 0.1);
+        image(r);
+    }
+    assert_int_equal(r->list->n_detections, 1);
+    for (int k = 0; k < 8; k++) { /* nearer by half a metre: something else */
+        add(r, 0.5, 2.0, 1.0);
+        add(r, -0.6, 1.4, 0.1);
+        image(r);
+    }
+    assert_int_equal(r->list->n_detections, 2);
+}
+
+/* At z = 0.8. */
+static void the_wall_itself_is_not_tracked(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 8; k++) {
+        add(r, 0.5, 0.98, 1.0);
+        add(r, -0.6, 1.6, 0.9);
+        image(r);
+    }
+    assert_int_equal(r->list->n_detections, 1);
+    assert_near(r->list->detections[0]->position_m->y, -0.6, 0.02);
+}
+
+static void only_what_is_fainter_and_as_far_may_be_a_sidelobe(void **state)
+{
+    const struct ghost_source loud = {3.0, 30.0};
+
+    (void)state;
+    assert_true(ghosts_may_be(&(struct ghost_source){3.2, 23.0}, &loud, 1, 6.0));
+    assert_false(ghosts_may_be(&(struct ghost_source){3.2, 25.0}, &loud, 1, 6.0));
+    assert_false(ghosts_may_be(&(struct ghost_source){3.4, 10.0}, &loud, 1, 6.0));
+    assert_false(ghosts_may_be(&loud, &loud, 1, 6.0));
+}
+
+/* 16 pings of 24 ms began 180 ms before the stamp on average; a chirp of 20 ms up to
+ * 20 kHz shows 22.2 ms after its start, up and down together its middle. */
+static void images_tell_of_instants_of_their_own(void **state)
+{
+    struct survey s = {.sample_rate_hz = 48000,
+                       .slot_samples = 1152,
+                       .chirp_start_hz = 2000,
+                       .chirp_stop_hz = 20000,
+                       .chirp_duration_s = 0.02,
+                       .sound_speed_m_s = 340};
+
+    (void)state;
+    assert_near(timing_lag_s(&s, 16, 3.4), 0.02 * 20.0 / 18.0 + 0.01 - 0.18, 1e-9);
+    s.chirp_alternates = true;
+    assert_near(timing_lag_s(&s, 1, 3.4), 0.01 + 0.01, 1e-9);
+    assert_near(timing_fresh(&s, 16, 0.024, 0.0), 1.0 / 16.0, 1e-9);
+    assert_near(timing_fresh(&s, 16, 0.5, 0.2), 1.0, 1e-9);
+    assert_near(timing_fresh(&s, 1, 0.024, 0.2), 0.12, 1e-9);
+    s.together = 2;
+    assert_near(timing_fresh(&s, 16, 0.024, 0.0), 1.0 / 8.0, 1e-9);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(the_lists_of_a_scan_stand_for_themselves),
+        TEST(a_fixed_array_tells_of_what_stays),
+        TEST(something_that_walks_is_where_it_is_at_the_stamp),
+        TEST(it_is_predicted_and_then_deleted),
+        TEST(what_stands_is_seen_to_stand_from_a_vehicle_that_moves),
+        TEST(motion_that_is_not_told_any_more_is_said),
+        TEST(the_walls_error_is_not_averaged_away),
+        TEST(an_image_of_the_past_is_refused),
+        TEST(a_sidelobe_begins_no_track),
+        TEST(the_wall_itself_is_not_tracked),
+        cmocka_unit_test(only_what_is_fainter_and_as_far_may_be_a_sidelobe),
+        cmocka_unit_test(images_tell_of_instants_of_their_own),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

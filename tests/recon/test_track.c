@@ -1,0 +1,510 @@
+#include "tests/recon/near.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/track.h"
+#include "tests/recon/dice.h"
+
+#define FRAME_NS 250000000
+
+struct rig {
+    struct track_config cfg;
+    struct tracker *tracker;
+    struct track_detection detections[TRACK_DETECTIONS];
+    struct track_scan scan;
+    struct track_report reports[TRACKS_MAX];
+    size_t n;
+    unsigned long long seed;
+};
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r)
+        return -1;
+    track_config_default(&r->cfg);
+    r->scan = (struct track_scan){
+        .detections = r->detections, .fresh = 1.0, .clutter_m2 = 0.01, .ego_known = true};
+    r->seed = 9;
+    *state = r;
+    return tracker_create(&r->tracker, &r->cfg);
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+
+    tracker_destroy(r->tracker);
+    free(r);
+    return 0;
+}
+
+static void use(struct rig *r)
+{
+    tracker_destroy(r->tracker);
+    r->tracker = NULL;
+    assert_int_equal(tracker_create(&r->tracker, &r->cfg), 0);
+}
+
+static struct track_detection *see(struct rig *r, double x, double y, double sigma)
+{
+    struct track_detection *d = &r->detections[r->scan.n++];
+
+    *d = (struct track_detection){.position_m = {x, y, 0.5},
+                                  .existence = 1.0,
+                                  .power = 1.0,
+                                  .height_assumed = true};
+    d->covariance_m2[0] = d->covariance_m2[3] = sigma * sigma;
+    d->covariance_m2[5] = 0.25;
+    return d;
+}
+
+static void step(struct rig *r)
+{
+    r->scan.stamp_ns += FRAME_NS;
+    assert_int_equal(tracker_step(r->tracker, &r->scan), 0);
+    r->scan.n = 0;
+    r->n = tracker_report(r->tracker, r->reports);
+}
+
+static const struct track_report *report_of(const struct rig *r, unsigned id)
+{
+    for (size_t i = 0; i < r->n; i++)
+        if (r->reports[i].id == id)
+            return &r->reports[i];
+    fail_msg("there is no track %u", id);
+    return NULL;
+}
+
+/* -- one object -------------------------------------------------------------------------
+ */
+
+static void the_third_look_confirms(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 5; k++) {
+        see(r, 2.0, 1.0, 0.03);
+        step(r);
+        assert_int_equal(r->n, k >= 2);
+        if (k >= 2)
+            assert_int_equal(r->reports[0].state, k == 2 ? TRACK_NEW : TRACK_MEASURED);
+    }
+    assert_int_equal(r->reports[0].id, 1);
+    assert_near(r->reports[0].position_m[0], 2.0, 1e-6);
+    assert_near(r->reports[0].age_s, 1.0, 1e-9);
+    assert_near(r->reports[0].unseen_s, 0.0, 1e-9);
+    assert_int_equal(r->reports[0].detection, 0);
+    assert_true(r->reports[0].existence > 0.99);
+}
+
+static void walk(struct rig *r, int k, double speed)
+{
+    see(r, 2.0, -2.0 + speed * 0.25 * k, 0.03);
+    step(r);
+}
+
+static void what_is_not_seen_coasts_and_grows_uncertain_and_ends(void **state)
+{
+    struct rig *r = *state;
+    double before_m2 = 0.0;
+    int k = 0;
+
+    r->cfg.life.delete_existence = 0.0;
+    use(r);
+    for (; k < 12; k++)
+        walk(r, k, 1.2);
+    for (; k < 30; k++) {
+        step(r);
+        assert_int_equal(r->n, 1);
+        if (r->reports[0].state == TRACK_DELETED)
+            break;
+        assert_int_equal(r->reports[0].state, TRACK_PREDICTED);
+        assert_near(r->reports[0].position_m[1], -2.0 + 1.2 * 0.25 * k, 0.02);
+        assert_true(r->reports[0].covariance_m2[3] > before_m2);
+        assert_near(r->reports[0].unseen_s, 0.25 * (k - 11), 1e-9);
+        before_m2 = r->reports[0].covariance_m2[3];
+    }
+    assert_int_equal(k, 11 + 7); /* the first after 1.5 s */
+    step(r);
+    assert_int_equal(r->n, 0); /* told once */
+}
+
+static bool shows_nothing(const void *context, const double p_m[3])
+{
+    (void)context;
+    (void)p_m;
+    return false;
+}
+
+static void nothing_is_held_against_what_the_image_does_not_show(void **state)
+{
+    struct rig *r = *state;
+    int k = 0;
+
+    for (; k < 8; k++)
+        walk(r, k, 1.2);
+    double existence = r->reports[0].existence;
+    r->scan.shows = shows_nothing;
+    step(r);
+    assert_near(r->reports[0].existence, existence * exp(-0.025), 1e-6);
+}
+
+static void something_comes_back_under_its_id(void **state)
+{
+    struct rig *r = *state;
+    int k = 0;
+
+    for (; k < 8; k++)
+        walk(r, k, 1.2);
+    for (; k < 12; k++)
+        step(r);
+    walk(r, k, 1.2);
+    assert_int_equal(r->n, 1);
+    assert_int_equal(r->reports[0].id, 1);
+    assert_int_equal(r->reports[0].state, TRACK_MEASURED);
+}
+
+static void standing_and_moving_are_told_apart(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 12; k++) {
+        see(r, 2.0, -2.0 + 0.3 * k + 0.05 * dice_normal(&r->seed), 0.05);
+        see(r, 4.0 + 0.05 * dice_normal(&r->seed), 0.0, 0.05);
+        step(r);
+    }
+    assert_int_equal(r->n, 2);
+    for (size_t i = 0; i < 2; i++)
+        assert_int_equal(r->reports[i].motion, r->reports[i].position_m[0] < 3.0
+                                                   ? TRACK_MOVING
+                                                   : TRACK_STANDING);
+}
+
+/* -- several ----------------------------------------------------------------------------
+ */
+
+/* Two persons pass each other half a metre apart. */
+static void crossing_objects_keep_their_ids(void **state)
+{
+    struct rig *r = *state;
+    unsigned up = 0, down = 0;
+
+    for (int k = 0; k < 20; k++) {
+        double y = -2.4 + 1.0 * 0.25 * k;
+        see(r, 2.0 + 0.03 * dice_normal(&r->seed), y, 0.03);
+        see(r, 2.5 + 0.03 * dice_normal(&r->seed), -y, 0.03);
+        step(r);
+        for (size_t i = 0; k == 5 && i < r->n; i++)
+            *(r->reports[i].velocity_m_s[1] > 0.0 ? &up : &down) = r->reports[i].id;
+    }
+    assert_int_equal(r->n, 2);
+    assert_near(report_of(r, up)->velocity_m_s[1], 1.0, 0.3);
+    assert_near(report_of(r, down)->velocity_m_s[1], -1.0, 0.3);
+}
+
+/* While they are one in the image, one of them coasts, and both go on as they came. */
+static void two_that_merge_and_part_stay_two(void **state)
+{
+    struct rig *r = *state;
+    unsigned up = 0, down = 0;
+
+    for (int k = 0; k < 24; k++) {
+        double y = -3.0 + 1.0 * 0.25 * k;
+        if (fabs(y) < 0.3) {
+            see(r, 2.15, 0.0, 0.1);
+        } else {
+            see(r, 2.0, y, 0.03);
+            see(r, 2.3, -y, 0.03);
+        }
+        step(r);
+        for (size_t i = 0; k == 6 && i < r->n; i++)
+            *(r->reports[i].velocity_m_s[1] > 0.0 ? &up : &down) = r->reports[i].id;
+    }
+    assert_int_equal(r->n, 2);
+    assert_near(report_of(r, up)->position_m[1], 2.75, 0.1);
+    assert_near(report_of(r, down)->position_m[1], -2.75, 0.1);
+}
+
+/* A car's side shows as two or three bright places. */
+static void an_extended_object_is_one_track_in_its_middle(void **state)
+{
+    struct rig *r = *state;
+
+    r->cfg.join_m = 1.0;
+    use(r);
+    for (int k = 0; k < 12; k++) {
+        double x = 1.0 + 0.25 * 2.0 * k;
+        see(r, x - 0.4, 2.0, 0.03);
+        if (k % 3)
+            see(r, x, 2.0, 0.03);
+        see(r, x + 0.4, 2.0, 0.03)->extent_m[0] = 0.2;
+        step(r);
+        assert_true(r->n <= 1);
+    }
+    assert_near(r->reports[0].position_m[0], 6.5, 0.05);
+    assert_near(r->reports[0].extent_m[0], 0.9, 0.02); /* -0.4 to 0.5 */
+}
+
+/* -- false tracks -----------------------------------------------------------------------
+ */
+
+/* Tracks that stand still (no process noise, no speed): after n hits the residual's
+ * covariance is (1 + 1/n) sigma^2, so that clutter of density rho falls into the gate
+ * with p = 1 - exp(-rho pi gate2 (1 + 1/n) sigma^2), and every detection that is nobody's
+ * starts a track. */
+static double false_rate(double cell, int hits, int looks)
+{
+    if (hits == 3)
+        return 1.0;
+    if (looks - hits > 2)
+        return 0.0;
+    double p = 1.0 - exp(-cell * (1.0 + 1.0 / hits));
+    return p * false_rate(cell, hits + 1, looks + 1) +
+           (1.0 - p) * false_rate(cell, hits, looks + 1);
+}
+
+static void clutter_makes_as_many_false_tracks_as_m_of_n_says(void **state)
+{
+    struct rig *r = *state;
+    const double side_m = 10.0, rho = 0.1, sigma = 0.1;
+    enum { FRAMES = 15000 };
+    size_t confirmed = 0, started = 0;
+
+    r->cfg.acceleration_psd_m2_s3 = 1e-9;
+    r->cfg.new_speed_m_s = 1e-6;
+    r->cfg.wander_m = r->cfg.join_m = 0.0;
+    r->cfg.gate2 = 3.0;
+    r->cfg.new_existence = 0.9; /* likelier than clutter all over the gate */
+    r->cfg.life.confirm_existence = r->cfg.life.delete_existence = 0.0;
+    r->cfg.life.survival_s = 1e9;
+    r->cfg.coast_s = 0.8; /* a false track does not stay to catch clutter */
+    use(r);
+    r->scan.clutter_m2 = rho;
+    for (int k = 0; k < FRAMES; k++) {
+        unsigned n = dice_poisson(rho * side_m * side_m, &r->seed);
+        for (unsigned i = 0; i < n && i < TRACK_DETECTIONS; i++)
+            see(r, side_m * reference_random(&r->seed),
+                side_m * reference_random(&r->seed), sigma);
+        started += n;
+        step(r);
+        for (size_t i = 0; i < r->n; i++)
+            confirmed += r->reports[i].state == TRACK_NEW;
+    }
+    assert_int_equal(tracker_counts(r->tracker).crowded, 0);
+    double expected = (double)started *
+                      false_rate(rho * M_PI * 3.0 * sigma * sigma, 1, 1);
+    /* A hit of one track starts no other: one in ten is used up so. */
+    assert_true((double)confirmed > 0.6 * expected);
+    assert_true((double)confirmed < 1.1 * expected);
+}
+
+/* -- a vehicle that moves ---------------------------------------------------------------
+ */
+
+/* On an arc; something stands, something walks over ground. */
+static void what_stands_stands_still_while_the_vehicle_turns(void **state)
+{
+    struct rig *r = *state;
+    const struct ego_motion motion = {2.0, 0.3};
+    struct ego_step pose = {0}, one;
+    double post_m[3] = {8.0, 1.0, 0.5}, seen_m[3];
+
+    ego_motion_step(&motion, 0.25, &one);
+    for (int k = 0; k < 16; k++) {
+        if (k)
+            ego_step_join(&pose, &one, &pose);
+        r->scan.ego = k ? one : (struct ego_step){0};
+        ego_step_point(&pose, post_m, seen_m);
+        see(r, seen_m[0], seen_m[1], 0.03);
+        const double person_m[3] = {5.0, -4.0 + 0.35 * k, 0.5};
+        ego_step_point(&pose, person_m, seen_m);
+        see(r, seen_m[0], seen_m[1], 0.03);
+        step(r);
+    }
+    assert_int_equal(r->n, 2);
+    const struct track_report *post = &r->reports[0], *person = &r->reports[1];
+    if (post->motion == TRACK_MOVING) {
+        post = &r->reports[1];
+        person = &r->reports[0];
+    }
+    assert_int_equal(post->motion, TRACK_STANDING);
+    assert_int_equal(person->motion, TRACK_MOVING);
+    ego_step_point(&pose, post_m, seen_m);
+    assert_near(post->position_m[0], seen_m[0], 0.01);
+    assert_near(post->position_m[1], seen_m[1], 0.01);
+    assert_near(hypot(post->velocity_m_s[0], post->velocity_m_s[1]), 0.0, 0.05);
+    /* 1.4 m/s along ground's y: turned into the vehicle, which looks to 1.125 rad. */
+    assert_near(person->velocity_m_s[0], 1.4 * sin(pose.dyaw), 0.05);
+    assert_near(person->velocity_m_s[1], 1.4 * cos(pose.dyaw), 0.05);
+}
+
+static double spread_after(struct rig *r, bool known)
+{
+    use(r);
+    r->scan.ego_known = true;
+    for (int k = 0; k < 8; k++)
+        walk(r, k, 0.0);
+    r->scan.ego_known = known;
+    step(r);
+    return r->reports[0].covariance_m2[0];
+}
+
+static void unknown_ego_motion_widens_tracks(void **state)
+{
+    struct rig *r = *state;
+    double usual_m2 = spread_after(r, true), lost_m2 = spread_after(r, false);
+
+    /* 9 m2/s3 more for a quarter of a second: 9 t^3 / 3 */
+    assert_near(lost_m2 - usual_m2, 9.0 * 0.25 * 0.25 * 0.25 / 3.0, 1e-9);
+}
+
+/* The image shows what was 0.3 s ago. */
+static void the_images_age_is_taken_out(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 16; k++) {
+        double x = 6.0 - 1.4 * (0.25 * k - 0.3);
+        struct track_detection *d = see(r, x, 1.0, 0.02);
+        d->lag_s = -0.3;
+        step(r);
+    }
+    assert_near(r->reports[0].position_m[0], 6.0 - 1.4 * 0.25 * 15, 0.01);
+    assert_near(r->reports[0].velocity_m_s[0], -1.4, 0.02);
+}
+
+/* -- time and names ---------------------------------------------------------------------
+ */
+
+static void older_scans_are_ignored_and_counted(void **state)
+{
+    struct rig *r = *state;
+
+    walk(r, 0, 0.0);
+    r->scan.stamp_ns -= FRAME_NS / 2;
+    assert_int_equal(tracker_step(r->tracker, &r->scan), -ESTALE);
+    r->scan.stamp_ns += FRAME_NS / 2;
+    assert_int_equal(tracker_step(r->tracker, &r->scan), -ESTALE);
+    assert_int_equal(tracker_counts(r->tracker).late, 2);
+    for (int k = 1; k < 4; k++)
+        walk(r, k, 0.0);
+    assert_int_equal(r->n, 1);
+}
+
+static void a_clock_that_jumps_back_begins_anew_with_other_ids(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 4; k++)
+        walk(r, k, 0.0);
+    assert_int_equal(r->reports[0].id, 1);
+    r->scan.stamp_ns -= INT64_C(3600) * 1000000000;
+    step(r);
+    assert_int_equal(r->n, 0);
+    assert_int_equal(tracker_counts(r->tracker).resets, 1);
+    for (int k = 0; k < 4; k++)
+        walk(r, k, 0.0);
+    assert_int_equal(r->reports[0].id, 2);
+}
+
+static void a_gap_ends_what_may_be_anywhere_by_now(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 8; k++)
+        walk(r, k, 0.0);
+    r->scan.stamp_ns += 20 * (int64_t)FRAME_NS;
+    step(r);
+    assert_int_equal(r->n, 1);
+    assert_int_equal(r->reports[0].state, TRACK_DELETED);
+    assert_true(isfinite(r->reports[0].covariance_m2[0]));
+}
+
+/* One object after the other for some minutes. */
+static void an_id_is_not_given_again_for_half_a_minute(void **state)
+{
+    struct rig *r = *state;
+    int64_t seen_ns[TRACK_DETECTIONS * 4 + 1] = {0};
+    size_t named = 0;
+
+    for (int k = 0; k < 4000; k++) {
+        for (int i = 0; i < 25; i++) { /* three looks of a new one in each column */
+            if ((k + i) % 12 < 3)
+                see(r, 3.0 * i, 40.0 * ((k + i) / 12 % 3), 0.02);
+        }
+        step(r);
+        for (size_t i = 0; i < r->n; i++) {
+            unsigned id = r->reports[i].id;
+            assert_in_range(id, 1, 254);
+            if (r->reports[i].state == TRACK_NEW) {
+                named++;
+                assert_true(!seen_ns[id] ||
+                            r->scan.stamp_ns - seen_ns[id] >= INT64_C(30000000000));
+            }
+            seen_ns[id] = r->scan.stamp_ns;
+        }
+    }
+    assert_true(named > 1000);
+    assert_true(tracker_counts(r->tracker).crowded > 0); /* more than 254 in 30 s */
+}
+
+static void as_many_as_there_can_be(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 4; k++) {
+        for (int i = 0; i < TRACK_DETECTIONS; i++)
+            see(r, 2.0 * (i % 8), 2.0 * (i / 8), 0.02);
+        step(r);
+    }
+    assert_int_equal(r->n, TRACKS_MAX);
+    for (int i = 0; i < TRACK_DETECTIONS; i++)
+        see(r, 1.0 + 2.0 * (i % 8), 1.0 + 2.0 * (i / 8), 0.02);
+    step(r);
+    assert_int_equal(r->n, TRACKS_MAX);
+    assert_true(tracker_counts(r->tracker).crowded > 0);
+}
+
+static void values_out_of_range_are_refused(void **state)
+{
+    struct rig *r = *state;
+    struct tracker *t = NULL;
+
+    r->cfg.life.confirm_hits = 6;
+    assert_int_equal(tracker_create(&t, &r->cfg), -EINVAL);
+    r->cfg.life.confirm_hits = 3;
+    r->cfg.detection_probability = 1.0;
+    assert_int_equal(tracker_create(&t, &r->cfg), -EINVAL);
+    assert_null(t);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(the_third_look_confirms),
+        TEST(what_is_not_seen_coasts_and_grows_uncertain_and_ends),
+        TEST(nothing_is_held_against_what_the_image_does_not_show),
+        TEST(something_comes_back_under_its_id),
+        TEST(standing_and_moving_are_told_apart),
+        TEST(crossing_objects_keep_their_ids),
+        TEST(two_that_merge_and_part_stay_two),
+        TEST(an_extended_object_is_one_track_in_its_middle),
+        TEST(clutter_makes_as_many_false_tracks_as_m_of_n_says),
+        TEST(what_stands_stands_still_while_the_vehicle_turns),
+        TEST(unknown_ego_motion_widens_tracks),
+        TEST(the_images_age_is_taken_out),
+        TEST(older_scans_are_ignored_and_counted),
+        TEST(a_clock_that_jumps_back_begins_anew_with_other_ids),
+        TEST(a_gap_ends_what_may_be_anywhere_by_now),
+        TEST(an_id_is_not_given_again_for_half_a_minute),
+        TEST(as_many_as_there_can_be),
+        TEST(values_out_of_range_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,245 @@
+#include "tests/recon/near.h"
+
+#include <string.h>
+
+#include "recon/track_filter.h"
+#include "tests/recon/dice.h"
+
+static struct track_position measured(double x, double y, double sigma)
+{
+    return (struct track_position){
+        .at_m = {x, y}, .covariance_m2 = {{sigma * sigma, 0.0}, {0.0, sigma * sigma}}};
+}
+
+/* n measurements of what stands still, with no process noise and a speed known to be 0,
+ * are an average: variance sigma^2 / n. */
+static void what_stands_is_averaged(void **state)
+{
+    struct track_filter f;
+    struct track_position p = measured(1.0, 2.0, 0.1);
+    double sum = 1.0;
+
+    (void)state;
+    p.height_m = 1.0;
+    p.height_m2 = 0.04;
+    track_filter_start(&f, &p, 0.0);
+    for (int k = 2; k <= 10; k++) {
+        p.at_m[0] = p.height_m = 1.0 + 0.01 * k;
+        sum += p.at_m[0];
+        track_filter_predict(&f, 0.25, 0.0);
+        track_filter_update(&f, &p);
+    }
+    assert_near(f.state[0], sum / 10.0, 1e-6);
+    assert_near(f.covariance[0][0], 0.001, 1e-7);
+    assert_near(f.height_m, sum / 10.0, 1e-6);
+    assert_near(f.height_m2, 0.004, 1e-7);
+}
+
+/* Two positions and no prior speed: the velocity is their difference over time, with
+ * variance 2 sigma^2 / dt^2. */
+static void two_positions_tell_the_velocity(void **state)
+{
+    struct track_filter f;
+    struct track_position p = measured(1.0, 2.0, 0.1);
+
+    (void)state;
+    track_filter_start(&f, &p, 1000.0);
+    track_filter_predict(&f, 0.5, 0.0);
+    p.at_m[0] = 1.4;
+    p.at_m[1] = 1.9;
+    track_filter_update(&f, &p);
+    assert_near(f.state[0], 1.4, 1e-6);
+    assert_near(f.state[2], 0.8, 1e-6);
+    assert_near(f.state[3], -0.2, 1e-6);
+    assert_near(f.covariance[2][2], 0.08, 1e-6);
+    assert_near(f.covariance[0][2], 0.02, 1e-6);
+}
+
+/* White noise acceleration: position variance q t^3 / 3, velocity q t, and the same in
+ * one step or many. */
+static void uncertainty_grows_as_it_should(void **state)
+{
+    struct track_filter once, often;
+    struct track_position p = measured(0.0, 0.0, 0.0);
+
+    (void)state;
+    track_filter_start(&once, &p, 0.0);
+    often = once;
+    track_filter_predict(&once, 2.0, 0.6);
+    for (int k = 0; k < 8; k++)
+        track_filter_predict(&often, 0.25, 0.6);
+    assert_near(once.covariance[0][0], 1.6, 1e-6);
+    assert_near(once.covariance[0][2], 1.2, 1e-9);
+    assert_near(once.covariance[3][3], 1.2, 1e-9);
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            assert_near(often.covariance[i][j], once.covariance[i][j], 1e-9);
+}
+
+/* Measured 0.2 s before the stamp: known afterwards as if measured then. */
+static void a_position_that_lags_is_taken_for_when_it_was(void **state)
+{
+    struct track_filter f;
+    struct track_position p = measured(0.0, 0.0, 0.01);
+
+    (void)state;
+    p.lag_s = -0.2;
+    for (int k = 0; k < 40; k++) { /* 1.5 m/s along x */
+        p.at_m[0] = 1.5 * (0.1 * k - 0.2);
+        if (!k)
+            track_filter_start(&f, &p, 3.0);
+        track_filter_predict(&f, k ? 0.1 : 0.0, 1e-4);
+        if (k)
+            track_filter_update(&f, &p);
+    }
+    assert_near(f.state[0], 1.5 * 3.9, 0.001);
+    assert_near(f.state[1], 0.0, 0.001);
+    assert_near(f.state[2], 1.5, 0.001);
+}
+
+static void invert(double a[4][4], double out[4][4])
+{
+    double w[4][8];
+
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 8; j++)
+            w[i][j] = j < 4 ? a[i][j] : j - 4 == i;
+    for (int i = 0; i < 4; i++) {
+        double pivot = w[i][i];
+        for (int j = 0; j < 8; j++)
+            w[i][j] /= pivot;
+        for (int r = 0; r < 4; r++) {
+            double factor = w[r][i];
+            for (int j = 0; r != i && j < 8; j++)
+                w[r][j] -= factor * w[i][j];
+        }
+    }
+    for (int i = 0; i < 4; i++)
+        memcpy(out[i], w[i] + 4, sizeof out[i]);
+}
+
+struct world { /* what really moves, by the model */
+    double state[4];
+    unsigned long long seed;
+};
+
+static void move(struct world *w, double dt, double q)
+{
+    for (int a = 0; a < 2; a++) { /* Cholesky factor of the process noise */
+        double u = dice_normal(&w->seed), v = dice_normal(&w->seed);
+        double velocity = sqrt(q * dt) * u;
+        w->state[a] += dt * w->state[2 + a] + 0.5 * dt * velocity +
+                       sqrt(q * dt * dt * dt / 12.0) * v;
+        w->state[2 + a] += velocity;
+    }
+}
+
+/* A correlated position, taken lag before the stamp. */
+static void measure(struct world *w, struct track_position *p)
+{
+    double u = dice_normal(&w->seed), v = dice_normal(&w->seed);
+
+    *p = (struct track_position){.covariance_m2 = {{0.01, 0.003}, {0.003, 0.0025}},
+                                 .lag_s = -0.15};
+    for (int a = 0; a < 2; a++)
+        p->at_m[a] = w->state[a] + p->lag_s * w->state[2 + a];
+    p->at_m[0] += 0.1 * u;
+    p->at_m[1] += 0.03 * u + 0.04 * v;
+}
+
+static double squared_error(const struct track_filter *f, const struct world *w)
+{
+    double inverse[4][4], covariance[4][4], sum = 0.0;
+
+    memcpy(covariance, f->covariance, sizeof covariance);
+    invert(covariance, inverse);
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            sum += (f->state[i] - w->state[i]) * inverse[i][j] *
+                   (f->state[j] - w->state[j]);
+    return sum;
+}
+
+/* NEES and NIS are chi-squared with 4 and 2 degrees of freedom: their means over 400 runs
+ * are within 3 standard deviations, sqrt(2 n / runs), of 4 and 2 (Bar-Shalom 2001, 5.4).
+ */
+static void errors_are_as_large_as_the_covariance_says(void **state)
+{
+    enum { RUNS = 400, STEPS = 20 };
+    double nees = 0.0, nis = 0.0;
+
+    (void)state;
+    for (int run = 0; run < RUNS; run++) {
+        struct world w = {.seed = (unsigned long long)(run + 1)};
+        struct track_filter f;
+        struct track_position p;
+        w.state[2] = 2.0 * dice_normal(&w.seed);
+        w.state[3] = 2.0 * dice_normal(&w.seed);
+        measure(&w, &p);
+        track_filter_start(&f, &p, 2.0);
+        for (int k = 1; k <= STEPS; k++) {
+            double dt = k % 3 ? 0.2 : 0.5;
+            move(&w, dt, 0.5);
+            measure(&w, &p);
+            p.height_assumed = true;
+            track_filter_predict(&f, dt, 0.5);
+            if (k == STEPS)
+                nis += track_filter_match(&f, &p).distance2 / RUNS;
+            track_filter_update(&f, &p);
+        }
+        nees += squared_error(&f, &w) / RUNS;
+    }
+    assert_near(nees, 4.0, 3.0 * sqrt(8.0 / RUNS));
+    assert_near(nis, 2.0, 3.0 * sqrt(4.0 / RUNS));
+}
+
+/* On a fine grid the density of where a position may show adds up to 1. */
+static void the_density_is_one_altogether(void **state)
+{
+    struct track_filter f;
+    struct track_position p = measured(0.3, -0.2, 0.1);
+    double sum = 0.0;
+
+    (void)state;
+    p.covariance_m2[0][1] = p.covariance_m2[1][0] = 0.006;
+    track_filter_start(&f, &p, 0.0);
+    for (double x = -1.2; x < 1.8; x += 0.01)
+        for (double y = -1.7; y < 1.3; y += 0.01) {
+            p.at_m[0] = x;
+            p.at_m[1] = y;
+            sum += 1e-4 * track_filter_match(&f, &p).density;
+        }
+    assert_near(sum, 1.0, 1e-3);
+}
+
+static void a_height_that_is_assumed_is_not_averaged(void **state)
+{
+    struct track_filter f;
+    struct track_position p = measured(0.0, 0.0, 0.1);
+
+    (void)state;
+    p.height_m2 = 0.25;
+    p.height_assumed = true;
+    track_filter_start(&f, &p, 1.0);
+    for (int k = 0; k < 50; k++)
+        track_filter_update(&f, &p);
+    assert_near(f.height_m2, 0.25, 1e-12);
+    p.height_m = 2.0;
+    assert_near(track_filter_match(&f, &p).distance2, 0.0, 1e-6);
+    p.height_assumed = false; /* 2 m off, 0.25 + 0.25 m2 */
+    assert_near(track_filter_match(&f, &p).distance2, 8.0, 1e-6);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_stands_is_averaged),
+        cmocka_unit_test(two_positions_tell_the_velocity),
+        cmocka_unit_test(uncertainty_grows_as_it_should),
+        cmocka_unit_test(a_position_that_lags_is_taken_for_when_it_was),
+        cmocka_unit_test(errors_are_as_large_as_the_covariance_says),
+        cmocka_unit_test(the_density_is_one_altogether),
+        cmocka_unit_test(a_height_that_is_assumed_is_not_averaged),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
