@@ -17,9 +17,9 @@ VECTOR_CLONES
 static void element_delays(const struct backprojection *b, double x0_m, double beside2_m2,
                            float *restrict delay, float *restrict re, float *restrict im)
 {
-    float per_m = (float)(b->rate_hz / b->geometry.sound_speed_m_s);
-    float start = (float)(0.5 * (1.0 - b->in.t0_s * b->rate_hz));
-    float turns_per_m = (float)(b->in.carrier_hz / b->geometry.sound_speed_m_s);
+    float per_m = (float)(b->fine.rate_hz / b->geometry.sound_speed_m_s);
+    float start = (float)(0.5 * (1.0 - b->fine.in.t0_s * b->fine.rate_hz));
+    float turns_per_m = (float)(b->fine.in.carrier_hz / b->geometry.sound_speed_m_s);
     float x0 = (float)x0_m, step = (float)b->grid.step_m[0], beside2 = (float)beside2_m2;
     for (size_t d = 0; d < SCAN_BLOCK; d++) {
         float dx = x0 + step * (float)(int)d;
@@ -165,7 +165,7 @@ static void add_chunk(const struct backprojection *b, struct scan_sweep *s,
         size_t pair = speaker * n_m + first + i;
         s->readings[i].trace = backprojection_sample(b, pair, 0);
         s->readings[i].fold = scan->fold + pair * b->lanes;
-        plan_reading(w, speaker, n_s + first + i, (float)(b->n_stored - 2),
+        plan_reading(w, speaker, n_s + first + i, (float)(b->fine.n_stored - 2),
                      &s->readings[i]);
     }
     for (size_t k = 0; k < b->lanes; k += SCAN_LANES) {

@@ -9,11 +9,7 @@
 #include "recon/fold.h"
 #include "recon/method.h"
 
-/* Stored rate over band width, at least.  Linear interpolation then errs by -51 dB of a
- * Hann-windowed trace, -40 dB of a rectangular one; at 1.9 it would be faster by a
- * quarter and err by -33 dB. */
-#define OVERSAMPLING 3.9
-#define LANE_BLOCK   16 /* lanes of a group are padded to a multiple of this */
+#define LANE_BLOCK 16 /* lanes of a group are padded to a multiple of this */
 
 static size_t n_traces(const struct backprojection *b)
 {
@@ -40,7 +36,7 @@ static void backprojection_destroy(void *state)
     free(b);
 }
 
-static int allocate(struct backprojection *b, double band_hz)
+static int allocate(struct backprojection *b, const struct imager_config *cfg)
 {
     size_t n = n_traces(b);
     b->cell = malloc(n * sizeof *b->cell);
@@ -53,7 +49,9 @@ static int allocate(struct backprojection *b, double band_hz)
     b->fold = malloc(b->n_cells * sizeof *b->fold);
     if (!b->fold)
         return -ENOMEM;
-    err = backproject_store_create(b, band_hz);
+    double gate_s = 2.0 * cfg->gate_m[0] / cfg->geometry->sound_speed_m_s;
+    err = backproject_store_create(b, &cfg->format, cfg->band_hz[1] - cfg->band_hz[0],
+                                   gate_s);
     if (err)
         return err;
     return b->scan ? backproject_scan_create(b) : backproject_any_create(b);
@@ -92,16 +90,9 @@ static int backprojection_create(void **state, const struct imager_config *cfg,
     struct backprojection *b = calloc(1, sizeof *b);
     if (!b)
         return -ENOMEM;
-    double band_hz = cfg->band_hz[1] - cfg->band_hz[0];
-    b->in = cfg->format;
     b->grid = cfg->grid;
     b->pool = cfg->pool;
     b->coherence = cfg->options ? (float)cfg->options->coherence : 0.0f;
-    b->upsampling = (size_t)fmax(ceil(OVERSAMPLING * band_hz / b->in.rate_hz), 1.0);
-    b->rate_hz = b->in.rate_hz * (double)b->upsampling;
-    b->n_stored = b->in.n_samples * b->upsampling + 3;
-    double mute_s = 2.0 * cfg->gate_m[0] / cfg->geometry->sound_speed_m_s - b->in.t0_s;
-    b->muted = (size_t)fmax(ceil(mute_s * b->rate_hz), 0.0);
     double low[3], high[3];
     geometry_aperture(cfg->geometry, low, high);
     b->plane_z_m = 0.5 * (low[2] + high[2]);
@@ -113,7 +104,7 @@ static int backprojection_create(void **state, const struct imager_config *cfg,
         b->lanes = b->scan ? (b->geometry.n_positions + LANE_BLOCK - 1) / LANE_BLOCK *
                                  LANE_BLOCK
                            : 1;
-        err = allocate(b, band_hz);
+        err = allocate(b, cfg);
     }
     if (err) {
         backprojection_destroy(b);
@@ -130,7 +121,7 @@ static void backprojection_add(void *state, size_t position, size_t speaker,
                                const float complex *traces, const bool *masked)
 {
     struct backprojection *b = state;
-    size_t n = b->geometry.n_microphones, length = b->in.n_samples;
+    size_t n = b->geometry.n_microphones, length = b->fine.in.n_samples;
     for (size_t i = 0; i < n; i++) {
         size_t t = position * backprojection_pairs(b) + speaker * n + i;
         if (masked && masked[i])

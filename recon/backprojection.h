@@ -1,7 +1,7 @@
 /* recon/backprojection.h -- inside `--method backprojection`: each voxel sums every
  * pair's trace at its own two-way delay, phase kept, each pair weighted by 1 / (pairs
  * that share its midpoint).  Traces are stored finer than they come, so that linear
- * interpolation does (recon/backproject_store.c): -50 dB of double precision in all.
+ * interpolation does (recon/fine_trace.h): -50 dB of double precision in all.
  *
  * The coherence factor (Mallart and Fink 1994, "Adaptive focusing in scattering media
  * through sound-speed inhomogeneities") of a voxel is what its pairs add up to over what
@@ -14,35 +14,29 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "recon/fine_trace.h"
 #include "recon/imager.h"
 
 struct backprojection {
     struct geometry geometry;
-    struct trace_format in;
     struct grid grid;
     struct pool *pool;
-    size_t upsampling;
-    size_t n_stored; /* samples of a stored trace; its first and its last two are 0 */
-    double rate_hz;
     double plane_z_m;             /* depth counts from here: the middle of the array */
     double centre_m[3], spread_m; /* of pings with places of their own: mean, rms */
-    size_t muted;                 /* stored samples before the gate */
     float coherence;              /* exponent; 0: off */
 
-    float complex *added; /* [position][pair][in.n_samples] as they came */
+    struct fine_trace fine;
+    float complex *added; /* [position][pair][fine.in.n_samples] as they came */
 
-    /* Stored samples.  A scan's lie in groups of `lanes`, [pair][n_stored][re, im][lanes]
-     * with the stage positions in the lanes, each trace over the live pairs of its
-     * midpoint.  Otherwise they are packed in words, [position][pair][n_stored] with the
-     * real part in the upper half, both in units of the trace's own: one load reads two
-     * samples, and looking samples up is loads. */
+    /* Stored samples, fine.n_stored of a trace.  A scan's lie in groups of `lanes`,
+     * [pair][n_stored][re, im][lanes] with the stage positions in the lanes, each trace
+     * over the live pairs of its midpoint.  Otherwise they are packed in words,
+     * [position][pair][n_stored]. */
     bool scan;
     size_t lanes;
     float *traces;
     uint32_t *words;
-    float *unit;               /* [position][pair] */
-    float *fine;               /* interpolation weights of the stored rate */
-    struct store_scratch *own; /* one a thread */
+    float *unit; /* [position][pair] */
 
     uint32_t *cell; /* [position][pair]: number of its midpoint */
     size_t n_cells, n_live_cells;
@@ -68,12 +62,13 @@ static inline size_t backprojection_pairs(const struct backprojection *b)
 static inline float *backprojection_sample(const struct backprojection *b, size_t pair,
                                            size_t sample)
 {
-    return b->traces + (pair * b->n_stored + sample) * 2 * b->lanes;
+    return b->traces + (pair * b->fine.n_stored + sample) * 2 * b->lanes;
 }
 
 /* Traces as they came to stored ones: only what is not up to date.  create: 0 or -ENOMEM.
  */
-int backproject_store_create(struct backprojection *b, double band_hz);
+int backproject_store_create(struct backprojection *b, const struct trace_format *in,
+                             double band_hz, double gate_s);
 void backproject_store(struct backprojection *b);
 void backproject_store_destroy(struct backprojection *b);
 

@@ -1,7 +1,9 @@
-/* nodes/recon/main.c: "survey", "traces", "scan/status" -> "volume", "receipt" */
+/* nodes/recon/main.c: "survey", "traces", "scan/status" -> "volume", "receipt"; of a
+ * fixed array: nodes/recon/fixed.c */
 #include <errno.h>
 
 #include "msgs/topics.h"
+#include "nodes/recon/fixed.h"
 #include "nodes/recon/recon.h"
 #include "nodes/rt/node.h"
 
@@ -154,6 +156,8 @@ int main(int argc, char **argv)
 
     if (err)
         return err - 1;
+    if (node_launch(r.node)->scan.fixed)
+        return node_finish(r.node, fixed_run(r.node));
     err = create(&r);
     if (!err)
         err = run(&r);

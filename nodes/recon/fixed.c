@@ -1,0 +1,204 @@
+#include "nodes/recon/fixed.h"
+
+#include <errno.h>
+
+#include "msgs/scan.pb-c.h"
+#include "msgs/topics.h"
+
+#define LOOK_NS    1000000000LL /* from one look at what was skipped to the next */
+#define LATE_SHARE 0.1          /* of images that are due: skipped, it is said */
+
+struct fixed {
+    struct node *node;
+    struct steady *steady;
+    bool planned, due;
+    int64_t taken_ns; /* when the newest ping came */
+    uint64_t skipped;
+    struct { /* since the last look; and what was seen then */
+        int64_t due_ns;
+        uint64_t images, skipped;
+        bool late;
+    } look;
+};
+
+static size_t counts(void *ctx, struct device_count *out)
+{
+    const struct fixed *f = ctx;
+    const struct steady_counts *c = steady_counts(f->steady);
+
+    out[0] = (struct device_count){"images", c->images};
+    out[1] = (struct device_count){"images skipped", f->skipped};
+    out[2] = (struct device_count){"images of unknown motion", c->unknown};
+    out[3] = (struct device_count){"traces unfit", c->unfit};
+    out[4] = (struct device_count){"clock steps back", c->backwards};
+    return 5;
+}
+
+void fixed_config(struct steady_config *out, const struct launchfile *l)
+{
+    *out = (struct steady_config){.threads = l->recon.threads,
+                                  .window = l->dsp.window,
+                                  .compression = l->dsp.compression,
+                                  .frame_pings = l->scan.n_speakers,
+                                  .pings = l->recon.frames.pings,
+                                  .sum = l->recon.frames.sum,
+                                  .every_ping = l->recon.frames.every_ping};
+}
+
+static int create(struct fixed *f)
+{
+    struct steady_config cfg;
+
+    fixed_config(&cfg, node_launch(f->node));
+    int err = steady_create(&f->steady, &cfg);
+
+    if (!err)
+        node_device(f->node, counts, f);
+    return err;
+}
+
+static int take_survey(struct fixed *f, const Anlos__Survey *survey)
+{
+    struct complaint why = {""};
+    int err = steady_survey(f->steady, survey, &why);
+
+    if (err)
+        node_state(f->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
+    else if (!f->planned)
+        node_state(f->node, ANLOS__HEALTH__STATE__READY, "ready");
+    f->planned = !err;
+    return err;
+}
+
+/* A moment's load skips an image or two, and needs no word. */
+static void look(struct fixed *f)
+{
+    uint64_t images = steady_counts(f->steady)->images - f->look.images;
+    uint64_t skipped = f->skipped - f->look.skipped;
+    int64_t now_ns = node_machine_ns(f->node);
+
+    if (now_ns < f->look.due_ns)
+        return;
+    f->look.due_ns = now_ns + LOOK_NS;
+    f->look.images += images;
+    f->look.skipped += skipped;
+    f->look.late = (double)skipped > LATE_SHARE * (double)(images + skipped);
+}
+
+/* What is wrong with the images, the worst of it. */
+static void say(struct fixed *f)
+{
+    const Anlos__Health__State degraded = ANLOS__HEALTH__STATE__DEGRADED;
+    enum steady_motion motion = steady_motion(f->steady);
+
+    look(f);
+    if (motion == STEADY_UNKNOWN)
+        node_state(f->node, degraded,
+                   "the vehicle's motion is not known: images are made as if it stood");
+    else if (motion == STEADY_NO_MOUNT)
+        node_state(
+            f->node, degraded,
+            "the vehicle moves, but the survey has no mount: images are made as if "
+            "it stood");
+    else if (f->look.late)
+        node_state(f->node, degraded,
+                   "images are skipped, for they take longer than pings: use a coarser "
+                   "volume, fewer pings, or every: frame");
+    else
+        node_state(f->node, ANLOS__HEALTH__STATE__READY, "ready");
+}
+
+static void publish(struct fixed *f)
+{
+    Anlos__Volume v;
+
+    f->due = false;
+    steady_image(f->steady, &v);
+    v.imaging_s = 1e-9 * (double)(node_now_ns(f->node) - f->taken_ns);
+    node_publish(f->node, topic_volume(), steady_capture_ns(f->steady), &v.base);
+    say(f);
+}
+
+/* A recording is played no faster than it is used. */
+static void acknowledge(struct fixed *f, const Anlos__Traces *traces, int64_t capture_ns,
+                        bool usable)
+{
+    Anlos__Receipt receipt = ANLOS__RECEIPT__INIT;
+
+    receipt.scan = traces->scan;
+    receipt.position = traces->position;
+    receipt.speaker = traces->speaker;
+    receipt.frame = traces->frame;
+    receipt.usable = usable;
+    node_publish(f->node, topic_receipt(), capture_ns, &receipt.base);
+}
+
+/* All that has come goes in before an image is made: whoever is late makes fewer of them,
+ * and each of the newest pings.  A replay waits, and its images are the same each time.
+ */
+static void take_traces(struct fixed *f, const struct node_message *in)
+{
+    const Anlos__Traces *traces = (const Anlos__Traces *)in->content;
+    char note[128];
+    bool due = steady_traces(f->steady, traces, in->capture_ns, note, sizeof note);
+
+    if (note[0])
+        node_log(f->node, LOG_LEVEL_WARNING, "%s", note);
+    if (node_is_replayed(f->node))
+        acknowledge(f, traces, in->capture_ns, !note[0]);
+    if (!due)
+        return;
+    f->taken_ns = node_now_ns(f->node);
+    f->skipped += f->due;
+    f->due = true;
+    if (node_is_replayed(f->node))
+        publish(f);
+}
+
+static int take(struct fixed *f, const struct node_message *in)
+{
+    if (in->topic == topic_survey())
+        return take_survey(f, (const Anlos__Survey *)in->content);
+    if (in->topic == topic_ego())
+        steady_ego(f->steady, (const Anlos__EgoMotion *)in->content, in->capture_ns);
+    else
+        take_traces(f, in);
+    return 0;
+}
+
+static int loop(struct fixed *f)
+{
+    struct node_message in;
+    int err = node_order_replay(f->node);
+
+    if (!err)
+        err = node_subscribe(f->node, topic_survey());
+    if (!err)
+        err = node_subscribe(f->node, topic_traces());
+    if (!err)
+        err = node_subscribe(f->node, topic_ego());
+    node_state(f->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
+    while (!err) {
+        err = node_next(f->node, &in, f->due ? 0 : 100);
+        if (err == -ETIMEDOUT) {
+            if (f->due)
+                publish(f);
+            err = 0;
+        } else if (!err) {
+            err = take(f, &in);
+        }
+    }
+    return err;
+}
+
+int fixed_run(struct node *node)
+{
+    struct fixed f = {.node = node};
+    int err = create(&f);
+
+    if (!err)
+        err = loop(&f);
+    node_device(node, NULL, NULL);
+    steady_destroy(f.steady);
+    return err;
+}

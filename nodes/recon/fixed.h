@@ -1,0 +1,16 @@
+/* nodes/recon/fixed.h -- the recon node's loop for a fixed array: "survey", "traces",
+ * "ego"
+ * -> "volume". */
+#ifndef ANLOS_NODES_RECON_FIXED_H
+#define ANLOS_NODES_RECON_FIXED_H
+
+#include "nodes/recon/steady.h"
+#include "nodes/rt/node.h"
+
+/* What a launch file says of it. */
+void fixed_config(struct steady_config *out, const struct launchfile *l);
+
+/* Until a signal.  0 or a negative errno, as for node_finish. */
+int fixed_run(struct node *node);
+
+#endif

@@ -1,0 +1,268 @@
+#include "nodes/recon/steady.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "nodes/recon/survey_plan.h"
+
+#define AGE_LIMIT 2.0 /* times what the pings of an image take when none is missing */
+
+struct round { /* of the speakers: a frame */
+    uint32_t number;
+    size_t pings, expected;
+    bool imaged;
+};
+
+struct steady {
+    struct steady_config cfg;
+    struct pool *pool;
+    struct survey_plan plan;
+    struct frames *frames; /* NULL: no survey yet */
+    size_t n_pings;        /* in an image */
+    float *intensity;      /* [nz][ny][nx] */
+    bool *masked;          /* [n_microphones], of the newest traces */
+    uint64_t *clipped;     /* [n_pings], ring */
+    size_t newest;
+    struct ego_path path;
+    bool has_path;
+    struct frames_motion motion;
+    struct frames_made made;
+    struct round round;
+    uint32_t scan;
+    enum steady_motion state;
+    struct steady_counts counts;
+};
+
+int steady_create(struct steady **out, const struct steady_config *cfg)
+{
+    long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    size_t threads = cfg->threads ? cfg->threads : cores > 0 ? (size_t)cores : 1;
+    struct steady *s = calloc(1, sizeof *s);
+
+    if (!s)
+        return -ENOMEM;
+    s->cfg = *cfg;
+    int err = pool_create(&s->pool, threads);
+    if (err) {
+        free(s);
+        return err;
+    }
+    *out = s;
+    return 0;
+}
+
+static void clear(struct steady *s)
+{
+    frames_destroy(s->frames);
+    free(s->intensity);
+    free(s->masked);
+    free(s->clipped);
+    survey_plan_clear(&s->plan);
+    s->frames = NULL;
+    s->intensity = NULL;
+    s->masked = NULL;
+    s->clipped = NULL;
+}
+
+void steady_destroy(struct steady *s)
+{
+    if (!s)
+        return;
+    clear(s);
+    pool_destroy(s->pool);
+    free(s);
+}
+
+/* -- survey -----------------------------------------------------------------------------
+ */
+
+/* A survey may name a replica, of which it is not known when it sends what. */
+static struct frames_config configure(const struct steady *s)
+{
+    const struct survey *survey = &s->plan.survey;
+    const struct processing *p = &s->plan.processing;
+    size_t together = survey->together > 1 ? survey->together : 1;
+    double slot_s = (double)survey->slot_samples / survey->sample_rate_hz;
+    double window_s = slot_s * ceil((double)s->n_pings / (double)together);
+    struct frames_config cfg = {
+        .geometry = &p->geometry,
+        .format = s->plan.format,
+        .band_hz = {p->band_hz[0], p->band_hz[1]},
+        .gate_m = {p->gate_m[0], p->gate_m[1]},
+        .grid = p->grid,
+        .pool = s->pool,
+        .latency_s = survey->latency_samples / survey->sample_rate_hz,
+        .n_pings = s->n_pings,
+        .max_age_ns = llrint(1e9 * AGE_LIMIT * window_s),
+        .sum = s->cfg.sum,
+    };
+
+    if (survey->n_replica == 0)
+        cfg.chirp = processing_chirp(survey);
+    return cfg;
+}
+
+static int allocate(struct steady *s, struct complaint *why)
+{
+    const struct frames_config cfg = configure(s);
+    int err = frames_create(&s->frames, &cfg);
+
+    if (err == -ENOTSUP)
+        return complain(why, err,
+                        "scan.mode fixed: expected an array that stands; this survey has "
+                        "%zu positions",
+                        s->plan.survey.n_positions);
+    if (err)
+        return complain(why, err, "images of %zu pings: %s; expected 1 to %d",
+                        cfg.n_pings, strerror(-err), FRAMES_MAX_PINGS);
+    s->intensity = calloc(grid_size(&cfg.grid), sizeof *s->intensity);
+    s->masked = calloc(s->plan.survey.n_microphones, sizeof *s->masked);
+    s->clipped = calloc(s->n_pings, sizeof *s->clipped);
+    return s->intensity && s->masked && s->clipped
+               ? 0
+               : complain(why, -ENOMEM, "not enough memory for images of %zu voxels",
+                          grid_size(&cfg.grid));
+}
+
+int steady_survey(struct steady *s, const Anlos__Survey *message, struct complaint *why)
+{
+    if (s->frames && s->plan.survey_id == message->id)
+        return 0;
+    clear(s);
+    int err =
+        survey_plan_create(&s->plan, message, s->cfg.compression, s->cfg.window, why);
+    if (err)
+        return err;
+    const struct survey *survey = &s->plan.survey;
+    s->round = (struct round){.expected = s->cfg.frame_pings ? s->cfg.frame_pings
+                                                             : survey->n_speakers};
+    s->n_pings = s->cfg.pings ? s->cfg.pings : s->round.expected;
+    s->newest = 0;
+    mount_create(&s->motion.mount, survey->mount_origin_m, survey->mount_x_axis,
+                 survey->mount_y_axis);
+    err = allocate(s, why);
+    if (err)
+        clear(s);
+    return err;
+}
+
+/* -- motion -----------------------------------------------------------------------------
+ */
+
+void steady_ego(struct steady *s, const Anlos__EgoMotion *ego, int64_t capture_ns)
+{
+    const struct ego_motion m = {ego->standstill ? 0.0 : ego->speed_m_s,
+                                 ego->standstill ? 0.0 : ego->yaw_rate_rad_s};
+
+    s->has_path = true;
+    if (!ego->valid || !ego_path_add(&s->path, capture_ns, &m))
+        return;
+    /* A clock that was set back by much: what was heard before lies in the future. */
+    if (capture_ns + EGO_MAX_AGE_NS < s->path.stamp_ns[s->path.newest]) {
+        s->path.n = 0;
+        ego_path_add(&s->path, capture_ns, &m);
+    }
+}
+
+static enum steady_motion motion_of(const struct steady *s)
+{
+    struct ego_motion now;
+
+    if (!s->has_path)
+        return STEADY_STANDS;
+    if (s->made.unknown || ego_path_at(&s->path, s->made.stamp_ns, &now))
+        return STEADY_UNKNOWN;
+    if (s->plan.survey.has_mount)
+        return STEADY_MOVES;
+    return now.speed_m_s == 0.0 && now.yaw_rate_rad_s == 0.0 ? STEADY_STANDS
+                                                             : STEADY_NO_MOUNT;
+}
+
+enum steady_motion steady_motion(const struct steady *s)
+{
+    return s->state;
+}
+
+/* -- pings ------------------------------------------------------------------------------
+ */
+
+static bool ends_frame(struct round *r, uint32_t frame)
+{
+    bool late = frame != r->number && r->pings > 0 && !r->imaged;
+
+    if (frame != r->number)
+        *r = (struct round){.number = frame, .expected = r->expected};
+    r->pings++;
+    r->imaged = r->imaged || r->pings >= r->expected;
+    return late || r->pings == r->expected;
+}
+
+static void add(struct steady *s, const Anlos__Traces *t, const float complex *y,
+                int64_t capture_ns)
+{
+    for (size_t m = 0; m < s->plan.survey.n_microphones; m++)
+        s->masked[m] = t->masked[m];
+    const struct frames_ping ping = {.stamp_ns = capture_ns,
+                                     .speaker = t->speaker,
+                                     .down = t->down,
+                                     .traces = y,
+                                     .masked = s->masked};
+    if (t->scan != s->scan)
+        frames_reset(s->frames);
+    s->scan = t->scan;
+    s->counts.backwards += !frames_add(s->frames, &ping);
+    s->newest = (s->newest + 1) % s->n_pings;
+    s->clipped[s->newest] = t->clipped_samples;
+}
+
+bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t capture_ns,
+                   char *note, size_t size)
+{
+    const float complex *y = s->frames ? survey_plan_traces(&s->plan, traces) : NULL;
+
+    note[0] = '\0';
+    if (!y) {
+        snprintf(note, size, "traces that do not fit the survey cannot be used");
+        s->counts.unfit++;
+        return false;
+    }
+    add(s, traces, y, capture_ns);
+    return ends_frame(&s->round, traces->frame) || s->cfg.every_ping;
+}
+
+/* -- image ------------------------------------------------------------------------------
+ */
+
+void steady_image(struct steady *s, Anlos__Volume *out)
+{
+    bool follows = s->has_path && s->plan.survey.has_mount;
+
+    s->motion.path = follows ? &s->path : NULL;
+    frames_image(s->frames, &s->motion, s->intensity, &s->made);
+    s->state = motion_of(s);
+    s->counts.images++;
+    s->counts.unknown += s->state == STEADY_UNKNOWN;
+    survey_plan_volume(&s->plan, s->intensity, out);
+    out->scan = s->scan;
+    out->frame = s->round.number;
+    out->method = (char *)"frames";
+    out->pings_used = (uint32_t)s->made.pings;
+    out->pings_expected = (uint32_t)s->n_pings;
+    out->microphones_masked = (uint32_t)s->made.microphones_masked;
+    for (size_t k = 0; k < s->n_pings; k++)
+        out->clipped_samples += s->clipped[k];
+}
+
+int64_t steady_capture_ns(const struct steady *s)
+{
+    return s->made.stamp_ns;
+}
+
+const struct steady_counts *steady_counts(const struct steady *s)
+{
+    return &s->counts;
+}

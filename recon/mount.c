@@ -1,0 +1,40 @@
+#include "recon/mount.h"
+
+#include <string.h>
+
+void mount_create(struct mount *m, const double origin_m[3], const double x[3],
+                  const double y[3])
+{
+    memcpy(m->origin_m, origin_m, sizeof m->origin_m);
+    memcpy(m->axes[0], x, sizeof m->axes[0]);
+    memcpy(m->axes[1], y, sizeof m->axes[1]);
+    for (int a = 0; a < 3; a++) {
+        int b = (a + 1) % 3, c = (a + 2) % 3;
+        m->axes[2][a] = x[b] * y[c] - x[c] * y[b];
+    }
+}
+
+void mount_to_vehicle(const struct mount *m, const double p[3], double out[3])
+{
+    const double q[3] = {p[0], p[1], p[2]};
+    for (int a = 0; a < 3; a++)
+        out[a] = m->origin_m[a] + q[0] * m->axes[0][a] + q[1] * m->axes[1][a] +
+                 q[2] * m->axes[2][a];
+}
+
+void mount_to_array(const struct mount *m, const double p[3], double out[3])
+{
+    const double q[3] = {p[0] - m->origin_m[0], p[1] - m->origin_m[1],
+                         p[2] - m->origin_m[2]};
+    for (int a = 0; a < 3; a++)
+        out[a] = q[0] * m->axes[a][0] + q[1] * m->axes[a][1] + q[2] * m->axes[a][2];
+}
+
+void mount_step_point(const struct mount *m, const struct ego_step *s, const double p[3],
+                      double out[3])
+{
+    double q[3];
+    mount_to_vehicle(m, p, q);
+    ego_step_point(s, q, q);
+    mount_to_array(m, q, out);
+}

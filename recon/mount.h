@@ -1,0 +1,24 @@
+/* recon/mount.h -- how an array sits on a vehicle, and where its elements stood a while
+ * ago, seen from where it stands now. */
+#ifndef ANLOS_RECON_MOUNT_H
+#define ANLOS_RECON_MOUNT_H
+
+#include "recon/ego.h"
+
+struct mount {
+    double origin_m[3]; /* the array's origin in the vehicle frame */
+    double axes[3][3];  /* the array's x, y, z axes there, unit */
+};
+
+/* From its x and y axes; z is square to both. */
+void mount_create(struct mount *m, const double origin_m[3], const double x[3],
+                  const double y[3]);
+
+void mount_to_vehicle(const struct mount *m, const double p[3], double out[3]);
+void mount_to_array(const struct mount *m, const double p[3], double out[3]);
+
+/* A standing point of the array frame, in the array frame a step later. */
+void mount_step_point(const struct mount *m, const struct ego_step *s, const double p[3],
+                      double out[3]);
+
+#endif

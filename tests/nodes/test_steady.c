@@ -1,0 +1,347 @@
+/* nodes/recon/steady.c, fed with what a fixed array records (tests/recon/moving.h) and
+ * the compressor makes of it. */
+#include <errno.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "msgs/tensor.h"
+#include "nodes/recon/steady.h"
+#include "nodes/rt/compressor.h"
+#include "tests/recon/moving.h"
+
+enum { SPEAKERS = 4, MICROPHONES = 6, SLOT = 1152, MS = 1000000 };
+
+struct rig {
+    struct survey survey;
+    double speakers_m[SPEAKERS][3], microphones_m[MICROPHONES][3], position_m;
+    Anlos__Survey *message;
+    struct processing processing;
+    struct trace_format format;
+    struct compressor *compressor;
+    struct moving world;
+    struct steady *steady;
+    float *rx;
+    float complex *y;
+    struct tensor_view view;
+    protobuf_c_boolean masked[MICROPHONES];
+    char note[128];
+};
+
+static void describe(struct rig *r, bool has_mount)
+{
+    const struct moving *w = &r->world;
+    r->survey = (struct survey){
+        .source = ANLOS__SOURCE__SIMULATION,
+        .sound_speed_m_s = w->sound_speed_m_s,
+        .temperature_c = 20.0,
+        .sample_rate_hz = w->sample_rate_hz,
+        .chirp_start_hz = w->chirp_hz[0],
+        .chirp_stop_hz = w->chirp_hz[1],
+        .chirp_duration_s = w->chirp_s,
+        .slot_samples = SLOT,
+        .n_speakers = SPEAKERS,
+        .n_microphones = MICROPHONES,
+        .n_positions = 1,
+        .speakers_m = r->speakers_m,
+        .microphones_m = r->microphones_m,
+        .stage_axis = {1.0, 0.0, 0.0},
+        .stage_positions_m = &r->position_m,
+        .has_gate = true,
+        .gate_m = {0.6, 2.5},
+        .has_volume = true,
+        .volume_m = {{0.0, 0.6, 0.01}, {0.05, 0.05, 0.1}, {1.0, 1.8, 0.01}},
+        .has_mount = has_mount,
+        .mount_origin_m = {3.5, 0.0, 0.5},
+        .mount_x_axis = {0.0, 1.0, 0.0},
+        .mount_y_axis = {0.0, 0.0, 1.0}};
+}
+
+static Anlos__Survey *message_of(const struct survey *s)
+{
+    uint8_t *packed;
+    size_t size;
+    assert_int_equal(survey_pack(s, &packed, &size), 0);
+    Anlos__Survey *m = anlos__survey__unpack(NULL, size, packed);
+    free(packed);
+    assert_non_null(m);
+    return m;
+}
+
+static void start(struct rig *r, bool has_mount, const struct steady_config *cfg)
+{
+    *r = (struct rig){.world = {.sound_speed_m_s = 343.0,
+                                .sample_rate_hz = 48000.0,
+                                .chirp_hz = {2000.0, 20000.0},
+                                .chirp_s = 5e-3,
+                                .mount_m = {3.5, 0.0, 0.5},
+                                .at_m = {5.0, 0.3, 0.55}}};
+    for (int j = 0; j < SPEAKERS; j++)
+        r->speakers_m[j][0] = j / 3.0 - 0.5;
+    for (int i = 0; i < MICROPHONES; i++)
+        r->microphones_m[i][0] = i / 5.0 - 0.5;
+    describe(r, has_mount);
+    r->message = message_of(&r->survey);
+    assert_int_equal(processing_plan(&r->processing, &r->survey, NULL), 0);
+    assert_int_equal(compressor_create(&r->compressor, &r->processing, &r->survey,
+                                       COMPRESSION_MATCHED_FILTER, WINDOW_HANN, NULL),
+                     0);
+    compressor_format(r->compressor, &r->format);
+    r->rx = malloc(MICROPHONES * r->processing.ping_samples * sizeof *r->rx);
+    r->y = malloc(MICROPHONES * r->format.n_samples * sizeof *r->y);
+    assert_non_null(r->rx);
+    assert_non_null(r->y);
+    assert_int_equal(steady_create(&r->steady, cfg), 0);
+    assert_int_equal(steady_survey(r->steady, r->message, NULL), 0);
+}
+
+static void stop(struct rig *r)
+{
+    steady_destroy(r->steady);
+    compressor_destroy(r->compressor);
+    anlos__survey__free_unpacked(r->message, NULL);
+    free(r->rx);
+    free(r->y);
+}
+
+static int64_t stamp_ns(size_t k)
+{
+    return 1000 * (int64_t)MS + (int64_t)k * 24 * MS;
+}
+
+/* Ping k of the endless shot, frames counted from 1.  Is an image due? */
+static bool ping(struct rig *r, size_t k)
+{
+    size_t n = r->processing.ping_samples;
+    Anlos__Traces t = ANLOS__TRACES__INIT;
+    memset(r->rx, 0, MICROPHONES * n * sizeof *r->rx);
+    for (size_t i = 0; i < MICROPHONES; i++)
+        moving_record(&r->world, 0.024 * (double)k, 0.024 * (double)k, false,
+                      r->speakers_m[k % SPEAKERS], r->microphones_m[i], n, r->rx + i * n);
+    compressor_execute(r->compressor, r->rx, n, r->y);
+    t.survey_id = r->message->id;
+    t.scan = 1;
+    t.frame = (uint32_t)(1 + k / SPEAKERS);
+    t.speaker = (uint32_t)(k % SPEAKERS);
+    t.samples =
+        tensor_borrow_c64(&r->view, r->y, 2, (size_t)MICROPHONES, r->format.n_samples);
+    t.t0_s = r->format.t0_s;
+    t.rate_hz = r->format.rate_hz;
+    t.carrier_hz = r->format.carrier_hz;
+    t.n_masked = MICROPHONES;
+    t.masked = r->masked;
+    t.clipped_samples = k;
+    return steady_traces(r->steady, &t, stamp_ns(k), r->note, sizeof r->note);
+}
+
+static void drive(struct rig *r, int64_t until_ns)
+{
+    for (int64_t t = 900 * (int64_t)MS; t <= until_ns; t += 20 * MS) {
+        Anlos__EgoMotion m = ANLOS__EGO_MOTION__INIT;
+        m.speed_m_s = r->world.speed_m_s;
+        m.yaw_rate_rad_s = r->world.yaw_rate_rad_s;
+        m.valid = true;
+        steady_ego(r->steady, &m, t);
+    }
+}
+
+/* How far the strongest voxel is from where the point is at ping k. */
+static double off_m(const struct rig *r, const Anlos__Volume *v, size_t k)
+{
+    size_t n[3], best = 0;
+    const float *x = tensor_f32(v->intensity, 3, n);
+    double at[3];
+    assert_non_null(x);
+    for (size_t q = 0; q < n[0] * n[1] * n[2]; q++)
+        best = x[q] > x[best] ? q : best;
+    moving_to_array(&r->world, 0.024 * (double)k, r->world.at_m, at);
+    return hypot(v->origin_m->x + 0.01 * (double)(best % n[2]) - at[0],
+                 v->origin_m->z + 0.01 * (double)(best / n[2]) - at[2]);
+}
+
+static const struct steady_config each_frame = {
+    .threads = 1, .window = WINDOW_HANN, .sum = FRAMES_COHERENT};
+static const struct steady_config each_ping = {.threads = 1,
+                                               .window = WINDOW_HANN,
+                                               .pings = 3,
+                                               .sum = FRAMES_POWER,
+                                               .every_ping = true};
+
+static void a_frame_is_imaged_with_its_last_ping(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    start(&r, true, &each_frame);
+    for (size_t k = 0; k < 3 * SPEAKERS; k++)
+        assert_int_equal(ping(&r, k), k % SPEAKERS == SPEAKERS - 1);
+    steady_image(r.steady, &v);
+    assert_int_equal(steady_capture_ns(r.steady), stamp_ns(3 * SPEAKERS - 1));
+    assert_int_equal(v.frame, 3);
+    assert_int_equal(v.scan, 1);
+    assert_int_equal(v.pings_used, SPEAKERS);
+    assert_int_equal(v.pings_expected, SPEAKERS);
+    assert_int_equal(v.clipped_samples, 8 + 9 + 10 + 11);
+    assert_int_equal(v.source, ANLOS__SOURCE__SIMULATION);
+    assert_string_equal(v.method, "frames");
+    assert_false(v.preview);
+    assert_true(off_m(&r, &v, 11) < 0.011);
+    assert_int_equal(steady_motion(r.steady), STEADY_STANDS);
+    stop(&r);
+}
+
+static void a_frame_without_its_last_ping_is_imaged_with_the_next_ones_first(void **state)
+{
+    (void)state;
+    struct rig r;
+    start(&r, true, &each_frame);
+    for (size_t k = 0; k < SPEAKERS - 1; k++)
+        assert_false(ping(&r, k));
+    assert_true(ping(&r, SPEAKERS));
+    for (size_t k = SPEAKERS + 1; k < 2 * SPEAKERS; k++)
+        assert_int_equal(ping(&r, k), k == 2 * SPEAKERS - 1);
+    assert_false(ping(&r, 2 * SPEAKERS));
+    stop(&r);
+}
+
+static void every_ping_may_have_an_image(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    start(&r, true, &each_ping);
+    for (size_t k = 0; k < 2 * SPEAKERS; k++) {
+        assert_true(ping(&r, k));
+        steady_image(r.steady, &v);
+        assert_int_equal(v.pings_used, k < 3 ? k + 1 : 3);
+        assert_int_equal(steady_capture_ns(r.steady), stamp_ns(k));
+    }
+    assert_int_equal(steady_counts(r.steady)->images, 2 * SPEAKERS);
+    stop(&r);
+}
+
+static void a_vehicle_that_says_how_it_moves_sees_where_things_are(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    start(&r, true, &each_frame);
+    r.world.speed_m_s = 2.0;
+    r.world.yaw_rate_rad_s = 0.3;
+    drive(&r, stamp_ns(4));
+    for (size_t k = 0; k < SPEAKERS; k++)
+        ping(&r, k);
+    steady_image(r.steady, &v);
+    assert_int_equal(steady_motion(r.steady), STEADY_MOVES);
+    assert_true(off_m(&r, &v, SPEAKERS - 1) < 0.011);
+    stop(&r);
+}
+
+static void motion_that_is_no_longer_said_is_unknown_and_counted(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    start(&r, true, &each_frame);
+    drive(&r, stamp_ns(0));
+    for (size_t k = 0; k < 3 * SPEAKERS; k++)
+        ping(&r, k);
+    steady_image(r.steady, &v);
+    assert_int_equal(steady_motion(r.steady), STEADY_UNKNOWN);
+    assert_int_equal(steady_counts(r.steady)->unknown, 1);
+    drive(&r, stamp_ns(13));
+    steady_image(r.steady, &v);
+    assert_int_equal(steady_motion(r.steady), STEADY_MOVES);
+    assert_int_equal(steady_counts(r.steady)->unknown, 1);
+    stop(&r);
+}
+
+static void motion_called_invalid_is_not_taken(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    Anlos__EgoMotion m = ANLOS__EGO_MOTION__INIT;
+    start(&r, true, &each_frame);
+    m.speed_m_s = 2.0;
+    steady_ego(r.steady, &m, stamp_ns(0));
+    ping(&r, 0);
+    steady_image(r.steady, &v);
+    assert_int_equal(steady_motion(r.steady), STEADY_UNKNOWN);
+    stop(&r);
+}
+
+static void without_a_mount_motion_cannot_be_made_up_for_and_that_is_said(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    start(&r, false, &each_frame);
+    drive(&r, stamp_ns(4));
+    for (size_t k = 0; k < SPEAKERS; k++)
+        ping(&r, k);
+    steady_image(r.steady, &v);
+    assert_int_equal(steady_motion(r.steady), STEADY_STANDS);
+    stop(&r);
+    start(&r, false, &each_frame);
+    r.world.speed_m_s = 2.0;
+    drive(&r, stamp_ns(4));
+    for (size_t k = 0; k < SPEAKERS; k++)
+        ping(&r, k);
+    steady_image(r.steady, &v);
+    assert_int_equal(steady_motion(r.steady), STEADY_NO_MOUNT);
+    stop(&r);
+}
+
+static void traces_of_another_survey_are_refused_and_counted(void **state)
+{
+    (void)state;
+    struct rig r;
+    start(&r, true, &each_ping);
+    r.message->id++;
+    assert_false(ping(&r, 0));
+    assert_non_null(strstr(r.note, "do not fit"));
+    assert_int_equal(steady_counts(r.steady)->unfit, 1);
+    r.message->id--;
+    assert_true(ping(&r, 1));
+    stop(&r);
+}
+
+static void a_survey_of_a_stage_is_refused(void **state)
+{
+    (void)state;
+    struct rig r;
+    struct complaint why = {""};
+    double positions_m[2] = {0.0, 0.1};
+    start(&r, true, &each_frame);
+    r.survey.n_positions = 2;
+    r.survey.stage_positions_m = positions_m;
+    Anlos__Survey *moved = message_of(&r.survey);
+    assert_int_equal(steady_survey(r.steady, moved, &why), -ENOTSUP);
+    assert_non_null(strstr(why.text, "2 positions"));
+    anlos__survey__free_unpacked(moved, NULL);
+    stop(&r);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_frame_is_imaged_with_its_last_ping),
+        cmocka_unit_test(
+            a_frame_without_its_last_ping_is_imaged_with_the_next_ones_first),
+        cmocka_unit_test(every_ping_may_have_an_image),
+        cmocka_unit_test(a_vehicle_that_says_how_it_moves_sees_where_things_are),
+        cmocka_unit_test(motion_that_is_no_longer_said_is_unknown_and_counted),
+        cmocka_unit_test(motion_called_invalid_is_not_taken),
+        cmocka_unit_test(without_a_mount_motion_cannot_be_made_up_for_and_that_is_said),
+        cmocka_unit_test(traces_of_another_survey_are_refused_and_counted),
+        cmocka_unit_test(a_survey_of_a_stage_is_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
