@@ -13,8 +13,8 @@ struct canbus {
     void *state;
 };
 
-static const struct canbus_ops *const backends[] = {&canbus_log_ops,
-                                                    &canbus_socketcan_ops};
+static const struct canbus_ops *const backends[] = {
+    &canbus_log_ops, &canbus_socketcan_ops, &canbus_sim_ops};
 
 int canbus_open(struct canbus **out, const char *uri, struct complaint *why)
 {
@@ -27,8 +27,8 @@ int canbus_open(struct canbus **out, const char *uri, struct complaint *why)
     }
     if (!arg)
         return complain(why, -ENODEV,
-                        "%s: no such kind of CAN bus; expected log:FILE or "
-                        "socketcan:INTERFACE",
+                        "%s: no such kind of CAN bus; expected log:FILE, "
+                        "socketcan:INTERFACE or sim:SCENE",
                         uri);
     struct canbus *b = calloc(1, sizeof *b);
     if (!b)
@@ -71,6 +71,23 @@ int canbus_send(struct canbus *b, const struct can_frame_data *frame, int64_t st
 int canbus_flush(struct canbus *b)
 {
     return b->ops->flush(b->state);
+}
+
+int canbus_listen(struct canbus *b, const uint32_t *ids, size_t n)
+{
+    if (n > CANBUS_MAX_INPUTS)
+        return -EINVAL;
+    return b->ops->listen ? b->ops->listen(b->state, ids, n) : -EOPNOTSUPP;
+}
+
+int canbus_receive(struct canbus *b, struct can_frame_data *out, int64_t now_ns)
+{
+    return b->ops->receive ? b->ops->receive(b->state, out, now_ns) : -EAGAIN;
+}
+
+int canbus_fd(const struct canbus *b)
+{
+    return b->ops->fd ? b->ops->fd(b->state) : -1;
 }
 
 void canbus_poll(struct canbus *b, int64_t now_ns, struct canbus_status *out)

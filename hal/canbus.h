@@ -1,7 +1,10 @@
-/* hal/canbus.h -- where CAN frames go.  Backend by URI:
- *   log:out.candump            the format of `candump -L`, interface name "can0"
+/* hal/canbus.h -- where CAN frames go, and come from.  Backend by URI:
+ *   log:out.candump            the format of `candump -L`, interface name "can0"; nothing
+ *                              ever comes
  *   log:out.candump?interface=vcan1
- *   socketcan:can0             a raw socket, classic and FD (hal/can/socketcan.c) */
+ *   socketcan:can0             a raw socket, classic and FD (hal/can/socketcan.c)
+ *   sim:drive.yaml?log=out.candump  the same log, and a simulated vehicle that tells its
+ *                              motion and its air (hal/can/sim.c) */
 #ifndef ANLOS_HAL_CANBUS_H
 #define ANLOS_HAL_CANBUS_H
 
@@ -13,7 +16,7 @@
 #include "msgs/can/frames.h"
 #include "msgs/complaint.h"
 
-enum { CANBUS_MAX_COUNTS = 13 };
+enum { CANBUS_MAX_COUNTS = 15 };
 
 /* In the order of how bad it is.  From CANBUS_SILENT on nothing is known to go out; in
  * CANBUS_SILENT and CANBUS_OFF a frame may be tried. */
@@ -39,6 +42,10 @@ struct canbus_ops {
     int (*open)(void **state, const char *arg, struct complaint *why);
     int (*send)(void *state, const struct can_frame_data *frame, int64_t stamp_ns);
     int (*flush)(void *state);
+    /* These three may be NULL: nothing ever comes. */
+    int (*listen)(void *state, const uint32_t *ids, size_t n);
+    int (*receive)(void *state, struct can_frame_data *out, int64_t now_ns);
+    int (*fd)(const void *state);
     /* May be NULL: always ready, and what was sent is on the bus. */
     void (*poll)(void *state, int64_t now_ns, struct canbus_status *out);
     /* May be NULL: nothing is counted. */
@@ -60,6 +67,20 @@ int canbus_send(struct canbus *b, const struct can_frame_data *frame, int64_t st
 
 /* A list of frames is complete: a log writes it out whole.  0 or as canbus_send. */
 int canbus_flush(struct canbus *b);
+
+/* From now on frames of others with these identifiers are received, and none but these;
+ * one's own never are.  The first is EgoMotion: a simulated vehicle talks to that sensor.
+ * n: up to CANBUS_MAX_INPUTS.  0, -EINVAL, -EOPNOTSUPP (nothing ever comes over this
+ * bus), a negative errno of the socket. */
+enum { CANBUS_MAX_INPUTS = 4 };
+int canbus_listen(struct canbus *b, const uint32_t *ids, size_t n);
+
+/* The oldest frame that has come and was not taken yet.  Never waits.  0, -EAGAIN. */
+int canbus_receive(struct canbus *b, struct can_frame_data *out, int64_t now_ns);
+
+/* A descriptor that poll(2) finds readable when frames have come, or something else for
+ * canbus_poll has; it may change with each call on the bus.  -1: there is none now. */
+int canbus_fd(const struct canbus *b);
 
 /* Takes in what has happened since: frames confirmed, errors of the bus, an interface
  * that went or came back.  To be called often while something is to be sent.  Never

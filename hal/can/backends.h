@@ -5,6 +5,7 @@
 #include "hal/canbus.h"
 
 extern const struct canbus_ops canbus_log_ops;
+extern const struct canbus_ops canbus_sim_ops;
 extern const struct canbus_ops canbus_socketcan_ops;
 
 #endif

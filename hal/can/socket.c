@@ -4,6 +4,7 @@
 #include <linux/can.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
+#include <stddef.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
@@ -119,12 +120,16 @@ int can_socket_receive(int fd, struct can_event *out)
     while (n < 0 && errno == EINTR);
     if (n < 0)
         return -errno;
-    if (n < (ssize_t)CAN_MTU)
+    if (n < (ssize_t)CAN_MTU ||
+        frame.len > n - (ssize_t)offsetof(struct canfd_frame, data))
         return -EIO;
     out->kind = frame.can_id & CAN_ERR_FLAG       ? CAN_EVENT_ERROR
                 : message.msg_flags & MSG_CONFIRM ? CAN_EVENT_ECHO
                                                   : CAN_EVENT_FOREIGN;
     out->id = frame.can_id;
-    memcpy(out->data, frame.data, sizeof out->data);
+    out->frame = (struct can_frame_data){.id = frame.can_id & CAN_EFF_MASK,
+                                         .size = frame.len,
+                                         .fd = n == (ssize_t)CANFD_MTU};
+    memcpy(out->frame.data, frame.data, frame.len);
     return 0;
 }

@@ -10,7 +10,7 @@
 #include "msgs/can/frames.h"
 #include "msgs/complaint.h"
 
-enum { CAN_SOCKET_MAX_IDS = 16 };
+enum { CAN_SOCKET_MAX_IDS = 20 };
 
 struct can_link {
     bool up;
@@ -26,8 +26,8 @@ enum can_event_kind {
 
 struct can_event {
     enum can_event_kind kind;
-    uint32_t id; /* with the kernel's flags */
-    uint8_t data[8];
+    uint32_t id; /* of an error: with the kernel's flags */
+    struct can_frame_data frame;
 };
 
 /* Receives error frames of the kinds in error_mask, and nothing else before

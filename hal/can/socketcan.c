@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "hal/can/delivery.h"
+#include "hal/can/intake.h"
 #include "hal/can/socket.h"
 #include "hal/can/advice.h"
 #include "hal/can/backends.h"
@@ -16,6 +17,7 @@
 #define LOOK_NS      50000000LL /* how often a lost interface is looked for at first */
 #define LOOK_LAST_NS 800000000LL
 
+enum { MAX_SENT_IDS = CAN_SOCKET_MAX_IDS - CANBUS_MAX_INPUTS };
 enum { MAX_ERRORS = 3 }; /* in a row, of a socket: down, gone, and no end of it */
 
 enum link_state { LINK_UP, LINK_DOWN, LINK_GONE };
@@ -27,9 +29,11 @@ struct canbus_socketcan {
     bool can_fd;
     struct canbus_errors errors;
     struct can_delivery delivery;
-    int64_t look_ns, look_period_ns;  /* when to look at the interface again */
-    uint32_t ids[CAN_SOCKET_MAX_IDS]; /* [n_ids] that were sent: the socket's filter */
-    size_t n_ids;
+    int64_t look_ns, look_period_ns; /* when to look at the interface again */
+    /* The socket's filter: [n_inputs] that are listened to, [n_ids] that were sent. */
+    uint32_t inputs[CANBUS_MAX_INPUTS], ids[MAX_SENT_IDS];
+    size_t n_inputs, n_ids;
+    struct can_intake intake;
     uint64_t no_buffer, link_down, reopened, foreign;
 };
 
@@ -62,14 +66,23 @@ static int read_link(struct canbus_socketcan *s)
     return 0;
 }
 
+static int set_filter(const struct canbus_socketcan *s, size_t n_ids)
+{
+    uint32_t all[CAN_SOCKET_MAX_IDS];
+
+    memcpy(all, s->inputs, s->n_inputs * sizeof *all);
+    memcpy(all + s->n_inputs, s->ids, n_ids * sizeof *all);
+    return can_socket_filter(s->fd, all, s->n_inputs + n_ids);
+}
+
 static int open_socket(struct canbus_socketcan *s, struct complaint *why)
 {
     int err = can_socket_open(&s->fd, s->interface, canbus_errors_mask(), why);
 
     if (err)
         return err;
-    if (s->n_ids)
-        err = can_socket_filter(s->fd, s->ids, s->n_ids);
+    if (s->n_inputs + s->n_ids)
+        err = set_filter(s, s->n_ids);
     if (!err)
         err = read_link(s);
     if (err) {
@@ -121,10 +134,10 @@ static int know_id(struct canbus_socketcan *s, uint32_t id)
         i++;
     if (i < s->n_ids)
         return 0;
-    if (i == CAN_SOCKET_MAX_IDS)
+    if (i == MAX_SENT_IDS)
         return -EINVAL;
     s->ids[s->n_ids] = id;
-    int err = can_socket_filter(s->fd, s->ids, s->n_ids + 1);
+    int err = set_filter(s, s->n_ids + 1);
     if (!err)
         s->n_ids++;
     return err;
@@ -134,9 +147,17 @@ static void take_error(struct canbus_socketcan *s, const struct can_event *event
 {
     uint64_t before = s->errors.off + s->errors.restarted;
 
-    canbus_errors_take(&s->errors, event->id, event->data);
+    canbus_errors_take(&s->errors, event->id, event->frame.data);
     if (s->errors.off + s->errors.restarted != before)
         can_delivery_lost(&s->delivery);
+}
+
+static bool is_input(const struct canbus_socketcan *s, uint32_t id)
+{
+    for (size_t i = 0; i < s->n_inputs; i++)
+        if (s->inputs[i] == id)
+            return true;
+    return false;
 }
 
 static void take_event(struct canbus_socketcan *s, const struct can_event *event,
@@ -151,7 +172,10 @@ static void take_event(struct canbus_socketcan *s, const struct can_event *event
         take_error(s, event);
         break;
     case CAN_EVENT_FOREIGN:
-        s->foreign++;
+        if (is_input(s, event->frame.id))
+            can_intake_put(&s->intake, &event->frame);
+        else
+            s->foreign++;
         break;
     }
 }
@@ -248,6 +272,32 @@ static enum canbus_state state_of(const struct canbus_socketcan *s)
     return s->errors.state;
 }
 
+static int socketcan_listen(void *state, const uint32_t *ids, size_t n)
+{
+    struct canbus_socketcan *s = state;
+
+    memcpy(s->inputs, ids, n * sizeof *ids);
+    s->n_inputs = n;
+    return s->link == LINK_GONE ? 0 : set_filter(s, s->n_ids);
+}
+
+static int socketcan_receive(void *state, struct can_frame_data *out, int64_t now_ns)
+{
+    struct canbus_socketcan *s = state;
+
+    if (s->link != LINK_GONE)
+        take_events(s, now_ns);
+    return can_intake_take(&s->intake, out);
+}
+
+/* One whose interface is down is readable without end, as the kernel tells of it. */
+static int socketcan_fd(const void *state)
+{
+    const struct canbus_socketcan *s = state;
+
+    return s->link == LINK_UP ? s->fd : -1;
+}
+
 static void socketcan_poll(void *state, int64_t now_ns, struct canbus_status *out)
 {
     struct canbus_socketcan *s = state;
@@ -280,6 +330,8 @@ static size_t socketcan_counts(void *state, struct device_count out[CANBUS_MAX_C
         {"link_down", s->link_down},
         {"reopened", s->reopened},
         {"foreign_frames", s->foreign},
+        {"inputs", s->intake.received},
+        {"inputs_dropped", s->intake.dropped},
     };
 
     _Static_assert(sizeof counts / sizeof *counts <= CANBUS_MAX_COUNTS, "no room");
@@ -300,6 +352,9 @@ const struct canbus_ops canbus_socketcan_ops = {.scheme = "socketcan",
                                                 .open = socketcan_open,
                                                 .send = socketcan_send,
                                                 .flush = socketcan_flush,
+                                                .listen = socketcan_listen,
+                                                .receive = socketcan_receive,
+                                                .fd = socketcan_fd,
                                                 .poll = socketcan_poll,
                                                 .counts = socketcan_counts,
                                                 .close = socketcan_close};

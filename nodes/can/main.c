@@ -1,54 +1,193 @@
-/* nodes/can/main.c: "detections", "scan/status", "survey" -> the vehicle's CAN bus */
+/* nodes/can/main.c: "detections", "scan/status", "survey", "health", "wall" -> the
+ * vehicle's CAN bus -> "ego", "ambient", "wall/given" */
 #include <errno.h>
+#include <math.h>
+#include <poll.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "hal/canbus.h"
 #include "msgs/topics.h"
+#include "nodes/can/config.h"
+#include "nodes/can/diagnosis.h"
+#include "nodes/can/inbox.h"
 #include "nodes/can/outbox.h"
+#include "nodes/can/watch.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/uri.h"
 
-#define STATUS_PERIOD_NS 100000000LL
-#define FINISH_NS        100000000LL /* what waits has to go out in when the node ends */
+#define STATUS_PERIOD_NS    100000000LL
+#define DIAGNOSIS_PERIOD_NS 1000000000LL
+#define EMPTY_PERIOD_NS     250000000LL /* of lists of our own, while none comes */
+#define FINISH_NS           100000000LL /* what waits has to go out in when the node ends */
 
 struct run {
     struct node *node;
     struct canbus *bus;
     struct sender sender;
     struct outbox outbox;
-    int64_t status_due_ns;
+    struct inbox inbox;
+    struct watch watch;
+    struct diagnosis diagnosis;
+    int64_t status_due_ns, diagnosis_due_ns, empty_due_ns;
     struct can_frame_data status; /* as it went out last */
+    uint32_t list_counter;        /* of the newest message */
+    enum can_state told_state;    /* in the log */
+    uint16_t told_faults;
 };
 
-/* When it is due, and at once when it says something else. */
-static void put_status(struct run *r)
+static void receive(struct run *r)
 {
     struct can_frame_data frame;
     int64_t now = node_machine_ns(r->node);
 
-    sender_status(&r->sender, &frame);
-    if (now < r->status_due_ns && !memcmp(&frame, &r->status, sizeof frame))
+    while (!canbus_receive(r->bus, &frame, now)) {
+        switch (inbox_take(&r->inbox, &frame, now)) {
+        case INBOX_EGO:
+            watch_ego(&r->watch, now);
+            node_publish(r->node, topic_ego(), now, &r->inbox.ego.base);
+            break;
+        case INBOX_AMBIENT:
+            watch_ambient(&r->watch, r->inbox.ambient.temperature_c, now);
+            node_publish(r->node, topic_ambient(), now, &r->inbox.ambient.base);
+            break;
+        case INBOX_WALLS_GIVEN:
+            node_publish(r->node, topic_wall_given(), now, &r->inbox.wall_list.base);
+            break;
+        case INBOX_WRONG:
+            watch_wrong_input(&r->watch);
+            break;
+        case INBOX_NOTHING:
+            break;
+        }
+    }
+    if (inbox_ego_ends(&r->inbox, now))
+        node_publish(r->node, topic_ego(), now, &r->inbox.ego.base);
+}
+
+static void tell_state(struct run *r)
+{
+    char text[256];
+    static const char *const names[] = {
+        [CAN_INIT] = "init",       [CAN_CALIBRATING] = "calibrating",
+        [CAN_ACTIVE] = "active",   [CAN_DEGRADED] = "degraded",
+        [CAN_FAULT] = "faulty",    [CAN_BLOCKED] = "blocked",
+        [CAN_STANDBY] = "standby",
+    };
+    enum can_state state = watch_state(&r->watch);
+    uint16_t faults = watch_faults(&r->watch);
+
+    if (state == r->told_state && faults == r->told_faults)
         return;
-    r->status_due_ns = now + STATUS_PERIOD_NS;
+    r->told_state = state;
+    r->told_faults = faults;
+    watch_text(&r->watch, text, sizeof text);
+    node_log(r->node,
+             state == CAN_FAULT || state == CAN_BLOCKED ? LOG_LEVEL_WARNING
+                                                        : LOG_LEVEL_INFO,
+             "the sensor is %s%s%s", names[state], text[0] ? ": " : "", text);
+}
+
+/* In a replay nothing is now: neither the clock nor what is wrong with it counts. */
+static void judge(struct run *r)
+{
+    bool live = !node_is_replayed(r->node);
+    int64_t ahead_ns = live ? clock_wall_ahead_ns() : 0;
+
+    r->watch.cfg.replayed = !live;
+    if (live)
+        watch_clock(&r->watch, ahead_ns);
+    watch_dropped(&r->watch, r->outbox.dropped);
+    watch_step(&r->watch, node_machine_ns(r->node));
+    r->sender.wall_ahead_ns = ahead_ns;
+    r->sender.lets_objects = watch_lets_objects(&r->watch);
+    r->sender.status.state = watch_state(&r->watch);
+    r->sender.status.faults = watch_faults(&r->watch);
+    r->sender.status.temperature_c = watch_temperature_c(&r->watch);
+    tell_state(r);
+}
+
+/* In step with the ones before, unless that one came late or out of turn. */
+static int64_t next_due(int64_t due_ns, int64_t period_ns, int64_t now_ns)
+{
+    return due_ns <= now_ns && now_ns - due_ns < period_ns ? due_ns + period_ns
+                                                           : now_ns + period_ns;
+}
+
+/* When it is due, and at once when it says something else. */
+static void put_status(struct run *r, int64_t now_ns)
+{
+    struct can_frame_data frame;
+
+    sender_status(&r->sender, &frame);
+    if (now_ns < r->status_due_ns && !memcmp(&frame, &r->status, sizeof frame))
+        return;
+    r->status_due_ns = next_due(r->status_due_ns, STATUS_PERIOD_NS, now_ns);
     r->status = frame;
-    outbox_put_status(&r->outbox, &frame);
+    outbox_put_cyclic(&r->outbox, OUTBOX_STATUS, &frame);
+}
+
+static void put_diagnosis(struct run *r, int64_t now_ns)
+{
+    struct can_frame_data frame;
+
+    if (now_ns < r->diagnosis_due_ns)
+        return;
+    r->diagnosis_due_ns = next_due(r->diagnosis_due_ns, DIAGNOSIS_PERIOD_NS, now_ns);
+    if (!node_is_replayed(r->node))
+        r->sender.time_sync = clock_is_synchronised() ? CAN_SYNCHRONISED
+                                                      : CAN_NOT_SYNCHRONISED;
+    diagnosis_next(&r->diagnosis, &r->watch, now_ns, &r->sender.diagnosis);
+    sender_diagnosis(&r->sender, &frame);
+    outbox_put_cyclic(&r->outbox, OUTBOX_DIAGNOSIS, &frame);
+}
+
+/* Where images should come and do not, the vehicle hears that there is nothing. */
+static void put_empty_list(struct run *r, int64_t now_ns)
+{
+    struct sender_list list;
+
+    if (!(watch_faults(&r->watch) & 1u << CAN_FAULT_IMAGE_STALE) ||
+        now_ns < r->empty_due_ns)
+        return;
+    r->empty_due_ns = next_due(r->empty_due_ns, EMPTY_PERIOD_NS, now_ns);
+    sender_empty_list(&r->sender, r->list_counter, r->watch.capture_ns, &list);
+    outbox_put_list(&r->outbox, &list);
+}
+
+static void take_list(struct run *r, const struct node_message *in)
+{
+    const Anlos__DetectionList *message = (const Anlos__DetectionList *)in->content;
+    struct sender_list list;
+
+    watch_list(&r->watch, in->capture_ns, node_machine_ns(r->node));
+    diagnosis_list(&r->diagnosis, message);
+    r->list_counter = message->counter;
+    sender_list(&r->sender, message, in->capture_ns, &list);
+    if (node_is_replayed(r->node))
+        list.dated_ns = in->publish_ns;
+    outbox_put_list(&r->outbox, &list);
 }
 
 static void take(struct run *r, const struct node_message *in)
 {
-    struct sender_list list;
+    int64_t now = node_machine_ns(r->node);
 
     if (in->topic == topic_survey()) {
-        sender_survey(&r->sender, (const Anlos__Survey *)in->content);
+        const Anlos__Survey *survey = (const Anlos__Survey *)in->content;
+        sender_survey(&r->sender, survey);
+        watch_survey(&r->watch, survey->temperature_c);
     } else if (in->topic == topic_scan_status()) {
-        sender_scan(&r->sender, (const Anlos__ScanStatus *)in->content);
+        watch_scan(&r->watch, (const Anlos__ScanStatus *)in->content);
+        diagnosis_scan(&r->diagnosis, (const Anlos__ScanStatus *)in->content);
+    } else if (in->topic == topic_health()) {
+        watch_health(&r->watch, (const Anlos__Health *)in->content, now);
+        diagnosis_health(&r->diagnosis, (const Anlos__Health *)in->content, now);
+    } else if (in->topic == topic_wall()) {
+        watch_walls(&r->watch, (const Anlos__WallList *)in->content, now);
     } else {
-        sender_list(&r->sender, (const Anlos__DetectionList *)in->content, in->capture_ns,
-                    &list);
-        if (node_is_replayed(r->node))
-            list.dated_ns = in->publish_ns;
-        outbox_put_list(&r->outbox, &list);
+        take_list(r, in);
     }
 }
 
@@ -80,7 +219,7 @@ static void finish(struct run *r)
                  r->outbox.n_lists);
 }
 
-_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS <= DEVICE_MAX_COUNTS, "no room");
+_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + 1 <= DEVICE_MAX_COUNTS, "no room");
 
 static size_t counts(void *device, struct device_count *out)
 {
@@ -88,26 +227,56 @@ static size_t counts(void *device, struct device_count *out)
     size_t n = canbus_counts(r->bus, out);
 
     outbox_counts(&r->outbox, out + n);
-    return n + OUTBOX_COUNTS;
+    n += OUTBOX_COUNTS;
+    out[n++] = (struct device_count){"inputs_wrong", r->inbox.wrong};
+    return n;
+}
+
+/* Until the bus or another node has something, or it is time to look again. */
+static void wait(struct run *r)
+{
+    struct pollfd fds[] = {{.fd = node_fd(r->node), .events = POLLIN},
+                           {.fd = canbus_fd(r->bus), .events = POLLIN}};
+
+    int64_t due_ms = (r->status_due_ns - node_machine_ns(r->node)) / 1000000 + 1;
+    int64_t wait_ms = outbox_wait_ms(&r->outbox);
+
+    if (due_ms < wait_ms)
+        wait_ms = due_ms > 0 ? due_ms : 0;
+    poll(fds, 2, (int)wait_ms);
+}
+
+static int subscribe(struct run *r)
+{
+    const struct topic *const topics[] = {topic_detections(), topic_scan_status(),
+                                          topic_survey(), topic_health(), topic_wall()};
+    size_t n = r->watch.cfg.wall ? 5 : 4;
+    int err = 0;
+
+    for (size_t i = 0; !err && i < n; i++)
+        err = node_subscribe(r->node, topics[i]);
+    return err;
 }
 
 static int run(struct run *r)
 {
     struct node_message in;
-    int err = node_subscribe(r->node, topic_detections());
+    int err = subscribe(r);
 
-    if (!err)
-        err = node_subscribe(r->node, topic_scan_status());
-    if (!err)
-        err = node_subscribe(r->node, topic_survey());
     while (!err) {
-        put_status(r);
+        receive(r);
+        judge(r);
+        put_status(r, node_machine_ns(r->node));
+        put_diagnosis(r, node_machine_ns(r->node));
+        put_empty_list(r, node_machine_ns(r->node));
         step(r);
-        err = node_next(r->node, &in, (int)outbox_wait_ms(&r->outbox));
-        if (!err)
+        err = node_next(r->node, &in, 0);
+        if (!err) {
             take(r, &in);
-        else if (err == -ETIMEDOUT)
+        } else if (err == -ETIMEDOUT) {
+            wait(r);
             err = 0;
+        }
     }
     finish(r);
     return err;
@@ -120,6 +289,20 @@ static const struct clock_source *bus_clock(const struct node *node)
                                                              : clock_system();
 }
 
+/* A vehicle that talks while a recording is played is not where that was made. */
+static int listen(struct run *r)
+{
+    uint32_t ids[CANBUS_MAX_INPUTS];
+    size_t n = inbox_ids(&r->inbox, ids);
+    int err = node_is_replayed(r->node) ? -EOPNOTSUPP : canbus_listen(r->bus, ids, n);
+
+    r->watch.cfg.ego = !err;
+    if (err && err != -EOPNOTSUPP)
+        node_log(r->node, LOG_LEVEL_ERROR, "the CAN bus cannot be listened to: %s",
+                 strerror(-err));
+    return err == -EOPNOTSUPP ? 0 : err;
+}
+
 static int open_bus(struct run *r)
 {
     const struct launchfile *l = node_launch(r->node);
@@ -127,13 +310,29 @@ static int open_bus(struct run *r)
     int err = 0;
 
     /* A log lies in the report's folder, which may not be there yet. */
-    if (uri_has_scheme(l->can.uri, "log"))
+    if (!uri_has_scheme(l->can.uri, "socketcan"))
         err = export_folder(l->report.folder, &why);
     if (!err)
         err = canbus_open(&r->bus, l->can.uri, &why);
     if (err)
         node_log(r->node, LOG_LEVEL_ERROR, "%s", why.text);
-    return err;
+    return err ? err : listen(r);
+}
+
+static void set_up(struct run *r)
+{
+    const struct launchfile *l = node_launch(r->node);
+    struct sender_config sends;
+    struct watch_config watches;
+
+    can_config_sender(&sends, l);
+    can_config_watch(&watches, l);
+    sender_init(&r->sender, &sends);
+    watch_init(&r->watch, &watches);
+    inbox_init(&r->inbox, sends.base_id);
+    diagnosis_init(&r->diagnosis, (unsigned)sysconf(_SC_NPROCESSORS_ONLN));
+    if (node_is_replayed(r->node)) /* from the first frame on */
+        r->sender.status.source = CAN_REPLAY;
 }
 
 int main(int argc, char **argv)
@@ -144,9 +343,7 @@ int main(int argc, char **argv)
 
     if (err)
         return err - 1;
-    sender_init(&r.sender, node_launch(r.node)->can.base_id);
-    if (node_is_replayed(r.node)) /* from the first frame on */
-        r.sender.status.source = CAN_REPLAY;
+    set_up(&r);
     err = open_bus(&r);
     if (!err) {
         outbox_init(&r.outbox, r.bus, bus_clock(r.node), &r.sender);

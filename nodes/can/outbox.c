@@ -10,7 +10,7 @@
 enum { FIRST_WAIT_MS = 1, LAST_WAIT_MS = 16, IDLE_MS = 20 };
 
 void outbox_init(struct outbox *o, struct canbus *bus, const struct clock_source *clock,
-                 const struct sender *sender)
+                 struct sender *sender)
 {
     *o = (struct outbox){
         .bus = bus, .clock = clock, .sender = sender, .wait_ms = FIRST_WAIT_MS};
@@ -42,15 +42,16 @@ void outbox_put_list(struct outbox *o, const struct sender_list *list)
     o->lists[o->n_lists++] = *list;
 }
 
-void outbox_put_status(struct outbox *o, const struct can_frame_data *frame)
+void outbox_put_cyclic(struct outbox *o, enum outbox_cyclic kind,
+                       const struct can_frame_data *frame)
 {
-    o->status = *frame;
-    o->has_status = true;
+    o->cyclic[kind] = *frame;
+    o->waits[kind] = true;
 }
 
 static bool is_all_out(const struct outbox *o)
 {
-    return o->n_lists && o->next == o->lists[0].n_frames;
+    return o->n_lists && o->next && o->next == o->lists[0].n_frames;
 }
 
 static bool holds_back(const struct outbox *o)
@@ -79,7 +80,7 @@ static void look(struct outbox *o)
 /* 0, -EAGAIN (the bus does not take it now), or an error that will not go by. */
 static int send_frame(struct outbox *o, const struct can_frame_data *frame)
 {
-    int err = canbus_send(o->bus, frame, clock_now_ns(o->clock));
+    int err = sender_send(o->sender, o->bus, frame, clock_now_ns(o->clock));
 
     if (err == -ENOBUFS || err == -ENETDOWN)
         return -EAGAIN;
@@ -87,15 +88,15 @@ static int send_frame(struct outbox *o, const struct can_frame_data *frame)
     return err;
 }
 
-static bool send_status(struct outbox *o)
+static bool send_cyclic(struct outbox *o, enum outbox_cyclic kind)
 {
-    int err = send_frame(o, &o->status);
+    int err = send_frame(o, &o->cyclic[kind]);
 
     if (err == -EAGAIN)
         return false;
     if (!err)
         o->error = canbus_flush(o->bus);
-    o->has_status = false;
+    o->waits[kind] = false;
     return true;
 }
 
@@ -129,9 +130,9 @@ static void probe(struct outbox *o, int64_t now_ns)
 {
     bool open = o->health.state == CANBUS_SILENT || o->health.state == CANBUS_OFF;
 
-    if (!open || !o->has_status || now_ns < o->probe_ns)
+    if (!open || !o->waits[OUTBOX_STATUS] || now_ns < o->probe_ns)
         return;
-    send_status(o);
+    send_cyclic(o, OUTBOX_STATUS);
     o->probe_ns = now_ns + PROBE_NS;
 }
 
@@ -147,8 +148,9 @@ static bool advance(struct outbox *o)
     }
     o->probe_ns = now + PROBE_NS;
     bool under_way = o->next && !is_all_out(o);
-    if (o->has_status && (under_way || !o->health.pending))
-        return send_status(o);
+    for (enum outbox_cyclic k = 0; k < OUTBOX_CYCLIC; k++)
+        if (o->waits[k] && (under_way || !o->health.pending))
+            return send_cyclic(o, k);
     return o->n_lists && (under_way || (!o->next && !o->health.pending)) && send_list(o);
 }
 
@@ -170,7 +172,8 @@ bool outbox_busy(const struct outbox *o)
 
 unsigned outbox_wait_ms(const struct outbox *o)
 {
-    bool waits = o->n_lists || o->has_status || o->health.pending;
+    bool waits = o->n_lists || o->waits[OUTBOX_STATUS] || o->waits[OUTBOX_DIAGNOSIS] ||
+                 o->health.pending;
 
     return waits && !holds_back(o) ? o->wait_ms : IDLE_MS;
 }

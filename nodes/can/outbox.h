@@ -1,12 +1,13 @@
 /* nodes/can/outbox.h -- what waits for the CAN bus: detection lists in their order, and
- * the newest status frame.  Nothing here ever waits itself.
+ * the newest status and diagnosis frame.  Nothing here ever waits itself.  Each frame is
+ * protected when it goes, so that the counters tell of every one that did.
  *
  * One list is on its way at a time; the next begins when every frame of it is confirmed
  * to be on the bus.  When the bus breaks off (bus-off, interface down or gone, nobody
  * acknowledges), the list on its way is sent again from its header as soon as it can.
  * When more than OUTBOX_LISTS wait, the oldest that is not on its way is dropped whole.
  * So a receiver that throws away what it has collected at each header sees whole lists
- * only.  A status frame may come between the frames of a list. */
+ * only.  A status or diagnosis frame may come between the frames of a list. */
 #ifndef ANLOS_NODES_CAN_OUTBOX_H
 #define ANLOS_NODES_CAN_OUTBOX_H
 
@@ -20,16 +21,18 @@
 
 enum { OUTBOX_LISTS = 4, OUTBOX_COUNTS = 3 };
 
+enum outbox_cyclic { OUTBOX_STATUS, OUTBOX_DIAGNOSIS, OUTBOX_CYCLIC };
+
 struct outbox {
     struct canbus *bus;
     const struct clock_source *clock;
-    const struct sender *sender;
+    struct sender *sender;
     struct sender_list lists[OUTBOX_LISTS]; /* [n_lists], the oldest first */
     size_t n_lists;
     size_t next; /* frame of the oldest list that goes next; 0: it is not on its way */
     bool cut;    /* a part of the oldest list went out, and it has to begin again */
-    struct can_frame_data status;
-    bool has_status;
+    struct can_frame_data cyclic[OUTBOX_CYCLIC];
+    bool waits[OUTBOX_CYCLIC];
     struct canbus_status health; /* of the bus */
     int64_t begun_ns, last_ns;   /* when the list on its way began, and the one before */
     int64_t probe_ns;            /* when a bus that holds back is tried again */
@@ -41,11 +44,12 @@ struct outbox {
 
 /* What is passed stays the caller's. */
 void outbox_init(struct outbox *o, struct canbus *bus, const struct clock_source *clock,
-                 const struct sender *sender);
+                 struct sender *sender);
 
-/* Takes a list or a status frame; they are copied. */
+/* Takes a list or a frame of a kind; they are copied. */
 void outbox_put_list(struct outbox *o, const struct sender_list *list);
-void outbox_put_status(struct outbox *o, const struct can_frame_data *frame);
+void outbox_put_cyclic(struct outbox *o, enum outbox_cyclic kind,
+                       const struct can_frame_data *frame);
 
 /* Sends what the bus takes. */
 void outbox_step(struct outbox *o);

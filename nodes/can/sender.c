@@ -1,13 +1,23 @@
 #include "nodes/can/sender.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
-void sender_init(struct sender *s, uint32_t base_id)
+#include "nodes/can/pick.h"
+
+void sender_init(struct sender *s, const struct sender_config *cfg)
 {
-    *s = (struct sender){.base_id = base_id,
-                         .status = {.state = CAN_INIT,
-                                    .source = CAN_SOURCE_UNKNOWN,
-                                    .temperature_c = NAN}};
+    *s = (struct sender){
+        .cfg = *cfg,
+        .status = {.source = CAN_SOURCE_UNKNOWN,
+                   .temperature_c = NAN,
+                   .sound_speed_m_s = NAN},
+        .diagnosis = {.cpu = NAN, .snr_db = NAN},
+        .protection = {.base = cfg->base_id},
+        .lets_objects = true,
+        .time_sync = CAN_SYNC_UNKNOWN,
+    };
 }
 
 static enum can_source source_of(Anlos__Source source)
@@ -29,22 +39,15 @@ void sender_survey(struct sender *s, const Anlos__Survey *survey)
     s->status.sound_speed_m_s = survey->sound_speed_m_s;
 }
 
-void sender_scan(struct sender *s, const Anlos__ScanStatus *status)
+/* A variance that is none says nothing: it must not look like certainty. */
+static double sigma_of(double variance)
 {
-    switch (status->state) {
-    case ANLOS__SCAN_STATUS__STATE__WAITING:
-        s->status.state = CAN_INIT;
-        break;
-    case ANLOS__SCAN_STATUS__STATE__RUNNING:
-        s->status.state = status->pass == ANLOS__PASS__BACKGROUND ? CAN_CALIBRATING
-                                                                  : CAN_ACTIVE;
-        break;
-    case ANLOS__SCAN_STATUS__STATE__DONE:
-        s->status.state = status->pings_lost ? CAN_DEGRADED : CAN_ACTIVE;
-        break;
-    default: /* failed, or paused until a person comes */
-        s->status.state = CAN_FAULT;
-    }
+    return variance >= 0.0 ? sqrt(variance) : NAN;
+}
+
+static double larger(double a, double b)
+{
+    return isnan(a) || isnan(b) ? NAN : fmax(a, b);
 }
 
 /* Where it is, as far as that is known in the vehicle: the mirror image of an object, or
@@ -58,31 +61,73 @@ static void fill_place(struct can_object *o, const Anlos__Detection *d)
     }
     if (d->n_covariance_m2 == 6) {
         const double *c = d->covariance_m2; /* xx xy xz yy yz zz */
-        o->sigma_m[0] = sqrt(fmax(c[0], 0.0));
-        o->sigma_m[1] = sqrt(fmax(c[3], 0.0));
+        memcpy(o->covariance_m2, c, sizeof o->covariance_m2);
+        o->sigma_m[0] = sigma_of(c[0]);
+        o->sigma_m[1] = sigma_of(c[3]);
         double product = o->sigma_m[0] * o->sigma_m[1];
-        o->correlation = product > 0.0 ? c[1] / product : 0.0;
+        o->correlation = product <= 0.0 ? 0.0 : c[1] / product;
     }
     if (d->extent_m) { /* in the position's frame */
         o->length_m = d->extent_m->x;
         o->width_m = d->extent_m->y;
+        o->height_m = d->extent_m->z;
+    }
+    if (d->n_velocity_m_s == 2) {
+        o->velocity_m_s[0] = d->velocity_m_s[0];
+        o->velocity_m_s[1] = d->velocity_m_s[1];
+    }
+    if (d->n_velocity_covariance_m2_s2 == 3)
+        o->sigma_v_m_s = larger(sigma_of(d->velocity_covariance_m2_s2[0]),
+                                sigma_of(d->velocity_covariance_m2_s2[2]));
+}
+
+/* What comes next of an id that was there before is not new; without tracks lists do not
+ * know each other. */
+static enum can_measurement measurement_of(const Anlos__DetectionList *list,
+                                           const Anlos__Detection *d)
+{
+    if (!list->tracked)
+        return CAN_NEW;
+    switch (d->measurement) {
+    case ANLOS__MEASUREMENT__NEW:
+        return CAN_NEW;
+    case ANLOS__MEASUREMENT__MEASURED:
+        return CAN_MEASURED;
+    case ANLOS__MEASUREMENT__DELETED:
+        return CAN_DELETED;
+    default: /* what is not known to have been measured must not look so */
+        return CAN_PREDICTED;
     }
 }
 
-static void fill_object(struct can_object *o, const Anlos__DetectionList *list, size_t i)
+static void fill_object(struct can_object *o, const Anlos__DetectionList *list, size_t i,
+                        uint16_t counter)
 {
     const Anlos__Detection *d = list->detections[i];
 
-    *o = (struct can_object){.id = (uint8_t)d->id,
-                             .counter = (uint8_t)list->counter,
-                             .position_m = {NAN, NAN, NAN},
-                             .measurement = CAN_NEW, /* lists do not know each other */
-                             .existence = d->existence,
-                             .velocity_m_s = {NAN, NAN}, /* nothing measures it */
-                             .sigma_m = {NAN, NAN},
-                             .correlation = NAN,
-                             .length_m = NAN,
-                             .width_m = NAN};
+    *o = (struct can_object){
+        .id = (uint8_t)d->id,
+        .counter = counter,
+        .position_m = {NAN, NAN, NAN},
+        .measurement = measurement_of(list, d),
+        .existence = d->existence,
+        .velocity_m_s = {NAN, NAN},
+        .sigma_m = {NAN, NAN},
+        .correlation = NAN,
+        .length_m = NAN,
+        .width_m = NAN,
+        .class = (enum can_class)d->shape,
+        .motion = (enum can_motion)d->motion,
+        .sigma_v_m_s = NAN,
+        .covariance_m2 = {NAN, NAN, NAN, NAN, NAN, NAN},
+        .height_m = NAN,
+        .class_probability = d->shape ? d->shape_probability : NAN,
+        .age_s = list->tracked ? d->age_s : NAN,
+        .unseen_s = list->tracked ? d->unseen_s : NAN,
+        .wall = (uint8_t)(d->wall < 255 ? d->wall : 255),
+        .behind_no_wall = d->behind_no_wall,
+        .in_free_view = d->in_free_view,
+    };
     if (list->mirrored && list->in_vehicle_frame)
         fill_place(o, d);
 }
@@ -90,23 +135,28 @@ static void fill_object(struct can_object *o, const Anlos__DetectionList *list, 
 void sender_list(const struct sender *s, const Anlos__DetectionList *list,
                  int64_t capture_ns, struct sender_list *out)
 {
-    size_t n = list->n_detections < CAN_MAX_OBJECTS ? list->n_detections
-                                                    : CAN_MAX_OBJECTS;
-    struct can_frame_data *frame = out->frames + 2;
+    size_t picked[CAN_MAX_OBJECTS];
+    uint16_t counter = (uint16_t)(list->counter + s->n_own);
 
-    out->header = (struct can_list_header){.number = (uint8_t)n,
-                                           .counter = (uint16_t)list->counter,
-                                           .truncated = n < list->n_detections};
+    out->n_objects = pick_detections(list, CAN_MAX_OBJECTS, picked);
+    out->header = (struct can_list_header){
+        .counter = counter, .truncated = out->n_objects < list->n_detections};
     out->capture_ns = capture_ns;
     out->dated_ns = 0;
-    out->n_frames = 2 + 3 * n;
-    for (size_t i = 0; i < n; i++) {
-        struct can_object object;
-        fill_object(&object, list, i);
-        can_pack_object_state(frame++, s->base_id, &object);
-        can_pack_object_dynamics(frame++, s->base_id, &object);
-        can_pack_object_quality(frame++, s->base_id, &object);
-    }
+    out->n_frames = 0;
+    for (size_t i = 0; i < out->n_objects; i++)
+        fill_object(&out->objects[i], list, picked[i], counter);
+}
+
+void sender_empty_list(struct sender *s, uint32_t counter, int64_t capture_ns,
+                       struct sender_list *out)
+{
+    s->n_own++;
+    out->header = (struct can_list_header){.counter = (uint16_t)(counter + s->n_own)};
+    out->capture_ns = capture_ns;
+    out->dated_ns = 0;
+    out->n_objects = 0;
+    out->n_frames = 0;
 }
 
 /* In ms, modulo 2^64 ns: a stamp is whatever its sender wrote. */
@@ -115,18 +165,90 @@ static double age_ms(int64_t now_ns, int64_t then_ns)
     return 1e-6 * (double)(int64_t)((uint64_t)now_ns - (uint64_t)then_ns);
 }
 
-void sender_date(const struct sender *s, struct sender_list *list, int64_t now_ns,
+/* Lists that have begun in the second up to this one. */
+static double lists_hz(struct sender *s, int64_t now_ns)
+{
+    size_t n = 0;
+
+    s->begun_ns[s->n_begun++ % SENDER_RECENT] = now_ns;
+    size_t held = s->n_begun < SENDER_RECENT ? s->n_begun : SENDER_RECENT;
+    for (size_t i = 0; i < held; i++)
+        n += age_ms(now_ns, s->begun_ns[i]) < 1000.0;
+    return (double)n;
+}
+
+static void pack_object(const struct sender *s, struct sender_list *list,
+                        const struct can_object *o)
+{
+    struct can_frame_data *frame = list->frames + list->n_frames;
+
+    if (s->cfg.fd) {
+        can_pack_object_fd(frame, s->cfg.base_id, o);
+        list->n_frames++;
+        return;
+    }
+    can_pack_object_state(frame, s->cfg.base_id, o);
+    can_pack_object_dynamics(frame + 1, s->cfg.base_id, o);
+    can_pack_object_quality(frame + 2, s->cfg.base_id, o);
+    list->n_frames += 3;
+}
+
+/* The objects that may be sent and fit. */
+static size_t pick(struct sender *s, const struct sender_list *list, int64_t now_ns,
+                   size_t picked[CAN_MAX_OBJECTS])
+{
+    size_t room =
+        can_load_objects(&s->cfg.rate, s->cfg.fd, lists_hz(s, now_ns), s->cfg.load);
+
+    return s->lets_objects ? pick_objects(list->objects, list->n_objects, room, picked)
+                           : 0;
+}
+
+void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
                  int64_t last_ns)
 {
+    struct can_list_header header = list->header;
     int64_t capture_ns = list->capture_ns;
+    size_t picked[CAN_MAX_OBJECTS], n = pick(s, list, now_ns, picked);
+    bool stale = s->cfg.stale_ns &&
+                 age_ms(now_ns, capture_ns) > 1e-6 * (double)s->cfg.stale_ns;
 
-    list->header.latency_ms = capture_ns ? age_ms(now_ns, capture_ns) : NAN;
-    list->header.cycle_ms = last_ns ? age_ms(now_ns, last_ns) : NAN;
-    can_pack_list_header(&list->frames[0], s->base_id, &list->header);
-    can_pack_time(&list->frames[1], s->base_id, capture_ns ? capture_ns : now_ns);
+    header.number = (uint8_t)n;
+    header.truncated |= s->lets_objects && n < list->n_objects;
+    header.time_sync = s->time_sync;
+    header.latency_ms = capture_ns ? age_ms(now_ns, capture_ns) : NAN;
+    header.cycle_ms = last_ns ? age_ms(now_ns, last_ns) : NAN;
+    can_pack_list_header(&list->frames[0], s->cfg.base_id, &header);
+    can_pack_time(&list->frames[1], s->cfg.base_id,
+                  (int64_t)((uint64_t)(capture_ns ? capture_ns : now_ns) +
+                            (uint64_t)s->wall_ahead_ns));
+    list->n_frames = 2;
+    for (size_t i = 0; i < n; i++) {
+        struct can_object o = list->objects[picked[i]];
+        if (stale && o.measurement != CAN_DELETED)
+            o.measurement = CAN_PREDICTED;
+        pack_object(s, list, &o);
+    }
 }
 
 void sender_status(const struct sender *s, struct can_frame_data *frame)
 {
-    can_pack_status(frame, s->base_id, &s->status);
+    can_pack_status(frame, s->cfg.base_id, &s->status);
+}
+
+void sender_diagnosis(const struct sender *s, struct can_frame_data *frame)
+{
+    can_pack_diagnosis(frame, s->cfg.base_id, &s->diagnosis);
+}
+
+int sender_send(struct sender *s, struct canbus *bus, const struct can_frame_data *frame,
+                int64_t now_ns)
+{
+    struct can_frame_data f = *frame;
+
+    can_protect(&s->protection, &f);
+    int err = canbus_send(bus, &f, now_ns);
+    if (!err)
+        can_protection_sent(&s->protection, &f);
+    return err;
 }

@@ -6,43 +6,78 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "hal/canbus.h"
 #include "msgs/can/frames.h"
+#include "msgs/can/load.h"
+#include "msgs/can/protection.h"
 #include "msgs/detections.pb-c.h"
-#include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
 
 #define SENDER_MAX_FRAMES (2 + 3 * CAN_MAX_OBJECTS)
+#define SENDER_RECENT     64 /* lists in a second whose rate is still told apart */
+
+struct sender_config {
+    uint32_t base_id; /* of the sensor: with 0x10 for each before it */
+    bool fd;          /* one FD frame an object, in place of three */
+    struct can_bus_rate rate;
+    double load;      /* share of the bus that may be used: 0..1 */
+    int64_t stale_ns; /* objects that were heard longer ago are predicted at best; 0: no
+                         limit, of scans of what stands still */
+};
 
 struct sender {
-    uint32_t base_id;
+    struct sender_config cfg;
     struct can_status status;
+    struct can_diagnosis diagnosis;
+    struct can_protection protection;
+    bool lets_objects; /* false: lists are empty.  true at first */
+    enum can_time_sync time_sync;
+    int64_t wall_ahead_ns; /* of the vehicle's time over that of capture stamps */
+    uint32_t n_own;        /* lists without a message, which count too */
+    int64_t begun_ns[SENDER_RECENT]; /* of the newest lists, a ring */
+    size_t n_begun;
 };
 
 /* A list on its way to the bus. */
 struct sender_list {
-    struct can_list_header header; /* latency and cycle are known when it goes out */
+    struct can_list_header header; /* with the number of objects that there are */
     int64_t capture_ns;            /* 0: not of any sound */
     int64_t dated_ns;              /* of a replay: when it came about; 0: when it goes */
+    struct can_object objects[CAN_MAX_OBJECTS]; /* [n_objects], strongest first */
+    size_t n_objects;
     size_t n_frames;
-    struct can_frame_data frames[SENDER_MAX_FRAMES]; /* [n_frames] */
+    struct can_frame_data frames[SENDER_MAX_FRAMES]; /* [n_frames], of sender_date */
 };
 
-void sender_init(struct sender *s, uint32_t base_id);
+void sender_init(struct sender *s, const struct sender_config *cfg);
 void sender_survey(struct sender *s, const Anlos__Survey *survey);
-void sender_scan(struct sender *s, const Anlos__ScanStatus *status);
 
-/* State, dynamics and quality of each object, strongest first, behind two places for what
- * sender_date writes.  What is not known is sent as not available: the place of objects
- * when the list's survey names no wall or mount. */
+/* Of more than CAN_MAX_OBJECTS the likeliest are taken, in steps of a tenth, and of these
+ * the nearest.  What is not known is sent as not available: the place of objects when the
+ * list's survey names no wall or mount. */
 void sender_list(const struct sender *s, const Anlos__DetectionList *list,
                  int64_t capture_ns, struct sender_list *out);
 
-/* Header and time, when the list goes out.  last_ns: when the one before began; 0: none
- * did.  Cycle and, without capture, latency are then not available. */
-void sender_date(const struct sender *s, struct sender_list *list, int64_t now_ns,
+/* An empty one of our own, of the newest sound that there was: when no message comes.
+ * counter: of the message's list before. */
+void sender_empty_list(struct sender *s, uint32_t counter, int64_t capture_ns,
+                       struct sender_list *out);
+
+/* Makes the frames, when the list goes out: header, time, then state, dynamics and
+ * quality or the FD frame of each object that fits into the bus's load at the rate of the
+ * lists of the last second, and is allowed.  What was heard too long ago is said to be
+ * predicted.  last_ns: when the list before began; 0: none did.  Cycle and, without
+ * capture, latency are then not available. */
+void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
                  int64_t last_ns);
 
-/* The status frame, due every 100 ms. */
+/* The status frame, due every 100 ms, and the diagnosis, every second. */
 void sender_status(const struct sender *s, struct can_frame_data *frame);
+void sender_diagnosis(const struct sender *s, struct can_frame_data *frame);
+
+/* Protects a frame of ours and sends it; the counter goes on if the bus took it.  As
+ * canbus_send. */
+int sender_send(struct sender *s, struct canbus *bus, const struct can_frame_data *frame,
+                int64_t now_ns);
 
 #endif

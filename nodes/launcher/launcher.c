@@ -16,12 +16,15 @@
 #include "nodes/launcher/fellowship.h"
 #include "nodes/launcher/progress.h"
 #include "nodes/launcher/screen.h"
+#include "nodes/launcher/service.h"
 #include "nodes/launcher/voice.h"
 #include "nodes/rt/node.h"
 
 #define KILL_AFTER_NS 3000000000LL
 #define KILL_ASIDE_NS 30000000000LL /* a recorder may bring much to a slow disk */
 #define READY_NS      1000000000LL /* for a recorder to be all ears before the rest starts */
+#define AGAIN_NS                                                                         \
+    500000000LL /* timeout(1) and others send the same signal twice at once */
 
 struct launcher {
     const struct launcher_config *cfg;
@@ -34,11 +37,13 @@ struct launcher {
     struct fellowship fellowship; /* with the other hosts */
     struct screen screen;
     struct voice voice;
+    struct service service;
     bool stopping, stopping_aside, killed;
     bool reported;
     bool recording_failed; /* the rest went on */
     int64_t kill_ns;
-    int exit_code; /* once stopping */
+    int64_t asked_ns; /* to stop, by a signal; 0: never */
+    int exit_code;    /* once stopping */
 };
 
 static void print_line(void *ctx, const struct child *c, const char *line)
@@ -67,6 +72,7 @@ static void stop(struct launcher *l, int exit_code)
     if (l->stopping)
         return;
     screen_end_progress(&l->screen);
+    service_ends(&l->service);
     l->stopping = true;
     l->exit_code = exit_code;
     l->kill_ns = clock_now_ns(l->clock) + KILL_AFTER_NS;
@@ -163,8 +169,11 @@ static void exited(struct launcher *l, struct child *c, int status)
     child_close(c, print_line, l);
     if (c->aside && status)
         l->recording_failed |= l->stopping || WIFEXITED(status) || phase == CHILD_FAILED;
-    if (l->stopping)
+    if (l->stopping) {
+        l->reported |= !strcmp(c->name, "report") && !status &&
+                       l->cfg->launch->scan.fixed;
         return;
+    }
     if (c->aside) {
         exited_aside(l, c, status);
         return;
@@ -201,15 +210,25 @@ static void reap(struct launcher *l)
     }
 }
 
+static void asked_to_stop(struct launcher *l, int signal_number)
+{
+    int64_t now = clock_now_ns(l->clock);
+
+    if (!l->stopping) {
+        l->asked_ns = now;
+        stop(l, 128 + signal_number);
+    } else if (!l->asked_ns || now - l->asked_ns >= AGAIN_NS) {
+        l->kill_ns = 0; /* asked twice: no more patience */
+    }
+}
+
 static void read_signals(struct launcher *l)
 {
     struct signalfd_siginfo info;
 
     while (read(l->signal_fd, &info, sizeof info) == (ssize_t)sizeof info)
-        if (info.ssi_signo != SIGCHLD && l->stopping)
-            l->kill_ns = 0; /* asked twice: no more patience */
-        else if (info.ssi_signo != SIGCHLD)
-            stop(l, 128 + (int)info.ssi_signo);
+        if (info.ssi_signo != SIGCHLD)
+            asked_to_stop(l, (int)info.ssi_signo);
     reap(l);
     if (!crew_goes_on(&l->crew))
         stop(l, EXIT_WORKED);
@@ -224,6 +243,7 @@ static void show_progress(struct launcher *l, const ProtobufCMessage *status)
 static void hear_health(struct launcher *l, const Anlos__Health *health)
 {
     progress_health(&l->progress, health);
+    service_heard(&l->service, &l->crew, health->node, clock_now_ns(l->clock));
     if (health->state == ANLOS__HEALTH__STATE__READY &&
         crew_has_aside(&l->crew, health->node))
         crew_start_rest(&l->crew, 0);
@@ -286,6 +306,9 @@ static int act_on_time(struct launcher *l)
     voice_health(&l->voice, now, crew_count(&l->crew, CHILD_RUNNING),
                  crew_count(&l->crew, CHILD_ENDED), l->crew.n);
     stop_aside(l, now);
+    int64_t service_ns = service_tick(&l->service, &l->crew, now);
+    if (service_ns < next)
+        next = service_ns;
     if (tell_ns < next)
         next = tell_ns;
     if (l->voice.bus && l->voice.due_ns < next)
@@ -306,7 +329,8 @@ static int act_on_time(struct launcher *l)
                 continue;
             if (l->crew.children[i].pid > 0)
                 say(l, l->crew.children[i].name, LOG_LEVEL_WARNING,
-                    "does not stop; killed");
+                    l->kill_ns ? "does not stop; killed"
+                               : "still runs, and you asked again; killed");
             child_signal(&l->crew.children[i], SIGKILL);
         }
     } else if (l->stopping && !l->killed && l->kill_ns < next) {
@@ -431,6 +455,7 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     l->cfg = cfg;
     l->clock = clock_system();
     l->signal_fd = -1;
+    service_open(&l->service);
     screen_init(&l->screen, cfg->arguments->log_format);
     progress_init(&l->progress, l->screen.out_terminal);
     int err = open_signals(l);

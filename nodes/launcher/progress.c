@@ -31,6 +31,20 @@ static void write_text(struct progress *p, const Anlos__ScanStatus *s)
                  s->pings_expected, s->text);
         return;
     }
+    if (s->state == ANLOS__SCAN_STATUS__STATE__FAILED && !s->pings_done) {
+        snprintf(p->text, sizeof p->text, "failed: %s", s->text);
+        return;
+    }
+    if (!s->pings_expected) {
+        snprintf(p->text, sizeof p->text, "%s: %s; %u pings, %u lost, %llu messages lost",
+                 s->state == ANLOS__SCAN_STATUS__STATE__DONE     ? "done"
+                 : s->state == ANLOS__SCAN_STATUS__STATE__FAILED ? "failed"
+                 : s->pass == ANLOS__PASS__BACKGROUND            ? "background"
+                                                                 : "runs",
+                 s->text, s->pings_done, s->pings_lost,
+                 (unsigned long long)messages_lost(p));
+        return;
+    }
     if (s->state == ANLOS__SCAN_STATUS__STATE__RUNNING && s->pings_done)
         snprintf(left, sizeof left, ", %.0f s left", s->time_left_s);
     snprintf(p->text, sizeof p->text,
@@ -43,6 +57,9 @@ static void write_text(struct progress *p, const Anlos__ScanStatus *s)
 /* What a reader of a pipe must not miss. */
 static bool is_event(const struct progress *p, const Anlos__ScanStatus *s)
 {
+    if (s->state != p->state && s->state == ANLOS__SCAN_STATUS__STATE__RUNNING &&
+        !s->pings_expected)
+        return true;
     return s->state != p->state && (s->state == ANLOS__SCAN_STATUS__STATE__FAILED ||
                                     s->state == ANLOS__SCAN_STATUS__STATE__PAUSED ||
                                     p->state == ANLOS__SCAN_STATUS__STATE__PAUSED);

@@ -1,6 +1,7 @@
 /* nodes/launcher/progress.h -- how far the scan is, as a line of text: on a terminal
  * rewritten in place, in a pipe a new line for every 10 %, and when the scan
- * pauses, goes on or fails. */
+ * pauses, goes on or fails.  Of a scan without end: how fast it goes, and what was lost.
+ */
 #ifndef ANLOS_NODES_LAUNCHER_PROGRESS_H
 #define ANLOS_NODES_LAUNCHER_PROGRESS_H
 

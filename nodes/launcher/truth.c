@@ -71,7 +71,8 @@ int truth_read_scene(struct truth *t, const char *scene, struct complaint *why)
 
     if (err)
         return err;
-    size_t n = room_objects(room, &objects);
+    t->moving = room_is_drive(room);
+    size_t n = t->moving ? 0 : room_objects(room, &objects);
     t->n_objects = n < TRUTH_MAX ? n : TRUTH_MAX;
     for (size_t i = 0; i < t->n_objects; i++) {
         struct truth_object *o = &t->objects[i];
@@ -179,6 +180,9 @@ void truth_print(const struct truth *t, FILE *to)
         print_comparison(t, to);
     else
         print_detections(t, to);
+    if (t->moving)
+        fprintf(to, "this is the last list; what is hidden moves, `anlos bench drive` "
+                    "follows it\n");
     fprintf(to, "positions in the %s frame%s\n", t->frame,
             t->mirrored ? "" : "; no wall is known, so they are those of mirror images");
 }

@@ -30,12 +30,14 @@ struct truth {
     struct truth_detection detections[TRUTH_MAX];
     char frame[16]; /* "vehicle" or "array" */
     bool mirrored;  /* detections are where the objects really are */
+    bool moving;    /* a drive: the last list is no place to compare objects with */
 };
 
 /* detections.json in a folder.  0, -ENOENT, -EINVAL, -ENOMEM. */
 int truth_read_detections(struct truth *t, const char *folder, struct complaint *why);
 
-/* The objects of a scene file, in the frame of the detections read before. */
+/* The objects of a scene file, in the frame of the detections read before; of a drive
+ * none. */
 int truth_read_scene(struct truth *t, const char *scene, struct complaint *why);
 
 /* The nearest pairs first, each object and each detection once. */

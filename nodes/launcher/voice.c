@@ -2,6 +2,7 @@
 
 #include <stdio.h>
 
+#include "nodes/rt/node.h"
 #include "nodes/rt/vitals.h"
 
 #define PERIOD_NS 1000000000LL
@@ -34,9 +35,13 @@ void voice_health(struct voice *v, int64_t now_ns, unsigned n_running, unsigned 
         .stamp_ns = now_ns, .level = LOG_LEVEL_INFO, .node = "launcher"};
     struct vitals vitals;
     char name[] = "launcher", text[64], ended[32] = "";
+    const struct vitals_fault lost = {NODE_FAULT_NODES_LOST,
+                                      n_nodes - n_running - n_ended, n_nodes};
+    struct vitals_faults faults;
 
-    if (!v->bus || now_ns < v->due_ns)
+    if (!v->bus || (now_ns < v->due_ns && lost.count == v->n_lost))
         return;
+    v->n_lost = lost.count;
     v->due_ns = now_ns + PERIOD_NS;
     voice_log(v, &tick);
     vitals_take(&vitals, v->bus, name, 0);
@@ -47,6 +52,7 @@ void voice_health(struct voice *v, int64_t now_ns, unsigned n_running, unsigned 
         snprintf(ended, sizeof ended, ", %u ended", n_ended);
     snprintf(text, sizeof text, "%u of %u nodes run%s", n_running, n_nodes, ended);
     vitals.message.text = text;
+    vitals_faults(&vitals.message, &faults, &lost, lost.count > 0);
     vitals.message.uptime_s = 1e-9 * (double)(now_ns - v->epoch_ns);
     bus_publish_message(v->bus, topic_health(), 0, now_ns, &vitals.message.base);
 }

@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "nodes/can/config.h"
 #include "nodes/can/outbox.h"
 
 #define MS 1000000LL
@@ -82,6 +83,7 @@ static int64_t rig_now(void *state)
 static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
+    struct sender_config cfg;
 
     if (!r)
         return -1;
@@ -89,7 +91,8 @@ static int setup(void **state)
     r->bus.confirms = true;
     r->now_ns = 5000 * MS;
     r->clock = (struct clock_source){.now_ns = rig_now, .state = r};
-    sender_init(&r->sender, CAN_BASE_DEFAULT);
+    can_config_sender(&cfg, NULL);
+    sender_init(&r->sender, &cfg);
     outbox_init(&r->outbox, &r->bus, &r->clock, &r->sender);
     *state = r;
     return 0;
@@ -132,7 +135,7 @@ static void put_status(struct rig *r, uint16_t faults)
 
     r->sender.status.faults = faults;
     sender_status(&r->sender, &frame);
-    outbox_put_status(&r->outbox, &frame);
+    outbox_put_cyclic(&r->outbox, OUTBOX_STATUS, &frame);
 }
 
 /* The counters of the lists that came whole, as "1 2 3 ".  Signals as in anlos.dbc. */
@@ -461,6 +464,59 @@ static void a_bus_that_is_down_is_left_alone(void **state)
     assert_string_equal(text, "can0 is not well");
 }
 
+/* The E2E counters are the low halves of the second bytes, 0 to 14 in turn for each
+ * identifier: a frame that was sent again has a new one, one that the bus did not take
+ * has none. */
+static void every_frame_that_goes_out_counts_once(void **state)
+{
+    struct rig *r = *state;
+    uint8_t next[0x10] = {0};
+
+    r->bus.confirms = false;
+    r->bus.room = 5;
+    put_status(r, 0);
+    put(r, 1, 2);
+    step(r, 1);
+    break_off(&r->bus, CANBUS_OFF);
+    step(r, 100);
+    r->bus.state = CANBUS_READY;
+    r->bus.confirms = true;
+    for (int i = 0; i < 40; i++) {
+        r->bus.room = 3;
+        put_status(r, 0);
+        step(r, 1);
+    }
+    put(r, 2, 32);
+    r->bus.room = SIZE_MAX;
+    step(r, 1);
+    assert_string_equal(received(&r->bus), "1 2 ");
+    assert_true(count_frames(&r->bus, 0x404) > 32);
+    for (size_t i = 0; i < r->bus.n_wire; i++) {
+        const struct can_frame_data *f = &r->bus.wire[i];
+        uint8_t *counter = &next[f->id - 0x400];
+        assert_int_equal(f->data[1] & 0xf, *counter);
+        *counter = (uint8_t)((*counter + 1) % 15);
+    }
+}
+
+static void a_diagnosis_goes_beside_the_status(void **state)
+{
+    struct rig *r = *state;
+    struct can_frame_data frame;
+
+    r->bus.room = 4;
+    put(r, 1, 2);
+    step(r, 1);
+    put_status(r, 0);
+    sender_diagnosis(&r->sender, &frame);
+    outbox_put_cyclic(&r->outbox, OUTBOX_DIAGNOSIS, &frame);
+    r->bus.room = SIZE_MAX;
+    step(r, 1);
+    assert_int_equal(r->bus.wire[4].id, 0x400);
+    assert_int_equal(r->bus.wire[5].id, 0x401);
+    assert_string_equal(received(&r->bus), "1 ");
+}
+
 /* Not every controller says that it was restarted. */
 static void a_bus_that_is_off_is_tried_with_a_status_frame_a_second(void **state)
 {
@@ -522,6 +578,8 @@ int main(void)
         TEST(a_list_that_was_cut_and_then_dropped_is_counted_as_such),
         TEST(a_bus_that_is_down_is_left_alone),
         TEST(a_bus_that_is_off_is_tried_with_a_status_frame_a_second),
+        TEST(every_frame_that_goes_out_counts_once),
+        TEST(a_diagnosis_goes_beside_the_status),
         TEST(an_error_that_is_not_of_the_bus_costs_the_list_and_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

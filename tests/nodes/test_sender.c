@@ -7,9 +7,19 @@
 
 #include <cmocka.h>
 
+#include "nodes/can/config.h"
 #include "nodes/can/sender.h"
 
 #define MS 1000000LL
+
+static void init(struct sender *s, uint32_t base)
+{
+    struct sender_config cfg;
+
+    can_config_sender(&cfg, NULL);
+    cfg.base_id = base;
+    sender_init(s, &cfg);
+}
 
 struct list {
     Anlos__DetectionList message;
@@ -67,17 +77,19 @@ static void a_list_is_header_time_and_three_frames_an_object(void **state)
                                    0x506, 0x504, 0x505, 0x506};
 
     (void)state;
-    sender_init(&s, 0x500);
+    init(&s, 0x500);
     fill(&l, 2);
     sender_list(&s, &l.message, 1000 * MS, &sent);
     sender_date(&s, &sent, 1030 * MS, 0);
     assert_int_equal(sent.n_frames, 8);
     for (size_t i = 0; i < 8; i++)
         assert_int_equal(f[i].id, ids[i]);
-    can_pack_list_header(
-        &expected, 0x500,
-        &(struct can_list_header){
-            .number = 2, .counter = 5, .latency_ms = 30.0, .cycle_ms = NAN});
+    can_pack_list_header(&expected, 0x500,
+                         &(struct can_list_header){.number = 2,
+                                                   .counter = 5,
+                                                   .latency_ms = 30.0,
+                                                   .cycle_ms = NAN,
+                                                   .time_sync = CAN_SYNC_UNKNOWN});
     assert_frame(&f[0], &expected);
     can_pack_time(&expected, 0x500, 1000 * MS);
     assert_frame(&f[1], &expected);
@@ -97,14 +109,16 @@ static void an_object_carries_what_the_detection_says(void **state)
                                       .existence = 0.75,
                                       .velocity_m_s = {NAN, NAN},
                                       .sigma_m = {0.02, 0.01},
+                                      .sigma_v_m_s = NAN,
                                       .correlation = 0.5,
                                       .length_m = 0.2,
                                       .width_m = 0.3};
 
     (void)state;
-    sender_init(&s, 0x400);
+    init(&s, 0x400);
     fill(&l, 1);
     sender_list(&s, &l.message, 1, &sent);
+    sender_date(&s, &sent, 1, 0);
     assert_int_equal(sent.n_frames, 5);
     can_pack_object_state(&expected, 0x400, &object);
     assert_frame(&f[2], &expected);
@@ -124,14 +138,16 @@ static void age_and_cycle_are_those_of_when_it_goes_out(void **state)
     const struct can_frame_data *f = sent.frames;
 
     (void)state;
-    sender_init(&s, 0x400);
+    init(&s, 0x400);
     fill(&l, 0);
     sender_list(&s, &l.message, 1100 * MS, &sent);
     sender_date(&s, &sent, 1105 * MS, 1010 * MS);
     sender_date(&s, &sent, 1120 * MS, 1010 * MS);
-    can_pack_list_header(
-        &expected, 0x400,
-        &(struct can_list_header){.counter = 5, .latency_ms = 20.0, .cycle_ms = 110.0});
+    can_pack_list_header(&expected, 0x400,
+                         &(struct can_list_header){.counter = 5,
+                                                   .latency_ms = 20.0,
+                                                   .cycle_ms = 110.0,
+                                                   .time_sync = CAN_SYNC_UNKNOWN});
     assert_frame(&f[0], &expected);
 }
 
@@ -144,7 +160,7 @@ static void more_objects_than_fit_are_cut_off_and_said(void **state)
     const struct can_frame_data *f = sent.frames;
 
     (void)state;
-    sender_init(&s, 0x400);
+    init(&s, 0x400);
     fill(&l, 40);
     sender_list(&s, &l.message, 0, &sent);
     sender_date(&s, &sent, 7 * MS, 0);
@@ -154,6 +170,7 @@ static void more_objects_than_fit_are_cut_off_and_said(void **state)
                                                    .counter = 5,
                                                    .latency_ms = NAN,
                                                    .cycle_ms = NAN,
+                                                   .time_sync = CAN_SYNC_UNKNOWN,
                                                    .truncated = true});
     assert_frame(&f[0], &expected);
 }
@@ -171,12 +188,14 @@ static void assert_nowhere(const struct list *l)
                                       .existence = 0.75,
                                       .velocity_m_s = {NAN, NAN},
                                       .sigma_m = {NAN, NAN},
+                                      .sigma_v_m_s = NAN,
                                       .correlation = NAN,
                                       .length_m = NAN,
                                       .width_m = NAN};
 
-    sender_init(&s, 0x400);
+    init(&s, 0x400);
     sender_list(&s, &l->message, 1, &sent);
+    sender_date(&s, &sent, 1, 0);
     assert_int_equal(sent.n_frames, 5);
     can_pack_object_state(&expected, 0x400, &object);
     assert_frame(&f[2], &expected);
@@ -226,33 +245,18 @@ static void assert_status(const struct sender *s, enum can_state state,
     assert_frame(&f, &expected);
 }
 
-static void the_status_follows_scan_and_survey(void **state)
+static void the_status_follows_the_survey(void **state)
 {
     struct sender s;
     Anlos__Survey survey = ANLOS__SURVEY__INIT;
-    Anlos__ScanStatus scan = ANLOS__SCAN_STATUS__INIT;
 
     (void)state;
     survey.source = ANLOS__SOURCE__LIVE;
     survey.temperature_c = 20.0;
     survey.sound_speed_m_s = 343.2;
-    sender_init(&s, 0x400);
+    init(&s, 0x400);
     sender_survey(&s, &survey);
     assert_status(&s, CAN_INIT, CAN_LIVE);
-    scan.state = ANLOS__SCAN_STATUS__STATE__RUNNING;
-    scan.pass = ANLOS__PASS__BACKGROUND;
-    sender_scan(&s, &scan);
-    assert_status(&s, CAN_CALIBRATING, CAN_LIVE);
-    scan.pass = ANLOS__PASS__SCENE;
-    sender_scan(&s, &scan);
-    assert_status(&s, CAN_ACTIVE, CAN_LIVE);
-    scan.state = ANLOS__SCAN_STATUS__STATE__DONE;
-    scan.pings_lost = 1;
-    sender_scan(&s, &scan);
-    assert_status(&s, CAN_DEGRADED, CAN_LIVE);
-    scan.state = ANLOS__SCAN_STATUS__STATE__FAILED;
-    sender_scan(&s, &scan);
-    assert_status(&s, CAN_FAULT, CAN_LIVE);
 }
 
 static void what_is_not_known_to_be_live_never_looks_live(void **state)
@@ -261,7 +265,7 @@ static void what_is_not_known_to_be_live_never_looks_live(void **state)
     Anlos__Survey survey = ANLOS__SURVEY__INIT;
 
     (void)state;
-    sender_init(&s, 0x400);
+    init(&s, 0x400);
     assert_int_equal(s.status.source, CAN_SOURCE_UNKNOWN); /* until a survey says it */
     survey.temperature_c = 20.0;
     survey.sound_speed_m_s = 343.2;
@@ -273,6 +277,236 @@ static void what_is_not_known_to_be_live_never_looks_live(void **state)
     assert_status(&s, CAN_INIT, CAN_REPLAY);
 }
 
+/* A list of tracks: each says what it knows of itself. */
+static void fill_tracks(struct list *l, size_t n)
+{
+    static double velocity[] = {-1.5, 0.25}, velocity_covariance[] = {0.04, 0.0, 0.09};
+
+    fill(l, n);
+    l->message.tracked = true;
+    for (size_t i = 0; i < n; i++) {
+        Anlos__Detection *d = &l->detections[i];
+        d->measurement = ANLOS__MEASUREMENT__MEASURED;
+        d->velocity_m_s = velocity;
+        d->n_velocity_m_s = 2;
+        d->velocity_covariance_m2_s2 = velocity_covariance;
+        d->n_velocity_covariance_m2_s2 = 3;
+        d->shape = ANLOS__SHAPE__EXTENDED;
+        d->shape_probability = 0.8;
+        d->motion = ANLOS__MOTION__MOVING;
+        d->age_s = 3.5;
+        d->unseen_s = 0.25;
+        d->wall = 2;
+        d->in_free_view = true;
+    }
+}
+
+static void send(struct sender *s, const struct list *l, int64_t age_ms,
+                 struct sender_list *sent)
+{
+    sender_list(s, &l->message, 100000 * MS, sent);
+    sender_date(s, sent, (100000 + age_ms) * MS, 0);
+}
+
+static void a_track_says_how_it_moves(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_object o;
+
+    (void)state;
+    init(&s, 0x400);
+    fill_tracks(&l, 1);
+    send(&s, &l, 50, &sent);
+    assert_int_equal(can_unpack_object_state(&sent.frames[2], &o), 0);
+    assert_int_equal(can_unpack_object_dynamics(&sent.frames[3], &o), 0);
+    assert_int_equal(can_unpack_object_quality(&sent.frames[4], &o), 0);
+    assert_int_equal(o.measurement, CAN_MEASURED);
+    assert_float_equal(o.velocity_m_s[0], -1.5, 1e-9);
+    assert_float_equal(o.velocity_m_s[1], 0.25, 1e-9);
+    assert_float_equal(o.sigma_v_m_s, 0.3, 1e-9); /* of the worse axis */
+    assert_int_equal(o.class, CAN_EXTENDED);
+    assert_int_equal(o.motion, CAN_MOVING);
+}
+
+static void every_measurement_of_a_track_has_its_word(void **state)
+{
+    static const struct {
+        Anlos__Measurement in;
+        enum can_measurement out;
+    } pairs[] = {{ANLOS__MEASUREMENT__NEW, CAN_NEW},
+                 {ANLOS__MEASUREMENT__MEASURED, CAN_MEASURED},
+                 {ANLOS__MEASUREMENT__PREDICTED, CAN_PREDICTED},
+                 {ANLOS__MEASUREMENT__DELETED, CAN_DELETED},
+                 {(Anlos__Measurement)7, CAN_PREDICTED}};
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_object o;
+
+    (void)state;
+    init(&s, 0x400);
+    fill_tracks(&l, 1);
+    for (size_t i = 0; i < 5; i++) {
+        l.detections[0].measurement = pairs[i].in;
+        send(&s, &l, 50, &sent);
+        assert_int_equal(can_unpack_object_state(&sent.frames[2], &o), 0);
+        assert_int_equal(o.measurement, pairs[i].out);
+    }
+}
+
+/* Nor as new; one that is deleted stays so. */
+static void what_was_heard_too_long_ago_is_never_sent_as_measured(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_object o;
+
+    (void)state;
+    init(&s, 0x400);
+    s.cfg.stale_ns = 500 * MS;
+    fill_tracks(&l, 3);
+    l.detections[1].measurement = ANLOS__MEASUREMENT__NEW;
+    l.detections[2].measurement = ANLOS__MEASUREMENT__DELETED;
+    send(&s, &l, 500, &sent);
+    can_unpack_object_state(&sent.frames[2], &o);
+    assert_int_equal(o.measurement, CAN_MEASURED);
+    /* It waited for the bus, and goes out now. */
+    sender_date(&s, &sent, 100501 * MS, 0);
+    can_unpack_object_state(&sent.frames[2], &o);
+    assert_int_equal(o.measurement, CAN_PREDICTED);
+    can_unpack_object_state(&sent.frames[5], &o);
+    assert_int_equal(o.measurement, CAN_PREDICTED);
+    can_unpack_object_state(&sent.frames[8], &o);
+    assert_int_equal(o.measurement, CAN_DELETED);
+}
+
+static void an_fd_frame_carries_all_of_an_object(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_object o;
+
+    (void)state;
+    init(&s, 0x400);
+    s.cfg.fd = true;
+    fill_tracks(&l, 2);
+    send(&s, &l, 50, &sent);
+    assert_int_equal(sent.n_frames, 4);
+    assert_int_equal(sent.frames[3].id, 0x408);
+    assert_true(sent.frames[3].fd);
+    assert_int_equal(can_unpack_object_fd(&sent.frames[3], &o), 0);
+    assert_int_equal(o.id, 2);
+    assert_int_equal(o.measurement, CAN_MEASURED);
+    assert_float_equal(o.position_m[1], -1.5, 1e-6);
+    assert_float_equal(o.covariance_m2[1], 1e-4, 1e-9);
+    assert_float_equal(o.height_m, 1.1, 1e-6);
+    assert_float_equal(o.class_probability, 0.8, 0.01);
+    assert_float_equal(o.age_s, 3.5, 0.1);
+    assert_float_equal(o.unseen_s, 0.25, 0.1);
+    assert_int_equal(o.wall, 2);
+    assert_true(o.in_free_view);
+    assert_false(o.behind_no_wall);
+}
+
+static struct can_list_header header_of(const struct sender_list *sent)
+{
+    struct can_list_header h;
+
+    assert_int_equal(can_unpack_list_header(&sent->frames[0], &h), 0);
+    return h;
+}
+
+/* 32 objects 10 times a second take a quarter of 500 kbit/s (test_load has the sums):
+ * what half of it carries they may take, what a twentieth does they may not. */
+static void a_list_is_cut_to_what_the_bus_may_carry(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    fill(&l, 32);
+    for (int i = 0; i < 20; i++) {
+        sender_list(&s, &l.message, 0, &sent);
+        sender_date(&s, &sent, (1000 + 100 * i) * MS, 0);
+    }
+    assert_int_equal(header_of(&sent).number, 32);
+    assert_false(header_of(&sent).truncated);
+    s.cfg.load = 0.05;
+    for (int i = 20; i < 40; i++) {
+        sender_list(&s, &l.message, 0, &sent);
+        sender_date(&s, &sent, (1000 + 100 * i) * MS, 0);
+    }
+    struct can_list_header h = header_of(&sent);
+    assert_true(h.number > 0 && h.number < 10);
+    assert_true(h.truncated);
+    assert_int_equal(sent.n_frames, 2 + 3 * h.number);
+    /* By the bits of its frames, 135 at most each. */
+    double used = 10.0 * (double)sent.n_frames * 135 / 500e3;
+    assert_true(used < 0.05);
+}
+
+static void a_sensor_that_is_not_to_be_trusted_sends_no_objects(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    fill(&l, 3);
+    s.lets_objects = false;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(sent.n_frames, 2);
+    assert_int_equal(header_of(&sent).number, 0);
+    assert_false(header_of(&sent).truncated);
+}
+
+/* The counter rises with every list, whoever made it. */
+static void an_empty_list_of_our_own_counts_between_the_others(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    fill(&l, 1);
+    send(&s, &l, 50, &sent);
+    assert_int_equal(header_of(&sent).counter, 5);
+    sender_empty_list(&s, 5, 100000 * MS, &sent);
+    sender_date(&s, &sent, 100400 * MS, 0);
+    assert_int_equal(header_of(&sent).counter, 6);
+    assert_int_equal(header_of(&sent).number, 0);
+    assert_float_equal(header_of(&sent).latency_ms, 400.0, 1e-9);
+    l.message.counter = 6;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(header_of(&sent).counter, 7);
+}
+
+/* Stamps go on as before, the vehicle's clock was set. */
+static void the_time_of_a_list_is_that_of_the_vehicle(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    int64_t stamp_ns;
+
+    (void)state;
+    init(&s, 0x400);
+    fill(&l, 0);
+    s.wall_ahead_ns = -3000 * MS;
+    send(&s, &l, 40, &sent);
+    assert_int_equal(can_unpack_time(&sent.frames[1], &stamp_ns), 0);
+    assert_int_equal(stamp_ns, 97000 * MS);
+    assert_float_equal(header_of(&sent).latency_ms, 40.0, 1e-9);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -282,8 +516,16 @@ int main(void)
         cmocka_unit_test(more_objects_than_fit_are_cut_off_and_said),
         cmocka_unit_test(what_a_detection_does_not_say_is_not_available),
         cmocka_unit_test(a_place_outside_of_the_vehicle_frame_is_not_sent),
-        cmocka_unit_test(the_status_follows_scan_and_survey),
+        cmocka_unit_test(the_status_follows_the_survey),
         cmocka_unit_test(what_is_not_known_to_be_live_never_looks_live),
+        cmocka_unit_test(a_track_says_how_it_moves),
+        cmocka_unit_test(every_measurement_of_a_track_has_its_word),
+        cmocka_unit_test(what_was_heard_too_long_ago_is_never_sent_as_measured),
+        cmocka_unit_test(an_fd_frame_carries_all_of_an_object),
+        cmocka_unit_test(a_list_is_cut_to_what_the_bus_may_carry),
+        cmocka_unit_test(a_sensor_that_is_not_to_be_trusted_sends_no_objects),
+        cmocka_unit_test(an_empty_list_of_our_own_counts_between_the_others),
+        cmocka_unit_test(the_time_of_a_list_is_that_of_the_vehicle),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

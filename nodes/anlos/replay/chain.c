@@ -12,9 +12,13 @@ int chain_create(struct chain *c, const struct chain_config *cfg,
                  struct stopwatch stages[RECON_STAGES])
 {
     *c = (struct chain){.cfg = *cfg, .stages = stages};
-    detector_init(&c->detector, &cfg->track);
-    sender_init(&c->sender, cfg->can_base_id);
-    int err = dsp_create(&c->dsp, &cfg->dsp);
+    sender_init(&c->sender, &cfg->sender);
+    watch_init(&c->watch, &(struct watch_config){.replayed = true});
+    int err = tracking_create(&c->tracking, &cfg->track);
+    if (!err)
+        err = dsp_create(&c->dsp, &cfg->dsp);
+    if (!err && cfg->fixed)
+        err = steady_create(&c->steady, &cfg->steady);
     return err ? err : recon_create(&c->recon, &cfg->recon);
 }
 
@@ -43,9 +47,10 @@ int chain_survey(struct chain *c, const Anlos__Survey *survey, struct complaint 
     int err = dsp_survey(c->dsp, survey, why);
 
     if (!err)
-        err = recon_survey(c->recon, survey, why);
+        err = c->steady ? steady_survey(c->steady, survey, why)
+                        : recon_survey(c->recon, survey, why);
     if (!err)
-        err = detector_survey(&c->detector, survey, why);
+        err = tracking_survey(c->tracking, survey, why);
     if (!err)
         sender_survey(&c->sender, survey);
     stopwatch_lap(&c->stages[RECON_PLAN], &now, false);
@@ -63,10 +68,26 @@ static int send_list(struct chain *c, int64_t capture_ns, int64_t now_ns,
     sender_date(&c->sender, &list, now_ns, c->list_ns);
     c->list_ns = now_ns;
     for (size_t i = 0; !err && i < list.n_frames; i++)
-        err = canbus_send(c->cfg.can, &list.frames[i], now_ns);
+        err = sender_send(&c->sender, c->cfg.can, &list.frames[i], now_ns);
     if (!err)
         err = canbus_flush(c->cfg.can);
     return err ? complain(why, err, "CAN frames: %s", strerror(-err)) : 0;
+}
+
+/* Of the newest image. */
+static int make_list(struct chain *c, int64_t capture_ns, int64_t taken_ns,
+                     struct complaint *why)
+{
+    struct stopwatch now = stopwatch_now(false);
+
+    c->n_images++;
+    objects_free(c->detections);
+    c->detections = NULL;
+    int err = tracking_volume(c->tracking, &c->volume, capture_ns, &c->detections, why);
+    if (!err)
+        err = send_list(c, capture_ns, taken_ns, why);
+    stopwatch_lap(&c->stages[RECON_DETECT], &now, false);
+    return err;
 }
 
 static int make_image(struct chain *c, struct complaint *why)
@@ -77,14 +98,7 @@ static int make_image(struct chain *c, struct complaint *why)
     recon_image(c->recon, false, &c->volume);
     stopwatch_lap(&c->stages[RECON_IMAGE], &now, false);
     c->has_image = true;
-    c->n_images++;
-    objects_free(c->detections);
-    c->detections = NULL;
-    int err = detector_volume(&c->detector, &c->volume, &c->detections, why);
-    if (!err)
-        err = send_list(c, capture_ns, taken_ns, why);
-    stopwatch_lap(&c->stages[RECON_DETECT], &now, false);
-    return err;
+    return make_list(c, capture_ns, taken_ns, why);
 }
 
 static int take_traces(struct chain *c, const Anlos__Traces *traces, int64_t capture_ns,
@@ -103,6 +117,25 @@ static int take_traces(struct chain *c, const Anlos__Traces *traces, int64_t cap
         return 0;
     }
     return c->has_image ? 0 : make_image(c, why);
+}
+
+/* The same of an array that stands. */
+static int take_steady_traces(struct chain *c, const Anlos__Traces *traces,
+                              int64_t capture_ns, int64_t publish_ns,
+                              struct complaint *why)
+{
+    char text[128];
+    struct stopwatch now = stopwatch_now(false);
+    bool due = steady_traces(c->steady, traces, capture_ns, text, sizeof text);
+
+    stopwatch_lap(&c->stages[RECON_STACK], &now, false);
+    note(c, text);
+    if (!due)
+        return 0;
+    steady_image(c->steady, &c->volume);
+    stopwatch_lap(&c->stages[RECON_IMAGE], &now, false);
+    int64_t stamp_ns = steady_capture_ns(c->steady);
+    return make_list(c, stamp_ns, publish_ns, why);
 }
 
 static void follow_scan(struct chain *c, uint32_t scan)
@@ -136,6 +169,7 @@ int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
         c->n_background_pings++;
     for (size_t m = 0; m < ping->n_clipped; m++)
         c->clipped += ping->clipped[m];
+    dsp_stamp(c->dsp, capture_ns);
     dsp_ping(c->dsp, ping, &out);
     stopwatch_lap(&c->stages[RECON_COMPRESS], &now, false);
     note(c, out.note);
@@ -143,11 +177,37 @@ int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
         c->n_unusable++;
         note_unusable(c, ping, &out);
     }
-    return out.has_traces ? take_traces(c, &out.traces, capture_ns, publish_ns, why) : 0;
+    if (!out.has_traces)
+        return 0;
+    return c->steady ? take_steady_traces(c, &out.traces, capture_ns, publish_ns, why)
+                     : take_traces(c, &out.traces, capture_ns, publish_ns, why);
+}
+
+void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns)
+{
+    dsp_ego(c->dsp, ego, capture_ns);
+    if (c->steady)
+        steady_ego(c->steady, ego, capture_ns);
+    tracking_ego(c->tracking, ego, capture_ns);
+}
+
+void chain_ambient(struct chain *c, const Anlos__Ambient *ambient)
+{
+    dsp_ambient(c->dsp, ambient);
+}
+
+void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_ns)
+{
+    struct complaint why = {""};
+
+    if (tracking_walls(c->tracking, walls, capture_ns, &why))
+        note(c, why.text);
 }
 
 int chain_end(struct chain *c, struct complaint *why)
 {
+    if (c->steady)
+        return 0;
     return !c->has_image && recon_pings(c->recon) ? make_image(c, why) : 0;
 }
 
@@ -159,7 +219,8 @@ int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch
         c->scan_base = c->newest_scan;
     c->scan_epoch_ns = epoch_ns;
     follow_scan(c, status->scan + c->scan_base);
-    sender_scan(&c->sender, status);
+    watch_scan(&c->watch, status);
+    c->sender.lets_objects = watch_lets_objects(&c->watch);
     return status->state == ANLOS__SCAN_STATUS__STATE__DONE ||
                    status->state == ANLOS__SCAN_STATUS__STATE__FAILED
                ? chain_end(c, why)
@@ -169,7 +230,8 @@ int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch
 void chain_clear(struct chain *c)
 {
     objects_free(c->detections);
-    detector_clear(&c->detector);
+    tracking_destroy(c->tracking);
+    steady_destroy(c->steady);
     recon_destroy(c->recon);
     dsp_destroy(c->dsp);
 }

@@ -9,15 +9,19 @@
 #include "msgs/array.pb-c.h"
 #include "nodes/anlos/recon/results.h"
 #include "nodes/can/sender.h"
+#include "nodes/can/watch.h"
 #include "nodes/dsp/dsp.h"
+#include "nodes/recon/fixed.h"
 #include "nodes/recon/recon.h"
-#include "nodes/track/detector.h"
+#include "nodes/track/tracking.h"
 
 struct chain_config {
     struct dsp_config dsp;
     struct recon_config recon; /* what it points to outlives the chain */
-    struct detector_config track;
-    uint32_t can_base_id;
+    bool fixed;                /* an array that stands; then: */
+    struct steady_config steady;
+    struct tracking_config track;
+    struct sender_config sender;
     struct canbus *can; /* the frames of each list go there; not owned */
 };
 
@@ -30,9 +34,11 @@ struct chain_note {
 struct chain {
     struct chain_config cfg;
     struct dsp *dsp;
-    struct recon *recon;
-    struct detector detector;
+    struct recon *recon;   /* of a scan; */
+    struct steady *steady; /* of a fixed array, else NULL */
+    struct tracking *tracking;
     struct sender sender;
+    struct watch watch;               /* of a replay: the state of the scan */
     bool has_image;                   /* of the pings that are in */
     Anlos__Volume volume;             /* the newest; borrows from recon */
     Anlos__DetectionList *detections; /* of it; NULL: there is no image yet */
@@ -56,6 +62,9 @@ int chain_create(struct chain *c, const struct chain_config *cfg,
 int chain_survey(struct chain *c, const Anlos__Survey *survey, struct complaint *why);
 int chain_ping(struct chain *c, const Anlos__Ping *ping, int64_t capture_ns,
                int64_t publish_ns, struct complaint *why);
+void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns);
+void chain_ambient(struct chain *c, const Anlos__Ambient *ambient);
+void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_ns);
 int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch_ns,
                  struct complaint *why);
 

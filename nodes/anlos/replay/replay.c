@@ -12,7 +12,7 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 
-static const char topics[] = "survey,ping,scan/status";
+static const char topics[] = "survey,ping,scan/status,ego,ambient,wall";
 
 /* The nodes begin when they know the survey. */
 static int begin(struct replay *r, const Anlos__Survey *survey, struct complaint *why)
@@ -60,7 +60,15 @@ static int take(struct replay *r, const struct stream_message *m,
     if (m->topic == topic_ping())
         return chain_ping(&r->chain, (Anlos__Ping *)content, e->capture_ns, e->publish_ns,
                           why);
-    return chain_status(&r->chain, (Anlos__ScanStatus *)content, e->epoch_ns, why);
+    if (m->topic == topic_scan_status())
+        return chain_status(&r->chain, (Anlos__ScanStatus *)content, e->epoch_ns, why);
+    if (m->topic == topic_ego())
+        chain_ego(&r->chain, (Anlos__EgoMotion *)content, e->capture_ns);
+    else if (m->topic == topic_ambient())
+        chain_ambient(&r->chain, (Anlos__Ambient *)content);
+    else
+        chain_walls(&r->chain, (Anlos__WallList *)content, e->capture_ns);
+    return 0;
 }
 
 static int take_next(struct replay *r, struct stream *s, struct complaint *why)

@@ -6,7 +6,7 @@
 
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/manifest.h"
-#include "msgs/can/frames.h"
+#include "nodes/can/config.h"
 #include "recon/imager.h"
 
 static bool is_text(struct bytes b, const char *text)
@@ -72,21 +72,23 @@ static int read_launch(struct settings *s, const struct bag_catalog *bag,
 static void set_defaults(struct chain_config *c)
 {
     *c = (struct chain_config){
-        .dsp = {.window = WINDOW_HANN, .compression = COMPRESSION_MATCHED_FILTER},
-        .track = {.threshold_db = 12.0, .min_existence = 0.5},
-        .can_base_id = CAN_BASE_DEFAULT};
+        .dsp = {.window = WINDOW_HANN, .compression = COMPRESSION_MATCHED_FILTER}};
+    tracking_config(&c->track, NULL);
+    can_config_sender(&c->sender, NULL);
 }
 
 static void take_launch(struct chain_config *c, const struct launchfile *l)
 {
     c->dsp = (struct dsp_config){.window = l->dsp.window,
                                  .compression = l->dsp.compression,
-                                 .background = l->scan.background};
+                                 .background = l->dsp.background,
+                                 .background_s = l->dsp.background_s};
     c->recon.method = l->recon.method;
     c->recon.options = &l->recon.options;
-    c->track = (struct detector_config){.threshold_db = l->track.threshold_db,
-                                        .min_existence = l->track.min_existence};
-    c->can_base_id = l->can.base_id;
+    c->fixed = l->scan.fixed;
+    fixed_config(&c->steady, l);
+    tracking_config(&c->track, l);
+    can_config_sender(&c->sender, l);
 }
 
 /* What the command line says wins.  Another method does not take the options of the
@@ -102,7 +104,9 @@ static int take_options(struct chain_config *c, const struct recon_options *o,
         c->dsp.compression = o->compression;
     c->recon.window = c->dsp.window;
     c->recon.compression = c->dsp.compression;
-    c->recon.threads = o->threads;
+    c->recon.threads = c->steady.threads = o->threads;
+    c->steady.window = c->dsp.window;
+    c->steady.compression = c->dsp.compression;
     if (o->method || o->imaging->given || !c->recon.options)
         c->recon.options = o->imaging;
     if (o->method)

@@ -1,0 +1,221 @@
+/* hal/can/sim.c -- the CAN bus of a simulated vehicle: "sim:drive.yaml?log=out.candump".
+ * What is sent goes into the log, if there is one; what comes is EgoMotion every 20 ms
+ * and Ambient every second, as the vehicle of the drive scene moves at that time of the
+ * wall clock (hal/room/room.h), with their end-to-end protection.  For tests it
+ * misbehaves: ego=off       EgoMotion never comes; "bad": its CRC is wrong ambient=off
+ * the same of Ambient interface=X   as of a log */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include "hal/can/backends.h"
+#include "hal/device.h"
+#include "hal/room/room.h"
+#include "msgs/can/protection.h"
+
+#define EGO_PERIOD_NS     20000000LL
+#define AMBIENT_PERIOD_NS 1000000000LL
+#define MAX_LATE_NS       1000000000LL /* what is older never comes */
+
+enum { ON, OFF, BAD }; /* how an input behaves */
+
+struct source { /* of one kind of frame */
+    int behaviour;
+    int64_t period_ns, due_ns; /* due 0: not listened to */
+};
+
+struct canbus_sim {
+    struct room *room;
+    void *log; /* of canbus_log_ops; NULL: none */
+    int timer;
+    struct can_protection protection;
+    struct source ego, ambient;
+};
+
+static void sim_close(void *state)
+{
+    struct canbus_sim *s = state;
+
+    if (s->log)
+        canbus_log_ops.close(s->log);
+    if (s->timer >= 0)
+        close(s->timer);
+    room_destroy(s->room);
+    free(s);
+}
+
+static int open_log(struct canbus_sim *s, const struct device *d, struct complaint *why)
+{
+    const char *path = device_option(d, "log"),
+               *interface = device_option(d, "interface");
+    char arg[4096];
+
+    if (!path)
+        return 0;
+    if (snprintf(arg, sizeof arg, "%s?interface=%s", path,
+                 interface ? interface : "can0") >= (int)sizeof arg)
+        return complain(why, -ENAMETOOLONG, "log: the path is too long");
+    return canbus_log_ops.open(&s->log, arg, why);
+}
+
+static int open_timer(struct canbus_sim *s, struct complaint *why)
+{
+    const struct timespec period = {.tv_nsec = EGO_PERIOD_NS};
+    const struct itimerspec often = {.it_interval = period, .it_value = period};
+
+    s->timer = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    if (s->timer < 0 || timerfd_settime(s->timer, 0, &often, NULL))
+        return complain(why, -errno, "the simulated vehicle gets no timer");
+    return 0;
+}
+
+static int set_up(struct canbus_sim *s, const struct device *d, struct complaint *why)
+{
+    static const char *const behaviours[] = {"on", "off", "bad", NULL};
+    int ego = device_choice(d, "ego", behaviours, why), ambient, err;
+
+    if (ego < 0)
+        return ego;
+    ambient = device_choice(d, "ambient", behaviours, why);
+    if (ambient < 0)
+        return ambient;
+    s->ego = (struct source){.behaviour = ego, .period_ns = EGO_PERIOD_NS};
+    s->ambient = (struct source){.behaviour = ambient, .period_ns = AMBIENT_PERIOD_NS};
+    if (!*d->path)
+        return complain(why, -EINVAL, "expected a scene file, sim:SCENE.yaml");
+    err = room_load(&s->room, d->path, why);
+    if (!err)
+        err = open_log(s, d, why);
+    return err ? err : open_timer(s, why);
+}
+
+static int sim_open(void **state, const char *arg, struct complaint *why)
+{
+    static const char *const known[] = {"log", "interface", "ego", "ambient", NULL};
+    struct canbus_sim *s = NULL;
+    struct device d;
+    int err = device_parse(&d, arg, known, why);
+
+    if (err)
+        return err;
+    s = calloc(1, sizeof *s);
+    if (s) {
+        s->timer = -1;
+        err = set_up(s, &d, why);
+        if (err)
+            sim_close(s);
+        else
+            *state = s;
+    } else {
+        err = complain(why, -ENOMEM, "out of memory");
+    }
+    device_clear(&d);
+    return err;
+}
+
+static int sim_send(void *state, const struct can_frame_data *f, int64_t stamp_ns)
+{
+    struct canbus_sim *s = state;
+
+    return s->log ? canbus_log_ops.send(s->log, f, stamp_ns) : 0;
+}
+
+static int sim_flush(void *state)
+{
+    struct canbus_sim *s = state;
+
+    return s->log ? canbus_log_ops.flush(s->log) : 0;
+}
+
+/* The vehicle talks to the sensor whose EgoMotion is the first of the identifiers. */
+static int sim_listen(void *state, const uint32_t *ids, size_t n)
+{
+    struct canbus_sim *s = state;
+
+    if (!n || ids[0] < CAN_ID_EGO_MOTION)
+        return -EINVAL;
+    s->protection = (struct can_protection){.base = ids[0] - CAN_ID_EGO_MOTION};
+    s->ego.due_ns = s->ambient.due_ns = 1;
+    return 0;
+}
+
+/* Is it time for the next one?  *at_ns: what it tells of. */
+static bool is_due(struct source *s, int64_t now_ns, int64_t *at_ns)
+{
+    if (!s->due_ns || s->behaviour == OFF)
+        return false;
+    if (now_ns - s->due_ns > MAX_LATE_NS)
+        s->due_ns = now_ns - now_ns % s->period_ns;
+    if (now_ns < s->due_ns)
+        return false;
+    *at_ns = s->due_ns;
+    s->due_ns += s->period_ns;
+    return true;
+}
+
+static void finish(struct canbus_sim *s, const struct source *from,
+                   struct can_frame_data *f)
+{
+    can_protect(&s->protection, f);
+    can_protection_sent(&s->protection, f);
+    f->data[0] ^= from->behaviour == BAD;
+}
+
+static void tell_ego(struct canbus_sim *s, int64_t at_ns, struct can_frame_data *out)
+{
+    struct room_ego ego;
+
+    room_ego(s->room, room_time_s(s->room, at_ns), &ego);
+    const struct can_ego_motion motion = {
+        .speed_m_s = ego.speed_m_s,
+        .yaw_rate_rad_s = ego.yaw_rate_rad_s,
+        .standstill = ego.standstill ? CAN_STANDS : CAN_ROLLS,
+        .validity = CAN_VALID,
+    };
+    can_pack_ego_motion(out, s->protection.base, &motion);
+    finish(s, &s->ego, out);
+}
+
+static void tell_ambient(struct canbus_sim *s, struct can_frame_data *out)
+{
+    const struct can_ambient air = {
+        .temperature_c = room_temperature_c(s->room, ANLOS__PASS__SCENE, 0),
+        .humidity = NAN,
+    };
+
+    can_pack_ambient(out, s->protection.base, &air);
+    finish(s, &s->ambient, out);
+}
+
+static int sim_receive(void *state, struct can_frame_data *out, int64_t now_ns)
+{
+    struct canbus_sim *s = state;
+    uint64_t ticks;
+    int64_t at_ns;
+
+    if (is_due(&s->ego, now_ns, &at_ns))
+        tell_ego(s, at_ns, out);
+    else if (is_due(&s->ambient, now_ns, &at_ns))
+        tell_ambient(s, out);
+    else
+        return read(s->timer, &ticks, sizeof ticks) < 0 && errno != EAGAIN ? -errno
+                                                                           : -EAGAIN;
+    return 0;
+}
+
+static int sim_fd(const void *state)
+{
+    return ((const struct canbus_sim *)state)->timer;
+}
+
+const struct canbus_ops canbus_sim_ops = {.scheme = "sim",
+                                          .open = sim_open,
+                                          .send = sim_send,
+                                          .flush = sim_flush,
+                                          .listen = sim_listen,
+                                          .receive = sim_receive,
+                                          .fd = sim_fd,
+                                          .close = sim_close};

@@ -1,0 +1,273 @@
+#include "nodes/can/watch.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "nodes/can/watch_rows.h"
+#include "nodes/rt/node.h"
+
+#define JUMP_NS  20000000LL
+#define INIT_NS  10000000000LL
+#define UNSEEN_S 2.0
+
+void watch_init(struct watch *w, const struct watch_config *cfg)
+{
+    *w = (struct watch){.cfg = *cfg,
+                        .scan = CAN_INIT,
+                        .state = CAN_INIT,
+                        .survey_c = NAN,
+                        .ambient_c = NAN};
+}
+
+void watch_scan(struct watch *w, const Anlos__ScanStatus *status)
+{
+    switch (status->state) {
+    case ANLOS__SCAN_STATUS__STATE__WAITING:
+        w->scan = CAN_INIT;
+        break;
+    case ANLOS__SCAN_STATUS__STATE__RUNNING:
+        w->scan = status->pass == ANLOS__PASS__BACKGROUND ? CAN_CALIBRATING : CAN_ACTIVE;
+        break;
+    case ANLOS__SCAN_STATUS__STATE__DONE:
+        w->scan = status->pings_lost ? CAN_DEGRADED : CAN_ACTIVE;
+        break;
+    default: /* failed, or paused until a person comes */
+        w->scan = CAN_FAULT;
+    }
+    if (w->cfg.replayed)
+        w->state = w->scan;
+}
+
+void watch_survey(struct watch *w, double temperature_c)
+{
+    w->survey_c = temperature_c;
+}
+
+void watch_list(struct watch *w, int64_t capture_ns, int64_t now_ns)
+{
+    if (w->n_lists)
+        w->intervals_ns[w->n_lists % WATCH_INTERVALS] = now_ns - w->list_ns;
+    w->n_lists++;
+    w->list_ns = now_ns;
+    w->capture_ns = capture_ns;
+}
+
+void watch_ego(struct watch *w, int64_t now_ns)
+{
+    w->ego_ns = now_ns;
+}
+
+void watch_ambient(struct watch *w, double temperature_c, int64_t now_ns)
+{
+    if (!isfinite(temperature_c))
+        return;
+    w->ambient_c = temperature_c;
+    w->ambient_ns = now_ns;
+}
+
+void watch_walls(struct watch *w, const Anlos__WallList *walls, int64_t now_ns)
+{
+    w->walls_ns = now_ns;
+    w->wall_likely = false;
+    for (size_t i = 0; i < walls->n_walls; i++)
+        w->wall_likely |= walls->walls[i]->existence >= 0.5 &&
+                          walls->walls[i]->unseen_s <= UNSEEN_S;
+}
+
+static struct watch_node *find_node(struct watch *w, const char *name)
+{
+    size_t i = 0;
+
+    while (i < w->n_nodes && strcmp(w->nodes[i].name, name))
+        i++;
+    if (i == WATCH_MAX_NODES)
+        return NULL;
+    if (i == w->n_nodes)
+        snprintf(w->nodes[w->n_nodes++].name, sizeof w->nodes->name, "%s", name);
+    return &w->nodes[i];
+}
+
+static void take_fault(struct watch_node *n, const Anlos__Fault *f)
+{
+    static const char *const kinds[WATCH_CHANNEL_KINDS] = {
+        [WATCH_SILENT] = NODE_FAULT_CHANNELS_SILENT,
+        [WATCH_DAMAGED] = NODE_FAULT_ELEMENTS_DAMAGED,
+        [WATCH_CLIPPED] = NODE_FAULT_CHANNELS_CLIPPED,
+    };
+
+    for (size_t k = 0; k < WATCH_CHANNEL_KINDS; k++)
+        if (!strcmp(f->name, kinds[k]))
+            n->channels[k] = (struct watch_channels){f->count, f->of};
+    if (!strcmp(f->name, NODE_FAULT_ARRAY_AWAY))
+        n->away = f->count;
+    if (!strcmp(f->name, NODE_FAULT_NODES_LOST))
+        n->lost = f->count;
+}
+
+/* Those who only look on may come and go. */
+static bool is_onlooker(const char *node)
+{
+    static const char *const names[] = {"can", "play", "record", "report", "view"};
+
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (!strcmp(node, names[i]))
+            return true;
+    return false;
+}
+
+void watch_health(struct watch *w, const Anlos__Health *health, int64_t now_ns)
+{
+    struct watch_node *n = is_onlooker(health->node) ? NULL : find_node(w, health->node);
+
+    if (!n)
+        return;
+    n->heard_ns = now_ns;
+    n->faulty = health->state == ANLOS__HEALTH__STATE__FAULT;
+    n->away = n->lost = 0;
+    memset(n->channels, 0, sizeof n->channels);
+    for (size_t i = 0; i < health->n_faults; i++)
+        take_fault(n, health->faults[i]);
+}
+
+void watch_wrong_input(struct watch *w)
+{
+    w->events |= 1u << CAN_FAULT_INPUT_E2E;
+}
+
+void watch_clock(struct watch *w, int64_t ahead_ns)
+{
+    int64_t moved = ahead_ns - w->ahead_ns;
+
+    if (w->clock_seen && (moved > JUMP_NS || moved < -JUMP_NS))
+        w->events |= 1u << CAN_FAULT_CLOCK_JUMP;
+    w->clock_seen = true;
+    w->ahead_ns = ahead_ns;
+}
+
+void watch_dropped(struct watch *w, uint64_t lists)
+{
+    if (lists > w->lists_dropped)
+        w->events |= 1u << CAN_FAULT_LISTS_DROPPED;
+    w->lists_dropped = lists;
+}
+
+static void judge(struct watch *w, int f, int64_t now_ns)
+{
+    uint16_t bit = (uint16_t)(1u << f);
+
+    if (watch_rows[f].fixed_only && !w->cfg.fixed)
+        return;
+    if (watch_rows[f].is_bad(w, now_ns)) {
+        w->last_bad_ns[f] = now_ns;
+        w->faults |= bit;
+    } else if (now_ns - w->last_bad_ns[f] >= watch_rows[f].hold_ns) {
+        w->faults = (uint16_t)(w->faults & ~bit);
+    }
+}
+
+/* How often each was raised in a sensor that had begun. */
+static void count_raised(struct watch *w)
+{
+    for (int f = 0; f < CAN_FAULTS; f++)
+        if ((w->faults & ~w->counted) & 1 << f && w->raised[f] < 255)
+            w->raised[f]++;
+    w->counted = w->faults;
+}
+
+static bool is_worse(enum can_state a, enum can_state b)
+{
+    static const int rank[] = {
+        [CAN_ACTIVE] = 0, [CAN_DEGRADED] = 1, [CAN_BLOCKED] = 2, [CAN_FAULT] = 3};
+
+    return rank[a] > rank[b];
+}
+
+static enum can_state worst(const struct watch *w)
+{
+    const uint16_t ears = 1u << CAN_FAULT_CHANNELS_DEAD | 1u << CAN_FAULT_ELEMENT_ERRORS |
+                          1u << CAN_FAULT_CLIPPED;
+    enum can_state state = w->scan;
+
+    for (int f = 0; f < CAN_FAULTS; f++)
+        if (w->faults & 1u << f && is_worse(watch_rows[f].state, state))
+            state = watch_rows[f].state;
+    return w->faults & ears && watch_is_blind(w) && is_worse(CAN_BLOCKED, state)
+               ? CAN_BLOCKED
+               : state;
+}
+
+void watch_step(struct watch *w, int64_t now_ns)
+{
+    bool works = w->scan == CAN_ACTIVE || w->scan == CAN_DEGRADED;
+
+    if (w->cfg.replayed) {
+        w->faults = w->events = 0;
+        w->state = w->scan;
+        return;
+    }
+    if (!watch_has_ambient(w, now_ns))
+        w->ambient_c = NAN;
+    for (int f = 0; f < CAN_FAULTS; f++)
+        judge(w, f, now_ns);
+    w->events = 0;
+    if (!works) {
+        w->begun = false;
+        w->began_ns = 0;
+        w->state = w->scan;
+        return;
+    }
+    if (!w->began_ns)
+        w->began_ns = now_ns;
+    w->begun |= !w->cfg.fixed || !w->faults || now_ns - w->began_ns > INIT_NS;
+    w->state = w->begun ? worst(w) : CAN_INIT;
+    if (w->begun)
+        count_raised(w);
+}
+
+enum can_state watch_state(const struct watch *w)
+{
+    return w->state;
+}
+
+uint16_t watch_faults(const struct watch *w)
+{
+    return w->faults;
+}
+
+void watch_text(const struct watch *w, char *text, size_t size)
+{
+    static const char *const names[CAN_FAULTS] = {
+        [CAN_FAULT_IMAGE_STALE] = "no new image",
+        [CAN_FAULT_EGO_MISSING] = "no motion of the vehicle",
+        [CAN_FAULT_TEMPERATURE_UNKNOWN] = "no temperature",
+        [CAN_FAULT_CHANNELS_DEAD] = "silent microphones",
+        [CAN_FAULT_ELEMENT_ERRORS] = "damaged microphones",
+        [CAN_FAULT_WALL_LOST] = "no wall",
+        [CAN_FAULT_CLOCK_JUMP] = "the wall clock was set",
+        [CAN_FAULT_INPUT_E2E] = "wrong frames from the vehicle",
+        [CAN_FAULT_ARRAY_AWAY] = "the array is away",
+        [CAN_FAULT_NODE_LOST] = "a node is lost",
+        [CAN_FAULT_CLIPPED] = "clipped microphones",
+        [CAN_FAULT_LISTS_DROPPED] = "dropped lists",
+    };
+    size_t used = 0;
+
+    text[0] = '\0';
+    for (int f = 0; f < CAN_FAULTS && used < size; f++)
+        if (w->faults & 1u << f)
+            used += (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "",
+                                     names[f]);
+}
+
+double watch_temperature_c(const struct watch *w)
+{
+    return isnan(w->ambient_c) ? w->survey_c : w->ambient_c;
+}
+
+bool watch_lets_objects(const struct watch *w)
+{
+    if (w->cfg.fixed && !w->cfg.replayed)
+        return w->state == CAN_ACTIVE || w->state == CAN_DEGRADED;
+    return w->state != CAN_FAULT && w->state != CAN_BLOCKED;
+}

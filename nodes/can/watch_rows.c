@@ -1,0 +1,148 @@
+#include "nodes/can/watch_rows.h"
+
+#include <math.h>
+
+#define MS         1000000LL
+#define LATE_NS    (100 * MS)
+#define AMBIENT_NS (3000 * MS)
+#define WALL_NS    (500 * MS)
+#define SILENT_NS  (2500 * MS)
+#define FIRST_NS   (1000 * MS) /* to the second list, while no interval is known */
+
+static int64_t longest_interval(const struct watch *w)
+{
+    size_t n = w->n_lists < WATCH_INTERVALS ? w->n_lists : WATCH_INTERVALS;
+    int64_t longest = 0;
+
+    for (size_t i = 0; i < WATCH_INTERVALS; i++)
+        if (w->intervals_ns[i] > longest)
+            longest = w->intervals_ns[i];
+    return n > 1 && longest < FIRST_NS ? longest : FIRST_NS;
+}
+
+/* Modulo 2^64 ns: a stamp is whatever its sender wrote. */
+static int64_t age_ns(int64_t now_ns, int64_t then_ns)
+{
+    return (int64_t)((uint64_t)now_ns - (uint64_t)then_ns);
+}
+
+static bool image_is_stale(const struct watch *w, int64_t now_ns)
+{
+    return !w->n_lists || now_ns - w->list_ns > longest_interval(w) + LATE_NS ||
+           age_ns(w->list_ns, w->capture_ns) > WATCH_STALE_NS ||
+           age_ns(w->list_ns, w->capture_ns) < -LATE_NS;
+}
+
+static bool ego_is_missing(const struct watch *w, int64_t now_ns)
+{
+    return w->cfg.ego && (!w->ego_ns || now_ns - w->ego_ns > LATE_NS);
+}
+
+bool watch_has_ambient(const struct watch *w, int64_t now_ns)
+{
+    return w->ambient_ns && now_ns - w->ambient_ns <= AMBIENT_NS;
+}
+
+static bool temperature_is_unknown(const struct watch *w, int64_t now_ns)
+{
+    return isnan(w->survey_c) && !watch_has_ambient(w, now_ns);
+}
+
+static struct watch_channels channels(const struct watch *w, int kind)
+{
+    struct watch_channels sum = {0, 0};
+
+    for (size_t i = 0; i < w->n_nodes; i++) {
+        sum.count += w->nodes[i].channels[kind].count;
+        sum.of += w->nodes[i].channels[kind].of;
+    }
+    return sum;
+}
+
+static bool channels_are_dead(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    return channels(w, WATCH_SILENT).count > 0;
+}
+
+static bool elements_err(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    return channels(w, WATCH_DAMAGED).count > 0;
+}
+
+static bool is_clipped(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    return channels(w, WATCH_CLIPPED).count > 0;
+}
+
+bool watch_is_blind(const struct watch *w)
+{
+    uint32_t bad = 0, of = 0;
+
+    for (int kind = 0; kind < WATCH_CHANNEL_KINDS; kind++) {
+        struct watch_channels c = channels(w, kind);
+        bad += c.count;
+        of = c.of > of ? c.of : of;
+    }
+    return bad && 2 * bad >= of;
+}
+
+static bool wall_is_lost(const struct watch *w, int64_t now_ns)
+{
+    return w->cfg.wall &&
+           (!w->walls_ns || now_ns - w->walls_ns > WALL_NS || !w->wall_likely);
+}
+
+static bool array_is_away(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    for (size_t i = 0; i < w->n_nodes; i++)
+        if (w->nodes[i].away)
+            return true;
+    return false;
+}
+
+static bool node_is_lost(const struct watch *w, int64_t now_ns)
+{
+    for (size_t i = 0; i < w->n_nodes; i++)
+        if (w->nodes[i].lost || w->nodes[i].faulty ||
+            (w->cfg.fixed && now_ns - w->nodes[i].heard_ns > SILENT_NS))
+            return true;
+    return false;
+}
+
+static bool clock_jumped(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    return w->events & 1u << CAN_FAULT_CLOCK_JUMP;
+}
+
+static bool input_is_wrong(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    return w->events & 1u << CAN_FAULT_INPUT_E2E;
+}
+
+static bool lists_are_dropped(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    return w->events & 1u << CAN_FAULT_LISTS_DROPPED;
+}
+
+const struct watch_row watch_rows[CAN_FAULTS] = {
+    [CAN_FAULT_IMAGE_STALE] = {true, CAN_FAULT, 500 * MS, image_is_stale},
+    [CAN_FAULT_EGO_MISSING] = {true, CAN_DEGRADED, 500 * MS, ego_is_missing},
+    [CAN_FAULT_TEMPERATURE_UNKNOWN] = {true, CAN_DEGRADED, 1000 * MS,
+                                       temperature_is_unknown},
+    [CAN_FAULT_CHANNELS_DEAD] = {false, CAN_DEGRADED, 1000 * MS, channels_are_dead},
+    [CAN_FAULT_ELEMENT_ERRORS] = {false, CAN_DEGRADED, 1000 * MS, elements_err},
+    [CAN_FAULT_WALL_LOST] = {true, CAN_DEGRADED, 1000 * MS, wall_is_lost},
+    [CAN_FAULT_CLOCK_JUMP] = {false, CAN_DEGRADED, 5000 * MS, clock_jumped},
+    [CAN_FAULT_INPUT_E2E] = {false, CAN_DEGRADED, 1000 * MS, input_is_wrong},
+    [CAN_FAULT_ARRAY_AWAY] = {false, CAN_FAULT, 1000 * MS, array_is_away},
+    [CAN_FAULT_NODE_LOST] = {false, CAN_DEGRADED, 1000 * MS, node_is_lost},
+    [CAN_FAULT_CLIPPED] = {false, CAN_DEGRADED, 1000 * MS, is_clipped},
+    [CAN_FAULT_LISTS_DROPPED] = {false, CAN_DEGRADED, 5000 * MS, lists_are_dropped},
+};

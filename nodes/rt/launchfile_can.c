@@ -1,0 +1,80 @@
+#include "nodes/rt/launchfile_can.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "hal/survey/place.h"
+#include "msgs/can/layout.h"
+#include "nodes/rt/uri.h"
+
+#define LAST_BASE 0x7f0 /* of identifiers of 11 bits */
+
+static int check(const struct launchfile *l, struct complaint *why)
+{
+    const struct {
+        const char *key;
+        double value, min, max;
+    } numbers[] = {
+        {"can.sensor", l->can.sensor, 0,
+         l->can.base_id < LAST_BASE ? (LAST_BASE - l->can.base_id) / CAN_SENSOR_STEP : 0},
+        {"can.bitrate", l->can.bitrate, 10e3, 1e6},
+        {"can.data_bitrate", l->can.data_bitrate, 10e3, 8e6},
+        {"can.load", l->can.load, 0.01, 1},
+    };
+
+    if (l->can.base_id > LAST_BASE)
+        return yaml_complain(why, -EINVAL, l->path, "can.base_id",
+                             "expected 0 to 0x%x, not 0x%x", LAST_BASE, l->can.base_id);
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        if (!(numbers[i].value >= numbers[i].min && numbers[i].value <= numbers[i].max))
+            return yaml_complain(why, -EINVAL, l->path, numbers[i].key,
+                                 "expected %g to %g, not %g", numbers[i].min,
+                                 numbers[i].max, numbers[i].value);
+    return 0;
+}
+
+static unsigned unsigned_or(const unsigned *value, unsigned otherwise)
+{
+    return value ? *value : otherwise;
+}
+
+int launchfile_copy_can(struct launchfile *l, const struct launch_text *t,
+                        struct complaint *why)
+{
+    l->can.base_id = unsigned_or(t->can.base_id, CAN_BASE_DEFAULT);
+    l->can.sensor = unsigned_or(t->can.sensor, 0);
+    l->can.fd = t->can.fd && *t->can.fd;
+    l->can.bitrate = unsigned_or(t->can.bitrate, 500000);
+    l->can.data_bitrate = unsigned_or(t->can.data_bitrate, 2000000);
+    l->can.load = t->can.load ? *t->can.load : 0.5;
+    l->can.uri = strdup(t->can.uri ? t->can.uri : "log:can.candump");
+    return l->can.uri ? check(l, why) : -ENOMEM;
+}
+
+/* *uri becomes text, which may be NULL for want of memory. */
+static int replace(char **uri, char *text)
+{
+    if (!text)
+        return -ENOMEM;
+    free(*uri);
+    *uri = text;
+    return 0;
+}
+
+int launchfile_resolve_can(struct launchfile *l, const char *folder)
+{
+    if (uri_has_scheme(l->can.uri, "log"))
+        return replace(&l->can.uri, uri_in_folder(l->can.uri, l->report.folder));
+    if (!uri_has_scheme(l->can.uri, "sim"))
+        return 0;
+    int err = replace(&l->can.uri, uri_in_folder(l->can.uri, folder));
+    return err ? err
+               : replace(&l->can.uri,
+                         uri_option_in_folder(l->can.uri, l->report.folder, "log"));
+}
+
+void launchfile_free_can(struct launchfile *l)
+{
+    free(l->can.uri);
+}

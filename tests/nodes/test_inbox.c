@@ -1,0 +1,257 @@
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "msgs/can/frames.h"
+#include "nodes/can/inbox.h"
+
+#define MS 1000000LL
+
+struct rig {
+    struct inbox inbox;
+    struct can_protection vehicle;
+    int64_t now_ns;
+};
+
+static void start(struct rig *r)
+{
+    *r = (struct rig){.vehicle = {.base = 0x420}, .now_ns = 5000 * MS};
+    inbox_init(&r->inbox, 0x420);
+}
+
+/* As it comes from the vehicle. */
+static void protect(struct rig *r, struct can_frame_data *f)
+{
+    can_protect(&r->vehicle, f);
+    can_protection_sent(&r->vehicle, f);
+}
+
+static enum inbox_kind give(struct rig *r, struct can_frame_data *f)
+{
+    protect(r, f);
+    return inbox_take(&r->inbox, f, r->now_ns);
+}
+
+static void pack_ego(struct can_frame_data *f, double speed_m_s, enum can_validity v)
+{
+    const struct can_ego_motion ego = {.speed_m_s = speed_m_s,
+                                       .yaw_rate_rad_s = -0.1,
+                                       .standstill = CAN_ROLLS,
+                                       .validity = v};
+
+    can_pack_ego_motion(f, 0x420, &ego);
+}
+
+static enum inbox_kind give_ego(struct rig *r, double speed_m_s, enum can_validity v)
+{
+    struct can_frame_data f;
+
+    pack_ego(&f, speed_m_s, v);
+    return give(r, &f);
+}
+
+static void the_three_inputs_of_this_sensor_are_listened_to(void **state)
+{
+    struct rig r;
+    uint32_t ids[CANBUS_MAX_INPUTS];
+
+    (void)state;
+    start(&r);
+    assert_int_equal(inbox_ids(&r.inbox, ids), 3);
+    assert_int_equal(ids[0], 0x42c);
+    assert_int_equal(ids[1], 0x42d);
+    assert_int_equal(ids[2], 0x42e);
+}
+
+static void motion_is_said_as_the_vehicle_says_it(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    assert_int_equal(give_ego(&r, 2.5, CAN_VALID), INBOX_EGO);
+    assert_true(r.inbox.ego.valid);
+    assert_false(r.inbox.ego.standstill);
+    assert_float_equal(r.inbox.ego.speed_m_s, 2.5, 0.005);
+    assert_float_equal(r.inbox.ego.yaw_rate_rad_s, -0.1, 1e-4);
+}
+
+static void motion_ends_once_after_100_ms_of_silence(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    assert_false(inbox_ego_ends(&r.inbox, 9000 * MS)); /* there never was any */
+    give_ego(&r, 1.0, CAN_VALID);
+    assert_false(inbox_ego_ends(&r.inbox, r.now_ns + 99 * MS));
+    assert_true(inbox_ego_ends(&r.inbox, r.now_ns + 100 * MS));
+    assert_false(r.inbox.ego.valid);
+    assert_false(inbox_ego_ends(&r.inbox, r.now_ns + 200 * MS));
+    assert_int_equal(give_ego(&r, 1.0, CAN_VALID), INBOX_EGO);
+    assert_true(r.inbox.ego.valid);
+}
+
+static void motion_that_the_vehicle_does_not_trust_is_as_good_as_none(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    give_ego(&r, 1.0, CAN_VALID);
+    for (int i = 0; i < 5; i++) {
+        r.now_ns += 20 * MS;
+        enum can_validity v = i % 2 ? CAN_INVALID : CAN_VALIDITY_UNKNOWN;
+        assert_int_equal(give_ego(&r, 3.0, v), INBOX_NOTHING);
+    }
+    assert_int_equal(give_ego(&r, NAN, CAN_VALID), INBOX_NOTHING);
+    assert_float_equal(r.inbox.ego.speed_m_s, 1.0, 1e-9);
+    assert_true(inbox_ego_ends(&r.inbox, r.now_ns));
+    assert_int_equal(r.inbox.wrong, 0);
+}
+
+static void a_damaged_frame_is_not_used(void **state)
+{
+    struct rig r;
+    struct can_frame_data f;
+
+    (void)state;
+    start(&r);
+    give_ego(&r, 1.0, CAN_VALID);
+    for (unsigned bit = 0; bit < 64; bit++) {
+        pack_ego(&f, 2.0, CAN_VALID);
+        protect(&r, &f);
+        f.data[bit / 8] ^= (uint8_t)(1u << bit % 8);
+        assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+    }
+    assert_float_equal(r.inbox.ego.speed_m_s, 1.0, 1e-9);
+    assert_int_equal(r.inbox.wrong, 64);
+}
+
+static void nor_is_one_that_comes_again_or_of_another_frame(void **state)
+{
+    struct rig r;
+    struct can_frame_data f;
+
+    (void)state;
+    start(&r);
+    pack_ego(&f, 2.0, CAN_VALID);
+    assert_int_equal(give(&r, &f), INBOX_EGO);
+    assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+    pack_ego(&f, 3.0, CAN_VALID);
+    protect(&r, &f);
+    f.id = 0x42d;
+    assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+}
+
+/* It was away for a while: what it counts now is what counts. */
+static void after_a_silence_any_counter_is_the_first(void **state)
+{
+    struct rig r;
+    struct can_frame_data f;
+
+    (void)state;
+    start(&r);
+    give_ego(&r, 1.0, CAN_VALID);
+    for (int i = 0; i < 7; i++) {
+        pack_ego(&f, 2.0, CAN_VALID);
+        protect(&r, &f);
+    }
+    r.now_ns += 140 * MS;
+    assert_true(inbox_ego_ends(&r.inbox, r.now_ns));
+    assert_int_equal(give_ego(&r, 2.0, CAN_VALID), INBOX_EGO);
+}
+
+static void the_air_is_what_the_vehicle_measures(void **state)
+{
+    const struct can_ambient air = {.temperature_c = -12.5, .humidity = 0.8};
+    struct rig r;
+    struct can_frame_data f;
+
+    (void)state;
+    start(&r);
+    can_pack_ambient(&f, 0x420, &air);
+    assert_int_equal(give(&r, &f), INBOX_AMBIENT);
+    assert_float_equal(r.inbox.ambient.temperature_c, -12.5, 0.25);
+    assert_float_equal(r.inbox.ambient.humidity, 0.8, 0.01);
+    can_pack_ambient(&f, 0x420, &(struct can_ambient){NAN, NAN});
+    assert_int_equal(give(&r, &f), INBOX_AMBIENT);
+    assert_true(isnan(r.inbox.ambient.temperature_c));
+}
+
+static enum inbox_kind give_wall(struct rig *r, uint8_t id, enum can_validity v)
+{
+    const struct can_wall_in wall = {.id = id,
+                                     .validity = v,
+                                     .azimuth_rad = 0.5,
+                                     .distance_m = 4.0,
+                                     .sigma_azimuth_rad = 0.02,
+                                     .sigma_distance_m = 0.1};
+    struct can_frame_data f;
+
+    can_pack_wall_in(&f, 0x420, &wall);
+    return give(r, &f);
+}
+
+/* The steps of the signals: 0.1 degree, 0.01 m, their sigmas rounded up. */
+static void a_wall_is_upright_in_the_vehicle_frame(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    assert_int_equal(give_wall(&r, 3, CAN_VALID), INBOX_WALLS_GIVEN);
+    assert_int_equal(r.inbox.wall_list.n_walls, 1);
+    const Anlos__Wall *w = r.inbox.wall_list.walls[0];
+    assert_int_equal(w->id, 3);
+    assert_int_equal(w->origin, ANLOS__WALL__ORIGIN__GIVEN);
+    assert_float_equal(w->normal->x, cos(0.5), 2e-3);
+    assert_float_equal(w->normal->y, sin(0.5), 2e-3);
+    assert_true(w->normal->z >= 0.0 && w->normal->z <= 0.0);
+    assert_float_equal(w->distance_m, 4.0, 0.02);
+    assert_int_equal(w->n_covariance, 6);
+    assert_true(w->covariance[0] >= 0.02 * 0.02 - 1e-9 && w->covariance[0] < 0.002);
+    assert_true(w->covariance[5] >= 0.1 * 0.1 - 1e-9 && w->covariance[5] < 0.04);
+}
+
+static void walls_are_kept_until_they_are_taken_back_or_old(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    give_wall(&r, 1, CAN_VALID);
+    r.now_ns += 500 * MS;
+    give_wall(&r, 2, CAN_VALID);
+    assert_int_equal(r.inbox.wall_list.n_walls, 2);
+    assert_float_equal(r.inbox.wall_list.walls[0]->unseen_s, 0.5, 1e-9);
+    assert_int_equal(give_wall(&r, 2, CAN_INVALID), INBOX_WALLS_GIVEN);
+    assert_int_equal(r.inbox.wall_list.n_walls, 1);
+    assert_int_equal(r.inbox.wall_list.walls[0]->id, 1);
+    r.now_ns += 1501 * MS;
+    give_wall(&r, 3, CAN_VALID);
+    assert_int_equal(r.inbox.wall_list.n_walls, 1);
+    assert_int_equal(r.inbox.wall_list.walls[0]->id, 3);
+    assert_int_equal(give_wall(&r, 0, CAN_VALID), INBOX_NOTHING);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_three_inputs_of_this_sensor_are_listened_to),
+        cmocka_unit_test(motion_is_said_as_the_vehicle_says_it),
+        cmocka_unit_test(motion_ends_once_after_100_ms_of_silence),
+        cmocka_unit_test(motion_that_the_vehicle_does_not_trust_is_as_good_as_none),
+        cmocka_unit_test(a_damaged_frame_is_not_used),
+        cmocka_unit_test(nor_is_one_that_comes_again_or_of_another_frame),
+        cmocka_unit_test(after_a_silence_any_counter_is_the_first),
+        cmocka_unit_test(the_air_is_what_the_vehicle_measures),
+        cmocka_unit_test(a_wall_is_upright_in_the_vehicle_frame),
+        cmocka_unit_test(walls_are_kept_until_they_are_taken_back_or_old),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,583 @@
+/* A sensor on a fixed array whose inputs come as they should, every 10 ms of a clock of
+ * the test's own, until one does not.  Each row of the table in watch.h has its test. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "nodes/can/watch.h"
+#include "nodes/rt/node.h"
+
+#define MS 1000000LL
+
+struct world {
+    struct watch watch;
+    int64_t now_ns;
+    /* What goes on; all true at first. */
+    bool lists, ego, ambient, walls, health;
+    int64_t image_age_ns, cycle_ns, ahead_ns;
+    double wall_existence, wall_unseen_s;
+    const char *fault; /* that the node dsp tells */
+    uint32_t count, of;
+    Anlos__Health__State state; /* of dsp */
+};
+
+static void tell_health(struct world *w, const char *name)
+{
+    Anlos__Health h = ANLOS__HEALTH__INIT;
+    Anlos__Fault fault = ANLOS__FAULT__INIT, *faults[] = {&fault};
+    bool is_dsp = !strcmp(name, "dsp");
+
+    h.node = (char *)name;
+    h.state = is_dsp ? w->state : ANLOS__HEALTH__STATE__READY;
+    if (is_dsp && w->fault) {
+        fault.name = (char *)w->fault;
+        fault.count = w->count;
+        fault.of = w->of;
+        h.faults = faults;
+        h.n_faults = 1;
+    }
+    watch_health(&w->watch, &h, w->now_ns);
+}
+
+static void tell_walls(struct world *w)
+{
+    Anlos__WallList list = ANLOS__WALL_LIST__INIT;
+    Anlos__Wall wall = ANLOS__WALL__INIT, *walls[] = {&wall};
+
+    wall.existence = w->wall_existence;
+    wall.unseen_s = w->wall_unseen_s;
+    list.walls = walls;
+    list.n_walls = 1;
+    watch_walls(&w->watch, &list, w->now_ns);
+}
+
+static bool is_time(const struct world *w, int64_t period_ns)
+{
+    return w->now_ns % period_ns == 0;
+}
+
+/* Runs on for so long. */
+static void run(struct world *w, int64_t ms)
+{
+    for (int64_t end = w->now_ns + ms * MS; w->now_ns < end;) {
+        w->now_ns += 10 * MS;
+        if (w->lists && is_time(w, w->cycle_ns))
+            watch_list(&w->watch, w->now_ns - w->image_age_ns, w->now_ns);
+        if (w->ego && is_time(w, 20 * MS))
+            watch_ego(&w->watch, w->now_ns);
+        if (w->ambient && is_time(w, 1000 * MS))
+            watch_ambient(&w->watch, 11.0, w->now_ns);
+        if (w->walls && is_time(w, 100 * MS))
+            tell_walls(w);
+        if (w->health && is_time(w, 1000 * MS)) {
+            tell_health(w, "array");
+            tell_health(w, "dsp");
+        }
+        watch_clock(&w->watch, w->ahead_ns);
+        watch_step(&w->watch, w->now_ns);
+    }
+}
+
+static void tell_scan(struct world *w, Anlos__ScanStatus__State state)
+{
+    Anlos__ScanStatus scan = ANLOS__SCAN_STATUS__INIT;
+
+    scan.state = state;
+    watch_scan(&w->watch, &scan);
+}
+
+static void start(struct world *w, const struct watch_config *cfg)
+{
+    *w = (struct world){.now_ns = 1000000 * MS,
+                        .lists = true,
+                        .ego = true,
+                        .ambient = true,
+                        .walls = true,
+                        .health = true,
+                        .image_age_ns = 80 * MS,
+                        .cycle_ns = 250 * MS,
+                        .wall_existence = 0.9,
+                        .state = ANLOS__HEALTH__STATE__READY};
+    watch_init(&w->watch, cfg);
+    tell_scan(w, ANLOS__SCAN_STATUS__STATE__RUNNING);
+}
+
+static const struct watch_config fixed = {.fixed = true, .ego = true, .wall = true};
+
+/* One that works, at a full second. */
+static void start_well(struct world *w)
+{
+    start(w, &fixed);
+    run(w, 5000);
+    assert_int_equal(watch_state(&w->watch), CAN_ACTIVE);
+    assert_int_equal(watch_faults(&w->watch), 0);
+}
+
+static void assert_is(const struct world *w, enum can_state state, enum can_fault fault)
+{
+    assert_int_equal(watch_state(&w->watch), state);
+    assert_int_equal(watch_faults(&w->watch), 1u << fault);
+}
+
+static void assert_well(const struct world *w)
+{
+    assert_int_equal(watch_state(&w->watch), CAN_ACTIVE);
+    assert_int_equal(watch_faults(&w->watch), 0);
+}
+
+/* The last list came with the full second, the next is due after 250 ms. */
+static void an_image_that_does_not_come_is_a_fault_100_ms_after_it_was_due(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.lists = false;
+    run(&w, 350);
+    assert_well(&w);
+    run(&w, 10);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_IMAGE_STALE);
+    assert_false(watch_lets_objects(&w.watch));
+    w.lists = true;
+    run(&w, 140); /* up to where one comes */
+    assert_is(&w, CAN_FAULT, CAN_FAULT_IMAGE_STALE);
+    run(&w, 480);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_IMAGE_STALE);
+    run(&w, 20);
+    assert_well(&w);
+    assert_true(watch_lets_objects(&w.watch));
+}
+
+static void an_image_of_old_sound_is_a_fault_when_it_comes(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.image_age_ns = 510 * MS;
+    run(&w, 240);
+    assert_well(&w);
+    run(&w, 10);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_IMAGE_STALE);
+    start_well(&w);
+    w.image_age_ns = -110 * MS;
+    run(&w, 250);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_IMAGE_STALE);
+}
+
+/* The vehicle's own jitter is no fault: of 4 intervals the longest counts. */
+static void an_image_may_come_as_late_as_the_ones_before(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    for (int i = 0; i < 8; i++) {
+        w.cycle_ns = (i % 2 ? 300 : 200) * MS;
+        w.now_ns = 2000000 * MS + i * 600 * MS;
+        run(&w, w.cycle_ns / MS);
+    }
+    assert_int_equal(watch_faults(&w.watch) & 1u << CAN_FAULT_IMAGE_STALE, 0);
+}
+
+static void motion_that_does_not_come_is_missing_after_100_ms(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.ego = false;
+    run(&w, 100);
+    assert_well(&w);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_EGO_MISSING);
+    assert_true(watch_lets_objects(&w.watch));
+    w.ego = true;
+    run(&w, 490);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_EGO_MISSING);
+    run(&w, 10);
+    assert_well(&w);
+    assert_int_equal(w.watch.raised[CAN_FAULT_EGO_MISSING], 1);
+}
+
+static void a_temperature_that_nobody_tells_is_unknown_after_3_s(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.ambient = false;
+    run(&w, 3000);
+    assert_well(&w);
+    assert_true(watch_temperature_c(&w.watch) > 10.9);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_TEMPERATURE_UNKNOWN);
+    assert_true(isnan(watch_temperature_c(&w.watch)));
+    watch_survey(&w.watch, 20.0);
+    run(&w, 990);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_TEMPERATURE_UNKNOWN);
+    run(&w, 10);
+    assert_well(&w);
+    assert_true(watch_temperature_c(&w.watch) > 19.9);
+}
+
+/* What a node tells at once is judged with the next step. */
+static void tell_fault(struct world *w, const char *name, uint32_t count, uint32_t of)
+{
+    w->fault = name;
+    w->count = count;
+    w->of = of;
+    tell_health(w, "dsp");
+    tell_health(w, "array"); /* which says nothing of it, and does not take it back */
+}
+
+static void assert_channels(const char *name, enum can_fault fault)
+{
+    struct world w;
+
+    start_well(&w);
+    tell_fault(&w, name, 7, 16);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, fault);
+    assert_true(watch_lets_objects(&w.watch));
+    tell_fault(&w, name, 8, 16);
+    run(&w, 10);
+    assert_is(&w, CAN_BLOCKED, fault);
+    assert_false(watch_lets_objects(&w.watch));
+    tell_fault(&w, name, 1, 16);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, fault);
+    tell_fault(&w, NULL, 0, 0);
+    run(&w, 990);
+    assert_is(&w, CAN_DEGRADED, fault);
+    run(&w, 10);
+    assert_well(&w);
+}
+
+static void silent_microphones_degrade_and_half_of_them_block(void **state)
+{
+    (void)state;
+    assert_channels(NODE_FAULT_CHANNELS_SILENT, CAN_FAULT_CHANNELS_DEAD);
+}
+
+static void so_do_damaged_ones(void **state)
+{
+    (void)state;
+    assert_channels(NODE_FAULT_ELEMENTS_DAMAGED, CAN_FAULT_ELEMENT_ERRORS);
+}
+
+static void and_clipped_ones(void **state)
+{
+    (void)state;
+    assert_channels(NODE_FAULT_CHANNELS_CLIPPED, CAN_FAULT_CLIPPED);
+}
+
+static void a_wall_that_is_not_likely_or_not_seen_is_lost(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.wall_existence = 0.4;
+    run(&w, 90);
+    assert_well(&w);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_WALL_LOST);
+    w.wall_existence = 0.9;
+    run(&w, 1080);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_WALL_LOST);
+    run(&w, 20);
+    assert_well(&w);
+    w.wall_unseen_s = 2.1;
+    run(&w, 100);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_WALL_LOST);
+}
+
+static void
+a_wall_of_which_its_node_says_nothing_is_lost_after_half_a_second(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.walls = false;
+    run(&w, 500);
+    assert_well(&w);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_WALL_LOST);
+}
+
+/* Of seconds or of hundredths, forward or back; less is how exactly it is measured. */
+static void a_clock_that_was_set_is_told_for_5_s(void **state)
+{
+    static const int64_t jumps[] = {21 * MS, -21 * MS, 3600000 * MS};
+    struct world w;
+
+    (void)state;
+    for (size_t i = 0; i < 3; i++) {
+        start_well(&w);
+        w.ahead_ns += 19 * MS;
+        run(&w, 10);
+        assert_well(&w);
+        w.ahead_ns += jumps[i];
+        run(&w, 10);
+        assert_is(&w, CAN_DEGRADED, CAN_FAULT_CLOCK_JUMP);
+        run(&w, 4990);
+        assert_is(&w, CAN_DEGRADED, CAN_FAULT_CLOCK_JUMP);
+        run(&w, 10);
+        assert_well(&w);
+    }
+}
+
+static void a_wrong_frame_of_the_vehicle_is_told_for_a_second(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    watch_wrong_input(&w.watch);
+    run(&w, 1000);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_INPUT_E2E);
+    run(&w, 10);
+    assert_well(&w);
+}
+
+static void an_array_that_is_away_is_a_fault(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    tell_fault(&w, NODE_FAULT_ARRAY_AWAY, 1, 1);
+    run(&w, 10);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_ARRAY_AWAY);
+    assert_false(watch_lets_objects(&w.watch));
+    tell_fault(&w, NULL, 0, 0);
+    run(&w, 990);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_ARRAY_AWAY);
+    run(&w, 10);
+    assert_well(&w);
+}
+
+static void a_node_that_ended_is_lost_at_once(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    tell_fault(&w, NODE_FAULT_NODES_LOST, 1, 8);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_NODE_LOST);
+}
+
+static void so_is_one_that_calls_itself_faulty(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.state = ANLOS__HEALTH__STATE__FAULT;
+    tell_health(&w, "dsp");
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_NODE_LOST);
+    w.state = ANLOS__HEALTH__STATE__DEGRADED;
+    tell_health(&w, "dsp");
+    run(&w, 1000);
+    assert_well(&w);
+}
+
+/* It hangs; its last word came with the full second. */
+static void a_node_that_says_nothing_is_lost_after_two_and_a_half_seconds(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.health = false;
+    run(&w, 2500);
+    assert_well(&w);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_NODE_LOST);
+}
+
+static void who_only_looks_on_may_come_and_go(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    tell_health(&w, "view");
+    tell_health(&w, "record");
+    run(&w, 5000);
+    assert_well(&w);
+}
+
+static void lists_that_were_dropped_are_told_for_5_s(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    watch_dropped(&w.watch, 3);
+    run(&w, 5000);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_LISTS_DROPPED);
+    watch_dropped(&w.watch, 3);
+    run(&w, 10);
+    assert_well(&w);
+}
+
+static void the_worst_of_several_faults_is_the_state(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.ego = false;
+    run(&w, 110);
+    assert_int_equal(watch_state(&w.watch), CAN_DEGRADED);
+    tell_fault(&w, NODE_FAULT_CHANNELS_SILENT, 16, 16);
+    run(&w, 10);
+    assert_int_equal(watch_state(&w.watch), CAN_BLOCKED);
+    w.lists = false;
+    run(&w, 400);
+    assert_int_equal(watch_state(&w.watch), CAN_FAULT);
+    assert_int_equal(watch_faults(&w.watch), 1u << CAN_FAULT_EGO_MISSING |
+                                                 1u << CAN_FAULT_CHANNELS_DEAD |
+                                                 1u << CAN_FAULT_IMAGE_STALE);
+    assert_int_equal(w.watch.raised[CAN_FAULT_EGO_MISSING], 1);
+}
+
+static void a_sensor_that_begins_is_no_faulty_one(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start(&w, &fixed);
+    w.lists = w.walls = false;
+    run(&w, 3000);
+    assert_int_equal(watch_state(&w.watch), CAN_INIT);
+    assert_int_equal(watch_faults(&w.watch),
+                     1u << CAN_FAULT_IMAGE_STALE | 1u << CAN_FAULT_WALL_LOST);
+    assert_false(watch_lets_objects(&w.watch));
+    w.lists = w.walls = true;
+    run(&w, 1500);
+    assert_well(&w);
+}
+
+static void one_that_does_not_begin_within_10_s_is(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start(&w, &fixed);
+    w.lists = false;
+    run(&w, 10000);
+    assert_int_equal(watch_state(&w.watch), CAN_INIT);
+    run(&w, 20);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_IMAGE_STALE);
+}
+
+static void the_state_of_the_scan_comes_first(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    tell_scan(&w, ANLOS__SCAN_STATUS__STATE__FAILED);
+    run(&w, 10);
+    assert_int_equal(watch_state(&w.watch), CAN_FAULT);
+    tell_scan(&w, ANLOS__SCAN_STATUS__STATE__WAITING);
+    run(&w, 10);
+    assert_int_equal(watch_state(&w.watch), CAN_INIT);
+}
+
+/* Its image may take as long as it takes, and nobody waits for motion or walls. */
+static void a_scan_is_not_judged_by_what_it_does_not_need(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start(&w, &(struct watch_config){.wall = true});
+    w.lists = w.ego = w.walls = w.ambient = false;
+    run(&w, 20);
+    assert_well(&w);
+    w.health = false;
+    run(&w, 60000);
+    assert_well(&w);
+    tell_fault(&w, NODE_FAULT_ARRAY_AWAY, 1, 1);
+    run(&w, 10);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_ARRAY_AWAY);
+}
+
+static void in_a_replay_only_the_scan_counts(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start(&w, &(struct watch_config){.fixed = true, .ego = true, .replayed = true});
+    w.lists = w.ego = w.ambient = false;
+    tell_fault(&w, NODE_FAULT_ARRAY_AWAY, 1, 1);
+    watch_wrong_input(&w.watch);
+    run(&w, 20000);
+    assert_well(&w);
+    assert_true(watch_lets_objects(&w.watch));
+    tell_scan(&w, ANLOS__SCAN_STATUS__STATE__FAILED);
+    assert_int_equal(watch_state(&w.watch), CAN_FAULT);
+    assert_false(watch_lets_objects(&w.watch));
+}
+
+static void faults_have_names_for_a_person(void **state)
+{
+    struct world w;
+    char text[256], tiny[16];
+
+    (void)state;
+    start_well(&w);
+    watch_text(&w.watch, text, sizeof text);
+    assert_string_equal(text, "");
+    w.ego = false;
+    tell_fault(&w, NODE_FAULT_CHANNELS_SILENT, 1, 16);
+    run(&w, 110);
+    watch_text(&w.watch, text, sizeof text);
+    assert_string_equal(text, "no motion of the vehicle, silent microphones");
+    watch_text(&w.watch, tiny, sizeof tiny);
+    assert_string_equal(tiny, "no motion of th");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_image_that_does_not_come_is_a_fault_100_ms_after_it_was_due),
+        cmocka_unit_test(an_image_of_old_sound_is_a_fault_when_it_comes),
+        cmocka_unit_test(an_image_may_come_as_late_as_the_ones_before),
+        cmocka_unit_test(motion_that_does_not_come_is_missing_after_100_ms),
+        cmocka_unit_test(a_temperature_that_nobody_tells_is_unknown_after_3_s),
+        cmocka_unit_test(silent_microphones_degrade_and_half_of_them_block),
+        cmocka_unit_test(so_do_damaged_ones),
+        cmocka_unit_test(and_clipped_ones),
+        cmocka_unit_test(a_wall_that_is_not_likely_or_not_seen_is_lost),
+        cmocka_unit_test(
+            a_wall_of_which_its_node_says_nothing_is_lost_after_half_a_second),
+        cmocka_unit_test(a_clock_that_was_set_is_told_for_5_s),
+        cmocka_unit_test(a_wrong_frame_of_the_vehicle_is_told_for_a_second),
+        cmocka_unit_test(an_array_that_is_away_is_a_fault),
+        cmocka_unit_test(a_node_that_ended_is_lost_at_once),
+        cmocka_unit_test(so_is_one_that_calls_itself_faulty),
+        cmocka_unit_test(a_node_that_says_nothing_is_lost_after_two_and_a_half_seconds),
+        cmocka_unit_test(who_only_looks_on_may_come_and_go),
+        cmocka_unit_test(lists_that_were_dropped_are_told_for_5_s),
+        cmocka_unit_test(the_worst_of_several_faults_is_the_state),
+        cmocka_unit_test(a_sensor_that_begins_is_no_faulty_one),
+        cmocka_unit_test(one_that_does_not_begin_within_10_s_is),
+        cmocka_unit_test(the_state_of_the_scan_comes_first),
+        cmocka_unit_test(a_scan_is_not_judged_by_what_it_does_not_need),
+        cmocka_unit_test(in_a_replay_only_the_scan_counts),
+        cmocka_unit_test(faults_have_names_for_a_person),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
