@@ -10,7 +10,8 @@
 struct array {
     const struct array_ops *ops;
     void *state;
-    size_t n_left;      /* pings of the shot that were not read yet */
+    size_t n_left; /* pings of the shot that were not read yet; endless: 1 */
+    bool endless;
     uint32_t *speakers; /* [survey's n_speakers], of the shot */
 };
 
@@ -67,7 +68,8 @@ int array_fire(struct array *a, const struct array_shot *shot)
 {
     const struct survey *s = array_survey(a);
     if (a->n_left || shot->position >= s->n_positions || !shot->n_speakers ||
-        shot->n_speakers > s->n_speakers)
+        shot->n_speakers > s->n_speakers || (shot->endless && s->pings_m) ||
+        (shot->endless && !survey_round_fits(s, shot->n_speakers)))
         return -EINVAL;
     for (size_t i = 0; i < shot->n_speakers; i++)
         if (shot->speakers[i] >= s->n_speakers)
@@ -76,8 +78,10 @@ int array_fire(struct array *a, const struct array_shot *shot)
     struct array_shot copy = *shot;
     copy.speakers = a->speakers;
     int err = a->ops->fire(a->state, &copy);
-    if (!err)
-        a->n_left = shot->n_speakers;
+    if (!err) {
+        a->endless = shot->endless;
+        a->n_left = shot->endless ? 1 : shot->n_speakers;
+    }
     return err;
 }
 
@@ -87,11 +91,23 @@ int array_next(struct array *a, struct array_ping *out, struct complaint *why)
     if (!a->n_left)
         return -ENODATA;
     int err = a->ops->next(a->state, out, why);
-    if (!err)
-        a->n_left--;
-    else if (err != -EINTR && err != -EAGAIN)
+    if (!err) {
+        a->n_left -= !a->endless;
+        out->down = a->ops->is_down ? a->ops->is_down(a->state, out->shot_index)
+                                    : survey_is_down(array_survey(a), out->shot_index);
+    } else if (err != -EINTR && err != -EAGAIN) {
         a->n_left = 0;
+    }
     return err;
+}
+
+void array_halt(struct array *a)
+{
+    if (!a->n_left || !a->endless)
+        return;
+    if (a->ops->halt)
+        a->ops->halt(a->state);
+    a->n_left = 0;
 }
 
 size_t array_counts(struct array *a, struct device_count out[DEVICE_MAX_COUNTS])

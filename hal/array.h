@@ -18,19 +18,29 @@
 #include "msgs/complaint.h"
 #include "msgs/survey.h"
 
-/* One emission of each speaker named, in turn, a slot each, without a break. */
+/* One emission of each speaker named, in turn, without a break: emission k of it in slot
+ * survey_slot_of(k), downward where survey_is_down(k) (msgs/survey.h).  An endless shot
+ * goes round its speakers until array_halt, each round in as many slots as one that is
+ * not endless, the next right behind it.
+ * Its pings come at the true pace, whatever else the array does: nobody holds them back.
+ */
 struct array_shot {
     Anlos__Pass pass;
     size_t position;          /* index into the survey's stage positions */
     double stage_m;           /* where the stage really stands */
     const uint32_t *speakers; /* [n_speakers] */
     size_t n_speakers;
+    bool endless; /* of an array that stands still */
 };
 
 /* One ping.  samples is [n_microphones][n_samples], full scale +-1, valid until the next
  * call on the array; sample 0 is the nominal start of the emission. */
 struct array_ping {
     size_t shot_index; /* 0..n_speakers-1 */
+    uint32_t frame;    /* of an endless shot: the round, from 1; else 0.  A ping that the
+                          array had to leave out, because nobody took it in time, is a
+                          gap in frame and shot_index */
+    bool down;         /* the chirp ran from its stop to its start */
     const float *samples;
     size_t n_samples;           /* slot and tail; the same for every ping of an array */
     const uint32_t *clipped;    /* [n_microphones] */
@@ -47,7 +57,13 @@ struct array_ops {
                 struct complaint *why);
     const struct survey *(*survey)(void *state);
     int (*fire)(void *state, const struct array_shot *shot);
+    /* Fills shot_index, and frame of an endless shot; `down` is set by array_next. */
     int (*next)(void *state, struct array_ping *out, struct complaint *why);
+    /* The direction of emission k of the shot.  May be NULL: as survey_is_down says. */
+    bool (*is_down)(void *state, size_t k);
+    /* Of an endless shot: emits no more, `next` is not asked for it again.  May be NULL:
+     * there is nothing to be done. */
+    void (*halt)(void *state);
     /* May be NULL: nothing is counted. */
     size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
     /* May be NULL: it is always there, and nothing befalls it. */
@@ -66,7 +82,9 @@ int array_open(struct array **out, const char *uri, const struct clock_source *c
 /* Owned by the array; complete before the first shot. */
 const struct survey *array_survey(const struct array *a);
 
-/* Starts a shot; the previous one must have been read to its end.  0, -EINVAL. */
+/* Starts a shot; the previous one must have been read to its end, or halted.  0, -EINVAL
+ * (also of an endless one whose round is shorter than the chirp: survey_round_fits),
+ * -ENOTSUP (this array has no endless shots). */
 int array_fire(struct array *a, const struct array_shot *shot);
 
 /* Blocks until the next ping of the shot is recorded.  0, -ENODATA (the shot has ended),
@@ -74,6 +92,10 @@ int array_fire(struct array *a, const struct array_shot *shot);
  * says why; the shot goes on when it is back: call again or give up), other negative
  * errno, which end the shot. */
 int array_next(struct array *a, struct array_ping *out, struct complaint *why);
+
+/* Ends an endless shot at once: what is under way of it is dropped, the next shot may be
+ * fired.  Nothing where there is none. */
+void array_halt(struct array *a);
 
 /* How many counts there are. */
 size_t array_counts(struct array *a, struct device_count out[DEVICE_MAX_COUNTS]);

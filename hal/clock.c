@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <pthread.h>
+#include <sys/timex.h>
 #include <time.h>
 
 #define NS_PER_S INT64_C(1000000000)
@@ -18,18 +19,24 @@ static int64_t read_ns(clockid_t id)
 }
 
 /* The two clocks cannot be read in one instant: the closest of some tries counts. */
-static void measure_offset(void)
+static int64_t measure_offset(void)
 {
-    int64_t best = INT64_MAX;
+    int64_t best = INT64_MAX, offset = 0;
     for (int i = 0; i < 8; i++) {
         int64_t before = read_ns(CLOCK_MONOTONIC);
         int64_t wall = read_ns(CLOCK_REALTIME);
         int64_t after = read_ns(CLOCK_MONOTONIC);
         if (after - before < best) {
             best = after - before;
-            wall_offset_ns = wall - (before + after) / 2;
+            offset = wall - (before + after) / 2;
         }
     }
+    return offset;
+}
+
+static void start(void)
+{
+    wall_offset_ns = measure_offset();
 }
 
 static int64_t system_now_ns(void *state)
@@ -52,6 +59,20 @@ const struct clock_source *clock_system(void)
 {
     static const struct clock_source system = {system_now_ns, system_sleep_until_ns,
                                                NULL};
-    pthread_once(&once, measure_offset);
+    pthread_once(&once, start);
     return &system;
+}
+
+/* Slewing moves both clocks alike, setting only one. */
+int64_t clock_wall_ahead_ns(void)
+{
+    pthread_once(&once, start);
+    return measure_offset() - wall_offset_ns;
+}
+
+bool clock_is_synchronised(void)
+{
+    struct timex t = {0};
+
+    return adjtimex(&t) >= 0 && !(t.status & STA_UNSYNC);
 }

@@ -3,6 +3,7 @@
 #ifndef ANLOS_HAL_CLOCK_H
 #define ANLOS_HAL_CLOCK_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 struct clock_source {
@@ -15,6 +16,12 @@ struct clock_source {
 /* The machine's clock: counts on CLOCK_MONOTONIC, offset to wall time once at the start,
  * so that it never jumps. */
 const struct clock_source *clock_system(void);
+
+/* How far the wall clock is ahead of clock_system by now: it was set since the start. */
+int64_t clock_wall_ahead_ns(void);
+
+/* Does the wall clock follow another one (NTP, PTP), as the kernel knows it? */
+bool clock_is_synchronised(void);
 
 static inline int64_t clock_now_ns(const struct clock_source *c)
 {

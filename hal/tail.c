@@ -80,12 +80,17 @@ size_t tail_echo_samples(const struct survey *s)
     double path_m = longest_m(&speakers, &target) + longest_m(&microphones, &target);
     if (s->has_gate)
         path_m = fmax(path_m, 2 * s->gate_m[1]);
+    if (survey_overlaps(s)) /* what comes later belongs to the next emission */
+        path_m = fmin(path_m,
+                      (double)s->slot_samples / s->sample_rate_hz * s->sound_speed_m_s);
     double needed = s->latency_samples + MARGIN_SAMPLES +
                     (path_m / s->sound_speed_m_s + s->chirp_duration_s) *
                         s->sample_rate_hz -
                     (double)s->slot_samples;
     if (!(needed > 0))
         return 0;
+    if (survey_overlaps(s))
+        return (size_t)ceil(needed);
     return needed < (double)s->slot_samples ? (size_t)ceil(needed) : s->slot_samples;
 }
 
@@ -103,6 +108,8 @@ static double next_emission_samples(const struct survey *s)
 size_t tail_samples(const struct survey *s)
 {
     size_t echo = tail_echo_samples(s);
+    if (survey_overlaps(s))
+        return echo;
     double needed = next_emission_samples(s);
     if (echo == 0 || needed < (double)echo)
         return echo;

@@ -9,6 +9,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#define REPLAYED_BYTES ((size_t)64 << 20)
+
 struct letter {
     struct bus_message message;
     uint64_t arrival;
@@ -16,7 +18,8 @@ struct letter {
 
 struct queue {
     enum topic_policy policy;
-    size_t depth, head, n;
+    size_t limit;          /* the topic's depth */
+    size_t depth, head, n; /* of the ring, which may have grown */
     uint64_t dropped;
     struct letter *ring; /* [depth] */
 };
@@ -54,7 +57,7 @@ int mailbox_create(struct mailbox **out)
 
 int mailbox_add(struct mailbox *m, const struct topic *t, size_t *slot)
 {
-    struct queue q = {.policy = t->policy, .depth = t->depth};
+    struct queue q = {.policy = t->policy, .limit = t->depth, .depth = t->depth};
     q.ring = calloc(t->depth, sizeof *q.ring);
     if (!q.ring)
         return -ENOMEM;
@@ -134,13 +137,21 @@ static bool grow(struct queue *q)
     return true;
 }
 
-/* What waits is without a hole, so it is the new one that goes. */
-static bool has_room(const struct mailbox *m, struct queue *q, size_t bytes)
+static bool has_room(const struct mailbox *m, struct queue *q, size_t most_bytes,
+                     size_t bytes)
 {
     if (m->waiting &&
-        (m->waiting_bytes >= m->keep_bytes || bytes > m->keep_bytes - m->waiting_bytes))
+        (m->waiting_bytes >= most_bytes || bytes > most_bytes - m->waiting_bytes))
         return false;
     return q->n < q->depth || grow(q);
+}
+
+/* A replay is to give the same each time, however fast: its states wait, too. */
+static bool keeps_replayed(const struct mailbox *m, struct queue *q,
+                           const struct envelope *e)
+{
+    return e->replayed && q->policy == TOPIC_LATEST &&
+           has_room(m, q, REPLAYED_BYTES, e->payload_size);
 }
 
 void mailbox_put(struct mailbox *m, size_t slot, const struct bus_message *message)
@@ -148,11 +159,14 @@ void mailbox_put(struct mailbox *m, size_t slot, const struct bus_message *messa
     struct bus_message lost = {0};
     pthread_mutex_lock(&m->lock);
     struct queue *q = &m->queues[slot];
-    bool fits = !m->keep_bytes || has_room(m, q, message->envelope.payload_size);
+    /* What waits for a recorder is without a hole: it is the new one that goes. */
+    bool fits = !m->keep_bytes ||
+                has_room(m, q, m->keep_bytes, message->envelope.payload_size);
     if (!fits) {
         lost = *message;
         q->dropped++;
-    } else if (q->n == q->depth) {
+    } else if (!m->keep_bytes && q->n >= q->limit &&
+               !keeps_replayed(m, q, &message->envelope)) {
         lost = pop(m, q);
         q->dropped += q->policy == TOPIC_ALL;
     }

@@ -38,6 +38,37 @@ double survey_sound_speed_m_s(double temperature_c)
     return survey_humid_sound_speed_m_s(temperature_c, 0);
 }
 
+/* A millionth of a sample is not a chirp that is too long. */
+static bool chirp_fits(const struct survey *s, size_t n_samples)
+{
+    return s->chirp_duration_s * s->sample_rate_hz <= (double)n_samples + 1e-6;
+}
+
+bool survey_overlaps(const struct survey *s)
+{
+    return !chirp_fits(s, s->slot_samples);
+}
+
+size_t survey_slot_of(const struct survey *s, size_t k)
+{
+    return s->together > 1 ? k / s->together : k;
+}
+
+size_t survey_slots(const struct survey *s, size_t n)
+{
+    return n ? survey_slot_of(s, n - 1) + 1 : 0;
+}
+
+bool survey_round_fits(const struct survey *s, size_t n)
+{
+    return chirp_fits(s, survey_slots(s, n) * s->slot_samples);
+}
+
+bool survey_is_down(const struct survey *s, size_t k)
+{
+    return s->chirp_alternates && k % 2;
+}
+
 static void hash_bytes(uint64_t *h, const void *data, size_t size)
 {
     const uint8_t *bytes = data; /* FNV-1a */
@@ -71,6 +102,11 @@ static void hash_placement(uint64_t *h, const struct survey *s)
         hash_numbers(h, s->wall_normal, 3);
         hash_numbers(h, &s->wall_distance_m, 1);
     }
+    for (size_t i = 0; i < s->n_walls; i++) {
+        hash_numbers(h, s->walls[i].normal, 3);
+        hash_numbers(h, &s->walls[i].distance_m, 1);
+        hash_numbers(h, s->walls[i].gate_m, 2);
+    }
     hash_counts(h, s->has_mount);
     if (s->has_mount) {
         hash_numbers(h, s->mount_origin_m, 3);
@@ -82,6 +118,12 @@ static void hash_placement(uint64_t *h, const struct survey *s)
 /* Nothing for surveys of stage and chirp: they keep their ids. */
 static void hash_source(uint64_t *h, const struct survey *s)
 {
+    if (s->chirp_alternates)
+        hash_bytes(h, "alternates", 10);
+    if (s->together > 1) {
+        hash_bytes(h, "together", 8);
+        hash_counts(h, s->together);
+    }
     if (s->pings_m)
         hash_numbers(h, s->pings_m[0][0], 6 * s->n_positions);
     if (!s->n_replica)

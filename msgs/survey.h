@@ -18,14 +18,24 @@ struct survey_response { /* factory calibration of one microphone */
     double *gain_db;      /* [n_points] */
 };
 
+struct survey_wall {  /* { p : normal . p = distance_m } */
+    double normal[3]; /* unit */
+    double distance_m;
+    double gate_m[2]; /* near, far: ranges that are seen by way of it */
+};
+
+#define SURVEY_MAX_WALLS 8
+
 struct survey {
     Anlos__Source source;
     double sound_speed_m_s;
     double temperature_c; /* NaN: not known */
     double sample_rate_hz;
     double chirp_start_hz, chirp_stop_hz, chirp_duration_s;
-    bool chirp_sine; /* the chirp starts as a sine; else as a cosine */
-    size_t slot_samples;
+    bool chirp_sine;       /* the chirp starts as a sine; else as a cosine */
+    bool chirp_alternates; /* every second emission of a shot runs from stop to start */
+    size_t slot_samples; /* from one emission to the next; may be shorter than a chirp */
+    size_t together;     /* emissions that start in one slot: 2, or 0 and 1: one */
     double latency_samples; /* from the nominal to the real emission, >= 0 */
 
     size_t n_speakers, n_microphones, n_positions;
@@ -51,6 +61,8 @@ struct survey {
     double
         wall_normal[3]; /* unit; the wall is { p : wall_normal . p = wall_distance_m } */
     double wall_distance_m;
+    size_t n_walls; /* 0: that one alone; else it is the first of these */
+    struct survey_wall walls[SURVEY_MAX_WALLS];
     bool has_mount; /* the array's pose in the vehicle frame (x forward, y left, z up) */
     double mount_origin_m[3];
     double mount_x_axis[3], mount_y_axis[3]; /* unit; the array's axes in vehicle terms */
@@ -74,6 +86,23 @@ double survey_humid_sound_speed_m_s(double temperature_c, double humidity);
     ((size_t)1 << 24) /* from a speaker to a microphone at a position: the paper's scan  \
                          has 8192, and to plan for this many takes seconds already */
 #define SURVEY_UNIT_TOLERANCE 1e-3 /* of the length of a unit vector */
+
+/* Does the next emission start before the chirp is over?  Then the gate tells them apart:
+ * the next one is heard beyond it. */
+bool survey_overlaps(const struct survey *s);
+
+/* Emission k of a shot, from 0, starts in which slot of it? */
+size_t survey_slot_of(const struct survey *s, size_t k);
+
+/* How many slots does a shot of n emissions take? */
+size_t survey_slots(const struct survey *s, size_t n);
+
+/* Is a chirp over when its speaker's turn comes again, in an endless shot of n? */
+bool survey_round_fits(const struct survey *s, size_t n);
+
+/* Does emission k of a shot run from the chirp's stop to its start?  An endless shot
+ * counts them anew in each round, so that a speaker always does the same. */
+bool survey_is_down(const struct survey *s, size_t k);
 
 /* Plausible and consistent?  Ranges are stated in the complaint.  0 or -EINVAL. */
 int survey_check(const struct survey *s, struct complaint *why);

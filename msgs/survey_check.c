@@ -7,6 +7,8 @@
 
 #define MAX_DISTANCE_M   100.0 /* a survey in millimetres does not pass */
 #define MAX_SLOT_SAMPLES ((size_t)1 << 22)
+#define MAX_OVERLAP      16  /* slots that a chirp may take */
+#define SLOT_CLEARANCE_M 0.1 /* before the next emission: its sidelobes */
 
 static int check_range(struct complaint *why, const char *field, double x, double min,
                        double max, const char *unit)
@@ -79,16 +81,34 @@ static int check_chirp(const struct survey *s, struct complaint *why)
         return complain(why, -EINVAL, "slot_samples is %zu, expected 1 to %zu",
                         s->slot_samples, MAX_SLOT_SAMPLES);
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;
-    double in_samples = s->chirp_duration_s * s->sample_rate_hz;
-    /* A millionth of a sample is not a chirp that is too long. */
-    if (!(s->chirp_duration_s > 0 && in_samples <= (double)s->slot_samples + 1e-6))
+    if (!(s->chirp_duration_s > 0 && s->chirp_duration_s <= MAX_OVERLAP * slot_s))
         return complain(why, -EINVAL,
-                        "chirp duration_s is %g, expected over 0 and up to the slot, %g",
+                        "chirp duration_s is %g, expected over 0 and up to %d slots of "
+                        "%g",
+                        s->chirp_duration_s, MAX_OVERLAP, slot_s);
+    if (survey_overlaps(s) && !s->has_gate)
+        return complain(why, -EINVAL,
+                        "chirp duration_s is %g, expected over 0 and up to the slot, %g; "
+                        "or gate_m, for slots that overlap to be told apart by it",
                         s->chirp_duration_s, slot_s);
     if (!(s->latency_samples >= 0 && s->latency_samples < (double)s->slot_samples))
         return complain(why, -EINVAL,
                         "latency_samples is %g, expected 0 to under slot_samples, %zu",
                         s->latency_samples, s->slot_samples);
+    return 0;
+}
+
+static int check_sharing(const struct survey *s, struct complaint *why)
+{
+    if (s->chirp_alternates && (s->n_replica || s->pings_m))
+        return complain(why, -EINVAL, "chirp alternates, but a %s has no direction",
+                        s->n_replica ? "replica" : "recording of pings");
+    if (s->together > 2)
+        return complain(why, -EINVAL, "together is %zu, expected 1 or 2", s->together);
+    if (s->together == 2 && !s->chirp_alternates)
+        return complain(why, -EINVAL,
+                        "together is 2, and only the chirp's direction can tell two "
+                        "speakers apart; expected chirp.alternates: true");
     return 0;
 }
 
@@ -162,6 +182,11 @@ static int check_gate(const struct survey *s, struct complaint *why)
                         near_m, far_m);
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;
     double limit_m = slot_s * s->sound_speed_m_s / 2;
+    if (survey_overlaps(s) && far_m > limit_m - SLOT_CLEARANCE_M)
+        return complain(why, -EINVAL,
+                        "gate_m: far is %g m, and %g m before the next speaker is heard, "
+                        "a slot of %g s later, end at %g m",
+                        far_m, SLOT_CLEARANCE_M, slot_s, limit_m - SLOT_CLEARANCE_M);
     if (far_m > limit_m)
         return complain(why, -EINVAL,
                         "gate_m: gate beyond the slot: far is %g m, and the echoes of a "
@@ -245,6 +270,32 @@ static int check_responses(const struct survey *s, struct complaint *why)
     return err;
 }
 
+static int check_walls(const struct survey *s, struct complaint *why)
+{
+    int err = 0;
+    if (s->n_walls > SURVEY_MAX_WALLS ||
+        (s->n_walls &&
+         (!s->has_wall || s->walls[0].distance_m != s->wall_distance_m ||
+          memcmp(s->walls[0].normal, s->wall_normal, sizeof s->wall_normal) != 0)))
+        return complain(why, -EINVAL,
+                        "walls has %zu elements, expected up to %d, the first of them "
+                        "the wall",
+                        s->n_walls, SURVEY_MAX_WALLS);
+    for (size_t i = 0; !err && i < s->n_walls; i++) {
+        const struct survey_wall *w = &s->walls[i];
+        err = check_unit(why, "walls normal", w->normal);
+        if (!err)
+            err = check_range(why, "walls distance_m", w->distance_m, -MAX_DISTANCE_M,
+                              MAX_DISTANCE_M, "m");
+        if (!err && !(w->gate_m[0] >= 0 && w->gate_m[0] < w->gate_m[1] &&
+                      w->gate_m[1] <= MAX_DISTANCE_M))
+            err = complain(why, -EINVAL,
+                           "walls gate_m is [%g, %g], expected 0 <= near < far <= %g m",
+                           w->gate_m[0], w->gate_m[1], MAX_DISTANCE_M);
+    }
+    return err;
+}
+
 int survey_check_place(const struct survey *s, struct complaint *why)
 {
     int err = s->has_volume ? check_volume(s, why) : 0;
@@ -253,6 +304,8 @@ int survey_check_place(const struct survey *s, struct complaint *why)
     if (!err && s->has_wall)
         err = check_range(why, "wall distance_m", s->wall_distance_m, -MAX_DISTANCE_M,
                           MAX_DISTANCE_M, "m");
+    if (!err)
+        err = check_walls(s, why);
     if (!err && s->has_mount)
         err = check_mount(s, why);
     return err;
@@ -263,6 +316,8 @@ int survey_check(const struct survey *s, struct complaint *why)
     int err = check_medium(s, why);
     if (!err)
         err = check_chirp(s, why);
+    if (!err)
+        err = check_sharing(s, why);
     if (!err)
         err = check_array(s, why);
     if (!err && s->pings_m)

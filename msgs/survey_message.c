@@ -60,7 +60,9 @@ static void fill_numbers(Anlos__Survey *m, const struct survey *s)
     m->chirp_stop_hz = s->chirp_stop_hz;
     m->chirp_duration_s = s->chirp_duration_s;
     m->chirp_sine = s->chirp_sine;
-    m->slot_samples = (uint32_t)s->slot_samples; /* bounded by survey_check */
+    m->chirp_alternates = s->chirp_alternates;
+    m->together = (uint32_t)s->together; /* bounded by survey_check, as the next one */
+    m->slot_samples = (uint32_t)s->slot_samples;
     m->latency_samples = s->latency_samples;
     m->n_stage_positions_m = s->n_positions;
     m->stage_positions_m = s->stage_positions_m;
@@ -71,6 +73,8 @@ static void fill_numbers(Anlos__Survey *m, const struct survey *s)
     m->has_wall = s->has_wall;
     m->wall_distance_m = s->wall_distance_m;
     m->has_mount = s->has_mount;
+    m->n_walls = 6 * s->n_walls;
+    m->walls = (double *)(uintptr_t)s->walls; /* packing only reads */
     if (s->pings_m) {
         m->n_pings_m = 6 * s->n_positions;
         m->pings_m = s->pings_m[0][0];
@@ -206,6 +210,8 @@ static void take_scalars(struct survey *s, const Anlos__Survey *m)
     s->chirp_stop_hz = m->chirp_stop_hz;
     s->chirp_duration_s = m->chirp_duration_s;
     s->chirp_sine = m->chirp_sine;
+    s->chirp_alternates = m->chirp_alternates;
+    s->together = m->together;
     s->slot_samples = m->slot_samples;
     s->latency_samples = m->latency_samples;
     s->has_gate = !isnan(m->gate_near_m) || !isnan(m->gate_far_m);
@@ -214,6 +220,21 @@ static void take_scalars(struct survey *s, const Anlos__Survey *m)
     s->has_wall = m->has_wall;
     s->wall_distance_m = m->has_wall ? m->wall_distance_m : 0;
     s->has_mount = m->has_mount;
+}
+
+/* struct survey_wall is the six numbers of the message, in their order. */
+static int take_walls(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+{
+    _Static_assert(sizeof s->walls[0] == 6 * sizeof(double), "numbers and no gaps");
+    if (m->n_walls % 6 || m->n_walls / 6 > SURVEY_MAX_WALLS)
+        return complain(why, -EINVAL,
+                        "survey message: walls has %zu numbers, expected 6 for each of "
+                        "up to %d",
+                        m->n_walls, SURVEY_MAX_WALLS);
+    s->n_walls = m->n_walls / 6;
+    for (size_t i = 0; i < s->n_walls; i++)
+        memcpy(&s->walls[i], &m->walls[6 * i], sizeof s->walls[i]);
+    return 0;
 }
 
 static int take_placement(struct survey *s, const Anlos__Survey *m, struct complaint *why)
@@ -228,6 +249,8 @@ static int take_placement(struct survey *s, const Anlos__Survey *m, struct compl
     int err = take_vec3(s->stage_axis, m->stage_axis, "stage_axis", why);
     if (!err && m->has_wall)
         err = take_vec3(s->wall_normal, m->wall_normal, "wall_normal", why);
+    if (!err)
+        err = take_walls(s, m, why);
     if (!err && m->has_mount)
         err = take_vec3(s->mount_origin_m, m->mount_origin_m, "mount_origin_m", why);
     if (!err && m->has_mount)

@@ -40,6 +40,7 @@ enum {
     CLOCK,
     HOST,
     WALL,
+    WALL_GIVEN,
     EGO,
     AMBIENT,
     N_TOPICS
@@ -80,10 +81,12 @@ static const struct topic topics[N_TOPICS + 1] = {
                        2, TOPIC_ALL, 16, 4 * KB, {"launcher"}},
     [WALL]          = {"wall", &anlos__wall_list__descriptor,
                        10, TOPIC_LATEST, 1, 16 * KB, {"wall"}},
+    [WALL_GIVEN]    = {"wall/given", &anlos__wall_list__descriptor,
+                       10, TOPIC_LATEST, 1, 16 * KB, {"can", "vehicle"}},
     [EGO]           = {"ego", &anlos__ego_motion__descriptor,
-                       50, TOPIC_ALL, 256, 4 * KB, {"can"}},
+                       50, TOPIC_ALL, 256, 4 * KB, {"can", "vehicle"}},
     [AMBIENT]       = {"ambient", &anlos__ambient__descriptor,
-                       1, TOPIC_LATEST, 1, 4 * KB, {"can"}},
+                       1, TOPIC_LATEST, 1, 4 * KB, {"can", "vehicle"}},
     /* clang-format on */
 };
 
@@ -203,6 +206,11 @@ const struct topic *topic_host(void)
 const struct topic *topic_wall(void)
 {
     return &topics[WALL];
+}
+
+const struct topic *topic_wall_given(void)
+{
+    return &topics[WALL_GIVEN];
 }
 
 const struct topic *topic_ego(void)

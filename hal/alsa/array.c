@@ -14,6 +14,7 @@
 #include "hal/recording/recording.h"
 #include "hal/recording/wav_samples.h"
 #include "hal/survey/file.h"
+#include "hal/turn.h"
 
 #define SAME_PLACE_M 1e-4
 
@@ -23,7 +24,7 @@ struct array_alsa {
     struct alsa_engine *engine;
     struct recording *background; /* made before; NULL: recorded like the scene */
     struct array_shot shot;
-    size_t next;
+    struct turn turn;
     size_t n_ping;        /* samples: slot and tail */
     float *ping;          /* [n_microphones][n_ping] */
     uint32_t *clipped;    /* [n_speakers][n_microphones], [0] when live */
@@ -65,11 +66,12 @@ static int allocate(struct array_alsa *a)
 
 static bool is_same_sound(const struct survey *a, const struct survey *b)
 {
-    bool same = a->slot_samples == b->slot_samples &&
-                a->chirp_start_hz == b->chirp_start_hz &&
-                a->chirp_stop_hz == b->chirp_stop_hz &&
-                a->chirp_duration_s == b->chirp_duration_s &&
-                a->chirp_sine == b->chirp_sine && a->n_positions == b->n_positions;
+    bool same =
+        a->slot_samples == b->slot_samples && a->chirp_start_hz == b->chirp_start_hz &&
+        a->chirp_stop_hz == b->chirp_stop_hz &&
+        a->chirp_duration_s == b->chirp_duration_s && a->chirp_sine == b->chirp_sine &&
+        a->chirp_alternates == b->chirp_alternates &&
+        survey_slots(a, 2) == survey_slots(b, 2) && a->n_positions == b->n_positions;
     for (size_t i = 0; same && i < a->n_positions; i++)
         same = fabs(a->stage_positions_m[i] - b->stage_positions_m[i]) < SAME_PLACE_M;
     return same;
@@ -155,17 +157,31 @@ static int alsa_fire(void *state, const struct array_shot *shot)
 {
     struct array_alsa *a = state;
     a->shot = *shot;
-    a->next = 0;
+    turn_start(&a->turn, shot->n_speakers, shot->endless, clock_now_ns(a->clock));
     a->loaded = false;
     if (!is_played(a))
-        alsa_shot_fire(alsa_engine_shot(a->engine), shot->speakers, shot->n_speakers);
+        alsa_shot_fire(alsa_engine_shot(a->engine), shot->speakers, shot->n_speakers,
+                       shot->endless);
     return 0;
 }
 
-static void cut(struct array_alsa *a, const float *from, size_t n_frames)
+static void alsa_halt(void *state)
 {
-    for (size_t m = 0; m < a->rig.survey.n_microphones; m++)
-        memcpy(a->ping + m * a->n_ping, from + m * n_frames, a->n_ping * sizeof *a->ping);
+    struct array_alsa *a = state;
+    if (!is_played(a))
+        alsa_shot_halt(alsa_engine_shot(a->engine));
+}
+
+/* Who was away too long goes on with what is new. */
+static void catch_up(struct array_alsa *a)
+{
+    const struct survey *s = &a->rig.survey;
+    size_t slot = turn_slot(&a->turn, s), newest;
+    newest = alsa_shot_newest(alsa_engine_shot(a->engine), slot);
+    if (newest == slot)
+        return;
+    turn_go(&a->turn, s, newest);
+    alsa_report_count(alsa_engine_report(a->engine), ALSA_SLOTS_SKIPPED, newest - slot);
 }
 
 /* Full scale is the card's: gains come after the count. */
@@ -186,12 +202,14 @@ static void finish(struct array_alsa *a, size_t speaker)
 static int record(struct array_alsa *a, struct array_ping *out, struct complaint *why)
 {
     struct alsa_shot *shot = alsa_engine_shot(a->engine);
-    int err = alsa_engine_wait(a->engine, a->next, why);
+    catch_up(a);
+    size_t slot = turn_slot(&a->turn, &a->rig.survey);
+    int err = alsa_engine_wait(a->engine, slot, why);
     if (err)
         return err;
-    alsa_shot_read(shot, a->next, &out->valid, &out->t0_ns);
-    cut(a, shot->recording + a->next * shot->plan.slot_samples, shot->n_frames);
-    finish(a, a->shot.speakers[a->next]);
+    out->valid = alsa_shot_read(shot, slot, &out->t0_ns);
+    alsa_shot_copy(shot, slot, a->ping);
+    finish(a, a->shot.speakers[a->turn.next]);
     out->clipped = a->clipped;
     out->not_finite = a->not_finite;
     return 0;
@@ -200,33 +218,51 @@ static int record(struct array_alsa *a, struct array_ping *out, struct complaint
 static int play(struct array_alsa *a, struct array_ping *out, struct complaint *why)
 {
     const struct survey *s = &a->rig.survey;
-    size_t speaker = a->shot.speakers[a->next];
+    size_t speaker = a->shot.speakers[a->turn.next], slot = survey_slot_of(s, speaker);
+    int err = turn_wait(&a->turn, s, a->n_ping, a->clock, &out->t0_ns, why);
+    if (err)
+        return err;
     if (!a->loaded) {
-        int err = recording_read_slots(a->background, a->shot.position, a->played,
-                                       a->clipped, a->not_finite, why);
+        err = recording_read_slots(a->background, a->shot.position, a->played, a->clipped,
+                                   a->not_finite, why);
         if (err)
             return err;
         a->loaded = true;
     }
-    cut(a, a->played + speaker * s->slot_samples, recording_frames(a->background));
+    size_t n_frames = recording_frames(a->background);
+    for (size_t m = 0; m < s->n_microphones; m++)
+        memcpy(a->ping + m * a->n_ping, a->played + m * n_frames + slot * s->slot_samples,
+               a->n_ping * sizeof *a->ping);
     calibration_correct(a->rig.calibration, speaker, a->n_ping, a->ping);
-    out->clipped = a->clipped + speaker * s->n_microphones;
-    out->not_finite = a->not_finite + speaker * s->n_microphones;
+    out->clipped = a->clipped + slot * s->n_microphones;
+    out->not_finite = a->not_finite + slot * s->n_microphones;
     out->valid = true;
-    out->t0_ns = clock_now_ns(a->clock);
     return 0;
 }
 
 static int alsa_next(void *state, struct array_ping *out, struct complaint *why)
 {
     struct array_alsa *a = state;
-    *out = (struct array_ping){.shot_index = a->next,
-                               .samples = a->ping,
+    *out = (struct array_ping){.samples = a->ping,
                                .n_samples = a->n_ping,
                                .temperature_c = a->rig.survey.temperature_c};
     int err = is_played(a) ? play(a, out, why) : record(a, out, why);
-    a->next += !err;
-    return err;
+    if (err)
+        return err;
+    out->shot_index = a->turn.next;
+    out->frame = turn_frame(&a->turn);
+    turn_advance(&a->turn);
+    if (!is_played(a))
+        alsa_shot_release(alsa_engine_shot(a->engine),
+                          turn_slot(&a->turn, &a->rig.survey));
+    return 0;
+}
+
+/* A recording was made of all speakers in turn. */
+static bool alsa_is_down(void *state, size_t k)
+{
+    const struct array_alsa *a = state;
+    return survey_is_down(&a->rig.survey, is_played(a) ? a->shot.speakers[k] : k);
 }
 
 static size_t alsa_counts(void *state, struct device_count out[DEVICE_MAX_COUNTS])
@@ -252,6 +288,8 @@ const struct array_ops array_alsa_ops = {.scheme = "alsa",
                                          .survey = alsa_survey,
                                          .fire = alsa_fire,
                                          .next = alsa_next,
+                                         .is_down = alsa_is_down,
+                                         .halt = alsa_halt,
                                          .counts = alsa_counts,
                                          .condition = alsa_condition,
                                          .notice = alsa_notice,

@@ -76,6 +76,7 @@ static void observe_time(struct alsa_engine *e)
 static int run_stream(struct alsa_engine *e, uint64_t *heard)
 {
     const struct alsa_duplex_ends ends = {.fill = fill, .take = take, .ctx = e};
+    size_t n_void;
     *heard = 0;
     e->running = false;
     int err = alsa_duplex_start(&e->duplex, &ends);
@@ -87,8 +88,9 @@ static int run_stream(struct alsa_engine *e, uint64_t *heard)
             break;
         *heard = e->duplex.heard;
         observe_time(e);
-        if (alsa_shot_heard(&e->shot, *heard, e->origin_ns))
+        if (alsa_shot_heard(&e->shot, *heard, e->origin_ns, &n_void))
             tell(e);
+        alsa_report_count(&e->report, ALSA_SLOTS_INVALID, n_void);
     }
     return err;
 }
@@ -259,9 +261,7 @@ int alsa_engine_wait(struct alsa_engine *e, size_t k, struct complaint *why)
 {
     struct pollfd news = {.fd = e->news_fd, .events = POLLIN};
     uint64_t n;
-    int64_t t0_ns;
-    bool valid;
-    while (!alsa_shot_read(&e->shot, k, &valid, &t0_ns)) {
+    while (alsa_shot_settled(&e->shot) <= k) {
         int ready = poll(&news, 1, PATIENCE_MS);
         if (ready < 0)
             return -errno;

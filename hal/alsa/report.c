@@ -19,9 +19,13 @@ size_t alsa_report_counts(struct alsa_report *r,
                           struct device_count out[DEVICE_MAX_COUNTS])
 {
     static const char *const names[ALSA_COUNTS] = {
-        [ALSA_OVERRUNS] = "overruns", [ALSA_UNDERRUNS] = "underruns",
-        [ALSA_STALLS] = "stalls",     [ALSA_SLOTS_INVALID] = "slots_invalid",
-        [ALSA_RESTARTS] = "restarts", [ALSA_REOPENED] = "reopened"};
+        [ALSA_OVERRUNS] = "overruns",
+        [ALSA_UNDERRUNS] = "underruns",
+        [ALSA_STALLS] = "stalls",
+        [ALSA_SLOTS_INVALID] = "slots_invalid",
+        [ALSA_RESTARTS] = "restarts",
+        [ALSA_REOPENED] = "reopened",
+        [ALSA_SLOTS_SKIPPED] = "slots_skipped"};
     for (size_t i = 0; i < ALSA_COUNTS; i++)
         out[i] =
             (struct device_count){.name = names[i], .value = atomic_load(&r->counts[i])};

@@ -18,6 +18,7 @@ enum alsa_count {
     ALSA_SLOTS_INVALID,
     ALSA_RESTARTS,
     ALSA_REOPENED,
+    ALSA_SLOTS_SKIPPED, /* recorded, but nobody took them in time */
     ALSA_COUNTS
 };
 

@@ -6,7 +6,9 @@
 int slot_plan_create(struct slot_plan *out, size_t slot_samples, size_t tail_samples,
                      size_t max_slots)
 {
-    *out = (struct slot_plan){.slot_samples = slot_samples, .tail_samples = tail_samples};
+    *out = (struct slot_plan){.slot_samples = slot_samples,
+                              .tail_samples = tail_samples,
+                              .max_slots = max_slots};
     out->valid = calloc(max_slots, sizeof *out->valid);
     return out->valid ? 0 : -ENOMEM;
 }
@@ -15,6 +17,7 @@ void slot_plan_load(struct slot_plan *p, size_t n_slots)
 {
     p->n_slots = n_slots;
     p->first = p->n_settled = 0;
+    p->gap[0] = p->gap[1] = 0;
     p->placed = false;
 }
 
@@ -30,26 +33,40 @@ static uint64_t slot_start(const struct slot_plan *p, size_t slot)
     return p->origin + (slot - p->first) * p->slot_samples;
 }
 
-struct slot_piece slot_plan_emission(const struct slot_plan *p, uint64_t frame, size_t n,
-                                     size_t n_emission)
+/* How many slots begin before a frame, counted from `first`. */
+static size_t slots_before(const struct slot_plan *p, uint64_t frame)
 {
-    struct slot_piece piece = {.slot = p->first};
+    if (frame <= p->origin)
+        return 0;
+    return (size_t)((frame - p->origin + p->slot_samples - 1) / p->slot_samples);
+}
+
+void slot_plan_sounding(const struct slot_plan *p, uint64_t frame, size_t n,
+                        size_t n_emission, size_t *first, size_t *end)
+{
+    *first = *end = p->first;
     if (!p->placed || !n_emission)
-        return piece;
-    uint64_t end = frame + n;
-    if (frame > p->origin)
-        piece.slot += (frame - p->origin) / p->slot_samples;
-    if (frame >= slot_start(p, piece.slot) + n_emission)
-        piece.slot++;
-    uint64_t start = slot_start(p, piece.slot);
-    if (piece.slot >= p->n_slots || start >= end)
-        return piece;
+        return;
+    /* Over are those that began n_emission before the first frame, or earlier. */
+    uint64_t over = frame >= n_emission ? frame - n_emission + 1 : 0;
+    *first += slots_before(p, over);
+    *end += slots_before(p, frame + n);
+    if (*end > p->n_slots)
+        *end = p->n_slots;
+    if (*first > *end)
+        *first = *end;
+}
+
+struct slot_piece slot_plan_emission(const struct slot_plan *p, size_t slot,
+                                     uint64_t frame, size_t n, size_t n_emission)
+{
+    uint64_t start = slot_start(p, slot), end = frame + n;
     uint64_t from = start > frame ? start : frame;
     uint64_t to = start + n_emission < end ? start + n_emission : end;
-    piece.at = from - frame;
-    piece.offset = from - start;
-    piece.n = to - from;
-    return piece;
+    return (struct slot_piece){.at = from - frame,
+                               .n = to > from ? to - from : 0,
+                               .slot = slot,
+                               .offset = from - start};
 }
 
 struct slot_piece slot_plan_recording(const struct slot_plan *p, uint64_t frame, size_t n)
@@ -67,26 +84,44 @@ struct slot_piece slot_plan_recording(const struct slot_plan *p, uint64_t frame,
     return piece;
 }
 
-bool slot_plan_heard(struct slot_plan *p, uint64_t frame)
+void slot_plan_lose(struct slot_plan *p, size_t offset, size_t n)
 {
-    size_t before = p->n_settled;
+    if (!n)
+        return;
+    /* What settled slots lost is of no more interest. */
+    if (p->gap[1] <= p->n_settled * p->slot_samples)
+        p->gap[0] = offset;
+    p->gap[1] = offset + n;
+}
+
+static bool is_whole(const struct slot_plan *p, size_t slot)
+{
+    size_t start = slot * p->slot_samples;
+    return start >= p->gap[1] || start + p->slot_samples + p->tail_samples <= p->gap[0];
+}
+
+static void settle(struct slot_plan *p, bool valid, size_t *n_void)
+{
+    p->valid[p->n_settled++ % p->max_slots] = valid;
+    *n_void += !valid;
+}
+
+size_t slot_plan_heard(struct slot_plan *p, uint64_t frame)
+{
+    size_t n_void = 0;
     while (p->placed && p->n_settled < p->n_slots &&
            slot_start(p, p->n_settled + 1) + p->tail_samples <= frame)
-        p->valid[p->n_settled++] = true;
+        settle(p, is_whole(p, p->n_settled), &n_void);
     if (p->n_settled == p->n_slots)
         p->placed = false;
-    return p->n_settled > before;
+    return n_void;
 }
 
 size_t slot_plan_break(struct slot_plan *p, uint64_t frame)
 {
-    size_t n_void = 0;
-    slot_plan_heard(p, frame);
-    while (p->placed && p->n_settled < p->n_slots &&
-           slot_start(p, p->n_settled) < frame) {
-        p->valid[p->n_settled++] = false;
-        n_void++;
-    }
+    size_t n_void = slot_plan_heard(p, frame);
+    while (p->placed && p->n_settled < p->n_slots && slot_start(p, p->n_settled) < frame)
+        settle(p, false, &n_void);
     p->placed = false;
     return n_void;
 }

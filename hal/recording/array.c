@@ -13,6 +13,7 @@
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
 #include "hal/tail.h"
+#include "hal/turn.h"
 
 struct array_wav {
     const struct clock_source *clock;
@@ -21,7 +22,7 @@ struct array_wav {
     struct recording *scene, *background; /* background may be NULL */
     size_t n_ping;                        /* samples: slot and tail */
     struct array_shot shot;
-    size_t next;
+    struct turn turn;
     bool loaded;          /* the shot's position is in samples */
     float *samples;       /* [n_microphones][recording_frames] */
     float *ping;          /* [n_microphones][n_ping] */
@@ -143,7 +144,7 @@ static int wav_fire(void *state, const struct array_shot *shot)
     if (shot->pass != a->shot.pass || shot->position != a->shot.position)
         a->loaded = false;
     a->shot = *shot;
-    a->next = 0;
+    turn_start(&a->turn, shot->n_speakers, shot->endless, clock_now_ns(a->clock));
     return 0;
 }
 
@@ -163,24 +164,38 @@ static int wav_next(void *state, struct array_ping *out, struct complaint *why)
 {
     struct array_wav *a = state;
     const struct survey *s = &a->survey;
-    size_t n_frames = recording_frames(a->scene), speaker = a->shot.speakers[a->next];
+    size_t n_frames = recording_frames(a->scene),
+           speaker = a->shot.speakers[a->turn.next];
+    size_t slot = survey_slot_of(s, speaker);
+    int64_t t0_ns;
     int err = load(a, why);
+    if (!err)
+        err = turn_wait(&a->turn, s, a->n_ping, a->clock, &t0_ns, why);
     if (err)
         return err;
     for (size_t m = 0; m < s->n_microphones; m++)
         memcpy(a->ping + m * a->n_ping,
-               a->samples + m * n_frames + speaker * s->slot_samples,
+               a->samples + m * n_frames + slot * s->slot_samples,
                a->n_ping * sizeof *a->ping);
     calibration_correct(a->calibration, speaker, a->n_ping, a->ping);
-    *out = (struct array_ping){.shot_index = a->next++,
+    *out = (struct array_ping){.shot_index = a->turn.next,
+                               .frame = turn_frame(&a->turn),
                                .samples = a->ping,
                                .n_samples = a->n_ping,
-                               .clipped = a->clipped + speaker * s->n_microphones,
-                               .not_finite = a->not_finite + speaker * s->n_microphones,
+                               .clipped = a->clipped + slot * s->n_microphones,
+                               .not_finite = a->not_finite + slot * s->n_microphones,
                                .valid = true,
                                .temperature_c = s->temperature_c,
-                               .t0_ns = clock_now_ns(a->clock)};
+                               .t0_ns = t0_ns};
+    turn_advance(&a->turn);
     return 0;
+}
+
+/* When it was recorded, all speakers took their turns. */
+static bool wav_is_down(void *state, size_t k)
+{
+    const struct array_wav *a = state;
+    return survey_is_down(&a->survey, a->shot.speakers[k]);
 }
 
 const struct array_ops array_wav_ops = {.scheme = "wav",
@@ -188,4 +203,5 @@ const struct array_ops array_wav_ops = {.scheme = "wav",
                                         .survey = wav_survey,
                                         .fire = wav_fire,
                                         .next = wav_next,
+                                        .is_down = wav_is_down,
                                         .close = wav_close};

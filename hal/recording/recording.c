@@ -17,6 +17,7 @@ enum { BLOCK_FRAMES = 2048 };
 
 struct recording {
     size_t n_positions, n_speakers, n_microphones, slot_samples, n_frames;
+    size_t n_slots; /* in a file */
     double sample_rate_hz;
     size_t n_files; /* one a position, or one whose slots are the positions */
     char **paths;   /* [n_files] */
@@ -123,8 +124,7 @@ static int check_size(const char *path, struct complaint *why)
 static int check_info(const struct recording *r, const char *path, const SF_INFO *info,
                       struct complaint *why)
 {
-    size_t slots = r->n_speakers * r->n_positions / r->n_files;
-    size_t least = (slots - 1) * r->slot_samples + 1;
+    size_t slots = r->n_slots, least = (slots - 1) * r->slot_samples + 1;
     if (info->samplerate != (int)(r->sample_rate_hz + 0.5))
         return complain(why, -EINVAL, "%s: %d Hz, but the survey's sample_rate_hz is %g",
                         path, info->samplerate, r->sample_rate_hz);
@@ -192,7 +192,8 @@ int recording_open(struct recording **out, const char *folder, const struct surv
     r->n_microphones = s->n_microphones;
     r->slot_samples = s->slot_samples;
     r->sample_rate_hz = s->sample_rate_hz;
-    r->n_frames = s->n_speakers * s->slot_samples + tail_samples(s);
+    r->n_slots = s->pings_m ? s->n_positions : survey_slots(s, s->n_speakers);
+    r->n_frames = survey_slots(s, s->n_speakers) * s->slot_samples + tail_samples(s);
     int err = list_files(r, folder, why);
     if (!err)
         err = check_files(r, why);
@@ -251,7 +252,7 @@ int recording_read_slots(const struct recording *r, size_t position, float *samp
         return err;
     struct wav_samples w = {.n_channels = r->n_microphones,
                             .n_frames = r->n_frames,
-                            .n_slots = r->n_speakers,
+                            .n_slots = one_file ? 1 : r->n_slots,
                             .slot_samples = r->slot_samples,
                             .is_float = is_float(&info)};
     size_t first = one_file ? position * r->slot_samples : 0;
@@ -271,7 +272,7 @@ int recording_read(const struct recording *r, size_t position, float *samples,
                    uint32_t *clipped, uint32_t *not_finite, struct complaint *why)
 {
     size_t n = r->n_speakers * r->n_microphones;
-    uint32_t *counts = malloc(2 * n * sizeof *counts);
+    uint32_t *counts = calloc(2 * n, sizeof *counts);
     if (!counts)
         return complain(why, -ENOMEM, "out of memory");
     int err = recording_read_slots(r, position, samples, counts, counts + n, why);

@@ -1,5 +1,6 @@
 /* hal/recording/recording.h -- a folder of WAV files, one multichannel file for each
- * stage position in name order, slot j = emission of speaker j; any PCM or float format.
+ * stage position in name order, slot j = emission of speaker j, or of the two that sound
+ * together there (survey_slot_of); any PCM or float format.
  * Of a survey that names pings: one mono file, slot k = ping k, which is position k;
  * files no longer than a slot (a replica) do not count beside it. */
 #ifndef ANLOS_HAL_RECORDING_RECORDING_H
@@ -20,7 +21,8 @@ struct recording;
 int recording_open(struct recording **out, const char *folder, const struct survey *s,
                    struct complaint *why);
 
-/* Frames that recording_read yields: n_speakers slots and tail_samples() (hal/tail.h). */
+/* Frames that recording_read yields: the speakers' slots and tail_samples() (hal/tail.h).
+ */
 size_t recording_frames(const struct recording *r);
 
 /* Reads one position: samples [n_microphones][recording_frames], zeros beyond the end of
@@ -31,7 +33,7 @@ int recording_read(const struct recording *r, size_t position, float *samples,
                    uint32_t *clipped, uint32_t *not_finite, struct complaint *why);
 
 /* The same with the counts of each slot, for pings: clipped and not_finite
- * [n_speakers][n_microphones]; what follows the last slot counts into it.
+ * [survey_slots(n_speakers)][n_microphones]; what follows the last slot counts into it.
  *
  * Clipped is, in PCM files, a run of 3 or more consecutive samples at 0.9999 of full
  * scale or beyond; float files know no full scale, so there it is a run of 4 or more

@@ -46,10 +46,13 @@ static void print_timing(FILE *f, const struct survey *s)
     fprintf(f, "sound_speed_m_s: %s\n", decimal_print(s->sound_speed_m_s, a));
     fprintf(f, "sample_rate_hz: %s\n", decimal_print(s->sample_rate_hz, a));
     if (!s->n_replica)
-        fprintf(f, "chirp: {start_hz: %s, stop_hz: %s, duration_s: %s, phase: %s}\n",
+        fprintf(f, "chirp: {start_hz: %s, stop_hz: %s, duration_s: %s, phase: %s%s}\n",
                 decimal_print(s->chirp_start_hz, a), decimal_print(s->chirp_stop_hz, b),
-                decimal_print(s->chirp_duration_s, c), s->chirp_sine ? "sine" : "cosine");
+                decimal_print(s->chirp_duration_s, c), s->chirp_sine ? "sine" : "cosine",
+                s->chirp_alternates ? ", alternates: true" : "");
     fprintf(f, "slot_samples: %zu\n", s->slot_samples);
+    if (s->together > 1)
+        fprintf(f, "together: %zu\n", s->together);
     fprintf(f, "latency_samples: %s\n", decimal_print(s->latency_samples, a));
 }
 
@@ -64,7 +67,14 @@ static void print_place(FILE *f, const struct survey *s)
         print_key_list(f, "  y_m", s->volume_m[1], 3, "\n");
         print_key_list(f, "  z_m", s->volume_m[2], 3, "\n");
     }
-    if (s->has_wall) {
+    if (s->n_walls)
+        fputs("walls:\n", f);
+    for (size_t i = 0; i < s->n_walls; i++) {
+        print_key_list(f, "  - {normal", s->walls[i].normal, 3, ", ");
+        fprintf(f, "distance_m: %s, ", decimal_print(s->walls[i].distance_m, a));
+        print_key_list(f, "gate_m", s->walls[i].gate_m, 2, "}\n");
+    }
+    if (s->has_wall && !s->n_walls) {
         print_key_list(f, "wall: {normal", s->wall_normal, 3, ", ");
         fprintf(f, "distance_m: %s}\n", decimal_print(s->wall_distance_m, a));
     }

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -33,6 +34,8 @@ const struct cyaml_schema_field survey_yaml_chirp_fields[] = {
                       duration_s),
     CYAML_FIELD_ENUM("phase", CYAML_FLAG_STRICT | CYAML_FLAG_OPTIONAL,
                      struct survey_yaml_chirp, phase, phases, 2),
+    CYAML_FIELD_BOOL("alternates", CYAML_FLAG_OPTIONAL, struct survey_yaml_chirp,
+                     alternates),
     CYAML_FIELD_END};
 
 const struct cyaml_schema_field survey_yaml_stage_fields[] = {
@@ -59,6 +62,16 @@ const struct cyaml_schema_field survey_yaml_wall_fields[] = {
     CYAML_FIELD_FLOAT("distance_m", CYAML_FLAG_DEFAULT, struct survey_yaml_wall,
                       distance_m),
     CYAML_FIELD_END};
+
+static const struct cyaml_schema_field one_wall_fields[] = {
+    POINT(normal, survey_yaml_one_wall),
+    CYAML_FIELD_FLOAT("distance_m", CYAML_FLAG_DEFAULT, struct survey_yaml_one_wall,
+                      distance_m),
+    CYAML_FIELD_SEQUENCE_FIXED("gate_m", CYAML_FLAG_DEFAULT, struct survey_yaml_one_wall,
+                               gate_m, &survey_yaml_number, 2),
+    CYAML_FIELD_END};
+const struct cyaml_schema_value survey_yaml_one_wall = {CYAML_VALUE_MAPPING(
+    CYAML_FLAG_DEFAULT, struct survey_yaml_one_wall, one_wall_fields)};
 
 const struct cyaml_schema_field survey_yaml_mount_fields[] = {
     POINT(origin_m, survey_yaml_mount), POINT(x_axis, survey_yaml_mount),
@@ -111,8 +124,10 @@ static int take_timing(struct survey *s, const struct survey_yaml *y, const char
         s->chirp_stop_hz = y->chirp->stop_hz;
         s->chirp_duration_s = y->chirp->duration_s;
         s->chirp_sine = y->chirp->phase == 1;
+        s->chirp_alternates = y->chirp->alternates;
     }
     s->slot_samples = *y->slot_samples;
+    s->together = y->together ? *y->together : 0;
     s->latency_samples = y->latency_samples ? *y->latency_samples : 0;
     return take_sound_speed(s, y, path, why);
 }
@@ -196,6 +211,29 @@ static int take_mount(struct survey *s, const struct survey_yaml_mount *m,
     return err;
 }
 
+static int take_walls(struct survey *s, const struct survey_yaml *y, const char *path,
+                      struct complaint *why)
+{
+    int err = 0;
+    if (y->wall)
+        return yaml_complain(why, -EINVAL, path, "walls",
+                             "the key \"wall\" says this already; expected one");
+    for (unsigned i = 0; !err && i < y->n_walls; i++) {
+        char key[32];
+        struct survey_wall *w = &s->walls[i];
+        memcpy(w->normal, y->walls[i].normal, sizeof w->normal);
+        memcpy(w->gate_m, y->walls[i].gate_m, sizeof w->gate_m);
+        w->distance_m = y->walls[i].distance_m;
+        snprintf(key, sizeof key, "walls[%u].normal", i);
+        err = survey_yaml_normalize(w->normal, path, key, why);
+    }
+    s->n_walls = y->n_walls;
+    s->has_wall = true;
+    s->wall_distance_m = s->walls[0].distance_m;
+    memcpy(s->wall_normal, s->walls[0].normal, sizeof s->wall_normal);
+    return err;
+}
+
 int survey_yaml_place(struct survey *s, const struct survey_yaml *y, const char *path,
                       struct complaint *why)
 {
@@ -215,6 +253,8 @@ int survey_yaml_place(struct survey *s, const struct survey_yaml *y, const char 
         memcpy(s->wall_normal, y->wall->normal, sizeof s->wall_normal);
         err = survey_yaml_normalize(s->wall_normal, path, "wall.normal", why);
     }
+    if (!err && y->walls)
+        err = take_walls(s, y, path, why);
     if (!err && y->mount)
         err = take_mount(s, y->mount, path, why);
     return err;

@@ -13,7 +13,8 @@
 
 struct survey_yaml_chirp {
     double start_hz, stop_hz, duration_s;
-    int phase; /* 0 cosine, 1 sine */
+    int phase;       /* 0 cosine, 1 sine */
+    bool alternates; /* every second one runs downward */
 };
 
 struct survey_yaml_stage {
@@ -36,6 +37,10 @@ struct survey_yaml_wall {
     double normal[3], distance_m;
 };
 
+struct survey_yaml_one_wall { /* of several */
+    double normal[3], distance_m, gate_m[2];
+};
+
 struct survey_yaml_mount {
     double origin_m[3], x_axis[3], y_axis[3];
 };
@@ -44,7 +49,7 @@ struct survey_yaml_mount {
 struct survey_yaml {
     double *sound_speed_m_s, *temperature_c, *sample_rate_hz, *latency_samples;
     struct survey_yaml_chirp *chirp;
-    uint32_t *slot_samples;
+    uint32_t *slot_samples, *together;
     double (*speakers_m)[3], (*microphones_m)[3];
     unsigned n_speakers, n_microphones;
     struct survey_yaml_stage *stage;
@@ -52,12 +57,14 @@ struct survey_yaml {
     double *gate_m; /* [2] */
     struct survey_yaml_volume *volume;
     struct survey_yaml_wall *wall;
+    struct survey_yaml_one_wall *walls; /* in place of wall */
+    unsigned n_walls;
     struct survey_yaml_mount *mount;
     char *pings, *replica; /* survey.yaml alone, in place of an array and a chirp */
 };
 
 extern const struct cyaml_schema_value survey_yaml_number, survey_yaml_point,
-    survey_yaml_text;
+    survey_yaml_text, survey_yaml_one_wall;
 extern const struct cyaml_schema_field survey_yaml_chirp_fields[],
     survey_yaml_stage_fields[], survey_yaml_calibration_fields[],
     survey_yaml_volume_fields[], survey_yaml_wall_fields[], survey_yaml_mount_fields[];
@@ -74,6 +81,7 @@ extern const struct cyaml_schema_field survey_yaml_chirp_fields[],
     CYAML_FIELD_MAPPING_PTR("chirp", need, root, survey.chirp,                           \
                             survey_yaml_chirp_fields),                                   \
     CYAML_FIELD_UINT_PTR("slot_samples", need, root, survey.slot_samples),               \
+    CYAML_FIELD_UINT_PTR("together", CYAML_FLAG_OPTIONAL, root, survey.together),        \
     CYAML_FIELD_FLOAT_PTR("latency_samples", CYAML_FLAG_OPTIONAL, root,                  \
                           survey.latency_samples),                                       \
     CYAML_FIELD_SEQUENCE_COUNT("speakers_m", CYAML_FLAG_POINTER | (need), root,          \
@@ -92,6 +100,9 @@ extern const struct cyaml_schema_field survey_yaml_chirp_fields[],
                             survey_yaml_volume_fields),                                  \
     CYAML_FIELD_MAPPING_PTR("wall", CYAML_FLAG_OPTIONAL, root, survey.wall,              \
                             survey_yaml_wall_fields),                                    \
+    CYAML_FIELD_SEQUENCE_COUNT("walls", CYAML_FLAG_POINTER | CYAML_FLAG_OPTIONAL, root,  \
+                               survey.walls, survey.n_walls, &survey_yaml_one_wall, 1,   \
+                               SURVEY_MAX_WALLS),                                        \
     CYAML_FIELD_MAPPING_PTR("mount", CYAML_FLAG_OPTIONAL, root, survey.mount,            \
                             survey_yaml_mount_fields)
 /* clang-format on */

@@ -25,6 +25,7 @@ static const struct command commands[] = {
     {"array", "look at the sound cards of this machine", command_array},
     {"stage", "look at the stage, home it, move it by hand", command_stage},
     {"bag", "record, play, check, cut and convert recordings", command_bag},
+    {"can", "read the frames on the vehicle's bus", command_can},
     {"top", "watch the nodes and topics of a running system", command_top},
     {"topic", "look at the messages of a running system", command_topic},
     {"view", "show a running system or a bag on a web page", command_view},

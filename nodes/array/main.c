@@ -77,7 +77,9 @@ static void look_at_device(struct run *r)
 
     while (array_notice(r->array, &why))
         node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
-    if (array_condition(r->array, &why))
+    int err = array_condition(r->array, &why);
+    node_fault(r->node, NODE_FAULT_ARRAY_AWAY, err != 0, 1);
+    if (err)
         node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "%s", why.text);
     else if (r->heard)
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");

@@ -77,7 +77,12 @@ static int check_command(const struct shooter *s, const Anlos__FireCommand *c,
     if (c->position >= s->survey->n_stage_positions_m)
         return complain(why, -EINVAL, "fire %u: position %u of %zu", c->id, c->position,
                         s->survey->n_stage_positions_m);
-    if (!c->n_speakers || c->n_speakers > s->survey->n_speakers_m)
+    if (c->endless && s->survey->n_stage_positions_m != 1)
+        return complain(why, -EINVAL,
+                        "fire %u: without end at one of %zu stage positions; expected a "
+                        "survey of an array that stands",
+                        c->id, s->survey->n_stage_positions_m);
+    if ((!c->n_speakers && !c->endless) || c->n_speakers > s->survey->n_speakers_m)
         return complain(why, -EINVAL, "fire %u: %zu speakers of %zu", c->id,
                         c->n_speakers, s->survey->n_speakers_m);
     for (size_t i = 0; i < c->n_speakers; i++)
@@ -103,8 +108,9 @@ int shooter_fire(struct shooter *s, const Anlos__FireCommand *command, int64_t e
     shot->command = *command;
     shot->command.speakers = NULL;
     shot->n_speakers = command->n_speakers;
-    memcpy(shot->speakers, command->speakers,
-           command->n_speakers * sizeof *shot->speakers);
+    if (command->n_speakers)
+        memcpy(shot->speakers, command->speakers,
+               command->n_speakers * sizeof *shot->speakers);
     s->n_shots++;
     s->commanded = true;
     s->newest_id = command->id;
@@ -131,13 +137,24 @@ static void end_shot(struct shooter *s)
     s->fired = false;
 }
 
+/* One without end is over when another one waits. */
+static bool is_replaced(struct shooter *s)
+{
+    if (!s->shots[s->first].command.endless || s->n_shots < 2)
+        return false;
+    array_halt(s->array);
+    end_shot(s);
+    return true;
+}
+
 static int start_shot(struct shooter *s, const struct shot *shot, struct complaint *why)
 {
     const struct array_shot fire = {.pass = shot->command.pass,
                                     .position = shot->command.position,
                                     .stage_m = shot->command.stage_m,
                                     .speakers = shot->speakers,
-                                    .n_speakers = shot->n_speakers};
+                                    .n_speakers = shot->n_speakers,
+                                    .endless = shot->command.endless};
     int err = array_fire(s->array, &fire);
 
     if (err) {
@@ -170,6 +187,8 @@ static void write_message(struct shooter *s, const struct shot *shot,
     out->not_finite = (uint32_t *)ping->not_finite;
     out->valid = ping->valid && !shot->displaced;
     out->temperature_c = ping->temperature_c;
+    out->down = ping->down;
+    out->frame = ping->frame;
 }
 
 int shooter_next(struct shooter *s, Anlos__Ping *out, int64_t *t0_ns,
@@ -179,6 +198,12 @@ int shooter_next(struct shooter *s, Anlos__Ping *out, int64_t *t0_ns,
 
     while (s->n_shots) {
         const struct shot *shot = &s->shots[s->first];
+        if (is_replaced(s))
+            continue;
+        if (!shot->n_speakers) { /* stop */
+            end_shot(s);
+            continue;
+        }
         int err = s->fired ? 0 : start_shot(s, shot, why);
         if (err)
             return err;

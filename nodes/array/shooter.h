@@ -17,10 +17,11 @@ int shooter_create(struct shooter **out, struct array *array);
 /* The survey as a message, owned by the shooter. */
 const Anlos__Survey *shooter_survey(const struct shooter *s);
 
-/* Queues a shot.  The scan sends a command again until it hears of its pings: one with
- * the id and sender's epoch of the newest one is ignored.  0, -EINVAL (a position or
- * speaker that the survey has not; the complaint says which), -ENOBUFS (too many shots
- * are waiting). */
+/* Queues a shot.  One without end goes on until another one is queued, or an endless one
+ * without speakers, which is none.  The scan sends a command again until it hears of its
+ * pings: one with the id and sender's epoch of the newest one is ignored.  0, -EINVAL (a
+ * position or speaker that the survey has not; the complaint says which), -ENOBUFS (too
+ * many shots are waiting). */
 int shooter_fire(struct shooter *s, const Anlos__FireCommand *command, int64_t epoch_ns,
                  struct complaint *why);
 

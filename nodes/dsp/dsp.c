@@ -1,14 +1,16 @@
 #include "nodes/dsp/dsp.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/background.h"
-#include "dsp/drift_track.h"
 #include "msgs/survey.h"
 #include "msgs/tensor.h"
+#include "nodes/dsp/mean_background.h"
+#include "nodes/dsp/recorded_background.h"
+#include "nodes/dsp/standing.h"
 #include "nodes/rt/channel_check.h"
 
 struct dsp {
@@ -17,16 +19,16 @@ struct dsp {
     uint64_t survey_id;
     struct processing processing;
     struct compressor *compressor; /* NULL: no survey yet */
-    struct background *background;
+    struct recorded_background *recorded;
+    struct mean_background *mean; /* of an array that stands */
+    struct standing standing;
+    bool missing_noticed; /* a speaker's background */
+    double ambient_c;     /* NaN: not known */
+    int64_t capture_ns;   /* of the newest ping */
     struct trace_format format;
-    struct drift *drift;
-    struct drift_track track;
-    struct air air;
-    uint32_t scan;               /* that track and air belong to */
     float *padded;               /* [n_microphones][ping_samples] */
     float complex *traces;       /* [n_microphones][format.n_samples] */
-    bool *background_masked;     /* [n_pings][n_microphones] */
-    bool *unfit;                 /* [n_microphones], of the newest ping; scratch later */
+    bool *unfit;                 /* [n_microphones], of the newest ping */
     protobuf_c_boolean *masked;  /* [n_microphones], or its background was */
     struct channel_check *check; /* of one ping at a time */
     unsigned *noticed;           /* [n_microphones], faults said in the log already */
@@ -40,6 +42,7 @@ int dsp_create(struct dsp **out, const struct dsp_config *cfg)
     if (!d)
         return -ENOMEM;
     d->cfg = *cfg;
+    d->ambient_c = NAN;
     *out = d;
     return 0;
 }
@@ -47,44 +50,37 @@ int dsp_create(struct dsp **out, const struct dsp_config *cfg)
 static void clear(struct dsp *d)
 {
     compressor_destroy(d->compressor);
-    background_destroy(d->background);
-    drift_destroy(d->drift);
+    recorded_background_destroy(d->recorded);
+    mean_background_destroy(d->mean);
     free(d->padded);
     free(d->traces);
-    free(d->background_masked);
     free(d->unfit);
     free(d->masked);
     free(d->noticed);
     channel_check_destroy(d->check);
     survey_clear(&d->survey);
-    *d = (struct dsp){.cfg = d->cfg};
+    *d = (struct dsp){.cfg = d->cfg, .standing = d->standing, .ambient_c = d->ambient_c};
 }
 
 static int allocate(struct dsp *d)
 {
     size_t n_mics = d->survey.n_microphones;
-    size_t n_pings = d->survey.n_positions * d->survey.n_speakers;
 
     d->padded = calloc(n_mics * d->processing.ping_samples, sizeof *d->padded);
     d->traces = calloc(n_mics * d->format.n_samples, sizeof *d->traces);
-    d->background_masked = calloc(n_pings * n_mics, sizeof *d->background_masked);
     d->unfit = calloc(n_mics, sizeof *d->unfit);
     d->masked = calloc(n_mics, sizeof *d->masked);
     d->noticed = calloc(n_mics, sizeof *d->noticed);
-    if (!d->padded || !d->traces || !d->background_masked || !d->unfit || !d->masked ||
-        !d->noticed)
+    if (!d->padded || !d->traces || !d->unfit || !d->masked || !d->noticed)
         return -ENOMEM;
-    const struct drift_config cfg = {
-        .format = d->format,
-        .band_hz = {d->processing.band_hz[0], d->processing.band_hz[1]},
-        .n_channels = n_mics,
-    };
     int err = channel_check_create(&d->check, n_mics, 1);
     if (!err)
-        err = drift_create(&d->drift, &cfg);
-    if (err)
-        return err;
-    return background_create(&d->background, n_pings, n_mics, d->format.n_samples);
+        err = mean_background_create(&d->mean, d->survey.n_speakers, n_mics,
+                                     d->format.n_samples, d->cfg.background_s);
+    if (!err)
+        err = recorded_background_create(&d->recorded, &d->survey, &d->processing,
+                                         &d->format);
+    return err;
 }
 
 int dsp_survey(struct dsp *d, const Anlos__Survey *survey, struct complaint *why)
@@ -124,6 +120,7 @@ static void acknowledge(struct dsp_output *out, const Anlos__Ping *ping, Anlos__
     out->receipt.pass = pass;
     out->receipt.position = ping->position;
     out->receipt.speaker = ping->speaker;
+    out->receipt.frame = ping->frame;
     out->receipt.usable = usable;
 }
 
@@ -140,7 +137,8 @@ static const float *ping_samples(const struct dsp *d, const Anlos__Ping *ping, s
     }
     if (!x || extents[0] != d->survey.n_microphones || ping->n_clipped != extents[0] ||
         ping->n_not_finite != extents[0] || ping->position >= d->survey.n_positions ||
-        ping->speaker >= d->survey.n_speakers) {
+        ping->speaker >= d->survey.n_speakers ||
+        (ping->down && !d->survey.chirp_alternates)) {
         snprintf(out->note, sizeof out->note, "a ping does not have the survey's shape");
         return NULL;
     }
@@ -169,6 +167,16 @@ static void notice(struct dsp *d, size_t mic, const struct channel_summary *summ
     }
 }
 
+/* A scan records what is missing, an array that stands does not. */
+static void notice_missing(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
+{
+    if (!ping->frame || d->missing_noticed)
+        return;
+    d->missing_noticed = true;
+    snprintf(out->note, sizeof out->note,
+             "speaker %u has no background: its pings are not used", ping->speaker);
+}
+
 /* Masks what is not fit; returns the clipped samples of all channels. */
 static uint64_t judge(struct dsp *d, const Anlos__Ping *ping, const float *x, size_t n,
                       struct dsp_output *out)
@@ -182,13 +190,25 @@ static uint64_t judge(struct dsp *d, const Anlos__Ping *ping, const float *x, si
     for (size_t m = 0; m < d->survey.n_microphones; m++) {
         channel_check_summary(d->check, m, &summary);
         notice(d, m, &summary, out);
+        out->channels.n++;
+        out->channels.silent += summary.silent;
+        out->channels.damaged += summary.damaged;
+        out->channels.clipped += summary.clipped;
         clipped += ping->clipped[m];
         d->masked[m] = d->unfit[m];
     }
     return clipped;
 }
 
-static void compress(struct dsp *d, const float *x, size_t n)
+static void silence_masked(struct dsp *d)
+{
+    for (size_t m = 0; m < d->survey.n_microphones; m++)
+        if (d->masked[m])
+            memset(d->traces + m * d->format.n_samples, 0,
+                   d->format.n_samples * sizeof *d->traces);
+}
+
+static void compress(struct dsp *d, bool down, const float *x, size_t n)
 {
     size_t need = d->processing.ping_samples;
 
@@ -200,34 +220,30 @@ static void compress(struct dsp *d, const float *x, size_t n)
         x = d->padded;
         n = need;
     }
-    compressor_execute(d->compressor, x, n, d->traces);
-    for (size_t m = 0; m < d->survey.n_microphones; m++)
-        if (d->masked[m])
-            memset(d->traces + m * d->format.n_samples, 0,
-                   d->format.n_samples * sizeof *d->traces);
+    compressor_execute_either(d->compressor, down, x, n, d->traces);
+    silence_masked(d);
 }
 
-/* Each scan begins anew: the air of the last one may be long gone. */
-static void follow_scan(struct dsp *d, const Anlos__Ping *ping)
+/* Of an array that stands it is the mean so far. */
+static void keep_background(struct dsp *d, const Anlos__Ping *ping)
 {
-    if (d->air.sound_speed_m_s > 0.0 && ping->scan == d->scan)
-        return;
-    d->scan = ping->scan;
-    drift_track_start(&d->track);
-    air_start(&d->air, d->survey.sound_speed_m_s,
-              d->survey.n_positions * d->survey.n_speakers);
+    const float complex *traces = d->traces;
+
+    if (ping->frame)
+        traces = mean_background_record(d->mean, ping, d->traces);
+    recorded_background_keep(d->recorded, ping, d->masked, traces);
 }
 
-/* Of what is not masked.  Subtracts the background as it sounds in the air of now. */
-static void subtract(struct dsp *d, const float complex *background)
+/* *usable: there is something left of the ping.  true: a background was subtracted. */
+static bool subtract_adaptive(struct dsp *d, size_t speaker, bool *usable)
 {
-    struct drift_measurement now;
-
-    for (size_t m = 0; m < d->survey.n_microphones; m++)
-        d->unfit[m] = d->masked[m];
-    drift_measure(d->drift, background, d->traces, d->unfit, &now);
-    double stretch = drift_track_update(&d->track, &now);
-    air_add(&d->air, stretch, drift_subtract(d->drift, stretch, background, d->traces));
+    if (!standing_at(&d->standing, d->capture_ns)) {
+        mean_background_reset(d->mean);
+        return false;
+    }
+    *usable =
+        mean_background_subtract(d->mean, speaker, d->capture_ns, d->masked, d->traces);
+    return *usable;
 }
 
 static void write_traces(struct dsp *d, const Anlos__Ping *ping, uint64_t clipped,
@@ -247,50 +263,74 @@ static void write_traces(struct dsp *d, const Anlos__Ping *ping, uint64_t clippe
     out->masked = d->masked;
     out->background_subtracted = subtracted;
     out->clipped_samples = clipped;
-    out->temperature_c = ping->temperature_c;
+    out->temperature_c = isnan(ping->temperature_c) ? d->ambient_c : ping->temperature_c;
+    out->frame = ping->frame;
+    out->down = ping->down;
+}
+
+void dsp_ego(struct dsp *d, const Anlos__EgoMotion *ego, int64_t capture_ns)
+{
+    standing_hear(&d->standing, ego, capture_ns);
+}
+
+void dsp_ambient(struct dsp *d, const Anlos__Ambient *ambient)
+{
+    d->ambient_c = ambient->temperature_c;
+}
+
+void dsp_stamp(struct dsp *d, int64_t capture_ns)
+{
+    d->capture_ns = capture_ns;
+}
+
+/* A scan takes again what was of no use; an array that stands goes on. */
+static void refuse(struct dsp_output *out, const Anlos__Ping *ping, Anlos__Pass pass)
+{
+    if (!ping->frame)
+        acknowledge(out, ping, pass, false);
 }
 
 void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
 {
     size_t n = 0;
+    bool usable = true, subtracted;
 
     *out = (struct dsp_output){0};
     anlos__traces__init(&out->traces);
     anlos__receipt__init(&out->receipt);
     const float *x = ping_samples(d, ping, &n, out);
     if (!x || !ping->valid) {
-        acknowledge(out, ping, ping->pass, false);
+        refuse(out, ping, ping->pass);
         return;
     }
-    size_t n_mics = d->survey.n_microphones;
-    size_t index = ping->position * d->survey.n_speakers + ping->speaker;
-    bool *background_masked = d->background_masked + index * n_mics;
-    const float complex *background = background_traces(d->background, index);
-    if (ping->pass == ANLOS__PASS__SCENE && d->cfg.background && !background) {
-        acknowledge(out, ping, ANLOS__PASS__BACKGROUND, false);
+    if (ping->pass == ANLOS__PASS__SCENE && d->cfg.background == BACKGROUND_RECORDED &&
+        !recorded_background_is_kept(d->recorded, ping)) {
+        refuse(out, ping, ANLOS__PASS__BACKGROUND);
+        notice_missing(d, ping, out);
         return;
     }
     uint64_t clipped = judge(d, ping, x, n, out);
-    compress(d, x, n);
+    compress(d, ping->down, x, n);
     if (ping->pass == ANLOS__PASS__BACKGROUND) {
-        for (size_t m = 0; m < n_mics; m++)
-            background_masked[m] = d->masked[m];
-        background_store(d->background, index, d->traces);
-        acknowledge(out, ping, ANLOS__PASS__BACKGROUND, true);
+        keep_background(d, ping);
+        if (!ping->frame)
+            acknowledge(out, ping, ANLOS__PASS__BACKGROUND, true);
         return;
     }
-    follow_scan(d, ping);
-    for (size_t m = 0; background && m < n_mics; m++)
-        d->masked[m] = d->masked[m] || background_masked[m];
-    if (background)
-        subtract(d, background);
-    out->has_traces = true;
-    write_traces(d, ping, clipped, background != NULL, &out->traces);
+    if (d->cfg.background == BACKGROUND_ADAPTIVE)
+        subtracted = subtract_adaptive(d, ping->speaker, &usable);
+    else
+        subtracted =
+            recorded_background_subtract(d->recorded, ping, d->masked, d->traces);
+    out->has_traces = usable;
+    write_traces(d, ping, clipped, subtracted, &out->traces);
 }
 
 const struct air *dsp_air(const struct dsp *d)
 {
-    return &d->air;
+    static const struct air nothing = {.pings = 0};
+
+    return d->recorded ? recorded_background_air(d->recorded) : &nothing;
 }
 
 void dsp_destroy(struct dsp *d)

@@ -1,6 +1,13 @@
 /* nodes/dsp/dsp.h -- the dsp node's step: a ping to compressed traces with the background
  * subtracted, as it would sound in the air of now.  Background pings end here and are
- * acknowledged with a receipt; so is every ping that cannot be used. */
+ * acknowledged with a receipt; so is every ping that cannot be used.
+ *
+ * Of an array that stands (Ping.frame) there are no receipts.  A recorded background is
+ * the mean of its frames there.  An adaptive one is each speaker's running mean while the
+ * vehicle stands: what stands still as well is gone with it, and what stays longer than
+ * background_s fades.  The first few pings of each speaker go into it and no further.
+ * Where the vehicle moves, or it is not known whether it does, nothing is subtracted, and
+ * the mean begins anew when it stands again. */
 #ifndef ANLOS_NODES_DSP_DSP_H
 #define ANLOS_NODES_DSP_DSP_H
 
@@ -12,20 +19,28 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
+#include "msgs/vehicle.pb-c.h"
 #include "nodes/rt/air.h"
+#include "nodes/rt/background_mode.h"
 #include "nodes/rt/compressor.h"
 
 struct dsp_config {
     enum window window;
     enum compression compression;
-    bool background; /* scene pings are of no use without it */
+    enum background_mode background; /* recorded: scene pings are of no use without it */
+    double background_s;             /* time constant of an adaptive one */
+};
+
+struct dsp_channels { /* microphones of the newest ping: how many, and what they have */
+    size_t n, silent, damaged, clipped;
 };
 
 struct dsp_output { /* what to publish; borrows from the dsp until the next ping */
     bool has_traces, has_receipt;
     Anlos__Traces traces;
     Anlos__Receipt receipt;
-    char note[256]; /* for the log; empty: nothing new */
+    char note[256];               /* for the log; empty: nothing new */
+    struct dsp_channels channels; /* n 0: the ping was not looked at */
 };
 
 struct dsp;
@@ -38,6 +53,13 @@ int dsp_create(struct dsp **out, const struct dsp_config *cfg);
 int dsp_survey(struct dsp *d, const Anlos__Survey *survey, struct complaint *why);
 bool dsp_is_planned(const struct dsp *d);
 
+/* How the vehicle moves, and the air around it: before the first of these it stands, and
+ * a temperature that was not measured with a ping is not known. */
+void dsp_ego(struct dsp *d, const Anlos__EgoMotion *ego, int64_t capture_ns);
+void dsp_ambient(struct dsp *d, const Anlos__Ambient *ambient);
+
+/* When the next ping's sample 0 was taken. */
+void dsp_stamp(struct dsp *d, int64_t capture_ns);
 void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out);
 
 /* Of the scan that the newest ping belongs to. */

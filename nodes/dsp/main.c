@@ -9,7 +9,8 @@ static int create(struct dsp **out, const struct launchfile *l)
 {
     const struct dsp_config cfg = {.window = l->dsp.window,
                                    .compression = l->dsp.compression,
-                                   .background = l->scan.background};
+                                   .background = l->dsp.background,
+                                   .background_s = l->dsp.background_s};
 
     return dsp_create(out, &cfg);
 }
@@ -42,11 +43,37 @@ static void show_air(struct node *node, const struct air *air)
                  air->corrected, air->pings, text);
 }
 
+static void tell_faults(struct node *node, const struct dsp_channels *c)
+{
+    if (!c->n)
+        return;
+    node_fault(node, NODE_FAULT_CHANNELS_SILENT, c->silent, c->n);
+    node_fault(node, NODE_FAULT_ELEMENTS_DAMAGED, c->damaged, c->n);
+    node_fault(node, NODE_FAULT_CHANNELS_CLIPPED, c->clipped, c->n);
+}
+
+/* A recording is played no faster than it is used: of an array that stands, too, each
+ * ping is answered then. */
+static void acknowledge(struct node *node, const struct node_message *in)
+{
+    const Anlos__Ping *ping = (const Anlos__Ping *)in->content;
+    Anlos__Receipt receipt = ANLOS__RECEIPT__INIT;
+
+    receipt.scan = ping->scan;
+    receipt.pass = ping->pass;
+    receipt.position = ping->position;
+    receipt.speaker = ping->speaker;
+    receipt.frame = ping->frame;
+    receipt.usable = ping->pass == ANLOS__PASS__BACKGROUND;
+    node_publish(node, topic_receipt(), in->capture_ns, &receipt.base);
+}
+
 /* What cannot be sent is logged by node_publish, and retaken by the scan. */
 static void take_ping(struct node *node, struct dsp *dsp, const struct node_message *in)
 {
     struct dsp_output out;
 
+    dsp_stamp(dsp, in->capture_ns);
     dsp_ping(dsp, (const Anlos__Ping *)in->content, &out);
     if (out.has_traces)
         node_publish(node, topic_traces(), in->capture_ns, &out.traces.base);
@@ -54,22 +81,35 @@ static void take_ping(struct node *node, struct dsp *dsp, const struct node_mess
         show_air(node, dsp_air(dsp));
     if (out.has_receipt)
         node_publish(node, topic_receipt(), in->capture_ns, &out.receipt.base);
+    else if (!out.has_traces && node_is_replayed(node))
+        acknowledge(node, in);
     if (out.note[0])
         node_log(node, LOG_LEVEL_WARNING, "%s", out.note);
+    tell_faults(node, &out.channels);
 }
 
 static int run(struct node *node, struct dsp *dsp)
 {
     struct node_message in;
-    int err = node_subscribe(node, topic_survey());
+    int err = node_order_replay(node);
 
     if (!err)
+        err = node_subscribe(node, topic_survey());
+    if (!err)
         err = node_subscribe(node, topic_ping());
+    if (!err)
+        err = node_subscribe(node, topic_ego());
+    if (!err)
+        err = node_subscribe(node, topic_ambient());
     node_state(node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
     while (!err) {
         err = node_next(node, &in, -1);
         if (!err && in.topic == topic_survey())
             err = take_survey(node, dsp, (const Anlos__Survey *)in.content);
+        else if (!err && in.topic == topic_ego())
+            dsp_ego(dsp, (const Anlos__EgoMotion *)in.content, in.capture_ns);
+        else if (!err && in.topic == topic_ambient())
+            dsp_ambient(dsp, (const Anlos__Ambient *)in.content);
         else if (!err)
             take_ping(node, dsp, &in);
     }

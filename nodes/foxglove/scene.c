@@ -35,7 +35,7 @@ static void middle(const struct survey *s, double out[3])
 
 /* Axes with the wall's normal as the third and the first as level as the array's x (or z,
  * when the wall stands across the stage). */
-static void wall_axes(const double n[3], double axes[3][3])
+static void axes_of_wall(const double n[3], double axes[3][3])
 {
     int level = fabs(n[0]) < 0.9 ? 0 : 2;
     double length = sqrt(1.0 - n[level] * n[level]);
@@ -64,7 +64,7 @@ static Foxglove__SceneEntity *draw_wall(struct arena *a, const struct setting *s
     wall_mirror(&wall, place, mirrored);
     for (int i = 0; i < 3; i++)
         place[i] = 0.5 * (place[i] + mirrored[i]);
-    wall_axes(wall.normal, axes);
+    axes_of_wall(wall.normal, axes);
     part_add_cube(a, e, part_pose(a, place, (const double(*)[3])axes), wall_size_m,
                   part_colour(a, grey, 0.35));
     for (int i = 0; i < 3; i++)

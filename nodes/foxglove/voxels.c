@@ -77,7 +77,7 @@ static Foxglove__Pose *pose_of(struct arena *a, const struct image *image,
     if (!image->has_wall)
         return part_pose(a, corner, NULL);
     const struct wall around = {
-        {image->wall.normal[0], image->wall.normal[1], image->wall.normal[2]}, 0.0};
+        .normal = {image->wall.normal[0], image->wall.normal[1], image->wall.normal[2]}};
     for (int i = 0; i < 3; i++) {
         const double axis[3] = {i == 0, i == 1, i == 2 ? -1.0 : 0.0};
         wall_mirror(&around, axis, axes[i]);

@@ -21,6 +21,7 @@ void account_play(struct account *a, const struct account_ping *ping)
 static bool answers(const Anlos__Receipt *r, const struct account_ping *p)
 {
     return r->scan == p->scan && r->position == p->position && r->speaker == p->speaker &&
+           r->frame == p->frame &&
            (r->pass == p->pass || (r->pass == ANLOS__PASS__BACKGROUND && !r->usable));
 }
 

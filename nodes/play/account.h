@@ -16,7 +16,7 @@
 #define ACCOUNT_MAX 64
 
 struct account_ping {
-    uint32_t scan, position, speaker;
+    uint32_t scan, position, speaker, frame;
     Anlos__Pass pass;
     bool valid; /* false: no use is expected */
 };

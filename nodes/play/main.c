@@ -20,6 +20,7 @@ static int create(struct playback **out, struct node *node)
         .nodes = (const char *const *)l->nodes,
         .n_nodes = l->n_nodes,
         .several_hosts = l->hosts.n > 0,
+        .fixed = l->scan.fixed,
         .window = l->scan.window,
         .timeout_s = l->scan.timeout_s,
     };

@@ -107,6 +107,7 @@ void playback_traces(struct playback *p, const Anlos__Traces *t, int64_t now_ns)
     r.scan = t->scan;
     r.position = t->position;
     r.speaker = t->speaker;
+    r.frame = t->frame;
     r.usable = true;
     playback_receipt(p, &r, now_ns);
 }

@@ -24,6 +24,7 @@ struct playback_config { /* what it points to outlives the player */
     const char *const *nodes;     /* [n_nodes] that run beside it, of the launch file */
     size_t n_nodes;
     bool alone;         /* no launch file: whoever is alive in the run folder */
+    bool fixed;         /* they take an array that stands, if not alone */
     bool several_hosts; /* who is connected cannot be known */
     unsigned window;    /* pings under way, 1 to ACCOUNT_MAX */
     double timeout_s;   /* after the last receipt, a ping counts as missing */

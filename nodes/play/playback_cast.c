@@ -1,5 +1,6 @@
 #include <errno.h>
 #include <fnmatch.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "nodes/play/playback_state.h"
@@ -58,6 +59,16 @@ static int check_patterns(struct playback *p, const char *patterns, struct compl
     return 0;
 }
 
+/* What the vehicle said comes from the node can, which is told nothing in a replay, and
+ * may run. */
+static void play_vehicle(const struct playback *p, struct tape_part *part)
+{
+    const char *vehicle = "vehicle";
+
+    if (is_in_launch(&p->cfg, part->node) && topic_is_published_by(part->topic, vehicle))
+        snprintf(part->node, sizeof part->node, "%s", vehicle);
+}
+
 /* 0: it is played, 1: not, as somebody else does it. */
 static int take_part(struct playback *p, const char *node, const struct topic *t,
                      struct complaint *why)
@@ -79,6 +90,7 @@ static int take_parts(struct playback *p, struct complaint *why)
 
     for (size_t i = 0; (part = tape_part(p->tape, i)); i++) {
         part->wanted = is_asked_for(&p->cfg, part->topic->name);
+        play_vehicle(p, part);
         int taken = part->wanted ? take_part(p, part->node, part->topic, why) : 1;
         if (taken < 0)
             return taken;

@@ -30,6 +30,7 @@ static int look_into(struct playback *p, struct playback_next *n)
             .scan = (uint32_t)rewrite_peek(m, "scan"),
             .position = (uint32_t)rewrite_peek(m, "position"),
             .speaker = (uint32_t)rewrite_peek(m, "speaker"),
+            .frame = (uint32_t)rewrite_peek(m, "frame"),
             .pass = ping ? ping->pass : ANLOS__PASS__SCENE,
             .valid = !ping || ping->valid,
         };
@@ -49,6 +50,21 @@ static void follow_scan(struct playback *p, const struct tape_message *m)
     p->scan_epoch_ns = m->envelope.epoch_ns;
 }
 
+/* Are those that the launch file runs the ones for this recording? */
+static int check_mode(const struct playback *p, struct complaint *why)
+{
+    bool fixed = p->next.ping.frame > 0;
+
+    if (!p->next.flow || p->cfg.alone || p->cfg.fixed == fixed)
+        return 0;
+    return complain(why, -EINVAL,
+                    fixed ? "%s: of an array that stands; expected a launch file with "
+                            "scan.mode: fixed, such as launch/play-drive.yaml"
+                          : "%s: of an array on a stage; expected a launch file without "
+                            "scan.mode: fixed, such as launch/play.yaml",
+                    p->cfg.tape.bag);
+}
+
 int playback_load(struct playback *p, struct complaint *why)
 {
     for (unsigned i = 0; i < MAX_SKIPPED; i++) {
@@ -64,8 +80,10 @@ int playback_load(struct playback *p, struct complaint *why)
         if (!err && n->m.payload.size > n->m.part->topic->max_size)
             err = -EPROTO;
         n->is = !err;
+        if (err == -ENOMEM)
+            return complain(why, err, "out of memory");
         if (err != -EPROTO)
-            return err == -ENOMEM ? complain(why, err, "out of memory") : err;
+            return err ? err : check_mode(p, why);
         if (!p->malformed++)
             playback_notes(
                 p, "%s: a message at %.3f s is no %s; it and others are left out",
@@ -89,6 +107,7 @@ static int after_ping(struct playback *p, const struct account_ping *ping, int64
     p->scan = ping->scan;
     p->pass = ping->pass;
     p->position = ping->position;
+    p->endless = ping->frame > 0;
     p->background |= ping->pass == ANLOS__PASS__BACKGROUND;
     if (ping->scan > p->newest_scan)
         p->newest_scan = ping->scan;

@@ -78,7 +78,8 @@ static int say_status(struct playback *p, Anlos__ScanStatus__State state,
     s.position = p->position;
     s.pings_done = (uint32_t)p->account.used;
     s.pings_lost = (uint32_t)(p->account.missing + p->account.unused);
-    s.pings_expected = (uint32_t)(p->pings_of_scan * (p->background ? 2 : 1));
+    s.pings_expected =
+        p->endless ? 0 : (uint32_t)(p->pings_of_scan * (p->background ? 2 : 1));
     s.text = (char *)text;
     if (bytes_reserve(b, anlos__scan_status__get_packed_size(&s) + 1))
         return -ENOMEM;
@@ -100,7 +101,8 @@ int playback_say_running(struct playback *p, int64_t now_ns)
     if (!p->says_status || p->has_status || now_ns < p->status_due_ns)
         return 0;
     p->status_due_ns = now_ns + STATUS_PERIOD_NS;
-    return say_status(p, ANLOS__SCAN_STATUS__STATE__RUNNING, "", now_ns);
+    return say_status(p, ANLOS__SCAN_STATUS__STATE__RUNNING, p->endless ? "replay" : "",
+                      now_ns);
 }
 
 /* DONE, as it was recorded, of a scan whose pings are all of no use here: whoever waits
@@ -126,7 +128,10 @@ int playback_say_end(struct playback *p, int64_t now_ns)
 {
     int err = 0;
 
-    if (p->says_status && !p->scan_ended && p->has_status)
+    if (p->says_status && !p->scan_ended && p->endless && p->scene_used)
+        err = say_status(p, ANLOS__SCAN_STATUS__STATE__DONE, "the recording has ended",
+                         now_ns);
+    else if (p->says_status && !p->scan_ended && p->has_status)
         err = say_status(p, ANLOS__SCAN_STATUS__STATE__FAILED,
                          "the recording ends before the scan did", now_ns);
     else if (p->says_status && !p->scan_ended && p->scene_used)

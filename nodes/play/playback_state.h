@@ -59,6 +59,7 @@ struct playback {
     uint32_t position;
     size_t scene_used;
     bool background; /* there was a pass of it */
+    bool endless;    /* the array stood: only a person ended it */
     bool scan_ended;
     uint32_t list_scan;    /* of the newest list */
     int64_t list_since_ns; /* not 0: the list of this scan is waited for since then */

@@ -1,5 +1,5 @@
 /* nodes/report/main.c: "volume", "detections", "scan/status", "health" -> a folder.  Ends
- * when it is written. */
+ * when it is written: after the scan, or of a scan without end when it is stopped. */
 #include <errno.h>
 
 #include "msgs/topics.h"
@@ -56,7 +56,8 @@ static int run(struct node *node, struct report *r)
         else if (err == -ETIMEDOUT)
             err = 0;
     }
-    if (!err) {
+    /* A system without end is over when it is stopped. */
+    if (!err || (err == -ESHUTDOWN && node_launch(node)->scan.fixed)) {
         err = report_write(r, folder, &why);
         if (!err)
             node_log(node, LOG_LEVEL_DEBUG, "%s is written", folder);

@@ -1,10 +1,13 @@
 /* nodes/rt/compressor.h -- raw pings to traces by the way that was asked for: matched
- * filter (dsp/pulse_compress.h) or the paper's deramp (dsp/deramp.h), one face for both.
+ * filter (dsp/pulse_compress.h) or the paper's deramp (dsp/deramp.h), one face for both,
+ * and for both directions of a survey whose chirps alternate.  Where emissions overlap
+ * the ends of the ping are tapered, which cut off those before and behind (dsp/taper.h).
  */
 #ifndef ANLOS_NODES_RT_COMPRESSOR_H
 #define ANLOS_NODES_RT_COMPRESSOR_H
 
 #include <complex.h>
+#include <stdbool.h>
 
 #include "nodes/rt/processing.h"
 
@@ -29,6 +32,10 @@ void compressor_format(const struct compressor *c, struct trace_format *out);
  * One instance a thread. */
 void compressor_execute(struct compressor *c, const float *rx, size_t rx_stride,
                         float complex *restrict y);
+
+/* The same of a ping whose chirp ran either way; of a survey whose chirps alternate. */
+void compressor_execute_either(struct compressor *c, bool down, const float *rx,
+                               size_t rx_stride, float complex *restrict y);
 void compressor_destroy(struct compressor *c);
 
 #endif

@@ -59,6 +59,9 @@ static json_t *detection(const Anlos__Detection *d)
     json_object_set_new(o, "level_db", export_real(d->level_db));
     json_object_set_new(o, "virtual_m", vec3(d->virtual_m));
     json_object_set_new(o, "extent_m", vec3(d->extent_m));
+    json_object_set_new(o, "wall", json_integer(d->wall));
+    json_object_set_new(o, "behind_no_wall", json_boolean(d->behind_no_wall));
+    json_object_set_new(o, "in_free_view", json_boolean(d->in_free_view));
     return o;
 }
 

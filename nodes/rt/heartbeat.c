@@ -13,6 +13,7 @@ void heartbeat_publish(struct heartbeat *h)
 {
     struct vitals v;
     struct device_count counts[DEVICE_MAX_COUNTS];
+    struct vitals_faults faults;
     int64_t machine_ns = clock_now_ns(h->clock->machine);
     int64_t now_ns = clock_now_ns(&h->clock->source);
 
@@ -21,6 +22,7 @@ void heartbeat_publish(struct heartbeat *h)
     vitals_latencies(&v, &h->latencies, now_ns);
     if (h->device)
         vitals_device(&v, counts, h->counts(h->device, counts));
+    vitals_faults(&v.message, &faults, h->faults, h->n_faults);
     v.message.state = h->state;
     v.message.text = h->text;
     v.message.uptime_s = (double)(machine_ns - h->epoch_ns) * 1e-9;
@@ -71,4 +73,22 @@ void heartbeat_state(struct heartbeat *h, Anlos__Health__State state, const char
     h->state = state;
     snprintf(h->text, sizeof h->text, "%s", text);
     heartbeat_publish(h);
+}
+
+void heartbeat_fault(struct heartbeat *h, const char *name, uint32_t count, uint32_t of)
+{
+    size_t i = 0;
+
+    while (i < h->n_faults && strcmp(h->faults[i].name, name))
+        i++;
+    if (i == h->n_faults && (!count || i == VITALS_MAX_FAULTS))
+        return;
+    const struct vitals_fault now = {name, count, of};
+    bool changed = i == h->n_faults || h->faults[i].count != count;
+    h->n_faults += i == h->n_faults;
+    h->faults[i] = now;
+    if (!count)
+        h->faults[i] = h->faults[--h->n_faults];
+    if (changed)
+        heartbeat_publish(h);
 }

@@ -9,6 +9,7 @@
 #include "msgs/health.pb-c.h"
 #include "nodes/rt/latencies.h"
 #include "nodes/rt/log.h"
+#include "nodes/rt/vitals.h"
 
 struct heartbeat {
     char *node; /* whose, not owned; bus, log and clock neither */
@@ -23,7 +24,9 @@ struct heartbeat {
     uint64_t malformed; /* messages that did not unpack */
     struct latencies latencies;
     size_t (*counts)(void *device, struct device_count *out);
-    void *device; /* NULL: none */
+    void *device;                                  /* NULL: none */
+    struct vitals_fault faults[VITALS_MAX_FAULTS]; /* [n_faults], those that last */
+    size_t n_faults;
 };
 
 /* Says how the node is, now; also tells of repeated lines in its log. */
@@ -35,5 +38,9 @@ int64_t heartbeat_tick(struct heartbeat *h, int64_t now_ns);
 
 /* Sets the state and says so at once when it changed; one that is worse is logged. */
 void heartbeat_state(struct heartbeat *h, Anlos__Health__State state, const char *text);
+
+/* Sets how many of so many have the fault, 0: none, and says so at once when it changed.
+ * name: a literal. */
+void heartbeat_fault(struct heartbeat *h, const char *name, uint32_t count, uint32_t of);
 
 #endif

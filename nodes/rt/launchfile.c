@@ -8,10 +8,15 @@
 #include "hal/yaml/file.h"
 #include "hal/survey/place.h"
 #include "msgs/topics.h"
+#include "nodes/rt/launchfile_can.h"
+#include "nodes/rt/launchfile_frames.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/launchfile_play.h"
 #include "nodes/rt/launchfile_record.h"
+#include "nodes/rt/launchfile_scan.h"
+#include "nodes/rt/launchfile_track.h"
 #include "nodes/rt/launchfile_view.h"
+#include "nodes/rt/launchfile_wall.h"
 #include "nodes/rt/launchfile_text.h"
 #include "nodes/rt/uri.h"
 #include "recon/imager.h"
@@ -52,23 +57,16 @@ static int copy_parts(struct launchfile *l, const struct launch_text *t,
 {
     l->array.uri = copy_text(t->array.uri, "");
     l->stage.uri = copy_text(t->stage.uri, "sim:");
-    l->scan.background = t->scan.background && *t->scan.background;
     l->scan.window = unsigned_or(t->scan.window, 32);
     l->scan.retries = unsigned_or(t->scan.retries, 3);
     l->scan.timeout_s = double_or(t->scan.timeout_s, 5.0);
     l->recon.method = copy_text(t->recon.method, "fast");
     l->recon.threads = unsigned_or(t->recon.threads, 0);
     l->recon.preview = !t->recon.preview || *t->recon.preview;
-    l->track.threshold_db = double_or(t->track.threshold_db, 12.0);
-    l->track.min_existence = double_or(t->track.min_existence, 0.5);
-    l->can.uri = copy_text(t->can.uri, "log:can.candump");
-    l->can.base_id = unsigned_or(t->can.base_id, 0x400);
     l->report.folder =
         copy_text(options && options->out ? options->out : t->report.folder, "out");
-    return l->array.uri && l->stage.uri && l->recon.method && l->can.uri &&
-                   l->report.folder
-               ? 0
-               : -ENOMEM;
+    return l->array.uri && l->stage.uri && l->recon.method && l->report.folder ? 0
+                                                                               : -ENOMEM;
 }
 
 static int copy_dsp(struct launchfile *l, const struct launch_text *t,
@@ -130,7 +128,7 @@ static int copy_nodes(struct launchfile *l, const struct launch_text *t,
             return yaml_complain(
                 why, -EINVAL, l->path, key,
                 "%s is no node; expected stage, array, scan, dsp, recon, "
-                "track, can, report, record, play or view",
+                "track, can, report, record, play, view or wall",
                 t->nodes[i]);
         if (launchfile_has_node(l, t->nodes[i]))
             return yaml_complain(why, -EINVAL, l->path, "nodes",
@@ -170,8 +168,8 @@ static int resolve_paths(struct launchfile *l, const struct launchfile_options *
     for (size_t i = 0; !err && i < COUNT(options_with_paths); i++)
         err = replace(&l->array.uri,
                       uri_option_in_folder(l->array.uri, folder, options_with_paths[i]));
-    if (!err && uri_has_scheme(l->can.uri, "log"))
-        err = replace(&l->can.uri, uri_in_folder(l->can.uri, l->report.folder));
+    if (!err)
+        err = launchfile_resolve_can(l, folder);
     if (!err && options && options->realtime && uri_has_scheme(l->array.uri, "sim"))
         err = replace(&l->array.uri, uri_set_option(l->array.uri, "pace", "real"));
     if (!err && options && options->realtime && uri_has_scheme(l->stage.uri, "sim"))
@@ -190,9 +188,6 @@ static int check_numbers(const struct launchfile *l, struct complaint *why)
         {"scan.retries", l->scan.retries, 0, 100},
         {"scan.timeout_s", l->scan.timeout_s, 0.1, 600},
         {"recon.threads", l->recon.threads, 0, 256},
-        {"track.threshold_db", l->track.threshold_db, 0, 120},
-        {"track.min_existence", l->track.min_existence, 0, 1},
-        {"can.base_id", l->can.base_id, 0, 0x7f0},
     };
 
     for (size_t i = 0; i < COUNT(numbers); i++)
@@ -229,11 +224,21 @@ static int fill(struct launchfile *l, const struct launch_text *text,
     if (!err)
         err = launchfile_copy_play(l, text, options, why);
     if (!err)
+        err = launchfile_copy_can(l, text, why);
+    if (!err)
+        err = launchfile_copy_wall(l, text, why);
+    if (!err)
+        err = launchfile_copy_scan(l, text, why);
+    if (!err)
+        err = launchfile_copy_track(l, text, why);
+    if (!err)
         err = copy_dsp(l, text, why);
     if (!err)
         err = copy_parts(l, text, options);
     if (!err)
         err = check(l, why);
+    if (!err)
+        err = launchfile_copy_frames(l, text, why);
     if (!err)
         err = copy_options(l, text, why);
     if (!err)
@@ -288,8 +293,9 @@ void launchfile_destroy(struct launchfile *l)
     free(l->array.uri);
     free(l->stage.uri);
     free(l->recon.method);
-    free(l->can.uri);
+    launchfile_free_can(l);
     free(l->report.folder);
+    launchfile_free_scan(l);
     launchfile_free_record(l);
     launchfile_free_play(l);
     launchfile_free_view(l);

@@ -9,8 +9,37 @@
 #include "msgs/bag/compression.h"
 #include "msgs/complaint.h"
 #include "msgs/hosts.h"
+#include "nodes/rt/background_mode.h"
 #include "nodes/rt/compressor.h"
+#include "recon/frames.h"
+#include "dsp/cfar.h"
 #include "recon/imager_options.h"
+
+#define LAUNCHFILE_WALL_CORNERS 32
+
+enum wall_from { WALL_FROM_SURVEY, WALL_FROM_TOPIC, WALL_FROM_ECHOES };
+
+enum launch_track_mode { /* auto: tracks of a fixed array, else lists */
+                         LAUNCH_TRACK_AUTO,
+                         LAUNCH_TRACK_LISTS,
+                         LAUNCH_TRACK_TRACKS
+};
+
+struct launch_track { /* recon/track.h tells what they do, and why so much */
+    double threshold_db;
+    double min_existence; /* of a detection */
+    enum cfar_kind cfar;  /* in place of threshold_db; default ordered for a fixed array,
+                           * off for scans */
+    double false_alarm_rate; /* of each voxel, with cfar; default 1e-4 */
+    enum launch_track_mode mode;
+    unsigned confirm_hits, confirm_of;
+    double confirm_existence;
+    double detection_probability;
+    double clutter;     /* false detections in an image */
+    double sidelobe_db; /* nodes/track/ghosts.h */
+    double look_s;      /* nodes/track/timing.h */
+    double acceleration_psd, join_m, coast_s;
+};
 
 /* Input paths in URIs are relative to the launch file's folder, the report's folder to
  * the current one, and a log of CAN frames to the report's folder.  What is loaded has
@@ -26,29 +55,52 @@ struct launchfile {
         char *uri; /* hal/stage.h; default "sim:" */
     } stage;
     struct {
-        bool background;  /* record a pass without the objects first */
-        unsigned window;  /* pings that may be under way without a receipt */
-        unsigned retries; /* of one ping */
+        bool fixed; /* mode: the array stands and fires without end; else stepped */
+        uint32_t *speakers;         /* [n_speakers] of a fixed array, in this order */
+        size_t n_speakers;          /* 0: all */
+        unsigned background_frames; /* of a fixed array */
+        bool background;            /* record a pass without the objects first */
+        unsigned window;            /* pings that may be under way without a receipt */
+        unsigned retries;           /* of one ping */
         double timeout_s; /* after the last sign of life, a ping counts as lost */
     } scan;
     struct {
         enum window window;           /* default hann */
         enum compression compression; /* default matched_filter */
+        enum background_mode background;
+        double background_s; /* that an adaptive one is the mean of */
     } dsp;
     struct {
         char *method;
         unsigned threads; /* 0: all cores */
         struct imager_options options;
-        bool preview; /* a volume after each stage position, time permitting */
+        bool preview;       /* a volume after each stage position, time permitting */
+        struct {            /* of scan.mode fixed */
+            unsigned pings; /* the newest, in an image; 0: those of a frame, default */
+            enum frames_sum sum; /* default power */
+            bool every_ping;     /* an image; default: every frame */
+        } frames;
     } recon;
+    struct launch_track track;
     struct {
-        double threshold_db;
-        double min_existence;
-    } track;
-    struct {
-        char *uri; /* hal/canbus.h; default "log:can.candump" */
-        unsigned base_id;
+        char *uri;        /* hal/canbus.h; default "log:can.candump" */
+        unsigned base_id; /* default 0x400; a sensor adds 0x10 times its number */
+        unsigned sensor;
+        bool fd;                        /* one FD frame an object */
+        unsigned bitrate, data_bitrate; /* default 500000 and 2000000 bit/s */
+        double load;                    /* share of the bus to use at most; default 0.5 */
     } can;
+    struct {
+        enum wall_from from; /* default survey */
+        bool vertical;       /* prior: vertical, the default; else none */
+        double vertical_deg; /* default 2: how upright walls are, one sigma */
+        double reach_m;      /* default 5: how far away walls are looked for */
+        double every_s;      /* default 0.5: from estimate to estimate */
+        double lost_s;       /* default 3: without being seen or given */
+        unsigned n_corners;  /* of what the array sees directly; default 0 */
+        double free_view_m[LAUNCHFILE_WALL_CORNERS]
+                          [2]; /* x, z in the array's horizontal plane */
+    } wall;
     struct {
         char *folder; /* what the report node writes into; default "out" */
     } report;

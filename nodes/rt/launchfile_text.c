@@ -1,5 +1,7 @@
 #include "nodes/rt/launchfile_text.h"
 
+#include "nodes/rt/launchfile.h"
+
 #include <string.h>
 
 #define OPTIONAL  CYAML_FLAG_OPTIONAL
@@ -17,8 +19,16 @@ static const cyaml_schema_field_t stage_fields[] = {
     CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER, struct launch_text_stage, uri, 1,
                            TEXT_SIZE),
     CYAML_FIELD_END};
+static const cyaml_schema_value_t index_schema = {
+    CYAML_VALUE_UINT(CYAML_FLAG_DEFAULT, uint32_t)};
 static const cyaml_schema_field_t scan_fields[] = {
+    CYAML_FIELD_STRING_PTR("mode", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text_scan,
+                           mode, 1, NAME_SIZE),
     CYAML_FIELD_BOOL_PTR("background", OPTIONAL, struct launch_text_scan, background),
+    CYAML_FIELD_SEQUENCE("speakers", CYAML_FLAG_POINTER | OPTIONAL,
+                         struct launch_text_scan, speakers, &index_schema, 1, 4096),
+    CYAML_FIELD_UINT_PTR("background_frames", OPTIONAL, struct launch_text_scan,
+                         background_frames),
     CYAML_FIELD_UINT_PTR("window", OPTIONAL, struct launch_text_scan, window),
     CYAML_FIELD_UINT_PTR("retries", OPTIONAL, struct launch_text_scan, retries),
     CYAML_FIELD_FLOAT_PTR("timeout_s", OPTIONAL, struct launch_text_scan, timeout_s),
@@ -28,6 +38,9 @@ static const cyaml_schema_field_t dsp_fields[] = {
                            struct launch_text_dsp, window, 1, NAME_SIZE),
     CYAML_FIELD_STRING_PTR("compression", CYAML_FLAG_POINTER | OPTIONAL,
                            struct launch_text_dsp, compression, 1, NAME_SIZE),
+    CYAML_FIELD_STRING_PTR("background", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_dsp, background, 1, NAME_SIZE),
+    CYAML_FIELD_FLOAT_PTR("background_s", OPTIONAL, struct launch_text_dsp, background_s),
     CYAML_FIELD_END};
 #define METHOD_OPTION(name)                                                              \
     CYAML_FIELD_STRING_PTR(#name, CYAML_FLAG_POINTER | OPTIONAL,                         \
@@ -38,24 +51,73 @@ static const cyaml_schema_field_t option_fields[] = {
     METHOD_OPTION(rho),       METHOD_OPTION(snr_db),     METHOD_OPTION(dmo),
     METHOD_OPTION(lightcone), METHOD_OPTION(coherence),  METHOD_OPTION(sharpen),
     CYAML_FIELD_END};
+static const cyaml_schema_field_t frames_fields[] = {
+    CYAML_FIELD_UINT_PTR("pings", OPTIONAL, struct launch_text_frames, pings),
+    CYAML_FIELD_STRING_PTR("sum", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_frames, sum, 1, NAME_SIZE),
+    CYAML_FIELD_STRING_PTR("every", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_frames, every, 1, NAME_SIZE),
+    CYAML_FIELD_END};
 static const cyaml_schema_field_t recon_fields[] = {
     CYAML_FIELD_STRING_PTR("method", CYAML_FLAG_POINTER | OPTIONAL,
                            struct launch_text_recon, method, 1, NAME_SIZE),
     CYAML_FIELD_UINT_PTR("threads", OPTIONAL, struct launch_text_recon, threads),
     CYAML_FIELD_BOOL_PTR("preview", OPTIONAL, struct launch_text_recon, preview),
+    CYAML_FIELD_MAPPING("frames", OPTIONAL, struct launch_text_recon, frames,
+                        frames_fields),
     CYAML_FIELD_MAPPING("options", OPTIONAL, struct launch_text_recon, options,
                         option_fields),
     CYAML_FIELD_END};
+#define TRACK_NUMBER(name)                                                               \
+    CYAML_FIELD_FLOAT_PTR(#name, OPTIONAL, struct launch_text_track, name)
 static const cyaml_schema_field_t track_fields[] = {
-    CYAML_FIELD_FLOAT_PTR("threshold_db", OPTIONAL, struct launch_text_track,
-                          threshold_db),
-    CYAML_FIELD_FLOAT_PTR("min_existence", OPTIONAL, struct launch_text_track,
-                          min_existence),
+    CYAML_FIELD_STRING_PTR("mode", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_track, mode, 1, NAME_SIZE),
+    CYAML_FIELD_STRING_PTR("cfar", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_track, cfar, 1, NAME_SIZE),
+    TRACK_NUMBER(false_alarm_rate),
+    TRACK_NUMBER(threshold_db),
+    TRACK_NUMBER(min_existence),
+    TRACK_NUMBER(confirm_existence),
+    TRACK_NUMBER(detection_probability),
+    TRACK_NUMBER(clutter),
+    TRACK_NUMBER(sidelobe_db),
+    TRACK_NUMBER(look_s),
+    TRACK_NUMBER(acceleration_psd),
+    TRACK_NUMBER(join_m),
+    TRACK_NUMBER(coast_s),
+    CYAML_FIELD_UINT_PTR("confirm_hits", OPTIONAL, struct launch_text_track,
+                         confirm_hits),
+    CYAML_FIELD_UINT_PTR("confirm_of", OPTIONAL, struct launch_text_track, confirm_of),
     CYAML_FIELD_END};
 static const cyaml_schema_field_t can_fields[] = {
     CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text_can,
                            uri, 1, TEXT_SIZE),
     CYAML_FIELD_UINT_PTR("base_id", OPTIONAL, struct launch_text_can, base_id),
+    CYAML_FIELD_UINT_PTR("sensor", OPTIONAL, struct launch_text_can, sensor),
+    CYAML_FIELD_BOOL_PTR("fd", OPTIONAL, struct launch_text_can, fd),
+    CYAML_FIELD_UINT_PTR("bitrate", OPTIONAL, struct launch_text_can, bitrate),
+    CYAML_FIELD_UINT_PTR("data_bitrate", OPTIONAL, struct launch_text_can, data_bitrate),
+    CYAML_FIELD_FLOAT_PTR("load", OPTIONAL, struct launch_text_can, load),
+    CYAML_FIELD_END};
+static const cyaml_schema_value_t number_schema = {
+    CYAML_VALUE_FLOAT(CYAML_FLAG_DEFAULT, double)};
+static const cyaml_schema_value_t corner_schema = {
+    CYAML_VALUE_SEQUENCE_FIXED(CYAML_FLAG_DEFAULT, double, &number_schema, 2)};
+#define WALL_NUMBER(name)                                                                \
+    CYAML_FIELD_FLOAT_PTR(#name, OPTIONAL, struct launch_text_wall, name)
+static const cyaml_schema_field_t wall_fields[] = {
+    CYAML_FIELD_STRING_PTR("from", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text_wall,
+                           from, 1, NAME_SIZE),
+    CYAML_FIELD_STRING_PTR("prior", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_wall, prior, 1, NAME_SIZE),
+    WALL_NUMBER(vertical_deg),
+    WALL_NUMBER(reach_m),
+    WALL_NUMBER(every_s),
+    WALL_NUMBER(lost_s),
+    CYAML_FIELD_SEQUENCE("free_view_m", CYAML_FLAG_POINTER | OPTIONAL,
+                         struct launch_text_wall, free_view_m, &corner_schema, 0,
+                         LAUNCHFILE_WALL_CORNERS),
     CYAML_FIELD_END};
 static const cyaml_schema_field_t report_fields[] = {
     CYAML_FIELD_STRING_PTR("folder", CYAML_FLAG_POINTER, struct launch_text_report,
@@ -117,6 +179,7 @@ static const cyaml_schema_field_t launch_fields[] = {
     CYAML_FIELD_MAPPING("recon", OPTIONAL, struct launch_text, recon, recon_fields),
     CYAML_FIELD_MAPPING("track", OPTIONAL, struct launch_text, track, track_fields),
     CYAML_FIELD_MAPPING("can", OPTIONAL, struct launch_text, can, can_fields),
+    CYAML_FIELD_MAPPING("wall", OPTIONAL, struct launch_text, wall, wall_fields),
     CYAML_FIELD_MAPPING("report", OPTIONAL, struct launch_text, report, report_fields),
     CYAML_FIELD_MAPPING("view", OPTIONAL, struct launch_text, view, view_fields),
     CYAML_FIELD_MAPPING("record", OPTIONAL, struct launch_text, record, record_fields),

@@ -4,6 +4,7 @@
 #define ANLOS_NODES_RT_LAUNCHFILE_TEXT_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include <cyaml/cyaml.h>
 
@@ -16,13 +17,17 @@ struct launch_text_stage {
 };
 
 struct launch_text_scan {
+    char *mode;
     bool *background;
-    unsigned *window, *retries;
+    unsigned *window, *retries, *background_frames;
+    uint32_t *speakers; /* [speakers_count] */
+    unsigned speakers_count;
     double *timeout_s;
 };
 
 struct launch_text_dsp {
-    char *window, *compression;
+    char *window, *compression, *background;
+    double *background_s;
 };
 
 struct launch_text_options { /* as written; by the names of recon/imager_options.h */
@@ -30,25 +35,44 @@ struct launch_text_options { /* as written; by the names of recon/imager_options
     char *dmo, *lightcone, *coherence;
 };
 
+struct launch_text_frames {
+    unsigned *pings;
+    char *sum, *every;
+};
+
 struct launch_text_recon {
     char *method;
     unsigned *threads;
     bool *preview;
+    struct launch_text_frames frames;
     struct launch_text_options options;
 };
 
 struct launch_text_track {
-    double *threshold_db, *min_existence;
+    char *mode, *cfar;
+    double *false_alarm_rate;
+    double *threshold_db, *min_existence, *confirm_existence, *detection_probability;
+    double *clutter, *sidelobe_db, *look_s, *acceleration_psd, *join_m, *coast_s;
+    unsigned *confirm_hits, *confirm_of;
 };
 
 struct launch_text_can {
     char *uri;
-    unsigned *base_id;
+    unsigned *base_id, *sensor, *bitrate, *data_bitrate;
+    bool *fd;
+    double *load;
 };
 
 struct launch_text_view {
     char *address, *bag;
     unsigned *port;
+};
+
+struct launch_text_wall {
+    char *from, *prior;
+    double *vertical_deg, *reach_m, *every_s, *lost_s;
+    double (*free_view_m)[2]; /* [free_view_m_count] */
+    unsigned free_view_m_count;
 };
 
 struct launch_text_report {
@@ -82,6 +106,7 @@ struct launch_text {
     struct launch_text_recon recon;
     struct launch_text_track track;
     struct launch_text_can can;
+    struct launch_text_wall wall;
     struct launch_text_report report;
     struct launch_text_view view;
     struct launch_text_record record;

@@ -12,6 +12,7 @@
 #include "nodes/rt/heartbeat.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/log_topic.h"
+#include "nodes/rt/replay_order.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/rt/stop.h"
 
@@ -26,6 +27,7 @@ struct node {
     struct clock_replay clock;
     bool sounded; /* the replay's time is that of a message of sound */
     struct bus *bus;
+    struct replay_order *order; /* NULL: messages come as they come */
     int64_t epoch_ns;
     struct heartbeat heart;
     ProtobufCMessage *content; /* of the message that node_next gave out last */
@@ -72,6 +74,9 @@ static void node_free(struct node *n)
         log_tell_repeats(n->log);
         log_topic_stop(&n->log_topic, n->log);
     }
+    if (n->order)
+        replay_order_clear(n->order);
+    free(n->order);
     bus_destroy(n->bus);
     launchfile_destroy(n->launch);
     log_destroy(n->log);
@@ -268,6 +273,35 @@ static int unpack(struct node *n, struct bus_message *m, struct node_message *ou
     return 0;
 }
 
+int node_order_replay(struct node *n)
+{
+    n->order = calloc(1, sizeof *n->order);
+    return n->order ? 0 : -ENOMEM;
+}
+
+/* The next one whose turn it is.  0, -ETIMEDOUT, -ESHUTDOWN. */
+static int receive(struct node *n, struct bus_message *m, int64_t wait_ms)
+{
+    int64_t due_ns, now = node_machine_ns(n);
+    int err;
+
+    if (!n->order)
+        return bus_receive(n->bus, m, (int)wait_ms);
+    if (replay_order_take(n->order, m, now, &due_ns))
+        return 0;
+    if (due_ns != INT64_MAX && ms_until(now, due_ns) < wait_ms)
+        wait_ms = ms_until(now, due_ns);
+    while (!(err = bus_receive(n->bus, m, (int)wait_ms)) && replay_order_takes(m)) {
+        now = node_machine_ns(n);
+        replay_order_put(n->order, m, now);
+        if (replay_order_take(n->order, m, now, &due_ns))
+            return 0;
+    }
+    if (err == -ETIMEDOUT && replay_order_take(n->order, m, node_machine_ns(n), &due_ns))
+        return 0;
+    return err;
+}
+
 int node_next(struct node *n, struct node_message *out, int timeout_ms)
 {
     int64_t now = node_machine_ns(n);
@@ -283,7 +317,7 @@ int node_next(struct node *n, struct node_message *out, int timeout_ms)
         int64_t wait = ms_until(now, heartbeat_tick(&n->heart, now));
         if (timeout_ms >= 0 && ms_until(now, end) < wait)
             wait = ms_until(now, end);
-        int err = bus_receive(n->bus, &m, (int)wait);
+        int err = receive(n, &m, wait);
         if (!err) {
             err = unpack(n, &m, out);
             bus_message_free(&m);
@@ -326,6 +360,11 @@ void node_state(struct node *n, Anlos__Health__State state, const char *format, 
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
     heartbeat_state(&n->heart, state, text);
+}
+
+void node_fault(struct node *n, const char *name, size_t count, size_t of)
+{
+    heartbeat_fault(&n->heart, name, (uint32_t)count, (uint32_t)of);
 }
 
 void node_log(const struct node *n, enum log_level level, const char *format, ...)

@@ -61,6 +61,11 @@ bool node_is_replayed(const struct node *n);
 
 int node_subscribe(struct node *n, const struct topic *t);
 
+/* From now on replayed messages of sound and of the vehicle come in the order of their
+ * publish stamps (nodes/rt/replay_order.h), for whoever uses the one with the other.
+ * node_fd does not know of those that wait for their turn.  0, -ENOMEM. */
+int node_order_replay(struct node *n);
+
 /* Waits for the next message; publishes health when it is due.  timeout_ms < 0: without
  * end.  0, -ETIMEDOUT, -ESHUTDOWN (a signal asked the process to stop). */
 int node_next(struct node *n, struct node_message *out, int timeout_ms);
@@ -71,6 +76,15 @@ int node_publish(struct node *n, const struct topic *t, int64_t capture_ns,
 /* Sets this node's state and says so at once when it changed. */
 void node_state(struct node *n, Anlos__Health__State state, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+
+/* What is wrong and lasts, for machines, beside what state and text say: so many of so
+ * many have it, 0: none.  Said at once when it changes.  name: one of these. */
+#define NODE_FAULT_ARRAY_AWAY       "array_away"       /* the device is not there */
+#define NODE_FAULT_CHANNELS_SILENT  "channels_silent"  /* microphones hear nothing */
+#define NODE_FAULT_ELEMENTS_DAMAGED "elements_damaged" /* samples that are no numbers */
+#define NODE_FAULT_CHANNELS_CLIPPED "channels_clipped"
+#define NODE_FAULT_NODES_LOST       "nodes_lost" /* processes that do not run */
+void node_fault(struct node *n, const char *name, size_t count, size_t of);
 
 /* The device that this node drives: each health message asks it for its counts.  device
  * NULL: none any more. */

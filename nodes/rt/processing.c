@@ -49,10 +49,12 @@ static double longest_direct_path_m(const struct survey *s)
 }
 
 /* The longest delay that can be told from the next emission's, and that ends within the
- * two slots that a ping may have. */
+ * two slots that a ping may have; where emissions overlap it is longer (hal/tail.h). */
 static double slot_reach_s(const struct survey *s)
 {
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;
+    if (survey_overlaps(s))
+        return slot_s;
     double latency_s = s->latency_samples / s->sample_rate_hz;
     return fmin(slot_s, 2.0 * slot_s - latency_s - s->chirp_duration_s);
 }

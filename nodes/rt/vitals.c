@@ -80,3 +80,17 @@ void vitals_device(struct vitals *out, const struct device_count *counts, size_t
     out->message.n_device = n;
     out->message.device = out->device_list;
 }
+
+void vitals_faults(Anlos__Health *message, struct vitals_faults *out,
+                   const struct vitals_fault *faults, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        anlos__fault__init(&out->faults[i]);
+        out->faults[i].name = (char *)faults[i].name;
+        out->faults[i].count = faults[i].count;
+        out->faults[i].of = faults[i].of;
+        out->list[i] = &out->faults[i];
+    }
+    message->n_faults = n;
+    message->faults = out->list;
+}

@@ -11,6 +11,18 @@
 
 #define VITALS_MAX_TOPICS 64
 
+#define VITALS_MAX_FAULTS 8
+
+struct vitals_fault { /* of a node that works: so many of so many */
+    const char *name;
+    uint32_t count, of;
+};
+
+struct vitals_faults { /* what a message points to */
+    Anlos__Fault faults[VITALS_MAX_FAULTS];
+    Anlos__Fault *list[VITALS_MAX_FAULTS];
+};
+
 struct vitals { /* the message and what it points to */
     Anlos__Health message;
     Anlos__TopicCount counts[VITALS_MAX_TOPICS];
@@ -28,5 +40,10 @@ void vitals_latencies(struct vitals *out, const struct latencies *l, int64_t now
 
 /* Adds what the node's device counts. */
 void vitals_device(struct vitals *out, const struct device_count *counts, size_t n);
+
+/* Lets the message say them; both have to stay where they are.  n: up to
+ * VITALS_MAX_FAULTS. */
+void vitals_faults(Anlos__Health *message, struct vitals_faults *out,
+                   const struct vitals_fault *faults, size_t n);
 
 #endif

@@ -7,33 +7,75 @@
 #include "nodes/rt/node.h"
 #include "nodes/scan/peers.h"
 #include "nodes/scan/scan.h"
+#include "nodes/scan/fixed_scan.h"
 
 #define STATUS_PERIOD_NS 200000000LL
 #define SILENCE_S        5.0
 
 struct run {
     struct node *node;
-    struct scan *scan;
+    struct scan *scan;              /* this one, */
+    struct fixed_scan *fixed;       /* or that one: the array stands */
     Anlos__ScanStatus__State state; /* published last */
     int64_t status_due_ns;
 };
+
+static int create_scan(struct run *r, const char *const *needs, size_t n_needs)
+{
+    const struct launchfile *l = node_launch(r->node);
+    const struct scan_config cfg = {.background = l->scan.background,
+                                    .has_stage = launchfile_moves_stage(l),
+                                    .window = l->scan.window,
+                                    .retries = l->scan.retries,
+                                    .timeout_s = l->scan.timeout_s,
+                                    .silence_s = SILENCE_S,
+                                    .needs = needs,
+                                    .n_needs = n_needs};
+
+    return scan_create(&r->scan, &cfg);
+}
+
+static int create_fixed(struct run *r, const char *const *needs, size_t n_needs)
+{
+    const struct launchfile *l = node_launch(r->node);
+    const struct fixed_scan_config cfg = {
+        .speakers = l->scan.speakers,
+        .n_speakers = l->scan.n_speakers,
+        .background_frames = l->scan.background ? l->scan.background_frames : 0,
+        .timeout_s = l->scan.timeout_s,
+        .silence_s = SILENCE_S,
+        .needs = needs,
+        .n_needs = n_needs};
+
+    return fixed_scan_create(&r->fixed, &cfg);
+}
+
+/* A display or a report that is away does not keep an array that stands from listening.
+ */
+static bool is_needed(const char *node, bool fixed)
+{
+    static const char *const beside[] = {"scan", "record"};
+    static const char *const aside[] = {"view", "report", "stage"};
+
+    for (size_t i = 0; i < sizeof beside / sizeof *beside; i++)
+        if (!strcmp(node, beside[i]))
+            return false;
+    for (size_t i = 0; fixed && i < sizeof aside / sizeof *aside; i++)
+        if (!strcmp(node, aside[i]))
+            return false;
+    return true;
+}
 
 static int create(struct run *r)
 {
     const struct launchfile *l = node_launch(r->node);
     const char *needs[PEERS_MAX];
-    struct scan_config cfg = {.background = l->scan.background,
-                              .has_stage = launchfile_moves_stage(l),
-                              .window = l->scan.window,
-                              .retries = l->scan.retries,
-                              .timeout_s = l->scan.timeout_s,
-                              .silence_s = SILENCE_S,
-                              .needs = needs};
+    size_t n = 0;
 
-    for (unsigned i = 0; i < l->n_nodes && cfg.n_needs < PEERS_MAX; i++)
-        if (strcmp(l->nodes[i], "scan") && strcmp(l->nodes[i], "record"))
-            needs[cfg.n_needs++] = l->nodes[i];
-    return scan_create(&r->scan, &cfg);
+    for (unsigned i = 0; i < l->n_nodes && n < PEERS_MAX; i++)
+        if (is_needed(l->nodes[i], l->scan.fixed))
+            needs[n++] = l->nodes[i];
+    return l->scan.fixed ? create_fixed(r, needs, n) : create_scan(r, needs, n);
 }
 
 static int subscribe(struct node *node)
@@ -47,6 +89,21 @@ static int subscribe(struct node *node)
         if (err)
             return err;
     }
+    return 0;
+}
+
+static int take_fixed(struct run *r, const struct node_message *in)
+{
+    int64_t now = node_now_ns(r->node);
+
+    if (!fixed_scan_hear(r->fixed, in->from, in->epoch_ns, now))
+        return 0;
+    if (in->topic == topic_survey())
+        return fixed_scan_survey(r->fixed, (const Anlos__Survey *)in->content);
+    if (in->topic == topic_health())
+        fixed_scan_health(r->fixed, in->from, (const Anlos__Health *)in->content);
+    else if (in->topic == topic_ping())
+        fixed_scan_ping(r->fixed, (const Anlos__Ping *)in->content, now);
     return 0;
 }
 
@@ -74,7 +131,10 @@ static void publish_status(struct run *r)
     int64_t now = node_now_ns(r->node);
     Anlos__ScanStatus status;
 
-    scan_status(r->scan, now, &status);
+    if (r->fixed)
+        fixed_scan_status(r->fixed, now, &status);
+    else
+        scan_status(r->scan, now, &status);
     if (status.state == r->state && now < r->status_due_ns)
         return;
     if (status.state != r->state && status.text[0])
@@ -94,6 +154,12 @@ static void act(struct run *r)
 {
     struct scan_action action;
 
+    if (r->fixed) {
+        if (fixed_scan_step(r->fixed, node_now_ns(r->node), &action.fire_command))
+            node_publish(r->node, topic_fire(), 0, &action.fire_command.base);
+        publish_status(r);
+        return;
+    }
     scan_step(r->scan, node_now_ns(r->node), &action);
     if (action.move)
         node_publish(r->node, topic_stage_command(), 0, &action.stage_command.base);
@@ -113,7 +179,7 @@ static int run(struct run *r)
         act(r);
         err = node_next(r->node, &in, 50);
         if (!err)
-            err = take(r, &in);
+            err = r->fixed ? take_fixed(r, &in) : take(r, &in);
         else if (err == -ETIMEDOUT)
             err = 0;
     }
@@ -123,9 +189,11 @@ static int run(struct run *r)
 int main(int argc, char **argv)
 {
     struct run r = {.state = (Anlos__ScanStatus__State)-1};
-    int err = node_create(&r.node, "scan",
-                          "Steps the stage, fires the array, takes again what was lost.",
-                          argc, argv);
+    int err =
+        node_create(&r.node, "scan",
+                    "Steps the stage, fires the array, takes again what was lost; or "
+                    "keeps an array going that stands.",
+                    argc, argv);
 
     if (err)
         return err - 1;
@@ -133,5 +201,6 @@ int main(int argc, char **argv)
     if (!err)
         err = run(&r);
     scan_destroy(r.scan);
+    fixed_scan_destroy(r.fixed);
     return node_finish(r.node, err);
 }

@@ -36,7 +36,8 @@ static void publish(struct bytes_buffer *to, const struct topic *topic,
 static void publish_survey(struct scan *s)
 {
     struct complaint why = {""};
-    const struct dsp_config dsp = {.window = WINDOW_HANN, .background = true};
+    const struct dsp_config dsp = {.window = WINDOW_HANN,
+                                   .background = BACKGROUND_RECORDED};
     const struct recon_config recon = {
         .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
     const struct detector_config detector = {.threshold_db = 3.0, .min_existence = 0.01};
@@ -83,7 +84,7 @@ static void publish_image(struct scan *s)
     recon_image(s->recon, false, &volume);
     publish(&s->all, topic_volume(), &volume.base);
     publish(&s->image, topic_volume(), &volume.base);
-    FUZZ_REQUIRE(!detector_volume(&s->detector, &volume, &list, &why));
+    FUZZ_REQUIRE(!detector_volume(&s->detector, &volume, NULL, &list, &why));
     publish(&s->all, topic_detections(), &list->base);
     publish(&s->image, topic_detections(), &list->base);
     anlos__detection_list__free_unpacked(list, NULL);

@@ -3,13 +3,14 @@
 #include <stdlib.h>
 
 #include "msgs/unpack.h"
-#include "nodes/can/sender.h"
+#include "nodes/can/config.h"
+#include "nodes/can/diagnosis.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
 #include "nodes/report/report.h"
 #include "nodes/report/report_json.h"
 #include "nodes/rt/processing.h"
-#include "nodes/track/detector.h"
+#include "nodes/track/tracking.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/messages.h"
 
@@ -20,8 +21,10 @@
 struct system {
     struct dsp *dsp;
     struct recon *recon;
-    struct detector detector;
+    struct tracking *tracking;
     struct sender sender;
+    struct watch watch;
+    struct diagnosis diagnosis;
     struct report report;
     bool has_survey;
     int64_t now_ns;
@@ -32,13 +35,19 @@ static void start(struct system *s)
     const struct dsp_config dsp = {.window = WINDOW_HANN};
     const struct recon_config recon = {
         .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
-    const struct detector_config detector = {.threshold_db = 12.0, .min_existence = 0.1};
+    struct tracking_config tracking;
+    const struct watch_config watch = {.fixed = true, .ego = true, .wall = true};
+    struct sender_config sender;
 
     *s = (struct system){.now_ns = 1};
     FUZZ_REQUIRE(!dsp_create(&s->dsp, &dsp));
     FUZZ_REQUIRE(!recon_create(&s->recon, &recon));
-    detector_init(&s->detector, &detector);
-    sender_init(&s->sender, CAN_BASE_DEFAULT);
+    tracking_config(&tracking, NULL);
+    FUZZ_REQUIRE(!tracking_create(&s->tracking, &tracking));
+    can_config_sender(&sender, NULL);
+    sender_init(&s->sender, &sender);
+    watch_init(&s->watch, &watch);
+    diagnosis_init(&s->diagnosis, 1);
     report_init(&s->report);
 }
 
@@ -46,7 +55,7 @@ static void stop(struct system *s)
 {
     dsp_destroy(s->dsp);
     recon_destroy(s->recon);
-    detector_clear(&s->detector);
+    tracking_destroy(s->tracking);
     report_clear(&s->report);
 }
 
@@ -74,7 +83,7 @@ static void take_survey(struct system *s, Anlos__Survey *m)
         return;
     FUZZ_REQUIRE(!dsp_survey(s->dsp, m, &why) == dsp_is_planned(s->dsp));
     FUZZ_REQUIRE(!recon_survey(s->recon, m, &why) == recon_is_planned(s->recon));
-    detector_survey(&s->detector, m, &why);
+    tracking_survey(s->tracking, m, &why);
     sender_survey(&s->sender, m);
     report_survey(&s->report, m);
     s->has_survey = dsp_is_planned(s->dsp);
@@ -85,9 +94,12 @@ static void take_detections(struct system *s, const Anlos__DetectionList *m)
     struct sender_list *list = malloc(sizeof *list);
 
     FUZZ_REQUIRE(list);
-    sender_list(&s->sender, m, m->counter % 2 ? INT64_MIN : m->counter, list);
-    FUZZ_REQUIRE(list->n_frames <= SENDER_MAX_FRAMES);
+    int64_t capture_ns = m->counter % 2 ? INT64_MIN : m->counter;
+    watch_list(&s->watch, capture_ns, s->now_ns);
+    diagnosis_list(&s->diagnosis, m);
+    sender_list(&s->sender, m, capture_ns, list);
     sender_date(&s->sender, list, s->now_ns, 0);
+    FUZZ_REQUIRE(list->n_frames <= SENDER_MAX_FRAMES);
     free(list);
     report_detections(&s->report, m);
 }
@@ -97,7 +109,8 @@ static void take_volume(struct system *s, const Anlos__Volume *m)
     Anlos__DetectionList *list;
     struct complaint why = {""};
 
-    if (!detector_volume(&s->detector, m, &list, &why)) {
+    int64_t capture_ns = m->scan % 2 ? INT64_MIN : (int64_t)m->scan * 1000000;
+    if (!tracking_volume(s->tracking, m, capture_ns, &list, &why)) {
         take_detections(s, list);
         anlos__detection_list__free_unpacked(list, NULL);
     }
@@ -123,6 +136,28 @@ static void take_ping(struct system *s, Anlos__Ping *m)
         take_traces(s, &out.traces);
 }
 
+static void take_health(struct system *s, const Anlos__Health *m)
+{
+    report_health(&s->report, m, s->now_ns);
+    watch_health(&s->watch, m, s->now_ns);
+    diagnosis_health(&s->diagnosis, m, s->now_ns);
+}
+
+static void take_status(struct system *s, const Anlos__ScanStatus *m)
+{
+    report_status(&s->report, m, s->now_ns);
+    watch_scan(&s->watch, m);
+    diagnosis_scan(&s->diagnosis, m);
+}
+
+static void take_walls(struct system *s, const Anlos__WallList *m)
+{
+    struct complaint why = {""};
+
+    watch_walls(&s->watch, m, s->now_ns);
+    tracking_walls(s->tracking, m, m->n_walls % 2 ? INT64_MAX : s->now_ns, &why);
+}
+
 static void take(struct system *s, const struct topic *t, ProtobufCMessage *m)
 {
     if (t == topic_survey())
@@ -136,11 +171,14 @@ static void take(struct system *s, const struct topic *t, ProtobufCMessage *m)
     else if (t == topic_detections())
         take_detections(s, (const Anlos__DetectionList *)m);
     else if (t == topic_health())
-        report_health(&s->report, (const Anlos__Health *)m, s->now_ns);
-    else if (t == topic_scan_status()) {
-        report_status(&s->report, (const Anlos__ScanStatus *)m, s->now_ns);
-        sender_scan(&s->sender, (const Anlos__ScanStatus *)m);
-    }
+        take_health(s, (const Anlos__Health *)m);
+    else if (t == topic_scan_status())
+        take_status(s, (const Anlos__ScanStatus *)m);
+    else if (t == topic_wall())
+        take_walls(s, (const Anlos__WallList *)m);
+    else if (t == topic_ego())
+        tracking_ego(s->tracking, (const Anlos__EgoMotion *)m, s->now_ns);
+    watch_step(&s->watch, s->now_ns);
 }
 
 static void end(struct system *s)
@@ -152,7 +190,9 @@ static void end(struct system *s)
         recon_image(s->recon, false, &volume);
         take_volume(s, &volume);
     }
+    diagnosis_next(&s->diagnosis, &s->watch, s->now_ns, &s->sender.diagnosis);
     sender_status(&s->sender, &frame);
+    sender_diagnosis(&s->sender, &frame);
     if (report_is_complete(&s->report, s->now_ns))
         json_decref(report_json(&s->report));
 }

@@ -4,6 +4,7 @@
 #include <sys/socket.h>
 
 #include "hal/canbus.h"
+#include "msgs/can/protection.h"
 
 static char *read_text(const char *path)
 {
@@ -110,6 +111,9 @@ static void devices_that_do_not_exist_are_named(void **state)
         {"log:/nowhere/x", -ENOENT, "/nowhere/x cannot be written"},
         {"log:/tmp/x?bus=1", -EINVAL, "no option \"bus\"; expected interface"},
         {"log:/tmp/x?interface=a name", -EINVAL, "interface \"a name\""},
+        {"sim:", -EINVAL, "expected a scene file"},
+        {"sim:/nowhere.yaml?ego=away", -EINVAL, "ego"},
+        {"sim:/nowhere.yaml", -ENOENT, "/nowhere.yaml"},
         {"socketcan:no_such_can", -ENODEV, "no network interface \"no_such_can\""},
     };
     (void)state;
@@ -120,6 +124,142 @@ static void devices_that_do_not_exist_are_named(void **state)
         assert_null(b);
         assert_contains(why.text, cases[i].part);
     }
+}
+
+static void a_log_hears_nothing(void **state)
+{
+    const uint32_t ids[] = {0x40c};
+    struct can_frame_data f;
+    struct canbus *b = open_log(*state, "");
+
+    assert_int_equal(canbus_listen(b, ids, 1), -EOPNOTSUPP);
+    assert_int_equal(canbus_receive(b, &f, 0), -EAGAIN);
+    assert_int_equal(canbus_fd(b), -1);
+    canbus_close(b);
+}
+
+static struct canbus *open_drive(struct scratch *s, const char *options)
+{
+    char uri[600];
+    struct canbus *b;
+    struct complaint why = {.text = ""};
+
+    scratch_write(
+        s, "drive.yaml",
+        "array: bumper\n"
+        "temperature_c: 12\n"
+        "wall: {normal: [0, 0, 1], distance_m: 3.8}\n"
+        "mount: {origin_m: [3.6, 0, 0.4], x_axis: [0, 1, 0], y_axis: [0, 0, 1]}\n"
+        "gate_m: [1.5, 3.9]\n"
+        "drive:\n"
+        "  period_s: 10\n"
+        "  ego:\n"
+        "    - {t_s: 2, speed_m_s: 0}\n"
+        "    - {t_s: 3, speed_m_s: 2}\n"
+        "    - {t_s: 4, speed_m_s: 2}\n"
+        "    - {t_s: 5, speed_m_s: 0}\n"
+        "    - {t_s: 6, speed_m_s: -2}\n"
+        "    - {t_s: 7, speed_m_s: -2}\n"
+        "    - {t_s: 8, speed_m_s: 0}\n");
+    snprintf(uri, sizeof uri, "sim:%s%s", s->path, options);
+    if (canbus_open(&b, uri, &why))
+        fail_msg("%s", why.text);
+    return b;
+}
+
+struct heard {
+    unsigned ego, ambient, wrong;
+    double speed_m_s, temperature_c; /* of the newest */
+    bool stands;
+};
+
+/* All that comes up to a time. */
+static void hear(struct canbus *b, struct can_checks *c, int64_t now_ms, struct heard *h)
+{
+    struct can_ego_motion ego;
+    struct can_ambient air;
+    struct can_frame_data f;
+
+    while (!canbus_receive(b, &f, now_ms * 1000000)) {
+        h->wrong += !e2e_is_usable(can_check(c, &f));
+        if (f.id == 0x41c) {
+            assert_int_equal(can_unpack_ego_motion(&f, &ego), 0);
+            assert_int_equal(ego.validity, CAN_VALID);
+            h->speed_m_s = ego.speed_m_s;
+            h->stands = ego.standstill == CAN_STANDS;
+            h->ego++;
+        } else {
+            assert_int_equal(f.id, 0x41d);
+            assert_int_equal(can_unpack_ambient(&f, &air), 0);
+            h->temperature_c = air.temperature_c;
+            h->ambient++;
+        }
+    }
+}
+
+#define T0_MS 1700000000000LL /* a multiple of the period: world time 0 */
+
+static void a_simulated_vehicle_tells_its_motion_and_its_air(void **state)
+{
+    const uint32_t ids[] = {0x41c, 0x41d, 0x41e};
+    struct can_checks checks = {.base = 0x410};
+    struct heard h = {0};
+    struct canbus *b = open_drive(*state, "");
+
+    assert_int_equal(canbus_listen(b, ids, 3), 0);
+    assert_true(canbus_fd(b) >= 0);
+    hear(b, &checks, T0_MS, &h);
+    assert_int_equal(h.ego, 1);
+    assert_true(h.stands);
+    for (int64_t ms = 1; ms <= 3500; ms++)
+        hear(b, &checks, T0_MS + ms, &h);
+    assert_int_equal(h.ego, 1 + 3500 / 20);
+    assert_int_equal(h.ambient, 1 + 3);
+    assert_int_equal(h.wrong, 0);
+    assert_float_equal(h.speed_m_s, 2.0, 0.01);
+    assert_false(h.stands);
+    assert_float_equal(h.temperature_c, 12.0, 0.25);
+    hear(b, &checks, T0_MS + 4500, &h); /* late: all that was due */
+    assert_int_equal(h.ego, 1 + 4500 / 20);
+    assert_float_equal(h.speed_m_s, 1.0, 0.01);
+    canbus_close(b);
+}
+
+static void a_simulated_vehicle_misbehaves_when_told_to(void **state)
+{
+    const uint32_t ids[] = {0x41c, 0x41d};
+    struct can_checks checks = {.base = 0x410};
+    struct heard h = {0};
+    struct canbus *b = open_drive(*state, "?ego=off");
+
+    canbus_listen(b, ids, 2);
+    hear(b, &checks, T0_MS, &h);
+    assert_int_equal(h.ego, 0);
+    assert_int_equal(h.ambient, 1);
+    canbus_close(b);
+    b = open_drive(*state, "?ego=bad&ambient=off");
+    canbus_listen(b, ids, 2);
+    for (int64_t ms = 0; ms < 200; ms++)
+        hear(b, &checks, T0_MS + ms, &h);
+    assert_int_equal(h.ego, 10);
+    assert_int_equal(h.wrong, 10);
+    assert_int_equal(h.ambient, 1);
+    canbus_close(b);
+}
+
+static void what_is_sent_to_a_simulated_vehicle_is_logged(void **state)
+{
+    const struct can_frame_data frame = {.id = 0x400, .size = 1, .data = {7}};
+    struct scratch *s = *state;
+    char options[600];
+
+    snprintf(options, sizeof options, "?log=%s", scratch_path(s, "sim.candump"));
+    struct canbus *b = open_drive(s, options);
+    assert_int_equal(canbus_send(b, &frame, 1000), 0);
+    assert_int_equal(canbus_flush(b), 0);
+    assert_string_equal(read_text(scratch_path(s, "sim.candump")),
+                        "(0000000000.000001) can0 400#07\n");
+    canbus_close(b);
 }
 
 /* The loopback interface always exists and never is a CAN interface. */
@@ -145,6 +285,10 @@ int main(void)
         TEST(frames_that_no_bus_can_carry_are_refused),
         TEST(a_full_disk_is_reported),
         TEST(devices_that_do_not_exist_are_named),
+        TEST(a_log_hears_nothing),
+        TEST(a_simulated_vehicle_tells_its_motion_and_its_air),
+        TEST(a_simulated_vehicle_misbehaves_when_told_to),
+        TEST(what_is_sent_to_a_simulated_vehicle_is_logged),
         TEST(an_interface_without_can_is_refused_with_the_reason),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

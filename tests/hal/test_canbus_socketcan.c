@@ -193,6 +193,94 @@ static void only_what_is_sent_is_let_in(void **state)
     assert_int_equal(kernel.n_sent, 17);
 }
 
+static void comes(uint32_t id, uint8_t byte)
+{
+    kernel.events[kernel.n_events++] = (struct can_event){
+        .kind = CAN_EVENT_FOREIGN,
+        .id = id,
+        .frame = {.id = id, .size = 8, .data = {byte}},
+    };
+}
+
+static void what_is_listened_to_is_let_in_beside_what_is_sent(void **state)
+{
+    const uint32_t inputs[] = {0x40c, 0x40d};
+    struct canbus *b = *state;
+
+    assert_int_equal(canbus_listen(b, inputs, 2), 0);
+    send(b, 0x402, 0);
+    assert_int_equal(kernel.n_ids, 3);
+    assert_int_equal(kernel.ids[0], 0x40c);
+    assert_int_equal(kernel.ids[1], 0x40d);
+    assert_int_equal(kernel.ids[2], 0x402);
+    for (uint32_t id = 1; id <= 15; id++)
+        assert_int_equal(send(b, id, 0), 0);
+    assert_int_equal(kernel.n_ids, 18);
+}
+
+/* Neither echoes nor what somebody else sends under our identifiers. */
+static void only_frames_that_are_listened_to_are_received(void **state)
+{
+    const uint32_t inputs[] = {0x40c, 0x40d};
+    struct canbus *b = *state;
+    struct can_frame_data f;
+
+    canbus_listen(b, inputs, 2);
+    send(b, 0x402, 0);
+    comes(0x40c, 1);
+    happens(CAN_EVENT_ECHO, 0x402);
+    comes(0x402, 2);
+    comes(0x40d, 3);
+    assert_int_equal(canbus_receive(b, &f, 0), 0);
+    assert_int_equal(f.id, 0x40c);
+    assert_int_equal(f.size, 8);
+    assert_int_equal(f.data[0], 1);
+    assert_int_equal(canbus_receive(b, &f, 0), 0);
+    assert_int_equal(f.data[0], 3);
+    assert_int_equal(canbus_receive(b, &f, 0), -EAGAIN);
+    assert_int_equal(count_of(b, "inputs"), 2);
+    assert_int_equal(count_of(b, "foreign_frames"), 1);
+    assert_int_equal(count_of(b, "frames_confirmed"), 1);
+}
+
+/* canbus_poll takes them in, too, and nobody may ask for long. */
+static void inputs_that_nobody_takes_are_dropped_from_the_oldest_on(void **state)
+{
+    const uint32_t inputs[] = {0x40c};
+    struct canbus *b = *state;
+    struct can_frame_data f;
+
+    canbus_listen(b, inputs, 1);
+    for (uint8_t i = 0; i < 70; i++)
+        comes(0x40c, i);
+    look(b, 1);
+    assert_int_equal(canbus_receive(b, &f, 2 * MS), 0);
+    assert_int_equal(f.data[0], 6);
+    assert_int_equal(count_of(b, "inputs_dropped"), 6);
+}
+
+static void an_interface_that_comes_back_is_listened_to_again(void **state)
+{
+    const uint32_t inputs[] = {0x40c};
+    struct canbus *b = *state;
+    struct can_frame_data f;
+
+    canbus_listen(b, inputs, 1);
+    assert_true(canbus_fd(b) >= 0);
+    goes_away();
+    look(b, 1);
+    assert_int_equal(canbus_fd(b), -1);
+    assert_int_equal(canbus_receive(b, &f, 2 * MS), -EAGAIN);
+    kernel.there = kernel.up = true;
+    for (int64_t ms = 2; ms < 1000; ms++)
+        look(b, ms);
+    assert_true(canbus_fd(b) >= 0);
+    assert_int_equal(kernel.n_ids, 1);
+    comes(0x40c, 9);
+    assert_int_equal(canbus_receive(b, &f, 1000 * MS), 0);
+    assert_int_equal(f.data[0], 9);
+}
+
 static void a_full_queue_is_counted_and_nothing_is_pending(void **state)
 {
     struct canbus *b = *state;
@@ -431,6 +519,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(frames_are_pending_until_their_echo),
         TEST(only_what_is_sent_is_let_in),
+        TEST(what_is_listened_to_is_let_in_beside_what_is_sent),
+        TEST(only_frames_that_are_listened_to_are_received),
+        TEST(inputs_that_nobody_takes_are_dropped_from_the_oldest_on),
+        TEST(an_interface_that_comes_back_is_listened_to_again),
         TEST(a_full_queue_is_counted_and_nothing_is_pending),
         TEST(an_fd_frame_needs_an_interface_for_it),
         TEST(bus_off_throws_away_what_is_pending),

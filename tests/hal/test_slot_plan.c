@@ -21,17 +21,26 @@ static struct slot_plan make(size_t n_slots, uint64_t frame)
  * sample + 1 of slot k as 1000 k + sample + 1. */
 static void emit(const struct slot_plan *p, size_t step, int *map, size_t end)
 {
-    for (size_t frame = 0; frame < end; frame += step)
-        for (size_t done = 0; done < step;) {
-            struct slot_piece piece =
-                slot_plan_emission(p, frame + done, step - done, CHIRP);
-            if (!piece.n)
-                break;
+    for (size_t frame = 0; frame < end; frame += step) {
+        size_t slot, after;
+        for (slot_plan_sounding(p, frame, step, CHIRP, &slot, &after); slot < after;
+             slot++) {
+            struct slot_piece piece = slot_plan_emission(p, slot, frame, step, CHIRP);
+            assert_true(piece.n > 0 && piece.slot == slot);
             for (size_t i = 0; i < piece.n; i++)
-                map[frame + done + piece.at + i] =
+                map[frame + piece.at + i] =
                     (int)(1000 * piece.slot + piece.offset + i + 1);
-            done += piece.at + piece.n;
         }
+    }
+}
+
+/* The first emission within these frames; n is 0 without one. */
+static struct slot_piece sounding(const struct slot_plan *p, uint64_t frame, size_t n)
+{
+    size_t slot, end;
+    slot_plan_sounding(p, frame, n, CHIRP, &slot, &end);
+    return slot < end ? slot_plan_emission(p, slot, frame, n, CHIRP)
+                      : (struct slot_piece){.n = 0};
 }
 
 static void
@@ -76,17 +85,18 @@ static void a_slot_is_settled_when_its_tail_is_heard(void **state)
 {
     struct slot_plan p = make(2, 50);
     (void)state;
-    assert_false(slot_plan_heard(&p, 50 + SLOT + TAIL - 1));
+    assert_int_equal(slot_plan_heard(&p, 50 + SLOT + TAIL - 1), 0);
     assert_int_equal(p.n_settled, 0);
-    assert_true(slot_plan_heard(&p, 50 + SLOT + TAIL));
+    assert_int_equal(slot_plan_heard(&p, 50 + SLOT + TAIL), 0);
     assert_int_equal(p.n_settled, 1);
-    assert_false(slot_plan_heard(&p, 50 + SLOT + TAIL));
-    assert_true(slot_plan_heard(&p, 10000));
+    assert_int_equal(slot_plan_heard(&p, 50 + SLOT + TAIL), 0);
+    assert_int_equal(p.n_settled, 1);
+    assert_int_equal(slot_plan_heard(&p, 10000), 0);
     assert_int_equal(p.n_settled, 2);
     assert_true(p.valid[0] && p.valid[1]);
     assert_false(p.placed);
     assert_int_equal(slot_plan_recording(&p, 200, 10).n, 0);
-    assert_int_equal(slot_plan_emission(&p, 150, 10, CHIRP).n, 0);
+    assert_int_equal(sounding(&p, 150, 10).n, 0);
     slot_plan_clear(&p);
 }
 
@@ -107,9 +117,9 @@ static void a_break_voids_what_had_begun_and_the_rest_is_placed_anew(void **stat
         assert_int_equal(p.n_settled, n);
         for (size_t k = 0; k < n; k++)
             assert_int_equal(p.valid[k], k < cases[i].good);
-        assert_int_equal(slot_plan_emission(&p, 0, 1000, CHIRP).n, 0);
+        assert_int_equal(sounding(&p, 0, 1000).n, 0);
         slot_plan_place(&p, 20);
-        struct slot_piece piece = slot_plan_emission(&p, 0, 1000, CHIRP);
+        struct slot_piece piece = sounding(&p, 0, 1000);
         assert_int_equal(piece.n, n < 4 ? CHIRP : 0);
         if (n < 4) {
             assert_int_equal(piece.at, 20);
@@ -118,7 +128,7 @@ static void a_break_voids_what_had_begun_and_the_rest_is_placed_anew(void **stat
             assert_int_equal(piece.at, 20);
             assert_int_equal(piece.offset, n * SLOT);
             assert_int_equal(piece.n, (4 - n) * SLOT + TAIL);
-            assert_true(slot_plan_heard(&p, 20 + (4 - n) * SLOT + TAIL));
+            assert_int_equal(slot_plan_heard(&p, 20 + (4 - n) * SLOT + TAIL), 0);
         }
         assert_int_equal(p.n_settled, 4);
         slot_plan_clear(&p);
@@ -133,9 +143,10 @@ static void nothing_sounds_before_a_shot_is_placed(void **state)
     slot_plan_place(&p, 10); /* there is none */
     assert_false(p.placed);
     slot_plan_load(&p, 2);
-    assert_int_equal(slot_plan_emission(&p, 0, 1000, CHIRP).n, 0);
+    assert_int_equal(sounding(&p, 0, 1000).n, 0);
     assert_int_equal(slot_plan_recording(&p, 0, 1000).n, 0);
-    assert_false(slot_plan_heard(&p, 1000));
+    assert_int_equal(slot_plan_heard(&p, 1000), 0);
+    assert_int_equal(p.n_settled, 0);
     slot_plan_clear(&p);
 }
 
@@ -144,11 +155,90 @@ static void frames_count_on_for_days(void **state)
     uint64_t days = UINT64_C(192000) * 86400 * 30; /* over 32 bits */
     struct slot_plan p = make(2, days + 5);
     (void)state;
-    struct slot_piece piece = slot_plan_emission(&p, days, 200, CHIRP);
+    struct slot_piece piece = sounding(&p, days, 200);
     assert_int_equal(piece.at, 5);
     assert_int_equal(piece.n, CHIRP);
-    assert_true(slot_plan_heard(&p, days + 5 + SLOT + TAIL));
+    assert_int_equal(slot_plan_heard(&p, days + 5 + SLOT + TAIL), 0);
+    assert_int_equal(p.n_settled, 1);
     slot_plan_clear(&p);
+}
+
+/* Slots of 30, emissions of 40: at frame 30 k + 5 both of k and k-1 sound. */
+static void emissions_longer_than_a_slot_sound_together(void **state)
+{
+    enum { SHORT = 30 };
+    static const size_t steps[] = {1, 11, 30, 64, 200};
+    struct slot_plan p;
+    (void)state;
+    assert_int_equal(slot_plan_create(&p, SHORT, SHORT + TAIL, 8), 0);
+    slot_plan_load(&p, 5);
+    slot_plan_place(&p, 17);
+    for (size_t s = 0; s < sizeof steps / sizeof *steps; s++) {
+        int heard[5][CHIRP] = {{0}};
+        for (size_t frame = 0; frame < 300; frame += steps[s]) {
+            size_t slot, end;
+            slot_plan_sounding(&p, frame, steps[s], CHIRP, &slot, &end);
+            for (; slot < end; slot++) {
+                struct slot_piece piece =
+                    slot_plan_emission(&p, slot, frame, steps[s], CHIRP);
+                for (size_t i = 0; i < piece.n; i++) {
+                    size_t sample = frame + piece.at + i - 17 - SHORT * slot;
+                    assert_int_equal(piece.offset + i, sample);
+                    heard[slot][sample]++;
+                }
+            }
+        }
+        for (size_t k = 0; k < 5; k++)
+            for (size_t i = 0; i < CHIRP; i++)
+                assert_int_equal(heard[k][i], 1);
+    }
+    /* Whole when its own tail is over, which is longer than a slot. */
+    slot_plan_heard(&p, 17 + 2 * SHORT + TAIL - 1);
+    assert_int_equal(p.n_settled, 0);
+    slot_plan_heard(&p, 17 + 3 * SHORT + TAIL);
+    assert_int_equal(p.n_settled, 2);
+    slot_plan_clear(&p);
+}
+
+static void an_endless_shot_goes_on_after_a_break_without_skipping_a_slot(void **state)
+{
+    struct slot_plan p = make(SLOT_PLAN_ENDLESS, 50);
+    (void)state;
+    slot_plan_heard(&p, 50 + 1000 * SLOT + TAIL);
+    assert_int_equal(p.n_settled, 1000);
+    assert_int_equal(slot_plan_break(&p, 50 + 1001 * SLOT + TAIL + 1), 1);
+    assert_int_equal(p.n_settled, 1002);
+    assert_true(p.valid[1000 % SLOTS]);
+    assert_false(p.valid[1001 % SLOTS]);
+    slot_plan_place(&p, 7);
+    assert_int_equal(sounding(&p, 0, 50).slot, 1002);
+    struct slot_piece piece = slot_plan_recording(&p, 0, 50);
+    assert_int_equal(piece.offset, 1002 * SLOT);
+    assert_int_equal(piece.n, 43);
+    assert_int_equal(slot_plan_heard(&p, 7 + SLOT + TAIL), 0);
+    assert_int_equal(p.n_settled, 1003);
+    slot_plan_clear(&p);
+}
+
+/* Slot 2 is 200 to 330 with its tail, slot 3 is 300 to 430. */
+static void slots_that_lost_frames_are_void_and_counted(void **state)
+{
+    static const struct {
+        size_t from, n, first_bad, n_bad;
+    } cases[] = {{199, 1, 1, 1}, {200, 1, 1, 2},   {230, 10, 2, 1},
+                 {329, 1, 2, 2}, {300, 100, 2, 2}, {230, 0, 0, 0}};
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct slot_plan p = make(4, 0);
+        slot_plan_heard(&p, SLOT + TAIL);
+        for (size_t n = 0; n < cases[i].n; n++) /* piece by piece */
+            slot_plan_lose(&p, cases[i].from + n, 1);
+        assert_int_equal(slot_plan_heard(&p, 10000), cases[i].n_bad);
+        for (size_t k = 0; k < 4; k++)
+            assert_int_equal(p.valid[k], k < cases[i].first_bad ||
+                                             k >= cases[i].first_bad + cases[i].n_bad);
+        slot_plan_clear(&p);
+    }
 }
 
 int main(void)
@@ -161,6 +251,9 @@ int main(void)
         cmocka_unit_test(a_break_voids_what_had_begun_and_the_rest_is_placed_anew),
         cmocka_unit_test(nothing_sounds_before_a_shot_is_placed),
         cmocka_unit_test(frames_count_on_for_days),
+        cmocka_unit_test(emissions_longer_than_a_slot_sound_together),
+        cmocka_unit_test(an_endless_shot_goes_on_after_a_break_without_skipping_a_slot),
+        cmocka_unit_test(slots_that_lost_frames_are_void_and_counted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -92,6 +92,14 @@ static void wrong_values_are_named_with_line_and_key(void **state)
          "survey.yaml:7: ", "wall.normal: expected a direction"},
         {HEAD ARRAY "stage:\n  axis: [0, 0, 0]\n  positions_m: [0]\n",
          "survey.yaml:8: ", "stage.axis: expected a direction"},
+        {HEAD ARRAY "walls:\n  - {normal: [0, 0, 1], distance_m: 1, gate_m: [2, 1]}\n",
+         "survey.yaml:7: ", "gate_m is [2, 1]"},
+        {HEAD ARRAY "walls:\n  - {normal: [0, 0, 1], distance_m: 1, gate_m: [0, 4]}\n"
+                    "  - {normal: [0, 0, 0], distance_m: 1, gate_m: [0, 4]}\n",
+         "survey.yaml:9: ", "walls[1].normal: expected a direction"},
+        {HEAD ARRAY "wall: {normal: [0, 0, 1], distance_m: 1}\n"
+                    "walls: [{normal: [0, 0, 1], distance_m: 1, gate_m: [0, 4]}]\n",
+         "survey.yaml:8: ", "\"wall\" says this already"},
         {HEAD ARRAY "latency_samples: -1\n", "survey.yaml:7: ", "latency_samples"},
         {HEAD ARRAY "sound_speed_m_s: 34\n", "survey.yaml:7: ", "sound_speed_m_s"},
         {"temperature_c: 200\nsample_rate_hz: 48000\n"
@@ -221,6 +229,61 @@ static void what_is_saved_loads_as_the_same_survey(void **state)
     survey_clear(&s);
 }
 
+static void several_walls_have_gates_and_the_first_is_the_wall(void **state)
+{
+    static const char text[] = HEAD ARRAY
+        "walls:\n"
+        "  - {normal: [0, 0, 2], distance_m: 1.5, gate_m: [1.5, 4]}\n"
+        "  - {normal: [1, 0, 1], distance_m: 2, gate_m: [2, 3]}\n";
+    struct complaint why;
+    struct survey s, again;
+    char path[512];
+    if (load(*state, text, &s, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(s.n_walls, 2);
+    assert_true(s.has_wall && s.wall_normal[2] == 1 && s.wall_distance_m == 1.5);
+    assert_true(fabs(s.walls[1].normal[0] - sqrt(0.5)) < 1e-15);
+    assert_true(s.walls[1].gate_m[0] == 2 && s.walls[1].gate_m[1] == 3);
+    strcpy(path, scratch_path(*state, "saved.yaml"));
+    assert_int_equal(survey_save(&s, path, NULL, &why), 0);
+    if (survey_load(&again, path, &why))
+        fail_msg("%s", why.text);
+    assert_same(&s, &again);
+    assert_int_equal(again.n_walls, 2);
+    again.walls[1].gate_m[0] = 2.5;
+    assert_true(survey_id(&s) != survey_id(&again));
+    survey_clear(&again);
+    survey_clear(&s);
+}
+
+static void alternating_chirps_and_shared_slots_are_read_and_saved(void **state)
+{
+    static const char text[] =
+        "temperature_c: 20\nsample_rate_hz: 48000\nslot_samples: 1152\ntogether: 2\n"
+        "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.0625, alternates: "
+        "true}\n" ARRAY "gate_m: [0.3, 4]\n";
+    struct complaint why;
+    struct survey s, again;
+    if (load(*state, text, &s, &why))
+        fail_msg("%s", why.text);
+    assert_true(s.chirp_alternates);
+    assert_int_equal(s.together, 2);
+    if (survey_save(&s, scratch_path(*state, "again.yaml"), NULL, &why) ||
+        survey_load(&again, scratch_path(*state, "again.yaml"), &why))
+        fail_msg("%s", why.text);
+    assert_true(again.chirp_alternates);
+    assert_int_equal(again.together, 2);
+    assert_same(&s, &again);
+    survey_clear(&s);
+    survey_clear(&again);
+    assert_true(load(*state,
+                     "temperature_c: 20\nsample_rate_hz: 48000\nslot_samples: 3000\n"
+                     "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.0625}\n" ARRAY
+                     "together: 2\n",
+                     &s, &why) == -EINVAL);
+    assert_contains(why.text, "expected chirp.alternates: true");
+}
+
 static void saving_never_replaces_another_curve(void **state)
 {
     struct complaint why;
@@ -264,6 +327,8 @@ int main(void)
         TEST(curves_are_read_past_their_head_lines),
         TEST(broken_curves_are_named_with_their_line),
         TEST(what_is_saved_loads_as_the_same_survey),
+        TEST(several_walls_have_gates_and_the_first_is_the_wall),
+        TEST(alternating_chirps_and_shared_slots_are_read_and_saved),
         TEST(saving_never_replaces_another_curve),
         TEST(an_output_that_cannot_be_written_is_named),
     };

@@ -86,6 +86,23 @@ static void a_tail_is_at_most_a_slot(void **state)
     assert_int_equal(tail_samples(&s), 3000);
 }
 
+/* 24 ms of a chirp of 62.5: the ping goes on for the far end of the gate and the chirp
+ * from there, two slots and more. */
+static void
+emissions_that_overlap_have_a_tail_as_long_as_chirp_and_gate_ask_for(void **state)
+{
+    struct survey s = make_survey();
+    (void)state;
+    s.slot_samples = 1152;
+    s.latency_samples = 30;
+    s.has_gate = true;
+    s.gate_m[1] = 3.9;
+    double needed = 30 + (2 * 3.9 / 340 + 0.0625) * 48000;
+    double most = 30 + 1152 + 0.0625 * 48000;
+    assert_true((double)(s.slot_samples + tail_samples(&s)) >= needed);
+    assert_true((double)(s.slot_samples + tail_samples(&s)) <= most + 65);
+}
+
 static void a_slot_that_is_long_enough_needs_no_tail(void **state)
 {
     struct survey s = make_survey();
@@ -101,6 +118,8 @@ int main(void)
         cmocka_unit_test(a_next_emission_that_begins_in_the_tail_is_in_it_whole),
         cmocka_unit_test(without_a_volume_the_far_gate_counts),
         cmocka_unit_test(a_tail_is_at_most_a_slot),
+        cmocka_unit_test(
+            emissions_that_overlap_have_a_tail_as_long_as_chirp_and_gate_ask_for),
         cmocka_unit_test(a_slot_that_is_long_enough_needs_no_tail),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

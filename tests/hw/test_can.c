@@ -5,12 +5,14 @@
 #include <errno.h>
 #include <math.h>
 
+#include "hal/canbus.h"
 #include "hal/clock.h"
 #include "msgs/bus.h"
+#include "msgs/can/protection.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/topics.h"
-#include "nodes/can/sender.h"
+#include "msgs/vehicle.pb-c.h"
 
 #define OBJECTS 3
 
@@ -20,6 +22,7 @@ struct rig {
     pid_t node;
     struct bus *bus;
     Anlos__Health *health; /* the newest of the node */
+    double speed_m_s;      /* the highest that was said while that was waited for */
     /* What a receiver has of a list, as README.md tells it to. */
     unsigned counter;
     size_t missing;
@@ -79,13 +82,28 @@ static void publish(struct rig *r, uint32_t counter, size_t n)
         0);
 }
 
+/* NaN: it is no motion of the vehicle. */
+static double speed_of(const struct bus_message *m)
+{
+    double speed_m_s = NAN;
+
+    if (m->topic != topic_ego())
+        return speed_m_s;
+    Anlos__EgoMotion *ego = (Anlos__EgoMotion *)bus_message_unpack(m);
+    assert_non_null(ego);
+    speed_m_s = ego->speed_m_s;
+    anlos__ego_motion__free_unpacked(ego, NULL);
+    return speed_m_s;
+}
+
 static void take_health(struct rig *r, int timeout_ms)
 {
     struct bus_message m;
 
     if (bus_receive(r->bus, &m, timeout_ms))
         return;
-    if (!strcmp(m.envelope.node, "can")) {
+    r->speed_m_s = fmax(r->speed_m_s, speed_of(&m));
+    if (m.topic == topic_health() && !strcmp(m.envelope.node, "can")) {
         if (r->health)
             anlos__health__free_unpacked(r->health, NULL);
         r->health = (Anlos__Health *)bus_message_unpack(&m);
@@ -211,50 +229,143 @@ static int teardown(void **state)
     return system("ip link del can0");
 }
 
+/* Without the two bytes of the protection, which counts what went before. */
 static void format_frame(char *text, const struct can_frame_data *f)
 {
     text += sprintf(text, "%03X#", f->id);
-    for (size_t i = 0; i < f->size; i++)
+    for (size_t i = 2; i < f->size; i++)
         text += sprintf(text, "%02X", f->data[i]);
 }
 
-/* All but the header's age and cycle, which are known when it goes out. */
+/* The next frame of a list, likewise. */
+static const char *read_frame(struct rig *r)
+{
+    char *frame = r->dump.frame;
+
+    do
+        candump_read(&r->dump);
+    while (!strncmp(frame, "400#", 4) || !strncmp(frame, "401#", 4));
+    receive_frame(r, frame);
+    memmove(frame + 4, frame + 8, strlen(frame + 8) + 1);
+    return frame;
+}
+
+/* All but the header, of which age and cycle are known when it goes out. */
 static void a_list_is_on_the_bus_as_the_encoder_makes_it(void **state)
 {
     struct rig *r = *state;
-    const struct can_list_header header = {
-        .number = OBJECTS, .counter = 0x123, .latency_ms = NAN, .cycle_ms = NAN};
     struct can_object o = {.counter = 0x123 & 0xff,
                            .position_m = {4.0, -1.5, 0.5},
                            .measurement = CAN_NEW,
                            .existence = 0.75,
                            .velocity_m_s = {NAN, NAN},
                            .sigma_m = {NAN, NAN},
+                           .sigma_v_m_s = NAN,
                            .correlation = NAN,
                            .length_m = NAN,
                            .width_m = NAN};
-    struct can_frame_data f[2 + 3 * OBJECTS];
+    struct can_frame_data f[1 + 3 * OBJECTS];
     char expected[40];
 
-    can_pack_list_header(&f[0], 0x400, &header);
-    can_pack_time(&f[1], 0x400, 1500000000);
+    can_pack_time(&f[0], 0x400, 1500000000);
     for (uint8_t i = 0; i < OBJECTS; i++) {
         o.id = i + 1;
-        can_pack_object_state(&f[2 + 3 * i], 0x400, &o);
-        can_pack_object_dynamics(&f[3 + 3 * i], 0x400, &o);
-        can_pack_object_quality(&f[4 + 3 * i], 0x400, &o);
+        can_pack_object_state(&f[1 + 3 * i], 0x400, &o);
+        can_pack_object_dynamics(&f[2 + 3 * i], 0x400, &o);
+        can_pack_object_quality(&f[3 + 3 * i], 0x400, &o);
     }
     publish(r, 0x123, OBJECTS);
     do
-        candump_read(&r->dump);
-    while (strncmp(r->dump.frame, "402#0000032301", 12));
-    for (size_t i = 1; i < sizeof f / sizeof *f; i++) {
-        do
-            candump_read(&r->dump);
-        while (!strncmp(r->dump.frame, "400#", 4));
+        read_frame(r);
+    while (strncmp(r->dump.frame, "402#", 4) || r->counter != 0x123);
+    assert_int_equal(r->missing, 1 + 3 * OBJECTS);
+    for (size_t i = 0; i < sizeof f / sizeof *f; i++) {
         format_frame(expected, &f[i]);
-        assert_string_equal(r->dump.frame, expected);
+        assert_string_equal(read_frame(r), expected);
     }
+}
+
+/* Another node on the bus. */
+struct vehicle {
+    struct canbus *bus;
+    struct can_protection protection;
+    struct can_frame_data frame; /* as it was sent last */
+};
+
+static void vehicle_open(struct vehicle *v)
+{
+    *v = (struct vehicle){.protection = {.base = 0x400}};
+    assert_int_equal(canbus_open(&v->bus, "socketcan:can0", NULL), 0);
+}
+
+static void vehicle_tell(struct vehicle *v, double speed_m_s, uint8_t damage)
+{
+    const struct can_ego_motion ego = {.speed_m_s = speed_m_s,
+                                       .yaw_rate_rad_s = 0.1,
+                                       .standstill = CAN_ROLLS,
+                                       .validity = CAN_VALID};
+
+    can_pack_ego_motion(&v->frame, 0x400, &ego);
+    can_protect(&v->protection, &v->frame);
+    can_protection_sent(&v->protection, &v->frame);
+    v->frame.data[7] ^= damage;
+    assert_int_equal(canbus_send(v->bus, &v->frame, now()), 0);
+}
+
+/* Tells its motion every 20 ms, or nothing (NAN), until the node says it on. */
+static void tell_until(struct rig *r, struct vehicle *v, double speed_m_s, bool valid)
+{
+    int64_t end = now() + DEADLINE_MS * 1000000LL;
+    bool said = false;
+
+    while (!said) {
+        struct bus_message m;
+        assert_true(now() < end);
+        if (!isnan(speed_m_s))
+            vehicle_tell(v, speed_m_s, 0);
+        if (bus_receive(r->bus, &m, 20))
+            continue;
+        if (m.topic == topic_ego()) {
+            Anlos__EgoMotion *ego = (Anlos__EgoMotion *)bus_message_unpack(&m);
+            assert_non_null(ego);
+            said = ego->valid == valid &&
+                   (isnan(speed_m_s) || fabs(ego->speed_m_s - speed_m_s) < 0.006);
+            anlos__ego_motion__free_unpacked(ego, NULL);
+        }
+        bus_message_free(&m);
+    }
+}
+
+static void the_motion_of_the_vehicle_is_said_on_until_it_ends(void **state)
+{
+    struct rig *r = *state;
+    struct vehicle v;
+
+    assert_int_equal(bus_subscribe(r->bus, topic_ego()), 0);
+    vehicle_open(&v);
+    tell_until(r, &v, 1.25, true);
+    tell_until(r, &v, -2.0, true);
+    tell_until(r, &v, NAN, false); /* silence */
+    tell_until(r, &v, 3.0, true);
+    canbus_close(v.bus);
+}
+
+static void damaged_and_foreign_frames_are_counted_and_not_said(void **state)
+{
+    struct rig *r = *state;
+    struct vehicle v;
+
+    assert_int_equal(bus_subscribe(r->bus, topic_ego()), 0);
+    vehicle_open(&v);
+    tell_until(r, &v, 1.0, true);
+    for (int i = 0; i < 5; i++)
+        vehicle_tell(&v, 9.0, 0x10);
+    const struct can_frame_data other = {.id = 0x123, .size = 8};
+    assert_int_equal(canbus_send(v.bus, &other, now()), 0);
+    wait_for_count(r, "inputs_wrong", 5);
+    assert_int_equal(count_of(r, "foreign_frames"), 0);
+    assert_true(r->speed_m_s < 2.0);
+    canbus_close(v.bus);
 }
 
 static void a_bus_with_errors_is_used_and_said(void **state)
@@ -461,6 +572,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(a_list_is_on_the_bus_as_the_encoder_makes_it),
+        TEST(the_motion_of_the_vehicle_is_said_on_until_it_ends),
+        TEST(damaged_and_foreign_frames_are_counted_and_not_said),
         TEST(a_bus_with_errors_is_used_and_said),
         TEST(a_bus_that_is_off_gets_its_lists_after_the_restart),
         TEST(a_restart_that_nobody_tells_of_is_found_out),

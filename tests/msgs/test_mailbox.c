@@ -95,6 +95,23 @@ static void a_newer_state_replaces_the_one_that_waits(void **state)
     assert_int_equal(take(b), 3);
 }
 
+static void replayed_states_all_wait(void **state)
+{
+    struct box *b = *state;
+    struct bus_message m = {.envelope = {.replayed = true}};
+
+    for (uint64_t i = 1; i <= 5; i++) {
+        m.envelope.sequence = i;
+        mailbox_put(b->m, b->latest, &m);
+    }
+    put(b, b->latest, 6); /* a live one takes the place of one */
+    for (uint64_t i = 2; i <= 6; i++)
+        assert_int_equal(take(b), i);
+    put(b, b->latest, 7);
+    put(b, b->latest, 8);
+    assert_int_equal(take(b), 8);
+}
+
 static void a_flood_of_one_topic_costs_the_others_nothing(void **state)
 {
     struct box *b = *state;
@@ -215,6 +232,7 @@ int main(void)
         in_a_box(messages_of_all_topics_come_in_the_order_of_arrival),
         in_a_box(a_full_queue_drops_its_oldest_and_counts_it),
         in_a_box(a_newer_state_replaces_the_one_that_waits),
+        in_a_box(replayed_states_all_wait),
         in_a_box(a_flood_of_one_topic_costs_the_others_nothing),
         in_a_box(the_descriptor_is_readable_while_messages_wait),
         in_a_box(an_empty_box_times_out),

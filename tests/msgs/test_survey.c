@@ -270,7 +270,7 @@ static const struct change numbers[] = {
     {AT(chirp_stop_hz), 24000, "stop_hz"},
     {AT(chirp_duration_s), 0, "duration_s"},
     {AT(chirp_duration_s), -1, "duration_s"},
-    {AT(chirp_duration_s), 0.0626, "duration_s"}, /* 3004.8 samples in a slot of 3000 */
+    {AT(chirp_duration_s), 1.0001, "duration_s"}, /* over 16 slots */
     {AT(chirp_duration_s), NAN, "duration_s"},
     {AT(latency_samples), -0.5, "latency_samples"},
     {AT(latency_samples), 3000, "latency_samples"},
@@ -452,6 +452,117 @@ static void the_id_changes_with_every_number(void **state)
     s = example();
     s.responses[2].serial[0] = 'M';
     assert_true(survey_id(&s) != id);
+}
+
+/* What it was before surveys had alternating chirps and shared slots: bags have it. */
+static void an_old_surveys_id_stays(void **state)
+{
+    (void)state;
+    struct survey s = example();
+    assert_true(survey_id(&s) == UINT64_C(0x43b31253f187fcd8));
+    s.together = 1;
+    assert_true(survey_id(&s) == UINT64_C(0x43b31253f187fcd8));
+    s.chirp_alternates = true;
+    const uint64_t alternating = survey_id(&s);
+    assert_true(alternating != UINT64_C(0x43b31253f187fcd8));
+    s.together = 2;
+    assert_true(survey_id(&s) != alternating);
+}
+
+static void alternating_chirps_and_shared_slots_come_back_from_a_message(void **state)
+{
+    (void)state;
+    struct survey s = example(), back;
+    uint8_t *bytes;
+    size_t size;
+    s.chirp_alternates = true;
+    s.together = 2;
+    assert_int_equal(survey_pack(&s, &bytes, &size), 0);
+    Anlos__Survey *m = anlos__survey__unpack(NULL, size, bytes);
+    free(bytes);
+    assert_non_null(m);
+    assert_int_equal(survey_from_message(&back, m, NULL), 0);
+    anlos__survey__free_unpacked(m, NULL);
+    assert_true(back.chirp_alternates);
+    assert_int_equal(back.together, 2);
+    survey_clear(&back);
+}
+
+static void several_walls_come_back_from_a_message(void **state)
+{
+    (void)state;
+    struct survey s = example(), back;
+    uint8_t *bytes;
+    size_t size;
+    s.n_walls = 2;
+    memcpy(s.walls[0].normal, s.wall_normal, sizeof s.wall_normal);
+    s.walls[0].distance_m = s.wall_distance_m;
+    s.walls[0].gate_m[1] = 4;
+    s.walls[1] = (struct survey_wall){{1, 0, 0}, 2.5, {2, 3}};
+    assert_int_equal(survey_pack(&s, &bytes, &size), 0);
+    Anlos__Survey *m = anlos__survey__unpack(NULL, size, bytes);
+    free(bytes);
+    assert_non_null(m);
+    assert_int_equal(survey_from_message(&back, m, NULL), 0);
+    assert_int_equal(back.n_walls, 2);
+    assert_same(back.walls[1].normal, s.walls[1].normal, 3);
+    assert_true(back.walls[1].distance_m == 2.5 && back.walls[1].gate_m[1] == 3);
+    survey_clear(&back);
+    m->n_walls = 7;
+    assert_int_equal(survey_from_message(&back, m, NULL), -EINVAL);
+    m->n_walls = 12;
+    anlos__survey__free_unpacked(m, NULL);
+    s.walls[0].distance_m += 0.1; /* then it is not the wall */
+    assert_int_equal(survey_check(&s, NULL), -EINVAL);
+}
+
+/* 24 ms of 62.5: the gate has to end 0.1 m before the next speaker is heard at 4.118 m.
+ */
+static void a_slot_shorter_than_the_chirp_needs_a_gate_within_it(void **state)
+{
+    (void)state;
+    struct survey s = example();
+    assert_false(survey_overlaps(&s));
+    s.slot_samples = 1152;
+    assert_true(survey_overlaps(&s));
+    s.gate_m[1] = 4.0;
+    assert_int_equal(survey_check(&s, NULL), 0);
+    s.gate_m[1] = 4.03;
+    assert_refused(&s, "before the next speaker is heard");
+    s.has_gate = false;
+    assert_refused(&s, "gate_m");
+}
+
+static void only_opposite_chirps_sound_together(void **state)
+{
+    (void)state;
+    struct survey s = example();
+    s.together = 2;
+    assert_refused(&s, "together");
+    s.chirp_alternates = true;
+    assert_int_equal(survey_check(&s, NULL), 0);
+    s.together = 3;
+    assert_refused(&s, "together is 3");
+}
+
+static void emissions_share_slots_and_alternate_by_their_order(void **state)
+{
+    (void)state;
+    struct survey s = example();
+    assert_int_equal(survey_slot_of(&s, 5), 5);
+    assert_int_equal(survey_slots(&s, 5), 5);
+    assert_int_equal(survey_slots(&s, 0), 0);
+    assert_false(survey_is_down(&s, 1));
+    s.chirp_alternates = true;
+    s.together = 2;
+    assert_int_equal(survey_slot_of(&s, 4), 2);
+    assert_int_equal(survey_slot_of(&s, 5), 2);
+    assert_int_equal(survey_slots(&s, 5), 3);
+    assert_true(survey_is_down(&s, 5) && !survey_is_down(&s, 4));
+    /* 62.5 ms are not over after two slots of 24 ms. */
+    s.slot_samples = 1152;
+    assert_false(survey_round_fits(&s, 4));
+    assert_true(survey_round_fits(&s, 6));
 }
 
 static void the_id_does_not_depend_on_the_source_or_the_sign_of_zero(void **state)
@@ -646,6 +757,12 @@ int main(void)
         cmocka_unit_test(calibration_is_refused_by_serial),
         cmocka_unit_test(a_bad_survey_is_not_packed),
         cmocka_unit_test(the_id_changes_with_every_number),
+        cmocka_unit_test(an_old_surveys_id_stays),
+        cmocka_unit_test(alternating_chirps_and_shared_slots_come_back_from_a_message),
+        cmocka_unit_test(several_walls_come_back_from_a_message),
+        cmocka_unit_test(a_slot_shorter_than_the_chirp_needs_a_gate_within_it),
+        cmocka_unit_test(only_opposite_chirps_sound_together),
+        cmocka_unit_test(emissions_share_slots_and_alternate_by_their_order),
         cmocka_unit_test(the_id_does_not_depend_on_the_source_or_the_sign_of_zero),
         cmocka_unit_test(a_damaged_message_is_refused_and_leaves_nothing),
         cmocka_unit_test(a_message_with_too_many_elements_is_refused),

@@ -89,6 +89,22 @@ static inline void played_bag_ping(struct played_bag *b, uint32_t i)
     played_bag_put(b, "array", topic_ping(), b->at_ns - 1000, &p.base);
 }
 
+/* Of an array that stands: the round counts from 1. */
+static inline void played_bag_round(struct played_bag *b, uint32_t frame)
+{
+    for (uint32_t i = 0; i < N_SPEAKERS; i++) {
+        Anlos__Ping p = ANLOS__PING__INIT;
+
+        p.survey_id = 99;
+        p.scan = 1;
+        p.pass = ANLOS__PASS__SCENE;
+        p.speaker = i;
+        p.frame = frame;
+        p.valid = true;
+        played_bag_put(b, "array", topic_ping(), b->at_ns - 1000, &p.base);
+    }
+}
+
 static inline void played_bag_close(struct played_bag *b)
 {
     bag_topics_destroy(b->topics);

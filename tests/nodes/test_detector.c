@@ -103,7 +103,7 @@ static void an_object_is_reported_where_it_really_is(void **state)
     const double at_m[3] = {0.183, 0.142, 1.196};
 
     add_blob(r, at_m, sharp_m);
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
     assert_true(r->list->mirrored);
     assert_true(r->list->in_vehicle_frame);
     assert_int_equal(r->list->scan, 3);
@@ -125,7 +125,7 @@ static void the_aperture_tells_how_wide_a_point_is(void **state)
     const double at_m[3] = {0.2, 0.14, 1.2}, blurred_m[3] = {0.056, 0.025, 0.009};
 
     add_blob(r, at_m, blurred_m);
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
     assert_int_equal(r->list->n_detections, 1);
     assert_true(r->list->detections[0]->extent_m->y == 0.0); /* the array's x */
 }
@@ -136,7 +136,7 @@ static void a_body_wider_than_a_point_has_an_extent(void **state)
     const double at_m[3] = {0.2, 0.14, 1.2}, wide_m[3] = {0.1, 0.025, 0.009};
 
     add_blob(r, at_m, wide_m);
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
     assert_int_equal(r->list->n_detections, 1);
     assert_near(r->list->detections[0]->extent_m->y, 0.333, 0.03); /* the array's x */
 }
@@ -148,7 +148,7 @@ static void what_is_too_unlikely_is_left_out(void **state)
 
     add_blob(r, at_m, sharp_m);
     r->detector.cfg.min_existence = 1.01;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
     assert_int_equal(r->list->n_detections, 0);
 }
 
@@ -159,7 +159,7 @@ static void the_threshold_is_above_the_noise(void **state)
 
     add_blob(r, at_m, sharp_m); /* 40 dB above the noise's mean */
     r->detector.cfg.threshold_db = 80.0;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
     assert_int_equal(r->list->n_detections, 0);
 }
 
@@ -168,13 +168,13 @@ static void the_counter_rises_and_previews_are_marked(void **state)
     struct rig *r = *state;
 
     r->volume.preview = true;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
     assert_true(r->list->preview);
     uint32_t counter = r->list->counter;
     objects_free(r->list);
     r->list = NULL;
     r->volume.preview = false;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), 0);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
     assert_false(r->list->preview);
     assert_int_equal(r->list->counter, counter + 1);
 }
@@ -185,7 +185,7 @@ static void a_volume_before_its_survey_waits(void **state)
     struct complaint why = {""};
 
     r->volume.survey_id++;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, &why), -EAGAIN);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, &why), -EAGAIN);
     assert_string_equal(why.text, "the survey of a volume is not known yet");
 }
 
@@ -194,15 +194,15 @@ static void a_volume_with_nan_or_without_grid_is_refused(void **state)
     struct rig *r = *state;
 
     r->intensity[5][5][5] = NAN;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), -EINVAL);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), -EINVAL);
     r->intensity[5][5][5] = -1.0f;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), -EINVAL);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), -EINVAL);
     r->intensity[5][5][5] = 0.0f;
     r->step.x = 0.0;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), -EINVAL);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), -EINVAL);
     r->step.x = 0.02;
     r->volume.origin_m = NULL;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, &r->list, NULL), -EINVAL);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), -EINVAL);
     assert_null(r->list);
 }
 

@@ -24,7 +24,9 @@ struct rig {
 
 static int open_rig(void **state, const char *scene, bool background)
 {
-    const struct dsp_config cfg = {.window = WINDOW_HANN, .background = background};
+    const struct dsp_config cfg = {.window = WINDOW_HANN,
+                                   .background = background ? BACKGROUND_RECORDED
+                                                            : BACKGROUND_NONE};
     struct rig *r = calloc(1, sizeof *r);
 
     if (!r || scene_open(&r->scene, scene) || dsp_create(&r->dsp, &cfg) ||

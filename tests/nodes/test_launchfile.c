@@ -47,6 +47,10 @@ static void what_is_left_out_has_its_default(void **state)
     assert_string_equal(l->report.folder, "out");
     assert_string_equal(l->can.uri, "log:out/can.candump");
     assert_int_equal(l->can.base_id, 0x400);
+    assert_int_equal(l->can.sensor, 0);
+    assert_false(l->can.fd);
+    assert_int_equal(l->can.bitrate, 500000);
+    assert_true(l->can.load == 0.5);
     launchfile_destroy(l);
 }
 
@@ -105,7 +109,8 @@ static void everything_can_be_set(void **state)
              "dsp: {window: hamming, compression: deramp}\n"
              "recon: {method: backprojection, threads: 3, preview: false}\n"
              "track: {threshold_db: 20, min_existence: 0.25}\n"
-             "can: {uri: 'socketcan:can0', base_id: 0x500}\n"
+             "can: {uri: 'socketcan:can0', base_id: 0x500, sensor: 2, fd: true, "
+             "bitrate: 250000, data_bitrate: 4000000, load: 0.25}\n"
              "report: {folder: /there}\n",
              NULL);
 
@@ -126,6 +131,11 @@ static void everything_can_be_set(void **state)
     assert_true(l->track.threshold_db == 20.0 && l->track.min_existence == 0.25);
     assert_string_equal(l->can.uri, "socketcan:can0");
     assert_int_equal(l->can.base_id, 0x500);
+    assert_int_equal(l->can.sensor, 2);
+    assert_true(l->can.fd);
+    assert_int_equal(l->can.bitrate, 250000);
+    assert_int_equal(l->can.data_bitrate, 4000000);
+    assert_true(l->can.load == 0.25);
     assert_string_equal(l->report.folder, "/there");
     launchfile_destroy(l);
 }
@@ -272,17 +282,17 @@ static void values_out_of_range_are_named_with_their_limits(void **state)
     assert_refused(*state, "nodes: [can]\ntrack: {min_existence: 2}\n",
                    ":2: track.min_existence: expected 0 to 1, not 2");
     assert_refused(*state, "nodes: [can]\ncan: {base_id: 0x7f8}\n",
-                   ":2: can.base_id: expected 0 to 2032, not 2040");
+                   ":2: can.base_id: expected 0 to 0x7f0, not 0x7f8");
 }
 
 static void names_that_do_not_exist_are_refused_with_those_that_do(void **state)
 {
     assert_refused(*state, "nodes:\n  - can\n  - radar\n",
                    ":3: nodes[1]: radar is no node; expected stage, array, scan, dsp, "
-                   "recon, track, can, report, record, play or view");
+                   "recon, track, can, report, record, play, view or wall");
     assert_refused(*state, "nodes: [can, launcher]\n",
                    ":1: nodes[1]: launcher is no node; expected stage, array, scan, dsp, "
-                   "recon, track, can, report, record, play or view");
+                   "recon, track, can, report, record, play, view or wall");
     assert_refused(*state, "nodes: [can]\ndsp: {window: blackman}\n",
                    ":2: dsp.window: expected hann, hamming or rectangular, not blackman");
     assert_refused(*state, "nodes: [can]\ndsp: {compression: mp3}\n",
@@ -323,6 +333,20 @@ static void the_demo_can_be_loaded(void **state)
     if (launchfile_load(&l, SOURCE_DIR "/launch/demo.yaml", NULL, &why))
         fail_msg("%s", why.text);
     assert_int_equal(l->n_nodes, 8);
+    for (unsigned i = 0; i < l->n_nodes; i++)
+        assert_true(topic_is_published_by(topic_health(), l->nodes[i]));
+    launchfile_destroy(l);
+}
+
+static void the_drive_can_be_loaded(void **state)
+{
+    struct complaint why = {""};
+    struct launchfile *l = NULL;
+
+    (void)state;
+    if (launchfile_load(&l, SOURCE_DIR "/launch/drive.yaml", NULL, &why))
+        fail_msg("%s", why.text);
+    assert_true(l->scan.fixed && !launchfile_has_node(l, "stage"));
     for (unsigned i = 0; i < l->n_nodes; i++)
         assert_true(topic_is_published_by(topic_health(), l->nodes[i]));
     launchfile_destroy(l);
@@ -512,6 +536,7 @@ int main(void)
         TEST(a_sound_cards_rig_is_relative_to_the_file_and_its_name_is_not),
         TEST(a_stage_stands_still_while_a_recording_is_played),
         TEST(the_demo_can_be_loaded),
+        TEST(the_drive_can_be_loaded),
         TEST(the_replay_can_be_loaded),
         TEST(the_hardware_to_start_from_can_be_loaded),
     };

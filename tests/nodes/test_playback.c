@@ -399,6 +399,82 @@ static void a_scan_of_which_nothing_can_be_used_has_failed(void **state)
     bus_destroy(b);
 }
 
+/* Two rounds of an array that stands, and no end. */
+static void write_rounds(const struct rig *r)
+{
+    struct played_bag b;
+
+    played_bag_open(&b, r->bag);
+    played_bag_survey(&b);
+    played_bag_status(&b, ANLOS__SCAN_STATUS__STATE__RUNNING);
+    played_bag_round(&b, 1);
+    played_bag_round(&b, 2);
+    played_bag_close(&b);
+}
+
+static void a_recording_of_an_array_that_stands_ends_well(void **state)
+{
+    struct rig *r = *state;
+    struct bus_message m;
+    struct bus *b = NULL;
+    Anlos__ScanStatus *s = NULL;
+    const struct bus_config cfg = {.run_dir = r->scratch->folder, .listen_only = true};
+
+    write_rounds(r);
+    r->cfg.fixed = true;
+    r->cfg.window = 6;
+    create(r);
+    assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+    assert_int_equal(bus_subscribe(b, topic_scan_status()), 0);
+    turn(r, 5000 * MS);
+    assert_int_equal(status_of(r).pings.played, 6);
+    for (uint32_t i = 0; i < 6; i++) { /* the second round first: dsp overtakes recon */
+        Anlos__Receipt receipt = ANLOS__RECEIPT__INIT;
+
+        receipt.scan = 1;
+        receipt.pass = ANLOS__PASS__SCENE;
+        receipt.frame = i < 3 ? 2 : 1;
+        receipt.speaker = i % 3;
+        receipt.usable = i >= 3;
+        playback_receipt(r->p, &receipt, r->now_ns);
+    }
+    list(r, 1, false);
+    for (int i = 0; i < 1000 && (!s || s->state != ANLOS__SCAN_STATUS__STATE__DONE);
+         i++) {
+        turn(r, 500 * MS);
+        while (!bus_receive(b, &m, 10)) {
+            if (s)
+                anlos__scan_status__free_unpacked(s, NULL);
+            s = (Anlos__ScanStatus *)bus_message_unpack(&m);
+            bus_message_free(&m);
+        }
+    }
+    assert_non_null(s);
+    assert_int_equal(s->state, ANLOS__SCAN_STATUS__STATE__DONE);
+    assert_int_equal(s->pings_expected, 0);
+    assert_int_equal(s->pings_done, 3);
+    assert_int_equal(status_of(r).pings.missing, 0);
+    assert_int_equal(status_of(r).phase, PLAYBACK_ENDED);
+    anlos__scan_status__free_unpacked(s, NULL);
+    bus_destroy(b);
+}
+
+static void a_recording_is_played_only_to_nodes_of_its_mode(void **state)
+{
+    struct rig *r = *state;
+    struct complaint why = {""};
+    int64_t due_ns;
+    int err = 0;
+
+    write_rounds(r);
+    create(r);
+    for (int i = 0; i < 1000 && !err; i++, r->now_ns += 100 * MS)
+        err = playback_step(r->p, r->now_ns, &due_ns, &why);
+    assert_int_equal(err, -EINVAL);
+    assert_contains(why.text, "of an array that stands");
+    assert_contains(why.text, "scan.mode: fixed");
+}
+
 static void what_runs_beside_it_is_not_played(void **state)
 {
     static const char *const everybody[] = {"array", "scan", "dsp"};
@@ -434,6 +510,8 @@ int main(void)
         TEST(a_dsp_that_starts_again_is_said),
         TEST(a_scan_that_was_begun_again_has_another_number),
         TEST(a_scan_of_which_nothing_can_be_used_has_failed),
+        TEST(a_recording_of_an_array_that_stands_ends_well),
+        TEST(a_recording_is_played_only_to_nodes_of_its_mode),
         TEST(what_runs_beside_it_is_not_played),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

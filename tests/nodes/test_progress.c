@@ -105,6 +105,27 @@ static void a_failure_is_shown_at_once(void **state)
     assert_int_equal(p.state, ANLOS__SCAN_STATUS__STATE__FAILED);
 }
 
+static void of_an_array_that_stands_nothing_is_expected(void **state)
+{
+    struct progress p;
+    Anlos__ScanStatus s = ANLOS__SCAN_STATUS__INIT;
+
+    (void)state;
+    progress_init(&p, false);
+    s.state = ANLOS__SCAN_STATUS__STATE__DONE;
+    s.pings_done = 16;
+    s.pings_lost = 1;
+    s.text = (char *)"the recording has ended";
+    progress_status(&p, &s);
+    assert_string_equal(p.text, "done: the recording has ended; 16 pings, 1 lost, "
+                                "0 messages lost");
+    s.state = ANLOS__SCAN_STATUS__STATE__FAILED;
+    s.pings_done = 0;
+    s.text = (char *)"no such speaker";
+    assert_true(progress_status(&p, &s));
+    assert_string_equal(p.text, "failed: no such speaker");
+}
+
 static void a_pause_is_said_at_once_and_so_is_its_end(void **state)
 {
     struct progress p;
@@ -123,6 +144,36 @@ static void a_pause_is_said_at_once_and_so_is_its_end(void **state)
     assert_true(tell(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, 21));
 }
 
+static bool tell_endless(struct progress *p, Anlos__ScanStatus__State state,
+                         Anlos__Pass pass)
+{
+    Anlos__ScanStatus s = ANLOS__SCAN_STATUS__INIT;
+
+    s.state = state;
+    s.pass = pass;
+    s.pings_done = 480;
+    s.pings_lost = 2;
+    s.text = (char *)"2.6 frames/s, 41.7 pings/s";
+    return progress_status(p, &s);
+}
+
+static void a_scan_without_end_tells_its_pace_and_what_was_lost(void **state)
+{
+    struct progress p;
+
+    (void)state;
+    progress_init(&p, false);
+    assert_true(
+        tell_endless(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, ANLOS__PASS__BACKGROUND));
+    assert_non_null(strstr(p.text, "background: 2.6 frames/s"));
+    assert_false(
+        tell_endless(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, ANLOS__PASS__SCENE));
+    assert_string_equal(p.text, "runs: 2.6 frames/s, 41.7 pings/s; 480 pings, 2 lost, "
+                                "0 messages lost");
+    tell_endless(&p, ANLOS__SCAN_STATUS__STATE__WAITING, ANLOS__PASS__SCENE);
+    assert_true(tell_endless(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, ANLOS__PASS__SCENE));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -133,6 +184,8 @@ int main(void)
         cmocka_unit_test(the_line_fits_a_terminal_of_80_columns),
         cmocka_unit_test(while_it_waits_it_says_for_whom),
         cmocka_unit_test(a_failure_is_shown_at_once),
+        cmocka_unit_test(of_an_array_that_stands_nothing_is_expected),
+        cmocka_unit_test(a_scan_without_end_tells_its_pace_and_what_was_lost),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -28,7 +28,8 @@ struct rig {
 
 static int setup(void **state)
 {
-    const struct dsp_config dsp = {.window = WINDOW_HANN, .background = true};
+    const struct dsp_config dsp = {.window = WINDOW_HANN,
+                                   .background = BACKGROUND_RECORDED};
     const struct recon_config recon = {
         .method = "fast", .threads = 2, .window = WINDOW_HANN};
     struct rig *r = calloc(1, sizeof *r);

@@ -21,7 +21,7 @@ struct array {
     struct room *room;
     struct array_shot shot;
     size_t next;
-    int fires, fire_result, next_result;
+    int fires, halts, fire_result, next_result;
     float samples[16][N_SAMPLES];
     uint32_t clipped[16], not_finite[16];
 };
@@ -43,21 +43,31 @@ int array_next(struct array *a, struct array_ping *out, struct complaint *why)
 {
     if (a->next_result)
         return complain(why, a->next_result, "the cable is out");
-    if (a->next == a->shot.n_speakers)
+    if (!a->shot.endless && a->next == a->shot.n_speakers)
         return -ENODATA;
+    size_t index = a->next % a->shot.n_speakers;
     for (size_t m = 0; m < 16; m++)
         for (size_t i = 0; i < N_SAMPLES; i++)
-            a->samples[m][i] = (float)a->shot.speakers[a->next];
+            a->samples[m][i] = (float)a->shot.speakers[index];
     a->clipped[1] = 5;
-    *out = (struct array_ping){.shot_index = a->next++,
-                               .samples = a->samples[0],
-                               .n_samples = N_SAMPLES,
-                               .clipped = a->clipped,
-                               .not_finite = a->not_finite,
-                               .valid = true,
-                               .temperature_c = 21.5,
-                               .t0_ns = 1000 + (int64_t)a->next};
+    *out = (struct array_ping){
+        .shot_index = index,
+        .frame = a->shot.endless ? (uint32_t)(a->next / a->shot.n_speakers + 1) : 0,
+        .down = index == 1,
+        .samples = a->samples[0],
+        .n_samples = N_SAMPLES,
+        .clipped = a->clipped,
+        .not_finite = a->not_finite,
+        .valid = true,
+        .temperature_c = 21.5,
+        .t0_ns = 1001 + (int64_t)a->next};
+    a->next++;
     return 0;
+}
+
+void array_halt(struct array *a)
+{
+    a->halts++;
 }
 
 struct rig {
@@ -289,7 +299,88 @@ static void a_position_that_cannot_be_fired_is_named(void **state)
     assert_false(shooter_busy(r->shooter));
 }
 
-#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+static int setup_fixed(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r ||
+        room_load(&r->array.room, SOURCE_DIR "/launch/scenes/full-array.yaml", NULL) ||
+        shooter_create(&r->shooter, &r->array))
+        return -1;
+    *state = r;
+    return 0;
+}
+
+static void fire_endless(struct rig *r, uint32_t id, uint32_t *speakers, size_t n)
+{
+    Anlos__FireCommand c = ANLOS__FIRE_COMMAND__INIT;
+    struct complaint why;
+
+    c.id = id;
+    c.scan = 9;
+    c.speakers = speakers;
+    c.n_speakers = n;
+    c.endless = true;
+    assert_int_equal(shooter_fire(r->shooter, &c, 77, &why), 0);
+}
+
+static void a_shot_without_end_goes_on_in_frames_until_another_is_queued(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {3, 1, 7}, others[] = {2};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    fire_endless(r, 1, speakers, 3);
+    for (unsigned i = 0; i < 100; i++) {
+        fire_endless(r, 1, speakers, 3); /* sent again: nothing new */
+        assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+        assert_int_equal(ping.speaker, speakers[i % 3]);
+        assert_int_equal(ping.frame, i / 3 + 1);
+        assert_int_equal(ping.down, i % 3 == 1);
+    }
+    assert_int_equal(r->array.fires, 1);
+    assert_int_equal(r->array.halts, 0);
+    fire_endless(r, 2, others, 1);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_int_equal(r->array.halts, 1);
+    assert_int_equal(ping.speaker, 2);
+    assert_int_equal(ping.frame, 1);
+    assert_true(shooter_busy(r->shooter));
+}
+
+static void a_shot_without_end_is_stopped_by_one_without_speakers(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {3, 1};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    fire_endless(r, 1, speakers, 2);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    fire_endless(r, 2, NULL, 0);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), -ENODATA);
+    assert_int_equal(r->array.halts, 1);
+    assert_false(shooter_busy(r->shooter));
+}
+
+static void an_array_on_a_stage_does_not_go_on_without_end(void **state)
+{
+    struct rig *r = *state;
+    Anlos__FireCommand c = ANLOS__FIRE_COMMAND__INIT;
+    uint32_t speaker = 0;
+    struct complaint why;
+
+    c.id = 1;
+    c.endless = true;
+    c.speakers = &speaker;
+    c.n_speakers = 1;
+    assert_int_equal(shooter_fire(r->shooter, &c, 77, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "stage positions"));
+}
+
+#define TEST(f)  cmocka_unit_test_setup_teardown(f, setup, teardown)
+#define FIXED(f) cmocka_unit_test_setup_teardown(f, setup_fixed, teardown)
 
 int main(void)
 {
@@ -304,6 +395,9 @@ int main(void)
         TEST(an_array_that_fails_loses_the_rest_of_the_shot_only),
         TEST(a_signal_costs_nothing),
         TEST(a_position_that_cannot_be_fired_is_named),
+        FIXED(a_shot_without_end_goes_on_in_frames_until_another_is_queued),
+        FIXED(a_shot_without_end_is_stopped_by_one_without_speakers),
+        TEST(an_array_on_a_stage_does_not_go_on_without_end),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

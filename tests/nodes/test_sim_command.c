@@ -184,6 +184,16 @@ static void a_wrong_scene_is_refused_by_name(void **state)
     assert_false(exists(f->folder, "recording"));
 }
 
+static void a_drive_is_refused(void **state)
+{
+    struct fixture *f = *state;
+    struct command_result r;
+    run(f, SOURCE_DIR "/launch/scenes/drive-nothing.yaml", &r);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "drive-nothing.yaml: a drive has no end"));
+    assert_false(exists(f->folder, "recording"));
+}
+
 static int sim_with_a_full_disk(int argc, char **argv)
 {
     struct rlimit limit = {5000, 5000};
@@ -228,6 +238,7 @@ int main(void)
         test(equal_scenes_give_equal_recordings_on_any_number_of_threads),
         test(a_recording_that_is_there_is_not_overwritten),
         test(a_wrong_scene_is_refused_by_name),
+        test(a_drive_is_refused),
         test(a_full_disk_ends_with_1_and_leaves_nothing),
         test(wrong_arguments_are_refused),
     };

@@ -362,6 +362,19 @@ static void the_last_word_of_a_scan_that_is_gone_is_called_that(void **state)
     assert_non_null(find(r, "last heard: [####      ]  46% 234/512 pings"));
 }
 
+static void a_scan_without_end_has_no_bar(void **state)
+{
+    struct rig *r = *state;
+
+    r->table.scan.expected = 0;
+    r->table.scan.given_up = 3;
+    snprintf(r->table.scan.text, TABLE_TEXT_SIZE, "2.6 frames/s, 41.7 pings/s");
+    draw(r, 120, 24);
+    assert_non_null(
+        find(r, "234 pings, scene, 3 lost, scan 1: 2.6 frames/s, 41.7 pings/s"));
+    assert_null(find(r, "234/0"));
+}
+
 static void the_help_names_every_key(void **state)
 {
     struct rig *r = *state;
@@ -438,6 +451,7 @@ int main(void)
         TEST(nothing_running_is_said),
         TEST(what_top_itself_cannot_read_is_counted),
         TEST(the_last_word_of_a_scan_that_is_gone_is_called_that),
+        TEST(a_scan_without_end_has_no_bar),
         TEST(the_help_names_every_key),
         TEST(a_plain_table_has_every_column_and_no_blanks_at_the_end),
         TEST(a_full_disk_is_an_error),

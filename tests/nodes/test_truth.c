@@ -93,6 +93,27 @@ static void without_a_wall_the_images_are_compared(void **state)
     assert_near(t.objects[0].position_m[2], 1.2, 1e-12);
 }
 
+/* The last list of a drive belongs to a moment that nobody noted. */
+static void what_moves_is_not_compared_with_where_it_began(void **state)
+{
+    struct scratch *s = *state;
+    struct truth t = {0};
+    char text[512] = "";
+    FILE *f = fmemopen(text, sizeof text - 1, "w");
+
+    assert_non_null(f);
+    scratch_write(s, "detections.json",
+                  "{\"frame\": \"vehicle\", \"mirrored_at_wall\": true, "
+                  "\"detections\": []}");
+    assert_int_equal(truth_read_detections(&t, s->folder, NULL), 0);
+    assert_int_equal(
+        truth_read_scene(&t, SOURCE_DIR "/launch/scenes/drive-person.yaml", NULL), 0);
+    assert_true(t.moving && t.n_objects == 0);
+    truth_print(&t, f);
+    fclose(f);
+    assert_contains(text, "what is hidden moves");
+}
+
 static void a_file_that_is_missing_or_broken_is_named(void **state)
 {
     struct scratch *s = *state;
@@ -162,6 +183,7 @@ int main(void)
         cmocka_unit_test(each_is_matched_once),
         TEST(detections_and_scene_are_read_in_the_same_frame),
         TEST(without_a_wall_the_images_are_compared),
+        TEST(what_moves_is_not_compared_with_where_it_began),
         TEST(a_file_that_is_missing_or_broken_is_named),
         cmocka_unit_test(without_a_truth_the_table_lists_what_was_found),
         cmocka_unit_test(the_table_names_what_was_found_missed_and_made_up),

@@ -57,7 +57,7 @@ static int plan(struct wav_set *w, struct complaint *why)
 
     w->n_files = own_places ? 1 : s->n_positions;
     w->n_slots = own_places ? s->n_positions : s->n_speakers;
-    w->n_frames = w->n_slots * s->slot_samples + tail_samples(s);
+    w->n_frames = survey_slots(s, w->n_slots) * s->slot_samples + tail_samples(s);
     w->files = calloc(2 * w->n_files, sizeof *w->files);
     if (!w->files)
         return complain(why, -ENOMEM, "out of memory");
@@ -110,7 +110,7 @@ static void place(struct wav_set *w, size_t slot, const float *x, size_t n_sampl
 {
     const struct survey *s = &w->takes.survey;
     float *samples = w->files[slot / w->n_slots].samples;
-    size_t in_file = slot % w->n_slots, at = in_file * s->slot_samples;
+    size_t in_file = slot % w->n_slots, at = survey_slot_of(s, in_file) * s->slot_samples;
     bool followed = in_file + 1 < w->n_slots && w->takes.chosen[slot + 1];
     size_t n = followed ? s->slot_samples : s->slot_samples + tail_samples(s);
 

@@ -67,9 +67,9 @@ static int create(struct recorder *r)
 static int add_ping(struct recorder *r, const struct array_ping *ping)
 {
     const struct survey *y = r->s->survey;
-    size_t slot = y->slot_samples, start = ping->shot_index * slot;
+    size_t slot = y->slot_samples, start = survey_slot_of(y, ping->shot_index) * slot;
     if (!r->samples) {
-        r->n_frames = (y->n_speakers - 1) * slot + ping->n_samples;
+        r->n_frames = survey_slot_of(y, y->n_speakers - 1) * slot + ping->n_samples;
         r->samples = malloc(y->n_microphones * r->n_frames * sizeof *r->samples);
         if (!r->samples)
             return complain(&r->s->why, -ENOMEM, "out of memory");

@@ -109,7 +109,7 @@ static int compress_position(struct measurement *m, size_t position,
                              struct complaint *why)
 {
     size_t n = m->survey.n_microphones, length = m->processing.ping_samples;
-    size_t start = m->speaker * m->survey.slot_samples;
+    size_t start = survey_slot_of(&m->survey, m->speaker) * m->survey.slot_samples;
     int err =
         recording_read(m->scene, position, m->samples, m->counts, m->counts + n, why);
     if (!err && m->background)
@@ -125,7 +125,8 @@ static int compress_position(struct measurement *m, size_t position,
                 there ? m->samples[at] - (m->background ? m->subtrahend[at] : 0.0f)
                       : 0.0f;
         }
-    compressor_execute(m->compressor, m->ping, length, m->traces);
+    compressor_execute_either(m->compressor, survey_is_down(&m->survey, m->speaker),
+                              m->ping, length, m->traces);
     return 0;
 }
 

@@ -98,7 +98,7 @@ static const float *find_ping(const struct reader_setup *r, struct reader_worker
 {
     size_t frames = recording_frames(r->cfg.recording);
     size_t n = r->processing.ping_samples;
-    size_t start = speaker * r->cfg.survey->slot_samples;
+    size_t start = survey_slot_of(r->cfg.survey, speaker) * r->cfg.survey->slot_samples;
     *stride = frames;
     if (start + n <= frames)
         return samples + start;
@@ -116,13 +116,15 @@ void reader_worker_compress(const struct reader_setup *r, struct reader_worker *
 {
     size_t stride;
     const float *ping = find_ping(r, w, samples, speaker, &stride);
-    compressor_execute(w->compressor, ping, stride, traces);
+    compressor_execute_either(w->compressor, survey_is_down(r->cfg.survey, speaker), ping,
+                              stride, traces);
 }
 
 bool reader_worker_is_cut(const struct reader_setup *r, const struct reader_worker *w)
 {
     size_t frames = recording_frames(r->cfg.recording);
-    size_t slots = r->cfg.survey->n_speakers * r->cfg.survey->slot_samples;
+    size_t slots = survey_slots(r->cfg.survey, r->cfg.survey->n_speakers) *
+                   r->cfg.survey->slot_samples;
     for (size_t i = 0; i < r->cfg.survey->n_microphones; i++)
         for (size_t n = slots; n < frames; n++)
             if (w->samples[i * frames + n] != 0.0f)

@@ -47,6 +47,11 @@ static int create_workers(struct sim_job *job, struct complaint *why)
         err = room_load(&job->workers[t].room, scene, why);
     if (err)
         return err;
+    if (room_is_drive(job->workers[0].room))
+        return complain(why, -EINVAL,
+                        "%s: a drive has no end; `anlos launch` plays it, and records it "
+                        "with --record BAG",
+                        scene);
     job->survey = room_survey(job->workers[0].room);
     job->frames = room_frames(job->workers[0].room, job->survey->n_speakers);
     job->speakers = malloc(job->survey->n_speakers * sizeof *job->speakers);

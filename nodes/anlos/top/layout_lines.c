@@ -60,8 +60,15 @@ void layout_scan(const struct table_scan *s, char *out, size_t size)
         snprintf(out, size, "no scan yet");
         return;
     }
-    write_bar(s, bar);
     text_clean(text, sizeof text, s->text);
+    if (!s->expected && s->state == ANLOS__SCAN_STATUS__STATE__RUNNING) {
+        snprintf(out, size,
+                 "%s%" PRIu32 " pings, %s, %" PRIu32 " lost, scan %" PRIu32 ": %s",
+                 s->over ? "last heard: " : "", s->done, phase_word(s), s->given_up,
+                 s->scan, text);
+        return;
+    }
+    write_bar(s, bar);
     text_duration(left, sizeof left, s->left_s);
     if (s->state == ANLOS__SCAN_STATUS__STATE__RUNNING && s->done)
         snprintf(ending, sizeof ending, ", %s left", left);

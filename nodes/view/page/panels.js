@@ -17,7 +17,7 @@ export function showScan(scan) {
         $("scan-text").textContent = "";
         return;
     }
-    const parts = [`${scan.done} of ${scan.expected} pings`];
+    const parts = [scan.expected ? `${scan.done} of ${scan.expected} pings` : `${scan.done} pings`];
     if (scan.state === "running") {
         parts.push(`${scan.pass} at position ${scan.position}`);
         if (scan.left_s > 0) parts.push(`${Math.ceil(scan.left_s)} s left`);

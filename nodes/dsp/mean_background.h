@@ -1,0 +1,39 @@
+/* nodes/dsp/mean_background.h -- backgrounds of an array that stands: the mean of what
+ * was recorded without the hidden objects, or the running mean of all that is heard. */
+#ifndef ANLOS_NODES_DSP_MEAN_BACKGROUND_H
+#define ANLOS_NODES_DSP_MEAN_BACKGROUND_H
+
+#include <complex.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/array.pb-c.h"
+
+#define MEAN_BACKGROUND_LEAST 4 /* pings of a speaker before its running mean counts */
+
+struct mean_background;
+
+/* time_constant_s: of the running mean.  0, -EINVAL, -ENOMEM. */
+int mean_background_create(struct mean_background **out, size_t n_speakers,
+                           size_t n_microphones, size_t n_samples,
+                           double time_constant_s);
+
+/* A ping of the background and its traces[n_microphones][n_samples], which are used up.
+ * The mean of its speaker's so far in this pass, to be kept elsewhere. */
+const float complex *mean_background_record(struct mean_background *b,
+                                            const Anlos__Ping *ping,
+                                            float complex *traces);
+
+/* Subtracts the running mean from a speaker's traces and counts them into it; a
+ * microphone that is masked stays out of it, and one of which too little was heard yet
+ * becomes masked.  false: all are. */
+bool mean_background_subtract(struct mean_background *b, size_t speaker,
+                              int64_t capture_ns, protobuf_c_boolean *masked,
+                              float complex *traces);
+
+/* What was heard does not count any more. */
+void mean_background_reset(struct mean_background *b);
+void mean_background_destroy(struct mean_background *b);
+
+#endif

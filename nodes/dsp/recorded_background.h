@@ -1,0 +1,42 @@
+/* nodes/dsp/recorded_background.h -- the room without the hidden objects, as it was
+ * recorded before, subtracted as it would sound in the air of now (dsp/drift.h). */
+#ifndef ANLOS_NODES_DSP_RECORDED_BACKGROUND_H
+#define ANLOS_NODES_DSP_RECORDED_BACKGROUND_H
+
+#include <complex.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/array.pb-c.h"
+#include "nodes/rt/air.h"
+#include "nodes/rt/processing.h"
+
+struct recorded_background;
+
+/* For the pings of a survey and their traces, [n_microphones][format.n_samples].  0,
+ * -EINVAL, -ENOMEM. */
+int recorded_background_create(struct recorded_background **out, const struct survey *s,
+                               const struct processing *p,
+                               const struct trace_format *format);
+
+/* Keeps a copy of the traces of a ping of that pass; of an array that stands (frame) a
+ * microphone that was masked in one of its frames stays so. */
+void recorded_background_keep(struct recorded_background *b, const Anlos__Ping *ping,
+                              const protobuf_c_boolean *masked,
+                              const float complex *traces);
+
+/* Is there one for this ping? */
+bool recorded_background_is_kept(const struct recorded_background *b,
+                                 const Anlos__Ping *ping);
+
+/* Subtracts it from a ping of the scene, and masks what was masked in it.  Each scan
+ * begins anew: the air of the last one may be long gone.  false: there is none. */
+bool recorded_background_subtract(struct recorded_background *b, const Anlos__Ping *ping,
+                                  protobuf_c_boolean *masked, float complex *traces);
+
+/* Of the scan that the newest ping belongs to. */
+const struct air *recorded_background_air(const struct recorded_background *b);
+void recorded_background_destroy(struct recorded_background *b);
+
+#endif

@@ -1,0 +1,232 @@
+#include "nodes/scan/fixed_scan.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msgs/survey.h"
+#include "nodes/scan/peers.h"
+#include "nodes/scan/rounds.h"
+#include "nodes/scan/volley.h"
+
+struct fixed_scan {
+    struct fixed_scan_config cfg;
+    struct peers peers;
+    uint64_t survey_id; /* 0: none yet */
+    uint32_t *speakers; /* [n_speakers], of a round */
+    size_t n_speakers;
+    uint32_t number;      /* of the scan, from 1 */
+    struct volley volley; /* what the array was asked last */
+    Anlos__Pass pass;     /* that it was asked for */
+    bool asked;
+    int64_t sign_ns; /* last sign of life of the array */
+    struct rounds rounds;
+    Anlos__ScanStatus__State state;
+    bool failed; /* until there is another survey */
+    char text[256];
+};
+
+int fixed_scan_create(struct fixed_scan **out, const struct fixed_scan_config *cfg)
+{
+    struct fixed_scan *s = calloc(1, sizeof *s);
+
+    if (!s)
+        return -ENOMEM;
+    s->cfg = *cfg;
+    s->state = ANLOS__SCAN_STATUS__STATE__WAITING;
+    peers_init(&s->peers, cfg->needs, cfg->n_needs, cfg->silence_s);
+    snprintf(s->text, sizeof s->text, "waits for the other nodes");
+    *out = s;
+    return 0;
+}
+
+/* Another scan: frames count from 1 again, and whoever keeps anything begins anew. */
+static void begin(struct fixed_scan *s)
+{
+    s->number++;
+    s->asked = false;
+    s->pass = s->cfg.background_frames ? ANLOS__PASS__BACKGROUND : ANLOS__PASS__SCENE;
+}
+
+bool fixed_scan_hear(struct fixed_scan *s, const char *from, int64_t epoch_ns,
+                     int64_t now_ns)
+{
+    switch (peers_hear(&s->peers, from, epoch_ns, now_ns)) {
+    case PEERS_STALE:
+        return false;
+    case PEERS_RESTARTED:
+        if (!strcmp(from, "array") || (!strcmp(from, "dsp") && s->cfg.background_frames))
+            begin(s);
+        return true;
+    default:
+        return true;
+    }
+}
+
+static void fail(struct fixed_scan *s, const char *who, const char *what)
+{
+    s->failed = true;
+    s->state = ANLOS__SCAN_STATUS__STATE__FAILED;
+    snprintf(s->text, sizeof s->text, "%s: %.200s", who, what);
+}
+
+/* Can the array be asked for these speakers without end? */
+static int check(const struct fixed_scan *s, const struct survey *v,
+                 struct complaint *why)
+{
+    size_t n = s->n_speakers;
+
+    for (size_t i = 0; i < s->cfg.n_speakers; i++)
+        if (s->cfg.speakers[i] >= v->n_speakers)
+            return complain(why, -EINVAL,
+                            "scan.speakers: the survey has speakers 0 to %zu, not %u",
+                            v->n_speakers - 1, s->cfg.speakers[i]);
+    if (v->n_positions > 1)
+        return complain(why, -EINVAL,
+                        "scan.mode is fixed, but the survey has %zu positions of a "
+                        "stage; leave its stage out",
+                        v->n_positions);
+    if (!survey_round_fits(v, n))
+        return complain(why, -EINVAL,
+                        "scan.speakers: %zu in slots of %zu samples come round within "
+                        "the chirp of %g s; expected more of them, or longer slots",
+                        n, v->slot_samples, v->chirp_duration_s);
+    if (v->together > 1 && n % v->together)
+        return complain(why, -EINVAL,
+                        "scan.speakers: %zu cannot sound two at a time; expected an even "
+                        "number",
+                        n);
+    return 0;
+}
+
+static int take_speakers(struct fixed_scan *s, size_t n_all)
+{
+    size_t n = s->cfg.n_speakers ? s->cfg.n_speakers : n_all;
+    uint32_t *speakers = malloc(n * sizeof *speakers);
+
+    if (!speakers)
+        return -ENOMEM;
+    for (size_t i = 0; i < n; i++)
+        speakers[i] = s->cfg.n_speakers ? s->cfg.speakers[i] : (uint32_t)i;
+    free(s->speakers);
+    s->speakers = speakers;
+    s->n_speakers = n;
+    return volley_reset(&s->volley, n);
+}
+
+int fixed_scan_survey(struct fixed_scan *s, const Anlos__Survey *survey)
+{
+    struct survey v;
+    struct complaint why = {""};
+
+    if (survey->id == s->survey_id)
+        return 0;
+    if (survey_from_message(&v, survey, &why)) {
+        fail(s, "survey", why.text);
+        return 0;
+    }
+    int err = take_speakers(s, v.n_speakers);
+    s->failed = false;
+    s->survey_id = survey->id;
+    if (!err && check(s, &v, &why))
+        fail(s, "scan", why.text);
+    survey_clear(&v);
+    begin(s);
+    return err;
+}
+
+void fixed_scan_health(struct fixed_scan *s, const char *from,
+                       const Anlos__Health *health)
+{
+    peers_health(&s->peers, from, health);
+}
+
+void fixed_scan_ping(struct fixed_scan *s, const Anlos__Ping *ping, int64_t now_ns)
+{
+    size_t index = 0;
+
+    if (!s->asked || ping->scan != s->number || ping->pass != s->pass)
+        return;
+    while (index < s->n_speakers && s->speakers[index] != ping->speaker)
+        index++;
+    if (!ping->frame || index == s->n_speakers)
+        return;
+    s->sign_ns = now_ns;
+    volley_answer(&s->volley);
+    rounds_add(&s->rounds, ping->frame, index, ping->valid, now_ns);
+}
+
+static bool all_ready(struct fixed_scan *s, int64_t now_ns)
+{
+    const struct peer *fault = peers_fault(&s->peers);
+
+    if (fault) {
+        s->state = ANLOS__SCAN_STATUS__STATE__FAILED;
+        snprintf(s->text, sizeof s->text, "%s: %s", fault->name, fault->text);
+        return false;
+    }
+    s->state = ANLOS__SCAN_STATUS__STATE__WAITING;
+    if (!peers_ready(&s->peers, now_ns, s->text, sizeof s->text)) {
+        s->sign_ns = now_ns;
+        return false;
+    }
+    if (!s->survey_id) {
+        snprintf(s->text, sizeof s->text, "waits for the survey");
+        return false;
+    }
+    return true;
+}
+
+static void ask(struct fixed_scan *s, int64_t now_ns)
+{
+    volley_load(&s->volley, s->number, s->speakers, s->n_speakers);
+    s->volley.command.pass = s->pass;
+    s->volley.command.endless = true;
+    s->asked = true;
+    s->sign_ns = now_ns;
+    rounds_start(&s->rounds, s->n_speakers);
+}
+
+bool fixed_scan_step(struct fixed_scan *s, int64_t now_ns, Anlos__FireCommand *out)
+{
+    if (s->failed || !all_ready(s, now_ns))
+        return false;
+    if (s->asked && now_ns - s->sign_ns > (int64_t)(s->cfg.timeout_s * 1e9))
+        begin(s);
+    if (s->asked && s->pass == ANLOS__PASS__BACKGROUND &&
+        rounds_frames(&s->rounds) >= s->cfg.background_frames) {
+        s->pass = ANLOS__PASS__SCENE;
+        s->asked = false;
+    }
+    s->state = ANLOS__SCAN_STATUS__STATE__RUNNING;
+    bool send = !s->asked;
+    if (send)
+        ask(s, now_ns);
+    if (!send && !volley_is_due(&s->volley, now_ns))
+        return false;
+    *out = volley_send(&s->volley, now_ns);
+    return true;
+}
+
+void fixed_scan_status(struct fixed_scan *s, int64_t now_ns, Anlos__ScanStatus *out)
+{
+    if (s->state == ANLOS__SCAN_STATUS__STATE__RUNNING)
+        rounds_text(&s->rounds, now_ns, s->text, sizeof s->text);
+    anlos__scan_status__init(out);
+    out->state = s->state;
+    out->scan = s->number;
+    out->text = s->text;
+    out->pass = s->pass;
+    out->pings_done = (uint32_t)s->rounds.all_done;
+    out->pings_lost = (uint32_t)s->rounds.all_lost;
+}
+
+void fixed_scan_destroy(struct fixed_scan *s)
+{
+    if (!s)
+        return;
+    volley_clear(&s->volley);
+    free(s->speakers);
+    free(s);
+}

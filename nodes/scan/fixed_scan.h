@@ -1,0 +1,52 @@
+/* nodes/scan/fixed_scan.h -- an array that stands: the same state machine as scan.h for a
+ * system that has no end.  It waits for the nodes it needs and for the survey, then asks
+ * the array to go round its speakers without end: first without the hidden objects, where
+ * a background is to be recorded, then with them.  Nothing is taken again; what got lost
+ * is counted.  It asks once more when no ping comes, and begins anew, as another scan,
+ * when array or survey are not the same any more, or when dsp has lost its background. */
+#ifndef ANLOS_NODES_SCAN_FIXED_SCAN_H
+#define ANLOS_NODES_SCAN_FIXED_SCAN_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "msgs/array.pb-c.h"
+#include "msgs/health.pb-c.h"
+#include "msgs/scan.pb-c.h"
+#include "msgs/survey.pb-c.h"
+
+struct fixed_scan_config {
+    const uint32_t *speakers;   /* [n_speakers], in this order; must outlive it */
+    size_t n_speakers;          /* 0: all */
+    unsigned background_frames; /* 0: none is recorded */
+    double timeout_s;           /* without a ping, the array is asked again */
+    double silence_s;           /* a node not heard of for so long is waited for */
+    const char *const *needs;   /* [n_needs] nodes to wait for */
+    size_t n_needs;
+};
+
+struct fixed_scan;
+
+/* 0, -ENOMEM. */
+int fixed_scan_create(struct fixed_scan **out, const struct fixed_scan_config *cfg);
+
+/* As scan_hear: every message, before it is handed on.  false: it is void. */
+bool fixed_scan_hear(struct fixed_scan *s, const char *from, int64_t epoch_ns,
+                     int64_t now_ns);
+
+/* 0, -ENOMEM.  One that does not fit makes the scan fail. */
+int fixed_scan_survey(struct fixed_scan *s, const Anlos__Survey *survey);
+void fixed_scan_health(struct fixed_scan *s, const char *from,
+                       const Anlos__Health *health);
+void fixed_scan_ping(struct fixed_scan *s, const Anlos__Ping *ping, int64_t now_ns);
+
+/* What to do now: true when *out is to be published, which borrows from s.  Call after
+ * each message and at least every 100 ms. */
+bool fixed_scan_step(struct fixed_scan *s, int64_t now_ns, Anlos__FireCommand *out);
+
+/* pings_expected is 0: there is no end.  The text lives in s. */
+void fixed_scan_status(struct fixed_scan *s, int64_t now_ns, Anlos__ScanStatus *out);
+void fixed_scan_destroy(struct fixed_scan *s);
+
+#endif

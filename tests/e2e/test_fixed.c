@@ -1,0 +1,125 @@
+/* An array that stands, as real processes: round after round until it is stopped. */
+#include "tests/hal/scratch.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <jansson.h>
+
+#include "hal/clock.h"
+#include "msgs/bus.h"
+#include "msgs/scan.pb-c.h"
+#include "msgs/topics.h"
+#include "msgs/traces.pb-c.h"
+
+#define DEADLINE_MS 60000
+#define FRAMES      4
+
+struct system {
+    pid_t pid;
+    struct bus *bus;
+};
+
+static void start(struct scratch *s, struct system *y)
+{
+    struct complaint why = {""};
+    const struct bus_config cfg = {
+        .node = "hand", .run_dir = s->folder, .epoch_ns = clock_now_ns(clock_system())};
+    char text[1024], launch[128];
+
+    snprintf(text, sizeof text,
+             "nodes: [array, scan, dsp, report]\n"
+             "array: {uri: 'sim:" SOURCE_DIR "/launch/scenes/full-array.yaml'}\n"
+             "scan: {mode: fixed, speakers: [0, 5, 10, 15], background: true, "
+             "background_frames: 2}\n"
+             "report: {folder: %s/out}\n",
+             s->folder);
+    scratch_write(s, "launch.yaml", text);
+    snprintf(launch, sizeof launch, "%s/launch.yaml", s->folder);
+    assert_int_equal(bus_create(&y->bus, &cfg, &why), 0);
+    assert_int_equal(bus_subscribe(y->bus, topic_traces()), 0);
+    assert_int_equal(bus_subscribe(y->bus, topic_scan_status()), 0);
+    y->pid = fork();
+    assert_true(y->pid >= 0);
+    if (y->pid)
+        return;
+    if (!freopen(scratch_path(s, "says"), "w", stdout) ||
+        dup2(STDOUT_FILENO, STDERR_FILENO) < 0)
+        _exit(98);
+    execl(BINARY_DIR "/bin/anlos", "anlos", "launch", launch, "--run-dir", s->folder,
+          NULL);
+    _exit(99);
+}
+
+/* Ends it as a person does; the exit code. */
+static int stop(struct system *y)
+{
+    int status;
+
+    kill(y->pid, SIGINT);
+    assert_int_equal(waitpid(y->pid, &status, 0), y->pid);
+    bus_destroy(y->bus);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+/* The next message of a topic, to be freed. */
+static ProtobufCMessage *hear(struct system *y, const struct topic *topic)
+{
+    int64_t end_ns = clock_now_ns(clock_system()) + DEADLINE_MS * 1000000LL;
+    struct bus_message in;
+
+    while (clock_now_ns(clock_system()) < end_ns) {
+        if (bus_receive(y->bus, &in, 500))
+            continue;
+        ProtobufCMessage *m = in.topic == topic ? bus_message_unpack(&in) : NULL;
+        bus_message_free(&in);
+        if (m)
+            return m;
+    }
+    kill(y->pid, SIGKILL);
+    fail_msg("nothing came on %s", topic->name);
+    return NULL;
+}
+
+static void an_array_that_stands_goes_on_until_ctrl_c_and_leaves_a_report(void **state)
+{
+    static const uint32_t speakers[] = {0, 5, 10, 15};
+    struct system y;
+    uint64_t before = 0;
+
+    start(*state, &y);
+    while (before < FRAMES * 4) {
+        Anlos__Traces *t = (Anlos__Traces *)hear(&y, topic_traces());
+        uint64_t number = 0;
+        for (uint64_t k = 0; k < 4; k++)
+            if (t->speaker == speakers[k])
+                number = 4ull * (t->frame - 1) + k + 1;
+        assert_true(number > before && t->scan == 1 && t->position == 0);
+        assert_true(t->background_subtracted);
+        before = number;
+        protobuf_c_message_free_unpacked(&t->base, NULL);
+    }
+    Anlos__ScanStatus *s = (Anlos__ScanStatus *)hear(&y, topic_scan_status());
+    protobuf_c_message_free_unpacked(&s->base, NULL);
+    assert_int_equal(stop(&y), 130);
+    json_error_t error;
+    json_t *report = json_load_file(scratch_path(*state, "out/report.json"), 0, &error);
+    assert_non_null(report);
+    const json_t *pings = json_object_get(report, "pings");
+    assert_string_equal(json_string_value(json_object_get(report, "state")), "running");
+    assert_true(json_integer_value(json_object_get(pings, "done")) >= 8 + FRAMES * 4 - 4);
+    assert_int_equal(json_integer_value(json_object_get(pings, "expected")), 0);
+    json_decref(report);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(an_array_that_stands_goes_on_until_ctrl_c_and_leaves_a_report),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

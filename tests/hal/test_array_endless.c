@@ -1,0 +1,272 @@
+/* Shots without end: `alsa:` on a card of alsa-lib's own, and `wav:`. */
+#include "alsa_card.h"
+
+#include <sched.h>
+#include <sys/ioctl.h>
+
+#include "hal/recording/recording.h"
+
+/* What the card hears from frame *fed on, to frame `until` at least: the file plugin
+ * reads a buffer at a time, and must find it whole. */
+static void feed_until(const struct card *c, size_t *fed, size_t until)
+{
+    unsigned char bytes[BUFFER * INPUTS * 4];
+    fcntl(c->pipe, F_SETPIPE_SZ, 1 << 20);
+    for (; *fed < until; *fed += BUFFER) {
+        for (size_t i = 0; i < BUFFER; i++)
+            for (size_t k = 0; k < INPUTS; k++)
+                put(c, heard(*fed + i, k), bytes + (i * INPUTS + k) * c->bytes);
+        ssize_t size = (ssize_t)(BUFFER * INPUTS * c->bytes);
+        assert_int_equal(write(c->pipe, bytes, (size_t)size), size);
+    }
+}
+
+static int count_bytes(const struct card *c)
+{
+    int n = 0;
+    assert_int_equal(ioctl(c->pipe, FIONREAD, &n), 0);
+    return n;
+}
+
+static uint64_t count_of(struct card *c, const char *name)
+{
+    struct device_count counts[DEVICE_MAX_COUNTS];
+    size_t n = array_counts(c->array, counts);
+    for (size_t i = 0; i < n; i++)
+        if (!strcmp(counts[i].name, name))
+            return counts[i].value;
+    fail_msg("no count %s", name);
+    return 0;
+}
+
+static void assert_heard(const struct array_ping *ping, size_t from)
+{
+    static const size_t inputs[] = {2, 0, 1};
+    for (size_t m = 0; m < 3; m++)
+        for (size_t i = 0; i < ping->n_samples; i++)
+            assert_true(ping->samples[m * ping->n_samples + i] ==
+                        (float)heard(from + i, inputs[m]) / 32768);
+}
+
+/* The card's frame with which the first ping begins; the sound comes again after 40000.
+ */
+static size_t find_start(const struct array_ping *ping)
+{
+    for (size_t n = 0; n < 40000; n++)
+        if (ping->samples[0] == (float)heard(n, 2) / 32768)
+            return n;
+    fail_msg("no such sound");
+    return 0;
+}
+
+/* The frames of a second and more go through a ring that holds not many more. */
+static void rounds_follow_each_other_without_a_break(void **state)
+{
+    enum { PINGS = 90 };
+    static const uint32_t speakers[] = {1, 0};
+    static unsigned char out[(PINGS * SLOT + 16000) * OUTPUTS * 2];
+    const struct array_shot shot = {
+        .speakers = speakers, .n_speakers = 2, .endless = true};
+    struct array_ping ping;
+    struct card c;
+    size_t fed = 0, n = 0, start = 0;
+    card_open(&c, *state, "S16", "", "");
+    assert_int_equal(array_fire(c.array, &shot), 0);
+    for (size_t k = 0; k < PINGS; k++) {
+        feed_until(&c, &fed, 4 * BUFFER + (k + 2) * SLOT); /* with its tail */
+        next(&c, &ping);
+        n = ping.n_samples;
+        assert_true(ping.valid && n > SLOT && n < 2 * SLOT);
+        assert_int_equal(ping.shot_index, k % 2);
+        assert_int_equal(ping.frame, k / 2 + 1);
+        assert_false(ping.down);
+        start = k ? start : find_start(&ping);
+        assert_heard(&ping, start + k * SLOT);
+    }
+    assert_int_equal(count_of(&c, "slots_invalid"), 0);
+    assert_int_equal(count_of(&c, "slots_skipped"), 0);
+    card_close(&c);
+    assert_int_equal(read_played(&c, out, sizeof out), start);
+    for (size_t k = 0; k < PINGS; k++)
+        for (size_t f = 0; f < SLOT; f++)
+            for (size_t o = 0; o < OUTPUTS; o++) {
+                double expected = o == (k % 2 ? 1u : 3u) && f < CHIRP ? chirp(f) : 0;
+                double x = played(&c, out, start + k * SLOT + f, o);
+                assert_true(fabs(x - expected) <= 0x1p-15);
+            }
+}
+
+static void a_halted_shot_is_silent_before_the_next_one(void **state)
+{
+    static const uint32_t speakers[] = {0, 1}, other[] = {1};
+    static unsigned char out[40000 * OUTPUTS * 2];
+    const struct array_shot shot = {
+        .speakers = speakers, .n_speakers = 2, .endless = true};
+    const struct array_shot after = {.speakers = other, .n_speakers = 1};
+    struct array_ping ping;
+    struct complaint why;
+    struct card c;
+    size_t fed = 0;
+    card_open(&c, *state, "S16", "", "");
+    assert_int_equal(array_fire(c.array, &shot), 0);
+    feed_until(&c, &fed, 4 * BUFFER + 3 * SLOT);
+    for (size_t k = 0; k < 2; k++)
+        next(&c, &ping);
+    assert_int_equal(array_fire(c.array, &after), -EINVAL);
+    array_halt(c.array);
+    array_halt(c.array);
+    assert_int_equal(array_next(c.array, &ping, &why), -ENODATA);
+    assert_int_equal(array_fire(c.array, &after), 0);
+    feed_until(&c, &fed, fed + 8 * BUFFER + 4 * SLOT);
+    next(&c, &ping);
+    assert_true(ping.valid);
+    assert_int_equal(ping.frame, 0);
+    assert_int_equal(ping.shot_index, 0);
+    assert_int_equal(array_next(c.array, &ping, &why), -ENODATA);
+    card_close(&c);
+    /* The last emission on output 3 is the new shot's: a slot and tail of silence are
+     * ahead of it. */
+    read_played(&c, out, sizeof out);
+    size_t last = 0, before = 0;
+    for (size_t f = 0; f < 15000; f++)
+        for (size_t o = 0; o < OUTPUTS; o++)
+            if (played(&c, out, f, o) != 0) {
+                if (f > last + SLOT)
+                    before = f - last;
+                last = f;
+            }
+    assert_true(before > SLOT + 100);
+}
+
+static void let_hear(struct card *c, size_t *fed, size_t n)
+{
+    feed_until(c, fed, *fed + n);
+    while (count_bytes(c)) /* until the card has taken it */
+        sched_yield();
+}
+
+/* The ring holds some 52000 frames: of 45000 the newest ping is taken and the others are
+ * passed over; of 100000 more the newest found no room. */
+static void
+who_comes_late_goes_on_with_the_newest_and_what_was_lost_is_counted(void **state)
+{
+    static const uint32_t speakers[] = {0, 1};
+    const struct array_shot shot = {
+        .speakers = speakers, .n_speakers = 2, .endless = true};
+    struct array_ping ping;
+    struct card c;
+    size_t fed = 0, n_void = 0;
+    card_open(&c, *state, "S16", "", "");
+    assert_int_equal(array_fire(c.array, &shot), 0);
+    let_hear(&c, &fed, 45000);
+    next(&c, &ping);
+    size_t k = (ping.frame - 1) * 2 + ping.shot_index;
+    assert_true(k > 15 && ping.valid);
+    assert_int_equal(count_of(&c, "slots_skipped"), k);
+    assert_int_equal(count_of(&c, "slots_invalid"), 0);
+    assert_heard(&ping, find_start(&ping));
+    let_hear(&c, &fed, 100000);
+    for (next(&c, &ping); !ping.valid; next(&c, &ping), n_void++)
+        let_hear(&c, &fed, SLOT);
+    assert_in_range(n_void, 1, 4);
+    assert_true(count_of(&c, "slots_skipped") > 50);
+    assert_true(count_of(&c, "slots_invalid") > 20);
+    assert_heard(&ping, find_start(&ping));
+    card_close(&c);
+}
+
+#define SHORT_SURVEY                                                                     \
+    "temperature_c: 20\n"                                                                \
+    "sample_rate_hz: 48000\n"                                                            \
+    "slot_samples: 300\n"                                                                \
+    "together: 2\n"                                                                      \
+    "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.00625, alternates: true}\n"   \
+    "speakers_m: [[0, 0, 0], [0.1, 0, 0]]\n"                                             \
+    "microphones_m: [[0, 0.1, 0], [0.1, 0.1, 0], [0.2, 0.1, 0]]\n"                       \
+    "gate_m: [0.3, 0.9]\n"
+
+/* Two at a time, one upward, one downward, over all 300 samples of each slot. */
+static void two_speakers_sound_together_in_opposite_directions(void **state)
+{
+    enum { TOGETHER = 300, ROUNDS = 6 };
+    static const uint32_t speakers[] = {0, 1};
+    static unsigned char out[12000 * OUTPUTS * 2];
+    const struct array_shot shot = {
+        .speakers = speakers, .n_speakers = 2, .endless = true};
+    struct array_ping ping;
+    struct card c;
+    size_t fed = 0, start = 0;
+    card_open_survey(&c, *state, SHORT_SURVEY, "S16", "", "");
+    assert_int_equal(array_fire(c.array, &shot), 0);
+    feed_until(&c, &fed, 5000);
+    for (size_t k = 0; k < 2 * ROUNDS; k++) {
+        next(&c, &ping);
+        assert_int_equal(ping.shot_index, k % 2);
+        assert_int_equal(ping.frame, k / 2 + 1);
+        assert_int_equal(ping.down, k % 2);
+        start = k ? start : find_start(&ping);
+        assert_heard(&ping, start + k / 2 * TOGETHER);
+    }
+    card_close(&c);
+    assert_int_equal(read_played(&c, out, sizeof out), start);
+    for (size_t f = 0; f < ROUNDS * TOGETHER; f++) {
+        double t = (double)(f % TOGETHER) / 48000, bend = 0.5 * 18000 / 0.00625;
+        double up = cos(2 * M_PI * (2000 + bend * t) * t);
+        double down = cos(2 * M_PI * (20000 - bend * t) * t);
+        assert_true(fabs(played(&c, out, start + f, 1) - up) <= 0x1p-15);
+        assert_true(fabs(played(&c, out, start + f, 3) - down) <= 0x1p-15);
+    }
+}
+
+static void a_recording_is_played_round_after_round_at_its_pace(void **state)
+{
+    static const uint32_t speakers[] = {1, 0};
+    static float samples[3][2 * SLOT];
+    const struct array_shot shot = {
+        .speakers = speakers, .n_speakers = 2, .endless = true};
+    struct scratch *s = *state;
+    struct complaint why = {.text = ""};
+    struct array_ping ping;
+    struct array *a;
+    char uri[600];
+    int64_t first_ns = 0;
+    for (size_t m = 0; m < 3; m++)
+        for (size_t i = 0; i < 2 * SLOT; i++)
+            samples[m][i] = (float)(1000 * m + i) / 65536;
+    scratch_folder(s, "rec");
+    scratch_write(s, "rec/survey.yaml", RIG_SURVEY "gate_m: [0.3, 4]\n");
+    assert_int_equal(
+        recording_write(scratch_path(s, "rec"), 0, 3, 2 * SLOT, 48000, samples[0], &why),
+        0);
+    snprintf(uri, sizeof uri, "wav:%s", scratch_path(s, "rec"));
+    if (array_open(&a, uri, clock_system(), &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(array_fire(a, &shot), 0);
+    for (size_t k = 0; k < 5; k++) {
+        assert_int_equal(array_next(a, &ping, &why), 0);
+        first_ns = k ? first_ns : ping.t0_ns;
+        assert_int_equal(ping.shot_index, k % 2);
+        assert_int_equal(ping.frame, k / 2 + 1);
+        int64_t expected_ns = (int64_t)k * SLOT * 1000000000LL / 48000;
+        assert_true(llabs(ping.t0_ns - first_ns - expected_ns) < 1000);
+        for (size_t i = 0; i < SLOT; i++)
+            assert_true(ping.samples[i] == samples[0][(k % 2 ? 0 : SLOT) + i]);
+    }
+    array_halt(a);
+    assert_int_equal(array_next(a, &ping, &why), -ENODATA);
+    array_close(a);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(rounds_follow_each_other_without_a_break),
+        TEST(a_halted_shot_is_silent_before_the_next_one),
+        TEST(who_comes_late_goes_on_with_the_newest_and_what_was_lost_is_counted),
+        TEST(two_speakers_sound_together_in_opposite_directions),
+        TEST(a_recording_is_played_round_after_round_at_its_pace),
+    };
+    return cmocka_run_group_tests(tests, card_set_up, card_tear_down);
+}

@@ -1,0 +1,273 @@
+/* The dsp of an array that stands: frames without receipts, and its two backgrounds. */
+#include <complex.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "nodes/dsp/dsp.h"
+#include "nodes/dsp/mean_background.h"
+#include "tests/nodes/scene.h"
+
+#define SCENE      ANLOS__PASS__SCENE
+#define BACKGROUND ANLOS__PASS__BACKGROUND
+#define MS         1000000LL
+#define FRAME_MS   400
+
+struct rig {
+    struct scene scene;
+    struct dsp *dsp;
+    Anlos__Ping ping;
+    struct dsp_output out;
+    uint32_t frame;
+    int64_t now_ns;
+};
+
+static int open_rig(void **state, enum background_mode mode)
+{
+    const struct dsp_config cfg = {
+        .window = WINDOW_HANN, .background = mode, .background_s = 4.0};
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml") ||
+        dsp_create(&r->dsp, &cfg) || dsp_survey(r->dsp, r->scene.survey, NULL))
+        return -1;
+    r->now_ns = 1000 * MS;
+    *state = r;
+    return 0;
+}
+
+static int setup_none(void **state)
+{
+    return open_rig(state, BACKGROUND_NONE);
+}
+
+static int setup_recorded(void **state)
+{
+    return open_rig(state, BACKGROUND_RECORDED);
+}
+
+static int setup_adaptive(void **state)
+{
+    return open_rig(state, BACKGROUND_ADAPTIVE);
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+
+    dsp_destroy(r->dsp);
+    scene_close(&r->scene);
+    free(r);
+    return 0;
+}
+
+/* The next frame's ping of speaker 1: the sound of `heard`, whatever the pass says, times
+ * gain. */
+static void send(struct rig *r, Anlos__Pass heard, Anlos__Pass pass, float gain)
+{
+    scene_ping(&r->scene, heard, 0, 1, &r->ping);
+    for (size_t i = 0; i < r->scene.survey->n_microphones_m * r->scene.n_samples; i++)
+        r->scene.samples[i] *= gain;
+    r->ping.pass = pass;
+    r->ping.frame = ++r->frame;
+    r->now_ns += FRAME_MS * MS;
+    dsp_stamp(r->dsp, r->now_ns);
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_false(r->out.has_receipt);
+}
+
+/* Energy of what came out. */
+static double energy(const struct rig *r)
+{
+    size_t extents[2];
+    double sum = 0;
+
+    assert_true(r->out.has_traces);
+    const float complex *y = tensor_c64(r->out.traces.samples, 2, extents);
+    for (size_t i = 0; i < extents[0] * extents[1]; i++)
+        sum += (double)(crealf(y[i]) * crealf(y[i]) + cimagf(y[i]) * cimagf(y[i]));
+    return sum;
+}
+
+static void move(struct rig *r, double speed_m_s, bool valid)
+{
+    Anlos__EgoMotion ego = ANLOS__EGO_MOTION__INIT;
+
+    ego.speed_m_s = speed_m_s;
+    ego.valid = valid;
+    dsp_ego(r->dsp, &ego, r->now_ns + FRAME_MS * MS); /* when the next ping is taken */
+}
+
+static void frame_direction_and_temperature_come_through(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Ambient air = ANLOS__AMBIENT__INIT;
+
+    air.temperature_c = -3.5;
+    dsp_ambient(r->dsp, &air);
+    scene_ping(&r->scene, SCENE, 0, 1, &r->ping);
+    r->ping.frame = 17;
+    r->ping.temperature_c = 21.5;
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_true(r->out.has_traces);
+    assert_int_equal(r->out.traces.frame, 17);
+    assert_true(r->out.traces.temperature_c == 21.5);
+    assert_false(r->out.traces.down);
+    r->ping.temperature_c = NAN; /* not measured: what the vehicle says */
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_true(r->out.traces.temperature_c == -3.5);
+}
+
+static void what_cannot_be_used_asks_for_nothing(void **state)
+{
+    struct rig *r = *state;
+
+    send(r, SCENE, SCENE, 1);
+    assert_false(r->out.has_traces);
+    assert_non_null(strstr(r->out.note, "speaker 1 has no background"));
+    send(r, SCENE, SCENE, 1);
+    assert_string_equal(r->out.note, ""); /* said once */
+    scene_ping(&r->scene, BACKGROUND, 0, 1, &r->ping);
+    r->ping.frame = 1;
+    r->ping.valid = false;
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_false(r->out.has_receipt || r->out.has_traces);
+    r->ping.valid = r->ping.down = true; /* no chirp of this survey runs that way */
+    dsp_ping(r->dsp, &r->ping, &r->out);
+    assert_false(r->out.has_receipt || r->out.has_traces);
+    assert_string_equal(r->out.note, "a ping does not have the survey's shape");
+}
+
+/* 0.5, 1 and 1.5 of it: their mean is what the scene sounds like. */
+static void a_recorded_background_is_the_mean_of_its_frames(void **state)
+{
+    struct rig *r = *state;
+
+    send(r, BACKGROUND, BACKGROUND, 0.5f);
+    send(r, BACKGROUND, BACKGROUND, 1.0f);
+    send(r, BACKGROUND, BACKGROUND, 1.5f);
+    r->frame = 0;
+    send(r, BACKGROUND, SCENE, 2.0f);
+    double whole = energy(r); /* once the background is left */
+    send(r, BACKGROUND, SCENE, 1.0f);
+    assert_true(energy(r) < 1e-5 * whole);
+    assert_true(r->out.traces.background_subtracted);
+    /* The pass begins anew: what was recorded before does not count any more. */
+    r->frame = 0;
+    r->ping.scan = 1;
+    send(r, BACKGROUND, BACKGROUND, 3.0f);
+    send(r, BACKGROUND, SCENE, 3.0f);
+    assert_true(energy(r) < 1e-5 * whole);
+}
+
+static void learn(struct rig *r, Anlos__Pass heard)
+{
+    for (unsigned i = 0; i < MEAN_BACKGROUND_LEAST; i++) {
+        send(r, heard, SCENE, 1);
+        assert_false(r->out.has_traces);
+    }
+}
+
+static void what_stands_still_is_gone_and_what_comes_is_seen(void **state)
+{
+    struct rig *r = *state;
+    struct rig plain = {.frame = 0};
+    void *plain_state = &plain;
+
+    learn(r, BACKGROUND);
+    for (int64_t ms = 0; ms < 8000; ms += FRAME_MS)
+        send(r, BACKGROUND, SCENE, 1);
+    double rest = energy(r);
+    send(r, SCENE, SCENE, 1); /* the point is there */
+    double point = energy(r);
+    assert_true(r->out.traces.background_subtracted);
+    assert_true(rest < 1e-6 * point);
+    /* The same by hand: scene less background. */
+    assert_int_equal(setup_recorded(&plain_state), 0);
+    struct rig *p = plain_state;
+    send(p, BACKGROUND, BACKGROUND, 1);
+    send(p, SCENE, SCENE, 1);
+    assert_true(fabs(energy(p) / point - 1) < 1e-3);
+    assert_int_equal(teardown(&plain_state), 0);
+    /* In 4 s, the time constant, it fades to 1/e: its energy to 1/e^2. */
+    for (int64_t ms = 0; ms < 4000; ms += FRAME_MS)
+        send(r, SCENE, SCENE, 1);
+    assert_true(fabs(energy(r) / point / exp(-2) - 1) < 0.05);
+}
+
+static void while_the_vehicle_moves_nothing_is_subtracted(void **state)
+{
+    struct rig *r = *state;
+
+    learn(r, BACKGROUND);
+    send(r, BACKGROUND, SCENE, 1);
+    double rest = energy(r);
+    move(r, 2.0, true);
+    send(r, BACKGROUND, SCENE, 1);
+    assert_true(energy(r) > 1e6 * rest);
+    assert_false(r->out.traces.background_subtracted);
+    assert_false(r->out.traces.masked[0]);
+    move(r, 0.0, true); /* it stands: elsewhere, so it learns anew */
+    for (unsigned i = 0; i < MEAN_BACKGROUND_LEAST; i++) {
+        send(r, BACKGROUND, SCENE, 1);
+        assert_false(r->out.has_traces);
+        move(r, 0.0, true);
+    }
+    send(r, BACKGROUND, SCENE, 1);
+    assert_true(r->out.traces.background_subtracted);
+}
+
+static void a_vehicle_that_fell_silent_counts_as_moving(void **state)
+{
+    struct rig *r = *state;
+
+    move(r, 0.0, true);
+    send(r, BACKGROUND, SCENE, 1);
+    assert_false(r->out.has_traces); /* it learns */
+    send(r, BACKGROUND, SCENE, 1);   /* 400 ms after the last message */
+    assert_true(r->out.has_traces);
+    assert_false(r->out.traces.background_subtracted);
+    move(r, 0.0, false);
+    send(r, BACKGROUND, SCENE, 1);
+    assert_false(r->out.traces.background_subtracted);
+}
+
+static void a_microphone_that_was_masked_while_others_learned_comes_later(void **state)
+{
+    struct rig *r = *state;
+
+    for (unsigned i = 0; i <= MEAN_BACKGROUND_LEAST; i++) {
+        scene_ping(&r->scene, BACKGROUND, 0, 1, &r->ping);
+        r->scene.not_finite[2] = i == 0;
+        r->ping.pass = SCENE;
+        r->ping.frame = ++r->frame;
+        dsp_stamp(r->dsp, r->now_ns += FRAME_MS * MS);
+        dsp_ping(r->dsp, &r->ping, &r->out);
+    }
+    assert_true(r->out.has_traces);
+    assert_false(r->out.traces.masked[1]);
+    assert_true(r->out.traces.masked[2]);
+    send(r, BACKGROUND, SCENE, 1);
+    assert_false(r->out.traces.masked[2]);
+}
+
+#define TEST(name, setup) cmocka_unit_test_setup_teardown(name, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(frame_direction_and_temperature_come_through, setup_none),
+        TEST(what_cannot_be_used_asks_for_nothing, setup_recorded),
+        TEST(a_recorded_background_is_the_mean_of_its_frames, setup_recorded),
+        TEST(what_stands_still_is_gone_and_what_comes_is_seen, setup_adaptive),
+        TEST(while_the_vehicle_moves_nothing_is_subtracted, setup_adaptive),
+        TEST(a_vehicle_that_fell_silent_counts_as_moving, setup_adaptive),
+        TEST(a_microphone_that_was_masked_while_others_learned_comes_later,
+             setup_adaptive),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
