@@ -9,17 +9,18 @@
 #define SHAPE_STEP                                                                       \
     0.05 /* of its logarithm: what is nearer is the same, factors are dear */
 
-enum { MEMORY = 16384, PARTS = 8 };
+enum { MEMORY = 32768, PARTS = 2 };
 
 struct cfar {
     struct cfar_config cfg;
     struct cfar_noise noise;
-    double over_level; /* the noise's mean */
-    size_t most;       /* training cells */
-    double *factor;    /* [most + 1]; NAN: not known yet */
-    float *sample;     /* [most] */
-    float *ratio;      /* [MEMORY] newest powers over their levels, of noise mostly */
-    float *sorted;     /* [MEMORY], scratch */
+    struct cfar_noise_curve curve; /* of ordered ones */
+    double over_level;             /* the noise's mean */
+    size_t most;                   /* training cells */
+    double *factor;                /* [most + 1]; NAN: not known yet */
+    float *sample;                 /* [most] */
+    float *ratio;  /* [MEMORY] newest powers over their levels, of noise mostly */
+    float *sorted; /* [MEMORY], scratch */
     size_t n_ratios, next_ratio, images;
 };
 
@@ -57,6 +58,8 @@ static size_t reach(const struct cfar_config *c, int axis)
 static void set_shape(struct cfar *c, double shape)
 {
     c->noise.shape = shape;
+    if (c->cfg.kind == CFAR_ORDERED)
+        cfar_noise_curve(&c->curve, shape);
     c->over_level = c->cfg.kind == CFAR_ORDERED ? cfar_noise_over_rank(shape, c->cfg.rank)
                                                 : 1.0;
     for (size_t n = 0; n <= c->most; n++)
@@ -78,7 +81,7 @@ int cfar_create(struct cfar **out, const struct cfar_config *cfg)
         return -ENOMEM;
     *c = (struct cfar){.cfg = *cfg, .most = most};
     c->factor = malloc((most + 1) * sizeof *c->factor);
-    c->sample = malloc(most * sizeof *c->sample);
+    c->sample = malloc((most + 1) * sizeof *c->sample);
     c->ratio = malloc(MEMORY * sizeof *c->ratio);
     c->sorted = malloc(MEMORY * sizeof *c->sorted);
     if (!c->factor || !c->sample || !c->ratio || !c->sorted) {
@@ -100,7 +103,7 @@ static size_t rank_of(const struct cfar *c, size_t n)
 static double factor_at_rate(const struct cfar *c, size_t n, double rate)
 {
     return c->cfg.kind == CFAR_ORDERED
-               ? cfar_noise_ordered(c->noise.shape, n, rank_of(c, n), rate)
+               ? cfar_noise_ordered(&c->curve, n, rank_of(c, n), rate)
                : cfar_noise_averaging(c->noise.shape, n, rate);
 }
 
@@ -115,7 +118,8 @@ double cfar_factor(const struct cfar *c, size_t n)
     return c->factor[n];
 }
 
-/* The training cells of a cell into c->sample; returns how many. */
+/* The training cells of a cell into c->sample, but for those that nothing was imaged in;
+ * returns how many. */
 static size_t train(struct cfar *c, const float *image, size_t cell)
 {
     const struct cfar_config *g = &c->cfg;
@@ -140,9 +144,11 @@ static size_t train(struct cfar *c, const float *image, size_t cell)
     for (ptrdiff_t z = first[2]; z <= last[2]; z += step[2])
         for (ptrdiff_t y = first[1]; y <= last[1]; y += step[1])
             for (ptrdiff_t x = first[0]; x <= last[0]; x += step[0])
-                if (labs(x) > guard[0] || labs(y) > guard[1] || labs(z) > guard[2])
-                    c->sample[n++] =
+                if (labs(x) > guard[0] || labs(y) > guard[1] || labs(z) > guard[2]) {
+                    c->sample[n] =
                         image[(ptrdiff_t)cell + z * stride[2] + y * stride[1] + x];
+                    n += c->sample[n] > 0.0f;
+                }
     return n;
 }
 
@@ -231,6 +237,11 @@ void cfar_learn(struct cfar *c, const float *image)
                                 factor_at_rate(c, c->most, 1e-3)};
     memcpy(c->sorted, c->ratio, c->n_ratios * sizeof *c->ratio);
     cfar_noise_fit_tail(&c->noise, c->sorted, c->n_ratios, promised);
+}
+
+bool cfar_has_learnt(const struct cfar *c)
+{
+    return c->images > 0;
 }
 
 const struct cfar_noise *cfar_noise(const struct cfar *c)

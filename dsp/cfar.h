@@ -17,6 +17,7 @@
 #ifndef ANLOS_DSP_CFAR_H
 #define ANLOS_DSP_CFAR_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "dsp/cfar_noise.h"
@@ -45,12 +46,15 @@ struct cfar;
  * -ENOMEM. */
 int cfar_create(struct cfar **out, const struct cfar_config *cfg);
 
-/* Learns shape and tail of the noise from an image [nz][ny][nx], >= 0: from cells a pitch
- * apart, and of the images after the first from every eighth of these, so that some
+/* Learns shape and tail of the noise from an image [nz][ny][nx], >= 0 (0: nothing was
+ * imaged there, as beyond a gate; such cells are not trained on either): from cells a
+ * pitch apart, and of the images after the first from every other of these, so that some
  * images in a row count.  A few objects do no harm; what is brighter than it would have
- * to be is not learnt from, but for the first image. */
+ * to be is not learnt from, but for the first image.  Images that say the same again
+ * would make what moves slowly look like noise: leave them out. */
 void cfar_learn(struct cfar *c, const float *image);
 const struct cfar_noise *cfar_noise(const struct cfar *c);
+bool cfar_has_learnt(const struct cfar *c);
 
 /* At a cell, 0 <= cell < nx ny nz: the mean power of the noise there (0: not enough
  * training cells) and how bright the cell has to be.  Microseconds; one instance a

@@ -12,6 +12,7 @@
 #define LEAST       1e-12
 #define MOST_FACTOR 1e9
 #define MOST_POWER  1e4
+#define LEAST_TAIL  1e-300
 #define TAIL_PART   0.05
 #define CHANCE      4.0 /* standard deviations of a count */
 #define MIN_TAIL    50  /* powers to fit it to */
@@ -65,19 +66,61 @@ double cfar_noise_averaging(double shape, size_t n, double rate)
 /* What a level may be, and how likely: a training cell in its order, whose place in the
  * distribution is beta distributed. */
 struct levels {
-    double shape, at[QUADRATURE], weight[QUADRATURE];
+    const struct cfar_noise_curve *curve;
+    double log_at[QUADRATURE], weight[QUADRATURE];
 };
 
-static void ordered_levels(struct levels *out, double shape, size_t n, size_t k)
+static double point(double i)
+{
+    return log(LEAST) + i * log(MOST_POWER / LEAST) / (CFAR_NOISE_POINTS - 1);
+}
+
+void cfar_noise_curve(struct cfar_noise_curve *out, double shape)
+{
+    for (int i = 0; i < CFAR_NOISE_POINTS; i++)
+        out->log_tail[i] = log(fmax(tail(&shape, exp(point(i))), LEAST_TAIL));
+}
+
+static double curve_tail(const struct cfar_noise_curve *c, double log_x)
+{
+    double at = (log_x - point(0)) * (CFAR_NOISE_POINTS - 1) / log(MOST_POWER / LEAST);
+
+    if (at <= 0.0)
+        return 1.0;
+    if (at >= CFAR_NOISE_POINTS - 1)
+        return 0.0;
+    int i = (int)at;
+    return exp(c->log_tail[i] + (at - i) * (c->log_tail[i + 1] - c->log_tail[i]));
+}
+
+/* The logarithm of the power that a part of the noise is brighter than. */
+static double curve_log_power(const struct cfar_noise_curve *c, double part)
+{
+    double value = log(part);
+    int low = 0, high = CFAR_NOISE_POINTS - 1;
+
+    while (high - low > 1) {
+        int middle = (low + high) / 2;
+        if (c->log_tail[middle] > value)
+            low = middle;
+        else
+            high = middle;
+    }
+    double fall = c->log_tail[low] - c->log_tail[high];
+    return point(low + (fall > 0.0 ? (c->log_tail[low] - value) / fall : 1.0));
+}
+
+static void ordered_levels(struct levels *out, const struct cfar_noise_curve *curve,
+                           size_t n, size_t k)
 {
     double a = (double)k, b = (double)(n + 1) - a, sum = 0.0;
     double sigma = sqrt(a * b / (a + b + 1.0)) / (a + b), middle = a / (a + b);
     double low = fmax(middle - 8.0 * sigma, 0.0), high = fmin(middle + 8.0 * sigma, 1.0);
 
-    out->shape = shape;
+    out->curve = curve;
     for (int i = 0; i < QUADRATURE; i++) {
         double u = low + (high - low) * (i + 0.5) / QUADRATURE;
-        out->at[i] = invert(tail, &shape, 1.0 - u, MOST_POWER);
+        out->log_at[i] = curve_log_power(curve, 1.0 - u);
         out->weight[i] = gsl_ran_beta_pdf(u, a, b);
         sum += out->weight[i];
     }
@@ -91,15 +134,16 @@ static double ordered_rate(const void *levels, double factor)
     double sum = 0.0;
 
     for (int i = 0; i < QUADRATURE; i++)
-        sum += l->weight[i] * tail(&l->shape, factor * l->at[i]);
+        sum += l->weight[i] * curve_tail(l->curve, log(factor) + l->log_at[i]);
     return sum;
 }
 
-double cfar_noise_ordered(double shape, size_t n, size_t k, double rate)
+double cfar_noise_ordered(const struct cfar_noise_curve *curve, size_t n, size_t k,
+                          double rate)
 {
     struct levels levels;
 
-    ordered_levels(&levels, shape, n, k);
+    ordered_levels(&levels, curve, n, k);
     return invert(ordered_rate, &levels, rate, MOST_FACTOR);
 }
 

@@ -9,11 +9,21 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#define CFAR_NOISE_POINTS 4096 /* factors are right to 1e-3 */
+
 struct cfar_noise {
     double shape;                    /* of the gamma distribution */
     bool heavy;                      /* more than this part of the powers lies over... */
     double part, from, scale, index; /* ...from, and these are its scale and index */
 };
+
+/* The tail of a shape as a table, over the logarithm of the power: the factor of an
+ * ordered statistic takes thousands of its values. */
+struct cfar_noise_curve {
+    double log_tail[CFAR_NOISE_POINTS];
+};
+
+void cfar_noise_curve(struct cfar_noise_curve *out, double shape);
 
 /* Which part of the noise is brighter than x times its mean. */
 double cfar_noise_tail(double shape, double x);
@@ -21,7 +31,8 @@ double cfar_noise_tail(double shape, double x);
 /* The factor over the level that noise of a shape passes at a rate: over the mean of n
  * training cells, or the k-th smallest of them. */
 double cfar_noise_averaging(double shape, size_t n, double rate);
-double cfar_noise_ordered(double shape, size_t n, size_t k, double rate);
+double cfar_noise_ordered(const struct cfar_noise_curve *curve, size_t n, size_t k,
+                          double rate);
 
 /* The mean over the level that has a part `rank` of the noise below it. */
 double cfar_noise_over_rank(double shape, double rank);

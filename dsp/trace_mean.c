@@ -40,24 +40,25 @@ int trace_mean_create(struct trace_mean **out, size_t n_pings, size_t n_channels
 
 /* x and mean as [2 n] floats: the weight is real. */
 VECTOR_CLONES
-static void fold(float *restrict x, float *restrict mean, size_t n, float weight)
+static void fold(float *restrict x, float *restrict mean, size_t n, float weight,
+                 float part)
 {
     for (size_t i = 0; i < n; i++) {
         float rest = x[i] - mean[i];
-        x[i] = rest;
+        x[i] -= part * mean[i];
         mean[i] += weight * rest;
     }
 }
 
 uint32_t trace_mean_take(struct trace_mean *m, size_t ping, size_t channel, double share,
-                         float complex *x)
+                         uint32_t least, float complex *x)
 {
     size_t i = ping * m->n_channels + channel;
     uint32_t before = m->taken[i];
     double weight = fmax(share, 1.0 / ((double)before + 1.0));
 
     fold((float *)x, (float *)(m->mean + i * m->n_samples), 2 * m->n_samples,
-         (float)fmin(weight, 1.0));
+         (float)fmin(weight, 1.0), before < least ? 0.0f : 1.0f);
     m->taken[i] += before < UINT32_MAX;
     return before;
 }

@@ -146,12 +146,11 @@ static bool has_room(const struct mailbox *m, struct queue *q, size_t most_bytes
     return q->n < q->depth || grow(q);
 }
 
-/* A replay is to give the same each time, however fast: its states wait, too. */
+/* A replay is to give the same each time, however fast. */
 static bool keeps_replayed(const struct mailbox *m, struct queue *q,
                            const struct envelope *e)
 {
-    return e->replayed && q->policy == TOPIC_LATEST &&
-           has_room(m, q, REPLAYED_BYTES, e->payload_size);
+    return e->replayed && has_room(m, q, REPLAYED_BYTES, e->payload_size);
 }
 
 void mailbox_put(struct mailbox *m, size_t slot, const struct bus_message *message)

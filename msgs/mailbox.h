@@ -24,8 +24,8 @@ int mailbox_add(struct mailbox *m, const struct topic *t, size_t *slot);
 void mailbox_keep_all(struct mailbox *m, size_t bytes);
 
 /* Takes the message over.  Never fails and never waits: in a full queue the oldest goes,
- * and is counted unless the policy is TOPIC_LATEST.  Of those the replayed ones all wait,
- * up to 64 MB. */
+ * and is counted unless the policy is TOPIC_LATEST.  What is replayed waits up to 64 MB,
+ * whatever depth and policy. */
 void mailbox_put(struct mailbox *m, size_t slot, const struct bus_message *message);
 
 /* 0, -ETIMEDOUT, -ESHUTDOWN.  timeout_ms < 0: waits for ever. */

@@ -6,10 +6,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/detect_learn.h"
 #include "recon/peak.h"
 #include "recon/regions.h"
 
 #define NOISE_SAMPLES 65536
+#define LEAST_IMAGED  0.2  /* of a volume */
 #define SIDELOBE_DB   18.0 /* worst sidelobe of a lone point (fast, 16 x 32 array) */
 #define MODEL_RANGE   1e-3 /* speed of sound known to 0.1 % */
 #define MODEL_GRID    0.1  /* of a voxel */
@@ -29,8 +31,10 @@ struct search {
 
 void detect_config_default(struct detect_config *cfg)
 {
-    *cfg = (struct detect_config){
-        .threshold_db = 13.0, .dynamic_range_db = 15.0, .cluster_m = 0.10};
+    *cfg = (struct detect_config){.threshold_db = 13.0,
+                                  .learns = true,
+                                  .dynamic_range_db = 15.0,
+                                  .cluster_m = 0.10};
 }
 
 static int by_value(const void *a, const void *b)
@@ -39,17 +43,24 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Noise intensity is exponentially distributed: its mean is the median / ln 2. */
+/* Noise intensity is exponentially distributed: its mean is the median / ln 2.  What is
+ * beyond the gate is 0 and no noise; where hardly anything is left, it is an image
+ * without noise. */
 static int noise_floor(const float *volume, size_t n, double *out)
 {
     size_t count = n < NOISE_SAMPLES ? n : NOISE_SAMPLES;
     float *sample = malloc(count * sizeof *sample);
     if (!sample)
         return -ENOMEM;
-    for (size_t i = 0; i < count; i++)
+    size_t zeros = 0;
+    for (size_t i = 0; i < count; i++) {
         sample[i] = volume[(size_t)((double)i * (double)n / (double)count)];
+        zeros += sample[i] == 0.0f;
+    }
     qsort(sample, count, sizeof *sample, by_value);
-    *out = sample[count / 2] / M_LN2;
+    if ((double)(count - zeros) < LEAST_IMAGED * (double)count)
+        zeros = 0;
+    *out = sample[zeros + (count - zeros) / 2] / M_LN2;
     free(sample);
     return 0;
 }
@@ -168,8 +179,10 @@ int detect_objects(const struct detect_config *cfg, const struct grid *grid,
         return err;
     /* Half of the volume empty: a noiseless one.  Any floor below all of it will do. */
     s.floor = fmax(s.floor, 1e-9 * strongest);
-    if (cfg->cfar)
-        cfar_learn(cfg->cfar, intensity);
+    if (cfg->cfar && cfg->learns)
+        err = detect_learn(cfg->cfar, grid, intensity);
+    if (err)
+        return err;
     struct regions found;
     err = regions_find(&found, grid, intensity, least(&s, strongest), cfg->cluster_m,
                        cfg->cfar ? stands_out : NULL, &s);

@@ -3,6 +3,7 @@
 #ifndef ANLOS_RECON_DETECT_H
 #define ANLOS_RECON_DETECT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "dsp/cfar.h"
@@ -13,6 +14,7 @@ struct detect_config {
     double threshold_db;     /* above the volume's noise floor; 12 suits most scenes */
     struct cfar *cfar;       /* in place of floor and threshold: what is around each peak
                               * decides.  NULL: none.  Not owned. */
+    bool learns;             /* cfar, from this image (default) */
     double dynamic_range_db; /* below the brightest; sidelobes start at about -18 */
     double cluster_m;        /* bright places closer than this are one object */
     double resolution_m[3];  /* -6 dB widths of a point's image; 0: four voxels */
@@ -36,8 +38,9 @@ void detect_config_default(struct detect_config *cfg);
 int detect_cfar(struct cfar **out, enum cfar_kind kind, double false_alarm_rate,
                 const struct grid *grid, const double resolution_m[3]);
 
-/* intensity [nz][ny][nx], finite, >= 0.  Writes up to max detections, strongest first,
- * and how many in *n.  All-zero volumes have none.  0, -ENOMEM. */
+/* intensity [nz][ny][nx], finite, >= 0 (0: nothing was imaged there).  Writes up to max
+ * detections, strongest first, and how many in *n.  All-zero volumes have none.  0,
+ * -ENOMEM. */
 int detect_objects(const struct detect_config *cfg, const struct grid *grid,
                    const float *intensity, struct detection *out, size_t max, size_t *n);
 

@@ -10,7 +10,8 @@ struct diagnosis_node {
     char name[ENVELOPE_NODE_SIZE];
     int64_t heard_ns, before_ns; /* its newest health, and the one before by a second */
     double cpu_s, cpu_before_s;  /* as they said */
-    uint64_t dropped;            /* pings and traces that it missed */
+    uint64_t dropped;        /* pings and traces that it missed, when it makes images */
+    uint64_t dropped_before; /* in the processes before */
 };
 
 struct diagnosis {

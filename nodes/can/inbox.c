@@ -105,11 +105,24 @@ static enum inbox_kind take_wall(struct inbox *i, const struct can_frame_data *f
     return INBOX_WALLS_GIVEN;
 }
 
+/* A vehicle that was started again, or plugged in, is not out of sequence. */
+static void forget_who_was_away(struct inbox *i, uint32_t id, int64_t now_ns)
+{
+    const struct can_message *m = can_message_find(i->checks.base, id);
+
+    if (!m)
+        return;
+    if (now_ns - i->heard_ns[m->id] > INBOX_AWAY_NS)
+        can_checks_forget(&i->checks, m->id);
+    i->heard_ns[m->id] = now_ns;
+}
+
 enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
                            int64_t now_ns)
 {
     enum inbox_kind kind = INBOX_NOTHING;
 
+    forget_who_was_away(i, f->id, now_ns);
     if (!e2e_is_usable(can_check(&i->checks, f)))
         kind = INBOX_WRONG;
     else if (f->id == i->checks.base + CAN_ID_EGO_MOTION)

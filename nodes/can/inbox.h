@@ -13,7 +13,8 @@
 
 #define INBOX_EGO_NS  100000000LL /* motion that is older is not known */
 #define INBOX_WALL_NS 2000000000LL
-#define INBOX_WALLS   15 /* as the frame numbers them, from 1 */
+#define INBOX_AWAY_NS 3000000000LL /* who was silent for so long counts anew */
+#define INBOX_WALLS   15           /* as the frame numbers them, from 1 */
 
 enum inbox_kind {
     INBOX_NOTHING, /* of no use, and no mistake: not available */
@@ -32,9 +33,10 @@ struct inbox_wall {
 
 struct inbox {
     struct can_checks checks;
-    bool moves;           /* ego is valid */
-    int64_t ego_ns;       /* when it was said last; 0: never */
-    Anlos__EgoMotion ego; /* the newest, to be published */
+    int64_t heard_ns[CAN_SENSOR_STEP]; /* the newest frame, by enum can_id; 0: none */
+    bool moves;                        /* ego is valid */
+    int64_t ego_ns;                    /* when it was said last; 0: never */
+    Anlos__EgoMotion ego;              /* the newest, to be published */
     Anlos__Ambient ambient;
     struct inbox_wall walls[INBOX_WALLS];
     Anlos__WallList wall_list; /* of those known; points to the following */

@@ -194,8 +194,14 @@ static void take(struct run *r, const struct node_message *in)
 static void step(struct run *r)
 {
     char text[256];
+    uint64_t truncated = r->outbox.truncated;
 
     outbox_step(&r->outbox);
+    if (r->outbox.truncated > truncated)
+        node_log(r->node, LOG_LEVEL_WARNING,
+                 "objects were left out of a list: more than %d, or than the bus may "
+                 "carry (can.bitrate, can.load)",
+                 CAN_MAX_OBJECTS);
     if (outbox_well(&r->outbox, text, sizeof text))
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
     else

@@ -27,18 +27,20 @@ static void take_out(struct outbox *o, size_t i)
     }
 }
 
-static void drop(struct outbox *o, size_t i)
+/* err: what it is dropped for; 0: there are too many. */
+static void drop(struct outbox *o, size_t i, int err)
 {
     o->dropped++;
     o->cut_off += i == 0 && (o->cut || o->next);
     o->dropped_ns = clock_now_ns(o->clock);
+    o->dropped_for = err;
     take_out(o, i);
 }
 
 void outbox_put_list(struct outbox *o, const struct sender_list *list)
 {
     if (o->n_lists == OUTBOX_LISTS)
-        drop(o, o->next ? 1 : 0);
+        drop(o, o->next ? 1 : 0, 0);
     o->lists[o->n_lists++] = *list;
 }
 
@@ -72,6 +74,7 @@ static void look(struct outbox *o)
     }
     if (is_all_out(o) && !o->health.pending) {
         o->sent++;
+        o->truncated += o->lists[0].truncated;
         o->last_ns = o->begun_ns;
         take_out(o, 0);
     }
@@ -118,7 +121,7 @@ static bool send_list(struct outbox *o)
     if (!err)
         err = o->error = canbus_flush(o->bus);
     if (err && err != -EAGAIN) {
-        drop(o, 0);
+        drop(o, 0, err);
         return true;
     }
     return o->next > before;
@@ -178,17 +181,27 @@ unsigned outbox_wait_ms(const struct outbox *o)
     return waits && !holds_back(o) ? o->wait_ms : IDLE_MS;
 }
 
+static const char *reason(int err)
+{
+    return err == -EOPNOTSUPP
+               ? "the interface takes no CAN FD frames, which can.fd asks for"
+               : strerror(-err);
+}
+
 bool outbox_well(const struct outbox *o, char *text, size_t size)
 {
     if (o->health.state != CANBUS_READY)
         snprintf(text, size, "%s", o->health.text);
     else if (o->error)
-        snprintf(text, size, "frames did not go out: %s", strerror(-o->error));
-    else if (o->dropped_ns && clock_now_ns(o->clock) - o->dropped_ns < RECENT_NS)
+        snprintf(text, size, "frames did not go out: %s", reason(o->error));
+    else if (!o->dropped_ns || clock_now_ns(o->clock) - o->dropped_ns >= RECENT_NS)
+        return true;
+    else if (o->dropped_for)
+        snprintf(text, size, "lists did not go out: %s: %llu dropped",
+                 reason(o->dropped_for), (unsigned long long)o->dropped);
+    else
         snprintf(text, size, "lists come faster than the bus takes them: %llu dropped",
                  (unsigned long long)o->dropped);
-    else
-        return true;
     return false;
 }
 
@@ -197,4 +210,5 @@ void outbox_counts(const struct outbox *o, struct device_count out[OUTBOX_COUNTS
     out[0] = (struct device_count){"lists_sent", o->sent};
     out[1] = (struct device_count){"lists_dropped", o->dropped};
     out[2] = (struct device_count){"lists_cut", o->cut_off};
+    out[3] = (struct device_count){"lists_truncated", o->truncated};
 }

@@ -19,7 +19,7 @@
 #include "hal/clock.h"
 #include "nodes/can/sender.h"
 
-enum { OUTBOX_LISTS = 4, OUTBOX_COUNTS = 3 };
+enum { OUTBOX_LISTS = 4, OUTBOX_COUNTS = 4 };
 
 enum outbox_cyclic { OUTBOX_STATUS, OUTBOX_DIAGNOSIS, OUTBOX_CYCLIC };
 
@@ -37,9 +37,11 @@ struct outbox {
     int64_t begun_ns, last_ns;   /* when the list on its way began, and the one before */
     int64_t probe_ns;            /* when a bus that holds back is tried again */
     int64_t dropped_ns;          /* when a list was last dropped; 0: never */
+    int dropped_for;             /* the error that cost it; 0: it was one too many */
     unsigned wait_ms;
     int error; /* of the last frame, when it is not of the bus: a full disk */
     uint64_t sent, dropped, cut_off;
+    uint64_t truncated; /* of those sent */
 };
 
 /* What is passed stays the caller's. */

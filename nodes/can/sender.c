@@ -215,6 +215,7 @@ void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
 
     header.number = (uint8_t)n;
     header.truncated |= s->lets_objects && n < list->n_objects;
+    list->truncated = header.truncated;
     header.time_sync = s->time_sync;
     header.latency_ms = capture_ns ? age_ms(now_ns, capture_ns) : NAN;
     header.cycle_ms = last_ns ? age_ms(now_ns, last_ns) : NAN;

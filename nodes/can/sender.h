@@ -45,6 +45,7 @@ struct sender_list {
     int64_t dated_ns;              /* of a replay: when it came about; 0: when it goes */
     struct can_object objects[CAN_MAX_OBJECTS]; /* [n_objects], strongest first */
     size_t n_objects;
+    bool truncated; /* some of the objects did not fit; of sender_date */
     size_t n_frames;
     struct can_frame_data frames[SENDER_MAX_FRAMES]; /* [n_frames], of sender_date */
 };

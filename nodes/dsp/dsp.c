@@ -234,16 +234,14 @@ static void keep_background(struct dsp *d, const Anlos__Ping *ping)
     recorded_background_keep(d->recorded, ping, d->masked, traces);
 }
 
-/* *usable: there is something left of the ping.  true: a background was subtracted. */
-static bool subtract_adaptive(struct dsp *d, size_t speaker, bool *usable)
+/* true: a background was subtracted. */
+static bool subtract_adaptive(struct dsp *d, size_t speaker)
 {
-    if (!standing_at(&d->standing, d->capture_ns)) {
-        mean_background_reset(d->mean);
-        return false;
-    }
-    *usable =
-        mean_background_subtract(d->mean, speaker, d->capture_ns, d->masked, d->traces);
-    return *usable;
+    if (standing_at(&d->standing, d->capture_ns))
+        return mean_background_subtract(d->mean, speaker, d->capture_ns, d->masked,
+                                        d->traces);
+    mean_background_reset(d->mean);
+    return false;
 }
 
 static void write_traces(struct dsp *d, const Anlos__Ping *ping, uint64_t clipped,
@@ -293,7 +291,7 @@ static void refuse(struct dsp_output *out, const Anlos__Ping *ping, Anlos__Pass 
 void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
 {
     size_t n = 0;
-    bool usable = true, subtracted;
+    bool subtracted;
 
     *out = (struct dsp_output){0};
     anlos__traces__init(&out->traces);
@@ -318,11 +316,11 @@ void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
         return;
     }
     if (d->cfg.background == BACKGROUND_ADAPTIVE)
-        subtracted = subtract_adaptive(d, ping->speaker, &usable);
+        subtracted = subtract_adaptive(d, ping->speaker);
     else
         subtracted =
             recorded_background_subtract(d->recorded, ping, d->masked, d->traces);
-    out->has_traces = usable;
+    out->has_traces = true;
     write_traces(d, ping, clipped, subtracted, &out->traces);
 }
 

@@ -57,12 +57,12 @@ const float complex *mean_background_record(struct mean_background *b,
     b->frame = ping->frame;
     b->is_empty = false;
     for (size_t m = 0; m < b->n_microphones; m++)
-        trace_mean_take(b->mean, ping->speaker, m, 0.0, traces + m * b->n_samples);
+        trace_mean_take(b->mean, ping->speaker, m, 0.0, 0, traces + m * b->n_samples);
     return trace_mean_of(b->mean, ping->speaker);
 }
 
 bool mean_background_subtract(struct mean_background *b, size_t speaker,
-                              int64_t capture_ns, protobuf_c_boolean *masked,
+                              int64_t capture_ns, const protobuf_c_boolean *masked,
                               float complex *traces)
 {
     double since_s = 1e-9 * (double)(capture_ns - b->newest_ns[speaker]);
@@ -71,15 +71,10 @@ bool mean_background_subtract(struct mean_background *b, size_t speaker,
 
     b->newest_ns[speaker] = capture_ns;
     b->is_empty = false;
-    for (size_t m = 0; m < b->n_microphones; m++) {
-        float complex *x = traces + m * b->n_samples;
-        if (!masked[m] &&
-            trace_mean_take(b->mean, speaker, m, share, x) < MEAN_BACKGROUND_LEAST) {
-            masked[m] = true;
-            memset(x, 0, b->n_samples * sizeof *x);
-        }
-        any = any || !masked[m];
-    }
+    for (size_t m = 0; m < b->n_microphones; m++)
+        if (!masked[m])
+            any |= trace_mean_take(b->mean, speaker, m, share, MEAN_BACKGROUND_LEAST,
+                                   traces + m * b->n_samples) >= MEAN_BACKGROUND_LEAST;
     return any;
 }
 

@@ -27,9 +27,9 @@ const float complex *mean_background_record(struct mean_background *b,
 
 /* Subtracts the running mean from a speaker's traces and counts them into it; a
  * microphone that is masked stays out of it, and one of which too little was heard yet
- * becomes masked.  false: all are. */
+ * keeps its trace as it is.  false: all do. */
 bool mean_background_subtract(struct mean_background *b, size_t speaker,
-                              int64_t capture_ns, protobuf_c_boolean *masked,
+                              int64_t capture_ns, const protobuf_c_boolean *masked,
                               float complex *traces);
 
 /* What was heard does not count any more. */

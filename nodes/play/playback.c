@@ -83,8 +83,10 @@ void playback_receipt(struct playback *p, const Anlos__Receipt *r, int64_t now_n
     if (!account_receipt(&p->account, r))
         return;
     p->sign_ns = now_ns;
-    if (r->usable && r->pass == ANLOS__PASS__SCENE && r->scan == p->scan)
+    if (r->usable && r->pass == ANLOS__PASS__SCENE && r->scan == p->scan) {
         p->scene_used++;
+        p->used_frame = r->frame;
+    }
     if (!unused && p->account.unused)
         playback_notes(
             p,
@@ -123,6 +125,7 @@ void playback_list(struct playback *p, const Anlos__DetectionList *list)
         return;
     p->lists++;
     p->list_scan = list->scan;
+    p->list_frame = list->frame;
 }
 
 size_t playback_speakers(const struct playback *p, const struct topic *t)
@@ -181,7 +184,8 @@ int playback_seek(struct playback *p, int64_t publish_ns, struct complaint *why)
 /* -EAGAIN: not yet. */
 static int finish(struct playback *p, int64_t now_ns, struct complaint *why)
 {
-    if (!playback_is_settled(p, now_ns))
+    if (!playback_is_settled(p, now_ns) ||
+        (!p->scan_ended && !playback_has_lists(p, now_ns)))
         return -EAGAIN;
     if (p->scan && !p->scan_ended) {
         int err = playback_say_end(p, now_ns);

@@ -5,6 +5,9 @@
 #define TAKEN_NS                                                                         \
     200000000LL /* a health message that comes so much later comes after it */
 
+#define LAST_LIST_NS 300000000LL
+#define NEXT_LIST_NS 1000000000LL
+
 static int64_t timeout_ns(const struct playback *p)
 {
     return (int64_t)(1e9 * p->cfg.timeout_s);
@@ -59,6 +62,30 @@ bool playback_is_settled(struct playback *p, int64_t now_ns)
     else
         return true;
     return false;
+}
+
+bool playback_has_lists(struct playback *p, int64_t now_ns)
+{
+    if (!p->endless || !p->scene_used || !audience_has(&p->audience, "recon") ||
+        !audience_has(&p->audience, "track"))
+        return true;
+    if (!p->quiet_since_ns || p->lists != p->lists_then) {
+        p->quiet_since_ns = now_ns;
+        p->lists_then = p->lists;
+    }
+    uint32_t frame = p->list_scan == p->scan ? p->list_frame : 0;
+    int64_t wait_ns = frame >= p->used_frame       ? LAST_LIST_NS
+                      : frame + 1 >= p->used_frame ? NEXT_LIST_NS /* it may be cut */
+                                                   : timeout_ns(p);
+    if (now_ns - p->quiet_since_ns < wait_ns) {
+        snprintf(p->waits_for, sizeof p->waits_for, "waits for the last lists");
+        return false;
+    }
+    if (frame + 1 < p->used_frame)
+        playback_notes(p, "the newest list is of frame %u, the newest ping of frame %u",
+                       frame, p->used_frame);
+    p->quiet_since_ns = 0;
+    return true;
 }
 
 static bool is_end(const struct playback_next *n)

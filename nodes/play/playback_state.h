@@ -58,8 +58,11 @@ struct playback {
     Anlos__Pass pass;
     uint32_t position;
     size_t scene_used;
-    bool background; /* there was a pass of it */
-    bool endless;    /* the array stood: only a person ended it */
+    bool background;                 /* there was a pass of it */
+    bool endless;                    /* the array stood: only a person ended it */
+    uint32_t used_frame, list_frame; /* then: of the newest ping used, and list */
+    uint64_t lists_then;             /* when one came last, */
+    int64_t quiet_since_ns;          /* which was then; 0: not waited for */
     bool scan_ended;
     uint32_t list_scan;    /* of the newest list */
     int64_t list_since_ns; /* not 0: the list of this scan is waited for since then */
@@ -83,6 +86,10 @@ bool playback_may_go(struct playback *p, int64_t now_ns);
 
 /* Is every ping answered, and the list there?  For the end and for another scan. */
 bool playback_is_settled(struct playback *p, int64_t now_ns);
+
+/* Have all lists come of an array that stood?  Whoever reports ends when it is said that
+ * the recording did. */
+bool playback_has_lists(struct playback *p, int64_t now_ns);
 
 /* playback_say.c: what is said beyond the recording.  0 or errors of bus_publish. */
 int playback_keep(struct kept *k, const char *node, struct bytes payload,

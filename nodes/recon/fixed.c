@@ -36,13 +36,15 @@ static size_t counts(void *ctx, struct device_count *out)
 
 void fixed_config(struct steady_config *out, const struct launchfile *l)
 {
-    *out = (struct steady_config){.threads = l->recon.threads,
-                                  .window = l->dsp.window,
-                                  .compression = l->dsp.compression,
-                                  .frame_pings = l->scan.n_speakers,
-                                  .pings = l->recon.frames.pings,
-                                  .sum = l->recon.frames.sum,
-                                  .every_ping = l->recon.frames.every_ping};
+    *out =
+        (struct steady_config){.threads = l->recon.threads,
+                               .window = l->dsp.window,
+                               .compression = l->dsp.compression,
+                               .frame_pings = l->scan.n_speakers,
+                               .pings = l->recon.frames.pings,
+                               .sum = l->recon.frames.sum,
+                               .every_ping = l->recon.frames.every_ping,
+                               .moving_only = l->dsp.background == BACKGROUND_ADAPTIVE};
 }
 
 static int create(struct fixed *f)
@@ -155,12 +157,23 @@ static void take_traces(struct fixed *f, const struct node_message *in)
         publish(f);
 }
 
+static void take_walls(struct fixed *f, const struct node_message *in)
+{
+    struct complaint why = {""};
+
+    if (steady_walls(f->steady, (const Anlos__WallList *)in->content, in->capture_ns,
+                     &why))
+        node_log(f->node, LOG_LEVEL_WARNING, "%s", why.text);
+}
+
 static int take(struct fixed *f, const struct node_message *in)
 {
     if (in->topic == topic_survey())
         return take_survey(f, (const Anlos__Survey *)in->content);
     if (in->topic == topic_ego())
         steady_ego(f->steady, (const Anlos__EgoMotion *)in->content, in->capture_ns);
+    else if (in->topic == topic_wall())
+        take_walls(f, in);
     else
         take_traces(f, in);
     return 0;
@@ -177,6 +190,8 @@ static int loop(struct fixed *f)
         err = node_subscribe(f->node, topic_traces());
     if (!err)
         err = node_subscribe(f->node, topic_ego());
+    if (!err)
+        err = node_subscribe(f->node, topic_wall());
     node_state(f->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
     while (!err) {
         err = node_next(f->node, &in, f->due ? 0 : 100);

@@ -7,9 +7,12 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "nodes/recon/clutter_map.h"
+#include "nodes/recon/first_return.h"
 #include "nodes/recon/survey_plan.h"
 
-#define AGE_LIMIT 2.0 /* times what the pings of an image take when none is missing */
+#define AGE_LIMIT  2.0  /* times what the pings of an image take when none is missing */
+#define NO_OVERLAP 0.99 /* of that time apart: no ping in common */
 
 struct round { /* of the speakers: a frame */
     uint32_t number;
@@ -24,11 +27,15 @@ struct steady {
     struct frames *frames; /* NULL: no survey yet */
     size_t n_pings;        /* in an image */
     float *intensity;      /* [nz][ny][nx] */
+    float complex *traces; /* [n_microphones][n_samples], the newest, muted */
     bool *masked;          /* [n_microphones], of the newest traces */
     uint64_t *clipped;     /* [n_pings], ring */
+    bool *subtracted;      /* [n_pings], ring: had a background */
     size_t newest;
     struct ego_path path;
     bool has_path;
+    struct first_return first;
+    struct clutter_map *clutter;
     struct frames_motion motion;
     struct frames_made made;
     struct round round;
@@ -59,13 +66,19 @@ static void clear(struct steady *s)
 {
     frames_destroy(s->frames);
     free(s->intensity);
+    free(s->traces);
     free(s->masked);
     free(s->clipped);
+    free(s->subtracted);
+    clutter_map_destroy(s->clutter);
     survey_plan_clear(&s->plan);
     s->frames = NULL;
     s->intensity = NULL;
+    s->traces = NULL;
     s->masked = NULL;
     s->clipped = NULL;
+    s->subtracted = NULL;
+    s->clutter = NULL;
 }
 
 void steady_destroy(struct steady *s)
@@ -120,9 +133,14 @@ static int allocate(struct steady *s, struct complaint *why)
         return complain(why, err, "images of %zu pings: %s; expected 1 to %d",
                         cfg.n_pings, strerror(-err), FRAMES_MAX_PINGS);
     s->intensity = calloc(grid_size(&cfg.grid), sizeof *s->intensity);
+    s->traces =
+        malloc(s->plan.survey.n_microphones * cfg.format.n_samples * sizeof *s->traces);
     s->masked = calloc(s->plan.survey.n_microphones, sizeof *s->masked);
     s->clipped = calloc(s->n_pings, sizeof *s->clipped);
-    return s->intensity && s->masked && s->clipped
+    s->subtracted = calloc(s->n_pings, sizeof *s->subtracted);
+    err = clutter_map_create(&s->clutter, &cfg.grid,
+                             (int64_t)(NO_OVERLAP * (double)cfg.max_age_ns / AGE_LIMIT));
+    return !err && s->intensity && s->traces && s->masked && s->clipped && s->subtracted
                ? 0
                : complain(why, -ENOMEM, "not enough memory for images of %zu voxels",
                           grid_size(&cfg.grid));
@@ -142,6 +160,7 @@ int steady_survey(struct steady *s, const Anlos__Survey *message, struct complai
                                                              : survey->n_speakers};
     s->n_pings = s->cfg.pings ? s->cfg.pings : s->round.expected;
     s->newest = 0;
+    first_return_survey(&s->first, survey);
     mount_create(&s->motion.mount, survey->mount_origin_m, survey->mount_x_axis,
                  survey->mount_y_axis);
     err = allocate(s, why);
@@ -182,6 +201,12 @@ static enum steady_motion motion_of(const struct steady *s)
                                                              : STEADY_NO_MOUNT;
 }
 
+int steady_walls(struct steady *s, const Anlos__WallList *walls, int64_t capture_ns,
+                 struct complaint *why)
+{
+    return first_return_walls(&s->first, walls, capture_ns, why);
+}
+
 enum steady_motion steady_motion(const struct steady *s)
 {
     return s->state;
@@ -204,19 +229,28 @@ static bool ends_frame(struct round *r, uint32_t frame)
 static void add(struct steady *s, const Anlos__Traces *t, const float complex *y,
                 int64_t capture_ns)
 {
-    for (size_t m = 0; m < s->plan.survey.n_microphones; m++)
+    const struct trace_format *format = &s->plan.format;
+    size_t n_mics = s->plan.survey.n_microphones;
+
+    for (size_t m = 0; m < n_mics; m++)
         s->masked[m] = t->masked[m];
+    memcpy(s->traces, y, n_mics * format->n_samples * sizeof *y);
+    first_return_mute(&s->first, &s->plan.survey, s->has_path ? &s->path : NULL,
+                      t->speaker, capture_ns, format, s->traces);
     const struct frames_ping ping = {.stamp_ns = capture_ns,
                                      .speaker = t->speaker,
                                      .down = t->down,
-                                     .traces = y,
+                                     .traces = s->traces,
                                      .masked = s->masked};
-    if (t->scan != s->scan)
+    if (t->scan != s->scan) {
         frames_reset(s->frames);
+        clutter_map_reset(s->clutter);
+    }
     s->scan = t->scan;
     s->counts.backwards += !frames_add(s->frames, &ping);
     s->newest = (s->newest + 1) % s->n_pings;
     s->clipped[s->newest] = t->clipped_samples;
+    s->subtracted[s->newest] = t->background_subtracted;
 }
 
 bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t capture_ns,
@@ -237,12 +271,26 @@ bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t captur
 /* -- image ------------------------------------------------------------------------------
  */
 
+/* A background has what stands still already. */
+static void mute_clutter(struct steady *s)
+{
+    bool background = true;
+
+    for (size_t k = 0; k < s->n_pings; k++)
+        background = background && s->subtracted[k];
+    if (!background)
+        clutter_map_mute(s->clutter, &s->path, &s->motion.mount, s->made.stamp_ns,
+                         s->intensity);
+}
+
 void steady_image(struct steady *s, Anlos__Volume *out)
 {
     bool follows = s->has_path && s->plan.survey.has_mount;
 
     s->motion.path = follows ? &s->path : NULL;
     frames_image(s->frames, &s->motion, s->intensity, &s->made);
+    if (follows && s->cfg.moving_only)
+        mute_clutter(s);
     s->state = motion_of(s);
     s->counts.images++;
     s->counts.unknown += s->state == STEADY_UNKNOWN;

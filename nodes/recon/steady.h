@@ -14,6 +14,7 @@
 #include "msgs/traces.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/volume.pb-c.h"
+#include "msgs/wall.pb-c.h"
 #include "nodes/rt/compressor.h"
 #include "recon/frames.h"
 
@@ -24,7 +25,8 @@ struct steady_config {
     size_t frame_pings; /* in a frame; 0: as many as there are speakers */
     size_t pings;       /* in an image; 0: as in a frame */
     enum frames_sum sum;
-    bool every_ping; /* an image; else every frame */
+    bool every_ping;  /* an image; else every frame */
+    bool moving_only; /* what stands still is muted where it was not subtracted */
 };
 
 struct steady;
@@ -40,14 +42,20 @@ int steady_survey(struct steady *s, const Anlos__Survey *survey, struct complain
  */
 void steady_ego(struct steady *s, const Anlos__EgoMotion *ego, int64_t capture_ns);
 
+/* The walls, as topic "wall" has them at a stamp: what cannot have come from behind one
+ * is muted from then on (nodes/recon/first_return.h).  0, or -EINVAL with a complaint. */
+int steady_walls(struct steady *s, const Anlos__WallList *walls, int64_t capture_ns,
+                 struct complaint *why);
+
 /* Takes one ping's traces.  true: an image is due.  A frame that lacks its last ping is
  * due with the first of the next.  note[size] is for the log, empty when there is nothing
  * to say. */
 bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t capture_ns,
                    char *note, size_t size);
 
-/* The image of the newest pings; borrowed, good until the next call.  Its stamp is
- * steady_capture_ns. */
+/* The image of the newest pings; with moving_only, where some had no background and the
+ * vehicle's motion is known, see nodes/recon/clutter_map.h.  Borrowed, good until the
+ * next call.  Its stamp is steady_capture_ns. */
 void steady_image(struct steady *s, Anlos__Volume *out);
 int64_t steady_capture_ns(const struct steady *s);
 

@@ -280,13 +280,11 @@ int node_order_replay(struct node *n)
 }
 
 /* The next one whose turn it is.  0, -ETIMEDOUT, -ESHUTDOWN. */
-static int receive(struct node *n, struct bus_message *m, int64_t wait_ms)
+static int receive_in_order(struct node *n, struct bus_message *m, int64_t wait_ms)
 {
     int64_t due_ns, now = node_machine_ns(n);
     int err;
 
-    if (!n->order)
-        return bus_receive(n->bus, m, (int)wait_ms);
     if (replay_order_take(n->order, m, now, &due_ns))
         return 0;
     if (due_ns != INT64_MAX && ms_until(now, due_ns) < wait_ms)
@@ -299,6 +297,16 @@ static int receive(struct node *n, struct bus_message *m, int64_t wait_ms)
     }
     if (err == -ETIMEDOUT && replay_order_take(n->order, m, node_machine_ns(n), &due_ns))
         return 0;
+    return err;
+}
+
+static int receive(struct node *n, struct bus_message *m, int64_t wait_ms)
+{
+    if (!n->order)
+        return bus_receive(n->bus, m, (int)wait_ms);
+    replay_order_return(n->order, node_machine_ns(n));
+    int err = receive_in_order(n, m, wait_ms);
+    replay_order_leave(n->order, node_machine_ns(n));
     return err;
 }
 

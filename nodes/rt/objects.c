@@ -11,6 +11,7 @@
 #define CLUSTER_WIDTHS 3.0  /* of a point, that pings around objects keep apart */
 #define HEIGHT_LEAST_M 0.01 /* of an array that tells heights */
 #define HEIGHT_SIGMA_M 0.5  /* of objects, where they are not told */
+#define HEIGHT_M       0.8  /* above the ground: the middle of persons, cyclists, cars */
 
 static Anlos__Vec3 *vec3_create(const double v[3])
 {
@@ -96,6 +97,23 @@ static void array_centre(const struct survey *s, double out[3])
     }
 }
 
+/* A line array tells how far along it a thing is, and how far from it: what is higher or
+ * lower is imaged behind its place.  height: of what is heard, over the array. */
+static void come_down(const struct survey *s, const double centre[3], double position[3],
+                      double covariance[6])
+{
+    double height_m = HEIGHT_M - s->mount_origin_m[2] - centre[1];
+    double height2 = height_m * height_m + HEIGHT_SIGMA_M * HEIGHT_SIGMA_M;
+    double from_m = position[2] - centre[2];
+
+    if (from_m * from_m <= 2.0 * height2)
+        return;
+    double depth_m = sqrt(from_m * from_m - height2);
+    double sigma_m = HEIGHT_SIGMA_M * sqrt(height2) / depth_m;
+    position[2] = centre[2] + depth_m;
+    covariance[5] += sigma_m * sigma_m;
+}
+
 void objects_place(struct placement *out, const struct survey *s,
                    const struct walls *walls, const struct detection *d)
 {
@@ -107,13 +125,15 @@ void objects_place(struct placement *out, const struct survey *s,
         covariance[3] = HEIGHT_SIGMA_M * HEIGHT_SIGMA_M;
     }
     array_centre(s, centre);
+    if (s->has_mount && array_height_m(s) < HEIGHT_LEAST_M)
+        come_down(s, centre, position, covariance);
     size_t at = wall_that_mirrored(walls->list, walls->n, centre, d->position_m);
     const struct wall *wall = at < walls->n ? &walls->list[at].plane : NULL;
     *out = (struct placement){.wall = wall ? walls->list[at].id : 0,
                               .behind_no_wall = walls->n && !wall};
     if (wall) {
-        wall_mirror(wall, d->position_m, position);
-        wall_mirror_covariance(wall, d->position_m, covariance, covariance);
+        wall_mirror_covariance(wall, position, covariance, covariance);
+        wall_mirror(wall, position, position);
     }
     out->in_free_view = walls_in_free_view(walls, position);
     vehicle_frame_axes(s, r, t);

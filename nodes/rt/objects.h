@@ -43,7 +43,8 @@ struct placement {
     double position_m[3];
     double covariance_m2[6]; /* of image and wall together; the height of an array that
                                 cannot tell it is that of the array, give or take half a
-                                metre */
+                                metre; one on a vehicle takes things to stand on the
+                                ground, which brings them nearer */
     double extent_m[3];
     uint32_t wall;       /* that mirrored it; 0: none did, it is where it is imaged */
     bool behind_no_wall; /* walls are known, but none stands before it in its gate */

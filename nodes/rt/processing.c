@@ -11,6 +11,7 @@
 #define GATE_NEAR_LEAST_M  0.3
 #define GATE_FAR_M         4.0
 #define DIRECT_CLEARANCE_M 0.1  /* behind the direct path: its sidelobes and the stand */
+#define NEXT_CLEARANCE     10.0 /* over the band: hann's sidelobes are at -70 dB there */
 #define VOLUME_CLEARANCE_M 0.05 /* before the nearest voxel: the interpolators' taps */
 #define TRACE_OVERSAMPLING 2.0
 
@@ -36,16 +37,26 @@ struct chirp processing_chirp(const struct survey *s)
                           .sine = s->chirp_sine};
 }
 
-static double longest_direct_path_m(const struct survey *s)
+struct span {
+    double shortest_m, longest_m;
+};
+
+static void widen(struct span *s, const double a[3], const double b[3])
 {
-    double longest = 0.0;
+    double m = geometry_distance(a, b);
+    s->shortest_m = fmin(s->shortest_m, m);
+    s->longest_m = fmax(s->longest_m, m);
+}
+
+static struct span direct_paths(const struct survey *s)
+{
+    struct span out = {INFINITY, 0.0};
     for (size_t k = 0; s->pings_m && k < s->n_positions; k++)
-        longest = fmax(longest, geometry_distance(s->pings_m[k][0], s->pings_m[k][1]));
+        widen(&out, s->pings_m[k][0], s->pings_m[k][1]);
     for (size_t j = 0; !s->pings_m && j < s->n_speakers; j++)
         for (size_t i = 0; i < s->n_microphones; i++)
-            longest =
-                fmax(longest, geometry_distance(s->speakers_m[j], s->microphones_m[i]));
-    return longest;
+            widen(&out, s->speakers_m[j], s->microphones_m[i]);
+    return out;
 }
 
 /* The longest delay that can be told from the next emission's, and that ends within the
@@ -59,12 +70,24 @@ static double slot_reach_s(const struct survey *s)
     return fmin(slot_s, 2.0 * slot_s - latency_s - s->chirp_duration_s);
 }
 
+/* The longest delay that is still quiet: soon after the slot the next emission is heard
+ * directly, and its sidelobes reach before it.  Pings with places of their own may have
+ * been recorded one by one. */
+static double quiet_until_s(const struct survey *s, const double band_hz[2])
+{
+    double slot_s = (double)s->slot_samples / s->sample_rate_hz;
+    if (s->pings_m)
+        return slot_s;
+    return slot_s + direct_paths(s).shortest_m / s->sound_speed_m_s -
+           NEXT_CLEARANCE / (band_hz[1] - band_hz[0]);
+}
+
 static int plan_gate(struct processing *p, const struct survey *s, double reach_s,
                      struct complaint *why)
 {
     double reach_m = 0.5 * s->sound_speed_m_s * reach_s;
     double nearest_m =
-        fmax(0.5 * longest_direct_path_m(s) + DIRECT_CLEARANCE_M, GATE_NEAR_LEAST_M);
+        fmax(0.5 * direct_paths(s).longest_m + DIRECT_CLEARANCE_M, GATE_NEAR_LEAST_M);
 
     if (s->has_gate) {
         p->gate_m[0] = s->gate_m[0];
@@ -153,7 +176,7 @@ int processing_plan(struct processing *out, const struct survey *s, struct compl
     }
 
     p.gate_s[0] = fmax(2.0 * p.gate_m[0] / s->sound_speed_m_s, delays_s[0]);
-    p.gate_s[1] = fmin(delays_s[1], reach_s);
+    p.gate_s[1] = fmin(fmin(delays_s[1], reach_s), quiet_until_s(s, p.band_hz));
     p.ping_samples = s->slot_samples + tail_samples(s);
     p.echo_samples = s->slot_samples + tail_echo_samples(s);
     *out = p;

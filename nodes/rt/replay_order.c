@@ -104,6 +104,18 @@ bool replay_order_take(struct replay_order *o, struct bus_message *out, int64_t 
     return next;
 }
 
+void replay_order_leave(struct replay_order *o, int64_t now_ns)
+{
+    o->left_ns = now_ns;
+}
+
+void replay_order_return(struct replay_order *o, int64_t now_ns)
+{
+    if (o->left_ns)
+        o->came_ns += now_ns - o->left_ns;
+    o->left_ns = 0;
+}
+
 void replay_order_clear(struct replay_order *o)
 {
     struct bus_message m;

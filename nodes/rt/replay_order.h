@@ -1,8 +1,8 @@
 /* nodes/rt/replay_order.h -- in a replay, sound and what the vehicle said of itself come
  * over different sockets, and in an order by chance.  This puts them into that of their
  * publish stamps: sound waits until the vehicle's motion of after it is there, which in
- * the recording was so every 20 ms, and the walls of after it while there are any.  So a bag gives the same lists at every pace.  Time
- * is an argument. */
+ * the recording was so every 20 ms, and the walls of after it while there are any.  So a
+ * bag gives the same lists at every pace.  Time is an argument. */
 #ifndef ANLOS_NODES_RT_REPLAY_ORDER_H
 #define ANLOS_NODES_RT_REPLAY_ORDER_H
 
@@ -28,6 +28,7 @@ struct replay_order { /* all zero: empty */
     bool walls;        /* are told */
     int64_t walls_ns;  /* publish stamp of the newest */
     int64_t came_ns;   /* when a message came last, by the machine's clock */
+    int64_t left_ns;   /* when who takes them turned to other work; 0: never yet */
 };
 
 /* Does the message have to go through here?  Those of sound and of the vehicle, when they
@@ -41,6 +42,11 @@ void replay_order_put(struct replay_order *o, struct bus_message *m, int64_t now
  * never).  false: none. */
 bool replay_order_take(struct replay_order *o, struct bus_message *out, int64_t now_ns,
                        int64_t *due_ns);
+
+/* Whoever is at work on a message does not wait for the next: that time does not count.
+ */
+void replay_order_leave(struct replay_order *o, int64_t now_ns);
+void replay_order_return(struct replay_order *o, int64_t now_ns);
 void replay_order_clear(struct replay_order *o);
 
 #endif

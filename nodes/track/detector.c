@@ -57,6 +57,20 @@ static int find_cells(struct detector *d, const struct grid *grid,
     return err;
 }
 
+/* Images whose pings overlap say the same again: one for each round of the speakers is
+ * learnt from, once a round is whole. */
+static bool learns(struct detector *d, const Anlos__Volume *volume)
+{
+    bool whole = volume->pings_used >= volume->pings_expected ||
+                 (d->frame && volume->frame != d->frame);
+    bool fresh = !volume->frame || (whole && volume->frame != d->learnt_frame);
+
+    d->frame = volume->frame;
+    if (fresh)
+        d->learnt_frame = volume->frame;
+    return fresh;
+}
+
 static bool is_image(const struct grid *grid, const float *intensity)
 {
     for (size_t i = 0; i < grid_size(grid); i++)
@@ -82,6 +96,7 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
                         "are not numbers");
     detect_config_default(&cfg);
     cfg.threshold_db = d->cfg.threshold_db;
+    cfg.learns = learns(d, volume);
     if (!walls) {
         walls_from_survey(&own, &d->survey);
         walls = &own;

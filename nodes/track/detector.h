@@ -27,7 +27,8 @@ struct detector {
     bool has_survey;
     struct cfar *cells; /* for images on cells_grid; NULL: none yet */
     struct grid cells_grid;
-    uint32_t counter; /* of lists */
+    uint32_t frame, learnt_frame; /* of the newest image, and the newest learnt from */
+    uint32_t counter;             /* of lists */
 };
 
 void detector_init(struct detector *d, const struct detector_config *cfg);

@@ -224,7 +224,7 @@ static void a_level_of_zero_and_a_lonely_cell_detect_nothing_wrong(void **state)
     assert_non_null(image);
     cfar_learn(c, image);
     assert_float_equal(cfar_noise(c)->shape, 1.0, 0.0);
-    assert_true(cfar_at(c, image, 0).threshold == 0.0);
+    assert_true(isinf(cfar_at(c, image, 0).threshold));
     assert_true(cfar_at(c, image, CELLS - 1).noise == 0.0);
     cfar_destroy(c);
     free(image);
@@ -235,6 +235,27 @@ static void a_level_of_zero_and_a_lonely_cell_detect_nothing_wrong(void **state)
     c = create(&small);
     assert_true(isinf(cfar_at(c, few, 4).threshold));
     cfar_destroy(c);
+}
+
+/* Two thirds of the cells are beyond the gate. */
+static void what_was_not_imaged_is_no_noise(void **state)
+{
+    (void)state;
+    float *image = noise(5, 1, NULL);
+    struct cfar *c = create(&usual);
+    double sum = 0.0;
+    size_t n = 0;
+
+    for (size_t i = 0; i < CELLS; i++)
+        if (i % NX >= NX / 3)
+            image[i] = 0.0f;
+    cfar_learn(c, image);
+    assert_float_equal(cfar_noise(c)->shape, 1.0, 0.1);
+    for (size_t i = NX / 3 - 1; i < CELLS; i += NX, n++) /* along its edge */
+        sum += cfar_at(c, image, i).noise;
+    assert_float_equal(sum / (double)n, 1.0, 0.05);
+    cfar_destroy(c);
+    free(image);
 }
 
 /* Spiky or smooth, rare or not: the factor is a number, and rises as the rate falls. */
@@ -300,6 +321,7 @@ int main(void)
         cmocka_unit_test(an_object_does_not_raise_its_own_threshold),
         cmocka_unit_test(the_noise_is_its_mean),
         cmocka_unit_test(a_level_of_zero_and_a_lonely_cell_detect_nothing_wrong),
+        cmocka_unit_test(what_was_not_imaged_is_no_noise),
         cmocka_unit_test(factors_are_there_for_every_shape),
         cmocka_unit_test(wrong_configurations_are_refused),
     };

@@ -27,7 +27,7 @@ static uint32_t take(struct trace_mean *m, size_t ping, size_t channel, double s
 
     for (size_t i = 0; i < SAMPLES; i++)
         x[i] = value;
-    uint32_t before = trace_mean_take(m, ping, channel, share, x);
+    uint32_t before = trace_mean_take(m, ping, channel, share, 0, x);
     for (size_t i = 1; i < SAMPLES; i++)
         assert_true(x[i] == x[0]);
     *rest = x[0];
@@ -73,6 +73,21 @@ static void older_sound_fades_away_by_the_share(void **state)
     trace_mean_destroy(m);
 }
 
+static void a_mean_of_too_few_is_not_subtracted(void **state)
+{
+    struct trace_mean *m = make();
+    float complex x[SAMPLES] = {0};
+
+    (void)state;
+    for (uint32_t i = 0; i < 5; i++) {
+        x[3] = 2;
+        assert_int_equal(trace_mean_take(m, 0, 0, 0.0, 3, x), i);
+        assert_true(x[3] == (i < 3 ? 2 : 0));
+        assert_true(x[4] == 0);
+    }
+    trace_mean_destroy(m);
+}
+
 static void a_reset_forgets_all(void **state)
 {
     struct trace_mean *m = make();
@@ -102,6 +117,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_is_subtracted_the_mean_of_those_before_it),
         cmocka_unit_test(older_sound_fades_away_by_the_share),
+        cmocka_unit_test(a_mean_of_too_few_is_not_subtracted),
         cmocka_unit_test(a_reset_forgets_all),
         cmocka_unit_test(sizes_that_make_no_sense_are_refused),
     };

@@ -1,4 +1,4 @@
-/* `anlos can decode` on an interface of the guest. */
+/* `anlos can decode`, and what `anlos doctor` says, of an interface of the guest. */
 #include <jansson.h>
 #include <poll.h>
 #include <setjmp.h>
@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -20,7 +21,7 @@
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"
 
-#define DEADLINE_S 30
+#define DEADLINE_S 60
 
 struct rig {
     pid_t pid;
@@ -147,11 +148,51 @@ static void after_the_seconds_asked_for_it_ends(void **state)
     assert_int_equal(finish(&r), 1); /* nothing came */
 }
 
+static void an_interface_that_goes_down_ends_it_with_the_sum_of_what_came(void **state)
+{
+    (void)state;
+    struct rig r;
+    char *words[] = {"can", "decode", "vcan0", "--json", NULL};
+
+    start(&r, words);
+    send_until_answered(&r);
+    assert_int_equal(system("ip link set vcan0 down"), 0);
+    json_t *o = next(&r, "summary");
+    assert_non_null(json_object_get(o, "summary"));
+    json_decref(o);
+    assert_int_equal(finish(&r), 1);
+    assert_int_equal(system("ip link set vcan0 up"), 0);
+}
+
+static void the_doctor_says_that_an_interface_takes_no_fd_frames(void **state)
+{
+    struct command_result r;
+    char path[] = "/tmp/anlos-can-XXXXXX";
+    char *words[] = {"doctor", "--launch", path, NULL};
+    FILE *f = fdopen(mkstemp(path), "w");
+
+    (void)state;
+    assert_non_null(f);
+    fputs("nodes: [can]\ncan: {uri: \"socketcan:vcan1\", fd: true}\n", f);
+    assert_int_equal(fclose(f), 0);
+    assert_int_equal(system("ip link add vcan1 type vcan && ip link set vcan1 mtu 16 up"),
+                     0);
+    command_run(&r, command_doctor, words);
+    assert_non_null(strstr(r.out, "vcan1 takes no CAN FD frames"));
+    assert_int_equal(system("ip link set vcan1 down && ip link set vcan1 mtu 72 up"), 0);
+    command_run(&r, command_doctor, words);
+    assert_non_null(strstr(r.out, "vcan1 is up, takes FD frames"));
+    assert_int_equal(system("ip link del vcan1"), 0);
+    unlink(path);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frames_are_shown_as_they_come_until_ctrl_c),
         cmocka_unit_test(after_the_seconds_asked_for_it_ends),
+        cmocka_unit_test(an_interface_that_goes_down_ends_it_with_the_sum_of_what_came),
+        cmocka_unit_test(the_doctor_says_that_an_interface_takes_no_fd_frames),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -95,11 +95,17 @@ static void a_newer_state_replaces_the_one_that_waits(void **state)
     assert_int_equal(take(b), 3);
 }
 
-static void replayed_states_all_wait(void **state)
+static void what_is_replayed_all_waits(void **state)
 {
     struct box *b = *state;
     struct bus_message m = {.envelope = {.replayed = true}};
 
+    for (uint64_t i = 1; i <= 5; i++) { /* the queue's depth is 3 */
+        m.envelope.sequence = i;
+        mailbox_put(b->m, b->all, &m);
+    }
+    for (uint64_t i = 1; i <= 5; i++)
+        assert_int_equal(take(b), i);
     for (uint64_t i = 1; i <= 5; i++) {
         m.envelope.sequence = i;
         mailbox_put(b->m, b->latest, &m);
@@ -232,7 +238,7 @@ int main(void)
         in_a_box(messages_of_all_topics_come_in_the_order_of_arrival),
         in_a_box(a_full_queue_drops_its_oldest_and_counts_it),
         in_a_box(a_newer_state_replaces_the_one_that_waits),
-        in_a_box(replayed_states_all_wait),
+        in_a_box(what_is_replayed_all_waits),
         in_a_box(a_flood_of_one_topic_costs_the_others_nothing),
         in_a_box(the_descriptor_is_readable_while_messages_wait),
         in_a_box(an_empty_box_times_out),

@@ -185,7 +185,8 @@ static void a_volume_before_its_survey_waits(void **state)
     struct complaint why = {""};
 
     r->volume.survey_id++;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, &why), -EAGAIN);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, &why),
+                     -EAGAIN);
     assert_string_equal(why.text, "the survey of a volume is not known yet");
 }
 
@@ -194,15 +195,19 @@ static void a_volume_with_nan_or_without_grid_is_refused(void **state)
     struct rig *r = *state;
 
     r->intensity[5][5][5] = NAN;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), -EINVAL);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
+                     -EINVAL);
     r->intensity[5][5][5] = -1.0f;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), -EINVAL);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
+                     -EINVAL);
     r->intensity[5][5][5] = 0.0f;
     r->step.x = 0.0;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), -EINVAL);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
+                     -EINVAL);
     r->step.x = 0.02;
     r->volume.origin_m = NULL;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), -EINVAL);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
+                     -EINVAL);
     assert_null(r->list);
 }
 

@@ -90,6 +90,32 @@ static void pings_that_got_lost_anywhere_are_counted(void **state)
     diagnosis_health(&d, &h, 2 * S); /* totals, not increments */
     diagnosis_scan(&d, &scan);
     assert_int_equal(next(&d, &w, 2 * S).dropped, 14);
+    h.node = (char *)"view"; /* makes no images */
+    diagnosis_health(&d, &h, 2 * S);
+    assert_int_equal(next(&d, &w, 2 * S).dropped, 14);
+}
+
+static void pings_that_a_node_missed_before_its_restart_stay_counted(void **state)
+{
+    struct diagnosis d;
+    struct watch w = {.faults = 0};
+    Anlos__Health h = ANLOS__HEALTH__INIT;
+    Anlos__TopicCount count = ANLOS__TOPIC_COUNT__INIT, *pointer = &count;
+
+    (void)state;
+    count.topic = (char *)"traces";
+    h.node = (char *)"recon";
+    h.topics = &pointer;
+    h.n_topics = 1;
+    diagnosis_init(&d, 1);
+    count.gaps = 7;
+    diagnosis_health(&d, &h, 1 * S);
+    count.gaps = 0;
+    diagnosis_health(&d, &h, 2 * S);
+    assert_int_equal(next(&d, &w, 2 * S).dropped, 7);
+    count.gaps = 2;
+    diagnosis_health(&d, &h, 3 * S);
+    assert_int_equal(next(&d, &w, 3 * S).dropped, 9);
 }
 
 static void the_signal_to_noise_is_of_the_strongest_object(void **state)
@@ -155,6 +181,7 @@ int main(void)
         cmocka_unit_test(the_load_is_that_of_all_nodes_over_all_processors),
         cmocka_unit_test(a_node_that_was_started_again_or_is_gone_uses_nothing),
         cmocka_unit_test(pings_that_got_lost_anywhere_are_counted),
+        cmocka_unit_test(pings_that_a_node_missed_before_its_restart_stay_counted),
         cmocka_unit_test(the_signal_to_noise_is_of_the_strongest_object),
         cmocka_unit_test(every_fault_has_its_turn),
         cmocka_unit_test(the_version_is_that_of_the_program),

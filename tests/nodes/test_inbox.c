@@ -166,6 +166,30 @@ static void after_a_silence_any_counter_is_the_first(void **state)
     assert_int_equal(give_ego(&r, 2.0, CAN_VALID), INBOX_EGO);
 }
 
+static enum inbox_kind give_air(struct rig *r)
+{
+    const struct can_ambient air = {.temperature_c = 20, .humidity = NAN};
+    struct can_frame_data f;
+
+    can_pack_ambient(&f, 0x420, &air);
+    return give(r, &f);
+}
+
+static void so_is_it_of_what_comes_every_second(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    assert_int_equal(give_air(&r), INBOX_AMBIENT);
+    r.vehicle.counters[CAN_ID_AMBIENT] = 9; /* 8 were lost, in a second */
+    r.now_ns += 1000 * MS;
+    assert_int_equal(give_air(&r), INBOX_WRONG);
+    r.vehicle.counters[CAN_ID_AMBIENT] = 3;
+    r.now_ns += 3001 * MS;
+    assert_int_equal(give_air(&r), INBOX_AMBIENT);
+}
+
 static void the_air_is_what_the_vehicle_measures(void **state)
 {
     const struct can_ambient air = {.temperature_c = -12.5, .humidity = 0.8};
@@ -249,6 +273,7 @@ int main(void)
         cmocka_unit_test(a_damaged_frame_is_not_used),
         cmocka_unit_test(nor_is_one_that_comes_again_or_of_another_frame),
         cmocka_unit_test(after_a_silence_any_counter_is_the_first),
+        cmocka_unit_test(so_is_it_of_what_comes_every_second),
         cmocka_unit_test(the_air_is_what_the_vehicle_measures),
         cmocka_unit_test(a_wall_is_upright_in_the_vehicle_frame),
         cmocka_unit_test(walls_are_kept_until_they_are_taken_back_or_old),

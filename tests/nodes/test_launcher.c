@@ -494,7 +494,7 @@ static void a_recorder_that_crashes_is_started_again(void **state)
 
     write_recording_launch(r, "report");
     write_node(r, "record",
-               "if test -e $D/first; then echo go > $D/go; " TRAP STAY "fi\n"
+               "if test -e $D/first; then\n" TRAP "echo go > $D/go\n" STAY "fi\n"
                ": > $D/first; kill -SEGV $$");
     write_node(r, "report", "read x < $D/go");
     start(r);

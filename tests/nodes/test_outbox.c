@@ -285,6 +285,21 @@ static void the_oldest_list_that_is_not_on_its_way_is_dropped_whole(void **state
     assert_true(outbox_well(&r->outbox, text, sizeof text));
 }
 
+static void a_list_without_the_objects_that_did_not_fit_is_counted(void **state)
+{
+    struct rig *r = *state;
+
+    r->bus.room = SIZE_MAX;
+    put(r, 1, 2);
+    step(r, 1);
+    assert_int_equal(count_of(r, "lists_truncated"), 0);
+    r->sender.cfg.load = 0.001; /* not even that of the status */
+    put(r, 2, 2);
+    step(r, 1);
+    assert_int_equal(count_of(r, "lists_sent"), 2);
+    assert_int_equal(count_of(r, "lists_truncated"), 1);
+}
+
 static void of_status_frames_only_the_newest_waits(void **state)
 {
     struct rig *r = *state;
@@ -551,6 +566,11 @@ static void an_error_that_is_not_of_the_bus_costs_the_list_and_is_said(void **st
     step(r, 1);
     assert_int_equal(count_of(r, "lists_dropped"), 2);
     r->bus.send_result = 0;
+    put_status(r, 1); /* which goes */
+    step(r, 1);
+    assert_false(outbox_well(&r->outbox, text, sizeof text));
+    assert_string_equal(text, "lists did not go out: the interface takes no CAN FD "
+                              "frames, which can.fd asks for: 2 dropped");
     put(r, 3, 1);
     step(r, 6000);
     assert_true(outbox_well(&r->outbox, text, sizeof text));
@@ -567,6 +587,7 @@ int main(void)
         TEST(a_full_bus_gets_the_frames_in_order_as_it_takes_them),
         TEST(tries_become_rare_and_frequent_again_when_frames_go),
         TEST(the_oldest_list_that_is_not_on_its_way_is_dropped_whole),
+        TEST(a_list_without_the_objects_that_did_not_fit_is_counted),
         TEST(of_status_frames_only_the_newest_waits),
         TEST(a_status_frame_does_not_wait_for_a_long_list),
         TEST(a_list_begins_when_the_one_before_is_confirmed),

@@ -438,6 +438,8 @@ static void a_recording_of_an_array_that_stands_ends_well(void **state)
         receipt.usable = i >= 3;
         playback_receipt(r->p, &receipt, r->now_ns);
     }
+    turn(r, 400 * MS);
+    assert_string_equal(status_of(r).text, "waits for the last lists");
     list(r, 1, false);
     for (int i = 0; i < 1000 && (!s || s->state != ANLOS__SCAN_STATUS__STATE__DONE);
          i++) {

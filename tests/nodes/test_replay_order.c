@@ -127,6 +127,22 @@ static void what_waits_for_motion_that_does_not_come_goes_on_after_a_while(void 
     assert_string_equal(take(r), "e40 ");
 }
 
+static void who_is_at_work_does_not_wait(void **state)
+{
+    struct rig *r = *state;
+
+    put(r, topic_ego(), 20);
+    put(r, topic_ping(), 30);
+    assert_string_equal(take(r), "e20 ");
+    r->now_ns = 10 * MS;
+    replay_order_leave(&r->order, r->now_ns);
+    r->now_ns = 1010 * MS;
+    replay_order_return(&r->order, r->now_ns);
+    assert_string_equal(take(r), "");
+    r->now_ns = 1300 * MS;
+    assert_string_equal(take(r), "p30 ");
+}
+
 static void nothing_is_lost_when_much_waits(void **state)
 {
     struct rig *r = *state;
@@ -165,6 +181,7 @@ int main(void)
         TEST(whoever_comes_first_the_stamps_decide),
         TEST(walls_that_are_not_told_any_more_are_not_waited_for),
         TEST(what_waits_for_motion_that_does_not_come_goes_on_after_a_while),
+        TEST(who_is_at_work_does_not_wait),
         TEST(nothing_is_lost_when_much_waits),
         TEST(live_messages_and_those_of_other_kinds_do_not_wait),
     };

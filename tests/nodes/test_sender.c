@@ -330,6 +330,28 @@ static void a_track_says_how_it_moves(void **state)
     assert_int_equal(o.motion, CAN_MOVING);
 }
 
+static void a_variance_that_is_none_never_looks_like_certainty(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_object o;
+    double velocity_covariance[] = {0.04, 0.0, NAN};
+
+    (void)state;
+    init(&s, 0x400);
+    fill_tracks(&l, 1);
+    l.covariance[0] = NAN;
+    l.covariance[3] = -1e-6;
+    l.detections[0].velocity_covariance_m2_s2 = velocity_covariance;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(can_unpack_object_quality(&sent.frames[4], &o), 0);
+    assert_true(isnan(o.sigma_m[0]));
+    assert_true(isnan(o.sigma_m[1]));
+    assert_true(isnan(o.correlation));
+    assert_true(isnan(o.sigma_v_m_s));
+}
+
 static void every_measurement_of_a_track_has_its_word(void **state)
 {
     static const struct {
@@ -519,6 +541,7 @@ int main(void)
         cmocka_unit_test(the_status_follows_the_survey),
         cmocka_unit_test(what_is_not_known_to_be_live_never_looks_live),
         cmocka_unit_test(a_track_says_how_it_moves),
+        cmocka_unit_test(a_variance_that_is_none_never_looks_like_certainty),
         cmocka_unit_test(every_measurement_of_a_track_has_its_word),
         cmocka_unit_test(what_was_heard_too_long_ago_is_never_sent_as_measured),
         cmocka_unit_test(an_fd_frame_carries_all_of_an_object),

@@ -329,10 +329,105 @@ static void a_survey_of_a_stage_is_refused(void **state)
     stop(&r);
 }
 
+static float brightest(const Anlos__Volume *v)
+{
+    size_t n[3];
+    const float *x = tensor_f32(v->intensity, 3, n);
+    float most = 0.0f;
+    for (size_t q = 0; q < n[0] * n[1] * n[2]; q++)
+        most = fmaxf(most, x[q]);
+    return most;
+}
+
+static void image_of(struct rig *r, size_t frame, Anlos__Volume *v)
+{
+    for (size_t k = frame * SPEAKERS; k < (frame + 1) * SPEAKERS; k++)
+        ping(r, k);
+    steady_image(r->steady, v);
+}
+
+static void tell_wall(struct rig *r, double distance_m)
+{
+    Anlos__WallList list = ANLOS__WALL_LIST__INIT;
+    Anlos__Wall wall = ANLOS__WALL__INIT, *walls[1] = {&wall};
+    Anlos__Vec3 normal = ANLOS__VEC3__INIT;
+    normal.z = 1.0;
+    wall.id = 1;
+    wall.normal = &normal;
+    wall.distance_m = distance_m;
+    list.walls = walls;
+    list.n_walls = 1;
+    assert_int_equal(steady_walls(r->steady, &list, stamp_ns(0), NULL), 0);
+}
+
+/* The point is imaged 1.5 m away. */
+static void what_is_heard_before_the_wall_is_muted(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    start(&r, true, &each_frame);
+    tell_wall(&r, 1.0);
+    image_of(&r, 0, &v);
+    assert_true(off_m(&r, &v, SPEAKERS - 1) < 0.011);
+    float whole = brightest(&v);
+    tell_wall(&r, 1.7);
+    image_of(&r, 1, &v);
+    assert_true(brightest(&v) < 1e-4f * whole);
+    stop(&r);
+}
+
+/* After 0.36 s the point is 1.34 m away, closer than the wall was at first and its echo
+ * ends. */
+static void the_wall_comes_along_with_the_vehicle(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    start(&r, true, &each_frame);
+    r.world.speed_m_s = 1.0;
+    r.world.at_m[0] = 5.2;
+    drive(&r, stamp_ns(20));
+    tell_wall(&r, 1.3);
+    image_of(&r, 0, &v);
+    assert_true(off_m(&r, &v, SPEAKERS - 1) < 0.011);
+    float whole = brightest(&v);
+    image_of(&r, 3, &v);
+    assert_true(off_m(&r, &v, 4 * SPEAKERS - 1) < 0.011);
+    assert_true(brightest(&v) > 0.5f * whole);
+    stop(&r);
+}
+
+static void what_stands_still_is_muted_and_what_moved_is_not(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    struct steady_config cfg = each_frame;
+    cfg.moving_only = true;
+    start(&r, true, &cfg);
+    r.world.speed_m_s = 1.0;
+    drive(&r, stamp_ns(20));
+    image_of(&r, 0, &v);
+    assert_true(off_m(&r, &v, SPEAKERS - 1) < 0.011);
+    float whole = brightest(&v);
+    image_of(&r, 1, &v);
+    assert_true(brightest(&v) < 0.01f * whole);
+    r.world.at_m[0] += 0.3;
+    r.world.at_m[1] -= 0.25;
+    image_of(&r, 2, &v);
+    assert_true(off_m(&r, &v, 3 * SPEAKERS - 1) < 0.011);
+    assert_true(brightest(&v) > 0.5f * whole);
+    stop(&r);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_frame_is_imaged_with_its_last_ping),
+        cmocka_unit_test(what_is_heard_before_the_wall_is_muted),
+        cmocka_unit_test(the_wall_comes_along_with_the_vehicle),
+        cmocka_unit_test(what_stands_still_is_muted_and_what_moved_is_not),
         cmocka_unit_test(
             a_frame_without_its_last_ping_is_imaged_with_the_next_ones_first),
         cmocka_unit_test(every_ping_may_have_an_image),

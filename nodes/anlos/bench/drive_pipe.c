@@ -18,7 +18,9 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct complaint *
                                          .compression = l->dsp.compression,
                                          .pings = l->recon.frames.pings,
                                          .sum = l->recon.frames.sum,
-                                         .every_ping = l->recon.frames.every_ping};
+                                         .every_ping = l->recon.frames.every_ping,
+                                         .moving_only = l->dsp.background ==
+                                                        BACKGROUND_ADAPTIVE};
     struct tracking_config track;
     int err = dsp_create(&p->dsp, &dsp);
 
@@ -104,6 +106,8 @@ static int tell_wall(struct drive_pipe *p, const Anlos__Ping *ping, int64_t stam
         err = keeper_given(&p->keeper, &given.list, stamp_ns, why);
     }
     const Anlos__WallList *walls = keeper_list(&p->keeper);
+    if (!err)
+        err = steady_walls(p->steady, walls, stamp_ns, why);
     if (!err)
         err = tracking_walls(p->tracker, walls, stamp_ns, why);
     return err ? err : tracking_walls(p->detector, walls, stamp_ns, why);

@@ -166,6 +166,8 @@ static int finish(const struct decode *d, int err, const struct complaint *why)
         return EXIT_FAILED;
     }
     if (err && err != -EINTR) {
+        if (tally_frames(&d->tally)) /* what came before is not lost */
+            sum_up(d);
         fprintf(stderr, "anlos can: %s\n", why->text[0] ? why->text : strerror(-err));
         return err == -EISDIR ? EXIT_BAD_INPUT : EXIT_FAILED;
     }

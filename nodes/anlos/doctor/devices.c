@@ -215,7 +215,7 @@ void doctor_stage(const void *ctx, struct findings *f)
     launchfile_destroy(l);
 }
 
-static void look_at_interface(struct findings *f, const char *interface)
+static void look_at_interface(struct findings *f, const char *interface, bool fd_frames)
 {
     struct complaint why = {""};
     struct can_link link;
@@ -237,6 +237,13 @@ static void look_at_interface(struct findings *f, const char *interface)
     } else if (!link.carrier) {
         canbus_advice(text, sizeof text, CANBUS_OFF, interface);
         finding_add(f, FINDING_WRONG, "can", "%s", text);
+    } else if (fd_frames && !link.can_fd) {
+        finding_add(f, FINDING_WRONG, "can", "%s takes no CAN FD frames: no objects",
+                    interface);
+        finding_todo(f,
+                     "without can.fd, or 'ip link set %s type can bitrate 500000 "
+                     "dbitrate 2000000 fd on' while it is down",
+                     interface);
     } else {
         finding_add(f, FINDING_OK, "can", "%s is up, %s", interface,
                     link.can_fd ? "takes FD frames" : "classic frames only");
@@ -252,7 +259,7 @@ void doctor_can(const void *ctx, struct findings *f)
         char name[64];
         if (interface) {
             snprintf(name, sizeof name, "%.*s", (int)strcspn(interface, "?"), interface);
-            look_at_interface(f, name);
+            look_at_interface(f, name, l->can.fd);
         } else {
             finding_add(f, FINDING_OK, "can", "frames go into %s, to no vehicle",
                         l->can.uri);

@@ -200,7 +200,8 @@ void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_
 {
     struct complaint why = {""};
 
-    if (tracking_walls(c->tracking, walls, capture_ns, &why))
+    if (tracking_walls(c->tracking, walls, capture_ns, &why) ||
+        (c->steady && steady_walls(c->steady, walls, capture_ns, &why)))
         note(c, why.text);
 }
 

@@ -10,7 +10,15 @@
 
 static size_t pings_expected(const struct replay *r)
 {
+    if (r->chain.steady)
+        return r->chain.volume.pings_expected;
     return r->survey.n_positions * r->survey.n_speakers;
+}
+
+/* As the image says: of an array that stands it is made of frames. */
+static const char *method_of(const struct chain *c)
+{
+    return c->steady ? c->volume.method : c->cfg.recon.method;
 }
 
 static void warn(json_t *warnings, json_t *text)
@@ -45,7 +53,7 @@ static json_t *warnings_json(const struct replay *r)
         warn(warnings, json_sprintf("background: the air has changed by %.1f K since it "
                                     "was recorded: it does not fit any more",
                                     air_kelvin(air, air->largest)));
-    if (!c->n_background_pings)
+    if (!c->n_background_pings && c->cfg.dsp.background != BACKGROUND_ADAPTIVE)
         warn(warnings, json_string("no background recording: the room's own echoes stay "
                                    "in the image"));
     return warnings;
@@ -95,7 +103,7 @@ int replay_write(struct replay *r, const char *folder, const struct stopwatch *b
     struct grid grid;
     struct recon_results results = {
         .options = r->options,
-        .method = c->cfg.recon.method,
+        .method = method_of(c),
         .imaging = c->cfg.recon.options,
         .grid = &grid,
         .intensity = volume_grid(&c->volume, &grid),
@@ -128,7 +136,7 @@ void replay_print(const struct replay *r)
         printf("%zu images in the bag; the files are of the last, scan %u\n", c->n_images,
                c->detections->scan);
     printf("%u of %zu pings, method %s, settings of %s, %zu thread%s: %.2f s",
-           c->volume.pings_used, pings_expected(r), c->cfg.recon.method,
+           c->volume.pings_used, pings_expected(r), method_of(c),
            r->settings.name[0] ? r->settings.name : "no launch file (defaults)",
            r->options->threads, r->options->threads == 1 ? "" : "s", r->total.wall_s);
     recon_report_print_stages(r->stages);

@@ -12,14 +12,14 @@ export function showScan(scan) {
     $("scan").dataset.state = scan?.state || "";
     $("scan-state").textContent = scan ? `Scan ${scan.scan} ${scan.state}` : "No scan";
     $("scan-bar").max = scan?.expected || 1;
-    $("scan-bar").value = scan?.done || 0;
+    $("scan-bar").value = scan?.expected ? scan.done : 0;
     if (!scan) {
         $("scan-text").textContent = "";
         return;
     }
     const parts = [scan.expected ? `${scan.done} of ${scan.expected} pings` : `${scan.done} pings`];
     if (scan.state === "running") {
-        parts.push(`${scan.pass} at position ${scan.position}`);
+        parts.push(scan.expected ? `${scan.pass} at position ${scan.position}` : scan.pass);
         if (scan.left_s > 0) parts.push(`${Math.ceil(scan.left_s)} s left`);
     }
     if (scan.retaken) parts.push(`${scan.retaken} retaken`);
@@ -122,7 +122,7 @@ export function showLog(log) {
         const level = element("span", l.level, { className: "level" });
         level.dataset.level = LEVELS[l.level] || "dim";
         let text = l.text;
-        if (l.repeats) text += ` (${l.repeats} times more)`;
+        if (l.repeats) text += ` (${l.repeats} time${l.repeats === 1 ? "" : "s"} more)`;
         if (l.left_out) text += ` (${l.left_out} lines before it were left out)`;
         line.append(element("time", new Date(l.ms).toLocaleTimeString("en-GB")),
             element("span", l.node, { className: "who" }), level, element("span", text));
