@@ -1,7 +1,7 @@
 /* nodes/recon/clutter_map.h -- what stood still over ground since an image before, while
- * the vehicle moved: it is dimmed to the level of the noise, for it is echoes of walls
- * and of what the array sees directly, of which there is no background.  A hidden object
- * that stands goes with it, as it does in a background. */
+ * the vehicle moved: it is set to 0, for it is echoes of walls and of what the array sees
+ * directly, of which there is no background.  A hidden object that stands goes with it,
+ * as it does in a background. */
 #ifndef ANLOS_NODES_RECON_CLUTTER_MAP_H
 #define ANLOS_NODES_RECON_CLUTTER_MAP_H
 
@@ -19,8 +19,8 @@ int clutter_map_create(struct clutter_map **out, const struct grid *grid,
                        int64_t window_ns);
 
 /* Sets voxels of an image [nz][ny][nx] to 0, having kept it as it was.  What it is held
- * against has no ping in common with it;
- * where there is none, or the vehicle's path does not reach, nothing is muted. */
+ * against has no ping in common with it; where there is none, or the vehicle's path does
+ * not reach, nothing is muted. */
 void clutter_map_mute(struct clutter_map *c, const struct ego_path *path,
                       const struct mount *mount, int64_t stamp_ns, float *image);
 void clutter_map_reset(struct clutter_map *c);

@@ -13,7 +13,7 @@
 #define HEIGHT_SIGMA_M 0.5  /* of objects, where they are not told */
 #define HEIGHT_M       0.8  /* above the ground: the middle of persons, cyclists, cars */
 
-static Anlos__Vec3 *vec3_create(const double v[3])
+Anlos__Vec3 *objects_vec3(const double v[3])
 {
     Anlos__Vec3 *m = malloc(sizeof *m);
     if (!m)
@@ -152,9 +152,9 @@ static int fill_detection(Anlos__Detection *m, const struct survey *s,
 {
     struct placement p;
     objects_place(&p, s, walls, d);
-    m->position_m = vec3_create(p.position_m);
-    m->virtual_m = vec3_create(d->position_m);
-    m->extent_m = vec3_create(p.extent_m);
+    m->position_m = objects_vec3(p.position_m);
+    m->virtual_m = objects_vec3(d->position_m);
+    m->extent_m = objects_vec3(p.extent_m);
     m->covariance_m2 = malloc(sizeof p.covariance_m2);
     if (!m->position_m || !m->virtual_m || !m->extent_m || !m->covariance_m2)
         return -ENOMEM;

@@ -54,4 +54,7 @@ void objects_place(struct placement *out, const struct survey *s,
                    const struct walls *walls, const struct detection *object);
 void objects_free(Anlos__DetectionList *list);
 
+/* A vector for a detection, which frees it with the list.  NULL: no memory. */
+Anlos__Vec3 *objects_vec3(const double v[3]);
+
 #endif

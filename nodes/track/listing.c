@@ -6,19 +6,6 @@
 
 #include "nodes/rt/objects.h"
 
-static Anlos__Vec3 *vec3_create(const double v[3])
-{
-    Anlos__Vec3 *m = malloc(sizeof *m);
-
-    if (!m)
-        return NULL;
-    anlos__vec3__init(m);
-    m->x = v[0];
-    m->y = v[1];
-    m->z = v[2];
-    return m;
-}
-
 static double *numbers_create(const double *values, size_t n)
 {
     double *copy = malloc(n * sizeof *copy);
@@ -45,9 +32,9 @@ static int fill_places(Anlos__Detection *m, const struct sight *sight,
     sight_wall_error(sight, m->wall, virtual_m, covariance_m2);
     for (int i = 0; i < 6; i++)
         covariance_m2[i] += k->covariance_m2[i];
-    m->position_m = vec3_create(k->position_m);
-    m->virtual_m = vec3_create(virtual_m);
-    m->extent_m = vec3_create(k->extent_m);
+    m->position_m = objects_vec3(k->position_m);
+    m->virtual_m = objects_vec3(virtual_m);
+    m->extent_m = objects_vec3(k->extent_m);
     m->covariance_m2 = numbers_create(covariance_m2, 6);
     m->velocity_m_s = numbers_create(k->velocity_m_s, 2);
     m->velocity_covariance_m2_s2 = numbers_create(k->velocity_m2_s2, 3);
