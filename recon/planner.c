@@ -124,13 +124,26 @@ static void add(const struct planning *p, struct planner_candidate c)
     plan->candidates[plan->n_candidates++] = c;
 }
 
+/* Sharpened or not is a question where it is known what there is. */
+static void list_sharpness(const struct planning *p, struct planner_candidate c)
+{
+    const struct probe *probe = p->cfg->probe;
+    bool stands = !(probe->coherence.element_m > SHARPEST_M);
+    c.sharpen = PLANNER_SHARPEN;
+    if (stands)
+        add(p, c);
+    c.sharpen = 0.0;
+    if (!stands || probe->n_objects)
+        add(p, c);
+}
+
 static void list_fast(const struct planning *p, struct planner_candidate c)
 {
     for (size_t d = 0; d < 2 * sizeof deeper / sizeof *deeper; d++) {
         c.deeper = deeper[d / 2];
         c.dip = d % 2;
         if (!c.dip || !p->cfg->probe->uneven)
-            add(p, c);
+            list_sharpness(p, c);
     }
 }
 
@@ -227,7 +240,7 @@ static bool is_cheaper(const struct planning *p, const struct planner_candidate 
         return a->top_hz > b->top_hz;
     if (!asked && a->stride != b->stride)
         return a->stride < b->stride;
-    return a->time_s < b->time_s;
+    return a->time_s != b->time_s ? a->time_s < b->time_s : a->own_m < b->own_m;
 }
 
 /* Is a to be preferred to b?  What fits the budget comes first.  Of that the cheapest
@@ -252,10 +265,9 @@ static bool is_better(const struct planning *p, const struct planner_candidate *
 static void take(const struct planning *p, const struct planner_candidate *best)
 {
     struct plan *out = p->plan;
-    bool stands = !(p->cfg->probe->coherence.element_m > SHARPEST_M);
     out->method = best->method;
     out->dip = best->dip;
-    out->sharpen = stands && !strcmp(best->method, "fast") ? PLANNER_SHARPEN : 0.0;
+    out->sharpen = best->sharpen;
     out->stride = best->stride;
     out->time_s = best->time_s;
     out->error_m = best->error_m;

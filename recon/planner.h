@@ -25,11 +25,12 @@ struct planner_config {
 
 #define PLANNER_INCOHERENT_M 0.0065 /* positions less certain than this: power alone */
 
-enum { PLANNER_CANDIDATES = 256, PLANNER_WORDS = 160 };
+enum { PLANNER_CANDIDATES = 640, PLANNER_WORDS = 160 };
 
 struct planner_candidate {
     const char *method;
     bool dip;       /* fast: with dip moveout */
+    double sharpen; /* fast: recon/fk.h */
     double coarser; /* steps, times those of the whole image */
     double deeper;  /* and in depth times this as well, 1 at most */
     double top_hz;  /* fast: of the traces' band, up to here */

@@ -3,16 +3,20 @@
 #include <math.h>
 #include <string.h>
 
-#define FALLS_APART 0.8  /* rad of phase, rms over the pairs */
-#define STRONG_DB   10.0 /* below the strongest: what the error is stated for */
-#define POWER_WIDER 2.4  /* times: a point in an image of power */
-#define POWER       0.03
-#define BETWEEN     0.17 /* voxels */
-#define EDGE        0.04
-#define SHARPENED   0.75
-#define UNKNOWN     0.03 /* of a width: of no point more exact than this is made much */
-#define MEAN_STEPS  64
-#define MIRROR      3.0 /* times a point's width: a shape */
+#define FALLS_APART   0.8  /* rad of phase, rms over the pairs */
+#define DIP_FAILS     0.2  /* the same: dip moveout of fewer speakers */
+#define STRONG_DB     10.0 /* below the strongest: what the error is stated for */
+#define POWER_WIDER   2.4  /* times: a point in an image of power */
+#define POWER         0.03
+#define BETWEEN       0.17 /* voxels */
+#define EDGE          0.04
+#define SHARPENED     0.75 /* times: `iterative` */
+#define BLUNT_BETWEEN 0.75 /* times: not sharpened */
+#define BLUNT_ASIDE   1.5
+#define BLUNT_EDGE    1.2
+#define UNKNOWN       0.03 /* of a width: of no point more exact than this is made much */
+#define MEAN_STEPS    64
+#define MIRROR        3.0 /* times a point's width: a shape */
 
 static double square(double x)
 {
@@ -81,6 +85,12 @@ static bool is_stacked(const struct planner_candidate *c)
     return !strcmp(c->method, "fast") || !strcmp(c->method, "iterative");
 }
 
+/* Neither `fast` sharpened nor `iterative`. */
+static bool is_blunt(const struct planner_candidate *c)
+{
+    return !(c->sharpen > 0.0) && strcmp(c->method, "iterative") != 0;
+}
+
 /* Of Hann's window over the band, as far as it is imaged, and sharpened. */
 static double mean_hz(const double band_hz[2], double top_hz)
 {
@@ -116,7 +126,23 @@ static double along(const struct planner_config *cfg, const struct planner_candi
         width_m *= POWER_WIDER;
         sum += square(POWER * width_m);
     }
-    return sum + square(BETWEEN * step_m * square(step_m / width_m));
+    bool rounder = is_blunt(c) && !strcmp(c->method, "fast") &&
+                   !planner_sees_shape(cfg->probe);
+    double between = rounder ? BLUNT_BETWEEN * BETWEEN : BETWEEN;
+    return sum + square(between * step_m * square(step_m / width_m));
+}
+
+/* By how much moveout images it beside itself.  Of fewer speakers there are few pairs of
+ * each offset, and dip moveout, which wants lines of them, leaves the more of what these
+ * speakers add the more it has to move. */
+static double beside_m(const struct planner_candidate *c, const struct probe_object *o,
+                       int a)
+{
+    double fewer_m = c->stride == 1   ? 0.0
+                     : c->stride == 2 ? o->fewer_m[0][a]
+                                      : o->fewer_m[1][a];
+    return c->dip ? fmin(o->moveout_rad / DIP_FAILS, 1.0) * fewer_m
+                  : o->moveout_m[a] + fewer_m;
 }
 
 /* What comes to it where echoes come from aside. */
@@ -125,25 +151,27 @@ static double aside(const struct planner_config *cfg, const struct planner_candi
 {
     double plane_m = c->coarser * c->deeper * cfg->grid->step_m[2];
     double sum = square(o->lean[a] * plane_m) / 12.0;
-    if (c->dip || !is_stacked(c))
-        return sum;
-    if (o->moveout_rad > FALLS_APART)
-        sum += square(0.25 * o->width_m[a]);
-    return sum + square(o->moveout_m[a]);
+    if (is_stacked(c)) {
+        sum += square(beside_m(c, o, a));
+        if (!c->dip && o->moveout_rad > FALLS_APART)
+            sum += square(0.25 * o->width_m[a]);
+    }
+    return is_blunt(c) ? square(BLUNT_ASIDE) * sum : sum;
 }
 
-/* Of the edges of a shape. */
-static double edge_m(const struct planner_config *cfg, const struct planner_candidate *c,
-                     const struct probe_object *o)
+/* Of the edges of a shape, in widths of a point. */
+static double edges(const struct planner_config *cfg, const struct planner_candidate *c)
 {
-    double sharper = strcmp(c->method, "iterative") ? 1.0 : SHARPENED;
-    return EDGE * sharper * longer(cfg, c) * planner_width_m(o) *
-           narrowing(cfg->set->geometry, c->stride);
+    double sharper = !strcmp(c->method, "iterative") ? SHARPENED
+                     : is_blunt(c)                   ? BLUNT_EDGE
+                                                     : 1.0;
+    return EDGE * sharper * longer(cfg, c) * narrowing(cfg->set->geometry, c->stride);
 }
 
 static double object_error_m(const struct planner_config *cfg,
                              const struct planner_candidate *c,
-                             const struct probe_object *o, bool elements)
+                             const struct probe_object *o, double in_widths,
+                             bool elements)
 {
     double ahead = elements ? square(element_error_m(cfg, o->position_m[2], c->stride))
                             : 0.0;
@@ -154,7 +182,7 @@ static double object_error_m(const struct planner_config *cfg,
         ahead += along(cfg, c, o, a);
         slant += aside(cfg, c, o, a);
     }
-    double shape = ahead + square(edge_m(cfg, c, o)), point = ahead + slant;
+    double shape = ahead + square(in_widths * planner_width_m(o)), point = ahead + slant;
     if (planner_sees_shape(cfg->probe))
         return sqrt(shape + (cfg->probe->specular ? 0.0 : slant));
     if (cfg->probe->n_objects)
@@ -163,18 +191,20 @@ static double object_error_m(const struct planner_config *cfg,
 }
 
 static double worst_m(const struct planner_config *cfg, const struct planner_candidate *c,
-                      bool elements)
+                      double in_widths, bool elements)
 {
     const struct probe *probe = cfg->probe;
-    double most_m = object_error_m(cfg, c, planner_object(probe), elements);
+    double most_m = object_error_m(cfg, c, planner_object(probe), in_widths, elements);
     for (size_t i = 1; i < probe->n_objects; i++)
         if (probe->objects[i].level_db > probe->snr_db - STRONG_DB)
-            most_m = fmax(most_m, object_error_m(cfg, c, &probe->objects[i], elements));
+            most_m = fmax(
+                most_m, object_error_m(cfg, c, &probe->objects[i], in_widths, elements));
     return most_m;
 }
 
 void planner_estimate_error(const struct planner_config *cfg, struct planner_candidate *c)
 {
-    c->error_m = worst_m(cfg, c, true);
-    c->own_m = worst_m(cfg, c, false);
+    double in_widths = edges(cfg, c);
+    c->error_m = worst_m(cfg, c, in_widths, true);
+    c->own_m = worst_m(cfg, c, in_widths, false);
 }

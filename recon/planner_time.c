@@ -11,6 +11,7 @@
  * first time. */
 #define COHERENCE_NS     16.0  /* a sample of a trace */
 #define COMPRESS_NS      8.0e3 /* a trace */
+#define PLACES_NS        2.4e3 /* a trace, on one thread: what the geometry says of places */
 #define STACK_NS         4.5   /* a sample of a trace, moved out */
 #define DIP_NS           9.0   /* a sample of a trace, by its dip */
 #define DIP_PLAN_NS      160.0 /* a sample of a midpoint's trace, of all the chirp's band */
@@ -65,7 +66,7 @@ double planner_probe_s(const struct trace_set *set, const struct grid *grid,
     }
     double ns = STACK_NS * traces * (double)set->format.n_samples +
                 migrate_ns(set, &coarse);
-    return 1e-9 * ns / (double)n_threads;
+    return 1e-9 * (PLACES_NS * traces + ns / (double)n_threads);
 }
 
 double planner_coherence_s(const struct trace_set *set, size_t stride, size_t n_threads)

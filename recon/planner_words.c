@@ -46,7 +46,7 @@ static bool needs_dip(const struct planning *p, const struct planner_candidate *
         const struct planner_candidate *c = &p->plan->candidates[i];
         if (!strcmp(c->method, "fast") && !c->dip && c->coarser == best->coarser &&
             c->deeper == best->deeper && c->stride == best->stride &&
-            c->top_hz == best->top_hz)
+            c->top_hz == best->top_hz && c->sharpen == best->sharpen)
             return c->error_m > fmax(p->goal_m, FAR_OFF * best->error_m);
     }
     return false;

@@ -6,10 +6,8 @@
 #include <string.h>
 
 #include "recon/colocated.h"
-#include "recon/fold.h"
 #include "recon/imager.h"
-#include "recon/lean.h"
-#include "recon/moveout_error.h"
+#include "recon/probe_place.h"
 
 #define COARSER    2.0 /* times the steps of the image that is wanted */
 #define COARSEST   0.6 /* of a point's width */
@@ -20,6 +18,7 @@ struct probing {
     struct probe *out;
     const struct trace_set *set;
     struct pool *pool;
+    struct probe_places *places;
     struct imager_config cfg; /* of the coarse image */
     float *intensity;
 };
@@ -84,18 +83,8 @@ static void measure_depth(const struct probing *p, double range_db)
         fmin(g->origin_m[2] + g->step_m[2] * (double)last + MARGIN_M, end_m);
 }
 
-/* What the geometry says of its position_m. */
-static void describe_place(const struct trace_set *set, const float *weight,
-                           struct probe_object *o)
-{
-    double centre_hz = 0.5 * (set->band_hz[0] + set->band_hz[1]);
-    geometry_resolution_at(set->geometry, set->band_hz, o->position_m, o->width_m);
-    lean_of_point(set->geometry, weight, set->band_hz, o->position_m, o->lean);
-    moveout_error(set->geometry, weight, o->position_m, centre_hz, o->moveout_m,
-                  &o->moveout_rad);
-}
-
-int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid)
+static void assume(struct probe *out, const struct trace_set *set,
+                   const struct grid *grid, const struct probe_places *places)
 {
     static const double part[3] = {0.75, 0.75, 0.5};
     struct probe_object *o = &out->typical;
@@ -107,12 +96,17 @@ int probe_assume(struct probe *out, const struct trace_set *set, const struct gr
     for (int a = 0; a < 3; a++)
         o->position_m[a] = grid->origin_m[a] +
                            part[a] * grid->step_m[a] * (double)(grid->n[a] - 1);
-    float *weight;
-    int err = fold_weights(set->geometry, &weight);
+    probe_places_describe(places, o);
+}
+
+int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid)
+{
+    struct probe_places *places;
+    int err = probe_places_create(&places, set);
     if (err)
         return err;
-    describe_place(set, weight, o);
-    free(weight);
+    assume(out, set, grid, places);
+    probe_places_destroy(places);
     return 0;
 }
 
@@ -127,15 +121,15 @@ static void move_to_edge(const struct geometry *g, const double extent_m[2],
             copysign(0.5 * extent_m[a], o->position_m[a] - 0.5 * (low[a] + high[a]));
 }
 
-static void describe_object(const struct probing *p, const float *weight,
-                            const struct detection *d, struct probe_object *o)
+static void describe_object(const struct probing *p, const struct detection *d,
+                            struct probe_object *o)
 {
     double noise = pow(10.0, -0.05 * d->level_db); /* over amplitude */
     *o = (struct probe_object){.level_db = d->level_db,
                                .extent_m = fmax(d->extent_m[0], d->extent_m[1])};
     memcpy(o->position_m, d->position_m, sizeof o->position_m);
     move_to_edge(p->set->geometry, d->extent_m, o);
-    describe_place(p->set, weight, o);
+    probe_places_describe(p->places, o);
     memcpy(o->position_m, d->position_m, sizeof o->position_m);
     for (int a = 0; a < 3; a++) /* 1 / sqrt(curvature of the intensity x SNR) */
         o->noise_m[a] =
@@ -152,12 +146,8 @@ static int find_objects(const struct probing *p)
                         detect.resolution_m);
     int err = detect_objects(&detect, &p->cfg.grid, p->intensity, found, PROBE_OBJECTS,
                              &p->out->n_objects);
-    float *weight = NULL;
-    if (!err)
-        err = fold_weights(p->set->geometry, &weight);
     for (size_t i = 0; !err && i < p->out->n_objects; i++)
-        describe_object(p, weight, &found[i], &p->out->objects[i]);
-    free(weight);
+        describe_object(p, &found[i], &p->out->objects[i]);
     if (!err && p->out->n_objects)
         p->out->snr_db = found[0].level_db;
     if (!err)
@@ -264,12 +254,14 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
     struct grid coarse;
     if (known)
         before = *known; /* it may be that of *out */
-    int err = probe_assume(out, set, grid);
+    int err = probe_places_create(&p.places, set);
+    if (err)
+        return err;
+    assume(out, set, grid, p.places);
     out->imaged = false;
     coarsen(&coarse, grid, set);
     configure(&p, &coarse);
-    if (!err)
-        err = look(&p);
+    err = look(&p);
     if (!err && out->imaged)
         err = measure_scattering(&p);
     if (!err && known)
@@ -280,5 +272,6 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
     if (!err)
         leave_out_moveout(out, set);
     free(p.intensity);
+    probe_places_destroy(p.places);
     return err;
 }

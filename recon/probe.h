@@ -9,7 +9,7 @@
 #include "recon/grid.h"
 #include "recon/scattering.h"
 
-#define PROBE_OBJECTS 16
+enum { PROBE_OBJECTS = 16, PROBE_FEWER = 2 };
 
 struct probe_object {
     double position_m[3]; /* as imaged */
@@ -19,8 +19,10 @@ struct probe_object {
     double moveout_m[3]; /* where moveout without dip (`fast`) images it, or its edge that
                           * is farther aside, beside itself */
     double moveout_rad;  /* phase, rms over the pairs, that this leaves */
-    double width_m[3];   /* of a point there */
-    double lean[2];      /* recon/lean.h */
+    double fewer_m[PROBE_FEWER][2]; /* what comes to moveout_m when every second speaker
+                                     * is used, every fourth: they stand less evenly */
+    double width_m[3];              /* of a point there */
+    double lean[2];                 /* recon/lean.h */
 };
 
 struct probe {

@@ -277,11 +277,12 @@ static void what_is_near_gets_finer_steps(void **state)
     assert_near(s.plan.grid.step_m[1], 0.5 * s.grid.step_m[1], 1e-12);
 }
 
-static const struct planner_candidate *find(const struct scene *s, double deeper)
+static const struct planner_candidate *find(const struct scene *s, double deeper,
+                                            bool dip)
 {
     for (size_t i = 0; i < s->plan.n_candidates; i++) {
         const struct planner_candidate *c = &s->plan.candidates[i];
-        if (!strcmp(c->method, "fast") && !c->dip && c->coarser == 1.0 &&
+        if (!strcmp(c->method, "fast") && c->dip == dip && c->coarser == 1.0 &&
             c->deeper == deeper && c->stride == s->cfg.least_stride)
             return c;
     }
@@ -301,10 +302,33 @@ static void planes_are_nearer_to_each_other_where_points_lean(void **state)
     s.probe.objects[0].lean[1] = 0.4;
     decide(&s);
     assert_below(s.plan.grid.step_m[2], 0.6 * s.grid.step_m[2]);
-    double wide = find(&s, 1.0)->error_m, narrow = find(&s, 0.5)->error_m;
+    double wide = find(&s, 1.0, false)->error_m, narrow = find(&s, 0.5, false)->error_m;
     double lean2 = 0.7 * 0.7 + 0.4 * 0.4, step2 = pow(s.grid.step_m[2], 2.0);
     assert_near((wide * wide - narrow * narrow) / (lean2 * step2 / 12.0 * 0.75), 1.0,
                 1e-6);
+}
+
+/* By fewer speakers a point is imaged beside itself.  Dip moveout helps where it has
+ * little to do. */
+static void
+fewer_speakers_of_what_is_near_are_less_exact_for_all_dip_moveout(void **state)
+{
+    (void)state;
+    static const double moveout_rad[3] = {0.3, 0.02, 0.3};
+    struct scene s;
+    double error_m[3];
+    for (int i = 0; i < 3; i++) {
+        lay_out(&s);
+        s.probe.objects[0].moveout_rad = moveout_rad[i];
+        s.probe.objects[0].fewer_m[1][1] = 0.008;
+        s.cfg.least_stride = i < 2 ? 4 : 1;
+        s.cfg.budget_s = 60.0;
+        decide(&s);
+        error_m[i] = find(&s, 1.0, true)->error_m;
+    }
+    assert_true(error_m[0] > 0.008);
+    assert_below(error_m[1], 0.002);
+    assert_below(error_m[2], 0.002);
 }
 
 /* Nothing is known yet but how long all pings would take to compress. */
@@ -354,10 +378,31 @@ static void the_top_of_the_band_goes_before_the_steps_do(void **state)
     s.cfg.least_stride = 4;
     decide(&s);
     assert_near(s.plan.band_hz[1], s.set.band_hz[1], 1e-6);
-    s.cfg.budget_s = find(&s, 1.0)->time_s;
+    s.cfg.budget_s = find(&s, 1.0, false)->time_s;
     decide(&s);
     assert_below(s.plan.band_hz[1], 0.9 * s.set.band_hz[1]);
     assert_near(s.plan.grid.step_m[1], s.grid.step_m[1], 1e-12);
+}
+
+/* Sharpening helps what leans and what has edges, and harms what is read between voxels
+ * straight ahead.  Who knows of nothing is to expect the former. */
+static void what_stands_aside_is_sharpened_and_what_is_ahead_is_not(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    decide(&s);
+    assert_near(s.plan.sharpen, 0.0, 0.0);
+    s.probe.objects[0].lean[0] = 0.5;
+    decide(&s);
+    assert_true(s.plan.sharpen > 0.0);
+    s.probe.objects[0].lean[0] = 0.0;
+    s.probe.objects[0].extent_m = 0.8;
+    decide(&s);
+    assert_true(s.plan.sharpen > 0.0);
+    s.probe = s.unknown;
+    decide(&s);
+    assert_true(s.plan.sharpen > 0.0);
 }
 
 static void elements_that_are_off_are_not_sharpened(void **state)
@@ -365,8 +410,7 @@ static void elements_that_are_off_are_not_sharpened(void **state)
     (void)state;
     struct scene s;
     lay_out(&s);
-    decide(&s);
-    assert_true(s.plan.sharpen > 0.0);
+    s.probe.objects[0].lean[0] = 0.5;
     s.probe.coherence.element_m = 0.004;
     decide(&s);
     assert_near(s.plan.sharpen, 0.0, 0.0);
@@ -437,9 +481,12 @@ int main(void)
         cmocka_unit_test(time_to_spare_sharpens_a_shape),
         cmocka_unit_test(what_is_near_gets_finer_steps),
         cmocka_unit_test(planes_are_nearer_to_each_other_where_points_lean),
+        cmocka_unit_test(
+            fewer_speakers_of_what_is_near_are_less_exact_for_all_dip_moveout),
         cmocka_unit_test(fewer_speakers_are_compressed_when_time_presses),
         cmocka_unit_test(speakers_that_were_not_compressed_stay_out),
         cmocka_unit_test(the_top_of_the_band_goes_before_the_steps_do),
+        cmocka_unit_test(what_stands_aside_is_sharpened_and_what_is_ahead_is_not),
         cmocka_unit_test(elements_that_are_off_are_not_sharpened),
         cmocka_unit_test(uneven_lines_leave_dip_moveout_out),
         cmocka_unit_test(coarser_steps_save_less_than_their_voxels),

@@ -1,5 +1,6 @@
 #include "tests/recon/near.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "recon/probe.h"
@@ -74,6 +75,66 @@ static void a_mirror_is_told_from_a_point(void **state)
     array_traces_clear(&a);
 }
 
+/* Where the image of every so manieth speaker's pairs, without dip moveout, has its peak:
+ * y, of a point at this place. */
+static double peak_of_fewer_m(struct array_traces *a, size_t stride, const double at_m[3])
+{
+    const struct geometry *g = a->set.geometry;
+    size_t n = g->n_positions * trace_set_pairs(&a->set), per = g->n_microphones;
+    struct imager_options plain;
+    struct peak_fit fit;
+    const char *why;
+    struct imager *im;
+    rig_look_at(&a->rig, at_m[0], at_m[1], at_m[2], 25, 0.004);
+    for (size_t q = 0; q < n; q++)
+        a->heard[q] = q / per % g->n_speakers % stride == 0;
+    imager_options_default(&plain);
+    plain.dmo = 0;
+    struct imager_config cfg = {.method = "fast",
+                                .geometry = g,
+                                .format = a->set.format,
+                                .band_hz = {a->set.band_hz[0], a->set.band_hz[1]},
+                                .gate_m = {a->set.gate_m[0], a->set.gate_m[1]},
+                                .grid = a->rig.grid,
+                                .options = &plain};
+    assert_int_equal(pool_create(&cfg.pool, 1), 0);
+    assert_int_equal(imager_create(&im, &cfg, &why), 0);
+    float *image = malloc(grid_size(&cfg.grid) * sizeof *image);
+    assert_non_null(image);
+    assert_int_equal(trace_set_feed(&a->set, im, cfg.pool), 0);
+    imager_image(im, image);
+    rig_peak(&a->rig, image, &fit);
+    free(image);
+    imager_destroy(im);
+    pool_destroy(cfg.pool);
+    return fit.position_m[1];
+}
+
+static void what_fewer_speakers_add_is_what_the_image_shows(void **state)
+{
+    (void)state;
+    static const struct scatterer point = {{0.5, 0.5, 1.4}, 1.0};
+    static const double around[3][3] = {
+        {0.4, 0.6, 0.02}, {0.4, 0.6, 0.02}, {1.35, 1.45, 0.01}};
+    struct array_traces a;
+    struct probe p;
+    struct grid grid;
+    array_traces_create(&a, 16);
+    array_traces_fill(&a, &point, 1, 0.0);
+    assert_int_equal(grid_from_limits(&grid, around), 0);
+    struct pool *pool;
+    assert_int_equal(pool_create(&pool, 1), 0);
+    assert_int_equal(probe_run(&p, &a.set, &grid, NULL, pool), 0);
+    pool_destroy(pool);
+    assert_true(p.n_objects > 0);
+    double all_m = peak_of_fewer_m(&a, 1, point.at_m);
+    for (int i = 0; i < 2; i++) {
+        double shift_m = peak_of_fewer_m(&a, (size_t)2 << i, point.at_m) - all_m;
+        assert_near(p.objects[0].fewer_m[i][1] / shift_m, 1.0, 0.3);
+    }
+    array_traces_clear(&a);
+}
+
 static void silence_keeps_all_depths(void **state)
 {
     (void)state;
@@ -120,6 +181,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(objects_and_the_depth_they_need_are_found),
         cmocka_unit_test(a_mirror_is_told_from_a_point),
+        cmocka_unit_test(what_fewer_speakers_add_is_what_the_image_shows),
         cmocka_unit_test(silence_keeps_all_depths),
         cmocka_unit_test(a_single_pair_in_motion_is_looked_at_too),
         cmocka_unit_test(threads_do_not_change_what_is_seen),

@@ -5,13 +5,9 @@
 
 #include "nodes/anlos/recon/auto_pace.h"
 
-/* What a look may take: of what is left of the budget; of it when nothing else calls for
- * one; what depth it makes the image smaller by. */
-#define MOST_LOOK   0.5
-#define LITTLE_LOOK 0.1
-#define SCENE_M     1.0 /* of depth is what a scene is likely to fill */
-
-#define SUSPICIOUS_M 0.0034 /* elements off by more would be treated otherwise */
+/* Of what is left of the budget a look may take so much: an image of which it is known
+ * what is in it makes up for that, measured from 0.1 to 0.5 s. */
+#define MOST_LOOK 0.375
 
 /* -- how the elements stand -------------------------------------------------------------
  */
@@ -59,26 +55,13 @@ static double power_s(const struct recon_auto *a, const struct recon_job *job)
                                                 "incoherent", false, 1, threads));
 }
 
-/* Is a look at the scene worth its time?  It is where an error is to be kept, where
- * elements seem to be off, and where it may save most of the image, or is nothing against
- * the budget. */
+/* Is a look at the scene worth its time?  Power takes so long that it always is. */
 static bool look_pays(const struct recon_auto *a, const struct recon_job *job,
                       double look_s, double left_s)
 {
-    const struct recon_options *o = job->options;
-    const struct grid *grid = &job->processing.grid;
-    double depth_m = a->whole.step_m[2] * (double)a->whole.n[2];
-    double image_s = a->slowness * planner_image_s(&a->set, grid, "fast", false, 1,
-                                                   recon_auto_threads(job));
     if (recon_auto_is_lost(a))
-        return look_s <= MOST_LOOK * fmax(left_s, power_s(a, job));
-    if (look_s > MOST_LOOK * left_s)
-        return false;
-    if (o->error_m > 0.0 || a->probe.coherence.element_m > SUSPICIOUS_M)
-        return true;
-    if (isfinite(left_s) && look_s < LITTLE_LOOK * left_s)
-        return true;
-    return !job->survey.has_volume && look_s < image_s * (1.0 - SCENE_M / depth_m);
+        left_s = fmax(left_s, power_s(a, job));
+    return look_s <= MOST_LOOK * left_s;
 }
 
 int recon_auto_look(struct recon_auto *a, struct recon_job *job)

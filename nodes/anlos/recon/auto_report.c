@@ -38,8 +38,10 @@ static json_t *candidate_json(const struct planner_candidate *c)
                           (json_int_t)c->stride, "time_s", export_real(c->time_s),
                           "error_m", export_real(c->error_m));
     json_object_set_new(o, "top_hz", json_real(c->top_hz));
-    if (!strcmp(c->method, "fast"))
+    if (!strcmp(c->method, "fast")) {
         json_object_set_new(o, "dmo", json_string(c->dip ? "always" : "never"));
+        json_object_set_new(o, "sharpen", json_real(c->sharpen));
+    }
     if (c->why_not[0])
         json_object_set_new(o, "why_not", json_string(c->why_not));
     return o;
