@@ -150,16 +150,7 @@ int bus_publish(struct bus *b, const struct topic *t, int64_t capture_ns,
                 int64_t publish_ns, const void *payload, size_t size)
 {
     struct outlet *o = find_outlet(b, t);
-    if (!o)
-        return -EINVAL;
-    if (size > t->max_size)
-        return -EMSGSIZE;
-    void *room, *message = outlet_allocate(size, &room);
-    if (!message)
-        return -ENOMEM;
-    if (size)
-        memcpy(room, payload, size);
-    return outlet_send(o, capture_ns, publish_ns, message, size);
+    return o ? outlet_send_copy(o, capture_ns, publish_ns, payload, size) : -EINVAL;
 }
 
 int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns,

@@ -161,6 +161,19 @@ int outlet_send(struct outlet *o, int64_t capture_ns, int64_t publish_ns, void *
     return err;
 }
 
+int outlet_send_copy(struct outlet *o, int64_t capture_ns, int64_t publish_ns,
+                     const void *payload, size_t size)
+{
+    if (size > outlet_topic(o)->max_size)
+        return -EMSGSIZE;
+    void *room, *message = outlet_allocate(size, &room);
+    if (!message)
+        return -ENOMEM;
+    if (size)
+        memcpy(room, payload, size);
+    return outlet_send(o, capture_ns, publish_ns, message, size);
+}
+
 void outlet_set_replayed(struct outlet *o, bool replayed)
 {
     pthread_mutex_lock(&o->lock);

@@ -24,6 +24,11 @@ void *outlet_allocate(size_t size, void **payload);
 int outlet_send(struct outlet *o, int64_t capture_ns, int64_t publish_ns, void *message,
                 size_t size);
 
+/* A message with a copy of payload[size].  0, -EMSGSIZE (more than its topic has),
+ * -ENOMEM, or as outlet_send. */
+int outlet_send_copy(struct outlet *o, int64_t capture_ns, int64_t publish_ns,
+                     const void *payload, size_t size);
+
 /* Of what is sent from now on.  Thread-safe. */
 void outlet_set_replayed(struct outlet *o, bool replayed);
 

@@ -111,16 +111,7 @@ int stand_in_publish(struct stand_in *s, const char *node, const struct topic *t
 {
     struct outlet *o = find_outlet(s, node, t);
 
-    if (!o)
-        return -EINVAL;
-    if (size > t->max_size)
-        return -EMSGSIZE;
-    void *room, *message = outlet_allocate(size, &room);
-    if (!message)
-        return -ENOMEM;
-    if (size)
-        memcpy(room, payload, size);
-    return outlet_send(o, capture_ns, publish_ns, message, size);
+    return o ? outlet_send_copy(o, capture_ns, publish_ns, payload, size) : -EINVAL;
 }
 
 /* All but the last have to be with the kernel, which counts its own overhead too. */

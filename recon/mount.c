@@ -38,3 +38,25 @@ void mount_step_point(const struct mount *m, const struct ego_step *s, const dou
     ego_step_point(s, q, q);
     mount_to_array(m, q, out);
 }
+
+void mount_step(const struct mount *m, const struct ego_step *s, double r[3][3],
+                double t[3])
+{
+    static const double zero[3] = {0.0, 0.0, 0.0};
+    mount_step_point(m, s, zero, t);
+    for (int a = 0; a < 3; a++) {
+        const double unit[3] = {a == 0, a == 1, a == 2};
+        double there[3];
+        mount_step_point(m, s, unit, there);
+        for (int b = 0; b < 3; b++)
+            r[b][a] = there[b] - t[b];
+    }
+}
+
+void mount_velocity(const struct mount *m, const struct ego_motion *motion, double out[3])
+{
+    double ahead = motion->speed_m_s - motion->yaw_rate_rad_s * m->origin_m[1];
+    double left = motion->yaw_rate_rad_s * m->origin_m[0];
+    for (int a = 0; a < 3; a++)
+        out[a] = m->axes[a][0] * ahead + m->axes[a][1] * left;
+}

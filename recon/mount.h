@@ -1,5 +1,5 @@
-/* recon/mount.h -- how an array sits on a vehicle, and where its elements stood a while
- * ago, seen from where it stands now. */
+/* recon/mount.h -- how an array sits on a vehicle, and how the world moves in its frame
+ * when the vehicle does. */
 #ifndef ANLOS_RECON_MOUNT_H
 #define ANLOS_RECON_MOUNT_H
 
@@ -20,5 +20,13 @@ void mount_to_array(const struct mount *m, const double p[3], double out[3]);
 /* A standing point of the array frame, in the array frame a step later. */
 void mount_step_point(const struct mount *m, const struct ego_step *s, const double p[3],
                       double out[3]);
+
+/* The same of all points: from p to r p + t. */
+void mount_step(const struct mount *m, const struct ego_step *s, double r[3][3],
+                double t[3]);
+
+/* What the vehicle's motion is for the array: its velocity in its own frame, m/s. */
+void mount_velocity(const struct mount *m, const struct ego_motion *motion,
+                    double out[3]);
 
 #endif

@@ -9,9 +9,9 @@
 #include "msgs/survey.h"
 #include "msgs/tensor.h"
 #include "nodes/dsp/mean_background.h"
+#include "nodes/dsp/microphones.h"
 #include "nodes/dsp/recorded_background.h"
 #include "nodes/dsp/standing.h"
-#include "nodes/rt/channel_check.h"
 
 struct dsp {
     struct dsp_config cfg;
@@ -26,12 +26,10 @@ struct dsp {
     double ambient_c;     /* NaN: not known */
     int64_t capture_ns;   /* of the newest ping */
     struct trace_format format;
-    float *padded;               /* [n_microphones][ping_samples] */
-    float complex *traces;       /* [n_microphones][format.n_samples] */
-    bool *unfit;                 /* [n_microphones], of the newest ping */
-    protobuf_c_boolean *masked;  /* [n_microphones], or its background was */
-    struct channel_check *check; /* of one ping at a time */
-    unsigned *noticed;           /* [n_microphones], faults said in the log already */
+    float *padded;         /* [n_microphones][ping_samples] */
+    float complex *traces; /* [n_microphones][format.n_samples] */
+    struct microphones *microphones;
+    protobuf_c_boolean *masked; /* [n_microphones]: unfit, or its background was */
     struct tensor_view view;
 };
 
@@ -54,10 +52,8 @@ static void clear(struct dsp *d)
     mean_background_destroy(d->mean);
     free(d->padded);
     free(d->traces);
-    free(d->unfit);
     free(d->masked);
-    free(d->noticed);
-    channel_check_destroy(d->check);
+    microphones_destroy(d->microphones);
     survey_clear(&d->survey);
     *d = (struct dsp){.cfg = d->cfg, .standing = d->standing, .ambient_c = d->ambient_c};
 }
@@ -68,12 +64,10 @@ static int allocate(struct dsp *d)
 
     d->padded = calloc(n_mics * d->processing.ping_samples, sizeof *d->padded);
     d->traces = calloc(n_mics * d->format.n_samples, sizeof *d->traces);
-    d->unfit = calloc(n_mics, sizeof *d->unfit);
     d->masked = calloc(n_mics, sizeof *d->masked);
-    d->noticed = calloc(n_mics, sizeof *d->noticed);
-    if (!d->padded || !d->traces || !d->unfit || !d->masked || !d->noticed)
+    if (!d->padded || !d->traces || !d->masked)
         return -ENOMEM;
-    int err = channel_check_create(&d->check, n_mics, 1);
+    int err = microphones_create(&d->microphones, n_mics);
     if (!err)
         err = mean_background_create(&d->mean, d->survey.n_speakers, n_mics,
                                      d->format.n_samples, d->cfg.background_s);
@@ -146,27 +140,6 @@ static const float *ping_samples(const struct dsp *d, const Anlos__Ping *ping, s
     return x;
 }
 
-/* Each fault of each microphone is said once; for people they count from 1. */
-static void notice(struct dsp *d, size_t mic, const struct channel_summary *summary,
-                   struct dsp_output *out)
-{
-    const struct {
-        bool is;
-        const char *text;
-    } faults[] = {{summary->silent, "is silent"},
-                  {summary->damaged, "has samples that are not finite"},
-                  {summary->clipped, "is clipped"}};
-
-    for (unsigned i = 0; i < sizeof faults / sizeof *faults; i++) {
-        size_t used = strlen(out->note);
-        if (!faults[i].is || d->noticed[mic] & 1u << i)
-            continue;
-        d->noticed[mic] |= 1u << i;
-        snprintf(out->note + used, sizeof out->note - used, "%smicrophone %zu %s",
-                 used ? "; " : "", mic + 1, faults[i].text);
-    }
-}
-
 /* A scan records what is missing, an array that stands does not. */
 static void notice_missing(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
 {
@@ -175,29 +148,6 @@ static void notice_missing(struct dsp *d, const Anlos__Ping *ping, struct dsp_ou
     d->missing_noticed = true;
     snprintf(out->note, sizeof out->note,
              "speaker %u has no background: its pings are not used", ping->speaker);
-}
-
-/* Masks what is not fit; returns the clipped samples of all channels. */
-static uint64_t judge(struct dsp *d, const Anlos__Ping *ping, const float *x, size_t n,
-                      struct dsp_output *out)
-{
-    struct channel_summary summary;
-    uint64_t clipped = 0;
-
-    for (size_t m = 0; m < d->survey.n_microphones; m++)
-        d->unfit[m] = false;
-    channel_check_position(d->check, 0, n, x, ping->clipped, ping->not_finite, d->unfit);
-    for (size_t m = 0; m < d->survey.n_microphones; m++) {
-        channel_check_summary(d->check, m, &summary);
-        notice(d, m, &summary, out);
-        out->channels.n++;
-        out->channels.silent += summary.silent;
-        out->channels.damaged += summary.damaged;
-        out->channels.clipped += summary.clipped;
-        clipped += ping->clipped[m];
-        d->masked[m] = d->unfit[m];
-    }
-    return clipped;
 }
 
 static void silence_masked(struct dsp *d)
@@ -307,7 +257,8 @@ void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
         notice_missing(d, ping, out);
         return;
     }
-    uint64_t clipped = judge(d, ping, x, n, out);
+    uint64_t clipped = microphones_judge(d->microphones, ping, x, n, d->masked,
+                                         &out->channels, out->note, sizeof out->note);
     compress(d, ping->down, x, n);
     if (ping->pass == ANLOS__PASS__BACKGROUND) {
         keep_background(d, ping);

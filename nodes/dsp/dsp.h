@@ -20,6 +20,7 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
+#include "nodes/dsp/microphones.h"
 #include "nodes/rt/air.h"
 #include "nodes/rt/background_mode.h"
 #include "nodes/rt/compressor.h"
@@ -31,16 +32,12 @@ struct dsp_config {
     double background_s;             /* time constant of an adaptive one */
 };
 
-struct dsp_channels { /* microphones of the newest ping: how many, and what they have */
-    size_t n, silent, damaged, clipped;
-};
-
 struct dsp_output { /* what to publish; borrows from the dsp until the next ping */
     bool has_traces, has_receipt;
     Anlos__Traces traces;
     Anlos__Receipt receipt;
-    char note[256];               /* for the log; empty: nothing new */
-    struct dsp_channels channels; /* n 0: the ping was not looked at */
+    char note[256];                     /* for the log; empty: nothing new */
+    struct microphones_faults channels; /* n 0: the ping was not looked at */
 };
 
 struct dsp;

@@ -43,7 +43,7 @@ static void show_air(struct node *node, const struct air *air)
                  air->corrected, air->pings, text);
 }
 
-static void tell_faults(struct node *node, const struct dsp_channels *c)
+static void tell_faults(struct node *node, const struct microphones_faults *c)
 {
     if (!c->n)
         return;

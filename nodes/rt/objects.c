@@ -10,8 +10,17 @@
 
 #define CLUSTER_WIDTHS 3.0  /* of a point, that pings around objects keep apart */
 #define HEIGHT_LEAST_M 0.01 /* of an array that tells heights */
-#define HEIGHT_SIGMA_M 0.5  /* of objects, where they are not told */
-#define HEIGHT_M       0.8  /* above the ground: the middle of persons, cyclists, cars */
+
+/* Of what echoes on the ground, where heights are not told.  Sound comes back from a
+ * walker's trunk, thighs and shanks (Bradley and Sabatier 2010, J. Acoust. Soc. Am. 128,
+ * EL248), 0.1 to 1.4 m high; half a stature is 0.76 m (women, 5th percentile) to 0.93 m
+ * (men, 95th; Huston, Principles of Biomechanics, 2009), of children 0.5 m and more.  A
+ * cyclist is as high, a car's side ends below, and what is upright and smooth mirrors at
+ * the array's own height.  With an array at 0.4 m, echoes from 0.4 to 1.1 m are taken up
+ * to 10 cm too near or 2 cm too far at 2 m, 3 and 1 cm at 6 m; the standard deviation
+ * that follows from these numbers is 17 cm and 5 cm. */
+#define HEIGHT_M       0.8
+#define HEIGHT_SIGMA_M 0.5
 
 Anlos__Vec3 *objects_vec3(const double v[3])
 {

@@ -107,20 +107,18 @@ int walls_from_given(struct walls *out, const Anlos__WallList *m, const struct s
                      struct complaint *why)
 {
     static const double vehicle_up[3] = {0.0, 0.0, 1.0};
-    double r[3][3], t[3], back[3][3], shift[3];
+    static const double vehicle_origin[3] = {0.0, 0.0, 0.0};
+    struct mount mount;
+    double shift[3];
     int err = walls_from_message(out, m, why);
 
     if (err)
         return err;
-    vehicle_frame_mounted(s, r, t);
-    for (int a = 0; a < 3; a++) {
-        for (int b = 0; b < 3; b++)
-            back[a][b] = r[b][a];
-        shift[a] = -(r[0][a] * t[0] + r[1][a] * t[1] + r[2][a] * t[2]);
-    }
+    vehicle_frame_mount(s, &mount);
+    mount_to_array(&mount, vehicle_origin, shift);
     for (size_t i = 0; i < out->n; i++) {
         struct wall *w = &out->list[i].plane;
-        wall_move(w, vehicle_up, (const double(*)[3])back, shift, w);
+        wall_move(w, vehicle_up, (const double(*)[3])mount.axes, shift, w);
         wall_face(w);
     }
     return 0;
@@ -128,9 +126,11 @@ int walls_from_given(struct walls *out, const Anlos__WallList *m, const struct s
 
 void walls_step(struct walls *w, const struct survey *s, const struct ego_step *step)
 {
+    struct mount mount;
     double r[3][3], t[3];
 
-    vehicle_frame_step(s, step, r, t);
+    vehicle_frame_mount(s, &mount);
+    mount_step(&mount, step, r, t);
     for (size_t i = 0; i < w->n; i++)
         wall_move(&w->list[i].plane, array_up, (const double(*)[3])r, t,
                   &w->list[i].plane);

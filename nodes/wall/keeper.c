@@ -51,6 +51,7 @@ void keeper_advance(struct keeper *k, int64_t to_ns)
 {
     struct ego_step step = {0.0, 0.0, 0.0};
     struct wall_motion motion;
+    struct mount mount;
 
     if (to_ns <= k->at_ns)
         return;
@@ -60,7 +61,8 @@ void keeper_advance(struct keeper *k, int64_t to_ns)
         motion.known = !k->blind;
         motion.way_m = hypot(step.dx_m, step.dy_m);
         motion.turn_rad = fabs(step.dyaw);
-        vehicle_frame_step(k->survey, &step, motion.r, motion.t);
+        vehicle_frame_mount(k->survey, &mount);
+        mount_step(&mount, &step, motion.r, motion.t);
         wall_tracks_predict(&k->tracks, &k->cfg, &motion);
     }
     k->at_ns = to_ns;

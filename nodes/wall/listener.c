@@ -278,6 +278,8 @@ static void carry(const struct wall_echo *from, const double r[3][3], const doub
 static bool carry_all(struct listener *l, const struct ego_path *path, int64_t now_ns)
 {
     bool known = true;
+    struct mount mount;
+    vehicle_frame_mount(l->survey, &mount);
     for (size_t k = 0; k < l->n_pings; k++) {
         const struct heard *h = &l->pings[k];
         struct ego_step step = {0.0, 0.0, 0.0};
@@ -286,8 +288,8 @@ static bool carry_all(struct listener *l, const struct ego_path *path, int64_t n
         known = (!path || (!ego_path_between(path, h->at_ns, now_ns, &step) &&
                            !ego_path_at(path, h->at_ns, &motion))) &&
                 known;
-        vehicle_frame_step(l->survey, &step, r, t);
-        vehicle_frame_velocity(l->survey, &motion, v);
+        mount_step(&mount, &step, r, t);
+        mount_velocity(&mount, &motion, v);
         for (size_t i = h->first; i < h->first + h->n; i++)
             carry(&l->echoes[i], (const double(*)[3])r, t, v, l->survey->sound_speed_m_s,
                   &l->moved[i]);

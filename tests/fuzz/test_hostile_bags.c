@@ -1,5 +1,6 @@
 /* Bags that were made to do harm, through each verb of `anlos bag`: each ends with an
  * error and its words, or with what is there to show, within 1 GB and some seconds. */
+#include "tests/hal/folder.h"
 #include "tests/fuzz/hostile_bag.h"
 
 #include <sys/resource.h>
@@ -32,15 +33,13 @@ static int make_folder(void **state)
 static int run(const char *const words[])
 {
     static struct command_result r;
-    char command[128];
 
     command_run(&r, command_bag, (char *const *)words);
     if (r.code < 0 || r.code > 2)
         fail_msg("anlos bag %s: code %d: %.2000s", words[1], r.code, r.err);
     if (r.code && !r.err[0] && !r.out[0])
         fail_msg("anlos bag %s: code %d without a word", words[1], r.code);
-    snprintf(command, sizeof command, "rm -rf '%s'", out);
-    assert_int_equal(system(command), 0);
+    assert_int_equal(folder_remove(out), 0);
     return r.code;
 }
 

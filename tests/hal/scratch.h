@@ -15,6 +15,7 @@
 #include <cmocka.h>
 
 #include "hal/clock.h"
+#include "tests/hal/folder.h"
 
 struct scratch {
     char folder[64];
@@ -38,9 +39,7 @@ static inline int scratch_open(void **state)
 static inline int scratch_close(void **state)
 {
     struct scratch *s = *state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf '%s'", s->folder);
-    int err = system(command);
+    int err = folder_remove(s->folder);
     free(s);
     return err;
 }

@@ -17,6 +17,7 @@
 #include "nodes/anlos/bench/plan.h"
 #include "nodes/anlos/bench/results.h"
 #include "nodes/anlos/commands.h"
+#include "tests/hal/folder.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 
@@ -32,9 +33,7 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf '%s'", folder);
-    return system(command);
+    return folder_remove(folder);
 }
 
 static char *path_of(const char *name)

@@ -18,6 +18,7 @@
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/commands.h"
+#include "tests/hal/folder.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 
@@ -59,9 +60,7 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     struct fixture *f = *state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
-    int err = system(command);
+    int err = folder_remove(f->folder);
     free(f);
     return err;
 }

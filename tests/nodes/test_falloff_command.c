@@ -12,6 +12,7 @@
 
 #include "nodes/anlos/commands.h"
 #include "nodes/rt/export_chart.h"
+#include "tests/hal/folder.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 
@@ -27,9 +28,7 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf '%s'", folder);
-    return system(command);
+    return folder_remove(folder);
 }
 
 static char *path_of(const char *name)

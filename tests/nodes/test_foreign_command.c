@@ -15,6 +15,7 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/commands.h"
+#include "tests/hal/folder.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/traces_write.h"
@@ -46,9 +47,7 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     struct fixture *f = *state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
-    int err = system(command);
+    int err = folder_remove(f->folder);
     free(f);
     return err;
 }

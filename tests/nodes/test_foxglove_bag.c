@@ -1,4 +1,5 @@
 /* `anlos bag export --format foxglove` on a bag of the samples. */
+#include "tests/hal/folder.h"
 #include "tests/hal/scratch.h"
 
 #include <signal.h>
@@ -86,12 +87,11 @@ static int setup(void **state)
 static int teardown(void **state)
 {
     struct rig *r = *state;
-    char command[96];
 
     samples_close(&r->samples);
-    snprintf(command, sizeof command, "rm -rf '%s'", r->folder);
+    int err = folder_remove(r->folder);
     free(r);
-    return system(command);
+    return err;
 }
 
 static int export(const char *in, const char *out, const char *option, const char *value)

@@ -12,6 +12,7 @@
 #include "nodes/rt/node.h"
 
 #define DEADLINE_MS 60000
+#define DEADLINE_NS (DEADLINE_MS * 1000000LL)
 
 struct rig {
     struct scratch *scratch;
@@ -65,7 +66,7 @@ static ProtobufCMessage *hear(struct rig *r, struct bus *b)
 {
     struct bus_message m;
     struct node_message in;
-    int64_t end = node_now_ns(r->node) + DEADLINE_MS * 1000000LL;
+    int64_t end = node_now_ns(r->node) + DEADLINE_NS;
 
     while (bus_receive(b, &m, 0) == -ETIMEDOUT) {
         assert_true(node_now_ns(r->node) < end);
@@ -132,7 +133,6 @@ static const Anlos__TopicCount *find_count(const Anlos__Health *h, const char *t
     return NULL;
 }
 
-/* Half a second, and what the test takes. */
 /* The node does not turn: what comes was said at once. */
 static Anlos__Health *next_health(struct bus *b)
 {
@@ -145,13 +145,27 @@ static Anlos__Health *next_health(struct bus *b)
     return h;
 }
 
+/* A bus that has heard all that the node said of itself so far. */
+static struct bus *listen_from_now(struct rig *r)
+{
+    struct bus *b = listen(r, topic_health());
+    Anlos__Health *h = (Anlos__Health *)hear(r, b);
+
+    node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "from now");
+    while (strcmp(h->text, "from now")) {
+        anlos__health__free_unpacked(h, NULL);
+        h = next_health(b);
+    }
+    anlos__health__free_unpacked(h, NULL);
+    return b;
+}
+
 static void health_carries_faults_that_last(void **state)
 {
     struct rig *r = *state;
 
     assert_int_equal(create(r, "scan", "--log-level", "error"), 0);
-    struct bus *b = listen(r, topic_health());
-    anlos__health__free_unpacked((Anlos__Health *)hear(r, b), NULL);
+    struct bus *b = listen_from_now(r);
     node_fault(r->node, NODE_FAULT_CHANNELS_SILENT, 0, 16); /* nothing new */
     node_fault(r->node, NODE_FAULT_CHANNELS_SILENT, 3, 16);
     for (int i = 0; i < 2; i++) {
@@ -181,8 +195,9 @@ static void health_tells_how_old_the_sound_was(void **state)
     assert_int_equal(create(r, "scan", "--log-level", "error"), 0);
     assert_int_equal(node_subscribe(r->node, topic_scan_status()), 0);
     struct bus *b = listen(r, topic_health());
+    int64_t start = node_now_ns(r->node);
     for (int i = 0; !h || !find_count(h, "scan/status", false)->latency_n; i++) {
-        assert_true(i < 200); /* it has to connect first */
+        assert_true(node_now_ns(r->node) < start + DEADLINE_NS); /* connects first */
         int64_t capture_ns = node_now_ns(r->node) - 500000000;
         node_publish(r->node, topic_scan_status(), capture_ns, &s.base);
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "turn %d", i);
@@ -193,8 +208,9 @@ static void health_tells_how_old_the_sound_was(void **state)
     const Anlos__TopicCount *in = find_count(h, "scan/status", false);
     const Anlos__TopicCount *out = find_count(h, "scan/status", true);
     assert_true(in->latency_n > 0 && out->latency_n >= in->latency_n);
-    assert_true(out->latency_median_s >= 0.5 && out->latency_p99_s < 5);
-    assert_true(in->latency_median_s >= 0.5 && in->latency_p99_s < 5);
+    double oldest_s = 0.5 + (double)(node_now_ns(r->node) - start) * 1e-9;
+    assert_true(out->latency_median_s >= 0.5 && out->latency_p99_s <= oldest_s);
+    assert_true(in->latency_median_s >= 0.5 && in->latency_p99_s <= oldest_s);
     assert_int_equal(find_count(h, "health", true)->latency_n, 0); /* of no sound */
     anlos__health__free_unpacked(h, NULL);
     bus_destroy(b);
@@ -206,15 +222,9 @@ static void a_change_of_state_is_said_at_once(void **state)
     struct rig *r = *state;
 
     assert_int_equal(create(r, "scan", "--log-level", "error"), 0);
-    struct bus *b = listen(r, topic_health());
-    anlos__health__free_unpacked((Anlos__Health *)hear(r, b), NULL);
-    int64_t start = node_now_ns(r->node);
+    struct bus *b = listen_from_now(r);
     node_state(r->node, ANLOS__HEALTH__STATE__DEGRADED, "only %d of %d", 3, 4);
-    struct bus_message m;
-    assert_int_equal(bus_receive(b, &m, DEADLINE_MS), 0); /* the node does not turn */
-    Anlos__Health *h = (Anlos__Health *)bus_message_unpack(&m);
-    bus_message_free(&m);
-    assert_true(node_now_ns(r->node) >= start);
+    Anlos__Health *h = next_health(b);
     assert_int_equal(h->state, ANLOS__HEALTH__STATE__DEGRADED);
     assert_string_equal(h->text, "only 3 of 4");
     anlos__health__free_unpacked(h, NULL);
@@ -230,7 +240,9 @@ static void what_it_logs_is_on_the_bus_whatever_is_printed(void **state)
 
     assert_int_equal(create(r, "scan", "--log-level", "error"), 0);
     struct bus *b = listen(r, topic_log());
-    for (int i = 0; i < 200 && err == -ETIMEDOUT; i++) { /* it has to connect first */
+    int64_t start = node_machine_ns(r->node);
+    for (int i = 0; err == -ETIMEDOUT; i++) { /* it has to connect first */
+        assert_true(node_machine_ns(r->node) < start + DEADLINE_NS);
         node_log(r->node, LOG_LEVEL_DEBUG, "not for the bus");
         node_log(r->node, LOG_LEVEL_INFO, "try %d", i);
         err = bus_receive(b, &m, 100);
@@ -242,7 +254,7 @@ static void what_it_logs_is_on_the_bus_whatever_is_printed(void **state)
     assert_string_equal(l->node, "scan");
     assert_int_equal(l->level, ANLOS__LOG__LEVEL__INFO);
     assert_int_equal(strncmp(l->text, "try ", 4), 0);
-    assert_true(llabs(l->stamp_ns - node_machine_ns(r->node)) < 60000000000LL);
+    assert_true(l->stamp_ns >= start && l->stamp_ns <= node_machine_ns(r->node));
     anlos__log__free_unpacked(l, NULL);
     bus_message_free(&m);
     bus_destroy(b);
@@ -259,7 +271,8 @@ static void messages_come_unpacked_with_their_sender(void **state)
     assert_int_equal(create(r, "scan", NULL, NULL), 0);
     assert_int_equal(node_subscribe(r->node, topic_scan_status()), 0);
     s.pings_done = 17;
-    for (int i = 0; i < 200 && err == -ETIMEDOUT; i++) { /* it has to connect first */
+    int64_t end = node_now_ns(r->node) + DEADLINE_NS;
+    while (err == -ETIMEDOUT && node_now_ns(r->node) < end) { /* it connects first */
         assert_int_equal(node_publish(r->node, topic_scan_status(), 123, &s.base), 0);
         err = node_next(r->node, &in, 100);
     }

@@ -210,23 +210,29 @@ static void a_line_array_does_not_tell_heights(void **state)
     assert_near(p.covariance_m2[3], 4e-4, 1e-15);
 }
 
+/* A line array at the nose of a vehicle, 0.4 m over the ground. */
+static struct survey bumper(void)
+{
+    static double elements[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}}, stage[1] = {0};
+    return (struct survey){.n_speakers = 2,
+                           .n_microphones = 2,
+                           .n_positions = 1,
+                           .speakers_m = elements,
+                           .microphones_m = elements,
+                           .stage_axis = {1, 0, 0},
+                           .stage_positions_m = stage,
+                           .has_mount = true,
+                           .mount_origin_m = {3.6, 0, 0.4},
+                           .mount_x_axis = {0, 1, 0},
+                           .mount_y_axis = {0, 0, 1}};
+}
+
 /* The middle of things is 0.4 m above the array, give or take 0.5 m: 2 m away they are
  * imaged at sqrt(2^2 + 0.4^2 + 0.5^2). */
 static void a_line_array_on_a_vehicle_sees_things_on_the_ground(void **state)
 {
     (void)state;
-    double elements[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}}, stage[1] = {0};
-    const struct survey s = {.n_speakers = 2,
-                             .n_microphones = 2,
-                             .n_positions = 1,
-                             .speakers_m = elements,
-                             .microphones_m = elements,
-                             .stage_axis = {1, 0, 0},
-                             .stage_positions_m = stage,
-                             .has_mount = true,
-                             .mount_origin_m = {3.6, 0, 0.4},
-                             .mount_x_axis = {0, 1, 0},
-                             .mount_y_axis = {0, 0, 1}};
+    const struct survey s = bumper();
     const struct walls none = {.n = 0};
     const struct detection far = point(0.7, 0, sqrt(4.0 + 0.16 + 0.25));
     const struct detection near = point(0.7, 0, 0.5);
@@ -238,6 +244,30 @@ static void a_line_array_on_a_vehicle_sees_things_on_the_ground(void **state)
     assert_true(p.covariance_m2[0] > 0.02);
     objects_place(&p, &s, &none, &near); /* nearer than they are high */
     assert_near(p.position_m[0], 4.1, 1e-9);
+}
+
+/* Whatever the height of what echoes, from a wheel's hub or a child to a trunk: imaged at
+ * its slant range, it is reported where it stands within one sigma, and sigma is not so
+ * large that it says nothing. */
+static void the_covariance_covers_what_is_not_known_of_heights(void **state)
+{
+    (void)state;
+    const struct survey s = bumper();
+    const struct walls none = {.n = 0};
+
+    for (double depth_m = 2.0; depth_m <= 6.0; depth_m += 0.5) {
+        double worst_m = 0.0, sigma_m = 0.0;
+        for (double height_m = 0.4; height_m < 1.11; height_m += 0.1) {
+            const struct detection d = point(0.7, 0, hypot(depth_m, height_m - 0.4));
+            struct placement p;
+            objects_place(&p, &s, &none, &d);
+            double error_m = fabs(p.position_m[0] - 3.6 - depth_m);
+            sigma_m = sqrt(p.covariance_m2[0]);
+            assert_true(error_m < sigma_m);
+            worst_m = fmax(worst_m, error_m);
+        }
+        assert_true(sigma_m < 2.0 * worst_m);
+    }
 }
 
 static void ids_rise_in_the_order_given(void **state)
@@ -280,6 +310,7 @@ int main(void)
         cmocka_unit_test(each_object_is_mirrored_by_its_wall_or_by_none),
         cmocka_unit_test(a_line_array_does_not_tell_heights),
         cmocka_unit_test(a_line_array_on_a_vehicle_sees_things_on_the_ground),
+        cmocka_unit_test(the_covariance_covers_what_is_not_known_of_heights),
         cmocka_unit_test(ids_rise_in_the_order_given),
         cmocka_unit_test(an_empty_volume_gives_an_empty_list),
     };

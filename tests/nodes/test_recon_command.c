@@ -21,6 +21,7 @@
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/job.h"
+#include "tests/hal/folder.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 
@@ -134,28 +135,12 @@ static int set_up(void **state)
     return 0;
 }
 
-static void remove_all(const char *folder)
-{
-    char path[512];
-    DIR *d = opendir(folder);
-    for (struct dirent *e = d ? readdir(d) : NULL; e; e = readdir(d)) {
-        if (!strcmp(e->d_name, ".") || !strcmp(e->d_name, ".."))
-            continue;
-        snprintf(path, sizeof path, "%.200s/%s", folder, e->d_name);
-        if (unlink(path))
-            remove_all(path);
-    }
-    if (d)
-        closedir(d);
-    rmdir(folder);
-}
-
 static int tear_down(void **state)
 {
     struct fixture *f = *state;
-    remove_all(f->folder);
+    int err = folder_remove(f->folder);
     free(f);
-    return 0;
+    return err;
 }
 
 static void run(struct fixture *f, struct command_result *r)
@@ -372,7 +357,7 @@ static void missing_files_are_named(void **state)
     snprintf(path, sizeof path, "%s/pos02.wav", f->scene);
     unlink(path);
     expect_refusal(f, f->scene, "3");
-    remove_all(f->scene);
+    folder_remove(f->scene);
     expect_refusal(f, f->scene, "");
     mkdir(f->scene, 0777);
     expect_refusal(f, f->scene, "");

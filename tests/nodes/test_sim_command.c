@@ -1,5 +1,4 @@
 /* `anlos sim`: a scene of one point, small enough to take no time. */
-#include <dirent.h>
 #include <jansson.h>
 #include <setjmp.h>
 #include <sndfile.h>
@@ -18,6 +17,7 @@
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/commands.h"
+#include "tests/hal/folder.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 
@@ -39,28 +39,12 @@ static int set_up(void **state)
     return 0;
 }
 
-static void remove_all(const char *folder)
-{
-    char path[512];
-    DIR *d = opendir(folder);
-    for (struct dirent *e = d ? readdir(d) : NULL; e; e = readdir(d)) {
-        if (!strcmp(e->d_name, ".") || !strcmp(e->d_name, ".."))
-            continue;
-        snprintf(path, sizeof path, "%.200s/%s", folder, e->d_name);
-        if (unlink(path))
-            remove_all(path);
-    }
-    if (d)
-        closedir(d);
-    rmdir(folder);
-}
-
 static int tear_down(void **state)
 {
     struct fixture *f = *state;
-    remove_all(f->folder);
+    int err = folder_remove(f->folder);
     free(f);
-    return 0;
+    return err;
 }
 
 static void run(struct fixture *f, const char *scene, struct command_result *r)

@@ -8,43 +8,15 @@
 #include <cmocka.h>
 
 #include "tests/nodes/near.h"
-#include "nodes/rt/vehicle_frame.h"
+#include "tests/nodes/wall_message.h"
 #include "nodes/rt/walls.h"
-
-struct message { /* one wall, straight ahead */
-    Anlos__WallList list;
-    Anlos__Wall wall, *each[1];
-    Anlos__Vec3 normal;
-    double covariance[6], free_view_m[8];
-};
-
-static void make(struct message *m)
-{
-    anlos__wall_list__init(&m->list);
-    anlos__wall__init(&m->wall);
-    anlos__vec3__init(&m->normal);
-    m->each[0] = &m->wall;
-    m->list.n_walls = 1;
-    m->list.walls = m->each;
-    m->wall.id = 3;
-    m->wall.normal = &m->normal;
-    m->normal.x = 1.0;
-    m->wall.distance_m = 5.0;
-    m->wall.gate_far_m = 9.0;
-    memset(m->covariance, 0, sizeof m->covariance);
-    m->covariance[0] = 1e-4;
-    m->covariance[5] = 4e-4;
-    m->wall.covariance = m->covariance;
-    m->wall.n_covariance = 6;
-    m->list.free_view_m = m->free_view_m;
-}
 
 static void a_message_comes_in_as_it_is(void **state)
 {
     (void)state;
-    struct message m;
+    struct wall_message m;
     struct walls w;
-    make(&m);
+    wall_message_make(&m);
     m.list.n_free_view_m = 6;
     memcpy(m.free_view_m, (double[]){0, 0, 1, 0, 0, 2}, 6 * sizeof(double));
     assert_int_equal(walls_from_message(&w, &m.list, NULL), 0);
@@ -63,10 +35,10 @@ static void what_is_no_wall_is_refused(void **state)
 {
     (void)state;
     for (int k = 0; k < 9; k++) {
-        struct message m;
+        struct wall_message m;
         struct walls w;
         struct complaint why = {""};
-        make(&m);
+        wall_message_make(&m);
         if (k == 0)
             m.wall.normal = NULL;
         else if (k == 1)
@@ -101,9 +73,9 @@ static void a_given_wall_comes_from_the_vehicle_frame(void **state)
                              .mount_origin_m = {3.6, 0.2, 0.5},
                              .mount_x_axis = {0, 1, 0},
                              .mount_y_axis = {0, 0, 1}};
-    struct message m;
+    struct wall_message m;
     struct walls w;
-    make(&m);
+    wall_message_make(&m);
     assert_int_equal(walls_from_given(&w, &m.list, &s, NULL), 0);
     const struct wall *p = &w.list[0].plane;
     assert_near(p->normal[2], 1.0, 1e-12);
@@ -134,11 +106,6 @@ static void walls_stay_where_they_are_when_the_vehicle_moves(void **state)
      * the array, which stands 1 m ahead of it along the wall. */
     assert_near(w.list[0].plane.normal[0], -1.0, 1e-12);
     assert_near(w.list[0].plane.distance_m, 2.5, 1e-12);
-    double v[3];
-    const struct ego_motion motion = {2.0, 0.5};
-    vehicle_frame_velocity(&s, &motion, v);
-    assert_near(v[2], 2.0, 1e-12);
-    assert_near(v[0], 0.5, 1e-12); /* the array swings to the left */
 }
 
 static void a_survey_names_one_wall_or_several(void **state)

@@ -1,0 +1,203 @@
+#include "tests/recon/near.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/detect_learn.h"
+#include "tests/recon/reference.h"
+
+enum { NX = 160, NZ = 200, CELLS = NX * NZ };
+
+#define STEP_M 0.02
+
+/* Ranges of 0.5 to 4.8 m from the array. */
+static const struct grid grid = {{-1.59, 0, 0.5}, {STEP_M, STEP_M, STEP_M}, {NX, 1, NZ}};
+
+static const struct cfar_config usual = {.kind = CFAR_AVERAGING,
+                                         .false_alarm_rate = 1e-3,
+                                         .n = {NX, 1, NZ},
+                                         .pitch = {1, 1, 1},
+                                         .guard = {1, 0, 1},
+                                         .training = {3, 0, 4}};
+
+static struct cfar *cfar_new(void)
+{
+    struct cfar *c = NULL;
+    assert_int_equal(cfar_create(&c, &usual), 0);
+    return c;
+}
+
+static double range_m(size_t cell)
+{
+    return hypot(grid.origin_m[0] + STEP_M * (double)(cell % NX),
+                 grid.origin_m[2] + STEP_M * (double)(cell / NX));
+}
+
+/* x^spikes, x exponential of mean 1: more than t^spikes with the probability exp(-t). */
+static float *noise(unsigned long long seed, double spikes)
+{
+    float *image = malloc(CELLS * sizeof *image);
+    assert_non_null(image);
+    for (size_t i = 0; i < CELLS; i++)
+        image[i] = (float)pow(-log(reference_random(&seed)), spikes);
+    return image;
+}
+
+/* Straight ahead, with spots of its sidelobes as far away as itself: one cell in 37 of
+ * what is within 0.25 m. */
+static void add_object(float *image, double at_m, double power)
+{
+    for (size_t i = 0; i < CELLS; i++)
+        if (i % 37 == 0 && fabs(range_m(i) - at_m) < 0.25)
+            image[i] = (float)(power / 40.0);
+    image[(size_t)((at_m - grid.origin_m[2]) / STEP_M) * NX + NX / 2] = (float)power;
+}
+
+/* Noise of exponential powers: shape 1, no other tail, and so the factor of Finn and
+ * Johnson, n (rate^(-1/n) - 1). */
+static void expect_plain_noise(const struct cfar *c)
+{
+    static const size_t n = 60;
+    assert_true(cfar_has_learnt(c));
+    assert_near(cfar_noise(c)->shape, 1.0, 0.05);
+    assert_false(cfar_noise(c)->heavy);
+    double factor = (double)n * (pow(1e-3, -1.0 / (double)n) - 1.0);
+    assert_near(cfar_factor(c, n) / factor, 1.0, 0.1);
+}
+
+static void expect_same(const struct cfar_noise *a, const struct cfar_noise *b)
+{
+    assert_near(a->shape, b->shape, 0.0);
+    assert_int_equal(a->heavy, b->heavy);
+    if (a->heavy) {
+        assert_near(a->from, b->from, 0.0);
+        assert_near(a->scale, b->scale, 0.0);
+        assert_near(a->index, b->index, 0.0);
+    }
+}
+
+/* As if there were nothing but noise in it. */
+static void expect_learnt_whole(const float *image)
+{
+    struct cfar *c = cfar_new(), *all = cfar_new();
+    assert_int_equal(detect_learn(c, &grid, image), 0);
+    cfar_learn(all, image);
+    expect_same(cfar_noise(c), cfar_noise(all));
+    cfar_destroy(all);
+    cfar_destroy(c);
+}
+
+static void noise_alone_is_learnt(void **state)
+{
+    (void)state;
+    float *image = noise(1, 1.0);
+    struct cfar *c = cfar_new();
+    assert_int_equal(detect_learn(c, &grid, image), 0);
+    expect_plain_noise(c);
+    expect_learnt_whole(image);
+    cfar_destroy(c);
+    free(image);
+}
+
+/* Near and far, alone and with others. */
+static void objects_and_their_sidelobes_are_no_noise(void **state)
+{
+    (void)state;
+    static const double at_m[3] = {2.8, 1.8, 3.8};
+    for (int n = 1; n <= 3; n++) {
+        float *image = noise(2, 1.0);
+        struct cfar *c = cfar_new(), *all = cfar_new();
+        for (int i = 0; i < n; i++)
+            add_object(image, at_m[i], 1e5 / (1 + i));
+        cfar_learn(all, image);
+        assert_true(cfar_noise(all)->heavy);
+        assert_int_equal(detect_learn(c, &grid, image), 0);
+        expect_plain_noise(c);
+        cfar_destroy(all);
+        cfar_destroy(c);
+        free(image);
+    }
+}
+
+/* Four alike are clutter, and so is one that is 6 times as bright as the next. */
+static void the_brightest_of_many_are_noise(void **state)
+{
+    (void)state;
+    float *image = noise(3, 1.0);
+    for (int i = 0; i < 4; i++)
+        add_object(image, 1.0 + 0.9 * i, 1e5);
+    expect_learnt_whole(image);
+    free(image);
+    image = noise(3, 1.0);
+    for (int i = 0; i < 4; i++)
+        add_object(image, 1.0 + 0.9 * i, 1e5 * pow(6.0, -i));
+    expect_learnt_whole(image);
+    free(image);
+}
+
+/* Spiky clutter, P(x > t) = exp(-t^(1/3)): the tail that is learnt holds its rate in
+ * other images of it. */
+static void clutter_is_learnt_with_its_tail(void **state)
+{
+    (void)state;
+    float *image = noise(4, 3.0);
+    struct cfar *c = cfar_new();
+    size_t alarms = 0;
+    expect_learnt_whole(image);
+    assert_int_equal(detect_learn(c, &grid, image), 0);
+    free(image);
+    image = noise(5, 3.0);
+    for (size_t i = 0; i < CELLS; i++)
+        alarms += (double)image[i] > cfar_at(c, image, i).threshold;
+    assert_in_range(alarms, (size_t)(0.5e-3 * CELLS), (size_t)(2e-3 * CELLS));
+    cfar_destroy(c);
+    free(image);
+}
+
+/* An object fills most of what was imaged: better than nothing, not than what is known.
+ */
+static void what_is_left_may_be_too_little(void **state)
+{
+    (void)state;
+    float *image = noise(6, 1.0), *plain = noise(7, 1.0);
+    struct cfar *c = cfar_new();
+    add_object(image, 3.0, 1e5);
+    for (size_t i = 0; i < CELLS; i++)
+        if (fabs(range_m(i) - 3.0) > (i % 10 ? 0.3 : 0.5))
+            image[i] = 0.0f;
+    assert_int_equal(detect_learn(c, &grid, plain), 0);
+    const struct cfar_noise before = *cfar_noise(c);
+    assert_int_equal(detect_learn(c, &grid, image), 0);
+    expect_same(cfar_noise(c), &before);
+    expect_plain_noise(c);
+    cfar_destroy(c);
+    expect_learnt_whole(image);
+    free(plain);
+    free(image);
+}
+
+static void an_empty_image_teaches_nothing(void **state)
+{
+    (void)state;
+    float *image = calloc(CELLS, sizeof *image);
+    struct cfar *c = cfar_new();
+    assert_non_null(image);
+    assert_int_equal(detect_learn(c, &grid, image), 0);
+    assert_near(cfar_noise(c)->shape, 1.0, 0.0);
+    assert_false(cfar_noise(c)->heavy);
+    cfar_destroy(c);
+    free(image);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(noise_alone_is_learnt),
+        cmocka_unit_test(objects_and_their_sidelobes_are_no_noise),
+        cmocka_unit_test(the_brightest_of_many_are_noise),
+        cmocka_unit_test(clutter_is_learnt_with_its_tail),
+        cmocka_unit_test(what_is_left_may_be_too_little),
+        cmocka_unit_test(an_empty_image_teaches_nothing),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
