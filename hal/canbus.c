@@ -80,9 +80,14 @@ int canbus_listen(struct canbus *b, const uint32_t *ids, size_t n)
     return b->ops->listen ? b->ops->listen(b->state, ids, n) : -EOPNOTSUPP;
 }
 
-int canbus_receive(struct canbus *b, struct can_frame_data *out, int64_t now_ns)
+int canbus_receive(struct canbus *b, struct can_frame_data *out, int64_t now_ns,
+                   int64_t *came_ns)
 {
-    return b->ops->receive ? b->ops->receive(b->state, out, now_ns) : -EAGAIN;
+    int64_t came;
+
+    if (!b->ops->receive)
+        return -EAGAIN;
+    return b->ops->receive(b->state, out, now_ns, came_ns ? came_ns : &came);
 }
 
 int canbus_fd(const struct canbus *b)

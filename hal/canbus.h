@@ -2,6 +2,7 @@
  *   log:out.candump            the format of `candump -L`, interface name "can0"; nothing
  *                              ever comes
  *   log:out.candump?interface=vcan1
+ *   log:out.candump?append=yes  goes on where the file ends; no (default): begins anew
  *   socketcan:can0             a raw socket, classic and FD (hal/can/socketcan.c)
  *   sim:drive.yaml?log=out.candump  the same log, and a simulated vehicle that tells its
  *                              motion and its air (hal/can/sim.c) */
@@ -44,7 +45,8 @@ struct canbus_ops {
     int (*flush)(void *state);
     /* These three may be NULL: nothing ever comes. */
     int (*listen)(void *state, const uint32_t *ids, size_t n);
-    int (*receive)(void *state, struct can_frame_data *out, int64_t now_ns);
+    int (*receive)(void *state, struct can_frame_data *out, int64_t now_ns,
+                   int64_t *came_ns);
     int (*fd)(const void *state);
     /* May be NULL: always ready, and what was sent is on the bus. */
     void (*poll)(void *state, int64_t now_ns, struct canbus_status *out);
@@ -75,8 +77,11 @@ int canbus_flush(struct canbus *b);
 enum { CANBUS_MAX_INPUTS = 4 };
 int canbus_listen(struct canbus *b, const uint32_t *ids, size_t n);
 
-/* The oldest frame that has come and was not taken yet.  Never waits.  0, -EAGAIN. */
-int canbus_receive(struct canbus *b, struct can_frame_data *out, int64_t now_ns);
+/* The oldest frame that has come and was not taken yet.  came_ns: when it was on the bus,
+ * which is before now_ns if this program was kept waiting; NULL: nobody wants to know.
+ * Never waits.  0, -EAGAIN. */
+int canbus_receive(struct canbus *b, struct can_frame_data *out, int64_t now_ns,
+                   int64_t *came_ns);
 
 /* A descriptor that poll(2) finds readable when frames have come, or something else for
  * canbus_poll has; it may change with each call on the bus.  -1: there is none now. */

@@ -2,22 +2,54 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
+#include <stdio_ext.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "hal/can/backends.h"
 #include "hal/device.h"
 
 enum { INTERFACE_SIZE = 16 }; /* IFNAMSIZ */
+enum { LINE_SIZE = 200 };
 
 struct canbus_log {
     FILE *file;
+    long whole; /* bytes on the disk, to the end of a line; under 0: it is no file */
     char interface[INTERFACE_SIZE];
 };
 
+/* Who was killed while he wrote may have left a part of a line, which is no frame. */
+static int cut_part(FILE *f)
+{
+    char end[LINE_SIZE];
+    long size = fseek(f, 0, SEEK_END) ? 0 : ftell(f);
+    size_t n = size < (long)sizeof end ? (size_t)(size > 0 ? size : 0) : sizeof end, keep;
+
+    if (!n) /* or a pipe */
+        return 0;
+    if (fseek(f, -(long)n, SEEK_END) || fread(end, 1, n, f) != n)
+        return -1;
+    for (keep = n; keep && end[keep - 1] != '\n'; keep--)
+        ;
+    return ftruncate(fileno(f), size - (long)(n - keep));
+}
+
+static FILE *open_file(const char *path, bool append)
+{
+    FILE *f = fopen(path, append ? "a+e" : "we");
+
+    if (f && append && cut_part(f)) {
+        fclose(f);
+        return NULL;
+    }
+    return f;
+}
+
 static int log_open(void **state, const char *arg, struct complaint *why)
 {
-    static const char *const known[] = {"interface", NULL};
+    static const char *const known[] = {"interface", "append", NULL};
+    static const char *const answers[] = {"no", "yes", NULL};
     struct device d;
     int err = device_parse(&d, arg, known, why);
     if (err)
@@ -37,15 +69,21 @@ static int log_open(void **state, const char *arg, struct complaint *why)
         goto log;
     }
     strcpy(l->interface, interface);
+    int append = device_choice(&d, "append", answers, why);
+    if (append < 0) {
+        err = append;
+        goto log;
+    }
     if (!*d.path) {
         err = complain(why, -EINVAL, "expected the name of a file, log:out.candump");
         goto log;
     }
-    l->file = fopen(d.path, "we");
+    l->file = open_file(d.path, append);
     if (!l->file) {
         err = complain(why, -errno, "%s cannot be written: %s", d.path, strerror(errno));
         goto log;
     }
+    l->whole = fseek(l->file, 0, SEEK_END) ? -1 : ftell(l->file);
     *state = l;
     l = NULL;
 log:
@@ -55,11 +93,22 @@ device:
     return err;
 }
 
+/* What a full disk did not take is gone, and the part of a line that it took: when there
+ * is room again, the next line begins as one.  Returns err. */
+static int give_up(struct canbus_log *l, int err)
+{
+    __fpurge(l->file);
+    clearerr(l->file);
+    if (l->whole >= 0 && !ftruncate(fileno(l->file), l->whole))
+        fseek(l->file, 0, SEEK_END);
+    return err;
+}
+
 /* "##" and the flags of an FD frame; 1: its data goes at the second bit rate. */
 static int log_send(void *state, const struct can_frame_data *f, int64_t stamp_ns)
 {
     struct canbus_log *l = state;
-    char line[200], *p = line;
+    char line[LINE_SIZE], *p = line;
     int64_t us = stamp_ns / 1000;
     p += sprintf(p, "(%010" PRId64 ".%06" PRId64 ") %s ", us / 1000000, us % 1000000,
                  l->interface);
@@ -71,14 +120,18 @@ static int log_send(void *state, const struct can_frame_data *f, int64_t stamp_n
     size_t n = (size_t)(p - line);
     errno = 0;
     if (fwrite(line, 1, n, l->file) != n)
-        return errno ? -errno : -EIO;
+        return give_up(l, errno ? -errno : -EIO);
     return 0;
 }
 
 static int log_flush(void *state)
 {
     struct canbus_log *l = state;
-    return fflush(l->file) ? -errno : 0;
+    if (fflush(l->file))
+        return give_up(l, -errno);
+    if (l->whole >= 0)
+        l->whole = ftell(l->file);
+    return 0;
 }
 
 /* What close could still lose was flushed with the last list. */

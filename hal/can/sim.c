@@ -2,8 +2,10 @@
  * What is sent goes into the log, if there is one; what comes is EgoMotion every 20 ms
  * and Ambient every second, as the vehicle of the drive scene moves at that time of the
  * wall clock (hal/room/room.h), with their end-to-end protection.  For tests it
- * misbehaves: ego=off       EgoMotion never comes; "bad": its CRC is wrong ambient=off
- * the same of Ambient interface=X   as of a log */
+ * misbehaves:
+ *   ego=off      EgoMotion never comes; ego=bad: its CRC is wrong
+ *   ambient=off  the same of Ambient
+ * interface=X and append=yes are as of a log. */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -50,13 +52,15 @@ static void sim_close(void *state)
 static int open_log(struct canbus_sim *s, const struct device *d, struct complaint *why)
 {
     const char *path = device_option(d, "log"),
-               *interface = device_option(d, "interface");
+               *interface = device_option(d, "interface"),
+               *append = device_option(d, "append");
     char arg[4096];
 
     if (!path)
         return 0;
-    if (snprintf(arg, sizeof arg, "%s?interface=%s", path,
-                 interface ? interface : "can0") >= (int)sizeof arg)
+    if (snprintf(arg, sizeof arg, "%s?interface=%s&append=%s", path,
+                 interface ? interface : "can0",
+                 append ? append : "no") >= (int)sizeof arg)
         return complain(why, -ENAMETOOLONG, "log: the path is too long");
     return canbus_log_ops.open(&s->log, arg, why);
 }
@@ -94,7 +98,8 @@ static int set_up(struct canbus_sim *s, const struct device *d, struct complaint
 
 static int sim_open(void **state, const char *arg, struct complaint *why)
 {
-    static const char *const known[] = {"log", "interface", "ego", "ambient", NULL};
+    static const char *const known[] = {"log", "interface", "append",
+                                        "ego", "ambient",   NULL};
     struct canbus_sim *s = NULL;
     struct device d;
     int err = device_parse(&d, arg, known, why);
@@ -190,15 +195,15 @@ static void tell_ambient(struct canbus_sim *s, struct can_frame_data *out)
     finish(s, &s->ambient, out);
 }
 
-static int sim_receive(void *state, struct can_frame_data *out, int64_t now_ns)
+static int sim_receive(void *state, struct can_frame_data *out, int64_t now_ns,
+                       int64_t *came_ns)
 {
     struct canbus_sim *s = state;
     uint64_t ticks;
-    int64_t at_ns;
 
-    if (is_due(&s->ego, now_ns, &at_ns))
-        tell_ego(s, at_ns, out);
-    else if (is_due(&s->ambient, now_ns, &at_ns))
+    if (is_due(&s->ego, now_ns, came_ns))
+        tell_ego(s, *came_ns, out);
+    else if (is_due(&s->ambient, now_ns, came_ns))
         tell_ambient(s, out);
     else
         return read(s->timer, &ticks, sizeof ticks) < 0 && errno != EAGAIN ? -errno

@@ -8,7 +8,11 @@
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
+#include <time.h>
 #include <unistd.h>
+
+#define LONGEST_NS                                                                       \
+    1000000000LL /* what seems to have been held for longer: a clock was set */
 
 static int set_option(int fd, int option, const void *value, socklen_t size)
 {
@@ -28,6 +32,8 @@ static int set_up(int fd, uint32_t error_mask)
     /* A kernel without FD has no such option, and no interface that would need it. */
     if (!err)
         set_option(fd, CAN_RAW_FD_FRAMES, &on, sizeof on);
+    /* Without, what comes is taken to have come when it is read. */
+    setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
     return err;
 }
 
@@ -40,14 +46,12 @@ int can_socket_open(int *fd, const char *interface, uint32_t error_mask,
 
     if (!address.can_ifindex)
         return complain(why, -ENODEV,
-                        "there is no network interface \"%s\"; see `ip link`, or write a "
-                        "log with log:FILE",
-                        interface);
+                        "there is no network interface \"%s\"; see `ip link`", interface);
     *fd = socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
     if (*fd < 0)
         return complain(why, -errno,
                         "this kernel gives no CAN socket: %s; load the modules can and "
-                        "can_raw, or write a log with log:FILE",
+                        "can_raw",
                         strerror(errno));
     err = set_up(*fd, error_mask);
     if (err) {
@@ -108,11 +112,33 @@ int can_socket_send(int fd, const struct can_frame_data *f)
     return (size_t)n == size ? 0 : -EIO;
 }
 
+/* The kernel dates frames by the wall clock. */
+static int64_t held_ns(struct msghdr *message)
+{
+    struct timespec came, now;
+    struct cmsghdr *c = CMSG_FIRSTHDR(message);
+
+    while (c && !(c->cmsg_level == SOL_SOCKET && c->cmsg_type == SCM_TIMESTAMPNS))
+        c = CMSG_NXTHDR(message, c);
+    if (!c || clock_gettime(CLOCK_REALTIME, &now))
+        return 0;
+    memcpy(&came, CMSG_DATA(c), sizeof came);
+    int64_t ns = (now.tv_sec - came.tv_sec) * 1000000000LL + now.tv_nsec - came.tv_nsec;
+    return ns >= 0 && ns <= LONGEST_NS ? ns : 0;
+}
+
 int can_socket_receive(int fd, struct can_event *out)
 {
+    union {
+        struct cmsghdr aligned;
+        char bytes[CMSG_SPACE(sizeof(struct timespec))];
+    } control;
     struct canfd_frame frame;
     struct iovec part = {.iov_base = &frame, .iov_len = sizeof frame};
-    struct msghdr message = {.msg_iov = &part, .msg_iovlen = 1};
+    struct msghdr message = {.msg_iov = &part,
+                             .msg_iovlen = 1,
+                             .msg_control = &control,
+                             .msg_controllen = sizeof control};
     ssize_t n;
 
     do
@@ -131,5 +157,6 @@ int can_socket_receive(int fd, struct can_event *out)
                                          .size = frame.len,
                                          .fd = n == (ssize_t)CANFD_MTU};
     memcpy(out->frame.data, frame.data, frame.len);
+    out->held_ns = held_ns(&message);
     return 0;
 }

@@ -113,9 +113,12 @@ static int socketcan_open(void **state, const char *arg, struct complaint *why)
     }
     strcpy(s->interface, d.path);
     s->look_period_ns = LOOK_NS;
-    err = open_socket(s, why);
-    if (err)
+    struct complaint inner = {""};
+    err = open_socket(s, &inner);
+    if (err) {
+        complain(why, err, "%.900s; without a bus write a log, log:FILE", inner.text);
         goto socket;
+    }
     *state = s;
     s = NULL;
 socket:
@@ -173,7 +176,7 @@ static void take_event(struct canbus_socketcan *s, const struct can_event *event
         break;
     case CAN_EVENT_FOREIGN:
         if (is_input(s, event->frame.id))
-            can_intake_put(&s->intake, &event->frame);
+            can_intake_put(&s->intake, &event->frame, now_ns - event->held_ns);
         else
             s->foreign++;
         break;
@@ -281,13 +284,14 @@ static int socketcan_listen(void *state, const uint32_t *ids, size_t n)
     return s->link == LINK_GONE ? 0 : set_filter(s, s->n_ids);
 }
 
-static int socketcan_receive(void *state, struct can_frame_data *out, int64_t now_ns)
+static int socketcan_receive(void *state, struct can_frame_data *out, int64_t now_ns,
+                             int64_t *came_ns)
 {
     struct canbus_socketcan *s = state;
 
     if (s->link != LINK_GONE)
         take_events(s, now_ns);
-    return can_intake_take(&s->intake, out);
+    return can_intake_take(&s->intake, out, came_ns);
 }
 
 /* One whose interface is down is readable without end, as the kernel tells of it. */

@@ -3,7 +3,9 @@
  *
  * Profile 11, nibble variant: byte 0 is a CRC-8 (SAE J1850 polynomial 0x1D, from 0, not
  * inverted) over the low byte of the data ID, a byte 0 and bytes 1..; byte 1 is the
- * counter, 0..14, in the low and bits 8..11 of the data ID in the high nibble.
+ * counter, 0..14, in the low and bits 8..11 of the data ID in the high nibble.  Data IDs
+ * of this variant are to have 1..14 there (0x100 to 0xeff): a nibble of zeros or of ones
+ * is what a line that is stuck sends, too.
  * Profile 5: bytes 0 and 1 are a CRC-16 (CCITT-FALSE, low byte first) over bytes 2.. and
  * then the data ID, low byte first; byte 2 is the counter, 0..255. */
 #ifndef ANLOS_MSGS_CAN_E2E_H

@@ -47,25 +47,14 @@ double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_obj
            (double)n_objects * object_s;
 }
 
-double can_load(const struct can_bus_rate *rate, size_t n_objects, bool fd_objects,
-                double lists_hz)
+double can_cycles_s(const struct can_bus_rate *rate)
 {
-    double load = can_list_s(rate, n_objects, fd_objects) * lists_hz;
+    double sum = CAN_STATUS_CHANGES * message_s(rate, CAN_ID_STATUS);
     size_t n;
     const struct can_message *m = can_messages(&n);
 
     for (size_t i = 0; i < n; i++)
         if (m[i].cycle_ms)
-            load += 1e3 / m[i].cycle_ms * message_s(rate, m[i].id);
-    return load;
-}
-
-size_t can_load_objects(const struct can_bus_rate *rate, bool fd_objects, double lists_hz,
-                        double limit)
-{
-    size_t n = CAN_MAX_OBJECTS;
-
-    while (n && can_load(rate, n, fd_objects, lists_hz) > limit)
-        n--;
-    return n;
+            sum += (1e3 / m[i].cycle_ms + 1.0) * message_s(rate, m[i].id);
+    return sum;
 }

@@ -21,13 +21,9 @@ double can_frame_s(const struct can_bus_rate *rate, size_t size, bool fd);
 /* Seconds of the bus for a list of n objects, header and time included. */
 double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_objects);
 
-/* Share of the bus, 1: all of it, for such lists at lists_hz with status and diagnosis.
- */
-double can_load(const struct can_bus_rate *rate, size_t n_objects, bool fd_objects,
-                double lists_hz);
-
-/* How many objects, up to CAN_MAX_OBJECTS, keep the load within a limit: 0.5. */
-size_t can_load_objects(const struct can_bus_rate *rate, bool fd_objects, double lists_hz,
-                        double limit);
+/* Seconds of the bus in one second, wherever that begins, for all that is sent in cycles
+ * at most: status, diagnosis, what the vehicle says, and the changes of the status. */
+#define CAN_STATUS_CHANGES 10 /* that do not wait for its cycle */
+double can_cycles_s(const struct can_bus_rate *rate);
 
 #endif

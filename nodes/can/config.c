@@ -4,16 +4,15 @@ void can_config_sender(struct sender_config *out, const struct launchfile *l)
 {
     *out = (struct sender_config){
         .base_id = CAN_BASE_DEFAULT,
-        .rate = {.nominal_bit_s = 500e3, .data_bit_s = 2e6},
-        .load = 0.5,
+        .bus = {.rate = {.nominal_bit_s = 500e3, .data_bit_s = 2e6}, .load = 0.5},
     };
     if (!l)
         return;
     out->base_id = l->can.base_id + CAN_SENSOR_STEP * l->can.sensor;
-    out->fd = l->can.fd;
-    out->rate = (struct can_bus_rate){.nominal_bit_s = l->can.bitrate,
-                                      .data_bit_s = l->can.data_bitrate};
-    out->load = l->can.load;
+    out->bus = (struct allowance_config){
+        .rate = {.nominal_bit_s = l->can.bitrate, .data_bit_s = l->can.data_bitrate},
+        .fd = l->can.fd,
+        .load = l->can.load};
     out->stale_ns = l->scan.fixed ? WATCH_STALE_NS : 0;
 }
 

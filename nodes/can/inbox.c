@@ -118,19 +118,19 @@ static void forget_who_was_away(struct inbox *i, uint32_t id, int64_t now_ns)
 }
 
 enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
-                           int64_t now_ns)
+                           int64_t came_ns)
 {
     enum inbox_kind kind = INBOX_NOTHING;
 
-    forget_who_was_away(i, f->id, now_ns);
+    forget_who_was_away(i, f->id, came_ns);
     if (!e2e_is_usable(can_check(&i->checks, f)))
         kind = INBOX_WRONG;
     else if (f->id == i->checks.base + CAN_ID_EGO_MOTION)
-        kind = take_ego(i, f, now_ns);
+        kind = take_ego(i, f, came_ns);
     else if (f->id == i->checks.base + CAN_ID_AMBIENT)
         kind = take_ambient(i, f);
     else if (f->id == i->checks.base + CAN_ID_WALL_IN)
-        kind = take_wall(i, f, now_ns);
+        kind = take_wall(i, f, came_ns);
     i->wrong += kind == INBOX_WRONG;
     return kind;
 }

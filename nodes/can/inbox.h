@@ -50,9 +50,9 @@ void inbox_init(struct inbox *i, uint32_t base);
 /* The identifiers for canbus_listen; returns how many. */
 size_t inbox_ids(const struct inbox *i, uint32_t ids[CANBUS_MAX_INPUTS]);
 
-/* What a frame brought, in ego, ambient or wall_list. */
+/* What a frame that came at came_ns brought, in ego, ambient or wall_list. */
 enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
-                           int64_t now_ns);
+                           int64_t came_ns);
 
 /* True once when nothing valid has come for INBOX_EGO_NS: ego says so then. */
 bool inbox_ego_ends(struct inbox *i, int64_t now_ns);

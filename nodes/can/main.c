@@ -3,24 +3,21 @@
 #include <errno.h>
 #include <math.h>
 #include <poll.h>
+#include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "hal/canbus.h"
 #include "msgs/topics.h"
 #include "nodes/can/config.h"
-#include "nodes/can/diagnosis.h"
+#include "nodes/can/cyclic.h"
 #include "nodes/can/inbox.h"
 #include "nodes/can/outbox.h"
+#include "nodes/can/vehicle_bus.h"
 #include "nodes/can/watch.h"
-#include "nodes/rt/export.h"
 #include "nodes/rt/node.h"
-#include "nodes/rt/uri.h"
 
-#define STATUS_PERIOD_NS    100000000LL
-#define DIAGNOSIS_PERIOD_NS 1000000000LL
-#define EMPTY_PERIOD_NS     250000000LL /* of lists of our own, while none comes */
-#define FINISH_NS           100000000LL /* what waits has to go out in when the node ends */
+#define FINISH_NS 100000000LL /* what waits has to go out in when the node ends */
 
 struct run {
     struct node *node;
@@ -30,30 +27,28 @@ struct run {
     struct inbox inbox;
     struct watch watch;
     struct diagnosis diagnosis;
-    int64_t status_due_ns, diagnosis_due_ns, empty_due_ns;
-    struct can_frame_data status; /* as it went out last */
-    uint32_t list_counter;        /* of the newest message */
-    enum can_state told_state;    /* in the log */
+    struct cyclic cyclic;
+    enum can_state told_state; /* in the log */
     uint16_t told_faults;
 };
 
 static void receive(struct run *r)
 {
     struct can_frame_data frame;
-    int64_t now = node_machine_ns(r->node);
+    int64_t now = node_machine_ns(r->node), came;
 
-    while (!canbus_receive(r->bus, &frame, now)) {
-        switch (inbox_take(&r->inbox, &frame, now)) {
+    while (!canbus_receive(r->bus, &frame, now, &came)) {
+        switch (inbox_take(&r->inbox, &frame, came)) {
         case INBOX_EGO:
-            watch_ego(&r->watch, now);
-            node_publish(r->node, topic_ego(), now, &r->inbox.ego.base);
+            watch_ego(&r->watch, came);
+            node_publish(r->node, topic_ego(), came, &r->inbox.ego.base);
             break;
         case INBOX_AMBIENT:
-            watch_ambient(&r->watch, r->inbox.ambient.temperature_c, now);
-            node_publish(r->node, topic_ambient(), now, &r->inbox.ambient.base);
+            watch_ambient(&r->watch, r->inbox.ambient.temperature_c, came);
+            node_publish(r->node, topic_ambient(), came, &r->inbox.ambient.base);
             break;
         case INBOX_WALLS_GIVEN:
-            node_publish(r->node, topic_wall_given(), now, &r->inbox.wall_list.base);
+            node_publish(r->node, topic_wall_given(), came, &r->inbox.wall_list.base);
             break;
         case INBOX_WRONG:
             watch_wrong_input(&r->watch);
@@ -66,7 +61,8 @@ static void receive(struct run *r)
         node_publish(r->node, topic_ego(), now, &r->inbox.ego.base);
 }
 
-static void tell_state(struct run *r)
+/* The state that the vehicle is told, and why. */
+static void describe_state(const struct run *r, char *out, size_t size)
 {
     char text[256];
     static const char *const names[] = {
@@ -75,6 +71,15 @@ static void tell_state(struct run *r)
         [CAN_FAULT] = "faulty",    [CAN_BLOCKED] = "blocked",
         [CAN_STANDBY] = "standby",
     };
+
+    watch_text(&r->watch, text, sizeof text);
+    snprintf(out, size, "the sensor is %s%s%s", names[watch_state(&r->watch)],
+             text[0] ? ": " : "", text);
+}
+
+static void tell_state(struct run *r)
+{
+    char text[320];
     enum can_state state = watch_state(&r->watch);
     uint16_t faults = watch_faults(&r->watch);
 
@@ -82,11 +87,11 @@ static void tell_state(struct run *r)
         return;
     r->told_state = state;
     r->told_faults = faults;
-    watch_text(&r->watch, text, sizeof text);
+    describe_state(r, text, sizeof text);
     node_log(r->node,
              state == CAN_FAULT || state == CAN_BLOCKED ? LOG_LEVEL_WARNING
                                                         : LOG_LEVEL_INFO,
-             "the sensor is %s%s%s", names[state], text[0] ? ": " : "", text);
+             "%s", text);
 }
 
 /* In a replay nothing is now: neither the clock nor what is wrong with it counts. */
@@ -108,54 +113,6 @@ static void judge(struct run *r)
     tell_state(r);
 }
 
-/* In step with the ones before, unless that one came late or out of turn. */
-static int64_t next_due(int64_t due_ns, int64_t period_ns, int64_t now_ns)
-{
-    return due_ns <= now_ns && now_ns - due_ns < period_ns ? due_ns + period_ns
-                                                           : now_ns + period_ns;
-}
-
-/* When it is due, and at once when it says something else. */
-static void put_status(struct run *r, int64_t now_ns)
-{
-    struct can_frame_data frame;
-
-    sender_status(&r->sender, &frame);
-    if (now_ns < r->status_due_ns && !memcmp(&frame, &r->status, sizeof frame))
-        return;
-    r->status_due_ns = next_due(r->status_due_ns, STATUS_PERIOD_NS, now_ns);
-    r->status = frame;
-    outbox_put_cyclic(&r->outbox, OUTBOX_STATUS, &frame);
-}
-
-static void put_diagnosis(struct run *r, int64_t now_ns)
-{
-    struct can_frame_data frame;
-
-    if (now_ns < r->diagnosis_due_ns)
-        return;
-    r->diagnosis_due_ns = next_due(r->diagnosis_due_ns, DIAGNOSIS_PERIOD_NS, now_ns);
-    if (!node_is_replayed(r->node))
-        r->sender.time_sync = clock_is_synchronised() ? CAN_SYNCHRONISED
-                                                      : CAN_NOT_SYNCHRONISED;
-    diagnosis_next(&r->diagnosis, &r->watch, now_ns, &r->sender.diagnosis);
-    sender_diagnosis(&r->sender, &frame);
-    outbox_put_cyclic(&r->outbox, OUTBOX_DIAGNOSIS, &frame);
-}
-
-/* Where images should come and do not, the vehicle hears that there is nothing. */
-static void put_empty_list(struct run *r, int64_t now_ns)
-{
-    struct sender_list list;
-
-    if (!(watch_faults(&r->watch) & 1u << CAN_FAULT_IMAGE_STALE) ||
-        now_ns < r->empty_due_ns)
-        return;
-    r->empty_due_ns = next_due(r->empty_due_ns, EMPTY_PERIOD_NS, now_ns);
-    sender_empty_list(&r->sender, r->list_counter, r->watch.capture_ns, &list);
-    outbox_put_list(&r->outbox, &list);
-}
-
 static void take_list(struct run *r, const struct node_message *in)
 {
     const Anlos__DetectionList *message = (const Anlos__DetectionList *)in->content;
@@ -163,7 +120,7 @@ static void take_list(struct run *r, const struct node_message *in)
 
     watch_list(&r->watch, in->capture_ns, node_machine_ns(r->node));
     diagnosis_list(&r->diagnosis, message);
-    r->list_counter = message->counter;
+    r->cyclic.list_counter = message->counter;
     sender_list(&r->sender, message, in->capture_ns, &list);
     if (node_is_replayed(r->node))
         list.dated_ns = in->publish_ns;
@@ -193,7 +150,7 @@ static void take(struct run *r, const struct node_message *in)
 
 static void step(struct run *r)
 {
-    char text[256];
+    char text[320];
     uint64_t truncated = r->outbox.truncated;
 
     outbox_step(&r->outbox);
@@ -202,10 +159,12 @@ static void step(struct run *r)
                  "objects were left out of a list: more than %d, or than the bus may "
                  "carry (can.bitrate, can.load)",
                  CAN_MAX_OBJECTS);
-    if (outbox_well(&r->outbox, text, sizeof text))
-        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
-    else
+    if (outbox_well(&r->outbox, text, sizeof text)) {
+        describe_state(r, text, sizeof text);
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready, %s", text);
+    } else {
         node_state(r->node, ANLOS__HEALTH__STATE__DEGRADED, "%s", text);
+    }
 }
 
 /* A list on its way is finished if the bus takes it. */
@@ -244,7 +203,7 @@ static void wait(struct run *r)
     struct pollfd fds[] = {{.fd = node_fd(r->node), .events = POLLIN},
                            {.fd = canbus_fd(r->bus), .events = POLLIN}};
 
-    int64_t due_ms = (r->status_due_ns - node_machine_ns(r->node)) / 1000000 + 1;
+    int64_t due_ms = (cyclic_due_ns(&r->cyclic) - node_machine_ns(r->node)) / 1000000 + 1;
     int64_t wait_ms = outbox_wait_ms(&r->outbox);
 
     if (due_ms < wait_ms)
@@ -272,9 +231,7 @@ static int run(struct run *r)
     while (!err) {
         receive(r);
         judge(r);
-        put_status(r, node_machine_ns(r->node));
-        put_diagnosis(r, node_machine_ns(r->node));
-        put_empty_list(r, node_machine_ns(r->node));
+        cyclic_step(&r->cyclic, node_machine_ns(r->node));
         step(r);
         err = node_next(r->node, &in, 0);
         if (!err) {
@@ -286,13 +243,6 @@ static int run(struct run *r)
     }
     finish(r);
     return err;
-}
-
-/* A bus has time-outs of its own; a log has none, and is dated like what it holds. */
-static const struct clock_source *bus_clock(const struct node *node)
-{
-    return uri_has_scheme(node_launch(node)->can.uri, "log") ? node_clock(node)
-                                                             : clock_system();
 }
 
 /* A vehicle that talks while a recording is played is not where that was made. */
@@ -311,17 +261,14 @@ static int listen(struct run *r)
 
 static int open_bus(struct run *r)
 {
-    const struct launchfile *l = node_launch(r->node);
     struct complaint why = {""};
-    int err = 0;
+    int err = vehicle_bus_open(&r->bus, node_launch(r->node), &why);
 
-    /* A log lies in the report's folder, which may not be there yet. */
-    if (!uri_has_scheme(l->can.uri, "socketcan"))
-        err = export_folder(l->report.folder, &why);
-    if (!err)
-        err = canbus_open(&r->bus, l->can.uri, &why);
     if (err)
         node_log(r->node, LOG_LEVEL_ERROR, "%s", why.text);
+    else if (r->sender.cfg.base_id != CAN_BASE_DEFAULT)
+        node_log(r->node, LOG_LEVEL_INFO, "identifiers begin at 0x%x",
+                 (unsigned)r->sender.cfg.base_id);
     return err ? err : listen(r);
 }
 
@@ -336,6 +283,10 @@ static void set_up(struct run *r)
     sender_init(&r->sender, &sends);
     watch_init(&r->watch, &watches);
     inbox_init(&r->inbox, sends.base_id);
+    r->cyclic = (struct cyclic){.sender = &r->sender,
+                                .outbox = &r->outbox,
+                                .diagnosis = &r->diagnosis,
+                                .watch = &r->watch};
     diagnosis_init(&r->diagnosis, (unsigned)sysconf(_SC_NPROCESSORS_ONLN));
     if (node_is_replayed(r->node)) /* from the first frame on */
         r->sender.status.source = CAN_REPLAY;
@@ -352,7 +303,9 @@ int main(int argc, char **argv)
     set_up(&r);
     err = open_bus(&r);
     if (!err) {
-        outbox_init(&r.outbox, r.bus, bus_clock(r.node), &r.sender);
+        outbox_init(&r.outbox, r.bus,
+                    vehicle_bus_clock(node_launch(r.node), node_clock(r.node)),
+                    &r.sender);
         node_device(r.node, counts, &r);
         err = run(&r);
     }

@@ -165,24 +165,12 @@ static double age_ms(int64_t now_ns, int64_t then_ns)
     return 1e-6 * (double)(int64_t)((uint64_t)now_ns - (uint64_t)then_ns);
 }
 
-/* Lists that have begun in the second up to this one. */
-static double lists_hz(struct sender *s, int64_t now_ns)
-{
-    size_t n = 0;
-
-    s->begun_ns[s->n_begun++ % SENDER_RECENT] = now_ns;
-    size_t held = s->n_begun < SENDER_RECENT ? s->n_begun : SENDER_RECENT;
-    for (size_t i = 0; i < held; i++)
-        n += age_ms(now_ns, s->begun_ns[i]) < 1000.0;
-    return (double)n;
-}
-
 static void pack_object(const struct sender *s, struct sender_list *list,
                         const struct can_object *o)
 {
     struct can_frame_data *frame = list->frames + list->n_frames;
 
-    if (s->cfg.fd) {
+    if (s->cfg.bus.fd) {
         can_pack_object_fd(frame, s->cfg.base_id, o);
         list->n_frames++;
         return;
@@ -197,11 +185,12 @@ static void pack_object(const struct sender *s, struct sender_list *list,
 static size_t pick(struct sender *s, const struct sender_list *list, int64_t now_ns,
                    size_t picked[CAN_MAX_OBJECTS])
 {
-    size_t room =
-        can_load_objects(&s->cfg.rate, s->cfg.fd, lists_hz(s, now_ns), s->cfg.load);
+    size_t room = allowance_objects(&s->allowance, &s->cfg.bus, now_ns);
+    size_t n =
+        s->lets_objects ? pick_objects(list->objects, list->n_objects, room, picked) : 0;
 
-    return s->lets_objects ? pick_objects(list->objects, list->n_objects, room, picked)
-                           : 0;
+    allowance_begin(&s->allowance, &s->cfg.bus, now_ns, n);
+    return n;
 }
 
 void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,

@@ -8,19 +8,16 @@
 
 #include "hal/canbus.h"
 #include "msgs/can/frames.h"
-#include "msgs/can/load.h"
 #include "msgs/can/protection.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/survey.pb-c.h"
+#include "nodes/can/allowance.h"
 
 #define SENDER_MAX_FRAMES (2 + 3 * CAN_MAX_OBJECTS)
-#define SENDER_RECENT     64 /* lists in a second whose rate is still told apart */
 
 struct sender_config {
     uint32_t base_id; /* of the sensor: with 0x10 for each before it */
-    bool fd;          /* one FD frame an object, in place of three */
-    struct can_bus_rate rate;
-    double load;      /* share of the bus that may be used: 0..1 */
+    struct allowance_config bus;
     int64_t stale_ns; /* objects that were heard longer ago are predicted at best; 0: no
                          limit, of scans of what stands still */
 };
@@ -34,8 +31,7 @@ struct sender {
     enum can_time_sync time_sync;
     int64_t wall_ahead_ns; /* of the vehicle's time over that of capture stamps */
     uint32_t n_own;        /* lists without a message, which count too */
-    int64_t begun_ns[SENDER_RECENT]; /* of the newest lists, a ring */
-    size_t n_begun;
+    struct allowance allowance;
 };
 
 /* A list on its way to the bus. */
@@ -65,8 +61,8 @@ void sender_empty_list(struct sender *s, uint32_t counter, int64_t capture_ns,
                        struct sender_list *out);
 
 /* Makes the frames, when the list goes out: header, time, then state, dynamics and
- * quality or the FD frame of each object that fits into the bus's load at the rate of the
- * lists of the last second, and is allowed.  What was heard too long ago is said to be
+ * quality or the FD frame of each object that the bus has room for
+ * (nodes/can/allowance.h) and that is allowed.  What was heard too long ago is said to be
  * predicted.  last_ns: when the list before began; 0: none did.  Cycle and, without
  * capture, latency are then not available. */
 void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,

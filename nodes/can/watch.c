@@ -6,6 +6,7 @@
 
 #include "nodes/can/watch_rows.h"
 #include "nodes/rt/node.h"
+#include "nodes/rt/onlooker.h"
 
 #define JUMP_NS  20000000LL
 #define INIT_NS  10000000000LL
@@ -105,20 +106,9 @@ static void take_fault(struct watch_node *n, const Anlos__Fault *f)
         n->lost = f->count;
 }
 
-/* Those who only look on may come and go. */
-static bool is_onlooker(const char *node)
-{
-    static const char *const names[] = {"can", "play", "record", "report", "view"};
-
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (!strcmp(node, names[i]))
-            return true;
-    return false;
-}
-
 void watch_health(struct watch *w, const Anlos__Health *health, int64_t now_ns)
 {
-    struct watch_node *n = is_onlooker(health->node) ? NULL : find_node(w, health->node);
+    struct watch_node *n = onlooker_is(health->node) ? NULL : find_node(w, health->node);
 
     if (!n)
         return;

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "nodes/rt/launchfile_hosts.h"
+#include "nodes/rt/onlooker.h"
 
 int crew_fill(struct crew *c, const struct launcher_config *cfg)
 {
@@ -51,6 +52,16 @@ unsigned crew_count(const struct crew *c, enum child_phase phase)
 
     for (unsigned i = 0; i < c->n; i++)
         n += c->children[i].phase == phase;
+    return n;
+}
+
+unsigned crew_lost(const struct crew *c)
+{
+    unsigned n = 0;
+
+    for (unsigned i = 0; i < c->n; i++)
+        n += c->children[i].phase != CHILD_RUNNING &&
+             c->children[i].phase != CHILD_ENDED && !onlooker_is(c->children[i].name);
     return n;
 }
 

@@ -32,6 +32,10 @@ bool crew_goes_on(const struct crew *c);
 bool crew_has_aside(const struct crew *c, const char *name);
 unsigned crew_count(const struct crew *c, enum child_phase phase);
 
+/* Those that should run and do not, but for onlookers (nodes/rt/onlooker.h): what comes
+ * out of the system is less without them. */
+unsigned crew_lost(const struct crew *c);
+
 /* To those that are aside, or to all others. */
 void crew_signal(const struct crew *c, bool aside, int number);
 

@@ -3,56 +3,65 @@
 #include "hal/array.h"
 #include "hal/canbus.h"
 #include "hal/stage.h"
+#include "nodes/launcher/scenes.h"
 #include "nodes/rt/launchfile_hosts.h"
+#include "nodes/rt/round_check.h"
 #include "nodes/rt/uri.h"
 
-static int check_array(const char *uri, struct complaint *why)
+static int complain_of(const struct launchfile *l, const char *node,
+                       const struct complaint *inner, int err, struct complaint *why)
 {
-    struct array *array = NULL;
-    int err = array_open(&array, uri, clock_system(), why);
-
-    array_close(array);
-    return err;
+    return complain(why, err, "%s: %s.uri: %.900s", l->path, node, inner->text);
 }
 
-static int check_stage(const char *uri, struct complaint *why)
+static int check_array(const struct launchfile *l, struct complaint *why)
 {
+    struct complaint inner = {""};
+    struct array *array = NULL;
+    int err = array_open(&array, l->array.uri, clock_system(), &inner);
+
+    if (err)
+        return complain_of(l, "array", &inner, err, why);
+    if (l->scan.fixed && launchfile_has_node(l, "scan"))
+        err = round_check(array_survey(array), l->scan.speakers, l->scan.n_speakers,
+                          &inner);
+    array_close(array);
+    return err ? complain(why, err, "%s: %.900s", l->path, inner.text) : 0;
+}
+
+static int check_stage(const struct launchfile *l, struct complaint *why)
+{
+    struct complaint inner = {""};
     struct stage *stage = NULL;
-    int err = stage_open(&stage, uri, clock_system(), why);
+    int err = stage_open(&stage, l->stage.uri, clock_system(), &inner);
 
     stage_close(stage);
-    return err;
+    return err ? complain_of(l, "stage", &inner, err, why) : 0;
 }
 
 /* A log, also that of a simulated vehicle, lies in a folder that is not there yet. */
-static int check_can(const char *uri, struct complaint *why)
+static int check_can(const struct launchfile *l, struct complaint *why)
 {
+    struct complaint inner = {""};
     struct canbus *bus = NULL;
 
-    if (uri_has_scheme(uri, "log") || uri_has_scheme(uri, "sim"))
+    if (uri_has_scheme(l->can.uri, "log") || uri_has_scheme(l->can.uri, "sim"))
         return 0;
-    int err = canbus_open(&bus, uri, why);
+    int err = canbus_open(&bus, l->can.uri, &inner);
     canbus_close(bus);
-    return err;
+    return err ? complain_of(l, "can", &inner, err, why) : 0;
 }
 
 int devices_check(const struct launchfile *l, struct complaint *why)
 {
     const struct {
-        const char *node, *uri;
-        int (*check)(const char *uri, struct complaint *why);
-    } devices[] = {{"array", l->array.uri, check_array},
-                   {"stage", l->stage.uri, check_stage},
-                   {"can", l->can.uri, check_can}};
+        const char *node;
+        int (*check)(const struct launchfile *l, struct complaint *why);
+    } devices[] = {{"array", check_array}, {"stage", check_stage}, {"can", check_can}};
+    int err = 0;
 
-    for (size_t i = 0; i < sizeof devices / sizeof *devices; i++) {
-        struct complaint inner = {""};
-        if (!launchfile_runs_here(l, devices[i].node))
-            continue;
-        int err = devices[i].check(devices[i].uri, &inner);
-        if (err)
-            return complain(why, err, "%s: %s.uri: %.900s", l->path, devices[i].node,
-                            inner.text);
-    }
-    return 0;
+    for (size_t i = 0; !err && i < sizeof devices / sizeof *devices; i++)
+        if (launchfile_runs_here(l, devices[i].node))
+            err = devices[i].check(l, why);
+    return err ? err : scenes_check(l, why);
 }

@@ -2,213 +2,15 @@
 
 #include <errno.h>
 #include <poll.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/signalfd.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include "hal/clock.h"
-#include "msgs/bus.h"
-#include "nodes/launcher/crew.h"
-#include "nodes/launcher/fellowship.h"
-#include "nodes/launcher/progress.h"
-#include "nodes/launcher/screen.h"
-#include "nodes/launcher/service.h"
-#include "nodes/launcher/voice.h"
+#include "nodes/launcher/launcher_state.h"
 #include "nodes/rt/node.h"
 
-#define KILL_AFTER_NS 3000000000LL
-#define KILL_ASIDE_NS 30000000000LL /* a recorder may bring much to a slow disk */
-#define READY_NS      1000000000LL /* for a recorder to be all ears before the rest starts */
-#define AGAIN_NS                                                                         \
-    500000000LL /* timeout(1) and others send the same signal twice at once */
-
-struct launcher {
-    const struct launcher_config *cfg;
-    const struct clock_source *clock;
-    struct crew crew;
-    int signal_fd;
-    sigset_t signals_before;
-    struct bus *bus;
-    struct progress progress;
-    struct fellowship fellowship; /* with the other hosts */
-    struct screen screen;
-    struct voice voice;
-    struct service service;
-    bool stopping, stopping_aside, killed;
-    bool reported;
-    bool recording_failed; /* the rest went on */
-    int64_t kill_ns;
-    int64_t asked_ns; /* to stop, by a signal; 0: never */
-    int exit_code;    /* once stopping */
-};
-
-static void print_line(void *ctx, const struct child *c, const char *line)
-{
-    struct launcher *l = ctx;
-
-    screen_output(&l->screen, c->name, line, clock_now_ns(l->clock));
-}
-
-static void say(struct launcher *l, const char *node, enum log_level level,
-                const char *text)
-{
-    struct log_line line = {.stamp_ns = clock_now_ns(l->clock), .level = level};
-
-    snprintf(line.node, sizeof line.node, "%s", node);
-    snprintf(line.text, sizeof line.text, "%s", text);
-    log_text_clean(line.text);
-    if (level >= l->cfg->arguments->log_level)
-        screen_log(&l->screen, &line);
-    voice_log(&l->voice, &line);
-}
-
-/* Asks all to end.  The first reason decides the exit code. */
-static void stop(struct launcher *l, int exit_code)
-{
-    if (l->stopping)
-        return;
-    screen_end_progress(&l->screen);
-    service_ends(&l->service);
-    l->stopping = true;
-    l->exit_code = exit_code;
-    l->kill_ns = clock_now_ns(l->clock) + KILL_AFTER_NS;
-    fellowship_end(&l->fellowship, exit_code,
-                   l->reported ? l->cfg->launch->report.folder : NULL,
-                   clock_now_ns(l->clock));
-    crew_signal(&l->crew, false, SIGTERM);
-}
-
-/* What is aside has seen everything when the others have ended. */
-static void stop_aside(struct launcher *l, int64_t now_ns)
-{
-    if (!l->stopping || l->stopping_aside || crew_runs(&l->crew, false))
-        return;
-    l->stopping_aside = true;
-    if (l->kill_ns) {
-        l->killed = false;
-        l->kill_ns = now_ns + KILL_ASIDE_NS;
-    }
-    crew_signal(&l->crew, true, SIGTERM);
-}
-
-static void start_child(struct launcher *l, struct child *c)
-{
-    struct complaint why = {""};
-
-    child_close(c, print_line, l);
-    if (!child_start(c, clock_now_ns(l->clock), &why))
-        return;
-    say(l, c->name, LOG_LEVEL_ERROR, why.text);
-    c->phase = CHILD_FAILED;
-    if (!c->aside)
-        stop(l, EXIT_BAD_INPUT);
-}
-
-static void describe_crash(struct launcher *l, const struct child *c, int status)
-{
-    char exit_text[64], text[160];
-
-    child_describe_exit(status, exit_text, sizeof exit_text);
-    if (c->phase == CHILD_FAILED)
-        snprintf(text, sizeof text, "ended with %s %d times; it is given up", exit_text,
-                 CHILD_MAX_CRASHES + 1);
-    else
-        snprintf(text, sizeof text, "ended with %s; starts again in %.1f s", exit_text,
-                 1e-9 * (double)(c->restart_ns - clock_now_ns(l->clock)));
-    say(l, c->name, c->phase == CHILD_FAILED ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING, text);
-}
-
-/* What is aside comes first, so that it misses nothing of the others. */
-static void start_all(struct launcher *l)
-{
-    for (unsigned i = 0; i < l->crew.n && !l->stopping; i++)
-        if (l->crew.children[i].aside)
-            start_child(l, &l->crew.children[i]);
-    crew_start_rest(
-        &l->crew, crew_has_aside(&l->crew, NULL) ? clock_now_ns(l->clock) + READY_NS : 0);
-}
-
-/* A recorder that refuses what it is to do, before there is anything to be lost? */
-static bool refuses(const struct launcher *l, int status)
-{
-    return WIFEXITED(status) && WEXITSTATUS(status) == EXIT_BAD_INPUT &&
-           !crew_runs(&l->crew, false);
-}
-
-/* One that is aside is started again only when it crashed: what made it give up, such as
- * a full disk, is still there. */
-static void exited_aside(struct launcher *l, struct child *c, int status)
-{
-    char exit_text[64], text[160];
-
-    if (refuses(l, status)) {
-        stop(l, EXIT_BAD_INPUT);
-        return;
-    }
-    crew_start_rest(&l->crew, 0);
-    if (c->phase == CHILD_ENDED)
-        return;
-    if (c->phase == CHILD_PAUSING && !WIFEXITED(status)) {
-        describe_crash(l, c, status);
-        return;
-    }
-    c->phase = CHILD_FAILED;
-    child_describe_exit(status, exit_text, sizeof exit_text);
-    snprintf(text, sizeof text, "ended with %s; the others go on without it", exit_text);
-    say(l, c->name, LOG_LEVEL_ERROR, text);
-}
-
-static void exited(struct launcher *l, struct child *c, int status)
-{
-    enum child_phase phase = child_exited(c, status, clock_now_ns(l->clock));
-
-    child_close(c, print_line, l);
-    if (c->aside && status)
-        l->recording_failed |= l->stopping || WIFEXITED(status) || phase == CHILD_FAILED;
-    if (l->stopping) {
-        l->reported |= !strcmp(c->name, "report") && !status &&
-                       l->cfg->launch->scan.fixed;
-        return;
-    }
-    if (c->aside) {
-        exited_aside(l, c, status);
-        return;
-    }
-    switch (phase) {
-    case CHILD_ENDED:
-        if (strcmp(c->name, "report")) {
-            say(l, c->name, LOG_LEVEL_INFO, "has ended; it is not started again");
-            break;
-        }
-        l->reported = true; /* before stop: the other hosts are told */
-        stop(l, l->progress.state == ANLOS__SCAN_STATUS__STATE__FAILED ? EXIT_FAILED
-                                                                       : EXIT_WORKED);
-        break;
-    case CHILD_BAD_CONFIG:
-        stop(l, EXIT_BAD_INPUT);
-        break;
-    case CHILD_FAILED:
-        describe_crash(l, c, status);
-        stop(l, EXIT_FAILED);
-        break;
-    default:
-        describe_crash(l, c, status);
-    }
-}
-
-static void reap(struct launcher *l)
-{
-    for (unsigned i = 0; i < l->crew.n; i++) {
-        int status;
-        struct child *c = &l->crew.children[i];
-        if (c->pid > 0 && waitpid(c->pid, &status, WNOHANG) == c->pid)
-            exited(l, c, status);
-    }
-}
+/* timeout(1) and others send the same signal twice at once. */
+#define AGAIN_NS 500000000LL
 
 static void asked_to_stop(struct launcher *l, int signal_number)
 {
@@ -216,7 +18,7 @@ static void asked_to_stop(struct launcher *l, int signal_number)
 
     if (!l->stopping) {
         l->asked_ns = now;
-        stop(l, 128 + signal_number);
+        launcher_stop(l, 128 + signal_number);
     } else if (!l->asked_ns || now - l->asked_ns >= AGAIN_NS) {
         l->kill_ns = 0; /* asked twice: no more patience */
     }
@@ -224,14 +26,14 @@ static void asked_to_stop(struct launcher *l, int signal_number)
 
 static void read_signals(struct launcher *l)
 {
-    struct signalfd_siginfo info;
+    int number;
 
-    while (read(l->signal_fd, &info, sizeof info) == (ssize_t)sizeof info)
-        if (info.ssi_signo != SIGCHLD)
-            asked_to_stop(l, (int)info.ssi_signo);
-    reap(l);
+    while ((number = signals_next(&l->signals)))
+        if (number != SIGCHLD)
+            asked_to_stop(l, number);
+    launcher_reap(l);
     if (!crew_goes_on(&l->crew))
-        stop(l, EXIT_WORKED);
+        launcher_stop(l, EXIT_WORKED);
 }
 
 static void show_progress(struct launcher *l, const ProtobufCMessage *status)
@@ -274,15 +76,15 @@ static void judge_fellows(struct launcher *l, int64_t now_ns)
 
     while (!l->stopping && (verdict = fellows_judge(&l->fellowship.fellows, now_ns,
                                                     text)) != FELLOWS_GO_ON) {
-        say(l, "launcher",
-            verdict == FELLOWS_FAILED    ? LOG_LEVEL_ERROR
-            : verdict == FELLOWS_WARNING ? LOG_LEVEL_WARNING
-                                         : LOG_LEVEL_INFO,
-            text);
+        launcher_say(l, "launcher",
+                     verdict == FELLOWS_FAILED    ? LOG_LEVEL_ERROR
+                     : verdict == FELLOWS_WARNING ? LOG_LEVEL_WARNING
+                                                  : LOG_LEVEL_INFO,
+                     text);
         if (verdict == FELLOWS_DONE)
-            stop(l, EXIT_WORKED);
+            launcher_stop(l, EXIT_WORKED);
         else if (verdict == FELLOWS_FAILED)
-            stop(l, EXIT_FAILED);
+            launcher_stop(l, EXIT_FAILED);
     }
 }
 
@@ -294,6 +96,12 @@ static bool has_ended(const struct launcher *l)
            (!l->kill_ns || fellowship_may_leave(&l->fellowship, clock_now_ns(l->clock)));
 }
 
+static void sooner(int64_t *next_ns, int64_t due_ns)
+{
+    if (due_ns < *next_ns)
+        *next_ns = due_ns;
+}
+
 /* What time brings: restarts, and an end for those that do not end by themselves.
  * Returns how long nothing will, in ms. */
 static int act_on_time(struct launcher *l)
@@ -302,40 +110,14 @@ static int act_on_time(struct launcher *l)
     int64_t next = now + 1000000000LL;
 
     judge_fellows(l, now);
-    int64_t tell_ns = fellowship_tell(&l->fellowship, now);
-    voice_health(&l->voice, now, crew_count(&l->crew, CHILD_RUNNING),
-                 crew_count(&l->crew, CHILD_ENDED), l->crew.n);
-    stop_aside(l, now);
-    int64_t service_ns = service_tick(&l->service, &l->crew, now);
-    if (service_ns < next)
-        next = service_ns;
-    if (tell_ns < next)
-        next = tell_ns;
-    if (l->voice.bus && l->voice.due_ns < next)
-        next = l->voice.due_ns;
-    for (unsigned i = 0; i < l->crew.n && !l->stopping; i++) {
-        struct child *c = &l->crew.children[i];
-        if (c->phase != CHILD_PAUSING)
-            continue;
-        if (c->restart_ns <= now)
-            start_child(l, c);
-        else if (c->restart_ns < next)
-            next = c->restart_ns;
-    }
-    if (l->stopping && !l->killed && now >= l->kill_ns) {
-        l->killed = true;
-        for (unsigned i = 0; i < l->crew.n; i++) {
-            if (l->crew.children[i].aside && !l->stopping_aside && l->kill_ns)
-                continue;
-            if (l->crew.children[i].pid > 0)
-                say(l, l->crew.children[i].name, LOG_LEVEL_WARNING,
-                    l->kill_ns ? "does not stop; killed"
-                               : "still runs, and you asked again; killed");
-            child_signal(&l->crew.children[i], SIGKILL);
-        }
-    } else if (l->stopping && !l->killed && l->kill_ns < next) {
-        next = l->kill_ns;
-    }
+    sooner(&next, fellowship_tell(&l->fellowship, now));
+    voice_health(&l->voice, now, &l->crew);
+    launcher_stop_aside(l, now);
+    sooner(&next, service_tick(&l->service, &l->crew, now));
+    if (l->voice.bus)
+        sooner(&next, l->voice.due_ns);
+    sooner(&next, launcher_restart(l, now));
+    sooner(&next, launcher_kill(l, now));
     return next > now ? (int)((next - now) / 1000000 + 1) : 0;
 }
 
@@ -344,7 +126,7 @@ static void wait_and_read(struct launcher *l, int timeout_ms)
     struct pollfd fds[2 + 2 * CREW_MAX];
     nfds_t n = 0;
 
-    fds[n++] = (struct pollfd){.fd = l->signal_fd, .events = POLLIN};
+    fds[n++] = (struct pollfd){.fd = l->signals.fd, .events = POLLIN};
     fds[n++] = (struct pollfd){.fd = l->bus ? bus_fd(l->bus) : -1, .events = POLLIN};
     for (unsigned i = 0; i < l->crew.n; i++)
         for (int k = 0; k < 2; k++)
@@ -356,53 +138,11 @@ static void wait_and_read(struct launcher *l, int timeout_ms)
         for (int k = 0; k < 2; k++)
             if (fds[2 + 2 * i + (unsigned)k].revents)
                 child_read(&l->crew.children[i], &l->crew.children[i].pipes[k],
-                           print_line, l);
+                           launcher_print, l);
     if (l->bus && fds[1].revents)
         read_bus(l);
     if (fds[0].revents)
         read_signals(l);
-}
-
-/* As nohup leaves it: a signal that is blocked comes even if it is to be ignored. */
-static bool hangup_is_ignored(void)
-{
-    struct sigaction now;
-
-    return !sigaction(SIGHUP, NULL, &now) && now.sa_handler == SIG_IGN;
-}
-
-static int open_signals(struct launcher *l)
-{
-    char parent[24];
-    sigset_t set;
-
-    sigemptyset(&set);
-    sigaddset(&set, SIGINT);
-    sigaddset(&set, SIGTERM);
-    if (!hangup_is_ignored())
-        sigaddset(&set, SIGHUP);
-    sigaddset(&set, SIGCHLD);
-    signal(SIGPIPE, SIG_IGN);
-    snprintf(parent, sizeof parent, "%ld", (long)getpid());
-    if (sigprocmask(SIG_BLOCK, &set, &l->signals_before) ||
-        setenv("ANLOS_LAUNCHER_PID", parent, 1))
-        return -errno;
-    l->signal_fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
-    return l->signal_fd < 0 ? -errno : 0;
-}
-
-/* What follows can be stopped as any program; signals that were for the nodes are not for
- * it. */
-static void close_signals(struct launcher *l)
-{
-    struct signalfd_siginfo info;
-
-    if (l->signal_fd < 0)
-        return;
-    while (read(l->signal_fd, &info, sizeof info) == (ssize_t)sizeof info)
-        ;
-    close(l->signal_fd);
-    sigprocmask(SIG_SETMASK, &l->signals_before, NULL);
 }
 
 /* Which ports a firewall has to let through. */
@@ -415,7 +155,7 @@ static void say_endpoint(struct launcher *l, const struct host *h)
                  h->address, h->port, h->port + hosts_n_ports() - 1);
     else
         snprintf(text, sizeof text, "this is host %s: %s", h->name, h->folder);
-    say(l, "launcher", LOG_LEVEL_INFO, text);
+    launcher_say(l, "launcher", LOG_LEVEL_INFO, text);
 }
 
 /* On one machine it is only to show the progress: the nodes do their work without. */
@@ -437,10 +177,10 @@ static void open_bus(struct launcher *l)
         err = fellowship_open(&l->fellowship, l->bus, hosts, cfg.epoch_ns,
                               l->cfg->launch_file);
     if (err)
-        say(l, "launcher", hosts->n ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING,
-            why.text[0] ? why.text : strerror(-err));
+        launcher_say(l, "launcher", hosts->n ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING,
+                     why.text[0] ? why.text : strerror(-err));
     if (err && hosts->n)
-        stop(l, EXIT_BAD_INPUT);
+        launcher_stop(l, EXIT_BAD_INPUT);
     if (!err && hosts->n)
         say_endpoint(l, &hosts->list[hosts->here]);
 }
@@ -454,19 +194,21 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
         return EXIT_FAILED;
     l->cfg = cfg;
     l->clock = clock_system();
-    l->signal_fd = -1;
+    l->signals.fd = -1;
     service_open(&l->service);
     screen_init(&l->screen, cfg->arguments->log_format);
     progress_init(&l->progress, l->screen.out_terminal);
-    int err = open_signals(l);
+    int err = signals_open(&l->signals);
+    if (!err)
+        err = launcher_tell_nodes();
     if (!err)
         err = crew_fill(&l->crew, cfg);
     if (err) {
-        say(l, "launcher", LOG_LEVEL_ERROR, strerror(-err));
+        launcher_say(l, "launcher", LOG_LEVEL_ERROR, strerror(-err));
         l->exit_code = EXIT_FAILED;
     } else {
         open_bus(l);
-        start_all(l);
+        launcher_start_all(l);
         while (!has_ended(l))
             wait_and_read(l, act_on_time(l));
     }
@@ -474,9 +216,9 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     voice_close(&l->voice);
     bus_destroy(l->bus);
     for (unsigned i = 0; i < l->crew.n; i++)
-        child_close(&l->crew.children[i], print_line, l);
+        child_close(&l->crew.children[i], launcher_print, l);
     screen_close(&l->screen, clock_now_ns(l->clock));
-    close_signals(l);
+    signals_close(&l->signals);
     int exit_code = l->exit_code;
     if (exit_code == EXIT_WORKED && l->recording_failed)
         exit_code = EXIT_FAILED; /* the results are there, the bag is cut short */

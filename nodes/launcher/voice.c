@@ -28,20 +28,22 @@ void voice_log(struct voice *v, const struct log_line *line)
         log_topic_send(&v->log, line);
 }
 
-void voice_health(struct voice *v, int64_t now_ns, unsigned n_running, unsigned n_ended,
-                  unsigned n_nodes)
+void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew)
 {
+    const unsigned n_running = crew_count(crew, CHILD_RUNNING), n_nodes = crew->n,
+                   n_ended = crew_count(crew, CHILD_ENDED), n_lost = crew_lost(crew);
     const struct log_line tick = {
         .stamp_ns = now_ns, .level = LOG_LEVEL_INFO, .node = "launcher"};
     struct vitals vitals;
     char name[] = "launcher", text[64], ended[32] = "";
-    const struct vitals_fault lost = {NODE_FAULT_NODES_LOST,
-                                      n_nodes - n_running - n_ended, n_nodes};
+    const struct vitals_fault lost = {NODE_FAULT_NODES_LOST, n_lost, n_nodes};
     struct vitals_faults faults;
 
-    if (!v->bus || (now_ns < v->due_ns && lost.count == v->n_lost))
+    if (!v->bus ||
+        (now_ns < v->due_ns && n_running == v->n_running && n_lost == v->n_lost))
         return;
-    v->n_lost = lost.count;
+    v->n_running = n_running;
+    v->n_lost = n_lost;
     v->due_ns = now_ns + PERIOD_NS;
     voice_log(v, &tick);
     vitals_take(&vitals, v->bus, name, 0);
@@ -52,7 +54,7 @@ void voice_health(struct voice *v, int64_t now_ns, unsigned n_running, unsigned 
         snprintf(ended, sizeof ended, ", %u ended", n_ended);
     snprintf(text, sizeof text, "%u of %u nodes run%s", n_running, n_nodes, ended);
     vitals.message.text = text;
-    vitals_faults(&vitals.message, &faults, &lost, lost.count > 0);
+    vitals_faults(&vitals.message, &faults, &lost, n_lost > 0);
     vitals.message.uptime_s = 1e-9 * (double)(now_ns - v->epoch_ns);
     bus_publish_message(v->bus, topic_health(), 0, now_ns, &vitals.message.base);
 }

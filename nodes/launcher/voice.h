@@ -4,13 +4,14 @@
 #define ANLOS_NODES_LAUNCHER_VOICE_H
 
 #include "msgs/bus.h"
+#include "nodes/launcher/crew.h"
 #include "nodes/rt/log_topic.h"
 
 struct voice { /* zeroed: mute */
     struct bus *bus;
     struct log_topic log;
     int64_t epoch_ns, due_ns;
-    unsigned n_lost; /* as said last */
+    unsigned n_running, n_lost; /* as said last */
 };
 
 /* bus: of node "launcher"; NULL: there is none. */
@@ -20,9 +21,8 @@ void voice_open(struct voice *v, struct bus *bus, int64_t epoch_ns);
 void voice_close(struct voice *v);
 void voice_log(struct voice *v, const struct log_line *line);
 
-/* When it is time to, and at once when more or fewer run: ready while all of n_nodes run
- * or have ended by themselves, else degraded. */
-void voice_health(struct voice *v, int64_t now_ns, unsigned n_running, unsigned n_ended,
-                  unsigned n_nodes);
+/* When it is time to, and at once when more or fewer run: ready while all nodes of the
+ * crew run or have ended by themselves, else degraded. */
+void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew);
 
 #endif

@@ -8,7 +8,8 @@
 #include "msgs/can/layout.h"
 #include "nodes/rt/uri.h"
 
-#define LAST_BASE 0x7f0 /* of identifiers of 11 bits */
+#define FIRST_BASE 0x100 /* msgs/can/e2e.h: bits 8 to 11 of a data ID are not 0 */
+#define LAST_BASE  0x7f0 /* of identifiers of 11 bits */
 
 static int check(const struct launchfile *l, struct complaint *why)
 {
@@ -23,9 +24,13 @@ static int check(const struct launchfile *l, struct complaint *why)
         {"can.load", l->can.load, 0.01, 1},
     };
 
-    if (l->can.base_id > LAST_BASE)
-        return yaml_complain(why, -EINVAL, l->path, "can.base_id",
-                             "expected 0 to 0x%x, not 0x%x", LAST_BASE, l->can.base_id);
+    if (l->can.base_id < FIRST_BASE || l->can.base_id > LAST_BASE)
+        return yaml_complain(
+            why, -EINVAL, l->path, "can.base_id", "expected 0x%x to 0x%x, not 0x%x%s",
+            FIRST_BASE, LAST_BASE, l->can.base_id,
+            l->can.base_id < FIRST_BASE ? ": below, frames of 8 bytes cannot have their "
+                                          "end-to-end protection"
+                                        : "");
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         if (!(numbers[i].value >= numbers[i].min && numbers[i].value <= numbers[i].max))
             return yaml_complain(why, -EINVAL, l->path, numbers[i].key,

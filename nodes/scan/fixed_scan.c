@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "msgs/survey.h"
+#include "nodes/rt/round_check.h"
 #include "nodes/scan/peers.h"
 #include "nodes/scan/rounds.h"
 #include "nodes/scan/volley.h"
@@ -71,35 +72,6 @@ static void fail(struct fixed_scan *s, const char *who, const char *what)
     snprintf(s->text, sizeof s->text, "%s: %.200s", who, what);
 }
 
-/* Can the array be asked for these speakers without end? */
-static int check(const struct fixed_scan *s, const struct survey *v,
-                 struct complaint *why)
-{
-    size_t n = s->n_speakers;
-
-    for (size_t i = 0; i < s->cfg.n_speakers; i++)
-        if (s->cfg.speakers[i] >= v->n_speakers)
-            return complain(why, -EINVAL,
-                            "scan.speakers: the survey has speakers 0 to %zu, not %u",
-                            v->n_speakers - 1, s->cfg.speakers[i]);
-    if (v->n_positions > 1)
-        return complain(why, -EINVAL,
-                        "scan.mode is fixed, but the survey has %zu positions of a "
-                        "stage; leave its stage out",
-                        v->n_positions);
-    if (!survey_round_fits(v, n))
-        return complain(why, -EINVAL,
-                        "scan.speakers: %zu in slots of %zu samples come round within "
-                        "the chirp of %g s; expected more of them, or longer slots",
-                        n, v->slot_samples, v->chirp_duration_s);
-    if (v->together > 1 && n % v->together)
-        return complain(why, -EINVAL,
-                        "scan.speakers: %zu cannot sound two at a time; expected an even "
-                        "number",
-                        n);
-    return 0;
-}
-
 static int take_speakers(struct fixed_scan *s, size_t n_all)
 {
     size_t n = s->cfg.n_speakers ? s->cfg.n_speakers : n_all;
@@ -129,7 +101,7 @@ int fixed_scan_survey(struct fixed_scan *s, const Anlos__Survey *survey)
     int err = take_speakers(s, v.n_speakers);
     s->failed = false;
     s->survey_id = survey->id;
-    if (!err && check(s, &v, &why))
+    if (!err && round_check(&v, s->cfg.speakers, s->cfg.n_speakers, &why))
         fail(s, "scan", why.text);
     survey_clear(&v);
     begin(s);

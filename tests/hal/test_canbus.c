@@ -1,6 +1,8 @@
 #include "scratch.h"
 
 #include <errno.h>
+#include <signal.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 
 #include "hal/canbus.h"
@@ -51,6 +53,23 @@ static void a_log_is_what_candump_writes(void **state)
     canbus_close(b);
 }
 
+static void a_log_goes_on_where_whole_lines_end(void **state)
+{
+    const struct can_frame_data frame = {.id = 0x400, .size = 1, .data = {7}};
+    struct canbus *b;
+
+    scratch_write(*state, "out.candump", "(0000000001.000000) can0 400#01\n(00000000");
+    b = open_log(*state, "?append=yes");
+    assert_int_equal(canbus_send(b, &frame, 2000000000), 0);
+    canbus_close(b);
+    assert_string_equal(read_text(scratch_path(*state, "out.candump")),
+                        "(0000000001.000000) can0 400#01\n"
+                        "(0000000002.000000) can0 400#07\n");
+    b = open_log(*state, "?append=no");
+    canbus_close(b);
+    assert_string_equal(read_text(scratch_path(*state, "out.candump")), "");
+}
+
 static void a_list_is_in_the_file_when_it_is_flushed(void **state)
 {
     const struct can_frame_data frame = {.id = 1, .size = 1};
@@ -98,6 +117,32 @@ static void a_full_disk_is_reported(void **state)
     canbus_close(b);
 }
 
+static void when_a_disk_has_room_again_the_log_goes_on_with_a_whole_line(void **state)
+{
+    const struct can_frame_data frame = {.id = 0x400, .size = 1, .data = {7}};
+    struct rlimit limit, before;
+    struct canbus *b = open_log(*state, "");
+
+    signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before);
+    limit = before;
+    limit.rlim_cur = 50; /* bytes: one line of 32 and a part */
+    setrlimit(RLIMIT_FSIZE, &limit);
+    assert_int_equal(canbus_send(b, &frame, 1000000000), 0);
+    assert_int_equal(canbus_flush(b), 0);
+    assert_int_equal(canbus_send(b, &frame, 2000000000), 0);
+    assert_true(canbus_flush(b) < 0);
+    assert_int_equal(canbus_send(b, &frame, 3000000000), 0);
+    assert_true(canbus_flush(b) < 0);
+    setrlimit(RLIMIT_FSIZE, &before);
+    assert_int_equal(canbus_send(b, &frame, 4000000000), 0);
+    assert_int_equal(canbus_flush(b), 0);
+    canbus_close(b);
+    assert_string_equal(read_text(scratch_path(*state, "out.candump")),
+                        "(0000000001.000000) can0 400#07\n"
+                        "(0000000004.000000) can0 400#07\n");
+}
+
 static void devices_that_do_not_exist_are_named(void **state)
 {
     static const struct {
@@ -133,7 +178,7 @@ static void a_log_hears_nothing(void **state)
     struct canbus *b = open_log(*state, "");
 
     assert_int_equal(canbus_listen(b, ids, 1), -EOPNOTSUPP);
-    assert_int_equal(canbus_receive(b, &f, 0), -EAGAIN);
+    assert_int_equal(canbus_receive(b, &f, 0, NULL), -EAGAIN);
     assert_int_equal(canbus_fd(b), -1);
     canbus_close(b);
 }
@@ -180,7 +225,7 @@ static void hear(struct canbus *b, struct can_checks *c, int64_t now_ms, struct 
     struct can_ambient air;
     struct can_frame_data f;
 
-    while (!canbus_receive(b, &f, now_ms * 1000000)) {
+    while (!canbus_receive(b, &f, now_ms * 1000000, NULL)) {
         h->wrong += !e2e_is_usable(can_check(c, &f));
         if (f.id == 0x41c) {
             assert_int_equal(can_unpack_ego_motion(&f, &ego), 0);
@@ -222,6 +267,24 @@ static void a_simulated_vehicle_tells_its_motion_and_its_air(void **state)
     hear(b, &checks, T0_MS + 4500, &h); /* late: all that was due */
     assert_int_equal(h.ego, 1 + 4500 / 20);
     assert_float_equal(h.speed_m_s, 1.0, 0.01);
+    canbus_close(b);
+}
+
+static void what_is_read_late_came_when_the_vehicle_told_it(void **state)
+{
+    const uint32_t ids[] = {0x41c, 0x41d};
+    struct can_frame_data f;
+    int64_t came_ns, before_ns = T0_MS * 1000000;
+    struct canbus *b = open_drive(*state, "?ambient=off");
+
+    canbus_listen(b, ids, 2);
+    assert_int_equal(canbus_receive(b, &f, T0_MS * 1000000 + 5000, &came_ns), 0);
+    assert_int_equal(came_ns, before_ns);
+    for (int i = 0; i < 10; i++, before_ns = came_ns) {
+        assert_int_equal(canbus_receive(b, &f, (T0_MS + 200) * 1000000, &came_ns), 0);
+        assert_int_equal(came_ns - before_ns, 20000000);
+    }
+    assert_int_equal(canbus_receive(b, &f, (T0_MS + 200) * 1000000, &came_ns), -EAGAIN);
     canbus_close(b);
 }
 
@@ -280,13 +343,16 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(a_log_is_what_candump_writes),
+        TEST(a_log_goes_on_where_whole_lines_end),
         TEST(a_list_is_in_the_file_when_it_is_flushed),
         TEST(an_fd_frame_gets_a_legal_size),
         TEST(frames_that_no_bus_can_carry_are_refused),
         TEST(a_full_disk_is_reported),
+        TEST(when_a_disk_has_room_again_the_log_goes_on_with_a_whole_line),
         TEST(devices_that_do_not_exist_are_named),
         TEST(a_log_hears_nothing),
         TEST(a_simulated_vehicle_tells_its_motion_and_its_air),
+        TEST(what_is_read_late_came_when_the_vehicle_told_it),
         TEST(a_simulated_vehicle_misbehaves_when_told_to),
         TEST(what_is_sent_to_a_simulated_vehicle_is_logged),
         TEST(an_interface_without_can_is_refused_with_the_reason),

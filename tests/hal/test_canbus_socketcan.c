@@ -231,16 +231,34 @@ static void only_frames_that_are_listened_to_are_received(void **state)
     happens(CAN_EVENT_ECHO, 0x402);
     comes(0x402, 2);
     comes(0x40d, 3);
-    assert_int_equal(canbus_receive(b, &f, 0), 0);
+    assert_int_equal(canbus_receive(b, &f, 0, NULL), 0);
     assert_int_equal(f.id, 0x40c);
     assert_int_equal(f.size, 8);
     assert_int_equal(f.data[0], 1);
-    assert_int_equal(canbus_receive(b, &f, 0), 0);
+    assert_int_equal(canbus_receive(b, &f, 0, NULL), 0);
     assert_int_equal(f.data[0], 3);
-    assert_int_equal(canbus_receive(b, &f, 0), -EAGAIN);
+    assert_int_equal(canbus_receive(b, &f, 0, NULL), -EAGAIN);
     assert_int_equal(count_of(b, "inputs"), 2);
     assert_int_equal(count_of(b, "foreign_frames"), 1);
     assert_int_equal(count_of(b, "frames_confirmed"), 1);
+}
+
+static void a_frame_that_waited_came_before(void **state)
+{
+    const uint32_t inputs[] = {0x40c};
+    struct canbus *b = *state;
+    struct can_frame_data f;
+    int64_t came_ns;
+
+    canbus_listen(b, inputs, 1);
+    comes(0x40c, 1);
+    kernel.events[kernel.n_events - 1].held_ns = 120 * MS;
+    comes(0x40c, 2);
+    look(b, 500); /* takes them in */
+    assert_int_equal(canbus_receive(b, &f, 510 * MS, &came_ns), 0);
+    assert_int_equal(came_ns, 380 * MS);
+    assert_int_equal(canbus_receive(b, &f, 510 * MS, &came_ns), 0);
+    assert_int_equal(came_ns, 500 * MS);
 }
 
 /* canbus_poll takes them in, too, and nobody may ask for long. */
@@ -254,7 +272,7 @@ static void inputs_that_nobody_takes_are_dropped_from_the_oldest_on(void **state
     for (uint8_t i = 0; i < 70; i++)
         comes(0x40c, i);
     look(b, 1);
-    assert_int_equal(canbus_receive(b, &f, 2 * MS), 0);
+    assert_int_equal(canbus_receive(b, &f, 2 * MS, NULL), 0);
     assert_int_equal(f.data[0], 6);
     assert_int_equal(count_of(b, "inputs_dropped"), 6);
 }
@@ -270,14 +288,14 @@ static void an_interface_that_comes_back_is_listened_to_again(void **state)
     goes_away();
     look(b, 1);
     assert_int_equal(canbus_fd(b), -1);
-    assert_int_equal(canbus_receive(b, &f, 2 * MS), -EAGAIN);
+    assert_int_equal(canbus_receive(b, &f, 2 * MS, NULL), -EAGAIN);
     kernel.there = kernel.up = true;
     for (int64_t ms = 2; ms < 1000; ms++)
         look(b, ms);
     assert_true(canbus_fd(b) >= 0);
     assert_int_equal(kernel.n_ids, 1);
     comes(0x40c, 9);
-    assert_int_equal(canbus_receive(b, &f, 1000 * MS), 0);
+    assert_int_equal(canbus_receive(b, &f, 1000 * MS, NULL), 0);
     assert_int_equal(f.data[0], 9);
 }
 
@@ -521,6 +539,7 @@ int main(void)
         TEST(only_what_is_sent_is_let_in),
         TEST(what_is_listened_to_is_let_in_beside_what_is_sent),
         TEST(only_frames_that_are_listened_to_are_received),
+        TEST(a_frame_that_waited_came_before),
         TEST(inputs_that_nobody_takes_are_dropped_from_the_oldest_on),
         TEST(an_interface_that_comes_back_is_listened_to_again),
         TEST(a_full_queue_is_counted_and_nothing_is_pending),

@@ -63,27 +63,20 @@ static void thirty_two_objects_take_98_frames(void **state)
                  2 * 135 / 500e3 + 32 * can_frame_s(&rate, 64, true));
 }
 
-/* 980 frames of the lists, 10 + 1 of status and diagnosis, 50 + 1 + 10 of the vehicle. */
+/* 10 + 1 of status and diagnosis, 50 + 1 + 10 of the vehicle, each kind once more, and 10
+ * changes of the status. */
+static void what_comes_in_cycles_takes_87_frames_at_most(void **state)
+{
+    (void)state;
+    assert_about(can_cycles_s(&rate), (72 + 5 + 10) * 135 / 500e3);
+}
+
 static void ten_full_lists_a_second_fit_in_three_tenths_of_500_kbit(void **state)
 {
     (void)state;
-    double load = can_load(&rate, 32, false, 10);
-    assert_about(load, (980 + 11 + 61) * 135 / 500e3);
+    double load = 10 * can_list_s(&rate, 32, false) + can_cycles_s(&rate);
     assert_true(load > 0.28 && load < 0.29);
-    assert_true(can_load(&rate, 32, true, 10) < 0.17);
-    assert_int_equal(can_load_objects(&rate, false, 10, 0.5), CAN_MAX_OBJECTS);
-}
-
-static void a_slow_bus_carries_fewer_objects(void **state)
-{
-    const struct can_bus_rate slow = {125e3, 125e3};
-
-    (void)state;
-    size_t n = can_load_objects(&slow, false, 10, 0.5);
-    assert_true(can_load(&slow, n, false, 10) <= 0.5);
-    assert_true(can_load(&slow, n + 1, false, 10) > 0.5);
-    assert_int_equal(n, 12); /* 0.5 / (135 / 125e3) = 463 frames: 72 + 10 (2 + 3 n) */
-    assert_int_equal(can_load_objects(&slow, false, 1000, 0.5), 0);
+    assert_true(10 * can_list_s(&rate, 32, true) + can_cycles_s(&rate) < 0.17);
 }
 
 int main(void)
@@ -92,8 +85,8 @@ int main(void)
         cmocka_unit_test(a_classic_frame_has_the_bits_of_the_literature),
         cmocka_unit_test(an_fd_frame_of_64_bytes_takes_407_microseconds),
         cmocka_unit_test(thirty_two_objects_take_98_frames),
+        cmocka_unit_test(what_comes_in_cycles_takes_87_frames_at_most),
         cmocka_unit_test(ten_full_lists_a_second_fit_in_three_tenths_of_500_kbit),
-        cmocka_unit_test(a_slow_bus_carries_fewer_objects),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

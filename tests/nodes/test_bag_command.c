@@ -250,6 +250,24 @@ static void lines_go_to_stdout_too(void **state)
     free(text);
 }
 
+/* Not the last one alone. */
+static void topics_named_one_by_one_are_all_taken(void **state)
+{
+    (void)state;
+    assert_int_equal(bag("export", recorded_bag, "--format", "json", "--topic", "survey",
+                         "--topic", "ping", "-o", "-"),
+                     0);
+    assert_contains(result.out, "\"topic\":\"survey\"");
+    assert_contains(result.out, "\"topic\":\"ping\"");
+    assert_int_equal(bag("filter", recorded_bag, "-o", in_folder("q.mcap"), "--exclude",
+                         "survey", "--exclude", "ping"),
+                     0);
+    assert_int_equal(bag("export", in_folder("q.mcap"), "--format", "json", "-o", "-"),
+                     0);
+    assert_null(strstr(result.out, "\"topic\":\"survey\""));
+    assert_null(strstr(result.out, "\"topic\":\"ping\""));
+}
+
 static void what_was_cut_is_recovered_and_told(void **state)
 {
     size_t size;
@@ -644,6 +662,7 @@ int main(void)
         cmocka_unit_test(parts_of_a_bag_merge_into_the_whole),
         cmocka_unit_test(topics_are_filtered_by_name_and_pattern),
         cmocka_unit_test(lines_go_to_stdout_too),
+        cmocka_unit_test(topics_named_one_by_one_are_all_taken),
         cmocka_unit_test(what_was_cut_is_recovered_and_told),
         cmocka_unit_test(detections_become_lines_of_a_table),
         cmocka_unit_test(the_last_final_volume_becomes_nrrd_and_pictures),

@@ -226,6 +226,8 @@ static void base_and_sensor_choose_the_identifiers(void **s)
     decode(&r, *s, NULL, "--base", "0x510");
     assert_int_equal(r.code, 1);
     assert_has(r.err, "no frame of a sensor at 510");
+    decode(&r, *s, NULL, "--base", "1024"); /* as 0x1024 it would be too large */
+    assert_has(r.out, "400 Status ");
 }
 
 static void only_what_is_asked_for_is_printed_but_all_counted(void **s)
@@ -462,20 +464,31 @@ static void wrong_arguments_are_refused(void **s)
     char *two[] = {"can", "decode", path, path, NULL};
     char *away[] = {"can", "decode", "/tmp/no/such/file", NULL};
     char *folder[] = {"can", "decode", "/tmp", NULL};
+    char *scheme[] = {"can", "decode", "log:/tmp/no/such/file", NULL};
     char *base[] = {"can", "decode", path, "--base", "7f1", NULL};
+    char *low[] = {"can", "decode", path, "--base", "f0", NULL};
     char *text[] = {"can", "decode", path, "--base", "-1", NULL};
     char *many[] = {"can", "decode", path, "--sensor", "64", NULL};
     char *id[] = {"can", "decode", path, "--id", "407", NULL};
     char *name[] = {"can", "decode", path, "--id", "Statu", NULL};
     char *seconds[] = {"can", "decode", path, "--seconds", "0", NULL};
-    char **all[] = {none, verb, file, two, away, folder,
-                    base, text, many, id,  name, seconds};
-    static const char *const texts[] = {"decode is missing",   "encode: expected decode",
-                                        "expected one file",   "expected one file",
-                                        "no such interface",   "directory",
-                                        "--base 7f1",          "--base -1",
-                                        "would end above 7ff", "--id 407",
-                                        "--id Statu",          "--seconds 0"};
+    char **all[] = {none, verb, file, two,  away, folder, scheme,
+                    low,  base, text, many, id,   name,   seconds};
+    static const char *const texts[] = {
+        "decode is missing",
+        "encode: expected decode",
+        "expected one file",
+        "expected one file",
+        "there is no such file, and no interface",
+        "directory",
+        "expected the file or the interface alone, /tmp/no/such/file",
+        "--base f0: expected a hexadecimal number, 100 to 7f0",
+        "--base 7f1",
+        "--base -1",
+        "would end above 7ff",
+        "--id 407",
+        "--id Statu",
+        "--seconds 0"};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         command_run(&r, command_can, all[i]);
         assert_int_equal(r.code, 2);

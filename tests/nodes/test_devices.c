@@ -56,6 +56,41 @@ static void what_is_not_there_is_named_with_file_and_key(void **state)
     }
 }
 
+#define DRIVE SOURCE_DIR "/launch/scenes/drive-nothing.yaml"
+#define OTHER SOURCE_DIR "/launch/scenes/drive-clutter.yaml"
+
+static void simulated_devices_have_to_go_together(void **state)
+{
+    static const struct {
+        const char *parts, *said; /* NULL: nothing */
+    } cases[] = {
+        {"array: {uri: 'sim:" DRIVE "'}\nscan: {mode: fixed}\n"
+         "can: {uri: 'sim:" OTHER "?log=x'}\n",
+         "drive-nothing.yaml (array.uri); name the same scene in both"},
+        {"array: {uri: 'sim:" DRIVE "'}\ncan: {uri: 'log:x'}\n",
+         "a.yaml: scan.mode: " DRIVE " is a drive"},
+        {"array: {uri: 'sim:" DRIVE "'}\nscan: {mode: fixed}\n"
+         "can: {uri: 'sim:" SOURCE_DIR
+         "/launch/../launch/scenes/drive-nothing.yaml?ego=off'}\n",
+         NULL},
+        {"array: {uri: 'sim:" DRIVE "'}\nscan: {mode: fixed}\ncan: {uri: 'log:x'}\n",
+         NULL},
+        {"array: {uri: 'sim:" DRIVE "'}\nscan: {mode: fixed, speakers: [0, 16]}\n",
+         "a.yaml: scan.speakers: the survey has speakers 0 to 15, not 16"},
+        {"array: {uri: 'sim:" SOURCE_DIR "/launch/scenes/corner.yaml'}\n"
+         "scan: {mode: fixed}\n",
+         "a.yaml: scan.mode is fixed, but the survey has "},
+    };
+    struct complaint why;
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        int err = check(*state, "array, scan, can", cases[i].parts, &why);
+        assert_int_equal(err, cases[i].said ? -EINVAL : 0);
+        if (cases[i].said)
+            assert_contains(why.text, cases[i].said);
+    }
+}
+
 static void what_no_node_uses_is_not_looked_at(void **state)
 {
     struct complaint why;
@@ -70,6 +105,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(devices_that_are_there_are_fine_and_no_log_is_made),
         TEST(what_is_not_there_is_named_with_file_and_key),
+        TEST(simulated_devices_have_to_go_together),
         TEST(what_no_node_uses_is_not_looked_at),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -282,7 +282,10 @@ static void values_out_of_range_are_named_with_their_limits(void **state)
     assert_refused(*state, "nodes: [can]\ntrack: {min_existence: 2}\n",
                    ":2: track.min_existence: expected 0 to 1, not 2");
     assert_refused(*state, "nodes: [can]\ncan: {base_id: 0x7f8}\n",
-                   ":2: can.base_id: expected 0 to 0x7f0, not 0x7f8");
+                   ":2: can.base_id: expected 0x100 to 0x7f0, not 0x7f8");
+    assert_refused(*state, "nodes: [can]\ncan: {base_id: 255}\n",
+                   ":2: can.base_id: expected 0x100 to 0x7f0, not 0xff: below, "
+                   "frames of 8 bytes cannot have their end-to-end protection");
 }
 
 static void names_that_do_not_exist_are_refused_with_those_that_do(void **state)

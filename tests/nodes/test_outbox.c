@@ -293,7 +293,7 @@ static void a_list_without_the_objects_that_did_not_fit_is_counted(void **state)
     put(r, 1, 2);
     step(r, 1);
     assert_int_equal(count_of(r, "lists_truncated"), 0);
-    r->sender.cfg.load = 0.001; /* not even that of the status */
+    r->sender.cfg.bus.load = 0.001; /* not even that of the status */
     put(r, 2, 2);
     step(r, 1);
     assert_int_equal(count_of(r, "lists_sent"), 2);

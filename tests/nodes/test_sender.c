@@ -414,7 +414,7 @@ static void an_fd_frame_carries_all_of_an_object(void **state)
 
     (void)state;
     init(&s, 0x400);
-    s.cfg.fd = true;
+    s.cfg.bus.fd = true;
     fill_tracks(&l, 2);
     send(&s, &l, 50, &sent);
     assert_int_equal(sent.n_frames, 4);
@@ -459,7 +459,7 @@ static void a_list_is_cut_to_what_the_bus_may_carry(void **state)
     }
     assert_int_equal(header_of(&sent).number, 32);
     assert_false(header_of(&sent).truncated);
-    s.cfg.load = 0.05;
+    s.cfg.bus.load = 0.05;
     for (int i = 20; i < 40; i++) {
         sender_list(&s, &l.message, 0, &sent);
         sender_date(&s, &sent, (1000 + 100 * i) * MS, 0);

@@ -171,6 +171,27 @@ static void what_has_no_time_of_now_has_no_delay(void **state)
     assert_int_equal(tally.rows[0].replayed, 1);
 }
 
+/* 48 kHz in slots of 1152 samples are 41.7 pings a second, twice that of two together. */
+static void pings_are_expected_as_often_as_the_survey_says(void **state)
+{
+    Anlos__Survey survey = ANLOS__SURVEY__INIT;
+
+    (void)state;
+    assert_true(tally_expected_hz(&tally, topic_ping()) == topic_ping()->rate_hz);
+    survey.sample_rate_hz = 48000;
+    survey.slot_samples = 1152;
+    tally_survey(&tally, &survey);
+    assert_float_equal(tally_expected_hz(&tally, topic_ping()), 41.667, 0.001);
+    assert_float_equal(tally_expected_hz(&tally, topic_traces()), 41.667, 0.001);
+    assert_true(tally_expected_hz(&tally, topic_wall()) == topic_wall()->rate_hz);
+    survey.together = 2;
+    tally_survey(&tally, &survey);
+    assert_float_equal(tally_expected_hz(&tally, topic_ping()), 83.333, 0.001);
+    survey.slot_samples = 0;
+    tally_survey(&tally, &survey);
+    assert_true(tally_expected_hz(&tally, topic_ping()) == topic_ping()->rate_hz);
+}
+
 static void many_senders_have_room(void **state)
 {
     char name[ENVELOPE_NODE_SIZE];
@@ -264,6 +285,7 @@ int main(void)
         TEST(delays_have_quantiles),
         TEST(only_the_newest_delays_count),
         TEST(what_has_no_time_of_now_has_no_delay),
+        TEST(pings_are_expected_as_often_as_the_survey_says),
         TEST(many_senders_have_room),
         cmocka_unit_test(a_table_is_drawn_over_the_one_before),
         cmocka_unit_test(a_table_too_large_for_the_terminal_is_cut),

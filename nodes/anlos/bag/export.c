@@ -37,8 +37,9 @@ static const char help[] =
     "\n"
     "  --format F      wav, csv, json, nrrd, png or foxglove\n"
     "  -o, --out OUT   must not be there; csv and json: - is stdout\n"
-    "  --topic T       json: only these, names or patterns with commas between; all by\n"
-    "                  default\n"
+    "  --topic T       json: only these, names or patterns with commas between, or "
+    "several\n"
+    "                  times; all by default\n"
     "  --scan N        wav, nrrd, png: this scan; by default the last one\n"
     "  --full          json: every number of sound and images\n"
     "  --help          this text\n"
@@ -139,8 +140,7 @@ static int take_option(struct export_options *o, const struct format **f, int co
         o->out = optarg;
         return 0;
     case 't':
-        o->topics = optarg;
-        return 0;
+        return verb_add_patterns("bag export", optarg, o->topics_room, &o->topics);
     case 's':
         if (!usage_count(optarg, 1, UINT32_MAX, &o->scan))
             return 0;

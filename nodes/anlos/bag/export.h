@@ -6,9 +6,11 @@
 #include <stddef.h>
 
 #include "nodes/anlos/bag/stream.h"
+#include "nodes/anlos/bag/verb.h"
 
 struct export_options { /* borrow from argv */
     const char *file, *topics, *out;
+    char topics_room[VERB_PATTERNS];
     size_t scan; /* 0: the last one of the bag */
     bool full;   /* JSON: every number of sound and images */
 };

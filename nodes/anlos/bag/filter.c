@@ -19,7 +19,7 @@ static const char help[] =
     "  -o, --out OUT     the new bag; must not be there\n"
     "  --topics T        only these: names or patterns with commas between, "
     "survey,scan/*\n"
-    "  --exclude T       all but these\n"
+    "  --exclude T       all but these; both may be given several times\n"
     "  --start S         from S seconds after the first message on\n"
     "  --end S           up to S seconds after the first message\n"
     "  --compression C   zstd (default), lz4 or none\n"
@@ -74,11 +74,9 @@ static int take_option(struct selection *s, int code, char **argv)
         s->out = optarg;
         return 0;
     case 't':
-        s->topics = optarg;
-        return 0;
+        return verb_add_patterns("bag filter", optarg, s->topics_room, &s->topics);
     case 'x':
-        s->exclude = optarg;
-        return 0;
+        return verb_add_patterns("bag filter", optarg, s->exclude_room, &s->exclude);
     case 's':
         return take_seconds("start", &s->start_s);
     case 'e':

@@ -60,6 +60,8 @@ static const struct option options[] = {
 struct request {
     struct playback_config play;
     struct arguments arguments;
+    char topics_room[VERB_PATTERNS], exclude_room[VERB_PATTERNS];
+    char remap_room[VERB_PATTERNS];
 };
 
 static int take_seconds(const char *name, double *out)
@@ -85,14 +87,11 @@ static int take_option(struct request *r, int code, char **argv)
     case 'e':
         return take_seconds("end", &r->play.tape.end_s);
     case 't':
-        r->play.topics = optarg;
-        return 0;
+        return verb_add_patterns("bag play", optarg, r->topics_room, &r->play.topics);
     case 'x':
-        r->play.exclude = optarg;
-        return 0;
+        return verb_add_patterns("bag play", optarg, r->exclude_room, &r->play.exclude);
     case 'm':
-        r->play.tape.remap = optarg;
-        return 0;
+        return verb_add_patterns("bag play", optarg, r->remap_room, &r->play.tape.remap);
     case 'p':
         r->play.paused = true;
         return 0;

@@ -78,8 +78,7 @@ static int take_option(struct record_options *o, int code, char **argv)
         o->out = optarg;
         return 0;
     case 'x':
-        o->exclude = optarg;
-        return 0;
+        return verb_add_patterns("bag record", optarg, o->exclude_room, &o->exclude);
     case 'd':
         return take_number("duration-s", 1e9, &o->duration_s);
     case 'm':

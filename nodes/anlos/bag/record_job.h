@@ -6,11 +6,13 @@
 
 #include "msgs/bag/compression.h"
 #include "msgs/complaint.h"
+#include "nodes/anlos/bag/verb.h"
 
 struct record_options {
     const char *out;
     char *topics;                       /* patterns */
     const char *exclude;                /* patterns, or NULL */
+    char exclude_room[VERB_PATTERNS];   /* where they may lie */
     const char *run_dir;                /* NULL: the default */
     const char *launch;                 /* launch file to be attached, or NULL */
     double split_mb, split_s, quota_mb; /* 0: none */

@@ -5,11 +5,13 @@
 
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/compression.h"
+#include "nodes/anlos/bag/verb.h"
 
 struct selection {
     char *const *files; /* [n_files] */
     size_t n_files;
     const char *topics, *exclude; /* patterns (verb_matches), or NULL */
+    char topics_room[VERB_PATTERNS], exclude_room[VERB_PATTERNS]; /* they may lie here */
     double start_s, end_s; /* after the first message of all; end_s may be INFINITY */
     enum bag_compression compression;
     const char *out;

@@ -133,6 +133,18 @@ static bool is_match(const char *pattern, struct bytes topic)
     return !fnmatch(pattern, name, 0);
 }
 
+int verb_add_patterns(const char *command, const char *text, char room[VERB_PATTERNS],
+                      const char **list)
+{
+    size_t used = *list ? strlen(room) : 0;
+    int n = snprintf(room + used, VERB_PATTERNS - used, "%s%s", used ? "," : "", text);
+
+    *list = room;
+    if ((size_t)n < VERB_PATTERNS - used)
+        return 0;
+    return usage_error(command, "%s: the names of topics are too long", text);
+}
+
 bool verb_matches(const char *patterns, struct bytes topic)
 {
     char pattern[PATTERN_SIZE];

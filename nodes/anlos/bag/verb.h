@@ -45,6 +45,13 @@ int verb_one_operand(const char *command, const char *what, int argc, char **arg
 int verb_take_compression(const char *command, const char *text,
                           enum bag_compression *out);
 
+/* One more of an option that may be given several times: *list, NULL at first, becomes
+ * all of them with commas between, in room[VERB_PATTERNS].  0, or what usage_error
+ * returns: too many. */
+enum { VERB_PATTERNS = 1024 };
+int verb_add_patterns(const char *command, const char *text, char room[VERB_PATTERNS],
+                      const char **list);
+
 /* A topic by patterns (fnmatch(3)) with commas between; NULL: every one. */
 bool verb_matches(const char *patterns, struct bytes topic);
 

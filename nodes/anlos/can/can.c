@@ -12,6 +12,7 @@
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
 
+#define FIRST_BASE   0x100 /* as can.base_id of a launch file */
 #define LAST_BASE    (0x7ff - CAN_SENSOR_STEP + 1)
 #define MOST_SENSORS (0x800 / CAN_SENSOR_STEP)
 
@@ -30,8 +31,11 @@ static const char help[] =
     "  FILE             lines of candump, of -L or for the screen; '-': standard input\n"
     "  INTERFACE        a CAN interface such as can0, listened to until Ctrl-C\n"
     "\n"
-    "  --base ID        identifier, in hexadecimal, at which those of sensor 0 begin\n"
-    "                   (default 400); each further sensor has the next 10\n"
+    "  --base ID        identifier at which those of sensor 0 begin (default 400); each\n"
+    "                   further sensor has the next 10.  In hexadecimal, with or "
+    "without\n"
+    "                   0x; what is too large for that is decimal, as can.base_id of a\n"
+    "                   launch file may be: 1024 is 400\n"
     "  --sensor N       the sensor, from 0\n"
     "  --id ID|NAME     print only these, such as 404 or ObjectState; count all\n"
     "  --interface NAME of a file with frames of several interfaces: only this one\n"
@@ -85,14 +89,26 @@ static bool read_id(const char *text, unsigned *out)
     return *text && !strchr("+- \t", *text) && !*end && id <= 0x7ff;
 }
 
+static bool read_base(const char *text, unsigned *out)
+{
+    size_t decimal;
+
+    if (read_id(text, out) && *out <= LAST_BASE)
+        return *out >= FIRST_BASE;
+    if (usage_count(text, FIRST_BASE, LAST_BASE, &decimal))
+        return false;
+    *out = (unsigned)decimal;
+    return true;
+}
+
 static int take_option(struct can_options *o, int code)
 {
     switch (code) {
     case 'b':
-        if (read_id(optarg, &o->base) && o->base <= LAST_BASE)
+        if (read_base(optarg, &o->base))
             return 0;
-        return usage_error("can", "--base %s: expected a hexadecimal number up to %x",
-                           optarg, LAST_BASE);
+        return usage_error("can", "--base %s: expected a hexadecimal number, %x to %x",
+                           optarg, FIRST_BASE, LAST_BASE);
     case 's':
         if (!usage_count(optarg, 0, MOST_SENSORS, &o->sensor))
             return 0;
@@ -175,6 +191,32 @@ static int finish(const struct decode *d, int err, const struct complaint *why)
     return err == -EINTR ? EXIT_INTERRUPTED : code;
 }
 
+/* As a launch file names buses; here the file or the interface is enough. */
+static const char *behind_scheme(const char *source)
+{
+    static const char *const schemes[] = {"log:", "socketcan:"};
+
+    for (size_t i = 0; i < sizeof schemes / sizeof *schemes; i++)
+        if (!strncmp(source, schemes[i], strlen(schemes[i])))
+            return source + strlen(schemes[i]);
+    return NULL;
+}
+
+static int refuse(const char *source, int err)
+{
+    if (err != ENOENT)
+        return usage_error("can", "%s: %s", source, strerror(err));
+    if (behind_scheme(source))
+        return usage_error("can", "%s: expected the file or the interface alone, %s",
+                           source, behind_scheme(source));
+    return usage_error(
+        "can",
+        "%s: there is no such file, and no interface of that name. A launch "
+        "with a log writes can.candump into its folder (--out); `ip link` "
+        "shows the interfaces",
+        source);
+}
+
 static int decode(struct decode *d, const char *source)
 {
     struct complaint why = {""};
@@ -190,8 +232,7 @@ static int decode(struct decode *d, const char *source)
         return finish(d, err, &why);
     }
     if (!f)
-        return usage_error("can", "%s: %s%s", source, strerror(err),
-                           err == ENOENT ? ", and there is no such interface" : "");
+        return refuse(source, err);
     if (d->seconds > 0) {
         if (!is_stdin)
             fclose(f);

@@ -103,8 +103,10 @@ static int drain(struct decode *d, int fd, const char *interface, int64_t now_ns
     int err = 0;
 
     while (!interrupt_requested() && !(err = can_socket_receive(fd, &event))) {
-        struct can_line l = {
-            .dated = true, .stamp_ns = now_ns, .data = true, .frame = event.frame};
+        struct can_line l = {.dated = true,
+                             .stamp_ns = now_ns - event.held_ns,
+                             .data = true,
+                             .frame = event.frame};
         snprintf(l.interface, sizeof l.interface, "%s", interface);
         err = take(d, &l);
         if (err)

@@ -49,7 +49,8 @@ void topic_table_rates(const struct tally *t, double elapsed_s, FILE *f)
         const struct tally_row *r = &t->rows[i];
         bool some = r->messages > 1;
         double mean_s = tally_interval_s(r);
-        text_rate(rate, sizeof rate, 1.0 / mean_s, r->topic->rate_hz);
+        double expected_hz = round(10.0 * tally_expected_hz(t, r->topic)) / 10.0;
+        text_rate(rate, sizeof rate, 1.0 / mean_s, expected_hz);
         fprintf(f, "%-13s %-8s %7" PRIu64 " %11s %7s %6s %6s %6s %6" PRIu64 "\n",
                 r->topic->name, word_node(r), r->messages, rate, word_ms(w[0], mean_s),
                 word_ms(w[1], some ? r->interval_min_s : NAN),

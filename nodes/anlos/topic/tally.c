@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/topics.h"
+
 int tally_open(struct tally *t, const struct topic *const *topics, size_t n, bool delays)
 {
     *t = (struct tally){.delays = delays, .room = n + 16};
@@ -115,6 +117,22 @@ int tally_add(struct tally *t, const struct bus_message *m, int64_t arrival_ns)
         add_delay(r->published, e->publish_ns, arrival_ns);
     }
     return 0;
+}
+
+void tally_survey(struct tally *t, const Anlos__Survey *survey)
+{
+    double hz = survey->sample_rate_hz / survey->slot_samples *
+                (survey->together > 1 ? survey->together : 1);
+
+    t->pings_hz = isfinite(hz) && hz > 0.0 ? hz : 0.0;
+}
+
+double tally_expected_hz(const struct tally *t, const struct topic *topic)
+{
+    bool of_pings = topic == topic_ping() || topic == topic_traces() ||
+                    topic == topic_receipt();
+
+    return of_pings && t->pings_hz > 0.0 ? t->pings_hz : topic->rate_hz;
 }
 
 void tally_clear(struct tally *t)

@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "msgs/bus_message.h"
+#include "msgs/survey.pb-c.h"
 
 enum { TALLY_DELAYS = 4096 }; /* the newest that are kept of each row */
 
@@ -31,6 +32,7 @@ struct tally_row {
 
 struct tally {
     bool delays;
+    double pings_hz; /* that the survey has room for; 0: not known */
     size_t n_rows, room;
     struct tally_row *rows; /* topics in the order given; of each, senders as they came */
 };
@@ -40,6 +42,13 @@ int tally_open(struct tally *t, const struct topic *const *topics, size_t n, boo
 
 /* A message of one of the topics, as it came at arrival_ns.  0, -ENOMEM. */
 int tally_add(struct tally *t, const struct bus_message *m, int64_t arrival_ns);
+
+/* What the array is set up for: how many pings go into a second. */
+void tally_survey(struct tally *t, const Anlos__Survey *survey);
+
+/* How often messages should come, by the survey or else by msgs/topics.h; 0: as it
+ * happens. */
+double tally_expected_hz(const struct tally *t, const struct topic *topic);
 void tally_clear(struct tally *t);
 
 /* Intervals between messages; NaN with fewer than two. */

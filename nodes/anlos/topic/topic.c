@@ -24,7 +24,8 @@ static const char help[] =
     "  list            every topic: schema, expected rate, queue policy, publishers\n"
     "  echo            prints messages as JSON, one a line; sound and images as type,\n"
     "                  shape, least and greatest value\n"
-    "  hz              how often they come, against the expected rate; mean, least and\n"
+    "  hz              how often they come, against the expected rate (of pings that of\n"
+    "                  the survey's slots); mean, least and\n"
     "                  greatest interval, its standard deviation; messages that got "
     "lost\n"
     "  bw              bytes a second; mean, least and greatest size of a message\n"
@@ -81,7 +82,7 @@ static const struct watched {
     struct topic_watch how; /* without table: echo */
 } verbs[] = {
     {"echo", {0}},
-    {"hz", {.table = topic_table_rates}},
+    {"hz", {.table = topic_table_rates, .survey = true}},
     {"bw", {.table = topic_table_sizes}},
     {"delay", {.table = topic_table_delays, .delays = true}},
 };

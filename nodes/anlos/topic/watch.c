@@ -107,8 +107,26 @@ int topic_watch_echo(struct bus *bus, size_t count, bool full)
     return 0;
 }
 
+/* Adds a message if its topic was asked for, and not only heard for what it says. */
+static int take(struct tally *t, const struct topic_watch *w, bool listed,
+                const struct bus_message *m)
+{
+    ProtobufCMessage *content = NULL;
+
+    if (w->survey && m->topic == topic_survey())
+        content = bus_message_unpack(m);
+    if (content) {
+        tally_survey(t, (const Anlos__Survey *)content);
+        protobuf_c_message_free_unpacked(content, NULL);
+    }
+    return m->topic == topic_survey() && !listed
+               ? 0
+               : tally_add(t, m, clock_now_ns(clock_system()));
+}
+
 /* Listens until end_ns, taking every message as soon as it comes.  0, -EINTR, -ENOMEM. */
-static int listen_until(struct bus *bus, struct tally *t, int64_t end_ns)
+static int listen_until(struct bus *bus, struct tally *t, const struct topic_watch *w,
+                        bool survey_listed, int64_t end_ns)
 {
     for (;;) {
         struct bus_message m;
@@ -122,7 +140,7 @@ static int listen_until(struct bus *bus, struct tally *t, int64_t end_ns)
         if (err == -ETIMEDOUT)
             continue;
         if (!err) {
-            err = tally_add(t, &m, clock_now_ns(clock_system()));
+            err = take(t, w, survey_listed, &m);
             bus_message_free(&m);
         }
         if (err)
@@ -173,6 +191,16 @@ static int show(struct bus *bus, const struct tally *t, const struct topic_watch
     return err;
 }
 
+static bool is_listed(const struct topic *const *topics, size_t n,
+                      const struct topic *topic)
+{
+    size_t i = 0;
+
+    while (i < n && topics[i] != topic)
+        i++;
+    return i < n;
+}
+
 int topic_watch_tally(struct bus *bus, const struct topic *const *topics, size_t n,
                       const struct topic_watch *w)
 {
@@ -181,11 +209,16 @@ int topic_watch_tally(struct bus *bus, const struct topic *const *topics, size_t
     int64_t began_ns = clock_now_ns(clock_system()), now_ns = began_ns;
     int64_t end_ns = w->seconds > 0.0 ? began_ns + (int64_t)(1e9 * w->seconds)
                                       : INT64_MAX;
+    bool survey_listed = is_listed(topics, n, topic_survey());
     int err = tally_open(&t, topics, n, w->delays);
+
+    if (!err && w->survey && !survey_listed)
+        err = bus_subscribe(bus, topic_survey());
 
     while (!err && now_ns < end_ns) {
         int64_t next_ns = now_ns + REDRAW_NS;
-        err = listen_until(bus, &t, w->live && next_ns < end_ns ? next_ns : end_ns);
+        err = listen_until(bus, &t, w, survey_listed,
+                           w->live && next_ns < end_ns ? next_ns : end_ns);
         now_ns = clock_now_ns(clock_system());
         if (!err || err == -EINTR) {
             int shown = show(bus, &t, w, &live, 1e-9 * (double)(now_ns - began_ns));

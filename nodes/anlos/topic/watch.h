@@ -24,6 +24,7 @@ int topic_watch_echo(struct bus *bus, size_t count, bool full);
 struct topic_watch {
     void (*table)(const struct tally *t, double elapsed_s, FILE *f);
     bool delays;    /* keep them for the table */
+    bool survey;    /* the table asks what it says of pings */
     bool live;      /* stdout is a terminal: drawn anew every second */
     double seconds; /* 0: until Ctrl-C */
 };
