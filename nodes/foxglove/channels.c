@@ -18,6 +18,7 @@ static const struct view {
     {CHANNEL_VIEW "side", "foxglove.CompressedImage", {"volume"}, convert_side},
     {CHANNEL_VIEW "objects", "foxglove.SceneUpdate", {"detections"}, convert_objects},
     {CHANNEL_VIEW "scene", "foxglove.SceneUpdate", {"survey"}, convert_scene},
+    {CHANNEL_VIEW "walls", "foxglove.SceneUpdate", {"wall"}, convert_walls},
     {CHANNEL_VIEW "frames",
      "foxglove.FrameTransforms",
      {"survey", "stage/state"},

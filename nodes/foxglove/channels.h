@@ -7,8 +7,11 @@
  *   view/front    foxglove.CompressedImage  the image's maxima as seen by the array
  *   view/top      foxglove.CompressedImage
  *   view/side     foxglove.CompressedImage
- *   view/objects  foxglove.SceneUpdate      the hidden objects, and how certain they are
- *   view/scene    foxglove.SceneUpdate      wall, vehicle, speakers, microphones
+ *   view/objects  foxglove.SceneUpdate      the hidden objects, how certain they are, and
+ *                                           how they move
+ *   view/scene    foxglove.SceneUpdate      the survey's wall, vehicle, speakers,
+ *                                           microphones
+ *   view/walls    foxglove.SceneUpdate      the walls that node wall tells of
  *   view/frames   foxglove.FrameTransforms  of the frames in setting.h
  *   view/log      foxglove.Log */
 #ifndef ANLOS_NODES_FOXGLOVE_CHANNELS_H

@@ -35,13 +35,18 @@ int convert_side(struct arena *a, const struct setting *s,
                  const struct foxglove_message *m, ProtobufCMessage **out);
 
 /* "detections" to foxglove.SceneUpdate: for each object a dot, an ellipsoid of two
- * standard deviations, a box of its size and a label. */
+ * standard deviations, a box of its size, a label, and of one that moves an arrow as long
+ * as it goes over ground in a second. */
 int convert_objects(struct arena *a, const struct setting *s,
                     const struct foxglove_message *m, ProtobufCMessage **out);
 
-/* "survey" to foxglove.SceneUpdate: the wall, the vehicle, the speakers and microphones.
- */
+/* "survey" to foxglove.SceneUpdate: the vehicle, the speakers and microphones, and the
+ * wall that the survey was given, as long as no "wall" came. */
 int convert_scene(struct arena *a, const struct setting *s,
+                  const struct foxglove_message *m, ProtobufCMessage **out);
+
+/* "wall" to foxglove.SceneUpdate: each wall, whence it is known and how likely it is. */
+int convert_walls(struct arena *a, const struct setting *s,
                   const struct foxglove_message *m, ProtobufCMessage **out);
 
 /* "survey" and "stage/state" to foxglove.FrameTransforms: array in vehicle, stage in

@@ -114,11 +114,48 @@ Foxglove__SceneEntity *part_entity(struct arena *a, const char *id, const char *
     e->timestamp = part_time(a, t_ns);
     e->frame_id = arena_print(a, "%s", frame);
     e->id = arena_print(a, "%s", id);
+    e->arrows = arena_array(a, room->arrows, sizeof *e->arrows);
     e->cubes = arena_array(a, room->cubes, sizeof *e->cubes);
     e->spheres = arena_array(a, room->spheres, sizeof *e->spheres);
     e->texts = arena_array(a, room->texts, sizeof *e->texts);
     e->metadata = arena_array(a, room->metadata, sizeof *e->metadata);
     return e;
+}
+
+/* Axes of the right hand of which the first goes along v. */
+static void axes_along(const double v[3], double axes[3][3])
+{
+    double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    int other = fabs(v[2]) < 0.9 * length ? 2 : 0; /* not along it */
+
+    for (int i = 0; i < 3; i++)
+        axes[0][i] = v[i] / length;
+    double along = axes[0][other], rest = sqrt(1.0 - along * along);
+    for (int i = 0; i < 3; i++)
+        axes[2][i] = ((i == other) - along * axes[0][i]) / rest;
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3, k = (i + 2) % 3;
+        axes[1][i] = axes[2][j] * axes[0][k] - axes[2][k] * axes[0][j];
+    }
+}
+
+void part_add_arrow(struct arena *a, Foxglove__SceneEntity *e, const double from[3],
+                    const double way[3], double diameter, Foxglove__Color *colour)
+{
+    Foxglove__ArrowPrimitive *p = arena_one(a, sizeof *p);
+    double length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
+    double head = fmin(4.0 * diameter, 0.5 * length), axes[3][3];
+
+    axes_along(way, axes);
+    foxglove__arrow_primitive__init(p);
+    p->pose = part_pose(a, from, (const double(*)[3])axes);
+    p->shaft_length = length - head;
+    p->shaft_diameter = diameter;
+    p->head_length = head;
+    p->head_diameter = 2.5 * diameter;
+    p->color = colour;
+    if (e->arrows)
+        e->arrows[e->n_arrows++] = p;
 }
 
 void part_add_cube(struct arena *a, Foxglove__SceneEntity *e, Foxglove__Pose *pose,

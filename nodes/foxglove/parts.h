@@ -25,12 +25,15 @@ Foxglove__PackedElementField **part_fields(struct arena *a, const char *const *n
 
 /* An entity with room for so many of each; the counts begin at 0. */
 struct part_room {
-    size_t cubes, spheres, texts, metadata;
+    size_t arrows, cubes, spheres, texts, metadata;
 };
 Foxglove__SceneEntity *part_entity(struct arena *a, const char *id, const char *frame,
                                    int64_t t_ns, const struct part_room *room);
 
-/* They go into the room there is; sizes are full ones, in m. */
+/* They go into the room there is; sizes are full ones, in m.  An arrow goes along a way
+ * that is longer than 0. */
+void part_add_arrow(struct arena *a, Foxglove__SceneEntity *e, const double from[3],
+                    const double way[3], double diameter, Foxglove__Color *colour);
 void part_add_cube(struct arena *a, Foxglove__SceneEntity *e, Foxglove__Pose *pose,
                    const double size[3], Foxglove__Color *colour);
 void part_add_sphere(struct arena *a, Foxglove__SceneEntity *e, Foxglove__Pose *pose,

@@ -51,26 +51,35 @@ static void axes_of_wall(const double n[3], double axes[3][3])
 }
 
 static Foxglove__SceneEntity *draw_wall(struct arena *a, const struct setting *s,
-                                        int64_t t_ns)
+                                        const struct wall *wall, const char *id,
+                                        const char *text, int64_t t_ns)
 {
-    static const struct part_room room = {.cubes = 1, .texts = 1};
-    Foxglove__SceneEntity *e = part_entity(a, "wall", FRAME_ARRAY, t_ns, &room);
+    static const struct part_room room = {.cubes = 1, .texts = 1, .metadata = 4};
+    Foxglove__SceneEntity *e = part_entity(a, id, FRAME_ARRAY, t_ns, &room);
     double place[3], mirrored[3], axes[3][3];
-    struct wall wall;
 
-    if (!setting_wall(s, &wall))
-        return NULL;
     middle(&s->survey, place);
-    wall_mirror(&wall, place, mirrored);
+    wall_mirror(wall, place, mirrored);
     for (int i = 0; i < 3; i++)
         place[i] = 0.5 * (place[i] + mirrored[i]);
-    axes_of_wall(wall.normal, axes);
+    axes_of_wall(wall->normal, axes);
     part_add_cube(a, e, part_pose(a, place, (const double(*)[3])axes), wall_size_m,
                   part_colour(a, grey, 0.35));
     for (int i = 0; i < 3; i++)
         place[i] += 0.5 * wall_size_m[1] * axes[1][i];
-    part_add_text(a, e, place, "wall");
+    part_add_text(a, e, place, text);
     return e;
+}
+
+/* That of the survey, as long as node wall says nothing better (view/walls). */
+static Foxglove__SceneEntity *draw_given_wall(struct arena *a, const struct setting *s,
+                                              int64_t t_ns)
+{
+    struct wall wall;
+
+    return !s->has_walls && setting_wall(s, &wall)
+               ? draw_wall(a, s, &wall, "wall", "wall", t_ns)
+               : NULL;
 }
 
 static Foxglove__SceneEntity *draw_vehicle(struct arena *a, int64_t t_ns)
@@ -137,11 +146,57 @@ int convert_scene(struct arena *a, const struct setting *s,
     u->deletions = arena_array(a, 3, sizeof *u->deletions);
     if (!u->entities || !u->deletions)
         return -ENOMEM;
-    add(a, u, draw_wall(a, s, m->publish_ns), "wall", m->publish_ns);
+    add(a, u, draw_given_wall(a, s, m->publish_ns), "wall", m->publish_ns);
     add(a, u, survey->has_mount ? draw_vehicle(a, m->publish_ns) : NULL, "vehicle",
         m->publish_ns);
     add(a, u, survey->pings_m ? NULL : draw_array(a, survey, m->publish_ns), "array",
         m->publish_ns);
+    *out = &u->base;
+    return a->failed ? -ENOMEM : 0;
+}
+
+static Foxglove__SceneEntity *draw_told_wall(struct arena *a, const struct setting *s,
+                                             const struct wall *wall,
+                                             const Anlos__Wall *m, int64_t t_ns)
+{
+    static const char *const origins[] = {"configured", "given", "estimated"};
+    const char *origin = (unsigned)m->origin < 3 ? origins[m->origin] : "unknown";
+    Foxglove__SceneEntity *e = draw_wall(
+        a, s, wall, arena_print(a, "wall %u", m->id),
+        arena_print(a, "wall %u  %s  %.0f%%", m->id, origin, 100.0 * m->existence), t_ns);
+
+    part_add_fact(a, e, "origin", arena_print(a, "%s", origin));
+    part_add_fact(a, e, "existence", arena_print(a, "%.3f", m->existence));
+    part_add_fact(a, e, "unseen_s", arena_print(a, "%.1f", m->unseen_s));
+    part_add_fact(a, e, "distance_m", arena_print(a, "%.4f", m->distance_m));
+    return e;
+}
+
+int convert_walls(struct arena *a, const struct setting *s,
+                  const struct foxglove_message *m, ProtobufCMessage **out)
+{
+    const Anlos__WallList *list = (const Anlos__WallList *)m->content;
+    Foxglove__SceneUpdate *u = arena_one(a, sizeof *u);
+    Foxglove__SceneEntityDeletion *old = arena_one(a, sizeof *old);
+    struct complaint why;
+    struct walls walls;
+
+    if (!s->has_survey)
+        return -EAGAIN;
+    if (walls_from_message(&walls, list, &why))
+        return -EINVAL;
+    foxglove__scene_update__init(u);
+    foxglove__scene_entity_deletion__init(old);
+    old->timestamp = part_time(a, m->publish_ns);
+    old->type = FOXGLOVE__SCENE_ENTITY_DELETION__TYPE__ALL;
+    u->deletions = arena_array(a, 1, sizeof *u->deletions);
+    u->entities = arena_array(a, walls.n, sizeof *u->entities);
+    if (!u->deletions || !u->entities)
+        return -ENOMEM;
+    u->deletions[u->n_deletions++] = old;
+    for (size_t i = 0; i < walls.n; i++)
+        u->entities[u->n_entities++] =
+            draw_told_wall(a, s, &walls.list[i].plane, list->walls[i], m->publish_ns);
     *out = &u->base;
     return a->failed ? -ENOMEM : 0;
 }

@@ -126,7 +126,7 @@ static bool is_kept(const struct topic *t)
 
 static bool is_setting(const struct topic *t)
 {
-    return t == topic_survey() || t == topic_stage_state();
+    return t == topic_survey() || t == topic_stage_state() || t == topic_wall();
 }
 
 /* With the lock: names the channels that this topic's first message opens to everybody.

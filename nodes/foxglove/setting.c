@@ -1,7 +1,6 @@
 #include "nodes/foxglove/setting.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "msgs/stage.pb-c.h"
 
@@ -18,13 +17,25 @@ static bool take_survey(struct setting *s, const Anlos__Survey *m)
     s->survey = fresh;
     s->survey_id = m->id;
     s->has_survey = true;
+    s->has_walls = false; /* those were of another array */
+    walls_from_survey(&s->walls, &s->survey);
     return true;
+}
+
+static void take_walls(struct setting *s, const Anlos__WallList *m)
+{
+    struct complaint why;
+
+    if (!walls_from_message(&s->walls, m, &why))
+        s->has_walls = true;
 }
 
 bool setting_take(struct setting *s, const struct foxglove_message *m)
 {
     if (m->topic == topic_survey())
         return take_survey(s, (const Anlos__Survey *)m->content);
+    if (m->topic == topic_wall())
+        take_walls(s, (const Anlos__WallList *)m->content);
     if (m->topic == topic_stage_state()) {
         double at_m = ((const Anlos__StageState *)m->content)->position_m;
         s->stage_m = isfinite(at_m) ? at_m : s->stage_m;
@@ -34,10 +45,9 @@ bool setting_take(struct setting *s, const struct foxglove_message *m)
 
 bool setting_wall(const struct setting *s, struct wall *out)
 {
-    if (!s->has_survey || !s->survey.has_wall)
+    if (!s->has_survey || !s->walls.n)
         return false;
-    memcpy(out->normal, s->survey.wall_normal, sizeof out->normal);
-    out->distance_m = s->survey.wall_distance_m;
+    *out = s->walls.list[0].plane;
     return true;
 }
 

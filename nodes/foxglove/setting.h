@@ -13,7 +13,7 @@
 
 #include "msgs/survey.h"
 #include "nodes/foxglove/message.h"
-#include "recon/wall.h"
+#include "nodes/rt/walls.h"
 
 #define FRAME_VEHICLE "vehicle"
 #define FRAME_ARRAY   "array"
@@ -23,14 +23,16 @@ struct setting { /* begins zeroed; clear with setting_clear */
     bool has_survey;
     uint64_t survey_id;
     struct survey survey;
-    double stage_m; /* where the stage is; 0 before it says so */
+    double stage_m;     /* where the stage is; 0 before it says so */
+    bool has_walls;     /* node wall tells of them */
+    struct walls walls; /* the surest first, or those of the survey */
 };
 
 /* Takes what concerns it from any message.  true: there is another survey now, and what
  * was made with the one before does not hold. */
 bool setting_take(struct setting *s, const struct foxglove_message *m);
 
-/* The wall of a known survey.  false: it has none. */
+/* The surest wall, when there is a survey.  false: none is known. */
 bool setting_wall(const struct setting *s, struct wall *out);
 
 /* The vehicle's or the array's. */

@@ -1,5 +1,6 @@
-/* nodes/report/main.c: "volume", "detections", "scan/status", "health" -> a folder.  Ends
- * when it is written: after the scan, or of a scan without end when it is stopped. */
+/* nodes/report/main.c: "volume", "detections", "wall", "scan/status", "health" -> a
+ * folder.  Ends when it is written: after the scan, or of a scan without end when it is
+ * stopped. */
 #include <errno.h>
 
 #include "msgs/topics.h"
@@ -9,9 +10,9 @@
 
 static int subscribe(struct node *node)
 {
-    const struct topic *const topics[] = {topic_survey(), topic_volume(),
-                                          topic_detections(), topic_scan_status(),
-                                          topic_health()};
+    const struct topic *const topics[] = {
+        topic_survey(), topic_volume(), topic_detections(), topic_scan_status(),
+        topic_health(), topic_wall(),   topic_ego()};
 
     for (size_t i = 0; i < sizeof topics / sizeof *topics; i++) {
         int err = node_subscribe(node, topics[i]);
@@ -29,13 +30,20 @@ static int take(struct node *node, struct report *r, const struct node_message *
         return report_volume(r, (const Anlos__Volume *)in->content, in->capture_ns,
                              in->publish_ns);
     if (in->topic == topic_detections())
-        return report_detections(r, (const Anlos__DetectionList *)in->content);
+        return report_detections(r, (const Anlos__DetectionList *)in->content,
+                                 in->capture_ns);
     if (in->topic == topic_scan_status())
         return report_status(r, (const Anlos__ScanStatus *)in->content,
                              node_machine_ns(node));
+    if (in->topic == topic_wall())
+        return logbook_walls(&r->logbook, (const Anlos__WallList *)in->content);
+    if (in->topic == topic_ego())
+        logbook_ego(&r->logbook, (const Anlos__EgoMotion *)in->content, in->capture_ns);
     if (in->topic == topic_host())
         return report_hosts_take(&r->hosts, (const Anlos__HostStatus *)in->content);
-    return report_health(r, (const Anlos__Health *)in->content, in->epoch_ns);
+    if (in->topic == topic_health())
+        return report_health(r, (const Anlos__Health *)in->content, in->epoch_ns);
+    return 0;
 }
 
 static int run(struct node *node, struct report *r)

@@ -17,7 +17,9 @@
 
 void report_init(struct report *r)
 {
-    *r = (struct report){.ping_s = NAN};
+    memset(r, 0, sizeof *r);
+    r->ping_s = NAN;
+    logbook_init(&r->logbook);
 }
 
 /* A deep copy, by way of its bytes.  NULL: no memory. */
@@ -44,6 +46,7 @@ int report_survey(struct report *r, const Anlos__Survey *survey)
     if (!processing_plan(&p, &s, NULL))
         r->ping_s = (double)p.ping_samples / s.sample_rate_hz;
     survey_clear(&s);
+    logbook_survey(&r->logbook, survey);
     return 0;
 }
 
@@ -66,10 +69,14 @@ int report_volume(struct report *r, const Anlos__Volume *volume, int64_t capture
     return 0;
 }
 
-int report_detections(struct report *r, const Anlos__DetectionList *list)
+int report_detections(struct report *r, const Anlos__DetectionList *list,
+                      int64_t capture_ns)
 {
     if (list->preview)
         return 0;
+    int err = logbook_list(&r->logbook, list, capture_ns);
+    if (err)
+        return err;
     Anlos__DetectionList *fresh = copy(&list->base);
     if (!fresh)
         return -ENOMEM;
@@ -148,6 +155,8 @@ static int write_results(const struct report *r, const char *folder,
         err = export_projections(folder, &grid, intensity, r->detections, why);
     if (!err && r->detections)
         err = export_detections(folder, r->detections, why);
+    if (!err)
+        err = logbook_picture(&r->logbook, folder, intensity ? &grid : NULL, why);
     if (err)
         return err;
     json_t *json = report_json(r);
@@ -160,13 +169,15 @@ static int write_results(const struct report *r, const char *folder,
  * its own. */
 static void remove_older(const struct report *r, const char *folder)
 {
-    static const char *const names[] = {"detections.json", "volume.nrrd",
+    static const char *const names[] = {"detections.json",   "volume.nrrd",
                                         "projection_xy.png", "projection_xz.png",
-                                        "projection_yz.png"};
+                                        "projection_yz.png", "plan.png"};
+    const bool made[] = {r->detections, r->volume, r->volume,
+                         r->volume,     r->volume, r->logbook.tracked};
     char path[4096];
 
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (!(i ? (const void *)r->volume : (const void *)r->detections) &&
+        if (!made[i] &&
             snprintf(path, sizeof path, "%s/%s", folder, names[i]) < (int)sizeof path)
             unlink(path);
 }
@@ -196,5 +207,6 @@ void report_clear(struct report *r)
     for (size_t i = 0; i < r->n_nodes; i++)
         anlos__health__free_unpacked(r->nodes[i].health, NULL);
     report_hosts_clear(&r->hosts);
+    logbook_clear(&r->logbook);
     report_init(r);
 }

@@ -12,6 +12,7 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/volume.pb-c.h"
+#include "nodes/report/logbook.h"
 #include "nodes/report/report_hosts.h"
 
 #define REPORT_MAX_NODES 16
@@ -33,6 +34,7 @@ struct report {
     size_t n_nodes;
     const struct hosts *map; /* who is where; NULL: all on one machine */
     struct report_hosts hosts;
+    struct logbook logbook; /* of a fixed array */
 };
 
 void report_init(struct report *r);
@@ -41,7 +43,8 @@ void report_init(struct report *r);
 int report_survey(struct report *r, const Anlos__Survey *survey);
 int report_volume(struct report *r, const Anlos__Volume *volume, int64_t capture_ns,
                   int64_t publish_ns);
-int report_detections(struct report *r, const Anlos__DetectionList *list);
+int report_detections(struct report *r, const Anlos__DetectionList *list,
+                      int64_t capture_ns);
 int report_status(struct report *r, const Anlos__ScanStatus *status, int64_t now_ns);
 int report_health(struct report *r, const Anlos__Health *health, int64_t epoch_ns);
 
@@ -49,8 +52,8 @@ int report_health(struct report *r, const Anlos__Health *health, int64_t epoch_n
  * 5 s nothing more has come. */
 bool report_is_complete(const struct report *r, int64_t now_ns);
 
-/* volume.nrrd, projections, detections.json (as far as there are any) and report.json:
- * all of them or none.  0 or a negative errno. */
+/* volume.nrrd, projections, detections.json, of tracks plan.png (as far as there are any)
+ * and report.json: all of them or none.  0 or a negative errno. */
 int report_write(const struct report *r, const char *folder, struct complaint *why);
 void report_clear(struct report *r);
 

@@ -170,6 +170,9 @@ json_t *report_json(const struct report *r)
     json_object_set_new(o, "pings", pings(r));
     json_object_set_new(o, "times", times(r));
     json_object_set_new(o, "messages_lost", messages(r));
+    json_t *drive = logbook_json(&r->logbook);
+    if (drive)
+        json_object_set_new(o, "drive", drive);
     if (r->map)
         json_object_set_new(o, "hosts", report_hosts_json(&r->hosts));
     for (size_t i = 0; i < r->n_nodes; i++)

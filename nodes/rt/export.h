@@ -52,6 +52,9 @@ int export_projection_png(size_t which, const struct grid *grid, const float *in
                           const Anlos__DetectionList *detections, uint8_t **png,
                           size_t *size);
 
+/* "" (not known), "point", "plate", "extended". */
+const char *export_class(Anlos__Shape shape);
+
 /* detections.json. */
 int export_detections(const char *folder, const Anlos__DetectionList *detections,
                       struct complaint *why);

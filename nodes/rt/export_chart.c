@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "nodes/rt/export_file.h"
+#include "nodes/rt/export_ink.h"
 #include "nodes/rt/export_mark.h"
 
 /* In units of the SVG; the PNG is drawn finer. */
@@ -23,8 +24,6 @@
 #define ROW        25.0  /* of the legend */
 #define SAMPLE     34.0  /* its piece of line */
 #define BESIDE     250.0 /* the axes, for a legend there */
-
-enum anchor { ANCHOR_LEFT, ANCHOR_CENTRE, ANCHOR_RIGHT };
 
 /* 0..1 along an axis; NaN for what a logarithmic axis cannot show. */
 static double place(const struct chart *c, int axis, double value)
@@ -45,19 +44,6 @@ static double up(double t)
     return HEIGHT - BOTTOM - t * (HEIGHT - TOP - BOTTOM);
 }
 
-static void draw_text(cairo_t *cr, double x, double y, double size, enum anchor anchor,
-                      const char *text)
-{
-    cairo_text_extents_t e, digit;
-    cairo_set_font_size(cr, size);
-    cairo_text_extents(cr, text, &e);
-    cairo_text_extents(cr, "0", &digit);
-    if (anchor != ANCHOR_LEFT)
-        x -= anchor == ANCHOR_RIGHT ? e.x_advance : 0.5 * e.x_advance;
-    cairo_move_to(cr, x, y + 0.5 * digit.height);
-    cairo_show_text(cr, text);
-}
-
 static void draw_tick(cairo_t *cr, const struct chart *c, int axis, double value,
                       const char *text)
 {
@@ -72,9 +58,9 @@ static void draw_tick(cairo_t *cr, const struct chart *c, int axis, double value
     cairo_stroke(cr);
     cairo_set_source_rgb(cr, 0.15, 0.15, 0.18);
     if (text && axis)
-        draw_text(cr, x - 9.0, y, TEXT, ANCHOR_RIGHT, text);
+        ink_text(cr, x - 9.0, y, TEXT, INK_RIGHT, text);
     else if (text)
-        draw_text(cr, x, y + 18.0, TEXT, ANCHOR_CENTRE, text);
+        ink_text(cr, x, y + 18.0, TEXT, INK_CENTRE, text);
 }
 
 static void draw_linear_ticks(cairo_t *cr, const struct chart *c, int axis)
@@ -124,11 +110,11 @@ static void draw_axes(cairo_t *cr, const struct chart *c)
     cairo_set_line_width(cr, 1.5);
     cairo_rectangle(cr, LEFT, TOP, WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM);
     cairo_stroke(cr);
-    draw_text(cr, across(0.5), HEIGHT - 22.0, TEXT, ANCHOR_CENTRE, c->label[0]);
+    ink_text(cr, across(0.5), HEIGHT - 22.0, TEXT, INK_CENTRE, c->label[0]);
     cairo_save(cr);
     cairo_translate(cr, 24.0, up(0.5));
     cairo_rotate(cr, -M_PI / 2.0);
-    draw_text(cr, 0.0, 0.0, TEXT, ANCHOR_CENTRE, c->label[1]);
+    ink_text(cr, 0.0, 0.0, TEXT, INK_CENTRE, c->label[1]);
     cairo_restore(cr);
 }
 
@@ -195,7 +181,7 @@ static void draw_legend(cairo_t *cr, const struct chart *c)
         }
         cairo_restore(cr);
         cairo_set_source_rgb(cr, 0.15, 0.15, 0.18);
-        draw_text(cr, x + SAMPLE + 10.0, row, TEXT, ANCHOR_LEFT, s->name);
+        ink_text(cr, x + SAMPLE + 10.0, row, TEXT, INK_LEFT, s->name);
         row += ROW;
     }
 }
@@ -222,7 +208,7 @@ static cairo_status_t draw(cairo_surface_t *surface, const struct chart *c,
     cairo_select_font_face(cr, "DejaVu Sans", CAIRO_FONT_SLANT_NORMAL,
                            CAIRO_FONT_WEIGHT_BOLD);
     cairo_set_source_rgb(cr, 0.15, 0.15, 0.18);
-    draw_text(cr, across(0.5), TOP - 27.0, TITLE_TEXT, ANCHOR_CENTRE, c->title);
+    ink_text(cr, across(0.5), TOP - 27.0, TITLE_TEXT, INK_CENTRE, c->title);
     cairo_status_t status = cairo_status(cr);
     cairo_destroy(cr);
     return status;

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdbool.h>
 
 #include "nodes/rt/export_file.h"
 
@@ -41,7 +42,29 @@ static json_t *vec3(const Anlos__Vec3 *v)
     return export_reals((const double[]){v->x, v->y, v->z}, 3);
 }
 
-static json_t *detection(const Anlos__Detection *d)
+const char *export_class(Anlos__Shape shape)
+{
+    static const char *const names[] = {"", "point", "plate", "extended"};
+    return (unsigned)shape < sizeof names / sizeof names[0] ? names[shape] : "";
+}
+
+static const char *measurement_name(Anlos__Measurement measurement)
+{
+    static const char *const names[] = {"new", "measured", "predicted", "deleted"};
+    return (unsigned)measurement < sizeof names / sizeof names[0] ? names[measurement]
+                                                                  : "unknown";
+}
+
+static void add_track(json_t *o, const Anlos__Detection *d)
+{
+    json_object_set_new(o, "state", json_string(measurement_name(d->measurement)));
+    json_object_set_new(o, "velocity_m_s",
+                        export_reals(d->velocity_m_s, d->n_velocity_m_s));
+    json_object_set_new(o, "age_s", export_real(d->age_s));
+    json_object_set_new(o, "unseen_s", export_real(d->unseen_s));
+}
+
+static json_t *detection(const Anlos__Detection *d, bool tracked)
 {
     json_t *o = json_object();
     json_object_set_new(o, "id", json_integer(d->id));
@@ -62,6 +85,9 @@ static json_t *detection(const Anlos__Detection *d)
     json_object_set_new(o, "wall", json_integer(d->wall));
     json_object_set_new(o, "behind_no_wall", json_boolean(d->behind_no_wall));
     json_object_set_new(o, "in_free_view", json_boolean(d->in_free_view));
+    json_object_set_new(o, "class", json_string(export_class(d->shape)));
+    if (tracked)
+        add_track(o, d);
     return o;
 }
 
@@ -89,11 +115,12 @@ int export_detections(const char *folder, const Anlos__DetectionList *list,
     json_object_set_new(o, "source", json_string(source_name(list->source)));
     json_object_set_new(o, "frame",
                         json_string(list->in_vehicle_frame ? "vehicle" : "array"));
+    json_object_set_new(o, "tracked", json_boolean(list->tracked));
     json_object_set_new(o, "mirrored_at_wall", json_boolean(list->mirrored));
     json_object_set_new(o, "sound_speed_m_s", export_real(list->sound_speed_m_s));
     json_object_set_new(o, "temperature_c", export_real(list->temperature_c));
     for (size_t i = 0; i < list->n_detections; i++)
-        json_array_append_new(all, detection(list->detections[i]));
+        json_array_append_new(all, detection(list->detections[i], list->tracked));
     json_object_set_new(o, "detections", all);
     int err = export_json(folder, "detections.json", o, why);
     json_decref(o);

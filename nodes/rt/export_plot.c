@@ -7,6 +7,7 @@
 #include <stdlib.h>
 
 #include "nodes/rt/export_colour.h"
+#include "nodes/rt/export_ink.h"
 
 /* In units of a picture about 760 wide. */
 #define LEFT       88.0
@@ -116,37 +117,12 @@ static int draw_image(cairo_t *cr, const struct plot *plot, const struct page *p
     return err;
 }
 
-enum anchor { ANCHOR_LEFT, ANCHOR_CENTRE, ANCHOR_RIGHT };
-
-/* Text whose digits are centred on y. */
-static void draw_text(cairo_t *cr, double x, double y, double size, enum anchor anchor,
-                      const char *text)
-{
-    cairo_text_extents_t e, digit;
-    cairo_set_font_size(cr, size);
-    cairo_text_extents(cr, text, &e);
-    cairo_text_extents(cr, "0", &digit);
-    x -= anchor == ANCHOR_RIGHT    ? e.x_advance
-         : anchor == ANCHOR_CENTRE ? e.x_advance / 2
-                                   : 0;
-    cairo_move_to(cr, x, y + digit.height / 2);
-    cairo_show_text(cr, text);
-}
-
-/* 1, 2 or 5 times a power of ten, for at most n ticks. */
-static double tick_step(double span, double n)
-{
-    double decade = pow(10.0, floor(log10(span / n)));
-    double steps = span / n / decade;
-    return decade * (steps <= 1.0 ? 1.0 : steps <= 2.0 ? 2.0 : steps <= 5.0 ? 5.0 : 10.0);
-}
-
 static void draw_axis(cairo_t *cr, const struct plot *plot, const struct page *p,
                       int axis)
 {
     double min = p->min_m[axis], max = p->max_m[axis];
-    double step = tick_step(max - min, fmax((axis ? p->h : p->w) / 75.0, 2.0));
-    int digits = (int)fmax(0.0, ceil(-log10(step) - 1e-9));
+    double step = ink_tick_step(max - min, fmax((axis ? p->h : p->w) / 75.0, 2.0));
+    int digits = ink_digits(step);
 
     for (double i = ceil(min / step - 1e-9); i * step <= max + 1e-9 * step; i += 1.0) {
         char text[32];
@@ -163,19 +139,19 @@ static void draw_axis(cairo_t *cr, const struct plot *plot, const struct page *p
         cairo_rel_line_to(cr, axis ? -6.0 : 0.0, axis ? 0.0 : 6.0);
         cairo_stroke(cr);
         if (axis)
-            draw_text(cr, p->x - 11.0, at, TEXT, ANCHOR_RIGHT, text);
+            ink_text(cr, p->x - 11.0, at, TEXT, INK_RIGHT, text);
         else
-            draw_text(cr, at, p->y + p->h + 20.0, TEXT, ANCHOR_CENTRE, text);
+            ink_text(cr, at, p->y + p->h + 20.0, TEXT, INK_CENTRE, text);
     }
 
     cairo_save(cr);
     if (axis) {
         cairo_translate(cr, p->x - LEFT + 20.0, p->y + 0.5 * p->h);
         cairo_rotate(cr, -M_PI / 2.0);
-        draw_text(cr, 0.0, 0.0, TEXT, ANCHOR_CENTRE, plot->label[axis]);
+        ink_text(cr, 0.0, 0.0, TEXT, INK_CENTRE, plot->label[axis]);
     } else {
-        draw_text(cr, p->x + 0.5 * p->w, p->y + p->h + 52.0, TEXT, ANCHOR_CENTRE,
-                  plot->label[axis]);
+        ink_text(cr, p->x + 0.5 * p->w, p->y + p->h + 52.0, TEXT, INK_CENTRE,
+                 plot->label[axis]);
     }
     cairo_restore(cr);
 }
@@ -210,7 +186,7 @@ static void draw_bar(cairo_t *cr, const struct plot *plot, const struct page *p)
         cairo_move_to(cr, p->bar_x + BAR_WIDTH, y);
         cairo_rel_line_to(cr, 6.0, 0.0);
         cairo_stroke(cr);
-        draw_text(cr, p->bar_x + BAR_WIDTH + 11.0, y, TEXT, ANCHOR_LEFT, text);
+        ink_text(cr, p->bar_x + BAR_WIDTH + 11.0, y, TEXT, INK_LEFT, text);
     }
 }
 
@@ -278,8 +254,8 @@ cairo_surface_t *plot_draw(const struct plot *plot)
     draw_bar(cr, plot, &page);
     cairo_select_font_face(cr, "DejaVu Sans", CAIRO_FONT_SLANT_NORMAL,
                            CAIRO_FONT_WEIGHT_BOLD);
-    draw_text(cr, 0.5 * (page.x + page.bar_x + BAR_WIDTH), page.y - 27.0, TITLE_TEXT,
-              ANCHOR_CENTRE, plot->title);
+    ink_text(cr, 0.5 * (page.x + page.bar_x + BAR_WIDTH), page.y - 27.0, TITLE_TEXT,
+             INK_CENTRE, plot->title);
     for (size_t i = 0; i < plot->n_marks; i++)
         draw_mark(cr, &page, &plot->marks[i]);
 

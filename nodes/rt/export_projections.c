@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "nodes/rt/export_file.h"
+#include "nodes/rt/export_ink.h"
 #include "nodes/rt/export_plot.h"
 #include "nodes/rt/export_projection.h"
 
@@ -53,22 +53,6 @@ static cairo_status_t write_bytes(void *to, const unsigned char *data, unsigned 
                                              : CAIRO_STATUS_WRITE_ERROR;
 }
 
-static int write_png(const char *folder, const char *name, cairo_surface_t *surface,
-                     struct complaint *why)
-{
-    struct export_file e;
-    int err = export_file_open(&e, folder, name, why);
-    if (err)
-        return err;
-    errno = 0;
-    cairo_status_t status = cairo_surface_write_to_png_stream(surface, write_bytes, e.f);
-    if (status == CAIRO_STATUS_NO_MEMORY)
-        return export_file_abandon(&e, -ENOMEM, why);
-    if (status != CAIRO_STATUS_SUCCESS)
-        return export_file_abandon(&e, errno ? -errno : -EIO, why);
-    return export_file_commit(&e, why);
-}
-
 /* NULL: no memory. */
 static cairo_surface_t *draw(const struct view *view, double fineness,
                              const struct grid *grid, const float *intensity,
@@ -102,7 +86,7 @@ int export_projection(const char *folder, size_t which, const struct grid *grid,
 {
     const struct view *view = &views[which];
     cairo_surface_t *surface = draw(view, FILE_FINENESS, grid, intensity, detections);
-    int err = surface ? write_png(folder, view->file, surface, why) : -ENOMEM;
+    int err = surface ? ink_png(folder, view->file, surface, why) : -ENOMEM;
 
     if (err == -ENOMEM)
         complain(why, err, "%s/%s: out of memory", folder, view->file);

@@ -14,6 +14,7 @@ enum board_subject {
     BOARD_STAGE,
     BOARD_CLOCK,
     BOARD_NODES,
+    BOARD_WALLS,
     BOARD_OBJECTS,
     BOARD_LEVELS,
     BOARD_LOG,

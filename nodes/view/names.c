@@ -46,3 +46,21 @@ const char *name_of_log_level(Anlos__Log__Level level)
     static const char *const names[] = {"debug", "info", "warning", "error"};
     return NAME(names, level);
 }
+
+const char *name_of_measurement(Anlos__Measurement measurement)
+{
+    static const char *const names[] = {"new", "measured", "predicted", "deleted"};
+    return NAME(names, measurement);
+}
+
+const char *name_of_shape(Anlos__Shape shape)
+{
+    static const char *const names[] = {"", "point", "plate", "extended"};
+    return NAME(names, shape);
+}
+
+const char *name_of_wall_origin(Anlos__Wall__Origin origin)
+{
+    static const char *const names[] = {"configured", "given", "estimated"};
+    return NAME(names, origin);
+}

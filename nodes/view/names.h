@@ -2,11 +2,13 @@
 #ifndef ANLOS_NODES_VIEW_NAMES_H
 #define ANLOS_NODES_VIEW_NAMES_H
 
+#include "msgs/detections.pb-c.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/log.pb-c.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/stage.pb-c.h"
 #include "msgs/tensor.pb-c.h"
+#include "msgs/wall.pb-c.h"
 
 const char *name_of_source(Anlos__Source source);
 const char *name_of_pass(Anlos__Pass pass);
@@ -14,5 +16,8 @@ const char *name_of_scan_state(Anlos__ScanStatus__State state);
 const char *name_of_stage_state(Anlos__StageState__State state);
 const char *name_of_health_state(Anlos__Health__State state);
 const char *name_of_log_level(Anlos__Log__Level level);
+const char *name_of_measurement(Anlos__Measurement measurement);
+const char *name_of_shape(Anlos__Shape shape);
+const char *name_of_wall_origin(Anlos__Wall__Origin origin);
 
 #endif

@@ -146,7 +146,7 @@ static int give_all(const struct timeline *t,
     if (!all)
         return -ENOMEM;
     for (size_t i = 0; i < t->n_tracks; i++)
-        if (t->tracks[i].found && !track_gives_several(&t->tracks[i]))
+        if (t->tracks[i].found && !t->tracks[i].n_given)
             all[n++] = &t->tracks[i].newest;
     for (size_t i = 0; i < t->n_several; i++)
         all[n++] = &t->several[i];
@@ -170,6 +170,7 @@ int timeline_at(struct timeline *t, int64_t time_ns,
                                       .id = t->tracks[i].id,
                                       .newest.source = &t->tracks[i].source,
                                       .newest.payload = t->tracks[i].newest.payload};
+    t->time = time;
     t->n_several = 0;
     t->n_unchecked = 0;
     for (size_t i = t->catalog->n_blocks; i-- > 0;) {

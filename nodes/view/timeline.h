@@ -19,8 +19,9 @@ void timeline_span(const struct timeline *t, int64_t *start_ns, int64_t *end_ns)
 json_t *timeline_images(const struct timeline *t);
 
 /* Gives each of those messages to take, surveys first, then in the order of their times;
- * of the log all lines that it has come across, and of pings the last 16 or more.  What
- * is damaged is left out.  0, or the error of what was left out; -ENOMEM. */
+ * of the log all lines that it has come across, of pings the last 16 or more, of lists of
+ * objects and the vehicle's motion those of the last VIEW_TRAIL_NS too.  What is damaged
+ * is left out.  0, or the error of what was left out; -ENOMEM. */
 int timeline_at(struct timeline *t, int64_t time_ns,
                 void (*take)(void *ctx, const struct view_message *m), void *ctx,
                 struct complaint *why);

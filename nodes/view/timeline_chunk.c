@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "nodes/view/timeline_state.h"
+#include "nodes/view/view.h"
 
 #define MOST_SEVERAL     256 /* of a chunk */
 #define ENOUGH_PINGS     16  /* of a speaker each, as a rule */
@@ -16,6 +17,18 @@ bool track_gives_several(const struct track *k)
     return k->source.topic == topic_log() || k->source.topic == topic_ping();
 }
 
+bool track_gives_trail(const struct track *k)
+{
+    return k->source.topic == topic_detections() || k->source.topic == topic_ego();
+}
+
+/* Is something of that time one of several? */
+static bool is_of_several(const struct timeline *t, const struct track *k, uint64_t time)
+{
+    return track_gives_several(k) ||
+           (track_gives_trail(k) && time + VIEW_TRAIL_NS >= t->time);
+}
+
 static struct track *track_of(struct timeline *t, uint64_t id)
 {
     uint32_t at = id < sizeof t->track_at / sizeof *t->track_at ? t->track_at[id] : 0;
@@ -23,9 +36,11 @@ static struct track *track_of(struct timeline *t, uint64_t id)
     return at ? &t->tracks[at - 1] : NULL;
 }
 
-static bool is_wanted(const struct track *k, uint64_t end)
+/* Of a chunk that ends then. */
+static bool is_wanted(const struct timeline *t, const struct track *k, uint64_t end)
 {
-    return k && (!k->found || k->newest.log_time < end);
+    return k && (!k->found || k->newest.log_time < end ||
+                 (track_gives_trail(k) && is_of_several(t, k, end)));
 }
 
 /* Could the chunk have something newer than what was found? */
@@ -38,11 +53,11 @@ static bool is_of_use(struct timeline *t, const struct bag_block *b, uint64_t ti
     if (b->start_time > time)
         return false;
     for (size_t i = 0; i < t->n_tracks && !any; i++)
-        any = is_wanted(&t->tracks[i], end);
+        any = is_wanted(t, &t->tracks[i], end);
     if (!any || !list.size)
         return any;
     while (bag_list_next(&list, 2, &id, &offset))
-        if (is_wanted(track_of(t, id), end))
+        if (is_wanted(t, track_of(t, id), end))
             return true;
     return false;
 }
@@ -80,14 +95,18 @@ static int take_message(struct timeline *t, const struct bag_message *m, uint64_
 
     if (!k || m->log_time > time)
         return 0;
+    bool several = is_of_several(t, k, m->log_time);
+    k->n_given += several;
     if (track_gives_several(k)) {
-        if (++k->n_given >= ENOUGH_PINGS || k->source.topic == topic_log())
+        if (k->n_given >= ENOUGH_PINGS || k->source.topic == topic_log())
             k->newest.log_time = time; /* no older chunk is opened for its sake */
     } else if (k->found && m->log_time < k->newest.log_time) {
-        return 0;
+        return several ? hold_more(t, &k->source, m) : 0;
+    } else {
+        k->newest.log_time = m->log_time;
     }
     k->found = true;
-    return track_gives_several(k) ? hold_more(t, &k->source, m) : hold(&k->newest, m);
+    return several ? hold_more(t, &k->source, m) : hold(&k->newest, m);
 }
 
 /* The record of a block into *r, and of a chunk the records inside into t->records. */
@@ -164,8 +183,7 @@ static int take_indexed(struct timeline *t, const struct bag_block *b,
                         struct complaint *why)
 {
     uint64_t places[MOST_SEVERAL], newest = 0, at_time, place;
-    bool several = track_gives_several(k);
-    size_t n = 0;
+    size_t n = 0, n_several = 0;
     struct bag_record r;
     int err = bag_file_record(&t->catalog->file, index, &t->record, why);
     struct bytes_cursor at = {.left = bytes_in(&t->record)};
@@ -178,9 +196,10 @@ static int take_indexed(struct timeline *t, const struct bag_block *b,
     while (bag_list_next(&r.message_index.entries, 8, &at_time, &place)) {
         if (at_time > time)
             continue;
-        if (several) {
-            places[n++ % MOST_SEVERAL] = place;
-        } else if (!n || at_time >= newest) {
+        if (is_of_several(t, k, at_time)) {
+            places[n_several++ % MOST_SEVERAL] = place;
+            n = n_several;
+        } else if (!n_several && (!n || at_time >= newest)) {
             newest = at_time;
             places[0] = place;
             n = 1;
@@ -220,7 +239,7 @@ int timeline_take_chunk(struct timeline *t, const struct bag_block *b, uint64_t 
     t->unchecked[t->n_unchecked++] = b;
     while (!err && bag_list_next(&list, 2, &id, &index)) {
         const struct track *k = track_of(t, id);
-        if (is_wanted(k, end))
+        if (is_wanted(t, k, end))
             err = take_indexed(t, b, k, index, time, why);
     }
     return err;

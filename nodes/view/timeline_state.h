@@ -17,7 +17,7 @@ struct track { /* a channel that is shown */
     struct bag_source source;
     uint16_t id;
     bool found;
-    size_t n_given;     /* when track_gives_several */
+    size_t n_given;     /* of those that give several */
     struct held newest; /* without payload when track_gives_several */
 };
 
@@ -25,6 +25,7 @@ struct timeline {
     struct bag_catalog *catalog;
     struct track *tracks; /* [n_tracks] */
     size_t n_tracks;
+    uint64_t time;              /* that is looked for */
     uint32_t track_at[1 << 16]; /* index + 1 of a channel; 0: not shown */
     struct held *several; /* [n_several], of tracks of which more than one is given */
     size_t n_several, room;
@@ -36,6 +37,10 @@ struct timeline {
 
 /* Lines of the log, and pings: each is of one speaker. */
 bool track_gives_several(const struct track *k);
+
+/* Lists of objects, and the vehicle's motion: those of the time that trails show, and the
+ * newest if there are none. */
+bool track_gives_trail(const struct track *k);
 
 /* Takes from a chunk what is the newest up to that time, if there may be something newer
  * than what was found.  0, errors as bag_file_record and bag_file_chunk. */

@@ -7,8 +7,9 @@
 #include "nodes/view/plan.h"
 #include "nodes/view/view_state.h"
 
-#define NS_PER_MS  1000000
-#define MEASURE_NS 50000000LL /* between two pings whose samples are looked at */
+#define NS_PER_MS     1000000
+#define MEASURE_NS    50000000LL /* between two pings whose samples are looked at */
+#define TRAIL_STEP_NS 100000000LL
 
 int view_create(struct view **out, const char *origin, bool is_bag)
 {
@@ -22,6 +23,7 @@ int view_create(struct view **out, const char *origin, bool is_bag)
         return err;
     }
     v->is_bag = is_bag;
+    trails_init(&v->trails, VIEW_TRAIL_NS, TRAIL_STEP_NS);
     meter_init(&v->meter);
     pthread_mutex_init(&v->picture_lock, NULL);
     board_post(v->board, BOARD_HELLO,
@@ -35,9 +37,9 @@ int view_create(struct view **out, const char *origin, bool is_bag)
 const struct topic *view_topic(size_t i)
 {
     const struct topic *const all[] = {
-        topic_survey(),     topic_ping(),        topic_volume(),
-        topic_detections(), topic_scan_status(), topic_stage_state(),
-        topic_clock(),      topic_health(),      topic_log()};
+        topic_survey(),      topic_ping(),        topic_volume(), topic_detections(),
+        topic_scan_status(), topic_stage_state(), topic_clock(),  topic_health(),
+        topic_log(),         topic_wall(),        topic_ego()};
 
     return i < sizeof all / sizeof *all ? all[i] : NULL;
 }
@@ -61,7 +63,29 @@ static void take_survey(struct view *v, const Anlos__Survey *m)
     survey_clear(&v->survey);
     v->survey = fresh;
     v->survey_id = m->id;
+    v->has_walls = false; /* those were of another array */
+    json_decref(v->kept[BOARD_WALLS]);
+    v->kept[BOARD_WALLS] = NULL;
+    v->changed[BOARD_WALLS] = true;
+    walls_from_survey(&v->walls, &v->survey);
     keep(v, BOARD_SCENE, plan_scene_json(&v->survey));
+}
+
+static void take_walls(struct view *v, const Anlos__WallList *m)
+{
+    struct complaint why;
+
+    if (!v->survey_id || walls_from_message(&v->walls, m, &why))
+        return; /* those who work with them complain */
+    v->has_walls = true;
+    keep(v, BOARD_WALLS, plan_walls_json(&v->survey, m, &v->walls));
+}
+
+static void take_objects(struct view *v, const Anlos__DetectionList *m,
+                         int64_t capture_ns)
+{
+    trails_take(&v->trails, m, capture_ns);
+    keep(v, BOARD_OBJECTS, plan_objects_json(m, &v->trails));
 }
 
 /* What is wrong with a ping is counted always; its level is measured now and then, and
@@ -91,8 +115,11 @@ void view_take(struct view *v, const struct view_message *m, int64_t now_ns)
         view_take_volume(v, (const Anlos__Volume *)m->content, m->capture_ns,
                          m->publish_ns);
     } else if (m->topic == topic_detections()) {
-        keep(v, BOARD_OBJECTS,
-             plan_objects_json((const Anlos__DetectionList *)m->content));
+        take_objects(v, (const Anlos__DetectionList *)m->content, m->capture_ns);
+    } else if (m->topic == topic_wall()) {
+        take_walls(v, (const Anlos__WallList *)m->content);
+    } else if (m->topic == topic_ego()) {
+        trails_ego(&v->trails, (const Anlos__EgoMotion *)m->content, m->capture_ns);
     } else if (m->topic == topic_scan_status()) {
         keep(v, BOARD_SCAN, view_scan_json((const Anlos__ScanStatus *)m->content));
     } else if (m->topic == topic_stage_state()) {
@@ -110,10 +137,11 @@ void view_take(struct view *v, const struct view_message *m, int64_t now_ns)
 }
 
 static const char *const types[BOARD_SUBJECTS] = {
-    [BOARD_HELLO] = "hello", [BOARD_TIMELINE] = "timeline", [BOARD_SCENE] = "scene",
-    [BOARD_SCAN] = "scan",   [BOARD_STAGE] = "stage",       [BOARD_CLOCK] = "clock",
-    [BOARD_NODES] = "nodes", [BOARD_OBJECTS] = "objects",   [BOARD_LEVELS] = "levels",
-    [BOARD_LOG] = "log",     [BOARD_VOLUME] = "volume",     [BOARD_TIME] = "time"};
+    [BOARD_HELLO] = "hello",   [BOARD_TIMELINE] = "timeline", [BOARD_SCENE] = "scene",
+    [BOARD_SCAN] = "scan",     [BOARD_STAGE] = "stage",       [BOARD_CLOCK] = "clock",
+    [BOARD_NODES] = "nodes",   [BOARD_WALLS] = "walls",       [BOARD_OBJECTS] = "objects",
+    [BOARD_LEVELS] = "levels", [BOARD_LOG] = "log",           [BOARD_VOLUME] = "volume",
+    [BOARD_TIME] = "time"};
 
 /* A new reference; of what is not known, that it is not. */
 static json_t *say(const struct view *v, enum board_subject subject, int64_t now_ns)
@@ -178,6 +206,9 @@ void view_reset(struct view *v)
     }
     survey_clear(&v->survey);
     v->survey_id = 0;
+    v->has_walls = false;
+    v->walls.n = 0;
+    trails_init(&v->trails, VIEW_TRAIL_NS, TRAIL_STEP_NS);
     meter_clear(&v->meter);
     v->measured_ns = 0;
     v->n_nodes = 0;

@@ -10,6 +10,7 @@
 
 #define VIEW_PERIOD_NS 100000000LL  /* between two frames of a subject, but images */
 #define VIEW_BEAT_NS   1000000000LL /* between two signs of life */
+#define VIEW_TRAIL_NS  3000000000LL /* the time that trails of tracks show */
 #define VIEW_SILENT_NS 3500000000LL /* without health, a node counts as silent */
 
 struct view;

@@ -10,6 +10,8 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.h"
 #include "msgs/volume.pb-c.h"
+#include "nodes/rt/trails.h"
+#include "nodes/rt/walls.h"
 #include "nodes/view/meter.h"
 #include "nodes/view/names.h"
 #include "nodes/view/picture.h"
@@ -46,7 +48,10 @@ struct view {
     int64_t posted_ns, beat_ns, heard_ns; /* 0: never */
 
     struct survey survey;
-    uint64_t survey_id;           /* 0: none */
+    uint64_t survey_id; /* 0: none */
+    bool has_walls;     /* node wall tells of them */
+    struct walls walls; /* else those of the survey */
+    struct trails trails;
     json_t *kept[BOARD_SUBJECTS]; /* made of the newest message; NULL: none */
     struct meter meter;
     int64_t measured_ns;

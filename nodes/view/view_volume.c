@@ -9,9 +9,11 @@
 static json_t *describe(struct view *v, const Anlos__Volume *m, int64_t publish_ns)
 {
     const struct grid *g = &v->picture.grid;
-    json_t *footprint = v->survey_id && v->survey_id == m->survey_id
-                            ? plan_footprint_json(&v->survey, g)
-                            : json_null();
+    json_t *footprint =
+        v->survey_id && v->survey_id == m->survey_id
+            ? plan_footprint_json(&v->survey, v->walls.n ? &v->walls.list[0].plane : NULL,
+                                  g)
+            : json_null();
 
     return json_pack("{ss si si sb ss s[iii] so so si si so ss sI si sf so sI}", "type",
                      "volume", "id", (int)v->picture_id, "scan", (int)m->scan, "preview",

@@ -101,7 +101,7 @@ static void take_detections(struct system *s, const Anlos__DetectionList *m)
     sender_date(&s->sender, list, s->now_ns, 0);
     FUZZ_REQUIRE(list->n_frames <= SENDER_MAX_FRAMES);
     free(list);
-    report_detections(&s->report, m);
+    report_detections(&s->report, m, capture_ns);
 }
 
 static void take_volume(struct system *s, const Anlos__Volume *m)

@@ -155,7 +155,7 @@ async function serve(path, layout) {
   const rig = await startRig(path);
   const early = await connect(rig.url, "foxglove.sdk.v1");
   assert.equal(early.byTopic.size, 0); // nothing has come yet
-  for (const topic of ["survey", "stage/state", "volume", "detections"])
+  for (const topic of ["survey", "stage/state", "volume", "detections", "wall"])
     await rig.ask(`send ${topic}`);
   const later = new Set();
   await rig.ask("send log");
@@ -196,7 +196,10 @@ async function serve(path, layout) {
     const objects = (await receive(c, "view/objects")).content;
     assert.deepEqual(objects.entities.map((e) => e.id), ["object 1"]);
     const scene = (await receive(c, "view/scene")).content;
-    assert.deepEqual(scene.entities.map((e) => e.id), ["wall", "vehicle", "array"]);
+    assert.deepEqual(scene.entities.map((e) => e.id), ["vehicle", "array"]);
+    assert.deepEqual(scene.deletions.map((d) => d.id), ["wall"]); // view/walls knows better
+    const walls = (await receive(c, "view/walls")).content;
+    assert.deepEqual(walls.entities.map((e) => e.id), ["wall 3"]);
     const frames = (await receive(c, "view/frames")).content.transforms;
     assert.deepEqual(
       frames.map((f) => [f.parent_frame_id, f.child_frame_id]),

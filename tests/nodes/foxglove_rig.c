@@ -1,6 +1,6 @@
 /* A server of Foxglove's protocol with the samples, for clients in other languages:
  * prints its port, then obeys lines on stdin and answers each with a line: send TOPIC the
- * sample of survey, stage/state, volume, detections or log time NS counts       clients
+ * sample of survey, stage/state, volume, detections, wall or log time NS counts clients
  * sent dropped skipped failed refused rejected */
 #include <inttypes.h>
 #include <stdio.h>
@@ -14,7 +14,7 @@ static void send_sample(struct foxglove_server *s, const struct samples *samples
 {
     const struct foxglove_message all[] = {
         samples_survey(samples),     samples_stage(samples), samples_volume(samples),
-        samples_detections(samples), samples_log(samples),
+        samples_detections(samples), samples_log(samples),   samples_walls(samples),
     };
 
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)

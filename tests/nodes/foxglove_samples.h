@@ -17,6 +17,7 @@
 #include "msgs/survey.h"
 #include "msgs/tensor.h"
 #include "msgs/volume.pb-c.h"
+#include "msgs/wall.pb-c.h"
 #include "nodes/foxglove/message.h"
 
 enum { SAMPLE_NX = 5, SAMPLE_NY = 4, SAMPLE_NZ = 6 };
@@ -40,6 +41,10 @@ struct samples {
     Anlos__Vec3 position, virtual, extent;
     double covariance[6];
     Anlos__DetectionList detections;
+    Anlos__Vec3 wall_normal;
+    Anlos__Wall wall;
+    Anlos__Wall *wall_list[1];
+    Anlos__WallList walls;
 };
 
 /* The survey's message anew, after it was changed.  false: it is none. */
@@ -148,6 +153,24 @@ static inline void samples_make_detections(struct samples *s)
     s->detections.scan = 1;
 }
 
+/* That of the survey, heard. */
+static inline void samples_make_walls(struct samples *s)
+{
+    anlos__vec3__init(&s->wall_normal);
+    anlos__wall__init(&s->wall);
+    anlos__wall_list__init(&s->walls);
+    s->wall_normal.z = 1.0;
+    s->wall.id = 3;
+    s->wall.origin = ANLOS__WALL__ORIGIN__ESTIMATED;
+    s->wall.normal = &s->wall_normal;
+    s->wall.distance_m = 1.0;
+    s->wall.gate_far_m = 5.0;
+    s->wall.existence = 0.9;
+    s->wall_list[0] = &s->wall;
+    s->walls.walls = s->wall_list;
+    s->walls.n_walls = 1;
+}
+
 /* Close with samples_close.  false: no memory. */
 static inline bool samples_open(struct samples *s)
 {
@@ -155,6 +178,7 @@ static inline bool samples_open(struct samples *s)
     samples_make_survey(s);
     samples_make_volume(s);
     samples_make_detections(s);
+    samples_make_walls(s);
     anlos__stage_state__init(&s->stage);
     s->stage.position_m = 0.2;
     anlos__log__init(&s->log);
@@ -193,6 +217,11 @@ static inline struct foxglove_message samples_survey(const struct samples *s)
 static inline struct foxglove_message samples_detections(const struct samples *s)
 {
     return samples_message(topic_detections(), "track", &s->detections.base);
+}
+
+static inline struct foxglove_message samples_walls(const struct samples *s)
+{
+    return samples_message(topic_wall(), "wall", &s->walls.base);
 }
 
 static inline struct foxglove_message samples_stage(const struct samples *s)

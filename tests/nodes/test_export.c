@@ -16,6 +16,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
+#include "tests/hal/folder.h"
 #include "tests/nodes/near.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_colour.h"
@@ -58,28 +59,12 @@ static size_t count_files(const char *folder)
     return n;
 }
 
-static void remove_all(const char *folder)
-{
-    char path[512];
-    DIR *d = opendir(folder);
-    for (struct dirent *e = d ? readdir(d) : NULL; e; e = readdir(d)) {
-        if (!strcmp(e->d_name, ".") || !strcmp(e->d_name, ".."))
-            continue;
-        snprintf(path, sizeof path, "%.200s/%s", folder, e->d_name);
-        if (unlink(path))
-            remove_all(path);
-    }
-    if (d)
-        closedir(d);
-    rmdir(folder);
-}
-
 static int tear_down(void **state)
 {
     struct fixture *f = *state;
-    remove_all(f->folder);
+    int err = folder_remove(f->folder);
     free(f);
-    return 0;
+    return err;
 }
 
 static char *read_all(const char *folder, const char *name, size_t *size)

@@ -438,6 +438,53 @@ static void an_object_is_a_dot_an_ellipsoid_a_box_and_a_label(void **state)
     assert_string_equal(e->texts[0]->text, "1  50%  31 dB");
 }
 
+/* 3 m/s to (0.6, 0.8) of the vehicle, and a turn of the arrow's x axis there. */
+static void a_track_has_an_arrow_of_what_it_goes_in_a_second(void **state)
+{
+    double velocity[2] = {1.8, 2.4};
+    struct rig *r = *state;
+    const struct foxglove_message m = samples_detections(&r->samples);
+    Anlos__Detection *d = &r->samples.detection;
+
+    r->samples.detections.tracked = true;
+    d->velocity_m_s = velocity;
+    d->n_velocity_m_s = 2;
+    d->shape = ANLOS__SHAPE__EXTENDED;
+    d->measurement = ANLOS__MEASUREMENT__PREDICTED;
+    d->unseen_s = 0.42;
+    const Foxglove__SceneUpdate *u = converted(r, convert_objects, &m);
+    const Foxglove__SceneEntity *e = u->entities[0];
+    assert_int_equal(e->n_arrows, 1);
+    const Foxglove__ArrowPrimitive *arrow = e->arrows[0];
+    assert_vector(arrow->pose->position, 3.7, 0.6, 0.5);
+    assert_near(arrow->shaft_length + arrow->head_length, 3.0, 1e-9);
+    assert_turned(arrow->pose->orientation, 1, 0, 0, 0.6, 0.8, 0);
+    assert_string_equal(e->texts[0]->text, "1  extended  50%  3.0 m/s  unseen 0.4 s");
+    velocity[0] = velocity[1] = 0.01; /* it stands */
+    u = converted(r, convert_objects, &m);
+    assert_int_equal(u->entities[0]->n_arrows, 0);
+    d->measurement = ANLOS__MEASUREMENT__DELETED;
+    u = converted(r, convert_objects, &m);
+    assert_int_equal(u->n_entities, 0);
+}
+
+static void an_arrow_points_anywhere(void **state)
+{
+    static const double ways[4][3] = {{0, 0, 2}, {0, 0, -2}, {-2, 0, 0}, {1, -2, 2}};
+    static const struct part_room room = {.arrows = 1};
+    static const double from[3] = {0, 0, 0};
+    struct rig *r = *state;
+
+    for (int i = 0; i < 4; i++) {
+        const double *w = ways[i];
+        double n = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+        Foxglove__SceneEntity *e = part_entity(&r->arena, "e", "array", 1, &room);
+        part_add_arrow(&r->arena, e, from, w, 0.01, NULL);
+        assert_turned(e->arrows[0]->pose->orientation, 1, 0, 0, w[0] / n, w[1] / n,
+                      w[2] / n);
+    }
+}
+
 static void an_object_without_a_place_is_left_out(void **state)
 {
     struct rig *r = *state;
@@ -517,6 +564,38 @@ static void what_a_survey_does_not_have_is_taken_away(void **state)
     assert_int_equal(u->n_deletions, 2);
     assert_string_equal(u->deletions[0]->id, "wall");
     assert_string_equal(u->deletions[1]->id, "vehicle");
+}
+
+/* The one that is told moves in front of the array, 0.8 m away; the survey's goes. */
+static void a_wall_that_is_told_takes_the_place_of_the_surveys(void **state)
+{
+    struct rig *r = *state;
+    const struct foxglove_message m = samples_walls(&r->samples),
+                                  survey = samples_survey(&r->samples);
+
+    r->samples.wall.distance_m = 0.8;
+    setting_take(&r->setting, &m);
+    const Foxglove__SceneUpdate *u = converted(r, convert_walls, &m);
+    assert_int_equal(u->n_entities, 1);
+    assert_string_equal(u->entities[0]->id, "wall 3");
+    assert_string_equal(u->entities[0]->texts[0]->text, "wall 3  estimated  90%");
+    assert_vector(u->entities[0]->cubes[0]->pose->position, 0.25, 0.15, 0.8);
+    u = converted(r, convert_scene, &survey);
+    assert_int_equal(u->n_entities, 2);
+    assert_string_equal(u->deletions[0]->id, "wall");
+    /* The brightest voxel is imaged at z = 1.9. */
+    const struct foxglove_message volume = samples_volume(&r->samples);
+    assert_brightest_at(converted(r, convert_voxels, &volume), 0.1, 0.0, -0.3);
+}
+
+static void a_wall_that_does_not_hold_is_refused(void **state)
+{
+    struct rig *r = *state;
+    const struct foxglove_message m = samples_walls(&r->samples);
+    ProtobufCMessage *out;
+
+    r->samples.wall_normal.z = 0.5;
+    assert_int_equal(convert_walls(&r->arena, &r->setting, &m, &out), -EINVAL);
 }
 
 /* Array (x, y, z) is vehicle (3.6 + z, 0.5 + x, 0.4 + y). */
@@ -630,11 +709,15 @@ int main(void)
         TEST(pictures_are_png_of_three_sides),
         TEST(an_objects_ellipsoid_has_its_axes),
         TEST(an_object_is_a_dot_an_ellipsoid_a_box_and_a_label),
+        TEST(a_track_has_an_arrow_of_what_it_goes_in_a_second),
+        TEST(an_arrow_points_anywhere),
         TEST(an_object_without_a_place_is_left_out),
         TEST(what_is_not_mirrored_back_says_so),
         TEST(the_scene_has_wall_vehicle_and_array_in_their_places),
         TEST(a_tilted_wall_is_drawn_along_its_plane),
         TEST(what_a_survey_does_not_have_is_taken_away),
+        TEST(a_wall_that_is_told_takes_the_place_of_the_surveys),
+        TEST(a_wall_that_does_not_hold_is_refused),
         TEST(the_array_is_where_it_is_mounted),
         TEST(without_a_mount_the_array_is_the_root),
         TEST(a_log_line_keeps_level_node_and_stamp),

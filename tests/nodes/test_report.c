@@ -1,5 +1,6 @@
 #include "tests/hal/scratch.h"
 
+#include <cairo.h>
 #include <jansson.h>
 #include <math.h>
 #include <unistd.h>
@@ -52,7 +53,7 @@ static void tell_detections(struct report *r, bool preview)
 
     m.scan = 1;
     m.preview = preview;
-    assert_int_equal(report_detections(r, &m), 0);
+    assert_int_equal(report_detections(r, &m, 1), 0);
 }
 
 static void tell_health(struct report *r, const char *node, int64_t epoch_ns,
@@ -233,6 +234,129 @@ static void the_length_of_a_ping_comes_from_the_survey(void **state)
     scene_close(&scene);
 }
 
+/* One track, in the vehicle frame. */
+static void tell_track(struct report *r, uint32_t id, double x, double y, double vy,
+                       Anlos__Measurement measurement, int64_t at_ns)
+{
+    double velocity[2] = {0.0, vy};
+    Anlos__Vec3 p = ANLOS__VEC3__INIT;
+    Anlos__Detection d = ANLOS__DETECTION__INIT, *one = &d;
+    Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
+
+    p.x = x;
+    p.y = y;
+    d.id = id;
+    d.position_m = &p;
+    d.measurement = measurement;
+    d.velocity_m_s = velocity;
+    d.n_velocity_m_s = 2;
+    d.shape = ANLOS__SHAPE__EXTENDED;
+    d.existence = 0.9;
+    list.detections = &one;
+    list.n_detections = 1;
+    list.tracked = list.in_vehicle_frame = true;
+    assert_int_equal(report_detections(r, &list, at_ns), 0);
+}
+
+/* Number 7 goes 2 m to the left in 2 s, and is predicted in the last quarter; the same
+ * number 30 s later is another one's. */
+static void each_track_of_a_drive_has_its_line(void **state)
+{
+    struct report r;
+
+    (void)state;
+    report_init(&r);
+    tell_status(&r, ANLOS__SCAN_STATUS__STATE__RUNNING, 1 * S);
+    json_t *before = report_json(&r);
+    assert_null(json_object_get(before, "drive")); /* no tracks so far */
+    json_decref(before);
+    for (int i = 0; i <= 20; i++)
+        tell_track(&r, 7, 5.0, -1.0 + 0.1 * i, 1.0,
+                   i > 15 ? ANLOS__MEASUREMENT__PREDICTED : ANLOS__MEASUREMENT__MEASURED,
+                   10 * S + i * S / 10);
+    tell_track(&r, 7, 5.0, 0.0, 1.0, ANLOS__MEASUREMENT__DELETED, 13 * S);
+    tell_track(&r, 7, 6.0, 0.0, 3.0, ANLOS__MEASUREMENT__NEW, 42 * S);
+    json_t *o = report_json(&r), *drive = json_object_get(o, "drive");
+    assert_near(json_number_value(json_object_get(drive, "seconds")), 32.0, 1e-9);
+    const json_t *tracks = json_object_get(drive, "tracks");
+    assert_int_equal(json_array_size(tracks), 2);
+    const json_t *k = json_array_get(tracks, 0);
+    assert_int_equal(json_integer_value(json_object_get(k, "id")), 7);
+    assert_string_equal(json_string_value(json_object_get(k, "class")), "extended");
+    assert_near(json_number_value(json_object_get(k, "first_s")), 0.0, 1e-9);
+    assert_near(json_number_value(json_object_get(k, "last_s")), 2.0, 1e-9);
+    assert_near(json_number_value(json_array_get(json_object_get(k, "from_m"), 1)), -1.0,
+                1e-9);
+    assert_near(json_number_value(json_array_get(json_object_get(k, "to_m"), 1)), 1.0,
+                1e-9);
+    assert_near(json_number_value(json_object_get(k, "mean_speed_m_s")), 1.0, 1e-9);
+    assert_int_equal(json_integer_value(json_object_get(k, "lists")), 21);
+    assert_int_equal(json_integer_value(json_object_get(k, "lists_measured")), 16);
+    k = json_array_get(tracks, 1);
+    assert_near(json_number_value(json_object_get(k, "first_s")), 32.0, 1e-9);
+    json_decref(o);
+    report_clear(&r);
+}
+
+/* The middle, across, of what is drawn in the colour of a track; NaN: nothing is. */
+static double middle_of_colour(const char *path, int red, int green, int blue)
+{
+    cairo_surface_t *image = cairo_image_surface_create_from_png(path);
+    double sum = 0.0;
+    long n = 0;
+
+    assert_int_equal(cairo_surface_status(image), CAIRO_STATUS_SUCCESS);
+    int w = cairo_image_surface_get_width(image);
+    for (int y = 0; y < cairo_image_surface_get_height(image); y++) {
+        const uint8_t *row = cairo_image_surface_get_data(image) +
+                             (size_t)y * (size_t)cairo_image_surface_get_stride(image);
+        for (int x = 0; x < w * 3 / 4; x++) { /* beside the names */
+            if (abs(row[4 * x] - blue) + abs(row[4 * x + 1] - green) +
+                    abs(row[4 * x + 2] - red) >
+                6)
+                continue;
+            sum += x;
+            n++;
+        }
+    }
+    cairo_surface_destroy(image);
+    return n > 20 ? sum / (double)n / w : NAN;
+}
+
+/* Seen from above, left is left; tracks 0 and 1 modulo 6 are orange and green. */
+static void the_plan_shows_the_tracks_of_a_drive(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {""};
+    struct scene scene;
+    struct report r;
+
+    assert_int_equal(scene_open(&scene, SOURCE_DIR "/tests/nodes/point.yaml"), 0);
+    report_init(&r);
+    assert_int_equal(report_survey(&r, scene.survey), 0);
+    tell_status(&r, ANLOS__SCAN_STATUS__STATE__RUNNING, 1 * S);
+    for (int i = 0; i <= 20; i++) {
+        tell_track(&r, 6, 5.0, 2.0 + 0.01 * i, 0.1, ANLOS__MEASUREMENT__MEASURED,
+                   10 * S + i * S / 10);
+        tell_track(&r, 7, 5.0, -2.0 + 0.01 * i, 0.1, ANLOS__MEASUREMENT__MEASURED,
+                   10 * S + i * S / 10);
+    }
+    if (report_write(&r, s->folder, &why))
+        fail_msg("%s", why.text);
+    double left = middle_of_colour(scratch_path(s, "plan.png"), 194, 77, 0);
+    double right = middle_of_colour(s->path, 0, 107, 77);
+    assert_true(left < 0.4 && right > 0.4);
+    assert_true(right - left > 0.2);
+    report_clear(&r);
+    scene_close(&scene);
+    /* A scan into the same folder has none. */
+    report_init(&r);
+    tell_status(&r, ANLOS__SCAN_STATUS__STATE__FAILED, 2 * S);
+    assert_int_equal(report_write(&r, s->folder, &why), 0);
+    assert_int_not_equal(access(scratch_path(s, "plan.png"), F_OK), 0);
+    report_clear(&r);
+}
+
 static void a_failed_scan_leaves_a_report_and_nothing_else(void **state)
 {
     struct scratch *s = *state;
@@ -283,6 +407,8 @@ int main(void)
         cmocka_unit_test(the_report_says_how_it_went),
         cmocka_unit_test(the_difference_of_two_hosts_clocks_is_told_and_taken_out),
         cmocka_unit_test(the_length_of_a_ping_comes_from_the_survey),
+        cmocka_unit_test(each_track_of_a_drive_has_its_line),
+        TEST(the_plan_shows_the_tracks_of_a_drive),
         TEST(a_failed_scan_leaves_a_report_and_nothing_else),
         TEST(a_folder_that_cannot_be_is_complained_about),
     };

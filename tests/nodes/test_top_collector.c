@@ -1,4 +1,5 @@
 /* Health messages made by hand go in, a table comes out; the values are arithmetic. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -501,6 +502,47 @@ static void the_log_keeps_its_newest_lines(void **state)
 
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
+/* Velocity and age are of tracks alone; one that was deleted is none. */
+static void the_newest_list_of_objects_is_kept(void **state)
+{
+    struct rig *r = *state;
+    double velocity[2] = {-0.5, 1.25};
+    Anlos__Vec3 at = ANLOS__VEC3__INIT;
+    Anlos__Detection d = ANLOS__DETECTION__INIT, gone = ANLOS__DETECTION__INIT;
+    Anlos__Detection *both[2] = {&d, &gone};
+    Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
+
+    collector_table(r->collector, S, &r->table);
+    assert_false(r->table.objects.known);
+    at.x = 4.5;
+    d.id = 3;
+    d.position_m = &at;
+    d.existence = 0.75;
+    d.age_s = 1.5;
+    gone.id = 2;
+    gone.measurement = ANLOS__MEASUREMENT__DELETED;
+    list.detections = both;
+    list.n_detections = 2;
+    collector_objects(r->collector, &list);
+    collector_table(r->collector, S, &r->table);
+    assert_int_equal(r->table.objects.n, 1);
+    assert_near(r->table.objects.list[0].at_m[0], 4.5, 1e-12);
+    assert_true(isnan(r->table.objects.list[0].velocity_m_s[0]));
+    assert_true(isnan(r->table.objects.list[0].age_s));
+    list.tracked = true;
+    d.velocity_m_s = velocity;
+    d.n_velocity_m_s = 2;
+    collector_objects(r->collector, &list);
+    collector_table(r->collector, S, &r->table);
+    assert_near(r->table.objects.list[0].velocity_m_s[1], 1.25, 1e-12);
+    assert_near(r->table.objects.list[0].age_s, 1.5, 1e-12);
+    list.n_detections = 0;
+    collector_objects(r->collector, &list);
+    collector_table(r->collector, S, &r->table);
+    assert_true(r->table.objects.known);
+    assert_int_equal(r->table.objects.n, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -524,6 +566,7 @@ int main(void)
         TEST(the_main_rate_is_the_most_frequent_output_else_input),
         TEST(each_pass_expects_what_flows_in_it),
         TEST(what_is_foreign_or_too_much_is_left_out),
+        TEST(the_newest_list_of_objects_is_kept),
         TEST(the_log_keeps_its_newest_lines),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

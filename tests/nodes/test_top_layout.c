@@ -156,6 +156,66 @@ static void every_size_is_kept_to(void **state)
                 }
 }
 
+static void add_object(struct table *t, uint32_t id, Anlos__Measurement measurement)
+{
+    t->objects.known = true;
+    t->objects.list[t->objects.n++] =
+        (struct table_object){.id = id,
+                              .measurement = measurement,
+                              .shape = ANLOS__SHAPE__EXTENDED,
+                              .in_vehicle_frame = true,
+                              .mirrored = true,
+                              .at_m = {4.861, -0.912, 0.4},
+                              .velocity_m_s = {-0.024, 1.26},
+                              .existence = 0.987,
+                              .age_s = 1.53,
+                              .unseen_s = 0.04};
+}
+
+static void hidden_objects_have_a_panel_when_there_is_a_list(void **state)
+{
+    struct rig *r = *state;
+
+    draw(r, 100, 40);
+    assert_null(find(r, " OBJECT"));
+    r->table.objects.known = true;
+    draw(r, 100, 40);
+    assert_non_null(find(r, " OBJECTS (none now)"));
+    add_object(&r->table, 7, ANLOS__MEASUREMENT__MEASURED);
+    add_object(&r->table, 12, ANLOS__MEASUREMENT__PREDICTED);
+    draw(r, 100, 40);
+    assert_non_null(find(r,
+                         " OBJECT STATE        X m    Y m VX m/s VY m/s EXISTS%  AGE s "
+                         "UNSEEN CLASS       Z m FRAME"));
+    const struct page_line *line =
+        find(r, " 7      measured    4.86  -0.91  -0.02   1.26      99    1.5    0.0 "
+                "extended   0.40 vehicle");
+    assert_non_null(line);
+    assert_int_equal(line->tone, PAGE_GOOD);
+    assert_int_equal(find(r, " 12     predicted")->tone, PAGE_NOTE);
+    draw(r, 40, 40); /* what matters least goes first */
+    assert_non_null(find(r, " OBJECT STATE        X m    Y m"));
+    r->table.objects.over = true;
+    draw(r, 100, 40);
+    assert_non_null(find(r, " OBJECTS (those of the last list"));
+}
+
+static void more_objects_than_lines_are_scrolled(void **state)
+{
+    struct rig *r = *state;
+
+    for (uint32_t id = 1; id <= 40; id++)
+        add_object(&r->table, id, ANLOS__MEASUREMENT__MEASURED);
+    draw(r, 80, 24);
+    assert_non_null(find(r, " 1  "));
+    assert_null(find(r, " 40 "));
+    r->look.focus = LOOK_OBJECTS;
+    r->look.object_line = 1000;
+    draw(r, 80, 24);
+    assert_non_null(find(r, " 40 "));
+    assert_true(r->look.object_line < 40);
+}
+
 static void narrow_terminals_leave_out_the_least_important_columns(void **state)
 {
     struct rig *r = *state;
@@ -437,6 +497,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(the_usual_terminal_shows_all_panels),
         TEST(every_size_is_kept_to),
+        TEST(hidden_objects_have_a_panel_when_there_is_a_list),
+        TEST(more_objects_than_lines_are_scrolled),
         TEST(narrow_terminals_leave_out_the_least_important_columns),
         TEST(what_is_absent_comes_last),
         TEST(a_low_terminal_keeps_what_is_in_focus),

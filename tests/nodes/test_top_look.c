@@ -168,6 +168,11 @@ static void tab_goes_round_the_panels(void **state)
     assert_false(r->look.detail_of_topic);
     press(r, LOOK_KEY_BACK_TAB);
     assert_int_equal(r->look.focus, LOOK_LOG);
+    r->table.objects.known = true; /* another panel is there */
+    press(r, '\t');
+    assert_int_equal(r->look.focus, LOOK_OBJECTS);
+    press(r, '\t');
+    assert_int_equal(r->look.focus, LOOK_NODES);
 }
 
 static void the_log_scrolls_back_from_its_end(void **state)

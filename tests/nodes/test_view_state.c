@@ -286,8 +286,8 @@ static void another_place_of_a_bag_begins_with_nothing(void **state)
 {
     struct view *v = open_view();
     struct board_reader r = {0};
-    static const char *const types[] = {"scene",   "scan",   "stage", "nodes",
-                                        "objects", "levels", "volume"};
+    static const char *const types[] = {"scene", "scan",    "stage",  "nodes",
+                                        "walls", "objects", "levels", "volume"};
     Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
 
     (void)state;

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "msgs/bag/topic_message.h"
+#include "msgs/detections.pb-c.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/log.pb-c.h"
 #include "msgs/scan.pb-c.h"
@@ -53,6 +54,14 @@ static void put_health(struct bag *b, int64_t at_ms, const char *node)
     h.text = (char *)"";
     h.uptime_s = 1e-3 * (double)at_ms;
     put(b, topic_health(), node, at_ms, &h);
+}
+
+static void put_list(struct bag *b, int64_t at_ms, uint32_t counter)
+{
+    Anlos__DetectionList l = ANLOS__DETECTION_LIST__INIT;
+
+    l.counter = counter;
+    put(b, topic_detections(), "track", at_ms, &l);
 }
 
 static void put_line(struct bag *b, int64_t at_ms)
@@ -164,6 +173,63 @@ static void the_state_at_a_time_is_the_newest_of_everything(void **state)
     check_places(s->path);
 }
 
+struct lists {
+    int n;
+    int64_t newest_ms;
+};
+
+static void take_list(void *ctx, const struct view_message *m)
+{
+    struct lists *l = ctx;
+    int64_t ms = (m->publish_ns - T0) / MS;
+
+    if (m->topic != topic_detections())
+        return;
+    assert_true(ms > l->newest_ms); /* each once, in their order */
+    l->newest_ms = ms;
+    l->n++;
+}
+
+/* Lists every 250 ms up to 10 s, and one at 20 s: of the last 3 s all are given, and the
+ * newest where there are none. */
+static void lists_of_objects_are_given_as_far_back_as_trails_go(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {""};
+
+    for (int k = 0; k < 2; k++) {
+        const struct bag_writer_config cfg = {.profile = "",
+                                              .library = "test",
+                                              .chunk_size = 300,
+                                              .compression = k ? BAG_ZSTD : BAG_NONE};
+        struct bag b;
+        struct timeline *t;
+        assert_int_equal(
+            bag_writer_create(&b.writer, scratch_path(s, k ? "z" : "n"), &cfg, &why), 0);
+        assert_int_equal(bag_topics_create(&b.topics, b.writer), 0);
+        for (int i = 0; i <= 40; i++)
+            put_list(&b, 250 * i, (uint32_t)i);
+        put_list(&b, 20000, 41);
+        put_line(&b, 30000);
+        bag_topics_destroy(b.topics);
+        assert_int_equal(bag_writer_close(b.writer, &why), 0);
+        if (timeline_open(&t, s->path, &why))
+            fail_msg("%s", why.text);
+        for (int64_t at = 0; at < 30000; at += 130) {
+            struct lists l = {0, -1};
+            int64_t newest = at >= 20000 ? 20000 : at >= 10000 ? 10000 : at / 250 * 250;
+            int64_t oldest = at > 3000 ? (at - 3000 + 249) / 250 * 250 : 0;
+            int n = at >= 20000        ? 1
+                    : newest >= oldest ? (int)((newest - oldest) / 250) + 1
+                                       : 1;
+            assert_int_equal(timeline_at(t, T0 + at * MS, take_list, &l, &why), 0);
+            assert_int_equal(l.newest_ms, newest);
+            assert_int_equal(l.n, n);
+        }
+        timeline_close(t);
+    }
+}
+
 /* One letter of what the log says, which is in the first chunk and in the last. */
 static void damage_is_found_after_it_was_shown(void **state)
 {
@@ -225,6 +291,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(the_state_at_a_time_is_the_newest_of_everything),
+        TEST(lists_of_objects_are_given_as_far_back_as_trails_go),
         TEST(damage_is_found_after_it_was_shown),
         TEST(a_bag_that_was_cut_is_refused_with_a_way_out),
         TEST(a_bag_of_other_things_is_refused),

@@ -1,6 +1,7 @@
 #include "nodes/anlos/top/collector.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,6 +12,7 @@ struct collector {
     size_t n_members;
     struct member members[TABLE_MAX_NODES]; /* in the order of msgs/topics.h */
     struct table_scan scan;
+    struct table_objects objects;
     size_t n_logs; /* ever come; the newest stands at (n_logs - 1) % TABLE_MAX_LOGS */
     struct table_log logs[TABLE_MAX_LOGS];
 };
@@ -70,6 +72,36 @@ void collector_scan(struct collector *c, const Anlos__ScanStatus *m)
     snprintf(c->scan.text, sizeof c->scan.text, "%s", m->text);
 }
 
+static void take_object(struct table_object *o, const Anlos__DetectionList *list,
+                        const Anlos__Detection *d)
+{
+    const Anlos__Vec3 *p = d->position_m;
+
+    *o = (struct table_object){.id = d->id,
+                               .measurement = d->measurement,
+                               .shape = d->shape,
+                               .in_vehicle_frame = list->in_vehicle_frame,
+                               .mirrored = list->mirrored,
+                               .at_m = {NAN, NAN, NAN},
+                               .velocity_m_s = {NAN, NAN},
+                               .existence = d->existence,
+                               .age_s = list->tracked ? d->age_s : NAN,
+                               .unseen_s = list->tracked ? d->unseen_s : NAN};
+    if (p)
+        memcpy(o->at_m, (double[3]){p->x, p->y, p->z}, sizeof o->at_m);
+    if (d->n_velocity_m_s == 2)
+        memcpy(o->velocity_m_s, d->velocity_m_s, sizeof o->velocity_m_s);
+}
+
+void collector_objects(struct collector *c, const Anlos__DetectionList *m)
+{
+    c->objects.known = true;
+    c->objects.n = 0;
+    for (size_t i = 0; i < m->n_detections && c->objects.n < TABLE_MAX_OBJECTS; i++)
+        if (m->detections[i]->measurement != ANLOS__MEASUREMENT__DELETED)
+            take_object(&c->objects.list[c->objects.n++], m, m->detections[i]);
+}
+
 void collector_log(struct collector *c, const Anlos__Log *m)
 {
     static const char *const levels[] = {"debug", "info", "warning", "error"};
@@ -104,12 +136,15 @@ static void fill_nodes(const struct collector *c, int64_t now_ns, struct table *
         out->lost += row->gaps + row->dropped;
         if (!strcmp(row->name, "scan"))
             out->scan.over = !table_node_is_alive(row);
+        if (!strcmp(row->name, "track"))
+            out->objects.over = !table_node_is_alive(row);
     }
 }
 
 void collector_table(const struct collector *c, int64_t now_ns, struct table *out)
 {
     out->scan = c->scan;
+    out->objects = c->objects;
     fill_nodes(c, now_ns, out);
     fill_logs(c, out);
     table_fill_topics(out);

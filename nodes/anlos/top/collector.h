@@ -23,6 +23,7 @@ int collector_create(struct collector **out);
 void collector_health(struct collector *c, const Anlos__Health *m, int64_t epoch_ns,
                       int64_t now_ns);
 void collector_scan(struct collector *c, const Anlos__ScanStatus *m);
+void collector_objects(struct collector *c, const Anlos__DetectionList *m);
 void collector_log(struct collector *c, const Anlos__Log *m);
 
 /* What the run folder tells of a node. */

@@ -25,6 +25,7 @@ struct columns_link_row { /* of columns_links */
 extern const struct column columns_nodes[];  /* of struct table_node */
 extern const struct column columns_topics[]; /* of struct table_topic */
 extern const struct column columns_links[];
+extern const struct column columns_objects[]; /* of struct table_object */
 
 /* row NULL: the titles.  Writes a line of at most width columns, without blanks at the
  * end.  The first two columns are always there. */

@@ -48,7 +48,7 @@ static double own_cpu_s(void)
 static int subscribe(struct feed *f, struct complaint *why)
 {
     const struct topic *const wanted[] = {topic_health(), topic_scan_status(),
-                                          topic_log()};
+                                          topic_detections(), topic_log()};
     int err = 0;
 
     for (size_t i = 0; !err && i < sizeof wanted / sizeof wanted[0]; i++) {
@@ -105,6 +105,8 @@ static void take_message(struct feed *f, const struct bus_message *m)
                          m->envelope.epoch_ns, feed_now_ns());
     else if (m->topic == topic_scan_status())
         collector_scan(f->collector, (const Anlos__ScanStatus *)content);
+    else if (m->topic == topic_detections())
+        collector_objects(f->collector, (const Anlos__DetectionList *)content);
     else
         collector_log(f->collector, (const Anlos__Log *)content);
     protobuf_c_message_free_unpacked(content, NULL);

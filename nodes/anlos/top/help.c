@@ -21,6 +21,8 @@ static const char *const lines[] = {
     " QUEUE        messages that wait now; of a topic, in the fullest queue",
     " DROPS        came and were pushed out of a full queue",
     " GAPS         never came.  LOST of a topic is drops and gaps",
+    " OBJECT       hidden ones, of the newest list; predicted: not seen just now; VX, VY",
+    "              over ground, along the vehicle's axes",
     " REFUSED      messages that were not what they should be",
     " CPU%         100 is one core.  All rates are those of the last 3 s",
 };

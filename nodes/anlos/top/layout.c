@@ -16,8 +16,8 @@ struct share { /* of the height, a panel's lines with its title */
 };
 
 /* The panels that stay when there is little room, the last to go first. */
-static const enum look_panel by_weight[LOOK_PANELS] = {LOOK_NODES, LOOK_TOPICS,
-                                                       LOOK_DETAIL, LOOK_LOG};
+static const enum look_panel by_weight[LOOK_PANELS] = {
+    LOOK_NODES, LOOK_OBJECTS, LOOK_TOPICS, LOOK_DETAIL, LOOK_LOG};
 
 /* One that is not there stays away. */
 static void grow(struct share *s, size_t to, size_t *left)
@@ -39,7 +39,7 @@ static void share_height(struct share s[LOOK_PANELS], enum look_panel focus, siz
     grow(&s[focus], s[focus].least, &left);
     for (size_t i = 0; i < LOOK_PANELS; i++) {
         struct share *other = &s[by_weight[i]];
-        if (other->got || other->least > left)
+        if (other->got || !other->least || other->least > left)
             continue;
         other->got = other->least;
         left -= other->least;
@@ -160,6 +160,31 @@ static void draw_topics(struct page *p, const struct table *t, const struct look
     }
 }
 
+static enum page_tone object_tone(const struct table_object *o)
+{
+    return o->measurement == ANLOS__MEASUREMENT__PREDICTED ? PAGE_NOTE : PAGE_GOOD;
+}
+
+static void draw_objects(struct page *p, const struct table *t, struct look *v,
+                         size_t room)
+{
+    const struct table_objects *all = &t->objects;
+
+    if (!room--)
+        return;
+    if (all->n && !all->over)
+        add_titles(p, v, LOOK_OBJECTS, columns_objects);
+    else
+        title(p, v, LOOK_OBJECTS,
+              all->over ? " OBJECTS (those of the last list; nobody tracks now)"
+                        : " OBJECTS (none now)");
+    size_t last = all->n > room ? all->n - room : 0;
+    if (v->object_line > last)
+        v->object_line = last;
+    for (size_t i = v->object_line, k = 0; i < all->n && k < room; i++, k++)
+        add_row(p, columns_objects, &all->list[i], object_tone(&all->list[i]), false);
+}
+
 /* Returns the name of whose detail it is. */
 static const char *make_detail(struct detail *d, const struct table *t,
                                const struct look *v, int width)
@@ -276,12 +301,16 @@ static void draw_panels(struct page *p, const struct table *t, struct look *v)
     struct share s[LOOK_PANELS] = {
         [LOOK_NODES] = want(3, n_nodes, n_nodes),
         [LOOK_TOPICS] = want(3, count_present(t, topics, n_topics), n_topics),
+        [LOOK_OBJECTS] = want(3, t->objects.n, t->objects.n),
         [LOOK_DETAIL] = want(2, detail.n, detail.n),
         [LOOK_LOG] = want(2, FAIR_LOGS, TABLE_MAX_LOGS)};
 
+    if (!t->objects.known)
+        s[LOOK_OBJECTS] = (struct share){0};
     share_height(s, v->focus, (size_t)(p->height - FRAME_LINES));
     draw_nodes(p, t, v, s[LOOK_NODES].got);
     draw_topics(p, t, v, s[LOOK_TOPICS].got);
+    draw_objects(p, t, v, s[LOOK_OBJECTS].got);
     draw_detail(p, &detail, name, v, s[LOOK_DETAIL].got);
     draw_log(p, t, v, s[LOOK_LOG].got);
 }

@@ -68,14 +68,20 @@ static void move(struct look *v, const struct table *t, int key)
     case LOOK_DETAIL: /* at most a line for each link, of all nodes, and a few */
         v->detail_line = moved(v->detail_line, TABLE_MAX_LINKS * TABLE_MAX_NODES, key);
         break;
+    case LOOK_OBJECTS:
+        v->object_line = moved(v->object_line, t->objects.n, key);
+        break;
     default:
         move_log(v, t, key);
     }
 }
 
-static void focus(struct look *v, int steps)
+/* The objects have a panel when there is a list of them. */
+static void focus(struct look *v, const struct table *t, int steps)
 {
-    v->focus = (enum look_panel)(((int)v->focus + steps) % LOOK_PANELS);
+    do
+        v->focus = (enum look_panel)(((int)v->focus + steps) % LOOK_PANELS);
+    while (v->focus == LOOK_OBJECTS && !t->objects.known);
     if (v->focus == LOOK_NODES || v->focus == LOOK_TOPICS) {
         v->detail_of_topic = v->focus == LOOK_TOPICS;
         v->detail_line = 0;
@@ -101,10 +107,10 @@ static void command(struct look *v, const struct table *t, int key)
 {
     switch (key) {
     case '\t':
-        focus(v, 1);
+        focus(v, t, 1);
         break;
     case LOOK_KEY_BACK_TAB:
-        focus(v, LOOK_PANELS - 1);
+        focus(v, t, LOOK_PANELS - 1);
         break;
     case 's':
         v->sort = (enum look_sort)((v->sort + 1) % LOOK_SORTS);

@@ -8,7 +8,14 @@
 
 #include "nodes/anlos/top/table.h"
 
-enum look_panel { LOOK_NODES, LOOK_TOPICS, LOOK_DETAIL, LOOK_LOG, LOOK_PANELS };
+enum look_panel {
+    LOOK_NODES,
+    LOOK_TOPICS,
+    LOOK_DETAIL,
+    LOOK_LOG,
+    LOOK_OBJECTS,
+    LOOK_PANELS
+};
 
 enum look_sort {                /* the greatest first, but for the first and the last */
                  LOOK_BY_ORDER, /* of msgs/topics.h */
@@ -41,6 +48,7 @@ struct look { /* zeroed: the first look */
     bool paused, help, typing;
     char filter[24];    /* a part of the name; empty: all */
     size_t detail_line; /* first line of the detail that is seen */
+    size_t object_line; /* first object that is seen */
     size_t log_line;    /* lines of the log below what is seen */
 };
 

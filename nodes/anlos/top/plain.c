@@ -34,6 +34,20 @@ static void print_devices(FILE *to, const struct table *t)
     }
 }
 
+static void print_objects(FILE *to, const struct table_objects *all)
+{
+    if (!all->known)
+        return;
+    if (!all->n)
+        fprintf(to, "no hidden objects now\n\n");
+    if (!all->n)
+        return;
+    print_row(to, columns_objects, NULL);
+    for (size_t i = 0; i < all->n; i++)
+        print_row(to, columns_objects, &all->list[i]);
+    fprintf(to, "%s\n", all->over ? "(of the last list; nobody tracks now)\n" : "");
+}
+
 int plain_print(FILE *to, const struct table *t)
 {
     char text[PAGE_LINE_SIZE];
@@ -51,6 +65,7 @@ int plain_print(FILE *to, const struct table *t)
         if (t->topics[i].state != TABLE_ABSENT)
             print_row(to, columns_topics, &t->topics[i]);
     fprintf(to, "\n");
+    print_objects(to, &t->objects);
     print_devices(to, t);
     for (size_t i = 0; i < t->n_logs; i++) {
         layout_log(&t->logs[i], text, sizeof text);

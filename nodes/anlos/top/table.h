@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "msgs/detections.pb-c.h"
 #include "msgs/envelope.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
@@ -17,6 +18,7 @@ enum {
     TABLE_MAX_LINKS = 32,
     TABLE_MAX_DEVICE = 16,
     TABLE_MAX_LOGS = 64,
+    TABLE_MAX_OBJECTS = 64,
     TABLE_TEXT_SIZE = 256,
 };
 
@@ -99,6 +101,23 @@ struct table_scan {
     char text[TABLE_TEXT_SIZE];
 };
 
+struct table_object { /* NAN: not known */
+    uint32_t id;
+    Anlos__Measurement measurement;
+    Anlos__Shape shape;
+    bool in_vehicle_frame; /* else the array's */
+    bool mirrored;         /* else where it is imaged */
+    double at_m[3], velocity_m_s[2], existence;
+    double age_s, unseen_s; /* of tracks */
+};
+
+struct table_objects { /* of the newest list */
+    bool known;
+    bool over; /* its process is gone: this is its last word */
+    size_t n;
+    struct table_object list[TABLE_MAX_OBJECTS];
+};
+
 struct table_log {
     int64_t stamp_ns;
     char level[8];
@@ -115,6 +134,7 @@ struct table {
     struct table_topic topics[TABLE_MAX_TOPICS];
     struct table_log logs[TABLE_MAX_LOGS]; /* the newest last */
     struct table_scan scan;
+    struct table_objects objects;
     uint64_t lost;        /* messages over all nodes, as they count them */
     double own_cpu;       /* of this program; 1 is one core */
     uint64_t own_refused; /* messages that it could not read */

@@ -1,8 +1,9 @@
 // What the server says, and where on the page it is shown.
 import { createImage } from "./image.js";
 import { SILENT_MS, connect } from "./link.js";
-import { showLevels, showLog, showNodes, showScan } from "./panels.js";
-import { drawPlan, listObjects } from "./plan.js";
+import { listObjects } from "./objects.js";
+import { showLevels, showLog, showNodes, showScan, showSensor } from "./panels.js";
+import { drawPlan, wallsOf } from "./plan.js";
 import { createTimeline } from "./timeline.js";
 
 const $ = (id) => document.getElementById(id);
@@ -74,19 +75,34 @@ function showImage() {
     $("image-about").textContent = parts.join(" · ");
 }
 
+function showPlan() {
+    drawPlan(known, image.plane());
+}
+
+// What was said last stays, so it has to be told when nobody says it any more.
+function isSilent(name) {
+    return !isBag() && nodes().some((n) => n.node === name && n.state === "silent");
+}
+
+function drawImage() {
+    image.draw();
+}
+
 function showObjects() {
     const o = known.objects;
     image.objects = o;
-    drawPlan(known);
     listObjects(o);
     const notes = [];
-    if (known.scene && !known.scene.wall) notes.push("No wall is known: positions are those of the mirror images.");
+    if (o && isSilent("track")) notes.push("Node track is silent: these are its last objects.");
+    if (known.walls && isSilent("wall")) notes.push("Node wall is silent: these are its last walls.");
+    if (known.scene && !wallsOf(known).length) notes.push("No wall is known: positions are those of the mirror images.");
     else if (o && !o.mirrored) notes.push("Positions are those of the mirror images.");
     if (known.scene?.frame === "array") notes.push("Array frame: no mount on the vehicle is known.");
     if (o?.preview) notes.push("Preliminary: the scan goes on.");
+    if (o?.ego_unknown) notes.push("The vehicle does not say how it moves.");
     $("plan-note").textContent = notes.join(" ");
     $("objects-empty").textContent = !o ? `No list of objects yet. ${whatIsMissing()}`
-        : o.items.length ? "" : "Nothing was found in the image.";
+        : o.items.length ? "" : o.tracked ? "Nothing is tracked now." : "Nothing was found in the image.";
 }
 
 function showEmpty() {
@@ -108,13 +124,14 @@ function showAbout() {
 // What each type of message changes.
 const shows = {
     hello: [showAbout],
-    scene: [showSource, showObjects, showImage, showEmpty],
+    scene: [showSource, showObjects, showImage, showPlan, showEmpty],
     scan: [() => showScan(known.scan), showEmptyIfWaiting],
-    nodes: [() => showNodes(known.nodes), showEmptyIfWaiting],
-    objects: [showObjects, () => image.draw()],
+    nodes: [() => showNodes(known.nodes), () => showSensor(nodes()), showObjects, showEmptyIfWaiting],
+    walls: [showObjects, showPlan],
+    objects: [showObjects, showPlan, drawImage],
     levels: [showEmpty],
     log: [() => showLog(known.log), showEmpty],
-    volume: [showSource, showImage, () => drawPlan(known)],
+    volume: [showSource, showImage, showPlan],
     time: [showAbout],
 };
 
@@ -160,7 +177,8 @@ const link = connect(take, () => {
 });
 image = createImage(link);
 timeline = createTimeline(link);
-new ResizeObserver(() => drawPlan(known)).observe($("plan"));
+new ResizeObserver(showPlan).observe($("plan"));
 showScan(null);
+showSensor([]);
 showEmptyIfWaiting();
 showLink(link);

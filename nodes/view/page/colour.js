@@ -18,16 +18,17 @@ function at(t) {
     });
 }
 
-// RGBA of each of 256 levels of stepDb, the brightest last, over a range of decibels.
-export function palette(stepDb, rangeDb) {
+// RGBA of each of 256 levels, whose shades are 0, black, to 1.
+export function paletteOf(shade) {
     const out = new Uint32Array(256);
     const bytes = new Uint8Array(out.buffer);
-    for (let level = 0; level < 256; level++) {
-        const t = Math.min(Math.max(1 - ((255 - level) * stepDb) / rangeDb, 0), 1);
-        bytes.set([...at(t), 255], 4 * level);
-    }
+    for (let level = 0; level < 256; level++)
+        bytes.set([...at(Math.min(Math.max(shade(level), 0), 1)), 255], 4 * level);
     return out;
 }
+
+// The same of levels of stepDb, the brightest last, over a range of decibels.
+export const palette = (stepDb, rangeDb) => paletteOf((level) => 1 - ((255 - level) * stepDb) / rangeDb);
 
 export function drawLegend(canvas, rangeDb) {
     const pen = canvas.getContext("2d");

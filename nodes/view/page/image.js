@@ -1,7 +1,8 @@
 // The image from three sides, with axes in metres, the objects as they are imaged, and a
 // slice of the front view.
 import { MARGIN, axes, metres, svg } from "./axes.js";
-import { drawLegend, palette } from "./colour.js";
+import { drawLegend, palette, paletteOf } from "./colour.js";
+import { createLabels } from "./labels.js";
 
 // across, up: axes 0..2; data of a side: [up][across], of yz: [across][up].
 const SIDES = {
@@ -9,6 +10,7 @@ const SIDES = {
     xz: { across: 0, up: 2, labels: ["x (m)", "z (m)"] },
     yz: { across: 2, up: 1, labels: ["z (m)", "y (m)"], turned: true },
 };
+const STANDS_OUT_DB = 20; // above the median
 const $ = (id) => document.getElementById(id);
 const narrow = matchMedia("(max-width: 899px)");
 
@@ -17,7 +19,10 @@ export function createImage(link) {
     let colours = palette(0.25, 25);
 
     const rangeDb = () => Number($("range").value);
-    const showsSlice = () => $("front-one").checked;
+    // A volume of one plane has one side only that is worth a look.
+    const isFlat = () => image.volume?.n[1] === 1;
+    const showsSlice = () => $("front-one").checked && !isFlat();
+    const chosen = () => (isFlat() ? "xz" : image.chosen);
     const span = (axis) => {
         const v = image.volume;
         const low = v.origin_m[axis] - 0.5 * v.step_m[axis];
@@ -61,8 +66,8 @@ export function createImage(link) {
         const [x, y, z] = [0, 1, 2].map((a) => span(a)[1] - span(a)[0]);
         const room = $("image").clientWidth - 30;
         const side = MARGIN.left + MARGIN.right;
-        if (narrow.matches) {
-            const { across, up } = SIDES[image.chosen];
+        if (narrow.matches || isFlat()) {
+            const { across, up } = SIDES[chosen()];
             const size = [x, y, z];
             return Math.min((room - side) / size[across], 420 / size[up]);
         }
@@ -70,33 +75,53 @@ export function createImage(link) {
         return Math.min((room - 14 - 2 * side) / (x + z), height / (y + z));
     };
 
-    const paint = (canvas, name, data) => {
+    // A pixel for each sample, up falling as on a page, or rising.
+    const pixelsOf = (name, data, rising, shade) => {
+        const shades = shade ? paletteOf(shade) : colours;
         const { across, up, turned } = SIDES[name];
         const [w, h] = [image.volume.n[across], image.volume.n[up]];
         const picture = new ImageData(w, h);
         const pixels = new Uint32Array(picture.data.buffer);
         for (let row = 0; row < h; row++) {
-            const v = h - 1 - row;
+            const v = rising ? row : h - 1 - row;
             for (let u = 0; u < w; u++)
-                pixels[row * w + u] = colours[turned ? data[u * h + v] : data[v * w + u]];
+                pixels[row * w + u] = shades[turned ? data[u * h + v] : data[v * w + u]];
         }
         const small = new OffscreenCanvas(w, h);
         small.getContext("2d").putImageData(picture, 0, 0);
-        const pen = canvas.getContext("2d");
-        pen.imageSmoothingQuality = "high";
-        pen.drawImage(small, 0, 0, canvas.width, canvas.height);
+        return small;
     };
 
-    const marks = (parent, { across, up }, at) => {
-        for (const o of image.objects?.items || []) {
-            const [u, v] = [o.virtual_m[across], o.virtual_m[up]];
-            if (u === null || v === null) continue;
-            const [x, y] = [at.px(u), at.py(v)];
-            parent.append(svg("g", { class: "mark", "data-id": o.id },
-                svg("circle", { cx: x, cy: y, r: 11 }),
-                svg("line", { x1: x + 8, y1: y - 8, x2: x + 14, y2: y - 14 }),
-                svg("text", { x: x + 19, y: y - 14 }, String(o.id))));
+    const paint = (canvas, name, data) => {
+        const pen = canvas.getContext("2d");
+        pen.imageSmoothingQuality = "high";
+        pen.drawImage(pixelsOf(name, data, false), 0, 0, canvas.width, canvas.height);
+    };
+
+    // For the plan, of an image of one plane: [z][x], black up to its median, so that noise
+    // stays dark where nothing stands out.  null: it is none.
+    image.plane = () => {
+        if (!isFlat()) return null;
+        const counts = new Uint32Array(256);
+        for (const level of image.data.xz) counts[level]++;
+        let [median, left] = [1, (image.data.xz.length - counts[0]) / 2]; // 0: not heard
+        while (median < 255 && (left -= counts[median]) > 0) median++;
+        const span = Math.max(255 - median, STANDS_OUT_DB / image.volume.step_db);
+        return pixelsOf("xz", image.data.xz, true, (level) => (level - median) / span);
+    };
+
+    const marks = (parent, { across, up }, at, box) => {
+        const labels = createLabels(box);
+        const all = (image.objects?.items || []).map((o) => ({ id: o.id, x: at.px(o.virtual_m[across]),
+            y: at.py(o.virtual_m[up]), known: o.virtual_m[across] !== null && o.virtual_m[up] !== null }));
+        const shown = all.filter((o) => o.known && o.x >= box.x && o.x <= box.x + box.w &&
+            o.y >= box.y && o.y <= box.y + box.h);
+        for (const o of shown) labels.keepFree(o.x - 11, o.y - 11, 22, 22);
+        for (const o of shown) {
+            parent.append(svg("g", { class: "mark", "data-id": o.id }, svg("circle", { cx: o.x, cy: o.y, r: 11 })));
+            labels.add("mark-name", o.x, o.y, [String(o.id)], { away: 12, must: true, bold: true });
         }
+        parent.append(...labels.drawn);
     };
 
     const drawSide = (name, perMetre) => {
@@ -126,7 +151,7 @@ export function createImage(link) {
                 ? svg("line", { class: "depth", x1: box.x, x2: box.x + box.w, y1: at.py(z), y2: at.py(z) })
                 : svg("line", { class: "depth", x1: at.px(z), x2: at.px(z), y1: box.y, y2: box.y + box.h }));
         }
-        marks(lines, SIDES[name], at);
+        marks(lines, SIDES[name], at, box);
         plot.replaceChildren(canvas, lines);
     };
 
@@ -135,19 +160,21 @@ export function createImage(link) {
         $("depth-text").value = `z = ${z} m`;
         $("depth").setAttribute("aria-valuetext", `${z} metres`);
         $("caption-xy").textContent = showsSlice() ? `Front, slice at z = ${z} m` : "Front, maximum over z";
+        $("caption-xz").textContent = isFlat() ? "From above, as it is imaged: mirrored" : "Above, maximum over y";
         $("view-xy").dataset.shows = showsSlice() ? "slice" : "maximum";
         $("legend-low").textContent = `−${rangeDb()}`;
     };
 
     image.draw = () => {
         $("views").hidden = !image.volume;
+        document.body.classList.toggle("flat", isFlat());
         if (!image.volume) return;
         captions();
         const perMetre = scale();
         if (perMetre <= 0) return; // not laid out
         for (const name of Object.keys(SIDES)) {
-            $(`view-${name}`).classList.toggle("chosen", name === image.chosen);
-            if (!narrow.matches || name === image.chosen) drawSide(name, perMetre);
+            $(`view-${name}`).classList.toggle("chosen", name === chosen());
+            if (!(narrow.matches || isFlat()) || name === chosen()) drawSide(name, perMetre);
         }
     };
 

@@ -11,6 +11,7 @@ function element(name, text, properties = {}) {
 export function showScan(scan) {
     $("scan").dataset.state = scan?.state || "";
     $("scan-state").textContent = scan ? `Scan ${scan.scan} ${scan.state}` : "No scan";
+    $("scan-bar").hidden = Boolean(scan) && !scan.expected; // it has no end
     $("scan-bar").max = scan?.expected || 1;
     $("scan-bar").value = scan?.expected ? scan.done : 0;
     if (!scan) {
@@ -26,6 +27,19 @@ export function showScan(scan) {
     if (scan.lost) parts.push(`${scan.lost} lost`);
     if (scan.text && scan.text !== scan.state) parts.push(scan.text);
     $("scan-text").textContent = parts.join(" · ");
+}
+
+// What the vehicle is told of the sensor's state, in the words of node can.
+export function showSensor(nodes) {
+    const can = nodes.find((n) => n.node === "can");
+    const told = /the sensor is (\w+)(.*)/.exec(can?.text || "");
+    const silent = can?.state === "silent";
+    $("sensor").hidden = !told;
+    if (!told) return;
+    const bad = silent || told[1] === "faulty" || told[1] === "blocked";
+    $("sensor").dataset.level = bad ? "bad" : told[1] === "active" ? "ok" : "warn";
+    $("sensor").textContent = silent ? "The vehicle is told nothing: node can is silent"
+        : `The vehicle is told: sensor ${told[1]}${told[2]}`;
 }
 
 const LEVEL_OF_CHANNEL = { ok: "ok", clipped: "warn", faint: "warn", dead: "bad", damaged: "bad", "not heard yet": "dim" };
