@@ -28,6 +28,8 @@ void track_config_default(struct track_config *cfg)
                                           .delete_existence = 0.02,
                                           .survival_s = 10.0},
                                  .coast_s = 1.5,
+                                 .rest_m = 0.05,
+                                 .rest_s = 1.5,
                                  .id_rest_s = 30.0,
                                  .reset_s = 1.0};
 }
@@ -43,7 +45,8 @@ static bool is_valid(const struct track_config *c)
             return false;
     return c->detection_probability < 1.0 && c->new_existence < 1.0 &&
            c->lost_ego_psd_m2_s3 >= 0.0 && c->wander_m >= 0.0 && c->join_m >= 0.0 &&
-           c->id_rest_s >= 0.0 && c->reset_s >= 0.0 && c->life.confirm_hits >= 1 &&
+           c->rest_m > 0.0 && c->rest_s > 0.0 && c->id_rest_s >= 0.0 &&
+           c->reset_s >= 0.0 && c->life.confirm_hits >= 1 &&
            c->life.confirm_hits <= c->life.confirm_of &&
            c->life.confirm_of <= TRACK_LOOKS_MAX && c->life.confirm_existence < 0.999 &&
            c->life.delete_existence < 1.0;
@@ -105,6 +108,19 @@ static enum track_motion judge_motion(const struct track *k)
     return k->motion;
 }
 
+/* Images without what stands show it move; in others the track itself has to. */
+static void judge_rest(const struct tracker *t, const struct track_scan *scan,
+                       double fresh, struct track *k)
+{
+    const struct track_rest_look *look = &t->looks[k->detection];
+    double since_s = 1e-9 * (double)(scan->stamp_ns - k->seen_ns);
+
+    if (look->range_m > 0.0)
+        track_rest_add(&k->rest, look, fresh, exp(-since_s / t->cfg.rest_s));
+    if (!scan->standing_left || track_rest_misfit(&k->rest) > 1.0)
+        k->moves_ns = scan->stamp_ns;
+}
+
 /* The part of the scan's detections that belongs to the track. */
 static void continue_track(struct tracker *t, const struct track_scan *scan, size_t i,
                            const size_t *whose, double fresh)
@@ -123,6 +139,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     for (int a = 0; a < 3; a++)
         k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
     k->motion = judge_motion(k);
+    judge_rest(t, scan, fresh, k);
     k->seen_ns = scan->stamp_ns;
     k->state = TRACK_MEASURED;
 }
@@ -175,7 +192,7 @@ static void name_confirmed(struct tracker *t, int64_t now_ns)
 {
     for (size_t i = 0; i < t->n; i++) {
         struct track *k = &t->tracks[i];
-        if (!k->life.confirmed || k->id)
+        if (!k->life.confirmed || k->id || !k->moves_ns)
             continue;
         k->id = track_ids_take(&t->ids, now_ns);
         t->counts.crowded += !k->id;
@@ -192,7 +209,8 @@ static void end_tracks(struct tracker *t, int64_t now_ns)
     for (size_t i = 0; i < t->n; i++) {
         struct track *k = &t->tracks[i];
         bool over = track_life_is_over(&k->life, &t->cfg.life) ||
-                    1e-9 * (double)(now_ns - k->seen_ns) > t->cfg.coast_s;
+                    1e-9 * (double)(now_ns - k->seen_ns) > t->cfg.coast_s ||
+                    (k->id && 1e-9 * (double)(now_ns - k->moves_ns) > t->cfg.coast_s);
         if (over && !k->id)
             continue;
         if (over) {
@@ -215,7 +233,7 @@ static void drop_deleted(struct tracker *t)
 }
 
 static void start_track(struct tracker *t, const struct track_scan *scan,
-                        const size_t *whose)
+                        const size_t *whose, double fresh)
 {
     struct track *k = &t->tracks[t->n];
     struct track_position middle;
@@ -233,11 +251,13 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
     track_life_start(&k->life, &t->cfg.life, t->cfg.new_existence * existence);
     k->state = TRACK_MEASURED;
     k->first_ns = k->seen_ns = scan->stamp_ns;
+    judge_rest(t, scan, fresh, k);
     t->n++;
 }
 
 /* What is nobody's begins tracks: the first that is left, with all that is near it. */
-static void start_tracks(struct tracker *t, const struct track_scan *scan, size_t *whose)
+static void start_tracks(struct tracker *t, const struct track_scan *scan, size_t *whose,
+                         double fresh)
 {
     for (size_t j = 0; j < scan->n; j++) {
         if (whose[j] != TRACK_NONE)
@@ -249,7 +269,7 @@ static void start_tracks(struct tracker *t, const struct track_scan *scan, size_
             if (whose[other] == TRACK_NONE && away_m <= t->cfg.join_m)
                 whose[other] = STARTED;
         }
-        start_track(t, scan, whose);
+        start_track(t, scan, whose, fresh);
         for (size_t other = j; other < scan->n; other++)
             if (whose[other] == STARTED)
                 whose[other] = STARTED + 1;
@@ -297,7 +317,7 @@ int tracker_step(struct tracker *t, const struct track_scan *scan)
             continue_track(t, scan, i, whose, fresh);
     }
     end_tracks(t, scan->stamp_ns);
-    start_tracks(t, scan, whose);
+    start_tracks(t, scan, whose, fresh);
     name_confirmed(t, scan->stamp_ns);
     return 0;
 }

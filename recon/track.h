@@ -37,13 +37,15 @@ struct track_config {
     double new_existence;         /* of the first detection, times that one's */
     struct track_life_config life;
     double coast_s;   /* after that time unseen a track ends */
+    double rest_m;    /* by so much a thing at rest seems to wander, one sigma */
+    double rest_s;    /* of recon/track_rest.h: what is older fades */
     double id_rest_s; /* an id is not given again for so long */
     double reset_s;   /* a stamp that is older by more is a new beginning */
 };
 
 /* 0.5 m2/s3; 9 (a vehicle brakes with 3 m/s2 for half a second); 2.5 m/s; 5 cm;
  * 13.8 (99.9 % in the plane); 0.5 m; 0.8; 0.3; 3 of 5 looks and 0.9, ends below 0.02,
- * stays 10 s; coasts 1.5 s; 30 s; 1 s. */
+ * stays 10 s; coasts 1.5 s; 5 cm; 1.5 s; 30 s; 1 s. */
 void track_config_default(struct track_config *cfg);
 
 struct track_detection {
@@ -53,14 +55,22 @@ struct track_detection {
     double power;                           /* of its echo, any unit, > 0 */
     double lag_s;                           /* recon/track_filter.h */
     bool height_assumed;
+    double along_m, range_m; /* as the array heard it, from track_array.at_m */
+};
+
+struct track_array {         /* vehicle frame at the stamp, in the plane */
+    double at_m[2], axis[2]; /* where it was in the mean of an image's pings */
 };
 
 struct track_scan {
     int64_t stamp_ns;
     const struct track_detection *detections; /* [n], n <= TRACK_DETECTIONS */
     size_t n;
-    double fresh;        /* part of the image that is not in the one before, 0..1 */
-    double clutter_m2;   /* false detections for each square metre */
+    double fresh;       /* part of the image that is not in the one before, 0..1 */
+    double clutter_m2;  /* false detections for each square metre */
+    bool standing_left; /* what stands is in the image: tracks have to move by themselves
+                         */
+    struct track_array array;
     struct ego_step ego; /* since the scan before */
     bool ego_known;
     /* Does the image show this place (vehicle frame)?  NULL: all. */

@@ -4,7 +4,10 @@
 #include "recon/assignment.h"
 #include "recon/track_state.h"
 
-#define NEVER 1e6 /* a cost that no sum of others reaches */
+#define NEVER        1e6 /* a cost that no sum of others reaches */
+#define RESTS_LOOKS  2.0 /* by then what moves at 0.6 m/s has left RESTS_MISFIT behind */
+#define RESTS_MISFIT 0.1
+#define RESTS_GATE2  13.8 /* 999 of 1000 looks at a thing at rest are nearer */
 
 _Static_assert(TRACKS_MAX <= ASSIGNMENT_ROWS, "");
 _Static_assert(TRACK_DETECTIONS + TRACKS_MAX <= ASSIGNMENT_COLUMNS, "");
@@ -12,6 +15,16 @@ _Static_assert(TRACK_DETECTIONS + TRACKS_MAX <= ASSIGNMENT_COLUMNS, "");
 static double distance_m(const struct track_position *a, const struct track_position *b)
 {
     return hypot(a->at_m[0] - b->at_m[0], a->at_m[1] - b->at_m[1]);
+}
+
+bool track_rests_elsewhere(const struct tracker *t, const struct track_scan *scan,
+                           size_t track, size_t detection)
+{
+    const struct track_rest *r = &t->tracks[track].rest;
+
+    return scan->standing_left && r->looks >= RESTS_LOOKS &&
+           track_rest_misfit(r) < RESTS_MISFIT &&
+           track_rest_distance2(r, &t->looks[detection]) > RESTS_GATE2;
 }
 
 /* Negative logarithms of how much likelier an assignment is than clutter and an object
@@ -27,9 +40,10 @@ static void fill_costs(struct tracker *t, const struct track_scan *scan)
         double *cost = t->cost + i * n_columns;
         for (size_t j = 0; j < scan->n; j++) {
             struct track_match m = track_filter_match(&k->filter, &t->positions[j]);
-            cost[j] = m.distance2 < t->cfg.gate2
-                          ? -log(fmax(seen * m.density / scan->clutter_m2, 1e-300))
-                          : NEVER;
+            bool near = m.distance2 < t->cfg.gate2 &&
+                        !track_rests_elsewhere(t, scan, i, j);
+            cost[j] = near ? -log(fmax(seen * m.density / scan->clutter_m2, 1e-300))
+                           : NEVER;
         }
         for (size_t other = 0; other < t->n; other++)
             cost[scan->n + other] = other == i ? -log(1.0 - seen) : NEVER;
@@ -49,7 +63,8 @@ static size_t neighbour(const struct tracker *t, const struct track_scan *scan,
         const struct track_detection *d = &scan->detections[mine[i]];
         double reach_m = t->cfg.join_m + 0.5 * hypot(d->extent_m[0], d->extent_m[1]);
         double away_m = distance_m(&t->positions[mine[i]], &t->positions[detection]);
-        if (away_m < reach_m && away_m < nearest_m) {
+        if (away_m < reach_m && away_m < nearest_m &&
+            !track_rests_elsewhere(t, scan, i, detection)) {
             nearest_m = away_m;
             owner = i;
         }

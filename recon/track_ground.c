@@ -28,11 +28,23 @@ void track_turn_matrix(double angle, const double from[2][2], double to[2][2])
             to[i][j] = half[i][0] * r[j][0] + half[i][1] * r[j][1];
 }
 
+/* The smaller axis of the ellipse: the longer one has the height, which is not heard. */
+static double heard_sigma_m(const double covariance_m2[6])
+{
+    double half = 0.5 * (covariance_m2[0] - covariance_m2[3]);
+    double mean = 0.5 * (covariance_m2[0] + covariance_m2[3]);
+
+    return sqrt(fmax(mean - hypot(half, covariance_m2[1]), 0.0));
+}
+
 /* What an image says again is worth its fresh part. */
 void track_place(struct tracker *t, const struct track_scan *scan, double fresh)
 {
     double wander_m2 = t->cfg.wander_m * t->cfg.wander_m, yaw = t->pose.dyaw;
+    struct track_rest_look look;
 
+    track_to_ground(&t->pose, scan->array.at_m, look.array_m);
+    track_turn(yaw, scan->array.axis, look.axis);
     for (size_t j = 0; j < scan->n; j++) {
         const struct track_detection *d = &scan->detections[j];
         struct track_position *p = &t->positions[j];
@@ -46,5 +58,9 @@ void track_place(struct tracker *t, const struct track_scan *scan, double fresh)
         p->height_m2 = d->height_assumed ? d->covariance_m2[5]
                                          : (d->covariance_m2[5] + wander_m2) / fresh;
         p->height_assumed = d->height_assumed;
+        look.along_m = d->along_m;
+        look.range_m = d->range_m;
+        look.sigma_m = hypot(t->cfg.rest_m, heard_sigma_m(d->covariance_m2));
+        t->looks[j] = look;
     }
 }

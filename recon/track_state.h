@@ -5,6 +5,7 @@
 #include "recon/track.h"
 #include "recon/track_filter.h"
 #include "recon/track_ids.h"
+#include "recon/track_rest.h"
 
 #define TRACK_NONE ((size_t)-1)
 
@@ -16,6 +17,8 @@ struct track {
     enum track_state state;
     enum track_motion motion;
     int64_t first_ns, seen_ns;
+    struct track_rest rest;
+    int64_t moves_ns; /* when it was last seen to move by itself; 0: never */
     double extent_m[3];
     size_t detection;
 };
@@ -30,6 +33,7 @@ struct tracker {
     bool began;
     struct track_counts counts;
     struct track_position positions[TRACK_DETECTIONS]; /* of the scan, over ground */
+    struct track_rest_look looks[TRACK_DETECTIONS];    /* the same as heard */
     double cost[TRACKS_MAX * (TRACK_DETECTIONS + TRACKS_MAX)];
 };
 
@@ -38,8 +42,12 @@ void track_to_ground(const struct ego_step *pose, const double from[2], double t
 void track_turn(double angle, const double from[2], double to[2]);
 void track_turn_matrix(double angle, const double from[2][2], double to[2][2]);
 
-/* t->positions: where the scan's detections are over ground. */
+/* t->positions, t->looks: where the scan's detections are over ground. */
 void track_place(struct tracker *t, const struct track_scan *scan, double fresh);
+
+/* A scatterer at rest, as far as is known, which did not make this detection. */
+bool track_rests_elsewhere(const struct tracker *t, const struct track_scan *scan,
+                           size_t track, size_t detection);
 
 /* Which detection each track gets, mine[t->n], and whose each detection is,
  * whose[scan->n]: TRACK_NONE where it is nobody's.  What is near to a track's own becomes

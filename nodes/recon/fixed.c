@@ -4,21 +4,14 @@
 
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
-
-#define LOOK_NS    1000000000LL /* from one look at what was skipped to the next */
-#define LATE_SHARE 0.1          /* of images that are due: skipped, it is said */
+#include "nodes/rt/pace.h"
 
 struct fixed {
     struct node *node;
     struct steady *steady;
     bool planned, due;
     int64_t taken_ns; /* when the newest ping came */
-    uint64_t skipped;
-    struct { /* since the last look; and what was seen then */
-        int64_t due_ns;
-        uint64_t images, skipped;
-        bool late;
-    } look;
+    struct pace pace; /* of images */
 };
 
 static size_t counts(void *ctx, struct device_count *out)
@@ -27,7 +20,7 @@ static size_t counts(void *ctx, struct device_count *out)
     const struct steady_counts *c = steady_counts(f->steady);
 
     out[0] = (struct device_count){"images", c->images};
-    out[1] = (struct device_count){"images skipped", f->skipped};
+    out[1] = (struct device_count){"images skipped", f->pace.skipped};
     out[2] = (struct device_count){"images of unknown motion", c->unknown};
     out[3] = (struct device_count){"traces unfit", c->unfit};
     out[4] = (struct device_count){"clock steps back", c->backwards};
@@ -72,28 +65,13 @@ static int take_survey(struct fixed *f, const Anlos__Survey *survey)
     return err;
 }
 
-/* A moment's load skips an image or two, and needs no word. */
-static void look(struct fixed *f)
-{
-    uint64_t images = steady_counts(f->steady)->images - f->look.images;
-    uint64_t skipped = f->skipped - f->look.skipped;
-    int64_t now_ns = node_machine_ns(f->node);
-
-    if (now_ns < f->look.due_ns)
-        return;
-    f->look.due_ns = now_ns + LOOK_NS;
-    f->look.images += images;
-    f->look.skipped += skipped;
-    f->look.late = (double)skipped > LATE_SHARE * (double)(images + skipped);
-}
-
 /* What is wrong with the images, the worst of it. */
 static void say(struct fixed *f)
 {
     const Anlos__Health__State degraded = ANLOS__HEALTH__STATE__DEGRADED;
     enum steady_motion motion = steady_motion(f->steady);
+    bool late = pace_is_late(&f->pace, node_machine_ns(f->node));
 
-    look(f);
     if (motion == STEADY_UNKNOWN)
         node_state(f->node, degraded,
                    "the vehicle's motion is not known: images are made as if it stood");
@@ -102,7 +80,7 @@ static void say(struct fixed *f)
             f->node, degraded,
             "the vehicle moves, but the survey has no mount: images are made as if "
             "it stood");
-    else if (f->look.late)
+    else if (late)
         node_state(f->node, degraded,
                    "images are skipped, for they take longer than pings: use a coarser "
                    "volume, fewer pings, or every: frame");
@@ -116,6 +94,7 @@ static void publish(struct fixed *f)
 
     f->due = false;
     steady_image(f->steady, &v);
+    f->pace.done++;
     v.imaging_s = 1e-9 * (double)(node_now_ns(f->node) - f->taken_ns);
     node_publish(f->node, topic_volume(), steady_capture_ns(f->steady), &v.base);
     say(f);
@@ -151,7 +130,7 @@ static void take_traces(struct fixed *f, const struct node_message *in)
     if (!due)
         return;
     f->taken_ns = node_now_ns(f->node);
-    f->skipped += f->due;
+    f->pace.skipped += f->due;
     f->due = true;
     if (node_is_replayed(f->node))
         publish(f);

@@ -272,15 +272,13 @@ bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t captur
  */
 
 /* A background has what stands still already. */
-static void mute_clutter(struct steady *s)
+static bool has_background(const struct steady *s)
 {
     bool background = true;
 
     for (size_t k = 0; k < s->n_pings; k++)
         background = background && s->subtracted[k];
-    if (!background)
-        clutter_map_mute(s->clutter, &s->path, &s->motion.mount, s->made.stamp_ns,
-                         s->intensity);
+    return background;
 }
 
 void steady_image(struct steady *s, Anlos__Volume *out)
@@ -289,8 +287,10 @@ void steady_image(struct steady *s, Anlos__Volume *out)
 
     s->motion.path = follows ? &s->path : NULL;
     frames_image(s->frames, &s->motion, s->intensity, &s->made);
-    if (follows && s->cfg.moving_only)
-        mute_clutter(s);
+    bool standing_left = s->cfg.moving_only && !has_background(s);
+    if (follows && standing_left)
+        clutter_map_mute(s->clutter, &s->path, &s->motion.mount, s->made.stamp_ns,
+                         s->intensity);
     s->state = motion_of(s);
     s->counts.images++;
     s->counts.unknown += s->state == STEADY_UNKNOWN;
@@ -298,6 +298,7 @@ void steady_image(struct steady *s, Anlos__Volume *out)
     out->scan = s->scan;
     out->frame = s->round.number;
     out->method = (char *)"frames";
+    out->standing_left = standing_left;
     out->pings_used = (uint32_t)s->made.pings;
     out->pings_expected = (uint32_t)s->n_pings;
     out->microphones_masked = (uint32_t)s->made.microphones_masked;

@@ -5,41 +5,11 @@
 #include "msgs/topics.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/objects.h"
+#include "nodes/rt/pace.h"
 #include "nodes/track/tracking.h"
 
-static void tell_state(struct node *node, const struct tracking *t)
-{
-    if (!tracking_has_survey(t))
-        return;
-    if (!tracking_has_wall(t))
-        node_state(node, ANLOS__HEALTH__STATE__DEGRADED,
-                   "no wall is known: positions are those of the mirror images");
-    else
-        node_state(node, ANLOS__HEALTH__STATE__READY, "ready");
-}
-
-static int take_survey(struct node *node, struct tracking *t, const Anlos__Survey *survey)
-{
-    struct complaint why = {""};
-    int err = tracking_survey(t, survey, &why);
-
-    if (err)
-        node_state(node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
-    else
-        tell_state(node, t);
-    return err;
-}
-
-static void take_walls(struct node *node, struct tracking *t,
-                       const struct node_message *in)
-{
-    struct complaint why = {""};
-
-    if (tracking_walls(t, (const Anlos__WallList *)in->content, in->capture_ns, &why))
-        node_log(node, LOG_LEVEL_WARNING, "walls: %s", why.text);
-    else
-        tell_state(node, t);
-}
+#define BEHIND_NS INT64_C(150000000) /* an image so old has others waiting behind it */
+#define LISTS_NS  INT64_C(250000000) /* but a list comes at least so often */
 
 struct listed { /* the volume that the newest list is of */
     bool any;
@@ -47,101 +17,172 @@ struct listed { /* the volume that the newest list is of */
     int64_t capture_ns;
 };
 
+struct job {
+    struct node *node;
+    struct tracking *tracking;
+    struct listed last;
+    struct pace pace; /* of lists */
+    struct track_counts told;
+};
+
+static size_t counts(void *ctx, struct device_count *out)
+{
+    const struct job *j = ctx;
+
+    out[0] = (struct device_count){"lists", j->pace.done};
+    out[1] = (struct device_count){"images skipped", j->pace.skipped};
+    return 2;
+}
+
+static void tell_state(struct job *j)
+{
+    bool late = pace_is_late(&j->pace, node_machine_ns(j->node));
+
+    if (!tracking_has_survey(j->tracking))
+        return;
+    if (!tracking_has_wall(j->tracking))
+        node_state(j->node, ANLOS__HEALTH__STATE__DEGRADED,
+                   "no wall is known: positions are those of the mirror images");
+    else if (late)
+        node_state(j->node, ANLOS__HEALTH__STATE__DEGRADED,
+                   "images are skipped, for they come faster than objects are found");
+    else
+        node_state(j->node, ANLOS__HEALTH__STATE__READY, "ready");
+}
+
+static int take_survey(struct job *j, const Anlos__Survey *survey)
+{
+    struct complaint why = {""};
+    int err = tracking_survey(j->tracking, survey, &why);
+
+    if (err)
+        node_state(j->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
+    else
+        tell_state(j);
+    return err;
+}
+
+static void take_walls(struct job *j, const struct node_message *in)
+{
+    const Anlos__WallList *walls = (const Anlos__WallList *)in->content;
+    struct complaint why = {""};
+
+    if (tracking_walls(j->tracking, walls, in->capture_ns, &why))
+        node_log(j->node, LOG_LEVEL_WARNING, "walls: %s", why.text);
+    else
+        tell_state(j);
+}
+
 /* How many previews there are, and how often a volume is repeated, depends on the
  * machine.  The lists of a replay do not: there is one for each final image. */
-static bool makes_list(const struct node *node, const struct listed *last,
-                       const struct node_message *in)
+static bool makes_list(const struct job *j, const struct node_message *in)
 {
     const Anlos__Volume *v = (const Anlos__Volume *)in->content;
-    bool has_it = last->any && v->scan == last->scan &&
-                  in->capture_ns == last->capture_ns;
+    bool has_it = j->last.any && v->scan == j->last.scan &&
+                  in->capture_ns == j->last.capture_ns;
 
-    return !node_is_replayed(node) || !(v->preview || (v->repeated && has_it));
+    return !node_is_replayed(j->node) || !(v->preview || (v->repeated && has_it));
+}
+
+/* Of a fixed array, whose images follow each other: what is old is worth less than what
+ * waits behind it.  A replay waits. */
+static bool skips(const struct job *j, const struct node_message *in)
+{
+    const Anlos__Volume *v = (const Anlos__Volume *)in->content;
+
+    return !node_is_replayed(j->node) && v->frame && j->last.any &&
+           node_now_ns(j->node) - in->capture_ns > BEHIND_NS &&
+           in->capture_ns > j->last.capture_ns &&
+           in->capture_ns - j->last.capture_ns < LISTS_NS;
 }
 
 /* A volume that cannot be used is logged; recon repeats the last one of a scan. */
-static void take_volume(struct node *node, struct tracking *t, struct listed *last,
-                        const struct node_message *in)
+static void take_volume(struct job *j, const struct node_message *in)
 {
     const Anlos__Volume *v = (const Anlos__Volume *)in->content;
     Anlos__DetectionList *list = NULL;
     struct complaint why = {""};
 
-    if (!makes_list(node, last, in))
+    if (!makes_list(j, in))
         return;
-    int err = tracking_volume(t, v, in->capture_ns, &list, &why);
+    if (skips(j, in)) {
+        j->pace.skipped++;
+        return;
+    }
+    int err = tracking_volume(j->tracking, v, in->capture_ns, &list, &why);
     if (err && !(err == -ESTALE && v->repeated))
-        node_log(node, LOG_LEVEL_WARNING, "%s", why.text);
+        node_log(j->node, LOG_LEVEL_WARNING, "%s", why.text);
     if (err)
         return;
-    *last = (struct listed){true, v->scan, in->capture_ns};
-    node_publish(node, topic_detections(), in->capture_ns, &list->base);
+    j->last = (struct listed){true, v->scan, in->capture_ns};
+    j->pace.done++;
+    node_publish(j->node, topic_detections(), in->capture_ns, &list->base);
     objects_free(list);
+    tell_state(j);
 }
 
 /* What the tracker had to leave out, said once for each time that it grew. */
-static void tell_losses(struct node *node, const struct tracking *t,
-                        struct track_counts *told)
+static void tell_losses(struct job *j)
 {
-    struct track_counts now = tracking_counts(t);
+    struct track_counts now = tracking_counts(j->tracking);
 
-    if (now.crowded > told->crowded)
-        node_log(node, LOG_LEVEL_WARNING, "more objects than tracks or ids: %zu left out",
-                 (size_t)(now.crowded - told->crowded));
-    if (now.resets > told->resets)
-        node_log(node, LOG_LEVEL_WARNING, "the clock went back: all tracks begin anew");
-    *told = now;
+    if (now.crowded > j->told.crowded)
+        node_log(j->node, LOG_LEVEL_WARNING,
+                 "more objects than tracks or ids: %zu left out",
+                 (size_t)(now.crowded - j->told.crowded));
+    if (now.resets > j->told.resets)
+        node_log(j->node, LOG_LEVEL_WARNING,
+                 "the clock went back: all tracks begin anew");
+    j->told = now;
 }
 
-static int take(struct node *node, struct tracking *t, struct listed *last,
-                const struct node_message *in)
+static int take(struct job *j, const struct node_message *in)
 {
     if (in->topic == topic_survey())
-        return take_survey(node, t, (const Anlos__Survey *)in->content);
+        return take_survey(j, (const Anlos__Survey *)in->content);
     if (in->topic == topic_wall())
-        take_walls(node, t, in);
+        take_walls(j, in);
     else if (in->topic == topic_ego())
-        tracking_ego(t, (const Anlos__EgoMotion *)in->content, in->capture_ns);
+        tracking_ego(j->tracking, (const Anlos__EgoMotion *)in->content, in->capture_ns);
     else
-        take_volume(node, t, last, in);
+        take_volume(j, in);
     return 0;
 }
 
-static int run(struct node *node, struct tracking *t)
+static int run(struct job *j)
 {
     const struct topic *const topics[] = {topic_survey(), topic_wall(), topic_ego(),
                                           topic_volume()};
     struct node_message in;
-    struct listed last = {.any = false};
-    struct track_counts told = {0};
-    int err = node_order_replay(node);
+    int err = node_order_replay(j->node);
 
     for (size_t i = 0; !err && i < sizeof topics / sizeof *topics; i++)
-        err = node_subscribe(node, topics[i]);
-    node_state(node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
+        err = node_subscribe(j->node, topics[i]);
+    node_device(j->node, counts, j);
+    node_state(j->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
     while (!err) {
-        err = node_next(node, &in, -1);
+        err = node_next(j->node, &in, -1);
         if (!err)
-            err = take(node, t, &last, &in);
-        tell_losses(node, t, &told);
+            err = take(j, &in);
+        tell_losses(j);
     }
+    node_device(j->node, NULL, NULL);
     return err;
 }
 
 int main(int argc, char **argv)
 {
-    struct node *node;
-    struct tracking *t = NULL;
+    struct job j = {.node = NULL};
     struct tracking_config cfg;
-    int err =
-        node_create(&node, "track", "Finds the hidden objects in the image.", argc, argv);
+    int err = node_create(&j.node, "track", "Finds the hidden objects in the image.",
+                          argc, argv);
 
     if (err)
         return err - 1;
-    tracking_config(&cfg, node_launch(node));
-    err = tracking_create(&t, &cfg);
+    tracking_config(&cfg, node_launch(j.node));
+    err = tracking_create(&j.tracking, &cfg);
     if (!err)
-        err = run(node, t);
-    tracking_destroy(t);
-    return node_finish(node, err);
+        err = run(&j);
+    tracking_destroy(j.tracking);
+    return node_finish(j.node, err);
 }

@@ -11,6 +11,11 @@ static double ping_s(const struct survey *s)
     return (double)s->slot_samples / s->sample_rate_hz / together;
 }
 
+double timing_age_s(const struct survey *s, size_t n_pings)
+{
+    return n_pings > 1 ? 0.5 * (double)(n_pings - 1) * ping_s(s) : 0.0;
+}
+
 double timing_lag_s(const struct survey *s, size_t n_pings, double range_m)
 {
     bool both_ways = s->chirp_alternates || s->together > 1 || s->n_replica;
@@ -18,9 +23,8 @@ double timing_lag_s(const struct survey *s, size_t n_pings, double range_m)
                          ? 0.5 * s->chirp_duration_s
                          : range_doppler_instant_s(s->chirp_start_hz, s->chirp_stop_hz,
                                                    s->chirp_duration_s);
-    double age_s = n_pings > 1 ? 0.5 * (double)(n_pings - 1) * ping_s(s) : 0.0;
 
-    return shown_s + range_m / s->sound_speed_m_s - age_s;
+    return shown_s + range_m / s->sound_speed_m_s - timing_age_s(s, n_pings);
 }
 
 double timing_fresh(const struct survey *s, size_t n_pings, double dt_s, double look_s)

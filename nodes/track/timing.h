@@ -7,6 +7,9 @@
 
 #include "msgs/survey.h"
 
+/* Of the pings of an image in the mean, at its stamp. */
+double timing_age_s(const struct survey *s, size_t n_pings);
+
 /* From an image's stamp to the instant at which it shows something at a range: the mean
  * of its n_pings pings, which began up to the stamp, the chirp (recon/range_doppler.h),
  * and the way there. */

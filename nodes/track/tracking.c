@@ -153,11 +153,42 @@ static void place_walls(const struct tracking *t, int64_t capture_ns, struct wal
     walls_step(out, &t->detector.survey, &step);
 }
 
+/* Where the array was, in the mean of an image's pings. */
+static void place_array(const struct tracking *t, const struct sight *sight,
+                        const Anlos__Volume *volume, int64_t capture_ns,
+                        struct track_array *out)
+{
+    double age_s = timing_age_s(&t->detector.survey, volume->pings_used);
+    struct ego_step step;
+    double at_m[3], axis[3] = {sight->axes[0][0], sight->axes[1][0], sight->axes[2][0]};
+
+    move_between(t, capture_ns - llrint(1e9 * age_s), capture_ns, &step);
+    ego_step_point(&step, sight->origin_m, at_m);
+    ego_step_turn(&step, axis, axis);
+    memcpy(out->at_m, at_m, sizeof out->at_m);
+    memcpy(out->axis, axis, sizeof out->axis);
+}
+
+/* As the array heard it from there. */
+static void hear(const struct sight *sight, const struct track_array *array,
+                 const double virtual_m[3], struct track_detection *out)
+{
+    double away_m[2];
+
+    for (int a = 0; a < 2; a++) {
+        away_m[a] = sight->origin_m[a] - array->at_m[a];
+        for (int b = 0; b < 3; b++)
+            away_m[a] += sight->axes[a][b] * virtual_m[b];
+    }
+    out->along_m = away_m[0] * array->axis[0] + away_m[1] * array->axis[1];
+    out->range_m = hypot(away_m[0], away_m[1]);
+}
+
 /* The wall's error is the same for all images: no filter takes it for noise.  It comes
  * back in the listing. */
 static void take_detection(const struct tracking *t, const struct sight *sight,
-                           const Anlos__Volume *volume, const Anlos__Detection *m,
-                           struct track_detection *out)
+                           const Anlos__Volume *volume, const struct track_array *array,
+                           const Anlos__Detection *m, struct track_detection *out)
 {
     const double virtual_m[3] = {m->virtual_m->x, m->virtual_m->y, m->virtual_m->z};
     double wall_m2[6];
@@ -175,6 +206,7 @@ static void take_detection(const struct tracking *t, const struct sight *sight,
         out->covariance_m2[i] = fmax(out->covariance_m2[i], 0.0);
     out->lag_s = timing_lag_s(&t->detector.survey, volume->pings_used,
                               hypot(hypot(virtual_m[0], virtual_m[1]), virtual_m[2]));
+    hear(sight, array, virtual_m, out);
 }
 
 /* Where the tracks of the image before are imaged in this one, dt_s later. */
@@ -212,6 +244,7 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
                                                           t->cfg.look_s)
                                            : 1.0,
                               .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
+                              .standing_left = volume->standing_left,
                               .ego_known = true,
                               .shows = sight_shows,
                               .context = sight};
@@ -220,9 +253,11 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
         scan.ego_known = move_between(t, t->stamp_ns, capture_ns, &scan.ego);
     double lag_s = timing_lag_s(&t->detector.survey, volume->pings_used, 0.0);
     place_tracks(t, sight, &scan.ego, fmax(dt_s, 0.0) + lag_s);
+    place_array(t, sight, volume, capture_ns, &scan.array);
     scan.n = candidates_choose(list, sight, t->sources, t->n_reports, t->cfg.sidelobe_db);
     for (size_t i = 0; i < scan.n; i++)
-        take_detection(t, sight, volume, list->detections[i], &t->detections[i]);
+        take_detection(t, sight, volume, &scan.array, list->detections[i],
+                       &t->detections[i]);
     *ego_known = scan.ego_known;
     return tracker_step(t->tracker, &scan);
 }

@@ -482,6 +482,101 @@ static void values_out_of_range_are_refused(void **state)
     assert_null(t);
 }
 
+/* -- images with what stands in them ----------------------------------------------------
+ */
+
+/* Seen from an array at the vehicle's origin that looks along x. */
+static void see_heard(struct rig *r, double x, double y)
+{
+    struct track_detection *d = see(r, x, y, 0.02);
+
+    d->along_m = y;
+    d->range_m = hypot(x, y);
+}
+
+static void begin_with_what_stands(struct rig *r)
+{
+    r->scan.standing_left = true;
+    r->scan.array = (struct track_array){.axis = {0.0, 1.0}};
+}
+
+static void what_stands_in_the_image_is_not_told(void **state)
+{
+    struct rig *r = *state;
+
+    begin_with_what_stands(r);
+    for (int k = 0; k < 20; k++) {
+        see_heard(r, 4.0, 2.0);
+        see_heard(r, 5.0, -2.0 + 0.3 * k);
+        step(r);
+        for (size_t i = 0; i < r->n; i++)
+            assert_near(r->reports[i].position_m[0], 5.0, 0.1);
+    }
+    assert_int_equal(r->n, 1);
+    assert_near(r->reports[0].velocity_m_s[1], 1.2, 0.1);
+}
+
+static void once_a_background_is_taken_away_it_is_told(void **state)
+{
+    struct rig *r = *state;
+
+    begin_with_what_stands(r);
+    for (int k = 0; k < 8; k++) {
+        see_heard(r, 4.0, 2.0);
+        step(r);
+        assert_int_equal(r->n, 0);
+    }
+    r->scan.standing_left = false;
+    see_heard(r, 4.0, 2.0);
+    step(r);
+    assert_int_equal(r->n, 1);
+}
+
+static void what_comes_to_rest_there_ends_as_if_unseen(void **state)
+{
+    struct rig *r = *state;
+    int k = 0;
+
+    begin_with_what_stands(r);
+    for (; k < 8; k++) {
+        see_heard(r, 5.0, -2.0 + 0.3 * k);
+        step(r);
+    }
+    assert_int_equal(r->n, 1);
+    for (; k < 80 && r->reports[0].state != TRACK_DELETED; k++) {
+        see_heard(r, 5.0, 0.4);
+        step(r);
+        assert_int_equal(r->n, 1);
+    }
+    assert_true(k > 8 + 6); /* not before coast_s */
+    assert_true(k < 80);
+}
+
+/* Where it passes, what rests there does not follow it. */
+static void what_passes_by_is_not_taken_for_what_rests(void **state)
+{
+    struct rig *r = *state;
+    unsigned id = 0;
+
+    begin_with_what_stands(r);
+    for (int k = 0; k < 40; k++) {
+        double y = -3.0 + 0.15 * k;
+        if (k < 18 || k > 22)
+            see_heard(r, 4.0, 0.0);
+        if (k > 6)
+            see_heard(r, 4.2, y);
+        step(r);
+        if (r->n && !id)
+            id = r->reports[0].id;
+        assert_true(r->n <= 1);
+        if (r->n) {
+            assert_int_equal(r->reports[0].id, id);
+            assert_near(r->reports[0].position_m[1], y, 0.2);
+        }
+    }
+    assert_int_equal(r->n, 1);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -505,6 +600,10 @@ int main(void)
         TEST(an_id_is_not_given_again_for_half_a_minute),
         TEST(as_many_as_there_can_be),
         TEST(values_out_of_range_are_refused),
+        TEST(what_stands_in_the_image_is_not_told),
+        TEST(once_a_background_is_taken_away_it_is_told),
+        TEST(what_comes_to_rest_there_ends_as_if_unseen),
+        TEST(what_passes_by_is_not_taken_for_what_rests),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,136 @@
+#include "recon/track_rest.h"
+
+#include <math.h>
+#include <string.h>
+
+#define UNKNOWNS 3
+#define LOOSE_M  100.0 /* what is known beforehand: it is within so much of the array */
+
+static void add_equation(struct track_rest *r, const double a[UNKNOWNS], double b,
+                         double weight)
+{
+    for (int i = 0; i < UNKNOWNS; i++) {
+        r->right[i] += weight * a[i] * b;
+        for (int j = 0; j < UNKNOWNS; j++)
+            r->normal[i][j] += weight * a[i] * a[j];
+    }
+    r->squares += weight * b * b;
+}
+
+static void fade(struct track_rest *r, double keep)
+{
+    for (int i = 0; i < UNKNOWNS; i++) {
+        r->right[i] *= keep;
+        for (int j = 0; j < UNKNOWNS; j++)
+            r->normal[i][j] *= keep;
+    }
+    r->squares *= keep;
+    r->looks *= keep;
+}
+
+/* A look's two equations, of unit weight. */
+struct equations {
+    double a[2][UNKNOWNS], b[2], sigma[2];
+};
+
+static void set_equations(const struct track_rest *r, const struct track_rest_look *look,
+                          struct equations *e)
+{
+    double p[2] = {look->array_m[0] - r->origin_m[0], look->array_m[1] - r->origin_m[1]};
+
+    *e = (struct equations){
+        .a = {{look->axis[0], look->axis[1], 0.0}, {-2.0 * p[0], -2.0 * p[1], 1.0}},
+        .b = {look->along_m + look->axis[0] * p[0] + look->axis[1] * p[1],
+              look->range_m * look->range_m - p[0] * p[0] - p[1] * p[1]},
+        .sigma = {look->sigma_m, 2.0 * look->range_m * look->sigma_m}};
+}
+
+void track_rest_add(struct track_rest *r, const struct track_rest_look *look,
+                    double share, double keep)
+{
+    struct equations e;
+
+    if (r->looks > 0.0)
+        fade(r, keep);
+    else
+        memcpy(r->origin_m, look->array_m, sizeof r->origin_m);
+    set_equations(r, look, &e);
+    for (int i = 0; i < 2; i++)
+        add_equation(r, e.a[i], e.b[i], share / (e.sigma[i] * e.sigma[i]));
+    r->looks += share;
+}
+
+/* Cholesky's, of a positive definite matrix, in its lower half. */
+static void decompose(const struct track_rest *r, double l[UNKNOWNS][UNKNOWNS])
+{
+    memcpy(l, r->normal, sizeof r->normal);
+    l[0][0] += 1.0 / (LOOSE_M * LOOSE_M);
+    l[1][1] += 1.0 / (LOOSE_M * LOOSE_M);
+    l[2][2] += 1.0 / (LOOSE_M * LOOSE_M * LOOSE_M * LOOSE_M);
+    for (int j = 0; j < UNKNOWNS; j++) {
+        for (int k = 0; k < j; k++)
+            l[j][j] -= l[j][k] * l[j][k];
+        l[j][j] = sqrt(l[j][j]);
+        for (int i = j + 1; i < UNKNOWNS; i++) {
+            for (int k = 0; k < j; k++)
+                l[i][j] -= l[i][k] * l[j][k];
+            l[i][j] /= l[j][j];
+        }
+    }
+}
+
+/* out = L^-1 b; two of them multiplied are b' (L L')^-1 b. */
+static void forward(const double l[UNKNOWNS][UNKNOWNS], const double b[UNKNOWNS],
+                    double out[UNKNOWNS])
+{
+    for (int i = 0; i < UNKNOWNS; i++) {
+        out[i] = b[i];
+        for (int k = 0; k < i; k++)
+            out[i] -= l[i][k] * out[k];
+        out[i] /= l[i][i];
+    }
+}
+
+static double dot(const double a[UNKNOWNS], const double b[UNKNOWNS])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+double track_rest_misfit(const struct track_rest *r)
+{
+    /* chi-squared of f degrees of freedom (Laurent and Massart 2000, lemma 1): more than
+     * f + 2 sqrt(f x) + 2 x in less than exp(-x) of all cases. */
+    const double x = 11.5;
+    double freedom = fmax(2.0 * r->looks - 2.0, 0.0);
+    double limit = freedom + 2.0 * sqrt(freedom * x) + 2.0 * x;
+    double l[UNKNOWNS][UNKNOWNS], fit[UNKNOWNS];
+
+    if (!(r->looks > 0.0))
+        return 0.0;
+    decompose(r, l);
+    forward((const double(*)[UNKNOWNS])l, r->right, fit);
+    return fmax(r->squares - dot(fit, fit), 0.0) / limit;
+}
+
+double track_rest_distance2(const struct track_rest *r,
+                            const struct track_rest_look *look)
+{
+    double l[UNKNOWNS][UNKNOWNS], fit[UNKNOWNS], across[2][UNKNOWNS], left[2], c[2][2];
+    struct equations e;
+
+    decompose(r, l);
+    forward((const double(*)[UNKNOWNS])l, r->right, fit);
+    set_equations(r, look, &e);
+    for (int i = 0; i < 2; i++) {
+        forward((const double(*)[UNKNOWNS])l, e.a[i], across[i]);
+        left[i] = e.b[i] - dot(across[i], fit);
+    }
+    for (int i = 0; i < 2; i++)
+        for (int j = 0; j < 2; j++)
+            c[i][j] = dot(across[i], across[j]) +
+                      (i == j ? e.sigma[i] * e.sigma[i] : 0.0);
+    double det = c[0][0] * c[1][1] - c[0][1] * c[1][0];
+    return (c[1][1] * left[0] * left[0] - 2.0 * c[0][1] * left[0] * left[1] +
+            c[0][0] * left[1] * left[1]) /
+           det;
+}
