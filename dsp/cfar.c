@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/rank.h"
+
 #define SHAPE_STEP                                                                       \
     0.05 /* of its logarithm: what is nearer is the same, factors are dear */
 
@@ -142,41 +144,15 @@ static size_t train(struct cfar *c, const float *image, size_t cell)
         stride[a] = a ? stride[a - 1] * (ptrdiff_t)g->n[a - 1] : 1;
     }
     for (ptrdiff_t z = first[2]; z <= last[2]; z += step[2])
-        for (ptrdiff_t y = first[1]; y <= last[1]; y += step[1])
-            for (ptrdiff_t x = first[0]; x <= last[0]; x += step[0])
-                if (labs(x) > guard[0] || labs(y) > guard[1] || labs(z) > guard[2]) {
-                    c->sample[n] =
-                        image[(ptrdiff_t)cell + z * stride[2] + y * stride[1] + x];
-                    n += c->sample[n] > 0.0f;
-                }
-    return n;
-}
-
-/* The k-th smallest of x[n], k from 1 (Hoare 1961); turns x around. */
-static float order(float *x, size_t n, size_t k)
-{
-    size_t low = 0, high = n - 1, want = k - 1;
-
-    while (low < high) {
-        float pivot = x[low + (high - low) / 2];
-        size_t i = low, j = high;
-        while (true) {
-            while (x[i] < pivot)
-                i++;
-            while (x[j] > pivot)
-                j--;
-            if (i >= j)
-                break;
-            float swap = x[i];
-            x[i++] = x[j];
-            x[j--] = swap;
+        for (ptrdiff_t y = first[1]; y <= last[1]; y += step[1]) {
+            bool guarded = labs(y) <= guard[1] && labs(z) <= guard[2];
+            const float *row = image + ((ptrdiff_t)cell + z * stride[2] + y * stride[1]);
+            for (ptrdiff_t x = first[0]; x <= last[0]; x += step[0]) {
+                c->sample[n] = row[x];
+                n += row[x] > 0.0f && !(guarded && labs(x) <= guard[0]);
+            }
         }
-        if (want <= j)
-            high = j;
-        else
-            low = j + 1;
-    }
-    return x[want];
+    return n;
 }
 
 static double level_of(struct cfar *c, size_t n)
@@ -184,7 +160,7 @@ static double level_of(struct cfar *c, size_t n)
     double sum = 0.0;
 
     if (c->cfg.kind == CFAR_ORDERED)
-        return (double)order(c->sample, n, rank_of(c, n));
+        return (double)rank_smallest(c->sample, n, rank_of(c, n));
     for (size_t i = 0; i < n; i++)
         sum += (double)c->sample[i];
     return sum / (double)n;

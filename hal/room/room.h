@@ -31,6 +31,11 @@ struct room_object {
  * -ENOMEM. */
 int room_load(struct room **out, const char *path, struct complaint *why);
 
+/* The same with all that is random drawn anew: clutter, roughness, unknown errors, noise.
+ * Draw 0 is the file's own; each other number another one, the same each time. */
+int room_load_drawn(struct room **out, const char *path, uint32_t draw,
+                    struct complaint *why);
+
 /* The survey as the processor should know it (without the unknown errors of the scene).
  */
 const struct survey *room_survey(const struct room *r);

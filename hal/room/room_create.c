@@ -6,13 +6,14 @@
 #include <string.h>
 
 #include "hal/alsa/emission.h"
+#include "hal/random.h"
 #include "hal/room/figure.h"
 #include "hal/room/microphones.h"
 #include "hal/room/motion.h"
 #include "hal/room/reach.h"
 #include "hal/room/room_state.h"
 
-enum { PROBED_POSITIONS = 8, RING_SAMPLES = 256, SIGHT_STEPS = 20000 };
+enum { PROBED_POSITIONS = 8, RING_SAMPLES = 256, SIGHT_STEPS = 20000, STREAM_DRAWS = 12 };
 #define TEMPERATURE_DEFAULT_C 20.0
 #define SLOWEST_SOUND         0.85 /* of the nominal speed, with 30 K of drift */
 #define SIGHT_STEP_S          0.005
@@ -211,7 +212,16 @@ static int complete(struct room *r)
     return err ? err : set_sights(r);
 }
 
-int room_load(struct room **out, const char *path, struct complaint *why)
+/* Seeds of neighbouring scenes are neighbours: their draws are not each other's. */
+static uint32_t draw_seed(uint32_t seed, uint32_t draw)
+{
+    struct random r;
+    random_seed(&r, (uint64_t[]){seed, STREAM_DRAWS, draw}, 3);
+    return draw ? (uint32_t)(random_even(&r) * 0x1p32) : seed;
+}
+
+int room_load_drawn(struct room **out, const char *path, uint32_t draw,
+                    struct complaint *why)
 {
     *out = NULL;
     struct room *r = calloc(1, sizeof *r);
@@ -220,6 +230,7 @@ int room_load(struct room **out, const char *path, struct complaint *why)
     int err = scene_load(&r->scene, &r->survey, path, why);
     if (err)
         goto fail;
+    r->scene->seed = draw_seed(r->scene->seed, draw);
     const struct scene *s = r->scene;
     if (set_truth(r) < 0)
         err = complain(why, -ENOMEM, "%s: out of memory", path);
@@ -240,6 +251,11 @@ int room_load(struct room **out, const char *path, struct complaint *why)
 fail:
     room_destroy(r);
     return err;
+}
+
+int room_load(struct room **out, const char *path, struct complaint *why)
+{
+    return room_load_drawn(out, path, 0, why);
 }
 
 void room_destroy(struct room *r)

@@ -116,7 +116,10 @@ static int hear_drive(struct room *r, const struct room_emission *e)
         scene.n_clutter = 0;
         scene.direct_gain = scene.wall_echo_gain = 0;
     }
-    emitter_execute(r->emitter, &scene, r->rendered);
+    if (stands && !scene.n_hidden) /* all of it is known */
+        memset(r->rendered, 0, r->survey.n_microphones * r->n_heard * sizeof(float));
+    else
+        emitter_execute(r->emitter, &scene, r->rendered);
     wire(r, still);
     return 0;
 }

@@ -8,20 +8,25 @@
 
 #include <fftw3.h>
 
+#include "dsp/vector.h"
+
 enum {
-    FINE = 8,    /* points for each sample */
+    FINE = 4,    /* points for each sample */
+    TERMS = 8,   /* of the series around each */
     MARGIN = 64, /* samples around the emission, where its ends ring */
-    BLOCK = 64   /* samples on a straight axis */
+    BLOCK = 64,  /* samples on a straight axis */
+    LANES = 16   /* samples at once: so many more may be read */
 };
 
 struct wave {
-    size_t n;          /* samples of the emission */
-    size_t n_cells;    /* between points of the table */
-    float (*cells)[4]; /* cubics in the part of a cell, 0..1 */
+    size_t n;      /* samples of the emission */
+    size_t n_row;  /* of a row of the table */
+    float *series; /* [FINE][TERMS][n_row]: of points FINE apart, term by term */
 };
 
-/* The spectrum's derivative'th derivative by the sample, at FINE points a sample. */
-static void transform(const fftwf_complex *spectrum, size_t n, int derivative,
+/* The spectrum's derivative'th derivative by the sample, and of that a term of the series
+ * by the point, at FINE points a sample. */
+static void transform(const fftwf_complex *spectrum, size_t n, int derivative, int term,
                       fftwf_plan plan, fftwf_complex *fine)
 {
     memset(fine, 0, (FINE * n / 2 + 1) * sizeof *fine);
@@ -30,33 +35,22 @@ static void transform(const fftwf_complex *spectrum, size_t n, int derivative,
         double complex x = spectrum[k] / (double)n;
         for (int d = 0; d < derivative; d++)
             x *= I * omega;
+        for (int d = 1; d <= term; d++)
+            x *= I * omega / (FINE * d);
         fine[k] = (float complex)x;
     }
     fftwf_execute(plan);
-}
-
-static void set_cells(struct wave *w, const float *value, const float *slope)
-{
-    for (size_t i = 0; i < w->n_cells; i++) {
-        float *cell = w->cells[i];
-        float a = value[i], b = value[i + 1];
-        float da = slope[i] / FINE, db = slope[i + 1] / FINE;
-        cell[0] = a;
-        cell[1] = da;
-        cell[2] = 3 * (b - a) - 2 * da - db;
-        cell[3] = 2 * (a - b) + da + db;
-    }
 }
 
 static int tabulate(struct wave *w, const float *samples, int derivative)
 {
     size_t n = w->n + 2 * MARGIN + (w->n & 1), n_fine = FINE * n;
     int err = -ENOMEM;
-    float *y = fftwf_alloc_real(n_fine), *values = malloc(n_fine * sizeof *values);
+    float *y = fftwf_alloc_real(n_fine);
     fftwf_complex *spectrum = fftwf_alloc_complex(n / 2 + 1);
     fftwf_complex *fine = fftwf_alloc_complex(n_fine / 2 + 1);
     fftwf_plan forward = NULL, backward = NULL;
-    if (!y || !values || !spectrum || !fine)
+    if (!y || !spectrum || !fine)
         goto out;
     forward = fftwf_plan_dft_r2c_1d((int)n, y, spectrum, FFTW_ESTIMATE);
     backward = fftwf_plan_dft_c2r_1d((int)n_fine, fine, y, FFTW_ESTIMATE);
@@ -65,10 +59,11 @@ static int tabulate(struct wave *w, const float *samples, int derivative)
     memset(y, 0, n * sizeof *y);
     memcpy(y + MARGIN, samples, w->n * sizeof *y);
     fftwf_execute(forward);
-    transform(spectrum, n, derivative, backward, fine);
-    memcpy(values, y, n_fine * sizeof *values);
-    transform(spectrum, n, derivative + 1, backward, fine);
-    set_cells(w, values, y);
+    for (size_t term = 0; term < TERMS; term++) {
+        transform(spectrum, n, derivative, (int)term, backward, fine);
+        for (size_t i = 0; i < n_fine; i++)
+            w->series[(i % FINE * TERMS + term) * w->n_row + i / FINE] = y[i];
+    }
     err = 0;
 out:
     fftwf_destroy_plan(forward);
@@ -76,7 +71,6 @@ out:
     fftwf_free(y);
     fftwf_free(spectrum);
     fftwf_free(fine);
-    free(values);
     return err;
 }
 
@@ -89,9 +83,9 @@ int wave_create(struct wave **out, const float *samples, size_t n, int derivativ
     if (!w)
         return -ENOMEM;
     w->n = n;
-    w->n_cells = FINE * (n + 2 * MARGIN) - 1;
-    w->cells = malloc(w->n_cells * sizeof *w->cells);
-    int err = w->cells ? tabulate(w, samples, derivative) : -ENOMEM;
+    w->n_row = n + (n & 1) + 2 * MARGIN + LANES;
+    w->series = calloc(FINE * TERMS * w->n_row, sizeof *w->series);
+    int err = w->series ? tabulate(w, samples, derivative) : -ENOMEM;
     if (err) {
         wave_destroy(w);
         return err;
@@ -104,59 +98,61 @@ void wave_destroy(struct wave *w)
 {
     if (!w)
         return;
-    free(w->cells);
+    free(w->series);
     free(w);
 }
 
-/* The place in the table at sample t. */
+/* The place in the table at sample t, in points. */
 static double place(const struct wave *w, const struct wave_axis *axis, double t)
 {
     double u = (t - axis->start) / axis->length;
     return FINE * (MARGIN + (double)w->n * (u + axis->bend * u * (1 - u)));
 }
 
-/* Four samples at once; SSE2 and NEON have this everywhere, and it takes half the time.
+/* y[n], and up to LANES beyond, of one point's row: its series at part, part + stride...
  */
-enum { LANES = 4 };
-typedef float lanes __attribute__((vector_size(16), aligned(4), may_alias));
-typedef int places __attribute__((vector_size(16)));
-
-/* y[LANES] += the cubics of four cells at their parts. */
-static inline void add_lanes(const float (*restrict cells)[4], lanes x, float amplitude,
-                             float *restrict y)
+VECTOR_CLONES
+static void sum_series(const float *restrict row, size_t n_row, float part, float stride,
+                       float *restrict y, size_t n)
 {
-    places k = __builtin_convertvector(x, places);
-    lanes f = x - __builtin_convertvector(k, lanes);
-    lanes a = *(const lanes *)cells[k[0]], b = *(const lanes *)cells[k[1]];
-    lanes c = *(const lanes *)cells[k[2]], d = *(const lanes *)cells[k[3]];
-    lanes ab01 = __builtin_shufflevector(a, b, 0, 4, 1, 5);
-    lanes ab23 = __builtin_shufflevector(a, b, 2, 6, 3, 7);
-    lanes cd01 = __builtin_shufflevector(c, d, 0, 4, 1, 5);
-    lanes cd23 = __builtin_shufflevector(c, d, 2, 6, 3, 7);
-    lanes c0 = __builtin_shufflevector(ab01, cd01, 0, 1, 4, 5);
-    lanes c1 = __builtin_shufflevector(ab01, cd01, 2, 3, 6, 7);
-    lanes c2 = __builtin_shufflevector(ab23, cd23, 0, 1, 4, 5);
-    lanes c3 = __builtin_shufflevector(ab23, cd23, 2, 3, 6, 7);
-    *(lanes *)y += amplitude * (c0 + f * (c1 + f * (c2 + f * c3)));
+    for (size_t i = 0; i < n; i += LANES) {
+        float sum[LANES], x[LANES];
+        for (size_t k = 0; k < LANES; k++) {
+            x[k] = part + stride * (float)(int)(i + k);
+            sum[k] = row[(TERMS - 1) * n_row + i + k];
+        }
+        for (size_t term = TERMS - 1; term-- > 0;)
+            for (size_t k = 0; k < LANES; k++)
+                sum[k] = row[term * n_row + i + k] + x[k] * sum[k];
+        memcpy(y + i, sum, sizeof sum);
+    }
 }
 
-/* From a place on, a step for each sample.  The place's whole part is kept apart, so that
- * a float is enough for the rest. */
-static void add_block(const struct wave *w, double at, double step, float amplitude,
-                      float *restrict y, size_t n)
+/* y[n] from a place on, a step for each sample.  As long as an axis is not far from the
+ * recording's pace, samples in a row are near points FINE apart: on while the part that
+ * is left is within 1. */
+static void read_block(const struct wave *w, double at, double step, float *restrict y,
+                       size_t n)
 {
-    size_t whole = (size_t)at, i = 0;
-    float part = (float)(at - (double)whole), stride = (float)step;
-    const lanes ramp = {0, stride, 2 * stride, 3 * stride};
-    const float(*cells)[4] = (const float(*)[4])w->cells + whole;
-    for (; i + LANES <= n; i += LANES)
-        add_lanes(cells, part + stride * (float)i + ramp, amplitude, y + i);
-    for (; i < n; i++) {
-        float x = part + stride * (float)i;
-        const float *c = cells[(int)x];
-        float f = x - (float)(int)x;
-        y[i] += amplitude * (c[0] + f * (c[1] + f * (c[2] + f * c[3])));
+    double stride = step - FINE, each = stride == 0 ? 0 : 1 / stride;
+    for (size_t i = 0, run; i < n; i += run) {
+        double here = at + step * (double)i;
+        size_t point = (size_t)here + (stride > 0);
+        double part = here - (double)point;
+        double length = each == 0 ? (double)n : ((stride > 0 ? 1 : -1) - part) * each;
+        run = length < (double)(n - i) ? (size_t)length + 1 : n - i;
+        run = run < n - i ? run : n - i;
+        sum_series(w->series + point % FINE * TERMS * w->n_row + point / FINE, w->n_row,
+                   (float)part, (float)stride, y + i, run);
     }
+}
+
+VECTOR_CLONES
+static void add_scaled(const float *restrict x, float amplitude, float *restrict y,
+                       size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        y[i] += amplitude * x[i];
 }
 
 void wave_add(const struct wave *w, const struct wave_axis *axis, float amplitude,
@@ -169,12 +165,17 @@ void wave_add(const struct wave *w, const struct wave_axis *axis, float amplitud
         return;
     size_t i = first > 0 ? (size_t)first : 0;
     size_t end = last + 1 < (double)n ? (size_t)last + 1 : n;
-    double limit = (double)w->n_cells - 1;
+    double limit = FINE * (double)(w->n + 2 * MARGIN) - 1, a, b;
+    b = place(w, axis, (double)i);
     while (i < end) {
+        float block[BLOCK + LANES];
         size_t m = end - i < BLOCK ? end - i : BLOCK;
-        double a = place(w, axis, (double)i), b = place(w, axis, (double)(i + m));
-        if (a >= 0 && b > a && b < limit)
-            add_block(w, a, (b - a) / (double)m, amplitude, y + i, m);
+        a = b;
+        b = place(w, axis, (double)(i + m));
+        if (a >= 1 && b > a && b < limit) {
+            read_block(w, a, (b - a) / (double)m, block, m);
+            add_scaled(block, amplitude, y + i, m);
+        }
         i += m;
     }
 }

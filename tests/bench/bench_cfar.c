@@ -1,8 +1,10 @@
 /* Does the false-alarm rate hold?  Coherent images of a line array, of noise alone and of
  * clutter (so many scatterers around that each voxel hears several), at set rates; what
- * part of the voxels is brighter than its threshold.
+ * part of the voxels is brighter than its threshold, and between what that lies with 95 %
+ * confidence: bright voxels come in groups, so it is the seeds, new noise and clutter
+ * each, that are counted as independent (Student's t).
  *
- *     bench_cfar [SEEDS]        default: 10 */
+ *     bench_cfar [SEEDS]        default: 100, from 2 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -39,7 +41,8 @@ struct bench {
     struct room *room;
     struct processing processing;
     float *intensity;
-    double above[KINDS][RATES], cells, shape, heavy, seconds, tested;
+    double sum[KINDS][RATES], squares[KINDS][RATES]; /* of the seeds' rates */
+    double shape[KINDS], heavy[KINDS], seconds[KINDS], tested, seeds;
 };
 
 static int write_scene(const struct bench *b, const char *world, unsigned seed)
@@ -108,33 +111,58 @@ static int image(struct bench *b, struct complaint *why)
     return err;
 }
 
+/* The voxels above their thresholds at one rate, of those that were at the one before. */
+static size_t pick(struct cfar *cfar, const float *intensity, uint32_t *voxels, size_t n)
+{
+    size_t above = 0;
+
+    for (size_t i = 0; i < n; i++)
+        if ((double)intensity[voxels[i]] > cfar_at(cfar, intensity, voxels[i]).threshold)
+            voxels[above++] = voxels[i];
+    return above;
+}
+
+static int judge_kind(struct bench *b, int k, const double resolution_m[3],
+                      uint32_t *voxels)
+{
+    size_t n = grid_size(&b->processing.grid), left = n;
+
+    for (size_t v = 0; v < n; v++)
+        voxels[v] = (uint32_t)v;
+    for (int r = 0; r < RATES; r++) { /* they fall: thresholds rise */
+        struct cfar *cfar;
+        int err =
+            detect_cfar(&cfar, kinds[k], rates[r], &b->processing.grid, resolution_m);
+        if (err)
+            return err;
+        cfar_learn(cfar, b->intensity);
+        b->shape[k] += r ? 0.0 : cfar_noise(cfar)->shape;
+        b->heavy[k] += r ? 0.0 : cfar_noise(cfar)->heavy;
+        clock_t start = clock();
+        left = pick(cfar, b->intensity, voxels, left);
+        b->seconds[k] += r ? 0.0 : (double)(clock() - start) / CLOCKS_PER_SEC;
+        b->sum[k][r] += (double)left / (double)n;
+        b->squares[k][r] += pow((double)left / (double)n, 2.0);
+        cfar_destroy(cfar);
+    }
+    return 0;
+}
+
 static int judge(struct bench *b)
 {
     struct processing *p = &b->processing;
-    double resolution_m[3];
     size_t n = grid_size(&p->grid);
+    uint32_t *voxels = malloc(n * sizeof *voxels);
+    double resolution_m[3];
+    int err = voxels ? 0 : -ENOMEM;
 
     geometry_resolution(&p->geometry, p->band_hz, 2.5, resolution_m);
-    for (int k = 0; k < KINDS; k++) {
-        for (int r = 0; r < RATES; r++) {
-            struct cfar *cfar;
-            int err = detect_cfar(&cfar, kinds[k], rates[r], &p->grid, resolution_m);
-            if (err)
-                return err;
-            cfar_learn(cfar, b->intensity);
-            b->shape = cfar_noise(cfar)->shape;
-            b->heavy += cfar_noise(cfar)->heavy;
-            clock_t start = clock();
-            for (size_t v = 0; v < n; v++)
-                b->above[k][r] += (double)b->intensity[v] >
-                                  cfar_at(cfar, b->intensity, v).threshold;
-            b->seconds += (double)(clock() - start) / CLOCKS_PER_SEC;
-            b->tested += (double)n;
-            cfar_destroy(cfar);
-        }
-    }
-    b->cells += (double)n;
-    return 0;
+    for (int k = 0; !err && k < KINDS; k++)
+        err = judge_kind(b, k, resolution_m, voxels);
+    b->tested += (double)n;
+    b->seeds++;
+    free(voxels);
+    return err;
 }
 
 static int run_seed(struct bench *b, const char *world, unsigned seed,
@@ -159,33 +187,74 @@ static int run_seed(struct bench *b, const char *world, unsigned seed,
     return err;
 }
 
+/* Student's t for 95 % on both sides, by its series about the normal distribution
+ * (Abramowitz and Stegun 26.7.5). */
+static double student(double freedom)
+{
+    double z = 1.959964, z3 = pow(z, 3.0), z5 = pow(z, 5.0);
+
+    return z + (z3 + z) / (4.0 * freedom) +
+           (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * freedom * freedom);
+}
+
+static void print_rate(const struct bench *b, int k, int r)
+{
+    double n = b->seeds, mean = b->sum[k][r] / n;
+    double variance = fmax(b->squares[k][r] / n - mean * mean, 0.0) * n / (n - 1.0);
+    if (b->sum[k][r] == 0.0) { /* which says little of how far off that is */
+        printf("  %5.2f %11s", 0.0, "(none)");
+        return;
+    }
+    double sigma = student(n - 1.0) * sqrt(variance / n);
+
+    printf("  %5.2f (%.2f-%.2f)", mean / rates[r], fmax(mean - sigma, 0.0) / rates[r],
+           (mean + sigma) / rates[r]);
+}
+
+static void print_case(const struct bench *b, const char *name)
+{
+    for (int k = 0; k < KINDS; k++) {
+        printf("%-13s %-10s %6.2f", name, kind_names[k], b->shape[k] / b->seeds);
+        for (int r = 0; r < RATES; r++)
+            print_rate(b, k, r);
+        printf("   tail fitted %3.0f %%, %.1f us a cell\n",
+               100.0 * b->heavy[k] / b->seeds, 1e6 * b->seconds[k] / b->tested);
+    }
+    fflush(stdout);
+}
+
+static int run_case(size_t c, unsigned seeds)
+{
+    struct bench b = {.path = "/tmp/bench_cfar_XXXXXX"};
+    struct complaint why = {""};
+    int fd = mkstemp(b.path), err = 0;
+
+    if (fd >= 0)
+        close(fd);
+    for (unsigned seed = 1; !err && seed <= seeds; seed++)
+        err = run_seed(&b, cases[c].world, seed, &why);
+    if (err)
+        fprintf(stderr, "bench_cfar: %s (%d)\n", why.text, err);
+    else
+        print_case(&b, cases[c].name);
+    unlink(b.path);
+    return err;
+}
+
 int main(int argc, char **argv)
 {
-    unsigned seeds = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 10) : 10;
-    int err = 0;
+    unsigned seeds = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 10) : 100;
+    int err = seeds < 2 ? -EINVAL : 0;
 
-    printf("%-13s %-10s %6s  measured over set rate, at", "", "", "shape");
-    for (int r = 0; r < RATES; r++)
-        printf(" %8.0e", rates[r]);
+    if (err)
+        fprintf(stderr, "usage: bench_cfar [SEEDS], from 2\n");
+    else
+        printf("%u seeds %23s measured over set rate (95 %% confidence), at\n%31s", seeds,
+               "", "shape");
+    for (int r = 0; !err && r < RATES; r++)
+        printf("  %5.0e            ", rates[r]);
     printf("\n");
-    for (size_t c = 0; !err && c < sizeof cases / sizeof *cases; c++) {
-        struct bench b = {.path = "/tmp/bench_cfar_XXXXXX"};
-        struct complaint why = {""};
-        int fd = mkstemp(b.path);
-        if (fd >= 0)
-            close(fd);
-        for (unsigned seed = 1; !err && seed <= seeds; seed++)
-            err = run_seed(&b, cases[c].world, seed, &why);
-        for (int k = 0; !err && k < KINDS; k++) {
-            printf("%-13s %-10s %6.2f %27s", cases[c].name, kind_names[k], b.shape, "");
-            for (int r = 0; r < RATES; r++)
-                printf(" %8.2f", b.above[k][r] / b.cells / rates[r]);
-            printf("   tail fitted %3.0f %%, %.1f us a cell\n",
-                   100.0 * b.heavy / (seeds * KINDS * RATES), 1e6 * b.seconds / b.tested);
-        }
-        unlink(b.path);
-        if (err)
-            fprintf(stderr, "bench_cfar: %s (%d)\n", why.text, err);
-    }
+    for (size_t c = 0; !err && c < sizeof cases / sizeof *cases; c++)
+        err = run_case(c, seeds);
     return err ? 1 : 0;
 }

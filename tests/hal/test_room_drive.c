@@ -272,6 +272,49 @@ static void emissions_that_cannot_be_are_refused(void **state)
 
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
+/* Its correlation coefficient with another one. */
+static double alike(const float *a, const float *b, size_t n)
+{
+    double ab = 0, aa = 0, bb = 0;
+    for (size_t i = 0; i < n; i++) {
+        ab += (double)a[i] * b[i];
+        aa += (double)a[i] * a[i];
+        bb += (double)b[i] * b[i];
+    }
+    return ab / sqrt(aa * bb);
+}
+
+static void each_draw_has_clutter_and_noise_of_its_own(void **state)
+{
+    static const char *const worlds[] = {
+        "clutter: {points: 30, scattering_length_m: 0.05, near_m: 1, far_m: 4}\n",
+        "noise: {rms: 0.01}\n"};
+    for (size_t k = 0; k < 2; k++) {
+        char text[1024];
+        snprintf(text, sizeof text,
+                 DRIVE_TIMING DRIVE_PAIR DRIVE_WALL "drive: {period_s: 1}\nseed: 3\n%s",
+                 worlds[k]);
+        const char *path = scratch_write(*state, "scene.yaml", text);
+        struct room *rooms[4];
+        float *heard[4];
+        static const uint32_t draws[4] = {0, 0, 1, 2};
+        assert_int_equal(room_load(&rooms[0], path, NULL), 0);
+        for (int i = 1; i < 4; i++)
+            assert_int_equal(room_load_drawn(&rooms[i], path, draws[i], NULL), 0);
+        for (int i = 0; i < 4; i++)
+            heard[i] = drive_emit(rooms[i], 0.3, ANLOS__PASS__SCENE, 1);
+        size_t n = room_frames(rooms[0], 1);
+        assert_memory_equal(heard[0], heard[1], n * sizeof(float));
+        assert_true(fabs(alike(heard[0], heard[2], n)) < 0.3);
+        assert_true(fabs(alike(heard[0], heard[3], n)) < 0.3);
+        assert_true(fabs(alike(heard[2], heard[3], n)) < 0.3);
+        for (int i = 0; i < 4; i++) {
+            room_destroy(rooms[i]);
+            free(heard[i]);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -284,6 +327,7 @@ int main(void)
         TEST(an_emission_depends_on_time_pass_and_take_alone),
         TEST(what_is_not_there_is_not_heard),
         TEST(emissions_that_cannot_be_are_refused),
+        TEST(each_draw_has_clutter_and_noise_of_its_own),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

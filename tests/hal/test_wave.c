@@ -84,6 +84,40 @@ static void a_shifted_stretched_and_bent_axis_is_followed(void **state)
     }
 }
 
+/* A tone under Hann's window: band-limited but for 1 / f^3. */
+static double tone(double u, double hz)
+{
+    double w = u < 0 || u > N_CHIRP ? 0 : 0.5 - 0.5 * cos(2 * M_PI * u / N_CHIRP);
+    return w * cos(2 * M_PI * hz / RATE_HZ * u + 0.3);
+}
+
+static void a_tone_is_read_to_90_db_at_any_pace(void **state)
+{
+    static const double paces[] = {1, 1.0002, 0.9999, 1.012, 0.988, 1.06, 0.93};
+    static const double tones_hz[] = {300, 2000, 11000, 20000};
+    (void)state;
+    for (size_t f = 0; f < sizeof tones_hz / sizeof *tones_hz; f++) {
+        float samples[N_CHIRP];
+        struct wave *w;
+        for (int i = 0; i < N_CHIRP; i++)
+            samples[i] = (float)tone(i, tones_hz[f]);
+        assert_int_equal(wave_create(&w, samples, N_CHIRP, 0), 0);
+        for (size_t k = 0; k < sizeof paces / sizeof *paces; k++) {
+            struct wave_axis axis = {141.59, N_CHIRP * paces[k], 0};
+            double error = 0, power = 0;
+            float y[N] = {0};
+            wave_add(w, &axis, 1, y, N);
+            for (int i = 0; i < N; i++) {
+                double u = N_CHIRP * (i - axis.start) / axis.length;
+                error += pow(y[i] - tone(u, tones_hz[f]), 2);
+                power += pow(tone(u, tones_hz[f]), 2);
+            }
+            assert_true(10 * log10(error / power) < -90);
+        }
+        wave_destroy(w);
+    }
+}
+
 static void what_falls_outside_of_the_recording_is_left_out(void **state)
 {
     struct wave *w = create(0);
@@ -104,6 +138,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(on_its_own_axis_an_emission_is_itself),
         cmocka_unit_test(a_shifted_stretched_and_bent_axis_is_followed),
+        cmocka_unit_test(a_tone_is_read_to_90_db_at_any_pace),
         cmocka_unit_test(what_falls_outside_of_the_recording_is_left_out),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -25,7 +25,8 @@ static int setup(void **state)
 
     if (!r || room_load(&r->room, SCENE, NULL))
         return -1;
-    drive_score_init(&r->score, r->room, 0.0);
+    const struct drive_truth truth = drive_truth_room(r->room);
+    drive_score_init(&r->score, &truth, room_survey(r->room), 0.0);
     *state = r;
     return 0;
 }
@@ -83,9 +84,9 @@ static void what_is_right_has_no_distance_but_its_own(void **state)
     assert_int_equal(r->moment.n_tracks, 1);
     assert_near(r->moment.gospa_m, 0.03, 1e-9);
     assert_near(r->moment.ospa_m, 0.03, 1e-9);
-    assert_near(drive_rms(&r->score.position2), 0.03, 1e-9);
-    assert_near(drive_rms(&r->score.velocity2), 0.1, 1e-9);
-    assert_near(drive_mean(&r->score.seen), 1.0, 1e-9);
+    assert_near(drive_rms(&r->score.result.position2), 0.03, 1e-9);
+    assert_near(drive_rms(&r->score.result.velocity2), 0.1, 1e-9);
+    assert_near(drive_mean(&r->score.result.seen), 1.0, 1e-9);
 }
 
 /* c = 1 m, p = 2: sqrt(1 / 2). */
@@ -97,12 +98,12 @@ static void who_is_missed_costs_half_the_cutoff(void **state)
     assert_near(r->moment.gospa_m, sqrt(0.5), 1e-9);
     assert_near(r->moment.missed_m, sqrt(0.5), 1e-9);
     assert_near(r->moment.ospa_m, 1.0, 1e-9);
-    assert_near(drive_mean(&r->score.seen), 0.0, 1e-9);
-    assert_int_equal(r->score.n_entries, 1);
+    assert_near(drive_mean(&r->score.result.seen), 0.0, 1e-9);
+    assert_int_equal(r->score.result.n_entries, 1);
     drive_score_list(&r->score, 7.9, 7.93, &none, &none, &r->moment); /* gone by */
     drive_score_end(&r->score);
-    assert_int_equal(r->score.n_entries, 1);
-    assert_int_equal(r->score.n_late, 1);
+    assert_int_equal(r->score.result.n_entries, 1);
+    assert_int_equal(r->score.result.n_late, 1);
 }
 
 /* At the start the person is 4.7 m away, by way of the wall: out of the gate. */
@@ -119,7 +120,7 @@ static void who_is_out_of_the_gate_may_be_tracked_or_not(void **state)
     assert_int_equal(r->moment.n_objects, 0);
     assert_int_equal(r->moment.n_tracks, 0);
     drive_score_end(&r->score);
-    assert_int_equal(r->score.n_false_tracks, 0);
+    assert_int_equal(r->score.result.n_false_tracks, 0);
 }
 
 static void a_track_that_was_never_near_anyone_is_false(void **state)
@@ -133,12 +134,12 @@ static void a_track_that_was_never_near_anyone_is_false(void **state)
     tell(&told, r, 4.5, 2.0, ANLOS__MEASUREMENT__DELETED, 5);
     drive_score_list(&r->score, 4.5, 4.53, &told.list, &none, &r->moment);
     assert_int_equal(r->moment.n_tracks, 0);
-    assert_int_equal(r->score.n_false_tracks, 1);
+    assert_int_equal(r->score.result.n_false_tracks, 1);
     /* The same id again, and this time it is somebody. */
     tell(&told, r, 5.0, 0.2, ANLOS__MEASUREMENT__NEW, 5);
     drive_score_list(&r->score, 5.0, 5.03, &told.list, &none, &r->moment);
     drive_score_end(&r->score);
-    assert_int_equal(r->score.n_false_tracks, 1);
+    assert_int_equal(r->score.result.n_false_tracks, 1);
 }
 
 /* The image is at (x, 3.1) in the array frame, x = -3.6 + 1.2 (t - 2): its range is 4.1 m
@@ -151,13 +152,13 @@ static void time_runs_from_the_gate_to_the_track_and_on_to_the_sight(void **stat
 
     tell(&told, r, 3.0, 0.0, ANLOS__MEASUREMENT__NEW, 1);
     drive_score_list(&r->score, 3.0, 3.1, &told.list, &told.list, &r->moment);
-    assert_near(drive_mean(&r->score.delay), 3.1 - 2.764, 0.011);
-    assert_near(drive_mean(&r->score.lead), 4.278 - 3.1, 0.02);
-    assert_int_equal(r->score.n_entries, 1);
+    assert_near(drive_mean(&r->score.result.delay), 3.1 - 2.764, 0.011);
+    assert_near(drive_mean(&r->score.result.lead), 4.278 - 3.1, 0.02);
+    assert_int_equal(r->score.result.n_entries, 1);
     /* Later lists change nothing. */
     tell(&told, r, 3.5, 0.0, ANLOS__MEASUREMENT__MEASURED, 1);
     drive_score_list(&r->score, 3.5, 3.6, &told.list, &told.list, &r->moment);
-    assert_int_equal(r->score.delay.n, 1);
+    assert_int_equal(r->score.result.delay.n, 1);
 }
 
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)

@@ -46,6 +46,18 @@ static double figure(const json_t *o, const char *name)
     return json_number_value(x);
 }
 
+static void check_lines(const char *path, int expected)
+{
+    FILE *f = fopen(path, "r");
+    int n = 0, c;
+
+    assert_non_null(f);
+    while ((c = fgetc(f)) != EOF)
+        n += c == '\n';
+    fclose(f);
+    assert_int_equal(n, expected);
+}
+
 static void a_person_is_tracked_and_scored(void **state)
 {
     struct scratch *s = *state;
@@ -54,21 +66,27 @@ static void a_person_is_tracked_and_scored(void **state)
     scratch_write(s, "person.yaml", scene);
     char *settings = strdup(scratch_write(s, "drive.yaml", launch));
     char *out = strdup(scratch_path(s, "out"));
-    char *argv[] = {"bench", "drive", "--launch",  settings, "--seeds", "1",
-                    "--out", out,     "--threads", "1",      NULL};
+    char *argv[] = {"bench", "drive",     "--launch", settings, "--seeds", "2", "--out",
+                    out,     "--threads", "1",        "--jobs", "2",       NULL};
     command_run(&r, command_bench, argv);
     assert_int_equal(r.code, 0);
     assert_non_null(strstr(r.out, "person "));
+    assert_non_null(strstr(r.out, "worst of 2 "));
     json_t *all = json_load_file(scratch_path(s, "out/drive.json"), 0, NULL);
     const json_t *o = json_object_get(all, "person");
     assert_non_null(o);
-    assert_near(figure(o, "objects_entered"), 1.0, 0.0);
+    assert_near(figure(o, "drives"), 2.0, 0.0);
+    assert_near(figure(o, "objects_entered"), 2.0, 0.0);
     assert_near(figure(o, "objects_without_track"), 0.0, 0.0);
     assert_near(figure(o, "detection_probability"), 1.0, 0.1);
     assert_near(figure(o, "echo_to_track_s"), 0.5, 0.5);
     assert_near(figure(o, "position_rms_m"), 0.1, 0.1);
     assert_near(figure(o, "velocity_rms_m_s"), 0.25, 0.25);
     assert_near(figure(o, "gospa_m"), 0.2, 0.2);
+    const json_t *worst = json_object_get(o, "worst");
+    assert_true(figure(worst, "gospa_m") > figure(o, "gospa_m"));
+    assert_true(figure(worst, "position_rms_m") > figure(o, "position_rms_m"));
+    check_lines(scratch_path(s, "out/drives.csv"), 3);
     assert_int_equal(access(scratch_path(s, "out/person.csv"), R_OK), 0);
     assert_int_equal(access(scratch_path(s, "out/person.svg"), R_OK), 0);
     assert_int_equal(access(scratch_path(s, "out/person.png"), R_OK), 0);
@@ -92,6 +110,18 @@ static void what_is_not_a_drive_is_refused(void **state)
     command_run(&r, command_bench, nothing);
     assert_int_equal(r.code, 2);
     assert_non_null(strstr(r.err, "expected --scenes FILE,... or --launch FILE"));
+    char *both[] = {"bench", "drive", "--seeds", "2", "--hours", "1", NULL};
+    command_run(&r, command_bench, both);
+    assert_int_equal(r.code, 2);
+    char *much[] = {"bench",    "drive",
+                    "--launch", SOURCE_DIR "/launch/drive.yaml",
+                    "--scenes", SOURCE_DIR "/launch/scenes/drive-nothing.yaml",
+                    "--hours",  "1e9",
+                    "--out",    out,
+                    NULL};
+    command_run(&r, command_bench, much);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "--hours 1e+09"));
     free(out);
 }
 

@@ -18,8 +18,10 @@ static const char help[] =
     "                   [--recordings DIR] [--out DIR] [--quick] ...\n"
     "       anlos bench detection [--methods NAME,...] [--seeds N] [--out DIR] "
     "[--quick]\n"
-    "       anlos bench drive [--scenes FILE,...] [--launch FILE] [--seeds N] [--out "
-    "DIR]\n"
+    "       anlos bench drive [--scenes FILE,...] [--launch FILE] [--seeds N | --hours "
+    "H]\n"
+    "                   [--rounds N] [--jobs N] [--out DIR]\n"
+    "       anlos bench drive --bag FILE,... --truth FILE [--out DIR]\n"
     "\n"
     "speed-error images scenes whose truth is known by every method, with all and with\n"
     "fewer speakers and positions, on finer and coarser grids, in other bands, with "
@@ -31,7 +33,10 @@ static const char help[] =
     "one point is placed in noise beside what is possible at all (Cramer-Rao).\n"
     "detection measures how often one point is found in how much noise.\n"
     "drive tracks what hides in simulated drives, at simulated time, and tells how far\n"
-    "the tracks are from the truth.\n"
+    "the tracks are from the truth: of all drives of a scene, and of the worst for each\n"
+    "figure.  Clutter, noise and unknown errors of each drive are its own.  With --bag "
+    "it\n"
+    "takes the tracks of recorded drives as they were recorded.\n"
     "\n"
     "  --scenes NAME,...    points, corner_reflectors, letter_H, letters_LT (these four "
     "by\n"
@@ -48,12 +53,29 @@ static const char help[] =
     "                       channel_mapping.txt\n"
     "  --out DIR            default: out/bench\n"
     "  --limit-s SECONDS    skips a run that is predicted to take longer; default 20\n"
-    "  --threads N          at most; default: one for each processor\n"
-    "  --seeds N            of noise; default 32, of detection 400; 0: no noise\n"
+    "  --threads N          at most; default: one for each processor; of drive: for "
+    "each\n"
+    "                       drive, 1\n"
+    "  --seeds N            of noise; default 32, of detection 400; 0: no noise; of "
+    "drive:\n"
+    "                       drives of each scene, 3 or (--quick) 1, the first as its "
+    "file\n"
+    "                       says\n"
     "  --launch FILE        of drive: settings, and the scene where --scenes has none;\n"
     "                       default: a recorded background, the wall as the vehicle "
     "tells\n"
-    "                       it; seeds are rounds of the drive then, 3 or (--quick) 1\n"
+    "                       it\n"
+    "  --hours H            of drive: as many drives of each scene as take so long\n"
+    "  --rounds N           of drive: times that each goes through its scene, with the "
+    "same\n"
+    "                       clutter; default 1\n"
+    "  --jobs N             of drive: side by side; default: one for each processor\n"
+    "  --bag FILE,...       of drive: recorded ones, in place of --launch\n"
+    "  --truth FILE         who was there: lines of time_s,id,kind,x_m,y_m, which is "
+    "the\n"
+    "                       first line; Unix time, vehicle frame; of a recorded "
+    "simulation\n"
+    "                       --scenes FILE says it\n"
     "  --quick              few methods and parameters: under a minute\n"
     "  --help               this text\n"
     "\n"
@@ -64,8 +86,9 @@ static const char help[] =
     "  noise-lateral, noise-depth, noise.csv\n"
     "  growth-time, growth-memory\n"
     "  detection.csv        of detection\n"
-    "  drive.json           of drive: all figures, and for each scene\n"
-    "  SCENE.csv, .svg, .png    GOSPA and OSPA over time\n"
+    "  drives.csv           of drive: a line for each, as soon as it is done\n"
+    "  drive.json           all figures of each scene or bag\n"
+    "  NAME.csv, .svg, .png     GOSPA and OSPA over time, of its first drive\n"
     "  scenes/              what was simulated, or the surveys of what was read\n"
     "\n"
     "example\n"
@@ -85,6 +108,11 @@ enum option_code {
     OPTION_THREADS,
     OPTION_SEEDS,
     OPTION_LAUNCH,
+    OPTION_HOURS,
+    OPTION_ROUNDS,
+    OPTION_JOBS,
+    OPTION_BAG,
+    OPTION_TRUTH,
     OPTION_QUICK,
 };
 
@@ -98,6 +126,11 @@ static const struct option options[] = {
     {"threads", required_argument, NULL, OPTION_THREADS},
     {"seeds", required_argument, NULL, OPTION_SEEDS},
     {"launch", required_argument, NULL, OPTION_LAUNCH},
+    {"hours", required_argument, NULL, OPTION_HOURS},
+    {"rounds", required_argument, NULL, OPTION_ROUNDS},
+    {"jobs", required_argument, NULL, OPTION_JOBS},
+    {"bag", required_argument, NULL, OPTION_BAG},
+    {"truth", required_argument, NULL, OPTION_TRUTH},
     {"quick", no_argument, NULL, OPTION_QUICK},
     {"help", no_argument, NULL, 'h'},
     {NULL, 0, NULL, 0},
@@ -124,6 +157,26 @@ static int take_option(struct bench_options *o, int code)
     case OPTION_LAUNCH:
         o->launch = optarg;
         return 0;
+    case OPTION_BAG:
+        o->bags = optarg;
+        return *optarg ? 0 : usage_error("bench", "--bag: expected files");
+    case OPTION_TRUTH:
+        o->truth = optarg;
+        return 0;
+    case OPTION_HOURS:
+        return usage_positive(optarg, &o->hours)
+                   ? usage_error("bench", "--hours %s: expected hours above 0", optarg)
+                   : 0;
+    case OPTION_ROUNDS:
+        return usage_count(optarg, 1, MAX_SEEDS, &o->rounds)
+                   ? usage_error("bench", "--rounds %s: expected a number from 1 to %d",
+                                 optarg, MAX_SEEDS)
+                   : 0;
+    case OPTION_JOBS:
+        return usage_count(optarg, 1, MAX_THREADS, &o->jobs)
+                   ? usage_error("bench", "--jobs %s: expected a number from 1 to %d",
+                                 optarg, MAX_THREADS)
+                   : 0;
     case OPTION_QUICK:
         o->quick = true;
         return 0;
@@ -159,11 +212,29 @@ static int run(const struct bench_options *o,
                                                                  : EXIT_FAILED;
 }
 
+/* What only drives have, and what of it goes together; and the threads. */
+static int check_drive(struct bench_options *o, bool drive)
+{
+    if (!o->threads)
+        o->threads = drive ? 1 : usage_default_threads();
+    if (!drive && (o->launch || o->bags || o->truth || o->hours > 0.0))
+        return usage_error("bench",
+                           "--launch, --bag, --truth, --hours: only drive takes them");
+    if (o->bags && (o->launch || o->hours > 0.0))
+        return usage_error("bench", "--bag: without --launch and --hours");
+    if (o->truth && !o->bags)
+        return usage_error("bench", "--truth: expected --bag FILE,... too");
+    if (o->hours > 0.0 && o->seeds != BENCH_USUAL_SEEDS)
+        return usage_error("bench", "--hours and --seeds: expected one of them");
+    return 0;
+}
+
 int command_bench(int argc, char **argv)
 {
     struct bench_options o = {.out = "out/bench",
                               .limit_s = LIMIT_S,
-                              .threads = usage_default_threads(),
+                              .rounds = 1,
+                              .jobs = usage_default_threads(),
                               .seeds = BENCH_USUAL_SEEDS};
     struct usage usage = {.command = "bench", .help = help, .options = options};
     int code;
@@ -185,7 +256,7 @@ int command_bench(int argc, char **argv)
         return usage_error("bench", "detection makes its own scene");
     if (!speed && !o.seeds)
         return usage_error("bench", "--seeds 0: %s needs some", what);
-    if (!drive && o.launch)
-        return usage_error("bench", "--launch: only drive takes one");
+    if ((code = check_drive(&o, drive)) != 0)
+        return code;
     return run(&o, speed ? bench_speed : drive ? bench_drive : bench_detection);
 }

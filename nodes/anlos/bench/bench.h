@@ -14,11 +14,14 @@ struct bench_options {   /* borrow from argv */
     const char *scenes;  /* names or scene files with commas; NULL: the usual ones */
     const char *methods; /* names with commas; NULL: all */
     const char *recordings, *calibration; /* folders, or NULL */
-    const char *launch;                   /* file of drive, or NULL */
+    const char *launch, *bags, *truth;    /* files of drive, or NULL */
     const char *out;
     double limit_s;
     size_t threads;
-    size_t seeds; /* of noise, 0: none; of drive: rounds; BENCH_USUAL_SEEDS */
+    size_t seeds;  /* of noise, 0: none; of drive: drives; BENCH_USUAL_SEEDS */
+    double hours;  /* of drive: as many as take so long; 0: seeds says it */
+    size_t rounds; /* of drive: of the scene in each */
+    size_t jobs;   /* of drive: side by side */
     bool quick;
 };
 

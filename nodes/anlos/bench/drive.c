@@ -2,21 +2,21 @@
  * what is really there. */
 #include <errno.h>
 #include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "hal/room/room.h"
 #include "nodes/anlos/bench/bench.h"
-#include "nodes/anlos/bench/drive_pipe.h"
+#include "nodes/anlos/bench/drive_bags.h"
+#include "nodes/anlos/bench/drive_jobs.h"
+#include "nodes/anlos/bench/drive_progress.h"
 #include "nodes/anlos/bench/drive_report.h"
 #include "nodes/anlos/bench/names.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export.h"
-#include "nodes/rt/export_file.h"
-#include "nodes/rt/objects.h"
 
-#define QUICK_PERIODS 1
-#define PERIODS       3
+enum { QUICK_SEEDS = 1, SEEDS = 3, MAX_DRIVES = 1000000 };
 
 /* Where no launch file is given. */
 static const char usual[] = "nodes: [array, scan, dsp, recon, wall, track]\n"
@@ -26,83 +26,63 @@ static const char usual[] = "nodes: [array, scan, dsp, recon, wall, track]\n"
                             "recon: {frames: {pings: 8, sum: power, every: ping}}\n"
                             "wall: {from: topic}\n";
 
-static int score_drive(struct drive_pipe *p, double seconds, struct drive_score *score,
-                       struct drive_moments *moments, struct complaint *why)
+struct drives {
+    const struct bench_options *o;
+    struct launchfile *launch;
+    char *scenes;           /* names, each ended by a zero */
+    size_t n_seeds;         /* of each scene */
+    struct drive_jobs jobs; /* scene after scene, draw after draw */
+    struct drive_progress progress;
+    FILE *csv;
+    size_t n_printed; /* jobs whose scene is printed */
+    json_t *all;
+};
+
+/* A scene's drives, as far as they are done. */
+static void print_scene(struct drives *d, size_t first)
 {
-    double end_s = drive_world_s(p->world.begin_ns) + seconds;
-    struct drive_image image = {.t_s = 0.0};
-    struct drive_moment moment;
+    struct drive_tally tally;
+    char name[256];
+
+    drive_tally_init(&tally);
+    for (size_t i = first; i < first + d->n_seeds; i++)
+        if (d->jobs.list[i].done)
+            drive_tally_add(&tally, &d->jobs.list[i].outcome.result);
+    if (!tally.n)
+        return;
+    drive_name(d->jobs.list[first].run.scene, name, sizeof name);
+    drive_progress_clear(&d->progress);
+    drive_print(name, &tally);
+    json_object_set_new(d->all, name, drive_json(&tally));
+}
+
+static bool is_complete(const struct drives *d, size_t first)
+{
+    size_t n = 0;
+
+    while (n < d->n_seeds && d->jobs.list[first + n].done)
+        n++;
+    return n == d->n_seeds;
+}
+
+static int take(void *context, struct drive_job *job, struct complaint *why)
+{
+    const struct drive_result *r = &job->outcome.result;
+    struct drives *d = context;
+    char name[256];
     int err = 0;
 
-    while (!err && image.t_s < end_s && !interrupt_requested()) {
-        err = drive_pipe_next(p, &image, why);
-        if (err)
-            break;
-        drive_score_list(score, image.t_s, image.out_s, image.tracks, image.detections,
-                         &moment);
-        objects_free(image.tracks);
-        objects_free(image.detections);
-        if (drive_moments_add(moments, &moment))
-            err = complain(why, -ENOMEM, "out of memory");
-    }
-    drive_score_end(score);
-    if (!err && interrupt_requested())
-        err = complain(why, -EINTR, "interrupted");
+    drive_name(job->run.scene, name, sizeof name);
+    drive_csv_line(d->csv, name, job->run.draw, r);
+    if (ferror(d->csv))
+        err = complain(why, -EIO, "%s/drives.csv: %s", d->o->out, strerror(EIO));
+    if (!err && job->outcome.moments.n)
+        err = drive_write(d->o->out, name, &job->outcome.moments, why);
+    drive_progress_add(&d->progress, r->seconds, r->n_false_tracks);
+    for (; d->n_printed < d->jobs.n && is_complete(d, d->n_printed);
+         d->n_printed += d->n_seeds)
+        print_scene(d, d->n_printed);
     return err;
-}
-
-/* "dir/drive-person.yaml": "drive-person". */
-static void scene_name(const char *path, char *out, size_t size)
-{
-    const char *slash = strrchr(path, '/'), *base = slash ? slash + 1 : path;
-    const char *dot = strrchr(base, '.');
-
-    snprintf(out, size, "%.*s", dot ? (int)(dot - base) : (int)strlen(base), base);
-}
-
-static int run_scene(const struct launchfile *l, const char *scene,
-                     const struct bench_options *o, json_t *all, struct complaint *why)
-{
-    struct drive_score *score = calloc(1, sizeof *score);
-    struct drive_moments moments = {NULL, 0, 0};
-    struct drive_pipe *p = calloc(1, sizeof *p);
-    char name[256];
-    size_t periods = o->seeds != BENCH_USUAL_SEEDS ? o->seeds
-                     : o->quick                    ? QUICK_PERIODS
-                                                   : PERIODS;
-    int err = score && p ? drive_pipe_create(p, l, scene, o->threads, why)
-                         : complain(why, -ENOMEM, "out of memory");
-
-    scene_name(scene, name, sizeof name);
-    if (!err) {
-        drive_score_init(score, p->world.room, drive_world_s(p->world.begin_ns));
-        err = score_drive(p, (double)periods * room_period_s(p->world.room), score,
-                          &moments, why);
-    }
-    if ((!err || err == -EINTR) && moments.n) {
-        drive_print(name, score, moments.n);
-        json_object_set_new(all, name, drive_json(score, moments.n));
-        int failed = drive_write(o->out, name, &moments, err ? NULL : why);
-        err = err ? err : failed;
-    }
-    if (p)
-        drive_pipe_clear(p);
-    free(moments.at);
-    free(p);
-    free(score);
-    return err;
-}
-
-static int write_json(const json_t *all, const char *folder, struct complaint *why)
-{
-    struct export_file e;
-    int err = export_file_open(&e, folder, "drive.json", why);
-
-    if (err)
-        return err;
-    if (json_dumpf(all, e.f, JSON_INDENT(2)) || fputc('\n', e.f) == EOF)
-        return export_file_abandon(&e, -EIO, why);
-    return export_file_commit(&e, why);
 }
 
 /* "sim:FILE?options" of a launch file: FILE. */
@@ -130,41 +110,123 @@ static int load(struct launchfile **l, const struct bench_options *o,
     return err;
 }
 
-static int list_scenes(const struct launchfile *l, const struct bench_options *o,
-                       char **scenes, struct complaint *why)
+static int list_scenes(struct drives *d, struct complaint *why)
 {
+    const struct bench_options *o = d->o;
     char one[PATH_MAX];
 
     if (!o->scenes && !o->launch)
         return complain(why, -EINVAL, "expected --scenes FILE,... or --launch FILE");
-    int err = o->scenes ? 0 : launch_scene(l, one, sizeof one, why);
+    int err = o->scenes ? 0 : launch_scene(d->launch, one, sizeof one, why);
     if (err)
         return err;
-    *scenes = bench_names_split(o->scenes ? o->scenes : one);
-    return *scenes ? 0 : complain(why, -ENOMEM, "out of memory");
+    d->scenes = bench_names_split(o->scenes ? o->scenes : one);
+    return d->scenes ? 0 : complain(why, -ENOMEM, "out of memory");
+}
+
+/* *n: drives of a scene that take o->hours together. */
+static int count_drives(const struct bench_options *o, const char *scene, size_t *n,
+                        struct complaint *why)
+{
+    struct room *room;
+    int err = room_load(&room, scene, why);
+
+    if (!err && !room_is_drive(room))
+        err = complain(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
+                       scene);
+    double drive_s = err ? 1.0 : (double)o->rounds * room_period_s(room);
+    double drives = ceil(o->hours * 3600.0 / drive_s - 1e-9);
+    room_destroy(room);
+    if (!err && drives > MAX_DRIVES)
+        err = complain(why, -EINVAL, "--hours %g: more than %d drives of %s", o->hours,
+                       MAX_DRIVES, scene);
+    *n = err ? 0 : (size_t)drives;
+    return err;
+}
+
+/* The same for all scenes: the shortest takes o->hours. */
+static int count_seeds(struct drives *d, struct complaint *why)
+{
+    const struct bench_options *o = d->o;
+    size_t n, most = 0;
+
+    for (const char *s = d->scenes; *s; s += strlen(s) + 1) {
+        int err = count_drives(o, s, &n, why);
+        if (err)
+            return err;
+        most = n > most ? n : most;
+    }
+    d->n_seeds = o->hours > 0.0                  ? most
+                 : o->seeds != BENCH_USUAL_SEEDS ? o->seeds
+                 : o->quick                      ? QUICK_SEEDS
+                                                 : SEEDS;
+    return 0;
+}
+
+static int make_jobs(struct drives *d, struct complaint *why)
+{
+    size_t n_scenes = 0, i = 0;
+
+    for (const char *s = d->scenes; *s; s += strlen(s) + 1)
+        n_scenes++;
+    d->jobs =
+        (struct drive_jobs){.list = calloc(n_scenes * d->n_seeds, sizeof *d->jobs.list),
+                            .n = n_scenes * d->n_seeds,
+                            .side_by_side = d->o->jobs,
+                            .done = take,
+                            .context = d};
+    if (!d->jobs.list)
+        return complain(why, -ENOMEM, "out of memory");
+    for (const char *s = d->scenes; *s; s += strlen(s) + 1)
+        for (size_t draw = 0; draw < d->n_seeds; draw++)
+            d->jobs.list[i++] = (struct drive_job){
+                .run = {d->launch, s, (uint32_t)draw, d->o->rounds, d->o->threads},
+                .keeps_moments = draw == 0};
+    return 0;
+}
+
+static int run(struct drives *d, struct complaint *why)
+{
+    int err = load(&d->launch, d->o, why);
+
+    if (!err)
+        err = list_scenes(d, why);
+    if (!err)
+        err = count_seeds(d, why);
+    if (!err)
+        err = make_jobs(d, why);
+    if (!err)
+        err = export_folder(d->o->out, why);
+    if (!err)
+        err = drive_csv_open(&d->csv, d->o->out, why);
+    if (err)
+        return err;
+    drive_print_head();
+    drive_progress_begin(&d->progress, d->jobs.n);
+    err = drive_jobs_run(&d->jobs, why);
+    for (; d->n_printed < d->jobs.n; d->n_printed += d->n_seeds)
+        print_scene(d, d->n_printed);
+    drive_progress_clear(&d->progress);
+    int failed = drive_json_write(d->all, d->o->out, err ? NULL : why);
+    return err ? err : failed;
 }
 
 int bench_drive(const struct bench_options *o, struct complaint *why)
 {
-    struct launchfile *l = NULL;
-    json_t *all = json_object();
-    char *scenes = NULL;
-    int err = all ? load(&l, o, why) : complain(why, -ENOMEM, "out of memory");
+    struct drives d = {.o = o, .all = json_object()};
+    int err = -ENOMEM;
 
-    if (!err)
-        err = list_scenes(l, o, &scenes, why);
-    if (!err)
-        err = export_folder(o->out, why);
-    if (!err)
-        drive_print_head();
-    for (const char *s = scenes; !err && *s; s += strlen(s) + 1)
-        err = run_scene(l, s, o, all, why);
-    if ((!err || err == -EINTR) && json_object_size(all)) {
-        int failed = write_json(all, o->out, err ? NULL : why);
-        err = err ? err : failed;
-    }
-    json_decref(all);
-    free(scenes);
-    launchfile_destroy(l);
+    if (o->bags)
+        err = drive_bags(o, why);
+    else if (d.all)
+        err = run(&d, why);
+    else
+        complain(why, err, "out of memory");
+    if (d.csv)
+        fclose(d.csv);
+    drive_jobs_clear(&d.jobs);
+    json_decref(d.all);
+    free(d.scenes);
+    launchfile_destroy(d.launch);
     return err;
 }

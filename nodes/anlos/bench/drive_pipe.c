@@ -21,6 +21,7 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct complaint *
                                          .every_ping = l->recon.frames.every_ping,
                                          .moving_only = l->dsp.background ==
                                                         BACKGROUND_ADAPTIVE};
+    const struct room_object *hidden;
     struct tracking_config track;
     int err = dsp_create(&p->dsp, &dsp);
 
@@ -31,7 +32,7 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct complaint *
     if (!err)
         err = tracking_create(&p->tracker, &track);
     track.mode = LAUNCH_TRACK_LISTS;
-    if (!err)
+    if (!err && room_objects(p->world.room, &hidden))
         err = tracking_create(&p->detector, &track);
     return err ? complain(why, err, "processing: %s", strerror(-err)) : 0;
 }
@@ -63,7 +64,7 @@ static int tell_survey(struct drive_pipe *p, struct complaint *why)
         err = steady_survey(p->steady, s, why);
     if (!err)
         err = tracking_survey(p->tracker, s, why);
-    return err ? err : tracking_survey(p->detector, s, why);
+    return err || !p->detector ? err : tracking_survey(p->detector, s, why);
 }
 
 /* -- messages ---------------------------------------------------------------------------
@@ -78,7 +79,8 @@ static void tell_ego(struct drive_pipe *p, int64_t until_ns)
         dsp_ego(p->dsp, &m, p->ego_ns);
         steady_ego(p->steady, &m, p->ego_ns);
         tracking_ego(p->tracker, &m, p->ego_ns);
-        tracking_ego(p->detector, &m, p->ego_ns);
+        if (p->detector)
+            tracking_ego(p->detector, &m, p->ego_ns);
         if (p->has_keeper)
             keeper_ego(&p->keeper, &m, p->ego_ns);
     }
@@ -110,7 +112,7 @@ static int tell_wall(struct drive_pipe *p, const Anlos__Ping *ping, int64_t stam
         err = steady_walls(p->steady, walls, stamp_ns, why);
     if (!err)
         err = tracking_walls(p->tracker, walls, stamp_ns, why);
-    return err ? err : tracking_walls(p->detector, walls, stamp_ns, why);
+    return err || !p->detector ? err : tracking_walls(p->detector, walls, stamp_ns, why);
 }
 
 /* true: an image is due. */
@@ -158,11 +160,11 @@ static bool has_wall_node(const struct launchfile *l)
 }
 
 int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const char *scene,
-                      size_t threads, struct complaint *why)
+                      uint32_t draw, size_t threads, struct complaint *why)
 {
     *p = (struct drive_pipe){.launch = l, .has_keeper = has_wall_node(l)};
-    int err =
-        drive_world_create(&p->world, scene, l->scan.speakers, l->scan.n_speakers, why);
+    int err = drive_world_create(&p->world, scene, draw, l->scan.speakers,
+                                 l->scan.n_speakers, why);
     if (!err)
         err = create_steps(p, threads, why);
     if (!err)
@@ -192,7 +194,7 @@ int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct compla
     steady_image(p->steady, &volume);
     int64_t stamp_ns = steady_capture_ns(p->steady);
     err = tracking_volume(p->tracker, &volume, stamp_ns, &out->tracks, why);
-    if (!err)
+    if (!err && p->detector)
         err = tracking_volume(p->detector, &volume, stamp_ns, &out->detections, why);
     if (err) {
         objects_free(out->tracks);

@@ -17,8 +17,9 @@ struct drive_pipe {
     struct drive_world world;
     struct dsp *dsp;
     struct steady *steady;
-    struct tracking *tracker, *detector;
-    bool has_keeper; /* there is a node wall */
+    struct tracking *tracker;
+    struct tracking *detector; /* NULL: there is nothing to be detected */
+    bool has_keeper;           /* there is a node wall */
     struct keeper keeper;
     struct listener *listener; /* of echoes */
     struct survey survey;
@@ -26,12 +27,14 @@ struct drive_pipe {
     double ping_s;           /* how long one is */
 };
 
-/* The launch file outlives it.  0, or a negative errno with a complaint. */
+/* draw: of what is random in the scene (room_load_drawn).  The launch file outlives it.
+ * 0, or a negative errno with a complaint. */
 int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const char *scene,
-                      size_t threads, struct complaint *why);
+                      uint32_t draw, size_t threads, struct complaint *why);
 
-/* Goes on to the next image: its lists, which objects_free frees, tracked and not; the
- * stamp of its newest ping, and when that had ended.  0 or a negative errno. */
+/* Goes on to the next image: its lists, which objects_free frees, tracked and not (NULL
+ * where nothing is hidden); the stamp of its newest ping, and when that had ended.  0 or
+ * a negative errno. */
 struct drive_image {
     Anlos__DetectionList *tracks, *detections;
     double t_s, out_s;

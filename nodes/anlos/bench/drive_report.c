@@ -1,34 +1,39 @@
 #include "nodes/anlos/bench/drive_report.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "nodes/anlos/bench/drive_score.h"
 #include "nodes/rt/export_chart.h"
 #include "nodes/rt/export_file.h"
 
-int drive_moments_add(struct drive_moments *m, const struct drive_moment *moment)
+void drive_name(const char *path, char *out, size_t size)
 {
-    if (m->n == m->room) {
-        size_t room = m->room ? 2 * m->room : 256;
-        struct drive_moment *at = realloc(m->at, room * sizeof *at);
-        if (!at)
-            return -ENOMEM;
-        m->at = at;
-        m->room = room;
-    }
-    m->at[m->n++] = *moment;
-    return 0;
-}
+    const char *slash = strrchr(path, '/'), *base = slash ? slash + 1 : path;
+    const char *dot = strrchr(base, '.');
 
-static double hours(const struct drive_score *s)
-{
-    return (s->ended_s - s->began_s) / 3600.0;
+    snprintf(out, size, "%.*s", dot ? (int)(dot - base) : (int)strlen(base), base);
 }
 
 /* -- the table --------------------------------------------------------------------------
  */
+
+static const struct column {
+    enum drive_figure figure;
+    int width, digits;
+    double scale;
+} columns[] = {
+    {DRIVE_GOSPA, 6, 3, 1.0},        {DRIVE_OSPA, 6, 3, 1.0},
+    {DRIVE_LOCALISATION, 8, 3, 1.0}, {DRIVE_MISSED, 6, 3, 1.0},
+    {DRIVE_FALSE, 6, 3, 1.0},        {DRIVE_SEEN, 4, 2, 1.0},
+    {DRIVE_SEEN_FAR, 4, 2, 1.0},     {DRIVE_FALSE_TRACKS, 6, 0, 1.0},
+    {DRIVE_DELAY, 6, 2, 1.0},        {DRIVE_DELAY_WORST, 6, 2, 1.0},
+    {DRIVE_LEAD, 6, 2, 1.0},         {DRIVE_POSITION, 6, 1, 100.0},
+    {DRIVE_VELOCITY, 5, 2, 1.0},
+};
 
 void drive_print_head(void)
 {
@@ -36,39 +41,47 @@ void drive_print_head(void)
            "local. missed  false", "Pd   far", "false", "echo to track", "lead",
            "error of");
     printf("%-22s %6s %6s %22s %9s %6s %13s %6s %12s\n", "drive", "m", "m",
-           "m      m      m", "", "1/h", "mean s  worst", "s", "cm  m/s");
+           "m      m      m", "", "tracks", "mean s  worst", "s", "cm  m/s");
 }
 
-/* A number, or a dash of none. */
-static void print_number(int width, int digits, double x)
-{
-    if (isfinite(x))
-        printf(" %*.*f", width, digits, x);
-    else
-        printf(" %*s", width, "-");
-}
-
-void drive_print(const char *name, const struct drive_score *s, size_t n_lists)
+static void print_line(const char *name, const double figures[DRIVE_FIGURES])
 {
     printf("%-22s", name);
-    print_number(6, 3, drive_mean(&s->gospa));
-    print_number(6, 3, drive_mean(&s->ospa));
-    print_number(8, 3, drive_mean(&s->localisation));
-    print_number(6, 3, drive_mean(&s->missed));
-    print_number(6, 3, drive_mean(&s->false_ones));
-    print_number(4, 2, drive_mean(&s->seen));
-    print_number(4, 2, drive_mean(&s->seen_far));
-    print_number(6, 1, (double)s->n_false_tracks / hours(s));
-    print_number(6, 2, drive_mean(&s->delay));
-    print_number(6, 2, s->delay.n ? s->worst_delay_s : NAN);
-    print_number(6, 2, drive_mean(&s->lead));
-    print_number(6, 1, 100.0 * drive_rms(&s->position2));
-    print_number(5, 2, drive_rms(&s->velocity2));
-    printf(
-        "\n%-22s %zu lists in %.0f s, %.1f Hz; %zu objects came in, %zu left without a "
-        "track\n",
-        "", n_lists, s->ended_s - s->began_s, (double)n_lists / (s->ended_s - s->began_s),
-        s->n_entries, s->n_late);
+    for (size_t i = 0; i < sizeof columns / sizeof *columns; i++) {
+        const struct column *c = &columns[i];
+        double x = c->scale * figures[c->figure];
+        if (isfinite(x))
+            printf(" %*.*f", c->width, c->digits, x);
+        else /* of none */
+            printf(" %*s", c->width, "-");
+    }
+    printf("\n");
+}
+
+static void figures_of(const struct drive_result *r, double out[DRIVE_FIGURES])
+{
+    for (int i = 0; i < DRIVE_FIGURES; i++)
+        out[i] = drive_figure(r, (enum drive_figure)i);
+}
+
+void drive_print(const char *name, const struct drive_tally *t)
+{
+    const struct drive_result *r = &t->all;
+    double all[DRIVE_FIGURES];
+    char worst[32];
+
+    figures_of(r, all);
+    print_line(name, all);
+    snprintf(worst, sizeof worst, "  worst of %zu", t->n);
+    if (t->n > 1)
+        print_line(worst, t->worst);
+    printf("%-22s %zu lists in %.0f s, %.1f Hz; %zu objects came in, %zu left without a "
+           "track\n",
+           "", r->n_lists, r->seconds, (double)r->n_lists / r->seconds, r->n_entries,
+           r->n_late);
+    printf("%-22s %.2f false tracks an hour; with %.0f %% confidence under %.2f\n", "",
+           drive_false_per_hour(r), 100.0 * DRIVE_CONFIDENCE,
+           drive_false_per_hour_bound(r));
     fflush(stdout);
 }
 
@@ -80,33 +93,84 @@ static void put(json_t *o, const char *key, double x)
     json_object_set_new(o, key, isfinite(x) ? json_real(x) : json_null());
 }
 
-json_t *drive_json(const struct drive_score *s, size_t n_lists)
+static void put_figures(json_t *o, const double figures[DRIVE_FIGURES])
 {
-    json_t *o = json_object();
+    for (int i = 0; i < DRIVE_FIGURES; i++)
+        put(o, drive_figure_name((enum drive_figure)i), figures[i]);
+}
 
-    if (!o)
+json_t *drive_json(const struct drive_tally *t)
+{
+    const struct drive_result *r = &t->all;
+    json_t *o = json_object(), *worst = json_object();
+    double all[DRIVE_FIGURES];
+
+    if (!o || !worst) {
+        json_decref(o);
+        json_decref(worst);
         return NULL;
-    put(o, "seconds", s->ended_s - s->began_s);
-    put(o, "lists", (double)n_lists);
+    }
+    put(o, "drives", (double)t->n);
+    put(o, "seconds", r->seconds);
+    put(o, "lists", (double)r->n_lists);
     put(o, "cutoff_m", DRIVE_CUTOFF_M);
     put(o, "order", DRIVE_ORDER);
-    put(o, "gospa_m", drive_mean(&s->gospa));
-    put(o, "ospa_m", drive_mean(&s->ospa));
-    put(o, "localisation_m", drive_mean(&s->localisation));
-    put(o, "missed_m", drive_mean(&s->missed));
-    put(o, "false_m", drive_mean(&s->false_ones));
-    put(o, "detection_probability", drive_mean(&s->seen));
-    put(o, "detection_probability_far", drive_mean(&s->seen_far));
-    put(o, "false_tracks", (double)s->n_false_tracks);
-    put(o, "false_tracks_per_hour", (double)s->n_false_tracks / hours(s));
-    put(o, "objects_entered", (double)s->n_entries);
-    put(o, "objects_without_track", (double)s->n_late);
-    put(o, "echo_to_track_s", drive_mean(&s->delay));
-    put(o, "echo_to_track_worst_s", s->delay.n ? s->worst_delay_s : NAN);
-    put(o, "lead_before_sight_s", drive_mean(&s->lead));
-    put(o, "position_rms_m", drive_rms(&s->position2));
-    put(o, "velocity_rms_m_s", drive_rms(&s->velocity2));
+    figures_of(r, all);
+    put_figures(o, all);
+    put(o, "false_tracks_per_hour", drive_false_per_hour(r));
+    put(o, "false_tracks_per_hour_bound", drive_false_per_hour_bound(r));
+    put(o, "confidence", DRIVE_CONFIDENCE);
+    put(o, "objects_entered", (double)r->n_entries);
+    put(o, "objects_without_track", (double)r->n_late);
+    put_figures(worst, t->worst);
+    json_object_set_new(o, "worst", worst);
     return o;
+}
+
+int drive_json_write(const json_t *all, const char *folder, struct complaint *why)
+{
+    struct export_file e;
+
+    if (!json_object_size(all)) /* nothing came out */
+        return 0;
+    int err = export_file_open(&e, folder, "drive.json", why);
+
+    if (err)
+        return err;
+    if (json_dumpf(all, e.f, JSON_INDENT(2)) || fputc('\n', e.f) == EOF)
+        return export_file_abandon(&e, -EIO, why);
+    return export_file_commit(&e, why);
+}
+
+int drive_csv_open(FILE **out, const char *folder, struct complaint *why)
+{
+    char path[PATH_MAX];
+
+    snprintf(path, sizeof path, "%s/drives.csv", folder);
+    FILE *f = *out = fopen(path, "w");
+    if (!f)
+        return complain(why, -errno, "%s: %s", path, strerror(errno));
+    fprintf(f, "drive,draw,seconds,lists,objects_entered,objects_without_track");
+    for (int i = 0; i < DRIVE_FIGURES; i++)
+        fprintf(f, ",%s", drive_figure_name((enum drive_figure)i));
+    fputc('\n', f);
+    return 0;
+}
+
+void drive_csv_line(FILE *f, const char *name, uint32_t draw,
+                    const struct drive_result *r)
+{
+    fprintf(f, "%s,%u,%.3f,%zu,%zu,%zu", name, draw, r->seconds, r->n_lists, r->n_entries,
+            r->n_late);
+    for (int i = 0; i < DRIVE_FIGURES; i++) {
+        double x = drive_figure(r, (enum drive_figure)i);
+        if (isfinite(x))
+            fprintf(f, ",%.6g", x);
+        else
+            fputc(',', f);
+    }
+    fputc('\n', f);
+    fflush(f);
 }
 
 static int write_csv(const char *folder, const char *file, const struct drive_moments *m,

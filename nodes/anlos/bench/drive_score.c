@@ -6,27 +6,10 @@
 #define LOOK_S   0.01 /* how finely objects that come in are looked for */
 #define INSIDE_M 0.3  /* of a long object's outline */
 
-double drive_mean(const struct drive_sum *s)
+void drive_score_init(struct drive_score *s, const struct drive_truth *truth,
+                      const struct survey *survey, double began_s)
 {
-    return s->n ? s->sum / (double)s->n : NAN;
-}
-
-double drive_rms(const struct drive_sum *squares)
-{
-    return sqrt(drive_mean(squares));
-}
-
-static void add(struct drive_sum *s, double value)
-{
-    s->sum += value;
-    s->n++;
-}
-
-void drive_score_init(struct drive_score *s, const struct room *room, double began_s)
-{
-    const struct survey *survey = room_survey(room);
-
-    *s = (struct drive_score){.room = room, .looked_s = began_s, .began_s = began_s};
+    *s = (struct drive_score){.truth = *truth, .looked_s = began_s, .began_s = began_s};
     memcpy(s->gate_m, survey->gate_m, sizeof s->gate_m);
     for (int a = 0; a < 2; a++)
         memcpy(s->volume_m[a], survey->volume_m[2 * a], sizeof s->volume_m[a]);
@@ -35,6 +18,15 @@ void drive_score_init(struct drive_score *s, const struct room *room, double beg
 static double range_m(const struct room_truth *t)
 {
     return hypot(hypot(t->virtual_m[0], t->virtual_m[1]), t->virtual_m[2]);
+}
+
+/* Up to DRIVE_OBJECTS; returns how many of them there are. */
+static size_t who_is_there(const struct drive_score *s, double t_s,
+                           struct room_truth out[DRIVE_OBJECTS])
+{
+    size_t n = s->truth.at(s->truth.context, t_s, out, DRIVE_OBJECTS);
+
+    return n < DRIVE_OBJECTS ? n : DRIVE_OBJECTS;
 }
 
 static bool is_in_gate(const struct drive_score *s, const struct room_truth *t)
@@ -49,20 +41,27 @@ static bool is_in_gate(const struct drive_score *s, const struct room_truth *t)
 /* -- objects that come and go -----------------------------------------------------------
  */
 
+/* By its name, or in the place of one that is gone; NULL: too many are there. */
 static struct drive_object *find(struct drive_score *s, const char name[32])
 {
+    struct drive_object *gone = NULL;
+
     for (size_t i = 0; i < DRIVE_OBJECTS; i++) {
-        if (!s->objects[i].name[0])
-            memcpy(s->objects[i].name, name, sizeof s->objects[i].name);
         if (!strcmp(s->objects[i].name, name))
             return &s->objects[i];
+        if (!gone && !s->objects[i].in_gate)
+            gone = &s->objects[i];
     }
-    return NULL;
+    if (gone) {
+        *gone = (struct drive_object){.in_gate = false};
+        memcpy(gone->name, name, sizeof gone->name);
+    }
+    return gone;
 }
 
 static void leave(struct drive_score *s, struct drive_object *o)
 {
-    s->n_late += o->in_gate && !o->confirmed;
+    s->result.n_late += o->in_gate && !o->confirmed;
     o->in_gate = false;
 }
 
@@ -70,10 +69,10 @@ static void leave(struct drive_score *s, struct drive_object *o)
 static void look(struct drive_score *s, double t_s)
 {
     struct room_truth truth[DRIVE_OBJECTS];
-    size_t n = room_truth(s->room, t_s, truth, DRIVE_OBJECTS);
+    size_t n = who_is_there(s, t_s, truth);
     bool here[DRIVE_OBJECTS] = {false};
 
-    for (size_t i = 0; i < n && i < DRIVE_OBJECTS; i++) {
+    for (size_t i = 0; i < n; i++) {
         struct drive_object *o = find(s, truth[i].name);
         if (!o || !is_in_gate(s, &truth[i]))
             continue;
@@ -84,7 +83,7 @@ static void look(struct drive_score *s, double t_s)
         o->confirmed = false;
         o->entered_s = t_s;
         o->hidden_first = !truth[i].line_of_sight;
-        s->n_entries++;
+        s->result.n_entries++;
     }
     for (size_t i = 0; i < DRIVE_OBJECTS; i++)
         if (!here[i])
@@ -100,9 +99,9 @@ static void look_until(struct drive_score *s, double t_s)
 static double until_sight_s(const struct drive_score *s, const char *name, double t_s)
 {
     struct room_truth truth[DRIVE_OBJECTS];
-    size_t n = room_truth(s->room, t_s, truth, DRIVE_OBJECTS);
+    size_t n = who_is_there(s, t_s, truth);
 
-    for (size_t i = 0; i < n && i < DRIVE_OBJECTS; i++)
+    for (size_t i = 0; i < n; i++)
         if (!strcmp(truth[i].name, name))
             return truth[i].until_sight_s;
     return NAN;
@@ -115,11 +114,11 @@ static void confirm(struct drive_score *s, const struct room_truth *t, double ou
     if (!o || !o->in_gate || o->confirmed)
         return;
     o->confirmed = true;
-    add(&s->delay, out_s - o->entered_s);
-    s->worst_delay_s = fmax(s->worst_delay_s, out_s - o->entered_s);
+    drive_sum_add(&s->result.delay, out_s - o->entered_s);
+    s->result.worst_delay_s = fmax(s->result.worst_delay_s, out_s - o->entered_s);
     double lead_s = until_sight_s(s, t->name, out_s);
     if (o->hidden_first && isfinite(lead_s))
-        add(&s->lead, lead_s);
+        drive_sum_add(&s->result.lead, lead_s);
 }
 
 /* -- tracks -----------------------------------------------------------------------------
@@ -128,7 +127,7 @@ static void confirm(struct drive_score *s, const struct room_truth *t, double ou
 /* A track is false that no object was near in all of its life. */
 static void end_life(struct drive_score *s, size_t i)
 {
-    s->n_false_tracks += !s->lives[i].matched;
+    s->result.n_false_tracks += !s->lives[i].matched;
     s->lives[i] = s->lives[--s->n_lives];
 }
 
@@ -197,15 +196,16 @@ static bool is_somebody(const struct matching *m, size_t found)
     return false;
 }
 
+/* measured: of tracks only those that were seen. */
 static void match(const struct drive_score *s, double t_s,
-                  const Anlos__DetectionList *list, struct matching *m)
+                  const Anlos__DetectionList *list, bool measured, struct matching *m)
 {
-    m->n_truth = room_truth(s->room, t_s, m->truth, DRIVE_OBJECTS);
-    m->n_truth = m->n_truth < DRIVE_OBJECTS ? m->n_truth : DRIVE_OBJECTS;
+    m->n_truth = who_is_there(s, t_s, m->truth);
     m->n_found = 0;
     for (size_t i = 0; i < list->n_detections && m->n_found < BENCH_SET_MAX; i++) {
         const Anlos__Detection *d = list->detections[i];
-        if (d->measurement == ANLOS__MEASUREMENT__DELETED)
+        if (d->measurement == ANLOS__MEASUREMENT__DELETED ||
+            (measured && d->measurement == ANLOS__MEASUREMENT__PREDICTED))
             continue;
         m->found_m[m->n_found][0] = d->position_m->x;
         m->found_m[m->n_found][1] = d->position_m->y;
@@ -243,11 +243,11 @@ static void measure(struct drive_score *s, const struct matching *m,
     out->localisation_m = sqrt(d.localisation);
     out->missed_m = sqrt(d.missed);
     out->false_m = sqrt(d.false_ones);
-    add(&s->gospa, d.gospa_m);
-    add(&s->ospa, d.ospa_m);
-    add(&s->localisation, out->localisation_m);
-    add(&s->missed, out->missed_m);
-    add(&s->false_ones, out->false_m);
+    drive_sum_add(&s->result.gospa, d.gospa_m);
+    drive_sum_add(&s->result.ospa, d.ospa_m);
+    drive_sum_add(&s->result.localisation, out->localisation_m);
+    drive_sum_add(&s->result.missed, out->missed_m);
+    drive_sum_add(&s->result.false_ones, out->false_m);
 }
 
 static void judge_pair(struct drive_score *s, const struct room_truth *t,
@@ -258,29 +258,31 @@ static void judge_pair(struct drive_score *s, const struct room_truth *t,
     confirm(s, t, out_s);
     if (!is_in_gate(s, t))
         return;
-    add(&s->position2, dx_m * dx_m + dy_m * dy_m);
+    drive_sum_add(&s->result.position2, dx_m * dx_m + dy_m * dy_m);
     if (d->n_velocity_m_s != 2)
         return;
     double vx = d->velocity_m_s[0] - t->velocity_m_s[0];
     double vy = d->velocity_m_s[1] - t->velocity_m_s[1];
-    add(&s->velocity2, vx * vx + vy * vy);
+    drive_sum_add(&s->result.velocity2, vx * vx + vy * vy);
 }
 
-/* Was each object that can be seen detected in this image? */
-static void judge_detections(struct drive_score *s, double t_s,
-                             const Anlos__DetectionList *detections)
+/* Was each object that can be seen detected in this image?  Returns how many detections
+ * there are. */
+static size_t judge_detections(struct drive_score *s, double t_s,
+                               const Anlos__DetectionList *detections)
 {
     struct matching m;
 
-    match(s, t_s, detections, &m);
+    match(s, t_s, detections, true, &m);
     for (size_t i = 0; i < m.n_truth; i++) {
         double seen = m.distance.match[i] != BENCH_NOBODY;
         if (!is_in_gate(s, &m.truth[i]))
             continue;
-        add(&s->seen, seen);
+        drive_sum_add(&s->result.seen, seen);
         if (range_m(&m.truth[i]) >= DRIVE_FAR_M)
-            add(&s->seen_far, seen);
+            drive_sum_add(&s->result.seen_far, seen);
     }
+    return m.n_found;
 }
 
 void drive_score_list(struct drive_score *s, double t_s, double out_s,
@@ -290,9 +292,10 @@ void drive_score_list(struct drive_score *s, double t_s, double out_s,
     struct matching m;
 
     look_until(s, t_s);
-    s->ended_s = t_s;
-    *moment = (struct drive_moment){.t_s = t_s, .n_detections = detections->n_detections};
-    match(s, t_s, tracks, &m);
+    s->result.seconds = t_s - s->began_s;
+    s->result.n_lists++;
+    *moment = (struct drive_moment){.t_s = t_s};
+    match(s, t_s, tracks, false, &m);
     measure(s, &m, moment);
     for (size_t i = 0; i < m.n_truth; i++) {
         size_t found = m.distance.match[i];
@@ -304,7 +307,7 @@ void drive_score_list(struct drive_score *s, double t_s, double out_s,
     for (size_t i = 0; i < tracks->n_detections; i++)
         if (tracks->detections[i]->measurement == ANLOS__MEASUREMENT__DELETED)
             live(s, tracks->detections[i], false);
-    judge_detections(s, t_s, detections);
+    moment->n_detections = judge_detections(s, t_s, detections ? detections : tracks);
 }
 
 void drive_score_end(struct drive_score *s)
@@ -312,5 +315,5 @@ void drive_score_end(struct drive_score *s)
     while (s->n_lives)
         end_life(s, 0);
     for (size_t i = 0; i < DRIVE_OBJECTS; i++) /* it was not over with these */
-        s->n_entries -= s->objects[i].in_gate && !s->objects[i].confirmed;
+        s->result.n_entries -= s->objects[i].in_gate && !s->objects[i].confirmed;
 }

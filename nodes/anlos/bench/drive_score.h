@@ -1,5 +1,5 @@
-/* nodes/anlos/bench/drive_score.h -- lists of tracks of a simulated drive against what is
- * really there.
+/* nodes/anlos/bench/drive_score.h -- lists of tracks of a drive against what is really
+ * there.
  *
  * An object is to be found while its mirror image is in the gate and in the volume.  One
  * that is out of these, but there, makes no track false and is not missed.  Everything is
@@ -12,8 +12,10 @@
 
 #include <stdbool.h>
 
-#include "hal/room/room.h"
 #include "msgs/detections.pb-c.h"
+#include "nodes/anlos/bench/drive_moments.h"
+#include "nodes/anlos/bench/drive_result.h"
+#include "nodes/anlos/bench/drive_truth.h"
 #include "nodes/anlos/bench/set_distance.h"
 
 #define DRIVE_CUTOFF_M 1.0 /* of GOSPA and OSPA: farther off it is another object */
@@ -21,11 +23,6 @@
 #define DRIVE_FAR_M    3.5 /* ranges from here on count as far */
 #define DRIVE_OBJECTS  8
 #define DRIVE_LIVES    1024
-
-struct drive_sum { /* of squares or values */
-    double sum;
-    size_t n;
-};
 
 struct drive_object { /* by its place in the scene */
     char name[32];
@@ -39,38 +36,25 @@ struct drive_life { /* of a track id */
 };
 
 struct drive_score {
-    const struct room *room;
+    struct drive_truth truth;
     double gate_m[2], volume_m[2][2]; /* x and z from, to */
     struct drive_object objects[DRIVE_OBJECTS];
     struct drive_life lives[DRIVE_LIVES]; /* those that are over and were false are */
-    size_t n_lives, n_false_tracks;       /* counted and dropped */
+    size_t n_lives;                       /* counted and dropped */
     double looked_s;                      /* up to here for objects that come in */
-    double began_s, ended_s;
-    struct drive_sum gospa, ospa, localisation, missed, false_ones;
-    struct drive_sum position2, velocity2;
-    struct drive_sum seen, seen_far; /* detections of objects: Pd */
-    struct drive_sum delay, lead;    /* from first echo to track; before sight */
-    double worst_delay_s;
-    size_t n_entries, n_late; /* objects that came in; and left without a track */
+    double began_s;
+    struct drive_result result;
 };
 
-struct drive_moment { /* a list's, for the table */
-    double t_s, gospa_m, ospa_m, localisation_m, missed_m, false_m;
-    size_t n_objects, n_tracks, n_detections;
-};
-
-/* The room's survey has gate and volume. */
-void drive_score_init(struct drive_score *s, const struct room *room, double began_s);
+/* The survey has gate and volume. */
+void drive_score_init(struct drive_score *s, const struct drive_truth *truth,
+                      const struct survey *survey, double began_s);
 
 /* tracks: at world time t_s, and out in the world at out_s; detections: the same image's,
- * untracked. */
+ * untracked.  NULL: not known; the tracks that were measured in this image stand in. */
 void drive_score_list(struct drive_score *s, double t_s, double out_s,
                       const Anlos__DetectionList *tracks,
                       const Anlos__DetectionList *detections, struct drive_moment *m);
 void drive_score_end(struct drive_score *s);
-
-/* Mean; NaN of none. */
-double drive_mean(const struct drive_sum *s);
-double drive_rms(const struct drive_sum *squares);
 
 #endif

@@ -24,11 +24,11 @@ static int pack_survey(struct drive_world *w)
     return w->survey ? 0 : -ENOMEM;
 }
 
-int drive_world_create(struct drive_world *w, const char *scene, const uint32_t *speakers,
-                       size_t n_speakers, struct complaint *why)
+int drive_world_create(struct drive_world *w, const char *scene, uint32_t draw,
+                       const uint32_t *speakers, size_t n_speakers, struct complaint *why)
 {
     *w = (struct drive_world){.begin_ns = BEGIN_NS};
-    int err = room_load(&w->room, scene, why);
+    int err = room_load_drawn(&w->room, scene, draw, why);
     if (err)
         return err;
     if (!room_is_drive(w->room))

@@ -25,10 +25,11 @@ struct drive_world {
     struct tensor_view view;
 };
 
-/* speakers[n_speakers] of a round; 0: all.  0, -ENOTSUP (not a drive), errors of
- * room_load, -ENOMEM. */
-int drive_world_create(struct drive_world *w, const char *scene, const uint32_t *speakers,
-                       size_t n_speakers, struct complaint *why);
+/* draw as of room_load_drawn; speakers[n_speakers] of a round; 0: all.  0, -ENOTSUP (not
+ * a drive), errors of room_load, -ENOMEM. */
+int drive_world_create(struct drive_world *w, const char *scene, uint32_t draw,
+                       const uint32_t *speakers, size_t n_speakers,
+                       struct complaint *why);
 
 /* The endless shot begins anew, right after what came before. */
 int drive_world_shoot(struct drive_world *w, Anlos__Pass pass, struct complaint *why);

@@ -1,0 +1,65 @@
+#include "dsp/rank.h"
+
+#include <stdint.h>
+#include <string.h>
+
+#include "dsp/vector.h"
+
+/* Of floats above 0. */
+typedef int32_t bits __attribute__((may_alias));
+
+VECTOR_CLONES
+static void find_range(const bits *x, size_t n, int32_t *low, int32_t *high)
+{
+    int32_t least = INT32_MAX, most = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        least = x[i] < least ? x[i] : least;
+        most = x[i] > most ? x[i] : most;
+    }
+    *low = least;
+    *high = most;
+}
+
+VECTOR_CLONES
+static size_t count_up_to(const bits *x, size_t n, int32_t limit)
+{
+    int32_t count = 0;
+
+    for (size_t i = 0; i < n; i++)
+        count += x[i] <= limit;
+    return (size_t)count;
+}
+
+VECTOR_CLONES
+static int32_t most_up_to(const bits *x, size_t n, int32_t limit)
+{
+    int32_t most = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        int32_t this = x[i] <= limit ? x[i] : 0;
+        most = this > most ? this : most;
+    }
+    return most;
+}
+
+float rank_smallest(const float *x, size_t n, size_t k)
+{
+    const bits *b = (const bits *)x;
+    int32_t low, high;
+    float out;
+
+    find_range(b, n, &low, &high);
+    while (low < high) { /* what is sought is in low..high */
+        int32_t middle = low + (high - low) / 2;
+        size_t count = count_up_to(b, n, middle);
+        if (count == k)
+            low = high = most_up_to(b, n, middle);
+        else if (count > k)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    memcpy(&out, &low, sizeof out);
+    return out;
+}
