@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -40,25 +41,40 @@ int trace_mean_create(struct trace_mean **out, size_t n_pings, size_t n_channels
 
 /* x and mean as [2 n] floats: the weight is real. */
 VECTOR_CLONES
-static void fold(float *restrict x, float *restrict mean, size_t n, float weight,
-                 float part)
+static void fold(float *restrict x, float *restrict mean, size_t n, float weight)
 {
     for (size_t i = 0; i < n; i++) {
         float rest = x[i] - mean[i];
-        x[i] -= part * mean[i];
+        x[i] = rest;
         mean[i] += weight * rest;
     }
 }
 
-uint32_t trace_mean_take(struct trace_mean *m, size_t ping, size_t channel, double share,
-                         uint32_t least, float complex *x)
+VECTOR_CLONES
+static void fold_least(float *restrict x, float *restrict mean, size_t n, float weight)
 {
-    size_t i = ping * m->n_channels + channel;
-    uint32_t before = m->taken[i];
-    double weight = fmax(share, 1.0 / ((double)before + 1.0));
+    for (size_t i = 0; i < n; i += 2) {
+        float re = x[i] - mean[i], im = x[i + 1] - mean[i + 1];
+        bool less = re * re + im * im < x[i] * x[i] + x[i + 1] * x[i + 1];
+        x[i] = less ? re : x[i];
+        x[i + 1] = less ? im : x[i + 1];
+        mean[i] += weight * re;
+        mean[i + 1] += weight * im;
+    }
+}
 
-    fold((float *)x, (float *)(m->mean + i * m->n_samples), 2 * m->n_samples,
-         (float)fmin(weight, 1.0), before < least ? 0.0f : 1.0f);
+uint32_t trace_mean_take(struct trace_mean *m, size_t ping, size_t channel, double share,
+                         uint32_t few, float complex *x)
+{
+    size_t i = ping * m->n_channels + channel, n = m->n_samples;
+    float *mean = (float *)(m->mean + i * n);
+    uint32_t before = m->taken[i];
+    float weight = (float)fmin(fmax(share, 1.0 / ((double)before + 1.0)), 1.0);
+
+    if (before < few)
+        fold_least((float *)x, mean, 2 * n, weight);
+    else
+        fold((float *)x, mean, 2 * n, weight);
     m->taken[i] += before < UINT32_MAX;
     return before;
 }

@@ -16,10 +16,12 @@ int trace_mean_create(struct trace_mean **out, size_t n_pings, size_t n_channels
 
 /* A channel of a ping: its sound counts into the mean by `share`, or as one of all so
  * far where that is more (0: as one of all), and x[n_samples] -= the mean before that,
- * which is 0 before the first; a mean of fewer than `least` leaves x as it is.  Returns
- * how many it was of. */
+ * which is 0 before the first.  Something that moves is in a mean of n, where it was, by
+ * 1/n: a mean of fewer than `few` is only subtracted sample by sample where that leaves
+ * less than there was, which takes these ghosts away but for where something louder
+ * stands.  Returns how many it was of. */
 uint32_t trace_mean_take(struct trace_mean *m, size_t ping, size_t channel, double share,
-                         uint32_t least, float complex *x);
+                         uint32_t few, float complex *x);
 
 /* [n_channels][n_samples] of a ping; 0 where nothing was taken. */
 const float complex *trace_mean_of(const struct trace_mean *m, size_t ping);

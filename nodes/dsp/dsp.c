@@ -187,7 +187,10 @@ static void keep_background(struct dsp *d, const Anlos__Ping *ping)
 /* true: a background was subtracted. */
 static bool subtract_adaptive(struct dsp *d, size_t speaker)
 {
-    if (standing_at(&d->standing, d->capture_ns))
+    double ping_s = (double)d->processing.ping_samples / d->survey.sample_rate_hz;
+
+    if (standing_between(&d->standing, d->capture_ns,
+                         d->capture_ns + llrint(1e9 * ping_s)))
         return mean_background_subtract(d->mean, speaker, d->capture_ns, d->masked,
                                         d->traces);
     mean_background_reset(d->mean);

@@ -5,9 +5,9 @@
  * Of an array that stands (Ping.frame) there are no receipts.  A recorded background is
  * the mean of its frames there.  An adaptive one is each speaker's running mean while the
  * vehicle stands: what stands still as well is gone with it, and what stays longer than
- * background_s fades.  Nothing is subtracted from the first few pings of each speaker,
- * which are too few for a mean, nor where the vehicle moves, or it is not known whether
- * it does; the mean begins anew when it stands again. */
+ * background_s fades.  Nothing is subtracted from the first ping of each speaker, nor
+ * from one during which the vehicle moves, or it is not known whether it does; the mean
+ * begins anew when it stands again. */
 #ifndef ANLOS_NODES_DSP_DSP_H
 #define ANLOS_NODES_DSP_DSP_H
 

@@ -10,7 +10,7 @@
 
 #include "msgs/array.pb-c.h"
 
-#define MEAN_BACKGROUND_LEAST 4 /* pings of a speaker before its running mean counts */
+#define MEAN_BACKGROUND_FEW 4 /* fewer pings of a speaker: what moves is still in them */
 
 struct mean_background;
 
@@ -25,9 +25,9 @@ const float complex *mean_background_record(struct mean_background *b,
                                             const Anlos__Ping *ping,
                                             float complex *traces);
 
-/* Subtracts the running mean from a speaker's traces and counts them into it; a
- * microphone that is masked stays out of it, and one of which too little was heard yet
- * keeps its trace as it is.  false: all do. */
+/* Subtracts the running mean from a speaker's traces and counts them into it, from the
+ * second ping on; of few pings as dsp/trace_mean.h says.  A microphone that is masked
+ * stays out of it, and one that was until now keeps its trace as it is.  false: all do. */
 bool mean_background_subtract(struct mean_background *b, size_t speaker,
                               int64_t capture_ns, const protobuf_c_boolean *masked,
                               float complex *traces);

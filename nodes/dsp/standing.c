@@ -13,12 +13,27 @@ void standing_hear(struct standing *s, const Anlos__EgoMotion *ego, int64_t capt
         ego_path_add(&s->path, capture_ns, &motion);
 }
 
-bool standing_at(const struct standing *s, int64_t at_ns)
+static bool is_slow(const struct ego_motion *m)
+{
+    return fabs(m->speed_m_s) < STANDING_M_S && fabs(m->yaw_rate_rad_s) < STANDING_RAD_S;
+}
+
+static bool stands_at(const struct ego_path *p, int64_t at_ns)
 {
     struct ego_motion now;
 
+    return !ego_path_at(p, at_ns, &now) && is_slow(&now);
+}
+
+bool standing_between(const struct standing *s, int64_t from_ns, int64_t to_ns)
+{
+    const struct ego_path *p = &s->path;
+    bool stands = stands_at(p, from_ns) && stands_at(p, to_ns);
+
     if (!s->heard)
         return true;
-    return !ego_path_at(&s->path, at_ns, &now) && fabs(now.speed_m_s) < STANDING_M_S &&
-           fabs(now.yaw_rate_rad_s) < STANDING_RAD_S;
+    for (size_t k = 0; stands && k < p->n; k++)
+        stands = p->stamp_ns[k] < from_ns || p->stamp_ns[k] > to_ns ||
+                 is_slow(&p->motion[k]);
+    return stands;
 }

@@ -19,7 +19,9 @@ struct standing { /* {0}: nothing was heard */
 
 void standing_hear(struct standing *s, const Anlos__EgoMotion *ego, int64_t capture_ns);
 
-/* At an instant.  Where nobody tells, it stands; when who told is silent, it does not. */
-bool standing_at(const struct standing *s, int64_t at_ns);
+/* From one instant to another, as far as it was told by now: a ping that ends while the
+ * vehicle sets off was not heard standing.  Where nobody tells, it stands; when who told
+ * is silent, it does not. */
+bool standing_between(const struct standing *s, int64_t from_ns, int64_t to_ns);
 
 #endif

@@ -11,11 +11,12 @@
     10.0f            /* than before: new; what stands is sharper once the vehicle does */
 #define SAMPLES 4096 /* that the noise is told from */
 
-enum { KEPT = 2 };
+enum { IN_A_WINDOW = 4, KEPT = IN_A_WINDOW + 2 };
 
 struct kept {
     int64_t stamp_ns;
     bool any;
+    float noise;    /* the middle one of what is not muted; 0: all is */
     float *widened; /* [nz][ny][nx]: the brightest within reach */
 };
 
@@ -37,7 +38,10 @@ int clutter_map_create(struct clutter_map **out, const struct grid *grid,
     c->part = malloc(grid_size(grid) * sizeof *c->part);
     for (int k = 0; k < KEPT; k++)
         c->kept[k].widened = malloc(grid_size(grid) * sizeof(float));
-    if (!c->part || !c->kept[0].widened || !c->kept[1].widened) {
+    bool all = c->part;
+    for (int k = 0; k < KEPT; k++)
+        all = all && c->kept[k].widened;
+    if (!all) {
         clutter_map_destroy(c);
         return -ENOMEM;
     }
@@ -63,30 +67,12 @@ static size_t reach_of(const struct grid *g, int axis)
     return (size_t)fmin(ceil(REACH_M / g->step_m[axis]), (double)g->n[axis]);
 }
 
-static void keep(struct clutter_map *c, const float *image, int64_t stamp_ns)
-{
-    const struct grid *g = &c->grid;
-    size_t plane = g->n[0] * g->n[1];
-    struct kept oldest = c->kept[KEPT - 1];
-
-    memmove(c->kept + 1, c->kept, (KEPT - 1) * sizeof *c->kept);
-    oldest.stamp_ns = stamp_ns;
-    oldest.any = true;
-    c->kept[0] = oldest;
-    for (size_t i = 0; i < plane; i++)
-        widen(image + i, c->part + i, g->n[2], plane, reach_of(g, 2));
-    for (size_t i = 0; i < g->n[1] * g->n[2]; i++)
-        widen(c->part + i * g->n[0], oldest.widened + i * g->n[0], g->n[0], 1,
-              reach_of(g, 0));
-}
-
 static int by_value(const void *a, const void *b)
 {
     float x = *(const float *)a, y = *(const float *)b;
     return (x > y) - (x < y);
 }
 
-/* The middle one of what is not muted; 0: all is. */
 static float noise_of(const float *image, size_t n)
 {
     float sample[SAMPLES];
@@ -97,6 +83,24 @@ static float noise_of(const float *image, size_t n)
             sample[count++] = image[i];
     qsort(sample, count, sizeof *sample, by_value);
     return count ? sample[count / 2] : 0.0f;
+}
+
+static void keep(struct clutter_map *c, const float *image, int64_t stamp_ns)
+{
+    const struct grid *g = &c->grid;
+    size_t plane = g->n[0] * g->n[1];
+    struct kept oldest = c->kept[KEPT - 1];
+
+    memmove(c->kept + 1, c->kept, (KEPT - 1) * sizeof *c->kept);
+    oldest.stamp_ns = stamp_ns;
+    oldest.any = true;
+    oldest.noise = noise_of(image, grid_size(g));
+    c->kept[0] = oldest;
+    for (size_t i = 0; i < plane; i++)
+        widen(image + i, c->part + i, g->n[2], plane, reach_of(g, 2));
+    for (size_t i = 0; i < g->n[1] * g->n[2]; i++)
+        widen(c->part + i * g->n[0], oldest.widened + i * g->n[0], g->n[0], 1,
+              reach_of(g, 0));
 }
 
 static bool index_of(const struct grid *g, int axis, double at_m, size_t *out)
@@ -122,10 +126,9 @@ static float before(const struct grid *g, const float *was, const struct mount *
     return was[(z * g->n[1] + row) * g->n[0] + x];
 }
 
-static void mute(const struct grid *g, const float *was, const struct mount *mount,
-                 const struct ego_step *back, float *image)
+static void mute(const struct grid *g, const struct kept *kept, const struct mount *mount,
+                 const struct ego_step *back, float part, float *image)
 {
-    float noise = noise_of(image, grid_size(g));
     size_t v = 0;
 
     for (size_t z = 0; z < g->n[2]; z++)
@@ -134,8 +137,8 @@ static void mute(const struct grid *g, const float *was, const struct mount *mou
                 const double p[3] = {g->origin_m[0] + g->step_m[0] * (double)x,
                                      g->origin_m[1] + g->step_m[1] * (double)y,
                                      g->origin_m[2] + g->step_m[2] * (double)z};
-                float most = before(g, was, mount, back, p, y);
-                if (most > OVER * noise && image[v] < BRIGHTER * most)
+                float most = before(g, kept->widened, mount, back, p, y);
+                if (most > OVER * kept->noise && image[v] < BRIGHTER * part * most)
                     image[v] = 0.0f;
             }
 }
@@ -150,20 +153,24 @@ static const struct kept *find(const struct clutter_map *c, int64_t stamp_ns)
 }
 
 void clutter_map_mute(struct clutter_map *c, const struct ego_path *path,
-                      const struct mount *mount, int64_t stamp_ns, float *image)
+                      const struct mount *mount, int64_t stamp_ns, double part,
+                      float *image)
 {
+    struct kept was = {.any = false};
     struct ego_step back;
 
     if (c->kept[0].any && stamp_ns < c->kept[0].stamp_ns)
         clutter_map_reset(c);
     const struct kept *found = find(c, stamp_ns);
-    const float *was = found ? found->widened : NULL;
-    bool known = was && !ego_path_between(path, stamp_ns, found->stamp_ns, &back);
+    bool known = found && !ego_path_between(path, stamp_ns, found->stamp_ns, &back);
+    if (known)
+        was = *found;
     /* It takes the place of the oldest, which is not the one that was found. */
-    if (!c->kept[0].any || found == c->kept)
+    if (part >= 1.0 &&
+        (!c->kept[0].any || stamp_ns - c->kept[0].stamp_ns >= c->window_ns / IN_A_WINDOW))
         keep(c, image, stamp_ns);
     if (known)
-        mute(&c->grid, was, mount, &back, image);
+        mute(&c->grid, &was, mount, &back, (float)part, image);
 }
 
 void clutter_map_reset(struct clutter_map *c)

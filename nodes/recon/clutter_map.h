@@ -20,9 +20,12 @@ int clutter_map_create(struct clutter_map **out, const struct grid *grid,
 
 /* Sets voxels of an image [nz][ny][nx] to 0, having kept it as it was.  What it is held
  * against has no ping in common with it; where there is none, or the vehicle's path does
- * not reach, nothing is muted. */
+ * not reach, nothing is muted.  part, over 0: of its pings that have no background
+ * subtracted; of clutter no more than this is left, and it is only kept if all have none.
+ */
 void clutter_map_mute(struct clutter_map *c, const struct ego_path *path,
-                      const struct mount *mount, int64_t stamp_ns, float *image);
+                      const struct mount *mount, int64_t stamp_ns, double part,
+                      float *image);
 void clutter_map_reset(struct clutter_map *c);
 void clutter_map_destroy(struct clutter_map *c);
 

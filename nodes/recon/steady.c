@@ -271,14 +271,15 @@ bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t captur
 /* -- image ------------------------------------------------------------------------------
  */
 
-/* A background has what stands still already. */
-static bool has_background(const struct steady *s)
+/* The part of an image's pings that has no background subtracted: what stands still is
+ * left in them. */
+static double standing_part(const struct steady *s)
 {
-    bool background = true;
+    size_t subtracted = 0;
 
     for (size_t k = 0; k < s->n_pings; k++)
-        background = background && s->subtracted[k];
-    return background;
+        subtracted += s->subtracted[k];
+    return 1.0 - (double)subtracted / (double)s->n_pings;
 }
 
 void steady_image(struct steady *s, Anlos__Volume *out)
@@ -287,9 +288,9 @@ void steady_image(struct steady *s, Anlos__Volume *out)
 
     s->motion.path = follows ? &s->path : NULL;
     frames_image(s->frames, &s->motion, s->intensity, &s->made);
-    bool standing_left = s->cfg.moving_only && !has_background(s);
-    if (follows && standing_left)
-        clutter_map_mute(s->clutter, &s->path, &s->motion.mount, s->made.stamp_ns,
+    double part = s->cfg.moving_only ? standing_part(s) : 0.0;
+    if (follows && part > 0.0)
+        clutter_map_mute(s->clutter, &s->path, &s->motion.mount, s->made.stamp_ns, part,
                          s->intensity);
     s->state = motion_of(s);
     s->counts.images++;
@@ -298,7 +299,7 @@ void steady_image(struct steady *s, Anlos__Volume *out)
     out->scan = s->scan;
     out->frame = s->round.number;
     out->method = (char *)"frames";
-    out->standing_left = standing_left;
+    out->standing_left = part > 0.0;
     out->pings_used = (uint32_t)s->made.pings;
     out->pings_expected = (uint32_t)s->n_pings;
     out->microphones_masked = (uint32_t)s->made.microphones_masked;

@@ -5,6 +5,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -73,18 +74,31 @@ static void older_sound_fades_away_by_the_share(void **state)
     trace_mean_destroy(m);
 }
 
-static void a_mean_of_too_few_is_not_subtracted(void **state)
+/* Sample 3 stands still; something that moves is at 10, then at 20, then gone. */
+static void what_moves_leaves_no_ghost_in_a_mean_of_few(void **state)
 {
     struct trace_mean *m = make();
-    float complex x[SAMPLES] = {0};
+    float complex x[SAMPLES] = {[3] = 2 * I, [10] = 4};
 
     (void)state;
-    for (uint32_t i = 0; i < 5; i++) {
-        x[3] = 2;
-        assert_int_equal(trace_mean_take(m, 0, 0, 0.0, 3, x), i);
-        assert_true(x[3] == (i < 3 ? 2 : 0));
-        assert_true(x[4] == 0);
-    }
+    assert_int_equal(trace_mean_take(m, 0, 0, 0.0, 3, x), 0);
+    assert_true(x[3] == 2 * I && x[10] == 4); /* nothing is known yet */
+    memset(x, 0, sizeof x);
+    x[3] = 2 * I;
+    x[20] = 4;
+    assert_int_equal(trace_mean_take(m, 0, 0, 0.0, 3, x), 1);
+    assert_true(x[3] == 0 && x[10] == 0 && x[20] == 4);
+    assert_true(trace_mean_of(m, 0)[10] == 2); /* but the mean is one */
+    memset(x, 0, sizeof x);
+    x[3] = 2 * I;
+    x[10] = 0.5f; /* something that stands, fainter than half of the ghost */
+    x[20] = 1.5f; /* and louder */
+    assert_int_equal(trace_mean_take(m, 0, 0, 0.0, 3, x), 2);
+    assert_true(x[3] == 0 && x[10] == 0.5f && x[20] == -0.5f);
+    memset(x, 0, sizeof x);
+    assert_int_equal(trace_mean_take(m, 0, 0, 0.0, 3, x), 3); /* enough */
+    assert_true(cabsf(x[3] + 2 * I) < 1e-6f);
+    assert_true(fabsf(crealf(x[10]) + 4.5f / 3) < 1e-6f);
     trace_mean_destroy(m);
 }
 
@@ -117,7 +131,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_is_subtracted_the_mean_of_those_before_it),
         cmocka_unit_test(older_sound_fades_away_by_the_share),
-        cmocka_unit_test(a_mean_of_too_few_is_not_subtracted),
+        cmocka_unit_test(what_moves_leaves_no_ghost_in_a_mean_of_few),
         cmocka_unit_test(a_reset_forgets_all),
         cmocka_unit_test(sizes_that_make_no_sense_are_refused),
     };

@@ -65,7 +65,7 @@ static void image(struct rig *r, int64_t stamp_ns, double x_m, double z_m,
         r->image[i] = 1.0f;
     *at(r, x_m, z_m) = 100.0f;
     *at(r, other_x_m, 1.0) = 100.0f;
-    clutter_map_mute(r->map, &r->path, &r->mount, stamp_ns, r->image);
+    clutter_map_mute(r->map, &r->path, &r->mount, stamp_ns, 1.0, r->image);
 }
 
 /* What stands comes nearer by what the vehicle drives. */
@@ -107,7 +107,7 @@ static void what_appears_before_clutter_is_seen(void **state)
         r->image[i] = 1.0f;
     *at(r, 0.5, 2.0) = 1100.0f; /* over ten times as bright as before */
     *at(r, 0.45, 2.0) = 900.0f;
-    clutter_map_mute(r->map, &r->path, &r->mount, 500 * MS, r->image);
+    clutter_map_mute(r->map, &r->path, &r->mount, 500 * MS, 1.0, r->image);
     assert_near(*at(r, 0.5, 2.0), 1100.0, 0.0);
     assert_near(*at(r, 0.45, 2.0), 0.0, 0.0);
 }
