@@ -174,13 +174,15 @@ int detect_objects(const struct detect_config *cfg, const struct grid *grid,
     *n = 0;
     for (size_t v = 0; v < voxels; v++)
         strongest = intensity[v] > strongest ? intensity[v] : strongest;
-    int err = noise_floor(intensity, voxels, &s.floor);
-    if (err || !(strongest > 0.0f))
-        return err;
+    if (!(strongest > 0.0f))
+        return 0;
+    int err = 0;
+    if (!cfg->cfar)
+        err = noise_floor(intensity, voxels, &s.floor);
+    else if (cfg->learns)
+        err = detect_learn(cfg->cfar, grid, intensity);
     /* Half of the volume empty: a noiseless one.  Any floor below all of it will do. */
     s.floor = fmax(s.floor, 1e-9 * strongest);
-    if (cfg->cfar && cfg->learns)
-        err = detect_learn(cfg->cfar, grid, intensity);
     if (err)
         return err;
     struct regions found;

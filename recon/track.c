@@ -10,6 +10,7 @@
 #define STEADY_PSD_M2_S3 0.02       /* hardly accelerates at all */
 #define EXTENT_SHARE     0.3        /* of the newest look at it */
 #define STARTED          TRACKS_MAX /* owner of what a track begins with */
+#define MISSED_LOOKS     0.5        /* after more of them it may be something else */
 #define LONGEST_S        60.0       /* nothing is predicted farther */
 
 void track_config_default(struct track_config *cfg)
@@ -108,13 +109,17 @@ static enum track_motion judge_motion(const struct track *k)
     return k->motion;
 }
 
-/* Images without what stands show it move; in others the track itself has to. */
+/* After a gap it may be another thing that is seen: what moves is seen moving.
+ * Images without what stands show it move; in others the track itself has to. */
 static void judge_rest(const struct tracker *t, const struct track_scan *scan,
                        double fresh, struct track *k)
 {
     const struct track_rest_look *look = &t->looks[k->detection];
     double since_s = 1e-9 * (double)(scan->stamp_ns - k->seen_ns);
 
+    if (k->missed > MISSED_LOOKS)
+        k->rest = (struct track_rest){.looks = 0.0};
+    k->missed = 0.0;
     if (look->range_m > 0.0)
         track_rest_add(&k->rest, look, fresh, exp(-since_s / t->cfg.rest_s));
     if (!scan->standing_left || track_rest_misfit(&k->rest) > 1.0)
@@ -181,6 +186,7 @@ static void miss_track(struct tracker *t, const struct track_scan *scan, size_t 
     if (shown && !is_covered(t, scan, i, mine))
         track_life_update(&k->life, &t->cfg.life, false,
                           1.0 - t->cfg.detection_probability, fresh);
+    k->missed += shown ? fresh : 0.0;
     k->state = TRACK_PREDICTED;
     k->detection = TRACK_NONE;
 }

@@ -18,6 +18,7 @@ struct track {
     enum track_motion motion;
     int64_t first_ns, seen_ns;
     struct track_rest rest;
+    double missed;    /* looks, since it was seen */
     int64_t moves_ns; /* when it was last seen to move by itself; 0: never */
     double extent_m[3];
     size_t detection;
