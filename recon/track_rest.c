@@ -100,7 +100,7 @@ double track_rest_misfit(const struct track_rest *r)
 {
     /* chi-squared of f degrees of freedom (Laurent and Massart 2000, lemma 1): more than
      * f + 2 sqrt(f x) + 2 x in less than exp(-x) of all cases. */
-    const double x = 11.5;
+    const double x = 18.0;
     double freedom = fmax(2.0 * r->looks - 2.0, 0.0);
     double limit = freedom + 2.0 * sqrt(freedom * x) + 2.0 * x;
     double l[UNKNOWNS][UNKNOWNS], fit[UNKNOWNS];

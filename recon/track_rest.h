@@ -38,7 +38,7 @@ void track_rest_add(struct track_rest *r, const struct track_rest_look *look,
                     double share, double keep);
 
 /* Sum of the squares that are left, in units of their variances, over what a scatterer at
- * rest would leave in one of a hundred thousand cases; above 1 it has moved by itself. */
+ * rest would leave in one of ten million cases; above 1 it has moved by itself. */
 double track_rest_misfit(const struct track_rest *r);
 
 /* How far a look is from where the scatterer would be heard at rest: squares in units of

@@ -85,7 +85,7 @@ static void what_moves_is_told_by_the_squares_it_leaves(void **state)
     struct track_rest r = {.looks = 0.0};
     struct track_rest_look look = {
         .axis = {0.0, 1.0}, .range_m = 3.0, .sigma_m = SIGMA_M};
-    const double x = 11.5, v = 0.4;
+    const double x = 18.0, v = 0.4;
 
     (void)state;
     for (int n = 1; n <= 6; n++) {
