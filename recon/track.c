@@ -135,12 +135,17 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     double extent_m[3], existence;
 
     track_gather(t, scan, whose, i, &middle, extent_m, &existence, &k->detection);
-    struct track_match m = track_filter_match(&k->filter, &middle);
+    struct track_match m =
+        track_body_match(k, k->body.n ? &t->positions[k->detection] : &middle, NULL);
     double seen = t->cfg.detection_probability;
     double ratio = 1.0 - seen + seen * m.density / scan->clutter_m2;
     track_life_update(&k->life, &t->cfg.life, true, ratio, fresh);
-    track_filter_update(&k->filter, &middle);
-    track_filter_update(&k->steady, &middle);
+    if (k->body.n) {
+        track_body_update(t, scan, whose, i, fresh);
+    } else {
+        track_filter_update(&k->filter, &middle);
+        track_filter_update(&k->steady, &middle);
+    }
     for (int a = 0; a < 3; a++)
         k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
     k->motion = judge_motion(k);
@@ -214,7 +219,7 @@ static void end_tracks(struct tracker *t, int64_t now_ns)
 
     for (size_t i = 0; i < t->n; i++) {
         struct track *k = &t->tracks[i];
-        bool over = track_life_is_over(&k->life, &t->cfg.life) ||
+        bool over = k->merged || track_life_is_over(&k->life, &t->cfg.life) ||
                     1e-9 * (double)(now_ns - k->seen_ns) > t->cfg.coast_s ||
                     (k->id && 1e-9 * (double)(now_ns - k->moves_ns) > t->cfg.coast_s);
         if (over && !k->id)
@@ -322,6 +327,7 @@ int tracker_step(struct tracker *t, const struct track_scan *scan)
         else
             continue_track(t, scan, i, whose, fresh);
     }
+    track_body_merge(t);
     end_tracks(t, scan->stamp_ns);
     start_tracks(t, scan, whose, fresh);
     name_confirmed(t, scan->stamp_ns);

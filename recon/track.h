@@ -2,6 +2,9 @@
  * the filter of recon/track_filter.h, assigned to each other at the least cost (global
  * nearest neighbour, recon/assignment.h), confirmed and ended by recon/track_life.h.
  *
+ * What is heard in several places at once that move as one is one object, and one track
+ * (recon/track_body.h).
+ *
  * Detections come and tracks are told in the vehicle frame (x forward, y left, z up) at
  * the stamp of their image; kept they are over ground, in the vehicle frame of the first
  * image, to which each later one's ego motion is added up.
@@ -56,6 +59,7 @@ struct track_detection {
     double lag_s;                           /* recon/track_filter.h */
     bool height_assumed;
     double along_m, range_m; /* as the array heard it, from track_array.at_m */
+    double sight[2]; /* along which it was heard, away from the wall; unit, or 0 */
 };
 
 struct track_array {         /* vehicle frame at the stamp, in the plane */

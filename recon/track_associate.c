@@ -39,7 +39,7 @@ static void fill_costs(struct tracker *t, const struct track_scan *scan)
         double seen = t->cfg.detection_probability * k->life.existence;
         double *cost = t->cost + i * n_columns;
         for (size_t j = 0; j < scan->n; j++) {
-            struct track_match m = track_filter_match(&k->filter, &t->positions[j]);
+            struct track_match m = track_body_match(k, &t->positions[j], NULL);
             bool near = m.distance2 < t->cfg.gate2 &&
                         !track_rests_elsewhere(t, scan, i, j);
             cost[j] = near ? -log(fmax(seen * m.density / scan->clutter_m2, 1e-300))
@@ -50,7 +50,20 @@ static void fill_costs(struct tracker *t, const struct track_scan *scan)
     }
 }
 
-/* The nearest of the detections that tracks were assigned. */
+/* How far a detection is from a track's own; INFINITY: it is none of it. */
+static double apart_m(const struct tracker *t, const struct track_scan *scan, size_t i,
+                      size_t own, size_t detection)
+{
+    const struct track_detection *d = &scan->detections[own];
+
+    if (t->tracks[i].body.n)
+        return track_body_gap_m(&t->tracks[i], &t->positions[detection]);
+    double reach_m = t->cfg.join_m + 0.5 * hypot(d->extent_m[0], d->extent_m[1]);
+    double away_m = distance_m(&t->positions[own], &t->positions[detection]);
+    return away_m < reach_m ? away_m : INFINITY;
+}
+
+/* The nearest of the tracks that were assigned detections. */
 static size_t neighbour(const struct tracker *t, const struct track_scan *scan,
                         const size_t *mine, size_t detection)
 {
@@ -60,11 +73,8 @@ static size_t neighbour(const struct tracker *t, const struct track_scan *scan,
     for (size_t i = 0; i < t->n; i++) {
         if (mine[i] == TRACK_NONE)
             continue;
-        const struct track_detection *d = &scan->detections[mine[i]];
-        double reach_m = t->cfg.join_m + 0.5 * hypot(d->extent_m[0], d->extent_m[1]);
-        double away_m = distance_m(&t->positions[mine[i]], &t->positions[detection]);
-        if (away_m < reach_m && away_m < nearest_m &&
-            !track_rests_elsewhere(t, scan, i, detection)) {
+        double away_m = apart_m(t, scan, i, mine[i], detection);
+        if (away_m < nearest_m && !track_rests_elsewhere(t, scan, i, detection)) {
             nearest_m = away_m;
             owner = i;
         }

@@ -3,6 +3,7 @@
 #define ANLOS_RECON_TRACK_STATE_H
 
 #include "recon/track.h"
+#include "recon/track_body.h"
 #include "recon/track_filter.h"
 #include "recon/track_ids.h"
 #include "recon/track_rest.h"
@@ -21,6 +22,8 @@ struct track {
     double missed;    /* looks, since it was seen */
     int64_t moves_ns; /* when it was last seen to move by itself; 0: never */
     double extent_m[3];
+    struct track_body body;
+    bool merged; /* into another one */
     size_t detection;
 };
 

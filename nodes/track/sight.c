@@ -49,6 +49,25 @@ void sight_virtual(const struct sight *s, uint32_t wall, const double p_m[3],
         memcpy(virtual_m, at_m, sizeof at_m);
 }
 
+void sight_direction(const struct sight *s, uint32_t wall, const double p_m[3],
+                     double out[2])
+{
+    const struct wall *w = find(s, wall);
+    double array_m[3] = {0.0, 0.0, 0.0}, at_m[3];
+
+    to_array(s, p_m, at_m);
+    if (w)
+        wall_mirror(w, array_m, array_m);
+    for (int a = 0; a < 2; a++) {
+        out[a] = 0.0;
+        for (int b = 0; b < 3; b++)
+            out[a] += s->axes[a][b] * (at_m[b] - array_m[b]);
+    }
+    double length = hypot(out[0], out[1]);
+    for (int a = 0; a < 2 && length > 0.0; a++)
+        out[a] /= length;
+}
+
 static bool is_in_image(const struct grid *g, const double p[3])
 {
     for (int a = 0; a < 3; a += 2)

@@ -29,6 +29,11 @@ void sight_virtual(const struct sight *s, uint32_t wall, const double p_m[3],
  * track_scan wants it; context: a struct sight. */
 bool sight_shows(const void *context, const double p_m[3]);
 
+/* The direction, in the plane of the vehicle frame, in which the array hears a place by
+ * way of a wall: away from where the array's own mirror image stands. */
+void sight_direction(const struct sight *s, uint32_t wall, const double p_m[3],
+                     double out[2]);
+
 /* How far behind a wall something is imaged; INFINITY of no wall. */
 double sight_behind_m(const struct sight *s, uint32_t wall, const double virtual_m[3]);
 

@@ -207,6 +207,7 @@ static void take_detection(const struct tracking *t, const struct sight *sight,
     out->lag_s = timing_lag_s(&t->detector.survey, volume->pings_used,
                               hypot(hypot(virtual_m[0], virtual_m[1]), virtual_m[2]));
     hear(sight, array, virtual_m, out);
+    sight_direction(sight, m->wall, out->position_m, out->sight);
 }
 
 /* Where the tracks of the image before are imaged in this one, dt_s later. */

@@ -9,6 +9,7 @@
 
 #include "nodes/rt/objects.h"
 #include "nodes/track/ghosts.h"
+#include "nodes/track/sight.h"
 #include "nodes/track/timing.h"
 #include "nodes/track/tracking.h"
 #include "tests/nodes/near.h"
@@ -354,6 +355,29 @@ static void images_tell_of_instants_of_their_own(void **state)
     assert_near(timing_fresh(&s, 16, 0.024, 0.0), 1.0 / 8.0, 1e-9);
 }
 
+/* The array's mirror image stands at z = 1.6, for the vehicle at (1.6, 0). */
+static void what_hides_is_heard_from_where_the_mirrored_array_stands(void **state)
+{
+    struct rig *r = *state;
+    const double at_m[3] = {0.4, 0.9, 0.0};
+    struct grid grid = {.n = {NX, 1, NZ}};
+    struct survey survey;
+    struct walls walls;
+    struct sight sight;
+    double way[2];
+
+    assert_int_equal(survey_from_message(&survey, r->scene.survey, NULL), 0);
+    walls_from_survey(&walls, &survey);
+    sight_init(&sight, &survey, &walls, &grid);
+    sight_direction(&sight, walls.list[0].id, at_m, way);
+    assert_near(way[0], -0.8, 1e-9);
+    assert_near(way[1], 0.6, 1e-9);
+    sight_direction(&sight, walls.list[0].id + 1, at_m, way); /* no such wall: directly */
+    assert_near(way[0], 0.4 / hypot(0.4, 0.9), 1e-9);
+    assert_near(way[1], 0.9 / hypot(0.4, 0.9), 1e-9);
+    survey_clear(&survey);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -369,6 +393,7 @@ int main(void)
         TEST(an_image_of_the_past_is_refused),
         TEST(a_sidelobe_begins_no_track),
         TEST(the_wall_itself_is_not_tracked),
+        TEST(what_hides_is_heard_from_where_the_mirrored_array_stands),
         cmocka_unit_test(only_what_is_fainter_and_as_far_may_be_a_sidelobe),
         cmocka_unit_test(images_tell_of_instants_of_their_own),
     };
