@@ -73,7 +73,7 @@ bool mean_background_subtract(struct mean_background *b, size_t speaker,
     b->is_empty = false;
     for (size_t m = 0; m < b->n_microphones; m++)
         if (!masked[m])
-            any |= trace_mean_take(b->mean, speaker, m, share, MEAN_BACKGROUND_FEW,
+            any |= trace_mean_take(b->mean, speaker, m, share, UINT32_MAX,
                                    traces + m * b->n_samples) > 0;
     return any;
 }

@@ -10,8 +10,6 @@
 
 #include "msgs/array.pb-c.h"
 
-#define MEAN_BACKGROUND_FEW 4 /* fewer pings of a speaker: what moves is still in them */
-
 struct mean_background;
 
 /* time_constant_s: of the running mean.  0, -EINVAL, -ENOMEM. */
@@ -26,7 +24,8 @@ const float complex *mean_background_record(struct mean_background *b,
                                             float complex *traces);
 
 /* Subtracts the running mean from a speaker's traces and counts them into it, from the
- * second ping on; of few pings as dsp/trace_mean.h says.  A microphone that is masked
+ * second ping on, where that leaves less than there was (dsp/trace_mean.h): a loud thing
+ * that passes by is in it for as long as the mean remembers.  A microphone that is masked
  * stays out of it, and one that was until now keeps its trace as it is.  false: all do. */
 bool mean_background_subtract(struct mean_background *b, size_t speaker,
                               int64_t capture_ns, const protobuf_c_boolean *masked,

@@ -167,7 +167,7 @@ static void a_recorded_background_is_the_mean_of_its_frames(void **state)
 /* The first is heard as it is. */
 static void learn(struct rig *r, Anlos__Pass heard)
 {
-    for (unsigned i = 0; i < MEAN_BACKGROUND_FEW; i++) {
+    for (unsigned i = 0; i < 4; i++) {
         send(r, heard, SCENE, 1);
         assert_true(r->out.has_traces);
         assert_true(r->out.traces.background_subtracted == (i > 0));
