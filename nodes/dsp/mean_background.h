@@ -26,7 +26,8 @@ const float complex *mean_background_record(struct mean_background *b,
 /* Subtracts the running mean from a speaker's traces and counts them into it, from the
  * second ping on, where that leaves less than there was (dsp/trace_mean.h): a loud thing
  * that passes by is in it for as long as the mean remembers.  A microphone that is masked
- * stays out of it, and one that was until now keeps its trace as it is.  false: all do. */
+ * stays out of it, and one that was until now keeps its trace as it is.  false: all do.
+ */
 bool mean_background_subtract(struct mean_background *b, size_t speaker,
                               int64_t capture_ns, const protobuf_c_boolean *masked,
                               float complex *traces);
