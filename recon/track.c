@@ -109,7 +109,7 @@ static enum track_motion judge_motion(const struct track *k)
     return k->motion;
 }
 
-/* After a gap it may be another thing that is seen: what moves is seen moving.
+/* After a gap or a jump it may be another thing that is seen: what moves is seen moving.
  * Images without what stands show it move; in others the track itself has to. */
 static void judge_rest(const struct tracker *t, const struct track_scan *scan,
                        double fresh, struct track *k)
@@ -117,7 +117,7 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
     const struct track_rest_look *look = &t->looks[k->detection];
     double since_s = 1e-9 * (double)(scan->stamp_ns - k->seen_ns);
 
-    if (k->missed > MISSED_LOOKS)
+    if (k->missed > MISSED_LOOKS || track_rest_jumps(&k->rest, look))
         k->rest = (struct track_rest){.looks = 0.0};
     k->missed = 0.0;
     if (look->range_m > 0.0)
@@ -191,7 +191,7 @@ static void miss_track(struct tracker *t, const struct track_scan *scan, size_t 
     if (shown && !is_covered(t, scan, i, mine))
         track_life_update(&k->life, &t->cfg.life, false,
                           1.0 - t->cfg.detection_probability, fresh);
-    k->missed += shown ? fresh : 0.0;
+    k->missed += fresh;
     k->state = TRACK_PREDICTED;
     k->detection = TRACK_NONE;
 }

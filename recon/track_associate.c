@@ -4,10 +4,8 @@
 #include "recon/assignment.h"
 #include "recon/track_state.h"
 
-#define NEVER        1e6 /* a cost that no sum of others reaches */
-#define RESTS_LOOKS  2.0 /* by then what moves at 0.6 m/s has left RESTS_MISFIT behind */
-#define RESTS_MISFIT 0.1
-#define RESTS_GATE2  13.8 /* 999 of 1000 looks at a thing at rest are nearer */
+#define NEVER       1e6 /* a cost that no sum of others reaches */
+#define RESTS_LOOKS 2.0 /* by then what moves at 0.6 m/s is told from it */
 
 _Static_assert(TRACKS_MAX <= ASSIGNMENT_ROWS, "");
 _Static_assert(TRACK_DETECTIONS + TRACKS_MAX <= ASSIGNMENT_COLUMNS, "");
@@ -23,8 +21,8 @@ bool track_rests_elsewhere(const struct tracker *t, const struct track_scan *sca
     const struct track_rest *r = &t->tracks[track].rest;
 
     return scan->standing_left && r->looks >= RESTS_LOOKS &&
-           track_rest_misfit(r) < RESTS_MISFIT &&
-           track_rest_distance2(r, &t->looks[detection]) > RESTS_GATE2;
+           track_rest_misfit(r) < TRACK_REST_MISFIT &&
+           track_rest_distance2(r, &t->looks[detection]) > TRACK_REST_GATE2;
 }
 
 /* Negative logarithms of how much likelier an assignment is than clutter and an object

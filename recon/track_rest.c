@@ -3,8 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-#define UNKNOWNS 3
-#define LOOSE_M  100.0 /* what is known beforehand: it is within so much of the array */
+#define UNKNOWNS   3
+#define JUMP_LOOKS 5     /* after fewer what moves may be as far from where it was */
+#define LOOSE_M    100.0 /* what is known beforehand: it is within so much of the array */
 
 static void add_equation(struct track_rest *r, const double a[UNKNOWNS], double b,
                          double weight)
@@ -58,6 +59,7 @@ void track_rest_add(struct track_rest *r, const struct track_rest_look *look,
     for (int i = 0; i < 2; i++)
         add_equation(r, e.a[i], e.b[i], share / (e.sigma[i] * e.sigma[i]));
     r->looks += share;
+    r->n_looks++;
 }
 
 /* Cholesky's, of a positive definite matrix, in its lower half. */
@@ -133,4 +135,10 @@ double track_rest_distance2(const struct track_rest *r,
     return (c[1][1] * left[0] * left[0] - 2.0 * c[0][1] * left[0] * left[1] +
             c[0][0] * left[1] * left[1]) /
            det;
+}
+
+bool track_rest_jumps(const struct track_rest *r, const struct track_rest_look *look)
+{
+    return r->n_looks >= JUMP_LOOKS && track_rest_misfit(r) < TRACK_REST_MISFIT &&
+           track_rest_distance2(r, look) > TRACK_REST_GATE2;
 }

@@ -18,10 +18,14 @@
 
 #include <stdbool.h>
 
+#define TRACK_REST_MISFIT 0.1  /* below: it seems to rest */
+#define TRACK_REST_GATE2  13.8 /* 999 of 1000 looks at a thing at rest are nearer */
+
 struct track_rest {
     double origin_m[2]; /* over ground: all is counted from there */
     double normal[3][3], right[3], squares;
-    double looks; /* fitted, old ones faded; 0: none */
+    double looks;     /* fitted, old ones faded; 0: none */
+    unsigned n_looks; /* that were added */
 };
 
 struct track_rest_look {
@@ -31,6 +35,9 @@ struct track_rest_look {
     double range_m;
     double sigma_m; /* of both */
 };
+
+/* A look at something else: far from where a scatterer rests that explains the others. */
+bool track_rest_jumps(const struct track_rest *r, const struct track_rest_look *look);
 
 /* share: how much of a look this is, as far as it tells anything new; keep: of what came
  * before, 0..1. */

@@ -113,6 +113,28 @@ static void how_far_a_look_is_off_counts_both_errors(void **state)
                 0.3 * 0.3 / (SIGMA_M * SIGMA_M * (1.0 + 0.25)), 1e-3);
 }
 
+/* A thing at rest is seen, and then another one beside it; or a walker, ping after ping.
+ */
+static void a_jump_is_told_from_a_walk(void **state)
+{
+    struct track_rest rests = {.looks = 0.0}, walks = {.looks = 0.0};
+    struct track_rest_look look = {
+        .axis = {0.0, 1.0}, .range_m = 3.0, .sigma_m = SIGMA_M};
+
+    (void)state;
+    for (int n = 0; n < 30; n++) {
+        look.along_m = 1.2 * 0.024 * n;
+        assert_false(track_rest_jumps(&walks, &look));
+        track_rest_add(&walks, &look, 0.12, 1.0);
+        look.along_m = 1.0;
+        assert_false(track_rest_jumps(&rests, &look));
+        track_rest_add(&rests, &look, 0.12, 1.0);
+    }
+    assert_true(track_rest_misfit(&walks) > 1.0);
+    look.along_m = 1.4;
+    assert_true(track_rest_jumps(&rests, &look));
+}
+
 static void what_is_old_fades(void **state)
 {
     struct track_rest r = {.looks = 0.0}, fresh = {.looks = 0.0};
@@ -141,6 +163,7 @@ int main(void)
         cmocka_unit_test(noise_alone_is_no_motion),
         cmocka_unit_test(what_moves_is_told_by_the_squares_it_leaves),
         cmocka_unit_test(how_far_a_look_is_off_counts_both_errors),
+        cmocka_unit_test(a_jump_is_told_from_a_walk),
         cmocka_unit_test(what_is_old_fades),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
