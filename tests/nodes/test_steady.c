@@ -31,6 +31,7 @@ struct rig {
     float complex *y;
     struct tensor_view view;
     protobuf_c_boolean masked[MICROPHONES];
+    bool subtracted; /* pings have a background */
     char note[128];
 };
 
@@ -137,6 +138,7 @@ static bool ping(struct rig *r, size_t k)
     t.n_masked = MICROPHONES;
     t.masked = r->masked;
     t.clipped_samples = k;
+    t.background_subtracted = r->subtracted;
     return steady_traces(r->steady, &t, stamp_ns(k), r->note, sizeof r->note);
 }
 
@@ -421,6 +423,34 @@ static void what_stands_still_is_muted_and_what_moved_is_not(void **state)
     stop(&r);
 }
 
+/* A track node believes what is in an image without what stands. */
+static void an_image_says_whether_what_stands_is_left_in_it(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    struct steady_config cfg = each_frame;
+    start(&r, true, &cfg);
+    image_of(&r, 0, &v);
+    assert_false(v.standing_left); /* nobody wanted it taken away */
+    stop(&r);
+    cfg.moving_only = true;
+    start(&r, true, &cfg);
+    r.subtracted = true;
+    image_of(&r, 0, &v);
+    assert_false(v.standing_left);
+    r.subtracted = false;
+    ping(&r, SPEAKERS);
+    r.subtracted = true;
+    for (size_t k = SPEAKERS + 1; k < 2 * SPEAKERS; k++)
+        ping(&r, k);
+    steady_image(r.steady, &v);
+    assert_true(v.standing_left);
+    image_of(&r, 2, &v);
+    assert_false(v.standing_left);
+    stop(&r);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -428,6 +458,7 @@ int main(void)
         cmocka_unit_test(what_is_heard_before_the_wall_is_muted),
         cmocka_unit_test(the_wall_comes_along_with_the_vehicle),
         cmocka_unit_test(what_stands_still_is_muted_and_what_moved_is_not),
+        cmocka_unit_test(an_image_says_whether_what_stands_is_left_in_it),
         cmocka_unit_test(
             a_frame_without_its_last_ping_is_imaged_with_the_next_ones_first),
         cmocka_unit_test(every_ping_may_have_an_image),
