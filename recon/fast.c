@@ -23,6 +23,14 @@ struct fast {
     struct fk *fk;
 };
 
+/* Width of the band that traces hold, as much above their carrier as below, which may be
+ * more than is imaged: what is sampled too coarsely would fold into the image. */
+static double held_hz(const struct imager_config *cfg)
+{
+    double low_hz = cfg->band_hz[0];
+    return fmax(cfg->band_hz[1] - low_hz, 2.0 * (cfg->format.carrier_hz - low_hz));
+}
+
 /* Co-located traces span the gate from its mute to the farthest voxel of the image. */
 static void colocated_format(struct trace_format *out, const struct imager_config *cfg,
                              const struct midpoints *m)
@@ -35,7 +43,7 @@ static void colocated_format(struct trace_format *out, const struct imager_confi
     double last_s =
         fmin(delays_s[1], sqrt(fmax(end_s * end_s - pow(2.0 * longest_m / c, 2.0), 0.0)));
     double first_s = fmax(2.0 * cfg->gate_m[0] / c, delays_s[0] - 16.0 / band_hz);
-    out->rate_hz = fmin(RATE_MARGIN * band_hz, cfg->format.rate_hz);
+    out->rate_hz = fmin(RATE_MARGIN * held_hz(cfg), cfg->format.rate_hz);
     out->carrier_hz = cfg->format.carrier_hz;
     out->t0_s = first_s;
     out->n_samples = (size_t)fmax(ceil((last_s - first_s) * out->rate_hz), 0.0);
@@ -111,6 +119,7 @@ static int create_stages(struct fast *f, const struct imager_config *cfg,
         .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
         .grid = cfg->grid,
         .sharpen = cfg->options ? cfg->options->sharpen : 0.0,
+        .taper = cfg->options && cfg->options->taper,
         .pool = cfg->pool,
     };
     err = fk_create(&f->fk, &fk);

@@ -24,9 +24,9 @@ struct migration { /* what the workers share */
 static void store_spectrum(const struct fk *m, const fftwf_complex *transform, size_t ix,
                            size_t iy)
 {
+    long n = (long)m->nt_fft;
     for (size_t q = 0; q < m->n_f; q++) {
-        long bin = m->first_bin + (long)q;
-        size_t from = (size_t)((bin + (long)m->nt_fft) % (long)m->nt_fft);
+        long from = ((m->first_bin + (long)q) % n + n) % n;
         float c = m->centring[2 * q], s = m->centring[2 * q + 1];
         size_t block = q / FK_X_BLOCK * m->y.lines + iy;
         float *out = m->spectrum + (block * m->x.lines + ix) * FK_BLOCK +

@@ -16,6 +16,7 @@
 #define ANLOS_RECON_FK_H
 
 #include <complex.h>
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "dsp/pool.h"
@@ -34,6 +35,7 @@ struct fk_config {
     struct grid grid; /* before the plane (z above plane_z_m) */
     double sharpen; /* exponent of the depth wavenumber over its largest: 0 as below, more
                      * for narrower points with stronger sidelobes */
+    bool taper; /* the band's upper half ends softly: of traces that hold more than it */
     struct pool *pool;
 };
 

@@ -98,6 +98,13 @@ static void plan_depth(struct fk *m, const struct fk_config *cfg)
     m->n_kz = (size_t)(floor(k_high / m->dkz) - (double)m->kz_first + 1.0);
 }
 
+/* Of the upper half of what lies between; 1 below. */
+static double soft_end(double k, double k_low, double k_high)
+{
+    double past = (k - 0.5 * (k_low + k_high)) / (0.5 * (k_high - k_low));
+    return past > 0.0 ? 0.5 + 0.5 * cos(M_PI * fmin(past, 1.0)) : 1.0;
+}
+
 static int plan_tables(struct fk *m, const struct fk_config *cfg)
 {
     m->weights = fftwf_malloc((FK_FRACTIONS + 1) * FK_TAPS * sizeof *m->weights);
@@ -105,10 +112,12 @@ static int plan_tables(struct fk *m, const struct fk_config *cfg)
     m->gain = malloc(m->n_kz * sizeof *m->gain);
     if (!m->weights || !m->centring || !m->gain)
         return -ENOMEM;
+    double k_low = 4.0 * M_PI * cfg->band_hz[0] / m->c;
+    double k_high = 4.0 * M_PI * cfg->band_hz[1] / m->c;
     for (size_t z = 0; z < m->n_kz; z++) {
         double kz = (double)(m->kz_first + (long)z) * m->dkz;
-        double k_high = 4.0 * M_PI * cfg->band_hz[1] / m->c;
-        m->gain[z] = sqrtf((float)kz) * (float)pow(kz / k_high, cfg->sharpen);
+        double gain = sqrt(kz) * pow(kz / k_high, cfg->sharpen);
+        m->gain[z] = (float)(cfg->taper ? gain * soft_end(kz, k_low, k_high) : gain);
     }
     for (size_t q = 0; q < m->n_f; q++) {
         double f_hz = (double)(m->first_bin + (long)q) * m->df_hz;

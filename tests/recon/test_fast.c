@@ -157,6 +157,82 @@ static void what_comes_before_the_gate_is_muted(void **state)
     free(both);
 }
 
+/* The lower half of the band, of echoes that lie in some band of their own. */
+static float *image_low(struct rig *r, const double echo_hz[2], bool taper)
+{
+    static const struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+    static const double low_hz[2] = {2e3, 1e4};
+    struct imager_options options;
+    struct pool *pool;
+    struct imager *im;
+    const char *why;
+    float *image = malloc(grid_size(&r->grid) * sizeof *image);
+    assert_non_null(image);
+    assert_int_equal(pool_create(&pool, 1), 0);
+    imager_options_default(&options);
+    options.taper = taper;
+    const struct imager_config cfg = {.method = "fast",
+                                      .geometry = &r->geometry,
+                                      .format = r->format,
+                                      .band_hz = {low_hz[0], low_hz[1]},
+                                      .gate_m = {r->gate_m[0], r->gate_m[1]},
+                                      .grid = r->grid,
+                                      .options = &options,
+                                      .pool = pool};
+    assert_int_equal(imager_create(&im, &cfg, &why), 0);
+    memcpy(r->band_hz, echo_hz, sizeof r->band_hz);
+    rig_add(r, im, &point, 1);
+    imager_image(im, image);
+    imager_destroy(im);
+    pool_destroy(pool);
+    return image;
+}
+
+static float brightest(const struct rig *r, const float *image)
+{
+    float most = 0.0f;
+    for (size_t q = 0; q < grid_size(&r->grid); q++)
+        most = fmaxf(most, image[q]);
+    return most;
+}
+
+static void sounds_above_the_imaged_band_do_not_fold_into_it(void **state)
+{
+    (void)state;
+    static const double inside_hz[2] = {2e3, 1e4}, above_hz[2] = {1.1e4, 2e4};
+    struct rig r;
+    rig_default(&r);
+    float *seen = image_low(&r, inside_hz, false), *dark = image_low(&r, above_hz, false);
+    assert_below(brightest(&r, dark), 1e-4f * brightest(&r, seen));
+    free(seen);
+    free(dark);
+}
+
+/* Cut off where the chirp is loudest, the pulse rings with 1 / x; Hann's falls with 1 /
+ * x^3.  Beyond twice the pulse's width, 2 c / B. */
+static void a_band_that_ends_softly_rings_less_in_depth(void **state)
+{
+    (void)state;
+    static const double all_hz[2] = {2e3, 2e4};
+    double ringing[2];
+    for (int taper = 0; taper < 2; taper++) {
+        struct rig r;
+        rig_default(&r);
+        rig_look_at(&r, 0.0, 0.0, 1.1, 41, 0.008);
+        float *image = image_low(&r, all_hz, taper);
+        const struct grid *g = &r.grid;
+        size_t column = g->n[1] / 2 * g->n[0] + g->n[0] / 2, plane = g->n[0] * g->n[1];
+        float most = 0.0f;
+        for (size_t z = 0; z < g->n[2]; z++)
+            if (fabs(g->origin_m[2] + g->step_m[2] * (double)z - 1.1) >
+                2.0 * r.geometry.sound_speed_m_s / 8e3)
+                most = fmaxf(most, image[z * plane + column]);
+        ringing[taper] = most / brightest(&r, image);
+        free(image);
+    }
+    assert_below(ringing[1], 0.25 * ringing[0]);
+}
+
 static void the_number_of_threads_hardly_matters(void **state)
 {
     (void)state;
@@ -214,6 +290,8 @@ int main(void)
         cmocka_unit_test(a_volume_behind_the_array_is_refused_with_a_reason),
         cmocka_unit_test(a_gate_past_the_volume_is_refused_with_a_reason),
         cmocka_unit_test(what_comes_before_the_gate_is_muted),
+        cmocka_unit_test(sounds_above_the_imaged_band_do_not_fold_into_it),
+        cmocka_unit_test(a_band_that_ends_softly_rings_less_in_depth),
         cmocka_unit_test(the_number_of_threads_hardly_matters),
         cmocka_unit_test(it_sees_what_backprojection_sees),
     };
