@@ -165,7 +165,8 @@ static double edges(const struct planner_config *cfg, const struct planner_candi
     double sharper = !strcmp(c->method, "iterative") ? SHARPENED
                      : is_blunt(c)                   ? BLUNT_EDGE
                                                      : 1.0;
-    return EDGE * sharper * longer(cfg, c) * narrowing(cfg->set->geometry, c->stride);
+    return EDGE * sharper * pow(longer(cfg, c), 3.0) *
+           narrowing(cfg->set->geometry, c->stride);
 }
 
 static double object_error_m(const struct planner_config *cfg,

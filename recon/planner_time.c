@@ -6,12 +6,13 @@
 
 #include "recon/coherence.h"
 #include "recon/incoherent.h"
+#include "recon/probe.h"
 
 /* ns on one core of the machine they were measured on, in memory that is used for the
  * first time. */
 #define COHERENCE_NS     16.0  /* a sample of a trace */
 #define COMPRESS_NS      8.0e3 /* a trace */
-#define PLACES_NS        2.4e3 /* a trace, on one thread: what the geometry says of places */
+#define PLACES_NS        1.2e3 /* a pair, on one thread: what the geometry says of places */
 #define STACK_NS         4.5   /* a sample of a trace, moved out */
 #define DIP_NS           9.0   /* a sample of a trace, by its dip */
 #define DIP_PLAN_NS      160.0 /* a sample of a midpoint's trace, of all the chirp's band */
@@ -25,7 +26,6 @@
 #define MIRROR_NS        25.0  /* a sample of a trace, from power to the image */
 #define ITERATIVE_NS     120.0 /* a voxel and iteration */
 #define ITERATIVE_ROUNDS 30.0
-#define COARSER          1.9 /* steps of the probe, times those of the image */
 
 double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads)
 {
@@ -56,16 +56,14 @@ static double migrate_ns(const struct trace_set *s, const struct grid *g)
 }
 
 double planner_probe_s(const struct trace_set *set, const struct grid *grid,
-                       size_t n_threads)
+                       size_t stride, size_t n_threads)
 {
     double traces = (double)(set->geometry->n_positions * trace_set_pairs(set));
-    struct grid coarse = *grid;
-    for (int a = 0; a < 3; a++) {
-        coarse.step_m[a] *= COARSER;
-        coarse.n[a] = (size_t)ceil((double)grid->n[a] / COARSER);
-    }
-    double ns = STACK_NS * traces * (double)set->format.n_samples +
-                migrate_ns(set, &coarse);
+    struct trace_set low = *set;
+    struct grid coarse;
+    probe_view(set, grid, low.band_hz, &coarse);
+    double ns = STACK_NS * traces / (double)stride * (double)set->format.n_samples +
+                migrate_ns(&low, &coarse);
     return 1e-9 * (PLACES_NS * traces + ns / (double)n_threads);
 }
 

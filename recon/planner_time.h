@@ -11,9 +11,10 @@
 /* Compression of so many pings. */
 double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads);
 
-/* A look at the scene (recon/probe) that is to be imaged on this grid. */
+/* A look at the scene (recon/probe) that is to be imaged on this grid, by every so
+ * manieth speaker. */
 double planner_probe_s(const struct trace_set *set, const struct grid *grid,
-                       size_t n_threads);
+                       size_t stride, size_t n_threads);
 
 /* How the elements stand (recon/coherence), from every so manieth speaker's traces. */
 double planner_coherence_s(const struct trace_set *set, size_t stride, size_t n_threads);

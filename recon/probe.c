@@ -9,10 +9,10 @@
 #include "recon/imager.h"
 #include "recon/probe_place.h"
 
-#define COARSER    2.0 /* times the steps of the image that is wanted */
-#define COARSEST   0.6 /* of a point's width */
-#define SCALLOP_DB 6.0 /* that a peak may lose between coarse voxels */
-#define MARGIN_M   0.1 /* of depth kept around what holds something */
+#define LOOK_TOP   0.45 /* of the band's top: waves are the cube of it */
+#define LOOK_STEP  0.5  /* of a point's width in that band */
+#define SCALLOP_DB 6.0  /* that a peak may lose between coarse voxels */
+#define MARGIN_M   0.1  /* of depth kept around what holds something */
 
 struct probing {
     struct probe *out;
@@ -21,29 +21,34 @@ struct probing {
     struct probe_places *places;
     struct imager_config cfg; /* of the coarse image */
     float *intensity;
+    struct detection found[PROBE_OBJECTS];
 };
 
-static void coarsen(struct grid *out, const struct grid *fine, const struct trace_set *s)
+void probe_view(const struct trace_set *s, const struct grid *fine, double band_hz[2],
+                struct grid *out)
 {
     double width_m[3];
-    geometry_resolution(s->geometry, s->band_hz, 0.5 * (s->gate_m[0] + s->gate_m[1]),
+    band_hz[0] = s->band_hz[0];
+    band_hz[1] = fmin(fmax(LOOK_TOP * s->band_hz[1], 2.0 * band_hz[0]), s->band_hz[1]);
+    geometry_resolution(s->geometry, band_hz, 0.5 * (s->gate_m[0] + s->gate_m[1]),
                         width_m);
     *out = *fine;
     for (int a = 0; a < 3; a++) {
         double extent_m = fine->step_m[a] * (double)(fine->n[a] - 1);
-        double step_m =
-            fmin(COARSER * fine->step_m[a], fmax(COARSEST * width_m[a], fine->step_m[a]));
-        out->step_m[a] = step_m;
-        out->n[a] = (size_t)ceil(extent_m / step_m - 1e-6) + 1;
+        double step_m = fmax(fine->step_m[a], fmin(LOOK_STEP * width_m[a], extent_m));
+        double steps = ceil(extent_m / step_m - 1e-6);
+        out->n[a] = (size_t)steps + 1;
+        if (steps > 0.0)
+            out->step_m[a] = extent_m / steps;
     }
 }
 
-static void configure(struct probing *p, const struct grid *grid)
+static void configure(struct probing *p, const double band_hz[2], const struct grid *grid)
 {
     p->cfg = (struct imager_config){.method = "fast",
                                     .geometry = p->set->geometry,
                                     .format = p->set->format,
-                                    .band_hz = {p->set->band_hz[0], p->set->band_hz[1]},
+                                    .band_hz = {band_hz[0], band_hz[1]},
                                     .gate_m = {p->set->gate_m[0], p->set->gate_m[1]},
                                     .grid = *grid,
                                     .pool = p->pool};
@@ -121,38 +126,63 @@ static void move_to_edge(const struct geometry *g, const double extent_m[2],
             copysign(0.5 * extent_m[a], o->position_m[a] - 0.5 * (low[a] + high[a]));
 }
 
-static void describe_object(const struct probing *p, const struct detection *d,
-                            struct probe_object *o)
+static double width_hz(const double band_hz[2])
 {
-    double noise = pow(10.0, -0.05 * d->level_db); /* over amplitude */
-    *o = (struct probe_object){.level_db = d->level_db,
-                               .extent_m = fmax(d->extent_m[0], d->extent_m[1])};
+    return band_hz[1] - band_hz[0];
+}
+
+/* The larger of width and height, as it would be in all of the band. */
+static double sharp_extent_m(const struct probing *p, const struct detection *d,
+                             const struct probe_object *o)
+{
+    double blurred_m[3], most_m = 0.0;
+    geometry_resolution_at(p->set->geometry, p->cfg.band_hz, o->position_m, blurred_m);
+    for (int a = 0; a < 2; a++) {
+        double extent_m = d->extent_m[a];
+        if (isfinite(blurred_m[a])) {
+            double blur = blurred_m[a] * blurred_m[a] - o->width_m[a] * o->width_m[a];
+            extent_m = sqrt(fmax(extent_m * extent_m - blur, 0.0));
+        }
+        most_m = fmax(most_m, extent_m);
+    }
+    return most_m;
+}
+
+static void describe_object(void *ctx, size_t i, size_t thread)
+{
+    const struct probing *p = ctx;
+    const struct detection *d = &p->found[i];
+    struct probe_object *o = &p->out->objects[i];
+    (void)thread;
+    double gain = width_hz(p->set->band_hz) / width_hz(p->cfg.band_hz);
+    *o = (struct probe_object){.level_db = d->level_db + 10.0 * log10(gain)};
+    double noise = pow(10.0, -0.05 * o->level_db); /* over amplitude */
     memcpy(o->position_m, d->position_m, sizeof o->position_m);
     move_to_edge(p->set->geometry, d->extent_m, o);
     probe_places_describe(p->places, o);
     memcpy(o->position_m, d->position_m, sizeof o->position_m);
+    o->extent_m = sharp_extent_m(p, d, o);
     for (int a = 0; a < 3; a++) /* 1 / sqrt(curvature of the intensity x SNR) */
         o->noise_m[a] =
             isfinite(o->width_m[a]) ? o->width_m[a] / sqrt(8.0 * log(4.0)) * noise : 0.0;
 }
 
-static int find_objects(const struct probing *p)
+static int find_objects(struct probing *p)
 {
-    struct detection found[PROBE_OBJECTS];
     struct detect_config detect;
     detect_config_default(&detect);
-    geometry_resolution(p->set->geometry, p->set->band_hz,
+    geometry_resolution(p->set->geometry, p->cfg.band_hz,
                         0.5 * (p->set->gate_m[0] + p->set->gate_m[1]),
                         detect.resolution_m);
-    int err = detect_objects(&detect, &p->cfg.grid, p->intensity, found, PROBE_OBJECTS,
+    int err = detect_objects(&detect, &p->cfg.grid, p->intensity, p->found, PROBE_OBJECTS,
                              &p->out->n_objects);
-    for (size_t i = 0; !err && i < p->out->n_objects; i++)
-        describe_object(p, &found[i], &p->out->objects[i]);
-    if (!err && p->out->n_objects)
-        p->out->snr_db = found[0].level_db;
-    if (!err)
-        measure_depth(p, detect.dynamic_range_db);
-    return err;
+    if (err)
+        return err;
+    pool_run(p->pool, p->out->n_objects, describe_object, p);
+    if (p->out->n_objects)
+        p->out->snr_db = p->out->objects[0].level_db;
+    measure_depth(p, detect.dynamic_range_db);
+    return 0;
 }
 
 static int look(struct probing *p)
@@ -162,6 +192,7 @@ static int look(struct probing *p)
     struct imager_options plain;
     imager_options_default(&plain);
     plain.dmo = 0;
+    plain.taper = true;
     p->cfg.options = &plain;
     int err = imager_create(&im, &p->cfg, &why);
     if (err == -ENOTSUP)
@@ -242,7 +273,7 @@ int probe_scattering(struct probe *out, const struct trace_set *set,
                      const struct grid *grid, struct pool *pool)
 {
     struct probing p = {.out = out, .set = set, .pool = pool};
-    configure(&p, grid);
+    configure(&p, set->band_hz, grid);
     return measure_scattering(&p);
 }
 
@@ -252,6 +283,7 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
     struct probing p = {.out = out, .set = set, .pool = pool};
     struct coherence before;
     struct grid coarse;
+    double band_hz[2];
     if (known)
         before = *known; /* it may be that of *out */
     int err = probe_places_create(&p.places, set);
@@ -259,9 +291,10 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
         return err;
     assume(out, set, grid, p.places);
     out->imaged = false;
-    coarsen(&coarse, grid, set);
-    configure(&p, &coarse);
+    probe_view(set, grid, band_hz, &coarse);
+    configure(&p, band_hz, &coarse);
     err = look(&p);
+    memcpy(p.cfg.band_hz, set->band_hz, sizeof p.cfg.band_hz);
     if (!err && out->imaged)
         err = measure_scattering(&p);
     if (!err && known)

@@ -43,8 +43,12 @@ struct probe {
  * stands half way to its edge in x and y, in the middle of its depth.  0, -ENOMEM. */
 int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid);
 
-/* grid: of the image that is wanted; looked at with double steps, except where that would
- * be coarser than a point is wide.  known: what was measured of these traces before, or
+/* What of an image on grid a look at it makes: the lower half of the band, which is an
+ * eighth of the work, by steps that are fine enough for that. */
+void probe_view(const struct trace_set *set, const struct grid *grid, double band_hz[2],
+                struct grid *out);
+
+/* grid: of the image that is wanted.  known: what was measured of these traces before, or
  * NULL.  0, -EINVAL, -ENOMEM. */
 int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,
               const struct coherence *known, struct pool *pool);

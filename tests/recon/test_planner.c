@@ -364,7 +364,7 @@ static void speakers_that_were_not_compressed_stay_out(void **state)
 }
 
 /* Where there are no fewer pairs to choose from, and few voxels in each wave. */
-static void the_top_of_the_band_goes_before_the_steps_do(void **state)
+static void the_top_of_the_band_goes_before_the_steps_do_by_much(void **state)
 {
     (void)state;
     struct scene s;
@@ -381,7 +381,7 @@ static void the_top_of_the_band_goes_before_the_steps_do(void **state)
     s.cfg.budget_s = find(&s, 1.0, false)->time_s;
     decide(&s);
     assert_below(s.plan.band_hz[1], 0.9 * s.set.band_hz[1]);
-    assert_near(s.plan.grid.step_m[1], s.grid.step_m[1], 1e-12);
+    assert_below(s.plan.grid.step_m[1], 1.21 * s.grid.step_m[1]);
 }
 
 /* Sharpening helps what leans and what has edges, and harms what is read between voxels
@@ -485,7 +485,7 @@ int main(void)
             fewer_speakers_of_what_is_near_are_less_exact_for_all_dip_moveout),
         cmocka_unit_test(fewer_speakers_are_compressed_when_time_presses),
         cmocka_unit_test(speakers_that_were_not_compressed_stay_out),
-        cmocka_unit_test(the_top_of_the_band_goes_before_the_steps_do),
+        cmocka_unit_test(the_top_of_the_band_goes_before_the_steps_do_by_much),
         cmocka_unit_test(what_stands_aside_is_sharpened_and_what_is_ahead_is_not),
         cmocka_unit_test(elements_that_are_off_are_not_sharpened),
         cmocka_unit_test(uneven_lines_leave_dip_moveout_out),

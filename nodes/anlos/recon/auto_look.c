@@ -5,10 +5,6 @@
 
 #include "nodes/anlos/recon/auto_pace.h"
 
-/* Of what is left of the budget a look may take so much: an image of which it is known
- * what is in it makes up for that, measured from 0.1 to 0.5 s. */
-#define MOST_LOOK 0.375
-
 /* -- how the elements stand -------------------------------------------------------------
  */
 
@@ -61,13 +57,15 @@ static bool look_pays(const struct recon_auto *a, const struct recon_job *job,
 {
     if (recon_auto_is_lost(a))
         left_s = fmax(left_s, power_s(a, job));
-    return look_s <= MOST_LOOK * left_s;
+    return look_s <= RECON_AUTO_MOST_LOOK * left_s;
 }
 
 int recon_auto_look(struct recon_auto *a, struct recon_job *job)
 {
     const struct grid *grid = &job->processing.grid;
-    double look_s = a->slowness * planner_probe_s(&a->set, grid, recon_auto_threads(job));
+    double look_s = a->slowness * planner_probe_s(&a->set, grid,
+                                                  recon_auto_pace_stride(a->pace),
+                                                  recon_auto_threads(job));
     int err =
         recon_auto_is_lost(a) ? probe_scattering(&a->probe, &a->set, grid, job->pool) : 0;
     a->looked = !err && look_pays(a, job, look_s, recon_auto_left_s(job));

@@ -5,6 +5,10 @@
 
 #include "nodes/anlos/recon/auto.h"
 
+/* Of what is left of the budget a look may take so much: an image of which it is known
+ * what is in it makes up for that, measured from 0.1 to 0.5 s. */
+#define RECON_AUTO_MOST_LOOK 0.375
+
 /* How the elements stand: probe.coherence.  0, -EINVAL, -ENOMEM. */
 int recon_auto_look_at_elements(struct recon_auto *a, struct recon_job *job);
 

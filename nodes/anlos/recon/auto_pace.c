@@ -6,6 +6,8 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 
+#include "nodes/anlos/recon/auto_look.h"
+
 #define COLD   4  /* pings that find caches empty */
 #define ENOUGH 16 /* pings to tell the pace from */
 
@@ -66,6 +68,20 @@ static double median(double *x, size_t n)
     return 0.5 * (x[(n - 1) / 2] + x[n / 2]);
 }
 
+/* How many speakers, of which it is not known yet what they hear: a look comes first
+ * where it is worth its time, and that is gone then. */
+static void decide(struct recon_auto_pace *p, struct planner_config planner)
+{
+    planner_decide(&p->plan, &planner);
+    double stride = (double)p->plan.stride;
+    double look_s = planner.slowness * planner_probe_s(planner.set, planner.grid,
+                                                       p->plan.stride, planner.n_threads);
+    if (look_s > RECON_AUTO_MOST_LOOK * (planner.budget_s - planner.compress_s / stride))
+        return;
+    planner.budget_s -= look_s;
+    planner_decide(&p->plan, &planner);
+}
+
 /* Under the lock. */
 static void choose(struct recon_auto_pace *p)
 {
@@ -91,7 +107,7 @@ static void choose(struct recon_auto_pace *p)
         .error_m = o->error_m,
         .keep_grid = p->job->survey.has_volume,
     };
-    planner_decide(&p->plan, &planner);
+    decide(p, planner);
     if (!sampled)
         atomic_store(&p->sampled, p->plan.stride);
     atomic_store(&p->stride, p->plan.stride);
