@@ -89,21 +89,24 @@ static void auto_is_given_goals_and_nothing_else(void **state)
     (void)state;
     struct bench_case cases[BENCH_MAX_CASES];
     size_t n = bench_plan(cases, "auto", 2, false), free_runs = 0, budgets = 0,
-           errors = 0;
+           errors = 0, equal = 0;
     for (size_t i = 0; i < n; i++) {
         const struct bench_case *c = &cases[i];
         assert_int_equal(c->speaker_stride * c->position_stride, 1);
         assert_true(c->band_hz[1] == 0.0);
         assert_int_equal(c->iterations, 0);
-        free_runs += c->budget_s == 0.0 && c->error_m == 0.0;
+        free_runs += c->budget_s == 0.0 && c->error_m == 0.0 && !c->in_time_of_fast;
+        equal += c->in_time_of_fast;
         budgets += c->budget_s > 0.0;
         errors += c->error_m > 0.0;
     }
     assert_int_equal(free_runs, 1);
+    assert_int_equal(equal, 1);
     assert_true(budgets >= 3 && errors >= 3);
     n = bench_plan(cases, "fast", 2, false);
     for (size_t i = 0; i < n; i++)
-        assert_true(cases[i].budget_s == 0.0 && cases[i].error_m == 0.0);
+        assert_true(cases[i].budget_s == 0.0 && cases[i].error_m == 0.0 &&
+                    !cases[i].in_time_of_fast);
 }
 
 static void growth_is_1_4_and_16_times_the_work(void **state)
@@ -172,6 +175,10 @@ static void the_rival_of_auto_is_the_best_fast_in_its_time(void **state)
     assert_ptr_equal(bench_results_rival(&all, &r[6]), &r[1]);
     r[6].cost.total_s = 0.5;
     assert_null(bench_results_rival(&all, &r[6]));
+    r[6].c.in_time_of_fast = true;
+    assert_null(bench_results_rival(&all, &r[6]));
+    r[2].c.varied = "base";
+    assert_ptr_equal(bench_results_rival(&all, &r[6]), &r[2]);
 }
 
 /* -- the command ------------------------------------------------------------------------

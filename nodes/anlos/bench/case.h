@@ -19,6 +19,7 @@ struct bench_case {
     size_t iterations;      /* at most; 0: the method's own number */
     double budget_s;        /* of auto, which also chooses its step; 0: none */
     double error_m;         /* the same */
+    bool in_time_of_fast;   /* of auto: its budget is what `fast` takes, plan and image */
     size_t threads;
 };
 

@@ -20,6 +20,7 @@ struct row {
     double band_hz[2];
     size_t iterations, threads;
     double budget_s, error_m;
+    bool in_time_of_fast;
 };
 
 static const struct row rows[] = {
@@ -36,6 +37,7 @@ static const struct row rows[] = {
     {.varied = "iterations", .method = "iterative", .iterations = 40},
     {.varied = "iterations", .method = "sparse", .iterations = 10},
     {.varied = "iterations", .method = "sparse", .iterations = 40},
+    {.varied = "equal time", .method = "auto", .in_time_of_fast = true, .quick = true},
     {.varied = "budget", .method = "auto", .budget_s = 0.05},
     {.varied = "budget", .method = "auto", .budget_s = 0.1, .quick = true},
     {.varied = "budget", .method = "auto", .budget_s = 0.2},
@@ -78,6 +80,7 @@ static struct bench_case row_case(const struct row *r, struct bench_case c)
     c.iterations = r->iterations;
     c.budget_s = r->budget_s;
     c.error_m = r->error_m;
+    c.in_time_of_fast = r->in_time_of_fast;
     c.threads = r->threads ? r->threads : c.threads;
     return c;
 }

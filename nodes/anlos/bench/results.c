@@ -121,10 +121,22 @@ void bench_results_front(const struct bench_results *b, const char *scene, bool 
     }
 }
 
+const struct bench_result *bench_results_fast(const struct bench_results *b,
+                                              const char *scene)
+{
+    for (size_t i = 0; i < b->n; i++)
+        if (bench_result_counts(&b->r[i], scene) && !strcmp(b->r[i].c.method, "fast") &&
+            !strcmp(b->r[i].c.varied, "base"))
+            return &b->r[i];
+    return NULL;
+}
+
 const struct bench_result *bench_results_rival(const struct bench_results *b,
                                                const struct bench_result *r)
 {
     const struct bench_result *best = NULL;
+    if (r->c.in_time_of_fast)
+        return bench_results_fast(b, r->scene);
     for (size_t i = 0; i < b->n; i++) {
         const struct bench_result *f = &b->r[i];
         if (!bench_result_counts(f, r->scene) || strcmp(f->c.method, "fast") ||

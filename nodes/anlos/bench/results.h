@@ -25,8 +25,12 @@ int bench_results_add(struct bench_results *b, const struct bench_result *r,
  * wrong.  Growth is not in it. */
 void bench_results_front(const struct bench_results *b, const char *scene, bool *front);
 
-/* What `auto` is to be held against: the least error of the runs of `fast` of its scene
- * that took at most as long.  NULL: none did. */
+/* `fast` of a scene at its base point.  NULL: it was not run. */
+const struct bench_result *bench_results_fast(const struct bench_results *b,
+                                              const char *scene);
+
+/* What `auto` is to be held against: in the time of `fast`, that; else the least error of
+ * all runs of `fast` of its scene that took at most as long.  NULL: none did. */
 const struct bench_result *bench_results_rival(const struct bench_results *b,
                                                const struct bench_result *r);
 
