@@ -118,14 +118,17 @@ static void acknowledge(struct dsp_output *out, const Anlos__Ping *ping, Anlos__
     out->receipt.usable = usable;
 }
 
-/* Samples [n_microphones][*n] of a ping that fits the survey, else NULL with a note. */
+/* Samples [n_microphones][*n] of a ping that fits the survey, else NULL, with a note if
+ * there is one. */
 static const float *ping_samples(const struct dsp *d, const Anlos__Ping *ping, size_t *n,
                                  struct dsp_output *out)
 {
     size_t extents[2];
     const float *x = ping->samples ? tensor_f32(ping->samples, 2, extents) : NULL;
 
-    if (!d->compressor || ping->survey_id != d->survey_id) {
+    if (!d->compressor)
+        return NULL;
+    if (ping->survey_id != d->survey_id) {
         snprintf(out->note, sizeof out->note, "a ping of another survey cannot be used");
         return NULL;
     }

@@ -57,6 +57,8 @@ void dsp_ambient(struct dsp *d, const Anlos__Ambient *ambient);
 
 /* When the next ping's sample 0 was taken. */
 void dsp_stamp(struct dsp *d, int64_t capture_ns);
+
+/* Before dsp_is_planned no ping can be used, and no note says so. */
 void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out);
 
 /* Of the scan that the newest ping belongs to. */

@@ -3,7 +3,21 @@
 
 #include "msgs/topics.h"
 #include "nodes/dsp/dsp.h"
+#include "nodes/rt/early.h"
 #include "nodes/rt/node.h"
+
+struct run {
+    struct node *node;
+    struct dsp *dsp;
+    struct early early;
+};
+
+static size_t counts(void *ctx, struct device_count *out)
+{
+    const struct run *r = ctx;
+
+    return early_count(&r->early, out);
+}
 
 static int create(struct dsp **out, const struct launchfile *l)
 {
@@ -15,15 +29,17 @@ static int create(struct dsp **out, const struct launchfile *l)
     return dsp_create(out, &cfg);
 }
 
-static int take_survey(struct node *node, struct dsp *dsp, const Anlos__Survey *survey)
+static int take_survey(struct run *r, const Anlos__Survey *survey)
 {
     struct complaint why = {""};
-    int err = dsp_survey(dsp, survey, &why);
+    int err = dsp_survey(r->dsp, survey, &why);
 
-    if (err)
-        node_state(node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
-    else
-        node_state(node, ANLOS__HEALTH__STATE__READY, "ready");
+    if (err) {
+        node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
+    } else {
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
+        early_tell(&r->early, r->node);
+    }
     return err;
 }
 
@@ -69,10 +85,13 @@ static void acknowledge(struct node *node, const struct node_message *in)
 }
 
 /* What cannot be sent is logged by node_publish, and retaken by the scan. */
-static void take_ping(struct node *node, struct dsp *dsp, const struct node_message *in)
+static void take_ping(struct run *r, const struct node_message *in)
 {
+    struct node *node = r->node;
+    struct dsp *dsp = r->dsp;
     struct dsp_output out;
 
+    r->early.n += !dsp_is_planned(dsp);
     dsp_stamp(dsp, in->capture_ns);
     dsp_ping(dsp, (const Anlos__Ping *)in->content, &out);
     if (out.has_traces)
@@ -88,46 +107,47 @@ static void take_ping(struct node *node, struct dsp *dsp, const struct node_mess
     tell_faults(node, &out.channels);
 }
 
-static int run(struct node *node, struct dsp *dsp)
+static int run(struct run *r)
 {
     struct node_message in;
-    int err = node_order_replay(node);
+    int err = node_order_replay(r->node);
 
     if (!err)
-        err = node_subscribe(node, topic_survey());
+        err = node_subscribe(r->node, topic_survey());
     if (!err)
-        err = node_subscribe(node, topic_ping());
+        err = node_subscribe(r->node, topic_ping());
     if (!err)
-        err = node_subscribe(node, topic_ego());
+        err = node_subscribe(r->node, topic_ego());
     if (!err)
-        err = node_subscribe(node, topic_ambient());
-    node_state(node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
+        err = node_subscribe(r->node, topic_ambient());
+    node_device(r->node, counts, r);
+    node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
     while (!err) {
-        err = node_next(node, &in, -1);
+        err = node_next(r->node, &in, -1);
         if (!err && in.topic == topic_survey())
-            err = take_survey(node, dsp, (const Anlos__Survey *)in.content);
+            err = take_survey(r, (const Anlos__Survey *)in.content);
         else if (!err && in.topic == topic_ego())
-            dsp_ego(dsp, (const Anlos__EgoMotion *)in.content, in.capture_ns);
+            dsp_ego(r->dsp, (const Anlos__EgoMotion *)in.content, in.capture_ns);
         else if (!err && in.topic == topic_ambient())
-            dsp_ambient(dsp, (const Anlos__Ambient *)in.content);
+            dsp_ambient(r->dsp, (const Anlos__Ambient *)in.content);
         else if (!err)
-            take_ping(node, dsp, &in);
+            take_ping(r, &in);
     }
+    node_device(r->node, NULL, NULL);
     return err;
 }
 
 int main(int argc, char **argv)
 {
-    struct node *node;
-    struct dsp *dsp = NULL;
-    int err = node_create(&node, "dsp", "Compresses pulses and subtracts the background.",
-                          argc, argv);
+    struct run r = {.early = {.count = "pings before the survey"}};
+    int err = node_create(&r.node, "dsp",
+                          "Compresses pulses and subtracts the background.", argc, argv);
 
     if (err)
         return err - 1;
-    err = create(&dsp, node_launch(node));
+    err = create(&r.dsp, node_launch(r.node));
     if (!err)
-        err = run(node, dsp);
-    dsp_destroy(dsp);
-    return node_finish(node, err);
+        err = run(&r);
+    dsp_destroy(r.dsp);
+    return node_finish(r.node, err);
 }

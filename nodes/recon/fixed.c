@@ -4,12 +4,14 @@
 
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
+#include "nodes/rt/early.h"
 #include "nodes/rt/pace.h"
 
 struct fixed {
     struct node *node;
     struct steady *steady;
     bool planned, due;
+    struct early early;
     int64_t taken_ns; /* when the newest ping came */
     struct pace pace; /* of images */
 };
@@ -24,7 +26,7 @@ static size_t counts(void *ctx, struct device_count *out)
     out[2] = (struct device_count){"images of unknown motion", c->unknown};
     out[3] = (struct device_count){"traces unfit", c->unfit};
     out[4] = (struct device_count){"clock steps back", c->backwards};
-    return 5;
+    return 5 + early_count(&f->early, out + 5);
 }
 
 void fixed_config(struct steady_config *out, const struct launchfile *l)
@@ -62,6 +64,8 @@ static int take_survey(struct fixed *f, const Anlos__Survey *survey)
     else if (!f->planned)
         node_state(f->node, ANLOS__HEALTH__STATE__READY, "ready");
     f->planned = !err;
+    if (!err)
+        early_tell(&f->early, f->node);
     return err;
 }
 
@@ -126,7 +130,8 @@ static void take_traces(struct fixed *f, const struct node_message *in)
     if (note[0])
         node_log(f->node, LOG_LEVEL_WARNING, "%s", note);
     if (node_is_replayed(f->node))
-        acknowledge(f, traces, in->capture_ns, !note[0]);
+        acknowledge(f, traces, in->capture_ns, f->planned && !note[0]);
+    f->early.n += !f->planned;
     if (!due)
         return;
     f->taken_ns = node_now_ns(f->node);
@@ -187,7 +192,7 @@ static int loop(struct fixed *f)
 
 int fixed_run(struct node *node)
 {
-    struct fixed f = {.node = node};
+    struct fixed f = {.node = node, .early = {.count = "traces before the survey"}};
     int err = create(&f);
 
     if (!err)

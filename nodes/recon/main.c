@@ -5,6 +5,7 @@
 #include "msgs/topics.h"
 #include "nodes/recon/fixed.h"
 #include "nodes/recon/recon.h"
+#include "nodes/rt/early.h"
 #include "nodes/rt/node.h"
 
 #define REPEAT_NS         2000000000LL /* the last volume, for whoever missed it */
@@ -14,11 +15,19 @@
 struct run {
     struct node *node;
     struct recon *recon;
+    struct early early;
     int64_t scan_epoch_ns;
     int64_t preview_due_ns, repeat_due_ns;
     bool has_final; /* of what is in: */
     Anlos__Volume final;
 };
+
+static size_t counts(void *ctx, struct device_count *out)
+{
+    const struct run *r = ctx;
+
+    return early_count(&r->early, out);
+}
 
 static int create(struct run *r)
 {
@@ -67,10 +76,12 @@ static int take_survey(struct run *r, const Anlos__Survey *survey)
     struct complaint why = {""};
     int err = recon_survey(r->recon, survey, &why);
 
-    if (err)
+    if (err) {
         node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
-    else
+    } else {
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
+        early_tell(&r->early, r->node);
+    }
     return err;
 }
 
@@ -79,6 +90,7 @@ static void take_traces(struct run *r, const struct node_message *in)
     Anlos__Receipt receipt;
     char note[128];
 
+    r->early.n += !recon_is_planned(r->recon);
     recon_traces(r->recon, (const Anlos__Traces *)in->content, in->capture_ns,
                  node_now_ns(r->node), &receipt, note, sizeof note);
     node_publish(r->node, topic_receipt(), in->capture_ns, &receipt.base);
@@ -132,6 +144,7 @@ static int run(struct run *r)
         err = node_subscribe(r->node, topic_traces());
     if (!err)
         err = node_subscribe(r->node, topic_scan_status());
+    node_device(r->node, counts, r);
     node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
     while (!err) {
         err = node_next(r->node, &in, wants_preview(r) ? 0 : 100);
@@ -145,12 +158,13 @@ static int run(struct run *r)
         else if (!err)
             take_status(r, &in);
     }
+    node_device(r->node, NULL, NULL);
     return err;
 }
 
 int main(int argc, char **argv)
 {
-    struct run r = {0};
+    struct run r = {.early = {.count = "traces before the survey"}};
     int err = node_create(&r.node, "recon",
                           "Images what the echoes show, while they come in.", argc, argv);
 

@@ -112,10 +112,10 @@ void recon_traces(struct recon *r, const Anlos__Traces *traces, int64_t capture_
     receipt->position = traces->position;
     receipt->speaker = traces->speaker;
     receipt->usable = y != NULL;
-    if (!y) {
+    if (!y && r->imager)
         snprintf(note, size, "traces that do not fit the survey cannot be used");
+    if (!y)
         return;
-    }
     if (traces->scan != r->scan)
         recon_reset(r);
     r->scan = traces->scan;

@@ -35,7 +35,8 @@ int recon_survey(struct recon *r, const Anlos__Survey *survey, struct complaint 
 bool recon_is_planned(const struct recon *r);
 
 /* Takes one ping's traces; the receipt is to be published.  note[size] is for the log,
- * empty when there is nothing to say. */
+ * empty when there is nothing to say.  Before recon_is_planned none can be used, and no
+ * note says so. */
 void recon_traces(struct recon *r, const Anlos__Traces *traces, int64_t capture_ns,
                   int64_t now_ns, Anlos__Receipt *receipt, char *note, size_t size);
 

@@ -256,9 +256,10 @@ static void add(struct steady *s, const Anlos__Traces *t, const float complex *y
 bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t capture_ns,
                    char *note, size_t size)
 {
-    const float complex *y = s->frames ? survey_plan_traces(&s->plan, traces) : NULL;
-
     note[0] = '\0';
+    if (!s->frames)
+        return false;
+    const float complex *y = survey_plan_traces(&s->plan, traces);
     if (!y) {
         snprintf(note, size, "traces that do not fit the survey cannot be used");
         s->counts.unfit++;

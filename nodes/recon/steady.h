@@ -49,7 +49,7 @@ int steady_walls(struct steady *s, const Anlos__WallList *walls, int64_t capture
 
 /* Takes one ping's traces.  true: an image is due.  A frame that lacks its last ping is
  * due with the first of the next.  note[size] is for the log, empty when there is nothing
- * to say. */
+ * to say.  Before the first survey none can be used, and no note says so. */
 bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t capture_ns,
                    char *note, size_t size);
 

@@ -3,6 +3,7 @@
 #include <errno.h>
 
 #include "msgs/topics.h"
+#include "nodes/rt/early.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/objects.h"
 #include "nodes/rt/pace.h"
@@ -22,6 +23,7 @@ struct job {
     struct tracking *tracking;
     struct listed last;
     struct pace pace; /* of lists */
+    struct early early;
     struct track_counts told;
 };
 
@@ -31,7 +33,7 @@ static size_t counts(void *ctx, struct device_count *out)
 
     out[0] = (struct device_count){"lists", j->pace.done};
     out[1] = (struct device_count){"images skipped", j->pace.skipped};
-    return 2;
+    return 2 + early_count(&j->early, out + 2);
 }
 
 static void tell_state(struct job *j)
@@ -55,10 +57,12 @@ static int take_survey(struct job *j, const Anlos__Survey *survey)
     struct complaint why = {""};
     int err = tracking_survey(j->tracking, survey, &why);
 
-    if (err)
+    if (err) {
         node_state(j->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
-    else
+    } else {
         tell_state(j);
+        early_tell(&j->early, j->node);
+    }
     return err;
 }
 
@@ -103,6 +107,10 @@ static void take_volume(struct job *j, const struct node_message *in)
     Anlos__DetectionList *list = NULL;
     struct complaint why = {""};
 
+    if (!tracking_has_survey(j->tracking)) {
+        j->early.n++;
+        return;
+    }
     if (!makes_list(j, in))
         return;
     if (skips(j, in)) {
@@ -172,7 +180,7 @@ static int run(struct job *j)
 
 int main(int argc, char **argv)
 {
-    struct job j = {.node = NULL};
+    struct job j = {.early = {.count = "volumes before the survey"}};
     struct tracking_config cfg;
     int err = node_create(&j.node, "track", "Finds the hidden objects in the image.",
                           argc, argv);

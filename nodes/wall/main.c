@@ -2,6 +2,7 @@
 #include <errno.h>
 
 #include "msgs/topics.h"
+#include "nodes/rt/early.h"
 #include "nodes/rt/node.h"
 #include "nodes/wall/keeper.h"
 #include "nodes/wall/listener.h"
@@ -20,7 +21,15 @@ struct run {
     int64_t published_ns; /* stamp of the newest list */
     int64_t heard_ns;     /* when the newest ping came in */
     size_t unusable;      /* pings, said in the log already */
+    struct early early;
 };
+
+static size_t counts(void *ctx, struct device_count *out)
+{
+    const struct run *r = ctx;
+
+    return early_count(&r->early, out);
+}
 
 static void tell_state(struct run *r, const Anlos__WallList *list)
 {
@@ -56,10 +65,12 @@ static int take_survey(struct run *r, const Anlos__Survey *m)
         if (r->from == WALL_FROM_ECHOES)
             err = listener_create(&r->listener, &cfg, &r->survey, &why);
     }
-    if (err)
+    if (err) {
         node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
-    else
+    } else {
         tell_state(r, keeper_list(&r->keeper));
+        early_tell(&r->early, r->node);
+    }
     return err;
 }
 
@@ -81,8 +92,10 @@ static void take_ping(struct run *r, const struct node_message *in)
     struct wall_estimates heard;
     bool blind = false;
 
-    if (!r->listener)
+    if (!r->listener) {
+        r->early.n++;
         return;
+    }
     r->heard_ns = node_now_ns(r->node);
     keeper_advance(&r->keeper, in->capture_ns);
     if (listener_ping(r->listener, ping, in->capture_ns, keeper_path(&r->keeper), &heard,
@@ -135,6 +148,7 @@ static int run(struct run *r)
     struct node_message in;
     int err = subscribe(r);
 
+    node_device(r->node, counts, r);
     node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
     while (!err) {
         err = node_next(r->node, &in, 100);
@@ -151,12 +165,13 @@ static int run(struct run *r)
         if (!err)
             tick(r);
     }
+    node_device(r->node, NULL, NULL);
     return err;
 }
 
 int main(int argc, char **argv)
 {
-    struct run r = {0};
+    struct run r = {.early = {.count = "pings before the survey"}};
     int err = node_create(&r.node, "wall", "Tells where the walls are that mirror sound.",
                           argc, argv);
 
