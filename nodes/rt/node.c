@@ -268,7 +268,8 @@ static int unpack(struct node *n, struct bus_message *m, struct node_message *ou
                                  .content = n->content,
                                  .capture_ns = m->envelope.capture_ns,
                                  .publish_ns = m->envelope.publish_ns,
-                                 .epoch_ns = m->envelope.epoch_ns};
+                                 .epoch_ns = m->envelope.epoch_ns,
+                                 .sequence = m->envelope.sequence};
     memcpy(out->from, m->envelope.node, sizeof out->from);
     return 0;
 }

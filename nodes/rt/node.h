@@ -25,7 +25,8 @@ struct node_message {
     const ProtobufCMessage *content;
     int64_t capture_ns;
     int64_t publish_ns;
-    int64_t epoch_ns; /* when the sender started: another one means it was restarted */
+    int64_t epoch_ns;  /* when the sender started: another one means it was restarted */
+    uint64_t sequence; /* of the sender's, on this topic */
     char from[ENVELOPE_NODE_SIZE];
 };
 

@@ -18,10 +18,16 @@ struct listed { /* the volume that the newest list is of */
     int64_t capture_ns;
 };
 
+struct taken { /* the volume that was taken last */
+    int64_t epoch_ns;
+    uint64_t sequence;
+};
+
 struct job {
     struct node *node;
     struct tracking *tracking;
     struct listed last;
+    struct taken taken;
     struct pace pace; /* of lists */
     struct early early;
     struct track_counts told;
@@ -88,6 +94,16 @@ static bool makes_list(const struct job *j, const struct node_message *in)
     return !node_is_replayed(j->node) || !(v->preview || (v->repeated && has_it));
 }
 
+/* Of a fixed array: while this one was at work, new images replaced those that waited. */
+static void count_replaced(struct job *j, const struct node_message *in)
+{
+    const Anlos__Volume *v = (const Anlos__Volume *)in->content;
+
+    if (v->frame && in->epoch_ns == j->taken.epoch_ns && in->sequence > j->taken.sequence)
+        j->pace.skipped += in->sequence - j->taken.sequence - 1;
+    j->taken = (struct taken){in->epoch_ns, in->sequence};
+}
+
 /* Of a fixed array, whose images follow each other: what is old is worth less than what
  * waits behind it.  A replay waits. */
 static bool skips(const struct job *j, const struct node_message *in)
@@ -111,6 +127,7 @@ static void take_volume(struct job *j, const struct node_message *in)
         j->early.n++;
         return;
     }
+    count_replaced(j, in);
     if (!makes_list(j, in))
         return;
     if (skips(j, in)) {

@@ -98,6 +98,15 @@ uint64_t alone_device(const struct alone *a, const char *count)
     return 0;
 }
 
+bool alone_publishes_to(const struct alone *a, const char *topic)
+{
+    for (size_t i = 0; a->health && i < a->health->n_topics; i++)
+        if (a->health->topics[i]->published &&
+            !strcmp(a->health->topics[i]->topic, topic))
+            return a->health->topics[i]->peers > 0;
+    return false;
+}
+
 bool alone_is(const struct alone *a, Anlos__Health__State state)
 {
     return a->health && a->health->state == state;

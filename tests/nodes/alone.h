@@ -37,6 +37,7 @@ bool alone_hear(struct alone *a, struct bus_message *out);
 
 /* Of the newest health; 0: nothing is said of it. */
 uint64_t alone_device(const struct alone *a, const char *count);
+bool alone_publishes_to(const struct alone *a, const char *topic); /* anybody */
 bool alone_is(const struct alone *a, Anlos__Health__State state);
 
 /* What the node said, so far; free() it. */
