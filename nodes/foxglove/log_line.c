@@ -26,9 +26,12 @@ static Foxglove__Log__Level level_of(Anlos__Log__Level level)
 /* The text, and what the sender says of lines that it did not send. */
 static char *text_of(struct arena *a, const Anlos__Log *l)
 {
+    const char *ago = l->repeats_ago_s >= 1.0
+                          ? arena_print(a, ", last %.0f s ago", l->repeats_ago_s)
+                          : "";
     const char *repeats = l->repeats
-                              ? arena_print(a, " (%" PRIu64 " times more in %.0f s)",
-                                            l->repeats, l->repeats_s)
+                              ? arena_print(a, " (%" PRIu64 " times more in %.0f s%s)",
+                                            l->repeats, l->repeats_s, ago)
                               : "";
     const char *left_out =
         l->left_out

@@ -82,7 +82,7 @@ static void clear_progress(struct screen *s)
 
 static void write_coloured(const struct log_line *l)
 {
-    char text[LOG_TEXT_SIZE + 64], time_of_day[16] = "";
+    char text[LOG_TEXT_SIZE + 96], time_of_day[16] = "";
     time_t seconds = (time_t)(l->stamp_ns / 1000000000);
     struct tm t;
 

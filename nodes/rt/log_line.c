@@ -53,9 +53,13 @@ void log_stamp_write(char out[LOG_STAMP_SIZE], int64_t stamp_ns)
 
 void log_line_text(const struct log_line *l, char *out, size_t size)
 {
+    char ago[40] = "";
+
+    if (l->repeats_ago_s >= 1.0)
+        snprintf(ago, sizeof ago, ", last %.0f s ago", l->repeats_ago_s);
     if (l->repeats)
-        snprintf(out, size, "%s (%" PRIu64 " time%s more in %.0f s)", l->text, l->repeats,
-                 l->repeats == 1 ? "" : "s", l->repeats_s);
+        snprintf(out, size, "%s (%" PRIu64 " time%s more in %.0f s%s)", l->text,
+                 l->repeats, l->repeats == 1 ? "" : "s", l->repeats_s, ago);
     else
         snprintf(out, size, "%s", l->text);
 }
@@ -70,6 +74,7 @@ static size_t write_json(const struct log_line *l, char *out)
     if (o && l->repeats) {
         json_object_set_new(o, "repeats", json_integer((json_int_t)l->repeats));
         json_object_set_new(o, "repeats_s", json_real(l->repeats_s));
+        json_object_set_new(o, "repeats_ago_s", json_real(l->repeats_ago_s));
     }
     size_t n =
         o ? json_dumpb(o, out, LOG_LINE_SIZE - 1, JSON_COMPACT | JSON_REAL_PRECISION(4))
@@ -81,7 +86,7 @@ static size_t write_json(const struct log_line *l, char *out)
 size_t log_line_write(const struct log_line *l, enum log_format format,
                       char out[LOG_LINE_SIZE])
 {
-    char stamp[LOG_STAMP_SIZE], text[LOG_TEXT_SIZE + 64];
+    char stamp[LOG_STAMP_SIZE], text[LOG_TEXT_SIZE + 96];
     size_t n = format == LOG_FORMAT_JSON ? write_json(l, out) : 0;
 
     if (!n) {

@@ -1,6 +1,8 @@
 /* nodes/rt/log_line.h -- one line of a log, and how it is written down:
  *   2026-11-21T20:15:09.123Z recon   warning the text (37 times more in 10 s)
- * (UTC) or as a JSON object with stamp, level, node, text, repeats, repeats_s. */
+ * (UTC) or as a JSON object with stamp, level, node, text, repeats, repeats_s,
+ * repeats_ago_s.  A count comes out later than the last of what it counts: from a second
+ * on it says how long ago that was. */
 #ifndef ANLOS_NODES_RT_LOG_LINE_H
 #define ANLOS_NODES_RT_LOG_LINE_H
 
@@ -23,8 +25,9 @@ struct log_line {
     enum log_level level;
     char node[ENVELOPE_NODE_SIZE];
     char text[LOG_TEXT_SIZE];
-    uint64_t repeats; /* the text came so often again since it was written last */
-    double repeats_s; /* over this time */
+    uint64_t repeats;     /* the text came so often again since it was written last */
+    double repeats_s;     /* over this time */
+    double repeats_ago_s; /* and so long ago for the last time */
 };
 
 const char *log_level_name(enum log_level level);

@@ -19,6 +19,9 @@ static void tell(struct log_repeats *r, size_t i, int64_t now_ns, struct log_lin
     out->repeats_s = now_ns > r->recent[i].told_ns
                          ? 1e-9 * (double)(now_ns - r->recent[i].told_ns)
                          : 0;
+    out->repeats_ago_s = now_ns > r->recent[i].came_ns
+                             ? 1e-9 * (double)(now_ns - r->recent[i].came_ns)
+                             : 0;
     r->recent[i].told_ns = now_ns;
     r->recent[i].count = 0;
 }
@@ -46,8 +49,12 @@ bool log_repeats_take(struct log_repeats *r, const struct log_line *l,
     while (i < LOG_REPEATS_MAX && (!r->recent[i].used || r->recent[i].level != l->level ||
                                    strcmp(r->recent[i].text, l->text)))
         i++;
-    if (i < LOG_REPEATS_MAX && !is_over(r->recent[i].told_ns, l->stamp_ns)) {
+    bool over = i < LOG_REPEATS_MAX && is_over(r->recent[i].told_ns, l->stamp_ns);
+    if (i < LOG_REPEATS_MAX && (!over || r->recent[i].count)) {
         r->recent[i].count++;
+        r->recent[i].came_ns = l->stamp_ns;
+        if (over)
+            tell(r, i, l->stamp_ns, out);
         return false;
     }
     if (i == LOG_REPEATS_MAX)
@@ -65,14 +72,18 @@ bool log_repeats_take(struct log_repeats *r, const struct log_line *l,
 bool log_repeats_due(struct log_repeats *r, int64_t now_ns, bool all,
                      struct log_line *out)
 {
+    size_t first = LOG_REPEATS_MAX;
+
     for (size_t i = 0; i < LOG_REPEATS_MAX; i++) {
         if (!r->recent[i].used || (!all && !is_over(r->recent[i].told_ns, now_ns)))
             continue;
-        if (r->recent[i].count) {
-            tell(r, i, now_ns, out);
-            return true;
-        }
-        r->recent[i].used = false;
+        if (!r->recent[i].count)
+            r->recent[i].used = false;
+        else if (first == LOG_REPEATS_MAX ||
+                 r->recent[i].came_ns < r->recent[first].came_ns)
+            first = i;
     }
-    return false;
+    if (first < LOG_REPEATS_MAX)
+        tell(r, first, now_ns, out);
+    return first < LOG_REPEATS_MAX;
 }

@@ -17,18 +17,21 @@ struct log_repeats {
         enum log_level level;
         char text[LOG_TEXT_SIZE];
         int64_t told_ns; /* when it was written last */
-        uint64_t count;  /* how often it came since */
+        int64_t came_ns; /* when it came last */
+        uint64_t count;  /* how often it came since it was written */
     } recent[LOG_REPEATS_MAX];
 };
 
-/* A line with stamp, level and text is about to be written.  false: it is counted
- * instead.  When there is no place left to remember it in, the one told longest ago is
- * forgotten: *out (out->repeats > 0) is then to be written first. */
+/* A line with stamp, level and text is about to be written.  false: it is not, but
+ * counted.  *out (if out->repeats > 0) is to be written, before it: the text itself, when
+ * its count is due just now, or, when there is no place left to remember it in, the one
+ * told longest ago, which is forgotten. */
 bool log_repeats_take(struct log_repeats *r, const struct log_line *l,
                       struct log_line *out);
 
-/* The next text whose repeats are to be said now (with all: however short ago it was
- * said last); stamp, level, text and repeats of *out are set.  false: there is none. */
+/* The next text, in the order in which they came last, whose repeats are to be said now
+ * (with all: however short ago it was said last); stamp, level, text and repeats of *out
+ * are set.  false: there is none. */
 bool log_repeats_due(struct log_repeats *r, int64_t now_ns, bool all,
                      struct log_line *out);
 

@@ -49,6 +49,7 @@ static void send_now(struct log_topic *t, const struct log_line *line)
     m.text = tick ? (char *)"lines before this were left out" : (char *)line->text;
     m.repeats = line->repeats;
     m.repeats_s = line->repeats_s;
+    m.repeats_ago_s = line->repeats_ago_s;
     m.left_out = t->left_out;
     if (bus_publish_message(t->bus, topic_log(), 0, line->stamp_ns, &m.base))
         t->left_out += !tick;

@@ -643,10 +643,11 @@ static void a_log_line_keeps_level_node_and_stamp(void **state)
     assert_int_equal(l->timestamp->nanos, 1);
     r->samples.log.repeats = 37;
     r->samples.log.repeats_s = 10.0;
+    r->samples.log.repeats_ago_s = 4.0;
     r->samples.log.left_out = 2;
     l = converted(r, convert_log, &m);
-    assert_string_equal(l->message, "microphone 3 is dead (37 times more in 10 s) (2 "
-                                    "lines before it are left out)");
+    assert_string_equal(l->message, "microphone 3 is dead (37 times more in 10 s, "
+                                    "last 4 s ago) (2 lines before it are left out)");
 }
 
 static void every_channel_has_a_schema_and_a_source(void **state)

@@ -178,6 +178,57 @@ static void a_repeated_text_is_written_once_then_counted(void **state)
     assert_int_equal(r->lines[1].repeats, 0);
 }
 
+static void write_at(struct rig *r, double s, const char *text)
+{
+    r->now_ns = START + (int64_t)(s * 1e9);
+    log_write(r->log, LOG_LEVEL_INFO, "%s", text);
+}
+
+static void a_count_that_comes_late_says_how_long_ago_the_last_was(void **state)
+{
+    struct rig *r = *state;
+
+    open_log(r, LOG_LEVEL_INFO, LOG_FORMAT_TEXT);
+    write_at(r, 0.0, "active");
+    write_at(r, 2.0, "active");
+    write_at(r, 3.0, "faulty");
+    written(r);
+    r->now_ns = START + 10 * S_NS;
+    log_tick(r->log);
+    assert_string_equal(written(r), "2026-11-21T20:15:19.123Z recon   info    active "
+                                    "(1 time more in 10 s, last 8 s ago)\n");
+}
+
+static void what_comes_when_its_count_is_due_is_one_line_with_it(void **state)
+{
+    struct rig *r = *state;
+
+    open_log(r, LOG_LEVEL_INFO, LOG_FORMAT_TEXT);
+    write_at(r, 0.0, "active");
+    write_at(r, 4.0, "active");
+    written(r);
+    write_at(r, 11.0, "active");
+    assert_string_equal(written(r), "2026-11-21T20:15:20.123Z recon   info    active "
+                                    "(2 times more in 11 s)\n");
+    write_at(r, 12.0, "active");
+    assert_string_equal(written(r), "");
+}
+
+static void counts_come_in_the_order_of_what_they_count(void **state)
+{
+    struct rig *r = *state;
+
+    open_log(r, LOG_LEVEL_INFO, LOG_FORMAT_TEXT);
+    write_at(r, 0.0, "faulty");
+    write_at(r, 0.1, "active");
+    write_at(r, 0.2, "active");
+    write_at(r, 0.3, "faulty");
+    log_tell_repeats(r->log);
+    assert_int_equal(r->n_lines, 4);
+    assert_string_equal(r->lines[2].text, "active");
+    assert_string_equal(r->lines[3].text, "faulty");
+}
+
 static void a_text_that_comes_back_later_is_new(void **state)
 {
     struct rig *r = *state;
@@ -235,7 +286,7 @@ static void the_end_tells_what_is_left(void **state)
     r->log = NULL;
     assert_string_equal(written(r),
                         "2026-11-21T20:15:11.123Z recon   error   no (2 times "
-                        "more in 2 s)\n");
+                        "more in 2 s, last 2 s ago)\n");
 }
 
 static void json_has_the_same_in_fields(void **state)
@@ -262,6 +313,7 @@ static void json_has_the_same_in_fields(void **state)
     assert_null(json_object_get(a, "repeats"));
     assert_int_equal(json_integer_value(json_object_get(b, "repeats")), 1);
     assert_true(json_real_value(json_object_get(b, "repeats_s")) == 10.0);
+    assert_true(json_real_value(json_object_get(b, "repeats_ago_s")) == 10.0);
     json_decref(a);
     json_decref(b);
 }
@@ -377,6 +429,9 @@ int main(void)
         TEST(what_is_no_utf8_becomes_question_marks),
         TEST(a_long_text_is_cut_and_still_a_line),
         TEST(a_repeated_text_is_written_once_then_counted),
+        TEST(a_count_that_comes_late_says_how_long_ago_the_last_was),
+        TEST(what_comes_when_its_count_is_due_is_one_line_with_it),
+        TEST(counts_come_in_the_order_of_what_they_count),
         TEST(a_text_that_comes_back_later_is_new),
         TEST(levels_and_numbers_tell_texts_apart),
         TEST(repeats_are_told_before_they_are_forgotten),

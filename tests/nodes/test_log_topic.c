@@ -105,6 +105,7 @@ static void a_line_comes_with_all_it_says(void **state)
 
     r->line.repeats = 37;
     r->line.repeats_s = 10.0;
+    r->line.repeats_ago_s = 4.0;
     send(r, "can0 is down");
     Anlos__Log *l = wait_for(r, "can0 is down");
     assert_int_equal(l->stamp_ns, r->line.stamp_ns);
@@ -112,6 +113,7 @@ static void a_line_comes_with_all_it_says(void **state)
     assert_string_equal(l->node, "recon");
     assert_int_equal(l->repeats, 37);
     assert_true(l->repeats_s == 10.0);
+    assert_true(l->repeats_ago_s == 4.0);
     assert_int_equal(l->left_out, 0);
     anlos__log__free_unpacked(l, NULL);
 }
