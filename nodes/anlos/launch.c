@@ -10,6 +10,7 @@
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/program.h"
 #include "nodes/launcher/site.h"
+#include "nodes/launcher/tracks.h"
 #include "nodes/launcher/truth.h"
 #include "nodes/record/parts.h"
 #include "nodes/rt/arguments.h"
@@ -91,7 +92,8 @@ static int read_scene(struct truth *t, const struct launchfile *l, struct compla
     return err;
 }
 
-static void print_results(const struct launchfile *l)
+/* Of the newest image: what is hidden, and in a simulation where it really is. */
+static void print_objects(const struct launchfile *l)
 {
     struct truth *t = calloc(1, sizeof *t);
     struct complaint why = {""};
@@ -110,9 +112,21 @@ static void print_results(const struct launchfile *l)
             truth_match(t);
             truth_print(t, stdout);
         }
-        printf("results are in %s\n", l->report.folder);
     }
     free(t);
+}
+
+static void print_results(const struct launchfile *l)
+{
+    struct complaint why = {""};
+
+    if (l->scan.fixed && !tracks_print(l->report.folder, stdout, &why)) {
+        if (uri_has_scheme(l->array.uri, "sim"))
+            printf("`anlos bench drive` says how exact such tracks are\n");
+    } else {
+        print_objects(l);
+    }
+    printf("results are in %s\n", l->report.folder);
 }
 
 int command_launch(int argc, char **argv)

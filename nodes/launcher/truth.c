@@ -181,8 +181,7 @@ void truth_print(const struct truth *t, FILE *to)
     else
         print_detections(t, to);
     if (t->moving)
-        fprintf(to, "this is the last list; what is hidden moves, `anlos bench drive` "
-                    "follows it\n");
+        fprintf(to, "of the last image alone: what is hidden moves\n");
     fprintf(to, "positions in the %s frame%s\n", t->frame,
             t->mirrored ? "" : "; no wall is known, so they are those of mirror images");
 }
