@@ -6,44 +6,22 @@
 
 #include "nodes/rt/export_ink.h"
 #include "nodes/rt/plan_sheet.h"
+#include "nodes/rt/plan_tracks.h"
 #include "nodes/rt/plan_view.h"
 
 /* In units of a picture about 900 wide. */
 #define FINENESS   1.5
 #define RIGHT      210.0 /* names of tracks */
 #define BOTTOM     112.0
-#define TEXT       15.0
 #define TITLE_TEXT 20.0
-#define CAR_WIDTH  1.8  /* m; the outline is a picture, not a measurement */
-#define FASTEST    20.0 /* m/s of an arrow */
+#define CAR_WIDTH  1.8 /* m; the outline is a picture, not a measurement */
 
 static const double ink[3] = {0.15, 0.15, 0.18}, wall_blue[3] = {0.18, 0.37, 0.55},
                     area_blue[3] = {0.53, 0.68, 0.84}, car_grey[3] = {0.9, 0.91, 0.93};
 
-/* Set apart by lightness too. */
-static const double tones[6][3] = {{0.76, 0.30, 0.0},  {0.0, 0.42, 0.30},
-                                   {0.55, 0.10, 0.45}, {0.10, 0.25, 0.65},
-                                   {0.45, 0.40, 0.0},  {0.75, 0.10, 0.15}};
-
 static void colour(cairo_t *cr, const double rgb[3], double alpha)
 {
     cairo_set_source_rgba(cr, rgb[0], rgb[1], rgb[2], alpha);
-}
-
-static void tone(cairo_t *cr, uint32_t id)
-{
-    colour(cr, tones[id % 6], 1.0);
-}
-
-static void go(const struct sheet *p, const double at[2], bool draws)
-{
-    double xy[2];
-
-    sheet_place(p, at, xy);
-    if (draws)
-        cairo_line_to(p->cr, xy[0], xy[1]);
-    else
-        cairo_move_to(p->cr, xy[0], xy[1]);
 }
 
 static void draw_axis(const struct sheet *p, const struct plan_picture *pic, int axis)
@@ -69,14 +47,14 @@ static void draw_axis(const struct sheet *p, const struct plan_picture *pic, int
         colour(p->cr, ink, 1.0);
         snprintf(text, sizeof text, "%.*f", ink_digits(step), value + 0.0);
         ink_text(p->cr, axis ? SHEET_LEFT - 9.0 : xy[0],
-                 axis ? xy[1] : SHEET_TOP + p->h + 16.0, TEXT,
+                 axis ? xy[1] : SHEET_TOP + p->h + 16.0, SHEET_TEXT,
                  axis ? INK_RIGHT : INK_CENTRE, text);
     }
     cairo_save(p->cr);
     cairo_translate(p->cr, axis ? SHEET_LEFT - 58.0 : SHEET_LEFT + 0.5 * p->w,
                     axis ? SHEET_TOP + 0.5 * p->h : SHEET_TOP + p->h + 40.0);
     cairo_rotate(p->cr, axis ? -M_PI / 2.0 : 0.0);
-    ink_text(p->cr, 0.0, 0.0, TEXT, INK_CENTRE, label[axis]);
+    ink_text(p->cr, 0.0, 0.0, SHEET_TEXT, INK_CENTRE, label[axis]);
     cairo_restore(p->cr);
 }
 
@@ -88,7 +66,7 @@ static void draw_area(const struct sheet *p, const struct plan_picture *pic)
         return;
     plan_footprint(pic->survey, sheet_first_wall(pic), pic->grid, corners);
     for (int c = 0; c < 4; c++)
-        go(p, corners[c], c > 0);
+        sheet_go(p, corners[c], c > 0);
     cairo_close_path(p->cr);
     colour(p->cr, area_blue, 0.18);
     cairo_fill(p->cr);
@@ -103,9 +81,10 @@ static void draw_walls(const struct sheet *p, const struct plan_picture *pic)
             continue;
         for (int end = 0; end < 2; end++) {
             double far = end ? 1e3 : -1e3;
-            go(p,
-               (const double[2]){at[0] + far * direction[0], at[1] + far * direction[1]},
-               end);
+            sheet_go(
+                p,
+                (const double[2]){at[0] + far * direction[0], at[1] + far * direction[1]},
+                end);
         }
         colour(p->cr, wall_blue, 1.0);
         cairo_set_line_width(p->cr, 5.0);
@@ -143,102 +122,8 @@ static void draw_array(const struct sheet *p, const struct plan_picture *pic)
     cairo_fill(p->cr);
 }
 
-/* What was predicted is dashed. */
-static void draw_trail(const struct sheet *p, const struct plan_picture *pic,
-                       const struct trail *k)
-{
-    static const double dashes[2] = {5.0, 4.0};
-    double at[2];
-
-    for (size_t i = 1; i < k->n; i++) {
-        for (size_t end = 0; end < 2; end++) {
-            plan_point(sheet_in_vehicle(pic), k->points[i - 1 + end].at_m, at);
-            go(p, at, end > 0);
-        }
-        cairo_set_dash(p->cr, dashes, k->points[i].measured ? 0 : 2, 0.0);
-        cairo_stroke(p->cr);
-    }
-    cairo_set_dash(p->cr, dashes, 0, 0.0);
-}
-
-/* Where it would be a second later. */
-static void draw_arrow(const struct sheet *p, const struct plan_track *k,
-                       const double from[2])
-{
-    double to[2], velocity[2];
-    const double v[3] = {k->velocity_m_s[0], k->velocity_m_s[1], 0.0};
-    double speed = hypot(v[0], v[1]);
-
-    if (!(speed * p->per_metre > 8.0 && speed < FASTEST))
-        return;
-    plan_point(true, v, velocity);
-    for (int i = 0; i < 2; i++)
-        to[i] = from[i] + (i ? -1.0 : 1.0) * p->per_metre * velocity[i];
-    double turn = atan2(to[1] - from[1], to[0] - from[0]);
-    cairo_move_to(p->cr, from[0], from[1]);
-    cairo_line_to(p->cr, to[0], to[1]);
-    for (int side = -1; side <= 1; side += 2) {
-        cairo_move_to(p->cr, to[0], to[1]);
-        cairo_line_to(p->cr, to[0] - 11.0 * cos(turn + 0.45 * side),
-                      to[1] - 11.0 * sin(turn + 0.45 * side));
-    }
-    cairo_stroke(p->cr);
-}
-
-static const struct plan_track *find_track(const struct plan_picture *pic, uint32_t id)
-{
-    for (size_t i = 0; i < pic->n_tracks; i++)
-        if (pic->tracks[i].id == id)
-            return &pic->tracks[i];
-    return NULL;
-}
-
-/* A dot where it was last. */
-static void draw_track(const struct sheet *p, const struct plan_picture *pic,
-                       const struct trail *k)
-{
-    const struct plan_track *track = find_track(pic, k->id);
-    double at[2], xy[2];
-    char id[16];
-
-    plan_point(sheet_in_vehicle(pic), k->points[k->n - 1].at_m, at);
-    sheet_place(p, at, xy);
-    tone(p->cr, k->id);
-    cairo_set_line_width(p->cr, 2.4);
-    draw_trail(p, pic, k);
-    if (track)
-        draw_arrow(p, track, xy);
-    cairo_new_sub_path(p->cr);
-    cairo_arc(p->cr, xy[0], xy[1], 5.0, 0.0, 2.0 * M_PI);
-    cairo_fill(p->cr);
-    snprintf(id, sizeof id, "%u", (unsigned)k->id);
-    ink_text(p->cr, xy[0], xy[1] - 15.0, TEXT, INK_CENTRE, id);
-}
-
-/* Beside the plan, where no trail crosses it. */
-static void name_track(const struct sheet *p, const struct plan_picture *pic, uint32_t id,
-                       double *y)
-{
-    const struct plan_track *k = find_track(pic, id);
-    double speed = k ? hypot(k->velocity_m_s[0], k->velocity_m_s[1]) : NAN;
-    double x = SHEET_LEFT + p->w + 16.0;
-    char text[96];
-
-    int n = snprintf(text, sizeof text, "%u%s%s", (unsigned)id,
-                     k && k->class[0] ? " " : "", k ? k->class : "");
-    if (isfinite(speed))
-        snprintf(text + n, sizeof text - (size_t)n, ", %.1f m/s", speed);
-    tone(p->cr, id);
-    cairo_rectangle(p->cr, x, *y - 5.0, 10.0, 10.0);
-    cairo_fill(p->cr);
-    ink_text(p->cr, x + 16.0, *y, TEXT, INK_LEFT, text);
-    *y += 22.0;
-}
-
 static void draw_plot(const struct sheet *p, const struct plan_picture *pic)
 {
-    double label_y = SHEET_TOP + 18.0;
-
     cairo_save(p->cr);
     cairo_rectangle(p->cr, SHEET_LEFT, SHEET_TOP, p->w, p->h);
     cairo_clip(p->cr);
@@ -248,15 +133,11 @@ static void draw_plot(const struct sheet *p, const struct plan_picture *pic)
     colour(p->cr, ink, 0.7);
     cairo_set_line_width(p->cr, 1.5);
     if (sheet_has_gone(&pic->trails->own))
-        draw_trail(p, pic, &pic->trails->own);
+        plan_tracks_trail(p, pic, &pic->trails->own);
     draw_array(p, pic);
-    for (size_t i = 0; i < TRAILS_MAX; i++)
-        if (pic->trails->list[i].n)
-            draw_track(p, pic, &pic->trails->list[i]);
+    plan_tracks_draw(p, pic);
     cairo_restore(p->cr);
-    for (size_t i = 0; i < TRAILS_MAX && label_y < SHEET_TOP + p->h; i++)
-        if (pic->trails->list[i].n)
-            name_track(p, pic, pic->trails->list[i].id, &label_y);
+    plan_tracks_name(p, pic);
 }
 
 static void draw(struct sheet *p, const struct plan_picture *pic)
@@ -276,9 +157,9 @@ static void draw(struct sheet *p, const struct plan_picture *pic)
     cairo_rectangle(p->cr, SHEET_LEFT, SHEET_TOP, p->w, p->h);
     cairo_stroke(p->cr);
     ink_text(
-        p->cr, SHEET_LEFT, SHEET_TOP + p->h + 70.0, TEXT, INK_LEFT,
+        p->cr, SHEET_LEFT, SHEET_TOP + p->h + 70.0, SHEET_TEXT, INK_LEFT,
         "Blue: walls, and shaded what is imaged.  Dashed: where a track was not seen.");
-    ink_text(p->cr, SHEET_LEFT, SHEET_TOP + p->h + 92.0, TEXT, INK_LEFT,
+    ink_text(p->cr, SHEET_LEFT, SHEET_TOP + p->h + 92.0, SHEET_TEXT, INK_LEFT,
              "Dot and arrow: where it was last, and its motion over ground in a second.");
     cairo_select_font_face(p->cr, "DejaVu Sans", CAIRO_FONT_SLANT_NORMAL,
                            CAIRO_FONT_WEIGHT_BOLD);

@@ -121,3 +121,14 @@ void sheet_lay_out(struct sheet *p, const struct plan_picture *pic)
     p->w = WIDEST;
     p->h = round(p->per_metre * h);
 }
+
+void sheet_go(const struct sheet *p, const double at[2], bool draws)
+{
+    double xy[2];
+
+    sheet_place(p, at, xy);
+    if (draws)
+        cairo_line_to(p->cr, xy[0], xy[1]);
+    else
+        cairo_move_to(p->cr, xy[0], xy[1]);
+}

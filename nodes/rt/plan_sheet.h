@@ -10,6 +10,7 @@
 
 #define SHEET_LEFT 78.0 /* of the plot, in units of the picture */
 #define SHEET_TOP  52.0
+#define SHEET_TEXT 15.0
 
 struct sheet {
     cairo_t *cr;
@@ -22,6 +23,9 @@ void sheet_lay_out(struct sheet *p, const struct plan_picture *pic);
 
 /* A place on the plan, in units from the picture's upper left corner. */
 void sheet_place(const struct sheet *p, const double at[2], double out[2]);
+
+/* Moves cr to a place on the plan, or draws a line to it. */
+void sheet_go(const struct sheet *p, const double at[2], bool draws);
 
 bool sheet_in_vehicle(const struct plan_picture *pic);
 

@@ -6,57 +6,10 @@
 #include "nodes/anlos/top/columns.h"
 #include "nodes/anlos/top/detail.h"
 #include "nodes/anlos/top/help.h"
+#include "nodes/anlos/top/share.h"
 
 #define FRAME_LINES 3 /* two above the panels, the keys below */
 #define FAIR_LOGS   5
-
-struct share { /* of the height, a panel's lines with its title */
-    size_t least, fair, most;
-    size_t got;
-};
-
-/* The panels that stay when there is little room, the last to go first. */
-static const enum look_panel by_weight[LOOK_PANELS] = {
-    LOOK_NODES, LOOK_OBJECTS, LOOK_TOPICS, LOOK_DETAIL, LOOK_LOG};
-
-/* One that is not there stays away. */
-static void grow(struct share *s, size_t to, size_t *left)
-{
-    size_t more = s->got && to > s->got ? to - s->got : 0;
-
-    if (more > *left)
-        more = *left;
-    s->got += more;
-    *left -= more;
-}
-
-/* The one in focus is always there, the others as long as there is room for their least;
- * then it gets all it can use, and the others first what is fair. */
-static void share_height(struct share s[LOOK_PANELS], enum look_panel focus, size_t left)
-{
-    s[focus].got = 1;
-    left--;
-    grow(&s[focus], s[focus].least, &left);
-    for (size_t i = 0; i < LOOK_PANELS; i++) {
-        struct share *other = &s[by_weight[i]];
-        if (other->got || !other->least || other->least > left)
-            continue;
-        other->got = other->least;
-        left -= other->least;
-    }
-    grow(&s[focus], s[focus].most, &left);
-    for (size_t i = 0; i < LOOK_PANELS; i++)
-        grow(&s[by_weight[i]], s[by_weight[i]].fair, &left);
-    for (size_t i = 0; i < LOOK_PANELS; i++)
-        grow(&s[by_weight[i]], s[by_weight[i]].most, &left);
-}
-
-static struct share want(size_t least_rows, size_t fair_rows, size_t rows)
-{
-    return (struct share){.least = 1 + (rows < least_rows ? rows : least_rows),
-                          .fair = 1 + fair_rows,
-                          .most = 1 + rows};
-}
 
 /* The first row of n to show in `room` so that the one at `at` is seen. */
 static size_t first_seen(size_t at, size_t room)
@@ -299,11 +252,11 @@ static void draw_panels(struct page *p, const struct table *t, struct look *v)
     struct detail detail;
     const char *name = make_detail(&detail, t, v, p->width);
     struct share s[LOOK_PANELS] = {
-        [LOOK_NODES] = want(3, n_nodes, n_nodes),
-        [LOOK_TOPICS] = want(3, count_present(t, topics, n_topics), n_topics),
-        [LOOK_OBJECTS] = want(3, t->objects.n, t->objects.n),
-        [LOOK_DETAIL] = want(2, detail.n, detail.n),
-        [LOOK_LOG] = want(2, FAIR_LOGS, TABLE_MAX_LOGS)};
+        [LOOK_NODES] = share_want(3, n_nodes, n_nodes),
+        [LOOK_TOPICS] = share_want(3, count_present(t, topics, n_topics), n_topics),
+        [LOOK_OBJECTS] = share_want(3, t->objects.n, t->objects.n),
+        [LOOK_DETAIL] = share_want(2, detail.n, detail.n),
+        [LOOK_LOG] = share_want(2, FAIR_LOGS, TABLE_MAX_LOGS)};
 
     if (!t->objects.known)
         s[LOOK_OBJECTS] = (struct share){0};

@@ -1,0 +1,84 @@
+#include "nodes/anlos/recon/report.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#include "nodes/anlos/recon/auto.h"
+
+static void print_object(const Anlos__Detection *d)
+{
+    double sigma = d->n_covariance_m2 == 6
+                       ? sqrt(fmax(fmax(d->covariance_m2[0], d->covariance_m2[3]),
+                                   d->covariance_m2[5]))
+                       : NAN;
+    printf("%4u %9.3f %8.3f %8.3f %9.1f %8.1f %9.0f %%", d->id, d->position_m->x,
+           d->position_m->y, d->position_m->z, 100.0 * sigma, d->level_db,
+           100.0 * d->existence);
+    if (fmax(fmax(d->extent_m->x, d->extent_m->y), d->extent_m->z) > 0.0)
+        printf("   %.2f x %.2f x %.2f", d->extent_m->x, d->extent_m->y, d->extent_m->z);
+    printf("\n");
+}
+
+/* In whose terms the places are. */
+static const char *frame_text(const Anlos__DetectionList *list, bool own_places,
+                              bool traces)
+{
+    if (list->mirrored)
+        return list->in_vehicle_frame ? "positions in the vehicle frame"
+                                      : "positions in the array frame";
+    if (own_places) /* may stand around the objects */
+        return list->in_vehicle_frame ? "positions in the vehicle frame, as imaged"
+               : traces               ? "positions as tx_m and rx_m have them"
+                                      : "positions in the frame of the pings";
+    return list->in_vehicle_frame
+               ? "positions in the vehicle frame, as mirrored by the wall (the survey "
+                 "names no wall)"
+               : "positions in the array frame, as mirrored by the wall (the survey "
+                 "names no wall)";
+}
+
+void recon_report_print_objects(const Anlos__DetectionList *list, bool own_places,
+                                bool traces)
+{
+    printf("%zu %s%s, %s\n", list->n_detections, own_places ? "object" : "hidden object",
+           list->n_detections == 1 ? "" : "s", frame_text(list, own_places, traces));
+    if (list->n_detections)
+        printf("   # %9s %8s %8s %9s %8s %11s   %s\n", "x m", "y m", "z m", "sigma cm",
+               "SNR dB", "existence", "extent m");
+    for (size_t i = 0; i < list->n_detections; i++)
+        print_object(list->detections[i]);
+}
+
+void recon_report_print_stages(const struct stopwatch stages[RECON_STAGES])
+{
+    for (int i = 0; i < RECON_STAGES; i++)
+        printf("%s%s %.2f", i ? ", " : " (", recon_stage_name(i), stages[i].wall_s);
+    printf(")\n");
+}
+
+static void print_air(const struct recon_job *job)
+{
+    char text[128];
+    air_text(&job->air, text, sizeof text);
+    if (text[0])
+        printf("%s: corrected\n", text);
+}
+
+void recon_report_print(const struct recon_job *job)
+{
+    size_t expected = job->survey.n_positions * job->survey.n_speakers;
+
+    recon_report_print_objects(job->detections, job->processing.geometry.pings_m != NULL,
+                               job->options->traces != NULL);
+    print_air(job);
+    if (job->automatic)
+        recon_auto_print(job->automatic, job);
+    printf(
+        "%zu of %zu pings, method %s%s%s%s, %zu thread%s: %.2f s",
+        imager_pings(job->imager), expected, job->method, job->method_because ? " (" : "",
+        job->method_because ? job->method_because : "", job->method_because ? ")" : "",
+        job->options->threads, job->options->threads == 1 ? "" : "s", job->total.wall_s);
+    recon_report_print_stages(job->stages);
+    printf("%s: volume.nrrd, projection_{xy,xz,yz}.png, detections.json, report.json\n",
+           job->options->out);
+}
