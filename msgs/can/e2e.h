@@ -20,7 +20,7 @@ enum e2e_verdict {
     E2E_SOME_LOST,      /* as good, and up to max_delta - 1 before it did not come */
     E2E_NO_NEW_DATA,    /* nothing came */
     E2E_REPEATED,       /* the same counter once more */
-    E2E_WRONG_SEQUENCE, /* more lost than max_delta allows, or late */
+    E2E_WRONG_SEQUENCE, /* more lost than max_delta allows, late, or begun anew */
     E2E_WRONG_CRC,      /* damaged, or of another data ID */
 };
 
