@@ -28,10 +28,10 @@ static const char *list_words(const char *const *words, char *out, size_t size)
 
 static bool is_known(const char *const *known, const char *key)
 {
-    for (; *known; known++)
+    for (; known && *known; known++)
         if (!strcmp(*known, key))
             return true;
-    return false;
+    return !known;
 }
 
 static int parse_option(struct device *d, char *text, const char *const *known,

@@ -22,7 +22,8 @@ struct device {
 const char *device_arg(const char *uri, const char *scheme);
 
 /* arg: the URI after its scheme; known: the option keys that the backend has, ended by
- * NULL.  Clear the result.  0, -EINVAL (an unknown key, a key without value), -ENOMEM. */
+ * NULL; NULL: any.  Clear the result.  0, -EINVAL (an unknown key, a key without value),
+ * -ENOMEM. */
 int device_parse(struct device *out, const char *arg, const char *const *known,
                  struct complaint *why);
 

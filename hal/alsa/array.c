@@ -14,6 +14,7 @@
 #include "hal/recording/recording.h"
 #include "hal/recording/wav_samples.h"
 #include "hal/survey/file.h"
+#include "hal/survey/firing.h"
 #include "hal/turn.h"
 
 #define SAME_PLACE_M 1e-4
@@ -104,11 +105,16 @@ static int open_parts(struct array_alsa *a, const struct device *d, struct compl
 {
     const char *rig = device_option(d, "rig");
     const char *background = device_option(d, "background");
+    struct firing firing;
     if (!*d->path || !rig)
         return complain(why, -EINVAL,
                         "expected a sound card and its rig, alsa:DEVICE?rig=FILE.yaml; "
                         "'anlos array list' has the names of the cards");
     int err = rig_load_calibrated(&a->rig, rig, device_option(d, "calibrated"), why);
+    if (!err)
+        err = firing_from_device(&firing, d, why);
+    if (!err)
+        err = firing_apply(&a->rig.survey, &firing, why);
     if (!background)
         background = a->rig.background;
     if (!err && background && *background)
@@ -123,7 +129,8 @@ static int open_parts(struct array_alsa *a, const struct device *d, struct compl
 static int alsa_array_open(void **state, const char *arg,
                            const struct clock_source *clock, struct complaint *why)
 {
-    static const char *const known[] = {"rig", "background", "calibrated", NULL};
+    static const char *const known[] = {"rig", "background", "calibrated", FIRING_KEYS,
+                                        NULL};
     struct device d;
     int err = device_parse(&d, arg, known, why);
     if (err)

@@ -67,8 +67,9 @@ static int allocate(struct array_sim *a)
 static int sim_open(void **state, const char *arg, const struct clock_source *clock,
                     struct complaint *why)
 {
-    static const char *const known[] = {"pace", "calibrated", NULL};
+    static const char *const known[] = {"pace", "calibrated", FIRING_KEYS, NULL};
     static const char *const paces[] = {"fast", "real", NULL};
+    struct firing firing;
     struct device d;
     int err = device_parse(&d, arg, known, why);
     if (err)
@@ -85,7 +86,9 @@ static int sim_open(void **state, const char *arg, const struct clock_source *cl
     if (!err && !*d.path)
         err = complain(why, -EINVAL, "expected a scene file, sim:SCENE.yaml");
     if (!err)
-        err = room_load(&a->room, d.path, why);
+        err = firing_from_device(&firing, &d, why);
+    if (!err)
+        err = room_load_drawn(&a->room, d.path, &firing, 0, why);
     if (!err && room_is_drive(a->room) && pace == 0 && device_option(&d, "pace"))
         err = complain(why, -EINVAL,
                        "option \"pace\": a drive runs at the true pace, "

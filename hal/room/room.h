@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "hal/survey/calibration.h"
+#include "hal/survey/firing.h"
 #include "msgs/complaint.h"
 #include "msgs/survey.h"
 
@@ -31,10 +32,11 @@ struct room_object {
  * -ENOMEM. */
 int room_load(struct room **out, const char *path, struct complaint *why);
 
-/* The same with all that is random drawn anew: clutter, roughness, unknown errors, noise.
- * Draw 0 is the file's own; each other number another one, the same each time. */
-int room_load_drawn(struct room **out, const char *path, uint32_t draw,
-                    struct complaint *why);
+/* The same, its array firing in another way, and with all that is random drawn anew:
+ * clutter, roughness, unknown errors, noise.  Draw 0 is the file's own; each other number
+ * another one, the same each time.  firing may be NULL. */
+int room_load_drawn(struct room **out, const char *path, const struct firing *firing,
+                    uint32_t draw, struct complaint *why);
 
 /* The survey as the processor should know it (without the unknown errors of the scene).
  */

@@ -220,14 +220,16 @@ static uint32_t draw_seed(uint32_t seed, uint32_t draw)
     return draw ? (uint32_t)(random_even(&r) * 0x1p32) : seed;
 }
 
-int room_load_drawn(struct room **out, const char *path, uint32_t draw,
-                    struct complaint *why)
+int room_load_drawn(struct room **out, const char *path, const struct firing *firing,
+                    uint32_t draw, struct complaint *why)
 {
     *out = NULL;
     struct room *r = calloc(1, sizeof *r);
     if (!r)
         return complain(why, -ENOMEM, "%s: out of memory", path);
     int err = scene_load(&r->scene, &r->survey, path, why);
+    if (!err && firing)
+        err = firing_apply(&r->survey, firing, why);
     if (err)
         goto fail;
     r->scene->seed = draw_seed(r->scene->seed, draw);
@@ -255,7 +257,7 @@ fail:
 
 int room_load(struct room **out, const char *path, struct complaint *why)
 {
-    return room_load_drawn(out, path, 0, why);
+    return room_load_drawn(out, path, NULL, 0, why);
 }
 
 void room_destroy(struct room *r)

@@ -300,7 +300,7 @@ static void each_draw_has_clutter_and_noise_of_its_own(void **state)
         static const uint32_t draws[4] = {0, 0, 1, 2};
         assert_int_equal(room_load(&rooms[0], path, NULL), 0);
         for (int i = 1; i < 4; i++)
-            assert_int_equal(room_load_drawn(&rooms[i], path, draws[i], NULL), 0);
+            assert_int_equal(room_load_drawn(&rooms[i], path, NULL, draws[i], NULL), 0);
         for (int i = 0; i < 4; i++)
             heard[i] = drive_emit(rooms[i], 0.3, ANLOS__PASS__SCENE, 1);
         size_t n = room_frames(rooms[0], 1);

@@ -91,7 +91,7 @@ static int setup(void **state)
     void *scratch = NULL;
 
     if (!f || scratch_open(&scratch) ||
-        drive_world_create(&f->world, SCENE, 0, NULL, 0, &why))
+        drive_world_create(&f->world, &(struct drive_world_config){.scene = SCENE}, &why))
         return -1;
     f->scratch = scratch;
     f->zero_ns = PERIODS * llround(1e9 * room_period_s(f->world.room));

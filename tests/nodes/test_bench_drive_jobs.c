@@ -146,6 +146,33 @@ static void the_error_of_one_ends_all(void **state)
     }
 }
 
+/* Slots of 48 ms in the place of the scene's 24. */
+static void the_launch_file_says_how_the_speakers_fire(void **state)
+{
+    static const char slower[] = "nodes: [array, scan, dsp, recon, wall, track]\n"
+                                 "array: {uri: 'sim:nothing.yaml?slot_samples=2304'}\n"
+                                 "scan: {mode: fixed}\n"
+                                 "recon: {frames: {pings: 4, sum: power, every: ping}}\n"
+                                 "wall: {from: topic}\n";
+    struct rig *r = *state;
+    size_t n_lists[2];
+
+    for (int k = 0; k < 2; k++) {
+        struct launchfile *l = NULL;
+        assert_int_equal(launchfile_parse(&l, "settings", k ? slower : settings,
+                                          strlen(k ? slower : settings), NULL),
+                         0);
+        const struct drive_run run = {l, r->scene, 0, 1, 1};
+        struct drive_outcome outcome;
+        drive_run(&run, &outcome);
+        assert_int_equal(outcome.err, 0);
+        n_lists[k] = outcome.result.n_lists;
+        free(outcome.moments.at);
+        launchfile_destroy(l);
+    }
+    assert_in_range(2 * n_lists[1], n_lists[0] - 3, n_lists[0] + 3);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -154,6 +181,7 @@ int main(void)
         TEST(side_by_side_they_are_what_they_are_alone),
         TEST(after_ctrl_c_what_is_done_is_there),
         TEST(the_error_of_one_ends_all),
+        TEST(the_launch_file_says_how_the_speakers_fire),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -162,9 +162,17 @@ static bool has_wall_node(const struct launchfile *l)
 int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const char *scene,
                       uint32_t draw, size_t threads, struct complaint *why)
 {
+    struct firing firing;
+    const struct drive_world_config world = {.scene = scene,
+                                             .firing = &firing,
+                                             .draw = draw,
+                                             .speakers = l->scan.speakers,
+                                             .n_speakers = l->scan.n_speakers};
+
     *p = (struct drive_pipe){.launch = l, .has_keeper = has_wall_node(l)};
-    int err = drive_world_create(&p->world, scene, draw, l->scan.speakers,
-                                 l->scan.n_speakers, why);
+    int err = firing_from_uri(&firing, l->array.uri, why);
+    if (!err)
+        err = drive_world_create(&p->world, &world, why);
     if (!err)
         err = create_steps(p, threads, why);
     if (!err)

@@ -24,25 +24,25 @@ static int pack_survey(struct drive_world *w)
     return w->survey ? 0 : -ENOMEM;
 }
 
-int drive_world_create(struct drive_world *w, const char *scene, uint32_t draw,
-                       const uint32_t *speakers, size_t n_speakers, struct complaint *why)
+int drive_world_create(struct drive_world *w, const struct drive_world_config *cfg,
+                       struct complaint *why)
 {
     *w = (struct drive_world){.begin_ns = BEGIN_NS};
-    int err = room_load_drawn(&w->room, scene, draw, why);
+    int err = room_load_drawn(&w->room, cfg->scene, cfg->firing, cfg->draw, why);
     if (err)
         return err;
     if (!room_is_drive(w->room))
         return complain(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
-                        scene);
+                        cfg->scene);
     const struct survey *s = room_survey(w->room);
     w->n_samples = room_frames(w->room, 1);
-    w->n_speakers = n_speakers ? n_speakers : s->n_speakers;
+    w->n_speakers = cfg->n_speakers ? cfg->n_speakers : s->n_speakers;
     w->clipped = calloc(s->n_microphones, sizeof *w->clipped);
     w->speakers = calloc(w->n_speakers, sizeof *w->speakers);
     err = w->clipped && w->speakers ? pack_survey(w) : -ENOMEM;
     for (size_t i = 0; !err && i < w->n_speakers; i++)
-        w->speakers[i] = n_speakers ? speakers[i] : (uint32_t)i;
-    return err ? complain(why, err, "%s: not enough memory", scene) : 0;
+        w->speakers[i] = cfg->n_speakers ? cfg->speakers[i] : (uint32_t)i;
+    return err ? complain(why, err, "%s: not enough memory", cfg->scene) : 0;
 }
 
 double drive_world_s(int64_t stamp_ns)

@@ -25,10 +25,16 @@ struct drive_world {
     struct tensor_view view;
 };
 
-/* draw as of room_load_drawn; speakers[n_speakers] of a round; 0: all.  0, -ENOTSUP (not
- * a drive), errors of room_load, -ENOMEM. */
-int drive_world_create(struct drive_world *w, const char *scene, uint32_t draw,
-                       const uint32_t *speakers, size_t n_speakers,
+struct drive_world_config {
+    const char *scene;
+    const struct firing *firing; /* NULL: as the scene says */
+    uint32_t draw;               /* of room_load_drawn */
+    const uint32_t *speakers;    /* [n_speakers] of a round; 0: all */
+    size_t n_speakers;
+};
+
+/* 0, -ENOTSUP (not a drive), errors of room_load, -ENOMEM. */
+int drive_world_create(struct drive_world *w, const struct drive_world_config *cfg,
                        struct complaint *why);
 
 /* The endless shot begins anew, right after what came before. */

@@ -16,6 +16,7 @@
 #include "hal/stage/gpio_chip.h"
 #include "hal/stage/gpiod_options.h"
 #include "hal/stage/zaber_options.h"
+#include "hal/survey/firing.h"
 #include "hal/survey/rig_file.h"
 
 static void look_at_channels(struct findings *f, const struct rig *r,
@@ -56,7 +57,8 @@ static void look_at_channels(struct findings *f, const struct rig *r,
 
 static void look_at_card(struct findings *f, const char *uri)
 {
-    static const char *const keys[] = {"rig", "background", "calibrated", NULL};
+    static const char *const keys[] = {"rig", "background", "calibrated", FIRING_KEYS,
+                                       NULL};
     struct complaint why = {""};
     struct alsa_probe probe;
     struct device d;

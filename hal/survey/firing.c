@@ -1,0 +1,71 @@
+#include "hal/survey/firing.h"
+
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+#define MOST_SAMPLES 1e6
+#define MOST_S       1.0
+#define MOST_M       100.0
+
+static int whole_number(const struct device *d, const char *key, double max,
+                        double *value, struct complaint *why)
+{
+    int err = device_number(d, key, 1, max, value, why);
+
+    if (!err && *value != floor(*value))
+        err = complain(why, -EINVAL, "option %s=%s: expected a whole number", key,
+                       device_option(d, key));
+    return err;
+}
+
+int firing_from_device(struct firing *out, const struct device *d, struct complaint *why)
+{
+    static const char *const ways[] = {"no", "yes", NULL};
+
+    *out = (struct firing){.chirps = FIRING_AS_THEY_ARE};
+    int err = whole_number(d, "slot_samples", MOST_SAMPLES, &out->slot_samples, why);
+    if (!err)
+        err = whole_number(d, "together", 2, &out->together, why);
+    if (!err)
+        err = device_number(d, "chirp_s", 1e-6, MOST_S, &out->chirp_s, why);
+    if (!err)
+        err = device_number(d, "far_m", 1e-3, MOST_M, &out->far_m, why);
+    int both = err ? err : device_choice(d, "alternates", ways, why);
+    if (both >= 0 && device_option(d, "alternates"))
+        out->chirps = both ? FIRING_BOTH_WAYS : FIRING_ONE_WAY;
+    return both < 0 ? both : 0;
+}
+
+int firing_from_uri(struct firing *out, const char *uri, struct complaint *why)
+{
+    const char *colon = strchr(uri, ':');
+    struct device d;
+    int err = device_parse(&d, colon ? colon + 1 : uri, NULL, why);
+
+    if (err)
+        return err;
+    err = firing_from_device(out, &d, why);
+    device_clear(&d);
+    return err;
+}
+
+int firing_apply(struct survey *s, const struct firing *f, struct complaint *why)
+{
+    struct complaint inner = {""};
+
+    if (f->far_m > 0.0 && !s->has_gate)
+        return complain(why, -EINVAL, "option far_m: there is no gate_m to end there");
+    if (f->slot_samples > 0.0)
+        s->slot_samples = (size_t)f->slot_samples;
+    if (f->together > 0.0)
+        s->together = (size_t)f->together;
+    if (f->chirp_s > 0.0)
+        s->chirp_duration_s = f->chirp_s;
+    if (f->far_m > 0.0)
+        s->gate_m[1] = f->far_m;
+    if (f->chirps != FIRING_AS_THEY_ARE)
+        s->chirp_alternates = f->chirps == FIRING_BOTH_WAYS;
+    int err = survey_check(s, &inner);
+    return err ? complain(why, err, "with the options of array.uri: %s", inner.text) : 0;
+}

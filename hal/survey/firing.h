@@ -1,0 +1,36 @@
+/* hal/survey/firing.h -- how often and with what the speakers sound, chosen anew by the
+ * URI of an array, in the place of what its scene or rig says:
+ *
+ *   sim:bumper.yaml?slot_samples=864&far_m=2.7          a shorter slot, a nearer gate
+ *   sim:bumper.yaml?together=2&alternates=yes           two at once, one up, one down
+ *   alsa:DEVICE?rig=rig.yaml&chirp_s=0.005
+ */
+#ifndef ANLOS_HAL_SURVEY_FIRING_H
+#define ANLOS_HAL_SURVEY_FIRING_H
+
+#include "hal/device.h"
+#include "msgs/complaint.h"
+#include "msgs/survey.h"
+
+/* Keys for device_parse. */
+#define FIRING_KEYS "slot_samples", "together", "alternates", "chirp_s", "far_m"
+
+enum firing_chirps { FIRING_AS_THEY_ARE, FIRING_ONE_WAY, FIRING_BOTH_WAYS };
+
+struct firing { /* 0: as the file says */
+    double slot_samples, together;
+    double chirp_s; /* its duration */
+    double far_m;   /* of the gate */
+    enum firing_chirps chirps;
+};
+
+/* 0, -EINVAL. */
+int firing_from_device(struct firing *out, const struct device *d, struct complaint *why);
+
+/* The same of a URI whose other options are somebody else's.  0, -EINVAL, -ENOMEM. */
+int firing_from_uri(struct firing *out, const char *uri, struct complaint *why);
+
+/* Into a survey that passes survey_check, and does so afterwards.  0, -EINVAL. */
+int firing_apply(struct survey *s, const struct firing *f, struct complaint *why);
+
+#endif

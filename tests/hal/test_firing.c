@@ -1,0 +1,158 @@
+/* How an array's speakers fire, chosen by its URI. */
+#include "scratch.h"
+
+#include <errno.h>
+
+#include "hal/array.h"
+#include "hal/survey/firing.h"
+
+/* Chirps of 10 ms in slots of 31.25 ms, heard to 3 m; for an array that stands. */
+static const char scene[] = "sample_rate_hz: 48000\n"
+                            "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.01}\n"
+                            "slot_samples: 1500\n"
+                            "speakers_m: [[0, 0, 0], [0.1, 0, 0]]\n"
+                            "microphones_m: [[0.05, 0, 0]]\n"
+                            "sound_speed_m_s: 340\n"
+                            "wall: {normal: [0, 0, 1], distance_m: 1}\n"
+                            "gate_m: [0.5, 3]\n";
+
+static int open_with(struct scratch *s, const char *options, struct fake_clock *clock,
+                     struct array **out, struct complaint *why)
+{
+    char uri[700];
+
+    snprintf(uri, sizeof uri, "sim:%s%s", scratch_write(s, "scene.yaml", scene), options);
+    fake_clock_set(clock, INT64_C(1700000000000000000));
+    return array_open(out, uri, &clock->source, why);
+}
+
+static struct array *must_open(struct scratch *s, const char *options,
+                               struct fake_clock *clock)
+{
+    struct complaint why = {""};
+    struct array *a = NULL;
+
+    if (open_with(s, options, clock, &a, &why))
+        fail_msg("%s", why.text);
+    return a;
+}
+
+static void without_options_the_file_says_all(void **state)
+{
+    struct fake_clock clock;
+    struct array *a = must_open(*state, "?pace=real", &clock);
+    const struct survey *s = array_survey(a);
+
+    assert_int_equal(s->slot_samples, 1500);
+    assert_int_equal(s->together, 0);
+    assert_false(s->chirp_alternates);
+    assert_true(s->chirp_duration_s == 0.01 && s->gate_m[0] == 0.5 && s->gate_m[1] == 3);
+    array_close(a);
+}
+
+static void options_win_over_the_file(void **state)
+{
+    struct fake_clock clock;
+    struct array *a = must_open(*state,
+                                "?slot_samples=800&together=2&alternates=yes"
+                                "&chirp_s=0.005&far_m=2",
+                                &clock);
+    const struct survey *s = array_survey(a);
+
+    assert_int_equal(s->slot_samples, 800);
+    assert_int_equal(s->together, 2);
+    assert_true(s->chirp_alternates);
+    assert_true(s->chirp_duration_s == 0.005);
+    assert_true(s->gate_m[0] == 0.5 && s->gate_m[1] == 2);
+    array_close(a);
+}
+
+/* Slots of 1/60 s at the true pace: two pings begin in each. */
+static void the_array_fires_as_they_say(void **state)
+{
+    static const uint32_t speakers[] = {0, 1};
+    const struct array_shot shot = {
+        .speakers = speakers, .n_speakers = 2, .endless = true};
+    struct fake_clock clock;
+    struct complaint why;
+    struct array_ping ping;
+    struct array *a = must_open(
+        *state, "?slot_samples=800&together=2&alternates=yes&far_m=2&pace=real", &clock);
+    int64_t first_ns = clock.now_ns;
+
+    assert_int_equal(array_fire(a, &shot), 0);
+    for (int k = 0; k < 6; k++) {
+        assert_int_equal(array_next(a, &ping, &why), 0);
+        assert_int_equal(ping.down, k % 2);
+        assert_true(llabs(ping.t0_ns - first_ns - k / 2 * INT64_C(1000000000) / 60) <
+                    1000);
+    }
+    array_close(a);
+}
+
+static void what_does_not_go_together_is_refused(void **state)
+{
+    static const struct {
+        const char *options, *part;
+    } cases[] = {
+        {"?together=2", "with the options of array.uri: together is 2"},
+        {"?slot_samples=500", "gate_m: gate beyond the slot: far is 3 m"},
+        {"?far_m=0.4", "expected 0 <= near < far"},
+        {"?together=3", "option together=3: expected a number in 1..2"},
+        {"?slot_samples=800.5", "option slot_samples=800.5: expected a whole number"},
+        {"?alternates=maybe", "option alternates=maybe: expected no or yes"},
+        {"?chirp_s=0", "option chirp_s=0"},
+        {"?slot=800", "expected pace, calibrated, slot_samples"},
+    };
+    struct fake_clock clock;
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct complaint why = {""};
+        struct array *a = NULL;
+        assert_int_equal(open_with(*state, cases[i].options, &clock, &a, &why), -EINVAL);
+        assert_null(a);
+        if (!strstr(why.text, cases[i].part))
+            fail_msg("%s: %s", cases[i].options, why.text);
+    }
+}
+
+static void a_gate_ends_nearer_only_where_there_is_one(void **state)
+{
+    const struct firing nearer = {.far_m = 2};
+    struct survey s = {.has_gate = false};
+    struct complaint why = {""};
+
+    (void)state;
+    assert_int_equal(firing_apply(&s, &nearer, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "no gate_m"));
+}
+
+static void of_a_uri_only_its_own_options_count(void **state)
+{
+    struct complaint why = {""};
+    struct firing f;
+
+    (void)state;
+    assert_int_equal(firing_from_uri(&f, "alsa:hw:1,0?rig=r.yaml&slot_samples=960", &why),
+                     0);
+    assert_true(f.slot_samples == 960 && f.together == 0 && f.chirp_s == 0);
+    assert_true(f.chirps == FIRING_AS_THEY_ARE);
+    assert_int_equal(firing_from_uri(&f, "sim:s.yaml?alternates=no", &why), 0);
+    assert_true(f.chirps == FIRING_ONE_WAY && f.slot_samples == 0);
+    assert_int_equal(firing_from_uri(&f, "sim:s.yaml?together=x", &why), -EINVAL);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(without_options_the_file_says_all),
+        TEST(options_win_over_the_file),
+        TEST(the_array_fires_as_they_say),
+        TEST(what_does_not_go_together_is_refused),
+        TEST(a_gate_ends_nearer_only_where_there_is_one),
+        TEST(of_a_uri_only_its_own_options_count),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
