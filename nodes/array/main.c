@@ -5,6 +5,7 @@
 
 #include "msgs/stage.pb-c.h"
 #include "msgs/topics.h"
+#include "nodes/array/hearing.h"
 #include "nodes/array/shooter.h"
 #include "nodes/rt/node.h"
 
@@ -15,7 +16,8 @@ struct run {
     struct node *node;
     struct array *array;
     struct shooter *shooter;
-    bool heard; /* the scan */
+    struct hearing *hearing; /* NULL: of a recording, or it cannot be told */
+    bool heard;              /* the scan */
     int64_t survey_due_ns;
     unsigned failures;
 };
@@ -30,6 +32,20 @@ static int publish_survey(struct run *r)
     return node_publish(r->node, topic_survey(), 0, &shooter_survey(r->shooter)->base);
 }
 
+static void judge(struct run *r, const Anlos__Ping *ping)
+{
+    struct hearing_faults f;
+    char note[512] = "";
+
+    if (!r->hearing)
+        return;
+    hearing_ping(r->hearing, ping, &f, note, sizeof note);
+    node_fault(r->node, NODE_FAULT_CHANNELS_SILENT, f.deaf, f.of_microphones);
+    node_fault(r->node, NODE_FAULT_SPEAKERS_MUTE, f.mute, f.of_speakers);
+    if (note[0])
+        node_log(r->node, LOG_LEVEL_WARNING, "%s", note);
+}
+
 static int publish_ping(struct run *r)
 {
     Anlos__Ping ping;
@@ -41,6 +57,7 @@ static int publish_ping(struct run *r)
         r->failures = 0;
         /* A ping that cannot be sent is one that the scan retakes. */
         node_publish(r->node, topic_ping(), t0_ns, &ping.base);
+        judge(r, &ping);
         return 0;
     }
     /* While the device is away the shot waits for it. */
@@ -115,6 +132,19 @@ static int run(struct run *r)
     return err;
 }
 
+/* A recording was judged when it was made, and may begin after the direct sound. */
+static void create_hearing(struct run *r)
+{
+    const struct survey *s = array_survey(r->array);
+    struct complaint why = {""};
+
+    if (s->source == ANLOS__SOURCE__REPLAY)
+        return;
+    if (hearing_create(&r->hearing, s, &why))
+        node_log(r->node, LOG_LEVEL_WARNING,
+                 "whether microphones hear the speakers is not known: %s", why.text);
+}
+
 int main(int argc, char **argv)
 {
     struct run r = {0};
@@ -130,10 +160,12 @@ int main(int argc, char **argv)
     if (!err)
         err = shooter_create(&r.shooter, r.array);
     if (!err) {
+        create_hearing(&r);
         node_device(r.node, counts, r.array);
         err = run(&r);
     }
     node_device(r.node, NULL, NULL);
+    hearing_destroy(r.hearing);
     shooter_destroy(r.shooter);
     array_close(r.array);
     return node_finish(r.node, err);

@@ -95,6 +95,7 @@ static void take_fault(struct watch_node *n, const Anlos__Fault *f)
         [WATCH_SILENT] = NODE_FAULT_CHANNELS_SILENT,
         [WATCH_DAMAGED] = NODE_FAULT_ELEMENTS_DAMAGED,
         [WATCH_CLIPPED] = NODE_FAULT_CHANNELS_CLIPPED,
+        [WATCH_MUTE] = NODE_FAULT_SPEAKERS_MUTE,
     };
 
     for (size_t k = 0; k < WATCH_CHANNEL_KINDS; k++)
@@ -231,7 +232,7 @@ void watch_text(const struct watch *w, char *text, size_t size)
         [CAN_FAULT_IMAGE_STALE] = "no new image",
         [CAN_FAULT_EGO_MISSING] = "no motion of the vehicle",
         [CAN_FAULT_TEMPERATURE_UNKNOWN] = "no temperature",
-        [CAN_FAULT_CHANNELS_DEAD] = "silent microphones",
+        [CAN_FAULT_CHANNELS_DEAD] = "silent microphones or speakers",
         [CAN_FAULT_ELEMENT_ERRORS] = "damaged microphones",
         [CAN_FAULT_WALL_LOST] = "no wall",
         [CAN_FAULT_CLOCK_JUMP] = "the wall clock was set",

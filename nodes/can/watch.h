@@ -9,8 +9,9 @@
  * | ego missing * | 100 ms after the last motion that was valid | degraded | 0.5 s |
  * | temperature unknown * | 3 s after the last of the vehicle's, if the survey has none
  *     | degraded | 1 s |
- * | channels dead | at once when a microphone is silent | degraded; blocked when half of
- *     them or more are silent, damaged or clipped | 1 s |
+ * | channels dead | at once when a microphone is silent or hears no speaker, or a speaker
+ *     is heard by none | degraded; blocked when half of the microphones or more are
+ *     silent, damaged or clipped, or half of the speakers | 1 s |
  * | element errors | at once when one gives what are no numbers | the same | 1 s |
  * | wall lost * | the node wall runs: at once when no wall is likely, or none was seen or
  *     given for 2 s; 0.5 s after its last word | degraded | 1 s |
@@ -46,7 +47,8 @@
 #define WATCH_MAX_NODES 16
 #define WATCH_INTERVALS 4
 
-enum { WATCH_SILENT, WATCH_DAMAGED, WATCH_CLIPPED, WATCH_CHANNEL_KINDS };
+enum { WATCH_SILENT, WATCH_DAMAGED, WATCH_CLIPPED, WATCH_EARS };
+enum { WATCH_MUTE = WATCH_EARS, WATCH_CHANNEL_KINDS }; /* speakers */
 
 struct watch_config {
     bool fixed;    /* an array that stands and fires without end */
@@ -55,7 +57,7 @@ struct watch_config {
     bool wall;     /* the node wall runs */
 };
 
-struct watch_channels { /* so many microphones of so many */
+struct watch_channels { /* so many microphones or speakers of so many */
     uint32_t count, of;
 };
 

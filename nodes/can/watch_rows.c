@@ -48,21 +48,21 @@ static bool temperature_is_unknown(const struct watch *w, int64_t now_ns)
     return isnan(w->survey_c) && !watch_has_ambient(w, now_ns);
 }
 
+/* Of who says most: array and dsp judge the same microphones. */
 static struct watch_channels channels(const struct watch *w, int kind)
 {
-    struct watch_channels sum = {0, 0};
+    struct watch_channels most = {0, 0};
 
-    for (size_t i = 0; i < w->n_nodes; i++) {
-        sum.count += w->nodes[i].channels[kind].count;
-        sum.of += w->nodes[i].channels[kind].of;
-    }
-    return sum;
+    for (size_t i = 0; i < w->n_nodes; i++)
+        if (w->nodes[i].channels[kind].count > most.count)
+            most = w->nodes[i].channels[kind];
+    return most;
 }
 
 static bool channels_are_dead(const struct watch *w, int64_t now_ns)
 {
     (void)now_ns;
-    return channels(w, WATCH_SILENT).count > 0;
+    return channels(w, WATCH_SILENT).count + channels(w, WATCH_MUTE).count > 0;
 }
 
 static bool elements_err(const struct watch *w, int64_t now_ns)
@@ -79,14 +79,15 @@ static bool is_clipped(const struct watch *w, int64_t now_ns)
 
 bool watch_is_blind(const struct watch *w)
 {
+    struct watch_channels mute = channels(w, WATCH_MUTE);
     uint32_t bad = 0, of = 0;
 
-    for (int kind = 0; kind < WATCH_CHANNEL_KINDS; kind++) {
+    for (int kind = 0; kind < WATCH_EARS; kind++) {
         struct watch_channels c = channels(w, kind);
         bad += c.count;
         of = c.of > of ? c.of : of;
     }
-    return bad && 2 * bad >= of;
+    return (bad && 2 * bad >= of) || (mute.count && 2 * mute.count >= mute.of);
 }
 
 static bool wall_is_lost(const struct watch *w, int64_t now_ns)

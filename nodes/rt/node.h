@@ -82,6 +82,7 @@ void node_state(struct node *n, Anlos__Health__State state, const char *format, 
  * many have it, 0: none.  Said at once when it changes.  name: one of these. */
 #define NODE_FAULT_ARRAY_AWAY       "array_away"       /* the device is not there */
 #define NODE_FAULT_CHANNELS_SILENT  "channels_silent"  /* microphones hear nothing */
+#define NODE_FAULT_SPEAKERS_MUTE    "speakers_mute"    /* no microphone hears them */
 #define NODE_FAULT_ELEMENTS_DAMAGED "elements_damaged" /* samples that are no numbers */
 #define NODE_FAULT_CHANNELS_CLIPPED "channels_clipped"
 #define NODE_FAULT_NODES_LOST       "nodes_lost" /* processes that do not run */

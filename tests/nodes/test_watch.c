@@ -277,6 +277,43 @@ static void and_clipped_ones(void **state)
     assert_channels(NODE_FAULT_CHANNELS_CLIPPED, CAN_FAULT_CLIPPED);
 }
 
+static void so_do_speakers_that_nobody_hears(void **state)
+{
+    (void)state;
+    assert_channels(NODE_FAULT_SPEAKERS_MUTE, CAN_FAULT_CHANNELS_DEAD);
+}
+
+static void tell_as(struct world *w, const char *node, const char *name, uint32_t count)
+{
+    Anlos__Health h = ANLOS__HEALTH__INIT;
+    Anlos__Fault fault = ANLOS__FAULT__INIT, *faults[] = {&fault};
+
+    fault.name = (char *)name;
+    fault.count = count;
+    fault.of = 16;
+    h.node = (char *)node;
+    h.state = ANLOS__HEALTH__STATE__READY;
+    h.faults = faults;
+    h.n_faults = 1;
+    watch_health(&w->watch, &h, w->now_ns);
+}
+
+/* 7 of 16 that both tell of are 7, not 14; with a damaged one they are half. */
+static void two_nodes_may_tell_of_the_same_microphones(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    tell_as(&w, "dsp", NODE_FAULT_CHANNELS_SILENT, 3);
+    tell_as(&w, "array", NODE_FAULT_CHANNELS_SILENT, 7);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_CHANNELS_DEAD);
+    tell_as(&w, "dsp", NODE_FAULT_ELEMENTS_DAMAGED, 1);
+    run(&w, 10);
+    assert_int_equal(watch_state(&w.watch), CAN_BLOCKED);
+}
+
 static void a_wall_that_is_not_likely_or_not_seen_is_lost(void **state)
 {
     struct world w;
@@ -544,7 +581,7 @@ static void faults_have_names_for_a_person(void **state)
     tell_fault(&w, NODE_FAULT_CHANNELS_SILENT, 1, 16);
     run(&w, 110);
     watch_text(&w.watch, text, sizeof text);
-    assert_string_equal(text, "no motion of the vehicle, silent microphones");
+    assert_string_equal(text, "no motion of the vehicle, silent microphones or speakers");
     watch_text(&w.watch, tiny, sizeof tiny);
     assert_string_equal(tiny, "no motion of th");
 }
@@ -560,6 +597,8 @@ int main(void)
         cmocka_unit_test(silent_microphones_degrade_and_half_of_them_block),
         cmocka_unit_test(so_do_damaged_ones),
         cmocka_unit_test(and_clipped_ones),
+        cmocka_unit_test(so_do_speakers_that_nobody_hears),
+        cmocka_unit_test(two_nodes_may_tell_of_the_same_microphones),
         cmocka_unit_test(a_wall_that_is_not_likely_or_not_seen_is_lost),
         cmocka_unit_test(
             a_wall_of_which_its_node_says_nothing_is_lost_after_half_a_second),

@@ -1,0 +1,196 @@
+/* Microphones that hear nothing and speakers that nobody hears, in the simulated room: a
+ * person at 4 m is as loud as the noise, and what is dead has that noise, too. */
+#include "tests/hal/scratch.h"
+
+#include <math.h>
+
+#include "hal/array.h"
+#include "msgs/tensor.h"
+#include "nodes/array/hearing.h"
+
+#define DRIVE SOURCE_DIR "/launch/scenes/drive-person.yaml"
+
+struct rig {
+    struct fake_clock clock;
+    struct array *array;
+    struct hearing *hearing;
+    struct hearing_faults faults;
+    struct tensor_view view;
+    char note[512];
+    int64_t began_ns;
+};
+
+static void copy(FILE *to, const char *path)
+{
+    char part[512];
+    size_t n;
+    FILE *from = fopen(path, "r");
+
+    assert_non_null(from);
+    while ((n = fread(part, 1, sizeof part, from)) > 0)
+        assert_int_equal(fwrite(part, 1, n, to), n);
+    fclose(from);
+}
+
+static void start(struct rig *r, struct scratch *s, const char *faults,
+                  const char *options, const uint32_t *speakers, size_t n)
+{
+    const struct array_shot shot = {
+        .speakers = speakers, .n_speakers = n, .endless = true};
+    struct complaint why = {""};
+    char uri[700];
+    FILE *f = fopen(scratch_path(s, "scene.yaml"), "w");
+
+    assert_non_null(f);
+    copy(f, DRIVE);
+    fprintf(f, "\n%s", faults);
+    assert_int_equal(fclose(f), 0);
+    snprintf(uri, sizeof uri, "sim:%s?%s", s->path, options);
+    *r = (struct rig){.began_ns = INT64_C(1700000000000000000)};
+    fake_clock_set(&r->clock, r->began_ns);
+    if (array_open(&r->array, uri, &r->clock.source, &why) ||
+        hearing_create(&r->hearing, array_survey(r->array), &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(array_fire(r->array, &shot), 0);
+}
+
+/* So many pings; the time since the start. */
+static double go_on(struct rig *r, size_t n, const uint32_t *speakers)
+{
+    size_t n_mics = array_survey(r->array)->n_microphones;
+
+    for (size_t i = 0; i < n; i++) {
+        Anlos__Ping m = ANLOS__PING__INIT;
+        struct array_ping ping;
+        struct complaint why;
+        assert_int_equal(array_next(r->array, &ping, &why), 0);
+        m.speaker = speakers[ping.shot_index];
+        m.down = ping.down;
+        m.samples = tensor_borrow_f32(&r->view, ping.samples, 2, n_mics, ping.n_samples);
+        m.n_not_finite = n_mics;
+        m.not_finite = (uint32_t *)(uintptr_t)ping.not_finite;
+        hearing_ping(r->hearing, &m, &r->faults, r->note, sizeof r->note);
+    }
+    return 1e-9 * (double)(r->clock.now_ns - r->began_ns);
+}
+
+static void stop(struct rig *r)
+{
+    hearing_destroy(r->hearing);
+    array_close(r->array);
+}
+
+static const uint32_t all[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
+/* Slots, chirps and directions of every kind. */
+static const char *const options[] = {"pace=real", "together=2&alternates=yes",
+                                      "chirp_s=0.005&slot_samples=960&far_m=3",
+                                      "chirp_s=0.0625", "chirp_s=0.02&slot_samples=3000"};
+
+static void what_works_is_heard_in_noise(void **state)
+{
+    struct rig r;
+
+    for (size_t k = 0; k < sizeof options / sizeof *options; k++) {
+        start(&r, *state, "", options[k], all, 16);
+        for (int i = 0; i < 40; i++) {
+            go_on(&r, 1, all);
+            if (r.faults.deaf || r.faults.mute)
+                fail_msg("%s, ping %d: %s", options[k], i, r.note);
+        }
+        assert_int_equal(r.faults.of_microphones, 16);
+        assert_int_equal(r.faults.of_speakers, 16);
+        assert_string_equal(r.note, "");
+        stop(&r);
+    }
+}
+
+static void a_dead_microphone_is_known_within_100_ms(void **state)
+{
+    struct rig r;
+    double s = 0.0;
+
+    start(&r, *state, "faults: {microphones: [{channel: 3, dead: true}]}\n", "", all, 16);
+    while (!r.faults.deaf && s < 1.0)
+        s = go_on(&r, 1, all);
+    assert_true(s < 0.1);
+    assert_string_equal(r.note, "microphone 4 hears no speaker");
+    for (int i = 0; i < 40; i++) {
+        go_on(&r, 1, all);
+        assert_int_equal(r.faults.deaf, 1);
+        assert_int_equal(r.faults.mute, 0);
+    }
+    stop(&r);
+}
+
+static void nine_of_sixteen_are_nine(void **state)
+{
+    struct rig r;
+
+    start(&r, *state,
+          "faults: {microphones: [{channel: 0, dead: true}, {channel: 1, dead: true},\n"
+          "  {channel: 2, dead: true}, {channel: 3, dead: true}, {channel: 4, dead: "
+          "true},\n"
+          "  {channel: 5, dead: true}, {channel: 6, dead: true}, {channel: 7, dead: "
+          "true},\n"
+          "  {channel: 8, dead: true}]}\n",
+          "", all, 16);
+    go_on(&r, 16, all);
+    assert_int_equal(r.faults.deaf, 9);
+    assert_int_equal(r.faults.mute, 0);
+    stop(&r);
+}
+
+static void a_dead_speaker_is_mute_and_makes_nobody_deaf(void **state)
+{
+    static const uint32_t some[] = {0, 5, 10, 15};
+    struct rig r;
+
+    for (size_t k = 0; k < sizeof options / sizeof *options; k++) {
+        start(&r, *state, "faults: {speakers: [{channel: 5, dead: true}]}\n", options[k],
+              some, 4);
+        go_on(&r, 1, some);
+        assert_int_equal(r.faults.mute, 0);
+        for (int i = 0; i < 20; i++) {
+            go_on(&r, 1, some);
+            if (r.faults.mute != 1 || r.faults.deaf)
+                fail_msg("%s, ping %d: %zu, %zu", options[k], i, r.faults.mute,
+                         r.faults.deaf);
+        }
+        assert_int_equal(r.faults.of_speakers, 4);
+        assert_string_equal(r.note, "no microphone hears speaker 6");
+        stop(&r);
+    }
+}
+
+static void a_microphone_that_comes_back_hears_at_once(void **state)
+{
+    struct rig dead, well;
+
+    start(&dead, *state, "faults: {microphones: [{channel: 3, dead: true}]}\n", "", all,
+          16);
+    go_on(&dead, 10, all);
+    assert_int_equal(dead.faults.deaf, 1);
+    start(&well, *state, "", "", all, 16);
+    hearing_destroy(well.hearing);
+    well.hearing = dead.hearing;
+    go_on(&well, 1, all);
+    assert_int_equal(well.faults.deaf, 0);
+    well.hearing = NULL;
+    stop(&well);
+    stop(&dead);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(what_works_is_heard_in_noise),
+        TEST(a_dead_microphone_is_known_within_100_ms),
+        TEST(nine_of_sixteen_are_nine),
+        TEST(a_dead_speaker_is_mute_and_makes_nobody_deaf),
+        TEST(a_microphone_that_comes_back_hears_at_once),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
