@@ -74,6 +74,7 @@ static void look(struct outbox *o)
     }
     if (is_all_out(o) && !o->health.pending) {
         o->sent++;
+        sender_told(o->sender, &o->lists[0]);
         o->truncated += o->lists[0].truncated;
         o->last_ns = o->begun_ns;
         take_out(o, 0);

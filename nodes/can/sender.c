@@ -198,7 +198,7 @@ void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
 {
     struct can_list_header header = list->header;
     int64_t capture_ns = list->capture_ns;
-    size_t picked[CAN_MAX_OBJECTS], n = pick(s, list, now_ns, picked);
+    size_t n = list->n_picked = pick(s, list, now_ns, list->picked);
     bool stale = s->cfg.stale_ns &&
                  age_ms(now_ns, capture_ns) > 1e-6 * (double)s->cfg.stale_ns;
 
@@ -214,10 +214,20 @@ void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
                             (uint64_t)s->wall_ahead_ns));
     list->n_frames = 2;
     for (size_t i = 0; i < n; i++) {
-        struct can_object o = list->objects[picked[i]];
+        struct can_object o = list->objects[list->picked[i]];
         if (stale && o.measurement != CAN_DELETED)
             o.measurement = CAN_PREDICTED;
+        if (o.measurement == CAN_MEASURED && !s->told[o.id])
+            o.measurement = CAN_NEW;
         pack_object(s, list, &o);
+    }
+}
+
+void sender_told(struct sender *s, const struct sender_list *list)
+{
+    for (size_t i = 0; i < list->n_picked; i++) {
+        const struct can_object *o = &list->objects[list->picked[i]];
+        s->told[o->id] = o->measurement != CAN_DELETED;
     }
 }
 

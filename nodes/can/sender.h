@@ -31,6 +31,7 @@ struct sender {
     enum can_time_sync time_sync;
     int64_t wall_ahead_ns; /* of the vehicle's time over that of capture stamps */
     uint32_t n_own;        /* lists without a message, which count too */
+    bool told[256];        /* the vehicle knows of the object of this id */
     struct allowance allowance;
 };
 
@@ -41,6 +42,8 @@ struct sender_list {
     int64_t dated_ns;              /* of a replay: when it came about; 0: when it goes */
     struct can_object objects[CAN_MAX_OBJECTS]; /* [n_objects], strongest first */
     size_t n_objects;
+    size_t picked[CAN_MAX_OBJECTS]; /* [n_picked] of them that go; of sender_date */
+    size_t n_picked;
     bool truncated; /* some of the objects did not fit; of sender_date */
     size_t n_frames;
     struct can_frame_data frames[SENDER_MAX_FRAMES]; /* [n_frames], of sender_date */
@@ -63,10 +66,15 @@ void sender_empty_list(struct sender *s, uint32_t counter, int64_t capture_ns,
 /* Makes the frames, when the list goes out: header, time, then state, dynamics and
  * quality or the FD frame of each object that the bus has room for
  * (nodes/can/allowance.h) and that is allowed.  What was heard too long ago is said to be
- * predicted.  last_ns: when the list before began; 0: none did.  Cycle and, without
- * capture, latency are then not available. */
+ * predicted; what was heard, but in no list that the vehicle got, is new: nothing was
+ * sent before the sensor was ready, lists were lost or had no room for it.  last_ns: when
+ * the list before began; 0: none did.  Cycle and, without capture, latency are then not
+ * available. */
 void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
                  int64_t last_ns);
+
+/* All of it is on the bus. */
+void sender_told(struct sender *s, const struct sender_list *list);
 
 /* The status frame, due every 100 ms, and the diagnosis, every second. */
 void sender_status(const struct sender *s, struct can_frame_data *frame);

@@ -374,6 +374,26 @@ static void a_list_that_was_broken_off_is_sent_again_from_its_header(void **stat
     assert_int_equal(count_of(r, "lists_sent"), 2);
 }
 
+/* Only a whole list tells. */
+static void objects_are_known_to_the_vehicle_when_their_list_is_confirmed(void **state)
+{
+    struct rig *r = *state;
+
+    r->bus.confirms = false;
+    put(r, 1, 2);
+    step(r, 1);
+    assert_int_equal(r->bus.n_wire, 8);
+    assert_false(r->sender.told[0] || r->sender.told[1]);
+    break_off(&r->bus, CANBUS_OFF);
+    step(r, 100);
+    assert_false(r->sender.told[0] || r->sender.told[1]);
+    r->bus.state = CANBUS_READY;
+    r->bus.confirms = true;
+    step(r, 100);
+    assert_int_equal(r->bus.n_wire, 8 + 8);
+    assert_true(r->sender.told[0] && r->sender.told[1] && !r->sender.told[2]);
+}
+
 static void so_is_one_of_which_all_that_went_out_was_confirmed(void **state)
 {
     struct rig *r = *state;
@@ -592,6 +612,7 @@ int main(void)
         TEST(a_status_frame_does_not_wait_for_a_long_list),
         TEST(a_list_begins_when_the_one_before_is_confirmed),
         TEST(a_list_that_was_broken_off_is_sent_again_from_its_header),
+        TEST(objects_are_known_to_the_vehicle_when_their_list_is_confirmed),
         TEST(so_is_one_of_which_all_that_went_out_was_confirmed),
         TEST(the_cycle_is_from_the_list_that_was_finished_before),
         TEST(a_list_that_was_thrown_away_unconfirmed_is_sent_again),

@@ -278,6 +278,13 @@ static void what_is_not_known_to_be_live_never_looks_live(void **state)
 }
 
 /* A list of tracks: each says what it knows of itself. */
+/* The vehicle has heard of them before. */
+static void know_tracks(struct sender *s)
+{
+    for (size_t id = 0; id < 256; id++)
+        s->told[id] = true;
+}
+
 static void fill_tracks(struct list *l, size_t n)
 {
     static double velocity[] = {-1.5, 0.25}, velocity_covariance[] = {0.04, 0.0, 0.09};
@@ -317,6 +324,7 @@ static void a_track_says_how_it_moves(void **state)
 
     (void)state;
     init(&s, 0x400);
+    know_tracks(&s);
     fill_tracks(&l, 1);
     send(&s, &l, 50, &sent);
     assert_int_equal(can_unpack_object_state(&sent.frames[2], &o), 0);
@@ -369,6 +377,7 @@ static void every_measurement_of_a_track_has_its_word(void **state)
 
     (void)state;
     init(&s, 0x400);
+    know_tracks(&s);
     fill_tracks(&l, 1);
     for (size_t i = 0; i < 5; i++) {
         l.detections[0].measurement = pairs[i].in;
@@ -388,6 +397,7 @@ static void what_was_heard_too_long_ago_is_never_sent_as_measured(void **state)
 
     (void)state;
     init(&s, 0x400);
+    know_tracks(&s);
     s.cfg.stale_ns = 500 * MS;
     fill_tracks(&l, 3);
     l.detections[1].measurement = ANLOS__MEASUREMENT__NEW;
@@ -405,6 +415,61 @@ static void what_was_heard_too_long_ago_is_never_sent_as_measured(void **state)
     assert_int_equal(o.measurement, CAN_DELETED);
 }
 
+static enum can_measurement measurement_of(const struct sender_list *sent, size_t i)
+{
+    struct can_object o;
+
+    assert_int_equal(can_unpack_object_state(&sent->frames[2 + 3 * i], &o), 0);
+    return o.measurement;
+}
+
+/* Tracked already when the sensor became ready: heard, and not known to the vehicle. */
+static void an_object_is_new_in_the_first_list_that_tells_of_it(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    fill_tracks(&l, 2);
+    s.lets_objects = false;
+    send(&s, &l, 50, &sent);
+    sender_told(&s, &sent);
+    s.lets_objects = true;
+    for (int i = 0; i < 2; i++) { /* sent, but not all of it came on the bus */
+        send(&s, &l, 50, &sent);
+        assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
+        assert_int_equal(measurement_of(&sent, 1), CAN_NEW);
+    }
+    sender_told(&s, &sent);
+    send(&s, &l, 50, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_MEASURED);
+    assert_int_equal(measurement_of(&sent, 1), CAN_MEASURED);
+}
+
+static void what_is_only_predicted_or_deleted_is_not_new(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    fill_tracks(&l, 2);
+    l.detections[0].measurement = ANLOS__MEASUREMENT__PREDICTED;
+    l.detections[1].measurement = ANLOS__MEASUREMENT__DELETED;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_PREDICTED);
+    assert_int_equal(measurement_of(&sent, 1), CAN_DELETED);
+    sender_told(&s, &sent);
+    l.detections[0].measurement = l.detections[1].measurement =
+        ANLOS__MEASUREMENT__MEASURED;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_MEASURED);
+    assert_int_equal(measurement_of(&sent, 1), CAN_NEW); /* another one of its id */
+}
+
 static void an_fd_frame_carries_all_of_an_object(void **state)
 {
     struct sender s;
@@ -414,6 +479,7 @@ static void an_fd_frame_carries_all_of_an_object(void **state)
 
     (void)state;
     init(&s, 0x400);
+    know_tracks(&s);
     s.cfg.bus.fd = true;
     fill_tracks(&l, 2);
     send(&s, &l, 50, &sent);
@@ -544,6 +610,8 @@ int main(void)
         cmocka_unit_test(a_variance_that_is_none_never_looks_like_certainty),
         cmocka_unit_test(every_measurement_of_a_track_has_its_word),
         cmocka_unit_test(what_was_heard_too_long_ago_is_never_sent_as_measured),
+        cmocka_unit_test(an_object_is_new_in_the_first_list_that_tells_of_it),
+        cmocka_unit_test(what_is_only_predicted_or_deleted_is_not_new),
         cmocka_unit_test(an_fd_frame_carries_all_of_an_object),
         cmocka_unit_test(a_list_is_cut_to_what_the_bus_may_carry),
         cmocka_unit_test(a_sensor_that_is_not_to_be_trusted_sends_no_objects),

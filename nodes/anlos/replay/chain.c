@@ -71,6 +71,8 @@ static int send_list(struct chain *c, int64_t capture_ns, int64_t now_ns,
         err = sender_send(&c->sender, c->cfg.can, &list.frames[i], now_ns);
     if (!err)
         err = canbus_flush(c->cfg.can);
+    if (!err)
+        sender_told(&c->sender, &list);
     return err ? complain(why, err, "CAN frames: %s", strerror(-err)) : 0;
 }
 
