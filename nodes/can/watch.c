@@ -33,7 +33,10 @@ void watch_scan(struct watch *w, const Anlos__ScanStatus *status)
     case ANLOS__SCAN_STATUS__STATE__DONE:
         w->scan = status->pings_lost ? CAN_DEGRADED : CAN_ACTIVE;
         break;
-    default: /* failed, or paused until a person comes */
+    case ANLOS__SCAN_STATUS__STATE__PAUSED: /* until a person comes, or goes on */
+        w->scan = status->held ? CAN_STANDBY : CAN_FAULT;
+        break;
+    default:
         w->scan = CAN_FAULT;
     }
     if (w->cfg.replayed)
@@ -260,5 +263,5 @@ bool watch_lets_objects(const struct watch *w)
 {
     if (w->cfg.fixed && !w->cfg.replayed)
         return w->state == CAN_ACTIVE || w->state == CAN_DEGRADED;
-    return w->state != CAN_FAULT && w->state != CAN_BLOCKED;
+    return w->state != CAN_FAULT && w->state != CAN_BLOCKED && w->state != CAN_STANDBY;
 }

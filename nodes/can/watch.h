@@ -28,8 +28,9 @@
  * that of the scan.  * only of a fixed array: the image of a scan may take its time.
  *
  * A fixed array begins with init until nothing is wrong for the first time, for 10 s at
- * most.  Objects are sent while it is active or degraded; of a scan unless it is faulty
- * or blocked.  In a replay only the state of the scan counts: nothing there is now. */
+ * most.  Objects are sent while it is active or degraded; of a scan unless it is faulty,
+ * blocked or on standby, which is a stage that a person holds.  In a replay only the
+ * state of the scan counts: nothing there is now. */
 #ifndef ANLOS_NODES_CAN_WATCH_H
 #define ANLOS_NODES_CAN_WATCH_H
 

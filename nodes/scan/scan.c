@@ -318,6 +318,7 @@ void scan_status(const struct scan *s, int64_t now_ns, Anlos__ScanStatus *out)
     out->state = s->state;
     out->scan = s->number;
     out->text = (char *)s->text;
+    out->held = s->state == ANLOS__SCAN_STATUS__STATE__PAUSED && !s->carriage.fault;
     if (!s->ledger)
         return;
     ledger_count(s->ledger, &count);

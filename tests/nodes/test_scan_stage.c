@@ -55,6 +55,7 @@ static void a_stage_in_fault_pauses_the_scan_until_it_is_homed(void **state)
     run(&w, 3600000);
     Anlos__ScanStatus s = status(&w);
     assert_int_equal(s.state, ANLOS__SCAN_STATUS__STATE__PAUSED);
+    assert_false(s.held);
     assert_string_equal(s.text,
                         "stage: a limit switch is open; 'anlos stage home' goes on");
     assert_int_equal(w.moves, moves);
@@ -92,6 +93,7 @@ static void what_was_being_recorded_when_it_paused_is_taken_again(void **state)
     w.n_queue = 0; /* and the array lost them */
     run(&w, 20000);
     assert_int_equal(status(&w).state, ANLOS__SCAN_STATUS__STATE__PAUSED);
+    assert_true(status(&w).held);
     assert_non_null(strstr(status(&w).text, "'anlos stage home' or 'release' goes on"));
     assert_int_equal(w.commands, 1);
     w.stage_held = false;

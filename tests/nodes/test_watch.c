@@ -534,6 +534,29 @@ static void the_state_of_the_scan_comes_first(void **state)
 }
 
 /* Its image may take as long as it takes, and nobody waits for motion or walls. */
+/* A stage that stalled is a fault; one that a person holds goes on when that ends. */
+static void a_scan_that_a_person_holds_is_on_standby(void **state)
+{
+    static const struct watch_config stepped = {.ego = true};
+    struct world w;
+
+    (void)state;
+    start(&w, &stepped);
+    run(&w, 100);
+    for (int held = 0; held < 2; held++) {
+        Anlos__ScanStatus scan = ANLOS__SCAN_STATUS__INIT;
+        scan.state = ANLOS__SCAN_STATUS__STATE__PAUSED;
+        scan.held = held;
+        watch_scan(&w.watch, &scan);
+        run(&w, 10);
+        assert_int_equal(watch_state(&w.watch), held ? CAN_STANDBY : CAN_FAULT);
+        assert_false(watch_lets_objects(&w.watch));
+        tell_scan(&w, ANLOS__SCAN_STATUS__STATE__RUNNING);
+        run(&w, 10);
+        assert_well(&w);
+    }
+}
+
 static void a_scan_is_not_judged_by_what_it_does_not_need(void **state)
 {
     struct world w;
@@ -614,6 +637,7 @@ int main(void)
         cmocka_unit_test(a_sensor_that_begins_is_no_faulty_one),
         cmocka_unit_test(one_that_does_not_begin_within_10_s_is),
         cmocka_unit_test(the_state_of_the_scan_comes_first),
+        cmocka_unit_test(a_scan_that_a_person_holds_is_on_standby),
         cmocka_unit_test(a_scan_is_not_judged_by_what_it_does_not_need),
         cmocka_unit_test(in_a_replay_only_the_scan_counts),
         cmocka_unit_test(faults_have_names_for_a_person),
