@@ -1,10 +1,11 @@
 /* hal/can/sim.c -- the CAN bus of a simulated vehicle: "sim:drive.yaml?log=out.candump".
  * What is sent goes into the log, if there is one; what comes is EgoMotion every 20 ms
  * and Ambient every second, as the vehicle of the drive scene moves at that time of the
- * wall clock (hal/room/room.h), with their end-to-end protection.  For tests it
+ * wall clock (hal/room/room.h), with their end-to-end protection, and with wall=on the
+ * WallIn of its perception, which sees the scene's wall, every 100 ms.  For tests it
  * misbehaves:
  *   ego=off      EgoMotion never comes; ego=bad: its CRC is wrong
- *   ambient=off  the same of Ambient
+ *   ambient=off, wall=bad  the same of Ambient, of WallIn
  * interface=X and append=yes are as of a log. */
 #include <errno.h>
 #include <math.h>
@@ -20,6 +21,9 @@
 
 #define EGO_PERIOD_NS     20000000LL
 #define AMBIENT_PERIOD_NS 1000000000LL
+#define WALL_PERIOD_NS    100000000LL
+#define WALL_SIGMA_M      0.02
+#define WALL_SIGMA_RAD    (0.3 * M_PI / 180.0)
 #define MAX_LATE_NS       1000000000LL /* what is older never comes */
 
 enum { ON, OFF, BAD }; /* how an input behaves */
@@ -34,7 +38,7 @@ struct canbus_sim {
     void *log; /* of canbus_log_ops; NULL: none */
     int timer;
     struct can_protection protection;
-    struct source ego, ambient;
+    struct source ego, ambient, wall;
 };
 
 static void sim_close(void *state)
@@ -79,13 +83,19 @@ static int open_timer(struct canbus_sim *s, struct complaint *why)
 static int set_up(struct canbus_sim *s, const struct device *d, struct complaint *why)
 {
     static const char *const behaviours[] = {"on", "off", "bad", NULL};
-    int ego = device_choice(d, "ego", behaviours, why), ambient, err;
+    int ego = device_choice(d, "ego", behaviours, why), ambient, wall, err;
 
     if (ego < 0)
         return ego;
     ambient = device_choice(d, "ambient", behaviours, why);
     if (ambient < 0)
         return ambient;
+    wall = device_choice(d, "wall", behaviours, why);
+    if (wall < 0)
+        return wall;
+    if (!device_option(d, "wall"))
+        wall = OFF;
+    s->wall = (struct source){.behaviour = wall, .period_ns = WALL_PERIOD_NS};
     s->ego = (struct source){.behaviour = ego, .period_ns = EGO_PERIOD_NS};
     s->ambient = (struct source){.behaviour = ambient, .period_ns = AMBIENT_PERIOD_NS};
     if (!*d->path)
@@ -98,8 +108,8 @@ static int set_up(struct canbus_sim *s, const struct device *d, struct complaint
 
 static int sim_open(void **state, const char *arg, struct complaint *why)
 {
-    static const char *const known[] = {"log", "interface", "append",
-                                        "ego", "ambient",   NULL};
+    static const char *const known[] = {"log",     "interface", "append", "ego",
+                                        "ambient", "wall",      NULL};
     struct canbus_sim *s = NULL;
     struct device d;
     int err = device_parse(&d, arg, known, why);
@@ -143,7 +153,7 @@ static int sim_listen(void *state, const uint32_t *ids, size_t n)
     if (!n || ids[0] < CAN_ID_EGO_MOTION)
         return -EINVAL;
     s->protection = (struct can_protection){.base = ids[0] - CAN_ID_EGO_MOTION};
-    s->ego.due_ns = s->ambient.due_ns = 1;
+    s->ego.due_ns = s->ambient.due_ns = s->wall.due_ns = 1;
     return 0;
 }
 
@@ -195,6 +205,25 @@ static void tell_ambient(struct canbus_sim *s, struct can_frame_data *out)
     finish(s, &s->ambient, out);
 }
 
+/* What leans is told as it stands at the height of the vehicle's origin. */
+static void tell_wall(struct canbus_sim *s, int64_t at_ns, struct can_frame_data *out)
+{
+    double n[3], distance_m;
+
+    room_vehicle_wall(s->room, room_time_s(s->room, at_ns), n, &distance_m);
+    const struct can_wall_in wall = {
+        .id = 1,
+        .validity = CAN_VALID,
+        .azimuth_rad = atan2(n[1], n[0]),
+        .distance_m = distance_m / hypot(n[0], n[1]),
+        .sigma_azimuth_rad = WALL_SIGMA_RAD,
+        .sigma_distance_m = WALL_SIGMA_M,
+    };
+
+    can_pack_wall_in(out, s->protection.base, &wall);
+    finish(s, &s->wall, out);
+}
+
 static int sim_receive(void *state, struct can_frame_data *out, int64_t now_ns,
                        int64_t *came_ns)
 {
@@ -205,6 +234,8 @@ static int sim_receive(void *state, struct can_frame_data *out, int64_t now_ns,
         tell_ego(s, *came_ns, out);
     else if (is_due(&s->ambient, now_ns, came_ns))
         tell_ambient(s, out);
+    else if (is_due(&s->wall, now_ns, came_ns))
+        tell_wall(s, *came_ns, out);
     else
         return read(s->timer, &ticks, sizeof ticks) < 0 && errno != EAGAIN ? -errno
                                                                            : -EAGAIN;

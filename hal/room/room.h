@@ -125,8 +125,11 @@ struct room_ego {
 };
 void room_ego(const struct room *r, double t_s, struct room_ego *out);
 
-/* The wall { p : normal . p = distance_m } in the array frame at a time. */
+/* The wall { p : normal . p = distance_m } in the array frame at a time, and in the
+ * vehicle frame. */
 void room_wall(const struct room *r, double t_s, double normal[3], double *distance_m);
+void room_vehicle_wall(const struct room *r, double t_s, double normal[3],
+                       double *distance_m);
 void room_destroy(struct room *r);
 
 #endif

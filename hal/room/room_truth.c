@@ -126,3 +126,17 @@ void room_wall(const struct room *r, double t_s, double normal[3], double *dista
     *distance_m = s->wall_distance_m - vector_dot(s->wall_normal, frame.origin_m);
     drive_turn_from_ground(&frame, s->wall_normal, normal);
 }
+
+void room_vehicle_wall(const struct room *r, double t_s, double normal[3],
+                       double *distance_m)
+{
+    static const double zero[3] = {0.0, 0.0, 0.0};
+    double n[3], origin[3], tip[3];
+
+    room_wall(r, t_s, n, distance_m);
+    survey_to_vehicle(&r->survey, zero, origin);
+    survey_to_vehicle(&r->survey, n, tip);
+    for (int a = 0; a < 3; a++)
+        normal[a] = tip[a] - origin[a];
+    *distance_m += vector_dot(normal, origin);
+}

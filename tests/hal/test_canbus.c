@@ -310,6 +310,36 @@ static void a_simulated_vehicle_misbehaves_when_told_to(void **state)
     canbus_close(b);
 }
 
+/* The array is 3.6 m before the vehicle's origin, and the wall 3.8 m before the array;
+ * the vehicle speeds up to 2 m/s from 2 to 3 s. */
+static void a_simulated_vehicle_sees_the_wall_when_told_to(void **state)
+{
+    const uint32_t ids[] = {0x41c, 0x41d, 0x41e};
+    struct can_checks checks = {.base = 0x410};
+    struct can_frame_data f;
+    struct can_wall_in wall;
+    unsigned n = 0;
+    struct canbus *b = open_drive(*state, "?wall=on&ego=off&ambient=off");
+
+    canbus_listen(b, ids, 3);
+    for (int64_t ms = 0; ms <= 4000; ms++)
+        while (!canbus_receive(b, &f, (T0_MS + ms) * 1000000, NULL)) {
+            assert_int_equal(f.id, 0x41e);
+            assert_true(e2e_is_usable(can_check(&checks, &f)));
+            assert_int_equal(can_unpack_wall_in(&f, &wall), 0);
+            assert_int_equal(wall.validity, CAN_VALID);
+            assert_int_equal(wall.id, 1);
+            assert_float_equal(wall.azimuth_rad, 0.0, 1e-6);
+            double gone_m = ms < 2000   ? 0.0
+                            : ms < 3000 ? 1e-6 * (double)((ms - 2000) * (ms - 2000))
+                                        : 1.0 + 2e-3 * (double)(ms - 3000);
+            assert_float_equal(wall.distance_m, 3.6 + 3.8 - gone_m, 0.006);
+            n++;
+        }
+    assert_int_equal(n, 1 + 4000 / 100);
+    canbus_close(b);
+}
+
 static void what_is_sent_to_a_simulated_vehicle_is_logged(void **state)
 {
     const struct can_frame_data frame = {.id = 0x400, .size = 1, .data = {7}};
@@ -354,6 +384,7 @@ int main(void)
         TEST(a_simulated_vehicle_tells_its_motion_and_its_air),
         TEST(what_is_read_late_came_when_the_vehicle_told_it),
         TEST(a_simulated_vehicle_misbehaves_when_told_to),
+        TEST(a_simulated_vehicle_sees_the_wall_when_told_to),
         TEST(what_is_sent_to_a_simulated_vehicle_is_logged),
         TEST(an_interface_without_can_is_refused_with_the_reason),
     };

@@ -115,16 +115,9 @@ void drive_world_ego(const struct drive_world *w, int64_t stamp_ns, Anlos__EgoMo
 void drive_world_wall(const struct drive_world *w, int64_t stamp_ns,
                       struct drive_walls *out)
 {
-    static const double zero[3] = {0.0, 0.0, 0.0};
-    double n[3], distance_m, origin[3], tip[3];
+    double n[3], distance_m;
 
-    room_wall(w->room, drive_world_s(stamp_ns), n, &distance_m);
-    survey_to_vehicle(room_survey(w->room), zero, origin);
-    survey_to_vehicle(room_survey(w->room), n, tip);
-    for (int a = 0; a < 3; a++) {
-        n[a] = tip[a] - origin[a];
-        distance_m += n[a] * origin[a];
-    }
+    room_vehicle_wall(w->room, drive_world_s(stamp_ns), n, &distance_m);
     anlos__wall_list__init(&out->list);
     anlos__wall__init(&out->wall);
     anlos__vec3__init(&out->normal);
