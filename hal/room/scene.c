@@ -169,7 +169,7 @@ static int fill_in_array(struct scene *s, const char *path, struct complaint *wh
                             "%s:1: the key \"%s\" is missing, or \"array: paper\"", path,
                             keys[i].key);
     }
-    if (!y->wall)
+    if (!y->wall && !y->walls)
         return complain(why, -EINVAL, "%s:1: the key \"wall\" is missing", path);
     if (scene_fill_in_array(y, s->array) < 0)
         return complain(why, -ENOMEM, "%s: out of memory", path);

@@ -1,6 +1,7 @@
 /* hal/room/scene.h -- a scene file: the survey's keys, and the world that a survey does
  * not know.  All lengths in m, in the array frame; of a drive, whose vehicle moves, in
- * the array frame as it stands over ground at time 0. */
+ * the array frame as it stands over ground at time 0.  Of several `walls` the room has
+ * the first. */
 #ifndef ANLOS_HAL_ROOM_SCENE_H
 #define ANLOS_HAL_ROOM_SCENE_H
 

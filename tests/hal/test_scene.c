@@ -77,6 +77,26 @@ static void objects_know_where_they_are_imaged(void **state)
     room_destroy(r);
 }
 
+/* The survey tells of all; the room mirrors at the first. */
+static void of_several_walls_the_room_has_the_first(void **state)
+{
+    struct room *r = load(state,
+                          "array: bumper\ntemperature_c: 20\ngate_m: [1, 4]\n"
+                          "walls:\n"
+                          "  - {normal: [0, 0, 1], distance_m: 2, gate_m: [1, 3]}\n"
+                          "  - {normal: [1, 0, 0], distance_m: 3, gate_m: [3, 4]}\n"
+                          "objects:\n"
+                          "  - {name: point, kind: point, position_m: [0.5, 0, 1],\n"
+                          "     scattering_length_m: 0.1}\n");
+    const struct room_object *o;
+
+    assert_int_equal(room_survey(r)->n_walls, 2);
+    assert_int_equal(room_objects(r, &o), 1);
+    assert_float_equal(o->virtual_m[0], 0.5, 1e-9);
+    assert_float_equal(o->virtual_m[2], 3.0, 1e-9);
+    room_destroy(r);
+}
+
 static void wrong_scenes_are_named_with_line_and_key(void **state)
 {
     static const struct {
@@ -173,6 +193,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(the_papers_array_has_its_measures),
         TEST(objects_know_where_they_are_imaged),
+        TEST(of_several_walls_the_room_has_the_first),
         TEST(wrong_scenes_are_named_with_line_and_key),
         TEST(the_scenes_that_come_with_it_can_be_imaged),
     };

@@ -117,6 +117,74 @@ static void an_object_is_reported_where_it_really_is(void **state)
     assert_true(d->existence >= 0.5);
 }
 
+static const Anlos__Detection *find(const Anlos__DetectionList *list, double virtual_z_m)
+{
+    for (size_t i = 0; i < list->n_detections; i++)
+        if (fabs(list->detections[i]->virtual_m->z - virtual_z_m) < 0.02)
+            return list->detections[i];
+    fail_msg("nothing at %g m", virtual_z_m);
+    return NULL;
+}
+
+/* One 1.1 and one 1.4 m before the array, in the image. */
+static void find_two(struct rig *r, const struct walls *walls)
+{
+    add_blob(r, (const double[3]){0.1, 0.1, 1.1}, sharp_m);
+    add_blob(r, (const double[3]){0.2, 0.2, 1.4}, sharp_m);
+    assert_int_equal(detector_volume(&r->detector, &r->volume, walls, &r->list, NULL), 0);
+    assert_int_equal(r->list->n_detections, 2);
+}
+
+/* The second wall is 5 cm farther away. */
+static void each_wall_mirrors_what_its_gate_holds(void **state)
+{
+    struct rig *r = *state;
+    const struct walls walls = {
+        .n = 2,
+        .list = {{4, {.normal = {0, 0, 1}, .distance_m = 0.8}, {0.0, 1.25}},
+                 {7, {.normal = {0, 0, 1}, .distance_m = 0.85}, {1.25, 3.0}}}};
+
+    find_two(r, &walls);
+    const Anlos__Detection *near = find(r->list, 1.1), *far = find(r->list, 1.4);
+    assert_int_equal(near->wall, 4);
+    assert_near(near->position_m->x, 1.6 - 1.1, 0.003);
+    assert_int_equal(far->wall, 7);
+    assert_near(far->position_m->x, 1.7 - 1.4, 0.003);
+    assert_false(near->behind_no_wall || far->behind_no_wall);
+    assert_false(near->in_free_view || far->in_free_view);
+}
+
+static void what_no_wall_stands_before_is_marked(void **state)
+{
+    struct rig *r = *state;
+    const struct walls walls = {
+        .n = 1, .list = {{4, {.normal = {0, 0, 1}, .distance_m = 1.25}, {0.0, 3.0}}}};
+
+    find_two(r, &walls);
+    const Anlos__Detection *before = find(r->list, 1.1), *behind = find(r->list, 1.4);
+    assert_true(before->behind_no_wall);
+    assert_int_equal(before->wall, 0);
+    assert_near(before->position_m->x, 1.1, 0.003);
+    assert_false(behind->behind_no_wall);
+    assert_int_equal(behind->wall, 4);
+    assert_near(behind->position_m->x, 2.5 - 1.4, 0.003);
+}
+
+/* The array sees a strip 0.4 to 0.6 m before it: one stands in it, the other at 0.2. */
+static void what_would_stand_in_free_view_is_marked(void **state)
+{
+    struct rig *r = *state;
+    const struct walls walls = {
+        .n = 1,
+        .list = {{4, {.normal = {0, 0, 1}, .distance_m = 0.8}, {0.0, 3.0}}},
+        .n_corners = 4,
+        .free_view_m = {{-1.0, 0.4}, {1.0, 0.4}, {1.0, 0.6}, {-1.0, 0.6}}};
+
+    find_two(r, &walls);
+    assert_true(find(r->list, 1.1)->in_free_view);
+    assert_false(find(r->list, 1.4)->in_free_view);
+}
+
 /* Seen through an aperture of 0.2 m a point is 1.207 lambda R / 2 D = 0.11 m wide at
  * 1.2 m: a blob 9 voxels wide (3.33 sigma) is no more than a point. */
 static void the_aperture_tells_how_wide_a_point_is(void **state)
@@ -217,6 +285,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(an_object_is_reported_where_it_really_is),
+        TEST(each_wall_mirrors_what_its_gate_holds),
+        TEST(what_no_wall_stands_before_is_marked),
+        TEST(what_would_stand_in_free_view_is_marked),
         TEST(the_aperture_tells_how_wide_a_point_is),
         TEST(a_body_wider_than_a_point_has_an_extent),
         TEST(what_is_too_unlikely_is_left_out),
