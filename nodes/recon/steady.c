@@ -266,7 +266,10 @@ bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t captur
         return false;
     }
     add(s, traces, y, capture_ns);
-    return ends_frame(&s->round, traces->frame) || s->cfg.every_ping;
+    /* Of two that sound together the second is the downward one, and of one instant there
+     * is one image. */
+    bool paired = s->plan.survey.together > 1 && !traces->down;
+    return ends_frame(&s->round, traces->frame) || (s->cfg.every_ping && !paired);
 }
 
 /* -- image ------------------------------------------------------------------------------

@@ -47,7 +47,8 @@ void steady_ego(struct steady *s, const Anlos__EgoMotion *ego, int64_t capture_n
 int steady_walls(struct steady *s, const Anlos__WallList *walls, int64_t capture_ns,
                  struct complaint *why);
 
-/* Takes one ping's traces.  true: an image is due.  A frame that lacks its last ping is
+/* Takes one ping's traces.  true: an image is due; of two speakers that sound together,
+ * with the second.  A frame that lacks its last ping is
  * due with the first of the next.  note[size] is for the log, empty when there is nothing
  * to say.  Before the first survey none can be used, and no note says so. */
 bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t capture_ns,

@@ -146,31 +146,47 @@ static void the_error_of_one_ends_all(void **state)
     }
 }
 
+/* How many lists a drive has when the array is named so. */
+static size_t lists_of(const struct rig *r, const char *uri)
+{
+    struct launchfile *l = NULL;
+    struct drive_outcome outcome;
+    char text[400];
+
+    snprintf(text, sizeof text,
+             "nodes: [array, scan, dsp, recon, wall, track]\n"
+             "array: {uri: '%s'}\n"
+             "scan: {mode: fixed}\n"
+             "recon: {frames: {pings: 4, sum: power, every: ping}}\n"
+             "wall: {from: topic}\n",
+             uri);
+    assert_int_equal(launchfile_parse(&l, "settings", text, strlen(text), NULL), 0);
+    const struct drive_run run = {l, r->scene, 0, 1, 1};
+    drive_run(&run, &outcome);
+    if (outcome.err)
+        fail_msg("%s: %s", uri, outcome.why.text);
+    free(outcome.moments.at);
+    launchfile_destroy(l);
+    return outcome.result.n_lists;
+}
+
 /* Slots of 48 ms in the place of the scene's 24. */
 static void the_launch_file_says_how_the_speakers_fire(void **state)
 {
-    static const char slower[] = "nodes: [array, scan, dsp, recon, wall, track]\n"
-                                 "array: {uri: 'sim:nothing.yaml?slot_samples=2304'}\n"
-                                 "scan: {mode: fixed}\n"
-                                 "recon: {frames: {pings: 4, sum: power, every: ping}}\n"
-                                 "wall: {from: topic}\n";
     struct rig *r = *state;
-    size_t n_lists[2];
+    size_t n = lists_of(r, "sim:nothing.yaml");
 
-    for (int k = 0; k < 2; k++) {
-        struct launchfile *l = NULL;
-        assert_int_equal(launchfile_parse(&l, "settings", k ? slower : settings,
-                                          strlen(k ? slower : settings), NULL),
-                         0);
-        const struct drive_run run = {l, r->scene, 0, 1, 1};
-        struct drive_outcome outcome;
-        drive_run(&run, &outcome);
-        assert_int_equal(outcome.err, 0);
-        n_lists[k] = outcome.result.n_lists;
-        free(outcome.moments.at);
-        launchfile_destroy(l);
-    }
-    assert_in_range(2 * n_lists[1], n_lists[0] - 3, n_lists[0] + 3);
+    assert_in_range(2 * lists_of(r, "sim:nothing.yaml?slot_samples=2304"), n - 3, n + 3);
+}
+
+/* Two pings of one instant make one image. */
+static void speakers_that_sound_together_make_an_image_a_slot(void **state)
+{
+    struct rig *r = *state;
+    size_t n = lists_of(r, "sim:nothing.yaml");
+
+    assert_in_range(lists_of(r, "sim:nothing.yaml?together=2&alternates=yes"), n - 2,
+                    n + 2);
 }
 
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
@@ -182,6 +198,7 @@ int main(void)
         TEST(after_ctrl_c_what_is_done_is_there),
         TEST(the_error_of_one_ends_all),
         TEST(the_launch_file_says_how_the_speakers_fire),
+        TEST(speakers_that_sound_together_make_an_image_a_slot),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
