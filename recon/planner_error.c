@@ -16,7 +16,8 @@
 #define BLUNT_EDGE    1.2
 #define UNKNOWN       0.03 /* of a width: of no point more exact than this is made much */
 #define MEAN_STEPS    64
-#define MIRROR        3.0 /* times a point's width: a shape */
+#define OF_EDGES      0.25 /* times: of what a point is beside itself, squared */
+#define MIRROR        3.0  /* times a point's width: a shape */
 
 static double square(double x)
 {
@@ -185,7 +186,7 @@ static double object_error_m(const struct planner_config *cfg,
     }
     double shape = ahead + square(in_widths * planner_width_m(o)), point = ahead + slant;
     if (planner_sees_shape(cfg->probe))
-        return sqrt(shape + (cfg->probe->specular ? 0.0 : slant));
+        return sqrt(shape + (cfg->probe->specular ? 0.0 : OF_EDGES * slant));
     if (cfg->probe->n_objects)
         return sqrt(point);
     return sqrt(sqrt(shape * (point + square(UNKNOWN * planner_width_m(o)))));

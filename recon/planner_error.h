@@ -10,14 +10,15 @@
  *   planes    lean x step in depth / sqrt(12)     (peak between planes: recon/lean.h)
  *   power     `incoherent`: 0.03 of its width     (measured)
  * and, where something has a shape,
- *   edges     0.04 width, times what the pairs' aperture is smaller for, and the
- *             cube of what the mean frequency is lower for; `iterative` makes three
- * quarters of it   (measured) That is sharpened; if not, moveout and planes count 1.5
- * times, edges 1.2, and steps, of a point by `fast`, 0.75 (measured, over shifts of the
- * grid). Mirrors answer straight ahead: moveout and planes do not count for them.  Where
- * nothing is known of the scene it may hold points or such shapes, and neither error is
- * to be many times what it need be: their geometric mean, a point's with 0.03 width, so
- * that what is small enough weighs no more. */
+ *   edges     0.04 width, times what the pairs' aperture is smaller for, and the cube of
+ *             what the mean frequency is lower for; `iterative`: three quarters of it
+ *             (measured)
+ * That is sharpened; if not, moveout and planes count 1.5 times, edges 1.2, and steps, of
+ * a point by `fast`, 0.75 (measured, over shifts of the grid).  Mirrors answer straight
+ * ahead: moveout and planes do not count for them, and half for other shapes (measured).
+ * Where nothing is known of the scene it may hold points or such shapes, and neither
+ * error is to be many times what it need be: their geometric mean, a point's with 0.03
+ * width, so that what is small enough weighs no more. */
 #ifndef ANLOS_RECON_PLANNER_ERROR_H
 #define ANLOS_RECON_PLANNER_ERROR_H
 

@@ -12,7 +12,7 @@
 #define LOOK_TOP   0.45 /* of the band's top: waves are the cube of it */
 #define LOOK_STEP  0.5  /* of a point's width in that band */
 #define SCALLOP_DB 6.0  /* that a peak may lose between coarse voxels */
-#define MARGIN_M   0.1  /* of depth kept around what holds something */
+#define MARGIN_M   0.06 /* of depth kept around what holds something */
 
 struct probing {
     struct probe *out;

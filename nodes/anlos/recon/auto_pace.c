@@ -11,6 +11,8 @@
 #define COLD   4  /* pings that find caches empty */
 #define ENOUGH 16 /* pings to tell the pace from */
 
+#define DEPTH_M 1.0 /* that things are expected to fill */
+
 struct recon_auto_pace {
     const struct recon_auto *a;
     const struct recon_job *job;
@@ -69,7 +71,8 @@ static double median(double *x, size_t n)
 }
 
 /* How many speakers, of which it is not known yet what they hear: a look comes first
- * where it is worth its time, and that is gone then. */
+ * where it is worth its time.  That is gone then, and depths that hold nothing need not
+ * be imaged. */
 static void decide(struct recon_auto_pace *p, struct planner_config planner)
 {
     planner_decide(&p->plan, &planner);
@@ -78,6 +81,11 @@ static void decide(struct recon_auto_pace *p, struct planner_config planner)
                                                        p->plan.stride, planner.n_threads);
     if (look_s > RECON_AUTO_MOST_LOOK * (planner.budget_s - planner.compress_s / stride))
         return;
+    struct probe seen = p->a->unknown;
+    double middle_m = 0.5 * (seen.depth_m[0] + seen.depth_m[1]);
+    seen.depth_m[0] = fmax(seen.depth_m[0], middle_m - 0.5 * DEPTH_M);
+    seen.depth_m[1] = fmin(seen.depth_m[1], middle_m + 0.5 * DEPTH_M);
+    planner.probe = &seen;
     planner.budget_s -= look_s;
     planner_decide(&p->plan, &planner);
 }
