@@ -5,6 +5,7 @@
 
 #define UNKNOWNS   3
 #define JUMP_LOOKS 5     /* after fewer what moves may be as far from where it was */
+#define DEPTH      2.0   /* so much farther behind each other than beside, parts are */
 #define LOOSE_M    100.0 /* what is known beforehand: it is within so much of the array */
 
 static void add_equation(struct track_rest *r, const double a[UNKNOWNS], double b,
@@ -60,6 +61,7 @@ void track_rest_add(struct track_rest *r, const struct track_rest_look *look,
         add_equation(r, e.a[i], e.b[i], share / (e.sigma[i] * e.sigma[i]));
     r->looks += share;
     r->n_looks++;
+    r->newest = *look;
 }
 
 /* Cholesky's, of a positive definite matrix, in its lower half. */
@@ -141,4 +143,17 @@ bool track_rest_jumps(const struct track_rest *r, const struct track_rest_look *
 {
     return r->n_looks >= JUMP_LOOKS && track_rest_misfit(r) < TRACK_REST_MISFIT &&
            track_rest_distance2(r, look) > TRACK_REST_GATE2;
+}
+
+double track_rest_step_m(const struct track_rest *r, const struct track_rest_look *look)
+{
+    const struct track_rest_look *was = &r->newest;
+    double along_m = look->along_m - was->along_m;
+    double way_m =
+        hypot(look->array_m[0] - was->array_m[0], look->array_m[1] - was->array_m[1]);
+    double away_m = fmax(fabs(look->range_m - was->range_m) - way_m, 0.0);
+
+    for (int a = 0; a < 2; a++)
+        along_m += look->axis[a] * look->array_m[a] - was->axis[a] * was->array_m[a];
+    return r->n_looks ? hypot(along_m, away_m / DEPTH) : 0.0;
 }

@@ -21,13 +21,6 @@
 #define TRACK_REST_MISFIT 0.1  /* below: it seems to rest */
 #define TRACK_REST_GATE2  13.8 /* 999 of 1000 looks at a thing at rest are nearer */
 
-struct track_rest {
-    double origin_m[2]; /* over ground: all is counted from there */
-    double normal[3][3], right[3], squares;
-    double looks;     /* fitted, old ones faded; 0: none */
-    unsigned n_looks; /* that were added */
-};
-
 struct track_rest_look {
     double array_m[2]; /* over ground, when it was heard */
     double axis[2];    /* of the array, unit */
@@ -36,8 +29,21 @@ struct track_rest_look {
     double sigma_m; /* of both */
 };
 
+struct track_rest {
+    double origin_m[2]; /* over ground: all is counted from there */
+    double normal[3][3], right[3], squares;
+    double looks;                  /* fitted, old ones faded; 0: none */
+    unsigned n_looks;              /* that were added */
+    struct track_rest_look newest; /* of them */
+};
+
 /* A look at something else: far from where a scatterer rests that explains the others. */
 bool track_rest_jumps(const struct track_rest *r, const struct track_rest_look *look);
+
+/* How far a look is from the newest one: along the array, over ground, and with half
+ * of what the array's own way does not account for in range, for of a walker or a cyclist
+ * one part and then another is heard, one behind the other.  0: there is none. */
+double track_rest_step_m(const struct track_rest *r, const struct track_rest_look *look);
 
 /* share: how much of a look this is, as far as it tells anything new; keep: of what came
  * before, 0..1. */

@@ -8,6 +8,7 @@
 #include "tests/recon/dice.h"
 
 #define FRAME_NS 250000000
+#define PING_NS  24000000
 
 struct rig {
     struct track_config cfg;
@@ -62,12 +63,17 @@ static struct track_detection *see(struct rig *r, double x, double y, double sig
     return d;
 }
 
-static void step(struct rig *r)
+static void step_after(struct rig *r, int64_t after_ns)
 {
-    r->scan.stamp_ns += FRAME_NS;
+    r->scan.stamp_ns += after_ns;
     assert_int_equal(tracker_step(r->tracker, &r->scan), 0);
     r->scan.n = 0;
     r->n = tracker_report(r->tracker, r->reports);
+}
+
+static void step(struct rig *r)
+{
+    step_after(r, FRAME_NS);
 }
 
 static const struct track_report *report_of(const struct rig *r, unsigned id)
@@ -577,6 +583,39 @@ static void what_passes_by_is_not_taken_for_what_rests(void **state)
     assert_int_equal(r->n, 1);
 }
 
+/* An image for each ping, of the newest eight. */
+static void begin_with_each_ping(struct rig *r)
+{
+    begin_with_what_stands(r);
+    r->scan.fresh = 0.12;
+}
+
+/* Two that rest, one behind the other, are seen in turn; then what rests beside them. */
+static void things_at_rest_that_are_seen_one_after_another_have_not_moved(void **state)
+{
+    struct rig *r = *state;
+
+    begin_with_each_ping(r);
+    for (int k = 0; k < 80; k++) {
+        see_heard(r, k % 2 ? 4.15 : 3.85, k < 16 ? 0.0 : 0.55);
+        step_after(r, PING_NS);
+        assert_int_equal(r->n, 0);
+    }
+}
+
+/* It is heard now from one limb, now from another. */
+static void a_walker_is_told_whichever_limb_is_heard(void **state)
+{
+    struct rig *r = *state;
+
+    begin_with_each_ping(r);
+    for (int k = 0; k < 42; k++) {
+        see_heard(r, 4.0, -0.6 + 1.2 * 0.024 * k + (k % 2 ? 0.15 : -0.15));
+        step_after(r, PING_NS);
+    }
+    assert_int_equal(r->n, 1); /* within a second */
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -604,6 +643,8 @@ int main(void)
         TEST(once_a_background_is_taken_away_it_is_told),
         TEST(what_comes_to_rest_there_ends_as_if_unseen),
         TEST(what_passes_by_is_not_taken_for_what_rests),
+        TEST(things_at_rest_that_are_seen_one_after_another_have_not_moved),
+        TEST(a_walker_is_told_whichever_limb_is_heard),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

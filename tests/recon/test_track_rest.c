@@ -135,6 +135,49 @@ static void a_jump_is_told_from_a_walk(void **state)
     assert_true(track_rest_jumps(&rests, &look));
 }
 
+/* 0.3 m farther along and 0.8 m farther away, of which half counts: 0.5 m.  Then the
+ * array has gone 0.6 m ahead, which may be why, and 0.3 m along, which is. */
+static void a_step_is_what_the_arrays_own_way_does_not_account_for(void **state)
+{
+    struct track_rest r = {.looks = 0.0};
+    struct track_rest_look look = {
+        .axis = {0.0, 1.0}, .along_m = 1.0, .range_m = 3.0, .sigma_m = SIGMA_M};
+
+    (void)state;
+    assert_near(track_rest_step_m(&r, &look), 0.0, 1e-12);
+    track_rest_add(&r, &look, 0.1, 1.0);
+    look.along_m += 0.3;
+    look.range_m += 0.8;
+    assert_near(track_rest_step_m(&r, &look), 0.5, 1e-12);
+    look.array_m[0] = 0.6;
+    assert_near(track_rest_step_m(&r, &look), hypot(0.3, 0.1), 1e-12);
+    look.array_m[1] = -0.3;
+    assert_near(track_rest_step_m(&r, &look), 0.5 * (0.8 - hypot(0.6, 0.3)), 1e-12);
+    track_rest_add(&r, &look, 0.1, 1.0);
+    assert_near(track_rest_step_m(&r, &look), 0.0, 1e-12);
+}
+
+/* Over ground it is as far along, and its distance changes by no more than the array
+ * goes. */
+static void what_rests_makes_no_step(void **state)
+{
+    unsigned long long seed = 5;
+
+    (void)state;
+    for (int trial = 0; trial < 300; trial++) {
+        struct track_rest_look was = {.axis = {0.6, 0.8}, .sigma_m = SIGMA_M}, is = was;
+        struct track_rest r = {.looks = 0.0};
+        double p_m[3];
+        throw_point(&seed, p_m);
+        is.array_m[0] = 0.1 * dice_normal(&seed);
+        is.array_m[1] = 0.1 * dice_normal(&seed);
+        hear(p_m, &was);
+        hear(p_m, &is);
+        track_rest_add(&r, &was, 1.0, 1.0);
+        assert_near(track_rest_step_m(&r, &is), 0.0, 1e-9);
+    }
+}
+
 static void what_is_old_fades(void **state)
 {
     struct track_rest r = {.looks = 0.0}, fresh = {.looks = 0.0};
@@ -164,6 +207,8 @@ int main(void)
         cmocka_unit_test(what_moves_is_told_by_the_squares_it_leaves),
         cmocka_unit_test(how_far_a_look_is_off_counts_both_errors),
         cmocka_unit_test(a_jump_is_told_from_a_walk),
+        cmocka_unit_test(a_step_is_what_the_arrays_own_way_does_not_account_for),
+        cmocka_unit_test(what_rests_makes_no_step),
         cmocka_unit_test(what_is_old_fades),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
