@@ -232,6 +232,13 @@ static double floor_m2(const struct grid *g)
     return g->step_m[0] * (double)g->n[0] * g->step_m[2] * (double)g->n[2];
 }
 
+/* With what stands still in it, and no wall that mirrors, an image shows what the array
+ * sees directly: that hides nothing, and glides over ground once it is mirrored. */
+static bool shows_hidden(const struct tracking *t, const Anlos__Volume *volume)
+{
+    return !volume->standing_left || !t->has_walls || t->walls.n > 0;
+}
+
 static int follow(struct tracking *t, const Anlos__Volume *volume,
                   const struct sight *sight, int64_t capture_ns,
                   Anlos__DetectionList *list, bool *ego_known)
@@ -255,7 +262,9 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
     double lag_s = timing_lag_s(&t->detector.survey, volume->pings_used, 0.0);
     place_tracks(t, sight, &scan.ego, fmax(dt_s, 0.0) + lag_s);
     place_array(t, sight, volume, capture_ns, &scan.array);
-    scan.n = candidates_choose(list, sight, t->sources, t->n_reports, t->cfg.sidelobe_db);
+    if (shows_hidden(t, volume))
+        scan.n =
+            candidates_choose(list, sight, t->sources, t->n_reports, t->cfg.sidelobe_db);
     for (size_t i = 0; i < scan.n; i++)
         take_detection(t, sight, volume, &scan.array, list->detections[i],
                        &t->detections[i]);

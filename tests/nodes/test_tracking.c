@@ -322,6 +322,34 @@ static void the_wall_itself_is_not_tracked(void **state)
     assert_near(r->list->detections[0]->position_m->y, -0.6, 0.02);
 }
 
+/* At 1.2 m/s, in images that have what stands in them. */
+static void until_a_wall_is_found_nothing_hides(void **state)
+{
+    struct rig *r = *state;
+    Anlos__WallList walls = ANLOS__WALL_LIST__INIT;
+    Anlos__Wall wall = ANLOS__WALL__INIT, *list[1] = {&wall};
+    Anlos__Vec3 normal = ANLOS__VEC3__INIT;
+
+    normal.z = 1.0;
+    wall.normal = &normal;
+    wall.id = 1;
+    wall.distance_m = 0.8;
+    wall.gate_far_m = 10.0;
+    walls.walls = list;
+    r->volume.standing_left = true;
+    for (int found = 0; found < 2; found++) {
+        walls.n_walls = (size_t)found;
+        assert_int_equal(tracking_walls(r->tracking, &walls, r->stamp_ns, NULL), 0);
+        for (int k = 0; k < 8; k++) {
+            add(r, -1.2 + 0.3 * k, 2.0, 1.0);
+            image(r);
+            assert_true(found || r->list->n_detections == 0);
+        }
+    }
+    assert_int_equal(r->list->n_detections, 1);
+    assert_near(r->list->detections[0]->position_m->x, 1.6 - 2.0, 0.05);
+}
+
 static void only_what_is_fainter_and_as_far_may_be_a_sidelobe(void **state)
 {
     const struct ghost_source loud = {3.0, 30.0};
@@ -393,6 +421,7 @@ int main(void)
         TEST(an_image_of_the_past_is_refused),
         TEST(a_sidelobe_begins_no_track),
         TEST(the_wall_itself_is_not_tracked),
+        TEST(until_a_wall_is_found_nothing_hides),
         TEST(what_hides_is_heard_from_where_the_mirrored_array_stands),
         cmocka_unit_test(only_what_is_fainter_and_as_far_may_be_a_sidelobe),
         cmocka_unit_test(images_tell_of_instants_of_their_own),
