@@ -14,6 +14,30 @@
 #define MIN_STEP_M 0.005
 #define MAX_STEP_M 0.05
 
+void grid_place(const struct grid *g, size_t voxel, size_t at[3])
+{
+    at[0] = voxel % g->n[0];
+    at[1] = voxel / g->n[0] % g->n[1];
+    at[2] = voxel / (g->n[0] * g->n[1]);
+}
+
+size_t grid_neighbours(const struct grid *g, size_t voxel, size_t out[26])
+{
+    size_t at[3], n = 0;
+    grid_place(g, voxel, at);
+    for (int dz = -1; dz <= 1; dz++) {
+        for (int dy = -1; dy <= 1; dy++) {
+            for (int dx = -1; dx <= 1; dx++) {
+                size_t x = at[0] + (size_t)dx, y = at[1] + (size_t)dy,
+                       z = at[2] + (size_t)dz;
+                if ((dx || dy || dz) && x < g->n[0] && y < g->n[1] && z < g->n[2])
+                    out[n++] = (z * g->n[1] + y) * g->n[0] + x;
+            }
+        }
+    }
+    return n;
+}
+
 static double nice_step(double step)
 {
     double decade = pow(10.0, floor(log10(step)));

@@ -17,6 +17,11 @@ static inline size_t grid_size(const struct grid *g)
     return g->n[0] * g->n[1] * g->n[2];
 }
 
+void grid_place(const struct grid *g, size_t voxel, size_t at[3]);
+
+/* In the 26 directions; returns how many there are. */
+size_t grid_neighbours(const struct grid *g, size_t voxel, size_t out[26]);
+
 /* The grid when none is asked for: the aperture grown by a margin, the gate in depth, the
  * steps from resolution (Lindell 2019 Eq. 15 and the bandwidth). */
 void grid_default(struct grid *out, const struct geometry *g, const double gate_m[2],

@@ -19,35 +19,10 @@ struct search {
     uint32_t *stack; /* [voxels] */
 };
 
-static void place(const struct grid *g, size_t voxel, size_t at[3])
-{
-    at[0] = voxel % g->n[0];
-    at[1] = voxel / g->n[0] % g->n[1];
-    at[2] = voxel / (g->n[0] * g->n[1]);
-}
-
-/* Neighbours in the 26 directions; returns how many. */
-static size_t neighbours(const struct grid *g, size_t voxel, size_t out[26])
-{
-    size_t at[3], n = 0;
-    place(g, voxel, at);
-    for (int dz = -1; dz <= 1; dz++) {
-        for (int dy = -1; dy <= 1; dy++) {
-            for (int dx = -1; dx <= 1; dx++) {
-                size_t x = at[0] + (size_t)dx, y = at[1] + (size_t)dy,
-                       z = at[2] + (size_t)dz;
-                if ((dx || dy || dz) && x < g->n[0] && y < g->n[1] && z < g->n[2])
-                    out[n++] = (z * g->n[1] + y) * g->n[0] + x;
-            }
-        }
-    }
-    return n;
-}
-
 static void include(struct search *s, struct region *r, size_t voxel)
 {
     size_t at[3];
-    place(s->grid, voxel, at);
+    grid_place(s->grid, voxel, at);
     double v = s->volume[voxel];
     r->sum += v;
     for (int a = 0; a < 3; a++) {
@@ -70,7 +45,7 @@ static void grow(struct search *s, struct region *r, uint32_t number)
     while (depth) {
         size_t voxel = s->stack[--depth], near[26];
         include(s, r, voxel);
-        size_t n = neighbours(s->grid, voxel, near);
+        size_t n = grid_neighbours(s->grid, voxel, near);
         for (size_t q = 0; q < n; q++) {
             if (!s->owner[near[q]] && s->volume[near[q]] >= limit) {
                 s->owner[near[q]] = number;
@@ -82,7 +57,7 @@ static void grow(struct search *s, struct region *r, uint32_t number)
 
 static bool is_peak(const struct search *s, size_t voxel)
 {
-    size_t near[26], n = neighbours(s->grid, voxel, near);
+    size_t near[26], n = grid_neighbours(s->grid, voxel, near);
     for (size_t q = 0; q < n; q++)
         if (s->volume[near[q]] > s->volume[voxel] ||
             (s->volume[near[q]] == s->volume[voxel] && near[q] < voxel))

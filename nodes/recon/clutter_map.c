@@ -5,7 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define REACH_M 0.15 /* what stands above the array comes nearer more slowly */
+#include "nodes/recon/bodies.h"
+
+#define REACH_M 0.15 /* what stands above the array comes nearer more slowly, */
+#define ASIDE_M 0.08 /* but stays where it is along the array */
 #define OVER    4.0f /* over the noise: clutter */
 #define BRIGHTER                                                                         \
     10.0f            /* than before: new; what stands is sharper once the vehicle does */
@@ -25,6 +28,8 @@ struct clutter_map {
     int64_t window_ns;
     struct kept kept[KEPT]; /* the newest first */
     float *part;            /* [nz][ny][nx], widened along z */
+    float *whole;           /* [nz][ny][nx], the image before it is muted */
+    struct bodies *bodies;
 };
 
 int clutter_map_create(struct clutter_map **out, const struct grid *grid,
@@ -38,7 +43,8 @@ int clutter_map_create(struct clutter_map **out, const struct grid *grid,
     c->part = malloc(grid_size(grid) * sizeof *c->part);
     for (int k = 0; k < KEPT; k++)
         c->kept[k].widened = malloc(grid_size(grid) * sizeof(float));
-    bool all = c->part;
+    c->whole = malloc(grid_size(grid) * sizeof *c->whole);
+    bool all = c->part && c->whole && !bodies_create(&c->bodies, grid);
     for (int k = 0; k < KEPT; k++)
         all = all && c->kept[k].widened;
     if (!all) {
@@ -62,9 +68,9 @@ static void widen(const float *in, float *out, size_t n, size_t stride, size_t r
     }
 }
 
-static size_t reach_of(const struct grid *g, int axis)
+static size_t reach_of(const struct grid *g, int axis, double reach_m)
 {
-    return (size_t)fmin(ceil(REACH_M / g->step_m[axis]), (double)g->n[axis]);
+    return (size_t)fmin(ceil(reach_m / g->step_m[axis]), (double)g->n[axis]);
 }
 
 static int by_value(const void *a, const void *b)
@@ -97,10 +103,10 @@ static void keep(struct clutter_map *c, const float *image, int64_t stamp_ns)
     oldest.noise = noise_of(image, grid_size(g));
     c->kept[0] = oldest;
     for (size_t i = 0; i < plane; i++)
-        widen(image + i, c->part + i, g->n[2], plane, reach_of(g, 2));
+        widen(image + i, c->part + i, g->n[2], plane, reach_of(g, 2, REACH_M));
     for (size_t i = 0; i < g->n[1] * g->n[2]; i++)
         widen(c->part + i * g->n[0], oldest.widened + i * g->n[0], g->n[0], 1,
-              reach_of(g, 0));
+              reach_of(g, 0, ASIDE_M));
 }
 
 static bool index_of(const struct grid *g, int axis, double at_m, size_t *out)
@@ -169,8 +175,12 @@ void clutter_map_mute(struct clutter_map *c, const struct ego_path *path,
     if (part >= 1.0 &&
         (!c->kept[0].any || stamp_ns - c->kept[0].stamp_ns >= c->window_ns / IN_A_WINDOW))
         keep(c, image, stamp_ns);
-    if (known)
-        mute(&c->grid, &was, mount, &back, (float)part, image);
+    if (!known)
+        return;
+    memcpy(c->whole, image, grid_size(&c->grid) * sizeof *image);
+    float noise = noise_of(image, grid_size(&c->grid));
+    mute(&c->grid, &was, mount, &back, (float)part, image);
+    bodies_restore(c->bodies, c->whole, OVER * noise, image);
 }
 
 void clutter_map_reset(struct clutter_map *c)
@@ -185,6 +195,8 @@ void clutter_map_destroy(struct clutter_map *c)
         return;
     for (int k = 0; k < KEPT; k++)
         free(c->kept[k].widened);
+    bodies_destroy(c->bodies);
+    free(c->whole);
     free(c->part);
     free(c);
 }

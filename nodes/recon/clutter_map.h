@@ -1,7 +1,8 @@
 /* nodes/recon/clutter_map.h -- what stood still over ground since an image before, while
  * the vehicle moved: it is set to 0, for it is echoes of walls and of what the array sees
  * directly, of which there is no background.  A hidden object that stands goes with it,
- * as it does in a background. */
+ * as it does in a background.  Of what moves the whole body stays, as bright as what is
+ * new of it (nodes/recon/bodies.h). */
 #ifndef ANLOS_NODES_RECON_CLUTTER_MAP_H
 #define ANLOS_NODES_RECON_CLUTTER_MAP_H
 
@@ -18,7 +19,7 @@ struct clutter_map;
 int clutter_map_create(struct clutter_map **out, const struct grid *grid,
                        int64_t window_ns);
 
-/* Sets voxels of an image [nz][ny][nx] to 0, having kept it as it was.  What it is held
+/* Mutes voxels of an image [nz][ny][nx], having kept it as it was.  What it is held
  * against has no ping in common with it; where there is none, or the vehicle's path does
  * not reach, nothing is muted.  part, over 0: of its pings that have no background
  * subtracted; of clutter no more than this is left, and it is only kept if all have none.

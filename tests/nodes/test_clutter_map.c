@@ -84,18 +84,18 @@ static void what_stands_over_ground_goes_and_what_moves_stays(void **state)
     assert_near(*at(r, 0.2, 1.0), 100.0, 0.0);
 }
 
-/* Within 0.15 m it is the same thing, farther off it is not. */
+/* Within 0.15 m of depth and 0.08 m aside it is the same thing, farther off it is not. */
 static void it_goes_where_it_is_a_little_off_too(void **state)
 {
     struct rig *r = *state;
 
     image(r, 0, 0.5, 2.5, -1.0);
-    image(r, 500 * MS, 0.6, 2.1, -0.4);
-    assert_near(*at(r, 0.6, 2.1), 0.0, 0.0);
+    image(r, 500 * MS, 0.55, 2.1, -0.4);
+    assert_near(*at(r, 0.55, 2.1), 0.0, 0.0);
     clutter_map_reset(r->map);
     image(r, 0, 0.5, 2.5, -1.0);
-    image(r, 500 * MS, 0.75, 2.0, -0.4);
-    assert_near(*at(r, 0.75, 2.0), 100.0, 0.0);
+    image(r, 500 * MS, 0.65, 2.0, -0.4);
+    assert_near(*at(r, 0.65, 2.0), 100.0, 0.0);
 }
 
 static void what_appears_before_clutter_is_seen(void **state)
@@ -109,7 +109,7 @@ static void what_appears_before_clutter_is_seen(void **state)
     *at(r, 0.45, 2.0) = 900.0f;
     clutter_map_mute(r->map, &r->path, &r->mount, 500 * MS, 1.0, r->image);
     assert_near(*at(r, 0.5, 2.0), 1100.0, 0.0);
-    assert_near(*at(r, 0.45, 2.0), 0.0, 0.0);
+    assert_near(*at(r, 0.45, 2.0), 900.0, 0.0); /* a part of it */
 }
 
 /* Images of the same pings, of unknown motion, from before, or after a reset. */
