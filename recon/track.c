@@ -341,6 +341,8 @@ int tracker_step(struct tracker *t, const struct track_scan *scan)
             continue_track(t, scan, i, whose, fresh);
     }
     track_body_merge(t);
+    if (scan->standing_left)
+        track_absorb(t);
     end_tracks(t, scan->stamp_ns);
     start_tracks(t, scan, whose, fresh);
     name_confirmed(t, scan->stamp_ns);

@@ -99,6 +99,23 @@ void track_associate(struct tracker *t, const struct track_scan *scan, size_t *m
             whose[j] = neighbour(t, scan, mine, j);
 }
 
+/* A body takes in what goes with it by itself (recon/track_body.h). */
+static bool stands_in(const struct tracker *t, const struct track *k,
+                      const struct track *named)
+{
+    const double *at_m = k->filter.state, *its_m = named->filter.state;
+
+    return named->id && !named->body.n && named->state == TRACK_MEASURED &&
+           hypot(at_m[0] - its_m[0], at_m[1] - its_m[1]) < t->cfg.join_m;
+}
+
+void track_absorb(struct tracker *t)
+{
+    for (size_t i = 0; i < t->n; i++)
+        for (size_t other = 0; !t->tracks[i].id && other < t->n; other++)
+            t->tracks[i].merged |= stands_in(t, &t->tracks[i], &t->tracks[other]);
+}
+
 static void add_position(struct track_position *sum, const struct track_position *p,
                          double share)
 {

@@ -59,6 +59,10 @@ bool track_rests_elsewhere(const struct tracker *t, const struct track_scan *sca
 void track_associate(struct tracker *t, const struct track_scan *scan, size_t *mine,
                      size_t *whose);
 
+/* What is nearer than join_m to a named track's place is not told beside it: of a thing
+ * that stood there, which what passes by has taken along, it would become a double. */
+void track_absorb(struct tracker *t);
+
 /* The detections of one owner as one: its middle, with their scatter; *detection is the
  * strongest. */
 void track_gather(const struct tracker *t, const struct track_scan *scan,

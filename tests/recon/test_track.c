@@ -212,6 +212,24 @@ static void crossing_objects_keep_their_ids(void **state)
     assert_near(report_of(r, down)->velocity_m_s[1], -1.0, 0.3);
 }
 
+/* A thing that stood 0.7 m aside, and is seen to come nearer than 0.5 m before it is
+ * told, was taken along. */
+static void what_stood_beside_its_way_becomes_no_double(void **state)
+{
+    static const double aside_m[] = {0.7, 0.55, 0.4, 0.3};
+    struct rig *r = *state;
+
+    for (int k = 0; k < 16; k++) {
+        double y = -2.0 + 1.0 * 0.25 * k;
+        see(r, 2.0, y, 0.03);
+        if (k >= 6)
+            see(r, 2.0 + aside_m[k < 9 ? k - 6 : 3], y, 0.03);
+        r->scan.standing_left = k >= 6 && k < 10;
+        step(r);
+        assert_int_equal(r->n, k >= 2);
+    }
+}
+
 /* While they are one in the image, one of them coasts, and both go on as they came. */
 static void two_that_merge_and_part_stay_two(void **state)
 {
@@ -627,6 +645,7 @@ int main(void)
         TEST(something_comes_back_under_its_id),
         TEST(standing_and_moving_are_told_apart),
         TEST(crossing_objects_keep_their_ids),
+        TEST(what_stood_beside_its_way_becomes_no_double),
         TEST(two_that_merge_and_part_stay_two),
         TEST(an_extended_object_is_one_track_in_its_middle),
         TEST(clutter_makes_as_many_false_tracks_as_m_of_n_says),
