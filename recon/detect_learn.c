@@ -6,11 +6,14 @@
 #include <stdlib.h>
 
 #define BIN_M      0.05
-#define RING_M     0.35 /* from the middle of an object: its depth, height and smear */
-#define LEAST_LEFT 0.1  /* of what is imaged */
-#define FAR_ABOVE  8.0  /* times the brightest of what is left */
+#define LEAST_LEFT 0.1 /* of what is imaged */
+#define FAR_ABOVE  8.0 /* times the brightest of what is left */
 
-enum { BINS = 1024, OBJECTS = 3 };
+enum {
+    BINS = 1024,
+    OBJECTS = 3,
+    RING = 7 /* bins, 0.35 m from the middle of an object: its depth, height and smear */
+};
 
 struct rings {
     float most[BINS]; /* of each range */
@@ -39,14 +42,14 @@ static size_t brightest(const struct rings *r)
 
 static void leave_out(struct rings *r, size_t middle)
 {
-    size_t reach = (size_t)(RING_M / BIN_M);
-
-    for (size_t b = middle > reach ? middle - reach : 0; b <= middle + reach; b++)
+    for (size_t b = middle > RING ? middle - RING : 0; b <= middle + RING; b++)
         if (b < BINS)
             r->left_out[b] = true;
 }
 
-/* true: there are objects, and their rings are left out. */
+/* true: there are objects, and their rings are left out.  A ring that leaves nothing to
+ * compare with may be an object's; several that are alike are clutter, in a narrow gate
+ * too. */
 static bool find_objects(struct rings *r)
 {
     for (int i = 0; i < OBJECTS; i++) {
@@ -55,7 +58,9 @@ static bool find_objects(struct rings *r)
             return false;
         leave_out(r, object);
         size_t next = brightest(r);
-        if (next < BINS && (double)r->most[object] > FAR_ABOVE * (double)r->most[next])
+        if (next == BINS)
+            return i == 0;
+        if ((double)r->most[object] > FAR_ABOVE * (double)r->most[next])
             return true;
     }
     return false;

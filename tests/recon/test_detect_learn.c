@@ -176,6 +176,75 @@ static void what_is_left_may_be_too_little(void **state)
     free(image);
 }
 
+/* One cell in seven of what lies so far away. */
+static void add_shell(float *image, double near_m, double far_m, double power)
+{
+    for (size_t i = 0; i < CELLS; i++)
+        if (i % 7 == 0 && range_m(i) >= near_m && range_m(i) < far_m)
+            image[i] = (float)power;
+}
+
+/* Seven bins of 0.05 m on either side of the object's, which is the one from 2.8 m. */
+static void the_ring_of_an_object_ends_a_third_of_a_metre_from_it(void **state)
+{
+    (void)state;
+    static const double shell_m[2][2] = {{2.45, 3.15}, {2.40, 3.2}};
+    for (int outside = 0; outside < 2; outside++)
+        for (int far = 0; far < 2; far++) {
+            float *image = noise(8, 1.0);
+            struct cfar *c = cfar_new();
+            add_object(image, 2.82, 1e5);
+            add_shell(image, shell_m[outside][far], shell_m[outside][far] + 0.05, 2e3);
+            assert_int_equal(detect_learn(c, &grid, image), 0);
+            if (outside)
+                assert_true(cfar_noise(c)->heavy);
+            else
+                expect_plain_noise(c);
+            cfar_destroy(c);
+            free(image);
+        }
+}
+
+static void leave_between(float *image, double near_m, double far_m)
+{
+    for (size_t i = 0; i < CELLS; i++)
+        if (range_m(i) < near_m || range_m(i) >= far_m)
+            image[i] = 0.0f;
+}
+
+/* Noise is learnt first, then what a narrow gate leaves of an image of other noise. */
+static void expect_gate(double near_m, double far_m, double object, bool learnt)
+{
+    float *plain = noise(9, 1.0), *image = noise(10, 2.0);
+    struct cfar *c = cfar_new();
+    if (object > 0.0)
+        add_object(image, 2.82, object);
+    leave_between(image, near_m, far_m);
+    assert_int_equal(detect_learn(c, &grid, plain), 0);
+    const struct cfar_noise before = *cfar_noise(c);
+    assert_int_equal(detect_learn(c, &grid, image), 0);
+    if (learnt)
+        assert_true(cfar_noise(c)->shape != before.shape);
+    else
+        expect_same(cfar_noise(c), &before);
+    cfar_destroy(c);
+    free(image);
+    free(plain);
+}
+
+static void an_object_that_fills_the_gate_is_not_learnt(void **state)
+{
+    (void)state;
+    expect_gate(2.5, 3.15, 1e5, false);
+}
+
+/* Its three brightest and their rings are all there is, and they are alike. */
+static void noise_in_a_narrow_gate_is_learnt(void **state)
+{
+    (void)state;
+    expect_gate(2.2, 3.2, 0.0, true);
+}
+
 static void an_empty_image_teaches_nothing(void **state)
 {
     (void)state;
@@ -197,6 +266,9 @@ int main(void)
         cmocka_unit_test(the_brightest_of_many_are_noise),
         cmocka_unit_test(clutter_is_learnt_with_its_tail),
         cmocka_unit_test(what_is_left_may_be_too_little),
+        cmocka_unit_test(the_ring_of_an_object_ends_a_third_of_a_metre_from_it),
+        cmocka_unit_test(an_object_that_fills_the_gate_is_not_learnt),
+        cmocka_unit_test(noise_in_a_narrow_gate_is_learnt),
         cmocka_unit_test(an_empty_image_teaches_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
