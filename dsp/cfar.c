@@ -11,6 +11,9 @@
 #define SHAPE_STEP                                                                       \
     0.05 /* of its logarithm: what is nearer is the same, factors are dear */
 
+#define RARE     1e-4 /* how bright noise is that often, or as often as it may alarm... */
+#define FAR_OVER 2.0  /* ...times this is too bright for noise */
+
 enum { MEMORY = 32768, PARTS = 2 };
 
 struct cfar {
@@ -18,6 +21,8 @@ struct cfar {
     struct cfar_noise noise;
     struct cfar_noise_curve curve; /* of ordered ones */
     double over_level;             /* the noise's mean */
+    double tail_factor;            /* of a heavy tail... */
+    double no_noise;               /* ...and what is brighter was no noise */
     size_t most;                   /* training cells */
     double *factor;                /* [most + 1]; NAN: not known yet */
     float *sample;                 /* [most] */
@@ -91,6 +96,7 @@ int cfar_create(struct cfar **out, const struct cfar_config *cfg)
         return -ENOMEM;
     }
     set_shape(c, 1.0);
+    c->no_noise = INFINITY;
     *out = c;
     return 0;
 }
@@ -115,9 +121,12 @@ double cfar_factor(const struct cfar *c, size_t n)
         n = c->most;
     if (isnan(c->factor[n]))
         c->factor[n] = factor_at_rate(c, n, c->cfg.false_alarm_rate);
-    if (c->noise.heavy && c->cfg.false_alarm_rate < c->noise.part)
-        return fmax(c->factor[n], cfar_noise_heavy(&c->noise, c->cfg.false_alarm_rate));
-    return c->factor[n];
+    if (!c->noise.heavy)
+        return c->factor[n];
+    /* Of what is rarer than one of all that was seen, the seen says little. */
+    return c->cfg.false_alarm_rate * (double)c->n_ratios >= 1.0
+               ? c->tail_factor
+               : fmax(c->factor[n], c->tail_factor);
 }
 
 /* The training cells of a cell into c->sample, but for those that nothing was imaged in;
@@ -179,7 +188,9 @@ struct cfar_level cfar_at(struct cfar *c, const float *image, size_t cell)
     return out;
 }
 
-/* What would be detected is no noise, as far as that is known: after the first image. */
+/* What is far over all noise is not learnt from, as far as noise is known: after the
+ * first image.  A limit at the threshold itself would cut off the tail that the threshold
+ * is learnt from, image by image. */
 static void remember(struct cfar *c, const float *image, size_t cell)
 {
     size_t n = train(c, image, cell);
@@ -187,7 +198,7 @@ static void remember(struct cfar *c, const float *image, size_t cell)
     float ratio = level > 0.0 ? (float)((double)image[cell] / level) : 0.0f;
 
     if (!(ratio > 0.0f && isfinite(ratio)) ||
-        (c->images > 1 && (double)ratio > cfar_factor(c, n)))
+        (c->images > 1 && (double)ratio > c->no_noise))
         return;
     c->ratio[c->next_ratio] = ratio;
     c->next_ratio = (c->next_ratio + 1) % MEMORY;
@@ -213,6 +224,14 @@ void cfar_learn(struct cfar *c, const float *image)
                                 factor_at_rate(c, c->most, 1e-3)};
     memcpy(c->sorted, c->ratio, c->n_ratios * sizeof *c->ratio);
     cfar_noise_fit_tail(&c->noise, c->sorted, c->n_ratios, promised);
+    double rare = fmin(c->cfg.false_alarm_rate, RARE);
+    c->no_noise = factor_at_rate(c, c->most, rare);
+    if (c->noise.heavy) {
+        c->tail_factor = cfar_noise_tail_factor(&c->noise, c->sorted, c->n_ratios,
+                                                c->cfg.false_alarm_rate);
+        c->no_noise = cfar_noise_tail_factor(&c->noise, c->sorted, c->n_ratios, rare);
+    }
+    c->no_noise *= FAR_OVER;
 }
 
 bool cfar_has_learnt(const struct cfar *c)

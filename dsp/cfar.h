@@ -13,7 +13,7 @@
  * Q the upper regularised gamma function and the expectation over the level that n
  * independent training cells of mean 1 give.  For shape 1 these are the closed forms
  * (1 + factor / n)^-n and prod_{i < k} (n - i) / (n - i + factor).  A tail that is
- * heavier than that, of clutter, is learnt from the images (dsp/cfar_noise.h). */
+ * another than that, of clutter, is learnt from the images (dsp/cfar_noise.h). */
 #ifndef ANLOS_DSP_CFAR_H
 #define ANLOS_DSP_CFAR_H
 
@@ -49,9 +49,10 @@ int cfar_create(struct cfar **out, const struct cfar_config *cfg);
 /* Learns shape and tail of the noise from an image [nz][ny][nx], >= 0 (0: nothing was
  * imaged there, as beyond a gate; such cells are not trained on either): from cells a
  * pitch apart, and of the images after the first from every other of these, so that some
- * images in a row count.  A few objects do no harm; what is brighter than it would have
- * to be is not learnt from, but for the first image.  Images that say the same again
- * would make what moves slowly look like noise: leave them out. */
+ * images in a row count.  A few objects do no harm; what is twice as bright as the rarest
+ * noise that is known, and more, is not learnt from, but for the first image.  Images
+ * that say the same again would make what moves slowly look like noise: leave them out.
+ */
 void cfar_learn(struct cfar *c, const float *image);
 const struct cfar_noise *cfar_noise(const struct cfar *c);
 bool cfar_has_learnt(const struct cfar *c);

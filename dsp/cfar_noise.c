@@ -13,9 +13,9 @@
 #define MOST_FACTOR 1e9
 #define MOST_POWER  1e4
 #define LEAST_TAIL  1e-300
-#define TAIL_PART   0.05
-#define CHANCE      4.0 /* standard deviations of a count */
-#define MIN_TAIL    50  /* powers to fit it to */
+#define TAIL        64   /* powers to fit it to... */
+#define TAIL_PART   0.05 /* ...and not more than this part of all */
+#define CHANCE      4.0  /* standard deviations of a count */
 
 /* Where a function of positive numbers that falls is `value`: GSL's own inverses do not
  * converge for every shape. */
@@ -190,7 +190,7 @@ static bool is_heavy(const float *x, size_t n, const double promised[2])
         size_t above = 0;
         while (above < n && (double)x[above] > promised[r])
             above++;
-        heavy = heavy || (double)above > expected + CHANCE * sqrt(expected) + 2.0;
+        heavy = heavy || fabs((double)above - expected) > CHANCE * sqrt(expected) + 2.0;
     }
     return heavy;
 }
@@ -198,31 +198,33 @@ static bool is_heavy(const float *x, size_t n, const double promised[2])
 void cfar_noise_fit_tail(struct cfar_noise *out, float *x, size_t n,
                          const double promised[2])
 {
-    size_t k = (size_t)(TAIL_PART * (double)n);
-    double first = 0.0, second = 0.0;
+    double mean = 0.0, weighted = 0.0;
 
     out->heavy = false;
-    if (k < MIN_TAIL)
+    if ((double)n * TAIL_PART < TAIL)
         return;
     qsort(x, n, sizeof *x, falling);
-    if (!is_heavy(x, n, promised))
+    if (!is_heavy(x, n, promised) || !(x[0] > x[TAIL]))
         return;
-    for (size_t i = 0; i < k; i++) {
-        double over = log((double)x[i] / (double)x[k]);
-        first += over / (double)k;
-        second += over * over / (double)k;
+    for (size_t i = 0; i < TAIL; i++) {
+        double over = (double)x[i] - (double)x[TAIL];
+        mean += over / TAIL;
+        weighted += over / TAIL * (double)i / (TAIL - 1);
     }
-    double negative = 1.0 - 0.5 / fmax(1.0 - first * first / second, 1e-6);
+    double spread = fmax(mean - 2.0 * weighted, 1e-6 * mean); /* 0: all alike */
     out->heavy = true;
-    out->part = (double)k / (double)n;
-    out->from = (double)x[k];
-    out->index = first + negative;
-    out->scale = out->from * first * (1.0 - fmin(negative, 0.0));
+    out->part = (double)TAIL / (double)n;
+    out->from = (double)x[TAIL];
+    out->index = 2.0 - mean / spread;
+    out->scale = 2.0 * mean * weighted / spread;
 }
 
-double cfar_noise_heavy(const struct cfar_noise *noise, double rate)
+double cfar_noise_tail_factor(const struct cfar_noise *noise, const float *x, size_t n,
+                              double rate)
 {
-    double over = log(fmax(noise->part / rate, 1.0));
+    if (rate >= noise->part)
+        return (double)x[(size_t)(rate * (double)n)];
+    double over = log(noise->part / rate);
     double far = fabs(noise->index) < 1e-6 ? over
                                            : expm1(noise->index * over) / noise->index;
 

@@ -1,8 +1,10 @@
 /* dsp/cfar_noise.h -- how bright noise gets, for dsp/cfar: powers x over their level.
- * The body is a gamma distribution of some shape.  Clutter of single scatterers has a
- * tail that no such shape has; where more powers are high than chance allows, the tail
- * is fitted by itself, beyond its twentieth (extreme values: Dekkers, Einmahl and de Haan
- * 1989). */
+ * The body is a gamma distribution of some shape.  Clutter has a tail that no such shape
+ * has; where more or fewer powers are high than chance allows, they are counted, and the
+ * tail beyond the highest of them is a generalised Pareto distribution, fitted by
+ * probability-weighted moments (Hosking and Wallis 1987).  These are few on purpose: the
+ * tail of single scatterers begins where a hundredth of the powers is left, and a fit to
+ * more of them is one to the noise between. */
 #ifndef ANLOS_DSP_CFAR_NOISE_H
 #define ANLOS_DSP_CFAR_NOISE_H
 
@@ -12,8 +14,8 @@
 #define CFAR_NOISE_POINTS 4096 /* factors are right to 1e-3 */
 
 struct cfar_noise {
-    double shape;                    /* of the gamma distribution */
-    bool heavy;                      /* more than this part of the powers lies over... */
+    double shape; /* of the gamma distribution */
+    bool heavy;   /* no shape's: this part of the powers lies over... */
     double part, from, scale, index; /* ...from, and these are its scale and index */
 };
 
@@ -41,12 +43,13 @@ double cfar_noise_over_rank(double shape, double rank);
  * logarithms, which a few objects do not change. */
 double cfar_noise_shape(const float *x, size_t n);
 
-/* Is the tail of x[n] heavier than the factors at 1e-2 and 1e-3 promise?  Then it is
- * fitted.  Sorts x.  Too few of them: it is not. */
+/* Is the tail of x[n] another than the factors at 1e-2 and 1e-3 promise?  Then it is
+ * fitted.  Sorts x, the highest first.  Too few of them: it is not. */
 void cfar_noise_fit_tail(struct cfar_noise *out, float *x, size_t n,
                          const double promised[2]);
 
-/* The factor of a heavy tail at a rate below its part. */
-double cfar_noise_heavy(const struct cfar_noise *noise, double rate);
+/* The factor at a rate of a tail that was fitted to x[n], sorted. */
+double cfar_noise_tail_factor(const struct cfar_noise *noise, const float *x, size_t n,
+                              double rate);
 
 #endif

@@ -147,6 +147,75 @@ static void the_rate_holds_for_sums_of_powers(void **state)
     assert_rates_hold(4, NULL, 3);
 }
 
+/* Scatterers, 40 times as bright as the noise, in one cell of fifty: no gamma
+ * distribution, and a tail that begins in the last hundredth. */
+static float *clutter(uint64_t seed)
+{
+    float *image = noise(seed, 1, NULL);
+
+    for (int i = 0; i < CELLS; i++)
+        if (uniform(&seed) < 0.02)
+            image[i] *= 40.0f;
+    return image;
+}
+
+/* Never more than 1. */
+static float *even(uint64_t seed)
+{
+    float *image = noise(seed, 1, NULL);
+
+    for (int i = 0; i < CELLS; i++)
+        image[i] = powf(1.0f - expf(-image[i]), 0.4f);
+    return image;
+}
+
+/* In images that it has not seen, after so many that it has. */
+static void assert_learnt_rate(float *(*make)(uint64_t seed), enum cfar_kind kind,
+                               double rate, size_t learnt)
+{
+    struct cfar_config cfg = usual;
+    cfg.kind = kind;
+    cfg.false_alarm_rate = rate;
+    struct cfar *c = create(&cfg);
+    size_t images = rate < 5e-4 ? 4 : 1, above = 0;
+
+    for (size_t i = 0; i < learnt + images; i++) {
+        float *image = make(100 + i);
+        if (i < learnt)
+            cfar_learn(c, image);
+        else
+            above += alarms(c, image, 1);
+        free(image);
+    }
+    double expected = rate * CELLS * (double)images;
+    assert_in_range((long)(100 * (double)above / expected), 50, 200);
+    cfar_destroy(c);
+}
+
+static void the_rate_holds_in_clutter(void **state)
+{
+    (void)state;
+    for (int k = CFAR_AVERAGING; k <= CFAR_ORDERED; k++)
+        for (double rate = 1e-2; rate > 5e-5; rate *= 0.1)
+            assert_learnt_rate(clutter, (enum cfar_kind)k, rate, 1);
+}
+
+/* What is left out as no noise must not be the tail of the noise. */
+static void learning_on_and_on_does_not_change_the_rate(void **state)
+{
+    (void)state;
+    for (double rate = 1e-2; rate > 5e-5; rate *= 0.1)
+        assert_learnt_rate(clutter, CFAR_ORDERED, rate, 12);
+}
+
+static void the_rate_holds_for_a_tail_lighter_than_any_shape(void **state)
+{
+    (void)state;
+    for (int k = CFAR_AVERAGING; k <= CFAR_ORDERED; k++)
+        for (double rate = 1e-2; rate > 5e-4; rate *= 0.1)
+            assert_learnt_rate(even, (enum cfar_kind)k, rate, 1);
+}
+
 static void the_shape_is_found(void **state)
 {
     (void)state;
@@ -320,6 +389,9 @@ int main(void)
         cmocka_unit_test(the_rate_holds_in_noise),
         cmocka_unit_test(the_rate_holds_where_the_level_changes),
         cmocka_unit_test(the_rate_holds_for_sums_of_powers),
+        cmocka_unit_test(the_rate_holds_in_clutter),
+        cmocka_unit_test(learning_on_and_on_does_not_change_the_rate),
+        cmocka_unit_test(the_rate_holds_for_a_tail_lighter_than_any_shape),
         cmocka_unit_test(the_shape_is_found),
         cmocka_unit_test(a_neighbour_hides_an_object_from_the_mean_only),
         cmocka_unit_test(an_object_does_not_raise_its_own_threshold),
