@@ -2,9 +2,10 @@
  * clutter (so many scatterers around that each voxel hears several), at set rates; what
  * part of the voxels is brighter than its threshold, and between what that lies with 95 %
  * confidence: bright voxels come in groups, so it is the seeds, new noise and clutter
- * each, that are counted as independent (Student's t).
+ * each, that are counted as independent (Student's t).  Of a detector that knows no image
+ * but the one it judges, and of one that has learnt from all before, from the 21st on.
  *
- *     bench_cfar [SEEDS]        default: 100, from 2 */
+ *     bench_cfar [SEEDS]        default: 100, from 22 */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -17,11 +18,13 @@
 #include "nodes/rt/processing.h"
 #include "recon/detect.h"
 
-enum { KINDS = 2, RATES = 3, ELEMENTS = 16, SPEAKERS = 4 };
+enum { KINDS = 2, RATES = 3, ELEMENTS = 16, SPEAKERS = 4, LEARNING = 20 };
+enum { FIRST, LATER, STATES };
 
 static const double rates[RATES] = {1e-2, 1e-3, 1e-4};
 static const enum cfar_kind kinds[KINDS] = {CFAR_AVERAGING, CFAR_ORDERED};
 static const char *const kind_names[KINDS] = {"averaging", "ordered"};
+static const char *const state_names[STATES] = {"first", "later"};
 
 static const struct {
     const char *name, *world;
@@ -36,13 +39,19 @@ static const struct {
      "roughness_m: 0.02}\nnoise: {rms: 0.0001}\n"},
 };
 
+/* Of one kind, in one state. */
+struct tally {
+    double sum[RATES], squares[RATES]; /* of the seeds' rates */
+    double shape, heavy, seconds, tested, seeds;
+};
+
 struct bench {
     char path[64];
     struct room *room;
     struct processing processing;
     float *intensity;
-    double sum[KINDS][RATES], squares[KINDS][RATES]; /* of the seeds' rates */
-    double shape[KINDS], heavy[KINDS], seconds[KINDS], tested, seeds;
+    struct tally tally[STATES][KINDS];
+    struct cfar *later[KINDS][RATES];
 };
 
 static int write_scene(const struct bench *b, const char *world, unsigned seed)
@@ -122,45 +131,58 @@ static size_t pick(struct cfar *cfar, const float *intensity, uint32_t *voxels, 
     return above;
 }
 
-static int judge_kind(struct bench *b, int k, const double resolution_m[3],
-                      uint32_t *voxels)
+static void count(struct tally *t, int r, struct cfar *cfar, const float *intensity,
+                  uint32_t *voxels, size_t *left, size_t n)
 {
-    size_t n = grid_size(&b->processing.grid), left = n;
+    clock_t start = clock();
 
+    *left = pick(cfar, intensity, voxels, *left);
+    t->sum[r] += (double)*left / (double)n;
+    t->squares[r] += pow((double)*left / (double)n, 2.0);
+    if (r)
+        return;
+    t->seconds += (double)(clock() - start) / CLOCKS_PER_SEC;
+    t->shape += cfar_noise(cfar)->shape;
+    t->heavy += cfar_noise(cfar)->heavy;
+    t->tested += (double)n;
+    t->seeds++;
+}
+
+/* The rates fall: thresholds rise, and what is below one is below the next. */
+static int judge_kind(struct bench *b, int state, int k, unsigned seed, uint32_t *voxels)
+{
+    const struct processing *p = &b->processing;
+    size_t n = grid_size(&p->grid), left = n;
+    double resolution_m[3];
+
+    geometry_resolution(&p->geometry, p->band_hz, 2.5, resolution_m);
     for (size_t v = 0; v < n; v++)
         voxels[v] = (uint32_t)v;
-    for (int r = 0; r < RATES; r++) { /* they fall: thresholds rise */
-        struct cfar *cfar;
-        int err =
-            detect_cfar(&cfar, kinds[k], rates[r], &b->processing.grid, resolution_m);
+    for (int r = 0; r < RATES; r++) {
+        struct cfar *cfar = state == LATER ? b->later[k][r] : NULL;
+        int err = cfar ? 0
+                       : detect_cfar(&cfar, kinds[k], rates[r], &p->grid, resolution_m);
         if (err)
             return err;
         cfar_learn(cfar, b->intensity);
-        b->shape[k] += r ? 0.0 : cfar_noise(cfar)->shape;
-        b->heavy[k] += r ? 0.0 : cfar_noise(cfar)->heavy;
-        clock_t start = clock();
-        left = pick(cfar, b->intensity, voxels, left);
-        b->seconds[k] += r ? 0.0 : (double)(clock() - start) / CLOCKS_PER_SEC;
-        b->sum[k][r] += (double)left / (double)n;
-        b->squares[k][r] += pow((double)left / (double)n, 2.0);
-        cfar_destroy(cfar);
+        if (state == FIRST || seed > LEARNING)
+            count(&b->tally[state][k], r, cfar, b->intensity, voxels, &left, n);
+        if (state == FIRST)
+            cfar_destroy(cfar);
+        else
+            b->later[k][r] = cfar;
     }
     return 0;
 }
 
-static int judge(struct bench *b)
+static int judge(struct bench *b, unsigned seed)
 {
-    struct processing *p = &b->processing;
-    size_t n = grid_size(&p->grid);
-    uint32_t *voxels = malloc(n * sizeof *voxels);
-    double resolution_m[3];
+    uint32_t *voxels = malloc(grid_size(&b->processing.grid) * sizeof *voxels);
     int err = voxels ? 0 : -ENOMEM;
 
-    geometry_resolution(&p->geometry, p->band_hz, 2.5, resolution_m);
-    for (int k = 0; !err && k < KINDS; k++)
-        err = judge_kind(b, k, resolution_m, voxels);
-    b->tested += (double)n;
-    b->seeds++;
+    for (int state = 0; state < STATES; state++)
+        for (int k = 0; !err && k < KINDS; k++)
+            err = judge_kind(b, state, k, seed, voxels);
     free(voxels);
     return err;
 }
@@ -181,7 +203,7 @@ static int run_seed(struct bench *b, const char *world, unsigned seed,
     if (!err)
         err = image(b, why);
     if (!err)
-        err = judge(b);
+        err = judge(b, seed);
     free(b->intensity);
     room_destroy(b->room);
     return err;
@@ -197,11 +219,11 @@ static double student(double freedom)
            (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * freedom * freedom);
 }
 
-static void print_rate(const struct bench *b, int k, int r)
+static void print_rate(const struct tally *t, int r)
 {
-    double n = b->seeds, mean = b->sum[k][r] / n;
-    double variance = fmax(b->squares[k][r] / n - mean * mean, 0.0) * n / (n - 1.0);
-    if (b->sum[k][r] == 0.0) { /* which says little of how far off that is */
+    double n = t->seeds, mean = t->sum[r] / n;
+    double variance = fmax(t->squares[r] / n - mean * mean, 0.0) * n / (n - 1.0);
+    if (t->sum[r] == 0.0) { /* which says little of how far off that is */
         printf("  %5.2f %11s", 0.0, "(none)");
         return;
     }
@@ -213,12 +235,15 @@ static void print_rate(const struct bench *b, int k, int r)
 
 static void print_case(const struct bench *b, const char *name)
 {
-    for (int k = 0; k < KINDS; k++) {
-        printf("%-13s %-10s %6.2f", name, kind_names[k], b->shape[k] / b->seeds);
+    for (int row = 0; row < STATES * KINDS; row++) {
+        int state = row / KINDS, k = row % KINDS;
+        const struct tally *t = &b->tally[state][k];
+        printf("%-12s %-5s %-9s %6.2f", name, state_names[state], kind_names[k],
+               t->shape / t->seeds);
         for (int r = 0; r < RATES; r++)
-            print_rate(b, k, r);
-        printf("   tail fitted %3.0f %%, %.1f us a cell\n",
-               100.0 * b->heavy[k] / b->seeds, 1e6 * b->seconds[k] / b->tested);
+            print_rate(t, r);
+        printf("   tail fitted %3.0f %%, %.1f us a cell\n", 100.0 * t->heavy / t->seeds,
+               1e6 * t->seconds / t->tested);
     }
     fflush(stdout);
 }
@@ -237,6 +262,9 @@ static int run_case(size_t c, unsigned seeds)
         fprintf(stderr, "bench_cfar: %s (%d)\n", why.text, err);
     else
         print_case(&b, cases[c].name);
+    for (int k = 0; k < KINDS; k++)
+        for (int r = 0; r < RATES; r++)
+            cfar_destroy(b.later[k][r]);
     unlink(b.path);
     return err;
 }
@@ -244,12 +272,12 @@ static int run_case(size_t c, unsigned seeds)
 int main(int argc, char **argv)
 {
     unsigned seeds = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 10) : 100;
-    int err = seeds < 2 ? -EINVAL : 0;
+    int err = seeds < LEARNING + 2 ? -EINVAL : 0;
 
     if (err)
-        fprintf(stderr, "usage: bench_cfar [SEEDS], from 2\n");
+        fprintf(stderr, "usage: bench_cfar [SEEDS], from %d\n", LEARNING + 2);
     else
-        printf("%u seeds %23s measured over set rate (95 %% confidence), at\n%31s", seeds,
+        printf("%u seeds %23s measured over set rate (95 %% confidence), at\n%34s", seeds,
                "", "shape");
     for (int r = 0; !err && r < RATES; r++)
         printf("  %5.0e            ", rates[r]);
