@@ -1,6 +1,5 @@
 #include "nodes/track/candidates.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "nodes/rt/objects.h"
@@ -9,9 +8,9 @@
 
 static struct ghost_source source_of(const Anlos__Detection *d)
 {
-    const Anlos__Vec3 *v = d->virtual_m;
+    const double virtual_m[3] = {d->virtual_m->x, d->virtual_m->y, d->virtual_m->z};
 
-    return (struct ghost_source){hypot(hypot(v->x, v->y), v->z), d->level_db};
+    return ghost_source_at(virtual_m, d->level_db);
 }
 
 static bool is_behind_a_wall(const struct sight *sight, const Anlos__Detection *d)
@@ -22,7 +21,8 @@ static bool is_behind_a_wall(const struct sight *sight, const Anlos__Detection *
 }
 
 size_t candidates_choose(Anlos__DetectionList *list, const struct sight *sight,
-                         const struct ghost_source *tracks, size_t n, double sidelobe_db)
+                         const struct ghost_array *array,
+                         const struct ghost_source *tracks, size_t n)
 {
     struct ghost_source seen[OBJECTS_MAX];
     size_t n_seen = list->n_detections, chosen = 0;
@@ -31,9 +31,8 @@ size_t candidates_choose(Anlos__DetectionList *list, const struct sight *sight,
         seen[i] = source_of(list->detections[i]);
     for (size_t i = 0; i < n_seen; i++) {
         Anlos__Detection *d = list->detections[i];
-        if (!is_behind_a_wall(sight, d) ||
-            ghosts_may_be(&seen[i], seen, n_seen, sidelobe_db) ||
-            ghosts_may_be(&seen[i], tracks, n, sidelobe_db))
+        if (!is_behind_a_wall(sight, d) || ghosts_may_be(array, &seen[i], seen, n_seen) ||
+            ghosts_may_be(array, &seen[i], tracks, n))
             continue;
         memmove(list->detections + chosen + 1, list->detections + chosen,
                 (i - chosen) * sizeof(Anlos__Detection *));

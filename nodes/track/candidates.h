@@ -10,6 +10,7 @@
 /* Brings them to the front of the list, in the order they had, and returns how many they
  * are.  tracks[n]: what is already tracked, as it is in this image. */
 size_t candidates_choose(Anlos__DetectionList *list, const struct sight *sight,
-                         const struct ghost_source *tracks, size_t n, double sidelobe_db);
+                         const struct ghost_array *array,
+                         const struct ghost_source *tracks, size_t n);
 
 #endif

@@ -4,12 +4,53 @@
 
 #define ABOUT_M 0.3 /* the depth of a person, and the length of a smear */
 
-bool ghosts_may_be(const struct ghost_source *what, const struct ghost_source *sources,
-                   size_t n, double margin_db)
+static void widen(const double (*at_m)[3], size_t n, double low[3], double high[3])
 {
     for (size_t i = 0; i < n; i++)
-        if (fabs(sources[i].range_m - what->range_m) <= ABOUT_M &&
-            sources[i].level_db - what->level_db >= margin_db)
+        for (int a = 0; a < 3; a++) {
+            low[a] = fmin(low[a], at_m[i][a]);
+            high[a] = fmax(high[a], at_m[i][a]);
+        }
+}
+
+void ghost_array_measure(struct ghost_array *array, const struct survey *s)
+{
+    double low[3] = {INFINITY, INFINITY, INFINITY};
+    double high[3] = {-INFINITY, -INFINITY, -INFINITY};
+
+    widen((const double(*)[3])s->speakers_m, s->n_speakers, low, high);
+    widen((const double(*)[3])s->microphones_m, s->n_microphones, low, high);
+    for (int a = 0; a < 3; a++)
+        array->half_m[a] = fmax(0.5 * (high[a] - low[a]), 0.0);
+}
+
+struct ghost_source ghost_source_at(const double virtual_m[3], double level_db)
+{
+    const double *v = virtual_m;
+    struct ghost_source s = {.range_m = hypot(hypot(v[0], v[1]), v[2]),
+                             .level_db = level_db};
+
+    for (int a = 0; a < 3 && s.range_m > 0.0; a++)
+        s.direction[a] = v[a] / s.range_m;
+    return s;
+}
+
+static double reach_m(const struct ghost_array *array, const struct ghost_source *a,
+                      const struct ghost_source *b)
+{
+    double m = ABOUT_M;
+
+    for (int i = 0; i < 3; i++)
+        m += array->half_m[i] * fabs(a->direction[i] - b->direction[i]);
+    return m;
+}
+
+bool ghosts_may_be(const struct ghost_array *array, const struct ghost_source *what,
+                   const struct ghost_source *sources, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (sources[i].level_db - what->level_db >= array->margin_db &&
+            fabs(sources[i].range_m - what->range_m) <= reach_m(array, &sources[i], what))
             return true;
     return false;
 }

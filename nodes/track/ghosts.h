@@ -1,21 +1,41 @@
 /* nodes/track/ghosts.h -- sidelobes of an array look like objects: fainter, and as far
  * away as what makes them, for an array tells ranges well and bearings badly.  What is
  * about as far as something so much louder, be it imaged beside it or a track that has
- * just left the image, is not tracked: an object that is there itself coasts past. */
+ * just left the image, is not tracked: an object that is there itself coasts past.
+ *
+ * How far that is depends on who listens: an element e off the middle of the array hears
+ * what is far away in direction u nearer by e u than the middle does, and in direction u'
+ * by e u'.  Its sidelobes in u' are off by e (u - u').  In focus the other elements
+ * cancel most of them; of what comes out from behind the end of the gate, only those
+ * that hear it nearest have it in theirs, and theirs are all there is. */
 #ifndef ANLOS_NODES_TRACK_GHOSTS_H
 #define ANLOS_NODES_TRACK_GHOSTS_H
 
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "msgs/survey.h"
+
 struct ghost_source {
-    double range_m; /* of its image, from the array */
+    double range_m;      /* of its image, from the array */
+    double direction[3]; /* there from the array, of length 1 */
     double level_db;
 };
 
-/* Is something of this range and level fainter than one of sources[n] at its range by
- * margin_db or more? */
-bool ghosts_may_be(const struct ghost_source *what, const struct ghost_source *sources,
-                   size_t n, double margin_db);
+struct ghost_array {
+    double half_m[3]; /* from its middle to its ends, along each axis of its frame */
+    double margin_db;
+};
+
+/* half_m of an array that stands, from its elements. */
+void ghost_array_measure(struct ghost_array *array, const struct survey *s);
+
+/* virtual_m: in the array frame, from its origin. */
+struct ghost_source ghost_source_at(const double virtual_m[3], double level_db);
+
+/* Is something fainter by margin_db or more than one of sources[n] that may be heard at
+ * its range? */
+bool ghosts_may_be(const struct ghost_array *array, const struct ghost_source *what,
+                   const struct ghost_source *sources, size_t n);
 
 #endif

@@ -222,8 +222,7 @@ static void place_tracks(struct tracking *t, const struct sight *sight,
             at_m[a] = k->position_m[a] + (a < 2 ? dt_s * k->velocity_m_s[a] : 0.0);
         ego_step_point(ego, at_m, at_m);
         sight_virtual(sight, told->wall, at_m, virtual_m);
-        t->sources[i] = (struct ghost_source){
-            hypot(hypot(virtual_m[0], virtual_m[1]), virtual_m[2]), told->level_db};
+        t->sources[i] = ghost_source_at(virtual_m, told->level_db);
     }
 }
 
@@ -262,9 +261,10 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
     double lag_s = timing_lag_s(&t->detector.survey, volume->pings_used, 0.0);
     place_tracks(t, sight, &scan.ego, fmax(dt_s, 0.0) + lag_s);
     place_array(t, sight, volume, capture_ns, &scan.array);
+    struct ghost_array array = {.margin_db = t->cfg.sidelobe_db};
+    ghost_array_measure(&array, &t->detector.survey);
     if (shows_hidden(t, volume))
-        scan.n =
-            candidates_choose(list, sight, t->sources, t->n_reports, t->cfg.sidelobe_db);
+        scan.n = candidates_choose(list, sight, &array, t->sources, t->n_reports);
     for (size_t i = 0; i < scan.n; i++)
         take_detection(t, sight, volume, &scan.array, list->detections[i],
                        &t->detections[i]);

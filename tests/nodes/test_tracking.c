@@ -350,15 +350,64 @@ static void until_a_wall_is_found_nothing_hides(void **state)
     assert_near(r->list->detections[0]->position_m->x, 1.6 - 2.0, 0.05);
 }
 
+/* In the plane, at an angle from straight ahead. */
+static struct ghost_source ghost_at(double angle, double range_m, double level_db)
+{
+    const double at_m[3] = {range_m * sin(angle), 0.0, range_m * cos(angle)};
+
+    return ghost_source_at(at_m, level_db);
+}
+
+static bool is_ghost(const struct ghost_array *array, struct ghost_source what,
+                     struct ghost_source loud)
+{
+    return ghosts_may_be(array, &what, &loud, 1);
+}
+
 static void only_what_is_fainter_and_as_far_may_be_a_sidelobe(void **state)
 {
-    const struct ghost_source loud = {3.0, 30.0};
+    static const struct ghost_array point = {.margin_db = 6.0};
+    const struct ghost_source loud = ghost_at(0.0, 3.0, 30.0);
 
     (void)state;
-    assert_true(ghosts_may_be(&(struct ghost_source){3.2, 23.0}, &loud, 1, 6.0));
-    assert_false(ghosts_may_be(&(struct ghost_source){3.2, 25.0}, &loud, 1, 6.0));
-    assert_false(ghosts_may_be(&(struct ghost_source){3.4, 10.0}, &loud, 1, 6.0));
-    assert_false(ghosts_may_be(&loud, &loud, 1, 6.0));
+    assert_true(is_ghost(&point, ghost_at(0.5, 3.2, 23.0), loud));
+    assert_false(is_ghost(&point, ghost_at(0.5, 3.2, 25.0), loud));
+    assert_false(is_ghost(&point, ghost_at(0.5, 3.4, 10.0), loud));
+    assert_false(is_ghost(&point, loud, loud));
+}
+
+/* The end of an array of 1 m hears what is 4 m away at 45 degrees 0.35 m nearer than the
+ * middle does, and so as far away as what is straight ahead at 3.65 m; smears add 0.3 m.
+ * Nothing of that is seen along a line of sight, nor across the array's own line. */
+static void the_ends_of_an_array_hear_other_ranges(void **state)
+{
+    static const struct ghost_array line = {.half_m = {0.5}, .margin_db = 6.0},
+                                    upright = {.half_m = {0.0, 0.5}, .margin_db = 6.0};
+    const struct ghost_source loud = ghost_at(M_PI_4, 4.0, 30.0);
+
+    (void)state;
+    assert_true(is_ghost(&line, ghost_at(0.0, 3.37, 20.0), loud));
+    assert_false(is_ghost(&line, ghost_at(0.0, 3.33, 20.0), loud));
+    assert_true(is_ghost(&line, ghost_at(-M_PI_4, 3.02, 20.0), loud));
+    assert_false(is_ghost(&line, ghost_at(-M_PI_4, 2.97, 20.0), loud));
+    assert_false(is_ghost(&line, ghost_at(M_PI_4, 3.67, 20.0), loud));
+    assert_false(is_ghost(&upright, ghost_at(0.0, 3.67, 20.0), loud));
+    assert_false(is_ghost(&line, ghost_at(0.0, 3.37, 25.0), loud));
+}
+
+/* 4 cm by 24 cm, in its scene's file. */
+static void an_array_reaches_from_element_to_element(void **state)
+{
+    struct rig *r = *state;
+    struct ghost_array array = {.margin_db = 6.0};
+    struct survey survey;
+
+    assert_int_equal(survey_from_message(&survey, r->scene.survey, NULL), 0);
+    ghost_array_measure(&array, &survey);
+    assert_near(array.half_m[0], 0.02, 1e-6);
+    assert_near(array.half_m[1], 0.12, 1e-6);
+    assert_near(array.half_m[2], 0.0, 1e-6);
+    survey_clear(&survey);
 }
 
 /* 16 pings of 24 ms began 180 ms before the stamp on average; a chirp of 20 ms up to
@@ -424,6 +473,8 @@ int main(void)
         TEST(until_a_wall_is_found_nothing_hides),
         TEST(what_hides_is_heard_from_where_the_mirrored_array_stands),
         cmocka_unit_test(only_what_is_fainter_and_as_far_may_be_a_sidelobe),
+        cmocka_unit_test(the_ends_of_an_array_hear_other_ranges),
+        TEST(an_array_reaches_from_element_to_element),
         cmocka_unit_test(images_tell_of_instants_of_their_own),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
