@@ -22,6 +22,7 @@ void ghost_array_measure(struct ghost_array *array, const struct survey *s)
     widen((const double(*)[3])s->microphones_m, s->n_microphones, low, high);
     for (int a = 0; a < 3; a++)
         array->half_m[a] = fmax(0.5 * (high[a] - low[a]), 0.0);
+    array->gate_m = s->gate_m[1];
 }
 
 struct ghost_source ghost_source_at(const double virtual_m[3], double level_db)
@@ -35,14 +36,17 @@ struct ghost_source ghost_source_at(const double virtual_m[3], double level_db)
     return s;
 }
 
-static double reach_m(const struct ghost_array *array, const struct ghost_source *a,
-                      const struct ghost_source *b)
+/* How far it may be from a source's range. */
+static double reach_m(const struct ghost_array *array, const struct ghost_source *source,
+                      const struct ghost_source *what)
 {
-    double m = ABOUT_M;
+    double farthest_m = source->range_m, off_m = 0.0;
 
-    for (int i = 0; i < 3; i++)
-        m += array->half_m[i] * fabs(a->direction[i] - b->direction[i]);
-    return m;
+    for (int a = 0; a < 3; a++) {
+        farthest_m += array->half_m[a] * fabs(source->direction[a]);
+        off_m += array->half_m[a] * fabs(source->direction[a] - what->direction[a]);
+    }
+    return farthest_m > array->gate_m ? ABOUT_M + off_m : ABOUT_M;
 }
 
 bool ghosts_may_be(const struct ghost_array *array, const struct ghost_source *what,

@@ -5,9 +5,8 @@
  *
  * How far that is depends on who listens: an element e off the middle of the array hears
  * what is far away in direction u nearer by e u than the middle does, and in direction u'
- * by e u'.  Its sidelobes in u' are off by e (u - u').  In focus the other elements
- * cancel most of them; of what comes out from behind the end of the gate, only those
- * that hear it nearest have it in theirs, and theirs are all there is. */
+ * by e u'.  Its sidelobes in u' are off by e (u - u').  The other elements cancel most of
+ * them, but what comes out from behind the end of the gate is not heard by all. */
 #ifndef ANLOS_NODES_TRACK_GHOSTS_H
 #define ANLOS_NODES_TRACK_GHOSTS_H
 
@@ -24,10 +23,11 @@ struct ghost_source {
 
 struct ghost_array {
     double half_m[3]; /* from its middle to its ends, along each axis of its frame */
+    double gate_m;    /* where it ends */
     double margin_db;
 };
 
-/* half_m of an array that stands, from its elements. */
+/* half_m of an array without a stage, from its elements, and gate_m. */
 void ghost_array_measure(struct ghost_array *array, const struct survey *s);
 
 /* virtual_m: in the array frame, from its origin. */

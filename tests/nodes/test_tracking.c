@@ -378,11 +378,14 @@ static void only_what_is_fainter_and_as_far_may_be_a_sidelobe(void **state)
 
 /* The end of an array of 1 m hears what is 4 m away at 45 degrees 0.35 m nearer than the
  * middle does, and so as far away as what is straight ahead at 3.65 m; smears add 0.3 m.
- * Nothing of that is seen along a line of sight, nor across the array's own line. */
+ * Nothing of that is seen along a line of sight, nor across the array's own line, nor
+ * where the gate ends so far away (4.35 m) that the other end hears it too. */
 static void the_ends_of_an_array_hear_other_ranges(void **state)
 {
-    static const struct ghost_array line = {.half_m = {0.5}, .margin_db = 6.0},
-                                    upright = {.half_m = {0.0, 0.5}, .margin_db = 6.0};
+    static const struct ghost_array
+        line = {.half_m = {0.5}, .gate_m = 4.3, .margin_db = 6.0},
+        upright = {.half_m = {0.0, 0.5}, .gate_m = 3.9, .margin_db = 6.0},
+        deep = {.half_m = {0.5}, .gate_m = 4.4, .margin_db = 6.0};
     const struct ghost_source loud = ghost_at(M_PI_4, 4.0, 30.0);
 
     (void)state;
@@ -392,6 +395,7 @@ static void the_ends_of_an_array_hear_other_ranges(void **state)
     assert_false(is_ghost(&line, ghost_at(-M_PI_4, 2.97, 20.0), loud));
     assert_false(is_ghost(&line, ghost_at(M_PI_4, 3.67, 20.0), loud));
     assert_false(is_ghost(&upright, ghost_at(0.0, 3.67, 20.0), loud));
+    assert_false(is_ghost(&deep, ghost_at(0.0, 3.67, 20.0), loud));
     assert_false(is_ghost(&line, ghost_at(0.0, 3.37, 25.0), loud));
 }
 
@@ -407,6 +411,7 @@ static void an_array_reaches_from_element_to_element(void **state)
     assert_near(array.half_m[0], 0.02, 1e-6);
     assert_near(array.half_m[1], 0.12, 1e-6);
     assert_near(array.half_m[2], 0.0, 1e-6);
+    assert_near(array.gate_m, 1.8, 1e-6);
     survey_clear(&survey);
 }
 
