@@ -5,9 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/tensor.h"
 #include "nodes/rt/vehicle_frame.h"
-#include "nodes/rt/processing.h"
+#include "nodes/wall/receiver.h"
 
 #define PEAKS 6 /* of a trace */
 #define CLEARANCE_M                                                                      \
@@ -15,7 +14,6 @@
 #define THRESHOLD_DB 15.0 /* above the noise of the trace */
 #define RANGE_DB     20.0 /* below its strongest echo */
 #define PAIRS_MOST   2048 /* of a scan: more places are passed over */
-#define BEFORE_S     5e-4 /* of the next emission: its sidelobes */
 #define GROUND_M     0.05 /* a mount lower than this does not say where the ground is */
 
 struct heard {     /* a ping's echoes, as it stood */
@@ -26,15 +24,9 @@ struct heard {     /* a ping's echoes, as it stood */
 struct listener {
     struct listener_config cfg;
     const struct survey *survey;
-    uint64_t survey_id;
-    struct processing processing;
-    struct pulse_compress *compress[2]; /* up, down; the latter NULL: there are none */
-    struct trace_format format;
+    struct receiver receiver;
     struct wall_estimate_config estimate;
-    double lag_s[2];
-    float *padded;         /* [n_microphones][ping_samples] */
-    float complex *traces; /* [n_microphones][format.n_samples] */
-    size_t stride;         /* of positions */
+    size_t stride; /* of positions */
 
     bool looking;
     int64_t look_ns; /* when the newest look began */
@@ -46,52 +38,6 @@ struct listener {
     struct wall_echo *echoes, *moved; /* [room_echoes] */
     size_t unusable;
 };
-
-static double longest_direct_m(const struct survey *s)
-{
-    double longest = 0.0;
-    for (size_t j = 0; j < s->n_speakers; j++)
-        for (size_t i = 0; i < s->n_microphones; i++)
-            longest =
-                fmax(longest, geometry_distance(s->speakers_m[j], s->microphones_m[i]));
-    return longest;
-}
-
-/* From the emission on, as far as walls are looked for and the ping holds whole chirps.
- */
-static int plan(struct listener *l, struct complaint *why)
-{
-    const struct survey *s = l->survey;
-    int err = processing_plan(&l->processing, s, why);
-    if (err)
-        return err;
-    struct processing *p = &l->processing;
-    double whole_s = ((double)p->ping_samples - s->latency_samples) / s->sample_rate_hz -
-                     s->chirp_duration_s;
-    double path_m = 2.0 * l->cfg.reach_m + longest_direct_m(s);
-    p->gate_s[0] = 0.0;
-    if (s->n_speakers > 1) /* then the next one is heard directly */
-        whole_s = fmin(whole_s, (double)s->slot_samples / s->sample_rate_hz - BEFORE_S);
-    p->gate_s[1] = fmin(path_m / s->sound_speed_m_s, whole_s);
-    if (!(p->gate_s[1] > 0.0))
-        return complain(why, -EINVAL,
-                        "slot_samples: pings of %zu samples hold no echo of a wall whole",
-                        p->ping_samples);
-    struct survey down = *s; /* borrows: only for the chirp */
-    down.chirp_start_hz = s->chirp_stop_hz;
-    down.chirp_stop_hz = s->chirp_start_hz;
-    err = processing_compressor(&l->compress[0], p, s, WINDOW_HANN, why);
-    if (!err && s->chirp_alternates)
-        err = processing_compressor(&l->compress[1], p, &down, WINDOW_HANN, why);
-    if (err)
-        return err;
-    pulse_compress_format(l->compress[0], &l->format);
-    for (int k = 0; k < 2 && !s->n_replica; k++) {
-        const struct chirp chirp = processing_chirp(k ? &down : s);
-        l->lag_s[k] = wall_echo_lag_s(&chirp);
-    }
-    return 0;
-}
 
 static void configure_estimate(struct listener *l)
 {
@@ -120,12 +66,10 @@ static int allocate(struct listener *l)
     positions = (positions + l->stride - 1) / l->stride;
     l->room_pings = positions * s->n_speakers;
     l->room_echoes = positions * pairs * PEAKS;
-    l->padded = calloc(s->n_microphones * l->processing.ping_samples, sizeof *l->padded);
-    l->traces = calloc(s->n_microphones * l->format.n_samples, sizeof *l->traces);
     l->pings = calloc(l->room_pings, sizeof *l->pings);
     l->echoes = calloc(l->room_echoes, sizeof *l->echoes);
     l->moved = calloc(l->room_echoes, sizeof *l->moved);
-    return l->padded && l->traces && l->pings && l->echoes && l->moved ? 0 : -ENOMEM;
+    return l->pings && l->echoes && l->moved ? 0 : -ENOMEM;
 }
 
 int listener_create(struct listener **out, const struct listener_config *cfg,
@@ -140,8 +84,7 @@ int listener_create(struct listener **out, const struct listener_config *cfg,
         return complain(why, -ENOMEM, "not enough memory to look for walls");
     l->cfg = *cfg;
     l->survey = s;
-    l->survey_id = survey_id(s);
-    int err = plan(l, why);
+    int err = receiver_open(&l->receiver, s, cfg->reach_m, CLEARANCE_M, why);
     if (!err) {
         configure_estimate(l);
         err = allocate(l);
@@ -159,10 +102,7 @@ void listener_destroy(struct listener *l)
 {
     if (!l)
         return;
-    pulse_compress_destroy(l->compress[0]);
-    pulse_compress_destroy(l->compress[1]);
-    free(l->padded);
-    free(l->traces);
+    receiver_clear(&l->receiver);
     free(l->pings);
     free(l->echoes);
     free(l->moved);
@@ -179,30 +119,6 @@ static void forget(struct listener *l)
     l->n_pings = l->n_echoes = l->n_pairs = l->n_here = 0;
 }
 
-static bool compress(struct listener *l, const Anlos__Ping *ping)
-{
-    size_t extents[2], need = l->processing.ping_samples;
-    const float *x = ping->samples ? tensor_f32(ping->samples, 2, extents) : NULL;
-    struct pulse_compress *pc = l->compress[ping->down ? 1 : 0];
-    if (!x || !pc || !ping->valid || ping->survey_id != l->survey_id ||
-        extents[0] != l->survey->n_microphones ||
-        ping->n_not_finite != l->survey->n_microphones ||
-        ping->position >= l->survey->n_positions ||
-        ping->speaker >= l->survey->n_speakers)
-        return false;
-    size_t n = extents[1];
-    if (n < need) {
-        for (size_t m = 0; m < extents[0]; m++) {
-            memcpy(l->padded + m * need, x + m * n, n * sizeof *x);
-            memset(l->padded + m * need + n, 0, (need - n) * sizeof *x);
-        }
-        x = l->padded;
-        n = need;
-    }
-    pulse_compress_execute(pc, x, n, l->traces);
-    return true;
-}
-
 /* The echoes of one microphone; a silent one does not count as a pair. */
 static void pick(struct listener *l, const Anlos__Ping *ping, size_t microphone)
 {
@@ -211,7 +127,7 @@ static void pick(struct listener *l, const Anlos__Ping *ping, size_t microphone)
                           .speaker = ping->speaker,
                           .microphone = (uint32_t)microphone,
                           .place = ping->position,
-                          .lag_s = l->lag_s[ping->down ? 1 : 0]};
+                          .lag_s = l->receiver.lag_s[ping->down ? 1 : 0]};
     struct geometry g;
     processing_geometry(&g, l->survey);
     geometry_speaker(&g, ping->position, ping->speaker, e.speaker_m);
@@ -219,10 +135,11 @@ static void pick(struct listener *l, const Anlos__Ping *ping, size_t microphone)
     double direct_m = geometry_distance(e.speaker_m, e.microphone_m);
     const double path_m[2] = {direct_m + CLEARANCE_M,
                               fmin(2.0 * l->cfg.reach_m + direct_m,
-                                   l->processing.gate_s[1] * l->survey->sound_speed_m_s)};
-    size_t n = wall_echo_peaks(&l->format, l->traces + microphone * l->format.n_samples,
-                               g.sound_speed_m_s, path_m, THRESHOLD_DB, RANGE_DB, peaks,
-                               PEAKS);
+                                   l->receiver.until_s * l->survey->sound_speed_m_s)};
+    size_t n =
+        wall_echo_peaks(&l->receiver.format,
+                        l->receiver.traces + microphone * l->receiver.format.n_samples,
+                        g.sound_speed_m_s, path_m, THRESHOLD_DB, RANGE_DB, peaks, PEAKS);
     double loudest = 0.0;
     for (size_t k = 0; k < n; k++)
         loudest = fmax(loudest, peaks[k].amplitude);
@@ -251,7 +168,8 @@ static void hear(struct listener *l, const Anlos__Ping *ping, int64_t capture_ns
                         .first = l->n_echoes};
     for (size_t m = 0; m < s->n_microphones; m++)
         if (!ping->not_finite[m] &&
-            !is_silent(l->traces + m * l->format.n_samples, l->format.n_samples))
+            !is_silent(l->receiver.traces + m * l->receiver.format.n_samples,
+                       l->receiver.format.n_samples))
             pick(l, ping, m);
     h->n = l->n_echoes - h->first;
 }
@@ -333,7 +251,7 @@ bool listener_ping(struct listener *l, const Anlos__Ping *ping, int64_t capture_
     begin(l, ping, capture_ns);
     if (!l->looking || ping->position % l->stride || l->n_pings == l->room_pings)
         return false;
-    if (compress(l, ping))
+    if (receiver_take(&l->receiver, ping))
         hear(l, ping, capture_ns);
     else
         l->unusable++;

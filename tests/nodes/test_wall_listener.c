@@ -1,3 +1,4 @@
+#include <errno.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -185,6 +186,97 @@ static void a_scan_hears_both_turns_of_a_wall(void **state)
     close_hall(&h);
 }
 
+#define BESIDE                                                                           \
+    "array: bumper\ntemperature_c: 20\nseed: 3\nlevel: 0.03\ndirect_level: 0.3\n"        \
+    "objects: [{name: p, kind: point, position_m: [0, 0.3, 0.2], "                       \
+    "scattering_length_m: 0.05}]\ntogether: 2\n"
+
+/* A round of two speakers at a time, each slot with what rings on of the one before; the
+ * walls that are heard. */
+static void hear_two_at_a_time(const char *wall, double chirp_s,
+                               struct wall_estimates *found)
+{
+    char text[1024];
+    struct hall h;
+    struct room_stream *stream;
+    uint32_t speakers[16];
+    snprintf(text, sizeof text,
+             BESIDE ROOM "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: %g, "
+                         "alternates: true}\n"
+                         "wall: {%s}\n"
+                         "wall_sound: {reflectivity: 0.9, echo: 0.7}\n",
+             chirp_s, wall);
+    open_hall(&h, text, &config);
+    for (uint32_t k = 0; k < 16; k++)
+        speakers[k] = k;
+    const struct room_stream_config cfg = {
+        .pass = ANLOS__PASS__SCENE, .speakers = speakers, .n_speakers = 16};
+    assert_int_equal(room_stream_create(&stream, h.scene.room, &cfg), 0);
+    for (uint32_t k = 0; k < 16; k++) {
+        Anlos__Ping ping;
+        const float *samples;
+        bool blind;
+        scene_ping(&h.scene, ANLOS__PASS__SCENE, 0, k, &ping);
+        assert_int_equal(room_stream_ping(stream, k, &samples), 0);
+        ping.samples =
+            tensor_borrow_f32(&h.scene.view, samples, 2, (size_t)16, h.scene.n_samples);
+        ping.down = k % 2;
+        double t = (double)room_stream_start(stream, k) / h.survey.sample_rate_hz;
+        assert_int_equal(listener_ping(h.listener, &ping, SECOND + (int64_t)(1e9 * t),
+                                       NULL, found, &blind),
+                         k == 15);
+    }
+    room_stream_destroy(stream);
+    close_hall(&h);
+}
+
+/* 1 m away, 45 degrees aside; 2.2 m, straight ahead; 3 m, 20 degrees aside. */
+static void two_speakers_at_a_time_hear_the_wall_as_one_does(void **state)
+{
+    (void)state;
+    static const char *const walls[] = {
+        "normal: [-0.707106781, 0, 0.707106781], distance_m: 1",
+        "normal: [0, 0, 1], distance_m: 2.2",
+        "normal: [0.342020143, 0, 0.939692621], distance_m: 3"};
+    static const double truth[][2] = {{-45, 1}, {0, 2.2}, {20, 3}};
+    for (size_t i = 0; i < 3; i++) {
+        struct wall_estimates found = {.n = 0};
+        hear_two_at_a_time(walls[i], 0.02, &found);
+        assert_int_equal(found.n, 1);
+        const struct wall *w = &found.list[0].wall;
+        assert_near(atan2(w->normal[0], w->normal[2]) * 180 / M_PI, truth[i][0], 0.2);
+        assert_near(w->distance_m, truth[i][1], 0.002);
+    }
+}
+
+static void two_short_chirps_at_a_time_hear_the_wall_too(void **state)
+{
+    (void)state;
+    struct wall_estimates found = {.n = 0};
+    hear_two_at_a_time("normal: [0, 0, 1], distance_m: 2.2", 0.01, &found);
+    assert_int_equal(found.n, 1);
+    assert_near(found.list[0].wall.distance_m, 2.2, 0.002);
+}
+
+/* The slot before still sounds then. */
+static void two_chirps_longer_than_their_slot_are_refused(void **state)
+{
+    (void)state;
+    struct hall h;
+    struct listener *listener = NULL;
+    struct complaint why = {""};
+    open_hall(&h, BUMPER "gate_m: [0.5, 3]\nwall: {normal: [0, 0, 1], distance_m: 1.3}\n",
+              &config);
+    h.survey.chirp_alternates = true;
+    h.survey.together = 2;
+    h.survey.slot_samples = 900;
+    assert_int_equal(survey_check(&h.survey, &why), 0);
+    assert_int_equal(listener_create(&listener, &config, &h.survey, &why), -EINVAL);
+    assert_null(listener);
+    assert_non_null(strstr(why.text, "use longer slots"));
+    close_hall(&h);
+}
+
 /* The vehicle comes nearer by up to 2 m/s; the room tells where the wall is then. */
 static void a_moving_array_hears_the_wall_where_it_is_now(void **state)
 {
@@ -275,6 +367,9 @@ int main(void)
         cmocka_unit_test(pings_that_cannot_be_used_are_counted),
         cmocka_unit_test(a_scan_hears_both_turns_of_a_wall),
         cmocka_unit_test(a_moving_array_hears_the_wall_where_it_is_now),
+        cmocka_unit_test(two_speakers_at_a_time_hear_the_wall_as_one_does),
+        cmocka_unit_test(two_short_chirps_at_a_time_hear_the_wall_too),
+        cmocka_unit_test(two_chirps_longer_than_their_slot_are_refused),
         cmocka_unit_test(a_look_without_ego_motion_is_blind),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
