@@ -9,10 +9,11 @@
 #include "recon/imager.h"
 #include "recon/probe_place.h"
 
-#define LOOK_TOP   0.45 /* of the band's top: waves are the cube of it */
-#define LOOK_STEP  0.5  /* of a point's width in that band */
-#define SCALLOP_DB 6.0  /* that a peak may lose between coarse voxels */
-#define MARGIN_M   0.06 /* of depth kept around what holds something */
+#define LOOK_TOP     0.45 /* of the band's top: waves are the cube of it */
+#define LOOK_STEP    0.5  /* of a point's width in that band */
+#define LOOK_COARSER 4.0  /* times the steps of an axis without aperture */
+#define SCALLOP_DB   6.0  /* that a peak may lose between coarse voxels */
+#define MARGIN_M     0.06 /* of depth kept around what holds something */
 
 struct probing {
     struct probe *out;
@@ -35,7 +36,9 @@ void probe_view(const struct trace_set *s, const struct grid *fine, double band_
     *out = *fine;
     for (int a = 0; a < 3; a++) {
         double extent_m = fine->step_m[a] * (double)(fine->n[a] - 1);
-        double step_m = fmax(fine->step_m[a], fmin(LOOK_STEP * width_m[a], extent_m));
+        double wide_m = isfinite(width_m[a]) ? LOOK_STEP * width_m[a]
+                                             : LOOK_COARSER * fine->step_m[a];
+        double step_m = fmax(fine->step_m[a], fmin(wide_m, extent_m));
         double steps = ceil(extent_m / step_m - 1e-6);
         out->n[a] = (size_t)steps + 1;
         if (steps > 0.0)
