@@ -17,9 +17,10 @@ static inline size_t grid_size(const struct grid *g)
     return g->n[0] * g->n[1] * g->n[2];
 }
 
+/* Of a voxel of [n[2]][n[1]][n[0]]: its number along x, y, z. */
 void grid_place(const struct grid *g, size_t voxel, size_t at[3]);
 
-/* In the 26 directions; returns how many there are. */
+/* The voxels beside one, in 26 directions; returns how many there are. */
 size_t grid_neighbours(const struct grid *g, size_t voxel, size_t out[26]);
 
 /* The grid when none is asked for: the aperture grown by a margin, the gate in depth, the

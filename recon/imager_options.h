@@ -19,7 +19,7 @@ struct imager_options {
     double snr_db;         /* lct: of the Wiener filter */
     int dmo;               /* fast: dip moveout, 1 always, 0 never, -1 where it matters */
     double sharpen;        /* fast: recon/fk.h */
-    bool taper;            /* fast: the same; not set by name */
+    bool taper;            /* fast: the same, of recon/probe alone; not set by name */
     int lightcone;         /* paper: 1 always, 0 never, -1 unless it sees a mirror */
     double coherence;      /* backprojection: exponent of the coherence factor; 0: off */
 

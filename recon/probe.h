@@ -43,8 +43,9 @@ struct probe {
  * stands half way to its edge in x and y, in the middle of its depth.  0, -ENOMEM. */
 int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid);
 
-/* What of an image on grid a look at it makes: the lower half of the band, which is an
- * eighth of the work, by steps that are fine enough for that. */
+/* What a look makes of an image on grid: band_hz, the band of the traces up to 0.45 of
+ * its top (waves are the cube of it, so a tenth of the work), and in *out the same extent
+ * by steps that suit points as wide as that band leaves them. */
 void probe_view(const struct trace_set *set, const struct grid *grid, double band_hz[2],
                 struct grid *out);
 

@@ -1,7 +1,8 @@
 #include "nodes/launcher/tracks.h"
 
 #include <errno.h>
-#include <jansson.h>
+
+#include "nodes/launcher/results_file.h"
 
 static double number(const json_t *track, const char *name)
 {
@@ -46,22 +47,16 @@ static void print_table(const json_t *drive, const json_t *tracks, FILE *to)
 int tracks_print(const char *folder, FILE *to, struct complaint *why)
 {
     char path[4096];
-    json_error_t error;
+    json_t *root;
+    int err = results_file_load(&root, folder, "report.json", path, sizeof path, why);
 
-    if (snprintf(path, sizeof path, "%s/report.json", folder) >= (int)sizeof path)
-        return complain(why, -EINVAL, "%s: the name is too long", folder);
-    json_t *root = json_load_file(path, 0, &error);
-    if (!root)
-        return complain(why,
-                        json_error_code(&error) == json_error_cannot_open_file ? -ENOENT
-                                                                               : -EINVAL,
-                        "%s: %s", path, error.text);
+    if (err)
+        return err;
     const json_t *drive = json_object_get(root, "drive");
     const json_t *tracks = json_object_get(drive, "tracks");
-    int err = json_is_array(tracks)
-                  ? 0
-                  : complain(why, -ENODATA, "%s: nothing of tracks is in it", path);
-    if (!err)
+    if (!json_is_array(tracks))
+        err = complain(why, -ENODATA, "%s: nothing of tracks is in it", path);
+    else
         print_table(drive, tracks, to);
     json_decref(root);
     return err;

@@ -1,11 +1,11 @@
 #include "nodes/launcher/truth.h"
 
 #include <errno.h>
-#include <jansson.h>
 #include <math.h>
 #include <string.h>
 
 #include "hal/room/room.h"
+#include "nodes/launcher/results_file.h"
 #include "recon/geometry.h"
 
 static int read_position(const json_t *list, double out[3])
@@ -45,18 +45,13 @@ static int read_list(struct truth *t, const json_t *root)
 int truth_read_detections(struct truth *t, const char *folder, struct complaint *why)
 {
     char path[4096];
-    json_error_t error;
+    json_t *root;
 
     t->n_detections = 0;
-    if (snprintf(path, sizeof path, "%s/detections.json", folder) >= (int)sizeof path)
-        return complain(why, -EINVAL, "%s: the name is too long", folder);
-    json_t *root = json_load_file(path, 0, &error);
-    if (!root)
-        return complain(why,
-                        json_error_code(&error) == json_error_cannot_open_file ? -ENOENT
-                                                                               : -EINVAL,
-                        "%s: %s", path, error.text);
-    int err = read_list(t, root);
+    int err = results_file_load(&root, folder, "detections.json", path, sizeof path, why);
+    if (err)
+        return err;
+    err = read_list(t, root);
     json_decref(root);
     if (err)
         return complain(why, err, "%s: is not a list of detections", path);

@@ -196,10 +196,9 @@ static void it_is_predicted_and_then_deleted(void **state)
     assert_int_equal(r->list->n_detections, 0);
 }
 
-/* The vehicle drives 0.8 m/s towards what stands over ground. */
-static void what_stands_is_seen_to_stand_from_a_vehicle_that_moves(void **state)
+/* One wall across the array's view, number 7, or none. */
+static void tell_wall(struct rig *r, size_t n, double distance_m, int64_t stamp_ns)
 {
-    struct rig *r = *state;
     Anlos__WallList walls = ANLOS__WALL_LIST__INIT;
     Anlos__Wall wall = ANLOS__WALL__INIT, *list[1] = {&wall};
     Anlos__Vec3 normal = ANLOS__VEC3__INIT;
@@ -207,12 +206,20 @@ static void what_stands_is_seen_to_stand_from_a_vehicle_that_moves(void **state)
     normal.z = 1.0;
     wall.normal = &normal;
     wall.id = 7;
-    wall.distance_m = 1.6;
+    wall.distance_m = distance_m;
     wall.gate_far_m = 10.0;
     walls.walls = list;
-    walls.n_walls = 1;
+    walls.n_walls = n;
+    assert_int_equal(tracking_walls(r->tracking, &walls, stamp_ns, NULL), 0);
+}
+
+/* The vehicle drives 0.8 m/s towards what stands over ground. */
+static void what_stands_is_seen_to_stand_from_a_vehicle_that_moves(void **state)
+{
+    struct rig *r = *state;
+
     /* Told once, at the beginning: it comes nearer by itself. */
-    assert_int_equal(tracking_walls(r->tracking, &walls, BEGIN_NS, NULL), 0);
+    tell_wall(r, 1, 1.6, BEGIN_NS);
     for (int k = 0; k < 8; k++) {
         for (int i = 0; i < 13; i++)
             tell_motion(r, r->stamp_ns - FRAME_NS + 20000000 * i, 0.8);
@@ -326,20 +333,10 @@ static void the_wall_itself_is_not_tracked(void **state)
 static void until_a_wall_is_found_nothing_hides(void **state)
 {
     struct rig *r = *state;
-    Anlos__WallList walls = ANLOS__WALL_LIST__INIT;
-    Anlos__Wall wall = ANLOS__WALL__INIT, *list[1] = {&wall};
-    Anlos__Vec3 normal = ANLOS__VEC3__INIT;
 
-    normal.z = 1.0;
-    wall.normal = &normal;
-    wall.id = 1;
-    wall.distance_m = 0.8;
-    wall.gate_far_m = 10.0;
-    walls.walls = list;
     r->volume.standing_left = true;
     for (int found = 0; found < 2; found++) {
-        walls.n_walls = (size_t)found;
-        assert_int_equal(tracking_walls(r->tracking, &walls, r->stamp_ns, NULL), 0);
+        tell_wall(r, (size_t)found, 0.8, r->stamp_ns);
         for (int k = 0; k < 8; k++) {
             add(r, -1.2 + 0.3 * k, 2.0, 1.0);
             image(r);

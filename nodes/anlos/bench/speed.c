@@ -141,6 +141,19 @@ static bool is_affordable(struct bench_result *out, const struct speed *s,
     return false;
 }
 
+/* false: it is to take as long as `fast`, which was not run, and *out says so. */
+static bool has_budget(struct bench_result *out, const struct bench_scene *scene,
+                       const struct bench_case *c)
+{
+    if (!c->in_time_of_fast || c->budget_s > 0.0)
+        return true;
+    *out = (struct bench_result){.c = *c, .state = BENCH_SKIPPED};
+    memcpy(out->scene, scene->name, sizeof out->scene);
+    snprintf(out->note, sizeof out->note,
+             "skipped: no time of fast; name it before auto in --methods");
+    return false;
+}
+
 static int run_cases(struct speed *s, const struct bench_scene *scene,
                      const struct bench_case *cases, size_t n, struct complaint *why)
 {
@@ -148,7 +161,7 @@ static int run_cases(struct speed *s, const struct bench_scene *scene,
     int err = 0;
     for (size_t i = 0; !err && i < n; i++) {
         struct bench_result r;
-        if (is_affordable(&r, s, scene, &cases[i]))
+        if (has_budget(&r, scene, &cases[i]) && is_affordable(&r, s, scene, &cases[i]))
             err = bench_case_run(&r, scene, &cases[i], patience_s, why);
         if (!err)
             err = bench_results_add(&s->results, &r, why);
@@ -160,21 +173,15 @@ static int run_cases(struct speed *s, const struct bench_scene *scene,
     return err;
 }
 
-/* What is to take as long as `fast`, which comes before `auto` in the list of methods;
- * without it there is nothing to compare.  Returns how many are left. */
-static size_t settle_budgets(const struct speed *s, const char *scene,
-                             struct bench_case *cases, size_t n)
+/* What is to take as long as `fast` does, which comes before it in the list of methods.
+ */
+static void settle_budgets(const struct speed *s, const char *scene,
+                           struct bench_case *cases, size_t n)
 {
     const struct bench_result *fast = bench_results_fast(&s->results, scene);
-    size_t left = 0;
-    for (size_t i = 0; i < n; i++) {
-        struct bench_case c = cases[i];
-        if (c.in_time_of_fast && fast)
-            c.budget_s = fast->cost.plan_s + fast->cost.total_s;
-        if (!c.in_time_of_fast || fast)
-            cases[left++] = c;
-    }
-    return left;
+    for (size_t i = 0; fast && i < n; i++)
+        if (cases[i].in_time_of_fast)
+            cases[i].budget_s = fast->cost.plan_s + fast->cost.total_s;
 }
 
 static int run_scene(struct speed *s, const char *name, bool growth,
@@ -188,7 +195,8 @@ static int run_scene(struct speed *s, const char *name, bool growth,
         return err;
     for (const char *m = s->methods; !err && *m; m += strlen(m) + 1) {
         size_t n = bench_plan(cases, m, o->threads, o->quick);
-        err = run_cases(s, &scene, cases, settle_budgets(s, scene.name, cases, n), why);
+        settle_budgets(s, scene.name, cases, n);
+        err = run_cases(s, &scene, cases, n, why);
     }
     if (!err && growth)
         printf("%s, growth ...\n", name);
