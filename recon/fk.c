@@ -269,11 +269,18 @@ static void map_row(struct fk *m, size_t kx, size_t fold, struct fk_scratch *s)
 /* -- back to space ----------------------------------------------------------------------
  */
 
-/* One plane of folded kx: over ky, then over kz, into half[kx]. */
+/* The wavenumbers of half: those from 0 up, then those from below 0. */
+static size_t upward(const struct fk *m)
+{
+    return m->x.kept < m->x.n ? m->x.k_max + 1 : m->x.n;
+}
+
+/* One plane of folded kx: over ky, then over kz, into half. */
 static void plane_to_space(struct fk *m, fftwf_complex *plane, size_t kx,
                            struct fk_scratch *s)
 {
     const size_t *n = m->grid.n;
+    size_t row = kx < upward(m) ? kx : kx + m->x.kept - m->x.n;
     fftwf_execute_dft(m->y_plan, plane, s->plane_image);
     for (size_t y = 0; y < n[1]; y++) {
         memset(s->column, 0, m->nz_fft * sizeof *s->column);
@@ -284,7 +291,7 @@ static void plane_to_space(struct fk *m, fftwf_complex *plane, size_t kx,
             at = at + 1 == m->nz_fft ? 0 : at + 1;
         }
         fftwf_execute_dft(m->z_plan, s->column, s->column_image);
-        memcpy(m->half + (kx * n[1] + y) * n[2], s->column_image,
+        memcpy(m->half + (row * n[1] + y) * n[2], s->column_image,
                n[2] * sizeof *s->column_image);
     }
 }
@@ -305,13 +312,14 @@ static void image_fold(void *ctx, size_t fold, size_t thread)
         plane_to_space(m, s->plane + m->y.n * m->n_kz, mirrored, s);
 }
 
-/* line [grid nz][x.n] from half: whole cache lines are written, and rows are read along.
- */
-static void gather_row(const struct fk *m, size_t y, fftwf_complex *line)
+/* line [grid nz][x.n] from rows first..end-1 of half: whole cache lines are written, and
+ * rows are read along. */
+static void gather_row(const struct fk *m, size_t y, size_t first, size_t end,
+                       fftwf_complex *line)
 {
     const size_t *n = m->grid.n;
-    for (size_t kx = 0; kx < m->x.n; kx += LANES) {
-        size_t width = m->x.n - kx < LANES ? m->x.n - kx : LANES;
+    for (size_t kx = first; kx < end; kx += LANES) {
+        size_t width = end - kx < LANES ? end - kx : LANES;
         const fftwf_complex *from = m->half + (kx * n[1] + y) * n[2];
         for (size_t z = 0; z < n[2]; z++)
             for (size_t l = 0; l < width; l++)
@@ -326,7 +334,8 @@ static void image_row(void *ctx, size_t y, size_t thread)
     struct fk *m = g->fk;
     const size_t *n = m->grid.n;
     struct fk_scratch *s = &m->scratch[thread];
-    gather_row(m, y, s->line);
+    gather_row(m, y, 0, upward(m), s->line);
+    gather_row(m, y, upward(m), m->x.kept, s->line + (m->x.n - m->x.kept));
     for (size_t z = 0; z < n[2]; z++) {
         fftwf_execute_dft(m->x_plan, s->line + z * m->x.n, s->line_image);
         float *to = g->intensity + (z * n[1] + y) * n[0];
@@ -343,6 +352,6 @@ void fk_migrate(struct fk *m, const float complex *gather, const float *weight,
 {
     struct migration g = {m, gather, weight, intensity};
     pool_run(m->pool, m->x.lines, transform_line, &g);
-    pool_run(m->pool, m->x.n / 2 + 1, image_fold, &g);
+    pool_run(m->pool, m->x.kept / 2 + 1, image_fold, &g);
     pool_run(m->pool, m->grid.n[1], image_row, &g);
 }

@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "dsp/fft_size.h"
 #include "recon/sinc.h"
@@ -54,6 +55,7 @@ static int plan_axis(struct fk_axis *a, const struct fk *m, int axis, const doub
     a->n = fast_size(fmax(period / step, (double)g->n[axis]));
     a->dk = 2.0 * M_PI / ((double)a->n * step);
     a->k_max = (size_t)floor(k_limit / a->dk);
+    a->kept = 2 * a->k_max + 1 < a->n ? 2 * a->k_max + 1 : a->n;
     a->lines = n;
     a->cosine = malloc((a->k_max + 1) * n * sizeof *a->cosine);
     a->sine = malloc((a->k_max + 1) * n * sizeof *a->sine);
@@ -139,7 +141,7 @@ static int allocate(struct fk *m)
     const size_t *n = m->grid.n;
     m->spectrum =
         fftwf_malloc(m->x.lines * m->y.lines * m->n_f * 2 * sizeof *m->spectrum);
-    m->half = fftwf_malloc(m->x.n * n[1] * n[2] * sizeof *m->half);
+    m->half = fftwf_malloc(m->x.kept * n[1] * n[2] * sizeof *m->half);
     m->scratch = calloc(pool_threads(m->pool), sizeof *m->scratch);
     if (!m->spectrum || !m->half || !m->scratch)
         return -ENOMEM;
@@ -163,6 +165,7 @@ static int allocate(struct fk *m)
             !s->phase_im || !s->plane || !s->plane_image || !s->column_image ||
             !s->trace_spectrum || !s->column || !s->line || !s->line_image || !s->trace)
             return -ENOMEM;
+        memset(s->line, 0, n[2] * m->x.n * sizeof *s->line);
     }
     return 0;
 }

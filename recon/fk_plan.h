@@ -19,6 +19,7 @@ struct fk_axis {  /* one lateral axis */
     size_t n;     /* length of the transform: period / step */
     double dk;    /* rad/m */
     size_t k_max; /* largest wavenumber index used, either sign */
+    size_t kept;  /* of the transform's wavenumbers those that hold any, of either sign */
     size_t lines;
     float *cosine, *sine; /* [k_max + 1][lines], of k (line - origin) */
 };
@@ -32,7 +33,7 @@ struct fk_scratch {                /* one a thread */
     fftwf_complex *plane_image;    /* [y.n][n_kz]: in y */
     fftwf_complex *column;         /* [nz_fft] */
     fftwf_complex *column_image;   /* [nz_fft]: in z */
-    fftwf_complex *line;           /* [grid nz][x.n] */
+    fftwf_complex *line;           /* [grid nz][x.n], 0 where none is kept */
     fftwf_complex *line_image;     /* [x.n]: in x */
     fftwf_complex *trace;          /* [nt_fft] */
     fftwf_complex *trace_spectrum; /* [nt_fft] */
@@ -64,7 +65,7 @@ struct fk {
     float *gain;         /* [n_kz] */
     float *weights;      /* [FK_FRACTIONS + 1][FK_TAPS] */
     float *spectrum;     /* [n_f / FK_X_BLOCK][y lines][x lines][FK_BLOCK] */
-    fftwf_complex *half; /* [x.n][grid ny][grid nz]: imaged in y and z, not yet in x */
+    fftwf_complex *half; /* [x.kept][grid ny][grid nz]: imaged in y and z, not in x */
     struct fk_scratch *scratch;
     fftwf_plan time_plan, y_plan, z_plan, x_plan;
 };

@@ -60,7 +60,7 @@ static void plan_grid(const struct planning *p, const struct planner_candidate *
     out->n[2] = (size_t)fmax(last - first, 0.0) + 1;
     for (int a = 0; a < 3; a++) {
         double extent_m = out->step_m[a] * (double)(out->n[a] - 1);
-        out->step_m[a] *= c->coarser * (a == 2 ? c->deeper : 1.0);
+        out->step_m[a] *= a == 2 ? planner_depth_step(c) : c->coarser;
         out->n[a] = (size_t)floor(extent_m / out->step_m[a] + 1e-6) + 1;
     }
 }
@@ -99,7 +99,7 @@ static bool may_step(const struct planning *p, double factor)
     if (factor == 1.0 || p->cfg->keep_grid)
         return factor == 1.0;
     return factor > 1.0 ? finite || asked
-                        : asked || (factor != FINE && supports_finer(p));
+                        : asked || ((factor != FINE || finite) && supports_finer(p));
 }
 
 /* May planes stand so many times as near to each other? */

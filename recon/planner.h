@@ -31,7 +31,7 @@ struct planner_candidate {
     const char *method;
     bool dip;       /* fast: with dip moveout */
     double sharpen; /* fast: recon/fk.h */
-    double coarser; /* steps, times those of the whole image */
+    double coarser; /* steps, times those of the whole image; below 1 only lateral */
     double deeper;  /* and in depth times this as well, 1 at most */
     double top_hz;  /* fast: of the traces' band, up to here */
     size_t stride;  /* every so manieth speaker */

@@ -44,6 +44,11 @@ bool planner_sees_shape(const struct probe *probe)
     return probe->n_objects && o->extent_m > MIRROR * planner_width_m(o);
 }
 
+double planner_depth_step(const struct planner_candidate *c)
+{
+    return fmax(c->coarser, 1.0) * c->deeper;
+}
+
 /* Lateral, from places of elements that are off. */
 static double element_error_m(const struct planner_config *cfg, double range_m,
                               size_t stride)
@@ -150,7 +155,7 @@ static double beside_m(const struct planner_candidate *c, const struct probe_obj
 static double aside(const struct planner_config *cfg, const struct planner_candidate *c,
                     const struct probe_object *o, int a)
 {
-    double plane_m = c->coarser * c->deeper * cfg->grid->step_m[2];
+    double plane_m = planner_depth_step(c) * cfg->grid->step_m[2];
     double sum = square(o->lean[a] * plane_m) / 12.0;
     if (is_stacked(c)) {
         sum += square(beside_m(c, o, a));

@@ -40,6 +40,9 @@ const struct probe_object *planner_object(const struct probe *probe);
 /* Something mirror-like and larger than a point. */
 bool planner_sees_shape(const struct probe *probe);
 
+/* Of its step in depth, times that of the whole image. */
+double planner_depth_step(const struct planner_candidate *c);
+
 /* Fills in error_m and own_m. */
 void planner_estimate_error(const struct planner_config *cfg,
                             struct planner_candidate *c);

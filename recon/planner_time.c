@@ -16,9 +16,10 @@
 #define STACK_NS         4.5   /* a sample of a trace, moved out */
 #define DIP_NS           9.0   /* a sample of a trace, by its dip */
 #define DIP_PLAN_NS      160.0 /* a sample of a midpoint's trace, of all the chirp's band */
-#define FAST_NS          33.0  /* a voxel */
-#define COLUMN_NS        85.0  /* a shortest wave of depth in a column of voxels */
-#define WAVE_NS          160.0 /* a cube of the shortest wave, whatever the steps */
+#define FAST_NS          20.0  /* a voxel */
+#define LATERAL_NS       18.0  /* a shortest wave of depth, at a wavenumber along x */
+#define DEPTH_NS         2.2   /* a step of it there */
+#define WAVE_NS          750.0 /* a cube of the shortest wave, times the steepest sine^2 */
 #define SCAN_NS          0.48  /* a pair of trace and voxel, steps dividing the stage's */
 #define ANY_NS           1.4   /* elsewhere */
 #define INCOHERENT_NS    0.35  /* a pair, on coarse slabs; of other steps ANY_NS */
@@ -27,32 +28,34 @@
 #define ITERATIVE_NS     120.0 /* a voxel and iteration */
 #define ITERATIVE_ROUNDS 30.0
 
+#define WIDER      2.4 /* f-k migration: its period, times the image's width */
+#define DEEPER     1.15
+#define LEAST_SINE 0.5 /* of the steepest waves */
+
 double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads)
 {
     return 1e-9 * COMPRESS_NS * (double)(n_pings * n_microphones) / (double)n_threads;
 }
 
-/* Cubes of the band's shortest wave in what f-k migration works on, which is no smaller
- * than the aperture. */
-static double count_waves(const struct trace_set *s, const struct grid *g)
-{
-    double low[3], high[3], wave_m = s->geometry->sound_speed_m_s / s->band_hz[1];
-    double waves = 1.0;
-    geometry_aperture(s->geometry, low, high);
-    for (int a = 0; a < 3; a++) {
-        double extent_m = g->step_m[a] * (double)g->n[a];
-        waves *= fmax(extent_m, a < 2 ? high[a] - low[a] : 0.0) / wave_m;
-    }
-    return waves;
-}
-
-/* ns of f-k migration. */
+/* ns of f-k migration, which works on no less than the aperture, on twice the image's
+ * width and down to the range of its farthest corner (recon/fk_plan.c). */
 static double migrate_ns(const struct trace_set *s, const struct grid *g)
 {
     double wave_m = s->geometry->sound_speed_m_s / s->band_hz[1];
-    double depth = g->step_m[2] * (double)g->n[2] / wave_m;
-    return FAST_NS * (double)grid_size(g) + WAVE_NS * count_waves(s, g) +
-           COLUMN_NS * (double)(g->n[0] * g->n[1]) * depth;
+    double low[3], high[3], wide_m[2];
+    geometry_aperture(s->geometry, low, high);
+    for (int a = 0; a < 2; a++)
+        wide_m[a] = fmax(g->step_m[a] * (double)g->n[a], high[a] - low[a]);
+    double depth_m = g->step_m[2] * (double)g->n[2], far_m = g->origin_m[2] + depth_m;
+    double range_m = hypot(far_m, hypot(wide_m[0], wide_m[1]));
+    double deep = DEEPER * (range_m - g->origin_m[2]) / wave_m;
+    double across_m = fmax(wide_m[0], wide_m[1]);
+    double sine = fmax(across_m / hypot(across_m, far_m - 0.5 * depth_m), LEAST_SINE);
+    double along_x = WIDER * fmin((double)g->n[0], 4.0 * sine * wide_m[0] / wave_m);
+    return FAST_NS * (double)grid_size(g) +
+           WAVE_NS * sine * sine * deep * wide_m[0] * wide_m[1] / (wave_m * wave_m) +
+           along_x * (double)g->n[1] * deep *
+               (LATERAL_NS + DEPTH_NS * wave_m / g->step_m[2]);
 }
 
 double planner_probe_s(const struct trace_set *set, const struct grid *grid,

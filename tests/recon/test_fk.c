@@ -143,6 +143,24 @@ static void the_image_is_the_sum_over_all_plane_waves(void **state)
     }
 }
 
+/* Then most wavenumbers of the transform hold none. */
+static void steps_may_be_finer_than_any_wave(void **state)
+{
+    (void)state;
+    static const struct scatterer point = {{0.03, -0.02, 1.1}, 1.0};
+    static const double steps_m[] = {0.008, 0.005, 0.0035};
+    for (int q = 0; q < 3; q++) {
+        struct site s;
+        site_default(&s);
+        look(&s, point.at_m[0], point.at_m[1], point.at_m[2]);
+        for (int a = 0; a < 2; a++) {
+            s.rig.grid.step_m[a] = steps_m[q];
+            s.rig.grid.origin_m[a] = point.at_m[a] - 3.0 * steps_m[q];
+        }
+        expect_exact(&s, &point, 1);
+    }
+}
+
 static void midpoints_may_stand_on_uneven_lines(void **state)
 {
     (void)state;
@@ -498,6 +516,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_image_is_the_sum_over_all_plane_waves),
+        cmocka_unit_test(steps_may_be_finer_than_any_wave),
         cmocka_unit_test(midpoints_may_stand_on_uneven_lines),
         cmocka_unit_test(the_plane_of_the_midpoints_may_stand_anywhere),
         cmocka_unit_test(a_point_is_where_it_is),
