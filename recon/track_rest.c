@@ -141,8 +141,10 @@ double track_rest_distance2(const struct track_rest *r,
 
 bool track_rest_jumps(const struct track_rest *r, const struct track_rest_look *look)
 {
-    return r->n_looks >= JUMP_LOOKS && track_rest_misfit(r) < TRACK_REST_MISFIT &&
-           track_rest_distance2(r, look) > TRACK_REST_GATE2;
+    double misfit = fmax(track_rest_misfit(r) / TRACK_REST_MISFIT, 1.0);
+
+    return r->n_looks >= JUMP_LOOKS &&
+           track_rest_distance2(r, look) > misfit * misfit * TRACK_REST_GATE2;
 }
 
 double track_rest_step_m(const struct track_rest *r, const struct track_rest_look *look)

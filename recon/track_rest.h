@@ -18,7 +18,7 @@
 
 #include <stdbool.h>
 
-#define TRACK_REST_MISFIT 0.1  /* below: it seems to rest */
+#define TRACK_REST_MISFIT 0.1  /* below: it seems to rest; above, the less the more */
 #define TRACK_REST_GATE2  13.8 /* 999 of 1000 looks at a thing at rest are nearer */
 
 struct track_rest_look {
@@ -37,7 +37,8 @@ struct track_rest {
     struct track_rest_look newest; /* of them */
 };
 
-/* A look at something else: far from where a scatterer rests that explains the others. */
+/* A look at something else: far from where a scatterer rests that explains the others;
+ * the farther, the worse it explains them. */
 bool track_rest_jumps(const struct track_rest *r, const struct track_rest_look *look);
 
 /* How far a look is from the newest one: along the array, over ground, and with half

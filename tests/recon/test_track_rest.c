@@ -137,6 +137,32 @@ static void a_jump_is_told_from_a_walk(void **state)
 
 /* 0.3 m farther along and 0.8 m farther away, of which half counts: 0.5 m.  Then the
  * array has gone 0.6 m ahead, which may be why, and 0.3 m along, which is. */
+/* Neighbours that are heard in turn fit no rest well; a third one is a jump all the same,
+ * unless a walk explains them as well. */
+static void a_jump_is_told_where_neighbours_are_heard_in_turn(void **state)
+{
+    struct track_rest rests = {.looks = 0.0};
+    struct track_rest_look look;
+    const double near_m[2][3] = {{23.0, -6.0, 2.0}, {23.2, -6.0, 2.0}};
+    const double third_m[3] = {24.3, -6.0, 2.0};
+
+    (void)state;
+    for (int k = 0; k < 8; k++) {
+        drive(k, &look);
+        hear(near_m[k % 2], &look);
+        if (k < 7)
+            assert_false(track_rest_jumps(&rests, &look));
+        track_rest_add(&rests, &look, 1.0, 1.0);
+    }
+    double misfit = track_rest_misfit(&rests);
+    assert_true(misfit > TRACK_REST_MISFIT && misfit < 5.0 * TRACK_REST_MISFIT);
+    drive(8, &look);
+    hear(near_m[0], &look);
+    assert_false(track_rest_jumps(&rests, &look));
+    hear(third_m, &look);
+    assert_true(track_rest_jumps(&rests, &look));
+}
+
 static void a_step_is_what_the_arrays_own_way_does_not_account_for(void **state)
 {
     struct track_rest r = {.looks = 0.0};
@@ -207,6 +233,7 @@ int main(void)
         cmocka_unit_test(what_moves_is_told_by_the_squares_it_leaves),
         cmocka_unit_test(how_far_a_look_is_off_counts_both_errors),
         cmocka_unit_test(a_jump_is_told_from_a_walk),
+        cmocka_unit_test(a_jump_is_told_where_neighbours_are_heard_in_turn),
         cmocka_unit_test(a_step_is_what_the_arrays_own_way_does_not_account_for),
         cmocka_unit_test(what_rests_makes_no_step),
         cmocka_unit_test(what_is_old_fades),
