@@ -61,13 +61,24 @@ static bool holds_back(const struct outbox *o)
     return o->health.state >= CANBUS_SILENT;
 }
 
+/* Is a list on its way of which the rest must not follow what its header said? */
+static bool is_outdated(const struct outbox *o)
+{
+    const struct sender_list *list = &o->lists[0];
+
+    return o->next &&
+           !sender_holds(o->sender, list,
+                         list->dated_ns ? list->dated_ns : clock_now_ns(o->clock));
+}
+
 /* How the bus is, what became of the list on its way. */
 static void look(struct outbox *o)
 {
     uint64_t outages = o->health.outages;
 
     canbus_poll(o->bus, clock_now_ns(o->clock), &o->health);
-    bool broken = o->health.outages != outages || (holds_back(o) && !is_all_out(o));
+    bool broken = o->health.outages != outages ||
+                  ((holds_back(o) || is_outdated(o)) && !is_all_out(o));
     if (broken && o->next) {
         o->next = 0;
         o->cut = true;

@@ -4,7 +4,9 @@
  *
  * One list is on its way at a time; the next begins when every frame of it is confirmed
  * to be on the bus.  When the bus breaks off (bus-off, interface down or gone, nobody
- * acknowledges), the list on its way is sent again from its header as soon as it can.
+ * acknowledges), the list on its way is sent again from its header as soon as it can; so
+ * is it, as it may be said then, when its objects must not be sent any more, or not as
+ * measured, before all of it is out.
  * When more than OUTBOX_LISTS wait, the oldest that is not on its way is dropped whole.
  * So a receiver that throws away what it has collected at each header sees whole lists
  * only.  A status or diagnosis frame may come between the frames of a list. */

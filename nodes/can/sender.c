@@ -193,15 +193,21 @@ static size_t pick(struct sender *s, const struct sender_list *list, int64_t now
     return n;
 }
 
+static bool is_stale(const struct sender *s, const struct sender_list *list,
+                     int64_t now_ns)
+{
+    return s->cfg.stale_ns &&
+           age_ms(now_ns, list->capture_ns) > 1e-6 * (double)s->cfg.stale_ns;
+}
+
 void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
                  int64_t last_ns)
 {
     struct can_list_header header = list->header;
     int64_t capture_ns = list->capture_ns;
     size_t n = list->n_picked = pick(s, list, now_ns, list->picked);
-    bool stale = s->cfg.stale_ns &&
-                 age_ms(now_ns, capture_ns) > 1e-6 * (double)s->cfg.stale_ns;
 
+    list->stale = is_stale(s, list, now_ns);
     header.number = (uint8_t)n;
     header.truncated |= s->lets_objects && n < list->n_objects;
     list->truncated = header.truncated;
@@ -215,12 +221,18 @@ void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
     list->n_frames = 2;
     for (size_t i = 0; i < n; i++) {
         struct can_object o = list->objects[list->picked[i]];
-        if (stale && o.measurement != CAN_DELETED)
+        if (list->stale && o.measurement != CAN_DELETED)
             o.measurement = CAN_PREDICTED;
         if (o.measurement == CAN_MEASURED && !s->told[o.id])
             o.measurement = CAN_NEW;
         pack_object(s, list, &o);
     }
+}
+
+bool sender_holds(const struct sender *s, const struct sender_list *list, int64_t now_ns)
+{
+    return !list->n_picked ||
+           (s->lets_objects && (list->stale || !is_stale(s, list, now_ns)));
 }
 
 void sender_told(struct sender *s, const struct sender_list *list)

@@ -45,6 +45,7 @@ struct sender_list {
     size_t picked[CAN_MAX_OBJECTS]; /* [n_picked] of them that go; of sender_date */
     size_t n_picked;
     bool truncated; /* some of the objects did not fit; of sender_date */
+    bool stale;     /* its objects are predicted at best; of sender_date */
     size_t n_frames;
     struct can_frame_data frames[SENDER_MAX_FRAMES]; /* [n_frames], of sender_date */
 };
@@ -72,6 +73,10 @@ void sender_empty_list(struct sender *s, uint32_t counter, int64_t capture_ns,
  * available. */
 void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
                  int64_t last_ns);
+
+/* May what sender_date made of it still be said?  No: it has objects, and none may be
+ * sent any more, or they are said to be measured and were heard too long ago by now. */
+bool sender_holds(const struct sender *s, const struct sender_list *list, int64_t now_ns);
 
 /* All of it is on the bus. */
 void sender_told(struct sender *s, const struct sender_list *list);

@@ -483,6 +483,63 @@ static void a_list_that_was_cut_and_then_dropped_is_counted_as_such(void **state
     assert_int_equal(count_of(r, "lists_cut"), 1);
 }
 
+/* Of a header and of an ObjectState frame; as in anlos.dbc. */
+static unsigned number(const struct can_frame_data *f)
+{
+    return f->data[2] & 0x3f;
+}
+
+static unsigned measurement(const struct can_frame_data *f)
+{
+    return f->data[3] >> 4 & 3;
+}
+
+/* The bus trickles, and the sensor becomes faulty. */
+static void objects_that_must_not_be_sent_any_more_end_a_list_on_its_way(void **state)
+{
+    struct rig *r = *state;
+
+    r->bus.room = 6;
+    put(r, 1, 2);
+    step(r, 1);
+    r->sender.lets_objects = false;
+    put_status(r, 1);
+    r->bus.room = SIZE_MAX;
+    step(r, 1);
+    assert_int_equal(r->bus.n_wire, 6 + 1 + 2);
+    assert_int_equal(r->bus.wire[6].id, 0x400);
+    assert_int_equal(r->bus.wire[7].id, 0x402);
+    assert_int_equal(number(&r->bus.wire[7]), 0);
+    assert_string_equal(received(&r->bus), "1 ");
+    assert_int_equal(count_of(r, "lists_sent"), 1);
+}
+
+/* Their sound is 1001 ms old at first. */
+static void objects_that_grow_old_on_their_way_are_not_sent_as_measured(void **state)
+{
+    struct rig *r = *state;
+
+    r->sender.cfg.stale_ns = 1010 * MS;
+    r->bus.room = 6;
+    put(r, 1, 2);
+    step(r, 1);
+    assert_int_equal(measurement(&r->bus.wire[2]), CAN_NEW);
+    r->bus.room = 1;
+    step(r, 9);
+    assert_int_equal(r->bus.n_wire, 7); /* it is just young enough */
+    for (int i = 0; i < 8; i++) {
+        r->bus.room = 1;
+        step(r, 100);
+    }
+    assert_int_equal(r->bus.n_wire, 7 + 8); /* again from its header, once */
+    assert_int_equal(r->bus.wire[7].id, 0x402);
+    assert_int_equal(number(&r->bus.wire[7]), 2);
+    assert_int_equal(latency_ms(&r->bus.wire[7]), 1110);
+    assert_int_equal(measurement(&r->bus.wire[9]), CAN_PREDICTED);
+    assert_int_equal(measurement(&r->bus.wire[12]), CAN_PREDICTED);
+    assert_string_equal(received(&r->bus), "1 ");
+}
+
 static void a_bus_that_is_down_is_left_alone(void **state)
 {
     struct rig *r = *state;
@@ -618,6 +675,8 @@ int main(void)
         TEST(a_list_that_was_thrown_away_unconfirmed_is_sent_again),
         TEST(a_list_that_is_confirmed_is_not_sent_again),
         TEST(a_list_that_was_cut_and_then_dropped_is_counted_as_such),
+        TEST(objects_that_must_not_be_sent_any_more_end_a_list_on_its_way),
+        TEST(objects_that_grow_old_on_their_way_are_not_sent_as_measured),
         TEST(a_bus_that_is_down_is_left_alone),
         TEST(a_bus_that_is_off_is_tried_with_a_status_frame_a_second),
         TEST(every_frame_that_goes_out_counts_once),
