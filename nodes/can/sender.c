@@ -165,6 +165,14 @@ static double age_ms(int64_t now_ns, int64_t then_ns)
     return 1e-6 * (double)(int64_t)((uint64_t)now_ns - (uint64_t)then_ns);
 }
 
+/* Of sound of the future it is not known; a millisecond is how exactly clocks agree. */
+static double latency_ms(int64_t now_ns, int64_t capture_ns)
+{
+    double age = age_ms(now_ns, capture_ns);
+
+    return age < -1.0 ? NAN : age;
+}
+
 static void pack_object(const struct sender *s, struct sender_list *list,
                         const struct can_object *o)
 {
@@ -212,7 +220,7 @@ void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
     header.truncated |= s->lets_objects && n < list->n_objects;
     list->truncated = header.truncated;
     header.time_sync = s->time_sync;
-    header.latency_ms = capture_ns ? age_ms(now_ns, capture_ns) : NAN;
+    header.latency_ms = capture_ns ? latency_ms(now_ns, capture_ns) : NAN;
     header.cycle_ms = last_ns ? age_ms(now_ns, last_ns) : NAN;
     can_pack_list_header(&list->frames[0], s->cfg.base_id, &header);
     can_pack_time(&list->frames[1], s->cfg.base_id,

@@ -69,8 +69,8 @@ void sender_empty_list(struct sender *s, uint32_t counter, int64_t capture_ns,
  * (nodes/can/allowance.h) and that is allowed.  What was heard too long ago is said to be
  * predicted; what was heard, but in no list that the vehicle got, is new: nothing was
  * sent before the sensor was ready, lists were lost or had no room for it.  last_ns: when
- * the list before began; 0: none did.  Cycle and, without capture, latency are then not
- * available. */
+ * the list before began; 0: none did.  Cycle is then not
+ * available; nor is latency without capture, or of one that is still to come. */
 void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
                  int64_t last_ns);
 

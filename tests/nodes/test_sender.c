@@ -577,6 +577,23 @@ static void an_empty_list_of_our_own_counts_between_the_others(void **state)
     assert_int_equal(header_of(&sent).counter, 7);
 }
 
+/* Half a millisecond is how exactly clocks agree, half a second is not. */
+static void the_age_of_sound_that_is_still_to_come_is_not_available(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    fill(&l, 0);
+    sender_list(&s, &l.message, 100000 * MS, &sent);
+    sender_date(&s, &sent, 100000 * MS - MS / 2, 0);
+    assert_float_equal(header_of(&sent).latency_ms, 0.0, 1e-9);
+    sender_date(&s, &sent, 99500 * MS, 0);
+    assert_true(isnan(header_of(&sent).latency_ms));
+}
+
 /* Stamps go on as before, the vehicle's clock was set. */
 static void the_time_of_a_list_is_that_of_the_vehicle(void **state)
 {
@@ -616,6 +633,7 @@ int main(void)
         cmocka_unit_test(a_list_is_cut_to_what_the_bus_may_carry),
         cmocka_unit_test(a_sensor_that_is_not_to_be_trusted_sends_no_objects),
         cmocka_unit_test(an_empty_list_of_our_own_counts_between_the_others),
+        cmocka_unit_test(the_age_of_sound_that_is_still_to_come_is_not_available),
         cmocka_unit_test(the_time_of_a_list_is_that_of_the_vehicle),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
