@@ -51,7 +51,7 @@ void watch_survey(struct watch *w, double temperature_c)
 void watch_list(struct watch *w, int64_t capture_ns, int64_t now_ns)
 {
     if (w->n_lists)
-        w->intervals_ns[w->n_lists % WATCH_INTERVALS] = now_ns - w->list_ns;
+        w->intervals_ns[(w->n_lists - 1) % WATCH_INTERVALS] = now_ns - w->list_ns;
     w->n_lists++;
     w->list_ns = now_ns;
     w->capture_ns = capture_ns;

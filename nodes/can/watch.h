@@ -4,7 +4,8 @@
  *
  * | fault | is raised | state | goes after |
  * | image stale * | 100 ms after a list was due, one longest interval of the newest four
- *     after the last; at once when its sound is older than 500 ms, or of the future
+ *     after the last (over 1 s at most twice the shortest, when two or more are known);
+ *     at once when its sound is older than 500 ms, or of the future
  *     | fault | 0.5 s |
  * | ego missing * | 100 ms after the last motion that was valid | degraded | 0.5 s |
  * | temperature unknown * | 3 s after the last of the vehicle's, if the survey has none

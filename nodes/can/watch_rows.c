@@ -7,17 +7,22 @@
 #define AMBIENT_NS (3000 * MS)
 #define WALL_NS    (500 * MS)
 #define SILENT_NS  (2500 * MS)
-#define FIRST_NS   (1000 * MS) /* to the second list, while no interval is known */
+#define FIRST_NS   (1000 * MS) /* while fewer than two intervals are known */
 
+/* An outage is no interval: of two or more the shortest tells how long one may be. */
 static int64_t longest_interval(const struct watch *w)
 {
-    size_t n = w->n_lists < WATCH_INTERVALS ? w->n_lists : WATCH_INTERVALS;
-    int64_t longest = 0;
+    size_t n = w->n_lists <= WATCH_INTERVALS ? w->n_lists - 1 : WATCH_INTERVALS;
+    int64_t longest = 0, shortest = INT64_MAX, most = FIRST_NS;
 
-    for (size_t i = 0; i < WATCH_INTERVALS; i++)
-        if (w->intervals_ns[i] > longest)
-            longest = w->intervals_ns[i];
-    return n > 1 && longest < FIRST_NS ? longest : FIRST_NS;
+    for (size_t i = 0; i < n; i++) {
+        int64_t interval = w->intervals_ns[i];
+        longest = interval > longest ? interval : longest;
+        shortest = interval < shortest ? interval : shortest;
+    }
+    if (n > 1 && shortest > FIRST_NS / 2)
+        most = 2 * shortest;
+    return n && longest < most ? longest : most;
 }
 
 /* Modulo 2^64 ns: a stamp is whatever its sender wrote. */

@@ -185,6 +185,59 @@ static void an_image_may_come_as_late_as_the_ones_before(void **state)
     assert_int_equal(watch_faults(&w.watch) & 1u << CAN_FAULT_IMAGE_STALE, 0);
 }
 
+/* A list every 2 s: from the third on that is known, half a second later it is well. */
+static void a_slow_array_is_judged_by_its_own_pace(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start(&w, &fixed);
+    w.cycle_ns = 2000 * MS;
+    run(&w, 6500);
+    for (int i = 0; i < 549; i++) { /* up to a list, at 12 s */
+        run(&w, 10);
+        assert_well(&w);
+    }
+    run(&w, 10);
+    w.lists = false;
+    run(&w, 2090);
+    assert_well(&w);
+    run(&w, 20);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_IMAGE_STALE);
+}
+
+/* Two lists come after it, then again none: of intervals of 250 ms the limit is 1 s, of
+ * 2 s it is 4 s.  A sensor that has just begun knows of none but the outage. */
+static void an_outage_does_not_count_as_the_pace_of_lists(void **state)
+{
+    static const int64_t cycles_ms[] = {250, 2000}, limits_ms[] = {1000, 4000};
+    struct world w;
+
+    (void)state;
+    for (size_t i = 0; i < 2; i++) {
+        start(&w, &fixed);
+        w.cycle_ns = cycles_ms[i] * MS;
+        run(&w, 10000);
+        w.lists = false;
+        run(&w, 30000);
+        w.lists = true;
+        run(&w, 2 * cycles_ms[i]);
+        w.lists = false;
+        run(&w, 500);
+        assert_well(&w);
+        run(&w, limits_ms[i] - 390);
+        assert_is(&w, CAN_FAULT, CAN_FAULT_IMAGE_STALE);
+    }
+    start(&w, &fixed);
+    run(&w, 250);
+    w.now_ns += 30000 * MS;
+    run(&w, 250);
+    w.lists = false;
+    run(&w, 1110);
+    assert_int_equal(watch_faults(&w.watch) & 1u << CAN_FAULT_IMAGE_STALE,
+                     1u << CAN_FAULT_IMAGE_STALE);
+}
+
 static void motion_that_does_not_come_is_missing_after_100_ms(void **state)
 {
     struct world w;
@@ -615,6 +668,8 @@ int main(void)
         cmocka_unit_test(an_image_that_does_not_come_is_a_fault_100_ms_after_it_was_due),
         cmocka_unit_test(an_image_of_old_sound_is_a_fault_when_it_comes),
         cmocka_unit_test(an_image_may_come_as_late_as_the_ones_before),
+        cmocka_unit_test(a_slow_array_is_judged_by_its_own_pace),
+        cmocka_unit_test(an_outage_does_not_count_as_the_pace_of_lists),
         cmocka_unit_test(motion_that_does_not_come_is_missing_after_100_ms),
         cmocka_unit_test(a_temperature_that_nobody_tells_is_unknown_after_3_s),
         cmocka_unit_test(silent_microphones_degrade_and_half_of_them_block),
