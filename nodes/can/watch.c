@@ -256,7 +256,7 @@ void watch_text(const struct watch *w, char *text, size_t size)
 
 double watch_temperature_c(const struct watch *w)
 {
-    return isnan(w->ambient_c) ? w->survey_c : w->ambient_c;
+    return w->ambient_ns ? w->ambient_c : w->survey_c;
 }
 
 bool watch_lets_objects(const struct watch *w)

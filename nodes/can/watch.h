@@ -8,8 +8,8 @@
  *     at once when its sound is older than 500 ms, or of the future
  *     | fault | 0.5 s |
  * | ego missing * | 100 ms after the last motion that was valid | degraded | 0.5 s |
- * | temperature unknown * | 3 s after the last of the vehicle's, if the survey has none
- *     | degraded | 1 s |
+ * | temperature unknown * | 3 s after the last of the vehicle's; while it never told one,
+ *     if the survey has none | degraded | 1 s |
  * | channels dead | at once when a microphone is silent or hears no speaker, or a speaker
  *     is heard by none | degraded; blocked when half of the microphones or more are
  *     silent, damaged or clipped, or half of the speakers | 1 s |
@@ -118,7 +118,8 @@ uint16_t watch_faults(const struct watch *w);
 /* The names of the faults, with commas between; empty: there are none. */
 void watch_text(const struct watch *w, char *text, size_t size);
 
-/* The vehicle's temperature if it tells one, else the survey's; NaN: neither. */
+/* The vehicle's temperature, or the survey's as long as the vehicle never told one; NaN:
+ * not known, or not any more. */
 double watch_temperature_c(const struct watch *w);
 
 /* May objects be sent? */

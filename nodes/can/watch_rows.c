@@ -50,7 +50,7 @@ bool watch_has_ambient(const struct watch *w, int64_t now_ns)
 
 static bool temperature_is_unknown(const struct watch *w, int64_t now_ns)
 {
-    return isnan(w->survey_c) && !watch_has_ambient(w, now_ns);
+    return (w->ambient_ns || isnan(w->survey_c)) && !watch_has_ambient(w, now_ns);
 }
 
 /* Of who says most: array and dsp judge the same microphones. */

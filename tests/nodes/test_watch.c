@@ -271,12 +271,39 @@ static void a_temperature_that_nobody_tells_is_unknown_after_3_s(void **state)
     run(&w, 10);
     assert_is(&w, CAN_DEGRADED, CAN_FAULT_TEMPERATURE_UNKNOWN);
     assert_true(isnan(watch_temperature_c(&w.watch)));
-    watch_survey(&w.watch, 20.0);
-    run(&w, 990);
+    w.ambient = true;
+    run(&w, 990); /* up to where one comes */
     assert_is(&w, CAN_DEGRADED, CAN_FAULT_TEMPERATURE_UNKNOWN);
-    run(&w, 10);
+    run(&w, 980);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_TEMPERATURE_UNKNOWN);
+    run(&w, 20);
     assert_well(&w);
-    assert_true(watch_temperature_c(&w.watch) > 19.9);
+    assert_float_equal(watch_temperature_c(&w.watch), 11.0, 1e-9);
+}
+
+/* A rig file's is a constant: what was measured must not give way to it unsaid. */
+static void the_temperature_of_the_survey_counts_until_the_vehicle_tells_one(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start(&w, &fixed);
+    watch_survey(&w.watch, 20.0);
+    w.ambient = false;
+    run(&w, 5000);
+    assert_well(&w);
+    assert_float_equal(watch_temperature_c(&w.watch), 20.0, 1e-9);
+    w.ambient = true;
+    run(&w, 2000);
+    assert_well(&w);
+    assert_float_equal(watch_temperature_c(&w.watch), 11.0, 1e-9);
+    w.ambient = false;
+    watch_survey(&w.watch, 20.0); /* as it does every second */
+    run(&w, 3000);
+    assert_well(&w);
+    run(&w, 10);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_TEMPERATURE_UNKNOWN);
+    assert_true(isnan(watch_temperature_c(&w.watch)));
 }
 
 /* What a node tells at once is judged with the next step. */
@@ -672,6 +699,8 @@ int main(void)
         cmocka_unit_test(an_outage_does_not_count_as_the_pace_of_lists),
         cmocka_unit_test(motion_that_does_not_come_is_missing_after_100_ms),
         cmocka_unit_test(a_temperature_that_nobody_tells_is_unknown_after_3_s),
+        cmocka_unit_test(
+            the_temperature_of_the_survey_counts_until_the_vehicle_tells_one),
         cmocka_unit_test(silent_microphones_degrade_and_half_of_them_block),
         cmocka_unit_test(so_do_damaged_ones),
         cmocka_unit_test(and_clipped_ones),
