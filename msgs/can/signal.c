@@ -149,7 +149,10 @@ bool can_signal_is_missing(const struct can_signal *s, const struct can_frame_da
 
     if (s->kind == CAN_SIGNAL_FLOAT)
         return isnan(float_of(raw));
-    return s->missing != CAN_NEVER_MISSING && raw == s->missing;
+    if (s->missing == CAN_NEVER_MISSING)
+        return false;
+    bool is_number = s->kind == CAN_SIGNAL_NUMBER || s->kind == CAN_SIGNAL_SIGMA;
+    return raw == s->missing || (is_number && (raw < s->min || raw > s->max));
 }
 
 double can_signal_physical(const struct can_signal *s, const struct can_frame_data *f)

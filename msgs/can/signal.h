@@ -58,6 +58,7 @@ int64_t can_signal_raw(const struct can_signal *s, const struct can_frame_data *
 /* In the signal's unit; NaN when missing. */
 double can_signal_physical(const struct can_signal *s, const struct can_frame_data *f);
 
+/* So is a number out of its range: nobody sends one that means something. */
 bool can_signal_is_missing(const struct can_signal *s, const struct can_frame_data *f);
 
 /* Of a raw value; NULL when it has none. */

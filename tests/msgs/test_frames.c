@@ -486,6 +486,31 @@ static void the_vehicles_frames_are_unpacked_from_their_bytes(void **state)
     assert_int_equal(w.validity, CAN_VALID);
 }
 
+/* Raw values beside those of the DBC's ranges, that are not NotAvailable. */
+static void what_the_vehicle_says_out_of_range_is_not_available(void **state)
+{
+    struct can_frame_data f = {.size = 8};
+    struct can_ambient a;
+    struct can_wall_in w;
+
+    (void)state;
+    for (unsigned t = 1249; t <= 2047; t++) {
+        unsigned humidity = t % 256;
+        f.data[2] = (uint8_t)t;
+        f.data[3] = (uint8_t)(t >> 8 | humidity << 3);
+        f.data[4] = (uint8_t)(humidity >> 5);
+        assert_int_equal(can_unpack_ambient(&f, &a), 0);
+        assert_int_equal(isnan(a.temperature_c), t > 1250);
+        assert_int_equal(isnan(a.humidity), humidity > 200);
+    }
+    for (int azimuth = -18001; azimuth <= 18001; azimuth++) {
+        f.data[2] = (uint8_t)azimuth;
+        f.data[3] = (uint8_t)((unsigned)azimuth >> 8);
+        assert_int_equal(can_unpack_wall_in(&f, &w), 0);
+        assert_int_equal(isnan(w.azimuth_rad), abs(azimuth) > 18000);
+    }
+}
+
 static void frames_of_another_size_or_kind_are_refused(void **state)
 {
     (void)state;
@@ -597,6 +622,7 @@ int main(void)
         cmocka_unit_test(an_fd_object_knows_what_it_does_not_know),
         cmocka_unit_test(what_the_vehicle_says_is_read_back),
         cmocka_unit_test(the_vehicles_frames_are_unpacked_from_their_bytes),
+        cmocka_unit_test(what_the_vehicle_says_out_of_range_is_not_available),
         cmocka_unit_test(frames_of_another_size_or_kind_are_refused),
         cmocka_unit_test(an_object_goes_there_and_back),
         cmocka_unit_test(a_list_header_goes_there_and_back),
