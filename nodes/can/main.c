@@ -118,7 +118,7 @@ static void take_list(struct run *r, const struct node_message *in)
     const Anlos__DetectionList *message = (const Anlos__DetectionList *)in->content;
     struct sender_list list;
 
-    watch_list(&r->watch, in->capture_ns, node_machine_ns(r->node));
+    watch_list(&r->watch, message, in->capture_ns, node_machine_ns(r->node));
     diagnosis_list(&r->diagnosis, message);
     r->cyclic.list_counter = message->counter;
     sender_list(&r->sender, message, in->capture_ns, &list);

@@ -48,13 +48,15 @@ void watch_survey(struct watch *w, double temperature_c)
     w->survey_c = temperature_c;
 }
 
-void watch_list(struct watch *w, int64_t capture_ns, int64_t now_ns)
+void watch_list(struct watch *w, const Anlos__DetectionList *list, int64_t capture_ns,
+                int64_t now_ns)
 {
     if (w->n_lists)
         w->intervals_ns[(w->n_lists - 1) % WATCH_INTERVALS] = now_ns - w->list_ns;
     w->n_lists++;
     w->list_ns = now_ns;
     w->capture_ns = capture_ns;
+    w->placed = list->mirrored && list->in_vehicle_frame;
 }
 
 void watch_ego(struct watch *w, int64_t now_ns)
@@ -237,7 +239,7 @@ void watch_text(const struct watch *w, char *text, size_t size)
         [CAN_FAULT_TEMPERATURE_UNKNOWN] = "no temperature",
         [CAN_FAULT_CHANNELS_DEAD] = "silent microphones or speakers",
         [CAN_FAULT_ELEMENT_ERRORS] = "damaged microphones",
-        [CAN_FAULT_WALL_LOST] = "no wall",
+        [CAN_FAULT_WALL_LOST] = "no wall or mount",
         [CAN_FAULT_CLOCK_JUMP] = "the wall clock was set",
         [CAN_FAULT_INPUT_E2E] = "wrong frames from the vehicle",
         [CAN_FAULT_ARRAY_AWAY] = "the array is away",

@@ -14,16 +14,16 @@
  *     is heard by none | degraded; blocked when half of the microphones or more are
  *     silent, damaged or clipped, or half of the speakers | 1 s |
  * | element errors | at once when one gives what are no numbers | the same | 1 s |
- * | wall lost * | the node wall runs: at once when no wall is likely, or none was seen or
- *     given for 2 s; 0.5 s after its last word | degraded | 1 s |
- * | clock jump | at once when the wall clock has moved by 20 ms | degraded | 5 s |
- * | input E2E wrong | at once when a frame is damaged, repeated or out of sequence
- *     | degraded | 1 s |
- * | array away | at once when its node says so | fault | 1 s |
- * | node lost | at once when the launcher sees one end or a node calls itself faulty; of
- *     a fixed array * 2.5 s after its last health | degraded | 1 s |
- * | clipped | at once when a microphone clips | as channels dead | 1 s |
- * | lists dropped | at once when the bus did not take one | degraded | 5 s |
+ * | wall lost * | at once when a list says no places in the vehicle: no wall is known, or
+ *     no mount; if the node wall runs, at once when no wall is likely, or none was seen
+ * or given for 2 s, and 0.5 s after its last word | degraded | 1 s | | clock jump | at
+ * once when the wall clock has moved by 20 ms | degraded | 5 s | | input E2E wrong | at
+ * once when a frame is damaged, repeated or out of sequence | degraded | 1 s | | array
+ * away | at once when its node says so | fault | 1 s | | node lost | at once when the
+ * launcher sees one end or a node calls itself faulty; of a fixed array * 2.5 s after its
+ * last health | degraded | 1 s | | clipped | at once when a microphone clips | as
+ * channels dead | 1 s | | lists dropped | at once when the bus did not take one |
+ * degraded | 5 s |
  *
  * "At once" is with the next watch_step.  The worst state counts; without faults it is
  * that of the scan.  * only of a fixed array: the image of a scan may take its time.
@@ -40,6 +40,7 @@
 #include <stdint.h>
 
 #include "msgs/can/frames.h"
+#include "msgs/detections.pb-c.h"
 #include "msgs/envelope.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/scan.pb-c.h"
@@ -83,6 +84,7 @@ struct watch {
     size_t n_nodes;
 
     int64_t list_ns, capture_ns;           /* of the newest list; 0: none */
+    bool placed;                           /* it says where in the vehicle's frame */
     int64_t intervals_ns[WATCH_INTERVALS]; /* between lists, a ring */
     size_t n_lists;
     int64_t ego_ns, ambient_ns; /* of the newest that was valid; 0: none */
@@ -100,7 +102,8 @@ void watch_init(struct watch *w, const struct watch_config *cfg);
 /* What has happened, at now_ns by the clock of watch_step. */
 void watch_scan(struct watch *w, const Anlos__ScanStatus *status);
 void watch_survey(struct watch *w, double temperature_c);
-void watch_list(struct watch *w, int64_t capture_ns, int64_t now_ns);
+void watch_list(struct watch *w, const Anlos__DetectionList *list, int64_t capture_ns,
+                int64_t now_ns);
 void watch_ego(struct watch *w, int64_t now_ns);
 void watch_ambient(struct watch *w, double temperature_c, int64_t now_ns);
 void watch_walls(struct watch *w, const Anlos__WallList *walls, int64_t now_ns);

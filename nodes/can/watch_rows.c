@@ -97,8 +97,9 @@ bool watch_is_blind(const struct watch *w)
 
 static bool wall_is_lost(const struct watch *w, int64_t now_ns)
 {
-    return w->cfg.wall &&
-           (!w->walls_ns || now_ns - w->walls_ns > WALL_NS || !w->wall_likely);
+    return (w->n_lists && !w->placed) ||
+           (w->cfg.wall &&
+            (!w->walls_ns || now_ns - w->walls_ns > WALL_NS || !w->wall_likely));
 }
 
 static bool array_is_away(const struct watch *w, int64_t now_ns)

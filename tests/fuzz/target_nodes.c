@@ -95,7 +95,7 @@ static void take_detections(struct system *s, const Anlos__DetectionList *m)
 
     FUZZ_REQUIRE(list);
     int64_t capture_ns = m->counter % 2 ? INT64_MIN : m->counter;
-    watch_list(&s->watch, capture_ns, s->now_ns);
+    watch_list(&s->watch, m, capture_ns, s->now_ns);
     diagnosis_list(&s->diagnosis, m);
     sender_list(&s->sender, m, capture_ns, list);
     sender_date(&s->sender, list, s->now_ns, 0);

@@ -19,6 +19,7 @@ struct world {
     int64_t now_ns;
     /* What goes on; all true at first. */
     bool lists, ego, ambient, walls, health;
+    bool mirrored, mounted; /* as the lists say; true at first */
     int64_t image_age_ns, cycle_ns, ahead_ns;
     double wall_existence, wall_unseen_s;
     const char *fault; /* that the node dsp tells */
@@ -44,6 +45,15 @@ static void tell_health(struct world *w, const char *name)
     watch_health(&w->watch, &h, w->now_ns);
 }
 
+static void tell_list(struct world *w)
+{
+    Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
+
+    list.mirrored = w->mirrored;
+    list.in_vehicle_frame = w->mounted;
+    watch_list(&w->watch, &list, w->now_ns - w->image_age_ns, w->now_ns);
+}
+
 static void tell_walls(struct world *w)
 {
     Anlos__WallList list = ANLOS__WALL_LIST__INIT;
@@ -67,7 +77,7 @@ static void run(struct world *w, int64_t ms)
     for (int64_t end = w->now_ns + ms * MS; w->now_ns < end;) {
         w->now_ns += 10 * MS;
         if (w->lists && is_time(w, w->cycle_ns))
-            watch_list(&w->watch, w->now_ns - w->image_age_ns, w->now_ns);
+            tell_list(w);
         if (w->ego && is_time(w, 20 * MS))
             watch_ego(&w->watch, w->now_ns);
         if (w->ambient && is_time(w, 1000 * MS))
@@ -99,6 +109,8 @@ static void start(struct world *w, const struct watch_config *cfg)
                         .ambient = true,
                         .walls = true,
                         .health = true,
+                        .mirrored = true,
+                        .mounted = true,
                         .image_age_ns = 80 * MS,
                         .cycle_ns = 250 * MS,
                         .wall_existence = 0.9,
@@ -429,6 +441,28 @@ a_wall_of_which_its_node_says_nothing_is_lost_after_half_a_second(void **state)
     assert_is(&w, CAN_DEGRADED, CAN_FAULT_WALL_LOST);
 }
 
+/* Of a survey that names none, where no node looks for one; or nobody knows where on the
+ * vehicle the array is.  Every place is then sent as not available. */
+static void an_array_that_cannot_tell_places_is_degraded(void **state)
+{
+    static const struct watch_config alone = {.fixed = true, .ego = true};
+    struct world w;
+
+    (void)state;
+    for (int mounted = 0; mounted < 2; mounted++) {
+        start(&w, &alone);
+        w.mounted = mounted;
+        w.mirrored = !mounted;
+        run(&w, 10500);
+        assert_is(&w, CAN_DEGRADED, CAN_FAULT_WALL_LOST);
+        w.mounted = w.mirrored = true;
+        run(&w, 250); /* up to where a list comes, with the half second */
+        assert_is(&w, CAN_DEGRADED, CAN_FAULT_WALL_LOST);
+        run(&w, 1000);
+        assert_well(&w);
+    }
+}
+
 /* Of seconds or of hundredths, forward or back; less is how exactly it is measured. */
 static void a_clock_that_was_set_is_told_for_5_s(void **state)
 {
@@ -709,6 +743,7 @@ int main(void)
         cmocka_unit_test(a_wall_that_is_not_likely_or_not_seen_is_lost),
         cmocka_unit_test(
             a_wall_of_which_its_node_says_nothing_is_lost_after_half_a_second),
+        cmocka_unit_test(an_array_that_cannot_tell_places_is_degraded),
         cmocka_unit_test(a_clock_that_was_set_is_told_for_5_s),
         cmocka_unit_test(a_wrong_frame_of_the_vehicle_is_told_for_a_second),
         cmocka_unit_test(an_array_that_is_away_is_a_fault),
