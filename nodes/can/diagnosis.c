@@ -109,6 +109,7 @@ static void next_trouble(struct diagnosis *d, const struct watch *w,
 void diagnosis_next(struct diagnosis *d, const struct watch *w, int64_t now_ns,
                     struct can_diagnosis *out)
 {
+    bool stale = watch_faults(w) & 1u << CAN_FAULT_IMAGE_STALE;
     unsigned major = 0, minor = 0, patch = 0;
     uint64_t dropped = d->lost_pings;
 
@@ -117,7 +118,7 @@ void diagnosis_next(struct diagnosis *d, const struct watch *w, int64_t now_ns,
         dropped += d->nodes[i].dropped_before + d->nodes[i].dropped;
     *out = (struct can_diagnosis){
         .cpu = d->n_nodes ? processors_used(d, now_ns) / d->n_processors : NAN,
-        .snr_db = d->snr_db,
+        .snr_db = stale ? NAN : d->snr_db,
         .dropped = (uint16_t)dropped,
         .version_major = (uint8_t)major,
         .version_minor = (uint8_t)minor,

@@ -28,7 +28,8 @@ void diagnosis_health(struct diagnosis *d, const Anlos__Health *health, int64_t 
 void diagnosis_list(struct diagnosis *d, const Anlos__DetectionList *list);
 void diagnosis_scan(struct diagnosis *d, const Anlos__ScanStatus *status);
 
-/* The next one, once a second: of the faults since the start each has its turn. */
+/* The next one, once a second: of the faults since the start each has its turn.  The
+ * signal to noise is not known while images are stale. */
 void diagnosis_next(struct diagnosis *d, const struct watch *w, int64_t now_ns,
                     struct can_diagnosis *out);
 

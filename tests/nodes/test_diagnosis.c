@@ -135,6 +135,10 @@ static void the_signal_to_noise_is_of_the_strongest_object(void **state)
     list.n_detections = 2;
     diagnosis_list(&d, &list);
     assert_float_equal(next(&d, &w, S).snr_db, 21.5, 1e-9);
+    w.faults = 1u << CAN_FAULT_IMAGE_STALE; /* no list comes any more */
+    assert_true(isnan(next(&d, &w, S).snr_db));
+    w.faults = 0;
+    assert_float_equal(next(&d, &w, S).snr_db, 21.5, 1e-9);
     list.n_detections = 0;
     diagnosis_list(&d, &list);
     assert_true(isnan(next(&d, &w, S).snr_db));
