@@ -73,13 +73,18 @@ static void fill_wall(struct inbox_wall *w, const struct can_wall_in *in, int64_
     w->message.n_covariance = 6;
 }
 
-/* Those that were given lately, and not taken back. */
+/* Given lately, and not taken back. */
+static bool is_known(const struct inbox_wall *w, int64_t now_ns)
+{
+    return w->given_ns && now_ns - w->given_ns <= INBOX_WALL_NS;
+}
+
 static void list_walls(struct inbox *i, int64_t now_ns)
 {
     i->wall_list.n_walls = 0;
     for (size_t k = 0; k < INBOX_WALLS && i->wall_list.n_walls < WALLS_MAX; k++) {
         struct inbox_wall *w = &i->walls[k];
-        if (!w->given_ns || now_ns - w->given_ns > INBOX_WALL_NS)
+        if (!is_known(w, now_ns))
             continue;
         w->message.unseen_s = 1e-9 * (double)(now_ns - w->given_ns);
         i->wall_pointers[i->wall_list.n_walls++] = &w->message;
@@ -143,4 +148,18 @@ bool inbox_ego_ends(struct inbox *i, int64_t now_ns)
     i->ego.valid = false;
     can_checks_forget(&i->checks, CAN_ID_EGO_MOTION);
     return true;
+}
+
+bool inbox_walls_end(struct inbox *i, int64_t now_ns)
+{
+    bool end = false;
+
+    for (size_t k = 0; k < INBOX_WALLS; k++)
+        if (i->walls[k].given_ns && !is_known(&i->walls[k], now_ns)) {
+            i->walls[k].given_ns = 0;
+            end = true;
+        }
+    if (end)
+        list_walls(i, now_ns);
+    return end;
 }

@@ -57,4 +57,7 @@ enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
 /* True once when nothing valid has come for INBOX_EGO_NS: ego says so then. */
 bool inbox_ego_ends(struct inbox *i, int64_t now_ns);
 
+/* True once when a wall was not given for INBOX_WALL_NS: wall_list is without it then. */
+bool inbox_walls_end(struct inbox *i, int64_t now_ns);
+
 #endif

@@ -59,6 +59,8 @@ static void receive(struct run *r)
     }
     if (inbox_ego_ends(&r->inbox, now))
         node_publish(r->node, topic_ego(), now, &r->inbox.ego.base);
+    if (inbox_walls_end(&r->inbox, now))
+        node_publish(r->node, topic_wall_given(), now, &r->inbox.wall_list.base);
 }
 
 /* The state that the vehicle is told, and why. */

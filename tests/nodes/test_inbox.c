@@ -263,6 +263,39 @@ static void walls_are_kept_until_they_are_taken_back_or_old(void **state)
     assert_int_equal(give_wall(&r, 0, CAN_VALID), INBOX_NOTHING);
 }
 
+/* Nothing else has to come from the vehicle. */
+static void a_wall_ends_once_after_2_s_of_silence(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    assert_false(inbox_walls_end(&r.inbox, 9000 * MS)); /* there never was any */
+    give_wall(&r, 1, CAN_VALID);
+    r.now_ns += 500 * MS;
+    give_wall(&r, 2, CAN_VALID);
+    assert_false(inbox_walls_end(&r.inbox, r.now_ns + 1500 * MS));
+    assert_true(inbox_walls_end(&r.inbox, r.now_ns + 1501 * MS));
+    assert_int_equal(r.inbox.wall_list.n_walls, 1);
+    assert_int_equal(r.inbox.wall_list.walls[0]->id, 2);
+    assert_false(inbox_walls_end(&r.inbox, r.now_ns + 2000 * MS));
+    assert_true(inbox_walls_end(&r.inbox, r.now_ns + 2001 * MS));
+    assert_int_equal(r.inbox.wall_list.n_walls, 0);
+    assert_false(inbox_walls_end(&r.inbox, r.now_ns + 9000 * MS));
+}
+
+/* It is not there to end. */
+static void a_wall_that_was_taken_back_does_not_end_again(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    give_wall(&r, 1, CAN_VALID);
+    give_wall(&r, 1, CAN_INVALID);
+    assert_false(inbox_walls_end(&r.inbox, r.now_ns + 9000 * MS));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -277,6 +310,8 @@ int main(void)
         cmocka_unit_test(the_air_is_what_the_vehicle_measures),
         cmocka_unit_test(a_wall_is_upright_in_the_vehicle_frame),
         cmocka_unit_test(walls_are_kept_until_they_are_taken_back_or_old),
+        cmocka_unit_test(a_wall_ends_once_after_2_s_of_silence),
+        cmocka_unit_test(a_wall_that_was_taken_back_does_not_end_again),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
