@@ -2,7 +2,12 @@
 
 #include <errno.h>
 #include <math.h>
-#include <stdbool.h>
+
+bool ego_motion_is_plausible(const struct ego_motion *m)
+{
+    return fabs(m->speed_m_s) <= EGO_FASTEST_M_S &&
+           fabs(m->yaw_rate_rad_s) <= EGO_FASTEST_RAD_S; /* not of NaN */
+}
 
 /* -- steps ------------------------------------------------------------------------------
  */
@@ -47,8 +52,7 @@ static size_t held(const struct ego_path *p, size_t age)
 
 int ego_path_add(struct ego_path *p, int64_t stamp_ns, const struct ego_motion *m)
 {
-    if (!isfinite(m->speed_m_s) || !isfinite(m->yaw_rate_rad_s) ||
-        (p->n && stamp_ns <= p->stamp_ns[p->newest]))
+    if (!ego_motion_is_plausible(m) || (p->n && stamp_ns <= p->stamp_ns[p->newest]))
         return -EINVAL;
     p->newest = p->n ? (p->newest + 1) % EGO_PATH_MOTIONS : 0;
     p->n += p->n < EGO_PATH_MOTIONS;

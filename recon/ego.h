@@ -5,16 +5,22 @@
 #ifndef ANLOS_RECON_EGO_H
 #define ANLOS_RECON_EGO_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#define EGO_MAX_AGE_NS   100000000 /* motion that is older is not known */
-#define EGO_PATH_MOTIONS 256       /* 5 s of a message every 20 ms */
+#define EGO_MAX_AGE_NS    100000000 /* motion that is older is not known */
+#define EGO_PATH_MOTIONS  256       /* 5 s of a message every 20 ms */
+#define EGO_FASTEST_M_S   100.0     /* a vehicle; what says more is not believed */
+#define EGO_FASTEST_RAD_S 10.0
 
 struct ego_motion {
     double speed_m_s;      /* of the vehicle's origin, forward */
     double yaw_rate_rad_s; /* positive: to the left */
 };
+
+/* Finite, and not faster than a vehicle. */
+bool ego_motion_is_plausible(const struct ego_motion *m);
 
 struct ego_step {            /* from an earlier instant to a later one, or back: */
     double dx_m, dy_m, dyaw; /* the later frame in the earlier one; radian */
@@ -39,7 +45,8 @@ struct ego_path {
     struct ego_motion motion[EGO_PATH_MOTIONS];
 };
 
-/* 0, or -EINVAL: not later than the newest, or not finite; the path stays as it was. */
+/* 0, or -EINVAL: not later than the newest, or not plausible; the path stays as it was.
+ */
 int ego_path_add(struct ego_path *p, int64_t stamp_ns, const struct ego_motion *m);
 
 /* Between two stamps the motion goes straight from one to the other, after the newest it

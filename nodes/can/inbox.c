@@ -4,6 +4,7 @@
 
 #include "msgs/can/frames.h"
 #include "nodes/rt/walls.h"
+#include "recon/ego.h"
 
 void inbox_init(struct inbox *i, uint32_t base)
 {
@@ -29,7 +30,8 @@ static enum inbox_kind take_ego(struct inbox *i, const struct can_frame_data *f,
 
     if (can_unpack_ego_motion(f, &in))
         return INBOX_WRONG;
-    if (in.validity != CAN_VALID || isnan(in.speed_m_s) || isnan(in.yaw_rate_rad_s))
+    const struct ego_motion motion = {in.speed_m_s, in.yaw_rate_rad_s};
+    if (in.validity != CAN_VALID || !ego_motion_is_plausible(&motion))
         return INBOX_NOTHING;
     i->ego.speed_m_s = in.speed_m_s;
     i->ego.yaw_rate_rad_s = in.yaw_rate_rad_s;

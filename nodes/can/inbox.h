@@ -17,7 +17,7 @@
 #define INBOX_WALLS   15           /* as the frame numbers them, from 1 */
 
 enum inbox_kind {
-    INBOX_NOTHING, /* of no use, and no mistake: not available */
+    INBOX_NOTHING, /* of no use, and no mistake: not available, or not to be believed */
     INBOX_WRONG,   /* damaged, repeated or out of sequence: not to be used */
     INBOX_EGO,
     INBOX_AMBIENT,

@@ -14,10 +14,7 @@
 #include "nodes/track/listing.h"
 #include "nodes/track/timing.h"
 
-#define AT_WALL_M     0.25  /* what is imaged so close behind a wall is the wall */
-#define FASTEST_M_S   100.0 /* a vehicle; what says more is not believed */
-#define FASTEST_RAD_S 10.0
-#define LATEST_NS     (INT64_MAX / 2) /* differences of stamps do not overflow */
+#define LATEST_NS (INT64_MAX / 2) /* differences of stamps do not overflow */
 
 _Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS, "");
 
@@ -111,8 +108,7 @@ void tracking_ego(struct tracking *t, const Anlos__EgoMotion *ego, int64_t captu
     const struct ego_motion motion = {ego->standstill ? 0.0 : ego->speed_m_s,
                                       ego->standstill ? 0.0 : ego->yaw_rate_rad_s};
 
-    if (ego->valid && is_time(capture_ns) && fabs(motion.speed_m_s) <= FASTEST_M_S &&
-        fabs(motion.yaw_rate_rad_s) <= FASTEST_RAD_S)
+    if (ego->valid && is_time(capture_ns))
         ego_path_add(&t->ego, capture_ns, &motion); /* what came late tells nothing new */
 }
 

@@ -114,6 +114,20 @@ static void motion_that_the_vehicle_does_not_trust_is_as_good_as_none(void **sta
     assert_int_equal(r.inbox.wrong, 0);
 }
 
+/* Its frame may say up to 327 m/s. */
+static void no_vehicle_goes_faster_than_100_m_s(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    assert_int_equal(give_ego(&r, -100.0, CAN_VALID), INBOX_EGO);
+    assert_int_equal(give_ego(&r, 100.1, CAN_VALID), INBOX_NOTHING);
+    assert_int_equal(give_ego(&r, -327.0, CAN_VALID), INBOX_NOTHING);
+    assert_float_equal(r.inbox.ego.speed_m_s, -100.0, 1e-9);
+    assert_int_equal(r.inbox.wrong, 0);
+}
+
 static void a_damaged_frame_is_not_used(void **state)
 {
     struct rig r;
@@ -303,6 +317,7 @@ int main(void)
         cmocka_unit_test(motion_is_said_as_the_vehicle_says_it),
         cmocka_unit_test(motion_ends_once_after_100_ms_of_silence),
         cmocka_unit_test(motion_that_the_vehicle_does_not_trust_is_as_good_as_none),
+        cmocka_unit_test(no_vehicle_goes_faster_than_100_m_s),
         cmocka_unit_test(a_damaged_frame_is_not_used),
         cmocka_unit_test(nor_is_one_that_comes_again_or_of_another_frame),
         cmocka_unit_test(after_a_silence_any_counter_is_the_first),

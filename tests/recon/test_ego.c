@@ -209,6 +209,19 @@ static void what_comes_late_or_is_no_number_is_refused(void **state)
     assert_int_equal(p.n, 1);
 }
 
+static void what_is_faster_than_a_vehicle_is_not_believed(void **state)
+{
+    (void)state;
+    struct ego_path p = {0};
+    const struct ego_motion fast = {-100.0, 10.0};
+    const struct ego_motion none[] = {
+        {100.1, 0.0}, {-100.1, 0.0}, {1.0, 10.1}, {1.0, -10.1}};
+    assert_int_equal(ego_path_add(&p, 100 * MS, &fast), 0);
+    for (size_t i = 0; i < 4; i++)
+        assert_int_equal(ego_path_add(&p, 120 * MS, &none[i]), -EINVAL);
+    assert_int_equal(p.n, 1);
+}
+
 static void the_oldest_motions_make_room_for_the_newest(void **state)
 {
     (void)state;
@@ -240,6 +253,7 @@ int main(void)
         cmocka_unit_test(the_newest_motion_holds_for_a_tenth_of_a_second),
         cmocka_unit_test(before_the_oldest_and_in_a_long_gap_nothing_is_known),
         cmocka_unit_test(what_comes_late_or_is_no_number_is_refused),
+        cmocka_unit_test(what_is_faster_than_a_vehicle_is_not_believed),
         cmocka_unit_test(the_oldest_motions_make_room_for_the_newest),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
