@@ -28,7 +28,8 @@ struct can_event {
     enum can_event_kind kind;
     uint32_t id; /* of an error: with the kernel's flags */
     struct can_frame_data frame;
-    int64_t held_ns; /* for so long the kernel has had it; 0: it does not say */
+    int64_t held_ns; /* for so long the kernel has had it, by the wall clock, which may
+                        have been set meanwhile; 0: it does not say */
 };
 
 /* Receives error frames of the kinds in error_mask, and nothing else before

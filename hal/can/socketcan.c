@@ -16,6 +16,7 @@
 
 #define LOOK_NS      50000000LL /* how often a lost interface is looked for at first */
 #define LOOK_LAST_NS 800000000LL
+#define LONGEST_NS   1000000000LL
 
 enum { MAX_SENT_IDS = CAN_SOCKET_MAX_IDS - CANBUS_MAX_INPUTS };
 enum { MAX_ERRORS = 3 }; /* in a row, of a socket: down, gone, and no end of it */
@@ -163,6 +164,15 @@ static bool is_input(const struct canbus_socketcan *s, uint32_t id)
     return false;
 }
 
+/* What is held for longer is too old for anything, or the wall clock was set: it must not
+ * look new. */
+static int64_t came_ns(const struct can_event *event, int64_t now_ns)
+{
+    return now_ns - (event->held_ns < 0            ? 0
+                     : event->held_ns > LONGEST_NS ? LONGEST_NS
+                                                   : event->held_ns);
+}
+
 static void take_event(struct canbus_socketcan *s, const struct can_event *event,
                        int64_t now_ns)
 {
@@ -176,7 +186,7 @@ static void take_event(struct canbus_socketcan *s, const struct can_event *event
         break;
     case CAN_EVENT_FOREIGN:
         if (is_input(s, event->frame.id))
-            can_intake_put(&s->intake, &event->frame, now_ns - event->held_ns);
+            can_intake_put(&s->intake, &event->frame, came_ns(event, now_ns));
         else
             s->foreign++;
         break;

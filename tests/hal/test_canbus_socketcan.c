@@ -261,6 +261,26 @@ static void a_frame_that_waited_came_before(void **state)
     assert_int_equal(came_ns, 500 * MS);
 }
 
+/* The node was stopped, or the wall clock was set forward; one from the future, after it
+ * was set back, has come now. */
+static void a_frame_that_waited_for_long_does_not_look_new(void **state)
+{
+    static const int64_t held_ms[] = {1000, 1001, 3600000, -1, -3600000};
+    const uint32_t inputs[] = {0x40c};
+    struct canbus *b = *state;
+    struct can_frame_data f;
+    int64_t came_ns;
+
+    canbus_listen(b, inputs, 1);
+    for (size_t i = 0; i < 5; i++) {
+        comes(0x40c, 1);
+        kernel.events[kernel.n_events - 1].held_ns = held_ms[i] * MS;
+        look(b, 5000);
+        assert_int_equal(canbus_receive(b, &f, 5000 * MS, &came_ns), 0);
+        assert_int_equal(came_ns, (held_ms[i] > 0 ? 4000 : 5000) * MS);
+    }
+}
+
 /* canbus_poll takes them in, too, and nobody may ask for long. */
 static void inputs_that_nobody_takes_are_dropped_from_the_oldest_on(void **state)
 {
@@ -540,6 +560,7 @@ int main(void)
         TEST(what_is_listened_to_is_let_in_beside_what_is_sent),
         TEST(only_frames_that_are_listened_to_are_received),
         TEST(a_frame_that_waited_came_before),
+        TEST(a_frame_that_waited_for_long_does_not_look_new),
         TEST(inputs_that_nobody_takes_are_dropped_from_the_oldest_on),
         TEST(an_interface_that_comes_back_is_listened_to_again),
         TEST(a_full_queue_is_counted_and_nothing_is_pending),
