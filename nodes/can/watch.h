@@ -26,7 +26,9 @@
  * degraded | 5 s |
  *
  * "At once" is with the next watch_step.  The worst state counts; without faults it is
- * that of the scan.  * only of a fixed array: the image of a scan may take its time.
+ * that of the scan, and so it is whatever the faults are while the scan waits, records
+ * its background, is held or has failed.  * only of a fixed array: the image of a scan
+ * may take its time.
  *
  * A fixed array begins with init until nothing is wrong for the first time, for 10 s at
  * most.  Objects are sent while it is active or degraded; of a scan unless it is faulty,
