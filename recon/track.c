@@ -316,6 +316,8 @@ static int follow_time(struct tracker *t, int64_t stamp_ns, double *dt_s)
         *dt_s = 0.0;
     }
     *dt_s = fmin(*dt_s, LONGEST_S);
+    if (!t->began)
+        track_ids_begin(&t->ids, stamp_ns);
     t->began = true;
     t->stamp_ns = stamp_ns;
     return 0;

@@ -1,5 +1,12 @@
 #include "recon/track_ids.h"
 
+#define SECOND_NS 1000000000u
+
+void track_ids_begin(struct track_ids *ids, int64_t now_ns)
+{
+    ids->last = (unsigned)((uint64_t)now_ns / SECOND_NS % TRACK_ID_MAX);
+}
+
 unsigned track_ids_take(struct track_ids *ids, int64_t now_ns)
 {
     for (unsigned tried = 0; tried < TRACK_ID_MAX; tried++) {

@@ -14,6 +14,10 @@ struct track_ids { /* {0}: none was given yet */
     unsigned last;
 };
 
+/* To begin with: the first one is another in each second.  Who was started again, and had
+ * given less than one a second, begins with ids that nobody has heard of lately. */
+void track_ids_begin(struct track_ids *ids, int64_t now_ns);
+
 /* The next one round after the last; 0: all are taken or at rest. */
 unsigned track_ids_take(struct track_ids *ids, int64_t now_ns);
 void track_ids_give_back(struct track_ids *ids, unsigned id, int64_t now_ns,

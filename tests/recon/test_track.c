@@ -435,6 +435,29 @@ static void a_clock_that_jumps_back_begins_anew_with_other_ids(void **state)
     assert_int_equal(r->reports[0].id, 2);
 }
 
+/* Its receivers may still mean something else by the ids that it gave before. */
+static void a_tracker_that_is_started_again_begins_with_other_ids(void **state)
+{
+    struct rig *r = *state;
+    bool given[255] = {false};
+
+    for (int start = 0; start < 20; start++) {
+        use(r);
+        for (int k = 0; k < 4; k++) {
+            for (int i = 0; i < 5; i++)
+                see(r, 3.0 * i, 4.0, 0.02);
+            step(r);
+        }
+        assert_int_equal(r->n, 5);
+        for (size_t i = 0; i < r->n; i++) {
+            assert_in_range(r->reports[i].id, 1, 254);
+            assert_false(given[r->reports[i].id]);
+            given[r->reports[i].id] = true;
+        }
+        r->scan.stamp_ns += INT64_C(5000000000);
+    }
+}
+
 static void a_gap_ends_what_may_be_anywhere_by_now(void **state)
 {
     struct rig *r = *state;
@@ -654,6 +677,7 @@ int main(void)
         TEST(the_images_age_is_taken_out),
         TEST(older_scans_are_ignored_and_counted),
         TEST(a_clock_that_jumps_back_begins_anew_with_other_ids),
+        TEST(a_tracker_that_is_started_again_begins_with_other_ids),
         TEST(a_gap_ends_what_may_be_anywhere_by_now),
         TEST(an_id_is_not_given_again_for_half_a_minute),
         TEST(as_many_as_there_can_be),
