@@ -91,6 +91,9 @@ double survey_humid_sound_speed_m_s(double temperature_c, double humidity);
  * the next one is heard beyond it. */
 bool survey_overlaps(const struct survey *s);
 
+/* Where its gate ends at the latest, before the next speaker is heard. */
+double survey_gate_limit_m(const struct survey *s);
+
 /* Emission k of a shot, from 0, starts in which slot of it? */
 size_t survey_slot_of(const struct survey *s, size_t k);
 

@@ -174,6 +174,14 @@ static int check_array(const struct survey *s, struct complaint *why)
     return err;
 }
 
+double survey_gate_limit_m(const struct survey *s)
+{
+    double slot_s = (double)s->slot_samples / s->sample_rate_hz;
+    double limit_m = slot_s * s->sound_speed_m_s / 2;
+
+    return survey_overlaps(s) ? limit_m - SLOT_CLEARANCE_M : limit_m;
+}
+
 static int check_gate(const struct survey *s, struct complaint *why)
 {
     double near_m = s->gate_m[0], far_m = s->gate_m[1];
@@ -181,12 +189,12 @@ static int check_gate(const struct survey *s, struct complaint *why)
         return complain(why, -EINVAL, "gate_m is [%g, %g], expected 0 <= near < far",
                         near_m, far_m);
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;
-    double limit_m = slot_s * s->sound_speed_m_s / 2;
-    if (survey_overlaps(s) && far_m > limit_m - SLOT_CLEARANCE_M)
+    double limit_m = survey_gate_limit_m(s);
+    if (survey_overlaps(s) && far_m > limit_m)
         return complain(why, -EINVAL,
                         "gate_m: far is %g m, and %g m before the next speaker is heard, "
                         "a slot of %g s later, end at %g m",
-                        far_m, SLOT_CLEARANCE_M, slot_s, limit_m - SLOT_CLEARANCE_M);
+                        far_m, SLOT_CLEARANCE_M, slot_s, limit_m);
     if (far_m > limit_m)
         return complain(why, -EINVAL,
                         "gate_m: gate beyond the slot: far is %g m, and the echoes of a "

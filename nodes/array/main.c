@@ -1,10 +1,12 @@
-/* nodes/array/main.c: "array/fire", "stage/state" -> the speakers and microphones ->
- * "ping", "survey" */
+/* nodes/array/main.c: "array/fire", "stage/state", "ambient" -> the speakers and
+ * microphones -> "ping", "survey" */
 #include <errno.h>
 #include <string.h>
 
 #include "msgs/stage.pb-c.h"
 #include "msgs/topics.h"
+#include "msgs/vehicle.pb-c.h"
+#include "nodes/array/ambient.h"
 #include "nodes/array/hearing.h"
 #include "nodes/array/shooter.h"
 #include "nodes/rt/node.h"
@@ -17,7 +19,9 @@ struct run {
     struct array *array;
     struct shooter *shooter;
     struct hearing *hearing; /* NULL: of a recording, or it cannot be told */
-    bool heard;              /* the scan */
+    struct survey survey;    /* the array's, in the air as it is */
+    struct ambient ambient;
+    bool heard; /* the scan */
     int64_t survey_due_ns;
     unsigned failures;
 };
@@ -30,6 +34,30 @@ static int publish_survey(struct run *r)
         return 0;
     r->survey_due_ns = now + SURVEY_PERIOD_NS;
     return node_publish(r->node, topic_survey(), 0, &shooter_survey(r->shooter)->base);
+}
+
+/* Of an array that goes round without end: a scan is one of one air, and what was
+ * recorded had its own. */
+static void breathe(struct run *r, const Anlos__Ambient *said)
+{
+    const struct survey *measured = array_survey(r->array);
+    double was_m_s = r->survey.sound_speed_m_s;
+
+    if (measured->source == ANLOS__SOURCE__REPLAY || !shooter_is_endless(r->shooter) ||
+        !ambient_take(&r->ambient, measured, &r->survey, said, node_now_ns(r->node)))
+        return;
+    int err = shooter_take_survey(r->shooter, &r->survey);
+    if (err)
+        node_log(r->node, LOG_LEVEL_WARNING,
+                 "the vehicle's air has %.1f C, with which the survey does not work: %s",
+                 said->temperature_c, strerror(-err));
+    else
+        node_log(
+            r->node, LOG_LEVEL_INFO,
+            "the vehicle's air has %.1f C: sound goes at %.1f m/s, not %.1f; imaging "
+            "begins anew",
+            said->temperature_c, r->survey.sound_speed_m_s, was_m_s);
+    r->survey_due_ns = 0;
 }
 
 static void judge(struct run *r, const Anlos__Ping *ping)
@@ -79,6 +107,10 @@ static void take(struct run *r, const struct node_message *in)
             r->shooter, stage->held || stage->state == ANLOS__STAGE_STATE__STATE__FAULT);
         return;
     }
+    if (in->topic == topic_ambient()) {
+        breathe(r, (const Anlos__Ambient *)in->content);
+        return;
+    }
     r->heard = true;
     if (in->topic != topic_fire())
         return;
@@ -119,6 +151,8 @@ static int run(struct run *r)
         err = node_subscribe(r->node, topic_scan_status());
     if (!err)
         err = node_subscribe(r->node, topic_stage_state());
+    if (!err)
+        err = node_subscribe(r->node, topic_ambient());
     while (!err) {
         look_at_device(r);
         err = publish_survey(r);
@@ -159,6 +193,8 @@ int main(int argc, char **argv)
         node_log(r.node, LOG_LEVEL_ERROR, "%s", why.text);
     if (!err)
         err = shooter_create(&r.shooter, r.array);
+    if (!err)
+        err = survey_copy(&r.survey, array_survey(r.array));
     if (!err) {
         create_hearing(&r);
         node_device(r.node, counts, r.array);
@@ -166,6 +202,7 @@ int main(int argc, char **argv)
     }
     node_device(r.node, NULL, NULL);
     hearing_destroy(r.hearing);
+    survey_clear(&r.survey);
     shooter_destroy(r.shooter);
     array_close(r.array);
     return node_finish(r.node, err);

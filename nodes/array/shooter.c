@@ -69,6 +69,18 @@ const Anlos__Survey *shooter_survey(const struct shooter *s)
     return s->survey;
 }
 
+int shooter_take_survey(struct shooter *s, const struct survey *survey)
+{
+    Anlos__Survey *message;
+    int err = survey_message(&message, survey);
+
+    if (err)
+        return err;
+    anlos__survey__free_unpacked(s->survey, NULL);
+    s->survey = message;
+    return 0;
+}
+
 static int check_command(const struct shooter *s, const Anlos__FireCommand *c,
                          struct complaint *why)
 {
@@ -128,6 +140,11 @@ void shooter_displaced(struct shooter *s, bool displaced)
 bool shooter_busy(const struct shooter *s)
 {
     return s->n_shots > 0;
+}
+
+bool shooter_is_endless(const struct shooter *s)
+{
+    return s->n_shots > 0 && s->shots[s->first].command.endless;
 }
 
 static void end_shot(struct shooter *s)

@@ -17,6 +17,10 @@ int shooter_create(struct shooter **out, struct array *array);
 /* The survey as a message, owned by the shooter. */
 const Anlos__Survey *shooter_survey(const struct shooter *s);
 
+/* Takes another one of the same array: pings name it from now on.  0, -ENOMEM, -EINVAL
+ * (it does not pack; the old one stays). */
+int shooter_take_survey(struct shooter *s, const struct survey *survey);
+
 /* Queues a shot.  One without end goes on until another one is queued, or an endless one
  * without speakers, which is none.  The scan sends a command again until it hears of its
  * pings: one with the id and sender's epoch of the newest one is ignored.  0, -EINVAL (a
@@ -31,6 +35,9 @@ void shooter_displaced(struct shooter *s, bool displaced);
 
 /* Is there anything to record? */
 bool shooter_busy(const struct shooter *s);
+
+/* Does it go round without end? */
+bool shooter_is_endless(const struct shooter *s);
 
 /* Blocks until the next ping of the shots queued is recorded.  The message borrows from
  * the array until the next call.  0, -ENODATA (nothing to do), -EINTR (a signal) and

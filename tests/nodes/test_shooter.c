@@ -237,6 +237,28 @@ static void commands_that_do_not_fit_the_survey_are_refused(void **state)
     assert_false(shooter_busy(r->shooter));
 }
 
+static void pings_name_the_survey_that_was_taken_last(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {0, 1};
+    uint64_t was = shooter_survey(r->shooter)->id;
+    struct survey warm = *room_survey(r->array.room), wrong = warm; /* borrow */
+    Anlos__Ping ping;
+    int64_t t0;
+
+    warm.sound_speed_m_s *= 1.01;
+    wrong.sound_speed_m_s = 0.0;
+    assert_int_equal(fire(r, 1, 0, speakers, 2, NULL), 0);
+    assert_false(shooter_is_endless(r->shooter));
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_true(ping.survey_id == was);
+    assert_int_equal(shooter_take_survey(r->shooter, &warm), 0);
+    assert_true(shooter_survey(r->shooter)->id == survey_id(&warm));
+    assert_int_equal(shooter_take_survey(r->shooter, &wrong), -EINVAL);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_true(ping.survey_id == survey_id(&warm) && ping.survey_id != was);
+}
+
 static void too_many_shots_are_refused_not_forgotten(void **state)
 {
     struct rig *r = *state;
@@ -391,6 +413,7 @@ int main(void)
         TEST(what_was_queued_while_the_stage_is_displaced_is_not_valid),
         TEST(a_command_sent_again_is_not_fired_again),
         TEST(commands_that_do_not_fit_the_survey_are_refused),
+        TEST(pings_name_the_survey_that_was_taken_last),
         TEST(too_many_shots_are_refused_not_forgotten),
         TEST(an_array_that_fails_loses_the_rest_of_the_shot_only),
         TEST(a_signal_costs_nothing),
