@@ -6,6 +6,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "msgs/complaint.h"
+
 struct clock_source {
     int64_t (*now_ns)(void *state); /* wall time, ns since 1970 */
     /* Returns 0 when it is t_ns, -EINTR when the sleep was broken off. */
@@ -14,8 +16,18 @@ struct clock_source {
 };
 
 /* The machine's clock: counts on CLOCK_MONOTONIC, offset to wall time once at the start,
- * so that it never jumps. */
+ * so that it never jumps.  Whose parent has shared its clock takes the parent's offset.
+ */
 const struct clock_source *clock_system(void);
+
+/* The processes that this one starts from now on count as it does, whatever becomes of
+ * the wall clock in between: ANLOS_CLOCK in their environment, "PID:NS" with the process
+ * whose children it is for, so that it means nothing to others or on another machine.
+ * 0 or a negative errno. */
+int clock_share(void);
+
+/* -EINVAL: what the parent shared is damaged; this process took an offset of its own. */
+int clock_check_shared(struct complaint *why);
 
 /* How far the wall clock is ahead of clock_system by now: it was set since the start. */
 int64_t clock_wall_ahead_ns(void);

@@ -21,9 +21,9 @@ int launcher_tell_nodes(void)
 
     snprintf(parent, sizeof parent, "%ld", (long)getpid());
     snprintf(start, sizeof start, "%lld", (long long)now_ns);
-    return setenv("ANLOS_LAUNCHER_PID", parent, 1) || setenv("ANLOS_LAUNCH_NS", start, 1)
-               ? -errno
-               : 0;
+    if (setenv("ANLOS_LAUNCHER_PID", parent, 1) || setenv("ANLOS_LAUNCH_NS", start, 1))
+        return -errno;
+    return clock_share();
 }
 
 void launcher_print(void *ctx, const struct child *c, const char *line)

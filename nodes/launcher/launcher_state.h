@@ -38,8 +38,8 @@ void launcher_say(struct launcher *l, const char *node, enum log_level level,
                   const char *text);
 void launcher_print(void *ctx, const struct child *c, const char *line);
 
-/* Whom not to outlive, and since when there have been results of this run: in the
- * environment of the nodes.  0 or a negative errno. */
+/* Whom not to outlive, since when there have been results of this run, and the clock: in
+ * the environment of the nodes.  0 or a negative errno. */
 int launcher_tell_nodes(void);
 
 /* What is aside comes first, so that it misses nothing of the others. */

@@ -101,6 +101,14 @@ static int open_all(struct node *n, const struct arguments *args, struct complai
     return err ? err : open_bus(n, why);
 }
 
+static void check_clock(struct node *n)
+{
+    struct complaint why = {""};
+
+    if (clock_check_shared(&why))
+        node_log(n, LOG_LEVEL_WARNING, "%s", why.text);
+}
+
 static int open_log(struct node *n, const char *name, const struct arguments *args)
 {
     const struct log_config cfg = {.fd = STDERR_FILENO,
@@ -124,7 +132,10 @@ static int begin(struct node *n, const char *name, const struct arguments *args,
                                   .epoch_ns = n->epoch_ns,
                                   .state = ANLOS__HEALTH__STATE__STARTING,
                                   .text = "starting"};
-    return open_all(n, args, why);
+    int err = open_all(n, args, why);
+    if (!err)
+        check_clock(n);
+    return err;
 }
 
 int node_start(struct node **out, const char *name, const struct arguments *args,

@@ -8,6 +8,7 @@
 #include <signal.h>
 #include <stdbool.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #define DEADLINE_MS 60000
@@ -519,6 +520,42 @@ static void a_recording_that_is_there_starts_nothing(void **state)
     assert_int_equal(count(r->text, "started"), 0);
 }
 
+static int64_t read_ns(clockid_t id)
+{
+    struct timespec t;
+
+    clock_gettime(id, &t);
+    return t.tv_sec * 1000000000LL + t.tv_nsec;
+}
+
+/* What the launcher finds itself in its environment, of a login from another host, is
+ * nothing to it or its nodes. */
+static void nodes_get_the_clock_of_their_own_launcher(void **state)
+{
+    struct rig *r = *state;
+    long long offset_ns = 0;
+
+    write_launch(r, "can, report");
+    write_node(r, "can",
+               "test ${ANLOS_CLOCK%:*} = $PPID && echo \"first of $ANLOS_CLOCK\"");
+    write_node(r, "report",
+               "test -e $D/once && echo \"again of $ANLOS_CLOCK\" && exit 0\n"
+               ": > $D/once; exit 1");
+    setenv("ANLOS_CLOCK", "1:5", 1);
+    start(r);
+    unsetenv("ANLOS_CLOCK");
+    assert_int_equal(finish(r), 0);
+    const char *first = strstr(r->text, "first of "),
+               *again = strstr(r->text, "again of ");
+    assert_non_null(first);
+    assert_non_null(again);
+    size_t n = strcspn(first + 9, "\n");
+    assert_memory_equal(first + 9, again + 9, n + 1);
+    assert_int_equal(sscanf(first, "first of %*d:%lld", &offset_ns), 1);
+    assert_true(llabs(read_ns(CLOCK_REALTIME) - read_ns(CLOCK_MONOTONIC) - offset_ns) <
+                500000000);
+}
+
 static void a_program_that_is_missing_is_named(void **state)
 {
     struct rig *r = *state;
@@ -584,6 +621,7 @@ int main(void)
         TEST(what_a_recorder_refuses_is_not_run_without_it),
         TEST(a_recorder_that_crashes_is_started_again),
         TEST(a_recording_that_is_there_starts_nothing),
+        TEST(nodes_get_the_clock_of_their_own_launcher),
         TEST(a_program_that_is_missing_is_named),
         TEST(a_bad_launch_file_starts_nothing),
         TEST(an_output_folder_that_cannot_be_starts_nothing),
