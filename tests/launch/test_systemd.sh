@@ -9,6 +9,7 @@ if ! command -v systemd-analyze >/dev/null; then
     exit 77
 fi
 
+anlos=${1:?the program anlos}
 units=("$root"/launch/systemd/*.service)
 
 test_every_unit_is_valid() {
@@ -31,12 +32,28 @@ test_a_service_may_do_little() {
     done
 }
 
-# What the launcher and the unit agree on: the programs and options exist.
-test_the_command_of_a_unit_is_one_that_the_launcher_has() {
+test_a_unit_runs_the_launcher_in_folders_of_its_own() {
     local unit
     for unit in "${units[@]}"; do
         output=$(sed -n 's/^ExecStart=//p' "$unit")
         expect_text "anlos launch /etc/anlos/%i.yaml --run-dir /run/anlos/%i --out"
+    done
+}
+
+# The program takes them, and says so.
+test_the_options_of_a_unit_are_ones_that_the_launcher_has() {
+    local unit words word n
+    for unit in "${units[@]}"; do
+        read -ra words < <(sed -n 's/^ExecStart=.*anlos launch /launch /p' "$unit")
+        run "$anlos" "${words[@]}" --help
+        expect_code 0
+        n=0
+        for word in "${words[@]}"; do
+            [[ $word == --* ]] || continue
+            grep -qE -- "^  $word( |\$)" <<<"$output" || complain "has no $word"
+            n=$((n + 1))
+        done
+        [ $n -gt 0 ] || complain "found no options of $unit"
     done
 }
 
