@@ -38,12 +38,10 @@ bool alone_is_heard(struct bus *b, const struct topic *t)
     return false;
 }
 
-static void become(const struct alone *a, const char *launch)
+static void become(const struct alone *a, const char *program, const char *launch)
 {
-    char program[512];
     int fd = open(a->log, O_WRONLY | O_CREAT | O_APPEND, 0666);
 
-    snprintf(program, sizeof program, "%s/bin/anlos-%s", BINARY_DIR, a->node);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (fd < 0 || dup2(fd, STDERR_FILENO) < 0)
         _exit(127);
@@ -53,6 +51,15 @@ static void become(const struct alone *a, const char *launch)
 
 void alone_start(struct alone *a, const char *folder, const char *node,
                  const char *launch)
+{
+    char program[512];
+
+    snprintf(program, sizeof program, "%s/bin/anlos-%s", BINARY_DIR, node);
+    alone_start_program(a, program, folder, node, launch);
+}
+
+void alone_start_program(struct alone *a, const char *program, const char *folder,
+                         const char *node, const char *launch)
 {
     char path[128];
 
@@ -67,7 +74,7 @@ void alone_start(struct alone *a, const char *folder, const char *node,
     a->pid = fork();
     assert_true(a->pid >= 0);
     if (!a->pid)
-        become(a, path);
+        become(a, program, path);
     a->listener = alone_bus(folder, NULL);
     assert_int_equal(bus_subscribe(a->listener, topic_health()), 0);
 }

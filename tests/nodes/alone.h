@@ -31,6 +31,10 @@ bool alone_is_heard(struct bus *b, const struct topic *t);
 void alone_start(struct alone *a, const char *folder, const char *node,
                  const char *launch);
 
+/* The same with another program that is this node. */
+void alone_start_program(struct alone *a, const char *program, const char *folder,
+                         const char *node, const char *launch);
+
 /* Takes what comes within 20 ms.  true: *out is a message of another topic than health,
  * to be freed. */
 bool alone_hear(struct alone *a, struct bus_message *out);
