@@ -180,7 +180,7 @@ static void what_stops_or_goes_wrong_is_told_to_the_vehicle_in_time(void **state
     assert_lists(&w, CAN_DEGRADED, true);
     assert_told(&w, &silence);
     assert_told(&w, &air);
-    w.survey.temperature_c = 20.0;
+    w.held->no_ambient = false;
     assert_raises(&w, &array_away);
     assert_lists(&w, CAN_FAULT, false);
     wait_until(&w, BIT(TEMPERATURE_UNKNOWN), false);
