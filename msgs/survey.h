@@ -110,7 +110,7 @@ bool survey_is_down(const struct survey *s, size_t k);
 /* Plausible and consistent?  Ranges are stated in the complaint.  0 or -EINVAL. */
 int survey_check(const struct survey *s, struct complaint *why);
 
-/* What it says of volume, wall and mount alone. */
+/* What it says of gate, volume, wall and mount alone: the gate without the slot. */
 int survey_check_place(const struct survey *s, struct complaint *why);
 
 /* A hash of everything that the image and the detections depend on, which is all but the

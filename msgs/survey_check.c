@@ -184,11 +184,7 @@ double survey_gate_limit_m(const struct survey *s)
 
 static int check_gate(const struct survey *s, struct complaint *why)
 {
-    double near_m = s->gate_m[0], far_m = s->gate_m[1];
-    if (!(near_m >= 0 && near_m < far_m && isfinite(far_m)))
-        return complain(why, -EINVAL, "gate_m is [%g, %g], expected 0 <= near < far",
-                        near_m, far_m);
-    double slot_s = (double)s->slot_samples / s->sample_rate_hz;
+    double far_m = s->gate_m[1], slot_s = (double)s->slot_samples / s->sample_rate_hz;
     double limit_m = survey_gate_limit_m(s);
     if (survey_overlaps(s) && far_m > limit_m)
         return complain(why, -EINVAL,
@@ -304,9 +300,20 @@ static int check_walls(const struct survey *s, struct complaint *why)
     return err;
 }
 
+static int check_ends(const struct survey *s, struct complaint *why)
+{
+    double near_m = s->gate_m[0], far_m = s->gate_m[1];
+    if (near_m >= 0 && near_m < far_m && isfinite(far_m))
+        return 0;
+    return complain(why, -EINVAL, "gate_m is [%g, %g], expected 0 <= near < far", near_m,
+                    far_m);
+}
+
 int survey_check_place(const struct survey *s, struct complaint *why)
 {
-    int err = s->has_volume ? check_volume(s, why) : 0;
+    int err = s->has_gate ? check_ends(s, why) : 0;
+    if (!err && s->has_volume)
+        err = check_volume(s, why);
     if (!err && s->has_wall)
         err = check_unit(why, "wall normal", s->wall_normal);
     if (!err && s->has_wall)

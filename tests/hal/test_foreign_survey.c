@@ -184,6 +184,10 @@ static void a_place_alone_can_be_read(void **state)
                          "volume: {x_m: [1, 0, 1], y_m: [0, 1, 1], z_m: [0, 1, 1]}\n");
     assert_int_equal(survey_load_place(&s, path, &why), -EINVAL);
     assert_non_null(strstr(why.text, "place.yaml:1: "));
+    path = scratch_write(*state, "place.yaml", VOLUME "gate_m: [3.0, 1.0]\n");
+    assert_int_equal(survey_load_place(&s, path, &why), -EINVAL);
+    assert_non_null(
+        strstr(why.text, "place.yaml:2: gate_m is [3, 1], expected 0 <= near"));
 }
 
 /* Slot k holds the number k + 1. */

@@ -136,6 +136,46 @@ static void a_survey_may_name_the_volume_of_traces(void **state)
     assert_non_null(strstr(r.out, "1 object, positions as tx_m and rx_m have them"));
 }
 
+/* Writes the place that the gate is of, and images the traces there; the brightest. */
+static float brightest(struct fixture *f, const char *gate)
+{
+    struct command_result r;
+    char path[160];
+    int before = 0, c;
+    float most = 0.0f, v;
+    snprintf(f->b, sizeof f->b, "%s/place.yaml", f->folder);
+    FILE *file = fopen(f->b, "w");
+    fprintf(file,
+            "volume: {x_m: [-0.02, 0.3, 0.01], y_m: [-0.01, 0.05, 0.01], "
+            "z_m: [-0.04, 0.03, 0.005]}\n%s",
+            gate);
+    fclose(file);
+    char *words[] = {"recon", "--traces", f->a, "--survey", f->b, "--out", f->out, NULL};
+    command_run(&r, command_recon, words);
+    if (r.code)
+        fail_msg("code %d: %s", r.code, r.err);
+    snprintf(path, sizeof path, "%s/volume.nrrd", f->out);
+    file = fopen(path, "rb");
+    while ((c = fgetc(file)) != EOF && !(before == '\n' && c == '\n'))
+        before = c;
+    while (fread(&v, sizeof v, 1, file) == 1)
+        most = fmaxf(most, v);
+    fclose(file);
+    return most;
+}
+
+/* Pings go around the point 0.8 to 0.9 m away; the volume reaches up to 0.55 m to some.
+ */
+static void traces_outside_of_the_gate_are_not_imaged(void **state)
+{
+    struct fixture *f = *state;
+    write_mat(f);
+    float seen = brightest(f, "gate_m: [0.6, 1.1]\n");
+    assert_true(seen > 0.0f);
+    assert_true(brightest(f, "gate_m: [0.6, 0.7]\n") < 1e-3f * seen);
+    assert_true(brightest(f, "gate_m: [1.0, 1.1]\n") < 1e-3f * seen);
+}
+
 static void expect_refusal(char *const words[], const char *part)
 {
     struct command_result r;
@@ -177,6 +217,30 @@ static void bad_arguments_say_what_was_expected(void **state)
     char *stage[] = {"recon",    "--traces", f->a,    "--volume", volume,
                      "--method", fast,       "--out", f->out,     NULL};
     expect_refusal(stage, "method 'fast' cannot image this survey: ");
+}
+
+static void a_gate_that_holds_nothing_is_refused(void **state)
+{
+    static const struct {
+        const char *gate, *part;
+    } cases[] = {
+        {"[3.0, 1.0]", "place.yaml:2: gate_m is [3, 1], expected 0 <= near < far"},
+        {"[2.0, 3.0]", "outside the gate of 2.00 to 3.00 m; change gate_m or volume"},
+        {"[0.2, 0.55]", "gate_m: 0.20 to 0.55 m, but the traces of"},
+    };
+    struct fixture *f = *state;
+    write_mat(f);
+    snprintf(f->b, sizeof f->b, "%s/place.yaml", f->folder);
+    char *words[] = {"recon", "--traces", f->a, "--survey", f->b, "--out", f->out, NULL};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        FILE *place = fopen(f->b, "w");
+        fprintf(place,
+                "volume: {x_m: [-0.5, 0.5, 0.1], y_m: [0, 0.1, 0.1], z_m: [0, 0.1, 0.1]}"
+                "\ngate_m: %s\n",
+                cases[i].gate);
+        fclose(place);
+        expect_refusal(words, cases[i].part);
+    }
 }
 
 /* -- one WAV of slots -------------------------------------------------------------------
@@ -282,6 +346,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_point_in_traces_is_within_a_millimetre),
         TEST(a_survey_may_name_the_volume_of_traces),
+        TEST(traces_outside_of_the_gate_are_not_imaged),
+        TEST(a_gate_that_holds_nothing_is_refused),
         TEST(bad_arguments_say_what_was_expected),
         TEST(pings_in_one_file_are_imaged),
         TEST(what_pings_cannot_have_is_said),

@@ -111,6 +111,31 @@ static void the_newer_format_and_turned_arrays_too(void **state)
     expect_echoes(*state, -45.0);
 }
 
+/* Samples stay at their times. */
+static void a_gate_leaves_the_samples_within(void **state)
+{
+    const struct traces_write w = {.format = {0.0035, 100000.0, 20000.0, 350}};
+    struct traces_file whole, cut;
+    const double gate_s[2] = {0.0042, 0.0061}, none_s[2] = {0.0002, 0.0034};
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&whole, path, NULL), 0);
+    assert_int_equal(traces_load(&cut, path, NULL), 0);
+    assert_int_equal(traces_cut(&cut, none_s), -ERANGE);
+    assert_int_equal(cut.format.n_samples, whole.format.n_samples);
+    assert_int_equal(traces_cut(&cut, gate_s), 0);
+    double rate_hz = whole.format.rate_hz, first_s = cut.format.t0_s;
+    size_t n = cut.format.n_samples, skip = (size_t)rint((first_s - 0.0035) * rate_hz);
+    double last_s = first_s + (double)(n - 1) / rate_hz;
+    assert_true(first_s >= gate_s[0] && first_s < gate_s[0] + 1.0 / rate_hz);
+    assert_true(last_s <= gate_s[1] && last_s > gate_s[1] - 1.0 / rate_hz);
+    for (size_t k = 0; k < TURNTABLE_PINGS; k++)
+        assert_memory_equal(cut.traces + k * n,
+                            whole.traces + k * whole.format.n_samples + skip,
+                            n * sizeof *cut.traces);
+    traces_clear(&cut);
+    traces_clear(&whole);
+}
+
 static void pings_without_sound_are_left_out(void **state)
 {
     struct traces_file f;
@@ -244,6 +269,7 @@ int main(void)
         TEST(basebanded_traces_come_at_a_rate_for_imaging),
         TEST(traces_with_their_carrier_too),
         TEST(the_newer_format_and_turned_arrays_too),
+        TEST(a_gate_leaves_the_samples_within),
         TEST(pings_without_sound_are_left_out),
         TEST(what_is_missing_or_wrong_is_named),
         TEST(as_many_places_as_pings),

@@ -32,6 +32,35 @@ static int fill_survey(struct recon_job *job, struct complaint *why)
     return 0;
 }
 
+static double end_s(const struct trace_format *f)
+{
+    return f->t0_s + (double)(f->n_samples - 1) / f->rate_hz;
+}
+
+/* Takes away what is outside of the survey's gate.  delays_s: of the volume. */
+static int apply_gate(struct recon_job *job, const double delays_s[2],
+                      struct complaint *why)
+{
+    const struct survey *s = &job->survey;
+    const struct trace_format *f = &job->traces.format;
+    const char *survey = job->options->survey;
+    double half_c = 0.5 * s->sound_speed_m_s;
+    const double gate_s[2] = {s->gate_m[0] / half_c, s->gate_m[1] / half_c};
+    if (delays_s[1] <= gate_s[0] || delays_s[0] >= gate_s[1])
+        return complain(why, -EINVAL,
+                        "%s: volume: it lies %.2f to %.2f m away, outside the gate of "
+                        "%.2f to %.2f m; change gate_m or volume",
+                        survey, half_c * delays_s[0], half_c * delays_s[1], s->gate_m[0],
+                        s->gate_m[1]);
+    if (!traces_cut(&job->traces, gate_s))
+        return 0;
+    return complain(why, -EINVAL,
+                    "%s: gate_m: %.2f to %.2f m, but the traces of %s last from %.2f to "
+                    "%.2f m; change gate_m",
+                    survey, s->gate_m[0], s->gate_m[1], job->options->traces,
+                    half_c * f->t0_s, half_c * end_s(f));
+}
+
 static int plan(struct recon_job *job, struct complaint *why)
 {
     const struct recon_options *o = job->options;
@@ -39,7 +68,6 @@ static int plan(struct recon_job *job, struct complaint *why)
     const struct trace_format *f = &job->traces.format;
     struct processing *p = &job->processing;
     double half_c = 0.5 * s->sound_speed_m_s, delays_s[2];
-    double end_s = f->t0_s + (double)(f->n_samples - 1) / f->rate_hz;
 
     memset(p, 0, sizeof *p);
     processing_geometry(&p->geometry, s);
@@ -48,15 +76,19 @@ static int plan(struct recon_job *job, struct complaint *why)
     if (err)
         return complain(why, err, "volume: too many voxels; expected at most 2^28");
     grid_delays(&p->grid, &p->geometry, delays_s);
+    if (s->has_gate)
+        err = apply_gate(job, delays_s, why);
+    if (err)
+        return err;
     p->gate_m[0] = s->has_gate ? s->gate_m[0] : half_c * fmax(f->t0_s, 0.0);
-    p->gate_m[1] = s->has_gate ? s->gate_m[1] : half_c * end_s;
+    p->gate_m[1] = s->has_gate ? s->gate_m[1] : half_c * end_s(f);
     p->gate_s[0] = fmax(delays_s[0], f->t0_s);
-    p->gate_s[1] = fmin(delays_s[1], end_s);
+    p->gate_s[1] = fmin(delays_s[1], end_s(f));
     if (p->gate_s[0] >= p->gate_s[1])
         return complain(why, -EINVAL,
                         "%s: its traces last from %g to %g s, but echoes of the volume "
                         "arrive from %g to %g s; change the volume",
-                        o->traces, f->t0_s, end_s, delays_s[0], delays_s[1]);
+                        o->traces, f->t0_s, end_s(f), delays_s[0], delays_s[1]);
     return 0;
 }
 
@@ -79,8 +111,9 @@ int recon_traces_open(struct recon_job *job, struct complaint *why)
     if (!err)
         err = fill_survey(job, why);
     if (!err)
-        job->format = job->traces.format;
-    return err ? err : plan(job, why);
+        err = plan(job, why);
+    job->format = job->traces.format;
+    return err;
 }
 
 struct adding {

@@ -148,6 +148,23 @@ int traces_load(struct traces_file *out, const char *path, struct complaint *why
     return err;
 }
 
+int traces_cut(struct traces_file *t, const double gate_s[2])
+{
+    struct trace_format *f = &t->format;
+    double last = floor((gate_s[1] - f->t0_s) * f->rate_hz + 1e-6);
+    double first = fmax(ceil((gate_s[0] - f->t0_s) * f->rate_hz - 1e-6), 0.0);
+    size_t before = f->n_samples;
+    last = fmin(last, (double)(before - 1));
+    if (!(last >= first + 1.0))
+        return -ERANGE;
+    size_t skip = (size_t)first, n = (size_t)last - skip + 1;
+    for (size_t k = 0; k < t->n_pings; k++)
+        memmove(t->traces + k * n, t->traces + k * before + skip, n * sizeof *t->traces);
+    f->t0_s += first / f->rate_hz;
+    f->n_samples = n;
+    return 0;
+}
+
 void traces_clear(struct traces_file *t)
 {
     free(t->pings_m);

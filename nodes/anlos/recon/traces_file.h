@@ -40,4 +40,8 @@ struct traces_file {
 int traces_load(struct traces_file *out, const char *path, struct complaint *why);
 void traces_clear(struct traces_file *t);
 
+/* Leaves of all traces the samples within these delays.  0, -ERANGE (fewer than 2 are).
+ */
+int traces_cut(struct traces_file *t, const double gate_s[2]);
+
 #endif
