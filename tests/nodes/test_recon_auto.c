@@ -142,6 +142,10 @@ static void a_hopeless_budget_is_told_and_still_gives_an_image(void **state)
     const json_t *plan = json_object_get(report, "plan");
     assert_true(json_is_false(json_object_get(json_object_get(plan, "seen"), "looked")));
     assert_true(number(plan, "budget_s") < 1e-8);
+    const json_t *pings = json_object_get(report, "pings");
+    assert_int_equal(number(pings, "used"), 6);
+    assert_int_equal(number(pings, "left_out"), 18);
+    assert_int_equal(number(pings, "lost"), 0);
     json_decref(report);
 }
 

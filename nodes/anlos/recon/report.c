@@ -17,6 +17,29 @@ static size_t pings_expected(const struct recon_job *job)
     return job->survey.n_positions * job->survey.n_speakers;
 }
 
+/* Of the speakers, as auto has decided. */
+static size_t stride(const struct recon_job *job)
+{
+    return job->automatic ? job->automatic->plan.stride : 1;
+}
+
+/* Pings of speakers that are left out to save time. */
+static size_t pings_saved(const struct recon_job *job)
+{
+    size_t speakers = job->survey.n_speakers;
+    size_t kept = (speakers + stride(job) - 1) / stride(job);
+    return job->survey.n_positions * (speakers - kept);
+}
+
+/* On purpose: these, and of the others the last speaker's that end before their echoes.
+ */
+static size_t pings_left_out(const struct recon_job *job)
+{
+    size_t speakers = job->survey.n_speakers;
+    bool last = speakers > 1 && (speakers - 1) % stride(job) == 0;
+    return pings_saved(job) + (job->reader && last ? recon_reader_cut(job->reader) : 0);
+}
+
 static void warn(json_t *warnings, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
@@ -90,20 +113,17 @@ static void warn_psf(json_t *warnings, const struct recon_job *job)
     }
 }
 
-static void warn_lost(json_t *warnings, const struct recon_job *job, size_t lost)
+static void warn_lost(json_t *warnings, const struct recon_job *job)
 {
-    size_t expected = pings_expected(job);
-    size_t cut = job->reader && job->survey.n_speakers > 1 ? recon_reader_cut(job->reader)
-                                                           : 0;
-    size_t stride = job->automatic ? job->automatic->plan.stride : 1;
-    if (stride > 1)
+    size_t expected = pings_expected(job), saved = pings_saved(job);
+    size_t lost = expected - imager_pings(job->imager) - pings_left_out(job);
+    if (saved)
         warn(warnings,
              "%zu of %zu pings are left out to save time: of the speakers only every "
              "%zuth is used",
-             lost, expected, stride);
-    else if (lost > cut)
-        warn(warnings, "%zu of %zu pings are lost: no usable microphone", lost - cut,
-             expected);
+             saved, expected, stride(job));
+    if (lost)
+        warn(warnings, "%zu of %zu pings are lost: no usable microphone", lost, expected);
 }
 
 /* Only in other air than the background's it matters. */
@@ -125,7 +145,6 @@ static void warn_cut(json_t *warnings, const struct recon_job *job)
 json_t *recon_report_warnings(const struct recon_job *job)
 {
     json_t *warnings = json_array();
-    size_t used = imager_pings(job->imager);
     warn_microphones(warnings, job->scene_check, &job->survey, "");
     warn_microphones(warnings, job->background_check, &job->survey, "background: ");
     if (job->traces.n_not_finite)
@@ -133,8 +152,8 @@ json_t *recon_report_warnings(const struct recon_job *job)
              job->traces.n_not_finite);
     if (job->traces.n_silent)
         warn(warnings, "%zu traces are silent: left out", job->traces.n_silent);
-    if (used < pings_expected(job) && !job->options->traces)
-        warn_lost(warnings, job, pings_expected(job) - used);
+    if (!job->options->traces)
+        warn_lost(warnings, job);
     warn_cut(warnings, job);
     if (job->processing.geometry.pings_m)
         warn_steps(warnings, job);
@@ -206,6 +225,7 @@ json_t *recon_report_create(const struct recon_job *job, const struct recon_resu
 {
     const struct recon_options *o = job->options;
     size_t expected = pings_expected(job), used = imager_pings(job->imager);
+    size_t left_out = pings_left_out(job);
     json_t *report = recon_results_report(r, recording_json(job));
 
     if (job->method_because)
@@ -222,9 +242,10 @@ json_t *recon_report_create(const struct recon_job *job, const struct recon_resu
         json_object_set_new(report, "window", json_string(window_name(o->window)));
     }
     json_object_set_new(report, "pings",
-                        json_pack("{sI, sI, sI}", "expected", (json_int_t)expected,
-                                  "used", (json_int_t)used, "lost",
-                                  (json_int_t)(expected - used)));
+                        json_pack("{sI, sI, sI, sI}", "expected", (json_int_t)expected,
+                                  "used", (json_int_t)used, "left_out",
+                                  (json_int_t)left_out, "lost",
+                                  (json_int_t)(expected - used - left_out)));
     json_object_set_new(report, "channels", channels_json(job));
     json_object_set_new(report, "sound_speed_m_s",
                         export_real(job->survey.sound_speed_m_s));
