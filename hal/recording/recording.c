@@ -18,6 +18,7 @@ enum { BLOCK_FRAMES = 2048 };
 struct recording {
     size_t n_positions, n_speakers, n_microphones, slot_samples, n_frames;
     size_t n_slots; /* in a file */
+    size_t n_held;  /* whole slots that are in the one file of pings */
     double sample_rate_hz;
     size_t n_files; /* one a position, or one whose slots are the positions */
     char **paths;   /* [n_files] */
@@ -164,7 +165,7 @@ static SNDFILE *open_file(const struct recording *r, const char *path, SF_INFO *
     return NULL;
 }
 
-static int check_files(const struct recording *r, struct complaint *why)
+static int check_files(struct recording *r, struct complaint *why)
 {
     SF_INFO info;
     for (size_t i = 0; i < r->n_files; i++) {
@@ -174,6 +175,7 @@ static int check_files(const struct recording *r, struct complaint *why)
         SNDFILE *f = open_file(r, r->paths[i], &info, &err, why);
         if (err)
             return err;
+        r->n_held = (size_t)info.frames / r->slot_samples;
         sf_close(f);
     }
     return 0;
@@ -207,6 +209,12 @@ int recording_open(struct recording **out, const char *folder, const struct surv
 size_t recording_frames(const struct recording *r)
 {
     return r->n_frames;
+}
+
+size_t recording_spare_slots(const struct recording *r)
+{
+    bool one_file = r->n_files != r->n_positions;
+    return one_file && r->n_held > r->n_slots ? r->n_held - r->n_slots : 0;
 }
 
 static bool is_float(const SF_INFO *info)

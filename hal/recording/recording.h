@@ -25,6 +25,11 @@ int recording_open(struct recording **out, const char *folder, const struct surv
  */
 size_t recording_frames(const struct recording *r);
 
+/* Whole slots in the file of pings behind those that the survey names, of which the last
+ * may be what a long ping leaves behind: else it names too few, and maybe not those at
+ * the end are missing.  0 of one file for each position. */
+size_t recording_spare_slots(const struct recording *r);
+
 /* Reads one position: samples [n_microphones][recording_frames], zeros beyond the end of
  * the file; clipped[n_microphones] and not_finite[n_microphones] are counted (samples
  * that are not finite become 0).  Threads may read different positions at once. 0, -EIO

@@ -209,6 +209,7 @@ static void slots_of_one_file_are_positions(void **state)
         fail_msg("%s", why.text);
     size_t frames = recording_frames(r);
     assert_true(frames >= SLOT && frames <= 2 * SLOT);
+    assert_int_equal(recording_spare_slots(r), 0);
     for (size_t k = 0; k < PINGS; k++) {
         assert_int_equal(recording_read(r, k, y, &clipped, &not_finite, &why), 0);
         for (size_t i = 0; i < frames; i++) {
@@ -229,6 +230,28 @@ static void slots_of_one_file_are_positions(void **state)
     survey_clear(&s);
 }
 
+static void slots_that_no_ping_names_are_counted(void **state)
+{
+    static const struct {
+        size_t frames, spare;
+    } cases[] = {
+        {PINGS * SLOT + SLOT - 1, 0}, {(PINGS + 1) * SLOT, 1}, {(PINGS + 2) * SLOT, 2}};
+    static float x[(PINGS + 2) * SLOT];
+    struct complaint why;
+    struct survey s;
+    struct recording *r;
+    write_pings(*state);
+    assert_int_equal(load(*state, HEAD SWEEP PLACES VOLUME, &s, &why), 0);
+    scratch_folder(*state, "wav");
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        write_wav(*state, "wav/all.wav", 1, RATE, x, cases[i].frames);
+        assert_int_equal(recording_open(&r, scratch_path(*state, "wav"), &s, &why), 0);
+        assert_int_equal(recording_spare_slots(r), cases[i].spare);
+        recording_close(r);
+    }
+    survey_clear(&s);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -241,6 +264,7 @@ int main(void)
         TEST(what_was_saved_is_read_back),
         TEST(a_place_alone_can_be_read),
         TEST(slots_of_one_file_are_positions),
+        TEST(slots_that_no_ping_names_are_counted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

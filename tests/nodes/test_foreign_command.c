@@ -318,6 +318,28 @@ static void pings_in_one_file_are_imaged(void **state)
     assert_non_null(strstr(r.out, "positions in the frame of the pings"));
 }
 
+/* The file of places without its fifth line. */
+static void a_ping_without_a_place_is_said(void **state)
+{
+    struct fixture *f = *state;
+    struct command_result r;
+    char path[160], line[256], kept[TURNTABLE_PINGS * 128] = "";
+    write_recording(f);
+    snprintf(path, sizeof path, "%s/pings.csv", f->folder);
+    FILE *csv = fopen(path, "r");
+    for (int k = 0; fgets(line, sizeof line, csv); k++)
+        if (k != 4)
+            strcat(kept, line);
+    fclose(csv);
+    csv = fopen(path, "w");
+    fputs(kept, csv);
+    fclose(csv);
+    char *words[] = {"recon", "--survey", f->a, "--wav", f->b, "--out", f->out, NULL};
+    command_run(&r, command_recon, words);
+    assert_int_equal(r.code, 0);
+    assert_non_null(strstr(r.err, "wav holds 180 slots, but pings names 179: "));
+}
+
 static void what_pings_cannot_have_is_said(void **state)
 {
     struct fixture *f = *state;
@@ -350,6 +372,7 @@ int main(void)
         TEST(a_gate_that_holds_nothing_is_refused),
         TEST(bad_arguments_say_what_was_expected),
         TEST(pings_in_one_file_are_imaged),
+        TEST(a_ping_without_a_place_is_said),
         TEST(what_pings_cannot_have_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

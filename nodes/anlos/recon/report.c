@@ -142,9 +142,22 @@ static void warn_cut(json_t *warnings, const struct recon_job *job)
              cut, pings_expected(job));
 }
 
+/* A line that is missing between others gives all later pings the wrong places. */
+static void warn_spare(json_t *warnings, const struct recon_job *job)
+{
+    size_t named = job->survey.n_positions;
+    size_t spare = job->recording ? recording_spare_slots(job->recording) : 0;
+    if (spare)
+        warn(warnings,
+             "%s holds %zu slots, but pings names %zu: the last are left alone, and "
+             "places are wrong if it is not theirs that are missing",
+             job->options->wav, named + spare, named);
+}
+
 json_t *recon_report_warnings(const struct recon_job *job)
 {
     json_t *warnings = json_array();
+    warn_spare(warnings, job);
     warn_microphones(warnings, job->scene_check, &job->survey, "");
     warn_microphones(warnings, job->background_check, &job->survey, "background: ");
     if (job->traces.n_not_finite)
