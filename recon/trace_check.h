@@ -7,8 +7,10 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* Both parts of all samples are numbers and below 1e13: louder is no echo, and sums of
- * its square would overflow.  Cost: one pass. */
+#define TRACE_LOUDEST 1e13f
+
+/* Both parts of all samples are numbers and below TRACE_LOUDEST: louder is no echo, and
+ * sums of its square would overflow.  Cost: one pass. */
 bool trace_check(const float complex *trace, size_t n);
 
 #endif

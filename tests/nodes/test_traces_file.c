@@ -160,6 +160,25 @@ static void pings_without_sound_are_left_out(void **state)
     traces_clear(&f);
 }
 
+static void traces_louder_than_any_echo_are_counted(void **state)
+{
+    static const double gains[2] = {1e11, 3e14};
+    for (int loud = 0; loud < 2; loud++) {
+        struct traces_file f;
+        struct complaint why = {""};
+        struct traces_write w = {.format = {0.003, 100000.0, 0.0, 500}, .real = true};
+        struct scatterer point = points[0];
+        point.gain = gains[loud];
+        w.silent[3] = true;
+        traces_write(&w, *state, path, &point, 1);
+        int err = traces_load(&f, path, &why);
+        assert_int_equal(err, loud ? -ENODATA : 0);
+        assert_int_equal(f.n_silent, 1);
+        assert_int_equal(f.n_too_loud, loud ? TURNTABLE_PINGS - 1 : 0);
+        traces_clear(&f);
+    }
+}
+
 static void what_is_missing_or_wrong_is_named(void **state)
 {
     static const struct {
@@ -271,6 +290,7 @@ int main(void)
         TEST(the_newer_format_and_turned_arrays_too),
         TEST(a_gate_leaves_the_samples_within),
         TEST(pings_without_sound_are_left_out),
+        TEST(traces_louder_than_any_echo_are_counted),
         TEST(what_is_missing_or_wrong_is_named),
         TEST(as_many_places_as_pings),
         cmocka_unit_test(a_band_is_found_wherever_it_lies),

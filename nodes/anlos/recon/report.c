@@ -165,6 +165,9 @@ json_t *recon_report_warnings(const struct recon_job *job)
              job->traces.n_not_finite);
     if (job->traces.n_silent)
         warn(warnings, "%zu traces are silent: left out", job->traces.n_silent);
+    if (job->traces.n_too_loud)
+        warn(warnings, "%zu traces are louder than any echo: left out",
+             job->traces.n_too_loud);
     if (!job->options->traces)
         warn_lost(warnings, job);
     warn_cut(warnings, job);

@@ -7,6 +7,7 @@
 
 #include "nodes/anlos/mat_file.h"
 #include "nodes/anlos/recon/traces_band.h"
+#include "recon/trace_check.h"
 
 /* [n][3]; HDF5 files that MATLAB did not write often have [3][n]. */
 static int read_places(struct mat_file *f, const char *path, const char *name,
@@ -114,20 +115,38 @@ static int look(struct traces_file *t, struct traces_raw *r, const char *path,
     if (!t->masked)
         return complain(why, -ENOMEM, "%s: out of memory", path);
     for (size_t k = 0; k < t->n_pings; k++) {
-        bool finite = true, silent = true;
+        bool finite = true, silent = true, loud = false;
         for (size_t n = 0; n < r->n_samples; n++) {
             float complex x = r->traces[k * r->stride + n * r->step];
             finite = finite && isfinite(crealf(x)) && isfinite(cimagf(x));
+            loud = loud || fabsf(crealf(x)) >= TRACE_LOUDEST ||
+                   fabsf(cimagf(x)) >= TRACE_LOUDEST;
             silent = silent && crealf(x) == 0.0f && cimagf(x) == 0.0f;
             r->real = r->real && cimagf(x) == 0.0f;
         }
         t->n_not_finite += !finite;
         t->n_silent += silent;
-        t->masked[k] = !finite || silent;
+        t->n_too_loud += finite && loud;
+        t->masked[k] = !finite || silent || loud;
     }
-    if (t->n_not_finite + t->n_silent < t->n_pings)
+    if (t->n_not_finite + t->n_silent + t->n_too_loud < t->n_pings)
         return 0;
-    return complain(why, -ENODATA, "%s: traces: all are silent or not finite", path);
+    return complain(why, -ENODATA,
+                    "%s: traces: all are silent or not finite, or louder than %g", path,
+                    (double)TRACE_LOUDEST);
+}
+
+/* Between samples traces may be louder than at any, and at another rate these are seen.
+ */
+static void look_again(struct traces_file *t)
+{
+    size_t n = t->format.n_samples;
+    for (size_t k = 0; k < t->n_pings; k++) {
+        if (t->masked[k] || trace_check(t->traces + k * n, n))
+            continue;
+        t->masked[k] = true;
+        t->n_too_loud++;
+    }
 }
 
 int traces_load(struct traces_file *out, const char *path, struct complaint *why)
@@ -144,6 +163,8 @@ int traces_load(struct traces_file *out, const char *path, struct complaint *why
         else if (err)
             complain(why, err, "%s: out of memory", path);
     }
+    if (!err)
+        look_again(out);
     free(r.traces);
     return err;
 }

@@ -30,13 +30,14 @@ struct traces_file {
     double band_hz[2];
     struct trace_format format;
     float complex *traces; /* [n_pings][format.n_samples] */
-    bool *masked;          /* [n_pings] silent, or with samples that are not finite */
-    size_t n_silent, n_not_finite;
+    bool *masked;          /* [n_pings] silent, or with samples that are not finite or
+                            * louder than any echo (recon/trace_check.h) */
+    size_t n_silent, n_not_finite, n_too_loud;
 };
 
 /* Clear with traces_clear, also after an error.  The complaint is "file: variable: what
  * was expected".  0, -ENOENT and other errno of reading, -EINVAL, -EFBIG, -EIO (broken
- * off), -ENODATA (all are silent or not finite), -ENOMEM. */
+ * off), -ENODATA (all are masked), -ENOMEM. */
 int traces_load(struct traces_file *out, const char *path, struct complaint *why);
 void traces_clear(struct traces_file *t);
 
