@@ -1,5 +1,6 @@
 /* Optical scans: points in closed form written as MATLAB files, and the measured ones. */
 #include <errno.h>
+#include <jansson.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -320,6 +321,36 @@ static void a_gate_without_bins_is_refused(void **state)
     assert_non_null(strstr(r.err, "--gate-m"));
 }
 
+/* The file ends at 0.72 m. */
+static void a_report_has_the_gate_that_there_is_and_no_band_of_counts(void **state)
+{
+    (void)state;
+    static char *const methods[2] = {"lct", "fk"};
+    fill(counts);
+    write_scan(MAT_FT_MAT5, half_side_m, bin_s);
+    double end_m = 0.5 * CONFOCAL_LIGHT_M_S * bin_s * BINS;
+    for (int i = 0; i < 2; i++) {
+        struct command_result r;
+        char out[80], report[96], remove[96];
+        snprintf(out, sizeof out, "%s-out", path);
+        snprintf(report, sizeof report, "%s/report.json", out);
+        snprintf(remove, sizeof remove, "rm -r '%s'", out);
+        char *words[] = {"recon",    "--confocal", path,       "--out",    out,
+                         "--gate-m", "0.2,50",     "--method", methods[i], NULL};
+        command_run(&r, command_recon, words);
+        assert_int_equal(r.code, 0);
+        json_t *j = json_load_file(report, 0, NULL);
+        const json_t *gate = json_object_get(j, "gate_m");
+        assert_near(json_number_value(json_array_get(gate, 0)), 0.2, 1e-9);
+        assert_near(json_number_value(json_array_get(gate, 1)), end_m, 1e-6);
+        const json_t *band = json_object_get(j, "band_hz");
+        assert_int_equal(json_is_null(band), i == 0);
+        assert_int_equal(json_array_size(band), i == 0 ? 0 : 2);
+        json_decref(j);
+        assert_int_equal(system(remove), 0);
+    }
+}
+
 /* -- measured scenes --------------------------------------------------------------------
  */
 
@@ -413,6 +444,7 @@ int main(void)
         test(bad_files_are_told_by_variable), /* these fork: before there are threads */
         test(wrong_arguments_are_told),
         test(a_gate_without_bins_is_refused),
+        test(a_report_has_the_gate_that_there_is_and_no_band_of_counts),
         test(scales_and_order_are_those_of_the_file),
         test(four_picoseconds_are_the_default),
         test(groups_of_bins_keep_all_light_and_their_place),

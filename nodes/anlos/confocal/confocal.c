@@ -33,7 +33,7 @@ static int write_results(struct confocal_job *job, const char *folder,
         .intensity = job->intensity,
         .detections = job->detections,
         .gate_m = job->gate_m,
-        .band_hz = job->band_hz,
+        .band_hz = job->band_hz[1] > 0.0 ? job->band_hz : NULL,
         .stages = job->stages,
         .total = &job->total,
     };

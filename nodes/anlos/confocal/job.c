@@ -39,6 +39,7 @@ static int read_scan(struct confocal_job *job, struct confocal_scan *s,
         job->n_not_finite = file.n_not_finite;
         double least_m = strcmp(o->method, "lct") ? 0.0 : JITTER_STEP_M;
         err = confocal_scan_create(s, &file, job->gate_m, MAX_BINS, least_m, why);
+        job->gate_m[1] = fmin(job->gate_m[1], (double)file.n_bins * file.bin_m);
     }
     confocal_file_clear(&file);
     return err;

@@ -14,7 +14,7 @@
 
 struct confocal_job {
     const struct recon_options *options;
-    double gate_m[2];
+    double gate_m[2];     /* as asked for, up to where the file ends */
     double band_hz[2];    /* of the waves; light-cone transform: 0, 0 */
     size_t n_not_finite;  /* samples of the file */
     struct survey survey; /* each place of the scan is a ping of its own */

@@ -111,14 +111,15 @@ json_t *recon_results_report(const struct recon_results *r, json_t *recording)
 {
     struct rusage usage = {0};
     getrusage(RUSAGE_SELF, &usage);
-    return json_pack(
-        "{ss, so, sI, so, so, sI, so, so, so, sI, s{ss, ss, ss}}", "method", r->method,
-        "options", options_json(r), "threads", (json_int_t)r->options->threads,
-        "recording", recording, "stages", stages_json(r), "peak_memory_bytes",
-        (json_int_t)(1024LL * usage.ru_maxrss), "grid", grid_json(r->grid), "gate_m",
-        export_reals(r->gate_m, 2), "band_hz", export_reals(r->band_hz, 2), "objects",
-        (json_int_t)r->detections->n_detections, "versions", "anlos", ANLOS_VERSION,
-        "fftw", fftwf_version, "compiler", __VERSION__);
+    return json_pack("{ss, so, sI, so, so, sI, so, so, so, sI, s{ss, ss, ss}}", "method",
+                     r->method, "options", options_json(r), "threads",
+                     (json_int_t)r->options->threads, "recording", recording, "stages",
+                     stages_json(r), "peak_memory_bytes",
+                     (json_int_t)(1024LL * usage.ru_maxrss), "grid", grid_json(r->grid),
+                     "gate_m", export_reals(r->gate_m, 2), "band_hz",
+                     r->band_hz ? export_reals(r->band_hz, 2) : json_null(), "objects",
+                     (json_int_t)r->detections->n_detections, "versions", "anlos",
+                     ANLOS_VERSION, "fftw", fftwf_version, "compiler", __VERSION__);
 }
 
 int recon_results_finish(json_t *report, json_t *warnings, const char *folder,

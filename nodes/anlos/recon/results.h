@@ -34,7 +34,7 @@ struct recon_results { /* borrows from a job */
     const struct grid *grid;
     const float *intensity; /* [nz][ny][nx] */
     const Anlos__DetectionList *detections;
-    const double *gate_m, *band_hz; /* [2] */
+    const double *gate_m, *band_hz; /* [2]; band_hz NULL: the method has none */
     struct stopwatch *stages;       /* [RECON_STAGES]; that of writing is counted here */
     struct stopwatch *total;
 };
