@@ -270,6 +270,9 @@ static void wrong_arguments_are_told(void **state)
     expect_usage(WORDS("--out", "x", "--set", "l1=0.1"), "method 'lct' does not use it");
     expect_usage(WORDS("--out", "x", "--method", "fk", "--set", "snr_db=9"),
                  "method 'fk' does not use it");
+    expect_usage(WORDS("--out", "x", "--window", "hann"), "--window is for chirps");
+    expect_usage(WORDS("--out", "x", "--compression", "deramp"),
+                 "--compression is for chirps");
 #undef WORDS
 }
 

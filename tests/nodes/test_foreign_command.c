@@ -213,6 +213,13 @@ static void bad_arguments_say_what_was_expected(void **state)
     char *both[] = {"recon",    "--traces", f->a,    "--wav", f->folder,
                     "--volume", volume,     "--out", f->out,  NULL};
     expect_refusal(both, "--traces stands in place of --wav");
+    static char window[] = "hamming", compression[] = "deramp";
+    char *chirps[] = {"recon",    "--traces", f->a,    "--volume", volume,
+                      "--window", window,     "--out", f->out,     NULL};
+    expect_refusal(chirps, "--window is for --wav; --traces are compressed already");
+    chirps[5] = "--compression";
+    chirps[6] = compression;
+    expect_refusal(chirps, "--compression is for --wav; --traces are compressed already");
     static char fast[] = "fast";
     char *stage[] = {"recon",    "--traces", f->a,    "--volume", volume,
                      "--method", fast,       "--out", f->out,     NULL};

@@ -125,6 +125,12 @@ static void wrong_arguments_are_told(void **state)
     expect_refusal(PSF("--survey", f->survey, "--at", "1,2"), "--at 1,2: expected X,Y,Z");
     expect_refusal(PSF("--survey", f->survey, "--at", "1,2,3", "--wav", f->scene),
                    "--at stands in place of --wav");
+    expect_refusal(PSF("--survey", f->survey, "--at", "1,2,3", "--window", "hamming"),
+                   "--at stands in place of --window");
+    expect_refusal(PSF("--survey", f->survey, "--at", "1,2,3", "--compression", "deramp"),
+                   "--at stands in place of --compression");
+    expect_refusal(PSF("--survey", f->survey, "--at", "1,2,3", "--set", "sharpen=1"),
+                   "--at stands in place of --set");
     expect_refusal(PSF("--survye", f->survey), "did you mean --survey?");
     expect_refusal(PSF("--survey", f->survey, "more"), "more: unexpected");
     expect_refusal(PSF("--survey", f->survey, "--wav", f->scene, "--set", "l1=0.1",

@@ -86,11 +86,14 @@ static int check(const struct request *q, int argc, char **argv)
         return recon_options_check(o, "psf");
     if (!o->survey)
         return usage_error("psf", "--survey FILE is missing");
-    const char *other = o->wav          ? "--wav"
-                        : o->background ? "--background"
-                        : o->has_volume ? "--volume"
-                        : o->method     ? "--method"
-                                        : NULL;
+    const char *other = o->wav               ? "--wav"
+                        : o->background      ? "--background"
+                        : o->has_volume      ? "--volume"
+                        : o->method          ? "--method"
+                        : q->imaging.given   ? "--set"
+                        : o->has_window      ? "--window"
+                        : o->has_compression ? "--compression"
+                                             : NULL;
     return other ? usage_error("psf", "--at stands in place of %s; expected one", other)
                  : 0;
 }

@@ -7,6 +7,12 @@
 #include "nodes/anlos/usage.h"
 #include "recon/imager.h"
 
+/* Of compression, which what comes compressed has behind it. */
+static const char *compression_option(const struct recon_options *o)
+{
+    return o->has_window ? "--window" : o->has_compression ? "--compression" : NULL;
+}
+
 /* What belongs to a recording and has no place beside an optical scan or a bag. */
 static const char *recording_option(const struct recon_options *o)
 {
@@ -46,6 +52,9 @@ static int check_confocal(struct recon_options *o)
     if (other)
         return usage_error("recon", "--confocal stands in place of %s; expected one",
                            other);
+    if (compression_option(o))
+        return usage_error("recon", "%s is for chirps, which --confocal has not",
+                           compression_option(o));
     if (o->budget_s > 0.0 || o->error_m > 0.0)
         return usage_error("recon", "--%s is for --method auto, which --confocal has not",
                            o->budget_s > 0.0 ? "budget-ms" : "error-cm");
@@ -78,6 +87,9 @@ int recon_options_check(const struct recon_options *o, const char *command)
     if (o->traces && (o->wav || o->background))
         return usage_error(command, "--traces stands in place of %s; expected one",
                            o->wav ? "--wav" : "--background");
+    if (o->traces && compression_option(o))
+        return usage_error(command, "%s is for --wav; --traces are compressed already",
+                           compression_option(o));
     if (!o->survey && !o->traces)
         return usage_error(command, "--survey FILE is missing");
     if (!o->wav && !o->traces)
