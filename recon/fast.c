@@ -21,6 +21,7 @@ struct fast {
     struct midpoints *midpoints;
     struct midpoint_stack *stack;
     struct fk *fk;
+    bool dip; /* moveout */
 };
 
 /* Width of the band that traces hold, as much above their carrier as below, which may be
@@ -92,6 +93,7 @@ static int create_stack(struct fast *f, const struct imager_config *cfg,
         stack.dip = false;
         err = midpoint_stack_create(&f->stack, &stack, why);
     }
+    f->dip = stack.dip;
     return err;
 }
 
@@ -171,6 +173,13 @@ static void fast_image(void *state, float *intensity)
     fk_migrate(f->fk, gather, weight, intensity);
 }
 
+static void fast_describe(const void *state, struct imager_outcome *out)
+{
+    const struct fast *f = state;
+    out->choice = "dmo";
+    out->chosen = f->dip;
+}
+
 static void fast_reset(void *state)
 {
     const struct fast *f = state;
@@ -182,6 +191,7 @@ const struct imager_method method_fast = {
     .create = fast_create,
     .add = fast_add,
     .image = fast_image,
+    .describe = fast_describe,
     .reset = fast_reset,
     .destroy = fast_destroy,
 };

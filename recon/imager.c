@@ -116,6 +116,13 @@ void imager_image(struct imager *im, float *restrict intensity)
     im->method->image(im->state, intensity);
 }
 
+void imager_outcome(const struct imager *im, struct imager_outcome *out)
+{
+    *out = (struct imager_outcome){.choice = NULL};
+    if (im->method->describe)
+        im->method->describe(im->state, out);
+}
+
 void imager_reset(struct imager *im)
 {
     for (size_t p = 0; p < im->n_pings; p++)

@@ -46,6 +46,18 @@ size_t imager_pings(const struct imager *im);
 /* intensity [nz][ny][nx] from what has been added.  Uses the pool. */
 void imager_image(struct imager *im, float *restrict intensity);
 
+/* What a method did for the image that it made last, beyond what it was told. */
+struct imager_outcome {
+    const char *choice; /* the option that the method may decide on by itself ("dmo",
+                         * "lightcone"); NULL: it has none */
+    bool chosen;        /* as if it had been set to always, not never */
+    bool iterates;      /* then: */
+    size_t iterations;  /* that it took; of several parts, that which took most */
+    double residual;    /* relative, where they ended; of several parts, the largest */
+    bool converged;     /* it is within the tolerance, of all parts */
+};
+void imager_outcome(const struct imager *im, struct imager_outcome *out);
+
 /* Forget all traces: a new scan. */
 void imager_reset(struct imager *im);
 void imager_destroy(struct imager *im);

@@ -27,6 +27,7 @@ struct iterative {
     double l1;
     float *amplitude, *sharp; /* of a padded slab */
     float *image;             /* of the base, [grid] */
+    struct imager_outcome outcome;
 };
 
 static void iterative_destroy(void *state)
@@ -151,6 +152,14 @@ static void store(const struct iterative *it, const struct iterative_slab *s, fl
     }
 }
 
+void iterative_join(struct imager_outcome *out, const struct admm_result *part)
+{
+    out->iterations = part->iterations > out->iterations ? part->iterations
+                                                         : out->iterations;
+    out->residual = fmax(out->residual, fmax(part->primal, part->dual));
+    out->converged = out->converged && part->converged;
+}
+
 static void sharpen(struct iterative *it, float *intensity)
 {
     size_t size = grid_size(&it->grid), plane = it->grid.n[0] * it->grid.n[1];
@@ -158,15 +167,18 @@ static void sharpen(struct iterative *it, float *intensity)
     for (size_t v = 0; v < size; v++)
         brightest = fmaxf(brightest, it->image[v]);
     double reference = sqrt((double)brightest);
+    it->outcome.iterates = it->outcome.converged = true;
     for (size_t i = 0; i < it->slabs.n; i++) {
         const struct iterative_slab *s = &it->slabs.all[i];
+        struct admm_result part;
         float largest = load(it, s);
         if (!(largest > it->l1 * reference)) {
             memset(intensity + s->first * plane, 0, s->core * plane * sizeof *intensity);
             continue;
         }
         admm_blur_gaussian(it->admm, s->covariance);
-        admm_solve(it->admm, it->amplitude, reference, it->sharp, NULL);
+        admm_solve(it->admm, it->amplitude, reference, it->sharp, &part);
+        iterative_join(&it->outcome, &part);
         iterative_beam(it->slabs.size, it->sharp, it->amplitude);
         store(it, s, intensity);
     }
@@ -180,6 +192,7 @@ static void iterative_image(void *state, float *intensity)
         return;
     }
     imager_image(it->base, it->image);
+    imager_outcome(it->base, &it->outcome);
     sharpen(it, intensity);
 }
 
@@ -191,6 +204,15 @@ static void iterative_add(void *state, size_t position, size_t speaker,
         iterative_lightcone_add(it->lightcone, position, speaker, traces, masked);
     else
         imager_add(it->base, position, speaker, traces, masked);
+}
+
+static void iterative_describe(const void *state, struct imager_outcome *out)
+{
+    const struct iterative *it = state;
+    if (it->lightcone)
+        iterative_lightcone_describe(it->lightcone, out);
+    else
+        *out = it->outcome;
 }
 
 static void iterative_reset(void *state)
@@ -207,6 +229,7 @@ const struct imager_method method_iterative = {
     .create = iterative_create,
     .add = iterative_add,
     .image = iterative_image,
+    .describe = iterative_describe,
     .reset = iterative_reset,
     .destroy = iterative_destroy,
 };

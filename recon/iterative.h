@@ -4,6 +4,7 @@
 #ifndef ANLOS_RECON_ITERATIVE_H
 #define ANLOS_RECON_ITERATIVE_H
 
+#include "recon/admm.h"
 #include "recon/imager.h"
 
 /* Of the option's rho: this operator passes less than a blur. */
@@ -18,8 +19,13 @@ void iterative_lightcone_add(struct iterative_lightcone *l, size_t position,
                              size_t speaker, const float complex *traces,
                              const bool *masked);
 void iterative_lightcone_image(struct iterative_lightcone *l, float *intensity);
+void iterative_lightcone_describe(const struct iterative_lightcone *l,
+                                  struct imager_outcome *out);
 void iterative_lightcone_reset(struct iterative_lightcone *l);
 void iterative_lightcone_destroy(struct iterative_lightcone *l);
+
+/* One part more of what `iterative` has done: the outcome holds for all of them. */
+void iterative_join(struct imager_outcome *out, const struct admm_result *part);
 
 /* A point comes out of the deconvolution as a voxel or two, between which nothing can
  * read where it is.  As CLEAN ends with a beam (Hogbom 1974), x [n[2]][n[1]][n[0]] is

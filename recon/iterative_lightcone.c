@@ -20,6 +20,7 @@ struct iterative_lightcone {
     double range_m, range_step_m;
     float *power;  /* [ny][nx][n[2]] */
     float *volume; /* [n[2]][ny][nx] */
+    struct admm_result result;
 };
 
 void iterative_lightcone_destroy(struct iterative_lightcone *l)
@@ -174,9 +175,16 @@ void iterative_lightcone_image(struct iterative_lightcone *l, float *intensity)
 {
     zero_offset_stack(l->zero_offset, l->power);
     amplify(l);
-    admm_solve(l->admm, l->power, 0.0, l->volume, NULL);
+    admm_solve(l->admm, l->power, 0.0, l->volume, &l->result);
     iterative_beam(l->n, l->volume, l->power);
     resample_volume(l->resample, l->volume, intensity);
+}
+
+void iterative_lightcone_describe(const struct iterative_lightcone *l,
+                                  struct imager_outcome *out)
+{
+    out->iterates = out->converged = true;
+    iterative_join(out, &l->result);
 }
 
 void iterative_lightcone_reset(struct iterative_lightcone *l)

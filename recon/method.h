@@ -12,6 +12,7 @@ struct imager_method {
     void (*add)(void *state, size_t position, size_t speaker, const float complex *traces,
                 const bool *masked);
     void (*image)(void *state, float *intensity);
+    void (*describe)(const void *state, struct imager_outcome *out); /* NULL: nothing */
     void (*reset)(void *state);
     void (*destroy)(void *state);
 };

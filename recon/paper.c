@@ -27,7 +27,8 @@
 struct paper {
     struct pool *pool;
     struct zero_offset *zero_offset;
-    int migrate; /* imager_options.lightcone */
+    int migrate;   /* imager_options.lightcone */
+    bool migrated; /* the image */
     struct scattering_config scattering;
     struct lightcone *lightcone;
     struct resample *resample;
@@ -199,13 +200,21 @@ static void paper_image(void *state, float *intensity)
 {
     struct paper *p = state;
     zero_offset_stack(p->zero_offset, p->power);
-    if (p->migrate > 0 || (p->migrate < 0 && !is_specular(p)))
+    p->migrated = p->migrate > 0 || (p->migrate < 0 && !is_specular(p));
+    if (p->migrated)
         lightcone_inverse(p->lightcone, p->power, p->volume);
     else
         pool_run(p->pool, p->n_ranges, slice, p);
     resample_volume(p->resample, p->volume, intensity);
     p->intensity = intensity;
     pool_run(p->pool, p->n_planes, clip, p);
+}
+
+static void paper_describe(const void *state, struct imager_outcome *out)
+{
+    const struct paper *p = state;
+    out->choice = "lightcone";
+    out->chosen = p->migrated;
 }
 
 static void paper_reset(void *state)
@@ -219,6 +228,7 @@ const struct imager_method method_paper = {
     .create = paper_create,
     .add = paper_add,
     .image = paper_image,
+    .describe = paper_describe,
     .reset = paper_reset,
     .destroy = paper_destroy,
 };

@@ -29,6 +29,7 @@ struct sparse {
     size_t n;      /* candidates */
     size_t *voxel; /* [max_points], rising */
     double (*at_m)[3];
+    struct sparse_result result;
 };
 
 static void sparse_destroy(void *state)
@@ -145,12 +146,13 @@ static void sparse_image(void *state, float *intensity)
     imager_image(s->base, intensity);
     choose(s, intensity);
     memset(intensity, 0, grid_size(&s->grid) * sizeof *intensity);
+    s->result = (struct sparse_result){.converged = true};
     if (!s->n)
         return;
     sparse_operator_place(s->model, s->n, (const double(*)[3])s->at_m);
     const size_t *which;
     const float *x;
-    size_t n = sparse_solver_run(s->solver, s->n, &which, &x);
+    size_t n = sparse_solver_run(s->solver, s->n, &which, &x, &s->result);
     for (size_t i = 0; i < n; i++)
         intensity[s->voxel[which[i]]] = x[2 * i] * x[2 * i] + x[2 * i + 1] * x[2 * i + 1];
 }
@@ -161,6 +163,15 @@ static void sparse_add(void *state, size_t position, size_t speaker,
     struct sparse *s = state;
     imager_add(s->base, position, speaker, traces, masked);
     sparse_operator_add(s->model, position, speaker, traces, masked);
+}
+
+static void sparse_describe(const void *state, struct imager_outcome *out)
+{
+    const struct sparse *s = state;
+    out->iterates = true;
+    out->iterations = s->result.iterations;
+    out->residual = s->result.change;
+    out->converged = s->result.converged;
 }
 
 static void sparse_reset(void *state)
@@ -176,6 +187,7 @@ const struct imager_method method_sparse = {
     .create = sparse_create,
     .add = sparse_add,
     .image = sparse_image,
+    .describe = sparse_describe,
     .reset = sparse_reset,
     .destroy = sparse_destroy,
 };

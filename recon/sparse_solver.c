@@ -27,6 +27,7 @@ struct sparse_solver {
     float *data, *x, *before, *momentum, *image_of; /* [max_points] re im */
     float *weight;                                  /* [max_points] */
     float *gram; /* [GRAM_POINTS][re, im][GRAM_POINTS] */
+    struct sparse_result result;
 };
 
 void sparse_solver_destroy(struct sparse_solver *s)
@@ -149,6 +150,13 @@ static void prune(struct sparse_solver *s, double lambda)
     s->n = n;
 }
 
+static void count(struct sparse_solver *s, double change, bool converged)
+{
+    s->result.iterations++;
+    s->result.change = change;
+    s->result.converged = converged;
+}
+
 static void fista(struct sparse_solver *s, double lipschitz, double lambda,
                   size_t iterations)
 {
@@ -158,6 +166,7 @@ static void fista(struct sparse_solver *s, double lipschitz, double lambda,
         bool uphill;
         sparse_operator_normal(s->model, s->momentum, s->image_of);
         double change = step(s, lipschitz, lambda, &uphill);
+        count(s, change, i > 1 && change < s->cfg.tolerance);
         if (uphill)
             t = 1.0;
         double next = 0.5 * (1.0 + sqrt(1.0 + 4.0 * t * t));
@@ -165,7 +174,7 @@ static void fista(struct sparse_solver *s, double lipschitz, double lambda,
         for (size_t q = 0; q < 2 * s->n; q++)
             s->momentum[q] = s->x[q] + ahead * (s->x[q] - s->before[q]);
         t = next;
-        if (i > 1 && change < s->cfg.tolerance)
+        if (s->result.converged)
             return;
         if (i % CHECK_EVERY == 0)
             prune(s, lambda);
@@ -243,19 +252,23 @@ static void descend(struct sparse_solver *s, double lambda)
     for (size_t i = 0; i < s->n; i++)
         subtract(s->n, gram_row(s, i), gram_row(s, i) + s->n, s->x[2 * i],
                  s->x[2 * i + 1], r_re, r_im);
-    for (size_t k = 0; k < SWEEPS * s->cfg.iterations; k++)
-        if (sweep(s, lambda) < SWEEP_TOLERANCE * s->cfg.tolerance)
+    for (size_t k = 0; k < SWEEPS * s->cfg.iterations; k++) {
+        double change = sweep(s, lambda);
+        count(s, change, change < SWEEP_TOLERANCE * s->cfg.tolerance);
+        if (s->result.converged)
             return;
+    }
 }
 
 /* -- all of it --------------------------------------------------------------------------
  */
 
 size_t sparse_solver_run(struct sparse_solver *s, size_t n, const size_t **which,
-                         const float **x)
+                         const float **x, struct sparse_result *result)
 {
     double largest = 0.0, lipschitz = 0.0;
     s->n = n;
+    s->result = (struct sparse_result){.converged = true};
     sparse_operator_data(s->model, s->data);
     for (size_t i = 0; i < n; i++) {
         largest = fmax(largest, hypot(s->data[2 * i], s->data[2 * i + 1]));
@@ -278,5 +291,6 @@ size_t sparse_solver_run(struct sparse_solver *s, size_t n, const size_t **which
     }
     *which = s->which;
     *x = s->x;
+    *result = s->result;
     return s->n;
 }

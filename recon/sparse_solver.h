@@ -19,6 +19,12 @@ struct sparse_solver_config {
     size_t iterations; /* at most, of each kind and round */
 };
 
+struct sparse_result {
+    size_t iterations; /* of all rounds and kinds */
+    double change;     /* by the last one, relative */
+    bool converged;    /* the last round has */
+};
+
 struct sparse_solver;
 
 /* 0, -ENOMEM. */
@@ -29,7 +35,7 @@ int sparse_solver_create(struct sparse_solver **out,
  * Returns how many are left, of which some can be 0: which [] their numbers 0..n-1,
  * rising, and x [] re im. */
 size_t sparse_solver_run(struct sparse_solver *s, size_t n, const size_t **which,
-                         const float **x);
+                         const float **x, struct sparse_result *result);
 void sparse_solver_destroy(struct sparse_solver *s);
 
 #endif

@@ -217,6 +217,7 @@ int recon_job_run(struct recon_job *job, struct complaint *why)
                         job->options->wav ? job->options->wav : job->options->traces);
     struct stopwatch now = stopwatch_now(false);
     imager_image(job->imager, job->intensity);
+    imager_outcome(job->imager, &job->outcome);
     stopwatch_lap(&job->stages[RECON_IMAGE], &now, false);
     if (interrupt_requested())
         return complain(why, -EINTR, "interrupted");

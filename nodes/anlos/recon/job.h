@@ -36,6 +36,7 @@ struct recon_job {
     struct channel_check *scene_check, *background_check;
     struct air air;   /* since the background */
     float *intensity; /* [nz][ny][nx] */
+    struct imager_outcome outcome;
     Anlos__DetectionList *detections;
     struct stopwatch stages[RECON_STAGES], total;
 };

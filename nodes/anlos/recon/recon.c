@@ -24,6 +24,7 @@ static int write_results(struct recon_job *job, const char *folder, json_t *warn
         .detections = job->detections,
         .gate_m = job->processing.gate_m,
         .band_hz = job->processing.band_hz,
+        .outcome = &job->outcome,
         .stages = job->stages,
         .total = &job->total,
     };

@@ -142,6 +142,16 @@ static void warn_cut(json_t *warnings, const struct recon_job *job)
              cut, pings_expected(job));
 }
 
+static void warn_unconverged(json_t *warnings, const struct recon_job *job)
+{
+    const struct imager_outcome *o = &job->outcome;
+    if (o->iterates && !o->converged)
+        warn(warnings,
+             "%s has not converged: after %zu iterations a relative residual of %.2g is "
+             "left",
+             job->method, o->iterations, o->residual);
+}
+
 /* A line that is missing between others gives all later pings the wrong places. */
 static void warn_spare(json_t *warnings, const struct recon_job *job)
 {
@@ -171,6 +181,7 @@ json_t *recon_report_warnings(const struct recon_job *job)
     if (!job->options->traces)
         warn_lost(warnings, job);
     warn_cut(warnings, job);
+    warn_unconverged(warnings, job);
     if (job->processing.geometry.pings_m)
         warn_steps(warnings, job);
     if (job->options->psf)

@@ -64,6 +64,18 @@ static void print_air(const struct recon_job *job)
         printf("%s: corrected\n", text);
 }
 
+/* What the method was left to decide, and how it ended. */
+static void print_outcome(const struct recon_job *job)
+{
+    const struct imager_outcome *o = &job->outcome;
+    if (o->choice)
+        printf("%s %s%s", o->choice, o->chosen ? "always" : "never",
+               o->iterates ? "; " : "\n");
+    if (o->iterates)
+        printf("%zu iterations, residual %.2g%s\n", o->iterations, o->residual,
+               o->converged ? "" : ": not converged");
+}
+
 void recon_report_print(const struct recon_job *job)
 {
     size_t expected = job->survey.n_positions * job->survey.n_speakers;
@@ -71,6 +83,7 @@ void recon_report_print(const struct recon_job *job)
     recon_report_print_objects(job->detections, job->processing.geometry.pings_m != NULL,
                                job->options->traces != NULL);
     print_air(job);
+    print_outcome(job);
     if (job->automatic)
         recon_auto_print(job->automatic, job);
     printf(

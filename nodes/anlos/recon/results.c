@@ -107,19 +107,37 @@ static json_t *options_json(const struct recon_results *r)
     return all;
 }
 
+/* What the method decided on by itself, and how it ended. */
+static json_t *outcome_json(const struct imager_outcome *out)
+{
+    json_t *o = json_object();
+    if (out->choice)
+        json_object_set_new(o, out->choice,
+                            json_string(out->chosen ? "always" : "never"));
+    if (out->iterates) {
+        json_object_set_new(o, "iterations", json_integer((json_int_t)out->iterations));
+        json_object_set_new(o, "residual", export_real(out->residual));
+        json_object_set_new(o, "converged", json_boolean(out->converged));
+    }
+    return o;
+}
+
 json_t *recon_results_report(const struct recon_results *r, json_t *recording)
 {
     struct rusage usage = {0};
     getrusage(RUSAGE_SELF, &usage);
-    return json_pack("{ss, so, sI, so, so, sI, so, so, so, sI, s{ss, ss, ss}}", "method",
-                     r->method, "options", options_json(r), "threads",
-                     (json_int_t)r->options->threads, "recording", recording, "stages",
-                     stages_json(r), "peak_memory_bytes",
-                     (json_int_t)(1024LL * usage.ru_maxrss), "grid", grid_json(r->grid),
-                     "gate_m", export_reals(r->gate_m, 2), "band_hz",
-                     r->band_hz ? export_reals(r->band_hz, 2) : json_null(), "objects",
-                     (json_int_t)r->detections->n_detections, "versions", "anlos",
-                     ANLOS_VERSION, "fftw", fftwf_version, "compiler", __VERSION__);
+    json_t *report = json_pack(
+        "{ss, so, sI, so, so, sI, so, so, so, sI, s{ss, ss, ss}}", "method", r->method,
+        "options", options_json(r), "threads", (json_int_t)r->options->threads,
+        "recording", recording, "stages", stages_json(r), "peak_memory_bytes",
+        (json_int_t)(1024LL * usage.ru_maxrss), "grid", grid_json(r->grid), "gate_m",
+        export_reals(r->gate_m, 2), "band_hz",
+        r->band_hz ? export_reals(r->band_hz, 2) : json_null(), "objects",
+        (json_int_t)r->detections->n_detections, "versions", "anlos", ANLOS_VERSION,
+        "fftw", fftwf_version, "compiler", __VERSION__);
+    if (r->outcome && (r->outcome->choice || r->outcome->iterates))
+        json_object_set_new(report, "result", outcome_json(r->outcome));
+    return report;
 }
 
 int recon_results_finish(json_t *report, json_t *warnings, const char *folder,

@@ -11,6 +11,7 @@
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/stopwatch.h"
 #include "recon/grid.h"
+#include "recon/imager.h"
 
 enum recon_stage {
     RECON_PLAN,
@@ -34,8 +35,9 @@ struct recon_results { /* borrows from a job */
     const struct grid *grid;
     const float *intensity; /* [nz][ny][nx] */
     const Anlos__DetectionList *detections;
-    const double *gate_m, *band_hz; /* [2]; band_hz NULL: the method has none */
-    struct stopwatch *stages;       /* [RECON_STAGES]; that of writing is counted here */
+    const double *gate_m, *band_hz;       /* [2]; band_hz NULL: the method has none */
+    const struct imager_outcome *outcome; /* NULL: nothing is known of it */
+    struct stopwatch *stages; /* [RECON_STAGES]; that of writing is counted here */
     struct stopwatch *total;
 };
 
