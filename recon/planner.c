@@ -19,6 +19,12 @@
 #define MOST_VOXELS 16e6   /* of steps finer than the whole image's */
 #define CERTAIN     0.92   /* of the budget: times are not predicted better */
 
+/* Of `iterative`.  Measured on letters: after 10 their IoU is within 0.01 of what it is
+ * in the end, more only bring the residual down. */
+#define LEAST_ITERATIONS 10
+#define MOST_ITERATIONS  200
+#define USUAL_ITERATIONS 30 /* that it takes to converge, of all depths */
+
 static const double coarser[] = {0.5, FINE, 1.0, 1.2, 1.5, 2.0};
 static const double deeper[] = {1.0, 0.5, 0.25};
 static const double tops[] = {1.0, 0.8, 0.7}; /* of the band's top: waves are the cube */
@@ -76,7 +82,20 @@ static double time_s(const struct planning *p, const struct planner_candidate *c
         positions_are_lost(cfg->probe) && cfg->probe->specular
             ? planner_mirror_s(&set, cfg->n_threads)
             : planner_image_s(&set, &grid, c->method, c->dip, c->stride, cfg->n_threads);
+    size_t n = c->iterations < USUAL_ITERATIONS ? c->iterations : USUAL_ITERATIONS;
+    s += (double)n * planner_iteration_s(&grid, cfg->n_threads);
     return cfg->compress_s / (double)c->stride + cfg->slowness * s;
+}
+
+/* That the budget has time for. */
+static size_t count_iterations(const struct planning *p, struct planner_candidate c)
+{
+    struct grid grid;
+    c.iterations = 0;
+    plan_grid(p, &c, &grid);
+    double each_s = p->cfg->slowness * planner_iteration_s(&grid, p->cfg->n_threads);
+    double n = floor((CERTAIN * p->cfg->budget_s - time_s(p, &c)) / each_s);
+    return (size_t)fmin(fmax(n, LEAST_ITERATIONS), MOST_ITERATIONS);
 }
 
 /* -- ways to go -------------------------------------------------------------------------
@@ -176,8 +195,10 @@ static void list_at(const struct planning *p, double factor, size_t stride)
         list_bands(p, any);
     any.method = "iterative";
     if (stacked && stride == 1 && isfinite(p->cfg->budget_s) && factor == 1.0 &&
-        planner_sees_shape(probe))
+        planner_sees_shape(probe)) {
+        any.iterations = count_iterations(p, any);
         add(p, any);
+    }
 }
 
 /* Power alone: what is so wide suffers little from coarser steps.  Fewer speakers save
@@ -269,6 +290,7 @@ static void take(const struct planning *p, const struct planner_candidate *best)
     out->dip = best->dip;
     out->sharpen = best->sharpen;
     out->stride = best->stride;
+    out->iterations = best->iterations;
     out->time_s = best->time_s;
     out->error_m = best->error_m;
     out->reliable_hz = reliable_hz(p);

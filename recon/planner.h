@@ -1,8 +1,8 @@
 /* recon/planner.h -- `--method auto`: from what a scene is like (recon/probe) and what
- * the user can spend, the method, the pairs, the band, the depth and the steps of its
- * image.  Every combination is given a time (recon/planner_time.h) and an error
- * (recon/planner_error.h) beforehand; the cheapest that is exact enough is taken, or the
- * best that time allows. */
+ * the user can spend, the method, the pairs, the band, the depth, the steps and the
+ * iterations of its image.  Every combination is given a time (recon/planner_time.h) and
+ * an error (recon/planner_error.h) beforehand; the cheapest that is exact enough is
+ * taken, or the best that time allows. */
 #ifndef ANLOS_RECON_PLANNER_H
 #define ANLOS_RECON_PLANNER_H
 
@@ -29,12 +29,13 @@ enum { PLANNER_CANDIDATES = 640, PLANNER_WORDS = 160 };
 
 struct planner_candidate {
     const char *method;
-    bool dip;       /* fast: with dip moveout */
-    double sharpen; /* fast: recon/fk.h */
-    double coarser; /* steps, times those of the whole image; below 1 only lateral */
-    double deeper;  /* and in depth times this as well, 1 at most */
-    double top_hz;  /* fast: of the traces' band, up to here */
-    size_t stride;  /* every so manieth speaker */
+    bool dip;          /* fast: with dip moveout */
+    double sharpen;    /* fast: recon/fk.h */
+    double coarser;    /* steps, times those of the whole image; below 1 only lateral */
+    double deeper;     /* and in depth times this as well, 1 at most */
+    double top_hz;     /* fast: of the traces' band, up to here */
+    size_t stride;     /* every so manieth speaker */
+    size_t iterations; /* iterative: at most */
     double time_s, error_m;
     double own_m; /* error but for places of elements, which no way can change */
     char why_not[PLANNER_WORDS]; /* empty: this one is taken */
@@ -45,6 +46,7 @@ struct plan {
     bool dip;       /* fast: with dip moveout */
     double sharpen; /* fast: recon/fk.h */
     size_t stride;
+    size_t iterations;  /* iterative: at most */
     double band_hz[2];  /* that is imaged */
     double reliable_hz; /* waves of sounds above this are shorter than places of elements
                          * allow: traces are better without; else the band's top */

@@ -10,23 +10,22 @@
 
 /* ns on one core of the machine they were measured on, in memory that is used for the
  * first time. */
-#define COHERENCE_NS     16.0  /* a sample of a trace */
-#define COMPRESS_NS      8.0e3 /* a trace */
-#define PLACES_NS        1.2e3 /* a pair, on one thread: what the geometry says of places */
-#define STACK_NS         4.5   /* a sample of a trace, moved out */
-#define DIP_NS           9.0   /* a sample of a trace, by its dip */
-#define DIP_PLAN_NS      160.0 /* a sample of a midpoint's trace, of all the chirp's band */
-#define FAST_NS          20.0  /* a voxel */
-#define LATERAL_NS       18.0  /* a shortest wave of depth, at a wavenumber along x */
-#define DEPTH_NS         2.2   /* a step of it there */
-#define WAVE_NS          750.0 /* a cube of the shortest wave, times the steepest sine^2 */
-#define SCAN_NS          0.48  /* a pair of trace and voxel, steps dividing the stage's */
-#define ANY_NS           1.4   /* elsewhere */
-#define INCOHERENT_NS    0.35  /* a pair, on coarse slabs; of other steps ANY_NS */
-#define FILTER_NS        20.0  /* a sample of a trace, of power */
-#define MIRROR_NS        25.0  /* a sample of a trace, from power to the image */
-#define ITERATIVE_NS     120.0 /* a voxel and iteration */
-#define ITERATIVE_ROUNDS 30.0
+#define COHERENCE_NS  16.0  /* a sample of a trace */
+#define COMPRESS_NS   8.0e3 /* a trace */
+#define PLACES_NS     1.2e3 /* a pair, on one thread: what the geometry says of places */
+#define STACK_NS      4.5   /* a sample of a trace, moved out */
+#define DIP_NS        9.0   /* a sample of a trace, by its dip */
+#define DIP_PLAN_NS   160.0 /* a sample of a midpoint's trace, of all the chirp's band */
+#define FAST_NS       20.0  /* a voxel */
+#define LATERAL_NS    18.0  /* a shortest wave of depth, at a wavenumber along x */
+#define DEPTH_NS      2.2   /* a step of it there */
+#define WAVE_NS       750.0 /* a cube of the shortest wave, times the steepest sine^2 */
+#define SCAN_NS       0.48  /* a pair of trace and voxel, steps dividing the stage's */
+#define ANY_NS        1.4   /* elsewhere */
+#define INCOHERENT_NS 0.35  /* a pair, on coarse slabs; of other steps ANY_NS */
+#define FILTER_NS     20.0  /* a sample of a trace, of power */
+#define MIRROR_NS     25.0  /* a sample of a trace, from power to the image */
+#define ITERATIVE_NS  120.0 /* a voxel and iteration */
 
 #define WIDER      2.4 /* f-k migration: its period, times the image's width */
 #define DEEPER     1.15
@@ -123,7 +122,10 @@ double planner_image_s(const struct trace_set *set, const struct grid *grid,
         ns += migrate_ns(set, grid);
     if (dip)
         ns += DIP_NS * samples + dip_plan_ns(set);
-    if (!strcmp(method, "iterative"))
-        ns += voxels * ITERATIVE_NS * ITERATIVE_ROUNDS;
     return 1e-9 * ns / (double)n_threads;
+}
+
+double planner_iteration_s(const struct grid *grid, size_t n_threads)
+{
+    return 1e-9 * ITERATIVE_NS * (double)grid_size(grid) / (double)n_threads;
 }

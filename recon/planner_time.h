@@ -20,9 +20,13 @@ double planner_probe_s(const struct trace_set *set, const struct grid *grid,
 double planner_coherence_s(const struct trace_set *set, size_t stride, size_t n_threads);
 
 /* Stack and image by a method (dip: `fast` with dip moveout) of every so manieth
- * speaker's traces; `incoherent`: of what scatters. */
+ * speaker's traces; `incoherent`: of what scatters; `iterative`: before the first
+ * iteration. */
 double planner_image_s(const struct trace_set *set, const struct grid *grid,
                        const char *method, bool dip, size_t stride, size_t n_threads);
+
+/* An iteration of `iterative`. */
+double planner_iteration_s(const struct grid *grid, size_t n_threads);
 
 /* The same by `incoherent`, of mirrors. */
 double planner_mirror_s(const struct trace_set *set, size_t n_threads);

@@ -423,6 +423,29 @@ static void a_way_that_the_array_cannot_go_is_not_chosen(void **state)
     recon_job_clear(&job);
 }
 
+/* As if a shape had been seen, when another way turns out to be closed. */
+static void as_many_iterations_are_done_as_were_planned(void **state)
+{
+    struct simulated *s = *state;
+    struct recon_job job;
+    simulated_use(s, "free");
+    image(s, &job, 60.0, 0.0);
+    struct recon_auto *a = job.automatic;
+    a->probe.objects[0].extent_m = 0.8;
+    a->plan.dip = true;
+    job.imaging.iterations = 7;
+    assert_true(recon_auto_retreat(a, &job));
+    assert_string_equal(job.method, "iterative");
+    assert_int_equal(job.imaging.iterations, 200);
+    json_t *plan = recon_auto_report(a, &job), *candidate;
+    size_t i, told = 0;
+    json_array_foreach(json_object_get(plan, "candidates"), i, candidate)
+        told += json_integer_value(json_object_get(candidate, "iterations")) == 200;
+    assert_int_equal(told, 1);
+    json_decref(plan);
+    recon_job_clear(&job);
+}
+
 static void one_speaker_and_one_position_are_enough_for_a_range(void **state)
 {
     static const char *const arrays[2] = {
@@ -626,6 +649,7 @@ int main(void)
         cmocka_unit_test(power_has_the_speakers_that_were_left_out_compressed_after_all),
         cmocka_unit_test(elements_that_stand_right_keep_their_phase),
         cmocka_unit_test(a_way_that_the_array_cannot_go_is_not_chosen),
+        cmocka_unit_test(as_many_iterations_are_done_as_were_planned),
         cmocka_unit_test(one_speaker_and_one_position_are_enough_for_a_range),
         cmocka_unit_test(a_silent_microphone_is_left_out),
         cmocka_unit_test(silence_is_refused),

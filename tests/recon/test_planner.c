@@ -265,6 +265,47 @@ static void time_to_spare_sharpens_a_shape(void **state)
     assert_string_equal(s.plan.method, "fast");
 }
 
+static const struct planner_candidate *iterative(const struct scene *s)
+{
+    for (size_t i = 0; i < s->plan.n_candidates; i++)
+        if (!strcmp(s->plan.candidates[i].method, "iterative"))
+            return &s->plan.candidates[i];
+    fail_msg("iterative is no candidate");
+    return NULL;
+}
+
+/* Eight per cent of a budget are not counted on. */
+static void as_many_iterations_are_allowed_as_there_is_time_for(void **state)
+{
+    (void)state;
+    struct scene s;
+    lay_out(&s);
+    s.probe.objects[0].extent_m = 0.8;
+    s.cfg.budget_s = 1e-6;
+    decide(&s);
+    const struct planner_candidate few = *iterative(&s);
+    assert_int_equal(few.iterations, 10);
+    assert_true(few.why_not[0]);
+    s.cfg.budget_s = 60.0;
+    decide(&s);
+    const struct planner_candidate many = *iterative(&s);
+    assert_int_equal(many.iterations, 200);
+    assert_int_equal(s.plan.iterations, 200);
+    /* Most of 200 are not needed, and no time is predicted for them. */
+    double each_s = (many.time_s - few.time_s) / 20.0;
+    assert_true(each_s > 0.0);
+    for (size_t n = 11; n < 200; n += 27) {
+        s.cfg.budget_s = (few.time_s + each_s * ((double)n - 10 + 0.5)) / 0.92;
+        decide(&s);
+        assert_string_equal(s.plan.method, "iterative");
+        assert_int_equal(s.plan.iterations, n);
+        assert_true(s.plan.time_s <= 0.92 * s.cfg.budget_s);
+    }
+    s.probe.objects[0].extent_m = 0.0;
+    decide(&s);
+    assert_int_equal(s.plan.iterations, 0);
+}
+
 static void what_is_near_gets_finer_steps(void **state)
 {
     (void)state;
@@ -499,6 +540,7 @@ int main(void)
         cmocka_unit_test(an_error_out_of_reach_is_said_to_be),
         cmocka_unit_test(a_budget_is_kept_and_an_impossible_one_named),
         cmocka_unit_test(time_to_spare_sharpens_a_shape),
+        cmocka_unit_test(as_many_iterations_are_allowed_as_there_is_time_for),
         cmocka_unit_test(what_is_near_gets_finer_steps),
         cmocka_unit_test(where_time_presses_steps_are_somewhat_finer),
         cmocka_unit_test(planes_are_nearer_to_each_other_where_points_lean),

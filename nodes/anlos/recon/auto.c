@@ -143,6 +143,8 @@ static void apply(const struct recon_auto *a, struct recon_job *job)
     job->method_because = p->because;
     job->imaging.dmo = p->dip;
     job->imaging.sharpen = p->sharpen;
+    if (p->iterations)
+        job->imaging.iterations = p->iterations;
     job->processing.grid = p->grid;
     memcpy(job->processing.band_hz, p->band_hz, sizeof p->band_hz);
 }

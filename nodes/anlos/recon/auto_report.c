@@ -42,6 +42,8 @@ static json_t *candidate_json(const struct planner_candidate *c)
         json_object_set_new(o, "dmo", json_string(c->dip ? "always" : "never"));
         json_object_set_new(o, "sharpen", json_real(c->sharpen));
     }
+    if (c->iterations)
+        json_object_set_new(o, "iterations", json_integer((json_int_t)c->iterations));
     if (c->why_not[0])
         json_object_set_new(o, "why_not", json_string(c->why_not));
     return o;
