@@ -11,6 +11,7 @@
 
 #include "dsp/deramp.h"
 #include "tests/dsp/echo.h"
+#include "tests/worse.h"
 
 #define RATE_HZ 48000.0
 #define N_PING  6144 /* of which a standard ping takes 4200 */
@@ -152,7 +153,7 @@ static double deviation(const struct bench *b, double tau)
     for (size_t n = 0; n < b->f.n_samples; n++) {
         double off = sample_time(b, n) - tau;
         if (fabs(off) * 18000.0 < 8.0)
-            worst = fmax(worst, cabs(analytic(b, n) - hann_pulse(2000.0, 20000.0, off)));
+            worst = worse(worst, cabs(analytic(b, n) - hann_pulse(2000.0, 20000.0, off)));
     }
     return worst;
 }

@@ -13,6 +13,7 @@
 #include "dsp/deramp.h"
 #include "dsp/pulse_compress.h"
 #include "tests/dsp/echo.h"
+#include "tests/worse.h"
 
 #define N_PING     4200
 #define N_CHANNELS 3
@@ -131,8 +132,8 @@ static double largest_difference(const struct bench *b, const float complex *pla
     for (size_t n = 0; n < N_CHANNELS * b->f.n_samples; n++) {
         double re = fabs(crealf(b->y[n]) / gain - crealf(plain[n]));
         double im = fabs(cimagf(b->y[n]) / gain - cimagf(plain[n]));
-        worst = !(re <= worst) ? re : worst;
-        worst = !(im <= worst) ? im : worst;
+        worst = worse(worst, re);
+        worst = worse(worst, im);
     }
     return worst;
 }

@@ -9,6 +9,7 @@
 
 #include "dsp/interpolator.h"
 #include "tests/dsp/near.h"
+#include "tests/worse.h"
 
 /* What the weights make of exp(2 pi i frequency t) at t = fraction. */
 static double complex apply(const float *w, double frequency)
@@ -38,7 +39,7 @@ static double mean_square_error(const struct interpolator *ip, double occupancy,
             double e = cabs(apply(w + which * INTERPOLATOR_TAPS, f) - exact);
             sum += e * e / 200.0;
         }
-        worst = fmax(worst, sum);
+        worst = worse(worst, sum);
     }
     return worst;
 }

@@ -7,6 +7,7 @@
 #include "hal/array.h"
 #include "hal/survey/calibration_file.h"
 #include "hal/room/room.h"
+#include "tests/worse.h"
 
 enum { SLOT = 1500, N = 3 };
 
@@ -45,7 +46,7 @@ static double difference(const float *x, const float *y, double gain, size_t n)
 {
     double most = 0;
     for (size_t i = 0; i < n; i++)
-        most = fmax(most, fabs((double)x[i] - gain * (double)y[i]));
+        most = worse(most, fabs((double)x[i] - gain * (double)y[i]));
     return most;
 }
 

@@ -336,8 +336,10 @@ static float brightest(const Anlos__Volume *v)
     size_t n[3];
     const float *x = tensor_f32(v->intensity, 3, n);
     float most = 0.0f;
-    for (size_t q = 0; q < n[0] * n[1] * n[2]; q++)
+    for (size_t q = 0; q < n[0] * n[1] * n[2]; q++) {
+        assert_true(isfinite(x[q]));
         most = fmaxf(most, x[q]);
+    }
     return most;
 }
 

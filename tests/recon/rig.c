@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "tests/recon/near.h"
+#include "tests/worse.h"
 
 void rig_default(struct rig *r)
 {
@@ -158,12 +159,10 @@ double rig_difference(const struct rig *r, const float *a, const float *b)
 {
     double worst = 0.0, largest = 0.0;
     for (size_t v = 0; v < grid_size(&r->grid); v++) {
-        if (!isfinite(a[v]) || !isfinite(b[v]))
-            return NAN;
-        worst = fmax(worst, fabs((double)a[v] - (double)b[v]));
+        worst = worse(worst, fabs((double)a[v] - (double)b[v]));
         largest = fmax(largest, fmax(a[v], b[v]));
     }
-    return largest > 0.0 ? worst / largest : 0.0;
+    return worst / largest;
 }
 
 void rig_expect_point(const struct rig *r, const char *method, const double at_m[3],

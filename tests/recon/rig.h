@@ -56,8 +56,8 @@ float *rig_image(const struct rig *r, const char *method, const struct scatterer
 /* The strongest voxel, fitted; its intensity. */
 float rig_peak(const struct rig *r, const float *image, struct peak_fit *out);
 
-/* Largest difference over the larger maximum of two images; 0 when both are silent, NaN
- * when anything is not finite. */
+/* Largest difference over the larger maximum of two images; NaN when both are dark or
+ * anything is not finite. */
 double rig_difference(const struct rig *r, const float *a, const float *b);
 
 /* The image of a lone point is where it is: within lateral_m and depth_m. */

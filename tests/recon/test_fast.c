@@ -191,8 +191,10 @@ static float *image_low(struct rig *r, const double echo_hz[2], bool taper)
 static float brightest(const struct rig *r, const float *image)
 {
     float most = 0.0f;
-    for (size_t q = 0; q < grid_size(&r->grid); q++)
+    for (size_t q = 0; q < grid_size(&r->grid); q++) {
+        assert_true(isfinite(image[q]));
         most = fmaxf(most, image[q]);
+    }
     return most;
 }
 

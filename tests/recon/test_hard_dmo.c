@@ -7,6 +7,7 @@
 
 #include "recon/dmo.h"
 #include "tests/golden/golden.h"
+#include "tests/worse.h"
 
 #define POINT 32 /* 16 re, 16 im */
 
@@ -65,8 +66,8 @@ static double worst_error(double longest_m, double least_w)
         for (size_t d = 0; d < n_lines; d++) {
             double re = fabs(out[d * POINT] - row[2 + 2 * d]);
             double im = fabs(out[d * POINT + 16] - row[3 + 2 * d]);
-            worst = !(re <= worst) ? re : worst;
-            worst = !(im <= worst) ? im : worst;
+            worst = worse(worst, re);
+            worst = worse(worst, im);
         }
     }
     free(out);

@@ -9,6 +9,7 @@
 #include "recon/fk.h"
 #include "tests/golden/golden.h"
 #include "tests/recon/reference.h"
+#include "tests/worse.h"
 
 #define LINES 12
 
@@ -114,8 +115,8 @@ static void expect_golden(const char *name, double tolerance, double tolerance_o
     if (s.alternating)
         migrate(&s, true, image);
     for (size_t v = 0; v < 7 * 7 * 9; v++) {
-        worst = fmax(worst, fabs(image[v] / scale - used[v]));
-        worst_of_all = fmax(worst_of_all, fabs(image[v] / scale - all[v]));
+        worst = worse(worst, fabs(image[v] / scale - used[v]));
+        worst_of_all = worse(worst_of_all, fabs(image[v] / scale - all[v]));
     }
     assert_below(worst, tolerance);
     assert_below(worst_of_all, tolerance_of_all);

@@ -10,6 +10,7 @@
 #include "dsp/lane_fft.h"
 #include "recon/lightcone.h"
 #include "tests/golden/golden.h"
+#include "tests/worse.h"
 
 static const char *const cases[5] = {"lightcone_6x5", "lightcone_7x3_odd",
                                      "lightcone_1x9_line", "lightcone_5x4_depth_1",
@@ -116,7 +117,7 @@ static void expect_image(const struct scene *s, size_t column)
     lightcone_destroy(l);
     for (size_t i = 0; i < s->n_rho; i++) {
         double error = fabs(s->rho[i] / scale - expected[i * n + column]);
-        worst = !(error <= worst) ? error : worst;
+        worst = worse(worst, error);
     }
     assert_below(worst, tolerance(snr_db));
 }

@@ -9,6 +9,7 @@
 #include "recon/nmo.h"
 #include "recon/stretch.h"
 #include "tests/golden/golden.h"
+#include "tests/worse.h"
 
 #define POINT   32 /* 16 re, 16 im, or 32 powers */
 #define OFFSETS 3
@@ -105,7 +106,7 @@ static void expect_moved_out(const struct gate *g, size_t offset)
             assert_near(cabsf(out[q]), 0.0, 0.0);
         if (q < 8 || q > n - 9 || at < 4.0 || at > last_sample(g) - 4.0)
             continue;
-        worst = fmax(worst, cabs(out[q] - e[0] - I * e[1]));
+        worst = worse(worst, cabs(out[q] - e[0] - I * e[1]));
         heard++;
     }
     assert_true(heard > 100);
@@ -217,7 +218,7 @@ static void expect_stretched(const struct gate *g, bool power, size_t offset,
             assert_near(cabs(z), 0.0, 1e-3 * loudest);
         if (!(stretch < 1.65) || at < 14.0 || at > last_sample(g) - 16.0)
             continue;
-        worst = fmax(worst, cabs(z - e));
+        worst = worse(worst, cabs(z - e));
         heard++;
     }
     assert_true(heard > 50);

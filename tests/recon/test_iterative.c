@@ -58,8 +58,11 @@ static size_t bright_voxels(const struct rig *r, const float *image)
 {
     float most = 0.0f;
     size_t n = 0;
-    for (size_t v = 0; v < grid_size(&r->grid); v++)
+    for (size_t v = 0; v < grid_size(&r->grid); v++) {
+        assert_true(isfinite(image[v]));
         most = fmaxf(most, image[v]);
+    }
+    assert_true(most > 0.0f);
     for (size_t v = 0; v < grid_size(&r->grid); v++)
         n += image[v] > 0.25f * most;
     return n;

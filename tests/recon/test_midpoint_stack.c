@@ -7,6 +7,7 @@
 
 #include "recon/midpoint_stack.h"
 #include "tests/recon/rig.h"
+#include "tests/worse.h"
 
 struct bench { /* do not copy: the rig's geometry points into it */
     struct rig rig;
@@ -116,7 +117,7 @@ static double error_at(const double at_m[3], double near_m, double far_m, bool d
                 reference_echo(b->rig.band_hz, f->carrier_hz, 2.0 * r / c, t) / r;
             double complex is = (double)b->weight[y] *
                                 (double complex)b->gather[y * f->n_samples + n];
-            worst = fmax(worst, cabs(is - expected));
+            worst = worse(worst, cabs(is - expected));
             largest = fmax(largest, cabs(expected));
         }
     }

@@ -1,4 +1,5 @@
 #include "tests/recon/near.h"
+#include "tests/worse.h"
 
 #include <complex.h>
 
@@ -62,7 +63,7 @@ static double worst_error(size_t n_taps, double occupancy)
             double complex sum = 0.0;
             for (size_t q = 0; q < n_taps; q++)
                 sum += w[q] * cexp(I * turn * (double)q);
-            worst = fmax(worst, cabs(sum - cexp(I * turn * at)));
+            worst = worse(worst, cabs(sum - cexp(I * turn * at)));
         }
     }
     return worst;

@@ -7,6 +7,7 @@
 
 #include "recon/zero_offset.h"
 #include "tests/recon/reference.h"
+#include "tests/worse.h"
 
 #define MAX_ELEMENTS 4
 #define MAX_LINES    96
@@ -212,7 +213,7 @@ static void expect_plane(const struct bench *b, int axis, const struct plane *p,
         weight += power;
         sum += power * at_m;
         if (power > 0.25 * loudest)
-            worst = fmax(worst, fabs(t - expected_s) * b->cfg.out.rate_hz);
+            worst = worse(worst, fabs(t - expected_s) * b->cfg.out.rate_hz);
     }
     /* The co-located pair whose foot is the bright place: at_m cos(tilt) = bright_m. */
     double expected_m = p->bright_m / p->normal[2];
@@ -409,7 +410,7 @@ static void gains_of_twelve_decades_only_scale(void **state)
         if (q == -1)
             memcpy(one, b->out, sizeof b->out);
         for (size_t n = 0; n < 32 * SAMPLES; n++)
-            worst = fmax(worst, fabs(b->out[n] / (gain * gain) - one[n] * 1e24));
+            worst = worse(worst, fabs(b->out[n] / (gain * gain) - one[n] * 1e24));
         assert_below(worst, 1e-4); /* of some 10 */
     }
     free(one);
