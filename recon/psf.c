@@ -12,6 +12,7 @@
 #define GRID_HALF     6    /* voxels of psf_compute's grid on each side of the point */
 #define GRID_SIGMAS   0.3  /* their step in standard deviations */
 #define COMPUTE_PAIRS 4096 /* enough for the main lobe of any aperture */
+#define LEAST_ROOT    1e-3 /* of the sharpest axis: below it one is not resolved */
 #define HANN_VARIANCE 0.0326727 /* of a Hann window of length 1: 1/12 - 1/(2 pi^2) */
 
 static const int row_of[6] = {0, 0, 0, 1, 1, 2}, column_of[6] = {0, 1, 2, 1, 2, 2};
@@ -175,12 +176,25 @@ int psf_curvature(const struct psf_config *cfg, double covariance_m2[6])
     return psf_invert(precision, covariance_m2) ? 0 : -ERANGE;
 }
 
+/* However they lie. */
+static size_t resolved_axes(const double precision[6])
+{
+    struct psf p;
+    double root[3], axes[3][3];
+    size_t n = 0;
+    memcpy(p.covariance_m2, precision, sizeof p.covariance_m2);
+    psf_axes(&p, root, axes); /* of the eigenvalues, largest first */
+    for (int a = 0; a < 3; a++)
+        n += root[a] > LEAST_ROOT * root[0];
+    return n;
+}
+
 /* The middle of the grid is the point; an axis that nothing resolves has one voxel. */
 static int fit_grid(struct grid *out, const struct psf_config *cfg)
 {
     struct pair *pairs;
     double precision[6], most = 0.0;
-    size_t n, resolved = 0;
+    size_t n;
     static const int diagonal[3] = {0, 3, 5};
     int err = list_pairs(&pairs, &n, cfg);
     if (err)
@@ -191,13 +205,12 @@ static int fit_grid(struct grid *out, const struct psf_config *cfg)
         most = fmax(most, precision[diagonal[d]]);
     for (int d = 0; d < 3; d++) {
         double own = precision[diagonal[d]];
-        bool wide = own > 1e-6 * most && own > 0.0;
+        bool wide = own > LEAST_ROOT * LEAST_ROOT * most && own > 0.0;
         out->n[d] = wide ? 2 * GRID_HALF + 1 : 1;
         out->step_m[d] = wide ? GRID_SIGMAS / sqrt(own) : 1.0;
         out->origin_m[d] = cfg->at_m[d] - out->step_m[d] * (double)(out->n[d] / 2);
-        resolved += wide;
     }
-    return resolved >= 2 ? 0 : -ERANGE;
+    return resolved_axes(precision) >= 2 ? 0 : -ERANGE;
 }
 
 int psf_compute(struct psf *out, const struct psf_config *cfg, struct grid *grid,

@@ -21,12 +21,14 @@ struct psf { /* amplitude = sqrt(peak) exp(-1/2 d' C^-1 d), d = position - centr
  * moments first, then Gauss-Newton (Levenberg 1944) on the amplitude in double precision.
  * intensity [nz][ny][nx].  An axis of one voxel is not fitted: its variance is 0.
  * 0, -EINVAL (no such voxel, or nothing there), -ERANGE (the grid is too coarse or the
- * place not a peak: the fit has no curvature), -ENOMEM. */
+ * place not a peak: the fit has no curvature, or its top lies beyond what was fitted),
+ * -ENOMEM. */
 #define PSF_FIT_LEVEL 0.35
 int psf_fit(struct psf *out, const struct grid *grid, const float *intensity,
             size_t voxel);
 
-/* Inverse of a symmetric matrix (xx xy xz yy yz zz); false: not positive definite. */
+/* Inverse of a symmetric matrix (xx xy xz yy yz zz); false: not positive definite, or no
+ * more than rounding makes it. */
 bool psf_invert(const double m[6], double out[6]);
 
 /* -6 dB widths of the intensity, widest first, and the unit vectors they lie along. */

@@ -14,6 +14,8 @@
 #define SETTLED 1e-10 /* relative gain of a step that ends it */
 #define BOX     1.6   /* half sizes of the box over the half widths at the level */
 #define LARGEST 48    /* voxels from the peak, at most */
+#define WIDEST  10.0  /* sigmas over the samples' reach: they differ by 1/2 % */
+#define LEAST   1e-12 /* determinant over the diagonal's: less is rounding */
 
 /* Amplitudes over the peak's, in voxels from the peak. */
 struct samples {
@@ -81,7 +83,8 @@ bool psf_invert(const double m[6], double out[6])
     double c00 = m[3] * m[5] - m[4] * m[4], c01 = m[2] * m[4] - m[1] * m[5];
     double c02 = m[1] * m[4] - m[2] * m[3], minor = m[0] * m[3] - m[1] * m[1];
     double det = m[0] * c00 + m[1] * c01 + m[2] * c02;
-    if (!(m[0] > 0.0) || !(minor > 0.0) || !(det > 0.0) || !isfinite(det))
+    if (!(m[0] > 0.0) || !(minor > LEAST * m[0] * m[3]) ||
+        !(det > LEAST * m[0] * m[3] * m[5]) || !isfinite(det))
         return false;
     const double inverse[6] = {
         c00, c01, c02, m[0] * m[5] - m[2] * m[2], m[1] * m[2] - m[0] * m[4], minor};
@@ -218,6 +221,21 @@ static int fit(const struct samples *s, double p[N], double *residual)
     return 0;
 }
 
+/* Its top is among the samples, and it falls towards their ends. */
+static bool is_peak(const struct samples *s, const double p[N], const double c[6])
+{
+    static const int diagonal[3] = {0, 3, 5};
+    for (int a = 0; a < 3; a++) {
+        double reach = 0.0;
+        for (size_t i = 0; i < s->n; i++)
+            reach = fmax(reach, fabs(s->at[i][a]));
+        if (!s->fixed[a] &&
+            !(fabs(p[1 + a]) <= reach && sqrt(c[diagonal[a]]) <= WIDEST * reach))
+            return false;
+    }
+    return true;
+}
+
 int psf_fit(struct psf *out, const struct grid *g, const float *intensity, size_t voxel)
 {
     size_t at[3] = {voxel % g->n[0], voxel / g->n[0] % g->n[1],
@@ -231,7 +249,7 @@ int psf_fit(struct psf *out, const struct grid *g, const float *intensity, size_
     int err = collect(&s, g, intensity, at);
     if (!err)
         err = fit(&s, p, &out->residual);
-    if (!err && !psf_invert(p + 4, c))
+    if (!err && !(psf_invert(p + 4, c) && is_peak(&s, p, c)))
         err = -ERANGE;
     if (!err) {
         for (int a = 0; a < 3; a++)
