@@ -27,4 +27,8 @@ void admm_rig_solve(const struct admm_config *cfg, size_t threads,
                     const float b[ADMM_RIG_SIZE], float x[ADMM_RIG_SIZE],
                     struct admm_result *r);
 
+/* x is as good as what the independent solver finds, and ADMM says how good. */
+void admm_rig_expect_optimum(const struct primal_dual *p, const struct admm_result *r,
+                             const float *x, double tolerance);
+
 #endif

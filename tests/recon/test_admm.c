@@ -7,21 +7,6 @@
 
 #define N ADMM_RIG_SIZE
 
-/* Of a blur, far below the tolerances; an operator of less rank takes longer. */
-#define REFERENCE_ROUNDS 4000
-
-static void expect_optimum(const struct primal_dual *p, const struct admm_result *r,
-                           const float *x, double tolerance)
-{
-    static double expected[PRIMAL_DUAL_MAX], got[PRIMAL_DUAL_MAX];
-    primal_dual_solve(p, REFERENCE_ROUNDS, expected);
-    for (size_t i = 0; i < p->size; i++)
-        got[i] = x[i];
-    double best = primal_dual_objective(p, expected);
-    assert_near(primal_dual_objective(p, got) / best, 1.0, tolerance);
-    assert_near(r->objective / best, 1.0, 5.0 * tolerance);
-}
-
 static void expect_optimum_of_blur(double l1, double tv, bool isotropic)
 {
     static double k[N * N];
@@ -49,7 +34,7 @@ static void expect_optimum_of_blur(double l1, double tv, bool isotropic)
     admm_solve(a, data, 1.0, x, &r);
     assert_near(r.l1_weight, l1, 1e-6);
     assert_near(r.tv_weight, tv, 1e-6);
-    expect_optimum(&p, &r, x, 2e-5);
+    admm_rig_expect_optimum(&p, &r, x, 2e-5);
     admm_destroy(a);
     pool_destroy(pool);
 }
@@ -162,7 +147,7 @@ static void any_operator_reaches_its_optimum(void **state)
     assert_true(r.converged);
     p.l1 = r.l1_weight;
     p.tv = r.tv_weight;
-    expect_optimum(&p, &r, x, 2e-4);
+    admm_rig_expect_optimum(&p, &r, x, 2e-4);
     admm_destroy(a);
     pool_destroy(pool);
 }
