@@ -99,6 +99,24 @@ static void a_point_in_traces_is_within_a_millimetre(void **state)
     json_decref(j);
 }
 
+static void the_other_methods_for_any_array_find_it_too(void **state)
+{
+    static char method[2][12] = {"incoherent", "sparse"};
+    struct fixture *f = *state;
+    write_mat(f);
+    for (int q = 0; q < 2; q++) {
+        struct command_result r;
+        char *words[] = {"recon",    "--traces", f->a,    "--volume", VOLUME,
+                         "--method", method[q],  "--out", f->out,     NULL};
+        command_run(&r, command_recon, words);
+        if (r.code)
+            print_error("%s", r.err);
+        assert_int_equal(r.code, 0);
+        assert_non_null(strstr(r.out, method[q]));
+        expect_point(f);
+    }
+}
+
 /* Nobody named a method: the one that takes any geometry. */
 static void expect_chosen(const struct fixture *f, const struct command_result *r)
 {
@@ -374,6 +392,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(a_point_in_traces_is_within_a_millimetre),
+        TEST(the_other_methods_for_any_array_find_it_too),
         TEST(a_survey_may_name_the_volume_of_traces),
         TEST(traces_outside_of_the_gate_are_not_imaged),
         TEST(a_gate_that_holds_nothing_is_refused),

@@ -189,6 +189,8 @@ static void what_is_missing_or_wrong_is_named(void **state)
     } cases[] = {{"traces", 1e5, "expected a variable traces"},
                  {"tx_m", 1e5, "expected a variable tx_m"},
                  {"rx_m", 1e5, "expected a variable rx_m"},
+                 {"fs_hz", 1e5, "expected a variable fs_hz"},
+                 {"t0_s", 1e5, "expected a variable t0_s"},
                  {"fc_hz", 1e5, "expected a variable fc_hz"},
                  {"c_m_s", 1e5, "expected a variable c_m_s"},
                  {NULL, 0.0, "fs_hz: is 0, expected"},
@@ -201,6 +203,62 @@ static void what_is_missing_or_wrong_is_named(void **state)
                                  .rate_hz = &cases[i].rate_hz};
         traces_write(&w, *state, path, points, 2);
         assert_true(traces_load(&f, path, &why) < 0);
+        if (!strstr(why.text, cases[i].part))
+            fail_msg("\"%s\" has no \"%s\"", why.text, cases[i].part);
+        traces_clear(&f);
+    }
+}
+
+/* In the place of one that was left out: 0, 0.01, 0.02 ..., with something else in it. */
+static void append(const char *name, int rank, const size_t extents[3], size_t at,
+                   double value)
+{
+    size_t n = 1, dims[3];
+    for (int d = 0; d < rank; d++)
+        n *= dims[d] = extents[d];
+    double *x = malloc(n * sizeof *x);
+    assert_non_null(x);
+    for (size_t i = 0; i < n; i++)
+        x[i] = i == at ? value : 0.01 * (double)i;
+    mat_t *mat = Mat_Open(path, MAT_ACC_RDWR);
+    assert_non_null(mat);
+    matvar_t *v = Mat_VarCreate(name, MAT_C_DOUBLE, MAT_T_DOUBLE, rank, dims, x, 0);
+    assert_non_null(v);
+    assert_int_equal(Mat_VarWrite(mat, v, MAT_COMPRESSION_ZLIB), 0);
+    Mat_VarFree(v);
+    Mat_Close(mat);
+    free(x);
+}
+
+static void what_has_another_shape_or_is_not_finite_is_named(void **state)
+{
+    static const struct {
+        const char *name;
+        int rank;
+        size_t extents[3], at;
+        double value;
+        const char *part;
+    } cases[] = {
+        {"tx_m", 2, {180, 3}, 7, NAN, "tx_m: row 8 is not finite"},
+        {"rx_m", 2, {180, 3}, 539, INFINITY, "rx_m: row 180 is not finite"},
+        {"tx_m", 2, {180, 2}, 0, 0.0, "tx_m: 180 x 2, expected pings x 3"},
+        {"rx_m", 2, {180, 2}, 0, 0.0, "rx_m: 180 x 2, expected as many pings as tx_m"},
+        {"tx_m", 3, {60, 3, 3}, 0, 0.0, "tx_m: 3 dimensions, expected 2"},
+        {"traces", 2, {179, 100}, 0, 0.0, "traces: 179 x 100, expected 180 pings"},
+        {"traces", 2, {180, 1}, 0, 0.0, "traces: 180 x 1, expected 180 pings"},
+        {"traces", 3, {180, 50, 2}, 0, 0.0, "traces: 3 dimensions, expected 2"},
+        {"fs_hz", 2, {1, 2}, 0, 1e5, "fs_hz: 1 x 2, expected one number"},
+        {"t0_s", 2, {1, 1}, 0, NAN, "t0_s: is nan, expected"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct traces_file f;
+        struct complaint why = {""};
+        struct traces_write w = {.format = {0.003, 1e5, 20000.0, 100},
+                                 .leave_out = cases[i].name};
+        traces_write(&w, *state, path, points, 2);
+        append(cases[i].name, cases[i].rank, cases[i].extents, cases[i].at,
+               cases[i].value);
+        assert_int_equal(traces_load(&f, path, &why), -EINVAL);
         if (!strstr(why.text, cases[i].part))
             fail_msg("\"%s\" has no \"%s\"", why.text, cases[i].part);
         traces_clear(&f);
@@ -293,6 +351,7 @@ int main(void)
         TEST(pings_without_sound_are_left_out),
         TEST(traces_louder_than_any_echo_are_counted),
         TEST(what_is_missing_or_wrong_is_named),
+        TEST(what_has_another_shape_or_is_not_finite_is_named),
         TEST(as_many_places_as_pings),
         cmocka_unit_test(a_band_is_found_wherever_it_lies),
         cmocka_unit_test(a_real_signal_s_band_is_in_its_first_half),
