@@ -108,6 +108,95 @@ static void without_a_folder_it_only_prints(void **state)
     assert_int_equal(stat(f->out, &st), -1);
 }
 
+/* -- what is not one small corner reflector ---------------------------------------------
+ */
+
+enum { POINTS = 3 }; /* at most: x, y, z, scattering length, all in m; none: 0 */
+
+/* point.yaml with other points. */
+static void write_points(const char *path, const double points[POINTS][4])
+{
+    char line[256];
+    FILE *from = fopen(SOURCE_DIR "/tests/nodes/point.yaml", "r"), *to = fopen(path, "w");
+    assert_true(from && to);
+    while (fgets(line, sizeof line, from) && strncmp(line, "objects:", 8))
+        fputs(line, to);
+    fputs("objects:\n", to);
+    for (int i = 0; i < POINTS && points[i][3] > 0.0; i++)
+        fprintf(to,
+                "  - {name: p%d, kind: point, position_m: [%g, %g, %g], "
+                "scattering_length_m: %g}\n",
+                i, points[i][0], points[i][1], points[i][2], points[i][3]);
+    fputs("noise: {snr_db: 30}\n", to);
+    fclose(from);
+    fclose(to);
+}
+
+static void measure_points(const struct recorded *f, const double points[POINTS][4],
+                           struct command_result *r)
+{
+    char scene[96], folder[96], survey[128], wav[128], background[128];
+    snprintf(scene, sizeof scene, "%s/points.yaml", f->folder);
+    snprintf(folder, sizeof folder, "%s/points", f->folder);
+    snprintf(survey, sizeof survey, "%s/survey.yaml", folder);
+    snprintf(wav, sizeof wav, "%s/scene", folder);
+    snprintf(background, sizeof background, "%s/background", folder);
+    write_points(scene, points);
+    char *sim[] = {"sim", scene, "--out", folder, NULL};
+    command_run(r, command_sim, sim);
+    assert_int_equal(r->code, 0);
+    char *words[] = {"psf", "--survey",     survey,     "--wav",
+                     wav,   "--background", background, NULL};
+    command_run(r, command_psf, words);
+    recorded_remove(folder);
+}
+
+enum { WIDE_X = 1, WIDE_Z = 2, ONE_MORE = 4, TWO_MORE = 8, OFF = 16, NO_FIT = 32 };
+
+static const char *const told[6] = {
+    " cm wide along x, and of a point it would be 10.0: no small corner reflector",
+    " cm wide along z, and of a point it would be 1.9: no small corner reflector",
+    "1 more place is nearly as bright: expected one corner reflector",
+    "2 more places are nearly as bright: expected one corner reflector",
+    "the brightest place is no point: the fit is off by 1",
+    "the brightest place is no point: no Gaussian fits it",
+};
+
+static void what_is_no_lone_point_is_told(void **state)
+{
+    static const struct {
+        double points[POINTS][4];
+        int code, told;
+    } cases[] = {
+        {{{.13, .11, .25, .05}, {.13, .11, .45, .01}}, 0, 0}, /* 14 dB fainter */
+        {{{.13, .11, .25, .05}, {.13, .11, .45, .05}}, 0, ONE_MORE},
+        {{{.13, .11, .2, .05}, {.13, .11, .4, .05}, {.13, .11, .6, .05}}, 0, TWO_MORE},
+        {{{.07, .11, .4, .05}, {.13, .11, .4, .05}, {.19, .11, .4, .05}}, 0, WIDE_X},
+        {{{.13, .11, .4, .05}, {.13, .11, .42, .05}}, 0, WIDE_Z | OFF},
+        {{{.09, .07, .4, .05}, {.17, .15, .415, .05}}, 2, NO_FIT},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct command_result r;
+        int seen = 0;
+        measure_points(*state, cases[i].points, &r);
+        for (int k = 0; k < 6; k++)
+            seen |= strstr(r.err, told[k]) ? 1 << k : 0;
+        if (r.code != cases[i].code || seen != cases[i].told)
+            fail_msg("case %zu: code %d: %s", i, r.code, r.err);
+    }
+}
+
+static void silence_is_no_point(void **state)
+{
+    struct recorded *f = *state;
+    struct command_result r;
+    char *words[] = {"psf",         "--survey",     f->survey,     "--wav",
+                     f->background, "--background", f->background, NULL};
+    command_run(&r, command_psf, words);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "the image is empty"));
+}
+
 static void expect_refusal(char *const words[], const char *part)
 {
     struct command_result r;
@@ -219,6 +308,8 @@ int main(void)
         test(a_recorded_point_has_the_aperture_s_widths),
         test(the_geometry_alone_gives_them_too),
         test(without_a_folder_it_only_prints),
+        test(what_is_no_lone_point_is_told),
+        test(silence_is_no_point),
         test(wrong_arguments_are_told),
         test(a_damaged_file_is_told_by_key),
         test(what_is_written_is_read_again),
