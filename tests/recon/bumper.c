@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "recon/peak.h"
+#include "tests/recon/near.h"
 
 #define EPOCH_NS 1000000000LL /* of time 0 */
 
@@ -173,8 +174,10 @@ void bumper_drive(struct bumper *b)
 float bumper_peak(const struct bumper *b, const float *image, double at_m[3])
 {
     size_t best = 0;
-    for (size_t v = 0; v < grid_size(&b->cfg.grid); v++)
+    for (size_t v = 0; v < grid_size(&b->cfg.grid); v++) {
+        assert_true(isfinite(image[v]));
         best = image[v] > image[best] ? v : best;
+    }
     struct peak_fit fit;
     peak_fit(&b->cfg.grid, image, best, 1e3, &fit);
     memcpy(at_m, fit.position_m, sizeof fit.position_m);
