@@ -22,6 +22,7 @@
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
 #include "tests/nodes/command.h"
+#include "tests/nodes/near.h"
 
 static struct command_result result;
 
@@ -187,8 +188,7 @@ static void info_tells_what_is_there(void **state)
             assert_string_equal(json_string_value(json_object_get(topic, "topic")),
                                 "ping");
             assert_int_equal(n, 48);
-            assert_float_equal(json_number_value(json_object_get(topic, "rate_hz")), 32.0,
-                               1e-6);
+            assert_near(json_number_value(json_object_get(topic, "rate_hz")), 32.0, 1e-6);
         }
     }
     assert_int_equal(json_integer_value(json_object_get(o, "messages")), 50);
@@ -535,8 +535,7 @@ static void the_survey_of_an_export_says_where_the_stage_stood(void **state)
     assert_int_equal(survey_load(&s[0], path, &why), 0);
     assert_int_equal(survey_load(&s[1], in_folder("shifted/survey.yaml"), &why), 0);
     for (size_t k = 0; k < s[0].n_positions; k++)
-        assert_float_equal(s[1].stage_positions_m[k], s[0].stage_positions_m[k] + 0.001,
-                           1e-9);
+        assert_near(s[1].stage_positions_m[k], s[0].stage_positions_m[k] + 0.001, 1e-9);
     survey_clear(&s[0]);
     survey_clear(&s[1]);
 }

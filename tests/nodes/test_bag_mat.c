@@ -91,7 +91,7 @@ static void check_ping(const struct survey *s, const Anlos__Ping *p)
     if (r > LAST_M)
         return;
     /* A bin of time is 2.4 mm of range. */
-    if (fabs(loudest_m(s, x, extents[1]) - r) > 0.0024)
+    if (!(fabs(loudest_m(s, x, extents[1]) - r) <= 0.0024))
         fail_msg("ping %u: %g m, not %g", p->position, loudest_m(s, x, extents[1]), r);
     for (size_t i = 0; i < extents[1]; i++)
         assert_true(fabsf(x[i]) <= 1.0f);
@@ -162,7 +162,8 @@ static void its_image_has_the_point_where_it_is(void **state)
     assert_non_null(row);
     assert_int_equal(sscanf(row, " 1 %lf %lf %lf", &x, &y, &z), 3);
     /* The width of the image: half a pitch aside, half a pulse of 60 ps in depth. */
-    if (fabs(x - at_m[0]) > 0.02 || fabs(y - at_m[1]) > 0.02 || fabs(z - at_m[2]) > 0.005)
+    if (!(fabs(x - at_m[0]) <= 0.02 && fabs(y - at_m[1]) <= 0.02 &&
+          fabs(z - at_m[2]) <= 0.005))
         fail_msg("%g %g %g", x, y, z);
 }
 

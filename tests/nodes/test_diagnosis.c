@@ -8,6 +8,7 @@
 #include <cmocka.h>
 
 #include "nodes/can/diagnosis.h"
+#include "tests/nodes/near.h"
 
 #define S 1000000000LL
 
@@ -42,9 +43,9 @@ static void the_load_is_that_of_all_nodes_over_all_processors(void **state)
     tell(&d, "dsp", 7.5, 11 * S);
     tell(&d, "dsp", 7.51, 11 * S + 1000); /* at once, as its state changed */
     tell(&d, "recon", 3.25, 11 * S);
-    assert_float_equal(next(&d, &w, 11 * S).cpu, 0.375, 1e-6);
+    assert_near(next(&d, &w, 11 * S).cpu, 0.375, 1e-6);
     tell(&d, "dsp", 7.7, 12 * S); /* 0.2 */
-    assert_float_equal(next(&d, &w, 12 * S).cpu, 0.225, 1e-6);
+    assert_near(next(&d, &w, 12 * S).cpu, 0.225, 1e-6);
 }
 
 static void a_node_that_was_started_again_or_is_gone_uses_nothing(void **state)
@@ -57,10 +58,10 @@ static void a_node_that_was_started_again_or_is_gone_uses_nothing(void **state)
     tell(&d, "dsp", 7.0, 10 * S);
     tell(&d, "dsp", 7.5, 11 * S);
     tell(&d, "dsp", 0.1, 12 * S);
-    assert_float_equal(next(&d, &w, 12 * S).cpu, 0.0, 1e-9);
+    assert_near(next(&d, &w, 12 * S).cpu, 0.0, 1e-9);
     tell(&d, "dsp", 0.6, 13 * S);
-    assert_float_equal(next(&d, &w, 13 * S).cpu, 0.5, 1e-6);
-    assert_float_equal(next(&d, &w, 17 * S).cpu, 0.0, 1e-9);
+    assert_near(next(&d, &w, 13 * S).cpu, 0.5, 1e-6);
+    assert_near(next(&d, &w, 17 * S).cpu, 0.0, 1e-9);
 }
 
 static void pings_that_got_lost_anywhere_are_counted(void **state)
@@ -134,11 +135,11 @@ static void the_signal_to_noise_is_of_the_strongest_object(void **state)
     list.detections = pointers;
     list.n_detections = 2;
     diagnosis_list(&d, &list);
-    assert_float_equal(next(&d, &w, S).snr_db, 21.5, 1e-9);
+    assert_near(next(&d, &w, S).snr_db, 21.5, 1e-9);
     w.faults = 1u << CAN_FAULT_IMAGE_STALE; /* no list comes any more */
     assert_true(isnan(next(&d, &w, S).snr_db));
     w.faults = 0;
-    assert_float_equal(next(&d, &w, S).snr_db, 21.5, 1e-9);
+    assert_near(next(&d, &w, S).snr_db, 21.5, 1e-9);
     list.n_detections = 0;
     diagnosis_list(&d, &list);
     assert_true(isnan(next(&d, &w, S).snr_db));

@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "nodes/launcher/fellows.h"
+#include "tests/nodes/near.h"
 
 #define MS      1000000LL
 #define RUNNING ANLOS__HOST_STATUS__STATE__RUNNING
@@ -96,8 +97,8 @@ static void the_difference_of_the_clocks_is_measured_and_told_once(void **state)
     setup(&p, 42);
     talk(&p, 10);
     measured(&p, &ahead_s, &round_trip_s);
-    assert_float_equal(ahead_s, 0.007, 1e-9);
-    assert_float_equal(round_trip_s, 0.040, 1e-9);
+    assert_near(ahead_s, 0.007, 1e-9);
+    assert_near(round_trip_s, 0.040, 1e-9);
     assert_judged(&p, FELLOWS_NOTE,
                   "host b: its clock is 7.0 ms ahead of this one's, to within 20.0 ms");
     assert_judged(&p, FELLOWS_GO_ON, "");
@@ -131,8 +132,8 @@ static void a_message_that_was_held_up_does_not_spoil_the_measurement(void **sta
     p.back_ns = 20 * MS;
     talk(&p, 2);
     measured(&p, &ahead_s, &round_trip_s);
-    assert_float_equal(ahead_s, 0.007, 1e-9);
-    assert_float_equal(round_trip_s, 0.040, 1e-9);
+    assert_near(ahead_s, 0.007, 1e-9);
+    assert_near(round_trip_s, 0.040, 1e-9);
 }
 
 static void one_that_is_done_ends_the_others_when_it_was_heard_to_run(void **state)

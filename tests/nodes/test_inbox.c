@@ -8,6 +8,7 @@
 
 #include "msgs/can/frames.h"
 #include "nodes/can/inbox.h"
+#include "tests/nodes/near.h"
 
 #define MS 1000000LL
 
@@ -76,8 +77,8 @@ static void motion_is_said_as_the_vehicle_says_it(void **state)
     assert_int_equal(give_ego(&r, 2.5, CAN_VALID), INBOX_EGO);
     assert_true(r.inbox.ego.valid);
     assert_false(r.inbox.ego.standstill);
-    assert_float_equal(r.inbox.ego.speed_m_s, 2.5, 0.005);
-    assert_float_equal(r.inbox.ego.yaw_rate_rad_s, -0.1, 1e-4);
+    assert_near(r.inbox.ego.speed_m_s, 2.5, 0.005);
+    assert_near(r.inbox.ego.yaw_rate_rad_s, -0.1, 1e-4);
 }
 
 static void motion_ends_once_after_100_ms_of_silence(void **state)
@@ -109,7 +110,7 @@ static void motion_that_the_vehicle_does_not_trust_is_as_good_as_none(void **sta
         assert_int_equal(give_ego(&r, 3.0, v), INBOX_NOTHING);
     }
     assert_int_equal(give_ego(&r, NAN, CAN_VALID), INBOX_NOTHING);
-    assert_float_equal(r.inbox.ego.speed_m_s, 1.0, 1e-9);
+    assert_near(r.inbox.ego.speed_m_s, 1.0, 1e-9);
     assert_true(inbox_ego_ends(&r.inbox, r.now_ns));
     assert_int_equal(r.inbox.wrong, 0);
 }
@@ -142,7 +143,7 @@ static void a_damaged_frame_is_not_used(void **state)
         f.data[bit / 8] ^= (uint8_t)(1u << bit % 8);
         assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
     }
-    assert_float_equal(r.inbox.ego.speed_m_s, 1.0, 1e-9);
+    assert_near(r.inbox.ego.speed_m_s, 1.0, 1e-9);
     assert_int_equal(r.inbox.wrong, 64);
 }
 
@@ -214,8 +215,8 @@ static void the_air_is_what_the_vehicle_measures(void **state)
     start(&r);
     can_pack_ambient(&f, 0x420, &air);
     assert_int_equal(give(&r, &f), INBOX_AMBIENT);
-    assert_float_equal(r.inbox.ambient.temperature_c, -12.5, 0.25);
-    assert_float_equal(r.inbox.ambient.humidity, 0.8, 0.01);
+    assert_near(r.inbox.ambient.temperature_c, -12.5, 0.25);
+    assert_near(r.inbox.ambient.humidity, 0.8, 0.01);
     can_pack_ambient(&f, 0x420, &(struct can_ambient){NAN, NAN});
     assert_int_equal(give(&r, &f), INBOX_AMBIENT);
     assert_true(isnan(r.inbox.ambient.temperature_c));
@@ -247,10 +248,10 @@ static void a_wall_is_upright_in_the_vehicle_frame(void **state)
     const Anlos__Wall *w = r.inbox.wall_list.walls[0];
     assert_int_equal(w->id, 3);
     assert_int_equal(w->origin, ANLOS__WALL__ORIGIN__GIVEN);
-    assert_float_equal(w->normal->x, cos(0.5), 2e-3);
-    assert_float_equal(w->normal->y, sin(0.5), 2e-3);
+    assert_near(w->normal->x, cos(0.5), 2e-3);
+    assert_near(w->normal->y, sin(0.5), 2e-3);
     assert_true(w->normal->z >= 0.0 && w->normal->z <= 0.0);
-    assert_float_equal(w->distance_m, 4.0, 0.02);
+    assert_near(w->distance_m, 4.0, 0.02);
     assert_int_equal(w->n_covariance, 6);
     assert_true(w->covariance[0] >= 0.02 * 0.02 - 1e-9 && w->covariance[0] < 0.002);
     assert_true(w->covariance[5] >= 0.1 * 0.1 - 1e-9 && w->covariance[5] < 0.04);
@@ -266,7 +267,7 @@ static void walls_are_kept_until_they_are_taken_back_or_old(void **state)
     r.now_ns += 500 * MS;
     give_wall(&r, 2, CAN_VALID);
     assert_int_equal(r.inbox.wall_list.n_walls, 2);
-    assert_float_equal(r.inbox.wall_list.walls[0]->unseen_s, 0.5, 1e-9);
+    assert_near(r.inbox.wall_list.walls[0]->unseen_s, 0.5, 1e-9);
     assert_int_equal(give_wall(&r, 2, CAN_INVALID), INBOX_WALLS_GIVEN);
     assert_int_equal(r.inbox.wall_list.n_walls, 1);
     assert_int_equal(r.inbox.wall_list.walls[0]->id, 1);

@@ -9,6 +9,7 @@
 
 #include "nodes/can/config.h"
 #include "nodes/can/sender.h"
+#include "tests/nodes/near.h"
 
 #define MS 1000000LL
 
@@ -331,9 +332,9 @@ static void a_track_says_how_it_moves(void **state)
     assert_int_equal(can_unpack_object_dynamics(&sent.frames[3], &o), 0);
     assert_int_equal(can_unpack_object_quality(&sent.frames[4], &o), 0);
     assert_int_equal(o.measurement, CAN_MEASURED);
-    assert_float_equal(o.velocity_m_s[0], -1.5, 1e-9);
-    assert_float_equal(o.velocity_m_s[1], 0.25, 1e-9);
-    assert_float_equal(o.sigma_v_m_s, 0.3, 1e-9); /* of the worse axis */
+    assert_near(o.velocity_m_s[0], -1.5, 1e-9);
+    assert_near(o.velocity_m_s[1], 0.25, 1e-9);
+    assert_near(o.sigma_v_m_s, 0.3, 1e-9); /* of the worse axis */
     assert_int_equal(o.class, CAN_EXTENDED);
     assert_int_equal(o.motion, CAN_MOVING);
 }
@@ -489,12 +490,12 @@ static void an_fd_frame_carries_all_of_an_object(void **state)
     assert_int_equal(can_unpack_object_fd(&sent.frames[3], &o), 0);
     assert_int_equal(o.id, 2);
     assert_int_equal(o.measurement, CAN_MEASURED);
-    assert_float_equal(o.position_m[1], -1.5, 1e-6);
-    assert_float_equal(o.covariance_m2[1], 1e-4, 1e-9);
-    assert_float_equal(o.height_m, 1.1, 1e-6);
-    assert_float_equal(o.class_probability, 0.8, 0.01);
-    assert_float_equal(o.age_s, 3.5, 0.1);
-    assert_float_equal(o.unseen_s, 0.25, 0.1);
+    assert_near(o.position_m[1], -1.5, 1e-6);
+    assert_near(o.covariance_m2[1], 1e-4, 1e-9);
+    assert_near(o.height_m, 1.1, 1e-6);
+    assert_near(o.class_probability, 0.8, 0.01);
+    assert_near(o.age_s, 3.5, 0.1);
+    assert_near(o.unseen_s, 0.25, 0.1);
     assert_int_equal(o.wall, 2);
     assert_true(o.in_free_view);
     assert_false(o.behind_no_wall);
@@ -571,7 +572,7 @@ static void an_empty_list_of_our_own_counts_between_the_others(void **state)
     sender_date(&s, &sent, 100400 * MS, 0);
     assert_int_equal(header_of(&sent).counter, 6);
     assert_int_equal(header_of(&sent).number, 0);
-    assert_float_equal(header_of(&sent).latency_ms, 400.0, 1e-9);
+    assert_near(header_of(&sent).latency_ms, 400.0, 1e-9);
     l.message.counter = 6;
     send(&s, &l, 50, &sent);
     assert_int_equal(header_of(&sent).counter, 7);
@@ -609,7 +610,7 @@ static void the_time_of_a_list_is_that_of_the_vehicle(void **state)
     send(&s, &l, 40, &sent);
     assert_int_equal(can_unpack_time(&sent.frames[1], &stamp_ns), 0);
     assert_int_equal(stamp_ns, 97000 * MS);
-    assert_float_equal(header_of(&sent).latency_ms, 40.0, 1e-9);
+    assert_near(header_of(&sent).latency_ms, 40.0, 1e-9);
 }
 
 int main(void)
