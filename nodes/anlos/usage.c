@@ -2,11 +2,12 @@
 
 #include <errno.h>
 #include <math.h>
-#include <sched.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "nodes/rt/processors.h"
 
 int usage_error(const char *command, const char *format, ...)
 {
@@ -140,9 +141,5 @@ int usage_numbers(const char *text, size_t n, double *out)
 
 size_t usage_default_threads(void)
 {
-    cpu_set_t set;
-    if (sched_getaffinity(0, sizeof set, &set))
-        return 1;
-    int n = CPU_COUNT(&set);
-    return n > 0 ? (size_t)n : 1;
+    return processors_usable();
 }

@@ -4,9 +4,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "nodes/recon/survey_plan.h"
+#include "nodes/rt/processors.h"
 
 struct recon {
     struct recon_config cfg;
@@ -26,8 +26,7 @@ struct recon {
 int recon_create(struct recon **out, const struct recon_config *cfg)
 {
     struct recon *r = calloc(1, sizeof *r);
-    long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    size_t threads = cfg->threads ? cfg->threads : cores > 0 ? (size_t)cores : 1;
+    size_t threads = cfg->threads ? cfg->threads : processors_usable();
 
     if (!r)
         return -ENOMEM;

@@ -18,7 +18,7 @@
 struct recon_config {
     const char *method;                   /* must outlive the recon */
     const struct imager_options *options; /* likewise; NULL: the defaults */
-    size_t threads;                       /* 0: all cores */
+    size_t threads;                       /* 0: as many as processors may be used */
     enum window window; /* as dsp has them: they decide the traces' format */
     enum compression compression;
 };

@@ -5,11 +5,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "nodes/recon/clutter_map.h"
 #include "nodes/recon/first_return.h"
 #include "nodes/recon/survey_plan.h"
+#include "nodes/rt/processors.h"
 
 #define AGE_LIMIT  2.0  /* times what the pings of an image take when none is missing */
 #define NO_OVERLAP 0.99 /* of that time apart: no ping in common */
@@ -46,8 +46,7 @@ struct steady {
 
 int steady_create(struct steady **out, const struct steady_config *cfg)
 {
-    long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    size_t threads = cfg->threads ? cfg->threads : cores > 0 ? (size_t)cores : 1;
+    size_t threads = cfg->threads ? cfg->threads : processors_usable();
     struct steady *s = calloc(1, sizeof *s);
 
     if (!s)

@@ -19,7 +19,7 @@
 #include "recon/frames.h"
 
 struct steady_config {
-    size_t threads;     /* 0: all cores */
+    size_t threads;     /* 0: as many as processors may be used */
     enum window window; /* as dsp has them: they decide the traces' format */
     enum compression compression;
     size_t frame_pings; /* in a frame; 0: as many as there are speakers */

@@ -72,7 +72,7 @@ struct launchfile {
     } dsp;
     struct {
         char *method;
-        unsigned threads; /* 0: all cores */
+        unsigned threads; /* 0: as many as processors may be used */
         struct imager_options options;
         bool preview;       /* a volume after each stage position, time permitting */
         struct {            /* of scan.mode fixed */
