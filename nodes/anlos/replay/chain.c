@@ -17,9 +17,10 @@ int chain_create(struct chain *c, const struct chain_config *cfg,
     int err = tracking_create(&c->tracking, &cfg->track);
     if (!err)
         err = dsp_create(&c->dsp, &cfg->dsp);
-    if (!err && cfg->fixed)
-        err = steady_create(&c->steady, &cfg->steady);
-    return err ? err : recon_create(&c->recon, &cfg->recon);
+    if (err)
+        return err;
+    return cfg->fixed ? steady_create(&c->steady, &cfg->steady)
+                      : recon_create(&c->recon, &cfg->recon);
 }
 
 static void note(struct chain *c, const char *text)

@@ -34,7 +34,7 @@ struct chain_note {
 struct chain {
     struct chain_config cfg;
     struct dsp *dsp;
-    struct recon *recon;   /* of a scan; */
+    struct recon *recon;   /* of a scan, else NULL */
     struct steady *steady; /* of a fixed array, else NULL */
     struct tracking *tracking;
     struct sender sender;
