@@ -1,6 +1,7 @@
 /* What a replay rests on: an image is a matter of the traces and their order alone. */
 #include "tests/recon/near.h"
 
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,6 +9,12 @@
 
 static const struct scatterer points[] = {{{0.03, -0.02, 1.1}, 1.0},
                                           {{-0.05, 0.04, 1.13}, 0.8}};
+
+/* What needs a microphone beside each speaker, which this array has not. */
+static bool may_refuse(const char *method)
+{
+    return !strcmp(method, "confocal") || !strcmp(method, "lct");
+}
 
 /* NULL: the method cannot image this array. */
 static float *image(const struct rig *r, const char *method, size_t threads, bool preview)
@@ -18,7 +25,9 @@ static float *image(const struct rig *r, const char *method, size_t threads, boo
     float *out = NULL;
 
     assert_int_equal(pool_create(&pool, threads), 0);
-    if (!rig_try(r, method, pool, &im, &why)) {
+    assert_int_equal(rig_try(r, method, pool, &im, &why),
+                     may_refuse(method) ? -ENOTSUP : 0);
+    if (im) {
         size_t n = r->geometry.n_positions * r->geometry.n_speakers;
         out = malloc(grid_size(&r->grid) * sizeof *out);
         assert_non_null(out);
