@@ -39,11 +39,44 @@ static struct stage *open_stage(const struct zaber_device *d, const char *option
     return s;
 }
 
+#define DEADLINE_NS INT64_C(8000000000)
+
+static void await_position(const struct zaber_device *d, long least)
+{
+    int64_t end_ns = real_now(NULL) + DEADLINE_NS;
+    while (d->position < least) {
+        if (real_now(NULL) > end_ns)
+            fail_msg("it stands at %ld and goes no further", (long)d->position);
+        poll(NULL, 0, 2);
+    }
+}
+
+/* From where a device stands when it is started, either way. */
+static void await_departure(const struct zaber_device *d)
+{
+    int64_t end_ns = real_now(NULL) + DEADLINE_NS;
+    while (d->position == 70000) {
+        if (real_now(NULL) > end_ns)
+            fail_msg("it does not leave its place");
+        poll(NULL, 0, 2);
+    }
+}
+
+static void await_stop(const struct zaber_device *d)
+{
+    int64_t end_ns = real_now(NULL) + DEADLINE_NS;
+    while (!d->stops) {
+        if (real_now(NULL) > end_ns)
+            fail_msg("it was not told to stop");
+        poll(NULL, 0, 2);
+    }
+}
+
 /* Until it no longer moves. */
 static struct stage_status await_rest(struct stage *s)
 {
     struct stage_status status;
-    int64_t end_ns = real_now(NULL) + INT64_C(8000000000);
+    int64_t end_ns = real_now(NULL) + DEADLINE_NS;
     do {
         stage_status(s, &status);
         if (status.motion != STAGE_MOVING)
@@ -66,7 +99,7 @@ static void assert_idle_at(struct stage *s, double position_m)
 static void assert_fault(struct stage *s, const char *part)
 {
     struct stage_status status;
-    int64_t end_ns = real_now(NULL) + INT64_C(8000000000);
+    int64_t end_ns = real_now(NULL) + DEADLINE_NS;
     do {
         stage_status(s, &status);
         poll(NULL, 0, 2);
@@ -205,13 +238,11 @@ static void silence_in_a_move_is_a_fault_and_it_is_told_to_stop(void **state)
     (void)state;
     d->speed = 40000;
     assert_int_equal(stage_move(s, 0.5), 0);
-    while (d->position == 70000)
-        poll(NULL, 0, 2);
+    await_departure(d);
     d->trick = TRICK_SILENCE;
     d->times = 4; /* three questions, and the stop */
     assert_fault(s, "it does not answer");
-    while (!d->stops)
-        poll(NULL, 0, 2);
+    await_stop(d);
     d->speed = 400000;
     assert_int_equal(stage_home(s), 0);
     assert_idle_at(s, 0);
@@ -305,8 +336,7 @@ static void the_newest_target_counts(void **state)
     struct stage *s = open_stage(d, "");
     (void)state;
     assert_int_equal(stage_move(s, 0.9), 0);
-    while (d->position == 70000)
-        poll(NULL, 0, 2);
+    await_departure(d);
     assert_int_equal(stage_move(s, 0.03), 0);
     assert_idle_at(s, 0.03);
     assert_int_equal(d->stops, 1);
@@ -321,8 +351,7 @@ static void a_stop_keeps_the_place(void **state)
     (void)state;
     d->speed = 100000;
     assert_int_equal(stage_move(s, 0.9), 0);
-    while (d->position < 75000)
-        poll(NULL, 0, 2);
+    await_position(d, 75000);
     assert_int_equal(stage_stop(s), 0);
     status = await_rest(s);
     assert_int_equal(status.motion, STAGE_IDLE);
@@ -342,8 +371,7 @@ static void a_homing_that_is_stopped_leaves_no_place(void **state)
     (void)state;
     d->speed = 10000;
     assert_int_equal(stage_home(s), 0);
-    while (d->position == 70000)
-        poll(NULL, 0, 2);
+    await_departure(d);
     assert_int_equal(stage_stop(s), 0);
     assert_fault(s, "homing was stopped");
     finish(s, d);
@@ -356,11 +384,9 @@ static void closing_stops_it(void **state)
     (void)state;
     d->speed = 10000;
     assert_int_equal(stage_move(s, 0.9), 0);
-    while (d->position == 70000)
-        poll(NULL, 0, 2);
+    await_departure(d);
     stage_close(s);
-    while (!d->stops)
-        poll(NULL, 0, 2);
+    await_stop(d);
     assert_true(d->target == d->position && d->position < 200000);
     zaber_device_unplug(d);
     free(d);
@@ -388,8 +414,7 @@ static void checksums_are_sent_once_the_device_sends_them(void **state)
     s = open_stage(d, "");
     assert_int_equal(d->checked, d->commands - 1);
     stage_close(s);
-    while (!d->stops) /* its last word */
-        poll(NULL, 0, 2);
+    await_stop(d); /* its last word */
     d->checked = d->commands = 0;
     s = open_stage(d, "&checksum=off");
     assert_int_equal(d->checked, 0);
