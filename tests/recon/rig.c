@@ -39,6 +39,17 @@ void rig_default(struct rig *r)
     r->grid.origin_m[2] = 1.1 - 12 * 0.005;
 }
 
+void rig_pairs(struct rig *r)
+{
+    rig_default(r);
+    r->geometry.n_speakers = r->geometry.n_microphones = 8;
+    for (size_t e = 0; e < 8; e++) {
+        r->speakers_m[e][0] = -0.015;
+        r->microphones_m[e][0] = 0.015;
+        r->speakers_m[e][1] = r->microphones_m[e][1] = 0.05 * ((double)e - 3.5);
+    }
+}
+
 void rig_look_at(struct rig *r, double x_m, double y_m, double z_m, size_t n,
                  double step_m)
 {

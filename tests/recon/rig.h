@@ -24,6 +24,11 @@ struct rig { /* do not copy: geometry points into it */
  * 0.27 m; traces from 0.7 to 1.75 m; a grid of 21 x 21 x 25 voxels around (0, 0, 1.1). */
 void rig_default(struct rig *r);
 
+/* The same with a microphone 3 cm beside each of 8 speakers: 8 x 8 places, 4 x 5 cm
+ * apart.
+ */
+void rig_pairs(struct rig *r);
+
 /* n voxels an axis around a point. */
 void rig_look_at(struct rig *r, double x_m, double y_m, double z_m, size_t n,
                  double step_m);

@@ -8,27 +8,13 @@
 #include "recon/imager.h"
 #include "tests/recon/rig.h"
 
-#define N 8
-
-/* Each speaker has a microphone 3 cm beside it: 8 x 8 places, 4 x 5 cm apart. */
-static void beside(struct rig *r)
-{
-    rig_default(r);
-    r->geometry.n_speakers = r->geometry.n_microphones = N;
-    for (size_t e = 0; e < N; e++) {
-        r->speakers_m[e][0] = -0.015;
-        r->microphones_m[e][0] = 0.015;
-        r->speakers_m[e][1] = r->microphones_m[e][1] = 0.05 * ((double)e - 3.5);
-    }
-}
-
 /* One voxel at a place of the lattice after the other. */
 static void as_measured_is_the_power_at_each_place(void **state)
 {
     (void)state;
     const struct scatterer point = {{0.013, -0.021, 1.1}, 1.0};
     struct rig r;
-    beside(&r);
+    rig_pairs(&r);
     for (int q = 0; q < 3; q++) {
         double x = 0.04 * (2 * q - 2.5 + 1.0), y = 0.05 * (2 * q - 1.5);
         const double s[3] = {x - 0.015, y, 0.0}, m[3] = {x + 0.015, y, 0.0};
@@ -59,7 +45,7 @@ static void a_point_is_where_it_is(void **state)
         {0.0, 0.0, 1.1}, {0.05, -0.06, 0.98}, {-0.04, 0.05, 1.2}};
     for (int q = 0; q < 3; q++) {
         struct rig r;
-        beside(&r);
+        rig_pairs(&r);
         rig_look_at(&r, places[q][0], places[q][1], places[q][2], 21, 0.006);
         rig_expect_point(&r, "lct", places[q], 0.02, 0.006); /* half a cell */
     }
@@ -72,7 +58,7 @@ static void a_voxel_outside_the_lattice_is_dark(void **state)
     static const char *const methods[2] = {"confocal", "lct"};
     for (int q = 0; q < 2; q++) {
         struct rig r;
-        beside(&r);
+        rig_pairs(&r);
         rig_look_at(&r, 0.4, 0.0, 1.1, 9, 0.02);
         float *image = rig_image(&r, methods[q], &point, 1, 2);
         for (size_t v = 0; v < grid_size(&r.grid); v++)
@@ -86,7 +72,7 @@ static void the_gain_of_a_recording_does_not_matter(void **state)
     (void)state;
     struct scatterer point = {{0.02, 0.01, 1.1}, 1.0};
     struct rig r;
-    beside(&r);
+    rig_pairs(&r);
     float *plain = rig_image(&r, "lct", &point, 1, 1);
     point.gain = 1e3;
     float *loud = rig_image(&r, "lct", &point, 1, 1);
@@ -102,10 +88,10 @@ static void what_is_not_finite_gives_a_finite_image(void **state)
     (void)state;
     struct rig r;
     struct pool *pool;
-    beside(&r);
+    rig_pairs(&r);
     assert_int_equal(pool_create(&pool, 1), 0);
     struct imager *im = rig_imager(&r, "lct", pool);
-    size_t n = N * r.format.n_samples;
+    size_t n = r.geometry.n_microphones * r.format.n_samples;
     float complex *traces = malloc(n * sizeof *traces);
     float *image = malloc(grid_size(&r.grid) * sizeof *image);
     for (size_t i = 0; i < n; i++)
@@ -131,7 +117,7 @@ static void one_position_or_one_speaker_is_enough(void **state)
     for (int q = 0; q < 2; q++) {
         struct rig r;
         struct peak_fit fit;
-        beside(&r);
+        rig_pairs(&r);
         if (q) {
             r.geometry.n_positions = 1;
             r.positions_m[0] = 0.0;
@@ -161,7 +147,7 @@ static void an_array_without_pairs_on_a_lattice_is_refused_with_a_reason(void **
     assert_int_equal(pool_create(&pool, 1), 0);
     assert_int_equal(rig_try(&r, "lct", pool, &im, &why), -ENOTSUP);
     assert_non_null(strstr(why, "even pitch"));
-    beside(&r);
+    rig_pairs(&r);
     r.grid.origin_m[2] = 9.0; /* behind what the traces hold */
     assert_int_equal(rig_try(&r, "confocal", pool, &im, &why), -ENOTSUP);
     assert_non_null(strstr(why, "gate"));
