@@ -11,8 +11,6 @@
 
 /* Whitening: bins this far (in power) below the strongest are not amplified further. */
 #define REGULARISER 1e-3
-/* A microphone's response is undone by at most 20 dB either way. */
-#define MAX_CORRECTION 10.0
 /* From so many channels on they take less time side by side than one by one. */
 #define MIN_LANES 9
 /* Transforms up to this length are made side by side: longer ones leave the caches. */
@@ -135,13 +133,6 @@ static int replica_transform(struct pulse_compress *pc,
     return 0;
 }
 
-static double correction(const struct microphone *m, double frequency_hz)
-{
-    double gain = m ? microphone_gain(m, frequency_hz) : 1.0;
-
-    return fmin(fmax(1.0 / gain, 1.0 / MAX_CORRECTION), MAX_CORRECTION);
-}
-
 /* Whitening, W / (|S|^2 + eps max|S|^2) without its scale, at each bin; 0 outside of the
  * band.  The sum over the band is the peak of an echo of gain 1: it is made 1.
  * -EINVAL: the replica has nothing in the band. */
@@ -200,7 +191,7 @@ static int filters_create(struct pulse_compress *pc,
         h *= cos(a) + I * sin(a);
         for (size_t j = 0; j < pc->n_filters; j++)
             pc->filters[j * pc->n_filter + i] = (float complex)(
-                h * correction(c->microphones ? c->microphones[j] : NULL, f));
+                h * microphone_correction(c->microphones ? c->microphones[j] : NULL, f));
     }
     free(weight);
     return err;
