@@ -9,7 +9,6 @@
 #include "hal/tail.h"
 
 #define GATE_NEAR_LEAST_M  0.3
-#define GATE_FAR_M         4.0
 #define DIRECT_CLEARANCE_M 0.1  /* behind the direct path: its sidelobes and the stand */
 #define NEXT_CLEARANCE     10.0 /* over the band: hann's sidelobes are at -70 dB there */
 #define VOLUME_CLEARANCE_M 0.05 /* before the nearest voxel: the interpolators' taps */
@@ -105,7 +104,7 @@ static int plan_gate(struct processing *p, const struct survey *s, double reach_
         return 0;
     }
     p->gate_m[0] = nearest_m;
-    p->gate_m[1] = fmin(GATE_FAR_M, reach_m);
+    p->gate_m[1] = fmin(TAIL_DEFAULT_FAR_M, reach_m);
     if (p->gate_m[1] <= p->gate_m[0])
         return complain(
             why, -EINVAL,
