@@ -15,7 +15,6 @@
 #include "recon/moveout_error.h"
 
 #define RATE_MARGIN 1.2 /* sampling rate of co-located traces over the band's width */
-#define OUT_OF_STEP 0.8 /* rad, rms over the pairs: the image of a point falls apart */
 
 struct fast {
     struct midpoints *midpoints;
@@ -65,7 +64,7 @@ static int needs_dip(const struct imager_config *cfg, bool *out)
         for (int a = 0; a < 3; a++)
             at_m[a] = g->origin_m[a] + g->step_m[a] * (double)index[a];
         moveout_error(cfg->geometry, weight, at_m, centre_hz, shift_m, &rest_rad);
-        *out = rest_rad > OUT_OF_STEP;
+        *out = rest_rad > MOVEOUT_FALLS_APART;
     }
     free(weight);
     return err;

@@ -8,10 +8,12 @@
 
 #include "recon/geometry.h"
 
+#define MOVEOUT_FALLS_APART 0.8 /* rad; beyond it the image of a point does */
+
 /* shift_m: by how much a point at at_m is imaged beside itself (least squares over all
  * pairs, of which those of one midpoint count as one; 0 along axes that are not
- * resolved).  rest_rad: rms phase at centre_hz that the shift does not take up: above
- * about 1 the image falls apart.  weight: recon/fold.h. */
+ * resolved).  rest_rad: rms phase at centre_hz that the shift does not take up
+ * (MOVEOUT_FALLS_APART).  weight: recon/fold.h. */
 void moveout_error(const struct geometry *g, const float *weight, const double at_m[3],
                    double centre_hz, double shift_m[3], double *rest_rad);
 

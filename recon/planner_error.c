@@ -3,8 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-#define FALLS_APART   0.8  /* rad of phase, rms over the pairs */
-#define DIP_FAILS     0.2  /* the same: dip moveout of fewer speakers */
+#include "recon/moveout_error.h"
+
+#define DIP_FAILS     0.2  /* rad of phase, rms: dip moveout of fewer speakers */
 #define STRONG_DB     10.0 /* below the strongest: what the error is stated for */
 #define POWER_WIDER   2.4  /* times: a point in an image of power */
 #define POWER         0.03
@@ -159,7 +160,7 @@ static double aside(const struct planner_config *cfg, const struct planner_candi
     double sum = square(o->lean[a] * plane_m) / 12.0;
     if (is_stacked(c)) {
         sum += square(beside_m(c, o, a));
-        if (!c->dip && o->moveout_rad > FALLS_APART)
+        if (!c->dip && o->moveout_rad > MOVEOUT_FALLS_APART)
             sum += square(0.25 * o->width_m[a]);
     }
     return is_blunt(c) ? square(BLUNT_ASIDE) * sum : sum;
