@@ -19,7 +19,7 @@ static void cross(const double a[3], const double b[3], double out[3])
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-static void unfold(const double c[6], double out[3][3])
+void wall_unfold(const double c[6], double out[3][3])
 {
     static const int at[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
     for (int a = 0; a < 3; a++)
@@ -31,7 +31,7 @@ static void unfold(const double c[6], double out[3][3])
 static void add_propagated(const double j[3][3], const double c[6], double out[6])
 {
     double full[3][3];
-    unfold(c, full);
+    wall_unfold(c, full);
     for (int a = 0, q = 0; a < 3; a++)
         for (int b = a; b < 3; b++, q++)
             for (int i = 0; i < 3; i++)

@@ -18,6 +18,9 @@ struct wall { /* { p : normal . p = distance_m }, normal of length 1 */
                              distance_m; all 0: known exactly */
 };
 
+/* The whole matrix of a covariance: of a wall, or of a point (xx xy xz yy yz zz). */
+void wall_unfold(const double c[6], double out[3][3]);
+
 /* Two axes of length 1 in the plane: upright is the direction in it nearest to `up`, and
  * level = normal x upright, so that (upright, level, normal) is right-handed.  Where the
  * normal is within 1 degree of up, as a floor's, the x axis (or z) takes the place of up.

@@ -28,19 +28,11 @@ void wall_track_default(struct wall_track_config *cfg)
                                       .blind_rad_s = 0.3};
 }
 
-static void unfold(const double c[6], double out[3][3])
-{
-    static const int at[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++)
-            out[a][b] = c[at[a][b]];
-}
-
 /* Of a covariance, kept off singular. */
 static void invert(const double c[6], double out[3][3])
 {
     double full[3][3];
-    unfold(c, full);
+    wall_unfold(c, full);
     for (int p = 0; p < 3; p++)
         full[p][p] += LEAST_VAR;
     for (int p = 0; p < 3; p++) {
