@@ -21,10 +21,8 @@ static int by_place(const void *a, const void *b)
 
 static double coordinate(const struct geometry *g, size_t trace, int axis)
 {
-    size_t pairs = g->n_speakers * g->n_microphones, pair = trace % pairs;
     double s[3], m[3];
-    geometry_speaker(g, trace / pairs, pair / g->n_microphones, s);
-    geometry_microphone(g, trace / pairs, pair % g->n_microphones, m);
+    geometry_pair(g, trace, s, m);
     return 0.5 * (s[axis] + m[axis]);
 }
 

@@ -140,6 +140,14 @@ void geometry_resolution(const struct geometry *g, const double band_hz[2],
     out[2] = g->sound_speed_m_s / (band_hz[1] - band_hz[0]);
 }
 
+void geometry_pair(const struct geometry *g, size_t trace, double speaker[3],
+                   double microphone[3])
+{
+    size_t ping = trace / g->n_microphones, position = ping / g->n_speakers;
+    geometry_speaker(g, position, ping % g->n_speakers, speaker);
+    geometry_microphone(g, position, trace % g->n_microphones, microphone);
+}
+
 double geometry_distance(const double a[3], const double b[3])
 {
     return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);

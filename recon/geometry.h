@@ -29,6 +29,10 @@ void geometry_speaker(const struct geometry *g, size_t position, size_t speaker,
 void geometry_microphone(const struct geometry *g, size_t position, size_t microphone,
                          double out[3]);
 
+/* Both of a trace of [n_positions][n_speakers][n_microphones]. */
+void geometry_pair(const struct geometry *g, size_t trace, double speaker[3],
+                   double microphone[3]);
+
 double geometry_distance(const double a[3], const double b[3]);
 
 /* How many voxels of such a step along x lie from each stage position to the next; 0: the

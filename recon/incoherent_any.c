@@ -97,8 +97,8 @@ static void image_block(void *ctx, size_t item, size_t thread)
     size_t first = item * BLOCK, all = grid_size(g);
     size_t n = all - first < BLOCK ? all - first : BLOCK;
     for (size_t v = 0; v < BLOCK; v++) {
-        size_t q = first + (v < n ? v : n - 1);
-        const size_t at[3] = {q % g->n[0], q / g->n[0] % g->n[1], q / g->n[0] / g->n[1]};
+        size_t at[3];
+        grid_place(g, first + (v < n ? v : n - 1), at);
         for (int a = 0; a < 3; a++)
             s->voxel[a][v] = (float)(g->origin_m[a] + g->step_m[a] * (double)at[a]);
         s->sum[v] = 0.0f;

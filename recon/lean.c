@@ -1,9 +1,9 @@
 #include "recon/lean.h"
 
 #include "dsp/normal_equations.h"
+#include "recon/hann.h"
 
-#define HANN_VARIANCE 0.0326727 /* 1 / 12 - 1 / (2 pi^2), of the band's width squared */
-#define UNRESOLVED    1e-9      /* of the variance in depth */
+#define UNRESOLVED 1e-9 /* of the variance in depth */
 
 struct directions { /* sums over pairs, which `weight` divides */
     double mean[3], product[3][3], weight;
@@ -27,11 +27,10 @@ static void add_pair(struct directions *d, const double s[3], const double m[3],
 static void add_pairs(struct directions *d, const struct geometry *g, const float *weight,
                       const double at_m[3])
 {
-    size_t pairs = g->n_speakers * g->n_microphones;
-    for (size_t t = 0; t < g->n_positions * pairs; t++) {
+    size_t n = g->n_positions * g->n_speakers * g->n_microphones;
+    for (size_t t = 0; t < n; t++) {
         double s[3], m[3];
-        geometry_speaker(g, t / pairs, t % pairs / g->n_microphones, s);
-        geometry_microphone(g, t / pairs, t % g->n_microphones, m);
+        geometry_pair(g, t, s, m);
         add_pair(d, s, m, at_m, (double)weight[t]);
     }
 }

@@ -48,11 +48,10 @@ static void solve(const struct normal *n, double x[3])
 static void add_pairs(struct normal *n, const struct geometry *g, const float *weight,
                       const double at_m[3])
 {
-    size_t pairs = g->n_speakers * g->n_microphones;
-    for (size_t q = 0; q < g->n_positions * pairs; q++) {
+    size_t traces = g->n_positions * g->n_speakers * g->n_microphones;
+    for (size_t q = 0; q < traces; q++) {
         double speaker[3], microphone[3];
-        geometry_speaker(g, q / pairs, q % pairs / g->n_microphones, speaker);
-        geometry_microphone(g, q / pairs, q % g->n_microphones, microphone);
+        geometry_pair(g, q, speaker, microphone);
         add_pair(n, speaker, microphone, at_m, (double)weight[q]);
     }
 }

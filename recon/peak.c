@@ -70,10 +70,10 @@ static void measure_bend(struct bend *out, const struct grid *g, const float *v,
 void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr,
               struct peak_fit *out)
 {
-    size_t at[3] = {voxel % g->n[0], voxel / g->n[0] % g->n[1],
-                    voxel / (g->n[0] * g->n[1])};
+    size_t at[3];
     struct bend bend;
     double inverse[6] = {0};
+    grid_place(g, voxel, at);
     measure_bend(&bend, g, v, at);
     if (!psf_invert(bend.curvature, inverse))
         for (int a = 0; a < 3; a++)

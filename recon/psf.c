@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/hann.h"
+
 #define WIDTH_SIGMAS  2.35482 /* exp(-1/2 d^2) is above 1/2 over 2 sqrt(2 ln 2) */
 #define JACOBI_SWEEPS 30
 #define SAME_M        1e-3 /* midpoints closer than this are one */
@@ -13,7 +15,6 @@
 #define GRID_SIGMAS   0.3  /* their step in standard deviations */
 #define COMPUTE_PAIRS 4096 /* enough for the main lobe of any aperture */
 #define LEAST_ROOT    1e-3 /* of the sharpest axis: below it one is not resolved */
-#define HANN_VARIANCE 0.0326727 /* of a Hann window of length 1: 1/12 - 1/(2 pi^2) */
 
 static const int row_of[6] = {0, 0, 0, 1, 1, 2}, column_of[6] = {0, 1, 2, 1, 2, 2};
 
@@ -38,9 +39,7 @@ static int by_cell(const void *a, const void *b)
 static void fill_pair(struct pair *p, const struct psf_config *cfg, size_t number)
 {
     const struct geometry *g = cfg->geometry;
-    size_t pairs = g->n_speakers * g->n_microphones, pair = number % pairs;
-    geometry_speaker(g, number / pairs, pair / g->n_microphones, p->speaker);
-    geometry_microphone(g, number / pairs, pair % g->n_microphones, p->microphone);
+    geometry_pair(g, number, p->speaker, p->microphone);
     for (int d = 0; d < 3; d++)
         p->cell[d] = llrint(0.5 * (p->speaker[d] + p->microphone[d]) / SAME_M);
     double near = geometry_distance(p->speaker, cfg->at_m);
@@ -82,17 +81,6 @@ static int list_pairs(struct pair **out, size_t *n, const struct psf_config *cfg
 /* -- images -----------------------------------------------------------------------------
  */
 
-/* A Hann spectrum of the band, compressed: sinc(B t) / (1 - (B t)^2). */
-static double pulse(double x)
-{
-    double y = M_PI * x;
-    if (fabs(x) < 1e-6)
-        return 1.0;
-    if (fabs(fabs(x) - 1.0) < 1e-6)
-        return 0.5;
-    return sin(y) / (y * (1.0 - x * x));
-}
-
 static double level_at(const struct psf_config *cfg, const struct pair *pairs, size_t n,
                        const double at[3])
 {
@@ -104,7 +92,7 @@ static double level_at(const struct psf_config *cfg, const struct pair *pairs, s
             (geometry_distance(p->speaker, at) + geometry_distance(p->microphone, at)) /
                 cfg->geometry->sound_speed_m_s -
             p->delay_s;
-        double a = p->weight * pulse(band_hz * late_s);
+        double a = p->weight * hann_pulse(band_hz * late_s);
         re += a * cos(middle * late_s);
         im += a * sin(middle * late_s);
     }
@@ -120,9 +108,9 @@ static int sample_image(const struct psf_config *cfg, const struct grid *grid,
     size_t n;
     int err = list_pairs(&pairs, &n, cfg);
     for (size_t v = 0; !err && v < grid_size(grid); v++) {
-        size_t at[3] = {v % grid->n[0], v / grid->n[0] % grid->n[1],
-                        v / (grid->n[0] * grid->n[1])};
+        size_t at[3];
         double m[3];
+        grid_place(grid, v, at);
         for (int d = 0; d < 3; d++)
             m[d] = grid->origin_m[d] + grid->step_m[d] * (double)at[d];
         intensity[v] = (float)level_at(cfg, pairs, n, m);

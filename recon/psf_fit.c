@@ -238,13 +238,13 @@ static bool is_peak(const struct samples *s, const double p[N], const double c[6
 
 int psf_fit(struct psf *out, const struct grid *g, const float *intensity, size_t voxel)
 {
-    size_t at[3] = {voxel % g->n[0], voxel / g->n[0] % g->n[1],
-                    voxel / (g->n[0] * g->n[1])};
+    size_t at[3];
     struct samples s = {0};
     double p[N], c[6];
     if (voxel >= grid_size(g) || !(intensity[voxel] > 0.0f) ||
         !isfinite(intensity[voxel]))
         return -EINVAL;
+    grid_place(g, voxel, at);
     memset(out, 0, sizeof *out);
     int err = collect(&s, g, intensity, at);
     if (!err)

@@ -27,13 +27,12 @@ double resolution_pair_m(double gamma_s, double speed_m_s, const double source_m
 void resolution_finest_m(const struct geometry *g, double gamma_s,
                          const double scatterer_m[3], double out[3])
 {
-    size_t n_m = g->n_microphones, pairs = g->n_speakers * n_m;
+    size_t n = g->n_positions * g->n_speakers * g->n_microphones;
     for (int a = 0; a < 3; a++)
         out[a] = INFINITY;
-    for (size_t t = 0; t < pairs * g->n_positions; t++) {
+    for (size_t t = 0; t < n; t++) {
         double s[3], m[3];
-        geometry_speaker(g, t / pairs, t % pairs / n_m, s);
-        geometry_microphone(g, t / pairs, t % n_m, m);
+        geometry_pair(g, t, s, m);
         for (int a = 0; a < 3; a++)
             out[a] = fmin(out[a], resolution_pair_m(gamma_s, g->sound_speed_m_s, s, m,
                                                     scatterer_m, a));

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "recon/fold.h"
+#include "recon/hann.h"
 
 void sparse_operator_destroy(struct sparse_operator *s)
 {
@@ -27,17 +28,6 @@ void sparse_operator_destroy(struct sparse_operator *s)
     free(s->fold);
     geometry_clear(&s->geometry);
     free(s);
-}
-
-/* sinc(x) / (1 - x^2): a Hann spectrum of width 1. */
-static double hann_pulse(double x)
-{
-    double y = M_PI * x;
-    if (fabs(x) < 1e-6)
-        return 1.0;
-    if (fabs(fabs(x) - 1.0) < 1e-6)
-        return 0.5;
-    return sin(y) / (y * (1.0 - x * x));
 }
 
 static double sinc(double x)

@@ -47,6 +47,29 @@ static void elements_ride_along_the_stage_axis(void **state)
     }
 }
 
+static void traces_count_microphones_then_speakers_then_positions(void **state)
+{
+    (void)state;
+    struct elements e;
+    struct geometry g;
+    size_t trace = 0;
+    scatter_elements(&e, &g);
+    for (size_t k = 0; k < 4; k++) {
+        for (size_t i = 0; i < 3; i++) {
+            for (size_t j = 0; j < 5; j++, trace++) {
+                double s[3], m[3];
+                const double by[3] = {0.6 * e.positions_m[k], 0.0,
+                                      -0.8 * e.positions_m[k]};
+                geometry_pair(&g, trace, s, m);
+                for (int a = 0; a < 3; a++) {
+                    assert_near(s[a], e.speakers_m[i][a] + by[a], 1e-15);
+                    assert_near(m[a], e.microphones_m[j][a] + by[a], 1e-15);
+                }
+            }
+        }
+    }
+}
+
 static void the_aperture_is_that_of_all_midpoints(void **state)
 {
     (void)state;
@@ -158,6 +181,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(elements_ride_along_the_stage_axis),
+        cmocka_unit_test(traces_count_microphones_then_speakers_then_positions),
         cmocka_unit_test(the_aperture_is_that_of_all_midpoints),
         cmocka_unit_test(one_pair_has_an_aperture_of_a_point),
         cmocka_unit_test(a_copy_lives_without_its_original),
