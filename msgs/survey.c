@@ -176,6 +176,20 @@ static int copy_array(void *out, const void *from, size_t n, size_t element_size
     return 0;
 }
 
+int survey_make_pings(struct survey *s, size_t n)
+{
+    s->n_speakers = s->n_microphones = 1;
+    s->n_positions = n;
+    s->stage_axis[0] = 1.0;
+    s->speakers_m = calloc(1, sizeof *s->speakers_m);
+    s->microphones_m = calloc(1, sizeof *s->microphones_m);
+    s->stage_positions_m = calloc(n, sizeof *s->stage_positions_m);
+    s->pings_m = calloc(n, sizeof *s->pings_m);
+    return s->speakers_m && s->microphones_m && s->stage_positions_m && s->pings_m
+               ? 0
+               : -ENOMEM;
+}
+
 int survey_copy(struct survey *out, const struct survey *s)
 {
     *out = *s;

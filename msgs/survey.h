@@ -127,6 +127,11 @@ int survey_pack(const struct survey *s, uint8_t **out, size_t *size);
  * its content). */
 int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why);
 
+/* Gives an empty survey the room for n pings with places of their own, each at 0, and the
+ * elements and the stage that go with them.  0, -ENOMEM (survey_clear frees what is
+ * there). */
+int survey_make_pings(struct survey *s, size_t n);
+
 /* A deep copy, unchecked.  0, -ENOMEM. */
 int survey_copy(struct survey *out, const struct survey *s);
 

@@ -15,6 +15,25 @@ static void a_copy_is_equal_and_its_own(void **state)
     survey_clear(&copy);
 }
 
+static void pings_with_places_of_their_own_find_room(void **state)
+{
+    (void)state;
+    struct survey s = {.sound_speed_m_s = 340.0};
+    assert_int_equal(survey_make_pings(&s, 3), 0);
+    assert_int_equal(s.n_positions, 3);
+    assert_int_equal(s.n_speakers, 1);
+    assert_int_equal(s.n_microphones, 1);
+    assert_true(s.sound_speed_m_s == 340.0);
+    for (size_t p = 0; p < 3; p++) {
+        assert_true(s.stage_positions_m[p] == 0.0);
+        for (int a = 0; a < 3; a++)
+            assert_true(s.pings_m[p][0][a] == 0.0 && s.pings_m[p][1][a] == 0.0);
+    }
+    for (int a = 0; a < 3; a++)
+        assert_true(s.speakers_m[0][a] == 0.0 && s.microphones_m[0][a] == 0.0);
+    survey_clear(&s);
+}
+
 static void the_id_changes_with_every_number(void **state)
 {
     (void)state;
@@ -145,6 +164,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_copy_is_equal_and_its_own),
+        cmocka_unit_test(pings_with_places_of_their_own_find_room),
         cmocka_unit_test(the_id_changes_with_every_number),
         cmocka_unit_test(an_old_surveys_id_stays),
         cmocka_unit_test(emissions_share_slots_and_alternate_by_their_order),

@@ -46,14 +46,7 @@ static int fill_places(struct survey *v, const struct confocal_scan *s)
 {
     size_t n = s->nx * s->ny;
 
-    v->n_speakers = v->n_microphones = 1;
-    v->n_positions = n;
-    v->stage_axis[0] = 1.0;
-    v->speakers_m = calloc(1, sizeof *v->speakers_m);
-    v->microphones_m = calloc(1, sizeof *v->microphones_m);
-    v->stage_positions_m = calloc(n, sizeof *v->stage_positions_m);
-    v->pings_m = calloc(n, sizeof *v->pings_m);
-    if (!v->speakers_m || !v->microphones_m || !v->stage_positions_m || !v->pings_m)
+    if (survey_make_pings(v, n))
         return -ENOMEM;
     for (size_t q = 0; q < n; q++) {
         for (int end = 0; end < 2; end++) {
