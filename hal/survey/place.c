@@ -1,5 +1,6 @@
 #include "hal/survey/place.h"
 
+#include <errno.h>
 #include <ctype.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -97,6 +98,15 @@ int yaml_complain(struct complaint *why, int err, const char *path, const char *
     vsnprintf(text + n, sizeof text - (size_t)n, format, args);
     va_end(args);
     return complain_at(why, err, path, yaml_line(path, key), text);
+}
+
+int yaml_check_range(const char *path, const char *key, double value, double min,
+                     double max, struct complaint *why)
+{
+    return value >= min && value <= max
+               ? 0
+               : yaml_complain(why, -EINVAL, path, key, "expected %g to %g, not %g", min,
+                               max, value);
 }
 
 /* "chirp_start_hz": as it stands, then chirp.start_hz, chirp_start.hz, and the same with

@@ -16,6 +16,10 @@ size_t yaml_line(const char *path, const char *key);
 int yaml_complain(struct complaint *why, int err, const char *path, const char *key,
                   const char *format, ...) __attribute__((format(printf, 5, 6)));
 
+/* Is the number there within min to max?  0, or -EINVAL with a complaint. */
+int yaml_check_range(const char *path, const char *key, double value, double min,
+                     double max, struct complaint *why);
+
 /* A complaint of a check that knows no file, such as "chirp_start_hz 0 is ...", gets
  * "path:line: " in front.  The line is that of the first word that is a key of the file,
  * as it stands or split at an underscore ("chirp_start_hz" is chirp.start_hz). */

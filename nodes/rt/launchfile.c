@@ -142,16 +142,6 @@ static int copy_nodes(struct launchfile *l, const struct launch_text *t,
     return 0;
 }
 
-/* *uri becomes text, which may be NULL for want of memory. */
-static int replace(char **uri, char *text)
-{
-    if (!text)
-        return -ENOMEM;
-    free(*uri);
-    *uri = text;
-    return 0;
-}
-
 static int resolve_paths(struct launchfile *l, const struct launchfile_options *options)
 {
     static const char *const options_with_paths[] = {"background", "survey", "calibrated",
@@ -164,16 +154,16 @@ static int resolve_paths(struct launchfile *l, const struct launchfile_options *
 
     if (!err &&
         (uri_has_scheme(l->array.uri, "sim") || uri_has_scheme(l->array.uri, "wav")))
-        err = replace(&l->array.uri, uri_in_folder(l->array.uri, folder));
+        err = uri_replace(&l->array.uri, uri_in_folder(l->array.uri, folder));
     for (size_t i = 0; !err && i < COUNT(options_with_paths); i++)
-        err = replace(&l->array.uri,
-                      uri_option_in_folder(l->array.uri, folder, options_with_paths[i]));
+        err = uri_replace(&l->array.uri, uri_option_in_folder(l->array.uri, folder,
+                                                              options_with_paths[i]));
     if (!err)
         err = launchfile_resolve_can(l, folder);
     if (!err && options && options->realtime && uri_has_scheme(l->array.uri, "sim"))
-        err = replace(&l->array.uri, uri_set_option(l->array.uri, "pace", "real"));
+        err = uri_replace(&l->array.uri, uri_set_option(l->array.uri, "pace", "real"));
     if (!err && options && options->realtime && uri_has_scheme(l->stage.uri, "sim"))
-        err = replace(&l->stage.uri, uri_set_option(l->stage.uri, "pace", "real"));
+        err = uri_replace(&l->stage.uri, uri_set_option(l->stage.uri, "pace", "real"));
     free(folder);
     return err;
 }
@@ -189,13 +179,12 @@ static int check_numbers(const struct launchfile *l, struct complaint *why)
         {"scan.timeout_s", l->scan.timeout_s, 0.1, 600},
         {"recon.threads", l->recon.threads, 0, 256},
     };
+    int err = 0;
 
-    for (size_t i = 0; i < COUNT(numbers); i++)
-        if (!(numbers[i].value >= numbers[i].min && numbers[i].value <= numbers[i].max))
-            return yaml_complain(why, -EINVAL, l->path, numbers[i].key,
-                                 "expected %g to %g, not %g", numbers[i].min,
-                                 numbers[i].max, numbers[i].value);
-    return 0;
+    for (size_t i = 0; !err && i < COUNT(numbers); i++)
+        err = yaml_check_range(l->path, numbers[i].key, numbers[i].value, numbers[i].min,
+                               numbers[i].max, why);
+    return err;
 }
 
 static int check(const struct launchfile *l, struct complaint *why)

@@ -31,12 +31,11 @@ static int check(const struct launchfile *l, struct complaint *why)
             l->can.base_id < FIRST_BASE ? ": below, frames of 8 bytes cannot have their "
                                           "end-to-end protection"
                                         : "");
-    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
-        if (!(numbers[i].value >= numbers[i].min && numbers[i].value <= numbers[i].max))
-            return yaml_complain(why, -EINVAL, l->path, numbers[i].key,
-                                 "expected %g to %g, not %g", numbers[i].min,
-                                 numbers[i].max, numbers[i].value);
-    return 0;
+    int err = 0;
+    for (size_t i = 0; !err && i < sizeof numbers / sizeof *numbers; i++)
+        err = yaml_check_range(l->path, numbers[i].key, numbers[i].value, numbers[i].min,
+                               numbers[i].max, why);
+    return err;
 }
 
 static unsigned unsigned_or(const unsigned *value, unsigned otherwise)
@@ -57,26 +56,16 @@ int launchfile_copy_can(struct launchfile *l, const struct launch_text *t,
     return l->can.uri ? check(l, why) : -ENOMEM;
 }
 
-/* *uri becomes text, which may be NULL for want of memory. */
-static int replace(char **uri, char *text)
-{
-    if (!text)
-        return -ENOMEM;
-    free(*uri);
-    *uri = text;
-    return 0;
-}
-
 int launchfile_resolve_can(struct launchfile *l, const char *folder)
 {
     if (uri_has_scheme(l->can.uri, "log"))
-        return replace(&l->can.uri, uri_in_folder(l->can.uri, l->report.folder));
+        return uri_replace(&l->can.uri, uri_in_folder(l->can.uri, l->report.folder));
     if (!uri_has_scheme(l->can.uri, "sim"))
         return 0;
-    int err = replace(&l->can.uri, uri_in_folder(l->can.uri, folder));
+    int err = uri_replace(&l->can.uri, uri_in_folder(l->can.uri, folder));
     return err ? err
-               : replace(&l->can.uri,
-                         uri_option_in_folder(l->can.uri, l->report.folder, "log"));
+               : uri_replace(&l->can.uri,
+                             uri_option_in_folder(l->can.uri, l->report.folder, "log"));
 }
 
 void launchfile_free_can(struct launchfile *l)

@@ -43,13 +43,12 @@ static int check(const struct launchfile *l, struct complaint *why)
         {"track.join_m", t->join_m, 0, 10},
         {"track.coast_s", t->coast_s, 0.01, 60},
     };
+    int err = 0;
 
-    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
-        if (!(numbers[i].value >= numbers[i].min && numbers[i].value <= numbers[i].max))
-            return yaml_complain(why, -EINVAL, l->path, numbers[i].key,
-                                 "expected %g to %g, not %g", numbers[i].min,
-                                 numbers[i].max, numbers[i].value);
-    return 0;
+    for (size_t i = 0; !err && i < sizeof numbers / sizeof *numbers; i++)
+        err = yaml_check_range(l->path, numbers[i].key, numbers[i].value, numbers[i].min,
+                               numbers[i].max, why);
+    return err;
 }
 
 static int copy_mode(struct launchfile *l, const char *mode, struct complaint *why)

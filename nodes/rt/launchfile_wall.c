@@ -47,10 +47,10 @@ static int copy_numbers(struct launchfile *l, const struct launch_text_wall *t,
 
     for (size_t i = 0; i < COUNT(numbers); i++) {
         double value = numbers[i].text ? *numbers[i].text : numbers[i].otherwise;
-        if (!(value >= numbers[i].min && value <= numbers[i].max))
-            return yaml_complain(why, -EINVAL, l->path, numbers[i].key,
-                                 "expected %g to %g, not %g", numbers[i].min,
-                                 numbers[i].max, value);
+        int err = yaml_check_range(l->path, numbers[i].key, value, numbers[i].min,
+                                   numbers[i].max, why);
+        if (err)
+            return err;
         *numbers[i].value = value;
     }
     return 0;

@@ -1,5 +1,6 @@
 #include "nodes/rt/uri.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -90,4 +91,13 @@ char *uri_set_option(const char *uri, const char *key, const char *value)
     else
         n = asprintf(&out, "%s%c%s=%s", uri, strchr(uri, '?') ? '&' : '?', key, value);
     return n < 0 ? NULL : out;
+}
+
+int uri_replace(char **uri, char *result)
+{
+    if (!result)
+        return -ENOMEM;
+    free(*uri);
+    *uri = result;
+    return 0;
 }

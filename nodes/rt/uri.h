@@ -22,4 +22,7 @@ char *uri_option_in_folder(const char *uri, const char *folder, const char *key)
 /* The URI with the option set, in the place of an earlier value if it has one. */
 char *uri_set_option(const char *uri, const char *key, const char *value);
 
+/* *uri, on the heap, becomes a result of the above.  0, -ENOMEM (it is NULL). */
+int uri_replace(char **uri, char *result);
+
 #endif

@@ -1,6 +1,7 @@
 #include "scratch.h"
 
 #include <errno.h>
+#include <math.h>
 
 #include "hal/yaml/file.h"
 #include "hal/survey/place.h"
@@ -225,6 +226,23 @@ static void complaints_get_the_place_of_the_key_they_speak_of(void **state)
     }
 }
 
+static void numbers_out_of_their_range_are_named_with_it(void **state)
+{
+    static const double wrong[] = {0.4, 2.6, -INFINITY, INFINITY, NAN};
+    static const char *const words[] = {"0.4", "2.6", "-inf", "inf", "nan"};
+    const char *path = scratch_write(*state, "r.yaml", "a: 1\nb:\n  c: 2\n");
+    struct complaint why = {""};
+    for (int i = 0; i < 5; i++) {
+        char rest[64];
+        snprintf(rest, sizeof rest, ":3: b.c: expected 0.5 to 2.5, not %s", words[i]);
+        assert_int_equal(yaml_check_range(path, "b.c", wrong[i], 0.5, 2.5, &why),
+                         -EINVAL);
+        assert_complaint(why.text, path, rest);
+    }
+    assert_int_equal(yaml_check_range(path, "b.c", 0.5, 0.5, 2.5, NULL), 0);
+    assert_int_equal(yaml_check_range(path, "b.c", 2.5, 0.5, 2.5, NULL), 0);
+}
+
 static void siblings_are_relative_to_the_file(void **state)
 {
     static const char *const cases[][3] = {{"a/b.yaml", "c", "a/c"},
@@ -251,6 +269,7 @@ int main(void)
         TEST(a_mapping_without_any_key_is_all_defaults),
         TEST(a_place_is_the_line_of_the_key),
         TEST(complaints_get_the_place_of_the_key_they_speak_of),
+        TEST(numbers_out_of_their_range_are_named_with_it),
         TEST(siblings_are_relative_to_the_file),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,3 +1,4 @@
+#include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -65,6 +66,16 @@ static void an_option_is_added_or_replaced(void **state)
                 "sim:?pace=real&x=1");
 }
 
+static void what_there_is_no_memory_for_replaces_nothing(void **state)
+{
+    (void)state;
+    char *uri = uri_set_option("sim:a", "pace", "fast");
+    assert_int_equal(uri_replace(&uri, NULL), -ENOMEM);
+    assert_string_equal(uri, "sim:a?pace=fast");
+    assert_int_equal(uri_replace(&uri, uri_set_option(uri, "pace", "real")), 0);
+    assert_text(uri, "sim:a?pace=real");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -74,6 +85,7 @@ int main(void)
         cmocka_unit_test(absolute_and_empty_paths_stay),
         cmocka_unit_test(a_path_in_an_option_is_put_into_the_folder),
         cmocka_unit_test(an_option_is_added_or_replaced),
+        cmocka_unit_test(what_there_is_no_memory_for_replaces_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
