@@ -1,37 +1,11 @@
-#include "tests/hal/scratch.h"
-
-#include <errno.h>
+#include "tests/nodes/launch_load.h"
 
 #include "hal/survey/rig_file.h"
 #include "msgs/topics.h"
-#include "nodes/rt/launchfile.h"
-
-static struct launchfile *load(struct scratch *s, const char *text,
-                               const struct launchfile_options *options)
-{
-    struct complaint why = {""};
-    struct launchfile *l = NULL;
-
-    if (launchfile_load(&l, scratch_write(s, "a.yaml", text), options, &why))
-        fail_msg("%s", why.text);
-    return l;
-}
-
-/* Loading fails, and the complaint is the path and then exactly this. */
-static void assert_refused(struct scratch *s, const char *text, const char *rest)
-{
-    struct complaint why = {""};
-    struct launchfile *l = NULL;
-    const char *path = scratch_write(s, "a.yaml", text);
-
-    assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
-    assert_null(l);
-    assert_complaint(why.text, path, rest);
-}
 
 static void what_is_left_out_has_its_default(void **state)
 {
-    struct launchfile *l = load(*state, "nodes: [can]\n", NULL);
+    struct launchfile *l = launch_load(*state, "nodes: [can]\n");
 
     assert_int_equal(l->n_nodes, 1);
     assert_string_equal(l->nodes[0], "can");
@@ -56,13 +30,12 @@ static void what_is_left_out_has_its_default(void **state)
 
 static void options_of_the_method_are_taken(void **state)
 {
-    struct launchfile *l = load(*state,
-                                "nodes: [recon]\n"
-                                "recon:\n"
-                                "  method: iterative\n"
-                                "  options: {l1: 0.02, base: paper, lightcone: never, "
-                                "tv_isotropic: yes}\n",
-                                NULL);
+    struct launchfile *l =
+        launch_load(*state, "nodes: [recon]\n"
+                            "recon:\n"
+                            "  method: iterative\n"
+                            "  options: {l1: 0.02, base: paper, lightcone: never, "
+                            "tv_isotropic: yes}\n");
 
     assert_true(l->recon.options.l1 == 0.02);
     assert_string_equal(l->recon.options.base, "paper");
@@ -100,19 +73,17 @@ static void options_that_the_method_does_not_use_are_refused(void **state)
 
 static void everything_can_be_set(void **state)
 {
-    struct launchfile *l =
-        load(*state,
-             "nodes: [array, scan]\n"
-             "array: {uri: 'wav:/rec'}\n"
-             "stage: {uri: 'none:'}\n"
-             "scan: {background: true, window: 5, retries: 0, timeout_s: 0.5}\n"
-             "dsp: {window: hamming, compression: deramp}\n"
-             "recon: {method: backprojection, threads: 3, preview: false}\n"
-             "track: {threshold_db: 20, min_existence: 0.25}\n"
-             "can: {uri: 'socketcan:can0', base_id: 0x500, sensor: 2, fd: true, "
-             "bitrate: 250000, data_bitrate: 4000000, load: 0.25}\n"
-             "report: {folder: /there}\n",
-             NULL);
+    struct launchfile *l = launch_load(
+        *state, "nodes: [array, scan]\n"
+                "array: {uri: 'wav:/rec'}\n"
+                "stage: {uri: 'none:'}\n"
+                "scan: {background: true, window: 5, retries: 0, timeout_s: 0.5}\n"
+                "dsp: {window: hamming, compression: deramp}\n"
+                "recon: {method: backprojection, threads: 3, preview: false}\n"
+                "track: {threshold_db: 20, min_existence: 0.25}\n"
+                "can: {uri: 'socketcan:can0', base_id: 0x500, sensor: 2, fd: true, "
+                "bitrate: 250000, data_bitrate: 4000000, load: 0.25}\n"
+                "report: {folder: /there}\n");
 
     assert_int_equal(l->n_nodes, 2);
     assert_true(launchfile_has_node(l, "scan"));
@@ -144,11 +115,9 @@ static void inputs_are_relative_to_the_file_and_logs_to_the_report(void **state)
 {
     struct scratch *s = *state;
     char expected[200];
-    struct launchfile *l = load(s,
-                                "nodes: [can]\n"
-                                "array: {uri: 'sim:scenes/a.yaml?pace=fast'}\n"
-                                "report: {folder: results}\n",
-                                NULL);
+    struct launchfile *l = launch_load(s, "nodes: [can]\n"
+                                          "array: {uri: 'sim:scenes/a.yaml?pace=fast'}\n"
+                                          "report: {folder: results}\n");
 
     snprintf(expected, sizeof expected, "sim:%s/scenes/a.yaml?pace=fast", s->folder);
     assert_string_equal(l->array.uri, expected);
@@ -160,12 +129,12 @@ static void inputs_are_relative_to_the_file_and_logs_to_the_report(void **state)
 static void the_command_line_wins(void **state)
 {
     const struct launchfile_options options = {.out = "/else", .realtime = true};
-    struct launchfile *l = load(*state,
-                                "nodes: [can]\n"
-                                "array: {uri: 'sim:/a.yaml'}\n"
-                                "stage: {uri: 'sim:?pace=fast'}\n"
-                                "report: {folder: results}\n",
-                                &options);
+    struct launchfile *l = launch_load_with(*state,
+                                            "nodes: [can]\n"
+                                            "array: {uri: 'sim:/a.yaml'}\n"
+                                            "stage: {uri: 'sim:?pace=fast'}\n"
+                                            "report: {folder: results}\n",
+                                            &options);
 
     assert_string_equal(l->report.folder, "/else");
     assert_string_equal(l->can.uri, "log:/else/can.candump");
@@ -177,11 +146,11 @@ static void the_command_line_wins(void **state)
 static void real_hardware_does_not_hear_of_paces(void **state)
 {
     const struct launchfile_options options = {.realtime = true};
-    struct launchfile *l = load(*state,
-                                "nodes: [can]\n"
-                                "array: {uri: 'wav:/rec'}\n"
-                                "stage: {uri: 'none:'}\n",
-                                &options);
+    struct launchfile *l = launch_load_with(*state,
+                                            "nodes: [can]\n"
+                                            "array: {uri: 'wav:/rec'}\n"
+                                            "stage: {uri: 'none:'}\n",
+                                            &options);
 
     assert_string_equal(l->array.uri, "wav:/rec");
     assert_string_equal(l->stage.uri, "none:");
@@ -200,12 +169,11 @@ static void a_file_that_is_not_there_is_said(void **state)
 
 static void a_recorder_has_its_section(void **state)
 {
-    struct launchfile *l = load(*state,
-                                "nodes: [record, can]\n"
-                                "record: {path: a/b.mcap, topics: 'ping,scan/*', "
-                                "exclude: scan/status, split_mb: 100, split_s: 60, "
-                                "quota_mb: 2000, compression: lz4, flush_ms: 50}\n",
-                                NULL);
+    struct launchfile *l =
+        launch_load(*state, "nodes: [record, can]\n"
+                            "record: {path: a/b.mcap, topics: 'ping,scan/*', "
+                            "exclude: scan/status, split_mb: 100, split_s: 60, "
+                            "quota_mb: 2000, compression: lz4, flush_ms: 50}\n");
 
     assert_string_equal(l->record.path, "a/b.mcap");
     assert_string_equal(l->record.topics, "ping,scan/*");
@@ -216,7 +184,7 @@ static void a_recorder_has_its_section(void **state)
     assert_int_equal(l->record.compression, BAG_LZ4);
     assert_int_equal(l->record.flush_ms, 50);
     launchfile_destroy(l);
-    l = load(*state, "nodes: [record]\nrecord: {path: b.mcap}\n", NULL);
+    l = launch_load(*state, "nodes: [record]\nrecord: {path: b.mcap}\n");
     assert_string_equal(l->record.topics, "*");
     assert_string_equal(l->record.exclude, "");
     assert_int_equal(l->record.split_mb, 0);
@@ -237,14 +205,15 @@ static void a_recorder_has_its_section(void **state)
 static void a_recording_on_the_command_line_adds_the_recorder_before_all(void **state)
 {
     const struct launchfile_options options = {.record = "my.mcap"};
-    struct launchfile *l = load(*state, "nodes: [can, report]\n", &options);
+    struct launchfile *l = launch_load_with(*state, "nodes: [can, report]\n", &options);
 
     assert_int_equal(l->n_nodes, 3);
     assert_string_equal(l->nodes[0], "record");
     assert_string_equal(l->nodes[2], "report");
     assert_string_equal(l->record.path, "my.mcap");
     launchfile_destroy(l);
-    l = load(*state, "nodes: [can, record]\nrecord: {path: a.mcap}\n", &options);
+    l = launch_load_with(*state, "nodes: [can, record]\nrecord: {path: a.mcap}\n",
+                         &options);
     assert_int_equal(l->n_nodes, 2);
     assert_string_equal(l->record.path, "my.mcap");
     launchfile_destroy(l);
@@ -425,10 +394,8 @@ static void what_a_recording_names_is_relative_to_the_file_too(void **state)
     struct scratch *s = *state;
     char expected[400];
     struct launchfile *l =
-        load(s,
-             "nodes: [array]\narray: {uri: "
-             "'wav:rec?survey=s.yaml&background=bg&calibrated=c.yaml'}\n",
-             NULL);
+        launch_load(s, "nodes: [array]\narray: {uri: "
+                       "'wav:rec?survey=s.yaml&background=bg&calibrated=c.yaml'}\n");
 
     snprintf(expected, sizeof expected,
              "wav:%s/rec?survey=%s/s.yaml&background=%s/bg&calibrated=%s/c.yaml",
@@ -441,9 +408,8 @@ static void a_sound_cards_rig_is_relative_to_the_file_and_its_name_is_not(void *
 {
     struct scratch *s = *state;
     char expected[400];
-    struct launchfile *l =
-        load(s, "nodes: [array]\narray: {uri: 'alsa:hw:2,0?rig=r.yaml&background=bg'}\n",
-             NULL);
+    struct launchfile *l = launch_load(
+        s, "nodes: [array]\narray: {uri: 'alsa:hw:2,0?rig=r.yaml&background=bg'}\n");
 
     snprintf(expected, sizeof expected, "alsa:hw:2,0?rig=%s/r.yaml&background=%s/bg",
              s->folder, s->folder);
@@ -464,7 +430,7 @@ static void a_stage_stands_still_while_a_recording_is_played(void **state)
     };
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct launchfile *l = load(*state, cases[i].text, NULL);
+        struct launchfile *l = launch_load(*state, cases[i].text);
         assert_int_equal(launchfile_moves_stage(l), cases[i].moves);
         launchfile_destroy(l);
     }

@@ -1,6 +1,4 @@
-#include "tests/hal/scratch.h"
-
-#include <errno.h>
+#include "tests/nodes/launch_load.h"
 
 #include "nodes/rt/launchfile_hosts.h"
 
@@ -9,19 +7,9 @@
 #define COMPUTER                                                                         \
     "  - {name: computer, endpoint: 'tcp://10.0.0.2:7400', nodes: [dsp, report]}\n"
 
-static struct launchfile *load(struct scratch *s, const char *text)
-{
-    struct complaint why = {""};
-    struct launchfile *l = NULL;
-
-    if (launchfile_load(&l, scratch_write(s, "a.yaml", text), NULL, &why))
-        fail_msg("%s", why.text);
-    return l;
-}
-
 static void hosts_are_taken_and_one_is_chosen(void **state)
 {
-    struct launchfile *l = load(*state, NODES VEHICLE COMPUTER);
+    struct launchfile *l = launch_load(*state, NODES VEHICLE COMPUTER);
 
     assert_int_equal(l->hosts.n, 2);
     assert_string_equal(l->hosts.list[0].name, "vehicle");
@@ -38,7 +26,7 @@ static void hosts_are_taken_and_one_is_chosen(void **state)
 
 static void without_hosts_all_is_here(void **state)
 {
-    struct launchfile *l = load(*state, "nodes: [dsp]\n");
+    struct launchfile *l = launch_load(*state, "nodes: [dsp]\n");
     struct complaint why = {""};
 
     assert_int_equal(launchfile_choose_host(l, NULL, NULL), 0);
@@ -51,7 +39,7 @@ static void without_hosts_all_is_here(void **state)
 
 static void a_host_that_is_not_in_the_file_is_refused_with_those_that_are(void **state)
 {
-    struct launchfile *l = load(*state, NODES VEHICLE COMPUTER);
+    struct launchfile *l = launch_load(*state, NODES VEHICLE COMPUTER);
     struct complaint why = {""};
 
     assert_int_equal(launchfile_choose_host(l, NULL, &why), -EINVAL);
@@ -126,7 +114,7 @@ static void ports_that_overlap_are_refused_with_how_far_apart_they_must_be(void 
 static void a_node_alone_needs_to_know_its_host_once(void **state)
 {
     struct scratch *s = *state;
-    struct launchfile *l = load(s, NODES VEHICLE COMPUTER);
+    struct launchfile *l = launch_load(s, NODES VEHICLE COMPUTER);
     struct complaint why = {""};
     struct hosts written;
 

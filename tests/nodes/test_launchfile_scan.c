@@ -1,39 +1,14 @@
-#include "tests/hal/scratch.h"
-
-#include <errno.h>
-
-#include "nodes/rt/launchfile.h"
-
-static struct launchfile *load(struct scratch *s, const char *text)
-{
-    struct complaint why = {""};
-    struct launchfile *l = NULL;
-
-    if (launchfile_load(&l, scratch_write(s, "a.yaml", text), NULL, &why))
-        fail_msg("%s", why.text);
-    return l;
-}
-
-static void assert_refused(struct scratch *s, const char *text, const char *rest)
-{
-    struct complaint why = {""};
-    struct launchfile *l = NULL;
-    const char *path = scratch_write(s, "a.yaml", text);
-
-    assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
-    assert_null(l);
-    assert_complaint(why.text, path, rest);
-}
+#include "tests/nodes/launch_load.h"
 
 static void a_scan_is_stepped_and_what_it_subtracts_was_recorded(void **state)
 {
-    struct launchfile *l = load(*state, "nodes: [dsp]\n");
+    struct launchfile *l = launch_load(*state, "nodes: [dsp]\n");
 
     assert_false(l->scan.fixed);
     assert_int_equal(l->scan.n_speakers, 0);
     assert_int_equal(l->dsp.background, BACKGROUND_NONE);
     launchfile_destroy(l);
-    l = load(*state, "nodes: [dsp]\nscan: {mode: stepped, background: true}\n");
+    l = launch_load(*state, "nodes: [dsp]\nscan: {mode: stepped, background: true}\n");
     assert_false(l->scan.fixed);
     assert_int_equal(l->dsp.background, BACKGROUND_RECORDED);
     launchfile_destroy(l);
@@ -42,10 +17,10 @@ static void a_scan_is_stepped_and_what_it_subtracts_was_recorded(void **state)
 static void a_fixed_array_has_its_speakers_and_backgrounds(void **state)
 {
     static const uint32_t speakers[] = {0, 15, 5};
-    struct launchfile *l = load(*state,
-                                "nodes: [scan, dsp]\n"
-                                "scan: {mode: fixed, speakers: [0, 15, 5]}\n"
-                                "dsp: {background: adaptive, background_s: 2.5}\n");
+    struct launchfile *l =
+        launch_load(*state, "nodes: [scan, dsp]\n"
+                            "scan: {mode: fixed, speakers: [0, 15, 5]}\n"
+                            "dsp: {background: adaptive, background_s: 2.5}\n");
 
     assert_true(l->scan.fixed);
     assert_int_equal(l->scan.n_speakers, 3);
@@ -54,8 +29,9 @@ static void a_fixed_array_has_its_speakers_and_backgrounds(void **state)
     assert_int_equal(l->dsp.background, BACKGROUND_ADAPTIVE);
     assert_true(l->dsp.background_s == 2.5);
     launchfile_destroy(l);
-    l = load(*state, "nodes: [scan, dsp]\n"
-                     "scan: {mode: fixed, background: true, background_frames: 20}\n");
+    l = launch_load(*state,
+                    "nodes: [scan, dsp]\n"
+                    "scan: {mode: fixed, background: true, background_frames: 20}\n");
     assert_int_equal(l->scan.background_frames, 20);
     assert_int_equal(l->dsp.background, BACKGROUND_RECORDED);
     launchfile_destroy(l);

@@ -1,22 +1,8 @@
-#include "tests/hal/scratch.h"
-
-#include <errno.h>
-
-#include "nodes/rt/launchfile.h"
-
-static struct launchfile *load(struct scratch *s, const char *text)
-{
-    struct complaint why = {""};
-    struct launchfile *l = NULL;
-
-    if (launchfile_load(&l, scratch_write(s, "a.yaml", text), NULL, &why))
-        fail_msg("%s", why.text);
-    return l;
-}
+#include "tests/nodes/launch_load.h"
 
 static void a_fixed_array_is_tracked_unless_told(void **state)
 {
-    struct launchfile *l = load(*state, "nodes: [track]\n");
+    struct launchfile *l = launch_load(*state, "nodes: [track]\n");
 
     assert_int_equal(l->track.mode, LAUNCH_TRACK_AUTO);
     assert_int_equal(l->track.confirm_hits, 3);
@@ -26,13 +12,13 @@ static void a_fixed_array_is_tracked_unless_told(void **state)
 
 static void everything_can_be_said(void **state)
 {
-    struct launchfile *l =
-        load(*state,
-             "nodes: [track]\n"
-             "track: {mode: lists, threshold_db: 15, confirm_hits: 2, confirm_of: 3,\n"
-             "        confirm_existence: 0.5, detection_probability: 0.7, clutter: 2,\n"
-             "        sidelobe_db: 10, look_s: 0.1, acceleration_psd: 1, join_m: 1,\n"
-             "        coast_s: 2, min_existence: 0.2}\n");
+    struct launchfile *l = launch_load(
+        *state,
+        "nodes: [track]\n"
+        "track: {mode: lists, threshold_db: 15, confirm_hits: 2, confirm_of: 3,\n"
+        "        confirm_existence: 0.5, detection_probability: 0.7, clutter: 2,\n"
+        "        sidelobe_db: 10, look_s: 0.1, acceleration_psd: 1, join_m: 1,\n"
+        "        coast_s: 2, min_existence: 0.2}\n");
 
     assert_int_equal(l->track.mode, LAUNCH_TRACK_LISTS);
     assert_int_equal(l->track.confirm_hits, 2);

@@ -1,22 +1,8 @@
-#include "tests/hal/scratch.h"
-
-#include <errno.h>
-
-#include "nodes/rt/launchfile.h"
-
-static struct launchfile *load(struct scratch *s, const char *text)
-{
-    struct complaint why = {""};
-    struct launchfile *l = NULL;
-
-    if (launchfile_load(&l, scratch_write(s, "a.yaml", text), NULL, &why))
-        fail_msg("%s", why.text);
-    return l;
-}
+#include "tests/nodes/launch_load.h"
 
 static void the_page_is_for_this_machine_alone_unless_told(void **state)
 {
-    struct launchfile *l = load(*state, "nodes: [view]\n");
+    struct launchfile *l = launch_load(*state, "nodes: [view]\n");
 
     assert_string_equal(l->view.address, "127.0.0.1");
     assert_int_equal(l->view.port, 8765);
@@ -28,15 +14,15 @@ static void a_bag_is_beside_the_launch_file(void **state)
 {
     struct scratch *s = *state;
     char expected[128];
-    struct launchfile *l =
-        load(s, "nodes: [view]\nview: {address: 0.0.0.0, port: 80, bag: bags/a.mcap}\n");
+    struct launchfile *l = launch_load(
+        s, "nodes: [view]\nview: {address: 0.0.0.0, port: 80, bag: bags/a.mcap}\n");
 
     snprintf(expected, sizeof expected, "%s/bags/a.mcap", s->folder);
     assert_string_equal(l->view.bag, expected);
     assert_string_equal(l->view.address, "0.0.0.0");
     assert_int_equal(l->view.port, 80);
     launchfile_destroy(l);
-    l = load(s, "nodes: [view]\nview: {bag: /a.mcap}\n");
+    l = launch_load(s, "nodes: [view]\nview: {bag: /a.mcap}\n");
     assert_string_equal(l->view.bag, "/a.mcap");
     launchfile_destroy(l);
 }
