@@ -131,23 +131,8 @@ void fixed_scan_ping(struct fixed_scan *s, const Anlos__Ping *ping, int64_t now_
 
 static bool all_ready(struct fixed_scan *s, int64_t now_ns)
 {
-    const struct peer *fault = peers_fault(&s->peers);
-
-    if (fault) {
-        s->state = ANLOS__SCAN_STATUS__STATE__FAILED;
-        snprintf(s->text, sizeof s->text, "%s: %s", fault->name, fault->text);
-        return false;
-    }
-    s->state = ANLOS__SCAN_STATUS__STATE__WAITING;
-    if (!peers_ready(&s->peers, now_ns, s->text, sizeof s->text)) {
-        s->sign_ns = now_ns;
-        return false;
-    }
-    if (!s->survey_id) {
-        snprintf(s->text, sizeof s->text, "waits for the survey");
-        return false;
-    }
-    return true;
+    return peers_let(&s->peers, s->survey_id != 0, now_ns, &s->sign_ns, &s->state,
+                     s->text, sizeof s->text);
 }
 
 static void ask(struct fixed_scan *s, int64_t now_ns)

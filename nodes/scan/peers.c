@@ -90,3 +90,23 @@ const struct peer *peers_fault(const struct peers *p)
             return &p->list[i];
     return NULL;
 }
+
+bool peers_let(const struct peers *p, bool has_survey, int64_t now_ns, int64_t *sign_ns,
+               Anlos__ScanStatus__State *state, char *text, size_t size)
+{
+    const struct peer *fault = peers_fault(p);
+
+    *state = fault ? ANLOS__SCAN_STATUS__STATE__FAILED
+                   : ANLOS__SCAN_STATUS__STATE__WAITING;
+    if (fault) {
+        snprintf(text, size, "%s: %s", fault->name, fault->text);
+        return false;
+    }
+    if (!peers_ready(p, now_ns, text, size)) {
+        *sign_ns = now_ns;
+        return false;
+    }
+    if (!has_survey)
+        snprintf(text, size, "waits for the survey");
+    return has_survey;
+}

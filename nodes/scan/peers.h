@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "msgs/health.pb-c.h"
+#include "msgs/scan.pb-c.h"
 
 #define PEERS_MAX       16
 #define PEERS_NAME_SIZE 16
@@ -44,6 +45,12 @@ void peers_health(struct peers *p, const char *name, const Anlos__Health *health
 
 /* All there and ready?  Else text[size] says who is waited for. */
 bool peers_ready(const struct peers *p, int64_t now_ns, char *text, size_t size);
+
+/* May a scan go on?  Else *state and text[size] say why not: a peer cannot go on
+ * (FAILED), is not there, or there is no survey yet (WAITING).  While one is away nothing
+ * can time out: *sign_ns, the last sign of life, is now. */
+bool peers_let(const struct peers *p, bool has_survey, int64_t now_ns, int64_t *sign_ns,
+               Anlos__ScanStatus__State *state, char *text, size_t size);
 
 /* Has each of them been heard of within so long? */
 bool peers_heard(const struct peers *p, int64_t now_ns, int64_t within_ns);

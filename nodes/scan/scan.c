@@ -209,22 +209,11 @@ static void finish(struct scan *s, const struct ledger_count *count)
 /* Are all there who are needed?  While one is away, nothing can time out. */
 static bool all_ready(struct scan *s, int64_t now_ns)
 {
-    const struct peer *fault = peers_fault(&s->peers);
+    bool ready = peers_let(&s->peers, s->ledger != NULL, now_ns, &s->sign_ns, &s->state,
+                           s->text, sizeof s->text);
 
-    if (fault) {
-        fail(s, fault->name, fault->text);
-        return false;
-    }
-    s->state = ANLOS__SCAN_STATUS__STATE__WAITING;
-    if (!peers_ready(&s->peers, now_ns, s->text, sizeof s->text)) {
-        s->sign_ns = now_ns;
-        return false;
-    }
-    if (!s->ledger) {
-        snprintf(s->text, sizeof s->text, "waits for the survey");
-        return false;
-    }
-    return true;
+    s->failed = s->failed || s->state == ANLOS__SCAN_STATUS__STATE__FAILED;
+    return ready;
 }
 
 /* What was fired and not recorded yet may not stand where it should: it is taken again.
