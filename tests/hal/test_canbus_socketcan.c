@@ -13,6 +13,7 @@
 
 #include "hal/can/socket.h"
 #include "hal/canbus.h"
+#include "tests/hal/canbus_count.h"
 
 #define MS 1000000LL
 
@@ -150,18 +151,6 @@ static struct canbus_status look(struct canbus *b, int64_t ms)
     return status;
 }
 
-static uint64_t count_of(struct canbus *b, const char *name)
-{
-    struct device_count counts[CANBUS_MAX_COUNTS];
-    size_t n = canbus_counts(b, counts);
-
-    for (size_t i = 0; i < n; i++)
-        if (!strcmp(counts[i].name, name))
-            return counts[i].value;
-    fail_msg("nothing counts %s", name);
-    return 0;
-}
-
 static void frames_are_pending_until_their_echo(void **state)
 {
     struct canbus *b = *state;
@@ -172,9 +161,9 @@ static void frames_are_pending_until_their_echo(void **state)
     happens(CAN_EVENT_FOREIGN, 0x400);
     happens(CAN_EVENT_ECHO, 0x400);
     assert_int_equal(look(b, 1).pending, 1);
-    assert_int_equal(count_of(b, "frames_sent"), 3);
-    assert_int_equal(count_of(b, "frames_confirmed"), 2);
-    assert_int_equal(count_of(b, "foreign_frames"), 1);
+    assert_int_equal(canbus_count(b, "frames_sent"), 3);
+    assert_int_equal(canbus_count(b, "frames_confirmed"), 2);
+    assert_int_equal(canbus_count(b, "foreign_frames"), 1);
 }
 
 static void only_what_is_sent_is_let_in(void **state)
@@ -238,9 +227,9 @@ static void only_frames_that_are_listened_to_are_received(void **state)
     assert_int_equal(canbus_receive(b, &f, 0, NULL), 0);
     assert_int_equal(f.data[0], 3);
     assert_int_equal(canbus_receive(b, &f, 0, NULL), -EAGAIN);
-    assert_int_equal(count_of(b, "inputs"), 2);
-    assert_int_equal(count_of(b, "foreign_frames"), 1);
-    assert_int_equal(count_of(b, "frames_confirmed"), 1);
+    assert_int_equal(canbus_count(b, "inputs"), 2);
+    assert_int_equal(canbus_count(b, "foreign_frames"), 1);
+    assert_int_equal(canbus_count(b, "frames_confirmed"), 1);
 }
 
 static void a_frame_that_waited_came_before(void **state)
@@ -294,7 +283,7 @@ static void inputs_that_nobody_takes_are_dropped_from_the_oldest_on(void **state
     look(b, 1);
     assert_int_equal(canbus_receive(b, &f, 2 * MS, NULL), 0);
     assert_int_equal(f.data[0], 6);
-    assert_int_equal(count_of(b, "inputs_dropped"), 6);
+    assert_int_equal(canbus_count(b, "inputs_dropped"), 6);
 }
 
 static void an_interface_that_comes_back_is_listened_to_again(void **state)
@@ -328,8 +317,8 @@ static void a_full_queue_is_counted_and_nothing_is_pending(void **state)
     assert_int_equal(send(b, 1, 0), -ENOBUFS);
     assert_int_equal(look(b, 0).pending, 0);
     assert_int_equal(look(b, 0).state, CANBUS_READY);
-    assert_int_equal(count_of(b, "no_buffer"), 2);
-    assert_int_equal(count_of(b, "frames_sent"), 0);
+    assert_int_equal(canbus_count(b, "no_buffer"), 2);
+    assert_int_equal(canbus_count(b, "frames_sent"), 0);
 }
 
 static void an_fd_frame_needs_an_interface_for_it(void **state)
@@ -359,14 +348,14 @@ static void bus_off_throws_away_what_is_pending(void **state)
     assert_int_equal(s.outages, 1);
     assert_non_null(strstr(s.text, "can0 is bus-off"));
     assert_non_null(strstr(s.text, "restart-ms"));
-    assert_int_equal(count_of(b, "frames_unconfirmed"), 1);
+    assert_int_equal(canbus_count(b, "frames_unconfirmed"), 1);
     happens(CAN_EVENT_ERROR, RESTARTED);
     s = look(b, 2);
     assert_int_equal(s.state, CANBUS_READY);
     assert_int_equal(s.outages, 1);
     assert_string_equal(s.text, "");
-    assert_int_equal(count_of(b, "bus_off"), 1);
-    assert_int_equal(count_of(b, "restarts"), 1);
+    assert_int_equal(canbus_count(b, "bus_off"), 1);
+    assert_int_equal(canbus_count(b, "restarts"), 1);
 }
 
 /* Between two looks; and when nothing was pending nothing is lost. */
@@ -410,11 +399,11 @@ static void a_bus_that_confirms_nothing_for_a_second_is_silent(void **state)
     assert_int_equal(s.pending, 0);
     assert_int_equal(s.outages, 1);
     assert_non_null(strstr(s.text, "acknowledges"));
-    assert_int_equal(count_of(b, "unacknowledged"), 1);
+    assert_int_equal(canbus_count(b, "unacknowledged"), 1);
     happens(CAN_EVENT_ECHO, 1); /* it was only late */
     assert_int_equal(look(b, 7000).state, CANBUS_READY);
-    assert_int_equal(count_of(b, "frames_unconfirmed"), 1);
-    assert_int_equal(count_of(b, "frames_confirmed"), 1);
+    assert_int_equal(canbus_count(b, "frames_unconfirmed"), 1);
+    assert_int_equal(canbus_count(b, "frames_confirmed"), 1);
 }
 
 /* A slow bus is not a silent one. */
@@ -445,8 +434,8 @@ static void an_interface_that_goes_down_is_waited_for(void **state)
     assert_int_equal(look(b, 1049).state, CANBUS_DOWN);
     assert_int_equal(look(b, 1050).state, CANBUS_READY);
     assert_int_equal(send(b, 1, 1051), 0);
-    assert_int_equal(count_of(b, "link_down"), 1);
-    assert_int_equal(count_of(b, "reopened"), 0);
+    assert_int_equal(canbus_count(b, "link_down"), 1);
+    assert_int_equal(canbus_count(b, "reopened"), 0);
     assert_int_equal(kernel.opens, 1);
 }
 
@@ -464,8 +453,8 @@ static void an_interface_that_is_gone_is_opened_by_its_name_again(void **state)
     assert_int_equal(look(b, 1000).state, CANBUS_READY);
     assert_int_equal(kernel.n_ids, 1);
     assert_int_equal(kernel.ids[0], 0x400);
-    assert_int_equal(count_of(b, "link_down"), 1);
-    assert_int_equal(count_of(b, "reopened"), 1);
+    assert_int_equal(canbus_count(b, "link_down"), 1);
+    assert_int_equal(canbus_count(b, "reopened"), 1);
 }
 
 static void one_that_stays_away_is_looked_for_ever_less_often(void **state)
@@ -507,7 +496,7 @@ static void an_interface_without_carrier_is_off_from_the_start(void **state)
     kernel.up = true;
     kernel.carrier = false;
     assert_int_equal(look(b, 50).state, CANBUS_OFF);
-    assert_int_equal(count_of(b, "bus_off"), 0);
+    assert_int_equal(canbus_count(b, "bus_off"), 0);
 }
 
 static void an_interface_that_is_down_at_the_start_is_waited_for(void **state)
@@ -521,7 +510,7 @@ static void an_interface_that_is_down_at_the_start_is_waited_for(void **state)
     kernel.up = true;
     assert_int_equal(look(b, 1099).state, CANBUS_DOWN);
     assert_int_equal(look(b, 1100).state, CANBUS_READY);
-    assert_int_equal(count_of(b, "link_down"), 0);
+    assert_int_equal(canbus_count(b, "link_down"), 0);
     canbus_close(b);
 }
 
@@ -535,8 +524,8 @@ static void an_echo_from_before_the_end_still_counts(void **state)
     happens(CAN_EVENT_ECHO, 1);
     goes_away();
     assert_int_equal(look(b, 1).state, CANBUS_GONE);
-    assert_int_equal(count_of(b, "frames_confirmed"), 1);
-    assert_int_equal(count_of(b, "frames_unconfirmed"), 1);
+    assert_int_equal(canbus_count(b, "frames_confirmed"), 1);
+    assert_int_equal(canbus_count(b, "frames_unconfirmed"), 1);
 }
 
 static void names_that_are_too_long_are_no_interfaces(void **state)

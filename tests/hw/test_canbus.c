@@ -5,6 +5,7 @@
 
 #include "hal/canbus.h"
 #include "hal/clock.h"
+#include "tests/hal/canbus_count.h"
 
 static struct canbus *open_bus(const char *uri)
 {
@@ -51,18 +52,6 @@ static int send(struct canbus *b, uint32_t id)
                        now());
 }
 
-static uint64_t count_of(struct canbus *b, const char *name)
-{
-    struct device_count counts[CANBUS_MAX_COUNTS];
-    size_t n = canbus_counts(b, counts);
-
-    for (size_t i = 0; i < n; i++)
-        if (!strcmp(counts[i].name, name))
-            return counts[i].value;
-    fail_msg("nothing counts %s", name);
-    return 0;
-}
-
 /* Classic and FD, with short and long identifiers, at the other end of a cable.  The 5
  * after ## is the second bit rate (1), and the kernel's own mark of an FD frame (4). */
 static void frames_arrive_as_they_were_sent(void **state)
@@ -89,8 +78,8 @@ static void frames_arrive_as_they_were_sent(void **state)
         assert_string_equal(candump_read(&dump), cases[i].line);
     }
     assert_int_equal(look(b).pending, 0);
-    assert_int_equal(count_of(b, "frames_sent"), 5);
-    assert_int_equal(count_of(b, "frames_confirmed"), 5);
+    assert_int_equal(canbus_count(b, "frames_sent"), 5);
+    assert_int_equal(canbus_count(b, "frames_confirmed"), 5);
     candump_stop(&dump);
     canbus_close(b);
 }
@@ -116,8 +105,8 @@ static void of_others_only_frames_with_our_identifiers_come_in(void **state)
     send(b, 0x402);
     run("cansend vcan0 403#00 && cansend vcan0 402#00 && cansend vcan0 00000402#00");
     assert_int_equal(look(b).pending, 0);
-    assert_int_equal(count_of(b, "frames_confirmed"), 1);
-    assert_int_equal(count_of(b, "foreign_frames"), 1);
+    assert_int_equal(canbus_count(b, "frames_confirmed"), 1);
+    assert_int_equal(canbus_count(b, "foreign_frames"), 1);
     canbus_close(b);
 }
 
@@ -135,11 +124,11 @@ static void error_frames_come_in(void **state)
     assert_int_equal(look(b).state, CANBUS_OFF);
     run("cansend vcan0 20000100#0000000000000000");
     assert_int_equal(look(b).state, CANBUS_READY);
-    assert_int_equal(count_of(b, "error_warning"), 1);
-    assert_int_equal(count_of(b, "error_passive"), 1);
-    assert_int_equal(count_of(b, "arbitration_lost"), 1);
-    assert_int_equal(count_of(b, "bus_off"), 1);
-    assert_int_equal(count_of(b, "restarts"), 1);
+    assert_int_equal(canbus_count(b, "error_warning"), 1);
+    assert_int_equal(canbus_count(b, "error_passive"), 1);
+    assert_int_equal(canbus_count(b, "arbitration_lost"), 1);
+    assert_int_equal(canbus_count(b, "bus_off"), 1);
+    assert_int_equal(canbus_count(b, "restarts"), 1);
     canbus_close(b);
 }
 
@@ -157,8 +146,8 @@ static void an_interface_goes_down_and_up(void **state)
     assert_int_equal(look(b).pending, 0);
     run("ip link set vcan0 down && ip link set vcan0 up"); /* between two looks */
     wait_for(b, CANBUS_READY);
-    assert_int_equal(count_of(b, "link_down"), 2);
-    assert_int_equal(count_of(b, "reopened"), 0);
+    assert_int_equal(canbus_count(b, "link_down"), 2);
+    assert_int_equal(canbus_count(b, "reopened"), 0);
     canbus_close(b);
 }
 
@@ -177,8 +166,8 @@ static void an_interface_is_deleted_and_made_again(void **state)
     wait_for(b, CANBUS_READY);
     assert_int_equal(send(b, 1), 0);
     assert_int_equal(look(b).pending, 0);
-    assert_int_equal(count_of(b, "reopened"), 1);
-    assert_int_equal(count_of(b, "frames_confirmed"), 2);
+    assert_int_equal(canbus_count(b, "reopened"), 1);
+    assert_int_equal(canbus_count(b, "frames_confirmed"), 2);
     canbus_close(b);
 }
 

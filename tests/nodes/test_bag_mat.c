@@ -14,38 +14,17 @@
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/mat_write.h"
+#include "tests/nodes/optical_point.h"
 
-enum { PLACES = 16, BINS = 300 };
+#define LAST_M 0.68 /* before traces are let down at their end, 0.72 m */
 
-#define LIGHT_M_S 299792458.0
-#define LAST_M    0.68 /* before traces are let down at their end, 0.72 m */
-
-static const double half_side_m = 0.3, bin_s = 16e-12;
-static const double at_m[3] = {0.07, -0.11, 0.5}; /* seen from the wall: x right, y up */
 static double counts[PLACES * PLACES * BINS];
-
-/* Pulses of 60 ps that fade as 1 / r^2, and direct light that dies away.  The file's x
- * and y fall along its indices. */
-static void fill(void)
-{
-    double pitch_m = 2.0 * half_side_m / (PLACES - 1);
-
-    for (int i = 0; i < PLACES * PLACES * BINS; i++) {
-        double x = half_side_m - (i % PLACES) * pitch_m;
-        double y = half_side_m - (i / PLACES % PLACES) * pitch_m;
-        int bin = i / (PLACES * PLACES);
-        double r = sqrt(pow(x - at_m[0], 2) + pow(y - at_m[1], 2) + at_m[2] * at_m[2]);
-        double late_s = bin * bin_s - 2.0 * r / LIGHT_M_S;
-        counts[i] = 200.0 * pow(r, -2.0) * exp(-0.5 * pow(late_s / 25e-12, 2.0)) +
-                    5000.0 * exp(-bin / 8.0) + 3.0;
-    }
-}
 
 static const char *write_scan(struct scratch *s, const char *name)
 {
     size_t dims[3] = {PLACES, PLACES, BINS};
 
-    fill();
+    optical_point_fill(counts);
     mat_t *mat = Mat_CreateVer(scratch_path(s, name), NULL, MAT_FT_MAT5);
     matvar_t *v =
         Mat_VarCreate("rect_data", MAT_C_DOUBLE, MAT_T_DOUBLE, 3, dims, counts, 0);

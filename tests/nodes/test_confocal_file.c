@@ -19,13 +19,10 @@
 #include "tests/nodes/command.h"
 #include "tests/nodes/mat_write.h"
 #include "tests/nodes/near.h"
+#include "tests/nodes/optical_point.h"
 
 #define MEASURED SOURCE_DIR "/../shared/data/optical-confocal/data_"
 
-enum { PLACES = 16, BINS = 300 };
-
-static const double half_side_m = 0.3, bin_s = 16e-12;
-static const double at_m[3] = {0.07, -0.11, 0.5}; /* seen from the wall: x right, y up */
 static char path[40];
 
 static int set_up(void **state)
@@ -41,22 +38,6 @@ static int tear_down(void **state)
 {
     (void)state;
     return unlink(path);
-}
-
-/* Counts of one retroreflecting point: pulses of 60 ps that fade as 1 / r^2, and the
- * direct light that dies away.  The file's x and y fall along its indices. */
-static void fill(double *out)
-{
-    double pitch_m = 2.0 * half_side_m / (PLACES - 1);
-    for (int i = 0; i < PLACES * PLACES * BINS; i++) {
-        double x = half_side_m - (i % PLACES) * pitch_m;
-        double y = half_side_m - (i / PLACES % PLACES) * pitch_m;
-        int bin = i / (PLACES * PLACES);
-        double r = sqrt(pow(x - at_m[0], 2) + pow(y - at_m[1], 2) + at_m[2] * at_m[2]);
-        double late_s = bin * bin_s - 2.0 * r / CONFOCAL_LIGHT_M_S;
-        out[i] = 200.0 * pow(r, -2.0) * exp(-0.5 * pow(late_s / 25e-12, 2.0)) +
-                 5000.0 * exp(-bin / 8.0) + 3.0;
-    }
 }
 
 static void put_counts(mat_t *mat, size_t n_x, size_t n_y, size_t n_bins, double *counts)
@@ -88,7 +69,7 @@ static void scales_and_order_are_those_of_the_file(void **state)
 {
     static const enum mat_ft versions[2] = {MAT_FT_MAT5, MAT_FT_MAT73};
     (void)state;
-    fill(counts);
+    optical_point_fill(counts);
     for (int v = 0; v < 2; v++) {
         struct confocal_file f;
         struct confocal_scan s;
@@ -117,7 +98,7 @@ static void four_picoseconds_are_the_default(void **state)
 {
     (void)state;
     struct confocal_file f;
-    fill(counts);
+    optical_point_fill(counts);
     write_scan(MAT_FT_MAT5, half_side_m, 0.0);
     assert_int_equal(confocal_file_load(&f, path, NULL), 0);
     assert_near(f.bin_m, 0.5 * CONFOCAL_LIGHT_M_S * 4e-12, 1e-15);
@@ -129,7 +110,7 @@ static void groups_of_bins_keep_all_light_and_their_place(void **state)
     (void)state;
     struct confocal_file f;
     struct confocal_scan s;
-    fill(counts);
+    optical_point_fill(counts);
     write_scan(MAT_FT_MAT5, half_side_m, bin_s);
     assert_int_equal(confocal_file_load(&f, path, NULL), 0);
     const double gate_m[2] = {9.5 * f.bin_m, 70.5 * f.bin_m}; /* bins 10..70: 61 */
@@ -153,7 +134,7 @@ static void the_gate_begins_between_direct_light_and_echo(void **state)
     (void)state;
     struct confocal_file f;
     double gate_m[2];
-    fill(counts);
+    optical_point_fill(counts);
     write_scan(MAT_FT_MAT5, half_side_m, bin_s);
     assert_int_equal(confocal_file_load(&f, path, NULL), 0);
     confocal_file_gate(&f, gate_m);
@@ -165,7 +146,7 @@ static void the_gate_begins_between_direct_light_and_echo(void **state)
 static void a_point_is_where_it_is_with_every_method(void **state)
 {
     (void)state;
-    fill(counts);
+    optical_point_fill(counts);
     write_scan(MAT_FT_MAT5, half_side_m, bin_s);
     for (const char *m = confocal_methods(); *m; m += strlen(m) + 1) {
         struct recon_options o = {.confocal = path, .method = m, .threads = 2};
@@ -209,7 +190,7 @@ static void expect_refusal(const char *text)
 static void bad_files_are_told_by_variable(void **state)
 {
     (void)state;
-    fill(counts);
+    optical_point_fill(counts);
     write_scan(MAT_FT_MAT5, 0.0, 0.0);
     expect_refusal("width");
     write_scan(MAT_FT_MAT5, -1.0, 0.0);
@@ -238,7 +219,7 @@ static void what_is_not_finite_is_no_light_and_is_counted(void **state)
 {
     (void)state;
     struct confocal_file f;
-    fill(counts);
+    optical_point_fill(counts);
     counts[1234] = NAN;
     counts[5678] = INFINITY;
     write_scan(MAT_FT_MAT5, half_side_m, bin_s);
@@ -304,7 +285,7 @@ static size_t spot_size(const char *setting)
 static void a_trusting_wiener_filter_is_sharper(void **state)
 {
     (void)state;
-    fill(counts);
+    optical_point_fill(counts);
     write_scan(MAT_FT_MAT5, half_side_m, bin_s);
     size_t careful = spot_size("snr_db=-20"), trusting = spot_size("snr_db=30");
     assert_true(trusting > 0 && 2 * trusting < careful);
@@ -315,7 +296,7 @@ static void a_gate_without_bins_is_refused(void **state)
     (void)state;
     struct command_result r;
     char out[80];
-    fill(counts);
+    optical_point_fill(counts);
     write_scan(MAT_FT_MAT5, half_side_m, bin_s);
     snprintf(out, sizeof out, "%s-out", path);
     char *words[] = {"recon", "--confocal", path, "--out", out, "--gate-m", "5,6", NULL};
