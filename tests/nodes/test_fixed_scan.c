@@ -179,6 +179,25 @@ static void it_waits_for_nodes_and_survey_then_asks_once(void **state)
     assert_string_equal(s.text, "6.7 frames/s, 40.0 pings/s");
 }
 
+static void a_node_that_cannot_go_on_is_named_until_it_can(void **state)
+{
+    struct world *w = *state;
+    Anlos__Health fault = ANLOS__HEALTH__INIT;
+
+    create(w, NULL, 0, 0);
+    tell_survey(w);
+    run(w, 500);
+    assert_int_equal(status(w).state, ANLOS__SCAN_STATUS__STATE__RUNNING);
+    fault.state = ANLOS__HEALTH__STATE__FAULT;
+    fault.text = (char *)"no memory";
+    fixed_scan_health(w->scan, "dsp", &fault);
+    step(w);
+    assert_int_equal(status(w).state, ANLOS__SCAN_STATUS__STATE__FAILED);
+    assert_string_equal(status(w).text, "dsp: no memory");
+    run(w, 500);
+    assert_int_equal(status(w).state, ANLOS__SCAN_STATUS__STATE__RUNNING);
+}
+
 static void a_command_that_got_lost_is_sent_again(void **state)
 {
     struct world *w = *state;
@@ -328,6 +347,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(it_waits_for_nodes_and_survey_then_asks_once),
+        TEST(a_node_that_cannot_go_on_is_named_until_it_can),
         TEST(a_command_that_got_lost_is_sent_again),
         TEST(the_speakers_are_those_asked_for_in_their_order),
         TEST(the_background_is_recorded_first_and_only_so_many_frames),
