@@ -36,39 +36,6 @@ static void so_is_one_at_half_a_metre(void **state)
     rig_expect_point(&r, "backprojection", at, 1e-3, 0.5e-3);
 }
 
-static void the_sampling_of_the_traces_does_not_move_it(void **state)
-{
-    (void)state;
-    static const struct trace_format formats[5] = {{.004117, 36000.0, 11000.0, 220},
-                                                   {.0041, 38500.0, 11000.0, 240},
-                                                   {.00395, 36000.0, 10500.0, 240},
-                                                   {.0039, 54000.0, 11000.0, 360},
-                                                   {.0, 96000.0, 11000.0, 1000}};
-    const double at[3] = {0.031, -0.043, 1.1023};
-    for (int q = 0; q < 5; q++) {
-        struct rig r;
-        rig_default(&r);
-        r.format = formats[q];
-        rig_look_at(&r, 0.03, -0.04, 1.1, 11, 0.008);
-        rig_expect_point(&r, "backprojection", at, 2e-3, 1e-3);
-    }
-}
-
-static void the_speed_of_sound_does_not_move_it(void **state)
-{
-    (void)state;
-    static const double speeds[2] = {300.0, 360.0};
-    const double at[3] = {0.031, -0.043, 1.1023};
-    for (int q = 0; q < 2; q++) {
-        struct rig r;
-        rig_default(&r);
-        r.geometry.sound_speed_m_s = speeds[q];
-        rig_listen(&r, 0.7, 1.75);
-        rig_look_at(&r, 0.03, -0.04, 1.1, 11, 0.008);
-        rig_expect_point(&r, "backprojection", at, 2e-3, 1e-3);
-    }
-}
-
 static void an_array_that_is_not_plane_images_too(void **state)
 {
     (void)state;
@@ -472,8 +439,6 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_point_is_where_it_is),
         cmocka_unit_test(so_is_one_at_half_a_metre),
-        cmocka_unit_test(the_sampling_of_the_traces_does_not_move_it),
-        cmocka_unit_test(the_speed_of_sound_does_not_move_it),
         cmocka_unit_test(an_array_that_is_not_plane_images_too),
         cmocka_unit_test(each_voxel_sums_every_pair_at_its_own_delay),
         cmocka_unit_test(the_number_of_threads_does_not_change_a_bit),

@@ -21,38 +21,6 @@ static void a_point_is_where_it_is(void **state)
     }
 }
 
-static void the_sampling_of_the_traces_does_not_move_it(void **state)
-{
-    (void)state;
-    static const struct trace_format formats[4] = {{.004117, 36000.0, 11000.0, 220},
-                                                   {.0041, 38500.0, 11000.0, 240},
-                                                   {.00395, 36000.0, 10500.0, 240},
-                                                   {.0039, 54000.0, 11000.0, 360}};
-    const double at[3] = {0.031, -0.043, 1.1023};
-    for (int q = 0; q < 4; q++) {
-        struct rig r;
-        rig_default(&r);
-        r.format = formats[q];
-        rig_look_at(&r, 0.03, -0.04, 1.1, 15, 0.008);
-        rig_expect_point(&r, "fast", at, 2e-3, 1e-3);
-    }
-}
-
-static void the_speed_of_sound_does_not_move_it(void **state)
-{
-    (void)state;
-    static const double speeds[2] = {300.0, 360.0};
-    const double at[3] = {0.031, -0.043, 1.1023};
-    for (int q = 0; q < 2; q++) {
-        struct rig r;
-        rig_default(&r);
-        r.geometry.sound_speed_m_s = speeds[q];
-        rig_listen(&r, 0.7, 1.75);
-        rig_look_at(&r, 0.03, -0.04, 1.1, 15, 0.008);
-        rig_expect_point(&r, "fast", at, 2e-3, 1e-3);
-    }
-}
-
 static void uneven_lines_of_midpoints_image_as_well(void **state)
 {
     (void)state;
@@ -284,8 +252,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_point_is_where_it_is),
-        cmocka_unit_test(the_sampling_of_the_traces_does_not_move_it),
-        cmocka_unit_test(the_speed_of_sound_does_not_move_it),
         cmocka_unit_test(uneven_lines_of_midpoints_image_as_well),
         cmocka_unit_test(a_single_line_of_midpoints_does_not_wrap),
         cmocka_unit_test(an_array_that_is_not_plane_is_refused_with_a_reason),

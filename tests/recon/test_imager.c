@@ -499,6 +499,39 @@ static void the_image_moves_with_array_and_object(void **state)
     }
 }
 
+static void the_sampling_of_the_traces_does_not_move_a_point(void **state)
+{
+    (void)state;
+    static const struct trace_format formats[5] = {{.004117, 36000.0, 11000.0, 220},
+                                                   {.0041, 38500.0, 11000.0, 240},
+                                                   {.00395, 36000.0, 10500.0, 240},
+                                                   {.0039, 54000.0, 11000.0, 360},
+                                                   {.0, 96000.0, 11000.0, 1000}};
+    const double at[3] = {0.031, -0.043, 1.1023};
+    for (int q = 0; q < 10; q++) {
+        struct rig r;
+        rig_default(&r);
+        r.format = formats[q / 2];
+        rig_look_at(&r, 0.03, -0.04, 1.1, 15, 0.008);
+        rig_expect_point(&r, methods[q % 2], at, 2e-3, 1e-3);
+    }
+}
+
+static void the_speed_of_sound_does_not_move_a_point(void **state)
+{
+    (void)state;
+    static const double speeds[2] = {300.0, 360.0};
+    const double at[3] = {0.031, -0.043, 1.1023};
+    for (int q = 0; q < 4; q++) {
+        struct rig r;
+        rig_default(&r);
+        r.geometry.sound_speed_m_s = speeds[q / 2];
+        rig_listen(&r, 0.7, 1.75);
+        rig_look_at(&r, 0.03, -0.04, 1.1, 15, 0.008);
+        rig_expect_point(&r, methods[q % 2], at, 2e-3, 1e-3);
+    }
+}
+
 static void small_arrays_and_grids_still_image(void **state)
 {
     (void)state;
@@ -536,6 +569,8 @@ int main(void)
         cmocka_unit_test(amplitudes_superpose),
         cmocka_unit_test(intensity_goes_with_the_square_of_the_gain),
         cmocka_unit_test(the_image_moves_with_array_and_object),
+        cmocka_unit_test(the_sampling_of_the_traces_does_not_move_a_point),
+        cmocka_unit_test(the_speed_of_sound_does_not_move_a_point),
         cmocka_unit_test(small_arrays_and_grids_still_image),
         cmocka_unit_test(a_speed_of_sound_that_makes_no_sense_is_refused),
         cmocka_unit_test(a_trace_format_that_makes_no_sense_is_refused),
