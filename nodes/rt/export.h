@@ -15,6 +15,11 @@
  * 0, -ENOTDIR, -EACCES, -EROFS, other negative errno. */
 int export_folder(const char *folder, struct complaint *why);
 
+/* 0 when the folder holds none of names[n], not even as a broken link; else -EEXIST: what
+ * is there may have taken a day, or a hand, and a mixture is worse. */
+int export_vacant(const char *folder, const char *const *names, size_t n,
+                  struct complaint *why);
+
 /* A set of files that appears together: write them into stage->path, then commit moves
  * each into the folder (replacing files of the same name), or abandon removes them, and
  * the folder too if begin made it.  What a process that was killed has left there, the

@@ -84,6 +84,20 @@ int export_folder(const char *folder, struct complaint *why)
     return open_folder(folder, &existing, why);
 }
 
+int export_vacant(const char *folder, const char *const *names, size_t n,
+                  struct complaint *why)
+{
+    for (size_t i = 0; i < n; i++) {
+        char path[PATH_MAX];
+        struct stat st;
+        if (snprintf(path, sizeof path, "%s/%s", folder, names[i]) < (int)sizeof path &&
+            !lstat(path, &st))
+            return complain(why, -EEXIST,
+                            "%s exists already; remove it or name another folder", path);
+    }
+    return 0;
+}
+
 /* Calls visit for each entry of a folder; stops at the first that fails. */
 static int each_entry(const char *folder,
                       int (*visit)(const char *folder, const char *name, void *ctx),

@@ -577,6 +577,13 @@ static void a_file_that_is_there_is_not_written_over(void **state)
                      2);
     assert_int_equal(bag("export", recorded_bag, "--format", "wav", "-o", recording), 2);
     assert_contains(result.err, "exists already");
+    assert_int_equal(mkdir(in_folder("places"), 0777), 0);
+    FILE *f = fopen(in_folder("places/survey.yaml-pings.csv"), "w");
+    assert_non_null(f);
+    fclose(f);
+    assert_int_equal(
+        bag("export", recorded_bag, "--format", "wav", "-o", in_folder("places")), 2);
+    assert_contains(result.err, "survey.yaml-pings.csv exists already");
     assert_int_equal(bag("check", recorded_bag), 0);
 }
 

@@ -150,6 +150,32 @@ static void a_recording_that_is_there_is_not_overwritten(void **state)
     assert_true(exists(f->out, "scene/pos00.wav"));
 }
 
+static void a_survey_or_a_truth_made_by_hand_is_not_overwritten(void **state)
+{
+    static const char *const names[2] = {"survey.yaml", "truth.json"};
+    struct fixture *f = *state;
+    struct command_result r;
+    assert_int_equal(mkdir(f->out, 0777), 0);
+    for (int i = 0; i < 2; i++) {
+        char path[128], text[16] = "";
+        snprintf(path, sizeof path, "%s/%s", f->out, names[i]);
+        FILE *file = fopen(path, "w+");
+        assert_non_null(file);
+        fputs("by hand\n", file);
+        fflush(file);
+        run(f, scene_path, &r);
+        assert_int_equal(r.code, 2);
+        assert_non_null(strstr(r.err, names[i]));
+        assert_false(exists(f->out, "scene"));
+        fclose(file);
+        file = fopen(path, "r");
+        assert_non_null(fgets(text, sizeof text, file));
+        assert_string_equal(text, "by hand\n");
+        fclose(file);
+        assert_int_equal(unlink(path), 0);
+    }
+}
+
 static void a_wrong_scene_is_refused_by_name(void **state)
 {
     struct fixture *f = *state;
@@ -221,6 +247,7 @@ int main(void)
         test(the_truth_names_the_mirrored_place),
         test(equal_scenes_give_equal_recordings_on_any_number_of_threads),
         test(a_recording_that_is_there_is_not_overwritten),
+        test(a_survey_or_a_truth_made_by_hand_is_not_overwritten),
         test(a_wrong_scene_is_refused_by_name),
         test(a_drive_is_refused),
         test(a_full_disk_ends_with_1_and_leaves_nothing),

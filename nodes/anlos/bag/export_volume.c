@@ -4,7 +4,6 @@
 #include <limits.h>
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "nodes/anlos/bag/export.h"
 #include "nodes/anlos/bag/verb.h"
@@ -129,20 +128,11 @@ int export_nrrd_file(struct stream *s, const struct export_options *o,
     return err;
 }
 
-/* Pictures that are there are not written over: they may be those of a scan. */
 static int check_vacant(const char *out, struct complaint *why)
 {
     static const char *const names[] = {"projection_xy.png", "projection_xz.png",
                                         "projection_yz.png"};
-
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        char path[PATH_MAX];
-        if (snprintf(path, sizeof path, "%s/%s", out, names[i]) < (int)sizeof path &&
-            !access(path, F_OK))
-            return complain(why, -EEXIST,
-                            "%s exists already; remove it or name another folder", path);
-    }
-    return 0;
+    return export_vacant(out, names, sizeof names / sizeof *names, why);
 }
 
 static int write_png(const struct image *i, const struct export_options *o,

@@ -33,21 +33,15 @@ struct wav_set {
 
 static const char *const pass_names[2] = {"scene", "background"};
 
-/* A recording is not written over. */
 static int check_vacant(const char *out, struct complaint *why)
 {
-    static const char *const names[] = {"scene", "background", "calibration",
-                                        "survey.yaml"};
-
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        char path[PATH_MAX];
-        struct stat st;
-        if (snprintf(path, sizeof path, "%s/%s", out, names[i]) < (int)sizeof path &&
-            !lstat(path, &st))
-            return complain(why, -EEXIST,
-                            "%s exists already; remove it or name another folder", path);
-    }
-    return 0;
+    static const char *const names[] = {"scene",
+                                        "background",
+                                        "calibration",
+                                        "survey.yaml",
+                                        "survey.yaml-pings.csv",
+                                        "survey.yaml-replica.wav"};
+    return export_vacant(out, names, sizeof names / sizeof *names, why);
 }
 
 static int plan(struct wav_set *w, struct complaint *why)

@@ -66,19 +66,11 @@ static int create_workers(struct sim_job *job, struct complaint *why)
     return 0;
 }
 
-/* A recording is not overwritten: it may have taken a day, and a mixture is worse. */
 static int check_vacant(const char *out, struct complaint *why)
 {
-    static const char *const names[] = {"scene", "background", "calibration"};
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        char path[PATH_MAX];
-        struct stat st;
-        if (snprintf(path, sizeof path, "%s/%s", out, names[i]) < (int)sizeof path &&
-            !lstat(path, &st))
-            return complain(why, -EEXIST,
-                            "%s exists already; remove it or name another folder", path);
-    }
-    return 0;
+    static const char *const names[] = {"scene", "background", "calibration",
+                                        "survey.yaml", "truth.json"};
+    return export_vacant(out, names, sizeof names / sizeof *names, why);
 }
 
 static void show_progress(const struct sim_job *job)
