@@ -240,6 +240,30 @@ int imager_option_set(struct imager_options *o, const char *text, char *why, siz
     return 0;
 }
 
+static size_t size_of(enum imager_option_kind kind)
+{
+    switch (kind) {
+    case IMAGER_OPTION_REAL:
+        return sizeof(double);
+    case IMAGER_OPTION_COUNT:
+        return sizeof(size_t);
+    case IMAGER_OPTION_SWITCH:
+        return sizeof(bool);
+    case IMAGER_OPTION_METHOD:
+        return sizeof(const char *);
+    default:
+        return sizeof(int);
+    }
+}
+
+void imager_options_overlay(struct imager_options *o, const struct imager_options *given)
+{
+    for (const struct imager_option *i = imager_option_table; i->name; i++)
+        if (given->given & bit(i))
+            memcpy(own_place(i, o), place(i, given), size_of(i->kind));
+    o->given |= given->given;
+}
+
 /* -- whose ------------------------------------------------------------------------------
  */
 

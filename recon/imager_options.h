@@ -52,6 +52,9 @@ extern const struct imager_option imager_option_table[];
  * not there, a value that is none or out of range. */
 int imager_option_set(struct imager_options *o, const char *text, char *why, size_t size);
 
+/* What was given of the one, in place of what the other has. */
+void imager_options_overlay(struct imager_options *o, const struct imager_options *given);
+
 /* Does the method use what was given?  iterative uses also what its base does.
  * 0, or -EINVAL and in why[size] the option and whose it is. */
 int imager_options_check(const struct imager_options *o, const char *method, char *why,

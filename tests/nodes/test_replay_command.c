@@ -376,6 +376,47 @@ static void options_and_another_launch_file_win_over_those_of_the_bag(void **sta
     assert_point_found();
 }
 
+static void options_that_are_set_leave_the_others_of_the_launch_file(void **state)
+{
+    const char *other = scratch_write(*state, "other.yaml",
+                                      "nodes: [dsp, recon]\n"
+                                      "recon: {method: fast, options: {sharpen: 1, "
+                                      "dmo: never}}\n");
+
+    make_scan(0, true);
+    assert_int_equal(
+        recon("--bag", bag, "--out", out, "--launch", other, "--set", "sharpen=0.5"), 0);
+    json_t *report = load("report.json"), *options = json_object_get(report, "options");
+    assert_near(json_number_value(json_object_get(options, "sharpen")), 0.5, 0.0);
+    assert_string_equal(json_string_value(json_object_get(options, "dmo")), "never");
+    json_decref(report);
+    assert_int_equal(recon("--bag", bag, "--out", out, "--launch", other, "--method",
+                           "fast", "--set", "sharpen=0.5"),
+                     0);
+    report = load("report.json");
+    options = json_object_get(report, "options");
+    assert_string_equal(json_string_value(json_object_get(options, "dmo")), "auto");
+    json_decref(report);
+}
+
+static void methods_and_their_options_are_refused_where_they_change_nothing(void **state)
+{
+    const char *fixed = scratch_write(*state, "fixed.yaml",
+                                      "nodes: [array, scan, dsp, recon, track]\n"
+                                      "array: {uri: \"sim:none.yaml\"}\n"
+                                      "scan: {mode: fixed}\n");
+
+    make_scan(0, false);
+    assert_int_equal(
+        recon("--bag", bag, "--out", out, "--launch", fixed, "--method", "fast"), 2);
+    assert_non_null(strstr(result.err, "--method is for scans"));
+    assert_int_equal(
+        recon("--bag", bag, "--out", out, "--launch", fixed, "--set", "dmo=never"), 2);
+    assert_non_null(strstr(result.err, "--set is for scans"));
+    assert_int_equal(recon("--bag", bag, "--out", out, "--set", "l1=0.1"), 2);
+    assert_non_null(strstr(result.err, "method 'fast' does not use it"));
+}
+
 static void a_bag_without_sound_says_what_is_missing(void **state)
 {
     (void)state;
@@ -420,6 +461,8 @@ int main(void)
         TEST(without_a_launch_file_pings_without_background_do),
         TEST(a_scan_that_was_begun_again_is_of_its_own_pings_alone),
         TEST(options_and_another_launch_file_win_over_those_of_the_bag),
+        TEST(options_that_are_set_leave_the_others_of_the_launch_file),
+        TEST(methods_and_their_options_are_refused_where_they_change_nothing),
         TEST(a_bag_without_sound_says_what_is_missing),
         TEST(arguments_that_do_not_go_with_a_bag_are_refused),
     };

@@ -18,10 +18,14 @@ static const char topics[] = "survey,ping,scan/status,ego,ambient,wall";
 static int begin(struct replay *r, const Anlos__Survey *survey, struct complaint *why)
 {
     struct chain_config cfg = r->settings.chain;
+    char reason[256];
 
     if (!cfg.recon.method) {
         cfg.recon.method = survey->n_pings_m ? "backprojection" : "fast";
         r->settings.chain.recon.method = cfg.recon.method;
+        if (imager_options_check(cfg.recon.options, cfg.recon.method, reason,
+                                 sizeof reason))
+            return complain(why, -EINVAL, "--set %s", reason);
     }
     cfg.can = r->can;
     int err = chain_create(&r->chain, &cfg, r->stages);

@@ -93,11 +93,28 @@ static void take_launch(struct chain_config *c, const struct launchfile *l)
 
 /* What the command line says wins.  Another method does not take the options of the
  * launch file's. */
-static int take_options(struct chain_config *c, const struct recon_options *o,
+static int take_imaging(struct settings *s, const struct recon_options *o,
                         struct complaint *why)
 {
+    struct recon_config *c = &s->chain.recon;
     char reason[256];
 
+    if (s->chain.fixed && (o->method || o->imaging->given))
+        return complain(why, -EINVAL,
+                        "--%s is for scans; the frames of a fixed array have one way",
+                        o->method ? "method" : "set");
+    if (o->method)
+        c->method = o->method;
+    s->imaging = c->options && !o->method ? *c->options : *o->imaging;
+    imager_options_overlay(&s->imaging, o->imaging);
+    c->options = &s->imaging;
+    if (c->method && imager_options_check(c->options, c->method, reason, sizeof reason))
+        return complain(why, -EINVAL, "--set %s", reason);
+    return 0;
+}
+
+static void take_options(struct chain_config *c, const struct recon_options *o)
+{
     if (o->has_window)
         c->dsp.window = o->window;
     if (o->has_compression)
@@ -107,14 +124,6 @@ static int take_options(struct chain_config *c, const struct recon_options *o,
     c->recon.threads = c->steady.threads = o->threads;
     c->steady.window = c->dsp.window;
     c->steady.compression = c->dsp.compression;
-    if (o->method || o->imaging->given || !c->recon.options)
-        c->recon.options = o->imaging;
-    if (o->method)
-        c->recon.method = o->method;
-    if (c->recon.method &&
-        imager_options_check(c->recon.options, c->recon.method, reason, sizeof reason))
-        return complain(why, -EINVAL, "--set %s", reason);
-    return 0;
 }
 
 int settings_load(struct settings *s, const struct recon_options *o,
@@ -140,7 +149,8 @@ int settings_load(struct settings *s, const struct recon_options *o,
         take_launch(&s->chain, s->launch);
     else
         s->name[0] = '\0';
-    return take_options(&s->chain, o, why);
+    take_options(&s->chain, o);
+    return take_imaging(s, o, why);
 }
 
 void settings_clear(struct settings *s)
