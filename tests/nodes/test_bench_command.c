@@ -299,6 +299,40 @@ static void wrong_names_give_the_list(void **state)
         strstr(r.err, "everything: expected speed-error, detection or drive"));
 }
 
+static void options_that_a_benchmark_does_not_take_are_refused(void **state)
+{
+    static const char *const wrong[][5] = {
+        {"speed-error", "--rounds", "1"},
+        {"speed-error", "--jobs", "1"},
+        {"speed-error", "--truth", "truth.csv"},
+        {"detection", "--scenes", "points"},
+        {"detection", "--recordings", "."},
+        {"detection", "--limit-s", "20"},
+        {"detection", "--seeds", "0"},
+        {"drive", "--methods", "fast"},
+        {"drive", "--recordings", "."},
+        {"drive", "--calibration", "."},
+        {"drive", "--limit-s", "20"},
+        {"drive", "--truth", "truth.csv"},
+        {"drive", "--seeds", "3", "--bag", "a.mcap"},
+        {"drive", "--rounds", "1", "--bag", "a.mcap"},
+        {"drive", "--jobs", "1", "--bag", "a.mcap"},
+        {"drive", "--launch", "drive.yaml", "--bag", "a.mcap"},
+        {"drive", "--quick", "--bag", "a.mcap"},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        struct command_result r;
+        char *words[7] = {"bench"};
+        for (int k = 0; k < 5; k++)
+            words[k + 1] = (char *)wrong[i][k];
+        command_run(&r, command_bench, words);
+        assert_int_equal(r.code, 2);
+        if (!strstr(r.err, wrong[i][1]))
+            fail_msg("%s", r.err);
+    }
+}
+
 static void ctrl_c_keeps_what_is_done(void **state)
 {
     (void)state;
@@ -348,6 +382,7 @@ int main(void)
         TEST(a_recording_is_measured_tabled_and_drawn),
         TEST(noise_moves_a_point_by_little_more_than_the_bound),
         TEST(wrong_names_give_the_list),
+        TEST(options_that_a_benchmark_does_not_take_are_refused),
         TEST(ctrl_c_keeps_what_is_done),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

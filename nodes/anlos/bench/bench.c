@@ -43,8 +43,7 @@ static const char help[] =
     "                       default), or files as `anlos sim` takes; with --recordings,\n"
     "                       what is in there (by default all)\n"
     "  --methods NAME,...   as of `anlos recon`; default: all and auto, of detection "
-    "the\n"
-    "                       first two\n"
+    "fast\n"
     "  --recordings DIR     takes scenes from a folder, in place of the simulator: NAME "
     "as\n"
     "                       `anlos sim` wrote it (points and corners), or NAME.json,\n"
@@ -212,30 +211,60 @@ static int run(const struct bench_options *o,
                                                                  : EXIT_FAILED;
 }
 
-/* What only drives have, and what of it goes together; and the threads. */
-static int check_drive(struct bench_options *o, bool drive)
+enum kind { SPEED = 1, DETECTION = 2, DRIVE = 4, BAG = 8 };
+
+/* What only some of them take. */
+static int check_kind(const struct bench_options *o, enum kind kind)
 {
-    if (!o->threads)
-        o->threads = drive ? 1 : usage_default_threads();
-    if (!drive && (o->launch || o->bags || o->truth || o->hours > 0.0))
-        return usage_error("bench",
-                           "--launch, --bag, --truth, --hours: only drive takes them");
-    if (o->bags && (o->launch || o->hours > 0.0))
-        return usage_error("bench", "--bag: without --launch and --hours");
-    if (o->truth && !o->bags)
-        return usage_error("bench", "--truth: expected --bag FILE,... too");
+    const struct {
+        bool given;
+        const char *name;
+        unsigned of;
+    } rules[] = {
+        {o->scenes, "scenes", SPEED | DRIVE | BAG},
+        {o->methods, "methods", SPEED | DETECTION},
+        {o->recordings, "recordings", SPEED},
+        {o->calibration, "calibration", SPEED},
+        {o->limit_s > 0.0, "limit-s", SPEED},
+        {o->threads, "threads", SPEED | DETECTION | DRIVE},
+        {o->seeds != BENCH_USUAL_SEEDS, "seeds", SPEED | DETECTION | DRIVE},
+        {o->quick, "quick", SPEED | DETECTION | DRIVE},
+        {o->launch, "launch", DRIVE},
+        {o->hours > 0.0, "hours", DRIVE},
+        {o->rounds, "rounds", DRIVE},
+        {o->jobs, "jobs", DRIVE},
+        {o->bags, "bag", BAG},
+        {o->truth, "truth", BAG},
+    };
+    for (size_t i = 0; i < sizeof rules / sizeof *rules; i++)
+        if (rules[i].given && !(rules[i].of & kind))
+            return usage_error("bench", "--%s is not for %s", rules[i].name,
+                               kind == SPEED       ? "speed-error"
+                               : kind == DETECTION ? "detection"
+                               : kind == DRIVE     ? "drive without --bag"
+                                                   : "drive --bag");
+    if (kind != SPEED && !o->seeds)
+        return usage_error("bench", "--seeds 0: only speed-error goes without noise");
     if (o->hours > 0.0 && o->seeds != BENCH_USUAL_SEEDS)
         return usage_error("bench", "--hours and --seeds: expected one of them");
     return 0;
 }
 
+static void set_defaults(struct bench_options *o, enum kind kind)
+{
+    if (!(o->limit_s > 0.0))
+        o->limit_s = LIMIT_S;
+    if (!o->threads)
+        o->threads = kind == DRIVE ? 1 : usage_default_threads();
+    if (!o->rounds)
+        o->rounds = 1;
+    if (!o->jobs)
+        o->jobs = usage_default_threads();
+}
+
 int command_bench(int argc, char **argv)
 {
-    struct bench_options o = {.out = "out/bench",
-                              .limit_s = LIMIT_S,
-                              .rounds = 1,
-                              .jobs = usage_default_threads(),
-                              .seeds = BENCH_USUAL_SEEDS};
+    struct bench_options o = {.out = "out/bench", .seeds = BENCH_USUAL_SEEDS};
     struct usage usage = {.command = "bench", .help = help, .options = options};
     int code;
 
@@ -252,11 +281,9 @@ int command_bench(int argc, char **argv)
         return usage_error("bench", "%s: unexpected argument", argv[optind + 1]);
     if (!speed && !drive && strcmp(what, "detection"))
         return usage_error("bench", "%s: expected speed-error, detection or drive", what);
-    if (!speed && !drive && (o.scenes || o.recordings))
-        return usage_error("bench", "detection makes its own scene");
-    if (!speed && !o.seeds)
-        return usage_error("bench", "--seeds 0: %s needs some", what);
-    if ((code = check_drive(&o, drive)) != 0)
+    enum kind kind = speed ? SPEED : !drive ? DETECTION : o.bags ? BAG : DRIVE;
+    if ((code = check_kind(&o, kind)) != 0)
         return code;
+    set_defaults(&o, kind);
     return run(&o, speed ? bench_speed : drive ? bench_drive : bench_detection);
 }
