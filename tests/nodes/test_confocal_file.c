@@ -1,4 +1,4 @@
-/* Optical scans: points in closed form written as MATLAB files, and the measured ones. */
+/* Optical scans: points in closed form written as MATLAB files. */
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
@@ -20,8 +20,6 @@
 #include "tests/nodes/mat_write.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/optical_point.h"
-
-#define MEASURED SOURCE_DIR "/../shared/data/optical-confocal/data_"
 
 static char path[40];
 
@@ -335,91 +333,6 @@ static void a_report_has_the_gate_that_there_is_and_no_band_of_counts(void **sta
     }
 }
 
-/* -- measured scenes --------------------------------------------------------------------
- */
-
-static bool run_measured(struct confocal_job *job, const struct recon_options *o)
-{
-    struct complaint why = {""};
-    if (access(o->confocal, R_OK)) {
-        print_message("%s is not there\n", o->confocal);
-        return false;
-    }
-    if (confocal_job_run(job, o, &why))
-        fail_msg("%s", why.text);
-    return true;
-}
-
-/* Mean of the maxima over depth in a rectangle. */
-static double brightness(const struct confocal_job *job, double x0, double x1, double y0,
-                         double y1)
-{
-    const struct grid *g = &job->grid;
-    double sum = 0.0;
-    int n = 0;
-    for (size_t q = 0; q < g->n[0] * g->n[1]; q++) {
-        double x = g->origin_m[0] + (double)(q % g->n[0]) * g->step_m[0];
-        double y = g->origin_m[1] + (double)(q / g->n[0]) * g->step_m[1];
-        float largest = 0.0f;
-        if (x < x0 || x > x1 || y < y0 || y > y1)
-            continue;
-        for (size_t z = 0; z < g->n[2]; z++)
-            largest = fmaxf(largest, job->intensity[z * g->n[0] * g->n[1] + q]);
-        sum += largest;
-        n++;
-    }
-    return sum / n;
-}
-
-/* Against the board below. */
-static double darkness(const struct confocal_job *job, double x0, double x1, double y0,
-                       double y1)
-{
-    return brightness(job, x0, x1, y0, y1) / brightness(job, x0, x1, -0.21, -0.17);
-}
-
-/* White board, dark arrow to the right below dark letters. */
-static void the_arrow_of_the_exit_sign_points_to_the_right(void **state)
-{
-    static const char *const methods[2] = {"lct", "fk"};
-    (void)state;
-    for (int m = 0; m < 2; m++) {
-        struct recon_options o = {
-            .confocal = MEASURED "exit_sign.mat", .method = methods[m], .threads = 2};
-        struct confocal_job job;
-        if (!run_measured(&job, &o))
-            skip();
-        double board = brightness(&job, -0.15, 0.15, -0.21, -0.17);
-        double beside = brightness(&job, -0.39, -0.3, -0.2, 0.2);
-        assert_true(darkness(&job, -0.15, 0.05, -0.115, -0.09) < 0.75); /* shaft */
-        assert_true(darkness(&job, 0.11, 0.15, -0.15, -0.13) + 0.1 <    /* head */
-                    darkness(&job, -0.15, -0.11, -0.15, -0.13));
-        assert_true(beside < 0.4 * board);
-        confocal_job_clear(&job);
-    }
-}
-
-static void the_nine_dots_are_found_ten_centimetres_apart(void **state)
-{
-    (void)state;
-    struct recon_options o = {
-        .confocal = MEASURED "dot_chart_40cm.mat", .method = "fk", .threads = 2};
-    struct confocal_job job;
-    if (!run_measured(&job, &o))
-        skip();
-    for (int dot = 0; dot < 9; dot++) {
-        double x = 0.005 + 0.1 * (dot % 3 - 1), y = 0.1 * (dot / 3 - 1);
-        bool found = false;
-        for (size_t i = 0; i < job.detections->n_detections; i++) {
-            const Anlos__Vec3 *p = job.detections->detections[i]->position_m;
-            found = found ||
-                    (hypot(p->x - x, p->y - y) < 0.012 && fabs(p->z - 0.4) < 0.02);
-        }
-        assert_true(found);
-    }
-    confocal_job_clear(&job);
-}
-
 #define test(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 int main(void)
@@ -436,8 +349,6 @@ int main(void)
         test(a_point_is_where_it_is_with_every_method),
         test(a_trusting_wiener_filter_is_sharper),
         test(what_is_not_finite_is_no_light_and_is_counted),
-        test(the_arrow_of_the_exit_sign_points_to_the_right),
-        test(the_nine_dots_are_found_ten_centimetres_apart),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,12 +1,9 @@
 /* The recorder's files: what is in them, when, and in how many. */
-#include "recorder_rig.h"
+#include "recorder_full.h"
 
 #include <errno.h>
-#include <sched.h>
 #include <signal.h>
-#include <sys/mount.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "msgs/bag/manifest.h"
@@ -233,84 +230,6 @@ static void losses_are_written_with_topic_number_and_time(void **state)
     assert_string_equal(text, "0");
 }
 
-/* In a bag without a fault that has its end; 0: it is not one. */
-static uint64_t count_messages(const char *path)
-{
-    struct bag_catalog *c;
-    uint64_t n_faults, n;
-
-    if (bag_check(&n_faults, path, NULL, NULL) || n_faults ||
-        bag_catalog_open(&c, path, NULL))
-        return 0;
-    n = c->scanned ? 0 : c->n_messages;
-    bag_catalog_close(c);
-    return n;
-}
-
-/* Records until the disk is full; exit code 0: it ended as it should.  In a process of
- * its own: limits and mounts are the process's. */
-static int fill_disk(struct rig *g, int expected_err)
-{
-    struct recorder_config cfg = config(g);
-    struct recorder_totals t;
-    struct complaint why = {""};
-    uint8_t payload[PAYLOAD_MAX];
-    struct recorder *r;
-    int64_t due_ns;
-    size_t i = 0;
-    int err;
-
-    cfg.flush_ns = MS;
-    if (recorder_create(&r, &cfg, 0, &why))
-        return 2;
-    do {
-        struct bus_message m = make_message(i, payload);
-        err = recorder_put(r, &m, (int64_t)i * MS / 8, &why);
-        if (!err)
-            err = recorder_tick(r, (int64_t)i * MS / 8, &due_ns, &why);
-    } while (!err && ++i < 100000);
-    if (err != expected_err || !strstr(why.text, g->bag))
-        return 3;
-    if (recorder_end(r, 0, &why))
-        return 4;
-    recorder_sum(r, &t);
-    recorder_destroy(r);
-    uint64_t n = count_messages(g->bag);
-    return n < 100 || t.messages - t.unwritten != n || t.unwritten > 10 ? 5 : 0;
-}
-
-static int run_child(struct rig *g, int (*act)(struct rig *g))
-{
-    int status;
-    pid_t pid = fork();
-
-    assert_true(pid >= 0);
-    if (!pid)
-        _exit(act(g));
-    assert_int_equal(waitpid(pid, &status, 0), pid);
-    assert_true(WIFEXITED(status));
-    return WEXITSTATUS(status);
-}
-
-static int fill_tmpfs(struct rig *g)
-{
-    if (unshare(CLONE_NEWNS) || mount(NULL, "/", NULL, MS_REC | MS_PRIVATE, NULL) ||
-        mount("tmpfs", g->scratch->folder, "tmpfs", 0, "size=1m"))
-        return 77;
-    return fill_disk(g, -ENOSPC);
-}
-
-static void a_full_disk_ends_the_recording_with_a_whole_file(void **state)
-{
-    int code = run_child(*state, fill_tmpfs);
-
-    if (code == 77) {
-        print_message("mounting is not allowed here\n");
-        skip();
-    }
-    assert_int_equal(code, 0);
-}
-
 static int fill_limit(struct rig *g)
 {
     const struct rlimit limit = {1 << 20, 1 << 20};
@@ -362,7 +281,6 @@ int main(void)
         RIG_TEST(the_oldest_parts_go_when_the_quota_is_reached),
         RIG_TEST(a_quota_without_room_for_two_files_is_refused),
         RIG_TEST(losses_are_written_with_topic_number_and_time),
-        RIG_TEST(a_full_disk_ends_the_recording_with_a_whole_file),
         RIG_TEST(a_file_that_may_not_grow_ends_it_likewise),
         RIG_TEST(a_file_that_is_there_is_never_written_over),
     };
