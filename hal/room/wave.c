@@ -8,8 +8,6 @@
 
 #include <fftw3.h>
 
-#include "dsp/vector.h"
-
 enum {
     FINE = 4,    /* points for each sample */
     TERMS = 8,   /* of the series around each */
@@ -111,7 +109,6 @@ static double place(const struct wave *w, const struct wave_axis *axis, double t
 
 /* y[n], and up to LANES beyond, of one point's row: its series at part, part + stride...
  */
-VECTOR_CLONES
 static void sum_series(const float *restrict row, size_t n_row, float part, float stride,
                        float *restrict y, size_t n)
 {
@@ -147,7 +144,6 @@ static void read_block(const struct wave *w, double at, double step, float *rest
     }
 }
 
-VECTOR_CLONES
 static void add_scaled(const float *restrict x, float amplitude, float *restrict y,
                        size_t n)
 {
