@@ -1,6 +1,5 @@
 #include "hal/alsa/sample_format.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -18,16 +17,6 @@ static const struct {
 const char *sample_format_name(enum sample_format f)
 {
     return formats[f].name;
-}
-
-int sample_format_from_name(enum sample_format *out, const char *name)
-{
-    for (int i = 0; i < SAMPLE_FORMATS; i++)
-        if (!strcmp(formats[i].name, name)) {
-            *out = (enum sample_format)i;
-            return 0;
-        }
-    return -EINVAL;
 }
 
 size_t sample_format_bytes(enum sample_format f)

@@ -17,9 +17,6 @@ enum sample_format {
 };
 
 const char *sample_format_name(enum sample_format f);
-
-/* -EINVAL: no such format. */
-int sample_format_from_name(enum sample_format *out, const char *name);
 size_t sample_format_bytes(enum sample_format f);
 
 /* n samples of one channel, step_bytes apart, the first at `out`, from x[n] * gain.  A

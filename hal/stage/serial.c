@@ -182,13 +182,6 @@ int serial_read_line(struct serial *s, char line[SERIAL_LINE_SIZE], int64_t dead
     }
 }
 
-void serial_flush(struct serial *s)
-{
-    tcflush(s->fd, TCIFLUSH);
-    s->n = s->next = s->end = 0;
-    s->too_long = false;
-}
-
 void serial_close(struct serial *s)
 {
     if (!s)

@@ -24,9 +24,6 @@ int serial_write(struct serial *s, const char *text, size_t n);
  * are no printable text become '?'.  deadline_ns of CLOCK_MONOTONIC.  0, -ETIMEDOUT (what
  * came of the line is kept), -EMSGSIZE (a longer one: it is dropped), -EIO, -ENODEV. */
 int serial_read_line(struct serial *s, char line[SERIAL_LINE_SIZE], int64_t deadline_ns);
-
-/* Forgets what has come in. */
-void serial_flush(struct serial *s);
 void serial_close(struct serial *s);
 
 /* CLOCK_MONOTONIC, for the deadlines. */

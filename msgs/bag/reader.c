@@ -39,11 +39,6 @@ int bag_reader_open(struct bag_reader **out, const char *path, struct complaint 
     return 0;
 }
 
-uint64_t bag_reader_offset(const struct bag_reader *r)
-{
-    return r->offset;
-}
-
 void bag_reader_close(struct bag_reader *r)
 {
     if (!r)

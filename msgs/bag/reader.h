@@ -18,9 +18,6 @@ int bag_reader_open(struct bag_reader **out, const char *path, struct complaint 
  * be read), -ENOTSUP (compression), -EFBIG (BAG_MAX_SIZE), -EIO, -ENOMEM.  An error
  * stays. */
 int bag_reader_next(struct bag_reader *r, struct bag_record *out, struct complaint *why);
-
-/* Where the record that came last begins: in the file, or its chunk in the file. */
-uint64_t bag_reader_offset(const struct bag_reader *r);
 void bag_reader_close(struct bag_reader *r);
 
 #endif

@@ -246,11 +246,6 @@ void mat_library_complex(const struct mat_variable *v, size_t first, size_t n,
         to_float(part(v, v->im, first), v->variable->class_type, n, 2, parts + 1);
 }
 
-void mat_library_unload(struct mat_variable *v)
-{
-    Mat_VarFree(v->variable);
-}
-
 void mat_library_close(struct mat_library *f)
 {
     if (!f)

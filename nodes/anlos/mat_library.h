@@ -26,7 +26,8 @@ int mat_library_extents(struct mat_library *f, const char *name, size_t rank,
                         size_t extents[], struct complaint *why);
 void mat_library_close(struct mat_library *f);
 
-/* Reads all of a variable; unload it.  0, as mat_file_read_float. */
+/* Reads all of a variable, which stays as long as its process.  0, as
+ * mat_file_read_float. */
 int mat_library_load(struct mat_library *f, const char *name, size_t rank,
                      size_t extents[], bool may_be_complex, struct mat_variable *out,
                      struct complaint *why);
@@ -37,6 +38,5 @@ void mat_library_doubles(const struct mat_variable *v, size_t first, size_t n,
                          double *out);
 void mat_library_complex(const struct mat_variable *v, size_t first, size_t n,
                          float complex *out);
-void mat_library_unload(struct mat_variable *v);
 
 #endif

@@ -51,11 +51,6 @@ bool setting_wall(const struct setting *s, struct wall *out)
     return true;
 }
 
-const char *setting_root(const struct setting *s)
-{
-    return s->has_survey && s->survey.has_mount ? FRAME_VEHICLE : FRAME_ARRAY;
-}
-
 void setting_clear(struct setting *s)
 {
     survey_clear(&s->survey);

@@ -34,9 +34,6 @@ bool setting_take(struct setting *s, const struct foxglove_message *m);
 
 /* The surest wall, when there is a survey.  false: none is known. */
 bool setting_wall(const struct setting *s, struct wall *out);
-
-/* The vehicle's or the array's. */
-const char *setting_root(const struct setting *s);
 void setting_clear(struct setting *s);
 
 #endif

@@ -212,15 +212,6 @@ fail:
     return -ENOMEM;
 }
 
-int objects_list(Anlos__DetectionList **out, const struct survey *s,
-                 const struct detection *objects, size_t n)
-{
-    struct walls walls;
-
-    walls_from_survey(&walls, s);
-    return objects_list_behind(out, s, &walls, objects, n);
-}
-
 static size_t drop_unlikely(struct detection *found, size_t n, double min_existence)
 {
     size_t kept = 0;

@@ -31,8 +31,6 @@ int objects_find_behind(Anlos__DetectionList **out, const struct survey *s,
                         const float *intensity);
 
 /* The conversion alone; objects[n]. */
-int objects_list(Anlos__DetectionList **out, const struct survey *s,
-                 const struct detection *objects, size_t n);
 int objects_list_behind(Anlos__DetectionList **out, const struct survey *s,
                         const struct walls *walls, const struct detection *objects,
                         size_t n);

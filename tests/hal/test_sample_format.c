@@ -106,14 +106,11 @@ static void floats_that_are_not_finite_come_as_they_are(void **state)
 
 static void formats_have_the_names_of_a_rig_file(void **state)
 {
-    enum sample_format f;
+    static const char *const names[SAMPLE_FORMATS] = {"S32", "S24", "S24_3", "float",
+                                                      "S16"};
     (void)state;
-    for (int i = 0; i < SAMPLE_FORMATS; i++) {
-        assert_int_equal(
-            sample_format_from_name(&f, sample_format_name((enum sample_format)i)), 0);
-        assert_int_equal(f, i);
-    }
-    assert_int_equal(sample_format_from_name(&f, "S8"), -22);
+    for (int i = 0; i < SAMPLE_FORMATS; i++)
+        assert_string_equal(sample_format_name((enum sample_format)i), names[i]);
 }
 
 int main(void)

@@ -19,13 +19,22 @@ static struct detection point(double x, double y, double z)
     return d;
 }
 
+/* Behind the survey's own walls. */
+static int list_of(Anlos__DetectionList **out, const struct survey *s,
+                   const struct detection *objects, size_t n)
+{
+    struct walls walls;
+    walls_from_survey(&walls, s);
+    return objects_list_behind(out, s, &walls, objects, n);
+}
+
 static void without_wall_and_mount_positions_stay_as_imaged(void **state)
 {
     (void)state;
     struct survey s = {.temperature_c = NAN};
     struct detection d = point(0.1, 0.2, 3.0);
     Anlos__DetectionList *list;
-    assert_int_equal(objects_list(&list, &s, &d, 1), 0);
+    assert_int_equal(list_of(&list, &s, &d, 1), 0);
     assert_false(list->mirrored);
     assert_false(list->in_vehicle_frame);
     assert_int_equal(list->n_detections, 1);
@@ -42,7 +51,7 @@ static void a_frontal_wall_folds_depth_back(void **state)
         .has_wall = true, .wall_normal = {0, 0, 1}, .wall_distance_m = 1.25};
     struct detection d = point(0.1, 0.2, 2.0);
     Anlos__DetectionList *list;
-    assert_int_equal(objects_list(&list, &s, &d, 1), 0);
+    assert_int_equal(list_of(&list, &s, &d, 1), 0);
     const Anlos__Detection *m = list->detections[0];
     assert_true(list->mirrored);
     assert_near(m->position_m->x, 0.1, 1e-12);
@@ -72,7 +81,7 @@ static void a_mount_turns_position_and_covariance(void **state)
     double side = z_axis[1] - zero[1]; /* left or right, as the frame's handedness says */
     assert_near(fabs(side), 1.0, 1e-12);
 
-    assert_int_equal(objects_list(&list, &s, &d, 1), 0);
+    assert_int_equal(list_of(&list, &s, &d, 1), 0);
     const Anlos__Detection *m = list->detections[0];
     assert_true(list->in_vehicle_frame);
     assert_near(m->position_m->x, 2.1, 1e-12);
@@ -89,7 +98,7 @@ static void assert_extent(const struct survey *s, double x, double y, double z)
 {
     struct detection d = point(0.1, 0.2, 3.0); /* 0.1 x 0.2 x 0.3 as imaged */
     Anlos__DetectionList *list;
-    assert_int_equal(objects_list(&list, s, &d, 1), 0);
+    assert_int_equal(list_of(&list, s, &d, 1), 0);
     const Anlos__Vec3 *extent = list->detections[0]->extent_m;
     assert_near(extent->x, x, 1e-12);
     assert_near(extent->y, y, 1e-12);
@@ -276,7 +285,7 @@ static void ids_rise_in_the_order_given(void **state)
     struct survey s = {.temperature_c = 20.0};
     struct detection d[3] = {point(0, 0, 1), point(0, 0, 2), point(0, 0, 3)};
     Anlos__DetectionList *list;
-    assert_int_equal(objects_list(&list, &s, d, 3), 0);
+    assert_int_equal(list_of(&list, &s, d, 3), 0);
     for (uint32_t i = 0; i < 3; i++) {
         assert_int_equal(list->detections[i]->id, i + 1);
         assert_near(list->detections[i]->position_m->z, 1.0 + i, 0.0);

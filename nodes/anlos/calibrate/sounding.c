@@ -18,7 +18,6 @@ struct sounding {
     const struct survey *survey;
     size_t n_samples; /* of a ping */
     size_t takes, retaken;
-    double temperature_c;
     float *mean;                 /* [n_speakers][n_microphones][n_samples] */
     float *before;               /* [n_microphones][n_samples]: the take before */
     struct sounding_pair *pairs; /* [n_speakers][n_microphones] */
@@ -106,7 +105,6 @@ static int record(struct sounding *s, struct array *array, size_t position,
         if (err)
             return err;
         add_take(s, speaker, take, &ping);
-        s->temperature_c = ping.temperature_c;
     }
     return 0;
 }
@@ -209,11 +207,6 @@ const struct survey *sounding_survey(const struct sounding *s)
 size_t sounding_retaken(const struct sounding *s)
 {
     return s->retaken;
-}
-
-double sounding_temperature_c(const struct sounding *s)
-{
-    return s->temperature_c;
 }
 
 const struct sounding_pair *sounding_pair(const struct sounding *s, size_t speaker,

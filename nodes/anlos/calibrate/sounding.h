@@ -29,9 +29,6 @@ int sounding_take(struct sounding **out, struct array *array, size_t position,
 
 const struct survey *sounding_survey(const struct sounding *s);
 size_t sounding_retaken(const struct sounding *s);
-
-/* NaN: the array does not measure it. */
-double sounding_temperature_c(const struct sounding *s);
 const struct sounding_pair *sounding_pair(const struct sounding *s, size_t speaker,
                                           size_t microphone);
 
