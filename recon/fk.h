@@ -33,7 +33,7 @@ struct fk_config {
     struct trace_format trace; /* of the co-located traces */
     double band_hz[2];
     struct grid grid; /* before the plane (z above plane_z_m) */
-    double sharpen; /* exponent of the depth wavenumber over its largest: 0 as below, more
+    double sharpen; /* exponent of the depth wavenumber over its largest: 0 as above, more
                      * for narrower points with stronger sidelobes */
     bool taper; /* the band's upper half ends softly: of traces that hold more than it */
     struct pool *pool;

@@ -14,7 +14,7 @@
 #include "recon/imager_options.h"
 
 struct imager_config {
-    const char *method; /* imager_methods(): "fast", "backprojection" */
+    const char *method; /* one of imager_methods() */
     const struct geometry *geometry;
     struct trace_format format; /* of the traces that will be added */
     double band_hz[2];
@@ -26,7 +26,8 @@ struct imager_config {
 
 struct imager;
 
-/* "fast\0backprojection\0": names, each ended by a zero, an empty one at the end. */
+/* "fast\0backprojection\0confocal\0lct\0paper\0incoherent\0iterative\0sparse\0": names,
+ * each ended by a zero, an empty one at the end. */
 const char *imager_methods(void);
 bool imager_has_method(const char *name);
 

@@ -8,7 +8,8 @@ struct imager_method {
     const char *name;
     bool any_geometry; /* also pings with places of their own (geometry.pings_m) */
     int (*create)(void **state, const struct imager_config *cfg, const char **why);
-    /* Adds one ping that has not been added before.  Threads add different positions. */
+    /* Adds one ping that has not been added before.  Threads may add different pings at
+     * once.  masked[n_microphones] is never NULL. */
     void (*add)(void *state, size_t position, size_t speaker, const float complex *traces,
                 const bool *masked);
     void (*image)(void *state, float *intensity);

@@ -1,5 +1,5 @@
-/* nodes/array/main.c: "array/fire", "stage/state", "ambient" -> the speakers and
- * microphones -> "ping", "survey" */
+/* nodes/array/main.c: "array/fire", "stage/state", "scan/status", "ambient" -> the
+ * speakers and microphones -> "ping", "survey" */
 #include <errno.h>
 #include <string.h>
 

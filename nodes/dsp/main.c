@@ -1,4 +1,5 @@
-/* nodes/dsp/main.c: "survey", "ping" -> pulse compression -> "traces", "receipt" */
+/* nodes/dsp/main.c: "survey", "ping", "ego", "ambient" -> pulse compression -> "traces",
+ * "receipt" */
 #include <errno.h>
 
 #include "msgs/topics.h"

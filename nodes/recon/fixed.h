@@ -1,6 +1,5 @@
 /* nodes/recon/fixed.h -- the recon node's loop for a fixed array: "survey", "traces",
- * "ego"
- * -> "volume". */
+ * "ego", "wall" -> "volume", and in a replay "receipt". */
 #ifndef ANLOS_NODES_RECON_FIXED_H
 #define ANLOS_NODES_RECON_FIXED_H
 

@@ -1,6 +1,6 @@
-/* nodes/report/main.c: "volume", "detections", "wall", "scan/status", "health" -> a
- * folder.  Ends when it is written: after the scan, or of a scan without end when it is
- * stopped. */
+/* nodes/report/main.c: "survey", "volume", "detections", "wall", "ego", "scan/status",
+ * "health", and "host" of a system on several -> a folder.  Ends when it is written:
+ * after the scan, or of a scan without end when it is stopped. */
 #include <errno.h>
 
 #include "msgs/topics.h"

@@ -20,10 +20,9 @@ struct arguments { /* borrow from argv */
     enum log_format log_format;
 };
 
-/* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --host H --realtime
- * --log-level L
- * --log-format F --help`.
- * 0, or -EINVAL: unknown option, missing value, no launch file. */
+/* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --bag FILE --rate R
+ * --host NAME --realtime --log-level LEVEL --log-format FORM --help`.  0, or -EINVAL:
+ * unknown option, missing or wrong value, no launch file. */
 int arguments_parse(struct arguments *out, int argc, char **argv, struct complaint *why);
 
 /* The options' help, for the end of a program's own. */

@@ -1,5 +1,5 @@
-/* nodes/scan/main.c: health, receipts and the stage's state -> "stage/command",
- * "array/fire", "scan/status" */
+/* nodes/scan/main.c: "health", "survey", "stage/state", "ping", "receipt" ->
+ * "stage/command", "array/fire", "scan/status" */
 #include <errno.h>
 #include <string.h>
 
