@@ -45,12 +45,15 @@ static void print_help(FILE *to)
         "commands\n");
     for (size_t i = 0; i < N_COMMANDS; i++)
         fprintf(to, "  %-10s %s\n", commands[i].name, commands[i].what);
-    fprintf(to, "\n`anlos COMMAND --help` explains a command.  A first look:\n\n"
-                "  anlos launch launch/demo.yaml        everything, simulated\n"
-                "  anlos topic list                     in another terminal meanwhile\n\n"
-                "or step by step:\n\n"
-                "  anlos sim launch/scenes/corner.yaml --out recording\n"
-                "  anlos recon --help\n");
+    fprintf(
+        to,
+        "\n`anlos COMMAND --help` explains a command, `anlos --version` says which this\n"
+        "is.  A first look:\n\n"
+        "  anlos launch launch/demo.yaml        everything, simulated\n"
+        "  anlos topic list                     in another terminal meanwhile\n\n"
+        "or step by step:\n\n"
+        "  anlos sim launch/scenes/corner.yaml --out recording\n"
+        "  anlos recon --help\n");
 }
 
 int main(int argc, char **argv)

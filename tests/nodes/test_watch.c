@@ -11,6 +11,7 @@
 
 #include "nodes/can/watch.h"
 #include "nodes/rt/node.h"
+#include "tests/nodes/near.h"
 
 #define MS 1000000LL
 
@@ -290,7 +291,7 @@ static void a_temperature_that_nobody_tells_is_unknown_after_3_s(void **state)
     assert_is(&w, CAN_DEGRADED, CAN_FAULT_TEMPERATURE_UNKNOWN);
     run(&w, 20);
     assert_well(&w);
-    assert_float_equal(watch_temperature_c(&w.watch), 11.0, 1e-9);
+    assert_near(watch_temperature_c(&w.watch), 11.0, 1e-9);
 }
 
 /* A rig file's is a constant: what was measured must not give way to it unsaid. */
@@ -304,11 +305,11 @@ static void the_temperature_of_the_survey_counts_until_the_vehicle_tells_one(voi
     w.ambient = false;
     run(&w, 5000);
     assert_well(&w);
-    assert_float_equal(watch_temperature_c(&w.watch), 20.0, 1e-9);
+    assert_near(watch_temperature_c(&w.watch), 20.0, 1e-9);
     w.ambient = true;
     run(&w, 2000);
     assert_well(&w);
-    assert_float_equal(watch_temperature_c(&w.watch), 11.0, 1e-9);
+    assert_near(watch_temperature_c(&w.watch), 11.0, 1e-9);
     w.ambient = false;
     watch_survey(&w.watch, 20.0); /* as it does every second */
     run(&w, 3000);
