@@ -176,6 +176,8 @@ int processing_plan(struct processing *out, const struct survey *s, struct compl
 
     p.gate_s[0] = fmax(2.0 * p.gate_m[0] / s->sound_speed_m_s, delays_s[0]);
     p.gate_s[1] = fmin(fmin(delays_s[1], reach_s), quiet_until_s(s, p.band_hz));
+    if (s->has_gate)
+        p.gate_s[1] = fmin(p.gate_s[1], 2.0 * p.gate_m[1] / s->sound_speed_m_s);
     p.ping_samples = s->slot_samples + tail_samples(s);
     p.echo_samples = s->slot_samples + tail_echo_samples(s);
     *out = p;

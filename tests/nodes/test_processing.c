@@ -184,6 +184,21 @@ static void the_delays_of_a_given_volume_are_in_the_gate(void **state)
     assert_int_equal(f.p.grid.n[2], 5);
 }
 
+static void what_lies_behind_the_far_end_of_a_gate_is_not_heard(void **state)
+{
+    (void)state;
+    struct fixture f = paper_array();
+    set_volume(&f, 2.0, 3.0, 0.25);
+    f.s.has_gate = true;
+    f.s.gate_m[0] = 1.0;
+    f.s.gate_m[1] = 2.5;
+    assert_int_equal(plan(&f), 0);
+    assert_near(f.p.gate_s[1], 5.0 / 340.0, 1e-12);
+    f.s.has_volume = false; /* nor in the corners of the default volume */
+    assert_int_equal(plan(&f), 0);
+    assert_near(f.p.gate_s[1], 5.0 / 340.0, 1e-12);
+}
+
 static void a_volume_partly_beyond_the_slot_is_cut_at_two_slots(void **state)
 {
     (void)state;
@@ -258,6 +273,7 @@ int main(void)
         cmocka_unit_test(latency_takes_its_part_of_the_slot),
         cmocka_unit_test(an_inverted_gate_is_an_error),
         cmocka_unit_test(the_delays_of_a_given_volume_are_in_the_gate),
+        cmocka_unit_test(what_lies_behind_the_far_end_of_a_gate_is_not_heard),
         cmocka_unit_test(a_volume_partly_beyond_the_slot_is_cut_at_two_slots),
         cmocka_unit_test(a_volume_beyond_the_slot_or_the_gate_is_an_error),
         cmocka_unit_test(a_volume_of_too_many_voxels_is_refused),

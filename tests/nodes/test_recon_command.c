@@ -251,6 +251,45 @@ static void without_background_a_warning_says_so(void **state)
     json_decref(j);
 }
 
+/* Of the image. */
+static float brightest(const struct fixture *f, const char *gate)
+{
+    struct recon_options o = {.survey = f->survey,
+                              .wav = f->scene,
+                              .background = f->background,
+                              .method = "backprojection",
+                              .threads = 1,
+                              .window = WINDOW_HANN,
+                              .compression = COMPRESSION_MATCHED_FILTER};
+    struct recon_job job;
+    struct complaint why = {0};
+    char text[256];
+    snprintf(text, sizeof text, "%s%s", survey_volume, gate);
+    write_text(f->survey, survey_head, text);
+    int err = recon_job_open(&job, &o, &why);
+    if (!err)
+        err = recon_job_plan(&job, &why);
+    if (!err)
+        err = recon_job_run(&job, &why);
+    if (err)
+        fail_msg("%s", why.text);
+    float most = 0.0f;
+    for (size_t v = 0; v < grid_size(&job.processing.grid); v++)
+        most = fmaxf(most, job.intensity[v]);
+    recon_job_clear(&job);
+    return most;
+}
+
+/* The target is 1.00 to 1.02 m away, half the path; the volume begins at 0.8 m. */
+static void what_stands_outside_of_the_gate_is_not_imaged(void **state)
+{
+    const struct fixture *f = *state;
+    float seen = brightest(f, "gate_m: [0.3, 1.2]\n");
+    assert_true(seen > 0.0f);
+    assert_true(brightest(f, "gate_m: [0.3, 0.92]\n") < 1e-3f * seen);
+    assert_true(brightest(f, "gate_m: [1.1, 1.3]\n") < 1e-3f * seen);
+}
+
 static void a_second_run_replaces_the_first(void **state)
 {
     struct fixture *f = *state;
@@ -554,6 +593,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         test(a_point_lands_where_it_is),
         test(without_background_a_warning_says_so),
+        test(what_stands_outside_of_the_gate_is_not_imaged),
         test(a_second_run_replaces_the_first),
         test(a_silent_microphone_is_named_and_left_out),
         test(a_nan_is_counted_and_its_position_left_out),
