@@ -308,7 +308,7 @@ static void a_report_has_the_gate_that_there_is_and_no_band_of_counts(void **sta
 {
     (void)state;
     static char *const methods[2] = {"lct", "fk"};
-    fill(counts);
+    optical_point_fill(counts);
     write_scan(MAT_FT_MAT5, half_side_m, bin_s);
     double end_m = 0.5 * CONFOCAL_LIGHT_M_S * bin_s * BINS;
     for (int i = 0; i < 2; i++) {
