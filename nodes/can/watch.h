@@ -14,16 +14,17 @@
  *     is heard by none | degraded; blocked when half of the microphones or more are
  *     silent, damaged or clipped, or half of the speakers | 1 s |
  * | element errors | at once when one gives what are no numbers | the same | 1 s |
- * | wall lost * | at once when a list says no places in the vehicle: no wall is known, or
- *     no mount; if the node wall runs, at once when no wall is likely, or none was seen
- * or given for 2 s, and 0.5 s after its last word | degraded | 1 s | | clock jump | at
- * once when the wall clock has moved by 20 ms | degraded | 5 s | | input E2E wrong | at
- * once when a frame is damaged, repeated or out of sequence | degraded | 1 s | | array
- * away | at once when its node says so | fault | 1 s | | node lost | at once when the
- * launcher sees one end or a node calls itself faulty; of a fixed array * 2.5 s after its
- * last health | degraded | 1 s | | clipped | at once when a microphone clips | as
- * channels dead | 1 s | | lists dropped | at once when the bus did not take one |
- * degraded | 5 s |
+ * | wall lost * | at once when a list says no places in the vehicle: no wall or no mount
+ *     is known; if the node wall runs, also at once when no wall is likely or none was
+ *     seen or given for 2 s, and 0.5 s after its last word | degraded | 1 s |
+ * | clock jump | at once when the wall clock has moved by 20 ms | degraded | 5 s |
+ * | input E2E wrong | at once when a frame is damaged, repeated or out of sequence
+ *     | degraded | 1 s |
+ * | array away | at once when its node says so | fault | 1 s |
+ * | node lost | at once when the launcher sees one end or a node calls itself faulty; of
+ *     a fixed array * 2.5 s after its last health | degraded | 1 s |
+ * | clipped | at once when a microphone clips | as channels dead | 1 s |
+ * | lists dropped | at once when the bus did not take one | degraded | 5 s |
  *
  * "At once" is with the next watch_step.  The worst state counts; without faults it is
  * that of the scan, and so it is whatever the faults are while the scan waits, records
