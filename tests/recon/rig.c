@@ -94,10 +94,10 @@ void rig_ping(const struct rig *r, size_t position, size_t speaker,
     }
 }
 
-int rig_try(const struct rig *r, const char *method, struct pool *pool,
-            struct imager **out, const char **why)
+struct imager_config rig_config(const struct rig *r, const char *method,
+                                struct pool *pool)
 {
-    struct imager_config cfg = {
+    return (struct imager_config){
         .method = method,
         .geometry = &r->geometry,
         .format = r->format,
@@ -106,6 +106,12 @@ int rig_try(const struct rig *r, const char *method, struct pool *pool,
         .grid = r->grid,
         .pool = pool,
     };
+}
+
+int rig_try(const struct rig *r, const char *method, struct pool *pool,
+            struct imager **out, const char **why)
+{
+    const struct imager_config cfg = rig_config(r, method, pool);
     return imager_create(out, &cfg, why);
 }
 

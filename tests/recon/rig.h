@@ -44,6 +44,8 @@ void rig_ping(const struct rig *r, size_t position, size_t speaker,
               const struct scatterer *points, size_t n_points, float complex *traces);
 
 /* An imager of the rig.  The pool is the test's. */
+struct imager_config rig_config(const struct rig *r, const char *method,
+                                struct pool *pool);
 struct imager *rig_imager(const struct rig *r, const char *method, struct pool *pool);
 int rig_try(const struct rig *r, const char *method, struct pool *pool,
             struct imager **out, const char **why);

@@ -18,16 +18,8 @@ static float *image_with(const struct rig *r, const char *method,
     for (int a = 0; a < 3; a++)
         point.at_m[a] = g->origin_m[a] + g->step_m[a] * (double)(g->n[a] / 2);
     assert_int_equal(pool_create(&pool, 1), 0);
-    const struct imager_config cfg = {
-        .method = method,
-        .geometry = &r->geometry,
-        .format = r->format,
-        .band_hz = {r->band_hz[0], r->band_hz[1]},
-        .gate_m = {r->gate_m[0], r->gate_m[1]},
-        .grid = r->grid,
-        .options = options,
-        .pool = pool,
-    };
+    struct imager_config cfg = rig_config(r, method, pool);
+    cfg.options = options;
     assert_int_equal(imager_create(&im, &cfg, NULL), 0);
     rig_add(r, im, &point, 1);
     float *image = malloc(grid_size(&r->grid) * sizeof *image);

@@ -306,14 +306,19 @@ static void as_many_iterations_are_allowed_as_there_is_time_for(void **state)
     assert_int_equal(s.plan.iterations, 0);
 }
 
+static void lay_out_near(struct scene *s)
+{
+    lay_out(s);
+    place(s, 1.05);
+    s->probe.depth_m[0] = 1.0;
+    s->probe.depth_m[1] = 1.2;
+}
+
 static void what_is_near_gets_finer_steps(void **state)
 {
     (void)state;
     struct scene s;
-    lay_out(&s);
-    place(&s, 1.05);
-    s.probe.depth_m[0] = 1.0;
-    s.probe.depth_m[1] = 1.2;
+    lay_out_near(&s);
     decide(&s);
     assert_near(s.plan.grid.step_m[1], 0.5 * s.grid.step_m[1], 1e-12);
     /* What is near is narrower, but no less deep. */
@@ -325,10 +330,7 @@ static void where_time_presses_steps_are_somewhat_finer(void **state)
 {
     (void)state;
     struct scene s;
-    lay_out(&s);
-    place(&s, 1.05);
-    s.probe.depth_m[0] = 1.0;
-    s.probe.depth_m[1] = 1.2;
+    lay_out_near(&s);
     decide(&s);
     s.cfg.budget_s = 0.9 * s.plan.time_s;
     decide(&s);
