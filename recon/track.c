@@ -11,7 +11,6 @@
 #define EXTENT_SHARE     0.3        /* of the newest look at it */
 #define STARTED          TRACKS_MAX /* owner of what a track begins with */
 #define MISSED_LOOKS     0.5        /* after more of them it may be something else */
-#define STEP_M           0.31       /* from one part of a walker to another */
 #define LONGEST_S        60.0       /* nothing is predicted farther */
 
 void track_config_default(struct track_config *cfg)
@@ -110,18 +109,6 @@ static enum track_motion judge_motion(const struct track *k)
     return k->motion;
 }
 
-/* Where several rest behind each other they are heard in turn, and the rest fits none: a
- * jump to one beside them is still farther than anything goes from look to look. */
-static bool is_another(const struct tracker *t, const struct track *k,
-                       const struct track_rest_look *look, double since_s)
-{
-    double speed_m_s = hypot(k->filter.state[2], k->filter.state[3]);
-    double reach_m = STEP_M + since_s * fmax(speed_m_s, t->cfg.new_speed_m_s);
-
-    return k->missed > MISSED_LOOKS || track_rest_jumps(&k->rest, look) ||
-           track_rest_step_m(&k->rest, look) > reach_m;
-}
-
 /* After a gap or a jump it may be another thing that is seen: what moves is seen moving.
  * Images without what stands show it move; in others the track itself has to. */
 static void judge_rest(const struct tracker *t, const struct track_scan *scan,
@@ -130,12 +117,12 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
     const struct track_rest_look *look = &t->looks[k->detection];
     double since_s = 1e-9 * (double)(scan->stamp_ns - k->seen_ns);
 
-    if (is_another(t, k, look, since_s))
+    if (k->missed > MISSED_LOOKS || track_rest_jumps(&k->rest, look))
         k->rest = (struct track_rest){.looks = 0.0};
     k->missed = 0.0;
     if (look->range_m > 0.0)
-        track_rest_add(&k->rest, look, fresh, exp(-since_s / t->cfg.rest_s));
-    if (!scan->standing_left || track_rest_misfit(&k->rest) > 1.0)
+        track_rest_add(&k->rest, look, fresh, since_s, exp(-since_s / t->cfg.rest_s));
+    if (!scan->standing_left || track_rest_moves(&k->rest))
         k->moves_ns = scan->stamp_ns;
 }
 

@@ -3,10 +3,13 @@
 #include <math.h>
 #include <string.h>
 
-#define UNKNOWNS   3
-#define JUMP_LOOKS 5     /* after fewer what moves may be as far from where it was */
-#define DEPTH      2.0   /* so much farther behind each other than beside, parts are */
-#define LOOSE_M    100.0 /* what is known beforehand: it is within so much of the array */
+#define UNKNOWNS  TRACK_REST_UNKNOWNS
+#define AT_REST   TRACK_REST_AT_REST
+#define FEW_LOOKS 5     /* fewer tell a jump from a walk as little as from another one */
+#define LOOSE_M   100.0 /* what is known beforehand: it is within so much of the array */
+#define LOOSE_M_S 10.0  /* and not faster */
+#define GAIN      20.0  /* motion explains so much more: in 1 of 2000 cases of noise */
+#define GAIN_LEFT 10.0  /* and so often what a whole look leaves */
 
 static void add_equation(struct track_rest *r, const double a[UNKNOWNS], double b,
                          double weight)
@@ -30,6 +33,31 @@ static void fade(struct track_rest *r, double keep)
     r->looks *= keep;
 }
 
+/* The unknowns as they are since_s later: old = m new, so that normal = m' normal m. */
+static void advance(struct track_rest *r, double since_s)
+{
+    const double s = since_s;
+    const double m[UNKNOWNS][UNKNOWNS] = {
+        {1, 0, 0, -s, 0, 0, 0}, {0, 1, 0, 0, -s, 0, 0}, {0, 0, 1, 0, 0, -s, s * s},
+        {0, 0, 0, 1, 0, 0, 0},  {0, 0, 0, 0, 1, 0, 0},  {0, 0, 0, 0, 0, 1, -2.0 * s},
+        {0, 0, 0, 0, 0, 0, 1}};
+    double half[UNKNOWNS][UNKNOWNS] = {{0.0}}, normal[UNKNOWNS][UNKNOWNS] = {{0.0}};
+    double right[UNKNOWNS] = {0.0};
+
+    for (int i = 0; i < UNKNOWNS; i++)
+        for (int j = 0; j < UNKNOWNS; j++)
+            for (int k = 0; k < UNKNOWNS; k++)
+                half[i][j] += r->normal[i][k] * m[k][j];
+    for (int i = 0; i < UNKNOWNS; i++)
+        for (int k = 0; k < UNKNOWNS; k++) {
+            right[i] += m[k][i] * r->right[k];
+            for (int j = 0; j < UNKNOWNS; j++)
+                normal[i][j] += m[k][i] * half[k][j];
+        }
+    memcpy(r->normal, normal, sizeof normal);
+    memcpy(r->right, right, sizeof right);
+}
+
 /* A look's two equations, of unit weight. */
 struct equations {
     double a[2][UNKNOWNS], b[2], sigma[2];
@@ -41,36 +69,44 @@ static void set_equations(const struct track_rest *r, const struct track_rest_lo
     double p[2] = {look->array_m[0] - r->origin_m[0], look->array_m[1] - r->origin_m[1]};
 
     *e = (struct equations){
-        .a = {{look->axis[0], look->axis[1], 0.0}, {-2.0 * p[0], -2.0 * p[1], 1.0}},
+        .a = {{look->axis[0], look->axis[1]}, {-2.0 * p[0], -2.0 * p[1], 1.0}},
         .b = {look->along_m + look->axis[0] * p[0] + look->axis[1] * p[1],
               look->range_m * look->range_m - p[0] * p[0] - p[1] * p[1]},
         .sigma = {look->sigma_m, 2.0 * look->range_m * look->sigma_m}};
 }
 
 void track_rest_add(struct track_rest *r, const struct track_rest_look *look,
-                    double share, double keep)
+                    double share, double since_s, double keep)
 {
     struct equations e;
 
-    if (r->looks > 0.0)
+    if (r->looks > 0.0) {
         fade(r, keep);
-    else
+        advance(r, since_s);
+    } else {
         memcpy(r->origin_m, look->array_m, sizeof r->origin_m);
+    }
     set_equations(r, look, &e);
     for (int i = 0; i < 2; i++)
         add_equation(r, e.a[i], e.b[i], share / (e.sigma[i] * e.sigma[i]));
     r->looks += share;
     r->n_looks++;
-    r->newest = *look;
 }
 
 /* Cholesky's, of a positive definite matrix, in its lower half. */
 static void decompose(const struct track_rest *r, double l[UNKNOWNS][UNKNOWNS])
 {
+    const double loose[UNKNOWNS] = {LOOSE_M,
+                                    LOOSE_M,
+                                    LOOSE_M * LOOSE_M,
+                                    LOOSE_M_S,
+                                    LOOSE_M_S,
+                                    LOOSE_M * LOOSE_M_S,
+                                    LOOSE_M_S * LOOSE_M_S};
+
     memcpy(l, r->normal, sizeof r->normal);
-    l[0][0] += 1.0 / (LOOSE_M * LOOSE_M);
-    l[1][1] += 1.0 / (LOOSE_M * LOOSE_M);
-    l[2][2] += 1.0 / (LOOSE_M * LOOSE_M * LOOSE_M * LOOSE_M);
+    for (int i = 0; i < UNKNOWNS; i++)
+        l[i][i] += 1.0 / (loose[i] * loose[i]);
     for (int j = 0; j < UNKNOWNS; j++) {
         for (int k = 0; k < j; k++)
             l[j][j] -= l[j][k] * l[j][k];
@@ -95,9 +131,23 @@ static void forward(const double l[UNKNOWNS][UNKNOWNS], const double b[UNKNOWNS]
     }
 }
 
+/* Of a scatterer at rest: the unknowns of motion come behind its own. */
 static double dot(const double a[UNKNOWNS], const double b[UNKNOWNS])
 {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    double sum = 0.0;
+
+    for (int i = 0; i < AT_REST; i++)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+/* What fits best, so that its squares are those that are explained, unknown by unknown.
+ */
+static void fit_looks(const struct track_rest *r, double l[UNKNOWNS][UNKNOWNS],
+                      double fit[UNKNOWNS])
+{
+    decompose(r, l);
+    forward((const double(*)[UNKNOWNS])l, r->right, fit);
 }
 
 double track_rest_misfit(const struct track_rest *r)
@@ -111,9 +161,29 @@ double track_rest_misfit(const struct track_rest *r)
 
     if (!(r->looks > 0.0))
         return 0.0;
-    decompose(r, l);
-    forward((const double(*)[UNKNOWNS])l, r->right, fit);
+    fit_looks(r, l, fit);
     return fmax(r->squares - dot(fit, fit), 0.0) / limit;
+}
+
+void track_rest_motion(const struct track_rest *r, double *gain, double *left)
+{
+    double l[UNKNOWNS][UNKNOWNS], fit[UNKNOWNS];
+
+    *gain = 0.0;
+    fit_looks(r, l, fit);
+    for (int i = AT_REST; i < UNKNOWNS; i++)
+        *gain += fit[i] * fit[i];
+    *left = fmax(r->squares - dot(fit, fit) - *gain, 0.0);
+}
+
+bool track_rest_moves(const struct track_rest *r)
+{
+    double gain, left;
+
+    if (r->n_looks < FEW_LOOKS)
+        return false;
+    track_rest_motion(r, &gain, &left);
+    return gain > fmax(GAIN, GAIN_LEFT * left / r->looks);
 }
 
 double track_rest_distance2(const struct track_rest *r,
@@ -122,8 +192,7 @@ double track_rest_distance2(const struct track_rest *r,
     double l[UNKNOWNS][UNKNOWNS], fit[UNKNOWNS], across[2][UNKNOWNS], left[2], c[2][2];
     struct equations e;
 
-    decompose(r, l);
-    forward((const double(*)[UNKNOWNS])l, r->right, fit);
+    fit_looks(r, l, fit);
     set_equations(r, look, &e);
     for (int i = 0; i < 2; i++) {
         forward((const double(*)[UNKNOWNS])l, e.a[i], across[i]);
@@ -143,19 +212,6 @@ bool track_rest_jumps(const struct track_rest *r, const struct track_rest_look *
 {
     double misfit = fmax(track_rest_misfit(r) / TRACK_REST_MISFIT, 1.0);
 
-    return r->n_looks >= JUMP_LOOKS &&
+    return r->n_looks >= FEW_LOOKS &&
            track_rest_distance2(r, look) > misfit * misfit * TRACK_REST_GATE2;
-}
-
-double track_rest_step_m(const struct track_rest *r, const struct track_rest_look *look)
-{
-    const struct track_rest_look *was = &r->newest;
-    double along_m = look->along_m - was->along_m;
-    double way_m =
-        hypot(look->array_m[0] - was->array_m[0], look->array_m[1] - was->array_m[1]);
-    double away_m = fmax(fabs(look->range_m - was->range_m) - way_m, 0.0);
-
-    for (int a = 0; a < 2; a++)
-        along_m += look->axis[a] * look->array_m[a] - was->axis[a] * was->array_m[a];
-    return r->n_looks ? hypot(along_m, away_m / DEPTH) : 0.0;
 }

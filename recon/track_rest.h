@@ -1,4 +1,4 @@
-/* recon/track_rest.h -- could what a track has shown be one scatterer at rest?
+/* recon/track_rest.h -- does a track show one scatterer at rest, or something that moves?
  *
  * A line array hears how far a thing is along its axis, u (x - p), and how far it is from
  * the array, |x - p|; not in which direction across the axis.  A thing over the array,
@@ -10,9 +10,16 @@
  *   h - 2 p x     = range^2 - |p|^2,    h = |x|^2 with its height,
  *
  * are linear in the three unknowns x (over ground) and h.  They are fitted by weighted
- * least squares over the newest seconds; what is left tells whether the thing has moved
- * by itself.  (h < |x|^2 would be a height of an imaginary size: it is allowed, and costs
- * a little of the test's power along the way of the vehicle.) */
+ * least squares over the newest seconds; what is left tells how far it is from rest.
+ * (h < |x|^2 would be a height of an imaginary size: it is allowed, and costs a little of
+ * the test's power along the way of the vehicle.)
+ *
+ * What moves with a velocity v was at x - v t and had h - b t + c t^2 a time t ago, b = 2
+ * x v and c = |v|^2: four unknowns more, linear as well.  It has moved by itself where
+ * these take much away of what rest leaves, and little remains.  Several things at rest
+ * that are heard in turn fit no rest either, but motion explains them no better.  (That
+ * of two nested linear models the F-test compares: Kay 1998, "Fundamentals of Statistical
+ * Signal Processing: Detection Theory", section 9.3.) */
 #ifndef ANLOS_RECON_TRACK_REST_H
 #define ANLOS_RECON_TRACK_REST_H
 
@@ -20,6 +27,8 @@
 
 #define TRACK_REST_MISFIT 0.1  /* below: it seems to rest; above, the less the more */
 #define TRACK_REST_GATE2  13.8 /* 999 of 1000 looks at a thing at rest are nearer */
+
+enum { TRACK_REST_AT_REST = 3, TRACK_REST_UNKNOWNS = 7 }; /* x, h; then v, b, c */
 
 struct track_rest_look {
     double array_m[2]; /* over ground, when it was heard */
@@ -31,29 +40,31 @@ struct track_rest_look {
 
 struct track_rest {
     double origin_m[2]; /* over ground: all is counted from there */
-    double normal[3][3], right[3], squares;
-    double looks;                  /* fitted, old ones faded; 0: none */
-    unsigned n_looks;              /* that were added */
-    struct track_rest_look newest; /* of them */
+    double normal[TRACK_REST_UNKNOWNS][TRACK_REST_UNKNOWNS]; /* at the newest look */
+    double right[TRACK_REST_UNKNOWNS], squares;
+    double looks;     /* fitted, old ones faded; 0: none */
+    unsigned n_looks; /* that were added */
 };
 
 /* A look at something else: far from where a scatterer rests that explains the others;
  * the farther, the worse it explains them. */
 bool track_rest_jumps(const struct track_rest *r, const struct track_rest_look *look);
 
-/* How far a look is from the newest one: along the array, over ground, and with half
- * of what the array's own way does not account for in range, for of a walker or a cyclist
- * one part and then another is heard, one behind the other.  0: there is none. */
-double track_rest_step_m(const struct track_rest *r, const struct track_rest_look *look);
-
-/* share: how much of a look this is, as far as it tells anything new; keep: of what came
- * before, 0..1. */
+/* share: how much of a look this is, as far as it tells anything new; since_s: after the
+ * one before; keep: of what came before, 0..1. */
 void track_rest_add(struct track_rest *r, const struct track_rest_look *look,
-                    double share, double keep);
+                    double share, double since_s, double keep);
 
 /* Sum of the squares that are left, in units of their variances, over what a scatterer at
- * rest would leave in one of ten million cases; above 1 it has moved by itself. */
+ * rest would leave in one of ten million cases. */
 double track_rest_misfit(const struct track_rest *r);
+
+/* Of the squares that rest leaves, those that motion explains and those that it leaves,
+ * in units of their variances. */
+void track_rest_motion(const struct track_rest *r, double *gain, double *left);
+
+/* It has moved by itself, steadily. */
+bool track_rest_moves(const struct track_rest *r);
 
 /* How far a look is from where the scatterer would be heard at rest: squares in units of
  * their variances, of two degrees of freedom. */

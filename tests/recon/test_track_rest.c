@@ -7,6 +7,8 @@
 
 #define SIGMA_M 0.05
 #define STEP_S  0.2
+#define PING_S  0.024
+#define SHARE   0.12 /* of an image of 8 pings, that is new */
 
 /* A vehicle that speeds up to 2 m/s in a gentle bend; its array looks ahead. */
 static void drive(int k, struct track_rest_look *look)
@@ -52,7 +54,7 @@ static void anything_at_rest_anywhere_is_believed_to_rest(void **state)
                 break;
             if (k > 8)
                 assert_true(track_rest_distance2(&r, &look) < 0.1);
-            track_rest_add(&r, &look, 1.0, 1.0);
+            track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
             assert_true(track_rest_misfit(&r) < 0.01);
         }
     }
@@ -72,7 +74,7 @@ static void noise_alone_is_no_motion(void **state)
             hear(p_m, &look);
             look.along_m += SIGMA_M * dice_normal(&seed);
             look.range_m += SIGMA_M * dice_normal(&seed);
-            track_rest_add(&r, &look, 1.0, 0.9);
+            track_rest_add(&r, &look, 1.0, STEP_S, 0.9);
             assert_true(track_rest_misfit(&r) < 1.0);
         }
     }
@@ -80,7 +82,7 @@ static void noise_alone_is_no_motion(void **state)
 
 /* n looks at something that goes along a standing array at v leave the squares of its
  * distances from its mean place, v^2 dt^2 n (n^2 - 1) / 12; f = 2 n - 2. */
-static void what_moves_is_told_by_the_squares_it_leaves(void **state)
+static void what_moves_leaves_squares(void **state)
 {
     struct track_rest r = {.looks = 0.0};
     struct track_rest_look look = {
@@ -90,7 +92,7 @@ static void what_moves_is_told_by_the_squares_it_leaves(void **state)
     (void)state;
     for (int n = 1; n <= 6; n++) {
         look.along_m = v * STEP_S * n;
-        track_rest_add(&r, &look, 1.0, 1.0);
+        track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
         double left_m2 = v * v * STEP_S * STEP_S * n * (n * n - 1) / 12.0, f = 2 * n - 2;
         assert_near(track_rest_misfit(&r),
                     left_m2 / (SIGMA_M * SIGMA_M) / (f + 2.0 * sqrt(f * x) + 2.0 * x),
@@ -107,7 +109,7 @@ static void how_far_a_look_is_off_counts_both_errors(void **state)
 
     (void)state;
     for (int n = 0; n < 4; n++)
-        track_rest_add(&r, &look, 1.0, 1.0);
+        track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
     look.along_m += 0.3;
     assert_near(track_rest_distance2(&r, &look),
                 0.3 * 0.3 / (SIGMA_M * SIGMA_M * (1.0 + 0.25)), 1e-3);
@@ -125,18 +127,16 @@ static void a_jump_is_told_from_a_walk(void **state)
     for (int n = 0; n < 30; n++) {
         look.along_m = 1.2 * 0.024 * n;
         assert_false(track_rest_jumps(&walks, &look));
-        track_rest_add(&walks, &look, 0.12, 1.0);
+        track_rest_add(&walks, &look, SHARE, PING_S, 1.0);
         look.along_m = 1.0;
         assert_false(track_rest_jumps(&rests, &look));
-        track_rest_add(&rests, &look, 0.12, 1.0);
+        track_rest_add(&rests, &look, SHARE, PING_S, 1.0);
     }
     assert_true(track_rest_misfit(&walks) > 1.0);
     look.along_m = 1.4;
     assert_true(track_rest_jumps(&rests, &look));
 }
 
-/* 0.3 m farther along and 0.8 m farther away, of which half counts: 0.5 m.  Then the
- * array has gone 0.6 m ahead, which may be why, and 0.3 m along, which is. */
 /* Neighbours that are heard in turn fit no rest well; a third one is a jump all the same,
  * unless a walk explains them as well. */
 static void a_jump_is_told_where_neighbours_are_heard_in_turn(void **state)
@@ -152,7 +152,7 @@ static void a_jump_is_told_where_neighbours_are_heard_in_turn(void **state)
         hear(near_m[k % 2], &look);
         if (k < 7)
             assert_false(track_rest_jumps(&rests, &look));
-        track_rest_add(&rests, &look, 1.0, 1.0);
+        track_rest_add(&rests, &look, 1.0, STEP_S, 1.0);
     }
     double misfit = track_rest_misfit(&rests);
     assert_true(misfit > TRACK_REST_MISFIT && misfit < 5.0 * TRACK_REST_MISFIT);
@@ -163,45 +163,170 @@ static void a_jump_is_told_where_neighbours_are_heard_in_turn(void **state)
     assert_true(track_rest_jumps(&rests, &look));
 }
 
-static void a_step_is_what_the_arrays_own_way_does_not_account_for(void **state)
+/* Motion along the array explains all of those squares: it is believed from 20 on, and
+ * from 5 looks on. */
+static void steady_motion_is_believed_once_it_explains_enough(void **state)
 {
-    struct track_rest r = {.looks = 0.0};
-    struct track_rest_look look = {
-        .axis = {0.0, 1.0}, .along_m = 1.0, .range_m = 3.0, .sigma_m = SIGMA_M};
+    const double speeds_m_s[] = {0.1, 0.2, 0.4, 3.0};
 
     (void)state;
-    assert_near(track_rest_step_m(&r, &look), 0.0, 1e-12);
-    track_rest_add(&r, &look, 0.1, 1.0);
-    look.along_m += 0.3;
-    look.range_m += 0.8;
-    assert_near(track_rest_step_m(&r, &look), 0.5, 1e-12);
-    look.array_m[0] = 0.6;
-    assert_near(track_rest_step_m(&r, &look), hypot(0.3, 0.1), 1e-12);
-    look.array_m[1] = -0.3;
-    assert_near(track_rest_step_m(&r, &look), 0.5 * (0.8 - hypot(0.6, 0.3)), 1e-12);
-    track_rest_add(&r, &look, 0.1, 1.0);
-    assert_near(track_rest_step_m(&r, &look), 0.0, 1e-12);
+    for (size_t i = 0; i < sizeof speeds_m_s / sizeof *speeds_m_s; i++) {
+        struct track_rest r = {.looks = 0.0};
+        struct track_rest_look look = {
+            .axis = {0.0, 1.0}, .range_m = 3.0, .sigma_m = SIGMA_M};
+        double step = speeds_m_s[i] * STEP_S / SIGMA_M;
+        for (int n = 1; n <= 12; n++) {
+            double gain = step * step * n * (n * n - 1) / 12.0;
+            look.along_m = SIGMA_M * step * n;
+            track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
+            assert_true(fabs(gain - 20.0) > 0.01);
+            assert_int_equal(track_rest_moves(&r), n >= 5 && gain > 20.0);
+        }
+    }
 }
 
-/* Over ground it is as far along, and its distance changes by no more than the array
- * goes. */
-static void what_rests_makes_no_step(void **state)
+/* Chi-squared of four degrees of freedom is over 20 in 1 of 2000 cases.  Where noise is
+ * twice what it is taken for, ten times what one of 15 looks leaves counts: that is an F
+ * of 4 and 23 degrees of freedom over 10 / 15 * 23 / 4 = 3.8, as in 1.6 of 100 cases. */
+static void noise_is_no_steady_motion(void **state)
 {
-    unsigned long long seed = 5;
+    enum { TRIALS = 3000 };
+    const double p_m[3] = {23.0, -6.0, 2.0};
+    unsigned long long seed = 6;
+    int moves[2] = {0, 0};
+
+    (void)state;
+    for (int trial = 0; trial < 2 * TRIALS; trial++) {
+        struct track_rest r = {.looks = 0.0};
+        double noise_m = SIGMA_M * (1.0 + trial % 2);
+        for (int k = 0; k < 15; k++) {
+            struct track_rest_look look;
+            drive(k, &look);
+            hear(p_m, &look);
+            look.along_m += noise_m * dice_normal(&seed);
+            look.range_m += noise_m * dice_normal(&seed);
+            track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
+        }
+        moves[trial % 2] += track_rest_moves(&r);
+    }
+    assert_true(moves[0] < 8);
+    assert_true(moves[1] < 75);
+}
+
+/* Whatever keeps its velocity is explained without a rest, also where it passes close by;
+ * from an array that swings about, at uneven intervals, so that nothing else explains it.
+ */
+static void what_keeps_its_velocity_is_seen_to_move(void **state)
+{
+    unsigned long long seed = 9;
 
     (void)state;
     for (int trial = 0; trial < 300; trial++) {
-        struct track_rest_look was = {.axis = {0.6, 0.8}, .sigma_m = SIGMA_M}, is = was;
         struct track_rest r = {.looks = 0.0};
-        double p_m[3];
+        double p_m[3], angle = 2.0 * M_PI * reference_random(&seed), t = 0.0;
+        double gain, left;
         throw_point(&seed, p_m);
-        is.array_m[0] = 0.1 * dice_normal(&seed);
-        is.array_m[1] = 0.1 * dice_normal(&seed);
-        hear(p_m, &was);
-        hear(p_m, &is);
-        track_rest_add(&r, &was, 1.0, 1.0);
-        assert_near(track_rest_step_m(&r, &is), 0.0, 1e-9);
+        for (int k = 0; k < 20; k++) {
+            double step_s = STEP_S * (0.5 + reference_random(&seed));
+            struct track_rest_look look;
+            drive(k, &look);
+            t += step_s;
+            look.array_m[0] = 20.0 + 2.0 * sin(1.7 * t);
+            look.array_m[1] = -7.0 + 1.5 * cos(2.3 * t);
+            p_m[0] += 3.0 * step_s * cos(angle);
+            p_m[1] += 3.0 * step_s * sin(angle);
+            hear(p_m, &look);
+            track_rest_add(&r, &look, 1.0, step_s, 1.0);
+        }
+        track_rest_motion(&r, &gain, &left);
+        assert_true(gain > 1000.0);
+        assert_below(left, 1.0); /* what is known beforehand */
+        assert_true(track_rest_moves(&r));
     }
+}
+
+/* From a vehicle that drives, within a second: at a walker's pace, anywhere and in any
+ * direction, also in those that look like rest at another height. */
+static void what_walks_is_seen_to_move(void **state)
+{
+    enum { TRIALS = 300, LOOKS = 40 };
+    unsigned long long seed = 7;
+    int moves = 0;
+
+    (void)state;
+    for (int trial = 0; trial < TRIALS; trial++) {
+        struct track_rest r = {.looks = 0.0};
+        double p_m[3], angle = 2.0 * M_PI * reference_random(&seed);
+        throw_point(&seed, p_m);
+        p_m[0] += 4.0;
+        for (int k = 0; k < LOOKS; k++) {
+            struct track_rest_look look;
+            const double at_m[3] = {p_m[0] + 1.2 * PING_S * k * cos(angle),
+                                    p_m[1] + 1.2 * PING_S * k * sin(angle), p_m[2]};
+            drive(0, &look);
+            look.array_m[0] += 2.0 * PING_S * k;
+            hear(at_m, &look);
+            look.along_m += 0.01 * dice_normal(&seed);
+            look.range_m += 0.01 * dice_normal(&seed);
+            track_rest_add(&r, &look, SHARE, PING_S, 1.0);
+        }
+        moves += track_rest_moves(&r);
+    }
+    assert_true(moves > 3 * TRIALS / 4);
+}
+
+/* At one place along the array, one behind the other within a metre: no rest explains
+ * them, and no motion. */
+static void what_is_heard_in_turn_does_not_move(void **state)
+{
+    enum { TRIALS = 300, LOOKS = 40 };
+    unsigned long long seed = 8;
+    int moves = 0, rests = 0;
+
+    (void)state;
+    for (int trial = 0; trial < TRIALS; trial++) {
+        struct track_rest r = {.looks = 0.0};
+        double away_m[4];
+        for (int i = 0; i < 4; i++)
+            away_m[i] = 2.0 + reference_random(&seed);
+        for (int k = 0; k < LOOKS; k++) {
+            struct track_rest_look look;
+            const double at_m[3] = {20.0 + away_m[(int)(4.0 * reference_random(&seed))],
+                                    -6.0, 0.5};
+            drive(0, &look);
+            look.array_m[0] += 2.0 * PING_S * k;
+            hear(at_m, &look);
+            track_rest_add(&r, &look, SHARE, PING_S, 1.0);
+        }
+        moves += track_rest_moves(&r);
+        rests += track_rest_misfit(&r) < 1.0;
+    }
+    assert_true(rests < TRIALS / 2);
+    assert_true(moves < TRIALS / 100);
+}
+
+/* Two minutes of looks, of which the newest second and a half count. */
+static void a_long_time_makes_no_motion(void **state)
+{
+    const double p_m[3] = {23.0, -6.0, 2.0};
+    struct track_rest r = {.looks = 0.0};
+    struct track_rest_look look;
+
+    (void)state;
+    for (int k = 0; k < 5000; k++) {
+        drive(0, &look);
+        look.array_m[0] += sin(PING_S * k);
+        hear(p_m, &look);
+        track_rest_add(&r, &look, SHARE, PING_S, exp(-PING_S / 1.5));
+        assert_true(track_rest_misfit(&r) < 0.01);
+        assert_false(track_rest_moves(&r));
+    }
+    for (int k = 0; k < 100; k++) {
+        const double at_m[3] = {p_m[0], p_m[1] + 1.2 * PING_S * k, p_m[2]};
+        hear(at_m, &look);
+        track_rest_add(&r, &look, SHARE, PING_S, exp(-PING_S / 1.5));
+    }
+    assert_true(track_rest_moves(&r));
 }
 
 static void what_is_old_fades(void **state)
@@ -213,13 +338,13 @@ static void what_is_old_fades(void **state)
     (void)state;
     for (int n = 0; n < 4; n++) {
         look.along_m = 0.5 * n;
-        track_rest_add(&r, &look, 1.0, 1.0);
+        track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
     }
     assert_true(track_rest_misfit(&r) > 1.0);
     for (int n = 0; n < 6; n++) {
         look.along_m = 7.0 + 0.02 * n;
-        track_rest_add(&r, &look, 1.0, n ? 1.0 : 1e-9);
-        track_rest_add(&fresh, &look, 1.0, 1.0);
+        track_rest_add(&r, &look, 1.0, STEP_S, n ? 1.0 : 1e-9);
+        track_rest_add(&fresh, &look, 1.0, STEP_S, 1.0);
     }
     assert_near(r.looks, 6.0, 1e-6);
     assert_near(track_rest_misfit(&r), track_rest_misfit(&fresh), 1e-4);
@@ -230,12 +355,16 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(anything_at_rest_anywhere_is_believed_to_rest),
         cmocka_unit_test(noise_alone_is_no_motion),
-        cmocka_unit_test(what_moves_is_told_by_the_squares_it_leaves),
+        cmocka_unit_test(what_moves_leaves_squares),
         cmocka_unit_test(how_far_a_look_is_off_counts_both_errors),
         cmocka_unit_test(a_jump_is_told_from_a_walk),
         cmocka_unit_test(a_jump_is_told_where_neighbours_are_heard_in_turn),
-        cmocka_unit_test(a_step_is_what_the_arrays_own_way_does_not_account_for),
-        cmocka_unit_test(what_rests_makes_no_step),
+        cmocka_unit_test(steady_motion_is_believed_once_it_explains_enough),
+        cmocka_unit_test(noise_is_no_steady_motion),
+        cmocka_unit_test(what_keeps_its_velocity_is_seen_to_move),
+        cmocka_unit_test(what_walks_is_seen_to_move),
+        cmocka_unit_test(what_is_heard_in_turn_does_not_move),
+        cmocka_unit_test(a_long_time_makes_no_motion),
         cmocka_unit_test(what_is_old_fades),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
