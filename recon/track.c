@@ -148,6 +148,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     }
     for (int a = 0; a < 3; a++)
         k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
+    track_outline_update(k, t->pose.dyaw);
     k->motion = judge_motion(k);
     judge_rest(t, scan, fresh, k);
     k->seen_ns = scan->stamp_ns;

@@ -89,6 +89,7 @@ struct track_report {
     unsigned id;
     enum track_state state;
     double position_m[3], covariance_m2[6];
+    double heard_m[3]; /* the middle of what is heard of it, which may be its front */
     double velocity_m_s[2], velocity_m2_s2[3]; /* over ground; covariance xx xy yy */
     double extent_m[3];
     double existence;

@@ -5,41 +5,14 @@
 
 #include "recon/track_state.h"
 
-#define WALK_M_S    2.0  /* no person walks faster */
-#define SURE_M_S    1.0  /* a velocity that is compared is known to this */
-#define LONGEST_M   6.0  /* a body is no longer, nor wider than half of that */
-#define CAR_M       2.5  /* longer ones are cars: */
-#define WIDTH_SHARE 0.4  /* as wide as that part of their length, at least */
-#define SAME_GATE   9.21 /* 99 of 100 velocities that are the same (chi-squared, 2) */
-#define RECENT_S    0.5
-#define KEPT_S      1.5  /* a part that is not seen any more */
-#define KNOWN_LOOKS 0.5  /* a part that was seen so long counts for the size */
-#define SLIP_M      0.05 /* a bright spot wanders about on its part */
-#define SHARE       0.3  /* of the newest look at its middle */
+#define LONGEST_M 6.0  /* a body is no longer, nor wider than half of that */
+#define SAME_GATE 9.21 /* 99 of 100 velocities that are the same (chi-squared, 2) */
+#define RECENT_S  0.5
+#define KEPT_S    1.5  /* a part that is not seen any more */
+#define SLIP_M    0.05 /* a bright spot wanders about on its part */
 
 /* -- frames -----------------------------------------------------------------------------
  */
-
-static bool find_heading(const struct track_filter *f, double u[2])
-{
-    double speed = hypot(f->state[2], f->state[3]);
-
-    u[0] = speed > 0.0 ? f->state[2] / speed : 1.0;
-    u[1] = speed > 0.0 ? f->state[3] / speed : 0.0;
-    return speed > WALK_M_S;
-}
-
-static void turn_in(const double u[2], const double v[2], double out[2])
-{
-    out[0] = u[0] * v[0] + u[1] * v[1];
-    out[1] = u[0] * v[1] - u[1] * v[0];
-}
-
-static void turn_out(const double u[2], const double v[2], double out[2])
-{
-    out[0] = u[0] * v[0] - u[1] * v[1];
-    out[1] = u[1] * v[0] + u[0] * v[1];
-}
 
 /* From the filter's place, as it was at the measured instant. */
 static void offset_of(const struct track_filter *f, const struct track_position *p,
@@ -104,10 +77,10 @@ double track_body_gap_m(const struct track *k, const struct track_position *p)
 {
     double u[2], offset_m[2], at[2];
 
-    find_heading(&k->filter, u);
+    track_outline_heading(&k->filter, u);
     offset_of(&k->filter, p, offset_m);
-    turn_in(u, offset_m, at);
-    return gap_m(k->body.low_m, k->body.high_m, at);
+    track_outline_turn_in(u, offset_m, at);
+    return gap_m(k->outline.low_m, k->outline.high_m, at);
 }
 
 /* -- parts ------------------------------------------------------------------------------
@@ -153,45 +126,6 @@ static void update_part(struct track *k, struct track_part *part,
     part->variance_m2 += fresh * SLIP_M * SLIP_M - gain * part->variance_m2;
     part->looks += fresh;
     part->seen_ns = now_ns;
-}
-
-/* The side of a car that is not seen is on the far side of it. */
-static void widen(struct track_body *b, const double u[2])
-{
-    double length_m = b->high_m[0] - b->low_m[0];
-    double unseen_m = WIDTH_SHARE * length_m - (b->high_m[1] - b->low_m[1]);
-    double sight[2];
-
-    if (length_m < CAR_M || unseen_m <= 0.0)
-        return;
-    turn_in(u, b->sight, sight);
-    b->low_m[1] -= 0.5 * unseen_m * (1.0 - sight[1]);
-    b->high_m[1] += 0.5 * unseen_m * (1.0 + sight[1]);
-}
-
-static void measure(struct track *k)
-{
-    struct track_body *b = &k->body;
-    double u[2], at[2], middle[2], new_m[2];
-    bool any = false;
-
-    find_heading(&k->filter, u);
-    for (size_t i = 0; i < b->n; i++) {
-        if (b->parts[i].looks < KNOWN_LOOKS)
-            continue;
-        turn_in(u, b->parts[i].offset_m, at);
-        for (int a = 0; a < 2; a++) {
-            b->low_m[a] = any ? fmin(b->low_m[a], at[a]) : at[a];
-            b->high_m[a] = any ? fmax(b->high_m[a], at[a]) : at[a];
-        }
-        any = true;
-    }
-    widen(b, u);
-    for (int a = 0; a < 2; a++)
-        middle[a] = 0.5 * (b->low_m[a] + b->high_m[a]);
-    turn_out(u, middle, new_m);
-    for (int a = 0; a < 2; a++)
-        b->middle_m[a] += SHARE * (new_m[a] - b->middle_m[a]);
 }
 
 static void forget_parts(struct track_body *b, int64_t now_ns)
@@ -243,24 +177,16 @@ void track_body_update(struct tracker *t, const struct track_scan *scan,
             add_part(k, &t->positions[j], fresh, scan->stamp_ns);
     forget_parts(&k->body, scan->stamp_ns);
     track_turn(t->pose.dyaw, scan->detections[k->detection].sight, k->body.sight);
-    measure(k);
 }
 
 /* -- two tracks that are one ------------------------------------------------------------
  */
 
-static double velocity_m2_s2(const struct track_filter *f)
-{
-    return 0.5 * (f->covariance[2][2] + f->covariance[3][3]);
-}
-
 static bool go_together(const struct track *a, const struct track *b)
 {
-    double dv[2], c[2][2], u[2];
+    double dv[2], c[2][2];
 
-    if (!find_heading(&a->filter, u) || !find_heading(&b->filter, u) ||
-        velocity_m2_s2(&a->filter) > SURE_M_S * SURE_M_S ||
-        velocity_m2_s2(&b->filter) > SURE_M_S * SURE_M_S)
+    if (!track_outline_is_fast(a) || !track_outline_is_fast(b))
         return false;
     for (int i = 0; i < 2; i++) {
         dv[i] = a->filter.state[2 + i] - b->filter.state[2 + i];
@@ -276,21 +202,22 @@ static bool adjoin(const struct track *a, const struct track *b)
 {
     double u[2], offset_m[2], at[2], low[2], high[2], least_m = INFINITY;
 
-    find_heading(&a->filter, u);
+    track_outline_heading(&a->filter, u);
     for (int i = 0; i < 2; i++)
         offset_m[i] = b->filter.state[i] - a->filter.state[i];
-    turn_in(u, offset_m, at);
+    track_outline_turn_in(u, offset_m, at);
     for (int i = 0; i < 2; i++) {
-        low[i] = at[i] + b->body.low_m[i];
-        high[i] = at[i] + b->body.high_m[i];
-        double all = fmax(a->body.high_m[i], high[i]) - fmin(a->body.low_m[i], low[i]);
+        low[i] = at[i] + b->outline.low_m[i];
+        high[i] = at[i] + b->outline.high_m[i];
+        double all = fmax(a->outline.high_m[i], high[i]) -
+                     fmin(a->outline.low_m[i], low[i]);
         if (all > most_m[i])
             return false;
     }
     for (int corner = 0; corner < 4; corner++) {
         const double c[2] = {corner & 1 ? high[0] : low[0],
                              corner & 2 ? high[1] : low[1]};
-        least_m = fmin(least_m, gap_m(a->body.low_m, a->body.high_m, c));
+        least_m = fmin(least_m, gap_m(a->outline.low_m, a->outline.high_m, c));
     }
     return isfinite(least_m);
 }
@@ -300,10 +227,10 @@ static void begin_body(struct track *k)
     if (k->body.n)
         return;
     k->body.parts[k->body.n++] = (struct track_part){
-        .variance_m2 = SLIP_M * SLIP_M, .looks = KNOWN_LOOKS, .seen_ns = k->seen_ns};
+        .variance_m2 = SLIP_M * SLIP_M, .looks = TRACK_PART_KNOWN, .seen_ns = k->seen_ns};
 }
 
-static void take_over(struct track *k, struct track *other)
+static void take_over(struct track *k, struct track *other, double yaw)
 {
     begin_body(k);
     begin_body(other);
@@ -313,7 +240,7 @@ static void take_over(struct track *k, struct track *other)
         for (int a = 0; a < 2; a++)
             part->offset_m[a] += other->filter.state[a] - k->filter.state[a];
     }
-    measure(k);
+    track_outline_update(k, yaw);
     k->seen_ns = k->seen_ns > other->seen_ns ? k->seen_ns : other->seen_ns;
     k->moves_ns = k->moves_ns > other->moves_ns ? k->moves_ns : other->moves_ns;
     k->life.existence = fmax(k->life.existence, other->life.existence);
@@ -338,21 +265,8 @@ void track_body_merge(struct tracker *t)
                 !adjoin(a, b))
                 continue;
             if (a->id || !b->id)
-                take_over(a, b);
+                take_over(a, b, t->pose.dyaw);
             else
-                take_over(b, a);
+                take_over(b, a, t->pose.dyaw);
         }
-}
-
-void track_body_size(const struct track *k, double yaw, double size_m[2])
-{
-    double ground[2], u[2];
-
-    find_heading(&k->filter, ground);
-    track_turn(-yaw, ground, u);
-    for (int a = 0; a < 2; a++) {
-        double along = k->body.high_m[0] - k->body.low_m[0];
-        double across = k->body.high_m[1] - k->body.low_m[1];
-        size_m[a] = fabs(u[a]) * along + fabs(u[1 - a]) * across;
-    }
 }

@@ -17,7 +17,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define TRACK_PARTS 16
+#define TRACK_PARTS      16
+#define TRACK_PART_KNOWN 0.5 /* looks, after which a part counts for the size */
 
 struct track_part {
     double offset_m[2], variance_m2; /* over ground, from the place of the filter */
@@ -27,10 +28,8 @@ struct track_part {
 
 struct track_body {
     struct track_part parts[TRACK_PARTS];
-    double sight[2];            /* over ground: along which it was heard last */
-    size_t n;                   /* 0: all there is to see is one place */
-    double middle_m[2];         /* of what is known of it, from the filter's place */
-    double low_m[2], high_m[2]; /* along its velocity, and across to the left */
+    double sight[2]; /* over ground: along which it was heard last */
+    size_t n;        /* 0: all there is to see is one place */
 };
 
 struct track;
@@ -52,8 +51,5 @@ void track_body_update(struct tracker *t, const struct track_scan *scan,
 
 /* Makes one of tracks that are one; the younger is over then. */
 void track_body_merge(struct tracker *t);
-
-/* Size along the axes of a vehicle that has turned by yaw. */
-void track_body_size(const struct track *k, double yaw, double size_m[2]);
 
 #endif

@@ -4,23 +4,24 @@
 
 #include "recon/track_state.h"
 
-#define MIDDLE_SHARE 0.05 /* of its size, to which the middle of a body is known */
-
 static void report(const struct tracker *t, const struct track *k,
                    struct track_report *out)
 {
     const struct track_filter *f = &k->filter;
-    const double at_m[3] = {f->state[0] + k->body.middle_m[0],
-                            f->state[1] + k->body.middle_m[1], f->height_m};
+    const double heard_m[3] = {f->state[0], f->state[1], f->height_m};
+    const double at_m[3] = {f->state[0] + k->outline.middle_m[0],
+                            f->state[1] + k->outline.middle_m[1], f->height_m};
     double block[2][2], turned[2][2], size_m[2], yaw = t->pose.dyaw;
 
     memset(out, 0, sizeof *out);
     out->id = k->id;
     out->state = k->state;
     ego_step_point(&t->pose, at_m, out->position_m);
+    ego_step_point(&t->pose, k->body.n ? at_m : heard_m, out->heard_m);
     track_turn(-yaw, f->state + 2, out->velocity_m_s);
     for (int i = 0; i < 2; i++)
         memcpy(block[i], f->covariance[i], sizeof block[i]);
+    track_outline_uncertain(k, block);
     track_turn_matrix(-yaw, (const double(*)[2])block, turned);
     out->covariance_m2[0] = turned[0][0];
     out->covariance_m2[1] = turned[0][1];
@@ -32,12 +33,10 @@ static void report(const struct tracker *t, const struct track *k,
     out->velocity_m2_s2[0] = turned[0][0];
     out->velocity_m2_s2[1] = turned[0][1];
     out->velocity_m2_s2[2] = turned[1][1];
-    track_body_size(k, yaw, size_m);
+    track_outline_size(k, yaw, size_m);
     memcpy(out->extent_m, k->extent_m, sizeof out->extent_m);
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++)
         out->extent_m[i] = fmax(out->extent_m[i], size_m[i]);
-        out->covariance_m2[3 * i] += MIDDLE_SHARE * MIDDLE_SHARE * size_m[i] * size_m[i];
-    }
     out->existence = k->life.existence;
     out->motion = k->motion;
     out->age_s = 1e-9 * (double)(t->stamp_ns - k->first_ns);

@@ -6,6 +6,7 @@
 #include "recon/track_body.h"
 #include "recon/track_filter.h"
 #include "recon/track_ids.h"
+#include "recon/track_outline.h"
 #include "recon/track_rest.h"
 
 #define TRACK_NONE ((size_t)-1)
@@ -23,6 +24,7 @@ struct track {
     int64_t moves_ns; /* when it was last seen to move by itself; 0: never */
     double extent_m[3];
     struct track_body body;
+    struct track_outline outline;
     bool merged; /* into another one */
     size_t detection;
 };

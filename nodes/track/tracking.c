@@ -215,7 +215,7 @@ static void place_tracks(struct tracking *t, const struct sight *sight,
         const struct listing_memory *told = &t->listing.of[k->id];
         double at_m[3], virtual_m[3];
         for (int a = 0; a < 3; a++)
-            at_m[a] = k->position_m[a] + (a < 2 ? dt_s * k->velocity_m_s[a] : 0.0);
+            at_m[a] = k->heard_m[a] + (a < 2 ? dt_s * k->velocity_m_s[a] : 0.0);
         ego_step_point(ego, at_m, at_m);
         sight_virtual(sight, told->wall, at_m, virtual_m);
         t->sources[i] = ghost_source_at(virtual_m, told->level_db);

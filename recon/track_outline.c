@@ -1,0 +1,158 @@
+#include "recon/track_outline.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "recon/track_state.h"
+
+#define WALK_M_S     2.0  /* no person walks faster */
+#define SURE_M_S     1.0  /* a velocity that is compared is known to this */
+#define BICYCLE_M    1.0  /* of the shortest, what is sure to be heard */
+#define CAR_M        1.9  /* longer ones are no bicycles: */
+#define WIDTH_SHARE  0.4  /* as wide as that part of their length, at least */
+#define SHARE        0.3  /* of the newest look at the middle of parts that come and go */
+#define MIDDLE_SHARE 0.05 /* of its size, to which the middle of a body is known */
+
+void track_outline_heading(const struct track_filter *f, double u[2])
+{
+    double speed = hypot(f->state[2], f->state[3]);
+
+    u[0] = speed > 0.0 ? f->state[2] / speed : 1.0;
+    u[1] = speed > 0.0 ? f->state[3] / speed : 0.0;
+}
+
+bool track_outline_is_fast(const struct track *k)
+{
+    const struct track_filter *f = &k->filter;
+    double variance = 0.5 * (f->covariance[2][2] + f->covariance[3][3]);
+
+    return hypot(f->state[2], f->state[3]) > WALK_M_S && variance <= SURE_M_S * SURE_M_S;
+}
+
+void track_outline_turn_in(const double u[2], const double v[2], double out[2])
+{
+    out[0] = u[0] * v[0] + u[1] * v[1];
+    out[1] = u[0] * v[1] - u[1] * v[0];
+}
+
+void track_outline_turn_out(const double u[2], const double v[2], double out[2])
+{
+    out[0] = u[0] * v[0] - u[1] * v[1];
+    out[1] = u[1] * v[0] + u[0] * v[1];
+}
+
+/* Of the parts that were heard for long enough; where none was, it stays as it is. */
+static void box_of_parts(struct track *k, const double u[2])
+{
+    struct track_outline *o = &k->outline;
+    bool any = false;
+    double at[2];
+
+    for (size_t i = 0; i < k->body.n; i++) {
+        if (k->body.parts[i].looks < TRACK_PART_KNOWN)
+            continue;
+        track_outline_turn_in(u, k->body.parts[i].offset_m, at);
+        for (int a = 0; a < 2; a++) {
+            o->low_m[a] = any ? fmin(o->low_m[a], at[a]) : at[a];
+            o->high_m[a] = any ? fmax(o->high_m[a], at[a]) : at[a];
+        }
+        any = true;
+    }
+}
+
+/* Of the one place that is heard, around which its extent is. */
+static void box_of_extent(struct track *k, const double u[2], double yaw)
+{
+    struct track_outline *o = &k->outline;
+    double along[2];
+
+    track_turn(-yaw, u, along);
+    for (int a = 0; a < 2; a++) {
+        double size_m = fabs(along[0]) * k->extent_m[a] +
+                        fabs(along[1]) * k->extent_m[1 - a];
+        o->low_m[a] = -0.5 * size_m;
+        o->high_m[a] = 0.5 * size_m;
+    }
+}
+
+static void widen(struct track *k, const double u[2])
+{
+    struct track_outline *o = &k->outline;
+    double length_m = o->high_m[0] - o->low_m[0];
+    double unheard_m = WIDTH_SHARE * length_m - (o->high_m[1] - o->low_m[1]);
+    double sight[2];
+
+    if (length_m < CAR_M || unheard_m <= 0.0)
+        return;
+    track_outline_turn_in(u, k->body.sight, sight);
+    o->low_m[1] -= 0.5 * unheard_m * (1.0 - sight[1]);
+    o->high_m[1] += 0.5 * unheard_m * (1.0 + sight[1]);
+}
+
+/* Once it was heard as long as that, what is heard of it is its middle on the average. */
+static void lengthen(struct track_outline *o, double *middle_m)
+{
+    o->longest_m = fmax(o->longest_m, o->high_m[0] - o->low_m[0]);
+    o->unheard_m = fmax(BICYCLE_M - o->longest_m, 0.0);
+    if (o->unheard_m > 0.0)
+        *middle_m = o->high_m[0] - 0.5 * BICYCLE_M;
+    o->low_m[0] = fmin(o->low_m[0], o->high_m[0] - BICYCLE_M);
+}
+
+void track_outline_update(struct track *k, double yaw)
+{
+    struct track_outline *o = &k->outline;
+    bool fast = track_outline_is_fast(k);
+    double u[2], middle[2], new_m[2];
+
+    track_outline_heading(&k->filter, u);
+    o->unheard_m = 0.0;
+    if (k->body.n) {
+        box_of_parts(k, u);
+        widen(k, u);
+    } else if (fast) {
+        box_of_extent(k, u, yaw);
+    } else {
+        memset(o->low_m, 0, sizeof o->low_m);
+        memset(o->high_m, 0, sizeof o->high_m);
+    }
+    for (int a = 0; a < 2; a++)
+        middle[a] = 0.5 * (o->low_m[a] + o->high_m[a]);
+    if (fast)
+        lengthen(o, &middle[0]);
+    double share = k->body.n ? SHARE : 1.0;
+    track_outline_turn_out(u, middle, new_m);
+    for (int a = 0; a < 2; a++)
+        o->middle_m[a] += share * (new_m[a] - o->middle_m[a]);
+}
+
+void track_outline_size(const struct track *k, double yaw, double size_m[2])
+{
+    const struct track_outline *o = &k->outline;
+    double ground[2], u[2];
+
+    track_outline_heading(&k->filter, ground);
+    track_turn(-yaw, ground, u);
+    for (int a = 0; a < 2; a++)
+        size_m[a] = fabs(u[a]) * (o->high_m[0] - o->low_m[0]) +
+                    fabs(u[1 - a]) * (o->high_m[1] - o->low_m[1]);
+}
+
+/* What is unheard is anywhere in its length. */
+void track_outline_uncertain(const struct track *k, double covariance_m2[2][2])
+{
+    const struct track_outline *o = &k->outline;
+    double u[2], variance_m2[2];
+
+    track_outline_heading(&k->filter, u);
+    for (int a = 0; a < 2; a++) {
+        double middle_m = MIDDLE_SHARE * (o->high_m[a] - o->low_m[a]);
+        variance_m2[a] = middle_m * middle_m;
+    }
+    variance_m2[0] += o->unheard_m * o->unheard_m / 12.0;
+    const double across[2] = {-u[1], u[0]};
+    for (int a = 0; a < 2; a++)
+        for (int b = 0; b < 2; b++)
+            covariance_m2[a][b] += variance_m2[0] * u[a] * u[b] +
+                                   variance_m2[1] * across[a] * across[b];
+}

@@ -1,0 +1,44 @@
+/* recon/track_outline.h -- how large what a track follows is, and where its middle is.
+ *
+ * What is faster than a walker is as long as a bicycle at least.  Of what comes out from
+ * behind a corner or the end of an image, and from a moving vehicle of all that moves
+ * along, what is heard first is its front: the rest of it is behind that.  The side of a
+ * car that is not heard is on the far side of it.
+ *
+ * Private to recon/track*.c. */
+#ifndef ANLOS_RECON_TRACK_OUTLINE_H
+#define ANLOS_RECON_TRACK_OUTLINE_H
+
+#include <stdbool.h>
+
+struct track;
+struct track_filter;
+
+struct track_outline {
+    double low_m[2], high_m[2]; /* from the filter's place: along its velocity, and
+                                   across to the left; 0: of one place */
+    double middle_m[2];         /* of what there is of it, over ground, from the same */
+    double longest_m;           /* that was heard of it at once */
+    double unheard_m;           /* of its length */
+};
+
+/* Unit vector along a filter's velocity, over ground. */
+void track_outline_heading(const struct track_filter *f, double u[2]);
+
+/* Faster than persons walk, with a velocity that is known well enough to compare it. */
+bool track_outline_is_fast(const struct track *k);
+
+/* A vector over ground in the frame of the unit vector u, and back. */
+void track_outline_turn_in(const double u[2], const double v[2], double out[2]);
+void track_outline_turn_out(const double u[2], const double v[2], double out[2]);
+
+/* After a look; of a vehicle that has turned by yaw over ground. */
+void track_outline_update(struct track *k, double yaw);
+
+/* Along the axes of that vehicle. */
+void track_outline_size(const struct track *k, double yaw, double size_m[2]);
+
+/* Adds what the middle is not known to, to a covariance over ground. */
+void track_outline_uncertain(const struct track *k, double covariance_m2[2][2]);
+
+#endif
