@@ -200,11 +200,12 @@ static void miss_track(struct tracker *t, const struct track_scan *scan, size_t 
 /* -- all of them ------------------------------------------------------------------------
  */
 
+/* What moved by itself in its newest look gets a name. */
 static void name_confirmed(struct tracker *t, int64_t now_ns)
 {
     for (size_t i = 0; i < t->n; i++) {
         struct track *k = &t->tracks[i];
-        if (!k->life.confirmed || k->id || !k->moves_ns)
+        if (!k->life.confirmed || k->id || k->moves_ns != k->seen_ns)
             continue;
         k->id = track_ids_take(&t->ids, now_ns);
         t->counts.crowded += !k->id;

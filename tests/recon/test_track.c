@@ -599,6 +599,21 @@ static void what_comes_to_rest_there_ends_as_if_unseen(void **state)
     assert_true(k < 80);
 }
 
+/* It moved, and comes to rest before it is confirmed. */
+static void what_has_come_to_rest_gets_no_name(void **state)
+{
+    struct rig *r = *state;
+
+    r->cfg.life.confirm_hits = r->cfg.life.confirm_of = 24;
+    use(r);
+    begin_with_what_stands(r);
+    for (int k = 0; k < 30; k++) {
+        see_heard(r, 5.0, -2.0 + 0.3 * (k < 6 ? k : 6));
+        step(r);
+        assert_int_equal(r->n, 0);
+    }
+}
+
 /* Where it passes, what rests there does not follow it. */
 static void what_passes_by_is_not_taken_for_what_rests(void **state)
 {
@@ -685,6 +700,7 @@ int main(void)
         TEST(what_stands_in_the_image_is_not_told),
         TEST(once_a_background_is_taken_away_it_is_told),
         TEST(what_comes_to_rest_there_ends_as_if_unseen),
+        TEST(what_has_come_to_rest_gets_no_name),
         TEST(what_passes_by_is_not_taken_for_what_rests),
         TEST(things_at_rest_that_are_seen_one_after_another_have_not_moved),
         TEST(a_walker_is_told_whichever_limb_is_heard),
