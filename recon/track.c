@@ -110,19 +110,20 @@ static enum track_motion judge_motion(const struct track *k)
 }
 
 /* After a gap or a jump it may be another thing that is seen: what moves is seen moving.
- * Images without what stands show it move; in others the track itself has to. */
+ * Images without what stands show it move; in others the track itself has to, at first
+ * steadily; once it has a name it may turn. */
 static void judge_rest(const struct tracker *t, const struct track_scan *scan,
                        double fresh, struct track *k)
 {
     const struct track_rest_look *look = &t->looks[k->detection];
-    double since_s = 1e-9 * (double)(scan->stamp_ns - k->seen_ns);
 
     if (k->missed > MISSED_LOOKS || track_rest_jumps(&k->rest, look))
         k->rest = (struct track_rest){.looks = 0.0};
     k->missed = 0.0;
     if (look->range_m > 0.0)
-        track_rest_add(&k->rest, look, fresh, since_s, exp(-since_s / t->cfg.rest_s));
-    if (!scan->standing_left || track_rest_moves(&k->rest))
+        track_rest_add(&k->rest, look, fresh, scan->stamp_ns, t->cfg.rest_s);
+    if (!scan->standing_left || track_rest_moves(&k->rest) ||
+        (k->id && track_rest_misfit(&k->rest) > 1.0))
         k->moves_ns = scan->stamp_ns;
 }
 

@@ -6,11 +6,12 @@
 #include "recon/track_state.h"
 
 #define WALK_M_S     2.0  /* no person walks faster */
+#define SLOW_M_S     1.75 /* below, what was faster may be walking after all */
 #define SURE_M_S     1.0  /* a velocity that is compared is known to this */
-#define BICYCLE_M    1.0  /* of the shortest, what is sure to be heard */
+#define BICYCLE_M    1.0  /* what is sure to be heard of one */
 #define CAR_M        1.9  /* longer ones are no bicycles: */
 #define WIDTH_SHARE  0.4  /* as wide as that part of their length, at least */
-#define SHARE        0.3  /* of the newest look at the middle of parts that come and go */
+#define SHARE        0.3  /* of the newest look at the middle */
 #define MIDDLE_SHARE 0.05 /* of its size, to which the middle of a body is known */
 
 void track_outline_heading(const struct track_filter *f, double u[2])
@@ -21,12 +22,17 @@ void track_outline_heading(const struct track_filter *f, double u[2])
     u[1] = speed > 0.0 ? f->state[3] / speed : 0.0;
 }
 
+static double speed_of(const struct track_filter *f, double *sigma)
+{
+    *sigma = sqrt(0.5 * (f->covariance[2][2] + f->covariance[3][3]));
+    return hypot(f->state[2], f->state[3]);
+}
+
 bool track_outline_is_fast(const struct track *k)
 {
-    const struct track_filter *f = &k->filter;
-    double variance = 0.5 * (f->covariance[2][2] + f->covariance[3][3]);
+    double sigma, speed = speed_of(&k->filter, &sigma);
 
-    return hypot(f->state[2], f->state[3]) > WALK_M_S && variance <= SURE_M_S * SURE_M_S;
+    return speed > WALK_M_S && sigma <= SURE_M_S;
 }
 
 void track_outline_turn_in(const double u[2], const double v[2], double out[2])
@@ -89,53 +95,61 @@ static void widen(struct track *k, const double u[2])
     o->high_m[1] += 0.5 * unheard_m * (1.0 + sight[1]);
 }
 
-/* Once it was heard as long as that, what is heard of it is its middle on the average. */
-static void lengthen(struct track_outline *o, double *middle_m)
+/* What walks is all heard.  An estimate that wavers about the limit does not change it.
+ */
+static void lengthen(struct track *k)
 {
-    o->longest_m = fmax(o->longest_m, o->high_m[0] - o->low_m[0]);
-    o->unheard_m = fmax(BICYCLE_M - o->longest_m, 0.0);
-    if (o->unheard_m > 0.0)
-        *middle_m = o->high_m[0] - 0.5 * BICYCLE_M;
-    o->low_m[0] = fmin(o->low_m[0], o->high_m[0] - BICYCLE_M);
+    struct track_outline *o = &k->outline;
+    double sigma, speed = speed_of(&k->filter, &sigma);
+
+    o->fast = speed - sigma > WALK_M_S || (o->fast && speed > SLOW_M_S);
+    if (o->fast)
+        o->longest_m = fmax(o->longest_m, o->high_m[0] - o->low_m[0]);
+    o->unheard_m = o->fast ? fmax(BICYCLE_M - o->longest_m, 0.0) : 0.0;
+}
+
+/* Over ground, with a share of where it was. */
+static void move_middle(const struct track *k, const double u[2], double behind_m,
+                        double middle_m[2])
+{
+    const struct track_outline *o = &k->outline;
+    double middle[2], new_m[2];
+
+    for (int a = 0; a < 2; a++)
+        middle[a] = 0.5 * (o->low_m[a] + o->high_m[a]);
+    middle[0] -= behind_m;
+    track_outline_turn_out(u, middle, new_m);
+    for (int a = 0; a < 2; a++)
+        middle_m[a] += SHARE * (new_m[a] - middle_m[a]);
 }
 
 void track_outline_update(struct track *k, double yaw)
 {
-    struct track_outline *o = &k->outline;
-    bool fast = track_outline_is_fast(k);
-    double u[2], middle[2], new_m[2];
+    double u[2];
 
     track_outline_heading(&k->filter, u);
-    o->unheard_m = 0.0;
-    if (k->body.n) {
+    if (k->body.n)
         box_of_parts(k, u);
-        widen(k, u);
-    } else if (fast) {
+    else
         box_of_extent(k, u, yaw);
-    } else {
-        memset(o->low_m, 0, sizeof o->low_m);
-        memset(o->high_m, 0, sizeof o->high_m);
-    }
-    for (int a = 0; a < 2; a++)
-        middle[a] = 0.5 * (o->low_m[a] + o->high_m[a]);
-    if (fast)
-        lengthen(o, &middle[0]);
-    double share = k->body.n ? SHARE : 1.0;
-    track_outline_turn_out(u, middle, new_m);
-    for (int a = 0; a < 2; a++)
-        o->middle_m[a] += share * (new_m[a] - o->middle_m[a]);
+    move_middle(k, u, 0.0, k->outline.heard_m);
+    lengthen(k);
+    if (k->body.n)
+        widen(k, u);
+    move_middle(k, u, 0.5 * k->outline.unheard_m, k->outline.middle_m);
 }
 
 void track_outline_size(const struct track *k, double yaw, double size_m[2])
 {
     const struct track_outline *o = &k->outline;
-    double ground[2], u[2];
+    double length_m = o->high_m[0] - o->low_m[0] + o->unheard_m;
+    double width_m = o->high_m[1] - o->low_m[1], ground[2], u[2];
 
     track_outline_heading(&k->filter, ground);
     track_turn(-yaw, ground, u);
     for (int a = 0; a < 2; a++)
-        size_m[a] = fabs(u[a]) * (o->high_m[0] - o->low_m[0]) +
-                    fabs(u[1 - a]) * (o->high_m[1] - o->low_m[1]);
+        size_m[a] = k->body.n ? fabs(u[a]) * length_m + fabs(u[1 - a]) * width_m
+                              : k->extent_m[a] + fabs(u[a]) * o->unheard_m;
 }
 
 /* What is unheard is anywhere in its length. */

@@ -15,11 +15,14 @@ struct track;
 struct track_filter;
 
 struct track_outline {
-    double low_m[2], high_m[2]; /* from the filter's place: along its velocity, and
-                                   across to the left; 0: of one place */
-    double middle_m[2];         /* of what there is of it, over ground, from the same */
-    double longest_m;           /* that was heard of it at once */
-    double unheard_m;           /* of its length */
+    /* What was heard of it, of a car with its far side, from the filter's place: along
+     * its velocity, and across to the left. */
+    double low_m[2], high_m[2];
+    double heard_m[2], middle_m[2]; /* over ground, from the same: the middle of what is
+                                       heard, and of all there is of it */
+    double longest_m;               /* of it that was heard at once */
+    double unheard_m;               /* of its length, behind that */
+    bool fast;
 };
 
 /* Unit vector along a filter's velocity, over ground. */

@@ -8,16 +8,18 @@ static void report(const struct tracker *t, const struct track *k,
                    struct track_report *out)
 {
     const struct track_filter *f = &k->filter;
-    const double heard_m[3] = {f->state[0], f->state[1], f->height_m};
-    const double at_m[3] = {f->state[0] + k->outline.middle_m[0],
-                            f->state[1] + k->outline.middle_m[1], f->height_m};
+    const struct track_outline *o = &k->outline;
+    const double heard_m[3] = {f->state[0] + o->heard_m[0], f->state[1] + o->heard_m[1],
+                               f->height_m};
+    const double at_m[3] = {f->state[0] + o->middle_m[0], f->state[1] + o->middle_m[1],
+                            f->height_m};
     double block[2][2], turned[2][2], size_m[2], yaw = t->pose.dyaw;
 
     memset(out, 0, sizeof *out);
     out->id = k->id;
     out->state = k->state;
     ego_step_point(&t->pose, at_m, out->position_m);
-    ego_step_point(&t->pose, k->body.n ? at_m : heard_m, out->heard_m);
+    ego_step_point(&t->pose, heard_m, out->heard_m);
     track_turn(-yaw, f->state + 2, out->velocity_m_s);
     for (int i = 0; i < 2; i++)
         memcpy(block[i], f->covariance[i], sizeof block[i]);

@@ -5,11 +5,13 @@
 
 #define UNKNOWNS  TRACK_REST_UNKNOWNS
 #define AT_REST   TRACK_REST_AT_REST
-#define FEW_LOOKS 5     /* fewer tell a jump from a walk as little as from another one */
+#define FEW_LOOKS 5     /* with fewer neither a jump nor motion is told */
 #define LOOSE_M   100.0 /* what is known beforehand: it is within so much of the array */
 #define LOOSE_M_S 10.0  /* and not faster */
 #define GAIN      20.0  /* motion explains so much more: in 1 of 2000 cases of noise */
-#define GAIN_LEFT 10.0  /* and so often what a whole look leaves */
+#define GAIN_LEFT 10.0  /* and so many times what a whole look leaves */
+#define FAR_M     100.0 /* from the origin: what is known beforehand would count for motion \
+                         */
 
 static void add_equation(struct track_rest *r, const double a[UNKNOWNS], double b,
                          double weight)
@@ -76,16 +78,21 @@ static void set_equations(const struct track_rest *r, const struct track_rest_lo
 }
 
 void track_rest_add(struct track_rest *r, const struct track_rest_look *look,
-                    double share, double since_s, double keep)
+                    double share, int64_t stamp_ns, double memory_s)
 {
+    double since_s = 1e-9 * (double)(stamp_ns - r->newest_ns);
     struct equations e;
 
+    if (hypot(look->array_m[0] - r->origin_m[0], look->array_m[1] - r->origin_m[1]) >
+        FAR_M)
+        *r = (struct track_rest){.looks = 0.0};
     if (r->looks > 0.0) {
-        fade(r, keep);
+        fade(r, exp(-since_s / memory_s));
         advance(r, since_s);
     } else {
         memcpy(r->origin_m, look->array_m, sizeof r->origin_m);
     }
+    r->newest_ns = stamp_ns;
     set_equations(r, look, &e);
     for (int i = 0; i < 2; i++)
         add_equation(r, e.a[i], e.b[i], share / (e.sigma[i] * e.sigma[i]));

@@ -24,6 +24,7 @@
 #define ANLOS_RECON_TRACK_REST_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #define TRACK_REST_MISFIT 0.1  /* below: it seems to rest; above, the less the more */
 #define TRACK_REST_GATE2  13.8 /* 999 of 1000 looks at a thing at rest are nearer */
@@ -42,18 +43,19 @@ struct track_rest {
     double origin_m[2]; /* over ground: all is counted from there */
     double normal[TRACK_REST_UNKNOWNS][TRACK_REST_UNKNOWNS]; /* at the newest look */
     double right[TRACK_REST_UNKNOWNS], squares;
-    double looks;     /* fitted, old ones faded; 0: none */
-    unsigned n_looks; /* that were added */
+    double looks;      /* fitted, old ones faded; 0: none */
+    unsigned n_looks;  /* that were added */
+    int64_t newest_ns; /* of them */
 };
 
 /* A look at something else: far from where a scatterer rests that explains the others;
  * the farther, the worse it explains them. */
 bool track_rest_jumps(const struct track_rest *r, const struct track_rest_look *look);
 
-/* share: how much of a look this is, as far as it tells anything new; since_s: after the
- * one before; keep: of what came before, 0..1. */
+/* share: how much of a look this is, as far as it tells anything new; stamp_ns: no older
+ * than the one before; memory_s: after which of what came before 1/e counts. */
 void track_rest_add(struct track_rest *r, const struct track_rest_look *look,
-                    double share, double since_s, double keep);
+                    double share, int64_t stamp_ns, double memory_s);
 
 /* Sum of the squares that are left, in units of their variances, over what a scatterer at
  * rest would leave in one of ten million cases. */

@@ -28,7 +28,7 @@ static int fill_places(Anlos__Detection *m, const struct sight *sight,
 {
     double virtual_m[3], covariance_m2[6];
 
-    sight_virtual(sight, m->wall, k->position_m, virtual_m);
+    sight_virtual(sight, m->wall, k->heard_m, virtual_m);
     sight_wall_error(sight, m->wall, virtual_m, covariance_m2);
     for (int i = 0; i < 6; i++)
         covariance_m2[i] += k->covariance_m2[i];

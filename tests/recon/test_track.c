@@ -253,6 +253,30 @@ static void two_that_merge_and_part_stay_two(void **state)
     assert_near(report_of(r, down)->position_m[1], -2.75, 0.1);
 }
 
+/* Of a cyclist who rides to the left 0.3 m are heard, before a vehicle that has turned:
+ * the front of 1 m, of which 0.7 m may be anywhere behind. */
+static void what_is_told_of_something_fast_is_its_middle(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 12; k++) {
+        struct track_detection *d = see(r, 4.0, -4.0 + 0.25 * 3.0 * k, 0.01);
+        d->extent_m[0] = 0.2;
+        d->extent_m[1] = 0.3;
+        r->scan.ego = (struct ego_step){.dyaw = k ? 0.0 : 0.6};
+        step(r);
+    }
+    const struct track_report *k = &r->reports[0];
+    assert_int_equal(r->n, 1);
+    assert_near(k->heard_m[0], 4.0, 0.02);
+    assert_near(k->heard_m[1], 4.25, 0.02);
+    assert_near(k->position_m[0], 4.0, 0.02);
+    assert_near(k->position_m[1], 4.25 - 0.35, 0.03);
+    assert_near(k->extent_m[0], 0.2, 0.02);
+    assert_near(k->extent_m[1], 1.0, 0.02);
+    assert_near(k->covariance_m2[3] - k->covariance_m2[0], 0.7 * 0.7 / 12.0, 0.003);
+}
+
 /* A car's side shows as two or three bright places; it rolls. */
 static void an_extended_object_is_one_track_in_its_middle(void **state)
 {
@@ -599,6 +623,28 @@ static void what_comes_to_rest_there_ends_as_if_unseen(void **state)
     assert_true(k < 80);
 }
 
+/* To and fro, two seconds each way, in images that are told to be new by an eighth. */
+static void what_turns_round_keeps_its_name(void **state)
+{
+    enum { WAY = 83 };
+    struct rig *r = *state;
+    unsigned id = 0;
+
+    begin_with_what_stands(r);
+    r->scan.fresh = 0.12;
+    for (int k = 0; k < 6 * WAY; k++) {
+        int back = k / WAY % 2, at = back ? WAY - k % WAY : k % WAY;
+        see_heard(r, 5.0, -1.2 + 1.2 * 0.024 * at);
+        step_after(r, 24000000);
+        if (!id && r->n)
+            id = r->reports[0].id;
+        assert_int_equal(r->n, id > 0);
+        assert_true(k < WAY / 2 || id);
+        if (id)
+            assert_int_equal(report_of(r, id)->state != TRACK_DELETED, 1);
+    }
+}
+
 /* It moved, and comes to rest before it is confirmed. */
 static void what_has_come_to_rest_gets_no_name(void **state)
 {
@@ -685,6 +731,7 @@ int main(void)
         TEST(crossing_objects_keep_their_ids),
         TEST(what_stood_beside_its_way_becomes_no_double),
         TEST(two_that_merge_and_part_stay_two),
+        TEST(what_is_told_of_something_fast_is_its_middle),
         TEST(an_extended_object_is_one_track_in_its_middle),
         TEST(clutter_makes_as_many_false_tracks_as_m_of_n_says),
         TEST(what_stands_stands_still_while_the_vehicle_turns),
@@ -700,6 +747,7 @@ int main(void)
         TEST(what_stands_in_the_image_is_not_told),
         TEST(once_a_background_is_taken_away_it_is_told),
         TEST(what_comes_to_rest_there_ends_as_if_unseen),
+        TEST(what_turns_round_keeps_its_name),
         TEST(what_has_come_to_rest_gets_no_name),
         TEST(what_passes_by_is_not_taken_for_what_rests),
         TEST(things_at_rest_that_are_seen_one_after_another_have_not_moved),

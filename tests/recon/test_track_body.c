@@ -164,14 +164,13 @@ static void two_who_walk_side_by_side_stay_two(void **state)
     assert_int_equal(count(r), 2);
 }
 
-/* Cyclists, 1.25 m between them. */
 static void two_that_drive_one_after_the_other_stay_two(void **state)
 {
     struct rig *r = *state;
 
     for (int k = 0; k < 60; k++) {
         see(r, 3.0, -4.0 + 4.0 * FRAME_S * k);
-        see(r, 3.0, -7.0 + 4.0 * FRAME_S * k);
+        see(r, 3.0, -6.0 + 4.0 * FRAME_S * k);
         step(r);
     }
     assert_int_equal(count(r), 2);
@@ -198,7 +197,7 @@ static void the_younger_of_two_that_are_one_is_told_as_deleted(void **state)
     size_t told = 0;
 
     for (int k = 0; k < 60; k++) {
-        double gap_m = 3.2 - 0.5 * FRAME_S * k;
+        double gap_m = fmax(2.0 - 0.5 * FRAME_S * k, 1.0);
         see(r, 3.0, -4.0 + 3.0 * FRAME_S * k);
         see(r, 3.0, -4.0 + 3.0 * FRAME_S * k - gap_m);
         step(r);

@@ -5,10 +5,11 @@
 #include "recon/track_rest.h"
 #include "tests/recon/dice.h"
 
-#define SIGMA_M 0.05
-#define STEP_S  0.2
-#define PING_S  0.024
-#define SHARE   0.12 /* of an image of 8 pings, that is new */
+#define SIGMA_M   0.05
+#define STEP_S    0.2
+#define PING_S    0.024
+#define FOREVER_S 1e9
+#define SHARE     0.12 /* of an image of 8 pings, that is new */
 
 /* A vehicle that speeds up to 2 m/s in a gentle bend; its array looks ahead. */
 static void drive(int k, struct track_rest_look *look)
@@ -19,6 +20,13 @@ static void drive(int k, struct track_rest_look *look)
         .array_m = {20.0 + way * cos(0.5 * yaw), -7.0 + way * sin(0.5 * yaw)},
         .axis = {-sin(yaw), cos(yaw)},
         .sigma_m = SIGMA_M};
+}
+
+/* step_s after the one before. */
+static void add(struct track_rest *r, const struct track_rest_look *look, double share,
+                double step_s, double memory_s)
+{
+    track_rest_add(r, look, share, r->newest_ns + llround(1e9 * step_s), memory_s);
 }
 
 static void hear(const double p_m[3], struct track_rest_look *look)
@@ -54,7 +62,7 @@ static void anything_at_rest_anywhere_is_believed_to_rest(void **state)
                 break;
             if (k > 8)
                 assert_true(track_rest_distance2(&r, &look) < 0.1);
-            track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
+            add(&r, &look, 1.0, STEP_S, FOREVER_S);
             assert_true(track_rest_misfit(&r) < 0.01);
         }
     }
@@ -74,7 +82,7 @@ static void noise_alone_is_no_motion(void **state)
             hear(p_m, &look);
             look.along_m += SIGMA_M * dice_normal(&seed);
             look.range_m += SIGMA_M * dice_normal(&seed);
-            track_rest_add(&r, &look, 1.0, STEP_S, 0.9);
+            add(&r, &look, 1.0, STEP_S, STEP_S / -log(0.9));
             assert_true(track_rest_misfit(&r) < 1.0);
         }
     }
@@ -92,7 +100,7 @@ static void what_moves_leaves_squares(void **state)
     (void)state;
     for (int n = 1; n <= 6; n++) {
         look.along_m = v * STEP_S * n;
-        track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
+        add(&r, &look, 1.0, STEP_S, FOREVER_S);
         double left_m2 = v * v * STEP_S * STEP_S * n * (n * n - 1) / 12.0, f = 2 * n - 2;
         assert_near(track_rest_misfit(&r),
                     left_m2 / (SIGMA_M * SIGMA_M) / (f + 2.0 * sqrt(f * x) + 2.0 * x),
@@ -109,7 +117,7 @@ static void how_far_a_look_is_off_counts_both_errors(void **state)
 
     (void)state;
     for (int n = 0; n < 4; n++)
-        track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
+        add(&r, &look, 1.0, STEP_S, FOREVER_S);
     look.along_m += 0.3;
     assert_near(track_rest_distance2(&r, &look),
                 0.3 * 0.3 / (SIGMA_M * SIGMA_M * (1.0 + 0.25)), 1e-3);
@@ -127,10 +135,10 @@ static void a_jump_is_told_from_a_walk(void **state)
     for (int n = 0; n < 30; n++) {
         look.along_m = 1.2 * 0.024 * n;
         assert_false(track_rest_jumps(&walks, &look));
-        track_rest_add(&walks, &look, SHARE, PING_S, 1.0);
+        add(&walks, &look, SHARE, PING_S, FOREVER_S);
         look.along_m = 1.0;
         assert_false(track_rest_jumps(&rests, &look));
-        track_rest_add(&rests, &look, SHARE, PING_S, 1.0);
+        add(&rests, &look, SHARE, PING_S, FOREVER_S);
     }
     assert_true(track_rest_misfit(&walks) > 1.0);
     look.along_m = 1.4;
@@ -152,7 +160,7 @@ static void a_jump_is_told_where_neighbours_are_heard_in_turn(void **state)
         hear(near_m[k % 2], &look);
         if (k < 7)
             assert_false(track_rest_jumps(&rests, &look));
-        track_rest_add(&rests, &look, 1.0, STEP_S, 1.0);
+        add(&rests, &look, 1.0, STEP_S, FOREVER_S);
     }
     double misfit = track_rest_misfit(&rests);
     assert_true(misfit > TRACK_REST_MISFIT && misfit < 5.0 * TRACK_REST_MISFIT);
@@ -178,7 +186,7 @@ static void steady_motion_is_believed_once_it_explains_enough(void **state)
         for (int n = 1; n <= 12; n++) {
             double gain = step * step * n * (n * n - 1) / 12.0;
             look.along_m = SIGMA_M * step * n;
-            track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
+            add(&r, &look, 1.0, STEP_S, FOREVER_S);
             assert_true(fabs(gain - 20.0) > 0.01);
             assert_int_equal(track_rest_moves(&r), n >= 5 && gain > 20.0);
         }
@@ -205,7 +213,7 @@ static void noise_is_no_steady_motion(void **state)
             hear(p_m, &look);
             look.along_m += noise_m * dice_normal(&seed);
             look.range_m += noise_m * dice_normal(&seed);
-            track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
+            add(&r, &look, 1.0, STEP_S, FOREVER_S);
         }
         moves[trial % 2] += track_rest_moves(&r);
     }
@@ -236,7 +244,7 @@ static void what_keeps_its_velocity_is_seen_to_move(void **state)
             p_m[0] += 3.0 * step_s * cos(angle);
             p_m[1] += 3.0 * step_s * sin(angle);
             hear(p_m, &look);
-            track_rest_add(&r, &look, 1.0, step_s, 1.0);
+            add(&r, &look, 1.0, step_s, FOREVER_S);
         }
         track_rest_motion(&r, &gain, &left);
         assert_true(gain > 1000.0);
@@ -268,7 +276,7 @@ static void what_walks_is_seen_to_move(void **state)
             hear(at_m, &look);
             look.along_m += 0.01 * dice_normal(&seed);
             look.range_m += 0.01 * dice_normal(&seed);
-            track_rest_add(&r, &look, SHARE, PING_S, 1.0);
+            add(&r, &look, SHARE, PING_S, FOREVER_S);
         }
         moves += track_rest_moves(&r);
     }
@@ -296,13 +304,38 @@ static void what_is_heard_in_turn_does_not_move(void **state)
             drive(0, &look);
             look.array_m[0] += 2.0 * PING_S * k;
             hear(at_m, &look);
-            track_rest_add(&r, &look, SHARE, PING_S, 1.0);
+            add(&r, &look, SHARE, PING_S, FOREVER_S);
         }
         moves += track_rest_moves(&r);
         rests += track_rest_misfit(&r) < 1.0;
     }
     assert_true(rests < TRIALS / 2);
     assert_true(moves < TRIALS / 100);
+}
+
+/* A kilometre with it, and then it stands while the array goes on. */
+static void a_long_way_makes_no_motion(void **state)
+{
+    struct track_rest r = {.looks = 0.0};
+    struct track_rest_look look;
+    double p_m[3] = {26.0, -6.0, 2.0};
+
+    (void)state;
+    drive(0, &look);
+    for (int k = 0; k < 5000; k++) {
+        look.array_m[0] += 0.2;
+        p_m[0] += 0.2;
+        hear(p_m, &look);
+        add(&r, &look, SHARE, PING_S, 1.5);
+    }
+    for (int k = 0; k < 2000; k++) {
+        look.array_m[0] += 0.002;
+        hear(p_m, &look);
+        add(&r, &look, SHARE, PING_S, 1.5);
+        if (k > 1000)
+            assert_false(track_rest_moves(&r));
+    }
+    assert_true(track_rest_misfit(&r) < 0.01);
 }
 
 /* Two minutes of looks, of which the newest second and a half count. */
@@ -317,14 +350,14 @@ static void a_long_time_makes_no_motion(void **state)
         drive(0, &look);
         look.array_m[0] += sin(PING_S * k);
         hear(p_m, &look);
-        track_rest_add(&r, &look, SHARE, PING_S, exp(-PING_S / 1.5));
+        add(&r, &look, SHARE, PING_S, 1.5);
         assert_true(track_rest_misfit(&r) < 0.01);
         assert_false(track_rest_moves(&r));
     }
     for (int k = 0; k < 100; k++) {
         const double at_m[3] = {p_m[0], p_m[1] + 1.2 * PING_S * k, p_m[2]};
         hear(at_m, &look);
-        track_rest_add(&r, &look, SHARE, PING_S, exp(-PING_S / 1.5));
+        add(&r, &look, SHARE, PING_S, 1.5);
     }
     assert_true(track_rest_moves(&r));
 }
@@ -338,13 +371,13 @@ static void what_is_old_fades(void **state)
     (void)state;
     for (int n = 0; n < 4; n++) {
         look.along_m = 0.5 * n;
-        track_rest_add(&r, &look, 1.0, STEP_S, 1.0);
+        add(&r, &look, 1.0, STEP_S, FOREVER_S);
     }
     assert_true(track_rest_misfit(&r) > 1.0);
     for (int n = 0; n < 6; n++) {
         look.along_m = 7.0 + 0.02 * n;
-        track_rest_add(&r, &look, 1.0, STEP_S, n ? 1.0 : 1e-9);
-        track_rest_add(&fresh, &look, 1.0, STEP_S, 1.0);
+        add(&r, &look, 1.0, STEP_S, n ? FOREVER_S : 0.01);
+        add(&fresh, &look, 1.0, STEP_S, FOREVER_S);
     }
     assert_near(r.looks, 6.0, 1e-6);
     assert_near(track_rest_misfit(&r), track_rest_misfit(&fresh), 1e-4);
@@ -364,6 +397,7 @@ int main(void)
         cmocka_unit_test(what_keeps_its_velocity_is_seen_to_move),
         cmocka_unit_test(what_walks_is_seen_to_move),
         cmocka_unit_test(what_is_heard_in_turn_does_not_move),
+        cmocka_unit_test(a_long_way_makes_no_motion),
         cmocka_unit_test(a_long_time_makes_no_motion),
         cmocka_unit_test(what_is_old_fades),
     };
