@@ -72,8 +72,8 @@ struct track_scan {
     size_t n;
     double fresh;       /* part of the image that is not in the one before, 0..1 */
     double clutter_m2;  /* false detections for each square metre */
-    bool standing_left; /* what stands is in the image: tracks have to move by themselves
-                         */
+    bool standing_left; /* what stands, or the hole that it left, is in the image: tracks
+                           have to move by themselves */
     struct track_array array;
     struct ego_step ego; /* since the scan before */
     bool ego_known;

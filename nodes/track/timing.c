@@ -33,3 +33,8 @@ double timing_fresh(const struct survey *s, size_t n_pings, double dt_s, double 
 
     return fmin(dt_s / fmax(all_s, look_s), 1.0);
 }
+
+double timing_round_s(const struct survey *s)
+{
+    return (double)s->n_speakers * ping_s(s);
+}

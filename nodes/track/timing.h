@@ -20,4 +20,7 @@ double timing_lag_s(const struct survey *s, size_t n_pings, double range_m);
  * bright spots of what moves, stay as they are. */
 double timing_fresh(const struct survey *s, size_t n_pings, double dt_s, double look_s);
 
+/* From one ping of a speaker to its next. */
+double timing_round_s(const struct survey *s);
+
 #endif

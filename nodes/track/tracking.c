@@ -14,7 +14,8 @@
 #include "nodes/track/listing.h"
 #include "nodes/track/timing.h"
 
-#define LATEST_NS (INT64_MAX / 2) /* differences of stamps do not overflow */
+#define LATEST_NS    (INT64_MAX / 2) /* differences of stamps do not overflow */
+#define YOUNG_ROUNDS 7.0
 
 _Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS, "");
 
@@ -28,6 +29,7 @@ struct tracking {
     int64_t walls_ns;
     bool has_walls;
     int64_t stamp_ns; /* of the newest image; 0: none */
+    int64_t young_ns; /* when its background began; 0: it is not known */
     struct track_detection detections[TRACK_DETECTIONS];
     struct track_report reports[TRACKS_MAX]; /* of the newest image */
     size_t n_reports;
@@ -234,6 +236,21 @@ static bool shows_hidden(const struct tracking *t, const Anlos__Volume *volume)
     return !volume->standing_left || !t->has_walls || t->walls.n > 0;
 }
 
+/* A background that has only begun has who walked by then in it, where he was: a hole
+ * that rests there, and after n rounds is an n-th of him.  (One that begins anew after
+ * each stop finds him tracked.) */
+static bool shows_standing(struct tracking *t, const Anlos__Volume *volume,
+                           int64_t capture_ns)
+{
+    double gap_s = 1e-9 * (double)(capture_ns - t->stamp_ns);
+
+    if (!t->stamp_ns || fabs(gap_s) > t->cfg.track.coast_s)
+        t->young_ns = volume->standing_left ? capture_ns : 0;
+    double since_s = 1e-9 * (double)(capture_ns - t->young_ns);
+    return volume->standing_left ||
+           (t->young_ns && since_s < YOUNG_ROUNDS * timing_round_s(&t->detector.survey));
+}
+
 static int follow(struct tracking *t, const Anlos__Volume *volume,
                   const struct sight *sight, int64_t capture_ns,
                   Anlos__DetectionList *list, bool *ego_known)
@@ -247,7 +264,7 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
                                                           t->cfg.look_s)
                                            : 1.0,
                               .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
-                              .standing_left = volume->standing_left,
+                              .standing_left = shows_standing(t, volume, capture_ns),
                               .ego_known = true,
                               .shows = sight_shows,
                               .context = sight};

@@ -347,6 +347,50 @@ static void until_a_wall_is_found_nothing_hides(void **state)
     assert_near(r->list->detections[0]->position_m->x, 1.6 - 2.0, 0.05);
 }
 
+/* A background begins with somebody in it; of the four speakers a round takes an eighth
+ * of a second, and seven rounds three images and a half.  After a gap it begins again. */
+static void a_young_background_leaves_holes_that_are_not_told(void **state)
+{
+    struct rig *r = *state;
+
+    for (int begun = 0; begun < 2; begun++) {
+        for (int k = 0; k < 8; k++) {
+            r->volume.standing_left = k < 1;
+            add(r, 0.5, 2.0, 1.0);
+            image(r);
+            if (begun && !k) /* of before */
+                assert_int_equal(r->list->detections[0]->measurement,
+                                 ANLOS__MEASUREMENT__DELETED);
+            else
+                assert_int_equal(r->list->n_detections, k >= 4);
+        }
+        r->stamp_ns += 8 * (int64_t)FRAME_NS;
+    }
+}
+
+static void a_background_that_was_there_leaves_none(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 8; k++) {
+        add(r, 0.5, 2.0, 1.0);
+        image(r);
+        assert_int_equal(r->list->n_detections, k >= 2);
+    }
+}
+
+static void who_walks_before_a_young_background_is_told(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 6; k++) {
+        r->volume.standing_left = k < 1;
+        add(r, -1.2 + 0.3 * k, 2.0, 1.0);
+        image(r);
+    }
+    assert_int_equal(r->list->n_detections, 1);
+}
+
 /* In the plane, at an angle from straight ahead. */
 static struct ghost_source ghost_at(double angle, double range_m, double level_db)
 {
@@ -427,6 +471,8 @@ static void images_tell_of_instants_of_their_own(void **state)
     assert_near(timing_lag_s(&s, 16, 3.4), 0.02 * 20.0 / 18.0 + 0.01 - 0.18, 1e-9);
     s.chirp_alternates = true;
     assert_near(timing_lag_s(&s, 1, 3.4), 0.01 + 0.01, 1e-9);
+    s.n_speakers = 16;
+    assert_near(timing_round_s(&s), 16 * 0.024, 1e-9);
     assert_near(timing_fresh(&s, 16, 0.024, 0.0), 1.0 / 16.0, 1e-9);
     assert_near(timing_fresh(&s, 16, 0.5, 0.2), 1.0, 1e-9);
     assert_near(timing_fresh(&s, 1, 0.024, 0.2), 0.12, 1e-9);
@@ -472,6 +518,9 @@ int main(void)
         TEST(an_image_of_the_past_is_refused),
         TEST(a_sidelobe_begins_no_track),
         TEST(the_wall_itself_is_not_tracked),
+        TEST(a_young_background_leaves_holes_that_are_not_told),
+        TEST(a_background_that_was_there_leaves_none),
+        TEST(who_walks_before_a_young_background_is_told),
         TEST(until_a_wall_is_found_nothing_hides),
         TEST(what_hides_is_heard_from_where_the_mirrored_array_stands),
         cmocka_unit_test(only_what_is_fainter_and_as_far_may_be_a_sidelobe),
