@@ -347,6 +347,25 @@ static void until_a_wall_is_found_nothing_hides(void **state)
     assert_near(r->list->detections[0]->position_m->x, 1.6 - 2.0, 0.05);
 }
 
+/* At 3.2 m/s: its middle is behind its front, whose echo is where it is imaged. */
+static void something_fast_is_imaged_where_its_front_is(void **state)
+{
+    struct rig *r = *state;
+    double x_m = 0.0;
+
+    for (int k = 0; k < 5; k++) {
+        x_m = -1.6 + 0.8 * k;
+        add(r, x_m, 2.0, 1.0);
+        image(r);
+    }
+    assert_int_equal(r->list->n_detections, 1);
+    const Anlos__Detection *d = r->list->detections[0];
+    assert_near(d->virtual_m->x, x_m, 0.1);
+    assert_near(d->virtual_m->z, 2.0, 0.05);
+    assert_true(d->position_m->y < x_m - 0.2);
+    assert_true(d->extent_m->y > 0.7);
+}
+
 /* A background begins with somebody in it; of the four speakers a round takes an eighth
  * of a second, and seven rounds three images and a half.  After a gap it begins again. */
 static void a_young_background_leaves_holes_that_are_not_told(void **state)
@@ -518,6 +537,7 @@ int main(void)
         TEST(an_image_of_the_past_is_refused),
         TEST(a_sidelobe_begins_no_track),
         TEST(the_wall_itself_is_not_tracked),
+        TEST(something_fast_is_imaged_where_its_front_is),
         TEST(a_young_background_leaves_holes_that_are_not_told),
         TEST(a_background_that_was_there_leaves_none),
         TEST(who_walks_before_a_young_background_is_told),
