@@ -90,10 +90,10 @@ static void tell_state(struct run *r)
     r->told_state = state;
     r->told_faults = faults;
     describe_state(r, text, sizeof text);
-    node_log(r->node,
-             state == CAN_FAULT || state == CAN_BLOCKED ? LOG_LEVEL_WARNING
-                                                        : LOG_LEVEL_INFO,
-             "%s", text);
+    node_log_each(r->node,
+                  state == CAN_FAULT || state == CAN_BLOCKED ? LOG_LEVEL_WARNING
+                                                             : LOG_LEVEL_INFO,
+                  "%s", text);
 }
 
 /* In a replay nothing is now: neither the clock nor what is wrong with it counts. */

@@ -57,9 +57,10 @@ static void put_line(struct log *l, struct log_line *line)
         l->call(l->ctx, line);
 }
 
-void log_vwrite(struct log *l, enum log_level level, const char *format, va_list args)
+static void write_text(struct log *l, enum log_level level, bool each, const char *format,
+                       va_list args)
 {
-    struct log_line line = {.level = level}, before;
+    struct log_line line = {.level = level}, before = {.repeats = 0};
 
     if (level < l->cfg.least && level < LOG_LEVEL_INFO)
         return;
@@ -67,12 +68,23 @@ void log_vwrite(struct log *l, enum log_level level, const char *format, va_list
     log_text_clean(line.text);
     pthread_mutex_lock(&l->lock);
     line.stamp_ns = clock_now_ns(l->cfg.clock);
-    bool fresh = log_repeats_take(&l->repeats, &line, &before);
+    bool fresh = each || log_repeats_take(&l->repeats, &line, &before);
     if (before.repeats)
         put_line(l, &before);
     if (fresh)
         put_line(l, &line);
     pthread_mutex_unlock(&l->lock);
+}
+
+void log_vwrite(struct log *l, enum log_level level, const char *format, va_list args)
+{
+    write_text(l, level, false, format, args);
+}
+
+void log_vwrite_each(struct log *l, enum log_level level, const char *format,
+                     va_list args)
+{
+    write_text(l, level, true, format, args);
 }
 
 void log_write(struct log *l, enum log_level level, const char *format, ...)

@@ -35,6 +35,10 @@ void log_write(struct log *l, enum log_level level, const char *format, ...)
 void log_vwrite(struct log *l, enum log_level level, const char *format, va_list args)
     __attribute__((format(printf, 3, 0)));
 
+/* Written however short ago the same was: for changes, of which each says what is now. */
+void log_vwrite_each(struct log *l, enum log_level level, const char *format,
+                     va_list args) __attribute__((format(printf, 3, 0)));
+
 /* Says which texts were repeated, where it is time to.  To be called now and then. */
 void log_tick(struct log *l);
 

@@ -396,6 +396,15 @@ void node_log(const struct node *n, enum log_level level, const char *format, ..
     va_end(args);
 }
 
+void node_log_each(const struct node *n, enum log_level level, const char *format, ...)
+{
+    va_list args;
+
+    va_start(args, format);
+    log_vwrite_each(n->log, level, format, args);
+    va_end(args);
+}
+
 int node_finish(struct node *n, int err)
 {
     if (err == -ESHUTDOWN)

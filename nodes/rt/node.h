@@ -96,6 +96,10 @@ void node_device(struct node *n, size_t (*counts)(void *device, struct device_co
 void node_log(const struct node *n, enum log_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
+/* Of changes: the same text is never counted instead (nodes/rt/log.h). */
+void node_log_each(const struct node *n, enum log_level level, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
 /* Closes all and returns the process's exit code: 0 if err is 0 or -ESHUTDOWN, 2 if it is
  * one of configuration (-EINVAL, -ENOENT, -ENODEV, -ENOTSUP, -EACCES, -ENOTDIR, -EROFS,
  * -EADDRINUSE, -EADDRNOTAVAIL: no use in starting it again), else 1. */

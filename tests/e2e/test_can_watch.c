@@ -163,6 +163,17 @@ static void assert_lists(struct world *w, enum can_state state, bool objects)
                  state);
 }
 
+/* Each of them, where the same text comes again within seconds. */
+static void assert_changes_are_written(const struct alone *can)
+{
+    char *log = alone_log(can);
+
+    for (const char *at = log; (at = strstr(at, "the sensor is ")); at++)
+        if (at[strcspn(at, "(\n")] == '(')
+            fail_msg("a change was counted: %.*s", (int)strcspn(at, "\n"), at);
+    free(log);
+}
+
 /* The slow ones run beside the others, which need not wait for them. */
 static void what_stops_or_goes_wrong_is_told_to_the_vehicle_in_time(void **state)
 {
@@ -186,6 +197,7 @@ static void what_stops_or_goes_wrong_is_told_to_the_vehicle_in_time(void **state
     wait_until(&w, BIT(TEMPERATURE_UNKNOWN), false);
     close_world(&w);
     assert_int_equal(tally_wrong(&w.log.tally), 0);
+    assert_changes_are_written(&w.can);
 }
 
 int main(void)

@@ -229,6 +229,31 @@ static void counts_come_in_the_order_of_what_they_count(void **state)
     assert_string_equal(r->lines[3].text, "faulty");
 }
 
+static void write_each(struct rig *r, const char *format, ...)
+{
+    va_list args;
+
+    va_start(args, format);
+    log_vwrite_each(r->log, LOG_LEVEL_INFO, format, args);
+    va_end(args);
+}
+
+static void each_of_changes_is_written_and_none_is_counted(void **state)
+{
+    struct rig *r = *state;
+
+    open_log(r, LOG_LEVEL_INFO, LOG_FORMAT_TEXT);
+    for (int i = 0; i < 4; i++) {
+        write_each(r, "%s", i % 2 ? "faulty" : "active");
+        r->now_ns += S_NS;
+    }
+    log_tell_repeats(r->log);
+    assert_int_equal(r->n_lines, 4);
+    assert_string_equal(r->lines[2].text, "active");
+    assert_string_equal(r->lines[3].text, "faulty");
+    assert_int_equal(r->lines[2].repeats, 0);
+}
+
 static void a_text_that_comes_back_later_is_new(void **state)
 {
     struct rig *r = *state;
@@ -432,6 +457,7 @@ int main(void)
         TEST(a_count_that_comes_late_says_how_long_ago_the_last_was),
         TEST(what_comes_when_its_count_is_due_is_one_line_with_it),
         TEST(counts_come_in_the_order_of_what_they_count),
+        TEST(each_of_changes_is_written_and_none_is_counted),
         TEST(a_text_that_comes_back_later_is_new),
         TEST(levels_and_numbers_tell_texts_apart),
         TEST(repeats_are_told_before_they_are_forgotten),
