@@ -16,6 +16,7 @@
 #include "nodes/can/vehicle_bus.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/node.h"
+#include "nodes/rt/stop.h"
 
 #define FINISH_NS 100000000LL /* what waits has to go out in when the node ends */
 
@@ -100,13 +101,16 @@ static void tell_state(struct run *r)
 static void judge(struct run *r)
 {
     bool live = !node_is_replayed(r->node);
+    int64_t now = node_machine_ns(r->node);
     int64_t ahead_ns = live ? clock_wall_ahead_ns() : 0;
 
+    if (stop_requested()) /* of the others too: that they are silent is no fault */
+        return;
     r->watch.cfg.replayed = !live;
     if (live)
         watch_clock(&r->watch, ahead_ns);
     watch_dropped(&r->watch, r->outbox.dropped);
-    watch_step(&r->watch, node_machine_ns(r->node));
+    watch_step(&r->watch, now);
     r->sender.wall_ahead_ns = ahead_ns;
     r->sender.lets_objects = watch_lets_objects(&r->watch);
     r->sender.status.state = watch_state(&r->watch);
