@@ -61,7 +61,7 @@ static void put_empty_list(struct cyclic *c, int64_t now_ns)
         now_ns < c->empty_due_ns)
         return;
     c->empty_due_ns = next_due(c->empty_due_ns, EMPTY_PERIOD_NS, now_ns);
-    sender_empty_list(c->sender, c->list_counter, c->watch->capture_ns, &list);
+    sender_empty_list(c->sender, c->watch->capture_ns, &list);
     outbox_put_list(c->outbox, &list);
 }
 

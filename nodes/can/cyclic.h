@@ -22,7 +22,6 @@ struct cyclic { /* the first four are the caller's */
     struct can_frame_data status;           /* as it went out last */
     int64_t changed_ns[CAN_STATUS_CHANGES]; /* of the newest changes, a ring; 0: none */
     size_t n_changes;
-    uint32_t list_counter; /* of the newest message, which the caller tells */
 };
 
 /* Puts into the outbox what is due.  To be called as often as watch_step.  More changes

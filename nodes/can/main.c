@@ -126,7 +126,6 @@ static void take_list(struct run *r, const struct node_message *in)
 
     watch_list(&r->watch, message, in->capture_ns, node_machine_ns(r->node));
     diagnosis_list(&r->diagnosis, message);
-    r->cyclic.list_counter = message->counter;
     sender_list(&r->sender, message, in->capture_ns, &list);
     if (node_is_replayed(r->node))
         list.dated_ns = in->publish_ns;

@@ -6,6 +6,9 @@
 
 #include "nodes/can/pick.h"
 
+#define COUNTER_HALF 2048 /* of what a frame holds: a step of more looks like one back   \
+                           */
+
 void sender_init(struct sender *s, const struct sender_config *cfg)
 {
     *s = (struct sender){
@@ -16,6 +19,8 @@ void sender_init(struct sender *s, const struct sender_config *cfg)
         .diagnosis = {.cpu = NAN, .snr_db = NAN},
         .protection = {.base = cfg->base_id},
         .lets_objects = true,
+        .counter = UINT32_MAX,
+        .message_counter = UINT32_MAX,
         .time_sync = CAN_SYNC_UNKNOWN,
     };
 }
@@ -132,11 +137,20 @@ static void fill_object(struct can_object *o, const Anlos__DetectionList *list, 
         fill_place(o, d);
 }
 
-void sender_list(const struct sender *s, const Anlos__DetectionList *list,
-                 int64_t capture_ns, struct sender_list *out)
+static uint16_t next_counter(struct sender *s, const Anlos__DetectionList *list)
+{
+    uint32_t step = list->counter - s->message_counter;
+
+    s->message_counter = list->counter;
+    s->counter += step && step < COUNTER_HALF ? step : 1;
+    return (uint16_t)s->counter;
+}
+
+void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
+                 struct sender_list *out)
 {
     size_t picked[CAN_MAX_OBJECTS];
-    uint16_t counter = (uint16_t)(list->counter + s->n_own);
+    uint16_t counter = next_counter(s, list);
 
     out->n_objects = pick_detections(list, CAN_MAX_OBJECTS, picked);
     out->header = (struct can_list_header){
@@ -148,11 +162,9 @@ void sender_list(const struct sender *s, const Anlos__DetectionList *list,
         fill_object(&out->objects[i], list, picked[i], counter);
 }
 
-void sender_empty_list(struct sender *s, uint32_t counter, int64_t capture_ns,
-                       struct sender_list *out)
+void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list *out)
 {
-    s->n_own++;
-    out->header = (struct can_list_header){.counter = (uint16_t)(counter + s->n_own)};
+    out->header = (struct can_list_header){.counter = (uint16_t)++s->counter};
     out->capture_ns = capture_ns;
     out->dated_ns = 0;
     out->n_objects = 0;

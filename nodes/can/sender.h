@@ -29,9 +29,10 @@ struct sender {
     struct can_protection protection;
     bool lets_objects; /* false: lists are empty.  true at first */
     enum can_time_sync time_sync;
-    int64_t wall_ahead_ns; /* of the vehicle's time over that of capture stamps */
-    uint32_t n_own;        /* lists without a message, which count too */
-    bool told[256];        /* the vehicle knows of the object of this id */
+    int64_t wall_ahead_ns;    /* of the vehicle's time over that of capture stamps */
+    uint32_t counter;         /* of the newest list; UINT32_MAX: none, as of messages */
+    uint32_t message_counter; /* of the newest that came in a message */
+    bool told[256];           /* the vehicle knows of the object of this id */
     struct allowance allowance;
 };
 
@@ -53,16 +54,17 @@ struct sender_list {
 void sender_init(struct sender *s, const struct sender_config *cfg);
 void sender_survey(struct sender *s, const Anlos__Survey *survey);
 
-/* Of more than CAN_MAX_OBJECTS the likeliest are taken, in steps of a tenth, and of these
+/* Counters rise with each list, whoever made it.  A gap in those of messages stays one;
+ * where they begin again, ours go on.
+ *
+ * Of more than CAN_MAX_OBJECTS the likeliest are taken, in steps of a tenth, and of these
  * the nearest.  What is not known is sent as not available: the place of objects when the
  * list's survey names no wall or mount. */
-void sender_list(const struct sender *s, const Anlos__DetectionList *list,
-                 int64_t capture_ns, struct sender_list *out);
+void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
+                 struct sender_list *out);
 
-/* An empty one of our own, of the newest sound that there was: when no message comes.
- * counter: of the message's list before. */
-void sender_empty_list(struct sender *s, uint32_t counter, int64_t capture_ns,
-                       struct sender_list *out);
+/* An empty one of our own, of the newest sound that there was: when no message comes. */
+void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list *out);
 
 /* Makes the frames, when the list goes out: header, time, then state, dynamics and
  * quality or the FD frame of each object that the bus has room for

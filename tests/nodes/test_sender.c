@@ -568,7 +568,7 @@ static void an_empty_list_of_our_own_counts_between_the_others(void **state)
     fill(&l, 1);
     send(&s, &l, 50, &sent);
     assert_int_equal(header_of(&sent).counter, 5);
-    sender_empty_list(&s, 5, 100000 * MS, &sent);
+    sender_empty_list(&s, 100000 * MS, &sent);
     sender_date(&s, &sent, 100400 * MS, 0);
     assert_int_equal(header_of(&sent).counter, 6);
     assert_int_equal(header_of(&sent).number, 0);
@@ -576,6 +576,78 @@ static void an_empty_list_of_our_own_counts_between_the_others(void **state)
     l.message.counter = 6;
     send(&s, &l, 50, &sent);
     assert_int_equal(header_of(&sent).counter, 7);
+}
+
+static unsigned counter_of_message(struct sender *s, uint32_t counter)
+{
+    struct list l;
+    struct sender_list sent;
+
+    fill(&l, 0);
+    l.message.counter = counter;
+    send(s, &l, 50, &sent);
+    return header_of(&sent).counter;
+}
+
+static unsigned counter_of_our_own(struct sender *s)
+{
+    struct sender_list sent;
+
+    sender_empty_list(s, 100000 * MS, &sent);
+    sender_date(s, &sent, 100400 * MS, 0);
+    return header_of(&sent).counter;
+}
+
+/* Until the tracker tells its first, which it counts from 0. */
+static void lists_of_our_own_before_all_others_have_counters_of_their_own(void **state)
+{
+    struct sender s;
+
+    (void)state;
+    init(&s, 0x400);
+    assert_int_equal(counter_of_our_own(&s), 0);
+    assert_int_equal(counter_of_our_own(&s), 1);
+    assert_int_equal(counter_of_message(&s, 0), 2);
+    assert_int_equal(counter_of_message(&s, 1), 3);
+    assert_int_equal(counter_of_our_own(&s), 4);
+}
+
+static void a_message_that_got_lost_is_missed_by_the_counter(void **state)
+{
+    struct sender s;
+
+    (void)state;
+    init(&s, 0x400);
+    assert_int_equal(counter_of_message(&s, 200), 200);
+    assert_int_equal(counter_of_message(&s, 203), 203);
+    assert_int_equal(counter_of_our_own(&s), 204);
+    assert_int_equal(counter_of_message(&s, 206), 207);
+}
+
+static void the_counter_goes_on_when_that_of_the_messages_begins_again(void **state)
+{
+    struct sender s;
+
+    (void)state;
+    init(&s, 0x400);
+    assert_int_equal(counter_of_message(&s, 1000), 1000);
+    assert_int_equal(counter_of_message(&s, 0), 1001);
+    assert_int_equal(counter_of_message(&s, 1), 1002);
+    assert_int_equal(counter_of_message(&s, 1 + 4096), 1003); /* nor back, nor the same */
+}
+
+/* In 12 bits. */
+static void the_counter_wraps_around(void **state)
+{
+    struct sender s;
+
+    (void)state;
+    init(&s, 0x400);
+    for (uint32_t i = 0; i < 4095; i++)
+        assert_int_equal(counter_of_message(&s, i), i);
+    assert_int_equal(counter_of_our_own(&s), 4095);
+    assert_int_equal(counter_of_message(&s, 4095), 0);
+    assert_int_equal(counter_of_message(&s, 4096), 1);
 }
 
 /* Half a millisecond is how exactly clocks agree, half a second is not. */
@@ -634,6 +706,10 @@ int main(void)
         cmocka_unit_test(a_list_is_cut_to_what_the_bus_may_carry),
         cmocka_unit_test(a_sensor_that_is_not_to_be_trusted_sends_no_objects),
         cmocka_unit_test(an_empty_list_of_our_own_counts_between_the_others),
+        cmocka_unit_test(lists_of_our_own_before_all_others_have_counters_of_their_own),
+        cmocka_unit_test(a_message_that_got_lost_is_missed_by_the_counter),
+        cmocka_unit_test(the_counter_goes_on_when_that_of_the_messages_begins_again),
+        cmocka_unit_test(the_counter_wraps_around),
         cmocka_unit_test(the_age_of_sound_that_is_still_to_come_is_not_available),
         cmocka_unit_test(the_time_of_a_list_is_that_of_the_vehicle),
     };
