@@ -112,7 +112,7 @@ static void judge(struct run *r)
     watch_dropped(&r->watch, r->outbox.dropped);
     watch_step(&r->watch, now);
     r->sender.wall_ahead_ns = ahead_ns;
-    r->sender.lets_objects = watch_lets_objects(&r->watch);
+    sender_let_objects(&r->sender, watch_lets_objects(&r->watch));
     r->sender.status.state = watch_state(&r->watch);
     r->sender.status.faults = watch_faults(&r->watch);
     r->sender.status.temperature_c = watch_temperature_c(&r->watch);

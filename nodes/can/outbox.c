@@ -34,6 +34,7 @@ static void drop(struct outbox *o, size_t i, int err)
     o->cut_off += i == 0 && (o->cut || o->next);
     o->dropped_ns = clock_now_ns(o->clock);
     o->dropped_for = err;
+    sender_dropped(o->sender, &o->lists[i]);
     take_out(o, i);
 }
 

@@ -6,8 +6,9 @@
 
 #include "nodes/can/pick.h"
 
-#define COUNTER_HALF 2048 /* of what a frame holds: a step of more looks like one back   \
-                           */
+#define COUNTER_HALF                                                                     \
+    2048 /* of what a frame holds: a step of more looks like one back                    \
+          */
 
 void sender_init(struct sender *s, const struct sender_config *cfg)
 {
@@ -23,6 +24,13 @@ void sender_init(struct sender *s, const struct sender_config *cfg)
         .message_counter = UINT32_MAX,
         .time_sync = CAN_SYNC_UNKNOWN,
     };
+}
+
+void sender_let_objects(struct sender *s, bool lets)
+{
+    s->lets_objects = lets;
+    if (!lets)
+        memset(s->told, 0, sizeof s->told);
 }
 
 static enum can_source source_of(Anlos__Source source)
@@ -156,6 +164,11 @@ void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t cap
     out->header = (struct can_list_header){
         .counter = counter, .truncated = out->n_objects < list->n_detections};
     out->capture_ns = capture_ns;
+    out->tracked = list->tracked;
+    memset(out->lives, 0, sizeof out->lives);
+    for (size_t i = 0; i < list->n_detections; i++)
+        out->lives[(uint8_t)list->detections[i]->id] =
+            measurement_of(list, list->detections[i]) != CAN_DELETED;
     out->dated_ns = 0;
     out->n_frames = 0;
     for (size_t i = 0; i < out->n_objects; i++)
@@ -166,6 +179,8 @@ void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list 
 {
     out->header = (struct can_list_header){.counter = (uint16_t)++s->counter};
     out->capture_ns = capture_ns;
+    out->tracked = true;
+    memset(out->lives, 0, sizeof out->lives);
     out->dated_ns = 0;
     out->n_objects = 0;
     out->n_frames = 0;
@@ -201,16 +216,44 @@ static void pack_object(const struct sender *s, struct sender_list *list,
     list->n_frames += 3;
 }
 
-/* The objects that may be sent and fit. */
-static size_t pick(struct sender *s, const struct sender_list *list, int64_t now_ns,
-                   size_t picked[CAN_MAX_OBJECTS])
+/* As the vehicle is told it now. */
+static enum can_measurement told_measurement(const struct sender *s,
+                                             const struct sender_list *list,
+                                             const struct can_object *o)
 {
-    size_t room = allowance_objects(&s->allowance, &s->cfg.bus, now_ns);
-    size_t n =
-        s->lets_objects ? pick_objects(list->objects, list->n_objects, room, picked) : 0;
+    if (list->stale && o->measurement != CAN_DELETED)
+        return CAN_PREDICTED;
+    return o->measurement == CAN_MEASURED && !s->told[o->id] ? CAN_NEW : o->measurement;
+}
 
-    allowance_begin(&s->allowance, &s->cfg.bus, now_ns, n);
+/* Writes the indices of the objects that may be sent; returns how many. */
+static size_t find_allowed(const struct sender *s, const struct sender_list *list,
+                           size_t allowed[CAN_MAX_OBJECTS])
+{
+    size_t n = 0;
+
+    for (size_t i = 0; s->lets_objects && i < list->n_objects; i++) {
+        const struct can_object *o = &list->objects[i];
+        if (!list->tracked || s->told[o->id] || told_measurement(s, list, o) == CAN_NEW)
+            allowed[n++] = i;
+    }
     return n;
+}
+
+/* Those of them that fit; returns whether all do. */
+static bool pick(struct sender *s, struct sender_list *list, int64_t now_ns)
+{
+    struct can_object objects[CAN_MAX_OBJECTS];
+    size_t allowed[CAN_MAX_OBJECTS], n = find_allowed(s, list, allowed);
+    size_t room = allowance_objects(&s->allowance, &s->cfg.bus, now_ns);
+
+    for (size_t i = 0; i < n; i++)
+        objects[i] = list->objects[allowed[i]];
+    list->n_picked = pick_objects(objects, n, room, list->picked);
+    for (size_t i = 0; i < list->n_picked; i++)
+        list->picked[i] = allowed[list->picked[i]];
+    allowance_begin(&s->allowance, &s->cfg.bus, now_ns, list->n_picked);
+    return list->n_picked == n;
 }
 
 static bool is_stale(const struct sender *s, const struct sender_list *list,
@@ -225,11 +268,10 @@ void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
 {
     struct can_list_header header = list->header;
     int64_t capture_ns = list->capture_ns;
-    size_t n = list->n_picked = pick(s, list, now_ns, list->picked);
 
     list->stale = is_stale(s, list, now_ns);
-    header.number = (uint8_t)n;
-    header.truncated |= s->lets_objects && n < list->n_objects;
+    header.truncated |= !pick(s, list, now_ns);
+    header.number = (uint8_t)list->n_picked;
     list->truncated = header.truncated;
     header.time_sync = s->time_sync;
     header.latency_ms = capture_ns ? latency_ms(now_ns, capture_ns) : NAN;
@@ -239,12 +281,9 @@ void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
                   (int64_t)((uint64_t)(capture_ns ? capture_ns : now_ns) +
                             (uint64_t)s->wall_ahead_ns));
     list->n_frames = 2;
-    for (size_t i = 0; i < n; i++) {
+    for (size_t i = 0; i < list->n_picked; i++) {
         struct can_object o = list->objects[list->picked[i]];
-        if (list->stale && o.measurement != CAN_DELETED)
-            o.measurement = CAN_PREDICTED;
-        if (o.measurement == CAN_MEASURED && !s->told[o.id])
-            o.measurement = CAN_NEW;
+        o.measurement = told_measurement(s, list, &o);
         pack_object(s, list, &o);
     }
 }
@@ -257,10 +296,16 @@ bool sender_holds(const struct sender *s, const struct sender_list *list, int64_
 
 void sender_told(struct sender *s, const struct sender_list *list)
 {
-    for (size_t i = 0; i < list->n_picked; i++) {
-        const struct can_object *o = &list->objects[list->picked[i]];
-        s->told[o->id] = o->measurement != CAN_DELETED;
-    }
+    for (size_t i = 0; s->lets_objects && i < list->n_picked; i++)
+        s->told[list->objects[list->picked[i]].id] = true;
+    sender_dropped(s, list);
+}
+
+/* What ended is not known any more, also if that was not told: its id comes again. */
+void sender_dropped(struct sender *s, const struct sender_list *list)
+{
+    for (size_t id = 0; id < sizeof s->told; id++)
+        s->told[id] &= list->lives[id];
 }
 
 void sender_status(const struct sender *s, struct can_frame_data *frame)

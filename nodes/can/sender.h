@@ -27,7 +27,7 @@ struct sender {
     struct can_status status;
     struct can_diagnosis diagnosis;
     struct can_protection protection;
-    bool lets_objects; /* false: lists are empty.  true at first */
+    bool lets_objects; /* of sender_let_objects.  true at first */
     enum can_time_sync time_sync;
     int64_t wall_ahead_ns;    /* of the vehicle's time over that of capture stamps */
     uint32_t counter;         /* of the newest list; UINT32_MAX: none, as of messages */
@@ -40,6 +40,8 @@ struct sender {
 struct sender_list {
     struct can_list_header header; /* with the number of objects that there are */
     int64_t capture_ns;            /* 0: not of any sound */
+    bool tracked;                  /* its objects have ids that stay */
+    bool lives[256];               /* the object of this id is there and not deleted */
     int64_t dated_ns;              /* of a replay: when it came about; 0: when it goes */
     struct can_object objects[CAN_MAX_OBJECTS]; /* [n_objects], strongest first */
     size_t n_objects;
@@ -53,6 +55,9 @@ struct sender_list {
 
 void sender_init(struct sender *s, const struct sender_config *cfg);
 void sender_survey(struct sender *s, const Anlos__Survey *survey);
+
+/* From now on lists have objects, or none: the vehicle then knows of none any more. */
+void sender_let_objects(struct sender *s, bool lets);
 
 /* Counters rise with each list, whoever made it.  A gap in those of messages stays one;
  * where they begin again, ours go on.
@@ -70,9 +75,9 @@ void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list 
  * quality or the FD frame of each object that the bus has room for
  * (nodes/can/allowance.h) and that is allowed.  What was heard too long ago is said to be
  * predicted; what was heard, but in no list that the vehicle got, is new: nothing was
- * sent before the sensor was ready, lists were lost or had no room for it.  last_ns: when
- * the list before began; 0: none did.  Cycle is then not
- * available; nor is latency without capture, or of one that is still to come. */
+ * sent before the sensor was ready, lists were lost or had no room for it.  A track is
+ * not sent before it is new.  last_ns: when the list before began; 0: none did.  Cycle is
+ * then not available; nor is latency without capture, or of one that is still to come. */
 void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
                  int64_t last_ns);
 
@@ -80,8 +85,9 @@ void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
  * sent any more, or they are said to be measured and were heard too long ago by now. */
 bool sender_holds(const struct sender *s, const struct sender_list *list, int64_t now_ns);
 
-/* All of it is on the bus. */
+/* All of it is on the bus, or never will be. */
 void sender_told(struct sender *s, const struct sender_list *list);
+void sender_dropped(struct sender *s, const struct sender_list *list);
 
 /* The status frame, due every 100 ms, and the diagnosis, every second. */
 void sender_status(const struct sender *s, struct can_frame_data *frame);

@@ -483,6 +483,20 @@ static void a_list_that_was_cut_and_then_dropped_is_counted_as_such(void **state
     assert_int_equal(count_of(r, "lists_cut"), 1);
 }
 
+/* Its id may come again before the next list gets through. */
+static void what_ended_in_lists_that_were_dropped_is_not_known_any_more(void **state)
+{
+    struct rig *r = *state;
+
+    r->sender.told[0] = r->sender.told[3] = true;
+    break_off(&r->bus, CANBUS_GONE);
+    for (unsigned i = 1; i <= OUTBOX_LISTS; i++)
+        put(r, i, 1);
+    assert_true(r->sender.told[0] && r->sender.told[3]);
+    put(r, OUTBOX_LISTS + 1, 1);
+    assert_true(r->sender.told[0] && !r->sender.told[3]);
+}
+
 /* Of a header and of an ObjectState frame; as in anlos.dbc. */
 static unsigned number(const struct can_frame_data *f)
 {
@@ -502,7 +516,7 @@ static void objects_that_must_not_be_sent_any_more_end_a_list_on_its_way(void **
     r->bus.room = 6;
     put(r, 1, 2);
     step(r, 1);
-    r->sender.lets_objects = false;
+    sender_let_objects(&r->sender, false);
     put_status(r, 1);
     r->bus.room = SIZE_MAX;
     step(r, 1);
@@ -675,6 +689,7 @@ int main(void)
         TEST(a_list_that_was_thrown_away_unconfirmed_is_sent_again),
         TEST(a_list_that_is_confirmed_is_not_sent_again),
         TEST(a_list_that_was_cut_and_then_dropped_is_counted_as_such),
+        TEST(what_ended_in_lists_that_were_dropped_is_not_known_any_more),
         TEST(objects_that_must_not_be_sent_any_more_end_a_list_on_its_way),
         TEST(objects_that_grow_old_on_their_way_are_not_sent_as_measured),
         TEST(a_bus_that_is_down_is_left_alone),

@@ -416,6 +416,14 @@ static void what_was_heard_too_long_ago_is_never_sent_as_measured(void **state)
     assert_int_equal(o.measurement, CAN_DELETED);
 }
 
+static struct can_list_header header_of(const struct sender_list *sent)
+{
+    struct can_list_header h;
+
+    assert_int_equal(can_unpack_list_header(&sent->frames[0], &h), 0);
+    return h;
+}
+
 static enum can_measurement measurement_of(const struct sender_list *sent, size_t i)
 {
     struct can_object o;
@@ -434,10 +442,10 @@ static void an_object_is_new_in_the_first_list_that_tells_of_it(void **state)
     (void)state;
     init(&s, 0x400);
     fill_tracks(&l, 2);
-    s.lets_objects = false;
+    sender_let_objects(&s, false);
     send(&s, &l, 50, &sent);
     sender_told(&s, &sent);
-    s.lets_objects = true;
+    sender_let_objects(&s, true);
     for (int i = 0; i < 2; i++) { /* sent, but not all of it came on the bus */
         send(&s, &l, 50, &sent);
         assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
@@ -449,7 +457,8 @@ static void an_object_is_new_in_the_first_list_that_tells_of_it(void **state)
     assert_int_equal(measurement_of(&sent, 1), CAN_MEASURED);
 }
 
-static void what_is_only_predicted_or_deleted_is_not_new(void **state)
+/* Neither where it should be nor that it ended is said of what was never told. */
+static void a_track_is_not_sent_before_it_is_new(void **state)
 {
     struct sender s;
     struct list l;
@@ -461,14 +470,108 @@ static void what_is_only_predicted_or_deleted_is_not_new(void **state)
     l.detections[0].measurement = ANLOS__MEASUREMENT__PREDICTED;
     l.detections[1].measurement = ANLOS__MEASUREMENT__DELETED;
     send(&s, &l, 50, &sent);
-    assert_int_equal(measurement_of(&sent, 0), CAN_PREDICTED);
-    assert_int_equal(measurement_of(&sent, 1), CAN_DELETED);
+    assert_int_equal(sent.n_frames, 2);
+    assert_int_equal(header_of(&sent).number, 0);
+    assert_false(header_of(&sent).truncated);
     sender_told(&s, &sent);
     l.detections[0].measurement = l.detections[1].measurement =
         ANLOS__MEASUREMENT__MEASURED;
     send(&s, &l, 50, &sent);
-    assert_int_equal(measurement_of(&sent, 0), CAN_MEASURED);
-    assert_int_equal(measurement_of(&sent, 1), CAN_NEW); /* another one of its id */
+    assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
+    assert_int_equal(measurement_of(&sent, 1), CAN_NEW);
+}
+
+/* It waited for the bus until it could only be predicted. */
+static void nor_is_one_that_grew_old_before_it_was_sent(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    s.cfg.stale_ns = 500 * MS;
+    fill_tracks(&l, 1);
+    l.detections[0].measurement = ANLOS__MEASUREMENT__NEW;
+    send(&s, &l, 501, &sent);
+    assert_int_equal(header_of(&sent).number, 0);
+    sender_told(&s, &sent);
+    l.detections[0].measurement = ANLOS__MEASUREMENT__MEASURED;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
+}
+
+/* Its detections number themselves in each list: none begins with New. */
+static void what_is_not_tracked_is_sent_also_when_it_is_old(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    s.cfg.stale_ns = 500 * MS;
+    fill(&l, 1);
+    send(&s, &l, 501, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_PREDICTED);
+}
+
+static void after_a_time_without_objects_each_is_new_again(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    know_tracks(&s);
+    fill_tracks(&l, 3);
+    sender_let_objects(&s, false);
+    sender_let_objects(&s, true);
+    l.detections[1].measurement = ANLOS__MEASUREMENT__PREDICTED;
+    l.detections[2].measurement = ANLOS__MEASUREMENT__DELETED;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(header_of(&sent).number, 1);
+    assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
+}
+
+/* All of it was on the bus when the sensor became faulty. */
+static void a_list_that_was_confirmed_too_late_told_nothing(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    fill_tracks(&l, 1);
+    send(&s, &l, 50, &sent);
+    sender_let_objects(&s, false);
+    sender_told(&s, &sent);
+    sender_let_objects(&s, true);
+    send(&s, &l, 50, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
+}
+
+static void a_track_that_is_deleted_is_so_once_and_its_id_is_new_again(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    know_tracks(&s);
+    fill_tracks(&l, 1);
+    l.detections[0].measurement = ANLOS__MEASUREMENT__DELETED;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_DELETED);
+    sender_told(&s, &sent);
+    send(&s, &l, 50, &sent);
+    assert_int_equal(header_of(&sent).number, 0);
+    l.detections[0].measurement = ANLOS__MEASUREMENT__MEASURED;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
 }
 
 static void an_fd_frame_carries_all_of_an_object(void **state)
@@ -499,14 +602,6 @@ static void an_fd_frame_carries_all_of_an_object(void **state)
     assert_int_equal(o.wall, 2);
     assert_true(o.in_free_view);
     assert_false(o.behind_no_wall);
-}
-
-static struct can_list_header header_of(const struct sender_list *sent)
-{
-    struct can_list_header h;
-
-    assert_int_equal(can_unpack_list_header(&sent->frames[0], &h), 0);
-    return h;
 }
 
 /* 32 objects 10 times a second take a quarter of 500 kbit/s (test_load has the sums):
@@ -540,6 +635,80 @@ static void a_list_is_cut_to_what_the_bus_may_carry(void **state)
     assert_true(used < 0.05);
 }
 
+/* A bus with room for the likeliest six. */
+static void send_six(struct sender *s, struct list *l, struct sender_list *sent)
+{
+    s->cfg.bus.load = 0.05;
+    s->allowance.n = 0;
+    send(s, l, 50, sent);
+}
+
+static void what_the_vehicle_does_not_know_yet_takes_no_room_of_others(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    fill_tracks(&l, 32);
+    for (size_t i = 0; i < 31; i++) {
+        l.detections[i].measurement = ANLOS__MEASUREMENT__PREDICTED;
+        l.detections[i].existence = 0.95;
+    }
+    send_six(&s, &l, &sent);
+    assert_int_equal(header_of(&sent).number, 1);
+    assert_false(header_of(&sent).truncated);
+    assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
+}
+
+/* There was no room for it while others were likelier; the second one also ended. */
+static void what_was_left_out_is_known_as_long_as_it_lives(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    know_tracks(&s);
+    fill_tracks(&l, 32);
+    l.detections[0].existence = l.detections[1].existence = 0.1;
+    l.detections[1].measurement = ANLOS__MEASUREMENT__DELETED;
+    send_six(&s, &l, &sent);
+    assert_true(header_of(&sent).truncated);
+    sender_told(&s, &sent);
+    l.message.n_detections = 2;
+    l.detections[1].measurement = ANLOS__MEASUREMENT__MEASURED;
+    send_six(&s, &l, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_MEASURED);
+    assert_int_equal(measurement_of(&sent, 1), CAN_NEW);
+}
+
+/* The same of more objects than a list has. */
+static void so_is_what_is_beyond_the_longest_list(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+
+    (void)state;
+    init(&s, 0x400);
+    know_tracks(&s);
+    fill_tracks(&l, 34);
+    l.detections[32].existence = l.detections[33].existence = 0.1;
+    l.detections[33].measurement = ANLOS__MEASUREMENT__DELETED;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(header_of(&sent).number, 32);
+    sender_told(&s, &sent);
+    l.message.detections = &l.pointers[32];
+    l.message.n_detections = 2;
+    l.detections[33].measurement = ANLOS__MEASUREMENT__MEASURED;
+    send(&s, &l, 50, &sent);
+    assert_int_equal(measurement_of(&sent, 0), CAN_MEASURED);
+    assert_int_equal(measurement_of(&sent, 1), CAN_NEW);
+}
+
 static void a_sensor_that_is_not_to_be_trusted_sends_no_objects(void **state)
 {
     struct sender s;
@@ -549,7 +718,7 @@ static void a_sensor_that_is_not_to_be_trusted_sends_no_objects(void **state)
     (void)state;
     init(&s, 0x400);
     fill(&l, 3);
-    s.lets_objects = false;
+    sender_let_objects(&s, false);
     send(&s, &l, 50, &sent);
     assert_int_equal(sent.n_frames, 2);
     assert_int_equal(header_of(&sent).number, 0);
@@ -701,9 +870,17 @@ int main(void)
         cmocka_unit_test(every_measurement_of_a_track_has_its_word),
         cmocka_unit_test(what_was_heard_too_long_ago_is_never_sent_as_measured),
         cmocka_unit_test(an_object_is_new_in_the_first_list_that_tells_of_it),
-        cmocka_unit_test(what_is_only_predicted_or_deleted_is_not_new),
+        cmocka_unit_test(a_track_is_not_sent_before_it_is_new),
+        cmocka_unit_test(nor_is_one_that_grew_old_before_it_was_sent),
+        cmocka_unit_test(what_is_not_tracked_is_sent_also_when_it_is_old),
+        cmocka_unit_test(after_a_time_without_objects_each_is_new_again),
+        cmocka_unit_test(a_list_that_was_confirmed_too_late_told_nothing),
+        cmocka_unit_test(a_track_that_is_deleted_is_so_once_and_its_id_is_new_again),
         cmocka_unit_test(an_fd_frame_carries_all_of_an_object),
         cmocka_unit_test(a_list_is_cut_to_what_the_bus_may_carry),
+        cmocka_unit_test(what_the_vehicle_does_not_know_yet_takes_no_room_of_others),
+        cmocka_unit_test(what_was_left_out_is_known_as_long_as_it_lives),
+        cmocka_unit_test(so_is_what_is_beyond_the_longest_list),
         cmocka_unit_test(a_sensor_that_is_not_to_be_trusted_sends_no_objects),
         cmocka_unit_test(an_empty_list_of_our_own_counts_between_the_others),
         cmocka_unit_test(lists_of_our_own_before_all_others_have_counters_of_their_own),

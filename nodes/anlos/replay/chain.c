@@ -224,7 +224,7 @@ int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch
     c->scan_epoch_ns = epoch_ns;
     follow_scan(c, status->scan + c->scan_base);
     watch_scan(&c->watch, status);
-    c->sender.lets_objects = watch_lets_objects(&c->watch);
+    sender_let_objects(&c->sender, watch_lets_objects(&c->watch));
     return status->state == ANLOS__SCAN_STATUS__STATE__DONE ||
                    status->state == ANLOS__SCAN_STATUS__STATE__FAILED
                ? chain_end(c, why)
