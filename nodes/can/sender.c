@@ -6,9 +6,7 @@
 
 #include "nodes/can/pick.h"
 
-#define COUNTER_HALF                                                                     \
-    2048 /* of what a frame holds: a step of more looks like one back                    \
-          */
+#define COUNTER_HALF 2048 /* of what a frame holds: a larger step looks like one back */
 
 void sender_init(struct sender *s, const struct sender_config *cfg)
 {
