@@ -12,6 +12,9 @@
 #include "hal/yaml/file.h"
 #include "hal/survey/place.h"
 
+#define MOST_BEHIND                                                                      \
+    0.5 /* sine of how far behind a wall beside the array may be nearest */
+
 static const cyaml_strval_t phases[] = {{"cosine", 0}, {"sine", 1}};
 
 const struct cyaml_schema_value survey_yaml_number = {
@@ -211,6 +214,25 @@ static int take_mount(struct survey *s, const struct survey_yaml_mount *m,
     return err;
 }
 
+/* Behind the array a wall mirrors nothing that is imaged: no list would ever have an
+ * object, and nobody would say why. */
+static int check_ahead(const struct survey *s, const double normal[3], double distance_m,
+                       const char *path, const char *key, struct complaint *why)
+{
+    static const double origin[3] = {0};
+    const double *at = s->pings_m         ? s->pings_m[0][1]
+                       : s->n_microphones ? s->microphones_m[0]
+                                          : origin;
+    double before_m = distance_m -
+                      (normal[0] * at[0] + normal[1] * at[1] + normal[2] * at[2]);
+    if (!(before_m * normal[2] < -MOST_BEHIND * fabs(before_m)))
+        return 0;
+    return yaml_complain(why, -EINVAL, path, key,
+                         "%g along the normal [%g, %g, %g] is behind the array, which "
+                         "hears what is ahead: z goes forward to the wall",
+                         distance_m, normal[0], normal[1], normal[2]);
+}
+
 static int take_walls(struct survey *s, const struct survey_yaml *y, const char *path,
                       struct complaint *why)
 {
@@ -226,6 +248,9 @@ static int take_walls(struct survey *s, const struct survey_yaml *y, const char 
         w->distance_m = y->walls[i].distance_m;
         snprintf(key, sizeof key, "walls[%u].normal", i);
         err = survey_yaml_normalize(w->normal, path, key, why);
+        snprintf(key, sizeof key, "walls[%u].distance_m", i);
+        if (!err)
+            err = check_ahead(s, w->normal, w->distance_m, path, key, why);
     }
     s->n_walls = y->n_walls;
     s->has_wall = true;
@@ -252,6 +277,9 @@ int survey_yaml_place(struct survey *s, const struct survey_yaml *y, const char 
         s->wall_distance_m = y->wall->distance_m;
         memcpy(s->wall_normal, y->wall->normal, sizeof s->wall_normal);
         err = survey_yaml_normalize(s->wall_normal, path, "wall.normal", why);
+        if (!err)
+            err = check_ahead(s, s->wall_normal, s->wall_distance_m, path,
+                              "wall.distance_m", why);
     }
     if (!err && y->walls)
         err = take_walls(s, y, path, why);

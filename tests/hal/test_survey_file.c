@@ -90,6 +90,13 @@ static void wrong_values_are_named_with_line_and_key(void **state)
          "survey.yaml:9: ", "y_m"},
         {HEAD ARRAY "wall: {normal: [0, 0, 0], distance_m: 1}\n",
          "survey.yaml:7: ", "wall.normal: expected a direction"},
+        {HEAD ARRAY "wall:\n  normal: [0, 0, 1]\n  distance_m: -2.2\n",
+         "survey.yaml:9: ", "wall.distance_m: -2.2 along the normal [0, 0, 1] is behind"},
+        {HEAD ARRAY "wall: {normal: [0, 0, -2], distance_m: 2.2}\n",
+         "survey.yaml:7: ", "wall.distance_m: 2.2 along the normal [0, 0, -1] is behind"},
+        {HEAD ARRAY "walls:\n  - {normal: [0, 0, 1], distance_m: 1, gate_m: [0, 4]}\n"
+                    "  - {normal: [1, 0, 1], distance_m: -1, gate_m: [0, 4]}\n",
+         "survey.yaml:9: ", "walls[1].distance_m: -1 along the normal [0.707107, "},
         {HEAD ARRAY "stage:\n  axis: [0, 0, 0]\n  positions_m: [0]\n",
          "survey.yaml:8: ", "stage.axis: expected a direction"},
         {HEAD ARRAY "walls:\n  - {normal: [0, 0, 1], distance_m: 1, gate_m: [2, 1]}\n",
@@ -229,6 +236,24 @@ static void what_is_saved_loads_as_the_same_survey(void **state)
     survey_clear(&s);
 }
 
+static void a_wall_ahead_or_beside_is_taken_however_it_is_written(void **state)
+{
+    static const char *const texts[] = {
+        HEAD ARRAY "wall: {normal: [0, 0, -1], distance_m: -1.5}\n",
+        HEAD ARRAY "wall: {normal: [1, 0, 0], distance_m: -3}\n",
+        HEAD ARRAY "wall: {normal: [1, 0, -0.02], distance_m: 3}\n",
+        HEAD "speakers_m: [[0, 0, -2]]\nmicrophones_m: [[0, 0.1, -2]]\n"
+             "wall: {normal: [0, 0, 1], distance_m: -0.5}\n",
+    };
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
+        struct complaint why;
+        struct survey s;
+        if (load(*state, texts[i], &s, &why))
+            fail_msg("%s", why.text);
+        survey_clear(&s);
+    }
+}
+
 static void several_walls_have_gates_and_the_first_is_the_wall(void **state)
 {
     static const char text[] = HEAD ARRAY
@@ -327,6 +352,7 @@ int main(void)
         TEST(curves_are_read_past_their_head_lines),
         TEST(broken_curves_are_named_with_their_line),
         TEST(what_is_saved_loads_as_the_same_survey),
+        TEST(a_wall_ahead_or_beside_is_taken_however_it_is_written),
         TEST(several_walls_have_gates_and_the_first_is_the_wall),
         TEST(alternating_chirps_and_shared_slots_are_read_and_saved),
         TEST(saving_never_replaces_another_curve),
