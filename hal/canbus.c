@@ -16,26 +16,55 @@ struct canbus {
 static const struct canbus_ops *const backends[] = {
     &canbus_log_ops, &canbus_socketcan_ops, &canbus_sim_ops};
 
+static int find(const struct canbus_ops **ops, const char **arg, const char *uri,
+                struct complaint *why)
+{
+    *arg = NULL;
+    for (size_t i = 0; i < sizeof backends / sizeof *backends && !*arg; i++) {
+        *ops = backends[i];
+        *arg = device_arg(uri, (*ops)->scheme);
+    }
+    return *arg ? 0
+                : complain(why, -ENODEV,
+                           "%s: no such kind of CAN bus; expected log:FILE, "
+                           "socketcan:INTERFACE or sim:SCENE",
+                           uri);
+}
+
+int canbus_check(const char *uri, struct complaint *why)
+{
+    struct complaint inner = {.text = ""};
+    const struct canbus_ops *ops;
+    const char *arg;
+    void *state;
+    int err = find(&ops, &arg, uri, why);
+
+    if (err)
+        return err;
+    if (ops->check) {
+        err = ops->check(arg, &inner);
+    } else {
+        err = ops->open(&state, arg, &inner);
+        if (!err)
+            ops->close(state);
+    }
+    return err ? complain(why, err, "%s: %s", uri, inner.text) : 0;
+}
+
 int canbus_open(struct canbus **out, const char *uri, struct complaint *why)
 {
-    const char *arg = NULL;
-    const struct canbus_ops *ops = NULL;
+    const struct canbus_ops *ops;
+    const char *arg;
     *out = NULL;
-    for (size_t i = 0; i < sizeof backends / sizeof *backends && !arg; i++) {
-        ops = backends[i];
-        arg = device_arg(uri, ops->scheme);
-    }
-    if (!arg)
-        return complain(why, -ENODEV,
-                        "%s: no such kind of CAN bus; expected log:FILE, "
-                        "socketcan:INTERFACE or sim:SCENE",
-                        uri);
+    int err = find(&ops, &arg, uri, why);
+    if (err)
+        return err;
     struct canbus *b = calloc(1, sizeof *b);
     if (!b)
         return complain(why, -ENOMEM, "%s: out of memory", uri);
     b->ops = ops;
     struct complaint inner = {.text = ""};
-    int err = ops->open(&b->state, arg, &inner);
+    err = ops->open(&b->state, arg, &inner);
     if (err) {
         free(b);
         return complain(why, err, "%s: %s", uri, inner.text);

@@ -46,38 +46,57 @@ static FILE *open_file(const char *path, bool append)
     return f;
 }
 
-static int log_open(void **state, const char *arg, struct complaint *why)
+/* What the options say.  Clear *d with device_clear, after an error too. */
+static int read_arg(struct device *d, const char *arg, const char **interface,
+                    bool *append, struct complaint *why)
 {
     static const char *const known[] = {"interface", "append", NULL};
     static const char *const answers[] = {"no", "yes", NULL};
-    struct device d;
-    int err = device_parse(&d, arg, known, why);
+    int err = device_parse(d, arg, known, why);
     if (err)
         return err;
-    struct canbus_log *l = calloc(1, sizeof *l);
-    const char *interface = device_option(&d, "interface");
+    *interface = device_option(d, "interface");
+    if (!*interface)
+        *interface = "can0";
+    if (!**interface || strlen(*interface) >= INTERFACE_SIZE ||
+        strpbrk(*interface, " /\t"))
+        return complain(why, -EINVAL,
+                        "interface \"%s\": expected a name of 1..%d letters", *interface,
+                        INTERFACE_SIZE - 1);
+    int answer = device_choice(d, "append", answers, why);
+    if (answer < 0)
+        return answer;
+    *append = answer;
+    return *d->path
+               ? 0
+               : complain(why, -EINVAL, "expected the name of a file, log:out.candump");
+}
+
+static int log_check(const char *arg, struct complaint *why)
+{
+    struct device d;
+    const char *interface;
+    bool append;
+    int err = read_arg(&d, arg, &interface, &append, why);
+    device_clear(&d);
+    return err;
+}
+
+static int log_open(void **state, const char *arg, struct complaint *why)
+{
+    struct device d;
+    struct canbus_log *l = NULL;
+    const char *interface;
+    bool append;
+    int err = read_arg(&d, arg, &interface, &append, why);
+    if (err)
+        goto log;
+    l = calloc(1, sizeof *l);
     if (!l) {
         err = complain(why, -ENOMEM, "out of memory");
-        goto device;
-    }
-    if (!interface)
-        interface = "can0";
-    if (!*interface || strlen(interface) >= INTERFACE_SIZE ||
-        strpbrk(interface, " /\t")) {
-        err = complain(why, -EINVAL, "interface \"%s\": expected a name of 1..%d letters",
-                       interface, INTERFACE_SIZE - 1);
         goto log;
     }
     strcpy(l->interface, interface);
-    int append = device_choice(&d, "append", answers, why);
-    if (append < 0) {
-        err = append;
-        goto log;
-    }
-    if (!*d.path) {
-        err = complain(why, -EINVAL, "expected the name of a file, log:out.candump");
-        goto log;
-    }
     l->file = open_file(d.path, append);
     if (!l->file) {
         err = complain(why, -errno, "%s cannot be written: %s", d.path, strerror(errno));
@@ -88,7 +107,6 @@ static int log_open(void **state, const char *arg, struct complaint *why)
     l = NULL;
 log:
     free(l);
-device:
     device_clear(&d);
     return err;
 }
@@ -144,6 +162,7 @@ static void log_close(void *state)
 
 const struct canbus_ops canbus_log_ops = {.scheme = "log",
                                           .open = log_open,
+                                          .check = log_check,
                                           .send = log_send,
                                           .flush = log_flush,
                                           .close = log_close};

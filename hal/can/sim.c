@@ -53,7 +53,8 @@ static void sim_close(void *state)
     free(s);
 }
 
-static int open_log(struct canbus_sim *s, const struct device *d, struct complaint *why)
+static int open_log(struct canbus_sim *s, const struct device *d, bool to_write,
+                    struct complaint *why)
 {
     const char *path = device_option(d, "log"),
                *interface = device_option(d, "interface"),
@@ -66,7 +67,8 @@ static int open_log(struct canbus_sim *s, const struct device *d, struct complai
                  interface ? interface : "can0",
                  append ? append : "no") >= (int)sizeof arg)
         return complain(why, -ENAMETOOLONG, "log: the path is too long");
-    return canbus_log_ops.open(&s->log, arg, why);
+    return to_write ? canbus_log_ops.open(&s->log, arg, why)
+                    : canbus_log_ops.check(arg, why);
 }
 
 static int open_timer(struct canbus_sim *s, struct complaint *why)
@@ -80,7 +82,8 @@ static int open_timer(struct canbus_sim *s, struct complaint *why)
     return 0;
 }
 
-static int set_up(struct canbus_sim *s, const struct device *d, struct complaint *why)
+static int set_up(struct canbus_sim *s, const struct device *d, bool to_write,
+                  struct complaint *why)
 {
     static const char *const behaviours[] = {"on", "off", "bad", NULL};
     int ego = device_choice(d, "ego", behaviours, why), ambient, wall, err;
@@ -102,11 +105,12 @@ static int set_up(struct canbus_sim *s, const struct device *d, struct complaint
         return complain(why, -EINVAL, "expected a scene file, sim:SCENE.yaml");
     err = room_load(&s->room, d->path, why);
     if (!err)
-        err = open_log(s, d, why);
+        err = open_log(s, d, to_write, why);
     return err ? err : open_timer(s, why);
 }
 
-static int sim_open(void **state, const char *arg, struct complaint *why)
+/* to_write: its log too. */
+static int make(void **state, const char *arg, bool to_write, struct complaint *why)
 {
     static const char *const known[] = {"log",     "interface", "append", "ego",
                                         "ambient", "wall",      NULL};
@@ -119,7 +123,7 @@ static int sim_open(void **state, const char *arg, struct complaint *why)
     s = calloc(1, sizeof *s);
     if (s) {
         s->timer = -1;
-        err = set_up(s, &d, why);
+        err = set_up(s, &d, to_write, why);
         if (err)
             sim_close(s);
         else
@@ -128,6 +132,21 @@ static int sim_open(void **state, const char *arg, struct complaint *why)
         err = complain(why, -ENOMEM, "out of memory");
     }
     device_clear(&d);
+    return err;
+}
+
+static int sim_open(void **state, const char *arg, struct complaint *why)
+{
+    return make(state, arg, true, why);
+}
+
+static int sim_check(const char *arg, struct complaint *why)
+{
+    void *state;
+    int err = make(&state, arg, false, why);
+
+    if (!err)
+        sim_close(state);
     return err;
 }
 
@@ -249,6 +268,7 @@ static int sim_fd(const void *state)
 
 const struct canbus_ops canbus_sim_ops = {.scheme = "sim",
                                           .open = sim_open,
+                                          .check = sim_check,
                                           .send = sim_send,
                                           .flush = sim_flush,
                                           .listen = sim_listen,

@@ -6,7 +6,6 @@
 #include "nodes/launcher/scenes.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/round_check.h"
-#include "nodes/rt/uri.h"
 
 static int complain_of(const struct launchfile *l, const char *node,
                        const struct complaint *inner, int err, struct complaint *why)
@@ -39,16 +38,11 @@ static int check_stage(const struct launchfile *l, struct complaint *why)
     return err ? complain_of(l, "stage", &inner, err, why) : 0;
 }
 
-/* A log, also that of a simulated vehicle, lies in a folder that is not there yet. */
 static int check_can(const struct launchfile *l, struct complaint *why)
 {
     struct complaint inner = {""};
-    struct canbus *bus = NULL;
+    int err = canbus_check(l->can.uri, &inner);
 
-    if (uri_has_scheme(l->can.uri, "log") || uri_has_scheme(l->can.uri, "sim"))
-        return 0;
-    int err = canbus_open(&bus, l->can.uri, &inner);
-    canbus_close(bus);
     return err ? complain_of(l, "can", &inner, err, why) : 0;
 }
 

@@ -7,8 +7,8 @@
 #include "nodes/rt/launchfile.h"
 
 /* Opens and closes the array, the stage and the CAN bus, as far as nodes of the file have
- * them and opening leaves nothing behind: a log is not made.  The complaint names the
- * launch file and the key.  0, or what the device says. */
+ * them and opening leaves nothing behind: a log is looked at, not made.  The complaint
+ * names the launch file and the key.  0, or what the device says. */
 int devices_check(const struct launchfile *l, struct complaint *why);
 
 #endif

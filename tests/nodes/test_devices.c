@@ -31,6 +31,10 @@ static void devices_that_are_there_are_fine_and_no_log_is_made(void **state)
     if (check(s, "array, stage, can", "array: {uri: 'sim:" SCENE "'}\n", &why))
         fail_msg("%s", why.text);
     assert_int_not_equal(access(scratch_path(s, "can.candump"), F_OK), 0);
+    if (check(s, "array, can",
+              "array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'sim:" SCENE "?log=x'}\n", &why))
+        fail_msg("%s", why.text);
+    assert_int_not_equal(access(scratch_path(s, "x"), F_OK), 0);
 }
 
 static void what_is_not_there_is_named_with_file_and_key(void **state)
@@ -46,6 +50,14 @@ static void what_is_not_there_is_named_with_file_and_key(void **state)
          "a.yaml: stage.uri: zaber:/dev/no", -ENOENT},
         {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'socketcan:nocan'}\n",
          "a.yaml: can.uri: socketcan:nocan", -ENODEV},
+        {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'sim:/nowhere.yaml?log=x'}\n",
+         "a.yaml: can.uri: sim:/nowhere.yaml?log=", -ENOENT},
+        {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'sim:" SCENE "?lgo=x'}\n",
+         "?lgo=x: there is no option \"lgo\"; expected log, interface", -EINVAL},
+        {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'log:x?interface=a b'}\n",
+         "interface \"a b\": expected a name", -EINVAL},
+        {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'log:x?interfaces=a'}\n",
+         "x?interfaces=a: there is no option \"interfaces\"", -EINVAL},
     };
     struct complaint why;
 
