@@ -202,6 +202,13 @@ static size_t counts(void *device, struct device_count *out)
     return n;
 }
 
+/* The log of a replay has its time, and none before its first message. */
+static bool has_time(const struct run *r)
+{
+    return r->outbox.clock == clock_system() || !node_is_replayed(r->node) ||
+           node_follows_replay(r->node);
+}
+
 /* Until the bus or another node has something, or it is time to look again. */
 static void wait(struct run *r)
 {
@@ -211,7 +218,7 @@ static void wait(struct run *r)
     int64_t due_ms = (cyclic_due_ns(&r->cyclic) - node_machine_ns(r->node)) / 1000000 + 1;
     int64_t wait_ms = outbox_wait_ms(&r->outbox);
 
-    if (due_ms < wait_ms)
+    if (has_time(r) && due_ms < wait_ms)
         wait_ms = due_ms > 0 ? due_ms : 0;
     poll(fds, 2, (int)wait_ms);
 }
@@ -236,7 +243,8 @@ static int run(struct run *r)
     while (!err) {
         receive(r);
         judge(r);
-        cyclic_step(&r->cyclic, node_machine_ns(r->node));
+        if (has_time(r))
+            cyclic_step(&r->cyclic, node_machine_ns(r->node));
         step(r);
         err = node_next(r->node, &in, 0);
         if (!err) {

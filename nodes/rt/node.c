@@ -225,6 +225,11 @@ bool node_is_replayed(const struct node *n)
     return n->clock.on || (n->launch && launchfile_has_node(n->launch, "play"));
 }
 
+bool node_follows_replay(const struct node *n)
+{
+    return n->clock.on;
+}
+
 int node_subscribe(struct node *n, const struct topic *t)
 {
     int err = bus_subscribe(n->bus, t);

@@ -60,6 +60,9 @@ int64_t node_machine_ns(const struct node *n);
 /* What came last was replayed, or the launch file says that all will be. */
 bool node_is_replayed(const struct node *n);
 
+/* node_now_ns is the time of a replay: a message of it has come. */
+bool node_follows_replay(const struct node *n);
+
 int node_subscribe(struct node *n, const struct topic *t);
 
 /* From now on replayed messages of sound and of the vehicle come in the order of their

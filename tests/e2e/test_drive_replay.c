@@ -108,9 +108,11 @@ static void record(struct scratch *s)
     free(out);
 }
 
-/* The frames of all lists, without their stamps. */
+/* The frames of all lists, without their stamps, which are all of the recording: none is
+ * of the time of the replay, after all of it. */
 static char *frames_of(struct scratch *s, const char *name)
 {
+    double stamp_s = 0.0, first_s = 0.0;
     char line[256], frame[200], *text = calloc(1, 1 << 20);
     FILE *f = fopen(scratch_path(s, name), "r");
     size_t used = 0;
@@ -119,11 +121,14 @@ static char *frames_of(struct scratch *s, const char *name)
     if (!f)
         fail_msg("%s is missing", s->path);
     while (fgets(line, sizeof line, f)) {
-        assert_int_equal(sscanf(line, "(%*f) can0 %199s", frame), 1);
+        assert_int_equal(sscanf(line, "(%lf) can0 %199s", &stamp_s, frame), 2);
+        if (first_s == 0.0)
+            first_s = stamp_s;
         if (strncmp(frame, "400#", 4) != 0 && strncmp(frame, "401#", 4) != 0)
             used += (size_t)sprintf(text + used, "%s\n", frame);
     }
     fclose(f);
+    assert_true(first_s <= stamp_s);
     return text;
 }
 
