@@ -299,6 +299,28 @@ static void wrong_names_give_the_list(void **state)
         strstr(r.err, "everything: expected speed-error, detection or drive"));
 }
 
+static void drives_are_one_at_least_and_noise_may_be_none(void **state)
+{
+    static const struct {
+        const char *what, *seeds, *says;
+    } wrong[] = {
+        {"drive", "0", "--seeds 0: expected a number from 1 to 1000000"},
+        {"drive", "-1", "--seeds -1: expected a number from 1 to 1000000"},
+        {"detection", "0", "--seeds 0: expected a number from 1 to 1000000"},
+        {"speed-error", "-1", "--seeds -1: expected a number from 0 to 1000000"},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        struct command_result r;
+        char *words[] = {"bench", "--seeds", (char *)wrong[i].seeds,
+                         (char *)wrong[i].what, NULL};
+        command_run(&r, command_bench, words);
+        assert_int_equal(r.code, 2);
+        if (!strstr(r.err, wrong[i].says))
+            fail_msg("%s", r.err);
+    }
+}
+
 static void options_that_a_benchmark_does_not_take_are_refused(void **state)
 {
     static const char *const wrong[][5] = {
@@ -308,7 +330,6 @@ static void options_that_a_benchmark_does_not_take_are_refused(void **state)
         {"detection", "--scenes", "points"},
         {"detection", "--recordings", "."},
         {"detection", "--limit-s", "20"},
-        {"detection", "--seeds", "0"},
         {"drive", "--methods", "fast"},
         {"drive", "--recordings", "."},
         {"drive", "--calibration", "."},
@@ -382,6 +403,7 @@ int main(void)
         TEST(a_recording_is_measured_tabled_and_drawn),
         TEST(noise_moves_a_point_by_little_more_than_the_bound),
         TEST(wrong_names_give_the_list),
+        TEST(drives_are_one_at_least_and_noise_may_be_none),
         TEST(options_that_a_benchmark_does_not_take_are_refused),
         TEST(ctrl_c_keeps_what_is_done),
     };

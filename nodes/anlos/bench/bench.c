@@ -55,7 +55,7 @@ static const char help[] =
     "  --threads N          at most; default: one for each processor; of drive: for "
     "each\n"
     "                       drive, 1\n"
-    "  --seeds N            of noise; default 32, of detection 400; 0: no noise; of "
+    "  --seeds N            of noise; default 32, 0: no noise; of detection 400; of "
     "drive:\n"
     "                       drives of each scene, 3 or (--quick) 1, the first as its "
     "file\n"
@@ -176,9 +176,6 @@ static int take_option(struct bench_options *o, int code)
                    ? usage_error("bench", "--jobs %s: expected a number from 1 to %d",
                                  optarg, MAX_THREADS)
                    : 0;
-    case OPTION_QUICK:
-        o->quick = true;
-        return 0;
     case OPTION_LIMIT:
         return usage_positive(optarg, &o->limit_s)
                    ? usage_error("bench", "--limit-s %s: expected seconds above 0",
@@ -190,10 +187,8 @@ static int take_option(struct bench_options *o, int code)
                                  optarg, MAX_THREADS)
                    : 0;
     default:
-        return usage_count(optarg, 0, MAX_SEEDS, &o->seeds)
-                   ? usage_error("bench", "--seeds %s: expected a number from 0 to %d",
-                                 optarg, MAX_SEEDS)
-                   : 0;
+        o->quick = true;
+        return 0;
     }
 }
 
@@ -212,6 +207,17 @@ static int run(const struct bench_options *o,
 }
 
 enum kind { SPEED = 1, DETECTION = 2, DRIVE = 4, BAG = 8 };
+
+/* Only speed-error goes without noise.  text: NULL, not given. */
+static int take_seeds(struct bench_options *o, const char *text, enum kind kind)
+{
+    int least = kind == SPEED ? 0 : 1;
+
+    return text && usage_count(text, (size_t)least, MAX_SEEDS, &o->seeds)
+               ? usage_error("bench", "--seeds %s: expected a number from %d to %d", text,
+                             least, MAX_SEEDS)
+               : 0;
+}
 
 /* What only some of them take. */
 static int check_kind(const struct bench_options *o, enum kind kind)
@@ -243,8 +249,6 @@ static int check_kind(const struct bench_options *o, enum kind kind)
                                : kind == DETECTION ? "detection"
                                : kind == DRIVE     ? "drive without --bag"
                                                    : "drive --bag");
-    if (kind != SPEED && !o->seeds)
-        return usage_error("bench", "--seeds 0: only speed-error goes without noise");
     if (o->hours > 0.0 && o->seeds != BENCH_USUAL_SEEDS)
         return usage_error("bench", "--hours and --seeds: expected one of them");
     return 0;
@@ -266,10 +270,13 @@ int command_bench(int argc, char **argv)
 {
     struct bench_options o = {.out = "out/bench", .seeds = BENCH_USUAL_SEEDS};
     struct usage usage = {.command = "bench", .help = help, .options = options};
+    const char *seeds = NULL; /* how many there may be is said by what comes after them */
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = take_option(&o, code)) != 0)
+        if (code == OPTION_SEEDS)
+            seeds = optarg;
+        else if ((code = take_option(&o, code)) != 0)
             return code;
     if (code)
         return ~code;
@@ -282,7 +289,8 @@ int command_bench(int argc, char **argv)
     if (!speed && !drive && strcmp(what, "detection"))
         return usage_error("bench", "%s: expected speed-error, detection or drive", what);
     enum kind kind = speed ? SPEED : !drive ? DETECTION : o.bags ? BAG : DRIVE;
-    if ((code = check_kind(&o, kind)) != 0)
+    code = take_seeds(&o, seeds, kind);
+    if (code || (code = check_kind(&o, kind)) != 0)
         return code;
     set_defaults(&o, kind);
     return run(&o, speed ? bench_speed : drive ? bench_drive : bench_detection);
