@@ -94,6 +94,8 @@ static int check_integer(struct checker *c, const struct cyaml_schema_value *sch
     int64_t value = text ? strtoll(text, &end, 0) : 0;
     if (!text || end == text || *end)
         return refuse(c, node, "expected a whole number, found %s", found(node, buffer));
+    if (!is_signed && value < 0)
+        return refuse(c, node, "expected 0 or more, not %s", text);
     if (errno == ERANGE || value < min || value > max)
         return refuse(c, node, "%s is outside %" PRId64 "..%" PRId64, text, min, max);
     return 0;

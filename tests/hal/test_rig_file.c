@@ -91,7 +91,7 @@ static void what_cannot_be_is_refused_with_file_and_line(void **state)
         {"device:\n  outputs: [3, 3]\n",
          ":8: device.outputs[1]: channel 3 is there twice"},
         {"device:\n  outputs: [0, -1]\n",
-         ":8: device.outputs[1]: -1 is outside 0..4294967295"},
+         ":8: device.outputs[1]: expected 0 or more, not -1"},
         {"device:\n  inputs: [0, 256, 1]\n",
          ":8: device.inputs[1]: channel 256 is outside 0..255"},
         {"device:\n  inputs: [0, 1, 2, 3]\n",

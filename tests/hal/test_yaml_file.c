@@ -108,7 +108,7 @@ static void wrong_contents_are_named_with_line_and_key(void **state)
         {"rate_hz: nan\n", ":1: rate_hz: expected a finite number, found \"nan\""},
         {"rate_hz: 1e999\n", ":1: rate_hz: expected a finite number, found \"1e999\""},
         {"rate_hz: 1\nslot: 2.5\n", ":2: slot: expected a whole number, found \"2.5\""},
-        {"rate_hz: 1\nslot: -2\n", ":2: slot: -2 is outside 0..4294967295"},
+        {"rate_hz: 1\nslot: -2\n", ":2: slot: expected 0 or more, not -2"},
         {"rate_hz: 1\nslot: 4294967296\n",
          ":2: slot: 4294967296 is outside 0..4294967295"},
         {"rate_hz: 1\nrate_hz: 2\n", ":2: rate_hz: stands here a second time"},
