@@ -12,8 +12,7 @@
 #include "hal/yaml/file.h"
 #include "hal/survey/place.h"
 
-#define MOST_BEHIND                                                                      \
-    0.5 /* sine of how far behind a wall beside the array may be nearest */
+#define MOST_BEHIND 0.5 /* sine: a wall beside the array may be nearest behind it */
 
 static const cyaml_strval_t phases[] = {{"cosine", 0}, {"sine", 1}};
 
