@@ -32,7 +32,7 @@ static void print_table(const json_t *drive, const json_t *tracks, FILE *to)
 
     fprintf(to, "\nhidden objects tracked in %.0f s: %zu\n", number(drive, "seconds"), n);
     if (n)
-        fprintf(to, "%5s %17s %15s %15s %6s  %-8s %8s\n", "track", "told (s)",
+        fprintf(to, "%5s %17s %15s %15s %6s  %-8s %8s\n", "track", "tracked (s)",
                 "from x, y (m)", "to x, y (m)", "m/s", "class", "certain");
     if (first)
         fprintf(to, "  ... %zu before these are in report.json\n", first);

@@ -37,6 +37,8 @@ static void a_track_is_a_line_of_when_where_and_what_it_was(void **state)
                        0);
 
     assert_contains(text, "tracked in 24 s: 1\n");
+    assert_contains(text,
+                    "\ntrack       tracked (s)  "); /* the vehicle may be told less */
     assert_contains(text, "\n    7     0.6 to    5.9     6.65  -1.88     5.20   4.37    "
                           "1.2  extended    100 %\n");
     assert_contains(text, "vehicle frame");
