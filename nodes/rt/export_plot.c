@@ -17,6 +17,7 @@
 #define WIDEST     550.0
 #define HIGHEST    600.0
 #define NARROWEST  280.0
+#define LEAST      90.0 /* of an image of one plane: room for numbers and label */
 #define BAR_GAP    22.0
 #define BAR_WIDTH  20.0
 #define TEXT       19.0
@@ -35,8 +36,8 @@ static void lay_out(struct page *page, const struct plot *plot)
         projection_edges(plot->amplitude, a, &page->min_m[a], &page->max_m[a]);
     double w_m = page->max_m[0] - page->min_m[0], h_m = page->max_m[1] - page->min_m[1];
     double scale = fmin(WIDEST / w_m, HIGHEST / h_m);
-    page->w = round(scale * w_m);
-    page->h = round(scale * h_m);
+    page->w = fmax(round(scale * w_m), LEAST);
+    page->h = fmax(round(scale * h_m), LEAST);
     double room = fmax(page->w, NARROWEST);
     page->x = LEFT + round(0.5 * (room - page->w));
     page->y = TOP;

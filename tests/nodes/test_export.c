@@ -239,6 +239,33 @@ static void pictures_show_high_y_above_and_far_z_away(void **state)
     assert_int_equal(count_files(f->folder), 3);
 }
 
+/* A bumper's: 6.4 m wide, one voxel of 10 cm high.  The numbers of its axis need room. */
+static void an_image_of_one_plane_is_not_drawn_as_a_hair(void **state)
+{
+    struct fixture *f = *state;
+    struct complaint why = {0};
+    struct grid g = {.step_m = {0.1, 0.1, 0.1}, .n = {64, 1, 22}};
+    float v[64 * 22];
+    char path[256];
+    long bright = 0;
+
+    for (int i = 0; i < 64 * 22; i++)
+        v[i] = 1.0f;
+    assert_int_equal(export_projection(f->folder, 0, &g, v, NULL, &why), 0);
+    snprintf(path, sizeof path, "%.100s/projection_xy.png", f->folder);
+    cairo_surface_t *png = cairo_image_surface_create_from_png(path);
+    assert_int_equal(cairo_surface_status(png), CAIRO_STATUS_SUCCESS);
+    int w = cairo_image_surface_get_width(png), h = cairo_image_surface_get_height(png);
+    int stride = cairo_image_surface_get_stride(png);
+    for (int r = 0; r < h; r++) {
+        const unsigned char *bgr = cairo_image_surface_get_data(png) + r * stride +
+                                   4 * (w / 3);
+        bright += bgr[2] > 200 && bgr[1] > 200 && bgr[0] < 190;
+    }
+    cairo_surface_destroy(png);
+    assert_true(bright > 100);
+}
+
 static void an_empty_volume_and_a_single_voxel_can_be_drawn(void **state)
 {
     struct fixture *f = *state;
@@ -500,6 +527,8 @@ int main(void)
         cmocka_unit_test(brighter_means_more),
         cmocka_unit_test_setup_teardown(pictures_show_high_y_above_and_far_z_away, set_up,
                                         tear_down),
+        cmocka_unit_test_setup_teardown(an_image_of_one_plane_is_not_drawn_as_a_hair,
+                                        set_up, tear_down),
         cmocka_unit_test_setup_teardown(an_empty_volume_and_a_single_voxel_can_be_drawn,
                                         set_up, tear_down),
         cmocka_unit_test_setup_teardown(detections_json_is_valid_and_has_null_for_nan,
