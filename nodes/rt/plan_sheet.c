@@ -8,7 +8,8 @@
 #define HIGHEST   640.0
 #define PAD       0.06 /* of the larger side */
 #define CAR_SHOWN 0.9
-#define WENT_M    0.3 /* before it is shown, the vehicle has to go so far */
+#define WENT_M    0.3  /* before it is shown, the vehicle has to go so far */
+#define FASTEST   20.0 /* m/s of an arrow */
 
 void sheet_place(const struct sheet *p, const double at[2], double out[2])
 {
@@ -49,6 +50,30 @@ double sheet_front_of_car(const struct plan_picture *pic)
         front = fmax(front, at[1]);
     }
     return front;
+}
+
+const struct plan_track *sheet_track(const struct plan_picture *pic, uint32_t id)
+{
+    for (size_t i = 0; i < pic->n_tracks; i++)
+        if (pic->tracks[i].id == id)
+            return &pic->tracks[i];
+    return NULL;
+}
+
+bool sheet_tip(const struct plan_picture *pic, const struct trail *k, double out[2])
+{
+    const struct plan_track *track = k->n ? sheet_track(pic, k->id) : NULL;
+    double velocity[2];
+
+    if (!track || !(hypot(track->velocity_m_s[0], track->velocity_m_s[1]) < FASTEST))
+        return false;
+    plan_point(true,
+               (const double[3]){track->velocity_m_s[0], track->velocity_m_s[1], 0.0},
+               velocity);
+    plan_point(sheet_in_vehicle(pic), k->points[k->n - 1].at_m, out);
+    for (int i = 0; i < 2; i++)
+        out[i] += velocity[i];
+    return true;
 }
 
 static void include_trail(struct sheet *p, const struct plan_picture *pic,
@@ -92,8 +117,11 @@ static void include_all(struct sheet *p, const struct plan_picture *pic)
         include(p, (const double[2]){0.0, sheet_front_of_car(pic) - CAR_SHOWN});
     if (sheet_has_gone(&pic->trails->own))
         include_trail(p, pic, &pic->trails->own);
-    for (size_t i = 0; i < TRAILS_MAX; i++)
+    for (size_t i = 0; i < TRAILS_MAX; i++) {
         include_trail(p, pic, &pic->trails->list[i]);
+        if (sheet_tip(pic, &pic->trails->list[i], at))
+            include(p, at);
+    }
     for (size_t i = 0; i < pic->walls->n; i++)
         if (plan_wall(pic->survey, &pic->walls->list[i].plane, at, direction))
             include(p, at);

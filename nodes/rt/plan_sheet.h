@@ -33,6 +33,13 @@ bool sheet_in_vehicle(const struct plan_picture *pic);
 void sheet_element(const struct plan_picture *pic, size_t i, double out[2]);
 double sheet_front_of_car(const struct plan_picture *pic);
 
+/* The last word of a track; NULL: there is none. */
+const struct plan_track *sheet_track(const struct plan_picture *pic, uint32_t id);
+
+/* The tip of a track's arrow on the plan: where it would be a second later.  false: its
+ * velocity is not known, or too great to be drawn. */
+bool sheet_tip(const struct plan_picture *pic, const struct trail *k, double out[2]);
+
 /* The wall that the image is mirrored at; NULL: none. */
 const struct wall *sheet_first_wall(const struct plan_picture *pic);
 

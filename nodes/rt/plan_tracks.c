@@ -6,7 +6,7 @@
 #include "nodes/rt/export_ink.h"
 #include "nodes/rt/plan_view.h"
 
-#define FASTEST 20.0 /* m/s of an arrow */
+#define SHORTEST 8.0 /* units of an arrow */
 
 /* Set apart by lightness too. */
 static const double tones[6][3] = {{0.76, 0.30, 0.0},  {0.0, 0.42, 0.30},
@@ -37,19 +37,14 @@ void plan_tracks_trail(const struct sheet *p, const struct plan_picture *pic,
     cairo_set_dash(p->cr, dashes, 0, 0.0);
 }
 
-/* Where it would be a second later. */
-static void draw_arrow(const struct sheet *p, const struct plan_track *k,
-                       const double from[2])
+/* From where it was last. */
+static void draw_arrow(const struct sheet *p, const double from[2], const double tip[2])
 {
-    double to[2], velocity[2];
-    const double v[3] = {k->velocity_m_s[0], k->velocity_m_s[1], 0.0};
-    double speed = hypot(v[0], v[1]);
+    double to[2];
 
-    if (!(speed * p->per_metre > 8.0 && speed < FASTEST))
+    sheet_place(p, tip, to);
+    if (!(hypot(to[0] - from[0], to[1] - from[1]) > SHORTEST))
         return;
-    plan_point(true, v, velocity);
-    for (int i = 0; i < 2; i++)
-        to[i] = from[i] + (i ? -1.0 : 1.0) * p->per_metre * velocity[i];
     double turn = atan2(to[1] - from[1], to[0] - from[0]);
     cairo_move_to(p->cr, from[0], from[1]);
     cairo_line_to(p->cr, to[0], to[1]);
@@ -61,19 +56,10 @@ static void draw_arrow(const struct sheet *p, const struct plan_track *k,
     cairo_stroke(p->cr);
 }
 
-static const struct plan_track *find_track(const struct plan_picture *pic, uint32_t id)
-{
-    for (size_t i = 0; i < pic->n_tracks; i++)
-        if (pic->tracks[i].id == id)
-            return &pic->tracks[i];
-    return NULL;
-}
-
 /* A dot where it was last. */
 static void draw_track(const struct sheet *p, const struct plan_picture *pic,
                        const struct trail *k)
 {
-    const struct plan_track *track = find_track(pic, k->id);
     double at[2], xy[2];
     char id[16];
 
@@ -82,8 +68,8 @@ static void draw_track(const struct sheet *p, const struct plan_picture *pic,
     tone(p->cr, k->id);
     cairo_set_line_width(p->cr, 2.4);
     plan_tracks_trail(p, pic, k);
-    if (track)
-        draw_arrow(p, track, xy);
+    if (sheet_tip(pic, k, at))
+        draw_arrow(p, xy, at);
     cairo_new_sub_path(p->cr);
     cairo_arc(p->cr, xy[0], xy[1], 5.0, 0.0, 2.0 * M_PI);
     cairo_fill(p->cr);
@@ -94,7 +80,7 @@ static void draw_track(const struct sheet *p, const struct plan_picture *pic,
 static void name_track(const struct sheet *p, const struct plan_picture *pic, uint32_t id,
                        double *y)
 {
-    const struct plan_track *k = find_track(pic, id);
+    const struct plan_track *k = sheet_track(pic, id);
     double speed = k ? hypot(k->velocity_m_s[0], k->velocity_m_s[1]) : NAN;
     double x = SHEET_LEFT + p->w + 16.0;
     char text[96];

@@ -7,6 +7,7 @@
 
 #include "nodes/report/report.h"
 #include "nodes/report/report_json.h"
+#include "nodes/rt/plan_sheet.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 
@@ -357,6 +358,33 @@ static void the_plan_shows_the_tracks_of_a_drive(void **state)
     report_clear(&r);
 }
 
+/* At 8 m/s to the right, of a plan that would be a few metres wide. */
+static void the_arrow_of_a_track_that_leaves_is_on_the_plan(void **state)
+{
+    const struct plan_track track = {.id = 7, .velocity_m_s = {0.0, -8.0}, .class = ""};
+    struct scene scene;
+    struct report r;
+    struct sheet sheet;
+
+    (void)state;
+    assert_int_equal(scene_open(&scene, SOURCE_DIR "/tests/nodes/point.yaml"), 0);
+    report_init(&r);
+    assert_int_equal(report_survey(&r, scene.survey), 0);
+    for (int i = 0; i <= 4; i++)
+        tell_track(&r, 7, 5.0, -2.0, -8.0, ANLOS__MEASUREMENT__MEASURED,
+                   10 * S + i * S / 10);
+    const struct plan_picture picture = {.title = "",
+                                         .survey = &r.logbook.survey,
+                                         .walls = &r.logbook.walls,
+                                         .trails = &r.logbook.trails,
+                                         .tracks = &track,
+                                         .n_tracks = 1};
+    sheet_lay_out(&sheet, &picture);
+    assert_true(sheet.high[0] > 2.0 + 8.0);
+    report_clear(&r);
+    scene_close(&scene);
+}
+
 static void a_failed_scan_leaves_a_report_and_nothing_else(void **state)
 {
     struct scratch *s = *state;
@@ -409,6 +437,7 @@ int main(void)
         cmocka_unit_test(the_length_of_a_ping_comes_from_the_survey),
         cmocka_unit_test(each_track_of_a_drive_has_its_line),
         TEST(the_plan_shows_the_tracks_of_a_drive),
+        cmocka_unit_test(the_arrow_of_a_track_that_leaves_is_on_the_plan),
         TEST(a_failed_scan_leaves_a_report_and_nothing_else),
         TEST(a_folder_that_cannot_be_is_complained_about),
     };
