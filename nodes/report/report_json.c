@@ -4,13 +4,14 @@
 
 #include "nodes/rt/export.h"
 
+/* At the end: what still ran then, an array that stands, was stopped. */
 static const char *scan_state_name(Anlos__ScanStatus__State state)
 {
     switch (state) {
     case ANLOS__SCAN_STATUS__STATE__WAITING:
         return "waiting";
     case ANLOS__SCAN_STATUS__STATE__RUNNING:
-        return "running";
+        return "stopped";
     case ANLOS__SCAN_STATUS__STATE__DONE:
         return "done";
     case ANLOS__SCAN_STATUS__STATE__PAUSED:
@@ -51,12 +52,21 @@ static json_t *seconds(int64_t from_ns, int64_t to_ns)
     return from_ns && to_ns ? export_real(elapsed_s(from_ns, to_ns)) : json_null();
 }
 
+/* An array that stands may be stopped before its scan says anything. */
+static const Anlos__ScanStatus *status_of(const struct report *r)
+{
+    static const Anlos__ScanStatus none = ANLOS__SCAN_STATUS__INIT;
+
+    return r->status ? r->status : &none;
+}
+
 static json_t *pings(const struct report *r)
 {
-    const Anlos__ScanStatus *s = r->status;
+    const Anlos__ScanStatus *s = status_of(r);
     json_t *o = json_object();
 
-    json_object_set_new(o, "expected", integer(s->pings_expected));
+    json_object_set_new(o, "expected", /* 0: there was no end */
+                        s->pings_expected ? integer(s->pings_expected) : json_null());
     json_object_set_new(o, "done", integer(s->pings_done));
     json_object_set_new(o, "retaken", integer(s->pings_retaken));
     json_object_set_new(o, "lost", integer(s->pings_lost));
@@ -159,8 +169,8 @@ json_t *report_json(const struct report *r)
 {
     json_t *o = json_object(), *nodes = json_array();
 
-    json_object_set_new(o, "state", json_string(scan_state_name(r->status->state)));
-    json_object_set_new(o, "text", json_string(r->status->text));
+    json_object_set_new(o, "state", json_string(scan_state_name(status_of(r)->state)));
+    json_object_set_new(o, "text", json_string(status_of(r)->text));
     if (r->volume) {
         json_object_set_new(o, "method", json_string(r->volume->method));
         json_object_set_new(o, "clipped_samples", integer(r->volume->clipped_samples));

@@ -127,9 +127,9 @@ static void an_array_that_stands_goes_on_until_ctrl_c_and_leaves_a_report(void *
     json_t *report = json_load_file(scratch_path(*state, "out/report.json"), 0, &error);
     assert_non_null(report);
     const json_t *pings = json_object_get(report, "pings");
-    assert_string_equal(json_string_value(json_object_get(report, "state")), "running");
+    assert_string_equal(json_string_value(json_object_get(report, "state")), "stopped");
     assert_true(json_integer_value(json_object_get(pings, "done")) >= 8 + FRAMES * 4);
-    assert_int_equal(json_integer_value(json_object_get(pings, "expected")), 0);
+    assert_true(json_is_null(json_object_get(pings, "expected")));
     json_decref(report);
 }
 

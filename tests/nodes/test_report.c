@@ -408,6 +408,40 @@ static void a_failed_scan_leaves_a_report_and_nothing_else(void **state)
     report_clear(&r);
 }
 
+static void stopped_before_the_scan_said_anything_it_was_waiting(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {""};
+    struct report r;
+    json_error_t error;
+
+    report_init(&r);
+    assert_int_equal(report_write(&r, s->folder, &why), 0);
+    json_t *o = json_load_file(scratch_path(s, "report.json"), 0, &error);
+    assert_string_equal(json_string_value(json_object_get(o, "state")), "waiting");
+    json_decref(o);
+    report_clear(&r);
+}
+
+/* An array that stands has no end of its own. */
+static void what_still_ran_is_reported_as_stopped(void **state)
+{
+    Anlos__ScanStatus status = ANLOS__SCAN_STATUS__INIT;
+    struct report r;
+
+    (void)state;
+    report_init(&r);
+    status.state = ANLOS__SCAN_STATUS__STATE__RUNNING;
+    status.pings_done = 1232;
+    assert_int_equal(report_status(&r, &status, 1 * S), 0);
+    json_t *o = report_json(&r), *pings = json_object_get(o, "pings");
+    assert_string_equal(json_string_value(json_object_get(o, "state")), "stopped");
+    assert_int_equal(json_integer_value(json_object_get(pings, "done")), 1232);
+    assert_true(json_is_null(json_object_get(pings, "expected")));
+    json_decref(o);
+    report_clear(&r);
+}
+
 static void a_folder_that_cannot_be_is_complained_about(void **state)
 {
     struct scratch *s = *state;
@@ -438,6 +472,8 @@ int main(void)
         cmocka_unit_test(each_track_of_a_drive_has_its_line),
         TEST(the_plan_shows_the_tracks_of_a_drive),
         cmocka_unit_test(the_arrow_of_a_track_that_leaves_is_on_the_plan),
+        cmocka_unit_test(what_still_ran_is_reported_as_stopped),
+        TEST(stopped_before_the_scan_said_anything_it_was_waiting),
         TEST(a_failed_scan_leaves_a_report_and_nothing_else),
         TEST(a_folder_that_cannot_be_is_complained_about),
     };
