@@ -142,61 +142,104 @@ bool report_is_complete(const struct report *r, int64_t now_ns)
            now_ns - r->ended_ns > FAILED_WAIT_NS;
 }
 
-static int write_results(const struct report *r, const char *folder,
-                         struct complaint *why)
+static int write_report(const struct report *r, const char *folder, struct complaint *why)
 {
-    struct grid grid;
-    const float *intensity = r->volume ? volume_grid(r->volume, &grid) : NULL;
-    int err = 0;
-
-    if (intensity)
-        err = export_nrrd(folder, "volume.nrrd", &grid, intensity, why);
-    if (!err && intensity)
-        err = export_projections(folder, &grid, intensity, r->detections, why);
-    if (!err && r->detections)
-        err = export_detections(folder, r->detections, why);
-    if (!err)
-        err = logbook_picture(&r->logbook, folder, intensity ? &grid : NULL, why);
-    if (err)
-        return err;
     json_t *json = report_json(r);
-    err = export_json(folder, "report.json", json, why);
+    int err = export_json(folder, "report.json", json, why);
+
     json_decref(json);
     return err;
 }
 
-/* A list and pictures of an earlier scan beside the report of this one would be taken for
- * its own. */
-static void remove_older(const struct report *r, const char *folder)
+/* Besides report.json, the small ones first. */
+enum {
+    DETECTIONS,
+    PLAN,
+    PROJECTIONS,
+    VOLUME = PROJECTIONS + EXPORT_PROJECTIONS,
+    N_FILES
+};
+
+static const char *const file_names[N_FILES] = {"detections.json",   "plan.png",
+                                                "projection_xy.png", "projection_xz.png",
+                                                "projection_yz.png", "volume.nrrd"};
+
+static int write_file(const struct report *r, int which, const char *folder,
+                      struct complaint *why)
 {
-    static const char *const names[] = {"detections.json",   "volume.nrrd",
-                                        "projection_xy.png", "projection_xz.png",
-                                        "projection_yz.png", "plan.png"};
-    const bool made[] = {r->detections, r->volume, r->volume,
-                         r->volume,     r->volume, r->logbook.tracked};
+    struct grid grid;
+    const float *intensity = r->volume ? volume_grid(r->volume, &grid) : NULL;
+
+    switch (which) {
+    case DETECTIONS:
+        return r->detections ? export_detections(folder, r->detections, why) : 0;
+    case PLAN:
+        return logbook_picture(&r->logbook, folder, intensity ? &grid : NULL, why);
+    case VOLUME:
+        return intensity ? export_nrrd(folder, file_names[which], &grid, intensity, why)
+                         : 0;
+    default:
+        return intensity ? export_projection(folder, (size_t)(which - PROJECTIONS), &grid,
+                                             intensity, r->detections, why)
+                         : 0;
+    }
+}
+
+/* Goes on after one that cannot be written.  The first error; failed: their names. */
+static int write_files(const struct report *r, const char *folder, char *failed,
+                       size_t size)
+{
+    size_t used = 0;
+    int first = 0;
+
+    for (int i = 0; i < N_FILES; i++) {
+        int err = write_file(r, i, folder, NULL);
+        if (!err)
+            continue;
+        used += (size_t)snprintf(failed + used, size - used, "%s%s", first ? ", " : "",
+                                 file_names[i]);
+        first = first ? first : err;
+    }
+    return first;
+}
+
+/* Those of an earlier scan beside the report of this one would be taken for its own. */
+static void remove_older(const char *folder, const char *fresh)
+{
     char path[4096];
 
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (!made[i] &&
-            snprintf(path, sizeof path, "%s/%s", folder, names[i]) < (int)sizeof path)
+    for (size_t i = 0; i < N_FILES; i++)
+        if (snprintf(path, sizeof path, "%s/%s", fresh, file_names[i]) <
+                (int)sizeof path &&
+            access(path, F_OK) &&
+            snprintf(path, sizeof path, "%s/%s", folder, file_names[i]) <
+                (int)sizeof path)
             unlink(path);
 }
 
 int report_write(const struct report *r, const char *folder, struct complaint *why)
 {
     struct export_stage stage;
+    char failed[160];
     int err = export_stage_begin(&stage, folder, why);
 
     if (err)
         return err;
-    err = write_results(r, stage.path, why);
-    if (!err)
-        err = export_stage_commit(&stage, why);
-    if (err)
+    err = write_report(r, stage.path, why);
+    if (err) {
         export_stage_abandon(&stage);
-    else
-        remove_older(r, folder);
-    return err;
+        return err;
+    }
+    int missing = write_files(r, stage.path, failed, sizeof failed);
+    remove_older(folder, stage.path);
+    err = export_stage_commit(&stage, why);
+    if (err) {
+        export_stage_abandon(&stage);
+        return err;
+    }
+    return missing ? complain(why, missing, "%s: cannot be written: %s: %s", folder,
+                              failed, strerror(-missing))
+                   : 0;
 }
 
 void report_clear(struct report *r)

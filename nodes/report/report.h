@@ -52,8 +52,9 @@ int report_health(struct report *r, const Anlos__Health *health, int64_t epoch_n
  * 5 s nothing more has come. */
 bool report_is_complete(const struct report *r, int64_t now_ns);
 
-/* volume.nrrd, projections, detections.json, of tracks plan.png (as far as there are any)
- * and report.json: all of them or none.  0 or a negative errno. */
+/* report.json, and as far as there are any detections.json, of tracks plan.png,
+ * projections and volume.nrrd.  Without report.json none of them; when another one fails
+ * the rest is there, and the complaint names what is not.  0 or a negative errno. */
 int report_write(const struct report *r, const char *folder, struct complaint *why);
 void report_clear(struct report *r);
 

@@ -1,8 +1,11 @@
 #include "tests/hal/scratch.h"
 
 #include <cairo.h>
+#include <errno.h>
 #include <jansson.h>
 #include <math.h>
+#include <signal.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "nodes/report/report.h"
@@ -423,6 +426,61 @@ static void stopped_before_the_scan_said_anything_it_was_waiting(void **state)
     report_clear(&r);
 }
 
+/* Files of this process end after so many bytes, as on a full disk. */
+static void limit_files(rlim_t bytes)
+{
+    struct rlimit limit;
+
+    getrlimit(RLIMIT_FSIZE, &limit);
+    limit.rlim_cur = bytes < limit.rlim_max ? bytes : limit.rlim_max;
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &limit), 0);
+}
+
+static void a_picture_that_cannot_be_written_takes_nothing_with_it(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {""};
+    struct report r;
+
+    scratch_write(s, "projection_xz.png", "old");
+    report_init(&r);
+    tell_status(&r, ANLOS__SCAN_STATUS__STATE__DONE, 2 * S);
+    tell_volume(&r, false, 1, 2);
+    tell_detections(&r, false);
+    signal(SIGXFSZ, SIG_IGN);
+    limit_files(1000);
+    int err = report_write(&r, s->folder, &why);
+    limit_files(RLIM_INFINITY);
+    assert_int_equal(err, -EFBIG);
+    assert_contains(why.text,
+                    ": projection_xy.png, projection_xz.png, projection_yz.png: ");
+    assert_int_equal(access(scratch_path(s, "report.json"), R_OK), 0);
+    assert_int_equal(access(scratch_path(s, "detections.json"), R_OK), 0);
+    assert_int_equal(access(scratch_path(s, "volume.nrrd"), R_OK), 0);
+    assert_int_not_equal(access(scratch_path(s, "projection_xz.png"), F_OK), 0);
+    report_clear(&r);
+}
+
+static void without_its_report_nothing_of_an_earlier_scan_is_touched(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {""};
+    struct report r;
+
+    scratch_write(s, "report.json", "old");
+    scratch_write(s, "detections.json", "old");
+    report_init(&r);
+    tell_status(&r, ANLOS__SCAN_STATUS__STATE__FAILED, 2 * S);
+    signal(SIGXFSZ, SIG_IGN);
+    limit_files(100);
+    int err = report_write(&r, s->folder, &why);
+    limit_files(RLIM_INFINITY);
+    assert_int_equal(err, -EFBIG);
+    assert_contains(why.text, "report.json");
+    assert_int_equal(access(scratch_path(s, "detections.json"), R_OK), 0);
+    report_clear(&r);
+}
+
 /* An array that stands has no end of its own. */
 static void what_still_ran_is_reported_as_stopped(void **state)
 {
@@ -474,6 +532,8 @@ int main(void)
         cmocka_unit_test(the_arrow_of_a_track_that_leaves_is_on_the_plan),
         cmocka_unit_test(what_still_ran_is_reported_as_stopped),
         TEST(stopped_before_the_scan_said_anything_it_was_waiting),
+        TEST(a_picture_that_cannot_be_written_takes_nothing_with_it),
+        TEST(without_its_report_nothing_of_an_earlier_scan_is_touched),
         TEST(a_failed_scan_leaves_a_report_and_nothing_else),
         TEST(a_folder_that_cannot_be_is_complained_about),
     };
