@@ -50,6 +50,8 @@ void launcher_stop(struct launcher *l, int exit_code)
 {
     if (l->stopping)
         return;
+    if (progress_end(&l->progress))
+        screen_progress(&l->screen, l->progress.text);
     screen_end_progress(&l->screen);
     service_ends(&l->service);
     l->stopping = true;

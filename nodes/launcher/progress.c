@@ -57,9 +57,8 @@ static void write_text(struct progress *p, const Anlos__ScanStatus *s)
 /* What a reader of a pipe must not miss. */
 static bool is_event(const struct progress *p, const Anlos__ScanStatus *s)
 {
-    if (s->state != p->state && s->state == ANLOS__SCAN_STATUS__STATE__RUNNING &&
-        !s->pings_expected)
-        return true;
+    if (p->endless && s->state == ANLOS__SCAN_STATUS__STATE__RUNNING)
+        return !p->paced && s->pings_done;
     return s->state != p->state && (s->state == ANLOS__SCAN_STATUS__STATE__FAILED ||
                                     s->state == ANLOS__SCAN_STATUS__STATE__PAUSED ||
                                     p->state == ANLOS__SCAN_STATUS__STATE__PAUSED);
@@ -67,10 +66,12 @@ static bool is_event(const struct progress *p, const Anlos__ScanStatus *s)
 
 bool progress_status(struct progress *p, const Anlos__ScanStatus *s)
 {
+    p->endless = !s->pings_expected;
     bool event = is_event(p, s);
     int step = s->pings_expected ? (int)(10ull * s->pings_done / s->pings_expected) : -1;
 
     p->state = s->state;
+    p->paced = s->state == ANLOS__SCAN_STATUS__STATE__RUNNING && s->pings_done;
     write_text(p, s);
     if (p->terminal)
         return true;
@@ -78,6 +79,11 @@ bool progress_status(struct progress *p, const Anlos__ScanStatus *s)
         return false;
     p->step = step;
     return true;
+}
+
+bool progress_end(const struct progress *p)
+{
+    return !p->terminal && p->endless && p->paced;
 }
 
 void progress_health(struct progress *p, const Anlos__Health *health)

@@ -174,6 +174,30 @@ static void a_scan_without_end_tells_its_pace_and_what_was_lost(void **state)
     assert_true(tell_endless(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, ANLOS__PASS__SCENE));
 }
 
+static void a_pipe_gets_the_pace_of_a_scan_without_end_first_and_last(void **state)
+{
+    Anlos__ScanStatus s = ANLOS__SCAN_STATUS__INIT;
+    struct progress p;
+
+    (void)state;
+    progress_init(&p, false);
+    s.state = ANLOS__SCAN_STATUS__STATE__RUNNING;
+    s.text = (char *)"waits for the first ping";
+    assert_false(progress_status(&p, &s));
+    assert_false(progress_end(&p));
+    assert_true(tell_endless(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, ANLOS__PASS__SCENE));
+    assert_false(
+        tell_endless(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, ANLOS__PASS__SCENE));
+    assert_true(progress_end(&p));
+    /* A terminal has it already, and a scan that ends by itself its tenths. */
+    progress_init(&p, true);
+    tell_endless(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, ANLOS__PASS__SCENE);
+    assert_false(progress_end(&p));
+    progress_init(&p, false);
+    tell(&p, ANLOS__SCAN_STATUS__STATE__RUNNING, 21);
+    assert_false(progress_end(&p));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -185,6 +209,7 @@ int main(void)
         cmocka_unit_test(while_it_waits_it_says_for_whom),
         cmocka_unit_test(a_failure_is_shown_at_once),
         cmocka_unit_test(of_an_array_that_stands_nothing_is_expected),
+        cmocka_unit_test(a_pipe_gets_the_pace_of_a_scan_without_end_first_and_last),
         cmocka_unit_test(a_scan_without_end_tells_its_pace_and_what_was_lost),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
