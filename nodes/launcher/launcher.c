@@ -220,8 +220,9 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     screen_close(&l->screen, clock_now_ns(l->clock));
     signals_close(&l->signals);
     int exit_code = l->exit_code;
-    if (exit_code == EXIT_WORKED && l->recording_failed)
-        exit_code = EXIT_FAILED; /* the results are there, the bag is cut short */
+    if (l->incomplete && exit_code != EXIT_BAD_INPUT)
+        exit_code =
+            EXIT_FAILED; /* also of one that ends by Ctrl-C, and by nothing else */
     *reported = l->reported;
     free(l);
     return exit_code;

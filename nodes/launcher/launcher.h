@@ -18,9 +18,9 @@ struct launcher_config {
 };
 
 /* Shows logs and progress while it runs.  Returns the exit code: 0 (the report is
- * written), 1 (a node or the scan failed), 2 (a node refused its configuration), 128 +
- * the signal that stopped it.  *reported: the report is written, be it of a scan that
- * failed. */
+ * written), 1 (a node or the scan failed, or a node as it was stopped), 2 (a node refused
+ * its configuration), 128 + the signal that stopped it.  *reported: the report is
+ * written, be it of a scan that failed. */
 int launcher_run(const struct launcher_config *cfg, bool *reported);
 
 #endif

@@ -1,6 +1,7 @@
 #include "nodes/launcher/launcher_state.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -142,16 +143,42 @@ static void exited_aside(struct launcher *l, struct child *c, int status)
     launcher_say(l, c->name, LOG_LEVEL_ERROR, text);
 }
 
+/* What it failed at itself while it was stopping; not that it was stopped. */
+static bool fails_at_end(const struct launcher *l, int status)
+{
+    if (WIFEXITED(status))
+        return WEXITSTATUS(status) != EXIT_WORKED;
+    return WTERMSIG(status) != SIGTERM && !(WTERMSIG(status) == SIGKILL && l->killed);
+}
+
+static void exited_stopping(struct launcher *l, const struct child *c, int status)
+{
+    bool reports = !strcmp(c->name, "report");
+    char exit_text[64], text[PATH_MAX + 160];
+
+    if (!status)
+        l->reported |= reports && l->cfg->launch->scan.fixed;
+    if (!fails_at_end(l, status))
+        return;
+    l->incomplete = true;
+    child_describe_exit(status, exit_text, sizeof exit_text);
+    snprintf(text, sizeof text, "ended with %s while stopping%s%s", exit_text,
+             reports    ? ": results are missing in "
+             : c->aside ? ": the recording is not whole"
+                        : "",
+             reports ? l->cfg->launch->report.folder : "");
+    launcher_say(l, c->name, LOG_LEVEL_ERROR, text);
+}
+
 static void exited(struct launcher *l, struct child *c, int status)
 {
     enum child_phase phase = child_exited(c, status, clock_now_ns(l->clock));
 
     child_close(c, launcher_print, l);
     if (c->aside && status)
-        l->recording_failed |= l->stopping || WIFEXITED(status) || phase == CHILD_FAILED;
+        l->incomplete |= l->stopping || WIFEXITED(status) || phase == CHILD_FAILED;
     if (l->stopping) {
-        l->reported |= !strcmp(c->name, "report") && !status &&
-                       l->cfg->launch->scan.fixed;
+        exited_stopping(l, c, status);
         return;
     }
     if (c->aside) {

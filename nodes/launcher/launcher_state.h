@@ -27,7 +27,7 @@ struct launcher {
     struct service service;
     bool stopping, stopping_aside, killed;
     bool reported;
-    bool recording_failed; /* the rest went on */
+    bool incomplete; /* the recording, or what a node was to do at its end */
     int64_t kill_ns;
     int64_t asked_ns; /* to stop, by a signal; 0: never */
     int exit_code;    /* once stopping */

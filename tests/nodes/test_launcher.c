@@ -474,6 +474,34 @@ static void a_recorder_that_cannot_end_its_bag_is_told_by_the_exit_code(void **s
     write_node(r, "report", "read x < $D/go");
     start(r);
     assert_int_equal(finish(r), 1);
+    assert_contains(r->text, "while stopping: the recording is not whole");
+}
+
+static void what_fails_after_ctrl_c_is_told_by_the_exit_code(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "report");
+    write_node(r, "report", "trap 'kill $!; exit 1' TERM\necho info here\n" STAY);
+    start(r);
+    read_until(r, "here");
+    assert_int_equal(kill(r->pid, SIGINT), 0);
+    assert_int_equal(finish(r), 1);
+    assert_contains(r->text, "report  error   ended with exit code 1 while stopping: "
+                             "results are missing in ");
+}
+
+static void a_recording_that_failed_is_told_after_ctrl_c_too(void **state)
+{
+    struct rig *r = *state;
+
+    write_recording_launch(r, "can");
+    write_node(r, "record", "exit 1");
+    write_node(r, "can", TRAP STAY);
+    start(r);
+    read_until(r, "the others go on without it");
+    assert_int_equal(kill(r->pid, SIGINT), 0);
+    assert_int_equal(finish(r), 1);
 }
 
 static void what_a_recorder_refuses_is_not_run_without_it(void **state)
@@ -618,6 +646,8 @@ int main(void)
         TEST(the_recorder_is_stopped_when_all_others_have_ended),
         TEST(a_recorder_that_gives_up_ends_nothing),
         TEST(a_recorder_that_cannot_end_its_bag_is_told_by_the_exit_code),
+        TEST(what_fails_after_ctrl_c_is_told_by_the_exit_code),
+        TEST(a_recording_that_failed_is_told_after_ctrl_c_too),
         TEST(what_a_recorder_refuses_is_not_run_without_it),
         TEST(a_recorder_that_crashes_is_started_again),
         TEST(a_recording_that_is_there_starts_nothing),
