@@ -220,9 +220,9 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     screen_close(&l->screen, clock_now_ns(l->clock));
     signals_close(&l->signals);
     int exit_code = l->exit_code;
+    /* Ctrl-C is how an array that stands ends: it does not hide what failed then. */
     if (l->incomplete && exit_code != EXIT_BAD_INPUT)
-        exit_code =
-            EXIT_FAILED; /* also of one that ends by Ctrl-C, and by nothing else */
+        exit_code = EXIT_FAILED;
     *reported = l->reported;
     free(l);
     return exit_code;
