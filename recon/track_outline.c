@@ -1,7 +1,6 @@
 #include "recon/track_outline.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "recon/track_state.h"
 
@@ -9,7 +8,7 @@
 #define SLOW_M_S     1.75 /* below, what was faster may be walking after all */
 #define SURE_M_S     1.0  /* a velocity that is compared is known to this */
 #define BICYCLE_M    1.0  /* what is sure to be heard of one */
-#define CAR_M        1.9  /* longer ones are no bicycles: */
+#define CAR_M        1.9  /* what is longer is no bicycle, but: */
 #define WIDTH_SHARE  0.4  /* as wide as that part of their length, at least */
 #define SHARE        0.3  /* of the newest look at the middle */
 #define MIDDLE_SHARE 0.05 /* of its size, to which the middle of a body is known */
@@ -95,8 +94,7 @@ static void widen(struct track *k, const double u[2])
     o->high_m[1] += 0.5 * unheard_m * (1.0 + sight[1]);
 }
 
-/* What walks is all heard.  An estimate that wavers about the limit does not change it.
- */
+/* What walks is heard whole; a speed that wavers about the limit changes nothing. */
 static void lengthen(struct track *k)
 {
     struct track_outline *o = &k->outline;

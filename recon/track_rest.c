@@ -10,9 +10,7 @@
 #define LOOSE_M_S 10.0  /* and not faster */
 #define GAIN      20.0  /* motion explains so much more: in 1 of 2000 cases of noise */
 #define GAIN_LEFT 10.0  /* and so many times what a whole look leaves */
-#define FAR_M                                                                            \
-    100.0 /* from the origin: what is known beforehand would count for motion            \
-           */
+#define FAR_M     100.0 /* from the origin LOOSE_M would count for motion */
 
 static void add_equation(struct track_rest *r, const double a[UNKNOWNS], double b,
                          double weight)

@@ -14,12 +14,12 @@
  * (h < |x|^2 would be a height of an imaginary size: it is allowed, and costs a little of
  * the test's power along the way of the vehicle.)
  *
- * What moves with a velocity v was at x - v t and had h - b t + c t^2 a time t ago, b = 2
- * x v and c = |v|^2: four unknowns more, linear as well.  It has moved by itself where
- * these take much away of what rest leaves, and little remains.  Several things at rest
- * that are heard in turn fit no rest either, but motion explains them no better.  (That
- * of two nested linear models the F-test compares: Kay 1998, "Fundamentals of Statistical
- * Signal Processing: Detection Theory", section 9.3.) */
+ * What moves with a velocity v was at x - v t and had h - b t + c t^2 a time t ago, with
+ * b = 2 x v and c = |v|^2: four unknowns more, linear as well.  It has moved by itself
+ * where these take away much of what rest leaves, and leave little.  Several things at
+ * rest that are heard in turn fit no rest either, but motion explains them no better. (So
+ * an F-test compares two nested linear models in noise whose strength is not known: Kay
+ * 1998, "Fundamentals of Statistical Signal Processing: Detection Theory", chapter 9.) */
 #ifndef ANLOS_RECON_TRACK_REST_H
 #define ANLOS_RECON_TRACK_REST_H
 
