@@ -15,6 +15,7 @@
 #include "msgs/vehicle.pb-c.h"
 
 #define OBJECTS 3
+#define JOINED  0x400 /* counters of lists to join with are below */
 
 struct rig {
     char folder[64], launch[80];
@@ -24,7 +25,9 @@ struct rig {
     Anlos__Health *health; /* the newest of the node */
     double speed_m_s;      /* the highest that was said while that was waited for */
     /* What a receiver has of a list, as README.md tells it to. */
-    unsigned counter;
+    unsigned counter;   /* of the list that is read; 0: one to join with */
+    unsigned low;       /* bits of it, as they are on the bus */
+    unsigned n_joining; /* lists that were published to join with */
     size_t missing;
 };
 
@@ -57,6 +60,7 @@ static pid_t start_node(struct rig *r)
 }
 
 /* A list of OBJECTS objects, or an empty one. */
+/* Counters rise on the bus, so those of lists to join with, counter 0, come before. */
 static void publish(struct rig *r, uint32_t counter, size_t n)
 {
     Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
@@ -73,7 +77,7 @@ static void publish(struct rig *r, uint32_t counter, size_t n)
         d[i].existence = 0.75;
         pointers[i] = &d[i];
     }
-    list.counter = counter;
+    list.counter = counter ? JOINED + counter : r->n_joining++;
     list.detections = pointers;
     list.n_detections = n;
     list.mirrored = list.in_vehicle_frame = true;
@@ -154,9 +158,11 @@ static bool receive_frame(struct rig *r, const char *frame)
         return false;
     if (id == 0x402) {
         r->missing = 1 + 3 * (data[2] & 0x3f);
-        r->counter = data[3] | (data[4] & 0xf) << 8;
+        unsigned counter = data[3] | (data[4] & 0xf) << 8;
+        r->counter = counter > JOINED ? counter - JOINED : 0;
+        r->low = counter & 0xf;
     } else if (r->missing) {
-        assert_true(id == 0x403 || (data[3] & 0xf) == (r->counter & 0xf));
+        assert_true(id == 0x403 || (data[3] & 0xf) == r->low);
         return --r->missing == 0;
     }
     return false;
@@ -170,10 +176,10 @@ static unsigned read_list(struct rig *r)
     return r->counter;
 }
 
-/* Lists with the counter 0 until one comes out at the other end. */
+/* Until a list comes out at the other end. */
 static void join(struct rig *r)
 {
-    for (int i = 0; i < 1000; i++) {
+    for (int i = 0; i < JOINED; i++) {
         publish(r, 0, 0);
         while (candump_next(&r->dump, 20))
             if (receive_frame(r, r->dump.frame))
