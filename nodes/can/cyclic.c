@@ -57,8 +57,10 @@ static void put_empty_list(struct cyclic *c, int64_t now_ns)
 {
     struct sender_list list;
 
-    if (!(watch_faults(c->watch) & 1u << CAN_FAULT_IMAGE_STALE) ||
-        now_ns < c->empty_due_ns)
+    bool stale = watch_faults(c->watch) & 1u << CAN_FAULT_IMAGE_STALE;
+    bool comes = c->watch->n_lists && now_ns - c->watch->list_ns < EMPTY_PERIOD_NS;
+
+    if (!stale || comes || now_ns < c->empty_due_ns)
         return;
     c->empty_due_ns = next_due(c->empty_due_ns, EMPTY_PERIOD_NS, now_ns);
     sender_empty_list(c->sender, c->watch->capture_ns, &list);

@@ -51,10 +51,14 @@ void watch_survey(struct watch *w, double temperature_c)
 void watch_list(struct watch *w, const Anlos__DetectionList *list, int64_t capture_ns,
                 int64_t now_ns)
 {
+    int64_t unwatched_ns = w->unwatched_ns - w->list_unwatched_ns;
+
     if (w->n_lists)
-        w->intervals_ns[(w->n_lists - 1) % WATCH_INTERVALS] = now_ns - w->list_ns;
+        w->intervals_ns[(w->n_lists - 1) % WATCH_INTERVALS] = now_ns - w->list_ns -
+                                                              unwatched_ns;
     w->n_lists++;
     w->list_ns = now_ns;
+    w->list_unwatched_ns = w->unwatched_ns;
     w->capture_ns = capture_ns;
     w->placed = list->mirrored && list->in_vehicle_frame;
 }
@@ -75,6 +79,7 @@ void watch_ambient(struct watch *w, double temperature_c, int64_t now_ns)
 void watch_walls(struct watch *w, const Anlos__WallList *walls, int64_t now_ns)
 {
     w->walls_ns = now_ns;
+    w->walls_unwatched_ns = w->unwatched_ns;
     w->wall_likely = false;
     for (size_t i = 0; i < walls->n_walls; i++)
         w->wall_likely |= walls->walls[i]->existence >= 0.5 &&
@@ -162,6 +167,16 @@ static void judge(struct watch *w, int f, int64_t now_ns)
     }
 }
 
+static void judge_blindness(struct watch *w, int64_t now_ns)
+{
+    if (watch_is_blind(w)) {
+        w->blind = true;
+        w->last_blind_ns = now_ns;
+    } else if (now_ns - w->last_blind_ns >= WATCH_HEALTH_NS) {
+        w->blind = false;
+    }
+}
+
 /* How often each was raised in a sensor that had begun. */
 static void count_raised(struct watch *w)
 {
@@ -188,37 +203,75 @@ static enum can_state worst(const struct watch *w)
     for (int f = 0; f < CAN_FAULTS; f++)
         if (w->faults & 1u << f && is_worse(watch_rows[f].state, state))
             state = watch_rows[f].state;
-    return w->faults & ears && watch_is_blind(w) && is_worse(CAN_BLOCKED, state)
-               ? CAN_BLOCKED
-               : state;
+    return w->faults & ears && w->blind && is_worse(CAN_BLOCKED, state) ? CAN_BLOCKED
+                                                                        : state;
+}
+
+/* Two steps that should have been and were not: this node did not run. */
+static void count_unwatched(struct watch *w, int64_t now_ns)
+{
+    int64_t gap = now_ns - w->stepped_ns;
+
+    if (w->stepped_ns && gap > 2 * WATCH_STEP_NS)
+        w->unwatched_ns += gap - WATCH_STEP_NS;
+    w->stepped_ns = now_ns;
+}
+
+/* Of a fixed array nothing was wrong for a while, or it took too long. */
+static bool may_begin(const struct watch *w, int64_t now_ns)
+{
+    int64_t for_ns = now_ns - w->began_ns;
+
+    return !w->cfg.fixed || (!w->faults && for_ns >= WATCH_HEALTH_NS) || for_ns > INIT_NS;
+}
+
+/* Worse is at once; better at most once in a while, then by as much as it is. */
+static void change_state(struct watch *w, enum can_state state, int64_t now_ns)
+{
+    bool better = w->judged && is_worse(w->state, state);
+
+    if (state == w->state || (better && now_ns - w->changed_ns < WATCH_HEALTH_NS))
+        return;
+    w->state = state;
+    w->changed_ns = now_ns;
+}
+
+/* While the scan neither works nor has worked, its state is that of the sensor. */
+static void follow_scan(struct watch *w)
+{
+    w->begun = w->judged = false;
+    w->began_ns = 0;
+    w->state = w->scan;
 }
 
 void watch_step(struct watch *w, int64_t now_ns)
 {
-    bool works = w->scan == CAN_ACTIVE || w->scan == CAN_DEGRADED;
-
     if (w->cfg.replayed) {
         w->faults = w->events = 0;
         w->state = w->scan;
         return;
     }
+    count_unwatched(w, now_ns);
     if (!watch_has_ambient(w, now_ns))
         w->ambient_c = NAN;
     for (int f = 0; f < CAN_FAULTS; f++)
         judge(w, f, now_ns);
+    judge_blindness(w, now_ns);
     w->events = 0;
-    if (!works) {
-        w->begun = false;
-        w->began_ns = 0;
-        w->state = w->scan;
+    if (w->scan != CAN_ACTIVE && w->scan != CAN_DEGRADED) {
+        follow_scan(w);
         return;
     }
     if (!w->began_ns)
         w->began_ns = now_ns;
-    w->begun |= !w->cfg.fixed || !w->faults || now_ns - w->began_ns > INIT_NS;
-    w->state = w->begun ? worst(w) : CAN_INIT;
-    if (w->begun)
-        count_raised(w);
+    w->begun |= may_begin(w, now_ns);
+    if (!w->begun) {
+        w->state = CAN_INIT;
+        return;
+    }
+    change_state(w, worst(w), now_ns);
+    w->judged = true;
+    count_raised(w);
 }
 
 enum can_state watch_state(const struct watch *w)

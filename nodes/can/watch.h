@@ -6,8 +6,8 @@
  * | image stale * | 100 ms after a list was due, one longest interval of the newest four
  *     after the last (over 1 s at most twice the shortest, when two or more are known);
  *     at once when its sound is older than 500 ms, or of the future
- *     | fault | 0.5 s |
- * | ego missing * | 100 ms after the last motion that was valid | degraded | 0.5 s |
+ *     | fault | 1 s |
+ * | ego missing * | 100 ms after the last motion that was valid | degraded | 1 s |
  * | temperature unknown * | 3 s after the last of the vehicle's; while it never told one,
  *     if the survey has none | degraded | 1 s |
  * | channels dead | at once when a microphone is silent or hears no speaker, or a speaker
@@ -26,15 +26,28 @@
  * | clipped | at once when a microphone clips | as channels dead | 1 s |
  * | lists dropped | at once when the bus did not take one | degraded | 5 s |
  *
- * "At once" is with the next watch_step.  The worst state counts; without faults it is
- * that of the scan, and so it is whatever the faults are while the scan waits, records
- * its background, is held or has failed.  * only of a fixed array: the image of a scan
- * may take its time.
+ * "At once" is with the next watch_step.  * only of a fixed array: the image of a scan
+ * may take its time.  What was not there while this node itself did not run is not missed
+ * for up to 500 ms: it may be waiting to be taken.
  *
- * A fixed array begins with init until nothing is wrong for the first time, for 10 s at
- * most.  Objects are sent while it is active or degraded; of a scan unless it is faulty,
- * blocked or on standby, which is a stage that a person holds.  In a replay only the
- * state of the scan counts: nothing there is now. */
+ *            nothing wrong for 1 s,          a fault of that state, at once
+ *            or 10 s                      .-----------------------------------.
+ *     init ----------------------------> active -> degraded -> blocked -> fault
+ *      ^                                  ^          ^           ^           |
+ *      | at once: the scan waits          '----------'-----------'-----------'
+ *      '-- any state                       1 s without the faults of what is worse
+ *
+ * Worse is at once, better takes WATCH_HEALTH_NS without a break: each fault goes when it
+ * was not there for that long or longer, so does what makes the difference between
+ * degraded and blocked, and the state gets better once in that time at most.  So what
+ * flaps once a second or faster changes the state once, and whatever flaps, in T seconds
+ * the state gets better T times at most.  The worst fault's state counts; without faults
+ * it is that of the scan, and so it is, at once, whatever the faults are, while the scan
+ * waits, records its background, is held (standby) or has failed.
+ *
+ * Objects are sent while a fixed array is active or degraded; of a scan unless it is
+ * faulty, blocked or on standby, which is a stage that a person holds.  In a replay only
+ * the state of the scan counts: nothing there is now. */
 #ifndef ANLOS_NODES_CAN_WATCH_H
 #define ANLOS_NODES_CAN_WATCH_H
 
@@ -49,7 +62,9 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/wall.pb-c.h"
 
-#define WATCH_STALE_NS  500000000LL /* sound that is older is of the past */
+#define WATCH_STALE_NS  500000000LL  /* sound that is older is of the past */
+#define WATCH_HEALTH_NS 1000000000LL /* without a break, before anything gets better */
+#define WATCH_STEP_NS   20000000LL
 #define WATCH_MAX_NODES 16
 #define WATCH_INTERVALS 4
 
@@ -81,20 +96,28 @@ struct watch {
     uint16_t faults, counted;
     int64_t last_bad_ns[CAN_FAULTS];
     uint8_t raised[CAN_FAULTS]; /* times, up to 255 */
+    bool blind; /* most microphones or speakers are of no use, or were lately */
+    int64_t last_blind_ns;
     bool begun;
-    int64_t began_ns;                         /* when it could have; 0: not yet */
+    int64_t began_ns;     /* when it could have; 0: not yet */
+    bool judged;          /* the state is that of the faults */
+    int64_t changed_ns;   /* since when that is so */
+    int64_t stepped_ns;   /* of the newest step; 0: none */
+    int64_t unwatched_ns; /* this node did not run, in all; as it was at a stamp: */
     struct watch_node nodes[WATCH_MAX_NODES]; /* [n_nodes] */
     size_t n_nodes;
 
-    int64_t list_ns, capture_ns;           /* of the newest list; 0: none */
-    bool placed;                           /* it says where in the vehicle's frame */
+    int64_t list_ns, capture_ns; /* of the newest list; 0: none */
+    bool placed;                 /* it says where in the vehicle's frame */
+    int64_t list_unwatched_ns;
     int64_t intervals_ns[WATCH_INTERVALS]; /* between lists, a ring */
     size_t n_lists;
     int64_t ego_ns, ambient_ns; /* of the newest that was valid; 0: none */
     double survey_c, ambient_c; /* NaN: not known */
     int64_t walls_ns;           /* of the node's newest word; 0: none */
-    bool wall_likely;           /* as it says */
-    int64_t ahead_ns;           /* of the wall clock, as seen last */
+    int64_t walls_unwatched_ns;
+    bool wall_likely; /* as it says */
+    int64_t ahead_ns; /* of the wall clock, as seen last */
     bool clock_seen;
     uint16_t events; /* faults that happened since the last step */
     uint64_t lists_dropped;
@@ -115,7 +138,7 @@ void watch_wrong_input(struct watch *w);
 void watch_clock(struct watch *w, int64_t ahead_ns);
 void watch_dropped(struct watch *w, uint64_t lists);
 
-/* To be called at least every 20 ms, and when something has happened. */
+/* To be called at least every WATCH_STEP_NS, and when something has happened. */
 void watch_step(struct watch *w, int64_t now_ns);
 
 enum can_state watch_state(const struct watch *w);

@@ -31,9 +31,20 @@ static int64_t age_ns(int64_t now_ns, int64_t then_ns)
     return (int64_t)((uint64_t)now_ns - (uint64_t)then_ns);
 }
 
+/* What came while this node itself was kept from running is taken after this. */
+static int64_t silence_ns(const struct watch *w, int64_t now_ns, int64_t since_ns,
+                          int64_t unwatched_ns)
+{
+    int64_t excused = w->unwatched_ns - unwatched_ns;
+
+    return now_ns - since_ns - (excused < WATCH_STALE_NS ? excused : WATCH_STALE_NS);
+}
+
 static bool image_is_stale(const struct watch *w, int64_t now_ns)
 {
-    return !w->n_lists || now_ns - w->list_ns > longest_interval(w) + LATE_NS ||
+    return !w->n_lists ||
+           silence_ns(w, now_ns, w->list_ns, w->list_unwatched_ns) >
+               longest_interval(w) + LATE_NS ||
            age_ns(w->list_ns, w->capture_ns) > WATCH_STALE_NS ||
            age_ns(w->list_ns, w->capture_ns) < -LATE_NS;
 }
@@ -99,7 +110,8 @@ static bool wall_is_lost(const struct watch *w, int64_t now_ns)
 {
     return (w->n_lists && !w->placed) ||
            (w->cfg.wall &&
-            (!w->walls_ns || now_ns - w->walls_ns > WALL_NS || !w->wall_likely));
+            (!w->walls_ns || !w->wall_likely ||
+             silence_ns(w, now_ns, w->walls_ns, w->walls_unwatched_ns) > WALL_NS));
 }
 
 static bool array_is_away(const struct watch *w, int64_t now_ns)
@@ -139,8 +151,8 @@ static bool lists_are_dropped(const struct watch *w, int64_t now_ns)
 }
 
 const struct watch_row watch_rows[CAN_FAULTS] = {
-    [CAN_FAULT_IMAGE_STALE] = {true, CAN_FAULT, 500 * MS, image_is_stale},
-    [CAN_FAULT_EGO_MISSING] = {true, CAN_DEGRADED, 500 * MS, ego_is_missing},
+    [CAN_FAULT_IMAGE_STALE] = {true, CAN_FAULT, 1000 * MS, image_is_stale},
+    [CAN_FAULT_EGO_MISSING] = {true, CAN_DEGRADED, 1000 * MS, ego_is_missing},
     [CAN_FAULT_TEMPERATURE_UNKNOWN] = {true, CAN_DEGRADED, 1000 * MS,
                                        temperature_is_unknown},
     [CAN_FAULT_CHANNELS_DEAD] = {false, CAN_DEGRADED, 1000 * MS, channels_are_dead},

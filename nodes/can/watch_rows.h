@@ -8,7 +8,7 @@
 struct watch_row {
     bool fixed_only;
     enum can_state state;
-    int64_t hold_ns; /* it has to be well for so long */
+    int64_t hold_ns; /* it has to be well for so long: WATCH_HEALTH_NS or more */
     bool (*is_bad)(const struct watch *w, int64_t now_ns);
 };
 

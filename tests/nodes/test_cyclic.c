@@ -127,6 +127,23 @@ static void where_no_image_comes_empty_lists_go(void **state)
     assert_int_equal(r->outbox.n_lists, 3);
 }
 
+/* It is well again, and not yet for long enough. */
+static void lists_that_come_while_the_sensor_is_faulty_go_alone(void **state)
+{
+    const Anlos__DetectionList message = ANLOS__DETECTION_LIST__INIT;
+    struct rig *r = *state;
+
+    r->watch.faults = 1u << CAN_FAULT_IMAGE_STALE;
+    for (int64_t ms = 1000; ms < 2000; ms += 10) {
+        if (ms % 200 == 0)
+            watch_list(&r->watch, &message, ms * MS, ms * MS);
+        cyclic_step(&r->cyclic, ms * MS);
+    }
+    assert_int_equal(r->outbox.n_lists, 0);
+    cyclic_step(&r->cyclic, 2060 * MS);
+    assert_int_equal(r->outbox.n_lists, 1);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
@@ -136,6 +153,7 @@ int main(void)
         TEST(a_change_of_the_status_does_not_wait),
         TEST(a_status_that_flickers_is_bounded_and_keeps_its_cycle),
         TEST(where_no_image_comes_empty_lists_go),
+        TEST(lists_that_come_while_the_sensor_is_faulty_go_alone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
