@@ -170,7 +170,10 @@ static void plan_map(const struct fk *m, double k_lateral2, size_t low, size_t h
         at = at > highest ? highest : at;
         int below = (int)at;
         s->bin[z] = below - (FK_TAPS / 2 - 1);
-        s->fraction[z] = (int)((at - below) * FK_FRACTIONS + 0.5);
+        /* Downwards: to read all frequencies half a step too low turns each echo by what
+         * is the same over the whole image but for 3 mrad from one end of the trace to
+         * the other, and of the image the magnitude is left. */
+        s->fraction[z] = (int)((at - below) * FK_FRACTIONS);
         double turns = kz * depth_turns - f * m->centre_s;
         float gain = m->gain[z], re, im;
         phasor((float)(turns - rint(turns)), &re, &im);

@@ -109,7 +109,7 @@ static double soft_end(double k, double k_low, double k_high)
 
 static int plan_tables(struct fk *m, const struct fk_config *cfg)
 {
-    m->weights = fftwf_malloc((FK_FRACTIONS + 1) * FK_TAPS * sizeof *m->weights);
+    m->weights = fftwf_malloc(FK_FRACTIONS * FK_TAPS * sizeof *m->weights);
     m->centring = malloc(2 * m->n_f * sizeof *m->centring);
     m->gain = malloc(m->n_kz * sizeof *m->gain);
     if (!m->weights || !m->centring || !m->gain)
@@ -127,7 +127,7 @@ static int plan_tables(struct fk *m, const struct fk_config *cfg)
         m->centring[2 * q] = (float)cos(phase);
         m->centring[2 * q + 1] = (float)sin(phase);
     }
-    for (size_t f = 0; f <= FK_FRACTIONS; f++) {
+    for (size_t f = 0; f < FK_FRACTIONS; f++) {
         double w[FK_TAPS];
         sinc_weights(FK_TAPS, 1.0 / TIME_PADDING, (double)f / FK_FRACTIONS, w);
         for (int q = 0; q < FK_TAPS; q++)

@@ -63,7 +63,7 @@ struct fk {
 
     float *centring;     /* [n_f][2]: phase that moves the origin of time to centre_s */
     float *gain;         /* [n_kz] */
-    float *weights;      /* [FK_FRACTIONS + 1][FK_TAPS] */
+    float *weights;      /* [FK_FRACTIONS][FK_TAPS] */
     float *spectrum;     /* [n_f / FK_X_BLOCK][y lines][x lines][FK_BLOCK] */
     fftwf_complex *half; /* [x.kept][grid ny][grid nz]: imaged in y and z, not in x */
     struct fk_scratch *scratch;

@@ -87,7 +87,7 @@ static void the_ordered_statistic_has_the_factor_of_rohling(void **state)
         cfg.kind = CFAR_ORDERED;
         cfg.false_alarm_rate = rates[i];
         struct cfar *c = create(&cfg);
-        for (size_t n = 16; n <= 64; n += 24) {
+        for (size_t n = 16; n <= 66; n += 25) { /* 12, 30.75, 49.5 are below */
             double factor = cfar_factor(c, n), product = 1.0;
             size_t k = (size_t)ceil(0.75 * (double)n);
             for (size_t j = 0; j < k; j++)
@@ -96,6 +96,29 @@ static void the_ordered_statistic_has_the_factor_of_rohling(void **state)
         }
         cfar_destroy(c);
     }
+}
+
+/* The quantile is the least value that so large a part of all is not above: of 62 cells
+ * around, 0.75 of which are 46.5, the 47th. */
+static void the_ordered_level_is_the_quantile_of_the_cells_around(void **state)
+{
+    (void)state;
+    enum { WIDE = 9, HIGH = 7, AROUND = WIDE * HIGH - 1 };
+    struct cfar_config cfg = {.kind = CFAR_ORDERED,
+                              .false_alarm_rate = 1e-3,
+                              .rank = 0.75,
+                              .n = {WIDE, 1, HIGH},
+                              .pitch = {1, 1, 1},
+                              .training = {4, 0, 3}};
+    struct cfar *c = create(&cfg);
+    float image[WIDE * HIGH];
+    const size_t middle = WIDE * HIGH / 2;
+
+    for (size_t i = 0; i < WIDE * HIGH; i++)
+        image[i] = (float)(1 + i - (i > middle)); /* 1 to 62 */
+    image[middle] = 1000.0f;
+    assert_near(cfar_at(c, image, middle).threshold / cfar_factor(c, AROUND), 47.0, 1e-6);
+    cfar_destroy(c);
 }
 
 static double hill(int x, int z)
@@ -387,6 +410,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(averaging_has_the_factor_of_finn_and_johnson),
         cmocka_unit_test(the_ordered_statistic_has_the_factor_of_rohling),
+        cmocka_unit_test(the_ordered_level_is_the_quantile_of_the_cells_around),
         cmocka_unit_test(the_rate_holds_in_noise),
         cmocka_unit_test(the_rate_holds_where_the_level_changes),
         cmocka_unit_test(the_rate_holds_for_sums_of_powers),

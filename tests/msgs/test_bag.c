@@ -207,6 +207,29 @@ static void every_changed_byte_is_noticed(void **state)
     assert_int_equal(read_all(s->path, &n), -ENODATA);
 }
 
+/* All that is in it is read; then it says that it is not the file that was written. */
+static void bytes_after_the_end_are_noticed(void **state)
+{
+    const char *path = write_bag(*state, 700, BAG_ZSTD);
+    FILE *file = fopen(path, "ab");
+    struct complaint why = {""};
+    struct bag_reader *r;
+    struct bag_record record;
+    size_t messages = 0;
+    int err;
+
+    assert_non_null(file);
+    assert_int_equal(fputc('x', file), 'x');
+    assert_int_equal(fclose(file), 0);
+    assert_int_equal(bag_reader_open(&r, path, &why), 0);
+    while (!(err = bag_reader_next(r, &record, &why)))
+        messages += record.opcode == BAG_MESSAGE;
+    assert_int_equal(err, -EBADMSG);
+    assert_int_equal(messages, N_MESSAGES);
+    assert_non_null(strstr(why.text, "something follows the closing magic"));
+    bag_reader_close(r);
+}
+
 static void what_could_not_be_read_is_not_written(void **state)
 {
     struct scratch *s = *state;
@@ -261,6 +284,7 @@ int main(void)
         TEST(without_a_summary_the_whole_file_is_looked_through),
         TEST(every_cut_is_noticed_and_nothing_wrong_is_read),
         TEST(every_changed_byte_is_noticed),
+        TEST(bytes_after_the_end_are_noticed),
         TEST(what_could_not_be_read_is_not_written),
         TEST(a_file_that_is_there_is_not_written_over),
         TEST(what_is_no_bag_is_refused),

@@ -819,7 +819,7 @@ static void the_counter_wraps_around(void **state)
     assert_int_equal(counter_of_message(&s, 4096), 1);
 }
 
-/* Half a millisecond is how exactly clocks agree, half a second is not. */
+/* Half a millisecond is how exactly clocks agree, two are not. */
 static void the_age_of_sound_that_is_still_to_come_is_not_available(void **state)
 {
     struct sender s;
@@ -832,6 +832,8 @@ static void the_age_of_sound_that_is_still_to_come_is_not_available(void **state
     sender_list(&s, &l.message, 100000 * MS, &sent);
     sender_date(&s, &sent, 100000 * MS - MS / 2, 0);
     assert_near(header_of(&sent).latency_ms, 0.0, 1e-9);
+    sender_date(&s, &sent, 100000 * MS - 2 * MS, 0);
+    assert_true(isnan(header_of(&sent).latency_ms));
     sender_date(&s, &sent, 99500 * MS, 0);
     assert_true(isnan(header_of(&sent).latency_ms));
 }

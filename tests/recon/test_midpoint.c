@@ -183,6 +183,19 @@ static void an_array_that_is_not_plane_is_refused_with_a_reason(void **state)
     expect_refused(&r.geometry);
 }
 
+/* 2 cm on a metre are 5 mm from end to end of this stage, on the way there and back a
+ * half of the shortest wave, 17 mm; half a millimetre on a metre is none of it. */
+static void a_stage_that_leaves_the_plane_is_refused(void **state)
+{
+    (void)state;
+    struct rig r;
+    rig_default(&r);
+    r.geometry.stage_axis[2] = -0.02;
+    expect_refused(&r.geometry);
+    r.geometry.stage_axis[2] = -0.0005;
+    midpoints_destroy(sort(&r.geometry));
+}
+
 static void elements_strewn_over_the_plane_are_refused_with_a_reason(void **state)
 {
     (void)state;
@@ -225,6 +238,7 @@ int main(void)
         cmocka_unit_test(one_pair_is_one_midpoint),
         cmocka_unit_test(co_located_pairs_have_no_offset),
         cmocka_unit_test(an_array_that_is_not_plane_is_refused_with_a_reason),
+        cmocka_unit_test(a_stage_that_leaves_the_plane_is_refused),
         cmocka_unit_test(elements_strewn_over_the_plane_are_refused_with_a_reason),
         cmocka_unit_test(destroying_nothing_is_harmless),
     };

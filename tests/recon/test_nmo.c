@@ -176,6 +176,28 @@ static void times_outside_the_input_add_nothing(void **state)
     nmo_destroy(n);
 }
 
+/* Eight samples hold what is between the fourth and the fifth of them, from the fourth
+ * itself on, and no more: three before and four after. */
+static void what_lies_between_the_middle_samples_is_heard_to_its_beginning(void **state)
+{
+    (void)state;
+    struct nmo_config cfg = config(343.0);
+    float complex in[8] = {0}, out[17] = {0};
+    struct nmo *n;
+    cfg.in.n_samples = 8;
+    cfg.out = cfg.in;
+    cfg.out.n_samples = 17;
+    cfg.out.t0_s = cfg.in.t0_s + (3.0 + 1e-4 - 8.0) / cfg.in.rate_hz;
+    cfg.n_offsets = 1; /* none */
+    in[3] = 1.0f;
+    assert_int_equal(nmo_create(&n, &cfg), 0);
+    nmo_stack(n, 0, in, out);
+    nmo_destroy(n);
+    double z_m = 0.5 * 343.0 * (cfg.in.t0_s + 3.0 / cfg.in.rate_hz);
+    for (size_t q = 0; q < 17; q++)
+        assert_near(cabsf(out[q]), q == 8 ? z_m : 0.0, 1e-3);
+}
+
 static void silence_stays_silence(void **state)
 {
     (void)state;
@@ -223,6 +245,7 @@ int main(void)
         cmocka_unit_test(moveout_is_linear),
         cmocka_unit_test(nothing_comes_before_the_mute),
         cmocka_unit_test(times_outside_the_input_add_nothing),
+        cmocka_unit_test(what_lies_between_the_middle_samples_is_heard_to_its_beginning),
         cmocka_unit_test(silence_stays_silence),
         cmocka_unit_test(values_that_make_no_sense_are_refused),
     };

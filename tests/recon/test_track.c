@@ -350,6 +350,54 @@ static void clutter_makes_as_many_false_tracks_as_m_of_n_says(void **state)
     assert_true((double)confirmed < 1.1 * expected);
 }
 
+/* One that has hardly begun is likelier not to be there at all than the object of eight
+ * looks is to be missed.  The detection is 2.4 sigma from where the object is (in whose
+ * innovation are 1.125 sigma^2), and just where the other began (2 sigma^2): it is 6.6
+ * times as likely there, but 0.2 x 0.24 against 0.8 x 0.76 for who is there and is seen
+ * says 12.7 times the other. */
+static void what_hardly_exists_does_not_take_an_objects_only_detection(void **state)
+{
+    struct rig *r = *state;
+    const double sigma = 0.1, away_m = 0.236;
+
+    r->cfg.acceleration_psd_m2_s3 = 1e-9;
+    r->cfg.new_speed_m_s = 1e-6;
+    r->cfg.wander_m = r->cfg.join_m = 0.0;
+    r->cfg.life.survival_s = 1e9;
+    use(r);
+    for (int k = 0; k < 8; k++) {
+        see(r, 3.0, 1.0, sigma);
+        if (k == 7)
+            see(r, 3.0 + away_m, 1.0, sigma);
+        step(r);
+    }
+    see(r, 3.0 + away_m, 1.0, sigma);
+    step(r);
+    assert_int_equal(r->n, 1);
+    assert_int_equal(r->reports[0].state, TRACK_MEASURED);
+}
+
+/* join_m, 0.5 m, and half of what is seen of it. */
+static void what_comes_up_beside_an_object_is_its_own_within_its_reach(void **state)
+{
+    struct rig *r = *state;
+    static const struct {
+        double extent_m, away_m;
+        size_t n;
+    } cases[] = {{0.0, 0.45, 1}, {0.0, 0.55, 2}, {0.6, 0.75, 1}, {0.6, 0.85, 2}};
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        use(r);
+        for (int k = 0; k < 12; k++) {
+            see(r, 3.0, 1.0, 0.03)->extent_m[1] = cases[i].extent_m;
+            if (k >= 6)
+                see(r, 3.0, 1.0 + cases[i].away_m, 0.03)->extent_m[1] = cases[i].extent_m;
+            step(r);
+        }
+        assert_int_equal(r->n, cases[i].n);
+    }
+}
+
 /* -- a vehicle that moves ---------------------------------------------------------------
  */
 
@@ -422,6 +470,27 @@ static void the_images_age_is_taken_out(void **state)
         step(r);
     }
     assert_near(r->reports[0].position_m[0], 6.0 - 1.4 * 0.25 * 15, 0.01);
+    assert_near(r->reports[0].velocity_m_s[0], -1.4, 0.02);
+}
+
+/* Two spots of one object, each as it was at its own time: their middle is where it was
+ * at the middle of these times, weighted alike. */
+static void the_age_of_an_objects_middle_is_the_middle_of_the_ages(void **state)
+{
+    struct rig *r = *state;
+    static const double lag_s[2] = {-0.3, -0.1}, power[2] = {3.0, 1.0};
+
+    for (int k = 0; k < 16; k++) {
+        for (int i = 0; i < 2; i++) {
+            struct track_detection *d =
+                see(r, 6.0 - 1.4 * (0.25 * k + lag_s[i]), 1.0, 0.02);
+            d->lag_s = lag_s[i];
+            d->power = power[i];
+        }
+        step(r);
+    }
+    assert_int_equal(r->n, 1);
+    assert_near(r->reports[0].position_m[0], 6.0 - 1.4 * 0.25 * 15, 0.02);
     assert_near(r->reports[0].velocity_m_s[0], -1.4, 0.02);
 }
 
@@ -705,6 +774,44 @@ static void things_at_rest_that_are_seen_one_after_another_have_not_moved(void *
     }
 }
 
+/* One thing at rest, half a look without it, then another that is farther by what five
+ * looks would take for motion: too few to tell a jump. */
+static void another_thing_at_rest_after_a_gap_has_not_moved(void **state)
+{
+    struct rig *r = *state;
+
+    r->cfg.new_speed_m_s = 5.0;
+    r->cfg.gate2 = 40.0;
+    r->cfg.life.confirm_hits = r->cfg.life.confirm_of = 1;
+    r->cfg.life.confirm_existence = 0.1;
+    use(r);
+    begin_with_each_ping(r);
+    for (int k = 0; k < 40; k++) {
+        if (k < 3 || k >= 3 + 5) /* 5 times 0.12 of a look */
+            see_heard(r, 4.0, k < 3 ? 0.0 : 0.8);
+        step_after(r, PING_NS);
+        assert_int_equal(r->n, 0);
+    }
+}
+
+/* In every fifth ping: 4 times 0.12 of a look are missed, less than half of one. */
+static void a_walker_who_is_heard_now_and_then_is_told(void **state)
+{
+    struct rig *r = *state;
+
+    r->cfg.detection_probability = 0.2;
+    r->cfg.life.confirm_hits = r->cfg.life.confirm_of = 1;
+    r->cfg.life.confirm_existence = 0.1;
+    use(r);
+    begin_with_each_ping(r);
+    for (int k = 0; k <= 60; k++) {
+        if (k % 5 == 0)
+            see_heard(r, 4.0, -0.6 + 1.2 * 0.024 * k);
+        step_after(r, PING_NS);
+    }
+    assert_int_equal(r->n, 1);
+}
+
 /* It is heard now from one limb, now from another. */
 static void a_walker_is_told_whichever_limb_is_heard(void **state)
 {
@@ -734,9 +841,12 @@ int main(void)
         TEST(what_is_told_of_something_fast_is_its_middle),
         TEST(an_extended_object_is_one_track_in_its_middle),
         TEST(clutter_makes_as_many_false_tracks_as_m_of_n_says),
+        TEST(what_hardly_exists_does_not_take_an_objects_only_detection),
+        TEST(what_comes_up_beside_an_object_is_its_own_within_its_reach),
         TEST(what_stands_stands_still_while_the_vehicle_turns),
         TEST(unknown_ego_motion_widens_tracks),
         TEST(the_images_age_is_taken_out),
+        TEST(the_age_of_an_objects_middle_is_the_middle_of_the_ages),
         TEST(older_scans_are_ignored_and_counted),
         TEST(a_clock_that_jumps_back_begins_anew_with_other_ids),
         TEST(a_tracker_that_is_started_again_begins_with_other_ids),
@@ -751,6 +861,8 @@ int main(void)
         TEST(what_has_come_to_rest_gets_no_name),
         TEST(what_passes_by_is_not_taken_for_what_rests),
         TEST(things_at_rest_that_are_seen_one_after_another_have_not_moved),
+        TEST(another_thing_at_rest_after_a_gap_has_not_moved),
+        TEST(a_walker_who_is_heard_now_and_then_is_told),
         TEST(a_walker_is_told_whichever_limb_is_heard),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/track.h"
+#include "recon/track_state.h"
 #include "tests/recon/dice.h"
 
 #define FRAME_NS 50000000
@@ -209,6 +209,40 @@ static void the_younger_of_two_that_are_one_is_told_as_deleted(void **state)
     assert_int_equal(r->reports[0].id, 1);
 }
 
+/* Two fast ones side by side; their velocities, each known to 0.1 m/s, differ by dv. */
+static bool become_one(double dv_m_s)
+{
+    struct tracker *t = calloc(1, sizeof *t);
+
+    assert_non_null(t);
+    t->n = 2;
+    t->stamp_ns = FRAME_NS;
+    for (size_t i = 0; i < t->n; i++) {
+        struct track *k = &t->tracks[i];
+        k->seen_ns = k->moves_ns = t->stamp_ns;
+        k->outline.fast = true;
+        k->filter.state[0] = 0.5 * (double)i;
+        k->filter.state[2] = 5.0 + dv_m_s * (double)i;
+        for (int a = 0; a < 4; a++)
+            k->filter.covariance[a][a] = 0.01;
+    }
+    track_body_merge(t);
+    bool merged = t->tracks[1].merged;
+    assert_int_equal(t->tracks[0].body.n, merged ? 2 : 0);
+    free(t);
+    return merged;
+}
+
+/* 99 of 100 that are the same differ less: by sqrt(-2 ln 0.01) = 3.03 of sigma, 0.141. */
+static void what_differs_in_its_velocity_as_noise_does_is_one(void **state)
+{
+    (void)state;
+    for (int sign = -1; sign <= 1; sign += 2) {
+        assert_true(become_one(sign * 3.0 * 0.1414));
+        assert_false(become_one(sign * 3.07 * 0.1414));
+    }
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
@@ -220,6 +254,7 @@ int main(void)
         TEST(two_who_walk_side_by_side_stay_two),
         TEST(two_that_drive_one_after_the_other_stay_two),
         TEST(two_that_meet_stay_two),
+        TEST(what_differs_in_its_velocity_as_noise_does_is_one),
         TEST(the_younger_of_two_that_are_one_is_told_as_deleted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -383,6 +383,35 @@ static void what_is_old_fades(void **state)
     assert_near(track_rest_misfit(&r), track_rest_misfit(&fresh), 1e-4);
 }
 
+/* Six looks of an array at rest at what goes along it: with S = sum of (t - mean)^2 /
+ * sigma^2, which is 1 / variance of the velocity, motion explains v^2 S^2 / (S + 1 /
+ * 10^2) where it is known beforehand that v is 0 with a sigma of 10 m/s. */
+static double gain_of(double v_m_s, double sigma_v_m_s)
+{
+    struct track_rest r = {.looks = 0.0};
+    const double sum_s2 = 17.5 * STEP_S * STEP_S;
+    struct track_rest_look look = {
+        .axis = {0.0, 1.0}, .range_m = 3.0, .sigma_m = sigma_v_m_s * sqrt(sum_s2)};
+    double gain, left;
+
+    for (int n = 0; n < 6; n++) {
+        look.along_m = v_m_s * STEP_S * (n - 5); /* and is at the array's middle last */
+        add(&r, &look, 1.0, STEP_S, FOREVER_S);
+    }
+    track_rest_motion(&r, &gain, &left);
+    assert_int_equal(track_rest_moves(&r), gain > 20.0);
+    return gain;
+}
+
+/* Both lie six sigma and more from rest. */
+static void a_speed_that_nothing_has_is_not_taken_for_motion(void **state)
+{
+    (void)state;
+    assert_near(gain_of(60.0, 10.0), 36.0 / 2.0, 0.1);
+    assert_near(gain_of(6.0, 1.0), 36.0 / 1.01, 0.1);
+    assert_near(gain_of(16.0, 10.0 / 3.0), 23.04 / (1.0 + 1.0 / 9.0), 0.1);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -400,6 +429,7 @@ int main(void)
         cmocka_unit_test(a_long_way_makes_no_motion),
         cmocka_unit_test(a_long_time_makes_no_motion),
         cmocka_unit_test(what_is_old_fades),
+        cmocka_unit_test(a_speed_that_nothing_has_is_not_taken_for_motion),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
