@@ -24,8 +24,9 @@ static void print_help(void)
     printf(
         "usage: anlos launch FILE [options]\n\n"
         "Starts every node that the launch file names, each a process of its own, shows\n"
-        "their logs and the progress of the scan, starts a node again that crashed, and\n"
-        "ends when the results are written.  Ctrl-C stops all of them.  Of a launch "
+        "their logs and the progress of the scan, starts a node again that crashed or\n"
+        "hangs, and ends when the results are written.  Ctrl-C stops all of them.  Of a "
+        "launch "
         "file\n"
         "with hosts, start it on each of them: it runs what is to run there, and ends\n"
         "when the host with the report is done, when another one failed, or when one "

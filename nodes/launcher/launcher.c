@@ -42,9 +42,10 @@ static void show_progress(struct launcher *l, const ProtobufCMessage *status)
         screen_progress(&l->screen, l->progress.text);
 }
 
-static void hear_health(struct launcher *l, const Anlos__Health *health)
+static void hear_health(struct launcher *l, const Anlos__Health *health, int64_t epoch_ns)
 {
     progress_health(&l->progress, health);
+    supervisor_heard(&l->supervisor, &l->crew, health, epoch_ns);
     service_heard(&l->service, &l->crew, health->node, clock_now_ns(l->clock));
     if (health->state == ANLOS__HEALTH__STATE__READY &&
         crew_has_aside(&l->crew, health->node))
@@ -60,7 +61,7 @@ static void read_bus(struct launcher *l)
         if (m && in.topic == topic_scan_status() && !l->stopping)
             show_progress(l, m);
         else if (m && in.topic == topic_health())
-            hear_health(l, (const Anlos__Health *)m);
+            hear_health(l, (const Anlos__Health *)m, in.envelope.epoch_ns);
         else if (m && in.topic == topic_host())
             fellowship_hear(&l->fellowship, m, &in.envelope, clock_now_ns(l->clock));
         if (m)
@@ -111,7 +112,8 @@ static int act_on_time(struct launcher *l)
 
     judge_fellows(l, now);
     sooner(&next, fellowship_tell(&l->fellowship, now));
-    voice_health(&l->voice, now, &l->crew);
+    sooner(&next, launcher_supervise(l, now));
+    voice_health(&l->voice, now, &l->crew, &l->supervisor);
     launcher_stop_aside(l, now);
     sooner(&next, service_tick(&l->service, &l->crew, now));
     if (l->voice.bus)
@@ -179,6 +181,8 @@ static void open_bus(struct launcher *l)
     if (err)
         launcher_say(l, "launcher", hosts->n ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING,
                      why.text[0] ? why.text : strerror(-err));
+    if (err)
+        l->supervisor.alive_ns = 0; /* nobody can be heard */
     if (err && hosts->n)
         launcher_stop(l, EXIT_BAD_INPUT);
     if (!err && hosts->n)
@@ -195,7 +199,10 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     l->cfg = cfg;
     l->clock = clock_system();
     l->signals.fd = -1;
+    if (!cfg->arguments->unsupervised)
+        l->supervisor.alive_ns = (int64_t)(1e9 * cfg->launch->processes.alive_s);
     service_open(&l->service);
+    l->service.supervised = l->supervisor.alive_ns > 0;
     screen_init(&l->screen, cfg->arguments->log_format);
     progress_init(&l->progress, l->screen.out_terminal);
     int err = signals_open(&l->signals);

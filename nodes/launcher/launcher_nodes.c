@@ -219,6 +219,26 @@ void launcher_reap(struct launcher *l)
     }
 }
 
+/* SIGKILL: one that is stopped takes no other. */
+int64_t launcher_supervise(struct launcher *l, int64_t now_ns)
+{
+    int64_t hung_ns[CREW_MAX];
+    char text[160];
+
+    if (l->stopping)
+        return INT64_MAX;
+    int64_t next = supervisor_tick(&l->supervisor, &l->crew, now_ns, hung_ns);
+    for (unsigned i = 0; i < l->crew.n; i++) {
+        if (!hung_ns[i])
+            continue;
+        snprintf(text, sizeof text, "hangs: its loop has not turned for %.1f s; killed",
+                 1e-9 * (double)hung_ns[i]);
+        launcher_say(l, l->crew.children[i].name, LOG_LEVEL_ERROR, text);
+        child_signal(&l->crew.children[i], SIGKILL);
+    }
+    return next;
+}
+
 int64_t launcher_restart(struct launcher *l, int64_t now_ns)
 {
     int64_t next = INT64_MAX;

@@ -12,6 +12,7 @@
 #include "nodes/launcher/screen.h"
 #include "nodes/launcher/service.h"
 #include "nodes/launcher/signals.h"
+#include "nodes/launcher/supervisor.h"
 #include "nodes/launcher/voice.h"
 
 struct launcher {
@@ -25,6 +26,7 @@ struct launcher {
     struct screen screen;
     struct voice voice;
     struct service service;
+    struct supervisor supervisor;
     bool stopping, stopping_aside, killed;
     bool reported;
     bool incomplete; /* the recording, or what a node was to do at its end */
@@ -53,6 +55,10 @@ void launcher_stop_aside(struct launcher *l, int64_t now_ns);
 
 /* Takes note of those that have ended. */
 void launcher_reap(struct launcher *l);
+
+/* Kills those that hang; they are started again as others that crash.  When to look
+ * again. */
+int64_t launcher_supervise(struct launcher *l, int64_t now_ns);
 
 /* Starts those whose pause is over, and kills those that do not end by themselves.  When
  * the next one is due; INT64_MAX: none is. */

@@ -12,6 +12,7 @@
 struct service {
     int64_t watchdog_ns; /* the service is stopped when it says nothing for so long; 0:
                             never */
+    bool supervised;     /* nodes that hang are the launcher's affair */
     bool ready;
     int64_t due_ns;             /* when to look again */
     int64_t heard_ns[CREW_MAX]; /* of the crew's nodes, in their order; 0: never */
@@ -26,9 +27,10 @@ void service_heard(struct service *s, const struct crew *c, const char *node,
                    int64_t now_ns);
 
 /* Tells systemd what is due: ready once, and four times in watchdog_ns that all is well,
- * if every node that runs was heard within half of it, or was started since.  A node that
- * pauses between a crash and its new start is the launcher's to judge.  Returns when to
- * call again. */
+ * if every node that runs was heard within half of it, or was started since; of
+ * supervised nodes without a condition, for they are killed when they hang, and may be
+ * busy for longer.  A node that pauses between a crash and its new start is the
+ * launcher's to judge.  Returns when to call again. */
 int64_t service_tick(struct service *s, const struct crew *c, int64_t now_ns);
 
 /* It ends on purpose. */

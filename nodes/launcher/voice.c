@@ -28,7 +28,8 @@ void voice_log(struct voice *v, const struct log_line *line)
         log_topic_send(&v->log, line);
 }
 
-void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew)
+void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew,
+                  const struct supervisor *supervisor)
 {
     const unsigned n_running = crew_count(crew, CHILD_RUNNING), n_nodes = crew->n,
                    n_ended = crew_count(crew, CHILD_ENDED), n_lost = crew_lost(crew);
@@ -38,6 +39,7 @@ void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew)
     char name[] = "launcher", text[64], ended[32] = "";
     const struct vitals_fault lost = {NODE_FAULT_NODES_LOST, n_lost, n_nodes};
     struct vitals_faults faults;
+    struct device_count counts[DEVICE_MAX_COUNTS];
 
     if (!v->bus ||
         (now_ns < v->due_ns && n_running == v->n_running && n_lost == v->n_lost))
@@ -54,6 +56,7 @@ void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew)
         snprintf(ended, sizeof ended, ", %u ended", n_ended);
     snprintf(text, sizeof text, "%u of %u nodes run%s", n_running, n_nodes, ended);
     vitals.message.text = text;
+    vitals_device(&vitals, counts, supervisor_counts(supervisor, counts));
     vitals_faults(&vitals.message, &faults, &lost, n_lost > 0);
     vitals.message.uptime_s = 1e-9 * (double)(now_ns - v->epoch_ns);
     bus_publish_message(v->bus, topic_health(), 0, now_ns, &vitals.message.base);

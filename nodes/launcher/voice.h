@@ -5,6 +5,7 @@
 
 #include "msgs/bus.h"
 #include "nodes/launcher/crew.h"
+#include "nodes/launcher/supervisor.h"
 #include "nodes/rt/log_topic.h"
 
 struct voice { /* zeroed: mute */
@@ -23,6 +24,7 @@ void voice_log(struct voice *v, const struct log_line *line);
 
 /* When it is time to, and at once when more or fewer run: ready while all nodes of the
  * crew run or have ended by themselves, else degraded. */
-void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew);
+void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew,
+                  const struct supervisor *supervisor);
 
 #endif

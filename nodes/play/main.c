@@ -3,6 +3,8 @@
 
 #include "nodes/play/run.h"
 
+#define DISK_S 30.0 /* that a slow disk may take for a read */
+
 static int create(struct playback **out, struct node *node)
 {
     const struct launchfile *l = node_launch(node);
@@ -41,6 +43,7 @@ int main(int argc, char **argv)
     if (err)
         return err - 1;
     err = create(&player, node);
+    node_turn_limit(node, DISK_S);
     if (!err)
         err = play_run(node, player, NULL, true);
     playback_destroy(player);

@@ -7,6 +7,8 @@
 #include "nodes/rt/early.h"
 #include "nodes/rt/pace.h"
 
+#define PLAN_S 60.0 /* at most: of a fine volume */
+
 struct fixed {
     struct node *node;
     struct steady *steady;
@@ -57,6 +59,9 @@ static int create(struct fixed *f)
 static int take_survey(struct fixed *f, const Anlos__Survey *survey)
 {
     struct complaint why = {""};
+
+    if (!f->planned)
+        node_busy(f->node, PLAN_S);
     int err = steady_survey(f->steady, survey, &why);
 
     if (err)

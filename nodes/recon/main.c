@@ -9,6 +9,8 @@
 #include "nodes/rt/node.h"
 
 #define REPEAT_NS         2000000000LL /* the last volume, for whoever missed it */
+#define PLAN_S            60.0         /* at most: of a fine volume */
+#define IMAGE_S           600.0        /* of a sharpened one */
 #define PREVIEW_PAUSE     4 /* times what a preview took: most time is for pings */
 #define PREVIEW_PAUSE_MIN 100000000LL
 
@@ -51,6 +53,7 @@ static void publish_volume(struct run *r, Anlos__Volume *v)
 
 static void publish_final(struct run *r)
 {
+    node_busy(r->node, IMAGE_S);
     recon_image(r->recon, false, &r->final);
     publish_volume(r, &r->final);
     r->has_final = true;
@@ -64,6 +67,7 @@ static void publish_preview(struct run *r)
     Anlos__Volume v;
     int64_t start = node_machine_ns(r->node);
 
+    node_busy(r->node, IMAGE_S);
     recon_image(r->recon, true, &v);
     publish_volume(r, &v);
     int64_t now = node_machine_ns(r->node);
@@ -74,6 +78,9 @@ static void publish_preview(struct run *r)
 static int take_survey(struct run *r, const Anlos__Survey *survey)
 {
     struct complaint why = {""};
+
+    if (!recon_is_planned(r->recon))
+        node_busy(r->node, PLAN_S);
     int err = recon_survey(r->recon, survey, &why);
 
     if (err) {

@@ -13,7 +13,9 @@
 #include "nodes/rt/node.h"
 #include "nodes/rt/stop.h"
 
-#define LOOK_MS 100 /* between looks at the node's own affairs */
+#define DISK_S  30.0  /* that a slow disk may take for a write */
+#define END_S   300.0 /* for its end */
+#define LOOK_MS 100   /* between looks at the node's own affairs */
 
 struct run {
     struct node *node;
@@ -141,6 +143,7 @@ static int open_all(struct run *r, struct complaint *why)
     if (!err)
         err = open_recorder(r, why);
     if (!err) {
+        node_turn_limit(r->node, DISK_S);
         node_device(r->node, counts, r);
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "records into %s",
                    recorder_path(r->recorder));
@@ -172,6 +175,7 @@ static int end_recording(struct run *r, int err, struct complaint *why)
     if (err == -ESHUTDOWN)
         err = tap_drain(&r->tap, why);
     node_device(r->node, NULL, NULL);
+    node_busy(r->node, END_S);
     int ended = recorder_end(r->recorder, clock_now_ns(clock_system()), err ? NULL : why);
     err = err ? err : ended;
     tell_end(r, err, why);

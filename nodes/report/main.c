@@ -8,6 +8,8 @@
 #include "nodes/rt/export.h"
 #include "nodes/rt/node.h"
 
+#define WRITE_S 300.0 /* at most, on a slow disk */
+
 static int subscribe(struct node *node)
 {
     const struct topic *const topics[] = {
@@ -66,6 +68,7 @@ static int run(struct node *node, struct report *r)
     }
     /* A system without end is over when it is stopped. */
     if (!err || (err == -ESHUTDOWN && node_launch(node)->scan.fixed)) {
+        node_busy(node, WRITE_S);
         err = report_write(r, folder, &why);
         if (!err)
             node_log(node, LOG_LEVEL_DEBUG, "%s is written", folder);

@@ -27,6 +27,8 @@ static int parse_one(struct arguments *a, int argc, char **argv, int *i,
         a->help = true;
     else if (!strcmp(arg, "--realtime"))
         a->realtime = true;
+    else if (!strcmp(arg, "--no-supervision"))
+        a->unsupervised = true;
     else if ((value = option_value("--launch", argc, argv, i)))
         a->launch = value;
     else if ((value = option_value("--run-dir", argc, argv, i)))
@@ -85,6 +87,7 @@ const char *arguments_help(void)
            "  --bag FILE         what the node play plays, instead of play.bag\n"
            "  --rate R           of its pace, or max: as fast as it is used\n"
            "  --realtime         simulated hardware runs at the true pace\n"
+           "  --no-supervision   nodes that hang are left alone\n"
            "  --log-level LEVEL  debug, info (default), warning or error\n"
            "  --log-format FORM  of lines on stderr: text (default) or json\n"
            "  --help             this text\n";

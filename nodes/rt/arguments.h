@@ -15,14 +15,15 @@ struct arguments { /* borrow from argv */
     const char *bag, *rate; /* of the node play; NULL: as the launch file says */
     const char *host;       /* which of the launch file's hosts this is; NULL: not said */
     bool realtime;
+    bool unsupervised; /* nodes that hang are left alone: for a debugger */
     bool help;
     enum log_level log_level;
     enum log_format log_format;
 };
 
 /* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --bag FILE --rate R
- * --host NAME --realtime --log-level LEVEL --log-format FORM --help`.  0, or -EINVAL:
- * unknown option, missing or wrong value, no launch file. */
+ * --host NAME --realtime --no-supervision --log-level LEVEL --log-format FORM
+ * --help`.  0, or -EINVAL: unknown option, missing or wrong value, no launch file. */
 int arguments_parse(struct arguments *out, int argc, char **argv, struct complaint *why);
 
 /* The options' help, for the end of a program's own. */

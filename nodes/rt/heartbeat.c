@@ -25,6 +25,8 @@ void heartbeat_publish(struct heartbeat *h)
     vitals_faults(&v.message, &faults, h->faults, h->n_faults);
     v.message.state = h->state;
     v.message.text = h->text;
+    v.message.turns = h->turns;
+    v.message.turn_limit_s = h->busy_s > 0.0 ? h->busy_s : h->turn_limit_s;
     v.message.uptime_s = (double)(machine_ns - h->epoch_ns) * 1e-9;
     h->due_ns = machine_ns + PERIOD_NS;
     int err = bus_publish_message(h->bus, topic_health(), 0, now_ns, &v.message.base);
@@ -58,6 +60,19 @@ int64_t heartbeat_tick(struct heartbeat *h, int64_t now_ns)
     if (now_ns >= h->due_ns)
         heartbeat_publish(h);
     return h->look_due_ns < h->due_ns ? h->look_due_ns : h->due_ns;
+}
+
+void heartbeat_turn(struct heartbeat *h)
+{
+    h->turns++;
+    h->busy_s = 0.0;
+}
+
+void heartbeat_busy(struct heartbeat *h, double limit_s)
+{
+    h->turns++;
+    h->busy_s = limit_s;
+    heartbeat_publish(h);
 }
 
 void heartbeat_state(struct heartbeat *h, Anlos__Health__State state, const char *text)

@@ -1,5 +1,6 @@
 /* nodes/rt/heartbeat.h -- a node's health messages: once a second, at each change of its
- * state, and when somebody begins to listen. */
+ * state, and when somebody begins to listen.  They come from the main loop and count its
+ * turns, so that the launcher sees whether it stands still. */
 #ifndef ANLOS_NODES_RT_HEARTBEAT_H
 #define ANLOS_NODES_RT_HEARTBEAT_H
 
@@ -27,6 +28,9 @@ struct heartbeat {
     void *device;                                  /* NULL: none */
     struct vitals_fault faults[VITALS_MAX_FAULTS]; /* [n_faults], those that last */
     size_t n_faults;
+    uint64_t turns;      /* of the main loop, so far */
+    double turn_limit_s; /* each may take so long; 0: as the launcher has it */
+    double busy_s;       /* the one under way; 0: as any */
 };
 
 /* Says how the node is, now; also tells of repeated lines in its log. */
@@ -35,6 +39,12 @@ void heartbeat_publish(struct heartbeat *h);
 /* The same if it is time to.  now_ns, here and of what it returns: the machine's.
  * Returns when to ask again. */
 int64_t heartbeat_tick(struct heartbeat *h, int64_t now_ns);
+
+/* The main loop comes around: what it was busy with is done. */
+void heartbeat_turn(struct heartbeat *h);
+
+/* What follows until it comes around may take so long; said at once. */
+void heartbeat_busy(struct heartbeat *h, double limit_s);
 
 /* Sets the state and says so at once when it changed; one that is worse is logged. */
 void heartbeat_state(struct heartbeat *h, Anlos__Health__State state, const char *text);

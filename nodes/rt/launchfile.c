@@ -62,6 +62,7 @@ static int copy_parts(struct launchfile *l, const struct launch_text *t,
     l->scan.timeout_s = double_or(t->scan.timeout_s, 5.0);
     l->recon.method = copy_text(t->recon.method, "fast");
     l->recon.threads = unsigned_or(t->recon.threads, 0);
+    l->processes.alive_s = double_or(t->processes.alive_s, 3.0);
     l->recon.preview = !t->recon.preview || *t->recon.preview;
     l->report.folder =
         copy_text(options && options->out ? options->out : t->report.folder, "out");
@@ -179,8 +180,14 @@ static int check_numbers(const struct launchfile *l, struct complaint *why)
         {"scan.timeout_s", l->scan.timeout_s, 0.1, 600},
         {"recon.threads", l->recon.threads, 0, 256},
     };
+    double alive_s = l->processes.alive_s;
     int err = 0;
 
+    if (alive_s != 0.0 && !(alive_s >= 2.0 && alive_s <= 3600.0))
+        return yaml_complain(why, -EINVAL, l->path, "processes.alive_s",
+                             "expected 0 (never) or 2 to 3600, not %g: health comes once "
+                             "a second",
+                             alive_s);
     for (size_t i = 0; !err && i < COUNT(numbers); i++)
         err = yaml_check_range(l->path, numbers[i].key, numbers[i].value, numbers[i].min,
                                numbers[i].max, why);

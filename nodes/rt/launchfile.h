@@ -123,6 +123,10 @@ struct launchfile {
         unsigned port; /* default 8765 */
         char *bag;     /* NULL: the running system is shown */
     } view;
+    struct {
+        double alive_s; /* a node whose loop stands still for so long is started again;
+                           default 3; 0: never */
+    } processes;
     struct hosts hosts; /* none: all on this machine (nodes/rt/launchfile_hosts.h) */
 };
 

@@ -169,6 +169,10 @@ static const cyaml_schema_field_t view_fields[] = {
                            bag, 1, TEXT_SIZE),
     CYAML_FIELD_END};
 
+static const cyaml_schema_field_t processes_fields[] = {
+    CYAML_FIELD_FLOAT_PTR("alive_s", OPTIONAL, struct launch_text_processes, alive_s),
+    CYAML_FIELD_END};
+
 static const cyaml_schema_field_t launch_fields[] = {
     CYAML_FIELD_SEQUENCE("nodes", CYAML_FLAG_POINTER, struct launch_text, nodes,
                          &node_schema, 1, MAX_NODES),
@@ -184,6 +188,8 @@ static const cyaml_schema_field_t launch_fields[] = {
     CYAML_FIELD_MAPPING("view", OPTIONAL, struct launch_text, view, view_fields),
     CYAML_FIELD_MAPPING("record", OPTIONAL, struct launch_text, record, record_fields),
     CYAML_FIELD_MAPPING("play", OPTIONAL, struct launch_text, play, play_fields),
+    CYAML_FIELD_MAPPING("processes", OPTIONAL, struct launch_text, processes,
+                        processes_fields),
     CYAML_FIELD_SEQUENCE("hosts", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text,
                          hosts, &host_schema, 1, CYAML_UNLIMITED),
     CYAML_FIELD_END};

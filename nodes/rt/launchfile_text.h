@@ -79,6 +79,10 @@ struct launch_text_report {
     char *folder;
 };
 
+struct launch_text_processes {
+    double *alive_s;
+};
+
 struct launch_text_host {
     char *name, *endpoint;
     char **nodes; /* [nodes_count] */
@@ -111,6 +115,7 @@ struct launch_text {
     struct launch_text_view view;
     struct launch_text_record record;
     struct launch_text_play play;
+    struct launch_text_processes processes;
     struct launch_text_host *hosts; /* [hosts_count] */
     unsigned hosts_count;
 };

@@ -339,6 +339,7 @@ int node_next(struct node *n, struct node_message *out, int timeout_ms)
     for (;;) {
         if (stop_requested())
             return -ESHUTDOWN;
+        heartbeat_turn(&n->heart);
         int64_t wait = ms_until(now, heartbeat_tick(&n->heart, now));
         if (timeout_ms >= 0 && ms_until(now, end) < wait)
             wait = ms_until(now, end);
@@ -385,6 +386,16 @@ void node_state(struct node *n, Anlos__Health__State state, const char *format, 
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
     heartbeat_state(&n->heart, state, text);
+}
+
+void node_turn_limit(struct node *n, double limit_s)
+{
+    n->heart.turn_limit_s = limit_s;
+}
+
+void node_busy(struct node *n, double limit_s)
+{
+    heartbeat_busy(&n->heart, limit_s);
 }
 
 void node_fault(struct node *n, const char *name, size_t count, size_t of)

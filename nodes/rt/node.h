@@ -91,6 +91,13 @@ void node_state(struct node *n, Anlos__Health__State state, const char *format, 
 #define NODE_FAULT_NODES_LOST       "nodes_lost" /* processes that do not run */
 void node_fault(struct node *n, const char *name, size_t count, size_t of);
 
+/* The launcher takes a node for hung, kills it and starts it again when its loop does not
+ * come to node_next for 3 s (nodes/launcher/supervisor.h).  Whose turns may take longer
+ * says so at its start; who is about to do something long says that before, and it holds
+ * until the next node_next. */
+void node_turn_limit(struct node *n, double limit_s);
+void node_busy(struct node *n, double limit_s);
+
 /* The device that this node drives: each health message asks it for its counts.  device
  * NULL: none any more. */
 void node_device(struct node *n, size_t (*counts)(void *device, struct device_count *out),

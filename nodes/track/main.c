@@ -12,6 +12,8 @@
 #define BEHIND_NS INT64_C(150000000) /* an image so old has others waiting behind it */
 #define LISTS_NS  INT64_C(250000000) /* but a list comes at least so often */
 
+#define SEARCH_S 60.0 /* at most, in the volume of a scan */
+
 struct listed { /* the volume that the newest list is of */
     bool any;
     uint32_t scan;
@@ -134,6 +136,8 @@ static void take_volume(struct job *j, const struct node_message *in)
         j->pace.skipped++;
         return;
     }
+    if (!v->frame)
+        node_busy(j->node, SEARCH_S);
     int err = tracking_volume(j->tracking, v, in->capture_ns, &list, &why);
     if (err && !(err == -ESTALE && v->repeated))
         node_log(j->node, LOG_LEVEL_WARNING, "%s", why.text);

@@ -5,6 +5,8 @@
 #include "nodes/rt/node.h"
 #include "nodes/view/viewer.h"
 
+#define DISK_S 30.0 /* that a slow disk may take for a read of a bag */
+
 static int subscribe(struct node *node)
 {
     int err = 0;
@@ -29,6 +31,7 @@ static int create(struct node *node, struct viewer **out)
         node_log(node, LOG_LEVEL_ERROR, "%s", why.text);
         return err;
     }
+    node_turn_limit(node, DISK_S);
     node_log(node, LOG_LEVEL_INFO, "the page is at %s", viewer_url(*out));
     node_state(node, ANLOS__HEALTH__STATE__READY, "page at %s", viewer_url(*out));
     return 0;

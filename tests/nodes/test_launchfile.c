@@ -12,6 +12,7 @@ static void what_is_left_out_has_its_default(void **state)
     assert_string_equal(l->stage.uri, "sim:");
     assert_false(l->scan.background);
     assert_int_equal(l->scan.window, 32);
+    assert_true(l->processes.alive_s == 3.0);
     assert_int_equal(l->scan.retries, 3);
     assert_int_equal(l->dsp.window, WINDOW_HANN);
     assert_int_equal(l->dsp.compression, COMPRESSION_MATCHED_FILTER);
@@ -250,6 +251,9 @@ static void values_out_of_range_are_named_with_their_limits(void **state)
                    ":2: scan.timeout_s: expected 0.1 to 600, not -1");
     assert_refused(*state, "nodes: [can]\ntrack: {min_existence: 2}\n",
                    ":2: track.min_existence: expected 0 to 1, not 2");
+    assert_refused(*state, "nodes: [can]\nprocesses: {alive_s: 1.5}\n",
+                   ":2: processes.alive_s: expected 0 (never) or 2 to 3600, not 1.5: "
+                   "health comes once a second");
     assert_refused(*state, "nodes: [can]\ncan: {base_id: 0x7f8}\n",
                    ":2: can.base_id: expected 0x100 to 0x7f0, not 0x7f8");
     assert_refused(*state, "nodes: [can]\ncan: {base_id: 255}\n",
@@ -269,6 +273,18 @@ static void names_that_do_not_exist_are_refused_with_those_that_do(void **state)
                    ":2: dsp.window: expected hann, hamming or rectangular, not blackman");
     assert_refused(*state, "nodes: [can]\ndsp: {compression: mp3}\n",
                    ":2: dsp.compression: expected matched_filter or deramp, not mp3");
+}
+
+static void nodes_that_hang_may_be_left_alone(void **state)
+{
+    struct launchfile *l = NULL;
+    struct complaint why = {""};
+    const char *path =
+        scratch_write(*state, "a.yaml", "nodes: [can]\nprocesses: {alive_s: 0}\n");
+
+    assert_int_equal(launchfile_load(&l, path, NULL, &why), 0);
+    assert_true(l->processes.alive_s == 0.0);
+    launchfile_destroy(l);
 }
 
 static void a_node_twice_is_refused(void **state)
@@ -495,6 +511,7 @@ int main(void)
         TEST(mistakes_are_named_with_file_and_line),
         TEST(values_out_of_range_are_named_with_their_limits),
         TEST(names_that_do_not_exist_are_refused_with_those_that_do),
+        TEST(nodes_that_hang_may_be_left_alone),
         TEST(a_node_twice_is_refused),
         TEST(an_array_node_needs_a_device),
         TEST(an_unknown_method_is_refused),

@@ -75,6 +75,21 @@ static void it_is_alive_while_every_node_speaks(void **state)
     assert_string_equal(told, "READY=1 WATCHDOG=1 WATCHDOG=1 WATCHDOG=1 ");
 }
 
+static void who_is_supervised_may_be_busy_for_longer(void **state)
+{
+    struct service s;
+    struct crew c;
+
+    (void)state;
+    start(&s, &c);
+    s.supervised = true;
+    service_heard(&s, &c, "scan", 101 * S);
+    service_heard(&s, &c, "dsp", 101 * S);
+    service_tick(&s, &c, 101 * S);
+    service_tick(&s, &c, 120 * S);
+    assert_string_equal(told, "READY=1 WATCHDOG=1 WATCHDOG=1 ");
+}
+
 static void a_node_that_is_started_again_has_its_time(void **state)
 {
     struct service s;
@@ -179,6 +194,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(it_is_ready_when_every_node_has_spoken),
         cmocka_unit_test(it_is_alive_while_every_node_speaks),
+        cmocka_unit_test(who_is_supervised_may_be_busy_for_longer),
         cmocka_unit_test(a_node_that_is_started_again_has_its_time),
         cmocka_unit_test(one_that_has_ended_by_itself_is_not_waited_for),
         cmocka_unit_test_setup_teardown(a_launcher_tells_systemd_over_its_socket,

@@ -1,0 +1,162 @@
+#include "nodes/launcher/supervisor.h"
+
+#include <dirent.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+_Static_assert(CREW_MAX + 1 <= DEVICE_MAX_COUNTS, "no room");
+
+/* /proc/PID/task/TID/schedstat: time run, time waited for a processor, timeslices. */
+static int64_t read_waited(const char *tasks, const char *task)
+{
+    char path[352];
+    int64_t waited_ns = 0;
+
+    snprintf(path, sizeof path, "%s/%s/schedstat", tasks, task);
+    FILE *f = fopen(path, "re");
+    if (!f)
+        return 0;
+    if (fscanf(f, "%*d %" SCNd64, &waited_ns) != 1)
+        waited_ns = 0;
+    fclose(f);
+    return waited_ns;
+}
+
+static bool read_traced(pid_t pid)
+{
+    char path[64], line[128];
+    long tracer = 0;
+
+    snprintf(path, sizeof path, "/proc/%ld/status", (long)pid);
+    FILE *f = fopen(path, "re");
+    while (f && fgets(line, sizeof line, f))
+        if (sscanf(line, "TracerPid: %ld", &tracer) == 1)
+            break;
+    if (f)
+        fclose(f);
+    return tracer > 0;
+}
+
+static void look_in_proc(pid_t pid, struct supervisor_process *out)
+{
+    char tasks[64];
+    const struct dirent *task;
+
+    *out = (struct supervisor_process){.traced = read_traced(pid)};
+    snprintf(tasks, sizeof tasks, "/proc/%ld/task", (long)pid);
+    DIR *d = opendir(tasks);
+    while (d && (task = readdir(d)))
+        if (task->d_name[0] != '.')
+            out->waited_ns += read_waited(tasks, task->d_name);
+    if (d)
+        closedir(d);
+}
+
+/* What was counted of an earlier process is forgotten. */
+static struct supervised *supervised(struct supervisor *s, const struct crew *c,
+                                     unsigned i)
+{
+    const struct child *child = &c->children[i];
+    struct supervised *n = &s->list[i];
+    bool reads_bag = !strcmp(child->name, "play") || !strcmp(child->name, "view");
+
+    if (n->started_ns == child->started_ns)
+        return n;
+    *n = (struct supervised){.started_ns = child->started_ns,
+                             .limit_ns = reads_bag ? SUPERVISOR_BAG_NS
+                                                   : SUPERVISOR_START_NS,
+                             .starts = n->starts + 1,
+                             .hangs = n->hangs};
+    snprintf(n->name, sizeof n->name, "%s hung", child->name);
+    return n;
+}
+
+/* One of a program that counts no turns is taken for a turn. */
+static void hear(struct supervised *n, const Anlos__Health *h, int64_t alive_ns)
+{
+    int64_t limit_ns = (int64_t)(1e9 * h->turn_limit_s);
+
+    if (n->spoken && h->turns && h->turns == n->turns)
+        return;
+    n->spoken = true;
+    n->turns = h->turns;
+    n->limit_ns = limit_ns > alive_ns ? limit_ns : alive_ns;
+    n->silent_ns = n->starved_ns = 0;
+    n->looked = false;
+}
+
+void supervisor_heard(struct supervisor *s, const struct crew *c, const Anlos__Health *h,
+                      int64_t epoch_ns)
+{
+    for (unsigned i = 0; i < c->n; i++)
+        if (!strcmp(c->children[i].name, h->node) &&
+            epoch_ns >= c->children[i].started_ns)
+            hear(supervised(s, c, i), h, s->alive_ns);
+}
+
+/* Time that it waits for a processor is none in which it hangs.  Only whoever is overdue
+ * is looked at. */
+static void excuse(struct supervisor *s, struct supervised *n, pid_t pid, int64_t step_ns)
+{
+    struct supervisor_process now;
+
+    if (n->silent_ns < s->alive_ns / 2)
+        return;
+    (s->look ? s->look : look_in_proc)(pid, &now);
+    int64_t waited_ns = n->looked ? now.waited_ns - n->waited_ns : 0;
+    n->waited_ns = now.waited_ns;
+    n->looked = true;
+    if (now.traced)
+        n->silent_ns = n->starved_ns = 0;
+    else if (waited_ns > 0)
+        n->starved_ns += waited_ns < step_ns ? waited_ns : step_ns;
+}
+
+static bool is_hung(const struct supervised *n)
+{
+    int64_t forgiven_ns = SUPERVISOR_STARVED * n->limit_ns;
+
+    if (n->starved_ns < forgiven_ns)
+        forgiven_ns = n->starved_ns;
+    return n->silent_ns - forgiven_ns > n->limit_ns;
+}
+
+int64_t supervisor_tick(struct supervisor *s, const struct crew *c, int64_t now_ns,
+                        int64_t hung_ns[CREW_MAX])
+{
+    int64_t step_ns = s->tick_ns ? now_ns - s->tick_ns : 0;
+
+    memset(hung_ns, 0, CREW_MAX * sizeof *hung_ns);
+    /* Nobody waits that long for the launcher: it was late itself. */
+    if (step_ns > 2 * SUPERVISOR_TICK_NS)
+        step_ns = SUPERVISOR_TICK_NS;
+    s->tick_ns = now_ns;
+    for (unsigned i = 0; i < c->n; i++) {
+        struct supervised *n = supervised(s, c, i);
+        if (!s->alive_ns || c->children[i].phase != CHILD_RUNNING)
+            continue;
+        n->silent_ns += step_ns;
+        excuse(s, n, c->children[i].pid, step_ns);
+        if (!is_hung(n))
+            continue;
+        hung_ns[i] = n->silent_ns;
+        n->hangs++;
+        n->silent_ns = n->starved_ns = 0;
+    }
+    return s->alive_ns ? now_ns + SUPERVISOR_TICK_NS : INT64_MAX;
+}
+
+size_t supervisor_counts(const struct supervisor *s, struct device_count *out)
+{
+    size_t n = 1;
+
+    out[0] = (struct device_count){"restarts", 0};
+    for (unsigned i = 0; i < CREW_MAX; i++) {
+        const struct supervised *node = &s->list[i];
+        out[0].value += node->starts > 1 ? node->starts - 1 : 0;
+        if (node->hangs)
+            out[n++] = (struct device_count){node->name, node->hangs};
+    }
+    return n;
+}

@@ -1,0 +1,275 @@
+/* Who hangs, on a clock of the test's own.  A scan and a dsp run; limits and ticks are
+ * those of nodes/launcher/supervisor.h. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "nodes/launcher/supervisor.h"
+
+#define S    1000000000LL
+#define TICK SUPERVISOR_TICK_NS
+
+static struct supervisor_process kernel; /* as it tells of every process */
+
+static void look(pid_t pid, struct supervisor_process *out)
+{
+    assert_int_equal(pid, 7);
+    *out = kernel;
+}
+
+struct world {
+    struct supervisor s;
+    struct crew c;
+    int64_t now_ns;
+    uint64_t turns;
+    int64_t hung_ns[CREW_MAX];
+};
+
+static void begin(struct world *w)
+{
+    kernel = (struct supervisor_process){0};
+    *w = (struct world){.s = {.alive_ns = 3 * S, .look = look},
+                        .c = {.n = 2,
+                              .children = {{.name = "scan", .pid = 7, .started_ns = S},
+                                           {.name = "dsp", .pid = 7, .started_ns = S}}},
+                        .now_ns = 2 * S};
+    supervisor_tick(&w->s, &w->c, w->now_ns, w->hung_ns);
+}
+
+static void say(struct world *w, const char *node, uint64_t turns, double limit_s)
+{
+    Anlos__Health h = ANLOS__HEALTH__INIT;
+
+    h.node = (char *)node;
+    h.turns = turns;
+    h.turn_limit_s = limit_s;
+    supervisor_heard(&w->s, &w->c, &h, 2 * S);
+}
+
+/* For so long, or until somebody hangs; how long that took. */
+static int64_t wait(struct world *w, int64_t ns)
+{
+    int64_t start_ns = w->now_ns;
+
+    for (memset(w->hung_ns, 0, sizeof w->hung_ns);
+         w->now_ns - start_ns < ns && !w->hung_ns[0] && !w->hung_ns[1];) {
+        w->now_ns += TICK;
+        say(w, "scan", ++w->turns, 0.0);
+        supervisor_tick(&w->s, &w->c, w->now_ns, w->hung_ns);
+    }
+    return w->now_ns - start_ns;
+}
+
+static void assert_hangs_after(struct world *w, int64_t ns)
+{
+    int64_t took_ns = wait(w, 1000 * S);
+
+    assert_true(w->hung_ns[1] > 0);
+    assert_int_equal(w->hung_ns[0], 0);
+    assert_true(took_ns > ns);
+    assert_true(took_ns <= ns + TICK);
+}
+
+static void a_node_that_says_nothing_for_three_seconds_hangs(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 1, 0.0);
+    assert_hangs_after(&w, 3 * S);
+}
+
+static void one_that_goes_on_in_time_does_not(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 1, 0.0);
+    for (uint64_t i = 2; i < 6; i++) {
+        assert_int_equal(wait(&w, 3 * S), 3 * S);
+        assert_int_equal(w.hung_ns[1], 0);
+        say(&w, "dsp", i, 0.0);
+    }
+    assert_hangs_after(&w, 3 * S);
+}
+
+/* Such as a change of state, said in the middle of a turn that does not end. */
+static void what_is_said_without_a_turn_of_the_loop_proves_nothing(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 5, 0.0);
+    wait(&w, 2 * S);
+    say(&w, "dsp", 5, 0.0);
+    assert_hangs_after(&w, 1 * S);
+}
+
+static void whoever_counts_no_turns_is_taken_at_its_word(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 0, 0.0);
+    wait(&w, 2 * S);
+    say(&w, "dsp", 0, 0.0);
+    assert_hangs_after(&w, 3 * S);
+}
+
+static void a_long_step_that_was_announced_may_take_as_long(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 1, 0.0);
+    say(&w, "dsp", 2, 20.0);
+    assert_hangs_after(&w, 20 * S);
+}
+
+static void after_it_the_usual_limit_holds_again(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 2, 20.0);
+    wait(&w, 10 * S);
+    say(&w, "dsp", 3, 0.0);
+    assert_hangs_after(&w, 3 * S);
+}
+
+static void a_start_may_take_a_minute_and_no_longer(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    assert_hangs_after(&w, 60 * S);
+}
+
+static void a_new_process_is_judged_anew(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 9, 0.0);
+    assert_hangs_after(&w, 3 * S);
+    w.c.children[1].phase = CHILD_PAUSING;
+    assert_int_equal(wait(&w, 100 * S), 100 * S);
+    w.c.children[1].phase = CHILD_RUNNING;
+    w.c.children[1].started_ns = w.now_ns;
+    say(&w, "dsp", 10, 0.0); /* of the one before */
+    assert_hangs_after(&w, 60 * S);
+}
+
+/* As after a suspend, or a stop of all of them. */
+static void time_in_which_the_launcher_did_not_run_is_held_against_nobody(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 1, 0.0);
+    for (int i = 0; i < 8; i++) {
+        w.now_ns += 100 * S;
+        say(&w, "scan", ++w.turns, 0.0);
+        supervisor_tick(&w.s, &w.c, w.now_ns, w.hung_ns);
+        assert_int_equal(w.hung_ns[1], 0);
+    }
+    assert_hangs_after(&w, 3 * S - 8 * TICK);
+}
+
+/* It waits all the time: five times the limit, no longer. */
+static void who_waits_for_a_processor_has_more_time_but_not_for_ever(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 1, 0.0);
+    int64_t start_ns = w.now_ns;
+    do {
+        kernel.waited_ns += TICK;
+        wait(&w, TICK);
+    } while (!w.hung_ns[1]);
+    assert_true(w.now_ns - start_ns > 15 * S);
+    assert_true(w.now_ns - start_ns <= 15 * S + TICK);
+}
+
+static void who_is_debugged_is_left_alone(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 1, 0.0);
+    kernel.traced = true;
+    assert_int_equal(wait(&w, 100 * S), 100 * S);
+    kernel.traced = false;
+    wait(&w, 4 * S);
+    assert_true(w.hung_ns[1] > 0);
+}
+
+static void without_supervision_nobody_hangs(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    w.s.alive_ns = 0;
+    say(&w, "dsp", 1, 0.0);
+    assert_int_equal(wait(&w, 100 * S), 100 * S);
+    assert_int_equal(supervisor_tick(&w.s, &w.c, w.now_ns, w.hung_ns), INT64_MAX);
+}
+
+static void what_hung_and_what_was_started_again_is_counted(void **state)
+{
+    struct world w;
+    struct device_count counts[DEVICE_MAX_COUNTS];
+
+    (void)state;
+    begin(&w);
+    assert_int_equal(supervisor_counts(&w.s, counts), 1);
+    assert_string_equal(counts[0].name, "restarts");
+    assert_int_equal(counts[0].value, 0);
+    for (unsigned i = 1; i <= 3; i++) {
+        say(&w, "dsp", i, 0.0);
+        wait(&w, 4 * S);
+        w.c.children[1].started_ns += 1;
+    }
+    supervisor_tick(&w.s, &w.c, w.now_ns, w.hung_ns);
+    assert_int_equal(supervisor_counts(&w.s, counts), 2);
+    assert_int_equal(counts[0].value, 3);
+    assert_string_equal(counts[1].name, "dsp hung");
+    assert_int_equal(counts[1].value, 3);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_node_that_says_nothing_for_three_seconds_hangs),
+        cmocka_unit_test(one_that_goes_on_in_time_does_not),
+        cmocka_unit_test(what_is_said_without_a_turn_of_the_loop_proves_nothing),
+        cmocka_unit_test(whoever_counts_no_turns_is_taken_at_its_word),
+        cmocka_unit_test(a_long_step_that_was_announced_may_take_as_long),
+        cmocka_unit_test(after_it_the_usual_limit_holds_again),
+        cmocka_unit_test(a_start_may_take_a_minute_and_no_longer),
+        cmocka_unit_test(a_new_process_is_judged_anew),
+        cmocka_unit_test(time_in_which_the_launcher_did_not_run_is_held_against_nobody),
+        cmocka_unit_test(who_waits_for_a_processor_has_more_time_but_not_for_ever),
+        cmocka_unit_test(who_is_debugged_is_left_alone),
+        cmocka_unit_test(without_supervision_nobody_hangs),
+        cmocka_unit_test(what_hung_and_what_was_started_again_is_counted),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
