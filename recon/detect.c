@@ -27,6 +27,7 @@ struct search {
     const struct grid *grid;
     const float *volume;
     double floor; /* mean of the noise, where no cfar tells it */
+    bool gated;   /* where it is 0 nothing was imaged */
 };
 
 void detect_config_default(struct detect_config *cfg)
@@ -43,34 +44,58 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Noise intensity is exponentially distributed: its mean is the median / ln 2.  What is
- * beyond the gate is 0 and no noise; where hardly anything is left, it is an image
- * without noise. */
-static int noise_floor(const float *volume, size_t n, double *out)
+static float sample(const float *volume, size_t n, size_t i, size_t count)
 {
-    size_t count = n < NOISE_SAMPLES ? n : NOISE_SAMPLES;
-    float *sample = malloc(count * sizeof *sample);
-    if (!sample)
+    return volume[(size_t)((double)i * (double)n / (double)count)];
+}
+
+/* What is beyond the gate is 0 and no noise; where hardly anything is left, it is an
+ * image without noise. */
+static bool is_gated(const float *volume, size_t n)
+{
+    size_t count = n < NOISE_SAMPLES ? n : NOISE_SAMPLES, imaged = 0;
+
+    for (size_t i = 0; i < count; i++)
+        imaged += sample(volume, n, i, count) > 0.0f;
+    return (double)imaged >= LEAST_IMAGED * (double)count;
+}
+
+/* Noise intensity is exponentially distributed: its mean is the median / ln 2. */
+static int noise_floor(const float *volume, size_t n, bool gated, double *out)
+{
+    size_t count = n < NOISE_SAMPLES ? n : NOISE_SAMPLES, zeros = 0;
+    float *samples = malloc(count * sizeof *samples);
+    if (!samples)
         return -ENOMEM;
-    size_t zeros = 0;
     for (size_t i = 0; i < count; i++) {
-        sample[i] = volume[(size_t)((double)i * (double)n / (double)count)];
-        zeros += sample[i] == 0.0f;
+        samples[i] = sample(volume, n, i, count);
+        zeros += gated && samples[i] == 0.0f;
     }
-    qsort(sample, count, sizeof *sample, by_value);
-    if ((double)(count - zeros) < LEAST_IMAGED * (double)count)
-        zeros = 0;
-    *out = sample[zeros + (count - zeros) / 2] / M_LN2;
-    free(sample);
+    qsort(samples, count, sizeof *samples, by_value);
+    *out = samples[zeros + (count - zeros) / 2] / M_LN2;
+    free(samples);
     return 0;
 }
 
-/* An object of many voxels stands in the middle of what is seen of it. */
+/* An object of many voxels stands in the middle of what is seen of it, which is no middle
+ * where it goes on beyond the grid. */
 static void place_extended(const struct search *s, const struct region *r,
                            struct detection *d)
 {
+    static const int diagonal[3] = {0, 3, 5};
     const struct grid *g = s->grid;
+
+    d->at_border = 0;
+    memset(d->covariance_m2, 0, sizeof d->covariance_m2);
     for (int a = 0; a < 3; a++) {
+        if (g->n[a] > 1 && r->low[a] == 0)
+            d->at_border |= PEAK_BORDER(a, 0);
+        if (g->n[a] > 1 && r->high[a] + 1 == g->n[a])
+            d->at_border |= PEAK_BORDER(a, 1);
+        bool known = g->n[a] > 1 &&
+                     !(d->at_border & (PEAK_BORDER(a, 0) | PEAK_BORDER(a, 1)));
+        d->covariance_m2[diagonal[a]] = known ? g->step_m[a] * g->step_m[a] / 12.0
+                                              : PEAK_UNKNOWN_M * PEAK_UNKNOWN_M;
         double middle = a < 2 ? 0.5 * (double)(r->low[a] + r->high[a])
                               : r->moment[a] / r->sum;
         d->position_m[a] = g->origin_m[a] + g->step_m[a] * middle;
@@ -130,16 +155,20 @@ static void describe(const struct search *s, const struct region *r, double stro
     if (s->cfg->cfar)
         floor = cfar_at(s->cfg->cfar, s->volume, r->peak).noise;
     struct peak_fit fit;
-    peak_fit(g, s->volume, r->peak, peak / floor, &fit);
+    double body_m[3];
     bool point = true;
     for (int a = 0; a < 3; a++) {
-        double size_m = g->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
         double width_m = s->cfg->resolution_m[a] > 0.0 ? s->cfg->resolution_m[a]
                                                        : POINT_VOXELS * g->step_m[a];
-        point = point && size_m < POINT_WIDTHS * width_m + 2.0 * g->step_m[a];
+        body_m[a] = g->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
+        point = point && body_m[a] < POINT_WIDTHS * width_m + 2.0 * g->step_m[a];
+        if (r->low[a] == 0 || r->high[a] + 1 == g->n[a])
+            body_m[a] = INFINITY;
     }
+    peak_fit(g, s->volume, r->peak, peak / floor, s->gated, body_m, &fit);
     memcpy(d->position_m, fit.position_m, sizeof d->position_m);
     memcpy(d->covariance_m2, fit.covariance_m2, sizeof d->covariance_m2);
+    d->at_border = fit.at_border;
     if (!point)
         place_extended(s, r, d);
     add_model_errors(s, d);
@@ -177,8 +206,9 @@ int detect_objects(const struct detect_config *cfg, const struct grid *grid,
     if (!(strongest > 0.0f))
         return 0;
     int err = 0;
+    s.gated = is_gated(intensity, voxels);
     if (!cfg->cfar)
-        err = noise_floor(intensity, voxels, &s.floor);
+        err = noise_floor(intensity, voxels, s.gated, &s.floor);
     else if (cfg->learns)
         err = detect_learn(cfg->cfar, grid, intensity);
     /* Half of the volume empty: a noiseless one.  Any floor below all of it will do. */

@@ -7,14 +7,14 @@
 #include <string.h>
 
 #include "recon/hann.h"
+#include "recon/symmetric.h"
 
 #define WIDTH_SIGMAS  2.35482 /* exp(-1/2 d^2) is above 1/2 over 2 sqrt(2 ln 2) */
-#define JACOBI_SWEEPS 30
-#define SAME_M        1e-3 /* midpoints closer than this are one */
-#define GRID_HALF     6    /* voxels of psf_compute's grid on each side of the point */
-#define GRID_SIGMAS   0.3  /* their step in standard deviations */
-#define COMPUTE_PAIRS 4096 /* enough for the main lobe of any aperture */
-#define LEAST_ROOT    1e-3 /* of the sharpest axis: below it one is not resolved */
+#define SAME_M        1e-3    /* midpoints closer than this are one */
+#define GRID_HALF     6       /* voxels of psf_compute's grid on each side of the point */
+#define GRID_SIGMAS   0.3     /* their step in standard deviations */
+#define COMPUTE_PAIRS 4096    /* enough for the main lobe of any aperture */
+#define LEAST_ROOT    1e-3    /* of the sharpest axis: below it one is not resolved */
 
 static const int row_of[6] = {0, 0, 0, 1, 1, 2}, column_of[6] = {0, 1, 2, 1, 2, 2};
 
@@ -167,13 +167,11 @@ int psf_curvature(const struct psf_config *cfg, double covariance_m2[6])
 /* However they lie. */
 static size_t resolved_axes(const double precision[6])
 {
-    struct psf p;
-    double root[3], axes[3][3];
+    double value[3], axes[3][3];
     size_t n = 0;
-    memcpy(p.covariance_m2, precision, sizeof p.covariance_m2);
-    psf_axes(&p, root, axes); /* of the eigenvalues, largest first */
+    symmetric_axes(precision, value, axes);
     for (int a = 0; a < 3; a++)
-        n += root[a] > LEAST_ROOT * root[0];
+        n += value[a] > LEAST_ROOT * LEAST_ROOT * value[0];
     return n;
 }
 
@@ -240,51 +238,10 @@ void psf_widths(const struct psf *p, double width_m[3])
                           : sqrt(fmax(p->covariance_m2[diagonal[a]], 0.0)));
 }
 
-/* One rotation of Jacobi's method: m[r][c] becomes 0. */
-static void rotate(double m[3][3], double axes[3][3], int r, int c)
-{
-    if (m[r][c] == 0.0)
-        return;
-    double angle = 0.5 * atan2(2.0 * m[r][c], m[c][c] - m[r][r]);
-    double s = sin(angle), k = cos(angle);
-    for (int i = 0; i < 3; i++) {
-        double x = m[i][r], y = m[i][c];
-        m[i][r] = k * x - s * y;
-        m[i][c] = s * x + k * y;
-    }
-    for (int i = 0; i < 3; i++) {
-        double x = m[r][i], y = m[c][i], u = axes[r][i], v = axes[c][i];
-        m[r][i] = k * x - s * y;
-        m[c][i] = s * x + k * y;
-        axes[r][i] = k * u - s * v;
-        axes[c][i] = s * u + k * v;
-    }
-}
-
 void psf_axes(const struct psf *p, double width_m[3], double axes[3][3])
 {
-    double m[3][3];
-    for (int q = 0; q < 6; q++)
-        m[row_of[q]][column_of[q]] = m[column_of[q]][row_of[q]] = p->covariance_m2[q];
+    double value[3];
+    symmetric_axes(p->covariance_m2, value, axes);
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++)
-            axes[a][b] = a == b;
-    for (int sweep = 0; sweep < JACOBI_SWEEPS; sweep++)
-        for (int a = 0; a < 2; a++)
-            for (int b = a + 1; b < 3; b++)
-                rotate(m, axes, a, b);
-    for (int a = 0; a < 3; a++)
-        width_m[a] = WIDTH_SIGMAS * sqrt(fmax(m[a][a], 0.0));
-    for (int a = 0; a < 2; a++) {
-        for (int b = a + 1; b < 3; b++) {
-            if (width_m[b] <= width_m[a])
-                continue;
-            double w = width_m[a], row[3];
-            width_m[a] = width_m[b];
-            width_m[b] = w;
-            memcpy(row, axes[a], sizeof row);
-            memcpy(axes[a], axes[b], sizeof row);
-            memcpy(axes[b], row, sizeof row);
-        }
-    }
+        width_m[a] = WIDTH_SIGMAS * sqrt(fmax(value[a], 0.0));
 }

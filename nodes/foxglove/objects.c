@@ -4,12 +4,13 @@
 
 #include "msgs/detections.pb-c.h"
 #include "nodes/foxglove/convert.h"
-#include "nodes/foxglove/ellipsoid.h"
 #include "nodes/foxglove/parts.h"
 #include "nodes/rt/objects.h"
+#include "recon/symmetric.h"
 
 #define DOT_M      0.06
 #define DEVIATIONS 2.0 /* from the centre of the ellipsoid to its surface */
+#define DRAWN_M    4.0 /* at most: what is not known has no end */
 #define LABEL_UP_M 0.12
 #define ARROW_M    0.03
 #define STANDS_M_S 0.05 /* slower than that it has no arrow */
@@ -41,16 +42,16 @@ static Foxglove__Color *likely(struct arena *a, double existence, double alpha)
 static void add_ellipsoid(struct arena *a, Foxglove__SceneEntity *e,
                           const Anlos__Detection *d, const double position[3])
 {
-    double axes[3][3], size[3];
+    double axes[3][3], variance[3], size[3];
 
     for (size_t i = 0; i < d->n_covariance_m2; i++)
         if (!isfinite(d->covariance_m2[i]))
             return;
     if (d->n_covariance_m2 != 6)
         return;
-    ellipsoid_axes(d->covariance_m2, axes, size);
+    symmetric_axes(d->covariance_m2, variance, axes);
     for (int i = 0; i < 3; i++)
-        size[i] *= 2.0 * DEVIATIONS;
+        size[i] = fmin(2.0 * DEVIATIONS * sqrt(fmax(variance[i], 0.0)), DRAWN_M);
     part_add_sphere(a, e, part_pose(a, position, (const double(*)[3])axes), size,
                     part_colour(a, blue, 0.35));
 }

@@ -5,6 +5,7 @@
 #include <stdbool.h>
 
 #include "nodes/rt/export_file.h"
+#include "nodes/rt/objects.h"
 
 json_t *export_real(double value)
 {
@@ -64,18 +65,34 @@ static void add_track(json_t *o, const Anlos__Detection *d)
     json_object_set_new(o, "unseen_s", export_real(d->unseen_s));
 }
 
+/* What is not known is no number. */
+static json_t *sigmas(const double c[6])
+{
+    double sigma[3] = {sqrt(c[0]), sqrt(c[3]), sqrt(c[5])};
+
+    for (int a = 0; a < 3; a++)
+        sigma[a] = sigma[a] < OBJECTS_KNOWN_M ? sigma[a] : NAN;
+    return export_reals(sigma, 3);
+}
+
+static json_t *borders(unsigned at_border)
+{
+    static const char *const names[6] = {"x-", "x+", "y-", "y+", "z-", "z+"};
+    json_t *all = json_array();
+
+    for (int i = 0; i < 6; i++)
+        if (at_border >> i & 1u)
+            json_array_append_new(all, json_string(names[i]));
+    return all;
+}
+
 static json_t *detection(const Anlos__Detection *d, bool tracked)
 {
     json_t *o = json_object();
     json_object_set_new(o, "id", json_integer(d->id));
     json_object_set_new(o, "position_m", vec3(d->position_m));
-    if (d->n_covariance_m2 == 6) {
-        const double *c = d->covariance_m2;
-        double sigma[3] = {sqrt(c[0]), sqrt(c[3]), sqrt(c[5])};
-        json_object_set_new(o, "sigma_m", export_reals(sigma, 3));
-    } else {
-        json_object_set_new(o, "sigma_m", json_null());
-    }
+    json_object_set_new(o, "sigma_m",
+                        d->n_covariance_m2 == 6 ? sigmas(d->covariance_m2) : json_null());
     json_object_set_new(o, "covariance_m2",
                         export_reals(d->covariance_m2, d->n_covariance_m2));
     json_object_set_new(o, "existence", export_real(d->existence));
@@ -85,6 +102,8 @@ static json_t *detection(const Anlos__Detection *d, bool tracked)
     json_object_set_new(o, "wall", json_integer(d->wall));
     json_object_set_new(o, "behind_no_wall", json_boolean(d->behind_no_wall));
     json_object_set_new(o, "in_free_view", json_boolean(d->in_free_view));
+    json_object_set_new(o, "height_assumed", json_boolean(d->height_assumed));
+    json_object_set_new(o, "at_border", borders(d->at_border));
     json_object_set_new(o, "class", json_string(export_class(d->shape)));
     if (tracked)
         add_track(o, d);

@@ -7,6 +7,7 @@
 
 #include "nodes/rt/vehicle_frame.h"
 #include "nodes/rt/processing.h"
+#include "recon/peak.h"
 
 #define CLUSTER_WIDTHS 3.0  /* of a point, that pings around objects keep apart */
 #define HEIGHT_LEAST_M 0.01 /* of an array that tells heights */
@@ -106,6 +107,26 @@ static void array_centre(const struct survey *s, double out[3])
     }
 }
 
+/* Where the image does not tell a height, what it tells of the rest is meant for the
+ * height that is assumed; where it seems to, it is that of the array. */
+static void assume_height(double c[6])
+{
+    double assumed_m2 = HEIGHT_SIGMA_M * HEIGHT_SIGMA_M;
+
+    if (c[3] > assumed_m2) {
+        double share = 1.0 / (c[3] + assumed_m2), xy = c[1], yz = c[4];
+        c[0] -= share * xy * xy;
+        c[2] -= share * xy * yz;
+        c[5] -= share * yz * yz;
+        c[1] -= share * xy * c[3];
+        c[4] -= share * yz * c[3];
+        c[3] -= share * c[3] * c[3];
+    } else {
+        c[1] = c[4] = 0.0;
+        c[3] = assumed_m2;
+    }
+}
+
 /* A line array tells how far along it a thing is, and how far from it: what is higher or
  * lower is imaged behind its place.  height: of what is heard, over the array. */
 static void come_down(const struct survey *s, const double centre[3], double position[3],
@@ -129,16 +150,16 @@ void objects_place(struct placement *out, const struct survey *s,
     double position[3], covariance[6], centre[3], r[3][3], t[3];
     memcpy(position, d->position_m, sizeof position);
     memcpy(covariance, d->covariance_m2, sizeof covariance);
-    if (array_height_m(s) < HEIGHT_LEAST_M) {
-        covariance[1] = covariance[4] = 0.0;
-        covariance[3] = HEIGHT_SIGMA_M * HEIGHT_SIGMA_M;
-    }
+    bool height_assumed = array_height_m(s) < HEIGHT_LEAST_M;
+    if (height_assumed)
+        assume_height(covariance);
     array_centre(s, centre);
-    if (s->has_mount && array_height_m(s) < HEIGHT_LEAST_M)
+    if (s->has_mount && height_assumed)
         come_down(s, centre, position, covariance);
     size_t at = wall_that_mirrored(walls->list, walls->n, centre, d->position_m);
     const struct wall *wall = at < walls->n ? &walls->list[at].plane : NULL;
     *out = (struct placement){.wall = wall ? walls->list[at].id : 0,
+                              .height_assumed = height_assumed,
                               .behind_no_wall = walls->n && !wall};
     if (wall) {
         wall_mirror_covariance(wall, position, covariance, covariance);
@@ -176,6 +197,10 @@ static int fill_detection(Anlos__Detection *m, const struct survey *s,
     m->wall = p.wall;
     m->behind_no_wall = p.behind_no_wall;
     m->in_free_view = p.in_free_view;
+    m->height_assumed = p.height_assumed;
+    m->at_border = d->at_border;
+    if (p.height_assumed)
+        m->at_border &= ~(PEAK_BORDER(1, 0) | PEAK_BORDER(1, 1));
     return 0;
 }
 

@@ -35,6 +35,10 @@ int objects_list_behind(Anlos__DetectionList **out, const struct survey *s,
                         const struct walls *walls, const struct detection *objects,
                         size_t n);
 
+/* A standard deviation from which on a place is not known along that axis, rather than
+ * known badly (PEAK_UNKNOWN_M, turned). */
+#define OBJECTS_KNOWN_M 10.0
+
 /* Where an imaged object really is: in the vehicle frame, or in the array's without a
  * mount. */
 struct placement {
@@ -45,6 +49,7 @@ struct placement {
                                 ground, which brings them nearer */
     double extent_m[3];
     uint32_t wall;       /* that mirrored it; 0: none did, it is where it is imaged */
+    bool height_assumed; /* the array hears none */
     bool behind_no_wall; /* walls are known, but none stands before it in its gate */
     bool in_free_view;
 };

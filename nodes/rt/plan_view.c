@@ -4,6 +4,7 @@
 #include <string.h>
 
 #define SHARE_95 2.447746830680816 /* sqrt(-2 ln 0.05) */
+#define DRAWN_M  2.0               /* at most: what is not known has no end */
 
 void plan_point(bool in_vehicle_frame, const double p[3], double out[2])
 {
@@ -18,8 +19,8 @@ void plan_ellipse(bool in_vehicle_frame, const double c[6], struct plan_ellipse 
     double xy = in_vehicle_frame ? -c[1] : c[2];
     double mean = 0.5 * (xx + yy), half = hypot(0.5 * (xx - yy), xy);
 
-    out->major_m = SHARE_95 * sqrt(fmax(mean + half, 0.0));
-    out->minor_m = SHARE_95 * sqrt(fmax(mean - half, 0.0));
+    out->major_m = fmin(SHARE_95 * sqrt(fmax(mean + half, 0.0)), DRAWN_M);
+    out->minor_m = fmin(SHARE_95 * sqrt(fmax(mean - half, 0.0)), DRAWN_M);
     out->angle_rad = 0.5 * atan2(2.0 * xy, xx - yy);
 }
 

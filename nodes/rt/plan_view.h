@@ -15,7 +15,8 @@
 void plan_point(bool in_vehicle_frame, const double p[3], double out[2]);
 
 /* The ellipse that holds a share of 95 % of a normal distribution (radii 2.448 standard
- * deviations): half axes, and the angle of the longer one to "right", counterclockwise.
+ * deviations): half axes, 2 m at most, for what is not known has no end, and the angle of
+ * the longer one to "right", counterclockwise.
  */
 struct plan_ellipse {
     double major_m, minor_m, angle_rad;

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "nodes/rt/export.h"
+#include "nodes/rt/objects.h"
 #include "nodes/view/names.h"
 
 static json_t *pair(const double p[2])
@@ -137,18 +138,21 @@ static json_t *object_json(bool in_vehicle_frame, const Anlos__Detection *d)
     }
     if (d->n_covariance_m2 == 6) {
         plan_ellipse(in_vehicle_frame, d->covariance_m2, &e);
-        sd[0] = sqrt(d->covariance_m2[0]);
-        sd[1] = sqrt(d->covariance_m2[3]);
-        sd[2] = sqrt(d->covariance_m2[5]);
+        static const int diagonal[3] = {0, 3, 5};
+        for (int a = 0; a < 3; a++) {
+            double sigma_m = sqrt(d->covariance_m2[diagonal[a]]);
+            sd[a] = sigma_m < OBJECTS_KNOWN_M ? sigma_m : NAN;
+        }
     }
-    return json_pack(
-        "{si so so so so so so so so so ss si sb sb}", "id", (int)d->id, "position_m",
-        export_reals(p, 3), "sd_m", export_reals(sd, 3), "virtual_m", vec3(d->virtual_m),
-        "extent_m", vec3(d->extent_m), "at", pair(at), "size", pair(size), "ellipse",
-        export_reals((double[3]){e.major_m, e.minor_m, e.angle_rad}, 3), "existence",
-        export_real(d->existence), "level_db", export_real(d->level_db), "shape",
-        name_of_shape(d->shape), "wall", (int)d->wall, "behind_no_wall",
-        d->behind_no_wall, "in_free_view", d->in_free_view);
+    return json_pack("{si so so so so so so so so so ss si sb sb sb}", "id", (int)d->id,
+                     "position_m", export_reals(p, 3), "sd_m", export_reals(sd, 3),
+                     "virtual_m", vec3(d->virtual_m), "extent_m", vec3(d->extent_m), "at",
+                     pair(at), "size", pair(size), "ellipse",
+                     export_reals((double[3]){e.major_m, e.minor_m, e.angle_rad}, 3),
+                     "existence", export_real(d->existence), "level_db",
+                     export_real(d->level_db), "shape", name_of_shape(d->shape), "wall",
+                     (int)d->wall, "behind_no_wall", d->behind_no_wall, "in_free_view",
+                     d->in_free_view, "at_border", d->at_border != 0);
 }
 
 json_t *plan_objects_json(const Anlos__DetectionList *list, const struct trails *trails)

@@ -283,7 +283,7 @@ static void detections_json_is_valid_and_has_null_for_nan(void **state)
     Anlos__Vec3 at = ANLOS__VEC3__INIT;
     Anlos__Detection d = ANLOS__DETECTION__INIT, *all[1] = {&d};
     Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
-    double covariance[6] = {4e-4, 0, 0, 9e-4, 0, 1e-4};
+    double covariance[6] = {4e-4, 0, 0, 9e-4, 0, 1e4};
     at.x = 1.25;
     at.z = NAN;
     d.id = 3;
@@ -292,6 +292,7 @@ static void detections_json_is_valid_and_has_null_for_nan(void **state)
     d.n_covariance_m2 = 6;
     d.existence = 0.5;
     d.level_db = INFINITY;
+    d.at_border = 1u << 5 | 1u << 0;
     list.detections = all;
     list.n_detections = 1;
     list.mirrored = list.in_vehicle_frame = true;
@@ -315,6 +316,11 @@ static void detections_json_is_valid_and_has_null_for_nan(void **state)
     assert_near(json_real_value(json_array_get(p, 0)), 1.25, 0.0);
     assert_true(json_is_null(json_array_get(p, 2)));
     assert_near(json_real_value(json_array_get(s, 1)), 0.03, 1e-9);
+    assert_true(json_is_null(json_array_get(s, 2)));
+    const json_t *b = json_object_get(o, "at_border");
+    assert_int_equal(json_array_size(b), 2);
+    assert_string_equal(json_string_value(json_array_get(b, 0)), "x-");
+    assert_string_equal(json_string_value(json_array_get(b, 1)), "z+");
     json_decref(j);
 }
 

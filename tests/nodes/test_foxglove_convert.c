@@ -12,7 +12,6 @@
 #include "foxglove/log.pb-c.h"
 #include "foxglove/transforms.pb-c.h"
 #include "nodes/foxglove/channels.h"
-#include "nodes/foxglove/ellipsoid.h"
 #include "nodes/foxglove/level.h"
 #include "nodes/foxglove/parts.h"
 #include "tests/nodes/foxglove_samples.h"
@@ -392,27 +391,6 @@ static void pictures_are_png_of_three_sides(void **state)
     }
 }
 
-/* The covariance is that of 3 cm along (cos 30, sin 30, 0), 1 cm across, 2 cm up. */
-static void an_objects_ellipsoid_has_its_axes(void **state)
-{
-    struct rig *r = *state;
-    double axes[3][3], deviation[3], along = 0.0;
-
-    ellipsoid_axes(r->samples.covariance, axes, deviation);
-    for (int i = 0; i < 3; i++) {
-        if (deviation[i] < 0.025)
-            continue;
-        along = axes[i][0] * cos(M_PI / 6.0) + axes[i][1] * sin(M_PI / 6.0);
-        assert_near(deviation[i], 0.03, 1e-9);
-    }
-    assert_near(fabs(along), 1.0, 1e-9);
-    assert_near(deviation[0] * deviation[1] * deviation[2], 6e-6, 1e-12);
-    for (int i = 0; i < 3; i++) { /* of the right hand */
-        int j = (i + 1) % 3, k = (i + 2) % 3;
-        assert_near(axes[0][j] * axes[1][k] - axes[0][k] * axes[1][j], axes[2][i], 1e-9);
-    }
-}
-
 static void an_object_is_a_dot_an_ellipsoid_a_box_and_a_label(void **state)
 {
     struct rig *r = *state;
@@ -708,7 +686,6 @@ int main(void)
         TEST(without_a_wall_the_grid_is_as_imaged),
         TEST(a_large_image_is_folded_to_maxima),
         TEST(pictures_are_png_of_three_sides),
-        TEST(an_objects_ellipsoid_has_its_axes),
         TEST(an_object_is_a_dot_an_ellipsoid_a_box_and_a_label),
         TEST(a_track_has_an_arrow_of_what_it_goes_in_a_second),
         TEST(an_arrow_points_anywhere),

@@ -8,6 +8,7 @@
 
 #include "tests/nodes/near.h"
 #include "nodes/rt/objects.h"
+#include "recon/peak.h"
 
 static struct detection point(double x, double y, double z)
 {
@@ -219,6 +220,57 @@ static void a_line_array_does_not_tell_heights(void **state)
     assert_near(p.covariance_m2[3], 4e-4, 1e-15);
 }
 
+/* A ridge from the place (0, 0, 2) along (0, 1, -1): with a height that is assumed to
+ * half a metre, the distance is known to half a metre, and with it. */
+static void what_the_image_tells_is_meant_for_the_assumed_height(void **state)
+{
+    (void)state;
+    double elements[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}}, stage[1] = {0};
+    const struct survey s = {.n_speakers = 2,
+                             .n_microphones = 2,
+                             .n_positions = 1,
+                             .speakers_m = elements,
+                             .microphones_m = elements,
+                             .stage_axis = {1, 0, 0},
+                             .stage_positions_m = stage};
+    const struct walls none = {.n = 0};
+    struct detection d = point(0.0, 0.0, 2.0);
+    struct placement p;
+    memcpy(d.covariance_m2, (double[6]){1e-4, 0, 0, 5e3 + 1e-4, -5e3, 5e3 + 1e-4},
+           sizeof d.covariance_m2);
+    objects_place(&p, &s, &none, &d);
+    assert_true(p.height_assumed);
+    assert_near(p.covariance_m2[0], 1e-4, 1e-12);
+    assert_near(p.covariance_m2[3], 0.25, 1e-4);
+    assert_near(p.covariance_m2[4], -0.25, 1e-4);
+    assert_near(p.covariance_m2[5], 0.25, 1e-3);
+}
+
+static void borders_are_those_of_axes_that_are_heard(void **state)
+{
+    (void)state;
+    double speakers[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}}, stage[1] = {0};
+    struct survey s = {.n_speakers = 2,
+                       .n_microphones = 2,
+                       .n_positions = 1,
+                       .speakers_m = speakers,
+                       .microphones_m = speakers,
+                       .stage_axis = {1, 0, 0},
+                       .stage_positions_m = stage};
+    struct detection d = point(0.1, 0.2, 2.0);
+    Anlos__DetectionList *list;
+    d.at_border = PEAK_BORDER(1, 0) | PEAK_BORDER(2, 1);
+    assert_int_equal(list_of(&list, &s, &d, 1), 0);
+    assert_int_equal(list->detections[0]->at_border, PEAK_BORDER(2, 1));
+    assert_true(list->detections[0]->height_assumed);
+    objects_free(list);
+    speakers[1][1] = 0.5;
+    assert_int_equal(list_of(&list, &s, &d, 1), 0);
+    assert_int_equal(list->detections[0]->at_border, d.at_border);
+    assert_false(list->detections[0]->height_assumed);
+    objects_free(list);
+}
+
 /* A line array at the nose of a vehicle, 0.4 m over the ground. */
 static struct survey bumper(void)
 {
@@ -318,6 +370,8 @@ int main(void)
         cmocka_unit_test(the_error_of_the_wall_is_in_the_covariance),
         cmocka_unit_test(each_object_is_mirrored_by_its_wall_or_by_none),
         cmocka_unit_test(a_line_array_does_not_tell_heights),
+        cmocka_unit_test(what_the_image_tells_is_meant_for_the_assumed_height),
+        cmocka_unit_test(borders_are_those_of_axes_that_are_heard),
         cmocka_unit_test(a_line_array_on_a_vehicle_sees_things_on_the_ground),
         cmocka_unit_test(the_covariance_covers_what_is_not_known_of_heights),
         cmocka_unit_test(ids_rise_in_the_order_given),

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "recon/detect.h"
+#include "recon/peak.h"
 #include "tests/recon/reference.h"
 
 #define N      36
@@ -406,6 +407,18 @@ static void a_lone_bright_voxel_is_a_point_there(void **state)
     scene_close(&s);
 }
 
+static const int diagonal[3] = {0, 3, 5};
+
+static void expect_known(const struct detection *d, int axis, bool known)
+{
+    double sigma_m = sqrt(d->covariance_m2[diagonal[axis]]);
+
+    if (known)
+        assert_below(sigma_m, grid.step_m[axis]);
+    else
+        assert_near(sigma_m, PEAK_UNKNOWN_M, 1e-3);
+}
+
 static void a_peak_on_the_rim_is_found_there(void **state)
 {
     (void)state;
@@ -421,8 +434,71 @@ static void a_peak_on_the_rim_is_found_there(void **state)
         search(&s, 1.0);
         assert_int_equal(s.n, 1);
         expect_at(&s.found[0], at_m, 0.2);
+        for (int a = 0; a < 3; a++)
+            expect_known(&s.found[0], a, corners[q][a] > 0 && corners[q][a] < N - 1);
         scene_close(&s);
     }
+}
+
+/* What shows at the border is the flank of something that stands 3 cm outside: its error
+ * there is in no relation to the noise. */
+static void
+what_lies_outside_is_not_known_along_the_axis_that_it_is_outside_of(void **state)
+{
+    (void)state;
+    for (int q = 0; q < 6; q++) {
+        int axis = q / 2, far = q % 2;
+        struct scene s;
+        double at_m[3] = {0.0, 0.15, 1.05};
+        scene_open(&s, true);
+        at_m[axis] = far ? grid.origin_m[axis] + grid.step_m[axis] * (N - 1) + 0.03
+                         : grid.origin_m[axis] - 0.03;
+        add_point(&s, at_m[0], at_m[1], at_m[2], 45.0);
+        search(&s, 1.0);
+        assert_int_equal(s.n, 1);
+        assert_int_equal(s.found[0].at_border, PEAK_BORDER(axis, far));
+        for (int a = 0; a < 3; a++) {
+            double sigma_m = sqrt(s.found[0].covariance_m2[diagonal[a]]);
+            expect_known(&s.found[0], a, a != axis);
+            assert_below(fabs(s.found[0].position_m[a] - at_m[a]), 4.0 * sigma_m);
+        }
+        scene_close(&s);
+    }
+}
+
+/* The image ends with the gate; behind it is nothing. */
+static void what_lies_behind_the_gate_is_not_known_in_depth(void **state)
+{
+    (void)state;
+    struct scene s;
+    scene_open(&s, true);
+    add_point(&s, 0.0, 0.15, grid.origin_m[2] + grid.step_m[2] * 30.0, 45.0);
+    for (size_t v = 0; v < VOXELS; v++)
+        if (v / (N * N) > 28)
+            s.amplitude[v] = 0.0f;
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    assert_int_equal(s.found[0].at_border, PEAK_BORDER(2, 1));
+    for (int a = 0; a < 3; a++)
+        expect_known(&s.found[0], a, a != 2);
+    scene_close(&s);
+}
+
+static void a_plate_that_goes_on_outside_has_no_known_middle_there(void **state)
+{
+    (void)state;
+    static const double size_m[3] = {0.3, 0.2, 0.0};
+    struct scene s;
+    const double at_m[3] = {grid.origin_m[0] + 0.05, 0.15, 1.05};
+    scene_open(&s, true);
+    s.cfg.cluster_m = 0.2;
+    add_object(&s, at_m, size_m, 45.0);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    assert_int_equal(s.found[0].at_border, PEAK_BORDER(0, 0));
+    for (int a = 0; a < 3; a++)
+        expect_known(&s.found[0], a, a != 0);
+    scene_close(&s);
 }
 
 /* Noise is 10 dB louder on one side. */
@@ -534,6 +610,10 @@ int main(void)
         cmocka_unit_test(without_noise_there_are_numbers_too),
         cmocka_unit_test(a_lone_bright_voxel_is_a_point_there),
         cmocka_unit_test(a_peak_on_the_rim_is_found_there),
+        cmocka_unit_test(
+            what_lies_outside_is_not_known_along_the_axis_that_it_is_outside_of),
+        cmocka_unit_test(what_lies_behind_the_gate_is_not_known_in_depth),
+        cmocka_unit_test(a_plate_that_goes_on_outside_has_no_known_middle_there),
         cmocka_unit_test(with_cfar_each_place_has_a_threshold_of_its_own),
         cmocka_unit_test(a_box_is_extended_and_a_point_a_point),
         cmocka_unit_test(an_even_volume_has_no_objects),

@@ -25,6 +25,8 @@ static void paint(const struct grid *g, const double at_m[3], const double p[6],
     }
 }
 
+static const int diagonal[3] = {0, 3, 5};
+
 static size_t voxel_at(const struct grid *g, size_t x, size_t y, size_t z)
 {
     return (z * g->n[1] + y) * g->n[0] + x;
@@ -45,7 +47,7 @@ static void a_gaussian_is_found_between_the_voxels(void **state)
         for (int a = 0; a < 3; a++)
             at[a] = grid.origin_m[a] + grid.step_m[a] * (3.0 + shift[a]);
         paint(&grid, at, upright, 5.0, v);
-        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 100.0, &fit);
+        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 100.0, false, NULL, &fit);
         for (int a = 0; a < 3; a++) {
             assert_near(fit.position_m[a], at[a], 1e-4 * grid.step_m[a]);
             /* A factor of 4: 2 sigma sqrt(2 ln 4). */
@@ -88,7 +90,7 @@ static void a_tilted_gaussian_is_found_between_the_voxels(void **state)
         paint(&grid, at, p, 5.0, v);
         for (size_t e = 0; e < VOXELS; e++)
             best = v[e] > v[best] ? e : best;
-        peak_fit(&grid, v, best, 100.0, &fit);
+        peak_fit(&grid, v, best, 100.0, false, NULL, &fit);
         for (int a = 0; a < 3; a++)
             assert_near(fit.position_m[a], at[a], 1e-3 * grid.step_m[a]);
     }
@@ -108,7 +110,7 @@ static void the_covariance_is_the_shape_over_the_snr(void **state)
         for (int a = 0; a < 3; a++)
             at[a] = grid.origin_m[a] + grid.step_m[a] * 3.0;
         paint(&grid, at, p, 1.0, v);
-        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), snrs[q], &fit);
+        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), snrs[q], false, NULL, &fit);
         for (int e = 0; e < 6; e++)
             assert_near(fit.covariance_m2[e], tilted[e] / snrs[q],
                         2e-3 * tilted[0] / snrs[q]);
@@ -148,7 +150,6 @@ static void noisy_peaks_scatter_as_their_covariance_says(void **state)
 {
     (void)state;
     const struct grid three = {{0.0, 0.0, 1.0}, {0.02, 0.02, 0.02}, {3, 3, 3}};
-    static const int diagonal[3] = {0, 3, 5};
     const double snr = 1000.0;
     unsigned long long seed = 77;
     double sum = 0.0;
@@ -163,7 +164,7 @@ static void noisy_peaks_scatter_as_their_covariance_says(void **state)
             double a = cabs(sqrt(snr) * exp(-d2 / (4.0 * 1.5 * 1.5)) + noise[q]);
             v[q] = (float)(a * a);
         }
-        peak_fit(&three, v, 13, snr, &fit);
+        peak_fit(&three, v, 13, snr, false, NULL, &fit);
         for (int a = 0; a < 3; a++) {
             double error_m = fit.position_m[a] - three.origin_m[a] - 0.02;
             sum += error_m * error_m / fit.covariance_m2[diagonal[a]];
@@ -183,7 +184,7 @@ static void the_scale_of_the_intensity_does_not_matter(void **state)
         at[a] = grid.origin_m[a] + grid.step_m[a] * (3.0 + 0.2 * a);
     for (int q = 0; q < 2; q++) {
         paint(&grid, at, upright, levels[q], v);
-        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 10.0, &fit[q]);
+        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 10.0, false, NULL, &fit[q]);
     }
     for (int a = 0; a < 3; a++) {
         assert_near(fit[0].position_m[a], at[a], 1e-3 * grid.step_m[a]);
@@ -194,7 +195,6 @@ static void the_scale_of_the_intensity_does_not_matter(void **state)
 
 static void expect_sound(const struct peak_fit *fit)
 {
-    static const int diagonal[3] = {0, 3, 5};
     for (int a = 0; a < 3; a++) {
         assert_true(isfinite(fit->position_m[a]));
         assert_true(isfinite(fit->width_m[a]) && fit->width_m[a] > 0.0);
@@ -202,6 +202,18 @@ static void expect_sound(const struct peak_fit *fit)
     }
     for (int q = 0; q < 6; q++)
         assert_true(isfinite(fit->covariance_m2[q]));
+}
+
+/* Of the axis nothing is known, of the others all. */
+static void expect_unknown(const struct peak_fit *fit, int axis, double snr)
+{
+    for (int a = 0; a < 3; a++) {
+        double variance_m2 = a == axis ? PEAK_UNKNOWN_M * PEAK_UNKNOWN_M
+                                       : sigma_m[a] * sigma_m[a] / snr;
+        assert_near(fit->covariance_m2[diagonal[a]], variance_m2, 2e-3 * variance_m2);
+        if (a == axis)
+            assert_near(fit->width_m[a], N * grid.step_m[a], 1e-9);
+    }
 }
 
 static void on_the_rim_an_axis_stays_on_its_voxel(void **state)
@@ -217,14 +229,98 @@ static void on_the_rim_an_axis_stays_on_its_voxel(void **state)
             for (int a = 0; a < 3; a++)
                 at[a] = grid.origin_m[a] + grid.step_m[a] * ((double)i[a] + 0.25);
             paint(&grid, at, upright, 1.0, v);
-            peak_fit(&grid, v, voxel_at(&grid, i[0], i[1], i[2]), 50.0, &fit);
+            peak_fit(&grid, v, voxel_at(&grid, i[0], i[1], i[2]), 50.0, false, NULL,
+                     &fit);
             expect_sound(&fit);
             for (int a = 0; a < 3; a++) {
                 double expected = at[a] - (a == axis ? 0.25 * grid.step_m[a] : 0.0);
                 assert_near(fit.position_m[a], expected, 1e-4 * grid.step_m[a]);
             }
-            assert_near(fit.width_m[axis], grid.step_m[axis], 1e-9);
+            expect_unknown(&fit, axis, 50.0);
+            assert_int_equal(fit.at_border, PEAK_BORDER(axis, far));
         }
+    }
+}
+
+/* What lies behind the gate was not imaged: it is 0, and as good as outside of the grid.
+ */
+static void where_the_gate_ends_an_axis_is_not_known(void **state)
+{
+    (void)state;
+    for (int axis = 0; axis < 3; axis++) {
+        double at[3];
+        float v[VOXELS];
+        struct peak_fit fit;
+        for (int a = 0; a < 3; a++)
+            at[a] = grid.origin_m[a] + grid.step_m[a] * 3.0;
+        paint(&grid, at, upright, 1.0, v);
+        for (size_t q = 0; q < VOXELS; q++) {
+            const size_t i[3] = {q % N, q / N % N, q / (N * N)};
+            v[q] = i[axis] > 3 ? 0.0f : v[q];
+        }
+        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 50.0, true, NULL, &fit);
+        for (int a = 0; a < 3; a++)
+            assert_near(fit.position_m[a], at[a], 1e-4 * grid.step_m[a]);
+        expect_unknown(&fit, axis, 50.0);
+        assert_int_equal(fit.at_border, PEAK_BORDER(axis, 1));
+    }
+}
+
+/* Of sparse images: something may be anywhere in its voxel. */
+static void beside_emptiness_an_axis_is_known_to_a_voxel(void **state)
+{
+    (void)state;
+    float v[VOXELS] = {0};
+    struct peak_fit fit;
+    v[voxel_at(&grid, 3, 3, 3)] = 1.0f;
+    v[voxel_at(&grid, 4, 3, 3)] = 0.5f;
+    peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 1e6, false, NULL, &fit);
+    expect_sound(&fit);
+    assert_int_equal(fit.at_border, 0);
+    for (int a = 0; a < 3; a++) {
+        assert_near(fit.position_m[a], grid.origin_m[a] + 3.0 * grid.step_m[a], 1e-9);
+        assert_near(fit.covariance_m2[diagonal[a]],
+                    grid.step_m[a] * grid.step_m[a] / 12.0, 1e-12);
+        assert_near(fit.width_m[a], grid.step_m[a], 1e-9);
+    }
+}
+
+/* A line of elements along x hears only how far from it something is: the image is a
+ * ridge around it that is turned here by 30 degrees.  Its place is known across, and
+ * along the ridge not at all, or as far as it is bright. */
+static void a_turned_ridge_is_known_across_it_alone(void **state)
+{
+    (void)state;
+    const struct grid even = {{0.0, 0.0, 1.0}, {0.01, 0.01, 0.01}, {N, N, N}};
+    static const double body_m[3] = {0.03, 0.4, 0.3};
+    const double c = cos(M_PI / 6.0), s = sin(M_PI / 6.0), sigma_across_m = 0.008;
+    const double p[6] = {1.0 / 9e-4,
+                         0.0,
+                         0.0,
+                         s * s / (sigma_across_m * sigma_across_m),
+                         s * c / (sigma_across_m * sigma_across_m),
+                         c * c / (sigma_across_m * sigma_across_m)};
+    const double at[3] = {0.03, 0.03, 1.03};
+    float v[VOXELS];
+    paint(&even, at, p, 1.0, v);
+    for (int known = 0; known <= 1; known++) {
+        struct peak_fit fit;
+        peak_fit(&even, v, voxel_at(&even, 3, 3, 3), 100.0, true, known ? body_m : NULL,
+                 &fit);
+        const double *m = fit.covariance_m2;
+        double along_m2 = c * c * m[3] - 2.0 * s * c * m[4] + s * s * m[5];
+        double across_m2 = s * s * m[3] + 2.0 * s * c * m[4] + c * c * m[5];
+        double length_m = fmin(body_m[1] / c, body_m[2] / s);
+        expect_sound(&fit);
+        assert_int_equal(fit.at_border, 0);
+        assert_near(along_m2,
+                    known ? length_m * length_m / 12.0 : PEAK_UNKNOWN_M * PEAK_UNKNOWN_M,
+                    1e-5 * along_m2);
+        assert_near(across_m2, sigma_across_m * sigma_across_m / 100.0,
+                    2e-3 * sigma_across_m * sigma_across_m / 100.0 + 1e-10 * along_m2);
+        assert_near(m[0], 9e-4 / 100.0, 1e-7);
+        for (int a = 0; a < 3; a++)
+            assert_near(fit.position_m[a], at[a], 1e-5);
     }
 }
 
@@ -238,12 +334,13 @@ static void a_ridge_stays_on_its_voxel_along_itself(void **state)
     for (int a = 0; a < 3; a++)
         at[a] = grid.origin_m[a] + grid.step_m[a] * 3.3;
     paint(&grid, at, along_y, 1.0, v);
-    peak_fit(&grid, v, voxel_at(&grid, 3, 2, 3), 50.0, &fit);
+    peak_fit(&grid, v, voxel_at(&grid, 3, 2, 3), 50.0, false, NULL, &fit);
     expect_sound(&fit);
     assert_near(fit.position_m[0], at[0], 1e-4 * grid.step_m[0]);
     assert_near(fit.position_m[1], grid.origin_m[1] + 2.0 * grid.step_m[1], 1e-9);
     assert_near(fit.position_m[2], at[2], 1e-4 * grid.step_m[2]);
-    assert_near(fit.width_m[1], grid.step_m[1], 1e-9);
+    expect_unknown(&fit, 1, 50.0);
+    assert_int_equal(fit.at_border, 0);
 }
 
 /* As long and tilted as what an array without extent in x sees of a point, its top far
@@ -263,7 +360,7 @@ static void a_long_tilted_ridge_is_not_left(void **state)
     for (int a = 0; a < 3; a++) /* 6 voxels along the ridge from voxel 3, 3, 3 */
         at[a] = grid.origin_m[a] + 3.0 * grid.step_m[a] + 6.0 * along_m[a];
     paint(&grid, at, p, 1.0, v);
-    peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 50.0, &fit);
+    peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 50.0, false, NULL, &fit);
     double aside_m = 0.0;
     for (int a = 0; a < 3; a++)
         aside_m += (fit.position_m[a] - at[a]) * across_m[a] / sqrt(length2);
@@ -281,11 +378,13 @@ static void a_voxel_that_is_no_peak_stays_where_it_is(void **state)
     for (int a = 0; a < 3; a++)
         at[a] = grid.origin_m[a] + grid.step_m[a] * 3.2;
     paint(&grid, at, hollow, 1.0, v);
-    peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 50.0, &fit);
+    peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), 50.0, false, NULL, &fit);
     expect_sound(&fit);
     for (int a = 0; a < 3; a++) {
         assert_near(fit.position_m[a], grid.origin_m[a] + 3.0 * grid.step_m[a], 1e-9);
-        assert_near(fit.width_m[a], grid.step_m[a], 1e-9);
+        assert_near(fit.width_m[a], N * grid.step_m[a], 1e-9);
+        assert_near(fit.covariance_m2[diagonal[a]], PEAK_UNKNOWN_M * PEAK_UNKNOWN_M,
+                    1e-3);
     }
 }
 
@@ -295,11 +394,13 @@ static void one_voxel_is_its_own_peak(void **state)
     const struct grid one = {{0.1, 0.2, 0.3}, {0.01, 0.02, 0.03}, {1, 1, 1}};
     const float v[1] = {2.0f};
     struct peak_fit fit;
-    peak_fit(&one, v, 0, 50.0, &fit);
+    peak_fit(&one, v, 0, 50.0, false, NULL, &fit);
     expect_sound(&fit);
     for (int a = 0; a < 3; a++) {
         assert_near(fit.position_m[a], one.origin_m[a], 1e-12);
         assert_near(fit.width_m[a], one.step_m[a], 1e-9);
+        assert_near(fit.covariance_m2[diagonal[a]], PEAK_UNKNOWN_M * PEAK_UNKNOWN_M,
+                    1e-6);
     }
 }
 
@@ -311,7 +412,7 @@ static void zeros_around_and_no_snr_leave_numbers(void **state)
         float v[VOXELS] = {0};
         struct peak_fit fit;
         v[voxel_at(&grid, 3, 3, 3)] = 1.0f;
-        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), snrs[q], &fit);
+        peak_fit(&grid, v, voxel_at(&grid, 3, 3, 3), snrs[q], false, NULL, &fit);
         expect_sound(&fit);
         for (int a = 0; a < 3; a++)
             assert_near(fit.position_m[a], grid.origin_m[a] + 3.0 * grid.step_m[a], 1e-9);
@@ -327,6 +428,9 @@ int main(void)
         cmocka_unit_test(noisy_peaks_scatter_as_their_covariance_says),
         cmocka_unit_test(the_scale_of_the_intensity_does_not_matter),
         cmocka_unit_test(on_the_rim_an_axis_stays_on_its_voxel),
+        cmocka_unit_test(where_the_gate_ends_an_axis_is_not_known),
+        cmocka_unit_test(beside_emptiness_an_axis_is_known_to_a_voxel),
+        cmocka_unit_test(a_turned_ridge_is_known_across_it_alone),
         cmocka_unit_test(a_ridge_stays_on_its_voxel_along_itself),
         cmocka_unit_test(a_long_tilted_ridge_is_not_left),
         cmocka_unit_test(a_voxel_that_is_no_peak_stays_where_it_is),

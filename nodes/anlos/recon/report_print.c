@@ -4,18 +4,42 @@
 #include <stdio.h>
 
 #include "nodes/anlos/recon/auto.h"
+#include "nodes/rt/objects.h"
 
-static void print_object(const Anlos__Detection *d)
+/* Of the worst axis that is told. */
+static double sigma_m(const Anlos__DetectionList *list, const Anlos__Detection *d)
 {
-    double sigma = d->n_covariance_m2 == 6
-                       ? sqrt(fmax(fmax(d->covariance_m2[0], d->covariance_m2[3]),
-                                   d->covariance_m2[5]))
-                       : NAN;
-    printf("%4u %9.3f %8.3f %8.3f %9.1f %8.1f %9.0f %%", d->id, d->position_m->x,
-           d->position_m->y, d->position_m->z, 100.0 * sigma, d->level_db,
-           100.0 * d->existence);
+    static const int diagonal[3] = {0, 3, 5};
+    int height = list->in_vehicle_frame ? 2 : 1;
+    double worst = NAN;
+
+    for (int a = 0; d->n_covariance_m2 == 6 && a < 3; a++) {
+        double sigma = sqrt(d->covariance_m2[diagonal[a]]);
+        if (sigma < OBJECTS_KNOWN_M && !(d->height_assumed && a == height))
+            worst = fmax(worst, sigma);
+    }
+    return worst;
+}
+
+static void print_object(const Anlos__DetectionList *list, const Anlos__Detection *d)
+{
+    static const char *const borders[6] = {"x-", "x+", "y-", "y+", "z-", "z+"};
+    double sigma_cm = 100.0 * sigma_m(list, d);
+
+    printf("%4u %9.3f %8.3f %8.3f ", d->id, d->position_m->x, d->position_m->y,
+           d->position_m->z);
+    if (isnan(sigma_cm))
+        printf("%9s", "unknown");
+    else
+        printf("%9.1f", sigma_cm);
+    printf(" %8.1f %9.0f %%", d->level_db, 100.0 * d->existence);
     if (fmax(fmax(d->extent_m->x, d->extent_m->y), d->extent_m->z) > 0.0)
         printf("   %.2f x %.2f x %.2f", d->extent_m->x, d->extent_m->y, d->extent_m->z);
+    if (d->at_border)
+        printf("   where the image ends:");
+    for (int i = 0; i < 6; i++)
+        if (d->at_border >> i & 1u)
+            printf(" %s", borders[i]);
     printf("\n");
 }
 
@@ -46,7 +70,13 @@ void recon_report_print_objects(const Anlos__DetectionList *list, bool own_place
         printf("   # %9s %8s %8s %9s %8s %11s   %s\n", "x m", "y m", "z m", "sigma cm",
                "SNR dB", "existence", "extent m");
     for (size_t i = 0; i < list->n_detections; i++)
-        print_object(list->detections[i]);
+        print_object(list, list->detections[i]);
+    for (size_t i = 0; i < list->n_detections; i++) {
+        if (!list->detections[i]->height_assumed)
+            continue;
+        printf("(the array hears no heights: they are assumed, to half a metre)\n");
+        break;
+    }
 }
 
 void recon_report_print_stages(const struct stopwatch stages[RECON_STAGES])

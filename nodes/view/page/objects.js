@@ -9,6 +9,7 @@ function remarks(o) {
     const all = [];
     if (o.behind_no_wall) all.push("behind no wall");
     if (o.in_free_view) all.push("in free view");
+    if (o.at_border) all.push("where the image ends");
     return all.length ? `, ${all.join(", ")}` : "";
 }
 

@@ -1,4 +1,4 @@
-#include "nodes/foxglove/ellipsoid.h"
+#include "recon/symmetric.h"
 
 #include <math.h>
 #include <string.h>
@@ -29,8 +29,20 @@ static void rotate(double m[3][3], double axes[3][3], int p, int q)
     }
 }
 
-/* Each rotation keeps the hand of the axes. */
-void ellipsoid_axes(const double c[6], double axes[3][3], double deviation[3])
+/* The hand of the axes is kept: one of the two that change places turns round. */
+static void exchange(double value[3], double axes[3][3], int p, int q)
+{
+    double v = value[p];
+    value[p] = value[q];
+    value[q] = v;
+    for (int i = 0; i < 3; i++) {
+        double a = axes[p][i];
+        axes[p][i] = axes[q][i];
+        axes[q][i] = -a;
+    }
+}
+
+void symmetric_axes(const double c[6], double value[3], double axes[3][3])
 {
     static const double unit[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     double m[3][3] = {{c[0], c[1], c[2]}, {c[1], c[3], c[4]}, {c[2], c[4], c[5]}};
@@ -42,5 +54,9 @@ void ellipsoid_axes(const double c[6], double axes[3][3], double deviation[3])
         rotate(m, axes, 1, 2);
     }
     for (int i = 0; i < 3; i++)
-        deviation[i] = m[i][i] > 0.0 ? sqrt(m[i][i]) : 0.0;
+        value[i] = m[i][i];
+    for (int p = 0; p < 2; p++)
+        for (int q = p + 1; q < 3; q++)
+            if (value[q] > value[p])
+                exchange(value, axes, p, q);
 }
