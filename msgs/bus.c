@@ -29,7 +29,7 @@ static int open_outlets(struct bus *b, const struct bus_config *cfg,
                         struct complaint *why)
 {
     const size_t max = sizeof b->outlets / sizeof *b->outlets;
-    b->lock_fd = endpoint_lock(cfg->run_dir, cfg->node, why);
+    b->lock_fd = endpoint_lock(cfg->run_dir, cfg->node, cfg->world == BUS_REPLAY, why);
     if (b->lock_fd < 0)
         return b->lock_fd;
     for (const struct topic *t = topics_all(); t->name; t++) {
@@ -106,11 +106,13 @@ int bus_create(struct bus **out, const struct bus_config *cfg, struct complaint 
         goto fail;
     err = mailbox_create(&b->mailbox);
     if (!err)
-        err = inlet_create(&b->inlet, cfg->run_dir, b->remote, b->mailbox);
+        err = inlet_create(&b->inlet, cfg->run_dir, cfg->world, b->remote, b->mailbox);
     if (err)
         complain(why, err, "run folder %s: no bus: %s", cfg->run_dir, strerror(-err));
     if (!err && !cfg->listen_only)
         err = open_outlets(b, cfg, why);
+    if (!err && cfg->world == BUS_REPLAY)
+        bus_set_replayed(b, true);
     if (!err && !cfg->listen_only && newcomers_are_awaited(cfg->run_dir))
         await_peers(b);
     if (err)

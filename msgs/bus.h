@@ -23,11 +23,20 @@
 
 struct bus;
 
+/* Whose time a process lives in is decided when it starts, never by what arrives. */
+enum bus_world {
+    BUS_ANY,    /* an onlooker's, which shows whatever there is: a tool, view, record */
+    BUS_LIVE,   /* what is replayed is refused and counted, and so is "clock" */
+    BUS_REPLAY, /* what is not is refused, but for health, log and host; all that is
+                 * published is marked as replayed */
+};
+
 struct bus_config {
     const char *node;    /* under ENVELOPE_NODE_SIZE characters; NULL: listen_only */
     const char *run_dir; /* folder of the sockets; made when missing */
     int64_t epoch_ns;    /* when this process started */
     bool listen_only;    /* a tool: subscribes, publishes nothing, binds nothing */
+    enum bus_world world;
 };
 
 struct bus_count {
@@ -90,7 +99,8 @@ void bus_resume(struct bus *b);
 /* Writes up to max counts, returns how many there are. */
 size_t bus_counts(struct bus *b, struct bus_count *out, size_t max);
 
-/* Messages with a wrong magic, version, length, topic or publisher, or too large. */
+/* Messages with a wrong magic, version, length, topic or publisher, or too large, or of
+ * another world than this bus's. */
 uint64_t bus_refused(struct bus *b);
 
 /* Called once for each kind of refusal, from the receive thread, for the log. */

@@ -70,9 +70,10 @@ int endpoint_make_folder(const char *run_dir, struct complaint *why)
     return err;
 }
 
-int endpoint_lock(const char *run_dir, const char *node, struct complaint *why)
+int endpoint_lock(const char *run_dir, const char *node, bool replay,
+                  struct complaint *why)
 {
-    char path[PATH_MAX], owner[16] = "";
+    char path[PATH_MAX], owner[32] = "";
     if ((size_t)snprintf(path, sizeof path, "%s/%s.lock", run_dir, node) >= sizeof path)
         return complain(why, -ENAMETOOLONG, "run folder %s: path too long", run_dir);
     int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
@@ -92,7 +93,8 @@ int endpoint_lock(const char *run_dir, const char *node, struct complaint *why)
                 path, node, owner);
         return complain(why, err, "%s: %s", path, strerror(-err));
     }
-    int length = snprintf(owner, sizeof owner, "%ld\n", (long)getpid());
+    int length = snprintf(owner, sizeof owner, "%ld\n%s", (long)getpid(),
+                          replay ? "replay\n" : "");
     if (ftruncate(fd, 0) != 0 || pwrite(fd, owner, (size_t)length, 0) != length) {
         int err = errno ? -errno : -EIO;
         close(fd);

@@ -3,6 +3,8 @@
 #ifndef ANLOS_MSGS_ENDPOINT_H
 #define ANLOS_MSGS_ENDPOINT_H
 
+#include <stdbool.h>
+
 #include "msgs/complaint.h"
 
 #define ENDPOINT_SCHEME    "ipc://"
@@ -20,8 +22,10 @@ const char *endpoint_path(const char *url);
 int endpoint_make_folder(const char *run_dir, struct complaint *why);
 
 /* Takes the lock of a node's name; the kernel lets go of it when the process ends,
- * however it ends.  The file stays.  A descriptor to close, or -EADDRINUSE (a live node
+ * however it ends.  The file stays: it says which process it was, and whether that lived
+ * in a replay (nodes/rt/presence.h).  A descriptor to close, or -EADDRINUSE (a live node
  * holds it), other negative errno. */
-int endpoint_lock(const char *run_dir, const char *node, struct complaint *why);
+int endpoint_lock(const char *run_dir, const char *node, bool replay,
+                  struct complaint *why);
 
 #endif

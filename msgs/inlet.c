@@ -22,6 +22,8 @@
 enum refusal { /* after those of enum envelope_fault */
                REFUSAL_TOPIC = ENVELOPE_TOO_LARGE + 1,
                REFUSAL_PUBLISHER,
+               REFUSAL_REPLAYED,
+               REFUSAL_LIVE,
                REFUSAL_SOCKET,
                N_REFUSALS
 };
@@ -35,11 +37,16 @@ static const char *const refusal_texts[N_REFUSALS] = {
     [ENVELOPE_TOO_LARGE] = "it is larger than the topic allows",
     [REFUSAL_TOPIC] = "it is of another topic",
     [REFUSAL_PUBLISHER] = "its node does not publish this topic",
+    [REFUSAL_REPLAYED] = "it is replayed, and this system is live: play recordings in "
+                         "another runtime directory",
+    [REFUSAL_LIVE] = "it is live, and this system replays a recording: run live nodes in "
+                     "another runtime directory",
     [REFUSAL_SOCKET] = "receiving failed",
 };
 
 struct inlet {
     char *run_dir;
+    enum bus_world world;
     struct remote *remote;
     struct mailbox *mailbox;
     pthread_t thread;
@@ -58,7 +65,7 @@ struct inlet {
 
 static void refuse(struct inlet *in, const struct topic *t, int kind, size_t size)
 {
-    char text[200];
+    char text[300];
     pthread_mutex_lock(&in->lock);
     in->refused++;
     void (*call)(void *, const char *) = in->told[kind] ? NULL : in->on_refusal;
@@ -72,6 +79,22 @@ static void refuse(struct inlet *in, const struct topic *t, int kind, size_t siz
              "are only counted",
              size, t->name, refusal_texts[kind]);
     call(ctx, text); /* without the lock: it may ask for the counts */
+}
+
+/* Processes speak of themselves: of those who look on, it may be live beside a replay. */
+static bool is_of_both_worlds(const struct topic *t)
+{
+    return t == topic_health() || t == topic_log() || t == topic_host();
+}
+
+/* A REFUSAL_*, or 0. */
+static int check_world(const struct inlet *in, const struct topic *t, bool replayed)
+{
+    if (in->world == BUS_LIVE && (replayed || t == topic_clock()))
+        return REFUSAL_REPLAYED;
+    if (in->world == BUS_REPLAY && !replayed && !is_of_both_worlds(t))
+        return REFUSAL_LIVE;
+    return 0;
 }
 
 static void accept_message(struct inlet *in, struct ear *ear, uint8_t *data, size_t size)
@@ -88,6 +111,8 @@ static void accept_message(struct inlet *in, struct ear *ear, uint8_t *data, siz
             fault = REFUSAL_TOPIC;
         else if (!source)
             fault = REFUSAL_PUBLISHER;
+        else
+            fault = check_world(in, ear->topic, e->replayed);
     }
     if (fault) {
         refuse(in, ear->topic, fault, size);
@@ -254,12 +279,13 @@ static int start_thread(struct inlet *in)
     return err;
 }
 
-int inlet_create(struct inlet **out, const char *run_dir, struct remote *remote,
-                 struct mailbox *mailbox)
+int inlet_create(struct inlet **out, const char *run_dir, enum bus_world world,
+                 struct remote *remote, struct mailbox *mailbox)
 {
     struct inlet *in = calloc(1, sizeof *in);
     if (!in)
         return -ENOMEM;
+    in->world = world;
     in->remote = remote;
     in->mailbox = mailbox;
     in->since_ns = INT64_MAX;

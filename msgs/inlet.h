@@ -10,8 +10,8 @@
 struct inlet;
 
 /* The mailbox and the remote must outlive it.  0, -ENOMEM, other negative errno. */
-int inlet_create(struct inlet **out, const char *run_dir, struct remote *remote,
-                 struct mailbox *mailbox);
+int inlet_create(struct inlet **out, const char *run_dir, enum bus_world world,
+                 struct remote *remote, struct mailbox *mailbox);
 
 /* Connects to every publisher; a second time does nothing.  0, -ENOMEM, -ENAMETOOLONG,
  * other negative errno. */

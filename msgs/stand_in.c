@@ -69,7 +69,7 @@ static int take_place(struct stand_in *s, const char *node, struct complaint *wh
     s->places = grown;
     struct place *p = &grown[s->n_places];
     snprintf(p->node, sizeof p->node, "%s", node);
-    p->lock_fd = endpoint_lock(s->run_dir, node, why);
+    p->lock_fd = endpoint_lock(s->run_dir, node, true, why);
     return p->lock_fd < 0 ? p->lock_fd : (int)s->n_places++;
 }
 

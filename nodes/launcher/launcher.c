@@ -164,9 +164,13 @@ static void say_endpoint(struct launcher *l, const struct host *h)
 static void open_bus(struct launcher *l)
 {
     const struct hosts *hosts = &l->cfg->launch->hosts;
-    const struct bus_config cfg = {.node = "launcher",
-                                   .run_dir = l->cfg->run_dir,
-                                   .epoch_ns = clock_now_ns(l->clock)};
+    const struct bus_config cfg = {
+        .node = "launcher",
+        .run_dir = l->cfg->run_dir,
+        .epoch_ns = clock_now_ns(l->clock),
+        .world = l->cfg->arguments->replay || launchfile_has_node(l->cfg->launch, "play")
+                     ? BUS_REPLAY
+                     : BUS_LIVE};
     struct complaint why = {""};
     int err = bus_create(&l->bus, &cfg, &why);
 

@@ -57,6 +57,8 @@ int program_fill(struct program *p, const struct launcher_config *cfg, const cha
     }
     if (a->realtime)
         *v++ = (char *)"--realtime";
+    if (a->replay)
+        *v++ = (char *)"--replay";
     *v = NULL;
     return 0;
 }

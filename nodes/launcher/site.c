@@ -24,7 +24,8 @@ int site_open(const struct launchfile *l, const struct arguments *a,
         err = host_check_address(here, why);
     if (err)
         return err;
-    int lock = endpoint_lock(run_dir, "launcher", why); /* the file is of who runs here */
+    int lock =
+        endpoint_lock(run_dir, "launcher", false, why); /* the file is of who runs here */
     if (lock < 0)
         return lock;
     err = hosts_write(&l->hosts, run_dir, why);
@@ -35,7 +36,7 @@ int site_open(const struct launchfile *l, const struct arguments *a,
 void site_close(const struct launchfile *l, const char *run_dir)
 {
     const struct hosts none = {.n = 0};
-    int lock = l->hosts.n ? endpoint_lock(run_dir, "launcher", NULL) : -1;
+    int lock = l->hosts.n ? endpoint_lock(run_dir, "launcher", false, NULL) : -1;
 
     if (lock < 0) /* or it is of the next one by now */
         return;

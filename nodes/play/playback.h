@@ -33,8 +33,8 @@ struct playback_config { /* what it points to outlives the player */
 struct playback;
 
 /* Takes the names of whoever it stands in for.  0; errors of tape_open; -EINVAL (nothing
- * is left to play), -EADDRINUSE (one of the names is alive and not of the launch file);
- * errors of bus_create. */
+ * is left to play), -EADDRINUSE (a node of a live system runs in the runtime directory,
+ * or one of the names is alive and not of the launch file); errors of bus_create. */
 int playback_create(struct playback **out, const struct playback_config *cfg,
                     int64_t epoch_ns, struct complaint *why);
 

@@ -128,38 +128,55 @@ static bool speaks(const void *ctx, const char *node, const struct topic *t)
             (audience_has(&p->audience, node) && topic_is_published_by(t, node)));
 }
 
-static void find_audience(struct playback *p)
+/* Its own launch file's nodes live in this replay, or will not start. */
+static int refuse_live(const struct playback *p, const struct presence_locks *locks,
+                       struct complaint *why)
 {
-    struct presence_locks locks;
+    for (const char *const *n = topics_nodes(); *n; n++)
+        if (strcmp(*n, "play") != 0 && strcmp(*n, "record") != 0 &&
+            strcmp(*n, "view") != 0 && !is_in_launch(&p->cfg, *n) &&
+            presence_of(locks, p->cfg.run_dir, *n) == PRESENCE_ALIVE &&
+            !presence_replays(p->cfg.run_dir, *n))
+            return complain(why, -EADDRINUSE,
+                            "%s: the node \"%s\" of a live system runs here: stop that "
+                            "system, or choose another runtime directory (--run-dir)",
+                            p->cfg.run_dir, *n);
+    return 0;
+}
 
+static void find_audience(struct playback *p, const struct presence_locks *locks)
+{
     audience_init(&p->audience, speaks, p);
     for (size_t i = 0; i < p->cfg.n_nodes; i++)
         if (!is_onlooker(p->cfg.nodes[i]))
             audience_expect(&p->audience, p->cfg.nodes[i]);
     if (!p->cfg.alone)
         return;
-    presence_read(&locks, NULL);
     for (const char *const *n = topics_nodes(); *n; n++) {
         bool ours = false;
         for (size_t i = 0; stand_in_node(p->stand_in, i); i++)
             ours |= !strcmp(stand_in_node(p->stand_in, i), *n);
         if (!ours && !is_onlooker(*n) &&
-            presence_of(&locks, p->cfg.run_dir, *n) == PRESENCE_ALIVE)
+            presence_of(locks, p->cfg.run_dir, *n) == PRESENCE_ALIVE)
             audience_expect(&p->audience, *n);
     }
 }
 
 int playback_cast(struct playback *p, struct complaint *why)
 {
-    int err = check_patterns(p, p->cfg.topics, why);
+    struct presence_locks locks;
 
+    presence_read(&locks, NULL);
+    int err = refuse_live(p, &locks, why);
+    if (!err)
+        err = check_patterns(p, p->cfg.topics, why);
     if (!err)
         err = check_patterns(p, p->cfg.exclude, why);
     if (!err)
         err = take_parts(p, why);
     if (err)
         return err;
-    find_audience(p);
+    find_audience(p, &locks);
     bool dsp = audience_has(&p->audience, "dsp");
     if (dsp && plays(p, topic_ping()))
         p->flow = topic_ping();

@@ -29,6 +29,8 @@ static int parse_one(struct arguments *a, int argc, char **argv, int *i,
         a->realtime = true;
     else if (!strcmp(arg, "--no-supervision"))
         a->unsupervised = true;
+    else if (!strcmp(arg, "--replay"))
+        a->replay = true;
     else if ((value = option_value("--launch", argc, argv, i)))
         a->launch = value;
     else if ((value = option_value("--run-dir", argc, argv, i)))
@@ -88,6 +90,9 @@ const char *arguments_help(void)
            "  --rate R           of its pace, or max: as fast as it is used\n"
            "  --realtime         simulated hardware runs at the true pace\n"
            "  --no-supervision   nodes that hang are left alone\n"
+           "  --replay           hears what 'anlos bag play' plays, and nothing live; so "
+           "it\n"
+           "                     is with the node play in the launch file\n"
            "  --log-level LEVEL  debug, info (default), warning or error\n"
            "  --log-format FORM  of lines on stderr: text (default) or json\n"
            "  --help             this text\n";

@@ -16,13 +16,14 @@ struct arguments { /* borrow from argv */
     const char *host;       /* which of the launch file's hosts this is; NULL: not said */
     bool realtime;
     bool unsupervised; /* nodes that hang are left alone: for a debugger */
+    bool replay;       /* it lives in a replay, though the launch file has no node play */
     bool help;
     enum log_level log_level;
     enum log_format log_format;
 };
 
 /* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --bag FILE --rate R
- * --host NAME --realtime --no-supervision --log-level LEVEL --log-format FORM
+ * --host NAME --realtime --replay --no-supervision --log-level LEVEL --log-format FORM
  * --help`.  0, or -EINVAL: unknown option, missing or wrong value, no launch file. */
 int arguments_parse(struct arguments *out, int argc, char **argv, struct complaint *why);
 

@@ -25,6 +25,7 @@ struct node {
     struct log_topic log_topic;
     struct launchfile *launch;
     struct clock_replay clock;
+    enum bus_world world;
     bool sounded; /* the replay's time is that of a message of sound */
     struct bus *bus;
     struct replay_order *order; /* NULL: messages come as they come */
@@ -38,10 +39,21 @@ static void log_refusal(void *ctx, const char *text)
     node_log(ctx, LOG_LEVEL_WARNING, "%s", text);
 }
 
+/* Those who show what there is take both, and follow what came last. */
+static enum bus_world world_of(const struct node *n, bool replay)
+{
+    if (!strcmp(n->name, "view") || !strcmp(n->name, "record"))
+        return BUS_ANY;
+    return replay || (n->launch && launchfile_has_node(n->launch, "play")) ? BUS_REPLAY
+                                                                           : BUS_LIVE;
+}
+
 static int open_bus(struct node *n, struct complaint *why)
 {
-    struct bus_config cfg = {
-        .node = n->name, .run_dir = n->run_dir, .epoch_ns = n->epoch_ns};
+    struct bus_config cfg = {.node = n->name,
+                             .run_dir = n->run_dir,
+                             .epoch_ns = n->epoch_ns,
+                             .world = n->world};
     sigset_t before;
 
     stop_block(&before);
@@ -98,6 +110,7 @@ static int open_all(struct node *n, const struct arguments *args, struct complai
         err = launchfile_join_hosts(n->launch, args->host, n->run_dir, why);
     if (!err && (err = stop_install()))
         complain(why, err, "signals: %s", strerror(-err));
+    n->world = world_of(n, args->replay);
     return err ? err : open_bus(n, why);
 }
 
@@ -222,7 +235,7 @@ int64_t node_machine_ns(const struct node *n)
 
 bool node_is_replayed(const struct node *n)
 {
-    return n->clock.on || (n->launch && launchfile_has_node(n->launch, "play"));
+    return n->clock.on || n->world == BUS_REPLAY;
 }
 
 bool node_follows_replay(const struct node *n)
@@ -249,7 +262,7 @@ static void follow_time(struct node *n, const struct bus_message *m)
     if (m->topic == topic_health() || m->topic == topic_log() ||
         m->topic == topic_clock())
         return;
-    if (e->replayed != n->clock.on)
+    if (n->world == BUS_ANY && e->replayed != n->clock.on)
         bus_set_replayed(n->bus, e->replayed);
     if (!e->replayed) {
         clock_replay_end(&n->clock);

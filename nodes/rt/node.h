@@ -57,7 +57,8 @@ int64_t node_now_ns(const struct node *n);
  * (hal/clock_replay.h), where it is the publish stamp of the newest message of sound. */
 int64_t node_machine_ns(const struct node *n);
 
-/* What came last was replayed, or the launch file says that all will be. */
+/* It lives in a replay: the launch file has the node play, or --replay was given.  Of
+ * view and record, which take both: what came last was replayed. */
 bool node_is_replayed(const struct node *n);
 
 /* node_now_ns is the time of a replay: a message of it has come. */

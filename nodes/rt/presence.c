@@ -4,6 +4,7 @@
 #include <limits.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <string.h>
 #include <sys/stat.h>
 
 /* "1: FLOCK  ADVISORY  WRITE 6533 fe:00:11993496 0 EOF"; one that waits has "->". */
@@ -24,6 +25,19 @@ void presence_read(struct presence_locks *out, const char *path)
         out->held[out->n++].inode = inode;
     }
     fclose(f);
+}
+
+bool presence_replays(const char *run_dir, const char *node)
+{
+    char path[PATH_MAX], word[8] = "";
+    int n = snprintf(path, sizeof path, "%s/%s.lock", run_dir, node);
+    FILE *f = n > 0 && (size_t)n < sizeof path ? fopen(path, "re") : NULL;
+
+    if (!f)
+        return false;
+    bool replays = fscanf(f, "%*d %7s", word) == 1 && !strcmp(word, "replay");
+    fclose(f);
+    return replays;
 }
 
 enum presence presence_of(const struct presence_locks *locks, const char *run_dir,

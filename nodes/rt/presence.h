@@ -4,6 +4,7 @@
 #ifndef ANLOS_NODES_RT_PRESENCE_H
 #define ANLOS_NODES_RT_PRESENCE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <sys/types.h>
@@ -31,5 +32,8 @@ void presence_read(struct presence_locks *out, const char *path);
  * system may show another device number here than there. */
 enum presence presence_of(const struct presence_locks *locks, const char *run_dir,
                           const char *node);
+
+/* Does the node that holds the lock, or held it last, live in a replay? */
+bool presence_replays(const char *run_dir, const char *node);
 
 #endif

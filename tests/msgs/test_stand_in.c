@@ -123,6 +123,46 @@ static void nobody_can_be_there_twice(void **state)
     bus_destroy(b);
 }
 
+/* The world of a bus decides, whatever the topic: of every one something is replayed,
+ * then the same is said live. */
+static void what_is_of_another_world_is_refused_on_every_topic(void **state)
+{
+    (void)state;
+    for (const struct topic *t = topics_all(); t->name; t++) {
+        const char *name = topic_publisher(t, 0);
+        bool of_itself = t == topic_health() || t == topic_log() || t == topic_host();
+        for (enum bus_world world = BUS_LIVE; world <= BUS_REPLAY; world++) {
+            for (int live = 0; live < 2; live++) {
+                const struct bus_config cfg = {
+                    .run_dir = run_folder, .listen_only = true, .world = world};
+                struct stand_in *s = live ? NULL : create();
+                struct bus *b = NULL, *other = live ? open_bus(name, 1) : NULL;
+                struct bus_message m;
+                bool heard = false;
+                int64_t end = now_ms() + DEADLINE_MS;
+                assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+                assert_int_equal(bus_subscribe(b, t), 0);
+                assert_true(live || !stand_in_add(s, name, t, NULL));
+                while (!heard && !bus_refused(b)) {
+                    assert_true(now_ms() < end);
+                    assert_int_equal(live ? bus_publish(other, t, 0, 5, "", 0)
+                                          : stand_in_publish(s, name, t, 0, 5, "", 0),
+                                     0);
+                    heard = !bus_receive(b, &m, 1);
+                }
+                if (heard)
+                    bus_message_free(&m);
+                bool takes = world == BUS_LIVE ? live && t != topic_clock()
+                                               : !live || of_itself;
+                assert_int_equal(heard, takes);
+                bus_destroy(b);
+                bus_destroy(other);
+                stand_in_destroy(s);
+            }
+        }
+    }
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, make_run_folder, remove_run_folder)
 
 int main(void)
@@ -132,6 +172,7 @@ int main(void)
         TEST(what_was_not_added_cannot_be_said),
         TEST(what_is_larger_than_the_kernel_s_buffer_goes_one_by_one),
         TEST(nobody_can_be_there_twice),
+        TEST(what_is_of_another_world_is_refused_on_every_topic),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

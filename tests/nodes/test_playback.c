@@ -495,6 +495,34 @@ static void what_runs_beside_it_is_not_played(void **state)
     assert_contains(why.text, "no topic is called \"pong\"");
 }
 
+/* Those of a replay, and who only looks on, are an audience. */
+static void a_folder_where_a_live_node_runs_is_refused_by_its_name(void **state)
+{
+    struct rig *r = *state;
+    struct complaint why = {""};
+    struct bus *b = NULL;
+    struct bus_config cfg = {
+        .node = "can", .run_dir = r->scratch->folder, .world = BUS_LIVE};
+
+    played_bag_write(r->bag, true);
+    r->cfg.alone = true;
+    r->cfg.n_nodes = 0;
+    assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+    assert_int_equal(playback_create(&r->p, &r->cfg, 3, &why), -EADDRINUSE);
+    assert_contains(why.text, "the node \"can\" of a live system runs here");
+    bus_destroy(b);
+    cfg.world = BUS_REPLAY;
+    assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+    assert_int_equal(playback_create(&r->p, &r->cfg, 3, &why), 0);
+    playback_destroy(r->p);
+    bus_destroy(b);
+    cfg.node = "view";
+    cfg.world = BUS_ANY;
+    assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+    assert_int_equal(playback_create(&r->p, &r->cfg, 3, &why), 0);
+    bus_destroy(b);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -515,6 +543,7 @@ int main(void)
         TEST(a_recording_of_an_array_that_stands_ends_well),
         TEST(a_recording_is_played_only_to_nodes_of_its_mode),
         TEST(what_runs_beside_it_is_not_played),
+        TEST(a_folder_where_a_live_node_runs_is_refused_by_its_name),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

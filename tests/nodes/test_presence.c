@@ -43,7 +43,7 @@ static void a_killed_process_is_gone(void **state)
     assert_int_equal(pipe(ready), 0);
     pid_t child = fork();
     if (!child) {
-        bool held = endpoint_lock(s->folder, "dsp", &why) >= 0;
+        bool held = endpoint_lock(s->folder, "dsp", false, &why) >= 0;
         if (held && write(ready[1], "x", 1) == 1)
             pause();
         _exit(1);
@@ -53,7 +53,7 @@ static void a_killed_process_is_gone(void **state)
     kill(child, SIGKILL);
     assert_int_equal(waitpid(child, &status, 0), child);
     assert_int_equal(look(s->folder, "dsp"), PRESENCE_GONE);
-    int fd = endpoint_lock(s->folder, "dsp", &why);
+    int fd = endpoint_lock(s->folder, "dsp", false, &why);
     assert_true(fd >= 0);
     assert_int_equal(look(s->folder, "dsp"), PRESENCE_ALIVE);
     close(fd);
@@ -91,10 +91,28 @@ static void a_lock_counts_with_its_inode_and_its_process(void **state)
     assert_int_equal(presence_of(&locks, s->folder, "dsp"), PRESENCE_GONE);
 }
 
+static void who_lives_in_a_replay_is_told_from_who_is_live(void **state)
+{
+    struct scratch *s = *state;
+
+    assert_false(presence_replays(s->folder, "dsp"));
+    int fd = endpoint_lock(s->folder, "dsp", true, NULL);
+    assert_true(fd >= 0);
+    assert_int_equal(look(s->folder, "dsp"), PRESENCE_ALIVE);
+    assert_true(presence_replays(s->folder, "dsp"));
+    close(fd);
+    fd = endpoint_lock(s->folder, "dsp", false, NULL);
+    assert_int_equal(look(s->folder, "dsp"), PRESENCE_ALIVE);
+    assert_false(presence_replays(s->folder, "dsp"));
+    close(fd);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_node_without_a_lock_file_never_ran,
+                                        scratch_open, scratch_close),
+        cmocka_unit_test_setup_teardown(who_lives_in_a_replay_is_told_from_who_is_live,
                                         scratch_open, scratch_close),
         cmocka_unit_test_setup_teardown(a_killed_process_is_gone, scratch_open,
                                         scratch_close),

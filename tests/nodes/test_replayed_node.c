@@ -1,4 +1,5 @@
-/* A node in this process hears what somebody plays: its time is that of the sound. */
+/* A node in this process hears what somebody plays: one of a replay has the time of the
+ * sound, a live one hears nothing. */
 #include "tests/hal/scratch.h"
 
 #include <errno.h>
@@ -16,7 +17,7 @@ struct rig {
     struct stand_in *stand_in;
 };
 
-static int setup(void **state)
+static int set_up(void **state, const char *option)
 {
     struct rig *r = calloc(1, sizeof *r);
     char launch[600];
@@ -25,9 +26,9 @@ static int setup(void **state)
         return -1;
     snprintf(launch, sizeof launch, "%s",
              scratch_write(r->scratch, "a.yaml", "nodes: [dsp]\n"));
-    char *argv[] = {(char *)"program",   (char *)"--launch", launch,
-                    (char *)"--run-dir", r->scratch->folder, NULL};
-    if (node_create(&r->node, "dsp", "Does nothing.", 5, argv) ||
+    char *argv[] = {(char *)"program",  (char *)"--launch", launch, (char *)"--run-dir",
+                    r->scratch->folder, (char *)option,     NULL};
+    if (node_create(&r->node, "dsp", "Does nothing.", option ? 6 : 5, argv) ||
         node_subscribe(r->node, topic_ping()) || node_subscribe(r->node, topic_survey()))
         return -1;
     if (stand_in_create(&r->stand_in, r->scratch->folder, 5, NULL) ||
@@ -36,6 +37,16 @@ static int setup(void **state)
         return -1;
     *state = r;
     return 0;
+}
+
+static int setup(void **state)
+{
+    return set_up(state, "--replay");
+}
+
+static int setup_live(void **state)
+{
+    return set_up(state, NULL);
 }
 
 static int teardown(void **state)
@@ -72,10 +83,11 @@ static void the_time_is_that_of_the_newest_sound(void **state)
     struct rig *r = *state;
     int64_t machine_ns = node_machine_ns(r->node);
 
-    assert_false(node_is_replayed(r->node));
+    assert_true(node_is_replayed(r->node));
+    assert_false(node_follows_replay(r->node));
     assert_true(node_now_ns(r->node) >= machine_ns);
     play(r, topic_survey(), 0, 500);
-    assert_true(node_is_replayed(r->node));
+    assert_true(node_follows_replay(r->node));
     assert_int_equal(node_now_ns(r->node), 500);
     play(r, topic_ping(), 890, 900);
     assert_int_equal(node_now_ns(r->node), 900);
@@ -119,12 +131,57 @@ static void what_a_node_makes_of_a_replay_is_marked_and_stamped_so(void **state)
     bus_destroy(b);
 }
 
-static void live_sound_ends_a_replay(void **state)
+/* Somebody publishes until the node has refused it, and says so in its health. */
+static void assert_refused(struct rig *r, int (*publish)(void *from), void *from)
+{
+    const struct bus_config cfg = {.run_dir = r->scratch->folder, .listen_only = true};
+    struct node_message in;
+    struct bus_message m;
+    struct bus *b = NULL;
+    uint64_t refused = 0;
+
+    assert_int_equal(bus_create(&b, &cfg, NULL), 0);
+    assert_int_equal(bus_subscribe(b, topic_health()), 0);
+    for (int i = 0; !refused; i++) {
+        assert_true(i < DEADLINE_MS / 20);
+        assert_int_equal(publish(from), 0);
+        assert_int_equal(node_next(r->node, &in, 20), -ETIMEDOUT);
+        while (!bus_receive(b, &m, 0)) {
+            Anlos__Health *h = (Anlos__Health *)bus_message_unpack(&m);
+            assert_non_null(h);
+            refused = h->refused;
+            anlos__health__free_unpacked(h, NULL);
+            bus_message_free(&m);
+        }
+    }
+    bus_destroy(b);
+}
+
+static int publish_replayed(void *from)
+{
+    return stand_in_publish(from, "array", topic_ping(), 890, 900, "", 0);
+}
+
+static void a_live_node_refuses_what_is_replayed_and_its_time(void **state)
 {
     struct rig *r = *state;
-    struct node_message in;
+    int64_t machine_ns = node_machine_ns(r->node);
+
+    assert_refused(r, publish_replayed, r->stand_in);
+    assert_false(node_is_replayed(r->node));
+    assert_false(node_follows_replay(r->node));
+    assert_true(node_now_ns(r->node) >= machine_ns);
+}
+
+static int publish_live(void *from)
+{
+    return bus_publish(from, topic_ping(), 1, 2, "", 0);
+}
+
+static void live_sound_does_not_end_a_replay(void **state)
+{
+    struct rig *r = *state;
     struct bus *array = NULL;
-    int err = -ETIMEDOUT;
 
     play(r, topic_ping(), 890, 900);
     stand_in_destroy(r->stand_in);
@@ -132,13 +189,9 @@ static void live_sound_ends_a_replay(void **state)
     const struct bus_config cfg = {
         .node = "array", .run_dir = r->scratch->folder, .epoch_ns = 6};
     assert_int_equal(bus_create(&array, &cfg, NULL), 0);
-    for (int i = 0; err == -ETIMEDOUT; i++) {
-        assert_true(i < DEADLINE_MS / 20);
-        assert_int_equal(bus_publish(array, topic_ping(), 1, 2, "", 0), 0);
-        err = node_next(r->node, &in, 20);
-    }
-    assert_false(node_is_replayed(r->node));
-    assert_true(node_now_ns(r->node) > 900);
+    assert_refused(r, publish_live, array);
+    assert_true(node_is_replayed(r->node));
+    assert_int_equal(node_now_ns(r->node), 900);
     bus_destroy(array);
 }
 
@@ -149,7 +202,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(the_time_is_that_of_the_newest_sound),
         TEST(what_a_node_makes_of_a_replay_is_marked_and_stamped_so),
-        TEST(live_sound_ends_a_replay),
+        TEST(live_sound_does_not_end_a_replay),
+        cmocka_unit_test_setup_teardown(a_live_node_refuses_what_is_replayed_and_its_time,
+                                        setup_live, teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -43,7 +43,7 @@ static void what_the_next_launcher_wrote_is_left_alone(void **state)
     char run_dir[RUNDIR_SIZE];
 
     assert_int_equal(site_open(&l, &a, run_dir, NULL), 0);
-    int next = endpoint_lock(run_dir, "launcher", NULL);
+    int next = endpoint_lock(run_dir, "launcher", false, NULL);
     assert_true(next >= 0);
     assert_int_equal(site_open(&l, &a, run_dir, NULL), -EADDRINUSE);
     site_close(&l, run_dir);

@@ -27,9 +27,13 @@ static const char help[] =
     "                  else /tmp/anlos-UID\n"
     "  --help          this text\n"
     "\n"
-    "What nodes that run say themselves is not played.  Play waits until they are ready\n"
-    "and, at any pace, until pings are used, so that none is lost.  Sources say replay,\n"
-    "and topic clock says where it is.  A whole replay with results is\n"
+    "A folder where a live system runs is refused.  It plays to view, record, top, and "
+    "to\n"
+    "nodes that were started with --replay; what those say themselves is not played.  "
+    "Play\n"
+    "waits until they are ready and, at any pace, until pings are used, so that none is\n"
+    "lost.  Sources say replay, and topic clock says where it is.  A whole replay with "
+    "results is\n"
     "'anlos launch launch/play.yaml --bag FILE'.\n"
     "\n"
     "keys: space pauses, . plays one message, left and right seek 10 s, home seeks the\n"
@@ -156,7 +160,7 @@ int bag_play(int argc, char **argv)
                                  .alone = true,
                                  .window = 32,
                                  .timeout_s = 5.0},
-                        .arguments = {.log_level = LOG_LEVEL_WARNING}};
+                        .arguments = {.replay = true, .log_level = LOG_LEVEL_WARNING}};
     int code;
 
     opterr = 0;

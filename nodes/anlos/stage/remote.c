@@ -182,7 +182,7 @@ int stage_wish_remote(const char *asked, const struct stage_wish *wishes, size_t
         return EXIT_FAILED;
     }
     const struct bus_config cfg = {
-        .node = "hand", .run_dir = run_dir, .epoch_ns = now_ns()};
+        .node = "hand", .run_dir = run_dir, .epoch_ns = now_ns(), .world = BUS_LIVE};
     int err = bus_create(&r.bus, &cfg, &why);
     if (err) {
         fprintf(stderr, "anlos stage: %s\n", why.text);
