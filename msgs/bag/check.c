@@ -163,14 +163,17 @@ static int next_record(struct bag_check *c)
     return err == -ENOMEM ? err : 0;
 }
 
-static void check_end(struct bag_check *c)
+static int check_end(struct bag_check *c)
 {
     c->offset = c->next;
-    if (bag_file_read(&c->found->file, c->next, BAG_MAGIC_SIZE, &c->bytes, NULL) ||
-        memcmp(c->bytes.data, BAG_MAGIC, BAG_MAGIC_SIZE))
+    int err = bag_file_read(&c->found->file, c->next, BAG_MAGIC_SIZE, &c->bytes, NULL);
+    if (err && err != -EBADMSG) /* it is not known what is there */
+        return err;
+    if (err || memcmp(c->bytes.data, BAG_MAGIC, BAG_MAGIC_SIZE))
         check_fault(c, "no closing magic after the footer");
     else if (c->next + BAG_MAGIC_SIZE != c->found->file.size)
         check_fault(c, "something follows the closing magic");
+    return 0;
 }
 
 static int walk(struct bag_check *c, struct complaint *why)
@@ -186,7 +189,7 @@ static int walk(struct bag_check *c, struct complaint *why)
         err = next_record(c);
     }
     if (!err)
-        check_end(c);
+        err = check_end(c);
     if (err && err != -ENODATA)
         return complain(why, err, "%s: %s", c->found->file.path, strerror(-err));
     return 0;

@@ -3,10 +3,21 @@
 #include <errno.h>
 #include <stdlib.h>
 
+/* All of the record, or nothing of it is kept. */
+static int put_record(struct bytes_buffer *into, const struct bag_record *r)
+{
+    bag_record_put(into, r);
+    if (!into->failed)
+        return 0;
+    bytes_free(into);
+    return -ENOMEM;
+}
+
 int bag_definitions_schema(struct bag_definitions *d, const struct bag_schema *schema,
                            uint16_t *id)
 {
     struct bag_record r = {.opcode = BAG_SCHEMA, .schema = *schema};
+    struct bytes_buffer bytes = {0};
 
     if (d->n_schemas == UINT16_MAX)
         return -EINVAL;
@@ -15,17 +26,19 @@ int bag_definitions_schema(struct bag_definitions *d, const struct bag_schema *s
     if (!grown)
         return -ENOMEM;
     d->schemas = grown;
-    grown += d->n_schemas++;
-    *grown = (struct bag_definition){.in_chunk = false};
-    *id = r.schema.id = (uint16_t)d->n_schemas;
-    bag_record_put(&grown->record, &r);
-    return grown->record.failed ? -ENOMEM : 0;
+    r.schema.id = (uint16_t)(d->n_schemas + 1);
+    if (put_record(&bytes, &r))
+        return -ENOMEM;
+    grown[d->n_schemas++] = (struct bag_definition){.record = bytes};
+    *id = r.schema.id;
+    return 0;
 }
 
 int bag_definitions_channel(struct bag_definitions *d, const struct bag_channel *channel,
                             uint16_t *id)
 {
     struct bag_record r = {.opcode = BAG_CHANNEL, .channel = *channel};
+    struct bytes_buffer bytes = {0};
 
     if (d->n_channels == UINT16_MAX || channel->schema_id > d->n_schemas)
         return -EINVAL;
@@ -34,11 +47,13 @@ int bag_definitions_channel(struct bag_definitions *d, const struct bag_channel 
     if (!grown)
         return -ENOMEM;
     d->channels = grown;
-    grown += d->n_channels++;
-    *grown = (struct bag_defined_channel){.schema_id = channel->schema_id};
-    *id = r.channel.id = (uint16_t)d->n_channels;
-    bag_record_put(&grown->definition.record, &r);
-    return grown->definition.record.failed ? -ENOMEM : 0;
+    r.channel.id = (uint16_t)(d->n_channels + 1);
+    if (put_record(&bytes, &r))
+        return -ENOMEM;
+    grown[d->n_channels++] = (struct bag_defined_channel){.schema_id = channel->schema_id,
+                                                          .definition.record = bytes};
+    *id = r.channel.id;
+    return 0;
 }
 
 static void put(struct bag_definition *d, struct bytes_buffer *chunk)

@@ -40,12 +40,16 @@ int bag_file_open(struct bag_file *f, const char *path, struct complaint *why)
     char magic[BAG_MAGIC_SIZE];
     int err = bag_file_open_any(f, path, why);
 
-    if (!err && (pread(f->fd, magic, sizeof magic, 0) != (ssize_t)sizeof magic ||
-                 memcmp(magic, BAG_MAGIC, sizeof magic))) {
+    if (err)
+        return err;
+    ssize_t n = pread(f->fd, magic, sizeof magic, 0);
+    if (n < 0)
+        err = complain(why, -errno, "%s: %s", path, strerror(errno));
+    else if (n != (ssize_t)sizeof magic || memcmp(magic, BAG_MAGIC, sizeof magic))
         err =
             complain(why, -EBADMSG, f->size ? "%s is no MCAP file" : "%s is empty", path);
+    if (err)
         bag_file_close(f);
-    }
     return err;
 }
 

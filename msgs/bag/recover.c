@@ -61,7 +61,9 @@ static int save(struct recover *r, const struct bag_record *record, struct compl
         return 0;
     case BAG_SCHEMA:
     case BAG_CHANNEL:
-        return bag_catalog_define(r->catalog, record); /* unless it is known */
+        if (bag_catalog_define(r->catalog, record)) /* unless it is known */
+            return complain(why, -ENOMEM, "%s: out of memory", r->catalog->file.path);
+        return 0;
     case BAG_STATISTICS:
         r->count.expected_messages = record->statistics.message_count;
         return 0;
@@ -121,8 +123,11 @@ static int save_last(struct recover *r, uint64_t offset, uint64_t next, uint64_t
 {
     struct bag_record record;
 
-    if (bag_file_record(&r->catalog->file, offset, &r->salvage.record, NULL))
-        return 0;
+    int err = bag_file_record(&r->catalog->file, offset, &r->salvage.record, NULL);
+    if (err)
+        return err == -ENOMEM
+                   ? complain(why, err, "%s: out of memory", r->catalog->file.path)
+                   : 0;
     struct bytes_cursor whole = {.left = bytes_in(&r->salvage.record)};
     if (r->salvage.record.size > next - offset || bag_record_take(&whole, &record))
         return 0;
@@ -184,6 +189,8 @@ static int walk(struct recover *r, struct complaint *why)
         } else {
             err = pass_damage(r, offset, &next, why);
         }
+        if (!err && r->salvage.out_of_memory) /* what could not be read may be whole */
+            err = complain(why, -ENOMEM, "%s: out of memory", r->catalog->file.path);
     }
     return err;
 }

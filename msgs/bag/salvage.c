@@ -23,6 +23,13 @@ void bag_salvage_free(struct bag_salvage *s)
     bytes_free(&s->plain);
 }
 
+/* Only what was read can be damaged.  A bad place of a disk is: it is lost. */
+static bool is_read(struct bag_salvage *s, int err)
+{
+    s->out_of_memory |= err == -ENOMEM;
+    return !err;
+}
+
 /* n bytes at the offset; NULL: they are not there. */
 static const uint8_t *look(struct bag_salvage *s, uint64_t offset, size_t n)
 {
@@ -31,8 +38,9 @@ static const uint8_t *look(struct bag_salvage *s, uint64_t offset, size_t n)
     if (offset < s->window_offset || offset + n > s->window_offset + s->window.size) {
         uint64_t left = s->file->size - offset;
         s->window_offset = offset;
-        if (bag_file_read(s->file, offset, left < WINDOW_SIZE ? left : WINDOW_SIZE,
-                          &s->window, NULL)) {
+        if (!is_read(s, bag_file_read(s->file, offset,
+                                      left < WINDOW_SIZE ? left : WINDOW_SIZE, &s->window,
+                                      NULL))) {
             s->window.size = 0;
             return NULL;
         }
@@ -77,7 +85,7 @@ bool bag_salvage_take(struct bag_salvage *s, uint64_t offset, struct bag_record 
     uint64_t length = bag_salvage_length(s, offset, &opcode);
 
     if (!length || !bag_salvage_goes_on(s, offset + length) ||
-        bag_file_record(s->file, offset, &s->record, NULL))
+        !is_read(s, bag_file_record(s->file, offset, &s->record, NULL)))
         return false;
     struct bytes_cursor whole = {.left = bytes_in(&s->record)};
     if (bag_record_take(&whole, out))
@@ -85,7 +93,8 @@ bool bag_salvage_take(struct bag_salvage *s, uint64_t offset, struct bag_record 
     if (opcode == BAG_ATTACHMENT)
         return !bag_file_attachment(s->file, offset, &out->attachment, NULL);
     return opcode != BAG_CHUNK ||
-           !bag_file_chunk(s->file, offset, &out->chunk, &s->allowance, &s->plain, NULL);
+           is_read(s, bag_file_chunk(s->file, offset, &out->chunk, &s->allowance,
+                                     &s->plain, NULL));
 }
 
 uint64_t bag_salvage_find(struct bag_salvage *s, uint64_t from)

@@ -10,6 +10,7 @@ struct bag_salvage {
     const struct bag_file *file;
     uint64_t work;      /* bytes that may still be looked at in vain */
     uint64_t allowance; /* bytes that chunks may still hold */
+    bool out_of_memory; /* once: what seemed damaged since may be whole */
     struct bytes_buffer window;
     uint64_t window_offset;
     struct bytes_buffer record; /* the one looked at last */

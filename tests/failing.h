@@ -1,0 +1,29 @@
+/* tests/failing.h -- fault injection: of all calls of a piece of work for memory and to
+ * the system one fails, the first, then in another run the second, and so on, until a run
+ * is over before its turn comes.  Each run ends with an error and a sentence, or with
+ * what it was to make; it leaves no memory and no descriptor behind.
+ *
+ * The linker puts these in the place of the real ones (--wrap), for what is linked into
+ * the test; libraries call their own. */
+#ifndef ANLOS_TESTS_FAILING_H
+#define ANLOS_TESTS_FAILING_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "msgs/complaint.h"
+
+struct failing_work {
+    const char *name;
+    /* 0, or a negative errno and a sentence. */
+    int (*run)(void *context, struct complaint *why);
+    /* Then, with nothing failing: is what was made as it is to be, which is so if err is
+     * 0?  Puts things back as they were; may be NULL. */
+    void (*check)(void *context, int err);
+    void *context;
+};
+
+/* Fails the test if a run does not end so.  Returns how many calls there were. */
+size_t failing_each(const struct failing_work *work);
+
+#endif
