@@ -1,0 +1,169 @@
+/* The vehicle's frames while memory, disk or file give out, at every place where they
+ * may; and what says where they go. */
+#include "tests/hal/scratch.h"
+
+#include <errno.h>
+#include <unistd.h>
+
+#include "nodes/can/config.h"
+#include "nodes/can/outbox.h"
+#include "nodes/can/vehicle_bus.h"
+#include "tests/failing.h"
+
+enum { LISTS = 3, LINES = 2 }; /* a header and a time to each list */
+
+struct rig {
+    struct scratch *scratch;
+    struct launchfile launch;
+    char uri[1024], launch_path[1024];
+    struct fake_clock clock;
+    uint64_t sent, dropped;
+};
+
+static void put_list(struct rig *r, struct sender *s, struct outbox *o, uint32_t counter)
+{
+    Anlos__DetectionList message = ANLOS__DETECTION_LIST__INIT;
+    struct sender_list list;
+
+    message.counter = counter;
+    sender_list(s, &message, r->clock.now_ns, &list);
+    outbox_put_list(o, &list);
+}
+
+/* Each list until it is out or dropped; what was not written is tried again. */
+static int send_lists(struct rig *r, struct canbus *bus, struct complaint *why)
+{
+    struct sender_config cfg;
+    static struct sender s;
+    static struct outbox o;
+    char text[320];
+    int err = 0;
+
+    can_config_sender(&cfg, NULL);
+    sender_init(&s, &cfg);
+    outbox_init(&o, bus, &r->clock.source, &s);
+    for (uint32_t i = 0; i < LISTS; i++) {
+        put_list(r, &s, &o, i);
+        for (int k = 0; k < 20; k++, r->clock.now_ns += 50000000) {
+            outbox_step(&o);
+            if (!outbox_well(&o, text, sizeof text))
+                err = complain(why, -EIO, "%s", text);
+        }
+    }
+    r->sent = o.sent;
+    r->dropped = o.dropped;
+    return err;
+}
+
+static int can_work(void *context, struct complaint *why)
+{
+    struct rig *r = context;
+    struct canbus *bus;
+
+    r->sent = r->dropped = 0;
+    int err = vehicle_bus_open(&bus, &r->launch, why);
+    if (err)
+        return err;
+    err = send_lists(r, bus, why);
+    canbus_close(bus);
+    return err;
+}
+
+/* Whole lines, and of every list that went out all of them: nothing is lost untold. */
+static void check_log(void *context, int err)
+{
+    const struct rig *r = context;
+    FILE *f = fopen(scratch_path(r->scratch, "x.candump"), "r");
+    char line[256];
+    size_t n = 0;
+
+    for (; f && fgets(line, sizeof line, f); n++) {
+        assert_non_null(strchr(line, '\n'));
+        assert_int_equal(line[0], '(');
+        assert_contains(line, n % LINES ? ") can0 403#" : ") can0 402#");
+    }
+    if (f)
+        fclose(f);
+    assert_int_equal(n, LINES * r->sent);
+    if (!err)
+        assert_int_equal(r->sent, LISTS);
+    else if (r->sent + r->dropped)
+        assert_int_equal(r->sent + r->dropped, LISTS);
+    unlink(r->scratch->path);
+}
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r || scratch_open((void **)&r->scratch))
+        return -1;
+    fake_clock_set(&r->clock, 1000000000);
+    snprintf(r->uri, sizeof r->uri, "log:%s", scratch_path(r->scratch, "x.candump"));
+    r->launch.can.uri = r->uri;
+    r->launch.report.folder = r->scratch->folder;
+    *state = r;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+    void *scratch = r->scratch;
+
+    free(r);
+    return scratch_close(&scratch);
+}
+
+static void no_frame_is_lost_untold_in_a_log(void **state)
+{
+    struct rig *r = *state;
+    const struct failing_work work = {"a log of frames", can_work, check_log, r};
+
+    assert_true(failing_each(&work) > 10);
+}
+
+static int launch_work(void *context, struct complaint *why)
+{
+    const struct rig *r = context;
+    bool plays = strstr(r->launch_path, "play.yaml");
+    const struct launchfile_options options = {.out = "/tmp/out",
+                                               .bag = plays ? "a.mcap" : NULL,
+                                               .rate = plays ? "2" : NULL,
+                                               .record = "b.mcap"};
+    struct launchfile *l = NULL;
+    int err = launchfile_load(&l, r->launch_path, &options, why);
+
+    if (!err) {
+        assert_string_equal(l->report.folder, "/tmp/out");
+        assert_string_equal(l->record.path, "b.mcap");
+        assert_true(launchfile_has_node(l, "record"));
+    }
+    launchfile_destroy(l);
+    return err;
+}
+
+static void every_failure_while_a_launch_file_is_read_is_told(void **state)
+{
+    static const char *const files[] = {"demo.yaml", "drive.yaml", "play.yaml",
+                                        "two-hosts.yaml"};
+    struct rig *r = *state;
+
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        const struct failing_work work = {files[i], launch_work, NULL, r};
+        snprintf(r->launch_path, sizeof r->launch_path, "%s/launch/%s", SOURCE_DIR,
+                 files[i]);
+        assert_true(failing_each(&work) > 5);
+    }
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(no_frame_is_lost_untold_in_a_log),
+        TEST(every_failure_while_a_launch_file_is_read_is_told),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
