@@ -1,6 +1,7 @@
 #include "nodes/rt/rundir.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,24 +30,70 @@ int rundir_name(char out[RUNDIR_SIZE], const char *asked, struct complaint *why)
                     RUNDIR_SIZE - 1);
 }
 
+/* Whoever may rename the folder can put another one in its place. */
+static int check_parents(const char *run_dir, const char *path, struct complaint *why)
+{
+    char parent[PATH_MAX];
+    struct stat st;
+
+    snprintf(parent, sizeof parent, "%s", path);
+    for (char *slash; (slash = strrchr(parent, '/'));) {
+        slash[slash == parent] = '\0';
+        if (!stat(parent, &st) && (st.st_mode & S_IWOTH) && !(st.st_mode & S_ISVTX))
+            return complain(why, -EACCES,
+                            "run folder %s: anybody may replace it, for %.200s is "
+                            "everybody's (mode %03o): 'chmod o-w' or 'chmod +t' that, or "
+                            "choose another folder",
+                            run_dir, parent, (unsigned)st.st_mode & 07777);
+        if (slash == parent)
+            break;
+    }
+    return 0;
+}
+
+/* As it is written, with its links, and as it really is. */
+static int check_way(const char *run_dir, struct complaint *why)
+{
+    char here[PATH_MAX - RUNDIR_SIZE - 1] = "", written[PATH_MAX];
+
+    if (run_dir[0] != '/' && !getcwd(here, sizeof here))
+        return complain(why, -errno, "run folder %s: %s", run_dir, strerror(errno));
+    snprintf(written, sizeof written, "%s/%s", here, run_dir);
+    int err = check_parents(run_dir, written, why);
+    char *real = err ? NULL : realpath(run_dir, NULL);
+    if (real)
+        err = check_parents(run_dir, real, why);
+    free(real);
+    return err;
+}
+
 int rundir_check(const char *run_dir, struct complaint *why)
 {
     struct stat st;
+    int err = check_way(run_dir, why);
 
+    if (err)
+        return err;
     if (stat(run_dir, &st))
         return errno == ENOENT
                    ? 0
                    : complain(why, -errno, "run folder %s: %s", run_dir, strerror(errno));
     if (!S_ISDIR(st.st_mode))
         return complain(why, -EINVAL, "run folder %s: is not a folder", run_dir);
-    if (!access(run_dir, R_OK | W_OK | X_OK))
-        return 0;
-    if (errno != EACCES)
+    if (st.st_uid != geteuid())
+        return complain(why, -EACCES,
+                        "run folder %s: is user %u's, who could speak in your name: be "
+                        "that user ('setpriv --reuid=%u --clear-groups COMMAND' as "
+                        "root), or choose another folder",
+                        run_dir, (unsigned)st.st_uid, (unsigned)st.st_uid);
+    if (st.st_mode & 022)
+        return complain(why, -EACCES,
+                        "run folder %s: others may write into it (mode %03o) and speak "
+                        "in your name: 'chmod go-w' it, or choose another folder",
+                        run_dir, (unsigned)st.st_mode & 07777);
+    if (access(run_dir, R_OK | W_OK | X_OK))
         return complain(why, -errno, "run folder %s: %s", run_dir, strerror(errno));
-    return complain(why, -EACCES,
-                    "run folder %s: is user %u's, and closed to others: be that user, or "
-                    "choose another folder",
-                    run_dir, (unsigned)st.st_uid);
+    return 0;
 }
 
 int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct complaint *why)
@@ -59,14 +106,8 @@ int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct complaint *why)
         int err = -errno;
         return complain(why, err, "run folder %s: %s", out, strerror(-err));
     }
-    if (lstat(out, &st) || (asked && S_ISLNK(st.st_mode) && stat(out, &st)))
-        return complain(why, -errno, "run folder %s: %s", out, strerror(errno));
-    int err = rundir_check(out, why);
-    if (err)
-        return err;
-    /* In /tmp anybody may have made it first, to speak in our name. */
-    if (!asked && (st.st_uid != geteuid() || (st.st_mode & 022)))
-        return complain(why, -EACCES, "run folder %s: must be yours alone; try --run-dir",
-                        out);
-    return 0;
+    /* In /tmp anybody may have made it first. */
+    if (!asked && !lstat(out, &st) && S_ISLNK(st.st_mode))
+        return complain(why, -EACCES, "run folder %s: is a link; try --run-dir", out);
+    return rundir_check(out, why);
 }

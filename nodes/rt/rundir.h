@@ -12,12 +12,14 @@
 int rundir_name(char out[RUNDIR_SIZE], const char *asked, struct complaint *why);
 
 /* The folder asked for, or $XDG_RUNTIME_DIR/anlos, or /tmp/anlos-UID; made with mode 0700
- * when missing.  0, -EINVAL (too long, or not a folder), -EACCES (belongs to somebody
- * else), other negative errno. */
+ * when missing.  0, -EINVAL (too long), as rundir_check, other negative errno. */
 int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct complaint *why);
 
-/* Can it be looked into and spoken in, if it is there?  0, -EINVAL (not a folder),
- * -EACCES (somebody else's), other negative errno. */
+/* Whoever can write into it can speak as any node.  So, if it is there, it has to be this
+ * user's (root is no exception), and nobody else's to write into; and nobody may replace
+ * it, nor one that is to be made.  0, -EINVAL (not a folder), -EACCES, other negative
+ * errno.
+ */
 int rundir_check(const char *run_dir, struct complaint *why);
 
 #endif

@@ -30,17 +30,70 @@ static void the_default_is_in_the_runtime_folder(void **state)
     assert_string_equal(got, scratch_path(s, "anlos"));
 }
 
-static void a_default_that_others_can_write_is_refused(void **state)
+static void assert_refused(const char *asked, const char *reason)
 {
-    struct scratch *s = *state;
     struct complaint why = {""};
     char got[RUNDIR_SIZE];
 
+    assert_int_equal(rundir_open(got, asked, &why), -EACCES);
+    assert_contains(why.text, reason);
+    why.text[0] = '\0';
+    assert_int_equal(rundir_check(got, &why), -EACCES);
+    assert_contains(why.text, reason);
+}
+
+static void a_folder_that_others_can_write_is_refused(void **state)
+{
+    static const mode_t modes[] = {0777, 01777, 0770, 0702};
+    struct scratch *s = *state;
+    char asked[512];
+
     setenv("XDG_RUNTIME_DIR", s->folder, 1);
     scratch_folder(s, "anlos");
-    assert_int_equal(chmod(s->path, 0777), 0);
+    snprintf(asked, sizeof asked, "%s", s->path);
+    for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
+        assert_int_equal(chmod(asked, modes[i]), 0);
+        assert_refused(asked, "others may write into it");
+        assert_refused(NULL, "others may write into it");
+    }
+    assert_int_equal(chmod(asked, 0755), 0);
+    assert_int_equal(rundir_check(asked, NULL), 0);
+}
+
+/* But for a folder like /tmp, whose owners of entries alone rename them. */
+static void a_folder_that_others_can_replace_is_refused(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {""};
+    char parent[80], asked[88], link[88], got[RUNDIR_SIZE];
+
+    snprintf(parent, sizeof parent, "%s/all", s->folder);
+    snprintf(asked, sizeof asked, "%s/run", parent);
+    snprintf(link, sizeof link, "%s/link", s->folder);
+    assert_int_equal(mkdir(parent, 0700), 0);
+    assert_int_equal(chmod(parent, 0777), 0);
+    assert_int_equal(rundir_check(asked, &why), -EACCES); /* it is not made yet */
+    assert_refused(asked, "is everybody's (mode 777)");
+    assert_int_equal(symlink(asked, link), 0);
+    assert_refused(link, "is everybody's (mode 777)");
+    assert_int_equal(chmod(parent, 01777), 0);
+    assert_int_equal(rundir_open(got, asked, NULL), 0);
+    assert_int_equal(rundir_open(got, link, NULL), 0);
+}
+
+static void a_link_in_the_place_of_the_default_is_refused(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {""};
+    char target[512], got[RUNDIR_SIZE];
+
+    setenv("XDG_RUNTIME_DIR", s->folder, 1);
+    scratch_folder(s, "mine");
+    snprintf(target, sizeof target, "%s", s->path);
+    assert_int_equal(chmod(target, 0700), 0);
+    assert_int_equal(symlink(target, scratch_path(s, "anlos")), 0);
     assert_int_equal(rundir_open(got, NULL, &why), -EACCES);
-    assert_contains(why.text, "must be yours alone");
+    assert_contains(why.text, "is a link");
 }
 
 static void a_file_in_its_place_is_named(void **state)
@@ -53,28 +106,73 @@ static void a_file_in_its_place_is_named(void **state)
     assert_contains(why.text, path);
 }
 
-/* root is let in everywhere: a process of another user looks. */
-static void a_folder_of_somebody_else_is_not_taken_for_an_empty_one(void **state)
+/* Another process looks, as somebody else; without root it cannot be. */
+static void a_folder_of_somebody_else_is_refused(void **state)
 {
     struct scratch *s = *state;
     struct complaint why = {""};
+    char asked[512];
     int status;
 
+    if (geteuid())
+        skip();
     scratch_folder(s, "run");
-    assert_int_equal(chmod(s->path, 0500), 0);
+    snprintf(asked, sizeof asked, "%s", s->path);
+    assert_int_equal(chmod(asked, 0755), 0);
+    assert_int_equal(chmod(s->folder, 0711), 0);
     pid_t pid = fork();
-    if (!pid) {
-        if (!geteuid() && (chmod(s->folder, 0711) || setuid(65534)))
-            _exit(1);
-        _exit(rundir_check(s->path, &why) == -EACCES &&
-                      strstr(why.text, "closed to others")
-                  ? 0
-                  : 2);
-    }
+    if (!pid)
+        _exit(setuid(65534) || rundir_check(asked, &why) != -EACCES ||
+              !strstr(why.text, "is user 0's"));
     assert_int_equal(waitpid(pid, &status, 0), pid);
-    assert_true(WIFEXITED(status));
-    assert_int_equal(WEXITSTATUS(status), 0);
-    assert_int_equal(rundir_check("/nowhere/at/all", &why), 0); /* to be made */
+    assert_int_equal(status, 0);
+    assert_int_equal(chown(asked, 65534, 65534), 0);
+    assert_refused(asked, "is user 65534's");
+}
+
+static void a_folder_that_is_not_there_may_be_made(void **state)
+{
+    (void)state;
+    assert_int_equal(rundir_check("/nowhere/at/all", NULL), 0);
+}
+
+/* Each kind of program, with its sentence. */
+static void every_program_refuses_and_ends_with_2(void **state)
+{
+    static const char *const programs[][8] = {
+        {"anlos", "launch", "LAUNCH"},
+        {"anlos-can", "--launch", "LAUNCH"},
+        {"anlos", "top", "--once"},
+        {"anlos", "topic", "hz", "ping"},
+        {"anlos", "node", "list"},
+        {"anlos", "stage", "status"},
+        {"anlos", "bag", "record", "-o", "a.mcap"},
+        {"anlos", "view", "--port", "0"},
+    };
+    struct scratch *s = *state;
+    char asked[512], launch[512], line[3000], text[2000];
+
+    snprintf(launch, sizeof launch, "%s",
+             scratch_write(s, "a.yaml", "nodes: [can]\narray: {uri: 'sim:x'}\n"));
+    scratch_folder(s, "run");
+    snprintf(asked, sizeof asked, "%s", s->path);
+    assert_int_equal(chmod(asked, 0777), 0);
+    for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
+        size_t used = (size_t)snprintf(line, sizeof line, "cd %s && %s/bin/", s->folder,
+                                       BINARY_DIR);
+        for (size_t k = 0; programs[i][k]; k++)
+            used += (size_t)snprintf(line + used, sizeof line - used, "%s ",
+                                     strcmp(programs[i][k], "LAUNCH") ? programs[i][k]
+                                                                      : launch);
+        snprintf(line + used, sizeof line - used, "--run-dir %s 2>&1 </dev/null", asked);
+        FILE *f = popen(line, "r");
+        assert_non_null(f);
+        text[fread(text, 1, sizeof text - 1, f)] = '\0';
+        int status = pclose(f);
+        if (!WIFEXITED(status) || WEXITSTATUS(status) != 2 ||
+            !strstr(text, "others may write into it (mode 777)"))
+            fail_msg("%s: status %x, %s", line, (unsigned)status, text);
+    }
 }
 
 static void a_name_too_long_for_sockets_is_refused(void **state)
@@ -95,9 +193,13 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_folder_asked_for_is_made),
         TEST(the_default_is_in_the_runtime_folder),
-        TEST(a_default_that_others_can_write_is_refused),
+        TEST(a_folder_that_others_can_write_is_refused),
+        TEST(a_folder_that_others_can_replace_is_refused),
+        TEST(a_link_in_the_place_of_the_default_is_refused),
         TEST(a_file_in_its_place_is_named),
-        TEST(a_folder_of_somebody_else_is_not_taken_for_an_empty_one),
+        TEST(a_folder_of_somebody_else_is_refused),
+        TEST(a_folder_that_is_not_there_may_be_made),
+        TEST(every_program_refuses_and_ends_with_2),
         TEST(a_name_too_long_for_sockets_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

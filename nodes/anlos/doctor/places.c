@@ -193,16 +193,14 @@ void doctor_run_dir(const void *ctx, struct findings *f)
     const struct doctor *d = ctx;
     char run_dir[RUNDIR_SIZE];
     struct complaint why = {""};
-    struct stat st;
 
     if (rundir_name(run_dir, d->run_dir, &why) || !has_room_for_sockets(run_dir, &why)) {
         finding_add(f, FINDING_WRONG, "run-dir", "%s", why.text);
         finding_todo(f, "name a shorter one with --run-dir");
         return;
     }
-    if (!d->run_dir && !stat(run_dir, &st) &&
-        (st.st_uid != geteuid() || (st.st_mode & 022))) {
-        finding_add(f, FINDING_WRONG, "run-dir", "%s is not yours alone", run_dir);
+    if (rundir_check(run_dir, &why)) {
+        finding_add(f, FINDING_WRONG, "run-dir", "%s", why.text);
         finding_todo(f, "'rm -r %s' when nothing runs there, or --run-dir", run_dir);
         return;
     }
