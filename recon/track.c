@@ -29,6 +29,7 @@ void track_config_default(struct track_config *cfg)
                                           .delete_existence = 0.02,
                                           .survival_s = 10.0},
                                  .coast_s = 1.5,
+                                 .place_looks = 1.5,
                                  .rest_m = 0.05,
                                  .rest_s = 1.5,
                                  .id_rest_s = 30.0,
@@ -47,7 +48,7 @@ static bool is_valid(const struct track_config *c)
     return c->detection_probability < 1.0 && c->new_existence < 1.0 &&
            c->lost_ego_psd_m2_s3 >= 0.0 && c->wander_m >= 0.0 && c->join_m >= 0.0 &&
            c->rest_m > 0.0 && c->rest_s > 0.0 && c->id_rest_s >= 0.0 &&
-           c->reset_s >= 0.0 && c->life.confirm_hits >= 1 &&
+           c->place_looks >= 0.0 && c->reset_s >= 0.0 && c->life.confirm_hits >= 1 &&
            c->life.confirm_hits <= c->life.confirm_of &&
            c->life.confirm_of <= TRACK_LOOKS_MAX && c->life.confirm_existence < 0.999 &&
            c->life.delete_existence < 1.0;
@@ -152,6 +153,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     track_outline_update(k, t->pose.dyaw);
     k->motion = judge_motion(k);
     judge_rest(t, scan, fresh, k);
+    track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
     k->seen_ns = scan->stamp_ns;
     k->state = TRACK_MEASURED;
 }
@@ -190,10 +192,13 @@ static void miss_track(struct tracker *t, const struct track_scan *scan, size_t 
 
     from_ground(t, k, at_m);
     bool shown = !scan->shows || scan->shows(scan->context, at_m);
+    if (!k->mirror.id && scan->n_mirrors) /* what no mirror can show is not looked for */
+        shown = false;
     if (shown && !is_covered(t, scan, i, mine))
         track_life_update(&k->life, &t->cfg.life, false,
                           1.0 - t->cfg.detection_probability, fresh);
     k->missed += fresh;
+    k->waited += k->placed || !scan->n_mirrors ? 0.0 : fresh;
     k->state = TRACK_PREDICTED;
     k->detection = TRACK_NONE;
 }
@@ -215,6 +220,13 @@ static void name_confirmed(struct tracker *t, int64_t now_ns)
     }
 }
 
+static bool is_past_its_mirror(const struct track *k)
+{
+    const double at_m[3] = {k->filter.state[0], k->filter.state[1], k->filter.height_m};
+
+    return k->state == TRACK_PREDICTED && track_mirror_beyond_m(&k->mirror, at_m) > 0.0;
+}
+
 /* Named tracks that end are told once; others are dropped at once. */
 static void end_tracks(struct tracker *t, int64_t now_ns)
 {
@@ -223,6 +235,7 @@ static void end_tracks(struct tracker *t, int64_t now_ns)
     for (size_t i = 0; i < t->n; i++) {
         struct track *k = &t->tracks[i];
         bool over = k->merged || track_life_is_over(&k->life, &t->cfg.life) ||
+                    is_past_its_mirror(k) || k->waited > t->cfg.place_looks ||
                     1e-9 * (double)(now_ns - k->seen_ns) > t->cfg.coast_s ||
                     (k->id && 1e-9 * (double)(now_ns - k->moves_ns) > t->cfg.coast_s);
         if (over && !k->id)
@@ -265,6 +278,7 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
     track_life_start(&k->life, &t->cfg.life, t->cfg.new_existence * existence);
     k->state = TRACK_MEASURED;
     k->first_ns = k->seen_ns = scan->stamp_ns;
+    track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
     judge_rest(t, scan, fresh, k);
     t->n++;
 }
@@ -324,6 +338,7 @@ int tracker_step(struct tracker *t, const struct track_scan *scan)
     drop_deleted(t);
     ego_step_join(&t->pose, &scan->ego, &t->pose);
     predict(t, dt_s, scan->ego_known);
+    track_mirror_follow(t, scan);
     track_place(t, scan, fresh);
     track_associate(t, scan, mine, whose);
     for (size_t i = 0; i < t->n; i++) {

@@ -38,7 +38,9 @@ static void fill_costs(struct tracker *t, const struct track_scan *scan)
         double *cost = t->cost + i * n_columns;
         for (size_t j = 0; j < scan->n; j++) {
             struct track_match m = track_body_match(k, &t->positions[j], NULL);
-            bool near = m.distance2 < t->cfg.gate2 &&
+            bool mirrored = scan->detections[j].mirror != 0;
+            bool near = m.distance2 < t->cfg.gate2 && !k->merged &&
+                        mirrored == (k->mirror.id != 0) &&
                         !track_rests_elsewhere(t, scan, i, j);
             cost[j] = near ? -log(fmax(seen * m.density / scan->clutter_m2, 1e-300))
                            : NEVER;

@@ -4,6 +4,26 @@
 
 #include "recon/track_state.h"
 
+static struct track_mirror in_vehicle(const struct ego_step *pose,
+                                      const struct track_mirror *m)
+{
+    struct track_mirror out = *m;
+
+    out.distance_m -= m->normal[0] * pose->dx_m + m->normal[1] * pose->dy_m;
+    track_turn(-pose->dyaw, m->normal, out.normal);
+    return out;
+}
+
+/* What is measured there is before its mirror: its filter, or what is taken to belong to
+ * it, is where it cannot be. */
+static void keep_before(const struct track_mirror *m, double p_m[3])
+{
+    double beyond_m = track_mirror_beyond_m(m, p_m);
+
+    for (int a = 0; a < 3 && beyond_m > 0.0; a++)
+        p_m[a] -= beyond_m * m->normal[a];
+}
+
 static void report(const struct tracker *t, const struct track *k,
                    struct track_report *out)
 {
@@ -20,6 +40,9 @@ static void report(const struct tracker *t, const struct track *k,
     out->state = k->state;
     ego_step_point(&t->pose, at_m, out->position_m);
     ego_step_point(&t->pose, heard_m, out->heard_m);
+    out->mirror = in_vehicle(&t->pose, &k->mirror);
+    out->placed = k->placed;
+    keep_before(&out->mirror, out->position_m);
     track_turn(-yaw, f->state + 2, out->velocity_m_s);
     for (int i = 0; i < 2; i++)
         memcpy(block[i], f->covariance[i], sizeof block[i]);

@@ -25,7 +25,10 @@ struct track {
     double extent_m[3];
     struct track_body body;
     struct track_outline outline;
-    bool merged; /* into another one */
+    struct track_mirror mirror; /* over ground: that all of this holds for */
+    bool placed;                /* it was measured by way of it */
+    double waited;              /* for that: looks in which no mirror showed it */
+    bool merged;                /* into another one */
     size_t detection;
 };
 
@@ -47,6 +50,17 @@ struct tracker {
 void track_to_ground(const struct ego_step *pose, const double from[2], double to[2]);
 void track_turn(double angle, const double from[2], double to[2]);
 void track_turn_matrix(double angle, const double from[2][2], double to[2][2]);
+
+/* All tracks follow the mirrors of a scan, after its ego motion. */
+void track_mirror_follow(struct tracker *t, const struct track_scan *scan);
+
+/* A track was measured by way of the mirror with this id. */
+void track_mirror_measured(struct tracker *t, const struct track_scan *scan,
+                           struct track *k, uint32_t id);
+
+/* How far a place over ground is beyond where things by this mirror may be; below 0: it
+ * is before it. */
+double track_mirror_beyond_m(const struct track_mirror *m, const double p[3]);
 
 /* t->positions, t->looks: where the scan's detections are over ground. */
 void track_place(struct tracker *t, const struct track_scan *scan, double fresh);

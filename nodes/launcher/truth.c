@@ -32,12 +32,14 @@ static int read_list(struct truth *t, const json_t *root)
     t->mirrored = json_is_true(json_object_get(root, "mirrored_at_wall"));
     for (size_t i = 0; i < json_array_size(list) && i < TRUTH_MAX; i++) {
         const json_t *x = json_array_get(list, i);
-        struct truth_detection *d = &t->detections[i];
+        struct truth_detection *d = &t->detections[t->n_detections];
+        if (json_is_null(json_object_get(x, "position_m")))
+            continue;
         if (read_position(json_object_get(x, "position_m"), d->position_m))
             return -EINVAL;
         d->existence = json_number_value(json_object_get(x, "existence"));
         d->object = -1;
-        t->n_detections = i + 1;
+        t->n_detections++;
     }
     return 0;
 }

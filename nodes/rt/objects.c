@@ -144,6 +144,17 @@ static void come_down(const struct survey *s, const double centre[3], double pos
     covariance[5] += sigma_m * sigma_m;
 }
 
+/* What is imaged just behind a wall may have come down before it: nothing is there. */
+static void keep_behind(const struct wall *w, double position[3])
+{
+    double away = w->distance_m < 0.0 ? -1.0 : 1.0, behind_m = -w->distance_m;
+
+    for (int a = 0; a < 3; a++)
+        behind_m += w->normal[a] * position[a];
+    for (int a = 0; a < 3 && away * behind_m < 0.0; a++)
+        position[a] -= behind_m * w->normal[a];
+}
+
 void objects_place(struct placement *out, const struct survey *s,
                    const struct walls *walls, const struct detection *d)
 {
@@ -162,6 +173,7 @@ void objects_place(struct placement *out, const struct survey *s,
                               .height_assumed = height_assumed,
                               .behind_no_wall = walls->n && !wall};
     if (wall) {
+        keep_behind(wall, position);
         wall_mirror_covariance(wall, position, covariance, covariance);
         wall_mirror(wall, position, position);
     }

@@ -14,6 +14,7 @@ void walls_from_survey(struct walls *out, const struct survey *s)
     for (size_t i = 0; i < s->n_walls; i++) {
         struct wall_gate *w = &out->list[i];
         w->id = (uint32_t)i + 1;
+        out->existence[i] = 1.0;
         w->plane.distance_m = s->walls[i].distance_m;
         memcpy(w->plane.normal, s->walls[i].normal, sizeof w->plane.normal);
         memcpy(w->gate_m, s->walls[i].gate_m, sizeof w->gate_m);
@@ -21,6 +22,7 @@ void walls_from_survey(struct walls *out, const struct survey *s)
     if (!s->has_wall || s->n_walls)
         return;
     out->n = 1;
+    out->existence[0] = 1.0;
     out->list[0] = (struct wall_gate){
         .id = 1,
         .plane = {.distance_m = s->wall_distance_m},
@@ -96,8 +98,11 @@ int walls_from_message(struct walls *out, const Anlos__WallList *m, struct compl
         return complain(why, -EINVAL, "%zu walls, expected at most %d", m->n_walls,
                         WALLS_MAX);
     int err = take_corners(&w, m, why);
-    for (size_t i = 0; !err && i < m->n_walls; i++)
+    for (size_t i = 0; !err && i < m->n_walls; i++) {
+        double said = m->walls[i]->existence; /* 0: it is not */
         err = take_wall(&w.list[i], m->walls[i], why);
+        w.existence[i] = said > 0.0 ? fmin(said, 1.0) : 1.0;
+    }
     if (!err)
         *out = w;
     return err;

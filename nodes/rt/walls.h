@@ -16,6 +16,7 @@
 struct walls {
     size_t n;
     struct wall_gate list[WALLS_MAX];         /* in the array frame */
+    double existence[WALLS_MAX];              /* 0..1 */
     size_t n_corners;                         /* of what is in free view; 0: nothing is */
     double free_view_m[WALLS_MAX_CORNERS][2]; /* x, z, around it */
 };

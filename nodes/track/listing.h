@@ -12,15 +12,15 @@ struct listing { /* {0} to begin with */
     struct listing_memory {
         double level_db, shape_probability;
         Anlos__Shape shape;
-        uint32_t wall;
         bool behind_no_wall, in_free_view;
     } of[TRACK_ID_MAX + 1]; /* by id */
 };
 
 /* *list, of the detections that were tracked, becomes the list of tracks[n]; on failure
- * it stays.  0, -ENOMEM. */
+ * it stays.  all_placed: also those are listed with a position that no wall has shown.
+ * 0, -ENOMEM. */
 int listing_make(struct listing *l, const struct sight *sight,
-                 const struct track_report *tracks, size_t n,
+                 const struct track_report *tracks, size_t n, bool all_placed,
                  Anlos__DetectionList **list);
 
 #endif

@@ -19,12 +19,21 @@ void sight_init(struct sight *s, const struct survey *survey, const struct walls
     }
 }
 
+/* Its index; as many as there are: there is none. */
+static size_t find_index(const struct sight *s, uint32_t id)
+{
+    size_t i = 0;
+
+    while (i < s->walls->n && s->walls->list[i].id != id)
+        i++;
+    return i;
+}
+
 static const struct wall *find(const struct sight *s, uint32_t id)
 {
-    for (size_t i = 0; i < s->walls->n; i++)
-        if (s->walls->list[i].id == id)
-            return &s->walls->list[i].plane;
-    return NULL;
+    size_t i = find_index(s, id);
+
+    return i < s->walls->n ? &s->walls->list[i].plane : NULL;
 }
 
 static void to_array(const struct sight *s, const double p[3], double out[3])
@@ -36,17 +45,51 @@ static void to_array(const struct sight *s, const double p[3], double out[3])
     }
 }
 
-void sight_virtual(const struct sight *s, uint32_t wall, const double p_m[3],
-                   double virtual_m[3])
-{
-    const struct wall *w = find(s, wall);
-    double at_m[3];
+_Static_assert(WALLS_MAX <= TRACK_MIRRORS, "");
 
-    to_array(s, p_m, at_m);
-    if (w)
-        wall_mirror(w, at_m, virtual_m);
-    else
-        memcpy(virtual_m, at_m, sizeof at_m);
+size_t sight_mirrors(const struct sight *s, struct track_mirror out[TRACK_MIRRORS])
+{
+    for (size_t i = 0; i < s->walls->n; i++) {
+        struct wall w = s->walls->list[i].plane;
+        struct track_mirror *m = &out[i];
+        wall_face(&w);
+        *m = (struct track_mirror){.id = s->walls->list[i].id,
+                                   .distance_m = w.distance_m,
+                                   .sigma_m = sqrt(w.covariance[5]),
+                                   .sigma_rad = sqrt(w.covariance[0])};
+        for (int a = 0; a < 3; a++) {
+            for (int b = 0; b < 3; b++)
+                m->normal[a] += s->axes[a][b] * w.normal[b];
+            m->distance_m += m->normal[a] * s->origin_m[a];
+        }
+    }
+    return s->walls->n;
+}
+
+void sight_virtual(const struct sight *s, const struct track_mirror *mirror,
+                   const double p_m[3], double virtual_m[3])
+{
+    double imaged_m[3];
+
+    track_mirror_point(mirror, p_m, imaged_m);
+    to_array(s, imaged_m, virtual_m);
+}
+
+size_t sight_stands_before(const void *context, const double imaged_m[3])
+{
+    static const double array_m[3] = {0.0, 0.0, 0.0};
+    const struct sight *s = context;
+    double virtual_m[3];
+
+    to_array(s, imaged_m, virtual_m);
+    return wall_that_mirrored(s->walls->list, s->walls->n, array_m, virtual_m);
+}
+
+double sight_existence(const struct sight *s, uint32_t wall)
+{
+    size_t i = find_index(s, wall);
+
+    return i < s->walls->n ? s->walls->existence[i] : 1.0;
 }
 
 void sight_direction(const struct sight *s, uint32_t wall, const double p_m[3],
@@ -99,10 +142,14 @@ bool sight_shows(const void *context, const double p_m[3])
 double sight_behind_m(const struct sight *s, uint32_t wall, const double virtual_m[3])
 {
     const struct wall *w = find(s, wall);
+    struct wall away;
 
-    return w ? w->normal[0] * virtual_m[0] + w->normal[1] * virtual_m[1] +
-                   w->normal[2] * virtual_m[2] - w->distance_m
-             : INFINITY;
+    if (!w)
+        return INFINITY;
+    away = *w;
+    wall_face(&away);
+    return away.normal[0] * virtual_m[0] + away.normal[1] * virtual_m[1] +
+           away.normal[2] * virtual_m[2] - away.distance_m;
 }
 
 void sight_wall_error(const struct sight *s, uint32_t wall, const double virtual_m[3],

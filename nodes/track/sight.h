@@ -9,6 +9,7 @@
 #include "msgs/survey.h"
 #include "nodes/rt/walls.h"
 #include "recon/grid.h"
+#include "recon/track.h"
 
 struct sight {
     const struct walls *walls;
@@ -20,14 +21,23 @@ struct sight {
 void sight_init(struct sight *s, const struct survey *survey, const struct walls *walls,
                 const struct grid *grid);
 
-/* Where a place of the vehicle frame is imaged by way of a wall; 0, or an id that is not
- * there any more: directly. */
-void sight_virtual(const struct sight *s, uint32_t wall, const double p_m[3],
-                   double virtual_m[3]);
+/* The walls as mirrors of tracks, in the vehicle frame; returns how many. */
+size_t sight_mirrors(const struct sight *s, struct track_mirror out[TRACK_MIRRORS]);
+
+/* Where a place of the vehicle frame is imaged by way of a mirror. */
+void sight_virtual(const struct sight *s, const struct track_mirror *mirror,
+                   const double p_m[3], double virtual_m[3]);
+
+/* Which wall stands before what is imaged at a place of the vehicle frame?  Its index, or
+ * how many there are.  As track_scan wants it; context: a struct sight. */
+size_t sight_stands_before(const void *context, const double imaged_m[3]);
 
 /* Does the image show this place of the vehicle frame?  Heights do not count.  As
  * track_scan wants it; context: a struct sight. */
 bool sight_shows(const void *context, const double p_m[3]);
+
+/* How likely it is that there is a wall of this id, 0..1; 1 of none. */
+double sight_existence(const struct sight *s, uint32_t wall);
 
 /* The direction, in the plane of the vehicle frame, in which the array hears a place by
  * way of a wall: away from where the array's own mirror image stands. */

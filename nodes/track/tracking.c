@@ -16,6 +16,7 @@
 
 #define LATEST_NS    (INT64_MAX / 2) /* differences of stamps do not overflow */
 #define YOUNG_ROUNDS 7.0
+#define WALLS_S      3.0 /* as wall.lost_s of a launch file */
 
 _Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS, "");
 
@@ -28,6 +29,7 @@ struct tracking {
     struct walls walls; /* of the topic, at a stamp */
     int64_t walls_ns;
     bool has_walls;
+    bool had_wall;    /* one was known: then places are where things really are */
     int64_t stamp_ns; /* of the newest image; 0: none */
     int64_t young_ns; /* when its background began; 0: it is not known */
     struct track_detection detections[TRACK_DETECTIONS];
@@ -59,6 +61,7 @@ void tracking_config(struct tracking_config *cfg, const struct launchfile *l)
     cfg->track.join_m = track.join_m;
     cfg->track.coast_s = track.coast_s;
     cfg->look_s = track.look_s;
+    cfg->walls_s = l ? l->wall.lost_s : WALLS_S;
 }
 
 int tracking_create(struct tracking **out, const struct tracking_config *cfg)
@@ -119,9 +122,16 @@ bool tracking_has_survey(const struct tracking *t)
     return t->detector.has_survey;
 }
 
+/* Who told of the walls tells of them no more: a vehicle that moves leaves them behind.
+ */
+static bool walls_are_old(const struct tracking *t, int64_t capture_ns)
+{
+    return 1e-9 * (double)(capture_ns - t->walls_ns) > t->cfg.walls_s;
+}
+
 bool tracking_has_wall(const struct tracking *t)
 {
-    return t->has_walls ? t->walls.n > 0
+    return t->has_walls ? t->walls.n > 0 && !walls_are_old(t, t->stamp_ns)
                         : t->detector.has_survey && t->detector.survey.has_wall;
 }
 
@@ -147,6 +157,10 @@ static void place_walls(const struct tracking *t, int64_t capture_ns, struct wal
         return;
     }
     *out = t->walls;
+    if (walls_are_old(t, capture_ns)) {
+        out->n = 0;
+        return;
+    }
     move_between(t, t->walls_ns, capture_ns, &step);
     walls_step(out, &t->detector.survey, &step);
 }
@@ -196,6 +210,7 @@ static void take_detection(const struct tracking *t, const struct sight *sight,
         .position_m = {m->position_m->x, m->position_m->y, m->position_m->z},
         .extent_m = {m->extent_m->x, m->extent_m->y, m->extent_m->z},
         .existence = m->existence,
+        .mirror = m->wall,
         .power = pow(10.0, 0.1 * m->level_db),
         .height_assumed = sight->grid->n[1] == 1};
     for (int i = 0; i < 6; i++)
@@ -214,13 +229,14 @@ static void place_tracks(struct tracking *t, const struct sight *sight,
 {
     for (size_t i = 0; i < t->n_reports; i++) {
         const struct track_report *k = &t->reports[i];
-        const struct listing_memory *told = &t->listing.of[k->id];
+        const struct track_mirror none = {.id = 0};
         double at_m[3], virtual_m[3];
         for (int a = 0; a < 3; a++)
             at_m[a] = k->heard_m[a] + (a < 2 ? dt_s * k->velocity_m_s[a] : 0.0);
+        track_mirror_point(&k->mirror, at_m, at_m);
         ego_step_point(ego, at_m, at_m);
-        sight_virtual(sight, told->wall, at_m, virtual_m);
-        t->sources[i] = ghost_source_at(virtual_m, told->level_db);
+        sight_virtual(sight, &none, at_m, virtual_m);
+        t->sources[i] = ghost_source_at(virtual_m, t->listing.of[k->id].level_db);
     }
 }
 
@@ -231,9 +247,10 @@ static double floor_m2(const struct grid *g)
 
 /* With what stands still in it, and no wall that mirrors, an image shows what the array
  * sees directly: that hides nothing, and glides over ground once it is mirrored. */
-static bool shows_hidden(const struct tracking *t, const Anlos__Volume *volume)
+static bool shows_hidden(const struct tracking *t, const Anlos__Volume *volume,
+                         const struct sight *sight)
 {
-    return !volume->standing_left || !t->has_walls || t->walls.n > 0;
+    return !volume->standing_left || !t->has_walls || sight->walls->n > 0;
 }
 
 /* A background that has only begun has who walked by then in it, where he was: a hole
@@ -266,6 +283,7 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
                               .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
                               .standing_left = shows_standing(t, volume, capture_ns),
                               .ego_known = true,
+                              .stands_before = sight_stands_before,
                               .shows = sight_shows,
                               .context = sight};
 
@@ -274,9 +292,10 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
     double lag_s = timing_lag_s(&t->detector.survey, volume->pings_used, 0.0);
     place_tracks(t, sight, &scan.ego, fmax(dt_s, 0.0) + lag_s);
     place_array(t, sight, volume, capture_ns, &scan.array);
+    scan.n_mirrors = sight_mirrors(sight, scan.mirrors);
     struct ghost_array array = {.margin_db = t->cfg.sidelobe_db};
     ghost_array_measure(&array, &t->detector.survey);
-    if (shows_hidden(t, volume))
+    if (shows_hidden(t, volume, sight))
         scan.n = candidates_choose(list, sight, &array, t->sources, t->n_reports);
     for (size_t i = 0; i < scan.n; i++)
         take_detection(t, sight, volume, &scan.array, list->detections[i],
@@ -302,7 +321,8 @@ static int make_tracks(struct tracking *t, const Anlos__Volume *volume,
         return complain(why, err, "an image that is not newer than the one before");
     t->stamp_ns = capture_ns;
     t->n_reports = tracker_report(t->tracker, t->reports);
-    err = listing_make(&t->listing, sight, t->reports, t->n_reports, list);
+    t->had_wall |= sight->walls->n > 0;
+    err = listing_make(&t->listing, sight, t->reports, t->n_reports, !t->had_wall, list);
     if (err)
         return complain(why, err, "not enough memory to list tracks");
     (*list)->tracked = true;

@@ -2,6 +2,12 @@
  * objects, where they really are.  Of a fixed array the objects of image after image are
  * tracked (recon/track.h); of a scan, or when asked for, each list stands for itself.
  *
+ * A track has a place once a wall that is known now has shown where it is
+ * (recon/track.h); without one it is listed as something that is there, with virtual_m
+ * and no position_m. Only until a wall is known the first time all positions are virtual
+ * (mirrored = false). What is not known of the wall is in what is told: its errors in the
+ * covariance of a place, whether it is there at all in the existence.
+ *
  * Over ground a vehicle that says nothing of its motion, ever, counts as standing.  One
  * that stops saying it is taken to move on as it did; after EGO_MAX_AGE_NS of that the
  * list says ego_unknown and the tracks become less certain quickly. */
@@ -21,6 +27,7 @@ struct tracking_config {
     struct track_config track;
     double clutter;     /* false detections that are expected in an image, > 0 */
     double look_s;      /* nodes/track/timing.h */
+    double walls_s;     /* walls that were told of longer ago are not known any more */
     double sidelobe_db; /* the array's, below what makes them (nodes/track/ghosts.h) */
 };
 

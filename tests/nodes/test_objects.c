@@ -331,6 +331,28 @@ static void the_covariance_covers_what_is_not_known_of_heights(void **state)
     }
 }
 
+/* 1 m away; of an image 3 cm behind it, 0.4 m higher things would be before it. */
+static void what_is_imaged_behind_a_wall_is_told_before_it(void **state)
+{
+    (void)state;
+    const struct survey s = bumper();
+    const struct detection d = point(0.2, 0, 1.03);
+    struct placement p;
+
+    for (int turned = -1; turned <= 1; turned += 2) { /* its normal may point here */
+        const struct walls walls = {
+            .n = 1,
+            .list = {{.id = 1,
+                      .plane = {.normal = {0, 0, turned}, .distance_m = turned},
+                      .gate_m = {0, 9}}}};
+        objects_place(&p, &s, &walls, &d);
+        assert_int_equal(p.wall, 1);
+        assert_true(p.position_m[0] <= 4.6 + 1e-12);
+        assert_near(p.position_m[0], 4.6, 0.01);
+        assert_near(p.position_m[1], 0.2, 1e-9);
+    }
+}
+
 static void ids_rise_in_the_order_given(void **state)
 {
     (void)state;
@@ -374,6 +396,7 @@ int main(void)
         cmocka_unit_test(borders_are_those_of_axes_that_are_heard),
         cmocka_unit_test(a_line_array_on_a_vehicle_sees_things_on_the_ground),
         cmocka_unit_test(the_covariance_covers_what_is_not_known_of_heights),
+        cmocka_unit_test(what_is_imaged_behind_a_wall_is_told_before_it),
         cmocka_unit_test(ids_rise_in_the_order_given),
         cmocka_unit_test(an_empty_volume_gives_an_empty_list),
     };

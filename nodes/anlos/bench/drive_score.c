@@ -204,7 +204,7 @@ static void match(const struct drive_score *s, double t_s,
     m->n_found = 0;
     for (size_t i = 0; i < list->n_detections && m->n_found < BENCH_SET_MAX; i++) {
         const Anlos__Detection *d = list->detections[i];
-        if (d->measurement == ANLOS__MEASUREMENT__DELETED ||
+        if (!d->position_m || d->measurement == ANLOS__MEASUREMENT__DELETED ||
             (measured && d->measurement == ANLOS__MEASUREMENT__PREDICTED))
             continue;
         m->found_m[m->n_found][0] = d->position_m->x;

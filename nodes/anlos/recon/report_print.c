@@ -26,14 +26,17 @@ static void print_object(const Anlos__DetectionList *list, const Anlos__Detectio
     static const char *const borders[6] = {"x-", "x+", "y-", "y+", "z-", "z+"};
     double sigma_cm = 100.0 * sigma_m(list, d);
 
-    printf("%4u %9.3f %8.3f %8.3f ", d->id, d->position_m->x, d->position_m->y,
-           d->position_m->z);
+    if (d->position_m)
+        printf("%4u %9.3f %8.3f %8.3f ", d->id, d->position_m->x, d->position_m->y,
+               d->position_m->z);
+    else
+        printf("%4u %9s %8s %8s ", d->id, "unknown", "", "");
     if (isnan(sigma_cm))
         printf("%9s", "unknown");
     else
         printf("%9.1f", sigma_cm);
     printf(" %8.1f %9.0f %%", d->level_db, 100.0 * d->existence);
-    if (fmax(fmax(d->extent_m->x, d->extent_m->y), d->extent_m->z) > 0.0)
+    if (d->extent_m && fmax(fmax(d->extent_m->x, d->extent_m->y), d->extent_m->z) > 0.0)
         printf("   %.2f x %.2f x %.2f", d->extent_m->x, d->extent_m->y, d->extent_m->z);
     if (d->at_border)
         printf("   where the image ends:");

@@ -1,0 +1,545 @@
+/* Walls that come, go, move and are others while a person walks: what lists and CAN
+ * frames tell of him. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "nodes/can/sender.h"
+#include "nodes/rt/objects.h"
+#include "nodes/track/tracking.h"
+#include "recon/wall.h"
+#include "tests/nodes/near.h"
+#include "tests/nodes/scene.h"
+
+enum { NX = 101, NZ = 61, MAX_WALLS = 2 };
+
+#define FRAME_NS INT64_C(100000000)
+#define BEGIN_NS INT64_C(1000000000)
+#define SLANTED  0.6981317 /* 40 degrees to the right */
+
+/* The mount of the scene puts the array's x to the vehicle's y and its z to x.  Walls are
+ * straight ahead, or slanted; what is imaged is so by a wall that is really there. */
+struct told_wall {
+    uint32_t id; /* 0: none */
+    double distance_m, angle, gate_m[2];
+};
+
+struct rig {
+    struct scene scene;
+    struct tracking *tracking;
+    struct sender sender;
+    float intensity[NZ][1][NX];
+    Anlos__Volume volume;
+    Anlos__Vec3 origin, step;
+    struct tensor_view view;
+    Anlos__DetectionList *list;
+    int64_t stamp_ns;
+    struct told_wall told[MAX_WALLS]; /* as the newest message has them */
+    bool had_wall;                    /* one of them */
+    double existence;                 /* of walls, as they are told */
+};
+
+static void clear(struct rig *r)
+{
+    uint32_t seed = 1;
+
+    for (size_t i = 0; i < sizeof r->intensity / sizeof(float); i++) {
+        seed = seed * 1664525u + 1013904223u;
+        (&r->intensity[0][0][0])[i] = 1e-4f * (float)(seed >> 8) / 16777216.0f;
+    }
+}
+
+static struct wall plane_of(const struct told_wall *w)
+{
+    return (struct wall){.normal = {sin(w->angle), 0.0, cos(w->angle)},
+                         .distance_m = w->distance_m};
+}
+
+/* Somebody at (x, z) in the array frame, by way of a wall that is there. */
+static void show(struct rig *r, const struct told_wall *by, double x_m, double z_m)
+{
+    const struct wall wall = plane_of(by);
+    double image_m[3];
+
+    wall_mirror(&wall, (double[3]){x_m, 0.0, z_m}, image_m);
+    for (int z = 0; z < NZ; z++)
+        for (int x = 0; x < NX; x++) {
+            double dx = (-2.0 + 0.04 * x - image_m[0]) / 0.05,
+                   dz = (0.9 + 0.04 * z - image_m[2]) / 0.05;
+            r->intensity[z][0][x] += (float)exp(-0.5 * (dx * dx + dz * dz));
+        }
+}
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+    const struct sender_config can = {.base_id = 0x400, .bus = {.fd = true}};
+    struct tracking_config cfg;
+
+    if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
+        return -1;
+    tracking_config(&cfg, NULL);
+    if (tracking_create(&r->tracking, &cfg) ||
+        tracking_survey(r->tracking, r->scene.survey, NULL))
+        return -1;
+    sender_init(&r->sender, &can);
+    anlos__volume__init(&r->volume);
+    anlos__vec3__init(&r->origin);
+    anlos__vec3__init(&r->step);
+    r->origin.x = -2.0;
+    r->origin.z = 0.9;
+    r->step.x = r->step.y = r->step.z = 0.04;
+    r->volume.survey_id = r->scene.survey->id;
+    r->volume.scan = 1;
+    r->volume.pings_used = 4;
+    r->volume.origin_m = &r->origin;
+    r->volume.step_m = &r->step;
+    r->volume.intensity = tensor_borrow_f32(&r->view, &r->intensity[0][0][0], 3,
+                                            (size_t)NZ, (size_t)1, (size_t)NX);
+    r->stamp_ns = BEGIN_NS;
+    r->existence = 0.999;
+    clear(r);
+    *state = r;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+
+    objects_free(r->list);
+    tracking_destroy(r->tracking);
+    scene_close(&r->scene);
+    free(r);
+    return 0;
+}
+
+static void tell(struct rig *r, const struct told_wall walls[MAX_WALLS])
+{
+    Anlos__WallList m = ANLOS__WALL_LIST__INIT;
+    Anlos__Wall each[MAX_WALLS], *list[MAX_WALLS];
+    Anlos__Vec3 normals[MAX_WALLS];
+    double covariances[MAX_WALLS][6];
+
+    memcpy(r->told, walls, sizeof r->told);
+    r->had_wall |= walls[0].id || walls[1].id;
+    m.walls = list;
+    for (int i = 0; i < MAX_WALLS; i++) {
+        const struct wall plane = plane_of(&walls[i]);
+        if (!walls[i].id)
+            continue;
+        anlos__wall__init(&each[m.n_walls]);
+        anlos__vec3__init(&normals[m.n_walls]);
+        normals[m.n_walls].x = plane.normal[0];
+        normals[m.n_walls].z = plane.normal[2];
+        each[m.n_walls].normal = &normals[m.n_walls];
+        each[m.n_walls].id = walls[i].id;
+        each[m.n_walls].distance_m = walls[i].distance_m;
+        each[m.n_walls].gate_near_m = walls[i].gate_m[0];
+        each[m.n_walls].gate_far_m = walls[i].gate_m[1];
+        each[m.n_walls].existence = r->existence;
+        memcpy(covariances[m.n_walls], (double[6]){1e-6, 0, 0, 1e-4, 0, 1e-5},
+               sizeof covariances[0]);
+        each[m.n_walls].covariance = covariances[m.n_walls];
+        each[m.n_walls].n_covariance = 6;
+        list[m.n_walls] = &each[m.n_walls];
+        m.n_walls++;
+    }
+    assert_int_equal(tracking_walls(r->tracking, &m, r->stamp_ns, NULL), 0);
+}
+
+/* -- what never may be told -------------------------------------------------------------
+ */
+
+static const struct told_wall *find(const struct rig *r, uint32_t id)
+{
+    for (int i = 0; id && i < MAX_WALLS; i++)
+        if (r->told[i].id == id)
+            return &r->told[i];
+    return NULL;
+}
+
+static bool is_before(const struct told_wall *w, double x_m, double y_m, double slack_m)
+{
+    const struct wall plane = plane_of(w);
+
+    return plane.normal[0] * y_m + plane.normal[2] * x_m < plane.distance_m + slack_m;
+}
+
+static void check_list(const struct rig *r)
+{
+    assert_true(r->list->tracked);
+    for (size_t i = 0; i < r->list->n_detections; i++) {
+        const Anlos__Detection *d = r->list->detections[i];
+        const struct told_wall *w = find(r, d->wall);
+        assert_non_null(d->virtual_m);
+        if (!d->position_m)
+            assert_int_equal(d->n_covariance_m2, 0);
+        if (!d->position_m || !r->had_wall)
+            continue;
+        assert_true(r->list->mirrored);
+        assert_non_null(w); /* one that is known now */
+        assert_true(is_before(w, d->position_m->x, d->position_m->y, 0.0));
+    }
+}
+
+/* A frame rounds to 2 cm. */
+static void check_can(struct rig *r)
+{
+    struct sender_list out;
+
+    sender_list(&r->sender, r->list, r->stamp_ns, &out);
+    sender_date(&r->sender, &out, r->stamp_ns + FRAME_NS / 2, r->stamp_ns - FRAME_NS);
+    sender_told(&r->sender, &out);
+    for (size_t i = 0; i < out.n_objects; i++) {
+        const struct can_object *o = &out.objects[i];
+        if (isnan(o->position_m[0])) {
+            assert_true(isnan(o->sigma_m[0]) && isnan(o->velocity_m_s[0]));
+            continue;
+        }
+        const struct told_wall *w = find(r, o->wall);
+        assert_non_null(w);
+        assert_true(is_before(w, o->position_m[0], o->position_m[1], 0.0));
+    }
+}
+
+static size_t count_tracks(const struct rig *r)
+{
+    size_t n = 0;
+
+    for (size_t i = 0; i < r->list->n_detections; i++)
+        n += r->list->detections[i]->measurement != ANLOS__MEASUREMENT__DELETED;
+    return n;
+}
+
+static void image(struct rig *r)
+{
+    objects_free(r->list);
+    r->list = NULL;
+    r->volume.frame++;
+    assert_int_equal(
+        tracking_volume(r->tracking, &r->volume, r->stamp_ns, &r->list, NULL), 0);
+    check_list(r);
+    check_can(r);
+    clear(r);
+    r->stamp_ns += FRAME_NS;
+}
+
+/* -- sequences of walls -----------------------------------------------------------------
+ */
+
+#define AHEAD(id, distance_m)                                                            \
+    {                                                                                    \
+        id, distance_m, 0.0,                                                             \
+        {                                                                                \
+            0.0, 10.0                                                                    \
+        }                                                                                \
+    }
+
+static const struct told_wall nowhere[MAX_WALLS];
+static const struct told_wall ahead[MAX_WALLS] = {AHEAD(7, 0.8)};
+static const struct told_wall nearer[MAX_WALLS] = {AHEAD(7, 0.65)};
+static const struct told_wall farther[MAX_WALLS] = {AHEAD(7, 1.1)};
+static const struct told_wall renamed[MAX_WALLS] = {AHEAD(8, 0.8)};
+static const struct told_wall other[MAX_WALLS] = {AHEAD(9, 1.1)};
+static const struct told_wall both[MAX_WALLS] = {AHEAD(7, 0.8),
+                                                 {5, 0.9, SLANTED, {0.0, 10.0}}};
+/* One of them mirrors what is near, the other what is far. */
+static const struct told_wall apart[MAX_WALLS] = {{7, 0.8, 0.0, {0.0, 2.6}},
+                                                  {6, 0.6, 0.0, {2.6, 10.0}}};
+static const struct told_wall far_one[MAX_WALLS] = {{6, 0.6, 0.0, {2.6, 10.0}}};
+
+#define WAY                                                                              \
+    {                                                                                    \
+        -1.2, 1.2                                                                        \
+    }
+#define SHORT_WAY                                                                        \
+    {                                                                                    \
+        -0.8, 0.0                                                                        \
+    } /* in sight of both walls */
+
+struct sequence {
+    const char *name;
+    const struct told_wall *told[3];  /* before, between, after */
+    const struct told_wall *there[3]; /* what really mirrors him then */
+    double between_s;
+    double x_m[2]; /* he walks from there to there, and back */
+    bool is_another;
+};
+
+static const struct sequence sequences[] = {
+    {"the wall comes late",
+     {nowhere, nowhere, ahead},
+     {ahead, ahead, ahead},
+     2.0,
+     WAY,
+     false},
+    {"it goes for half a second",
+     {ahead, nowhere, ahead},
+     {ahead, ahead, ahead},
+     0.5,
+     WAY,
+     false},
+    {"it goes for 3 s", {ahead, nowhere, ahead}, {ahead, ahead, ahead}, 3.0, WAY, false},
+    {"it goes for 10 s",
+     {ahead, nowhere, ahead},
+     {ahead, ahead, ahead},
+     10.0,
+     WAY,
+     false},
+    {"it comes back with another id",
+     {ahead, nowhere, renamed},
+     {ahead, ahead, ahead},
+     3.0,
+     WAY,
+     false},
+    {"it comes back elsewhere",
+     {ahead, nowhere, nearer},
+     {ahead, ahead, nearer},
+     1.0,
+     WAY,
+     true},
+    {"it gets another id",
+     {ahead, ahead, renamed},
+     {ahead, ahead, ahead},
+     1.0,
+     WAY,
+     false},
+    {"it was 0.3 m off",
+     {farther, farther, ahead},
+     {ahead, ahead, ahead},
+     1.0,
+     WAY,
+     false},
+    {"it was 15 cm off", {nearer, nearer, ahead}, {ahead, ahead, ahead}, 1.0, WAY, false},
+    {"it moves by 0.3 m",
+     {ahead, ahead, farther},
+     {ahead, ahead, farther},
+     1.0,
+     WAY,
+     false},
+    {"it moves by 15 cm",
+     {ahead, ahead, nearer},
+     {ahead, ahead, nearer},
+     1.0,
+     WAY,
+     false},
+    {"it is said to have moved",
+     {ahead, farther, ahead},
+     {ahead, ahead, ahead},
+     1.0,
+     WAY,
+     false},
+    {"another one takes its place",
+     {ahead, ahead, other},
+     {ahead, ahead, ahead},
+     1.0,
+     WAY,
+     false},
+    {"another one after a gap",
+     {ahead, nowhere, other},
+     {ahead, ahead, ahead},
+     1.0,
+     WAY,
+     false},
+    {"another one mirrors him",
+     {ahead, nowhere, other},
+     {ahead, ahead, other},
+     1.0,
+     WAY,
+     true},
+    {"two walls mirror him",
+     {both, both, both},
+     {both, both, both},
+     1.0,
+     SHORT_WAY,
+     false},
+    {"two walls go and come",
+     {both, nowhere, both},
+     {both, both, both},
+     2.0,
+     SHORT_WAY,
+     false},
+    {"the second wall comes late",
+     {ahead, ahead, both},
+     {ahead, ahead, both},
+     1.0,
+     SHORT_WAY,
+     false},
+    {"his wall goes, not the other",
+     {apart, far_one, apart},
+     {ahead, ahead, ahead},
+     2.0,
+     WAY,
+     true},
+    {"the other wall goes, not his",
+     {apart, ahead, apart},
+     {ahead, ahead, ahead},
+     2.0,
+     WAY,
+     false},
+};
+
+static double walk(const struct sequence *q, double t_s)
+{
+    double length_m = q->x_m[1] - q->x_m[0], way_m = fmod(0.5 * t_s, 2.0 * length_m);
+
+    return way_m < length_m ? q->x_m[0] + way_m : q->x_m[1] + length_m - way_m;
+}
+
+/* Nobody can know that two images are of one person before walls say so. */
+static size_t how_many(const struct told_wall told[MAX_WALLS],
+                       const struct told_wall there[MAX_WALLS])
+{
+    return !told[0].id && there[1].id ? 2 : 1;
+}
+
+/* At (x, -0.4), 1.2 m before the wall.  Returns the id that was listed last, 0: none. */
+static uint32_t run(struct rig *r, const struct sequence *q, int part, double for_s)
+{
+    double from_s = 1e-9 * (double)(r->stamp_ns - BEGIN_NS), t_s = from_s;
+    uint32_t id = 0;
+
+    for (; t_s < from_s + for_s - 1e-6; t_s = 1e-9 * (double)(r->stamp_ns - BEGIN_NS)) {
+        tell(r, q->told[part]);
+        for (int i = 0; i < MAX_WALLS; i++)
+            if (q->there[part][i].id)
+                show(r, &q->there[part][i], walk(q, t_s), -0.4);
+        image(r);
+        assert_true(count_tracks(r) <= how_many(q->told[part], q->there[part]));
+        if (count_tracks(r))
+            id = r->list->detections[0]->id;
+    }
+    return id;
+}
+
+/* Where the wall really is where it is said to be. */
+static void check_place(const struct rig *r, const struct sequence *q)
+{
+    double t_s = 1e-9 * (double)(r->stamp_ns - FRAME_NS - BEGIN_NS);
+    const Anlos__Detection *d = r->list->detections[0];
+
+    assert_non_null(d->position_m);
+    assert_near(d->position_m->y, walk(q, t_s), 0.1);
+    if (q->told[2][0].distance_m == q->there[2][0].distance_m)
+        assert_near(d->position_m->x, -0.4, 0.1);
+}
+
+static void whatever_becomes_of_walls_nobody_is_told_beyond_one_or_twice(void **state)
+{
+    for (size_t i = 0; i < sizeof sequences / sizeof *sequences; i++) {
+        const struct sequence *q = &sequences[i];
+        print_message("%s\n", q->name);
+        assert_int_equal(setup(state), 0);
+        struct rig *r = *state;
+        uint32_t first = run(r, q, 0, 3.0);
+        run(r, q, 1, q->between_s);
+        uint32_t last = run(r, q, 2, 3.0);
+        assert_true(first && last);
+        assert_true(first == last || q->is_another);
+        assert_int_equal(count_tracks(r), 1);
+        check_place(r, q);
+        teardown(state);
+    }
+}
+
+/* In images with what stands in them, as of a vehicle that moves: without a wall nothing
+ * is heard there that hides. */
+static void nor_where_what_stands_is_left_in_the_image(void **state)
+{
+    size_t placed = 0;
+
+    for (size_t i = 0; i < sizeof sequences / sizeof *sequences; i++) {
+        const struct sequence *q = &sequences[i];
+        print_message("%s\n", q->name);
+        assert_int_equal(setup(state), 0);
+        struct rig *r = *state;
+        r->volume.standing_left = true;
+        run(r, q, 0, 2.0);
+        run(r, q, 1, q->between_s);
+        run(r, q, 2, 2.0);
+        placed += r->list->n_detections && r->list->detections[0]->position_m;
+        teardown(state);
+    }
+    assert_true(placed > 10);
+}
+
+/* 1.2 m/s straight to the wall, and from 0.5 m before it on nothing is heard of him: he
+ * would be there 0.42 s later. */
+static void who_is_heard_no_more_ends_at_the_wall(void **state)
+{
+    struct rig *r = *state;
+    size_t predicted = 0, ended = 0;
+
+    for (int k = 0; k < 16; k++) {
+        double z_m = -0.8 + 0.12 * k;
+        tell(r, ahead);
+        if (z_m < 0.3)
+            show(r, &ahead[0], 0.2, z_m);
+        image(r);
+        if (!r->list->n_detections)
+            continue;
+        predicted += r->list->detections[0]->measurement == ANLOS__MEASUREMENT__PREDICTED;
+        ended += r->list->detections[0]->measurement == ANLOS__MEASUREMENT__DELETED;
+    }
+    assert_in_range(predicted, 2, 4);
+    assert_int_equal(ended, 1);
+}
+
+/* What mirrors him is there with so and so much probability: so is he where he is told to
+ * be.  A wall whose sender does not say it is sure. */
+static void nobody_is_surer_than_the_wall_that_shows_him(void **state)
+{
+    static const double said[] = {0.999, 0.6, 0.0};
+    struct rig *r = *state;
+
+    for (int w = 0; w < 3; w++) {
+        for (int k = 0; k < 12; k++) {
+            r->existence = said[w];
+            tell(r, ahead);
+            show(r, &ahead[0], 0.2, -0.4);
+            image(r);
+        }
+        double existence = r->list->detections[0]->existence;
+        if (said[w] == 0.6)
+            assert_in_range(1000.0 * existence, 580, 600);
+        else
+            assert_true(existence > 0.98);
+    }
+}
+
+/* Node wall tells ten times a second.  One that tells nothing for longer than a wall is
+ * kept unseen (3 s) knows none any more. */
+static void a_wall_that_nobody_tells_of_is_not_known(void **state)
+{
+    struct rig *r = *state;
+
+    tell(r, ahead);
+    for (int k = 0; k < 40; k++) {
+        if (k == 31)
+            memset(r->told, 0, sizeof r->told);
+        show(r, &ahead[0], 0.2, -0.4);
+        image(r);
+        if (k > 8)
+            assert_int_equal(r->list->detections[0]->position_m != NULL, k <= 30);
+    }
+    assert_false(tracking_has_wall(r->tracking));
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(whatever_becomes_of_walls_nobody_is_told_beyond_one_or_twice),
+        cmocka_unit_test(nor_where_what_stands_is_left_in_the_image),
+        TEST(who_is_heard_no_more_ends_at_the_wall),
+        TEST(nobody_is_surer_than_the_wall_that_shows_him),
+        TEST(a_wall_that_nobody_tells_of_is_not_known),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
