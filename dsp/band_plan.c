@@ -148,4 +148,5 @@ void band_plan_clear(struct band_plan *p)
     fftwf_free(p->twiddle);
     fftwf_free(p->step);
     fftwf_free(p->shift);
+    p->roots = p->twiddle = p->step = p->shift = NULL; /* it may be cleared again */
 }

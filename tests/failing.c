@@ -83,6 +83,7 @@ static void forget(const void *p)
 
 MEMORY(malloc, (size_t size), (size))
 MEMORY(calloc, (size_t n, size_t size), (n, size))
+MEMORY(aligned_alloc, (size_t alignment, size_t size), (alignment, size))
 MEMORY(strdup, (const char *text), (text))
 MEMORY(strndup, (const char *text, size_t n), (text, n))
 
@@ -172,6 +173,57 @@ INSTEAD(int, posix_spawn,
          char *const *argv, char *const *environment),
         (pid, path, files, attributes, argv, environment), EAGAIN, EAGAIN)
 
+INSTEAD(int, pthread_create,
+        (pthread_t * thread, const void *attributes, void *(*run)(void *),
+         void *argument),
+        (thread, attributes, run, argument), EAGAIN, EAGAIN)
+
+/* -- FFTW, where it is linked: plans are memory too
+ * --------------------------------------
+ */
+
+#define FFTW_MEMORY(name, arguments, passed)                                             \
+    void *__real_##name arguments __attribute__((weak));                                 \
+    MEMORY(name, arguments, passed)
+
+#define FFTW_RELEASE(name)                                                               \
+    void __real_##name(void *p) __attribute__((weak));                                   \
+    void __wrap_##name(void *p);                                                         \
+    void __wrap_##name(void *p)                                                          \
+    {                                                                                    \
+        forget(p);                                                                       \
+        __real_##name(p);                                                                \
+    }
+
+FFTW_MEMORY(fftwf_malloc, (size_t size), (size))
+FFTW_MEMORY(fftwf_alloc_complex, (size_t n), (n))
+FFTW_MEMORY(fftwf_plan_dft_1d, (int n, void *in, void *out, int sign, unsigned flags),
+            (n, in, out, sign, flags))
+FFTW_MEMORY(fftwf_plan_dft_c2r_1d, (int n, void *in, void *out, unsigned flags),
+            (n, in, out, flags))
+FFTW_MEMORY(fftwf_plan_dft_r2c_1d, (int n, void *in, void *out, unsigned flags),
+            (n, in, out, flags))
+FFTW_MEMORY(fftwf_plan_many_dft,
+            (int rank, const int *n, int many, void *in, const int *inembed, int istride,
+             int idist, void *out, const int *onembed, int ostride, int odist, int sign,
+             unsigned flags),
+            (rank, n, many, in, inembed, istride, idist, out, onembed, ostride, odist,
+             sign, flags))
+FFTW_MEMORY(fftwf_plan_many_dft_c2r,
+            (int rank, const int *n, int many, void *in, const int *inembed, int istride,
+             int idist, void *out, const int *onembed, int ostride, int odist,
+             unsigned flags),
+            (rank, n, many, in, inembed, istride, idist, out, onembed, ostride, odist,
+             flags))
+FFTW_MEMORY(fftwf_plan_many_dft_r2c,
+            (int rank, const int *n, int many, void *in, const int *inembed, int istride,
+             int idist, void *out, const int *onembed, int ostride, int odist,
+             unsigned flags),
+            (rank, n, many, in, inembed, istride, idist, out, onembed, ostride, odist,
+             flags))
+FFTW_RELEASE(fftwf_free)
+FFTW_RELEASE(fftwf_destroy_plan)
+
 /* -- one run after the other
  * -------------------------------------------------------------
  */
@@ -219,7 +271,7 @@ size_t failing_each(const struct failing_work *work)
                      "descriptors are left behind",
                      work->name, n, what, n_live,
                      (ssize_t)count_descriptors() - (ssize_t)descriptors);
-        if (err && !strchr(why.text, ' '))
+        if (err && (work->wordless ? err != -ENOMEM : !strchr(why.text, ' ')))
             fail_msg("%s, where call %zu fails (%s): %s, without a sentence: \"%s\"",
                      work->name, n, what, strerror(-err), why.text);
         if (err && !failed)

@@ -21,6 +21,7 @@ struct failing_work {
      * 0?  Puts things back as they were; may be NULL. */
     void (*check)(void *context, int err);
     void *context;
+    bool wordless; /* its errors are numbers: -ENOMEM alone */
 };
 
 /* Fails the test if a run does not end so.  Returns how many calls there were. */

@@ -157,7 +157,10 @@ static void every_failure_while_writing_is_told(void **state)
             struct bag b = {.chunk_size = sizes[i],
                             .compression = (enum bag_compression)k};
             snprintf(b.to, sizeof b.to, "%s", scratch_path(*state, "to.mcap"));
-            const struct failing_work work = {"writing", write_bag, check_written, &b};
+            const struct failing_work work = {.name = "writing",
+                                              .run = write_bag,
+                                              .check = check_written,
+                                              .context = &b};
             assert_true(failing_each(&work) > 20);
         }
     }
@@ -246,9 +249,10 @@ static void every_failure_while_reading_is_told(void **state)
     for (int k = BAG_NONE; k <= BAG_LZ4; k++) {
         struct bag b = {.chunk_size = 300, .compression = (enum bag_compression)k};
         make(*state, &b);
-        const struct failing_work works[] = {{"reading", read_work, NULL, &b},
-                                             {"sorting", catalog_work, NULL, &b},
-                                             {"checking", check_work, NULL, &b}};
+        const struct failing_work works[] = {
+            {.name = "reading", .run = read_work, .context = &b},
+            {.name = "sorting", .run = catalog_work, .context = &b},
+            {.name = "checking", .run = check_work, .context = &b}};
         for (size_t i = 0; i < 3; i++)
             assert_true(failing_each(&works[i]) > 10);
         unlink(b.from);
@@ -260,7 +264,8 @@ static void every_failure_while_looking_through_a_cut_bag_is_told(void **state)
     struct bag b = {.chunk_size = 300, .compression = BAG_ZSTD, .cut = true};
 
     make(*state, &b);
-    const struct failing_work work = {"sorting", catalog_work, NULL, &b};
+    const struct failing_work work = {
+        .name = "sorting", .run = catalog_work, .context = &b};
     assert_true(failing_each(&work) > 10);
     unlink(b.from);
 }
@@ -286,7 +291,10 @@ static void every_failure_while_recovering_is_told(void **state)
     for (int cut = 0; cut < 2; cut++) {
         struct bag b = {.chunk_size = 300, .compression = BAG_ZSTD, .cut = cut};
         make(*state, &b);
-        const struct failing_work work = {"recovering", recover_work, check_written, &b};
+        const struct failing_work work = {.name = "recovering",
+                                          .run = recover_work,
+                                          .check = check_written,
+                                          .context = &b};
         assert_true(failing_each(&work) > 20);
         unlink(b.from);
     }
@@ -350,7 +358,8 @@ static void every_failure_while_copying_is_told(void **state)
     struct bag b = {.chunk_size = 300, .compression = BAG_LZ4};
 
     make(*state, &b);
-    const struct failing_work work = {"copying", copy_work, check_written, &b};
+    const struct failing_work work = {
+        .name = "copying", .run = copy_work, .check = check_written, .context = &b};
     assert_true(failing_each(&work) > 20);
     unlink(b.from);
 }
@@ -406,7 +415,10 @@ static void every_failure_while_recording_topics_is_told(void **state)
     struct bag b = {.chunk_size = 0};
 
     snprintf(b.to, sizeof b.to, "%s", scratch_path(*state, "to.mcap"));
-    const struct failing_work work = {"recording topics", topics_work, check_topics, &b};
+    const struct failing_work work = {.name = "recording topics",
+                                      .run = topics_work,
+                                      .check = check_topics,
+                                      .context = &b};
     assert_true(failing_each(&work) > 20);
 }
 

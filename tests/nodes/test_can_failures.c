@@ -118,7 +118,8 @@ static int teardown(void **state)
 static void no_frame_is_lost_untold_in_a_log(void **state)
 {
     struct rig *r = *state;
-    const struct failing_work work = {"a log of frames", can_work, check_log, r};
+    const struct failing_work work = {
+        .name = "a log of frames", .run = can_work, .check = check_log, .context = r};
 
     assert_true(failing_each(&work) > 10);
 }
@@ -150,7 +151,8 @@ static void every_failure_while_a_launch_file_is_read_is_told(void **state)
     struct rig *r = *state;
 
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
-        const struct failing_work work = {files[i], launch_work, NULL, r};
+        const struct failing_work work = {
+            .name = files[i], .run = launch_work, .context = r};
         snprintf(r->launch_path, sizeof r->launch_path, "%s/launch/%s", SOURCE_DIR,
                  files[i]);
         assert_true(failing_each(&work) > 5);
