@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-enum { DEVICE_MAX_COUNTS = 24 };
+enum { DEVICE_MAX_COUNTS = 32 };
 
 struct device_count {
     const char *name; /* "overruns"; lives as long as the device */

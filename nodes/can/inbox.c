@@ -1,10 +1,49 @@
 #include "nodes/can/inbox.h"
 
 #include <math.h>
+#include <stdio.h>
 
 #include "msgs/can/frames.h"
 #include "nodes/rt/walls.h"
 #include "recon/ego.h"
+
+/* The rules, by the cycle of the vehicle and what a wrong one does.
+ *
+ * EgoMotion comes 50 times a second and turns every track, so it is judged hardest: a
+ * loop of up to 12 old frames has two wrong ones in any 13, and longer ones look to the
+ * counter of 15 like lost frames (CAN_MAX_DELTA) or like none.  260 ms until it is known.
+ * WallIn mirrors whatever is seen, ten times a second: of 6 one may be wrong, 600 ms.
+ * Ambient comes once a second and changes slowly: it has to be heard twice, and one of
+ * the newest three has to be good, which is as long as a temperature is kept.
+ *
+ * One wrong frame is allowed in VALID, damaged or not; of 256 that are damaged the CRC
+ * misses one, so none is allowed on the way there. */
+static const struct input {
+    enum can_id id;
+    enum inbox_kind kind;
+    const char *name, *count;
+    int64_t silence_ns;
+    struct e2e_sm_config rules; /* window; init, valid, invalid: good, damaged */
+} inputs[INBOX_INPUTS] = {
+    [INBOX_EGO_MOTION] = {CAN_ID_EGO_MOTION,
+                          INBOX_EGO,
+                          "EgoMotion",
+                          "ego_motion_invalid",
+                          INBOX_EGO_NS,
+                          {13, 12, 0, 12, 1, 13, 0}},
+    [INBOX_AIR] = {CAN_ID_AMBIENT,
+                   INBOX_AMBIENT,
+                   "Ambient",
+                   "ambient_invalid",
+                   INBOX_AMBIENT_NS,
+                   {3, 1, 0, 1, 1, 2, 0}},
+    [INBOX_WALL_IN] = {CAN_ID_WALL_IN,
+                       INBOX_WALLS_GIVEN,
+                       "WallIn",
+                       "wall_in_invalid",
+                       INBOX_WALL_NS,
+                       {6, 5, 0, 5, 1, 6, 0}},
+};
 
 void inbox_init(struct inbox *i, uint32_t base)
 {
@@ -17,10 +56,9 @@ void inbox_init(struct inbox *i, uint32_t base)
 
 size_t inbox_ids(const struct inbox *i, uint32_t ids[CANBUS_MAX_INPUTS])
 {
-    ids[0] = i->checks.base + CAN_ID_EGO_MOTION;
-    ids[1] = i->checks.base + CAN_ID_AMBIENT;
-    ids[2] = i->checks.base + CAN_ID_WALL_IN;
-    return 3;
+    for (size_t k = 0; k < INBOX_INPUTS; k++)
+        ids[k] = i->checks.base + inputs[k].id;
+    return INBOX_INPUTS;
 }
 
 static enum inbox_kind take_ego(struct inbox *i, const struct can_frame_data *f,
@@ -112,34 +150,120 @@ static enum inbox_kind take_wall(struct inbox *i, const struct can_frame_data *f
     return INBOX_WALLS_GIVEN;
 }
 
-/* A vehicle that was started again, or plugged in, is not out of sequence. */
-static void forget_who_was_away(struct inbox *i, uint32_t id, int64_t now_ns)
+static bool is_silent(const struct inbox_trust *t, size_t input, int64_t now_ns)
 {
-    const struct can_message *m = can_message_find(i->checks.base, id);
+    return t->sm.state != E2E_NODATA && now_ns - t->heard_ns > inputs[input].silence_ns;
+}
 
-    if (!m)
-        return;
-    if (now_ns - i->heard_ns[m->id] > INBOX_AWAY_NS)
-        can_checks_forget(&i->checks, m->id);
-    i->heard_ns[m->id] = now_ns;
+/* A vehicle that was started again, or plugged in, is not out of sequence. */
+static void begin_anew(struct inbox *i, size_t input)
+{
+    e2e_sm_reset(&i->trust[input].sm);
+    i->trust[input].wrong = E2E_OK;
+    can_checks_forget(&i->checks, inputs[input].id);
+}
+
+/* May a frame that came at came_ns be used? */
+static enum inbox_kind judge(struct inbox *i, size_t input,
+                             const struct can_frame_data *f, int64_t came_ns)
+{
+    struct inbox_trust *t = &i->trust[input];
+
+    if (is_silent(t, input, came_ns))
+        begin_anew(i, input);
+    enum e2e_state before = t->sm.state;
+    enum e2e_verdict verdict = can_check(&i->checks, f);
+    t->heard_ns = came_ns;
+    enum e2e_state state = e2e_sm_check(&t->sm, &inputs[input].rules, verdict);
+    t->invalid += state == E2E_INVALID && before != E2E_INVALID;
+    if (!e2e_is_usable(verdict)) {
+        t->wrong = verdict;
+        return INBOX_WRONG;
+    }
+    i->unbelieved += state != E2E_VALID;
+    return state == E2E_VALID ? inputs[input].kind : INBOX_NOTHING;
 }
 
 enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
                            int64_t came_ns)
 {
-    enum inbox_kind kind = INBOX_NOTHING;
+    enum inbox_kind kind = INBOX_WRONG;
+    size_t input = 0;
 
-    forget_who_was_away(i, f->id, came_ns);
-    if (!e2e_is_usable(can_check(&i->checks, f)))
-        kind = INBOX_WRONG;
-    else if (f->id == i->checks.base + CAN_ID_EGO_MOTION)
+    while (input < INBOX_INPUTS && f->id != i->checks.base + inputs[input].id)
+        input++;
+    if (input < INBOX_INPUTS)
+        kind = judge(i, input, f, came_ns);
+    if (kind == INBOX_EGO)
         kind = take_ego(i, f, came_ns);
-    else if (f->id == i->checks.base + CAN_ID_AMBIENT)
+    else if (kind == INBOX_AMBIENT)
         kind = take_ambient(i, f);
-    else if (f->id == i->checks.base + CAN_ID_WALL_IN)
+    else if (kind == INBOX_WALLS_GIVEN)
         kind = take_wall(i, f, came_ns);
     i->wrong += kind == INBOX_WRONG;
     return kind;
+}
+
+void inbox_step(struct inbox *i, int64_t now_ns)
+{
+    for (size_t k = 0; k < INBOX_INPUTS; k++)
+        if (is_silent(&i->trust[k], k, now_ns))
+            begin_anew(i, k);
+}
+
+bool inbox_doubts(const struct inbox *i)
+{
+    bool doubts = false;
+
+    for (size_t k = 0; k < INBOX_INPUTS; k++)
+        doubts |= i->trust[k].sm.state == E2E_INVALID;
+    return doubts;
+}
+
+static void describe(const struct inbox *i, size_t input, char *text, size_t size)
+{
+    const struct inbox_trust *t = &i->trust[input];
+    bool wrong = t->wrong != E2E_OK && t->sm.state != E2E_VALID;
+
+    snprintf(text, size, "%s %s%s%s%s", inputs[input].name, e2e_state_text(t->sm.state),
+             wrong ? " (" : "", wrong ? e2e_verdict_text(t->wrong) : "",
+             wrong ? ")" : "");
+}
+
+void inbox_text(const struct inbox *i, char *text, size_t size)
+{
+    char one[64];
+    size_t used = 0;
+
+    text[0] = '\0';
+    for (size_t k = 0; k < INBOX_INPUTS && used < size; k++) {
+        enum e2e_state state = i->trust[k].sm.state;
+        if (state != E2E_INIT && state != E2E_INVALID)
+            continue;
+        describe(i, k, one, sizeof one);
+        used += (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "", one);
+    }
+}
+
+bool inbox_change(struct inbox *i, enum e2e_state *state, char *text, size_t size)
+{
+    for (size_t k = 0; k < INBOX_INPUTS; k++) {
+        struct inbox_trust *t = &i->trust[k];
+        if (t->sm.state == t->told || (t->sm.state == E2E_INIT && t->told == E2E_NODATA))
+            continue;
+        *state = t->told = t->sm.state;
+        describe(i, k, text, size);
+        return true;
+    }
+    return false;
+}
+
+void inbox_counts(const struct inbox *i, struct device_count out[INBOX_COUNTS])
+{
+    out[0] = (struct device_count){"inputs_wrong", i->wrong};
+    out[1] = (struct device_count){"inputs_unbelieved", i->unbelieved};
+    for (size_t k = 0; k < INBOX_INPUTS; k++)
+        out[2 + k] = (struct device_count){inputs[k].count, i->trust[k].invalid};
 }
 
 bool inbox_ego_ends(struct inbox *i, int64_t now_ns)
@@ -148,7 +272,6 @@ bool inbox_ego_ends(struct inbox *i, int64_t now_ns)
         return false;
     i->moves = false;
     i->ego.valid = false;
-    can_checks_forget(&i->checks, CAN_ID_EGO_MOTION);
     return true;
 }
 

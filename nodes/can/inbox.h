@@ -1,5 +1,10 @@
 /* nodes/can/inbox.h -- what the vehicle tells over CAN: its frames, checked, as messages.
- * Time is an argument. */
+ * Time is an argument.
+ *
+ * A frame is used when its own check is good and its input is VALID by the rules of the
+ * table in inbox.c (msgs/can/e2e_sm.h).  Only silence, longer than what it said last is
+ * kept, makes an input begin anew: one that comes and is wrong stays as it is.  What was
+ * said while it was VALID is kept for its time. */
 #ifndef ANLOS_NODES_CAN_INBOX_H
 #define ANLOS_NODES_CAN_INBOX_H
 
@@ -7,17 +12,21 @@
 #include <stdint.h>
 
 #include "hal/canbus.h"
+#include "msgs/can/e2e_sm.h"
 #include "msgs/can/protection.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
 
-#define INBOX_EGO_NS  100000000LL /* motion that is older is not known */
-#define INBOX_WALL_NS 2000000000LL
-#define INBOX_AWAY_NS 3000000000LL /* who was silent for so long counts anew */
-#define INBOX_WALLS   15           /* as the frame numbers them, from 1 */
+#define INBOX_EGO_NS     100000000LL /* motion that is older is not known */
+#define INBOX_AMBIENT_NS 3000000000LL
+#define INBOX_WALL_NS    2000000000LL
+#define INBOX_WALLS      15 /* as the frame numbers them, from 1 */
+
+enum inbox_input { INBOX_EGO_MOTION, INBOX_AIR, INBOX_WALL_IN, INBOX_INPUTS };
+enum { INBOX_COUNTS = 2 + INBOX_INPUTS, INBOX_TEXT_SIZE = 128 };
 
 enum inbox_kind {
-    INBOX_NOTHING, /* of no use, and no mistake: not available, or not to be believed */
+    INBOX_NOTHING, /* of no use, and no mistake: not available, or not believed yet */
     INBOX_WRONG,   /* damaged, repeated or out of sequence: not to be used */
     INBOX_EGO,
     INBOX_AMBIENT,
@@ -31,17 +40,26 @@ struct inbox_wall {
     int64_t given_ns; /* 0: not known */
 };
 
+struct inbox_trust { /* in an input */
+    struct e2e_sm sm;
+    int64_t heard_ns;       /* the newest frame, whatever it was; of NODATA: none */
+    enum e2e_verdict wrong; /* with the newest that was; E2E_OK: none since it began */
+    uint64_t invalid;       /* times that it became INVALID */
+    enum e2e_state told;    /* of inbox_change */
+};
+
 struct inbox {
     struct can_checks checks;
-    int64_t heard_ns[CAN_SENSOR_STEP]; /* the newest frame, by enum can_id; 0: none */
-    bool moves;                        /* ego is valid */
-    int64_t ego_ns;                    /* when it was said last; 0: never */
-    Anlos__EgoMotion ego;              /* the newest, to be published */
+    struct inbox_trust trust[INBOX_INPUTS];
+    bool moves;           /* ego is valid */
+    int64_t ego_ns;       /* when it was said last; 0: never */
+    Anlos__EgoMotion ego; /* the newest, to be published */
     Anlos__Ambient ambient;
     struct inbox_wall walls[INBOX_WALLS];
     Anlos__WallList wall_list; /* of those known; points to the following */
     Anlos__Wall *wall_pointers[INBOX_WALLS];
-    uint64_t wrong;
+    uint64_t wrong;      /* frames that were INBOX_WRONG */
+    uint64_t unbelieved; /* good ones of an input that was not VALID */
 };
 
 /* base: where the identifiers of the sensor begin.  i must stay where it is. */
@@ -56,6 +74,22 @@ enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
 
 /* True once when nothing valid has come for INBOX_EGO_NS: ego says so then. */
 bool inbox_ego_ends(struct inbox *i, int64_t now_ns);
+
+/* Inputs that were silent for too long begin anew.  To be called often. */
+void inbox_step(struct inbox *i, int64_t now_ns);
+
+/* Is an input INVALID? */
+bool inbox_doubts(const struct inbox *i);
+
+/* "EgoMotion invalid (repeated), Ambient init"; empty: all that comes is VALID. */
+void inbox_text(const struct inbox *i, char *text, size_t size);
+
+/* The next input whose state became another one, for the log; false: there is none.  That
+ * one begins is not said before it is known how. */
+bool inbox_change(struct inbox *i, enum e2e_state *state, char *text, size_t size);
+
+/* "inputs_wrong", "inputs_unbelieved", "ego_motion_invalid", ... */
+void inbox_counts(const struct inbox *i, struct device_count out[INBOX_COUNTS]);
 
 /* True once when a wall was not given for INBOX_WALL_NS: wall_list is without it then. */
 bool inbox_walls_end(struct inbox *i, int64_t now_ns);

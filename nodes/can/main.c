@@ -58,6 +58,9 @@ static void receive(struct run *r)
             break;
         }
     }
+    inbox_step(&r->inbox, now);
+    if (inbox_doubts(&r->inbox))
+        watch_wrong_input(&r->watch);
     if (inbox_ego_ends(&r->inbox, now))
         node_publish(r->node, topic_ego(), now, &r->inbox.ego.base);
     if (inbox_walls_end(&r->inbox, now))
@@ -78,6 +81,18 @@ static void describe_state(const struct run *r, char *out, size_t size)
     watch_text(&r->watch, text, sizeof text);
     snprintf(out, size, "the sensor is %s%s%s", names[watch_state(&r->watch)],
              text[0] ? ": " : "", text);
+}
+
+static void tell_inputs(struct run *r)
+{
+    char text[INBOX_TEXT_SIZE];
+    enum e2e_state state;
+
+    while (inbox_change(&r->inbox, &state, text, sizeof text))
+        node_log_each(r->node, state == E2E_INVALID ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO,
+                      "of the vehicle: %s%s", text,
+                      state == E2E_INVALID ? ": it is not used until it is well again"
+                                           : "");
 }
 
 static void tell_state(struct run *r)
@@ -116,6 +131,7 @@ static void judge(struct run *r)
     r->sender.status.state = watch_state(&r->watch);
     r->sender.status.faults = watch_faults(&r->watch);
     r->sender.status.temperature_c = watch_temperature_c(&r->watch);
+    tell_inputs(r);
     tell_state(r);
 }
 
@@ -155,7 +171,7 @@ static void take(struct run *r, const struct node_message *in)
 
 static void step(struct run *r)
 {
-    char text[320];
+    char text[320], inputs[INBOX_TEXT_SIZE];
     uint64_t truncated = r->outbox.truncated;
 
     outbox_step(&r->outbox);
@@ -166,7 +182,9 @@ static void step(struct run *r)
                  CAN_MAX_OBJECTS);
     if (outbox_well(&r->outbox, text, sizeof text)) {
         describe_state(r, text, sizeof text);
-        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready, %s", text);
+        inbox_text(&r->inbox, inputs, sizeof inputs);
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready, %s%s%s", text,
+                   inputs[0] ? "; of the vehicle: " : "", inputs);
     } else {
         node_state(r->node, ANLOS__HEALTH__STATE__DEGRADED, "%s", text);
     }
@@ -189,7 +207,8 @@ static void finish(struct run *r)
                  r->outbox.n_lists);
 }
 
-_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + 1 <= DEVICE_MAX_COUNTS, "no room");
+_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS <= DEVICE_MAX_COUNTS,
+               "no room");
 
 static size_t counts(void *device, struct device_count *out)
 {
@@ -197,9 +216,8 @@ static size_t counts(void *device, struct device_count *out)
     size_t n = canbus_counts(r->bus, out);
 
     outbox_counts(&r->outbox, out + n);
-    n += OUTBOX_COUNTS;
-    out[n++] = (struct device_count){"inputs_wrong", r->inbox.wrong};
-    return n;
+    inbox_counts(&r->inbox, out + n + OUTBOX_COUNTS);
+    return n + OUTBOX_COUNTS + INBOX_COUNTS;
 }
 
 /* The log of a replay has its time, and none before its first message. */

@@ -18,8 +18,8 @@
  *     is known; if the node wall runs, also at once when no wall is likely or none was
  *     seen or given for 2 s, and 0.5 s after its last word | degraded | 1 s |
  * | clock jump | at once when the wall clock has moved by 20 ms | degraded | 5 s |
- * | input E2E wrong | at once when a frame is damaged, repeated or out of sequence
- *     | degraded | 1 s |
+ * | input E2E wrong | at once when a frame is damaged, repeated or out of sequence, and
+ *     while an input is invalid (nodes/can/inbox.h) | degraded | 1 s |
  * | array away | at once when its node says so | fault | 1 s |
  * | node lost | at once when the launcher sees one end or a node calls itself faulty; of
  *     a fixed array * 2.5 s after its last health | degraded | 1 s |

@@ -5,7 +5,7 @@
 
 #include "msgs/health.pb-c.h"
 
-enum { HEALTH_MAX_TOPICS = 48, HEALTH_MAX_DEVICE = 24 };
+enum { HEALTH_MAX_TOPICS = 48, HEALTH_MAX_DEVICE = 40 };
 
 struct health { /* the message and what it points to */
     Anlos__Health message;

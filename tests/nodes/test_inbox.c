@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <string.h>
 
 #include "msgs/can/frames.h"
 #include "nodes/can/inbox.h"
@@ -18,7 +19,7 @@ struct rig {
     int64_t now_ns;
 };
 
-static void start(struct rig *r)
+static void start_silent(struct rig *r)
 {
     *r = (struct rig){.vehicle = {.base = 0x420}, .now_ns = 5000 * MS};
     inbox_init(&r->inbox, 0x420);
@@ -53,6 +54,45 @@ static enum inbox_kind give_ego(struct rig *r, double speed_m_s, enum can_validi
 
     pack_ego(&f, speed_m_s, v);
     return give(r, &f);
+}
+
+static enum inbox_kind give_air(struct rig *r)
+{
+    const struct can_ambient air = {.temperature_c = 20, .humidity = NAN};
+    struct can_frame_data f;
+
+    can_pack_ambient(&f, 0x420, &air);
+    return give(r, &f);
+}
+
+static enum inbox_kind give_wall(struct rig *r, uint8_t id, enum can_validity v)
+{
+    const struct can_wall_in wall = {.id = id,
+                                     .validity = v,
+                                     .azimuth_rad = 0.5,
+                                     .distance_m = 4.0,
+                                     .sigma_azimuth_rad = 0.02,
+                                     .sigma_distance_m = 0.1};
+    struct can_frame_data f;
+
+    can_pack_wall_in(&f, 0x420, &wall);
+    return give(r, &f);
+}
+
+/* One that knows each input: as many frames as it takes, none of which says anything. */
+static void start(struct rig *r)
+{
+    const struct can_ambient no_air = {NAN, NAN};
+    struct can_frame_data f;
+
+    start_silent(r);
+    for (int i = 0; i < 12; i++)
+        assert_int_equal(give_ego(r, 0.0, CAN_INVALID), INBOX_NOTHING);
+    for (int i = 0; i < 5; i++)
+        assert_int_equal(give_wall(r, 0, CAN_INVALID), INBOX_NOTHING);
+    can_pack_ambient(&f, 0x420, &no_air);
+    assert_int_equal(give(r, &f), INBOX_NOTHING);
+    r->inbox.unbelieved = 0;
 }
 
 static void the_three_inputs_of_this_sensor_are_listened_to(void **state)
@@ -163,6 +203,18 @@ static void nor_is_one_that_comes_again_or_of_another_frame(void **state)
     assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
 }
 
+/* So many frames come before one is believed. */
+static int count_unbelieved(struct rig *r)
+{
+    int n = 0;
+
+    while (give_ego(r, 2.0, CAN_VALID) == INBOX_NOTHING) {
+        n++;
+        r->now_ns += 20 * MS;
+    }
+    return n;
+}
+
 /* It was away for a while: what it counts now is what counts. */
 static void after_a_silence_any_counter_is_the_first(void **state)
 {
@@ -178,16 +230,9 @@ static void after_a_silence_any_counter_is_the_first(void **state)
     }
     r.now_ns += 140 * MS;
     assert_true(inbox_ego_ends(&r.inbox, r.now_ns));
-    assert_int_equal(give_ego(&r, 2.0, CAN_VALID), INBOX_EGO);
-}
-
-static enum inbox_kind give_air(struct rig *r)
-{
-    const struct can_ambient air = {.temperature_c = 20, .humidity = NAN};
-    struct can_frame_data f;
-
-    can_pack_ambient(&f, 0x420, &air);
-    return give(r, &f);
+    assert_int_equal(count_unbelieved(&r), 12);
+    assert_int_equal(r.inbox.wrong, 0);
+    assert_int_equal(r.inbox.unbelieved, 12);
 }
 
 static void so_is_it_of_what_comes_every_second(void **state)
@@ -202,6 +247,8 @@ static void so_is_it_of_what_comes_every_second(void **state)
     assert_int_equal(give_air(&r), INBOX_WRONG);
     r.vehicle.counters[CAN_ID_AMBIENT] = 3;
     r.now_ns += 3001 * MS;
+    assert_int_equal(give_air(&r), INBOX_NOTHING);
+    r.now_ns += 1000 * MS;
     assert_int_equal(give_air(&r), INBOX_AMBIENT);
 }
 
@@ -220,20 +267,6 @@ static void the_air_is_what_the_vehicle_measures(void **state)
     can_pack_ambient(&f, 0x420, &(struct can_ambient){NAN, NAN});
     assert_int_equal(give(&r, &f), INBOX_AMBIENT);
     assert_true(isnan(r.inbox.ambient.temperature_c));
-}
-
-static enum inbox_kind give_wall(struct rig *r, uint8_t id, enum can_validity v)
-{
-    const struct can_wall_in wall = {.id = id,
-                                     .validity = v,
-                                     .azimuth_rad = 0.5,
-                                     .distance_m = 4.0,
-                                     .sigma_azimuth_rad = 0.02,
-                                     .sigma_distance_m = 0.1};
-    struct can_frame_data f;
-
-    can_pack_wall_in(&f, 0x420, &wall);
-    return give(r, &f);
 }
 
 /* The steps of the signals: 0.1 degree, 0.01 m, their sigmas rounded up. */
@@ -311,6 +344,287 @@ static void a_wall_that_was_taken_back_does_not_end_again(void **state)
     assert_false(inbox_walls_end(&r.inbox, r.now_ns + 9000 * MS));
 }
 
+/* Each 20 ms the same frame, for 10 s. */
+struct stuck {
+    unsigned taken, valid; /* as new motion; frames at which the motion was valid */
+};
+
+static struct stuck stick(struct rig *r)
+{
+    struct stuck s = {0, 0};
+    struct can_frame_data f;
+
+    pack_ego(&f, 2.5, CAN_VALID);
+    protect(r, &f);
+    for (int i = 0; i < 500; i++) {
+        s.taken += inbox_take(&r->inbox, &f, r->now_ns) == INBOX_EGO;
+        inbox_ego_ends(&r->inbox, r->now_ns);
+        inbox_step(&r->inbox, r->now_ns);
+        s.valid += r->inbox.ego.valid;
+        r->now_ns += 20 * MS;
+    }
+    return s;
+}
+
+static void drive(struct rig *r, int frames)
+{
+    for (int i = 0; i < frames; i++) {
+        assert_int_equal(give_ego(r, 2.5, CAN_VALID), INBOX_EGO);
+        r->now_ns += 20 * MS;
+    }
+}
+
+/* The first of them is new; what it says ends after 100 ms, which are 5 frames. */
+static void a_stuck_vehicle_is_not_believed_for_longer_than_a_silent_one(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    drive(&r, 50);
+    struct stuck s = stick(&r);
+    assert_int_equal(s.taken, 1);
+    assert_int_equal(s.valid, 5);
+    assert_true(inbox_doubts(&r.inbox));
+    assert_int_equal(r.inbox.wrong, 499);
+}
+
+static void one_that_is_stuck_from_the_start_is_never_believed(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start_silent(&r);
+    struct stuck s = stick(&r);
+    assert_int_equal(s.taken, 0);
+    assert_int_equal(s.valid, 0);
+}
+
+static void nor_is_one_after_a_silence(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    drive(&r, 50);
+    r.now_ns += 5000 * MS;
+    inbox_ego_ends(&r.inbox, r.now_ns);
+    struct stuck s = stick(&r);
+    assert_int_equal(s.taken + s.valid, 0);
+}
+
+/* 13 good ones in a row. */
+static void a_vehicle_that_is_well_again_is_believed_again(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    drive(&r, 50);
+    stick(&r);
+    assert_int_equal(count_unbelieved(&r), 12);
+    assert_true(r.inbox.ego.valid);
+    assert_false(inbox_doubts(&r.inbox));
+    assert_int_equal(r.inbox.trust[INBOX_EGO_MOTION].invalid, 1);
+}
+
+/* What was recorded comes again and again.  12 + 3 are a round of the counter: longer
+ * ones cannot be told from frames that got lost. */
+static void a_loop_of_old_frames_is_not_believed(void **state)
+{
+    for (size_t length = 1; length <= 12; length++) {
+        struct can_frame_data loop[12];
+        struct rig r;
+        unsigned taken = 0;
+        (void)state;
+        start(&r);
+        drive(&r, 50);
+        for (size_t i = 0; i < length; i++) {
+            pack_ego(&loop[i], 2.5, CAN_VALID);
+            protect(&r, &loop[i]);
+        }
+        for (size_t i = 0; i < 500; i++) {
+            r.now_ns += 20 * MS;
+            taken += inbox_take(&r.inbox, &loop[i % length], r.now_ns) == INBOX_EGO;
+            inbox_step(&r.inbox, r.now_ns);
+        }
+        /* The second wrong one of 13 comes with the third round at the latest. */
+        assert_in_range(taken, length, 2 * length);
+    }
+}
+
+/* Two of three get lost, and each 13th is damaged besides. */
+static void a_bus_that_loses_frames_is_believed(void **state)
+{
+    struct rig r;
+    struct can_frame_data f;
+
+    (void)state;
+    start(&r);
+    for (int i = 0; i < 300; i++) {
+        r.now_ns += 60 * MS;
+        for (int k = 0; k < 2; k++) {
+            pack_ego(&f, 1.0, CAN_VALID);
+            protect(&r, &f);
+        }
+        assert_int_equal(give_ego(&r, 1.0, CAN_VALID), INBOX_EGO);
+        f.data[3] ^= 1;
+        if (i % 13 == 0)
+            assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+    }
+}
+
+/* The frames of somebody else come between those of the vehicle. */
+static void
+motion_that_is_every_other_time_of_another_sender_is_not_believed(void **state)
+{
+    struct can_protection other = {.base = 0x410};
+    struct can_frame_data f;
+    struct rig r;
+    unsigned taken = 0;
+
+    (void)state;
+    start(&r);
+    drive(&r, 20);
+    for (int i = 0; i < 500; i++) {
+        r.now_ns += 10 * MS;
+        pack_ego(&f, 9.0, CAN_VALID);
+        f.id = 0x41c;
+        can_protect(&other, &f);
+        can_protection_sent(&other, &f);
+        f.id = 0x42c;
+        assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+        r.now_ns += 10 * MS;
+        taken += give_ego(&r, 1.0, CAN_VALID) == INBOX_EGO;
+    }
+    assert_int_equal(taken, 1);
+    assert_int_equal(r.inbox.trust[INBOX_EGO_MOTION].invalid, 1);
+}
+
+/* Of each the same frame, at its pace, for 20 s; how long what it said is kept. */
+static void air_and_walls_that_are_stuck_are_not_believed_either(void **state)
+{
+    const struct can_ambient air = {.temperature_c = 20, .humidity = NAN};
+    struct can_frame_data f;
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    can_pack_ambient(&f, 0x420, &air);
+    assert_int_equal(give(&r, &f), INBOX_AMBIENT);
+    for (int i = 0; i < 20; i++) {
+        r.now_ns += 1000 * MS;
+        inbox_step(&r.inbox, r.now_ns);
+        assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+        assert_int_equal(inbox_doubts(&r.inbox), i >= 2);
+    }
+    start(&r);
+    give_wall(&r, 1, CAN_VALID);
+    const struct can_wall_in wall = {
+        .id = 1, .validity = CAN_VALID, .azimuth_rad = 0.5, .distance_m = 2.0};
+    can_pack_wall_in(&f, 0x420, &wall);
+    assert_int_equal(give(&r, &f), INBOX_WALLS_GIVEN);
+    for (int i = 1; i <= 200; i++) {
+        r.now_ns += 100 * MS;
+        inbox_step(&r.inbox, r.now_ns);
+        assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+        assert_int_equal(inbox_walls_end(&r.inbox, r.now_ns), i == 21);
+    }
+    assert_true(inbox_doubts(&r.inbox));
+}
+
+static void an_input_that_is_silent_has_no_data_and_no_doubt(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    stick(&r);
+    assert_true(inbox_doubts(&r.inbox));
+    r.now_ns += 80 * MS;
+    inbox_step(&r.inbox, r.now_ns);
+    assert_true(inbox_doubts(&r.inbox));
+    r.now_ns += MS;
+    inbox_step(&r.inbox, r.now_ns);
+    assert_false(inbox_doubts(&r.inbox));
+    assert_int_equal(r.inbox.trust[INBOX_EGO_MOTION].sm.state, E2E_NODATA);
+}
+
+static uint64_t count(const struct inbox *i, const char *name)
+{
+    struct device_count counts[INBOX_COUNTS];
+
+    inbox_counts(i, counts);
+    for (size_t k = 0; k < INBOX_COUNTS; k++)
+        if (!strcmp(counts[k].name, name))
+            return counts[k].value;
+    fail_msg("no %s is counted", name);
+    return 0;
+}
+
+static void what_is_not_believed_is_said_and_counted(void **state)
+{
+    char text[INBOX_TEXT_SIZE];
+    enum e2e_state s;
+    struct rig r;
+
+    (void)state;
+    start_silent(&r);
+    give_air(&r);
+    inbox_text(&r.inbox, text, sizeof text);
+    assert_string_equal(text, "Ambient init");
+    assert_false(inbox_change(&r.inbox, &s, text, sizeof text));
+    start(&r);
+    drive(&r, 1);
+    give_air(&r);
+    give_wall(&r, 1, CAN_VALID);
+    inbox_text(&r.inbox, text, sizeof text);
+    assert_string_equal(text, "");
+    for (int i = 0; i < 3; i++)
+        assert_true(inbox_change(&r.inbox, &s, text, sizeof text));
+    assert_string_equal(text, "WallIn valid");
+    stick(&r);
+    inbox_text(&r.inbox, text, sizeof text);
+    assert_string_equal(text, "EgoMotion invalid (repeated)");
+    assert_true(inbox_change(&r.inbox, &s, text, sizeof text));
+    assert_int_equal(s, E2E_INVALID);
+    for (int i = 0; i < 2; i++) {
+        assert_true(inbox_change(&r.inbox, &s, text, sizeof text));
+        assert_int_equal(s, E2E_NODATA); /* nothing else came */
+    }
+    assert_false(inbox_change(&r.inbox, &s, text, sizeof text));
+    count_unbelieved(&r);
+    assert_int_equal(count(&r.inbox, "inputs_wrong"), 499);
+    assert_int_equal(count(&r.inbox, "inputs_unbelieved"), 12);
+    assert_int_equal(count(&r.inbox, "ego_motion_invalid"), 1);
+    assert_int_equal(count(&r.inbox, "ambient_invalid"), 0);
+    assert_int_equal(count(&r.inbox, "wall_in_invalid"), 0);
+}
+
+/* Nobody should have let them through. */
+static void a_frame_that_is_no_input_is_wrong_and_nothing_else(void **state)
+{
+    struct can_frame_data f = {.id = 0x123, .size = 8};
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    struct inbox before = r.inbox;
+    assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+    f.id = 0x42c;
+    for (uint8_t size = 0; size < 8; size++) {
+        f.size = size;
+        assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+    }
+    pack_ego(&f, 1.0, CAN_VALID);
+    can_protect(&r.vehicle, &f);
+    f.fd = true;
+    assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+    assert_int_equal(r.inbox.wrong, 10);
+    assert_false(r.inbox.moves);
+    assert_memory_equal(&r.inbox.checks, &before.checks, sizeof before.checks);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -328,6 +642,18 @@ int main(void)
         cmocka_unit_test(walls_are_kept_until_they_are_taken_back_or_old),
         cmocka_unit_test(a_wall_ends_once_after_2_s_of_silence),
         cmocka_unit_test(a_wall_that_was_taken_back_does_not_end_again),
+        cmocka_unit_test(a_stuck_vehicle_is_not_believed_for_longer_than_a_silent_one),
+        cmocka_unit_test(one_that_is_stuck_from_the_start_is_never_believed),
+        cmocka_unit_test(nor_is_one_after_a_silence),
+        cmocka_unit_test(a_vehicle_that_is_well_again_is_believed_again),
+        cmocka_unit_test(a_loop_of_old_frames_is_not_believed),
+        cmocka_unit_test(a_bus_that_loses_frames_is_believed),
+        cmocka_unit_test(
+            motion_that_is_every_other_time_of_another_sender_is_not_believed),
+        cmocka_unit_test(air_and_walls_that_are_stuck_are_not_believed_either),
+        cmocka_unit_test(an_input_that_is_silent_has_no_data_and_no_doubt),
+        cmocka_unit_test(what_is_not_believed_is_said_and_counted),
+        cmocka_unit_test(a_frame_that_is_no_input_is_wrong_and_nothing_else),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

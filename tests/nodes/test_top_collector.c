@@ -467,7 +467,7 @@ static void what_is_foreign_or_too_much_is_left_out(void **state)
     health_topic(&r->health, "of/a/later/version", 1, 9);
     for (int i = 0; i < 40; i++)
         health_topic(&r->health, "ping", 1, (uint64_t)i);
-    for (int i = 0; i < 20; i++)
+    for (int i = 0; i < TABLE_MAX_DEVICE + 4; i++)
         health_device(&r->health, text, (uint64_t)i);
     say(r, 1, 10 * S);
     const struct table_node *n = node(r, "array", 10 * S);

@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "hal/device_count.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/envelope.h"
 #include "msgs/scan.pb-c.h"
@@ -16,7 +17,7 @@ enum {
     TABLE_MAX_NODES = 32,
     TABLE_MAX_TOPICS = 48,
     TABLE_MAX_LINKS = 32,
-    TABLE_MAX_DEVICE = 16,
+    TABLE_MAX_DEVICE = DEVICE_MAX_COUNTS,
     TABLE_MAX_LOGS = 64,
     TABLE_MAX_OBJECTS = 64,
     TABLE_TEXT_SIZE = 256,
