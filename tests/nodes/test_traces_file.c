@@ -43,7 +43,7 @@ static void expect_echoes(const struct turntable *t, double limit_db)
 {
     struct traces_file f;
     struct complaint why = {""};
-    if (traces_load(&f, path, &why))
+    if (traces_load(&f, path, NULL, &why))
         fail_msg("%s", why.text);
     assert_int_equal(f.n_pings, TURNTABLE_PINGS);
     assert_memory_equal(f.pings_m, t->pings_m, sizeof t->pings_m);
@@ -119,8 +119,8 @@ static void a_gate_leaves_the_samples_within(void **state)
     struct traces_file whole, cut;
     const double gate_s[2] = {0.0042, 0.0061}, none_s[2] = {0.0002, 0.0034};
     traces_write(&w, *state, path, points, 2);
-    assert_int_equal(traces_load(&whole, path, NULL), 0);
-    assert_int_equal(traces_load(&cut, path, NULL), 0);
+    assert_int_equal(traces_load(&whole, path, NULL, NULL), 0);
+    assert_int_equal(traces_load(&cut, path, NULL, NULL), 0);
     assert_int_equal(traces_cut(&cut, none_s), -ERANGE);
     assert_int_equal(cut.format.n_samples, whole.format.n_samples);
     assert_int_equal(traces_cut(&cut, gate_s), 0);
@@ -144,7 +144,7 @@ static void pings_without_sound_are_left_out(void **state)
     struct traces_write w = {.format = {0.003, 100000.0, 20000.0, 500}};
     w.silent[3] = w.silent[70] = w.nan[8] = true;
     traces_write(&w, *state, path, points, 2);
-    assert_int_equal(traces_load(&f, path, &why), 0);
+    assert_int_equal(traces_load(&f, path, NULL, &why), 0);
     assert_int_equal(f.n_silent, 2);
     assert_int_equal(f.n_not_finite, 1);
     for (size_t k = 0; k < TURNTABLE_PINGS; k++)
@@ -156,7 +156,7 @@ static void pings_without_sound_are_left_out(void **state)
     for (size_t k = 0; k < TURNTABLE_PINGS; k++)
         w.silent[k] = true;
     traces_write(&w, *state, path, points, 2);
-    assert_int_equal(traces_load(&f, path, &why), -ENODATA);
+    assert_int_equal(traces_load(&f, path, NULL, &why), -ENODATA);
     assert_non_null(strstr(why.text, "traces: all are silent or not finite"));
     traces_clear(&f);
 }
@@ -172,7 +172,7 @@ static void traces_louder_than_any_echo_are_counted(void **state)
         point.gain = gains[loud];
         w.silent[3] = true;
         traces_write(&w, *state, path, &point, 1);
-        int err = traces_load(&f, path, &why);
+        int err = traces_load(&f, path, NULL, &why);
         assert_int_equal(err, loud ? -ENODATA : 0);
         assert_int_equal(f.n_silent, 1);
         assert_int_equal(f.n_too_loud, loud ? TURNTABLE_PINGS - 1 : 0);
@@ -202,7 +202,7 @@ static void what_is_missing_or_wrong_is_named(void **state)
                                  .leave_out = cases[i].leave_out,
                                  .rate_hz = &cases[i].rate_hz};
         traces_write(&w, *state, path, points, 2);
-        assert_true(traces_load(&f, path, &why) < 0);
+        assert_true(traces_load(&f, path, NULL, &why) < 0);
         if (!strstr(why.text, cases[i].part))
             fail_msg("\"%s\" has no \"%s\"", why.text, cases[i].part);
         traces_clear(&f);
@@ -258,7 +258,7 @@ static void what_has_another_shape_or_is_not_finite_is_named(void **state)
         traces_write(&w, *state, path, points, 2);
         append(cases[i].name, cases[i].rank, cases[i].extents, cases[i].at,
                cases[i].value);
-        assert_int_equal(traces_load(&f, path, &why), -EINVAL);
+        assert_int_equal(traces_load(&f, path, NULL, &why), -EINVAL);
         if (!strstr(why.text, cases[i].part))
             fail_msg("\"%s\" has no \"%s\"", why.text, cases[i].part);
         traces_clear(&f);
@@ -271,9 +271,99 @@ static void as_many_places_as_pings(void **state)
     struct complaint why = {""};
     struct traces_write w = {.format = {0.003, 1e5, 20000.0, 100}, .short_rx = true};
     traces_write(&w, *state, path, points, 2);
-    assert_int_equal(traces_load(&f, path, &why), -EINVAL);
+    assert_int_equal(traces_load(&f, path, NULL, &why), -EINVAL);
     assert_non_null(
         strstr(why.text, "rx_m: 179 x 3, expected as many pings as tx_m x 3"));
+    traces_clear(&f);
+}
+
+/* -- noise in other bands ---------------------------------------------------------------
+ */
+
+/* Under 5 kHz, and 30 dB louder than the echoes, whose loudest sample is about 1. */
+static float rumble(double t_s, unsigned ping)
+{
+    double sum = 0.0;
+
+    for (unsigned tone = 0; tone < 24; tone++) {
+        unsigned long long seed = 1000u * ping + tone + 1;
+        double hz = 300.0 + 4500.0 * reference_random(&seed);
+        double phase = 2.0 * M_PI * reference_random(&seed);
+        sum += cos(2.0 * M_PI * hz * t_s + phase);
+    }
+    return (float)(10.0 * sum / sqrt(12.0));
+}
+
+static const struct trace_format raw = {0.0, 100000.0, 0.0, 2000};
+
+static void noise_that_is_louder_than_the_echoes_is_cut_and_told(void **state)
+{
+    struct traces_write w = {.format = raw, .real = true, .noise = rumble};
+    struct traces_file f;
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, NULL, NULL), 0);
+    assert_true(f.band_hz[0] > 7000.0 && f.band_hz[0] < 13000.0);
+    assert_true(f.band_hz[1] > 27000.0 && f.band_hz[1] < 33000.0);
+    assert_true(f.cut_share > 0.9 && f.cut_share <= 1.0);
+    assert_non_null(strstr(f.cut, " to "));
+    double low_khz, high_khz;
+    assert_int_equal(sscanf(f.cut, "%lf to %lf", &low_khz, &high_khz), 2);
+    assert_true(low_khz < 0.5 && high_khz > 4.0 && high_khz < 10.0);
+    traces_clear(&f);
+    w.noise = NULL;
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, NULL, NULL), 0);
+    assert_string_equal(f.cut, "");
+    assert_true(f.cut_share == 0.0);
+    traces_clear(&f);
+}
+
+static void a_band_that_is_named_is_taken(void **state)
+{
+    static const double wanted[2] = {12000.0, 25000.0}, said[2] = {11000.0, 28000.0};
+    static const struct trace_format formats[3] = {{0.0, 100000.0, 0.0, 2000},
+                                                   {0.0, 100000.0, 0.0, 2000},
+                                                   {0.0, 50000.0, 20000.0, 1000}};
+    for (int q = 0; q < 3; q++) {
+        struct traces_write w = {
+            .format = formats[q], .real = q == 0, .conjugate = q == 1};
+        struct traces_file f;
+        for (int file = 0; file < 2; file++) {
+            const double *band = file ? said : wanted;
+            w.band_hz = file ? said : NULL;
+            traces_write(&w, *state, path, points, 2);
+            assert_int_equal(traces_load(&f, path, file ? NULL : wanted, NULL), 0);
+            for (int i = 0; i < 2; i++)
+                assert_true(fabs(f.band_hz[i] - band[i]) < 100.0);
+            double loudest = 0.0;
+            for (size_t i = 0; i < f.n_pings * f.format.n_samples; i++)
+                loudest = fmax(loudest, (double)cabsf(f.traces[i]));
+            assert_true(loudest > 0.3); /* not the empty half of the spectrum */
+            traces_clear(&f);
+        }
+        w.band_hz = said; /* an option says more than the file */
+        traces_write(&w, *state, path, points, 2);
+        assert_int_equal(traces_load(&f, path, wanted, NULL), 0);
+        assert_true(fabs(f.band_hz[0] - wanted[0]) < 100.0);
+        traces_clear(&f);
+    }
+}
+
+static void a_band_outside_of_the_traces_is_refused(void **state)
+{
+    static const double high[2] = {40000.0, 60000.0}, turned[2] = {3000.0, 2000.0};
+    struct traces_write w = {.format = raw, .real = true};
+    struct traces_file f;
+    struct complaint why = {""};
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, high, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "--band-hz: 40000 to 60000 Hz"));
+    assert_non_null(strstr(why.text, "hold 0 to 50000 Hz"));
+    traces_clear(&f);
+    w.band_hz = turned;
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, NULL, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "band_hz: expected two numbers"));
     traces_clear(&f);
 }
 
@@ -353,6 +443,9 @@ int main(void)
         TEST(what_is_missing_or_wrong_is_named),
         TEST(what_has_another_shape_or_is_not_finite_is_named),
         TEST(as_many_places_as_pings),
+        TEST(noise_that_is_louder_than_the_echoes_is_cut_and_told),
+        TEST(a_band_that_is_named_is_taken),
+        TEST(a_band_outside_of_the_traces_is_refused),
         cmocka_unit_test(a_band_is_found_wherever_it_lies),
         cmocka_unit_test(a_real_signal_s_band_is_in_its_first_half),
         cmocka_unit_test(a_spectrum_filled_to_the_brim_is_all_band),

@@ -17,6 +17,8 @@ struct traces_write {
     bool v73, turned;      /* turned: [sample][ping] and [3][ping] */
     bool real, doubles, conjugate, short_rx;
     bool silent[TURNTABLE_PINGS], nan[TURNTABLE_PINGS];
+    float (*noise)(double t_s, unsigned ping); /* added; NULL: none */
+    const double *band_hz;                     /* [2] what the file says; NULL: nothing */
 };
 
 static inline void traces_write_variable(mat_t *mat, const struct traces_write *w,
@@ -50,6 +52,8 @@ static inline void traces_write_traces(mat_t *mat, const struct traces_write *w,
         for (size_t i = 0; i < samples; i++) {
             size_t at = w->turned ? k * samples + i : i * n + k;
             float complex x = w->silent[k] ? 0.0f : traces[k * samples + i];
+            if (w->noise)
+                x += w->noise((double)i / w->format.rate_hz, (unsigned)k);
             re[at] = w->nan[k] && i == samples / 2 ? NAN : crealf(x);
             im[at] = w->conjugate ? -cimagf(x) : cimagf(x);
             wide[at] = (double)re[at];
@@ -77,6 +81,9 @@ static inline void traces_write(const struct traces_write *w, const struct turnt
     traces_write_variable(mat, w, "t0_s", MAT_C_DOUBLE, 1, 1, &t0_s, NULL);
     traces_write_variable(mat, w, "fc_hz", MAT_C_DOUBLE, 1, 1, &carrier_hz, NULL);
     traces_write_variable(mat, w, "c_m_s", MAT_C_DOUBLE, 1, 1, &c, NULL);
+    if (w->band_hz)
+        traces_write_variable(mat, w, "band_hz", MAT_C_DOUBLE, 1, 2, (void *)w->band_hz,
+                              NULL);
     Mat_Close(mat);
     free(traces);
 }

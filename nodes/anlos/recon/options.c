@@ -21,6 +21,7 @@ static const struct option options[] = {
     {"volume", required_argument, NULL, RECON_OPTION_VOLUME},
     {"confocal", required_argument, NULL, RECON_OPTION_CONFOCAL},
     {"gate-m", required_argument, NULL, RECON_OPTION_GATE},
+    {"band-hz", required_argument, NULL, RECON_OPTION_BAND},
     {"bag", required_argument, NULL, RECON_OPTION_BAG},
     {"launch", required_argument, NULL, RECON_OPTION_LAUNCH},
     {"background", required_argument, NULL, RECON_OPTION_BACKGROUND},
@@ -76,6 +77,16 @@ static int take_gate(struct recon_options *o, const char *command)
         return usage_error(command, "--gate-m %s: expected NEAR,FAR with 0 <= near < far",
                            optarg);
     o->has_gate = true;
+    return 0;
+}
+
+static int take_band(struct recon_options *o, const char *command)
+{
+    if (usage_numbers(optarg, 2, o->band_hz) ||
+        !(o->band_hz[0] >= 0.0 && o->band_hz[0] < o->band_hz[1]))
+        return usage_error(
+            command, "--band-hz %s: expected LOW,HIGH with 0 <= low < high", optarg);
+    o->has_band = true;
     return 0;
 }
 
@@ -145,6 +156,8 @@ int recon_options_take(struct recon_options *o, const char *command, int code)
         return take_volume(o, command);
     case RECON_OPTION_GATE:
         return take_gate(o, command);
+    case RECON_OPTION_BAND:
+        return take_band(o, command);
     case RECON_OPTION_SET:
         return take_setting(o, command);
     case RECON_OPTION_BUDGET:

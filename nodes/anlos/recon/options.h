@@ -18,6 +18,8 @@ struct recon_options {                           /* borrow from argv */
     const char *launch; /* settings in place of those in the bag, or NULL */
     bool has_gate;      /* of the optical scan */
     double gate_m[2];
+    bool has_band; /* of the traces */
+    double band_hz[2];
     bool has_volume; /* in place of the survey's */
     double volume_m[3][3];
     size_t threads;
@@ -36,6 +38,7 @@ enum recon_option { /* getopt_long's codes */
                     RECON_OPTION_VOLUME,
                     RECON_OPTION_CONFOCAL,
                     RECON_OPTION_GATE,
+                    RECON_OPTION_BAND,
                     RECON_OPTION_BAG,
                     RECON_OPTION_LAUNCH,
                     RECON_OPTION_BACKGROUND,

@@ -117,6 +117,9 @@ int recon_options_check_all(struct recon_options *o)
     if (o->has_gate && !o->confocal)
         return usage_error("recon", "--gate-m belongs to --confocal; a survey names its "
                                     "own gate_m");
+    if (o->has_band && !o->traces)
+        return usage_error("recon", "--band-hz belongs to --traces; the band of a "
+                                    "recording is that of its chirp");
     if (o->confocal && o->bag)
         return usage_error("recon", "--confocal stands in place of --bag; expected one");
     if (o->launch && !o->bag)

@@ -178,6 +178,13 @@ json_t *recon_report_warnings(const struct recon_job *job)
     if (job->traces.n_too_loud)
         warn(warnings, "%zu traces are louder than any echo: left out",
              job->traces.n_too_loud);
+    if (job->traces.cut[0])
+        warn(warnings,
+             "%.0f %% of the power is at %s kHz and as loud at all times, as noise is: "
+             "cut; "
+             "the band is %.3g to %.3g kHz, --band-hz LOW,HIGH takes another",
+             100.0 * job->traces.cut_share, job->traces.cut,
+             1e-3 * job->traces.band_hz[0], 1e-3 * job->traces.band_hz[1]);
     if (!job->options->traces)
         warn_lost(warnings, job);
     warn_cut(warnings, job);

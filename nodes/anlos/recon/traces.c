@@ -107,7 +107,7 @@ int recon_traces_open(struct recon_job *job, struct complaint *why)
                                  : "%s: expected --volume, or --survey with a volume",
                        o->survey ? o->survey : o->traces);
     if (!err)
-        err = traces_load(&job->traces, o->traces, why);
+        err = traces_load(&job->traces, o->traces, o->has_band ? o->band_hz : NULL, why);
     if (!err)
         err = fill_survey(job, why);
     if (!err)

@@ -3,6 +3,8 @@
 #include <errno.h>
 #include <fftw3.h>
 #include <math.h>
+#include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,7 +17,16 @@
 #define FAINTEST     1e-4 /* of the largest power density belongs to the band */
 #define SIGMAS       8.0  /* and so many deviations of the noise's mean above it */
 #define FLAT         3.0  /* times the faintest tenth: there is nothing but band */
+#define TAPER        0.1  /* of a trace, at each end, before its spectrum is looked at */
 #define PAD          32   /* samples between a trace's end and its start, at least */
+
+/* Noise is as loud at all times after the emission, echoes are not. */
+#define SEGMENTS   8    /* of a trace */
+#define LEAST_BINS 16   /* of a segment's spectrum, to tell them apart */
+#define SURE       6.0  /* standard errors that the loudest segment is over the middle */
+#define LOUDER     1.25 /* and as many times as loud */
+#define GAP        4    /* parts */
+#define WORTH      0.1  /* of the power of echoes: noise that is not worth to be cut */
 
 static int by_value(const void *a, const void *b)
 {
@@ -75,6 +86,199 @@ int traces_band(const double *power, size_t n, size_t n_used, size_t n_spectra,
     return 0;
 }
 
+/* -- noise and echoes -------------------------------------------------------------------
+ */
+
+struct profile { /* of the power of parts of the spectrum, over the time of a trace */
+    size_t n_parts;
+    double sum[SEGMENTS][SMOOTH], square[SEGMENTS][SMOOTH]; /* over pings */
+    size_t n_pings;
+};
+
+struct segments {
+    size_t n, n_used; /* samples, bins */
+    float *in, *out;  /* [n] complex */
+    fftwf_plan plan;
+};
+
+/* -ERANGE: traces are too short for it. */
+static int segments_create(struct segments *g, const struct traces_raw *r)
+{
+    g->n = r->n_samples / SEGMENTS;
+    g->n_used = r->real ? g->n / 2 : g->n;
+    if (g->n_used < LEAST_BINS)
+        return -ERANGE;
+    g->in = fftwf_malloc(2 * g->n * sizeof(float));
+    g->out = fftwf_malloc(2 * g->n * sizeof(float));
+    if (!g->in || !g->out)
+        return -ENOMEM;
+    g->plan = fft_plan(g->n, g->in, g->out, FFTW_FORWARD);
+    return g->plan ? 0 : -ENOMEM;
+}
+
+static void segments_clear(struct segments *g)
+{
+    fftwf_destroy_plan(g->plan);
+    fftwf_free(g->in);
+    fftwf_free(g->out);
+}
+
+/* Hann's window keeps what is loud in one part out of the others. */
+static void transform_segment(struct segments *g, const float complex *from, size_t step)
+{
+    for (size_t i = 0; i < g->n; i++) {
+        float w = (float)(0.5 - 0.5 * cos(2.0 * M_PI * ((double)i + 0.5) / (double)g->n));
+        g->in[2 * i] = w * crealf(from[i * step]);
+        g->in[2 * i + 1] = w * cimagf(from[i * step]);
+    }
+    fftwf_execute(g->plan);
+}
+
+static void add_ping(struct profile *p, struct segments *g, const struct traces_raw *r,
+                     size_t k)
+{
+    for (size_t s = 0; s < SEGMENTS; s++) {
+        transform_segment(g, r->traces + k * r->stride + s * g->n * r->step, r->step);
+        for (size_t part = 0; part < p->n_parts; part++) {
+            size_t to = (part + 1) * g->n_used / p->n_parts;
+            double power = 0.0;
+            for (size_t b = part * g->n_used / p->n_parts; b < to; b++)
+                power += (double)g->out[2 * b] * (double)g->out[2 * b] +
+                         (double)g->out[2 * b + 1] * (double)g->out[2 * b + 1];
+            p->sum[s][part] += power;
+            p->square[s][part] += power * power;
+        }
+    }
+    p->n_pings++;
+}
+
+/* 0, -ERANGE (too short, or a single ping), -ENOMEM. */
+static int measure_profile(struct profile *p, const struct traces_raw *r,
+                           const bool *masked)
+{
+    struct segments g = {0};
+    memset(p, 0, sizeof *p);
+    int err = segments_create(&g, r);
+    if (!err) {
+        p->n_parts = g.n_used < SMOOTH ? g.n_used : SMOOTH;
+        for (size_t k = 0; k < r->n_pings; k++)
+            if (!masked[k])
+                add_ping(p, &g, r, k);
+        err = p->n_pings > 1 ? 0 : -ERANGE;
+    }
+    segments_clear(&g);
+    return err;
+}
+
+static bool has_echoes(const struct profile *p, size_t part)
+{
+    double mean[SEGMENTS], sorted[SEGMENTS], n = (double)p->n_pings;
+    size_t loudest = 0;
+
+    for (size_t s = 0; s < SEGMENTS; s++) {
+        sorted[s] = mean[s] = p->sum[s][part] / n;
+        loudest = mean[s] > mean[loudest] ? s : loudest;
+    }
+    qsort(sorted, SEGMENTS, sizeof *sorted, by_value);
+    double middle = 0.5 * (sorted[SEGMENTS / 2 - 1] + sorted[SEGMENTS / 2]);
+    double variance =
+        fmax(p->square[loudest][part] / n - mean[loudest] * mean[loudest], 0.0);
+    return mean[loudest] > LOUDER * middle &&
+           mean[loudest] - middle > SURE * sqrt(variance / (n - 1.0));
+}
+
+/* A short gap between echoes is one in which they are faint. */
+static void find_echoes(const struct profile *p, bool *echo)
+{
+    size_t last = SIZE_MAX;
+
+    for (size_t q = 0; q < p->n_parts; q++) {
+        echo[q] = has_echoes(p, q);
+        if (!echo[q])
+            continue;
+        for (size_t gap = last + 1; last != SIZE_MAX && q - last <= GAP && gap < q; gap++)
+            echo[gap] = true;
+        last = q;
+    }
+}
+
+/* Appends "from-to" in kHz, as long as there is room. */
+static void note_cut(char *text, size_t size, double from_hz, double to_hz)
+{
+    size_t used = strlen(text);
+
+    snprintf(text + used, size - used, "%s%.3g to %.3g", used ? ", " : "", 1e-3 * from_hz,
+             1e-3 * to_hz);
+}
+
+/* Of a bin; those in the upper half of complex traces lie below the carrier. */
+static double frequency_hz(const struct traces_raw *r, size_t bin, size_t n)
+{
+    double turns = (double)bin / (double)n;
+
+    if (!r->real && turns >= 0.5)
+        turns -= 1.0;
+    return fabs(r->carrier_hz + turns * r->rate_hz);
+}
+
+/* Marks the parts that stand out of the spectrum and have no echoes.  How much of the
+ * power is theirs; 0: not worth it, or there are no echoes. */
+static double find_noise(const struct profile *p, const bool *echo, const double *part,
+                         double least, bool *noisy)
+{
+    double echoes = 0.0, noise = 0.0, all = 0.0;
+
+    for (size_t q = 0; q < p->n_parts; q++) {
+        noisy[q] = !echo[q] && part[q] > least;
+        echoes += echo[q] ? part[q] : 0.0;
+        noise += noisy[q] ? part[q] : 0.0;
+        all += part[q];
+    }
+    return echoes > 0.0 && least > 0.0 && noise >= WORTH * echoes ? noise / all : 0.0;
+}
+
+/* power [n]: where noise stands out it sinks to the floor; then what it outshone, such as
+ * its own flanks, stands out. */
+static void sink_noise(const struct profile *p, double *power, size_t n, size_t n_used,
+                       const struct traces_raw *r, struct traces_file *t)
+{
+    double part[SMOOTH], least, floor_power = INFINITY;
+    bool echo[SMOOTH], noisy[SMOOTH], sunk[SMOOTH] = {false}, more = true;
+
+    find_echoes(p, echo);
+    least = part_powers(power, n_used, p->n_pings, p->n_parts, part);
+    t->cut_share = find_noise(p, echo, part, least, noisy);
+    if (!(t->cut_share > 0.0))
+        return;
+    for (size_t q = 0; q < p->n_parts; q++)
+        floor_power = fmin(floor_power, part[q]);
+    while (more) {
+        more = false;
+        for (size_t q = 0; q < p->n_parts; q++) {
+            if (!noisy[q] || sunk[q])
+                continue;
+            size_t to = (q + 1) * n_used / p->n_parts;
+            for (size_t b = q * n_used / p->n_parts; b < to; b++)
+                power[b] = fmin(power[b], floor_power);
+            sunk[q] = more = true;
+        }
+        least = part_powers(power, n_used, p->n_pings, p->n_parts, part);
+        find_noise(p, echo, part, least, noisy);
+    }
+    for (size_t q = 0, end; q < p->n_parts; q = end) {
+        for (end = q; end < p->n_parts && sunk[end]; end++)
+            ;
+        if (end > q)
+            note_cut(t->cut, sizeof t->cut, frequency_hz(r, q * n_used / p->n_parts, n),
+                     frequency_hz(r, end * n_used / p->n_parts - 1, n));
+        else
+            end++;
+    }
+}
+
+/* -- the band and its rate --------------------------------------------------------------
+ */
+
 struct rebander {
     size_t n, m;          /* lengths of the two transforms */
     float *in, *spectrum; /* [n] complex */
@@ -107,11 +311,24 @@ static int rebander_create(struct rebander *x, const struct traces_raw *r)
     return x->forward ? 0 : -ENOMEM;
 }
 
-static void transform_ping(struct rebander *x, const struct traces_raw *r, size_t k)
+/* Tukey's window: what a trace begins and ends with would else show at all frequencies.
+ */
+static float taper(size_t n, size_t n_samples)
+{
+    double to_end = (double)(n < n_samples - 1 - n ? n : n_samples - 1 - n) + 0.5;
+    double share = to_end / (TAPER * (double)n_samples);
+
+    return share < 1.0 ? (float)(0.5 - 0.5 * cos(M_PI * share)) : 1.0f;
+}
+
+static void transform_ping(struct rebander *x, const struct traces_raw *r, size_t k,
+                           bool tapered)
 {
     memset(x->in, 0, 2 * x->n * sizeof *x->in);
     for (size_t n = 0; n < r->n_samples; n++) {
         float complex v = r->traces[k * r->stride + n * r->step];
+        if (tapered)
+            v *= taper(n, r->n_samples);
         x->in[2 * n] = crealf(v);
         x->in[2 * n + 1] = x->conjugate ? -cimagf(v) : cimagf(v);
     }
@@ -126,29 +343,36 @@ static void sum_spectra(struct rebander *x, const struct traces_raw *r,
     for (size_t k = 0; k < r->n_pings; k++) {
         if (masked[k])
             continue;
-        transform_ping(x, r, k);
+        transform_ping(x, r, k, true);
         for (size_t b = 0; b < x->n; b++)
             power[b] += (double)x->spectrum[2 * b] * (double)x->spectrum[2 * b] +
                         (double)x->spectrum[2 * b + 1] * (double)x->spectrum[2 * b + 1];
     }
 }
 
-/* Sets first, width, conjugate, and the band and the format of the traces. */
-static int choose_band(struct rebander *x, const struct traces_raw *r,
-                       struct traces_file *t)
+/* Bins of what stands out.  0, -EINVAL, -ENOMEM. */
+static int find_band(const struct rebander *x, const struct traces_raw *r,
+                     struct traces_file *t, double *power, size_t *first, size_t *width)
 {
-    double *power = malloc(x->n * sizeof *power);
-    size_t first, width;
-    if (!power)
+    struct profile *profile = malloc(sizeof *profile);
+    size_t n_used = r->real ? x->n / 2 : x->n;
+
+    if (!profile)
         return -ENOMEM;
-    sum_spectra(x, r, t->masked, power);
-    int err =
-        traces_band(power, x->n, r->real ? x->n / 2 : x->n, r->n_pings, &first, &width);
-    free(power);
-    if (err)
-        return err;
-    double bin_hz = r->rate_hz / (double)x->n;
+    int err = measure_profile(profile, r, t->masked);
+    if (!err)
+        sink_noise(profile, power, x->n, n_used, r, t);
+    free(profile);
+    return err == -ENOMEM ? err
+                          : traces_band(power, x->n, n_used, r->n_pings, first, width);
+}
+
+/* What was found, with a margin on each side. */
+static void take_found(struct rebander *x, const struct traces_raw *r, size_t first,
+                       size_t width)
+{
     long margin = (long)ceil(MARGIN * (double)width), n = (long)x->n;
+
     x->first = (long)first - margin;
     x->width = (size_t)((long)width + 2 * margin);
     if (x->width >= x->n) { /* filled to the brim: around the carrier, or above 0 */
@@ -164,10 +388,61 @@ static int choose_band(struct rebander *x, const struct traces_raw *r,
     } else if (r->carrier_hz > 0.0 && width && 2 * (x->first + (long)x->width / 2) >= n) {
         x->first -= n;
     }
+}
+
+static double power_within(const struct rebander *x, const double *power, long first,
+                           long width)
+{
+    long n = (long)x->n;
+    double sum = 0.0;
+
+    for (long b = first; b < first + width; b++)
+        sum += power[((b % n) + n) % n];
+    return sum;
+}
+
+/* What was asked for, as it is.  Of the other sign convention if there is more.  0,
+ * -ERANGE. */
+static int take_wanted(struct rebander *x, const struct traces_raw *r,
+                       const double *power, const double band_hz[2])
+{
+    double bin_hz = r->rate_hz / (double)x->n;
+    double low = ceil((band_hz[0] - r->carrier_hz) / bin_hz);
+    double high = floor((band_hz[1] - r->carrier_hz) / bin_hz), n = (double)x->n;
+    double lowest = r->carrier_hz > 0.0 ? ceil(-0.5 * n) : 0.0;
+    double highest = r->real || r->carrier_hz > 0.0 ? floor(0.5 * n) : n - 1.0;
+
+    if (!(low >= lowest && high <= highest && low < high))
+        return -ERANGE;
+    x->first = (long)low;
+    x->width = (size_t)(high - low) + 1;
+    x->conjugate = !r->real && r->carrier_hz == 0.0 &&
+                   power_within(x, power, -(long)high, (long)x->width) >
+                       power_within(x, power, x->first, (long)x->width);
+    return 0;
+}
+
+/* Sets first, width, conjugate, and the band and the format of the traces. */
+static int choose_band(struct rebander *x, const struct traces_raw *r,
+                       const double band_hz[2], struct traces_file *t)
+{
+    double *power = malloc(x->n * sizeof *power);
+    size_t first, width;
+    if (!power)
+        return -ENOMEM;
+    sum_spectra(x, r, t->masked, power);
+    int err = band_hz ? take_wanted(x, r, power, band_hz)
+                      : find_band(x, r, t, power, &first, &width);
+    if (!err && !band_hz)
+        take_found(x, r, first, width);
+    free(power);
+    if (err)
+        return err;
     if (r->carrier_hz == 0.0 && x->first < 1) {
         x->width -= (size_t)(1 - x->first);
         x->first = 1;
     }
+    double bin_hz = r->rate_hz / (double)x->n;
     t->band_hz[0] = fmax(r->carrier_hz + (double)x->first * bin_hz, 0.0);
     t->band_hz[1] = r->carrier_hz + (double)(x->first + (long)x->width - 1) * bin_hz;
     return t->band_hz[1] > t->band_hz[0] ? 0 : -EINVAL;
@@ -210,7 +485,7 @@ static void convert(struct rebander *x, const struct traces_raw *r, struct trace
         memset(y, 0, t->format.n_samples * sizeof *y);
         if (t->masked[k])
             continue;
-        transform_ping(x, r, k);
+        transform_ping(x, r, k, false);
         memset(x->bins, 0, 2 * x->m * sizeof *x->bins);
         for (long b = x->first; b < x->first + (long)x->width; b++) {
             const float *from = x->spectrum + 2 * (((b % n) + n) % n);
@@ -228,12 +503,13 @@ static void convert(struct rebander *x, const struct traces_raw *r, struct trace
     }
 }
 
-int traces_reband(struct traces_file *t, const struct traces_raw *r)
+int traces_reband(struct traces_file *t, const struct traces_raw *r,
+                  const double band_hz[2])
 {
     struct rebander x;
     int err = rebander_create(&x, r);
     if (!err)
-        err = choose_band(&x, r, t);
+        err = choose_band(&x, r, band_hz, t);
     if (!err)
         err = plan_output(&x, r, t);
     if (!err)

@@ -21,8 +21,12 @@ struct traces_raw {
 int traces_band(const double *power, size_t n, size_t n_used, size_t n_spectra,
                 size_t *first, size_t *width);
 
-/* From n_pings and masked: band_hz, format and traces of *t.  0, -EINVAL (no band),
- * -ENOMEM. */
-int traces_reband(struct traces_file *t, const struct traces_raw *r);
+/* From n_pings and masked: band_hz, format, traces and cut of *t.  band_hz [2]: the band
+ * that is wanted; NULL: it is found.  What is as loud at all times of the mean trace is
+ * noise, which may be louder than the echoes: where something else is not, the band is of
+ * that, and what was cut is told.  0, -EINVAL (no band), -ERANGE (band_hz: there is no
+ * such frequency in the traces), -ENOMEM. */
+int traces_reband(struct traces_file *t, const struct traces_raw *r,
+                  const double band_hz[2]);
 
 #endif

@@ -87,13 +87,38 @@ static int read_numbers(struct mat_file *f, const char *path, struct traces_file
     return 0;
 }
 
-static int read_file(struct traces_file *t, struct traces_raw *r, const char *path,
+/* NaN: the file does not say. */
+static int read_band(struct mat_file *f, const char *path, double band_hz[2],
                      struct complaint *why)
+{
+    size_t extents[2];
+    double *v = NULL;
+
+    band_hz[0] = band_hz[1] = NAN;
+    if (!mat_file_has(f, "band_hz"))
+        return 0;
+    int err = mat_file_read_double(f, "band_hz", 2, extents, &v, why);
+    if (err)
+        return err;
+    if (extents[0] * extents[1] == 2 && v[0] >= 0.0 && v[0] < v[1] && isfinite(v[1]))
+        memcpy(band_hz, v, 2 * sizeof *v);
+    else
+        err = complain(why, -EINVAL,
+                       "%s: band_hz: expected two numbers, the lower and the upper end",
+                       path);
+    free(v);
+    return err;
+}
+
+static int read_file(struct traces_file *t, struct traces_raw *r, const char *path,
+                     double band_hz[2], struct complaint *why)
 {
     struct mat_file *f = NULL;
     int err = mat_file_open(&f, path, why);
     if (!err)
         err = read_numbers(f, path, t, r, why);
+    if (!err)
+        err = read_band(f, path, band_hz, why);
     if (!err)
         err = read_places(f, path, "tx_m", 0, t, why);
     if (!err)
@@ -149,17 +174,38 @@ static void look_again(struct traces_file *t)
     }
 }
 
-int traces_load(struct traces_file *out, const char *path, struct complaint *why)
+/* The highest frequency that traces of this rate can have. */
+static double top_hz(const struct traces_raw *r)
+{
+    return r->carrier_hz > 0.0 ? r->carrier_hz + 0.5 * r->rate_hz
+           : r->real           ? 0.5 * r->rate_hz
+                               : r->rate_hz;
+}
+
+int traces_load(struct traces_file *out, const char *path, const double wanted_hz[2],
+                struct complaint *why)
 {
     struct traces_raw r = {0};
+    double band_hz[2];
     memset(out, 0, sizeof *out);
-    int err = read_file(out, &r, path, why);
+    int err = read_file(out, &r, path, band_hz, why);
     if (!err)
         err = look(out, &r, path, why);
     if (!err) {
-        err = traces_reband(out, &r);
+        if (wanted_hz)
+            memcpy(band_hz, wanted_hz, sizeof band_hz);
+        err = traces_reband(out, &r, isnan(band_hz[0]) ? NULL : band_hz);
         if (err == -EINVAL)
-            complain(why, err, "%s: traces: no band stands out of their spectrum", path);
+            complain(why, err,
+                     "%s: traces: no band stands out of their spectrum; name it with "
+                     "--band-hz LOW,HIGH",
+                     path);
+        else if (err == -ERANGE)
+            complain(why, err = -EINVAL,
+                     "%s: %s: %g to %g Hz, but traces with a rate of %g Hz hold %g to %g "
+                     "Hz",
+                     path, wanted_hz ? "--band-hz" : "band_hz", band_hz[0], band_hz[1],
+                     r.rate_hz, fmax(r.carrier_hz - 0.5 * r.rate_hz, 0.0), top_hz(&r));
         else if (err)
             complain(why, err, "%s: out of memory", path);
     }

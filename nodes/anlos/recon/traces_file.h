@@ -9,10 +9,11 @@
  *   fc_hz    carrier, when the traces are basebanded: the analytic signal at t is
  *            trace exp(2 pi i fc_hz t); else 0
  *   c_m_s    speed of sound
+ *   band_hz  [2], where the echoes are; may be missing
  *
  * They come out as the imagers want them (dsp/pulse_compress.h): the band that they fill
- * is found in their mean spectrum and stands around the middle of a rate 2.2 times its
- * width.  Real traces become analytic by it. */
+ * is that of the file, or found in their mean spectrum, and stands around the middle of a
+ * rate 2.2 times its width.  Real traces become analytic by it. */
 #ifndef ANLOS_NODES_ANLOS_RECON_TRACES_FILE_H
 #define ANLOS_NODES_ANLOS_RECON_TRACES_FILE_H
 
@@ -33,12 +34,16 @@ struct traces_file {
     bool *masked;          /* [n_pings] silent, or with samples that are not finite or
                             * louder than any echo (recon/trace_check.h) */
     size_t n_silent, n_not_finite, n_too_loud;
+    char cut[96];     /* islands of noise that are not of the band, in kHz; empty: none */
+    double cut_share; /* of the power */
 };
 
-/* Clear with traces_clear, also after an error.  The complaint is "file: variable: what
+/* band_hz [2]: where the echoes are, in place of what the file says; NULL.
+ * Clear with traces_clear, also after an error.  The complaint is "file: variable: what
  * was expected".  0, -ENOENT and other errno of reading, -EINVAL, -EFBIG, -EIO (broken
  * off), -ENODATA (all are masked), -ENOMEM. */
-int traces_load(struct traces_file *out, const char *path, struct complaint *why);
+int traces_load(struct traces_file *out, const char *path, const double band_hz[2],
+                struct complaint *why);
 void traces_clear(struct traces_file *t);
 
 /* Leaves of all traces the samples within these delays.  0, -ERANGE (fewer than 2 are).
