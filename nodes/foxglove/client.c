@@ -1,39 +1,61 @@
-/* A client from its handshake to its end, and the thread that sends to it. */
+/* A client from its handshake to its end: what it asks for, and what it is sent. */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "nodes/foxglove/channels.h"
 #include "nodes/foxglove/origin.h"
 #include "nodes/foxglove/server_state.h"
 
-#define GOING_AWAY "\x03\xe9" /* 1001, RFC 6455 7.4.1 */
-#define TRY_LATER  "\x03\xf5" /* 1013 */
-
-void client_push(struct client *c, const struct outgoing *o)
+/* With the lock: n messages of the channel have been left out. */
+static void count_dropped(struct client *c, size_t channel, uint64_t n)
 {
-    struct foxglove_counts *n = &c->server->counts;
-    struct subscription *s = o->kind == OUTGOING_MESSAGE ? &c->subscriptions[o->channel]
-                                                         : NULL;
+    struct subscription *s = &c->subscriptions[channel];
     struct complaint told;
-    struct channel channel;
-    int dropped = queue_push(&c->queue, o);
+    struct channel about;
 
-    pthread_cond_signal(&c->wake);
-    if (!dropped)
-        return;
-    n->dropped += dropped < 0 ? 1 : (uint64_t)dropped;
-    if (!s || s->told)
+    c->server->counts.dropped += n;
+    if (s->told)
         return;
     s->told = true;
-    channel_get(o->channel, &channel);
+    channel_get(channel, &about);
     complain(
         &told, 0,
         "%s: this connection is too slow for it; what finds no place in the queue is "
         "left out",
-        channel.name);
+        about.name);
     client_status(c, REPLY_WARNING, told.text);
+}
+
+/* The total of what waits is bounded too, at the cost of who has most. */
+static void keep_within(struct foxglove_server *s)
+{
+    for (;;) {
+        struct client *most = NULL;
+        size_t bytes = 0, channel;
+        for (struct client *c = s->clients; c; c = c->next) {
+            bytes += c->queue.bytes;
+            if (c->queue.messages > 1 && (!most || c->queue.bytes > most->queue.bytes))
+                most = c;
+        }
+        if (bytes <= s->cfg.total_bytes || !most || !queue_drop(&most->queue, &channel))
+            return;
+        count_dropped(most, channel, 1);
+    }
+}
+
+void client_push(struct client *c, const struct outgoing *o)
+{
+    int dropped = queue_push(&c->queue, o);
+
+    web_wake(c->server->web);
+    if (o->kind == OUTGOING_TEXT) {
+        c->server->counts.dropped += dropped != 0;
+        return;
+    }
+    if (dropped)
+        count_dropped(c, o->channel, dropped < 0 ? 1 : (uint64_t)dropped);
+    keep_within(c->server);
 }
 
 void client_status(struct client *c, enum reply_level level, const char *text)
@@ -44,135 +66,175 @@ void client_status(struct client *c, enum reply_level level, const char *text)
         client_push(c, &o);
 }
 
-static bool write_frame(struct client *c, int kind, const void *data, size_t size)
-{
-    return mg_websocket_write(c->connection, kind, data, size) == (int)size;
-}
-
-/* A frame is written in one piece, so the payload is copied behind its head. */
-static bool write_message(struct client *c, const struct outgoing *o)
-{
-    size_t size = REPLY_MESSAGE_HEAD + o->blob->size;
-    uint8_t *frame = malloc(size);
-    bool sent = false;
-
-    if (frame) {
-        reply_message_head(frame, o->subscription, o->t_ns);
-        memcpy(frame + REPLY_MESSAGE_HEAD, o->blob->data, o->blob->size);
-        sent = write_frame(c, MG_WEBSOCKET_OPCODE_BINARY, frame, size);
-    }
-    free(frame);
-    return sent;
-}
-
-static bool write_time(struct client *c, int64_t t_ns)
-{
-    uint8_t frame[REPLY_TIME_SIZE];
-
-    reply_time(frame, t_ns);
-    return write_frame(c, MG_WEBSOCKET_OPCODE_BINARY, frame, sizeof frame);
-}
-
-/* With the lock, which it gives back while it writes.  false: nothing can be sent any
- * more. */
-static bool send_next(struct client *c)
+/* 0, -EINVAL. */
+static int subscribe(struct client *c, const struct foxglove_wish *w,
+                     struct complaint *why)
 {
     struct foxglove_server *s = c->server;
-    bool say_time = c->time_waits, sent = true;
-    int64_t t_ns = s->time_ns;
-    struct outgoing o;
-    bool found = queue_pop(&c->queue, &o);
 
-    c->time_waits = false;
-    pthread_mutex_unlock(&s->lock);
-    if (say_time)
-        sent = write_time(c, t_ns);
-    if (found && sent)
-        sent = o.kind == OUTGOING_MESSAGE
-                   ? write_message(c, &o)
-                   : write_frame(c, MG_WEBSOCKET_OPCODE_TEXT, o.blob->data, o.blob->size);
-    if (found)
-        blob_release(o.blob);
-    pthread_mutex_lock(&s->lock);
-    if (found && sent && o.kind == OUTGOING_MESSAGE)
-        s->counts.sent++;
-    return sent;
+    if (w->channel >= s->n_channels || !s->offered[w->channel])
+        return complain(why, -EINVAL, "subscribe: there is no channel %u", w->channel);
+    if (c->subscriptions[w->channel].active)
+        return complain(why, -EINVAL, "subscribe: channel %u is subscribed to already",
+                        w->channel);
+    for (size_t i = 0; i < s->n_channels; i++)
+        if (c->subscriptions[i].active && c->subscriptions[i].id == w->subscription)
+            return complain(why, -EINVAL,
+                            "subscribe: id %u is that of another subscription",
+                            w->subscription);
+    c->subscriptions[w->channel] =
+        (struct subscription){.active = true, .id = w->subscription};
+    press_late(s, c, w->channel);
+    return 0;
 }
 
-static void *send_all(void *data)
+static int unsubscribe(struct client *c, const struct foxglove_wish *w,
+                       struct complaint *why)
 {
-    struct client *c = data;
-    struct foxglove_server *s = c->server;
-
-    pthread_mutex_lock(&s->lock);
-    while (!c->closed && !c->goodbye) {
-        if (!c->queue.first && !c->time_waits)
-            pthread_cond_wait(&c->wake, &s->lock);
-        else if (!send_next(c))
-            c->closed = true;
-    }
-    bool goodbye = c->goodbye && !c->closed;
-    c->closed = true;
-    queue_clear(&c->queue);
-    pthread_mutex_unlock(&s->lock);
-    if (goodbye)
-        write_frame(c, MG_WEBSOCKET_OPCODE_CONNECTION_CLOSE, GOING_AWAY, 2);
-    else
-        mg_close_connection(c->connection); /* only marks it: its thread ends it */
-    return NULL;
-}
-
-/* Before the handshake mg_send_http_error leaves the head of the response out. */
-static void refuse(const struct mg_connection *connection, const char *status,
-                   const char *text)
-{
-    mg_printf((struct mg_connection *)connection,
-              "HTTP/1.1 %s\r\nContent-Type: text/plain\r\nContent-Length: %zu\r\n"
-              "Connection: close\r\n\r\n%s\n",
-              status, strlen(text) + 1, text);
-}
-
-/* What civetweb says it has accepted may be of the connection before. */
-static bool speaks_foxglove(const struct mg_connection *connection)
-{
-    static const char *const known[] = FOXGLOVE_SUBPROTOCOLS;
-    const struct mg_request_info *info = mg_get_request_info(connection);
-
-    for (int h = 0; h < info->num_headers; h++) {
-        const char *at = info->http_headers[h].value;
-        if (strcasecmp(info->http_headers[h].name, "Sec-WebSocket-Protocol") != 0)
+    for (size_t i = 0; i < c->server->n_channels; i++) {
+        if (!c->subscriptions[i].active || c->subscriptions[i].id != w->subscription)
             continue;
-        while (at += strspn(at, ", \t"), *at) {
-            size_t n = strcspn(at, ", \t");
-            for (size_t k = 0; k < sizeof known / sizeof *known; k++)
-                if (n == strlen(known[k]) && !strncmp(at, known[k], n))
-                    return true;
-            at += n;
-        }
+        c->subscriptions[i].active = false;
+        queue_forget(&c->queue, i);
+        return 0;
+    }
+    return complain(why, -EINVAL, "unsubscribe: there is no subscription %u",
+                    w->subscription);
+}
+
+/* Carries out what can be; the first thing that cannot is in the complaint.  How many
+ * cannot. */
+static size_t carry_out(struct client *c, const struct foxglove_request *r,
+                        struct complaint *first)
+{
+    struct complaint why;
+    size_t wrong = 0;
+
+    for (size_t i = 0; i < r->n; i++) {
+        int err = r->operation == FOXGLOVE_SUBSCRIBE
+                      ? subscribe(c, &r->wishes[i], &why)
+                      : unsubscribe(c, &r->wishes[i], &why);
+        if (err && !wrong++)
+            *first = why;
+    }
+    return wrong;
+}
+
+/* With the lock. */
+static void answer(struct client *c, const void *data, size_t size, bool binary)
+{
+    struct foxglove_request request;
+    struct complaint why = {""};
+    int err = foxglove_request_parse(data, size, binary, &request, &why);
+    size_t wrong = err ? 1 : carry_out(c, &request, &why);
+
+    c->server->counts.rejected += wrong;
+    if (wrong)
+        client_status(c, REPLY_ERROR, why.text);
+    if (!err)
+        foxglove_request_clear(&request);
+}
+
+bool client_take(void *client, const void *data, size_t size, bool binary)
+{
+    struct client *c = client;
+
+    pthread_mutex_lock(&c->server->lock);
+    if (data) {
+        answer(c, data, size, binary);
+    } else {
+        c->server->counts.rejected++;
+        client_status(c, REPLY_ERROR, "a request that is too long");
+    }
+    pthread_mutex_unlock(&c->server->lock);
+    return true;
+}
+
+/* With the lock. */
+static enum web_next next(struct client *c, struct web_frame *out)
+{
+    struct outgoing o;
+
+    *out = (struct web_frame){.binary = true};
+    if (c->goodbye)
+        return WEB_GOODBYE;
+    if (c->time_waits) {
+        c->time_waits = false;
+        reply_time(out->head, c->server->time_ns);
+        out->head_size = REPLY_TIME_SIZE;
+        return WEB_FRAME;
+    }
+    if (!queue_pop(&c->queue, &o))
+        return WEB_NOTHING;
+    out->owner = o.blob;
+    out->body = o.blob->data;
+    out->body_size = o.blob->size;
+    out->binary = o.kind == OUTGOING_MESSAGE;
+    if (out->binary) {
+        reply_message_head(out->head, o.subscription, o.t_ns);
+        out->head_size = REPLY_MESSAGE_HEAD;
+    }
+    return WEB_FRAME;
+}
+
+enum web_next client_next(void *client, struct web_frame *out)
+{
+    struct client *c = client;
+
+    pthread_mutex_lock(&c->server->lock);
+    enum web_next n = next(c, out);
+    pthread_mutex_unlock(&c->server->lock);
+    return n;
+}
+
+void client_done(void *client, const struct web_frame *f, bool sent)
+{
+    struct foxglove_server *s = ((struct client *)client)->server;
+
+    pthread_mutex_lock(&s->lock);
+    s->counts.sent += sent && f->owner && f->binary;
+    pthread_mutex_unlock(&s->lock);
+    blob_release(f->owner);
+}
+
+static bool speaks_foxglove(const char *offered)
+{
+    const char *at = offered ? offered : "";
+
+    while (at += strspn(at, ", \t"), *at) {
+        size_t n = strcspn(at, ", \t");
+        for (const char *const *known = foxglove_subprotocols; *known; known++)
+            if (n == strlen(*known) && !strncmp(at, *known, n))
+                return true;
+        at += n;
     }
     return false;
 }
 
-int client_connect(const struct mg_connection *connection, void *data)
+static bool reply(struct web_reply *out, const char *status, const char *text)
 {
-    struct foxglove_server *s = data;
-    const char *origin = mg_get_header(connection, "Origin");
-    const char *host = mg_get_header(connection, "Host");
-    bool foreign = !origin_is_allowed(origin, host);
-    bool mute = !speaks_foxglove(connection);
+    *out = (struct web_reply){
+        .status = status, .type = "text/plain", .data = text, .size = strlen(text)};
+    return true;
+}
+
+bool client_refuse(void *server, const struct web_request *r, struct web_reply *out)
+{
+    struct foxglove_server *s = server;
+    bool foreign = !origin_is_allowed(r->origin, r->host);
+    bool mute = !speaks_foxglove(r->subprotocols);
 
     pthread_mutex_lock(&s->lock);
     bool full = s->stopping || s->counts.clients >= s->cfg.max_clients;
     s->counts.refused += foreign || mute || full;
     pthread_mutex_unlock(&s->lock);
     if (foreign)
-        refuse(connection, "403 Forbidden", "a page of another site may not connect");
-    else if (mute)
-        refuse(connection, "400 Bad Request",
-               "the subprotocol has to be foxglove.sdk.v1 or foxglove.websocket.v1");
-    else if (full)
-        refuse(connection, "503 Service Unavailable", "too many clients");
-    return foreign || mute || full;
+        return reply(out, "403 Forbidden", "a page of another site may not connect\n");
+    if (mute)
+        return reply(out, "400 Bad Request",
+                     "the subprotocol has to be foxglove.sdk.v1 or "
+                     "foxglove.websocket.v1\n");
+    return full && reply(out, "503 Service Unavailable", "too many clients\n");
 }
 
 static void client_free(struct client *c)
@@ -180,23 +242,19 @@ static void client_free(struct client *c)
     if (!c)
         return;
     queue_clear(&c->queue);
-    pthread_cond_destroy(&c->wake);
     free(c->subscriptions);
     free(c);
 }
 
-static struct client *client_create(struct foxglove_server *s,
-                                    struct mg_connection *connection)
+static struct client *client_create(struct foxglove_server *s)
 {
     struct client *c = calloc(1, sizeof *c);
 
     if (!c)
         return NULL;
     c->server = s;
-    c->connection = connection;
     c->queue.max_bytes = s->cfg.queue_bytes;
     c->queue.max_messages = s->cfg.queue_messages;
-    pthread_cond_init(&c->wake, NULL);
     c->subscriptions = calloc(s->n_channels, sizeof *c->subscriptions);
     if (c->subscriptions)
         return c;
@@ -204,7 +262,7 @@ static struct client *client_create(struct foxglove_server *s,
     return NULL;
 }
 
-/* With the lock.  Errors of pthread_create, negative. */
+/* With the lock.  0, -ENOMEM. */
 static int client_start(struct client *c)
 {
     struct foxglove_server *s = c->server;
@@ -220,19 +278,16 @@ static int client_start(struct client *c)
         return -ENOMEM;
     c->serial = ++s->n_ever;
     c->time_waits = s->time_ns != 0;
-    int err = -pthread_create(&c->thread, NULL, send_all, c);
-    if (err)
-        return err;
     c->next = s->clients;
     s->clients = c;
     s->counts.clients++;
     return 0;
 }
 
-void client_ready(struct mg_connection *connection, void *data)
+void *client_open(void *server)
 {
-    struct foxglove_server *s = data;
-    struct client *c = client_create(s, connection);
+    struct foxglove_server *s = server;
+    struct client *c = client_create(s);
     bool started = false;
 
     pthread_mutex_lock(&s->lock);
@@ -241,39 +296,23 @@ void client_ready(struct mg_connection *connection, void *data)
     s->counts.refused += !started;
     pthread_mutex_unlock(&s->lock);
     if (started)
-        return;
+        return c;
     client_free(c);
-    mg_websocket_write(connection, MG_WEBSOCKET_OPCODE_CONNECTION_CLOSE, TRY_LATER, 2);
+    return NULL;
 }
 
-struct client **client_find(struct foxglove_server *s,
-                            const struct mg_connection *connection)
+void client_close(void *client)
 {
+    struct client *c = client;
+    struct foxglove_server *s = c->server;
+
+    pthread_mutex_lock(&s->lock);
     struct client **link = &s->clients;
-
-    while (*link && (*link)->connection != connection)
+    while (*link != c)
         link = &(*link)->next;
-    return *link ? link : NULL;
-}
-
-void client_close(const struct mg_connection *connection, void *data)
-{
-    struct foxglove_server *s = data;
-
-    pthread_mutex_lock(&s->lock);
-    struct client **link = client_find(s, connection), *c = link ? *link : NULL;
-    if (c) {
-        *link = c->next;
-        c->closed = true;
-        pthread_cond_signal(&c->wake);
-    }
-    pthread_mutex_unlock(&s->lock);
-    if (!c)
-        return;
-    pthread_join(c->thread, NULL);
-    client_free(c);
-    pthread_mutex_lock(&s->lock);
+    *link = c->next;
     s->counts.clients--;
     pthread_cond_broadcast(&s->parted);
     pthread_mutex_unlock(&s->lock);
+    client_free(c);
 }

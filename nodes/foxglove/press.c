@@ -35,7 +35,7 @@ void press_late(struct foxglove_server *s, const struct client *c, size_t channe
 
 static bool wants(const struct client *c, const struct arrival *a, size_t channel)
 {
-    return c->subscriptions[channel].active && !c->closed &&
+    return c->subscriptions[channel].active &&
            (!a->client || (a->client == c->serial && a->channel == channel));
 }
 

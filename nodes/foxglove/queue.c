@@ -89,6 +89,18 @@ bool queue_pop(struct queue *q, struct outgoing *out)
     return true;
 }
 
+bool queue_drop(struct queue *q, size_t *channel)
+{
+    struct queue_entry **link = find(q, 0, true);
+
+    if (!link)
+        return false;
+    struct outgoing o = take(q, link);
+    *channel = o.channel;
+    blob_release(o.blob);
+    return true;
+}
+
 void queue_forget(struct queue *q, size_t channel)
 {
     struct queue_entry **link;

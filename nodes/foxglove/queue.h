@@ -34,6 +34,9 @@ int queue_push(struct queue *q, const struct outgoing *o);
 /* The oldest.  false: there is none. */
 bool queue_pop(struct queue *q, struct outgoing *out);
 
+/* Drops the oldest message; its channel.  false: there is none. */
+bool queue_drop(struct queue *q, size_t *channel);
+
 /* Drops what waits of a channel; not counted as lost. */
 void queue_forget(struct queue *q, size_t channel);
 void queue_clear(struct queue *q);

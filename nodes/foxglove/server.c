@@ -14,14 +14,16 @@
 #define PARTING_MS     300
 #define NS_PER_MS      1000000LL
 
-static const char *subprotocols[] = FOXGLOVE_SUBPROTOCOLS;
+const char *const foxglove_subprotocols[] = {"foxglove.sdk.v1", "foxglove.websocket.v1",
+                                             NULL};
 
 void foxglove_config_default(struct foxglove_config *cfg, int64_t now_ns)
 {
     *cfg = (struct foxglove_config){.name = "anlos",
                                     .session_ns = now_ns,
                                     .max_clients = 8,
-                                    .queue_bytes = (size_t)64 << 20,
+                                    .queue_bytes = (size_t)8 << 20,
+                                    .total_bytes = (size_t)16 << 20,
                                     .queue_messages = 1024};
 }
 
@@ -63,16 +65,26 @@ static void open_locks(struct foxglove_server *s)
     pthread_condattr_destroy(&attributes);
 }
 
-int foxglove_server_create(struct foxglove_server **out, struct mg_context *ctx,
+int foxglove_server_create(struct foxglove_server **out, struct web *web,
                            const struct foxglove_config *cfg)
 {
-    static struct mg_websocket_subprotocols offered = {2, subprotocols};
     struct foxglove_server *s = calloc(1, sizeof *s);
+    const struct web_endpoint endpoint = {.path = PATH,
+                                          .subprotocols = foxglove_subprotocols,
+                                          .max_message = FOXGLOVE_REQUEST_MAX_SIZE,
+                                          .ctx = s,
+                                          .refuse = client_refuse,
+                                          .open = client_open,
+                                          .take = client_take,
+                                          .next = client_next,
+                                          .done = client_done,
+                                          .close = client_close};
 
     if (!s)
         return -ENOMEM;
     open_locks(s);
     s->cfg = *cfg;
+    s->web = web;
     s->n_channels = channels_count();
     s->info = reply_server_info(cfg->name, cfg->session_ns);
     s->offered = calloc(s->n_channels, sizeof *s->offered);
@@ -85,8 +97,7 @@ int foxglove_server_create(struct foxglove_server **out, struct mg_context *ctx,
         free_server(s);
         return err;
     }
-    mg_set_websocket_handler_with_subprotocols(
-        ctx, PATH, &offered, client_connect, client_ready, client_data, client_close, s);
+    web_serve(web, &endpoint);
     *out = s;
     return 0;
 }
@@ -199,7 +210,7 @@ void foxglove_server_time(struct foxglove_server *s, int64_t now_ns)
         s->time_sent_ms = ms;
         for (struct client *c = s->clients; c; c = c->next) {
             c->time_waits = true;
-            pthread_cond_signal(&c->wake);
+            web_wake(s->web);
         }
     }
     pthread_mutex_unlock(&s->lock);
@@ -209,6 +220,8 @@ void foxglove_server_counts(struct foxglove_server *s, struct foxglove_counts *o
 {
     pthread_mutex_lock(&s->lock);
     *out = s->counts;
+    for (const struct client *c = s->clients; c; c = c->next)
+        out->waiting += c->queue.bytes;
     pthread_mutex_unlock(&s->lock);
 }
 
@@ -222,7 +235,7 @@ void foxglove_server_stop(struct foxglove_server *s)
     pthread_cond_signal(&s->work);
     for (struct client *c = s->clients; c; c = c->next) {
         c->goodbye = true;
-        pthread_cond_signal(&c->wake);
+        web_wake(s->web);
     }
     while (s->counts.clients && !err)
         err = pthread_cond_timedwait(&s->parted, &s->lock, &end);

@@ -1,5 +1,5 @@
 /* nodes/foxglove/server_state.h -- the inside of a server: its clients, and the thread
- * that converts.  One lock guards all of it; nobody holds it while he converts or sends.
+ * that converts.  One lock guards all of it; nobody holds it while he converts.
  */
 #ifndef ANLOS_NODES_FOXGLOVE_SERVER_STATE_H
 #define ANLOS_NODES_FOXGLOVE_SERVER_STATE_H
@@ -14,11 +14,6 @@
 #include "nodes/foxglove/server.h"
 #include "nodes/foxglove/setting.h"
 
-#define FOXGLOVE_SUBPROTOCOLS                                                            \
-    {                                                                                    \
-        "foxglove.sdk.v1", "foxglove.websocket.v1"                                       \
-    }
-
 struct subscription { /* of a client to a channel */
     bool active;
     bool told; /* that it is too slow */
@@ -28,22 +23,16 @@ struct subscription { /* of a client to a channel */
 struct client {
     struct foxglove_server *server;
     struct client *next;
-    struct mg_connection *connection;
     uint64_t serial; /* from 1, of no other client before */
-    pthread_t thread;
-    pthread_cond_t wake;
     struct queue queue;
-    struct subscription *subscriptions;         /* [n_channels] */
-    bool time_waits;                            /* the server's time is to be sent */
-    bool goodbye;                               /* to be sent as soon as may be */
-    bool closed;                                /* nothing more can be sent */
-    uint8_t partial[FOXGLOVE_REQUEST_MAX_SIZE]; /* [n_partial] of a request in parts */
-    size_t n_partial;
-    bool partial_binary, partial_open;
+    struct subscription *subscriptions; /* [n_channels] */
+    bool time_waits;                    /* the server's time is to be sent */
+    bool goodbye;                       /* to be said as soon as may be */
 };
 
 struct foxglove_server {
     struct foxglove_config cfg;
+    struct web *web;
     size_t n_channels;
     struct blob *info; /* the first thing that a client hears */
 
@@ -68,16 +57,14 @@ struct foxglove_server {
 void client_push(struct client *c, const struct outgoing *o);
 void client_status(struct client *c, enum reply_level level, const char *text);
 
-/* With the lock: the link to the client of a connection.  NULL: there is none. */
-struct client **client_find(struct foxglove_server *s,
-                            const struct mg_connection *connection);
-
-/* Handlers of civetweb; data is the server. */
-int client_connect(const struct mg_connection *connection, void *data);
-void client_ready(struct mg_connection *connection, void *data);
-int client_data(struct mg_connection *connection, int bits, char *bytes, size_t size,
-                void *data);
-void client_close(const struct mg_connection *connection, void *data);
+/* Of nodes/web/web.h: the server's endpoint; the context is the server. */
+extern const char *const foxglove_subprotocols[]; /* ends with NULL */
+bool client_refuse(void *server, const struct web_request *r, struct web_reply *out);
+void *client_open(void *server);
+bool client_take(void *client, const void *data, size_t size, bool binary);
+enum web_next client_next(void *client, struct web_frame *out);
+void client_done(void *client, const struct web_frame *f, bool sent);
+void client_close(void *client);
 
 /* With the lock: the newest messages of a channel's topics, for a client that has just
  * subscribed to it. */

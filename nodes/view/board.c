@@ -6,10 +6,11 @@
 
 struct board {
     pthread_mutex_t lock;
-    pthread_cond_t changed;
     struct frame *frames[BOARD_SUBJECTS];
     uint64_t version[BOARD_SUBJECTS]; /* counts the frames of a subject */
     uint64_t skipped;
+    void (*changed)(void *ctx); /* NULL: nobody watches */
+    void *ctx;
 };
 
 int board_create(struct board **out)
@@ -19,9 +20,22 @@ int board_create(struct board **out)
     if (!b)
         return -ENOMEM;
     pthread_mutex_init(&b->lock, NULL);
-    pthread_cond_init(&b->changed, NULL);
     *out = b;
     return 0;
+}
+
+void board_watch(struct board *b, void (*changed)(void *ctx), void *ctx)
+{
+    pthread_mutex_lock(&b->lock);
+    b->changed = changed;
+    b->ctx = ctx;
+    pthread_mutex_unlock(&b->lock);
+}
+
+static void tell(struct board *b)
+{
+    if (b->changed)
+        b->changed(b->ctx);
 }
 
 void board_post(struct board *b, enum board_subject subject, struct frame *f)
@@ -32,7 +46,7 @@ void board_post(struct board *b, enum board_subject subject, struct frame *f)
     struct frame *before = b->frames[subject];
     b->frames[subject] = f;
     b->version[subject]++;
-    pthread_cond_broadcast(&b->changed);
+    tell(b);
     pthread_mutex_unlock(&b->lock);
     frame_drop(before);
 }
@@ -43,7 +57,7 @@ void board_hand(struct board *b, struct board_reader *r, struct frame *f)
     struct frame *before = r->handed;
     b->skipped += before != NULL;
     r->handed = f;
-    pthread_cond_broadcast(&b->changed);
+    tell(b);
     pthread_mutex_unlock(&b->lock);
     frame_drop(before);
 }
@@ -66,11 +80,8 @@ static struct frame *take(struct board *b, struct board_reader *r)
 
 struct frame *board_next(struct board *b, struct board_reader *r)
 {
-    struct frame *f = NULL;
-
     pthread_mutex_lock(&b->lock);
-    while (!r->closed && !(f = take(b, r)))
-        pthread_cond_wait(&b->changed, &b->lock);
+    struct frame *f = take(b, r);
     pthread_mutex_unlock(&b->lock);
     return f;
 }
@@ -78,10 +89,8 @@ struct frame *board_next(struct board *b, struct board_reader *r)
 void board_close(struct board *b, struct board_reader *r)
 {
     pthread_mutex_lock(&b->lock);
-    r->closed = true;
     frame_drop(r->handed);
     r->handed = NULL;
-    pthread_cond_broadcast(&b->changed);
     pthread_mutex_unlock(&b->lock);
 }
 
@@ -99,7 +108,6 @@ void board_destroy(struct board *b)
         return;
     for (int i = 0; i < BOARD_SUBJECTS; i++)
         frame_drop(b->frames[i]);
-    pthread_cond_destroy(&b->changed);
     pthread_mutex_destroy(&b->lock);
     free(b);
 }

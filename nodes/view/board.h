@@ -27,6 +27,10 @@ struct board;
 
 int board_create(struct board **out); /* 0, -ENOMEM */
 
+/* changed is called, in the poster's thread, after every post; NULL: nobody is any more.
+ */
+void board_watch(struct board *b, void (*changed)(void *ctx), void *ctx);
+
 /* f, which becomes the board's, is what the subject shows from now on.  NULL: it could
  * not be made, and the one before stays. */
 void board_post(struct board *b, enum board_subject subject, struct frame *f);
@@ -35,15 +39,16 @@ void board_post(struct board *b, enum board_subject subject, struct frame *f);
 struct board_reader {
     uint64_t seen[BOARD_SUBJECTS];
     struct frame *handed;
-    bool closed;
 };
 
 /* Gives a reader a frame of its own, in place of one that it has not fetched. */
 void board_hand(struct board *b, struct board_reader *r, struct frame *f);
 
-/* Waits for something that the reader has not seen; a reference of the caller's.  NULL:
- * the reader was closed. */
+/* Something that the reader has not seen; a reference of the caller's.  NULL: there is
+ * nothing. */
 struct frame *board_next(struct board *b, struct board_reader *r);
+
+/* Drops what the reader was given and has not fetched. */
 void board_close(struct board *b, struct board_reader *r);
 
 /* Frames that were replaced before a reader came for them, of all readers. */

@@ -1,14 +1,12 @@
 /* nodes/view/live.h -- the WebSocket of the page, at "/live": frames of the board out,
- * requests in.  Each page has a thread that sends; a page that does not read loses its
- * connection when civetweb's time for a write is over, and keeps nobody waiting. */
+ * requests in.  A page that is slow skips frames and keeps nobody waiting. */
 #ifndef ANLOS_NODES_VIEW_LIVE_H
 #define ANLOS_NODES_VIEW_LIVE_H
 
-#include <civetweb.h>
-
 #include "nodes/view/view.h"
+#include "nodes/web/web.h"
 
-#define LIVE_MAX_PAGES 12 /* each takes one of civetweb's threads */
+#define LIVE_MAX_PAGES 12
 
 struct live;
 
@@ -19,10 +17,13 @@ struct live_config {
     void *seek_ctx;
 };
 
-/* Registers itself at ctx, which runs.  0, -ENOMEM. */
-int live_create(struct live **out, struct mg_context *ctx, const struct live_config *cfg);
+/* Before web_start.  0, -ENOMEM. */
+int live_create(struct live **out, struct web *web, const struct live_config *cfg);
 
-/* After mg_stop.  NULL is fine. */
+/* Before web_destroy: it wakes the server no more. */
+void live_stop(struct live *l);
+
+/* After web_destroy.  NULL is fine. */
 void live_destroy(struct live *l);
 
 #endif

@@ -1,42 +1,24 @@
 #include "nodes/view/server.h"
 
-#include <arpa/inet.h>
 #include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "nodes/foxglove/server.h"
-#include "nodes/rt/stop.h"
 #include "nodes/view/guard.h"
-#include "nodes/view/hang_up.h"
 #include "nodes/view/live.h"
 #include "nodes/view/page.h"
+#include "nodes/web/web.h"
 
-/* Pages, Foxglove's clients, and a few more so that the page itself can always be had. */
-#define THREADS       "28"
-#define WRITE_TIME_MS "5000"
-#define SILENCE_TIME_MS                                                                  \
-    "10000" /* then a WebSocket is pinged; after five of them, closed */
+#define WRITE_TIME_MS  30000 /* a browser on a loaded machine may take seconds */
+#define SILENCE_TIME_S 10
 
 struct server {
     struct server_config cfg;
-    struct mg_context *ctx;
+    struct web *web;
     struct live *live;
     struct foxglove_server *foxglove;
-    unsigned port;
-    char url[SERVER_URL_SIZE];
 };
-
-static void answer(struct mg_connection *conn, const char *status, const char *headers,
-                   const char *text)
-{
-    mg_printf(conn,
-              "HTTP/1.1 %s\r\nContent-Type: text/plain; charset=utf-8\r\n"
-              "Content-Length: %zu\r\nConnection: close\r\n%s\r\n%s",
-              status, strlen(text), headers, text);
-}
 
 static const struct page_file *find_file(const char *path)
 {
@@ -46,146 +28,67 @@ static const struct page_file *find_file(const char *path)
     return NULL;
 }
 
-static void send_file(struct mg_connection *conn, const struct page_file *f, bool body)
+static struct web_reply refusal(const char *status, const char *headers, const char *text)
 {
-    mg_printf(conn,
-              "HTTP/1.1 200 OK\r\nContent-Type: %s\r\nContent-Length: %zu\r\n"
-              "Cache-Control: no-cache\r\nConnection: close\r\n"
-              "X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n"
-              "Cross-Origin-Resource-Policy: same-origin\r\n"
-              "Content-Security-Policy: default-src 'self'; frame-ancestors 'none'; "
-              "base-uri 'none'; form-action 'none'\r\n\r\n",
-              f->type, f->size);
-    if (body)
-        mg_write(conn, f->data, f->size);
+    return (struct web_reply){.status = status,
+                              .type = "text/plain; charset=utf-8",
+                              .headers = headers,
+                              .data = text,
+                              .size = strlen(text)};
 }
 
-static int serve(struct mg_connection *conn, void *ctx)
+static void serve(void *ctx, const struct web_request *r, struct web_reply *out)
 {
     const struct server *s = ctx;
-    const struct mg_request_info *r = mg_get_request_info(conn);
-    bool get = !strcmp(r->request_method, "GET");
+    bool get = !strcmp(r->method, "GET");
+    const struct page_file *f = find_file(r->path);
 
-    if (!guard_host(mg_get_header(conn, "Host"), s->cfg.address)) {
-        answer(conn, "403 Forbidden", "",
-               "This host name is not the server's: use its IP address.\n");
-        return 403;
-    }
-    if (!get && strcmp(r->request_method, "HEAD")) {
-        answer(conn, "405 Method Not Allowed", "Allow: GET, HEAD\r\n",
-               "Pages can only be read.\n");
-        return 405;
-    }
-    const struct page_file *f = find_file(r->local_uri ? r->local_uri : "");
-    if (!f) {
-        answer(conn, "404 Not Found", "", "There is no such page.\n");
-        return 404;
-    }
-    send_file(conn, f, get);
-    return 200;
+    if (!guard_host(r->host, s->cfg.address))
+        *out = refusal("403 Forbidden", NULL,
+                       "This host name is not the server's: use its IP address.\n");
+    else if (!get && strcmp(r->method, "HEAD"))
+        *out = refusal("405 Method Not Allowed", "Allow: GET, HEAD\r\n",
+                       "Pages can only be read.\n");
+    else if (!f)
+        *out = refusal("404 Not Found", NULL, "There is no such page.\n");
+    else
+        *out = (struct web_reply){
+            .status = "200 OK",
+            .type = f->type,
+            .headers =
+                "Cache-Control: no-cache\r\nX-Content-Type-Options: nosniff\r\n"
+                "Referrer-Policy: no-referrer\r\n"
+                "Cross-Origin-Resource-Policy: same-origin\r\n"
+                "Content-Security-Policy: default-src 'self'; frame-ancestors 'none'; "
+                "base-uri 'none'; form-action 'none'\r\n",
+            .data = f->data,
+            .size = f->size,
+            .head_only = !get};
 }
 
-static int quiet(const struct mg_connection *conn, const char *text)
+static int create_all(struct server *s, struct complaint *why)
 {
-    (void)conn;
-    (void)text;
-    return 1;
-}
-
-/* Could the port be had?  civetweb only says that it could not. */
-static int try_port(const struct server_config *cfg, bool v6, struct complaint *why)
-{
-    struct sockaddr_in a4 = {.sin_family = AF_INET,
-                             .sin_port = htons((uint16_t)cfg->port)};
-    struct sockaddr_in6 a6 = {.sin6_family = AF_INET6,
-                              .sin6_port = htons((uint16_t)cfg->port)};
-    int one = 1, err = 0;
-
-    if (inet_pton(v6 ? AF_INET6 : AF_INET, cfg->address,
-                  v6 ? (void *)&a6.sin6_addr : (void *)&a4.sin_addr) != 1)
-        return complain(why, -EINVAL,
-                        "address %s: expected an IP address of this machine, such as "
-                        "127.0.0.1, or 0.0.0.0 for all",
-                        cfg->address);
-    int fd = socket(v6 ? AF_INET6 : AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (fd < 0)
-        return complain(why, -errno, "no socket: %s", strerror(errno));
-    setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    if (bind(fd, v6 ? (struct sockaddr *)&a6 : (struct sockaddr *)&a4,
-             v6 ? sizeof a6 : sizeof a4) ||
-        listen(fd, 1))
-        err = -errno;
-    close(fd);
-    if (err == -EADDRINUSE)
-        return complain(why, err,
-                        "port %u of %s is in use, perhaps by another view; choose "
-                        "another one with --port or view.port",
-                        cfg->port, cfg->address);
-    return err ? complain(why, err, "port %u of %s: %s", cfg->port, cfg->address,
-                          strerror(-err))
-               : 0;
-}
-
-static int start(struct server *s, struct complaint *why)
-{
-    bool v6 = strchr(s->cfg.address, ':') != NULL;
-    char listen_on[80];
-    const char *options[] = {"listening_ports",
-                             listen_on,
-                             "num_threads",
-                             THREADS,
-                             "request_timeout_ms",
-                             WRITE_TIME_MS,
-                             "websocket_timeout_ms",
-                             SILENCE_TIME_MS,
-                             "enable_websocket_ping_pong",
-                             "yes",
-                             "enable_keep_alive",
-                             "no",
-                             "decode_url",
-                             "no",
-                             "tcp_nodelay",
-                             "1",
-                             NULL};
-    struct mg_callbacks callbacks = {.log_message = quiet, .log_access = quiet};
-    struct mg_init_data init = {
-        .callbacks = &callbacks, .user_data = s, .configuration_options = options};
-    char text[256] = "";
-    struct mg_error_data error = {.text = text, .text_buffer_size = sizeof text};
-    struct mg_server_port port;
-    sigset_t before;
-    int err = try_port(&s->cfg, v6, why);
-
-    if (err)
-        return err;
-    snprintf(listen_on, sizeof listen_on, v6 ? "[%s]:%u" : "%s:%u", s->cfg.address,
-             s->cfg.port);
-    stop_block(&before);
-    s->ctx = mg_start2(&init, &error);
-    stop_unblock(&before);
-    if (!s->ctx || mg_get_server_ports(s->ctx, 1, &port) < 1)
-        return complain(why, -EADDRINUSE, "no web server at %s: %s", listen_on, text);
-    s->port = (unsigned)port.port;
-    snprintf(s->url, sizeof s->url, v6 ? "http://[%s]:%u/" : "http://%s:%u/",
-             s->cfg.address, s->port);
-    return 0;
-}
-
-static int add_handlers(struct server *s)
-{
+    const struct web_config web = {.address = s->cfg.address,
+                                   .port = s->cfg.port,
+                                   .write_ms = WRITE_TIME_MS,
+                                   .silence_s = SILENCE_TIME_S,
+                                   .page = serve,
+                                   .page_ctx = s};
     const struct live_config live = {.view = s->cfg.view,
                                      .address = s->cfg.address,
                                      .seek = s->cfg.seek,
                                      .seek_ctx = s->cfg.seek_ctx};
     struct foxglove_config foxglove;
-    int err = live_create(&s->live, s->ctx, &live);
+    int err = web_create(&s->web, &web, why);
 
+    if (err)
+        return err;
     foxglove_config_default(&foxglove, s->cfg.now_ns);
+    err = live_create(&s->live, s->web, &live);
     if (!err)
-        err = foxglove_server_create(&s->foxglove, s->ctx, &foxglove);
-    if (!err)
-        mg_set_request_handler(s->ctx, "**", serve, s);
-    return err;
+        err = foxglove_server_create(&s->foxglove, s->web, &foxglove);
+    return err ? complain(why, err, "the web server: %s", strerror(-err))
+               : web_start(s->web, why);
 }
 
 int server_create(struct server **out, const struct server_config *cfg,
@@ -196,10 +99,7 @@ int server_create(struct server **out, const struct server_config *cfg,
     if (!s)
         return complain(why, -ENOMEM, "not enough memory for the web server");
     s->cfg = *cfg;
-    mg_init_library(MG_FEATURES_WEBSOCKET);
-    int err = start(s, why);
-    if (!err && (err = add_handlers(s)))
-        complain(why, err, "the web server: %s", strerror(-err));
+    int err = create_all(s, why);
     if (err)
         server_destroy(s);
     else
@@ -209,7 +109,7 @@ int server_create(struct server **out, const struct server_config *cfg,
 
 const char *server_url(const struct server *s)
 {
-    return s->url;
+    return web_url(s->web);
 }
 
 void server_message(struct server *s, const struct foxglove_message *m)
@@ -228,13 +128,10 @@ void server_destroy(struct server *s)
         return;
     if (s->foxglove)
         foxglove_server_stop(s->foxglove);
-    if (s->ctx) {
-        hang_up(s->port);
-        hang_up(s->port); /* on whoever was let in meanwhile: nobody is any more */
-        mg_stop(s->ctx);
-    }
+    if (s->live)
+        live_stop(s->live);
+    web_destroy(s->web);
     foxglove_server_destroy(s->foxglove);
     live_destroy(s->live);
-    mg_exit_library();
     free(s);
 }

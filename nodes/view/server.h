@@ -7,8 +7,6 @@
 #include "msgs/complaint.h"
 #include "nodes/view/view.h"
 
-#define SERVER_URL_SIZE 96
-
 struct server;
 
 struct server_config {

@@ -6,7 +6,6 @@
 #include <stdio.h>
 
 #include "nodes/foxglove/server.h"
-#include "nodes/view/hang_up.h"
 #include "tests/nodes/foxglove_samples.h"
 
 static void send_sample(struct foxglove_server *s, const struct samples *samples,
@@ -52,31 +51,23 @@ static void obey(struct foxglove_server *s, const struct samples *samples)
 
 int main(void)
 {
-    const char *options[] = {"listening_ports",    "127.0.0.1:0", "num_threads", "12",
-                             "request_timeout_ms", "2000",        NULL};
-    struct mg_context *ctx;
-    struct mg_server_port port;
+    const struct web_config at = {
+        .address = "127.0.0.1", .write_ms = 2000, .silence_s = 10};
+    struct web *web;
     struct foxglove_config cfg;
     struct foxglove_server *s;
     struct samples samples;
-    int failed = 1;
 
-    mg_init_library(0);
-    ctx = mg_start(NULL, NULL, options);
     foxglove_config_default(&cfg, 42);
-    if (!ctx || mg_get_server_ports(ctx, 1, &port) != 1 || !samples_open(&samples))
+    if (!samples_open(&samples) || web_create(&web, &at, NULL) ||
+        foxglove_server_create(&s, web, &cfg) || web_start(web, NULL))
         return 1;
-    if (!foxglove_server_create(&s, ctx, &cfg)) {
-        printf("%d\n", port.port);
-        fflush(stdout);
-        obey(s, &samples);
-        foxglove_server_stop(s);
-        hang_up((unsigned)port.port); /* else mg_stop takes 2 s */
-        mg_stop(ctx);
-        foxglove_server_destroy(s);
-        failed = 0;
-    }
+    printf("%u\n", web_port(web));
+    fflush(stdout);
+    obey(s, &samples);
+    foxglove_server_stop(s);
+    web_destroy(web);
+    foxglove_server_destroy(s);
     samples_close(&samples);
-    mg_exit_library();
-    return failed;
+    return 0;
 }

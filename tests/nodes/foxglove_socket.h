@@ -111,30 +111,63 @@ static inline void socket_say(int fd, const char *text)
     socket_frame(fd, OP_TEXT, true, text, strlen(text));
 }
 
-/* The next frame; free its data.  false: the other side has hung up. */
-static inline bool socket_next(int fd, struct socket_frame *f)
+/* Of the next frame, the head; its size.  false: the other side has hung up. */
+static inline bool socket_head(int fd, int *op, bool *last, size_t *size)
 {
     uint8_t head[8];
-    uint64_t size;
-    int n;
+    uint64_t n;
 
-    *f = (struct socket_frame){.op = -1};
     if (!socket_read(fd, head, 2))
         return false;
-    f->op = head[0] & 15;
-    size = head[1] & 127;
-    n = size == 126 ? 2 : size == 127 ? 8 : 0;
-    if (n) {
-        assert_true(socket_read(fd, head, (size_t)n));
-        size = 0;
-        for (int i = 0; i < n; i++)
-            size = size << 8 | head[i];
+    *op = head[0] & 15;
+    *last = head[0] & 0x80;
+    n = head[1] & 127;
+    int more = n == 126 ? 2 : n == 127 ? 8 : 0;
+    if (more) {
+        assert_true(socket_read(fd, head, (size_t)more));
+        n = 0;
+        for (int i = 0; i < more; i++)
+            n = n << 8 | head[i];
     }
-    assert_true(size <= SOCKET_MAX_FRAME);
-    f->size = (size_t)size;
-    f->data = calloc(f->size + 1, 1);
-    assert_non_null(f->data);
-    return socket_read(fd, f->data, f->size);
+    assert_true(n <= SOCKET_MAX_FRAME);
+    *size = (size_t)n;
+    return true;
+}
+
+/* The next message, of however many frames; free its data.  A close ends one that is on
+ * its way; other control frames within one are passed over.  false: the other side has
+ * hung up. */
+static inline bool socket_next(int fd, struct socket_frame *f)
+{
+    bool last = false, open = true;
+    size_t more;
+    int op;
+
+    *f = (struct socket_frame){.op = -1};
+    while (!last && (open = socket_head(fd, &op, &last, &more))) {
+        bool control = op & 8, within = f->op >= 0;
+        if (control && (op == OP_CLOSE || !within)) {
+            f->op = op;
+            f->size = 0;
+        } else if (!control) {
+            assert_int_equal(op == OP_CONTINUATION, within);
+            f->op = within ? f->op : op;
+        }
+        f->data = realloc(f->data, f->size + more + 1);
+        assert_non_null(f->data);
+        if (!(open = socket_read(fd, f->data + f->size, more)))
+            break;
+        if (control && f->op != op)
+            last = false;
+        else
+            f->size += more;
+        f->data[f->size] = 0;
+    }
+    if (!open) {
+        free(f->data);
+        f->data = NULL;
+    }
+    return open;
 }
 
 #endif

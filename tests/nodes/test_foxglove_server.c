@@ -9,16 +9,16 @@
 #include "msgs/array.pb-c.h"
 #include "nodes/foxglove/channels.h"
 #include "nodes/foxglove/server.h"
-#include "nodes/view/hang_up.h"
 #include "tests/nodes/foxglove_samples.h"
 #include "tests/nodes/foxglove_socket.h"
 
 #define SDK          "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n"
 #define QUEUE_BYTES  ((size_t)1 << 20)
+#define TOTAL_BYTES  (QUEUE_BYTES + QUEUE_BYTES / 2)
 #define PING_SAMPLES 25000
 
 struct rig {
-    struct mg_context *ctx;
+    struct web *web;
     struct foxglove_server *server;
     struct samples samples;
     float sound[PING_SAMPLES];
@@ -40,36 +40,23 @@ static void send_all(struct rig *r)
         foxglove_server_message(r->server, &all[i]);
 }
 
-/* timeout_ms: how long a write may wait for a client, and a read at a time. */
-static int open_rig(void **state, const char *timeout_ms)
+/* write_ms: how long a write may wait for a client. */
+static int open_rig(void **state, int write_ms)
 {
-    const char *options[] = {"listening_ports",
-                             "127.0.0.1:0",
-                             "num_threads",
-                             "8",
-                             "request_timeout_ms",
-                             timeout_ms,
-                             "websocket_timeout_ms",
-                             timeout_ms,
-                             "enable_websocket_ping_pong",
-                             "yes",
-                             NULL};
+    const struct web_config at = {
+        .address = "127.0.0.1", .write_ms = write_ms, .silence_s = 60};
     struct rig *r = calloc(1, sizeof *r);
     struct foxglove_config cfg;
-    struct mg_server_port port;
 
     *state = r;
-    if (!r || !samples_open(&r->samples))
+    if (!r || !samples_open(&r->samples) || web_create(&r->web, &at, NULL))
         return -1;
-    mg_init_library(0);
-    r->ctx = mg_start(NULL, NULL, options);
-    if (!r->ctx || mg_get_server_ports(r->ctx, 1, &port) != 1)
-        return -1;
-    r->port = port.port;
+    r->port = (int)web_port(r->web);
     foxglove_config_default(&cfg, 42);
     cfg.max_clients = 3;
     cfg.queue_bytes = QUEUE_BYTES;
-    if (foxglove_server_create(&r->server, r->ctx, &cfg))
+    cfg.total_bytes = TOTAL_BYTES;
+    if (foxglove_server_create(&r->server, r->web, &cfg) || web_start(r->web, NULL))
         return -1;
     send_all(r);
     return 0;
@@ -77,12 +64,12 @@ static int open_rig(void **state, const char *timeout_ms)
 
 static int setup(void **state)
 {
-    return open_rig(state, "60000");
+    return open_rig(state, 60000);
 }
 
 static int setup_impatient(void **state)
 {
-    return open_rig(state, "300");
+    return open_rig(state, 300);
 }
 
 static int teardown(void **state)
@@ -90,10 +77,8 @@ static int teardown(void **state)
     struct rig *r = *state;
 
     foxglove_server_stop(r->server);
-    hang_up((unsigned)r->port); /* else mg_stop takes 2 s */
-    mg_stop(r->ctx);
+    web_destroy(r->web);
     foxglove_server_destroy(r->server);
-    mg_exit_library();
     samples_close(&r->samples);
     free(r);
     return 0;
@@ -362,11 +347,35 @@ static void endless_parts_are_cut(void **state)
         socket_frame(fd, OP_CONTINUATION, false, part, 60000);
     socket_frame(fd, OP_CONTINUATION, true, part, 60000);
     assert_hears(fd, "too long");
-    socket_frame(fd, OP_CONTINUATION, true, "x", 1); /* of nothing */
     socket_frame(fd, OP_TEXT, true, part, 60000);
     assert_hears(fd, "not JSON");
     assert_works(r, fd);
     free(part);
+    close(fd);
+}
+
+/* Reads on until the other side has hung up; the reason that it gave, 0: none. */
+static int reason_of_end(int fd)
+{
+    struct socket_frame f;
+    int reason = 0;
+
+    while (socket_next(fd, &f)) {
+        if (f.op == OP_CLOSE && f.size >= 2)
+            reason = f.data[0] << 8 | f.data[1];
+        free(f.data);
+    }
+    return reason;
+}
+
+/* RFC 6455 5.4: such a client has lost its place. */
+static void a_part_of_nothing_ends_the_connection(void **state)
+{
+    struct rig *r = *state;
+    int fd = client(r);
+
+    socket_frame(fd, OP_CONTINUATION, true, "x", 1);
+    assert_int_equal(reason_of_end(fd), 1002);
     close(fd);
 }
 
@@ -437,6 +446,35 @@ static void a_client_that_never_reads_keeps_nobody_waiting(void **state)
     if (!told)
         assert_hears(slow, "too slow");
     close(slow);
+    close(quick);
+}
+
+/* Two that never read have no more waiting than what all may have together, and one of
+ * them not all of it. */
+static void what_waits_for_all_is_bounded(void **state)
+{
+    struct rig *r = *state;
+    int slow[] = {client(r), client(r)}, quick = client(r);
+    struct foxglove_counts n;
+    size_t most = 0;
+
+    for (int i = 0; i < 2; i++) {
+        subscribe(slow[i], 1, "ping");
+        settle(slow[i]);
+    }
+    subscribe(quick, 1, "ping");
+    settle(quick);
+    for (int64_t i = 0; i < 200; i++) {
+        ping_in_step(r, quick, i);
+        foxglove_server_counts(r->server, &n);
+        assert_in_range(n.waiting, 0, TOTAL_BYTES);
+        most = n.waiting > most ? n.waiting : most;
+    }
+    assert_in_range(most, QUEUE_BYTES, TOTAL_BYTES); /* both had some of it */
+    for (int i = 0; i < 2; i++) {
+        assert_hears(slow[i], "too slow");
+        close(slow[i]);
+    }
     close(quick);
 }
 
@@ -522,8 +560,10 @@ int main(void)
         cmocka_unit_test(a_channel_is_offered_from_its_first_message_on),
         cmocka_unit_test(a_request_may_come_in_parts),
         cmocka_unit_test(endless_parts_are_cut),
+        cmocka_unit_test(a_part_of_nothing_ends_the_connection),
         cmocka_unit_test(more_clients_than_allowed_are_refused),
         cmocka_unit_test(a_client_that_never_reads_keeps_nobody_waiting),
+        cmocka_unit_test(what_waits_for_all_is_bounded),
         cmocka_unit_test(a_client_that_vanishes_is_forgotten),
         cmocka_unit_test(the_time_is_told_and_told_to_who_comes_later),
         cmocka_unit_test(goodbye_is_said_at_the_end),
