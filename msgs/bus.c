@@ -214,6 +214,12 @@ uint64_t bus_refused(struct bus *b)
 void bus_on_refusal(struct bus *b, void (*call)(void *ctx, const char *text), void *ctx)
 {
     inlet_on_refusal(b->inlet, call, ctx);
+    remote_on_event(b->remote, call, ctx);
+}
+
+uint64_t bus_refused_connections(struct bus *b)
+{
+    return remote_refused(b->remote);
 }
 
 void bus_destroy(struct bus *b)

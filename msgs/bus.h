@@ -3,7 +3,7 @@
  * endpoint for each topic that it publishes ("ipc://RUN_DIR/NODE.TOPIC.ipc"), and
  * connects to those of the publishers of what it wants (msgs/topics.h).  In a system on
  * several machines it has one more at an address of its host (msgs/hosts.h), and those on
- * other machines are heard there, by ZeroMQ (msgs/remote.h).
+ * other machines are heard there, by ZeroMQ (msgs/remote.h), encrypted.
  *
  * nanomsg PUB drops silently when a peer is slow, filters at the subscriber, refuses what
  * exceeds NN_RCVMAXSIZE by dropping the connection, loses what is sent before a
@@ -103,7 +103,11 @@ size_t bus_counts(struct bus *b, struct bus_count *out, size_t max);
  * another world than this bus's. */
 uint64_t bus_refused(struct bus *b);
 
-/* Called once for each kind of refusal, from the receive thread, for the log. */
+/* Connections from other machines that were refused: they had no permitted key. */
+uint64_t bus_refused_connections(struct bus *b);
+
+/* Called once for each kind of refusal, from other threads, for the log; of connections
+ * now and then. */
 void bus_on_refusal(struct bus *b, void (*call)(void *ctx, const char *text), void *ctx);
 
 void bus_destroy(struct bus *b);

@@ -90,6 +90,20 @@ bool hosts_may_run(const struct hosts *h, size_t i, const char *node)
     return !listed || has_node(&h->list[i], node);
 }
 
+static bool is_loopback(const char *address)
+{
+    return !strncmp(address, "127.", 4);
+}
+
+bool hosts_use_keys(const struct hosts *h)
+{
+    for (size_t i = 0; i < h->n; i++)
+        if (h->list[i].address[0] &&
+            (h->list[i].keys[0] || !is_loopback(h->list[i].address)))
+            return true;
+    return false;
+}
+
 /* All ports before that of the node's topic; of all when there is no such topic. */
 static unsigned count_ports(const struct topic *t, const char *node)
 {
@@ -165,16 +179,26 @@ static int read_host(struct hosts *h, const char *name, char **rest,
     return err;
 }
 
+/* The path of the keys may have blanks. */
+static int read_here(char here[HOSTS_NAME_SIZE], char keys[HOSTS_KEYS_SIZE], char **rest,
+                     struct complaint *why)
+{
+    const char *path = NULL;
+    if (!copy_name(here, HOSTS_NAME_SIZE, strtok_r(NULL, " \n", rest)) ||
+        ((path = strtok_r(NULL, "\n", rest)) &&
+         (path[0] != '/' || !copy_name(keys, HOSTS_KEYS_SIZE, path))))
+        return complain(why, -EINVAL, "expected here HOST, and the folder of its keys");
+    return 0;
+}
+
 static int read_lines(struct hosts *h, FILE *f, struct complaint *why)
 {
-    char line[LINE_SIZE], here[HOSTS_NAME_SIZE] = "", *rest;
+    char line[LINE_SIZE], here[HOSTS_NAME_SIZE] = "", keys[HOSTS_KEYS_SIZE] = "", *rest;
     int err = 0;
     while (!err && fgets(line, sizeof line, f)) {
         const char *name = strtok_r(line, " \n", &rest);
         if (name && !strcmp(name, "here"))
-            err = copy_name(here, sizeof here, strtok_r(NULL, " \n", &rest))
-                      ? 0
-                      : complain(why, -EINVAL, "expected here HOST");
+            err = read_here(here, keys, &rest, why);
         else
             err = read_host(h, name, &rest, why);
     }
@@ -182,6 +206,8 @@ static int read_lines(struct hosts *h, FILE *f, struct complaint *why)
         err = complain(why, -EIO, "%s", strerror(EIO));
     if (!err && (h->here = hosts_find(h, here)) == HOSTS_MAX)
         err = complain(why, -EINVAL, "there is no host \"%s\"", here);
+    if (!err)
+        memcpy(h->list[h->here].keys, keys, sizeof keys);
     return err;
 }
 
@@ -205,7 +231,8 @@ int hosts_read(struct hosts *out, const char *run_dir, struct complaint *why)
 
 static void write_lines(const struct hosts *h, FILE *f)
 {
-    fprintf(f, "here %s\n", h->list[h->here].name);
+    const char *keys = h->list[h->here].keys;
+    fprintf(f, "here %s%s%s\n", h->list[h->here].name, *keys ? " " : "", keys);
     for (size_t i = 0; i < h->n; i++) {
         const struct host *host = &h->list[i];
         if (host->address[0])

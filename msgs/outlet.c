@@ -26,8 +26,7 @@ struct outlet {
     struct pace pace;
     int socket;
     char url[ENDPOINT_URL_SIZE];
-    void *remote; /* NULL: nobody on another machine */
-    size_t remote_peers;
+    struct remote_outlet *remote; /* NULL: nobody on another machine */
 };
 
 static int64_t monotonic_ns(void)
@@ -189,13 +188,13 @@ const struct topic *outlet_topic(const struct outlet *o)
 void outlet_count(struct outlet *o, struct bus_count *out)
 {
     pthread_mutex_lock(&o->lock);
-    if (o->remote)
-        remote_count_peers(o->remote, &o->remote_peers);
     *out = (struct bus_count){.topic = o->topic,
                               .published = true,
                               .messages = o->messages,
                               .bytes = o->bytes,
-                              .peers = count_peers(o) + o->remote_peers};
+                              .peers = count_peers(o)};
+    if (o->remote)
+        out->peers += remote_count_peers(o->remote);
     pthread_mutex_unlock(&o->lock);
 }
 

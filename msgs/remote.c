@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <zmq.h>
 
 #define KEEPALIVE_IDLE_S     2 /* a probe each second, after so long without a word */
@@ -13,16 +14,48 @@
 #define RECONNECT_MS         100
 #define RECONNECT_MAX_MS     1000
 #define SUBSCRIPTION_MAX     256 /* bytes that a publisher takes from a stranger */
+#define HANDSHAKE_MAX        512 /* with keys: its commands, of which INITIATE has some 300 */
 #define LATEST_DEPTH         2   /* of a state, in each direction's queue */
+#define REBIND_TRIES         100 /* a port is free a moment after its socket was closed */
+#define REBIND_PAUSE_NS      2000000
 
 struct remote {
     struct hosts hosts;
-    void *context; /* NULL: nothing of this system is reached by TCP */
+    void *context;                       /* NULL: nothing is reached by TCP */
+    struct authenticator *authenticator; /* NULL: all of it is on this machine */
+};
+
+struct remote_outlet {
+    const struct remote *remote;
+    const struct topic *topic;
+    char url[REMOTE_URL_SIZE];
+    void *socket; /* NULL: it could not be bound again yet */
+    size_t peers;
+    unsigned generation; /* of the keys with which its peers were let in */
 };
 
 static bool has_address(const struct hosts *h)
 {
     return h->n && h->list[h->here].address[0];
+}
+
+/* Without keys nothing may be reached from elsewhere; hosts_use_keys has seen to that. */
+static int open_keys(struct remote *r, struct complaint *why)
+{
+    const struct host *here = &r->hosts.list[r->hosts.here];
+    struct keys *keys = malloc(sizeof *keys);
+    if (!keys)
+        return complain(why, -ENOMEM, "out of memory");
+    int err = here->keys[0] ? keys_read(keys, here->keys, why)
+                            : complain(why, -EINVAL, "host %s: no keys are named for it",
+                                       here->name);
+    if (!err)
+        err = keys_check_hosts(keys, &r->hosts, why);
+    if (!err && (err = authenticator_create(&r->authenticator, r->context, keys)))
+        complain(why, err, "no authentication: %s", zmq_strerror(-err));
+    keys_forget(keys);
+    free(keys);
+    return err;
 }
 
 int remote_create(struct remote **out, const char *run_dir, struct complaint *why)
@@ -33,8 +66,10 @@ int remote_create(struct remote **out, const char *run_dir, struct complaint *wh
     int err = hosts_read(&r->hosts, run_dir, why);
     if (!err && has_address(&r->hosts) && !(r->context = zmq_ctx_new()))
         err = complain(why, -errno, "no TCP: %s", zmq_strerror(errno));
+    if (!err && r->context && hosts_use_keys(&r->hosts))
+        err = open_keys(r, why);
     if (err)
-        free(r);
+        remote_destroy(r);
     else
         *out = r;
     return err;
@@ -43,6 +78,23 @@ int remote_create(struct remote **out, const char *run_dir, struct complaint *wh
 void *remote_context(const struct remote *r)
 {
     return r->context;
+}
+
+struct authenticator *remote_authenticator(const struct remote *r)
+{
+    return r->authenticator;
+}
+
+void remote_on_event(struct remote *r, void (*call)(void *ctx, const char *text),
+                     void *ctx)
+{
+    if (r->authenticator)
+        authenticator_on_event(r->authenticator, call, ctx);
+}
+
+uint64_t remote_refused(const struct remote *r)
+{
+    return r->authenticator ? authenticator_refused(r->authenticator) : 0;
 }
 
 const struct hosts *remote_hosts(const struct remote *r)
@@ -87,63 +139,108 @@ void remote_url(char url[REMOTE_URL_SIZE], const struct host *h, const char *nod
     snprintf(url, REMOTE_URL_SIZE, "tcp://%s:%u", h->address, hosts_port(h, node, t));
 }
 
-int remote_bind(void **socket, const struct remote *r, const char *node,
-                const struct topic *t, struct complaint *why)
+static int open_socket(struct remote_outlet *o)
 {
-    char url[REMOTE_URL_SIZE];
-    *socket = NULL;
-    if (!r || !r->context)
-        return 0;
-    remote_url(url, &r->hosts.list[r->hosts.here], node, t);
-    void *s = zmq_socket(r->context, ZMQ_XPUB); /* a PUB that tells of its subscribers */
-    int err = s ? remote_set_options(s, t, SUBSCRIPTION_MAX) : -errno;
+    struct authenticator *a = o->remote->authenticator;
+    void *s = zmq_socket(o->remote->context, ZMQ_XPUB); /* tells of its subscribers */
+    if (!s)
+        return -errno;
+    o->generation = a ? authenticator_generation(a) : 0;
+    o->peers = 0;
+    int err = remote_set_options(s, o->topic, a ? HANDSHAKE_MAX : SUBSCRIPTION_MAX);
     if (!err)
         err = set(s, ZMQ_XPUB_VERBOSER, 1);
-    if (!err && zmq_bind(s, url))
+    if (!err && a)
+        err = authenticator_guard(a, s, o->topic->name);
+    if (!err && zmq_bind(s, o->url))
         err = -errno;
+    if (err)
+        zmq_close(s);
+    else
+        o->socket = s;
+    return err;
+}
+
+int remote_bind(struct remote_outlet **out, const struct remote *r, const char *node,
+                const struct topic *t, struct complaint *why)
+{
+    *out = NULL;
+    if (!r || !r->context)
+        return 0;
+    struct remote_outlet *o = calloc(1, sizeof *o);
+    if (!o)
+        return complain(why, -ENOMEM, "out of memory");
+    o->remote = r;
+    o->topic = t;
+    remote_url(o->url, &r->hosts.list[r->hosts.here], node, t);
+    int err = open_socket(o);
     if (!err) {
-        *socket = s;
+        *out = o;
         return 0;
     }
-    complain(why, err, "%s, for topic %s: cannot bind: %s%s", url, t->name,
+    complain(why, err, "%s, for topic %s: cannot bind: %s%s", o->url, t->name,
              zmq_strerror(-err),
              err == -EADDRNOTAVAIL ? "; the host is not this machine"
              : err == -EADDRINUSE  ? "; another program has the port"
                                    : "");
-    if (s)
-        zmq_close(s);
+    free(o);
     return err;
+}
+
+/* ZeroMQ cannot end one connection of many: all are, and those still permitted come back.
+ * What waits in their queues does not go out any more. */
+static void keep_to_permitted(struct remote_outlet *o)
+{
+    const struct timespec pause = {.tv_nsec = REBIND_PAUSE_NS};
+    const struct authenticator *a = o->remote->authenticator;
+    if (!a || (o->socket && o->generation == authenticator_generation(a)))
+        return;
+    if (o->socket) {
+        set(o->socket, ZMQ_LINGER, 0);
+        zmq_close(o->socket);
+        o->socket = NULL;
+    }
+    for (int i = 0; i < REBIND_TRIES && open_socket(o) == -EADDRINUSE; i++)
+        nanosleep(&pause, NULL);
 }
 
 /* A PUB drops what does not fit and fails only without memory: then too it is a gap at
  * the other end. */
-void remote_send(void *socket, const void *message, size_t size)
+void remote_send(struct remote_outlet *o, const void *message, size_t size)
 {
-    while (zmq_send(socket, message, size, ZMQ_DONTWAIT) < 0 && errno == EINTR)
+    keep_to_permitted(o);
+    while (o->socket && zmq_send(o->socket, message, size, ZMQ_DONTWAIT) < 0 &&
+           errno == EINTR)
         ;
 }
 
-void remote_count_peers(void *socket, size_t *peers)
+size_t remote_count_peers(struct remote_outlet *o)
 {
     uint8_t word[SUBSCRIPTION_MAX] = {2};
     int n;
-    while ((n = zmq_recv(socket, word, sizeof word, ZMQ_DONTWAIT)) >= 0 || errno == EINTR)
+    keep_to_permitted(o);
+    while (o->socket &&
+           ((n = zmq_recv(o->socket, word, sizeof word, ZMQ_DONTWAIT)) >= 0 ||
+            errno == EINTR))
         if (n > 0 && word[0] == 1)
-            ++*peers;
-        else if (n > 0 && word[0] == 0 && *peers)
-            --*peers;
+            ++o->peers;
+        else if (n > 0 && word[0] == 0 && o->peers)
+            --o->peers;
+    return o->peers;
 }
 
-void remote_close(void *socket)
+void remote_close(struct remote_outlet *o)
 {
-    if (socket)
-        zmq_close(socket);
+    if (o && o->socket)
+        zmq_close(o->socket);
+    free(o);
 }
 
 void remote_destroy(struct remote *r)
 {
     if (!r)
         return;
+    authenticator_destroy(r->authenticator);
     if (r->context)
         while (zmq_ctx_term(r->context) && errno == EINTR)
             ;

@@ -5,12 +5,15 @@
  * a peer whose machine lost its power leaves a connection that never ends.  Here each
  * connection has a queue of the topic's depth (what is over it is dropped, and counted
  * where it is missed), the kernel looks whether the other end is alive, and a connection
- * without an answer is given up after REMOTE_PATIENCE_MS and made anew. */
+ * without an answer is given up after REMOTE_PATIENCE_MS and made anew.  What leaves the
+ * machine is encrypted, and goes only between hosts that have each other's keys. */
 #ifndef ANLOS_MSGS_REMOTE_H
 #define ANLOS_MSGS_REMOTE_H
 
 #include <stddef.h>
+#include <stdint.h>
 
+#include "msgs/authenticator.h"
 #include "msgs/complaint.h"
 #include "msgs/hosts.h"
 #include "msgs/topics.h"
@@ -20,11 +23,20 @@
 
 struct remote;
 
-/* Reads RUN_DIR/hosts.  0, -EINVAL (what is in the file), -ENOMEM, other negative errno.
- */
+/* Reads RUN_DIR/hosts, and the keys of this host when hosts_use_keys.  0, -EINVAL (what
+ * is in the files), -ENOENT (no keys), -EACCES (keys that others can read), -ENOMEM,
+ * other negative errno. */
 int remote_create(struct remote **out, const char *run_dir, struct complaint *why);
 const struct hosts *remote_hosts(const struct remote *r);
 void *remote_context(const struct remote *r); /* NULL: nothing is reached by TCP */
+struct authenticator *remote_authenticator(const struct remote *r); /* NULL: no keys */
+
+/* For the log; called from other threads. */
+void remote_on_event(struct remote *r, void (*call)(void *ctx, const char *text),
+                     void *ctx);
+
+/* Connections that were refused because they have no permitted key. */
+uint64_t remote_refused(const struct remote *r);
 
 /* tcp://ADDRESS:PORT of a node's topic. */
 void remote_url(char url[REMOTE_URL_SIZE], const struct host *h, const char *node,
@@ -34,19 +46,23 @@ void remote_url(char url[REMOTE_URL_SIZE], const struct host *h, const char *nod
  * one ends the connection before there is memory for it.  0 or a negative errno. */
 int remote_set_options(void *socket, const struct topic *t, size_t incoming);
 
-/* Binds the node's topic to the address of this host; *socket NULL: it has none, or r is
- * NULL.
- * 0, -EADDRINUSE, -EADDRNOTAVAIL (no address of this machine), other negative errno. */
-int remote_bind(void **socket, const struct remote *r, const char *node,
+/* The publishing end of one topic towards other machines. */
+struct remote_outlet;
+
+/* Binds the node's topic to the address of this host; *out NULL: it has none, or r is
+ * NULL.  0, -EADDRINUSE, -EADDRNOTAVAIL (no address of this machine), other negative
+ * errno. */
+int remote_bind(struct remote_outlet **out, const struct remote *r, const char *node,
                 const struct topic *t, struct complaint *why);
 
-/* A copy goes into the queue of each connection; never waits. */
-void remote_send(void *socket, const void *message, size_t size);
+/* A copy goes into the queue of each connection; never waits, but when the keys have
+ * changed: then all connections are ended, and may come back. */
+void remote_send(struct remote_outlet *o, const void *message, size_t size);
 
-/* Keeps *peers, 0 at first, at the number of subscribers of a socket that is bound. */
-void remote_count_peers(void *socket, size_t *peers);
+/* Who is subscribed now. */
+size_t remote_count_peers(struct remote_outlet *o);
 
-void remote_close(void *socket);
+void remote_close(struct remote_outlet *o);
 
 /* After all its sockets.  What is still queued has REMOTE_LINGER_MS to go out. */
 #define REMOTE_LINGER_MS 300

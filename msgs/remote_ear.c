@@ -13,18 +13,26 @@
 #define GONE_EVENTS                                                                      \
     (ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |                     \
      ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
+#define TELLING_FAILURES 3
+#define FAILURE_EVENTS                                                                   \
+    (ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |        \
+     ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
 #define HELD_EVENTS                                                                      \
     (ZMQ_EVENT_CONNECT_DELAYED | ZMQ_EVENT_CONNECT_RETRIED | ZMQ_EVENT_CONNECTED)
 
 struct endpoint {
     char url[REMOTE_URL_SIZE];
-    bool connected; /* and has answered as ZeroMQ does */
-    bool gone;      /* the newest word of it: nothing has been tried since */
-    bool was_gone;  /* when it was tended last */
+    const char *host;
+    bool connected;    /* and has answered as ZeroMQ does */
+    bool gone;         /* the newest word of it: nothing has been tried since */
+    bool was_gone;     /* when it was tended last */
+    unsigned failures; /* handshakes since the last one that succeeded */
 };
 
 struct remote_ear {
+    const struct remote *remote;
     void *socket, *monitor;
+    unsigned generation; /* of the keys with which it has connected */
     size_t n;
     struct endpoint endpoints[MAX_ENDPOINTS];
 };
@@ -41,6 +49,7 @@ static int list_endpoints(struct remote_ear *e, const struct remote *r,
                 continue;
             if (e->n == MAX_ENDPOINTS)
                 return -E2BIG;
+            e->endpoints[e->n].host = h->list[i].name;
             remote_url(e->endpoints[e->n++].url, &h->list[i], node, t);
         }
     return 0;
@@ -57,6 +66,20 @@ static int open_monitor(struct remote_ear *e, const struct remote *r)
     return !e->monitor || zmq_connect(e->monitor, url) ? -errno : 0;
 }
 
+/* 0; -EACCES: the host has no key, or none any more, and is not connected to. */
+static int connect_to(struct remote_ear *e, const struct endpoint *end)
+{
+    struct authenticator *a = remote_authenticator(e->remote);
+    int err = a ? authenticator_address(a, e->socket, end->host) : 0;
+    return err ? err : zmq_connect(e->socket, end->url) ? -errno : 0;
+}
+
+static unsigned generation_of(const struct remote *r)
+{
+    const struct authenticator *a = remote_authenticator(r);
+    return a ? authenticator_generation(a) : 0;
+}
+
 static int open_socket(struct remote_ear *e, int *fd, const struct remote *r,
                        const struct topic *t)
 {
@@ -69,9 +92,10 @@ static int open_socket(struct remote_ear *e, int *fd, const struct remote *r,
         err = -errno;
     if (!err)
         err = open_monitor(e, r);
+    e->generation = generation_of(r);
     for (size_t i = 0; !err && i < e->n; i++)
-        if (zmq_connect(e->socket, e->endpoints[i].url))
-            err = -errno;
+        if ((err = connect_to(e, &e->endpoints[i])) == -EACCES)
+            err = 0; /* its key was taken away a moment ago */
     return err;
 }
 
@@ -83,6 +107,8 @@ int remote_ear_open(struct remote_ear **out, int *fd, const struct remote *r,
     if (!remote_context(r))
         return 0;
     struct remote_ear *e = calloc(1, sizeof *e);
+    if (e)
+        e->remote = r;
     int err = e ? list_endpoints(e, r, t) : -ENOMEM;
     if (!err && e->n)
         err = open_socket(e, fd, r, t);
@@ -115,6 +141,16 @@ static struct endpoint *find(struct remote_ear *e, const char *url)
     return NULL;
 }
 
+/* A host that goes away may end a handshake too, but not one after the other. */
+static void report_failure(struct remote_ear *e, struct endpoint *end, uint16_t event)
+{
+    struct authenticator *a = remote_authenticator(e->remote);
+    bool certain = event != ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL;
+    end->failures++;
+    if (a && (certain || end->failures >= TELLING_FAILURES))
+        authenticator_sent_away(a, end->host, event == ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+}
+
 /* An event is two frames: u16 which, u32 value; and of which endpoint. */
 static void read_events(struct remote_ear *e)
 {
@@ -126,6 +162,10 @@ static void read_events(struct remote_ear *e)
         memcpy(&event, what, sizeof event);
         if (!end)
             continue;
+        if (event & FAILURE_EVENTS)
+            report_failure(e, end, event);
+        if (event == ZMQ_EVENT_HANDSHAKE_SUCCEEDED)
+            end->failures = 0;
         end->connected = event == ZMQ_EVENT_HANDSHAKE_SUCCEEDED;
         end->gone = event & GONE_EVENTS;
     }
@@ -136,15 +176,31 @@ static void connect_again(struct remote_ear *e, struct endpoint *end)
 {
     if (end->gone && end->was_gone) {
         zmq_disconnect(e->socket, end->url); /* -ENOENT when it has forgotten it */
-        end->gone = zmq_connect(e->socket, end->url) != 0;
+        end->gone = connect_to(e, end) != 0;
     }
     end->was_gone = end->gone;
+}
+
+/* The keys have changed: to each host by the one that it has now, or not at all. */
+static void connect_with_new_keys(struct remote_ear *e)
+{
+    unsigned generation = generation_of(e->remote);
+    if (generation == e->generation)
+        return;
+    e->generation = generation;
+    for (size_t i = 0; i < e->n; i++) {
+        struct endpoint *end = &e->endpoints[i];
+        zmq_disconnect(e->socket, end->url);
+        end->connected = false;
+        end->gone = end->was_gone = connect_to(e, end) != 0; /* then it is tried again */
+    }
 }
 
 size_t remote_ear_tend(struct remote_ear *e)
 {
     size_t connected = 0;
     read_events(e);
+    connect_with_new_keys(e);
     for (size_t i = 0; i < e->n; i++) {
         connect_again(e, &e->endpoints[i]);
         connected += e->endpoints[i].connected;

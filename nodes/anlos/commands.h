@@ -9,6 +9,7 @@ int command_bench(int argc, char **argv);
 int command_calibrate(int argc, char **argv);
 int command_can(int argc, char **argv);
 int command_doctor(int argc, char **argv);
+int command_keys(int argc, char **argv);
 int command_launch(int argc, char **argv);
 int command_node(int argc, char **argv);
 int command_psf(int argc, char **argv);

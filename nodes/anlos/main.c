@@ -30,6 +30,7 @@ static const struct command commands[] = {
     {"topic", "look at the messages of a running system", command_topic},
     {"view", "show a running system or a bag on a web page", command_view},
     {"node", "look at the processes of a running system", command_node},
+    {"keys", "make and show the keys with which hosts know each other", command_keys},
     {"doctor", "find what is wrong with this machine or system", command_doctor},
 };
 

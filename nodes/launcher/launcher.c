@@ -150,11 +150,13 @@ static void wait_and_read(struct launcher *l, int timeout_ms)
 /* Which ports a firewall has to let through. */
 static void say_endpoint(struct launcher *l, const struct host *h)
 {
-    char text[200];
+    char text[200 + HOSTS_KEYS_SIZE];
 
     if (h->address[0])
-        snprintf(text, sizeof text, "this is host %s: %s, ports %u to %u", h->name,
-                 h->address, h->port, h->port + hosts_n_ports() - 1);
+        snprintf(text, sizeof text, "this is host %s: %s, ports %u to %u, %s%s", h->name,
+                 h->address, h->port, h->port + hosts_n_ports() - 1,
+                 h->keys[0] ? "encrypted with the keys in " : "of this machine only",
+                 h->keys);
     else
         snprintf(text, sizeof text, "this is host %s: %s", h->name, h->folder);
     launcher_say(l, "launcher", LOG_LEVEL_INFO, text);

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "msgs/endpoint.h"
+#include "nodes/rt/launchfile_hosts.h"
 
 int site_open(const struct launchfile *l, const struct arguments *a,
               char run_dir[RUNDIR_SIZE], struct complaint *why)
@@ -22,6 +23,8 @@ int site_open(const struct launchfile *l, const struct arguments *a,
     int err = rundir_open(run_dir, asked, why);
     if (!err && here)
         err = host_check_address(here, why);
+    if (!err)
+        err = launchfile_check_keys(l, why);
     if (err)
         return err;
     int lock =

@@ -137,6 +137,7 @@ static json_t *node(const struct report_node *n)
     json_object_set_new(o, "cpu_s", export_real(h->cpu_s));
     json_object_set_new(o, "rss_bytes", integer(h->rss_bytes));
     json_object_set_new(o, "refused", integer(h->refused));
+    json_object_set_new(o, "refused_connections", integer(h->refused_connections));
     for (size_t i = 0; i < h->n_topics; i++)
         json_array_append_new(topics, topic_count(h->topics[i]));
     json_object_set_new(o, "topics", topics);
@@ -148,12 +149,13 @@ static json_t *node(const struct report_node *n)
 
 static json_t *messages(const struct report *r)
 {
-    uint64_t gaps = 0, dropped = 0, refused = 0;
+    uint64_t gaps = 0, dropped = 0, refused = 0, connections = 0;
     json_t *o = json_object();
 
     for (size_t i = 0; i < r->n_nodes; i++) {
         const Anlos__Health *h = r->nodes[i].health;
         refused += h->refused;
+        connections += h->refused_connections;
         for (size_t k = 0; k < h->n_topics; k++) {
             gaps += h->topics[k]->gaps;
             dropped += h->topics[k]->dropped;
@@ -162,6 +164,7 @@ static json_t *messages(const struct report *r)
     json_object_set_new(o, "gaps", integer(gaps));
     json_object_set_new(o, "dropped", integer(dropped));
     json_object_set_new(o, "refused", integer(refused));
+    json_object_set_new(o, "refused_connections", integer(connections));
     return o;
 }
 

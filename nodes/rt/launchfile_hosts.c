@@ -1,13 +1,13 @@
 #include "nodes/rt/launchfile_hosts.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "hal/survey/place.h"
-
-#define NAME_CHARACTERS                                                                  \
-    "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_."
+#include "msgs/keys.h"
 
 struct key {
     char text[40];
@@ -28,7 +28,7 @@ static int copy_name(const struct launchfile *l, struct host *h, const char *nam
 {
     size_t length = strlen(name);
 
-    if (length >= sizeof h->name || strspn(name, NAME_CHARACTERS) != length ||
+    if (length >= sizeof h->name || strspn(name, HOSTS_NAME_CHARACTERS) != length ||
         !strcmp(name, "here"))
         return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "name").text,
                              "expected up to %zu letters, digits, '-', '_' and '.', and "
@@ -92,6 +92,35 @@ static int check_endpoint(const struct launchfile *l, const struct host *h,
     return 0;
 }
 
+/* A path is relative to the launch file's folder. */
+static int copy_keys(const struct launchfile *l, struct host *h, const char *path,
+                     struct complaint *why)
+{
+    char folder[PATH_MAX], whole[2 * PATH_MAX];
+    const char *slash = strrchr(l->path, '/');
+    size_t length = slash ? (size_t)(slash - l->path) : 0;
+
+    if (!path)
+        return 0;
+    if (!h->address[0])
+        return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "keys").text,
+                             "%s: expected none with an endpoint ipc://: it never leaves "
+                             "this machine",
+                             h->name);
+    if (slash && length < sizeof whole)
+        snprintf(whole, sizeof whole, "%.*s", (int)length, l->path);
+    bool known = path[0] == '/' || realpath(slash ? (length ? whole : "/") : ".", folder);
+    int n = snprintf(whole, sizeof whole, "%s%s%s", path[0] == '/' ? "" : folder,
+                     path[0] == '/' ? "" : "/", path);
+    if (!known || n < 0 || (size_t)n >= sizeof h->keys || strchr(whole, '\n'))
+        return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "keys").text,
+                             "%s: expected the path of a folder, of at most %zu "
+                             "characters",
+                             h->name, sizeof h->keys - 1);
+    memcpy(h->keys, whole, (size_t)n + 1);
+    return 0;
+}
+
 static int add_host(struct launchfile *l, const struct launch_text_host *t,
                     struct complaint *why)
 {
@@ -110,6 +139,8 @@ static int add_host(struct launchfile *l, const struct launch_text_host *t,
                              "%s: %.600s", h->name, inner.text);
     all->n++;
     err = check_endpoint(l, h, why);
+    if (!err)
+        err = copy_keys(l, h, t->keys, why);
     return err ? err : copy_nodes(l, h, t, why);
 }
 
@@ -157,7 +188,37 @@ int launchfile_choose_host(struct launchfile *l, const char *name, struct compla
         return complain(why, -EINVAL, "--host %s: expected one of %s, as in %s", name,
                         names, l->path);
     l->hosts.here = here;
+    char *keys = l->hosts.list[here].keys;
+    if (hosts_use_keys(&l->hosts) && !keys[0] && keys_default_folder(keys))
+        return complain(
+            why, -EINVAL,
+            "%s: where are the keys of %s? Neither HOME nor "
+            "XDG_CONFIG_HOME says it, nor does hosts[%zu].keys: they are made "
+            "with 'anlos keys new --out DIR'",
+            l->path, name, here);
     return 0;
+}
+
+int launchfile_check_keys(const struct launchfile *l, struct complaint *why)
+{
+    const struct hosts *h = &l->hosts;
+    struct complaint inner = {""};
+
+    if (!h->n || !hosts_use_keys(h))
+        return 0;
+    struct keys *keys = malloc(sizeof *keys);
+    if (!keys)
+        return complain(why, -ENOMEM, "not enough memory for the keys");
+    int err = keys_read(keys, h->list[h->here].keys, &inner);
+    if (!err)
+        err = keys_check_hosts(keys, h, &inner);
+    keys_forget(keys);
+    free(keys);
+    return err ? complain(why, err,
+                          "host %s talks with other machines, and only with those whose "
+                          "keys it has: %.800s",
+                          h->list[h->here].name, inner.text)
+               : 0;
 }
 
 bool launchfile_runs_here(const struct launchfile *l, const char *node)

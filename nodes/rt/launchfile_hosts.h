@@ -14,6 +14,10 @@ int launchfile_copy_hosts(struct launchfile *l, const struct launch_text *t,
 /* Says which host this machine is; name NULL where there are none.  0, -EINVAL. */
 int launchfile_choose_host(struct launchfile *l, const char *name, struct complaint *why);
 
+/* After that: has this host its keys, and those of the others, if it needs any?  As
+ * keys_read. */
+int launchfile_check_keys(const struct launchfile *l, struct complaint *why);
+
 /* Is the node to be started on this machine, after launchfile_choose_host? */
 bool launchfile_runs_here(const struct launchfile *l, const char *node);
 

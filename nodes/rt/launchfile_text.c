@@ -129,6 +129,8 @@ static const cyaml_schema_field_t host_fields[] = {
                            NAME_SIZE),
     CYAML_FIELD_STRING_PTR("endpoint", CYAML_FLAG_POINTER, struct launch_text_host,
                            endpoint, 1, TEXT_SIZE),
+    CYAML_FIELD_STRING_PTR("keys", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text_host,
+                           keys, 1, TEXT_SIZE),
     CYAML_FIELD_SEQUENCE("nodes", CYAML_FLAG_POINTER, struct launch_text_host, nodes,
                          &node_schema, 1, MAX_NODES),
     CYAML_FIELD_END};

@@ -84,7 +84,7 @@ struct launch_text_processes {
 };
 
 struct launch_text_host {
-    char *name, *endpoint;
+    char *name, *endpoint, *keys;
     char **nodes; /* [nodes_count] */
     unsigned nodes_count;
 };

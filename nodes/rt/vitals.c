@@ -55,6 +55,7 @@ void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malfo
     out->message.n_topics = n;
     out->message.topics = out->count_list;
     out->message.refused = bus_refused(bus) + malformed;
+    out->message.refused_connections = bus_refused_connections(bus);
 }
 
 void vitals_latencies(struct vitals *out, const struct latencies *l, int64_t now_ns)

@@ -10,27 +10,48 @@
 #include <unistd.h>
 
 #include "msgs/bus.h"
+#include "msgs/keys.h"
 #include "msgs/scan.pb-c.h"
 
 #define DEADLINE_MS 60000
 
 static inline void write_launch(struct scratch *s, const char *vehicle,
-                                const char *computer, unsigned port)
+                                const char *computer, unsigned port, bool keys)
 {
     char text[1024];
 
     snprintf(text, sizeof text,
              "nodes: [stage, array, scan, dsp, recon, track, can, report]\n"
              "hosts:\n"
-             "  - {name: vehicle, endpoint: 'tcp://%s:%u',\n"
+             "  - {name: vehicle, endpoint: 'tcp://%s:%u',%s\n"
              "     nodes: [stage, array, scan, can]}\n"
-             "  - {name: computer, endpoint: 'tcp://%s:%u',\n"
+             "  - {name: computer, endpoint: 'tcp://%s:%u',%s\n"
              "     nodes: [dsp, recon, track, report]}\n"
              "array: {uri: 'sim:" SCENE "?pace=real'}\n"
              "stage: {uri: 'sim:?pace=fast'}\n"
              "scan: {background: true}\n",
-             vehicle, port, computer, port);
+             vehicle, port, keys ? " keys: keys/vehicle," : "", computer, port,
+             keys ? " keys: keys/computer," : "");
     scratch_write(s, "launch.yaml", text);
+}
+
+/* What `anlos keys new` makes on each host, and one file of peers for both. */
+static inline void make_host_keys(struct scratch *s)
+{
+    static const char *const names[] = {"vehicle", "computer"};
+    char text[256] = "";
+
+    for (size_t i = 0; i < 2; i++) {
+        char public[KEYS_TEXT_SIZE], folder[128];
+        struct complaint why = {""};
+        snprintf(folder, sizeof folder, "%s/keys/%s", s->folder, names[i]);
+        if (keys_create(folder, names[i], public, &why))
+            fail_msg("%s", why.text);
+        size_t n = strlen(text);
+        snprintf(text + n, sizeof text - n, "%s %s\n", names[i], public);
+    }
+    scratch_write(s, "keys/vehicle/peers", text);
+    scratch_write(s, "keys/computer/peers", text);
 }
 
 /* `anlos launch --host HOST` in a network namespace, or NULL: in ours. */

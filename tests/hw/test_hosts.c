@@ -151,8 +151,10 @@ static int open_all(void **state)
 {
     int err = scratch_open(state);
 
-    if (!err)
-        write_launch(*state, "10.0.0.1", "10.0.0.2", 7400);
+    if (!err) {
+        make_host_keys(*state);
+        write_launch(*state, "10.0.0.1", "10.0.0.2", 7400, true);
+    }
     return err ? err : make_link(state);
 }
 

@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "msgs/keys.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/doctor/check.h"
@@ -231,6 +232,47 @@ static void of_several_machines_only_this_one_is_looked_at(void **state)
     json_decref(o);
 }
 
+static void keys_are_looked_at_where_hosts_can_be_reached(void **state)
+{
+    static const char plain[] =
+        "nodes: [stage, report]\nstage: {uri: 'sim:'}\nhosts:\n"
+        "  - {name: vehicle, endpoint: 'tcp://127.0.0.1:7400', nodes: [stage]}\n"
+        "  - {name: desk, endpoint: 'tcp://127.0.0.1:7500', nodes: [report]}\n";
+    static const char encrypted[] =
+        "nodes: [stage, report]\nstage: {uri: 'sim:'}\nhosts:\n"
+        "  - {name: vehicle, endpoint: 'tcp://127.0.0.1:7400', nodes: [stage], keys: k}\n"
+        "  - {name: desk, endpoint: 'tcp://10.0.0.2:7400', nodes: [report], keys: k}\n";
+    char folder[600], peers[256], public[KEYS_TEXT_SIZE];
+    struct command_result r;
+
+    (void)state;
+    json_t *o = run_host(&r, plain, "vehicle");
+    expect(o, "keys", "note", "not encrypted");
+    json_decref(o);
+    o = run_host(&r, encrypted, "vehicle");
+    assert_int_equal(r.code, 1);
+    expect(o, "keys", "wrong", "secret.key: there is no key");
+    json_decref(o);
+    snprintf(folder, sizeof folder, "%s", scratch_path(scratch, "k"));
+    assert_int_equal(keys_create(folder, "vehicle", public, NULL), 0);
+    o = run_host(&r, encrypted, "vehicle");
+    expect(o, "keys", "wrong", "host desk has no line");
+    json_decref(o);
+    /* Any other key will do: an example of RFC 32. */
+    snprintf(peers, sizeof peers,
+             "vehicle %s\ndesk "
+             "rq:rM>}U?@Lns47E1%%kR.o@n%%FcmmsL/@{H8]yf7\n",
+             public);
+    scratch_write(scratch, "k/peers", peers);
+    o = run_host(&r, encrypted, "vehicle");
+    expect(o, "keys", "ok", "those of 1 others");
+    json_decref(o);
+    assert_int_equal(chmod(scratch_path(scratch, "k/secret.key"), 0604), 0);
+    o = run_host(&r, encrypted, "vehicle");
+    expect(o, "keys", "wrong", "others may read it (mode 604)");
+    json_decref(o);
+}
+
 static void a_port_of_the_view_that_is_taken_is_noted(void **state)
 {
     struct command_result r;
@@ -391,6 +433,7 @@ int main(void)
         cmocka_unit_test(a_folder_that_cannot_be_written_is_wrong),
         cmocka_unit_test(a_run_folder_too_long_for_sockets_is_wrong),
         cmocka_unit_test(of_several_machines_only_this_one_is_looked_at),
+        cmocka_unit_test(keys_are_looked_at_where_hosts_can_be_reached),
         cmocka_unit_test(a_port_of_the_view_that_is_taken_is_noted),
         cmocka_unit_test(faults_losses_and_crashes_of_a_system_are_told),
         cmocka_unit_test(a_check_that_hangs_is_a_finding),

@@ -79,6 +79,9 @@ static void what_cannot_work_is_refused_with_its_line(void **state)
         {NODES "  - {name: a, endpoint: 'ipc:///run/a', nodes: [dsp, report]}\n"
                "  - {name: b, endpoint: 'ipc:///run/a', nodes: [array]}\n",
          ":5: hosts[1].endpoint: a and b have the same folder"},
+        {NODES "  - {name: a, endpoint: 'ipc:///run/a', nodes: [dsp, report], keys: k}\n",
+         ":4: hosts[0].keys: a: expected none with an endpoint ipc://: it never leaves "
+         "this machine"},
         {NODES COMPUTER "  - {name: b, endpoint: 'vehicle', nodes: [array]}\n",
          ":5: hosts[1].endpoint: b: vehicle: expected tcp://ADDRESS:PORT or "
          "ipc:///FOLDER"},
@@ -91,6 +94,37 @@ static void what_cannot_work_is_refused_with_its_line(void **state)
         assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
         assert_complaint(why.text, path, cases[i].rest);
     }
+}
+
+static void keys_are_of_the_launch_files_folder_or_the_usual_one(void **state)
+{
+    struct scratch *s = *state;
+    struct launchfile *l = launch_load(
+        s, NODES "  - {name: vehicle, endpoint: 'tcp://10.0.0.1:7400', nodes: [array], "
+                 "keys: mine}\n" COMPUTER);
+    char expected[200];
+
+    assert_int_equal(launchfile_choose_host(l, "vehicle", NULL), 0);
+    snprintf(expected, sizeof expected, "%s/mine", s->folder);
+    assert_string_equal(l->hosts.list[0].keys, expected);
+    assert_int_equal(setenv("XDG_CONFIG_HOME", "/tmp/of/mine", 1), 0);
+    assert_int_equal(launchfile_choose_host(l, "computer", NULL), 0);
+    unsetenv("XDG_CONFIG_HOME");
+    assert_string_equal(l->hosts.list[1].keys, "/tmp/of/mine/anlos/keys");
+    launchfile_destroy(l);
+}
+
+static void hosts_of_one_machine_need_no_keys(void **state)
+{
+    struct launchfile *l = launch_load(
+        *state, NODES
+        "  - {name: vehicle, endpoint: 'tcp://127.0.0.1:7400', nodes: [array]}\n"
+        "  - {name: desk, endpoint: 'tcp://127.0.0.2:7400', nodes: [dsp, report]}\n");
+
+    assert_int_equal(launchfile_choose_host(l, "vehicle", NULL), 0);
+    assert_string_equal(l->hosts.list[0].keys, "");
+    assert_int_equal(launchfile_check_keys(l, NULL), 0);
+    launchfile_destroy(l);
 }
 
 static void ports_that_overlap_are_refused_with_how_far_apart_they_must_be(void **state)
@@ -149,6 +183,8 @@ int main(void)
         TEST(without_hosts_all_is_here),
         TEST(a_host_that_is_not_in_the_file_is_refused_with_those_that_are),
         TEST(what_cannot_work_is_refused_with_its_line),
+        TEST(keys_are_of_the_launch_files_folder_or_the_usual_one),
+        TEST(hosts_of_one_machine_need_no_keys),
         TEST(ports_that_overlap_are_refused_with_how_far_apart_they_must_be),
         TEST(the_one_to_start_from_can_be_loaded),
         TEST(a_node_alone_needs_to_know_its_host_once),

@@ -124,6 +124,25 @@ static void look_at_bag(const struct doctor *d, const struct launchfile *l,
     finding_todo(f, "name a bag in play.bag of the launch file, or by --bag");
 }
 
+static void look_at_keys(const struct launchfile *l, struct findings *f)
+{
+    const struct host *here = &l->hosts.list[l->hosts.here];
+    struct complaint why = {""};
+
+    if (!hosts_use_keys(&l->hosts)) {
+        if (here->address[0])
+            finding_add(f, FINDING_NOTE, "keys",
+                        "not encrypted: all hosts are on this machine, and its other "
+                        "users can listen and command");
+    } else if (launchfile_check_keys(l, &why)) {
+        finding_add(f, FINDING_WRONG, "keys", "%s", why.text);
+        finding_todo(f, "'anlos keys --help' tells how hosts get to know each other");
+    } else {
+        finding_add(f, FINDING_OK, "keys", "%s: this host's, and those of %zu others",
+                    here->keys, l->hosts.n - 1);
+    }
+}
+
 /* Which of the machines is this, and is it? */
 static void look_at_host(const struct doctor *d, struct launchfile *l, struct findings *f)
 {
@@ -145,6 +164,7 @@ static void look_at_host(const struct doctor *d, struct launchfile *l, struct fi
         finding_todo(f, "set hosts right in the launch file, or name another --host");
     } else {
         finding_add(f, FINDING_OK, "host", "this is %s", d->host);
+        look_at_keys(l, f);
     }
 }
 

@@ -112,6 +112,11 @@ void node_info_print(const struct census_node *n, const char *run_dir, FILE *f)
                 table_node_state_name(row->state), *text ? text : "-", up, cpu, memory);
         fprintf(f, "refused    %" PRIu64 " messages that were none or not whole\n",
                 row->refused);
+        if (row->refused_connections)
+            fprintf(f,
+                    "           %" PRIu64 " connections of other machines, without a key "
+                    "that is permitted here\n",
+                    row->refused_connections);
         print_links(row, true, f);
         print_links(row, false, f);
         print_device(row, f);

@@ -52,6 +52,8 @@ json_t *node_json(const struct census_node *n, bool all)
     json_object_set_new(o, "cpu", export_real(row->cpu));
     json_object_set_new(o, "memory_bytes", json_integer((json_int_t)row->rss_bytes));
     json_object_set_new(o, "refused", json_integer((json_int_t)row->refused));
+    json_object_set_new(o, "refused_connections",
+                        json_integer((json_int_t)row->refused_connections));
     json_object_set_new(o, "gaps", json_integer((json_int_t)row->gaps));
     json_object_set_new(o, "dropped", json_integer((json_int_t)row->dropped));
     if (all)

@@ -75,6 +75,7 @@ void member_health(struct member *m, const Anlos__Health *h, int64_t epoch_ns,
     row->uptime_s = h->uptime_s;
     row->rss_bytes = h->rss_bytes;
     row->refused = h->refused;
+    row->refused_connections = h->refused_connections;
     for (size_t i = 0; i < h->n_topics; i++)
         take_count(row, h->topics[i], &sample);
     take_device(row, h);

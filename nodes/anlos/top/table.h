@@ -63,7 +63,7 @@ struct table_node {
     bool twin;         /* an older process of this name speaks too, on another machine */
     double silent_s;   /* since it was heard; NAN: never */
     double uptime_s, cpu; /* cpu: 1 is one core */
-    uint64_t rss_bytes, refused;
+    uint64_t rss_bytes, refused, refused_connections;
     size_t n_links, n_device;
     struct table_link links[TABLE_MAX_LINKS];
     struct table_device device[TABLE_MAX_DEVICE];
