@@ -52,7 +52,7 @@ static void tell_state(struct job *j)
         return;
     if (!tracking_has_wall(j->tracking))
         node_state(j->node, ANLOS__HEALTH__STATE__DEGRADED,
-                   "no wall is known: positions are those of the mirror images");
+                   "no wall is known: where objects really are is not known");
     else if (late)
         node_state(j->node, ANLOS__HEALTH__STATE__DEGRADED,
                    "images are skipped, for they come faster than objects are found");

@@ -29,7 +29,6 @@ struct tracking {
     struct walls walls; /* of the topic, at a stamp */
     int64_t walls_ns;
     bool has_walls;
-    bool had_wall;    /* one was known: then places are where things really are */
     int64_t stamp_ns; /* of the newest image; 0: none */
     int64_t young_ns; /* when its background began; 0: it is not known */
     struct track_detection detections[TRACK_DETECTIONS];
@@ -321,8 +320,8 @@ static int make_tracks(struct tracking *t, const Anlos__Volume *volume,
         return complain(why, err, "an image that is not newer than the one before");
     t->stamp_ns = capture_ns;
     t->n_reports = tracker_report(t->tracker, t->reports);
-    t->had_wall |= sight->walls->n > 0;
-    err = listing_make(&t->listing, sight, t->reports, t->n_reports, !t->had_wall, list);
+    bool as_imaged = !t->has_walls && !sight->walls->n;
+    err = listing_make(&t->listing, sight, t->reports, t->n_reports, as_imaged, list);
     if (err)
         return complain(why, err, "not enough memory to list tracks");
     (*list)->tracked = true;

@@ -95,7 +95,7 @@ function showObjects() {
     const notes = [];
     if (o && isSilent("track")) notes.push("Node track is silent: these are its last objects.");
     if (known.walls && isSilent("wall")) notes.push("Node wall is silent: these are its last walls.");
-    if (known.scene && !wallsOf(known).length) notes.push("No wall is known: positions are those of the mirror images.");
+    if (known.scene && !wallsOf(known).length) notes.push(`No wall is known: ${o?.tracked ? "where objects really are is not known" : "positions are those of the mirror images"}.`);
     else if (o && !o.mirrored) notes.push("Positions are those of the mirror images.");
     if (known.scene?.frame === "array") notes.push("Array frame: no mount on the vehicle is known.");
     if (o?.preview) notes.push("Preliminary: the scan goes on.");
