@@ -153,7 +153,17 @@ INSTEAD(size_t, fwrite, (const void *p, size_t size, size_t n, FILE *f), (p, siz
         ENOSPC, 0)
 INSTEAD(size_t, fread, (void *p, size_t size, size_t n, FILE *f), (p, size, n, f), EIO, 0)
 INSTEAD(int, fflush, (FILE * f), (f), ENOSPC, EOF)
-INSTEAD(ssize_t, write, (int fd, const void *p, size_t n), (fd, p, n), ENOSPC, -1)
+
+/* Of files and pipes: to wake a thread by an eventfd, which is neither, does not fail. */
+ssize_t __real_write(int fd, const void *p, size_t n);
+ssize_t __wrap_write(int fd, const void *p, size_t n);
+ssize_t __wrap_write(int fd, const void *p, size_t n)
+{
+    struct stat st;
+    bool wakes = !fstatat(fd, "", &st, AT_EMPTY_PATH) && !(st.st_mode & S_IFMT);
+
+    return !wakes && fails("write", ENOSPC) ? -1 : __real_write(fd, p, n);
+}
 INSTEAD(ssize_t, pwrite, (int fd, const void *p, size_t n, off_t at), (fd, p, n, at),
         ENOSPC, -1)
 INSTEAD(ssize_t, pread, (int fd, void *p, size_t n, off_t at), (fd, p, n, at), EIO, -1)

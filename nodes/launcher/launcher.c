@@ -200,8 +200,10 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     struct launcher *l = calloc(1, sizeof *l);
 
     *reported = false;
-    if (!l)
+    if (!l) {
+        fprintf(stderr, "anlos launch: not enough memory for the launcher\n");
         return EXIT_FAILED;
+    }
     l->cfg = cfg;
     l->clock = clock_system();
     l->signals.fd = -1;

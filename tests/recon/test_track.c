@@ -609,16 +609,48 @@ static void as_many_as_there_can_be(void **state)
     assert_true(tracker_counts(r->tracker).crowded > 0);
 }
 
+static void expect_refused(size_t offset, double value)
+{
+    struct track_config cfg;
+    struct tracker *t = NULL;
+
+    track_config_default(&cfg);
+    memcpy((char *)&cfg + offset, &value, sizeof value);
+    if (tracker_create(&t, &cfg) != -EINVAL)
+        fail_msg("%g at byte %zu is taken", value, offset);
+    assert_null(t);
+}
+
+/* What has to be above 0, what may be 0, and what has to be below 1. */
 static void values_out_of_range_are_refused(void **state)
 {
     struct rig *r = *state;
     struct tracker *t = NULL;
+#define AT(field) offsetof(struct track_config, field)
+    static const size_t above[] = {
+        AT(acceleration_psd_m2_s3), AT(new_speed_m_s), AT(gate2),
+        AT(detection_probability),  AT(new_existence), AT(coast_s),
+        AT(life.survival_s),        AT(rest_m),        AT(rest_s)};
+    static const size_t least[] = {AT(lost_ego_psd_m2_s3), AT(wander_m),    AT(join_m),
+                                   AT(id_rest_s),          AT(place_looks), AT(reset_s)};
+    static const size_t below_one[] = {AT(detection_probability), AT(new_existence),
+                                       AT(life.confirm_existence),
+                                       AT(life.delete_existence)};
 
-    r->cfg.life.confirm_hits = 6;
-    assert_int_equal(tracker_create(&t, &r->cfg), -EINVAL);
-    r->cfg.life.confirm_hits = 3;
-    r->cfg.detection_probability = 1.0;
-    assert_int_equal(tracker_create(&t, &r->cfg), -EINVAL);
+    for (size_t i = 0; i < sizeof above / sizeof *above; i++) {
+        expect_refused(above[i], 0.0);
+        expect_refused(above[i], NAN);
+    }
+    for (size_t i = 0; i < sizeof least / sizeof *least; i++)
+        expect_refused(least[i], -1e-9);
+    for (size_t i = 0; i < sizeof below_one / sizeof *below_one; i++)
+        expect_refused(below_one[i], 1.0);
+    for (int k = 0; k < 3; k++) {
+        track_config_default(&r->cfg);
+        r->cfg.life.confirm_hits = k == 0 ? 6 : k == 1 ? 0 : 3; /* of 5 */
+        r->cfg.life.confirm_of = k == 2 ? TRACK_LOOKS_MAX + 1 : 5;
+        assert_int_equal(tracker_create(&t, &r->cfg), -EINVAL);
+    }
     assert_null(t);
 }
 

@@ -1,0 +1,130 @@
+/* The launcher while memory, descriptors, processes or threads give out, at every place
+ * where they may, with shell scripts in the place of the nodes. */
+#include "tests/hal/scratch.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <unistd.h>
+
+#include "nodes/launcher/launcher.h"
+#include "nodes/launcher/site.h"
+#include "nodes/rt/exit_code.h"
+#include "tests/failing.h"
+
+struct rig {
+    struct scratch *scratch;
+    struct launchfile *launch;
+    struct arguments arguments;
+    char launch_path[512], log_path[512];
+};
+
+static void write_node(struct rig *r, const char *name, const char *script)
+{
+    assert_int_equal(chmod(scratch_write(r->scratch, name, script), 0755), 0);
+}
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+    struct complaint why = {""};
+
+    if (!r || scratch_open((void **)&r->scratch))
+        return -1;
+    write_node(r, "anlos-scan", "#!/bin/sh\nexit 0\n");
+    write_node(r, "anlos-report", "#!/bin/sh\nexit 0\n");
+    snprintf(r->log_path, sizeof r->log_path, "%s", scratch_path(r->scratch, "log"));
+    snprintf(r->launch_path, sizeof r->launch_path, "%s",
+             scratch_write(r->scratch, "launch.yaml",
+                           "nodes: [scan, report]\narray: {uri: 'wav:/rec'}\n"));
+    r->arguments = (struct arguments){.launch = r->launch_path,
+                                      .run_dir = r->scratch->folder,
+                                      .log_level = LOG_LEVEL_INFO};
+    *state = r;
+    if (launchfile_load(&r->launch, r->launch_path, NULL, &why))
+        print_error("%s\n", why.text);
+    return r->launch ? 0 : -1;
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+    void *scratch = r->scratch;
+
+    launchfile_destroy(r->launch);
+    free(r);
+    return scratch_close(&scratch);
+}
+
+/* What the launcher said; -1: descriptors as they were. */
+static int listen_to(const struct rig *r, int saved, struct complaint *why)
+{
+    if (saved < 0) {
+        int log =
+            openat(AT_FDCWD, r->log_path, O_CREAT | O_TRUNC | O_RDWR | O_APPEND, 0600);
+        saved = dup(STDERR_FILENO);
+        dup2(log, STDERR_FILENO);
+        close_range((unsigned)log, (unsigned)log, 0);
+        return saved;
+    }
+    int log = openat(AT_FDCWD, r->log_path, O_RDONLY);
+    ssize_t n = read(log, why->text, sizeof why->text - 1);
+    why->text[n > 0 ? n : 0] = '\0';
+    dup2(saved, STDERR_FILENO);
+    close_range((unsigned)log, (unsigned)log, 0);
+    close_range((unsigned)saved, (unsigned)saved, 0);
+    return 0;
+}
+
+static int launch_work(void *context, struct complaint *why)
+{
+    const struct rig *r = context;
+    const struct launcher_config cfg = {.launch = r->launch,
+                                        .arguments = &r->arguments,
+                                        .run_dir = r->scratch->folder,
+                                        .bin_dir = r->scratch->folder};
+    bool reported;
+    int saved = listen_to(r, -1, why);
+    int code = launcher_run(&cfg, &reported);
+
+    listen_to(r, saved, why);
+    assert_int_equal(code == EXIT_WORKED, reported);
+    return -code;
+}
+
+static void a_launch_that_fails_says_why(void **state)
+{
+    const struct failing_work work = {
+        .name = "launching", .run = launch_work, .context = *state};
+
+    assert_true(failing_each(&work) > 10);
+}
+
+static int site_work(void *context, struct complaint *why)
+{
+    const struct rig *r = context;
+    char run_dir[RUNDIR_SIZE];
+    int err = site_open(r->launch, &r->arguments, run_dir, why);
+
+    if (!err)
+        site_close(r->launch, run_dir);
+    return err;
+}
+
+static void a_run_folder_that_cannot_be_had_is_refused_with_a_reason(void **state)
+{
+    const struct failing_work work = {
+        .name = "a run folder", .run = site_work, .context = *state};
+
+    assert_true(failing_each(&work) > 2);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(a_launch_that_fails_says_why),
+        TEST(a_run_folder_that_cannot_be_had_is_refused_with_a_reason),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
