@@ -20,6 +20,7 @@
 #define POINT_WIDTHS  1.6  /* regions up to this many point widths are points */
 #define GUARD_WIDTHS  1.5  /* of a point, where its image has not faded into the noise */
 #define GUARD_M       0.25 /* half of the largest object that must not hide itself */
+#define TOUCH         1.01 /* steps from a voxel to its farthest neighbour, and rounding */
 #define RANK          0.75 /* of the ordered training cells: a quarter may be objects */
 
 struct search {
@@ -36,6 +37,15 @@ void detect_config_default(struct detect_config *cfg)
                                   .learns = true,
                                   .dynamic_range_db = 15.0,
                                   .cluster_m = 0.10};
+}
+
+void detect_config_isolated(struct detect_config *cfg, const struct grid *grid)
+{
+    double touch_m = 0.0;
+
+    for (int a = 0; a < 3; a++)
+        touch_m = hypot(touch_m, grid->n[a] > 1 ? grid->step_m[a] : 0.0);
+    cfg->cluster_m = fmin(cfg->cluster_m, TOUCH * touch_m);
 }
 
 static int by_value(const void *a, const void *b)

@@ -33,6 +33,10 @@ struct detection {
 
 void detect_config_default(struct detect_config *cfg);
 
+/* For images of methods that isolate points (imager_isolates): only voxels that touch are
+ * one object. */
+void detect_config_isolated(struct detect_config *cfg, const struct grid *grid);
+
 /* Guard and training cells for images on a grid: objects of half a metre and the smear of
  * a point are left out, and training cells lie as far apart as the image resolves.
  * resolution_m as above; an axis of one voxel does not count.  0, -EINVAL (a rate outside

@@ -40,6 +40,13 @@ bool imager_has_method(const char *name)
     return find(name) != NULL;
 }
 
+bool imager_isolates(const char *name)
+{
+    const struct imager_method *m = find(name);
+
+    return m && m->isolates;
+}
+
 static bool sensible(const struct imager_config *cfg)
 {
     const struct geometry *g = cfg->geometry;

@@ -31,6 +31,10 @@ struct imager;
 const char *imager_methods(void);
 bool imager_has_method(const char *name);
 
+/* A point is a voxel of its images, or a few that touch, however wide the array's PSF is:
+ * what lies apart are several things. */
+bool imager_isolates(const char *name);
+
 /* Plans and allocates everything, in one thread (FFTW's planner is not thread-safe).
  * 0, -EINVAL (values), -ENOENT (no such method), -ENOTSUP (the method cannot do this
  * geometry; *why says what it needs), -ENOMEM. */

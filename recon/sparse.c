@@ -184,6 +184,7 @@ static void sparse_reset(void *state)
 const struct imager_method method_sparse = {
     .name = "sparse",
     .any_geometry = true,
+    .isolates = true,
     .create = sparse_create,
     .add = sparse_add,
     .image = sparse_image,

@@ -6,6 +6,7 @@
 
 #include "nodes/rt/objects.h"
 #include "nodes/rt/volume_grid.h"
+#include "recon/imager.h"
 
 void detector_init(struct detector *d, const struct detector_config *cfg)
 {
@@ -97,6 +98,8 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
     detect_config_default(&cfg);
     cfg.threshold_db = d->cfg.threshold_db;
     cfg.learns = learns(d, volume);
+    if (imager_isolates(volume->method))
+        detect_config_isolated(&cfg, &grid);
     if (!walls) {
         walls_from_survey(&own, &d->survey);
         walls = &own;

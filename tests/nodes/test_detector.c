@@ -94,6 +94,23 @@ static int teardown(void **state)
     return 0;
 }
 
+/* Two voxels 6 cm apart are one blurred thing, or two points. */
+static void what_a_method_isolates_is_not_joined(void **state)
+{
+    struct rig *r = *state;
+
+    memset(r->intensity, 0, sizeof r->intensity);
+    r->intensity[NZ / 2][NY / 2][3] = 1.0f;
+    r->intensity[NZ / 2][NY / 2][6] = 0.9f;
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(r->list->n_detections, 1);
+    objects_free(r->list);
+    r->list = NULL;
+    r->volume.method = (char *)"sparse";
+    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(r->list->n_detections, 2);
+}
+
 /* The scene's wall is z = 0.8 and its mount puts the array's x to the vehicle's y, its y
  * to z and so its z to x, 0.3 m up: an image at (x, y, z) is really at (x, y, 1.6 - z),
  * and for the vehicle at (1.6 - z, x, y + 0.3). */
@@ -285,6 +302,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(an_object_is_reported_where_it_really_is),
+        TEST(what_a_method_isolates_is_not_joined),
         TEST(each_wall_mirrors_what_its_gate_holds),
         TEST(what_no_wall_stands_before_is_marked),
         TEST(what_would_stand_in_free_view_is_marked),

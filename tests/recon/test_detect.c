@@ -407,6 +407,25 @@ static void a_lone_bright_voxel_is_a_point_there(void **state)
     scene_close(&s);
 }
 
+/* Two points 4 cm apart, one of them between two voxels along the diagonal. */
+static void isolated_points_are_joined_where_they_touch_alone(void **state)
+{
+    (void)state;
+    struct scene s;
+    scene_open(&s, false);
+    s.amplitude[(7 * N + 8) * N + 9] = 3.0f;
+    s.amplitude[(8 * N + 9) * N + 10] = 2.0f;
+    s.amplitude[(7 * N + 8) * N + 12] = 2.9f;
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    detect_config_isolated(&s.cfg, &grid);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 2);
+    assert_near(s.found[0].position_m[0], -0.35 + 9 * 0.02, 0.011);
+    assert_near(s.found[1].position_m[0], -0.35 + 12 * 0.02, 1e-9);
+    scene_close(&s);
+}
+
 static const int diagonal[3] = {0, 3, 5};
 
 static void expect_known(const struct detection *d, int axis, bool known)
@@ -609,6 +628,7 @@ int main(void)
         cmocka_unit_test(the_scale_of_the_intensity_does_not_matter),
         cmocka_unit_test(without_noise_there_are_numbers_too),
         cmocka_unit_test(a_lone_bright_voxel_is_a_point_there),
+        cmocka_unit_test(isolated_points_are_joined_where_they_touch_alone),
         cmocka_unit_test(a_peak_on_the_rim_is_found_there),
         cmocka_unit_test(
             what_lies_outside_is_not_known_along_the_axis_that_it_is_outside_of),

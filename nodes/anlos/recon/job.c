@@ -10,6 +10,7 @@
 #include "nodes/anlos/recon/method.h"
 #include "nodes/anlos/recon/traces.h"
 #include "nodes/rt/objects.h"
+#include "recon/imager.h"
 
 /* Processing knows the field, not the file. */
 static void name_survey(const struct recon_options *options, int err,
@@ -195,6 +196,8 @@ static int find_objects(struct recon_job *job, struct complaint *why)
 {
     struct detect_config detect;
     detect_config_default(&detect);
+    if (imager_isolates(job->method))
+        detect_config_isolated(&detect, &job->processing.grid);
     int err = objects_find(&job->detections, &job->survey, &detect, 0.0,
                            &job->processing.grid, job->intensity);
     if (err)
