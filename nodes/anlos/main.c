@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "nodes/anlos/commands.h"
+#include "nodes/anlos/usage.h"
 #include "nodes/rt/exit_code.h"
 
 struct command {
@@ -72,6 +73,11 @@ int main(int argc, char **argv)
     for (size_t i = 0; i < N_COMMANDS; i++)
         if (!strcmp(name, commands[i].name))
             return commands[i].run(argc - 1, argv + 1);
-    fprintf(stderr, "anlos: %s: no such command; see anlos --help\n", name);
+    const char *names[N_COMMANDS + 1] = {NULL};
+    for (size_t i = 0; i < N_COMMANDS; i++)
+        names[i] = commands[i].name;
+    const char *near = usage_nearest(name, names);
+    fprintf(stderr, "anlos: %s: no such command%s%s%s; see anlos --help\n", name,
+            near ? "; did you mean " : "", near ? near : "", near ? "?" : "");
     return EXIT_BAD_INPUT;
 }

@@ -53,6 +53,20 @@ static size_t edit_distance(const char *a, size_t n, const char *b)
     return row[m];
 }
 
+const char *usage_nearest(const char *word, const char *const *names)
+{
+    const char *best = NULL;
+    size_t least = 3, n = strlen(word);
+    for (; *names; names++) {
+        size_t d = edit_distance(word, n, *names);
+        if (d < least && d < n) {
+            least = d;
+            best = *names;
+        }
+    }
+    return best;
+}
+
 static const char *nearest_option(const char *word, size_t n,
                                   const struct option *options)
 {

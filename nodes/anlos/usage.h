@@ -32,6 +32,9 @@ int usage_next(struct usage *u, int argc, char **argv);
 int usage_option_error(const char *command, int code, char **argv,
                        const struct option *options);
 
+/* Of names[], NULL at its end, the one that was probably meant; NULL: none is near. */
+const char *usage_nearest(const char *word, const char *const *names);
+
 /* A whole number from min to max.  0, -EINVAL. */
 int usage_count(const char *text, size_t min, size_t max, size_t *out);
 
