@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <signal.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
@@ -9,15 +10,37 @@
 /* Above everything that is not urgent, under the kernel's interrupt threads (50). */
 enum { PRIORITY = 20 };
 
+/* CAP_IPC_LOCK: whoever has it is held by no limit. */
+static bool may_lock_all(void)
+{
+    unsigned long long effective = 0;
+    struct rlimit limit;
+    char line[128];
+    FILE *f = fopen("/proc/self/status", "re");
+
+    while (f && fgets(line, sizeof line, f))
+        if (sscanf(line, "CapEff: %llx", &effective) == 1)
+            break;
+    if (f)
+        fclose(f);
+    return (effective >> 14 & 1) ||
+           (!getrlimit(RLIMIT_MEMLOCK, &limit) && limit.rlim_cur == RLIM_INFINITY);
+}
+
 /* Later allocations fail once a limit is reached: with one, only what is there is locked.
  */
-static int lock_memory(void)
+int realtime_lock(void)
 {
-    struct rlimit limit;
     int flags = MCL_CURRENT | MCL_ONFAULT;
-    if (!getrlimit(RLIMIT_MEMLOCK, &limit) && limit.rlim_cur == RLIM_INFINITY)
+
+    if (may_lock_all())
         flags |= MCL_FUTURE;
     return mlockall(flags) ? -errno : 0;
+}
+
+void realtime_unlock(void)
+{
+    munlockall();
 }
 
 static int start_urgent(pthread_t *out, void *(*run)(void *), void *arg)
@@ -39,7 +62,7 @@ int realtime_start(pthread_t *out, void *(*run)(void *), void *arg, bool urgent,
                    struct complaint *missing)
 {
     sigset_t all, before;
-    int lock = urgent ? lock_memory() : 0;
+    int lock = urgent ? realtime_lock() : 0;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     int err = urgent ? start_urgent(out, run, arg) : -EPERM;

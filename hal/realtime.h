@@ -18,4 +18,9 @@ int realtime_start(pthread_t *out, void *(*run)(void *), void *arg, bool urgent,
 /* Waits for its end, and lets go of the memory again. */
 void realtime_join(pthread_t thread, bool urgent);
 
+/* What the process has in memory stays there, and what it will have too where no limit is
+ * in the way.  0, -EPERM, -ENOMEM (the limit), other negative errno. */
+int realtime_lock(void);
+void realtime_unlock(void);
+
 #endif

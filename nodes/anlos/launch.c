@@ -17,6 +17,7 @@
 #include "nodes/rt/export.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/node.h"
+#include "nodes/rt/priority.h"
 #include "nodes/rt/uri.h"
 
 static void print_help(void)
@@ -76,6 +77,9 @@ static int prepare(struct launchfile **launch, const struct arguments *a,
         err = check_recording(*launch, a, why);
     if (!err)
         err = site_open(*launch, a, run_dir, why);
+    if (!err && priority_wanted(*launch) &&
+        (*launch)->processes.realtime == REALTIME_REQUIRED)
+        err = priority_permitted(why);
     if (!err && launchfile_runs_here(*launch, "report"))
         err = export_folder((*launch)->report.folder, why);
     return err;

@@ -8,6 +8,7 @@
 
 #include "nodes/launcher/launcher_state.h"
 #include "nodes/rt/node.h"
+#include "nodes/rt/priority.h"
 
 /* timeout(1) and others send the same signal twice at once. */
 #define AGAIN_NS 500000000LL
@@ -195,6 +196,15 @@ static void open_bus(struct launcher *l)
         say_endpoint(l, &hosts->list[hosts->here]);
 }
 
+/* Once for all of them. */
+static void say_priority(struct launcher *l)
+{
+    struct complaint why = {""};
+
+    if (priority_wanted(l->cfg->launch) && priority_permitted(&why))
+        launcher_say(l, "launcher", LOG_LEVEL_INFO, why.text);
+}
+
 int launcher_run(const struct launcher_config *cfg, bool *reported)
 {
     struct launcher *l = calloc(1, sizeof *l);
@@ -213,6 +223,7 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     l->service.supervised = l->supervisor.alive_ns > 0;
     screen_init(&l->screen, cfg->arguments->log_format);
     progress_init(&l->progress, l->screen.out_terminal);
+    say_priority(l);
     int err = signals_open(&l->signals);
     if (!err)
         err = launcher_tell_nodes();

@@ -132,6 +132,7 @@ static json_t *node(const struct report_node *n)
     json_object_set_new(o, "node", json_string(h->node));
     json_object_set_new(o, "state", json_string(health_state_name(h->state)));
     json_object_set_new(o, "text", json_string(h->text));
+    json_object_set_new(o, "priority", json_string(h->priority));
     json_object_set_new(o, "restarts", integer(n->restarts));
     json_object_set_new(o, "uptime_s", export_real(h->uptime_s));
     json_object_set_new(o, "cpu_s", export_real(h->cpu_s));

@@ -9,6 +9,19 @@
 #define LOOK_PERIOD_NS 100000000LL /* for new connections, in a young process */
 #define YOUNG_NS       10000000000LL
 
+static void look_at_priority(struct heartbeat *h)
+{
+    static const char none[] = "lost, for it computed without a pause";
+
+    if (!priority_is_lost() || !strcmp(h->priority, none))
+        return;
+    log_write(h->log, LOG_LEVEL_WARNING,
+              "computed for a second without a pause: its real-time priority (%s) is "
+              "taken away, so that others go on",
+              h->priority);
+    snprintf(h->priority, sizeof h->priority, "%s", none);
+}
+
 void heartbeat_publish(struct heartbeat *h)
 {
     struct vitals v;
@@ -18,6 +31,7 @@ void heartbeat_publish(struct heartbeat *h)
     int64_t now_ns = clock_now_ns(&h->clock->source);
 
     log_tick(h->log);
+    look_at_priority(h);
     vitals_take(&v, h->bus, h->node, h->malformed);
     vitals_latencies(&v, &h->latencies, now_ns);
     if (h->device)
@@ -25,6 +39,7 @@ void heartbeat_publish(struct heartbeat *h)
     vitals_faults(&v.message, &faults, h->faults, h->n_faults);
     v.message.state = h->state;
     v.message.text = h->text;
+    v.message.priority = h->priority;
     v.message.turns = h->turns;
     v.message.turn_limit_s = h->busy_s > 0.0 ? h->busy_s : h->turn_limit_s;
     v.message.uptime_s = (double)(machine_ns - h->epoch_ns) * 1e-9;

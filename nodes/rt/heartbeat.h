@@ -10,6 +10,7 @@
 #include "msgs/health.pb-c.h"
 #include "nodes/rt/latencies.h"
 #include "nodes/rt/log.h"
+#include "nodes/rt/priority.h"
 #include "nodes/rt/vitals.h"
 
 struct heartbeat {
@@ -28,7 +29,8 @@ struct heartbeat {
     void *device;                                  /* NULL: none */
     struct vitals_fault faults[VITALS_MAX_FAULTS]; /* [n_faults], those that last */
     size_t n_faults;
-    uint64_t turns;      /* of the main loop, so far */
+    char priority[PRIORITY_TEXT_SIZE]; /* of this process */
+    uint64_t turns;                    /* of the main loop, so far */
     double turn_limit_s; /* each may take so long; 0: as the launcher has it */
     double busy_s;       /* the one under way; 0: as any */
 };

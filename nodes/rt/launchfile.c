@@ -62,7 +62,6 @@ static int copy_parts(struct launchfile *l, const struct launch_text *t,
     l->scan.timeout_s = double_or(t->scan.timeout_s, 5.0);
     l->recon.method = copy_text(t->recon.method, "fast");
     l->recon.threads = unsigned_or(t->recon.threads, 0);
-    l->processes.alive_s = double_or(t->processes.alive_s, 3.0);
     l->recon.preview = !t->recon.preview || *t->recon.preview;
     l->report.folder =
         copy_text(options && options->out ? options->out : t->report.folder, "out");
@@ -84,6 +83,31 @@ static int copy_dsp(struct launchfile *l, const struct launch_text *t,
         return yaml_complain(why, -EINVAL, l->path, "dsp.compression",
                              "expected matched_filter or deramp, not %s",
                              t->dsp.compression);
+    return 0;
+}
+
+static int copy_processes(struct launchfile *l, const struct launch_text *t,
+                          struct complaint *why)
+{
+    static const char *const names[] = {[REALTIME_AUTO] = "auto",
+                                        [REALTIME_OFF] = "off",
+                                        [REALTIME_REQUIRED] = "required"};
+    const char *name = t->processes.realtime ? t->processes.realtime : "auto";
+    double alive_s = double_or(t->processes.alive_s, 3.0);
+    unsigned mode = 0;
+
+    while (mode <= REALTIME_REQUIRED && strcmp(names[mode], name))
+        mode++;
+    if (mode > REALTIME_REQUIRED)
+        return yaml_complain(why, -EINVAL, l->path, "processes.realtime",
+                             "expected auto, off or required, not %s", name);
+    if (alive_s != 0.0 && !(alive_s >= 2.0 && alive_s <= 3600.0))
+        return yaml_complain(why, -EINVAL, l->path, "processes.alive_s",
+                             "expected 0 (never) or 2 to 3600, not %g: health comes once "
+                             "a second",
+                             alive_s);
+    l->processes.realtime = (enum realtime_mode)mode;
+    l->processes.alive_s = alive_s;
     return 0;
 }
 
@@ -180,14 +204,8 @@ static int check_numbers(const struct launchfile *l, struct complaint *why)
         {"scan.timeout_s", l->scan.timeout_s, 0.1, 600},
         {"recon.threads", l->recon.threads, 0, 256},
     };
-    double alive_s = l->processes.alive_s;
     int err = 0;
 
-    if (alive_s != 0.0 && !(alive_s >= 2.0 && alive_s <= 3600.0))
-        return yaml_complain(why, -EINVAL, l->path, "processes.alive_s",
-                             "expected 0 (never) or 2 to 3600, not %g: health comes once "
-                             "a second",
-                             alive_s);
     for (size_t i = 0; !err && i < COUNT(numbers); i++)
         err = yaml_check_range(l->path, numbers[i].key, numbers[i].value, numbers[i].min,
                                numbers[i].max, why);
@@ -229,6 +247,8 @@ static int fill(struct launchfile *l, const struct launch_text *text,
         err = launchfile_copy_track(l, text, why);
     if (!err)
         err = copy_dsp(l, text, why);
+    if (!err)
+        err = copy_processes(l, text, why);
     if (!err)
         err = copy_parts(l, text, options);
     if (!err)

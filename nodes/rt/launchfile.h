@@ -124,6 +124,7 @@ struct launchfile {
         char *bag;     /* NULL: the running system is shown */
     } view;
     struct {
+        enum realtime_mode { REALTIME_AUTO, REALTIME_OFF, REALTIME_REQUIRED } realtime;
         double alive_s; /* a node whose loop stands still for so long is started again;
                            default 3; 0: never */
     } processes;

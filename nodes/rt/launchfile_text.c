@@ -173,6 +173,8 @@ static const cyaml_schema_field_t view_fields[] = {
 
 static const cyaml_schema_field_t processes_fields[] = {
     CYAML_FIELD_FLOAT_PTR("alive_s", OPTIONAL, struct launch_text_processes, alive_s),
+    CYAML_FIELD_STRING_PTR("realtime", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_processes, realtime, 1, NAME_SIZE),
     CYAML_FIELD_END};
 
 static const cyaml_schema_field_t launch_fields[] = {

@@ -81,6 +81,7 @@ struct launch_text_report {
 
 struct launch_text_processes {
     double *alive_s;
+    char *realtime;
 };
 
 struct launch_text_host {

@@ -108,6 +108,8 @@ static int open_all(struct node *n, const struct arguments *args, struct complai
         err = rundir_open(n->run_dir, args->run_dir, why);
     if (!err && n->launch)
         err = launchfile_join_hosts(n->launch, args->host, n->run_dir, why);
+    if (!err && n->launch)
+        err = priority_take(n->launch, n->name, n->heart.priority, why);
     if (!err && (err = stop_install()))
         complain(why, err, "signals: %s", strerror(-err));
     n->world = world_of(n, args->replay);

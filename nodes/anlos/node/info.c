@@ -106,6 +106,9 @@ void node_info_print(const struct census_node *n, const char *run_dir, FILE *f)
         text_duration(up, sizeof up, row->uptime_s);
         text_percent(cpu, sizeof cpu, row->cpu);
         text_bytes(memory, sizeof memory, (double)row->rss_bytes);
+        text_clean(text, sizeof text, row->priority);
+        if (*text)
+            fprintf(f, "priority   %s\n", text);
         text_clean(text, sizeof text, row->text);
         fprintf(f,
                 "state      %s: %s\nup         %s, %s %% of a core, %s bytes of memory\n",

@@ -72,6 +72,7 @@ void member_health(struct member *m, const Anlos__Health *h, int64_t epoch_ns,
     m->state = h->state;
     snprintf(row->text, sizeof row->text, "%s", h->text);
     row->pid = h->pid;
+    snprintf(row->priority, sizeof row->priority, "%s", h->priority);
     row->uptime_s = h->uptime_s;
     row->rss_bytes = h->rss_bytes;
     row->refused = h->refused;

@@ -58,6 +58,7 @@ struct table_node {
     char name[ENVELOPE_NODE_SIZE];
     enum table_node_state state;
     char text[TABLE_TEXT_SIZE]; /* what it says of itself */
+    char priority[48];
     uint32_t pid;
     unsigned restarts; /* since we look */
     bool twin;         /* an older process of this name speaks too, on another machine */

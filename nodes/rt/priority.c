@@ -1,0 +1,120 @@
+#include "nodes/rt/priority.h"
+
+#include <errno.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/resource.h>
+
+#include "hal/realtime.h"
+#include "nodes/rt/uri.h"
+
+#define RUN_US 1000000 /* without a pause */
+
+static const struct {
+    const char *node;
+    int fifo; /* under the threads of hal/realtime.h; 0: never */
+    int nice;
+} table[] = {
+    {"array", 15, -15}, {"stage", 14, -14}, {"can", 12, -12}, {"dsp", 10, -10},
+    {"wall", 8, -8},    {"track", 8, -8},   {"scan", 8, -8},  {"recon", 0, -5},
+    {"play", 0, 0},     {"record", 0, 0},   {"view", 0, 5},   {"report", 0, 5},
+};
+
+/* As signal handlers need; set once. */
+static volatile sig_atomic_t lost;
+
+/* Whoever was started nicer than that stays so.  0, or a negative errno. */
+static int be_nice(int nice, int *now)
+{
+    int before = getpriority(PRIO_PROCESS, 0);
+
+    *now = nice > 0 && before > nice ? before : nice;
+    return setpriority(PRIO_PROCESS, 0, *now) ? -errno : 0;
+}
+
+bool priority_wanted(const struct launchfile *l)
+{
+    return l->processes.realtime != REALTIME_OFF && l->scan.fixed &&
+           !launchfile_has_node(l, "play") && !strstr(l->array.uri, "pace=fast");
+}
+
+static int set_policy(int policy, int priority)
+{
+    struct sched_param param = {.sched_priority = priority};
+
+    return sched_setscheduler(0, policy, &param) ? -errno : 0;
+}
+
+int priority_permitted(struct complaint *why)
+{
+    int fifo = set_policy(SCHED_FIFO, table[0].fifo), lock = realtime_lock();
+
+    if (!fifo)
+        set_policy(SCHED_OTHER, 0);
+    if (!lock)
+        realtime_unlock();
+    if (!fifo && !lock)
+        return 0;
+    return complain(
+        why, -EPERM,
+        "%s%s%s not permitted: lists may be late on a busy machine; raise the "
+        "limits rtprio to %d and memlock to unlimited (launch/hardware.md)",
+        fifo ? "real-time priority" : "", fifo && lock ? " and " : "",
+        lock ? "locked memory" : "", table[0].fifo);
+}
+
+/* The kernel sends it to the thread that computes. */
+static void give_up(int number)
+{
+    const struct sched_param usual = {.sched_priority = 0};
+
+    (void)number;
+    sched_setscheduler(0, SCHED_OTHER, &usual);
+    lost = 1;
+}
+
+static void limit_run(void)
+{
+    const struct rlimit limit = {RUN_US, RLIM_INFINITY};
+    struct sigaction action = {.sa_handler = give_up, .sa_flags = SA_RESTART};
+
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGXCPU, &action, NULL);
+    setrlimit(RLIMIT_RTTIME, &limit);
+}
+
+int priority_take(const struct launchfile *l, const char *node,
+                  char text[PRIORITY_TEXT_SIZE], struct complaint *why)
+{
+    size_t i = 0;
+    bool locked = false;
+    int nice = 0;
+
+    snprintf(text, PRIORITY_TEXT_SIZE, "usual");
+    while (i < sizeof table / sizeof *table && strcmp(table[i].node, node))
+        i++;
+    if (!priority_wanted(l) || i == sizeof table / sizeof *table)
+        return 0;
+    if (l->processes.realtime == REALTIME_REQUIRED) {
+        int err = priority_permitted(why);
+        if (err)
+            return err;
+    }
+    if (table[i].nice < 0)
+        locked = !realtime_lock();
+    limit_run();
+    if (table[i].fifo && !set_policy(SCHED_FIFO, table[i].fifo))
+        snprintf(text, PRIORITY_TEXT_SIZE, "fifo %d", table[i].fifo);
+    else if (table[i].nice && !be_nice(table[i].nice, &nice))
+        snprintf(text, PRIORITY_TEXT_SIZE, "nice %d", nice);
+    if (locked)
+        strcat(text, ", locked");
+    return 0;
+}
+
+bool priority_is_lost(void)
+{
+    return lost;
+}

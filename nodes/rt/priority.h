@@ -1,0 +1,35 @@
+/* nodes/rt/priority.h -- who computes first on a busy machine: the processes of an array
+ * that stands have real-time priorities (SCHED_FIFO) and locked memory where the system
+ * permits it, in the order of how little a delay of theirs may be; else they are nice to
+ * nobody (setpriority(2)) where at least that is permitted; else they are as any.
+ *
+ * recon computes most and never gets a real-time priority, nor do its threads; record,
+ * view and report wait for all others.  One that computes for a second without a pause
+ * loses its priority (RLIMIT_RTTIME), and the kernel leaves a part of each core to others
+ * whatever happens (sched_rt_runtime_us): the machine stays usable. */
+#ifndef ANLOS_NODES_RT_PRIORITY_H
+#define ANLOS_NODES_RT_PRIORITY_H
+
+#include "msgs/complaint.h"
+#include "nodes/rt/launchfile.h"
+
+#define PRIORITY_TEXT_SIZE 48
+
+/* Does the launch file ask for it?  Not for scans, which may take their time, replays,
+ * and what is simulated as fast as it goes. */
+bool priority_wanted(const struct launchfile *l);
+
+/* Are real-time priorities and locked memory permitted to this process?  Tried, and left
+ * as it was.  0, or -EPERM with a complaint that says what is not, and what to do. */
+int priority_permitted(struct complaint *why);
+
+/* To be called before this process has other threads: they inherit it.  text: what it
+ * has now, such as "fifo 10, locked".  0, or -EPERM where it is required and not
+ * permitted. */
+int priority_take(const struct launchfile *l, const char *node,
+                  char text[PRIORITY_TEXT_SIZE], struct complaint *why);
+
+/* Has it lost its priority, by computing too long? */
+bool priority_is_lost(void);
+
+#endif
