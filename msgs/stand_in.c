@@ -123,6 +123,20 @@ size_t stand_in_window(const struct stand_in *s, const char *node, const struct 
     return 1 + (o ? outlet_room(o) / (2 * (ENVELOPE_SIZE + size)) : 0);
 }
 
+bool stand_in_sent(const struct stand_in *s, size_t i, const char **node,
+                   const struct topic **t, uint64_t *n)
+{
+    struct bus_count count;
+
+    if (i >= s->n_parts)
+        return false;
+    outlet_count(s->parts[i].outlet, &count);
+    *node = s->places[s->parts[i].place].node;
+    *t = count.topic;
+    *n = count.messages;
+    return true;
+}
+
 const char *stand_in_node(const struct stand_in *s, size_t i)
 {
     return i < s->n_places ? s->places[i].node : NULL;

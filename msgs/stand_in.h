@@ -29,6 +29,10 @@ int stand_in_publish(struct stand_in *s, const char *node, const struct topic *t
 size_t stand_in_window(const struct stand_in *s, const char *node, const struct topic *t,
                        size_t size);
 
+/* Of the i-th node and topic, how many messages were sent; false: there is none. */
+bool stand_in_sent(const struct stand_in *s, size_t i, const char **node,
+                   const struct topic **t, uint64_t *n);
+
 /* Nodes whose places are taken; the i-th name, or NULL. */
 const char *stand_in_node(const struct stand_in *s, size_t i);
 void stand_in_destroy(struct stand_in *s);

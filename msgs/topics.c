@@ -43,6 +43,7 @@ enum {
     WALL_GIVEN,
     EGO,
     AMBIENT,
+    PROGRESS,
     N_TOPICS
 };
 
@@ -87,6 +88,9 @@ static const struct topic topics[N_TOPICS + 1] = {
                        50, TOPIC_ALL, 256, 4 * KB, {"can", "vehicle"}},
     [AMBIENT]       = {"ambient", &anlos__ambient__descriptor,
                        1, TOPIC_LATEST, 1, 4 * KB, {"can", "vehicle"}},
+    [PROGRESS]      = {"progress", &anlos__progress__descriptor,
+                       0, TOPIC_ALL, 256, 4 * KB,
+                       {"play", "dsp", "recon", "wall", "track", "can", "report"}},
     /* clang-format on */
 };
 
@@ -221,4 +225,9 @@ const struct topic *topic_ego(void)
 const struct topic *topic_ambient(void)
 {
     return &topics[AMBIENT];
+}
+
+const struct topic *topic_progress(void)
+{
+    return &topics[PROGRESS];
 }

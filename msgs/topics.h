@@ -55,5 +55,6 @@ const struct topic *topic_wall(void);
 const struct topic *topic_wall_given(void);
 const struct topic *topic_ego(void);
 const struct topic *topic_ambient(void);
+const struct topic *topic_progress(void); /* in a replay only */
 
 #endif

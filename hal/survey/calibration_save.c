@@ -90,8 +90,7 @@ static void print_calibration(FILE *f, const struct calibration *c)
 static int write_whole(const struct calibration *c, const char *path, const char *partial)
 {
     int err = 0;
-    unlink(partial); /* and not through a link that somebody has put there */
-    FILE *f = fopen(partial, "wxe");
+    FILE *f = fopen(partial, "we");
     if (!f)
         return -errno;
     print_calibration(f, c);

@@ -111,10 +111,8 @@ static void take_ping(struct run *r, const struct node_message *in)
 static int run(struct run *r)
 {
     struct node_message in;
-    int err = node_order_replay(r->node);
+    int err = node_subscribe(r->node, topic_survey());
 
-    if (!err)
-        err = node_subscribe(r->node, topic_survey());
     if (!err)
         err = node_subscribe(r->node, topic_ping());
     if (!err)

@@ -21,8 +21,11 @@ static struct listener *find(const struct audience *a, const char *name)
 
 void audience_expect(struct audience *a, const char *name)
 {
-    if (a->n < AUDIENCE_MAX && !find(a, name))
-        snprintf(a->list[a->n++].name, ENVELOPE_NODE_SIZE, "%s", name);
+    if (a->n == AUDIENCE_MAX || find(a, name))
+        return;
+    struct listener *l = &a->list[a->n++];
+    snprintf(l->name, sizeof l->name, "%s", name);
+    l->paces = topic_is_published_by(topic_progress(), name);
 }
 
 bool audience_has(const struct audience *a, const char *name)
@@ -87,6 +90,43 @@ bool audience_is_ready(const struct audience *a, char *text, size_t size)
         all = false;
     }
     return all;
+}
+
+bool audience_progress(struct audience *a, const char *name, const Anlos__Progress *p)
+{
+    struct listener *l = find(a, name);
+
+    if (!l || !l->paces)
+        return false;
+    l->round = p->round;
+    l->used_ns = p->time_ns;
+    l->lost = p->lost;
+    return true;
+}
+
+struct listener *audience_last(struct audience *a, uint32_t round, int64_t *used_ns)
+{
+    struct listener *last = NULL;
+
+    *used_ns = INT64_MAX;
+    for (size_t i = 0; i < a->n; i++) {
+        struct listener *l = &a->list[i];
+        int64_t at_ns = l->round == round ? l->used_ns : INT64_MIN;
+        if (!l->paces || l->given_up || (last && at_ns >= *used_ns))
+            continue;
+        last = l;
+        *used_ns = at_ns;
+    }
+    return last;
+}
+
+uint64_t audience_lost(const struct audience *a)
+{
+    uint64_t lost = 0;
+
+    for (size_t i = 0; i < a->n; i++)
+        lost += a->list[i].lost;
+    return lost;
 }
 
 bool audience_heard(const struct audience *a, const char *name, int64_t after_ns)

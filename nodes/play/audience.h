@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "msgs/envelope.h"
+#include "msgs/clock.pb-c.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/topics.h"
 
@@ -19,6 +20,11 @@ struct listener {
     int64_t heard_ns; /* its newest health, by the machine's clock */
     Anlos__Health__State state;
     bool connected; /* to everybody whom it listens to */
+    bool paces;     /* it tells of its progress: */
+    uint32_t round;
+    int64_t used_ns; /* up to that publish stamp it has used everything of the round */
+    uint64_t lost;   /* messages */
+    bool given_up;   /* it tells nothing any more, and is not waited for */
 };
 
 struct audience {
@@ -44,6 +50,17 @@ bool audience_health(struct audience *a, const char *name, int64_t epoch_ns,
 
 /* All there, ready and connected?  Else text[size] says who is waited for. */
 bool audience_is_ready(const struct audience *a, char *text, size_t size);
+
+/* How far it is, by its own word.  false: nobody waits for it. */
+bool audience_progress(struct audience *a, const char *name, const Anlos__Progress *p);
+
+/* Who is farthest behind in a round: name and stamp up to which all have used everything,
+ * INT64_MIN before the round has begun for all; without anybody to wait for, NULL and
+ * INT64_MAX. */
+struct listener *audience_last(struct audience *a, uint32_t round, int64_t *used_ns);
+
+/* Messages that were lost or dropped on the way to all of them. */
+uint64_t audience_lost(const struct audience *a);
 
 /* Was its health heard after that?  true of one that is not waited for. */
 bool audience_heard(const struct audience *a, const char *name, int64_t after_ns);

@@ -40,6 +40,8 @@ int playback_create(struct playback **out, const struct playback_config *cfg,
         playback_notes(p, "%s: %zu channels are of no topic here, and are not played",
                        cfg->tape.bag, tape_foreign(p->tape));
     p->at_ns = tape_start_ns(p->tape);
+    p->progress_round = 1;
+    p->told_ns = p->at_ns - 1;
     tape_seek(p->tape, p->at_ns);
     *out = p;
     return 0;
@@ -68,12 +70,67 @@ void playback_health(struct playback *p, const char *from, int64_t epoch_ns,
 {
     if (!audience_health(&p->audience, from, epoch_ns, h, now_ns))
         return;
+    if (p->begun && !p->ended) {
+        p->stopped++;
+        playback_notes(p, "%s was started again: what it knew of the recording is lost",
+                       from);
+    }
     if (!p->scan || p->scan_ended || (strcmp(from, "dsp") && strcmp(from, "recon")))
         return;
     account_give_up(&p->account);
     playback_notes(p,
                    "%s was started again: what it knew of scan %u is lost; play it again",
                    from, p->scan);
+}
+
+void playback_progress(struct playback *p, const char *from, const Anlos__Progress *m)
+{
+    uint64_t lost = audience_lost(&p->audience);
+
+    if (audience_progress(&p->audience, from, m) && !lost && m->lost)
+        playback_notes(p, "messages got lost on the way to %s; more are only counted",
+                       from);
+}
+
+/* All before the next message went out. */
+static int64_t sent_until(const struct playback *p)
+{
+    int64_t until_ns = p->told_ns;
+
+    if (p->next.is)
+        until_ns = p->next.m.envelope.publish_ns - 1;
+    else if (p->tape_ended)
+        until_ns = p->at_ns;
+    return until_ns > p->told_ns ? until_ns : p->told_ns;
+}
+
+bool playback_tells(struct playback *p, Anlos__Progress *out, Anlos__Sent *sent,
+                    Anlos__Sent **list, char **nodes, size_t max, int64_t now_ns)
+{
+    int64_t until_ns = sent_until(p);
+    const struct topic *t;
+    const char *node;
+    uint64_t n;
+
+    if (until_ns == p->told_ns && now_ns - p->told_at_ns < REPEAT_WAITS_NS)
+        return false;
+    anlos__progress__init(out);
+    out->time_ns = p->told_ns = until_ns;
+    p->told_at_ns = now_ns;
+    out->round = p->progress_round;
+    out->sent = list;
+    for (size_t i = 0; i < max && stand_in_sent(p->stand_in, i, &node, &t, &n); i++) {
+        anlos__sent__init(&sent[i]);
+        sent[i].node = (char *)node;
+        sent[i].topic = (char *)t->name;
+        sent[i].next = n;
+        list[out->n_sent++] = &sent[i];
+    }
+    out->nodes = nodes;
+    for (size_t i = 0; i < p->audience.n && i < max; i++)
+        if (p->audience.list[i].paces)
+            nodes[out->n_nodes++] = p->audience.list[i].name;
+    return true;
 }
 
 void playback_receipt(struct playback *p, const Anlos__Receipt *r, int64_t now_ns)
@@ -159,6 +216,10 @@ static int send_next(struct playback *p, int64_t now_ns, struct complaint *why)
                                e->capture_ns, e->publish_ns, n->m.payload.data,
                                n->m.payload.size);
     p->messages += !err;
+    if (!err && p->n_under_way < UNDER_WAY_MAX) {
+        p->under_way[p->n_under_way].publish_ns = p->at_ns;
+        p->under_way[p->n_under_way++].flow = n->flow;
+    }
     if (!err && !hopeless)
         err = playback_went(p, n, now_ns);
     return err ? complain(why, err, "%s cannot be published: %s", n->m.part->topic->name,
@@ -172,6 +233,10 @@ int playback_seek(struct playback *p, int64_t publish_ns, struct complaint *why)
 
     p->at_ns = publish_ns < start ? start : publish_ns > end ? end : publish_ns;
     account_forget(&p->account);
+    p->progress_round += p->begun;
+    p->told_ns = p->at_ns - 1;
+    p->told_at_ns = 0;
+    p->n_under_way = 0;
     tape_seek(p->tape, p->at_ns);
     p->next.is = p->ended = p->tape_ended = false;
     p->tempo.started = false;
@@ -310,6 +375,7 @@ void playback_status(const struct playback *p, struct playback_status *out)
         .malformed = p->malformed,
         .lists = p->lists,
         .rounds = p->rounds,
+        .lost = p->stopped + audience_lost(&p->audience),
         .pings = p->account,
     };
     memcpy(out->text, p->waits_for, sizeof out->text);

@@ -1,13 +1,15 @@
 /* nodes/play/playback.h -- plays a bag: what was recorded goes out under the names of
  * those who sent it, and nobody can tell it from live but by its source, which is REPLAY.
  *
- * It waits until who is to hear it is ready, and at every pace keeps no more pings under
- * way than fit the consumers' queues.  The end of a scan is held back until all of its
- * pings are used, and what comes after it until its list of objects is there: so the
- * same bag gives the same lists, whatever the pace and the machine. */
+ * It waits until who is to hear it is ready.  Every node of the replay says how far it is
+ * (topic "progress"), the last of each chain too, and at every pace no more is under way
+ * than all of their queues hold.  The end of a scan is held back until all of its pings
+ * are used, and what comes after it until its list of objects is there: so the same bag
+ * gives the same lists, whatever the pace and the machine. */
 #ifndef ANLOS_NODES_PLAY_PLAYBACK_H
 #define ANLOS_NODES_PLAY_PLAYBACK_H
 
+#include "msgs/clock.pb-c.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/scan.pb-c.h"
@@ -42,11 +44,17 @@ int playback_create(struct playback **out, const struct playback_config *cfg,
 void playback_health(struct playback *p, const char *from, int64_t epoch_ns,
                      const Anlos__Health *h, int64_t now_ns);
 void playback_receipt(struct playback *p, const Anlos__Receipt *r, int64_t now_ns);
+void playback_progress(struct playback *p, const char *from, const Anlos__Progress *m);
 void playback_list(struct playback *p, const Anlos__DetectionList *list);
 
 /* Where there is no recon, dsp's traces say that a ping was used. */
 void playback_traces(struct playback *p, const Anlos__Traces *t, int64_t now_ns);
 bool playback_wants_traces(const struct playback *p);
+
+/* What all have to hear for that, when it is new; else false.  Borrows from the player
+ * until it is destroyed; lists are of the caller's. */
+bool playback_tells(struct playback *p, Anlos__Progress *out, Anlos__Sent *sent,
+                    Anlos__Sent **list, char **nodes, size_t max, int64_t now_ns);
 
 /* Is somebody waited for whose receipts and lists come here?  Then so many publishers of
  * the topic have to be connected before play begins. */
@@ -67,6 +75,8 @@ struct playback_status {
     double rate;
     int64_t at_ns, start_ns, end_ns; /* publish stamps: newest, first, last */
     uint64_t messages, malformed, lists, rounds;
+    uint64_t lost; /* messages that did not reach who uses them, and nodes that stopped
+                    * using them: the results are not those of the recording */
     struct account pings;
 };
 

@@ -1,9 +1,12 @@
 #include <stdio.h>
+#include <string.h>
 
 #include "nodes/play/playback_state.h"
 
 #define TAKEN_NS                                                                         \
     200000000LL /* a health message that comes so much later comes after it */
+
+#define PATIENCE 4 /* timeouts: of who works on a long image, on a loaded machine */
 
 #define LAST_LIST_NS 300000000LL
 #define NEXT_LIST_NS 1000000000LL
@@ -50,9 +53,52 @@ static bool has_list(struct playback *p, int64_t now_ns)
     return !p->list_since_ns;
 }
 
+int64_t playback_used(struct playback *p, int64_t now_ns)
+{
+    int64_t used_ns;
+    size_t n = 0;
+    struct listener *last = audience_last(&p->audience, p->progress_round, &used_ns);
+
+    if (used_ns != p->used_ns || !p->used_since_ns)
+        p->used_since_ns = now_ns;
+    p->used_ns = used_ns;
+    while (n < p->n_under_way && p->under_way[n].publish_ns <= used_ns)
+        n++;
+    if (n)
+        p->used_since_ns = now_ns;
+    p->n_under_way -= n;
+    memmove(p->under_way, p->under_way + n, p->n_under_way * sizeof *p->under_way);
+    if (!p->n_under_way && used_ns != INT64_MIN)
+        p->used_since_ns = now_ns; /* it waits for what comes */
+    int64_t end_ns = p->used_since_ns + PATIENCE * timeout_ns(p);
+    if (last && now_ns >= end_ns && audience_heard(&p->audience, last->name, end_ns)) {
+        last->given_up = true;
+        p->stopped++;
+        playback_notes(p,
+                       "%s did not get on with the recording in %g s, and is waited "
+                       "for no more",
+                       last->name, PATIENCE * p->cfg.timeout_s);
+        return playback_used(p, now_ns);
+    }
+    return used_ns;
+}
+
+static bool is_used_up(struct playback *p, int64_t now_ns)
+{
+    int64_t used_ns = playback_used(p, now_ns);
+
+    if (!p->n_under_way && used_ns != INT64_MIN)
+        return true;
+    struct listener *last = audience_last(&p->audience, p->progress_round, &used_ns);
+    snprintf(p->waits_for, sizeof p->waits_for, "waits for %s", last ? last->name : "");
+    return false;
+}
+
 bool playback_is_settled(struct playback *p, int64_t now_ns)
 {
     give_up_overdue(p, now_ns);
+    if (!is_used_up(p, now_ns))
+        return false;
     if (p->account.n)
         snprintf(p->waits_for, sizeof p->waits_for, "waits for %zu receipts",
                  p->account.n);
@@ -125,9 +171,33 @@ static size_t window_of(const struct playback *p, const struct playback_next *n)
     return sure < p->cfg.window ? sure : p->cfg.window;
 }
 
+/* Are all so far that no more is under way than they have room for? */
+static bool is_kept_up_with(struct playback *p, int64_t now_ns)
+{
+    int64_t used_ns = playback_used(p, now_ns);
+    size_t pings = 0, most = window_of(p, &p->next);
+
+    for (size_t i = 0; i < p->n_under_way; i++)
+        pings += p->under_way[i].flow;
+    if (p->next.ping.frame && most > FRAMES_AHEAD)
+        most = FRAMES_AHEAD;
+    if (used_ns != INT64_MIN && p->n_under_way < UNDER_WAY_MAX &&
+        (!p->next.flow || pings < most))
+        return true;
+    const struct listener *last =
+        audience_last(&p->audience, p->progress_round, &used_ns);
+    snprintf(p->waits_for, sizeof p->waits_for, "waits for %s", last ? last->name : "");
+    return false;
+}
+
 bool playback_may_go(struct playback *p, int64_t now_ns)
 {
     const struct topic *t = p->next.m.part->topic;
+
+    if (!is_kept_up_with(p, now_ns)) {
+        give_up_overdue(p, now_ns);
+        return false;
+    }
 
     if (p->next.flow && p->account.n >= window_of(p, &p->next)) {
         give_up_overdue(p, now_ns);

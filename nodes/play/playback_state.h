@@ -7,6 +7,9 @@
 #include "nodes/play/playback.h"
 #include "nodes/play/tempo.h"
 
+#define UNDER_WAY_MAX 96
+#define FRAMES_AHEAD  8 /* pings of an array that stands, each of which makes an image */
+
 struct playback_next { /* the message that is to go next */
     bool is;
     struct tape_message m; /* payload as it goes out */
@@ -46,6 +49,18 @@ struct playback {
     bool noted;
     uint64_t messages, malformed, lists, rounds;
 
+    /* What went out and is not used by all yet, the oldest first: [n_under_way]. */
+    struct {
+        int64_t publish_ns;
+        bool flow;
+    } under_way[UNDER_WAY_MAX];
+    size_t n_under_way;
+    uint32_t progress_round;        /* counted on by each jump */
+    int64_t told_ns;                /* in it: all up to here went out, as was said, */
+    int64_t told_at_ns;             /* at this time of the machine's */
+    int64_t used_ns, used_since_ns; /* how far all are; since when, by the machine */
+    uint64_t stopped;               /* nodes that began anew or came no further */
+
     struct kept survey, status;
     uint64_t survey_id;
     size_t pings_of_scan;  /* by the survey */
@@ -83,6 +98,9 @@ int playback_went(struct playback *p, const struct playback_next *n, int64_t now
 /* playback_hold.c */
 /* May the next message go?  Else waits_for has the reason. */
 bool playback_may_go(struct playback *p, int64_t now_ns);
+
+/* How far all are; what went out before is under way no more. */
+int64_t playback_used(struct playback *p, int64_t now_ns);
 
 /* Is every ping answered, and the list there?  For the end and for another scan. */
 bool playback_is_settled(struct playback *p, int64_t now_ns);

@@ -23,8 +23,9 @@ struct run {
 static int subscribe(const struct run *r)
 {
     const struct topic *const topics[] = {topic_health(), topic_receipt(),
-                                          topic_detections(), topic_traces()};
-    size_t n = playback_wants_traces(r->player) ? 4 : 3;
+                                          topic_detections(), topic_progress(),
+                                          topic_traces()};
+    size_t n = playback_wants_traces(r->player) ? 5 : 4;
     int err = 0;
 
     for (size_t i = 0; i < n && !err; i++)
@@ -64,6 +65,8 @@ static void take(const struct run *r, const struct node_message *in, int64_t now
                         (const Anlos__Health *)in->content, now_ns);
     else if (in->topic == topic_receipt())
         playback_receipt(r->player, (const Anlos__Receipt *)in->content, now_ns);
+    else if (in->topic == topic_progress())
+        playback_progress(r->player, in->from, (const Anlos__Progress *)in->content);
     else if (in->topic == topic_detections())
         playback_list(r->player, (const Anlos__DetectionList *)in->content);
     else if (in->topic == topic_traces())
@@ -102,16 +105,27 @@ static void say_clock(struct run *r, const struct playback_status *s, int64_t no
     node_publish(r->node, topic_clock(), 0, &c.base);
 }
 
+static void say_progress(const struct run *r, int64_t now_ns)
+{
+    Anlos__Progress p;
+    Anlos__Sent sent[MOST_AT_ONCE], *list[MOST_AT_ONCE];
+    char *nodes[MOST_AT_ONCE];
+
+    if (playback_tells(r->player, &p, sent, list, nodes, MOST_AT_ONCE, now_ns))
+        node_publish(r->node, topic_progress(), 0, &p.base);
+}
+
 static void say_state(const struct run *r, const struct playback_status *s)
 {
     const uint64_t lost = s->pings.missing + s->pings.unused;
 
     if (s->phase == PLAYBACK_WAITS)
         node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "%s", s->text);
-    else if (lost)
+    else if (lost || s->lost)
         node_state(r->node, ANLOS__HEALTH__STATE__DEGRADED,
-                   "pings without a use: %" PRIu64 ", without a receipt: %" PRIu64,
-                   s->pings.unused, s->pings.missing);
+                   "pings without a use: %" PRIu64 ", without a receipt: %" PRIu64
+                   ", messages lost: %" PRIu64,
+                   s->pings.unused, s->pings.missing, s->lost);
     else
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "%s",
                    s->phase == PLAYBACK_ENDED    ? "the bag has ended"
@@ -176,6 +190,7 @@ static int loop(struct run *r, bool stays)
         playback_hears(r->player, hears_all(r));
         int64_t now_ns = node_machine_ns(r->node);
         err = playback_step(r->player, now_ns, &due_ns, &why);
+        say_progress(r, now_ns);
         say(r, now_ns);
         playback_status(r->player, &s);
         if (!err && s.phase == PLAYBACK_ENDED && !told) {
@@ -193,6 +208,14 @@ static int loop(struct run *r, bool stays)
     }
     if (err != -ESHUTDOWN)
         node_log(r->node, LOG_LEVEL_ERROR, "%s", why.text[0] ? why.text : strerror(-err));
+    playback_status(r->player, &s);
+    if (err == -ESHUTDOWN && stays && (s.lost || s.pings.missing)) {
+        node_log(r->node, LOG_LEVEL_ERROR,
+                 "a part of the recording was skipped: %" PRIu64
+                 " pings without a receipt, %" PRIu64 " losses on the way: play it again",
+                 s.pings.missing, s.lost);
+        err = -EIO;
+    }
     return err;
 }
 
@@ -218,6 +241,9 @@ void play_summary(const struct playback_status *s, char *text, size_t size)
                       " without a use, %" PRIu64 " without a receipt; %" PRIu64 " list%s",
                       s->pings.played, s->pings.used, s->pings.unused, s->pings.missing,
                       s->lists, s->lists == 1 ? "" : "s");
+    if (s->lost && n > 0 && (size_t)n < size)
+        n += snprintf(text + n, size - (size_t)n, "; %" PRIu64 " lost on the way",
+                      s->lost);
     if (s->malformed && n > 0 && (size_t)n < size)
         snprintf(text + n, size - (size_t)n, "; %" PRIu64 " that were none, left out",
                  s->malformed);

@@ -171,10 +171,8 @@ static int take(struct fixed *f, const struct node_message *in)
 static int loop(struct fixed *f)
 {
     struct node_message in;
-    int err = node_order_replay(f->node);
+    int err = node_subscribe(f->node, topic_survey());
 
-    if (!err)
-        err = node_subscribe(f->node, topic_survey());
     if (!err)
         err = node_subscribe(f->node, topic_traces());
     if (!err)

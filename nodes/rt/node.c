@@ -15,6 +15,7 @@
 #include "nodes/rt/replay_order.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/rt/stop.h"
+#include "nodes/rt/vitals.h"
 
 #define NS_PER_MS 1000000LL
 
@@ -28,7 +29,7 @@ struct node {
     enum bus_world world;
     bool sounded; /* the replay's time is that of a message of sound */
     struct bus *bus;
-    struct replay_order *order; /* NULL: messages come as they come */
+    struct replay_order *order; /* of a replay; NULL: messages come as they come */
     int64_t epoch_ns;
     struct heartbeat heart;
     ProtobufCMessage *content; /* of the message that node_next gave out last */
@@ -116,6 +117,19 @@ static int open_all(struct node *n, const struct arguments *args, struct complai
     return err ? err : open_bus(n, why);
 }
 
+/* For all whose work play waits for. */
+static int follow_progress(struct node *n, struct complaint *why)
+{
+    if (n->world != BUS_REPLAY || !strcmp(n->name, "play") ||
+        !topic_is_published_by(topic_progress(), n->name))
+        return 0;
+    n->order = calloc(1, sizeof *n->order);
+    if (!n->order)
+        return complain(why, -ENOMEM, "out of memory");
+    int err = bus_subscribe(n->bus, topic_progress());
+    return err ? complain(why, err, "progress: %s", strerror(-err)) : 0;
+}
+
 static void check_clock(struct node *n)
 {
     struct complaint why = {""};
@@ -148,6 +162,8 @@ static int begin(struct node *n, const char *name, const struct arguments *args,
                                   .state = ANLOS__HEALTH__STATE__STARTING,
                                   .text = "starting"};
     int err = open_all(n, args, why);
+    if (!err)
+        err = follow_progress(n, why);
     if (!err)
         check_clock(n);
     return err;
@@ -249,6 +265,8 @@ int node_subscribe(struct node *n, const struct topic *t)
 {
     int err = bus_subscribe(n->bus, t);
 
+    if (n->order)
+        replay_order_expect(n->order, t);
     if (err)
         node_log(n, LOG_LEVEL_ERROR, "cannot subscribe to %s: %s", t->name,
                  strerror(-err));
@@ -305,41 +323,70 @@ static int unpack(struct node *n, struct bus_message *m, struct node_message *ou
     return 0;
 }
 
-int node_order_replay(struct node *n)
+static void add_sent(const struct bus_count *c, Anlos__Sent *sent, Anlos__Progress *p,
+                     const char *node)
 {
-    n->order = calloc(1, sizeof *n->order);
-    return n->order ? 0 : -ENOMEM;
+    if (!c->published) {
+        p->lost += c->gaps + c->dropped;
+        return;
+    }
+    anlos__sent__init(sent);
+    sent->node = (char *)node;
+    sent->topic = (char *)c->topic->name;
+    sent->next = c->messages;
+    p->sent[p->n_sent++] = sent;
 }
 
-/* The next one whose turn it is.  0, -ETIMEDOUT, -ESHUTDOWN. */
-static int receive_in_order(struct node *n, struct bus_message *m, int64_t wait_ms)
+/* What was taken is used, and what came of it is out. */
+static void tell_progress(struct node *n)
 {
-    int64_t due_ns, now = node_machine_ns(n);
-    int err;
+    struct bus_count counts[VITALS_MAX_TOPICS];
+    Anlos__Sent sent[VITALS_MAX_TOPICS], *list[VITALS_MAX_TOPICS];
+    Anlos__Progress p = ANLOS__PROGRESS__INIT;
 
-    if (replay_order_take(n->order, m, now, &due_ns))
-        return 0;
-    if (due_ns != INT64_MAX && ms_until(now, due_ns) < wait_ms)
-        wait_ms = ms_until(now, due_ns);
-    while (!(err = bus_receive(n->bus, m, (int)wait_ms)) && replay_order_takes(m)) {
-        now = node_machine_ns(n);
-        replay_order_put(n->order, m, now);
-        if (replay_order_take(n->order, m, now, &due_ns))
-            return 0;
+    if (!replay_order_done(n->order, &p.time_ns))
+        return;
+    size_t n_counts = bus_counts(n->bus, counts, VITALS_MAX_TOPICS);
+    p.round = n->order->round;
+    p.sent = list;
+    for (size_t i = 0; i < n_counts && i < VITALS_MAX_TOPICS; i++)
+        if (replay_order_has(counts[i].topic))
+            add_sent(&counts[i], &sent[i], &p, n->name);
+    bus_publish_message(n->bus, topic_progress(), 0, node_now_ns(n), &p.base);
+}
+
+/* true: it waits for its turn, or was for the order itself. */
+static bool put_in_order(struct node *n, struct bus_message *m)
+{
+    if (m->topic == topic_progress()) {
+        Anlos__Progress *p = (Anlos__Progress *)bus_message_unpack(m);
+        if (p)
+            replay_order_progress(n->order, n->name, m->envelope.node, p);
+        else
+            n->heart.malformed++;
+        if (p)
+            anlos__progress__free_unpacked(p, NULL);
+        bus_message_free(m);
+        return true;
     }
-    if (err == -ETIMEDOUT && replay_order_take(n->order, m, node_machine_ns(n), &due_ns))
-        return 0;
-    return err;
+    return replay_order_has(m->topic) && !replay_order_put(n->order, m);
 }
 
 static int receive(struct node *n, struct bus_message *m, int64_t wait_ms)
 {
+    int64_t now = node_machine_ns(n), end = now + wait_ms * NS_PER_MS;
+
     if (!n->order)
         return bus_receive(n->bus, m, (int)wait_ms);
-    replay_order_return(n->order, node_machine_ns(n));
-    int err = receive_in_order(n, m, wait_ms);
-    replay_order_leave(n->order, node_machine_ns(n));
-    return err;
+    for (;;) {
+        if (replay_order_take(n->order, m))
+            return 0;
+        tell_progress(n);
+        int err = bus_receive(n->bus, m, (int)ms_until(now, end));
+        if (err || !put_in_order(n, m))
+            return err;
+        now = node_machine_ns(n);
+    }
 }
 
 int node_next(struct node *n, struct node_message *out, int timeout_ms)

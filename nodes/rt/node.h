@@ -66,13 +66,10 @@ bool node_follows_replay(const struct node *n);
 
 int node_subscribe(struct node *n, const struct topic *t);
 
-/* From now on replayed messages of sound and of the vehicle come in the order of their
- * publish stamps (nodes/rt/replay_order.h), for whoever uses the one with the other.
- * node_fd does not know of those that wait for their turn.  0, -ENOMEM. */
-int node_order_replay(struct node *n);
-
-/* Waits for the next message; publishes health when it is due.  timeout_ms < 0: without
- * end.  0, -ETIMEDOUT, -ESHUTDOWN (a signal asked the process to stop). */
+/* Waits for the next message; publishes health when it is due.  In a replay they come in
+ * the order of their publish stamps (nodes/rt/replay_order.h): node_fd does not know of
+ * those that wait for their turn, so take until -ETIMEDOUT before polling it.  timeout_ms
+ * < 0: without end.  0, -ETIMEDOUT, -ESHUTDOWN (a signal asked the process to stop). */
 int node_next(struct node *n, struct node_message *out, int timeout_ms);
 
 int node_publish(struct node *n, const struct topic *t, int64_t capture_ns,

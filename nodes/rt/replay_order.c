@@ -1,131 +1,220 @@
 #include "nodes/rt/replay_order.h"
 
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
 #include "msgs/topics.h"
 
-static bool is_of_vehicle(const struct bus_message *m)
+bool replay_order_has(const struct topic *t)
 {
-    return m->topic == topic_ego() || m->topic == topic_ambient() ||
-           m->topic == topic_wall() || m->topic == topic_wall_given();
+    return t == topic_survey() || t == topic_stage_state() || t == topic_ping() ||
+           t == topic_traces() || t == topic_volume() || t == topic_detections() ||
+           t == topic_scan_status() || t == topic_wall() || t == topic_wall_given() ||
+           t == topic_ego() || t == topic_ambient();
 }
 
-static bool is_sound(const struct bus_message *m)
+void replay_order_expect(struct replay_order *o, const struct topic *t)
 {
-    return m->topic == topic_ping() || m->topic == topic_traces() ||
-           m->topic == topic_volume();
+    for (size_t i = 0; i < o->n_topics; i++)
+        if (o->topics[i] == t)
+            return;
+    if (replay_order_has(t) && o->n_topics < REPLAY_ORDER_TOPICS)
+        o->topics[o->n_topics++] = t;
 }
 
-bool replay_order_takes(const struct bus_message *m)
+static bool is_heard(const struct replay_order *o, const struct topic *t)
 {
-    return m->envelope.replayed && (is_of_vehicle(m) || is_sound(m));
+    for (size_t i = 0; i < o->n_topics; i++)
+        if (o->topics[i] == t)
+            return true;
+    return false;
 }
 
-static struct bus_message *at(struct replay_line *l, size_t i)
-{
-    return &l->list[(l->first + i) % REPLAY_ORDER_MAX];
-}
-
-/* Walls and motion overtake each other; a recording that begins again is another matter.
+/* -- progress ---------------------------------------------------------------------------
  */
-static void push(struct replay_line *l, const struct bus_message *m)
-{
-    size_t i = l->n++;
-    int64_t late_ns;
 
-    while (i &&
-           (late_ns = at(l, i - 1)->envelope.publish_ns - m->envelope.publish_ns) > 0 &&
-           late_ns <= REPLAY_ORDER_WALL_NS) {
-        *at(l, i) = *at(l, i - 1);
+/* In a replay the vehicle is silent, and play speaks for it: node can sends nothing. */
+static bool may_send(const struct replay_order *o, const char *node)
+{
+    for (size_t i = 0; i < o->n_topics; i++)
+        if (topic_is_published_by(o->topics[i], node) &&
+            !topic_is_published_by(o->topics[i], "vehicle"))
+            return true;
+    return !strcmp(node, "play");
+}
+
+static struct replay_pacer *find_pacer(struct replay_order *o, const char *self,
+                                       const char *node)
+{
+    for (size_t i = 0; i < o->n_pacers; i++)
+        if (!strcmp(o->pacers[i].node, node))
+            return &o->pacers[i];
+    if (!strcmp(self, node) || !may_send(o, node) || o->n_pacers == REPLAY_ORDER_PACERS)
+        return NULL;
+    struct replay_pacer *p = &o->pacers[o->n_pacers++];
+    *p = (struct replay_pacer){.heard = false};
+    snprintf(p->node, sizeof p->node, "%s", node);
+    return p;
+}
+
+static struct replay_sent *find_heard(struct replay_order *o, const char *node,
+                                      const struct topic *t)
+{
+    for (size_t i = 0; i < o->n_heard; i++)
+        if (o->heard[i].topic == t && !strcmp(o->heard[i].node, node))
+            return &o->heard[i];
+    if (o->n_heard == REPLAY_ORDER_SENT)
+        return NULL;
+    struct replay_sent *s = &o->heard[o->n_heard++];
+    *s = (struct replay_sent){.topic = t};
+    snprintf(s->node, sizeof s->node, "%s", node);
+    return s;
+}
+
+/* What was sent before this node listened, or before play began, is not waited for. */
+static void read_sent(struct replay_order *o, struct replay_pacer *pacer, bool first,
+                      const Anlos__Progress *p)
+{
+    pacer->n_sent = 0;
+    for (size_t i = 0; i < p->n_sent && pacer->n_sent < REPLAY_ORDER_SENT; i++) {
+        const struct topic *t = topics_find(p->sent[i]->topic);
+        struct replay_sent *s = &pacer->sent[pacer->n_sent];
+        if (!t || !is_heard(o, t))
+            continue;
+        *s = (struct replay_sent){.topic = t, .next = p->sent[i]->next};
+        snprintf(s->node, sizeof s->node, "%s", p->sent[i]->node);
+        pacer->n_sent++;
+        struct replay_sent *heard = find_heard(o, s->node, t);
+        if (heard && first && heard->next < s->next)
+            heard->next = s->next;
+    }
+}
+
+void replay_order_progress(struct replay_order *o, const char *self, const char *from,
+                           const Anlos__Progress *p)
+{
+    if (!p->round || p->round < o->round)
+        return;
+    bool first = p->round > o->round;
+    if (first) {
+        o->round = p->round;
+        o->told_ns = INT64_MIN;
+        for (size_t i = 0; i < o->n_pacers; i++)
+            o->pacers[i].heard = false;
+    }
+    for (size_t i = 0; i < p->n_nodes; i++)
+        find_pacer(o, self, p->nodes[i]);
+    struct replay_pacer *pacer = find_pacer(o, self, from);
+    if (!pacer)
+        return;
+    o->again |= pacer->heard && pacer->time_ns == p->time_ns && !strcmp(from, "play");
+    if (!pacer->heard)
+        pacer->first_ns = p->time_ns;
+    read_sent(o, pacer, p->time_ns == pacer->first_ns, p);
+    pacer->heard = true;
+    pacer->time_ns = p->time_ns;
+}
+
+static bool is_here(struct replay_order *o, const struct replay_pacer *p)
+{
+    for (size_t i = 0; i < p->n_sent; i++) {
+        const struct replay_sent *heard =
+            find_heard(o, p->sent[i].node, p->sent[i].topic);
+        if (heard && heard->next < p->sent[i].next)
+            return false;
+    }
+    return true;
+}
+
+/* Up to here everything has come that will. */
+static int64_t complete_ns(struct replay_order *o)
+{
+    int64_t time_ns = INT64_MAX;
+    bool plays = false; /* who else has a part in it is in what play says */
+
+    for (size_t i = 0; i < o->n_pacers; i++) {
+        const struct replay_pacer *p = &o->pacers[i];
+        if (!p->heard || !is_here(o, p))
+            return INT64_MIN;
+        plays |= !strcmp(p->node, "play");
+        time_ns = p->time_ns < time_ns ? p->time_ns : time_ns;
+    }
+    return plays || !o->round ? time_ns : INT64_MIN;
+}
+
+/* -- messages ---------------------------------------------------------------------------
+ */
+
+static int rank(const struct topic *t)
+{
+    return t == topic_wall() ? 2
+           : t == topic_ping() || t == topic_traces() || t == topic_volume() ||
+                   t == topic_detections()
+               ? 1
+               : 0;
+}
+
+static bool is_before(const struct bus_message *a, const struct bus_message *b)
+{
+    if (a->envelope.publish_ns != b->envelope.publish_ns)
+        return a->envelope.publish_ns < b->envelope.publish_ns;
+    return rank(a->topic) < rank(b->topic);
+}
+
+int replay_order_put(struct replay_order *o, const struct bus_message *m)
+{
+    struct replay_sent *heard = find_heard(o, m->envelope.node, m->topic);
+    size_t i = o->n_waiting;
+
+    if (o->n_waiting == o->n_room) {
+        size_t room = o->n_room ? 2 * o->n_room : 64;
+        struct bus_message *grown = realloc(o->waiting, room * sizeof *grown);
+        if (!grown)
+            return -ENOMEM;
+        o->waiting = grown;
+        o->n_room = room;
+    }
+    if (heard)
+        heard->next = m->envelope.sequence + 1;
+    while (i && o->round && is_before(m, &o->waiting[i - 1])) {
+        o->waiting[i] = o->waiting[i - 1];
         i--;
     }
-    *at(l, i) = *m;
+    o->waiting[i] = *m;
+    o->n_waiting++;
+    return 0;
 }
 
-static void pop(struct replay_line *l, struct bus_message *out)
+bool replay_order_take(struct replay_order *o, struct bus_message *out)
 {
-    *out = l->list[l->first];
-    l->first = (l->first + 1) % REPLAY_ORDER_MAX;
-    l->n--;
-}
-
-static int64_t stamp_of(const struct replay_line *l)
-{
-    return l->list[l->first].envelope.publish_ns;
-}
-
-void replay_order_put(struct replay_order *o, struct bus_message *m, int64_t now_ns)
-{
-    o->came_ns = now_ns;
-    if (m->topic == topic_ego()) {
-        o->moves = true;
-        o->motion_ns = m->envelope.publish_ns;
-    }
-    if (m->topic == topic_wall()) {
-        o->walls = true;
-        o->walls_ns = m->envelope.publish_ns;
-    }
-    push(is_sound(m) ? &o->sound : &o->vehicle, m);
-}
-
-/* Of a line that is full the first goes on, whatever it waits for. */
-static bool is_full(const struct replay_line *l)
-{
-    return l->n == REPLAY_ORDER_MAX;
-}
-
-/* Has all been heard that the vehicle said before? */
-static bool is_complete(const struct replay_order *o, int64_t stamp_ns)
-{
-    if (o->moves && o->motion_ns < stamp_ns)
+    if (!o->n_waiting || o->waiting[0].envelope.publish_ns > complete_ns(o))
         return false;
-    return !o->walls || o->walls_ns >= stamp_ns ||
-           stamp_ns - o->walls_ns > REPLAY_ORDER_WALL_NS ||
-           (o->moves && o->motion_ns - stamp_ns > REPLAY_ORDER_WALL_NS);
+    *out = o->waiting[0];
+    o->n_waiting--;
+    memmove(o->waiting, o->waiting + 1, o->n_waiting * sizeof *o->waiting);
+    return true;
 }
 
-/* What waits for motion that does not come goes on after a while. */
-bool replay_order_take(struct replay_order *o, struct bus_message *out, int64_t now_ns,
-                       int64_t *due_ns)
+bool replay_order_done(struct replay_order *o, int64_t *time_ns)
 {
-    struct replay_line *next = NULL;
-    bool tired = now_ns - o->came_ns >= REPLAY_ORDER_WAIT_NS;
+    int64_t now_ns = o->round ? complete_ns(o) : INT64_MIN;
+    bool again = o->again && o->round && o->told_ns != INT64_MIN;
 
-    *due_ns = INT64_MAX;
-    if (o->sound.n && o->vehicle.n && stamp_of(&o->vehicle) < stamp_of(&o->sound))
-        next = &o->vehicle;
-    else if (o->sound.n &&
-             (is_complete(o, stamp_of(&o->sound)) || tired || is_full(&o->sound)))
-        next = &o->sound;
-    else if (o->vehicle.n && (tired || is_full(&o->vehicle)))
-        next = &o->vehicle;
-    if (next)
-        pop(next, out);
-    else if (o->sound.n || o->vehicle.n)
-        *due_ns = o->came_ns + REPLAY_ORDER_WAIT_NS;
-    return next;
-}
-
-void replay_order_leave(struct replay_order *o, int64_t now_ns)
-{
-    o->left_ns = now_ns;
-}
-
-void replay_order_return(struct replay_order *o, int64_t now_ns)
-{
-    if (o->left_ns)
-        o->came_ns += now_ns - o->left_ns;
-    o->left_ns = 0;
+    o->again = false;
+    if (now_ns <= o->told_ns && !again)
+        return false;
+    if (now_ns > o->told_ns)
+        o->told_ns = now_ns;
+    *time_ns = o->told_ns;
+    return true;
 }
 
 void replay_order_clear(struct replay_order *o)
 {
-    struct bus_message m;
-
-    while (o->sound.n) {
-        pop(&o->sound, &m);
-        bus_message_free(&m);
-    }
-    while (o->vehicle.n) {
-        pop(&o->vehicle, &m);
-        bus_message_free(&m);
-    }
+    for (size_t i = 0; i < o->n_waiting; i++)
+        bus_message_free(&o->waiting[i]);
+    free(o->waiting);
+    *o = (struct replay_order){.round = 0};
 }

@@ -1,8 +1,11 @@
-/* nodes/rt/replay_order.h -- in a replay, sound and what the vehicle said of itself come
- * over different sockets, and in an order by chance.  This puts them into that of their
- * publish stamps: sound waits until the vehicle's motion of after it is there, which in
- * the recording was so every 20 ms, and the walls of after it while there are any.  So a
- * bag gives the same lists at every pace.  Time is an argument. */
+/* nodes/rt/replay_order.h -- in a replay, what a node hears comes over several sockets,
+ * in an order by chance.  This puts it into that of the publish stamps: a message waits
+ * until everybody who may still send an earlier one has said that he will not (topic
+ * "progress", as the null messages of Chandy and Misra, IEEE Trans. Softw. Eng. SE-5,
+ * 1979), and until all that he had sent before is here.  So a bag gives the same at every
+ * pace and on every machine.  No clock: who waits in vain is found out by play.
+ *
+ * Of one stamp, sound comes before the walls that were heard in it. */
 #ifndef ANLOS_NODES_RT_REPLAY_ORDER_H
 #define ANLOS_NODES_RT_REPLAY_ORDER_H
 
@@ -11,42 +14,61 @@
 #include <stdint.h>
 
 #include "msgs/bus.h"
+#include "msgs/clock.pb-c.h"
 
-#define REPLAY_ORDER_MAX     256         /* of each kind; of more the oldest goes on */
-#define REPLAY_ORDER_WAIT_NS 300000000LL /* for motion that may never come */
-#define REPLAY_ORDER_WALL_NS 300000000LL /* of the recording; walls come every 0.1 s */
+#define REPLAY_ORDER_PACERS 8
+#define REPLAY_ORDER_TOPICS 16
+#define REPLAY_ORDER_SENT   32
 
-struct replay_line { /* messages that wait, the oldest first: a ring */
-    struct bus_message list[REPLAY_ORDER_MAX];
-    size_t first, n;
+struct replay_sent {
+    char node[ENVELOPE_NODE_SIZE];
+    const struct topic *topic;
+    uint64_t next; /* sequence */
 };
 
-struct replay_order { /* all zero: empty */
-    struct replay_line sound, vehicle;
-    bool moves;        /* the vehicle tells its motion */
-    int64_t motion_ns; /* publish stamp of the newest */
-    bool walls;        /* are told */
-    int64_t walls_ns;  /* publish stamp of the newest */
-    int64_t came_ns;   /* when a message came last, by the machine's clock */
-    int64_t left_ns;   /* when who takes them turned to other work; 0: never yet */
+struct replay_pacer { /* who sends what is heard here */
+    char node[ENVELOPE_NODE_SIZE];
+    bool heard; /* in this round; then: */
+    int64_t first_ns, time_ns;
+    struct replay_sent sent[REPLAY_ORDER_SENT]; /* [n_sent] */
+    size_t n_sent;
 };
 
-/* Does the message have to go through here?  Those of sound and of the vehicle, when they
- * are replayed. */
-bool replay_order_takes(const struct bus_message *m);
+struct replay_order { /* all zero: empty, and messages go on as they come */
+    const struct topic *topics[REPLAY_ORDER_TOPICS]; /* [n_topics] that are heard */
+    size_t n_topics;
+    uint32_t round; /* 0: nobody has told of progress yet */
+    struct replay_pacer pacers[REPLAY_ORDER_PACERS]; /* [n_pacers] */
+    size_t n_pacers;
+    struct replay_sent heard[REPLAY_ORDER_SENT]; /* [n_heard], what has come here */
+    size_t n_heard;
+    struct bus_message *waiting; /* [n_waiting] of [n_room], the next first */
+    size_t n_waiting, n_room;
+    int64_t told_ns; /* of this round, by replay_order_done */
+    bool again;      /* play repeats itself: somebody may have begun to listen since */
+};
 
-/* Takes over the message. */
-void replay_order_put(struct replay_order *o, struct bus_message *m, int64_t now_ns);
+/* Does the topic have an order?  Health, log and what is of play alone have not. */
+bool replay_order_has(const struct topic *t);
 
-/* The next one whose turn it is; *due_ns: when to ask again if nothing comes (INT64_MAX:
- * never).  false: none. */
-bool replay_order_take(struct replay_order *o, struct bus_message *out, int64_t now_ns,
-                       int64_t *due_ns);
+/* It is heard here. */
+void replay_order_expect(struct replay_order *o, const struct topic *t);
 
-/* Whoever is at work on a message does not wait for the next: that time does not count.
+/* What a node says; self: the name of this one. */
+void replay_order_progress(struct replay_order *o, const char *self, const char *from,
+                           const Anlos__Progress *p);
+
+/* Takes over a message of a topic that has an order.  0, -ENOMEM: it stays the caller's.
  */
-void replay_order_leave(struct replay_order *o, int64_t now_ns);
-void replay_order_return(struct replay_order *o, int64_t now_ns);
+int replay_order_put(struct replay_order *o, const struct bus_message *m);
+
+/* The next one whose turn it is.  false: none. */
+bool replay_order_take(struct replay_order *o, struct bus_message *out);
+
+/* With nothing to take, and what was taken used: has more of the recording been used than
+ * was told before, or has play repeated itself?  Then *time_ns is how far. */
+bool replay_order_done(struct replay_order *o, int64_t *time_ns);
+
 void replay_order_clear(struct replay_order *o);
 
 #endif

@@ -183,7 +183,7 @@ static int run(struct job *j)
     const struct topic *const topics[] = {topic_survey(), topic_wall(), topic_ego(),
                                           topic_volume()};
     struct node_message in;
-    int err = node_order_replay(j->node);
+    int err = 0;
 
     for (size_t i = 0; !err && i < sizeof topics / sizeof *topics; i++)
         err = node_subscribe(j->node, topics[i]);

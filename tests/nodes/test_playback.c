@@ -14,6 +14,9 @@ struct rig {
     struct playback *p;
     struct playback_config cfg;
     int64_t now_ns;
+    int64_t used_ns; /* up to there all nodes get */
+    uint32_t round;  /* of the newest progress of play's, */
+    int64_t told_ns; /* which is up to there */
     char bag[600];
 };
 
@@ -27,6 +30,7 @@ static int setup(void **state)
         return -1;
     snprintf(r->bag, sizeof r->bag, "%s", scratch_path(r->scratch, "a.mcap"));
     r->now_ns = 5000000 * MS;
+    r->used_ns = INT64_MAX;
     r->cfg = (struct playback_config){.tape = {.bag = r->bag, .end_s = INFINITY},
                                       .run_dir = r->scratch->folder,
                                       .nodes = all,
@@ -64,6 +68,25 @@ static void say_health(struct rig *r)
         playback_health(r->p, r->cfg.nodes[i], 7, &h, r->now_ns);
 }
 
+/* All have used everything up to there, as far as it was sent. */
+static void say_progress(struct rig *r, int64_t time_ns)
+{
+    Anlos__Progress told, p = ANLOS__PROGRESS__INIT;
+    Anlos__Sent sent[16], *list[16];
+    char *nodes[16];
+
+    p.time_ns = time_ns;
+    if (playback_tells(r->p, &told, sent, list, nodes, 16, r->now_ns)) {
+        r->round = told.round;
+        r->told_ns = told.time_ns;
+    }
+    p.round = r->round;
+    if (r->told_ns < time_ns)
+        p.time_ns = r->told_ns;
+    for (size_t i = 1; i < r->cfg.n_nodes; i++)
+        playback_progress(r->p, r->cfg.nodes[i], &p);
+}
+
 /* As long as something goes out, and time passes. */
 static void turn(struct rig *r, int64_t for_ns)
 {
@@ -73,6 +96,7 @@ static void turn(struct rig *r, int64_t for_ns)
     do {
         if (playback_step(r->p, r->now_ns, &due_ns, &why))
             fail_msg("%s", why.text);
+        say_progress(r, r->used_ns);
         if (due_ns > r->now_ns)
             r->now_ns = due_ns < end_ns ? due_ns : end_ns;
     } while (r->now_ns < end_ns);
@@ -495,6 +519,81 @@ static void what_runs_beside_it_is_not_played(void **state)
     assert_contains(why.text, "no topic is called \"pong\"");
 }
 
+/* An array that stands: dsp and recon have answered for every ping, track works still. */
+static void no_more_goes_out_than_the_last_of_the_chain_keeps_up_with(void **state)
+{
+    struct rig *r = *state;
+    struct played_bag b;
+    struct complaint why = {""};
+    int64_t due_ns, first_ns = FIRST_NS + 2 * STEP_NS; /* of the pings */
+
+    played_bag_open(&b, r->bag);
+    played_bag_survey(&b);
+    played_bag_status(&b, ANLOS__SCAN_STATUS__STATE__RUNNING);
+    for (uint32_t frame = 1; frame <= 4; frame++)
+        played_bag_round(&b, frame);
+    played_bag_close(&b);
+    r->cfg.fixed = true;
+    r->cfg.window = 5;
+    r->used_ns = FIRST_NS - 1; /* they have begun */
+    create(r);
+    for (int i = 0; i < 100; i++) {
+        if (playback_step(r->p, r->now_ns, &due_ns, &why))
+            fail_msg("%s", why.text);
+        for (uint32_t k = 0; k < 12; k++) {
+            Anlos__Receipt receipt = ANLOS__RECEIPT__INIT;
+            receipt.scan = 1;
+            receipt.pass = ANLOS__PASS__SCENE;
+            receipt.frame = 1 + k / 3;
+            receipt.speaker = k % 3;
+            receipt.usable = true;
+            playback_receipt(r->p, &receipt, r->now_ns);
+        }
+        r->now_ns += 10 * MS;
+        say_progress(r, r->used_ns);
+    }
+    assert_int_equal(status_of(r).pings.played, 5);
+    assert_contains(status_of(r).text, "waits for ");
+    r->used_ns = first_ns + 1 * STEP_NS; /* two of them */
+    turn(r, 500 * MS);
+    assert_int_equal(status_of(r).pings.played, 7);
+    assert_int_equal(status_of(r).lost, 0);
+}
+
+static void who_comes_no_further_is_given_up_counted_and_said(void **state)
+{
+    struct rig *r = *state;
+
+    played_bag_write(r->bag, true);
+    create(r);
+    r->used_ns = FIRST_NS;
+    turn(r, 4000 * MS);
+    assert_int_equal(status_of(r).lost, 0);
+    for (int i = 0; i < 5; i++) {
+        turn(r, 5000 * MS);
+        say_health(r);
+    }
+    turn(r, 5000 * MS);
+    assert_contains(playback_note(r->p), "did not get on with the recording in 20 s");
+    assert_true(status_of(r).lost > 0);
+}
+
+static void messages_that_got_lost_are_counted_and_said(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Progress p = ANLOS__PROGRESS__INIT;
+
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 100 * MS);
+    p.round = 1;
+    p.time_ns = FIRST_NS;
+    p.lost = 3;
+    playback_progress(r->p, "track", &p);
+    assert_contains(playback_note(r->p), "messages got lost on the way to track");
+    assert_int_equal(status_of(r).lost, 3);
+}
+
 /* Those of a replay, and who only looks on, are an audience. */
 static void a_folder_where_a_live_node_runs_is_refused_by_its_name(void **state)
 {
@@ -543,6 +642,9 @@ int main(void)
         TEST(a_recording_of_an_array_that_stands_ends_well),
         TEST(a_recording_is_played_only_to_nodes_of_its_mode),
         TEST(what_runs_beside_it_is_not_played),
+        TEST(no_more_goes_out_than_the_last_of_the_chain_keeps_up_with),
+        TEST(who_comes_no_further_is_given_up_counted_and_said),
+        TEST(messages_that_got_lost_are_counted_and_said),
         TEST(a_folder_where_a_live_node_runs_is_refused_by_its_name),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -11,26 +11,61 @@
 #include "msgs/topics.h"
 #include "nodes/rt/replay_order.h"
 
-#define MS 1000000LL
-
-struct rig {
+struct rig { /* the node recon, which hears play, dsp and wall */
     struct replay_order order;
-    int64_t now_ns, due_ns;
-    char text[4000]; /* what came out: "e20 p30 " */
+    uint64_t pings, motions, walls; /* sent, of traces, ego and wall */
+    char text[4000];                /* what came out: "e20 t30 " */
 };
 
 static char letter(const struct topic *t)
 {
-    return t == topic_ego() ? 'e' : t == topic_wall() ? 'w' : 'p';
+    return t == topic_ego() ? 'e' : t == topic_wall() ? 'w' : 't';
 }
 
-static void put(struct rig *r, const struct topic *t, int64_t stamp_ms)
+static void put(struct rig *r, const struct topic *t, int64_t stamp_ns)
 {
     struct bus_message m = {.topic = t,
-                            .envelope = {.publish_ns = stamp_ms * MS, .replayed = true}};
+                            .envelope = {.publish_ns = stamp_ns, .replayed = true}};
+    uint64_t *n = t == topic_ego()    ? &r->motions
+                  : t == topic_wall() ? &r->walls
+                                      : &r->pings;
 
-    assert_true(replay_order_takes(&m));
-    replay_order_put(&r->order, &m, r->now_ns);
+    m.envelope.sequence = (*n)++;
+    snprintf(m.envelope.node, sizeof m.envelope.node, "%s",
+             t == topic_ego()    ? "vehicle"
+             : t == topic_wall() ? "wall"
+                                 : "dsp");
+    assert_true(replay_order_has(t));
+    assert_int_equal(replay_order_put(&r->order, &m), 0);
+}
+
+/* That all up to the stamp was used, and so many messages were sent of the topic. */
+static void tell(struct rig *r, uint32_t round, const char *from, int64_t time_ns,
+                 const struct topic *t, uint64_t sent_n)
+{
+    static char *nodes[] = {(char *)"dsp", (char *)"recon", (char *)"wall",
+                            (char *)"track", (char *)"can"};
+    Anlos__Progress p = ANLOS__PROGRESS__INIT;
+    Anlos__Sent sent = ANLOS__SENT__INIT, *list[] = {&sent};
+
+    p.round = round;
+    p.time_ns = time_ns;
+    sent.node = (char *)(t == topic_ego() ? "vehicle" : from);
+    sent.topic = (char *)t->name;
+    sent.next = sent_n;
+    p.sent = list;
+    p.n_sent = 1;
+    p.nodes = nodes;
+    p.n_nodes = strcmp(from, "play") ? 0 : 5;
+    replay_order_progress(&r->order, "recon", from, &p);
+}
+
+/* All three, who have sent what has come here. */
+static void tell_all(struct rig *r, uint32_t round, int64_t time_ns)
+{
+    tell(r, round, "play", time_ns, topic_ego(), r->motions);
+    tell(r, round, "dsp", time_ns, topic_traces(), r->pings);
+    tell(r, round, "wall", time_ns, topic_wall(), r->walls);
 }
 
 /* All whose turn it is. */
@@ -39,18 +74,27 @@ static const char *take(struct rig *r)
     struct bus_message m;
 
     r->text[0] = '\0';
-    while (replay_order_take(&r->order, &m, r->now_ns, &r->due_ns)) {
+    while (replay_order_take(&r->order, &m)) {
         size_t used = strlen(r->text);
         snprintf(r->text + used, sizeof r->text - used, "%c%d ", letter(m.topic),
-                 (int)(m.envelope.publish_ns / MS));
+                 (int)m.envelope.publish_ns);
     }
     return r->text;
 }
 
 static int setup(void **state)
 {
-    *state = calloc(1, sizeof(struct rig));
-    return *state ? 0 : -1;
+    struct rig *r = calloc(1, sizeof *r);
+
+    *state = r;
+    if (!r)
+        return -1;
+    replay_order_expect(&r->order, topic_survey());
+    replay_order_expect(&r->order, topic_traces());
+    replay_order_expect(&r->order, topic_ego());
+    replay_order_expect(&r->order, topic_wall());
+    replay_order_expect(&r->order, topic_health()); /* which has no order */
+    return 0;
 }
 
 static int teardown(void **state)
@@ -62,114 +106,146 @@ static int teardown(void **state)
     return 0;
 }
 
-static void sound_comes_at_once_where_nobody_tells_of_motion(void **state)
+static void without_anybody_s_progress_messages_go_as_they_come(void **state)
 {
     struct rig *r = *state;
+    int64_t time_ns;
 
-    put(r, topic_ping(), 10);
-    assert_string_equal(take(r), "p10 ");
-    put(r, topic_ping(), 20);
-    assert_string_equal(take(r), "p20 ");
-    assert_true(r->due_ns == INT64_MAX);
+    put(r, topic_traces(), 20);
+    put(r, topic_ego(), 10);
+    assert_string_equal(take(r), "t20 e10 ");
+    assert_false(replay_order_done(&r->order, &time_ns));
 }
 
 static void whoever_comes_first_the_stamps_decide(void **state)
 {
     struct rig *r = *state;
 
-    put(r, topic_ego(), 20);
-    put(r, topic_ping(), 10);
-    assert_string_equal(take(r), "p10 ");
-    put(r, topic_ping(), 30);
-    put(r, topic_ping(), 50);
-    assert_string_equal(take(r), "e20 ");
-    put(r, topic_wall(), 35);
-    put(r, topic_ego(), 40);
-    assert_string_equal(take(r), "p30 w35 e40 ");
-    put(r, topic_ego(), 60);
+    tell_all(r, 1, 0);
+    put(r, topic_wall(), 20);
+    put(r, topic_traces(), 20);
+    put(r, topic_ego(), 15);
+    put(r, topic_ego(), 25);
+    put(r, topic_traces(), 10);
     assert_string_equal(take(r), "");
-    put(r, topic_wall(), 45);
-    assert_string_equal(take(r), "w45 ");
-    put(r, topic_wall(), 55);
-    assert_string_equal(take(r), "p50 ");
+    tell_all(r, 1, 22);
+    assert_string_equal(take(r), "t10 e15 t20 w20 ");
+    tell_all(r, 1, 25);
+    assert_string_equal(take(r), "e25 ");
 }
 
-static void walls_that_are_not_told_any_more_are_not_waited_for(void **state)
+static void a_message_waits_for_all_who_may_send_an_earlier_one(void **state)
 {
     struct rig *r = *state;
 
-    put(r, topic_wall(), 10);
-    put(r, topic_ping(), 100);
-    assert_string_equal(take(r), "w10 ");
-    put(r, topic_ego(), 400);
+    tell_all(r, 1, 0);
+    put(r, topic_traces(), 10);
+    tell(r, 1, "dsp", 50, topic_traces(), 1);
+    tell(r, 1, "play", 50, topic_ego(), 0);
+    tell(r, 1, "wall", 9, topic_wall(), 0);
     assert_string_equal(take(r), "");
-    put(r, topic_ego(), 401);
-    assert_string_equal(take(r), "p100 ");
-    put(r, topic_ping(), 390);
-    assert_string_equal(take(r), "p390 ");
+    tell(r, 1, "wall", 10, topic_wall(), 0);
+    assert_string_equal(take(r), "t10 ");
 }
 
-static void what_waits_for_motion_that_does_not_come_goes_on_after_a_while(void **state)
+static void what_was_sent_before_and_is_still_on_its_way_is_waited_for(void **state)
 {
     struct rig *r = *state;
 
-    put(r, topic_ego(), 20);
-    put(r, topic_ping(), 30);
-    assert_string_equal(take(r), "e20 ");
-    assert_int_equal(r->due_ns, 300 * MS);
-    r->now_ns = 299 * MS;
+    tell_all(r, 1, 0);
+    put(r, topic_traces(), 20);
+    tell(r, 1, "dsp", 20, topic_traces(), 1);
+    tell(r, 1, "wall", 20, topic_wall(), 1);
+    tell(r, 1, "play", 20, topic_ego(), 2);
+    put(r, topic_ego(), 11);
     assert_string_equal(take(r), "");
-    r->now_ns = 300 * MS;
-    assert_string_equal(take(r), "p30 ");
-    put(r, topic_ego(), 40);
+    put(r, topic_wall(), 12);
     assert_string_equal(take(r), "");
-    r->now_ns = 600 * MS;
-    assert_string_equal(take(r), "e40 ");
+    put(r, topic_ego(), 13);
+    assert_string_equal(take(r), "e11 w12 e13 t20 ");
 }
 
-static void who_is_at_work_does_not_wait(void **state)
+static void what_was_sent_before_this_node_listened_is_not_waited_for(void **state)
 {
     struct rig *r = *state;
 
-    put(r, topic_ego(), 20);
-    put(r, topic_ping(), 30);
-    assert_string_equal(take(r), "e20 ");
-    r->now_ns = 10 * MS;
-    replay_order_leave(&r->order, r->now_ns);
-    r->now_ns = 1010 * MS;
-    replay_order_return(&r->order, r->now_ns);
-    assert_string_equal(take(r), "");
-    r->now_ns = 1300 * MS;
-    assert_string_equal(take(r), "p30 ");
+    tell(r, 1, "play", 0, topic_ego(), 77);
+    tell(r, 1, "dsp", 0, topic_traces(), 5);
+    tell(r, 1, "wall", 0, topic_wall(), 9);
+    r->motions = 77;
+    put(r, topic_ego(), 10);
+    tell(r, 1, "play", 10, topic_ego(), 78);
+    tell(r, 1, "dsp", 10, topic_traces(), 5);
+    tell(r, 1, "wall", 10, topic_wall(), 9);
+    assert_string_equal(take(r), "e10 ");
 }
 
-static void nothing_is_lost_when_much_waits(void **state)
+static void who_comes_later_in_the_chain_is_not_waited_for(void **state)
+{
+    struct rig *r = *state;
+    int64_t time_ns = 0;
+
+    tell_all(r, 1, 7); /* track and can say nothing */
+    assert_true(replay_order_done(&r->order, &time_ns));
+    assert_int_equal(time_ns, 7);
+}
+
+static void what_is_used_is_told_once_and_not_before_all_have_spoken(void **state)
+{
+    struct rig *r = *state;
+    int64_t time_ns = 0;
+
+    tell(r, 1, "play", 5, topic_ego(), 0);
+    assert_false(replay_order_done(&r->order, &time_ns));
+    tell(r, 1, "dsp", 4, topic_traces(), 0);
+    tell(r, 1, "wall", 6, topic_wall(), 0);
+    assert_true(replay_order_done(&r->order, &time_ns));
+    assert_int_equal(time_ns, 4);
+    assert_false(replay_order_done(&r->order, &time_ns));
+    tell(r, 1, "dsp", 9, topic_traces(), 0);
+    assert_true(replay_order_done(&r->order, &time_ns));
+    assert_int_equal(time_ns, 5);
+    tell(r, 1, "dsp", 9, topic_traces(), 0);
+    assert_false(replay_order_done(&r->order, &time_ns));
+    tell(r, 1, "play", 5, topic_ego(), 0); /* for who came later */
+    assert_true(replay_order_done(&r->order, &time_ns));
+    assert_int_equal(time_ns, 5);
+    assert_false(replay_order_done(&r->order, &time_ns));
+}
+
+/* Play has jumped back: what others said of the round before counts no more. */
+static void another_round_begins_when_all_speak_of_it(void **state)
+{
+    struct rig *r = *state;
+    int64_t time_ns = 0;
+
+    tell_all(r, 1, 100);
+    assert_true(replay_order_done(&r->order, &time_ns));
+    tell(r, 2, "dsp", 0, topic_traces(), 0);
+    put(r, topic_ego(), 10);
+    tell(r, 1, "play", 110, topic_ego(), 1);
+    assert_string_equal(take(r), "");
+    tell_all(r, 2, 0);
+    assert_true(replay_order_done(&r->order, &time_ns));
+    assert_int_equal(time_ns, 0);
+    assert_string_equal(take(r), "");
+    tell_all(r, 2, 10);
+    assert_string_equal(take(r), "e10 ");
+}
+
+static void more_than_there_is_room_for_waits_all_the_same(void **state)
 {
     struct rig *r = *state;
     struct bus_message m;
-    size_t n = 0;
+    int n = 0;
 
-    for (int i = 0; i < 1000; i++) {
-        put(r, topic_ego(), 20 * i);
-        while (replay_order_take(&r->order, &m, r->now_ns, &r->due_ns))
-            assert_int_equal(m.envelope.publish_ns, 20 * MS * (int64_t)n++);
-    }
-    r->now_ns += 1000 * MS;
-    while (replay_order_take(&r->order, &m, r->now_ns, &r->due_ns))
-        n++;
+    tell_all(r, 1, 0);
+    for (int i = 1000; i > 0; i--)
+        put(r, topic_traces(), i);
+    tell_all(r, 1, 1000);
+    while (replay_order_take(&r->order, &m))
+        assert_int_equal(m.envelope.publish_ns, ++n);
     assert_int_equal(n, 1000);
-}
-
-static void live_messages_and_those_of_other_kinds_do_not_wait(void **state)
-{
-    struct bus_message m = {.topic = topic_ping()};
-
-    (void)state;
-    assert_false(replay_order_takes(&m));
-    m = (struct bus_message){.topic = topic_survey(), .envelope = {.replayed = true}};
-    assert_false(replay_order_takes(&m));
-    m.topic = topic_scan_status();
-    assert_false(replay_order_takes(&m));
 }
 
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
@@ -177,13 +253,15 @@ static void live_messages_and_those_of_other_kinds_do_not_wait(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(sound_comes_at_once_where_nobody_tells_of_motion),
+        TEST(without_anybody_s_progress_messages_go_as_they_come),
         TEST(whoever_comes_first_the_stamps_decide),
-        TEST(walls_that_are_not_told_any_more_are_not_waited_for),
-        TEST(what_waits_for_motion_that_does_not_come_goes_on_after_a_while),
-        TEST(who_is_at_work_does_not_wait),
-        TEST(nothing_is_lost_when_much_waits),
-        TEST(live_messages_and_those_of_other_kinds_do_not_wait),
+        TEST(a_message_waits_for_all_who_may_send_an_earlier_one),
+        TEST(what_was_sent_before_and_is_still_on_its_way_is_waited_for),
+        TEST(what_was_sent_before_this_node_listened_is_not_waited_for),
+        TEST(who_comes_later_in_the_chain_is_not_waited_for),
+        TEST(what_is_used_is_told_once_and_not_before_all_have_spoken),
+        TEST(another_round_begins_when_all_speak_of_it),
+        TEST(more_than_there_is_room_for_waits_all_the_same),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -148,7 +148,8 @@ static int run(struct request *r)
     }
     if (err == -ESHUTDOWN)
         return EXIT_INTERRUPTED;
-    return err || status.pings.missing || status.pings.unused || fflush(stdout)
+    return err || status.pings.missing || status.pings.unused || status.lost ||
+                   fflush(stdout)
                ? EXIT_FAILED
                : EXIT_WORKED;
 }

@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "nodes/anlos/bench/drive_score.h"
 #include "nodes/rt/export_chart.h"
@@ -148,8 +147,7 @@ int drive_csv_open(FILE **out, const char *folder, struct complaint *why)
     char path[PATH_MAX];
 
     snprintf(path, sizeof path, "%s/drives.csv", folder);
-    unlink(path); /* and not through a link that somebody has put there */
-    FILE *f = *out = fopen(path, "wxe");
+    FILE *f = *out = fopen(path, "w");
     if (!f)
         return complain(why, -errno, "%s: %s", path, strerror(errno));
     fprintf(f, "drive,draw,seconds,lists,objects_entered,objects_without_track");

@@ -14,6 +14,8 @@ int chain_create(struct chain *c, const struct chain_config *cfg,
     *c = (struct chain){.cfg = *cfg, .stages = stages};
     sender_init(&c->sender, &cfg->sender);
     watch_init(&c->watch, &(struct watch_config){.replayed = true});
+    if (cfg->walls)
+        finder_init(&c->finder, cfg->walls);
     int err = tracking_create(&c->tracking, &cfg->track);
     if (!err)
         err = dsp_create(&c->dsp, &cfg->dsp);
@@ -42,6 +44,27 @@ static void note(struct chain *c, const char *text)
     n->times = 1;
 }
 
+static void take_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_ns)
+{
+    struct complaint why = {""};
+
+    if (tracking_walls(c->tracking, walls, capture_ns, &why) ||
+        (c->steady && steady_walls(c->steady, walls, capture_ns, &why)))
+        note(c, why.text);
+}
+
+/* Of one instant sound comes before the walls that were heard in it
+ * (nodes/rt/replay_order.h). */
+static void find_walls(struct chain *c, int64_t now_ns)
+{
+    int64_t stamp_ns;
+    const Anlos__WallList *list =
+        c->cfg.walls ? finder_list(&c->finder, now_ns, &stamp_ns) : NULL;
+
+    if (list)
+        take_walls(c, list, stamp_ns);
+}
+
 int chain_survey(struct chain *c, const Anlos__Survey *survey, struct complaint *why)
 {
     struct stopwatch now = stopwatch_now(false);
@@ -52,6 +75,8 @@ int chain_survey(struct chain *c, const Anlos__Survey *survey, struct complaint 
                         : recon_survey(c->recon, survey, why);
     if (!err)
         err = tracking_survey(c->tracking, survey, why);
+    if (!err && c->cfg.walls)
+        err = finder_survey(&c->finder, survey, why);
     if (!err)
         sender_survey(&c->sender, survey);
     stopwatch_lap(&c->stages[RECON_PLAN], &now, false);
@@ -65,10 +90,7 @@ static int send_list(struct chain *c, int64_t capture_ns, int64_t now_ns,
     struct sender_list list;
     int err = 0;
 
-    uint64_t beyond = c->sender.beyond;
     sender_list(&c->sender, c->detections, capture_ns, &list);
-    if (c->sender.beyond > beyond)
-        note(c, "an object beyond the wall that mirrors it: its place was not sent");
     sender_date(&c->sender, &list, now_ns, c->list_ns);
     c->list_ns = now_ns;
     for (size_t i = 0; !err && i < list.n_frames; i++)
@@ -160,14 +182,12 @@ static void note_unusable(struct chain *c, const Anlos__Ping *ping,
                          : "a ping has no background to be subtracted from it");
 }
 
-int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
-               int64_t publish_ns, struct complaint *why)
+static int take_ping(struct chain *c, const Anlos__Ping *ping, int64_t capture_ns,
+                     int64_t publish_ns, struct complaint *why)
 {
     struct dsp_output out;
     struct stopwatch now = stopwatch_now(false);
-    Anlos__Ping counted = *recorded, *ping = &counted;
 
-    ping->scan += c->scan_base;
     follow_scan(c, ping->scan);
     if (ping->pass == ANLOS__PASS__SCENE)
         c->n_scene_pings++;
@@ -189,12 +209,29 @@ int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
                      : take_traces(c, &out.traces, capture_ns, publish_ns, why);
 }
 
-void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns)
+int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
+               int64_t publish_ns, struct complaint *why)
+{
+    Anlos__Ping ping = *recorded;
+
+    ping.scan += c->scan_base;
+    int err = take_ping(c, &ping, capture_ns, publish_ns, why);
+    if (c->cfg.walls)
+        finder_ping(&c->finder, &ping, capture_ns, publish_ns);
+    find_walls(c, publish_ns);
+    return err;
+}
+
+void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns,
+               int64_t publish_ns)
 {
     dsp_ego(c->dsp, ego, capture_ns);
     if (c->steady)
         steady_ego(c->steady, ego, capture_ns);
     tracking_ego(c->tracking, ego, capture_ns);
+    if (c->cfg.walls)
+        finder_ego(&c->finder, ego, capture_ns);
+    find_walls(c, publish_ns);
 }
 
 void chain_ambient(struct chain *c, const Anlos__Ambient *ambient)
@@ -204,11 +241,8 @@ void chain_ambient(struct chain *c, const Anlos__Ambient *ambient)
 
 void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_ns)
 {
-    struct complaint why = {""};
-
-    if (tracking_walls(c->tracking, walls, capture_ns, &why) ||
-        (c->steady && steady_walls(c->steady, walls, capture_ns, &why)))
-        note(c, why.text);
+    if (!c->cfg.walls)
+        take_walls(c, walls, capture_ns);
 }
 
 int chain_end(struct chain *c, struct complaint *why)
@@ -237,6 +271,7 @@ int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch
 void chain_clear(struct chain *c)
 {
     objects_free(c->detections);
+    finder_clear(&c->finder);
     tracking_destroy(c->tracking);
     steady_destroy(c->steady);
     recon_destroy(c->recon);

@@ -1,7 +1,7 @@
-/* nodes/anlos/replay/chain.h -- the steps of the nodes dsp, recon, track and can one
- * after the other in one process: a recorded scan gives the lists and the CAN frames that
- * it gives when the nodes hear it over the bus, bit for bit, because it is the same code
- * in the same order. */
+/* nodes/anlos/replay/chain.h -- the steps of the nodes dsp, recon, wall, track and can
+ * one after the other in one process: a recorded scan gives the lists and the CAN frames
+ * that it gives when the nodes hear it over the bus, bit for bit, because it is the same
+ * code in the same order. */
 #ifndef ANLOS_NODES_ANLOS_REPLAY_CHAIN_H
 #define ANLOS_NODES_ANLOS_REPLAY_CHAIN_H
 
@@ -14,6 +14,7 @@
 #include "nodes/recon/fixed.h"
 #include "nodes/recon/recon.h"
 #include "nodes/track/tracking.h"
+#include "nodes/wall/finder.h"
 
 struct chain_config {
     struct dsp_config dsp;
@@ -22,7 +23,9 @@ struct chain_config {
     struct steady_config steady;
     struct tracking_config track;
     struct sender_config sender;
-    struct canbus *can; /* the frames of each list go there; not owned */
+    const struct launchfile *walls; /* it has the walls heard; NULL: they are taken from
+                                     * the recording */
+    struct canbus *can;             /* the frames of each list go there; not owned */
 };
 
 /* What a step said that a person should know, each text once. */
@@ -37,6 +40,7 @@ struct chain {
     struct recon *recon;   /* of a scan, else NULL */
     struct steady *steady; /* of a fixed array, else NULL */
     struct tracking *tracking;
+    struct finder finder; /* with cfg.walls */
     struct sender sender;
     struct watch watch;               /* of a replay: the state of the scan */
     bool has_image;                   /* of the pings that are in */
@@ -62,7 +66,8 @@ int chain_create(struct chain *c, const struct chain_config *cfg,
 int chain_survey(struct chain *c, const Anlos__Survey *survey, struct complaint *why);
 int chain_ping(struct chain *c, const Anlos__Ping *ping, int64_t capture_ns,
                int64_t publish_ns, struct complaint *why);
-void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns);
+void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns,
+               int64_t publish_ns);
 void chain_ambient(struct chain *c, const Anlos__Ambient *ambient);
 void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_ns);
 int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch_ns,

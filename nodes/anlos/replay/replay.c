@@ -67,7 +67,7 @@ static int take(struct replay *r, const struct stream_message *m,
     if (m->topic == topic_scan_status())
         return chain_status(&r->chain, (Anlos__ScanStatus *)content, e->epoch_ns, why);
     if (m->topic == topic_ego())
-        chain_ego(&r->chain, (Anlos__EgoMotion *)content, e->capture_ns);
+        chain_ego(&r->chain, (Anlos__EgoMotion *)content, e->capture_ns, e->publish_ns);
     else if (m->topic == topic_ambient())
         chain_ambient(&r->chain, (Anlos__Ambient *)content);
     else
