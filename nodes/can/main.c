@@ -12,6 +12,7 @@
 #include "nodes/can/config.h"
 #include "nodes/can/cyclic.h"
 #include "nodes/can/inbox.h"
+#include "nodes/can/list_check.h"
 #include "nodes/can/outbox.h"
 #include "nodes/can/vehicle_bus.h"
 #include "nodes/can/watch.h"
@@ -26,6 +27,7 @@ struct run {
     struct sender sender;
     struct outbox outbox;
     struct inbox inbox;
+    struct list_check lists;
     struct watch watch;
     struct diagnosis diagnosis;
     struct cyclic cyclic;
@@ -124,7 +126,7 @@ static void judge(struct run *r)
     r->watch.cfg.replayed = !live;
     if (live)
         watch_clock(&r->watch, ahead_ns);
-    watch_dropped(&r->watch, r->outbox.dropped);
+    watch_dropped(&r->watch, r->outbox.dropped + r->lists.verdicts[LIST_MALFORMED]);
     watch_step(&r->watch, now);
     r->sender.wall_ahead_ns = ahead_ns;
     sender_let_objects(&r->sender, watch_lets_objects(&r->watch));
@@ -139,7 +141,14 @@ static void take_list(struct run *r, const struct node_message *in)
 {
     const Anlos__DetectionList *message = (const Anlos__DetectionList *)in->content;
     struct sender_list list;
+    enum list_verdict verdict = list_check(&r->lists, message, in->from, in->epoch_ns,
+                                           in->sequence, node_is_replayed(r->node));
 
+    if (verdict != LIST_GOOD) {
+        node_log(r->node, LOG_LEVEL_WARNING, "a list of %s is not sent: %s", in->from,
+                 list_verdict_text(verdict));
+        return;
+    }
     watch_list(&r->watch, message, in->capture_ns, node_machine_ns(r->node));
     diagnosis_list(&r->diagnosis, message);
     sender_list(&r->sender, message, in->capture_ns, &list);
@@ -207,7 +216,7 @@ static void finish(struct run *r)
                  r->outbox.n_lists);
 }
 
-_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS <= DEVICE_MAX_COUNTS,
+_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS + 2 <= DEVICE_MAX_COUNTS,
                "no room");
 
 static size_t counts(void *device, struct device_count *out)
@@ -217,7 +226,11 @@ static size_t counts(void *device, struct device_count *out)
 
     outbox_counts(&r->outbox, out + n);
     inbox_counts(&r->inbox, out + n + OUTBOX_COUNTS);
-    return n + OUTBOX_COUNTS + INBOX_COUNTS;
+    n += OUTBOX_COUNTS + INBOX_COUNTS;
+    out[n++] = (struct device_count){"lists_repeated", r->lists.verdicts[LIST_REPEATED]};
+    out[n++] =
+        (struct device_count){"lists_malformed", r->lists.verdicts[LIST_MALFORMED]};
+    return n;
 }
 
 /* The log of a replay has its time, and none before its first message. */

@@ -111,13 +111,16 @@ static enum can_measurement measurement_of(const Anlos__DetectionList *list,
     }
 }
 
-static void fill_object(struct can_object *o, const Anlos__DetectionList *list, size_t i,
-                        uint16_t counter)
+/* Only tracks have ids that matter; of more objects than there are ids they are numbered
+ * here. */
+static void fill_object(struct can_object *o, const Anlos__DetectionList *list,
+                        size_t picked, size_t i, uint16_t counter)
 {
-    const Anlos__Detection *d = list->detections[i];
+    const Anlos__Detection *d = list->detections[picked];
+    size_t id = list->tracked || list->n_detections <= UINT8_MAX ? d->id : i + 1;
 
     *o = (struct can_object){
-        .id = (uint8_t)d->id,
+        .id = (uint8_t)id,
         .counter = counter,
         .position_m = {NAN, NAN, NAN},
         .measurement = measurement_of(list, d),
@@ -170,7 +173,7 @@ void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t cap
     out->dated_ns = 0;
     out->n_frames = 0;
     for (size_t i = 0; i < out->n_objects; i++)
-        fill_object(&out->objects[i], list, picked[i], counter);
+        fill_object(&out->objects[i], list, picked[i], i, counter);
 }
 
 void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list *out)

@@ -24,7 +24,8 @@
  * | node lost | at once when the launcher sees one end or a node calls itself faulty; of
  *     a fixed array * 2.5 s after its last health | degraded | 1 s |
  * | clipped | at once when a microphone clips | as channels dead | 1 s |
- * | lists dropped | at once when the bus did not take one | degraded | 5 s |
+ * | lists dropped | at once when the bus did not take one, or one was malformed
+ *     (nodes/can/list_check.h) | degraded | 5 s |
  *
  * "At once" is with the next watch_step.  * only of a fixed array: the image of a scan
  * may take its time.  What was not there while this node itself did not run is not missed

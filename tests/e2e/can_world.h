@@ -36,6 +36,7 @@ struct world {
     struct survey survey;
     const char *faults[3]; /* that the array tells of a microphone or itself */
     uint32_t counter;      /* of lists */
+    bool stuck;            /* it does not go on */
 };
 
 static inline void publish(struct bus *b, const struct topic *t, int64_t capture_ns,
@@ -92,7 +93,8 @@ static inline void tell_list(struct world *w)
     object.id = 1;
     object.existence = 0.9;
     object.position_m = &position;
-    list.counter = ++w->counter;
+    w->counter += !w->stuck;
+    list.counter = w->counter;
     list.detections = objects;
     list.n_detections = 1;
     list.mirrored = list.in_vehicle_frame = list.tracked = true;

@@ -59,6 +59,12 @@ static int64_t stop_lists(struct world *w)
     return stop(w, LISTS);
 }
 
+static int64_t stick_lists(struct world *w)
+{
+    w->stuck = true;
+    return w->sources[LISTS].sent_ns;
+}
+
 static int64_t stop_dsp(struct world *w)
 {
     return stop(w, DSP_HEALTH);
@@ -93,6 +99,8 @@ static const struct row no_air = {"no temperature", BIT(TEMPERATURE_UNKNOWN),
                                   CAN_DEGRADED, 3000 * MS, lose_ambient};
 static const struct row no_lists = {"no lists", BIT(IMAGE_STALE), CAN_FAULT, 100 * MS,
                                     stop_lists}; /* and when the next was due */
+static const struct row same_lists = {"the same list again and again", BIT(IMAGE_STALE),
+                                      CAN_FAULT, 100 * MS, stick_lists};
 static const struct row array_away = {"the array is away", BIT(ARRAY_AWAY), CAN_FAULT, 0,
                                       lose_array};
 static const struct row quick[] = {
@@ -191,6 +199,8 @@ static void what_stops_or_goes_wrong_is_told_to_the_vehicle_in_time(void **state
     assert_lists(&w, CAN_FAULT, false);
     w.sources[LISTS].stopped = false;
     assert_lists(&w, CAN_DEGRADED, true);
+    assert_raises(&w, &same_lists);
+    w.stuck = false;
     assert_told(&w, &silence);
     assert_told(&w, &air);
     w.held->no_ambient = false;
