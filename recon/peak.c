@@ -3,10 +3,12 @@
 #include <math.h>
 #include <string.h>
 
+#include "recon/psf.h"
 #include "recon/symmetric.h"
 
 /* -6 dB (a factor of 4) width of a Gaussian over its sigma. */
 #define WIDTH_SIGMAS 3.3302
+#define STEEP        1e-3 /* of the peak's intensity, in the next voxel */
 #define LEAST_BEND   1e-6 /* below it rounding decides where the top is */
 #define FLAT_GRIDS   3.0 /* a peak that is wider than so many grids is flat in this one */
 
@@ -14,6 +16,7 @@ struct surroundings {
     const struct grid *grid;
     const float *v;
     size_t at[3];
+    double peak;
 };
 
 static double intensity(const struct surroundings *s, const int d[3])
@@ -23,9 +26,13 @@ static double intensity(const struct surroundings *s, const int d[3])
     return s->v[(z * s->grid->n[1] + y) * s->grid->n[0] + x];
 }
 
-static double level(const struct surroundings *s, const int d[3])
+/* The logarithm, over the peak's; or what is the same to the second order around an even
+ * top and stands emptiness, twice the amplitude. */
+static double level(const struct surroundings *s, bool steep, const int d[3])
 {
-    return log(fmax(intensity(s, d), 1e-37));
+    double ratio = intensity(s, d) / s->peak;
+
+    return steep ? 2.0 * sqrt(ratio) : log(fmax(ratio, 1e-37));
 }
 
 static bool is_edge(const struct surroundings *s, int axis, int far)
@@ -63,7 +70,24 @@ static enum known examine(const struct surroundings *s, int axis, bool gated,
     return known;
 }
 
-static double mixed_slope(const struct surroundings *s, int a, int b)
+/* Of those that the paraboloid is fitted to. */
+static bool is_steep(const struct surroundings *s, const enum known known[3])
+{
+    for (int a = 0; a < 3; a++)
+        for (int b = a; b < 3; b++)
+            for (int q = 0; q < 4; q++) {
+                int d[3] = {0};
+                if (known[a] == NOT_AT_ALL || known[b] == NOT_AT_ALL)
+                    continue;
+                d[a] = q & 1 ? 1 : -1;
+                d[b] = q & 2 ? 1 : -1;
+                if (intensity(s, d) < STEEP * s->peak)
+                    return true;
+            }
+    return false;
+}
+
+static double mixed_slope(const struct surroundings *s, bool steep, int a, int b)
 {
     int d[4][3] = {{0}};
     static const int sign[4][2] = {{1, 1}, {-1, -1}, {1, -1}, {-1, 1}};
@@ -71,7 +95,7 @@ static double mixed_slope(const struct surroundings *s, int a, int b)
     for (int q = 0; q < 4; q++) {
         d[q][a] = sign[q][0];
         d[q][b] = sign[q][1];
-        sum += (q < 2 ? 0.25 : -0.25) * level(s, d[q]);
+        sum += (q < 2 ? 0.25 : -0.25) * level(s, steep, d[q]);
     }
     return sum;
 }
@@ -82,24 +106,24 @@ static const int element[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 /* Of the logarithm of the intensity, in voxels; curvature is counted downwards.  Axes
  * that are not fitted have none. */
 static void measure_bend(const struct surroundings *s, const enum known known[3],
-                         double slope[3], double curvature[6])
+                         bool steep, double slope[3], double curvature[6])
 {
     static const int here[3] = {0, 0, 0};
 
     memset(slope, 0, 3 * sizeof *slope);
     memset(curvature, 0, 6 * sizeof *curvature);
     for (int a = 0; a < 3; a++) {
-        if (known[a] != FITTED)
+        if (known[a] == NOT_AT_ALL)
             continue;
         int up[3] = {0}, down[3] = {0};
         up[a] = 1;
         down[a] = -1;
-        double high = level(s, up), low = level(s, down);
-        curvature[element[a][a]] = 2.0 * level(s, here) - high - low;
+        double high = level(s, steep, up), low = level(s, steep, down);
+        curvature[element[a][a]] = 2.0 * level(s, steep, here) - high - low;
         slope[a] = 0.5 * (high - low);
         for (int b = a + 1; b < 3; b++)
-            if (known[b] == FITTED)
-                curvature[element[a][b]] = -mixed_slope(s, a, b);
+            if (known[b] != NOT_AT_ALL)
+                curvature[element[a][b]] = -mixed_slope(s, steep, a, b);
     }
 }
 
@@ -138,51 +162,64 @@ static void add_unknown(const struct grid *g, const double axis[3],
     add_variance(g, axis, sigma_m * sigma_m / (length * length), covariance_m2);
 }
 
-/* Which axis a direction is, of those that are not fitted: the curvature has no elements
- * there, so that its eigenvectors lie along them exactly. */
-static int unfitted_axis(const enum known known[3], const double axis[3])
+/* Is it one of the axes that are not fitted?  The curvature has no elements there, so
+ * that its eigenvectors lie along them exactly. */
+static bool is_unfitted(const enum known known[3], const double axis[3])
 {
     for (int a = 0; a < 3; a++)
-        if (known[a] != FITTED && fabs(axis[a]) > 0.5)
-            return a;
-    return -1;
+        if (known[a] == NOT_AT_ALL && fabs(axis[a]) > 0.5)
+            return true;
+    return false;
 }
 
 /* A point's image is tilted towards the array: the top lies where all slopes vanish
- * together, not axis by axis. */
-static void solve(const struct grid *g, const enum known known[3], const double slope[3],
-                  const double curvature[6], double snr, const double body_m[3],
-                  double shift[3], double covariance_m2[6])
+ * together, not axis by axis; but by axes where there is no top. */
+static void find_top(const struct surroundings *s, const enum known known[3],
+                     double shift[3])
+{
+    double slope[3], curvature[6], inverse[6] = {0};
+
+    measure_bend(s, known, false, slope, curvature);
+    for (int a = 0; a < 3; a++) {
+        if (curvature[element[a][a]] > LEAST_BEND)
+            continue;
+        slope[a] = 0.0;
+        for (int b = 0; b < 3; b++)
+            curvature[element[a][b]] = a == b;
+    }
+    if (!psf_invert(curvature, inverse))
+        for (int a = 0; a < 3; a++)
+            inverse[element[a][a]] = 1.0 / curvature[element[a][a]];
+    for (int a = 0; a < 3; a++) {
+        shift[a] = 0.0;
+        for (int b = 0; b < 3; b++)
+            shift[a] += inverse[element[a][b]] * slope[b];
+    }
+}
+
+static void spread(const struct grid *g, const enum known known[3], const double bend[3],
+                   const double axes[3][3], double snr, const double body_m[3],
+                   double covariance_m2[6])
 {
     const double voxels[3] = {(double)g->n[0], (double)g->n[1], (double)g->n[2]};
-    double bend[3], axes[3][3];
 
-    symmetric_axes(curvature, bend, axes);
     for (int i = 0; i < 3; i++) {
-        int unfitted = unfitted_axis(known, axes[i]);
+        bool unfitted = is_unfitted(known, axes[i]);
         double least = WIDTH_SIGMAS / (FLAT_GRIDS * across(voxels, axes[i]));
-        if (unfitted < 0 && bend[i] > LEAST_BEND) {
-            double along = 0.0;
-            for (int a = 0; a < 3; a++)
-                along += axes[i][a] * slope[a] / bend[i];
-            for (int a = 0; a < 3; a++)
-                shift[a] += along * axes[i][a];
-        }
-        if (unfitted < 0 && bend[i] > fmax(LEAST_BEND, least * least))
+        if (!unfitted && bend[i] > fmax(LEAST_BEND, least * least))
             add_variance(g, axes[i], 1.0 / (fmax(snr, 1.0) * bend[i]), covariance_m2);
-        else if (unfitted >= 0 && known[unfitted] == TO_A_VOXEL)
-            add_variance(g, axes[i], 1.0 / 12.0, covariance_m2);
         else
-            add_unknown(g, axes[i], unfitted < 0 ? body_m : NULL, covariance_m2);
+            add_unknown(g, axes[i], unfitted ? NULL : body_m, covariance_m2);
     }
+    for (int a = 0; a < 3; a++) /* anywhere in the voxel */
+        if (known[a] == TO_A_VOXEL)
+            covariance_m2[element[a][a]] += g->step_m[a] * g->step_m[a] / 12.0;
 }
 
 static double width_m(const struct grid *g, int axis, enum known known, double bend)
 {
     double length_m = g->step_m[axis] * (double)g->n[axis];
 
-    if (known == TO_A_VOXEL)
-        return g->step_m[axis];
     if (known == NOT_AT_ALL || bend <= 0.0)
         return length_m;
     return fmin(g->step_m[axis] * WIDTH_SIGMAS / sqrt(bend), length_m);
@@ -193,14 +230,17 @@ void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr, bo
 {
     struct surroundings s = {.grid = g, .v = v};
     enum known known[3];
-    double slope[3], curvature[6], shift[3] = {0}, longest = 1.0;
+    double slope[3], curvature[6], bend[3], axes[3][3], shift[3], longest = 1.0;
 
     *out = (struct peak_fit){.at_border = 0};
     grid_place(g, voxel, s.at);
+    s.peak = v[voxel];
     for (int a = 0; a < 3; a++)
         known[a] = examine(&s, a, gated, &out->at_border);
-    measure_bend(&s, known, slope, curvature);
-    solve(g, known, slope, curvature, snr, body_m, shift, out->covariance_m2);
+    find_top(&s, known, shift);
+    measure_bend(&s, known, is_steep(&s, known), slope, curvature);
+    symmetric_axes(curvature, bend, axes);
+    spread(g, known, bend, (const double(*)[3])axes, snr, body_m, out->covariance_m2);
     /* Not farther than the next voxel, but towards the top: what is long and tilted would
      * be left otherwise. */
     for (int a = 0; a < 3; a++)
