@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "hal/random.h"
 
@@ -13,11 +14,17 @@ static struct fault *faults_of(const struct scene_fault *list, unsigned n_list, 
 {
     struct fault *out = calloc(n, sizeof *out);
     for (size_t i = 0; out && i < n; i++)
-        out[i] = (struct fault){.wired_to = i, .gain = 1, .limit = INFINITY};
+        out[i] =
+            (struct fault){.wired_to = i, .gain = 1, .covered = 1, .limit = INFINITY};
     for (unsigned k = 0; out && k < n_list; k++) {
         const struct scene_fault *s = &list[k];
         struct fault *f = &out[s->channel];
-        double gain = s->dead ? 0 : pow(10, s->gain_db / 20);
+        double always_db = s->during_s ? 0 : s->gain_db;
+        double gain = s->dead ? 0 : pow(10, always_db / 20);
+        if (s->during_s) {
+            f->covered = (float)pow(10, s->gain_db / 20);
+            memcpy(f->during_s, s->during_s, sizeof f->during_s);
+        }
         f->gain = (float)(s->inverted ? -gain : gain);
         f->noise_rms = (float)s->noise_rms;
         if (s->limit)
@@ -48,6 +55,11 @@ void faults_clear(struct faults *f)
     free(f->speakers);
     free(f->microphones);
     *f = (struct faults){.speakers = NULL};
+}
+
+float faults_cover(const struct fault *f, double t_s)
+{
+    return t_s >= f->during_s[0] && t_s < f->during_s[1] ? f->covered : 1;
 }
 
 static void limit(const struct fault *f, float *x, size_t n)

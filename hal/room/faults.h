@@ -9,9 +9,11 @@
 #include "hal/room/scene.h"
 
 struct fault {
-    size_t wired_to; /* the element that this channel drives or hears */
-    float gain;      /* below 0: inverted; 0: dead */
-    float limit;     /* of the amplitude; INFINITY: none */
+    size_t wired_to;    /* the element that this channel drives or hears */
+    float gain;         /* below 0: inverted; 0: dead */
+    float covered;      /* the gain on top of it... */
+    double during_s[2]; /* ...from one time of a drive to another */
+    float limit;        /* of the amplitude; INFINITY: none */
     float noise_rms;
 };
 
@@ -25,6 +27,9 @@ struct faults {
 int faults_create(struct faults *out, const struct scene_faults *s, size_t n_speakers,
                   size_t n_microphones);
 void faults_clear(struct faults *f);
+
+/* The gain that comes and goes, at a time of a drive. */
+float faults_cover(const struct fault *f, double t_s);
 
 /* What each speaker makes of a chirp: [n_speakers][n_chirp].  free() it; NULL: no memory.
  */

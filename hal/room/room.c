@@ -1,6 +1,7 @@
 #include "hal/room/room.h"
 
 #include <errno.h>
+#include <math.h>
 #include <string.h>
 
 #include "hal/random.h"
@@ -86,18 +87,28 @@ static void add_heard(const struct room *r, const float *heard, size_t start,
         samples[start + i] += heard[i];
 }
 
-void room_add_noise(const struct room *r, const uint64_t *words, size_t n_words,
-                    float *samples, size_t stride, size_t n)
+static double noise_rms(const struct room *r, double t_s)
 {
+    const struct scene_noise *noise = r->scene->noise;
+    double rms = r->noise_rms, at_s = noise->n_rises ? drive_time_s(&r->drive, t_s) : 0;
+    for (unsigned i = 0; i < noise->n_rises; i++)
+        if (at_s >= noise->rises[i].during_s[0] && at_s < noise->rises[i].during_s[1])
+            rms *= pow(10, noise->rises[i].by_db / 20);
+    return rms;
+}
+
+void room_add_noise(const struct room *r, double t_s, const uint64_t *words,
+                    size_t n_words, float *samples, size_t stride, size_t n)
+{
+    float rms = (float)noise_rms(r, t_s);
     struct random random;
-    if (!(r->noise_rms > 0))
+    if (!(rms > 0))
         return;
     random_seed(&random, words, n_words);
     if (stride == n)
-        random_add_noise(&random, samples, r->survey.n_microphones * n,
-                         (float)r->noise_rms);
+        random_add_noise(&random, samples, r->survey.n_microphones * n, rms);
     for (size_t m = 0; m < r->survey.n_microphones && stride != n; m++)
-        random_add_noise(&random, samples + m * stride, n, (float)r->noise_rms);
+        random_add_noise(&random, samples + m * stride, n, rms);
 }
 
 /* The shot's sound by the emissions of one direction, which are all of them or every
@@ -139,8 +150,9 @@ int room_record(struct room *r, Anlos__Pass pass, size_t position,
     if (err)
         return err;
     room_add_noise(
-        r, (uint64_t[]){r->scene->seed, ROOM_NOISE_SHOT, (uint64_t)pass, position, take},
-        5, samples, n_frames, n_frames);
+        r, 0,
+        (uint64_t[]){r->scene->seed, ROOM_NOISE_SHOT, (uint64_t)pass, position, take}, 5,
+        samples, n_frames, n_frames);
     struct fault_slots slots = {.n_frames = n_frames,
                                 .slot_samples = s->slot_samples,
                                 .together = s->together,

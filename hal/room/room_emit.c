@@ -71,15 +71,19 @@ static const float *hear_still(struct room *r, const struct emitter_scene *scene
     return *kept;
 }
 
-/* r->heard: what was rendered, and still (NULL: nothing), by the microphones' cables. */
-static void wire(struct room *r, const float *still)
+/* r->heard: what was rendered, and still (NULL: nothing), by the microphones' cables;
+ * covered: the speaker's part of it. */
+static void wire(struct room *r, const float *still, float covered, double t_s)
 {
     for (size_t m = 0; m < r->survey.n_microphones; m++) {
+        float gain = covered * faults_cover(&r->faults.microphones[m], t_s);
         size_t from = r->faults.microphones[m].wired_to * r->n_heard;
         float *heard = r->heard + m * r->n_heard;
         memcpy(heard, r->rendered + from, r->n_heard * sizeof *heard);
         for (size_t i = 0; still && i < r->n_heard; i++)
             heard[i] += still[from + i];
+        for (size_t i = 0; gain != 1 && i < r->n_heard; i++)
+            heard[i] *= gain;
     }
 }
 
@@ -120,7 +124,7 @@ static int hear_drive(struct room *r, const struct room_emission *e)
         memset(r->rendered, 0, r->survey.n_microphones * r->n_heard * sizeof(float));
     else
         emitter_execute(r->emitter, &scene, r->rendered);
-    wire(r, still);
+    wire(r, still, faults_cover(&r->faults.speakers[e->speaker], t_s), t_s);
     return 0;
 }
 
@@ -154,8 +158,9 @@ int room_emit(struct room *r, const struct room_emission *e, float *samples)
     for (size_t m = 0; m < s->n_microphones; m++)
         memcpy(samples + m * n, r->heard + m * r->n_heard, n_heard * sizeof *samples);
     room_add_noise(
-        r, (uint64_t[]){r->scene->seed, ROOM_NOISE_EMISSION, (uint64_t)e->pass, e->take},
-        4, samples, n, n);
+        r, e->t_s,
+        (uint64_t[]){r->scene->seed, ROOM_NOISE_EMISSION, (uint64_t)e->pass, e->take}, 4,
+        samples, n, n);
     struct fault_slots slots = {.n_frames = n,
                                 .slot_samples = s->slot_samples,
                                 .speakers = &e->speaker,

@@ -58,10 +58,10 @@ int room_hear(struct room *r, const struct room_emission *e);
 /* Does nothing stand between an object's centre and the array's? */
 bool room_sees(const struct room *r, size_t object, double t_s);
 
-/* Noise of the whole array onto samples [n_microphones], stride apart, n of each; it
- * depends on the words alone. */
-void room_add_noise(const struct room *r, const uint64_t *words, size_t n_words,
-                    float *samples, size_t stride, size_t n);
+/* Noise of the whole array at a time onto samples [n_microphones], stride apart, n of
+ * each; but for how loud it is then it depends on the words alone. */
+void room_add_noise(const struct room *r, double t_s, const uint64_t *words,
+                    size_t n_words, float *samples, size_t stride, size_t n);
 
 enum { ROOM_NOISE_SHOT = 8, ROOM_NOISE_EMISSION = 10, ROOM_NOISE_STREAM = 11 };
 

@@ -78,9 +78,18 @@ static const cyaml_schema_field_t microphone_fields[] = {
 static const cyaml_schema_field_t error_fields[] = {
     NUMBER(scene_errors, gain_db, OPTIONAL), NUMBER(scene_errors, element_m, OPTIONAL),
     NUMBER(scene_errors, stage_m, OPTIONAL), CYAML_FIELD_END};
+static const cyaml_schema_field_t rise_fields[] = {
+    CYAML_FIELD_SEQUENCE_FIXED("during_s", CYAML_FLAG_DEFAULT, struct scene_rise,
+                               during_s, &survey_yaml_number, 2),
+    NUMBER(scene_rise, by_db, CYAML_FLAG_DEFAULT), CYAML_FIELD_END};
+static const cyaml_schema_value_t rise_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_rise, rise_fields)};
 static const cyaml_schema_field_t noise_fields[] = {
     NUMBER_PTR(scene_noise, snr_db), NUMBER_PTR(scene_noise, at_m),
-    NUMBER_PTR(scene_noise, rms), CYAML_FIELD_END};
+    NUMBER_PTR(scene_noise, rms),
+    CYAML_FIELD_SEQUENCE_COUNT("rises", CYAML_FLAG_POINTER | OPTIONAL, struct scene_noise,
+                               rises, n_rises, &rise_schema, 1, 100),
+    CYAML_FIELD_END};
 static const cyaml_schema_field_t motion_fields[] = {
     NUMBER(scene_motion, t_s, CYAML_FLAG_DEFAULT),
     NUMBER(scene_motion, speed_m_s, CYAML_FLAG_DEFAULT),
@@ -99,6 +108,7 @@ static const cyaml_schema_field_t drift_fields[] = {
 static const cyaml_schema_field_t fault_fields[] = {
     CYAML_FIELD_UINT("channel", CYAML_FLAG_DEFAULT, struct scene_fault, channel),
     NUMBER(scene_fault, gain_db, OPTIONAL),
+    VECTOR_PTR(scene_fault, during_s, 2),
     CYAML_FIELD_BOOL("inverted", OPTIONAL, struct scene_fault, inverted),
     CYAML_FIELD_BOOL("dead", OPTIONAL, struct scene_fault, dead),
     NUMBER(scene_fault, noise_rms, OPTIONAL),
@@ -183,7 +193,7 @@ static int fill_in_defaults(struct scene *s)
     static const struct scene_clutter clutter = {.far_m = 1};
     static const struct scene_microphones microphones = {0};
     static const struct scene_errors errors = {0, 0, 0};
-    static const struct scene_noise noise = {NULL, NULL, NULL};
+    static const struct scene_noise noise = {NULL, NULL, NULL, NULL, 0};
     static const struct scene_drift drift = {0, 0};
     static const struct scene_faults faults = {0};
     if (scene_fill_in(&s->level, &level, sizeof level) ||

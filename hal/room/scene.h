@@ -73,11 +73,17 @@ struct scene_errors { /* unknown to the processor; rms for each axis, element, p
     double gain_db, element_m, stage_m;
 };
 
+struct scene_rise { /* louder, or less, from one time to another */
+    double during_s[2], by_db;
+};
+
 struct scene_noise {
     double *snr_db; /* power of the objects' echoes in the recording over the noise's */
     double *at_m;   /* snr_db: in place of the objects, of a person at this range (half
                        the path) by way of the wall; what a drive has to say */
     double *rms;    /* or absolute, full scale +-1 */
+    struct scene_rise *rises; /* drive: rain, a compressor */
+    unsigned n_rises;
 };
 
 struct scene_motion {
@@ -99,6 +105,7 @@ struct scene_drift {     /* of the air, against temperature_c */
 struct scene_fault { /* of one speaker or microphone */
     uint32_t channel;
     double gain_db;
+    double *during_s; /* [2] drive: gain_db only from one time to another: covered */
     bool inverted, dead;
     double noise_rms; /* added to what is heard: of a speaker by all, while it emits */
     double *limit;    /* where it clips: of a speaker over the chirp's amplitude, of a

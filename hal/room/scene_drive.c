@@ -58,17 +58,59 @@ static int check_path(const struct scene_object *o, unsigned index, double perio
                          "present_s: [FROM, TO]");
 }
 
+static int check_during(const double during_s[2], double period_s, const char *key,
+                        const char *path, struct complaint *why)
+{
+    if (during_s[0] >= 0 && during_s[0] < during_s[1] && during_s[1] <= period_s)
+        return 0;
+    return yaml_complain(why, -EINVAL, path, key, "%g to %g is not a span within 0..%g",
+                         during_s[0], during_s[1], period_s);
+}
+
 static int check_mover(const struct scene_object *o, unsigned index, double period_s,
                        const char *path, struct complaint *why)
 {
     char key[64];
     snprintf(key, sizeof key, "objects[%u].present_s", index);
-    if (o->present_s && !(o->present_s[0] >= 0 && o->present_s[0] < o->present_s[1] &&
-                          o->present_s[1] <= period_s))
-        return yaml_complain(why, -EINVAL, path, key,
-                             "%g to %g is not a span within 0..%g", o->present_s[0],
-                             o->present_s[1], period_s);
-    return check_path(o, index, period_s, path, why);
+    int err = o->present_s ? check_during(o->present_s, period_s, key, path, why) : 0;
+    return err ? err : check_path(o, index, period_s, path, why);
+}
+
+/* What comes and goes; period_s 0: nothing may. */
+static int check_spans(const struct scene *s, double period_s, const char *path,
+                       struct complaint *why)
+{
+    const struct {
+        const char *key;
+        const struct scene_fault *faults;
+        unsigned n;
+    } kinds[] = {{"speakers", s->faults->speakers, s->faults->n_speakers},
+                 {"microphones", s->faults->microphones, s->faults->n_microphones}};
+    char key[64];
+    int err = 0;
+    if (s->noise->n_rises && !(period_s > 0))
+        return yaml_complain(why, -EINVAL, path, "noise.rises",
+                             "only a drive has this, and there is no key \"drive\"");
+    for (unsigned i = 0; i < s->noise->n_rises && !err; i++) {
+        const struct scene_rise *rise = &s->noise->rises[i];
+        snprintf(key, sizeof key, "noise.rises[%u].during_s", i);
+        err = check_during(rise->during_s, period_s, key, path, why);
+        snprintf(key, sizeof key, "noise.rises[%u].by_db", i);
+        if (!err)
+            err = check_value(rise->by_db, (struct span){-100, 100}, key, path, why);
+    }
+    for (unsigned k = 0; k < 2; k++)
+        for (unsigned i = 0; i < kinds[k].n && !err; i++) {
+            const double *during_s = kinds[k].faults[i].during_s;
+            snprintf(key, sizeof key, "faults.%s[%u].during_s", kinds[k].key, i);
+            if (during_s && !(period_s > 0))
+                err = yaml_complain(why, -EINVAL, path, key,
+                                    "only a drive has this, and there is no key "
+                                    "\"drive\"");
+            else if (during_s)
+                err = check_during(during_s, period_s, key, path, why);
+        }
+    return err;
 }
 
 /* Everything keeps still. */
@@ -83,7 +125,7 @@ static int check_standing(const struct scene *s, const char *path, struct compla
         return yaml_complain(why, -EINVAL, path, key,
                              "only a drive has this, and there is no key \"drive\"");
     }
-    return 0;
+    return check_spans(s, 0, path, why);
 }
 
 static int check_ego(const struct scene_drive *d, const char *path, struct complaint *why)
@@ -125,5 +167,5 @@ int scene_check_drive(const struct scene *s, const char *path, struct complaint 
                             "a drive has up to %d, found %u", MOST_OBJECTS, s->n_objects);
     for (unsigned i = 0; i < s->n_objects && !err; i++)
         err = check_mover(&s->objects[i], i, s->drive->period_s, path, why);
-    return err;
+    return err ? err : check_spans(s, s->drive->period_s, path, why);
 }

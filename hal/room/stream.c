@@ -97,8 +97,10 @@ static void add_noise(struct room_stream *s, uint64_t until)
     for (; s->next_slot * slot_samples < until; s->next_slot++) {
         float *at = s->line + (size_t)(s->next_slot * slot_samples - s->base);
         uint64_t pass = (uint64_t)s->pass, seed = r->scene->seed;
-        room_add_noise(r, (uint64_t[]){seed, ROOM_NOISE_STREAM, pass, s->next_slot}, 4,
-                       at, s->n_line, slot_samples);
+        double t_s = s->start_s +
+                     (double)(s->next_slot * slot_samples) / r->survey.sample_rate_hz;
+        room_add_noise(r, t_s, (uint64_t[]){seed, ROOM_NOISE_STREAM, pass, s->next_slot},
+                       4, at, s->n_line, slot_samples);
         faults_add_noise(&r->faults,
                          (uint64_t[]){seed, pass, ROOM_NOISE_STREAM, s->next_slot},
                          FAULTS_NO_SPEAKER, at, s->n_line, slot_samples);

@@ -48,6 +48,8 @@ enum can_fault { /* bits of the status; what each means is in the DBC */
                  CAN_FAULT_NODE_LOST,
                  CAN_FAULT_CLIPPED,
                  CAN_FAULT_LISTS_DROPPED,
+                 CAN_FAULT_RANGE_REDUCED,
+                 CAN_FAULT_ELEMENTS_COVERED,
                  CAN_FAULTS
 };
 
@@ -58,6 +60,7 @@ struct can_status { /* every 100 ms */
     uint16_t faults; /* 1 << enum can_fault */
     double temperature_c;
     double sound_speed_m_s;
+    double range_m; /* up to which a person is found; sent rounded to 0.2 m */
 };
 
 struct can_diagnosis { /* every second */

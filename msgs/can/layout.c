@@ -38,20 +38,11 @@ static const char *const presences[] = {"Past", "Present", NULL};
 static const char *const answers[] = {"No", "Yes", NULL};
 
 /* A trouble code is the number of a fault + 1. */
-static const char *const troubles[] = {"None",
-                                       "ImageStale",
-                                       "EgoMotionMissing",
-                                       "TemperatureUnknown",
-                                       "ChannelsDead",
-                                       "ElementErrors",
-                                       "WallLost",
-                                       "ClockJump",
-                                       "InputE2eWrong",
-                                       "ArrayAway",
-                                       "NodeLost",
-                                       "Clipped",
-                                       "ListsDropped",
-                                       NULL};
+static const char *const troubles[] = {
+    "None",          "ImageStale",    "EgoMotionMissing", "TemperatureUnknown",
+    "ChannelsDead",  "ElementErrors", "WallLost",         "ClockJump",
+    "InputE2eWrong", "ArrayAway",     "NodeLost",         "Clipped",
+    "ListsDropped",  "RangeReduced",  "ElementsCovered",  NULL};
 #define FAULTS (troubles + 1)
 
 #define NUMBER  CAN_SIGNAL_NUMBER
@@ -82,6 +73,7 @@ static const struct can_signal status[] = {
     {"Faults",      "",     24, 16, BITS,   1,   0,   0, 65535, NEVER, IN(can_status, faults), FAULTS},
     {"Temperature", "degC", 40, 8,  NUMBER, 0.5, -40, 0, 254,   255,   IN(can_status, temperature_c), NULL},
     {"SoundSpeed",  "m/s",  48, 10, NUMBER, 0.1, 280, 0, 1022,  1023,  IN(can_status, sound_speed_m_s), NULL},
+    {"Range",       "m",    58, 6,  NUMBER, 0.2, -0.2, 1, 63,   0,     IN(can_status, range_m), NULL},
 };
 
 static const struct can_signal diagnosis[] = {

@@ -1,34 +1,85 @@
-/* nodes/array/hearing.h -- does each microphone hear the speakers, and each speaker reach
- * a microphone?  A cable that is out still gives noise and hum, which no level tells from
- * a quiet room; but nothing in it is as long ago as any other thing.  So a ping counts as
- * heard where, compressed, something stands out of the trace.
+/* nodes/array/hearing.h -- what the array hears of itself, and so of others: does each
+ * microphone hear the speakers, and each speaker reach a microphone; is one covered; how
+ * loud is noise; and how far away would a person still be found?
  *
- * A microphone is deaf when it heard none of the pings of 70 ms that others heard; a
- * speaker is mute when nobody heard it when it sounded last, or 30 dB less than most:
- * late echoes of the one before are that loud. */
+ * Deaf and mute.  A cable that is out still gives noise and hum, which no level tells
+ * from a quiet room; but nothing in it is as long ago as any other thing.  So a ping
+ * counts as heard where, compressed, something stands out of the trace.  A microphone is
+ * deaf when it heard none of the pings of 70 ms that others heard; a speaker is mute when
+ * nobody heard it when it sounded last, or 30 dB less than most: late echoes of the one
+ * before are that loud.  Where noise would drown even the direct sound, neither is
+ * judged.
+ *
+ * Covered: the direct sound of whole rows or columns of pairs drops (dsp/cover.h).
+ *
+ * Range: of a fixed array that knows a wall.  Noise (dsp/noise_floor.h) and the wall's
+ * echo, the reference, are measured in each ping, and recon/detection_range.h says what
+ * is left of a person.  It is limited when a person at the end of the gate would be found
+ * less often than RANGE_PROBABILITY for LESS_S, and is so no more when it reaches
+ * CLEAR_RATIO farther. */
 #ifndef ANLOS_NODES_ARRAY_HEARING_H
 #define ANLOS_NODES_ARRAY_HEARING_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "msgs/array.pb-c.h"
 #include "msgs/complaint.h"
 #include "msgs/survey.h"
+#include "msgs/wall.pb-c.h"
+#include "nodes/rt/launchfile.h"
+#include "recon/frames.h"
+
+#define HEARING_RANGE_PROBABILITY 0.9
+#define HEARING_CLEAR_RATIO       1.1
+#define HEARING_LESS_S            1.0
+
+struct hearing_config {
+    bool ranges; /* a fixed array: say how far it reaches; else what follows is nothing */
+    size_t n_pings; /* in an image */
+    enum frames_sum sum;
+    double false_alarm_rate; /* of a voxel */
+    double person_m;         /* scattering length (recon/detection_range.h) */
+};
+
+/* As a launch file has it. */
+void hearing_config_launch(struct hearing_config *cfg, const struct launchfile *l,
+                           const struct survey *s);
 
 struct hearing_faults {
     size_t deaf, of_microphones;
     size_t mute, of_speakers; /* that have sounded */
+    size_t covered_microphones, covered_speakers;
+};
+
+struct hearing_levels { /* NaN: not known */
+    double noise_db;    /* of a sample of compressed noise, re an echo of gain 1 */
+    double direct_db;   /* the loudest direct sound of each speaker over noise */
+    double echo_db;     /* the wall's echo over noise */
+    double range_m;     /* at which a person is found, up to: */
+    double gate_m;
+    bool limited; /* range_m is less */
 };
 
 struct hearing;
 
 /* The survey outlives it.  0, -EINVAL (pings are too short to tell), -ENOMEM. */
-int hearing_create(struct hearing **out, const struct survey *s, struct complaint *why);
+int hearing_create(struct hearing **out, const struct hearing_config *cfg,
+                   const struct survey *s, struct complaint *why);
+
+/* Topic "wall": the surest wall's echo is the reference from now on.  One that was not
+ * seen for a second may be elsewhere: until it is, the reference stays what it was, as it
+ * does after a list that is none. */
+void hearing_walls(struct hearing *h, const Anlos__WallList *list);
 
 /* Of all pings up to this one.  note: gets what was not said before, or stays as it is. A
  * microphone whose samples are no numbers, or a ping of another shape, is not judged. */
 void hearing_ping(struct hearing *h, const Anlos__Ping *ping, struct hearing_faults *out,
                   char *note, size_t note_size);
+
+void hearing_levels(const struct hearing *h, struct hearing_levels *out);
+bool hearing_covers_microphone(const struct hearing *h, size_t microphone);
+bool hearing_covers_speaker(const struct hearing *h, size_t speaker);
 void hearing_destroy(struct hearing *h);
 
 #endif

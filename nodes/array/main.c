@@ -1,25 +1,31 @@
 /* nodes/array/main.c: "array/fire", "stage/state", "scan/status", "ambient" -> the
  * speakers and microphones -> "ping", "survey" */
 #include <errno.h>
+#include <math.h>
 #include <string.h>
 
 #include "msgs/stage.pb-c.h"
 #include "msgs/topics.h"
 #include "msgs/vehicle.pb-c.h"
+#include "msgs/wall.pb-c.h"
 #include "nodes/array/ambient.h"
 #include "nodes/array/hearing.h"
 #include "nodes/array/shooter.h"
 #include "nodes/rt/node.h"
 
 #define SURVEY_PERIOD_NS 1000000000LL
-#define MAX_FAILURES     5 /* in a row: then start the device anew */
+#define MAX_COVERED      64 /* elements that are named */
+#define MAX_FAILURES     5  /* in a row: then start the device anew */
 
 struct run {
     struct node *node;
     struct array *array;
     struct shooter *shooter;
     struct hearing *hearing; /* NULL: of a recording, or it cannot be told */
-    struct survey survey;    /* the array's, in the air as it is */
+    Anlos__Sensing sensing;
+    uint32_t covered_microphones[MAX_COVERED], covered_speakers[MAX_COVERED];
+    bool limited;
+    struct survey survey; /* the array's, in the air as it is */
     struct ambient ambient;
     bool heard; /* the scan */
     int64_t survey_due_ns;
@@ -60,6 +66,52 @@ static void breathe(struct run *r, const Anlos__Ambient *said)
     r->survey_due_ns = 0;
 }
 
+static size_t list_covered(const struct hearing *h, size_t n,
+                           bool (*is_covered)(const struct hearing *h, size_t i),
+                           uint32_t out[MAX_COVERED])
+{
+    size_t n_covered = 0;
+
+    for (size_t i = 0; i < n && n_covered < MAX_COVERED; i++)
+        if (is_covered(h, i))
+            out[n_covered++] = (uint32_t)i + 1;
+    return n_covered;
+}
+
+static void tell_range(struct run *r, const struct hearing_levels *l)
+{
+    if (l->limited == r->limited)
+        return;
+    r->limited = l->limited;
+    if (l->limited)
+        node_log(r->node, LOG_LEVEL_WARNING,
+                 "noise of %.0f dB, the wall %.0f dB over it: a person is found up to "
+                 "%.1f m, not %.1f",
+                 l->noise_db, l->echo_db, l->range_m, l->gate_m);
+    else
+        node_log(r->node, LOG_LEVEL_INFO, "a person is found up to %.1f m again",
+                 l->gate_m);
+}
+
+static void sense(struct run *r)
+{
+    const struct survey *s = array_survey(r->array);
+    struct hearing_levels l;
+
+    hearing_levels(r->hearing, &l);
+    r->sensing.noise_db = l.noise_db;
+    r->sensing.direct_db = l.direct_db;
+    r->sensing.echo_db = l.echo_db;
+    r->sensing.range_m = l.range_m;
+    r->sensing.gate_m = l.gate_m;
+    r->sensing.n_covered_microphones = list_covered(
+        r->hearing, s->n_microphones, hearing_covers_microphone, r->covered_microphones);
+    r->sensing.n_covered_speakers = list_covered(
+        r->hearing, s->n_speakers, hearing_covers_speaker, r->covered_speakers);
+    node_fault(r->node, NODE_FAULT_RANGE_REDUCED, l.limited, 1);
+    tell_range(r, &l);
+}
+
 static void judge(struct run *r, const Anlos__Ping *ping)
 {
     struct hearing_faults f;
@@ -68,8 +120,12 @@ static void judge(struct run *r, const Anlos__Ping *ping)
     if (!r->hearing)
         return;
     hearing_ping(r->hearing, ping, &f, note, sizeof note);
+    sense(r);
     node_fault(r->node, NODE_FAULT_CHANNELS_SILENT, f.deaf, f.of_microphones);
     node_fault(r->node, NODE_FAULT_SPEAKERS_MUTE, f.mute, f.of_speakers);
+    node_fault(r->node, NODE_FAULT_MICROPHONES_COVERED, f.covered_microphones,
+               f.of_microphones);
+    node_fault(r->node, NODE_FAULT_SPEAKERS_COVERED, f.covered_speakers, f.of_speakers);
     if (note[0])
         node_log(r->node, LOG_LEVEL_WARNING, "%s", note);
 }
@@ -111,12 +167,33 @@ static void take(struct run *r, const struct node_message *in)
         breathe(r, (const Anlos__Ambient *)in->content);
         return;
     }
+    if (in->topic == topic_wall()) {
+        if (r->hearing)
+            hearing_walls(r->hearing, (const Anlos__WallList *)in->content);
+        return;
+    }
     r->heard = true;
     if (in->topic != topic_fire())
         return;
     if (shooter_fire(r->shooter, (const Anlos__FireCommand *)in->content, in->epoch_ns,
                      &why))
         node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
+}
+
+/* In steps of 0.2 m: each change is told at once. */
+static void tell_well(struct run *r)
+{
+    size_t covered = r->sensing.n_covered_microphones + r->sensing.n_covered_speakers;
+
+    if (covered)
+        node_state(r->node, ANLOS__HEALTH__STATE__READY,
+                   "ready, but %zu speakers or microphones are covered", covered);
+    else if (r->limited)
+        node_state(r->node, ANLOS__HEALTH__STATE__READY,
+                   "ready, in noise: a person is found up to %.1f m",
+                   0.2 * floor(5.0 * r->sensing.range_m));
+    else
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
 }
 
 /* Not ready while the device is away: the scan waits, and gives no ping up. */
@@ -131,7 +208,7 @@ static void look_at_device(struct run *r)
     if (err)
         node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "%s", why.text);
     else if (r->heard)
-        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
+        tell_well(r);
     else
         node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for scan");
 }
@@ -153,6 +230,8 @@ static int run(struct run *r)
         err = node_subscribe(r->node, topic_stage_state());
     if (!err)
         err = node_subscribe(r->node, topic_ambient());
+    if (!err && launchfile_has_node(node_launch(r->node), "wall"))
+        err = node_subscribe(r->node, topic_wall());
     while (!err) {
         look_at_device(r);
         err = publish_survey(r);
@@ -171,10 +250,17 @@ static void create_hearing(struct run *r)
 {
     const struct survey *s = array_survey(r->array);
     struct complaint why = {""};
+    struct hearing_config cfg;
 
     if (s->source == ANLOS__SOURCE__REPLAY)
         return;
-    if (hearing_create(&r->hearing, s, &why))
+    hearing_config_launch(&cfg, node_launch(r->node), s);
+    anlos__sensing__init(&r->sensing);
+    r->sensing.covered_microphones = r->covered_microphones;
+    r->sensing.covered_speakers = r->covered_speakers;
+    if (!hearing_create(&r->hearing, &cfg, s, &why))
+        node_sensing(r->node, &r->sensing);
+    else
         node_log(r->node, LOG_LEVEL_WARNING,
                  "whether microphones hear the speakers is not known: %s", why.text);
 }

@@ -134,6 +134,7 @@ static void judge(struct run *r)
     r->sender.status.faults = watch_faults(&r->watch);
     r->sender.status.temperature_c = watch_temperature_c(&r->watch);
     tell_inputs(r);
+    r->sender.status.range_m = watch_range_m(&r->watch);
     tell_state(r);
 }
 

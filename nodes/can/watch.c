@@ -12,12 +12,16 @@
 #define INIT_NS  10000000000LL
 #define UNSEEN_S 2.0
 
+#define RANGE_STEP_M 0.2 /* of the signal */
+#define RANGE_NS     2500000000LL
+
 void watch_init(struct watch *w, const struct watch_config *cfg)
 {
     *w = (struct watch){.cfg = *cfg,
                         .scan = CAN_INIT,
                         .state = CAN_INIT,
                         .survey_c = NAN,
+                        .range_m = NAN,
                         .ambient_c = NAN};
 }
 
@@ -115,6 +119,11 @@ static void take_fault(struct watch_node *n, const Anlos__Fault *f)
         n->away = f->count;
     if (!strcmp(f->name, NODE_FAULT_NODES_LOST))
         n->lost = f->count;
+    if (!strcmp(f->name, NODE_FAULT_RANGE_REDUCED))
+        n->reduced = f->count;
+    if (!strcmp(f->name, NODE_FAULT_MICROPHONES_COVERED) ||
+        !strcmp(f->name, NODE_FAULT_SPEAKERS_COVERED))
+        n->covered += f->count;
 }
 
 void watch_health(struct watch *w, const Anlos__Health *health, int64_t now_ns)
@@ -125,10 +134,14 @@ void watch_health(struct watch *w, const Anlos__Health *health, int64_t now_ns)
         return;
     n->heard_ns = now_ns;
     n->faulty = health->state == ANLOS__HEALTH__STATE__FAULT;
-    n->away = n->lost = 0;
+    n->away = n->lost = n->reduced = n->covered = 0;
     memset(n->channels, 0, sizeof n->channels);
     for (size_t i = 0; i < health->n_faults; i++)
         take_fault(n, health->faults[i]);
+    if (health->sensing) {
+        w->range_m = health->sensing->range_m;
+        w->range_ns = now_ns;
+    }
 }
 
 void watch_wrong_input(struct watch *w)
@@ -299,6 +312,8 @@ void watch_text(const struct watch *w, char *text, size_t size)
         [CAN_FAULT_NODE_LOST] = "a node is lost",
         [CAN_FAULT_CLIPPED] = "clipped microphones",
         [CAN_FAULT_LISTS_DROPPED] = "dropped lists",
+        [CAN_FAULT_RANGE_REDUCED] = "noise hides who is far away",
+        [CAN_FAULT_ELEMENTS_COVERED] = "covered microphones or speakers",
     };
     size_t used = 0;
 
@@ -312,6 +327,14 @@ void watch_text(const struct watch *w, char *text, size_t size)
 double watch_temperature_c(const struct watch *w)
 {
     return w->ambient_ns ? w->ambient_c : w->survey_c;
+}
+
+double watch_range_m(const struct watch *w)
+{
+    bool known = w->range_m >= 0.0 && !(w->faults & 1u << CAN_FAULT_WALL_LOST) &&
+                 w->stepped_ns - w->range_ns < RANGE_NS;
+
+    return known ? RANGE_STEP_M * floor(w->range_m / RANGE_STEP_M + 1e-9) : NAN;
 }
 
 bool watch_lets_objects(const struct watch *w)

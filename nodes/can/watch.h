@@ -26,6 +26,9 @@
  * | clipped | at once when a microphone clips | as channels dead | 1 s |
  * | lists dropped | at once when the bus did not take one, or one was malformed
  *     (nodes/can/list_check.h) | degraded | 5 s |
+ * | range reduced * | at once when a person at the end of the gate would be missed in the
+ *     noise of now | degraded | 1 s |
+ * | elements covered | at once when a microphone or a speaker is | blocked | 1 s |
  *
  * "At once" is with the next watch_step.  * only of a fixed array: the image of a scan
  * may take its time.  What was not there while this node itself did not run is not missed
@@ -87,7 +90,7 @@ struct watch_node { /* that was heard */
     char name[ENVELOPE_NODE_SIZE];
     int64_t heard_ns;
     bool faulty; /* says so itself */
-    uint32_t away, lost;
+    uint32_t away, lost, reduced, covered;
     struct watch_channels channels[WATCH_CHANNEL_KINDS];
 };
 
@@ -120,7 +123,9 @@ struct watch {
     bool wall_likely; /* as it says */
     int64_t ahead_ns; /* of the wall clock, as seen last */
     bool clock_seen;
-    uint16_t events; /* faults that happened since the last step */
+    double range_m;   /* as the array says; NaN: not known */
+    int64_t range_ns; /* when it said so */
+    uint16_t events;  /* faults that happened since the last step */
     uint64_t lists_dropped;
 };
 
@@ -151,6 +156,10 @@ void watch_text(const struct watch *w, char *text, size_t size);
 /* The vehicle's temperature, or the survey's as long as the vehicle never told one; NaN:
  * not known, or not any more. */
 double watch_temperature_c(const struct watch *w);
+
+/* Up to which range a person is found, to the step of its signal that is below; NaN: not
+ * known, or there is no wall. */
+double watch_range_m(const struct watch *w);
 
 /* May objects be sent? */
 bool watch_lets_objects(const struct watch *w);

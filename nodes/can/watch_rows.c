@@ -150,6 +150,24 @@ static bool lists_are_dropped(const struct watch *w, int64_t now_ns)
     return w->events & 1u << CAN_FAULT_LISTS_DROPPED;
 }
 
+static bool range_is_reduced(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    for (size_t i = 0; i < w->n_nodes; i++)
+        if (w->nodes[i].reduced)
+            return true;
+    return false;
+}
+
+static bool elements_are_covered(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    for (size_t i = 0; i < w->n_nodes; i++)
+        if (w->nodes[i].covered)
+            return true;
+    return false;
+}
+
 const struct watch_row watch_rows[CAN_FAULTS] = {
     [CAN_FAULT_IMAGE_STALE] = {true, CAN_FAULT, 1000 * MS, image_is_stale},
     [CAN_FAULT_EGO_MISSING] = {true, CAN_DEGRADED, 1000 * MS, ego_is_missing},
@@ -164,4 +182,6 @@ const struct watch_row watch_rows[CAN_FAULTS] = {
     [CAN_FAULT_NODE_LOST] = {false, CAN_DEGRADED, 1000 * MS, node_is_lost},
     [CAN_FAULT_CLIPPED] = {false, CAN_DEGRADED, 1000 * MS, is_clipped},
     [CAN_FAULT_LISTS_DROPPED] = {false, CAN_DEGRADED, 5000 * MS, lists_are_dropped},
+    [CAN_FAULT_RANGE_REDUCED] = {true, CAN_DEGRADED, 1000 * MS, range_is_reduced},
+    [CAN_FAULT_ELEMENTS_COVERED] = {false, CAN_BLOCKED, 1000 * MS, elements_are_covered},
 };

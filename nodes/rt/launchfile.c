@@ -51,11 +51,16 @@ static double double_or(const double *value, double otherwise)
     return value ? *value : otherwise;
 }
 
+/* The brightest part of a person, by way of walls that mirror their own echo and his
+ * alike (recon/detection_range.h). */
+#define PERSON_M 0.05
+
 /* Everything but the list of nodes, with defaults, and paths as they are written. */
 static int copy_parts(struct launchfile *l, const struct launch_text *t,
                       const struct launchfile_options *options)
 {
     l->array.uri = copy_text(t->array.uri, "");
+    l->array.person_m = double_or(t->array.person_m, PERSON_M);
     l->stage.uri = copy_text(t->stage.uri, "sim:");
     l->scan.window = unsigned_or(t->scan.window, 32);
     l->scan.retries = unsigned_or(t->scan.retries, 3);
@@ -206,6 +211,9 @@ static int check_numbers(const struct launchfile *l, struct complaint *why)
     };
     int err = 0;
 
+    if (!(l->array.person_m >= 1e-3 && l->array.person_m <= 10.0))
+        err = yaml_complain(why, -EINVAL, l->path, "array.person_m",
+                            "%g is outside 0.001..10", l->array.person_m);
     for (size_t i = 0; !err && i < COUNT(numbers); i++)
         err = yaml_check_range(l->path, numbers[i].key, numbers[i].value, numbers[i].min,
                                numbers[i].max, why);

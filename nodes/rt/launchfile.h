@@ -49,7 +49,8 @@ struct launchfile {
     char **nodes; /* names, in the order of starting */
     unsigned n_nodes;
     struct {
-        char *uri; /* hal/array.h */
+        char *uri;       /* hal/array.h */
+        double person_m; /* recon/detection_range.h: what a person's echo is taken for */
     } array;
     struct {
         char *uri; /* hal/stage.h; default "sim:" */

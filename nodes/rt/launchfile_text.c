@@ -14,6 +14,7 @@ static const cyaml_schema_value_t node_schema = {
 static const cyaml_schema_field_t array_fields[] = {
     CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER, struct launch_text_array, uri, 1,
                            TEXT_SIZE),
+    CYAML_FIELD_FLOAT_PTR("person_m", OPTIONAL, struct launch_text_array, person_m),
     CYAML_FIELD_END};
 static const cyaml_schema_field_t stage_fields[] = {
     CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER, struct launch_text_stage, uri, 1,

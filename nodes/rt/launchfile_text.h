@@ -10,6 +10,7 @@
 
 struct launch_text_array {
     char *uri;
+    double *person_m;
 };
 
 struct launch_text_stage {

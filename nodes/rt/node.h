@@ -81,12 +81,15 @@ void node_state(struct node *n, Anlos__Health__State state, const char *format, 
 
 /* What is wrong and lasts, for machines, beside what state and text say: so many of so
  * many have it, 0: none.  Said at once when it changes.  name: one of these. */
-#define NODE_FAULT_ARRAY_AWAY       "array_away"       /* the device is not there */
-#define NODE_FAULT_CHANNELS_SILENT  "channels_silent"  /* microphones hear nothing */
-#define NODE_FAULT_SPEAKERS_MUTE    "speakers_mute"    /* no microphone hears them */
-#define NODE_FAULT_ELEMENTS_DAMAGED "elements_damaged" /* samples that are no numbers */
-#define NODE_FAULT_CHANNELS_CLIPPED "channels_clipped"
-#define NODE_FAULT_NODES_LOST       "nodes_lost" /* processes that do not run */
+#define NODE_FAULT_ARRAY_AWAY          "array_away"       /* the device is not there */
+#define NODE_FAULT_CHANNELS_SILENT     "channels_silent"  /* microphones hear nothing */
+#define NODE_FAULT_SPEAKERS_MUTE       "speakers_mute"    /* no microphone hears them */
+#define NODE_FAULT_ELEMENTS_DAMAGED    "elements_damaged" /* samples that are no numbers */
+#define NODE_FAULT_CHANNELS_CLIPPED    "channels_clipped"
+#define NODE_FAULT_NODES_LOST          "nodes_lost" /* processes that do not run */
+#define NODE_FAULT_MICROPHONES_COVERED "microphones_covered"
+#define NODE_FAULT_SPEAKERS_COVERED    "speakers_covered"
+#define NODE_FAULT_RANGE_REDUCED       "range_reduced" /* of the array, by noise */
 void node_fault(struct node *n, const char *name, size_t count, size_t of);
 
 /* The launcher takes a node for hung, kills it and starts it again when its loop does not
@@ -95,6 +98,10 @@ void node_fault(struct node *n, const char *name, size_t count, size_t of);
  * until the next node_next. */
 void node_turn_limit(struct node *n, double limit_s);
 void node_busy(struct node *n, double limit_s);
+
+/* How well this node hears, in each health message from now on.  It stays where it is;
+ * NULL: nothing to say. */
+void node_sensing(struct node *n, const Anlos__Sensing *sensing);
 
 /* The device that this node drives: each health message asks it for its counts.  device
  * NULL: none any more. */

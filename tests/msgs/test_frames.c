@@ -86,7 +86,8 @@ static void a_status_is_read_back(void **state)
                                  .source = CAN_SIMULATION,
                                  .faults = 0xa5c3,
                                  .temperature_c = -12.5,
-                                 .sound_speed_m_s = 324.1};
+                                 .sound_speed_m_s = 324.1,
+                                 .range_m = 3.4};
     struct can_frame_data f;
     memset(&f, 0xff, sizeof f);
     can_pack_status(&f, 0x400, &s);
@@ -96,6 +97,7 @@ static void a_status_is_read_back(void **state)
     assert_int_equal(raw(&f, "Status", "Faults"), 0xa5c3);
     assert_near(&f, "Status", "Temperature", -12.5);
     assert_near(&f, "Status", "SoundSpeed", 324.1);
+    assert_near(&f, "Status", "Range", 3.4);
 }
 
 static void a_list_header_is_read_back(void **state)
@@ -284,10 +286,12 @@ static void what_is_not_known_is_sent_as_not_available(void **state)
     assert_int_equal(raw(&f, "ObjectQuality", "Length"), 63);
     assert_int_equal(raw(&f, "ObjectQuality", "Width"), 31);
 
-    const struct can_status s = {.temperature_c = NAN, .sound_speed_m_s = NAN};
+    const struct can_status s = {
+        .temperature_c = NAN, .sound_speed_m_s = NAN, .range_m = NAN};
     can_pack_status(&f, 0x400, &s);
     assert_int_equal(raw(&f, "Status", "Temperature"), 255);
     assert_int_equal(raw(&f, "Status", "SoundSpeed"), 1023);
+    assert_int_equal(raw(&f, "Status", "Range"), 0); /* as old senders leave it */
 
     const struct can_list_header h = {.latency_ms = NAN, .cycle_ms = NAN};
     can_pack_list_header(&f, 0x400, &h);
@@ -589,12 +593,14 @@ static void status_and_diagnosis_go_there_and_back(void **state)
                                          .source = CAN_SOURCE_UNKNOWN,
                                          .faults = 1 << CAN_FAULT_WALL_LOST,
                                          .temperature_c = NAN,
-                                         .sound_speed_m_s = 343});
+                                         .sound_speed_m_s = 343,
+                                         .range_m = 0.0});
     assert_int_equal(can_unpack_status(&f, &s), 0);
     assert_int_equal(s.state, CAN_STANDBY);
     assert_int_equal(s.source, CAN_SOURCE_UNKNOWN);
     assert_int_equal(s.faults, 32);
     assert_true(isnan(s.temperature_c) && fabs(s.sound_speed_m_s - 343) < 1e-9);
+    assert_true(fabs(s.range_m) < 1e-9);
     can_pack_diagnosis(&f, 0x400,
                        &(struct can_diagnosis){.cpu = NAN, .snr_db = -3, .trouble = 12});
     assert_int_equal(can_unpack_diagnosis(&f, &d), 0);

@@ -55,7 +55,8 @@ static struct can_frame_data status(uint32_t base)
                                          .source = CAN_SIMULATION,
                                          .faults = 1 << CAN_FAULT_WALL_LOST | 1 << 14,
                                          .temperature_c = NAN,
-                                         .sound_speed_m_s = 343.2});
+                                         .sound_speed_m_s = 343.2,
+                                         .range_m = 2.6});
     return f;
 }
 
@@ -93,7 +94,7 @@ static void a_frame_is_a_line_with_names_and_units(void **s)
     assert_int_equal(r.code, 0);
     assert_has(r.out, "1764000000.250000  can0  400 Status          ok ");
     assert_has(r.out, " State Degraded, Source Simulation, Faults WallLost+bit 14, "
-                      "Temperature NotAvailable, SoundSpeed 343.2 m/s\n");
+                      "Temperature NotAvailable, SoundSpeed 343.2 m/s, Range 2.6 m\n");
     assert_has(r.out, "1764000000.350000  can0  404 ObjectState     ok ");
     assert_has(r.out, " Id 7, Counter 0, Measurement Measured, X 3.20 m, Y -1.50 m, Z "
                       "NotAvailable\n");

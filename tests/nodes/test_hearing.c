@@ -10,6 +10,12 @@
 
 #define DRIVE SOURCE_DIR "/launch/scenes/drive-person.yaml"
 
+static const struct hearing_config fixed = {.ranges = true,
+                                            .n_pings = 8,
+                                            .sum = FRAMES_POWER,
+                                            .false_alarm_rate = 1e-4,
+                                            .person_m = 0.05};
+
 struct rig {
     struct fake_clock clock;
     struct array *array;
@@ -20,15 +26,17 @@ struct rig {
     int64_t began_ns;
 };
 
-static void copy(FILE *to, const char *path)
+/* But for the lines of a key that comes again. */
+static void copy(FILE *to, const char *path, const char *key)
 {
-    char part[512];
-    size_t n;
+    size_t length = strcspn(key, ":") + 1;
+    char line[512];
     FILE *from = fopen(path, "r");
 
     assert_non_null(from);
-    while ((n = fread(part, 1, sizeof part, from)) > 0)
-        assert_int_equal(fwrite(part, 1, n, to), n);
+    while (fgets(line, sizeof line, from))
+        if (strncmp(line, key, length))
+            assert_true(fputs(line, to) >= 0);
     fclose(from);
 }
 
@@ -42,14 +50,14 @@ static void start(struct rig *r, struct scratch *s, const char *faults,
     FILE *f = fopen(scratch_path(s, "scene.yaml"), "w");
 
     assert_non_null(f);
-    copy(f, DRIVE);
+    copy(f, DRIVE, faults);
     fprintf(f, "\n%s", faults);
     assert_int_equal(fclose(f), 0);
     snprintf(uri, sizeof uri, "sim:%s?%s", s->path, options);
     *r = (struct rig){.began_ns = INT64_C(1700000000000000000)};
     fake_clock_set(&r->clock, r->began_ns);
     if (array_open(&r->array, uri, &r->clock.source, &why) ||
-        hearing_create(&r->hearing, array_survey(r->array), &why))
+        hearing_create(&r->hearing, &fixed, array_survey(r->array), &why))
         fail_msg("%s", why.text);
     assert_int_equal(array_fire(r->array, &shot), 0);
 }
@@ -181,6 +189,128 @@ static void a_microphone_that_comes_back_hears_at_once(void **state)
     stop(&dead);
 }
 
+/* -- noise and cover, that come at 3 s and go at 6
+ * ----------------------------------------
+ */
+
+#define HELD_M 4.0 /* the scene's gate */
+
+static const struct hearing_levels *levels(struct rig *r)
+{
+    static struct hearing_levels l;
+
+    hearing_levels(r->hearing, &l);
+    return &l;
+}
+
+/* Until the time since the start. */
+static void go_until(struct rig *r, double s)
+{
+    while (go_on(r, 1, all) < s)
+        ;
+}
+
+static void
+noise_that_rises_reduces_the_range_within_two_seconds_until_it_goes(void **state)
+{
+    struct rig r;
+
+    start(&r, *state,
+          "noise: {snr_db: 0, at_m: 4, rises: [{during_s: [3, 6], by_db: 25}]}\n", "",
+          all, 16);
+    go_until(&r, 2.9);
+    assert_false(levels(&r)->limited);
+    assert_true(levels(&r)->range_m == HELD_M);
+    double noise_db = levels(&r)->noise_db, echo_db = levels(&r)->echo_db;
+    double direct_db = levels(&r)->direct_db;
+    go_until(&r, 4.4);
+    assert_true(levels(&r)->limited);
+    go_until(&r, 5.9);
+    assert_true(fabs(levels(&r)->noise_db - noise_db - 25.0) < 1.0);
+    assert_true(fabs(levels(&r)->direct_db - direct_db + 25.0) < 0.5);
+    assert_true(fabs(levels(&r)->echo_db - echo_db + 25.0) < 1.0);
+    assert_true(levels(&r)->range_m < 0.6 * HELD_M);
+    assert_int_equal(r.faults.deaf + r.faults.mute, 0);
+    go_until(&r, 8.0);
+    assert_false(levels(&r)->limited);
+    assert_true(levels(&r)->range_m == HELD_M);
+    assert_string_equal(r.note, "");
+    stop(&r);
+}
+
+/* So loud that not even the direct sound of most pairs stands out: nobody is called deaf
+ * or mute for it. */
+static void in_a_din_no_one_is_called_deaf(void **state)
+{
+    struct rig r;
+
+    start(&r, *state,
+          "noise: {snr_db: 0, at_m: 4, rises: [{during_s: [3, 6], by_db: 75}]}\n", "",
+          all, 16);
+    go_until(&r, 5.9);
+    assert_true(levels(&r)->limited);
+    assert_true(levels(&r)->range_m < 0.3);
+    assert_int_equal(r.faults.deaf + r.faults.mute, 0);
+    assert_int_equal(r.faults.covered_microphones + r.faults.covered_speakers, 0);
+    stop(&r);
+}
+
+/* The fourth power: 10 dB of noise are a factor of 10^(1/4) in range. */
+static void range_falls_with_noise(void **state)
+{
+    static const char *const noises[] = {"noise: {snr_db: -15, at_m: 4}\n",
+                                         "noise: {snr_db: -20, at_m: 4}\n",
+                                         "noise: {snr_db: -25, at_m: 4}\n"};
+    double before_m = HELD_M;
+    struct rig r;
+
+    for (int k = 0; k < 3; k++) {
+        start(&r, *state, noises[k], "", all, 16);
+        go_until(&r, 2.0);
+        assert_true(levels(&r)->limited);
+        double m = levels(&r)->range_m;
+        assert_true(m < before_m);
+        if (k)
+            assert_true(fabs(40.0 * log10(before_m / m) - 5.0) < 1.0);
+        before_m = m;
+        stop(&r);
+    }
+}
+
+static void assert_cover_comes_and_goes(void **state, const char *faults, size_t mics,
+                                        size_t speakers, const char *note)
+{
+    struct rig r;
+
+    start(&r, *state, faults, "", all, 16);
+    go_until(&r, 2.9);
+    assert_string_equal(r.note, "");
+    go_until(&r, 4.0);
+    assert_int_equal(r.faults.covered_microphones, mics);
+    assert_int_equal(r.faults.covered_speakers, speakers);
+    assert_int_equal(r.faults.deaf + r.faults.mute, 0);
+    assert_string_equal(r.note, note);
+    r.note[0] = '\0';
+    go_until(&r, 7.0);
+    assert_int_equal(r.faults.covered_microphones + r.faults.covered_speakers, 0);
+    assert_non_null(strstr(r.note, "is not covered any more"));
+    stop(&r);
+}
+
+static void a_covered_microphone_is_named_within_a_second(void **state)
+{
+    assert_cover_comes_and_goes(
+        state, "faults: {microphones: [{channel: 3, gain_db: -25, during_s: [3, 6]}]}\n",
+        1, 0, "microphone 4 is covered");
+}
+
+static void a_covered_speaker_is_named_within_a_second(void **state)
+{
+    assert_cover_comes_and_goes(
+        state, "faults: {speakers: [{channel: 11, gain_db: -25, during_s: [3, 6]}]}\n", 0,
+        1, "speaker 12 is covered");
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -191,6 +321,11 @@ int main(void)
         TEST(nine_of_sixteen_are_nine),
         TEST(a_dead_speaker_is_mute_and_makes_nobody_deaf),
         TEST(a_microphone_that_comes_back_hears_at_once),
+        TEST(noise_that_rises_reduces_the_range_within_two_seconds_until_it_goes),
+        TEST(in_a_din_no_one_is_called_deaf),
+        TEST(range_falls_with_noise),
+        TEST(a_covered_microphone_is_named_within_a_second),
+        TEST(a_covered_speaker_is_named_within_a_second),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -239,7 +239,8 @@ static void assert_status(const struct sender *s, enum can_state state,
     const struct can_status status = {.state = state,
                                       .source = source,
                                       .temperature_c = 20.0,
-                                      .sound_speed_m_s = 343.2};
+                                      .sound_speed_m_s = 343.2,
+                                      .range_m = NAN};
 
     sender_status(s, &f);
     can_pack_status(&expected, 0x400, &status);

@@ -23,6 +23,7 @@ struct world {
     bool mirrored, mounted; /* as the lists say; true at first */
     int64_t image_age_ns, cycle_ns, ahead_ns;
     double wall_existence, wall_unseen_s;
+    double range_m;    /* as the array says */
     const char *fault; /* that the node dsp tells */
     uint32_t count, of;
     Anlos__Health__State state; /* of dsp */
@@ -32,9 +33,13 @@ static void tell_health(struct world *w, const char *name)
 {
     Anlos__Health h = ANLOS__HEALTH__INIT;
     Anlos__Fault fault = ANLOS__FAULT__INIT, *faults[] = {&fault};
+    Anlos__Sensing sensing = ANLOS__SENSING__INIT;
     bool is_dsp = !strcmp(name, "dsp");
 
     h.node = (char *)name;
+    sensing.range_m = w->range_m;
+    if (!strcmp(name, "array"))
+        h.sensing = &sensing;
     h.state = is_dsp ? w->state : ANLOS__HEALTH__STATE__READY;
     if (is_dsp && w->fault) {
         fault.name = (char *)w->fault;
@@ -115,6 +120,7 @@ static void start(struct world *w, const struct watch_config *cfg)
                         .image_age_ns = 80 * MS,
                         .cycle_ns = 250 * MS,
                         .wall_existence = 0.9,
+                        .range_m = 3.99,
                         .state = ANLOS__HEALTH__STATE__READY};
     watch_init(&w->watch, cfg);
     tell_scan(w, ANLOS__SCAN_STATUS__STATE__RUNNING);
@@ -571,6 +577,65 @@ static void who_only_looks_on_may_come_and_go(void **state)
     assert_well(&w);
 }
 
+/* Rounded down to the steps of its signal. */
+static void noise_degrades_and_says_how_far_the_sensor_reaches(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    assert_near(watch_range_m(&w.watch), 3.8, 1e-9);
+    w.range_m = 2.4;
+    tell_fault(&w, NODE_FAULT_RANGE_REDUCED, 1, 1);
+    run(&w, 1000);
+    assert_is(&w, CAN_DEGRADED, CAN_FAULT_RANGE_REDUCED);
+    assert_near(watch_range_m(&w.watch), 2.4, 1e-9);
+    assert_true(watch_lets_objects(&w.watch));
+    tell_fault(&w, NULL, 0, 0);
+    w.range_m = 4.0;
+    run(&w, 1000);
+    assert_well(&w);
+    assert_near(watch_range_m(&w.watch), 4.0, 1e-9);
+}
+
+static void without_a_wall_or_word_of_the_array_the_range_is_not_known(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    w.mirrored = false;
+    run(&w, 260);
+    assert_true(isnan(watch_range_m(&w.watch)));
+    w.mirrored = true;
+    run(&w, 1740);
+    assert_near(watch_range_m(&w.watch), 3.8, 1e-9);
+    w.health = false;
+    run(&w, 2510);
+    assert_true(isnan(watch_range_m(&w.watch)));
+}
+
+static void a_covered_element_blocks_until_it_is_free(void **state)
+{
+    static const char *const faults[] = {NODE_FAULT_MICROPHONES_COVERED,
+                                         NODE_FAULT_SPEAKERS_COVERED};
+    struct world w;
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        start_well(&w);
+        tell_fault(&w, faults[k], 1, 16);
+        run(&w, 10);
+        assert_is(&w, CAN_BLOCKED, CAN_FAULT_ELEMENTS_COVERED);
+        assert_false(watch_lets_objects(&w.watch));
+        tell_fault(&w, NULL, 0, 0);
+        run(&w, 990);
+        assert_is(&w, CAN_BLOCKED, CAN_FAULT_ELEMENTS_COVERED);
+        run(&w, 10);
+        assert_well(&w);
+    }
+}
+
 static void lists_that_were_dropped_are_told_for_5_s(void **state)
 {
     struct world w;
@@ -926,6 +991,9 @@ int main(void)
         cmocka_unit_test(so_is_one_that_calls_itself_faulty),
         cmocka_unit_test(a_node_that_says_nothing_is_lost_after_two_and_a_half_seconds),
         cmocka_unit_test(who_only_looks_on_may_come_and_go),
+        cmocka_unit_test(noise_degrades_and_says_how_far_the_sensor_reaches),
+        cmocka_unit_test(without_a_wall_or_word_of_the_array_the_range_is_not_known),
+        cmocka_unit_test(a_covered_element_blocks_until_it_is_free),
         cmocka_unit_test(lists_that_were_dropped_are_told_for_5_s),
         cmocka_unit_test(the_worst_of_several_faults_is_the_state),
         cmocka_unit_test(a_sensor_that_begins_is_no_faulty_one),

@@ -1,0 +1,251 @@
+/* Simulated drives through the steps of the nodes array and wall, at simulated time: what
+ * the array says of its range where nothing is wrong, and where noise comes and goes. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "hal/survey/firing.h"
+#include "nodes/anlos/bench/drive_world.h"
+#include "nodes/array/hearing.h"
+#include "nodes/can/watch.h"
+#include "nodes/rt/launchfile.h"
+#include "nodes/rt/node.h"
+#include "nodes/wall/keeper.h"
+#include "nodes/wall/listener.h"
+
+#define SCENES  SOURCE_DIR "/launch/scenes/"
+#define DRIVE_S 12.0
+
+struct drive {
+    struct launchfile *launch;
+    struct drive_world world;
+    struct survey survey;
+    struct keeper keeper;
+    struct listener *listener;
+    struct hearing *hearing;
+    struct hearing_faults faults;
+    struct hearing_levels levels;
+    int64_t ego_ns;
+    char note[512];
+};
+
+static void start(struct drive *d, const char *scene)
+{
+    struct firing firing;
+    const struct drive_world_config world = {.scene = scene, .firing = &firing};
+    struct hearing_config hears;
+    struct complaint why = {""};
+
+    *d = (struct drive){.launch = NULL};
+    int err = launchfile_load(&d->launch,
+                              strstr(scene, "-car") ? SOURCE_DIR "/launch/drive-car.yaml"
+                                                    : SOURCE_DIR "/launch/drive.yaml",
+                              NULL, &why);
+    if (!err)
+        err = firing_from_uri(&firing, d->launch->array.uri, &why);
+    if (!err)
+        err = drive_world_create(&d->world, &world, &why);
+    if (!err)
+        err = survey_from_message(&d->survey, d->world.survey, &why);
+    if (err)
+        fail_msg("%s: %s", scene, why.text);
+    const struct listener_config listens = {.vertical = d->launch->wall.vertical,
+                                            .vertical_rad = 0.035,
+                                            .reach_m = d->launch->wall.reach_m,
+                                            .every_s = d->launch->wall.every_s};
+    hearing_config_launch(&hears, d->launch, &d->survey);
+    keeper_init(&d->keeper, d->launch);
+    keeper_survey(&d->keeper, &d->survey);
+    if (listener_create(&d->listener, &listens, &d->survey, &why) ||
+        hearing_create(&d->hearing, &hears, &d->survey, &why) ||
+        drive_world_shoot(&d->world, ANLOS__PASS__SCENE, &why))
+        fail_msg("%s: %s", scene, why.text);
+    d->ego_ns = d->world.begin_ns;
+}
+
+static void stop(struct drive *d)
+{
+    hearing_destroy(d->hearing);
+    listener_destroy(d->listener);
+    survey_clear(&d->survey);
+    drive_world_clear(&d->world);
+    launchfile_destroy(d->launch);
+}
+
+/* A ping; the time since the start. */
+static double go_on(struct drive *d)
+{
+    struct wall_estimates heard;
+    Anlos__EgoMotion ego;
+    Anlos__Ping ping;
+    int64_t stamp_ns;
+    bool blind = false;
+
+    assert_int_equal(drive_world_ping(&d->world, ANLOS__PASS__SCENE, &ping, &stamp_ns),
+                     0);
+    for (; d->ego_ns <= stamp_ns + 50000000; d->ego_ns += DRIVE_EGO_NS) {
+        drive_world_ego(&d->world, d->ego_ns, &ego);
+        keeper_ego(&d->keeper, &ego, d->ego_ns);
+    }
+    keeper_advance(&d->keeper, stamp_ns);
+    if (listener_ping(d->listener, &ping, stamp_ns, keeper_path(&d->keeper), &heard,
+                      &blind) &&
+        !blind)
+        keeper_estimates(&d->keeper, &heard);
+    if (d->world.n % 5 == 0) /* ten a second, nearly */
+        hearing_walls(d->hearing, keeper_list(&d->keeper));
+    hearing_ping(d->hearing, &ping, &d->faults, d->note, sizeof d->note);
+    hearing_levels(d->hearing, &d->levels);
+    return 1e-9 * (double)(stamp_ns - d->world.begin_ns);
+}
+
+static void where_nothing_is_wrong_nothing_is_said(void **state)
+{
+    static const char *const scenes[] = {
+        "drive-person",     "drive-person-moving",  "drive-person-present",
+        "drive-cyclist",    "drive-cyclist-moving", "drive-car",
+        "drive-car-moving", "drive-clutter",        "drive-clutter-moving",
+        "drive-nothing",    "drive-nothing-moving",
+    };
+    struct drive d;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
+        char path[512];
+        double t_s = 0.0;
+        snprintf(path, sizeof path, SCENES "%s.yaml", scenes[i]);
+        start(&d, path);
+        while (t_s < DRIVE_S) {
+            t_s = go_on(&d);
+            if (d.levels.limited || d.note[0])
+                fail_msg("%s at %.2f s: %.2f m, noise %.1f dB, echo %.1f; %s", scenes[i],
+                         t_s, d.levels.range_m, d.levels.noise_db, d.levels.echo_db,
+                         d.note);
+        }
+        assert_true(d.levels.range_m == d.levels.gate_m);
+        stop(&d);
+    }
+}
+
+/* What the health of the node array would say, and a list of each image, to the watchdog
+ * of the node can. */
+static void tell(const struct drive *d, struct watch *w, int64_t now_ns)
+{
+    Anlos__Health health = ANLOS__HEALTH__INIT;
+    Anlos__Sensing sensing = ANLOS__SENSING__INIT;
+    Anlos__Fault all[3], *faults[3];
+    Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
+    const struct {
+        const char *name;
+        size_t count;
+    } named[] = {{NODE_FAULT_RANGE_REDUCED, d->levels.limited},
+                 {NODE_FAULT_MICROPHONES_COVERED, d->faults.covered_microphones},
+                 {NODE_FAULT_SPEAKERS_COVERED, d->faults.covered_speakers}};
+
+    for (size_t i = 0; i < 3; i++) {
+        anlos__fault__init(&all[i]);
+        all[i].name = (char *)(uintptr_t)named[i].name;
+        all[i].count = (uint32_t)named[i].count;
+        faults[i] = &all[i];
+    }
+    sensing.range_m = d->levels.range_m;
+    health.node = (char *)(uintptr_t) "array";
+    health.state = ANLOS__HEALTH__STATE__READY;
+    health.sensing = &sensing;
+    health.faults = faults;
+    health.n_faults = 3;
+    list.mirrored = list.in_vehicle_frame = true;
+    watch_health(w, &health, now_ns);
+    watch_list(w, &list, now_ns, now_ns);
+    watch_step(w, now_ns);
+}
+
+/* A scene of launch/scenes with its line of a key in other words. */
+static void write_scene(char path[64], const char *of, const char *text)
+{
+    char line[512];
+    FILE *from = fopen(of, "r");
+
+    strcpy(path, "/tmp/anlos-hearing-XXXXXX");
+    int fd = mkstemp(path);
+    FILE *to = fd < 0 ? NULL : fdopen(fd, "w");
+    assert_true(from && to);
+    while (fgets(line, sizeof line, from))
+        if (strncmp(line, text, strcspn(text, ":") + 1))
+            fputs(line, to);
+    fputs(text, to);
+    fclose(from);
+    assert_int_equal(fclose(to), 0);
+}
+
+/* From 3 s to 6 s something is wrong: 2 s later the state is so and has the one bit,
+ * until it goes, and 3 s after that the sensor is active again. */
+static void check_episode(const char *text, enum can_state state, enum can_fault fault,
+                          double most_m)
+{
+    const struct watch_config cfg = {.fixed = true};
+    Anlos__ScanStatus scan = ANLOS__SCAN_STATUS__INIT;
+    char path[64];
+    struct watch w;
+    struct drive d;
+    double t_s = 0.0;
+
+    write_scene(path, SCENES "drive-person.yaml", text);
+    start(&d, path);
+    unlink(path);
+    watch_init(&w, &cfg);
+    watch_survey(&w, 20.0);
+    scan.state = ANLOS__SCAN_STATUS__STATE__RUNNING;
+    watch_scan(&w, &scan);
+    while (t_s < 9.5) {
+        t_s = go_on(&d);
+        tell(&d, &w, d.world.begin_ns + llround(1e9 * t_s));
+        bool well = (t_s > 2.0 && t_s < 2.9) || t_s > 9.0, wrong = t_s > 5.0 && t_s < 6.0;
+        if (well && (watch_state(&w) != CAN_ACTIVE || watch_faults(&w) ||
+                     !(watch_range_m(&w) >= 4.0)))
+            fail_msg("%.2f s: state %d, faults %x, %.1f m", t_s, watch_state(&w),
+                     watch_faults(&w), watch_range_m(&w));
+        if (wrong && (watch_state(&w) != state || watch_faults(&w) != 1u << fault ||
+                      !(watch_range_m(&w) <= most_m)))
+            fail_msg("%.2f s: state %d, faults %x, %.1f m", t_s, watch_state(&w),
+                     watch_faults(&w), watch_range_m(&w));
+    }
+    stop(&d);
+}
+
+/* Nobody is found from 3 m on: the sensor says that it reaches less than that. */
+static void noise_25_db_up_degrades_and_says_how_far_it_reaches(void **state)
+{
+    (void)state;
+    check_episode("noise: {snr_db: 0, at_m: 4, rises: [{during_s: [3, 6], by_db: 25}]}\n",
+                  CAN_DEGRADED, CAN_FAULT_RANGE_REDUCED, 3.0);
+}
+
+static void a_covered_element_blocks_within_two_seconds(void **state)
+{
+    (void)state;
+    check_episode(
+        "faults: {microphones: [{channel: 3, gain_db: -25, during_s: [3, 6]}]}\n",
+        CAN_BLOCKED, CAN_FAULT_ELEMENTS_COVERED, 4.0);
+    check_episode("faults: {speakers: [{channel: 11, gain_db: -25, during_s: [3, 6]}]}\n",
+                  CAN_BLOCKED, CAN_FAULT_ELEMENTS_COVERED, 4.0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(where_nothing_is_wrong_nothing_is_said),
+        cmocka_unit_test(noise_25_db_up_degrades_and_says_how_far_it_reaches),
+        cmocka_unit_test(a_covered_element_blocks_within_two_seconds),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
