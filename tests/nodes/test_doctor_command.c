@@ -338,6 +338,51 @@ static void faults_losses_and_crashes_of_a_system_are_told(void **state)
     living_end(dsp, SIGTERM);
 }
 
+/* What it says hangs on the machine and on who else uses it. */
+static void the_load_of_a_drive_is_told(void **state)
+{
+    struct command_result r;
+
+    (void)state;
+    json_t *o = run(&r,
+                    "nodes: [array, scan, dsp, recon, wall, track]\n"
+                    "array: {uri: 'sim:" SOURCE_DIR "/launch/scenes/drive-person.yaml'}\n"
+                    "scan: {mode: fixed}\n");
+    assert_non_null(find(o, "load"));
+    assert_int_equal(r.code, json_integer_value(json_object_get(o, "wrong")) > 0);
+    json_decref(o);
+}
+
+static void a_load_that_is_not_measured_is_told(void **state)
+{
+    static const char real[] = "nodes: [array, scan, dsp, recon]\n"
+                               "array: {uri: 'alsa:hw:CARD=NoSuchCard?rig=" SOURCE_DIR
+                               "/launch/vehicle-rig.yaml'}\n"
+                               "scan: {mode: fixed}\n";
+    Anlos__Health ready = ANLOS__HEALTH__INIT;
+    struct command_result r;
+
+    (void)state;
+    ready.state = ANLOS__HEALTH__STATE__READY;
+    ready.text = (char *)"";
+    json_t *o = run(&r, real);
+    expect(o, "load", "note", "with a simulated array only");
+    json_decref(o);
+    o = run(&r, "nodes: [array, scan, dsp, recon]\n"
+                "array: {uri: 'sim:" SOURCE_DIR "/launch/scenes/point.yaml'}\n"
+                "scan: {mode: fixed}\n");
+    expect(o, "load", "note", "is not measured: ");
+    json_decref(o);
+    pid_t array = living_start(run_dir, "array", LIVING, &ready);
+    o = run(&r, real);
+    expect(o, "load", "ok", "is not measured while the system runs");
+    json_decref(o);
+    living_end(array, SIGTERM);
+    o = run(&r, "nodes: [play, dsp, recon]\nscan: {mode: fixed}\nplay: {bag: a}\n");
+    assert_null(find(o, "load")); /* a bag has no pace that must be kept */
+    json_decref(o);
+}
+
 static void look_and_hang(const void *ctx, struct findings *out)
 {
     (void)ctx;
@@ -436,6 +481,8 @@ int main(void)
         cmocka_unit_test(keys_are_looked_at_where_hosts_can_be_reached),
         cmocka_unit_test(a_port_of_the_view_that_is_taken_is_noted),
         cmocka_unit_test(faults_losses_and_crashes_of_a_system_are_told),
+        cmocka_unit_test(the_load_of_a_drive_is_told),
+        cmocka_unit_test(a_load_that_is_not_measured_is_told),
         cmocka_unit_test(a_check_that_hangs_is_a_finding),
         cmocka_unit_test(a_check_that_crashes_is_a_finding),
         cmocka_unit_test(what_a_check_finds_comes_as_it_is),

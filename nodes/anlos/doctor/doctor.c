@@ -21,7 +21,8 @@ static const char help[] =
     "\n"
     "  --launch FILE   at a launch file: whether it loads, whether each device that it\n"
     "                  names is there, permitted and good enough, room for its results,\n"
-    "                  and whether its nodes run.  Without it: which devices there are\n"
+    "                  whether its nodes run, and whether this machine keeps the pace\n"
+    "                  of its simulated drive.  Without it: which devices there are\n"
     "  --host NAME     which one of the launch file's hosts this machine is\n"
     "\n"
     "  --json          as JSON\n"
@@ -49,12 +50,13 @@ static const struct option options[] = {
 };
 
 static const struct check checks[] = {
-    {"machine", doctor_machine}, {"clock", doctor_clock},
-    {"limits", doctor_limits},   {"libraries", doctor_libraries},
-    {"launch", doctor_launch},   {"array", doctor_array},
-    {"stage", doctor_stage},     {"can", doctor_can},
-    {"view", doctor_view},       {"devices", doctor_present},
-    {"run-dir", doctor_run_dir}, {"nodes", doctor_system},
+    {"machine", doctor_machine},  {"clock", doctor_clock},
+    {"limits", doctor_limits},    {"libraries", doctor_libraries},
+    {"launch", doctor_launch},    {"array", doctor_array},
+    {"stage", doctor_stage},      {"can", doctor_can},
+    {"view", doctor_view},        {"devices", doctor_present},
+    {"run-dir", doctor_run_dir},  {"nodes", doctor_system},
+    {"load", doctor_load_budget},
 };
 
 #define N_CHECKS (sizeof checks / sizeof *checks)

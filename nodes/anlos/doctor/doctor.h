@@ -24,7 +24,8 @@ void doctor_can(const void *ctx, struct findings *f);
 void doctor_view(const void *ctx, struct findings *f);    /* the port of the node view */
 void doctor_present(const void *ctx, struct findings *f); /* devices, without a file */
 void doctor_run_dir(const void *ctx, struct findings *f);
-void doctor_system(const void *ctx, struct findings *f); /* who runs, and how */
+void doctor_system(const void *ctx, struct findings *f);      /* who runs, and how */
+void doctor_load_budget(const void *ctx, struct findings *f); /* the pace of a drive */
 
 /* The launch file; NULL: there is none, or it is bad, which doctor_launch says. */
 struct launchfile *doctor_load(const struct doctor *d);
