@@ -151,39 +151,52 @@ static int open_all(struct run *r, struct complaint *why)
     return err;
 }
 
-static void tell_end(const struct run *r, int err, const struct complaint *why)
+static const char *plural(uint64_t n)
 {
-    struct recorder_totals t;
+    return n == 1 ? "" : "s";
+}
 
-    recorder_sum(r->recorder, &t);
+static void tell_end(const struct run *r, int err, const struct recorder_totals *sum,
+                     const struct complaint *why)
+{
+    const struct recorder_totals t = *sum;
+
     if (err) {
         node_state(r->node, ANLOS__HEALTH__STATE__FAULT,
-                   "recording stops: %s; the bag has %" PRIu64 " messages, %" PRIu64
-                   " are lost",
-                   why->text, t.messages - t.unwritten, t.lost + t.unwritten);
+                   "recording stops: %s; the bag has %" PRIu64 " message%s, %" PRIu64
+                   " %s lost",
+                   why->text, t.messages - t.unwritten, plural(t.messages - t.unwritten),
+                   t.lost + t.unwritten, t.lost + t.unwritten == 1 ? "is" : "are");
         return;
     }
     node_log(r->node, t.lost ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO,
-             "%s: %" PRIu64 " messages, %.1f MB in %u file%s, %" PRIu64 " messages lost",
-             recorder_path(r->recorder), t.messages, 1e-6 * (double)t.file_bytes,
-             t.n_files, t.n_files == 1 ? "" : "s", t.lost);
+             "%s: %" PRIu64 " message%s, %.1f MB in %u file%s, %" PRIu64
+             " message%s lost",
+             recorder_path(r->recorder), t.messages, plural(t.messages),
+             1e-6 * (double)t.file_bytes, t.n_files, plural(t.n_files), t.lost,
+             plural(t.lost));
 }
 
-/* After an error of writing what is in the file gets its end all the same. */
-static int end_recording(struct run *r, int err, struct complaint *why)
+/* After an error of writing what is in the file gets its end all the same.  Was anything
+ * lost, or an error? */
+static bool end_recording(struct run *r, int err, struct complaint *why)
 {
+    struct recorder_totals sum;
+
     if (err == -ESHUTDOWN)
         err = tap_drain(&r->tap, why);
     node_device(r->node, NULL, NULL);
     node_busy(r->node, END_S);
     int ended = recorder_end(r->recorder, clock_now_ns(clock_system()), err ? NULL : why);
     err = err ? err : ended;
-    tell_end(r, err, why);
+    recorder_sum(r->recorder, &sum);
+    tell_end(r, err, &sum, why);
     recorder_destroy(r->recorder);
-    return err;
+    return err || sum.lost || sum.unwritten;
 }
 
-/* The exit code; that of the node, but what ended a recording was told already. */
+/* The exit code: that of the node, or that the recording is not whole, which was told
+ * already. */
 static int run(struct run *r)
 {
     struct complaint why = {""};
@@ -194,14 +207,13 @@ static int run(struct run *r)
     while (!err)
         err = tap_step(&r->tap, LOOK_MS, &why);
     bool began = r->recorder != NULL;
-    if (began)
-        err = end_recording(r, err, &why);
+    bool is_short = began && end_recording(r, err, &why);
     tap_close(&r->tap);
     bus_destroy(r->bus);
     session_clear(&r->session);
     choice_clear(&r->choice);
     int code = node_finish(r->node, began ? 0 : err);
-    return began && err ? EXIT_FAILED : code;
+    return is_short ? EXIT_FAILED : code;
 }
 
 int main(int argc, char **argv)

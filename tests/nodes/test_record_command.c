@@ -54,14 +54,15 @@ static int teardown(void **state)
     return scratch_close(&scratch);
 }
 
-/* "anlos bag record" and the words up to NULL; prefix: of a shell's command line. */
-static void start(struct rig *g, const char *prefix, const char *const *words)
+/* A program and the words up to NULL; prefix: of a shell's command line. */
+static void start_program(struct rig *g, const char *prefix, const char *program,
+                          const char *const *words)
 {
     char command[2048];
     posix_spawn_file_actions_t files;
     int fds[2];
-    size_t n = (size_t)snprintf(command, sizeof command,
-                                "%s exec %s/bin/anlos bag record", prefix, BINARY_DIR);
+    size_t n = (size_t)snprintf(command, sizeof command, "%s exec %s/bin/%s", prefix,
+                                BINARY_DIR, program);
 
     for (; *words; words++)
         n += (size_t)snprintf(command + n, sizeof command - n, " '%s'", *words);
@@ -75,6 +76,11 @@ static void start(struct rig *g, const char *prefix, const char *const *words)
     posix_spawn_file_actions_destroy(&files);
     close(fds[1]);
     g->out = fds[0];
+}
+
+static void start(struct rig *g, const char *prefix, const char *const *words)
+{
+    start_program(g, prefix, "anlos bag record", words);
 }
 
 /* What it said until it ended; the exit code. */
@@ -119,18 +125,24 @@ static void publish(struct rig *g, size_t size)
     g->n++;
 }
 
-/* Until the recorder has written one: its file grows beyond any start of it. */
-static void publish_until_recorded(struct rig *g)
+/* Until the recorder's file has so many bytes. */
+static void publish_until(struct rig *g, off_t bytes)
 {
     int64_t end_ns = now_ns() + DEADLINE_MS * 1000000LL;
     struct stat st = {.st_size = 0};
 
-    while (stat(g->bag, &st) || st.st_size < 4000) {
+    while (stat(g->bag, &st) || st.st_size < bytes) {
         struct pollfd p = {.fd = g->out, .events = 0};
         assert_true(now_ns() < end_ns);
         publish(g, 4000);
         assert_int_equal(poll(&p, 1, 5), 0); /* not ended */
     }
+}
+
+/* Until it has written one: its file grows beyond any start of it. */
+static void publish_until_recorded(struct rig *g)
+{
+    publish_until(g, 4000);
 }
 
 /* Of a bag without fault: its messages, the sequence going on without a hole. */
@@ -339,6 +351,28 @@ static void messages_that_get_lost_are_told(void **state)
     assert_string_equal(text, expected);
 }
 
+/* The launcher goes by the exit code. */
+static void the_node_too_ends_with_1_when_messages_got_lost(void **state)
+{
+    struct rig *g = *state;
+    char launch[200], text[256], expected[300];
+
+    scratch_write(g->scratch, "node.yaml",
+                  "nodes: [record]\nrecord: {path: unused.mcap, flush_ms: 10}\n");
+    snprintf(launch, sizeof launch, "%s/node.yaml", g->scratch->folder);
+    const char *const words[] = {"--launch", launch, "--run-dir", g->run_dir,
+                                 "--record", g->bag, NULL};
+    start_program(g, "", "anlos-record", words);
+    publish_until(g, 40000); /* its launch file is attached */
+    publish_from_third(g);
+    assert_int_equal(kill(g->pid, SIGTERM), 0);
+    assert_int_equal(finish(g), 1);
+    assert_true(find_metadata(g->bag, MANIFEST_LOST, 0, "stage/state", text));
+    assert_true(atoi(text) >= 3);
+    snprintf(expected, sizeof expected, ", %s messages lost", text);
+    assert_contains(g->text, expected);
+}
+
 static void wrong_arguments_are_named(void **state)
 {
     struct rig *g = *state;
@@ -400,6 +434,7 @@ int main(void)
         RIG_TEST(only_the_topics_named_are_recorded),
         RIG_TEST(a_full_disk_ends_it_with_one_error_and_a_whole_file),
         RIG_TEST(messages_that_get_lost_are_told),
+        RIG_TEST(the_node_too_ends_with_1_when_messages_got_lost),
         RIG_TEST(wrong_arguments_are_named),
         RIG_TEST(a_bag_that_is_there_is_not_touched),
         RIG_TEST(help_names_every_option),
