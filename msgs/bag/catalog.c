@@ -43,6 +43,27 @@ int bag_catalog_define(struct bag_catalog *c, const struct bag_record *r)
     return err;
 }
 
+int bag_catalog_redefine(struct bag_catalog *c, const struct bag_record *r)
+{
+    bool schema = r->opcode == BAG_SCHEMA;
+    uint32_t at = schema ? c->schema_at[r->schema.id] : c->channel_at[r->channel.id];
+    struct bytes_buffer bytes = {0};
+
+    if (!at)
+        return bag_catalog_define(c, r);
+    struct bag_kept *k = schema ? &c->schemas[at - 1] : &c->channels[at - 1];
+    bag_record_put(&bytes, r);
+    if (bytes.failed || bytes_equal(bytes_in(&bytes), bytes_in(&k->copy))) {
+        int err = bytes.failed ? -ENOMEM : 0;
+        bytes_free(&bytes);
+        return err;
+    }
+    bytes_free(&k->copy);
+    k->copy = bytes;
+    bag_record_parse(&k->record, r->opcode, content_of(&k->copy));
+    return 1;
+}
+
 int bag_catalog_add_block(struct bag_catalog *c, const struct bag_block *block)
 {
     if (!(c->n_blocks & (c->n_blocks - 1))) {

@@ -10,6 +10,10 @@ int bag_catalog_keep(struct bag_kept **list, size_t *n, const struct bag_record 
 /* A schema or channel, unless its id is known.  0, -ENOMEM. */
 int bag_catalog_define(struct bag_catalog *c, const struct bag_record *r);
 
+/* A schema or channel in place of what has its id.  0 (as it was, or new), 1 (it was
+ * another), -ENOMEM. */
+int bag_catalog_redefine(struct bag_catalog *c, const struct bag_record *r);
+
 /* 0, -ENOMEM. */
 int bag_catalog_add_block(struct bag_catalog *c, const struct bag_block *block);
 

@@ -9,6 +9,7 @@
 struct source {
     const struct bag_catalog *catalog;
     uint16_t schema_id[1 << 16], channel_id[1 << 16]; /* in the new bag, by old id */
+    uint16_t channel_schema[1 << 16]; /* what channel_id was defined with */
 };
 
 struct piece { /* what is in the new bag: a record, its id taken out */
@@ -111,7 +112,7 @@ int bag_copy_channel(struct bag_copy *c, size_t from, uint16_t old, uint16_t *id
     int err = 0;
 
     *id = s->channel_id[old];
-    if (*id || !channel)
+    if (!channel || (*id && s->channel_schema[old] == s->schema_id[channel->schema_id]))
         return 0;
     const struct bag_schema *schema = bag_catalog_schema(s->catalog, channel->schema_id);
     if (schema && !s->schema_id[schema->id]) {
@@ -126,8 +127,17 @@ int bag_copy_channel(struct bag_copy *c, size_t from, uint16_t old, uint16_t *id
     r.channel.id = NONE;
     r.channel.schema_id = schema ? s->schema_id[schema->id] : NONE;
     err = define(c, &c->channels, &r, &s->channel_id[old], why);
+    s->channel_schema[old] = r.channel.schema_id;
     *id = s->channel_id[old];
     return err;
+}
+
+void bag_copy_redefined(struct bag_copy *c, size_t from, const struct bag_record *r)
+{
+    if (r->opcode == BAG_SCHEMA)
+        c->sources[from]->schema_id[r->schema.id] = NONE;
+    else
+        c->sources[from]->channel_id[r->channel.id] = NONE;
 }
 
 int bag_copy_message(struct bag_copy *c, size_t from, const struct bag_message *m,

@@ -19,6 +19,10 @@ int bag_copy_add(struct bag_copy *c, const struct bag_catalog *from);
 int bag_copy_channel(struct bag_copy *c, size_t from, uint16_t old, uint16_t *id,
                      struct complaint *why);
 
+/* The catalog of bag number `from` has another schema or channel than before under the id
+ * of r: from now on it is that one. */
+void bag_copy_redefined(struct bag_copy *c, size_t from, const struct bag_record *r);
+
 /* A message of bag number `from`.  0, -EBADMSG (its channel is defined nowhere), or as
  * bag_writer_message. */
 int bag_copy_message(struct bag_copy *c, size_t from, const struct bag_message *m,

@@ -9,6 +9,7 @@
 #include "msgs/bag/catalog_build.h"
 #include "msgs/bag/copy.h"
 #include "msgs/bag/salvage.h"
+#include "msgs/bag/section.h"
 #include "msgs/bag/writer.h"
 
 #define CHUNK_SIZE (4u << 20) /* of the new bag */
@@ -18,6 +19,7 @@ struct recover {
     struct bag_writer *writer;   /* NULL: only look for definitions */
     struct bag_recovery count;
     struct bag_copy *copy; /* to the writer */
+    bool doubtful;         /* under way is a chunk without its checksum */
     struct bag_salvage salvage;
     char profile[64]; /* of the header, if that is whole */
     struct bag_recover_watch watch;
@@ -25,8 +27,14 @@ struct recover {
 
 bool bag_recovery_is_loss(const struct bag_recovery *r)
 {
-    return r->n_damages || r->n_unchecked || r->n_nameless || !r->ended ||
-           (r->expected_messages && r->n_messages < r->expected_messages);
+    return r->n_damages || r->n_unchecked || r->n_nameless || r->n_misplaced ||
+           r->n_redefined || !r->ended || r->n_messages < bag_recovery_known(r);
+}
+
+uint64_t bag_recovery_known(const struct bag_recovery *r)
+{
+    return r->expected_messages > r->indexed_messages ? r->expected_messages
+                                                      : r->indexed_messages;
 }
 
 static int save_message(struct recover *r, const struct bag_message *m,
@@ -52,6 +60,23 @@ static void keep_profile(struct recover *r, struct bytes profile)
                  (const char *)profile.data);
 }
 
+/* For what comes after it; at first, in looking for definitions, and in what has no
+ * checksum one that is known stays. */
+static int define(struct recover *r, const struct bag_record *record,
+                  struct complaint *why)
+{
+    int err = r->writer && !r->doubtful ? bag_catalog_redefine(r->catalog, record)
+                                        : bag_catalog_define(r->catalog, record);
+
+    if (err < 0)
+        return complain(why, err, "%s: out of memory", r->catalog->file.path);
+    if (err) {
+        r->count.n_redefined++;
+        bag_copy_redefined(r->copy, 0, record);
+    }
+    return 0;
+}
+
 /* A record that is whole. */
 static int save(struct recover *r, const struct bag_record *record, struct complaint *why)
 {
@@ -61,11 +86,12 @@ static int save(struct recover *r, const struct bag_record *record, struct compl
         return 0;
     case BAG_SCHEMA:
     case BAG_CHANNEL:
-        if (bag_catalog_define(r->catalog, record)) /* unless it is known */
-            return complain(why, -ENOMEM, "%s: out of memory", r->catalog->file.path);
-        return 0;
+        return define(r, record, why);
     case BAG_STATISTICS:
         r->count.expected_messages = record->statistics.message_count;
+        return 0;
+    case BAG_MESSAGE_INDEX:
+        r->count.indexed_messages += record->message_index.entries.size / 16;
         return 0;
     case BAG_MESSAGE:
         return r->writer ? save_message(r, &record->message, why) : 0;
@@ -80,21 +106,49 @@ static int save(struct recover *r, const struct bag_record *record, struct compl
     }
 }
 
-/* Every record up to the end or to one that does not fit. */
-static int save_all(struct recover *r, struct bytes records, struct complaint *why)
+/* Every record of a chunk up to the end or to one that does not fit.  *left_out: bytes
+ * from there on. */
+static int save_all(struct recover *r, struct bytes records, size_t *left_out,
+                    struct complaint *why)
 {
     struct bytes_cursor left = {.left = records};
     struct bag_record record;
+    int err = 0;
 
-    while (left.left.size) {
-        int err = bag_record_take(&left, &record);
-        if (err == -EBADMSG)
+    for (*left_out = 0; !err && left.left.size;) {
+        size_t before = left.left.size;
+        err = bag_record_take(&left, &record);
+        if (err == -EBADMSG) {
+            *left_out = before;
             return 0;
-        if (!err)
+        }
+        if (err || !bag_chunk_allows(record.opcode)) {
+            r->count.n_misplaced++;
+            err = 0;
+        } else {
             err = save(r, &record, why);
-        if (err && err != -ENOTSUP)
-            return err;
+        }
     }
+    return err;
+}
+
+/* A chunk that has its checksum, or none. */
+static int save_chunk(struct recover *r, uint64_t offset, struct complaint *why)
+{
+    uint64_t end = offset + r->salvage.record.size;
+    size_t left_out;
+    char text[120];
+    int err = save_all(r, bytes_in(&r->salvage.plain), &left_out, why);
+
+    if (err || !left_out)
+        return err;
+    r->count.n_damages++;
+    r->count.lost_bytes += left_out;
+    snprintf(text, sizeof text,
+             "a damaged record in a chunk: the last %zu of its %zu bytes are left out",
+             left_out, r->salvage.plain.size);
+    if (r->writer && r->watch.damaged)
+        r->watch.damaged(r->watch.context, offset, end, text);
     return 0;
 }
 
@@ -104,6 +158,7 @@ static int save_start(struct recover *r, uint64_t offset, uint64_t n,
                       struct complaint *why)
 {
     uint64_t before = r->count.n_messages;
+    size_t left_out;
     int err = r->writer ? bag_salvage_start(&r->salvage, offset, n) : -EBADMSG;
 
     if (err == -EBADMSG)
@@ -111,7 +166,9 @@ static int save_start(struct recover *r, uint64_t offset, uint64_t n,
     if (err)
         return complain(why, err, "%s: byte %" PRIu64 ": %s", r->catalog->file.path,
                         offset, strerror(-err));
-    err = save_all(r, bytes_in(&r->salvage.plain), why);
+    r->doubtful = true;
+    err = save_all(r, bytes_in(&r->salvage.plain), &left_out, why);
+    r->doubtful = false;
     r->count.n_unchecked += r->count.n_messages - before;
     return err;
 }
@@ -180,9 +237,8 @@ static int walk(struct recover *r, struct complaint *why)
         if (bag_salvage_take(&r->salvage, offset, &record)) {
             next = offset + r->salvage.record.size;
             r->count.ended |= record.opcode == BAG_FOOTER;
-            err = record.opcode == BAG_CHUNK
-                      ? save_all(r, bytes_in(&r->salvage.plain), why)
-                      : save(r, &record, why);
+            err = record.opcode == BAG_CHUNK ? save_chunk(r, offset, why)
+                                             : save(r, &record, why);
         } else if (size - offset == BAG_MAGIC_SIZE &&
                    bag_salvage_is_magic(&r->salvage, offset)) {
             next = size;

@@ -9,6 +9,7 @@
 
 static uint8_t image[1 << 16]; /* of a bag */
 static size_t image_size;
+static char of_topic[N][8]; /* of each message that was saved last */
 
 static void make_image(struct scratch *s, enum bag_compression compression)
 {
@@ -40,6 +41,7 @@ static struct bag_recovery recover(struct scratch *s, bool right[N])
     struct bag_reader *r;
     struct bag_record record;
     struct complaint why = {""};
+    char topics[5][8] = {""}; /* by the channel's id */
     int err;
 
     snprintf(from, sizeof from, "%s", scratch_path(s, "hurt.mcap"));
@@ -54,9 +56,16 @@ static struct bag_recovery recover(struct scratch *s, bool right[N])
         if (record.opcode == BAG_MESSAGE && m->sequence < N &&
             bytes_equal(m->data, content(m->sequence, text)))
             right[m->sequence] = true;
-        if (record.opcode == BAG_CHANNEL)
-            assert_true(bytes_equal(record.channel.topic, bytes_of("odd")) ||
-                        bytes_equal(record.channel.topic, bytes_of("even")));
+        if (record.opcode == BAG_MESSAGE && m->sequence < N && m->channel_id < 5)
+            snprintf(of_topic[m->sequence], 8, "%s", topics[m->channel_id]);
+        if (record.opcode == BAG_CHANNEL) {
+            struct bytes topic = record.channel.topic;
+            assert_true(bytes_equal(topic, bytes_of("odd")) ||
+                        bytes_equal(topic, bytes_of("even")));
+            assert_in_range(record.channel.id, 1, 4);
+            snprintf(topics[record.channel.id], 8, "%.*s", (int)topic.size,
+                     (const char *)topic.data);
+        }
     }
     if (err != -ENODATA)
         fail_msg("%s", why.text);
@@ -168,6 +177,142 @@ static void garbage_in_the_middle_is_passed_over(void **state)
     assert_true(right[0] && right[N - 1]);
 }
 
+#define MESSAGE_HEAD (9 + 22) /* a message's record before its data */
+
+/* All N messages in one chunk, which has no checksum; without statistics. */
+static void make_chunk_without_checksum(struct scratch *s, bool indexed)
+{
+    const struct bag_writer_config cfg = {.profile = "anlos",
+                                          .library = "test",
+                                          .chunk_size = sizeof image,
+                                          .without_message_index = !indexed,
+                                          .without_statistics = true};
+    const struct bag_channel channel = {.topic = bytes_of("even")};
+    struct complaint why = {""};
+    struct bag_writer *w;
+    char text[200];
+    uint16_t id;
+
+    assert_int_equal(bag_writer_create(&w, scratch_path(s, "whole.mcap"), &cfg, &why), 0);
+    assert_int_equal(bag_writer_channel(w, &channel, &id, &why), 0);
+    for (size_t i = 0; i < N; i++) {
+        const struct bag_message m = {
+            .channel_id = id, .sequence = (uint32_t)i, .data = content(i, text)};
+        assert_int_equal(bag_writer_message(w, &m, &why), 0);
+    }
+    assert_int_equal(bag_writer_close(w, &why), 0);
+    FILE *f = fopen(s->path, "rb");
+    image_size = fread(image, 1, sizeof image, f);
+    fclose(f);
+    unlink(s->path);
+    size_t at = BAG_MAGIC_SIZE; /* the header, then the chunk */
+    at += 9 + image[at + 1] + 256u * image[at + 2];
+    assert_int_equal(image[at], BAG_CHUNK);
+    memset(image + at + 9 + 24, 0, 4);
+}
+
+static size_t start_of(size_t i)
+{
+    char text[200];
+
+    return end_of(i) - content(i, text).size - MESSAGE_HEAD;
+}
+
+static void messages_after_a_damaged_record_of_a_chunk_are_missed(void **state)
+{
+    bool right[N];
+
+    for (int indexed = 0; indexed < 2; indexed++) {
+        make_chunk_without_checksum(*state, indexed);
+        size_t lost = end_of(N - 1) - start_of(N - 5);
+        image[start_of(N - 5) + 5] = 0xff; /* 1 TB long */
+        save_image(*state, "hurt.mcap", image_size);
+        struct bag_recovery found = recover(*state, right);
+        for (size_t i = 0; i < N; i++)
+            assert_int_equal(right[i], i < N - 5);
+        assert_true(bag_recovery_is_loss(&found));
+        assert_int_equal(found.n_messages, N - 5);
+        assert_int_equal(found.n_damages, 1);
+        assert_int_equal(found.lost_bytes, lost);
+        assert_int_equal(bag_recovery_known(&found), indexed ? N : 0);
+    }
+}
+
+static void a_record_of_no_kind_in_a_chunk_is_missed(void **state)
+{
+    static const uint8_t kinds[] = {0x85, BAG_FOOTER, 0};
+    bool right[N];
+
+    for (size_t k = 0; k < sizeof kinds; k++) {
+        make_chunk_without_checksum(*state, false);
+        image[start_of(4)] = kinds[k];
+        save_image(*state, "hurt.mcap", image_size);
+        struct bag_recovery found = recover(*state, right);
+        for (size_t i = 0; i < N; i++)
+            assert_int_equal(right[i], i != 4);
+        assert_true(bag_recovery_is_loss(&found));
+    }
+}
+
+static void put_message(struct bytes_buffer *b, size_t i)
+{
+    char text[200];
+    struct bag_record r = {.opcode = BAG_MESSAGE};
+
+    r.message.channel_id = 7;
+    r.message.sequence = (uint32_t)i;
+    r.message.data = content(i, text);
+    bag_record_put(b, &r);
+}
+
+static void put_definition(struct bytes_buffer *b, uint8_t opcode, const char *name)
+{
+    struct bag_record r = {.opcode = opcode};
+
+    if (opcode == BAG_SCHEMA) {
+        r.schema.id = 9;
+        r.schema.name = bytes_of(name);
+    } else {
+        r.channel.id = 7;
+        r.channel.schema_id = 9;
+        r.channel.topic = bytes_of(name);
+    }
+    bag_record_put(b, &r);
+}
+
+/* Two topics under the id 7, and two schemas under 9. */
+static void of_channels_that_share_an_id_each_is_kept_and_it_is_told(void **state)
+{
+    static const char *const topics[] = {"even", "odd", "odd", "even"};
+    struct bytes_buffer b = {0};
+    struct bag_record header = {.opcode = BAG_HEADER}, end = {.opcode = BAG_DATA_END},
+                      footer = {.opcode = BAG_FOOTER};
+    bool right[N];
+
+    bytes_put(&b, (struct bytes){(const uint8_t *)BAG_MAGIC, BAG_MAGIC_SIZE});
+    bag_record_put(&b, &header);
+    for (size_t i = 0; i < 4; i++) {
+        put_definition(&b, BAG_SCHEMA, i < 2 ? "first" : "second");
+        put_definition(&b, BAG_CHANNEL, topics[i]);
+        put_message(&b, i);
+    }
+    bag_record_put(&b, &end);
+    bag_record_put(&b, &footer);
+    bytes_put(&b, (struct bytes){(const uint8_t *)BAG_MAGIC, BAG_MAGIC_SIZE});
+    assert_true(b.size < sizeof image);
+    memcpy(image, b.data, b.size);
+    save_image(*state, "hurt.mcap", b.size);
+    bytes_free(&b);
+    struct bag_recovery found = recover(*state, right);
+    assert_int_equal(found.n_messages, 4);
+    assert_int_equal(found.n_redefined, 3); /* to odd, to the second, to even */
+    assert_true(bag_recovery_is_loss(&found));
+    for (size_t i = 0; i < 4; i++) {
+        assert_true(right[i]);
+        assert_string_equal(of_topic[i], topics[i]);
+    }
+}
+
 static void noise_ends(void **state)
 {
     struct scratch *s = *state;
@@ -193,6 +338,9 @@ int main(void)
         TEST(compressed_chunks_before_a_cut_are_there),
         TEST(one_changed_byte_costs_one_chunk_at_most),
         TEST(garbage_in_the_middle_is_passed_over),
+        TEST(messages_after_a_damaged_record_of_a_chunk_are_missed),
+        TEST(a_record_of_no_kind_in_a_chunk_is_missed),
+        TEST(of_channels_that_share_an_id_each_is_kept_and_it_is_told),
         TEST(noise_ends),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -52,10 +52,12 @@ static void print_result(const struct bag_recovery *r, const char *from, const c
         printf("%s: its end is missing, as after a crash of what wrote it: what had not "
                "come to the disk is lost\n",
                from);
-    if (r->expected_messages > r->n_messages)
-        printf("%s: %" PRIu64 " of %" PRIu64 " messages were lost\n", from,
-               r->expected_messages - r->n_messages, r->expected_messages);
-    else if (!r->expected_messages)
+    uint64_t known = bag_recovery_known(r);
+    const char *least = r->expected_messages ? "" : "at least ";
+    if (known > r->n_messages)
+        printf("%s: %s%" PRIu64 " of %s%" PRIu64 " messages were lost\n", from, least,
+               known - r->n_messages, least, known);
+    if (!r->expected_messages)
         printf("%s: how many messages it had is not known: its statistics are gone\n",
                from);
     if (r->n_unchecked)
@@ -65,6 +67,16 @@ static void print_result(const struct bag_recovery *r, const char *from, const c
         printf("%s: %" PRIu64 " messages were left out: the definition of their channel "
                "is lost\n",
                from, r->n_nameless);
+    if (r->n_misplaced)
+        printf("%s: %" PRIu64
+               " records in chunks were left out: they are of no kind that "
+               "belongs there\n",
+               from, r->n_misplaced);
+    if (r->n_redefined)
+        printf("%s: an id stands for different channels or schemas, %" PRIu64 " times: "
+               "each is kept under an id of its own, and a message counts as of what "
+               "stands before it last\n",
+               from, r->n_redefined);
 }
 
 static int run(char *from, const char *to)
