@@ -241,8 +241,11 @@ static int write_end(struct bag_writer *w, struct complaint *why)
     bag_definitions_put_rest(&w->definitions, &w->out);
     crc = bag_crc(w->sink.crc, bytes_in(&w->out));
     summarize(w);
-    bag_summary_put(&w->out, &w->summary, !w->cfg.without_summary_offsets,
-                    w->sink.size + w->out.size, crc);
+    int err = bag_summary_put(&w->out, &w->summary, !w->cfg.without_summary_offsets,
+                              w->sink.size + w->out.size, crc);
+    if (err)
+        return complain(why, err, "%s: its index cannot be read back: %s", w->sink.path,
+                        strerror(-err));
     return w->out.failed ? writer_out_of_memory(w, why)
                          : bag_sink_write(&w->sink, bytes_in(&w->out), 0, why);
 }

@@ -73,6 +73,8 @@ int writer_end_chunk(struct bag_writer *w, struct complaint *why)
     err = writer_emit(w, why);
     if (err)
         w->summary.chunk_indexes.size = indexes;
+    else
+        bag_summary_lay_down(&w->summary, w->sink.path);
     settle_chunk(w, !err);
     return err;
 }

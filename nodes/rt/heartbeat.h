@@ -31,8 +31,8 @@ struct heartbeat {
     size_t n_faults;
     char priority[PRIORITY_TEXT_SIZE]; /* of this process */
     uint64_t turns;                    /* of the main loop, so far */
-    double turn_limit_s; /* each may take so long; 0: as the launcher has it */
-    double busy_s;       /* the one under way; 0: as any */
+    double turn_limit_s;           /* each may take so long; 0: as the launcher has it */
+    double busy_s;                 /* the one under way; 0: as any */
     const Anlos__Sensing *sensing; /* not owned; NULL: none */
 };
 

@@ -2,8 +2,10 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <malloc.h>
 #include <unistd.h>
 
+#include "msgs/bag/check.h"
 #include "msgs/bag/cursor.h"
 
 static const char *write_bag(struct scratch *s, size_t chunk_size,
@@ -275,6 +277,39 @@ static void what_is_no_bag_is_refused(void **state)
     assert_non_null(strstr(why.text, "no MCAP file"));
 }
 
+static size_t memory_in_use(void)
+{
+    struct mallinfo2 m = mallinfo2();
+
+    return m.uordblks + m.hblkhd;
+}
+
+/* As many as ten hours have at a flush in a second: one chunk index is over 80 bytes. */
+static void the_memory_of_a_writer_does_not_grow_with_the_file(void **state)
+{
+    enum { CHUNKS = 36000 };
+    struct bag_writer *w = start(scratch_path(*state, "long.mcap"), 1, BAG_NONE);
+    struct complaint why = {""};
+    uint64_t n_faults;
+
+    for (size_t i = 0; i < 100; i++)
+        put(w, i);
+    size_t before = memory_in_use();
+    for (size_t i = 100; i < CHUNKS; i++)
+        put(w, i);
+    size_t grown = memory_in_use() - before;
+    if (grown > 1 << 20 && grown < SIZE_MAX / 2)
+        fail_msg("%zu bytes more for %d chunks", grown, CHUNKS - 100);
+    assert_int_equal(bag_writer_close(w, &why), 0);
+    const char *path = ((struct scratch *)*state)->path;
+    assert_int_equal(bag_check(&n_faults, path, NULL, &why), 0);
+    assert_int_equal(n_faults, 0);
+    struct bag_catalog *c = open_catalog(path);
+    assert_false(c->scanned);
+    assert_int_equal(c->n_chunks, CHUNKS);
+    bag_catalog_close(c);
+}
+
 int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
@@ -288,6 +323,7 @@ int main(void)
         TEST(what_could_not_be_read_is_not_written),
         TEST(a_file_that_is_there_is_not_written_over),
         TEST(what_is_no_bag_is_refused),
+        TEST(the_memory_of_a_writer_does_not_grow_with_the_file),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
