@@ -220,6 +220,7 @@ static void a_program_that_speaks_no_zmtp_is_refused_and_counted(void **state)
     struct bus *array = open_on(0, "array", 1), *dsp = open_on(1, "dsp", 1);
     bus_on_refusal(array, hear, &says);
     assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    meet(array, topic_ping(), dsp); /* of one address: who was let in is known by now */
     int fd = connect_plainly(0, "array", topic_ping());
     assert_int_equal(send(fd, "GET / HTTP/1.1\r\n\r\n", 18, MSG_NOSIGNAL), 18);
     shutdown(fd, SHUT_WR);
