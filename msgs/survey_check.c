@@ -5,10 +5,11 @@
 
 #include "msgs/survey.h"
 
-#define MAX_DISTANCE_M   100.0 /* a survey in millimetres does not pass */
-#define MAX_SLOT_SAMPLES ((size_t)1 << 22)
-#define MAX_OVERLAP      16  /* slots that a chirp may take */
-#define SLOT_CLEARANCE_M 0.1 /* before the next emission: its sidelobes */
+#define MAX_DISTANCE_M       100.0 /* a survey in millimetres does not pass */
+#define MAX_SLOT_SAMPLES     ((size_t)1 << 22)
+#define MAX_OVERLAP          16   /* slots that a chirp may take */
+#define LEAST_TIME_BANDWIDTH 10.0 /* of a chirp: under that its spectrum is no band */
+#define SLOT_CLEARANCE_M     0.1  /* before the next emission: its sidelobes */
 
 static int check_range(struct complaint *why, const char *field, double x, double min,
                        double max, const char *unit)
@@ -86,6 +87,13 @@ static int check_chirp(const struct survey *s, struct complaint *why)
                         "chirp duration_s is %g, expected over 0 and up to %d slots of "
                         "%g",
                         s->chirp_duration_s, MAX_OVERLAP, slot_s);
+    double least_s = LEAST_TIME_BANDWIDTH / fabs(s->chirp_stop_hz - s->chirp_start_hz);
+    if (!s->n_replica && s->chirp_duration_s < least_s)
+        return complain(
+            why, -EINVAL,
+            "chirp duration_s is %g, too short to sweep %g to %g Hz; expected "
+            "at least %g",
+            s->chirp_duration_s, s->chirp_start_hz, s->chirp_stop_hz, least_s);
     if (survey_overlaps(s) && !s->has_gate)
         return complain(why, -EINVAL,
                         "chirp duration_s is %g, expected over 0 and up to the slot, %g; "

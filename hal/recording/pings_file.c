@@ -29,11 +29,24 @@ struct pings_file {
     struct complaint *why;
 };
 
+/* With semicolons or tabs between all columns a comma is none: as spreadsheets write
+ * numbers where decimals have commas. */
+static bool has_decimal_commas(const char *line)
+{
+    size_t n = 1;
+    for (; *line; line++)
+        n += *line == ';' || *line == '\t';
+    return n >= COLUMNS;
+}
+
 /* Cuts a line into fields without the space and the quotes around them. */
 static size_t split(char *line, char *fields[MAX_FIELDS])
 {
     size_t n = 0;
     line[strcspn(line, "\r\n")] = 0;
+    if (has_decimal_commas(line))
+        for (char *c = line; *c; c++)
+            *c = *c == ',' ? '.' : *c;
     for (char *at = line; at && n < MAX_FIELDS; n++) {
         char *end = strpbrk(at, ",;\t");
         if (end)
@@ -109,9 +122,13 @@ static int take_ping(struct pings_file *f, char *const *fields, size_t n)
     if (n != f->n_fields)
         return complain(f->why, -EINVAL, "%s:%zu: %zu columns, expected %zu%s", f->path,
                         f->line, n, f->n_fields,
-                        f->named ? ""
-                                 : ": speaker x, y, z and microphone x, y, z in m, or a "
-                                   "first line with names");
+                        n == 2 * f->n_fields
+                            ? "; where decimals have commas, put semicolons between the "
+                              "columns"
+                        : f->named
+                            ? ""
+                            : ": speaker x, y, z and microphone x, y, z in m, or a "
+                              "first line with names");
     for (size_t c = 0; c < COLUMNS; c++) {
         const char *text = fields[f->column[c]];
         if (!parse_number(text, &at[c]) || !isfinite(at[c]))

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nodes/rt/nearest.h"
 #include "nodes/rt/processors.h"
 
 int usage_error(const char *command, const char *format, ...)
@@ -30,56 +31,21 @@ int usage_flush(const char *command)
     return EXIT_FAILED;
 }
 
-#define LONGEST_WORD 32
-
-/* Insertions, deletions and changes that make b out of a (Levenshtein). */
-static size_t edit_distance(const char *a, size_t n, const char *b)
-{
-    size_t row[LONGEST_WORD + 1], m = strlen(b);
-    if (n > LONGEST_WORD || m > LONGEST_WORD)
-        return LONGEST_WORD;
-    for (size_t j = 0; j <= m; j++)
-        row[j] = j;
-    for (size_t i = 1; i <= n; i++) {
-        size_t diagonal = row[0];
-        row[0] = i;
-        for (size_t j = 1; j <= m; j++) {
-            size_t change = diagonal + (a[i - 1] != b[j - 1]);
-            size_t shift = 1 + (row[j] < row[j - 1] ? row[j] : row[j - 1]);
-            diagonal = row[j];
-            row[j] = change < shift ? change : shift;
-        }
-    }
-    return row[m];
-}
-
 const char *usage_nearest(const char *word, const char *const *names)
 {
-    const char *best = NULL;
-    size_t least = 3, n = strlen(word);
-    for (; *names; names++) {
-        size_t d = edit_distance(word, n, *names);
-        if (d < least && d < n) {
-            least = d;
-            best = *names;
-        }
-    }
-    return best;
+    struct nearest s = nearest_begin(word, strlen(word), 2);
+    for (; *names; names++)
+        nearest_try(&s, *names);
+    return s.best;
 }
 
 static const char *nearest_option(const char *word, size_t n,
                                   const struct option *options)
 {
-    const char *best = NULL;
-    size_t least = 4;
-    for (; options->name; options++) {
-        size_t d = edit_distance(word, n, options->name);
-        if (d < least && d < n) {
-            least = d;
-            best = options->name;
-        }
-    }
-    return best;
+    struct nearest s = nearest_begin(word, n, 3);
+    for (; options->name; options++)
+        nearest_try(&s, options->name);
+    return s.best;
 }
 
 int usage_option_error(const char *command, int code, char **argv,

@@ -18,6 +18,7 @@
 #include "nodes/rt/launchfile_view.h"
 #include "nodes/rt/launchfile_wall.h"
 #include "nodes/rt/launchfile_text.h"
+#include "nodes/rt/nearest.h"
 #include "nodes/rt/uri.h"
 #include "recon/imager.h"
 
@@ -225,10 +226,13 @@ static int check(const struct launchfile *l, struct complaint *why)
     if (!l->array.uri[0] && launchfile_has_node(l, "array"))
         return yaml_complain(why, -EINVAL, l->path, "array.uri",
                              "expected a device, e.g. \"sim:SCENE.yaml\"");
-    if (!imager_has_method(l->recon.method))
-        return yaml_complain(why, -EINVAL, l->path, "recon.method",
-                             "%s is not one of the methods, e.g. fast or backprojection",
-                             l->recon.method);
+    if (!imager_has_method(l->recon.method)) {
+        char hint[NEAREST_HINT_SIZE];
+        return yaml_complain(
+            why, -EINVAL, l->path, "recon.method",
+            "%s is not one of the methods, e.g. fast or backprojection%s",
+            l->recon.method, nearest_hint(hint, l->recon.method, imager_methods()));
+    }
     return check_numbers(l, why);
 }
 

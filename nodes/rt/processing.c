@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "hal/tail.h"
+#include "nodes/rt/nearest.h"
 
 #define GATE_NEAR_LEAST_M  0.3
 #define DIRECT_CLEARANCE_M 0.1  /* behind the direct path: its sidelobes and the stand */
@@ -293,13 +294,13 @@ int processing_imager(struct imager **out, const struct processing *p, const cha
     memcpy(cfg.gate_m, p->gate_m, sizeof cfg.gate_m);
     int err = imager_create(out, &cfg, &reason);
     if (err == -ENOENT) {
-        char known[256] = "";
+        char known[256] = "", hint[NEAREST_HINT_SIZE];
         for (const char *m = imager_methods(); *m; m += strlen(m) + 1) {
             size_t used = strlen(known);
             snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "", m);
         }
-        return complain(why, err, "method '%s': no such method; expected one of %s",
-                        method, known);
+        return complain(why, err, "method '%s': no such method; expected one of %s%s",
+                        method, known, nearest_hint(hint, method, imager_methods()));
     }
     if (err == -ENOTSUP)
         return complain(why, err, "method '%s' cannot image this survey: it needs %s",

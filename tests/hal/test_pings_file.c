@@ -45,6 +45,16 @@ static void named_columns_may_stand_anywhere(void **state)
                        "1,2,3,4,5,6\n-1,0.5,0.0025,7,8,9\n");
 }
 
+/* As a spreadsheet writes them where decimals have commas. */
+static void between_semicolons_or_tabs_a_comma_begins_the_decimals(void **state)
+{
+    expect_two(*state, "1,0;2,0;3,0;4,0;5,0;6,0\n-1,0;0,5;0,0025;7,0;8;9\n");
+    expect_two(*state, "1,0\t2\t3\t4\t5\t6\n-1\t0,5\t2,5e-3\t7\t8\t9\n");
+    expect_two(*state, "tx_x_m;tx_y_m;tx_z_m;rx_x_m;rx_y_m;rx_z_m\n"
+                       "1,0;2;3;4;5;6\n-1,0;0,5;0,0025;7;8;9\n");
+    expect_two(*state, "1,2,3;4,5,6\n-1,0.5,0.0025;7,8,9\n"); /* separators as before */
+}
+
 static void what_is_wrong_is_named_with_its_line(void **state)
 {
     static const struct {
@@ -64,6 +74,8 @@ static void what_is_wrong_is_named_with_its_line(void **state)
          "pings.csv:1: the column tx_x_m is named twice"},
         {"tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m\n1,2,3,4,5,6,7\n",
          "pings.csv:2: 7 columns, expected 6"},
+        {"0,4,0,0,0,1,0,3,0,0,0,1\n", "pings.csv:1: 12 columns, expected 6; where "
+                                      "decimals have commas, put semicolons"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct complaint why;
@@ -111,6 +123,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(six_numbers_a_line_are_a_ping),
         TEST(named_columns_may_stand_anywhere),
+        TEST(between_semicolons_or_tabs_a_comma_begins_the_decimals),
         TEST(what_is_wrong_is_named_with_its_line),
         TEST(a_missing_file_is_named),
         TEST(there_is_an_end_to_pings),

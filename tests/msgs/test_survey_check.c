@@ -88,6 +88,24 @@ static void counts_and_lists_are_refused_by_name(void **state)
     assert_refused(&s, "right angles");
 }
 
+/* 18 kHz of band: a time-bandwidth product of 10 takes 10 / 18000 s = 0.5556 ms.  What a
+ * replica is, is not asked: a pulse is one too. */
+static void a_chirp_too_short_to_sweep_its_band_is_refused(void **state)
+{
+    (void)state;
+    struct survey s = example();
+    s.chirp_duration_s = 1e-9;
+    assert_refused(&s, "chirp duration_s is 1e-09, too short to sweep 2000 to 20000 Hz; "
+                       "expected at least 0.000555");
+    s.chirp_duration_s = 0.00055;
+    assert_refused(&s, "too short");
+    s.chirp_duration_s = 0.00056;
+    assert_int_equal(survey_check(&s, NULL), 0);
+    s = foreign_example();
+    s.chirp_duration_s = 0.00055;
+    assert_int_equal(survey_check(&s, NULL), 0);
+}
+
 static void calibration_is_refused_by_serial(void **state)
 {
     (void)state;
@@ -169,6 +187,7 @@ int main(void)
         cmocka_unit_test(parts_that_are_not_there_are_not_checked),
         cmocka_unit_test(more_paths_than_can_be_planned_for_are_refused),
         cmocka_unit_test(counts_and_lists_are_refused_by_name),
+        cmocka_unit_test(a_chirp_too_short_to_sweep_its_band_is_refused),
         cmocka_unit_test(calibration_is_refused_by_serial),
         cmocka_unit_test(places_and_replica_are_checked),
         cmocka_unit_test(a_slot_shorter_than_the_chirp_needs_a_gate_within_it),

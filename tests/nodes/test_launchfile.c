@@ -310,6 +310,9 @@ static void an_unknown_method_is_refused(void **state)
     assert_refused(*state, "nodes: [can]\nrecon: {method: magic}\n",
                    ":2: recon.method: magic is not one of the methods, e.g. fast or "
                    "backprojection");
+    assert_refused(*state, "nodes: [can]\nrecon: {method: fats}\n",
+                   ":2: recon.method: fats is not one of the methods, e.g. fast or "
+                   "backprojection; did you mean fast?");
 }
 
 static void the_demo_can_be_loaded(void **state)

@@ -196,6 +196,7 @@ static void wrong_arguments_are_refused(void **state)
     static const char *const cases[][3] = {{"lists", NULL, "expected list or info"},
                                            {"info", NULL, "expected one node"},
                                            {"info", "radar", "radar: no such node"},
+                                           {"info", "recom", "did you mean recon?"},
                                            {"list", "--jsn", "did you mean --json"}};
 
     (void)state;

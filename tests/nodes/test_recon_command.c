@@ -531,6 +531,7 @@ static void wrong_arguments_are_told_with_a_hint(void **state)
     expect_usage(
         WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method", "magic"),
         "--method magic: no such method; expected one of auto, fast, backprojection");
+    expect_usage(WORDS("--method", "backprojektion"), "did you mean backprojection?");
     expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method", "fk"),
                  "--method fk: only for --confocal");
     expect_usage(WORDS("--set", "l2=1"),

@@ -92,12 +92,20 @@ static void wrong_arguments_are_refused(void **state)
     char *listed[] = {"topic", "list", "--count", "3", NULL};
     char *whole[] = {"topic", "hz", "--full", NULL};
     char *echoed[] = {"topic", "echo", "ping", "--seconds", "3", NULL};
-    char **all[] = {none, verb, which, typo, count, time, ages, listed, whole, echoed};
-    static const char *const texts[] = {"is missing",         "list2",
-                                        "expected one topic", "pings: no such topic",
-                                        "--count 0",          "--seconds -3",
-                                        "--seconds 1e12",     "list has no such option",
-                                        "hz has no such",     "echo has no such"};
+    char *odd[] = {"topic", "hz", "xyzzy", NULL};
+    char **all[] = {none, verb,   which, typo,   count, time,
+                    ages, listed, whole, echoed, odd};
+    static const char *const texts[] = {"is missing",
+                                        "list2",
+                                        "expected one topic",
+                                        "pings: no such topic; did you mean ping?",
+                                        "--count 0",
+                                        "--seconds -3",
+                                        "--seconds 1e12",
+                                        "list has no such option",
+                                        "hz has no such",
+                                        "echo has no such",
+                                        "xyzzy: no such topic; 'anlos topic list'"};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         command_run(&r, command_topic, all[i]);
         assert_int_equal(r.code, 2);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "nodes/anlos/recon/auto.h"
+#include "nodes/rt/nearest.h"
 #include "recon/imager.h"
 
 bool bench_names_have(const char *list, const char *name)
@@ -41,13 +42,14 @@ static void join_names(char *text, size_t size, const char *names)
 int bench_names_check(const char *what, const char *names, const char *known,
                       struct complaint *why)
 {
-    char list[512];
+    char list[512], hint[NEAREST_HINT_SIZE];
     for (const char *m = names; *m; m += strlen(m) + 1) {
         if (bench_names_have(known, m) || (!strcmp(what, "scene") && bench_names_file(m)))
             continue;
         join_names(list, sizeof list, known);
-        return complain(why, -ENOENT, "%s: no such %s; expected one of %s%s", m, what,
-                        list, strcmp(what, "scene") ? "" : ", or a scene file (.yaml)");
+        return complain(why, -ENOENT, "%s: no such %s; expected one of %s%s%s", m, what,
+                        list, strcmp(what, "scene") ? "" : ", or a scene file (.yaml)",
+                        nearest_hint(hint, m, known));
     }
     return *names ? 0 : complain(why, -EINVAL, "expected the name of a %s", what);
 }

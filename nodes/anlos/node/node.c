@@ -155,6 +155,10 @@ int command_node(int argc, char **argv)
         return usage_error("node", "expected list or info NODE");
     if (n_names != 1)
         return usage_error("node", "info: expected one node");
+    const char *near = usage_nearest(argv[optind + 1], topics_nodes());
+    if (!is_node(argv[optind + 1]) && near)
+        return usage_error("node", "%s: no such node; did you mean %s?", argv[optind + 1],
+                           near);
     if (!is_node(argv[optind + 1]))
         return usage_error("node", "%s: no such node; 'anlos node list' has their names",
                            argv[optind + 1]);

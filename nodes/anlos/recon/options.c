@@ -8,6 +8,7 @@
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/recon/help.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/nearest.h"
 #include "recon/imager.h"
 
 #define MAX_THREADS 256
@@ -112,7 +113,7 @@ static int take_goal(struct recon_options *o, const char *command, int code)
 
 static int take_method(struct recon_options *o, const char *command)
 {
-    char known[256] = "auto";
+    char known[256] = "auto", hint[NEAREST_HINT_SIZE];
     o->method = optarg;
     if (imager_has_method(optarg) || confocal_has_method(optarg) ||
         !strcmp(optarg, recon_auto_name))
@@ -121,8 +122,8 @@ static int take_method(struct recon_options *o, const char *command)
         size_t used = strlen(known);
         snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "", m);
     }
-    return usage_error(command, "--method %s: no such method; expected one of %s", optarg,
-                       known);
+    return usage_error(command, "--method %s: no such method; expected one of %s%s",
+                       optarg, known, nearest_hint(hint, optarg, imager_methods()));
 }
 
 static const char **find_text(struct recon_options *o, int code)

@@ -9,6 +9,7 @@
 #include "nodes/anlos/topic/table.h"
 #include "nodes/anlos/topic/watch.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/nearest.h"
 #include "nodes/rt/rundir.h"
 
 #define DEFAULT_SECONDS 5.0
@@ -135,6 +136,18 @@ static int check_options(const struct topic_options *o, const char *verb)
     return odd ? usage_error("topic", "--%s: %s has no such option", odd, verb) : 0;
 }
 
+static int refuse_topic(const char *name)
+{
+    struct nearest s = nearest_begin(name, strlen(name), 2);
+
+    for (const struct topic *t = topics_all(); t->name; t++)
+        nearest_try(&s, t->name);
+    if (s.best)
+        return usage_error("topic", "%s: no such topic; did you mean %s?", name, s.best);
+    return usage_error("topic", "%s: no such topic; 'anlos topic list' has their names",
+                       name);
+}
+
 /* The topics named, or all.  Returns 0 or an exit code. */
 static int find_topics(char **names, size_t n_names, const struct topic ***out, size_t *n)
 {
@@ -150,9 +163,7 @@ static int find_topics(char **names, size_t n_names, const struct topic ***out, 
     for (size_t i = 0; i < *n; i++) {
         (*out)[i] = n_names ? topics_find(names[i]) : &topics_all()[i];
         if (!(*out)[i])
-            return usage_error("topic",
-                               "%s: no such topic; 'anlos topic list' has their names",
-                               names[i]);
+            return refuse_topic(names[i]);
     }
     return 0;
 }
