@@ -29,11 +29,18 @@
 #include "dsp/trace_mean.h"
 #include "tests/failing.h"
 
-static const struct trace_format format = {
-    .t0_s = 0.0035, .rate_hz = 36000.0, .carrier_hz = 11000.0, .n_samples = 800};
+#define FORMAT                                                                           \
+    {                                                                                    \
+        .t0_s = 0.0035, .rate_hz = 36000.0, .carrier_hz = 11000.0, .n_samples = 800      \
+    }
+
+static const struct trace_format format = FORMAT;
 
 #define SAMPLE_RATE_HZ 48000.0
-static const struct chirp chirp = {2000.0, 20000.0, 0.0625, false};
+#define CHIRP                                                                            \
+    {                                                                                    \
+        2000.0, 20000.0, 0.0625, false                                                   \
+    }
 
 /* Makes one and takes it away again; *out stays NULL if there is none. */
 #define CREATES(name, ...)                                                               \
@@ -51,27 +58,27 @@ static const struct chirp chirp = {2000.0, 20000.0, 0.0625, false};
 
 static const struct pulse_compress_config compressor = {.sample_rate_hz = SAMPLE_RATE_HZ,
                                                         .n_samples = 4200,
-                                                        .chirp = chirp,
+                                                        .chirp = CHIRP,
                                                         .window = WINDOW_HANN,
                                                         .gate_s = {0.006, 0.025},
                                                         .oversampling = 2.0,
                                                         .n_channels = 1};
 static const struct pulse_compress_config many = {.sample_rate_hz = SAMPLE_RATE_HZ,
                                                   .n_samples = 4200,
-                                                  .chirp = chirp,
+                                                  .chirp = CHIRP,
                                                   .window = WINDOW_HANN,
                                                   .gate_s = {0.006, 0.025},
                                                   .oversampling = 2.0,
                                                   .n_channels = 16};
 static const struct deramp_config deramper = {.sample_rate_hz = SAMPLE_RATE_HZ,
                                               .n_samples = 4200,
-                                              .chirp = chirp,
+                                              .chirp = CHIRP,
                                               .window = WINDOW_HANN,
                                               .gate_s = {0.006, 0.025},
                                               .n_channels = 1,
                                               .rate_hz = 144000.0};
 static const struct drift_config drifting = {
-    .format = format, .band_hz = {2000.0, 20000.0}, .n_channels = 4};
+    .format = FORMAT, .band_hz = {2000.0, 20000.0}, .n_channels = 4};
 static const struct cfar_config cells = {.kind = CFAR_ORDERED,
                                          .false_alarm_rate = 1e-3,
                                          .rank = 0.75,
