@@ -12,6 +12,7 @@
 #include "msgs/newcomers.h"
 #include "msgs/outlet.h"
 #include "msgs/remote.h"
+#include "msgs/wire_guard.h"
 
 #define HANDSHAKE_MS 10
 #define PEERS_MS     200
@@ -208,7 +209,7 @@ size_t bus_counts(struct bus *b, struct bus_count *out, size_t max)
 
 uint64_t bus_refused(struct bus *b)
 {
-    return inlet_refused(b->inlet);
+    return inlet_refused(b->inlet) + wire_guard_refused();
 }
 
 void bus_on_refusal(struct bus *b, void (*call)(void *ctx, const char *text), void *ctx)

@@ -100,7 +100,8 @@ void bus_resume(struct bus *b);
 size_t bus_counts(struct bus *b, struct bus_count *out, size_t max);
 
 /* Messages with a wrong magic, version, length, topic or publisher, or too large, or of
- * another world than this bus's. */
+ * another world than this bus's; and connections of this process on which came what is no
+ * message at all (msgs/wire_guard.h). */
 uint64_t bus_refused(struct bus *b);
 
 /* Connections from other machines that were refused: they had no permitted key. */

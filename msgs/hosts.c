@@ -256,7 +256,8 @@ int hosts_write(const struct hosts *h, const char *run_dir, struct complaint *wh
         return unlink(path) == 0 || errno == ENOENT
                    ? 0
                    : complain(why, -errno, "%s: %s", path, strerror(errno));
-    FILE *f = fopen(fresh, "we");
+    unlink(fresh); /* and not through a link that somebody has put there */
+    FILE *f = fopen(fresh, "wxe");
     int err = f ? 0 : -errno;
     if (f)
         write_lines(h, f);

@@ -1,10 +1,12 @@
 /* hal/can/log.c -- a file in the format of `candump -L` (can-utils, lib.c). */
 #include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdio_ext.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "hal/can/backends.h"
@@ -35,15 +37,48 @@ static int cut_part(FILE *f)
     return ftruncate(fileno(f), size - (long)(n - keep));
 }
 
+/* Never through a link, soft or hard, that somebody has put there to have another file
+ * overwritten; /dev/stdout is one by nature. */
+static int open_descriptor(const char *path, bool append)
+{
+    int links = strncmp(path, "/dev/", 5) ? O_NOFOLLOW : 0;
+    int fd = open(path,
+                  O_CREAT | O_CLOEXEC | links | (append ? O_RDWR | O_APPEND : O_WRONLY),
+                  0666);
+    struct stat st;
+    if (fd < 0)
+        return -1;
+    int err = fstat(fd, &st)                                       ? errno
+              : S_ISREG(st.st_mode) && st.st_nlink > 1             ? EMLINK
+              : S_ISREG(st.st_mode) && !append && ftruncate(fd, 0) ? errno
+                                                                   : 0;
+    if (!err)
+        return fd;
+    close(fd);
+    errno = err;
+    return -1;
+}
+
 static FILE *open_file(const char *path, bool append)
 {
-    FILE *f = fopen(path, append ? "a+e" : "we");
+    int fd = open_descriptor(path, append);
+    FILE *f = fd < 0 ? NULL : fdopen(fd, append ? "a+" : "w");
 
+    if (fd >= 0 && !f)
+        close(fd);
     if (f && append && cut_part(f)) {
         fclose(f);
         return NULL;
     }
     return f;
+}
+
+static const char *explain(int error)
+{
+    return error == ELOOP ? "it is a link, which might lead to a file of somebody else: "
+                            "remove it, or name the file itself"
+           : error == EMLINK ? "it is one file under several names: remove it first"
+                             : strerror(error);
 }
 
 /* What the options say.  Clear *d with device_clear, after an error too. */
@@ -99,7 +134,7 @@ static int log_open(void **state, const char *arg, struct complaint *why)
     strcpy(l->interface, interface);
     l->file = open_file(d.path, append);
     if (!l->file) {
-        err = complain(why, -errno, "%s cannot be written: %s", d.path, strerror(errno));
+        err = complain(why, -errno, "%s cannot be written: %s", d.path, explain(errno));
         goto log;
     }
     l->whole = fseek(l->file, 0, SEEK_END) ? -1 : ftell(l->file);

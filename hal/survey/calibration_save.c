@@ -90,7 +90,8 @@ static void print_calibration(FILE *f, const struct calibration *c)
 static int write_whole(const struct calibration *c, const char *path, const char *partial)
 {
     int err = 0;
-    FILE *f = fopen(partial, "we");
+    unlink(partial); /* and not through a link that somebody has put there */
+    FILE *f = fopen(partial, "wxe");
     if (!f)
         return -errno;
     print_calibration(f, c);

@@ -141,7 +141,8 @@ static int save_pings(const struct survey *s, const char *path)
     int err = 0;
     if (asprintf(&name, "%s-pings.csv", path) < 0)
         return -ENOMEM;
-    FILE *f = fopen(name, "we");
+    unlink(name); /* and not through a link that somebody has put there */
+    FILE *f = fopen(name, "wxe");
     if (f) {
         fputs("tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m\n", f);
         for (size_t k = 0; k < s->n_positions; k++)
@@ -164,7 +165,8 @@ static int write_whole(const struct survey *s, const char *path, const char *cal
     int err = 0;
     if (asprintf(&partial, "%s.part", path) < 0)
         return -ENOMEM;
-    FILE *f = fopen(partial, "we");
+    unlink(partial);
+    FILE *f = fopen(partial, "wxe");
     if (!f) {
         err = -errno;
         goto name;

@@ -172,6 +172,29 @@ static void devices_that_do_not_exist_are_named(void **state)
     }
 }
 
+static void a_log_is_not_written_through_a_link(void **state)
+{
+    struct scratch *s = *state;
+    struct complaint why = {""};
+    struct canbus *b = NULL;
+    char victim[600], planted[600], uri[700], text[16] = "";
+
+    snprintf(victim, sizeof victim, "%s", scratch_write(s, "victim", "precious"));
+    snprintf(planted, sizeof planted, "%s", scratch_path(s, "planted.candump"));
+    snprintf(uri, sizeof uri, "log:%s", planted);
+    for (int hard = 0; hard < 2; hard++) {
+        assert_int_equal(hard ? link(victim, planted) : symlink(victim, planted), 0);
+        assert_true(canbus_open(&b, uri, &why) < 0);
+        assert_contains(why.text, hard ? "one file under several names" : "it is a link");
+        assert_int_equal(unlink(planted), 0);
+    }
+    FILE *f = fopen(victim, "r");
+    assert_non_null(f);
+    assert_int_equal(fread(text, 1, sizeof text - 1, f), 8);
+    fclose(f);
+    assert_string_equal(text, "precious");
+}
+
 static void a_log_hears_nothing(void **state)
 {
     const uint32_t ids[] = {0x40c};
@@ -386,6 +409,7 @@ int main(void)
         TEST(what_is_read_late_came_when_the_vehicle_told_it),
         TEST(a_simulated_vehicle_misbehaves_when_told_to),
         TEST(a_simulated_vehicle_sees_the_wall_when_told_to),
+        TEST(a_log_is_not_written_through_a_link),
         TEST(what_is_sent_to_a_simulated_vehicle_is_logged),
         TEST(an_interface_without_can_is_refused_with_the_reason),
     };

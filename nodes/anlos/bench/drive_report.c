@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "nodes/anlos/bench/drive_score.h"
 #include "nodes/rt/export_chart.h"
@@ -147,7 +148,8 @@ int drive_csv_open(FILE **out, const char *folder, struct complaint *why)
     char path[PATH_MAX];
 
     snprintf(path, sizeof path, "%s/drives.csv", folder);
-    FILE *f = *out = fopen(path, "w");
+    unlink(path); /* and not through a link that somebody has put there */
+    FILE *f = *out = fopen(path, "wxe");
     if (!f)
         return complain(why, -errno, "%s: %s", path, strerror(errno));
     fprintf(f, "drive,draw,seconds,lists,objects_entered,objects_without_track");

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 static const char columns[] =
     "scene,method,varied,speakers,positions,step_widths,band_low_hz,band_high_hz,"
@@ -19,7 +20,8 @@ int bench_results_open(struct bench_results *b, const char *folder, struct compl
     *b = (struct bench_results){0};
     if (snprintf(path, sizeof path, "%s/speed-error.csv", folder) >= (int)sizeof path)
         return complain(why, -ENAMETOOLONG, "%s: path too long", folder);
-    b->csv = fopen(path, "w");
+    unlink(path); /* and not through a link that somebody has put there */
+    b->csv = fopen(path, "wxe");
     if (!b->csv)
         return complain(why, -errno, "%s: %s", path, strerror(errno));
     fputs(columns, b->csv);

@@ -1,0 +1,18 @@
+/* msgs/wire_guard.h -- keeps from nanomsg what would make it abort the process: its IPC
+ * transport asserts that a frame's first byte is 1 (sipc.c), and a PUB socket that nobody
+ * sends to it (xpub.c), of bytes that whoever can open the socket file may write.
+ *
+ * nanomsg has no hook for that, so its calls of accept4, connect and recvmsg come here:
+ * the definitions of a program go before those of the C library.  Of sockets that are
+ * none of ours (*.ipc) they are passed on untouched.  What a peer may not say ends its
+ * connection, as if it had closed it. */
+#ifndef ANLOS_MSGS_WIRE_GUARD_H
+#define ANLOS_MSGS_WIRE_GUARD_H
+
+#include <stdint.h>
+
+/* Connections that were ended so, of this process.  To be called by who uses nanomsg: it
+ * is what brings the definitions into a program. */
+uint64_t wire_guard_refused(void);
+
+#endif

@@ -1,0 +1,144 @@
+/* What is written into a node's sockets, by whoever can open them, ends no process. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+
+#include "msgs/endpoint.h"
+#include "run_folder.h"
+
+/* nanomsg's wire format, SP over IPC.  A handshake names the protocol of who sends it:
+ * 0x20 is PUB, 0x21 SUB, 0x10 neither. */
+#define HELLO(protocol) "\0SP\0\0" protocol "\0\0"
+#define LENGTH(n)       "\0\0\0\0\0\0\0" n
+#define BYTES(text)                                                                      \
+    {                                                                                    \
+        text, sizeof(text) - 1                                                           \
+    }
+
+struct bytes {
+    const char *data;
+    size_t size;
+};
+
+#define WRONG(protocol)                                                                  \
+    {                                                                                    \
+        BYTES(HELLO(protocol) "\2" LENGTH("\5") "hello"),                                \
+            BYTES(HELLO(protocol) "\0" LENGTH("\5") "hello"),                            \
+            BYTES(HELLO(protocol) "\xff\xff\xff\xff\xff\xff\xff\xff\xff"),               \
+            BYTES(HELLO(protocol) "\1" LENGTH("\5") "hello"),                            \
+            BYTES(HELLO(protocol) "\1" LENGTH("\0")),                                    \
+            BYTES(HELLO(protocol) "\1" LENGTH("\0") "\1" LENGTH("\1") "x\3"),            \
+            BYTES(HELLO(protocol) "\1\xff\xff\xff\xff\xff\xff\xff\xff"),                 \
+            BYTES(HELLO(protocol) "\1\0\0"), BYTES(HELLO("\x10")), BYTES("\0SP"),        \
+            BYTES("GET / HTTP/1.0\r\n\r\n"),                                             \
+    }
+static const struct bytes of_subscriber[] = WRONG("\x21");
+static const struct bytes of_publisher[] = WRONG("\x20");
+#define N_WRONG (sizeof of_subscriber / sizeof *of_subscriber)
+
+static void address_of(struct sockaddr_un *at, const char *node, const struct topic *t)
+{
+    char url[ENDPOINT_URL_SIZE];
+    *at = (struct sockaddr_un){.sun_family = AF_UNIX};
+    assert_int_equal(endpoint_url(url, run_folder, node, t->name, NULL), 0);
+    strcpy(at->sun_path, endpoint_path(url));
+}
+
+/* Sends, and reads until the other end has had enough of it. */
+static void say(int fd, const struct bytes *b)
+{
+    char answer[64];
+    assert_int_equal(send(fd, b->data, b->size, MSG_NOSIGNAL), b->size);
+    shutdown(fd, SHUT_WR);
+    while (recv(fd, answer, sizeof answer, 0) > 0)
+        ;
+    close(fd);
+}
+
+static void say_to(const char *node, const struct topic *t, const struct bytes *b)
+{
+    struct sockaddr_un at;
+    int fd = socket(AF_UNIX, SOCK_STREAM, 0);
+    address_of(&at, node, t);
+    assert_int_equal(connect(fd, (struct sockaddr *)&at, sizeof at), 0);
+    say(fd, b);
+}
+
+/* Until one is heard. */
+static void meet(struct bus *array, struct bus *dsp)
+{
+    struct bus_message m;
+    int64_t end_ms = now_ms() + DEADLINE_MS;
+    do {
+        assert_int_equal(bus_publish(array, topic_ping(), 0, 0, "sound", 5), 0);
+        assert_true(now_ms() < end_ms);
+    } while (bus_receive(dsp, &m, 20) != 0);
+    assert_memory_equal(m.payload, "sound", 5);
+    bus_message_free(&m);
+}
+
+static void no_wrong_byte_in_any_nodes_socket_ends_it(void **state)
+{
+    (void)state;
+    for (const char *const *node = topics_nodes(); *node; node++) {
+        struct bus *b = open_bus(*node, 1);
+        for (const struct topic *t = topics_all(); t->name; t++)
+            for (size_t i = 0; topic_is_published_by(t, *node) && i < N_WRONG; i++)
+                say_to(*node, t, &of_subscriber[i]);
+        bus_destroy(b);
+    }
+}
+
+static void it_is_counted_and_costs_who_listens_nothing(void **state)
+{
+    (void)state;
+    struct bus *array = open_bus("array", 1), *dsp = open_bus("dsp", 1);
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    meet(array, dsp);
+    uint64_t before = bus_refused(array);
+    say_to("array", topic_ping(), &of_subscriber[0]);
+    assert_true(bus_refused(array) > before);
+    for (int i = 0; i < 20; i++)
+        meet(array, dsp);
+    assert_int_equal(count_of(dsp, topic_ping(), false).gaps, 0);
+    bus_destroy(dsp);
+    bus_destroy(array);
+}
+
+static void a_false_publisher_ends_nobody_and_the_true_one_is_heard(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < N_WRONG; i++) {
+        struct sockaddr_un at;
+        address_of(&at, "array", topic_ping());
+        unlink(at.sun_path);
+        int fd = socket(AF_UNIX, SOCK_STREAM, 0);
+        assert_int_equal(bind(fd, (struct sockaddr *)&at, sizeof at), 0);
+        assert_int_equal(listen(fd, 1), 0);
+        struct bus *dsp = open_bus("dsp", 1);
+        assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+        int peer = accept(fd, NULL, NULL);
+        assert_true(peer >= 0);
+        close(fd);
+        say(peer, &of_publisher[i]);
+        struct bus *array = open_bus("array", 1);
+        meet(array, dsp);
+        bus_destroy(array);
+        bus_destroy(dsp);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(no_wrong_byte_in_any_nodes_socket_ends_it),
+        cmocka_unit_test(it_is_counted_and_costs_who_listens_nothing),
+        cmocka_unit_test(a_false_publisher_ends_nobody_and_the_true_one_is_heard),
+    };
+    return cmocka_run_group_tests(tests, make_run_folder, remove_run_folder);
+}
