@@ -4,7 +4,6 @@
 #include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
-#include <time.h>
 
 #include "hal/clock.h"
 #include "nodes/rt/stop.h"
@@ -12,7 +11,8 @@
 struct player {
     struct timeline *timeline;
     struct view *view;
-    int64_t start_ns, end_ns, at_ns;
+    int64_t start_ns, end_ns;
+    _Atomic int64_t at_ns;
     double took_ms; /* to show the place */
     json_t *images;
     void (*tell)(void *ctx, const struct view_message *m);
@@ -45,8 +45,10 @@ static void tell_place(struct player *p, const char *wrong)
     board_post(view_board(p->view), BOARD_TIMELINE, frame_of_text(state));
 }
 
-static bool is_asked(struct player *p)
+static bool is_asked(void *ctx)
 {
+    struct player *p = ctx;
+
     pthread_mutex_lock(&p->lock);
     bool asked = p->asked || p->stopped;
     pthread_mutex_unlock(&p->lock);
@@ -66,44 +68,37 @@ static void show(struct player *p, int64_t at_ns)
     view_flush(p->view, at_ns);
     p->took_ms = 1e-6 * (double)(clock_now_ns(clock_system()) - began_ns);
     tell_place(p, why.text);
-    if (!err && !is_asked(p) && timeline_check(p->timeline, &why))
+    if (err)
+        return;
+    err = timeline_check(p->timeline, is_asked, p, &why);
+    if (err && err != -EINTR)
         tell_place(p, why.text);
-}
-
-/* Waits for a request, or a second for the next sign of life. */
-static bool wait(struct player *p, int64_t *wanted_ns)
-{
-    struct timespec until;
-
-    clock_gettime(CLOCK_REALTIME, &until);
-    until.tv_sec++;
-    while (!p->asked && !p->stopped &&
-           !pthread_cond_timedwait(&p->wake, &p->lock, &until))
-        ;
-    bool asked = p->asked;
-    *wanted_ns = p->wanted_ns;
-    p->asked = false;
-    return asked;
 }
 
 static void *run(void *ctx)
 {
     struct player *p = ctx;
-    int64_t wanted_ns;
 
     show(p, p->end_ns);
     pthread_mutex_lock(&p->lock);
     while (!p->stopped) {
-        bool asked = wait(p, &wanted_ns);
+        int64_t wanted_ns = p->wanted_ns;
+        if (!p->asked) {
+            pthread_cond_wait(&p->wake, &p->lock);
+            continue;
+        }
+        p->asked = false;
         pthread_mutex_unlock(&p->lock);
-        if (asked)
-            show(p, wanted_ns);
-        else
-            view_beat(p->view, p->at_ns);
+        show(p, wanted_ns);
         pthread_mutex_lock(&p->lock);
     }
     pthread_mutex_unlock(&p->lock);
     return NULL;
+}
+
+void player_beat(struct player *p)
+{
+    view_beat(p->view, p->at_ns);
 }
 
 void player_seek(void *player, double seconds)

@@ -18,6 +18,9 @@ int player_start(struct player *p, void (*tell)(void *ctx, const struct view_mes
 /* Any thread; of several requests that wait, the last one counts. */
 void player_seek(void *player, double seconds);
 
+/* A sign of life for the pages, however long the player reads.  Any thread. */
+void player_beat(struct player *p);
+
 /* Ends the thread: nothing is shown or told any more.  NULL is fine. */
 void player_stop(struct player *p);
 void player_destroy(struct player *p);

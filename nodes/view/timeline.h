@@ -27,8 +27,10 @@ int timeline_at(struct timeline *t, int64_t time_ns,
                 struct complaint *why);
 
 /* Are the chunks whole from which timeline_at has taken single messages?  Reads some MB
- * for each.  0, -EBADMSG and other errors as bag_file_chunk. */
-int timeline_check(struct timeline *t, struct complaint *why);
+ * for each, and asks between them whether it should stop.  0, -EINTR, -EBADMSG and other
+ * errors as bag_file_chunk. */
+int timeline_check(struct timeline *t, bool (*stop)(void *ctx), void *ctx,
+                   struct complaint *why);
 void timeline_close(struct timeline *t);
 
 #endif

@@ -128,13 +128,14 @@ static int read_block(struct timeline *t, const struct bag_block *b, struct bag_
     return complain(why, -EBADMSG, "%s: byte %" PRIu64 ": no chunk", f->path, b->offset);
 }
 
-int timeline_check(struct timeline *t, struct complaint *why)
+int timeline_check(struct timeline *t, bool (*stop)(void *ctx), void *ctx,
+                   struct complaint *why)
 {
     struct bag_record r;
     int err = 0;
 
     for (size_t i = 0; !err && i < t->n_unchecked; i++)
-        err = read_block(t, t->unchecked[i], &r, why);
+        err = stop(ctx) ? -EINTR : read_block(t, t->unchecked[i], &r, why);
     return err;
 }
 

@@ -170,7 +170,8 @@ static void post_changes(struct view *v, int64_t now_ns)
 
 void view_beat(struct view *v, int64_t now_ns)
 {
-    json_t *heard = v->heard_ns ? json_integer(v->heard_ns / NS_PER_MS) : json_null();
+    int64_t heard_ns = v->heard_ns;
+    json_t *heard = heard_ns ? json_integer(heard_ns / NS_PER_MS) : json_null();
 
     board_post(v->board, BOARD_TIME,
                frame_of_text(json_pack("{ss sI so si sI}", "type", "time", "now",

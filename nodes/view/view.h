@@ -39,7 +39,7 @@ int view_tick(struct view *v, int64_t now_ns);
 void view_reset(struct view *v);
 void view_flush(struct view *v, int64_t now_ns);
 
-/* A sign of life for the pages; view_tick and view_flush give some too. */
+/* A sign of life for the pages; view_tick and view_flush give some too.  Any thread. */
 void view_beat(struct view *v, int64_t now_ns);
 
 struct board *view_board(struct view *v);

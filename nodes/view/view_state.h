@@ -45,7 +45,9 @@ struct view {
     atomic_int pages;
 
     bool changed[BOARD_SUBJECTS];
-    int64_t posted_ns, beat_ns, heard_ns; /* 0: never */
+    int64_t
+        posted_ns; /* 0: never, as the next two, which view_beat takes in any thread */
+    _Atomic int64_t beat_ns, heard_ns;
 
     struct survey survey;
     uint64_t survey_id; /* 0: none */

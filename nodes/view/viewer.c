@@ -15,6 +15,7 @@ struct viewer {
     struct view *view;
     struct player *player; /* NULL: no bag */
     struct server *server;
+    int64_t beat_ns;                    /* the last sign of life of a bag */
     int64_t replay_ns, replay_heard_ns; /* the time of a replay, and when it was told */
 };
 
@@ -89,8 +90,13 @@ void viewer_take(struct viewer *v, const struct view_message *m, int64_t now_ns)
 
 int viewer_tick(struct viewer *v, int64_t now_ns)
 {
-    if (v->player)
-        return 1000; /* it has a thread of its own */
+    if (v->player) { /* it has a thread of its own, which may read for long */
+        if (now_ns - v->beat_ns >= VIEW_BEAT_NS || now_ns < v->beat_ns) {
+            player_beat(v->player);
+            v->beat_ns = now_ns;
+        }
+        return (int)((v->beat_ns + VIEW_BEAT_NS - now_ns) / 1000000 + 1);
+    }
     server_time(v->server,
                 now_ns - v->replay_heard_ns < REPLAY_NS ? v->replay_ns : now_ns);
     return view_tick(v->view, now_ns);
