@@ -562,6 +562,23 @@ static uint64_t count(const struct inbox *i, const char *name)
     return 0;
 }
 
+/* Silence is where an input begins: of what was wrong before nothing is said any more. */
+static void what_was_wrong_before_a_silence_is_not_said_after_it(void **state)
+{
+    char text[INBOX_TEXT_SIZE];
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    drive(&r, 1);
+    stick(&r);
+    assert_true(inbox_doubts(&r.inbox));
+    r.now_ns += 60000 * MS;
+    give_ego(&r, 2.5, CAN_VALID);
+    inbox_text(&r.inbox, text, sizeof text);
+    assert_string_equal(text, "EgoMotion init");
+}
+
 static void what_is_not_believed_is_said_and_counted(void **state)
 {
     char text[INBOX_TEXT_SIZE];
@@ -652,6 +669,7 @@ int main(void)
             motion_that_is_every_other_time_of_another_sender_is_not_believed),
         cmocka_unit_test(air_and_walls_that_are_stuck_are_not_believed_either),
         cmocka_unit_test(an_input_that_is_silent_has_no_data_and_no_doubt),
+        cmocka_unit_test(what_was_wrong_before_a_silence_is_not_said_after_it),
         cmocka_unit_test(what_is_not_believed_is_said_and_counted),
         cmocka_unit_test(a_frame_that_is_no_input_is_wrong_and_nothing_else),
     };

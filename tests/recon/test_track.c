@@ -438,6 +438,40 @@ static void what_stands_stands_still_while_the_vehicle_turns(void **state)
     assert_near(person->velocity_m_s[1], 1.4 * cos(pose.dyaw), 0.05);
 }
 
+/* A wall that stands over ground, 9 m ahead of the first place and turned by 0.3 rad, and
+ * a post before it: of a vehicle on an arc. */
+static void the_mirror_of_a_track_is_told_where_the_vehicle_sees_it(void **state)
+{
+    struct rig *r = *state;
+    const struct ego_motion motion = {2.0, 0.3};
+    struct ego_step pose = {0}, one;
+    double post_m[3] = {6.0, 1.0, 0.5}, seen_m[3];
+
+    ego_motion_step(&motion, 0.25, &one);
+    r->scan.n_mirrors = 1;
+    for (int k = 0; k < 8; k++) {
+        if (k)
+            ego_step_join(&pose, &one, &pose);
+        r->scan.ego = k ? one : (struct ego_step){0};
+        r->scan.mirrors[0] = (struct track_mirror){
+            .id = 3,
+            .normal = {cos(0.3 - pose.dyaw), sin(0.3 - pose.dyaw), 0.0},
+            .distance_m = 9.0 - cos(0.3) * pose.dx_m - sin(0.3) * pose.dy_m,
+            .sigma_m = 0.01,
+            .sigma_rad = 0.01};
+        ego_step_point(&pose, post_m, seen_m);
+        see(r, seen_m[0], seen_m[1], 0.03)->mirror = 3;
+        step(r);
+    }
+    assert_int_equal(r->n, 1);
+    assert_true(r->reports[0].placed);
+    assert_int_equal(r->reports[0].mirror.id, 3);
+    assert_near(r->reports[0].mirror.distance_m, r->scan.mirrors[0].distance_m, 1e-9);
+    for (int a = 0; a < 2; a++)
+        assert_near(r->reports[0].mirror.normal[a], r->scan.mirrors[0].normal[a], 1e-9);
+    assert_near(r->reports[0].position_m[0], seen_m[0], 0.01);
+}
+
 static double spread_after(struct rig *r, bool known)
 {
     use(r);
@@ -876,6 +910,7 @@ int main(void)
         TEST(what_hardly_exists_does_not_take_an_objects_only_detection),
         TEST(what_comes_up_beside_an_object_is_its_own_within_its_reach),
         TEST(what_stands_stands_still_while_the_vehicle_turns),
+        TEST(the_mirror_of_a_track_is_told_where_the_vehicle_sees_it),
         TEST(unknown_ego_motion_widens_tracks),
         TEST(the_images_age_is_taken_out),
         TEST(the_age_of_an_objects_middle_is_the_middle_of_the_ages),
