@@ -59,6 +59,7 @@ static int64_t wait(struct world *w, int64_t ns)
          w->now_ns - start_ns < ns && !w->hung_ns[0] && !w->hung_ns[1];) {
         w->now_ns += TICK;
         say(w, "scan", ++w->turns, 0.0);
+        memset(w->hung_ns, 0x55, sizeof w->hung_ns); /* it need not be cleared before */
         supervisor_tick(&w->s, &w->c, w->now_ns, w->hung_ns);
     }
     return w->now_ns - start_ns;
