@@ -6,6 +6,7 @@
 
 #include "nodes/can/pick.h"
 
+#define BEYOND_M     0.3  /* a middle is farther than what is heard of it, at most */
 #define COUNTER_HALF 2048 /* of what a frame holds: a larger step looks like one back */
 
 void sender_init(struct sender *s, const struct sender_config *cfg)
@@ -49,6 +50,12 @@ void sender_survey(struct sender *s, const Anlos__Survey *survey)
     s->status.source = source_of(survey->source);
     s->status.temperature_c = survey->temperature_c;
     s->status.sound_speed_m_s = survey->sound_speed_m_s;
+    s->has_array = survey->has_mount && survey->mount_origin_m;
+    if (!s->has_array)
+        return;
+    s->array_m[0] = survey->mount_origin_m->x;
+    s->array_m[1] = survey->mount_origin_m->y;
+    s->array_m[2] = survey->mount_origin_m->z;
 }
 
 /* A variance that is none says nothing: it must not look like certainty. */
@@ -112,10 +119,25 @@ static enum can_measurement measurement_of(const Anlos__DetectionList *list,
     }
 }
 
+/* All that is on the array's side of a wall is nearer to it than to its mirror image. */
+static bool is_beyond(const struct sender *s, const Anlos__Detection *d)
+{
+    const Anlos__Vec3 *p = d->position_m, *v = d->virtual_m, *e = d->extent_m;
+
+    if (!s->has_array || !d->wall || !p || !v)
+        return false;
+    double away_m =
+        hypot(hypot(p->x - s->array_m[0], p->y - s->array_m[1]), p->z - s->array_m[2]);
+    double image_m = hypot(hypot(v->x, v->y), v->z);
+    double half_m = e ? 0.5 * hypot(hypot(e->x, e->y), e->z) : 0.0;
+    return away_m > image_m + half_m + BEYOND_M;
+}
+
 /* Only tracks have ids that matter; of more objects than there are ids they are numbered
  * here. */
-static void fill_object(struct can_object *o, const Anlos__DetectionList *list,
-                        size_t picked, size_t i, uint16_t counter)
+static void fill_object(struct sender *s, struct can_object *o,
+                        const Anlos__DetectionList *list, size_t picked, size_t i,
+                        uint16_t counter)
 {
     const Anlos__Detection *d = list->detections[picked];
     size_t id = list->tracked || list->n_detections <= UINT8_MAX ? d->id : i + 1;
@@ -143,7 +165,11 @@ static void fill_object(struct can_object *o, const Anlos__DetectionList *list,
         .behind_no_wall = d->behind_no_wall,
         .in_free_view = d->in_free_view,
     };
-    if (list->mirrored && list->in_vehicle_frame)
+    if (!list->mirrored || !list->in_vehicle_frame)
+        return;
+    if (is_beyond(s, d))
+        s->beyond++;
+    else
         fill_place(o, d);
 }
 
@@ -174,7 +200,7 @@ void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t cap
     out->dated_ns = 0;
     out->n_frames = 0;
     for (size_t i = 0; i < out->n_objects; i++)
-        fill_object(&out->objects[i], list, picked[i], i, counter);
+        fill_object(s, &out->objects[i], list, picked[i], i, counter);
 }
 
 void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list *out)

@@ -33,6 +33,9 @@ struct sender {
     uint32_t counter;         /* of the newest list; UINT32_MAX: none, as of messages */
     uint32_t message_counter; /* of the newest that came in a message */
     bool told[256];           /* the vehicle knows of the object of this id */
+    double array_m[3];        /* in the vehicle; of the survey */
+    bool has_array;
+    uint64_t beyond; /* places that were withheld: beyond the wall that mirrors them */
     struct allowance allowance;
 };
 
@@ -64,7 +67,8 @@ void sender_let_objects(struct sender *s, bool lets);
  *
  * Of more than CAN_MAX_OBJECTS the likeliest are taken, in steps of a tenth, and of these
  * the nearest.  What is not known is sent as not available: the place of objects when the
- * list's survey names no wall or mount. */
+ * list's survey names no wall or mount.  So is the place of what is farther away than its
+ * own mirror image, which nothing is that is before its wall: it is counted. */
 void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
                  struct sender_list *out);
 

@@ -317,6 +317,50 @@ static void send(struct sender *s, const struct list *l, int64_t age_ms,
     sender_date(s, sent, (100000 + age_ms) * MS, 0);
 }
 
+/* The array sits at (3.6, 0, 0.4), the wall is at x = 5.8: of what is at 4.87, -1.06 the
+ * image is at 6.73, and the other way round. */
+static void no_place_beyond_its_wall_leaves(void **state)
+{
+    static const struct {
+        double at_m, image_m;
+        uint32_t wall;
+        bool leaves;
+    } cases[] = {{4.87, 6.73, 1, true}, {6.73, 4.87, 1, false}, {6.73, 6.73, 0, true},
+                 {5.75, 5.85, 1, true}, {6.73, 6.73, 1, true},  {6.5, 5.1, 1, false}};
+    Anlos__Survey survey = ANLOS__SURVEY__INIT;
+    Anlos__Vec3 mount = ANLOS__VEC3__INIT, image = ANLOS__VEC3__INIT;
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    uint64_t withheld = 0;
+
+    (void)state;
+    init(&s, 0x400);
+    mount.x = 3.6;
+    mount.z = 0.4;
+    survey.has_mount = true;
+    survey.mount_origin_m = &mount;
+    sender_survey(&s, &survey);
+    know_tracks(&s);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        fill_tracks(&l, 1);
+        l.position.x = cases[i].at_m;
+        l.position.y = -1.06;
+        l.position.z = 0.4;
+        l.extent.x = l.extent.y = l.extent.z = 0.0;
+        image.x = -1.06;
+        image.z = cases[i].image_m - 3.6;
+        l.detections[0].virtual_m = &image;
+        l.detections[0].wall = cases[i].wall;
+        sender_list(&s, &l.message, 0, &sent);
+        assert_int_equal(!isnan(sent.objects[0].position_m[0]), cases[i].leaves);
+        assert_int_equal(!isnan(sent.objects[0].sigma_m[0]), cases[i].leaves);
+        withheld += !cases[i].leaves;
+        assert_int_equal(s.beyond, withheld);
+        assert_int_equal(sent.n_objects, 1);
+    }
+}
+
 static void a_track_says_how_it_moves(void **state)
 {
     struct sender s;
@@ -868,6 +912,7 @@ int main(void)
         cmocka_unit_test(a_place_outside_of_the_vehicle_frame_is_not_sent),
         cmocka_unit_test(the_status_follows_the_survey),
         cmocka_unit_test(what_is_not_known_to_be_live_never_looks_live),
+        cmocka_unit_test(no_place_beyond_its_wall_leaves),
         cmocka_unit_test(a_track_says_how_it_moves),
         cmocka_unit_test(a_variance_that_is_none_never_looks_like_certainty),
         cmocka_unit_test(every_measurement_of_a_track_has_its_word),
