@@ -23,7 +23,9 @@ static struct tally add(struct e2e_sm *sm, unsigned size, enum e2e_verdict verdi
 {
     struct tally t = {0, 0};
 
-    sm->window[sm->n++ % size] = verdict;
+    sm->window[sm->n % size] = verdict;
+    if (++sm->n == 2 * size)
+        sm->n = size; /* of a full window only the place in it counts */
     for (unsigned i = 0; i < size && i < sm->n; i++) {
         t.ok += e2e_is_usable(sm->window[i]);
         t.error += sm->window[i] == E2E_WRONG_CRC;

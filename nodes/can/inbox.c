@@ -10,14 +10,15 @@
 /* The rules, by the cycle of the vehicle and what a wrong one does.
  *
  * EgoMotion comes 50 times a second and turns every track, so it is judged hardest: a
- * loop of up to 12 old frames has two wrong ones in any 13, and longer ones look to the
- * counter of 15 like lost frames (CAN_MAX_DELTA) or like none.  260 ms until it is known.
- * WallIn mirrors whatever is seen, ten times a second: of 6 one may be wrong, 600 ms.
- * Ambient comes once a second and changes slowly: it has to be heard twice, and one of
- * the newest three has to be good, which is as long as a temperature is kept.
+ * loop of up to 12 old frames comes to two wrong ones in 13, and longer ones look to the
+ * counter of 15 like lost frames (CAN_MAX_DELTA) or like none.  Known with the 13th, 240
+ * ms after the first. WallIn mirrors whatever is seen, ten times a second: of 6 one may
+ * be wrong; known with the 6th, 500 ms after the first. Ambient comes once a second and
+ * changes slowly: it has to be heard twice, and one of the newest three has to be good,
+ * which is as long as a temperature is kept.
  *
- * One wrong frame is allowed in VALID, damaged or not; of 256 that are damaged the CRC
- * misses one, so none is allowed on the way there. */
+ * In VALID a wrong frame is allowed, damaged or not (of Ambient two of three); of 256
+ * that are damaged the CRC misses one, so none is allowed on the way there. */
 static const struct input {
     enum can_id id;
     enum inbox_kind kind;

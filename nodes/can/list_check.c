@@ -24,7 +24,9 @@ static bool follows(const struct list_source *s, uint64_t sequence, uint32_t cou
 static bool has_one_id_twice(const Anlos__DetectionList *list)
 {
     uint8_t seen[65536 / 8] = {0};
-    uint32_t most = list->tracked ? UINT8_MAX : UINT16_MAX;
+    bool as_said = list->tracked ||
+                   list->n_detections <= UINT8_MAX; /* nodes/can/sender.c */
+    uint32_t most = as_said ? UINT8_MAX : UINT16_MAX;
 
     for (size_t i = 0; i < list->n_detections; i++) {
         uint32_t id = list->detections[i]->id & most;

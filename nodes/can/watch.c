@@ -52,9 +52,21 @@ void watch_survey(struct watch *w, double temperature_c)
     w->survey_c = temperature_c;
 }
 
+/* Two steps that should have been and were not: this node did not run. */
+static void count_unwatched(struct watch *w, int64_t now_ns)
+{
+    int64_t gap = now_ns - w->stepped_ns;
+
+    if (w->stepped_ns && gap > 2 * WATCH_STEP_NS)
+        w->unwatched_ns += gap - WATCH_STEP_NS;
+    w->stepped_ns = now_ns;
+}
+
 void watch_list(struct watch *w, const Anlos__DetectionList *list, int64_t capture_ns,
                 int64_t now_ns)
 {
+    count_unwatched(w,
+                    now_ns); /* it may have waited for this node, before the next step */
     int64_t unwatched_ns = w->unwatched_ns - w->list_unwatched_ns;
 
     if (w->n_lists)
@@ -82,6 +94,7 @@ void watch_ambient(struct watch *w, double temperature_c, int64_t now_ns)
 
 void watch_walls(struct watch *w, const Anlos__WallList *walls, int64_t now_ns)
 {
+    count_unwatched(w, now_ns);
     w->walls_ns = now_ns;
     w->walls_unwatched_ns = w->unwatched_ns;
     w->wall_likely = false;
@@ -218,16 +231,6 @@ static enum can_state worst(const struct watch *w)
             state = watch_rows[f].state;
     return w->faults & ears && w->blind && is_worse(CAN_BLOCKED, state) ? CAN_BLOCKED
                                                                         : state;
-}
-
-/* Two steps that should have been and were not: this node did not run. */
-static void count_unwatched(struct watch *w, int64_t now_ns)
-{
-    int64_t gap = now_ns - w->stepped_ns;
-
-    if (w->stepped_ns && gap > 2 * WATCH_STEP_NS)
-        w->unwatched_ns += gap - WATCH_STEP_NS;
-    w->stepped_ns = now_ns;
 }
 
 /* Of a fixed array nothing was wrong for a while, or it took too long. */

@@ -885,6 +885,23 @@ static void a_node_that_did_not_run_itself_misses_no_image(void **state)
     assert_well(&w);
 }
 
+/* What the stop excused is over with the list that waited: the next one is due as ever.
+ */
+static void a_list_that_waited_ends_what_is_excused(void **state)
+{
+    struct world w;
+
+    (void)state;
+    start_well(&w);
+    sleep_on(&w, 490);
+    tell_list(&w);
+    w.lists = false;
+    run(&w, 350);
+    assert_well(&w);
+    run(&w, 10);
+    assert_is(&w, CAN_FAULT, CAN_FAULT_IMAGE_STALE);
+}
+
 /* Of 510 ms from one step to the next 490 are not held against them; 350 are over then.
  */
 static void nor_may_others_be_silent_for_that(void **state)
@@ -1006,6 +1023,7 @@ int main(void)
         cmocka_unit_test(the_state_gets_better_once_a_second_at_most),
         cmocka_unit_test(a_scan_that_waited_for_a_moment_begins_anew),
         cmocka_unit_test(a_node_that_did_not_run_itself_misses_no_image),
+        cmocka_unit_test(a_list_that_waited_ends_what_is_excused),
         cmocka_unit_test(nor_may_others_be_silent_for_that),
         cmocka_unit_test(who_did_not_run_for_long_is_faulty_when_it_goes_on),
         cmocka_unit_test(a_loaded_machine_changes_no_state_in_five_minutes),
