@@ -7,9 +7,6 @@
 #include <sys/mman.h>
 #include <sys/resource.h>
 
-/* Above everything that is not urgent, under the kernel's interrupt threads (50). */
-enum { PRIORITY = 20 };
-
 /* CAP_IPC_LOCK: whoever has it is held by no limit. */
 static bool may_lock_all(void)
 {
@@ -45,7 +42,7 @@ void realtime_unlock(void)
 
 static int start_urgent(pthread_t *out, void *(*run)(void *), void *arg)
 {
-    struct sched_param priority = {.sched_priority = PRIORITY};
+    struct sched_param priority = {.sched_priority = REALTIME_PRIORITY};
     pthread_attr_t attributes;
     int err = pthread_attr_init(&attributes);
     if (err)
@@ -77,11 +74,4 @@ int realtime_start(pthread_t *out, void *(*run)(void *), void *arg, bool urgent,
                  lowly ? "real-time priority" : "", lowly && lock ? " and " : "",
                  lock ? "locked memory" : "");
     return err;
-}
-
-void realtime_join(pthread_t thread, bool urgent)
-{
-    pthread_join(thread, NULL);
-    if (urgent)
-        munlockall();
 }

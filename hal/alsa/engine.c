@@ -32,7 +32,7 @@ struct alsa_engine {
     int64_t origin_ns; /* of frame 0 of this start */
     unsigned n_brief;
     int stop_fd, news_fd; /* eventfd */
-    bool has_thread, urgent;
+    bool has_thread;
     pthread_t thread;
 };
 
@@ -214,8 +214,7 @@ static int start_thread(struct alsa_engine *e, struct complaint *why)
 {
     struct complaint missing = {.text = ""};
     /* What nothing paces must not outrun the rest. */
-    e->urgent = e->duplex.on_cards;
-    int err = realtime_start(&e->thread, run, e, e->urgent, &missing);
+    int err = realtime_start(&e->thread, run, e, e->duplex.on_cards, &missing);
     if (err)
         return complain(why, err, "%s: no thread: %s", e->device, strerror(-err));
     e->has_thread = true;
@@ -277,7 +276,7 @@ void alsa_engine_destroy(struct alsa_engine *e)
 {
     uint64_t one = 1;
     if (e->has_thread && write(e->stop_fd, &one, sizeof one) == sizeof one)
-        realtime_join(e->thread, e->urgent);
+        pthread_join(e->thread, NULL);
     if (e->is_open)
         alsa_duplex_close(&e->duplex);
     alsa_shot_clear(&e->shot);

@@ -188,8 +188,10 @@ static void open_bus(struct launcher *l)
     if (err)
         launcher_say(l, "launcher", hosts->n ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING,
                      why.text[0] ? why.text : strerror(-err));
-    if (err)
-        l->supervisor.alive_ns = 0; /* nobody can be heard */
+    if (err) { /* nobody can be heard */
+        l->supervisor.alive_ns = 0;
+        l->service.supervised = false;
+    }
     if (err && hosts->n)
         launcher_stop(l, EXIT_BAD_INPUT);
     if (!err && hosts->n)

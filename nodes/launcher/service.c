@@ -37,7 +37,9 @@ static bool have_all_spoken(const struct service *s, const struct crew *c)
 
 static bool do_all_live(const struct service *s, const struct crew *c, int64_t now_ns)
 {
-    for (unsigned i = 0; i < c->n && !s->supervised; i++) {
+    if (s->supervised)
+        return true;
+    for (unsigned i = 0; i < c->n; i++) {
         const struct child *child = &c->children[i];
         int64_t heard = s->heard_ns[i] > child->started_ns ? s->heard_ns[i]
                                                            : child->started_ns;

@@ -2,6 +2,7 @@
 
 #include <dirent.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -75,7 +76,8 @@ static struct supervised *supervised(struct supervisor *s, const struct crew *c,
 /* One of a program that counts no turns is taken for a turn. */
 static void hear(struct supervised *n, const Anlos__Health *h, int64_t alive_ns)
 {
-    int64_t limit_ns = (int64_t)(1e9 * h->turn_limit_s);
+    double limit_s = fmin(fmax(h->turn_limit_s, 0.0), 1e-9 * SUPERVISOR_BAG_NS);
+    int64_t limit_ns = (int64_t)(1e9 * limit_s);
 
     if (n->spoken && h->turns && h->turns == n->turns)
         return;

@@ -15,6 +15,7 @@ static void look_at_priority(struct heartbeat *h)
 
     if (!priority_is_lost() || !strcmp(h->priority, none))
         return;
+    priority_drop();
     log_write(h->log, LOG_LEVEL_WARNING,
               "computed for a second without a pause: its real-time priority (%s) is "
               "taken away, so that others go on",

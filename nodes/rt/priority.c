@@ -1,9 +1,11 @@
 #include "nodes/rt/priority.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <sched.h>
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 
@@ -19,7 +21,7 @@ static const struct {
 } table[] = {
     {"array", 15, -15}, {"stage", 14, -14}, {"can", 12, -12}, {"dsp", 10, -10},
     {"wall", 8, -8},    {"track", 8, -8},   {"scan", 8, -8},  {"recon", 0, -5},
-    {"play", 0, 0},     {"record", 0, 0},   {"view", 0, 5},   {"report", 0, 5},
+    {"record", 0, 0},   {"view", 0, 5},     {"report", 0, 5},
 };
 
 /* As signal handlers need; set once. */
@@ -49,10 +51,13 @@ static int set_policy(int policy, int priority)
 
 int priority_permitted(struct complaint *why)
 {
-    int fifo = set_policy(SCHED_FIFO, table[0].fifo), lock = realtime_lock();
+    struct sched_param before = {0};
+    int policy = sched_getscheduler(0);
 
+    sched_getparam(0, &before);
+    int fifo = set_policy(SCHED_FIFO, REALTIME_PRIORITY), lock = realtime_lock();
     if (!fifo)
-        set_policy(SCHED_OTHER, 0);
+        sched_setscheduler(0, policy, &before);
     if (!lock)
         realtime_unlock();
     if (!fifo && !lock)
@@ -62,10 +67,11 @@ int priority_permitted(struct complaint *why)
         "%s%s%s not permitted: lists may be late on a busy machine; raise the "
         "limits rtprio to %d and memlock to unlimited (launch/hardware.md)",
         fifo ? "real-time priority" : "", fifo && lock ? " and " : "",
-        lock ? "locked memory" : "", table[0].fifo);
+        lock ? "locked memory" : "", REALTIME_PRIORITY);
 }
 
-/* The kernel sends it to the thread that computes. */
+/* The kernel sends it to the process, and who blocks it is passed over: the other threads
+ * follow in priority_drop. */
 static void give_up(int number)
 {
     const struct sched_param usual = {.sched_priority = 0};
@@ -117,4 +123,17 @@ int priority_take(const struct launchfile *l, const char *node,
 bool priority_is_lost(void)
 {
     return lost;
+}
+
+void priority_drop(void)
+{
+    const struct sched_param usual = {.sched_priority = 0};
+    DIR *tasks = opendir("/proc/self/task");
+    struct dirent *task;
+
+    while (tasks && (task = readdir(tasks)))
+        if (task->d_name[0] != '.')
+            sched_setscheduler((pid_t)atoi(task->d_name), SCHED_OTHER, &usual);
+    if (tasks)
+        closedir(tasks);
 }

@@ -3,10 +3,10 @@
  * permits it, in the order of how little a delay of theirs may be; else they are nice to
  * nobody (setpriority(2)) where at least that is permitted; else they are as any.
  *
- * recon computes most and never gets a real-time priority, nor do its threads; record,
- * view and report wait for all others.  One that computes for a second without a pause
- * loses its priority (RLIMIT_RTTIME), and the kernel leaves a part of each core to others
- * whatever happens (sched_rt_runtime_us): the machine stays usable. */
+ * recon computes most and never gets a real-time priority, nor do its threads; view and
+ * report wait for all others.  One of which a thread computes for a second without a
+ * pause loses its priority (RLIMIT_RTTIME), and the kernel leaves a part of each core to
+ * others whatever happens (sched_rt_runtime_us): the machine stays usable. */
 #ifndef ANLOS_NODES_RT_PRIORITY_H
 #define ANLOS_NODES_RT_PRIORITY_H
 
@@ -29,7 +29,9 @@ int priority_permitted(struct complaint *why);
 int priority_take(const struct launchfile *l, const char *node,
                   char text[PRIORITY_TEXT_SIZE], struct complaint *why);
 
-/* Has it lost its priority, by computing too long? */
+/* Has it lost its priority, by computing too long?  Its other threads keep theirs until
+ * priority_drop, to be called then by its main loop. */
 bool priority_is_lost(void);
+void priority_drop(void);
 
 #endif

@@ -16,9 +16,9 @@ int rundir_name(char out[RUNDIR_SIZE], const char *asked, struct complaint *why)
 int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct complaint *why);
 
 /* Whoever can write into it can speak as any node.  So, if it is there, it has to be this
- * user's (root is no exception), and nobody else's to write into; and nobody may replace
- * it, nor one that is to be made.  0, -EINVAL (not a folder), -EACCES, other negative
- * errno.
+ * user's (root is no exception), and nobody else's to write into; and not everybody may
+ * replace it, nor one that is to be made (owners of the folders around it may).  0,
+ * -EINVAL (not a folder), -EACCES, other negative errno.
  */
 int rundir_check(const char *run_dir, struct complaint *why);
 

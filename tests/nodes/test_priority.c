@@ -2,8 +2,11 @@
 #include "tests/hal/scratch.h"
 
 #include <errno.h>
+#include <poll.h>
 #include <pthread.h>
 #include <sched.h>
+#include <signal.h>
+#include <stdatomic.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -90,11 +93,43 @@ static int rank(const char *node)
     return WEXITSTATUS(status) - 128;
 }
 
+/* It leaves the process as it was. */
 static bool is_permitted(void)
 {
     struct complaint why;
+    int before = sched_getscheduler(0);
+    bool permitted = !priority_permitted(&why);
 
-    return !priority_permitted(&why) && sched_getscheduler(0) == SCHED_OTHER;
+    assert_int_equal(sched_getscheduler(0), before);
+    return permitted;
+}
+
+static int try_as_batch(void)
+{
+    const struct sched_param usual = {.sched_priority = 0};
+    struct complaint why;
+
+    if (sched_setscheduler(0, SCHED_BATCH, &usual))
+        return 1;
+    priority_permitted(&why);
+    return sched_getscheduler(0) != SCHED_BATCH;
+}
+
+static void wait_for_child(pid_t pid)
+{
+    int status;
+
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_int_equal(status, 0);
+}
+
+static void to_ask_what_is_permitted_changes_nothing(void **state)
+{
+    (void)state;
+    pid_t pid = fork();
+    if (!pid)
+        _exit(try_as_batch());
+    wait_for_child(pid);
 }
 
 static void who_may_be_late_least_comes_first(void **state)
@@ -114,14 +149,6 @@ static void who_may_be_late_least_comes_first(void **state)
     assert_int_equal(rank("recon"), 5); /* it computes most: never before all others */
 }
 
-static void wait_for_child(pid_t pid)
-{
-    int status;
-
-    assert_int_equal(waitpid(pid, &status, 0), pid);
-    assert_int_equal(status, 0);
-}
-
 static int without_rights(void)
 {
     const struct rlimit none = {0, 0};
@@ -138,7 +165,7 @@ static int without_rights(void)
         return 2;
     if (priority_take(strict, "dsp", text, &why) != -EPERM ||
         strncmp(why.text, "real-time priority", 18) ||
-        !strstr(why.text, "raise the limits rtprio to 15 and memlock"))
+        !strstr(why.text, "raise the limits rtprio to 20 and memlock"))
         return 3;
     int before = getpriority(PRIO_PROCESS, 0);
     snprintf(expected, sizeof expected, "nice %d", before > 5 ? before : 5);
@@ -185,6 +212,56 @@ static void who_computes_without_a_pause_loses_its_priority(void **state)
     wait_for_child(pid);
 }
 
+static atomic_bool stops;
+
+/* As the project's threads are, it blocks all signals. */
+static void *spin(void *tid)
+{
+    sigset_t all;
+
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, NULL);
+    *(atomic_int *)tid = gettid();
+    while (!stops)
+        ;
+    return NULL;
+}
+
+/* Of a node whose other thread computes: none of them keeps its priority. */
+static int compute_beside(void)
+{
+    const struct rlimit soon = {50000, RLIM_INFINITY};
+    char text[PRIORITY_TEXT_SIZE];
+    struct launchfile *l = parse(DRIVE);
+    atomic_int tid = 0;
+    pthread_t thread;
+
+    if (priority_take(l, "dsp", text, NULL) || setrlimit(RLIMIT_RTTIME, &soon) ||
+        pthread_create(&thread, NULL, spin, &tid))
+        return 1;
+    while (!tid || !priority_is_lost())
+        poll(NULL, 0, 1);
+    bool kept = sched_getscheduler(tid) == SCHED_FIFO;
+    priority_drop();
+    bool dropped = sched_getscheduler(tid) == SCHED_OTHER &&
+                   sched_getscheduler(0) == SCHED_OTHER;
+    stops = true;
+    pthread_join(thread, NULL);
+    launchfile_destroy(l);
+    return kept && dropped ? 0 : 2;
+}
+
+static void nor_does_a_node_whose_other_thread_does_so_keep_it(void **state)
+{
+    (void)state;
+    if (!is_permitted())
+        skip();
+    pid_t pid = fork();
+    if (!pid)
+        _exit(compute_beside());
+    wait_for_child(pid);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -192,6 +269,8 @@ int main(void)
         cmocka_unit_test(another_mode_is_refused),
         cmocka_unit_test(who_may_be_late_least_comes_first),
         cmocka_unit_test(what_is_not_permitted_is_done_without_unless_it_is_required),
+        cmocka_unit_test(to_ask_what_is_permitted_changes_nothing),
+        cmocka_unit_test(nor_does_a_node_whose_other_thread_does_so_keep_it),
         cmocka_unit_test(who_computes_without_a_pause_loses_its_priority),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,5 +1,6 @@
 /* Who hangs, on a clock of the test's own.  A scan and a dsp run; limits and ticks are
  * those of nodes/launcher/supervisor.h. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -136,6 +137,24 @@ static void a_long_step_that_was_announced_may_take_as_long(void **state)
     assert_hangs_after(&w, 20 * S);
 }
 
+/* Nobody takes himself out of it. */
+static void a_limit_that_is_none_is_the_usual_one_or_the_longest(void **state)
+{
+    static const double none[] = {NAN, -1.0, -INFINITY},
+                        endless[] = {INFINITY, 1e300, 1e12};
+
+    (void)state;
+    for (size_t i = 0; i < 3; i++) {
+        struct world w;
+        begin(&w);
+        say(&w, "dsp", 1, none[i]);
+        assert_hangs_after(&w, 3 * S);
+        begin(&w);
+        say(&w, "dsp", 1, endless[i]);
+        assert_hangs_after(&w, SUPERVISOR_BAG_NS);
+    }
+}
+
 static void after_it_the_usual_limit_holds_again(void **state)
 {
     struct world w;
@@ -263,6 +282,7 @@ int main(void)
         cmocka_unit_test(what_is_said_without_a_turn_of_the_loop_proves_nothing),
         cmocka_unit_test(whoever_counts_no_turns_is_taken_at_its_word),
         cmocka_unit_test(a_long_step_that_was_announced_may_take_as_long),
+        cmocka_unit_test(a_limit_that_is_none_is_the_usual_one_or_the_longest),
         cmocka_unit_test(after_it_the_usual_limit_holds_again),
         cmocka_unit_test(a_start_may_take_a_minute_and_no_longer),
         cmocka_unit_test(a_new_process_is_judged_anew),

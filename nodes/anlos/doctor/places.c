@@ -221,7 +221,7 @@ void doctor_run_dir(const void *ctx, struct findings *f)
     }
     if (rundir_check(run_dir, &why)) {
         finding_add(f, FINDING_WRONG, "run-dir", "%s", why.text);
-        finding_todo(f, "'rm -r %s' when nothing runs there, or --run-dir", run_dir);
+        finding_todo(f, "as it says, or name another one with --run-dir");
         return;
     }
     doctor_folder(f, "run-dir", "processes meet in", run_dir);
