@@ -16,7 +16,7 @@ struct can_log_status {
 struct can_log {
     FILE *file; /* NULL: not there yet */
     struct tally tally;
-    struct can_log_status statuses[1000]; /* [n_statuses] */
+    struct can_log_status statuses[8000]; /* [n_statuses] */
     size_t n_statuses;
     unsigned lists, objects; /* since the newest status of another state */
 };

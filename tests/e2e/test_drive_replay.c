@@ -14,7 +14,7 @@
 
 #define SCENE SOURCE_DIR "/launch/scenes/drive-person-moving.yaml"
 #define LISTS 60 /* 1.5 s: the wall is known by then */
-#define BUSY  4  /* processes without an end, more than a machine for this has */
+#define BUSY  4  /* processes without an end, twice what a small machine has */
 #define FRAMES                                                                           \
     "recon: {frames: {pings: 8, sum: power, every: ping}}\nwall: {from: echoes}\n"
 #define DEADLINE_MS 60000

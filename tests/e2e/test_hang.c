@@ -244,6 +244,8 @@ static void assert_hang_is_ended(struct world *w, int i)
     uint64_t restarts = w->restarts, hung = m->hung;
     pid_t pid = m->pid;
 
+    uint64_t heard = m->messages;
+    WAIT_UNTIL(w, names[i], m->messages > heard); /* the limit runs from here */
     forget_statuses(w);
     int64_t start_ns = now_ns();
     assert_int_equal(kill(pid, SIGSTOP), 0);
