@@ -95,7 +95,6 @@ static void place_extended(const struct search *s, const struct region *r,
     static const int diagonal[3] = {0, 3, 5};
     const struct grid *g = s->grid;
 
-    d->at_border = 0;
     memset(d->covariance_m2, 0, sizeof d->covariance_m2);
     for (int a = 0; a < 3; a++) {
         if (g->n[a] > 1 && r->low[a] == 0)

@@ -234,7 +234,7 @@ void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr, bo
 
     *out = (struct peak_fit){.at_border = 0};
     grid_place(g, voxel, s.at);
-    s.peak = v[voxel];
+    s.peak = fmax(v[voxel], 1e-37);
     for (int a = 0; a < 3; a++)
         known[a] = examine(&s, a, gated, &out->at_border);
     find_top(&s, known, shift);

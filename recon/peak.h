@@ -37,8 +37,9 @@ struct peak_fit {
  * direction in which the paraboloid is wider than three grids the place is anywhere in
  * the body, or unknown: a ridge is known across, not along.  Widths are the grid's length
  * at most.  An axis with an empty voxel beside it that is no border is known to a voxel.
- * Where the next voxels are 30 dB fainter or more, the
- * covariance is that of the amplitude's paraboloid. */
+ * The
+ * place is the top of the logarithm's paraboloid, the covariance that of its curvature;
+ * where the next voxels are 30 dB fainter or more, of the amplitude's. */
 void peak_fit(const struct grid *grid, const float *intensity, size_t voxel, double snr,
               bool gated, const double body_m[3], struct peak_fit *out);
 

@@ -113,14 +113,15 @@ static void assume_height(double c[6])
 {
     double assumed_m2 = HEIGHT_SIGMA_M * HEIGHT_SIGMA_M;
 
-    if (c[3] > assumed_m2) {
-        double share = 1.0 / (c[3] + assumed_m2), xy = c[1], yz = c[4];
-        c[0] -= share * xy * xy;
-        c[2] -= share * xy * yz;
-        c[5] -= share * yz * yz;
-        c[1] -= share * xy * c[3];
-        c[4] -= share * yz * c[3];
-        c[3] -= share * c[3] * c[3];
+    if (c[3] > assumed_m2) { /* as the image has x and z for each height */
+        double gain = assumed_m2 / c[3], xy = c[1], yz = c[4];
+        double less = (1.0 - gain) / c[3];
+        c[0] -= less * xy * xy;
+        c[2] -= less * xy * yz;
+        c[5] -= less * yz * yz;
+        c[1] = gain * xy;
+        c[4] = gain * yz;
+        c[3] = assumed_m2;
     } else {
         c[1] = c[4] = 0.0;
         c[3] = assumed_m2;

@@ -244,6 +244,13 @@ static void what_the_image_tells_is_meant_for_the_assumed_height(void **state)
     assert_near(p.covariance_m2[3], 0.25, 1e-4);
     assert_near(p.covariance_m2[4], -0.25, 1e-4);
     assert_near(p.covariance_m2[5], 0.25, 1e-3);
+    /* An image that tells heights to 0.87 m: z goes by -0.7 / 0.75 of them. */
+    memcpy(d.covariance_m2, (double[6]){1e-4, 0, 0, 0.75, -0.7, 0.7},
+           sizeof d.covariance_m2);
+    objects_place(&p, &s, &none, &d);
+    assert_near(p.covariance_m2[3], 0.25, 1e-12);
+    assert_near(p.covariance_m2[4], -0.7 / 3.0, 1e-12);
+    assert_near(p.covariance_m2[5], 0.7 - 0.7 * 0.7 * (1.0 - 1.0 / 3.0) / 0.75, 1e-12);
 }
 
 static void borders_are_those_of_axes_that_are_heard(void **state)

@@ -520,6 +520,28 @@ static void a_plate_that_goes_on_outside_has_no_known_middle_there(void **state)
     scene_close(&s);
 }
 
+/* The gate ends in the middle of a plate that is seen from the front of a box. */
+static void nor_has_what_goes_on_behind_the_gate(void **state)
+{
+    (void)state;
+    static const double size_m[3] = {0.3, 0.2, 0.12};
+    struct scene s;
+    const double at_m[3] = {0.0, 0.15, grid.origin_m[2] + grid.step_m[2] * 24.0};
+    scene_open(&s, true);
+    s.cfg.cluster_m = 0.2;
+    add_object(&s, at_m, size_m, 45.0);
+    for (size_t v = 0; v < VOXELS; v++)
+        if (v / (N * N) > 20)
+            s.amplitude[v] = 0.0f;
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    assert_true(s.found[0].extent_m[0] > 0.0);
+    assert_int_equal(s.found[0].at_border, PEAK_BORDER(2, 1));
+    for (int a = 0; a < 3; a++)
+        expect_known(&s.found[0], a, a != 2);
+    scene_close(&s);
+}
+
 /* Noise is 10 dB louder on one side. */
 static void with_cfar_each_place_has_a_threshold_of_its_own(void **state)
 {
@@ -633,6 +655,7 @@ int main(void)
         cmocka_unit_test(
             what_lies_outside_is_not_known_along_the_axis_that_it_is_outside_of),
         cmocka_unit_test(what_lies_behind_the_gate_is_not_known_in_depth),
+        cmocka_unit_test(nor_has_what_goes_on_behind_the_gate),
         cmocka_unit_test(a_plate_that_goes_on_outside_has_no_known_middle_there),
         cmocka_unit_test(with_cfar_each_place_has_a_threshold_of_its_own),
         cmocka_unit_test(a_box_is_extended_and_a_point_a_point),
