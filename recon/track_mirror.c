@@ -111,16 +111,18 @@ static void pass_outline(const struct passage *w, struct track_outline *o)
     o->high_m[1] = -low_m;
 }
 
-static void pass_extent(const struct passage *w, double extent_m[3])
+/* It is along the axes of the vehicle, which has turned by yaw over ground. */
+static void pass_extent(const struct passage *w, double yaw, double extent_m[3])
 {
-    double x = extent_m[0], y = extent_m[1];
+    double x = extent_m[0], y = extent_m[1], by[2][2];
 
+    track_turn_matrix(-yaw, w->by, by);
     for (int a = 0; a < 2; a++)
-        extent_m[a] = fabs(w->by[a][0]) * x + fabs(w->by[a][1]) * y;
+        extent_m[a] = fabs(by[a][0]) * x + fabs(by[a][1]) * y;
 }
 
 /* What is at rest is heard at rest, mirrored or not: k->rest stays. */
-static void pass_track(struct track *k, const struct track_mirror *to)
+static void pass_track(struct track *k, const struct track_mirror *to, double yaw)
 {
     const struct passage w = passage_between(&k->mirror, to);
     struct track_filter *filters[2] = {&k->filter, &k->steady};
@@ -136,17 +138,24 @@ static void pass_track(struct track *k, const struct track_mirror *to)
         pass_vector(&w, k->body.parts[i].offset_m);
     pass_vector(&w, k->body.sight);
     pass_outline(&w, &k->outline);
-    pass_extent(&w, k->extent_m);
+    pass_extent(&w, yaw, k->extent_m);
     k->mirror = *to;
 }
 
 /* -- when mirrors change ----------------------------------------------------------------
  */
 
-/* By how much the errors of a mirror move what it mirrors there, one sigma. */
-static double error_m(const struct track_mirror *m, double range_m)
+/* By how much the errors of a mirror move what it mirrors there, one sigma: its turn
+ * about the array moves it about the foot of the perpendicular from there (recon/wall.h).
+ */
+static double error_m(const struct track_mirror *m, const double array_m[2],
+                      const double p_m[2])
 {
-    return 2.0 * hypot(m->sigma_m, range_m * m->sigma_rad);
+    double before_m = m->distance_m - m->normal[0] * p_m[0] - m->normal[1] * p_m[1];
+    double aside_m = m->normal[0] * (p_m[1] - array_m[1]) -
+                     m->normal[1] * (p_m[0] - array_m[0]);
+
+    return 2.0 * hypot(m->sigma_m, hypot(before_m, aside_m) * m->sigma_rad);
 }
 
 /* As likely it is where it was told to be as where the new mirror puts it. */
@@ -167,14 +176,13 @@ static void mirror_anew(struct tracker *t, const struct track_scan *scan, struct
     const double was_m[2] = {k->filter.state[0], k->filter.state[1]};
     double array_m[2];
 
-    pass_track(k, to);
+    pass_track(k, to, t->pose.dyaw);
     const double way_m[2] = {k->filter.state[0] - was_m[0],
                              k->filter.state[1] - was_m[1]};
     double moved_m = hypot(way_m[0], way_m[1]);
     track_to_ground(&t->pose, scan->array.at_m, array_m);
-    double range_m =
-        hypot(k->filter.state[0] - array_m[0], k->filter.state[1] - array_m[1]);
-    double known_m = hypot(error_m(&from, range_m), error_m(to, range_m));
+    double known_m =
+        hypot(error_m(&from, array_m, was_m), error_m(to, array_m, k->filter.state));
     if (!from.id || !to->id || moved_m < fmax(SIGMAS * known_m, t->cfg.wander_m))
         return;
     t->counts.jumped++;
