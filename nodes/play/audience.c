@@ -98,13 +98,15 @@ bool audience_progress(struct audience *a, const char *name, const Anlos__Progre
 
     if (!l || !l->paces)
         return false;
+    if (p->round != l->round || p->time_ns > l->used_ns)
+        l->given_up = false; /* it gets on again */
     l->round = p->round;
     l->used_ns = p->time_ns;
     l->lost = p->lost;
     return true;
 }
 
-struct listener *audience_last(struct audience *a, uint32_t round, int64_t *used_ns)
+struct listener *audience_last(struct audience *a, uint64_t round, int64_t *used_ns)
 {
     struct listener *last = NULL;
 

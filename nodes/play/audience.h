@@ -21,7 +21,7 @@ struct listener {
     Anlos__Health__State state;
     bool connected; /* to everybody whom it listens to */
     bool paces;     /* it tells of its progress: */
-    uint32_t round;
+    uint64_t round;
     int64_t used_ns; /* up to that publish stamp it has used everything of the round */
     uint64_t lost;   /* messages */
     bool given_up;   /* it tells nothing any more, and is not waited for */
@@ -57,7 +57,7 @@ bool audience_progress(struct audience *a, const char *name, const Anlos__Progre
 /* Who is farthest behind in a round: name and stamp up to which all have used everything,
  * INT64_MIN before the round has begun for all; without anybody to wait for, NULL and
  * INT64_MAX. */
-struct listener *audience_last(struct audience *a, uint32_t round, int64_t *used_ns);
+struct listener *audience_last(struct audience *a, uint64_t round, int64_t *used_ns);
 
 /* Messages that were lost or dropped on the way to all of them. */
 uint64_t audience_lost(const struct audience *a);

@@ -40,7 +40,7 @@ int playback_create(struct playback **out, const struct playback_config *cfg,
         playback_notes(p, "%s: %zu channels are of no topic here, and are not played",
                        cfg->tape.bag, tape_foreign(p->tape));
     p->at_ns = tape_start_ns(p->tape);
-    p->progress_round = 1;
+    p->progress_round = (uint64_t)epoch_ns; /* who hears it may have heard another play */
     p->told_ns = p->at_ns - 1;
     tape_seek(p->tape, p->at_ns);
     *out = p;
@@ -128,7 +128,7 @@ bool playback_tells(struct playback *p, Anlos__Progress *out, Anlos__Sent *sent,
     }
     out->nodes = nodes;
     for (size_t i = 0; i < p->audience.n && i < max; i++)
-        if (p->audience.list[i].paces)
+        if (p->audience.list[i].paces && !p->audience.list[i].given_up)
             nodes[out->n_nodes++] = p->audience.list[i].name;
     return true;
 }

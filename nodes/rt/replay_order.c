@@ -7,6 +7,9 @@
 
 #include "msgs/topics.h"
 
+#define SENT_AHEAD                                                                       \
+    64 /* messages that may have overtaken this; more: who sends began anew */
+
 bool replay_order_has(const struct topic *t)
 {
     return t == topic_survey() || t == topic_stage_state() || t == topic_ping() ||
@@ -87,9 +90,25 @@ static void read_sent(struct replay_order *o, struct replay_pacer *pacer, bool f
         snprintf(s->node, sizeof s->node, "%s", p->sent[i]->node);
         pacer->n_sent++;
         struct replay_sent *heard = find_heard(o, s->node, t);
-        if (heard && first && heard->next < s->next)
+        if (heard && first &&
+            (heard->next < s->next || heard->next > s->next + SENT_AHEAD))
             heard->next = s->next;
     }
+}
+
+/* Whom play does not wait for any more, nobody does. */
+static void forget_pacers(struct replay_order *o, const Anlos__Progress *p)
+{
+    size_t kept = 0;
+
+    for (size_t i = 0; i < o->n_pacers; i++) {
+        bool named = !strcmp(o->pacers[i].node, "play");
+        for (size_t k = 0; k < p->n_nodes; k++)
+            named |= !strcmp(o->pacers[i].node, p->nodes[k]);
+        if (named)
+            o->pacers[kept++] = o->pacers[i];
+    }
+    o->n_pacers = kept;
 }
 
 void replay_order_progress(struct replay_order *o, const char *self, const char *from,
@@ -104,6 +123,8 @@ void replay_order_progress(struct replay_order *o, const char *self, const char 
         for (size_t i = 0; i < o->n_pacers; i++)
             o->pacers[i].heard = false;
     }
+    if (!strcmp(from, "play"))
+        forget_pacers(o, p);
     for (size_t i = 0; i < p->n_nodes; i++)
         find_pacer(o, self, p->nodes[i]);
     struct replay_pacer *pacer = find_pacer(o, self, from);

@@ -37,7 +37,7 @@ struct replay_pacer { /* who sends what is heard here */
 struct replay_order { /* all zero: empty, and messages go on as they come */
     const struct topic *topics[REPLAY_ORDER_TOPICS]; /* [n_topics] that are heard */
     size_t n_topics;
-    uint32_t round; /* 0: nobody has told of progress yet */
+    uint64_t round; /* 0: nobody has told of progress yet */
     struct replay_pacer pacers[REPLAY_ORDER_PACERS]; /* [n_pacers] */
     size_t n_pacers;
     struct replay_sent heard[REPLAY_ORDER_SENT]; /* [n_heard], what has come here */

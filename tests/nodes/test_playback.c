@@ -15,7 +15,7 @@ struct rig {
     struct playback_config cfg;
     int64_t now_ns;
     int64_t used_ns; /* up to there all nodes get */
-    uint32_t round;  /* of the newest progress of play's, */
+    uint64_t round;  /* of the newest progress of play's, */
     int64_t told_ns; /* which is up to there */
     char bag[600];
 };
@@ -578,6 +578,28 @@ static void who_comes_no_further_is_given_up_counted_and_said(void **state)
     assert_true(status_of(r).lost > 0);
 }
 
+/* Two plays to nodes that live on: no round of the first is one of the second. */
+static void rounds_of_a_later_play_come_after_those_of_an_earlier_one(void **state)
+{
+    struct rig *r = *state;
+    struct complaint why = {""};
+
+    played_bag_write(r->bag, true);
+    create(r);
+    for (int i = 0; i < 3; i++)
+        assert_int_equal(playback_seek(r->p, FIRST_NS, &why), 0);
+    turn(r, 500 * MS);
+    uint64_t before = r->round;
+    assert_true(before >= 3 && before < 1000);
+    playback_destroy(r->p);
+    assert_int_equal(playback_create(&r->p, &r->cfg, 1000, &why), 0);
+    playback_hears(r->p, true);
+    turn(r, 100 * MS);
+    say_health(r);
+    turn(r, 500 * MS);
+    assert_true(r->round > before);
+}
+
 static void messages_that_got_lost_are_counted_and_said(void **state)
 {
     struct rig *r = *state;
@@ -644,6 +666,7 @@ int main(void)
         TEST(what_runs_beside_it_is_not_played),
         TEST(no_more_goes_out_than_the_last_of_the_chain_keeps_up_with),
         TEST(who_comes_no_further_is_given_up_counted_and_said),
+        TEST(rounds_of_a_later_play_come_after_those_of_an_earlier_one),
         TEST(messages_that_got_lost_are_counted_and_said),
         TEST(a_folder_where_a_live_node_runs_is_refused_by_its_name),
     };
