@@ -88,6 +88,24 @@ void can_pack_object_fd(struct can_frame_data *out, uint32_t base,
     pack(out, base, CAN_ID_OBJECT_FD, o);
 }
 
+bool can_object_fits(const struct can_object *o, bool fd, size_t offset)
+{
+    static const enum can_id classic[] = {CAN_ID_OBJECT_STATE, CAN_ID_OBJECT_DYNAMICS,
+                                          CAN_ID_OBJECT_QUALITY},
+                             flexible[] = {CAN_ID_OBJECT_FD};
+    const enum can_id *ids = fd ? flexible : classic;
+    bool fits = true;
+
+    for (size_t i = 0; i < (fd ? 1 : 3); i++) {
+        const struct can_message *m = can_message_find(0, ids[i]);
+        for (size_t k = 0; k < m->n_signals; k++)
+            if (m->signals[k].member.type == CAN_MEMBER_DOUBLE &&
+                m->signals[k].member.at == offset)
+                fits &= can_signal_fits(&m->signals[k], o);
+    }
+    return fits;
+}
+
 void can_pack_ego_motion(struct can_frame_data *out, uint32_t base,
                          const struct can_ego_motion *e)
 {

@@ -151,6 +151,10 @@ void can_pack_object_quality(struct can_frame_data *out, uint32_t base,
                              const struct can_object *o);
 void can_pack_object_fd(struct can_frame_data *out, uint32_t base,
                         const struct can_object *o);
+/* Would the double of o at the offset go as it is into the frames of an object, fd: into
+ * the FD frame, but for rounding?  False: it is out of the range there, and would be
+ * clamped.  What the frames do not carry fits. */
+bool can_object_fits(const struct can_object *o, bool fd, size_t offset);
 void can_pack_ego_motion(struct can_frame_data *out, uint32_t base,
                          const struct can_ego_motion *e);
 void can_pack_ambient(struct can_frame_data *out, uint32_t base,

@@ -37,6 +37,16 @@ static int64_t clamp(const struct can_signal *s, double steps)
                                      : (int64_t)steps;
 }
 
+bool can_signal_fits(const struct can_signal *s, const void *content)
+{
+    double value = *(const double *)((const char *)content + s->member.at);
+    double steps = value * s->member.scale;
+
+    if (s->kind != CAN_SIGNAL_FLOAT)
+        steps = round((steps - s->offset) / s->factor);
+    return isnan(value) || (steps >= (double)s->min && steps <= (double)s->max);
+}
+
 static int64_t raw_of_float(const struct can_signal *s, double value)
 {
     float narrow = (float)fmin(fmax(value, (double)s->min), (double)s->max);

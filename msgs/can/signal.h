@@ -52,6 +52,10 @@ void can_signal_put(const struct can_signal *s, struct can_frame_data *f,
 void can_signal_take(const struct can_signal *s, const struct can_frame_data *f,
                      void *content);
 
+/* Would its value be sent as it is, but for the rounding to a step?  So is what is not
+ * known.  Only of members of type double. */
+bool can_signal_fits(const struct can_signal *s, const void *content);
+
 /* The bits as a number, the sign extended.  Of a float: its bit pattern. */
 int64_t can_signal_raw(const struct can_signal *s, const struct can_frame_data *f);
 

@@ -152,11 +152,9 @@ static void take_list(struct run *r, const struct node_message *in)
     }
     watch_list(&r->watch, message, in->capture_ns, node_machine_ns(r->node));
     diagnosis_list(&r->diagnosis, message);
-    uint64_t beyond = r->sender.beyond;
     sender_list(&r->sender, message, in->capture_ns, &list);
-    if (r->sender.beyond > beyond)
-        node_log(r->node, LOG_LEVEL_WARNING,
-                 "an object beyond the wall that mirrors it: its place was not sent");
+    if (list.note)
+        node_log(r->node, LOG_LEVEL_WARNING, "%s", list.note);
     if (node_is_replayed(r->node))
         list.dated_ns = in->publish_ns;
     outbox_put_list(&r->outbox, &list);
@@ -221,7 +219,7 @@ static void finish(struct run *r)
                  r->outbox.n_lists);
 }
 
-_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS + 3 <= DEVICE_MAX_COUNTS,
+_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS + 4 <= DEVICE_MAX_COUNTS,
                "no room");
 
 static size_t counts(void *device, struct device_count *out)
@@ -236,6 +234,7 @@ static size_t counts(void *device, struct device_count *out)
     out[n++] =
         (struct device_count){"lists_malformed", r->lists.verdicts[LIST_MALFORMED]};
     out[n++] = (struct device_count){"places_withheld", r->sender.beyond};
+    out[n++] = (struct device_count){"objects_beyond", r->sender.out_of_range};
     return n;
 }
 

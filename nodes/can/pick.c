@@ -3,7 +3,7 @@
 #include <math.h>
 
 struct worth {
-    double existence; /* in tenths */
+    double existence; /* in tenths; -1: it is no probability, and less than any */
     double distance_m;
 };
 
@@ -11,8 +11,10 @@ struct worth {
 static struct worth worth_of(double existence, const double p[3])
 {
     double d = sqrt(p[0] * p[0] + p[1] * p[1]);
+    bool known = existence >= 0.0 && existence <= 1.0;
 
-    return (struct worth){round(10.0 * existence), isnan(d) ? INFINITY : d};
+    return (struct worth){known ? round(10.0 * existence) : -1.0,
+                          isnan(d) ? INFINITY : d};
 }
 
 static struct worth worth_of_detection(const Anlos__Detection *d)

@@ -1,5 +1,6 @@
 /* nodes/can/pick.h -- which objects are left out when not all fit: the less likely ones,
- * in steps of a tenth, and of these the farther ones. */
+ * in steps of a tenth, and of these the farther ones.  What is said to exist with no
+ * probability at all, but NaN, -1 or 7, goes before those. */
 #ifndef ANLOS_NODES_CAN_PICK_H
 #define ANLOS_NODES_CAN_PICK_H
 

@@ -133,44 +133,127 @@ static bool is_beyond(const struct sender *s, const Anlos__Detection *d)
     return away_m > image_m + half_m + BEYOND_M;
 }
 
+static const struct can_object unknown = {
+    .position_m = {NAN, NAN, NAN},
+    .existence = NAN,
+    .velocity_m_s = {NAN, NAN},
+    .sigma_m = {NAN, NAN},
+    .correlation = NAN,
+    .length_m = NAN,
+    .width_m = NAN,
+    .sigma_v_m_s = NAN,
+    .covariance_m2 = {NAN, NAN, NAN, NAN, NAN, NAN},
+    .height_m = NAN,
+    .class_probability = NAN,
+    .age_s = NAN,
+    .unseen_s = NAN,
+};
+
+static void forget_velocity(struct can_object *o)
+{
+    memcpy(o->velocity_m_s, unknown.velocity_m_s, sizeof o->velocity_m_s);
+    o->sigma_v_m_s = NAN;
+}
+
+static void forget_covariance(struct can_object *o)
+{
+    memcpy(o->covariance_m2, unknown.covariance_m2, sizeof o->covariance_m2);
+}
+
+static void forget_place(struct can_object *o)
+{
+    memcpy(o->position_m, unknown.position_m, sizeof o->position_m);
+    memcpy(o->sigma_m, unknown.sigma_m, sizeof o->sigma_m);
+    o->correlation = o->length_m = o->width_m = o->height_m = NAN;
+    forget_covariance(o);
+    forget_velocity(o);
+}
+
+/* Do numbers[n], a member of o? */
+static bool fit(const struct sender *s, const struct can_object *o, const double *numbers,
+                size_t n)
+{
+    size_t offset = (size_t)((const char *)numbers - (const char *)o);
+    bool fit = true;
+
+    for (size_t i = 0; i < n; i++)
+        fit &= can_object_fits(o, s->cfg.bus.fd, offset + i * sizeof *numbers);
+    return fit;
+}
+
+static bool forget_outside(double *x, double min, double max)
+{
+    bool outside = *x < min || *x > max;
+
+    if (outside)
+        *x = NAN;
+    return outside;
+}
+
+/* The end of a range in its stead would be a place, a speed or a certainty that nobody
+ * measured.  Was there any? */
+static bool forget_out_of_range(const struct sender *s, struct can_object *o)
+{
+    double *const amounts[] = {&o->length_m, &o->width_m, &o->height_m, &o->age_s,
+                               &o->unseen_s};
+    bool place = fit(s, o, o->position_m, 3), velocity = fit(s, o, o->velocity_m_s, 2),
+         covariance = fit(s, o, o->covariance_m2, 6),
+         correlation = fit(s, o, &o->correlation, 1);
+    bool any = !place || !velocity || !covariance || !correlation;
+
+    if (!place)
+        forget_place(o);
+    if (!velocity)
+        forget_velocity(o);
+    if (!covariance)
+        forget_covariance(o);
+    if (!correlation)
+        o->correlation = NAN;
+    any |= forget_outside(&o->existence, 0.0, 1.0);
+    any |= forget_outside(&o->class_probability, 0.0, 1.0);
+    for (size_t i = 0; i < sizeof amounts / sizeof *amounts; i++)
+        any |= forget_outside(amounts[i], 0.0, INFINITY);
+    return any;
+}
+
 /* Only tracks have ids that matter; of more objects than there are ids they are numbered
  * here. */
-static void fill_object(struct sender *s, struct can_object *o,
-                        const Anlos__DetectionList *list, size_t picked, size_t i,
-                        uint16_t counter)
+static void fill_object(struct sender *s, struct sender_list *out,
+                        const Anlos__DetectionList *list, size_t i, size_t picked)
 {
     const Anlos__Detection *d = list->detections[picked];
     size_t id = list->tracked || list->n_detections <= UINT8_MAX ? d->id : i + 1;
+    struct can_object *o = &out->objects[i];
 
-    *o = (struct can_object){
-        .id = (uint8_t)id,
-        .counter = counter,
-        .position_m = {NAN, NAN, NAN},
-        .measurement = measurement_of(list, d),
-        .existence = d->existence,
-        .velocity_m_s = {NAN, NAN},
-        .sigma_m = {NAN, NAN},
-        .correlation = NAN,
-        .length_m = NAN,
-        .width_m = NAN,
-        .class = (enum can_class)d->shape,
-        .motion = (enum can_motion)d->motion,
-        .sigma_v_m_s = NAN,
-        .covariance_m2 = {NAN, NAN, NAN, NAN, NAN, NAN},
-        .height_m = NAN,
-        .class_probability = d->shape ? d->shape_probability : NAN,
-        .age_s = list->tracked ? d->age_s : NAN,
-        .unseen_s = list->tracked ? d->unseen_s : NAN,
-        .wall = (uint8_t)(d->wall < 255 ? d->wall : 255),
-        .behind_no_wall = d->behind_no_wall,
-        .in_free_view = d->in_free_view,
-    };
-    if (!list->mirrored || !list->in_vehicle_frame)
-        return;
-    if (is_beyond(s, d))
-        s->beyond++;
-    else
+    *o = unknown;
+    o->id = (uint8_t)id;
+    o->counter = out->header.counter;
+    o->measurement = measurement_of(list, d);
+    o->existence = d->existence;
+    o->class = (enum can_class)d->shape;
+    o->motion = (enum can_motion)d->motion;
+    o->wall = (uint8_t)(d->wall < 255 ? d->wall : 255);
+    o->behind_no_wall = d->behind_no_wall;
+    o->in_free_view = d->in_free_view;
+    if (d->shape)
+        o->class_probability = d->shape_probability;
+    if (list->tracked) {
+        o->age_s = d->age_s;
+        o->unseen_s = d->unseen_s;
+    }
+    bool known = list->mirrored && list->in_vehicle_frame;
+    if (known)
         fill_place(o, d);
+    if (forget_out_of_range(s, o)) {
+        s->out_of_range++;
+        out->note = "an object with a number that is out of the range of its signal, "
+                    "which was not sent";
+    }
+    if (known && !isnan(o->position_m[0]) && is_beyond(s, d)) {
+        s->beyond++;
+        forget_place(o);
+        out->note = "an object beyond the wall that mirrors it: its place was not sent";
+    }
 }
 
 static uint16_t next_counter(struct sender *s, const Anlos__DetectionList *list)
@@ -193,6 +276,7 @@ void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t cap
         .counter = counter, .truncated = out->n_objects < list->n_detections};
     out->capture_ns = capture_ns;
     out->tracked = list->tracked;
+    out->note = NULL;
     memset(out->lives, 0, sizeof out->lives);
     for (size_t i = 0; i < list->n_detections; i++)
         out->lives[(uint8_t)list->detections[i]->id] =
@@ -200,7 +284,7 @@ void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t cap
     out->dated_ns = 0;
     out->n_frames = 0;
     for (size_t i = 0; i < out->n_objects; i++)
-        fill_object(s, &out->objects[i], list, picked[i], i, counter);
+        fill_object(s, out, list, i, picked[i]);
 }
 
 void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list *out)
@@ -208,6 +292,7 @@ void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list 
     out->header = (struct can_list_header){.counter = (uint16_t)++s->counter};
     out->capture_ns = capture_ns;
     out->tracked = true;
+    out->note = NULL;
     memset(out->lives, 0, sizeof out->lives);
     out->dated_ns = 0;
     out->n_objects = 0;

@@ -36,6 +36,7 @@ struct sender {
     double array_m[3];        /* in the vehicle; of the survey */
     bool has_array;
     uint64_t beyond; /* places that were withheld: beyond the wall that mirrors them */
+    uint64_t out_of_range; /* objects with a number that the frames have no room for */
     struct allowance allowance;
 };
 
@@ -45,6 +46,7 @@ struct sender_list {
     int64_t capture_ns;            /* 0: not of any sound */
     bool tracked;                  /* its objects have ids that stay */
     bool lives[256];               /* the object of this id is there and not deleted */
+    const char *note;              /* what is not sent of it, and why; NULL: all is */
     int64_t dated_ns;              /* of a replay: when it came about; 0: when it goes */
     struct can_object objects[CAN_MAX_OBJECTS]; /* [n_objects], strongest first */
     size_t n_objects;
@@ -68,7 +70,10 @@ void sender_let_objects(struct sender *s, bool lets);
  * Of more than CAN_MAX_OBJECTS the likeliest are taken, in steps of a tenth, and of these
  * the nearest.  What is not known is sent as not available: the place of objects when the
  * list's survey names no wall or mount.  So is the place of what is farther away than its
- * own mirror image, which nothing is that is before its wall: it is counted. */
+ * own mirror image, which nothing is that is before its wall: it is counted.  So is what
+ * is out of the range of its signal, with all that belongs to it: a place, a velocity, a
+ * covariance go as a whole.  Sizes, ages and standard deviations have no upper end: the
+ * largest of a signal means that or more. */
 void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
                  struct sender_list *out);
 

@@ -61,6 +61,26 @@ static void of_the_same_the_first_stay(void **state)
     assert_int_equal(picked[1], 1);
 }
 
+/* NaN is neither more nor less than anything, and 7 more than 1. */
+static void what_is_no_probability_is_less_than_any(void **state)
+{
+    static const double none[] = {NAN, INFINITY, -INFINITY, 7.0, 1.01, -0.01};
+    size_t picked[CAN_MAX_OBJECTS];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof none / sizeof *none; i++) {
+        const struct can_object objects[] = {at(1, 0, none[i]), at(9, 0, 0.1),
+                                             at(1, 0, none[i]), at(20, 0, 0.0)};
+        assert_int_equal(pick_objects(objects, 4, 3, picked), 3);
+        assert_int_equal(picked[0], 0);
+        assert_int_equal(picked[1], 1);
+        assert_int_equal(picked[2], 3);
+        assert_int_equal(pick_objects(objects, 4, 2, picked), 2);
+        assert_int_equal(picked[0], 1);
+        assert_int_equal(picked[1], 3);
+    }
+}
+
 static void nothing_may_be_room_for_nothing(void **state)
 {
     const struct can_object objects[] = {at(1, 1, 0.5)};
@@ -104,6 +124,7 @@ int main(void)
         cmocka_unit_test(the_unlikely_ones_are_left_out_first),
         cmocka_unit_test(of_equally_likely_ones_the_far_ones_are),
         cmocka_unit_test(of_the_same_the_first_stay),
+        cmocka_unit_test(what_is_no_probability_is_less_than_any),
         cmocka_unit_test(nothing_may_be_room_for_nothing),
         cmocka_unit_test(detections_are_picked_by_the_same_rule),
     };

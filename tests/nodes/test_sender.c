@@ -406,6 +406,176 @@ static void a_variance_that_is_none_never_looks_like_certainty(void **state)
     assert_true(isnan(o.sigma_v_m_s));
 }
 
+/* As the frames say it. */
+static struct can_object said_of_first(const struct sender *s,
+                                       const struct sender_list *sent)
+{
+    struct can_object o = {0};
+
+    if (s->cfg.bus.fd) {
+        assert_int_equal(can_unpack_object_fd(&sent->frames[2], &o), 0);
+        return o;
+    }
+    assert_int_equal(can_unpack_object_state(&sent->frames[2], &o), 0);
+    assert_int_equal(can_unpack_object_dynamics(&sent->frames[3], &o), 0);
+    assert_int_equal(can_unpack_object_quality(&sent->frames[4], &o), 0);
+    return o;
+}
+
+/* The ranges are those of anlos.dbc. */
+static void a_place_out_of_the_range_of_its_frame_is_not_sent(void **state)
+{
+    static const struct {
+        double at_m[3];
+        bool fd, leaves;
+    } cases[] = {
+        {{81.9, -40.94, 12.75}, false, true}, {{-81.9, 40.94, -12.75}, false, true},
+        {{81.904, 0, 0}, false, true}, /* rounded to 81.9 */
+        {{81.92, 0, 0}, false, false},        {{-81.92, 0, 0}, false, false},
+        {{0, 40.96, 0}, false, false},        {{0, -40.96, 0}, false, false},
+        {{0, 0, 12.8}, false, false},         {{0, 0, -12.8}, false, false},
+        {{INFINITY, 0, 0}, false, false},     {{1e300, 0, 0}, false, false},
+        {{1000, -1000, 1000}, true, true},    {{1001, 0, 0}, true, false},
+        {{0, -1001, 0}, true, false},         {{0, 0, -INFINITY}, true, false},
+    };
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    uint64_t beyond = 0;
+
+    (void)state;
+    init(&s, 0x400);
+    know_tracks(&s);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const double *p = cases[i].at_m;
+        fill_tracks(&l, 1);
+        s.cfg.bus.fd = cases[i].fd;
+        l.position.x = p[0];
+        l.position.y = p[1];
+        l.position.z = p[2];
+        send(&s, &l, 50, &sent);
+        struct can_object o = said_of_first(&s, &sent);
+        for (size_t k = 0; k < 3; k++)
+            if (cases[i].leaves)
+                assert_near(o.position_m[k], p[k], 0.025);
+            else
+                assert_true(isnan(o.position_m[k]));
+        assert_int_equal(isnan(o.velocity_m_s[0]), !cases[i].leaves);
+        assert_int_equal(isnan(o.length_m), !cases[i].leaves);
+        assert_int_equal(isnan(o.sigma_m[0]), !cases[i].leaves && !cases[i].fd);
+        assert_near(o.existence, 0.75, 0.005);
+        beyond += !cases[i].leaves;
+        assert_int_equal(s.out_of_range, beyond);
+        assert_int_equal(!sent.note, cases[i].leaves);
+    }
+    assert_int_equal(s.beyond, 0);
+}
+
+static void so_is_a_speed_and_the_place_stays(void **state)
+{
+    static const struct {
+        double speed_m_s[2];
+        bool fd, leaves;
+    } cases[] = {
+        {{51.15, -51.15}, false, true}, {{51.2, 0}, false, false},
+        {{0, -51.2}, false, false},     {{-INFINITY, 0}, false, false},
+        {{51.2, -1000}, true, true},    {{0, 1001}, true, false},
+    };
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    uint64_t beyond = 0;
+
+    (void)state;
+    init(&s, 0x400);
+    know_tracks(&s);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        double speed_m_s[2] = {cases[i].speed_m_s[0], cases[i].speed_m_s[1]};
+        fill_tracks(&l, 1);
+        s.cfg.bus.fd = cases[i].fd;
+        l.detections[0].velocity_m_s = speed_m_s;
+        send(&s, &l, 50, &sent);
+        struct can_object o = said_of_first(&s, &sent);
+        for (size_t k = 0; k < 2; k++)
+            if (cases[i].leaves)
+                assert_near(o.velocity_m_s[k], speed_m_s[k], 0.025);
+            else
+                assert_true(isnan(o.velocity_m_s[k]));
+        assert_int_equal(isnan(o.sigma_v_m_s), !cases[i].leaves);
+        assert_near(o.position_m[0], 4.0, 0.01);
+        beyond += !cases[i].leaves;
+        assert_int_equal(s.out_of_range, beyond);
+    }
+}
+
+static void nor_is_what_is_no_probability_age_size_or_covariance(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_object o;
+    uint64_t beyond = 0;
+
+    (void)state;
+    init(&s, 0x400);
+    know_tracks(&s);
+    static const double none[] = {-0.01, 1.01, INFINITY, -INFINITY};
+    for (size_t fd = 0; fd < 2; fd++)
+        for (size_t i = 0; i < sizeof none / sizeof *none; i++) {
+            fill_tracks(&l, 1);
+            s.cfg.bus.fd = fd;
+            l.detections[0].existence = none[i];
+            send(&s, &l, 50, &sent);
+            o = said_of_first(&s, &sent);
+            assert_true(isnan(o.existence));
+            assert_near(o.position_m[0], 4.0, 0.01);
+            assert_int_equal(s.out_of_range, ++beyond);
+        }
+    fill_tracks(&l, 1);
+    l.detections[0].shape_probability = 1.5;
+    l.detections[0].age_s = l.detections[0].unseen_s = -1.0;
+    l.extent.x = -0.2;
+    l.covariance[0] = -1.0; /* would be 0: quite certain */
+    send(&s, &l, 50, &sent);
+    o = said_of_first(&s, &sent);
+    assert_true(isnan(o.class_probability));
+    assert_true(isnan(o.age_s));
+    assert_true(isnan(o.unseen_s));
+    assert_true(isnan(o.length_m));
+    assert_near(o.width_m, 0.3, 0.01);
+    for (size_t k = 0; k < 6; k++)
+        assert_true(isnan(o.covariance_m2[k]));
+    assert_int_equal(s.out_of_range, ++beyond);
+}
+
+/* The DBC says so of each of them. */
+static void the_largest_size_age_and_sigma_mean_that_or_more(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_object o;
+
+    (void)state;
+    init(&s, 0x400);
+    know_tracks(&s);
+    fill_tracks(&l, 1);
+    l.extent.x = l.extent.y = 50.0;
+    l.covariance[0] = l.covariance[3] = 100.0;
+    send(&s, &l, 50, &sent);
+    o = said_of_first(&s, &sent);
+    assert_near(o.length_m, 6.2, 1e-9);
+    assert_near(o.width_m, 3.0, 1e-9);
+    assert_near(o.sigma_m[0], 2.52, 1e-9);
+    assert_near(o.sigma_m[1], 2.52, 1e-9);
+    s.cfg.bus.fd = true;
+    l.detections[0].age_s = 1e5;
+    send(&s, &l, 50, &sent);
+    assert_near(said_of_first(&s, &sent).age_s, 6553.4, 0.1);
+    assert_int_equal(s.out_of_range, 0);
+    assert_null(sent.note);
+}
+
 static void every_measurement_of_a_track_has_its_word(void **state)
 {
     static const struct {
@@ -915,6 +1085,10 @@ int main(void)
         cmocka_unit_test(no_place_beyond_its_wall_leaves),
         cmocka_unit_test(a_track_says_how_it_moves),
         cmocka_unit_test(a_variance_that_is_none_never_looks_like_certainty),
+        cmocka_unit_test(a_place_out_of_the_range_of_its_frame_is_not_sent),
+        cmocka_unit_test(so_is_a_speed_and_the_place_stays),
+        cmocka_unit_test(nor_is_what_is_no_probability_age_size_or_covariance),
+        cmocka_unit_test(the_largest_size_age_and_sigma_mean_that_or_more),
         cmocka_unit_test(every_measurement_of_a_track_has_its_word),
         cmocka_unit_test(what_was_heard_too_long_ago_is_never_sent_as_measured),
         cmocka_unit_test(an_object_is_new_in_the_first_list_that_tells_of_it),

@@ -90,10 +90,9 @@ static int send_list(struct chain *c, int64_t capture_ns, int64_t now_ns,
     struct sender_list list;
     int err = 0;
 
-    uint64_t beyond = c->sender.beyond;
     sender_list(&c->sender, c->detections, capture_ns, &list);
-    if (c->sender.beyond > beyond)
-        note(c, "an object beyond the wall that mirrors it: its place was not sent");
+    if (list.note)
+        note(c, list.note);
     sender_date(&c->sender, &list, now_ns, c->list_ns);
     c->list_ns = now_ns;
     for (size_t i = 0; !err && i < list.n_frames; i++)
