@@ -7,14 +7,18 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "nodes/rt/colour.h"
+
 #define CLEAR_LINE  "\r\033[K"
+#define PLAIN       "\033[0m"
 #define PATIENCE_MS 200 /* with a reader; none any more until it reads again */
 
 void screen_init(struct screen *s, enum log_format format)
 {
     *s = (struct screen){.format = format,
                          .out_terminal = isatty(STDOUT_FILENO),
-                         .err_terminal = isatty(STDERR_FILENO)};
+                         .err_terminal = isatty(STDERR_FILENO),
+                         .coloured = colour_wanted(STDERR_FILENO)};
 }
 
 /* The level at the start of a line, and where its text begins. */
@@ -80,7 +84,7 @@ static void clear_progress(struct screen *s)
     fflush(stdout);
 }
 
-static void write_coloured(const struct log_line *l)
+static void write_for_terminal(const struct log_line *l, bool coloured)
 {
     char text[LOG_TEXT_SIZE + 96], time_of_day[16] = "";
     time_t seconds = (time_t)(l->stamp_ns / 1000000000);
@@ -89,9 +93,11 @@ static void write_coloured(const struct log_line *l)
     if (localtime_r(&seconds, &t))
         strftime(time_of_day, sizeof time_of_day, "%H:%M:%S", &t);
     log_line_text(l, text, sizeof text);
-    fprintf(stderr, "\033[2m%s.%03d\033[0m \033[1m%-7s\033[0m %s%-7s %s\033[0m\n",
-            time_of_day, (int)(l->stamp_ns / 1000000 % 1000), l->node, colour(l->level),
-            log_level_name(l->level), text);
+    fprintf(stderr, "%s%s.%03d%s %s%-7s%s %s%-7s %s%s\n", coloured ? "\033[2m" : "",
+            time_of_day, (int)(l->stamp_ns / 1000000 % 1000), coloured ? PLAIN : "",
+            coloured ? "\033[1m" : "", l->node, coloured ? PLAIN : "",
+            coloured ? colour(l->level) : "", log_level_name(l->level), text,
+            coloured ? PLAIN : "");
 }
 
 static void write_line(const struct screen *s, const struct log_line *line)
@@ -99,7 +105,7 @@ static void write_line(const struct screen *s, const struct log_line *line)
     char text[LOG_LINE_SIZE];
 
     if (s->err_terminal && s->format == LOG_FORMAT_TEXT)
-        write_coloured(line);
+        write_for_terminal(line, s->coloured);
     else
         fwrite(text, 1, log_line_write(line, s->format, text), stderr);
 }

@@ -1,5 +1,6 @@
 /* nodes/launcher/screen.h -- what the launcher shows: log lines of the nodes on stderr,
- * with stamp, node and level, coloured on a terminal, where the time is the local one;
+ * with stamp, node and level, on a terminal with the local time and in colours
+ * (nodes/rt/colour.h);
  * one line of progress on stdout, which on a terminal stays below them.  A reader that
  * does not read, or a terminal that was stopped, holds nothing up: lines are left out,
  * and how many is said when there is room again. */
@@ -12,7 +13,7 @@
 
 struct screen {
     enum log_format format;
-    bool out_terminal, err_terminal;
+    bool out_terminal, err_terminal, coloured;
     bool progress_shown; /* on the terminal's last line */
     bool stuck[2];       /* stdout, stderr: nobody takes what is written */
     unsigned left_out;   /* lines of the log, for that */

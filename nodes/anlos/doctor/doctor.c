@@ -8,6 +8,7 @@
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/doctor/check.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/colour.h"
 
 #define DEADLINE_NS 10000000000LL
 
@@ -76,7 +77,7 @@ static void look(const struct doctor *d, struct findings *f)
 static int print(const struct findings *f, bool json)
 {
     if (!json) {
-        findings_print(f, isatty(STDOUT_FILENO), stdout);
+        findings_print(f, colour_wanted(STDOUT_FILENO), stdout);
         return usage_flush("doctor");
     }
     json_t *o = findings_json(f);

@@ -8,6 +8,7 @@
 
 #include "nodes/anlos/top/look.h"
 #include "nodes/anlos/top/terminal_kind.h"
+#include "nodes/rt/colour.h"
 
 #define ESCAPE_MS 25 /* what follows an escape within it is a key, not the escape key */
 
@@ -16,9 +17,7 @@ static bool coloured;
 
 static void choose_colours(void)
 {
-    const char *no = getenv("NO_COLOR");
-
-    coloured = has_colors() && !(no && *no) && start_color() == OK;
+    coloured = has_colors() && colour_wanted(STDOUT_FILENO) && start_color() == OK;
     if (!coloured)
         return;
     use_default_colors();
