@@ -81,6 +81,7 @@ static void scan_is_in(struct rig *r, Anlos__Pass pass)
     Anlos__ScanStatus m = ANLOS__SCAN_STATUS__INIT;
     m.state = ANLOS__SCAN_STATUS__STATE__RUNNING;
     m.pass = pass;
+    m.pings_expected = 200;
     collector_scan(r->collector, &m);
 }
 
@@ -454,6 +455,49 @@ static void each_pass_expects_what_flows_in_it(void **state)
     assert_near(node(r, "recon", 10 * S)->expected_hz, 16, 0);
 }
 
+/* An array that stands has no end and no receipts: recon takes 41 pings a second in, and
+ * images every fourth. */
+static void an_array_that_stands_has_the_pace_of_its_pings(void **state)
+{
+    struct rig *r = *state;
+    const struct table_node *n;
+
+    scan_says(r, ANLOS__SCAN_STATUS__STATE__RUNNING);
+    for (unsigned s = 0; s < 3; s++) {
+        begin(r, "dsp");
+        health_topic(&r->health, "receipt", 1, 0);
+        health_topic(&r->health, "ping", 0, 41 * s);
+        health_topic(&r->health, "traces", 1, 41 * s);
+        say(r, 1, (10 + s) * S);
+        begin(r, "recon");
+        health_topic(&r->health, "receipt", 1, 0);
+        health_topic(&r->health, "volume", 1, 10 * s);
+        health_topic(&r->health, "traces", 0, 41 * s);
+        say(r, 1, (10 + s) * S);
+        begin(r, "wall");
+        health_topic(&r->health, "wall", 1, 10 * s);
+        health_topic(&r->health, "ping", 0, 41 * s);
+        say(r, 1, (10 + s) * S);
+    }
+    n = node(r, "recon", 12 * S);
+    assert_near(n->rate_hz, 41, 1e-9);
+    assert_near(n->expected_hz, 0, 0);
+    n = node(r, "dsp", 12 * S);
+    assert_near(n->rate_hz, 41, 1e-9);
+    assert_near(n->expected_hz, 0, 0);
+    n = node(r, "wall", 12 * S);
+    assert_near(n->rate_hz, 10, 1e-9);
+    assert_near(n->expected_hz, 10, 0);
+    assert_near(topic(r, "traces", 12 * S)->expected_hz, 0, 0);
+    assert_int_equal(topic(r, "traces", 12 * S)->state, TABLE_OK);
+    for (unsigned s = 3; s < 30; s++) { /* and none any more */
+        begin(r, "dsp");
+        health_topic(&r->health, "traces", 1, 82);
+        say(r, 1, (10 + s) * S);
+    }
+    assert_int_equal(topic(r, "traces", 39 * S)->state, TABLE_LOW);
+}
+
 static void what_is_foreign_or_too_much_is_left_out(void **state)
 {
     struct rig *r = *state;
@@ -565,6 +609,7 @@ int main(void)
         TEST(the_latency_is_that_of_what_the_node_puts_out),
         TEST(the_main_rate_is_the_most_frequent_output_else_input),
         TEST(each_pass_expects_what_flows_in_it),
+        TEST(an_array_that_stands_has_the_pace_of_its_pings),
         TEST(what_is_foreign_or_too_much_is_left_out),
         TEST(the_newest_list_of_objects_is_kept),
         TEST(the_log_keeps_its_newest_lines),

@@ -124,15 +124,13 @@ static void fill_logs(const struct collector *c, struct table *out)
 
 static void fill_nodes(const struct collector *c, int64_t now_ns, struct table *out)
 {
-    bool background = c->scan.known && c->scan.pass == ANLOS__PASS__BACKGROUND;
-
     out->n_nodes = 0;
     out->lost = 0;
     for (size_t i = 0; i < c->n_members; i++) {
         if (!member_is_known(&c->members[i]))
             continue;
         struct table_node *row = &out->nodes[out->n_nodes++];
-        member_row(&c->members[i], now_ns, background, row);
+        member_row(&c->members[i], now_ns, &c->scan, row);
         out->lost += row->gaps + row->dropped;
         if (!strcmp(row->name, "scan"))
             out->scan.over = !table_node_is_alive(row);

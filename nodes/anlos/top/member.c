@@ -126,20 +126,34 @@ static bool is_work(const struct table_link *l)
            l->topic != topic_host();
 }
 
-/* What the node puts out at the highest expected rate; of one that puts nothing out, what
- * it takes in. */
+/* How well it tells of the node's work: the pings that it is done with, else what it puts
+ * out at a rate of its own, else the pings that it takes in. */
+static int rank(const struct table_link *l)
+{
+    bool of_pings = table_is_of_pings(l->topic);
+
+    if (l->published)
+        return of_pings ? 4 : l->expected_hz > 0 ? 3 : 1;
+    return of_pings ? 2 : 0;
+}
+
+static bool tells_more(const struct table_link *a, const struct table_link *b)
+{
+    if (!a->messages != !b->messages)
+        return a->messages;
+    if (rank(a) != rank(b))
+        return rank(a) > rank(b);
+    return a->expected_hz > b->expected_hz;
+}
+
+/* Of what flows the link that tells most. */
 static const struct table_link *main_link(const struct table_node *row)
 {
     const struct table_link *best = NULL;
 
-    for (size_t i = 0; i < row->n_links; i++) {
-        const struct table_link *l = &row->links[i];
-        if (!is_work(l))
-            continue;
-        if (!best || l->published > best->published ||
-            (l->published == best->published && l->expected_hz > best->expected_hz))
-            best = l;
-    }
+    for (size_t i = 0; i < row->n_links; i++)
+        if (is_work(&row->links[i]) && (!best || tells_more(&row->links[i], best)))
+            best = &row->links[i];
     return best;
 }
 
@@ -187,7 +201,7 @@ static void still(struct table_node *row)
     }
 }
 
-void member_row(const struct member *m, int64_t now_ns, bool background,
+void member_row(const struct member *m, int64_t now_ns, const struct table_scan *scan,
                 struct table_node *out)
 {
     *out = m->row;
@@ -199,7 +213,7 @@ void member_row(const struct member *m, int64_t now_ns, bool background,
     history_rates(&m->history, out);
     for (size_t i = 0; i < out->n_links; i++)
         out->links[i].expected_hz =
-            table_expected_hz(out->links[i].topic, out->name, background);
+            table_expected_hz(out->links[i].topic, out->name, scan);
     sum_links(out);
     const struct table_link *link = main_link(out);
     out->rate_hz = link ? link->rate_hz : NAN;

@@ -24,8 +24,7 @@ void member_presence(struct member *m, enum presence presence, int64_t now_ns);
 
 /* Is there anything to show of it? */
 bool member_is_known(const struct member *m);
-/* background: the scan is in that pass. */
-void member_row(const struct member *m, int64_t now_ns, bool background,
+void member_row(const struct member *m, int64_t now_ns, const struct table_scan *scan,
                 struct table_node *out);
 
 #endif

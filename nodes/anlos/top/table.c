@@ -23,8 +23,16 @@ const char *table_topic_state_name(enum table_topic_state state)
     return names[state];
 }
 
-double table_expected_hz(const struct topic *t, const char *node, bool background)
+bool table_is_of_pings(const struct topic *t)
 {
+    return t == topic_ping() || t == topic_traces() || t == topic_receipt();
+}
+
+/* The rate of a scan in steps. */
+static double usual_hz(const struct topic *t, const char *node,
+                       const struct table_scan *scan)
+{
+    bool background = scan->known && scan->pass == ANLOS__PASS__BACKGROUND;
     const char *idle = background ? "recon" : "dsp";
 
     if (background && t == topic_traces())
@@ -34,9 +42,12 @@ double table_expected_hz(const struct topic *t, const char *node, bool backgroun
     return t->rate_hz;
 }
 
-static bool is_background(const struct table *t)
+double table_expected_hz(const struct topic *t, const char *node,
+                         const struct table_scan *scan)
 {
-    return t->scan.known && t->scan.pass == ANLOS__PASS__BACKGROUND;
+    bool endless = scan->known && !scan->expected;
+
+    return endless && table_is_of_pings(t) ? 0 : usual_hz(t, node, scan);
 }
 
 struct flow { /* of a topic, over the links of its nodes */
@@ -91,7 +102,7 @@ static bool scan_runs(const struct table *t)
 }
 
 static enum table_topic_state judge(const struct table_topic *t, uint64_t lost_lately,
-                                    bool runs)
+                                    double usual_hz, bool runs)
 {
     if (!t->known && !t->messages)
         return TABLE_ABSENT;
@@ -99,7 +110,7 @@ static enum table_topic_state judge(const struct table_topic *t, uint64_t lost_l
         return TABLE_CUT;
     if (lost_lately)
         return TABLE_LOSING;
-    if (runs && t->messages && t->rate_hz < t->expected_hz / 4)
+    if (runs && t->messages && t->rate_hz < usual_hz / 4)
         return TABLE_LOW;
     return t->rate_hz > 0 ? TABLE_OK : TABLE_IDLE;
 }
@@ -116,9 +127,11 @@ static void fill_topic(const struct table *table, struct table_topic *t)
     if (!t->known && flow.best)
         take_from_receiver(t, &flow);
     t->size_bytes = t->messages ? (double)flow.bytes / (double)t->messages : NAN;
-    t->expected_hz = table_expected_hz(t->topic, NULL, is_background(table)) *
-                     (of_every_node ? t->alive : 1);
-    t->state = judge(t, flow.lost_lately, scan_runs(table));
+    double publishers = of_every_node ? t->alive : 1;
+    t->expected_hz = publishers * table_expected_hz(t->topic, NULL, &table->scan);
+    t->state = judge(t, flow.lost_lately,
+                     publishers * usual_hz(t->topic, NULL, &table->scan),
+                     scan_runs(table));
 }
 
 void table_fill_topics(struct table *t)

@@ -12,6 +12,7 @@
 #include "msgs/envelope.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
+#include "nodes/rt/priority.h"
 
 enum {
     TABLE_MAX_NODES = 32,
@@ -58,7 +59,7 @@ struct table_node {
     char name[ENVELOPE_NODE_SIZE];
     enum table_node_state state;
     char text[TABLE_TEXT_SIZE]; /* what it says of itself */
-    char priority[48];
+    char priority[PRIORITY_TEXT_SIZE];
     uint32_t pid;
     unsigned restarts; /* since we look */
     bool twin;         /* an older process of this name speaks too, on another machine */
@@ -144,8 +145,13 @@ struct table {
 
 /* Messages a second that a node publishes of the topic while a scan runs, node NULL: all
  * its publishers together.  Less than in msgs/topics.h where a pass does without:
- * background pings end in dsp, scene pings in recon (msgs/scan.proto). */
-double table_expected_hz(const struct topic *t, const char *node, bool background);
+ * background pings end in dsp, scene pings in recon (msgs/scan.proto).  0 of the pings of
+ * an array that stands, and what comes of them: they come at the pace of its slots. */
+double table_expected_hz(const struct topic *t, const char *node,
+                         const struct table_scan *scan);
+
+/* Is it a ping, or what is made of each? */
+bool table_is_of_pings(const struct topic *t);
 
 /* Sums the topics up from the nodes and the scan. */
 void table_fill_topics(struct table *t);
