@@ -118,6 +118,7 @@ static void the_living_the_dead_and_the_unborn_are_told_apart(void **state)
     assert_contains(r.out, pid_text);
     assert_contains(r.out, "512 pings imaged");
     assert_contains(r.out, "killed or crashed");
+    assert_contains(r.out, "`anlos view` that looks on is not listed");
     living_end(recon, SIGTERM);
 }
 

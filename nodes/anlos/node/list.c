@@ -4,12 +4,22 @@
 
 #include "nodes/anlos/top/text.h"
 
+/* What a command does is no node's: its page or its bag is there all the same. */
+static const char *says_of_never(const char *node)
+{
+    if (!strcmp(node, "view"))
+        return "is no node here; an `anlos view` that looks on is not listed";
+    if (!strcmp(node, "record"))
+        return "is no node here; an `anlos bag record` that listens is not listed";
+    return "has not run in this folder";
+}
+
 static const char *what_it_says(const struct census_node *n, char out[TABLE_TEXT_SIZE])
 {
     switch (n->life) {
     case CENSUS_NEVER:
         if (!n->host[0])
-            return "has not run in this folder";
+            return says_of_never(n->name);
         snprintf(out, TABLE_TEXT_SIZE, "is to run on %s, and is not heard", n->host);
         return out;
     case CENSUS_ENDED:
