@@ -59,6 +59,19 @@ static int check_recording(const struct launchfile *l, const struct arguments *a
     return a->record ? parts_init(&parts, l->record.path, split, why) : 0;
 }
 
+/* What is needed of the machine, once the runtime directory is ours. */
+static int prepare_host(const struct launchfile *l, struct complaint *why)
+{
+    int err = 0;
+
+    if (priority_wanted(l) && l->processes.realtime == REALTIME_REQUIRED)
+        err = priority_permitted(why);
+    if (!err && launchfile_runs_here(l, "report"))
+        err = export_folder(l->report.folder, why);
+    return err;
+}
+
+/* After 0: site_close, launchfile_destroy; else the latter alone. */
 static int prepare(struct launchfile **launch, const struct arguments *a,
                    char run_dir[RUNDIR_SIZE], struct complaint *why)
 {
@@ -77,11 +90,11 @@ static int prepare(struct launchfile **launch, const struct arguments *a,
         err = check_recording(*launch, a, why);
     if (!err)
         err = site_open(*launch, a, run_dir, why);
-    if (!err && priority_wanted(*launch) &&
-        (*launch)->processes.realtime == REALTIME_REQUIRED)
-        err = priority_permitted(why);
-    if (!err && launchfile_runs_here(*launch, "report"))
-        err = export_folder((*launch)->report.folder, why);
+    if (err)
+        return err;
+    err = prepare_host(*launch, why);
+    if (err)
+        site_close(*launch, run_dir);
     return err;
 }
 
@@ -150,10 +163,10 @@ int command_launch(int argc, char **argv)
         print_help();
         return EXIT_WORKED;
     }
-    if (!err)
-        err = prepare(&launch, &args, run_dir, &why);
     if (!err && (err = program_folder(bin_dir, sizeof bin_dir)))
         complain(&why, err, "the folder of this program: %s", strerror(-err));
+    if (!err)
+        err = prepare(&launch, &args, run_dir, &why);
     if (err) {
         fprintf(stderr, "anlos launch: %s\n", why.text);
     } else {

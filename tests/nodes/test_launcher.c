@@ -595,6 +595,29 @@ static void a_program_that_is_missing_is_named(void **state)
     assert_contains(r->text, "anlos-can: cannot be started: No such file or directory");
 }
 
+/* Whoever looks at the folder later would go by them. */
+static void a_start_that_fails_leaves_no_hosts_behind(void **state)
+{
+    struct rig *r = *state;
+    char text[512];
+
+    snprintf(text, sizeof text,
+             "nodes: [can, report]\n"
+             "hosts:\n"
+             "  - {name: a, endpoint: 'ipc://%s', nodes: [report]}\n"
+             "  - {name: b, endpoint: 'ipc:///elsewhere', nodes: [can]}\n",
+             r->scratch->folder);
+    scratch_write(r->scratch, "launch.yaml", text);
+    scratch_write(r->scratch, "out", "in the place of the folder of results");
+    write_node(r, "report", "exit 0");
+    r->option = "--host=a";
+    start(r);
+    assert_int_equal(finish(r), 2);
+    assert_contains(r->text, "/out");
+    assert_int_equal(access(scratch_path(r->scratch, "launcher.lock"), F_OK), 0);
+    assert_int_equal(access(scratch_path(r->scratch, "hosts"), F_OK), -1);
+}
+
 static void a_bad_launch_file_starts_nothing(void **state)
 {
     struct rig *r = *state;
@@ -653,6 +676,7 @@ int main(void)
         TEST(a_recording_that_is_there_starts_nothing),
         TEST(nodes_get_the_clock_of_their_own_launcher),
         TEST(a_program_that_is_missing_is_named),
+        TEST(a_start_that_fails_leaves_no_hosts_behind),
         TEST(a_bad_launch_file_starts_nothing),
         TEST(an_output_folder_that_cannot_be_starts_nothing),
     };
