@@ -1,15 +1,5 @@
 #include "msgs/can/e2e_sm.h"
 
-bool e2e_sm_config_is_sound(const struct e2e_sm_config *cfg)
-{
-    return cfg->window && cfg->window <= E2E_SM_MAX_WINDOW && cfg->min_ok_valid &&
-           cfg->min_ok_valid <= cfg->min_ok_init && cfg->min_ok_init <= cfg->window &&
-           cfg->min_ok_valid <= cfg->min_ok_invalid &&
-           cfg->min_ok_invalid <= cfg->window &&
-           cfg->max_error_init <= cfg->max_error_valid &&
-           cfg->max_error_invalid <= cfg->max_error_valid;
-}
-
 static void clear(struct e2e_sm *sm)
 {
     sm->n = 0;

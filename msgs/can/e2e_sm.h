@@ -43,8 +43,6 @@ struct e2e_sm {
     unsigned n;                                 /* checks since it was cleared */
 };
 
-bool e2e_sm_config_is_sound(const struct e2e_sm_config *cfg);
-
 /* Takes in a check, of a frame that came or of a time in which none came.  Returns the
  * state. */
 enum e2e_state e2e_sm_check(struct e2e_sm *sm, const struct e2e_sm_config *cfg,

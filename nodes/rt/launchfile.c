@@ -37,6 +37,24 @@ bool launchfile_moves_stage(const struct launchfile *l)
     return launchfile_has_node(l, "stage") && !uri_has_scheme(l->array.uri, "wav");
 }
 
+bool launchfile_keeps_pace(const struct launchfile *l)
+{
+    char *pace = uri_option(l->array.uri, "pace");
+    bool fast = pace && !strcmp(pace, "fast");
+
+    free(pace);
+    return l->scan.fixed && !fast && !launchfile_has_node(l, "play");
+}
+
+char *launchfile_beside(const struct launchfile *l, const char *path)
+{
+    const char *slash = strrchr(l->path, '/');
+    int folder = slash && path[0] != '/' ? (int)(slash - l->path) + 1 : 0;
+    char *out = NULL;
+
+    return asprintf(&out, "%.*s%s", folder, l->path, path) < 0 ? NULL : out;
+}
+
 static char *copy_text(const char *text, const char *otherwise)
 {
     return strdup(text ? text : otherwise);

@@ -92,14 +92,25 @@ static int check_endpoint(const struct launchfile *l, const struct host *h,
     return 0;
 }
 
-/* A path is relative to the launch file's folder. */
+/* Whole, as other processes need it, who may stand elsewhere.  NULL: no memory, or there
+ * is no current folder. */
+static char *whole_path(const struct launchfile *l, const char *path)
+{
+    char *beside = launchfile_beside(l, path), *out = NULL;
+    char *folder = beside && beside[0] != '/' ? realpath(".", NULL) : NULL;
+
+    if (beside && beside[0] == '/')
+        return beside;
+    if (folder && asprintf(&out, "%s/%s", folder, beside) < 0)
+        out = NULL;
+    free(folder);
+    free(beside);
+    return out;
+}
+
 static int copy_keys(const struct launchfile *l, struct host *h, const char *path,
                      struct complaint *why)
 {
-    char folder[PATH_MAX], whole[2 * PATH_MAX];
-    const char *slash = strrchr(l->path, '/');
-    size_t length = slash ? (size_t)(slash - l->path) : 0;
-
     if (!path)
         return 0;
     if (!h->address[0])
@@ -107,17 +118,16 @@ static int copy_keys(const struct launchfile *l, struct host *h, const char *pat
                              "%s: expected none with an endpoint ipc://: it never leaves "
                              "this machine",
                              h->name);
-    if (slash && length < sizeof whole)
-        snprintf(whole, sizeof whole, "%.*s", (int)length, l->path);
-    bool known = path[0] == '/' || realpath(slash ? (length ? whole : "/") : ".", folder);
-    int n = snprintf(whole, sizeof whole, "%s%s%s", path[0] == '/' ? "" : folder,
-                     path[0] == '/' ? "" : "/", path);
-    if (!known || n < 0 || (size_t)n >= sizeof h->keys || strchr(whole, '\n'))
+    char *whole = whole_path(l, path);
+    bool fits = whole && strlen(whole) < sizeof h->keys && !strchr(whole, '\n');
+    if (fits)
+        strcpy(h->keys, whole);
+    free(whole);
+    if (!fits)
         return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "keys").text,
                              "%s: expected the path of a folder, of at most %zu "
                              "characters",
                              h->name, sizeof h->keys - 1);
-    memcpy(h->keys, whole, (size_t)n + 1);
     return 0;
 }
 

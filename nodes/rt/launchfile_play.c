@@ -23,15 +23,9 @@ int launchfile_play_rate(const char *text, double *out)
 static char *bag_path(const struct launchfile *l, const char *in_file,
                       const struct launchfile_options *options)
 {
-    const char *slash = strrchr(l->path, '/');
-    char *out = NULL;
-
     if (options && options->bag)
         return strdup(options->bag);
-    if (!in_file || in_file[0] == '/' || !slash)
-        return strdup(in_file ? in_file : "");
-    return asprintf(&out, "%.*s/%s", (int)(slash - l->path), l->path, in_file) < 0 ? NULL
-                                                                                   : out;
+    return in_file ? launchfile_beside(l, in_file) : strdup("");
 }
 
 static int copy_texts(struct launchfile *l, const struct launch_text_play *t,

@@ -7,16 +7,6 @@
 
 #include "hal/survey/place.h"
 
-/* NULL: no memory. */
-static char *beside(const char *file, const char *path)
-{
-    const char *slash = strrchr(file, '/');
-    int folder = slash && path[0] != '/' ? (int)(slash - file) + 1 : 0;
-    char *out = NULL;
-
-    return asprintf(&out, "%.*s%s", folder, file, path) < 0 ? NULL : out;
-}
-
 int launchfile_copy_view(struct launchfile *l, const struct launch_text *t,
                          struct complaint *why)
 {
@@ -27,7 +17,7 @@ int launchfile_copy_view(struct launchfile *l, const struct launch_text *t,
                              "expected 0 (any) to 65535, not %u", port);
     l->view.port = port;
     l->view.address = strdup(t->view.address ? t->view.address : "127.0.0.1");
-    l->view.bag = t->view.bag ? beside(l->path, t->view.bag) : NULL;
+    l->view.bag = t->view.bag ? launchfile_beside(l, t->view.bag) : NULL;
     return l->view.address && (l->view.bag || !t->view.bag) ? 0 : -ENOMEM;
 }
 

@@ -10,7 +10,6 @@
 #include <sys/resource.h>
 
 #include "hal/realtime.h"
-#include "nodes/rt/uri.h"
 
 #define RUN_US 1000000 /* without a pause */
 
@@ -38,8 +37,7 @@ static int be_nice(int nice, int *now)
 
 bool priority_wanted(const struct launchfile *l)
 {
-    return l->processes.realtime != REALTIME_OFF && l->scan.fixed &&
-           !launchfile_has_node(l, "play") && !strstr(l->array.uri, "pace=fast");
+    return l->processes.realtime != REALTIME_OFF && launchfile_keeps_pace(l);
 }
 
 static int set_policy(int policy, int priority)

@@ -18,21 +18,18 @@ bool replay_order_has(const struct topic *t)
            t == topic_ego() || t == topic_ambient();
 }
 
-void replay_order_expect(struct replay_order *o, const struct topic *t)
-{
-    for (size_t i = 0; i < o->n_topics; i++)
-        if (o->topics[i] == t)
-            return;
-    if (replay_order_has(t) && o->n_topics < REPLAY_ORDER_TOPICS)
-        o->topics[o->n_topics++] = t;
-}
-
 static bool is_heard(const struct replay_order *o, const struct topic *t)
 {
     for (size_t i = 0; i < o->n_topics; i++)
         if (o->topics[i] == t)
             return true;
     return false;
+}
+
+void replay_order_expect(struct replay_order *o, const struct topic *t)
+{
+    if (replay_order_has(t) && !is_heard(o, t) && o->n_topics < REPLAY_ORDER_TOPICS)
+        o->topics[o->n_topics++] = t;
 }
 
 /* -- progress ---------------------------------------------------------------------------

@@ -455,6 +455,34 @@ static void a_stage_stands_still_while_a_recording_is_played(void **state)
     }
 }
 
+static void an_array_that_stands_keeps_the_pace_of_its_sound(void **state)
+{
+    static const struct {
+        const char *nodes, *uri, *mode;
+        bool keeps;
+    } cases[] = {
+        {"array", "sim:a.yaml", "fixed", true},
+        {"array", "alsa:hw:1?rig=r.yaml", "fixed", true},
+        {"array", "sim:a.yaml?pace=real", "fixed", true},
+        {"array", "sim:a-pace=fast.yaml", "fixed", true}, /* its name */
+        {"array", "sim:a.yaml", "stepped", false},
+        {"array", "sim:a.yaml?pace=fast", "fixed", false},
+        {"array", "sim:a.yaml?seed=3&pace=fast", "fixed", false},
+        {"array, play", "sim:a.yaml", "fixed", false},
+    };
+    char text[256];
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        snprintf(text, sizeof text,
+                 "nodes: [%s]\narray: {uri: '%s'}\nscan: {mode: %s}\n%s", cases[i].nodes,
+                 cases[i].uri, cases[i].mode,
+                 strstr(cases[i].nodes, "play") ? "play: {bag: b.mcap}\n" : "");
+        struct launchfile *l = launch_load(*state, text);
+        assert_int_equal(launchfile_keeps_pace(l), cases[i].keeps);
+        launchfile_destroy(l);
+    }
+}
+
 static void the_launch_file_of_bags_can_be_loaded(void **state)
 {
     struct complaint why = {""};
@@ -519,6 +547,7 @@ int main(void)
         TEST(an_array_node_needs_a_device),
         TEST(an_unknown_method_is_refused),
         TEST(what_is_played_is_said_in_the_file_or_on_the_command_line),
+        TEST(an_array_that_stands_keeps_the_pace_of_its_sound),
         TEST(the_launch_file_of_bags_can_be_loaded),
         TEST(what_cannot_be_played_is_refused),
         TEST(what_a_recording_names_is_relative_to_the_file_too),

@@ -1,5 +1,7 @@
 #include "tests/nodes/launch_load.h"
 
+#include <unistd.h>
+
 #include "nodes/rt/launchfile_hosts.h"
 
 #define NODES   "nodes: [array, dsp, report]\narray: {uri: 'sim:a.yaml'}\nhosts:\n"
@@ -107,6 +109,11 @@ static void keys_are_of_the_launch_files_folder_or_the_usual_one(void **state)
     assert_int_equal(launchfile_choose_host(l, "vehicle", NULL), 0);
     snprintf(expected, sizeof expected, "%s/mine", s->folder);
     assert_string_equal(l->hosts.list[0].keys, expected);
+    launchfile_destroy(l);
+    assert_int_equal(chdir(s->folder), 0); /* by a name of no folder */
+    assert_int_equal(launchfile_load(&l, "a.yaml", NULL, NULL), 0);
+    assert_string_equal(l->hosts.list[0].keys, expected);
+    assert_int_equal(chdir("/"), 0);
     assert_int_equal(setenv("XDG_CONFIG_HOME", "/tmp/of/mine", 1), 0);
     assert_int_equal(launchfile_choose_host(l, "computer", NULL), 0);
     unsetenv("XDG_CONFIG_HOME");

@@ -154,10 +154,8 @@ void doctor_load_budget(const void *ctx, struct findings *f)
     const struct doctor *d = ctx;
     struct launchfile *l = doctor_load(d);
 
-    /* Only an array that stands sets a pace, of its sound. */
-    if (!l || !l->scan.fixed || launchfile_has_node(l, "play") ||
-        !launchfile_has_node(l, "array") || !launchfile_has_node(l, "recon") ||
-        strstr(l->array.uri, "pace=fast")) {
+    if (!l || !launchfile_keeps_pace(l) || !launchfile_has_node(l, "array") ||
+        !launchfile_has_node(l, "recon")) {
         launchfile_destroy(l);
         return;
     }
