@@ -21,7 +21,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-enum { DEADLINE_MS = 10000, N_CHANNELS = 32, N_FRAMES = 1600, N_SILENT = 80000 };
+enum { DEADLINE_MS = 60000, N_CHANNELS = 32, N_FRAMES = 1600, N_SILENT = 80000 };
 
 static int can_open(const char *interface)
 {
