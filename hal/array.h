@@ -22,7 +22,9 @@
 /* One emission of each speaker named, in turn, without a break: emission k of it in slot
  * survey_slot_of(k), downward where survey_is_down(k) (msgs/survey.h).  An endless shot
  * goes round its speakers until array_halt, each round in as many slots as one that is
- * not endless, the next right behind it.
+ * not endless, the next right behind it.  A recording is played as it is instead: in its
+ * own order, those of the speakers named, and to its end (-ENODATA) unless the URI says
+ * "loop=yes".
  * Its pings come at the true pace, whatever else the array does: nobody holds them back.
  */
 struct array_shot {

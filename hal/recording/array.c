@@ -23,6 +23,14 @@ struct array_wav {
     size_t n_ping;                        /* samples: slot and tail */
     struct array_shot shot;
     struct turn turn;
+    bool loop; /* an endless shot of the scene begins again where the recording ends */
+    struct {   /* of an endless shot */
+        size_t next;     /* emission of the recording */
+        uint64_t passed; /* samples of the recording that were played through, */
+        uint32_t frames; /* and its frames */
+        bool down;       /* of the newest emission */
+        bool any;        /* there was one */
+    } play;
     bool loaded;          /* the shot's position is in samples */
     float *samples;       /* [n_microphones][recording_frames] */
     float *ping;          /* [n_microphones][n_ping] */
@@ -80,6 +88,14 @@ static int allocate(struct array_wav *a)
     return a->samples && a->ping && a->clipped && a->not_finite ? 0 : -ENOMEM;
 }
 
+static int take_loop(struct array_wav *a, const char *text, struct complaint *why)
+{
+    a->loop = text && !strcmp(text, "yes");
+    return !text || a->loop || !strcmp(text, "no")
+               ? 0
+               : complain(why, -EINVAL, "loop=%s: expected yes or no", text);
+}
+
 static int open_parts(struct array_wav *a, const struct device *d, struct complaint *why)
 {
     char *path;
@@ -98,7 +114,9 @@ static int open_parts(struct array_wav *a, const struct device *d, struct compla
                            why);
     if (err)
         return err;
-    err = recording_open(&a->scene, d->path, &a->survey, why);
+    err = take_loop(a, device_option(d, "loop"), why);
+    if (!err)
+        err = recording_open(&a->scene, d->path, &a->survey, why);
     if (!err && background)
         err = recording_open(&a->background, background, &a->survey, why);
     if (!err && allocate(a) < 0)
@@ -109,7 +127,8 @@ static int open_parts(struct array_wav *a, const struct device *d, struct compla
 static int wav_open(void **state, const char *arg, const struct clock_source *clock,
                     struct complaint *why)
 {
-    static const char *const known[] = {"background", "survey", "calibrated", NULL};
+    static const char *const known[] = {"background", "survey", "calibrated", "loop",
+                                        NULL};
     struct device d;
     int err = device_parse(&d, arg, known, why);
     if (err)
@@ -141,28 +160,48 @@ static int wav_fire(void *state, const struct array_shot *shot)
     if (shot->pass == ANLOS__PASS__BACKGROUND && !a->background)
         return -EINVAL;
     /* What is in memory serves a retake. */
-    if (shot->pass != a->shot.pass || shot->position != a->shot.position)
+    if (shot->pass != a->shot.pass || shot->position != a->shot.position || shot->endless)
         a->loaded = false;
     a->shot = *shot;
+    memset(&a->play, 0, sizeof a->play);
     turn_start(&a->turn, shot->n_speakers, shot->endless, clock_now_ns(a->clock));
     return 0;
 }
 
+static const struct recording *recording_of(const struct array_wav *a)
+{
+    return a->shot.pass == ANLOS__PASS__BACKGROUND ? a->background : a->scene;
+}
+
+static void fill_ping(struct array_wav *a, size_t shot_index, size_t count,
+                      struct array_ping *out)
+{
+    const struct survey *s = &a->survey;
+    calibration_correct(a->calibration, a->shot.speakers[shot_index], a->n_ping, a->ping);
+    *out = (struct array_ping){.shot_index = shot_index,
+                               .samples = a->ping,
+                               .n_samples = a->n_ping,
+                               .clipped = a->clipped + count * s->n_microphones,
+                               .not_finite = a->not_finite + count * s->n_microphones,
+                               .valid = true,
+                               .temperature_c = s->temperature_c};
+}
+
+/* -- a scan: slot after slot of the shot's position -------------------------------------
+ */
+
 static int load(struct array_wav *a, struct complaint *why)
 {
-    const struct recording *r = a->shot.pass == ANLOS__PASS__BACKGROUND ? a->background
-                                                                        : a->scene;
     if (a->loaded)
         return 0;
-    int err = recording_read_slots(r, a->shot.position, a->samples, a->clipped,
-                                   a->not_finite, why);
+    int err = recording_read_slots(recording_of(a), a->shot.position, a->samples,
+                                   a->clipped, a->not_finite, why);
     a->loaded = !err;
     return err;
 }
 
-static int wav_next(void *state, struct array_ping *out, struct complaint *why)
+static int next_slot(struct array_wav *a, struct array_ping *out, struct complaint *why)
 {
-    struct array_wav *a = state;
     const struct survey *s = &a->survey;
     size_t n_frames = recording_frames(a->scene),
            speaker = a->shot.speakers[a->turn.next];
@@ -177,25 +216,102 @@ static int wav_next(void *state, struct array_ping *out, struct complaint *why)
         memcpy(a->ping + m * a->n_ping,
                a->samples + m * n_frames + slot * s->slot_samples,
                a->n_ping * sizeof *a->ping);
-    calibration_correct(a->calibration, speaker, a->n_ping, a->ping);
-    *out = (struct array_ping){.shot_index = a->turn.next,
-                               .frame = turn_frame(&a->turn),
-                               .samples = a->ping,
-                               .n_samples = a->n_ping,
-                               .clipped = a->clipped + slot * s->n_microphones,
-                               .not_finite = a->not_finite + slot * s->n_microphones,
-                               .valid = true,
-                               .temperature_c = s->temperature_c,
-                               .t0_ns = t0_ns};
+    fill_ping(a, a->turn.next, slot, out);
+    out->t0_ns = t0_ns;
     turn_advance(&a->turn);
     return 0;
+}
+
+/* -- an array that stands: what was recorded, to its end --------------------------------
+ */
+
+static bool find_speaker(const struct array_shot *shot, uint32_t speaker, size_t *index)
+{
+    for (*index = 0; *index < shot->n_speakers; ++*index)
+        if (shot->speakers[*index] == speaker)
+            return true;
+    return false;
+}
+
+/* The background stands still: as long as it is asked for, it begins again.  false: the
+ * recording has ended. */
+static bool begin_again(struct array_wav *a, const struct emission *list, size_t n)
+{
+    if (!a->loop && a->shot.pass != ANLOS__PASS__BACKGROUND)
+        return false;
+    a->play.next = 0;
+    a->play.passed += list[n - 1].sample - list[0].sample + a->survey.slot_samples;
+    a->play.frames += list[n - 1].frame - list[0].frame + 1;
+    return true;
+}
+
+/* The next emission of one of the shot's speakers, if there is any at all. */
+static const struct emission *next_emission(struct array_wav *a, size_t *shot_index)
+{
+    size_t n;
+    const struct emission *list = recording_emissions(recording_of(a), &n);
+    for (size_t tries = 0; n && tries <= n; tries++) {
+        if (a->play.next == n && !begin_again(a, list, n))
+            return NULL;
+        if (find_speaker(&a->shot, list[a->play.next].speaker, shot_index))
+            return &list[a->play.next];
+        a->play.next++;
+    }
+    return NULL;
+}
+
+static int wait_for(const struct array_wav *a, uint64_t sample, int64_t *t0_ns,
+                    struct complaint *why)
+{
+    double rate_hz = a->survey.sample_rate_hz;
+    *t0_ns = a->turn.fired_ns + (int64_t)(1e9 * (double)sample / rate_hz);
+    int64_t end_ns = *t0_ns + (int64_t)(1e9 * (double)a->n_ping / rate_hz);
+    int err = a->clock->sleep_until_ns(a->clock->state, end_ns);
+    return err ? complain(why, err, "the wait for a ping was interrupted") : 0;
+}
+
+static int play_next(struct array_wav *a, struct array_ping *out, struct complaint *why)
+{
+    const struct recording *r = recording_of(a);
+    size_t index, n;
+    int64_t t0_ns;
+    const struct emission *e = next_emission(a, &index);
+    if (!e && !a->play.any)
+        return complain(why, -EINVAL,
+                        "none of the speakers asked for (scan.speakers) is "
+                        "in the recording");
+    if (!e)
+        return complain(why, -ENODATA, "the recording has ended");
+    const struct emission *first = recording_emissions(r, &n);
+    int err = wait_for(a, a->play.passed + e->sample - first->sample, &t0_ns, why);
+    if (!err)
+        err = recording_read_emission(r, a->play.next, a->ping, a->clipped, a->not_finite,
+                                      why);
+    if (err)
+        return err;
+    fill_ping(a, index, 0, out);
+    out->frame = a->play.frames + e->frame - first->frame + 1;
+    out->valid = e->valid;
+    out->temperature_c = e->temperature_c;
+    out->t0_ns = t0_ns;
+    a->play.down = e->down;
+    a->play.any = true;
+    a->play.next++;
+    return 0;
+}
+
+static int wav_next(void *state, struct array_ping *out, struct complaint *why)
+{
+    struct array_wav *a = state;
+    return a->shot.endless ? play_next(a, out, why) : next_slot(a, out, why);
 }
 
 /* When it was recorded, all speakers took their turns. */
 static bool wav_is_down(void *state, size_t k)
 {
     const struct array_wav *a = state;
-    return survey_is_down(&a->survey, a->shot.speakers[k]);
+    return a->shot.endless ? a->play.down
+                           : survey_is_down(&a->survey, a->shot.speakers[k]);
 }
 
 const struct array_ops array_wav_ops = {.scheme = "wav",

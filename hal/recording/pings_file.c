@@ -8,10 +8,11 @@
 #include <string.h>
 #include <strings.h>
 
+#include "hal/table_file.h"
 #include "hal/text_file.h"
 #include "msgs/survey.h"
 
-enum { COLUMNS = 6, MAX_FIELDS = 64 };
+enum { COLUMNS = 6 };
 
 static const char *const names[2][COLUMNS] = {
     {"tx_x_m", "tx_y_m", "tx_z_m", "rx_x_m", "rx_y_m", "rx_z_m"},
@@ -29,51 +30,14 @@ struct pings_file {
     struct complaint *why;
 };
 
-/* With semicolons or tabs between all columns a comma is none: as spreadsheets write
- * numbers where decimals have commas. */
-static bool has_decimal_commas(const char *line)
-{
-    size_t n = 1;
-    for (; *line; line++)
-        n += *line == ';' || *line == '\t';
-    return n >= COLUMNS;
-}
-
-/* Cuts a line into fields without the space and the quotes around them. */
-static size_t split(char *line, char *fields[MAX_FIELDS])
-{
-    size_t n = 0;
-    line[strcspn(line, "\r\n")] = 0;
-    if (has_decimal_commas(line))
-        for (char *c = line; *c; c++)
-            *c = *c == ',' ? '.' : *c;
-    for (char *at = line; at && n < MAX_FIELDS; n++) {
-        char *end = strpbrk(at, ",;\t");
-        if (end)
-            *end++ = 0;
-        at += strspn(at, " \"");
-        size_t length = strlen(at);
-        while (length && strchr(" \"", at[length - 1]))
-            at[--length] = 0;
-        fields[n] = at;
-        at = end;
-    }
-    return n;
-}
-
-static bool parse_number(const char *text, double *out)
-{
-    char *end;
-    *out = strtod(text, &end);
-    return end != text && !*end;
-}
-
 static bool is_header(char *const *fields, size_t n)
 {
-    double x;
-    for (size_t i = 0; i < n; i++)
-        if (*fields[i] && !parse_number(fields[i], &x))
+    for (size_t i = 0; i < n; i++) {
+        char *end = fields[i];
+        strtod(fields[i], &end);
+        if (*end)
             return true;
+    }
     return false;
 }
 
@@ -131,7 +95,7 @@ static int take_ping(struct pings_file *f, char *const *fields, size_t n)
                               "first line with names");
     for (size_t c = 0; c < COLUMNS; c++) {
         const char *text = fields[f->column[c]];
-        if (!parse_number(text, &at[c]) || !isfinite(at[c]))
+        if (!table_number(text, &at[c]))
             return complain(f->why, -EINVAL, "%s:%zu: %s is \"%.40s\", expected metres",
                             f->path, f->line, names[0][c], text);
     }
@@ -140,13 +104,13 @@ static int take_ping(struct pings_file *f, char *const *fields, size_t n)
 
 static int take_line(struct pings_file *f, char *line)
 {
-    char *fields[MAX_FIELDS];
+    char *fields[TABLE_MAX_FIELDS];
     if (f->line == 1 && !strncmp(line, "\xef\xbb\xbf", 3))
         line += 3; /* byte order mark */
     line += strspn(line, " ");
     if (*line == '#' || !line[strspn(line, " \t\r\n")])
         return 0;
-    size_t n = split(line, fields);
+    size_t n = table_split(line, COLUMNS, fields);
     if (!f->named && !f->n && is_header(fields, n))
         return take_names(f, fields, n);
     return take_ping(f, fields, n);

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
 #include "hal/recording/riff.h"
 #include "hal/recording/wav_open.h"
@@ -22,6 +23,12 @@ struct recording {
     double sample_rate_hz;
     size_t n_files; /* one a position, or one whose slots are the positions */
     char **paths;   /* [n_files] */
+
+    struct emission *emissions; /* [n_emissions], of one stage position */
+    size_t n_emissions;
+    bool has_table;     /* emissions.csv says which */
+    size_t n_ping;      /* samples of an emission: slot and tail */
+    uint64_t n_samples; /* of the last file */
 };
 
 static bool is_wav(const char *name)
@@ -125,7 +132,8 @@ static int check_size(const char *path, struct complaint *why)
 static int check_info(const struct recording *r, const char *path, const SF_INFO *info,
                       struct complaint *why)
 {
-    size_t slots = r->n_slots, least = (slots - 1) * r->slot_samples + 1;
+    size_t slots = r->n_slots;
+    size_t least = r->has_table ? 1 : (slots - 1) * r->slot_samples + 1;
     if (info->samplerate != (int)(r->sample_rate_hz + 0.5))
         return complain(why, -EINVAL, "%s: %d Hz, but the survey's sample_rate_hz is %g",
                         path, info->samplerate, r->sample_rate_hz);
@@ -175,10 +183,52 @@ static int check_files(struct recording *r, struct complaint *why)
         SNDFILE *f = open_file(r, r->paths[i], &info, &err, why);
         if (err)
             return err;
+        r->n_samples = (uint64_t)info.frames;
         r->n_held = (size_t)info.frames / r->slot_samples;
         sf_close(f);
     }
     return 0;
+}
+
+static int check_emissions(const struct recording *r, const char *folder,
+                           uint64_t n_samples, struct complaint *why)
+{
+    const struct emission *last = &r->emissions[r->n_emissions - 1];
+
+    if (last->sample < n_samples)
+        return 0;
+    return complain(why, -EINVAL,
+                    "%s/" EMISSIONS_FILE ": the last emission is at sample %" PRIu64
+                    ", but %s holds %" PRIu64,
+                    folder, last->sample, r->paths[0], n_samples);
+}
+
+/* Of an array that stands. */
+static int list_emissions(struct recording *r, const char *folder, const struct survey *s,
+                          struct complaint *why)
+{
+    char *path;
+    int err = 0;
+
+    if (asprintf(&path, "%s/" EMISSIONS_FILE, folder) < 0)
+        return complain(why, -ENOMEM, "%s: out of memory", folder);
+    r->has_table = !access(path, F_OK);
+    if (r->has_table)
+        err = emissions_load(&r->emissions, &r->n_emissions, path, s, why);
+    free(path);
+    return err;
+}
+
+static int complete_emissions(struct recording *r, const char *folder,
+                              const struct survey *s, struct complaint *why)
+{
+    if (r->has_table)
+        return check_emissions(r, folder, r->n_samples, why);
+    /* What follows the last speaker's slot is its tail. */
+    uint64_t n = r->n_samples <= r->n_frames ? 1 : r->n_samples;
+    return emissions_in_turn(&r->emissions, &r->n_emissions, s, n)
+               ? complain(why, -ENOMEM, "%s: out of memory", folder)
+               : 0;
 }
 
 int recording_open(struct recording **out, const char *folder, const struct survey *s,
@@ -196,9 +246,15 @@ int recording_open(struct recording **out, const char *folder, const struct surv
     r->sample_rate_hz = s->sample_rate_hz;
     r->n_slots = s->pings_m ? s->n_positions : survey_slots(s, s->n_speakers);
     r->n_frames = survey_slots(s, s->n_speakers) * s->slot_samples + tail_samples(s);
-    int err = list_files(r, folder, why);
+    r->n_ping = s->slot_samples + tail_samples(s);
+    bool stands = s->n_positions == 1 && !s->pings_m;
+    int err = stands ? list_emissions(r, folder, s, why) : 0;
+    if (!err)
+        err = list_files(r, folder, why);
     if (!err)
         err = check_files(r, why);
+    if (!err && stands)
+        err = complete_emissions(r, folder, s, why);
     if (err)
         recording_close(r);
     else
@@ -253,6 +309,12 @@ int recording_read_slots(const struct recording *r, size_t position, float *samp
     int err;
     if (position >= r->n_positions)
         return complain(why, -EINVAL, "position %zu of %zu", position, r->n_positions);
+    if (r->has_table)
+        return complain(why, -EINVAL,
+                        "%s: beside it " EMISSIONS_FILE " tells of an array that stands "
+                        "(scan: {mode: fixed}); 'anlos bag import' makes a bag of it, "
+                        "for 'anlos recon --bag'",
+                        r->paths[0]);
     bool one_file = r->n_files != r->n_positions;
     const char *path = r->paths[one_file ? 0 : position];
     SNDFILE *f = open_file(r, path, &info, &err, why);
@@ -270,6 +332,52 @@ int recording_read_slots(const struct recording *r, size_t position, float *samp
         err = complain(why, -EIO, "%s: broken off before frame %zu", path, first);
     if (!err)
         err = read_frames(f, &w, n, samples, path, why);
+    if (!err)
+        wav_samples_count(&w, samples, n, clipped, not_finite);
+    sf_close(f);
+    return err;
+}
+
+const struct emission *recording_emissions(const struct recording *r, size_t *n)
+{
+    *n = r->n_emissions;
+    return r->emissions;
+}
+
+uint64_t recording_samples(const struct recording *r)
+{
+    return r->n_samples;
+}
+
+bool recording_goes_on(const struct recording *r)
+{
+    return r->has_table || (r->emissions && r->n_samples > r->n_frames);
+}
+
+int recording_read_emission(const struct recording *r, size_t i, float *samples,
+                            uint32_t *clipped, uint32_t *not_finite,
+                            struct complaint *why)
+{
+    SF_INFO info;
+    int err;
+    if (i >= r->n_emissions)
+        return complain(why, -EINVAL, "emission %zu of %zu", i, r->n_emissions);
+    SNDFILE *f = open_file(r, r->paths[0], &info, &err, why);
+    if (err)
+        return err;
+    struct wav_samples w = {.n_channels = r->n_microphones,
+                            .n_frames = r->n_ping,
+                            .n_slots = 1,
+                            .slot_samples = r->n_ping,
+                            .is_float = is_float(&info)};
+    uint64_t first = r->emissions[i].sample, end = (uint64_t)info.frames;
+    uint64_t left = first < end ? end - first : 0;
+    size_t n = left < r->n_ping ? (size_t)left : r->n_ping;
+    if (first && n && sf_seek(f, (sf_count_t)first, SEEK_SET) < 0)
+        err = complain(why, -EIO, "%s: broken off before frame %" PRIu64, r->paths[0],
+                       first);
+    if (!err)
+        err = read_frames(f, &w, n, samples, r->paths[0], why);
     if (!err)
         wav_samples_count(&w, samples, n, clipped, not_finite);
     sf_close(f);
@@ -301,5 +409,6 @@ void recording_close(struct recording *r)
     for (size_t i = 0; r->paths && i < r->n_files; i++)
         free(r->paths[i]);
     free(r->paths);
+    free(r->emissions);
     free(r);
 }

@@ -2,13 +2,16 @@
  * stage position in name order, slot j = emission of speaker j, or of the two that sound
  * together there (survey_slot_of); any PCM or float format.
  * Of a survey that names pings: one mono file, slot k = ping k, which is position k;
- * files no longer than a slot (a replica) do not count beside it. */
+ * files no longer than a slot (a replica) do not count beside it.
+ * Of an array that stands (one stage position) the file may go on: round after round, or
+ * as emissions.csv in the folder says (hal/recording/emissions_file.h). */
 #ifndef ANLOS_HAL_RECORDING_RECORDING_H
 #define ANLOS_HAL_RECORDING_RECORDING_H
 
 #include <stddef.h>
 #include <stdint.h>
 
+#include "hal/recording/emissions_file.h"
 #include "msgs/complaint.h"
 #include "msgs/survey.h"
 
@@ -33,7 +36,7 @@ size_t recording_spare_slots(const struct recording *r);
 /* Reads one position: samples [n_microphones][recording_frames], zeros beyond the end of
  * the file; clipped[n_microphones] and not_finite[n_microphones] are counted (samples
  * that are not finite become 0).  Threads may read different positions at once. 0, -EIO
- * (short or unreadable), -EINVAL. */
+ * (short or unreadable), -EINVAL (also of what emissions.csv tells of). */
 int recording_read(const struct recording *r, size_t position, float *samples,
                    uint32_t *clipped, uint32_t *not_finite, struct complaint *why);
 
@@ -46,6 +49,40 @@ int recording_read(const struct recording *r, size_t position, float *samples,
 int recording_read_slots(const struct recording *r, size_t position, float *samples,
                          uint32_t *clipped, uint32_t *not_finite, struct complaint *why);
 void recording_close(struct recording *r);
+
+/* -- of an array that stands ------------------------------------------------------------
+ */
+
+/* Is there more than one round, or an emissions.csv? */
+bool recording_goes_on(const struct recording *r);
+
+/* All that sounded, in the order of the file; borrows.  *n is 0 where there are several
+ * positions, or places ping by ping. */
+const struct emission *recording_emissions(const struct recording *r, size_t *n);
+uint64_t recording_samples(const struct recording *r); /* of the file, a channel */
+
+/* samples [n_microphones][slot_samples + tail_samples()], zeros beyond the end of the
+ * file; clipped and not_finite [n_microphones].  As recording_read. */
+int recording_read_emission(const struct recording *r, size_t i, float *samples,
+                            uint32_t *clipped, uint32_t *not_finite,
+                            struct complaint *why);
+
+/* Writes one, ping by ping, however long it gets: "FOLDER/pos00.wav" (float32; from 4 GB
+ * on RF64) and "FOLDER/emissions.csv".  A ping whose beginning is what the one before
+ * ended with goes on in it, in whole slots by its time; any other stands apart: each
+ * comes back as it was, sample for sample. */
+struct recording_writer;
+int recording_writer_open(struct recording_writer **out, const char *folder,
+                          const struct survey *s, struct complaint *why);
+
+/* e: with its time; its sample is found here.  samples
+ * [n_microphones][slot_samples + tail_samples()].  0 or a negative errno. */
+int recording_writer_put(struct recording_writer *w, const struct emission *e,
+                         const float *samples, struct complaint *why);
+
+/* Frees w (or NULL).  err: what went wrong before, which is returned again; the files are
+ * of no use then. */
+int recording_writer_close(struct recording_writer *w, int err, struct complaint *why);
 
 /* Writes one position as float32 WAV "FOLDER/posNN.wav": samples
  * [n_microphones][n_frames]. 0 or a negative errno. */

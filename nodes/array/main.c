@@ -204,9 +204,12 @@ static void look_at_device(struct run *r)
     while (array_notice(r->array, &why))
         node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
     int err = array_condition(r->array, &why);
+    node_ended(r->node, shooter_has_ended(r->shooter));
     node_fault(r->node, NODE_FAULT_ARRAY_AWAY, err != 0, 1);
     if (err)
         node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "%s", why.text);
+    else if (shooter_has_ended(r->shooter))
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "the recording has ended");
     else if (r->heard)
         tell_well(r);
     else

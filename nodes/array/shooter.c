@@ -22,6 +22,7 @@ struct shooter {
     size_t first, n_shots;
     bool fired; /* the first one has been given to the array */
     bool displaced;
+    bool ended; /* without being asked to */
     bool commanded;
     uint32_t newest_id; /* of the commands taken, and who sent it */
     int64_t newest_epoch_ns;
@@ -147,6 +148,11 @@ bool shooter_is_endless(const struct shooter *s)
     return s->n_shots > 0 && s->shots[s->first].command.endless;
 }
 
+bool shooter_has_ended(const struct shooter *s)
+{
+    return s->ended && !s->n_shots;
+}
+
 static void end_shot(struct shooter *s)
 {
     s->first = (s->first + 1) % MAX_SHOTS;
@@ -181,6 +187,7 @@ static int start_shot(struct shooter *s, const struct shot *shot, struct complai
         return err;
     }
     s->fired = true;
+    s->ended = false;
     return 0;
 }
 
@@ -232,6 +239,7 @@ int shooter_next(struct shooter *s, Anlos__Ping *out, int64_t *t0_ns,
         }
         if (err == -EINTR || err == -EAGAIN)
             return err;
+        s->ended = err == -ENODATA && shot->command.endless;
         end_shot(s);
         if (err != -ENODATA)
             return err;

@@ -39,6 +39,9 @@ bool shooter_busy(const struct shooter *s);
 /* Does it go round without end? */
 bool shooter_is_endless(const struct shooter *s);
 
+/* Was the newest shot one without end, which ended nevertheless?  Recordings do. */
+bool shooter_has_ended(const struct shooter *s);
+
 /* Blocks until the next ping of the shots queued is recorded.  The message borrows from
  * the array until the next call.  0, -ENODATA (nothing to do), -EINTR (a signal) and
  * -EAGAIN (the device is away): call again; other negative errno of the array: the rest

@@ -39,6 +39,7 @@ void heartbeat_publish(struct heartbeat *h)
         vitals_device(&v, counts, h->counts(h->device, counts));
     vitals_faults(&v.message, &faults, h->faults, h->n_faults);
     v.message.sensing = (Anlos__Sensing *)(uintptr_t)h->sensing;
+    v.message.ended = h->ended;
     v.message.state = h->state;
     v.message.text = h->text;
     v.message.priority = h->priority;

@@ -33,6 +33,7 @@ struct heartbeat {
     uint64_t turns;                    /* of the main loop, so far */
     double turn_limit_s;           /* each may take so long; 0: as the launcher has it */
     double busy_s;                 /* the one under way; 0: as any */
+    bool ended;                    /* what it plays */
     const Anlos__Sensing *sensing; /* not owned; NULL: none */
 };
 

@@ -465,6 +465,11 @@ void node_fault(struct node *n, const char *name, size_t count, size_t of)
     heartbeat_fault(&n->heart, name, (uint32_t)count, (uint32_t)of);
 }
 
+void node_ended(struct node *n, bool ended)
+{
+    n->heart.ended = ended;
+}
+
 void node_sensing(struct node *n, const Anlos__Sensing *sensing)
 {
     n->heart.sensing = sensing;

@@ -99,6 +99,9 @@ void node_fault(struct node *n, const char *name, size_t count, size_t of);
 void node_turn_limit(struct node *n, double limit_s);
 void node_busy(struct node *n, double limit_s);
 
+/* What this node plays has ended: said in each health message from now on. */
+void node_ended(struct node *n, bool ended);
+
 /* How well this node hears, in each health message from now on.  It stays where it is;
  * NULL: nothing to say. */
 void node_sensing(struct node *n, const Anlos__Sensing *sensing);

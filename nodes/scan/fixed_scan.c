@@ -11,6 +11,8 @@
 #include "nodes/scan/rounds.h"
 #include "nodes/scan/volley.h"
 
+#define QUIET_NS 1000000000LL /* after the last ping of a recording */
+
 struct fixed_scan {
     struct fixed_scan_config cfg;
     struct peers peers;
@@ -21,6 +23,7 @@ struct fixed_scan {
     struct volley volley; /* what the array was asked last */
     Anlos__Pass pass;     /* that it was asked for */
     bool asked;
+    bool ended;      /* the array plays a recording, which did */
     int64_t sign_ns; /* last sign of life of the array */
     struct rounds rounds;
     Anlos__ScanStatus__State state;
@@ -46,7 +49,7 @@ int fixed_scan_create(struct fixed_scan **out, const struct fixed_scan_config *c
 static void begin(struct fixed_scan *s)
 {
     s->number++;
-    s->asked = false;
+    s->asked = s->ended = false;
     s->pass = s->cfg.background_frames ? ANLOS__PASS__BACKGROUND : ANLOS__PASS__SCENE;
 }
 
@@ -112,6 +115,8 @@ void fixed_scan_health(struct fixed_scan *s, const char *from,
                        const Anlos__Health *health)
 {
     peers_health(&s->peers, from, health);
+    if (!strcmp(from, "array") && s->asked && s->pass == ANLOS__PASS__SCENE)
+        s->ended = health->ended;
 }
 
 void fixed_scan_ping(struct fixed_scan *s, const Anlos__Ping *ping, int64_t now_ns)
@@ -145,11 +150,23 @@ static void ask(struct fixed_scan *s, int64_t now_ns)
     rounds_start(&s->rounds, s->n_speakers);
 }
 
+/* The array says that a recording has ended, and its last pings have been used. */
+static bool is_done(struct fixed_scan *s, int64_t now_ns)
+{
+    if (!s->ended || now_ns - s->sign_ns < QUIET_NS)
+        return false;
+    s->state = ANLOS__SCAN_STATUS__STATE__DONE;
+    snprintf(s->text, sizeof s->text, "the recording has ended");
+    return true;
+}
+
 bool fixed_scan_step(struct fixed_scan *s, int64_t now_ns, Anlos__FireCommand *out)
 {
+    if (is_done(s, now_ns))
+        return false;
     if (s->failed || !all_ready(s, now_ns))
         return false;
-    if (s->asked && now_ns - s->sign_ns > (int64_t)(s->cfg.timeout_s * 1e9))
+    if (s->asked && !s->ended && now_ns - s->sign_ns > (int64_t)(s->cfg.timeout_s * 1e9))
         begin(s);
     if (s->asked && s->pass == ANLOS__PASS__BACKGROUND &&
         rounds_frames(&s->rounds) >= s->cfg.background_frames) {

@@ -9,6 +9,7 @@
 #include <jansson.h>
 
 #include "hal/clock.h"
+#include "hal/recording/recording.h"
 #include "msgs/bus.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
@@ -133,11 +134,75 @@ static void an_array_that_stands_goes_on_until_ctrl_c_and_leaves_a_report(void *
     json_decref(report);
 }
 
+static void record(struct scratch *s)
+{
+    enum { SLOTS = 24, SLOT = 1200 };
+    static float sound[2][SLOTS * SLOT];
+    struct complaint why = {""};
+    uint32_t x = 1;
+
+    for (size_t i = 0; i < sizeof sound / sizeof(float); i++) {
+        x = x * 1664525u + 1013904223u;
+        (&sound[0][0])[i] = (float)(x >> 8) / 0x1p25f - 0.25f;
+    }
+    scratch_folder(s, "rec");
+    scratch_write(s, "rec/survey.yaml",
+                  "temperature_c: 20\n"
+                  "sample_rate_hz: 48000\n"
+                  "slot_samples: 1200\n"
+                  "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.01}\n"
+                  "speakers_m: [[0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]]\n"
+                  "microphones_m: [[0, 0.1, 0], [0.1, 0.1, 0]]\n"
+                  "gate_m: [0.3, 3]\n"
+                  "volume: {x_m: [0, 0.2, 0.1], y_m: [0, 0, 0.1], z_m: [1, 2, 0.1]}\n");
+    if (recording_write(scratch_path(s, "rec"), 0, 2, SLOTS * SLOT, 48000, sound[0],
+                        &why))
+        fail_msg("%s", why.text);
+}
+
+static void a_recording_of_one_is_done_when_it_ends(void **state)
+{
+    struct scratch *s = *state;
+    char text[512];
+    int status;
+
+    record(s);
+    snprintf(text, sizeof text,
+             "nodes: [array, scan, dsp, recon, track, report]\n"
+             "array: {uri: 'wav:%s/rec'}\n"
+             "scan: {mode: fixed}\n"
+             "report: {folder: %s/out}\n",
+             s->folder, s->folder);
+    scratch_write(s, "launch.yaml", text);
+    pid_t pid = fork();
+    assert_true(pid >= 0);
+    if (!pid) {
+        if (!freopen(scratch_path(s, "says"), "w", stdout) ||
+            dup2(STDOUT_FILENO, STDERR_FILENO) < 0)
+            _exit(98);
+        snprintf(text, sizeof text, "%s/launch.yaml", s->folder);
+        execl(BINARY_DIR "/bin/anlos", "anlos", "launch", text, "--run-dir", s->folder,
+              NULL);
+        _exit(99);
+    }
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 0);
+    json_t *report = json_load_file(scratch_path(s, "out/report.json"), 0, NULL);
+    assert_non_null(report);
+    assert_string_equal(json_string_value(json_object_get(report, "state")), "done");
+    assert_int_equal(
+        json_integer_value(json_object_get(json_object_get(report, "pings"), "done")),
+        24);
+    json_decref(report);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        TEST(a_recording_of_one_is_done_when_it_ends),
         TEST(an_array_that_stands_goes_on_until_ctrl_c_and_leaves_a_report),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -255,7 +255,7 @@ static void devices_that_do_not_exist_are_named(void **state)
         {"wav:", -EINVAL, "expected a folder"},
         {"wav:/nowhere", -ENOENT, "/nowhere: No such file"},
         {"wav:/nowhere?survey=/nowhere.yaml", -ENOENT, "/nowhere.yaml: No such file"},
-        {"wav:/tmp?rate=1", -EINVAL, "expected background, survey or calibrated"},
+        {"wav:/tmp?rate=1", -EINVAL, "expected background, survey, calibrated or loop"},
     };
     struct fake_clock clock;
     (void)state;

@@ -218,43 +218,148 @@ static void two_speakers_sound_together_in_opposite_directions(void **state)
     }
 }
 
-static void a_recording_is_played_round_after_round_at_its_pace(void **state)
+/* -- recordings, on a clock that goes as far as anybody waits ---------------------------
+ */
+
+enum { RECORDED = 5 }; /* slots, and half of one */
+
+struct player {
+    int64_t now_ns;
+    struct array *array;
+    float samples[3][RECORDED * SLOT + SLOT / 2];
+};
+
+static int64_t now_of(void *state)
 {
-    static const uint32_t speakers[] = {1, 0};
-    static float samples[3][2 * SLOT];
-    const struct array_shot shot = {
-        .speakers = speakers, .n_speakers = 2, .endless = true};
-    struct scratch *s = *state;
+    return ((const struct player *)state)->now_ns;
+}
+
+static int wait_until(void *state, int64_t t_ns)
+{
+    struct player *p = state;
+    p->now_ns = t_ns > p->now_ns ? t_ns : p->now_ns;
+    return 0;
+}
+
+static void play(struct player *p, struct scratch *s, const char *options,
+                 const char *table)
+{
+    const size_t n = RECORDED * SLOT + SLOT / 2;
+    const struct clock_source clock = {now_of, wait_until, p};
+    static struct clock_source kept;
     struct complaint why = {.text = ""};
-    struct array_ping ping;
-    struct array *a;
     char uri[600];
-    int64_t first_ns = 0;
     for (size_t m = 0; m < 3; m++)
-        for (size_t i = 0; i < 2 * SLOT; i++)
-            samples[m][i] = (float)(1000 * m + i) / 65536;
+        for (size_t i = 0; i < n; i++)
+            p->samples[m][i] = (float)(20000 * m + i) / 65536;
     scratch_folder(s, "rec");
     scratch_write(s, "rec/survey.yaml", RIG_SURVEY "gate_m: [0.3, 4]\n");
+    if (table)
+        scratch_write(s, "rec/emissions.csv", table);
     assert_int_equal(
-        recording_write(scratch_path(s, "rec"), 0, 3, 2 * SLOT, 48000, samples[0], &why),
-        0);
-    snprintf(uri, sizeof uri, "wav:%s", scratch_path(s, "rec"));
-    if (array_open(&a, uri, clock_system(), &why))
+        recording_write(scratch_path(s, "rec"), 0, 3, n, 48000, p->samples[0], &why), 0);
+    snprintf(uri, sizeof uri, "wav:%s%s", scratch_path(s, "rec"), options);
+    kept = clock;
+    if (array_open(&p->array, uri, &kept, &why))
         fail_msg("%s", why.text);
-    assert_int_equal(array_fire(a, &shot), 0);
-    for (size_t k = 0; k < 5; k++) {
-        assert_int_equal(array_next(a, &ping, &why), 0);
-        first_ns = k ? first_ns : ping.t0_ns;
-        assert_int_equal(ping.shot_index, k % 2);
-        assert_int_equal(ping.frame, k / 2 + 1);
-        int64_t expected_ns = (int64_t)k * SLOT * 1000000000LL / 48000;
-        assert_true(llabs(ping.t0_ns - first_ns - expected_ns) < 1000);
-        for (size_t i = 0; i < SLOT; i++)
-            assert_true(ping.samples[i] == samples[0][(k % 2 ? 0 : SLOT) + i]);
-    }
-    array_halt(a);
-    assert_int_equal(array_next(a, &ping, &why), -ENODATA);
-    array_close(a);
+}
+
+static void fire_all(struct player *p, const uint32_t *speakers, size_t n)
+{
+    const struct array_shot shot = {
+        .speakers = speakers, .n_speakers = n, .endless = true};
+    p->now_ns = 7000000000;
+    assert_int_equal(array_fire(p->array, &shot), 0);
+}
+
+/* The next ping: speaker, frame, and sound and time of a sample of the recording. */
+static void expect_ping(struct player *p, size_t index, uint32_t frame, size_t sample,
+                        size_t after)
+{
+    struct complaint why = {.text = ""};
+    struct array_ping ping;
+    if (array_next(p->array, &ping, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(ping.shot_index, index);
+    assert_int_equal(ping.frame, frame);
+    int64_t expected_ns = 7000000000 + (int64_t)(1e9 * (double)after / 48000);
+    assert_true(llabs(ping.t0_ns - expected_ns) <= 1);
+    for (size_t m = 0; m < 3; m++)
+        for (size_t i = 0; i < ping.n_samples; i++) {
+            size_t at = sample + i;
+            float x = at < RECORDED * SLOT + SLOT / 2 ? p->samples[m][at] : 0.0f;
+            assert_true(ping.samples[m * ping.n_samples + i] == x);
+        }
+}
+
+static void expect_end(struct player *p)
+{
+    struct complaint why = {.text = ""};
+    struct array_ping ping;
+    assert_int_equal(array_next(p->array, &ping, &why), -ENODATA);
+    assert_string_equal(why.text, "the recording has ended");
+    assert_int_equal(array_next(p->array, &ping, &why), -ENODATA);
+    array_close(p->array);
+}
+
+static struct player player;
+
+static void a_recording_is_played_to_its_end_at_its_pace(void **state)
+{
+    static const uint32_t speakers[] = {0, 1};
+    play(&player, *state, "", NULL);
+    fire_all(&player, speakers, 2);
+    for (size_t k = 0; k < RECORDED; k++)
+        expect_ping(&player, k % 2, (uint32_t)(k / 2 + 1), k * SLOT, k * SLOT);
+    expect_end(&player);
+}
+
+static void a_recording_begins_again_where_it_is_asked_to(void **state)
+{
+    static const uint32_t speakers[] = {0, 1};
+    play(&player, *state, "?loop=yes", NULL);
+    fire_all(&player, speakers, 2);
+    for (size_t k = 0; k < 3 * RECORDED; k++)
+        expect_ping(&player, k % RECORDED % 2,
+                    (uint32_t)(k / RECORDED * 3 + k % RECORDED / 2 + 1),
+                    k % RECORDED * SLOT, k * SLOT);
+    array_close(player.array);
+}
+
+/* Those that were not asked for are passed over, in their time. */
+static void some_of_the_speakers_are_played_when_they_sounded(void **state)
+{
+    static const uint32_t speakers[] = {1};
+    play(&player, *state, "", NULL);
+    fire_all(&player, speakers, 1);
+    expect_ping(&player, 0, 1, SLOT, SLOT);
+    expect_ping(&player, 0, 2, 3 * SLOT, 3 * SLOT);
+    expect_end(&player);
+}
+
+static void a_table_says_what_sounded_when(void **state)
+{
+    static const uint32_t speakers[] = {0, 1};
+    play(&player, *state, "",
+         "sample;speaker;frame\n100;1;4\n1700;0;6\n1700;1;6\n8000;0;9\n");
+    fire_all(&player, speakers, 2);
+    expect_ping(&player, 1, 1, 100, 0);
+    expect_ping(&player, 0, 3, 1700, 1600);
+    expect_ping(&player, 1, 3, 1700, 1600);
+    expect_ping(&player, 0, 6, 8000, 7900);
+    expect_end(&player);
+}
+
+static void speakers_that_the_recording_has_not_are_refused(void **state)
+{
+    static const uint32_t speakers[] = {1};
+    struct complaint why = {.text = ""};
+    struct array_ping ping;
+    play(&player, *state, "", "sample,speaker\n0,0\n1500,0\n");
+    fire_all(&player, speakers, 1);
+    assert_int_equal(array_next(player.array, &ping, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "none of the speakers"));
+    array_close(player.array);
 }
 
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
@@ -266,7 +371,11 @@ int main(void)
         TEST(a_halted_shot_is_silent_before_the_next_one),
         TEST(who_comes_late_goes_on_with_the_newest_and_what_was_lost_is_counted),
         TEST(two_speakers_sound_together_in_opposite_directions),
-        TEST(a_recording_is_played_round_after_round_at_its_pace),
+        TEST(a_recording_is_played_to_its_end_at_its_pace),
+        TEST(a_recording_begins_again_where_it_is_asked_to),
+        TEST(some_of_the_speakers_are_played_when_they_sounded),
+        TEST(a_table_says_what_sounded_when),
+        TEST(speakers_that_the_recording_has_not_are_refused),
     };
     return cmocka_run_group_tests(tests, card_set_up, card_tear_down);
 }

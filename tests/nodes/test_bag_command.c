@@ -57,11 +57,11 @@ static int make_recording(void **state)
 /* A path in the folder; four may be in use at once. */
 static const char *in_folder(const char *name)
 {
-    static char paths[4][128];
+    static char paths[4][192];
     static int next;
     char *path = paths[next++ % 4];
 
-    snprintf(path, sizeof paths[0], "%s/%s", folder, name);
+    snprintf(path, sizeof paths[0], "%.63s/%.127s", folder, name);
     return path;
 }
 
@@ -563,6 +563,183 @@ static void a_message_that_is_none_is_told_and_does_no_harm(void **state)
 /* -- refusals ---------------------------------------------------------------------------
  */
 
+/* -- of an array that stands ------------------------------------------------------------
+ */
+
+enum { DRIVE_SLOT = 1200, DRIVE_MICS = 2, DRIVE_SLOTS = 31 };
+
+static const char drive_survey[] =
+    "temperature_c: 20\n"
+    "sample_rate_hz: 48000\n"
+    "slot_samples: 1200\n"
+    "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.01}\n"
+    "speakers_m: [[0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]]\n"
+    "microphones_m: [[0, 0.1, 0], [0.1, 0.1, 0]]\n"
+    "gate_m: [0.3, 3]\n";
+
+static float drive_sound[DRIVE_MICS][DRIVE_SLOTS * DRIVE_SLOT + 900];
+
+static void put_text(const char *name, const char *text)
+{
+    FILE *f = fopen(in_folder(name), "w");
+
+    assert_non_null(f);
+    assert_true(fputs(text, f) >= 0);
+    assert_int_equal(fclose(f), 0);
+}
+
+/* 31 slots of three speakers, and three quarters of one more. */
+static void make_drive(const char *name, const char *table, const char *ego)
+{
+    struct complaint why = {""};
+    uint32_t x = 1;
+    char path[128];
+
+    for (size_t i = 0; i < sizeof drive_sound / sizeof(float); i++) {
+        x = x * 1664525u + 1013904223u;
+        (&drive_sound[0][0])[i] = (float)(x >> 8) / 0x1p25f - 0.25f;
+    }
+    assert_int_equal(mkdir(in_folder(name), 0777), 0);
+    snprintf(path, sizeof path, "%s/survey.yaml", name);
+    put_text(path, drive_survey);
+    snprintf(path, sizeof path, "%s/scene", name);
+    assert_int_equal(mkdir(in_folder(path), 0777), 0);
+    if (recording_write(in_folder(path), 0, DRIVE_MICS, DRIVE_SLOTS * DRIVE_SLOT + 900,
+                        48000, drive_sound[0], &why))
+        fail_msg("%s", why.text);
+    if (table) {
+        snprintf(path, sizeof path, "%s/scene/emissions.csv", name);
+        put_text(path, table);
+    }
+    if (ego) {
+        snprintf(path, sizeof path, "%s/ego.csv", name);
+        put_text(path, ego);
+    }
+}
+
+/* The pings of a bag, checked against the sound; their number. */
+static size_t check_drive(const char *bag, const struct emission *expected, size_t n)
+{
+    struct complaint why = {""};
+    struct stream_message m;
+    struct stream *s;
+    size_t at = 0, extents[2];
+
+    assert_int_equal(stream_open(&s, in_folder(bag), &why), 0);
+    stream_select(s, "ping");
+    while (!stream_next(s, &m, &why)) {
+        Anlos__Ping *p = (Anlos__Ping *)stream_unpack(&m);
+        assert_non_null(p);
+        assert_true(at < n);
+        const float *x = tensor_f32(p->samples, 2, extents);
+        assert_int_equal(p->speaker, expected[at].speaker);
+        assert_int_equal(p->frame, expected[at].frame);
+        assert_true(m.envelope.capture_ns == expected[at].time_ns);
+        for (size_t c = 0; c < DRIVE_MICS; c++)
+            for (size_t i = 0; i < extents[1]; i++) {
+                size_t from = (size_t)expected[at].sample + i;
+                bool there = from < DRIVE_SLOTS * DRIVE_SLOT + 900;
+                assert_true(x[c * extents[1] + i] ==
+                            (there ? drive_sound[c][from] : 0.0f));
+            }
+        anlos__ping__free_unpacked(p, NULL);
+        at++;
+    }
+    stream_close(s);
+    return at;
+}
+
+/* Out of the bag, and into another one: the same messages at the same times. */
+static void assert_round_trip(const char *name, const char *topics)
+{
+    char names[5][64];
+    static const char *const ends[] = {".mcap", ".trip", ".trip.mcap", ".first.txt",
+                                       ".second.txt"};
+
+    for (int i = 0; i < 5; i++)
+        snprintf(names[i], sizeof names[i], "%s%s", name, ends[i]);
+    if (bag("export", in_folder(names[0]), "--format", "wav", "-o",
+            in_folder(names[1])) ||
+        bag("import", in_folder(names[1]), "-o", in_folder(names[2])))
+        fail_msg("%s", result.err);
+    for (int i = 0; i < 2; i++)
+        if (bag("export", in_folder(names[2 * i]), "--format", "json", "--full",
+                "--topic", topics, "-o", in_folder(names[3 + i])))
+            fail_msg("%s", result.err);
+    assert_same(names[3], names[4]);
+    assert_no_leftovers();
+}
+
+static void a_recording_that_goes_on_is_imported_to_its_end(void **state)
+{
+    struct emission expected[DRIVE_SLOTS];
+
+    (void)state;
+    for (size_t k = 0; k < DRIVE_SLOTS; k++)
+        expected[k] = (struct emission){.sample = k * DRIVE_SLOT,
+                                        .speaker = k % 3,
+                                        .frame = (uint32_t)k / 3 + 1,
+                                        .time_ns = 1000000000 + (int64_t)k * 25000000};
+    make_drive("endless", NULL, NULL);
+    if (bag("import", in_folder("endless"), "-o", in_folder("endless.mcap")))
+        fail_msg("%s", result.err);
+    assert_non_null(strstr(result.out, ": 31 pings\n"));
+    assert_int_equal(check_drive("endless.mcap", expected, DRIVE_SLOTS), DRIVE_SLOTS);
+    assert_round_trip("endless", "ping,survey");
+}
+
+/* Two of three speakers; one and another sound together; half a slot late; a long pause;
+ * a wrong one: in Unix time, as is the vehicle's. */
+static void a_drive_goes_in_and_out_with_its_times_and_its_motion(void **state)
+{
+    static const int64_t t_ns = INT64_C(1795393947812990809);
+    static const struct emission expected[] = {
+        {300, 0, 1, false, true, true, t_ns, 20.0},
+        {300, 2, 1, false, true, true, t_ns, 20.0},
+        {1500, 0, 2, false, true, true, t_ns + 25000000, 20.0},
+        {3300, 2, 2, false, false, true, t_ns + 62500000, 20.0},
+        {20000, 0, 9, false, true, true, t_ns + INT64_C(900000000000), 20.0},
+        {37500, 2, 9, false, true, true, t_ns + INT64_C(900364583333), 20.0}};
+    char table[2000] = "sample,speaker,frame,valid,time_s\n";
+    size_t n = sizeof expected / sizeof *expected;
+
+    (void)state;
+    for (size_t i = 0; i < n; i++)
+        snprintf(table + strlen(table), sizeof table - strlen(table),
+                 "%d,%u,%u,%d,%lld.%09lld\n", (int)expected[i].sample,
+                 expected[i].speaker, expected[i].frame, expected[i].valid,
+                 (long long)expected[i].time_ns / 1000000000,
+                 (long long)expected[i].time_ns % 1000000000);
+    make_drive("moving", table,
+               "time_s;speed_m_s;yaw_rate_rad_s;valid\n"
+               "1795393947,5;1,5;-0,25;1\n"
+               "1795393947,9;0;0;1\n"
+               "1795394900;;;0\n");
+    if (bag("import", in_folder("moving"), "-o", in_folder("moving.mcap")))
+        fail_msg("%s", result.err);
+    assert_non_null(strstr(result.out, ": 6 pings, 3 messages of ego motion\n"));
+    assert_int_equal(check_drive("moving.mcap", expected, n), n);
+    assert_round_trip("moving", "ping,survey,ego");
+}
+
+static void what_does_not_go_with_a_drive_is_said(void **state)
+{
+    (void)state;
+    make_drive("late", NULL, "time_s,speed_m_s,yaw_rate_rad_s\n1795393947,0,0\n");
+    assert_int_equal(bag("import", in_folder("late"), "-o", in_folder("late.mcap")), 2);
+    assert_non_null(strstr(result.err, "ego.csv: is of 1795393947.000"));
+    make_drive("beyond", "sample,speaker\n0,0\n38100,1\n", NULL);
+    assert_int_equal(bag("import", in_folder("beyond"), "-o", in_folder("beyond.mcap")),
+                     2);
+    assert_non_null(strstr(result.err, "the last emission is at sample 38100, but"));
+    assert_int_equal(bag("import", recording, "--ego", in_folder("late/ego.csv"), "-o",
+                         in_folder("scan.mcap")),
+                     2);
+    assert_non_null(strstr(result.err, "a scan is taken by a vehicle that stands"));
+    assert_false(is_there("late.mcap") || is_there("beyond.mcap"));
+    assert_no_leftovers();
+}
+
 static void a_file_that_is_there_is_not_written_over(void **state)
 {
     static const char *const verbs[] = {"recover", "filter", "merge"};
@@ -664,6 +841,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_recording_comes_back_out_of_its_bag),
         cmocka_unit_test(equal_recordings_become_equal_bags),
+        cmocka_unit_test(a_recording_that_goes_on_is_imported_to_its_end),
+        cmocka_unit_test(a_drive_goes_in_and_out_with_its_times_and_its_motion),
+        cmocka_unit_test(what_does_not_go_with_a_drive_is_said),
         cmocka_unit_test(info_tells_what_is_there),
         cmocka_unit_test(parts_of_a_bag_merge_into_the_whole),
         cmocka_unit_test(topics_are_filtered_by_name_and_pattern),

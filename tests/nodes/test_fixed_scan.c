@@ -341,6 +341,43 @@ static void what_cannot_be_asked_for_fails_with_a_sentence(void **state)
     assert_int_equal(w->n_commands, 0);
 }
 
+static void say_ended(struct world *w)
+{
+    Anlos__Health health = ANLOS__HEALTH__INIT;
+
+    health.state = ANLOS__HEALTH__STATE__READY;
+    health.ended = true;
+    fixed_scan_health(w->scan, "array", &health);
+    step(w);
+}
+
+/* The last pings of a recording come on another way than the news that it has ended. */
+static void
+a_recording_that_has_ended_is_done_when_its_last_ping_is_a_second_old(void **state)
+{
+    struct world *w = *state;
+
+    create(w, NULL, 0, 0);
+    tell_survey(w);
+    run(w, 2000);
+    uint32_t done = status(w).pings_done;
+    say_ended(w);
+    assert_int_equal(status(w).state, ANLOS__SCAN_STATUS__STATE__RUNNING);
+    send_ping(w);
+    w->now_ns += 999 * MS;
+    say_ended(w);
+    assert_int_equal(status(w).state, ANLOS__SCAN_STATUS__STATE__RUNNING);
+    w->now_ns += MS;
+    say_ended(w);
+    assert_int_equal(status(w).state, ANLOS__SCAN_STATUS__STATE__DONE);
+    assert_string_equal(status(w).text, "the recording has ended");
+    assert_int_equal(status(w).pings_done, done + 1);
+    w->now_ns += 10000 * MS; /* nobody asks it anew */
+    say_ended(w);
+    assert_int_equal(w->n_commands, 1);
+    assert_int_equal(status(w).state, ANLOS__SCAN_STATUS__STATE__DONE);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
@@ -356,6 +393,7 @@ int main(void)
         TEST(another_survey_is_another_scan),
         TEST(pings_that_got_lost_are_counted),
         TEST(what_cannot_be_asked_for_fails_with_a_sentence),
+        TEST(a_recording_that_has_ended_is_done_when_its_last_ping_is_a_second_old),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

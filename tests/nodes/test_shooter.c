@@ -386,6 +386,28 @@ static void a_shot_without_end_is_stopped_by_one_without_speakers(void **state)
     assert_false(shooter_busy(r->shooter));
 }
 
+static void a_recording_that_ends_by_itself_is_told(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {3, 1};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    fire_endless(r, 1, speakers, 2);
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    assert_false(shooter_has_ended(r->shooter));
+    r->array.next_result = -ENODATA;
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), -ENODATA);
+    assert_true(shooter_has_ended(r->shooter));
+    r->array.next_result = 0;
+    fire_endless(r, 2, speakers, 2);
+    assert_false(shooter_has_ended(r->shooter));
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), 0);
+    fire_endless(r, 3, NULL, 0); /* stopped: nothing has ended */
+    assert_int_equal(shooter_next(r->shooter, &ping, &t0, NULL), -ENODATA);
+    assert_false(shooter_has_ended(r->shooter));
+}
+
 static void an_array_on_a_stage_does_not_go_on_without_end(void **state)
 {
     struct rig *r = *state;
@@ -419,6 +441,7 @@ int main(void)
         TEST(a_signal_costs_nothing),
         TEST(a_position_that_cannot_be_fired_is_named),
         FIXED(a_shot_without_end_goes_on_in_frames_until_another_is_queued),
+        FIXED(a_recording_that_ends_by_itself_is_told),
         FIXED(a_shot_without_end_is_stopped_by_one_without_speakers),
         TEST(an_array_on_a_stage_does_not_go_on_without_end),
     };

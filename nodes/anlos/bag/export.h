@@ -28,7 +28,8 @@ int export_png(struct stream *s, const struct export_options *o, struct complain
 int export_foxglove(struct stream *s, const struct export_options *o,
                     struct complaint *why);
 
-/* *n_missing: pings that the recording has not, silent there. */
+/* Of an array that stands all pings, in a file as long as it takes, and how the vehicle
+ * moved.  *n_missing: pings that the recording has not, silent there. */
 int export_wav(struct stream *s, const struct export_options *o, size_t *n_missing,
                struct complaint *why);
 

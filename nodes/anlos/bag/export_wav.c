@@ -1,18 +1,22 @@
 /* A scan as the recording that `anlos recon` reads: survey.yaml, scene and background
  * with a WAV file for each stage position, or one file of all pings with places of their
- * own. A slot's sound rings on into the next one: there the file has what the next ping
- * heard, which is the same unless one of the two was taken again. */
+ * own, or of an array that stands one of all that it heard, with emissions.csv and, of a
+ * vehicle, ego.csv beside it. A slot's sound rings on into the next one: there the file
+ * has what the next ping heard, which is the same unless one of the two was taken again.
+ */
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
 #include "hal/tail.h"
 #include "msgs/tensor.h"
+#include "nodes/anlos/bag/ego_table.h"
 #include "nodes/anlos/bag/export.h"
 #include "nodes/anlos/bag/takes.h"
 #include "nodes/rt/export.h"
@@ -29,6 +33,8 @@ struct wav_set {
     size_t n_files, n_slots, n_frames; /* files of a pass; of a file */
     struct wav_file *files;            /* [2][n_files] */
     uint64_t n_clipped;
+    uint64_t n_endless, n_egos; /* pings of an array that stands; messages of motion */
+    struct recording_writer *writers[2];
 };
 
 static const char *const pass_names[2] = {"scene", "background"};
@@ -40,7 +46,8 @@ static int check_vacant(const char *out, struct complaint *why)
                                         "calibration",
                                         "survey.yaml",
                                         "survey.yaml-pings.csv",
-                                        "survey.yaml-replica.wav"};
+                                        "survey.yaml-replica.wav",
+                                        EGO_FILE};
     return export_vacant(out, names, sizeof names / sizeof *names, why);
 }
 
@@ -173,14 +180,139 @@ static int write_files(struct wav_set *w, struct stream *s, struct complaint *wh
     return err == -ENODATA ? write_silent(w, why) : err;
 }
 
-static void say(const struct wav_set *w, const char *out)
+/* -- of an array that stands ------------------------------------------------------------
+ */
+
+static int open_writers(struct wav_set *w, struct complaint *why)
+{
+    int err = make_folders(w, why);
+
+    for (size_t pass = 0; !err && pass < (w->takes.has_background ? 2u : 1u); pass++)
+        err = recording_writer_open(&w->writers[pass], w->folders[pass], &w->takes.survey,
+                                    why);
+    return err;
+}
+
+static int put_ping(struct wav_set *w, const Anlos__Ping *p, int64_t capture_ns,
+                    struct complaint *why)
+{
+    const struct survey *s = &w->takes.survey;
+    const struct emission e = {.speaker = p->speaker,
+                               .frame = p->frame,
+                               .down = p->down,
+                               .valid = p->valid,
+                               .has_time = true,
+                               .time_ns = capture_ns,
+                               .temperature_c = p->temperature_c};
+    size_t extents[2];
+    const float *x = p->samples ? tensor_f32(p->samples, 2, extents) : NULL;
+
+    if (!takes_has(&w->takes, p))
+        return 0;
+    if (!x || extents[0] != s->n_microphones ||
+        extents[1] != s->slot_samples + tail_samples(s))
+        return complain(why, -EBADMSG, "a ping does not fit its survey");
+    for (size_t m = 0; m < p->n_clipped; m++)
+        w->n_clipped += p->clipped[m];
+    w->n_endless++;
+    return recording_writer_put(w->writers[p->pass == ANLOS__PASS__BACKGROUND], &e, x,
+                                why);
+}
+
+static int put_pings(struct wav_set *w, struct stream *s, struct complaint *why)
+{
+    struct stream_message m;
+    int err = 0;
+
+    stream_rewind(s);
+    while (!err && !(err = stream_next(s, &m, why))) {
+        if (m.topic != topic_ping())
+            continue;
+        Anlos__Ping *p = (Anlos__Ping *)stream_unpack(&m);
+        if (!p)
+            return complain(why, -ENOMEM, "out of memory");
+        err = put_ping(w, p, m.envelope.capture_ns, why);
+        anlos__ping__free_unpacked(p, NULL);
+    }
+    return err == -ENODATA ? 0 : err;
+}
+
+static int print_egos(FILE *f, struct wav_set *w, struct stream *s, struct complaint *why)
+{
+    struct stream_message m;
+    int err;
+
+    ego_row_print(f, NULL);
+    stream_rewind(s);
+    while (!(err = stream_next(s, &m, why))) {
+        struct ego_row row = {.time_ns = m.envelope.capture_ns};
+        Anlos__EgoMotion *ego = (Anlos__EgoMotion *)stream_unpack(&m);
+        if (!ego)
+            return complain(why, -EBADMSG, "a message of \"ego\" is none");
+        row.motion = *ego;
+        ego_row_print(f, &row);
+        w->n_egos++;
+        anlos__ego_motion__free_unpacked(ego, NULL);
+    }
+    return err == -ENODATA ? 0 : err;
+}
+
+static int write_egos(struct wav_set *w, struct stream *s, struct complaint *why)
+{
+    char path[PATH_MAX + 16];
+
+    snprintf(path, sizeof path, "%s/" EGO_FILE, w->stage.path);
+    FILE *f = fopen(path, "wxe");
+    if (!f)
+        return complain(why, -errno, "%s: %s", path, strerror(errno));
+    stream_select(s, topic_ego()->name);
+    int err = print_egos(f, w, s, why);
+    errno = 0;
+    bool failed = ferror(f);
+    if ((fclose(f) || failed) && !err)
+        err = complain(why, errno ? -errno : -EIO, "%s cannot be written", path);
+    if (!err && !w->n_egos)
+        unlink(path); /* nobody told of any motion */
+    return err;
+}
+
+static int write_endless(struct wav_set *w, struct stream *s, struct complaint *why)
+{
+    int err = open_writers(w, why);
+
+    if (!err)
+        err = put_pings(w, s, why);
+    for (int pass = 0; pass < 2; pass++)
+        err = recording_writer_close(w->writers[pass], err, why);
+    return err ? err : write_egos(w, s, why);
+}
+
+static void say_pings(const struct wav_set *w, const char *out)
 {
     const struct takes *t = &w->takes;
     size_t n = (t->has_background ? 2 : 1) * w->n_files * w->n_slots;
+    const char *background = t->has_background ? ", with background" : ", no background";
 
-    printf("%s: scan %u, %zu of %zu pings at %zu positions%s\n", out, t->scan,
-           n - t->n_missing, n, t->survey.n_positions,
-           t->has_background ? ", with background" : ", no background");
+    if (!t->endless)
+        printf("%s: scan %u, %zu of %zu pings at %zu positions%s\n", out, t->scan,
+               n - t->n_missing, n, t->survey.n_positions, background);
+    else
+        printf("%s: scan %u, %" PRIu64 " pings of an array that stands%s\n", out, t->scan,
+               w->n_endless, background);
+    if (w->n_egos)
+        printf("%s: " EGO_FILE ", %" PRIu64 " messages of how the vehicle moved\n", out,
+               w->n_egos);
+    if (t->n_others)
+        printf("%s: %" PRIu64 " pings of other scans are not in it; --scan N names "
+               "another one\n",
+               out, t->n_others);
+}
+
+static void say(const struct wav_set *w, const char *out)
+{
+    const struct takes *t = &w->takes;
+
+    say_pings(w, out);
     if (t->n_retaken)
         printf("%s: %" PRIu64 " pings were taken again; the last valid ones are here\n",
                out, t->n_retaken);
@@ -196,13 +328,13 @@ static int write_set(struct wav_set *w, struct stream *s, const char *out,
 {
     int err = check_vacant(out, why);
 
-    if (!err)
+    if (!err && !w->takes.endless)
         err = plan(w, why);
     if (!err)
         err = export_stage_begin(&w->stage, out, why);
     if (err)
         return err;
-    err = write_files(w, s, why);
+    err = w->takes.endless ? write_endless(w, s, why) : write_files(w, s, why);
     if (!err)
         err = export_stage_commit(&w->stage, why);
     if (err)

@@ -12,23 +12,30 @@ static const char help[] =
     "anlos bag import -- make a bag of a recording\n"
     "\n"
     "usage: anlos bag import FOLDER -o OUT [--survey FILE] [--background FOLDER]\n"
-    "                        [--compression C]\n"
+    "                        [--ego FILE] [--compression C]\n"
     "       anlos bag import FILE.mat -o OUT [--compression C]\n"
     "\n"
     "FOLDER is what 'anlos sim' writes, or any folder of WAV files with a survey.yaml in "
     "it\n"
     "or beside it.  The bag has what the array would have sent: surveys and pings, the\n"
-    "background first.  FILE.mat is an optical confocal scan (rect_data, width): each "
+    "background first.  Of an array that stands, one file may go on without end: round\n"
+    "after round of its speakers, or as an emissions.csv beside it says; "
+    "launch/drive.md\n"
+    "tells how to bring a drive of your own.  FILE.mat is an optical confocal scan "
+    "(rect_data, width): each "
     "place\n"
     "becomes a ping, the ranges stay, and light becomes sound of 343 m/s.\n"
     "\n"
     "  -o, --out OUT         the bag; must not be there\n"
     "  --survey FILE         the survey of FOLDER\n"
     "  --background FOLDER   the recording without the hidden objects\n"
+    "  --ego FILE            how the vehicle moved: time_s,speed_m_s,yaw_rate_rad_s; by\n"
+    "                        default ego.csv in FOLDER or beside it, if there is one\n"
     "  --compression C       zstd (default), lz4 or none\n"
     "  --help                this text\n"
     "\n"
-    "Times begin at 1970-01-01 00:00:01: equal recordings become equal bags.\n"
+    "Times begin at 1970-01-01 00:00:01, unless emissions.csv says when it was: equal\n"
+    "recordings become equal bags.\n"
     "\n"
     "exit codes: 0 done; 1 failed; 2 bad arguments or files; 130 stopped by Ctrl-C (no "
     "OUT\n"
@@ -38,6 +45,7 @@ static const struct option options[] = {
     {"out", required_argument, NULL, 'o'},
     {"survey", required_argument, NULL, 's'},
     {"background", required_argument, NULL, 'b'},
+    {"ego", required_argument, NULL, 'e'},
     {"compression", required_argument, NULL, 'c'},
     {"help", no_argument, NULL, 'h'},
     {NULL, 0, NULL, 0},
@@ -78,6 +86,9 @@ static int take_option(struct import_options *o, int code, char **argv)
     case 'b':
         o->background = optarg;
         return 0;
+    case 'e':
+        o->ego = optarg;
+        return 0;
     case 'c':
         return verb_take_compression("bag import", optarg, &o->compression);
     default:
@@ -105,8 +116,9 @@ int bag_import(int argc, char **argv)
     if (!o.out)
         return usage_error("bag import", "-o OUT is missing");
     o.from = argv[optind];
-    if (is_mat(o.from) && (o.survey || o.background))
-        return usage_error("bag import", "%s: a .mat has no survey and no background",
+    if (is_mat(o.from) && (o.survey || o.background || o.ego))
+        return usage_error("bag import",
+                           "%s: a .mat has no survey, no background and no motion",
                            o.from);
     return run(&o);
 }

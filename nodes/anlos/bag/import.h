@@ -6,11 +6,12 @@
 
 struct import_options { /* borrow from argv */
     const char *from, *out;
-    const char *survey, *background; /* of a recording; NULL: beside it, or none */
+    const char *survey, *background, *ego; /* of a recording; NULL: beside it, or none */
     enum bag_compression compression;
 };
 
-/* A recording folder: survey and pings, as the array node publishes them.  0, -EINTR
+/* A recording folder: survey and pings, as the array node publishes them; of an array
+ * that stands all of them, and how the vehicle moved (ego.csv).  0, -EINTR
  * (Ctrl-C), errors of array_open and of import_bag_ping. */
 int import_recording(struct import_bag *bag, const struct import_options *o,
                      struct complaint *why);

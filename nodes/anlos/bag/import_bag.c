@@ -16,7 +16,7 @@ struct import_bag {
     uint8_t *survey; /* [survey_size] */
     size_t survey_size;
     uint64_t survey_id;
-    uint64_t n_surveys, n_pings;
+    uint64_t n_surveys, n_pings, n_egos;
     int64_t survey_due_ns;
     uint8_t *packed; /* [room], of a ping */
     size_t room;
@@ -50,12 +50,11 @@ int import_bag_begin(struct import_bag **out, const char *path,
     return err;
 }
 
-static int put(struct import_bag *b, const struct topic *t, uint64_t sequence,
-               int64_t capture_ns, int64_t publish_ns, const uint8_t *payload,
-               size_t size, struct complaint *why)
+static int put(struct import_bag *b, const char *node, const struct topic *t,
+               uint64_t sequence, int64_t capture_ns, int64_t publish_ns,
+               const uint8_t *payload, size_t size, struct complaint *why)
 {
-    struct envelope e = {.node = "array",
-                         .epoch_ns = IMPORT_START_NS,
+    struct envelope e = {.epoch_ns = IMPORT_START_NS,
                          .sequence = sequence,
                          .capture_ns = capture_ns,
                          .publish_ns = publish_ns,
@@ -66,6 +65,7 @@ static int put(struct import_bag *b, const struct topic *t, uint64_t sequence,
                         "a %s of %zu bytes; no more than %zu go over the "
                         "bus",
                         t->name, size, t->max_size);
+    snprintf(e.node, sizeof e.node, "%s", node);
     snprintf(e.topic, sizeof e.topic, "%s", t->name);
     return bag_topics_put(b->topics, &e, payload, NULL, why);
 }
@@ -113,15 +113,28 @@ int import_bag_ping(struct import_bag *b, Anlos__Ping *p, int64_t capture_ns,
 
     p->survey_id = b->survey_id;
     if (capture_ns >= b->survey_due_ns) {
-        err = put(b, topic_survey(), b->n_surveys++, 0, capture_ns, b->survey,
+        err = put(b, "array", topic_survey(), b->n_surveys++, 0, capture_ns, b->survey,
                   b->survey_size, why);
         b->survey_due_ns = capture_ns + SURVEY_PERIOD_NS;
     }
     if (!err && pack(b, p, &size))
         err = complain(why, -ENOMEM, "out of memory");
     return err ? err
-               : put(b, topic_ping(), b->n_pings++, capture_ns, capture_ns + length_ns,
-                     b->packed, size, why);
+               : put(b, "array", topic_ping(), b->n_pings++, capture_ns,
+                     capture_ns + length_ns, b->packed, size, why);
+}
+
+int import_bag_ego(struct import_bag *b, const Anlos__EgoMotion *m, int64_t capture_ns,
+                   struct complaint *why)
+{
+    uint8_t packed[128];
+    size_t size = anlos__ego_motion__get_packed_size(m);
+
+    if (size > sizeof packed)
+        return complain(why, -EMSGSIZE, "a message of ego motion of %zu bytes", size);
+    anlos__ego_motion__pack(m, packed);
+    return put(b, "can", topic_ego(), b->n_egos++, capture_ns, capture_ns, packed, size,
+               why);
 }
 
 int import_bag_metadata(struct import_bag *b, const char *name,
@@ -144,7 +157,10 @@ int import_bag_end(struct import_bag *b, int err, struct complaint *why)
 
     err = verb_output_end(&b->output, err ? err : closed, why);
     if (!err)
-        printf("%s: %llu pings\n", b->output.path, (unsigned long long)b->n_pings);
+        printf(b->n_egos ? "%s: %llu pings, %llu messages of ego motion\n"
+                         : "%s: %llu pings\n",
+               b->output.path, (unsigned long long)b->n_pings,
+               (unsigned long long)b->n_egos);
     destroy(b);
     return err;
 }

@@ -6,6 +6,7 @@
 
 #include "msgs/array.pb-c.h"
 #include "msgs/survey.h"
+#include "msgs/vehicle.pb-c.h"
 #include "nodes/anlos/bag/verb.h"
 
 #define IMPORT_START_NS 1000000000LL
@@ -25,6 +26,11 @@ int import_bag_survey(struct import_bag *b, const struct survey *s, const char *
  * second. Its survey_id is filled in.  0, -EMSGSIZE, -ENOMEM, errors of writing. */
 int import_bag_ping(struct import_bag *b, Anlos__Ping *p, int64_t capture_ns,
                     int64_t length_ns, struct complaint *why);
+
+/* How the vehicle moved; in the order of time with the pings, by when they end.  As
+ * import_bag_ping. */
+int import_bag_ego(struct import_bag *b, const Anlos__EgoMotion *m, int64_t capture_ns,
+                   struct complaint *why);
 
 /* Text to text under a name. */
 int import_bag_metadata(struct import_bag *b, const char *name,

@@ -10,7 +10,7 @@
 struct fact { /* of a ping */
     uint64_t number, survey_id;
     double stage_m;
-    uint32_t scan, pass, position, speaker;
+    uint32_t scan, pass, position, speaker, frame;
     bool valid;
 };
 
@@ -61,6 +61,7 @@ static int add_ping(struct facts *f, const Anlos__Ping *p, uint64_t number)
                                     .pass = p->pass,
                                     .position = p->position,
                                     .speaker = p->speaker,
+                                    .frame = p->frame,
                                     .valid = p->valid};
     return 0;
 }
@@ -128,6 +129,14 @@ static bool find_slot(const struct takes *t, uint32_t pass, uint32_t position,
     return pass < 2 && position < s->n_positions && speaker < s->n_speakers;
 }
 
+bool takes_has(const struct takes *t, const Anlos__Ping *p)
+{
+    size_t slot;
+
+    return p->scan == t->scan && p->survey_id == survey_id(&t->survey) &&
+           find_slot(t, (uint32_t)p->pass, p->position, p->speaker, &slot);
+}
+
 bool takes_slot(const struct takes *t, const Anlos__Ping *p, size_t *slot)
 {
     return find_slot(t, (uint32_t)p->pass, p->position, p->speaker, slot);
@@ -139,14 +148,19 @@ static void choose(struct takes *t, const struct facts *f, uint64_t survey_id)
 
     for (size_t i = 0; i < f->n; i++) {
         const struct fact *p = &f->list[i];
-        if (p->scan != t->scan)
+        if (p->scan != t->scan) {
+            t->n_others++;
             continue;
+        }
         if (p->survey_id != survey_id ||
             !find_slot(t, p->pass, p->position, p->speaker, &slot)) {
             t->n_unplaced++;
             continue;
         }
         t->has_background |= p->pass == ANLOS__PASS__BACKGROUND;
+        t->endless |= p->frame != 0;
+        if (t->endless)
+            continue;
         t->n_retaken += !p->valid || t->chosen[slot];
         if (!p->valid)
             continue;
@@ -172,7 +186,7 @@ int takes_find(struct takes *t, struct stream *s, size_t scan, struct complaint 
     }
     if (!err) {
         choose(t, &f, id);
-        for (size_t i = 0; i < (t->has_background ? 2 * n : n); i++)
+        for (size_t i = 0; !t->endless && i < (t->has_background ? 2 * n : n); i++)
             t->n_missing += !t->chosen[i];
     }
     free_facts(&f);

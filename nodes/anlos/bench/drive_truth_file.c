@@ -1,17 +1,16 @@
 #include "nodes/anlos/bench/drive_truth_file.h"
 
 #include <errno.h>
-#include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "hal/table_file.h"
 #include "hal/text_file.h"
 
 #define HEAD   "time_s,id,kind,x_m,y_m"
 #define GAP_NS INT64_C(1000000000)
-#define MOST_S 4e9 /* until 2096 */
 
 struct row {
     int64_t ns;
@@ -72,32 +71,6 @@ static int add_row(struct object *o, const struct row *row)
     return 0;
 }
 
-/* Decimals are split so that a nanosecond does not get lost beside 1e9 seconds. */
-static bool read_time(const char *text, int64_t *ns)
-{
-    char *end;
-    double s = strtod(text, &end);
-
-    if (end == text || *end || !(s >= 0.0 && s < MOST_S))
-        return false;
-    const char *point = strchr(text, '.');
-    if (!point || strpbrk(text, "eExX")) {
-        *ns = llround(s * 1e9);
-        return true;
-    }
-    *ns = (int64_t)strtoll(text, NULL, 10) * INT64_C(1000000000) +
-          llround(strtod(point, NULL) * 1e9);
-    return true;
-}
-
-static bool read_number(const char *text, double *out)
-{
-    char *end;
-
-    *out = strtod(text, &end);
-    return end != text && !*end && isfinite(*out);
-}
-
 /* Splits a line at its commas; false: not five parts, or one is too long. */
 static bool split(char *line, char *parts[5])
 {
@@ -124,9 +97,9 @@ static const char *take_line(struct truth_file *f, char *line, int *err)
     *err = -EINVAL;
     if (!split(line, parts))
         return "expected " HEAD;
-    if (!read_time(parts[0], &row.ns))
+    if (!table_time(parts[0], &row.ns))
         return "expected Unix time in seconds in column time_s";
-    if (!read_number(parts[3], &row.at_m[0]) || !read_number(parts[4], &row.at_m[1]))
+    if (!table_number(parts[3], &row.at_m[0]) || !table_number(parts[4], &row.at_m[1]))
         return "expected metres in columns x_m and y_m";
     struct object *o = find(f, parts[1], parts[2]);
     if (o && strcmp(o->kind, parts[2]))
