@@ -35,6 +35,7 @@ void detect_config_default(struct detect_config *cfg)
 {
     *cfg = (struct detect_config){.threshold_db = 13.0,
                                   .learns = true,
+                                  .multipath = true,
                                   .dynamic_range_db = 15.0,
                                   .cluster_m = 0.10};
 }

@@ -15,9 +15,17 @@ struct detect_config {
     struct cfar *cfar;       /* in place of floor and threshold: what is around each peak
                               * decides.  NULL: none.  Not owned. */
     bool learns;             /* cfar, from this image (default) */
+    bool multipath;          /* for objects_find: echoes of others are told (default) */
     double dynamic_range_db; /* below the brightest; sidelobes start at about -18 */
     double cluster_m;        /* bright places closer than this are one object */
     double resolution_m[3];  /* -6 dB widths of a point's image; 0: four voxels */
+};
+
+enum multipath { /* how an echo came (recon/multipath.h) */
+                 MULTIPATH_NONE,
+                 MULTIPATH_PAIR,   /* from one object to another */
+                 MULTIPATH_FACE,   /* by way of a flat face, or of the ground */
+                 MULTIPATH_SHADOW, /* from behind an object, by way of it */
 };
 
 struct detection {
@@ -29,6 +37,9 @@ struct detection {
     double existence;        /* 0..1 */
     double extent_m[3];      /* full size of what is above half amplitude; 0: a point */
     struct shape_guess shape;
+    enum multipath multipath;
+    size_t of[2]; /* then: the objects that make it, among those that were found with it;
+                   * twice the same where the other is none of them */
 };
 
 void detect_config_default(struct detect_config *cfg);

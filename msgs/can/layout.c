@@ -30,7 +30,8 @@ static const char *const time_syncs[] = {"NotSynchronised", "Synchronised", NULL
 static const char *const truncations[] = {"Complete", "Truncated", NULL};
 static const char *const measurements[] = {"New", "Measured", "Predicted", "Deleted",
                                            NULL};
-static const char *const classes[] = {"Unknown", "Point", "Plate", "Extended", NULL};
+static const char *const classes[] = {"Unknown",  "Point",     "Plate",
+                                      "Extended", "Multipath", NULL};
 static const char *const motions[] = {"Unknown", "Standing", "Moving", NULL};
 static const char *const standstills[] = {"Rolling", "Standing", NULL};
 static const char *const validities[] = {"Invalid", "Valid", NULL};
@@ -121,7 +122,7 @@ static const struct can_signal object_dynamics[] = {
     {"Vx",        "m/s", 28, 11, NUMBER, 0.05, 0, -1023, 1023, -1024, IN(can_object, velocity_m_s[0]), NULL},
     {"Vy",        "m/s", 39, 11, NUMBER, 0.05, 0, -1023, 1023, -1024, IN(can_object, velocity_m_s[1]), NULL},
     {"Existence", "%",   50, 7,  NUMBER, 1,    0, 0,     100,  127,   SCALED(can_object, existence, PERCENT), NULL},
-    {"Class",     "",    57, 4,  CHOICE, 1,    0, 0,     3,    NEVER, IN(can_object, class), classes},
+    {"Class",     "",    57, 4,  CHOICE, 1,    0, 0,     4,    NEVER, IN(can_object, class), classes},
     {"DynamicProperty", "", 61, 3, CHOICE, 1,  0, 0,     2,    NEVER, IN(can_object, motion), motions},
 };
 
@@ -143,7 +144,7 @@ static const struct can_signal object_fd[] = {
     {"Measurement",      "",    44,  2,  CHOICE,  1,    0, 0, 3,     NEVER, IN(can_object, measurement), measurements},
     {"BehindNoWall",     "",    46,  1,  CHOICE,  1,    0, 0, 1,     NEVER, IN(can_object, behind_no_wall), answers},
     {"InFreeView",       "",    47,  1,  CHOICE,  1,    0, 0, 1,     NEVER, IN(can_object, in_free_view), answers},
-    {"Class",            "",    48,  4,  CHOICE,  1,    0, 0, 3,     NEVER, IN(can_object, class), classes},
+    {"Class",            "",    48,  4,  CHOICE,  1,    0, 0, 4,     NEVER, IN(can_object, class), classes},
     {"DynamicProperty",  "",    52,  3,  CHOICE,  1,    0, 0, 2,     NEVER, IN(can_object, motion), motions},
     {"ClassProbability", "%",   55,  7,  NUMBER,  1,    0, 0, 100,   127,   SCALED(can_object, class_probability, PERCENT), NULL},
     {"Existence",        "%",   62,  14, NUMBER,  0.01, 0, 0, 10000, 16383, SCALED(can_object, existence, PERCENT), NULL},

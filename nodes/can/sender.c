@@ -230,12 +230,12 @@ static void fill_object(struct sender *s, struct sender_list *out,
     o->counter = out->header.counter;
     o->measurement = measurement_of(list, d);
     o->existence = d->existence;
-    o->class = (enum can_class)d->shape;
+    o->class = d->multipath ? CAN_MULTIPATH : (enum can_class)d->shape;
     o->motion = (enum can_motion)d->motion;
     o->wall = (uint8_t)(d->wall < 255 ? d->wall : 255);
     o->behind_no_wall = d->behind_no_wall;
     o->in_free_view = d->in_free_view;
-    if (d->shape)
+    if (d->shape && !d->multipath)
         o->class_probability = d->shape_probability;
     if (list->tracked) {
         o->age_s = d->age_s;

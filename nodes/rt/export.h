@@ -60,6 +60,9 @@ int export_projection_png(size_t which, const struct grid *grid, const float *in
 /* "" (not known), "point", "plate", "extended". */
 const char *export_class(Anlos__Shape shape);
 
+/* null, or how the echo came and which objects made it. */
+json_t *export_multipath(const Anlos__Detection *d);
+
 /* detections.json. */
 int export_detections(const char *folder, const Anlos__DetectionList *detections,
                       struct complaint *why);

@@ -86,6 +86,22 @@ static json_t *borders(unsigned at_border)
     return all;
 }
 
+json_t *export_multipath(const Anlos__Detection *d)
+{
+    static const char *const names[] = {[ANLOS__MULTIPATH__OF_A_PAIR] = "pair",
+                                        [ANLOS__MULTIPATH__BY_A_FACE] = "face",
+                                        [ANLOS__MULTIPATH__IN_A_SHADOW] = "shadow"};
+    json_t *of = json_array();
+
+    if (d->multipath <= 0 || d->multipath > ANLOS__MULTIPATH__IN_A_SHADOW) {
+        json_decref(of);
+        return json_null();
+    }
+    for (size_t i = 0; i < d->n_multipath_of; i++)
+        json_array_append_new(of, json_integer(d->multipath_of[i]));
+    return json_pack("{ss, so}", "by", names[d->multipath], "of", of);
+}
+
 static json_t *detection(const Anlos__Detection *d, bool tracked)
 {
     json_t *o = json_object();
@@ -96,6 +112,7 @@ static json_t *detection(const Anlos__Detection *d, bool tracked)
     json_object_set_new(o, "covariance_m2",
                         export_reals(d->covariance_m2, d->n_covariance_m2));
     json_object_set_new(o, "existence", export_real(d->existence));
+    json_object_set_new(o, "multipath", export_multipath(d));
     json_object_set_new(o, "level_db", export_real(d->level_db));
     json_object_set_new(o, "virtual_m", vec3(d->virtual_m));
     json_object_set_new(o, "extent_m", vec3(d->extent_m));

@@ -7,6 +7,7 @@
 
 #include "nodes/rt/vehicle_frame.h"
 #include "nodes/rt/processing.h"
+#include "recon/multipath.h"
 #include "recon/peak.h"
 
 #define CLUSTER_WIDTHS 3.0  /* of a point, that pings around objects keep apart */
@@ -187,7 +188,11 @@ void objects_place(struct placement *out, const struct survey *s,
 
 _Static_assert(SHAPE_POINT == (int)ANLOS__SHAPE__POINT &&
                    SHAPE_PLATE == (int)ANLOS__SHAPE__PLATE &&
-                   SHAPE_EXTENDED == (int)ANLOS__SHAPE__EXTENDED,
+                   SHAPE_EXTENDED == (int)ANLOS__SHAPE__EXTENDED &&
+                   MULTIPATH_NONE == (int)ANLOS__MULTIPATH__NO_MULTIPATH &&
+                   MULTIPATH_PAIR == (int)ANLOS__MULTIPATH__OF_A_PAIR &&
+                   MULTIPATH_FACE == (int)ANLOS__MULTIPATH__BY_A_FACE &&
+                   MULTIPATH_SHADOW == (int)ANLOS__MULTIPATH__IN_A_SHADOW,
                "");
 
 static int fill_detection(Anlos__Detection *m, const struct survey *s,
@@ -212,6 +217,15 @@ static int fill_detection(Anlos__Detection *m, const struct survey *s,
     m->in_free_view = p.in_free_view;
     m->height_assumed = p.height_assumed;
     m->at_border = d->at_border;
+    m->multipath = (Anlos__Multipath)d->multipath;
+    if (d->multipath) {
+        m->multipath_of = malloc(2 * sizeof *m->multipath_of);
+        if (!m->multipath_of)
+            return -ENOMEM;
+        m->multipath_of[0] = (uint32_t)d->of[0] + 1;
+        m->multipath_of[1] = (uint32_t)d->of[1] + 1;
+        m->n_multipath_of = d->of[1] == d->of[0] ? 1 : 2;
+    }
     if (p.height_assumed)
         m->at_border &= ~(PEAK_BORDER(1, 0) | PEAK_BORDER(1, 1));
     return 0;
@@ -280,6 +294,20 @@ void objects_resolution(struct detect_config *cfg, const struct survey *s,
     }
 }
 
+/* Pings around objects hear them from all sides, and have no one range. */
+static void find_multipath(const struct survey *s, const struct grid *grid,
+                           struct detection *found, size_t n)
+{
+    struct multipath_config cfg;
+    struct geometry geometry;
+
+    if (s->pings_m)
+        return;
+    processing_geometry(&geometry, s);
+    multipath_config_fill(&cfg, &geometry, grid);
+    multipath_judge(&cfg, found, n);
+}
+
 int objects_find_behind(Anlos__DetectionList **out, const struct survey *s,
                         const struct walls *walls, const struct detect_config *cfg,
                         double min_existence, const struct grid *grid,
@@ -293,8 +321,10 @@ int objects_find_behind(Anlos__DetectionList **out, const struct survey *s,
     int err = detect_objects(&resolved, grid, intensity, found, OBJECTS_MAX, &n);
     if (err)
         return err;
-    return objects_list_behind(out, s, walls, found,
-                               drop_unlikely(found, n, min_existence));
+    n = drop_unlikely(found, n, min_existence);
+    if (cfg->multipath)
+        find_multipath(s, grid, found, n);
+    return objects_list_behind(out, s, walls, found, n);
 }
 
 int objects_find(Anlos__DetectionList **out, const struct survey *s,
@@ -319,6 +349,7 @@ void objects_free(Anlos__DetectionList *list)
         free(m->covariance_m2);
         free(m->velocity_m_s);
         free(m->velocity_covariance_m2_s2);
+        free(m->multipath_of);
         free(m);
     }
     free(list->detections);

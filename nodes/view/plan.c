@@ -144,15 +144,16 @@ static json_t *object_json(bool in_vehicle_frame, const Anlos__Detection *d)
             sd[a] = sigma_m < OBJECTS_KNOWN_M ? sigma_m : NAN;
         }
     }
-    return json_pack("{si so so so so so so so so so ss si sb sb sb}", "id", (int)d->id,
-                     "position_m", export_reals(p, 3), "sd_m", export_reals(sd, 3),
-                     "virtual_m", vec3(d->virtual_m), "extent_m", vec3(d->extent_m), "at",
-                     pair(at), "size", pair(size), "ellipse",
+    return json_pack("{si so so so so so so so so so ss si sb sb sb so}", "id",
+                     (int)d->id, "position_m", export_reals(p, 3), "sd_m",
+                     export_reals(sd, 3), "virtual_m", vec3(d->virtual_m), "extent_m",
+                     vec3(d->extent_m), "at", pair(at), "size", pair(size), "ellipse",
                      export_reals((double[3]){e.major_m, e.minor_m, e.angle_rad}, 3),
                      "existence", export_real(d->existence), "level_db",
                      export_real(d->level_db), "shape", name_of_shape(d->shape), "wall",
                      (int)d->wall, "behind_no_wall", d->behind_no_wall, "in_free_view",
-                     d->in_free_view, "at_border", d->at_border != 0);
+                     d->in_free_view, "at_border", d->at_border != 0, "multipath",
+                     export_multipath(d));
 }
 
 json_t *plan_objects_json(const Anlos__DetectionList *list, const struct trails *trails)

@@ -293,6 +293,10 @@ static void detections_json_is_valid_and_has_null_for_nan(void **state)
     d.existence = 0.5;
     d.level_db = INFINITY;
     d.at_border = 1u << 5 | 1u << 0;
+    uint32_t of[2] = {1, 7};
+    d.multipath = ANLOS__MULTIPATH__BY_A_FACE;
+    d.multipath_of = of;
+    d.n_multipath_of = 2;
     list.detections = all;
     list.n_detections = 1;
     list.mirrored = list.in_vehicle_frame = true;
@@ -321,7 +325,15 @@ static void detections_json_is_valid_and_has_null_for_nan(void **state)
     assert_int_equal(json_array_size(b), 2);
     assert_string_equal(json_string_value(json_array_get(b, 0)), "x-");
     assert_string_equal(json_string_value(json_array_get(b, 1)), "z+");
+    const json_t *m = json_object_get(o, "multipath"), *ids = json_object_get(m, "of");
+    assert_string_equal(json_string_value(json_object_get(m, "by")), "face");
+    assert_int_equal(json_array_size(ids), 2);
+    assert_int_equal(json_integer_value(json_array_get(ids, 1)), 7);
     json_decref(j);
+    d.multipath = ANLOS__MULTIPATH__NO_MULTIPATH;
+    json_t *none = export_multipath(&d);
+    assert_true(json_is_null(none));
+    json_decref(none);
 }
 
 static void keys_keep_the_order_given(void **state)

@@ -295,6 +295,30 @@ static struct survey bumper(void)
                            .mount_y_axis = {0, 0, 1}};
 }
 
+/* Of two that make it, and of one alone. */
+static void an_echo_of_others_names_their_ids(void **state)
+{
+    (void)state;
+    struct survey s = bumper();
+    struct detection d[3] = {point(0.1, 0.2, 2.0), point(0.3, 0.2, 2.2), point(0, 0, 3)};
+    Anlos__DetectionList *list;
+    d[2].multipath = MULTIPATH_PAIR;
+    d[2].of[1] = 1;
+    d[1].multipath = MULTIPATH_SHADOW;
+    assert_int_equal(list_of(&list, &s, d, 3), 0);
+    const Anlos__Detection *of_one = list->detections[1], *of_two = list->detections[2];
+    assert_int_equal(list->detections[0]->multipath, ANLOS__MULTIPATH__NO_MULTIPATH);
+    assert_int_equal(list->detections[0]->n_multipath_of, 0);
+    assert_int_equal(of_one->multipath, ANLOS__MULTIPATH__IN_A_SHADOW);
+    assert_int_equal(of_one->n_multipath_of, 1);
+    assert_int_equal(of_one->multipath_of[0], list->detections[0]->id);
+    assert_int_equal(of_two->multipath, ANLOS__MULTIPATH__OF_A_PAIR);
+    assert_int_equal(of_two->n_multipath_of, 2);
+    assert_int_equal(of_two->multipath_of[0], list->detections[0]->id);
+    assert_int_equal(of_two->multipath_of[1], of_one->id);
+    objects_free(list);
+}
+
 /* The middle of things is 0.4 m above the array, give or take 0.5 m: 2 m away they are
  * imaged at sqrt(2^2 + 0.4^2 + 0.5^2). */
 static void a_line_array_on_a_vehicle_sees_things_on_the_ground(void **state)
@@ -401,6 +425,7 @@ int main(void)
         cmocka_unit_test(a_line_array_does_not_tell_heights),
         cmocka_unit_test(what_the_image_tells_is_meant_for_the_assumed_height),
         cmocka_unit_test(borders_are_those_of_axes_that_are_heard),
+        cmocka_unit_test(an_echo_of_others_names_their_ids),
         cmocka_unit_test(a_line_array_on_a_vehicle_sees_things_on_the_ground),
         cmocka_unit_test(the_covariance_covers_what_is_not_known_of_heights),
         cmocka_unit_test(what_is_imaged_behind_a_wall_is_told_before_it),

@@ -129,6 +129,25 @@ static void an_object_carries_what_the_detection_says(void **state)
     assert_frame(&f[4], &expected);
 }
 
+/* Its shape is nobody's then. */
+static void an_echo_of_other_objects_is_a_class_of_its_own(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_object o;
+
+    (void)state;
+    init(&s, 0x400);
+    fill(&l, 1);
+    l.message.detections[0]->shape = ANLOS__SHAPE__POINT;
+    l.message.detections[0]->multipath = ANLOS__MULTIPATH__OF_A_PAIR;
+    sender_list(&s, &l.message, 1, &sent);
+    sender_date(&s, &sent, 1, 0);
+    assert_int_equal(can_unpack_object_dynamics(&sent.frames[3], &o), 0);
+    assert_int_equal(o.class, CAN_MULTIPATH);
+}
+
 /* Not when it was made: it may have waited for the bus. */
 static void age_and_cycle_are_those_of_when_it_goes_out(void **state)
 {
@@ -1076,6 +1095,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_list_is_header_time_and_three_frames_an_object),
         cmocka_unit_test(an_object_carries_what_the_detection_says),
+        cmocka_unit_test(an_echo_of_other_objects_is_a_class_of_its_own),
         cmocka_unit_test(age_and_cycle_are_those_of_when_it_goes_out),
         cmocka_unit_test(more_objects_than_fit_are_cut_off_and_said),
         cmocka_unit_test(what_a_detection_does_not_say_is_not_available),

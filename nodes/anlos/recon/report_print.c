@@ -21,6 +21,19 @@ static double sigma_m(const Anlos__DetectionList *list, const Anlos__Detection *
     return worst;
 }
 
+static void print_multipath(const Anlos__Detection *d)
+{
+    static const char *const names[] = {[ANLOS__MULTIPATH__OF_A_PAIR] = "by bounces of",
+                                        [ANLOS__MULTIPATH__BY_A_FACE] = "mirror image of",
+                                        [ANLOS__MULTIPATH__IN_A_SHADOW] = "echo behind"};
+
+    if (d->multipath <= 0 || d->multipath > ANLOS__MULTIPATH__IN_A_SHADOW)
+        return;
+    printf("   multipath: %s", names[d->multipath]);
+    for (size_t i = 0; i < d->n_multipath_of; i++)
+        printf("%s %u", i ? " and" : "", d->multipath_of[i]);
+}
+
 static void print_object(const Anlos__DetectionList *list, const Anlos__Detection *d)
 {
     static const char *const borders[6] = {"x-", "x+", "y-", "y+", "z-", "z+"};
@@ -43,6 +56,7 @@ static void print_object(const Anlos__DetectionList *list, const Anlos__Detectio
     for (int i = 0; i < 6; i++)
         if (d->at_border >> i & 1u)
             printf(" %s", borders[i]);
+    print_multipath(d);
     printf("\n");
 }
 

@@ -5,6 +5,10 @@ const percent = (v) => (v === null ? "–" : `${Math.round(100 * v)} %`);
 const deviation = (o) => (o.sd_m.slice(0, 2).includes(null) ? null : 100 * Math.max(...o.sd_m.slice(0, 2)));
 const deviationOfAll = (o) => (o.sd_m.includes(null) ? null : 100 * Math.max(...o.sd_m));
 
+const HOW = { pair: "bounces of", face: "mirror image of", shadow: "echo behind" };
+
+const bounced = (o) => (o.multipath ? `, multipath: ${HOW[o.multipath.by]} ${o.multipath.of.join(" and ")}` : "");
+
 function remarks(o) {
     const all = [];
     if (o.behind_no_wall) all.push("behind no wall");
@@ -20,7 +24,7 @@ const OF_A_SCAN = [
     ["y m", (o) => number(o.position_m[1], 2)],
     ["z m", (o) => number(o.position_m[2], 2)],
     ["± cm", (o) => number(deviationOfAll(o), 1)],
-    ["exists", (o) => percent(o.existence)],
+    ["exists", (o) => percent(o.existence) + bounced(o)],
     ["above noise", (o) => `${number(o.level_db, 0)} dB`, "wide"],
 ];
 // The height of what a line of microphones hears is none that it has measured.
