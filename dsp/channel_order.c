@@ -4,11 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
+#include "dsp/rank.h"
 
 /* NaN: heard by fewer than half. */
 static double misfit(const double *heard, const double *expected, size_t n,
@@ -20,8 +16,7 @@ static double misfit(const double *heard, const double *expected, size_t n,
             scratch[m++] = fabs(heard[i] - expected[i]);
     if (2 * m < n || !m)
         return NAN;
-    qsort(scratch, m, sizeof *scratch, compare);
-    return scratch[m / 2];
+    return rank_double(scratch, m, m / 2 + 1);
 }
 
 int channel_order_find(size_t n, size_t n_others, const double *heard,

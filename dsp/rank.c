@@ -1,11 +1,13 @@
 #include "dsp/rank.h"
 
+#include <math.h>
+#include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
 #include "dsp/vector.h"
 
-/* Of floats above 0. */
+/* Of floats that are 0 or more. */
 typedef int32_t bits __attribute__((may_alias));
 
 VECTOR_CLONES
@@ -62,4 +64,44 @@ float rank_smallest(const float *x, size_t n, size_t k)
     }
     memcpy(&out, &low, sizeof out);
     return out;
+}
+
+double rank_double(double *x, size_t n, size_t k)
+{
+    ptrdiff_t low = 0, high = (ptrdiff_t)n - 1, at = (ptrdiff_t)k - 1;
+
+    while (low < high) {
+        double pivot = x[at];
+        ptrdiff_t i = low, j = high;
+        while (i <= j) {
+            while (x[i] < pivot)
+                i++;
+            while (pivot < x[j])
+                j--;
+            if (i > j)
+                break;
+            double swapped = x[i];
+            x[i++] = x[j];
+            x[j--] = swapped;
+        }
+        if (j < at)
+            low = i;
+        if (at < i)
+            high = j;
+    }
+    return x[at];
+}
+
+double rank_median(double *x, size_t n)
+{
+    double lower = -INFINITY;
+
+    if (!n)
+        return NAN;
+    double upper = rank_double(x, n, n / 2 + 1);
+    if (n % 2)
+        return upper;
+    for (size_t i = 0; i < n / 2; i++)
+        lower = fmax(lower, x[i]);
+    return 0.5 * (lower + upper);
 }

@@ -4,22 +4,11 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "dsp/rank.h"
+
 #define BIWEIGHT     4.685 /* spreads; 95 % efficient for Gaussian errors */
 #define LEAST_SPREAD 2e-7  /* s: arrivals agree no better than they are computed */
 #define ITERATIONS   30
-
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* Of x[n], n > 0, which it sorts. */
-static double median(double *x, size_t n)
-{
-    qsort(x, n, sizeof *x, compare);
-    return n % 2 ? x[n / 2] : 0.5 * (x[n / 2 - 1] + x[n / 2]);
-}
 
 static double residual(const struct time_zero *z, const struct time_zero_pair *p)
 {
@@ -36,12 +25,12 @@ static void measure_spread(struct time_zero *z, const struct time_zero_pair *pai
             scratch[m++] = residual(z, &pairs[i]);
     z->n_heard = m;
     if (centre)
-        z->latency_s += median(scratch, m);
+        z->latency_s += rank_median(scratch, m);
     m = 0;
     for (size_t i = 0; i < n; i++)
         if (!isnan(pairs[i].arrival_s))
             scratch[m++] = fabs(residual(z, &pairs[i]));
-    z->spread_s = 1.4826 * median(scratch, m);
+    z->spread_s = 1.4826 * rank_median(scratch, m);
 }
 
 static double weight(const struct time_zero *z, const struct time_zero_pair *p)

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "dsp/normal_equations.h"
+#include "dsp/rank.h"
 
 #define ROUNDS       10
 #define STEP         1e-5 /* rad and m, of the derivatives */
@@ -65,18 +66,12 @@ static void differentiate(struct fit *f, const struct wall *w)
     }
 }
 
-static int compare_numbers(const void *a, const void *b)
-{
-    const double *x = a, *y = b;
-    return (*x > *y) - (*x < *y);
-}
-
 static double robust_sigma_m(struct fit *f)
 {
     for (size_t i = 0; i < f->rows.n; i++)
         f->sorted_m[i] = fabs(f->rows.list[i].residual_m);
-    qsort(f->sorted_m, f->rows.n, sizeof *f->sorted_m, compare_numbers);
-    return fmax(MAD_TO_SIGMA * f->sorted_m[f->rows.n / 2], WALL_LEAST_SIGMA_M);
+    double middle_m = rank_double(f->sorted_m, f->rows.n, f->rows.n / 2 + 1);
+    return fmax(MAD_TO_SIGMA * middle_m, WALL_LEAST_SIGMA_M);
 }
 
 /* a = J'WJ / sigma^2 + P, b = J'W r / sigma^2 + prior.  robust: W is Tukey's. */

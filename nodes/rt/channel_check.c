@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "dsp/rank.h"
+
 #define SILENT_POWER_RATIO 1e-6
 #define CLIPPED_SHARE      0.01
 
@@ -69,12 +71,6 @@ static double channel_power(const float *x, size_t n)
     return power <= 1e-12 * mean * mean ? 0.0 : power;
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 void channel_check_position(struct channel_check *c, size_t position, size_t n_frames,
                             const float *samples, const uint32_t *clipped,
                             const uint32_t *not_finite, bool *masked)
@@ -85,8 +81,7 @@ void channel_check_position(struct channel_check *c, size_t position, size_t n_f
         power[i] = channel_power(samples + i * n_frames, n_frames);
         sorted[i] = isfinite(power[i]) ? power[i] : 0.0; /* NaN has no order */
     }
-    qsort(sorted, n, sizeof *sorted, compare);
-    double median = sorted[n / 2];
+    double median = rank_double(sorted, n, n / 2 + 1);
 
     for (size_t i = 0; i < n; i++) {
         struct verdict *v = &c->verdicts[position * n + i];

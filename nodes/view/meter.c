@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/rank.h"
 #include "msgs/tensor.h"
 #include "nodes/rt/export.h"
 
@@ -76,12 +77,6 @@ static void measure(struct meter_channel *c, const float *x, size_t n)
     c->rms = power > 1e-12 * mean * mean ? sqrt(power) : 0.0;
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 static double median_rms(const struct meter_channel *c, size_t n)
 {
     double sorted[METER_MAX_CHANNELS];
@@ -90,8 +85,7 @@ static double median_rms(const struct meter_channel *c, size_t n)
     for (size_t i = 0; i < n; i++)
         if (c[i].state != METER_UNHEARD)
             sorted[heard++] = c[i].rms;
-    qsort(sorted, heard, sizeof *sorted, compare);
-    return heard ? sorted[heard / 2] : 0.0;
+    return heard ? rank_double(sorted, heard, heard / 2 + 1) : 0.0;
 }
 
 static void judge_microphones(struct meter *m, const Anlos__Ping *ping, size_t n_samples)

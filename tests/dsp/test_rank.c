@@ -1,4 +1,5 @@
 #include <float.h>
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -34,6 +35,14 @@ static void check(const float *x, size_t n)
     qsort(sorted, n, sizeof *sorted, by_value);
     for (size_t k = 1; k <= n; k++)
         assert_true(rank_smallest(x, n, k) == sorted[k - 1]);
+    for (size_t k = 1; k <= n; k++) {
+        double copy[MOST];
+        for (size_t i = 0; i < n; i++)
+            copy[i] = (double)x[i];
+        assert_true(rank_double(copy, n, k) == (double)sorted[k - 1]);
+        for (size_t i = 0; i < n; i++)
+            assert_true(i < k ? copy[i] <= copy[k - 1] : copy[i] >= copy[k - 1]);
+    }
 }
 
 static void every_rank_is_what_sorting_says(void **state)
@@ -63,6 +72,29 @@ static void numbers_that_are_the_same_count_each(void **state)
     check(x, MOST);
 }
 
+/* Silence, as of a microphone without a signal. */
+static void powers_of_0_have_a_rank_too(void **state)
+{
+    (void)state;
+    float x[40] = {[7] = 3.0f, [20] = FLT_TRUE_MIN};
+
+    check(x, 40);
+    x[7] = x[20] = 0.0f;
+    check(x, 40);
+}
+
+static void the_median_is_the_middle_or_the_mean_of_two(void **state)
+{
+    (void)state;
+    double odd[] = {3.0, -INFINITY, 1.0}, even[] = {4.0, -1.0, 2.0, 1.0}, one[] = {7.0};
+
+    assert_true(rank_median(odd, 3) == 1.0);
+    assert_true(rank_median(even, 4) == 1.5);
+    assert_true(rank_median(even, 2) == 0.0); /* of its smaller half, -1 and 1 */
+    assert_true(rank_median(one, 1) == 7.0);
+    assert_true(isnan(rank_median(one, 0)));
+}
+
 static void any_two_floats_are_told_apart(void **state)
 {
     (void)state;
@@ -76,6 +108,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_rank_is_what_sorting_says),
         cmocka_unit_test(numbers_that_are_the_same_count_each),
+        cmocka_unit_test(powers_of_0_have_a_rank_too),
+        cmocka_unit_test(the_median_is_the_middle_or_the_mean_of_two),
         cmocka_unit_test(any_two_floats_are_told_apart),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -20,6 +20,20 @@ static struct detection point(double x, double y, double z)
     return d;
 }
 
+/* A fixed array of two speakers, and microphones where they are. */
+static struct survey line_of_two(double elements_m[2][3])
+{
+    static double stage[1] = {0};
+
+    return (struct survey){.n_speakers = 2,
+                           .n_microphones = 2,
+                           .n_positions = 1,
+                           .speakers_m = elements_m,
+                           .microphones_m = elements_m,
+                           .stage_axis = {1, 0, 0},
+                           .stage_positions_m = stage};
+}
+
 /* Behind the survey's own walls. */
 static int list_of(Anlos__DetectionList **out, const struct survey *s,
                    const struct detection *objects, size_t n)
@@ -200,14 +214,8 @@ static void each_object_is_mirrored_by_its_wall_or_by_none(void **state)
 static void a_line_array_does_not_tell_heights(void **state)
 {
     (void)state;
-    double speakers[2][3] = {{-0.5, 0.3, 0}, {0.5, 0.3, 0}}, stage[1] = {0};
-    const struct survey s = {.n_speakers = 2,
-                             .n_microphones = 2,
-                             .n_positions = 1,
-                             .speakers_m = speakers,
-                             .microphones_m = speakers,
-                             .stage_axis = {1, 0, 0},
-                             .stage_positions_m = stage};
+    double speakers[2][3] = {{-0.5, 0.3, 0}, {0.5, 0.3, 0}};
+    const struct survey s = line_of_two(speakers);
     const struct walls none = {.n = 0};
     const struct detection d = point(0.1, 0.2, 2.0);
     struct placement p;
@@ -225,14 +233,8 @@ static void a_line_array_does_not_tell_heights(void **state)
 static void what_the_image_tells_is_meant_for_the_assumed_height(void **state)
 {
     (void)state;
-    double elements[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}}, stage[1] = {0};
-    const struct survey s = {.n_speakers = 2,
-                             .n_microphones = 2,
-                             .n_positions = 1,
-                             .speakers_m = elements,
-                             .microphones_m = elements,
-                             .stage_axis = {1, 0, 0},
-                             .stage_positions_m = stage};
+    double elements[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}};
+    const struct survey s = line_of_two(elements);
     const struct walls none = {.n = 0};
     struct detection d = point(0.0, 0.0, 2.0);
     struct placement p;
@@ -256,14 +258,8 @@ static void what_the_image_tells_is_meant_for_the_assumed_height(void **state)
 static void borders_are_those_of_axes_that_are_heard(void **state)
 {
     (void)state;
-    double speakers[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}}, stage[1] = {0};
-    struct survey s = {.n_speakers = 2,
-                       .n_microphones = 2,
-                       .n_positions = 1,
-                       .speakers_m = speakers,
-                       .microphones_m = speakers,
-                       .stage_axis = {1, 0, 0},
-                       .stage_positions_m = stage};
+    double speakers[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}};
+    struct survey s = line_of_two(speakers);
     struct detection d = point(0.1, 0.2, 2.0);
     Anlos__DetectionList *list;
     d.at_border = PEAK_BORDER(1, 0) | PEAK_BORDER(2, 1);
@@ -281,18 +277,17 @@ static void borders_are_those_of_axes_that_are_heard(void **state)
 /* A line array at the nose of a vehicle, 0.4 m over the ground. */
 static struct survey bumper(void)
 {
-    static double elements[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}}, stage[1] = {0};
-    return (struct survey){.n_speakers = 2,
-                           .n_microphones = 2,
-                           .n_positions = 1,
-                           .speakers_m = elements,
-                           .microphones_m = elements,
-                           .stage_axis = {1, 0, 0},
-                           .stage_positions_m = stage,
-                           .has_mount = true,
-                           .mount_origin_m = {3.6, 0, 0.4},
-                           .mount_x_axis = {0, 1, 0},
-                           .mount_y_axis = {0, 0, 1}};
+    static double elements[2][3] = {{-0.5, 0, 0}, {0.5, 0, 0}};
+    static const struct survey mount = {.mount_origin_m = {3.6, 0, 0.4},
+                                        .mount_x_axis = {0, 1, 0},
+                                        .mount_y_axis = {0, 0, 1}};
+    struct survey s = line_of_two(elements);
+
+    s.has_mount = true;
+    memcpy(s.mount_origin_m, mount.mount_origin_m, sizeof s.mount_origin_m);
+    memcpy(s.mount_x_axis, mount.mount_x_axis, sizeof s.mount_x_axis);
+    memcpy(s.mount_y_axis, mount.mount_y_axis, sizeof s.mount_y_axis);
+    return s;
 }
 
 /* Of two that make it, and of one alone. */

@@ -5,6 +5,8 @@
 #include <stdint.h>
 #include <stdlib.h>
 
+#include "dsp/rank.h"
+
 #define GATE_M           0.12
 #define EXCLUDED_M       0.15 /* across */
 #define EXCLUDED_DEPTH_M 0.10
@@ -119,18 +121,6 @@ static double brightest_elsewhere(const struct bench_truth *t, const struct grid
     return brightest;
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median(double *x, size_t n)
-{
-    qsort(x, n, sizeof *x, compare);
-    return 0.5 * (x[(n - 1) / 2] + x[n / 2]);
-}
-
 static void score_points(struct bench_score *out, const struct bench_truth *t,
                          const struct grid *g, const float *v)
 {
@@ -151,7 +141,7 @@ static void score_points(struct bench_score *out, const struct bench_truth *t,
         faintest = fmin(faintest, peak.intensity);
     }
     for (int a = 0; a < 3; a++)
-        out->width_m[a] = median(widths[a], t->n_points);
+        out->width_m[a] = rank_median(widths[a], t->n_points);
     out->sidelobe_db = 10.0 * log10(faintest / brightest_elsewhere(t, g, v) + TINY);
 }
 

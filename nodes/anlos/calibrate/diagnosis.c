@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "dsp/polarity.h"
+#include "dsp/rank.h"
 #include "nodes/anlos/calibrate/wiring.h"
 
 #define DEAD_DB        -20.0 /* against the median: more is no matter of gain */
@@ -22,19 +23,6 @@ struct maker {
     struct path *first; /* [n_speakers][n_microphones]: first arrivals, wherever */
     double *scratch;    /* [n_speakers + n_microphones] */
 };
-
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* NaN of none. */
-static double median(double *x, size_t n)
-{
-    qsort(x, n, sizeof *x, compare);
-    return n ? x[n / 2] : NAN;
-}
 
 static const struct path *first(const struct maker *k, size_t j, size_t m)
 {
@@ -64,7 +52,7 @@ static double level_db(const struct maker *k, bool microphone, size_t i)
     }
     if (!heard || (double)heard < LEAST_HEARD * (double)alive)
         return -INFINITY;
-    return median(k->scratch, heard);
+    return rank_median(k->scratch, heard);
 }
 
 static void measure_levels(const struct maker *k, bool microphones)
@@ -76,7 +64,7 @@ static void measure_levels(const struct maker *k, bool microphones)
     for (size_t i = 0; i < n; i++)
         if (isfinite(c[i].level_db))
             k->scratch[heard++] = c[i].level_db;
-    double usual_db = median(k->scratch, heard);
+    double usual_db = rank_median(k->scratch, heard);
     for (size_t i = 0; i < n; i++)
         c[i].level_db -= usual_db;
 }
@@ -122,7 +110,7 @@ static double usual_rms(const struct maker *k, size_t j)
     for (size_t m = 0; m < k->d->n_microphones; m++)
         if (!is_dead(&k->d->microphones[m]))
             k->scratch[n++] = sounding_pair(k->s, j, m)->rms;
-    return n ? median(k->scratch, n) : 0.0;
+    return n ? rank_median(k->scratch, n) : 0.0;
 }
 
 /* A microphone's noise is the same whoever speaks. */
@@ -135,13 +123,13 @@ static void find_noisy_microphones(const struct maker *k)
     for (size_t m = 0; m < d->n_microphones; m++) {
         for (size_t j = 0; j < d->n_speakers; j++)
             k->scratch[j] = sounding_pair(k->s, j, m)->noise_rms;
-        d->microphones[m].noise_rms = median(k->scratch, d->n_speakers);
+        d->microphones[m].noise_rms = rank_median(k->scratch, d->n_speakers);
         d->microphones[m].overtone = NAN;
         d->has_noise |= d->microphones[m].noise_rms > 0.0;
     }
     for (size_t m = 0; m < d->n_microphones; m++)
         k->scratch[m] = d->microphones[m].noise_rms;
-    double usual = median(k->scratch, d->n_microphones);
+    double usual = rank_median(k->scratch, d->n_microphones);
     for (size_t m = 0; m < d->n_microphones; m++) {
         struct diagnosis_channel *c = &d->microphones[m];
         c->noise = usual > 0.0 ? c->noise_rms / usual : NAN;
@@ -166,7 +154,7 @@ static void find_noisy_speakers(const struct maker *k)
             k->scratch[n++] = noise / fmax(d->microphones[m].noise_rms, 1e-12);
         }
         d->has_noise |= matters > 0;
-        c->noise = median(k->scratch, n);
+        c->noise = rank_median(k->scratch, n);
         if (c->noise > NOISY && 2 * matters > n)
             c->faults |= CALIBRATION_NOISY;
     }
@@ -217,7 +205,7 @@ static int find_clipped_speakers(const struct maker *k)
             k->scratch[n++] = heard ? cabs(a.peak) / cabs(p->arrival.peak) : 0.0;
         }
         free(scratch);
-        d->speakers[j].overtone = median(k->scratch, n);
+        d->speakers[j].overtone = rank_median(k->scratch, n);
         if (d->speakers[j].overtone > DISTORTED)
             d->speakers[j].faults |= CALIBRATION_CLIPPED;
     }

@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 
+#include "dsp/rank.h"
 #include "nodes/anlos/recon/auto_look.h"
 
 #define COLD   4  /* pings that find caches empty */
@@ -57,19 +58,6 @@ static double samples_s(const struct recon_auto_pace *p, double compress_s,
            slowness * planner_coherence_s(&p->a->set, 1, recon_auto_threads(p->job));
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* Sorts them. */
-static double median(double *x, size_t n)
-{
-    qsort(x, n, sizeof *x, compare);
-    return 0.5 * (x[(n - 1) / 2] + x[n / 2]);
-}
-
 /* How many speakers, of which it is not known yet what they hear: a look comes first
  * where it is worth its time.  That is gone then, and depths that hold nothing need not
  * be imaged. */
@@ -96,7 +84,7 @@ static void choose(struct recon_auto_pace *p)
     const struct geometry *g = p->a->set.geometry;
     const struct recon_options *o = p->job->options;
     size_t n_pings = g->n_positions * g->n_speakers, threads = recon_auto_threads(p->job);
-    double ping_s = median(p->took_s + COLD, p->n - COLD);
+    double ping_s = rank_median(p->took_s + COLD, p->n - COLD);
     double compress_s = ping_s * (double)n_pings / (double)threads;
     double slowness = compress_s / planner_compress_s(n_pings, g->n_microphones, threads);
     double stand_s = samples_s(p, compress_s, slowness);
