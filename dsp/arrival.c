@@ -1,7 +1,8 @@
 #include "dsp/arrival.h"
 
 #include <math.h>
-#include <stdlib.h>
+
+#include "dsp/rank.h"
 
 struct span { /* of samples that have neighbours */
     size_t first, end;
@@ -70,10 +71,18 @@ bool arrival_first(const struct trace_format *f, const float complex *y, double 
     return false;
 }
 
-static int compare(const void *a, const void *b)
+double arrival_power(const struct trace_format *f, const float complex *y, double from_s,
+                     double to_s)
 {
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
+    double first = fmax(ceil((from_s - f->t0_s) * f->rate_hz), 0.0);
+    double end = fmin(floor((to_s - f->t0_s) * f->rate_hz) + 1.0, (double)f->n_samples);
+    double most = 0.0;
+
+    for (size_t i = (size_t)fmin(first, (double)f->n_samples); (double)i < end; i++) {
+        double re = crealf(y[i]), im = cimagf(y[i]);
+        most = fmax(most, re * re + im * im);
+    }
+    return most;
 }
 
 double arrival_floor(const struct trace_format *f, const float complex *y, float *scratch)
@@ -82,6 +91,5 @@ double arrival_floor(const struct trace_format *f, const float complex *y, float
         return 0.0;
     for (size_t i = 0; i < f->n_samples; i++)
         scratch[i] = cabsf(y[i]);
-    qsort(scratch, f->n_samples, sizeof *scratch, compare);
-    return (double)scratch[f->n_samples / 2];
+    return (double)rank_smallest(scratch, f->n_samples, f->n_samples / 2 + 1);
 }

@@ -30,6 +30,11 @@ bool arrival_strongest(const struct trace_format *f, const float complex *y,
 bool arrival_first(const struct trace_format *f, const float complex *y, double from_s,
                    double to_s, double least, struct arrival *out);
 
+/* The highest power of a sample of y[n_samples] at delays of from_s to to_s; 0: there is
+ * none. */
+double arrival_power(const struct trace_format *f, const float complex *y, double from_s,
+                     double to_s);
+
 /* Median amplitude of the whole trace: noise and reverberation, as long as arrivals are
  * sparse.  scratch [n_samples]. */
 double arrival_floor(const struct trace_format *f, const float complex *y,

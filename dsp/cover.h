@@ -10,7 +10,10 @@
  * of its loudest: nothing else is as loud there.  A speaker's drop is the median of its
  * pairs, a microphone's that of its pairs with speakers that have none.  Where nothing is
  * heard, or a drop is most_db and more, which is how loud late echoes of the speaker
- * before and crosstalk are, a cable is out: that is not called covered. */
+ * before and crosstalk are, a cable is out: that is not called covered.
+ *
+ * A ping costs a few operations for each pair; one with a pair that is learnt, once for
+ * each, a hundred.  Nothing is allocated. */
 #ifndef ANLOS_DSP_COVER_H
 #define ANLOS_DSP_COVER_H
 

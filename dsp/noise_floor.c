@@ -11,11 +11,11 @@
 
 struct noise_floor {
     struct noise_floor_config cfg;
-    size_t n;            /* samples that count */
-    float complex *kept; /* [n_speakers][n_channels][n] */
-    bool *known;         /* [n_speakers] */
-    float *powers;       /* [n] */
-    double *quiet;       /* [n_channels] */
+    size_t n;              /* samples that count */
+    float complex *kept;   /* [n_speakers][n_channels][n] */
+    bool *known;           /* [n_speakers][n_channels] */
+    float *powers;         /* [n] */
+    double *fresh, *quiet; /* [n_channels] */
 };
 
 int noise_floor_create(struct noise_floor **out, const struct noise_floor_config *cfg)
@@ -30,10 +30,11 @@ int noise_floor_create(struct noise_floor **out, const struct noise_floor_config
     f->cfg = *cfg;
     f->n = cfg->until - cfg->from;
     f->kept = calloc(cfg->n_speakers * cfg->n_channels, f->n * sizeof *f->kept);
-    f->known = calloc(cfg->n_speakers, sizeof *f->known);
+    f->known = calloc(cfg->n_speakers * cfg->n_channels, sizeof *f->known);
     f->powers = calloc(f->n, sizeof *f->powers);
+    f->fresh = calloc(cfg->n_channels, sizeof *f->fresh);
     f->quiet = calloc(cfg->n_channels, sizeof *f->quiet);
-    if (!f->kept || !f->known || !f->powers || !f->quiet) {
+    if (!f->kept || !f->known || !f->powers || !f->fresh || !f->quiet) {
         noise_floor_destroy(f);
         return -ENOMEM;
     }
@@ -58,31 +59,42 @@ static double quiet_power(struct noise_floor *f, const float complex *x)
     return mean_of(f, QUIET_PART);
 }
 
-bool noise_floor_execute(struct noise_floor *f, size_t speaker,
-                         const float complex *traces, double *power)
+static double fresh_power(struct noise_floor *f, const float complex *x,
+                          const float complex *before)
 {
-    double fresh = 0.0, quiet = 0.0;
-    bool known = f->known[speaker];
-
-    for (size_t m = 0; m < f->cfg.n_channels; m++) {
-        const float complex *now = traces + m * f->cfg.n_samples + f->cfg.from;
-        float complex *before = f->kept + (speaker * f->cfg.n_channels + m) * f->n;
-        for (size_t i = 0; known && i < f->n; i++) {
-            float re = crealf(now[i]) - crealf(before[i]);
-            float im = cimagf(now[i]) - cimagf(before[i]);
-            f->powers[i] = re * re + im * im;
-        }
-        if (known)
-            power[m] = 0.5 * mean_of(f, 0.5);
-        fresh += known ? power[m] : 0.0;
-        f->quiet[m] = quiet_power(f, now);
-        quiet += f->quiet[m];
-        memcpy(before, now, f->n * sizeof *before);
+    for (size_t i = 0; i < f->n; i++) {
+        float re = crealf(x[i]) - crealf(before[i]);
+        float im = cimagf(x[i]) - cimagf(before[i]);
+        f->powers[i] = re * re + im * im;
     }
-    if (known && quiet < fresh)
-        memcpy(power, f->quiet, f->cfg.n_channels * sizeof *power);
-    f->known[speaker] = true;
-    return known;
+    return 0.5 * mean_of(f, 0.5);
+}
+
+bool noise_floor_execute(struct noise_floor *f, size_t speaker,
+                         const float complex *traces, const bool *unfit, double *power)
+{
+    size_t n_channels = f->cfg.n_channels;
+    double fresh = 0.0, quiet = 0.0;
+    bool any = false;
+
+    for (size_t m = 0; m < n_channels; m++) {
+        const float complex *now = traces + m * f->cfg.n_samples + f->cfg.from;
+        float complex *before = f->kept + (speaker * n_channels + m) * f->n;
+        bool *known = &f->known[speaker * n_channels + m];
+        f->fresh[m] = f->quiet[m] = NAN;
+        if (unfit && unfit[m])
+            continue;
+        if (*known) {
+            any = true;
+            fresh += f->fresh[m] = fresh_power(f, now, before);
+            quiet += f->quiet[m] = quiet_power(f, now);
+        }
+        memcpy(before, now, f->n * sizeof *before);
+        *known = true;
+    }
+    if (any)
+        memcpy(power, quiet < fresh ? f->quiet : f->fresh, n_channels * sizeof *power);
+    return any;
 }
 
 void noise_floor_destroy(struct noise_floor *f)
@@ -92,6 +104,7 @@ void noise_floor_destroy(struct noise_floor *f)
     free(f->kept);
     free(f->known);
     free(f->powers);
+    free(f->fresh);
     free(f->quiet);
     free(f);
 }

@@ -7,7 +7,9 @@
  *
  * The power of complex noise is exponential: its part q is below -ln(1 - q) of its mean.
  * Of the difference that is the median, for what moves is louder in a few samples only;
- * of the ping the lowest tenth. */
+ * of the ping the lowest tenth.
+ *
+ * A ping costs about 60 passes over its samples (dsp/rank.h). */
 #ifndef ANLOS_DSP_NOISE_FLOOR_H
 #define ANLOS_DSP_NOISE_FLOOR_H
 
@@ -26,10 +28,12 @@ struct noise_floor;
 /* Keeps a ping of each speaker.  0, -EINVAL, -ENOMEM. */
 int noise_floor_create(struct noise_floor **out, const struct noise_floor_config *cfg);
 
-/* traces [n_channels][n_samples]; power [n_channels], left alone (false) at the first
- * ping of a speaker. */
+/* traces [n_channels][n_samples].  unfit[n_channels]: samples that are none, of which the
+ * power is NaN and the next ping not the worse; NULL: all fit.  power [n_channels], NaN,
+ * too, at the first ping of a speaker that fits; left alone (false) where all would be.
+ */
 bool noise_floor_execute(struct noise_floor *f, size_t speaker,
-                         const float complex *traces, double *power);
+                         const float complex *traces, const bool *unfit, double *power);
 void noise_floor_destroy(struct noise_floor *f);
 
 #endif

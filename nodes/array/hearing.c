@@ -8,13 +8,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/arrival.h"
 #include "dsp/cover.h"
 #include "dsp/noise_floor.h"
+#include "dsp/rank.h"
 #include "hal/tail.h"
 #include "msgs/tensor.h"
 #include "nodes/rt/processing.h"
-#include "nodes/rt/walls.h"
-#include "recon/detection_range.h"
 
 #define DEAF_S 0.07
 /* A peak over the mean power.  Of N independent samples of noise the highest passes it
@@ -30,14 +30,8 @@
 #define CROSSTALK_DB 20.0
 
 #define DIRECT_S    0.25e-3 /* about where the direct sound is expected */
-#define ECHO_M      0.5     /* of a path, about the wall's: what a vehicle moves */
-#define UNSEEN_S    1.0
-#define RISES_RATIO 2.0 /* noise that is so much louder is believed at once */
-#define ECHO_LEAST  1.0 /* over noise: less is none */
-#define CLEAR_M     0.1 /* of a path, behind the direct sound's */
-#define WALK_M_S    1.2
-#define NOISE_PINGS 8.0  /* noise is a mean of so many */
-#define ECHO_PINGS  32.0 /* the reference, which walls change, not weather */
+#define RISES_RATIO 2.0     /* noise that is so much louder is believed at once */
+#define NOISE_PINGS 8.0     /* noise is a mean of so many */
 
 struct ear {
     unsigned missed; /* pings in a row */
@@ -62,18 +56,13 @@ struct hearing {
     double *powers;        /* [n_speakers], scratch */
     unsigned patience;     /* pings that one may miss */
 
-    struct hearing_config cfg;
     float complex *whole; /* [n_microphones][format.n_samples]: with the next emission */
     struct noise_floor *floor;
     struct cover *cover;
+    struct reach *reach;
     double *fresh, *direct; /* [n_microphones], scratch */
-    bool *unfit;            /* [n_microphones] */
-    struct walls walls;
-    double gate_m;
-    double echo_trace, echo, echo_noise; /* the wall's power in a trace; at 1 m, over
-                                            what noise would be there */
-    bool has_noise, has_echo, limited;
-    unsigned n_less; /* pings in a row with less range than the gate has */
+    bool *unfit, *usable;   /* [n_microphones] */
+    bool has_noise;
 };
 
 static int plan(struct hearing *h, struct complaint *why)
@@ -107,25 +96,13 @@ static int plan(struct hearing *h, struct complaint *why)
     return 0;
 }
 
-/* Samples of a trace from one delay to another. */
-static void samples_between(const struct hearing *h, const double delays_s[2],
-                            size_t *from, size_t *until)
-{
-    const struct trace_format *f = &h->format;
-    double a = ceil((delays_s[0] - f->t0_s) * f->rate_hz);
-    double b = floor((delays_s[1] - f->t0_s) * f->rate_hz) + 1.0;
-
-    *from = (size_t)fmin(fmax(a, 0.0), (double)f->n_samples);
-    *until = (size_t)fmin(fmax(b, 0.0), (double)f->n_samples);
-}
-
-static int create_cover(struct hearing *h)
+static int create_cover(struct hearing *h, struct complaint *why)
 {
     const struct survey *s = h->survey;
     double *m = calloc(s->n_speakers * s->n_microphones, sizeof *m);
 
     if (!m)
-        return -ENOMEM;
+        return complain(why, -ENOMEM, "not enough memory to see what is covered");
     for (size_t j = 0; j < s->n_speakers; j++)
         for (size_t i = 0; i < s->n_microphones; i++)
             m[j * s->n_microphones + i] =
@@ -133,58 +110,62 @@ static int create_cover(struct hearing *h)
     int err = cover_create(&h->cover, s->n_speakers, s->n_microphones, m,
                            s->together > 1 ? CROSSTALK_DB : LATE_DB);
     free(m);
-    return err;
+    return err ? complain(why, err, "not enough memory to see what is covered") : 0;
 }
 
 /* Noise where images are made. */
-static int create_levels(struct hearing *h)
+static int create_floor(struct hearing *h, const double gate_s[2], struct complaint *why)
 {
-    const struct survey *s = h->survey;
-    struct noise_floor_config cfg = {.n_speakers = s->n_speakers,
-                                     .n_channels = s->n_microphones,
-                                     .n_samples = h->format.n_samples};
-    struct processing p;
-    struct complaint ignored;
-
-    if (processing_plan(&p, s, &ignored))
-        return 0;
-    h->gate_m = p.gate_m[1];
-    samples_between(h, p.gate_s, &cfg.from, &cfg.until);
-    if (cfg.from >= cfg.until)
-        return 0;
-    h->whole = calloc(s->n_microphones * h->format.n_samples, sizeof *h->whole);
-    h->fresh = calloc(s->n_microphones, sizeof *h->fresh);
-    h->direct = calloc(s->n_microphones, sizeof *h->direct);
-    h->unfit = calloc(s->n_microphones, sizeof *h->unfit);
-    if (!h->whole || !h->fresh || !h->direct || !h->unfit)
-        return -ENOMEM;
+    const struct trace_format *f = &h->format;
+    double from = ceil((gate_s[0] - f->t0_s) * f->rate_hz);
+    double until = floor((gate_s[1] - f->t0_s) * f->rate_hz) + 1.0;
+    const struct noise_floor_config cfg = {
+        .n_speakers = h->survey->n_speakers,
+        .n_channels = h->survey->n_microphones,
+        .n_samples = f->n_samples,
+        .from = (size_t)fmin(fmax(from, 0.0), (double)f->n_samples),
+        .until = (size_t)fmin(fmax(until, 0.0), (double)f->n_samples)};
     int err = noise_floor_create(&h->floor, &cfg);
-    return err ? err : create_cover(h);
+
+    if (err == -EINVAL)
+        return complain(why, err, "gate_m: of %g to %g ms after an emission %s",
+                        1e3 * gate_s[0], 1e3 * gate_s[1], "no ping has any sound");
+    return err ? complain(why, err, "not enough memory for the level of noise") : 0;
 }
 
-void hearing_config_launch(struct hearing_config *cfg, const struct launchfile *l,
-                           const struct survey *s)
+static int create_levels(struct hearing *h, const struct reach_config *cfg,
+                         struct complaint *why)
 {
-    size_t of_a_round = l->scan.n_speakers ? l->scan.n_speakers : s->n_speakers;
+    size_t n = h->survey->n_microphones;
+    struct processing p;
+    int err = processing_plan(&p, h->survey, why);
 
-    *cfg = (struct hearing_config){
-        .ranges = l->scan.fixed,
-        .n_pings = l->recon.frames.pings ? l->recon.frames.pings : of_a_round,
-        .sum = l->recon.frames.sum,
-        .false_alarm_rate = l->track.false_alarm_rate,
-        .person_m = l->array.person_m};
+    if (err)
+        return err;
+    h->whole = calloc(n * h->format.n_samples, sizeof *h->whole);
+    h->fresh = calloc(n, sizeof *h->fresh);
+    h->direct = calloc(n, sizeof *h->direct);
+    h->unfit = calloc(n, sizeof *h->unfit);
+    h->usable = calloc(n, sizeof *h->usable);
+    if (!h->whole || !h->fresh || !h->direct || !h->unfit || !h->usable)
+        return complain(why, -ENOMEM, "not enough memory for the level of noise");
+    err = create_floor(h, p.gate_s, why);
+    if (!err)
+        err = create_cover(h, why);
+    if (!err)
+        err = reach_create(&h->reach, cfg, h->survey, &h->format, p.gate_m[1], why);
+    return err;
 }
 
-int hearing_create(struct hearing **out, const struct hearing_config *cfg,
+int hearing_create(struct hearing **out, const struct reach_config *cfg,
                    const struct survey *s, struct complaint *why)
 {
     struct hearing *h = calloc(1, sizeof *h);
 
+    *out = NULL;
     if (!h)
         return complain(why, -ENOMEM, "not enough memory to judge the microphones");
     h->survey = s;
-    h->cfg = *cfg;
-    walls_from_survey(&h->walls, s);
     h->n_samples = s->slot_samples + tail_samples(s);
     int err = plan(h, why);
     if (!err) {
@@ -196,8 +177,8 @@ int hearing_create(struct hearing **out, const struct hearing_config *cfg,
         if (!h->own || !h->traces || !h->ears || !h->mouths || !h->powers)
             err = complain(why, -ENOMEM, "not enough memory to judge the microphones");
     }
-    if (!err && create_levels(h))
-        err = complain(why, -ENOMEM, "not enough memory for the level of noise");
+    if (!err)
+        err = create_levels(h, cfg, why);
     if (err)
         hearing_destroy(h);
     else
@@ -218,12 +199,6 @@ static double heard_power(const float complex *y, size_t n)
     return most * (double)n > STANDS_OUT * sum ? most : 0.0;
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* What a speaker has to be heard with. */
 static double least_power(struct hearing *h)
 {
@@ -232,8 +207,7 @@ static double least_power(struct hearing *h)
     for (size_t j = 0; j < h->survey->n_speakers; j++)
         if (h->mouths[j].sounded)
             h->powers[n++] = h->mouths[j].power;
-    qsort(h->powers, n, sizeof *h->powers, compare);
-    return n ? MUTE_RATIO * h->powers[3 * n / 4] : 0.0;
+    return n ? MUTE_RATIO * rank_double(h->powers, n, 3 * n / 4 + 1) : 0.0;
 }
 
 static bool is_mute(const struct hearing *h, size_t speaker, double least)
@@ -345,83 +319,21 @@ static void listen(struct hearing *h, const Anlos__Ping *ping, const float *samp
 /* -- levels -----------------------------------------------------------------------------
  */
 
-/* The highest power within a time about a delay. */
-static double peak(const struct hearing *h, const float complex *trace, double delay_s,
-                   double within_s)
+static void settle(double *mean, bool known, double value)
 {
-    const double delays_s[2] = {delay_s - within_s, delay_s + within_s};
-    size_t from, until;
-    double most = 0.0;
-
-    samples_between(h, delays_s, &from, &until);
-    for (size_t i = from; i < until; i++) {
-        double re = crealf(trace[i]), im = cimagf(trace[i]);
-        most = fmax(most, re * re + im * im);
-    }
-    return most;
+    *mean = known ? *mean + (value - *mean) / NOISE_PINGS : value;
 }
 
-static double way_s(const struct hearing *h, const double from[3], const double to[3])
-{
-    return geometry_distance(from, to) / h->survey->sound_speed_m_s;
-}
-
-static void settle(double *mean, bool known, double value, double pings)
-{
-    *mean = known ? *mean + (value - *mean) / pings : value;
-}
-
-/* What the highest of the samples about an echo is over the mean power, of noise alone:
- * the mean of the highest of n exponential ones.  Every second sample is a new one. */
-static double highest_of(const struct hearing *h, double within_m)
-{
-    double n = h->format.rate_hz * within_m / h->survey->sound_speed_m_s;
-
-    return log(fmax(n, 1.0)) + 0.57722;
-}
-
-/* The first wall's echo, which would have the same power over all paths of 1 m. */
-static void measure_echo(struct hearing *h, size_t speaker)
-{
-    const struct survey *s = h->survey;
-    double trace = 0.0, sum = 0.0, noise = 0.0, image[3];
-    size_t n = 0;
-
-    if (!h->walls.n) /* none is known: the reference is what it was */
-        return;
-    wall_mirror(&h->walls.list[0].plane, s->speakers_m[speaker], image);
-    for (size_t m = 0; m < s->n_microphones; m++) {
-        double path_m = geometry_distance(image, s->microphones_m[m]);
-        double direct_m = geometry_distance(s->speakers_m[speaker], s->microphones_m[m]);
-        double delay_s = path_m / s->sound_speed_m_s;
-        if (h->unfit[m] || h->ears[m].covered || path_m < direct_m + 2.0 * CLEAR_M ||
-            delay_s * h->format.rate_hz > (double)h->format.n_samples)
-            continue;
-        double within_m = fmin(ECHO_M, path_m - direct_m - CLEAR_M);
-        double power = peak(h, h->whole + m * h->format.n_samples, delay_s,
-                            within_m / s->sound_speed_m_s);
-        double of_noise = h->ears[m].noise * highest_of(h, within_m);
-        trace += power;
-        sum += (power - of_noise) * path_m * path_m;
-        noise += h->ears[m].noise * path_m * path_m;
-        n++;
-    }
-    if (!n || h->mouths[speaker].covered)
-        return;
-    settle(&h->echo_trace, h->has_echo, trace / (double)n, ECHO_PINGS);
-    settle(&h->echo, h->has_echo, sum / (double)n, ECHO_PINGS);
-    h->echo_noise = noise / (double)n;
-    h->has_echo = true;
-}
-
+/* Samples that are none tell nothing of the noise. */
 static void measure_noise(struct hearing *h, size_t speaker)
 {
-    if (!noise_floor_execute(h->floor, speaker, h->whole, h->fresh))
+    if (!noise_floor_execute(h->floor, speaker, h->whole, h->unfit, h->fresh))
         return;
     for (size_t m = 0; m < h->survey->n_microphones; m++)
-        settle(&h->ears[m].noise,
-               h->has_noise && h->fresh[m] < RISES_RATIO * h->ears[m].noise, h->fresh[m],
-               NOISE_PINGS);
+        if (!isnan(h->fresh[m]))
+            settle(&h->ears[m].noise,
+                   h->ears[m].noise > 0.0 && h->fresh[m] < RISES_RATIO * h->ears[m].noise,
+                   h->fresh[m]);
     h->has_noise = true;
 }
 
@@ -430,9 +342,10 @@ static void measure_direct(struct hearing *h, size_t speaker)
     const struct survey *s = h->survey;
 
     for (size_t m = 0; m < s->n_microphones; m++) {
-        h->direct[m] = peak(h, h->whole + m * h->format.n_samples,
-                            way_s(h, s->speakers_m[speaker], s->microphones_m[m]),
-                            DIRECT_S);
+        double delay_s = geometry_distance(s->speakers_m[speaker], s->microphones_m[m]) /
+                         s->sound_speed_m_s;
+        h->direct[m] = arrival_power(&h->format, h->whole + m * h->format.n_samples,
+                                     delay_s - DIRECT_S, delay_s + DIRECT_S);
         h->fresh[m] = h->ears[m].noise;
     }
     cover_take(h->cover, speaker, h->direct, h->fresh, h->unfit);
@@ -442,56 +355,8 @@ static void measure_direct(struct hearing *h, size_t speaker)
         h->mouths[j].covered = cover_speaker(h->cover, j);
 }
 
-/* Of the microphones that can be used: their mean over how many they are. */
-static double noise_of_sum(const struct hearing *h)
-{
-    double sum = 0.0, n = 0.0;
-
-    for (size_t m = 0; m < h->survey->n_microphones; m++)
-        if (!h->unfit[m] && !h->ears[m].covered && h->ears[m].noise > 0.0) {
-            sum += h->ears[m].noise;
-            n += 1.0;
-        }
-    return n > 0.0 ? sum / (n * n) : NAN;
-}
-
-static double ping_s(const struct hearing *h)
-{
-    const struct survey *s = h->survey;
-
-    return (double)s->slot_samples / s->sample_rate_hz /
-           (s->together > 1 ? (double)s->together : 1.0);
-}
-
-/* Of a person who walks, in an image of powers. */
-static double stay(const struct hearing *h)
-{
-    const struct survey *s = h->survey;
-    double voxel_m = s->sound_speed_m_s / fabs(s->chirp_stop_hz - s->chirp_start_hz);
-
-    return detection_range_stay(WALK_M_S, ping_s(h), voxel_m, h->cfg.n_pings);
-}
-
-static double range_m(const struct hearing *h)
-{
-    bool coherent = h->cfg.sum == FRAMES_COHERENT;
-    size_t n = h->cfg.n_pings;
-    const struct detection_range d = {.n_pings = coherent ? 1 : n,
-                                      .false_alarm_rate = h->cfg.false_alarm_rate,
-                                      .probability = HEARING_RANGE_PROBABILITY,
-                                      .scattering_m = h->cfg.person_m,
-                                      .stay = coherent ? 1.0 : stay(h)};
-
-    if (!h->cfg.ranges || !h->has_noise || !h->has_echo)
-        return NAN;
-    double echo = h->echo > ECHO_LEAST * h->echo_noise ? h->echo : 0.0;
-    return detection_range_m(&d, echo, noise_of_sum(h) / (coherent ? (double)n : 1.0));
-}
-
 static void measure(struct hearing *h, const Anlos__Ping *ping, const float *samples)
 {
-    if (!h->floor)
-        return;
     pulse_compress_execute(h->compress[ping->down && h->compress[1]], samples,
                            h->n_samples, h->whole);
     for (size_t m = 0; m < h->survey->n_microphones; m++)
@@ -500,11 +365,14 @@ static void measure(struct hearing *h, const Anlos__Ping *ping, const float *sam
     if (!h->has_noise)
         return;
     measure_direct(h, ping->speaker);
-    measure_echo(h, ping->speaker);
-    double ratio = h->limited ? HEARING_CLEAR_RATIO : 1.0;
-    bool less = range_m(h) < ratio * h->gate_m;
-    h->n_less = less ? h->n_less + 1 : 0;
-    h->limited = less && (h->limited || (double)h->n_less * ping_s(h) > HEARING_LESS_S);
+    for (size_t m = 0; m < h->survey->n_microphones; m++)
+        h->usable[m] = !h->unfit[m] && !h->ears[m].covered;
+    const struct reach_ping heard = {.speaker = ping->speaker,
+                                     .traces = h->whole,
+                                     .noise = h->fresh,
+                                     .usable = h->usable,
+                                     .speaker_usable = !h->mouths[ping->speaker].covered};
+    reach_take(h->reach, &heard);
 }
 
 void hearing_ping(struct hearing *h, const Anlos__Ping *ping, struct hearing_faults *out,
@@ -534,35 +402,34 @@ void hearing_ping(struct hearing *h, const Anlos__Ping *ping, struct hearing_fau
 
 void hearing_walls(struct hearing *h, const Anlos__WallList *list)
 {
-    struct complaint ignored;
-    struct walls walls;
+    reach_walls(h->reach, list);
+}
 
-    if (walls_from_message(&walls, list, &ignored))
-        return;
-    if (walls.n &&
-        (list->walls[0]->unseen_s > UNSEEN_S || list->walls[0]->existence < 0.5))
-        walls.n = 0;
-    h->walls = walls;
+/* Of the microphones of which it is known. */
+static double mean_noise(const struct hearing *h)
+{
+    double sum = 0.0, n = 0.0;
+
+    for (size_t m = 0; m < h->survey->n_microphones; m++) {
+        sum += h->ears[m].noise;
+        n += h->ears[m].noise > 0.0;
+    }
+    return n > 0.0 ? sum / n : NAN;
 }
 
 void hearing_levels(const struct hearing *h, struct hearing_levels *out)
 {
-    double sum = 0.0;
+    double noise = h->has_noise ? mean_noise(h) : NAN;
+    struct reach_levels r;
 
-    *out = (struct hearing_levels){NAN, NAN, NAN, NAN, NAN, h->limited};
-    if (h->cfg.ranges && h->gate_m > 0.0)
-        out->gate_m = h->gate_m;
-    if (!h->has_noise)
-        return;
-    for (size_t m = 0; m < h->survey->n_microphones; m++)
-        sum += h->ears[m].noise;
-    sum /= (double)h->survey->n_microphones;
-    out->noise_db = 10.0 * log10(sum);
-    out->direct_db = cover_snr_db(h->cover);
-    out->echo_db = h->has_echo ? 10.0 * log10(h->echo_trace / sum) : NAN;
-    out->range_m = fmin(range_m(h), out->gate_m);
-    if (isnan(range_m(h)))
-        out->range_m = NAN;
+    reach_levels(h->reach, &r);
+    *out =
+        (struct hearing_levels){.noise_db = 10.0 * log10(noise),
+                                .direct_db = h->has_noise ? cover_snr_db(h->cover) : NAN,
+                                .echo_db = 10.0 * log10(r.echo / noise),
+                                .range_m = r.range_m,
+                                .gate_m = r.gate_m,
+                                .limited = r.limited};
 }
 
 bool hearing_covers_microphone(const struct hearing *h, size_t microphone)
@@ -581,10 +448,12 @@ void hearing_destroy(struct hearing *h)
         return;
     noise_floor_destroy(h->floor);
     cover_destroy(h->cover);
+    reach_destroy(h->reach);
     free(h->whole);
     free(h->fresh);
     free(h->direct);
     free(h->unfit);
+    free(h->usable);
     pulse_compress_destroy(h->compress[0]);
     pulse_compress_destroy(h->compress[1]);
     free(h->own);

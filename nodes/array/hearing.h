@@ -12,11 +12,8 @@
  *
  * Covered: the direct sound of whole rows or columns of pairs drops (dsp/cover.h).
  *
- * Range: of a fixed array that knows a wall.  Noise (dsp/noise_floor.h) and the wall's
- * echo, the reference, are measured in each ping, and recon/detection_range.h says what
- * is left of a person.  It is limited when a person at the end of the gate would be found
- * less often than RANGE_PROBABILITY for LESS_S, and is so no more when it reaches
- * CLEAR_RATIO farther. */
+ * Noise is that of dsp/noise_floor.h, where images are made; how far a person is found in
+ * it nodes/array/reach.h says. */
 #ifndef ANLOS_NODES_ARRAY_HEARING_H
 #define ANLOS_NODES_ARRAY_HEARING_H
 
@@ -27,24 +24,7 @@
 #include "msgs/complaint.h"
 #include "msgs/survey.h"
 #include "msgs/wall.pb-c.h"
-#include "nodes/rt/launchfile.h"
-#include "recon/frames.h"
-
-#define HEARING_RANGE_PROBABILITY 0.9
-#define HEARING_CLEAR_RATIO       1.1
-#define HEARING_LESS_S            1.0
-
-struct hearing_config {
-    bool ranges; /* a fixed array: say how far it reaches; else what follows is nothing */
-    size_t n_pings; /* in an image */
-    enum frames_sum sum;
-    double false_alarm_rate; /* of a voxel */
-    double person_m;         /* scattering length (recon/detection_range.h) */
-};
-
-/* As a launch file has it. */
-void hearing_config_launch(struct hearing_config *cfg, const struct launchfile *l,
-                           const struct survey *s);
+#include "nodes/array/reach.h"
 
 struct hearing_faults {
     size_t deaf, of_microphones;
@@ -63,17 +43,17 @@ struct hearing_levels { /* NaN: not known */
 
 struct hearing;
 
-/* The survey outlives it.  0, -EINVAL (pings are too short to tell), -ENOMEM. */
-int hearing_create(struct hearing **out, const struct hearing_config *cfg,
+/* The survey outlives it.  0, -EINVAL (pings are too short to tell, or a gate or a
+ * reach that is none), -ENOMEM. */
+int hearing_create(struct hearing **out, const struct reach_config *cfg,
                    const struct survey *s, struct complaint *why);
 
-/* Topic "wall": the surest wall's echo is the reference from now on.  One that was not
- * seen for a second may be elsewhere: until it is, the reference stays what it was, as it
- * does after a list that is none. */
+/* Topic "wall" (reach_walls). */
 void hearing_walls(struct hearing *h, const Anlos__WallList *list);
 
 /* Of all pings up to this one.  note: gets what was not said before, or stays as it is. A
- * microphone whose samples are no numbers, or a ping of another shape, is not judged. */
+ * microphone whose samples are no numbers, or a ping of another shape, is not judged.
+ * Costs the compression of two pings, and of noise the passes of dsp/noise_floor.h. */
 void hearing_ping(struct hearing *h, const Anlos__Ping *ping, struct hearing_faults *out,
                   char *note, size_t note_size);
 

@@ -253,11 +253,11 @@ static void create_hearing(struct run *r)
 {
     const struct survey *s = array_survey(r->array);
     struct complaint why = {""};
-    struct hearing_config cfg;
+    struct reach_config cfg;
 
     if (s->source == ANLOS__SOURCE__REPLAY)
         return;
-    hearing_config_launch(&cfg, node_launch(r->node), s);
+    reach_config_launch(&cfg, node_launch(r->node), s);
     anlos__sensing__init(&r->sensing);
     r->sensing.covered_microphones = r->covered_microphones;
     r->sensing.covered_speakers = r->covered_speakers;

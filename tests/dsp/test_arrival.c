@@ -147,6 +147,24 @@ static void the_floor_is_the_median_amplitude(void **state)
     assert_near(arrival_floor(&f, y, scratch), 2.0, 1e-6);
 }
 
+/* Samples at 0, 1, 2 ... ms from 10 ms on, with powers of 0, 1, 4 ... */
+static void the_highest_power_is_that_of_samples_within(void **state)
+{
+    static const struct trace_format f = {
+        .t0_s = 0.01, .rate_hz = 1000.0, .n_samples = 8};
+    float complex y[8];
+
+    (void)state;
+    for (int i = 0; i < 8; i++)
+        y[i] = (float)i * (i % 2 ? I : -1.0f);
+    assert_near(arrival_power(&f, y, 0.0115, 0.0145), 16.0, 1e-6);
+    assert_near(arrival_power(&f, y, 0.0121, 0.0129), 0.0, 1e-6);
+    assert_near(arrival_power(&f, y, -1.0, 1.0), 49.0, 1e-6);
+    assert_near(arrival_power(&f, y, 0.0165, 0.02), 49.0, 1e-6);
+    assert_near(arrival_power(&f, y, 0.02, 0.03), 0.0, 1e-6);
+    assert_near(arrival_power(&f, y, -0.02, 0.0), 0.0, 1e-6);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -156,6 +174,7 @@ int main(void)
         cmocka_unit_test(only_the_range_asked_for_is_looked_at),
         cmocka_unit_test(silence_has_no_arrival),
         cmocka_unit_test(the_floor_is_the_median_amplitude),
+        cmocka_unit_test(the_highest_power_is_that_of_samples_within),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

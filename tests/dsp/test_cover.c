@@ -1,4 +1,5 @@
 /* Direct sound of a line of elements, 1 / distance, of which some are covered. */
+#include <errno.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -179,6 +180,46 @@ static void the_loudest_direct_sound_over_noise_is_told(void **state)
     cover_destroy(r.cover);
 }
 
+/* Zeros in the place of samples would be 200 dB down. */
+static void samples_that_are_none_cover_nothing(void **state)
+{
+    static const bool unfit[N] = {[2] = true};
+    struct rig r;
+
+    (void)state;
+    assert_int_equal(setup_with(&r), 0);
+    rounds(&r, COVER_ROUNDS);
+    for (size_t j = 0; j < N; j++) {
+        double direct[N], noise[N];
+        for (size_t m = 0; m < N; m++) {
+            noise[m] = 1e-6;
+            direct[m] = pow(r.distance_m[j][m], -2.0) * (m == 2 ? 0.01 : 1.0);
+        }
+        cover_take(r.cover, j, direct, noise, unfit);
+    }
+    assert_covered(&r, -1, -1);
+    r.microphone_db[2] = 20.0; /* the same, of samples that are some */
+    rounds(&r, 1);
+    assert_covered(&r, -1, 2);
+    cover_destroy(r.cover);
+}
+
+static void elements_without_a_distance_are_refused(void **state)
+{
+    static const double bad[] = {0.0, -0.1, NAN};
+    struct cover *c;
+
+    (void)state;
+    for (int i = 0; i < 3; i++) {
+        const double distance_m[4] = {0.1, 0.1, bad[i], 0.1};
+        assert_int_equal(cover_create(&c, 2, 2, distance_m, 35.0), -EINVAL);
+        assert_null(c);
+    }
+    assert_int_equal(cover_create(&c, 0, 2, bad, 35.0), -EINVAL);
+    assert_int_equal(cover_create(&c, 2, 0, bad, 35.0), -EINVAL);
+    cover_destroy(NULL);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -189,6 +230,8 @@ int main(void)
         cmocka_unit_test(noise_covers_nothing_and_frees_nothing),
         cmocka_unit_test(what_is_dead_is_not_called_covered),
         cmocka_unit_test(the_loudest_direct_sound_over_noise_is_told),
+        cmocka_unit_test(samples_that_are_none_cover_nothing),
+        cmocka_unit_test(elements_without_a_distance_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

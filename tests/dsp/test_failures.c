@@ -15,12 +15,14 @@
 #include "dsp/band_transform.h"
 #include "dsp/cfar.h"
 #include "dsp/channel_order.h"
+#include "dsp/cover.h"
 #include "dsp/deramp.h"
 #include "dsp/drift.h"
 #include "dsp/drift_search.h"
 #include "dsp/interpolator.h"
 #include "dsp/lane_fft.h"
 #include "dsp/levels.h"
+#include "dsp/noise_floor.h"
 #include "dsp/polarity.h"
 #include "dsp/pool.h"
 #include "dsp/pulse_compress.h"
@@ -87,15 +89,21 @@ static const struct cfar_config cells = {.kind = CFAR_ORDERED,
                                          .guard = {1, 0, 1},
                                          .training = {3, 0, 4}};
 
+static const struct noise_floor_config floor_of = {
+    .n_speakers = 4, .n_channels = 2, .n_samples = 800, .from = 100, .until = 700};
+static const double distances_m[4] = {0.1, 0.2, 0.2, 0.1};
+
 static struct interpolator *interpolator; /* of those that keep one */
 
 CREATES(background, 4, 2, 100)
 CREATES(cfar, &cells)
+CREATES(cover, 2, 2, distances_m, 35.0)
 CREATES(deramp, &deramper)
 CREATES(drift, &drifting)
 CREATES(drift_search, &format, 20000.0, 0.005, interpolator)
 CREATES(interpolator, 0.5)
 CREATES(lane_fft, 48)
+CREATES(noise_floor, &floor_of)
 CREATES(pool, 3)
 CREATES(pulse_compress, context)
 CREATES(timescale, &format, interpolator)
@@ -116,11 +124,13 @@ static void what_is_made_is_made_whole_or_not_at_all(void **state)
     assert_int_equal(interpolator_create(&interpolator, 0.5), 0);
     expect("background", background_work, NULL, 3);
     expect("cfar", cfar_work, NULL, 5);
+    expect("cover", cover_work, NULL, 5);
     expect("deramp", deramp_work, NULL, 12);
     expect("drift", drift_work, NULL, 3);
     expect("drift_search", drift_search_work, NULL, 4);
     expect("interpolator", interpolator_work, NULL, 1);
     expect("lane_fft", lane_fft_work, NULL, 3);
+    expect("noise_floor", noise_floor_work, NULL, 6);
     expect("pulse_compress", pulse_compress_work, (void *)&compressor, 8);
     expect("pulse_compress of many", pulse_compress_work, (void *)&many, 8);
     expect("timescale", timescale_work, NULL, 4);

@@ -242,6 +242,23 @@ static void wrong_drives_are_named_with_line_and_key(void **state)
                 "      - {t_s: 1, position_m: [0, 0, 1]}\n"
                 "      - {t_s: 2, position_m: [1, 0, 3]}\n"),
          "objects[0].path[1].position_m: ", "p is 1.000 m behind the wall"},
+        {BASE "noise: {rms: 0.1, rises: [{during_s: [1, 2], by_db: 3}]}\n",
+         "noise.rises: ", "only a drive has this"},
+        {BASE "drive: {period_s: 5}\n"
+              "noise: {rms: 0.1, rises: [{during_s: [1, 2], by_db: 3}, "
+              "{during_s: [4, 6], by_db: 3}]}\n",
+         "noise.rises[1].during_s: ", "4 to 6 is not a span within 0..5"},
+        {BASE "drive: {period_s: 5}\n"
+              "noise: {rms: 0.1, rises: [{during_s: [2, 2], by_db: 3}]}\n",
+         "noise.rises[0].during_s: ", "2 to 2 is not a span within 0..5"},
+        {BASE "drive: {period_s: 5}\n"
+              "noise: {rms: 0.1, rises: [{during_s: [1, 2], by_db: 101}]}\n",
+         "noise.rises[0].by_db: ", "101 is outside -100..100"},
+        {BASE "faults: {speakers: [{channel: 0, gain_db: -20, during_s: [1, 2]}]}\n",
+         "faults.speakers[0].during_s: ", "only a drive has this"},
+        {BASE "drive: {period_s: 5}\n"
+              "faults: {microphones: [{channel: 0, gain_db: -20, during_s: [-1, 2]}]}\n",
+         "faults.microphones[0].during_s: ", "-1 to 2 is not a span within 0..5"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct complaint why = {.text = ""};

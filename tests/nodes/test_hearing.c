@@ -10,11 +10,11 @@
 
 #define DRIVE SOURCE_DIR "/launch/scenes/drive-person.yaml"
 
-static const struct hearing_config fixed = {.ranges = true,
-                                            .n_pings = 8,
-                                            .sum = FRAMES_POWER,
-                                            .false_alarm_rate = 1e-4,
-                                            .person_m = 0.05};
+static const struct reach_config fixed = {.ranges = true,
+                                          .n_pings = 8,
+                                          .sum = FRAMES_POWER,
+                                          .false_alarm_rate = 1e-4,
+                                          .person_m = 0.05};
 
 struct rig {
     struct fake_clock clock;

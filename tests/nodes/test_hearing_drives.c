@@ -46,13 +46,14 @@ static void start(struct drive *d, const char *scene)
 {
     struct firing firing;
     const struct drive_world_config world = {.scene = scene, .firing = &firing};
-    struct hearing_config hears;
+    struct reach_config hears;
     struct complaint why = {""};
 
     *d = (struct drive){.launch = NULL};
+    bool fast = strstr(scene, "-car") || strstr(scene, "-cyclist");
     int err = launchfile_load(&d->launch,
-                              strstr(scene, "-car") ? SOURCE_DIR "/launch/drive-car.yaml"
-                                                    : SOURCE_DIR "/launch/drive.yaml",
+                              fast ? SOURCE_DIR "/launch/drive-car.yaml"
+                                   : SOURCE_DIR "/launch/drive.yaml",
                               NULL, &why);
     if (!err)
         err = firing_from_uri(&firing, d->launch->array.uri, &why);
@@ -66,7 +67,7 @@ static void start(struct drive *d, const char *scene)
                                             .vertical_rad = 0.035,
                                             .reach_m = d->launch->wall.reach_m,
                                             .every_s = d->launch->wall.every_s};
-    hearing_config_launch(&hears, d->launch, &d->survey);
+    reach_config_launch(&hears, d->launch, &d->survey);
     keeper_init(&d->keeper, d->launch);
     keeper_survey(&d->keeper, &d->survey);
     if (listener_create(&d->listener, &listens, &d->survey, &why) ||

@@ -1,0 +1,70 @@
+/* nodes/array/reach.h -- how far away would a person still be found?  Of a fixed array
+ * that knows a wall.  The wall's echo, the reference, is measured in each ping, and
+ * recon/detection_range.h says what is left of a person, and how much of that the noise
+ * of now lets be found.  The range is limited when a person at the end of the gate would
+ * be found less often than REACH_PROBABILITY for REACH_LESS_S, and is so no more when it
+ * reaches REACH_CLEAR_RATIO farther. */
+#ifndef ANLOS_NODES_ARRAY_REACH_H
+#define ANLOS_NODES_ARRAY_REACH_H
+
+#include <complex.h>
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "dsp/pulse_compress.h"
+#include "msgs/complaint.h"
+#include "msgs/survey.h"
+#include "msgs/wall.pb-c.h"
+#include "nodes/rt/launchfile.h"
+#include "recon/frames.h"
+
+#define REACH_PROBABILITY 0.9
+#define REACH_CLEAR_RATIO 1.1
+#define REACH_LESS_S      1.2
+
+struct reach_config {
+    bool ranges; /* a fixed array: say how far it reaches; else what follows is nothing */
+    size_t n_pings; /* in an image */
+    enum frames_sum sum;
+    double false_alarm_rate; /* of a voxel */
+    double person_m;         /* scattering length (recon/detection_range.h) */
+};
+
+/* As a launch file has it. */
+void reach_config_launch(struct reach_config *cfg, const struct launchfile *l,
+                         const struct survey *s);
+
+struct reach_ping { /* what was heard of a speaker, from its emission to the next */
+    size_t speaker;
+    const float complex *traces; /* [n_microphones][format.n_samples] */
+    const double *noise;         /* [n_microphones] power of a sample */
+    const bool *usable;          /* [n_microphones] */
+    bool speaker_usable;
+};
+
+struct reach_levels { /* NaN: not known */
+    double echo;      /* power of the wall's echo in a trace, a mean */
+    double range_m;   /* at which a person is found, up to: */
+    double gate_m;
+    bool limited; /* range_m is less */
+};
+
+struct reach;
+
+/* gate_m: the far end of what is imaged.  The survey outlives it.  0, -EINVAL (a
+ * false-alarm rate or number of pings that makes no sense), -ENOMEM. */
+int reach_create(struct reach **out, const struct reach_config *cfg,
+                 const struct survey *s, const struct trace_format *format, double gate_m,
+                 struct complaint *why);
+
+/* Topic "wall": the surest wall's echo is the reference from now on.  One that was not
+ * seen for a second may be elsewhere: until it is, the reference stays what it was, as it
+ * does after a list that is none. */
+void reach_walls(struct reach *r, const Anlos__WallList *list);
+
+/* Some samples about the wall's echo in each trace. */
+void reach_take(struct reach *r, const struct reach_ping *ping);
+void reach_levels(const struct reach *r, struct reach_levels *out);
+void reach_destroy(struct reach *r);
+
+#endif
