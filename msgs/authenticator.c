@@ -17,10 +17,11 @@
 #define DOMAIN       "anlos"
 #define ZAP_ENDPOINT "inproc://zeromq.zap.01"
 #define MAX_GUARDED  64 /* sockets; each is replaced when the peers change */
-#define MAX_CALLERS  32 /* connections under way, whose address is kept */
+#define MIN_CALLERS  32 /* room for connections that have not ended; then it grows */
+#define MAX_DECIDED  32
 #define KEY_BYTES    32
 
-enum kind { KIND_REFUSED, KIND_SENT_AWAY, KIND_FILE, N_KINDS };
+enum kind { KIND_REFUSED, KIND_SENT_AWAY, KIND_FILE, KIND_BOUND, N_KINDS };
 
 /* A connection that was accepted and has not ended. */
 struct caller {
@@ -32,14 +33,14 @@ struct caller {
 /* Addresses, of which ZAP has decided and the sockets not yet; the newest ones. */
 struct decisions {
     size_t next;
-    char list[MAX_CALLERS][INET_ADDRSTRLEN];
+    char list[MAX_DECIDED][INET_ADDRSTRLEN];
 };
 
 struct guarded {
     void *monitor;
     const char *topic;
-    size_t next; /* of callers, round and round */
-    struct caller callers[MAX_CALLERS];
+    struct caller *callers; /* [n_callers]: as many as there were files open at once */
+    size_t n_callers;
     char failed[80]; /* why the connection that ends next has failed; empty: it has not */
 };
 
@@ -63,9 +64,11 @@ struct authenticator {
     unsigned unsaid[N_KINDS]; /* events since the last one */
 };
 
-struct request { /* of a pointer each: to be watched from now on */
-    void *monitor;
+struct request { /* to the thread */
     const char *topic;
+    void *
+        monitor; /* to be watched from now on; NULL: the socket was bound again, or not */
+    int err;
 };
 
 static int64_t monotonic_ms(void)
@@ -89,7 +92,7 @@ report(struct authenticator *a, enum kind kind, const char *format, ...)
     void *ctx = a->ctx;
     unsigned unsaid = a->unsaid[kind];
     a->unsaid[kind] = call ? 0 : unsaid + 1;
-    if (call)
+    if (call && kind != KIND_BOUND)
         a->due_ms[kind] = now_ms + AUTHENTICATOR_PAUSE_MS;
     pthread_mutex_unlock(&a->lock);
     if (!call)
@@ -102,13 +105,13 @@ report(struct authenticator *a, enum kind kind, const char *format, ...)
 static void decide(struct decisions *d, const char *address)
 {
     snprintf(d->list[d->next], sizeof d->list[0], "%.15s", address);
-    d->next = (d->next + 1) % MAX_CALLERS;
+    d->next = (d->next + 1) % MAX_DECIDED;
 }
 
 /* true: it was so decided, which is used up now. */
 static bool take_decision(struct decisions *d, const char *address)
 {
-    for (size_t i = 0; i < MAX_CALLERS; i++)
+    for (size_t i = 0; i < MAX_DECIDED; i++)
         if (*address && !strcmp(d->list[i], address)) {
             d->list[i][0] = 0;
             return true;
@@ -189,12 +192,38 @@ static void judge(struct authenticator *a)
 
 /* ---- the sockets: who comes without such a key, and never gets so far */
 
+static void forget_guarded(struct guarded *g)
+{
+    if (g->monitor)
+        zmq_close(g->monitor);
+    free(g->callers);
+    *g = (struct guarded){0};
+}
+
 static struct caller *find_caller(struct guarded *g, int fd)
 {
-    for (size_t i = 0; i < MAX_CALLERS; i++)
+    for (size_t i = 0; i < g->n_callers; i++)
         if (g->callers[i].fd == fd)
             return &g->callers[i];
     return NULL;
+}
+
+/* A place that is free.  NULL: there is no memory for another. */
+static struct caller *add_caller(struct guarded *g)
+{
+    size_t room = g->n_callers ? 2 * g->n_callers : MIN_CALLERS;
+    struct caller *free_one = find_caller(g, -1);
+    if (free_one)
+        return free_one;
+    struct caller *grown = realloc(g->callers, room * sizeof *grown);
+    if (!grown)
+        return NULL;
+    for (size_t i = g->n_callers; i < room; i++)
+        grown[i] = (struct caller){.fd = -1};
+    free_one = &grown[g->n_callers];
+    g->callers = grown;
+    g->n_callers = room;
+    return free_one;
 }
 
 static void remember_caller(struct guarded *g, int fd)
@@ -202,10 +231,8 @@ static void remember_caller(struct guarded *g, int fd)
     struct sockaddr_in at;
     socklen_t size = sizeof at;
     struct caller *c = find_caller(g, fd);
-    if (!c && !(c = find_caller(g, -1))) {
-        c = &g->callers[g->next]; /* the table is full: one is forgotten */
-        g->next = (g->next + 1) % MAX_CALLERS;
-    }
+    if (!c && !(c = add_caller(g)))
+        return;
     *c = (struct caller){.fd = fd};
     if (getpeername(fd, (struct sockaddr *)&at, &size) || at.sin_family != AF_INET ||
         !inet_ntop(AF_INET, &at.sin_addr, c->address, sizeof c->address))
@@ -216,7 +243,7 @@ static void remember_caller(struct guarded *g, int fd)
 static void prove_caller(struct authenticator *a, struct guarded *g)
 {
     struct caller *unknown = NULL;
-    for (size_t i = 0; i < MAX_CALLERS; i++) {
+    for (size_t i = 0; i < g->n_callers; i++) {
         struct caller *c = &g->callers[i];
         if (c->fd < 0 || c->proven)
             continue;
@@ -286,8 +313,7 @@ static bool read_event(struct authenticator *a, struct guarded *g)
     else if (event == ZMQ_EVENT_DISCONNECTED)
         end_caller(a, g, (int)value);
     else if (event == ZMQ_EVENT_MONITOR_STOPPED) {
-        zmq_close(g->monitor);
-        g->monitor = NULL;
+        forget_guarded(g);
         return false;
     }
     return true;
@@ -357,8 +383,19 @@ static void watch(struct authenticator *a, const struct request *r)
     }
     a->n_guarded += i == a->n_guarded;
     a->guarded[i] = (struct guarded){.monitor = r->monitor, .topic = r->topic};
-    for (size_t k = 0; k < MAX_CALLERS; k++)
-        a->guarded[i].callers[k].fd = -1;
+}
+
+static void report_bound(struct authenticator *a, const struct request *r)
+{
+    if (r->err)
+        report(a, KIND_BOUND,
+               "topic %s: after the keys have changed its port cannot be bound: %s; "
+               "other hosts do not hear it until that works",
+               r->topic,
+               r->err == -EADDRINUSE ? "another program has it" : zmq_strerror(-r->err));
+    else
+        report(a, KIND_BOUND,
+               "topic %s: its port is bound again; other hosts may hear it", r->topic);
 }
 
 /* false: the end. */
@@ -367,7 +404,10 @@ static bool heed_control(struct authenticator *a)
     struct request r;
     int n;
     while ((n = zmq_recv(a->control_end, &r, sizeof r, ZMQ_DONTWAIT)) == sizeof r)
-        watch(a, &r);
+        if (r.monitor)
+            watch(a, &r);
+        else
+            report_bound(a, &r);
     return n < 0;
 }
 
@@ -441,8 +481,7 @@ static int start_thread(struct authenticator *a)
 static void release(struct authenticator *a)
 {
     for (size_t i = 0; i < a->n_guarded; i++)
-        if (a->guarded[i].monitor)
-            zmq_close(a->guarded[i].monitor);
+        forget_guarded(&a->guarded[i]);
     if (a->control)
         zmq_close(a->control);
     if (a->control_end)
@@ -528,6 +567,14 @@ int authenticator_address(struct authenticator *a, void *socket, const char *hos
 unsigned authenticator_generation(const struct authenticator *a)
 {
     return a->generation;
+}
+
+void authenticator_bound_again(struct authenticator *a, const char *topic, int err)
+{
+    const struct request r = {.topic = topic, .err = err};
+    pthread_mutex_lock(&a->control_lock);
+    zmq_send(a->control, &r, sizeof r, ZMQ_DONTWAIT);
+    pthread_mutex_unlock(&a->control_lock);
 }
 
 void authenticator_sent_away(struct authenticator *a, const char *host, bool denied)

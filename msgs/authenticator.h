@@ -34,6 +34,10 @@ int authenticator_address(struct authenticator *a, void *socket, const char *hos
 /* Another number when a key has been taken out, put in, or changed. */
 unsigned authenticator_generation(const struct authenticator *a);
 
+/* After the keys have changed the topic's socket could not be bound (err, a negative
+ * errno), or later can (0). */
+void authenticator_bound_again(struct authenticator *a, const char *topic, int err);
+
 /* A host that was connected to has sent us away (denied), or is not who it should be. */
 void authenticator_sent_away(struct authenticator *a, const char *host, bool denied);
 
@@ -41,7 +45,7 @@ void authenticator_sent_away(struct authenticator *a, const char *host, bool den
 uint64_t authenticator_refused(const struct authenticator *a);
 
 /* Called for the log, from other threads, at most every AUTHENTICATOR_PAUSE_MS for each
- * kind of event. */
+ * kind of event; of sockets that cannot be bound again, each time. */
 void authenticator_on_event(struct authenticator *a,
                             void (*call)(void *ctx, const char *text), void *ctx);
 

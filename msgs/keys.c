@@ -92,9 +92,16 @@ static int read_line(FILE *f, const char *path, unsigned *number, struct peer *o
     char line[LINE_SIZE];
 
     while (fgets(line, sizeof line, f)) {
+        ++*number;
+        if (!strchr(line, '\n') && !feof(f)) { /* its rest is no line of its own */
+            explicit_bzero(line, sizeof line);
+            return complain(why, -EINVAL,
+                            "%s:%u: expected a line of at most %d characters, a comment "
+                            "too",
+                            path, *number, LINE_SIZE - 2);
+        }
         char *rest, *host = strtok_r(line, " \t\r\n", &rest),
                     *key = strtok_r(NULL, " \t\r\n", &rest);
-        ++*number;
         if (!host || host[0] == '#')
             continue;
         bool good = key && is_key(key) && strlen(host) < sizeof out->host &&

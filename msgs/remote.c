@@ -1,6 +1,7 @@
 #include "msgs/remote.h"
 
 #include <errno.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,6 +19,7 @@
 #define LATEST_DEPTH         2   /* of a state, in each direction's queue */
 #define REBIND_TRIES         100 /* a port is free a moment after its socket was closed */
 #define REBIND_PAUSE_NS      2000000
+#define REBIND_MS            1000 /* later it is tried so often, without a wait */
 
 struct remote {
     struct hosts hosts;
@@ -29,7 +31,10 @@ struct remote_outlet {
     const struct remote *remote;
     const struct topic *topic;
     char url[REMOTE_URL_SIZE];
-    void *socket; /* NULL: it could not be bound again yet */
+    void *socket; /* NULL: there could not be another one yet */
+    bool is_bound;
+    bool was_reported; /* that it could not be bound again */
+    int64_t due_ms;    /* when that is tried again */
     size_t peers;
     unsigned generation; /* of the keys with which its peers were let in */
 };
@@ -139,26 +144,32 @@ void remote_url(char url[REMOTE_URL_SIZE], const struct host *h, const char *nod
     snprintf(url, REMOTE_URL_SIZE, "tcp://%s:%u", h->address, hosts_port(h, node, t));
 }
 
+/* Not bound yet. */
 static int open_socket(struct remote_outlet *o)
 {
     struct authenticator *a = o->remote->authenticator;
     void *s = zmq_socket(o->remote->context, ZMQ_XPUB); /* tells of its subscribers */
     if (!s)
         return -errno;
-    o->generation = a ? authenticator_generation(a) : 0;
     o->peers = 0;
     int err = remote_set_options(s, o->topic, a ? HANDSHAKE_MAX : SUBSCRIPTION_MAX);
     if (!err)
         err = set(s, ZMQ_XPUB_VERBOSER, 1);
     if (!err && a)
         err = authenticator_guard(a, s, o->topic->name);
-    if (!err && zmq_bind(s, o->url))
-        err = -errno;
     if (err)
         zmq_close(s);
     else
         o->socket = s;
     return err;
+}
+
+static int bind_socket(struct remote_outlet *o)
+{
+    struct authenticator *a = o->remote->authenticator;
+    o->generation = a ? authenticator_generation(a) : 0;
+    o->is_bound = !zmq_bind(o->socket, o->url);
+    return o->is_bound ? 0 : -errno;
 }
 
 int remote_bind(struct remote_outlet **out, const struct remote *r, const char *node,
@@ -174,6 +185,8 @@ int remote_bind(struct remote_outlet **out, const struct remote *r, const char *
     o->topic = t;
     remote_url(o->url, &r->hosts.list[r->hosts.here], node, t);
     int err = open_socket(o);
+    if (!err)
+        err = bind_socket(o);
     if (!err) {
         *out = o;
         return 0;
@@ -183,25 +196,51 @@ int remote_bind(struct remote_outlet **out, const struct remote *r, const char *
              err == -EADDRNOTAVAIL ? "; the host is not this machine"
              : err == -EADDRINUSE  ? "; another program has the port"
                                    : "");
-    free(o);
+    remote_close(o);
+    return err;
+}
+
+static int64_t monotonic_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
+}
+
+static int bind_again(struct remote_outlet *o, int tries)
+{
+    const struct timespec pause = {.tv_nsec = REBIND_PAUSE_NS};
+    int err = o->socket ? 0 : open_socket(o);
+    if (err)
+        return err;
+    while ((err = bind_socket(o)) == -EADDRINUSE && --tries)
+        nanosleep(&pause, NULL);
     return err;
 }
 
 /* ZeroMQ cannot end one connection of many: all are, and those still permitted come back.
- * What waits in their queues does not go out any more. */
+ * What waits in their queues does not go out any more.  Where somebody else took the port
+ * meanwhile, nobody waits for it: it is reported once, and tried now and then. */
 static void keep_to_permitted(struct remote_outlet *o)
 {
-    const struct timespec pause = {.tv_nsec = REBIND_PAUSE_NS};
-    const struct authenticator *a = o->remote->authenticator;
-    if (!a || (o->socket && o->generation == authenticator_generation(a)))
+    struct authenticator *a = o->remote->authenticator;
+    int tries = 1;
+    if (!a || (o->is_bound && o->generation == authenticator_generation(a)))
         return;
-    if (o->socket) {
+    if (o->is_bound) {
         set(o->socket, ZMQ_LINGER, 0);
         zmq_close(o->socket);
         o->socket = NULL;
+        o->is_bound = false;
+        tries = REBIND_TRIES;
+    } else if (monotonic_ms() < o->due_ms) {
+        return;
     }
-    for (int i = 0; i < REBIND_TRIES && open_socket(o) == -EADDRINUSE; i++)
-        nanosleep(&pause, NULL);
+    int err = bind_again(o, tries);
+    o->due_ms = monotonic_ms() + REBIND_MS;
+    if ((err != 0) != o->was_reported)
+        authenticator_bound_again(a, o->topic->name, err);
+    o->was_reported = err != 0;
 }
 
 /* A PUB drops what does not fit and fails only without memory: then too it is a gap at

@@ -13,6 +13,7 @@
 #define GONE_EVENTS                                                                      \
     (ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |                     \
      ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH)
+#define CURVE_OVERHEAD   33 /* of a message with keys: name, nonce, MAC, flags (RFC 26) */
 #define TELLING_FAILURES 3
 #define FAILURE_EVENTS                                                                   \
     (ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |        \
@@ -85,8 +86,10 @@ static int open_socket(struct remote_ear *e, int *fd, const struct remote *r,
 {
     size_t size = sizeof *fd;
     e->socket = zmq_socket(remote_context(r), ZMQ_SUB);
-    int err = e->socket ? remote_set_options(e->socket, t, ENVELOPE_SIZE + t->max_size)
-                        : -errno;
+    size_t most = ENVELOPE_SIZE + t->max_size;
+    if (remote_authenticator(r))
+        most += CURVE_OVERHEAD;
+    int err = e->socket ? remote_set_options(e->socket, t, most) : -errno;
     if (!err && (zmq_setsockopt(e->socket, ZMQ_SUBSCRIBE, "", 0) ||
                  zmq_getsockopt(e->socket, ZMQ_FD, fd, &size)))
         err = -errno;

@@ -7,6 +7,7 @@
 #include <cmocka.h>
 #include <poll.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <zmq.h>
 
 #include "msgs/keys.h"
@@ -140,7 +141,8 @@ static void meet_again(struct bus *from, const struct topic *t, struct bus *to)
 /* ---- hostile programs */
 
 struct intruder {
-    const char *what, *why; /* it is refused, as the log says */
+    const char *what, *why; /* it is refused, as the log says; NULL: that depends on which
+                             * end is the first to see that they have nothing in common */
     bool encrypts;
     bool permitted;    /* has the secret of a host that is let in */
     bool wrong_server; /* thinks that it talks to another one */
@@ -175,7 +177,7 @@ static void *intrude(void *context, const struct intruder *x, const char *url)
 static void who_has_no_permitted_key_hears_nothing_and_is_counted(void **state)
 {
     static const struct intruder intruders[] = {
-        {"without keys", "topic ping was refused: it ", false, false, false},
+        {"without keys", NULL, false, false, false},
         {"with an unknown key", "peers", true, false, false},
         {"with another server's key", "another key for this host", true, true, true},
     };
@@ -201,7 +203,8 @@ static void who_has_no_permitted_key_hears_nothing_and_is_counted(void **state)
         meet(array, topic_ping(), dsp); /* who may hears */
         assert_int_equal(count_of(array, topic_ping(), true).peers, 1);
         assert_int_equal(zmq_recv(s, heard, sizeof heard, ZMQ_DONTWAIT), -1);
-        assert_says(dsp, &says, intruders[i].why);
+        if (intruders[i].why)
+            assert_says(dsp, &says, intruders[i].why);
         if (intruders[i].encrypts && !intruders[i].permitted) /* ZAP knows who asks */
             assert_says(dsp, &says, "a connection from 127.0.0.1 was refused");
         zmq_setsockopt(s, ZMQ_LINGER, &none, sizeof none);
@@ -210,6 +213,79 @@ static void who_has_no_permitted_key_hears_nothing_and_is_counted(void **state)
         bus_destroy(dsp);
         bus_destroy(array);
     }
+}
+
+/* One that says as ZMTP does (RFC 23) that it knows no mechanism of security, and waits.
+ */
+static void who_says_that_it_has_no_keys_is_refused_for_that(void **state)
+{
+    static const uint8_t greeting[64] = {0xff, 0,    0, 0, 0,   0,   0,   0,
+                                         1,    0x7f, 3, 0, 'N', 'U', 'L', 'L'};
+    struct says says = {.lock = PTHREAD_MUTEX_INITIALIZER};
+    (void)state;
+    by_tcp_with_keys();
+    struct bus *array = open_on(0, "array", 1), *dsp = open_on(1, "dsp", 1);
+    bus_on_refusal(array, hear, &says);
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    meet(array, topic_ping(), dsp);
+    int fd = connect_plainly(0, "array", topic_ping());
+    assert_int_equal(send(fd, greeting, sizeof greeting, MSG_NOSIGNAL), sizeof greeting);
+    assert_says(dsp, &says, "to topic ping was refused: it has no keys");
+    assert_int_equal(bus_refused_connections(array), 1);
+    close(fd);
+    bus_destroy(dsp);
+    bus_destroy(array);
+}
+
+/* More than have a place from the beginning, and none of them ends before all are there.
+ */
+static void of_many_strangers_at_once_each_is_counted(void **state)
+{
+    int fds[100];
+    const size_t n = sizeof fds / sizeof *fds;
+    struct bus_message m;
+    (void)state;
+    by_tcp_with_keys();
+    struct bus *array = open_on(0, "array", 1), *dsp = open_on(1, "dsp", 1);
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    meet(array, topic_ping(), dsp);
+    for (size_t i = 0; i < n; i++) {
+        char signature; /* who has sent it has accepted the connection */
+        fds[i] = connect_plainly(0, "array", topic_ping());
+        assert_int_equal(recv(fds[i], &signature, 1, 0), 1);
+    }
+    for (size_t i = 0; i < n; i++)
+        close(fds[i]);
+    int64_t end_ms = now_ms() + DEADLINE_MS;
+    while (bus_refused_connections(array) < n) {
+        if (now_ms() > end_ms)
+            fail_msg("%d of %zu", (int)bus_refused_connections(array), n);
+        assert_int_equal(bus_receive(dsp, &m, 20), -ETIMEDOUT);
+    }
+    meet(array, topic_ping(), dsp);
+    assert_int_equal(bus_refused_connections(array), n);
+    bus_destroy(dsp);
+    bus_destroy(array);
+}
+
+static void the_largest_message_crosses_with_keys(void **state)
+{
+    const size_t most = topic_ping()->max_size;
+    uint8_t *data = calloc(1, most);
+    (void)state;
+    assert_non_null(data);
+    by_tcp_with_keys();
+    struct bus *array = open_on(0, "array", 1), *dsp = open_on(1, "dsp", 1);
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    meet(array, topic_ping(), dsp);
+    publish(array, topic_ping(), data, most);
+    struct bus_message m = receive(dsp);
+    assert_int_equal(m.envelope.payload_size, most);
+    bus_message_free(&m);
+    assert_int_equal(count_of(dsp, topic_ping(), false).gaps, 0);
+    free(data);
+    bus_destroy(dsp);
+    bus_destroy(array);
 }
 
 static void a_program_that_speaks_no_zmtp_is_refused_and_counted(void **state)
@@ -337,6 +413,88 @@ static void a_host_whose_key_is_taken_out_is_no_longer_heard(void **state)
     bus_destroy(array);
 }
 
+/* Takes the port of a topic in the moment in which it is free. */
+struct thief {
+    pthread_t thread;
+    struct sockaddr_in at;
+    atomic_bool stop;
+    atomic_int fd; /* -1: it does not have it yet */
+};
+
+static void *steal(void *arg)
+{
+    struct thief *t = arg;
+    const int yes = 1;
+    while (!t->stop) {
+        int fd = socket(AF_INET, SOCK_STREAM, 0);
+        if (fd >= 0 && !setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) &&
+            !bind(fd, (struct sockaddr *)&t->at, sizeof t->at) && !listen(fd, 1)) {
+            t->fd = fd;
+            return NULL;
+        }
+        if (fd >= 0)
+            close(fd);
+    }
+    return NULL;
+}
+
+static void
+a_port_that_is_lost_with_the_keys_is_said_once_and_had_back_when_it_is_free(void **state)
+{
+    static const char lost[] =
+        "topic ping: after the keys have changed its port cannot be bound";
+    struct says says = {.lock = PTHREAD_MUTEX_INITIALIZER};
+    struct thief t = {.at.sin_family = AF_INET, .fd = -1};
+    int64_t end_ms = now_ms() + DEADLINE_MS;
+    char other[KEYS_TEXT_SIZE], secret[KEYS_TEXT_SIZE];
+    struct bus_message m;
+    (void)state;
+    assert_int_equal(zmq_curve_keypair(other, secret), 0);
+    by_tcp_with_keys();
+    struct bus *array = open_on(0, "array", 1), *dsp = open_on(1, "dsp", 1);
+    bus_on_refusal(array, hear, &says);
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    meet(array, topic_ping(), dsp);
+    t.at.sin_port = htons((uint16_t)hosts_port(&hosts.list[0], "array", topic_ping()));
+    assert_int_equal(inet_pton(AF_INET, hosts.list[0].address, &t.at.sin_addr), 1);
+    assert_int_equal(pthread_create(&t.thread, NULL, steal, &t), 0);
+    for (int i = 0; t.fd < 0; i++) { /* each change of the keys is a chance for it */
+        permit(0, i % 2 ? publics[0] : other, publics[1]);
+        for (int k = 0; k < 20 && t.fd < 0; k++) {
+            publish(array, topic_ping(), "lost", 4);
+            assert_true(now_ms() < end_ms);
+            if (bus_receive(dsp, &m, 100) == 0)
+                bus_message_free(&m);
+        }
+    }
+    pthread_join(t.thread, NULL);
+    while (!has_said(&says, lost)) {
+        publish(array, topic_ping(), "lost", 4);
+        assert_true(now_ms() < end_ms);
+        if (bus_receive(dsp, &m, 20) == 0)
+            bus_message_free(&m);
+    }
+    /* Whoever publishes does not wait for it: 0.2 s each time would be 60 s. */
+    int64_t began_ms = now_ms();
+    for (int i = 0; i < 300; i++)
+        publish(array, topic_ping(), "lost", 4);
+    assert_in_range(now_ms() - began_ms, 0, 30000);
+    pthread_mutex_lock(&says.lock);
+    assert_null(strstr(strstr(says.text, lost) + 1, lost));
+    pthread_mutex_unlock(&says.lock);
+    close(t.fd);
+    end_ms = now_ms() + DEADLINE_MS;
+    while (!has_said(&says, "topic ping: its port is bound again")) {
+        publish(array, topic_ping(), "again", 5);
+        assert_true(now_ms() < end_ms);
+        if (bus_receive(dsp, &m, 20) == 0)
+            bus_message_free(&m);
+    }
+    meet_again(array, topic_ping(), dsp);
+    bus_destroy(dsp);
+    bus_destroy(array);
+}
+
 static void a_slip_in_the_file_of_peers_changes_nothing_but_is_said(void **state)
 {
     struct says says = {.lock = PTHREAD_MUTEX_INITIALIZER};
@@ -373,8 +531,16 @@ static void a_host_without_good_keys_does_not_start(void **state)
         {"peers", "good", 0666, -EACCES, "others may write it (mode 666)"},
         {"peers", "# nobody\n", 0644, -EINVAL, "host computer has no line"},
         {"peers", "computer\n", 0644, -EINVAL, "peers:1: expected HOST KEY"},
+        {"peers", "long", 0644, -EINVAL, "peers:3: expected a line of at most 254"},
     };
+    char lengthy[800];
     (void)state;
+    /* A comment whose end would be a line of its own, and permit somebody. */
+    snprintf(lengthy, sizeof lengthy, "vehicle %s\n# more\n#%254s\ncomputer %s\n",
+             publics[0],
+             "computer "
+             "nonsense",
+             publics[1]);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct bus_config cfg = {.node = "array", .run_dir = folders[0]};
         struct complaint why = {""};
@@ -388,7 +554,10 @@ static void a_host_without_good_keys_does_not_start(void **state)
         assert_true(fread(good, 1, sizeof good - 1, f) > 0);
         fclose(f);
         assert_int_equal(rename(path, kept), 0);
-        write_file(path, strcmp(cases[i].text, "good") ? cases[i].text : good,
+        write_file(path,
+                   !strcmp(cases[i].text, "good")   ? good
+                   : !strcmp(cases[i].text, "long") ? lengthy
+                                                    : cases[i].text,
                    cases[i].mode);
         int err = bus_create(&b, &cfg, &why);
         path = path_in(key_folders[0], cases[i].file);
@@ -470,10 +639,15 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(who_has_no_permitted_key_hears_nothing_and_is_counted),
+        cmocka_unit_test(who_says_that_it_has_no_keys_is_refused_for_that),
+        cmocka_unit_test(of_many_strangers_at_once_each_is_counted),
+        cmocka_unit_test(the_largest_message_crosses_with_keys),
         cmocka_unit_test(a_program_that_speaks_no_zmtp_is_refused_and_counted),
         cmocka_unit_test(a_false_host_is_not_heard),
         cmocka_unit_test(a_key_that_is_taken_out_ends_what_it_let_in_until_it_is_back),
         cmocka_unit_test(a_host_whose_key_is_taken_out_is_no_longer_heard),
+        cmocka_unit_test(
+            a_port_that_is_lost_with_the_keys_is_said_once_and_had_back_when_it_is_free),
         cmocka_unit_test(a_slip_in_the_file_of_peers_changes_nothing_but_is_said),
         cmocka_unit_test(a_host_without_good_keys_does_not_start),
         cmocka_unit_test(without_keys_nothing_is_reached_but_from_this_machine),
