@@ -101,6 +101,12 @@ static int watch(struct viewer *viewer, struct bus *bus)
     return err;
 }
 
+static void log_connection(void *ctx, const char *text)
+{
+    (void)ctx;
+    fprintf(stderr, "anlos view: %s\n", text);
+}
+
 static int serve(struct viewer_config *cfg, const char *asked)
 {
     char run_dir[RUNDIR_SIZE];
@@ -110,6 +116,7 @@ static int serve(struct viewer_config *cfg, const char *asked)
     struct bus *bus = NULL;
     int err = rundir_open(run_dir, asked, &why);
 
+    cfg->log = log_connection;
     cfg->run_dir = run_dir;
     cfg->now_ns = now_ns();
     if (!err)

@@ -97,6 +97,7 @@ int foxglove_server_create(struct foxglove_server **out, struct web *web,
         free_server(s);
         return err;
     }
+    s->presses = true;
     web_serve(web, &endpoint);
     *out = s;
     return 0;
@@ -225,14 +226,25 @@ void foxglove_server_counts(struct foxglove_server *s, struct foxglove_counts *o
     pthread_mutex_unlock(&s->lock);
 }
 
+/* It wakes the web server, which may be gone after foxglove_server_stop. */
+static void end_press(struct foxglove_server *s)
+{
+    pthread_mutex_lock(&s->lock);
+    s->stopping = true;
+    pthread_cond_signal(&s->work);
+    pthread_mutex_unlock(&s->lock);
+    if (s->presses)
+        pthread_join(s->press, NULL);
+    s->presses = false;
+}
+
 void foxglove_server_stop(struct foxglove_server *s)
 {
     const struct timespec end = after_ms(PARTING_MS);
     int err = 0;
 
+    end_press(s);
     pthread_mutex_lock(&s->lock);
-    s->stopping = true;
-    pthread_cond_signal(&s->work);
     for (struct client *c = s->clients; c; c = c->next) {
         c->goodbye = true;
         web_wake(s->web);
@@ -246,10 +258,6 @@ void foxglove_server_destroy(struct foxglove_server *s)
 {
     if (!s)
         return;
-    pthread_mutex_lock(&s->lock);
-    s->stopping = true;
-    pthread_cond_signal(&s->work);
-    pthread_mutex_unlock(&s->lock);
-    pthread_join(s->press, NULL);
+    end_press(s);
     free_server(s);
 }

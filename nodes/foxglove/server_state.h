@@ -50,6 +50,7 @@ struct foxglove_server {
     struct inbox inbox;
 
     pthread_t press;
+    bool presses;           /* the thread that converts has not been ended */
     struct setting setting; /* of the thread that converts alone */
 };
 

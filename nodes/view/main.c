@@ -16,6 +16,11 @@ static int subscribe(struct node *node)
     return err;
 }
 
+static void log_connection(void *node, const char *text)
+{
+    node_log(node, LOG_LEVEL_WARNING, "%s", text);
+}
+
 static int create(struct node *node, struct viewer **out)
 {
     const struct launchfile *l = node_launch(node);
@@ -23,7 +28,9 @@ static int create(struct node *node, struct viewer **out)
                                       .port = l->view.port,
                                       .bag = l->view.bag,
                                       .run_dir = node_run_dir(node),
-                                      .now_ns = node_machine_ns(node)};
+                                      .now_ns = node_machine_ns(node),
+                                      .log = log_connection,
+                                      .log_ctx = node};
     struct complaint why = {""};
     int err = viewer_create(out, &cfg, &why);
 

@@ -72,6 +72,8 @@ static int create_all(struct server *s, struct complaint *why)
                                    .port = s->cfg.port,
                                    .write_ms = WRITE_TIME_MS,
                                    .silence_s = SILENCE_TIME_S,
+                                   .log = s->cfg.log,
+                                   .log_ctx = s->cfg.log_ctx,
                                    .page = serve,
                                    .page_ctx = s};
     const struct live_config live = {.view = s->cfg.view,

@@ -16,6 +16,9 @@ struct server_config {
     int64_t now_ns;
     void (*seek)(void *ctx, double seconds); /* NULL: there is no bag */
     void *seek_ctx;
+    /* As of web_config. */
+    void (*log)(void *ctx, const char *text);
+    void *log_ctx;
 };
 
 /* Serves until it is destroyed.  0, -EADDRINUSE, -EACCES, -EADDRNOTAVAIL, -EINVAL (no

@@ -41,8 +41,11 @@ static void show_foxglove(void *ctx, const struct view_message *m)
 static int create_all(struct viewer *v, const struct viewer_config *cfg,
                       struct complaint *why)
 {
-    struct server_config server = {
-        .address = cfg->address, .port = cfg->port, .now_ns = cfg->now_ns};
+    struct server_config server = {.address = cfg->address,
+                                   .port = cfg->port,
+                                   .now_ns = cfg->now_ns,
+                                   .log = cfg->log,
+                                   .log_ctx = cfg->log_ctx};
     int err = view_create(&v->view, cfg->bag ? cfg->bag : cfg->run_dir, cfg->bag != NULL);
 
     if (err)

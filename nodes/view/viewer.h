@@ -17,6 +17,10 @@ struct viewer_config {
     const char *bag;     /* NULL: a running system, whose messages viewer_take gets */
     const char *run_dir; /* for a person, when there is no bag */
     int64_t now_ns;
+    /* Of connections that did not end as they should; from another thread.  May be NULL.
+     */
+    void (*log)(void *ctx, const char *text);
+    void *log_ctx;
 };
 
 /* 0, errors as server_create and timeline_open. */

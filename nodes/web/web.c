@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <netinet/tcp.h>
 #include <pthread.h>
+#include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -30,7 +31,11 @@ struct connection {
     struct lws *wsi;
     int64_t since_ms;
     int64_t waits_ms; /* since when something waits to be written; 0: nothing does */
+    int64_t heard_ms; /* of a WebSocket: the last sign of life */
     bool killed;
+    bool is_over;                       /* its end was agreed on, or has been logged */
+    char why[96];                       /* it was given up; empty: it was not */
+    char address[INET6_ADDRSTRLEN + 8]; /* with port */
     struct web_reply reply;
 
     const struct web_endpoint *endpoint; /* NULL: HTTP, or not known yet */
@@ -61,6 +66,8 @@ struct web {
     bool runs;
     struct lws_context *_Atomic lws;
     atomic_bool woken, stopping;
+    int64_t log_ms;    /* of the last line */
+    unsigned n_unsaid; /* lines since */
 };
 
 static int64_t now_ms(void)
@@ -68,11 +75,55 @@ static int64_t now_ms(void)
     return (int64_t)(lws_now_usecs() / 1000);
 }
 
-/* Of a client that does not go on: there is nothing to be said to it. */
+__attribute__((format(printf, 2, 3))) static void give_up(struct connection *c,
+                                                          const char *format, ...)
+{
+    va_list args;
+
+    if (c->why[0]) /* the first reason is the cause of the others */
+        return;
+    va_start(args, format);
+    vsnprintf(c->why, sizeof c->why, format, args);
+    va_end(args);
+}
+
+/* Each connection that ends otherwise than it should. */
+static void log_end(struct connection *c)
+{
+    struct web *w = c->web;
+    int64_t now = now_ms();
+    char text[384];
+
+    if (c->is_over || !w->cfg.log || atomic_load(&w->stopping))
+        return;
+    c->is_over = true;
+    if (!c->why[0] && !c->endpoint)
+        return; /* a page that has been read, or a browser that has thought better of it
+                 */
+    if (!c->why[0])
+        snprintf(c->why, sizeof c->why,
+                 "it broke off, %.1f s after its last sign of life",
+                 1e-3 * (double)(now - c->heard_ms));
+    if (w->log_ms && now - w->log_ms < WEB_LOG_MS) {
+        w->n_unsaid++;
+        return;
+    }
+    int n = snprintf(text, sizeof text, "the connection of %s%s%s ended after %.1f s: %s",
+                     c->address, c->endpoint ? " to " : "",
+                     c->endpoint ? c->endpoint->path : "",
+                     1e-3 * (double)(now - c->since_ms), c->why);
+    if (w->n_unsaid && n > 0 && (size_t)n < sizeof text)
+        snprintf(text + n, sizeof text - (size_t)n, " (and %u more before)", w->n_unsaid);
+    w->n_unsaid = 0;
+    w->log_ms = now;
+    w->cfg.log(w->cfg.log_ctx, text);
+}
+
+/* Of a client that does not go on: there is nothing to be said to it.  Again and again
+ * until it is gone, because libwebsockets sets timeouts of its own over this one. */
 static void kill_connection(struct connection *c)
 {
-    if (!c->killed)
-        lws_set_timeout(c->wsi, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
+    lws_set_timeout(c->wsi, PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
     c->killed = true;
 }
 
@@ -88,12 +139,40 @@ static void look_after(lws_sorted_usec_list_t *timer)
     struct web *w = lws_container_of(timer, struct web, timer);
     int64_t now = now_ms();
 
-    for (struct connection *c = w->newest; c; c = c->next)
-        if ((!c->client && now - c->since_ms > REQUEST_MS) ||
-            (c->waits_ms && now - c->waits_ms > w->cfg.write_ms))
+    for (struct connection *c = w->newest; c; c = c->next) {
+        bool is_late = !c->client && now - c->since_ms > REQUEST_MS;
+        bool is_deaf = c->waits_ms && now - c->waits_ms > w->cfg.write_ms;
+        if (is_deaf)
+            give_up(c, "it took nothing for %.1f s", 1e-3 * (double)(now - c->waits_ms));
+        else if (is_late)
+            give_up(c, "it did not come to an end within %d s", REQUEST_MS / 1000);
+        if (is_late || is_deaf || c->killed)
             kill_connection(c);
+    }
     if (w->newest)
         lws_sul_schedule(w->lws, 0, &w->timer, look_after, LOOK_MS * LWS_US_PER_MS);
+}
+
+/* Whose connection it is, for the log. */
+static void write_address(struct connection *c)
+{
+    struct sockaddr_storage a;
+    socklen_t size = sizeof a;
+    const struct sockaddr_in *a4 = (const struct sockaddr_in *)&a;
+    const struct sockaddr_in6 *a6 = (const struct sockaddr_in6 *)&a;
+    char text[INET6_ADDRSTRLEN] = "somebody";
+    unsigned port = 0;
+
+    if (getpeername(lws_get_socket_fd(c->wsi), (struct sockaddr *)&a, &size)) {
+        port = 0;
+    } else if (a.ss_family == AF_INET) {
+        inet_ntop(AF_INET, &a4->sin_addr, text, sizeof text);
+        port = ntohs(a4->sin_port);
+    } else if (a.ss_family == AF_INET6) {
+        inet_ntop(AF_INET6, &a6->sin6_addr, text, sizeof text);
+        port = ntohs(a6->sin6_port);
+    }
+    snprintf(c->address, sizeof c->address, "%s:%u", text, port);
 }
 
 static int connection_open(struct web *w, struct lws *wsi)
@@ -104,6 +183,8 @@ static int connection_open(struct web *w, struct lws *wsi)
         return -ENOMEM;
     *c = (struct connection){
         .web = w, .next = w->newest, .wsi = wsi, .since_ms = now_ms()};
+    c->heard_ms = c->since_ms;
+    write_address(c);
     if (c->next)
         c->next->before = c;
     else
@@ -132,6 +213,7 @@ static void connection_close(struct connection *c)
 {
     struct web *w = c->web;
 
+    log_end(c);
     client_close(c);
     *(c->before ? &c->before->next : &w->newest) = c->next;
     *(c->next ? &c->next->before : &w->oldest) = c->before;
@@ -149,10 +231,12 @@ static void accept_one(struct web *w, int listener)
         return;
     if (w->n_connections >= WEB_MAX_CLIENTS) {
         struct connection *c = w->oldest;
-        while (c && (c->client || c->killed))
+        while (c && (c->client || c->killed || c->reply.size))
             c = c->before;
-        if (c)
+        if (c) {
+            give_up(c, "others wanted its place before it had made a request");
             kill_connection(c);
+        }
     }
     if (w->n_connections >= WEB_MAX_CLIENTS + SPARE_FDS / 2) {
         close(fd);
@@ -280,6 +364,14 @@ static int upgrade(struct connection *c, const char *to)
 
 static int hang_up(struct connection *c, enum lws_close_status status)
 {
+    if (status == LWS_CLOSE_STATUS_GOINGAWAY)
+        c->is_over = true;
+    else
+        give_up(c, "%s",
+                status == LWS_CLOSE_STATUS_MESSAGE_TOO_LARGE ? "its message is too large"
+                : status == LWS_CLOSE_STATUS_POLICY_VIOLATION
+                    ? "what it sent is no request"
+                    : "there is no memory or no place for it");
     lws_close_reason(c->wsi, status, NULL, 0);
     return -1;
 }
@@ -331,6 +423,7 @@ static int take(struct connection *c, const uint8_t *data, size_t size)
 {
     if (!c->client)
         return -1;
+    c->heard_ms = now_ms();
     if (size + lws_remaining_packet_payload(c->wsi) > c->endpoint->max_message)
         return hang_up(c, LWS_CLOSE_STATUS_MESSAGE_TOO_LARGE);
     return take_part(c, data, size);
@@ -389,6 +482,22 @@ static int go_on(struct connection *c)
     return 0;
 }
 
+/* Of a WebSocket's client: two bytes of why, and its words. */
+static void take_goodbye(struct connection *c, const uint8_t *data, size_t size)
+{
+    unsigned code = size < 2 ? LWS_CLOSE_STATUS_NO_STATUS : 256u * data[0] + data[1];
+    char words[48] = "";
+
+    if (code == LWS_CLOSE_STATUS_NORMAL || code == LWS_CLOSE_STATUS_GOINGAWAY ||
+        code == LWS_CLOSE_STATUS_NO_STATUS) {
+        c->is_over = true;
+        return;
+    }
+    for (size_t i = 2; i < size && i - 2 < sizeof words - 1; i++)
+        words[i - 2] = data[i] >= ' ' && data[i] < 0x7f ? (char)data[i] : '?';
+    give_up(c, "it hung up, code %u: %s", code, words);
+}
+
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user,
                     void *in, size_t size)
 {
@@ -417,7 +526,14 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
         return take(c, in, size);
     case LWS_CALLBACK_SERVER_WRITEABLE:
         return go_on(c);
+    case LWS_CALLBACK_RECEIVE_PONG:
+        c->heard_ms = now_ms();
+        return 0;
+    case LWS_CALLBACK_WS_PEER_INITIATED_CLOSE:
+        take_goodbye(c, in, size);
+        return 0;
     case LWS_CALLBACK_CLOSED:
+        log_end(c);
         client_close(c);
         return 0;
     case LWS_CALLBACK_WSI_DESTROY:
@@ -432,8 +548,7 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
  * only announced. */
 static void look_at_announcements(struct connection *c)
 {
-    if (c->too_large || c->killed ||
-        lws_remaining_packet_payload(c->wsi) <= c->endpoint->max_message)
+    if (c->too_large || lws_remaining_packet_payload(c->wsi) <= c->endpoint->max_message)
         return;
     c->too_large = true;
     want_to_write(c);

@@ -19,6 +19,7 @@
 #define WEB_HEAD_SIZE     16
 #define WEB_MAX_ENDPOINTS 4
 #define WEB_MAX_CLIENTS   48 /* connections of all kinds */
+#define WEB_LOG_MS        2000
 
 struct web;
 
@@ -42,6 +43,10 @@ struct web_config {
     unsigned port;       /* 0: any that is free */
     int write_ms;        /* a client that takes nothing for so long is given up */
     int silence_s;       /* then a WebSocket is pinged; given up after six times that */
+    /* Of each connection that did not end as it should, whose end it was and why; NULL:
+     * nobody is told.  On the server's thread, a line in WEB_LOG_MS at most. */
+    void (*log)(void *ctx, const char *text);
+    void *log_ctx;
     void (*page)(void *ctx, const struct web_request *r, struct web_reply *out);
     void *page_ctx; /* page == NULL: there are no pages */
 };

@@ -124,18 +124,19 @@ class Browser:
         self.wait("document.readyState === 'complete' && location.href !== 'about:blank'")
 
     def click(self, selector):
-        """Again where the page has moved the element away meanwhile."""
+        """Again where the page has moved the element away meanwhile: between two of the
+        three, press, release and the look, too."""
         for _ in range(10):
             x, y = self.ask(
                 "(() => { const e = document.querySelector(%s); e.scrollIntoView("
-                "{block: 'center'}); const b = e.getBoundingClientRect(); e.onmousedown ="
-                " () => { e.onmousedown = null; }; window.aim = e;"
+                "{block: 'center'}); const b = e.getBoundingClientRect(); window.hit = false;"
+                " e.addEventListener('click', () => { window.hit = true; }, { once: true });"
                 " return [b.x + b.width / 2, b.y + b.height / 2]; })()"
                 % json.dumps(selector))
             for kind in "mousePressed", "mouseReleased":
                 self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left",
                           clickCount=1)
-            if self.ask("!aim.onmousedown"):
+            if self.ask("hit"):
                 return
         raise Failed("it cannot be clicked: " + selector)
 

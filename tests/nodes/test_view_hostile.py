@@ -121,6 +121,8 @@ def none_of_them_costs_memory(process, port):
         print("%s: said %s MB, peak %.0f MB" % (
             act.__name__.replace("_", " "),
             ["-" if n is None else round(n / 1e6, 1) for n in said], peak_mb(process)))
+        check(sum(n is not None for n in said) >= CLIENTS // 2,
+              "%s: too few of them were let in: %s" % (act.__name__, said))
         check(peak_mb(process) < MOST_MB,
               "%s: %.0f MB instead of %.0f" % (act.__name__, peak_mb(process), before))
         for s in open_ones:

@@ -49,6 +49,7 @@ function showLink(link) {
         : ["ok", `Hears ${heardNodes === 1 ? "1 node" : `${heardNodes} nodes`}`];
     if ($("link").textContent !== text) $("link").textContent = text;
     $("link").dataset.state = state;
+    $("link").title = link.story.join("\n");
     document.title = state === "ok" || state === "wait" ? "anlos" : "▲ anlos";
 }
 

@@ -9,6 +9,7 @@ const seconds = (s) => `${s.toFixed(1)} s`;
 export function createTimeline(link) {
     const line = { state: null };
     let waiting = false; // for the answer to a seek
+    let asked = 0; // what that seek is for
     let wanted = null; // the next seek, when that has come
     let timer = 0;
     let at = 0; // exactly: the slider rounds
@@ -17,7 +18,8 @@ export function createTimeline(link) {
         const to = Math.min(Math.max(s, 0), line.state.span_s);
         say(to);
         if (waiting) wanted = to;
-        else waiting = link.send({ seek: to });
+        else if (link.send({ seek: (asked = to) })) waiting = true;
+        else wanted = to; // when the connection is back, which begins with a state
     };
     const say = (s) => {
         at = s;
@@ -75,6 +77,7 @@ export function createTimeline(link) {
         document.body.dataset.seekMs = state.took_ms;
     };
     line.lost = () => {
+        if (waiting && wanted === null) wanted = asked; // the answer does not come any more
         waiting = false;
         stop();
     };
