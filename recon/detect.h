@@ -10,11 +10,15 @@
 #include "recon/grid.h"
 #include "recon/shape.h"
 
+struct trace_set;
+
 struct detect_config {
-    double threshold_db;     /* above the volume's noise floor; 12 suits most scenes */
-    struct cfar *cfar;       /* in place of floor and threshold: what is around each peak
-                              * decides.  NULL: none.  Not owned. */
-    bool learns;             /* cfar, from this image (default) */
+    double threshold_db; /* above the volume's noise floor; 12 suits most scenes */
+    struct cfar *cfar;   /* in place of floor and threshold: what is around each peak
+                          * decides.  NULL: none.  Not owned. */
+    bool learns;         /* cfar, from this image (default) */
+    const struct trace_set *traces; /* for objects_find: what was imaged, to tell lobes
+                                     * apart; NULL: not at hand.  Not owned. */
     bool multipath;          /* for objects_find: echoes of others are told (default) */
     double dynamic_range_db; /* below the brightest; sidelobes start at about -18 */
     double cluster_m;        /* bright places closer than this are one object */

@@ -7,6 +7,7 @@
 
 #include "nodes/rt/vehicle_frame.h"
 #include "nodes/rt/processing.h"
+#include "recon/lobes.h"
 #include "recon/multipath.h"
 #include "recon/peak.h"
 
@@ -322,6 +323,8 @@ int objects_find_behind(Anlos__DetectionList **out, const struct survey *s,
     if (err)
         return err;
     n = drop_unlikely(found, n, min_existence);
+    if (cfg->traces)
+        lobes_judge(cfg->traces, found, n);
     if (cfg->multipath)
         find_multipath(s, grid, found, n);
     return objects_list_behind(out, s, walls, found, n);

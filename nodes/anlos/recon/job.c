@@ -11,6 +11,7 @@
 #include "nodes/anlos/recon/traces.h"
 #include "nodes/rt/objects.h"
 #include "recon/imager.h"
+#include "recon/trace_check.h"
 
 /* Processing knows the field, not the file. */
 static void name_survey(const struct recon_options *options, int err,
@@ -92,6 +93,27 @@ static int create_checks(struct recon_job *job, struct complaint *why)
     return err ? complain(why, err, "out of memory") : 0;
 }
 
+/* Room for what is imaged, for those who look at an object's echoes: not where each ping
+ * has places of its own. */
+static int keep_traces(struct recon_job *job, struct complaint *why)
+{
+    const struct processing *p = &job->processing;
+    const struct geometry *g = &p->geometry;
+
+    if (g->pings_m)
+        return 0;
+    job->heard = (struct trace_set){.geometry = g,
+                                    .format = job->format,
+                                    .band_hz = {p->band_hz[0], p->band_hz[1]},
+                                    .gate_m = {p->gate_m[0], p->gate_m[1]}};
+    size_t n = g->n_positions * trace_set_pairs(&job->heard);
+    job->heard_data = calloc(n * job->format.n_samples, sizeof *job->heard_data);
+    job->heard_at = calloc(n, sizeof *job->heard_at);
+    job->heard.traces = job->heard_data;
+    job->heard.heard = job->heard_at;
+    return job->heard_data && job->heard_at ? 0 : complain(why, -ENOMEM, "out of memory");
+}
+
 static int create_imager(struct recon_job *job, struct complaint *why)
 {
     int err = processing_imager(&job->imager, &job->processing, job->method, &job->format,
@@ -116,10 +138,12 @@ int recon_job_plan(struct recon_job *job, struct complaint *why)
         if (!err)
             err = create_reader(job, why);
     }
-    if (!err)
-        err = job->method == recon_auto_name
-                  ? recon_auto_create(&job->automatic, job, why)
-                  : create_imager(job, why);
+    if (!err && job->method == recon_auto_name)
+        err = recon_auto_create(&job->automatic, job, why);
+    else if (!err)
+        err = create_imager(job, why);
+    if (!err && !job->automatic)
+        err = keep_traces(job, why);
     stopwatch_lap(&job->stages[RECON_PLAN], &now, false);
     return err;
 }
@@ -132,6 +156,15 @@ static void add_to_image(void *ctx, size_t position, size_t speaker,
 {
     struct recon_job *job = ctx;
     imager_add(job->imager, position, speaker, traces, masked);
+    if (!job->heard.traces)
+        return;
+    const struct geometry *g = job->heard.geometry;
+    size_t n = g->n_microphones, samples = job->format.n_samples;
+    size_t first = (position * g->n_speakers + speaker) * n;
+    memcpy(job->heard_data + first * samples, traces, n * samples * sizeof *traces);
+    for (size_t i = 0; i < n; i++)
+        job->heard_at[first + i] = !(masked && masked[i]) &&
+                                   trace_check(traces + i * samples, samples);
 }
 
 /* All traces to whoever takes them. */
@@ -198,6 +231,10 @@ static int find_objects(struct recon_job *job, struct complaint *why)
     detect_config_default(&detect);
     if (imager_isolates(job->method))
         detect_config_isolated(&detect, &job->processing.grid);
+    if (job->automatic)
+        detect.traces = &job->automatic->set;
+    else if (job->heard.traces)
+        detect.traces = &job->heard;
     int err = objects_find(&job->detections, &job->survey, &detect, 0.0,
                            &job->processing.grid, job->intensity);
     if (err)
@@ -233,6 +270,8 @@ void recon_job_clear(struct recon_job *job)
 {
     objects_free(job->detections);
     free(job->intensity);
+    free(job->heard_data);
+    free(job->heard_at);
     imager_destroy(job->imager);
     recon_auto_destroy(job->automatic);
     recon_reader_destroy(job->reader);

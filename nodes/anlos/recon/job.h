@@ -15,6 +15,7 @@
 #include "nodes/anlos/recon/traces_file.h"
 #include "nodes/rt/channel_check.h"
 #include "nodes/rt/processing.h"
+#include "recon/trace_set.h"
 
 struct recon_auto;
 
@@ -33,6 +34,9 @@ struct recon_job {
     struct recon_reader *reader;  /* NULL: traces, not a recording */
     struct recon_auto *automatic; /* NULL: the method was named */
     struct trace_format format;
+    struct trace_set heard; /* what was imaged, where auto does not keep it; or none: */
+    float complex *heard_data; /* of it */
+    bool *heard_at;
     struct channel_check *scene_check, *background_check;
     struct air air;   /* since the background */
     float *intensity; /* [nz][ny][nx] */

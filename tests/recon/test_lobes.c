@@ -1,0 +1,124 @@
+#include "tests/recon/near.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+
+#include "recon/lobes.h"
+#include "tests/recon/rig.h"
+
+#define STEP_M 0.065 /* of the stage: a wavelength of 5.3 kHz, four times too long */
+
+struct scene {
+    struct rig rig;
+    struct trace_set set;
+    float complex *traces;
+    bool *heard;
+};
+
+/* 2 to 6 kHz: traces of 16 positions, 4 speakers, 4 microphones. */
+static void open_scene(struct scene *s, const struct scatterer *points, size_t n)
+{
+    struct rig *r = &s->rig;
+    struct geometry *g = &r->geometry;
+
+    rig_default(r);
+    g->n_positions = 16;
+    for (size_t k = 0; k < g->n_positions; k++)
+        r->positions_m[k] = STEP_M * ((double)k - 7.5);
+    r->band_hz[0] = 2000.0;
+    r->band_hz[1] = 6000.0;
+    r->format.rate_hz = 10000.0;
+    r->format.carrier_hz = 4000.0;
+    rig_listen(r, 0.7, 4.0);
+    s->set = (struct trace_set){.geometry = g,
+                                .format = r->format,
+                                .band_hz = {r->band_hz[0], r->band_hz[1]},
+                                .gate_m = {0.3, 4.0}};
+    size_t pairs = trace_set_pairs(&s->set), samples = r->format.n_samples;
+    s->traces = malloc(g->n_positions * pairs * samples * sizeof *s->traces);
+    s->heard = malloc(g->n_positions * pairs * sizeof *s->heard);
+    assert_true(s->traces && s->heard);
+    for (size_t q = 0; q < g->n_positions * pairs; q++)
+        s->heard[q] = true;
+    for (size_t q = 0; q < g->n_positions; q++)
+        for (size_t e = 0; e < g->n_speakers; e++)
+            rig_ping(r, q, e, points, n,
+                     s->traces + (q * pairs + e * g->n_microphones) * samples);
+    s->set.traces = s->traces;
+    s->set.heard = s->heard;
+}
+
+static void close_scene(struct scene *s)
+{
+    free(s->traces);
+    free(s->heard);
+}
+
+static struct detection seen(double range_m, double u_x, double level_db)
+{
+    return (struct detection){
+        .position_m = {range_m * u_x, 0.0, range_m * sqrt(1.0 - u_x * u_x)},
+        .level_db = level_db,
+        .existence = 1.0};
+}
+
+static struct scatterer at(const struct detection *d, double gain)
+{
+    return (struct scatterer){{d->position_m[0], d->position_m[1], d->position_m[2]},
+                              gain};
+}
+
+/* Waves of 5.5 kHz agree about sin 0.78 and about sin 0.78 - c / (2 f step) = 0.30. */
+static void a_lobe_of_what_is_strong_hardly_exists(void **state)
+{
+    (void)state;
+    struct detection found[2] = {seen(2.3, 0.78, 30.0), seen(2.3, 0.30, 25.0)};
+    const struct scatterer point = at(&found[0], 1.0);
+    struct scene s;
+
+    open_scene(&s, &point, 1);
+    lobes_judge(&s.set, found, 2);
+    assert_true(found[0].existence > 0.95);
+    assert_true(found[1].existence < 0.3);
+    close_scene(&s);
+}
+
+static void an_object_where_a_lobe_would_be_exists(void **state)
+{
+    (void)state;
+    struct detection found[2] = {seen(2.3, 0.78, 30.0), seen(2.3, 0.30, 25.0)};
+    const struct scatterer points[2] = {at(&found[0], 1.0), at(&found[1], 0.5)};
+    struct scene s;
+
+    open_scene(&s, points, 2);
+    lobes_judge(&s.set, found, 2);
+    assert_true(found[0].existence > 0.9);
+    assert_true(found[1].existence > 0.9);
+    close_scene(&s);
+}
+
+/* No lobe comes from a range that no element has. */
+static void what_is_at_another_range_is_left_alone(void **state)
+{
+    (void)state;
+    struct detection found[2] = {seen(1.4, 0.78, 30.0), seen(2.3, 0.30, 25.0)};
+    const struct scatterer point = at(&found[0], 1.0);
+    struct scene s;
+
+    open_scene(&s, &point, 1);
+    lobes_judge(&s.set, found, 2);
+    assert_true(found[0].existence == 1.0 && found[1].existence == 1.0);
+    close_scene(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_lobe_of_what_is_strong_hardly_exists),
+        cmocka_unit_test(an_object_where_a_lobe_would_be_exists),
+        cmocka_unit_test(what_is_at_another_range_is_left_alone),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
