@@ -26,6 +26,7 @@
 #include "dsp/polarity.h"
 #include "dsp/pool.h"
 #include "dsp/pulse_compress.h"
+#include "dsp/stationary.h"
 #include "dsp/time_zero.h"
 #include "dsp/timescale.h"
 #include "dsp/trace_mean.h"
@@ -106,6 +107,7 @@ CREATES(lane_fft, 48)
 CREATES(noise_floor, &floor_of)
 CREATES(pool, 3)
 CREATES(pulse_compress, context)
+CREATES(stationary, 2048, true)
 CREATES(timescale, &format, interpolator)
 CREATES(trace_mean, 4, 2, 100)
 
@@ -133,6 +135,7 @@ static void what_is_made_is_made_whole_or_not_at_all(void **state)
     expect("noise_floor", noise_floor_work, NULL, 6);
     expect("pulse_compress", pulse_compress_work, (void *)&compressor, 8);
     expect("pulse_compress of many", pulse_compress_work, (void *)&many, 8);
+    expect("stationary", stationary_work, NULL, 5);
     expect("timescale", timescale_work, NULL, 4);
     expect("trace_mean", trace_mean_work, NULL, 2);
     interpolator_destroy(interpolator);

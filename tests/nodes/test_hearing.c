@@ -2,6 +2,7 @@
  * person at 4 m is as loud as the noise, and what is dead has that noise, too. */
 #include "tests/hal/scratch.h"
 
+#include <errno.h>
 #include <math.h>
 
 #include "hal/array.h"
@@ -311,6 +312,22 @@ static void a_covered_speaker_is_named_within_a_second(void **state)
         1, "speaker 12 is covered");
 }
 
+/* It was taken for want of memory, or for nothing. */
+static void why_a_reach_is_none_is_said(void **state)
+{
+    struct reach_config none = fixed;
+    struct hearing *h = NULL;
+    struct complaint why = {""};
+    struct rig r;
+
+    start(&r, *state, "", "", all, 16);
+    none.n_pings = 0;
+    assert_int_equal(hearing_create(&h, &none, array_survey(r.array), &why), -EINVAL);
+    assert_null(h);
+    assert_non_null(strstr(why.text, "images of 0 pings"));
+    stop(&r);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -326,6 +343,7 @@ int main(void)
         TEST(range_falls_with_noise),
         TEST(a_covered_microphone_is_named_within_a_second),
         TEST(a_covered_speaker_is_named_within_a_second),
+        TEST(why_a_reach_is_none_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -305,17 +305,184 @@ static void noise_that_is_louder_than_the_echoes_is_cut_and_told(void **state)
     assert_true(f.band_hz[0] > 7000.0 && f.band_hz[0] < 13000.0);
     assert_true(f.band_hz[1] > 27000.0 && f.band_hz[1] < 33000.0);
     assert_true(f.cut_share > 0.9 && f.cut_share <= 1.0);
-    assert_non_null(strstr(f.cut, " to "));
-    double low_khz, high_khz;
-    assert_int_equal(sscanf(f.cut, "%lf to %lf", &low_khz, &high_khz), 2);
-    assert_true(low_khz < 0.5 && high_khz > 4.0 && high_khz < 10.0);
+    assert_int_equal(f.n_cut, 1);
+    assert_true(f.cut[0].from_hz < 500.0);
+    assert_true(f.cut[0].to_hz > 4000.0 && f.cut[0].to_hz < 10000.0);
+    assert_false(f.unsure);
     traces_clear(&f);
     w.noise = NULL;
     traces_write(&w, *state, path, points, 2);
     assert_int_equal(traces_load(&f, path, NULL, NULL), 0);
-    assert_string_equal(f.cut, "");
+    assert_int_equal(f.n_cut, 0);
+    assert_true(f.cut_share == 0.0);
+    assert_false(f.unsure);
+    traces_clear(&f);
+}
+
+/* What is cut is none of the echoes, whose ends, a tenth on each side, are faint. */
+static void assert_no_echo_cut(const struct traces_file *f, const char *what)
+{
+    for (size_t i = 0; i < f->n_cut; i++)
+        if (!(f->cut[i].from_hz < f->cut[i].to_hz &&
+              (f->cut[i].to_hz < 12000.0 || f->cut[i].from_hz > 28000.0)))
+            fail_msg("%s: cut %.0f to %.0f Hz", what, f->cut[i].from_hz, f->cut[i].to_hz);
+}
+
+static void assert_echoes_kept(const struct traces_file *f, const char *what)
+{
+    assert_no_echo_cut(f, what);
+    if (!(f->band_hz[0] < 12000.0 && f->band_hz[1] > 28000.0))
+        fail_msg("%s: the band is %.0f to %.0f Hz", what, f->band_hz[0], f->band_hz[1]);
+}
+
+static bool is_cut(const struct traces_file *f, double hz)
+{
+    bool found = false;
+
+    for (size_t i = 0; i < f->n_cut; i++)
+        found |= f->cut[i].from_hz < hz && hz < f->cut[i].to_hz;
+    return found;
+}
+
+/* Few pings, some 30 dB fainter than others, tell little of what is echoes. */
+static void few_pings_of_unlike_strength_keep_their_echoes(void **state)
+{
+    static const size_t numbers[] = {1, 2, 3, 5, 20};
+
+    for (size_t q = 0; q < sizeof numbers / sizeof *numbers; q++)
+        for (int noisy = 0; noisy < 2; noisy++) {
+            struct traces_write w = {
+                .format = raw, .real = true, .noise = noisy ? rumble : NULL};
+            double gains[TURNTABLE_PINGS];
+            struct traces_file f;
+            char what[40];
+            for (size_t k = 0; k < TURNTABLE_PINGS; k++) {
+                gains[k] = pow(10.0, -0.5 * (double)(k * 7 % 4));
+                w.silent[k] = k >= numbers[q];
+            }
+            w.gains = gains;
+            traces_write(&w, *state, path, points, 2);
+            assert_int_equal(traces_load(&f, path, NULL, NULL), 0);
+            snprintf(what, sizeof what, "%zu pings, noise: %d", numbers[q], noisy);
+            assert_no_echo_cut(&f, what);
+            if (!noisy || numbers[q] > 5) /* of few, what is loudest is the band */
+                assert_echoes_kept(&f, what);
+            if (!noisy || numbers[q] <= 5)
+                assert_int_equal(f.n_cut, 0);
+            if (!noisy)
+                assert_false(f.unsure);
+            traces_clear(&f);
+        }
+}
+
+/* As loud as the rumble, all the time. */
+static float whistle(double t_s, unsigned ping)
+{
+    double sum = 0.0;
+
+    for (unsigned tone = 0; tone < 24; tone++) {
+        unsigned long long seed = 7000u * ping + tone + 1;
+        double hz = 18000.0 + 1000.0 * reference_random(&seed);
+        double phase = 2.0 * M_PI * reference_random(&seed);
+        sum += cos(2.0 * M_PI * hz * t_s + phase);
+    }
+    return (float)(10.0 * sum / sqrt(12.0));
+}
+
+static float both(double t_s, unsigned ping)
+{
+    return rumble(t_s, ping) + whistle(t_s, ping);
+}
+
+static void noise_amid_the_echoes_is_not_cut_and_not_told_as_cut(void **state)
+{
+    struct traces_write w = {.format = raw, .real = true, .noise = whistle};
+    struct traces_file f;
+
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, NULL, NULL), 0);
+    assert_echoes_kept(&f, "a whistle");
+    assert_int_equal(f.n_cut, 0);
     assert_true(f.cut_share == 0.0);
     traces_clear(&f);
+    w.noise = both; /* each of them has half of the power, nearly */
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, NULL, NULL), 0);
+    assert_echoes_kept(&f, "a whistle and rumble");
+    assert_true(is_cut(&f, 2000.0) && !is_cut(&f, 18500.0));
+    assert_true(f.cut_share > 0.4 && f.cut_share < 0.6);
+    traces_clear(&f);
+}
+
+/* Without a carrier the noise, which is real, is on either side of 0. */
+static void noise_of_complex_traces_is_told_by_its_frequency(void **state)
+{
+    for (int conjugate = 0; conjugate < 2; conjugate++) {
+        struct traces_write w = {.format = raw, .conjugate = conjugate, .noise = rumble};
+        struct traces_file f;
+        traces_write(&w, *state, path, points, 2);
+        assert_int_equal(traces_load(&f, path, NULL, NULL), 0);
+        assert_echoes_kept(&f, conjugate ? "conjugate" : "analytic");
+        assert_int_equal(f.n_cut, 1);
+        assert_true(f.cut[0].from_hz == 0.0);
+        assert_true(f.cut[0].to_hz > 4000.0 && f.cut[0].to_hz < 10000.0);
+        traces_clear(&f);
+    }
+}
+
+/* About a carrier of 20 kHz it is at 4 to 6 kHz and at 34 to 36. */
+static float far_aside(double t_s, unsigned ping)
+{
+    double sum = 0.0;
+
+    for (unsigned tone = 0; tone < 24; tone++) {
+        unsigned long long seed = 3000u * ping + tone + 1;
+        double hz = 14000.0 + 2000.0 * reference_random(&seed);
+        sum += cos(2.0 * M_PI * (hz * t_s + reference_random(&seed)));
+    }
+    return (float)(10.0 * sum / sqrt(12.0));
+}
+
+static void noise_about_a_carrier_is_told_on_both_sides(void **state)
+{
+    struct traces_write w = {.format = {0.0, 50000.0, 20000.0, 1000}, .noise = far_aside};
+    struct traces_file f;
+
+    traces_write(&w, *state, path, points, 2);
+    assert_int_equal(traces_load(&f, path, NULL, NULL), 0);
+    assert_echoes_kept(&f, "about a carrier");
+    assert_true(is_cut(&f, 5000.0) && is_cut(&f, 35000.0));
+    assert_false(is_cut(&f, 20000.0) || is_cut(&f, 500.0) || is_cut(&f, 42000.0));
+    traces_clear(&f);
+}
+
+static void where_all_is_noise_that_is_told(void **state)
+{
+    struct traces_write w = {.format = raw, .real = true, .noise = rumble};
+    struct traces_file f;
+
+    traces_write(&w, *state, path, points, 0);
+    assert_int_equal(traces_load(&f, path, NULL, NULL), 0);
+    assert_true(f.unsure);
+    assert_int_equal(f.n_cut, 0);
+    traces_clear(&f);
+}
+
+static void a_band_too_narrow_for_the_traces_is_refused(void **state)
+{
+    static const double bands_hz[][2] = {{15000.0, 15010.0}, {0.0, 60.0}, {0.0, 5.0}};
+    struct traces_write w = {.format = raw, .real = true};
+    struct traces_file f;
+
+    traces_write(&w, *state, path, points, 2);
+    for (int i = 0; i < 3; i++) {
+        struct complaint why = {""};
+        assert_int_equal(traces_load(&f, path, bands_hz[i], &why), -EINVAL);
+        if (!strstr(why.text, "--band-hz: ") || !strstr(why.text, "of traces of 20 ms") ||
+            !strstr(why.text, "a band has to be "))
+            fail_msg("\"%s\"", why.text);
+        traces_clear(&f);
+    }
 }
 
 static void a_band_that_is_named_is_taken(void **state)
@@ -444,6 +611,12 @@ int main(void)
         TEST(what_has_another_shape_or_is_not_finite_is_named),
         TEST(as_many_places_as_pings),
         TEST(noise_that_is_louder_than_the_echoes_is_cut_and_told),
+        TEST(few_pings_of_unlike_strength_keep_their_echoes),
+        TEST(noise_amid_the_echoes_is_not_cut_and_not_told_as_cut),
+        TEST(noise_of_complex_traces_is_told_by_its_frequency),
+        TEST(noise_about_a_carrier_is_told_on_both_sides),
+        TEST(where_all_is_noise_that_is_told),
+        TEST(a_band_too_narrow_for_the_traces_is_refused),
         TEST(a_band_that_is_named_is_taken),
         TEST(a_band_outside_of_the_traces_is_refused),
         cmocka_unit_test(a_band_is_found_wherever_it_lies),

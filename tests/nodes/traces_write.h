@@ -17,6 +17,7 @@ struct traces_write {
     bool v73, turned;      /* turned: [sample][ping] and [3][ping] */
     bool real, doubles, conjugate, short_rx;
     bool silent[TURNTABLE_PINGS], nan[TURNTABLE_PINGS];
+    const double *gains; /* [TURNTABLE_PINGS] of the echoes; NULL: 1 */
     float (*noise)(double t_s, unsigned ping); /* added; NULL: none */
     const double *band_hz;                     /* [2] what the file says; NULL: nothing */
 };
@@ -52,7 +53,9 @@ static inline void traces_write_traces(mat_t *mat, const struct traces_write *w,
         for (size_t i = 0; i < samples; i++) {
             size_t at = w->turned ? k * samples + i : i * n + k;
             float complex x = w->silent[k] ? 0.0f : traces[k * samples + i];
-            if (w->noise)
+            if (w->gains)
+                x *= (float)w->gains[k];
+            if (w->noise && !w->silent[k])
                 x += w->noise((double)i / w->format.rate_hz, (unsigned)k);
             re[at] = w->nan[k] && i == samples / 2 ? NAN : crealf(x);
             im[at] = w->conjugate ? -cimagf(x) : cimagf(x);

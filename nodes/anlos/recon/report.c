@@ -164,6 +164,33 @@ static void warn_spare(json_t *warnings, const struct recon_job *job)
              job->options->wav, named + spare, named);
 }
 
+/* Noise that was cut off the traces, or may be in them. */
+static void warn_band(json_t *warnings, const struct traces_file *t)
+{
+    char islands[(TRACES_MAX_CUT + 1) * 32] = "";
+    size_t used = 0;
+
+    for (size_t i = 0; i < t->n_cut && i < TRACES_MAX_CUT; i++)
+        used += (size_t)snprintf(islands + used, sizeof islands - used, "%s%.3g to %.3g",
+                                 i ? ", " : "", 1e-3 * t->cut[i].from_hz,
+                                 1e-3 * t->cut[i].to_hz);
+    if (t->n_cut > TRACES_MAX_CUT)
+        snprintf(islands + used, sizeof islands - used, " and more");
+    if (t->n_cut)
+        warn(warnings,
+             "%.0f %% of the power is at %s kHz and as loud at all times, as noise is: "
+             "cut; "
+             "the band is %.3g to %.3g kHz, --band-hz LOW,HIGH takes another",
+             100.0 * t->cut_share, islands, 1e-3 * t->band_hz[0], 1e-3 * t->band_hz[1]);
+    if (t->unsure)
+        warn(
+            warnings,
+            "the band, %.3g to %.3g kHz, may be of noise: at no frequency is the sound "
+            "surely louder at one time than at others, as echoes are; --band-hz LOW,HIGH "
+            "takes another",
+            1e-3 * t->band_hz[0], 1e-3 * t->band_hz[1]);
+}
+
 json_t *recon_report_warnings(const struct recon_job *job)
 {
     json_t *warnings = json_array();
@@ -178,13 +205,7 @@ json_t *recon_report_warnings(const struct recon_job *job)
     if (job->traces.n_too_loud)
         warn(warnings, "%zu traces are louder than any echo: left out",
              job->traces.n_too_loud);
-    if (job->traces.cut[0])
-        warn(warnings,
-             "%.0f %% of the power is at %s kHz and as loud at all times, as noise is: "
-             "cut; "
-             "the band is %.3g to %.3g kHz, --band-hz LOW,HIGH takes another",
-             100.0 * job->traces.cut_share, job->traces.cut,
-             1e-3 * job->traces.band_hz[0], 1e-3 * job->traces.band_hz[1]);
+    warn_band(warnings, &job->traces);
     if (!job->options->traces)
         warn_lost(warnings, job);
     warn_cut(warnings, job);

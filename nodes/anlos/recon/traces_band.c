@@ -10,23 +10,18 @@
 
 #include "dsp/fft_plan.h"
 #include "dsp/fft_size.h"
+#include "dsp/stationary.h"
 
-#define OVERSAMPLING 2.2  /* rate over band width */
-#define MARGIN       0.02 /* of the band, kept on each side */
-#define SMOOTH       128  /* the spectrum is looked at in so many parts */
+#define OVERSAMPLING 2.2              /* rate over band width */
+#define MARGIN       0.02             /* of the band, kept on each side */
+#define SMOOTH       STATIONARY_PARTS /* the spectrum is looked at in so many parts */
 #define FAINTEST     1e-4 /* of the largest power density belongs to the band */
 #define SIGMAS       8.0  /* and so many deviations of the noise's mean above it */
 #define FLAT         3.0  /* times the faintest tenth: there is nothing but band */
 #define TAPER        0.1  /* of a trace, at each end, before its spectrum is looked at */
 #define PAD          32   /* samples between a trace's end and its start, at least */
 
-/* Noise is as loud at all times after the emission, echoes are not. */
-#define SEGMENTS   8    /* of a trace */
-#define LEAST_BINS 16   /* of a segment's spectrum, to tell them apart */
-#define SURE       6.0  /* standard errors that the loudest segment is over the middle */
-#define LOUDER     1.25 /* and as many times as loud */
-#define GAP        4    /* parts */
-#define WORTH      0.1  /* of the power of echoes: noise that is not worth to be cut */
+#define WORTH 0.1 /* of the power of echoes: noise that is not worth to be cut */
 
 static int by_value(const void *a, const void *b)
 {
@@ -89,191 +84,128 @@ int traces_band(const double *power, size_t n, size_t n_used, size_t n_spectra,
 /* -- noise and echoes -------------------------------------------------------------------
  */
 
-struct profile { /* of the power of parts of the spectrum, over the time of a trace */
-    size_t n_parts;
-    double sum[SEGMENTS][SMOOTH], square[SEGMENTS][SMOOTH]; /* over pings */
-    size_t n_pings;
+struct parts {
+    size_t n;
+    enum stationary_kind kind[SMOOTH];
+    double power[SMOOTH]; /* as it was */
+    bool sunk[SMOOTH];
 };
 
-struct segments {
-    size_t n, n_used; /* samples, bins */
-    float *in, *out;  /* [n] complex */
-    fftwf_plan plan;
-};
-
-/* -ERANGE: traces are too short for it. */
-static int segments_create(struct segments *g, const struct traces_raw *r)
+/* 0, -EINVAL (traces are too short for it), -ENOMEM. */
+static int find_kinds(struct parts *p, const struct traces_raw *r, const bool *masked)
 {
-    g->n = r->n_samples / SEGMENTS;
-    g->n_used = r->real ? g->n / 2 : g->n;
-    if (g->n_used < LEAST_BINS)
-        return -ERANGE;
-    g->in = fftwf_malloc(2 * g->n * sizeof(float));
-    g->out = fftwf_malloc(2 * g->n * sizeof(float));
-    if (!g->in || !g->out)
-        return -ENOMEM;
-    g->plan = fft_plan(g->n, g->in, g->out, FFTW_FORWARD);
-    return g->plan ? 0 : -ENOMEM;
+    struct stationary *s;
+
+    *p = (struct parts){.n = 0};
+    int err = stationary_create(&s, r->n_samples, r->real);
+    if (err)
+        return err;
+    for (size_t k = 0; k < r->n_pings; k++)
+        if (!masked[k])
+            stationary_take(s, r->traces + k * r->stride, r->step);
+    p->n = stationary_parts(s);
+    stationary_judge(s, p->kind);
+    stationary_destroy(s);
+    return 0;
 }
 
-static void segments_clear(struct segments *g)
+/* Marks the noise that stands out of the spectrum.  How much louder than the echoes it
+ * is. */
+static double find_noise(const struct parts *p, const double *part, double least,
+                         bool *noisy)
 {
-    fftwf_destroy_plan(g->plan);
-    fftwf_free(g->in);
-    fftwf_free(g->out);
-}
+    double echoes = 0.0, noise = 0.0;
 
-/* Hann's window keeps what is loud in one part out of the others. */
-static void transform_segment(struct segments *g, const float complex *from, size_t step)
-{
-    for (size_t i = 0; i < g->n; i++) {
-        float w = (float)(0.5 - 0.5 * cos(2.0 * M_PI * ((double)i + 0.5) / (double)g->n));
-        g->in[2 * i] = w * crealf(from[i * step]);
-        g->in[2 * i + 1] = w * cimagf(from[i * step]);
-    }
-    fftwf_execute(g->plan);
-}
-
-static void add_ping(struct profile *p, struct segments *g, const struct traces_raw *r,
-                     size_t k)
-{
-    for (size_t s = 0; s < SEGMENTS; s++) {
-        transform_segment(g, r->traces + k * r->stride + s * g->n * r->step, r->step);
-        for (size_t part = 0; part < p->n_parts; part++) {
-            size_t to = (part + 1) * g->n_used / p->n_parts;
-            double power = 0.0;
-            for (size_t b = part * g->n_used / p->n_parts; b < to; b++)
-                power += (double)g->out[2 * b] * (double)g->out[2 * b] +
-                         (double)g->out[2 * b + 1] * (double)g->out[2 * b + 1];
-            p->sum[s][part] += power;
-            p->square[s][part] += power * power;
-        }
-    }
-    p->n_pings++;
-}
-
-/* 0, -ERANGE (too short, or a single ping), -ENOMEM. */
-static int measure_profile(struct profile *p, const struct traces_raw *r,
-                           const bool *masked)
-{
-    struct segments g = {0};
-    memset(p, 0, sizeof *p);
-    int err = segments_create(&g, r);
-    if (!err) {
-        p->n_parts = g.n_used < SMOOTH ? g.n_used : SMOOTH;
-        for (size_t k = 0; k < r->n_pings; k++)
-            if (!masked[k])
-                add_ping(p, &g, r, k);
-        err = p->n_pings > 1 ? 0 : -ERANGE;
-    }
-    segments_clear(&g);
-    return err;
-}
-
-static bool has_echoes(const struct profile *p, size_t part)
-{
-    double mean[SEGMENTS], sorted[SEGMENTS], n = (double)p->n_pings;
-    size_t loudest = 0;
-
-    for (size_t s = 0; s < SEGMENTS; s++) {
-        sorted[s] = mean[s] = p->sum[s][part] / n;
-        loudest = mean[s] > mean[loudest] ? s : loudest;
-    }
-    qsort(sorted, SEGMENTS, sizeof *sorted, by_value);
-    double middle = 0.5 * (sorted[SEGMENTS / 2 - 1] + sorted[SEGMENTS / 2]);
-    double variance =
-        fmax(p->square[loudest][part] / n - mean[loudest] * mean[loudest], 0.0);
-    return mean[loudest] > LOUDER * middle &&
-           mean[loudest] - middle > SURE * sqrt(variance / (n - 1.0));
-}
-
-/* A short gap between echoes is one in which they are faint. */
-static void find_echoes(const struct profile *p, bool *echo)
-{
-    size_t last = SIZE_MAX;
-
-    for (size_t q = 0; q < p->n_parts; q++) {
-        echo[q] = has_echoes(p, q);
-        if (!echo[q])
-            continue;
-        for (size_t gap = last + 1; last != SIZE_MAX && q - last <= GAP && gap < q; gap++)
-            echo[gap] = true;
-        last = q;
-    }
-}
-
-/* Appends "from-to" in kHz, as long as there is room. */
-static void note_cut(char *text, size_t size, double from_hz, double to_hz)
-{
-    size_t used = strlen(text);
-
-    snprintf(text + used, size - used, "%s%.3g to %.3g", used ? ", " : "", 1e-3 * from_hz,
-             1e-3 * to_hz);
-}
-
-/* Of a bin; those in the upper half of complex traces lie below the carrier. */
-static double frequency_hz(const struct traces_raw *r, size_t bin, size_t n)
-{
-    double turns = (double)bin / (double)n;
-
-    if (!r->real && turns >= 0.5)
-        turns -= 1.0;
-    return fabs(r->carrier_hz + turns * r->rate_hz);
-}
-
-/* Marks the parts that stand out of the spectrum and have no echoes.  How much of the
- * power is theirs; 0: not worth it, or there are no echoes. */
-static double find_noise(const struct profile *p, const bool *echo, const double *part,
-                         double least, bool *noisy)
-{
-    double echoes = 0.0, noise = 0.0, all = 0.0;
-
-    for (size_t q = 0; q < p->n_parts; q++) {
-        noisy[q] = !echo[q] && part[q] > least;
-        echoes += echo[q] ? part[q] : 0.0;
+    for (size_t q = 0; q < p->n; q++) {
+        noisy[q] = p->kind[q] == STATIONARY_NOISE && part[q] > least;
+        echoes += p->kind[q] == STATIONARY_ECHOES ? part[q] : 0.0;
         noise += noisy[q] ? part[q] : 0.0;
-        all += part[q];
     }
-    return echoes > 0.0 && least > 0.0 && noise >= WORTH * echoes ? noise / all : 0.0;
+    return echoes > 0.0 && least > 0.0 ? noise / echoes : 0.0;
 }
 
 /* power [n]: where noise stands out it sinks to the floor; then what it outshone, such as
  * its own flanks, stands out. */
-static void sink_noise(const struct profile *p, double *power, size_t n, size_t n_used,
-                       const struct traces_raw *r, struct traces_file *t)
+static void sink_noise(struct parts *p, double *power, size_t n_used, size_t n_spectra)
 {
-    double part[SMOOTH], least, floor_power = INFINITY;
-    bool echo[SMOOTH], noisy[SMOOTH], sunk[SMOOTH] = {false}, more = true;
+    double part[SMOOTH], floor_power = INFINITY;
+    bool noisy[SMOOTH], more = true;
 
-    find_echoes(p, echo);
-    least = part_powers(power, n_used, p->n_pings, p->n_parts, part);
-    t->cut_share = find_noise(p, echo, part, least, noisy);
-    if (!(t->cut_share > 0.0))
+    double least = part_powers(power, n_used, n_spectra, p->n, part);
+    memcpy(p->power, part, sizeof part);
+    if (find_noise(p, part, least, noisy) < WORTH)
         return;
-    for (size_t q = 0; q < p->n_parts; q++)
+    for (size_t q = 0; q < p->n; q++)
         floor_power = fmin(floor_power, part[q]);
     while (more) {
         more = false;
-        for (size_t q = 0; q < p->n_parts; q++) {
-            if (!noisy[q] || sunk[q])
+        for (size_t q = 0; q < p->n; q++) {
+            if (!noisy[q] || p->sunk[q])
                 continue;
-            size_t to = (q + 1) * n_used / p->n_parts;
-            for (size_t b = q * n_used / p->n_parts; b < to; b++)
+            size_t to = (q + 1) * n_used / p->n;
+            for (size_t b = q * n_used / p->n; b < to; b++)
                 power[b] = fmin(power[b], floor_power);
-            sunk[q] = more = true;
+            p->sunk[q] = more = true;
         }
-        least = part_powers(power, n_used, p->n_pings, p->n_parts, part);
-        find_noise(p, echo, part, least, noisy);
+        least = part_powers(power, n_used, n_spectra, p->n, part);
+        find_noise(p, part, least, noisy);
     }
-    for (size_t q = 0, end; q < p->n_parts; q = end) {
-        for (end = q; end < p->n_parts && sunk[end]; end++)
-            ;
-        if (end > q)
-            note_cut(t->cut, sizeof t->cut, frequency_hz(r, q * n_used / p->n_parts, n),
-                     frequency_hz(r, end * n_used / p->n_parts - 1, n));
-        else
-            end++;
+}
+
+/* Of n parts the lower end of one, or the upper end of the last; parts in the upper half
+ * of complex traces lie below the carrier. */
+static double edge_hz(const struct traces_raw *r, size_t n, size_t edge, bool upper)
+{
+    double turns = (double)edge / (double)n * (r->real ? 0.5 : 1.0);
+
+    return r->carrier_hz + (turns - (upper ? 1.0 : 0.0)) * r->rate_hz;
+}
+
+static void add_island(struct traces_file *t, double from_hz, double to_hz)
+{
+    size_t last = t->n_cut - 1;
+
+    if (t->n_cut && last < TRACES_MAX_CUT && t->cut[last].to_hz >= from_hz)
+        t->cut[last].to_hz = to_hz;
+    else if (t->n_cut++ < TRACES_MAX_CUT)
+        t->cut[last + 1] = (struct traces_island){from_hz, to_hz};
+}
+
+/* Sounds have positive frequencies, whatever their sign is in the traces. */
+static void turn_positive(struct traces_file *t)
+{
+    for (size_t i = 0; i < t->n_cut && i < TRACES_MAX_CUT; i++) {
+        double from_hz = t->cut[i].from_hz, to_hz = t->cut[i].to_hz;
+        double ends_hz[2] = {fabs(from_hz), fabs(to_hz)};
+        t->cut[i].from_hz = from_hz < 0.0 && to_hz > 0.0 ? 0.0
+                                                         : fmin(ends_hz[0], ends_hz[1]);
+        t->cut[i].to_hz = fmax(ends_hz[0], ends_hz[1]);
     }
+}
+
+/* Noise that the band [first, first + width) of n_used bins, circular, leaves out, from
+ * the lowest frequency on; and is there as much noise as anything else in it? */
+static void tell_noise(const struct parts *p, const struct traces_raw *r, size_t n_used,
+                       size_t first, size_t width, struct traces_file *t)
+{
+    size_t half = r->real ? 0 : (p->n + 1) / 2;
+    double cut = 0.0, all = 0.0, inside[3] = {0.0};
+
+    for (size_t i = 0; i < p->n; i++) {
+        size_t q = (i + half) % p->n, middle = (2 * q + 1) * n_used / (2 * p->n);
+        bool upper = !r->real && q >= half;
+        all += p->power[q];
+        if ((middle + n_used - first) % n_used < width) {
+            inside[p->kind[q]] += p->power[q];
+        } else if (p->sunk[q]) {
+            cut += p->power[q];
+            add_island(t, edge_hz(r, p->n, q, upper), edge_hz(r, p->n, q + 1, upper));
+        }
+    }
+    turn_positive(t);
+    t->cut_share = cut > 0.0 ? cut / all : 0.0;
+    t->unsure = !(inside[STATIONARY_ECHOES] > 0.0) &&
+                inside[STATIONARY_NOISE] > inside[STATIONARY_UNCLEAR];
 }
 
 /* -- the band and its rate --------------------------------------------------------------
@@ -354,17 +286,22 @@ static void sum_spectra(struct rebander *x, const struct traces_raw *r,
 static int find_band(const struct rebander *x, const struct traces_raw *r,
                      struct traces_file *t, double *power, size_t *first, size_t *width)
 {
-    struct profile *profile = malloc(sizeof *profile);
-    size_t n_used = r->real ? x->n / 2 : x->n;
+    size_t n_used = r->real ? x->n / 2 : x->n, n_spectra = 0;
+    struct parts parts;
 
-    if (!profile)
-        return -ENOMEM;
-    int err = measure_profile(profile, r, t->masked);
+    for (size_t k = 0; k < r->n_pings; k++)
+        n_spectra += !t->masked[k];
+    int err = find_kinds(&parts, r, t->masked);
+
+    if (err == -ENOMEM)
+        return err;
     if (!err)
-        sink_noise(profile, power, x->n, n_used, r, t);
-    free(profile);
-    return err == -ENOMEM ? err
-                          : traces_band(power, x->n, n_used, r->n_pings, first, width);
+        sink_noise(&parts, power, n_used, n_spectra);
+    err = traces_band(power, x->n, n_used, n_spectra, first, width);
+    if (err)
+        return err;
+    tell_noise(&parts, r, n_used, *first, *width, t);
+    return 0;
 }
 
 /* What was found, with a margin on each side. */
@@ -401,8 +338,13 @@ static double power_within(const struct rebander *x, const double *power, long f
     return sum;
 }
 
+double traces_bin_hz(const struct traces_raw *r)
+{
+    return r->rate_hz / (double)fft_size(r->n_samples + PAD, 1.2);
+}
+
 /* What was asked for, as it is.  Of the other sign convention if there is more.  0,
- * -ERANGE. */
+ * -ERANGE, -EDOM. */
 static int take_wanted(struct rebander *x, const struct traces_raw *r,
                        const double *power, const double band_hz[2])
 {
@@ -412,8 +354,10 @@ static int take_wanted(struct rebander *x, const struct traces_raw *r,
     double lowest = r->carrier_hz > 0.0 ? ceil(-0.5 * n) : 0.0;
     double highest = r->real || r->carrier_hz > 0.0 ? floor(0.5 * n) : n - 1.0;
 
-    if (!(low >= lowest && high <= highest && low < high))
+    if (!(low >= lowest && high <= highest))
         return -ERANGE;
+    if (!((r->carrier_hz > 0.0 ? low : fmax(low, 1.0)) < high))
+        return -EDOM;
     x->first = (long)low;
     x->width = (size_t)(high - low) + 1;
     x->conjugate = !r->real && r->carrier_hz == 0.0 &&

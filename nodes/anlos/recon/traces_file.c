@@ -206,6 +206,14 @@ int traces_load(struct traces_file *out, const char *path, const double wanted_h
                      "Hz",
                      path, wanted_hz ? "--band-hz" : "band_hz", band_hz[0], band_hz[1],
                      r.rate_hz, fmax(r.carrier_hz - 0.5 * r.rate_hz, 0.0), top_hz(&r));
+        else if (err == -EDOM)
+            complain(
+                why, err = -EINVAL,
+                "%s: %s: %g to %g Hz, but of traces of %g ms only frequencies %.3g Hz "
+                "apart are known: a band has to be %.3g Hz wide or more",
+                path, wanted_hz ? "--band-hz" : "band_hz", band_hz[0], band_hz[1],
+                1e3 * (double)r.n_samples / r.rate_hz, traces_bin_hz(&r),
+                2.0 * traces_bin_hz(&r));
         else if (err)
             complain(why, err, "%s: out of memory", path);
     }

@@ -24,6 +24,8 @@
 #include "dsp/pulse_compress.h"
 #include "msgs/complaint.h"
 
+#define TRACES_MAX_CUT 6
+
 struct traces_file {
     size_t n_pings;
     double (*pings_m)[2][3]; /* [n_pings][speaker, microphone] */
@@ -34,8 +36,12 @@ struct traces_file {
     bool *masked;          /* [n_pings] silent, or with samples that are not finite or
                             * louder than any echo (recon/trace_check.h) */
     size_t n_silent, n_not_finite, n_too_loud;
-    char cut[96];     /* islands of noise that are not of the band, in kHz; empty: none */
-    double cut_share; /* of the power */
+    struct traces_island {
+        double from_hz, to_hz;
+    } cut[TRACES_MAX_CUT]; /* noise that stands out and is not of the band */
+    size_t n_cut;          /* may be more than there is room for */
+    double cut_share;      /* of the power */
+    bool unsure; /* in the band that was found nothing is surely echoes, most is noise */
 };
 
 /* band_hz [2]: where the echoes are, in place of what the file says; NULL.
