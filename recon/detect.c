@@ -47,6 +47,7 @@ void detect_config_isolated(struct detect_config *cfg, const struct grid *grid)
     for (int a = 0; a < 3; a++)
         touch_m = hypot(touch_m, grid->n[a] > 1 ? grid->step_m[a] : 0.0);
     cfg->cluster_m = fmin(cfg->cluster_m, TOUCH * touch_m);
+    cfg->multipath = false;
 }
 
 static int by_value(const void *a, const void *b)

@@ -49,7 +49,7 @@ struct detection {
 void detect_config_default(struct detect_config *cfg);
 
 /* For images of methods that isolate points (imager_isolates): only voxels that touch are
- * one object. */
+ * one object, and what a body consists of is not told from echoes of its parts. */
 void detect_config_isolated(struct detect_config *cfg, const struct grid *grid);
 
 /* Guard and training cells for images on a grid: objects of half a metre and the smear of

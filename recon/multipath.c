@@ -7,16 +7,17 @@
 #include "recon/peak.h"
 
 #define BODY_M                                                                           \
-    0.05              /* by which an echo leaves a body beside the place it is imaged at \
-                       */
-#define ALIKE_DB  3.0 /* louder than what makes it by more an echo is not */
-#define PRIOR     0.5 /* that what can make an echo does: nothing is known of it */
-#define OTHERS    1.0 /* objects that are expected where they are not looked for */
-#define UNSEEN_M  0.5 /* mean way to what is not seen, and back, over two */
-#define GROUND_M  2.0 /* heights over the ground are spread over so much */
-#define KNOWN     0.2 /* of the image: what is known no better makes nothing else likely */
-#define SHADED    0.7 /* of what stands behind a body nothing is heard */
-#define LEAST_COS 0.1 /* what is farther aside is not imaged */
+    0.05 /* by which an echo leaves a body beside the place it is imaged at              \
+          */
+#define BODY_SIZE_M 0.15 /* what is nearer to each other is one body's */
+#define ALIKE_DB    3.0  /* louder than what makes it by more an echo is not */
+#define PRIOR       0.5  /* that what can make an echo does: nothing is known of it */
+#define OTHERS      1.0  /* objects that are expected where they are not looked for */
+#define UNSEEN_M    0.5  /* mean way to what is not seen, and back, over two */
+#define GROUND_M    2.0  /* heights over the ground are spread over so much */
+#define KNOWN       0.2 /* of the image: what is known no better makes nothing else likely */
+#define SHADED      0.7 /* of what stands behind a body nothing is heard */
+#define LEAST_COS   0.1 /* what is farther aside is not imaged */
 
 /* A place as the array's middle has it. */
 struct sight {
@@ -209,9 +210,15 @@ static void ask_pair(const struct query *q, size_t p, size_t b, struct cause *be
                  face * combine(g, 2.0, to, -1.0, from, 0.0));
 }
 
+static bool is_apart(const struct query *q, size_t p)
+{
+    return geometry_distance(q->found[p].position_m, q->found[q->g].position_m) >
+           BODY_SIZE_M;
+}
+
 static bool may_make(const struct query *q, size_t p)
 {
-    return q->at[p].known && q->at[p].range_m < q->at[q->g].range_m &&
+    return q->at[p].known && is_apart(q, p) && q->at[p].range_m < q->at[q->g].range_m &&
            q->found[p].level_db > q->found[q->g].level_db - ALIKE_DB;
 }
 
@@ -226,7 +233,7 @@ static void judge(const struct query *q, struct detection *d)
             continue;
         ask_one(q, p, &best, &sum, &shade);
         for (size_t b = 0; b < q->n; b++)
-            if (b != p && b != q->g && q->at[b].known)
+            if (b != p && b != q->g && q->at[b].known && is_apart(q, b))
                 ask_pair(q, p, b, &best, &sum);
     }
     double object = OTHERS * (1.0 - shade) * g->range_m * g->range_m /

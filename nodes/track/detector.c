@@ -98,7 +98,10 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
     detect_config_default(&cfg);
     cfg.threshold_db = d->cfg.threshold_db;
     cfg.learns = learns(d, volume);
-    cfg.multipath = !volume->frame; /* of images that follow each other a track tells */
+    cfg.multipath =
+        !volume->frame &&
+        !imager_isolates(
+            volume->method); /* of images that follow each other a track tells */
     if (imager_isolates(volume->method))
         detect_config_isolated(&cfg, &grid);
     if (!walls) {

@@ -155,6 +155,18 @@ static void the_feet_of_a_body_are_no_image_of_it(void **state)
     assert_int_equal(all[1].multipath, MULTIPATH_NONE);
 }
 
+/* Two points of which one is just behind the other. */
+static void parts_of_a_body_are_no_echoes_of_each_other(void **state)
+{
+    (void)state;
+    struct detection all[2] = {object(-0.50, 0.10, 1.40, 30.0),
+                               object(-0.52, 0.10, 1.45, 28.0)};
+
+    multipath_judge(&place, all, 2);
+    assert_int_equal(all[1].multipath, MULTIPATH_NONE);
+    assert_true(all[1].existence == 1.0);
+}
+
 /* What has no known direction agrees with all, and so tells nothing. */
 static void what_is_not_known_explains_nothing(void **state)
 {
@@ -316,6 +328,7 @@ int main(void)
         cmocka_unit_test(an_echo_straight_behind_a_body_is_its_own),
         cmocka_unit_test(the_ground_mirrors_what_stands_over_it),
         cmocka_unit_test(the_feet_of_a_body_are_no_image_of_it),
+        cmocka_unit_test(parts_of_a_body_are_no_echoes_of_each_other),
         cmocka_unit_test(what_is_not_known_explains_nothing),
         cmocka_unit_test(existence_is_as_true_as_it_says),
         cmocka_unit_test(an_echo_of_two_bounces_is_imaged_but_not_believed),

@@ -231,7 +231,9 @@ static int find_objects(struct recon_job *job, struct complaint *why)
     detect_config_default(&detect);
     if (imager_isolates(job->method))
         detect_config_isolated(&detect, &job->processing.grid);
-    if (job->automatic)
+    if (!detect.multipath)
+        detect.traces = NULL;
+    else if (job->automatic)
         detect.traces = &job->automatic->set;
     else if (job->heard.traces)
         detect.traces = &job->heard;
