@@ -154,24 +154,17 @@ static void channel_step(struct anlos_channel *c, enum check check)
     }
 }
 
-/* As after init of AUTOSAR's: the first counter that is good is 0, or 1 or 2. */
-static void channel_reset(struct anlos_channel *c, uint32_t counters)
-{
-    (void)memset(c, 0, sizeof *c);
-    c->counter = (uint8_t)(counters - 1u);
-}
-
 /* After silence.  What is not believed has to prove itself all the same. */
 static void channels_restart(struct anlos_receiver *r, enum kind first, enum kind last)
 {
     for (uint32_t k = (uint32_t)first; k <= (uint32_t)last; k++) {
         if (r->channels[k].state != (uint8_t)ANLOS_INVALID) {
-            channel_reset(&r->channels[k],
-                          (k == (uint32_t)KIND_OBJECT_FD) ? COUNTERS_P05 : COUNTERS_P11);
+            (void)memset(&r->channels[k], 0, sizeof r->channels[k]);
         }
     }
 }
 
+/* The first one is good whatever its counter: nothing is there to compare it with. */
 static struct outcome channel_take(struct anlos_receiver *r, enum kind kind, uint32_t id,
                                    const uint8_t *data, uint32_t length)
 {
@@ -184,8 +177,9 @@ static struct outcome channel_take(struct anlos_receiver *r, enum kind kind, uin
         r->counts.frames_damaged++;
     } else {
         uint32_t counter = fd ? data[2] : ((uint32_t)data[1] & 0xFu);
-        o.delta = (counter + counters - c->counter) % counters;
+        o.delta = (c->heard != 0u) ? ((counter + counters - c->counter) % counters) : 1u;
         c->counter = (uint8_t)counter;
+        c->heard = 1u;
         if (o.delta == 0u) {
             o.check = CHECK_OTHER;
             r->counts.frames_repeated++;
@@ -694,7 +688,6 @@ int anlos_receiver_init(struct anlos_receiver *r, const struct anlos_config *cfg
         } else {
             anlos_config_default(&r->cfg);
         }
-        channels_restart(r, KIND_STATUS, KIND_OBJECT_FD);
         status_forget(&r->status);
         if ((r->cfg.first_id <= 0x7F0u) && ((r->cfg.first_id % 0x10u) == 0u) &&
             (r->cfg.status_ms > 0u) && (r->cfg.list_ms > 0u) &&

@@ -219,7 +219,8 @@ struct anlos_config {
 #define ANLOS_WINDOW 6u
 
 struct anlos_channel { /* a kind of frames */
-    uint8_t counter;
+    uint8_t counter;   /* of the newest, once heard */
+    uint8_t heard;
     uint8_t state;
     uint8_t newest[ANLOS_WINDOW];
 };

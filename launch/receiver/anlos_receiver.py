@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The vehicle's side of the CAN frames of anlos, as anlos_receiver.h has it in C.
 
-    anlos_receiver.py LOG|-|INTERFACE:CHANNEL [--first-id ID] [--any-source] [--json]
+    anlos_receiver.py LOG|-|INTERFACE:CHANNEL [--first-id ID] [--any-source] [--scan] [--json]
 
 Reads a log of candump (-L), standard input, or a bus of python3-can such as
 socketcan:can0, and prints each whole object list on a line.  README.md beside this file
@@ -9,6 +9,8 @@ is the guide.  Only a bus needs python3-can; all else is the standard library's.
 
   --first-id ID  identifier of the sensor's Status, hexadecimal (default 400)
   --any-source   replayed and simulated sound is trusted as live sound is
+  --scan         of an array on a stage, whose lists come when it has one: they do not
+                 time out and are trusted whatever their age
   --json         an object a line; the last one has the counts.  null: not available
 
 Exit code 0; 1 when no list came; 2 bad arguments or input; 130 stopped by Ctrl-C.
@@ -81,7 +83,7 @@ class Channel:
 
     def __init__(self, fd):
         self.fd, self.counters = fd, 256 if fd else 15
-        self.state, self.newest, self.counter = "NODATA", [], self.counters - 1
+        self.state, self.newest, self.counter = "NODATA", [], None
 
     def restart(self):
         if self.state != "INVALID":
@@ -114,7 +116,8 @@ class Channel:
             counts["frames_damaged"] += 1
         else:
             counter = data[2] if self.fd else data[1] & 0xF
-            delta = (counter - self.counter) % self.counters
+            # The first one is good whatever its counter.
+            delta = 1 if self.counter is None else (counter - self.counter) % self.counters
             self.counter = counter
             if delta == 0:
                 check = OTHER
@@ -491,6 +494,7 @@ def main():
     parser.add_argument("--first-id", type=lambda t: int(t, 16), default=0x400,
                         help=argparse.SUPPRESS)
     parser.add_argument("--any-source", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--scan", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--json", action="store_true", help=argparse.SUPPRESS)
     if "-h" in sys.argv[1:] or "--help" in sys.argv[1:]:
         print(__doc__.strip())
@@ -499,6 +503,8 @@ def main():
     code = 0
     try:
         receiver = Receiver(args.first_id, SOURCES[:3] if args.any_source else ("Live",))
+        if args.scan:
+            receiver.list_ms = receiver.age_ms = math.inf
         if re.match(r"[a-z_]+:", args.source):
             run(bus_frames(args.source), receiver, args.json)
         elif args.source == "-":
