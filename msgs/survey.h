@@ -127,6 +127,10 @@ int survey_pack(const struct survey *s, uint8_t **out, size_t *size);
  * its content). */
 int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why);
 
+/* Who records with a program of his own need not know what an id is made of: gives a
+ * message without one that of its content, if it is a survey at all. */
+void survey_complete_id(Anlos__Survey *m);
+
 /* Gives an empty survey the room for n pings with places of their own, each at 0, and the
  * elements and the stage that go with them.  0, -ENOMEM (survey_clear frees what is
  * there). */

@@ -288,7 +288,7 @@ static int take_replica(struct survey *s, const Anlos__Tensor *t, struct complai
     return 0;
 }
 
-int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+static int take_message(struct survey *s, const Anlos__Survey *m, struct complaint *why)
 {
     memset(s, 0, sizeof *s);
     take_scalars(s, m);
@@ -314,11 +314,30 @@ int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complai
         err = take_responses(s, m, why);
     if (!err)
         err = survey_check(s, why);
-    if (!err && m->id != survey_id(s))
-        err = complain(why, -EINVAL,
-                       "survey message: id %016llx is not that of its content, %016llx",
-                       (unsigned long long)m->id, (unsigned long long)survey_id(s));
     if (err)
         survey_clear(s);
     return err;
+}
+
+int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+{
+    int err = take_message(s, m, why);
+
+    if (err || m->id == survey_id(s))
+        return err;
+    complain(why, -EINVAL,
+             "survey message: id %016llx is not that of its content, %016llx",
+             (unsigned long long)m->id, (unsigned long long)survey_id(s));
+    survey_clear(s);
+    return -EINVAL;
+}
+
+void survey_complete_id(Anlos__Survey *m)
+{
+    struct survey s;
+
+    if (m->id || take_message(&s, m, NULL))
+        return;
+    m->id = survey_id(&s);
+    survey_clear(&s);
 }

@@ -74,7 +74,8 @@ int playback_load(struct playback *p, struct complaint *why)
         if (err)
             return err;
         follow_scan(p, &n->m);
-        err = rewrite(n->m.part->topic, p->scan_base, &n->m.payload, &p->rewritten);
+        err = rewrite(n->m.part->topic, p->scan_base, p->survey_id, &n->m.payload,
+                      &p->rewritten);
         if (!err)
             err = look_into(p, n);
         if (!err && n->m.payload.size > n->m.part->topic->max_size)

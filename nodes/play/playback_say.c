@@ -36,7 +36,7 @@ int playback_find_survey(struct playback *p, int64_t now_ns, struct complaint *w
 
     if (err == -ENODATA || (!err && !m.part->wanted))
         return 0;
-    if (!err && rewrite(topic_survey(), 0, &m.payload, &p->rewritten))
+    if (!err && rewrite(topic_survey(), 0, 0, &m.payload, &p->rewritten))
         return 0; /* a survey that is none is found out when its turn comes */
     Anlos__Survey *s = err ? NULL
                            : anlos__survey__unpack(NULL, m.payload.size, m.payload.data);

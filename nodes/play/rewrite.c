@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <string.h>
 
+#include "msgs/survey.h"
 #include "msgs/tensor.pb-c.h"
 #include "msgs/unpack.h"
 
@@ -42,21 +43,41 @@ static int pack(const ProtobufCMessage *m, struct bytes *payload,
     return 0;
 }
 
-int rewrite(const struct topic *t, uint32_t scan_base, struct bytes *payload,
-            struct bytes_buffer *into)
+enum { FIRST_FIELD = 0x08 }; /* as a number: the id, in all that name a survey */
+
+/* Where the survey's id is missing; NULL: it is there, or the topic has none. */
+static const ProtobufCFieldDescriptor *find_missing(const struct topic *t,
+                                                    const struct bytes *payload)
 {
+    const ProtobufCFieldDescriptor *f =
+        protobuf_c_message_descriptor_get_field_by_name(t->schema, "survey_id");
+
+    return f && f->id == 1 && f->type == PROTOBUF_C_TYPE_UINT64 &&
+                   !(payload->size && payload->data[0] == FIRST_FIELD)
+               ? f
+               : NULL;
+}
+
+int rewrite(const struct topic *t, uint32_t scan_base, uint64_t survey_id,
+            struct bytes *payload, struct bytes_buffer *into)
+{
+    const ProtobufCFieldDescriptor *missing = survey_id ? find_missing(t, payload) : NULL;
     const ProtobufCFieldDescriptor *scan = scan_base ? find(t->schema, "scan") : NULL;
     const ProtobufCFieldDescriptor *source = find(t->schema, "source");
 
     if (source && source->descriptor != &anlos__source__descriptor)
         source = NULL;
-    if (!scan && !source)
+    if (!scan && !source && !missing)
         return 0;
     ProtobufCMessage *m = message_unpack(t->schema, payload->size, payload->data);
     if (!m)
         return -EPROTO;
     if (scan)
         *at(m, scan) += scan_base;
+    if (missing && !*(uint64_t *)(void *)((char *)m + missing->offset))
+        *(uint64_t *)(void *)((char *)m + missing->offset) = survey_id;
+    if (t->schema == &anlos__survey__descriptor)
+        survey_complete_id((Anlos__Survey *)m);
     if (source)
         *at(m, source) = ANLOS__SOURCE__REPLAY;
     int err = pack(m, payload, into);

@@ -722,6 +722,68 @@ static void a_drive_goes_in_and_out_with_its_times_and_its_motion(void **state)
     assert_round_trip("moving", "ping,survey,ego");
 }
 
+/* A bag as a program writes it that does not know what ids are made of. */
+static void strip_ids(const char *from, const char *to)
+{
+    const struct bag_writer_config cfg = {
+        .profile = "", .library = "test", .chunk_size = 1 << 20};
+    struct complaint why = {""};
+    struct stream_message m;
+    struct bag_writer *writer;
+    struct bag_topics *topics;
+    struct stream *s;
+    size_t stripped = 0;
+
+    assert_int_equal(stream_open(&s, from, &why), 0);
+    assert_int_equal(bag_writer_create(&writer, in_folder(to), &cfg, &why), 0);
+    assert_int_equal(bag_topics_create(&topics, writer), 0);
+    while (!stream_next(s, &m, &why)) {
+        ProtobufCMessage *content = stream_unpack(&m);
+        assert_non_null(content);
+        if (m.topic == topic_survey())
+            ((Anlos__Survey *)content)->id = 0;
+        if (m.topic == topic_ping())
+            ((Anlos__Ping *)content)->survey_id = 0;
+        stripped += m.topic == topic_survey() || m.topic == topic_ping();
+        size_t size = protobuf_c_message_get_packed_size(content);
+        uint8_t *bytes = malloc(size + 1);
+        protobuf_c_message_pack(content, bytes);
+        m.envelope.payload_size = (uint32_t)size;
+        assert_int_equal(bag_topics_put(topics, &m.envelope, bytes, NULL, &why), 0);
+        free(bytes);
+        protobuf_c_message_free_unpacked(content, NULL);
+    }
+    assert_true(stripped > 2);
+    stream_close(s);
+    bag_topics_destroy(topics);
+    assert_int_equal(bag_writer_close(writer, &why), 0);
+}
+
+static void a_recording_without_ids_is_taken_with_the_survey_that_it_has(void **state)
+{
+    char bags[2][128], outs[2][128];
+
+    (void)state;
+    snprintf(bags[0], sizeof bags[0], "%s", recorded_bag);
+    strip_ids(recorded_bag, "stripped.mcap");
+    snprintf(bags[1], sizeof bags[1], "%.100s/stripped.mcap", folder);
+    for (int i = 0; i < 2; i++) {
+        snprintf(outs[i], sizeof outs[i], "%.100s/image%d", folder, i);
+        char *words[] = {"recon", "--bag", bags[i], "--out", outs[i], NULL};
+        command_run(&result, command_recon, words);
+        if (result.code)
+            fail_msg("%s", result.err);
+    }
+    assert_same("image0/volume.nrrd", "image1/volume.nrrd");
+    assert_same("image0/detections.json", "image1/detections.json");
+    if (bag("export", bags[1], "--format", "wav", "-o", in_folder("stripped")) ||
+        bag("import", in_folder("stripped"), "-o", in_folder("numbered.mcap")))
+        fail_msg("%s", result.err);
+    export_lines_of("r.mcap", "with.txt");
+    export_lines_of("numbered.mcap", "without.txt");
+    assert_same("with.txt", "without.txt");
+}
+
 static void what_does_not_go_with_a_drive_is_said(void **state)
 {
     (void)state;
@@ -844,6 +906,7 @@ int main(void)
         cmocka_unit_test(a_recording_that_goes_on_is_imported_to_its_end),
         cmocka_unit_test(a_drive_goes_in_and_out_with_its_times_and_its_motion),
         cmocka_unit_test(what_does_not_go_with_a_drive_is_said),
+        cmocka_unit_test(a_recording_without_ids_is_taken_with_the_survey_that_it_has),
         cmocka_unit_test(info_tells_what_is_there),
         cmocka_unit_test(parts_of_a_bag_merge_into_the_whole),
         cmocka_unit_test(topics_are_filtered_by_name_and_pattern),

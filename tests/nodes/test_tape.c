@@ -154,7 +154,7 @@ static void a_replay_says_so_and_counts_its_scans_on(void **state)
     list.counter = 8;
     list.source = ANLOS__SOURCE__LIVE;
     struct bytes payload = {bytes, anlos__detection_list__pack(&list, bytes)};
-    assert_int_equal(rewrite(topic_detections(), 2, &payload, &into), 0);
+    assert_int_equal(rewrite(topic_detections(), 2, 0, &payload, &into), 0);
     Anlos__DetectionList *back =
         anlos__detection_list__unpack(NULL, payload.size, payload.data);
     assert_non_null(back);
@@ -165,13 +165,40 @@ static void a_replay_says_so_and_counts_its_scans_on(void **state)
 
     receipt.scan = 7;
     payload = (struct bytes){bytes, anlos__receipt__pack(&receipt, bytes)};
-    assert_int_equal(rewrite(topic_receipt(), 0, &payload, &into), 0);
+    assert_int_equal(rewrite(topic_receipt(), 0, 0, &payload, &into), 0);
     assert_ptr_equal(payload.data, bytes); /* nothing to be said otherwise */
-    assert_int_equal(rewrite(topic_receipt(), 1, &payload, &into), 0);
+    assert_int_equal(rewrite(topic_receipt(), 1, 0, &payload, &into), 0);
     assert_ptr_not_equal(payload.data, bytes);
     payload = (struct bytes){(const uint8_t *)"\xff\xff", 2};
-    assert_int_equal(rewrite(topic_receipt(), 1, &payload, &into), -EPROTO);
+    assert_int_equal(rewrite(topic_receipt(), 1, 0, &payload, &into), -EPROTO);
     bytes_free(&into);
+}
+
+static uint64_t survey_after(const Anlos__Ping *ping)
+{
+    struct bytes_buffer into = {0};
+    uint8_t bytes[64];
+    struct bytes payload = {bytes, anlos__ping__pack(ping, bytes)};
+
+    assert_int_equal(rewrite(topic_ping(), 0, 77, &payload, &into), 0);
+    Anlos__Ping *back = anlos__ping__unpack(NULL, payload.size, payload.data);
+    assert_non_null(back);
+    assert_int_equal(back->speaker, ping->speaker);
+    uint64_t id = back->survey_id;
+    anlos__ping__free_unpacked(back, NULL);
+    bytes_free(&into);
+    return id;
+}
+
+static void what_says_of_no_survey_is_of_the_newest(void **state)
+{
+    Anlos__Ping ping = ANLOS__PING__INIT;
+
+    (void)state;
+    ping.speaker = 3;
+    assert_true(survey_after(&ping) == 77);
+    ping.survey_id = 5;
+    assert_true(survey_after(&ping) == 5);
 }
 
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
@@ -184,6 +211,7 @@ int main(void)
         TEST(the_survey_of_any_time_is_found),
         TEST(a_foreign_name_can_be_given_a_topic),
         TEST(a_replay_says_so_and_counts_its_scans_on),
+        TEST(what_says_of_no_survey_is_of_the_newest),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -19,10 +19,13 @@ struct facts {
     size_t n, room;
     Anlos__Survey **surveys; /* [n_surveys], of different ids */
     size_t n_surveys;
+    uint64_t newest_id; /* of what does not say of which survey it is */
 };
 
 static int add_survey(struct facts *f, Anlos__Survey *survey)
 {
+    survey_complete_id(survey);
+    f->newest_id = survey->id;
     for (size_t i = 0; i < f->n_surveys; i++) {
         if (f->surveys[i]->id == survey->id) {
             anlos__survey__free_unpacked(survey, NULL);
@@ -54,15 +57,16 @@ static int add_ping(struct facts *f, const Anlos__Ping *p, uint64_t number)
         f->list = grown;
         f->room = room;
     }
-    f->list[f->n++] = (struct fact){.number = number,
-                                    .survey_id = p->survey_id,
-                                    .stage_m = p->stage_m,
-                                    .scan = p->scan,
-                                    .pass = p->pass,
-                                    .position = p->position,
-                                    .speaker = p->speaker,
-                                    .frame = p->frame,
-                                    .valid = p->valid};
+    f->list[f->n++] =
+        (struct fact){.number = number,
+                      .survey_id = p->survey_id ? p->survey_id : f->newest_id,
+                      .stage_m = p->stage_m,
+                      .scan = p->scan,
+                      .pass = p->pass,
+                      .position = p->position,
+                      .speaker = p->speaker,
+                      .frame = p->frame,
+                      .valid = p->valid};
     return 0;
 }
 
@@ -133,7 +137,8 @@ bool takes_has(const struct takes *t, const Anlos__Ping *p)
 {
     size_t slot;
 
-    return p->scan == t->scan && p->survey_id == survey_id(&t->survey) &&
+    return p->scan == t->scan &&
+           (!p->survey_id || p->survey_id == survey_id(&t->survey)) &&
            find_slot(t, (uint32_t)p->pass, p->position, p->speaker, &slot);
 }
 
@@ -172,7 +177,7 @@ static void choose(struct takes *t, const struct facts *f, uint64_t survey_id)
 
 int takes_find(struct takes *t, struct stream *s, size_t scan, struct complaint *why)
 {
-    struct facts f = {NULL, 0, 0, NULL, 0};
+    struct facts f = {.list = NULL};
     uint64_t id = 0;
 
     memset(t, 0, sizeof *t);

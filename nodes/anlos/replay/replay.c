@@ -40,6 +40,7 @@ static int take_survey(struct replay *r, Anlos__Survey *survey, struct complaint
     int err = 0;
 
     survey->source = ANLOS__SOURCE__REPLAY;
+    survey_complete_id(survey);
     if (!r->begun)
         err = begin(r, survey, why);
     if (!err)
@@ -61,9 +62,12 @@ static int take(struct replay *r, const struct stream_message *m,
         return take_survey(r, (Anlos__Survey *)content, why);
     if (!r->begun)
         return 0;
-    if (m->topic == topic_ping())
-        return chain_ping(&r->chain, (Anlos__Ping *)content, e->capture_ns, e->publish_ns,
-                          why);
+    if (m->topic == topic_ping()) {
+        Anlos__Ping *ping = (Anlos__Ping *)content;
+        if (!ping->survey_id) /* another program recorded it */
+            ping->survey_id = r->survey_id;
+        return chain_ping(&r->chain, ping, e->capture_ns, e->publish_ns, why);
+    }
     if (m->topic == topic_scan_status())
         return chain_status(&r->chain, (Anlos__ScanStatus *)content, e->epoch_ns, why);
     if (m->topic == topic_ego())
