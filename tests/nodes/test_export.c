@@ -239,6 +239,56 @@ static void pictures_show_high_y_above_and_far_z_away(void **state)
     assert_int_equal(count_files(f->folder), 3);
 }
 
+/* How much green the brightest point of the image has, 0..1: it rises along the map. */
+static double brightest(const char *folder, const char *name)
+{
+    char path[256];
+    double most = 0.0;
+
+    snprintf(path, sizeof path, "%.100s/%s", folder, name);
+    cairo_surface_t *png = cairo_image_surface_create_from_png(path);
+    assert_int_equal(cairo_surface_status(png), CAIRO_STATUS_SUCCESS);
+    int w = cairo_image_surface_get_width(png), h = cairo_image_surface_get_height(png);
+    int stride = cairo_image_surface_get_stride(png);
+    for (int r = h / 4; r < h / 2; r++)
+        for (int c = w / 4; c < w / 2; c++) {
+            const unsigned char *bgr = cairo_image_surface_get_data(png) + r * stride +
+                                       4 * c;
+            most = fmax(most, bgr[1] / 255.0);
+        }
+    cairo_surface_destroy(png);
+    return most;
+}
+
+/* Powers of noise are exponential: the largest of n is ln n / ln 2 medians, 11 dB of
+ * 8000; 30 dB above the median is the top of the scale at least, and 25 dB of it are
+ * drawn: noise reaches a quarter of the map.  What is 40 dB above it is at the top. */
+static void an_image_of_noise_does_not_look_like_one_of_objects(void **state)
+{
+    struct fixture *f = *state;
+    struct complaint why = {0};
+    struct grid g = {.step_m = {0.05, 0.05, 0.05}, .n = {100, 1, 80}};
+    float *v = calloc(8000, sizeof *v);
+    uint32_t seed = 1;
+    double low[3], top[3], grid_line = 0.14;
+
+    assert_non_null(v);
+    for (int i = 0; i < 8000; i++) {
+        seed = seed * 1664525u + 1013904223u;
+        v[i] = -1e-7f * logf(((float)(seed >> 8) + 0.5f) / 0x1p24f);
+    }
+    colour_at(0.35, low);
+    colour_at(0.9, top);
+    assert_int_equal(export_projection(f->folder, 1, &g, v, NULL, &why), 0);
+    assert_true(brightest(f->folder, "projection_xz.png") < low[1] + grid_line);
+    for (int z = 45; z < 55; z++)
+        for (int x = 30; x < 40; x++)
+            v[z * 100 + x] = 1e-3f;
+    assert_int_equal(export_projection(f->folder, 1, &g, v, NULL, &why), 0);
+    assert_true(brightest(f->folder, "projection_xz.png") > top[1]);
+    free(v);
+}
+
 /* A bumper's: 6.4 m wide, one voxel of 10 cm high.  The numbers of its axis need room. */
 static void an_image_of_one_plane_is_not_drawn_as_a_hair(void **state)
 {
@@ -250,7 +300,7 @@ static void an_image_of_one_plane_is_not_drawn_as_a_hair(void **state)
     long bright = 0;
 
     for (int i = 0; i < 64 * 22; i++)
-        v[i] = 1.0f;
+        v[i] = i < 64 * 10 ? 1.0f : 0.0f;
     assert_int_equal(export_projection(f->folder, 0, &g, v, NULL, &why), 0);
     snprintf(path, sizeof path, "%.100s/projection_xy.png", f->folder);
     cairo_surface_t *png = cairo_image_surface_create_from_png(path);
@@ -545,6 +595,8 @@ int main(void)
         cmocka_unit_test(brighter_means_more),
         cmocka_unit_test_setup_teardown(pictures_show_high_y_above_and_far_z_away, set_up,
                                         tear_down),
+        cmocka_unit_test_setup_teardown(
+            an_image_of_noise_does_not_look_like_one_of_objects, set_up, tear_down),
         cmocka_unit_test_setup_teardown(an_image_of_one_plane_is_not_drawn_as_a_hair,
                                         set_up, tear_down),
         cmocka_unit_test_setup_teardown(an_empty_volume_and_a_single_voxel_can_be_drawn,
