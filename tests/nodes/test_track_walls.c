@@ -463,7 +463,8 @@ static void nor_where_what_stands_is_left_in_the_image(void **state)
         placed += r->list->n_detections && r->list->detections[0]->position_m;
         teardown(state);
     }
-    assert_true(placed > 10);
+    /* Nobody beyond a wall would be true of nobody at all. */
+    assert_true(placed > sizeof sequences / sizeof *sequences / 2);
 }
 
 /* 1.2 m/s straight to the wall, and from 0.5 m before it on nothing is heard of him: he

@@ -11,7 +11,7 @@
 
 #define LOSSES  20
 #define WALL_X  5.8  /* for the vehicle: 3.6 and 2.2 m */
-#define BORDER  0.05 /* the wall is heard to a few millimetres, a frame rounds to 2 cm */
+#define ROUNDED 0.02 /* a frame rounds to so much; lists do not */
 #define KNOWN_S 0.4  /* then it is lost */
 
 static const char scene[] =
@@ -53,7 +53,7 @@ struct rig {
 
 static bool is_known(const struct rig *r)
 {
-    const struct wall_tracks *t = &r->pipe.keeper.tracks;
+    const struct wall_tracks *t = &r->pipe.finder.keeper.tracks;
     bool known = false;
 
     for (size_t i = 0; i < t->n; i++)
@@ -69,7 +69,7 @@ static void count_frames(struct rig *r, const Anlos__DetectionList *list, double
     sender_list(&r->sender, list, at_ns, &out);
     sender_date(&r->sender, &out, at_ns + 50000000, 0);
     for (size_t i = 0; i < out.n_picked; i++)
-        r->frames_beyond += out.objects[out.picked[i]].position_m[0] > WALL_X + BORDER;
+        r->frames_beyond += out.objects[out.picked[i]].position_m[0] > WALL_X + ROUNDED;
     sender_told(&r->sender, &out);
 }
 
@@ -88,7 +88,7 @@ static void count(struct rig *r, const Anlos__DetectionList *list, double t_s)
             continue;
         }
         placed++;
-        r->beyond += d->position_m->x > WALL_X + BORDER;
+        r->beyond += d->position_m->x > WALL_X;
         r->wrong += hypot(d->position_m->x - truth.position_m[0],
                           d->position_m->y - truth.position_m[1]) > 0.6;
     }
@@ -124,7 +124,7 @@ static void walk(struct rig *r)
             return;
         until_s = t_s + deaf_s[r->losses % (sizeof deaf_s / sizeof *deaf_s)];
         do {
-            r->pipe.keeper.tracks.n = 0;
+            r->pipe.finder.keeper.tracks.n = 0;
             take_image(r, &t_s);
         } while (t_s < until_s);
     }

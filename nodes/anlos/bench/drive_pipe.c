@@ -37,24 +37,6 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct complaint *
     return err ? complain(why, err, "processing: %s", strerror(-err)) : 0;
 }
 
-static int create_wall(struct drive_pipe *p, struct complaint *why)
-{
-    const struct launchfile *l = p->launch;
-    const struct listener_config cfg = {.vertical = l->wall.vertical,
-                                        .vertical_rad = l->wall.vertical_deg * M_PI / 180,
-                                        .reach_m = l->wall.reach_m,
-                                        .every_s = l->wall.every_s};
-    int err = survey_from_message(&p->survey, p->world.survey, why);
-
-    if (err)
-        return err;
-    keeper_init(&p->keeper, l);
-    keeper_survey(&p->keeper, &p->survey);
-    return l->wall.from == WALL_FROM_ECHOES
-               ? listener_create(&p->listener, &cfg, &p->survey, why)
-               : 0;
-}
-
 static int tell_survey(struct drive_pipe *p, struct complaint *why)
 {
     const Anlos__Survey *s = p->world.survey;
@@ -64,62 +46,86 @@ static int tell_survey(struct drive_pipe *p, struct complaint *why)
         err = steady_survey(p->steady, s, why);
     if (!err)
         err = tracking_survey(p->tracker, s, why);
-    return err || !p->detector ? err : tracking_survey(p->detector, s, why);
+    if (!err && p->detector)
+        err = tracking_survey(p->detector, s, why);
+    return err || !p->has_finder ? err : finder_survey(&p->finder, s, why);
 }
 
 /* -- messages ---------------------------------------------------------------------------
  */
 
-static void tell_ego(struct drive_pipe *p, int64_t until_ns)
+/* After each message, as the node looks whether a list is to be published now. */
+static int tell_walls(struct drive_pipe *p, int64_t now_ns, struct complaint *why)
+{
+    int64_t stamp_ns;
+    const Anlos__WallList *walls =
+        p->has_finder ? finder_list(&p->finder, now_ns, &stamp_ns) : NULL;
+
+    if (!walls)
+        return 0;
+    int err = steady_walls(p->steady, walls, stamp_ns, why);
+    if (!err)
+        err = tracking_walls(p->tracker, walls, stamp_ns, why);
+    return err || !p->detector ? err : tracking_walls(p->detector, walls, stamp_ns, why);
+}
+
+static int tell_ego(struct drive_pipe *p, int64_t until_ns, struct complaint *why)
 {
     Anlos__EgoMotion m;
+    int err = 0;
 
-    for (; p->ego_ns <= until_ns; p->ego_ns += DRIVE_EGO_NS) {
+    for (; !err && p->ego_ns <= until_ns; p->ego_ns += DRIVE_EGO_NS) {
         drive_world_ego(&p->world, p->ego_ns, &m);
         dsp_ego(p->dsp, &m, p->ego_ns);
         steady_ego(p->steady, &m, p->ego_ns);
         tracking_ego(p->tracker, &m, p->ego_ns);
         if (p->detector)
             tracking_ego(p->detector, &m, p->ego_ns);
-        if (p->has_keeper)
-            keeper_ego(&p->keeper, &m, p->ego_ns);
+        if (p->has_finder)
+            finder_ego(&p->finder, &m, p->ego_ns);
+        err = tell_walls(p, p->ego_ns, why);
     }
+    return err;
 }
 
-static int tell_wall(struct drive_pipe *p, const Anlos__Ping *ping, int64_t stamp_ns,
-                     struct complaint *why)
+/* What the vehicle says of its walls. */
+static int tell_given(struct drive_pipe *p, int64_t until_ns, struct complaint *why)
 {
     struct drive_walls given;
-    struct wall_estimates heard;
-    bool blind = false;
     int err = 0;
 
-    keeper_advance(&p->keeper, stamp_ns);
-    if (p->listener &&
-        listener_ping(p->listener, ping, stamp_ns, keeper_path(&p->keeper), &heard,
-                      &blind) &&
-        !blind)
-        keeper_estimates(&p->keeper, &heard);
-    if (stamp_ns < p->wall_ns)
+    if (!p->has_finder || p->finder.from != WALL_FROM_TOPIC)
         return 0;
-    p->wall_ns = stamp_ns + DRIVE_WALL_NS;
-    if (p->keeper.from == WALL_FROM_TOPIC) {
-        drive_world_wall(&p->world, stamp_ns, &given);
-        err = keeper_given(&p->keeper, &given.list, stamp_ns, why);
+    for (; !err && p->given_ns <= until_ns; p->given_ns += DRIVE_WALL_NS) {
+        drive_world_wall(&p->world, p->given_ns, &given);
+        err = finder_given(&p->finder, &given.list, p->given_ns, why);
+        if (!err)
+            err = tell_walls(p, p->given_ns, why);
     }
-    const Anlos__WallList *walls = keeper_list(&p->keeper);
-    if (!err)
-        err = steady_walls(p->steady, walls, stamp_ns, why);
-    if (!err)
-        err = tracking_walls(p->tracker, walls, stamp_ns, why);
-    return err || !p->detector ? err : tracking_walls(p->detector, walls, stamp_ns, why);
+    return err;
 }
 
-/* true: an image is due. */
-static int take_ping(struct drive_pipe *p, Anlos__Pass pass, bool *due,
-                     struct complaint *why)
+static int make_lists(struct drive_pipe *p, struct drive_image *out,
+                      struct complaint *why)
 {
-    struct dsp_output out;
+    Anlos__Volume volume;
+
+    steady_image(p->steady, &volume);
+    int64_t stamp_ns = steady_capture_ns(p->steady);
+    int err = tracking_volume(p->tracker, &volume, stamp_ns, &out->tracks, why);
+    if (!err && p->detector)
+        err = tracking_volume(p->detector, &volume, stamp_ns, &out->detections, why);
+    out->t_s = drive_world_s(stamp_ns);
+    out->out_s = out->t_s + p->ping_s;
+    return err;
+}
+
+/* In the order of a replay (nodes/rt/replay_order.h): the image of a ping comes before
+ * the walls that were heard in it.  *due: there is an image, whose lists are in out. */
+static int take_ping(struct drive_pipe *p, Anlos__Pass pass, bool *due,
+                     struct drive_image *out, struct complaint *why)
+{
+    struct dsp_output dsp;
     Anlos__Ping ping;
     int64_t stamp_ns;
     char note[128];
@@ -128,16 +134,21 @@ static int take_ping(struct drive_pipe *p, Anlos__Pass pass, bool *due,
     int err = drive_world_ping(&p->world, pass, &ping, &stamp_ns);
     if (err)
         return complain(why, err, "sound of the drive: %s", strerror(-err));
-    tell_ego(p, stamp_ns + llround(1e9 * p->ping_s));
-    if (p->has_keeper)
-        err = tell_wall(p, &ping, stamp_ns, why);
+    int64_t end_ns = stamp_ns + llround(1e9 * p->ping_s);
+    err = tell_ego(p, end_ns, why);
+    if (!err)
+        err = tell_given(p, end_ns, why);
     if (err)
         return err;
     dsp_stamp(p->dsp, stamp_ns);
-    dsp_ping(p->dsp, &ping, &out);
-    if (out.has_traces)
-        *due = steady_traces(p->steady, &out.traces, stamp_ns, note, sizeof note);
-    return 0;
+    dsp_ping(p->dsp, &ping, &dsp);
+    if (dsp.has_traces)
+        *due = steady_traces(p->steady, &dsp.traces, stamp_ns, note, sizeof note);
+    if (*due)
+        err = make_lists(p, out, why);
+    if (!err && p->has_finder)
+        finder_ping(&p->finder, &ping, stamp_ns, end_ns);
+    return err ? err : tell_walls(p, end_ns, why);
 }
 
 /* -- from beginning to end --------------------------------------------------------------
@@ -146,17 +157,13 @@ static int take_ping(struct drive_pipe *p, Anlos__Pass pass, bool *due,
 static int take_background(struct drive_pipe *p, struct complaint *why)
 {
     size_t n = p->launch->scan.background_frames * p->world.n_speakers;
+    struct drive_image none; /* no image is due of a background */
     bool due;
     int err = drive_world_shoot(&p->world, ANLOS__PASS__BACKGROUND, why);
 
     for (size_t i = 0; !err && i < n; i++)
-        err = take_ping(p, ANLOS__PASS__BACKGROUND, &due, why);
+        err = take_ping(p, ANLOS__PASS__BACKGROUND, &due, &none, why);
     return err;
-}
-
-static bool has_wall_node(const struct launchfile *l)
-{
-    return launchfile_has_node(l, "wall");
 }
 
 int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const char *scene,
@@ -169,7 +176,8 @@ int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const ch
                                              .speakers = l->scan.speakers,
                                              .n_speakers = l->scan.n_speakers};
 
-    *p = (struct drive_pipe){.launch = l, .has_keeper = has_wall_node(l)};
+    *p = (struct drive_pipe){.launch = l, .has_finder = launchfile_has_node(l, "wall")};
+    finder_init(&p->finder, l);
     int err = firing_from_uri(&firing, l->array.uri, why);
     if (!err)
         err = drive_world_create(&p->world, &world, why);
@@ -177,11 +185,9 @@ int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const ch
         err = create_steps(p, threads, why);
     if (!err)
         err = tell_survey(p, why);
-    if (!err && p->has_keeper)
-        err = create_wall(p, why);
     if (err)
         return err;
-    p->ego_ns = p->wall_ns = p->world.begin_ns;
+    p->ego_ns = p->given_ns = p->world.begin_ns;
     p->ping_s = (double)p->world.n_samples / room_survey(p->world.room)->sample_rate_hz;
     if (l->scan.background)
         err = take_background(p, why);
@@ -190,33 +196,23 @@ int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const ch
 
 int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct complaint *why)
 {
-    Anlos__Volume volume;
     bool due = false;
     int err = 0;
 
     *out = (struct drive_image){.tracks = NULL};
     while (!err && !due)
-        err = take_ping(p, ANLOS__PASS__SCENE, &due, why);
-    if (err)
-        return err;
-    steady_image(p->steady, &volume);
-    int64_t stamp_ns = steady_capture_ns(p->steady);
-    err = tracking_volume(p->tracker, &volume, stamp_ns, &out->tracks, why);
-    if (!err && p->detector)
-        err = tracking_volume(p->detector, &volume, stamp_ns, &out->detections, why);
-    if (err) {
-        objects_free(out->tracks);
-        return err;
-    }
-    out->t_s = drive_world_s(stamp_ns);
-    out->out_s = out->t_s + p->ping_s;
-    return 0;
+        err = take_ping(p, ANLOS__PASS__SCENE, &due, out, why);
+    if (!err)
+        return 0;
+    objects_free(out->tracks);
+    objects_free(out->detections);
+    *out = (struct drive_image){.tracks = NULL};
+    return err;
 }
 
 void drive_pipe_clear(struct drive_pipe *p)
 {
-    listener_destroy(p->listener);
-    survey_clear(&p->survey);
+    finder_clear(&p->finder);
     tracking_destroy(p->tracker);
     tracking_destroy(p->detector);
     steady_destroy(p->steady);

@@ -9,8 +9,7 @@
 #include "nodes/recon/steady.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/track/tracking.h"
-#include "nodes/wall/keeper.h"
-#include "nodes/wall/listener.h"
+#include "nodes/wall/finder.h"
 
 struct drive_pipe {
     const struct launchfile *launch;
@@ -19,12 +18,10 @@ struct drive_pipe {
     struct steady *steady;
     struct tracking *tracker;
     struct tracking *detector; /* NULL: there is nothing to be detected */
-    bool has_keeper;           /* there is a node wall */
-    struct keeper keeper;
-    struct listener *listener; /* of echoes */
-    struct survey survey;
-    int64_t ego_ns, wall_ns; /* of the next message */
-    double ping_s;           /* how long one is */
+    bool has_finder;           /* there is a node wall */
+    struct finder finder;
+    int64_t ego_ns, given_ns; /* of the next message */
+    double ping_s;            /* how long one is */
 };
 
 /* draw: of what is random in the scene (room_load_drawn).  The launch file outlives it.
