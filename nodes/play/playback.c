@@ -92,13 +92,14 @@ void playback_progress(struct playback *p, const char *from, const Anlos__Progre
                        from);
 }
 
-/* All before the next message went out. */
+/* All before the next message went out; of its own stamp those that do not wait for it.
+ */
 static int64_t sent_until(const struct playback *p)
 {
     int64_t until_ns = p->told_ns;
 
     if (p->next.is)
-        until_ns = p->next.m.envelope.publish_ns - 1;
+        until_ns = p->next.m.envelope.publish_ns - !p->crowded;
     else if (p->tape_ended)
         until_ns = p->at_ns;
     return until_ns > p->told_ns ? until_ns : p->told_ns;
@@ -237,6 +238,7 @@ int playback_seek(struct playback *p, int64_t publish_ns, struct complaint *why)
     p->told_ns = p->at_ns - 1;
     p->told_at_ns = 0;
     p->n_under_way = 0;
+    p->crowded = false;
     tape_seek(p->tape, p->at_ns);
     p->next.is = p->ended = p->tape_ended = false;
     p->tempo.started = false;

@@ -181,8 +181,9 @@ static bool is_kept_up_with(struct playback *p, int64_t now_ns)
         pings += p->under_way[i].flow;
     if (p->next.ping.frame && most > FRAMES_AHEAD)
         most = FRAMES_AHEAD;
-    if (used_ns != INT64_MIN && p->n_under_way < UNDER_WAY_MAX &&
-        (!p->next.flow || pings < most))
+    bool fits = p->n_under_way < UNDER_WAY_MAX && (!p->next.flow || pings < most);
+    p->crowded = !fits && p->under_way[0].publish_ns == p->next.m.envelope.publish_ns;
+    if (used_ns != INT64_MIN && fits)
         return true;
     const struct listener *last =
         audience_last(&p->audience, p->progress_round, &used_ns);

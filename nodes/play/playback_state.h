@@ -55,9 +55,10 @@ struct playback {
         bool flow;
     } under_way[UNDER_WAY_MAX];
     size_t n_under_way;
-    uint64_t progress_round;        /* begins with the epoch, counted on by each jump */
-    int64_t told_ns;                /* in it: all up to here went out, as was said, */
-    int64_t told_at_ns;             /* at this time of the machine's */
+    bool crowded;            /* the next one has the stamp of all of them, and no room */
+    uint64_t progress_round; /* begins with the epoch, counted on by each jump */
+    int64_t told_ns;         /* in it: all up to here went out, as was said, */
+    int64_t told_at_ns;      /* at this time of the machine's */
     int64_t used_ns, used_since_ns; /* how far all are; since when, by the machine */
     uint64_t stopped;               /* nodes that began anew or came no further */
 
