@@ -112,19 +112,24 @@ static enum track_motion judge_motion(const struct track *k)
 
 /* After a gap or a jump it may be another thing that is seen: what moves is seen moving.
  * Images without what stands show it move; in others the track itself has to, at first
- * steadily; once it has a name it may turn. */
+ * steadily; once it has a name it may turn.  So has what a background may have left: of
+ * who stood or passed while it was heard a hole, and remains where it does not fit any
+ * more. */
 static void judge_rest(const struct tracker *t, const struct track_scan *scan,
                        double fresh, struct track *k)
 {
     const struct track_rest_look *look = &t->looks[k->detection];
+    double power = scan->detections[k->detection].power;
+    bool taken = !scan->standing_left;
 
     if (k->missed > MISSED_LOOKS || track_rest_jumps(&k->rest, look))
         k->rest = (struct track_rest){.looks = 0.0};
     k->missed = 0.0;
     if (look->range_m > 0.0)
         track_rest_add(&k->rest, look, fresh, scan->stamp_ns, t->cfg.rest_s);
-    if (!scan->standing_left || track_rest_moves(&k->rest) ||
-        (k->id && track_rest_misfit(&k->rest) > 1.0))
+    k->power += (k->power > 0.0 ? EXTENT_SHARE : 1.0) * (power - k->power);
+    if ((taken && (k->id || k->power >= scan->remains)) ||
+        track_rest_moves(&k->rest, taken) || (k->id && track_rest_misfit(&k->rest) > 1.0))
         k->moves_ns = scan->stamp_ns;
 }
 
@@ -150,6 +155,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     }
     for (int a = 0; a < 3; a++)
         k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
+    track_turn(t->pose.dyaw, scan->detections[k->detection].sight, k->body.sight);
     track_outline_update(k, t->pose.dyaw);
     k->motion = judge_motion(k);
     judge_rest(t, scan, fresh, k);

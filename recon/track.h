@@ -104,6 +104,8 @@ struct track_scan {
     double clutter_m2;  /* false detections for each square metre */
     bool standing_left; /* what stands, or the hole that it left, is in the image: tracks
                            have to move by themselves */
+    double remains;     /* a power: what is fainter may be left of a background that was
+                           subtracted, and has to move before it is named; 0: none is */
     struct track_array array;
     struct ego_step ego; /* since the scan before */
     bool ego_known;

@@ -176,7 +176,6 @@ void track_body_update(struct tracker *t, const struct track_scan *scan,
         if (of[j] == TRACK_PARTS)
             add_part(k, &t->positions[j], fresh, scan->stamp_ns);
     forget_parts(&k->body, scan->stamp_ns);
-    track_turn(t->pose.dyaw, scan->detections[k->detection].sight, k->body.sight);
 }
 
 /* -- two tracks that are one ------------------------------------------------------------

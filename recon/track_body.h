@@ -28,7 +28,7 @@ struct track_part {
 
 struct track_body {
     struct track_part parts[TRACK_PARTS];
-    double sight[2]; /* over ground: along which it was heard last */
+    double sight[2]; /* over ground: along which the track was heard last */
     size_t n;        /* 0: all there is to see is one place */
 };
 

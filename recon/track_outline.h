@@ -1,5 +1,15 @@
 /* recon/track_outline.h -- how large what a track follows is, and where its middle is.
  *
+ * Sound comes back from the front of a body, on the side that faces the array by way of
+ * its mirror: the middle of a person lies a hand's breadth behind what is heard of him.
+ * (Of a cylinder of radius r that scatters as Lambert's law says, what comes back is
+ * heard 0.85 r before its axis; legs and arms have theirs beside the trunk's.)  How far
+ * is not the same for all bodies, and from look to look it is: no filter averages it.
+ *
+ * A car shows a flank that is as thin as a bicycle, and bright where it mirrors only: the
+ * rest of it is behind that, on both sides.  As long as no more of it was heard than a
+ * bicycle has, it is taken for one, and the far side of a car is in its covariance.
+ *
  * What is faster than a walker is as long as a bicycle at least.  Of what comes out from
  * behind a corner or the end of an image, and from a moving vehicle of all that moves
  * along, what is heard first is its front: the rest of it is behind that.  The side of a
@@ -22,7 +32,8 @@ struct track_outline {
                                        heard, and of all there is of it */
     double longest_m;               /* of it that was heard at once */
     double unheard_m;               /* of its length, behind that */
-    bool fast;
+    bool fast, car;                 /* or was */
+    bool begun;
 };
 
 /* Unit vector along a filter's velocity, over ground. */
@@ -41,7 +52,7 @@ void track_outline_update(struct track *k, double yaw);
 /* Along the axes of that vehicle. */
 void track_outline_size(const struct track *k, double yaw, double size_m[2]);
 
-/* Adds what the middle is not known to, to a covariance over ground. */
+/* Adds how well the middle is known, beside the filter, to a covariance over ground. */
 void track_outline_uncertain(const struct track *k, double covariance_m2[2][2]);
 
 #endif

@@ -10,6 +10,8 @@
 #define LOOSE_M_S 10.0  /* and not faster */
 #define GAIN      20.0  /* motion explains so much more: in 1 of 2000 cases of noise */
 #define GAIN_LEFT 10.0  /* and so many times what a whole look leaves */
+#define RARE_GAIN 9.5   /* the same of what is left of a background: in 1 of 20 */
+#define RARE_LEFT 3.0
 #define FAR_M     100.0 /* from the origin LOOSE_M would count for motion */
 
 static void add_equation(struct track_rest *r, const double a[UNKNOWNS], double b,
@@ -182,14 +184,15 @@ void track_rest_motion(const struct track_rest *r, double *gain, double *left)
     *left = fmax(r->squares - dot(fit, fit) - *gain, 0.0);
 }
 
-bool track_rest_moves(const struct track_rest *r)
+bool track_rest_moves(const struct track_rest *r, bool rest_is_rare)
 {
-    double gain, left;
+    double least = rest_is_rare ? RARE_GAIN : GAIN, gain, left;
+    double least_left = rest_is_rare ? RARE_LEFT : GAIN_LEFT;
 
     if (r->n_looks < FEW_LOOKS)
         return false;
     track_rest_motion(r, &gain, &left);
-    return gain > fmax(GAIN, GAIN_LEFT * left / r->looks);
+    return gain > fmax(least, least_left * left / r->looks);
 }
 
 double track_rest_distance2(const struct track_rest *r,

@@ -65,8 +65,9 @@ double track_rest_misfit(const struct track_rest *r);
  * in units of their variances. */
 void track_rest_motion(const struct track_rest *r, double *gain, double *left);
 
-/* It has moved by itself, steadily. */
-bool track_rest_moves(const struct track_rest *r);
+/* It has moved by itself, steadily.  rest_is_rare: what is at rest was taken away from
+ * what is looked at, and only its remains are left. */
+bool track_rest_moves(const struct track_rest *r, bool rest_is_rare);
 
 /* How far a look is from where the scatterer would be heard at rest: squares in units of
  * their variances, of two degrees of freedom. */

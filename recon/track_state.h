@@ -20,9 +20,9 @@ struct track {
     enum track_motion motion;
     int64_t first_ns, seen_ns;
     struct track_rest rest;
-    double missed;    /* looks, since it was seen */
-    int64_t moves_ns; /* when it was last seen to move by itself; 0: never */
-    double extent_m[3];
+    double missed;             /* looks, since it was seen */
+    int64_t moves_ns;          /* when it was last seen to move by itself; 0: never */
+    double extent_m[3], power; /* of its strongest detections, lately */
     struct track_body body;
     struct track_outline outline;
     struct track_mirror mirror; /* over ground: that all of this holds for */

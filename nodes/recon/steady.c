@@ -303,6 +303,7 @@ void steady_image(struct steady *s, Anlos__Volume *out)
     out->frame = s->round.number;
     out->method = (char *)"frames";
     out->standing_left = part > 0.0;
+    out->standing_taken = s->cfg.moving_only && !(part > 0.0);
     out->pings_used = (uint32_t)s->made.pings;
     out->pings_expected = (uint32_t)s->n_pings;
     out->microphones_masked = (uint32_t)s->made.microphones_masked;

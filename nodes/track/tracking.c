@@ -17,6 +17,10 @@
 #define LATEST_NS    (INT64_MAX / 2) /* differences of stamps do not overflow */
 #define YOUNG_ROUNDS 7.0
 #define WALLS_S      3.0 /* as wall.lost_s of a launch file */
+/* A background has of what was there for k of its n rounds a k-th of n, and leaves that
+ * as a hole: of 28 dB over what is around, the most that is seen, during a fifth of it.
+ */
+#define REMAINS_DB 14.0
 
 _Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS, "");
 
@@ -272,19 +276,20 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
                   Anlos__DetectionList *list, bool *ego_known)
 {
     double dt_s = 1e-9 * (double)(capture_ns - t->stamp_ns);
-    struct track_scan scan = {.stamp_ns = capture_ns,
-                              .detections = t->detections,
-                              .fresh = t->stamp_ns && dt_s > 0.0
-                                           ? timing_fresh(&t->detector.survey,
-                                                          volume->pings_used, dt_s,
-                                                          t->cfg.look_s)
-                                           : 1.0,
-                              .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
-                              .standing_left = shows_standing(t, volume, capture_ns),
-                              .ego_known = true,
-                              .stands_before = sight_stands_before,
-                              .shows = sight_shows,
-                              .context = sight};
+    struct track_scan scan = {
+        .stamp_ns = capture_ns,
+        .detections = t->detections,
+        .fresh = t->stamp_ns && dt_s > 0.0
+                     ? timing_fresh(&t->detector.survey, volume->pings_used, dt_s,
+                                    t->cfg.look_s)
+                     : 1.0,
+        .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
+        .standing_left = shows_standing(t, volume, capture_ns),
+        .remains = volume->standing_taken ? pow(10.0, 0.1 * REMAINS_DB) : 0.0,
+        .ego_known = true,
+        .stands_before = sight_stands_before,
+        .shows = sight_shows,
+        .context = sight};
 
     if (t->stamp_ns && dt_s > 0.0)
         scan.ego_known = move_between(t, t->stamp_ns, capture_ns, &scan.ego);

@@ -738,6 +738,41 @@ static void once_a_background_is_taken_away_it_is_told(void **state)
     assert_int_equal(r->n, 1);
 }
 
+/* Two holes, one of them where somebody passed, who is fainter than what may be left. */
+static void what_a_background_leaves_has_to_move(void **state)
+{
+    struct rig *r = *state;
+
+    begin_with_what_stands(r);
+    r->scan.standing_left = false;
+    r->scan.remains = 2.0;
+    for (int k = 0; k < 30; k++) {
+        see_heard(r, 4.0, 2.0);
+        see_heard(r, 4.0, -3.0);
+        see_heard(r, 5.0, -2.0 + 0.3 * (k < 20 ? k : 20));
+        step(r);
+        for (size_t i = 0; i < r->n; i++)
+            assert_near(r->reports[i].position_m[0], 5.0, 0.1);
+        assert_true(k < 10 || r->n == 1); /* who stops stays told */
+    }
+}
+
+/* Brighter than what is left of any. */
+static void what_a_background_cannot_have_left_is_told_at_rest(void **state)
+{
+    struct rig *r = *state;
+
+    begin_with_what_stands(r);
+    r->scan.standing_left = false;
+    r->scan.remains = 2.0;
+    for (int k = 0; k < 8; k++) {
+        see_heard(r, 4.0, 2.0);
+        r->detections[0].power = 3.0;
+        step(r);
+    }
+    assert_int_equal(r->n, 1);
+}
+
 static void what_comes_to_rest_there_ends_as_if_unseen(void **state)
 {
     struct rig *r = *state;
@@ -923,6 +958,8 @@ int main(void)
         TEST(values_out_of_range_are_refused),
         TEST(what_stands_in_the_image_is_not_told),
         TEST(once_a_background_is_taken_away_it_is_told),
+        TEST(what_a_background_leaves_has_to_move),
+        TEST(what_a_background_cannot_have_left_is_told_at_rest),
         TEST(what_comes_to_rest_there_ends_as_if_unseen),
         TEST(what_turns_round_keeps_its_name),
         TEST(what_has_come_to_rest_gets_no_name),

@@ -188,7 +188,7 @@ static void steady_motion_is_believed_once_it_explains_enough(void **state)
             look.along_m = SIGMA_M * step * n;
             add(&r, &look, 1.0, STEP_S, FOREVER_S);
             assert_true(fabs(gain - 20.0) > 0.01);
-            assert_int_equal(track_rest_moves(&r), n >= 5 && gain > 20.0);
+            assert_int_equal(track_rest_moves(&r, false), n >= 5 && gain > 20.0);
         }
     }
 }
@@ -215,7 +215,7 @@ static void noise_is_no_steady_motion(void **state)
             look.range_m += noise_m * dice_normal(&seed);
             add(&r, &look, 1.0, STEP_S, FOREVER_S);
         }
-        moves[trial % 2] += track_rest_moves(&r);
+        moves[trial % 2] += track_rest_moves(&r, false);
     }
     assert_true(moves[0] < 8);
     assert_true(moves[1] < 75);
@@ -249,7 +249,7 @@ static void what_keeps_its_velocity_is_seen_to_move(void **state)
         track_rest_motion(&r, &gain, &left);
         assert_true(gain > 1000.0);
         assert_below(left, 1.0); /* what is known beforehand */
-        assert_true(track_rest_moves(&r));
+        assert_true(track_rest_moves(&r, false));
     }
 }
 
@@ -278,7 +278,7 @@ static void what_walks_is_seen_to_move(void **state)
             look.range_m += 0.01 * dice_normal(&seed);
             add(&r, &look, SHARE, PING_S, FOREVER_S);
         }
-        moves += track_rest_moves(&r);
+        moves += track_rest_moves(&r, false);
     }
     assert_true(moves > 3 * TRIALS / 4);
 }
@@ -306,7 +306,7 @@ static void what_is_heard_in_turn_does_not_move(void **state)
             hear(at_m, &look);
             add(&r, &look, SHARE, PING_S, FOREVER_S);
         }
-        moves += track_rest_moves(&r);
+        moves += track_rest_moves(&r, false);
         rests += track_rest_misfit(&r) < 1.0;
     }
     assert_true(rests < TRIALS / 2);
@@ -333,7 +333,7 @@ static void a_long_way_makes_no_motion(void **state)
         hear(p_m, &look);
         add(&r, &look, SHARE, PING_S, 1.5);
         if (k > 1000)
-            assert_false(track_rest_moves(&r));
+            assert_false(track_rest_moves(&r, false));
     }
     assert_true(track_rest_misfit(&r) < 0.01);
 }
@@ -352,14 +352,14 @@ static void a_long_time_makes_no_motion(void **state)
         hear(p_m, &look);
         add(&r, &look, SHARE, PING_S, 1.5);
         assert_true(track_rest_misfit(&r) < 0.01);
-        assert_false(track_rest_moves(&r));
+        assert_false(track_rest_moves(&r, false));
     }
     for (int k = 0; k < 100; k++) {
         const double at_m[3] = {p_m[0], p_m[1] + 1.2 * PING_S * k, p_m[2]};
         hear(at_m, &look);
         add(&r, &look, SHARE, PING_S, 1.5);
     }
-    assert_true(track_rest_moves(&r));
+    assert_true(track_rest_moves(&r, false));
 }
 
 static void what_is_old_fades(void **state)
@@ -399,7 +399,7 @@ static double gain_of(double v_m_s, double sigma_v_m_s)
         add(&r, &look, 1.0, STEP_S, FOREVER_S);
     }
     track_rest_motion(&r, &gain, &left);
-    assert_int_equal(track_rest_moves(&r), gain > 20.0);
+    assert_int_equal(track_rest_moves(&r, false), gain > 20.0);
     return gain;
 }
 
