@@ -167,6 +167,7 @@ ssize_t __wrap_write(int fd, const void *p, size_t n)
 INSTEAD(ssize_t, pwrite, (int fd, const void *p, size_t n, off_t at), (fd, p, n, at),
         ENOSPC, -1)
 INSTEAD(ssize_t, pread, (int fd, void *p, size_t n, off_t at), (fd, p, n, at), EIO, -1)
+INSTEAD(int, mkostemp, (char *path, int flags), (path, flags), ENOSPC, -1)
 INSTEAD(int, fsync, (int fd), (fd), EIO, -1)
 INSTEAD(int, fdatasync, (int fd), (fd), EIO, -1)
 INSTEAD(int, ftruncate, (int fd, off_t size), (fd, size), EIO, -1)

@@ -8,6 +8,7 @@
 #include "msgs/bag/copy.h"
 #include "msgs/bag/cursor.h"
 #include "msgs/bag/recover.h"
+#include "msgs/bag/summary.h"
 #include "msgs/bag/topic_message.h"
 #include "tests/failing.h"
 
@@ -368,6 +369,8 @@ static void every_failure_while_copying_is_told(void **state)
  * -----------------------------------------------------------------
  */
 
+enum { N_TOPICS = 6 };
+
 static int put_topics(struct bag_writer *w, struct complaint *why)
 {
     struct envelope e = {.node = "dsp", .epoch_ns = 5, .payload_size = 3};
@@ -376,7 +379,7 @@ static int put_topics(struct bag_writer *w, struct complaint *why)
 
     if (bag_topics_create(&t, w))
         return complain(why, -ENOMEM, "out of memory");
-    for (unsigned i = 0; !err && i < 6; i++) {
+    for (unsigned i = 0; !err && i < N_TOPICS; i++) {
         snprintf(e.topic, sizeof e.topic, "%s", topics_all()[i % 3].name);
         e.capture_ns = i < 3 ? 0 : 7;
         e.sequence = i;
@@ -397,6 +400,21 @@ static int topics_work(void *context, struct complaint *why)
     return err ? err : finish(b, w, put_topics(w, why), why);
 }
 
+static size_t count_messages(const char *path)
+{
+    struct complaint why = {""};
+    struct bag_record record;
+    struct bag_reader *r;
+    size_t n = 0;
+
+    if (bag_reader_open(&r, path, &why))
+        fail_msg("%s", why.text);
+    while (!bag_reader_next(r, &record, &why))
+        n += record.opcode == BAG_MESSAGE;
+    bag_reader_close(r);
+    return n;
+}
+
 static void check_topics(void *context, int err)
 {
     const struct bag *b = context;
@@ -404,9 +422,10 @@ static void check_topics(void *context, int err)
     struct complaint why = {""};
     uint64_t faults = 0;
 
-    (void)err;
     if (!b->closed && (bag_check(&faults, b->to, &watch, &why) || faults))
         fail_msg("%zu faults, %s", (size_t)faults, why.text);
+    if (!err)
+        assert_int_equal(count_messages(b->to), N_TOPICS);
     unlink(b->to);
 }
 
@@ -422,6 +441,57 @@ static void every_failure_while_recording_topics_is_told(void **state)
     assert_true(failing_each(&work) > 20);
 }
 
+/* -- the chunk indexes of a long bag, which wait beside it
+ * -----------------------------------------------------------------
+ */
+
+enum { INDEX_BYTES = 80000, HEAD_BYTES = 13 /* the end of the data */ };
+
+static void add_indexes(struct bag_summary *s, size_t from, size_t n)
+{
+    for (size_t i = from; i < from + n; i++)
+        bytes_put_number(&s->chunk_indexes, i % 251, 1);
+}
+
+/* Laid down twice, and some more that stays in memory. */
+static int summary_work(void *context, struct complaint *why)
+{
+    const struct bag *b = context;
+    struct bag_summary s = {.fd = -1};
+    struct bytes_buffer out = {0};
+    size_t all = 2 * INDEX_BYTES + 100;
+
+    for (size_t i = 0; i < 2; i++) {
+        add_indexes(&s, i * INDEX_BYTES, INDEX_BYTES);
+        bag_summary_lay_down(&s, b->to);
+    }
+    add_indexes(&s, 2 * INDEX_BYTES, 100);
+    int err = bag_summary_put(&out, &s, false, 0, 0);
+    if (!err && (out.failed || s.chunk_indexes.failed))
+        err = -ENOMEM;
+    if (!err) {
+        assert_in_range(out.size, HEAD_BYTES + all, bag_summary_size(&s));
+        for (size_t i = 0; i < all; i++)
+            if (out.data[HEAD_BYTES + i] != i % 251)
+                fail_msg("byte %zu of the indexes is %u", i, out.data[HEAD_BYTES + i]);
+    }
+    bytes_free(&out);
+    bag_summary_free(&s);
+    return err ? complain(why, err, "the summary: %s", strerror(-err)) : 0;
+}
+
+/* What cannot be laid down stays in memory; what cannot be taken up again is told. */
+static void
+every_failure_while_indexes_wait_beside_a_bag_is_told_or_made_good(void **state)
+{
+    struct bag b = {.chunk_size = 0};
+
+    snprintf(b.to, sizeof b.to, "%s", scratch_path(*state, "to.mcap"));
+    const struct failing_work work = {
+        .name = "indexes beside a bag", .run = summary_work, .context = &b};
+    assert_true(failing_each(&work) > 5);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -433,6 +503,7 @@ int main(void)
         TEST(every_failure_while_recovering_is_told),
         TEST(every_failure_while_copying_is_told),
         TEST(every_failure_while_recording_topics_is_told),
+        TEST(every_failure_while_indexes_wait_beside_a_bag_is_told_or_made_good),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
