@@ -47,6 +47,8 @@ static void colocated_format(struct trace_format *out, const struct imager_confi
     out->carrier_hz = cfg->format.carrier_hz;
     out->t0_s = first_s;
     out->n_samples = (size_t)fmax(ceil((last_s - first_s) * out->rate_hz), 0.0);
+    if (last_s >= first_s && out->n_samples < FK_MIN_SAMPLES) /* as of one voxel there */
+        out->n_samples = FK_MIN_SAMPLES;
 }
 
 /* Do the corners of the image's middle plane need dip moveout? */
