@@ -281,6 +281,31 @@ static float brightest(const struct fixture *f, const char *gate)
 }
 
 /* The target is 1.00 to 1.02 m away, half the path; the volume begins at 0.8 m. */
+static void a_recording_that_is_its_own_background_is_refused(void **state)
+{
+    struct fixture *f = *state;
+
+    snprintf(f->background, sizeof f->background, "%s", f->scene);
+    expect_refusal(f, f->scene, "the same sound");
+}
+
+static void a_background_that_is_louder_than_the_scene_is_warned_of(void **state)
+{
+    struct fixture *f = *state;
+    struct command_result r;
+    char scene[sizeof f->scene];
+
+    run(f, &r);
+    assert_int_equal(r.code, 0);
+    assert_null(strstr(r.err, "swapped"));
+    memcpy(scene, f->scene, sizeof scene);
+    memcpy(f->scene, f->background, sizeof f->scene);
+    memcpy(f->background, scene, sizeof f->background);
+    run(f, &r);
+    assert_int_equal(r.code, 0);
+    assert_non_null(strstr(r.err, "swapped?"));
+}
+
 static void what_stands_outside_of_the_gate_is_not_imaged(void **state)
 {
     const struct fixture *f = *state;
@@ -594,6 +619,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         test(a_point_lands_where_it_is),
         test(without_background_a_warning_says_so),
+        test(a_recording_that_is_its_own_background_is_refused),
+        test(a_background_that_is_louder_than_the_scene_is_warned_of),
         test(what_stands_outside_of_the_gate_is_not_imaged),
         test(a_second_run_replaces_the_first),
         test(a_silent_microphone_is_named_and_left_out),

@@ -25,6 +25,37 @@ static void name_survey(const struct recon_options *options, int err,
     *why = named;
 }
 
+int recon_job_check_background(const struct recon_job *job, struct complaint *why)
+{
+    if (!job->background)
+        return 0;
+    const struct survey *s = &job->survey;
+    size_t n = s->n_microphones * recording_frames(job->recording);
+    const size_t positions[] = {0, s->n_positions / 2, s->n_positions - 1};
+    float *scene = malloc(n * sizeof *scene),
+          *background = malloc(n * sizeof *background);
+    uint32_t *counts = malloc(2 * s->n_microphones * sizeof *counts);
+    bool same = true;
+    int err = scene && background && counts ? 0 : complain(why, -ENOMEM, "out of memory");
+
+    for (size_t i = 0; !err && same && i < sizeof positions / sizeof *positions; i++) {
+        err = recording_read(job->recording, positions[i], scene, counts,
+                             counts + s->n_microphones, why);
+        if (!err)
+            err = recording_read(job->background, positions[i], background, counts,
+                                 counts + s->n_microphones, why);
+        same = !err && !memcmp(scene, background, n * sizeof *scene);
+    }
+    free(scene);
+    free(background);
+    free(counts);
+    return !err && same ? complain(why, -EINVAL,
+                                   "%s: the same sound as %s, of which nothing would be "
+                                   "left; expected the room without what is hidden",
+                                   job->options->background, job->options->wav)
+                        : err;
+}
+
 /* The survey and what it says, then the files. */
 static int open_recording(struct recon_job *job, struct complaint *why)
 {

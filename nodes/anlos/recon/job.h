@@ -53,6 +53,10 @@ int recon_job_open(struct recon_job *job, const struct recon_options *options,
 /* Plans and allocates. */
 int recon_job_plan(struct recon_job *job, struct complaint *why);
 
+/* Two recordings of one room differ, if only by their noise; of one that is its own
+ * background nothing is left.  0, -EINVAL, -ENOMEM, -EIO. */
+int recon_job_check_background(const struct recon_job *job, struct complaint *why);
+
 /* 0, -EINTR (Ctrl-C, see interrupt.h), -EIO (a file), -ENODATA (no ping is usable),
  * -ENOMEM. */
 int recon_job_run(struct recon_job *job, struct complaint *why);

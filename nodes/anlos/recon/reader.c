@@ -21,6 +21,7 @@
 struct recon_reader {
     struct reader_setup setup;
     double stretch;                /* where the look has noticed it: what it is about */
+    double scene, background;      /* energy in the gate, of the pings looked at */
     struct reader_worker *workers; /* [threads] */
 };
 
@@ -52,6 +53,23 @@ static bool is_noticeable(const struct drift_measurement *m)
            fabs(m->stretch) > fmax(LEAST_STRETCH, CERTAIN * sqrt(m->variance));
 }
 
+static double energy_in_gate(const struct reader_setup *r, struct reader_worker *w,
+                             const float complex *traces)
+{
+    struct trace_format f;
+    double sum = 0.0, c = r->cfg.survey->sound_speed_m_s;
+    compressor_format(w->compressor, &f);
+    double first = (2.0 * r->processing.gate_m[0] / c - f.t0_s) * f.rate_hz;
+    double end = (2.0 * r->processing.gate_m[1] / c - f.t0_s) * f.rate_hz;
+    for (size_t m = 0; m < r->cfg.survey->n_microphones; m++)
+        for (size_t i = 0; i < f.n_samples && !w->masked[m]; i++)
+            if ((double)i >= first && (double)i <= end) {
+                float complex x = traces[m * f.n_samples + i];
+                sum += (double)(crealf(x) * crealf(x) + cimagf(x) * cimagf(x));
+            }
+    return sum;
+}
+
 static int look_at_position(struct recon_reader *r, struct reader_worker *w,
                             size_t position, bool *changed, struct complaint *why)
 {
@@ -65,6 +83,8 @@ static int look_at_position(struct recon_reader *r, struct reader_worker *w,
         reader_worker_compress(&r->setup, w, w->samples, speaker, w->traces);
         reader_worker_compress(&r->setup, w, w->background, speaker,
                                w->background_traces);
+        r->scene += energy_in_gate(&r->setup, w, w->traces);
+        r->background += energy_in_gate(&r->setup, w, w->background_traces);
         drift_measure(w->drift, w->background_traces, w->traces, w->masked, &now);
         *changed = is_noticeable(&now);
         r->stretch = now.stretch;
@@ -115,6 +135,11 @@ int recon_reader_create(struct recon_reader **out, const struct recon_reader_con
     }
     *out = r;
     return 0;
+}
+
+double recon_reader_background_db(const struct recon_reader *r)
+{
+    return r->scene > 0.0 ? 10.0 * log10(r->background / r->scene) : NAN;
 }
 
 void recon_reader_format(const struct recon_reader *r, struct trace_format *out)

@@ -43,6 +43,9 @@ struct recon_reader;
  * samples from samples.  0, -EINVAL, -ENOMEM, -EIO. */
 int recon_reader_create(struct recon_reader **out, const struct recon_reader_config *cfg,
                         struct complaint *why);
+/* How much louder the background is within the gate than the recording, in dB, of the
+ * pings that were looked at; NaN: none were. */
+double recon_reader_background_db(const struct recon_reader *r);
 void recon_reader_format(const struct recon_reader *r, struct trace_format *out);
 
 /* All positions.  Adds to stages[RECON_STAGES], of which it fills in those of reading,

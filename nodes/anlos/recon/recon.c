@@ -40,7 +40,9 @@ static int run_in_stage(struct recon_job *job, struct export_stage *stage,
                         const struct stopwatch *began, bool *bad_input,
                         struct complaint *why)
 {
-    int err = recon_job_plan(job, why);
+    int err = recon_job_check_background(job, why);
+    if (!err)
+        err = recon_job_plan(job, why);
     if (!err)
         err = recon_job_run(job, why);
     *bad_input = err && err != -ENOMEM && err != -EINTR && err != -EAGAIN;

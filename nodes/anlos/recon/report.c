@@ -10,6 +10,7 @@
 
 #define COARSEST_STEP 0.6 /* of a point's width: coarser, and positions suffer */
 #define FINE_STEP     0.4
+#define LOUDER_DB     1.0  /* what is hidden adds to what was there before */
 #define SAME_BAND     0.01 /* of its top, that another may be off */
 
 static size_t pings_expected(const struct recon_job *job)
@@ -197,6 +198,12 @@ json_t *recon_report_warnings(const struct recon_job *job)
     warn_spare(warnings, job);
     warn_microphones(warnings, job->scene_check, &job->survey, "");
     warn_microphones(warnings, job->background_check, &job->survey, "background: ");
+    if (job->reader && recon_reader_background_db(job->reader) > LOUDER_DB)
+        warn(warnings,
+             "the background %s is %.1f dB louder within the gate than the recording %s: "
+             "have the two been swapped?",
+             job->options->background, recon_reader_background_db(job->reader),
+             job->options->wav);
     if (job->traces.n_not_finite)
         warn(warnings, "%zu traces have samples that are not finite: left out",
              job->traces.n_not_finite);
