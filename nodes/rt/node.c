@@ -385,7 +385,11 @@ static int receive(struct node *n, struct bus_message *m, int64_t wait_ms)
         int err = bus_receive(n->bus, m, (int)ms_until(now, end));
         if (err || !put_in_order(n, m))
             return err;
+        if (stop_requested())
+            return -ESHUTDOWN;
         now = node_machine_ns(n);
+        heartbeat_turn(&n->heart); /* however much comes that has to wait */
+        heartbeat_tick(&n->heart, now);
     }
 }
 
