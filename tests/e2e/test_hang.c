@@ -1,6 +1,6 @@
-/* Every node of a small drive is stopped in turn, for a moment and for good: who is back
- * in time is left alone, who hangs is killed and started again, and what the vehicle is
- * told meanwhile is not that all is well. */
+/* Every node of a small drive is stopped in turn, for a moment, until the vehicle has been
+ * told of it, and for good: who is back in time is left alone, who hangs is killed and
+ * started again, and what the vehicle is told meanwhile is not that all is well. */
 #include "tests/e2e/can_log.h"
 
 #include <errno.h>
@@ -225,6 +225,47 @@ static bool was_told(const struct world *w, uint16_t fault)
     return false;
 }
 
+/* Since it was told first, so many statuses; none of them says that all is well. */
+static size_t count_told(const struct world *w, uint16_t fault)
+{
+    size_t n = 0;
+
+    for (size_t k = 1; k < w->log.n_statuses; k++) {
+        const struct can_log_status *s = &w->log.statuses[k];
+        n += n || ((s->faults & fault) == fault && s->state != CAN_ACTIVE);
+        if (n)
+            assert_int_not_equal(s->state, CAN_ACTIVE);
+    }
+    return n;
+}
+
+/* For as long as it takes until the vehicle has been told for a while, which is before
+ * the launcher gives the node up. */
+static void assert_stop_is_told(struct world *w, int i)
+{
+    struct member *m = &w->members[i];
+    uint64_t heard = m->messages, hung = m->hung;
+    pid_t pid = m->pid;
+
+    if (!faults[i] || faults[i] == 1u << CAN_FAULT_NODE_LOST) /* that is known as late */
+        return;
+    WAIT_UNTIL(w, names[i], m->messages > heard);
+    forget_statuses(w);
+    int64_t start_ns = now_ns();
+    assert_int_equal(kill(pid, SIGSTOP), 0);
+    WAIT_UNTIL(w, names[i], m->hung > hung || count_told(w, faults[i]) >= 3);
+    kill(pid, SIGCONT); /* if it is there still */
+    int64_t took_ns = now_ns() - start_ns;
+    print_message("%s: told for a while after %.1f s\n", names[i], 1e-9 * (double)took_ns);
+    if (took_ns < 1500 * MS) { /* half of what is allowed */
+        heard = m->messages;
+        WAIT_UNTIL(w, names[i], m->messages >= heard + 2);
+        assert_int_equal(m->pid, pid);
+        assert_int_equal(m->hung, hung);
+    }
+    WAIT_UNTIL(w, names[i], m->state == ANLOS__HEALTH__STATE__READY && is_active(w));
+}
+
 /* The longest time without a word of the sensor. */
 static int64_t longest_silence(const struct world *w)
 {
@@ -274,6 +315,7 @@ static void whoever_hangs_is_started_again_and_the_vehicle_is_told(void **state)
         WAIT_UNTIL(&w, names[i], w.members[i].pid && is_active(&w));
         forget_statuses(&w);
         assert_moment_is_survived(&w, i);
+        assert_stop_is_told(&w, i);
         assert_hang_is_ended(&w, i);
     }
     end(&w);

@@ -2,10 +2,14 @@
  * those of nodes/launcher/supervisor.h. */
 #include <math.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+#include <sys/ptrace.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -52,7 +56,7 @@ static void say(struct world *w, const char *node, uint64_t turns, double limit_
 }
 
 /* For so long, or until somebody hangs; how long that took. */
-static int64_t wait(struct world *w, int64_t ns)
+static int64_t let_pass(struct world *w, int64_t ns)
 {
     int64_t start_ns = w->now_ns;
 
@@ -68,7 +72,7 @@ static int64_t wait(struct world *w, int64_t ns)
 
 static void assert_hangs_after(struct world *w, int64_t ns)
 {
-    int64_t took_ns = wait(w, 1000 * S);
+    int64_t took_ns = let_pass(w, 1000 * S);
 
     assert_true(w->hung_ns[1] > 0);
     assert_int_equal(w->hung_ns[0], 0);
@@ -94,7 +98,7 @@ static void one_that_goes_on_in_time_does_not(void **state)
     begin(&w);
     say(&w, "dsp", 1, 0.0);
     for (uint64_t i = 2; i < 6; i++) {
-        assert_int_equal(wait(&w, 3 * S), 3 * S);
+        assert_int_equal(let_pass(&w, 3 * S), 3 * S);
         assert_int_equal(w.hung_ns[1], 0);
         say(&w, "dsp", i, 0.0);
     }
@@ -109,7 +113,7 @@ static void what_is_said_without_a_turn_of_the_loop_proves_nothing(void **state)
     (void)state;
     begin(&w);
     say(&w, "dsp", 5, 0.0);
-    wait(&w, 2 * S);
+    let_pass(&w, 2 * S);
     say(&w, "dsp", 5, 0.0);
     assert_hangs_after(&w, 1 * S);
 }
@@ -121,7 +125,7 @@ static void whoever_counts_no_turns_is_taken_at_its_word(void **state)
     (void)state;
     begin(&w);
     say(&w, "dsp", 0, 0.0);
-    wait(&w, 2 * S);
+    let_pass(&w, 2 * S);
     say(&w, "dsp", 0, 0.0);
     assert_hangs_after(&w, 3 * S);
 }
@@ -162,7 +166,7 @@ static void after_it_the_usual_limit_holds_again(void **state)
     (void)state;
     begin(&w);
     say(&w, "dsp", 2, 20.0);
-    wait(&w, 10 * S);
+    let_pass(&w, 10 * S);
     say(&w, "dsp", 3, 0.0);
     assert_hangs_after(&w, 3 * S);
 }
@@ -185,7 +189,7 @@ static void a_new_process_is_judged_anew(void **state)
     say(&w, "dsp", 9, 0.0);
     assert_hangs_after(&w, 3 * S);
     w.c.children[1].phase = CHILD_PAUSING;
-    assert_int_equal(wait(&w, 100 * S), 100 * S);
+    assert_int_equal(let_pass(&w, 100 * S), 100 * S);
     w.c.children[1].phase = CHILD_RUNNING;
     w.c.children[1].started_ns = w.now_ns;
     say(&w, "dsp", 10, 0.0); /* of the one before */
@@ -220,7 +224,7 @@ static void who_waits_for_a_processor_has_more_time_but_not_for_ever(void **stat
     int64_t start_ns = w.now_ns;
     do {
         kernel.waited_ns += TICK;
-        wait(&w, TICK);
+        let_pass(&w, TICK);
     } while (!w.hung_ns[1]);
     assert_true(w.now_ns - start_ns > 15 * S);
     assert_true(w.now_ns - start_ns <= 15 * S + TICK);
@@ -234,10 +238,40 @@ static void who_is_debugged_is_left_alone(void **state)
     begin(&w);
     say(&w, "dsp", 1, 0.0);
     kernel.traced = true;
-    assert_int_equal(wait(&w, 100 * S), 100 * S);
+    assert_int_equal(let_pass(&w, 100 * S), 100 * S);
     kernel.traced = false;
-    wait(&w, 4 * S);
+    let_pass(&w, 4 * S);
     assert_true(w.hung_ns[1] > 0);
+}
+
+/* As the kernel has it, not the look of the others. */
+static void a_process_that_is_traced_is_seen_to_be(void **state)
+{
+    struct world w;
+    int status;
+
+    (void)state;
+    for (int traced = 0; traced < 2; traced++) {
+        pid_t pid = fork();
+        assert_true(pid >= 0);
+        if (!pid) {
+            if (traced)
+                ptrace(PTRACE_TRACEME, 0, NULL, NULL);
+            raise(SIGSTOP);
+            _exit(0);
+        }
+        assert_int_equal(waitpid(pid, &status, WUNTRACED), pid);
+        assert_true(WIFSTOPPED(status));
+        begin(&w);
+        w.s.look = NULL;
+        w.c.children[0].pid = w.c.children[1].pid = pid;
+        say(&w, "dsp", 1, 0.0);
+        int64_t took_ns = let_pass(&w, 100 * S);
+        assert_int_equal(took_ns == 100 * S, traced);
+        assert_int_equal(w.hung_ns[1] > 0, !traced);
+        assert_int_equal(kill(pid, SIGKILL), 0);
+        assert_int_equal(waitpid(pid, &status, 0), pid);
+    }
 }
 
 static void without_supervision_nobody_hangs(void **state)
@@ -248,7 +282,7 @@ static void without_supervision_nobody_hangs(void **state)
     begin(&w);
     w.s.alive_ns = 0;
     say(&w, "dsp", 1, 0.0);
-    assert_int_equal(wait(&w, 100 * S), 100 * S);
+    assert_int_equal(let_pass(&w, 100 * S), 100 * S);
     assert_int_equal(supervisor_tick(&w.s, &w.c, w.now_ns, w.hung_ns), INT64_MAX);
 }
 
@@ -264,7 +298,7 @@ static void what_hung_and_what_was_started_again_is_counted(void **state)
     assert_int_equal(counts[0].value, 0);
     for (unsigned i = 1; i <= 3; i++) {
         say(&w, "dsp", i, 0.0);
-        wait(&w, 4 * S);
+        let_pass(&w, 4 * S);
         w.c.children[1].started_ns += 1;
     }
     supervisor_tick(&w.s, &w.c, w.now_ns, w.hung_ns);
@@ -289,6 +323,7 @@ int main(void)
         cmocka_unit_test(time_in_which_the_launcher_did_not_run_is_held_against_nobody),
         cmocka_unit_test(who_waits_for_a_processor_has_more_time_but_not_for_ever),
         cmocka_unit_test(who_is_debugged_is_left_alone),
+        cmocka_unit_test(a_process_that_is_traced_is_seen_to_be),
         cmocka_unit_test(without_supervision_nobody_hangs),
         cmocka_unit_test(what_hung_and_what_was_started_again_is_counted),
     };
