@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "nodes/anlos/commands.h"
+#include "nodes/anlos/usage.h"
 #include "nodes/launcher/devices.h"
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/program.h"
@@ -161,7 +162,7 @@ int command_launch(int argc, char **argv)
 
     if (!err && args.help) {
         print_help();
-        return EXIT_WORKED;
+        return usage_flush("launch");
     }
     if (!err && (err = program_folder(bin_dir, sizeof bin_dir)))
         complain(&why, err, "the folder of this program: %s", strerror(-err));

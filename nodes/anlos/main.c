@@ -64,11 +64,11 @@ int main(int argc, char **argv)
 
     if (!strcmp(name, "--help") || !strcmp(name, "-h") || !strcmp(name, "help")) {
         print_help(argc > 1 ? stdout : stderr);
-        return argc > 1 ? EXIT_WORKED : EXIT_BAD_INPUT;
+        return argc > 1 ? usage_flush("--help") : EXIT_BAD_INPUT;
     }
     if (!strcmp(name, "--version")) {
         printf("anlos %s\n", ANLOS_VERSION);
-        return EXIT_WORKED;
+        return usage_flush("--version");
     }
     for (size_t i = 0; i < N_COMMANDS; i++)
         if (!strcmp(name, commands[i].name))

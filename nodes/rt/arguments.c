@@ -3,7 +3,8 @@
 #include <errno.h>
 #include <string.h>
 
-/* The value of option `name` at argv[*i], as "--name value" or "--name=value". */
+/* The value of option `name` at argv[*i], as "--name value" or "--name=value".  What
+ * looks like the next option is none. */
 static const char *option_value(const char *name, int argc, char **argv, int *i)
 {
     size_t n = strlen(name);
@@ -12,9 +13,24 @@ static const char *option_value(const char *name, int argc, char **argv, int *i)
         return NULL;
     if (argv[*i][n] == '=')
         return argv[*i] + n + 1;
-    if (argv[*i][n] || *i + 1 >= argc)
+    if (argv[*i][n] || *i + 1 >= argc || !strncmp(argv[*i + 1], "--", 2))
         return NULL;
     return argv[++*i];
+}
+
+static int complain_of(const struct arguments *a, const char *arg, struct complaint *why)
+{
+    static const char *const with_value[] = {"--launch", "--run-dir",   "--out",
+                                             "--record", "--bag",       "--rate",
+                                             "--host",   "--log-level", "--log-format"};
+
+    if (arg[0] != '-')
+        return complain(why, -EINVAL, "%s: unexpected, %s is the launch file; see --help",
+                        arg, a->launch);
+    for (size_t i = 0; i < sizeof with_value / sizeof *with_value; i++)
+        if (!strcmp(arg, with_value[i]))
+            return complain(why, -EINVAL, "%s: its value is missing; see --help", arg);
+    return complain(why, -EINVAL, "%s: no such option; see --help", arg);
 }
 
 static int parse_one(struct arguments *a, int argc, char **argv, int *i,
@@ -57,8 +73,7 @@ static int parse_one(struct arguments *a, int argc, char **argv, int *i,
     } else if (arg[0] != '-' && !a->launch)
         a->launch = arg;
     else
-        return complain(why, -EINVAL, "%s: unknown option or missing value; see --help",
-                        arg);
+        return complain_of(a, arg, why);
     return 0;
 }
 

@@ -99,7 +99,7 @@ static void what_is_wrong_is_said(void **state)
         const char *text;
     } cases[] = {
         {{"array", NULL}, "expected list or probe DEVICE"},
-        {{"array", "show", NULL}, "expected list or probe DEVICE"},
+        {{"array", "show", NULL}, "show: expected list or probe DEVICE"},
         {{"array", "list", "hw:0", NULL}, "expected list or probe DEVICE"},
         {{"array", "probe", NULL}, "probe: expected one device"},
         {{"array", "probe", "hw:77", NULL}, "hw:77: playback: no such device; "},

@@ -194,11 +194,12 @@ static void info_of_a_dead_node_says_so(void **state)
 static void wrong_arguments_are_refused(void **state)
 {
     struct command_result r;
-    static const char *const cases[][3] = {{"lists", NULL, "expected list or info"},
-                                           {"info", NULL, "expected one node"},
-                                           {"info", "radar", "radar: no such node"},
-                                           {"info", "recom", "did you mean recon?"},
-                                           {"list", "--jsn", "did you mean --json"}};
+    static const char *const cases[][3] = {
+        {"lists", NULL, "lists: expected list or info"},
+        {"info", NULL, "expected one node"},
+        {"info", "radar", "radar: no such node"},
+        {"info", "recom", "did you mean recon?"},
+        {"list", "--jsn", "did you mean --json"}};
 
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {

@@ -114,6 +114,22 @@ static void without_a_folder_it_only_prints(void **state)
 enum { POINTS = 3 }; /* at most: x, y, z, scattering length, all in m; none: 0 */
 
 /* point.yaml with other points. */
+static int print_onto_a_full_disk(int argc, char **argv)
+{
+    return freopen("/dev/full", "w", stdout) ? command_psf(argc, argv) : 99;
+}
+
+static void what_cannot_be_printed_is_no_success(void **state)
+{
+    struct recorded *f = *state;
+    struct command_result r;
+    char *words[] = {"psf", "--survey", f->survey, "--at", "0.13,0.11,1.2", NULL};
+
+    command_run(&r, print_onto_a_full_disk, words);
+    assert_int_equal(r.code, 1);
+    assert_non_null(strstr(r.err, "standard output: No space left on device"));
+}
+
 static void write_points(const char *path, const double points[POINTS][4])
 {
     char line[256];
@@ -308,6 +324,7 @@ int main(void)
         test(a_recorded_point_has_the_aperture_s_widths),
         test(the_geometry_alone_gives_them_too),
         test(without_a_folder_it_only_prints),
+        test(what_cannot_be_printed_is_no_success),
         test(what_is_no_lone_point_is_told),
         test(silence_is_no_point),
         test(wrong_arguments_are_told),

@@ -1,3 +1,4 @@
+#include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -6,6 +7,7 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/arguments.h"
 
 static void a_name_that_is_nearly_one_is_found_and_others_are_not(void **state)
 {
@@ -20,10 +22,38 @@ static void a_name_that_is_nearly_one_is_found_and_others_are_not(void **state)
     assert_null(usage_nearest("", names));
 }
 
+static void a_wrong_argument_of_a_launch_is_told_from_a_missing_value(void **state)
+{
+    static const struct {
+        const char *words[6];
+        const char *text;
+    } cases[] = {
+        {{"launch", "a.yaml", "--nosuch"}, "--nosuch: no such option; see --help"},
+        {{"launch", "a.yaml", "--rate"}, "--rate: its value is missing; see --help"},
+        {{"launch", "a.yaml", "--out", "--realtime"},
+         "--out: its value is missing; see --help"},
+        {{"launch", "a.yaml", "b.yaml"},
+         "b.yaml: unexpected, a.yaml is the launch file; see --help"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct arguments a;
+        struct complaint why = {""};
+        char *argv[7] = {NULL};
+        int argc = 0;
+        for (; argc < 6 && cases[i].words[argc]; argc++)
+            argv[argc] = (char *)cases[i].words[argc];
+        assert_int_equal(arguments_parse(&a, argc, argv, &why), -EINVAL);
+        assert_string_equal(why.text, cases[i].text);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_name_that_is_nearly_one_is_found_and_others_are_not),
+        cmocka_unit_test(a_wrong_argument_of_a_launch_is_told_from_a_missing_value),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -49,7 +49,7 @@ static int finish(int err, const char *text)
         fprintf(stderr, "anlos array: %s\n", text);
         return err == -ENOENT || err == -EINVAL ? EXIT_BAD_INPUT : EXIT_FAILED;
     }
-    return fflush(stdout) ? EXIT_FAILED : EXIT_WORKED;
+    return usage_flush("array");
 }
 
 static int list(bool json)
@@ -103,5 +103,6 @@ int command_array(int argc, char **argv)
     if (!strcmp(verb, "probe"))
         return usage_error("array", "probe: expected one device; 'anlos array list' has "
                                     "their names");
-    return usage_error("array", "expected list or probe DEVICE");
+    return usage_error("array", "%s%sexpected list or probe DEVICE", verb,
+                       *verb ? ": " : "");
 }

@@ -37,7 +37,7 @@ static int print_help(void)
            "Foxglove, Lichtblick, PlotJuggler and Rerun open too.\n\n"
            "exit codes: 0 done; 1 failed, or something was lost or is wrong; 2 bad\n"
            "arguments or input; 130 stopped by Ctrl-C\n");
-    return fflush(stdout) ? EXIT_FAILED : EXIT_WORKED;
+    return usage_flush("bag");
 }
 
 int command_bag(int argc, char **argv)
@@ -49,6 +49,8 @@ int command_bag(int argc, char **argv)
     for (size_t i = 0; i < N_VERBS; i++)
         if (!strcmp(name, verbs[i].name))
             return verbs[i].run(argc - 1, argv + 1);
+    if (name[0] == '-')
+        return usage_error("bag", "%s: no such option; a verb comes first", name);
     return usage_error(
         "bag",
         *name ? "%s: no such verb; expected record, play, info, check, recover, merge, "

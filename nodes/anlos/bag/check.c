@@ -68,5 +68,5 @@ int bag_check_command(int argc, char **argv)
         code = check_file(argv[optind]);
         worst = code > worst ? code : worst;
     }
-    return fflush(stdout) ? EXIT_FAILED : worst;
+    return usage_flush("bag check") ? EXIT_FAILED : worst;
 }

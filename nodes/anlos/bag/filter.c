@@ -56,7 +56,7 @@ static int run(const struct selection *s)
         return verb_end("filter", err, &why);
     printf("%s: %" PRIu64 " of %" PRIu64 " messages\n", s->out, result.n_written,
            result.n_messages);
-    return fflush(stdout) ? EXIT_FAILED : EXIT_WORKED;
+    return usage_flush("bag filter");
 }
 
 static int take_seconds(const char *name, double *out)

@@ -71,7 +71,7 @@ static int run(const struct import_options *o)
     err = import_bag_end(bag, err, &why);
     if (err)
         return verb_end("import", err, &why);
-    return fflush(stdout) ? EXIT_FAILED : EXIT_WORKED;
+    return usage_flush("bag import");
 }
 
 static int take_option(struct import_options *o, int code, char **argv)

@@ -43,7 +43,7 @@ static int run(const struct selection *s)
         return verb_end("merge", err, &why);
     printf("%s: %" PRIu64 " messages of %zu bags\n", s->out, result.n_written,
            s->n_files);
-    return fflush(stdout) ? EXIT_FAILED : EXIT_WORKED;
+    return usage_flush("bag merge");
 }
 
 static int take_option(struct selection *s, int code, char **argv)

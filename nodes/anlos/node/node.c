@@ -152,7 +152,8 @@ int command_node(int argc, char **argv)
     if (!strcmp(verb, "list") && n_names == 0)
         return run(NULL, run_dir, json);
     if (strcmp(verb, "info"))
-        return usage_error("node", "expected list or info NODE");
+        return usage_error("node", "%s%sexpected list or info NODE", verb,
+                           *verb ? ": " : "");
     if (n_names != 1)
         return usage_error("node", "info: expected one node");
     const char *near = usage_nearest(argv[optind + 1], topics_nodes());

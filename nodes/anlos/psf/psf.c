@@ -211,7 +211,7 @@ static int run(const struct request *q)
     }
     psf_job_clear(&job);
     if (!err)
-        return EXIT_WORKED;
+        return usage_flush("psf");
     fprintf(stderr, "anlos psf: %s\n", why.text);
     return err == -EINTR ? EXIT_INTERRUPTED : bad_input ? EXIT_BAD_INPUT : EXIT_FAILED;
 }
