@@ -79,6 +79,37 @@ uint32_t trace_mean_take(struct trace_mean *m, size_t ping, size_t channel, doub
     return before;
 }
 
+VECTOR_CLONES
+static void subtract(float *restrict x, const float *restrict mean, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        x[i] -= mean[i];
+}
+
+VECTOR_CLONES
+static void subtract_least(float *restrict x, const float *restrict mean, size_t n)
+{
+    for (size_t i = 0; i < n; i += 2) {
+        float re = x[i] - mean[i], im = x[i + 1] - mean[i + 1];
+        bool less = re * re + im * im < x[i] * x[i] + x[i + 1] * x[i + 1];
+        x[i] = less ? re : x[i];
+        x[i + 1] = less ? im : x[i + 1];
+    }
+}
+
+uint32_t trace_mean_subtract(const struct trace_mean *m, size_t ping, size_t channel,
+                             uint32_t few, float complex *x)
+{
+    size_t i = ping * m->n_channels + channel, n = m->n_samples;
+    const float *mean = (const float *)(m->mean + i * n);
+
+    if (m->taken[i] < few)
+        subtract_least((float *)x, mean, 2 * n);
+    else
+        subtract((float *)x, mean, 2 * n);
+    return m->taken[i];
+}
+
 const float complex *trace_mean_of(const struct trace_mean *m, size_t ping)
 {
     return m->mean + ping * m->n_channels * m->n_samples;

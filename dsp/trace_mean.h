@@ -23,6 +23,10 @@ int trace_mean_create(struct trace_mean **out, size_t n_pings, size_t n_channels
 uint32_t trace_mean_take(struct trace_mean *m, size_t ping, size_t channel, double share,
                          uint32_t few, float complex *x);
 
+/* x -= the mean as trace_mean_take does, and nothing is counted into it. */
+uint32_t trace_mean_subtract(const struct trace_mean *m, size_t ping, size_t channel,
+                             uint32_t few, float complex *x);
+
 /* [n_channels][n_samples] of a ping; 0 where nothing was taken. */
 const float complex *trace_mean_of(const struct trace_mean *m, size_t ping);
 

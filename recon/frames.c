@@ -166,6 +166,7 @@ bool frames_add(struct frames *f, const struct frames_ping *ping)
     h->speaker = ping->speaker;
     h->stamp_ns = ping->stamp_ns;
     h->down = ping->down;
+    h->shows = true;
     for (size_t i = 0; i < f->geometry.n_microphones; i++) {
         const float complex *trace = ping->traces + i * length;
         h->live[i] = !(ping->masked && ping->masked[i]) && trace_check(trace, length);
@@ -174,6 +175,11 @@ bool frames_add(struct frames *f, const struct frames_ping *ping)
                 fine_trace_words(&f->fine, 0, trace, h->words + i * f->fine.n_stored);
     }
     return in_order;
+}
+
+void frames_spoil(struct frames *f)
+{
+    f->held[f->newest].shows = false;
 }
 
 /* -- image ------------------------------------------------------------------------------
@@ -203,7 +209,8 @@ static void choose(struct frames *f, const struct frames_motion *motion,
     made->stamp_ns = newest->any ? newest->stamp_ns : 0;
     for (size_t k = 0; k < f->cfg.n_pings; k++) {
         struct held *h = &f->held[k];
-        h->counts = h->any && made->stamp_ns - h->stamp_ns <= f->cfg.max_age_ns;
+        h->counts = h->any && h->shows &&
+                    made->stamp_ns - h->stamp_ns <= f->cfg.max_age_ns;
         if (!h->counts)
             continue;
         made->pings++;

@@ -65,6 +65,9 @@ struct frames_ping {
  * masked. */
 bool frames_add(struct frames *f, const struct frames_ping *ping);
 
+/* The newest ping is in no image any more. */
+void frames_spoil(struct frames *f);
+
 struct frames_motion {
     const struct ego_path *path; /* of the vehicle; NULL: it stands */
     struct mount mount;

@@ -8,6 +8,7 @@
 
 struct held { /* one of the newest pings */
     bool any;
+    bool shows;  /* something: it is not spoiled */
     bool counts; /* in the image that is made */
     bool fresh;  /* its part has to be made */
     size_t speaker;

@@ -6,12 +6,17 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/blanker.h"
 #include "msgs/survey.h"
 #include "msgs/tensor.h"
 #include "nodes/dsp/mean_background.h"
 #include "nodes/dsp/microphones.h"
 #include "nodes/dsp/recorded_background.h"
 #include "nodes/dsp/standing.h"
+
+#define LONGEST_NS                                                                       \
+    INT64_C(500000000) /* that a sound from outside is none of the place                 \
+                        */
 
 struct dsp {
     struct dsp_config cfg;
@@ -22,6 +27,8 @@ struct dsp {
     struct recorded_background *recorded;
     struct mean_background *mean; /* of an array that stands */
     struct standing standing;
+    struct blanker *blanker;
+    bool *unfit;          /* [n_microphones], as masked */
     bool missing_noticed; /* a speaker's background */
     double ambient_c;     /* NaN: not known */
     int64_t capture_ns;   /* of the newest ping */
@@ -53,9 +60,25 @@ static void clear(struct dsp *d)
     free(d->padded);
     free(d->traces);
     free(d->masked);
+    free(d->unfit);
+    blanker_destroy(d->blanker);
     microphones_destroy(d->microphones);
     survey_clear(&d->survey);
     *d = (struct dsp){.cfg = d->cfg, .standing = d->standing, .ambient_c = d->ambient_c};
+}
+
+/* Judged by what lies in the gate. */
+static int create_blanker(struct dsp *d)
+{
+    const struct trace_format *f = &d->format;
+    double from = ceil((d->processing.gate_s[0] - f->t0_s) * f->rate_hz);
+    struct blanker_config cfg = {.n_channels = d->survey.n_microphones,
+                                 .n_samples = f->n_samples,
+                                 .until = f->n_samples,
+                                 .longest_ns = LONGEST_NS};
+
+    cfg.from = (size_t)fmin(fmax(from, 0.0), (double)f->n_samples - 1.0);
+    return blanker_create(&d->blanker, &cfg);
 }
 
 static int allocate(struct dsp *d)
@@ -65,9 +88,12 @@ static int allocate(struct dsp *d)
     d->padded = calloc(n_mics * d->processing.ping_samples, sizeof *d->padded);
     d->traces = calloc(n_mics * d->format.n_samples, sizeof *d->traces);
     d->masked = calloc(n_mics, sizeof *d->masked);
-    if (!d->padded || !d->traces || !d->masked)
+    d->unfit = calloc(n_mics, sizeof *d->unfit);
+    if (!d->padded || !d->traces || !d->masked || !d->unfit)
         return -ENOMEM;
     int err = microphones_create(&d->microphones, n_mics);
+    if (!err)
+        err = create_blanker(d);
     if (!err)
         err = mean_background_create(&d->mean, d->survey.n_speakers, n_mics,
                                      d->format.n_samples, d->cfg.background_s);
@@ -188,20 +214,61 @@ static void keep_background(struct dsp *d, const Anlos__Ping *ping)
 }
 
 /* true: a background was subtracted. */
-static bool subtract_adaptive(struct dsp *d, size_t speaker)
+static bool subtract_adaptive(struct dsp *d, size_t speaker, bool stands)
 {
-    double ping_s = (double)d->processing.ping_samples / d->survey.sample_rate_hz;
-
-    if (standing_between(&d->standing, d->capture_ns,
-                         d->capture_ns + llrint(1e9 * ping_s)))
+    if (stands)
         return mean_background_subtract(d->mean, speaker, d->capture_ns, d->masked,
                                         d->traces);
     mean_background_reset(d->mean);
     return false;
 }
 
+static bool stands_still(const struct dsp *d)
+{
+    double ping_s = (double)d->processing.ping_samples / d->survey.sample_rate_hz;
+
+    return standing_between(&d->standing, d->capture_ns,
+                            d->capture_ns + llrint(1e9 * ping_s));
+}
+
+/* Of an array that stands, whose pings nobody takes again: a ping that a sound from
+ * outside drowned is of no use. */
+static bool is_drowned(struct dsp *d, const float complex *background)
+{
+    for (size_t m = 0; m < d->survey.n_microphones; m++)
+        d->unfit[m] = d->masked[m];
+    return blanker_execute(d->blanker, d->traces, background, d->unfit, d->capture_ns);
+}
+
+static void blank(struct dsp *d)
+{
+    for (size_t m = 0; m < d->survey.n_microphones; m++)
+        d->masked[m] = true;
+    silence_masked(d);
+    mean_background_drop(d->mean);
+}
+
+/* true: a background was subtracted, or would have been. */
+static bool subtract_background(struct dsp *d, const Anlos__Ping *ping, bool *blanked)
+{
+    bool adaptive = d->cfg.background == BACKGROUND_ADAPTIVE;
+    bool stands = adaptive && stands_still(d);
+    const float complex *background = stands ? mean_background_of(d->mean, ping->speaker)
+                                             : NULL;
+
+    *blanked = ping->frame && is_drowned(d, background);
+    if (*blanked) {
+        blank(d);
+        return background ||
+               (!adaptive && recorded_background_is_kept(d->recorded, ping));
+    }
+    return adaptive
+               ? subtract_adaptive(d, ping->speaker, stands)
+               : recorded_background_subtract(d->recorded, ping, d->masked, d->traces);
+}
+
 static void write_traces(struct dsp *d, const Anlos__Ping *ping, uint64_t clipped,
-                         bool subtracted, Anlos__Traces *out)
+                         bool subtracted, bool blanked, Anlos__Traces *out)
 {
     out->survey_id = d->survey_id;
     out->scan = ping->scan;
@@ -216,6 +283,7 @@ static void write_traces(struct dsp *d, const Anlos__Ping *ping, uint64_t clippe
     out->n_masked = d->survey.n_microphones;
     out->masked = d->masked;
     out->background_subtracted = subtracted;
+    out->blanked = blanked;
     out->clipped_samples = clipped;
     out->temperature_c = isnan(ping->temperature_c) ? d->ambient_c : ping->temperature_c;
     out->frame = ping->frame;
@@ -247,7 +315,7 @@ static void refuse(struct dsp_output *out, const Anlos__Ping *ping, Anlos__Pass 
 void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
 {
     size_t n = 0;
-    bool subtracted;
+    bool blanked;
 
     *out = (struct dsp_output){0};
     anlos__traces__init(&out->traces);
@@ -272,13 +340,9 @@ void dsp_ping(struct dsp *d, const Anlos__Ping *ping, struct dsp_output *out)
             acknowledge(out, ping, ANLOS__PASS__BACKGROUND, true);
         return;
     }
-    if (d->cfg.background == BACKGROUND_ADAPTIVE)
-        subtracted = subtract_adaptive(d, ping->speaker);
-    else
-        subtracted =
-            recorded_background_subtract(d->recorded, ping, d->masked, d->traces);
+    bool subtracted = subtract_background(d, ping, &blanked);
     out->has_traces = true;
-    write_traces(d, ping, clipped, subtracted, &out->traces);
+    write_traces(d, ping, clipped, subtracted, blanked, &out->traces);
 }
 
 const struct air *dsp_air(const struct dsp *d)

@@ -11,13 +11,15 @@ struct run {
     struct node *node;
     struct dsp *dsp;
     struct early early;
+    uint64_t blanked; /* pings */
 };
 
 static size_t counts(void *ctx, struct device_count *out)
 {
     const struct run *r = ctx;
 
-    return early_count(&r->early, out);
+    out[0] = (struct device_count){"pings blanked", r->blanked};
+    return 1 + early_count(&r->early, out + 1);
 }
 
 static int create(struct dsp **out, const struct launchfile *l)
@@ -95,6 +97,7 @@ static void take_ping(struct run *r, const struct node_message *in)
     r->early.n += !dsp_is_planned(dsp);
     dsp_stamp(dsp, in->capture_ns);
     dsp_ping(dsp, (const Anlos__Ping *)in->content, &out);
+    r->blanked += out.has_traces && out.traces.blanked;
     if (out.has_traces)
         node_publish(node, topic_traces(), in->capture_ns, &out.traces.base);
     if (out.has_traces)

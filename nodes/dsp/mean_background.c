@@ -13,6 +13,13 @@ struct mean_background {
     struct trace_mean *mean;
     int64_t *newest_ns; /* [n_speakers] */
     bool is_empty;
+    struct { /* the newest, which do not count yet */
+        bool any;
+        size_t speaker;
+        int64_t capture_ns;
+        bool *masked;          /* [n_microphones] */
+        float complex *traces; /* [n_microphones][n_samples] */
+    } waiting;
     uint32_t scan, frame; /* that are recorded, the newest */
 };
 
@@ -31,7 +38,11 @@ int mean_background_create(struct mean_background **out, size_t n_speakers,
                                   .is_empty = true};
     err = trace_mean_create(&b->mean, n_speakers, n_microphones, n_samples);
     b->newest_ns = calloc(n_speakers, sizeof *b->newest_ns);
-    if (!err && !b->newest_ns)
+    if (!err) {
+        b->waiting.masked = calloc(n_microphones, sizeof *b->waiting.masked);
+        b->waiting.traces = calloc(n_microphones * n_samples, sizeof(float complex));
+    }
+    if (!err && (!b->newest_ns || !b->waiting.masked || !b->waiting.traces))
         err = -ENOMEM;
     if (err)
         mean_background_destroy(b);
@@ -44,7 +55,14 @@ void mean_background_reset(struct mean_background *b)
 {
     if (!b->is_empty)
         trace_mean_reset(b->mean);
+    memset(b->newest_ns, 0, b->n_speakers * sizeof *b->newest_ns);
     b->is_empty = true;
+    b->waiting.any = false;
+}
+
+void mean_background_drop(struct mean_background *b)
+{
+    b->waiting.any = false;
 }
 
 const float complex *mean_background_record(struct mean_background *b,
@@ -61,20 +79,45 @@ const float complex *mean_background_record(struct mean_background *b,
     return trace_mean_of(b->mean, ping->speaker);
 }
 
+const float complex *mean_background_of(const struct mean_background *b, size_t speaker)
+{
+    return b->newest_ns[speaker] ? trace_mean_of(b->mean, speaker) : NULL;
+}
+
+static void count_waiting(struct mean_background *b)
+{
+    size_t speaker = b->waiting.speaker;
+    double since_s = 1e-9 * (double)(b->waiting.capture_ns - b->newest_ns[speaker]);
+    double share = since_s > 0.0 ? -expm1(-since_s / b->time_constant_s) : 0.0;
+
+    if (!b->waiting.any)
+        return;
+    b->waiting.any = false;
+    b->newest_ns[speaker] = b->waiting.capture_ns;
+    for (size_t m = 0; m < b->n_microphones; m++)
+        if (!b->waiting.masked[m])
+            trace_mean_take(b->mean, speaker, m, share, UINT32_MAX,
+                            b->waiting.traces + m * b->n_samples);
+}
+
 bool mean_background_subtract(struct mean_background *b, size_t speaker,
                               int64_t capture_ns, const protobuf_c_boolean *masked,
                               float complex *traces)
 {
-    double since_s = 1e-9 * (double)(capture_ns - b->newest_ns[speaker]);
-    double share = since_s > 0.0 ? -expm1(-since_s / b->time_constant_s) : 0.0;
     bool any = false;
 
-    b->newest_ns[speaker] = capture_ns;
+    count_waiting(b);
+    b->waiting.any = true;
+    b->waiting.speaker = speaker;
+    b->waiting.capture_ns = capture_ns;
+    memcpy(b->waiting.traces, traces, b->n_microphones * b->n_samples * sizeof *traces);
     b->is_empty = false;
-    for (size_t m = 0; m < b->n_microphones; m++)
+    for (size_t m = 0; m < b->n_microphones; m++) {
+        b->waiting.masked[m] = masked[m];
         if (!masked[m])
-            any |= trace_mean_take(b->mean, speaker, m, share, UINT32_MAX,
-                                   traces + m * b->n_samples) > 0;
+            any |= trace_mean_subtract(b->mean, speaker, m, UINT32_MAX,
+                                       traces + m * b->n_samples) > 0;
+    }
     return any;
 }
 
@@ -84,5 +127,7 @@ void mean_background_destroy(struct mean_background *b)
         return;
     trace_mean_destroy(b->mean);
     free(b->newest_ns);
+    free(b->waiting.masked);
+    free(b->waiting.traces);
     free(b);
 }

@@ -23,14 +23,20 @@ const float complex *mean_background_record(struct mean_background *b,
                                             const Anlos__Ping *ping,
                                             float complex *traces);
 
-/* Subtracts the running mean from a speaker's traces and counts them into it, from the
- * second ping on, where that leaves less than there was (dsp/trace_mean.h): a loud thing
- * that passes by is in it for as long as the mean remembers.  A microphone that is masked
- * stays out of it, and one that was until now keeps its trace as it is.  false: all do.
- */
+/* What a speaker has sounded like, [n_microphones][n_samples]; NULL: not known. */
+const float complex *mean_background_of(const struct mean_background *b, size_t speaker);
+
+/* Subtracts the running mean from a speaker's traces, from the second ping on, where that
+ * leaves less than there was (dsp/trace_mean.h): a loud thing that passes by is in it for
+ * as long as the mean remembers.  They count into it when the next ones come.  A
+ * microphone that is masked stays out of it, and one that was until now keeps its trace
+ * as it is.  false: all do. */
 bool mean_background_subtract(struct mean_background *b, size_t speaker,
                               int64_t capture_ns, const protobuf_c_boolean *masked,
                               float complex *traces);
+
+/* The newest traces that were given do not count, for they may be spoiled. */
+void mean_background_drop(struct mean_background *b);
 
 /* What was heard does not count any more. */
 void mean_background_reset(struct mean_background *b);

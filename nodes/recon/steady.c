@@ -31,6 +31,7 @@ struct steady {
     bool *masked;          /* [n_microphones], of the newest traces */
     uint64_t *clipped;     /* [n_pings], ring */
     bool *subtracted;      /* [n_pings], ring: had a background */
+    bool *blanked;         /* [n_pings], ring: a sound from outside drowned it */
     size_t newest;
     struct ego_path path;
     bool has_path;
@@ -69,6 +70,7 @@ static void clear(struct steady *s)
     free(s->masked);
     free(s->clipped);
     free(s->subtracted);
+    free(s->blanked);
     clutter_map_destroy(s->clutter);
     survey_plan_clear(&s->plan);
     s->frames = NULL;
@@ -77,6 +79,7 @@ static void clear(struct steady *s)
     s->masked = NULL;
     s->clipped = NULL;
     s->subtracted = NULL;
+    s->blanked = NULL;
     s->clutter = NULL;
 }
 
@@ -137,9 +140,11 @@ static int allocate(struct steady *s, struct complaint *why)
     s->masked = calloc(s->plan.survey.n_microphones, sizeof *s->masked);
     s->clipped = calloc(s->n_pings, sizeof *s->clipped);
     s->subtracted = calloc(s->n_pings, sizeof *s->subtracted);
+    s->blanked = calloc(s->n_pings, sizeof *s->blanked);
     err = clutter_map_create(&s->clutter, &cfg.grid,
                              (int64_t)(NO_OVERLAP * (double)cfg.max_age_ns / AGE_LIMIT));
-    return !err && s->intensity && s->traces && s->masked && s->clipped && s->subtracted
+    return !err && s->intensity && s->traces && s->masked && s->clipped &&
+                   s->subtracted && s->blanked
                ? 0
                : complain(why, -ENOMEM, "not enough memory for images of %zu voxels",
                           grid_size(&cfg.grid));
@@ -246,8 +251,16 @@ static void add(struct steady *s, const Anlos__Traces *t, const float complex *y
         clutter_map_reset(s->clutter);
     }
     s->scan = t->scan;
+    /* The one before may hold the beginning of what drowned this one. */
+    if (t->blanked && !s->blanked[s->newest]) {
+        frames_spoil(s->frames);
+        s->blanked[s->newest] = true;
+    }
     s->counts.backwards += !frames_add(s->frames, &ping);
+    if (t->blanked)
+        frames_spoil(s->frames);
     s->newest = (s->newest + 1) % s->n_pings;
+    s->blanked[s->newest] = t->blanked;
     s->clipped[s->newest] = t->clipped_samples;
     s->subtracted[s->newest] = t->background_subtracted;
 }
@@ -309,6 +322,8 @@ void steady_image(struct steady *s, Anlos__Volume *out)
     out->microphones_masked = (uint32_t)s->made.microphones_masked;
     for (size_t k = 0; k < s->n_pings; k++)
         out->clipped_samples += s->clipped[k];
+    for (size_t k = 0; k < s->n_pings; k++)
+        out->pings_blanked += s->blanked[k];
 }
 
 int64_t steady_capture_ns(const struct steady *s)

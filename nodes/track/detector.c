@@ -97,7 +97,7 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
                         "are not numbers");
     detect_config_default(&cfg);
     cfg.threshold_db = d->cfg.threshold_db;
-    cfg.learns = learns(d, volume);
+    cfg.learns = learns(d, volume) && !volume->pings_blanked;
     cfg.multipath =
         !volume->frame &&
         !imager_isolates(

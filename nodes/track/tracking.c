@@ -256,6 +256,21 @@ static bool shows_hidden(const struct tracking *t, const Anlos__Volume *volume,
     return !volume->standing_left || !t->has_walls || sight->walls->n > 0;
 }
 
+/* Where a sound from outside drowned more than a quarter of an image's pings, what is
+ * left is noisier than what was learnt of noise: it shows nothing, neither that something
+ * is there nor that it is not. */
+static bool is_blanked(const Anlos__Volume *volume)
+{
+    return 4 * volume->pings_blanked > volume->pings_expected;
+}
+
+static bool shows_nothing(const void *context, const double p_m[3])
+{
+    (void)context;
+    (void)p_m;
+    return false;
+}
+
 /* A background that has only begun has who walked by then in it, where he was: a hole
  * that rests there, and after n rounds is an n-th of him.  (One that begins anew after
  * each stop finds him tracked.) */
@@ -299,7 +314,9 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
     scan.n_mirrors = sight_mirrors(sight, scan.mirrors);
     struct ghost_array array = {.margin_db = t->cfg.sidelobe_db};
     ghost_array_measure(&array, &t->detector.survey);
-    if (shows_hidden(t, volume, sight))
+    if (is_blanked(volume))
+        scan.shows = shows_nothing;
+    else if (shows_hidden(t, volume, sight))
         scan.n = candidates_choose(list, sight, &array, t->sources, t->n_reports);
     for (size_t i = 0; i < scan.n; i++)
         take_detection(t, sight, volume, &scan.array, list->detections[i],

@@ -315,6 +315,67 @@ static void a_microphone_that_was_masked_while_others_learned_comes_later(void *
     assert_true(energy_of(r, 2) < 1e-6 * plain);
 }
 
+/* A slam: noise that is as loud as the direct sound, at all microphones. */
+static void slam(struct rig *r, Anlos__Pass heard)
+{
+    uint32_t seed = 5;
+
+    scene_ping(&r->scene, heard, 0, 1, &r->ping);
+    for (size_t i = 0; i < r->scene.survey->n_microphones_m * r->scene.n_samples; i++) {
+        seed = seed * 1664525u + 1013904223u;
+        r->scene.samples[i] += (float)(seed >> 8) / 8388608.0f - 1.0f;
+    }
+    r->ping.pass = SCENE;
+    r->ping.frame = ++r->frame;
+    r->now_ns += FRAME_MS * MS;
+    dsp_stamp(r->dsp, r->now_ns);
+    dsp_ping(r->dsp, &r->ping, &r->out);
+}
+
+/* Neither it nor the ping before it, in which it may begin. */
+static void what_a_slam_drowned_shows_nothing_and_spoils_no_background(void **state)
+{
+    struct rig *r = *state;
+
+    learn(r, BACKGROUND);
+    send(r, BACKGROUND, SCENE, 1);
+    assert_false(r->out.traces.blanked);
+    double rest = energy(r);
+    send(r, SCENE, SCENE, 1); /* what should not count */
+    assert_false(r->out.traces.blanked);
+    double point = energy(r);
+    for (int k = 0; k < 2; k++) {
+        if (k == 0)
+            slam(r, BACKGROUND);
+        else
+            send(r, BACKGROUND, SCENE, 1); /* may hold its end */
+        assert_true(r->out.traces.blanked);
+        assert_true(r->out.traces.background_subtracted);
+        for (size_t m = 0; m < r->out.traces.n_masked; m++)
+            assert_true(r->out.traces.masked[m]);
+        assert_true(energy(r) == 0);
+    }
+    send(r, BACKGROUND, SCENE, 1);
+    assert_false(r->out.traces.blanked);
+    assert_true(rest < 1e-6 * point);
+    assert_true(energy(r) < 1e-6 * point);
+}
+
+static void while_the_vehicle_moves_a_slam_is_blanked_too(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 4; k++) {
+        move(r, 1.0, true);
+        send(r, BACKGROUND, SCENE, 1);
+        assert_false(r->out.traces.blanked);
+    }
+    move(r, 1.0, true);
+    slam(r, BACKGROUND);
+    assert_true(r->out.traces.blanked);
+    assert_false(r->out.traces.background_subtracted);
+}
+
 #define TEST(name, setup) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
@@ -330,6 +391,8 @@ int main(void)
         TEST(a_vehicle_that_fell_silent_counts_as_moving, setup_adaptive),
         TEST(a_microphone_that_was_masked_while_others_learned_comes_later,
              setup_adaptive),
+        TEST(what_a_slam_drowned_shows_nothing_and_spoils_no_background, setup_adaptive),
+        TEST(while_the_vehicle_moves_a_slam_is_blanked_too, setup_adaptive),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

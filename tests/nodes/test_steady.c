@@ -32,6 +32,7 @@ struct rig {
     struct tensor_view view;
     protobuf_c_boolean masked[MICROPHONES];
     bool subtracted; /* pings have a background */
+    bool blanked;
     char note[128];
 };
 
@@ -139,6 +140,9 @@ static bool ping(struct rig *r, size_t k)
     t.masked = r->masked;
     t.clipped_samples = k;
     t.background_subtracted = r->subtracted;
+    t.blanked = r->blanked;
+    for (size_t i = 0; r->blanked && i < MICROPHONES; i++)
+        r->masked[i] = true;
     return steady_traces(r->steady, &t, stamp_ns(k), r->note, sizeof r->note);
 }
 
@@ -209,6 +213,29 @@ static void a_frame_without_its_last_ping_is_imaged_with_the_next_ones_first(voi
     for (size_t k = SPEAKERS + 1; k < 2 * SPEAKERS; k++)
         assert_int_equal(ping(&r, k), k == 2 * SPEAKERS - 1);
     assert_false(ping(&r, 2 * SPEAKERS));
+    stop(&r);
+}
+
+/* Images of three pings: the fourth is blanked, in which a sound began with the third. */
+static void a_blanked_ping_and_the_one_before_it_are_in_no_image(void **state)
+{
+    static const size_t used[] = {1, 2, 3, 1, 1, 2, 3, 3};
+    static const size_t blanked[] = {0, 0, 0, 2, 2, 1, 0, 0};
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    start(&r, true, &each_ping);
+    for (size_t k = 0; k < sizeof used / sizeof *used; k++) {
+        r.blanked = k == 3;
+        memset(r.masked, 0, sizeof r.masked);
+        assert_true(ping(&r, k));
+        steady_image(r.steady, &v);
+        assert_int_equal(v.pings_blanked, blanked[k]);
+        assert_int_equal(v.pings_used, used[k]);
+        assert_int_equal(v.microphones_masked, 0);
+        assert_int_equal(steady_capture_ns(r.steady), stamp_ns(k));
+        assert_true(off_m(&r, &v, k) < 0.021);
+    }
     stop(&r);
 }
 
@@ -464,6 +491,7 @@ int main(void)
         cmocka_unit_test(
             a_frame_without_its_last_ping_is_imaged_with_the_next_ones_first),
         cmocka_unit_test(every_ping_may_have_an_image),
+        cmocka_unit_test(a_blanked_ping_and_the_one_before_it_are_in_no_image),
         cmocka_unit_test(a_vehicle_that_says_how_it_moves_sees_where_things_are),
         cmocka_unit_test(motion_that_is_no_longer_said_is_unknown_and_counted),
         cmocka_unit_test(motion_called_invalid_is_not_taken),

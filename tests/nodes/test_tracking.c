@@ -225,6 +225,36 @@ static void it_is_predicted_and_then_deleted(void **state)
     assert_int_equal(r->list->n_detections, 0);
 }
 
+/* A quarter of an image's pings may be blanked; with more it shows nothing: what is told
+ * is predicted, as sure as before but for the time that passes, and nothing begins. */
+static void while_a_sound_drowns_the_images_tracks_go_on(void **state)
+{
+    struct rig *r = *state;
+
+    r->volume.pings_expected = 4;
+    for (int k = 0; k < 6; k++) {
+        r->volume.pings_blanked = k == 5;
+        add(r, 0.5, 2.0, 1.0);
+        image(r);
+    }
+    const Anlos__Detection *d = r->list->detections[0];
+    assert_int_equal(d->measurement, ANLOS__MEASUREMENT__MEASURED);
+    double existence = d->existence;
+    r->volume.pings_blanked = 2;
+    for (int k = 0; k < 4; k++) { /* 1 s of the 10 s that an object stays */
+        add(r, -0.5, 2.5, 1.0);
+        image(r);
+        assert_int_equal(r->list->n_detections, 1);
+        d = r->list->detections[0];
+        assert_int_equal(d->measurement, ANLOS__MEASUREMENT__PREDICTED);
+        assert_near(d->existence, existence * exp(-0.025 * (k + 1)), 1e-6);
+    }
+    r->volume.pings_blanked = 0;
+    add(r, 0.5, 2.0, 1.0);
+    image(r);
+    assert_int_equal(r->list->detections[0]->measurement, ANLOS__MEASUREMENT__MEASURED);
+}
+
 /* One wall across the array's view, number 7, or none. */
 static void tell_wall(struct rig *r, size_t n, double distance_m, int64_t stamp_ns)
 {
@@ -570,6 +600,7 @@ int main(void)
         TEST(what_a_background_may_have_left_is_not_told_at_rest),
         TEST(something_that_walks_is_where_it_is_at_the_stamp),
         TEST(it_is_predicted_and_then_deleted),
+        TEST(while_a_sound_drowns_the_images_tracks_go_on),
         TEST(what_stands_is_seen_to_stand_from_a_vehicle_that_moves),
         TEST(motion_that_is_not_told_any_more_is_said),
         TEST(the_walls_error_is_not_averaged_away),

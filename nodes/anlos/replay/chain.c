@@ -207,6 +207,8 @@ static int take_ping(struct chain *c, const Anlos__Ping *ping, int64_t capture_n
     }
     if (!out.has_traces)
         return 0;
+    if (out.traces.blanked)
+        note(c, "a sound from outside drowned a ping, which is blanked");
     return c->steady ? take_steady_traces(c, &out.traces, capture_ns, publish_ns, why)
                      : take_traces(c, &out.traces, capture_ns, publish_ns, why);
 }

@@ -43,9 +43,9 @@ static json_t *warnings_json(const struct replay *r)
         warn(warnings, json_sprintf("%zu more of other kinds", c->n_more_notes));
     if (c->n_unusable)
         warn(warnings, json_sprintf("%zu pings were of no use", c->n_unusable));
-    if (used < expected)
-        warn(warnings,
-             json_sprintf("%zu of %zu pings are lost", expected - used, expected));
+    if (used + c->volume.pings_blanked < expected)
+        warn(warnings, json_sprintf("%zu of %zu pings are lost",
+                                    expected - used - c->volume.pings_blanked, expected));
     if (c->clipped)
         warn(warnings,
              json_sprintf("%llu samples are clipped", (unsigned long long)c->clipped));
