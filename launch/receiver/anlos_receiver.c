@@ -290,10 +290,10 @@ static uint32_t signal_enum(const uint8_t *data, uint32_t start, uint32_t length
 
 static enum anlos_class class_of(const uint8_t *data, uint32_t start)
 {
-    static const enum anlos_class classes[4] = {ANLOS_CLASS_UNKNOWN, ANLOS_POINT,
-                                                ANLOS_PLATE, ANLOS_EXTENDED};
+    static const enum anlos_class classes[5] = {
+        ANLOS_CLASS_UNKNOWN, ANLOS_POINT, ANLOS_PLATE, ANLOS_EXTENDED, ANLOS_MULTIPATH};
 
-    return classes[signal_enum(data, start, 4u, 3u)];
+    return classes[signal_enum(data, start, 4u, 4u)];
 }
 
 static enum anlos_motion motion_of(const uint8_t *data, uint32_t start)

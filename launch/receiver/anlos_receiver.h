@@ -104,7 +104,8 @@ enum anlos_class {
     ANLOS_CLASS_UNKNOWN = 0,
     ANLOS_POINT = 1,
     ANLOS_PLATE = 2,
-    ANLOS_EXTENDED = 3
+    ANLOS_EXTENDED = 3,
+    ANLOS_MULTIPATH = 4 /* rather an echo that others make between them than an object */
 };
 
 enum anlos_motion { ANLOS_MOTION_UNKNOWN = 0, ANLOS_STANDING = 1, ANLOS_MOVING = 2 };

@@ -33,7 +33,7 @@ FAULTS = ("ImageStale", "EgoMotionMissing", "TemperatureUnknown", "ChannelsDead"
           "NodeLost", "Clipped", "ListsDropped", "RangeReduced", "ElementsCovered",
           "Fault14", "Fault15")
 MEASUREMENTS = ("New", "Measured", "Predicted", "Deleted")
-CLASSES = ("Unknown", "Point", "Plate", "Extended")
+CLASSES = ("Unknown", "Point", "Plate", "Extended", "Multipath")
 MOTIONS = ("Unknown", "Standing", "Moving")
 
 STATUS, DIAGNOSIS, HEADER, TIME, OBJECT_STATE, DYNAMICS, QUALITY, FD = 0, 1, 2, 3, 4, 5, 6, 8

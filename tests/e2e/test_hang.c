@@ -1,6 +1,6 @@
-/* Every node of a small drive is stopped in turn, for a moment, until the vehicle has been
- * told of it, and for good: who is back in time is left alone, who hangs is killed and
- * started again, and what the vehicle is told meanwhile is not that all is well. */
+/* Every node of a small drive is stopped in turn, for a moment, until the vehicle has
+ * been told of it, and for good: who is back in time is left alone, who hangs is killed
+ * and started again, and what the vehicle is told meanwhile is not that all is well. */
 #include "tests/e2e/can_log.h"
 
 #include <errno.h>
@@ -256,7 +256,8 @@ static void assert_stop_is_told(struct world *w, int i)
     WAIT_UNTIL(w, names[i], m->hung > hung || count_told(w, faults[i]) >= 3);
     kill(pid, SIGCONT); /* if it is there still */
     int64_t took_ns = now_ns() - start_ns;
-    print_message("%s: told for a while after %.1f s\n", names[i], 1e-9 * (double)took_ns);
+    print_message("%s: told for a while after %.1f s\n", names[i],
+                  1e-9 * (double)took_ns);
     if (took_ns < 1500 * MS) { /* half of what is allowed */
         heard = m->messages;
         WAIT_UNTIL(w, names[i], m->messages >= heard + 2);

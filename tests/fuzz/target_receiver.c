@@ -58,7 +58,7 @@ static void check_object(const struct anlos_object *o)
         check_value(values[i]);
     FUZZ_REQUIRE(o->existence.value >= 0.0f && o->existence.value <= 1.0f);
     FUZZ_REQUIRE(o->sigma_x_m.value >= 0.0f && fabsf(o->correlation_xy.value) <= 1.0f);
-    FUZZ_REQUIRE(o->measurement <= ANLOS_DELETED && o->shape <= ANLOS_EXTENDED &&
+    FUZZ_REQUIRE(o->measurement <= ANLOS_DELETED && o->shape <= ANLOS_MULTIPATH &&
                  o->motion <= ANLOS_MOVING);
 }
 

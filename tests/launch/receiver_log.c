@@ -12,7 +12,8 @@ static const char *const trusts[] = {"none", "objects", "full"};
 static const char *const states[] = {"Init",  "Calibrating", "Active",  "Degraded",
                                      "Fault", "Blocked",     "Standby", NULL};
 static const char *const measurements[] = {"New", "Measured", "Predicted", "Deleted"};
-static const char *const classes[] = {"Unknown", "Point", "Plate", "Extended"};
+static const char *const classes[] = {"Unknown", "Point", "Plate", "Extended",
+                                      "Multipath"};
 static const char *const motions[] = {"Unknown", "Standing", "Moving"};
 
 static void print_value(const char *name, struct anlos_value v)

@@ -744,12 +744,9 @@ static struct anlos_value heard(struct bench *b, const struct signal *s, int64_t
     return v;
 }
 
-static void check_signal(struct bench *b, const struct signal *s)
+/* Lists with objects of both kinds, whose frames are believed from then on. */
+static void begin(struct bench *b)
 {
-    const int64_t most = (INT64_C(1) << (s->length - s->negative)) - 1;
-    const int64_t least = s->negative ? -most - 1 : 0;
-    bool low_end = s->clamped && (s->least < 0 || s->offset < -1); /* range begins at 0 */
-
     restart(b);
     send(b, sensor_status(&b->s, ACTIVE, 0));
     for (int i = 0; i < 2; i++) {
@@ -757,6 +754,15 @@ static void check_signal(struct bench *b, const struct signal *s)
         send(b, sensor_object(&b->s, FD, 1));
         send_list(b, 1);
     }
+}
+
+static void check_signal(struct bench *b, const struct signal *s)
+{
+    const int64_t most = (INT64_C(1) << (s->length - s->negative)) - 1;
+    const int64_t least = s->negative ? -most - 1 : 0;
+    bool low_end = s->clamped && (s->least < 0 || s->offset < -1); /* range begins at 0 */
+
+    begin(b);
     for (int64_t raw = least; raw <= most;
          raw += most > 500 && raw > least + 3 && raw < most - 9 ? 7 : 1) {
         struct anlos_value v = heard(b, s, raw);
@@ -780,6 +786,23 @@ static void every_signal_has_its_value_or_is_not_available(void **state)
         check_signal(*state, &list_signals[i]);
     for (size_t i = 0; i < sizeof status_signals / sizeof *status_signals; i++)
         check_signal(*state, &status_signals[i]);
+}
+
+static void a_class_of_a_later_version_is_unknown(void **state)
+{
+    static const struct signal classes[] = {
+        {.name = "Class", .kind = DYNAMICS, .start = 57, .length = 4},
+        {.name = "Class", .kind = FD, .start = 48, .length = 4}};
+    struct bench *b = *state;
+
+    for (size_t i = 0; i < sizeof classes / sizeof *classes; i++) {
+        begin(b);
+        for (int raw = 0; raw < 16; raw++) {
+            heard(b, &classes[i], raw);
+            assert_int_equal(b->view.list->objects[0].shape,
+                             raw <= ANLOS_MULTIPATH ? raw : ANLOS_CLASS_UNKNOWN);
+        }
+    }
 }
 
 static const struct anlos_object *hear_fd(struct bench *b, const float *values, size_t n,
@@ -1136,6 +1159,7 @@ int main(void)
         TEST(a_sensor_that_restarted_goes_on_with_its_first_lists),
         TEST(the_counter_of_lists_wraps_around_and_tells_what_got_lost),
         TEST(every_signal_has_its_value_or_is_not_available),
+        TEST(a_class_of_a_later_version_is_unknown),
         TEST(floats_are_taken_and_nan_or_what_cannot_be_is_not_available),
         TEST(a_covariance_becomes_sigmas_and_correlations),
         TEST(trouble_codes_fill_a_table),
