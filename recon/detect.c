@@ -21,6 +21,8 @@
 #define GUARD_WIDTHS  1.5  /* of a point, where its image has not faded into the noise */
 #define GUARD_M       0.25 /* half of the largest object that must not hide itself */
 #define TOUCH         1.01 /* steps from a voxel to its farthest neighbour, and rounding */
+#define MAP_NOISE     1.5  /* what a map knows of noise alone is less, times its mean */
+#define MAP_FACTOR    4.0  /* over what else it knows */
 #define RANK          0.75 /* of the ordered training cells: a quarter may be objects */
 
 struct search {
@@ -157,6 +159,13 @@ static struct shape_guess guess_shape(const struct search *s, const struct regio
     return shape_guess(variance_m2, width_m);
 }
 
+/* What a map knows to be there mostly, but for the noise around it. */
+static double residue(const struct search *s, size_t voxel, double noise)
+{
+    return s->cfg->map ? fmax(cfar_map_at(s->cfg->map, voxel) - MAP_NOISE * noise, 0.0)
+                       : 0.0;
+}
+
 static void describe(const struct search *s, const struct region *r, double strongest,
                      struct detection *d)
 {
@@ -184,15 +193,17 @@ static void describe(const struct search *s, const struct region *r, double stro
         place_extended(s, r, d);
     add_model_errors(s, d);
     d->level_db = 10.0 * log10(peak / floor);
-    d->existence = existence(s, peak, floor, strongest);
+    d->existence = existence(s, peak, floor + residue(s, r->peak, floor), strongest);
     d->shape = guess_shape(s, r);
 }
 
 static bool stands_out(void *state, size_t voxel)
 {
     const struct search *s = state;
+    struct cfar_level level = cfar_at(s->cfg->cfar, s->volume, voxel);
 
-    return (double)s->volume[voxel] > cfar_at(s->cfg->cfar, s->volume, voxel).threshold;
+    return (double)s->volume[voxel] >
+           level.threshold + MAP_FACTOR * residue(s, voxel, level.noise);
 }
 
 /* What a peak has to be at least, wherever it is. */

@@ -2,6 +2,8 @@
 
 #include <errno.h>
 #include <float.h>
+#include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "nodes/rt/objects.h"
@@ -16,7 +18,11 @@ void detector_init(struct detector *d, const struct detector_config *cfg)
 static void forget_cells(struct detector *d)
 {
     cfar_destroy(d->cells);
+    cfar_map_destroy(d->map);
+    free(d->held);
     d->cells = NULL;
+    d->map = NULL;
+    d->held = NULL;
 }
 
 int detector_survey(struct detector *d, const Anlos__Survey *survey,
@@ -52,9 +58,17 @@ static int find_cells(struct detector *d, const struct grid *grid,
         objects_resolution(&resolved, &d->survey, grid);
         err = detect_cfar(&d->cells, d->cfg.cfar, d->cfg.false_alarm_rate, grid,
                           resolved.resolution_m);
+        if (!err)
+            err = cfar_map_create(&d->map, grid_size(grid));
+        d->held = calloc(grid_size(grid), sizeof *d->held);
+        if (!err && !d->held)
+            err = -ENOMEM;
         d->cells_grid = *grid;
+        if (err)
+            forget_cells(d);
     }
     cfg->cfar = d->cells;
+    cfg->map = d->map;
     return err;
 }
 
@@ -120,6 +134,39 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
     (*out)->preview = volume->preview;
     (*out)->counter = d->counter++;
     return 0;
+}
+
+static void hold(struct detector *d, const double at_m[3], double held_m)
+{
+    const struct grid *g = &d->cells_grid;
+    size_t v = 0;
+
+    for (size_t z = 0; z < g->n[2]; z++)
+        for (size_t y = 0; y < g->n[1]; y++)
+            for (size_t x = 0; x < g->n[0]; x++, v++)
+                d->held[v] |= hypot(g->origin_m[0] + g->step_m[0] * (double)x - at_m[0],
+                                    g->origin_m[2] + g->step_m[2] * (double)z - at_m[2]) <
+                              held_m;
+}
+
+void detector_learn(struct detector *d, const Anlos__Volume *volume, int64_t capture_ns,
+                    const double (*held)[3], size_t n, double held_m)
+{
+    struct grid grid;
+    const float *intensity = volume_grid(volume, &grid);
+
+    if (!d->map || !intensity || memcmp(&d->cells_grid, &grid, sizeof grid))
+        return;
+    memset(d->held, 0, grid_size(&grid) * sizeof *d->held);
+    for (size_t i = 0; i < n; i++)
+        hold(d, held[i], held_m);
+    cfar_map_learn(d->map, intensity, d->held, capture_ns);
+}
+
+void detector_forget(struct detector *d)
+{
+    if (d->map)
+        cfar_map_reset(d->map);
 }
 
 void detector_clear(struct detector *d)

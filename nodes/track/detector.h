@@ -25,7 +25,9 @@ struct detector {
     struct survey survey;
     uint64_t survey_id;
     bool has_survey;
-    struct cfar *cells; /* for images on cells_grid; NULL: none yet */
+    struct cfar *cells;   /* for images on cells_grid; NULL: none yet */
+    struct cfar_map *map; /* the same */
+    bool *held;           /* [voxels], scratch */
     struct grid cells_grid;
     uint32_t frame, learnt_frame; /* of the newest image, and the newest learnt from */
     uint32_t counter;             /* of lists */
@@ -43,6 +45,14 @@ int detector_survey(struct detector *d, const Anlos__Survey *survey,
 int detector_volume(struct detector *d, const Anlos__Volume *volume,
                     const struct walls *walls, Anlos__DetectionList **out,
                     struct complaint *why);
+/* With cfar: what an image of the volume's grid shows is mostly there, so the next ones
+ * have to show more (dsp/cfar_map.h), but within held_m of these places [n] of the array
+ * frame. */
+void detector_learn(struct detector *d, const Anlos__Volume *volume, int64_t capture_ns,
+                    const double (*held)[3], size_t n, double held_m);
+
+/* What was mostly there may be elsewhere now. */
+void detector_forget(struct detector *d);
 void detector_clear(struct detector *d);
 
 #endif

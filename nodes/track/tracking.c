@@ -24,6 +24,15 @@
 
 _Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS, "");
 
+#define TRAVELLED_M                                                                      \
+    0.6            /* what came so far is something that moves, also when it stands */
+#define HELD_M 0.6 /* about its middle: all of a person */
+
+struct travel {     /* of a track that has a name */
+    double at_m[2]; /* where it began, vehicle frame */
+    bool far;
+};
+
 struct tracking {
     struct tracking_config cfg;
     struct detector detector;
@@ -38,6 +47,7 @@ struct tracking {
     struct track_detection detections[TRACK_DETECTIONS];
     struct track_report reports[TRACKS_MAX]; /* of the newest image */
     size_t n_reports;
+    struct travel travels[TRACK_ID_MAX + 1];
     struct ghost_source sources[TRACKS_MAX]; /* the same, as they are in this one */
 };
 
@@ -325,6 +335,36 @@ static int follow(struct tracking *t, const Anlos__Volume *volume,
     return tracker_step(t->tracker, &scan);
 }
 
+/* What was seen to come from elsewhere, while the vehicle stood, is no remainder of what
+ * stands, also when it stands there now. */
+static bool has_travelled(struct tracking *t, const struct track_report *k, bool stands)
+{
+    struct travel *from = &t->travels[k->id];
+
+    if (k->state == TRACK_NEW || !stands)
+        *from = (struct travel){.at_m = {k->position_m[0], k->position_m[1]}};
+    from->far |= hypot(k->position_m[0] - from->at_m[0],
+                       k->position_m[1] - from->at_m[1]) > TRAVELLED_M;
+    return from->far;
+}
+
+/* What the background leaves is learnt from images that have one. */
+static void learn_residue(struct tracking *t, const Anlos__Volume *volume,
+                          const struct sight *sight, int64_t capture_ns)
+{
+    double held_m[TRACKS_MAX][3];
+    size_t n = 0;
+
+    for (size_t i = 0; i < t->n_reports; i++)
+        if (has_travelled(t, &t->reports[i], !volume->standing_left))
+            sight_virtual(sight, &t->reports[i].mirror, t->reports[i].heard_m,
+                          held_m[n++]);
+    if (volume->standing_left)
+        detector_forget(&t->detector);
+    else if (!volume->pings_blanked)
+        detector_learn(&t->detector, volume, capture_ns, held_m, n, HELD_M);
+}
+
 static bool is_tracked(const struct tracking *t, const Anlos__Volume *volume)
 {
     return t->cfg.mode == LAUNCH_TRACK_AUTO ? volume->frame > 0
@@ -342,6 +382,7 @@ static int make_tracks(struct tracking *t, const Anlos__Volume *volume,
         return complain(why, err, "an image that is not newer than the one before");
     t->stamp_ns = capture_ns;
     t->n_reports = tracker_report(t->tracker, t->reports);
+    learn_residue(t, volume, sight, capture_ns);
     bool as_imaged = !t->has_walls && !sight->walls->n;
     err = listing_make(&t->listing, sight, t->reports, t->n_reports, as_imaged, list);
     if (err)

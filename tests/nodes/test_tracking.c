@@ -255,6 +255,34 @@ static void while_a_sound_drowns_the_images_tracks_go_on(void **state)
     assert_int_equal(r->list->detections[0]->measurement, ANLOS__MEASUREMENT__MEASURED);
 }
 
+/* A strong thing that stands, in air that warms: what the background leaves of it grows
+ * by 4 dB a second and then flickers.  Then something comes that is 20 dB over it. */
+static void what_a_background_leaves_is_not_told_and_what_comes_is(void **state)
+{
+    struct rig *r = *state;
+    struct tracking_config cfg;
+
+    tracking_config(&cfg, NULL);
+    cfg.detector.cfar = CFAR_ORDERED;
+    cfg.detector.false_alarm_rate = 1e-4;
+    tracking_destroy(r->tracking);
+    assert_int_equal(tracking_create(&r->tracking, &cfg), 0);
+    assert_int_equal(tracking_survey(r->tracking, r->scene.survey, NULL), 0);
+    r->volume.standing_left = true; /* the background begins */
+    for (int k = 0; k < 60; k++) {
+        add(r, 0.5, 2.0, 1e-2 * (1.0 + 0.3 * sin(k)) * fmin(pow(10.0, 0.1 * k - 2.0), 1));
+        image(r);
+        r->volume.standing_left = false;
+        assert_int_equal(r->list->n_detections, 0);
+    }
+    for (int k = 0; k < 60; k++) {
+        add(r, 0.5, 2.0, 1e-2 * (1.0 + 0.3 * sin(k)));
+        add(r, -0.8 + 0.05 * k, 2.5, 1.0);
+        image(r);
+        assert_int_equal(r->list->n_detections, k >= 2);
+    }
+}
+
 /* One wall across the array's view, number 7, or none. */
 static void tell_wall(struct rig *r, size_t n, double distance_m, int64_t stamp_ns)
 {
@@ -601,6 +629,7 @@ int main(void)
         TEST(something_that_walks_is_where_it_is_at_the_stamp),
         TEST(it_is_predicted_and_then_deleted),
         TEST(while_a_sound_drowns_the_images_tracks_go_on),
+        TEST(what_a_background_leaves_is_not_told_and_what_comes_is),
         TEST(what_stands_is_seen_to_stand_from_a_vehicle_that_moves),
         TEST(motion_that_is_not_told_any_more_is_said),
         TEST(the_walls_error_is_not_averaged_away),
