@@ -20,7 +20,7 @@ struct detect_config {
     bool learns;         /* cfar, from this image (default) */
     const struct trace_set *traces; /* for objects_find: what was imaged, to tell lobes
                                      * apart; NULL: not at hand.  Not owned. */
-    const struct cfar_map *map; /* with cfar: of this grid; NULL: none.  Not owned. */
+    const struct cfar_map *map;     /* with cfar: of this grid; NULL: none.  Not owned. */
     bool multipath;          /* for objects_find: echoes of others are told (default) */
     double dynamic_range_db; /* below the brightest; sidelobes start at about -18 */
     double cluster_m;        /* bright places closer than this are one object */
