@@ -116,6 +116,22 @@ static void place_extended(const struct search *s, const struct region *r,
     }
 }
 
+/* Somewhere in what is seen, uniformly distributed over its length. */
+static void place_seen(const struct search *s, const struct region *r,
+                       struct detection *d)
+{
+    static const int element[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+
+    for (int a = 0; a < 3; a++) {
+        double seen_m = s->grid->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
+        if (!(d->at_border & (PEAK_BORDER(a, 0) | PEAK_BORDER(a, 1))))
+            continue;
+        for (int b = 0; b < 3; b++)
+            d->covariance_m2[element[a][b]] = 0.0;
+        d->covariance_m2[element[a][a]] = seen_m * seen_m / 12.0;
+    }
+}
+
 static void add_model_errors(const struct search *s, struct detection *d)
 {
     static const int diagonal[3] = {0, 3, 5};
@@ -182,7 +198,7 @@ static void describe(const struct search *s, const struct region *r, double stro
                                                        : POINT_VOXELS * g->step_m[a];
         body_m[a] = g->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
         point = point && body_m[a] < POINT_WIDTHS * width_m + 2.0 * g->step_m[a];
-        if (r->low[a] == 0 || r->high[a] + 1 == g->n[a])
+        if (!s->cfg->followed && (r->low[a] == 0 || r->high[a] + 1 == g->n[a]))
             body_m[a] = INFINITY;
     }
     peak_fit(g, s->volume, r->peak, peak / floor, s->gated, body_m, &fit);
@@ -191,6 +207,8 @@ static void describe(const struct search *s, const struct region *r, double stro
     d->at_border = fit.at_border;
     if (!point)
         place_extended(s, r, d);
+    if (s->cfg->followed)
+        place_seen(s, r, d);
     add_model_errors(s, d);
     d->level_db = 10.0 * log10(peak / floor);
     d->existence = existence(s, peak, floor + residue(s, r->peak, floor), strongest);

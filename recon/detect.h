@@ -21,6 +21,8 @@ struct detect_config {
     const struct trace_set *traces; /* for objects_find: what was imaged, to tell lobes
                                      * apart; NULL: not at hand.  Not owned. */
     const struct cfar_map *map;     /* with cfar: of this grid; NULL: none.  Not owned. */
+    bool followed;           /* by tracks, which know themselves that an object may go on
+                              * beyond a border: its place is that of what is seen of it */
     bool multipath;          /* for objects_find: echoes of others are told (default) */
     double dynamic_range_db; /* below the brightest; sidelobes start at about -18 */
     double cluster_m;        /* bright places closer than this are one object */

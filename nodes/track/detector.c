@@ -112,10 +112,8 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
     detect_config_default(&cfg);
     cfg.threshold_db = d->cfg.threshold_db;
     cfg.learns = learns(d, volume) && !volume->pings_blanked;
-    cfg.multipath =
-        !volume->frame &&
-        !imager_isolates(
-            volume->method); /* of images that follow each other a track tells */
+    cfg.followed = volume->frame != 0;
+    cfg.multipath = !cfg.followed && !imager_isolates(volume->method);
     if (imager_isolates(volume->method))
         detect_config_isolated(&cfg, &grid);
     if (!walls) {

@@ -134,6 +134,30 @@ static void an_object_is_reported_where_it_really_is(void **state)
     assert_true(d->existence >= 0.5);
 }
 
+/* Half of it is beyond the end of the image (z, the vehicle's x).  Of images that follow
+ * each other a track tells that it may go on there. */
+static void at_a_border_a_scan_tells_nothing_and_a_frame_what_is_seen(void **state)
+{
+    struct rig *r = *state;
+    const double at_m[3] = {0.183, 0.142, origin_m[2]};
+
+    add_blob(r, at_m, sharp_m);
+    for (r->volume.frame = 0; r->volume.frame < 2; r->volume.frame++) {
+        assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
+                         0);
+        assert_int_equal(r->list->n_detections, 1);
+        const Anlos__Detection *d = r->list->detections[0];
+        assert_true(d->at_border);
+        double sigma_m = sqrt(d->covariance_m2[0]);
+        if (r->volume.frame)
+            assert_true(sigma_m < 0.05);
+        else
+            assert_true(sigma_m > 1.0);
+        objects_free(r->list);
+        r->list = NULL;
+    }
+}
+
 static const Anlos__Detection *find(const Anlos__DetectionList *list, double virtual_z_m)
 {
     for (size_t i = 0; i < list->n_detections; i++)
@@ -302,6 +326,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(an_object_is_reported_where_it_really_is),
+        TEST(at_a_border_a_scan_tells_nothing_and_a_frame_what_is_seen),
         TEST(what_a_method_isolates_is_not_joined),
         TEST(each_wall_mirrors_what_its_gate_holds),
         TEST(what_no_wall_stands_before_is_marked),

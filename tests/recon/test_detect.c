@@ -542,6 +542,31 @@ static void nor_has_what_goes_on_behind_the_gate(void **state)
     scene_close(&s);
 }
 
+/* 0.2 m of the plate are in the grid: of those the place is told, somewhere in them. */
+static void what_is_followed_has_the_place_of_what_is_seen_of_it(void **state)
+{
+    (void)state;
+    static const double size_m[3] = {0.3, 0.2, 0.0};
+    const double at_m[3] = {grid.origin_m[0] + 0.05, 0.15, 1.05};
+    const double seen_m = 0.2, uniform_m = seen_m / sqrt(12.0);
+    struct scene s;
+
+    scene_open(&s, true);
+    s.cfg.cluster_m = 0.2;
+    s.cfg.followed = true;
+    add_object(&s, at_m, size_m, 45.0);
+    search(&s, 1.0);
+    assert_int_equal(s.n, 1);
+    const struct detection *d = &s.found[0];
+    double sigma_m = sqrt(d->covariance_m2[0]);
+    assert_int_equal(d->at_border, PEAK_BORDER(0, 0));
+    assert_true(sigma_m >= 0.9 * uniform_m && sigma_m < 2.0 * uniform_m);
+    assert_below(fabs(d->position_m[0] - grid.origin_m[0] - 0.5 * seen_m), sigma_m);
+    for (int a = 1; a < 3; a++)
+        expect_known(d, a, true);
+    scene_close(&s);
+}
+
 /* Noise is 10 dB louder on one side. */
 static void with_cfar_each_place_has_a_threshold_of_its_own(void **state)
 {
@@ -657,6 +682,7 @@ int main(void)
         cmocka_unit_test(what_lies_behind_the_gate_is_not_known_in_depth),
         cmocka_unit_test(nor_has_what_goes_on_behind_the_gate),
         cmocka_unit_test(a_plate_that_goes_on_outside_has_no_known_middle_there),
+        cmocka_unit_test(what_is_followed_has_the_place_of_what_is_seen_of_it),
         cmocka_unit_test(with_cfar_each_place_has_a_threshold_of_its_own),
         cmocka_unit_test(a_box_is_extended_and_a_point_a_point),
         cmocka_unit_test(an_even_volume_has_no_objects),
