@@ -239,6 +239,12 @@ static size_t count_told(const struct world *w, uint16_t fault)
     return n;
 }
 
+#ifdef __SANITIZE_ADDRESS__ /* ten times slower: late whoever is stopped */
+enum { KEEPS_PACE = false };
+#else
+enum { KEEPS_PACE = true };
+#endif
+
 /* For as long as it takes until the vehicle has been told for a while, which is before
  * the launcher gives the node up. */
 static void assert_stop_is_told(struct world *w, int i)
@@ -312,11 +318,14 @@ static void whoever_hangs_is_started_again_and_the_vehicle_is_told(void **state)
     struct world w = {.scratch = *state};
 
     start(&w);
+    if (!KEEPS_PACE)
+        print_message("no stop is timed by what the vehicle is told: too slow\n");
     for (int i = 0; i < NODES; i++) {
         WAIT_UNTIL(&w, names[i], w.members[i].pid && is_active(&w));
         forget_statuses(&w);
         assert_moment_is_survived(&w, i);
-        assert_stop_is_told(&w, i);
+        if (KEEPS_PACE)
+            assert_stop_is_told(&w, i);
         assert_hang_is_ended(&w, i);
     }
     end(&w);
