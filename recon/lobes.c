@@ -7,12 +7,10 @@
 #define WINDOW   16.0 /* of an echo, times one over the band */
 #define FAINTER  3.0  /* dB by which a lobe may be brighter than what makes it */
 #define BESIDE_M 0.15 /* length of a pulse, and of what it comes back from */
-#define REAL_DB                                                                          \
-    6.0 /* by which the spectra of objects differ: small ones echo with f^2              \
-         */
-#define LOBE                                                                             \
-    0.1 /* how often there is one, over how differently they lack what is low            \
-         */
+/* By which the spectra of objects differ: small ones echo with f^2. */
+#define REAL_DB 6.0
+/* How often there is one, over how differently they lack what is low. */
+#define LOBE    0.1
 #define LOBE_DB 20.0 /* from which on that is a lobe's */
 
 enum { TONES = 8, LOW = 1, HIGH = 5, WIDE = 2 }; /* compared; the ends are the window's */

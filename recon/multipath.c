@@ -6,9 +6,8 @@
 
 #include "recon/peak.h"
 
-#define BODY_M                                                                           \
-    0.05 /* by which an echo leaves a body beside the place it is imaged at              \
-          */
+/* By which an echo leaves a body beside the place it is imaged at. */
+#define BODY_M      0.05
 #define BODY_SIZE_M 0.15 /* what is nearer to each other is one body's */
 #define ALIKE_DB    3.0  /* louder than what makes it by more an echo is not */
 #define PRIOR       0.5  /* that what can make an echo does: nothing is known of it */

@@ -74,9 +74,8 @@ names:
 /* -- of an array that stands ------------------------------------------------------------
  */
 
-#define MOST_SILENT                                                                      \
-    1000 /* slots that may be missing between two pings of one stretch                   \
-          */
+/* Slots that may be missing between two pings of one stretch. */
+#define MOST_SILENT 1000
 
 struct recording_writer {
     char *path, *table_path;

@@ -14,9 +14,8 @@
 #include "nodes/dsp/recorded_background.h"
 #include "nodes/dsp/standing.h"
 
-#define LONGEST_NS                                                                       \
-    INT64_C(500000000) /* that a sound from outside is none of the place                 \
-                        */
+/* That a sound from outside is none of the place. */
+#define LONGEST_NS INT64_C(500000000)
 
 struct dsp {
     struct dsp_config cfg;

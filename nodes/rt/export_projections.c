@@ -10,9 +10,9 @@
 #include "nodes/rt/export_projection.h"
 
 #define RANGE_DB 25.0
-#define STANDS_OUT_DB                                                                    \
-    30.0 /* 0 dB is so far above the median at least: noise, whose maximum               \
-          * is 10 to 13 dB above it, stays dark where nothing is */
+/* 0 dB is so far above the median at least: noise, whose maximum is 10 to 13 dB above it,
+ * stays dark where nothing is. */
+#define STANDS_OUT_DB  30.0
 #define MOST_SAMPLES   1000000 /* that a median is of */
 #define FILE_FINENESS  1.5     /* sharp on any screen */
 #define SHOWN_FINENESS 1.0     /* drawn again and again while a scan goes on */

@@ -7,8 +7,8 @@
 
 #include "msgs/topics.h"
 
-#define SENT_AHEAD                                                                       \
-    64 /* messages that may have overtaken this; more: who sends began anew */
+/* Messages that may have overtaken this; more: who sends began anew. */
+#define SENT_AHEAD 64
 
 bool replay_order_has(const struct topic *t)
 {

@@ -22,11 +22,11 @@
  */
 #define REMAINS_DB 14.0
 
-_Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS, "");
+/* What came so far is something that moves, also when it stands. */
+#define TRAVELLED_M 0.6
+#define HELD_M      0.6 /* about its middle: all of a person */
 
-#define TRAVELLED_M                                                                      \
-    0.6            /* what came so far is something that moves, also when it stands */
-#define HELD_M 0.6 /* about its middle: all of a person */
+_Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS, "");
 
 struct travel {     /* of a track that has a name */
     double at_m[2]; /* where it began, vehicle frame */
