@@ -6,11 +6,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/method.h"
 #include "recon/midpoint.h"
 #include "recon/nmo.h"
 
 #define SAME_M      1e-3 /* half-offsets that differ less are the same */
 #define UNEVEN      0.02 /* pitches may differ by this part of their mean */
+#define MIN_SAMPLES 16
 #define MARGIN_TAPS 16.0 /* pulse widths before the nearest voxel */
 
 #define NOT_OURS UINT32_MAX
@@ -107,22 +109,15 @@ static int plan_ranges(struct colocated *c, const struct imager_config *cfg,
                        const char **why)
 {
     const struct trace_format *in = &cfg->format;
-    double delays_s[2], speed = cfg->geometry->sound_speed_m_s;
-    double moveout_s = 2.0 * m->half_offset_m[0] / speed;
-    grid_delays(&cfg->grid, cfg->geometry, delays_s);
-    double end_s = in->t0_s + (double)in->n_samples / in->rate_hz;
-    double last_s =
-        fmin(delays_s[1], sqrt(fmax(end_s * end_s - moveout_s * moveout_s, 0.0)));
-    double margin_s = MARGIN_TAPS / (cfg->band_hz[1] - cfg->band_hz[0]);
-    double first_s = fmax(2.0 * cfg->gate_m[0] / speed, delays_s[0] - margin_s);
-    double n = floor((last_s - first_s) * in->rate_hz);
-    if (!(n >= 1.0)) {
-        *why = "a gate that overlaps the volume";
-        return -ENOTSUP;
-    }
-    *moved = (struct trace_format){first_s, in->rate_hz, in->carrier_hz, (size_t)n};
+    double speed = cfg->geometry->sound_speed_m_s;
+    double margin_s = MARGIN_TAPS / (cfg->band_hz[1] - cfg->band_hz[0]), span_s[2];
+    int err = method_span(span_s, cfg, margin_s, m->half_offset_m[0], why);
+    if (err)
+        return err;
+    *moved = (struct trace_format){span_s[0], in->rate_hz, in->carrier_hz,
+                                   method_samples(span_s, in->rate_hz, MIN_SAMPLES)};
     c->lattice.n_ranges = moved->n_samples;
-    c->lattice.range_m = 0.5 * speed * first_s;
+    c->lattice.range_m = 0.5 * speed * span_s[0];
     c->lattice.range_step_m = 0.5 * speed / in->rate_hz;
     return 0;
 }

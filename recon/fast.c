@@ -31,24 +31,19 @@ static double held_hz(const struct imager_config *cfg)
     return fmax(cfg->band_hz[1] - low_hz, 2.0 * (cfg->format.carrier_hz - low_hz));
 }
 
-/* Co-located traces span the gate from its mute to the farthest voxel of the image. */
-static void colocated_format(struct trace_format *out, const struct imager_config *cfg,
-                             const struct midpoints *m)
+static int colocated_format(struct trace_format *out, const struct imager_config *cfg,
+                            const struct midpoints *m, const char **why)
 {
-    double delays_s[2], c = cfg->geometry->sound_speed_m_s;
-    grid_delays(&cfg->grid, cfg->geometry, delays_s);
-    double band_hz = cfg->band_hz[1] - cfg->band_hz[0];
-    double longest_m = m->half_offset_m[m->n_offsets - 1];
-    double end_s = cfg->format.t0_s + (double)cfg->format.n_samples / cfg->format.rate_hz;
-    double last_s =
-        fmin(delays_s[1], sqrt(fmax(end_s * end_s - pow(2.0 * longest_m / c, 2.0), 0.0)));
-    double first_s = fmax(2.0 * cfg->gate_m[0] / c, delays_s[0] - 16.0 / band_hz);
+    double band_hz = cfg->band_hz[1] - cfg->band_hz[0], span_s[2];
+    int err =
+        method_span(span_s, cfg, 16.0 / band_hz, m->half_offset_m[m->n_offsets - 1], why);
+    if (err)
+        return err;
     out->rate_hz = fmin(RATE_MARGIN * held_hz(cfg), cfg->format.rate_hz);
     out->carrier_hz = cfg->format.carrier_hz;
-    out->t0_s = first_s;
-    out->n_samples = (size_t)fmax(ceil((last_s - first_s) * out->rate_hz), 0.0);
-    if (last_s >= first_s && out->n_samples < FK_MIN_SAMPLES) /* as of one voxel there */
-        out->n_samples = FK_MIN_SAMPLES;
+    out->t0_s = span_s[0];
+    out->n_samples = method_samples(span_s, out->rate_hz, FK_MIN_SAMPLES);
+    return 0;
 }
 
 /* Do the corners of the image's middle plane need dip moveout? */
@@ -103,12 +98,9 @@ static int create_stages(struct fast *f, const struct imager_config *cfg,
 {
     const struct midpoints *m = f->midpoints;
     struct trace_format colocated;
-    colocated_format(&colocated, cfg, m);
-    if (colocated.n_samples < FK_MIN_SAMPLES) {
-        *why = "a gate that overlaps the volume";
-        return -ENOTSUP;
-    }
-    int err = create_stack(f, cfg, &colocated, why);
+    int err = colocated_format(&colocated, cfg, m, why);
+    if (!err)
+        err = create_stack(f, cfg, &colocated, why);
     if (err)
         return err;
     const struct fk_config fk = {

@@ -16,16 +16,36 @@
     1.15 /* keeps what migrates below the grid from wrapping into it                     \
           */
 
+/* Short transforms cost nothing, and the farther away copies are the better; but a long
+ * step makes a long way of them. */
+#define SHORT      48
+#define SHORT_WAYS 4.0 /* what is needed, in shorter ones */
+#define LONE_WAYS  1.2 /* the same of a voxel whose step is ours to choose */
+
 /* Lengths at which FFTW's estimated plan is as good as a measured one (3.3.10, under 1.2
  * ns a point; others take up to 4).  All even. */
-static size_t fast_size(double at_least)
+static size_t fast_size(double needed)
 {
-    static const size_t lengths[] = {48,  64,  80,  96,  128, 144, 160,  192,  240,
-                                     256, 320, 384, 400, 512, 640, 1024, 1280, 2048};
+    static const size_t lengths[] = {8,   16,  24,  32,   SHORT, 64,  80,  96,
+                                     128, 144, 160, 192,  240,   256, 320, 384,
+                                     400, 512, 640, 1024, 1280,  2048};
+    double at_least = fmax(needed, fmin(SHORT, SHORT_WAYS * needed));
     for (size_t i = 0; i < sizeof lengths / sizeof *lengths; i++)
         if ((double)lengths[i] >= at_least)
             return lengths[i];
     return 2 * fft_size((size_t)ceil(0.5 * at_least), 1.1);
+}
+
+/* A lone voxel's step may be as short as makes `needed_m` a short transform. */
+static double lone_step(double step_m, double needed_m)
+{
+    return needed_m > 0.0 ? fmin(step_m, LONE_WAYS / SHORT * needed_m) : step_m;
+}
+
+/* What the image takes of a period; a lone voxel takes none, however long its step. */
+static double extent(const struct grid *g, int axis)
+{
+    return g->n[axis] > 1 ? (double)g->n[axis] * g->step_m[axis] : 0.0;
 }
 
 static double grid_end(const struct grid *g, int axis)
@@ -39,19 +59,20 @@ static double reach(const struct grid *g, int axis, const double *lines, size_t 
     return fmax(grid_end(g, axis) - lines[0], lines[n - 1] - g->origin_m[axis]);
 }
 
-static int plan_axis(struct fk_axis *a, const struct fk *m, int axis, const double *lines,
+static int plan_axis(struct fk_axis *a, struct fk *m, int axis, const double *lines,
                      size_t n, double k_limit)
 {
-    const struct grid *g = &m->grid;
-    double step = g->step_m[axis];
-    double extent = (double)g->n[axis] * step;
+    struct grid *g = &m->grid;
     double aperture = lines[n - 1] - lines[0];
     double across = fabs(reach(g, axis, lines, n));
     /* Copies of the midpoints stand a period away.  They must lie outside the cone of
      * waves used; those of a wide aperture are out of focus and may lie nearer. */
     double period = aperture > 0.5 * across ? PERIOD_MARGIN * 2.0 * across
                                             : across + m->sine_max * m->far_m;
-    period = fmax(period, extent + aperture);
+    period = fmax(period, extent(g, axis) + aperture);
+    if (g->n[axis] == 1)
+        g->step_m[axis] = lone_step(g->step_m[axis], period);
+    double step = g->step_m[axis];
     a->n = fast_size(fmax(period / step, (double)g->n[axis]));
     a->dk = 2.0 * M_PI / ((double)a->n * step);
     a->k_max = (size_t)floor(k_limit / a->dk);
@@ -87,11 +108,13 @@ static void plan_time(struct fk *m, const struct fk_config *cfg)
 
 static void plan_depth(struct fk *m, const struct fk_config *cfg)
 {
-    double step = m->grid.step_m[2];
     m->far_m = 0.5 * m->c *
                (m->centre_s + 0.5 * (double)cfg->trace.n_samples / cfg->trace.rate_hz);
-    double span = fmax((double)m->grid.n[2] * step, m->far_m - m->depth_m);
-    m->nz_fft = fast_size(DEPTH_PADDING * span / step);
+    double span = DEPTH_PADDING * fmax(extent(&m->grid, 2), m->far_m - m->depth_m);
+    if (m->grid.n[2] == 1)
+        m->grid.step_m[2] = lone_step(m->grid.step_m[2], span);
+    double step = m->grid.step_m[2];
+    m->nz_fft = fast_size(span / step);
     m->dkz = 2.0 * M_PI / ((double)m->nz_fft * step);
     double cosine = sqrt(1.0 - m->sine_max * m->sine_max);
     double k_low = 4.0 * M_PI * cfg->band_hz[0] / m->c;

@@ -47,6 +47,28 @@ bool imager_isolates(const char *name)
     return m && m->isolates;
 }
 
+int method_span(double span_s[2], const struct imager_config *cfg, double before_s,
+                double half_offset_m, const char **why)
+{
+    double delays_s[2], c = cfg->geometry->sound_speed_m_s;
+    double end_s = cfg->format.t0_s + (double)cfg->format.n_samples / cfg->format.rate_hz;
+    double apart_s = 2.0 * half_offset_m / c;
+
+    grid_delays(&cfg->grid, cfg->geometry, delays_s);
+    span_s[0] = fmax(2.0 * cfg->gate_m[0] / c, delays_s[0] - before_s);
+    span_s[1] = fmin(delays_s[1], sqrt(fmax((end_s - apart_s) * (end_s + apart_s), 0.0)));
+    if (span_s[1] >= span_s[0])
+        return 0;
+    *why = "a gate that overlaps the volume";
+    return -ENOTSUP;
+}
+
+size_t method_samples(const double span_s[2], double rate_hz, size_t at_least)
+{
+    double n = ceil((span_s[1] - span_s[0]) * rate_hz);
+    return n > (double)at_least ? (size_t)n : at_least;
+}
+
 static bool sensible(const struct imager_config *cfg)
 {
     const struct geometry *g = cfg->geometry;

@@ -6,6 +6,7 @@
 
 #include "recon/admm.h"
 #include "recon/lightcone.h"
+#include "recon/method.h"
 #include "recon/resample.h"
 #include "recon/zero_offset.h"
 
@@ -50,18 +51,12 @@ static void adjoint(void *ctx, const float *y, float *x)
 static int plan_times(struct trace_format *out, const struct imager_config *cfg,
                       const char **why)
 {
-    double delays_s[2], c = cfg->geometry->sound_speed_m_s;
-    double end_s = cfg->format.t0_s + (double)cfg->format.n_samples / cfg->format.rate_hz;
-    grid_delays(&cfg->grid, cfg->geometry, delays_s);
-    double first_s = fmax(2.0 * cfg->gate_m[0] / c, delays_s[0]);
-    double n = ceil((fmin(delays_s[1], end_s) - first_s) * 2.0 *
-                    (cfg->band_hz[1] - cfg->band_hz[0]));
-    *out = (struct trace_format){first_s, 2.0 * (cfg->band_hz[1] - cfg->band_hz[0]),
-                                 cfg->format.carrier_hz, (size_t)fmax(n, 0.0)};
-    if (out->n_samples >= MIN_SAMPLES)
-        return 0;
-    *why = "a gate that overlaps the volume";
-    return -ENOTSUP;
+    double rate_hz = 2.0 * (cfg->band_hz[1] - cfg->band_hz[0]), span_s[2];
+    int err = method_span(span_s, cfg, 0.0, 0.0, why);
+    if (!err)
+        *out = (struct trace_format){span_s[0], rate_hz, cfg->format.carrier_hz,
+                                     method_samples(span_s, rate_hz, MIN_SAMPLES)};
+    return err;
 }
 
 static int plan_operator(struct iterative_lightcone *l, const struct imager_config *cfg,

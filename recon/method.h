@@ -19,6 +19,16 @@ struct imager_method {
     void (*destroy)(void *state);
 };
 
+/* Delays of co-located pairs (2 range / c) from before the nearest voxel of the image, or
+ * from the mute, to the farthest that pairs with this half offset still heard when the
+ * traces end.  0, -ENOTSUP: the gate holds none of the image. */
+int method_span(double span_s[2], const struct imager_config *cfg, double before_s,
+                double half_offset_m, const char **why);
+
+/* Samples of such a span.  A thin image, or one that the gate only touches, gets as many
+ * as the filters take. */
+size_t method_samples(const double span_s[2], double rate_hz, size_t at_least);
+
 extern const struct imager_method method_fast;
 extern const struct imager_method method_backprojection;
 extern const struct imager_method method_confocal;

@@ -55,17 +55,15 @@ static void paper_destroy(void *state)
 }
 
 /* Zero-offset times span the gate from its mute to the farthest voxel of the image. */
-static void plan_times(struct trace_format *out, const struct imager_config *cfg)
+static int plan_times(struct trace_format *out, const struct imager_config *cfg,
+                      const char **why)
 {
-    double delays_s[2], c = cfg->geometry->sound_speed_m_s;
-    double end_s = cfg->format.t0_s + (double)cfg->format.n_samples / cfg->format.rate_hz;
-    grid_delays(&cfg->grid, cfg->geometry, delays_s);
-    double first_s = fmax(2.0 * cfg->gate_m[0] / c, delays_s[0]);
-    double last_s = fmin(delays_s[1], end_s);
-    out->rate_hz = 2.0 * (cfg->band_hz[1] - cfg->band_hz[0]);
-    out->carrier_hz = cfg->format.carrier_hz;
-    out->t0_s = first_s;
-    out->n_samples = (size_t)fmax(ceil((last_s - first_s) * out->rate_hz), 0.0);
+    double rate_hz = 2.0 * (cfg->band_hz[1] - cfg->band_hz[0]), span_s[2];
+    int err = method_span(span_s, cfg, 0.0, 0.0, why);
+    if (!err)
+        *out = (struct trace_format){span_s[0], rate_hz, cfg->format.carrier_hz,
+                                     method_samples(span_s, rate_hz, MIN_SAMPLES)};
+    return err;
 }
 
 static int plan_lightcone(struct paper *p, const struct imager_config *cfg)
@@ -138,17 +136,12 @@ static int paper_create(void **state, const struct imager_config *cfg, const cha
         .mute_s = 2.0 * cfg->gate_m[0] / cfg->geometry->sound_speed_m_s,
         .pool = cfg->pool,
     };
-    plan_times(&z.out, cfg);
+    int err = plan_times(&z.out, cfg, why);
     p->pool = cfg->pool;
     p->migrate = plan_options(cfg);
     p->n_planes = cfg->grid.n[2];
     p->plane_size = cfg->grid.n[0] * cfg->grid.n[1];
     p->n_ranges = z.out.n_samples;
-    int err = 0;
-    if (p->n_ranges < MIN_SAMPLES) {
-        *why = "a gate that overlaps the volume";
-        err = -ENOTSUP;
-    }
     if (!err)
         err = zero_offset_create(&p->zero_offset, &z, why);
     if (!err)

@@ -307,6 +307,6 @@ int processing_imager(struct imager **out, const struct processing *p, const cha
                         method, reason && *reason ? reason : "another geometry");
     if (err)
         return complain(why, err, "method '%s': %s", method,
-                        reason ? reason : strerror(-err));
+                        reason && *reason ? reason : strerror(-err));
     return 0;
 }

@@ -98,30 +98,6 @@ static void a_volume_behind_the_array_is_refused_with_a_reason(void **state)
     expect_refused(&r);
 }
 
-static void a_gate_past_the_volume_is_refused_with_a_reason(void **state)
-{
-    (void)state;
-    struct rig r;
-    rig_default(&r);
-    r.gate_m[0] = 1.6;
-    r.gate_m[1] = 1.8;
-    expect_refused(&r);
-}
-
-/* The one voxel is as far away as the gate begins. */
-static void a_voxel_at_the_edge_of_the_gate_is_imaged(void **state)
-{
-    (void)state;
-    struct rig r;
-    const struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
-    rig_default(&r);
-    rig_look_at(&r, 0.0, 0.0, 1.1, 1, 0.01);
-    r.gate_m[0] = 1.1;
-    float *image = rig_image(&r, "fast", &point, 1, 1);
-    assert_true(isfinite(image[0]) && image[0] > 0.0f);
-    free(image);
-}
-
 /* The loud point would drown the far one by 40 dB. */
 static void what_comes_before_the_gate_is_muted(void **state)
 {
@@ -270,8 +246,6 @@ int main(void)
         cmocka_unit_test(a_single_line_of_midpoints_does_not_wrap),
         cmocka_unit_test(an_array_that_is_not_plane_is_refused_with_a_reason),
         cmocka_unit_test(a_volume_behind_the_array_is_refused_with_a_reason),
-        cmocka_unit_test(a_gate_past_the_volume_is_refused_with_a_reason),
-        cmocka_unit_test(a_voxel_at_the_edge_of_the_gate_is_imaged),
         cmocka_unit_test(what_comes_before_the_gate_is_muted),
         cmocka_unit_test(sounds_above_the_imaged_band_do_not_fold_into_it),
         cmocka_unit_test(a_band_that_ends_softly_rings_less_in_depth),

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/fk.h"
+#include "recon/fk_plan.h"
 #include "tests/recon/rig.h"
 
 #define NX 8
@@ -421,6 +421,42 @@ static void one_midpoint_and_one_voxel_are_enough(void **state)
     free(image);
 }
 
+/* Lateral and depth wavenumbers that are summed. */
+static double plane_waves(const struct site *s)
+{
+    struct fk_config cfg = s->cfg;
+    struct fk *m;
+    cfg.trace = s->rig.format;
+    cfg.grid = s->rig.grid;
+    assert_int_equal(pool_create(&cfg.pool, 1), 0);
+    assert_int_equal(fk_create(&m, &cfg), 0);
+    double n = (double)(m->x.k_max + 1) * (double)(m->y.k_max + 1) * (double)m->n_kz;
+    fk_destroy(m);
+    pool_destroy(cfg.pool);
+    return n;
+}
+
+/* A lone voxel has no step, and what gate and aperture take is the same for two as for
+ * many: 48 steps of a metre were 48 m, and a million times the plane waves. */
+static void a_long_step_costs_no_more_than_a_short_one(void **state)
+{
+    (void)state;
+    const struct scatterer point = {{0.02, -0.01, 1.1}, 1.0};
+    struct site s;
+    site_default(&s);
+    rig_look_at(&s.rig, 0.0, 0.0, 1.1, 1, 0.01);
+    float *fine = migrate(&s, &point, 1);
+    double needed = plane_waves(&s);
+    for (double step_m = 1.0; step_m < 2000.0; step_m *= 10.0) {
+        rig_look_at(&s.rig, 0.0, 0.0, 1.1, 1, step_m);
+        assert_below(plane_waves(&s), 1.5 * needed);
+        float *coarse = migrate(&s, &point, 1);
+        assert_near(sqrt(coarse[0] / fine[0]), 1.0, 0.1);
+        free(coarse);
+    }
+    free(fine);
+}
+
 static void expect_refused(const struct fk_config *cfg)
 {
     struct fk *m = NULL;
@@ -528,6 +564,7 @@ int main(void)
         cmocka_unit_test(the_sampling_of_the_traces_does_not_matter),
         cmocka_unit_test(silence_makes_no_image),
         cmocka_unit_test(one_midpoint_and_one_voxel_are_enough),
+        cmocka_unit_test(a_long_step_costs_no_more_than_a_short_one),
         cmocka_unit_test(values_that_make_no_sense_are_refused),
         cmocka_unit_test(scales_that_make_no_sense_are_refused),
         cmocka_unit_test(a_trace_of_few_samples_is_migrated_or_refused),

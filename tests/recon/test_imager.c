@@ -106,6 +106,75 @@ static void expect_value_refused(const struct rig *r)
     }
 }
 
+/* Those that take their ranges from the gate: recon/method.h, method_span. */
+static const char *const spans[] = {"fast", "paper", "lct", "confocal", "iterative"};
+#define N_SPANS (sizeof spans / sizeof *spans)
+
+static struct imager *try_span(struct rig *r, size_t method, struct pool *pool,
+                               const char **why)
+{
+    struct imager_options lightcone;
+    struct imager *im = NULL;
+    imager_options_default(&lightcone);
+    lightcone.base = "lct";
+    lightcone.iterations = 3;
+    struct imager_config cfg = rig_config(r, spans[method], pool);
+    cfg.options = &lightcone;
+    int err = imager_create(&im, &cfg, why);
+    assert_int_equal(err, im ? 0 : -ENOTSUP);
+    return im;
+}
+
+static void a_gate_past_the_volume_is_refused_by_every_method_with_ranges(void **state)
+{
+    (void)state;
+    struct rig r;
+    struct pool *pool;
+    const char *why = NULL;
+    assert_int_equal(pool_create(&pool, 1), 0);
+    rig_pairs(&r);
+    for (size_t q = 0; q < N_SPANS; q++) {
+        r.gate_m[0] = 1.6; /* the farthest corner of the volume is 1.32 m away */
+        r.gate_m[1] = 1.8;
+        assert_null(try_span(&r, q, pool, &why));
+        assert_string_equal(why, "a gate that overlaps the volume");
+    }
+    rig_look_at(&r, 0.0, 0.0, 2.2, 9, 0.01); /* beyond the traces */
+    r.gate_m[0] = 0.0;
+    for (size_t q = 0; q < N_SPANS; q++) {
+        assert_null(try_span(&r, q, pool, &why));
+        assert_string_equal(why, "a gate that overlaps the volume");
+    }
+    pool_destroy(pool);
+}
+
+/* As of one voxel as far away as the gate begins: there are fewer samples in it than the
+ * filters take. */
+static void a_voxel_at_the_edge_of_the_gate_is_imaged_by_every_method(void **state)
+{
+    (void)state;
+    const struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+    struct rig r;
+    struct pool *pool;
+    const char *why = NULL;
+    assert_int_equal(pool_create(&pool, 1), 0);
+    rig_pairs(&r);
+    rig_look_at(&r, 0.0, 0.0, 1.1, 1, 0.01);
+    r.gate_m[0] = 1.1;
+    for (size_t q = 0; q < N_SPANS; q++) {
+        struct imager *im = try_span(&r, q, pool, &why);
+        float intensity = NAN;
+        assert_non_null(im);
+        rig_add(&r, im, &point, 1);
+        imager_image(im, &intensity);
+        assert_true(isfinite(intensity));
+        if (q == 0)
+            assert_true(intensity > 0.0f);
+        imager_destroy(im);
+    }
+    pool_destroy(pool);
+}
+
 static void a_speed_of_sound_that_makes_no_sense_is_refused(void **state)
 {
     (void)state;
@@ -572,6 +641,8 @@ int main(void)
         cmocka_unit_test(the_sampling_of_the_traces_does_not_move_a_point),
         cmocka_unit_test(the_speed_of_sound_does_not_move_a_point),
         cmocka_unit_test(small_arrays_and_grids_still_image),
+        cmocka_unit_test(a_gate_past_the_volume_is_refused_by_every_method_with_ranges),
+        cmocka_unit_test(a_voxel_at_the_edge_of_the_gate_is_imaged_by_every_method),
         cmocka_unit_test(a_speed_of_sound_that_makes_no_sense_is_refused),
         cmocka_unit_test(a_trace_format_that_makes_no_sense_is_refused),
         cmocka_unit_test(a_band_that_is_none_is_refused),
