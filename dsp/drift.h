@@ -25,6 +25,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "dsp/interpolator.h"
 #include "dsp/pulse_compress.h"
 
 #define DRIFT_MAX_STRETCH 0.005 /* 2.9 K; beyond it none is looked for */
@@ -59,5 +60,48 @@ void drift_measure(struct drift *d, const float complex *background,
 bool drift_subtract(struct drift *d, double stretch, const float complex *background,
                     float complex *scene);
 void drift_destroy(struct drift *d);
+
+/* Where about the stretch lies: the largest sum over blocks of the correlation of scene
+ * and stretched background, inside of a block by one delay for all its samples.  All
+ * lags' correlations are taken once; each stretch then costs an interpolation of each
+ * block. */
+
+#define DRIFT_BLOCK 32 /* samples */
+
+struct drift_search;
+
+/* Real and imaginary parts of the channels of a ping, apart; each points to sample 0 of
+ * channel 0, the next channel comes `stride` later. */
+struct drift_planes {
+    size_t n_channels, stride;
+    float *background_re, *background_im, *scene_re, *scene_im;
+};
+
+/* Keeps the interpolator.  highest_hz: of the band.  0, -EINVAL, -ENOMEM. */
+int drift_search_create(struct drift_search **out, const struct trace_format *format,
+                        double highest_hz, double max_stretch,
+                        const struct interpolator *ip);
+
+/* Zeros that the planes need on either side of a channel's samples. */
+size_t drift_search_padding(const struct drift_search *ds);
+
+/* The best stretch of the grid, which is fine enough for Gauss-Newton steps from there.
+ */
+double drift_search_best(struct drift_search *ds, const struct drift_planes *planes);
+void drift_search_destroy(struct drift_search *ds);
+
+/* The air's stretch from ping to ping: a random walk, observed by each ping's measurement
+ * (scalar Kalman filter; Kalman 1960).  A ping in which the background is faint takes its
+ * stretch from those before it, and the first one from 0. */
+
+struct drift_track {
+    double stretch, variance;
+};
+
+/* The stretch of the air of another hour is unknown to 0.2%, 1.2 K. */
+void drift_track_start(struct drift_track *t);
+
+/* The best estimate after the next ping, within DRIFT_MAX_STRETCH. */
+double drift_track_update(struct drift_track *t, const struct drift_measurement *m);
 
 #endif

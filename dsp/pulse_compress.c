@@ -6,7 +6,6 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#include "dsp/band_lanes.h"
 #include "dsp/band_transform.h"
 
 /* Whitening: bins this far (in power) below the strongest are not amplified further. */

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "dsp/fft_plan.h"
+#include "dsp/fft.h"
 #include "dsp/rank.h"
 
 #define SEGMENTS   8    /* of a trace */

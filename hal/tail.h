@@ -18,7 +18,7 @@ size_t tail_echo_samples(const struct survey *s);
  * directly: cut off it leaks into the gate, which stays when the background is subtracted
  * sample by sample, but not when its time axis is stretched (dsp/drift.h).  Where the
  * emissions overlap each ping cuts some of them off, and its ends have to be tapered
- * (dsp/taper.h). */
+ * (dsp/window.h). */
 size_t tail_samples(const struct survey *s);
 
 #endif

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 #include "dsp/vector.h"
 #include "recon/midpoint.h"
 #include "recon/nmo.h"

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 #include "recon/sinc.h"
 
 #define TIME_PADDING  1.9 /* keeps the spectrum smooth enough for FK_TAPS taps */

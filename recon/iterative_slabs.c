@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 #include "recon/psf.h"
 
 #define REACH_SIGMAS 3.0 /* of the point spread function that count */

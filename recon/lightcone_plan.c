@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 
 #define SIZE_SLACK 1.06 /* cells more than asked for when the transform gains by it */
 

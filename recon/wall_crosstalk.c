@@ -8,8 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/fft_plan.h"
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 
 #define RIDGE 1e-4 /* of the power of an arrival */
 #define SLACK 1.2

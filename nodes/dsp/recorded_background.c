@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "dsp/background.h"
-#include "dsp/drift_track.h"
+#include "dsp/drift.h"
 
 struct recorded_background {
     size_t n_speakers, n_pings, n_microphones;

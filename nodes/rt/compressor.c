@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/taper.h"
+#include "dsp/window.h"
 
 struct compressor {
     struct pulse_compress *matched[2]; /* up, down; these or those */

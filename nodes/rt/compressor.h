@@ -1,7 +1,7 @@
 /* nodes/rt/compressor.h -- raw pings to traces by the way that was asked for: matched
  * filter (dsp/pulse_compress.h) or the paper's deramp (dsp/deramp.h), one face for both,
  * and for both directions of a survey whose chirps alternate.  Where emissions overlap
- * the ends of the ping are tapered, which cut off those before and behind (dsp/taper.h).
+ * the ends of the ping are tapered, which cut off those before and behind (dsp/window.h).
  */
 #ifndef ANLOS_NODES_RT_COMPRESSOR_H
 #define ANLOS_NODES_RT_COMPRESSOR_H

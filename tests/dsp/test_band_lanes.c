@@ -7,7 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "dsp/band_lanes.h"
+#include "dsp/band_transform.h"
 
 static const struct band_transform_config sizes[] = {
     {4201, {2.0 / 48.0, 20.0 / 48.0}, 2.0, 912.0}, /* a ping */

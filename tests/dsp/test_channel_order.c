@@ -6,7 +6,7 @@
 #include <cmocka.h>
 #include <math.h>
 
-#include "dsp/channel_order.h"
+#include "dsp/channels.h"
 #include "tests/dsp/near.h"
 
 enum { N = 6 };

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "dsp/drift_search.h"
+#include "dsp/drift.h"
 #include "tests/dsp/near.h"
 
 #define N           700

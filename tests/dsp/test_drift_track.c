@@ -5,7 +5,7 @@
 
 #include <cmocka.h>
 
-#include "dsp/drift_track.h"
+#include "dsp/drift.h"
 #include "tests/dsp/near.h"
 
 static const struct drift_measurement silent = {0.0, INFINITY};

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "dsp/fft_plan.h"
+#include "dsp/fft.h"
 #include "tests/dsp/near.h"
 
 enum { N = 96 };

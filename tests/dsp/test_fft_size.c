@@ -5,7 +5,7 @@
 
 #include <cmocka.h>
 
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 
 static void a_size_has_only_small_factors_and_is_inside_the_slack(void **state)
 {

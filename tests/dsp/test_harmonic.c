@@ -9,7 +9,7 @@
 #include <stdlib.h>
 
 #include "dsp/arrival.h"
-#include "dsp/harmonic.h"
+#include "dsp/chirp.h"
 #include "tests/dsp/near.h"
 
 #define RATE_HZ 48000.0

@@ -7,7 +7,7 @@
 #include <errno.h>
 #include <math.h>
 
-#include "dsp/levels.h"
+#include "dsp/channels.h"
 #include "tests/dsp/near.h"
 
 enum { NS = 5, NM = 4 };

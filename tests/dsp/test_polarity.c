@@ -6,7 +6,7 @@
 #include <cmocka.h>
 #include <math.h>
 
-#include "dsp/polarity.h"
+#include "dsp/channels.h"
 
 enum { MOST = 16 };
 

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "dsp/taper.h"
+#include "dsp/window.h"
 
 enum { N = 64 };
 

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 #include "dsp/lane_fft.h"
 #include "recon/lightcone.h"
 #include "tests/golden/golden.h"

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/polarity.h"
+#include "dsp/channels.h"
 #include "dsp/rank.h"
 #include "nodes/anlos/calibrate/wiring.h"
 

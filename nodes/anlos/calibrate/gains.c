@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/levels.h"
+#include "dsp/channels.h"
 #include "nodes/anlos/calibrate/calibrate.h"
 #include "nodes/anlos/calibrate/paths.h"
 

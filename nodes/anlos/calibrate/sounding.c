@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/harmonic.h"
+#include "dsp/chirp.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/processing.h"
 

@@ -38,7 +38,7 @@ void sounding_format(const struct sounding *s, struct trace_format *out);
 const float complex *sounding_traces(struct sounding *s, size_t speaker);
 
 /* The same of the chirp's third overtone, with a format of its own, until the next call.
- * NULL: it has none that can be heard (dsp/harmonic.h). */
+ * NULL: it has none that can be heard (dsp/chirp.h). */
 const float complex *sounding_overtones(struct sounding *s, size_t speaker,
                                         struct trace_format *format);
 void sounding_destroy(struct sounding *s);

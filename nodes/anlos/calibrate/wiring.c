@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "dsp/channel_order.h"
+#include "dsp/channels.h"
 
 #define TOLERANCE_M                                                                      \
     0.015 /* elements are not farther from where the survey has them; the                \

@@ -6,8 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/fft_plan.h"
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 
 #define PADDING  1.3  /* keeps a trace's end from its beginning */
 #define TAPER    0.05 /* of a trace, at both ends */

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/drift_track.h"
+#include "dsp/drift.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/reader_worker.h"
 

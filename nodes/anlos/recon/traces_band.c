@@ -8,8 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/fft_plan.h"
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 #include "dsp/stationary.h"
 
 #define OVERSAMPLING 2.2              /* rate over band width */

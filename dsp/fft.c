@@ -1,4 +1,4 @@
-#include "dsp/fft_size.h"
+#include "dsp/fft.h"
 
 /* Measured with FFTW 3.3.10 (SSE2, AVX) at lengths of 800..6000: time for each point is
  * about proportional to this sum over the prime factors.  0: another factor is left. */
@@ -30,4 +30,10 @@ size_t fft_size(size_t min, double slack)
         }
     }
     return best;
+}
+
+fftwf_plan fft_plan(size_t n, float *in, float *out, int direction)
+{
+    return fftwf_plan_dft_1d((int)n, (fftwf_complex *)in, (fftwf_complex *)out, direction,
+                             FFTW_ESTIMATE | FFTW_PRESERVE_INPUT);
 }

@@ -1,4 +1,4 @@
-#include "dsp/levels.h"
+#include "dsp/channels.h"
 
 #include <errno.h>
 #include <math.h>
@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "dsp/normal_equations.h"
+#include "dsp/rank.h"
 
 #define OUTLIER     3.0  /* standard deviations */
 #define LEAST_SIGMA 0.01 /* dB */
@@ -120,4 +121,115 @@ int levels_fit(struct levels *out, size_t n_speakers, size_t n_microphones,
     free(f.a);
     free(f.gain);
     return err;
+}
+
+#define ITERATIONS 50
+
+static double complex phasor(double complex z)
+{
+    double a = cabs(z);
+    return a > 0.0 ? z / a : 0.0;
+}
+
+/* out[n_out] = the phases that follow from known[n_known] of the other kind; a pair's
+ * peak is at i * stride_out + k * stride_known. */
+static void follow(size_t n_out, size_t stride_out, size_t n_known, size_t stride_known,
+                   const double complex *peaks, const double complex *known,
+                   double complex *out)
+{
+    for (size_t i = 0; i < n_out; i++) {
+        double complex sum = 0.0;
+        for (size_t k = 0; k < n_known; k++)
+            sum += phasor(peaks[i * stride_out + k * stride_known]) * conj(known[k]);
+        out[i] = phasor(sum);
+    }
+}
+
+/* The phase that most are near to: the one of them with the greatest sum of projections
+ * that are not negative.  A mean would vanish where half are inverted. */
+static double complex majority(const double complex *phases, size_t n)
+{
+    double complex best = 1.0;
+    double most = -1.0;
+    for (size_t i = 0; i < n; i++) {
+        double sum = 0.0;
+        for (size_t k = 0; k < n; k++) {
+            double along = creal(phases[k] * conj(phases[i]));
+            sum += along > 0.0 ? along : 0.0;
+        }
+        if (cabs(phases[i]) > 0.0 && sum > most + 1e-9) {
+            most = sum;
+            best = phases[i];
+        }
+    }
+    return best;
+}
+
+static void judge(const double complex *phases, size_t n, bool *inverted)
+{
+    double complex usual = majority(phases, n);
+    for (size_t i = 0; i < n; i++)
+        inverted[i] = creal(phases[i] * conj(usual)) < 0.0;
+}
+
+int polarity_find(size_t n_speakers, size_t n_microphones, const double complex *peaks,
+                  bool *speaker_inverted, bool *microphone_inverted)
+{
+    double complex *speakers = calloc(n_speakers, sizeof *speakers);
+    double complex *microphones = calloc(n_microphones, sizeof *microphones);
+    int err = speakers && microphones ? 0 : -ENOMEM;
+    /* A start that no pattern of signs is orthogonal to. */
+    for (size_t m = 0; !err && m < n_microphones; m++)
+        microphones[m] = cexp(I * 0.1 * (double)m / (double)n_microphones) *
+                         phasor(peaks[m] != 0.0 ? peaks[m] : 1.0);
+    for (int k = 0; !err && k < ITERATIONS; k++) {
+        follow(n_speakers, n_microphones, n_microphones, 1, peaks, microphones, speakers);
+        follow(n_microphones, 1, n_speakers, n_microphones, peaks, speakers, microphones);
+    }
+    if (!err) {
+        judge(speakers, n_speakers, speaker_inverted);
+        judge(microphones, n_microphones, microphone_inverted);
+    }
+    free(speakers);
+    free(microphones);
+    return err;
+}
+
+/* NaN: heard by fewer than half. */
+static double misfit(const double *heard, const double *expected, size_t n,
+                     double *scratch)
+{
+    size_t m = 0;
+    for (size_t i = 0; i < n; i++)
+        if (!isnan(heard[i]))
+            scratch[m++] = fabs(heard[i] - expected[i]);
+    if (2 * m < n || !m)
+        return NAN;
+    return rank_double(scratch, m, m / 2 + 1);
+}
+
+int channel_order_find(size_t n, size_t n_others, const double *heard,
+                       const double *expected, double tolerance_s,
+                       struct channel_place *out)
+{
+    double *scratch = malloc((n_others + 1) * sizeof *scratch);
+    if (!scratch)
+        return -ENOMEM;
+    for (size_t i = 0; i < n; i++) {
+        const double *row = heard + i * n_others;
+        double own = misfit(row, expected + i * n_others, n_others, scratch);
+        struct channel_place best = {i, own, own};
+        for (size_t k = 0; k < n; k++) {
+            double other = misfit(row, expected + k * n_others, n_others, scratch);
+            if (other < best.other_s) {
+                best.answers_as = k;
+                best.other_s = other;
+            }
+        }
+        out[i] = best;
+        if (!(own > tolerance_s && best.other_s < 0.5 * own))
+            out[i] = (struct channel_place){i, own, own};
+    }
+    free(scratch);
+    return 0;
 }
