@@ -13,14 +13,12 @@
  * Q the upper regularised gamma function and the expectation over the level that n
  * independent training cells of mean 1 give.  For shape 1 these are the closed forms
  * (1 + factor / n)^-n and prod_{i < k} (n - i) / (n - i + factor).  A tail that is
- * another than that, of clutter, is learnt from the images (dsp/cfar_noise.h). */
+ * another than that, of clutter, is learnt from the images. */
 #ifndef ANLOS_DSP_CFAR_H
 #define ANLOS_DSP_CFAR_H
 
 #include <stdbool.h>
 #include <stddef.h>
-
-#include "dsp/cfar_noise.h"
 
 enum cfar_kind { CFAR_OFF, CFAR_AVERAGING, CFAR_ORDERED };
 
@@ -39,6 +37,16 @@ struct cfar_config {
     size_t guard[3];    /* cells left out on either side of the cell under test */
     size_t training[3]; /* training cells, pitch apart, on either side beyond */
 };
+
+/* How bright noise is. */
+struct cfar_noise {
+    double shape; /* of the gamma distribution */
+    bool heavy;   /* no shape's: this part of the powers lies over... */
+    double part, from, scale, index; /* ...from, and these are its scale and index */
+};
+
+/* Which part of the noise is brighter than x times its mean. */
+double cfar_noise_tail(double shape, double x);
 
 struct cfar;
 

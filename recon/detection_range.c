@@ -1,8 +1,9 @@
 #include "recon/detection_range.h"
 
-#include <gsl/gsl_cdf.h>
 #include <math.h>
 #include <stdbool.h>
+
+#include "dsp/special.h"
 
 #define LEAST_LOG -20.0 /* of a threshold and of an snr */
 #define MOST_LOG  40.0
@@ -28,7 +29,7 @@ static void find_louder(struct louder *l, double n, double stay)
         double end = sin(0.5 * M_PI * (i + 1.0) / PARTS);
         double up_to = i + 1 == PARTS ? 1.0 : 0.0;
         if (up_to < 1.0 && stay < n)
-            up_to = gsl_cdf_beta_P(end * end, stay, n - stay);
+            up_to = special_beta_p(end * end, stay, n - stay);
         l->part[i] = stay < n ? middle * middle : 1.0;
         l->weight[i] = up_to - below;
         below = up_to;
@@ -43,7 +44,7 @@ static double passes(const struct louder *l, double n, double snr, double thresh
     for (int i = 0; i < PARTS; i++)
         if (l->weight[i] > 0.0)
             sum += l->weight[i] *
-                   gsl_cdf_gamma_Q(threshold / (1.0 + snr * l->part[i]), n, 1.0);
+                   special_gamma_q(n, threshold / (1.0 + snr * l->part[i]));
     return sum;
 }
 
@@ -54,15 +55,14 @@ static bool is_valid(const struct detection_range *d)
            d->probability <= 0.999 && d->stay >= 1.0 && d->stay <= (double)d->n_pings;
 }
 
-/* GSL's own inverses call its error handler, which ends the process, where they do not
- * converge: halving always does. */
+/* By halving, which always converges. */
 static double threshold_of(double n, double rate)
 {
     double low = LEAST_LOG, high = MOST_LOG;
 
     for (int i = 0; i < STEPS; i++) {
         double middle = 0.5 * (low + high);
-        if (gsl_cdf_gamma_Q(exp(middle), n, 1.0) > rate)
+        if (special_gamma_q(n, exp(middle)) > rate)
             low = middle;
         else
             high = middle;

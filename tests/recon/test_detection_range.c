@@ -116,7 +116,7 @@ static void who_stays_for_less_has_to_be_louder(void **state)
     }
 }
 
-/* GSL would end the process. */
+/* Where no bisection finds anything. */
 static void values_that_make_no_sense_have_no_answer(void **state)
 {
     static const struct detection_range bad[] = {
