@@ -46,6 +46,8 @@ static int take_survey(struct run *r, const Anlos__Survey *m)
 
 static void take_ping(struct run *r, const struct node_message *in)
 {
+    if (r->finder.from != WALL_FROM_ECHOES) /* of a replay: only the time that it is */
+        return;
     if (!finder_ping(&r->finder, (const Anlos__Ping *)in->content, in->capture_ns,
                      node_now_ns(r->node)))
         r->early.n++;
@@ -77,11 +79,10 @@ static void publish(struct run *r)
 }
 
 /* In a replay the survey comes as often as play repeats it, and a while without messages
- * is of the machine: neither decides what is heard when. */
+ * is of the machine: neither decides what is told when. */
 static bool may_publish(const struct run *r, const struct topic *came)
 {
-    return !node_is_replayed(r->node) || r->finder.from != WALL_FROM_ECHOES ||
-           (came && came != topic_survey());
+    return !node_is_replayed(r->node) || (came && came != topic_survey());
 }
 
 static int subscribe(struct run *r)
@@ -90,7 +91,7 @@ static int subscribe(struct run *r)
 
     if (!err)
         err = node_subscribe(r->node, topic_ego());
-    if (!err && r->finder.from == WALL_FROM_ECHOES)
+    if (!err && (r->finder.from == WALL_FROM_ECHOES || node_is_replayed(r->node)))
         err = node_subscribe(r->node, topic_ping());
     if (!err && r->finder.from == WALL_FROM_TOPIC)
         err = node_subscribe(r->node, topic_wall_given());

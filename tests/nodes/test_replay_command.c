@@ -14,6 +14,7 @@
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
+#include "tests/nodes/wall_message.h"
 
 #define SECOND 1000000000LL
 #define START  (1700000000 * SECOND)
@@ -48,7 +49,8 @@ static int close_all(void **state)
 
 struct writing {
     int64_t scan_epoch_ns;
-    bool silent; /* what is put as sound is none */
+    bool silent;               /* what is put as sound is none */
+    const struct topic *walls; /* told before each ping; NULL: none are */
     struct bag_writer *writer;
     struct bag_topics *topics;
     uint64_t sequence;
@@ -88,6 +90,21 @@ static void put(struct writing *w, const struct topic *t, const char *node,
     free(payload);
 }
 
+/* A wall straight ahead, 0.05 m behind the survey's: the vehicle's x is the array's z. */
+static void put_walls(struct writing *w)
+{
+    struct wall_message m;
+
+    wall_message_make(&m);
+    m.wall.distance_m = 0.85;
+    m.wall.existence = 1.0;
+    if (w->walls == topic_wall()) {
+        m.normal.x = 0.0;
+        m.normal.z = 1.0;
+    }
+    put(w, w->walls, w->walls == topic_wall() ? "wall" : "can", w->now_ns, &m.list.base);
+}
+
 static void put_pass(struct writing *w, Anlos__Pass pass, size_t leave_out)
 {
     Anlos__Ping ping;
@@ -100,6 +117,8 @@ static void put_pass(struct writing *w, Anlos__Pass pass, size_t leave_out)
             if (w->silent)
                 memset(ping.samples->data.data, 0, ping.samples->data.len);
             w->now_ns += SECOND;
+            if (w->walls)
+                put_walls(w);
             put(w, topic_ping(), "array", w->now_ns - LATE, &ping.base);
         }
     }
@@ -142,6 +161,18 @@ static void end_bag(struct writing *w)
         fail_msg("%s", why.text);
 }
 
+/* A scan without background, with walls of this topic; NULL: none. */
+static void make_walled_scan(const struct topic *walls)
+{
+    struct writing w;
+
+    begin_bag(&w);
+    w.walls = walls;
+    put(&w, topic_survey(), "array", 0, &scene.survey->base);
+    put_pass(&w, ANLOS__PASS__SCENE, 0);
+    end_bag(&w);
+}
+
 /* A scan with its background, of which ping leave_out (from 1; 0: none) is not there. */
 static void make_scan(size_t leave_out, bool with_launch)
 {
@@ -179,9 +210,10 @@ static json_t *load(const char *name)
     return j;
 }
 
-static void assert_point_found(void)
+/* By way of a wall that stands so far ahead: the image is of the scene's, at 0.8 m. */
+static void assert_point_found_by(double wall_m)
 {
-    static const double truth_m[3] = {0.4, 0.13, 0.41};
+    const double truth_m[3] = {0.4 + 2.0 * (wall_m - 0.8), 0.13, 0.41};
     json_t *list = load("detections.json"), *place = NULL;
 
     assert_int_equal(json_array_size(json_object_get(list, "detections")), 1);
@@ -190,6 +222,11 @@ static void assert_point_found(void)
     for (size_t a = 0; a < 3; a++)
         assert_near(json_real_value(json_array_get(place, a)), truth_m[a], 0.005);
     json_decref(list);
+}
+
+static void assert_point_found(void)
+{
+    assert_point_found_by(0.8);
 }
 
 static json_int_t number(const json_t *report, const char *object, const char *key)
@@ -417,6 +454,55 @@ static void methods_and_their_options_are_refused_where_they_change_nothing(void
     assert_non_null(strstr(result.err, "method 'fast' does not use it"));
 }
 
+static void walls_that_the_vehicle_gave_are_those_that_mirror(void **state)
+{
+    const char *launch = scratch_write(*state, "l.yaml",
+                                       "nodes: [dsp, recon, wall, track]\n"
+                                       "scan: {background: false}\n"
+                                       "wall: {from: topic}\n");
+
+    make_walled_scan(topic_wall_given());
+    assert_int_equal(recon("--bag", bag, "--out", out, "--launch", launch), 0);
+    assert_point_found_by(0.85);
+}
+
+static void lists_of_walls_of_the_recording_are_for_who_has_no_node_wall(void **state)
+{
+    const char *launch = scratch_write(*state, "l.yaml",
+                                       "nodes: [dsp, recon, track]\n"
+                                       "scan: {background: false}\n"
+                                       "wall: {from: topic}\n");
+
+    make_walled_scan(topic_wall());
+    assert_int_equal(recon("--bag", bag, "--out", out, "--launch", launch), 0);
+    assert_point_found_by(0.85);
+    launch = scratch_write(*state, "l.yaml",
+                           "nodes: [dsp, recon, wall, track]\n"
+                           "scan: {background: false}\n"
+                           "wall: {from: survey}\n");
+    assert_int_equal(recon("--bag", bag, "--out", out, "--launch", launch), 0);
+    assert_point_found();
+}
+
+static void walls_that_are_asked_for_and_are_not_there_are_said(void **state)
+{
+    const char *launch = scratch_write(*state, "l.yaml",
+                                       "nodes: [dsp, recon, wall, track]\n"
+                                       "wall: {from: topic}\n");
+
+    make_walled_scan(topic_wall());
+    assert_int_equal(recon("--bag", bag, "--out", out, "--launch", launch), 2);
+    assert_non_null(strstr(result.err, "none are there (wall/given)"));
+    assert_non_null(strstr(result.err, "those of the recording"));
+    assert_int_equal(access(out, F_OK), -1);
+    launch = scratch_write(*state, "l.yaml",
+                           "nodes: [dsp, recon, track]\nwall: {from: topic}\n");
+    make_walled_scan(NULL);
+    assert_int_equal(recon("--bag", bag, "--out", out, "--launch", launch), 2);
+    assert_non_null(strstr(result.err, "no lists of them are there"));
+    assert_int_equal(access(out, F_OK), -1);
+}
+
 static void a_bag_without_sound_says_what_is_missing(void **state)
 {
     (void)state;
@@ -463,6 +549,9 @@ int main(void)
         TEST(options_and_another_launch_file_win_over_those_of_the_bag),
         TEST(options_that_are_set_leave_the_others_of_the_launch_file),
         TEST(methods_and_their_options_are_refused_where_they_change_nothing),
+        TEST(walls_that_the_vehicle_gave_are_those_that_mirror),
+        TEST(lists_of_walls_of_the_recording_are_for_who_has_no_node_wall),
+        TEST(walls_that_are_asked_for_and_are_not_there_are_said),
         TEST(a_bag_without_sound_says_what_is_missing),
         TEST(arguments_that_do_not_go_with_a_bag_are_refused),
     };

@@ -249,6 +249,18 @@ void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_
         take_walls(c, walls, capture_ns);
 }
 
+void chain_given(struct chain *c, const Anlos__WallList *given, int64_t capture_ns,
+                 int64_t publish_ns)
+{
+    struct complaint why = {""};
+
+    if (!c->cfg.walls || c->cfg.walls->wall.from != WALL_FROM_TOPIC)
+        return;
+    if (finder_given(&c->finder, given, capture_ns, &why))
+        note(c, why.text);
+    find_walls(c, publish_ns);
+}
+
 int chain_end(struct chain *c, struct complaint *why)
 {
     if (c->steady)

@@ -23,8 +23,8 @@ struct chain_config {
     struct steady_config steady;
     struct tracking_config track;
     struct sender_config sender;
-    const struct launchfile *walls; /* it has the walls heard; NULL: they are taken from
-                                     * the recording */
+    const struct launchfile *walls; /* with what node wall runs; NULL: it does not, and
+                                     * its lists are those of the recording */
     struct canbus *can;             /* the frames of each list go there; not owned */
 };
 
@@ -70,6 +70,8 @@ void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns,
                int64_t publish_ns);
 void chain_ambient(struct chain *c, const Anlos__Ambient *ambient);
 void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_ns);
+void chain_given(struct chain *c, const Anlos__WallList *given, int64_t capture_ns,
+                 int64_t publish_ns);
 int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch_ns,
                  struct complaint *why);
 

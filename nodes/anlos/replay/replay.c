@@ -12,7 +12,7 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 
-static const char topics[] = "survey,ping,scan/status,ego,ambient,wall";
+static const char topics[] = "survey,ping,scan/status,ego,ambient,wall,wall/given";
 
 /* The nodes begin when they know the survey. */
 static int begin(struct replay *r, const Anlos__Survey *survey, struct complaint *why)
@@ -74,6 +74,8 @@ static int take(struct replay *r, const struct stream_message *m,
         chain_ego(&r->chain, (Anlos__EgoMotion *)content, e->capture_ns, e->publish_ns);
     else if (m->topic == topic_ambient())
         chain_ambient(&r->chain, (Anlos__Ambient *)content);
+    else if (m->topic == topic_wall_given())
+        chain_given(&r->chain, (Anlos__WallList *)content, e->capture_ns, e->publish_ns);
     else
         chain_walls(&r->chain, (Anlos__WallList *)content, e->capture_ns);
     return 0;
@@ -168,6 +170,43 @@ static int run_in_stage(struct replay *r, struct stream *s, struct export_stage 
     return err ? err : export_stage_commit(stage, why);
 }
 
+static bool has_topic(const struct stream *s, const struct topic *t)
+{
+    return !stream_require(s, t->name, NULL);
+}
+
+/* As in a replay by the nodes, node wall tells of the walls where the launch file has it,
+ * else the lists of the recording do.  Walls that the launch file asks for are not left
+ * out without a word. */
+static int choose_walls(struct replay *r, const struct stream *s, struct complaint *why)
+{
+    const struct launchfile *l = r->settings.launch;
+    const char *bag = r->options->bag, *name = r->settings.name;
+
+    if (!l || l->wall.from == WALL_FROM_SURVEY)
+        return 0;
+    if (!r->settings.chain.walls && !has_topic(s, topic_wall())) {
+        if (l->wall.from == WALL_FROM_TOPIC)
+            return complain(why, -ENODATA,
+                            "%s: %s asks for the walls of the recording (wall: {from: "
+                            "topic}, and no node wall), and no lists of them are there; "
+                            "--launch FILE names other settings",
+                            bag, name);
+        r->settings.chain.walls = l;
+    }
+    if (r->settings.chain.walls && l->wall.from == WALL_FROM_TOPIC &&
+        !has_topic(s, topic_wall_given()))
+        return complain(why, -ENODATA,
+                        "%s: %s asks for walls that the vehicle gave (wall: {from: "
+                        "topic}), and none are there (wall/given); --launch FILE names "
+                        "other settings%s",
+                        bag, name,
+                        has_topic(s, topic_wall())
+                            ? ": without the node wall they are those of the recording"
+                            : "");
+    return 0;
+}
+
 static int run(struct replay *r, const struct stopwatch *began, struct complaint *why)
 {
     struct export_stage stage;
@@ -177,6 +216,8 @@ static int run(struct replay *r, const struct stopwatch *began, struct complaint
     int err = settings_load(&r->settings, r->options, why);
     if (!err)
         err = stream_open(&s, r->options->bag, why);
+    if (!err)
+        err = choose_walls(r, s, why);
     if (!err)
         err = export_stage_begin(&stage, r->options->out, why);
     if (!err) {

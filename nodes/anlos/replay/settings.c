@@ -88,7 +88,7 @@ static void take_launch(struct chain_config *c, const struct launchfile *l)
     c->fixed = l->scan.fixed;
     fixed_config(&c->steady, l);
     tracking_config(&c->track, l);
-    c->walls = l->wall.from == WALL_FROM_ECHOES ? l : NULL;
+    c->walls = launchfile_has_node(l, "wall") ? l : NULL;
     can_config_sender(&c->sender, l);
 }
 
