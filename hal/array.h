@@ -16,11 +16,12 @@
 
 #include "hal/clock.h"
 #include "hal/device_count.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/ping.h"
+#include "recon/survey.h"
 
 /* One emission of each speaker named, in turn, without a break: emission k of it in slot
- * survey_slot_of(k), downward where survey_is_down(k) (msgs/survey.h).  An endless shot
+ * survey_slot_of(k), downward where survey_is_down(k) (recon/survey.h).  An endless shot
  * goes round its speakers until array_halt, each round in as many slots as one that is
  * not endless, the next right behind it.  A recording is played as it is instead: in its
  * own order, those of the speakers named, and to its end (-ENODATA) unless the URI says
@@ -28,7 +29,7 @@
  * Its pings come at the true pace, whatever else the array does: nobody holds them back.
  */
 struct array_shot {
-    Anlos__Pass pass;
+    enum pass pass;
     size_t position;          /* index into the survey's stage positions */
     double stage_m;           /* where the stage really stands */
     const uint32_t *speakers; /* [n_speakers] */

@@ -15,7 +15,7 @@
 
 #include "hal/device_count.h"
 #include "msgs/can/frames.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 enum { CANBUS_MAX_COUNTS = 15 };
 

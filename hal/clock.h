@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct clock_source {
     int64_t (*now_ns)(void *state); /* wall time, ns since 1970 */

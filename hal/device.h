@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 enum { DEVICE_MAX_OPTIONS = 24 };
 

@@ -6,7 +6,7 @@
 #include <pthread.h>
 #include <stdbool.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 /* Above everything that is not urgent, under the kernel's interrupt threads (50). */
 #define REALTIME_PRIORITY 20

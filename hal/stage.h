@@ -15,7 +15,7 @@
 
 #include "hal/clock.h"
 #include "hal/device_count.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 enum { STAGE_TEXT_SIZE = 160 };
 

@@ -9,7 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define TABLE_MAX_FIELDS 64
 

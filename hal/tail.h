@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 #define TAIL_DEFAULT_FAR_M 4.0 /* the far gate of a survey that names none */
 

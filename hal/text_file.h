@@ -4,7 +4,7 @@
 
 #include <stdio.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define TEXT_FILE_MAX_SIZE (64u << 20) /* bytes */
 

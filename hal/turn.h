@@ -9,8 +9,8 @@
 #include <stdint.h>
 
 #include "hal/clock.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 struct turn {
     size_t n_speakers; /* of the shot */

@@ -19,7 +19,7 @@
 #include <stdint.h>
 
 #include "msgs/bus_message.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct bus;
 

@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define ENDPOINT_SCHEME    "ipc://"
 #define ENDPOINT_PATH_SIZE 108 /* of sockaddr_un, with the zero */

@@ -14,7 +14,7 @@
 #include <stdint.h>
 #include <time.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/hosts.h"
 
 #define KEYS_TEXT_SIZE 41 /* with zero */

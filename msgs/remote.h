@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 #include "msgs/authenticator.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/hosts.h"
 #include "msgs/topics.h"
 

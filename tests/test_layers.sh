@@ -19,8 +19,8 @@ check() {
     fi
 }
 
-check msgs 'msgs'
-check hal 'hal|msgs'
+check msgs 'msgs|recon|dsp'
+check hal 'hal|recon|dsp|msgs/can'
 check dsp 'dsp'
 check recon 'recon|dsp'
 check nodes 'nodes|recon|dsp|hal|msgs|foxglove' # the last: made from msgs/foxglove

@@ -157,7 +157,7 @@ static const struct survey *alsa_survey(void *state)
 
 static bool is_played(const struct array_alsa *a)
 {
-    return a->background && a->shot.pass == ANLOS__PASS__BACKGROUND;
+    return a->background && a->shot.pass == PASS_BACKGROUND;
 }
 
 static int alsa_fire(void *state, const struct array_shot *shot)

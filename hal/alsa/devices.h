@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct alsa_device {
     char name[128];        /* what to open: "hw:CARD=Loopback,DEV=0" */

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 /* free() the result, [*n]; NULL: no memory.  Each sample is right to a float's rounding,
  * however long the chirp. */

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 
 #include "hal/alsa/capability.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct alsa_probe {
     bool has_playback, has_capture;

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 #include "hal/device_count.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 enum alsa_count {
     ALSA_OVERRUNS,

@@ -10,7 +10,7 @@
 
 #include "hal/survey/rig_file.h"
 #include "hal/alsa/sample_format.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct alsa_stream {
     snd_pcm_t *pcm; /* NULL: closed */

@@ -216,7 +216,7 @@ static void tell_ego(struct canbus_sim *s, int64_t at_ns, struct can_frame_data 
 static void tell_ambient(struct canbus_sim *s, struct can_frame_data *out)
 {
     const struct can_ambient air = {
-        .temperature_c = room_temperature_c(s->room, ANLOS__PASS__SCENE, 0),
+        .temperature_c = room_temperature_c(s->room, PASS_SCENE, 0),
         .humidity = NAN,
     };
 

@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "msgs/can/frames.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 enum { CAN_SOCKET_MAX_IDS = 20 };
 

@@ -109,7 +109,7 @@ static int open_parts(struct array_wav *a, const struct device *d, struct compla
     free(path);
     if (err)
         return err;
-    a->survey.source = ANLOS__SOURCE__REPLAY;
+    a->survey.source = SURVEY_REPLAY;
     err = calibration_take(&a->calibration, device_option(d, "calibrated"), &a->survey,
                            why);
     if (err)
@@ -157,7 +157,7 @@ static const struct survey *wav_survey(void *state)
 static int wav_fire(void *state, const struct array_shot *shot)
 {
     struct array_wav *a = state;
-    if (shot->pass == ANLOS__PASS__BACKGROUND && !a->background)
+    if (shot->pass == PASS_BACKGROUND && !a->background)
         return -EINVAL;
     /* What is in memory serves a retake. */
     if (shot->pass != a->shot.pass || shot->position != a->shot.position || shot->endless)
@@ -170,7 +170,7 @@ static int wav_fire(void *state, const struct array_shot *shot)
 
 static const struct recording *recording_of(const struct array_wav *a)
 {
-    return a->shot.pass == ANLOS__PASS__BACKGROUND ? a->background : a->scene;
+    return a->shot.pass == PASS_BACKGROUND ? a->background : a->scene;
 }
 
 static void fill_ping(struct array_wav *a, size_t shot_index, size_t count,
@@ -237,7 +237,7 @@ static bool find_speaker(const struct array_shot *shot, uint32_t speaker, size_t
  * recording has ended. */
 static bool begin_again(struct array_wav *a, const struct emission *list, size_t n)
 {
-    if (!a->loop && a->shot.pass != ANLOS__PASS__BACKGROUND)
+    if (!a->loop && a->shot.pass != PASS_BACKGROUND)
         return false;
     a->play.next = 0;
     a->play.passed += list[n - 1].sample - list[0].sample + a->survey.slot_samples;

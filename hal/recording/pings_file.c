@@ -10,7 +10,7 @@
 
 #include "hal/table_file.h"
 #include "hal/text_file.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 enum { COLUMNS = 6 };
 

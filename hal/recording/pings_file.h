@@ -11,7 +11,7 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 /* *out: [*n][speaker, microphone], 1 to SURVEY_MAX_PINGS; free() it.  The complaint is
  * "file:line: what was expected".  0, -EINVAL, -ENOENT and other errno of reading,

@@ -12,8 +12,8 @@
 #include <stdint.h>
 
 #include "hal/recording/emissions_file.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 struct recording;
 

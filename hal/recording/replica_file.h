@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define REPLICA_MAX_SAMPLES ((size_t)1 << 20)
 

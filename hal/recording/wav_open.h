@@ -5,7 +5,7 @@
 
 #include <sndfile.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 /* A regular file, RIFF, RIFX or RF64, of PCM or float samples; sf_close it.  0, -EINVAL
  * (anything else; the complaint names it), -ENOENT and other errno of reading. */

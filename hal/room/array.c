@@ -115,7 +115,7 @@ static const struct survey *sim_survey(void *state)
 static int fire_whole(struct array_sim *a, const struct array_shot *shot)
 {
     size_t n_positions = room_survey(a->room)->n_positions;
-    bool background = shot->pass == ANLOS__PASS__BACKGROUND;
+    bool background = shot->pass == PASS_BACKGROUND;
     uint32_t *take = a->takes + background * n_positions + shot->position;
     int err = room_record(a->room, shot->pass, shot->position, shot->speakers,
                           shot->n_speakers, *take, a->samples);

@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 /* Gives each of s's microphones a smooth curve of rms ripple_db, serials "sim00"...
  * 0, -ENOMEM. */

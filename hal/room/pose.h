@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 struct pose {
     const struct survey *survey; /* nominal places; not owned */

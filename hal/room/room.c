@@ -9,24 +9,24 @@
 #include "hal/survey/calibration_file.h"
 #include "hal/tail.h"
 
-double room_temperature_c(const struct room *r, Anlos__Pass pass, size_t position)
+double room_temperature_c(const struct room *r, enum pass pass, size_t position)
 {
     const struct scene_drift *d = r->scene->drift;
     double along = r->survey.n_positions > 1
                        ? (double)position / (double)(r->survey.n_positions - 1)
                        : 0;
     return r->temperature_c + d->scan_c * along +
-           (pass == ANLOS__PASS__BACKGROUND ? d->background_c : 0);
+           (pass == PASS_BACKGROUND ? d->background_c : 0);
 }
 
-double room_sound_speed_m_s(const struct room *r, Anlos__Pass pass, size_t position)
+double room_sound_speed_m_s(const struct room *r, enum pass pass, size_t position)
 {
     double now = survey_sound_speed_m_s(room_temperature_c(r, pass, position));
     return r->sound_speed_m_s * now / survey_sound_speed_m_s(r->temperature_c);
 }
 
-int room_prepare(struct room *r, bool down, Anlos__Pass pass, size_t position,
-                 bool objects, bool surroundings)
+int room_prepare(struct room *r, bool down, enum pass pass, size_t position, bool objects,
+                 bool surroundings)
 {
     const struct scene_wall *wall = r->scene->wall_sound;
     pose_move(&r->pose, position);
@@ -113,12 +113,12 @@ void room_add_noise(const struct room *r, double t_s, const uint64_t *words,
 
 /* The shot's sound by the emissions of one direction, which are all of them or every
  * second. */
-static int add_direction(struct room *r, bool down, Anlos__Pass pass, size_t position,
+static int add_direction(struct room *r, bool down, enum pass pass, size_t position,
                          const uint32_t *speakers, size_t n_speakers, float *samples)
 {
     const struct survey *s = &r->survey;
     size_t n_frames = room_frames(r, n_speakers);
-    int err = room_prepare(r, down, pass, position, pass == ANLOS__PASS__SCENE, true);
+    int err = room_prepare(r, down, pass, position, pass == PASS_SCENE, true);
     for (size_t j = 0; j < n_speakers && !err; j++)
         for (size_t m = 0; m < s->n_microphones && survey_is_down(s, j) == down; m++)
             add_heard(r,
@@ -130,9 +130,8 @@ static int add_direction(struct room *r, bool down, Anlos__Pass pass, size_t pos
     return err;
 }
 
-int room_record(struct room *r, Anlos__Pass pass, size_t position,
-                const uint32_t *speakers, size_t n_speakers, uint32_t take,
-                float *samples)
+int room_record(struct room *r, enum pass pass, size_t position, const uint32_t *speakers,
+                size_t n_speakers, uint32_t take, float *samples)
 {
     const struct survey *s = &r->survey;
     size_t n_frames = room_frames(r, n_speakers);

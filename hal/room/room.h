@@ -12,8 +12,9 @@
 
 #include "hal/survey/calibration.h"
 #include "hal/survey/firing.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/ping.h"
+#include "recon/survey.h"
 
 struct room;
 
@@ -57,15 +58,14 @@ size_t room_tail(const struct room *r); /* tail_samples() of its survey, hal/tai
 
 /* What the microphones hear when speakers[n_speakers] emit one after the other, a slot
  * each: samples [n_microphones][room_frames(n_speakers)], slots and directions
- * as msgs/survey.h says.  The noise depends on the
+ * as recon/survey.h says.  The noise depends on the
  * scene's seed, the pass, the position and `take` only.  The paper's 16 x 16 pairs and
  * 1000 facets take some 30 ms.  0, -EINVAL (no such position, speaker), -ENOTSUP (a
  * drive), -ENOMEM.
  */
-int room_record(struct room *r, Anlos__Pass pass, size_t position,
-                const uint32_t *speakers, size_t n_speakers, uint32_t take,
-                float *samples);
-double room_temperature_c(const struct room *r, Anlos__Pass pass, size_t position);
+int room_record(struct room *r, enum pass pass, size_t position, const uint32_t *speakers,
+                size_t n_speakers, uint32_t take, float *samples);
+double room_temperature_c(const struct room *r, enum pass pass, size_t position);
 
 /* A drive: the vehicle and its surroundings move (keys `drive`, `path`,
  * hal/room/scene.h). World time runs from 0 to the period and starts again; any time may
@@ -78,7 +78,7 @@ double room_period_s(const struct room *r);
 double room_time_s(const struct room *r, int64_t wall_ns);
 
 struct room_emission {
-    Anlos__Pass pass;
+    enum pass pass;
     uint32_t speaker;
     bool down;     /* the chirp runs from its stop to its start */
     double t_s;    /* world time of sample 0 */

@@ -118,7 +118,7 @@ static int measure_echoes(struct room *r, double *power)
     double sum = 0;
     for (size_t i = 0; i < n; i++) {
         size_t position = n > 1 ? i * (s->n_positions - 1) / (n - 1) : 0;
-        if (room_prepare(r, false, ANLOS__PASS__SCENE, position, true, false) < 0)
+        if (room_prepare(r, false, PASS_SCENE, position, true, false) < 0)
             return -ENOMEM;
         for (size_t pair = 0; pair < s->n_speakers * s->n_microphones; pair++) {
             const float *y = propagate_pair(r->propagate[0], pair / s->n_microphones,

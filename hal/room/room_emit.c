@@ -44,7 +44,7 @@ static void move_array(struct room *r, size_t speaker, double t_s,
 }
 
 /* Forgets what was heard from another place, or in other air. */
-static void keep_still(struct room *r, Anlos__Pass pass, const struct drive_frame *frame)
+static void keep_still(struct room *r, enum pass pass, const struct drive_frame *frame)
 {
     struct room_still *still = &r->still;
     if (still->pass == pass && !memcmp(&still->frame, frame, sizeof *frame))
@@ -93,7 +93,7 @@ static int hear_drive(struct room *r, const struct room_emission *e)
     double delay_s = r->latency_samples / r->survey.sample_rate_hz;
     double t_s = drive_time_s(&r->drive, e->t_s + delay_s);
     size_t speaker = r->faults.speakers[e->speaker].wired_to;
-    bool objects = e->pass == ANLOS__PASS__SCENE, stands;
+    bool objects = e->pass == PASS_SCENE, stands;
     struct drive_frame frame;
     if (objects)
         traffic_set(&r->traffic, t_s);
@@ -130,7 +130,7 @@ static int hear_drive(struct room *r, const struct room_emission *e)
 
 static int hear_standing(struct room *r, const struct room_emission *e)
 {
-    int err = room_prepare(r, e->down, e->pass, 0, e->pass == ANLOS__PASS__SCENE, true);
+    int err = room_prepare(r, e->down, e->pass, 0, e->pass == PASS_SCENE, true);
     for (size_t m = 0; m < r->survey.n_microphones && !err; m++)
         memcpy(r->heard + m * r->n_heard,
                propagate_pair(r->propagate[e->down],

@@ -17,7 +17,7 @@
 /* What is heard besides the hidden objects while the vehicle stands: the same from round
  * to round, and most of the work. */
 struct room_still {
-    Anlos__Pass pass;
+    enum pass pass;
     struct drive_frame frame; /* where it stands */
     float **heard; /* [up, down][n_speakers]: [n_microphones][n_heard], or NULL: not
                       rendered yet */
@@ -45,12 +45,12 @@ struct room {
 };
 
 /* The base temperature's speed, changed as the air's temperature has changed. */
-double room_sound_speed_m_s(const struct room *r, Anlos__Pass pass, size_t position);
+double room_sound_speed_m_s(const struct room *r, enum pass pass, size_t position);
 
 /* What is heard in a standing scene: the hidden objects, or what is there anyway, or
  * both; by the propagation of one direction.  0, -ENOMEM. */
-int room_prepare(struct room *r, bool down, Anlos__Pass pass, size_t position,
-                 bool objects, bool surroundings);
+int room_prepare(struct room *r, bool down, enum pass pass, size_t position, bool objects,
+                 bool surroundings);
 
 /* An emission into r->heard, without noise.  0, -EINVAL, -ENOMEM. */
 int room_hear(struct room *r, const struct room_emission *e);

@@ -247,7 +247,7 @@ int scene_load(struct scene **out, struct survey *survey, const char *path,
         scene_free(s);
         return err;
     }
-    survey->source = ANLOS__SOURCE__SIMULATION;
+    survey->source = SURVEY_SIMULATION;
     *out = s;
     return 0;
 }

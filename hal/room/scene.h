@@ -8,8 +8,8 @@
 #include <stdint.h>
 
 #include "hal/survey/yaml.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 enum scene_array { SCENE_EXPLICIT, SCENE_PAPER, SCENE_BUMPER };
 

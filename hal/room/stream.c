@@ -9,7 +9,7 @@
 
 struct room_stream {
     struct room *room;
-    Anlos__Pass pass;
+    enum pass pass;
     uint32_t *speakers; /* [n_speakers] */
     size_t n_speakers;
     double start_s;

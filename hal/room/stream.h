@@ -1,6 +1,6 @@
 /* hal/room/stream.h -- an endless shot in a simulated room: a speaker a slot (two that
  * share one) round after round, each emission from where everything is at its own time,
- * and what rings on of those before it.  Slots and directions as msgs/survey.h says. */
+ * and what rings on of those before it.  Slots and directions as recon/survey.h says. */
 #ifndef ANLOS_HAL_ROOM_STREAM_H
 #define ANLOS_HAL_ROOM_STREAM_H
 
@@ -12,7 +12,7 @@
 struct room_stream;
 
 struct room_stream_config {
-    Anlos__Pass pass;
+    enum pass pass;
     const uint32_t *speakers; /* [n_speakers] of a round; copied */
     size_t n_speakers;
     double start_s; /* world time of the first sample */

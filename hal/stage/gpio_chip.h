@@ -3,7 +3,7 @@
 #ifndef ANLOS_HAL_STAGE_GPIO_CHIP_H
 #define ANLOS_HAL_STAGE_GPIO_CHIP_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 enum { GPIO_CHIP_PATH_SIZE = 128 };
 

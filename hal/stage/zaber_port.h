@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "hal/stage/zaber_message.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 enum zaber_checksum {
     ZABER_CHECKSUM_AUTO, /* sent once the device has sent one */

@@ -7,8 +7,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 enum calibration_fault {
     CALIBRATION_INVERTED = 1,

@@ -2,8 +2,8 @@
 #ifndef ANLOS_HAL_SURVEY_FILE_H
 #define ANLOS_HAL_SURVEY_FILE_H
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 /* The keys of hal/survey/yaml.h, and two that stand in place of others:
  *   pings: FILE.csv    the places of speaker and microphone, ping by ping

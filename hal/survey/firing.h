@@ -9,8 +9,8 @@
 #define ANLOS_HAL_SURVEY_FIRING_H
 
 #include "hal/device.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 /* Keys for device_parse. */
 #define FIRING_KEYS "slot_samples", "together", "alternates", "chirp_s", "far_m"

@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 /* Line (from 1) of a key such as "chirp.start_hz", "objects[2].size_m", "volume.x_m[1]".
  * When the end of the path is not in the file, the line of its deepest part that is; 0

@@ -3,8 +3,8 @@
 #ifndef ANLOS_HAL_SURVEY_RESPONSE_FILE_H
 #define ANLOS_HAL_SURVEY_RESPONSE_FILE_H
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 /* Reads FOLDER/SERIAL.txt.  Lines without a number at the start are passed over before
  * the first point; after it, and frequencies that do not rise, are errors.  *out owns its

@@ -278,7 +278,7 @@ int rig_load_calibrated(struct rig *out, const char *path, const char *calibrate
         return err;
     const struct rig_root *root = data;
     err = survey_from_yaml(&out->survey, &root->survey, path, why);
-    out->survey.source = ANLOS__SOURCE__LIVE;
+    out->survey.source = SURVEY_LIVE;
     if (!err)
         err = take_device(out, root->device, path, why);
     if (!err && calibrated)

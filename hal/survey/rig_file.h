@@ -23,8 +23,8 @@
 
 #include "hal/alsa/sample_format.h"
 #include "hal/survey/calibration_file.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 #define RIG_MAX_CHANNELS 256
 

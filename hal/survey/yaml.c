@@ -314,7 +314,7 @@ static int take_responses(struct survey *s, const struct survey_yaml_calibration
 int survey_from_yaml(struct survey *out, const struct survey_yaml *y, const char *path,
                      struct complaint *why)
 {
-    struct survey s = {.source = ANLOS__SOURCE__REPLAY};
+    struct survey s = {.source = SURVEY_REPLAY};
     int err = take_timing(&s, y, path, why);
     if (!err && y->replica)
         err = take_replica(&s, y->replica, path, why);

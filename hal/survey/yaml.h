@@ -8,8 +8,8 @@
 
 #include <cyaml/cyaml.h>
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 struct survey_yaml_chirp {
     double start_hz, stop_hz, duration_s;

@@ -7,7 +7,7 @@
 #include <cyaml/cyaml.h>
 #include <yaml.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 /* 0 or -EINVAL; path is named in the complaint. */
 int yaml_check(yaml_document_t *document, const struct cyaml_schema_value *schema,

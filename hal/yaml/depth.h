@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define YAML_MAX_DEPTH 64
 

@@ -9,7 +9,7 @@
 
 #include <cyaml/cyaml.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define YAML_FILE_MAX_SIZE (4u << 20) /* bytes; a survey is some 10 kB */
 

@@ -4,7 +4,7 @@
 #define ANLOS_MSGS_BAG_FILE_H
 
 #include "msgs/bag/record.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 /* The largest record, and the largest chunk after decompression: a volume and what goes
  * with it.  What claims to be larger is refused, and not written. */

@@ -4,7 +4,7 @@
 #define ANLOS_MSGS_BAG_READER_H
 
 #include "msgs/bag/record.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct bag_reader;
 

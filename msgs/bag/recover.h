@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct bag_recovery {
     uint64_t n_messages, n_attachments, n_metadata; /* saved */

@@ -4,7 +4,7 @@
 #define ANLOS_MSGS_BAG_SINK_H
 
 #include "msgs/bag/bytes.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct bag_sink {
     char *path;

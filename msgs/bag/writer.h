@@ -10,7 +10,7 @@
 
 #include "msgs/bag/compression.h"
 #include "msgs/bag/record.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct bag_writer_config {
     const char *profile, *library;

@@ -12,7 +12,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define MAT_FILE_MAX_RANK     4
 #define MAT_FILE_MAX_ELEMENTS ((size_t)1 << 28)

@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 enum mat_what { MAT_OPEN, MAT_HAS, MAT_EXTENTS, MAT_FLOATS, MAT_DOUBLES, MAT_COMPLEX };
 

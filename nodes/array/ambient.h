@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "msgs/vehicle.pb-c.h"
 
 struct ambient {

@@ -21,8 +21,8 @@
 #include <stddef.h>
 
 #include "msgs/array.pb-c.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/array/reach.h"
 

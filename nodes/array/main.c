@@ -49,7 +49,7 @@ static void breathe(struct run *r, const Anlos__Ambient *said)
     const struct survey *measured = array_survey(r->array);
     double was_m_s = r->survey.sound_speed_m_s;
 
-    if (measured->source == ANLOS__SOURCE__REPLAY || !shooter_is_endless(r->shooter) ||
+    if (measured->source == SURVEY_REPLAY || !shooter_is_endless(r->shooter) ||
         !ambient_take(&r->ambient, measured, &r->survey, said, node_now_ns(r->node)))
         return;
     int err = shooter_take_survey(r->shooter, &r->survey);
@@ -255,7 +255,7 @@ static void create_hearing(struct run *r)
     struct complaint why = {""};
     struct reach_config cfg;
 
-    if (s->source == ANLOS__SOURCE__REPLAY)
+    if (s->source == SURVEY_REPLAY)
         return;
     reach_config_launch(&cfg, node_launch(r->node), s);
     anlos__sensing__init(&r->sensing);

@@ -12,8 +12,8 @@
 #include <stddef.h>
 
 #include "dsp/pulse_compress.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/rt/launchfile.h"
 #include "recon/frames.h"

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/convert/survey.h"
 #include "msgs/tensor.h"
 
 #define MAX_SHOTS 8
@@ -172,7 +173,7 @@ static bool is_replaced(struct shooter *s)
 
 static int start_shot(struct shooter *s, const struct shot *shot, struct complaint *why)
 {
-    const struct array_shot fire = {.pass = shot->command.pass,
+    const struct array_shot fire = {.pass = (enum pass)shot->command.pass,
                                     .position = shot->command.position,
                                     .stage_m = shot->command.stage_m,
                                     .speakers = shot->speakers,

@@ -6,6 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "msgs/survey.pb-c.h"
 #include "hal/array.h"
 #include "msgs/array.pb-c.h"
 

@@ -47,7 +47,7 @@ static enum can_source source_of(Anlos__Source source)
 
 void sender_survey(struct sender *s, const Anlos__Survey *survey)
 {
-    s->status.source = source_of(survey->source);
+    s->status.source = source_of((Anlos__Source)survey->source);
     s->status.temperature_c = survey->temperature_c;
     s->status.sound_speed_m_s = survey->sound_speed_m_s;
     s->has_array = survey->has_mount && survey->mount_origin_m;

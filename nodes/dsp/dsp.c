@@ -7,7 +7,8 @@
 #include <string.h>
 
 #include "dsp/blanker.h"
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "nodes/dsp/mean_background.h"
 #include "nodes/dsp/microphones.h"

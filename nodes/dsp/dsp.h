@@ -17,7 +17,7 @@
 #include <stddef.h>
 
 #include "msgs/array.pb-c.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"

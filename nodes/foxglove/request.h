@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define FOXGLOVE_REQUEST_MAX_SIZE   ((size_t)64 << 10)
 #define FOXGLOVE_REQUEST_MAX_WISHES 1024

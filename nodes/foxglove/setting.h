@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "nodes/foxglove/message.h"
 #include "nodes/rt/walls.h"
 

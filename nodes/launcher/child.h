@@ -8,7 +8,7 @@
 #include <stdint.h>
 #include <sys/types.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/rt/log_line.h"
 
 #define CHILD_MAX_CRASHES 5             /* without a good run between them */

@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_LAUNCHER_DEVICES_H
 #define ANLOS_NODES_LAUNCHER_DEVICES_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/rt/launchfile.h"
 
 /* Opens and closes the array, the stage and the CAN bus, as far as nodes of the file have

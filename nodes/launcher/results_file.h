@@ -5,7 +5,7 @@
 
 #include <jansson.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 /* FOLDER/NAME; release *out with json_decref.  path[size] gets its name, for complaints.
  * 0, -ENOENT (there is none), -EINVAL (no JSON, too long a name). */

@@ -4,7 +4,7 @@
 #ifndef ANLOS_NODES_LAUNCHER_SCENES_H
 #define ANLOS_NODES_LAUNCHER_SCENES_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/rt/launchfile.h"
 
 /* 0, -EINVAL, -ENOMEM, or what a scene file has wrong; the complaint names file and key.

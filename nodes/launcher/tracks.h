@@ -6,7 +6,7 @@
 
 #include <stdio.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define TRACKS_SHOWN 20 /* of more, the newest */
 

@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define TRUTH_MAX     64
 #define TRUTH_MATCH_M 0.5 /* farther apart, they are two different things */

@@ -3,7 +3,8 @@
 #include <errno.h>
 #include <string.h>
 
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 #include "msgs/tensor.pb-c.h"
 #include "msgs/unpack.h"
 

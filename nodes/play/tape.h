@@ -5,7 +5,7 @@
 
 #include "msgs/bag/record.h"
 #include "msgs/bus_message.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct tape_config {
     const char *bag;

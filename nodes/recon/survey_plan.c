@@ -2,6 +2,7 @@
 
 #include <errno.h>
 
+#include "msgs/convert/survey.h"
 #include "msgs/topics.h"
 
 #define VOLUME_HEAD_SIZE 1024 /* of a volume message, without its voxels, at most */
@@ -92,6 +93,6 @@ void survey_plan_volume(struct survey_plan *p, const float *intensity, Anlos__Vo
     set_vec3(&p->step, grid->step_m);
     out->origin_m = &p->origin;
     out->step_m = &p->step;
-    out->source = p->survey.source;
+    out->source = (Anlos__Source)p->survey.source;
     out->sound_speed_m_s = p->survey.sound_speed_m_s;
 }

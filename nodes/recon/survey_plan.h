@@ -3,7 +3,8 @@
 #ifndef ANLOS_NODES_RECON_SURVEY_PLAN_H
 #define ANLOS_NODES_RECON_SURVEY_PLAN_H
 
-#include "msgs/survey.h"
+#include "msgs/survey.pb-c.h"
+#include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"

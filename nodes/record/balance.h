@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #include "msgs/bag/writer.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/topics.h"
 
 struct balance {

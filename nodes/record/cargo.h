@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #include "msgs/bag/writer.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define CARGO_MAX_FILE ((size_t)64 << 20)
 

@@ -5,7 +5,7 @@
 #include <stdint.h>
 
 #include "msgs/bag/writer.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct pairs { /* starts as {0}; memory that runs out is told by pairs_write */
     struct bytes_buffer map;

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct parts {
     char stem[PATH_MAX - 40]; /* the path without its ending; room for a number */

@@ -15,7 +15,7 @@
 
 #include "msgs/bag/compression.h"
 #include "msgs/bus_message.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/record/session.h"
 #include "nodes/record/balance.h"
 #include "nodes/rt/log.h"

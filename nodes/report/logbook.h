@@ -5,8 +5,9 @@
 
 #include <jansson.h>
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "msgs/survey.pb-c.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/rt/trails.h"
 #include "nodes/rt/walls.h"

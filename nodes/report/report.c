@@ -7,7 +7,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 #include "nodes/report/report_json.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/processing.h"

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/scan.pb-c.h"

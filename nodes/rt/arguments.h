@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/rt/log.h"
 
 struct arguments { /* borrow from argv */

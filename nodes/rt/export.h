@@ -7,7 +7,7 @@
 #include <limits.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/detections.pb-c.h"
 #include "recon/grid.h"
 

@@ -6,7 +6,7 @@
 #include <limits.h>
 #include <stdio.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct export_file {
     FILE *f;

@@ -5,7 +5,7 @@
 
 #include <cairo.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 enum ink_anchor { INK_LEFT, INK_CENTRE, INK_RIGHT };
 

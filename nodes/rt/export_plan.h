@@ -3,8 +3,8 @@
 #ifndef ANLOS_NODES_RT_EXPORT_PLAN_H
 #define ANLOS_NODES_RT_EXPORT_PLAN_H
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "nodes/rt/trails.h"
 #include "nodes/rt/walls.h"
 #include "recon/grid.h"

@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "msgs/bag/compression.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/hosts.h"
 #include "nodes/rt/background_mode.h"
 #include "nodes/rt/compressor.h"

@@ -242,7 +242,7 @@ int objects_list_behind(Anlos__DetectionList **out, const struct survey *s,
     anlos__detection_list__init(list);
     list->mirrored = walls->n > 0;
     list->in_vehicle_frame = s->has_mount;
-    list->source = s->source;
+    list->source = (Anlos__Source)s->source;
     list->temperature_c = s->temperature_c;
     list->sound_speed_m_s = s->sound_speed_m_s;
     list->detections = calloc(n ? n : 1, sizeof(Anlos__Detection *));

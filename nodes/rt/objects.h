@@ -4,7 +4,7 @@
 #define ANLOS_NODES_RT_OBJECTS_H
 
 #include "msgs/detections.pb-c.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "recon/detect.h"
 #include "nodes/rt/walls.h"
 #include "recon/grid.h"

@@ -7,7 +7,7 @@
 
 #include <stdbool.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "recon/grid.h"
 #include "recon/wall.h"
 

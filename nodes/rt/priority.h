@@ -10,7 +10,7 @@
 #ifndef ANLOS_NODES_RT_PRIORITY_H
 #define ANLOS_NODES_RT_PRIORITY_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/rt/launchfile.h"
 
 #define PRIORITY_TEXT_SIZE 48

@@ -5,8 +5,8 @@
 
 #include "dsp/deramp.h"
 #include "dsp/pulse_compress.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "recon/imager.h"
 #include "recon/wall.h"
 

@@ -6,8 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 /* speakers[n]; n 0: all of the survey.  0, -EINVAL; the complaint begins with the key of
  * the launch file. */

@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define RUNDIR_SIZE 88 /* with zero; a socket's path has room for 108 characters */
 

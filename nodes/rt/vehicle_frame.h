@@ -2,7 +2,7 @@
 #ifndef ANLOS_NODES_RT_VEHICLE_FRAME_H
 #define ANLOS_NODES_RT_VEHICLE_FRAME_H
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "recon/mount.h"
 
 /* A point p of the array's frame is at r p + t in that of survey_to_vehicle, r

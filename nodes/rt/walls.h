@@ -3,8 +3,8 @@
 #ifndef ANLOS_NODES_RT_WALLS_H
 #define ANLOS_NODES_RT_WALLS_H
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "msgs/wall.pb-c.h"
 #include "recon/ego.h"
 #include "recon/wall.h"

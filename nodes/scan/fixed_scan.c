@@ -5,7 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 #include "nodes/rt/round_check.h"
 #include "nodes/scan/peers.h"
 #include "nodes/scan/rounds.h"

@@ -6,9 +6,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
+#include "msgs/survey.pb-c.h"
+#include "dsp/complaint.h"
 #include "msgs/detections.pb-c.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/rt/walls.h"
 #include "recon/detect.h"

@@ -13,7 +13,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 struct ghost_source {
     double range_m;      /* of its image, from the array */

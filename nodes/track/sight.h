@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "nodes/rt/walls.h"
 #include "recon/grid.h"
 #include "recon/track.h"

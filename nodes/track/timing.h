@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 /* Of the pings of an image in the mean, at its stamp. */
 double timing_age_s(const struct survey *s, size_t n_pings);

@@ -14,6 +14,7 @@
 #ifndef ANLOS_NODES_TRACK_TRACKING_H
 #define ANLOS_NODES_TRACK_TRACKING_H
 
+#include "msgs/survey.pb-c.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"

@@ -61,12 +61,13 @@ json_t *plan_scene_json(const struct survey *s)
         if (wall)
             json_array_append_new(all, wall);
     }
-    return json_pack(
-        "{ss ss ss so so sf so si si si}", "type", "scene", "frame",
-        s->has_mount ? "vehicle" : "array", "source", name_of_source(s->source), "walls",
-        all, "array", array_json(s), "sound_speed_m_s", s->sound_speed_m_s,
-        "temperature_c", export_real(s->temperature_c), "speakers", (int)s->n_speakers,
-        "microphones", (int)s->n_microphones, "positions", (int)s->n_positions);
+    return json_pack("{ss ss ss so so sf so si si si}", "type", "scene", "frame",
+                     s->has_mount ? "vehicle" : "array", "source",
+                     name_of_source((Anlos__Source)s->source), "walls", all, "array",
+                     array_json(s), "sound_speed_m_s", s->sound_speed_m_s,
+                     "temperature_c", export_real(s->temperature_c), "speakers",
+                     (int)s->n_speakers, "microphones", (int)s->n_microphones,
+                     "positions", (int)s->n_positions);
 }
 
 json_t *plan_walls_json(const struct survey *s, const Anlos__WallList *list,

@@ -4,7 +4,7 @@
 #ifndef ANLOS_NODES_VIEW_SERVER_H
 #define ANLOS_NODES_VIEW_SERVER_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/view/view.h"
 
 struct server;

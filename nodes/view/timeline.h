@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_VIEW_TIMELINE_H
 #define ANLOS_NODES_VIEW_TIMELINE_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/view/view.h"
 
 struct timeline;

@@ -8,7 +8,7 @@
 #include "msgs/clock.pb-c.h"
 #include "msgs/envelope.h"
 #include "msgs/scan.pb-c.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/rt/trails.h"
 #include "nodes/rt/walls.h"

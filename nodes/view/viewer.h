@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_VIEW_VIEWER_H
 #define ANLOS_NODES_VIEW_VIEWER_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/view/view.h"
 
 #define VIEWER_ADDRESS "127.0.0.1"

@@ -1,5 +1,7 @@
 #include "nodes/wall/finder.h"
 
+#include "msgs/convert/survey.h"
+
 #define PERIOD_NS 100000000LL  /* from list to list */
 #define QUIET_NS  1000000000LL /* without pings */
 

@@ -4,6 +4,7 @@
 #ifndef ANLOS_NODES_WALL_FINDER_H
 #define ANLOS_NODES_WALL_FINDER_H
 
+#include "msgs/survey.pb-c.h"
 #include "nodes/wall/keeper.h"
 #include "nodes/wall/listener.h"
 

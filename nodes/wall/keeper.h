@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/rt/launchfile.h"

@@ -12,8 +12,8 @@
 #include <stdint.h>
 
 #include "msgs/array.pb-c.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "recon/ego.h"
 #include "recon/wall_estimate.h"
 

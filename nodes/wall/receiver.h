@@ -10,8 +10,8 @@
 #include <stdint.h>
 
 #include "msgs/array.pb-c.h"
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "nodes/rt/processing.h"
 #include "recon/wall_crosstalk.h"
 

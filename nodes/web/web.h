@@ -13,7 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define WEB_URL_SIZE      96
 #define WEB_HEAD_SIZE     16

@@ -92,8 +92,7 @@ static int image(struct bench *b, struct complaint *why)
     int err = sound ? 0 : -ENOMEM;
 
     if (!err)
-        err = room_record(b->room, ANLOS__PASS__BACKGROUND, 0, speakers, SPEAKERS, 0,
-                          sound);
+        err = room_record(b->room, PASS_BACKGROUND, 0, speakers, SPEAKERS, 0, sound);
     if (!err)
         err = compressor_create(&compressor, &b->processing, s,
                                 COMPRESSION_MATCHED_FILTER, WINDOW_HANN, why);

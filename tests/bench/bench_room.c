@@ -46,7 +46,7 @@ int main(int argc, char **argv)
     for (size_t i = 0; speakers && i < n; i++)
         speakers[i] = (uint32_t)i;
     struct room_stream_config cfg = {
-        .pass = ANLOS__PASS__SCENE, .speakers = speakers, .n_speakers = n};
+        .pass = PASS_SCENE, .speakers = speakers, .n_speakers = n};
     if (speakers && !room_stream_create(&s, r, &cfg))
         measure(r, s, argc > 2 ? strtoull(argv[2], NULL, 10) : 800);
     room_stream_destroy(s);

@@ -7,8 +7,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "msgs/survey.pb-c.h"
 #include "msgs/bag/bytes.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "msgs/topics.h"
 
 /* The next message; what is too short for its size ends with the input.  false: no more.

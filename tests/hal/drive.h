@@ -27,8 +27,7 @@ static inline struct room *drive_load(void **state, const char *text)
 }
 
 /* One emission; free() it. */
-static inline float *drive_emit(struct room *r, double t_s, Anlos__Pass pass,
-                                uint32_t take)
+static inline float *drive_emit(struct room *r, double t_s, enum pass pass, uint32_t take)
 {
     struct room_emission e = {.pass = pass, .t_s = t_s, .take = take};
     float *samples =

@@ -29,7 +29,7 @@ static struct room *open_room(void)
     return r;
 }
 
-static void fire(struct array *a, Anlos__Pass pass, size_t position,
+static void fire(struct array *a, enum pass pass, size_t position,
                  const uint32_t *speakers, size_t n)
 {
     struct array_shot shot = {
@@ -60,8 +60,8 @@ static void pings_are_the_slots_of_the_room_with_their_tails(void **state)
     (void)state;
     assert_non_null(samples);
     assert_int_equal(survey_id(s), survey_id(room_survey(r)));
-    assert_int_equal(room_record(r, ANLOS__PASS__SCENE, 4, speakers, 2, 0, samples), 0);
-    fire(a, ANLOS__PASS__SCENE, 4, speakers, 2);
+    assert_int_equal(room_record(r, PASS_SCENE, 4, speakers, 2, 0, samples), 0);
+    fire(a, PASS_SCENE, 4, speakers, 2);
     for (size_t j = 0; j < 2; j++) {
         assert_int_equal(array_next(a, &ping, &why), 0);
         assert_int_equal(ping.shot_index, j);
@@ -85,7 +85,7 @@ static void a_retake_has_noise_of_its_own(void **state)
     float first = 0;
     (void)state;
     for (int take = 0; take < 2; take++) {
-        fire(a, ANLOS__PASS__SCENE, 0, &speaker, 1);
+        fire(a, PASS_SCENE, 0, &speaker, 1);
         assert_int_equal(array_next(a, &ping, &why), 0);
         if (take == 0)
             first = ping.samples[100];
@@ -106,7 +106,7 @@ static void at_the_true_pace_a_ping_comes_when_it_has_been_recorded(void **state
     struct array *a = open_array("sim:" SCENE "?pace=real", &clock);
     int64_t start_ns = clock.now_ns;
     (void)state;
-    fire(a, ANLOS__PASS__SCENE, 0, speakers, 3);
+    fire(a, PASS_SCENE, 0, speakers, 3);
     for (size_t j = 0; j < 3; j++) {
         if (j == 1) {
             clock.interrupted = 1;
@@ -131,7 +131,7 @@ static void without_a_pace_pings_take_no_time(void **state)
     struct array *a = open_array("sim:" SCENE, &clock);
     int64_t start_ns = clock.now_ns;
     (void)state;
-    fire(a, ANLOS__PASS__SCENE, 0, speakers, 2);
+    fire(a, PASS_SCENE, 0, speakers, 2);
     for (int j = 0; j < 2; j++) {
         assert_int_equal(array_next(a, &ping, &why), 0);
         assert_true(ping.t0_ns == start_ns && clock.now_ns == start_ns);
@@ -154,7 +154,7 @@ static void shots_that_cannot_be_fired_are_refused(void **state)
     assert_int_equal(array_next(a, &ping, &why), -ENODATA);
     for (size_t i = 0; i < 4; i++)
         assert_int_equal(array_fire(a, &shots[i]), -EINVAL);
-    fire(a, ANLOS__PASS__SCENE, 0, good, 2);
+    fire(a, PASS_SCENE, 0, good, 2);
     assert_int_equal(array_next(a, &ping, &why), 0);
     struct array_shot early = {.speakers = good, .n_speakers = 1};
     assert_int_equal(array_fire(a, &early), -EINVAL);
@@ -176,8 +176,8 @@ static void record_scene(struct scratch *scratch, struct room *r)
     for (int pass = 0; pass < 2; pass++) {
         scratch_folder(scratch, folders[pass]);
         for (size_t k = 0; k < s->n_positions; k++) {
-            assert_int_equal(
-                room_record(r, (Anlos__Pass)pass, k, speakers, 4, 0, samples), 0);
+            assert_int_equal(room_record(r, (enum pass)pass, k, speakers, 4, 0, samples),
+                             0);
             assert_int_equal(recording_write(scratch_path(scratch, folders[pass]), k,
                                              s->n_microphones, n, s->sample_rate_hz,
                                              samples, &why),
@@ -205,11 +205,11 @@ static void a_recording_plays_like_the_array_it_was_taken_with(void **state)
     snprintf(uri, sizeof uri, "wav:%s/wav?background=%s/wav_bg", scratch->folder,
              scratch->folder);
     struct array *a = open_array(uri, &clock);
-    assert_int_equal(array_survey(a)->source, ANLOS__SOURCE__REPLAY);
+    assert_int_equal(array_survey(a)->source, SURVEY_REPLAY);
     assert_int_equal(survey_id(array_survey(a)), survey_id(s));
     for (int pass = 0; pass < 2; pass++) {
-        assert_int_equal(room_record(r, (Anlos__Pass)pass, 3, all, 4, 0, samples), 0);
-        fire(a, (Anlos__Pass)pass, 3, order, 2);
+        assert_int_equal(room_record(r, (enum pass)pass, 3, all, 4, 0, samples), 0);
+        fire(a, (enum pass)pass, 3, order, 2);
         for (size_t j = 0; j < 2; j++) {
             assert_int_equal(array_next(a, &ping, &why), 0);
             assert_int_equal(ping.n_samples, s->slot_samples + room_tail(r));
@@ -221,10 +221,9 @@ static void a_recording_plays_like_the_array_it_was_taken_with(void **state)
 
     snprintf(uri, sizeof uri, "wav:%s/wav", scratch->folder);
     a = open_array(uri, &clock);
-    struct array_shot shot = {
-        .pass = ANLOS__PASS__BACKGROUND, .speakers = all, .n_speakers = 1};
+    struct array_shot shot = {.pass = PASS_BACKGROUND, .speakers = all, .n_speakers = 1};
     assert_int_equal(array_fire(a, &shot), -EINVAL);
-    shot.pass = ANLOS__PASS__SCENE;
+    shot.pass = PASS_SCENE;
     assert_int_equal(array_fire(a, &shot), 0);
     /* The file goes before it is read: the ping fails, the array lives on. */
     snprintf(uri, sizeof uri, "%s/wav/pos00.wav", scratch->folder);

@@ -103,7 +103,7 @@ static void play_recording(struct card *c, struct scratch *s, const char *option
     static const uint32_t speakers[] = {1};
     static float samples[3][2 * SLOT];
     const struct array_shot shot = {
-        .pass = ANLOS__PASS__BACKGROUND, .speakers = speakers, .n_speakers = 1};
+        .pass = PASS_BACKGROUND, .speakers = speakers, .n_speakers = 1};
     struct complaint why = {.text = ""};
     scratch_folder(s, "empty");
     for (size_t m = 0; m < 3; m++)
@@ -122,7 +122,7 @@ static void a_background_may_come_from_a_recording(void **state)
 {
     static const uint32_t speakers[] = {1};
     const struct array_shot scene = {
-        .pass = ANLOS__PASS__SCENE, .speakers = speakers, .n_speakers = 1};
+        .pass = PASS_SCENE, .speakers = speakers, .n_speakers = 1};
     struct scratch *s = *state;
     struct array_ping ping;
     struct card c;

@@ -12,7 +12,7 @@ static double positions_m[1] = {0};
 
 static struct survey example(void)
 {
-    return (struct survey){.source = ANLOS__SOURCE__REPLAY,
+    return (struct survey){.source = SURVEY_REPLAY,
                            .sound_speed_m_s = 343,
                            .temperature_c = NAN,
                            .sample_rate_hz = 48000,

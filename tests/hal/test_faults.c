@@ -37,7 +37,7 @@ static float *record(struct room *r, uint32_t speaker, uint32_t take)
 {
     float *x = malloc(N * room_frames(r, 1) * sizeof *x);
     assert_non_null(x);
-    assert_int_equal(room_record(r, ANLOS__PASS__SCENE, 0, &speaker, 1, take, x), 0);
+    assert_int_equal(room_record(r, PASS_SCENE, 0, &speaker, 1, take, x), 0);
     return x;
 }
 
@@ -168,7 +168,7 @@ static void a_limit_clips_and_the_array_counts_it(void **state)
     assert_int_equal(array_open(&a, uri, clock_system(), &why), 0);
     static const uint32_t speaker = 0;
     const struct array_shot shot = {
-        .pass = ANLOS__PASS__SCENE, .speakers = &speaker, .n_speakers = 1};
+        .pass = PASS_SCENE, .speakers = &speaker, .n_speakers = 1};
     assert_int_equal(array_fire(a, &shot), 0);
     assert_int_equal(array_next(a, &ping, &why), 0);
     for (size_t i = 0; i < n; i++) {
@@ -239,7 +239,7 @@ static void a_calibrated_array_is_as_if_it_had_no_faults(void **state)
     assert_true(array_survey(a)->sound_speed_m_s == 341);
     static const uint32_t speaker = 2;
     const struct array_shot shot = {
-        .pass = ANLOS__PASS__SCENE, .speakers = &speaker, .n_speakers = 1};
+        .pass = PASS_SCENE, .speakers = &speaker, .n_speakers = 1};
     assert_int_equal(array_fire(a, &shot), 0);
     assert_int_equal(array_next(a, &ping, &why), 0);
     assert_true(ping.n_samples >= n); /* the tail makes room for the latency */

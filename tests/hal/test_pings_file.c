@@ -3,7 +3,7 @@
 #include <errno.h>
 
 #include "hal/recording/pings_file.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 static int load(struct scratch *s, const char *text, double (**pings)[2][3], size_t *n,
                 struct complaint *why)

@@ -20,7 +20,7 @@ static void a_rig_without_a_device_has_the_defaults(void **state)
     struct rig r;
     struct complaint why;
     assert_int_equal(load(*state, "", &r, &why), 0);
-    assert_int_equal(r.survey.source, ANLOS__SOURCE__LIVE);
+    assert_int_equal(r.survey.source, SURVEY_LIVE);
     assert_int_equal(r.survey.n_microphones, 3);
     assert_false(r.has_format);
     assert_int_equal(r.access, RIG_ACCESS_ANY);

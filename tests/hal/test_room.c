@@ -35,7 +35,7 @@ static struct room *load(void **state, const char *text)
     return r;
 }
 
-static float *record(struct room *r, Anlos__Pass pass, size_t position, uint32_t take)
+static float *record(struct room *r, enum pass pass, size_t position, uint32_t take)
 {
     static const uint32_t speakers[] = {0, 1, 2, 3};
     const struct survey *s = room_survey(r);
@@ -88,7 +88,7 @@ static void a_point_echoes_with_the_right_delay_and_amplitude(void **state)
     double rt = distance(speaker_m, virtual_m), rr = distance(microphone_m, virtual_m);
     double delay_s = (rt + rr) / SOUND_M_S + 3.25 / RATE_HZ;
     double amplitude = 0.9 * 0.9 * 0.05 / (rt * rr);
-    float *x = record(r, ANLOS__PASS__SCENE, 0, 0);
+    float *x = record(r, PASS_SCENE, 0, 0);
     size_t n = room_frames(r, 1);
     double error = 0, power = 0, slope = 0, weight = 0, gain = 0;
     for (int k = 0; k <= 200; k++) {
@@ -116,7 +116,7 @@ static void the_wall_is_heard_as_the_speakers_image(void **state)
     struct room *r = load(state, TIMING FRONTAL ONE_PAIR
                           "level: 0.5\ndirect_level: 0.7\n"
                           "wall_sound: {reflectivity: 1, echo: 0.8}\n");
-    float *x = record(r, ANLOS__PASS__BACKGROUND, 0, 0);
+    float *x = record(r, PASS_BACKGROUND, 0, 0);
     double image = sqrt(0.04 * 0.04 + 4);
     double error = 0, power = 0;
     for (double f = 2000; f <= 20000; f += 180) {
@@ -150,7 +150,7 @@ static void a_tilted_plate_is_its_kirchhoff_integral(void **state)
     double across = sqrt(n[0] * n[0] + n[2] * n[2]); /* u = y cross n */
     u[0] = n[2] / across, u[1] = 0, u[2] = -n[0] / across;
     v[0] = n[1] * u[2], v[1] = n[2] * u[0] - n[0] * u[2], v[2] = -n[1] * u[0];
-    float *x = record(r, ANLOS__PASS__SCENE, 0, 0);
+    float *x = record(r, PASS_SCENE, 0, 0);
     for (double f = 3000; f <= 19000; f += 4000) {
         double complex sum = 0;
         for (int i = 0; i < 100; i++)
@@ -185,7 +185,7 @@ static void a_large_plate_is_a_mirror(void **state)
                           "objects: [{name: p, kind: rectangle, size_m: [1.6, 1.6], "
                           "position_m: [0, 0, 0.5], facing: [0, 0, 1]}]\n");
     double image = sqrt(0.04 * 0.04 + 9);
-    float *x = record(r, ANLOS__PASS__SCENE, 0, 0);
+    float *x = record(r, PASS_SCENE, 0, 0);
     size_t n = room_frames(r, 1);
     double best = 0, best_at = 0;
     /* Correlation with the chirp at fractions of a sample. */
@@ -226,7 +226,7 @@ static void a_corner_returns_sound_to_where_it_came_from(void **state)
                  "position_m: [0, 0, 0.5], facing: %s}]\n",
                  facings[i]);
         struct room *r = load(state, text);
-        float *x = record(r, ANLOS__PASS__SCENE, 0, 0);
+        float *x = record(r, PASS_SCENE, 0, 0);
         double found = cabs(transfer(x, room_frames(r, 1), f));
         double expected = f / SOUND_M_S * area / (r_m * r_m) * (i ? 0.98481 : 1);
         assert_true(fabs(found / expected - 1) < 0.04);
@@ -252,9 +252,9 @@ static void the_background_is_the_scene_without_its_objects(void **state)
     struct room *all = load(state, TIMING FRONTAL FOUR OBJECT SURROUNDINGS);
     struct room *alone = load(state, TIMING FRONTAL FOUR OBJECT "direct_level: 0\n");
     size_t n = 2 * room_frames(all, 3);
-    float *scene = record(all, ANLOS__PASS__SCENE, 1, 0);
-    float *background = record(all, ANLOS__PASS__BACKGROUND, 1, 0);
-    float *object = record(alone, ANLOS__PASS__SCENE, 1, 0);
+    float *scene = record(all, PASS_SCENE, 1, 0);
+    float *background = record(all, PASS_BACKGROUND, 1, 0);
+    float *object = record(alone, PASS_SCENE, 1, 0);
     double echo = 0, error = 0, around = 0;
     for (size_t i = 0; i < n; i++) {
         error += pow(scene[i] - background[i] - object[i], 2);
@@ -280,9 +280,9 @@ static void a_shot_is_the_sum_of_its_emissions(void **state)
     assert_non_null(all);
     assert_non_null(one);
     assert_int_equal(n, 3 * SLOT + room_tail(r));
-    assert_int_equal(room_record(r, ANLOS__PASS__SCENE, 2, order, 3, 0, all), 0);
+    assert_int_equal(room_record(r, PASS_SCENE, 2, order, 3, 0, all), 0);
     for (uint32_t j = 0; j < 3; j++) {
-        assert_int_equal(room_record(r, ANLOS__PASS__SCENE, 2, &order[j], 1, 0, one), 0);
+        assert_int_equal(room_record(r, PASS_SCENE, 2, &order[j], 1, 0, one), 0);
         for (size_t m = 0; m < 2; m++)
             for (size_t i = 0; i < n_one; i++)
                 all[m * n + j * SLOT + i] -= one[m * n_one + i];
@@ -290,9 +290,8 @@ static void a_shot_is_the_sum_of_its_emissions(void **state)
     for (size_t m = 0; m < 2; m++)
         for (size_t i = 0; i < n; i++)
             assert_true(fabsf(all[m * n + i]) < 1e-5f);
-    assert_int_equal(room_record(r, ANLOS__PASS__SCENE, 3, order, 3, 0, all), -EINVAL);
-    assert_int_equal(room_record(r, ANLOS__PASS__SCENE, 0, (uint32_t[]){3}, 1, 0, all),
-                     -EINVAL);
+    assert_int_equal(room_record(r, PASS_SCENE, 3, order, 3, 0, all), -EINVAL);
+    assert_int_equal(room_record(r, PASS_SCENE, 0, (uint32_t[]){3}, 1, 0, all), -EINVAL);
     free(all);
     free(one);
     room_destroy(r);
@@ -314,8 +313,8 @@ static void noise_has_the_power_asked_for(void **state)
     size_t n = 2 * room_frames(quiet, 3);
     double echo = 0, noise = 0;
     for (size_t position = 0; position < 3; position++) {
-        float *x = record(quiet, ANLOS__PASS__SCENE, position, 0);
-        float *y = record(noisy, ANLOS__PASS__SCENE, position, 0);
+        float *x = record(quiet, PASS_SCENE, position, 0);
+        float *y = record(noisy, PASS_SCENE, position, 0);
         echo += mean_square(x, n) * (double)n / (2 * 3 * SLOT);
         for (size_t i = 0; i < n; i++)
             y[i] -= x[i];
@@ -332,16 +331,16 @@ static void noise_repeats_only_with_pass_position_and_take(void **state)
 {
     struct room *r = load(state, TIMING FRONTAL FOUR "level: 0\nnoise: {rms: 0.1}\n");
     size_t n = 2 * room_frames(r, 3);
-    float *x = record(r, ANLOS__PASS__SCENE, 1, 5);
+    float *x = record(r, PASS_SCENE, 1, 5);
     const struct {
-        Anlos__Pass pass;
+        enum pass pass;
         size_t position;
         uint32_t take;
         bool same;
-    } cases[] = {{ANLOS__PASS__SCENE, 1, 5, true},
-                 {ANLOS__PASS__BACKGROUND, 1, 5, false},
-                 {ANLOS__PASS__SCENE, 2, 5, false},
-                 {ANLOS__PASS__SCENE, 1, 6, false}};
+    } cases[] = {{PASS_SCENE, 1, 5, true},
+                 {PASS_BACKGROUND, 1, 5, false},
+                 {PASS_SCENE, 2, 5, false},
+                 {PASS_SCENE, 1, 6, false}};
     assert_true(fabs(sqrt(mean_square(x, n)) / 0.1 - 1) < 0.02);
     for (size_t i = 0; i < 4; i++) {
         float *y = record(r, cases[i].pass, cases[i].position, cases[i].take);
@@ -356,7 +355,7 @@ static void noise_repeats_only_with_pass_position_and_take(void **state)
     room_destroy(r);
 }
 
-static double direct_delay_s(void **state, const char *drift, Anlos__Pass pass,
+static double direct_delay_s(void **state, const char *drift, enum pass pass,
                              size_t position, double *temperature_c)
 {
     char text[1024];
@@ -389,14 +388,14 @@ static void sound_runs_at_the_temperature_of_pass_and_position(void **state)
     static const char drift[] = "drift: {background_c: 4, scan_c: -6}\n";
     const struct {
         const char *drift;
-        Anlos__Pass pass;
+        enum pass pass;
         size_t position;
         double temperature_c;
-    } cases[] = {{"", ANLOS__PASS__SCENE, 2, 10},
-                 {drift, ANLOS__PASS__SCENE, 0, 10},
-                 {drift, ANLOS__PASS__SCENE, 1, 7},
-                 {drift, ANLOS__PASS__BACKGROUND, 0, 14},
-                 {drift, ANLOS__PASS__BACKGROUND, 2, 8}};
+    } cases[] = {{"", PASS_SCENE, 2, 10},
+                 {drift, PASS_SCENE, 0, 10},
+                 {drift, PASS_SCENE, 1, 7},
+                 {drift, PASS_BACKGROUND, 0, 14},
+                 {drift, PASS_BACKGROUND, 2, 8}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         double temperature_c;
         double delay_s = direct_delay_s(state, cases[i].drift, cases[i].pass,
@@ -414,8 +413,8 @@ static void position_errors_are_heard_but_not_told(void **state)
     struct room *crooked =
         load(state, TIMING FRONTAL FOUR "errors: {element_m: 0.002, stage_m: 0.002}\n");
     size_t n = 2 * room_frames(exact, 3);
-    float *x = record(exact, ANLOS__PASS__SCENE, 0, 0);
-    float *y = record(crooked, ANLOS__PASS__SCENE, 0, 0);
+    float *x = record(exact, PASS_SCENE, 0, 0);
+    float *y = record(crooked, PASS_SCENE, 0, 0);
     assert_int_equal(survey_id(room_survey(exact)), survey_id(room_survey(crooked)));
     double power = mean_square(x, n);
     for (size_t i = 0; i < n; i++)
@@ -435,8 +434,8 @@ static void microphones_sound_as_their_curves_say(void **state)
         load(state, TIMING FRONTAL FOUR "microphones: {ripple_db: 3}\n");
     const struct survey *s = room_survey(curved);
     size_t n = room_frames(flat, 3);
-    float *x = record(flat, ANLOS__PASS__SCENE, 0, 0);
-    float *y = record(curved, ANLOS__PASS__SCENE, 0, 0);
+    float *x = record(flat, PASS_SCENE, 0, 0);
+    float *y = record(curved, PASS_SCENE, 0, 0);
     double spread = 0;
     assert_int_equal(s->n_responses, 2);
     assert_int_equal(room_survey(flat)->n_responses, 0);

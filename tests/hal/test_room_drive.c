@@ -79,7 +79,7 @@ static void the_echo_of_a_moving_point_is_stretched(void **state)
                                 "    path: [{t_s: 0, position_m: [-3, 0.3, 1.5]}, "
                                 "{t_s: 1, position_m: [1, 0.3, -1.5]}]\n");
     struct line image = {{-3 + 4 * 0.4, 0.3, 4 - (1.5 - 3 * 0.4)}, {4, 0, 3}};
-    float *x = drive_emit(r, 0.4, ANLOS__PASS__SCENE, 0);
+    float *x = drive_emit(r, 0.4, PASS_SCENE, 0);
     double db = error_db(x, room_frames(r, 1), &speaker, &image, &microphone, 0.081);
     assert_true(db < -40);       /* the gain is that of the middle */
     image.v[0] = image.v[2] = 0; /* which it would not be if it stood */
@@ -97,7 +97,7 @@ static void a_person_is_heard_from_where_he_walks(void **state)
                                 "    present_s: [0, 4]\n"
                                 "    path: [{t_s: 0, position_m: [-2, 0, 1]}, "
                                 "{t_s: 3, position_m: [1, 0, 1]}]\n");
-    float *x = drive_emit(r, 1.5, ANLOS__PASS__SCENE, 0);
+    float *x = drive_emit(r, 1.5, PASS_SCENE, 0);
     double range = sqrt(0.25 + 9), first = 2 * (range - 0.9) / SOUND_M_S * RATE_HZ;
     double last = (2 * (range + 0.9) / SOUND_M_S + 0.02) * RATE_HZ, sum = 0;
     double expected = pow(0.14 / (range * range), 2) / 2 * 960;
@@ -119,7 +119,7 @@ static void the_wall_of_a_moving_vehicle_is_heard_higher(void **state)
                                 "drive: {period_s: 10, ego: [{t_s: 0, speed_m_s: 2}]}\n");
     struct line image = {{-0.02, 0, 4 - 0.6}, {0, 0, -2}};
     struct line moving = {{0.03, 0, 0.6}, {0, 0, 2}};
-    float *x = drive_emit(r, 0.3, ANLOS__PASS__BACKGROUND, 0);
+    float *x = drive_emit(r, 0.3, PASS_BACKGROUND, 0);
     assert_true(error_db(x, room_frames(r, 1), &image, NULL, &moving, 0.8) < -40);
     free(x);
     room_destroy(r);
@@ -137,7 +137,7 @@ static void the_direct_way_keeps_its_pitch(void **state)
         "level: 1\n" DRIVE_WALL "speakers_m: [[0, 0, 0]]\nmicrophones_m: [[1, 0, 0]]\n"
         "drive: {period_s: 10, ego: [{t_s: 0, speed_m_s: 20}]}\n");
     struct line source = {{1, 0, 0}, {20, 0, 0}}, ahead = {{2, 0, 0}, {20, 0, 0}};
-    float *x = drive_emit(r, 0.05, ANLOS__PASS__SCENE, 0);
+    float *x = drive_emit(r, 0.05, PASS_SCENE, 0);
     double met_s = 1 / (SOUND_M_S - 20); /* and the way is 340 times that */
     for (int i = 0; i < 900; i++) {
         double t_s = (i + 30) / RATE_HZ - met_s;
@@ -173,20 +173,19 @@ static void a_drive_in_which_nothing_moves_sounds_like_a_standing_scene(void **s
         drive_load(state, DRIVE_TIMING TWO DRIVE_WALL STANDING "drive: {period_s: 10}\n");
     struct room *still = drive_load(state, DRIVE_TIMING TWO DRIVE_WALL STANDING);
     size_t n = room_frames(still, 1);
-    float *x = drive_emit(moving, 3.21, ANLOS__PASS__SCENE, 0);
-    float *y = drive_emit(still, 3.21, ANLOS__PASS__SCENE, 0);
+    float *x = drive_emit(moving, 3.21, PASS_SCENE, 0);
+    float *y = drive_emit(still, 3.21, PASS_SCENE, 0);
     float *z = malloc(2 * n * sizeof *z);
     double error = 0, power = 0;
     assert_non_null(z);
-    assert_int_equal(room_record(still, ANLOS__PASS__SCENE, 0, &first, 1, 0, z), 0);
+    assert_int_equal(room_record(still, PASS_SCENE, 0, &first, 1, 0, z), 0);
     for (size_t i = 0; i < 2 * n; i++) {
         error += pow(x[i] - y[i], 2);
         power += pow(y[i], 2);
         assert_true(y[i] == z[i]); /* without noise an emission is a shot of one */
     }
     assert_true(10 * log10(error / power) < -45);
-    assert_int_equal(room_record(moving, ANLOS__PASS__SCENE, 0, &first, 1, 0, z),
-                     -ENOTSUP);
+    assert_int_equal(room_record(moving, PASS_SCENE, 0, &first, 1, 0, z), -ENOTSUP);
     free(x);
     free(y);
     free(z);
@@ -205,7 +204,7 @@ static void the_noise_is_a_persons_echo_at_a_range(void **state)
     struct room *r = drive_load(state, NOISY "drive: {period_s: 10}\n");
     double expected = pow(0.64 * 0.14 / 9, 2) / 2 * 960 / 1152 / pow(10, 0.6), sum = 0;
     for (uint32_t take = 0; take < 8; take++) {
-        float *x = drive_emit(r, 1, ANLOS__PASS__SCENE, take);
+        float *x = drive_emit(r, 1, PASS_SCENE, take);
         for (size_t i = 0; i < room_frames(r, 1); i++)
             sum += x[i] * x[i] / 8 / (double)room_frames(r, 1);
         free(x);
@@ -221,7 +220,7 @@ static void the_noise_is_a_persons_echo_at_a_range(void **state)
           "    path: [{t_s: 1, position_m: [-1, 0, 1]}, "                                \
           "{t_s: 3, position_m: [1, 0, 1]}]\n"
 
-static bool are_equal(struct room *r, double t_s, Anlos__Pass pass, uint32_t take,
+static bool are_equal(struct room *r, double t_s, enum pass pass, uint32_t take,
                       const float *expected)
 {
     float *x = drive_emit(r, t_s, pass, take);
@@ -233,15 +232,15 @@ static bool are_equal(struct room *r, double t_s, Anlos__Pass pass, uint32_t tak
 static void an_emission_depends_on_time_pass_and_take_alone(void **state)
 {
     struct room *r = drive_load(state, WALKER);
-    float *x = drive_emit(r, 1.5, ANLOS__PASS__SCENE, 3);
-    assert_false(are_equal(r, 1.75, ANLOS__PASS__SCENE, 3, x));
-    assert_false(are_equal(r, 1.5, ANLOS__PASS__SCENE, 4, x));
-    assert_false(are_equal(r, 1.5, ANLOS__PASS__BACKGROUND, 3, x));
-    assert_true(are_equal(r, 1.5, ANLOS__PASS__SCENE, 3, x));
-    assert_true(are_equal(r, 1.5 + 4, ANLOS__PASS__SCENE, 3, x));
-    assert_true(are_equal(r, 1.5 - 8, ANLOS__PASS__SCENE, 3, x));
+    float *x = drive_emit(r, 1.5, PASS_SCENE, 3);
+    assert_false(are_equal(r, 1.75, PASS_SCENE, 3, x));
+    assert_false(are_equal(r, 1.5, PASS_SCENE, 4, x));
+    assert_false(are_equal(r, 1.5, PASS_BACKGROUND, 3, x));
+    assert_true(are_equal(r, 1.5, PASS_SCENE, 3, x));
+    assert_true(are_equal(r, 1.5 + 4, PASS_SCENE, 3, x));
+    assert_true(are_equal(r, 1.5 - 8, PASS_SCENE, 3, x));
     struct room *again = drive_load(state, WALKER);
-    assert_true(are_equal(again, 1.5, ANLOS__PASS__SCENE, 3, x));
+    assert_true(are_equal(again, 1.5, PASS_SCENE, 3, x));
     free(x);
     room_destroy(again);
     room_destroy(r);
@@ -251,10 +250,10 @@ static void what_is_not_there_is_not_heard(void **state)
 {
     struct room *r = drive_load(state, WALKER);
     struct room *empty = drive_load(state, NOISY "drive: {period_s: 4}\n");
-    float *x = drive_emit(empty, 0, ANLOS__PASS__SCENE, 0);
-    assert_true(are_equal(r, 0.5, ANLOS__PASS__SCENE, 0, x));
-    assert_true(are_equal(r, 3.5, ANLOS__PASS__SCENE, 0, x));
-    assert_false(are_equal(r, 2.5, ANLOS__PASS__SCENE, 0, x));
+    float *x = drive_emit(empty, 0, PASS_SCENE, 0);
+    assert_true(are_equal(r, 0.5, PASS_SCENE, 0, x));
+    assert_true(are_equal(r, 3.5, PASS_SCENE, 0, x));
+    assert_false(are_equal(r, 2.5, PASS_SCENE, 0, x));
     free(x);
     room_destroy(empty);
     room_destroy(r);
@@ -302,7 +301,7 @@ static void each_draw_has_clutter_and_noise_of_its_own(void **state)
         for (int i = 1; i < 4; i++)
             assert_int_equal(room_load_drawn(&rooms[i], path, NULL, draws[i], NULL), 0);
         for (int i = 0; i < 4; i++)
-            heard[i] = drive_emit(rooms[i], 0.3, ANLOS__PASS__SCENE, 1);
+            heard[i] = drive_emit(rooms[i], 0.3, PASS_SCENE, 1);
         size_t n = room_frames(rooms[0], 1);
         assert_memory_equal(heard[0], heard[1], n * sizeof(float));
         assert_true(fabs(alike(heard[0], heard[2], n)) < 0.3);

@@ -29,10 +29,8 @@ static const uint32_t both[] = {1, 0};
 static struct room_stream *start(struct room *r, double start_s)
 {
     struct room_stream *s;
-    struct room_stream_config cfg = {.pass = ANLOS__PASS__SCENE,
-                                     .speakers = both,
-                                     .n_speakers = 2,
-                                     .start_s = start_s};
+    struct room_stream_config cfg = {
+        .pass = PASS_SCENE, .speakers = both, .n_speakers = 2, .start_s = start_s};
     assert_int_equal(room_stream_create(&s, r, &cfg), 0);
     return s;
 }

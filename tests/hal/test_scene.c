@@ -25,7 +25,7 @@ static void the_papers_array_has_its_measures(void **state)
 {
     struct room *r = load(state, SCENE);
     const struct survey *s = room_survey(r);
-    assert_int_equal(s->source, ANLOS__SOURCE__SIMULATION);
+    assert_int_equal(s->source, SURVEY_SIMULATION);
     assert_int_equal(s->n_speakers, 16);
     assert_int_equal(s->n_microphones, 16);
     assert_int_equal(s->n_positions, 32);

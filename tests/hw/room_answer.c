@@ -19,7 +19,7 @@ static void record_all(struct room_answer *r)
     for (int pass = 0; pass < 2; pass++)
         for (size_t k = 0; k < s->n_positions; k++)
             for (uint32_t j = 0; j < s->n_speakers; j++)
-                if (room_record(r->room, (Anlos__Pass)pass, k, &j, 1, 0,
+                if (room_record(r->room, (enum pass)pass, k, &j, 1, 0,
                                 answer_of(r, pass, k, j)))
                     abort();
 }

@@ -1,5 +1,17 @@
 /* Surveys to messages and back, and messages that are none. */
-#include "tests/msgs/survey_example.h"
+#include "msgs/convert/survey.h"
+#include "tests/recon/survey_example.h"
+
+static Anlos__Survey *message_of(const struct survey *s)
+{
+    uint8_t *bytes = NULL;
+    size_t size = 0;
+    assert_int_equal(survey_pack(s, &bytes, &size), 0);
+    Anlos__Survey *m = anlos__survey__unpack(NULL, size, bytes);
+    free(bytes);
+    assert_non_null(m);
+    return m;
+}
 
 static void a_survey_comes_back_from_its_message(void **state)
 {

@@ -1,5 +1,6 @@
 #include "tests/nodes/alone.h"
 
+#include "msgs/convert/survey.h"
 #include "tests/hal/scratch.h"
 
 #include <fcntl.h>
@@ -152,7 +153,7 @@ struct survey alone_survey(void)
         speakers_m[i][0] = i / 3.0 - 0.5;
     for (int i = 0; i < 16; i++)
         microphones_m[i][0] = i / 15.0 - 0.5;
-    return (struct survey){.source = ANLOS__SOURCE__SIMULATION,
+    return (struct survey){.source = SURVEY_SIMULATION,
                            .sound_speed_m_s = 343.0,
                            .temperature_c = 20.0,
                            .sample_rate_hz = 48000.0,

@@ -8,7 +8,7 @@
 
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 struct alone {
     const char *folder, *node;

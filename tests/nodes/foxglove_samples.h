@@ -14,7 +14,8 @@
 #include "msgs/detections.pb-c.h"
 #include "msgs/log.pb-c.h"
 #include "msgs/stage.pb-c.h"
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "msgs/volume.pb-c.h"
 #include "msgs/wall.pb-c.h"
@@ -74,7 +75,7 @@ static inline void samples_make_survey(struct samples *s)
     memcpy(s->speakers_m, speakers, sizeof speakers);
     memcpy(s->microphones_m, microphones, sizeof microphones);
     memcpy(s->positions_m, positions, sizeof positions);
-    s->survey = (struct survey){.source = ANLOS__SOURCE__SIMULATION,
+    s->survey = (struct survey){.source = SURVEY_SIMULATION,
                                 .sound_speed_m_s = 343.0,
                                 .temperature_c = 20.0,
                                 .sample_rate_hz = 48000.0,

@@ -12,6 +12,7 @@
 
 #include <cmocka.h>
 
+#include "msgs/survey.pb-c.h"
 #include "nodes/scan/scan.h"
 
 #define MS          1000000LL

@@ -8,7 +8,8 @@
 
 #include "hal/room/room.h"
 #include "msgs/array.pb-c.h"
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 #include "msgs/tensor.h"
 
 #define SCENE_MAX_MICROPHONES 16
@@ -53,7 +54,7 @@ static inline void scene_ping(struct scene *s, Anlos__Pass pass, uint32_t positi
 {
     memset(s->clipped, 0, sizeof s->clipped);
     memset(s->not_finite, 0, sizeof s->not_finite);
-    room_record(s->room, pass, position, &speaker, 1, 0, s->samples);
+    room_record(s->room, (enum pass)pass, position, &speaker, 1, 0, s->samples);
     anlos__ping__init(out);
     out->survey_id = s->survey->id;
     out->scan = 1;

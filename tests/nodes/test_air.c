@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "nodes/rt/air.h"
 #include "tests/nodes/near.h"
 

@@ -1,5 +1,6 @@
 /* `anlos bag`: a small simulated recording there and back, and bags made for the purpose.
  */
+#include "msgs/survey.pb-c.h"
 #include "tests/hal/scratch.h"
 
 #include <errno.h>

@@ -7,7 +7,8 @@
 #include <unistd.h>
 
 #include "msgs/array.pb-c.h"
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "nodes/anlos/bag/import.h"
 #include "nodes/anlos/bag/stream.h"

@@ -428,7 +428,7 @@ static void hear(struct array *a, uint32_t speaker, struct array_ping *ping)
 {
     struct complaint why = {.text = ""};
     const struct array_shot shot = {
-        .pass = ANLOS__PASS__SCENE, .speakers = &speaker, .n_speakers = 1};
+        .pass = PASS_SCENE, .speakers = &speaker, .n_speakers = 1};
     assert_int_equal(array_fire(a, &shot), 0);
     assert_int_equal(array_next(a, ping, &why), 0);
 }

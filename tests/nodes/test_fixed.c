@@ -8,7 +8,8 @@
 #include <unistd.h>
 
 #include "msgs/bus.h"
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "msgs/topics.h"
 #include "msgs/traces.pb-c.h"
@@ -65,7 +66,7 @@ static void describe(struct rig *r)
     for (int i = 0; i < MICROPHONES; i++)
         r->microphones_m[i][0] = i / 15.0 - 0.5;
     r->survey =
-        (struct survey){.source = ANLOS__SOURCE__SIMULATION,
+        (struct survey){.source = SURVEY_SIMULATION,
                         .sound_speed_m_s = 343.0,
                         .temperature_c = 20.0,
                         .sample_rate_hz = 48000.0,

@@ -8,7 +8,8 @@
 
 #include <cmocka.h>
 
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 #include "nodes/scan/fixed_scan.h"
 
 #define MS         1000000LL

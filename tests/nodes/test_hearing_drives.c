@@ -13,6 +13,7 @@
 
 #include <cmocka.h>
 
+#include "msgs/convert/survey.h"
 #include "hal/survey/firing.h"
 #include "nodes/anlos/bench/drive_world.h"
 #include "nodes/array/hearing.h"
@@ -72,7 +73,7 @@ static void start(struct drive *d, const char *scene)
     keeper_survey(&d->keeper, &d->survey);
     if (listener_create(&d->listener, &listens, &d->survey, &why) ||
         hearing_create(&d->hearing, &hears, &d->survey, &why) ||
-        drive_world_shoot(&d->world, ANLOS__PASS__SCENE, &why))
+        drive_world_shoot(&d->world, PASS_SCENE, &why))
         fail_msg("%s: %s", scene, why.text);
     d->ego_ns = d->world.begin_ns;
 }
@@ -95,8 +96,7 @@ static double go_on(struct drive *d)
     int64_t stamp_ns;
     bool blind = false;
 
-    assert_int_equal(drive_world_ping(&d->world, ANLOS__PASS__SCENE, &ping, &stamp_ns),
-                     0);
+    assert_int_equal(drive_world_ping(&d->world, PASS_SCENE, &ping, &stamp_ns), 0);
     for (; d->ego_ns <= stamp_ns + 50000000; d->ego_ns += DRIVE_EGO_NS) {
         drive_world_ego(&d->world, d->ego_ns, &ego);
         keeper_ego(&d->keeper, &ego, d->ego_ns);

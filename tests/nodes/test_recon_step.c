@@ -8,6 +8,7 @@
 
 #include <cmocka.h>
 
+#include "msgs/convert/survey.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
 #include "nodes/rt/volume_grid.h"

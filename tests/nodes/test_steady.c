@@ -11,6 +11,7 @@
 
 #include <cmocka.h>
 
+#include "msgs/convert/survey.h"
 #include "msgs/tensor.h"
 #include "nodes/recon/steady.h"
 #include "nodes/rt/compressor.h"
@@ -40,7 +41,7 @@ static void describe(struct rig *r, bool has_mount)
 {
     const struct moving *w = &r->world;
     r->survey = (struct survey){
-        .source = ANLOS__SOURCE__SIMULATION,
+        .source = SURVEY_SIMULATION,
         .sound_speed_m_s = w->sound_speed_m_s,
         .temperature_c = 20.0,
         .sample_rate_hz = w->sample_rate_hz,

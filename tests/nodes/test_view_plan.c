@@ -172,7 +172,7 @@ static void the_scene_says_what_is_known_and_what_is_not(void **state)
     assert_near(number(json_array_get(array, 2), 0), -0.46, 1e-9);
     json_decref(o);
     s.has_wall = s.has_mount = false;
-    s.source = ANLOS__SOURCE__REPLAY;
+    s.source = SURVEY_REPLAY;
     o = plan_scene_json(&s);
     assert_string_equal(json_string_value(json_object_get(o, "frame")), "array");
     assert_string_equal(json_string_value(json_object_get(o, "source")), "replay");

@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
+#include "msgs/convert/survey.h"
 #include "hal/room/stream.h"
 #include "nodes/wall/listener.h"
 #include "tests/nodes/near.h"
@@ -210,7 +211,7 @@ static void hear_two_at_a_time(const char *wall, double chirp_s,
     for (uint32_t k = 0; k < 16; k++)
         speakers[k] = k;
     const struct room_stream_config cfg = {
-        .pass = ANLOS__PASS__SCENE, .speakers = speakers, .n_speakers = 16};
+        .pass = PASS_SCENE, .speakers = speakers, .n_speakers = 16};
     assert_int_equal(room_stream_create(&stream, h.scene.room, &cfg), 0);
     for (uint32_t k = 0; k < 16; k++) {
         Anlos__Ping ping;
@@ -302,7 +303,7 @@ static void a_moving_array_hears_the_wall_where_it_is_now(void **state)
     for (uint32_t k = 0; k < 16; k++)
         speakers[k] = k;
     const struct room_stream_config cfg = {
-        .pass = ANLOS__PASS__SCENE, .speakers = speakers, .n_speakers = 16};
+        .pass = PASS_SCENE, .speakers = speakers, .n_speakers = 16};
     assert_int_equal(room_stream_create(&stream, h.scene.room, &cfg), 0);
     for (uint64_t e = 0; e < 64; e++) { /* 1.5 s */
         Anlos__Ping ping;

@@ -13,7 +13,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/vehicle.pb-c.h"
 
 #define EGO_FILE "ego.csv"

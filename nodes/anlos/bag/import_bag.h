@@ -5,7 +5,7 @@
 #define ANLOS_NODES_ANLOS_BAG_IMPORT_BAG_H
 
 #include "msgs/array.pb-c.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "msgs/vehicle.pb-c.h"
 #include "nodes/anlos/bag/verb.h"
 

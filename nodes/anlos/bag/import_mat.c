@@ -126,7 +126,7 @@ static int fill_survey(struct mat_import *m, struct complaint *why)
         return err;
     const double band_hz[2] = {slower * waves.band_hz[0], slower * waves.band_hz[1]};
     confocal_traces_clear(&waves);
-    v->source = ANLOS__SOURCE__REPLAY;
+    v->source = SURVEY_REPLAY;
     v->sound_speed_m_s = SOUND_M_S;
     v->temperature_c = NAN;
     v->sample_rate_hz = 0.5 * SOUND_M_S / s->range_step_m;

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 
 #include "msgs/bag/compression.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/anlos/bag/verb.h"
 
 struct record_options {

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/convert/survey.h"
+
 #define MOST_SURVEYS 1000 /* of different ids, which are compared with one another */
 
 struct fact { /* of a ping */

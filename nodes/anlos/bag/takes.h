@@ -4,7 +4,7 @@
 #define ANLOS_NODES_ANLOS_BAG_TAKES_H
 
 #include "msgs/array.pb-c.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "nodes/anlos/bag/stream.h"
 
 struct takes {

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define BENCH_USUAL_SEEDS ((size_t)-1)
 

@@ -4,7 +4,8 @@
 #ifndef ANLOS_NODES_ANLOS_BENCH_DRIVE_BAG_WORLD_H
 #define ANLOS_NODES_ANLOS_BENCH_DRIVE_BAG_WORLD_H
 
-#include "msgs/survey.h"
+#include "msgs/survey.pb-c.h"
+#include "recon/survey.h"
 #include "msgs/vehicle.pb-c.h"
 #include "nodes/anlos/bench/drive_truth.h"
 #include "nodes/anlos/bench/drive_truth_file.h"

@@ -122,7 +122,7 @@ static int make_lists(struct drive_pipe *p, struct drive_image *out,
 
 /* In the order of a replay (nodes/rt/replay_order.h): the image of a ping comes before
  * the walls that were heard in it.  *due: there is an image, whose lists are in out. */
-static int take_ping(struct drive_pipe *p, Anlos__Pass pass, bool *due,
+static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
                      struct drive_image *out, struct complaint *why)
 {
     struct dsp_output dsp;
@@ -159,10 +159,10 @@ static int take_background(struct drive_pipe *p, struct complaint *why)
     size_t n = p->launch->scan.background_frames * p->world.n_speakers;
     struct drive_image none; /* no image is due of a background */
     bool due;
-    int err = drive_world_shoot(&p->world, ANLOS__PASS__BACKGROUND, why);
+    int err = drive_world_shoot(&p->world, PASS_BACKGROUND, why);
 
     for (size_t i = 0; !err && i < n; i++)
-        err = take_ping(p, ANLOS__PASS__BACKGROUND, &due, &none, why);
+        err = take_ping(p, PASS_BACKGROUND, &due, &none, why);
     return err;
 }
 
@@ -191,7 +191,7 @@ int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const ch
     p->ping_s = (double)p->world.n_samples / room_survey(p->world.room)->sample_rate_hz;
     if (l->scan.background)
         err = take_background(p, why);
-    return err ? err : drive_world_shoot(&p->world, ANLOS__PASS__SCENE, why);
+    return err ? err : drive_world_shoot(&p->world, PASS_SCENE, why);
 }
 
 int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct complaint *why)
@@ -201,7 +201,7 @@ int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct compla
 
     *out = (struct drive_image){.tracks = NULL};
     while (!err && !due)
-        err = take_ping(p, ANLOS__PASS__SCENE, &due, out, why);
+        err = take_ping(p, PASS_SCENE, &due, out, why);
     if (!err)
         return 0;
     objects_free(out->tracks);

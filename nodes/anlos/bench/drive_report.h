@@ -8,7 +8,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/anlos/bench/drive_moments.h"
 #include "nodes/anlos/bench/drive_result.h"
 

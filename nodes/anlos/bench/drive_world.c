@@ -5,7 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/survey.h"
+#include "msgs/convert/survey.h"
+#include "recon/survey.h"
 
 #define BEGIN_NS     INT64_C(1000000000) /* stamps are above 0 */
 #define WALL_SIGMA_M 0.02
@@ -57,7 +58,7 @@ static int64_t start_ns(const struct drive_world *w, uint64_t n)
     return w->begin_ns + llround(1e9 * s);
 }
 
-int drive_world_shoot(struct drive_world *w, Anlos__Pass pass, struct complaint *why)
+int drive_world_shoot(struct drive_world *w, enum pass pass, struct complaint *why)
 {
     if (w->stream)
         w->begin_ns = start_ns(w, w->n);
@@ -72,7 +73,7 @@ int drive_world_shoot(struct drive_world *w, Anlos__Pass pass, struct complaint 
     return err ? complain(why, err, "sound of the drive: %s", strerror(-err)) : 0;
 }
 
-int drive_world_ping(struct drive_world *w, Anlos__Pass pass, Anlos__Ping *out,
+int drive_world_ping(struct drive_world *w, enum pass pass, Anlos__Ping *out,
                      int64_t *capture_ns)
 {
     const struct survey *s = room_survey(w->room);
@@ -86,7 +87,7 @@ int drive_world_ping(struct drive_world *w, Anlos__Pass pass, Anlos__Ping *out,
     anlos__ping__init(out);
     out->survey_id = w->survey->id;
     out->scan = 1;
-    out->pass = pass;
+    out->pass = (Anlos__Pass)pass;
     out->speaker = w->speakers[n % w->n_speakers];
     out->frame = (uint32_t)(n / w->n_speakers) + 1;
     out->down = survey_is_down(s, n % w->n_speakers);

@@ -38,10 +38,10 @@ int drive_world_create(struct drive_world *w, const struct drive_world_config *c
                        struct complaint *why);
 
 /* The endless shot begins anew, right after what came before. */
-int drive_world_shoot(struct drive_world *w, Anlos__Pass pass, struct complaint *why);
+int drive_world_shoot(struct drive_world *w, enum pass pass, struct complaint *why);
 
 /* The next ping, which borrows from w.  0, -ENOMEM. */
-int drive_world_ping(struct drive_world *w, Anlos__Pass pass, Anlos__Ping *out,
+int drive_world_ping(struct drive_world *w, enum pass pass, Anlos__Ping *out,
                      int64_t *capture_ns);
 
 /* World time of a stamp. */

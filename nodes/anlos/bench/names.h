@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 bool bench_names_have(const char *list, const char *name);
 

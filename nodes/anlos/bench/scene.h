@@ -4,8 +4,8 @@
 #ifndef ANLOS_NODES_ANLOS_BENCH_SCENE_H
 #define ANLOS_NODES_ANLOS_BENCH_SCENE_H
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 #include "nodes/anlos/bench/truth.h"
 
 struct bench_scene {

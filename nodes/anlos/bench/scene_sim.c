@@ -72,8 +72,7 @@ static void record_item(void *ctx, size_t item, size_t thread)
     int none = 0;
     if (interrupt_requested() || atomic_load(&r->err))
         return;
-    int err = room_record(r->rooms[thread],
-                          background ? ANLOS__PASS__BACKGROUND : ANLOS__PASS__SCENE,
+    int err = room_record(r->rooms[thread], background ? PASS_BACKGROUND : PASS_SCENE,
                           position, r->speakers, s->survey.n_speakers, 0, to);
     if (err)
         atomic_compare_exchange_strong(&r->err, &none, err);

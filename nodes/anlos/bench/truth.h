@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define BENCH_MAX_POINTS 32
 #define BENCH_MAX_MASKS  8

@@ -39,8 +39,7 @@ static int check(struct session *s)
     if (!o->folder || !o->folder[0])
         return complain(&s->why, -EINVAL,
                         "background: --folder DIR is missing, where the recording goes");
-    if (s->survey->source == ANLOS__SOURCE__LIVE && s->survey->n_positions > 1 &&
-        !o->stage)
+    if (s->survey->source == SURVEY_LIVE && s->survey->n_positions > 1 && !o->stage)
         return complain(&s->why, -EINVAL,
                         "the array has %zu positions: what carries it there? say --stage",
                         s->survey->n_positions);
@@ -89,7 +88,7 @@ static int record_once(struct recorder *r, size_t position)
 {
     struct session *s = r->s;
     struct array_ping ping;
-    const struct array_shot shot = {.pass = ANLOS__PASS__BACKGROUND,
+    const struct array_shot shot = {.pass = PASS_BACKGROUND,
                                     .position = position,
                                     .stage_m = s->survey->stage_positions_m[position],
                                     .speakers = r->speakers,

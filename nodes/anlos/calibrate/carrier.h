@@ -5,8 +5,8 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
-#include "msgs/survey.h"
+#include "dsp/complaint.h"
+#include "recon/survey.h"
 
 struct carrier;
 

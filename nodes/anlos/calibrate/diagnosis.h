@@ -7,7 +7,7 @@
 #include <stddef.h>
 
 #include "hal/survey/calibration.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/anlos/calibrate/paths.h"
 
 struct diagnosis_channel {

@@ -71,7 +71,7 @@ static int fire(struct sounding *s, struct array *array, size_t position,
                 uint32_t speaker, struct array_ping *ping, struct complaint *why)
 {
     const struct survey *survey = s->survey;
-    const struct array_shot shot = {.pass = ANLOS__PASS__SCENE,
+    const struct array_shot shot = {.pass = PASS_SCENE,
                                     .position = position,
                                     .stage_m = survey->stage_positions_m[position],
                                     .speakers = &speaker,

@@ -7,7 +7,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/anlos/can/tally.h"
 
 struct decode {

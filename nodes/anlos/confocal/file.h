@@ -8,7 +8,7 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define CONFOCAL_LIGHT_M_S 299792458.0
 

@@ -168,7 +168,7 @@ static int fill_survey(struct survey *v, const struct confocal_scan *s,
                        const struct grid *g)
 {
     size_t n = s->nx * s->ny;
-    v->source = ANLOS__SOURCE__REPLAY;
+    v->source = SURVEY_REPLAY;
     v->sound_speed_m_s = CONFOCAL_LIGHT_M_S;
     v->temperature_c = NAN;
     if (survey_make_pings(v, n))

@@ -5,9 +5,9 @@
 #define ANLOS_NODES_ANLOS_CONFOCAL_JOB_H
 
 #include "dsp/pool.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/detections.pb-c.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "nodes/anlos/confocal/file.h"
 #include "nodes/anlos/recon/job.h"
 #include "nodes/anlos/stopwatch.h"

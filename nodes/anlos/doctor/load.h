@@ -4,7 +4,7 @@
 #ifndef ANLOS_NODES_ANLOS_DOCTOR_LOAD_H
 #define ANLOS_NODES_ANLOS_DOCTOR_LOAD_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/anlos/doctor/findings.h"
 #include "nodes/rt/launchfile.h"
 

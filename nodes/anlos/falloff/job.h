@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct falloff_points {
     size_t n, room;

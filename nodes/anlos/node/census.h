@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_ANLOS_NODE_CENSUS_H
 #define ANLOS_NODES_ANLOS_NODE_CENSUS_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/hosts.h"
 #include "nodes/anlos/top/table.h"
 

@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_ANLOS_PSF_FILE_H
 #define ANLOS_NODES_ANLOS_PSF_FILE_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "recon/psf.h"
 
 struct psf_file {

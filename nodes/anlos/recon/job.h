@@ -4,9 +4,9 @@
 #define ANLOS_NODES_ANLOS_RECON_JOB_H
 
 #include "hal/recording/recording.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/detections.pb-c.h"
-#include "msgs/survey.h"
+#include "recon/survey.h"
 #include "nodes/anlos/psf/file.h"
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/recon/reader.h"

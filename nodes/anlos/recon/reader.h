@@ -9,7 +9,7 @@
 
 #include "dsp/pool.h"
 #include "hal/recording/recording.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/anlos/recon/results.h"
 #include "nodes/rt/air.h"
 #include "nodes/rt/channel_check.h"

@@ -6,7 +6,7 @@
 #include <jansson.h>
 
 #include "dsp/pool.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "msgs/detections.pb-c.h"
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/stopwatch.h"

@@ -13,7 +13,7 @@ static int fill_survey(struct recon_job *job, struct complaint *why)
 {
     const struct traces_file *t = &job->traces;
     struct survey *s = &job->survey;
-    s->source = ANLOS__SOURCE__REPLAY;
+    s->source = SURVEY_REPLAY;
     s->sound_speed_m_s = t->sound_speed_m_s;
     s->temperature_c = NAN;
     s->chirp_start_hz = t->band_hz[0];

@@ -22,7 +22,7 @@
 #include <stddef.h>
 
 #include "dsp/pulse_compress.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #define TRACES_MAX_CUT 6
 

@@ -94,9 +94,8 @@ static void record_item(void *ctx, size_t item, size_t thread)
     pthread_mutex_unlock(&job->lock);
     if (stop)
         return;
-    int err =
-        room_record(w->room, background ? ANLOS__PASS__BACKGROUND : ANLOS__PASS__SCENE,
-                    position, job->speakers, job->survey->n_speakers, 0, w->samples);
+    int err = room_record(w->room, background ? PASS_BACKGROUND : PASS_SCENE, position,
+                          job->speakers, job->survey->n_speakers, 0, w->samples);
     if (err)
         complain(&why, err, "%s: position %zu: %s", job->options->scene, position,
                  strerror(-err));

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 struct sim_options { /* borrow from argv */
     const char *scene, *out;

@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_ANLOS_TOP_TERMINAL_H
 #define ANLOS_NODES_ANLOS_TOP_TERMINAL_H
 
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/anlos/top/page.h"
 
 /* Takes the terminal of stdin and stdout over.  Signals that end the program have to be

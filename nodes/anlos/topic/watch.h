@@ -7,7 +7,7 @@
 #include <stdio.h>
 
 #include "msgs/bus.h"
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 #include "nodes/anlos/topic/tally.h"
 
 /* Does anybody publish in the folder?  Tries each socket in it. */

@@ -1,6 +1,6 @@
-/* tests/msgs/survey_example.h -- surveys with all that there is in them. */
-#ifndef ANLOS_TESTS_MSGS_SURVEY_EXAMPLE_H
-#define ANLOS_TESTS_MSGS_SURVEY_EXAMPLE_H
+/* tests/recon/survey_example.h -- surveys with all that there is in them. */
+#ifndef ANLOS_TESTS_RECON_SURVEY_EXAMPLE_H
+#define ANLOS_TESTS_RECON_SURVEY_EXAMPLE_H
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 /* Borrows static arrays: not to be cleared. */
 static inline struct survey example(void)
@@ -36,7 +36,7 @@ static inline struct survey example(void)
     }
     memcpy(positions, (double[4]){0, 0.03, 0.06, 0.09}, sizeof positions);
     return (struct survey){
-        .source = ANLOS__SOURCE__SIMULATION,
+        .source = SURVEY_SIMULATION,
         .sound_speed_m_s = 343.2,
         .temperature_c = 20.25,
         .sample_rate_hz = 48000,
@@ -67,17 +67,6 @@ static inline struct survey example(void)
         .n_responses = 3,
         .responses = responses,
     };
-}
-
-static inline Anlos__Survey *message_of(const struct survey *s)
-{
-    uint8_t *bytes = NULL;
-    size_t size = 0;
-    assert_int_equal(survey_pack(s, &bytes, &size), 0);
-    Anlos__Survey *m = anlos__survey__unpack(NULL, size, bytes);
-    free(bytes);
-    assert_non_null(m);
-    return m;
 }
 
 static inline void assert_same(const void *a, const void *b, size_t n_doubles)

@@ -1,7 +1,7 @@
-/* msgs/complaint.h -- an error as a person reads it: what, where and what to do, e.g.
+/* dsp/complaint.h -- an error as a person reads it: what, where and what to do, e.g.
  * "corner.yaml:14: speaker_count 17 exceeds the 16 channels of hw:UMC1820". */
-#ifndef ANLOS_MSGS_COMPLAINT_H
-#define ANLOS_MSGS_COMPLAINT_H
+#ifndef ANLOS_DSP_COMPLAINT_H
+#define ANLOS_DSP_COMPLAINT_H
 
 struct complaint {
     char text[1024]; /* empty: nothing is wrong */

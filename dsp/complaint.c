@@ -1,4 +1,4 @@
-#include "msgs/complaint.h"
+#include "dsp/complaint.h"
 
 #include <stdarg.h>
 #include <stdio.h>

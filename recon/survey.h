@@ -1,15 +1,16 @@
-/* msgs/survey.h -- the geometry and timing of an acquisition in plain C, and its message.
+/* recon/survey.h -- the geometry and timing of an acquisition.
  * Frame ("array frame"): x horizontal along the stage, y up along the array, z forward to
  * the wall.  All positions in m. */
-#ifndef ANLOS_MSGS_SURVEY_H
-#define ANLOS_MSGS_SURVEY_H
+#ifndef ANLOS_RECON_SURVEY_H
+#define ANLOS_RECON_SURVEY_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/complaint.h"
-#include "msgs/survey.pb-c.h"
+#include "dsp/complaint.h"
+
+enum survey_source { SURVEY_LIVE, SURVEY_REPLAY, SURVEY_SIMULATION };
 
 struct survey_response { /* factory calibration of one microphone */
     char serial[32];
@@ -27,7 +28,7 @@ struct survey_wall {  /* { p : normal . p = distance_m } */
 #define SURVEY_MAX_WALLS 8
 
 struct survey {
-    Anlos__Source source;
+    enum survey_source source;
     double sound_speed_m_s;
     double temperature_c; /* NaN: not known */
     double sample_rate_hz;
@@ -117,19 +118,6 @@ int survey_check_place(const struct survey *s, struct complaint *why);
  * source and the temperature (its speed of sound counts).  Equal surveys have equal ids;
  * never 0. */
 uint64_t survey_id(const struct survey *s);
-
-/* The survey as message bytes in *out; free() it.  0, -ENOMEM, -EINVAL (does not pass
- * survey_check). */
-int survey_pack(const struct survey *s, uint8_t **out, size_t *size);
-
-/* From a received message; *s owns its arrays, and needs no survey_clear after an error.
- * 0, -ENOMEM, -EINVAL (incomplete, does not pass survey_check, or its id is not that of
- * its content). */
-int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why);
-
-/* Who records with a program of his own need not know what an id is made of: gives a
- * message without one that of its content, if it is a survey at all. */
-void survey_complete_id(Anlos__Survey *m);
 
 /* Gives an empty survey the room for n pings with places of their own, each at 0, and the
  * elements and the stage that go with them.  0, -ENOMEM (survey_clear frees what is

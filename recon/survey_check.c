@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 #define MAX_DISTANCE_M       100.0 /* a survey in millimetres does not pass */
 #define MAX_SLOT_SAMPLES     ((size_t)1 << 22)
@@ -52,8 +52,8 @@ static int check_count(struct complaint *why, const char *field, size_t n, int m
 
 static int check_medium(const struct survey *s, struct complaint *why)
 {
-    if (s->source != ANLOS__SOURCE__LIVE && s->source != ANLOS__SOURCE__REPLAY &&
-        s->source != ANLOS__SOURCE__SIMULATION)
+    if (s->source != SURVEY_LIVE && s->source != SURVEY_REPLAY &&
+        s->source != SURVEY_SIMULATION)
         return complain(why, -EINVAL, "source is %d, expected live, replay or simulation",
                         (int)s->source);
     int err = check_range(why, "sound_speed_m_s", s->sound_speed_m_s, 300, 360, "m/s");

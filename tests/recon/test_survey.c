@@ -1,5 +1,5 @@
 /* A survey by itself: its copy, its id, its emissions, its air and its frame. */
-#include "tests/msgs/survey_numbers.h"
+#include "tests/recon/survey_numbers.h"
 
 static void a_copy_is_equal_and_its_own(void **state)
 {
@@ -108,7 +108,7 @@ static void the_id_does_not_depend_on_the_source_or_the_sign_of_zero(void **stat
     (void)state;
     struct survey s = example();
     const uint64_t id = survey_id(&s);
-    s.source = ANLOS__SOURCE__REPLAY;
+    s.source = SURVEY_REPLAY;
     s.temperature_c = NAN;
     s.stage_axis[1] = -0.0;
     assert_true(survey_id(&s) == id);

@@ -1,5 +1,5 @@
 /* What a survey may say, and how it is told that it may not. */
-#include "tests/msgs/survey_numbers.h"
+#include "tests/recon/survey_numbers.h"
 
 static void each_number_out_of_range_is_refused_by_name(void **state)
 {
@@ -80,7 +80,7 @@ static void counts_and_lists_are_refused_by_name(void **state)
     s.stage_positions_m[3] = INFINITY;
     assert_refused(&s, "positions_m[3]");
     s = example();
-    s.source = (Anlos__Source)7;
+    s.source = (enum survey_source)7;
     assert_refused(&s, "source");
     s = example();
     s.mount_y_axis[1] = 0.6; /* still a unit vector */

@@ -1,10 +1,10 @@
-/* A survey as a message and back. */
+#include "msgs/convert/survey.h"
+
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/survey.h"
 #include "msgs/tensor.h"
 
 static Anlos__Vec3 vec3(const double v[3])
@@ -52,7 +52,7 @@ static Anlos__MicrophoneResponse **response_list(const struct survey *s)
 static void fill_numbers(Anlos__Survey *m, const struct survey *s)
 {
     m->id = survey_id(s);
-    m->source = s->source;
+    m->source = (Anlos__Source)s->source;
     m->sound_speed_m_s = s->sound_speed_m_s;
     m->temperature_c = s->temperature_c;
     m->sample_rate_hz = s->sample_rate_hz;
@@ -202,7 +202,7 @@ static int take_responses(struct survey *s, const Anlos__Survey *m, struct compl
  * finds. */
 static void take_scalars(struct survey *s, const Anlos__Survey *m)
 {
-    s->source = m->source;
+    s->source = (enum survey_source)m->source;
     s->sound_speed_m_s = m->sound_speed_m_s;
     s->temperature_c = m->temperature_c;
     s->sample_rate_hz = m->sample_rate_hz;

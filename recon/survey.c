@@ -1,4 +1,4 @@
-#include "msgs/survey.h"
+#include "recon/survey.h"
 
 #include <errno.h>
 #include <math.h>

@@ -1,8 +1,8 @@
-/* tests/msgs/survey_numbers.h -- each number of the example, and what it may be. */
-#ifndef ANLOS_TESTS_MSGS_SURVEY_NUMBERS_H
-#define ANLOS_TESTS_MSGS_SURVEY_NUMBERS_H
+/* tests/recon/survey_numbers.h -- each number of the example, and what it may be. */
+#ifndef ANLOS_TESTS_RECON_SURVEY_NUMBERS_H
+#define ANLOS_TESTS_RECON_SURVEY_NUMBERS_H
 
-#include "tests/msgs/survey_example.h"
+#include "tests/recon/survey_example.h"
 
 struct change { /* one number of the example, and what is said about it */
     size_t offset;
