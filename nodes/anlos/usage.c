@@ -2,10 +2,12 @@
 
 #include <errno.h>
 #include <math.h>
+#include <poll.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "nodes/rt/nearest.h"
 #include "nodes/rt/processors.h"
@@ -26,8 +28,21 @@ int usage_flush(const char *command)
     errno = 0;
     if (!fflush(stdout) && !ferror(stdout))
         return EXIT_WORKED;
+    return usage_unwritten(command, -errno);
+}
+
+static bool is_read(void)
+{
+    struct pollfd out = {.fd = STDOUT_FILENO};
+    return poll(&out, 1, 0) < 0 || !(out.revents & (POLLERR | POLLHUP));
+}
+
+int usage_unwritten(const char *command, int err)
+{
+    if (err == -EPIPE || (!err && !is_read())) /* the errno of an earlier write is gone */
+        return EXIT_UNREAD;
     fprintf(stderr, "anlos %s: standard output: %s\n", command,
-            errno ? strerror(errno) : "cannot be written");
+            err ? strerror(-err) : "cannot be written");
     return EXIT_FAILED;
 }
 

@@ -12,8 +12,12 @@
 int usage_error(const char *command, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
-/* What was printed is out: EXIT_WORKED; else it says why not and returns EXIT_FAILED. */
+/* What was printed is out: EXIT_WORKED; else it says why not and returns EXIT_FAILED, or
+ * says nothing and returns EXIT_UNREAD, where `| head` has seen enough. */
 int usage_flush(const char *command);
+
+/* The same of standard output that failed with a negative errno. */
+int usage_unwritten(const char *command, int err);
 
 struct usage {
     const char *command, *help;

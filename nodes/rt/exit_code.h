@@ -7,6 +7,8 @@ enum {
     EXIT_FAILED = 1,
     EXIT_BAD_INPUT = 2, /* arguments, configuration, files */
     EXIT_INTERRUPTED = 130,
+    EXIT_UNREAD =
+        141, /* who read standard output has gone: as of one that SIGPIPE ends */
 };
 
 #endif

@@ -363,6 +363,9 @@ static void each_command_renews_its_part_and_keeps_the_rest(void **state)
     char *alone[] = {"calibrate", "show", "--out", f->out, NULL};
     command_run(&f->r, command_calibrate, alone);
     expect(f, 0, "not recorded: anlos calibrate background");
+    char *named[] = {"calibrate", "show", f->out, NULL};
+    command_run(&f->r, command_calibrate, named);
+    expect(f, 0, "not recorded: anlos calibrate background");
 }
 
 static void a_background_is_a_recording_with_its_temperature(void **state)
@@ -590,6 +593,9 @@ static void wrong_arguments_are_refused(void **state)
         {{"calibrate", "gains", "--range-m", "0"}, "expected a number from 0.05 to 100"},
         {{"calibrate", "sound-speed", "--temperature-c", "99"}, "from -40 to 60"},
         {{"calibrate", "gains", "--takes", "0"}, "from 1 to 1000"},
+        {{"calibrate", "show"}, "show: which file? show FILE.yaml"},
+        {{"calibrate", "show", "/nowhere/x.yaml"}, "no such file"},
+        {{"calibrate", "show", "a.yaml", "b.yaml"}, "b.yaml: unexpected argument"},
         {{"calibrate", "show", "--out", "/nowhere/x.yaml"}, "no such file"},
         {{"calibrate", "channels", "--out", "/tmp/x.yaml", "--array",
           "sim:/nowhere.yaml"},

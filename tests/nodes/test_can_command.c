@@ -497,6 +497,36 @@ static void wrong_arguments_are_refused(void **s)
     }
 }
 
+/* As behind `| head` that has seen enough. */
+static int decode_for_nobody(int argc, char **argv)
+{
+    int ends[2];
+
+    if (pipe(ends) || close(ends[0]) || dup2(ends[1], STDOUT_FILENO) < 0)
+        return 99;
+    return command_can(argc, argv);
+}
+
+static void nobody_who_reads_is_no_error_to_talk_about(void **s)
+{
+    struct command_result r;
+
+    for (int lines = 1; lines < 4000;
+         lines += 3000) { /* fewer and more than are buffered */
+        struct log l = begin(*s, 0x400);
+        for (int i = 0; i < lines; i++)
+            put(&l, status(0x400));
+        assert_int_equal(fclose(l.f), 0);
+        for (int json = 0; json < 2; json++) {
+            char *words[] = {"can", "decode", ((struct scratch *)*s)->path,
+                             json ? "--json" : NULL, NULL};
+            command_run(&r, decode_for_nobody, words);
+            assert_int_equal(r.code, 141);
+            assert_string_equal(r.err, "");
+        }
+    }
+}
+
 static void help_is_on_stdout(void **s)
 {
     (void)s;
@@ -527,6 +557,7 @@ int main(void)
         TEST(a_line_through_a_pipe_is_shown_when_it_is_there),
         TEST(an_empty_file_has_nothing_of_the_sensor),
         TEST(wrong_arguments_are_refused),
+        TEST(nobody_who_reads_is_no_error_to_talk_about),
         TEST(help_is_on_stdout),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

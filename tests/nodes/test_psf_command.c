@@ -95,6 +95,20 @@ static void the_geometry_alone_gives_them_too(void **state)
     expect_point(&p.psf, 1e-3, 0.25);
 }
 
+static void a_place_that_is_not_before_the_array_is_refused(void **state)
+{
+    struct recorded *f = *state;
+    static char *const places[] = {"0.13,0.11,-1.2", "0.13,0.11,0"};
+    for (size_t i = 0; i < 2; i++) {
+        struct command_result r;
+        char *words[] = {"psf", "--survey", f->survey, "--at", places[i], NULL};
+        command_run(&r, command_psf, words);
+        assert_int_equal(r.code, 2);
+        assert_non_null(strstr(r.err, places[i]));
+        assert_non_null(strstr(r.err, "not before the array; expected z above 0 m"));
+    }
+}
+
 static void without_a_folder_it_only_prints(void **state)
 {
     struct recorded *f = *state;
@@ -323,6 +337,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         test(a_recorded_point_has_the_aperture_s_widths),
         test(the_geometry_alone_gives_them_too),
+        test(a_place_that_is_not_before_the_array_is_refused),
         test(without_a_folder_it_only_prints),
         test(what_cannot_be_printed_is_no_success),
         test(what_is_no_lone_point_is_told),

@@ -68,5 +68,6 @@ int bag_check_command(int argc, char **argv)
         code = check_file(argv[optind]);
         worst = code > worst ? code : worst;
     }
-    return usage_flush("bag check") ? EXIT_FAILED : worst;
+    code = usage_flush("bag check");
+    return code ? code : worst;
 }

@@ -201,9 +201,10 @@ static int run(const struct bench_options *o,
     if (!err)
         return EXIT_WORKED;
     fprintf(stderr, "anlos bench: %s\n", why.text);
-    return err == -EINTR                                         ? EXIT_INTERRUPTED
-           : err == -ENOENT || err == -EINVAL || err == -ENOTSUP ? EXIT_BAD_INPUT
-                                                                 : EXIT_FAILED;
+    return err == -EINTR ? EXIT_INTERRUPTED
+           : err == -ENOENT || err == -EINVAL || err == -ENOTSUP || err == -ENOTDIR
+               ? EXIT_BAD_INPUT
+               : EXIT_FAILED;
 }
 
 enum kind { SPEED = 1, DETECTION = 2, DRIVE = 4, BAG = 8 };

@@ -31,7 +31,7 @@ static const char help[] =
     "of\n"
     "               all channels\n"
     "  background   records all positions without the object into --folder\n"
-    "  show         what the file says; with --array whether it fits\n"
+    "  show FILE    what the file says; with --array whether it fits\n"
     "\n"
     "  --array URI           sim:SCENE.yaml, wav:FOLDER, or a sound card; measured as it "
     "is,\n"
@@ -172,7 +172,9 @@ static int check(const struct calibrate_options *o)
             return usage_error(COMMAND, "--%s is not for %s", rules[i].name, o->what);
     }
     if (!o->out || !o->out[0])
-        return usage_error(COMMAND, "--out FILE.yaml is missing");
+        return strcmp(o->what, "show")
+                   ? usage_error(COMMAND, "--out FILE.yaml is missing")
+                   : usage_error(COMMAND, "show: which file? show FILE.yaml");
     if (!o->array && strcmp(o->what, "show") != 0)
         return usage_error(COMMAND, "--array URI is missing");
     return 0;
@@ -180,6 +182,10 @@ static int check(const struct calibrate_options *o)
 
 static int take_word(struct calibrate_options *o, const char *word)
 {
+    if (o->what && !strcmp(o->what, "show") && !o->out) {
+        o->out = word;
+        return 0;
+    }
     if (o->what)
         return usage_error(COMMAND, "%s: unexpected argument", word);
     for (size_t i = 0; i < sizeof words / sizeof *words; i++)

@@ -165,8 +165,9 @@ static int sum_up(const struct decode *d)
         err = tally_print_json(&d->tally, stdout);
     else
         tally_print(&d->tally, stdout);
-    if (usage_flush("can") || err)
-        return EXIT_FAILED;
+    int unwritten = usage_flush("can");
+    if (unwritten || err)
+        return unwritten ? unwritten : EXIT_FAILED;
     if (!tally_frames(&d->tally))
         fprintf(stderr, "anlos can: no frame of a sensor at %03x; see --base, --sensor\n",
                 d->tally.checks.base);
@@ -176,10 +177,8 @@ static int sum_up(const struct decode *d)
 static int finish(const struct decode *d, int err, const struct complaint *why)
 {
     if (err && err != -EINTR && ferror(stdout)) {
-        if (err == -EIO) /* flushing tells why */
-            return usage_flush("can");
-        fprintf(stderr, "anlos can: standard output: %s\n", strerror(-err));
-        return EXIT_FAILED;
+        return err == -EIO ? usage_flush("can") /* which tells why */
+                           : usage_unwritten("can", err);
     }
     if (err && err != -EINTR) {
         if (tally_frames(&d->tally)) /* what came before is not lost */

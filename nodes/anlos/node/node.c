@@ -76,8 +76,9 @@ static int print(const struct census *c, const struct census_node *one,
         node_info_print(one, run_dir, stdout);
     else if (!json)
         node_list_print(c, stdout);
-    if (failed || usage_flush("node"))
-        return EXIT_FAILED;
+    int unwritten = usage_flush("node");
+    if (failed || unwritten)
+        return unwritten ? unwritten : EXIT_FAILED;
     if (one ? one->life >= CENSUS_ALIVE : census_count_alive(c) > 0)
         return EXIT_WORKED;
     if (one)

@@ -148,6 +148,18 @@ int psf_job_measure(struct psf_job *job, const struct recon_options *options,
     return err;
 }
 
+static int check_before(const struct geometry *g, const double at_m[3],
+                        struct complaint *why)
+{
+    double least_m[3], most_m[3];
+    geometry_aperture(g, least_m, most_m);
+    return at_m[2] > most_m[2]
+               ? 0
+               : complain(why, -EINVAL,
+                          "--at %g,%g,%g: not before the array; expected z above %g m",
+                          at_m[0], at_m[1], at_m[2], most_m[2]);
+}
+
 int psf_job_compute(struct psf_job *job, const char *survey_path, const double at_m[3],
                     struct complaint *why)
 {
@@ -158,6 +170,12 @@ int psf_job_compute(struct psf_job *job, const char *survey_path, const double a
     if (err)
         return err;
     processing_geometry(&geometry, &survey);
+    if (!geometry.pings_m) /* those have no front */
+        err = check_before(&geometry, at_m, why);
+    if (err) {
+        survey_clear(&survey);
+        return err;
+    }
     struct psf_config cfg = {
         .geometry = &geometry,
         .band_hz = {fmin(survey.chirp_start_hz, survey.chirp_stop_hz),

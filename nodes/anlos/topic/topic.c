@@ -216,8 +216,9 @@ static int watch(const struct watched *v, const struct topic *const *topics, siz
         return EXIT_WORKED;
     if (err == -EINTR)
         return EXIT_INTERRUPTED;
-    fprintf(stderr, "anlos topic: %s%s\n", ferror(stdout) ? "standard output: " : "",
-            strerror(-err));
+    if (ferror(stdout))
+        return usage_unwritten("topic", err);
+    fprintf(stderr, "anlos topic: %s\n", strerror(-err));
     return EXIT_FAILED;
 }
 
