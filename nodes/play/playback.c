@@ -228,7 +228,14 @@ static int send_next(struct playback *p, int64_t now_ns, struct complaint *why)
                : 0;
 }
 
-int playback_seek(struct playback *p, int64_t publish_ns, struct complaint *why)
+/* Repeated, it comes before all that is played from here on. */
+static void date_before(struct kept *k, int64_t at_ns)
+{
+    if (k->publish_ns >= at_ns)
+        k->publish_ns = at_ns - 1;
+}
+
+void playback_seek(struct playback *p, int64_t publish_ns)
 {
     int64_t start = tape_start_ns(p->tape), end = tape_end_ns(p->tape);
 
@@ -245,7 +252,25 @@ int playback_seek(struct playback *p, int64_t publish_ns, struct complaint *why)
     p->scan_base = p->newest_scan;
     p->scan_epoch_ns = p->list_since_ns = 0;
     p->scan = 0;
-    return p->begun ? playback_find_survey(p, p->survey.sent_ns, why) : 0;
+    date_before(&p->survey, p->at_ns);
+    date_before(&p->status, p->at_ns);
+    p->enters = p->begun;
+}
+
+/* -EAGAIN: not all have said yet that they are in the new round.  Until then nothing goes
+ * out: they tell by it what is of the round before. */
+static int enter(struct playback *p, int64_t now_ns, int64_t *due_ns,
+                 struct complaint *why)
+{
+    bool told = p->told_at_ns != 0;
+
+    p->waits_for[0] = '\0';
+    if (!told)
+        *due_ns = now_ns;
+    if (!told || !playback_is_entered(p, now_ns))
+        return -EAGAIN;
+    p->enters = false;
+    return playback_find_survey(p, now_ns, why);
 }
 
 /* -EAGAIN: not yet. */
@@ -260,8 +285,9 @@ static int finish(struct playback *p, int64_t now_ns, struct complaint *why)
     }
     p->rounds++;
     if (p->cfg.loop)
-        return playback_seek(p, tape_start_ns(p->tape), why);
-    p->ended = true;
+        playback_seek(p, tape_start_ns(p->tape));
+    else
+        p->ended = true;
     return 0;
 }
 
@@ -326,6 +352,8 @@ int playback_step(struct playback *p, int64_t now_ns, int64_t *due_ns,
     *due_ns = now_ns + HOLD_NS;
     if (!p->begun)
         err = begin(p, now_ns, why);
+    if (!err && p->enters)
+        err = enter(p, now_ns, due_ns, why);
     if (!err && p->ended) {
         *due_ns = INT64_MAX;
         return playback_repeat(p, REPEAT_NS, now_ns);

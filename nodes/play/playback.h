@@ -89,7 +89,7 @@ const char *playback_note(struct playback *p);
 void playback_pause(struct playback *p, bool paused, int64_t now_ns);
 void playback_one(struct playback *p); /* while it pauses: one message more */
 void playback_rate(struct playback *p, double rate, int64_t now_ns);
-int playback_seek(struct playback *p, int64_t publish_ns, struct complaint *why);
+void playback_seek(struct playback *p, int64_t publish_ns);
 
 const char *playback_bag(const struct playback *p);
 

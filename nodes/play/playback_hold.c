@@ -83,14 +83,30 @@ int64_t playback_used(struct playback *p, int64_t now_ns)
     return used_ns;
 }
 
+static void wait_for_last(struct playback *p)
+{
+    int64_t used_ns;
+    const struct listener *last =
+        audience_last(&p->audience, p->progress_round, &used_ns);
+
+    snprintf(p->waits_for, sizeof p->waits_for, "waits for %s", last ? last->name : "");
+}
+
+bool playback_is_entered(struct playback *p, int64_t now_ns)
+{
+    if (playback_used(p, now_ns) != INT64_MIN)
+        return true;
+    wait_for_last(p);
+    return false;
+}
+
 static bool is_used_up(struct playback *p, int64_t now_ns)
 {
     int64_t used_ns = playback_used(p, now_ns);
 
     if (!p->n_under_way && used_ns != INT64_MIN)
         return true;
-    struct listener *last = audience_last(&p->audience, p->progress_round, &used_ns);
-    snprintf(p->waits_for, sizeof p->waits_for, "waits for %s", last ? last->name : "");
+    wait_for_last(p);
     return false;
 }
 
@@ -185,9 +201,7 @@ static bool is_kept_up_with(struct playback *p, int64_t now_ns)
     p->crowded = !fits && p->under_way[0].publish_ns == p->next.m.envelope.publish_ns;
     if (used_ns != INT64_MIN && fits)
         return true;
-    const struct listener *last =
-        audience_last(&p->audience, p->progress_round, &used_ns);
-    snprintf(p->waits_for, sizeof p->waits_for, "waits for %s", last ? last->name : "");
+    wait_for_last(p);
     return false;
 }
 

@@ -39,6 +39,7 @@ struct playback {
     struct bytes_buffer rewritten;
 
     bool begun, hears, paused, ended, tape_ended;
+    bool enters; /* another round, in which nothing goes out before all are in it */
     unsigned ones;
     int64_t begin_ns; /* not before; 0: it is not known yet */
     bool ready;       /* all are, and were told that it begins */
@@ -102,6 +103,9 @@ bool playback_may_go(struct playback *p, int64_t now_ns);
 
 /* How far all are; what went out before is under way no more. */
 int64_t playback_used(struct playback *p, int64_t now_ns);
+
+/* Are all in this round?  Else waits_for has who is not. */
+bool playback_is_entered(struct playback *p, int64_t now_ns);
 
 /* Is every ping answered, and the list there?  For the end and for another scan. */
 bool playback_is_settled(struct playback *p, int64_t now_ns);

@@ -361,7 +361,8 @@ static bool put_in_order(struct node *n, struct bus_message *m)
     if (m->topic == topic_progress()) {
         Anlos__Progress *p = (Anlos__Progress *)bus_message_unpack(m);
         if (p)
-            replay_order_progress(n->order, n->name, m->envelope.node, p);
+            replay_order_progress(n->order, n->name, m->envelope.node,
+                                  m->envelope.epoch_ns, p);
         else
             n->heart.malformed++;
         if (p)

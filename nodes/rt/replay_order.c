@@ -7,9 +7,6 @@
 
 #include "msgs/topics.h"
 
-/* Messages that may have overtaken this; more: who sends began anew. */
-#define SENT_AHEAD 64
-
 bool replay_order_has(const struct topic *t)
 {
     return t == topic_survey() || t == topic_stage_state() || t == topic_ping() ||
@@ -59,24 +56,57 @@ static struct replay_pacer *find_pacer(struct replay_order *o, const char *self,
     return p;
 }
 
-static struct replay_sent *find_heard(struct replay_order *o, const char *node,
-                                      const struct topic *t)
+static struct replay_heard *find_heard(struct replay_order *o, const char *node,
+                                       const struct topic *t)
 {
     for (size_t i = 0; i < o->n_heard; i++)
         if (o->heard[i].topic == t && !strcmp(o->heard[i].node, node))
             return &o->heard[i];
     if (o->n_heard == REPLAY_ORDER_SENT)
         return NULL;
-    struct replay_sent *s = &o->heard[o->n_heard++];
-    *s = (struct replay_sent){.topic = t};
-    snprintf(s->node, sizeof s->node, "%s", node);
-    return s;
+    struct replay_heard *h = &o->heard[o->n_heard++];
+    *h = (struct replay_heard){.topic = t};
+    snprintf(h->node, sizeof h->node, "%s", node);
+    return h;
 }
 
-/* What was sent before this node listened, or before play began, is not waited for. */
+/* Who began anew counts anew, and of what he sends now nothing is of a round before. */
+static void follow_epoch(struct replay_heard *h, int64_t epoch_ns)
+{
+    if (h->epoch_ns == epoch_ns)
+        return;
+    h->epoch_ns = epoch_ns;
+    h->first = h->next = 0;
+}
+
+static bool is_past(const struct replay_heard *h, const struct bus_message *m)
+{
+    return m->envelope.epoch_ns < h->epoch_ns ||
+           (m->envelope.epoch_ns == h->epoch_ns && m->envelope.sequence < h->first);
+}
+
+static void drop_past(struct replay_order *o, const struct replay_heard *h)
+{
+    size_t kept = 0;
+
+    for (size_t i = 0; i < o->n_waiting; i++) {
+        struct bus_message *m = &o->waiting[i];
+        if (m->topic == h->topic && !strcmp(m->envelope.node, h->node) && is_past(h, m))
+            bus_message_free(m);
+        else
+            o->waiting[kept++] = *m;
+    }
+    o->n_waiting = kept;
+}
+
+/* first: what he says is the first of this round.  What was sent before this node
+ * listened, or before play began, is not waited for; who was heard in the round before
+ * has sent it then. */
 static void read_sent(struct replay_order *o, struct replay_pacer *pacer, bool first,
                       const Anlos__Progress *p)
 {
+    bool joins = pacer->joined == o->round;
+
     pacer->n_sent = 0;
     for (size_t i = 0; i < p->n_sent && pacer->n_sent < REPLAY_ORDER_SENT; i++) {
         const struct topic *t = topics_find(p->sent[i]->topic);
@@ -86,10 +116,16 @@ static void read_sent(struct replay_order *o, struct replay_pacer *pacer, bool f
         *s = (struct replay_sent){.topic = t, .next = p->sent[i]->next};
         snprintf(s->node, sizeof s->node, "%s", p->sent[i]->node);
         pacer->n_sent++;
-        struct replay_sent *heard = find_heard(o, s->node, t);
-        if (heard && first &&
-            (heard->next < s->next || heard->next > s->next + SENT_AHEAD))
-            heard->next = s->next;
+        struct replay_heard *h = find_heard(o, s->node, t);
+        if (!h)
+            continue;
+        follow_epoch(h, pacer->epoch_ns);
+        if (first && !joins)
+            h->first = s->next;
+        if ((first || (joins && p->time_ns == pacer->first_ns)) && h->next < s->next)
+            h->next = s->next;
+        if (first)
+            drop_past(o, h);
     }
 }
 
@@ -109,12 +145,11 @@ static void forget_pacers(struct replay_order *o, const Anlos__Progress *p)
 }
 
 void replay_order_progress(struct replay_order *o, const char *self, const char *from,
-                           const Anlos__Progress *p)
+                           int64_t epoch_ns, const Anlos__Progress *p)
 {
     if (!p->round || p->round < o->round)
         return;
-    bool first = p->round > o->round;
-    if (first) {
+    if (p->round > o->round) {
         o->round = p->round;
         o->told_ns = INT64_MIN;
         for (size_t i = 0; i < o->n_pacers; i++)
@@ -128,9 +163,13 @@ void replay_order_progress(struct replay_order *o, const char *self, const char 
     if (!pacer)
         return;
     o->again |= pacer->heard && pacer->time_ns == p->time_ns && !strcmp(from, "play");
-    if (!pacer->heard)
+    bool first = !pacer->heard;
+    if (first)
         pacer->first_ns = p->time_ns;
-    read_sent(o, pacer, p->time_ns == pacer->first_ns, p);
+    if (pacer->epoch_ns != epoch_ns || !pacer->joined)
+        pacer->joined = o->round;
+    pacer->epoch_ns = epoch_ns;
+    read_sent(o, pacer, first, p);
     pacer->heard = true;
     pacer->time_ns = p->time_ns;
 }
@@ -138,7 +177,7 @@ void replay_order_progress(struct replay_order *o, const char *self, const char 
 static bool is_here(struct replay_order *o, const struct replay_pacer *p)
 {
     for (size_t i = 0; i < p->n_sent; i++) {
-        const struct replay_sent *heard =
+        const struct replay_heard *heard =
             find_heard(o, p->sent[i].node, p->sent[i].topic);
         if (heard && heard->next < p->sent[i].next)
             return false;
@@ -183,9 +222,14 @@ static bool is_before(const struct bus_message *a, const struct bus_message *b)
 
 int replay_order_put(struct replay_order *o, const struct bus_message *m)
 {
-    struct replay_sent *heard = find_heard(o, m->envelope.node, m->topic);
+    struct replay_heard *heard = find_heard(o, m->envelope.node, m->topic);
     size_t i = o->n_waiting;
 
+    if (heard && is_past(heard, m)) {
+        struct bus_message past = *m;
+        bus_message_free(&past);
+        return 0;
+    }
     if (o->n_waiting == o->n_room) {
         size_t room = o->n_room ? 2 * o->n_room : 64;
         struct bus_message *grown = realloc(o->waiting, room * sizeof *grown);
@@ -194,8 +238,10 @@ int replay_order_put(struct replay_order *o, const struct bus_message *m)
         o->waiting = grown;
         o->n_room = room;
     }
-    if (heard)
+    if (heard) {
+        follow_epoch(heard, m->envelope.epoch_ns);
         heard->next = m->envelope.sequence + 1;
+    }
     while (i && o->round && is_before(m, &o->waiting[i - 1])) {
         o->waiting[i] = o->waiting[i - 1];
         i--;

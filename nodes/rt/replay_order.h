@@ -5,6 +5,11 @@
  * 1979), and until all that he had sent before is here.  So a bag gives the same at every
  * pace and on every machine.  No clock: who waits in vain is found out by play.
  *
+ * When play jumps, another round begins, in which play sends nothing before all have said
+ * that they are in it, and they say so before they take anything.  What was sent before
+ * is of the round before: what of it waits here, and what of it still comes, is dropped,
+ * for it would be given out beside what is played again.
+ *
  * Of one stamp, sound comes before the walls that were heard in it. */
 #ifndef ANLOS_NODES_RT_REPLAY_ORDER_H
 #define ANLOS_NODES_RT_REPLAY_ORDER_H
@@ -26,9 +31,18 @@ struct replay_sent {
     uint64_t next; /* sequence */
 };
 
+struct replay_heard { /* what has come here from a node on a topic */
+    char node[ENVELOPE_NODE_SIZE];
+    const struct topic *topic;
+    int64_t epoch_ns;     /* of that node */
+    uint64_t first, next; /* sequence: of this round, and of what is to come */
+};
+
 struct replay_pacer { /* who sends what is heard here */
     char node[ENVELOPE_NODE_SIZE];
-    bool heard; /* in this round; then: */
+    int64_t epoch_ns;
+    uint64_t joined; /* round in which it was first heard since */
+    bool heard;      /* in this round; then: */
     int64_t first_ns, time_ns;
     struct replay_sent sent[REPLAY_ORDER_SENT]; /* [n_sent] */
     size_t n_sent;
@@ -40,7 +54,7 @@ struct replay_order { /* all zero: empty, and messages go on as they come */
     uint64_t round; /* 0: nobody has told of progress yet */
     struct replay_pacer pacers[REPLAY_ORDER_PACERS]; /* [n_pacers] */
     size_t n_pacers;
-    struct replay_sent heard[REPLAY_ORDER_SENT]; /* [n_heard], what has come here */
+    struct replay_heard heard[REPLAY_ORDER_SENT]; /* [n_heard] */
     size_t n_heard;
     struct bus_message *waiting; /* [n_waiting] of [n_room], the next first */
     size_t n_waiting, n_room;
@@ -54,12 +68,12 @@ bool replay_order_has(const struct topic *t);
 /* It is heard here. */
 void replay_order_expect(struct replay_order *o, const struct topic *t);
 
-/* What a node says; self: the name of this one. */
+/* What a node says, and its epoch; self: the name of this one. */
 void replay_order_progress(struct replay_order *o, const char *self, const char *from,
-                           const Anlos__Progress *p);
+                           int64_t epoch_ns, const Anlos__Progress *p);
 
-/* Takes over a message of a topic that has an order.  0, -ENOMEM: it stays the caller's.
- */
+/* Takes over a message of a topic that has an order, and drops it where it is of a round
+ * before.  0, -ENOMEM: it stays the caller's. */
 int replay_order_put(struct replay_order *o, const struct bus_message *m);
 
 /* The next one whose turn it is.  false: none. */

@@ -307,7 +307,7 @@ static void after_a_seek_old_receipts_count_for_nothing(void **state)
     create(r);
     turn(r, 1000 * MS);
     assert_int_equal(status_of(r).pings.n, 4);
-    assert_int_equal(playback_seek(r->p, FIRST_NS + 7 * STEP_NS, NULL), 0);
+    playback_seek(r->p, FIRST_NS + 7 * STEP_NS);
     turn(r, 1000 * MS);
     struct playback_status s = status_of(r);
     assert_int_equal(s.pings.played, 5); /* the last one of the bag */
@@ -317,6 +317,47 @@ static void after_a_seek_old_receipts_count_for_nothing(void **state)
     answer(r, 2, N_PINGS - 1);
     assert_int_equal(status_of(r).pings.n, 0);
     assert_int_equal(status_of(r).pings.missing, 0);
+}
+
+/* A step, after which the first n_in of the nodes are in play's round; how much was sent
+ * by then.  */
+static uint64_t step_with(struct rig *r, size_t n_in)
+{
+    Anlos__Progress told, p = ANLOS__PROGRESS__INIT;
+    Anlos__Sent sent[16], *list[16];
+    struct complaint why = {""};
+    int64_t due_ns;
+    uint64_t n = 0;
+    char *nodes[16];
+
+    assert_int_equal(playback_step(r->p, r->now_ns, &due_ns, &why), 0);
+    r->now_ns += 250 * MS; /* it repeats itself within this */
+    assert_true(playback_tells(r->p, &told, sent, list, nodes, 16, r->now_ns));
+    for (size_t i = 0; i < told.n_sent; i++)
+        n += told.sent[i]->next;
+    p.round = r->round = told.round;
+    p.time_ns = told.time_ns;
+    for (size_t i = 1; i <= n_in; i++)
+        playback_progress(r->p, r->cfg.nodes[i], &p);
+    return n;
+}
+
+/* They tell by it what is of the round before. */
+static void after_a_seek_nothing_goes_out_before_all_are_in_the_new_round(void **state)
+{
+    struct rig *r = *state;
+
+    played_bag_write(r->bag, true);
+    create(r);
+    turn(r, 1000 * MS);
+    uint64_t round = r->round, before = step_with(r, 3);
+    playback_seek(r->p, FIRST_NS);
+    for (int i = 0; i < 40; i++) /* track is still at what was before */
+        assert_int_equal(step_with(r, 2), before);
+    assert_int_equal(r->round, round + 1);
+    assert_string_equal(status_of(r).text, "waits for track");
+    assert_int_equal(step_with(r, 3), before);
+    assert_true(step_with(r, 3) > before);
 }
 
 static void a_dsp_that_starts_again_is_said(void **state)
@@ -612,7 +653,7 @@ static void rounds_of_a_later_play_come_after_those_of_an_earlier_one(void **sta
     played_bag_write(r->bag, true);
     create(r);
     for (int i = 0; i < 3; i++)
-        assert_int_equal(playback_seek(r->p, FIRST_NS, &why), 0);
+        playback_seek(r->p, FIRST_NS);
     turn(r, 500 * MS);
     uint64_t before = r->round;
     assert_true(before >= 3 && before < 1000);
@@ -683,6 +724,7 @@ int main(void)
         TEST(a_pause_lasts_until_it_ends_and_one_message_is_one),
         TEST(the_scans_of_a_loop_count_on),
         TEST(after_a_seek_old_receipts_count_for_nothing),
+        TEST(after_a_seek_nothing_goes_out_before_all_are_in_the_new_round),
         TEST(a_dsp_that_starts_again_is_said),
         TEST(a_scan_that_was_begun_again_has_another_number),
         TEST(a_scan_of_which_nothing_can_be_used_has_failed),

@@ -15,6 +15,7 @@
 struct rig { /* the node recon, which hears play, dsp and wall */
     struct replay_order order;
     uint64_t pings, motions, walls; /* sent, of traces, ego and wall */
+    int64_t epoch_ns;               /* of all of them */
     bool without_wall;              /* play does not wait for it any more */
     char text[4000];                /* what came out: "e20 t30 " */
 };
@@ -26,8 +27,9 @@ static char letter(const struct topic *t)
 
 static void put(struct rig *r, const struct topic *t, int64_t stamp_ns)
 {
-    struct bus_message m = {.topic = t,
-                            .envelope = {.publish_ns = stamp_ns, .replayed = true}};
+    struct bus_message m = {
+        .topic = t,
+        .envelope = {.publish_ns = stamp_ns, .epoch_ns = r->epoch_ns, .replayed = true}};
     uint64_t *n = t == topic_ego()    ? &r->motions
                   : t == topic_wall() ? &r->walls
                                       : &r->pings;
@@ -59,7 +61,7 @@ static void tell(struct rig *r, uint64_t round, const char *from, int64_t time_n
     p.n_sent = 1;
     p.nodes = nodes;
     p.n_nodes = strcmp(from, "play") ? 0 : r->without_wall ? 4 : 5;
-    replay_order_progress(&r->order, "recon", from, &p);
+    replay_order_progress(&r->order, "recon", from, r->epoch_ns, &p);
 }
 
 /* All three, who have sent what has come here. */
@@ -224,12 +226,12 @@ static void another_round_begins_when_all_speak_of_it(void **state)
     tell_all(r, 1, 100);
     assert_true(replay_order_done(&r->order, &time_ns));
     tell(r, 2, "dsp", 0, topic_traces(), 0);
-    put(r, topic_ego(), 10);
-    tell(r, 1, "play", 110, topic_ego(), 1);
+    tell(r, 1, "play", 110, topic_ego(), 0);
     assert_string_equal(take(r), "");
     tell_all(r, 2, 0);
     assert_true(replay_order_done(&r->order, &time_ns));
     assert_int_equal(time_ns, 0);
+    put(r, topic_ego(), 10);
     assert_string_equal(take(r), "");
     tell_all(r, 2, 10);
     assert_string_equal(take(r), "e10 ");
@@ -247,6 +249,7 @@ static void another_play_is_another_round_though_it_is_earlier(void **state)
     take(r);
     assert_true(replay_order_done(&r->order, &time_ns));
     r->motions = r->pings = r->walls = 0;
+    r->epoch_ns = 2000;
     tell(r, 2000, "play", 0, topic_ego(), 0);
     tell(r, 2000, "play", 0, topic_ego(), 0);
     assert_false(replay_order_done(&r->order, &time_ns)); /* not 100 again */
@@ -262,6 +265,74 @@ static void another_play_is_another_round_though_it_is_earlier(void **state)
     assert_string_equal(take(r), "e10 ");
     assert_true(replay_order_done(&r->order, &time_ns));
     assert_int_equal(time_ns, 10);
+}
+
+/* What waits of the round before, and what of it is still on its way when the next one
+ * begins, is not given out beside the same that is played again. */
+static void after_a_jump_no_message_is_given_out_twice(void **state)
+{
+    struct rig *r = *state;
+    int64_t time_ns = 0;
+
+    tell_all(r, 1, 0);
+    put(r, topic_ego(), 10);
+    put(r, topic_ego(), 20);
+    put(r, topic_traces(), 20);
+    tell_all(r, 1, 10);
+    assert_string_equal(take(r), "e10 ");
+    assert_true(replay_order_done(&r->order, &time_ns));
+
+    /* Play jumps back, having sent the motion of 30; dsp has sent the traces of 30. */
+    tell(r, 2, "play", 0, topic_ego(), 3);
+    put(r, topic_ego(), 30);
+    tell(r, 2, "dsp", 0, topic_traces(), 2);
+    assert_string_equal(take(r), "");
+    assert_false(replay_order_done(&r->order, &time_ns));
+    tell(r, 2, "wall", 0, topic_wall(), 0);
+    assert_string_equal(take(r), "");
+    assert_true(replay_order_done(&r->order, &time_ns)); /* before anything is taken */
+    assert_int_equal(time_ns, 0);
+    put(r, topic_traces(), 30);
+
+    for (int stamp = 10; stamp <= 30; stamp += 10)
+        put(r, topic_ego(), stamp);
+    put(r, topic_traces(), 20);
+    put(r, topic_traces(), 30);
+    tell(r, 2, "play", 30, topic_ego(), 6);
+    tell(r, 2, "dsp", 30, topic_traces(), 4);
+    tell(r, 2, "wall", 30, topic_wall(), 0);
+    assert_string_equal(take(r), "e10 e20 t20 e30 t30 ");
+}
+
+/* Forwards, what was not used before the jump is not used after it. */
+static void after_a_jump_forwards_nothing_comes_of_what_was_passed_over(void **state)
+{
+    struct rig *r = *state;
+
+    tell_all(r, 1, 0);
+    put(r, topic_ego(), 20);
+    put(r, topic_traces(), 20);
+    tell_all(r, 2, 99);
+    assert_string_equal(take(r), "");
+    put(r, topic_ego(), 100);
+    tell_all(r, 2, 100);
+    assert_string_equal(take(r), "e100 ");
+}
+
+/* Another play counts anew: what the one before it sent is told by its epoch. */
+static void what_an_earlier_play_sent_is_nothing_of_the_next(void **state)
+{
+    struct rig *r = *state;
+
+    tell_all(r, 1, 0);
+    put(r, topic_ego(), 10);
+    r->epoch_ns = 2000;
+    r->motions = r->pings = r->walls = 0;
+    put(r, topic_ego(), 9); /* before it says so */
+    tell_all(r, 2000, 0);
+    put(r, topic_ego(), 10);
+    tell_all(r, 2000, 10);
+    assert_string_equal(take(r), "e9 e10 ");
 }
 
 static void who_is_waited_for_no_more_holds_nobody_up(void **state)
@@ -307,6 +378,9 @@ int main(void)
         TEST(what_is_used_is_told_once_and_not_before_all_have_spoken),
         TEST(another_round_begins_when_all_speak_of_it),
         TEST(another_play_is_another_round_though_it_is_earlier),
+        TEST(after_a_jump_no_message_is_given_out_twice),
+        TEST(after_a_jump_forwards_nothing_comes_of_what_was_passed_over),
+        TEST(what_an_earlier_play_sent_is_nothing_of_the_next),
         TEST(who_is_waited_for_no_more_holds_nobody_up),
         TEST(more_than_there_is_room_for_waits_all_the_same),
     };

@@ -27,16 +27,6 @@ static void change_rate(struct playback *p, double rate, bool faster, int64_t no
     playback_rate(p, wanted, now_ns);
 }
 
-static int seek(struct playback *p, int64_t to_ns)
-{
-    struct complaint why = {""};
-    int err = playback_seek(p, to_ns, &why);
-
-    if (err)
-        fprintf(stderr, CLEAR_LINE "anlos bag play: %s\n", why.text);
-    return err;
-}
-
 static int take_key(struct playback *p, char key, int64_t now_ns)
 {
     struct playback_status s;
@@ -63,21 +53,17 @@ static int take_key(struct playback *p, char key, int64_t now_ns)
     }
 }
 
-static int take_arrow(struct playback *p, char key)
+static void take_arrow(struct playback *p, char key)
 {
     struct playback_status s;
 
     playback_status(p, &s);
-    switch (key) {
-    case 'C': /* right */
-        return seek(p, s.at_ns < s.end_ns - SEEK_NS ? s.at_ns + SEEK_NS : s.end_ns);
-    case 'D': /* left */
-        return seek(p, s.at_ns - SEEK_NS);
-    case 'H': /* home */
-        return seek(p, s.start_ns);
-    default:
-        return 0;
-    }
+    if (key == 'C') /* right */
+        playback_seek(p, s.at_ns < s.end_ns - SEEK_NS ? s.at_ns + SEEK_NS : s.end_ns);
+    else if (key == 'D') /* left */
+        playback_seek(p, s.at_ns - SEEK_NS);
+    else if (key == 'H') /* home */
+        playback_seek(p, s.start_ns);
 }
 
 int play_keys_take(struct play_keys *k, struct playback *p, const char *bytes, size_t n,
@@ -90,7 +76,7 @@ int play_keys_take(struct play_keys *k, struct playback *p, const char *bytes, s
         if (bytes[i] != '\033')
             err = take_key(p, bytes[i], now_ns);
         else if (n - i >= 3 && (bytes[i + 1] == '[' || bytes[i + 1] == 'O'))
-            err = take_arrow(p, bytes[i += 2]);
+            take_arrow(p, bytes[i += 2]);
     }
     return err;
 }
