@@ -6,7 +6,7 @@
 
 #include "hal/alsa/capability.h"
 #include "hal/alsa/emission.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 
 enum { RING_S = 1, NUMBER_BITS = 16 };
 #define VOID_SLOT INT64_MIN

@@ -12,7 +12,7 @@
 #include "hal/device.h"
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 #include "hal/turn.h"
 
 struct array_wav {

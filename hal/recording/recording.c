@@ -12,7 +12,7 @@
 #include "hal/recording/riff.h"
 #include "hal/recording/wav_open.h"
 #include "hal/recording/wav_samples.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 
 enum { BLOCK_FRAMES = 2048 };
 

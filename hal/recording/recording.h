@@ -24,7 +24,8 @@ struct recording;
 int recording_open(struct recording **out, const char *folder, const struct survey *s,
                    struct complaint *why);
 
-/* Frames that recording_read yields: the speakers' slots and tail_samples() (hal/tail.h).
+/* Frames that recording_read yields: the speakers' slots and tail_samples()
+ * (recon/tail.h).
  */
 size_t recording_frames(const struct recording *r);
 

@@ -9,7 +9,7 @@
 #include <sndfile.h>
 
 #include "hal/recording/recording.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 
 enum { BLOCK_FRAMES = 4096 };
 

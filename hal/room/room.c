@@ -7,7 +7,7 @@
 #include "hal/random.h"
 #include "hal/room/room_state.h"
 #include "hal/survey/calibration_file.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 
 double room_temperature_c(const struct room *r, enum pass pass, size_t position)
 {

@@ -54,7 +54,7 @@ size_t room_objects(const struct room *r, const struct room_object **out);
 
 /* Frames that room_record yields for n_speakers emissions: their slots and the tail. */
 size_t room_frames(const struct room *r, size_t n_speakers);
-size_t room_tail(const struct room *r); /* tail_samples() of its survey, hal/tail.h */
+size_t room_tail(const struct room *r); /* tail_samples() of its survey, recon/tail.h */
 
 /* What the microphones hear when speakers[n_speakers] emit one after the other, a slot
  * each: samples [n_microphones][room_frames(n_speakers)], slots and directions

@@ -9,7 +9,7 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_chart.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 #include "recon/resolution.h"
 
 #define LATERAL_M 0.5 /* of Fig. 4: from the confocal pair to the scatterer */

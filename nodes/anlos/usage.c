@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "nodes/rt/nearest.h"
+#include "dsp/nearest.h"
 #include "nodes/rt/processors.h"
 
 int usage_error(const char *command, const char *format, ...)

@@ -24,10 +24,10 @@ static size_t counts(void *ctx, struct device_count *out)
 
 static int create(struct dsp **out, const struct launchfile *l)
 {
-    const struct dsp_config cfg = {.window = l->dsp.window,
-                                   .compression = l->dsp.compression,
-                                   .background = l->dsp.background,
-                                   .background_s = l->dsp.background_s};
+    const struct frontend_config cfg = {.window = l->dsp.window,
+                                        .compression = l->dsp.compression,
+                                        .background = l->dsp.background,
+                                        .background_s = l->dsp.background_s};
 
     return dsp_create(out, &cfg);
 }
@@ -62,7 +62,7 @@ static void show_air(struct node *node, const struct air *air)
                  air->corrected, air->pings, text);
 }
 
-static void tell_faults(struct node *node, const struct microphones_faults *c)
+static void tell_faults(struct node *node, const struct frontend_faults *c)
 {
     if (!c->n)
         return;
@@ -95,8 +95,7 @@ static void take_ping(struct run *r, const struct node_message *in)
     struct dsp_output out;
 
     r->early.n += !dsp_is_planned(dsp);
-    dsp_stamp(dsp, in->capture_ns);
-    dsp_ping(dsp, (const Anlos__Ping *)in->content, &out);
+    dsp_ping(dsp, (const Anlos__Ping *)in->content, in->capture_ns, &out);
     r->blanked += out.has_traces && out.traces.blanked;
     if (out.has_traces)
         node_publish(node, topic_traces(), in->capture_ns, &out.traces.base);
@@ -108,7 +107,7 @@ static void take_ping(struct run *r, const struct node_message *in)
         acknowledge(node, in);
     if (out.note[0])
         node_log(node, LOG_LEVEL_WARNING, "%s", out.note);
-    tell_faults(node, &out.channels);
+    tell_faults(node, &out.faults);
 }
 
 static int run(struct run *r)

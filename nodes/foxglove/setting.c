@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "msgs/stage.pb-c.h"
 
 static bool take_survey(struct setting *s, const Anlos__Survey *m)

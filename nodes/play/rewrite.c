@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "recon/survey.h"
 #include "msgs/tensor.pb-c.h"
 #include "msgs/unpack.h"

@@ -13,7 +13,7 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 
 struct recon_config {
     const char *method;                   /* must outlive the recon */

@@ -15,7 +15,7 @@
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/volume.pb-c.h"
 #include "msgs/wall.pb-c.h"
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 #include "recon/frames.h"
 
 struct steady_config {

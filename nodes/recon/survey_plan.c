@@ -2,7 +2,7 @@
 
 #include <errno.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "msgs/topics.h"
 
 #define VOLUME_HEAD_SIZE 1024 /* of a volume message, without its voxels, at most */

@@ -8,7 +8,7 @@
 #include "msgs/tensor.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 
 struct survey_plan {
     struct survey survey;

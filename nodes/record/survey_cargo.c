@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "hal/survey/file.h"
 #include "msgs/bag/manifest.h"
 

@@ -7,11 +7,11 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "recon/survey.h"
 #include "nodes/report/report_json.h"
 #include "nodes/rt/export.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 #include "nodes/rt/volume_grid.h"
 
 #define FAILED_WAIT_NS 5000000000LL

@@ -18,7 +18,7 @@
 #include "nodes/rt/launchfile_view.h"
 #include "nodes/rt/launchfile_wall.h"
 #include "nodes/rt/launchfile_text.h"
-#include "nodes/rt/nearest.h"
+#include "dsp/nearest.h"
 #include "nodes/rt/uri.h"
 #include "recon/imager.h"
 

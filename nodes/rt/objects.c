@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "nodes/rt/vehicle_frame.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 #include "recon/lobes.h"
 #include "recon/multipath.h"
 #include "recon/peak.h"

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "recon/survey.h"
 #include "nodes/rt/round_check.h"
 #include "nodes/scan/peers.h"

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "nodes/rt/objects.h"
 #include "nodes/rt/volume_grid.h"
 #include "recon/imager.h"

@@ -10,7 +10,7 @@
 
 #define METER_MAX_CHANNELS 4096 /* SURVEY_MAX_ELEMENTS */
 
-/* As nodes/rt/channel_check.h judges a position: dead is silent, over 60 dB below the
+/* As recon/channel_check.h judges a position: dead is silent, over 60 dB below the
  * median channel; clipped is over 1 % of the samples; damaged has samples that are no
  * numbers.  A speaker is faint that is heard 20 dB below the median speaker. */
 enum meter_state {

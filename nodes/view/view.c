@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "nodes/view/plan.h"
 #include "nodes/view/view_state.h"
 

@@ -1,6 +1,6 @@
 #include "nodes/wall/finder.h"
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 
 #define PERIOD_NS 100000000LL  /* from list to list */
 #define QUIET_NS  1000000000LL /* without pings */

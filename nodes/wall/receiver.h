@@ -12,7 +12,7 @@
 #include "msgs/array.pb-c.h"
 #include "dsp/complaint.h"
 #include "recon/survey.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 #include "recon/wall_crosstalk.h"
 
 struct receiver {

@@ -14,8 +14,8 @@
 #include <unistd.h>
 
 #include "hal/room/room.h"
-#include "nodes/rt/compressor.h"
-#include "nodes/rt/processing.h"
+#include "recon/compressor.h"
+#include "recon/processing.h"
 #include "recon/detect.h"
 
 enum { KINDS = 2, RATES = 3, ELEMENTS = 16, SPEAKERS = 4, LEARNING = 20 };

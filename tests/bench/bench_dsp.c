@@ -1,6 +1,6 @@
 /* Pulse compression of one recording: 512 pings of 16 channels, slots of 3000 samples.
  * A ping is as long as the last echo's chirp (what `anlos recon` compresses), or holds
- * the next emission whole (while the air of the background drifts, hal/tail.h). */
+ * the next emission whole (while the air of the background drifts, recon/tail.h). */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -12,8 +12,8 @@
 #include <sys/resource.h>
 #include <time.h>
 
-#include "nodes/rt/compressor.h"
-#include "nodes/rt/processing.h"
+#include "recon/compressor.h"
+#include "recon/processing.h"
 
 enum { POSITIONS = 32, SPEAKERS = 16, MICS = 16, SLOT = 3000, TAIL = 1500 };
 enum { FRAMES = SPEAKERS * SLOT + TAIL, MAX_THREADS = 2, MAX_RUNS = 9 };

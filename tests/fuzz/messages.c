@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "tests/fuzz/fuzz.h"
 
 static size_t count_topics(void)

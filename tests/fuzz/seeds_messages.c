@@ -36,8 +36,8 @@ static void publish(struct bytes_buffer *to, const struct topic *topic,
 static void publish_survey(struct scan *s)
 {
     struct complaint why = {""};
-    const struct dsp_config dsp = {.window = WINDOW_HANN,
-                                   .background = BACKGROUND_RECORDED};
+    const struct frontend_config dsp = {.window = WINDOW_HANN,
+                                        .background = BACKGROUND_RECORDED};
     const struct recon_config recon = {
         .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
     const struct detector_config detector = {.threshold_db = 3.0, .min_existence = 0.01};
@@ -64,7 +64,7 @@ static void publish_ping(struct scan *s, Anlos__Pass pass, uint32_t position,
     scene_ping(&s->scene, pass, position, speaker, &ping);
     publish(&s->all, topic_ping(), &ping.base);
     publish(&s->sound, topic_ping(), &ping.base);
-    dsp_ping(s->dsp, &ping, &out);
+    dsp_ping(s->dsp, &ping, 0, &out);
     if (!out.has_traces) {
         publish(&s->all, topic_receipt(), &out.receipt.base);
         return;

@@ -9,7 +9,7 @@
 #include "nodes/recon/recon.h"
 #include "nodes/report/report.h"
 #include "nodes/report/report_json.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 #include "nodes/track/tracking.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/messages.h"
@@ -32,7 +32,7 @@ struct system {
 
 static void start(struct system *s)
 {
-    const struct dsp_config dsp = {.window = WINDOW_HANN};
+    const struct frontend_config dsp = {.window = WINDOW_HANN};
     const struct recon_config recon = {
         .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
     struct tracking_config tracking;
@@ -130,7 +130,7 @@ static void take_ping(struct system *s, Anlos__Ping *m)
 {
     struct dsp_output out;
 
-    dsp_ping(s->dsp, m, &out);
+    dsp_ping(s->dsp, m, 0, &out);
     /* Of an array that stands there are no receipts. */
     FUZZ_REQUIRE(out.has_traces || out.has_receipt || m->frame);
     if (out.has_traces)

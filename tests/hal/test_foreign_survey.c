@@ -9,7 +9,7 @@
 #include "hal/recording/recording.h"
 #include "hal/recording/replica_file.h"
 #include "hal/survey/file.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 
 enum { RATE = 48000, PINGS = 5, SLOT = 400, CHIRP = 300 };
 

@@ -7,7 +7,7 @@
 #include <sndfile.h>
 
 #include "hal/recording/recording.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 
 enum {
     SPEAKERS = 3,

@@ -1,5 +1,5 @@
 /* Surveys to messages and back, and messages that are none. */
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "tests/recon/survey_example.h"
 
 static Anlos__Survey *message_of(const struct survey *s)

@@ -1,6 +1,6 @@
 #include "tests/nodes/alone.h"
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "tests/hal/scratch.h"
 
 #include <fcntl.h>

@@ -14,7 +14,7 @@
 #include "msgs/detections.pb-c.h"
 #include "msgs/log.pb-c.h"
 #include "msgs/stage.pb-c.h"
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "msgs/volume.pb-c.h"

@@ -8,7 +8,7 @@
 
 #include "hal/room/room.h"
 #include "msgs/array.pb-c.h"
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "recon/survey.h"
 #include "msgs/tensor.h"
 

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "msgs/array.pb-c.h"
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "nodes/anlos/bag/import.h"

@@ -3,7 +3,7 @@
 #include "tests/nodes/alone.h"
 
 #include "hal/random.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 #include "msgs/array.pb-c.h"
 #include "msgs/tensor.h"
 #include "msgs/topics.h"

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "nodes/anlos/replay/chain.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"

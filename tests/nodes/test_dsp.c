@@ -24,9 +24,9 @@ struct rig {
 
 static int open_rig(void **state, const char *scene, bool background)
 {
-    const struct dsp_config cfg = {.window = WINDOW_HANN,
-                                   .background = background ? BACKGROUND_RECORDED
-                                                            : BACKGROUND_NONE};
+    const struct frontend_config cfg = {.window = WINDOW_HANN,
+                                        .background = background ? BACKGROUND_RECORDED
+                                                                 : BACKGROUND_NONE};
     struct rig *r = calloc(1, sizeof *r);
 
     if (!r || scene_open(&r->scene, scene) || dsp_create(&r->dsp, &cfg) ||
@@ -65,7 +65,7 @@ static void send_ping(struct rig *r, Anlos__Pass pass, uint32_t position,
                       uint32_t speaker)
 {
     scene_ping(&r->scene, pass, position, speaker, &r->ping);
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
 }
 
 static void assert_receipt(const struct rig *r, Anlos__Pass pass, bool usable)
@@ -102,12 +102,12 @@ static void before_the_survey_nothing_can_be_used(void **state)
 {
     struct rig *r = *state;
     struct dsp *fresh;
-    const struct dsp_config cfg = {.window = WINDOW_HANN};
+    const struct frontend_config cfg = {.window = WINDOW_HANN};
 
     assert_int_equal(dsp_create(&fresh, &cfg), 0);
     assert_false(dsp_is_planned(fresh));
     scene_ping(&r->scene, SCENE, 0, 0, &r->ping);
-    dsp_ping(fresh, &r->ping, &r->out);
+    dsp_ping(fresh, &r->ping, 0, &r->out);
     assert_receipt(r, SCENE, false);
     assert_string_equal(r->out.note, ""); /* it will come: nodes/rt/early.h counts */
     dsp_destroy(fresh);
@@ -149,7 +149,7 @@ static void the_same_sound_twice_leaves_nothing(void **state)
     send_ping(r, BACKGROUND, 1, 0);
     scene_ping(&r->scene, BACKGROUND, 1, 0, &r->ping);
     r->ping.pass = SCENE;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_true(r->out.traces.background_subtracted);
     for (size_t m = 0; m < r->scene.survey->n_microphones_m; m++)
         assert_true(peak(&r->out.traces, m, &at) == 0.0);
@@ -171,7 +171,7 @@ static double power(const Anlos__Traces *t)
  * same pings without a background tell how loud the room is. */
 static void the_background_is_taken_out_of_air_that_has_changed(void **state)
 {
-    const struct dsp_config without = {.window = WINDOW_HANN};
+    const struct frontend_config without = {.window = WINDOW_HANN};
     struct rig *r = *state;
     double stretch = survey_sound_speed_m_s(21.0) / survey_sound_speed_m_s(20.0) - 1.0;
     struct dsp_output heard;
@@ -183,7 +183,7 @@ static void the_background_is_taken_out_of_air_that_has_changed(void **state)
         send_ping(r, BACKGROUND, i / 4, i % 4);
         send_ping(r, SCENE, i / 4, i % 4);
         assert_true(r->out.traces.background_subtracted);
-        dsp_ping(plain, &r->ping, &heard);
+        dsp_ping(plain, &r->ping, 0, &heard);
         assert_true(power(&heard.traces) > 0.0);
         assert_true(power(&r->out.traces) < 1e-4 * power(&heard.traces));
     }
@@ -202,7 +202,7 @@ static void air_that_has_not_changed_is_not_corrected(void **state)
     send_ping(r, BACKGROUND, 0, 0);
     scene_ping(&r->scene, BACKGROUND, 0, 0, &r->ping);
     r->ping.pass = SCENE;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_int_equal(dsp_air(r->dsp)->pings, 1);
     assert_int_equal(dsp_air(r->dsp)->corrected, 0);
 }
@@ -216,9 +216,9 @@ static void another_scan_forgets_the_air_of_the_last_one(void **state)
     assert_true(dsp_air(r->dsp)->largest > 1e-3);
     r->ping.scan++;
     r->ping.pass = BACKGROUND;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     r->ping.pass = SCENE;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_int_equal(dsp_air(r->dsp)->pings, 1);
     assert_near(dsp_air(r->dsp)->largest, 0.0, 1e-6);
 }
@@ -268,7 +268,7 @@ static void a_ping_that_is_not_valid_is_to_be_taken_again(void **state)
 
     scene_ping(&r->scene, BACKGROUND, 0, 0, &r->ping);
     r->ping.valid = false;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_receipt(r, BACKGROUND, false);
 }
 
@@ -278,19 +278,19 @@ static void a_ping_of_another_survey_or_shape_is_refused(void **state)
 
     scene_ping(&r->scene, BACKGROUND, 0, 0, &r->ping);
     r->ping.survey_id++;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_receipt(r, BACKGROUND, false);
     scene_ping(&r->scene, BACKGROUND, 0, 0, &r->ping);
     r->ping.n_clipped--;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_receipt(r, BACKGROUND, false);
     scene_ping(&r->scene, BACKGROUND, 0, 0, &r->ping);
     r->ping.position = 6;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_receipt(r, BACKGROUND, false);
     scene_ping(&r->scene, BACKGROUND, 0, 0, &r->ping);
     r->ping.samples = NULL;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_receipt(r, BACKGROUND, false);
 }
 
@@ -315,7 +315,7 @@ static void a_short_ping_keeps_nothing_of_a_longer_one_before(void **state)
 
     assert_non_null(samples);
     cut_ping(r, n / 2, &view, samples);
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_true(r->out.has_traces);
     size_t size = r->out.traces.samples->data.len;
     void *alone = malloc(size);
@@ -323,10 +323,10 @@ static void a_short_ping_keeps_nothing_of_a_longer_one_before(void **state)
     memcpy(alone, r->out.traces.samples->data.data, size);
 
     cut_ping(r, n - 1, &view, samples);
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_memory_not_equal(alone, r->out.traces.samples->data.data, size);
     cut_ping(r, n / 2, &view, samples);
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_memory_equal(alone, r->out.traces.samples->data.data, size);
     free(alone);
     free(samples);
@@ -343,7 +343,7 @@ static void unfit_microphones_are_masked_and_said_once(void **state)
         r->scene.not_finite[2] = 1;
         r->scene.clipped[3] = (uint32_t)r->scene.n_samples / 50;
         r->scene.clipped[0] = 2; /* a click */
-        dsp_ping(r->dsp, &r->ping, &r->out);
+        dsp_ping(r->dsp, &r->ping, 0, &r->out);
         assert_true(r->out.has_traces);
         assert_false(r->out.traces.masked[0]);
         for (int m = 1; m < 4; m++)
@@ -362,7 +362,7 @@ static void a_microphone_without_background_is_masked_in_the_scene(void **state)
 
     scene_ping(&r->scene, BACKGROUND, 0, 0, &r->ping);
     r->scene.not_finite[2] = 1;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_receipt(r, BACKGROUND, true);
     send_ping(r, SCENE, 0, 0);
     assert_true(r->out.traces.masked[2]);
@@ -393,7 +393,7 @@ static void another_survey_forgets_the_background(void **state)
     assert_int_equal(dsp_survey(r->dsp, other, NULL), 0);
     scene_ping(&r->scene, SCENE, 0, 0, &r->ping);
     r->ping.survey_id = other->id;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, 0, &r->out);
     assert_receipt(r, BACKGROUND, false);
     anlos__survey__free_unpacked(other, NULL);
 }

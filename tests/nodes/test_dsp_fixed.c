@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "nodes/dsp/dsp.h"
-#include "nodes/dsp/mean_background.h"
+#include "recon/mean_background.h"
 #include "tests/nodes/scene.h"
 
 #define SCENE      ANLOS__PASS__SCENE
@@ -28,7 +28,7 @@ struct rig {
 
 static int open_rig(void **state, enum background_mode mode)
 {
-    const struct dsp_config cfg = {
+    const struct frontend_config cfg = {
         .window = WINDOW_HANN, .background = mode, .background_s = 4.0};
     struct rig *r = calloc(1, sizeof *r);
 
@@ -75,8 +75,7 @@ static void send(struct rig *r, Anlos__Pass heard, Anlos__Pass pass, float gain)
     r->ping.pass = pass;
     r->ping.frame = ++r->frame;
     r->now_ns += FRAME_MS * MS;
-    dsp_stamp(r->dsp, r->now_ns);
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
     assert_false(r->out.has_receipt);
 }
 
@@ -112,13 +111,13 @@ static void frame_direction_and_temperature_come_through(void **state)
     scene_ping(&r->scene, SCENE, 0, 1, &r->ping);
     r->ping.frame = 17;
     r->ping.temperature_c = 21.5;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
     assert_true(r->out.has_traces);
     assert_int_equal(r->out.traces.frame, 17);
     assert_true(r->out.traces.temperature_c == 21.5);
     assert_false(r->out.traces.down);
     r->ping.temperature_c = NAN; /* not measured: what the vehicle says */
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
     assert_true(r->out.traces.temperature_c == -3.5);
 }
 
@@ -134,10 +133,10 @@ static void what_cannot_be_used_asks_for_nothing(void **state)
     scene_ping(&r->scene, BACKGROUND, 0, 1, &r->ping);
     r->ping.frame = 1;
     r->ping.valid = false;
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
     assert_false(r->out.has_receipt || r->out.has_traces);
     r->ping.valid = r->ping.down = true; /* no chirp of this survey runs that way */
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
     assert_false(r->out.has_receipt || r->out.has_traces);
     assert_string_equal(r->out.note, "a ping does not have the survey's shape");
 }
@@ -304,8 +303,8 @@ static void a_microphone_that_was_masked_while_others_learned_comes_later(void *
         r->scene.not_finite[2] = i == 0;
         r->ping.pass = SCENE;
         r->ping.frame = ++r->frame;
-        dsp_stamp(r->dsp, r->now_ns += FRAME_MS * MS);
-        dsp_ping(r->dsp, &r->ping, &r->out);
+        r->now_ns += FRAME_MS * MS;
+        dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
         assert_int_equal(r->out.traces.masked[2], i == 0);
         plain = i == 1 ? energy_of(r, 2) : plain;
     }
@@ -328,8 +327,7 @@ static void slam(struct rig *r, Anlos__Pass heard)
     r->ping.pass = SCENE;
     r->ping.frame = ++r->frame;
     r->now_ns += FRAME_MS * MS;
-    dsp_stamp(r->dsp, r->now_ns);
-    dsp_ping(r->dsp, &r->ping, &r->out);
+    dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
 }
 
 /* Neither it nor the ping before it, in which it may begin. */

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "recon/survey.h"
 #include "nodes/scan/fixed_scan.h"
 

@@ -13,7 +13,7 @@
 
 #include <cmocka.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "hal/survey/firing.h"
 #include "nodes/anlos/bench/drive_world.h"
 #include "nodes/array/hearing.h"

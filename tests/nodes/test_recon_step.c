@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
 #include "nodes/rt/volume_grid.h"
@@ -29,8 +29,8 @@ struct rig {
 
 static int setup(void **state)
 {
-    const struct dsp_config dsp = {.window = WINDOW_HANN,
-                                   .background = BACKGROUND_RECORDED};
+    const struct frontend_config dsp = {.window = WINDOW_HANN,
+                                        .background = BACKGROUND_RECORDED};
     const struct recon_config recon = {
         .method = "fast", .threads = 2, .window = WINDOW_HANN};
     struct rig *r = calloc(1, sizeof *r);
@@ -59,9 +59,9 @@ static void make_traces(struct rig *r, uint32_t position, uint32_t speaker)
     Anlos__Ping ping;
 
     scene_ping(&r->scene, ANLOS__PASS__BACKGROUND, position, speaker, &ping);
-    dsp_ping(r->dsp, &ping, &r->traces);
+    dsp_ping(r->dsp, &ping, 0, &r->traces);
     scene_ping(&r->scene, ANLOS__PASS__SCENE, position, speaker, &ping);
-    dsp_ping(r->dsp, &ping, &r->traces);
+    dsp_ping(r->dsp, &ping, 0, &r->traces);
     assert_true(r->traces.has_traces);
 }
 

@@ -1,5 +1,5 @@
 /* What a recording carries beside its messages. */
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "recorder_rig.h"
 
 #include <errno.h>

@@ -11,10 +11,10 @@
 
 #include <cmocka.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "msgs/tensor.h"
 #include "nodes/recon/steady.h"
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 #include "tests/recon/moving.h"
 
 enum { SPEAKERS = 4, MICROPHONES = 6, SLOT = 1152, MS = 1000000 };

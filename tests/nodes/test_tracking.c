@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "nodes/rt/objects.h"
 #include "nodes/track/ghosts.h"
 #include "nodes/track/sight.h"

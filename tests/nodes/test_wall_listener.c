@@ -10,7 +10,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "hal/room/stream.h"
 #include "nodes/wall/listener.h"
 #include "tests/nodes/near.h"

@@ -14,7 +14,7 @@
 
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 #include "msgs/tensor.h"
 #include "nodes/anlos/bag/ego_table.h"
 #include "nodes/anlos/bag/export.h"

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "msgs/bag/topic_message.h"
 
 #define SURVEY_PERIOD_NS 1000000000LL /* as the array node repeats it */

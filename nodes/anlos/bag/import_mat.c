@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "hal/recording/replica_file.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 #include "msgs/tensor.h"
 #include "nodes/anlos/bag/import.h"
 #include "nodes/anlos/confocal/traces.h"

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "hal/recording/recording.h"
-#include "hal/tail.h"
+#include "recon/tail.h"
 #include "msgs/tensor.h"
 #include "nodes/anlos/bag/ego_table.h"
 #include "nodes/anlos/bag/import.h"

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 
 #define MOST_SURVEYS 1000 /* of different ids, which are compared with one another */
 

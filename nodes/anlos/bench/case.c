@@ -12,7 +12,7 @@
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/stopwatch.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 
 #define MARGIN_M       0.05
 #define DEPTH_MARGIN_M 0.25

@@ -12,7 +12,7 @@
 #include "nodes/anlos/bench/names.h"
 #include "nodes/anlos/bench/trials.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_file.h"
 

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "hal/room/figure.h"
 #include "hal/room/scene.h"
 #include "nodes/rt/vehicle_frame.h"

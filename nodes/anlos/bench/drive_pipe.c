@@ -9,10 +9,10 @@
 static int create_steps(struct drive_pipe *p, size_t threads, struct complaint *why)
 {
     const struct launchfile *l = p->launch;
-    const struct dsp_config dsp = {.window = l->dsp.window,
-                                   .compression = l->dsp.compression,
-                                   .background = l->dsp.background,
-                                   .background_s = l->dsp.background_s};
+    const struct frontend_config dsp = {.window = l->dsp.window,
+                                        .compression = l->dsp.compression,
+                                        .background = l->dsp.background,
+                                        .background_s = l->dsp.background_s};
     const struct steady_config steady = {.threads = threads,
                                          .window = l->dsp.window,
                                          .compression = l->dsp.compression,
@@ -140,8 +140,7 @@ static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
         err = tell_given(p, end_ns, why);
     if (err)
         return err;
-    dsp_stamp(p->dsp, stamp_ns);
-    dsp_ping(p->dsp, &ping, &dsp);
+    dsp_ping(p->dsp, &ping, stamp_ns, &dsp);
     if (dsp.has_traces)
         *due = steady_traces(p->steady, &dsp.traces, stamp_ns, note, sizeof note);
     if (*due)

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "recon/survey.h"
 
 #define BEGIN_NS     INT64_C(1000000000) /* stamps are above 0 */

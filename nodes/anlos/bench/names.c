@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "nodes/anlos/recon/auto.h"
-#include "nodes/rt/nearest.h"
+#include "dsp/nearest.h"
 #include "recon/imager.h"
 
 bool bench_names_have(const char *list, const char *name)

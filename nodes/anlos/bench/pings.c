@@ -6,7 +6,7 @@
 
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/stopwatch.h"
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 
 struct worker {
     struct compressor *compressor;

@@ -6,7 +6,7 @@
 #include "dsp/pool.h"
 #include "nodes/anlos/bench/scene.h"
 #include "nodes/anlos/recon/reader.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 
 struct bench_pings_config { /* all outlive the pings */
     const struct bench_scene *scene;

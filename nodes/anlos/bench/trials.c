@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "hal/random.h"
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 
 struct bench_trials {
     const struct bench_scene *scene;

@@ -7,7 +7,7 @@
 
 #include "nodes/anlos/bench/bound.h"
 #include "nodes/anlos/bench/scene.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 
 #define BENCH_TRIAL_METHODS 16
 

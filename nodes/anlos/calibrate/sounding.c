@@ -7,7 +7,7 @@
 
 #include "dsp/chirp.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 
 #define RETRIES       5    /* of one ping that comes invalid */
 #define OVERSAMPLING  8.0  /* dsp/arrival.h */

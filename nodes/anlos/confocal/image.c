@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "nodes/anlos/confocal/traces.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 #include "recon/fk.h"
 #include "recon/imager.h"
 #include "recon/lightcone.h"

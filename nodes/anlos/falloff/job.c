@@ -12,7 +12,7 @@
 
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 #include "recon/falloff.h"
 
 struct measurement {

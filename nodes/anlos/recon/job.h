@@ -13,8 +13,8 @@
 #include "nodes/anlos/recon/results.h"
 #include "nodes/anlos/stopwatch.h"
 #include "nodes/anlos/recon/traces_file.h"
-#include "nodes/rt/channel_check.h"
-#include "nodes/rt/processing.h"
+#include "recon/channel_check.h"
+#include "recon/processing.h"
 #include "recon/trace_set.h"
 
 struct recon_auto;

@@ -8,7 +8,7 @@
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/recon/help.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/rt/nearest.h"
+#include "dsp/nearest.h"
 #include "recon/imager.h"
 
 #define MAX_THREADS 256

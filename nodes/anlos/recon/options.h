@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 #include "recon/imager_options.h"
 
 struct recon_options {                           /* borrow from argv */

@@ -11,9 +11,9 @@
 #include "hal/recording/recording.h"
 #include "dsp/complaint.h"
 #include "nodes/anlos/recon/results.h"
-#include "nodes/rt/air.h"
-#include "nodes/rt/channel_check.h"
-#include "nodes/rt/compressor.h"
+#include "recon/air.h"
+#include "recon/channel_check.h"
+#include "recon/compressor.h"
 
 struct recon_reader_config { /* all outlive the reader */
     const struct survey *survey;

@@ -197,8 +197,7 @@ static int take_ping(struct chain *c, const Anlos__Ping *ping, int64_t capture_n
         c->n_background_pings++;
     for (size_t m = 0; m < ping->n_clipped; m++)
         c->clipped += ping->clipped[m];
-    dsp_stamp(c->dsp, capture_ns);
-    dsp_ping(c->dsp, ping, &out);
+    dsp_ping(c->dsp, ping, capture_ns, &out);
     stopwatch_lap(&c->stages[RECON_COMPRESS], &now, false);
     note(c, out.note);
     if (out.has_receipt && !out.receipt.usable) {

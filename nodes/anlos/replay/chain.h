@@ -18,7 +18,7 @@
 #include "nodes/wall/finder.h"
 
 struct chain_config {
-    struct dsp_config dsp;
+    struct frontend_config dsp;
     struct recon_config recon; /* what it points to outlives the chain */
     bool fixed;                /* an array that stands; then: */
     struct steady_config steady;

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/interrupt.h"

@@ -5,7 +5,7 @@
 
 #include "nodes/anlos/replay/chain.h"
 #include "nodes/anlos/replay/settings.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 
 #define REPLAY_CAN_FILE "can.candump"
 

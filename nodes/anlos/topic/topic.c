@@ -9,7 +9,7 @@
 #include "nodes/anlos/topic/table.h"
 #include "nodes/anlos/topic/watch.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/rt/nearest.h"
+#include "dsp/nearest.h"
 #include "nodes/rt/rundir.h"
 
 #define DEFAULT_SECONDS 5.0

@@ -1,15 +1,15 @@
-/* nodes/rt/compressor.h -- raw pings to traces by the way that was asked for: matched
+/* recon/compressor.h -- raw pings to traces by the way that was asked for: matched
  * filter (dsp/pulse_compress.h) or the paper's deramp (dsp/deramp.h), one face for both,
  * and for both directions of a survey whose chirps alternate.  Where emissions overlap
  * the ends of the ping are tapered, which cut off those before and behind (dsp/window.h).
  */
-#ifndef ANLOS_NODES_RT_COMPRESSOR_H
-#define ANLOS_NODES_RT_COMPRESSOR_H
+#ifndef ANLOS_RECON_COMPRESSOR_H
+#define ANLOS_RECON_COMPRESSOR_H
 
 #include <complex.h>
 #include <stdbool.h>
 
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 
 enum compression { COMPRESSION_MATCHED_FILTER, COMPRESSION_DERAMP };
 

@@ -1,16 +1,16 @@
-/* nodes/dsp/recorded_background.h -- the room without the hidden objects, as it was
+/* recon/recorded_background.h -- the room without the hidden objects, as it was
  * recorded before, subtracted as it would sound in the air of now (dsp/drift.h). */
-#ifndef ANLOS_NODES_DSP_RECORDED_BACKGROUND_H
-#define ANLOS_NODES_DSP_RECORDED_BACKGROUND_H
+#ifndef ANLOS_RECON_RECORDED_BACKGROUND_H
+#define ANLOS_RECON_RECORDED_BACKGROUND_H
 
 #include <complex.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/array.pb-c.h"
-#include "nodes/rt/air.h"
-#include "nodes/rt/processing.h"
+#include "recon/ping.h"
+#include "recon/air.h"
+#include "recon/processing.h"
 
 struct recorded_background;
 
@@ -20,20 +20,19 @@ int recorded_background_create(struct recorded_background **out, const struct su
                                const struct processing *p,
                                const struct trace_format *format);
 
-/* Keeps a copy of the traces of a ping of that pass; of an array that stands (frame) a
+/* Keeps a copy of the traces of a ping of that pass; of an static array (frame) a
  * microphone that was masked in one of its frames stays so. */
-void recorded_background_keep(struct recorded_background *b, const Anlos__Ping *ping,
-                              const protobuf_c_boolean *masked,
-                              const float complex *traces);
+void recorded_background_keep(struct recorded_background *b, const struct ping *ping,
+                              const bool *masked, const float complex *traces);
 
 /* Is there one for this ping? */
 bool recorded_background_is_kept(const struct recorded_background *b,
-                                 const Anlos__Ping *ping);
+                                 const struct ping *ping);
 
 /* Subtracts it from a ping of the scene, and masks what was masked in it.  Each scan
  * begins anew: the air of the last one may be long gone.  false: there is none. */
-bool recorded_background_subtract(struct recorded_background *b, const Anlos__Ping *ping,
-                                  protobuf_c_boolean *masked, float complex *traces);
+bool recorded_background_subtract(struct recorded_background *b, const struct ping *ping,
+                                  bool *masked, float complex *traces);
 
 /* Of the scan that the newest ping belongs to. */
 const struct air *recorded_background_air(const struct recorded_background *b);

@@ -1,4 +1,4 @@
-#include "nodes/dsp/recorded_background.h"
+#include "recon/recorded_background.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -11,7 +11,6 @@ struct recorded_background {
     double sound_speed_m_s;
     struct background *traces;
     bool *masked; /* [n_pings][n_microphones] */
-    bool *unused; /* [n_microphones], of the ping at hand */
     struct drift *drift;
     struct drift_track track;
     struct air air;
@@ -34,8 +33,7 @@ int recorded_background_create(struct recorded_background **out, const struct su
     b->n_microphones = s->n_microphones;
     b->sound_speed_m_s = s->sound_speed_m_s;
     b->masked = calloc(b->n_pings * b->n_microphones, sizeof *b->masked);
-    b->unused = calloc(b->n_microphones, sizeof *b->unused);
-    int err = b->masked && b->unused ? drift_create(&b->drift, &cfg) : -ENOMEM;
+    int err = b->masked ? drift_create(&b->drift, &cfg) : -ENOMEM;
     if (!err)
         err = background_create(&b->traces, b->n_pings, b->n_microphones,
                                 format->n_samples);
@@ -46,14 +44,13 @@ int recorded_background_create(struct recorded_background **out, const struct su
     return err;
 }
 
-static size_t index_of(const struct recorded_background *b, const Anlos__Ping *ping)
+static size_t index_of(const struct recorded_background *b, const struct ping *ping)
 {
     return ping->position * b->n_speakers + ping->speaker;
 }
 
-void recorded_background_keep(struct recorded_background *b, const Anlos__Ping *ping,
-                              const protobuf_c_boolean *masked,
-                              const float complex *traces)
+void recorded_background_keep(struct recorded_background *b, const struct ping *ping,
+                              const bool *masked, const float complex *traces)
 {
     bool *kept = b->masked + index_of(b, ping) * b->n_microphones;
 
@@ -63,12 +60,12 @@ void recorded_background_keep(struct recorded_background *b, const Anlos__Ping *
 }
 
 bool recorded_background_is_kept(const struct recorded_background *b,
-                                 const Anlos__Ping *ping)
+                                 const struct ping *ping)
 {
     return background_traces(b->traces, index_of(b, ping)) != NULL;
 }
 
-static void follow_scan(struct recorded_background *b, const Anlos__Ping *ping)
+static void follow_scan(struct recorded_background *b, const struct ping *ping)
 {
     if (b->air.sound_speed_m_s > 0.0 && ping->scan == b->scan)
         return;
@@ -77,8 +74,8 @@ static void follow_scan(struct recorded_background *b, const Anlos__Ping *ping)
     air_start(&b->air, b->sound_speed_m_s, b->n_pings);
 }
 
-bool recorded_background_subtract(struct recorded_background *b, const Anlos__Ping *ping,
-                                  protobuf_c_boolean *masked, float complex *traces)
+bool recorded_background_subtract(struct recorded_background *b, const struct ping *ping,
+                                  bool *masked, float complex *traces)
 {
     size_t index = index_of(b, ping);
     const float complex *background = background_traces(b->traces, index);
@@ -87,11 +84,9 @@ bool recorded_background_subtract(struct recorded_background *b, const Anlos__Pi
     follow_scan(b, ping);
     if (!background)
         return false;
-    for (size_t m = 0; m < b->n_microphones; m++) {
+    for (size_t m = 0; m < b->n_microphones; m++)
         masked[m] = masked[m] || b->masked[index * b->n_microphones + m];
-        b->unused[m] = masked[m];
-    }
-    drift_measure(b->drift, background, traces, b->unused, &now);
+    drift_measure(b->drift, background, traces, masked, &now);
     double stretch = drift_track_update(&b->track, &now);
     air_add(&b->air, stretch, drift_subtract(b->drift, stretch, background, traces));
     return true;
@@ -109,6 +104,5 @@ void recorded_background_destroy(struct recorded_background *b)
     background_destroy(b->traces);
     drift_destroy(b->drift);
     free(b->masked);
-    free(b->unused);
     free(b);
 }

@@ -1,4 +1,4 @@
-#include "nodes/rt/air.h"
+#include "recon/air.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "tests/nodes/near.h"
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 
 /* The paper's array: 16 speakers over 1 m, microphones 0.08 m beside them. */
 struct fixture {

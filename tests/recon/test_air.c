@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "recon/survey.h"
-#include "nodes/rt/air.h"
+#include "recon/air.h"
 #include "tests/nodes/near.h"
 
 /* Cramer's formula for the speed, against the square root law here. */

@@ -1,4 +1,4 @@
-#include "nodes/dsp/mean_background.h"
+#include "recon/mean_background.h"
 
 #include <errno.h>
 #include <math.h>
@@ -66,7 +66,7 @@ void mean_background_drop(struct mean_background *b)
 }
 
 const float complex *mean_background_record(struct mean_background *b,
-                                            const Anlos__Ping *ping,
+                                            const struct ping *ping,
                                             float complex *traces)
 {
     if (ping->scan != b->scan || ping->frame < b->frame)
@@ -101,7 +101,7 @@ static void count_waiting(struct mean_background *b)
 }
 
 bool mean_background_subtract(struct mean_background *b, size_t speaker,
-                              int64_t capture_ns, const protobuf_c_boolean *masked,
+                              int64_t capture_ns, const bool *masked,
                               float complex *traces)
 {
     bool any = false;

@@ -1,7 +1,7 @@
-/* nodes/rt/air.h -- what the air has done between the two passes of a scan, as
+/* recon/air.h -- what the air has done between the two passes of a scan, as
  * dsp/drift.h has found it ping by ping, in words. */
-#ifndef ANLOS_NODES_RT_AIR_H
-#define ANLOS_NODES_RT_AIR_H
+#ifndef ANLOS_RECON_AIR_H
+#define ANLOS_RECON_AIR_H
 
 #include <stdbool.h>
 #include <stddef.h>

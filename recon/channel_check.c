@@ -1,4 +1,4 @@
-#include "nodes/rt/channel_check.h"
+#include "recon/channel_check.h"
 
 #include <errno.h>
 #include <math.h>

@@ -1,7 +1,6 @@
-/* nodes/rt/processing.h -- from a survey to the configuration of dsp and recon: the one
- * place where messages meet signal processing. */
-#ifndef ANLOS_NODES_RT_PROCESSING_H
-#define ANLOS_NODES_RT_PROCESSING_H
+/* recon/processing.h -- from a survey to the configuration of dsp and recon. */
+#ifndef ANLOS_RECON_PROCESSING_H
+#define ANLOS_RECON_PROCESSING_H
 
 #include "dsp/deramp.h"
 #include "dsp/pulse_compress.h"

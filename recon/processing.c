@@ -1,4 +1,4 @@
-#include "nodes/rt/processing.h"
+#include "recon/processing.h"
 
 #include <errno.h>
 #include <math.h>
@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/tail.h"
-#include "nodes/rt/nearest.h"
+#include "recon/tail.h"
+#include "dsp/nearest.h"
 
 #define GATE_NEAR_LEAST_M  0.3
 #define DIRECT_CLEARANCE_M 0.1  /* behind the direct path: its sidelobes and the stand */
@@ -60,7 +60,7 @@ static struct span direct_paths(const struct survey *s)
 }
 
 /* The longest delay that can be told from the next emission's, and that ends within the
- * two slots that a ping may have; where emissions overlap it is longer (hal/tail.h). */
+ * two slots that a ping may have; where emissions overlap it is longer (recon/tail.h). */
 static double slot_reach_s(const struct survey *s)
 {
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;

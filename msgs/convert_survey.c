@@ -1,4 +1,4 @@
-#include "msgs/convert/survey.h"
+#include "msgs/convert.h"
 
 #include <errno.h>
 #include <math.h>

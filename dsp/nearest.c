@@ -1,4 +1,4 @@
-#include "nodes/rt/nearest.h"
+#include "dsp/nearest.h"
 
 #include <stdio.h>
 #include <string.h>

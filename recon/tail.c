@@ -1,4 +1,4 @@
-#include "hal/tail.h"
+#include "recon/tail.h"
 
 #include <float.h>
 #include <math.h>

@@ -1,6 +1,6 @@
-/* nodes/rt/nearest.h -- which of some names was probably meant by a word that is none. */
-#ifndef ANLOS_NODES_RT_NEAREST_H
-#define ANLOS_NODES_RT_NEAREST_H
+/* dsp/nearest.h -- which of some names was probably meant by a word that is none. */
+#ifndef ANLOS_DSP_NEAREST_H
+#define ANLOS_DSP_NEAREST_H
 
 #include <stddef.h>
 

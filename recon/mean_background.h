@@ -1,14 +1,14 @@
-/* nodes/dsp/mean_background.h -- backgrounds of an array that stands: the mean of what
+/* recon/mean_background.h -- backgrounds of an static array: the mean of what
  * was recorded without the hidden objects, or the running mean of all that is heard. */
-#ifndef ANLOS_NODES_DSP_MEAN_BACKGROUND_H
-#define ANLOS_NODES_DSP_MEAN_BACKGROUND_H
+#ifndef ANLOS_RECON_MEAN_BACKGROUND_H
+#define ANLOS_RECON_MEAN_BACKGROUND_H
 
 #include <complex.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/array.pb-c.h"
+#include "recon/ping.h"
 
 struct mean_background;
 
@@ -20,7 +20,7 @@ int mean_background_create(struct mean_background **out, size_t n_speakers,
 /* A ping of the background and its traces[n_microphones][n_samples], which are used up.
  * The mean of its speaker's so far in this pass, to be kept elsewhere. */
 const float complex *mean_background_record(struct mean_background *b,
-                                            const Anlos__Ping *ping,
+                                            const struct ping *ping,
                                             float complex *traces);
 
 /* What a speaker has sounded like, [n_microphones][n_samples]; NULL: not known. */
@@ -32,7 +32,7 @@ const float complex *mean_background_of(const struct mean_background *b, size_t 
  * microphone that is masked stays out of it, and one that was until now keeps its trace
  * as it is.  false: all do. */
 bool mean_background_subtract(struct mean_background *b, size_t speaker,
-                              int64_t capture_ns, const protobuf_c_boolean *masked,
+                              int64_t capture_ns, const bool *masked,
                               float complex *traces);
 
 /* The newest traces that were given do not count, for they may be spoiled. */

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "hal/tail.h"
+#include "recon/tail.h"
 
 static double speakers_m[2][3] = {{0, 0, 0}, {0, 1, 0}};
 static double microphones_m[1][3] = {{0.1, 0.5, 0}};

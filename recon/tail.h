@@ -1,6 +1,6 @@
-/* hal/tail.h -- how long a slot's sound rings on into the next one. */
-#ifndef ANLOS_HAL_TAIL_H
-#define ANLOS_HAL_TAIL_H
+/* recon/tail.h -- how long a slot's sound rings on into the next one. */
+#ifndef ANLOS_RECON_TAIL_H
+#define ANLOS_RECON_TAIL_H
 
 #include <stddef.h>
 

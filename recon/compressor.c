@@ -1,4 +1,4 @@
-#include "nodes/rt/compressor.h"
+#include "recon/compressor.h"
 
 #include <errno.h>
 #include <stdlib.h>

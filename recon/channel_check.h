@@ -1,7 +1,7 @@
-/* nodes/rt/channel_check.h -- which microphones of a recording can be used, position
+/* recon/channel_check.h -- which microphones of a recording can be used, position
  * by position, and what was wrong with the others. */
-#ifndef ANLOS_NODES_RT_CHANNEL_CHECK_H
-#define ANLOS_NODES_RT_CHANNEL_CHECK_H
+#ifndef ANLOS_RECON_CHANNEL_CHECK_H
+#define ANLOS_RECON_CHANNEL_CHECK_H
 
 #include <stdbool.h>
 #include <stddef.h>
