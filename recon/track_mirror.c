@@ -214,6 +214,23 @@ static struct track_mirror choose(const struct tracker *t, const struct track_sc
                                : (struct track_mirror){.id = 0};
 }
 
+/* One that mirrors what is where the track is; else none. */
+static struct track_mirror
+that_shows(const struct tracker *t, const struct track_scan *scan, const struct track *k)
+{
+    const double ground_m[3] = {k->filter.state[0], k->filter.state[1],
+                                k->filter.height_m};
+    double at_m[3], imaged_m[3];
+
+    ego_step_point(&t->pose, ground_m, at_m);
+    for (size_t i = 0; scan->stands_before && i < scan->n_mirrors; i++) {
+        track_mirror_point(&scan->mirrors[i], at_m, imaged_m);
+        if (scan->stands_before(scan->context, imaged_m) == i)
+            return over_ground(&t->pose, &scan->mirrors[i]);
+    }
+    return (struct track_mirror){.id = 0};
+}
+
 static bool is_older(const struct track *a, const struct track *b)
 {
     return a->id && b->id ? a->first_ns < b->first_ns : a->id != 0;
@@ -241,8 +258,14 @@ void track_mirror_follow(struct tracker *t, const struct track_scan *scan)
         struct track *k = &t->tracks[i];
         const struct track_mirror *same = k->mirror.id ? find(scan, k->mirror.id) : NULL;
         struct track_mirror to = same ? over_ground(&t->pose, same) : choose(t, scan, k);
+        bool loses_its_own = k->placed && !same && !to.id;
         k->placed &= same != NULL;
         k->waited = k->placed || !scan->n_mirrors ? 0.0 : k->waited;
+        if (loses_its_own) { /* it stays where it is, for another one to show */
+            const struct track_mirror other = that_shows(t, scan, k);
+            if (other.id)
+                k->mirror = to = other;
+        }
         if (k->mirror.id || to.id)
             mirror_anew(t, scan, k, &to);
     }

@@ -17,7 +17,8 @@ static bool is_behind_a_wall(const struct sight *sight, const Anlos__Detection *
 {
     const double virtual_m[3] = {d->virtual_m->x, d->virtual_m->y, d->virtual_m->z};
 
-    return !d->behind_no_wall && sight_behind_m(sight, d->wall, virtual_m) > AT_WALL_M;
+    return !d->behind_no_wall && sight_lost(sight, virtual_m) == sight->lost->n &&
+           sight_behind_m(sight, d->wall, virtual_m) > AT_WALL_M;
 }
 
 size_t candidates_choose(Anlos__DetectionList *list, const struct sight *sight,

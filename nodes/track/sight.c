@@ -3,12 +3,15 @@
 #include <math.h>
 #include <string.h>
 
+static const double array_m[3] = {0.0, 0.0, 0.0};
+
 void sight_init(struct sight *s, const struct survey *survey, const struct walls *walls,
-                const struct grid *grid)
+                const struct walls *lost, const struct grid *grid)
 {
     static const double zero[3] = {0.0, 0.0, 0.0};
 
     s->walls = walls;
+    s->lost = lost;
     s->grid = grid;
     survey_to_vehicle(survey, zero, s->origin_m);
     for (int a = 0; a < 3; a++) {
@@ -75,14 +78,31 @@ void sight_virtual(const struct sight *s, const struct track_mirror *mirror,
     to_array(s, imaged_m, virtual_m);
 }
 
+/* Of the walls that are known and then the lost ones, the first on the way there. */
+static size_t first_on_the_way(const struct sight *s, const double virtual_m[3])
+{
+    struct wall_gate all[2 * WALLS_MAX];
+
+    memcpy(all, s->walls->list, s->walls->n * sizeof *all);
+    memcpy(all + s->walls->n, s->lost->list, s->lost->n * sizeof *all);
+    return wall_that_mirrored(all, s->walls->n + s->lost->n, array_m, virtual_m);
+}
+
+size_t sight_lost(const struct sight *s, const double virtual_m[3])
+{
+    size_t i = first_on_the_way(s, virtual_m);
+
+    return i < s->walls->n ? s->lost->n : i - s->walls->n;
+}
+
 size_t sight_stands_before(const void *context, const double imaged_m[3])
 {
-    static const double array_m[3] = {0.0, 0.0, 0.0};
     const struct sight *s = context;
     double virtual_m[3];
 
     to_array(s, imaged_m, virtual_m);
-    return wall_that_mirrored(s->walls->list, s->walls->n, array_m, virtual_m);
+    size_t i = first_on_the_way(s, virtual_m);
+    return i < s->walls->n ? i : s->walls->n;
 }
 
 double sight_existence(const struct sight *s, uint32_t wall)
@@ -96,15 +116,15 @@ void sight_direction(const struct sight *s, uint32_t wall, const double p_m[3],
                      double out[2])
 {
     const struct wall *w = find(s, wall);
-    double array_m[3] = {0.0, 0.0, 0.0}, at_m[3];
+    double from_m[3] = {0.0, 0.0, 0.0}, at_m[3];
 
     to_array(s, p_m, at_m);
     if (w)
-        wall_mirror(w, array_m, array_m);
+        wall_mirror(w, from_m, from_m);
     for (int a = 0; a < 2; a++) {
         out[a] = 0.0;
         for (int b = 0; b < 3; b++)
-            out[a] += s->axes[a][b] * (at_m[b] - array_m[b]);
+            out[a] += s->axes[a][b] * (at_m[b] - from_m[b]);
     }
     double length = hypot(out[0], out[1]);
     for (int a = 0; a < 2 && length > 0.0; a++)

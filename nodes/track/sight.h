@@ -13,13 +13,18 @@
 
 struct sight {
     const struct walls *walls;
+    const struct walls *lost; /* known until lately, and none stands there now */
     const struct grid *grid;
     double axes[3][3], origin_m[3]; /* q = axes p + origin: array to vehicle frame */
 };
 
-/* Borrows walls and grid. */
+/* Borrows walls, lost and grid. */
 void sight_init(struct sight *s, const struct survey *survey, const struct walls *walls,
-                const struct grid *grid);
+                const struct walls *lost, const struct grid *grid);
+
+/* Which lost wall mirrored what is imaged here, in the array frame?  Its index, or how
+ * many there are: a wall that is known did, or none. */
+size_t sight_lost(const struct sight *s, const double virtual_m[3]);
 
 /* The walls as mirrors of tracks, in the vehicle frame; returns how many. */
 size_t sight_mirrors(const struct sight *s, struct track_mirror out[TRACK_MIRRORS]);
@@ -29,7 +34,8 @@ void sight_virtual(const struct sight *s, const struct track_mirror *mirror,
                    const double p_m[3], double virtual_m[3]);
 
 /* Which wall stands before what is imaged at a place of the vehicle frame?  Its index, or
- * how many there are.  As track_scan wants it; context: a struct sight. */
+ * how many there are: none does, or first a lost one.  As track_scan wants it; context: a
+ * struct sight. */
 size_t sight_stands_before(const void *context, const double imaged_m[3]);
 
 /* Does the image show this place of the vehicle frame?  Heights do not count.  As

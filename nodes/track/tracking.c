@@ -17,6 +17,13 @@
 #define LATEST_NS    (INT64_MAX / 2) /* differences of stamps do not overflow */
 #define YOUNG_ROUNDS 7.0
 #define WALLS_S      3.0 /* as wall.lost_s of a launch file */
+
+/* A lost wall is forgotten when another stands about where it stood, when nothing has
+ * come by way of it for as long as a wall is kept unseen, or in the end. */
+#define LOST_S      60.0
+#define SAME_WALL_M 0.5
+#define SAME_COSINE 0.97
+
 /* A background has of what was there for k of its n rounds a k-th of n, and leaves that
  * as a hole: of 28 dB over what is around, the most that is seen, during a fifth of it.
  */
@@ -33,6 +40,13 @@ struct travel {     /* of a track that has a name */
     bool far;
 };
 
+/* Walls that are not told of any more, at the stamp of the walls.  Sound may go on to
+ * come by way of them: as if by way of another one, it would be somebody elsewhere. */
+struct lost_walls {
+    struct walls walls;
+    int64_t lost_ns[WALLS_MAX], used_ns[WALLS_MAX]; /* by what is imaged, last */
+};
+
 struct tracking {
     struct tracking_config cfg;
     struct detector detector;
@@ -42,6 +56,7 @@ struct tracking {
     struct walls walls; /* of the topic, at a stamp */
     int64_t walls_ns;
     bool has_walls;
+    struct lost_walls lost;
     int64_t stamp_ns; /* of the newest image; 0: none */
     int64_t young_ns; /* when its background began; 0: it is not known */
     struct track_detection detections[TRACK_DETECTIONS];
@@ -105,22 +120,6 @@ static bool is_time(int64_t stamp_ns)
     return stamp_ns >= 0 && stamp_ns < LATEST_NS;
 }
 
-int tracking_walls(struct tracking *t, const Anlos__WallList *walls, int64_t capture_ns,
-                   struct complaint *why)
-{
-    struct walls fresh;
-    int err = walls_from_message(&fresh, walls, why);
-
-    if (!err && !is_time(capture_ns))
-        err = complain(why, -EINVAL, "walls with a stamp that is none");
-    if (err)
-        return err;
-    t->walls = fresh;
-    t->walls_ns = capture_ns;
-    t->has_walls = true;
-    return 0;
-}
-
 void tracking_ego(struct tracking *t, const Anlos__EgoMotion *ego, int64_t capture_ns)
 {
     const struct ego_motion motion = {ego->standstill ? 0.0 : ego->speed_m_s,
@@ -176,6 +175,97 @@ static void place_walls(const struct tracking *t, int64_t capture_ns, struct wal
     }
     move_between(t, t->walls_ns, capture_ns, &step);
     walls_step(out, &t->detector.survey, &step);
+}
+
+static bool is_replaced(const struct wall_gate *lost, const struct walls *by)
+{
+    for (size_t i = 0; i < by->n; i++) {
+        struct wall a = lost->plane, b = by->list[i].plane;
+        wall_face(&a);
+        wall_face(&b);
+        double cosine = a.normal[0] * b.normal[0] + a.normal[1] * b.normal[1] +
+                        a.normal[2] * b.normal[2];
+        if (by->list[i].id == lost->id ||
+            (cosine > SAME_COSINE && fabs(a.distance_m - b.distance_m) < SAME_WALL_M))
+            return true;
+    }
+    return false;
+}
+
+static void lose(struct lost_walls *l, const struct wall_gate *wall, int64_t lost_ns,
+                 int64_t used_ns)
+{
+    if (l->walls.n == WALLS_MAX)
+        return;
+    l->walls.list[l->walls.n] = *wall;
+    l->lost_ns[l->walls.n] = lost_ns;
+    l->used_ns[l->walls.n++] = used_ns;
+}
+
+/* Walls of now are told: which others were there? */
+static void keep_lost(struct tracking *t, const struct walls *now, int64_t now_ns)
+{
+    struct lost_walls before = t->lost;
+    struct walls known = t->walls;
+    struct ego_step step;
+
+    t->lost.walls.n = 0;
+    if (!t->has_walls || !t->detector.has_survey || now_ns < t->walls_ns)
+        return;
+    move_between(t, t->walls_ns, now_ns, &step);
+    walls_step(&known, &t->detector.survey, &step);
+    walls_step(&before.walls, &t->detector.survey, &step);
+    for (size_t i = 0; i < before.walls.n; i++)
+        if (1e-9 * (double)(now_ns - before.used_ns[i]) < t->cfg.walls_s &&
+            1e-9 * (double)(now_ns - before.lost_ns[i]) < LOST_S &&
+            !is_replaced(&before.walls.list[i], now))
+            lose(&t->lost, &before.walls.list[i], before.lost_ns[i], before.used_ns[i]);
+    for (size_t i = 0; i < known.n; i++)
+        if (!is_replaced(&known.list[i], now))
+            lose(&t->lost, &known.list[i], now_ns, now_ns);
+}
+
+/* The lost ones as they stand at the image's stamp.  While no wall is known nobody has a
+ * place, and is not taken for another. */
+static void place_lost(const struct tracking *t, const struct walls *known,
+                       int64_t capture_ns, struct walls *out)
+{
+    struct ego_step step;
+
+    out->n = 0;
+    if (!known->n || !t->lost.walls.n)
+        return;
+    *out = t->lost.walls;
+    move_between(t, t->walls_ns, capture_ns, &step);
+    walls_step(out, &t->detector.survey, &step);
+}
+
+static void note_lost(struct tracking *t, const struct sight *sight,
+                      const Anlos__DetectionList *list, int64_t capture_ns)
+{
+    for (size_t i = 0; i < list->n_detections; i++) {
+        const Anlos__Vec3 *v = list->detections[i]->virtual_m;
+        size_t w = sight_lost(sight, (const double[3]){v->x, v->y, v->z});
+        if (w < sight->lost->n)
+            t->lost.used_ns[w] = capture_ns;
+    }
+}
+
+int tracking_walls(struct tracking *t, const Anlos__WallList *walls, int64_t capture_ns,
+                   struct complaint *why)
+{
+    struct walls fresh;
+    int err = walls_from_message(&fresh, walls, why);
+
+    if (!err && !is_time(capture_ns))
+        err = complain(why, -EINVAL, "walls with a stamp that is none");
+    if (err)
+        return err;
+    keep_lost(t, &fresh, capture_ns);
+    t->walls = fresh;
+    t->walls_ns = capture_ns;
+    t->has_walls = true;
+    return 0;
 }
 
 /* Where the array was, in the mean of an image's pings. */
@@ -395,20 +485,23 @@ static int make_tracks(struct tracking *t, const Anlos__Volume *volume,
 int tracking_volume(struct tracking *t, const Anlos__Volume *volume, int64_t capture_ns,
                     Anlos__DetectionList **out, struct complaint *why)
 {
-    struct walls walls;
+    struct walls walls, lost;
     struct sight sight;
     struct grid grid;
     Anlos__DetectionList *list;
 
     if (!is_time(capture_ns))
         return complain(why, -EINVAL, "an image with a stamp that is none");
-    if (t->detector.has_survey)
+    if (t->detector.has_survey) {
         place_walls(t, capture_ns, &walls);
+        place_lost(t, &walls, capture_ns, &lost);
+    }
     int err = detector_volume(&t->detector, volume, &walls, &list, why);
     if (err)
         return err;
     volume_grid(volume, &grid);
-    sight_init(&sight, &t->detector.survey, &walls, &grid);
+    sight_init(&sight, &t->detector.survey, &walls, &lost, &grid);
+    note_lost(t, &sight, list, capture_ns);
     if (is_tracked(t, volume))
         err = make_tracks(t, volume, &sight, capture_ns, &list, why);
     list->frame = volume->frame;

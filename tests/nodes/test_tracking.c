@@ -603,13 +603,13 @@ static void what_hides_is_heard_from_where_the_mirrored_array_stands(void **stat
     const double at_m[3] = {0.4, 0.9, 0.0};
     struct grid grid = {.n = {NX, 1, NZ}};
     struct survey survey;
-    struct walls walls;
+    struct walls walls, none = {.n = 0};
     struct sight sight;
     double way[2];
 
     assert_int_equal(survey_from_message(&survey, r->scene.survey, NULL), 0);
     walls_from_survey(&walls, &survey);
-    sight_init(&sight, &survey, &walls, &grid);
+    sight_init(&sight, &survey, &walls, &none, &grid);
     sight_direction(&sight, walls.list[0].id, at_m, way);
     assert_near(way[0], -0.8, 1e-9);
     assert_near(way[1], 0.6, 1e-9);
