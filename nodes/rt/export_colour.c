@@ -1,6 +1,10 @@
 #include "nodes/rt/export_colour.h"
 
 #include <math.h>
+#include <stdlib.h>
+
+#define STANDS_OUT_DB 30.0
+#define MOST_SAMPLES  65536 /* that a median is of */
 
 static const double inferno[7][3] = {
     {0.0002189403691192265, 0.001651004631001012, -0.01948089843709184},
@@ -21,4 +25,32 @@ void colour_at(double t, double rgb[3])
             v = v * t + inferno[k][c];
         rgb[c] = fmin(fmax(v, 0.0), 1.0);
     }
+}
+
+static int compare(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* 0: less than half is imaged, or no memory. */
+static double median_of(const float *intensity, size_t n)
+{
+    size_t step = n / MOST_SAMPLES + 1, taken = 0, kept = 0;
+    float *list = malloc((n / step + 1) * sizeof *list);
+
+    for (size_t i = 0; list && i < n; i += step, taken++)
+        if (intensity[i] > 0.0f && isfinite(intensity[i]))
+            list[kept++] = intensity[i];
+    if (2 * kept > taken)
+        qsort(list, kept, sizeof *list, compare);
+    double median = list && 2 * kept > taken ? (double)list[kept / 2] : 0.0;
+    free(list);
+    return median;
+}
+
+double colour_full_scale(const float *intensity, size_t n, double brightest)
+{
+    return fmax(brightest, median_of(intensity, n) * pow(10.0, 0.1 * STANDS_OUT_DB));
 }

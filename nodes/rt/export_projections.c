@@ -5,17 +5,14 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
+#include "nodes/rt/export_colour.h"
 #include "nodes/rt/export_ink.h"
 #include "nodes/rt/export_plot.h"
 #include "nodes/rt/export_projection.h"
 
-#define RANGE_DB 25.0
-/* 0 dB is so far above the median at least: noise, whose maximum is 10 to 13 dB above it,
- * stays dark where nothing is. */
-#define STANDS_OUT_DB  30.0
-#define MOST_SAMPLES   1000000 /* that a median is of */
-#define FILE_FINENESS  1.5     /* sharp on any screen */
-#define SHOWN_FINENESS 1.0     /* drawn again and again while a scan goes on */
+#define RANGE_DB       25.0
+#define FILE_FINENESS  1.5 /* sharp on any screen */
+#define SHOWN_FINENESS 1.0 /* drawn again and again while a scan goes on */
 
 struct view {
     const char *file, *title;
@@ -57,30 +54,6 @@ static cairo_status_t write_bytes(void *to, const unsigned char *data, unsigned 
                                              : CAIRO_STATUS_WRITE_ERROR;
 }
 
-static int compare(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-
-    return (x > y) - (x < y);
-}
-
-/* Of what is imaged at all; 0: less than half is, or no memory. */
-static double median_of(const struct grid *grid, const float *intensity)
-{
-    size_t n = grid_size(grid), step = n / MOST_SAMPLES + 1, taken = 0, kept = 0;
-    float *list = malloc((n / step + 1) * sizeof *list);
-
-    for (size_t i = 0; list && i < n; i += step, taken++)
-        if (intensity[i] > 0.0f && isfinite(intensity[i]))
-            list[kept++] = intensity[i];
-    bool most = list && 2 * kept > taken;
-    if (most)
-        qsort(list, kept, sizeof *list, compare);
-    double median = most ? (double)list[kept / 2] : 0.0;
-    free(list);
-    return median;
-}
-
 /* NULL: no memory. */
 static cairo_surface_t *draw(const struct view *view, double fineness,
                              const struct grid *grid, const float *intensity,
@@ -100,8 +73,8 @@ static cairo_surface_t *draw(const struct view *view, double fineness,
             p.value[i] = sqrtf(p.value[i]);
             plot.peak = fmax(plot.peak, (double)p.value[i]);
         }
-        double least = median_of(grid, intensity) * pow(10.0, STANDS_OUT_DB / 10.0);
-        plot.peak = fmax(plot.peak, sqrt(least));
+        plot.peak =
+            sqrt(colour_full_scale(intensity, grid_size(grid), plot.peak * plot.peak));
         plot.marks = marks;
         surface = plot_draw(&plot);
     }

@@ -2,11 +2,13 @@
 
 #include <errno.h>
 #include <float.h>
+#include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "dsp/vector.h"
+#include "nodes/rt/export_colour.h"
 
 #define LEVELS_PER_OCTAVE ((float)(3.010299956639812 / PICTURE_STEP_DB))
 
@@ -116,8 +118,9 @@ int picture_create(struct picture *out, const struct grid *grid, const float *in
     }
     float peak = find_peak(intensity, n);
     /* Below that the quotient overflows: nothing there is an image. */
-    out->peak = peak >= FLT_MIN ? (double)peak : 0.0;
-    quantize(intensity, n, out->peak > 0.0 ? 1.0f / peak : 0.0f, out->level);
+    if (peak >= FLT_MIN)
+        out->peak = fmin(colour_full_scale(intensity, n, (double)peak), FLT_MAX);
+    quantize(intensity, n, out->peak > 0.0 ? (float)(1.0 / out->peak) : 0.0f, out->level);
     project(out);
     return 0;
 }

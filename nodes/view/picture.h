@@ -8,13 +8,14 @@
 
 #include "recon/grid.h"
 
-#define PICTURE_STEP_DB 0.25 /* of one level; the brightest voxel has level 255 */
+#define PICTURE_STEP_DB 0.25 /* of one level; full scale is level 255 */
 
 enum picture_side { PICTURE_XY, PICTURE_XZ, PICTURE_YZ, PICTURE_SIDES };
 
 struct picture {
     struct grid grid;
-    double peak;                        /* intensity of level 255; 0: all is dark */
+    double peak;                        /* intensity of level 255: full scale, as of
+                                         * pictures in files; 0: all is dark */
     uint8_t *level;                     /* [nz][ny][nx] */
     uint8_t *projection[PICTURE_SIDES]; /* maxima: [ny][nx], [nz][nx], [nz][ny] */
 };

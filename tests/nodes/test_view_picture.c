@@ -90,6 +90,30 @@ static void darkness_is_a_picture_too(void **state)
     assert_int_equal(picture_create(&p, &empty, x), -EINVAL);
 }
 
+/* Powers of noise are exponential: the largest of n is about ln n / ln 2 medians, 9.6 dB
+ * of 555; full scale is 30 dB above the median, and with 13 dB for the largest 17 dB are
+ * left, 68 levels.  A thing 40 dB above the median is full scale itself. */
+static void noise_is_not_drawn_as_bright_as_a_thing(void **state)
+{
+    static float x[NX * NY * NZ];
+    unsigned seed = 3;
+    struct picture p;
+
+    (void)state;
+    for (size_t i = 0; i < NX * NY * NZ; i++) {
+        seed = seed * 1664525u + 1013904223u;
+        x[i] = -logf(((float)(seed >> 8) + 1.0f) / 16777217.0f);
+    }
+    assert_int_equal(picture_create(&p, &grid, x), 0);
+    for (size_t i = 0; i < NX * NY * NZ; i++)
+        assert_true(p.level[i] < 255 - 68);
+    picture_clear(&p);
+    x[at(2, 1, 20)] = 1e4f * (float)M_LN2;
+    assert_int_equal(picture_create(&p, &grid, x), 0);
+    assert_int_equal(p.level[at(2, 1, 20)], 255);
+    picture_clear(&p);
+}
+
 /* Two voxels: the front view has both, each side has the greater of what is in line. */
 static void a_projection_is_the_maximum_along_its_axis(void **state)
 {
@@ -132,6 +156,7 @@ int main(void)
         cmocka_unit_test(brighter_is_never_a_lower_level),
         cmocka_unit_test(what_is_no_intensity_is_dark),
         cmocka_unit_test(darkness_is_a_picture_too),
+        cmocka_unit_test(noise_is_not_drawn_as_bright_as_a_thing),
         cmocka_unit_test(a_projection_is_the_maximum_along_its_axis),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -49,8 +49,8 @@ export function createImage(link) {
     };
     // The depth of the brightest voxel, to start with.
     const brightest = (nx, nz) => {
-        const top = image.data.xz.indexOf(255);
-        return top < 0 ? nz / 2 : top / nx;
+        const top = image.data.xz.reduce((most, level) => Math.max(most, level), 0);
+        return top ? image.data.xz.indexOf(top) / nx : nz / 2;
     };
     image.takeSlice = (head, bytes) => {
         if (!image.volume || head.id !== image.volume.id) return;
