@@ -173,6 +173,7 @@ static void backprojection_image(void *state, float *intensity)
 const struct imager_method method_backprojection = {
     .name = "backprojection",
     .any_geometry = true,
+    .adds = true,
     .create = backprojection_create,
     .add = backprojection_add,
     .image = backprojection_image,

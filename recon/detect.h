@@ -11,6 +11,7 @@
 #include "recon/grid.h"
 #include "recon/shape.h"
 
+struct clean;
 struct trace_set;
 
 struct detect_config {
@@ -20,6 +21,8 @@ struct detect_config {
     bool learns;         /* cfar, from this image (default) */
     const struct trace_set *traces; /* for objects_find: what was imaged, to tell lobes
                                      * apart; NULL: not at hand.  Not owned. */
+    const struct clean *clean;      /* for objects_find: to look for what others hide
+                                     * (recon/clean); NULL: not done.  Not owned. */
     const struct cfar_map *map;     /* with cfar: of this grid; NULL: none.  Not owned. */
     bool followed;           /* by tracks, which know themselves that an object may go on
                               * beyond a border: its place is that of what is seen of it */

@@ -181,6 +181,7 @@ static void fast_reset(void *state)
 
 const struct imager_method method_fast = {
     .name = "fast",
+    .adds = true,
     .create = fast_create,
     .add = fast_add,
     .image = fast_image,

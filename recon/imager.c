@@ -69,6 +69,13 @@ size_t method_samples(const double span_s[2], double rate_hz, size_t at_least)
     return n > (double)at_least ? (size_t)n : at_least;
 }
 
+bool imager_adds(const char *name)
+{
+    const struct imager_method *m = find(name);
+
+    return m && m->adds;
+}
+
 static bool sensible(const struct imager_config *cfg)
 {
     const struct geometry *g = cfg->geometry;

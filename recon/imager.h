@@ -35,6 +35,10 @@ bool imager_has_method(const char *name);
  * what lies apart are several things. */
 bool imager_isolates(const char *name);
 
+/* Its amplitudes, with their phases, are those of each echo added up: what is taken out
+ * of the traces is gone from the image. */
+bool imager_adds(const char *name);
+
 /* Plans and allocates everything, in one thread (FFTW's planner is not thread-safe).
  * 0, -EINVAL (values), -ENOENT (no such method), -ENOTSUP (the method cannot do this
  * geometry; *why says what it needs), -ENOMEM. */

@@ -8,6 +8,7 @@ struct imager_method {
     const char *name;
     bool any_geometry; /* also pings with places of their own (geometry.pings_m) */
     bool isolates;     /* imager_isolates */
+    bool adds;         /* imager_adds */
     int (*create)(void **state, const struct imager_config *cfg, const char **why);
     /* Adds one ping that has not been added before.  Threads may add different pings at
      * once.  masked[n_microphones] is never NULL. */

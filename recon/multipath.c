@@ -35,6 +35,7 @@ struct query {
     const struct sight *at;
     const double *raw, *judged;
     size_t n, g;
+    bool straight; /* ask only for what was heard straight, one way of the two */
 };
 
 struct cause {
@@ -148,6 +149,24 @@ static double by_ground(const struct multipath_config *cfg, const struct sight *
     return agree(g, u, sigma) / GROUND_M;
 }
 
+/* By way of the wall there and straight back, or the other way round. */
+static double half_straight(const struct query *q, const struct sight *g, size_t p)
+{
+    const struct sight *seen = &q->at[p];
+    double likelihood = 0.0;
+
+    for (size_t w = 0; w < q->cfg->n_walls; w++) {
+        struct sight real = *seen;
+        double at_m[3];
+        wall_mirror(&q->cfg->walls[w], q->found[p].position_m, at_m);
+        real.range_m = geometry_distance(at_m, q->cfg->centre_m);
+        for (int a = 0; a < 3; a++)
+            real.u[a] = (at_m[a] - q->cfg->centre_m[a]) / fmax(real.range_m, 1e-9);
+        likelihood += combine(g, 0.5, seen, 0.5, &real, 0.0);
+    }
+    return likelihood;
+}
+
 /* A body that stands has its feet below it, which are no image of it in the ground. */
 static bool is_below(const struct detection *foot, const struct detection *body)
 {
@@ -217,7 +236,7 @@ static bool is_apart(const struct query *q, size_t p)
 
 static bool may_make(const struct query *q, size_t p)
 {
-    return q->at[p].known && is_apart(q, p) && q->at[p].range_m < q->at[q->g].range_m &&
+    return p != q->g && q->at[p].known && is_apart(q, p) &&
            q->found[p].level_db > q->found[q->g].level_db - ALIKE_DB;
 }
 
@@ -228,7 +247,14 @@ static void judge(const struct query *q, struct detection *d)
     double sum = 0.0, shade = 0.0;
 
     for (size_t p = 0; p < q->n; p++) {
-        if (p == q->g || !may_make(q, p))
+        if (!may_make(q, p))
+            continue;
+        if (q->straight) {
+            consider(&best, &sum, MULTIPATH_FACE, p, p,
+                     PRIOR * q->judged[p] * half_straight(q, g, p));
+            continue;
+        }
+        if (q->at[p].range_m >= g->range_m)
             continue;
         ask_one(q, p, &best, &sum, &shade);
         for (size_t b = 0; b < q->n; b++)
@@ -257,13 +283,19 @@ void multipath_judge(const struct multipath_config *cfg, struct detection *found
         raw[i] = judged[i] = found[i].existence;
     }
     for (size_t k = 0; k < n; k++) { /* from the nearest: what makes echoes is nearer */
-        struct query q = {cfg, found, at, raw, judged, n, n};
+        struct query q = {cfg, found, at, raw, judged, n, n, false};
         for (size_t i = 0; i < n; i++)
             if (!done[i] && (q.g == n || at[i].range_m < at[q.g].range_m))
                 q.g = i;
+        q.n = q.g < cfg->n_plain ? cfg->n_plain : n;
         judge(&q, &found[q.g]);
         judged[q.g] = found[q.g].existence;
         done[q.g] = true;
+    }
+    for (size_t i = 0; i < n && cfg->n_walls > 0; i++) { /* by what may be farther */
+        struct query q = {
+            cfg, found, at, raw, judged, i < cfg->n_plain ? cfg->n_plain : n, i, true};
+        judge(&q, &found[i]);
     }
 }
 

@@ -13,11 +13,13 @@
  *   P, B and P again                 R_P + |PB|                 u_P
  *   P and something unseen           beyond R_P                 u_P
  *   P by way of level ground, once or both ways: as a flat face, at some height
+ *   P by way of the wall that mirrors    (R_P + R_Q) / 2        (u_P + u_Q) / 2
+ *     it, and straight, through or around what hides it; Q: where P really is
  *
- * all of them beyond what makes them.  That a place agrees with one of these by chance is
- * as likely as the agreement is close: existence becomes the posterior probability of an
- * object anywhere in the image against all these.  What is behind a body is in its
- * shadow, too. */
+ * all of them beyond what makes them, but for the last.  That a place agrees with one of
+ * these by chance is as likely as the agreement is close: existence becomes the posterior
+ * probability of an object anywhere in the image against all these.  What is behind a
+ * body is in its shadow, too. */
 #ifndef ANLOS_RECON_MULTIPATH_H
 #define ANLOS_RECON_MULTIPATH_H
 
@@ -26,14 +28,19 @@
 #include "recon/detect.h"
 #include "recon/geometry.h"
 #include "recon/grid.h"
+#include "recon/wall.h"
 
 struct multipath_config {
     double centre_m[3]; /* of the aperture, array frame */
     double lowest_m;    /* y of the lowest pair: the ground is below */
     double volume_m3;   /* of the image */
+    size_t n_plain; /* so many, the first, are held against each other only: the rest are
+                     * far fainter (recon/clean); 0: all are held against all */
+    const struct wall *walls; /* [n_walls] that mirror it; NULL: none */
+    size_t n_walls;
 };
 
-/* From geometry and grid. */
+/* From geometry and grid; without walls. */
 void multipath_config_fill(struct multipath_config *cfg, const struct geometry *geometry,
                            const struct grid *grid);
 

@@ -258,6 +258,22 @@ void sparse_operator_forward(struct sparse_operator *s, const float *x,
     pool_run(s->pool, SPARSE_RUNS, do_run, s);
 }
 
+void sparse_operator_residual(struct sparse_operator *s, const float *x,
+                              float complex *residual)
+{
+    size_t n = 2 * s->format.n_samples;
+
+    sparse_operator_forward(s, x, residual);
+    for (size_t t = 0; t < s->n_traces; t++) {
+        float *rest = (float *)residual + t * n, over = 0.0f;
+        const float *heard = s->traces + t * n;
+        if (s->weight[t] > 0.0f)
+            over = 1.0f / s->weight[t];
+        for (size_t q = 0; q < n; q++)
+            rest[q] = s->live[t] ? heard[q] - over * rest[q] : 0.0f;
+    }
+}
+
 static void adjoint(struct sparse_operator *s, const float *traces, float *x)
 {
     s->forward = false;

@@ -38,6 +38,11 @@ void sparse_operator_forward(struct sparse_operator *s, const float *x,
 void sparse_operator_adjoint(struct sparse_operator *s, const float complex *traces,
                              float *x);
 
+/* residual = the traces as they were added, without what x sends into them; those that
+ * were not added are 0. */
+void sparse_operator_residual(struct sparse_operator *s, const float *x,
+                              float complex *residual);
+
 /* out = K' y of the traces that were added, weighted like K. */
 void sparse_operator_data(struct sparse_operator *s, float *out);
 

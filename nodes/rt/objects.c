@@ -6,10 +6,11 @@
 #include <string.h>
 
 #include "nodes/rt/vehicle_frame.h"
-#include "recon/processing.h"
+#include "recon/clean.h"
 #include "recon/lobes.h"
 #include "recon/multipath.h"
 #include "recon/peak.h"
+#include "recon/processing.h"
 
 #define CLUSTER_WIDTHS 3.0  /* of a point, that pings around objects keep apart */
 #define HEIGHT_LEAST_M 0.01 /* of an array that tells heights */
@@ -296,9 +297,11 @@ void objects_resolution(struct detect_config *cfg, const struct survey *s,
 }
 
 /* Pings around objects hear them from all sides, and have no one range. */
-static void find_multipath(const struct survey *s, const struct grid *grid,
-                           struct detection *found, size_t n)
+static void find_multipath(const struct survey *s, const struct walls *walls,
+                           const struct grid *grid, struct detection *found, size_t n,
+                           size_t plain)
 {
+    struct wall planes[WALLS_MAX];
     struct multipath_config cfg;
     struct geometry geometry;
 
@@ -306,6 +309,10 @@ static void find_multipath(const struct survey *s, const struct grid *grid,
         return;
     processing_geometry(&geometry, s);
     multipath_config_fill(&cfg, &geometry, grid);
+    for (; cfg.n_walls < walls->n && cfg.n_walls < WALLS_MAX; cfg.n_walls++)
+        planes[cfg.n_walls] = walls->list[cfg.n_walls].plane;
+    cfg.walls = planes;
+    cfg.n_plain = plain;
     multipath_judge(&cfg, found, n);
 }
 
@@ -322,11 +329,17 @@ int objects_find_behind(Anlos__DetectionList **out, const struct survey *s,
     int err = detect_objects(&resolved, grid, intensity, found, OBJECTS_MAX, &n);
     if (err)
         return err;
-    n = drop_unlikely(found, n, min_existence);
+    size_t plain = n = drop_unlikely(found, n, min_existence);
+    if (cfg->clean) {
+        err = clean_find(cfg->clean, &resolved, grid, intensity, found, OBJECTS_MAX, &n);
+        n = drop_unlikely(found, n, min_existence);
+    }
+    if (err)
+        return err;
     if (cfg->traces)
         lobes_judge(cfg->traces, found, n);
     if (cfg->multipath)
-        find_multipath(s, grid, found, n);
+        find_multipath(s, walls, grid, found, n, plain);
     return objects_list_behind(out, s, walls, found, n);
 }
 

@@ -132,6 +132,26 @@ static void an_echo_straight_behind_a_body_is_its_own(void **state)
     expect_echo(&all[1], MULTIPATH_SHADOW, 0, 0);
 }
 
+/* A wall at z = 0.9 shows an object at z = 0.3 behind itself; heard by way of the wall
+ * there and through the panel before it back, it is nearer than its image. */
+static void what_hides_an_object_lets_a_little_through(void **state)
+{
+    (void)state;
+    const struct wall wall = {.normal = {0.0, 0.0, 1.0}, .distance_m = 0.9};
+    struct multipath_config cfg = place;
+    struct detection p = object(1.0, 0.1, 1.5, 30.0), real = object(1.0, 0.1, 0.3, 0.0);
+    struct detection all[2] = {p, bounce(&p, &real, range(&p) + range(&real), 15.0)};
+
+    multipath_judge(&cfg, all, 2);
+    expect_object(&all[1]);
+    cfg.walls = &wall;
+    cfg.n_walls = 1;
+    all[1].existence = 1.0;
+    multipath_judge(&cfg, all, 2);
+    expect_object(&all[0]);
+    expect_echo(&all[1], MULTIPATH_FACE, 0, 0);
+}
+
 /* Ground at y = -0.8: an object at 0.4 has its mirror image at -2.0. */
 static void the_ground_mirrors_what_stands_over_it(void **state)
 {
@@ -326,6 +346,7 @@ int main(void)
         cmocka_unit_test(what_is_far_louder_than_its_makers_is_an_object),
         cmocka_unit_test(a_flat_face_that_is_not_seen_makes_two_images),
         cmocka_unit_test(an_echo_straight_behind_a_body_is_its_own),
+        cmocka_unit_test(what_hides_an_object_lets_a_little_through),
         cmocka_unit_test(the_ground_mirrors_what_stands_over_it),
         cmocka_unit_test(the_feet_of_a_body_are_no_image_of_it),
         cmocka_unit_test(parts_of_a_body_are_no_echoes_of_each_other),

@@ -10,6 +10,7 @@
 #include "nodes/anlos/recon/method.h"
 #include "nodes/anlos/recon/traces.h"
 #include "nodes/rt/objects.h"
+#include "recon/clean.h"
 #include "recon/imager.h"
 #include "recon/trace_check.h"
 
@@ -268,6 +269,9 @@ static int find_objects(struct recon_job *job, struct complaint *why)
         detect.traces = &job->automatic->set;
     else if (job->heard.traces)
         detect.traces = &job->heard;
+    const struct clean clean = {detect.traces, job->imager, job->pool};
+    if (detect.traces && imager_adds(job->method) && !(job->options->budget_s > 0.0))
+        detect.clean = &clean;
     int err = objects_find(&job->detections, &job->survey, &detect, 0.0,
                            &job->processing.grid, job->intensity);
     if (err)
@@ -291,6 +295,7 @@ int recon_job_run(struct recon_job *job, struct complaint *why)
     struct stopwatch now = stopwatch_now(false);
     imager_image(job->imager, job->intensity);
     imager_outcome(job->imager, &job->outcome);
+    job->n_pings = imager_pings(job->imager);
     stopwatch_lap(&job->stages[RECON_IMAGE], &now, false);
     if (interrupt_requested())
         return complain(why, -EINTR, "interrupted");

@@ -39,6 +39,7 @@ struct recon_job {
     bool *heard_at;
     struct channel_check *scene_check, *background_check;
     struct air air;   /* since the background */
+    size_t n_pings;   /* that were imaged */
     float *intensity; /* [nz][ny][nx] */
     struct imager_outcome outcome;
     Anlos__DetectionList *detections;

@@ -117,7 +117,7 @@ static void warn_psf(json_t *warnings, const struct recon_job *job)
 static void warn_lost(json_t *warnings, const struct recon_job *job)
 {
     size_t expected = pings_expected(job), saved = pings_saved(job);
-    size_t lost = expected - imager_pings(job->imager) - pings_left_out(job);
+    size_t lost = expected - job->n_pings - pings_left_out(job);
     if (saved)
         warn(warnings,
              "%zu of %zu pings are left out to save time: of the speakers only every "
@@ -286,7 +286,7 @@ json_t *recon_report_air(const struct air *a)
 json_t *recon_report_create(const struct recon_job *job, const struct recon_results *r)
 {
     const struct recon_options *o = job->options;
-    size_t expected = pings_expected(job), used = imager_pings(job->imager);
+    size_t expected = pings_expected(job), used = job->n_pings;
     size_t left_out = pings_left_out(job);
     json_t *report = recon_results_report(r, recording_json(job));
 

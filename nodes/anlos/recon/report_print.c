@@ -133,11 +133,11 @@ void recon_report_print(const struct recon_job *job)
     print_outcome(job);
     if (job->automatic)
         recon_auto_print(job->automatic, job);
-    printf(
-        "%zu of %zu pings, method %s%s%s%s, %zu thread%s: %.2f s",
-        imager_pings(job->imager), expected, job->method, job->method_because ? " (" : "",
-        job->method_because ? job->method_because : "", job->method_because ? ")" : "",
-        job->options->threads, job->options->threads == 1 ? "" : "s", job->total.wall_s);
+    printf("%zu of %zu pings, method %s%s%s%s, %zu thread%s: %.2f s", job->n_pings,
+           expected, job->method, job->method_because ? " (" : "",
+           job->method_because ? job->method_because : "", job->method_because ? ")" : "",
+           job->options->threads, job->options->threads == 1 ? "" : "s",
+           job->total.wall_s);
     recon_report_print_stages(job->stages);
     printf("%s: volume.nrrd, projection_{xy,xz,yz}.png, detections.json, report.json\n",
            job->options->out);
