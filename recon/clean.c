@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/plane.h"
 #include "recon/sparse_operator.h"
 
 /* Of a fit: places, and pairs times places. */
@@ -308,6 +309,60 @@ static int detect_rest(const struct rest *r, const struct detect_config *cfg,
     return err;
 }
 
+/* What the plane hides or makes: near it, and behind it. */
+static void mark_plane(const struct grid *g, const struct plane *plane, double reach_m,
+                       bool *explained)
+{
+    for (size_t v = 0; v < grid_size(g); v++) {
+        size_t at[3];
+        double p[3];
+        grid_place(g, v, at);
+        for (int a = 0; a < 3; a++)
+            p[a] = g->origin_m[a] + g->step_m[a] * (double)at[a];
+        double behind_m = plane_behind_m(plane, p);
+        explained[v] = fabs(behind_m) < reach_m ||
+                       (behind_m > 0.0 && plane_covers(plane, p));
+    }
+}
+
+static int find_before(const struct clean *c, const struct detect_config *cfg,
+                       const struct grid *grid, const float *intensity,
+                       const struct plane *plane, struct detection *found, size_t max,
+                       size_t *n)
+{
+    const struct trace_set *set = c->set;
+    size_t voxels = grid_size(grid);
+    size_t samples = set->geometry->n_positions * trace_set_pairs(set) *
+                     set->format.n_samples;
+    float complex *rest = malloc(samples * sizeof *rest);
+    struct rest image = {malloc(voxels * sizeof *image.residual),
+                         malloc(voxels * sizeof *image.explained)};
+    struct trace_set left = *set;
+    double pulse_m = 0.5 * plane->pulse_s * set->geometry->sound_speed_m_s;
+    double level_db = *n ? found[0].level_db : cfg->threshold_db;
+    int err = rest && image.residual && image.explained ? 0 : -ENOMEM;
+
+    if (!err) {
+        memcpy(rest, set->traces, samples * sizeof *rest);
+        plane_mute(plane, set, rest);
+        mark_plane(grid, plane, fmax(cfg->cluster_m, 2.0 * pulse_m), image.explained);
+        left.traces = rest;
+        imager_reset(c->imager);
+        err = trace_set_feed(&left, c->imager, c->pool);
+    }
+    if (!err) {
+        imager_image(c->imager, image.residual);
+        found[0] = plane->object;
+        found[0].level_db = level_db;
+        *n = 1;
+        err = detect_rest(&image, cfg, grid, brightest(intensity, voxels), found, max, n);
+    }
+    free(image.residual);
+    free(image.explained);
+    free(rest);
+    return err;
+}
+
 int clean_find(const struct clean *c, const struct detect_config *cfg,
                const struct grid *grid, const float *intensity, struct detection *found,
                size_t max, size_t *n)
@@ -316,12 +371,21 @@ int clean_find(const struct clean *c, const struct detect_config *cfg,
     float top = brightest(intensity, voxels);
     float level = top * (float)pow(10.0, -0.1 * cfg->dynamic_range_db);
     struct rest rest;
+    struct plane plane;
 
-    if (cfg->cfar || !*n || *n >= max || found[0].level_db < cfg->threshold_db + WORTH_DB)
+    if (cfg->cfar || max < 2)
+        return 0;
+    int err = c->own_places ? plane_fit(&plane, c->set, c->burst) : -ERANGE;
+    if (!err)
+        return find_before(c, cfg, grid, intensity, &plane, found, max, n);
+    if (err != -ERANGE)
+        return err;
+    if (c->own_places || !*n || *n >= max ||
+        found[0].level_db < cfg->threshold_db + WORTH_DB)
         return 0;
     rest.residual = malloc(voxels * sizeof *rest.residual);
     rest.explained = malloc(voxels * sizeof *rest.explained);
-    int err = rest.residual && rest.explained ? 0 : -ENOMEM;
+    err = rest.residual && rest.explained ? 0 : -ENOMEM;
     if (!err) {
         mark(grid, intensity, level, cfg->cluster_m, rest.explained);
         err = image_rest(c, grid, intensity, level, rest.residual);

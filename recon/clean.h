@@ -16,9 +16,15 @@ struct clean {
     const struct trace_set *set; /* what was imaged */
     struct imager *imager;       /* that did; holds what is left of it afterwards */
     struct pool *pool;
+    bool burst;      /* its traces were not compressed (recon/plane) */
+    bool own_places; /* each ping has places of its own: a plane is looked for, and what
+                      * is in front of it; else what stronger objects hide */
 };
 
-/* cfg, grid, intensity [nz][ny][nx]: of the image; found [*n]: what detect_objects found
+/* A plane that fills the view (recon/plane) takes the place of all that was found: it is
+ * one object, and what else there is stands before it or beside it.
+ *
+ * cfg, grid, intensity [nz][ny][nx]: of the image; found [*n]: what detect_objects found
  * in it.  Adds, as far as there is room for max, what stands out in the image of the rest
  * where nothing was bright before.  Echoes that took other ways are left over as well:
  * what exists is brighter than the rest of them lets expect, whose tail is taken for a

@@ -333,6 +333,7 @@ int objects_find_behind(Anlos__DetectionList **out, const struct survey *s,
     if (cfg->clean) {
         err = clean_find(cfg->clean, &resolved, grid, intensity, found, OBJECTS_MAX, &n);
         n = drop_unlikely(found, n, min_existence);
+        plain = plain < n ? plain : n;
     }
     if (err)
         return err;

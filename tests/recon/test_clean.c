@@ -81,7 +81,7 @@ static void open_scene(struct scene *s, const char *method,
 
 static void look_behind(struct scene *s)
 {
-    const struct clean clean = {&s->set, s->imager, s->pool};
+    const struct clean clean = {.set = &s->set, .imager = s->imager, .pool = s->pool};
 
     assert_int_equal(
         clean_find(&clean, &s->detect, &s->rig.grid, s->image, s->found, MAX, &s->n), 0);
@@ -184,7 +184,7 @@ static void there_is_no_room_for_more_than_asked(void **state)
     struct scene s;
 
     open_scene(&s, "fast", pair_db22, 2, 1e-3);
-    const struct clean clean = {&s.set, s.imager, s.pool};
+    const struct clean clean = {.set = &s.set, .imager = s.imager, .pool = s.pool};
     size_t full = s.n;
     assert_int_equal(
         clean_find(&clean, &s.detect, &s.rig.grid, s.image, s.found, full, &s.n), 0);

@@ -125,15 +125,12 @@ static int create_checks(struct recon_job *job, struct complaint *why)
     return err ? complain(why, err, "out of memory") : 0;
 }
 
-/* Room for what is imaged, for those who look at an object's echoes: not where each ping
- * has places of its own. */
+/* Room for what is imaged, for those who look at an object's echoes. */
 static int keep_traces(struct recon_job *job, struct complaint *why)
 {
     const struct processing *p = &job->processing;
     const struct geometry *g = &p->geometry;
 
-    if (g->pings_m)
-        return 0;
     job->heard = (struct trace_set){.geometry = g,
                                     .format = job->format,
                                     .band_hz = {p->band_hz[0], p->band_hz[1]},
@@ -269,9 +266,13 @@ static int find_objects(struct recon_job *job, struct complaint *why)
         detect.traces = &job->automatic->set;
     else if (job->heard.traces)
         detect.traces = &job->heard;
-    const struct clean clean = {detect.traces, job->imager, job->pool};
+    bool own_places = job->processing.geometry.pings_m != NULL;
+    const struct clean clean = {detect.traces, job->imager, job->pool,
+                                job->options->traces != NULL, own_places};
     if (detect.traces && imager_adds(job->method) && !(job->options->budget_s > 0.0))
         detect.clean = &clean;
+    if (own_places) /* seen from all sides, lobes have no one direction */
+        detect.traces = NULL;
     int err = objects_find(&job->detections, &job->survey, &detect, 0.0,
                            &job->processing.grid, job->intensity);
     if (err)
