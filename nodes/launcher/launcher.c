@@ -63,6 +63,8 @@ static void read_bus(struct launcher *l)
             show_progress(l, m);
         else if (m && in.topic == topic_health())
             hear_health(l, (const Anlos__Health *)m, in.envelope.epoch_ns);
+        else if (m && in.topic == topic_log())
+            log_history_add(&l->history, (const Anlos__Log *)m);
         else if (m && in.topic == topic_host())
             fellowship_hear(&l->fellowship, m, &in.envelope, clock_now_ns(l->clock));
         if (m)
@@ -119,6 +121,7 @@ static int act_on_time(struct launcher *l)
     sooner(&next, service_tick(&l->service, &l->crew, now));
     if (l->voice.bus)
         sooner(&next, l->voice.due_ns);
+    sooner(&next, log_history_tick(&l->history, now));
     sooner(&next, launcher_restart(l, now));
     sooner(&next, launcher_kill(l, now));
     return next > now ? (int)((next - now) / 1000000 + 1) : 0;
@@ -183,6 +186,10 @@ static void open_bus(struct launcher *l)
     if (!err)
         err = bus_subscribe(l->bus, topic_health());
     if (!err)
+        err = bus_subscribe(l->bus, topic_log());
+    if (!err)
+        log_history_open(&l->history, l->cfg->run_dir);
+    if (!err)
         err = fellowship_open(&l->fellowship, l->bus, hosts, cfg.epoch_ns,
                               l->cfg->launch_file);
     if (err)
@@ -242,6 +249,7 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     }
     screen_end_progress(&l->screen);
     voice_close(&l->voice);
+    log_history_close(&l->history);
     bus_destroy(l->bus);
     for (unsigned i = 0; i < l->crew.n; i++)
         child_close(&l->crew.children[i], launcher_print, l);

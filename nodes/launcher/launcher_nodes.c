@@ -45,6 +45,13 @@ void launcher_say(struct launcher *l, const char *node, enum log_level level,
     if (level >= l->cfg->arguments->log_level)
         screen_log(&l->screen, &line);
     voice_log(&l->voice, &line);
+    Anlos__Log m = ANLOS__LOG__INIT;
+    m.stamp_ns = line.stamp_ns;
+    m.level = (Anlos__Log__Level)level;
+    m.node = line.node;
+    m.text = line.text;
+    if (level >= LOG_LEVEL_INFO)
+        log_history_add(&l->history, &m);
 }
 
 void launcher_stop(struct launcher *l, int exit_code)

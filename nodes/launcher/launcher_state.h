@@ -14,6 +14,7 @@
 #include "nodes/launcher/signals.h"
 #include "nodes/launcher/supervisor.h"
 #include "nodes/launcher/voice.h"
+#include "nodes/rt/log_history.h"
 
 struct launcher {
     const struct launcher_config *cfg;
@@ -25,6 +26,7 @@ struct launcher {
     struct fellowship fellowship; /* with the other hosts */
     struct screen screen;
     struct voice voice;
+    struct log_history history;
     struct service service;
     struct supervisor supervisor;
     bool stopping, stopping_aside, killed;

@@ -2,6 +2,7 @@
 #include <errno.h>
 
 #include "msgs/topics.h"
+#include "nodes/rt/log_history.h"
 #include "nodes/rt/node.h"
 #include "nodes/view/viewer.h"
 
@@ -44,12 +45,33 @@ static int create(struct node *node, struct viewer **out)
     return 0;
 }
 
+struct looker {
+    struct node *node;
+    struct viewer *viewer;
+};
+
+static void take_line(void *ctx, const Anlos__Log *line)
+{
+    const struct looker *l = ctx;
+    const struct view_message m = {topic_log(), line->node,     &line->base,
+                                   0,           line->stamp_ns, 0};
+
+    viewer_take(l->viewer, &m, node_machine_ns(l->node));
+}
+
 static int run(struct node *node, struct viewer *viewer)
 {
     struct node_message in;
-    int err = node_launch(node)->view.bag ? 0 : subscribe(node);
+    struct looker looker = {node, viewer};
+    bool is_bag = node_launch(node)->view.bag != NULL, knows_log = is_bag;
+    int64_t began_ns = node_machine_ns(node);
+    int err = is_bag ? 0 : subscribe(node);
 
     while (!err) {
+        if (!knows_log && node_machine_ns(node) - began_ns >= LOG_HISTORY_READ_NS) {
+            log_history_read(node_run_dir(node), take_line, &looker);
+            knows_log = true;
+        }
         int wait_ms = viewer_tick(viewer, node_machine_ns(node));
         err = node_next(node, &in, wait_ms);
         if (err == -ETIMEDOUT) {

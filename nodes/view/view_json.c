@@ -112,8 +112,24 @@ json_t *view_nodes_json(const struct view *v, int64_t now_ns)
     return json_pack("{ss so}", "type", "nodes", "nodes", list);
 }
 
+/* A line may come over the bus and stand in the file for late comers. */
+static bool is_known(const struct view *v, const Anlos__Log *l)
+{
+    uint64_t first = v->n_lines > VIEW_LINES ? v->n_lines - VIEW_LINES : 0;
+
+    for (uint64_t i = first; i < v->n_lines; i++) {
+        const struct view_line *line = &v->lines[i % VIEW_LINES];
+        if (line->stamp_ns == l->stamp_ns && !strcmp(line->node, l->node) &&
+            !strncmp(line->text, l->text, sizeof line->text - 1))
+            return true;
+    }
+    return false;
+}
+
 void view_take_line(struct view *v, const Anlos__Log *l)
 {
+    if (is_known(v, l))
+        return;
     struct view_line *line = &v->lines[v->n_lines++ % VIEW_LINES];
 
     line->stamp_ns = l->stamp_ns;

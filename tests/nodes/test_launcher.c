@@ -11,6 +11,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "nodes/rt/log_history.h"
+
 #define DEADLINE_MS 60000
 
 struct rig {
@@ -226,6 +228,38 @@ static void a_crashed_node_is_started_again(void **state)
                     "can     warning ended with exit code 1; starts again in 0.1 s");
     assert_contains(r->text, "can     warning ended with signal 11 (Segmentation fault); "
                              "starts again in 0.2 s");
+}
+
+static void note_crash(void *ctx, const Anlos__Log *line)
+{
+    bool *known = ctx;
+
+    *known |= line->level == ANLOS__LOG__LEVEL__WARNING && !strcmp(line->node, "can") &&
+              strstr(line->text, "ended with exit code 1");
+}
+
+static void who_comes_late_finds_what_was_said(void **state)
+{
+    struct rig *r = *state;
+    bool known = false;
+
+    write_launch(r, "can, report");
+    write_node(r, "can", "if test -e $D/first; then " STAY "fi\n: > $D/first; exit 1\n");
+    write_node(r, "report", "read x < $D/go");
+    start(r);
+    read_until(r, "ended with exit code 1");
+    for (int i = 0; !known && i < DEADLINE_MS / 10; i++) {
+        log_history_read(r->scratch->folder, note_crash, &known);
+        poll(NULL, 0, 10);
+    }
+    assert_true(known);
+    int fd = open(scratch_path(r->scratch, "go"), O_WRONLY);
+    assert_int_equal(write(fd, "go\n", 3), 3);
+    close(fd);
+    assert_int_equal(finish(r), 0);
+    known = false;
+    log_history_read(r->scratch->folder, note_crash, &known);
+    assert_false(known); /* the system has ended */
 }
 
 static void a_node_that_always_crashes_is_given_up(void **state)
@@ -655,6 +689,7 @@ int main(void)
         TEST(a_line_that_is_too_long_comes_in_whole_pieces),
         TEST(json_on_request_is_all_json),
         TEST(a_crashed_node_is_started_again),
+        TEST(who_comes_late_finds_what_was_said),
         TEST(a_node_that_always_crashes_is_given_up),
         TEST(bad_configuration_stops_all_at_once),
         TEST(a_signal_that_comes_twice_at_once_is_one),

@@ -544,6 +544,27 @@ static void the_log_keeps_its_newest_lines(void **state)
     assert_int_equal(r->table.logs[0].repeats, 3);
 }
 
+/* The file for late comers is read after a second, when newer lines may have come. */
+static void older_lines_that_are_heard_of_later_come_before_and_none_twice(void **state)
+{
+    static const int order[] = {30, 40, 10, 20, 30, 40, 50};
+    struct rig *r = *state;
+    char text[32];
+    Anlos__Log m = ANLOS__LOG__INIT;
+
+    m.node = (char *)"dsp";
+    m.text = text;
+    for (size_t i = 0; i < sizeof order / sizeof *order; i++) {
+        snprintf(text, sizeof text, "line %d", order[i]);
+        m.stamp_ns = order[i];
+        collector_log(r->collector, &m);
+    }
+    collector_table(r->collector, 10 * S, &r->table);
+    assert_int_equal(r->table.n_logs, 5);
+    for (int i = 0; i < 5; i++)
+        assert_int_equal(r->table.logs[i].stamp_ns, 10 * (i + 1));
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 /* Velocity and age are of tracks alone; one that was deleted is none. */
@@ -613,6 +634,7 @@ int main(void)
         TEST(what_is_foreign_or_too_much_is_left_out),
         TEST(the_newest_list_of_objects_is_kept),
         TEST(the_log_keeps_its_newest_lines),
+        TEST(older_lines_that_are_heard_of_later_come_before_and_none_twice),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -102,17 +102,55 @@ void collector_objects(struct collector *c, const Anlos__DetectionList *m)
             take_object(&c->objects.list[c->objects.n++], m, m->detections[i]);
 }
 
+/* Of the n-th line that has ever come. */
+static struct table_log *log_at(struct collector *c, size_t n)
+{
+    return &c->logs[n % TABLE_MAX_LOGS];
+}
+
+/* A line may come over the bus and stand in the file for late comers. */
+static bool is_known(struct collector *c, const Anlos__Log *m)
+{
+    size_t first = c->n_logs > TABLE_MAX_LOGS ? c->n_logs - TABLE_MAX_LOGS : 0;
+
+    for (size_t i = first; i < c->n_logs; i++) {
+        const struct table_log *l = log_at(c, i);
+        if (l->stamp_ns == m->stamp_ns && !strcmp(l->node, m->node) &&
+            !strncmp(l->text, m->text, sizeof l->text - 1))
+            return true;
+    }
+    return false;
+}
+
+/* The newest comes last, whenever it was heard of. */
+static void sort_last(struct collector *c)
+{
+    size_t first = c->n_logs > TABLE_MAX_LOGS ? c->n_logs - TABLE_MAX_LOGS : 0;
+
+    for (size_t i = c->n_logs - 1; i > first; i--) {
+        struct table_log *before = log_at(c, i - 1), *l = log_at(c, i), other = *l;
+        if (before->stamp_ns <= l->stamp_ns)
+            break;
+        *l = *before;
+        *before = other;
+    }
+}
+
 void collector_log(struct collector *c, const Anlos__Log *m)
 {
     static const char *const levels[] = {"debug", "info", "warning", "error"};
     unsigned level = (unsigned)m->level;
-    struct table_log *l = &c->logs[c->n_logs++ % TABLE_MAX_LOGS];
+
+    if (is_known(c, m))
+        return;
+    struct table_log *l = log_at(c, c->n_logs++);
 
     *l = (struct table_log){
         .stamp_ns = m->stamp_ns, .repeats = m->repeats, .left_out = m->left_out};
     snprintf(l->level, sizeof l->level, "%s", level < 4 ? levels[level] : "?");
     snprintf(l->node, sizeof l->node, "%s", m->node);
     snprintf(l->text, sizeof l->text, "%s", m->text);
+    sort_last(c);
 }
 
 static void fill_logs(const struct collector *c, struct table *out)

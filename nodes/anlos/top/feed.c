@@ -11,6 +11,7 @@
 #include "msgs/bus.h"
 #include "msgs/hosts.h"
 #include "nodes/anlos/top/collector.h"
+#include "nodes/rt/log_history.h"
 
 #define LOOK_NS    500000000LL  /* between two looks at who lives */
 #define OWN_CPU_NS 3000000000LL /* over which our own share is taken */
@@ -22,6 +23,7 @@ struct feed {
     struct presence_locks locks;
     bool alive, remote; /* remote: nodes may live on other machines */
     int64_t look_due_ns;
+    int64_t history_due_ns; /* what was said before we came; 0: it was read */
     int64_t own_since_ns;
     double own_since_s, own_cpu;
     uint64_t malformed;
@@ -82,6 +84,7 @@ int feed_open(struct feed **out, const char *run_dir, struct complaint *why)
     f->remote = hosts.n > 1;
     f->own_cpu = NAN;
     f->own_since_ns = feed_now_ns();
+    f->history_due_ns = f->own_since_ns + LOG_HISTORY_READ_NS;
     f->own_since_s = own_cpu_s();
     *out = f;
     return 0;
@@ -135,6 +138,13 @@ static void measure_own(struct feed *f, int64_t now_ns)
     f->own_since_s = cpu_s;
 }
 
+static void take_line(void *ctx, const Anlos__Log *line)
+{
+    const struct feed *f = ctx;
+
+    collector_log(f->collector, line);
+}
+
 int feed_take(struct feed *f)
 {
     struct bus_message m;
@@ -144,6 +154,10 @@ int feed_take(struct feed *f)
     while (!(err = bus_receive(f->bus, &m, 0))) {
         take_message(f, &m);
         bus_message_free(&m);
+    }
+    if (f->history_due_ns && now_ns >= f->history_due_ns) {
+        log_history_read(f->run_dir, take_line, f);
+        f->history_due_ns = 0;
     }
     if (now_ns >= f->look_due_ns) {
         look_who_lives(f);
