@@ -58,3 +58,68 @@ const struct ego_motion *ego_from_message(struct ego_motion *out,
                                m->standstill ? 0.0 : m->yaw_rate_rad_s};
     return m->valid ? out : NULL;
 }
+
+void traces_from_message(struct traces *t, struct traces_room *room,
+                         const Anlos__Traces *m, int64_t capture_ns)
+{
+    size_t extents[2] = {0};
+    const float complex *samples = m->samples ? tensor_c64(m->samples, 2, extents) : NULL;
+
+    *t = (struct traces){.survey_id = m->survey_id,
+                         .capture_ns = capture_ns,
+                         .scan = m->scan,
+                         .frame = m->frame,
+                         .position = m->position,
+                         .speaker = m->speaker,
+                         .stage_m = m->stage_m,
+                         .temperature_c = m->temperature_c,
+                         .down = m->down,
+                         .background_subtracted = m->background_subtracted,
+                         .blanked = m->blanked,
+                         .clipped_samples = m->clipped_samples,
+                         .format = {.n_samples = extents[1],
+                                    .t0_s = m->t0_s,
+                                    .rate_hz = m->rate_hz,
+                                    .carrier_hz = m->carrier_hz}};
+    if (!samples || m->n_masked != extents[0] || extents[0] > SURVEY_MAX_ELEMENTS)
+        return;
+    for (size_t i = 0; i < extents[0]; i++)
+        room->masked[i] = m->masked[i];
+    t->n_microphones = extents[0];
+    t->samples = samples;
+    t->masked = room->masked;
+}
+
+static Anlos__Vec3 *set_vec3(Anlos__Vec3 *out, const double v[3])
+{
+    anlos__vec3__init(out);
+    out->x = v[0];
+    out->y = v[1];
+    out->z = v[2];
+    return out;
+}
+
+void volume_to_message(const struct volume *v, struct volume_view *view, Anlos__Volume *m)
+{
+    const struct grid *g = &v->grid;
+
+    anlos__volume__init(m);
+    m->survey_id = v->survey_id;
+    m->scan = v->scan;
+    m->frame = v->frame;
+    m->preview = v->preview;
+    m->intensity =
+        tensor_borrow_f32(&view->intensity, v->intensity, 3, g->n[2], g->n[1], g->n[0]);
+    m->origin_m = set_vec3(&view->origin, g->origin_m);
+    m->step_m = set_vec3(&view->step, g->step_m);
+    m->method = (char *)(uintptr_t)v->method; /* packing only reads */
+    m->pings_used = (uint32_t)v->pings_used;
+    m->pings_expected = (uint32_t)v->pings_expected;
+    m->pings_blanked = (uint32_t)v->pings_blanked;
+    m->microphones_masked = (uint32_t)v->microphones_masked;
+    m->clipped_samples = v->clipped_samples;
+    m->source = (Anlos__Source)v->source;
+    m->sound_speed_m_s = v->sound_speed_m_s;
+    m->standing_left = v->standing_left;
+    m->standing_taken = v->standing_taken;
+}

@@ -10,10 +10,14 @@
 #include "msgs/tensor.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
+#include "msgs/volume.pb-c.h"
+#include "msgs/wall.pb-c.h"
 #include "recon/ego.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 #include "recon/traces.h"
+#include "recon/volume.h"
+#include "recon/walls.h"
 
 /* The survey as message bytes in *out; free() it.  0, -ENOMEM, -EINVAL (does not pass
  * survey_check). */
@@ -35,8 +39,35 @@ void ping_from_message(struct ping *p, const Anlos__Ping *m, int64_t capture_ns)
 void traces_to_message(const struct traces *t, protobuf_c_boolean *masked,
                        struct tensor_view *view, Anlos__Traces *m);
 
+struct traces_room { /* {0}: storage for what a message has in another type */
+    bool masked[SURVEY_MAX_ELEMENTS];
+};
+
+/* samples is NULL where the message's arrays do not fit each other. */
+void traces_from_message(struct traces *t, struct traces_room *room,
+                         const Anlos__Traces *m, int64_t capture_ns);
+
+struct volume_view { /* storage for a message that borrows its image */
+    struct tensor_view intensity;
+    Anlos__Vec3 origin, step;
+};
+
+/* imaging_s is the caller's to set. */
+void volume_to_message(const struct volume *v, struct volume_view *view,
+                       Anlos__Volume *m);
+
 /* out; NULL: somebody told of the motion, but not that. */
 const struct ego_motion *ego_from_message(struct ego_motion *out,
                                           const Anlos__EgoMotion *m);
+
+/* Of topic "wall".  0, or -EINVAL with a complaint: not numbers, a normal that is not of
+ * length 1, a covariance that is none, or more than there is room for. */
+int walls_from_message(struct walls *out, const Anlos__WallList *m,
+                       struct complaint *why);
+
+/* Of topic "wall/given", whose walls are in the vehicle frame; the normal is turned to
+ * point away from the array.  s: for the mount.  0, or -EINVAL with a complaint. */
+int walls_from_given(struct walls *out, const Anlos__WallList *m, const struct survey *s,
+                     struct complaint *why);
 
 #endif

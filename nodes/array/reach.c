@@ -4,8 +4,9 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "msgs/convert.h"
 #include "dsp/arrival.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "recon/detection_range.h"
 
 #define ECHO_M     0.5 /* of a path, about the wall's: what a vehicle moves */

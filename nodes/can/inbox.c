@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 #include "msgs/can/frames.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "recon/ego.h"
 
 /* The rules, by the cycle of the vehicle and what a wrong one does.

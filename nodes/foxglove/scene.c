@@ -1,6 +1,7 @@
 #include <errno.h>
 #include <math.h>
 
+#include "msgs/convert.h"
 #include "nodes/foxglove/convert.h"
 #include "nodes/foxglove/parts.h"
 

@@ -13,7 +13,7 @@
 
 #include "recon/survey.h"
 #include "nodes/foxglove/message.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 
 #define FRAME_VEHICLE "vehicle"
 #define FRAME_ARRAY   "array"

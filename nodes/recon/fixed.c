@@ -21,7 +21,7 @@ struct fixed {
 static size_t counts(void *ctx, struct device_count *out)
 {
     const struct fixed *f = ctx;
-    const struct steady_counts *c = steady_counts(f->steady);
+    const struct static_array_counts *c = static_array_counts(steady_array(f->steady));
 
     out[0] = (struct device_count){"images", c->images};
     out[1] = (struct device_count){"images skipped", f->pace.skipped};
@@ -31,22 +31,22 @@ static size_t counts(void *ctx, struct device_count *out)
     return 5 + early_count(&f->early, out + 5);
 }
 
-void fixed_config(struct steady_config *out, const struct launchfile *l)
+void fixed_config(struct static_array_config *out, const struct launchfile *l)
 {
-    *out =
-        (struct steady_config){.threads = l->recon.threads,
-                               .window = l->dsp.window,
-                               .compression = l->dsp.compression,
-                               .frame_pings = l->scan.n_speakers,
-                               .pings = l->recon.frames.pings,
-                               .sum = l->recon.frames.sum,
-                               .every_ping = l->recon.frames.every_ping,
-                               .moving_only = l->dsp.background == BACKGROUND_ADAPTIVE};
+    *out = (struct static_array_config){.threads = l->recon.threads,
+                                        .window = l->dsp.window,
+                                        .compression = l->dsp.compression,
+                                        .frame_pings = l->scan.n_speakers,
+                                        .pings = l->recon.frames.pings,
+                                        .sum = l->recon.frames.sum,
+                                        .every_ping = l->recon.frames.every_ping,
+                                        .moving_only = l->dsp.background ==
+                                                       BACKGROUND_ADAPTIVE};
 }
 
 static int create(struct fixed *f)
 {
-    struct steady_config cfg;
+    struct static_array_config cfg;
 
     fixed_config(&cfg, node_launch(f->node));
     int err = steady_create(&f->steady, &cfg);
@@ -78,13 +78,13 @@ static int take_survey(struct fixed *f, const Anlos__Survey *survey)
 static void say(struct fixed *f)
 {
     const Anlos__Health__State degraded = ANLOS__HEALTH__STATE__DEGRADED;
-    enum steady_motion motion = steady_motion(f->steady);
+    enum static_array_motion motion = static_array_motion(steady_array(f->steady));
     bool late = pace_is_late(&f->pace, node_machine_ns(f->node));
 
-    if (motion == STEADY_UNKNOWN)
+    if (motion == STATIC_ARRAY_UNKNOWN)
         node_state(f->node, degraded,
                    "the vehicle's motion is not known: images are made as if it stood");
-    else if (motion == STEADY_NO_MOUNT)
+    else if (motion == STATIC_ARRAY_NO_MOUNT)
         node_state(
             f->node, degraded,
             "the vehicle moves, but the survey has no mount: images are made as if "

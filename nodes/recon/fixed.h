@@ -7,7 +7,7 @@
 #include "nodes/rt/node.h"
 
 /* What a launch file says of it. */
-void fixed_config(struct steady_config *out, const struct launchfile *l);
+void fixed_config(struct static_array_config *out, const struct launchfile *l);
 
 /* Until a signal.  0 or a negative errno, as for node_finish. */
 int fixed_run(struct node *node);

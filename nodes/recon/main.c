@@ -34,11 +34,11 @@ static size_t counts(void *ctx, struct device_count *out)
 static int create(struct run *r)
 {
     const struct launchfile *l = node_launch(r->node);
-    const struct recon_config cfg = {.method = l->recon.method,
-                                     .options = &l->recon.options,
-                                     .threads = l->recon.threads,
-                                     .window = l->dsp.window,
-                                     .compression = l->dsp.compression};
+    const struct scan_imager_config cfg = {.method = l->recon.method,
+                                           .options = &l->recon.options,
+                                           .threads = l->recon.threads,
+                                           .window = l->dsp.window,
+                                           .compression = l->dsp.compression};
 
     return recon_create(&r->recon, &cfg);
 }

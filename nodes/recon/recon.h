@@ -1,6 +1,5 @@
-/* nodes/recon/recon.h -- the recon node's step: traces of a scan to volumes.  Plans when
- * the survey is known, works while traces arrive, so that the image is a matter of
- * milliseconds after the last one. */
+/* nodes/recon/recon.h -- the recon node's step for a scan: topics to recon/scan_imager.h
+ * and back. */
 #ifndef ANLOS_NODES_RECON_RECON_H
 #define ANLOS_NODES_RECON_RECON_H
 
@@ -13,20 +12,12 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"
-#include "recon/compressor.h"
-
-struct recon_config {
-    const char *method;                   /* must outlive the recon */
-    const struct imager_options *options; /* likewise; NULL: the defaults */
-    size_t threads;                       /* 0: as many as processors may be used */
-    enum window window; /* as dsp has them: they decide the traces' format */
-    enum compression compression;
-};
+#include "recon/scan_imager.h"
 
 struct recon;
 
-/* 0, -ENOMEM, -EAGAIN (threads). */
-int recon_create(struct recon **out, const struct recon_config *cfg);
+/* threads 0: as many as processors may be used.  0, -ENOMEM, -EAGAIN (threads). */
+int recon_create(struct recon **out, const struct scan_imager_config *cfg);
 
 /* Plans for a survey; the traces of another one are forgotten.  0, or a negative errno
  * and a complaint (of the survey, of the method, or of a volume over the topic's size).

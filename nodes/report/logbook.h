@@ -10,7 +10,7 @@
 #include "recon/survey.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/rt/trails.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "recon/grid.h"
 
 #define LOGBOOK_MAX_TRACKS 1000

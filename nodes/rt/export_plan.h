@@ -6,7 +6,7 @@
 #include "dsp/complaint.h"
 #include "recon/survey.h"
 #include "nodes/rt/trails.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "recon/grid.h"
 
 struct plan_track { /* of what is in trails, its last word */

@@ -5,8 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/rt/vehicle_frame.h"
 #include "recon/clean.h"
+#include "recon/processing.h"
+#include "recon/vehicle_frame.h"
 #include "recon/lobes.h"
 #include "recon/multipath.h"
 #include "recon/peak.h"

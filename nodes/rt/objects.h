@@ -6,7 +6,7 @@
 #include "msgs/detections.pb-c.h"
 #include "recon/survey.h"
 #include "recon/detect.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "recon/grid.h"
 
 #define OBJECTS_MAX 64

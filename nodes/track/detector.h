@@ -11,7 +11,7 @@
 #include "msgs/detections.pb-c.h"
 #include "recon/survey.h"
 #include "msgs/volume.pb-c.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "recon/detect.h"
 
 struct detector_config {

@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "recon/survey.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "recon/grid.h"
 #include "recon/track.h"
 

@@ -5,10 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/convert.h"
 #include "nodes/rt/launchfile_track.h"
 #include "nodes/rt/objects.h"
 #include "nodes/rt/volume_grid.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "nodes/track/candidates.h"
 #include "nodes/track/ghosts.h"
 #include "nodes/track/listing.h"

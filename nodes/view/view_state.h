@@ -11,7 +11,7 @@
 #include "recon/survey.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/rt/trails.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "nodes/view/meter.h"
 #include "nodes/view/names.h"
 #include "nodes/view/picture.h"

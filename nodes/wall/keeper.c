@@ -4,7 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "nodes/rt/vehicle_frame.h"
+#include "msgs/convert.h"
+#include "recon/vehicle_frame.h"
 
 #define UNSAID_M   0.05
 #define UNSAID_RAD 0.035

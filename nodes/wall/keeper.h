@@ -10,7 +10,7 @@
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/rt/launchfile.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 #include "recon/ego.h"
 #include "recon/wall_estimate.h"
 #include "recon/wall_track.h"

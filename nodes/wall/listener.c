@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/rt/vehicle_frame.h"
+#include "recon/vehicle_frame.h"
 #include "nodes/wall/receiver.h"
 
 #define PEAKS 6 /* of a trace */

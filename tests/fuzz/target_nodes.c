@@ -33,7 +33,7 @@ struct system {
 static void start(struct system *s)
 {
     const struct frontend_config dsp = {.window = WINDOW_HANN};
-    const struct recon_config recon = {
+    const struct scan_imager_config recon = {
         .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
     struct tracking_config tracking;
     const struct watch_config watch = {.fixed = true, .ego = true, .wall = true};

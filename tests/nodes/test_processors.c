@@ -44,8 +44,8 @@ static size_t count_threads(void)
  * count: the kernel lists one that was joined for a while yet. */
 static void count_of_steps(size_t asked, size_t *of_recon, size_t *of_steady)
 {
-    const struct recon_config recon_cfg = {.method = "fast", .threads = asked};
-    const struct steady_config steady_cfg = {.threads = asked};
+    const struct scan_imager_config recon_cfg = {.method = "fast", .threads = asked};
+    const struct static_array_config steady_cfg = {.threads = asked};
     struct recon *recon;
     struct steady *steady;
     size_t none = count_threads();

@@ -31,7 +31,7 @@ static int setup(void **state)
 {
     const struct frontend_config dsp = {.window = WINDOW_HANN,
                                         .background = BACKGROUND_RECORDED};
-    const struct recon_config recon = {
+    const struct scan_imager_config recon = {
         .method = "fast", .threads = 2, .window = WINDOW_HANN};
     struct rig *r = calloc(1, sizeof *r);
 
@@ -223,7 +223,7 @@ static void masked_microphones_and_clipped_samples_are_summed_up(void **state)
 static void an_unknown_method_is_complained_about(void **state)
 {
     struct rig *r = *state;
-    const struct recon_config cfg = {
+    const struct scan_imager_config cfg = {
         .method = "magic", .threads = 1, .window = WINDOW_HANN};
     struct complaint why = {""};
     struct recon *recon;

@@ -77,7 +77,7 @@ static Anlos__Survey *message_of(const struct survey *s)
     return m;
 }
 
-static void start(struct rig *r, bool has_mount, const struct steady_config *cfg)
+static void start(struct rig *r, bool has_mount, const struct static_array_config *cfg)
 {
     *r = (struct rig){.world = {.sound_speed_m_s = 343.0,
                                 .sample_rate_hz = 48000.0,
@@ -172,13 +172,13 @@ static double off_m(const struct rig *r, const Anlos__Volume *v, size_t k)
                  v->origin_m->z + 0.01 * (double)(best / n[2]) - at[2]);
 }
 
-static const struct steady_config each_frame = {
+static const struct static_array_config each_frame = {
     .threads = 1, .window = WINDOW_HANN, .sum = FRAMES_COHERENT};
-static const struct steady_config each_ping = {.threads = 1,
-                                               .window = WINDOW_HANN,
-                                               .pings = 3,
-                                               .sum = FRAMES_POWER,
-                                               .every_ping = true};
+static const struct static_array_config each_ping = {.threads = 1,
+                                                     .window = WINDOW_HANN,
+                                                     .pings = 3,
+                                                     .sum = FRAMES_POWER,
+                                                     .every_ping = true};
 
 static void a_frame_is_imaged_with_its_last_ping(void **state)
 {
@@ -199,7 +199,7 @@ static void a_frame_is_imaged_with_its_last_ping(void **state)
     assert_string_equal(v.method, "frames");
     assert_false(v.preview);
     assert_true(off_m(&r, &v, 11) < 0.011);
-    assert_int_equal(steady_motion(r.steady), STEADY_STANDS);
+    assert_int_equal(static_array_motion(steady_array(r.steady)), STATIC_ARRAY_STANDS);
     stop(&r);
 }
 
@@ -252,7 +252,7 @@ static void every_ping_may_have_an_image(void **state)
         assert_int_equal(v.pings_used, k < 3 ? k + 1 : 3);
         assert_int_equal(steady_capture_ns(r.steady), stamp_ns(k));
     }
-    assert_int_equal(steady_counts(r.steady)->images, 2 * SPEAKERS);
+    assert_int_equal(static_array_counts(steady_array(r.steady))->images, 2 * SPEAKERS);
     stop(&r);
 }
 
@@ -268,7 +268,7 @@ static void a_vehicle_that_says_how_it_moves_sees_where_things_are(void **state)
     for (size_t k = 0; k < SPEAKERS; k++)
         ping(&r, k);
     steady_image(r.steady, &v);
-    assert_int_equal(steady_motion(r.steady), STEADY_MOVES);
+    assert_int_equal(static_array_motion(steady_array(r.steady)), STATIC_ARRAY_MOVES);
     assert_true(off_m(&r, &v, SPEAKERS - 1) < 0.011);
     stop(&r);
 }
@@ -283,12 +283,12 @@ static void motion_that_is_no_longer_said_is_unknown_and_counted(void **state)
     for (size_t k = 0; k < 3 * SPEAKERS; k++)
         ping(&r, k);
     steady_image(r.steady, &v);
-    assert_int_equal(steady_motion(r.steady), STEADY_UNKNOWN);
-    assert_int_equal(steady_counts(r.steady)->unknown, 1);
+    assert_int_equal(static_array_motion(steady_array(r.steady)), STATIC_ARRAY_UNKNOWN);
+    assert_int_equal(static_array_counts(steady_array(r.steady))->unknown, 1);
     drive(&r, stamp_ns(13));
     steady_image(r.steady, &v);
-    assert_int_equal(steady_motion(r.steady), STEADY_MOVES);
-    assert_int_equal(steady_counts(r.steady)->unknown, 1);
+    assert_int_equal(static_array_motion(steady_array(r.steady)), STATIC_ARRAY_MOVES);
+    assert_int_equal(static_array_counts(steady_array(r.steady))->unknown, 1);
     stop(&r);
 }
 
@@ -303,7 +303,7 @@ static void motion_called_invalid_is_not_taken(void **state)
     steady_ego(r.steady, &m, stamp_ns(0));
     ping(&r, 0);
     steady_image(r.steady, &v);
-    assert_int_equal(steady_motion(r.steady), STEADY_UNKNOWN);
+    assert_int_equal(static_array_motion(steady_array(r.steady)), STATIC_ARRAY_UNKNOWN);
     stop(&r);
 }
 
@@ -317,7 +317,7 @@ static void without_a_mount_motion_cannot_be_made_up_for_and_that_is_said(void *
     for (size_t k = 0; k < SPEAKERS; k++)
         ping(&r, k);
     steady_image(r.steady, &v);
-    assert_int_equal(steady_motion(r.steady), STEADY_STANDS);
+    assert_int_equal(static_array_motion(steady_array(r.steady)), STATIC_ARRAY_STANDS);
     stop(&r);
     start(&r, false, &each_frame);
     r.world.speed_m_s = 2.0;
@@ -325,7 +325,7 @@ static void without_a_mount_motion_cannot_be_made_up_for_and_that_is_said(void *
     for (size_t k = 0; k < SPEAKERS; k++)
         ping(&r, k);
     steady_image(r.steady, &v);
-    assert_int_equal(steady_motion(r.steady), STEADY_NO_MOUNT);
+    assert_int_equal(static_array_motion(steady_array(r.steady)), STATIC_ARRAY_NO_MOUNT);
     stop(&r);
 }
 
@@ -337,7 +337,7 @@ static void traces_of_another_survey_are_refused_and_counted(void **state)
     r.message->id++;
     assert_false(ping(&r, 0));
     assert_non_null(strstr(r.note, "do not fit"));
-    assert_int_equal(steady_counts(r.steady)->unfit, 1);
+    assert_int_equal(static_array_counts(steady_array(r.steady))->unfit, 1);
     r.message->id--;
     assert_true(ping(&r, 1));
     stop(&r);
@@ -390,6 +390,11 @@ static void tell_wall(struct rig *r, double distance_m)
     list.walls = walls;
     list.n_walls = 1;
     assert_int_equal(steady_walls(r->steady, &list, stamp_ns(0), NULL), 0);
+    double covariance[5] = {0}; /* no message of a wall: they stay as they are */
+    wall.distance_m = 100.0;
+    wall.covariance = covariance;
+    wall.n_covariance = 5;
+    assert_int_equal(steady_walls(r->steady, &list, stamp_ns(0), NULL), -EINVAL);
 }
 
 /* The point is imaged 1.5 m away. */
@@ -435,7 +440,7 @@ static void what_stands_still_is_muted_and_what_moved_is_not(void **state)
     (void)state;
     struct rig r;
     Anlos__Volume v;
-    struct steady_config cfg = each_frame;
+    struct static_array_config cfg = each_frame;
     cfg.moving_only = true;
     start(&r, true, &cfg);
     r.world.speed_m_s = 1.0;
@@ -459,7 +464,7 @@ static void an_image_says_whether_what_stands_is_left_in_it(void **state)
     (void)state;
     struct rig r;
     Anlos__Volume v;
-    struct steady_config cfg = each_frame;
+    struct static_array_config cfg = each_frame;
     start(&r, true, &cfg);
     image_of(&r, 0, &v);
     assert_false(v.standing_left || v.standing_taken); /* nobody wanted it */

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/convert.h"
 #include "nodes/view/plan.h"
 #include "tests/nodes/near.h"
 

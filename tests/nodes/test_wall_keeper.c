@@ -8,6 +8,7 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "msgs/convert.h"
 #include "nodes/wall/keeper.h"
 #include "tests/nodes/near.h"
 

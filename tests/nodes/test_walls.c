@@ -7,9 +7,10 @@
 #include <string.h>
 #include <cmocka.h>
 
+#include "msgs/convert.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/wall_message.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 
 static void a_message_comes_in_as_it_is(void **state)
 {

@@ -9,7 +9,7 @@
 #include "msgs/convert.h"
 #include "hal/room/figure.h"
 #include "hal/room/scene.h"
-#include "nodes/rt/vehicle_frame.h"
+#include "recon/vehicle_frame.h"
 
 enum { MOST_AT_ONCE = 64 };
 

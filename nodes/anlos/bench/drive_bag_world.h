@@ -4,12 +4,13 @@
 #ifndef ANLOS_NODES_ANLOS_BENCH_DRIVE_BAG_WORLD_H
 #define ANLOS_NODES_ANLOS_BENCH_DRIVE_BAG_WORLD_H
 
+#include "msgs/wall.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "recon/survey.h"
 #include "msgs/vehicle.pb-c.h"
 #include "nodes/anlos/bench/drive_truth.h"
 #include "nodes/anlos/bench/drive_truth_file.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 
 struct drive_bag_world {
     const struct room *scene; /* one of the two; not owned */

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "nodes/recon/fixed.h"
 #include "nodes/rt/objects.h"
 
 static int create_steps(struct drive_pipe *p, size_t threads, struct complaint *why)
@@ -13,18 +14,13 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct complaint *
                                         .compression = l->dsp.compression,
                                         .background = l->dsp.background,
                                         .background_s = l->dsp.background_s};
-    const struct steady_config steady = {.threads = threads,
-                                         .window = l->dsp.window,
-                                         .compression = l->dsp.compression,
-                                         .pings = l->recon.frames.pings,
-                                         .sum = l->recon.frames.sum,
-                                         .every_ping = l->recon.frames.every_ping,
-                                         .moving_only = l->dsp.background ==
-                                                        BACKGROUND_ADAPTIVE};
     const struct room_object *hidden;
+    struct static_array_config steady;
     struct tracking_config track;
     int err = dsp_create(&p->dsp, &dsp);
 
+    fixed_config(&steady, l);
+    steady.threads = threads;
     if (!err)
         err = steady_create(&p->steady, &steady);
     tracking_config(&track, l);

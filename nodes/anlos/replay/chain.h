@@ -19,9 +19,9 @@
 
 struct chain_config {
     struct frontend_config dsp;
-    struct recon_config recon; /* what it points to outlives the chain */
-    bool fixed;                /* an array that stands; then: */
-    struct steady_config steady;
+    struct scan_imager_config recon; /* what it points to outlives the chain */
+    bool fixed;                      /* an array that stands; then: */
+    struct static_array_config steady;
     struct tracking_config track;
     struct sender_config sender;
     const struct launchfile *walls; /* with what node wall runs; NULL: it does not, and

@@ -97,7 +97,7 @@ static void take_launch(struct chain_config *c, const struct launchfile *l)
 static int take_imaging(struct settings *s, const struct recon_options *o,
                         struct complaint *why)
 {
-    struct recon_config *c = &s->chain.recon;
+    struct scan_imager_config *c = &s->chain.recon;
     char reason[256];
 
     if (s->chain.fixed && (o->method || o->imaging->given))

@@ -1,6 +1,6 @@
-/* nodes/rt/vehicle_frame.h -- how the array of a survey sits on the vehicle. */
-#ifndef ANLOS_NODES_RT_VEHICLE_FRAME_H
-#define ANLOS_NODES_RT_VEHICLE_FRAME_H
+/* recon/vehicle_frame.h -- how the array of a survey sits on the vehicle. */
+#ifndef ANLOS_RECON_VEHICLE_FRAME_H
+#define ANLOS_RECON_VEHICLE_FRAME_H
 
 #include "recon/survey.h"
 #include "recon/mount.h"

@@ -1,4 +1,4 @@
-/* nodes/recon/bodies.h -- what is left of a thing, once what was as bright before is
+/* recon/bodies.h -- what is left of a thing, once what was as bright before is
  * taken from an image, stands for all of it.  Of something that moves by less than its
  * own length only the front is left: by itself it would be told too far ahead, by 0.2 m
  * where a person walks.  So each bright rest looks for the brightest place of its body in
@@ -6,8 +6,8 @@
  *
  * (Morphological reconstruction: Vincent 1993, "Morphological grayscale reconstruction in
  * image analysis", IEEE Trans. Image Processing 2; the markers are what is left.) */
-#ifndef ANLOS_NODES_RECON_BODIES_H
-#define ANLOS_NODES_RECON_BODIES_H
+#ifndef ANLOS_RECON_BODIES_H
+#define ANLOS_RECON_BODIES_H
 
 #include "recon/grid.h"
 

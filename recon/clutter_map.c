@@ -1,11 +1,11 @@
-#include "nodes/recon/clutter_map.h"
+#include "recon/clutter_map.h"
 
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/recon/bodies.h"
+#include "recon/bodies.h"
 
 #define REACH_M 0.15 /* what stands above the array comes nearer more slowly, */
 #define ASIDE_M 0.08 /* but stays where it is along the array */

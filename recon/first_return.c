@@ -1,4 +1,4 @@
-#include "nodes/recon/first_return.h"
+#include "recon/first_return.h"
 
 #include <math.h>
 
@@ -12,15 +12,11 @@ void first_return_survey(struct first_return *f, const struct survey *s)
         walls_from_survey(&f->walls, s);
 }
 
-int first_return_walls(struct first_return *f, const Anlos__WallList *walls,
-                       int64_t stamp_ns, struct complaint *why)
+void first_return_walls(struct first_return *f, const struct walls *walls,
+                        int64_t stamp_ns)
 {
-    struct walls fresh;
-    int err = walls_from_message(&fresh, walls, why);
-
-    if (!err && (fresh.n || f->told))
-        *f = (struct first_return){fresh, true, stamp_ns};
-    return err;
+    if (walls->n || f->told)
+        *f = (struct first_return){*walls, true, stamp_ns};
 }
 
 /* By way of the nearest wall from a speaker to a microphone. */

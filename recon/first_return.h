@@ -1,15 +1,15 @@
-/* nodes/recon/first_return.h -- nothing behind a wall is heard before the wall itself is:
+/* recon/first_return.h -- nothing behind a wall is heard before the wall itself is:
  * what comes earlier, and the wall's own echo, is muted.  It would be brighter than all
  * that hides, and hide it. */
-#ifndef ANLOS_NODES_RECON_FIRST_RETURN_H
-#define ANLOS_NODES_RECON_FIRST_RETURN_H
+#ifndef ANLOS_RECON_FIRST_RETURN_H
+#define ANLOS_RECON_FIRST_RETURN_H
 
 #include <complex.h>
 #include <stdbool.h>
 #include <stdint.h>
 
 #include "dsp/pulse_compress.h"
-#include "nodes/rt/walls.h"
+#include "recon/walls.h"
 
 /* Behind a wall; sidelobes of its echo, how rough it is, and what a vehicle moves while
  * sound is under way. */
@@ -17,18 +17,17 @@
 
 struct first_return { /* {0}: no wall is known */
     struct walls walls;
-    bool told; /* by topic "wall", at: */
+    bool told; /* by who finds walls, at: */
     int64_t stamp_ns;
 };
 
-/* The walls that a survey was given count, where they are, until the topic tells better.
+/* The walls that a survey was given count, where they are, until better is known.
  */
 void first_return_survey(struct first_return *f, const struct survey *s);
 
-/* As topic "wall" has it; no walls: nothing is muted.  0, or -EINVAL with a complaint: it
- * is left as it was. */
-int first_return_walls(struct first_return *f, const Anlos__WallList *walls,
-                       int64_t stamp_ns, struct complaint *why);
+/* As they stand at an instant; no walls: nothing is muted. */
+void first_return_walls(struct first_return *f, const struct walls *walls,
+                        int64_t stamp_ns);
 
 /* traces[n_microphones][n_samples] of a ping: of several walls the nearest decides.
  * path: of the vehicle; NULL, or where it does not reach: it stands. */

@@ -1,10 +1,10 @@
-/* nodes/recon/clutter_map.h -- what stood still over ground since an image before, while
+/* recon/clutter_map.h -- what stood still over ground since an image before, while
  * the vehicle moved: it is set to 0, for it is echoes of walls and of what the array sees
  * directly, of which there is no background.  A hidden object that stands goes with it,
  * as it does in a background.  Of what moves the whole body stays, as bright as what is
- * new of it (nodes/recon/bodies.h). */
-#ifndef ANLOS_NODES_RECON_CLUTTER_MAP_H
-#define ANLOS_NODES_RECON_CLUTTER_MAP_H
+ * new of it (recon/bodies.h). */
+#ifndef ANLOS_RECON_CLUTTER_MAP_H
+#define ANLOS_RECON_CLUTTER_MAP_H
 
 #include <stdbool.h>
 #include <stdint.h>

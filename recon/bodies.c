@@ -1,4 +1,4 @@
-#include "nodes/recon/bodies.h"
+#include "recon/bodies.h"
 
 #include <errno.h>
 #include <math.h>

@@ -1,11 +1,9 @@
-/* nodes/rt/walls.h -- the walls that mirror sound and what the array sees directly, as
+/* recon/walls.h -- the walls that mirror sound and what the array sees directly, as
  * the topic "wall" or a survey has them. */
-#ifndef ANLOS_NODES_RT_WALLS_H
-#define ANLOS_NODES_RT_WALLS_H
+#ifndef ANLOS_RECON_WALLS_H
+#define ANLOS_RECON_WALLS_H
 
-#include "dsp/complaint.h"
 #include "recon/survey.h"
-#include "msgs/wall.pb-c.h"
 #include "recon/ego.h"
 #include "recon/wall.h"
 
@@ -23,16 +21,6 @@ struct walls {
 
 /* The walls that a survey was given, known exactly. */
 void walls_from_survey(struct walls *out, const struct survey *s);
-
-/* Of topic "wall".  0, or -EINVAL with a complaint: not numbers, a normal that is not of
- * length 1, a covariance that is none, or more than there is room for. */
-int walls_from_message(struct walls *out, const Anlos__WallList *m,
-                       struct complaint *why);
-
-/* Of topic "wall/given", whose walls are in the vehicle frame; the normal is turned to
- * point away from the array.  s: for the mount.  0, or -EINVAL with a complaint. */
-int walls_from_given(struct walls *out, const Anlos__WallList *m, const struct survey *s,
-                     struct complaint *why);
 
 /* Carries the walls along from the vehicle's earlier frame to the later one; exactly.
  * What is in free view is what the array sees, so it comes along by itself. */

@@ -1,4 +1,4 @@
-#include "nodes/rt/vehicle_frame.h"
+#include "recon/vehicle_frame.h"
 
 void vehicle_frame_axes(const struct survey *s, double r[3][3], double t[3])
 {

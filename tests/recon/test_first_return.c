@@ -1,4 +1,3 @@
-#include <errno.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -6,9 +5,8 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "nodes/recon/first_return.h"
+#include "recon/first_return.h"
 #include "tests/nodes/near.h"
-#include "tests/nodes/wall_message.h"
 
 enum { MICS = 2, SAMPLES = 1200 };
 
@@ -94,32 +92,33 @@ static void nothing_before_the_wall_and_all_behind_it_is_heard(void **state)
     expect_muted_to(0.9, &f, &s, NULL, 0);
 }
 
-static void what_the_topic_tells_is_better_than_the_survey(void **state)
+static struct walls wall_ahead(double distance_m)
+{
+    struct walls w = {.n = 1};
+
+    w.list[0] =
+        (struct wall_gate){.id = 1,
+                           .plane = {.normal = {0, 0, 1}, .distance_m = distance_m},
+                           .gate_m = {0, WALLS_FAR_M}};
+    return w;
+}
+
+static void what_is_found_is_better_than_the_survey(void **state)
 {
     (void)state;
     const struct survey s = facing_a_wall();
     struct first_return f = {.told = false};
-    struct wall_message m;
+    const struct walls ahead = wall_ahead(2.0), none = {.n = 0};
 
-    wall_message_make(&m);
-    m.normal.x = 0.0;
-    m.normal.z = 1.0;
-    m.wall.distance_m = 2.0;
     first_return_survey(&f, &s);
-    m.list.n_walls = 0; /* it is silent about what the survey knows, as long as it never
-                           saw a wall */
-    assert_int_equal(first_return_walls(&f, &m.list, 0, NULL), 0);
+    /* it is silent about what the survey knows, as long as it never saw a wall */
+    first_return_walls(&f, &none, 0);
     expect_muted_to(1.5, &f, &s, NULL, 0);
-    m.list.n_walls = 1;
-    assert_int_equal(first_return_walls(&f, &m.list, 0, NULL), 0);
+    first_return_walls(&f, &ahead, 0);
     expect_muted_to(2.0, &f, &s, NULL, 0);
     first_return_survey(&f, &s);
     expect_muted_to(2.0, &f, &s, NULL, 0);
-    m.wall.n_covariance = 5; /* no message of a wall */
-    assert_int_equal(first_return_walls(&f, &m.list, 0, NULL), -EINVAL);
-    expect_muted_to(2.0, &f, &s, NULL, 0);
-    m.list.n_walls = 0; /* it is lost */
-    assert_int_equal(first_return_walls(&f, &m.list, 0, NULL), 0);
+    first_return_walls(&f, &none, 0); /* it is lost */
     expect_nothing_muted(&f, &s);
 }
 
@@ -132,15 +131,11 @@ static void a_wall_that_was_told_comes_nearer_as_the_vehicle_drives(void **state
     const struct ego_motion motion = {.speed_m_s = 2.0};
     struct ego_path path = {.n = 0};
     struct first_return f = {.told = false};
-    struct wall_message m;
+    const struct walls ahead = wall_ahead(2.0);
 
     for (int k = 10; k <= 20; k++)
         assert_int_equal(ego_path_add(&path, k * 50 * ms, &motion), 0);
-    wall_message_make(&m);
-    m.normal.x = 0.0;
-    m.normal.z = 1.0;
-    m.wall.distance_m = 2.0;
-    assert_int_equal(first_return_walls(&f, &m.list, 600 * ms, NULL), 0);
+    first_return_walls(&f, &ahead, 600 * ms);
     expect_muted_to(1.4, &f, &s, &path, 900 * ms);
     expect_muted_to(2.0, &f, &s, &path, 600 * ms);
     expect_muted_to(2.0, &f, &s, &path, 100 * ms);
@@ -154,7 +149,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nothing_before_the_wall_and_all_behind_it_is_heard),
-        cmocka_unit_test(what_the_topic_tells_is_better_than_the_survey),
+        cmocka_unit_test(what_is_found_is_better_than_the_survey),
         cmocka_unit_test(a_wall_that_was_told_comes_nearer_as_the_vehicle_drives),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,0 +1,22 @@
+#include "nodes/recon/volume_room.h"
+
+#include <errno.h>
+
+#include "msgs/topics.h"
+#include "recon/processing.h"
+
+#define VOLUME_HEAD_SIZE 1024 /* of a volume message, without its voxels, at most */
+
+int volume_room_check(const struct survey *s, struct complaint *why)
+{
+    const size_t room = (topic_volume()->max_size - VOLUME_HEAD_SIZE) / sizeof(float);
+    struct processing p;
+    int err = processing_plan(&p, s, why);
+
+    if (err || grid_size(&p.grid) <= room)
+        return err;
+    return complain(why, -EINVAL,
+                    "volume: %zu voxels do not fit a message; expected at most %zu, use "
+                    "larger steps",
+                    grid_size(&p.grid), room);
+}

@@ -1,0 +1,11 @@
+/* nodes/recon/volume_room.h -- does the image of a survey fit its topic? */
+#ifndef ANLOS_NODES_RECON_VOLUME_ROOM_H
+#define ANLOS_NODES_RECON_VOLUME_ROOM_H
+
+#include "dsp/complaint.h"
+#include "recon/survey.h"
+
+/* 0, or -EINVAL and a complaint: also what processing_plan says of the survey. */
+int volume_room_check(const struct survey *s, struct complaint *why);
+
+#endif

@@ -1,0 +1,30 @@
+/* recon/volume.h -- an image of the hidden (mirrored) scene, and what it was made of. */
+#ifndef ANLOS_RECON_VOLUME_H
+#define ANLOS_RECON_VOLUME_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "recon/grid.h"
+#include "recon/survey.h"
+
+struct volume {
+    uint64_t survey_id;
+    int64_t capture_ns;     /* of the newest ping */
+    uint32_t scan, frame;   /* of the newest ping; frame 0: of a scan */
+    struct grid grid;       /* in the array frame */
+    const float *intensity; /* [nz][ny][nx] */
+    const char *method;
+    enum survey_source source;
+    double sound_speed_m_s;
+    bool preview; /* more pings of this scan are to come */
+    size_t pings_used, pings_expected;
+    size_t pings_blanked;      /* of those expected: a sound from outside drowned them */
+    size_t microphones_masked; /* in any of them */
+    uint64_t clipped_samples;
+    bool standing_left;  /* what stands was to be taken away, and may still be in it */
+    bool standing_taken; /* it was taken away, from all of it: remains may be left */
+};
+
+#endif
