@@ -12,7 +12,7 @@
 #include "hal/array_backends.h"
 #include "hal/device.h"
 #include "hal/recording/recording.h"
-#include "hal/recording/wav_samples.h"
+#include "hal/recording/riff.h"
 #include "hal/survey/file.h"
 #include "hal/survey/firing.h"
 #include "hal/turn.h"

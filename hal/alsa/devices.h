@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "dsp/complaint.h"
+#include "hal/alsa/capability.h"
 
 struct alsa_device {
     char name[128];        /* what to open: "hw:CARD=Loopback,DEV=0" */
@@ -20,5 +21,18 @@ int alsa_devices_list(struct alsa_device **out, size_t *n);
 
 /* "hw:9: playback: no such device; there are ..." and -ENOENT. */
 int alsa_devices_complain(const char *device, bool capture, struct complaint *why);
+
+/* What a PCM device is good for as an array. */
+
+struct alsa_probe {
+    bool has_playback, has_capture;
+    struct alsa_capability playback, capture;
+    bool one_clock;
+    char clock_reason[160]; /* how that was decided */
+};
+
+/* 0, -ENOENT (no such device; the complaint names those that exist), -EBUSY, other
+ * negative errno. */
+int alsa_probe(struct alsa_probe *out, const char *device, struct complaint *why);
 
 #endif

@@ -2,17 +2,61 @@
  * errors of the bus, down and up, deleted and made again. */
 #include <errno.h>
 #include <net/if.h>
+#include <stddef.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include "hal/can/delivery.h"
-#include "hal/can/intake.h"
-#include "hal/can/socket.h"
-#include "hal/can/advice.h"
 #include "hal/can/backends.h"
 #include "hal/can/errors.h"
+#include "hal/can/socket.h"
 #include "hal/device.h"
+#include "msgs/can/frame.h"
+
+/* Frames that have come and wait to be taken, the oldest first. */
+
+#define CAN_INTAKE_MAX 64 /* a second of all inputs */
+
+struct can_intake {                               /* all zero: empty */
+    struct can_frame_data frames[CAN_INTAKE_MAX]; /* a ring */
+    int64_t came_ns[CAN_INTAKE_MAX];
+    size_t first, n;
+    uint64_t received, dropped;
+};
+
+/* Of a full one the oldest goes. */
+static void can_intake_put(struct can_intake *i, const struct can_frame_data *f,
+                           int64_t came_ns)
+{
+    size_t at;
+
+    i->received++;
+    if (i->n == CAN_INTAKE_MAX) {
+        i->first = (i->first + 1) % CAN_INTAKE_MAX;
+        i->n--;
+        i->dropped++;
+    }
+    at = (i->first + i->n++) % CAN_INTAKE_MAX;
+    i->frames[at] = *f;
+    i->came_ns[at] = came_ns;
+}
+
+/* 0, -EAGAIN (it is empty). */
+static int can_intake_take(struct can_intake *i, struct can_frame_data *out,
+                           int64_t *came_ns)
+{
+    if (!i->n)
+        return -EAGAIN;
+    *out = i->frames[i->first];
+    *came_ns = i->came_ns[i->first];
+    i->first = (i->first + 1) % CAN_INTAKE_MAX;
+    i->n--;
+    return 0;
+}
+
+/* A CAN interface of the kernel, through what befalls it: errors of the bus, down and
+ * up, deleted and made again. */
 
 #define LOOK_NS      50000000LL /* how often a lost interface is looked for at first */
 #define LOOK_LAST_NS 800000000LL

@@ -3,16 +3,175 @@
 #include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
+#include <sndfile.h>
 #include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <unistd.h>
 
+#include "hal/decimal.h"
 #include "hal/recording/riff.h"
-#include "hal/recording/wav_open.h"
-#include "hal/recording/wav_samples.h"
+#include "hal/table_file.h"
 #include "recon/tail.h"
+
+enum { SAMPLE, SPEAKER, FRAME, DOWN, VALID, TIME, TEMPERATURE, N_COLUMNS };
+
+static const struct table_column columns[N_COLUMNS] = {
+    [SAMPLE] = {"sample", true},
+    [SPEAKER] = {"speaker", true},
+    [FRAME] = {"frame", false},
+    [DOWN] = {"down", false},
+    [VALID] = {"valid", false},
+    [TIME] = {"time_s", false},
+    [TEMPERATURE] = {"temperature_c", false}};
+
+struct emissions {
+    const struct survey *survey;
+    struct emission *list; /* [n] of [room] */
+    size_t n, room;
+    uint64_t *heard_in; /* [n_speakers], the frame of its newest turn; 0: had none */
+    size_t in_frame;    /* emissions of the newest frame so far */
+    char text[160];
+};
+
+static const char *take_numbers(const struct emissions *t, char *const *f,
+                                struct emission *e)
+{
+    uint64_t speaker, frame = 1, down = 0, valid = 1;
+
+    if (!table_count(f[SAMPLE], INT64_MAX, &e->sample))
+        return "sample: expected a whole number from 0";
+    if (!table_count(f[SPEAKER], t->survey->n_speakers - 1, &speaker))
+        return "speaker: expected a whole number from 0, of the survey's speakers_m";
+    if (f[FRAME] && (!table_count(f[FRAME], UINT32_MAX, &frame) || !frame))
+        return "frame: expected a whole number from 1";
+    if (f[DOWN] && !table_count(f[DOWN], t->survey->chirp_alternates, &down))
+        return t->survey->chirp_alternates
+                   ? "down: expected 0 or 1"
+                   : "down: expected 0, as the survey's chirps do not alternate";
+    if (f[VALID] && !table_count(f[VALID], 1, &valid))
+        return "valid: expected 0 or 1";
+    e->speaker = (uint32_t)speaker;
+    e->frame = (uint32_t)frame;
+    e->down = down;
+    e->valid = valid;
+    e->temperature_c = NAN;
+    if (f[TEMPERATURE] && *f[TEMPERATURE] &&
+        !table_number(f[TEMPERATURE], &e->temperature_c))
+        return "temperature_c: expected degrees, or nothing";
+    e->has_time = f[TIME];
+    if (f[TIME] && !table_time(f[TIME], &e->time_ns))
+        return "time_s: expected seconds from 0";
+    return NULL;
+}
+
+/* What the file does not name. */
+static void complete(struct emissions *t, char *const *f, struct emission *e)
+{
+    uint32_t newest = t->n ? t->list[t->n - 1].frame : 1;
+
+    if (!f[FRAME])
+        e->frame = t->heard_in[e->speaker] == newest ? newest + 1 : newest;
+    t->in_frame = e->frame == newest ? t->in_frame : 0;
+    if (!f[DOWN])
+        e->down = survey_is_down(t->survey, t->in_frame);
+    t->in_frame++;
+    t->heard_in[e->speaker] = e->frame;
+}
+
+static struct emission *append(struct emissions *t)
+{
+    if (t->n == t->room) {
+        size_t room = t->room ? 2 * t->room : 256;
+        struct emission *grown = realloc(t->list, room * sizeof *grown);
+        if (!grown)
+            return NULL;
+        t->list = grown;
+        t->room = room;
+    }
+    return &t->list[t->n];
+}
+
+static const char *take_row(void *ctx, char *const *fields)
+{
+    struct emissions *t = ctx;
+    struct emission *e = append(t);
+
+    if (!e)
+        return "out of memory";
+    const char *wrong = take_numbers(t, fields, e);
+    if (wrong)
+        return wrong;
+    if (t->n && e->sample < t->list[t->n - 1].sample)
+        return "sample: before that of the line above";
+    complete(t, fields, e);
+    t->n++;
+    return NULL;
+}
+
+int emissions_load(struct emission **out, size_t *n, const char *path,
+                   const struct survey *s, struct complaint *why)
+{
+    struct emissions t = {.survey = s,
+                          .heard_in = calloc(s->n_speakers, sizeof *t.heard_in)};
+    int err = t.heard_in ? table_load(path, columns, N_COLUMNS, take_row, &t, why)
+                         : complain(why, -ENOMEM, "%s: out of memory", path);
+
+    free(t.heard_in);
+    if (!err && !t.n)
+        err = complain(why, -EINVAL, "%s: expected a line for each emission, found none",
+                       path);
+    if (err) {
+        free(t.list);
+        return err;
+    }
+    *out = t.list;
+    *n = t.n;
+    return 0;
+}
+
+int emissions_in_turn(struct emission **out, size_t *n, const struct survey *s,
+                      uint64_t n_samples)
+{
+    size_t slots = survey_slots(s, s->n_speakers);
+    size_t rounds = (size_t)(n_samples / ((uint64_t)slots * s->slot_samples)) + 1;
+
+    *n = 0;
+    *out = calloc(rounds * s->n_speakers, sizeof **out);
+    if (!*out)
+        return -ENOMEM;
+    for (size_t k = 0; k < rounds * s->n_speakers; k++) {
+        size_t in_round = k % s->n_speakers, round = k / s->n_speakers;
+        uint64_t slot = (uint64_t)round * slots + survey_slot_of(s, in_round);
+        if ((slot + 1) * s->slot_samples > n_samples && round)
+            continue; /* cut off; of the first round it may be silent at its end */
+        (*out)[(*n)++] = (struct emission){.sample = slot * s->slot_samples,
+                                           .speaker = (uint32_t)in_round,
+                                           .frame = (uint32_t)round + 1,
+                                           .down = survey_is_down(s, in_round),
+                                           .valid = true,
+                                           .temperature_c = s->temperature_c};
+    }
+    return 0;
+}
+
+void emission_print(FILE *f, const struct emission *e)
+{
+    char text[DECIMAL_SIZE] = "";
+
+    if (!e) {
+        fputs("sample,speaker,frame,down,valid,time_s,temperature_c\n", f);
+        return;
+    }
+    if (!isnan(e->temperature_c))
+        decimal_print(e->temperature_c, text);
+    fprintf(f, "%" PRIu64 ",%u,%u,%d,%d,%" PRId64 ".%09" PRId64 ",%s\n", e->sample,
+            e->speaker, e->frame, e->down, e->valid, e->time_ns / 1000000000,
+            e->time_ns % 1000000000, text);
+}
 
 enum { BLOCK_FRAMES = 2048 };
 
@@ -411,4 +570,235 @@ void recording_close(struct recording *r)
     free(r->paths);
     free(r->emissions);
     free(r);
+}
+
+enum { WRITE_BLOCK_FRAMES = 4096 };
+
+/* From frame `from` on, of samples [n_microphones][n_frames]. */
+static int write_frames(SNDFILE *f, size_t n_microphones, size_t n_frames, size_t from,
+                        const float *samples)
+{
+    float *block = malloc(n_microphones * WRITE_BLOCK_FRAMES * sizeof *block);
+    int err = 0;
+    if (!block)
+        return -ENOMEM;
+    for (size_t at = from; at < n_frames && !err; at += WRITE_BLOCK_FRAMES) {
+        size_t n = n_frames - at < WRITE_BLOCK_FRAMES ? n_frames - at
+                                                      : WRITE_BLOCK_FRAMES;
+        for (size_t c = 0; c < n_microphones; c++)
+            for (size_t i = 0; i < n; i++)
+                block[i * n_microphones + c] = samples[c * n_frames + at + i];
+        errno = 0;
+        if (sf_writef_float(f, block, (sf_count_t)n) != (sf_count_t)n)
+            err = errno ? -errno : -EIO;
+    }
+    free(block);
+    return err;
+}
+
+int recording_write(const char *folder, size_t position, size_t n_microphones,
+                    size_t n_frames, double sample_rate_hz, const float *samples,
+                    struct complaint *why)
+{
+    char *path = NULL, *partial = NULL;
+    SF_INFO info = {.samplerate = (int)lround(sample_rate_hz),
+                    .channels = (int)n_microphones,
+                    .format = SF_FORMAT_WAV | SF_FORMAT_FLOAT};
+    int err = 0;
+    if (asprintf(&path, "%s/pos%02zu.wav", folder, position) < 0)
+        return complain(why, -ENOMEM, "%s: out of memory", folder);
+    if (asprintf(&partial, "%s.part", path) < 0) {
+        partial = NULL;
+        err = complain(why, -ENOMEM, "%s: out of memory", folder);
+        goto names;
+    }
+    SNDFILE *f = sf_open(partial, SFM_WRITE, &info);
+    if (!f) {
+        err = complain(why, -EIO, "%s cannot be written: %s", path, sf_strerror(NULL));
+        goto names;
+    }
+    err = write_frames(f, n_microphones, n_frames, 0, samples);
+    errno = 0;
+    if (sf_close(f) && !err)
+        err = errno ? -errno : -EIO;
+    if (!err && rename(partial, path) < 0)
+        err = -errno;
+    if (err) {
+        unlink(partial);
+        complain(why, err, "%s cannot be written: %s", path, strerror(-err));
+    }
+names:
+    free(partial);
+    free(path);
+    return err;
+}
+
+/* -- of an array that stands ------------------------------------------------------------
+ */
+
+/* Slots that may be missing between two pings of one stretch. */
+#define MOST_SILENT 1000
+
+struct recording_writer {
+    char *path, *table_path;
+    SNDFILE *file;
+    FILE *table;
+    size_t n_microphones, slot_samples, n_ping;
+    double sample_rate_hz;
+    uint64_t n_written;   /* frames */
+    struct emission last; /* with n_written: there was one */
+    float *end;           /* [n_microphones][n_ping], the newest frames of the file */
+    float *silence;       /* [n_microphones][slot_samples] */
+};
+
+static void writer_free(struct recording_writer *w)
+{
+    free(w->path);
+    free(w->table_path);
+    free(w->end);
+    free(w->silence);
+    free(w);
+}
+
+static int complain_of(const struct recording_writer *w, int err, struct complaint *why)
+{
+    return complain(why, err, "%s cannot be written: %s", w->path, strerror(-err));
+}
+
+int recording_writer_open(struct recording_writer **out, const char *folder,
+                          const struct survey *s, struct complaint *why)
+{
+    struct recording_writer *w = calloc(1, sizeof *w);
+    SF_INFO info = {.samplerate = (int)lround(s->sample_rate_hz),
+                    .channels = (int)s->n_microphones,
+                    .format = SF_FORMAT_RF64 | SF_FORMAT_FLOAT};
+    int err = 0;
+
+    *out = w;
+    if (!w)
+        return complain(why, -ENOMEM, "%s: out of memory", folder);
+    w->n_microphones = s->n_microphones;
+    w->slot_samples = s->slot_samples;
+    w->n_ping = s->slot_samples + tail_samples(s);
+    w->sample_rate_hz = s->sample_rate_hz;
+    w->end = calloc(w->n_microphones * w->n_ping, sizeof *w->end);
+    w->silence = calloc(w->n_microphones * w->slot_samples, sizeof *w->silence);
+    if (asprintf(&w->path, "%s/pos00.wav", folder) < 0)
+        w->path = NULL;
+    if (asprintf(&w->table_path, "%s/" EMISSIONS_FILE, folder) < 0)
+        w->table_path = NULL;
+    if (!w->end || !w->silence || !w->path || !w->table_path) {
+        err = complain(why, -ENOMEM, "%s: out of memory", folder);
+        goto fail;
+    }
+    w->table = fopen(w->table_path, "wxe");
+    if (!w->table) {
+        err = complain(why, -errno, "%s cannot be written: %s", w->table_path,
+                       strerror(errno));
+        goto fail;
+    }
+    w->file = sf_open(w->path, SFM_WRITE, &info);
+    if (!w->file) {
+        err = complain(why, -EIO, "%s cannot be written: %s", w->path, sf_strerror(NULL));
+        goto table;
+    }
+    /* A plain WAV file as long as it is short enough for one. */
+    sf_command(w->file, SFC_RF64_AUTO_DOWNGRADE, NULL, SF_TRUE);
+    emission_print(w->table, NULL);
+    return 0;
+table:
+    fclose(w->table);
+fail:
+    writer_free(w);
+    *out = NULL;
+    return err;
+}
+
+/* The frames of a channel that the file has from `sample` on already. */
+static const float *written(const struct recording_writer *w, size_t m, size_t overlap)
+{
+    return w->end + (m + 1) * w->n_ping - overlap;
+}
+
+static bool goes_on(const struct recording_writer *w, size_t overlap,
+                    const float *samples)
+{
+    for (size_t m = 0; m < w->n_microphones; m++)
+        if (memcmp(written(w, m, overlap), samples + m * w->n_ping,
+                   overlap * sizeof *samples))
+            return false;
+    return true;
+}
+
+/* Where a ping stands: whole slots after the one before, if time and sound agree. */
+static uint64_t find_place(const struct recording_writer *w, const struct emission *e,
+                           const float *samples)
+{
+    if (!w->n_written)
+        return 0;
+    double slots = 1e-9 * (double)(e->time_ns - w->last.time_ns) * w->sample_rate_hz /
+                   (double)w->slot_samples;
+    double whole = round(slots);
+    if (!(whole >= 0.0 && whole <= MOST_SILENT && fabs(slots - whole) < 0.25))
+        return w->n_written;
+    uint64_t at = w->last.sample + (uint64_t)whole * w->slot_samples;
+    if (at >= w->n_written)
+        return at;
+    return goes_on(w, (size_t)(w->n_written - at), samples) ? at : w->n_written;
+}
+
+/* The newest n_ping - from frames of the ping become those of the file. */
+static int write_append(struct recording_writer *w, const float *samples, size_t from)
+{
+    int err = write_frames(w->file, w->n_microphones, w->n_ping, from, samples);
+
+    memcpy(w->end, samples, w->n_microphones * w->n_ping * sizeof *samples);
+    w->n_written += w->n_ping - from;
+    return err;
+}
+
+static int fill(struct recording_writer *w, uint64_t until)
+{
+    int err = 0;
+
+    while (!err && w->n_written < until) {
+        uint64_t left = until - w->n_written;
+        size_t n = left < w->slot_samples ? (size_t)left : w->slot_samples;
+        err = write_frames(w->file, w->n_microphones, n, 0, w->silence);
+        w->n_written += n;
+    }
+    return err;
+}
+
+int recording_writer_put(struct recording_writer *w, const struct emission *e,
+                         const float *samples, struct complaint *why)
+{
+    uint64_t at = find_place(w, e, samples);
+    int err = fill(w, at);
+
+    if (!err && at + w->n_ping > w->n_written)
+        err = write_append(w, samples, (size_t)(w->n_written - at));
+    if (err)
+        return complain_of(w, err, why);
+    w->last = *e;
+    w->last.sample = at;
+    emission_print(w->table, &w->last);
+    return 0;
+}
+
+int recording_writer_close(struct recording_writer *w, int err, struct complaint *why)
+{
+    if (!w)
+        return err;
+    errno = 0;
+    if (sf_close(w->file) && !err)
+        err = complain_of(w, errno ? -errno : -EIO, why);
+    errno = 0;
+    bool failed = ferror(w->table);
+    if ((fclose(w->table) || failed) && !err) {
+        err = errno ? -errno : -EIO;
+        complain(why, err, "%s cannot be written: %s", w->table_path, strerror(-err));
+    }
+    writer_free(w);
+    return err;
 }

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/recording/wav_open.h"
+#include "hal/recording/riff.h"
 
 #define PIECE    256  /* samples that are transformed at once */
 #define FAINTEST 0.01 /* of the largest power density is sound at all */

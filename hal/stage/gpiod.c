@@ -8,7 +8,7 @@
 #include "hal/stage/backends.h"
 #include "hal/stage/gpiod_options.h"
 #include "hal/stage/worker.h"
-#include "hal/stage/stepper_gpio.h"
+#include "hal/stage/stepper_axis.h"
 
 struct stage_gpiod {
     struct gpio *gpio;

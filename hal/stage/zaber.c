@@ -3,13 +3,263 @@
  * the resolution and how far it reaches. */
 #include <errno.h>
 #include <math.h>
+#include <poll.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "hal/stage/backends.h"
 #include "hal/stage/worker.h"
-#include "hal/stage/zaber_options.h"
-#include "hal/stage/zaber_drive.h"
+#include "hal/stage/zaber_port.h"
+
+/* A Zaber axis that homes, moves and is watched: metres, and faults in plain words.
+ * Driven from one thread, a stage worker's. */
+
+struct zaber_drive {
+    struct zaber_port port;
+    struct stage_worker
+        *worker;       /* whom to tell the place, and to ask for newer commands */
+    double m_per_step; /* of a microstep */
+    bool homed;
+    double rest_m;   /* where it was left */
+    char warning[3]; /* the flag that was noted last */
+    _Atomic uint64_t homings, limit_hits, warnings;
+};
+
+/* What the device says of itself; it may know its place from before. */
+struct zaber_facts {
+    double resolution; /* microsteps of a full step */
+    double min, max;   /* microsteps */
+    double position;   /* microsteps */
+    bool homed;
+    bool fault; /* it has stopped by itself: a person has to look */
+};
+
+#define POLL_MS     50  /* of a device that moves */
+#define REST_MS     500 /* of one that does not */
+#define TOLERANCE_M 2e-5
+
+/* Why a question came to nothing, for a person. */
+static int complain_of(int err, const char *command, const struct zaber_message *reply,
+                       char text[STAGE_TEXT_SIZE])
+{
+    if (err == -EPROTO)
+        snprintf(text, STAGE_TEXT_SIZE, "it refuses \"%s\": %s", command,
+                 zaber_rejection(reply->data));
+    else if (err == -ETIMEDOUT)
+        snprintf(text, STAGE_TEXT_SIZE, "it does not answer");
+    else
+        snprintf(text, STAGE_TEXT_SIZE, "its serial port is gone: %s", strerror(-err));
+    return err;
+}
+
+static int ask_number(struct zaber_port *p, const char *command, double *out,
+                      struct zaber_message *reply, char text[STAGE_TEXT_SIZE])
+{
+    char *end;
+    int err = zaber_port_ask(p, reply, "%s", command);
+
+    if (err)
+        return complain_of(err, command, reply, text);
+    *out = strtod(reply->data, &end);
+    if (end != reply->data && (!*end || *end == ' '))
+        return 0;
+    snprintf(text, STAGE_TEXT_SIZE, "\"%s\": it answers \"%s\"", command, reply->data);
+    return -EPROTO;
+}
+
+/* What a flag says, where it is more than a note. */
+static int judge(struct zaber_drive *z, const struct zaber_message *m,
+                 char text[STAGE_TEXT_SIZE])
+{
+    const char *words;
+
+    switch (zaber_warning(m->warning, &words)) {
+    case ZABER_FAULT:
+        z->limit_hits += !strcmp(m->warning, "WL") || !strcmp(m->warning, "FE");
+        snprintf(text, STAGE_TEXT_SIZE,
+                 "%s (%s); its place is not known until it is homed", words, m->warning);
+        return -EIO;
+    case ZABER_UNHOMED:
+        snprintf(text, STAGE_TEXT_SIZE, "it lost its place: %s (%s); was it restarted?",
+                 words, m->warning);
+        return -EIO;
+    case ZABER_NOTE:
+        z->warnings += strcmp(m->warning, z->warning) != 0;
+        memcpy(z->warning, m->warning, sizeof z->warning);
+        snprintf(text, STAGE_TEXT_SIZE, "%s (%s)", words, m->warning);
+        stage_worker_note(z->worker, text);
+        text[0] = '\0';
+        return 0;
+    default:
+        z->warning[0] = '\0';
+        stage_worker_note(z->worker, "");
+        return 0;
+    }
+}
+
+/* Where it is, and whether it moves. */
+static int look(struct zaber_drive *z, struct zaber_message *m, double *position_m,
+                char text[STAGE_TEXT_SIZE])
+{
+    double steps;
+    int err = ask_number(&z->port, "get pos", &steps, m, text);
+
+    if (err)
+        return err;
+    *position_m = steps * z->m_per_step;
+    stage_worker_at(z->worker, *position_m);
+    return 0;
+}
+
+static void pause_ms(int wake_fd, int ms)
+{
+    struct pollfd p = {.fd = wake_fd, .events = POLLIN};
+
+    poll(&p, 1, ms);
+}
+
+/* Until it is at rest; a newer command stops it first.  homing: it may say that it has no
+ * reference while it looks for one. */
+static int follow(struct zaber_drive *z, bool homing, double *position_m,
+                  char text[STAGE_TEXT_SIZE])
+{
+    struct zaber_message m;
+    bool stopped = false;
+    int err;
+
+    for (;;) {
+        if (!stopped && stage_worker_cancelled(z->worker)) {
+            stopped = true;
+            err = zaber_port_ask(&z->port, &m, "stop");
+            if (err)
+                return complain_of(err, "stop", &m, text);
+        }
+        err = look(z, &m, position_m, text);
+        const char *words;
+        bool lost = !err && zaber_warning(m.warning, &words) == ZABER_UNHOMED;
+        if (!err && !(homing && lost && (m.busy || stopped)))
+            err = judge(z, &m, text);
+        if (err || !m.busy)
+            return err ? err : stopped ? -ECANCELED : 0;
+        if (stopped)
+            poll(NULL, 0, POLL_MS);
+        else
+            pause_ms(stage_worker_wake_fd(z->worker), POLL_MS);
+    }
+}
+
+/* After a fault: nobody knows what it does, so it is told to stop. */
+static int fail(struct zaber_drive *z, int err)
+{
+    z->homed = false;
+    if (err != -ECANCELED)
+        zaber_port_shout(&z->port, "stop");
+    return err;
+}
+
+/* Its warnings of before are forgotten, or they would end this too. */
+static int start_homing(struct zaber_drive *z, char text[STAGE_TEXT_SIZE])
+{
+    static const char *const commands[] = {"warnings clear", "home"};
+    struct zaber_message m;
+    int err = zaber_port_reopen(&z->port);
+
+    for (int i = 0; i < 2 && !err; i++) {
+        err = zaber_port_ask(&z->port, &m, "%s", commands[i]);
+        if (err)
+            return complain_of(err, commands[i], &m, text);
+    }
+    return err ? complain_of(err, "", &m, text) : 0;
+}
+
+/* The operations of a stage worker, with the drive as their device. */
+static int zaber_drive_home(void *drive, char text[STAGE_TEXT_SIZE])
+{
+    struct zaber_drive *z = drive;
+    int err = start_homing(z, text);
+
+    z->homed = false;
+    if (!err)
+        err = follow(z, true, &z->rest_m, text);
+    if (err)
+        return fail(z, err);
+    z->homed = true;
+    z->homings++;
+    return 0;
+}
+
+static int zaber_drive_move(void *drive, double target_m, char text[STAGE_TEXT_SIZE])
+{
+    struct zaber_drive *z = drive;
+    struct zaber_message m;
+    long long steps = llround(target_m / z->m_per_step);
+    int err = zaber_port_ask(&z->port, &m, "move abs %lld", steps);
+
+    if (err)
+        return fail(z, complain_of(err, "move abs", &m, text));
+    err = follow(z, false, &z->rest_m, text);
+    if (err == -ECANCELED)
+        return err;
+    if (!err && fabs(z->rest_m - target_m) > TOLERANCE_M + z->m_per_step) {
+        snprintf(text, STAGE_TEXT_SIZE,
+                 "stands at %.4f m instead of %.4f m: was it stopped by hand?", z->rest_m,
+                 target_m);
+        err = -EIO;
+    }
+    return err ? fail(z, err) : 0;
+}
+
+/* Is it where it was left, and well?  A place that is lost already is not lost again. */
+static int zaber_drive_rest(void *drive, int wake_fd, char text[STAGE_TEXT_SIZE])
+{
+    struct zaber_drive *z = drive;
+    struct zaber_message m;
+
+    pause_ms(wake_fd, REST_MS);
+    if (!z->homed || stage_worker_cancelled(z->worker))
+        return 0;
+    double position_m;
+    int err = look(z, &m, &position_m, text);
+    if (!err)
+        err = judge(z, &m, text);
+    if (!err && fabs(position_m - z->rest_m) > TOLERANCE_M + z->m_per_step) {
+        snprintf(text, STAGE_TEXT_SIZE, "was moved from %.4f m to %.4f m, not by us",
+                 z->rest_m, position_m);
+        err = -EIO;
+    }
+    return err ? fail(z, err) : 0;
+}
+
+/* facts->resolution: 0 on entry asks the device.  0, or -errno with why in text. */
+static int zaber_drive_ask(struct zaber_drive *z, struct zaber_facts *facts,
+                           char text[STAGE_TEXT_SIZE])
+{
+    struct zaber_message m;
+    const char *words;
+    int err = 0;
+
+    if (!facts->resolution)
+        err = ask_number(&z->port, "get resolution", &facts->resolution, &m, text);
+    if (!err && !(facts->resolution >= 1)) {
+        snprintf(text, STAGE_TEXT_SIZE, "its resolution: %g microsteps",
+                 facts->resolution);
+        return -EPROTO;
+    }
+    if (!err)
+        err = ask_number(&z->port, "get limit.min", &facts->min, &m, text);
+    if (!err)
+        err = ask_number(&z->port, "get limit.max", &facts->max, &m, text);
+    if (!err)
+        err = ask_number(&z->port, "get pos", &facts->position, &m, text);
+    facts->homed = !err && zaber_warning(m.warning, &words) < ZABER_UNHOMED;
+    facts->fault = !err && zaber_warning(m.warning, &words) == ZABER_FAULT;
+    return err;
+}
+
+/* A Zaber stage (the paper's: X-BLQ-E) on a serial line, protocol ASCII 2.  The device
+ * keeps the place, the speed and the limits; what is read of it are the resolution and
+ * how far it reaches. */
 
 struct stage_zaber {
     char *path;

@@ -7,8 +7,9 @@
 #include <stdatomic.h>
 #include <stdint.h>
 
-#include "hal/stage/zaber_message.h"
 #include "dsp/complaint.h"
+#include "hal/device.h"
+#include "hal/stage/zaber_message.h"
 
 enum zaber_checksum {
     ZABER_CHECKSUM_AUTO, /* sent once the device has sent one */
@@ -46,5 +47,28 @@ int zaber_port_ask(struct zaber_port *p, struct zaber_message *reply, const char
 /* Sends, and waits for nothing: for a last "stop". */
 void zaber_port_shout(struct zaber_port *p, const char *command);
 void zaber_port_close(struct zaber_port *p);
+
+/* What a zaber: stage is named by:
+ *
+ *   zaber:TTY?pitch_mm=TRAVEL
+ *
+ * pitch_mm is needed: the travel of a turn of the motor, from the data sheet.  The rest
+ * has defaults: steps=200 (full steps of a turn), resolution (microsteps of a full step,
+ * of the device), device=1, axis=1, baud=115200, timeout=0.3, checksum=auto, on or off,
+ * settle, min, max, homing=first-move or manual.  Metres and seconds. */
+
+struct stage_zaber_options {
+    struct zaber_port_config port;
+    double pitch_mm, steps, settle_s, min_m, max_m;
+    double resolution; /* 0: as the device says */
+    bool home_first;
+};
+
+/* All keys, ended by NULL. */
+extern const char *const stage_zaber_option_keys[];
+
+/* The port's path belongs to the device.  0, -EINVAL. */
+int stage_zaber_options_read(struct stage_zaber_options *out, const struct device *d,
+                             struct complaint *why);
 
 #endif

@@ -1,12 +1,20 @@
 #include "hal/survey/file.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include "hal/decimal.h"
+#include "hal/recording/replica_file.h"
+#include "hal/survey/place.h"
+#include "hal/survey/response_file.h"
 #include "hal/survey/yaml.h"
 #include "hal/yaml/file.h"
-#include "hal/survey/place.h"
 
 struct survey_root {
     struct survey_yaml survey;
@@ -80,5 +88,195 @@ int survey_load_place(struct survey *out, const char *path, struct complaint *wh
             yaml_place_complaint(why, path);
     }
     yaml_unload(&root_schema, root);
+    return err;
+}
+
+static void print_list(FILE *f, const double *x, size_t n)
+{
+    char text[DECIMAL_SIZE];
+    for (size_t i = 0; i < n; i++)
+        fprintf(f, "%s%s", i ? ", " : "[", decimal_print(x[i], text));
+    fputs("]", f);
+}
+
+static void print_key_list(FILE *f, const char *key, const double *x, size_t n,
+                           const char *end)
+{
+    fprintf(f, "%s: ", key);
+    print_list(f, x, n);
+    fputs(end, f);
+}
+
+static void print_points(FILE *f, const char *key, const double (*p)[3], size_t n)
+{
+    fprintf(f, "%s:\n", key);
+    for (size_t i = 0; i < n; i++) {
+        fputs("  - ", f);
+        print_list(f, p[i], 3);
+        fputs("\n", f);
+    }
+}
+
+static void print_timing(FILE *f, const struct survey *s)
+{
+    char a[DECIMAL_SIZE], b[DECIMAL_SIZE], c[DECIMAL_SIZE];
+    if (!isnan(s->temperature_c))
+        fprintf(f, "temperature_c: %s\n", decimal_print(s->temperature_c, a));
+    fprintf(f, "sound_speed_m_s: %s\n", decimal_print(s->sound_speed_m_s, a));
+    fprintf(f, "sample_rate_hz: %s\n", decimal_print(s->sample_rate_hz, a));
+    if (!s->n_replica)
+        fprintf(f, "chirp: {start_hz: %s, stop_hz: %s, duration_s: %s, phase: %s%s}\n",
+                decimal_print(s->chirp_start_hz, a), decimal_print(s->chirp_stop_hz, b),
+                decimal_print(s->chirp_duration_s, c), s->chirp_sine ? "sine" : "cosine",
+                s->chirp_alternates ? ", alternates: true" : "");
+    fprintf(f, "slot_samples: %zu\n", s->slot_samples);
+    if (s->together > 1)
+        fprintf(f, "together: %zu\n", s->together);
+    fprintf(f, "latency_samples: %s\n", decimal_print(s->latency_samples, a));
+}
+
+static void print_place(FILE *f, const struct survey *s)
+{
+    char a[DECIMAL_SIZE];
+    if (s->has_gate)
+        print_key_list(f, "gate_m", s->gate_m, 2, "\n");
+    if (s->has_volume) {
+        fputs("volume:\n", f);
+        print_key_list(f, "  x_m", s->volume_m[0], 3, "\n");
+        print_key_list(f, "  y_m", s->volume_m[1], 3, "\n");
+        print_key_list(f, "  z_m", s->volume_m[2], 3, "\n");
+    }
+    if (s->n_walls)
+        fputs("walls:\n", f);
+    for (size_t i = 0; i < s->n_walls; i++) {
+        print_key_list(f, "  - {normal", s->walls[i].normal, 3, ", ");
+        fprintf(f, "distance_m: %s, ", decimal_print(s->walls[i].distance_m, a));
+        print_key_list(f, "gate_m", s->walls[i].gate_m, 2, "}\n");
+    }
+    if (s->has_wall && !s->n_walls) {
+        print_key_list(f, "wall: {normal", s->wall_normal, 3, ", ");
+        fprintf(f, "distance_m: %s}\n", decimal_print(s->wall_distance_m, a));
+    }
+    if (s->has_mount) {
+        fputs("mount:\n", f);
+        print_key_list(f, "  origin_m", s->mount_origin_m, 3, "\n");
+        print_key_list(f, "  x_axis", s->mount_x_axis, 3, "\n");
+        print_key_list(f, "  y_axis", s->mount_y_axis, 3, "\n");
+    }
+}
+
+static void print_array(FILE *f, const struct survey *s)
+{
+    print_points(f, "speakers_m", (const double(*)[3])s->speakers_m, s->n_speakers);
+    print_points(f, "microphones_m", (const double(*)[3])s->microphones_m,
+                 s->n_microphones);
+    print_key_list(f, "stage:\n  axis", s->stage_axis, 3, "\n");
+    print_key_list(f, "  positions_m", s->stage_positions_m, s->n_positions, "\n");
+}
+
+static void print_survey(FILE *f, const struct survey *s, const char *path,
+                         const char *calibration)
+{
+    const char *slash = strrchr(path, '/');
+    const char *name = slash ? slash + 1 : path;
+    print_timing(f, s);
+    if (s->n_replica)
+        fprintf(f, "replica: \"%s-replica.wav\"\n", name);
+    if (s->pings_m)
+        fprintf(f, "pings: \"%s-pings.csv\"\n", name);
+    else
+        print_array(f, s);
+    if (calibration) {
+        fprintf(f, "calibration:\n  folder: \"%s\"\n  serials: [", calibration);
+        for (size_t i = 0; i < s->n_responses; i++)
+            fprintf(f, "%s\"%s\"", i ? ", " : "", s->responses[i].serial);
+        fputs("]\n", f);
+    }
+    print_place(f, s);
+}
+
+static int save_responses(const struct survey *s, const char *path, const char *folder,
+                          struct complaint *why)
+{
+    int err = 0;
+    if (folder[strcspn(folder, "\"\\\n")])
+        return complain(why, -EINVAL, "%s: a calibration folder without quotes, please",
+                        folder);
+    char *place = yaml_sibling(path, folder);
+    if (!place)
+        return complain(why, -ENOMEM, "%s: out of memory", path);
+    if (mkdir(place, 0777) < 0 && errno != EEXIST)
+        err = complain(why, -errno, "%s: %s", place, strerror(errno));
+    for (size_t i = 0; i < s->n_responses && !err; i++)
+        err = response_save(&s->responses[i], place, why);
+    free(place);
+    return err;
+}
+
+/* PATH-pings.csv. */
+static int save_pings(const struct survey *s, const char *path)
+{
+    char *name, text[DECIMAL_SIZE];
+    int err = 0;
+    if (asprintf(&name, "%s-pings.csv", path) < 0)
+        return -ENOMEM;
+    unlink(name); /* and not through a link that somebody has put there */
+    FILE *f = fopen(name, "wxe");
+    if (f) {
+        fputs("tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m\n", f);
+        for (size_t k = 0; k < s->n_positions; k++)
+            for (int c = 0; c < 6; c++)
+                fprintf(f, "%s%s", decimal_print(s->pings_m[k][c / 3][c % 3], text),
+                        c < 5 ? "," : "\n");
+        err = ferror(f) ? -EIO : 0;
+        if (fclose(f) && !err)
+            err = -errno;
+    } else {
+        err = -errno;
+    }
+    free(name);
+    return err;
+}
+
+static int write_whole(const struct survey *s, const char *path, const char *calibration)
+{
+    char *partial;
+    int err = 0;
+    if (asprintf(&partial, "%s.part", path) < 0)
+        return -ENOMEM;
+    unlink(partial);
+    FILE *f = fopen(partial, "wxe");
+    if (!f) {
+        err = -errno;
+        goto name;
+    }
+    print_survey(f, s, path, calibration);
+    if (fflush(f) || ferror(f))
+        err = errno ? -errno : -EIO;
+    if (fclose(f) && !err)
+        err = -errno;
+    if (!err && rename(partial, path) < 0)
+        err = -errno;
+    if (err)
+        unlink(partial);
+name:
+    free(partial);
+    return err;
+}
+
+int survey_save(const struct survey *s, const char *path, const char *calibration_folder,
+                struct complaint *why)
+{
+    const char *calibration = s->n_responses ? calibration_folder : NULL;
+    int err = calibration ? save_responses(s, path, calibration, why) : 0;
+    if (err)
+        return err;
+    err = s->pings_m ? save_pings(s, path) : 0;
+    if (!err && s->n_replica)
+        err = replica_save(s->replica, s->n_replica, path, s->sample_rate_hz);
+    if (!err)
+        err = write_whole(s, path, calibration);
+    if (err)
+        complain(why, err, "%s cannot be written: %s", path, strerror(-err));
     return err;
 }

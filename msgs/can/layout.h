@@ -3,10 +3,72 @@
 #ifndef ANLOS_MSGS_CAN_LAYOUT_H
 #define ANLOS_MSGS_CAN_LAYOUT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/can/signal.h"
+#include "msgs/can/frame.h"
+
+/* One signal of a frame: where its bits are, what they mean, and which member of a C
+ * structure holds its value.  Intel byte order, physical = raw * factor + offset. */
+
+enum can_signal_kind {
+    CAN_SIGNAL_NUMBER,  /* clamped to its range */
+    CAN_SIGNAL_SIGMA,   /* the same, rounded up: never said better than it is */
+    CAN_SIGNAL_CHOICE,  /* has names; what is no choice is sent as missing */
+    CAN_SIGNAL_COUNTER, /* wraps around */
+    CAN_SIGNAL_BITS,    /* a name for each bit */
+    CAN_SIGNAL_FLOAT,   /* float32; NaN is missing */
+};
+
+enum can_member_type {
+    CAN_MEMBER_NONE, /* E2E protection: in no structure */
+    CAN_MEMBER_DOUBLE,
+    CAN_MEMBER_BOOL,
+    CAN_MEMBER_U8,
+    CAN_MEMBER_U16,
+    CAN_MEMBER_U32, /* and enumerations */
+};
+
+#define CAN_NEVER_MISSING INT64_MIN
+
+struct can_signal {
+    const char *name, *unit;
+    unsigned start, length;
+    enum can_signal_kind kind;
+    double factor, offset;
+    int64_t min, max; /* raw; below 0: signed.  Of a float: physical */
+    int64_t missing;  /* raw, for NaN and for what is no choice; or CAN_NEVER_MISSING */
+    struct {
+        enum can_member_type type; /* a double holds the physical value / scale, any other
+                                      the raw value */
+        size_t at;
+        double scale; /* physical units in a unit of the member: 100 % in 1 */
+    } member;
+    const char *const *names; /* of raw values or bits from 0 on, up to NULL; or NULL */
+};
+
+/* content: the structure that member.at counts from. */
+void can_signal_put(const struct can_signal *s, struct can_frame_data *f,
+                    const void *content);
+void can_signal_take(const struct can_signal *s, const struct can_frame_data *f,
+                     void *content);
+
+/* Would its value be sent as it is, but for the rounding to a step?  So is what is not
+ * known.  Only of members of type double. */
+bool can_signal_fits(const struct can_signal *s, const void *content);
+
+/* The bits as a number, the sign extended.  Of a float: its bit pattern. */
+int64_t can_signal_raw(const struct can_signal *s, const struct can_frame_data *f);
+
+/* In the signal's unit; NaN when missing. */
+double can_signal_physical(const struct can_signal *s, const struct can_frame_data *f);
+
+/* So is a number out of its range: nobody sends one that means something. */
+bool can_signal_is_missing(const struct can_signal *s, const struct can_frame_data *f);
+
+/* Of a raw value; NULL when it has none. */
+const char *can_signal_name(const struct can_signal *s, int64_t raw);
 
 /* Where the identifiers of a sensor begin: the base of the vehicle + 0x10 * sensor. */
 #define CAN_BASE_DEFAULT 0x400

@@ -11,7 +11,6 @@
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/program.h"
 #include "nodes/launcher/site.h"
-#include "nodes/launcher/tracks.h"
 #include "nodes/launcher/truth.h"
 #include "nodes/record/parts.h"
 #include "nodes/rt/arguments.h"

@@ -2,7 +2,7 @@
  * Time is an argument.
  *
  * A frame is used when its own check is good and its input is VALID by the rules of the
- * table in inbox.c (msgs/can/e2e_sm.h).  Only silence, longer than what it said last is
+ * table in inbox.c (msgs/can/e2e.h).  Only silence, longer than what it said last is
  * kept, makes an input begin anew: one that comes and is wrong stays as it is.  What was
  * said while it was VALID is kept for its time. */
 #ifndef ANLOS_NODES_CAN_INBOX_H
@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 #include "hal/canbus.h"
-#include "msgs/can/e2e_sm.h"
+#include "msgs/can/e2e.h"
 #include "msgs/can/protection.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"

@@ -4,7 +4,157 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/can/pick.h"
+struct worth {
+    double existence; /* in tenths; -1: it is no probability, and less than any */
+    double distance_m;
+};
+
+/* The vehicle's origin is as good as its nearest edge: objects are metres away. */
+static struct worth worth_of(double existence, const double p[3])
+{
+    double d = sqrt(p[0] * p[0] + p[1] * p[1]);
+    bool known = existence >= 0.0 && existence <= 1.0;
+
+    return (struct worth){known ? round(10.0 * existence) : -1.0,
+                          isnan(d) ? INFINITY : d};
+}
+
+static struct worth worth_of_detection(const Anlos__Detection *d)
+{
+    const double nowhere[3] = {NAN, NAN, NAN};
+    const double p[3] = {d->position_m ? d->position_m->x : 0,
+                         d->position_m ? d->position_m->y : 0, 0};
+
+    return worth_of(d->existence, d->position_m ? p : nowhere);
+}
+
+static bool is_less(struct worth a, struct worth b)
+{
+    if (a.existence < b.existence || b.existence < a.existence)
+        return a.existence < b.existence;
+    return a.distance_m > b.distance_m;
+}
+
+/* Of those that are picked, the one of the least worth goes; of equal ones the last. */
+static void drop_least(struct worth *worths, size_t *picked, size_t n)
+{
+    size_t least = 0;
+
+    for (size_t i = 1; i < n; i++)
+        if (!is_less(worths[least], worths[i]))
+            least = i;
+    for (size_t i = least; i + 1 < n; i++) {
+        worths[i] = worths[i + 1];
+        picked[i] = picked[i + 1];
+    }
+}
+
+struct pick {
+    size_t max, n;
+    struct worth worths[CAN_MAX_OBJECTS + 1];
+    size_t picked[CAN_MAX_OBJECTS + 1];
+};
+
+static void add(struct pick *p, size_t index, struct worth worth)
+{
+    p->worths[p->n] = worth;
+    p->picked[p->n++] = index;
+    if (p->n > p->max)
+        drop_least(p->worths, p->picked, p->n--);
+}
+
+static size_t give(const struct pick *p, size_t *picked)
+{
+    for (size_t i = 0; i < p->n; i++)
+        picked[i] = p->picked[i];
+    return p->n;
+}
+
+size_t pick_detections(const Anlos__DetectionList *list, size_t max, size_t *picked)
+{
+    struct pick p = {.max = max};
+
+    for (size_t i = 0; i < list->n_detections; i++)
+        add(&p, i, worth_of_detection(list->detections[i]));
+    return give(&p, picked);
+}
+
+size_t pick_objects(const struct can_object *objects, size_t n, size_t max,
+                    size_t *picked)
+{
+    struct pick p = {.max = max};
+
+    for (size_t i = 0; i < n; i++)
+        add(&p, i, worth_of(objects[i].existence, objects[i].position_m));
+    return give(&p, picked);
+}
+
+#define WINDOW_NS    1000000000ULL
+#define SPARE        2.0 /* lists: one more than a second has counts; all come unevenly */
+#define LEAST_SPAN_S 0.25 /* some lists at once are no pace */
+
+/* Modulo 2^64 ns: a stamp is whatever its sender wrote. */
+static uint64_t age_ns(const struct allowance *a, size_t number, int64_t now_ns)
+{
+    return (uint64_t)now_ns - (uint64_t)a->lists[number % ALLOWANCE_LISTS].begun_ns;
+}
+
+/* The first list that began within the last second; a->n: none did. */
+static size_t first_within(const struct allowance *a, int64_t now_ns)
+{
+    size_t first = a->n;
+
+    while (first && a->n - first < ALLOWANCE_LISTS &&
+           age_ns(a, first - 1, now_ns) < WINDOW_NS)
+        first--;
+    return first;
+}
+
+static double taken_s(const struct allowance *a, size_t first)
+{
+    double sum = 0.0;
+
+    for (size_t i = first ? first - 1 : 0; i < a->n; i++)
+        if (a->n - i <= ALLOWANCE_LISTS)
+            sum += a->lists[i % ALLOWANCE_LISTS].bus_s;
+    return sum;
+}
+
+/* What the next list may take of the bus.  What is left is for those, too, that are still
+ * to come in the second that the first of them began. */
+static double share_s(const struct allowance *a, int64_t now_ns, double lists_s)
+{
+    size_t first = first_within(a, now_ns);
+    double span_s = first < a->n ? 1e-9 * (double)age_ns(a, first, now_ns) : 0.0;
+    double pace_hz = fmax(1.0, (double)(a->n - first) / fmax(span_s, LEAST_SPAN_S));
+    double left_s = lists_s - taken_s(a, first);
+
+    if (a->n - first == ALLOWANCE_LISTS)
+        return 0.0;
+    return fmin(lists_s / (pace_hz + SPARE),
+                left_s / fmax(1.0, pace_hz * (1.0 - span_s)));
+}
+
+size_t allowance_objects(struct allowance *a, const struct allowance_config *cfg,
+                         int64_t now_ns)
+{
+    double lists_s = cfg->load - can_cycles_s(&cfg->rate);
+    double empty_s = can_list_s(&cfg->rate, 0, cfg->fd);
+    double object_s = can_list_s(&cfg->rate, 1, cfg->fd) - empty_s;
+
+    if (a->n && now_ns < a->lists[(a->n - 1) % ALLOWANCE_LISTS].begun_ns)
+        a->n = 0;
+    double n = floor((share_s(a, now_ns, lists_s) - empty_s) / object_s);
+    return n > 0.0 ? (size_t)fmin(n, CAN_MAX_OBJECTS) : 0;
+}
+
+void allowance_begin(struct allowance *a, const struct allowance_config *cfg,
+                     int64_t now_ns, size_t n_objects)
+{
+    a->lists[a->n % ALLOWANCE_LISTS].begun_ns = now_ns;
+    a->lists[a->n % ALLOWANCE_LISTS].bus_s = can_list_s(&cfg->rate, n_objects, cfg->fd);
+    a->n++;
+}
 
 #define BEYOND_M     0.3  /* a middle is farther than what is heard of it, at most */
 #define COUNTER_HALF 2048 /* of what a frame holds: a larger step looks like one back */
@@ -354,7 +504,7 @@ static size_t find_allowed(const struct sender *s, const struct sender_list *lis
 }
 
 /* Those of them that fit; returns whether all do. */
-static bool pick(struct sender *s, struct sender_list *list, int64_t now_ns)
+static bool sender_pick(struct sender *s, struct sender_list *list, int64_t now_ns)
 {
     struct can_object objects[CAN_MAX_OBJECTS];
     size_t allowed[CAN_MAX_OBJECTS], n = find_allowed(s, list, allowed);
@@ -383,7 +533,7 @@ void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
     int64_t capture_ns = list->capture_ns;
 
     list->stale = is_stale(s, list, now_ns);
-    header.truncated |= !pick(s, list, now_ns);
+    header.truncated |= !sender_pick(s, list, now_ns);
     header.number = (uint8_t)list->n_picked;
     list->truncated = header.truncated;
     header.time_sync = s->time_sync;

@@ -3,15 +3,53 @@
 #ifndef ANLOS_NODES_CAN_SENDER_H
 #define ANLOS_NODES_CAN_SENDER_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "hal/canbus.h"
 #include "msgs/can/frames.h"
+#include "msgs/can/load.h"
 #include "msgs/can/protection.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/survey.pb-c.h"
-#include "nodes/can/allowance.h"
+
+/* How many objects the next list may have, so that the bus is not used more than it may
+ * be: in no second, wherever it begins, do the frames of lists and all that comes in
+ * cycles take more than `load` of it.  (A list without objects always goes, even where
+ * that is more.)
+ *
+ * A list counts until a second after the next one began, so that what was still on its
+ * way is in.  What comes in cycles is counted at its most: each kind once more than its
+ * cycle says, the vehicle's frames too, and CAN_STATUS_CHANGES more of Status. While
+ * lists come fast, each gets the same share, not the first ones all of it: as many
+ * objects as fit at the pace of the last second, or of what there is of it after a start
+ * or a silence. */
+
+#define ALLOWANCE_LISTS 256 /* in a second; of more none has objects */
+
+struct allowance_config {
+    struct can_bus_rate rate;
+    bool fd;     /* one FD frame an object, in place of three */
+    double load; /* share of the bus: 0..1 */
+};
+
+struct allowance { /* all zero: nothing was sent */
+    size_t n;      /* lists that have begun */
+    struct {
+        int64_t begun_ns;
+        double bus_s;
+    } lists[ALLOWANCE_LISTS]; /* a ring */
+};
+
+/* For a list that begins at now_ns; times rise, or all begins anew.  0..CAN_MAX_OBJECTS.
+ */
+size_t allowance_objects(struct allowance *a, const struct allowance_config *cfg,
+                         int64_t now_ns);
+
+/* It begins, with so many. */
+void allowance_begin(struct allowance *a, const struct allowance_config *cfg,
+                     int64_t now_ns, size_t n_objects);
 
 #define SENDER_MAX_FRAMES (2 + 3 * CAN_MAX_OBJECTS)
 
@@ -82,7 +120,7 @@ void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list 
 
 /* Makes the frames, when the list goes out: header, time, then state, dynamics and
  * quality or the FD frame of each object that the bus has room for
- * (nodes/can/allowance.h) and that is allowed.  What was heard too long ago is said to be
+ * (struct allowance) and that is allowed.  What was heard too long ago is said to be
  * predicted; what was heard, but in no list that the vehicle got, is new: nothing was
  * sent before the sensor was ready, lists were lost or had no room for it.  A track is
  * not sent before it is new.  last_ns: when the list before began; 0: none did.  Cycle is
@@ -106,5 +144,15 @@ void sender_diagnosis(const struct sender *s, struct can_frame_data *frame);
  * canbus_send. */
 int sender_send(struct sender *s, struct canbus *bus, const struct can_frame_data *frame,
                 int64_t now_ns);
+
+/* Which objects are left out when not all fit: the less likely ones, in steps of a
+ * tenth, and of these the farther ones.  What is said to exist with no probability at
+ * all, but NaN, -1 or 7, goes before those. */
+
+/* Writes the indices of up to max into picked[max], in their order, and returns how many.
+ * max: up to CAN_MAX_OBJECTS.  A place that is not known counts as the farthest. */
+size_t pick_detections(const Anlos__DetectionList *list, size_t max, size_t *picked);
+size_t pick_objects(const struct can_object *objects, size_t n, size_t max,
+                    size_t *picked);
 
 #endif

@@ -6,7 +6,7 @@
 #ifndef ANLOS_NODES_FOXGLOVE_CONVERT_H
 #define ANLOS_NODES_FOXGLOVE_CONVERT_H
 
-#include "nodes/foxglove/arena.h"
+#include "nodes/foxglove/parts.h"
 #include "nodes/foxglove/message.h"
 #include "nodes/foxglove/setting.h"
 

@@ -6,9 +6,70 @@
 #ifndef ANLOS_NODES_LAUNCHER_CREW_H
 #define ANLOS_NODES_LAUNCHER_CREW_H
 
-#include "nodes/launcher/child.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/types.h>
+
+#include "dsp/complaint.h"
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/program.h"
+#include "nodes/rt/log_line.h"
+
+/* One node process as the launcher has it: started, its output read line by line,
+ * started again after a crash with a growing pause. */
+
+#define CHILD_MAX_CRASHES 5             /* without a good run between them */
+#define CHILD_GOOD_RUN_NS 10000000000LL /* a run that makes up for earlier crashes */
+#define CHILD_LINE_SIZE   LOG_LINE_SIZE
+
+enum child_phase {
+    CHILD_RUNNING,
+    CHILD_PAUSING,    /* crashed; starts again at restart_ns */
+    CHILD_ENDED,      /* by itself, exit code 0 */
+    CHILD_BAD_CONFIG, /* exit code 2: no use in starting it again */
+    CHILD_FAILED,     /* crashed too often */
+};
+
+struct child_pipe {
+    int fd; /* -1: closed */
+    size_t used;
+    char text[CHILD_LINE_SIZE];
+};
+
+struct child {
+    const char *name;  /* not owned */
+    char *const *argv; /* not owned */
+    bool aside;        /* the others go on without it, and it ends after them */
+    pid_t pid;         /* 0: not running */
+    enum child_phase phase;
+    unsigned crashes;
+    int64_t started_ns, restart_ns;
+    struct child_pipe pipes[2]; /* stdout, stderr */
+};
+
+/* Called for each line of output, without its end. */
+typedef void child_print(void *ctx, const struct child *c, const char *line);
+
+void child_init(struct child *c, const char *name, char *const *argv);
+
+/* Starts the process in a process group of its own, so that Ctrl-C reaches the launcher
+ * only; it inherits no descriptor but its standard three.  0, -ENOENT (no such program),
+ * other negative errno. */
+int child_start(struct child *c, int64_t now_ns, struct complaint *why);
+
+/* The process is gone; status as waitpid gave it.  Returns the new phase. */
+enum child_phase child_exited(struct child *c, int status, int64_t now_ns);
+
+/* "exit code 1", "signal 11 (Segmentation fault)". */
+void child_describe_exit(int status, char *text, size_t size);
+
+/* Reads what a pipe has and prints whole lines; at its end, the rest too. */
+void child_read(struct child *c, struct child_pipe *pipe, child_print *print, void *ctx);
+void child_signal(const struct child *c, int number);
+
+/* Closes the pipes after printing what is left in them. */
+void child_close(struct child *c, child_print *print, void *ctx);
 
 #define CREW_MAX 16
 

@@ -11,6 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "msgs/bus.h"
 #include "msgs/host.pb-c.h"
 #include "msgs/hosts.h"
 
@@ -74,5 +75,31 @@ enum fellows_verdict fellows_judge(struct fellows *f, int64_t now_ns,
 
 /* May we go?  Yes when all others know how it ended, or cannot be reached. */
 bool fellows_may_leave(const struct fellows *f, int64_t now_ns);
+
+/* The fellows (fellows.h) on the bus: what the launcher says to those of other hosts,
+ * and hears of them. */
+
+struct fellowship { /* zeroed: all on one machine */
+    struct fellows fellows;
+    struct bus *bus;
+    int64_t tell_ns; /* when the others are told again how we are */
+};
+
+/* bus: of node "launcher"; it subscribes to their topic.  0 or a negative errno. */
+int fellowship_open(struct fellowship *f, struct bus *bus, const struct hosts *hosts,
+                    int64_t epoch_ns, uint64_t launch_file);
+
+/* A message of topic "host". */
+void fellowship_hear(struct fellowship *f, const ProtobufCMessage *m,
+                     const struct envelope *e, int64_t now_ns);
+
+/* Speaks when it is time to.  When that is again; INT64_MAX: never. */
+int64_t fellowship_tell(struct fellowship *f, int64_t now_ns);
+
+/* The launcher will end with this code; results: their folder when they are written here,
+ * or NULL.  The first time counts. */
+void fellowship_end(struct fellowship *f, int exit_code, const char *results,
+                    int64_t now_ns);
+bool fellowship_may_leave(const struct fellowship *f, int64_t now_ns);
 
 #endif

@@ -1,14 +1,463 @@
 #include "nodes/launcher/launcher.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <poll.h>
+#include <signal.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/signalfd.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
-#include "nodes/launcher/launcher_state.h"
+#include "hal/clock.h"
+#include "msgs/bus.h"
+#include "nodes/launcher/crew.h"
+#include "nodes/launcher/fellows.h"
+#include "nodes/launcher/screen.h"
+#include "nodes/launcher/service.h"
+#include "nodes/launcher/supervisor.h"
+#include "nodes/rt/log_history.h"
+#include "nodes/rt/log_topic.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/priority.h"
+#include "nodes/rt/vitals.h"
+
+/* The signals that end the launcher, and those of its children, to be read where it
+ * waits. */
+
+struct signals {
+    int fd; /* poll(2) finds it readable when one has come; -1: closed */
+    sigset_t before;
+};
+
+/* What the launcher itself says on the bus: its health, once a second, and its lines
+ * about the nodes, so that a recording has them too. */
+
+struct voice { /* zeroed: mute */
+    struct bus *bus;
+    struct log_topic log;
+    int64_t epoch_ns, due_ns;
+    unsigned n_running, n_lost; /* as said last */
+};
+
+/* The launcher inside: launcher.c waits and listens, launcher_nodes.c starts the nodes,
+ * starts them again and ends them. */
+
+struct launcher {
+    const struct launcher_config *cfg;
+    const struct clock_source *clock;
+    struct crew crew;
+    struct signals signals;
+    struct bus *bus;
+    struct progress progress;
+    struct fellowship fellowship; /* with the other hosts */
+    struct screen screen;
+    struct voice voice;
+    struct log_history history;
+    struct service service;
+    struct supervisor supervisor;
+    bool stopping, stopping_aside, killed;
+    bool reported;
+    bool incomplete; /* the recording, or what a node was to do at its end */
+    int64_t kill_ns;
+    int64_t asked_ns; /* to stop, by a signal; 0: never */
+    int exit_code;    /* once stopping */
+};
+
+/* As nohup leaves it: a signal that is blocked comes even if it is to be ignored. */
+static bool hangup_is_ignored(void)
+{
+    struct sigaction now;
+
+    return !sigaction(SIGHUP, NULL, &now) && now.sa_handler == SIG_IGN;
+}
+
+/* SIGINT, SIGTERM, SIGHUP (but under nohup) and SIGCHLD do not interrupt any more.  0 or
+ * a negative errno. */
+static int signals_open(struct signals *s)
+{
+    sigset_t set;
+
+    sigemptyset(&set);
+    sigaddset(&set, SIGINT);
+    sigaddset(&set, SIGTERM);
+    if (!hangup_is_ignored())
+        sigaddset(&set, SIGHUP);
+    sigaddset(&set, SIGCHLD);
+    signal(SIGPIPE, SIG_IGN);
+    if (sigprocmask(SIG_BLOCK, &set, &s->before))
+        return -errno;
+    s->fd = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
+    return s->fd < 0 ? -errno : 0;
+}
+
+/* The number of one that has come; 0: none has. */
+static int signals_next(const struct signals *s)
+{
+    struct signalfd_siginfo info;
+
+    return read(s->fd, &info, sizeof info) == (ssize_t)sizeof info ? (int)info.ssi_signo
+                                                                   : 0;
+}
+
+/* What follows can be stopped as any program; signals that were for the nodes are not for
+ * it. */
+static void signals_close(struct signals *s)
+{
+    if (s->fd < 0)
+        return;
+    while (signals_next(s))
+        ;
+    close(s->fd);
+    sigprocmask(SIG_SETMASK, &s->before, NULL);
+}
+
+#define PERIOD_NS 1000000000LL
+
+/* bus: of node "launcher"; NULL: there is none. */
+static void voice_open(struct voice *v, struct bus *bus, int64_t epoch_ns)
+{
+    *v =
+        (struct voice){.bus = bus,
+                       .log = {.bus = bus, .room = LOG_TOPIC_BURST, .start_ns = epoch_ns},
+                       .epoch_ns = epoch_ns};
+}
+
+/* Before the bus is destroyed. */
+static void voice_close(struct voice *v)
+{
+    if (v->bus)
+        log_topic_flush(&v->log);
+    v->bus = NULL;
+}
+
+static void voice_log(struct voice *v, const struct log_line *line)
+{
+    if (v->bus && line->level >= LOG_LEVEL_INFO)
+        log_topic_send(&v->log, line);
+}
+
+/* When it is time to, and at once when more or fewer run: ready while all nodes of the
+ * crew run or have ended by themselves, else degraded. */
+static void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew,
+                         const struct supervisor *supervisor)
+{
+    const unsigned n_running = crew_count(crew, CHILD_RUNNING), n_nodes = crew->n,
+                   n_ended = crew_count(crew, CHILD_ENDED), n_lost = crew_lost(crew);
+    const struct log_line tick = {
+        .stamp_ns = now_ns, .level = LOG_LEVEL_INFO, .node = "launcher"};
+    struct vitals vitals;
+    char name[] = "launcher", text[64], ended[32] = "";
+    const struct vitals_fault lost = {NODE_FAULT_NODES_LOST, n_lost, n_nodes};
+    struct vitals_faults faults;
+    struct device_count counts[DEVICE_MAX_COUNTS];
+
+    if (!v->bus ||
+        (now_ns < v->due_ns && n_running == v->n_running && n_lost == v->n_lost))
+        return;
+    v->n_running = n_running;
+    v->n_lost = n_lost;
+    v->due_ns = now_ns + PERIOD_NS;
+    voice_log(v, &tick);
+    vitals_take(&vitals, v->bus, name, 0);
+    vitals.message.state = n_running + n_ended == n_nodes
+                               ? ANLOS__HEALTH__STATE__READY
+                               : ANLOS__HEALTH__STATE__DEGRADED;
+    if (n_ended)
+        snprintf(ended, sizeof ended, ", %u ended", n_ended);
+    snprintf(text, sizeof text, "%u of %u nodes run%s", n_running, n_nodes, ended);
+    vitals.message.text = text;
+    vitals_device(&vitals, counts, supervisor_counts(supervisor, counts));
+    vitals_faults(&vitals.message, &faults, &lost, n_lost > 0);
+    vitals.message.uptime_s = 1e-9 * (double)(now_ns - v->epoch_ns);
+    bus_publish_message(v->bus, topic_health(), 0, now_ns, &vitals.message.base);
+}
+
+#define KILL_AFTER_NS 3000000000LL
+#define KILL_ASIDE_NS 30000000000LL /* a recorder may bring much to a slow disk */
+#define READY_NS      1000000000LL /* for a recorder to be all ears before the rest starts */
+
+/* Whom not to outlive, since when there have been results of this run, and the clock: in
+ * the environment of the nodes.  0 or a negative errno. */
+static int launcher_tell_nodes(void)
+{
+    char parent[24], start[24];
+    int64_t now_ns = clock_now_ns(clock_system()) + clock_wall_ahead_ns();
+
+    snprintf(parent, sizeof parent, "%ld", (long)getpid());
+    snprintf(start, sizeof start, "%lld", (long long)now_ns);
+    if (setenv("ANLOS_LAUNCHER_PID", parent, 1) || setenv("ANLOS_LAUNCH_NS", start, 1))
+        return -errno;
+    return clock_share();
+}
+
+static void launcher_print(void *ctx, const struct child *c, const char *line)
+{
+    struct launcher *l = ctx;
+
+    screen_output(&l->screen, c->name, line, clock_now_ns(l->clock));
+}
+
+/* A line of the launcher itself, or about a node; and one that a node printed. */
+static void launcher_say(struct launcher *l, const char *node, enum log_level level,
+                         const char *text)
+{
+    struct log_line line = {.stamp_ns = clock_now_ns(l->clock), .level = level};
+
+    snprintf(line.node, sizeof line.node, "%s", node);
+    snprintf(line.text, sizeof line.text, "%s", text);
+    log_text_clean(line.text);
+    if (level >= l->cfg->arguments->log_level)
+        screen_log(&l->screen, &line);
+    voice_log(&l->voice, &line);
+    Anlos__Log m = ANLOS__LOG__INIT;
+    m.stamp_ns = line.stamp_ns;
+    m.level = (Anlos__Log__Level)level;
+    m.node = line.node;
+    m.text = line.text;
+    if (level >= LOG_LEVEL_INFO)
+        log_history_add(&l->history, &m);
+}
+
+/* Asks all to end.  The first reason decides the exit code. */
+static void launcher_stop(struct launcher *l, int exit_code)
+{
+    if (l->stopping)
+        return;
+    if (progress_end(&l->progress))
+        screen_progress(&l->screen, l->progress.text);
+    screen_end_progress(&l->screen);
+    service_ends(&l->service);
+    l->stopping = true;
+    l->exit_code = exit_code;
+    l->kill_ns = clock_now_ns(l->clock) + KILL_AFTER_NS;
+    fellowship_end(&l->fellowship, exit_code,
+                   l->reported ? l->cfg->launch->report.folder : NULL,
+                   clock_now_ns(l->clock));
+    crew_signal(&l->crew, false, SIGTERM);
+}
+
+/* What is aside has seen everything when the others have ended. */
+static void launcher_stop_aside(struct launcher *l, int64_t now_ns)
+{
+    if (!l->stopping || l->stopping_aside || crew_runs(&l->crew, false))
+        return;
+    l->stopping_aside = true;
+    if (l->kill_ns) {
+        l->killed = false;
+        l->kill_ns = now_ns + KILL_ASIDE_NS;
+    }
+    crew_signal(&l->crew, true, SIGTERM);
+}
+
+static void start_child(struct launcher *l, struct child *c)
+{
+    struct complaint why = {""};
+
+    child_close(c, launcher_print, l);
+    if (!child_start(c, clock_now_ns(l->clock), &why))
+        return;
+    launcher_say(l, c->name, LOG_LEVEL_ERROR, why.text);
+    c->phase = CHILD_FAILED;
+    if (!c->aside)
+        launcher_stop(l, EXIT_BAD_INPUT);
+}
+
+static void describe_crash(struct launcher *l, const struct child *c, int status)
+{
+    char exit_text[64], text[160];
+
+    child_describe_exit(status, exit_text, sizeof exit_text);
+    if (c->phase == CHILD_FAILED)
+        snprintf(text, sizeof text, "ended with %s %d times; it is given up", exit_text,
+                 CHILD_MAX_CRASHES + 1);
+    else
+        snprintf(text, sizeof text, "ended with %s; starts again in %.1f s", exit_text,
+                 1e-9 * (double)(c->restart_ns - clock_now_ns(l->clock)));
+    launcher_say(l, c->name,
+                 c->phase == CHILD_FAILED ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING, text);
+}
+
+/* What is aside comes first, so that it misses nothing of the others. */
+static void launcher_start_all(struct launcher *l)
+{
+    for (unsigned i = 0; i < l->crew.n && !l->stopping; i++)
+        if (l->crew.children[i].aside)
+            start_child(l, &l->crew.children[i]);
+    crew_start_rest(
+        &l->crew, crew_has_aside(&l->crew, NULL) ? clock_now_ns(l->clock) + READY_NS : 0);
+}
+
+/* A recorder that refuses what it is to do, before there is anything to be lost? */
+static bool refuses(const struct launcher *l, int status)
+{
+    return WIFEXITED(status) && WEXITSTATUS(status) == EXIT_BAD_INPUT &&
+           !crew_runs(&l->crew, false);
+}
+
+/* One that is aside is started again only when it crashed: what made it give up, such as
+ * a full disk, is still there. */
+static void exited_aside(struct launcher *l, struct child *c, int status)
+{
+    char exit_text[64], text[160];
+
+    if (refuses(l, status)) {
+        launcher_stop(l, EXIT_BAD_INPUT);
+        return;
+    }
+    crew_start_rest(&l->crew, 0);
+    if (c->phase == CHILD_ENDED)
+        return;
+    if (c->phase == CHILD_PAUSING && !WIFEXITED(status)) {
+        describe_crash(l, c, status);
+        return;
+    }
+    c->phase = CHILD_FAILED;
+    child_describe_exit(status, exit_text, sizeof exit_text);
+    snprintf(text, sizeof text, "ended with %s; the others go on without it", exit_text);
+    launcher_say(l, c->name, LOG_LEVEL_ERROR, text);
+}
+
+/* What it failed at itself while it was stopping; not that it was stopped. */
+static bool fails_at_end(const struct launcher *l, int status)
+{
+    if (WIFEXITED(status))
+        return WEXITSTATUS(status) != EXIT_WORKED;
+    return WTERMSIG(status) != SIGTERM && !(WTERMSIG(status) == SIGKILL && l->killed);
+}
+
+static void exited_stopping(struct launcher *l, const struct child *c, int status)
+{
+    bool reports = !strcmp(c->name, "report");
+    char exit_text[64], text[PATH_MAX + 160];
+
+    if (!status)
+        l->reported |= reports && l->cfg->launch->scan.fixed;
+    if (!fails_at_end(l, status))
+        return;
+    l->incomplete = true;
+    child_describe_exit(status, exit_text, sizeof exit_text);
+    snprintf(text, sizeof text, "ended with %s while stopping%s%s", exit_text,
+             reports    ? ": results are missing in "
+             : c->aside ? ": the recording is not whole"
+                        : "",
+             reports ? l->cfg->launch->report.folder : "");
+    launcher_say(l, c->name, LOG_LEVEL_ERROR, text);
+}
+
+static void exited(struct launcher *l, struct child *c, int status)
+{
+    enum child_phase phase = child_exited(c, status, clock_now_ns(l->clock));
+
+    child_close(c, launcher_print, l);
+    if (c->aside && status)
+        l->incomplete |= l->stopping || WIFEXITED(status) || phase == CHILD_FAILED;
+    if (l->stopping) {
+        exited_stopping(l, c, status);
+        return;
+    }
+    if (c->aside) {
+        exited_aside(l, c, status);
+        return;
+    }
+    switch (phase) {
+    case CHILD_ENDED:
+        if (strcmp(c->name, "report")) {
+            launcher_say(l, c->name, LOG_LEVEL_INFO,
+                         "has ended; it is not started again");
+            break;
+        }
+        l->reported = true; /* before stop: the other hosts are told */
+        launcher_stop(l, l->progress.state == ANLOS__SCAN_STATUS__STATE__FAILED
+                             ? EXIT_FAILED
+                             : EXIT_WORKED);
+        break;
+    case CHILD_BAD_CONFIG:
+        launcher_stop(l, EXIT_BAD_INPUT);
+        break;
+    case CHILD_FAILED:
+        describe_crash(l, c, status);
+        launcher_stop(l, EXIT_FAILED);
+        break;
+    default:
+        describe_crash(l, c, status);
+    }
+}
+
+/* Takes note of those that have ended. */
+static void launcher_reap(struct launcher *l)
+{
+    for (unsigned i = 0; i < l->crew.n; i++) {
+        int status;
+        struct child *c = &l->crew.children[i];
+        if (c->pid > 0 && waitpid(c->pid, &status, WNOHANG) == c->pid)
+            exited(l, c, status);
+    }
+}
+
+/* Kills those that hang; they are started again as others that crash.  When to look
+ * again.
+ *
+ * SIGKILL: one that is stopped takes no other. */
+static int64_t launcher_supervise(struct launcher *l, int64_t now_ns)
+{
+    int64_t hung_ns[CREW_MAX];
+    char text[160];
+
+    if (l->stopping)
+        return INT64_MAX;
+    int64_t next = supervisor_tick(&l->supervisor, &l->crew, now_ns, hung_ns);
+    for (unsigned i = 0; i < l->crew.n; i++) {
+        if (!hung_ns[i])
+            continue;
+        snprintf(text, sizeof text, "hangs: its loop has not turned for %.1f s; killed",
+                 1e-9 * (double)hung_ns[i]);
+        launcher_say(l, l->crew.children[i].name, LOG_LEVEL_ERROR, text);
+        child_signal(&l->crew.children[i], SIGKILL);
+    }
+    return next;
+}
+
+/* Starts those whose pause is over, and kills those that do not end by themselves.  When
+ * the next one is due; INT64_MAX: none is. */
+static int64_t launcher_restart(struct launcher *l, int64_t now_ns)
+{
+    int64_t next = INT64_MAX;
+
+    for (unsigned i = 0; i < l->crew.n && !l->stopping; i++) {
+        struct child *c = &l->crew.children[i];
+        if (c->phase != CHILD_PAUSING)
+            continue;
+        if (c->restart_ns <= now_ns)
+            start_child(l, c);
+        else if (c->restart_ns < next)
+            next = c->restart_ns;
+    }
+    return next;
+}
+
+static int64_t launcher_kill(struct launcher *l, int64_t now_ns)
+{
+    if (!l->stopping || l->killed)
+        return INT64_MAX;
+    if (now_ns < l->kill_ns)
+        return l->kill_ns;
+    l->killed = true;
+    for (unsigned i = 0; i < l->crew.n; i++) {
+        struct child *c = &l->crew.children[i];
+        if (c->aside && !l->stopping_aside && l->kill_ns)
+            continue;
+        if (c->pid > 0)
+            launcher_say(l, c->name, LOG_LEVEL_WARNING,
+                         l->kill_ns ? "does not stop; killed"
+                                    : "still runs, and you asked again; killed");
+        child_signal(c, SIGKILL);
+    }
+    return INT64_MAX;
+}
 
 /* timeout(1) and others send the same signal twice at once. */
 #define AGAIN_NS 500000000LL

@@ -3,6 +3,7 @@
 #ifndef ANLOS_NODES_LAUNCHER_TRUTH_H
 #define ANLOS_NODES_LAUNCHER_TRUTH_H
 
+#include <jansson.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -43,5 +44,22 @@ int truth_read_scene(struct truth *t, const char *scene, struct complaint *why);
 /* The nearest pairs first, each object and each detection once. */
 void truth_match(struct truth *t);
 void truth_print(const struct truth *t, FILE *to);
+
+/* What an array that stands has tracked: the table at the end of its launch.  The last
+ * list alone would show who is there at the end, and often nobody is. */
+
+#define TRACKS_SHOWN 20 /* of more, the newest */
+
+/* From report.json in a folder.  0, -ENOENT (there is none), -ENODATA (none of tracks),
+ * -EINVAL. */
+int tracks_print(const char *folder, FILE *to, struct complaint *why);
+
+/* What the node report has left in its folder, read for the lines at the end of a
+ * launch. */
+
+/* FOLDER/NAME; release *out with json_decref.  path[size] gets its name, for complaints.
+ * 0, -ENOENT (there is none), -EINVAL (no JSON, too long a name). */
+int results_file_load(json_t **out, const char *folder, const char *name, char *path,
+                      size_t size, struct complaint *why);
 
 #endif

@@ -2,8 +2,12 @@
 #ifndef ANLOS_NODES_RECORD_TAP_H
 #define ANLOS_NODES_RECORD_TAP_H
 
+#include <stddef.h>
+
+#include "dsp/complaint.h"
 #include "hal/clock.h"
 #include "msgs/bus.h"
+#include "msgs/topics.h"
 #include "nodes/record/recorder.h"
 
 #define TAP_QUEUE_BYTES ((size_t)256 << 20) /* 10 s of a scan at four times its pace */
@@ -35,5 +39,18 @@ int tap_drain(struct tap *t, struct complaint *why);
 /* What is lost by now, to the recorder. */
 void tap_count(struct tap *t);
 void tap_close(struct tap *t);
+
+/* The topics to be recorded, by patterns (nodes/rt/patterns.h). */
+
+struct choice {
+    const struct topic **topics; /* [n] */
+    size_t n;
+};
+
+/* exclude may be NULL.  0, -EINVAL (a pattern that no topic matches, or nothing is left),
+ * -ENOMEM. */
+int choice_make(struct choice *c, const char *topics, const char *exclude,
+                struct complaint *why);
+void choice_clear(struct choice *c);
 
 #endif

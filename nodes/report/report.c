@@ -8,11 +8,491 @@
 #include <unistd.h>
 
 #include "msgs/convert.h"
-#include "recon/survey.h"
-#include "nodes/report/report_json.h"
 #include "nodes/rt/export.h"
-#include "recon/processing.h"
+#include "nodes/rt/export_plan.h"
 #include "nodes/rt/volume_grid.h"
+#include "recon/processing.h"
+
+#define STEP_NS  150000000LL   /* of trails, which have TRAILS_MAX_POINTS */
+#define AGAIN_NS 10000000000LL /* an id that comes back later is another track's */
+
+void logbook_init(struct logbook *d)
+{
+    memset(d, 0, sizeof *d);
+    trails_init(&d->trails, LOGBOOK_SHOWN_NS, STEP_NS);
+}
+
+void logbook_ego(struct logbook *d, const Anlos__EgoMotion *m, int64_t capture_ns)
+{
+    trails_ego(&d->trails, m, capture_ns);
+}
+
+void logbook_survey(struct logbook *d, const Anlos__Survey *m)
+{
+    struct complaint why;
+    struct survey fresh;
+
+    if (d->survey_id == m->id || survey_from_message(&fresh, m, &why))
+        return; /* dsp complains about it */
+    survey_clear(&d->survey);
+    d->survey = fresh;
+    d->survey_id = m->id;
+    d->has_walls = false; /* those were of another array */
+    walls_from_survey(&d->walls, &d->survey);
+}
+
+int logbook_walls(struct logbook *d, const Anlos__WallList *m)
+{
+    struct complaint why;
+    size_t size = protobuf_c_message_get_packed_size(&m->base);
+    uint8_t *bytes = malloc(size ? size : 1);
+
+    if (!bytes)
+        return -ENOMEM;
+    protobuf_c_message_pack(&m->base, bytes);
+    Anlos__WallList *fresh = anlos__wall_list__unpack(NULL, size, bytes);
+    free(bytes);
+    if (!fresh)
+        return -ENOMEM;
+    if (walls_from_message(&d->walls, fresh, &why)) {
+        anlos__wall_list__free_unpacked(fresh, NULL);
+        return 0; /* the nodes that work with them complain */
+    }
+    d->has_walls = true;
+    anlos__wall_list__free_unpacked(d->wall_list, NULL);
+    d->wall_list = fresh;
+    return 0;
+}
+
+/* NULL: there is no room.  *err: no memory. */
+static struct logbook_track *find_track(struct logbook *d, uint32_t id, int64_t now_ns,
+                                        int *err)
+{
+    for (size_t i = d->n_tracks; i-- > 0;)
+        if (d->tracks[i].id == id && now_ns - d->tracks[i].last_ns < AGAIN_NS)
+            return &d->tracks[i];
+    if (d->n_tracks == LOGBOOK_MAX_TRACKS) {
+        d->n_left_out++;
+        return NULL;
+    }
+    if (d->n_tracks == d->room) {
+        size_t room = d->room ? 2 * d->room : 16;
+        struct logbook_track *grown = realloc(d->tracks, room * sizeof *grown);
+        if (!grown) {
+            *err = -ENOMEM;
+            return NULL;
+        }
+        d->tracks = grown;
+        d->room = room;
+    }
+    d->tracks[d->n_tracks] =
+        (struct logbook_track){.id = id, .first_ns = now_ns, .velocity_m_s = {NAN, NAN}};
+    return &d->tracks[d->n_tracks++];
+}
+
+static int take_track(struct logbook *d, const Anlos__Detection *m, int64_t now_ns)
+{
+    int err = 0;
+
+    if (!m->position_m || m->measurement == ANLOS__MEASUREMENT__DELETED)
+        return 0;
+    const double at[3] = {m->position_m->x, m->position_m->y, m->position_m->z};
+    struct logbook_track *k = find_track(d, m->id, now_ns, &err);
+    if (!k)
+        return err;
+    if (!k->n++)
+        memcpy(k->from_m, at, sizeof at);
+    memcpy(k->to_m, at, sizeof at);
+    k->last_ns = now_ns;
+    k->shape = m->shape;
+    k->existence = fmax(k->existence, m->existence);
+    k->n_measured += m->measurement != ANLOS__MEASUREMENT__PREDICTED;
+    if (m->n_velocity_m_s != 2)
+        return 0;
+    memcpy(k->velocity_m_s, m->velocity_m_s, sizeof k->velocity_m_s);
+    k->speed_sum_m_s += hypot(m->velocity_m_s[0], m->velocity_m_s[1]);
+    k->n_speeds++;
+    return 0;
+}
+
+int logbook_list(struct logbook *d, const Anlos__DetectionList *list, int64_t capture_ns)
+{
+    int err = 0;
+
+    if (!list->tracked || !trails_stamp_holds(capture_ns))
+        return 0;
+    trails_take(&d->trails, list, capture_ns);
+    d->tracked = true;
+    d->in_vehicle_frame = list->in_vehicle_frame;
+    d->first_ns = d->n_lists++ ? d->first_ns : capture_ns;
+    d->last_ns = capture_ns;
+    for (size_t i = 0; !err && i < list->n_detections; i++)
+        err = take_track(d, list->detections[i], capture_ns);
+    return err;
+}
+
+static json_t *seconds(const struct logbook *d, int64_t at_ns)
+{
+    return export_real(1e-9 * (double)(at_ns - d->first_ns));
+}
+
+static json_t *track_json(const struct logbook *d, const struct logbook_track *k)
+{
+    json_t *o = json_object();
+
+    json_object_set_new(o, "id", json_integer(k->id));
+    json_object_set_new(o, "class", json_string(export_class(k->shape)));
+    json_object_set_new(o, "first_s", seconds(d, k->first_ns));
+    json_object_set_new(o, "last_s", seconds(d, k->last_ns));
+    json_object_set_new(o, "from_m", export_reals(k->from_m, 3));
+    json_object_set_new(o, "to_m", export_reals(k->to_m, 3));
+    json_object_set_new(
+        o, "mean_speed_m_s",
+        export_real(k->n_speeds ? k->speed_sum_m_s / (double)k->n_speeds : NAN));
+    json_object_set_new(o, "last_velocity_m_s", export_reals(k->velocity_m_s, 2));
+    json_object_set_new(o, "greatest_existence", export_real(k->existence));
+    json_object_set_new(o, "lists", json_integer((json_int_t)k->n));
+    json_object_set_new(o, "lists_measured", json_integer((json_int_t)k->n_measured));
+    return o;
+}
+
+static json_t *wall_json(const Anlos__Wall *w)
+{
+    static const char *const origins[] = {"configured", "given", "estimated"};
+    json_t *o = json_object();
+
+    json_object_set_new(o, "id", json_integer(w->id));
+    json_object_set_new(
+        o, "from", json_string((unsigned)w->origin < 3 ? origins[w->origin] : "unknown"));
+    json_object_set_new(
+        o, "normal",
+        export_reals((const double[]){w->normal->x, w->normal->y, w->normal->z}, 3));
+    json_object_set_new(o, "distance_m", export_real(w->distance_m));
+    json_object_set_new(o, "existence", export_real(w->existence));
+    json_object_set_new(o, "unseen_s", export_real(w->unseen_s));
+    return o;
+}
+
+json_t *logbook_json(const struct logbook *d)
+{
+    json_t *o, *tracks, *walls;
+
+    if (!d->tracked)
+        return NULL;
+    o = json_object();
+    tracks = json_array();
+    walls = json_array();
+    json_object_set_new(o, "frame",
+                        json_string(d->in_vehicle_frame ? "vehicle" : "array"));
+    json_object_set_new(o, "seconds", seconds(d, d->last_ns));
+    json_object_set_new(o, "lists", json_integer((json_int_t)d->n_lists));
+    for (size_t i = 0; i < d->n_tracks; i++)
+        json_array_append_new(tracks, track_json(d, &d->tracks[i]));
+    json_object_set_new(o, "tracks", tracks);
+    json_object_set_new(o, "left_out", json_integer((json_int_t)d->n_left_out));
+    for (size_t i = 0; d->wall_list && i < d->wall_list->n_walls; i++)
+        json_array_append_new(walls, wall_json(d->wall_list->walls[i]));
+    json_object_set_new(o, "walls_in_the_array_frame", walls);
+    return o;
+}
+
+int logbook_picture(const struct logbook *d, const char *folder, const struct grid *grid,
+                    struct complaint *why)
+{
+    struct plan_track tracks[TRAILS_MAX];
+    char title[96];
+    struct plan_picture picture = {.title = title,
+                                   .survey = &d->survey,
+                                   .walls = &d->walls,
+                                   .trails = &d->trails,
+                                   .tracks = tracks,
+                                   .grid = grid};
+
+    if (!d->tracked || !d->survey_id)
+        return 0;
+    double s = fmin(1e-9 * (double)(d->last_ns - d->first_ns), 1e-9 * LOGBOOK_SHOWN_NS);
+    snprintf(title, sizeof title, "Tracks of the last %.0f s, over ground", s);
+    for (size_t i = d->n_tracks; i-- > 0 && picture.n_tracks < TRAILS_MAX;) {
+        const struct logbook_track *k = &d->tracks[i];
+        tracks[picture.n_tracks++] =
+            (struct plan_track){.id = k->id,
+                                .velocity_m_s = {k->velocity_m_s[0], k->velocity_m_s[1]},
+                                .class = export_class(k->shape)};
+    }
+    return export_plan(folder, "plan.png", &picture, why);
+}
+
+void logbook_clear(struct logbook *d)
+{
+    survey_clear(&d->survey);
+    anlos__wall_list__free_unpacked(d->wall_list, NULL);
+    free(d->tracks);
+    logbook_init(d);
+}
+
+int report_hosts_take(struct report_hosts *h, const Anlos__HostStatus *status)
+{
+    size_t i = 0, size = anlos__host_status__get_packed_size(status);
+    uint8_t *bytes = malloc(size ? size : 1);
+
+    if (!bytes)
+        return -ENOMEM;
+    anlos__host_status__pack(status, bytes);
+    Anlos__HostStatus *fresh = anlos__host_status__unpack(NULL, size, bytes);
+    free(bytes);
+    if (!fresh)
+        return -ENOMEM;
+    while (i < h->n && strcmp(h->list[i]->host, fresh->host) != 0)
+        i++;
+    if (i == HOSTS_MAX) { /* a stranger */
+        anlos__host_status__free_unpacked(fresh, NULL);
+        return 0;
+    }
+    if (i == h->n)
+        h->n++;
+    else
+        anlos__host_status__free_unpacked(h->list[i], NULL);
+    h->list[i] = fresh;
+    return 0;
+}
+
+/* What one host has measured of another; NULL: nothing. */
+static const Anlos__HostSight *find(const struct report_hosts *h, const char *by,
+                                    const char *of)
+{
+    for (size_t i = 0; i < h->n; i++)
+        for (size_t k = 0; k < h->list[i]->n_sights; k++) {
+            const Anlos__HostSight *s = h->list[i]->sights[k];
+            if (!strcmp(h->list[i]->host, by) && !strcmp(s->host, of) &&
+                s->round_trip_s != 0.0)
+                return s;
+        }
+    return NULL;
+}
+
+double report_hosts_ahead_s(const struct report_hosts *h, const char *of,
+                            const char *than)
+{
+    const Anlos__HostSight *one = find(h, than, of), *other = find(h, of, than);
+
+    return one ? one->clock_ahead_s : other ? -other->clock_ahead_s : 0.0;
+}
+
+json_t *report_hosts_json(const struct report_hosts *h)
+{
+    json_t *list = json_array();
+
+    for (size_t i = 0; i < h->n; i++)
+        for (size_t k = 0; k < h->list[i]->n_sights; k++) {
+            const Anlos__HostSight *s = h->list[i]->sights[k];
+            json_t *o = json_object();
+            json_object_set_new(o, "host", json_string(s->host));
+            json_object_set_new(o, "seen_by", json_string(h->list[i]->host));
+            json_object_set_new(o, "clock_ahead_s", export_real(s->clock_ahead_s));
+            json_object_set_new(o, "round_trip_s", export_real(s->round_trip_s));
+            json_object_set_new(o, "silences", json_integer((json_int_t)s->silences));
+            json_array_append_new(list, o);
+        }
+    return list;
+}
+
+void report_hosts_clear(struct report_hosts *h)
+{
+    for (size_t i = 0; i < h->n; i++)
+        anlos__host_status__free_unpacked(h->list[i], NULL);
+    *h = (struct report_hosts){0};
+}
+
+/* At the end: what still ran then, an array that stands, was stopped. */
+static const char *scan_state_name(Anlos__ScanStatus__State state)
+{
+    switch (state) {
+    case ANLOS__SCAN_STATUS__STATE__WAITING:
+        return "waiting";
+    case ANLOS__SCAN_STATUS__STATE__RUNNING:
+        return "stopped";
+    case ANLOS__SCAN_STATUS__STATE__DONE:
+        return "done";
+    case ANLOS__SCAN_STATUS__STATE__PAUSED:
+        return "paused";
+    default:
+        return "failed";
+    }
+}
+
+static const char *health_state_name(Anlos__Health__State state)
+{
+    switch (state) {
+    case ANLOS__HEALTH__STATE__STARTING:
+        return "starting";
+    case ANLOS__HEALTH__STATE__READY:
+        return "ready";
+    case ANLOS__HEALTH__STATE__DEGRADED:
+        return "degraded";
+    default:
+        return "fault";
+    }
+}
+
+static json_t *integer(uint64_t value)
+{
+    return json_integer((json_int_t)value);
+}
+
+/* Modulo 2^64 ns: a stamp is whatever its sender wrote. */
+static double elapsed_s(int64_t from_ns, int64_t to_ns)
+{
+    return 1e-9 * (double)(int64_t)((uint64_t)to_ns - (uint64_t)from_ns);
+}
+
+/* Seconds between two stamps, null when one is missing. */
+static json_t *report_json_seconds(int64_t from_ns, int64_t to_ns)
+{
+    return from_ns && to_ns ? export_real(elapsed_s(from_ns, to_ns)) : json_null();
+}
+
+/* An array that stands may be stopped before its scan says anything. */
+static const Anlos__ScanStatus *status_of(const struct report *r)
+{
+    static const Anlos__ScanStatus none = ANLOS__SCAN_STATUS__INIT;
+
+    return r->status ? r->status : &none;
+}
+
+static json_t *pings(const struct report *r)
+{
+    const Anlos__ScanStatus *s = status_of(r);
+    json_t *o = json_object();
+
+    json_object_set_new(o, "expected", /* 0: there was no end */
+                        s->pings_expected ? integer(s->pings_expected) : json_null());
+    json_object_set_new(o, "done", integer(s->pings_done));
+    json_object_set_new(o, "retaken", integer(s->pings_retaken));
+    json_object_set_new(o, "lost", integer(s->pings_lost));
+    if (r->volume) {
+        json_object_set_new(o, "imaged", integer(r->volume->pings_used));
+        json_object_set_new(o, "imaged_of", integer(r->volume->pings_expected));
+    }
+    return o;
+}
+
+/* The host that runs a node. */
+static const char *host_of(const struct hosts *map, const char *node)
+{
+    for (size_t i = 0; i < map->n; i++)
+        if (hosts_may_run(map, i, node))
+            return map->list[i].name;
+    return "";
+}
+
+/* How far the clock that stamps volumes is ahead of the one that stamps sound. */
+static double clock_ahead_s(const struct report *r)
+{
+    return r->map ? report_hosts_ahead_s(&r->hosts, host_of(r->map, "recon"),
+                                         host_of(r->map, "array"))
+                  : 0.0;
+}
+
+/* The capture stamp is that of a ping's first sample: it has been heard ping_s later. */
+static json_t *times(const struct report *r)
+{
+    json_t *o = json_object();
+
+    json_object_set_new(o, "scan_s", report_json_seconds(r->running_ns, r->ended_ns));
+    if (r->volume) {
+        double after = elapsed_s(r->volume_capture_ns, r->volume_publish_ns) -
+                       clock_ahead_s(r);
+        json_object_set_new(o, "imaging_s", export_real(r->volume->imaging_s));
+        /* A simulation that runs fast stamps sound that was never waited for. */
+        json_object_set_new(o, "last_ping_to_volume_s",
+                            export_real(fmax(after - r->ping_s, r->volume->imaging_s)));
+    }
+    return o;
+}
+
+static json_t *topic_count(const Anlos__TopicCount *c)
+{
+    json_t *o = json_object();
+
+    json_object_set_new(o, "topic", json_string(c->topic));
+    json_object_set_new(o, "direction", json_string(c->published ? "out" : "in"));
+    json_object_set_new(o, "messages", integer(c->messages));
+    json_object_set_new(o, "bytes", integer(c->bytes));
+    json_object_set_new(o, "gaps", integer(c->gaps));
+    json_object_set_new(o, "dropped", integer(c->dropped));
+    return o;
+}
+
+static json_t *node(const struct report_node *n)
+{
+    const Anlos__Health *h = n->health;
+    json_t *o = json_object(), *topics = json_array(), *device = json_object();
+
+    json_object_set_new(o, "node", json_string(h->node));
+    json_object_set_new(o, "state", json_string(health_state_name(h->state)));
+    json_object_set_new(o, "text", json_string(h->text));
+    json_object_set_new(o, "priority", json_string(h->priority));
+    json_object_set_new(o, "restarts", integer(n->restarts));
+    json_object_set_new(o, "uptime_s", export_real(h->uptime_s));
+    json_object_set_new(o, "cpu_s", export_real(h->cpu_s));
+    json_object_set_new(o, "rss_bytes", integer(h->rss_bytes));
+    json_object_set_new(o, "refused", integer(h->refused));
+    json_object_set_new(o, "refused_connections", integer(h->refused_connections));
+    for (size_t i = 0; i < h->n_topics; i++)
+        json_array_append_new(topics, topic_count(h->topics[i]));
+    json_object_set_new(o, "topics", topics);
+    for (size_t i = 0; i < h->n_device; i++)
+        json_object_set_new(device, h->device[i]->name, integer(h->device[i]->value));
+    json_object_set_new(o, "device", device);
+    return o;
+}
+
+static json_t *messages(const struct report *r)
+{
+    uint64_t gaps = 0, dropped = 0, refused = 0, connections = 0;
+    json_t *o = json_object();
+
+    for (size_t i = 0; i < r->n_nodes; i++) {
+        const Anlos__Health *h = r->nodes[i].health;
+        refused += h->refused;
+        connections += h->refused_connections;
+        for (size_t k = 0; k < h->n_topics; k++) {
+            gaps += h->topics[k]->gaps;
+            dropped += h->topics[k]->dropped;
+        }
+    }
+    json_object_set_new(o, "gaps", integer(gaps));
+    json_object_set_new(o, "dropped", integer(dropped));
+    json_object_set_new(o, "refused", integer(refused));
+    json_object_set_new(o, "refused_connections", integer(connections));
+    return o;
+}
+
+json_t *report_json(const struct report *r)
+{
+    json_t *o = json_object(), *nodes = json_array();
+
+    json_object_set_new(o, "state", json_string(scan_state_name(status_of(r)->state)));
+    json_object_set_new(o, "text", json_string(status_of(r)->text));
+    if (r->volume) {
+        json_object_set_new(o, "method", json_string(r->volume->method));
+        json_object_set_new(o, "clipped_samples", integer(r->volume->clipped_samples));
+        json_object_set_new(o, "microphones_masked",
+                            integer(r->volume->microphones_masked));
+    }
+    json_object_set_new(o, "pings", pings(r));
+    json_object_set_new(o, "times", times(r));
+    json_object_set_new(o, "messages_lost", messages(r));
+    json_t *drive = logbook_json(&r->logbook);
+    if (drive)
+        json_object_set_new(o, "drive", drive);
+    if (r->map)
+        json_object_set_new(o, "hosts", report_hosts_json(&r->hosts));
+    for (size_t i = 0; i < r->n_nodes; i++)
+        json_array_append_new(nodes, node(&r->nodes[i]));
+    json_object_set_new(o, "nodes", nodes);
+    return o;
+}
 
 #define FAILED_WAIT_NS 5000000000LL
 

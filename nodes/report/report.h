@@ -3,17 +3,91 @@
 #ifndef ANLOS_NODES_REPORT_REPORT_H
 #define ANLOS_NODES_REPORT_REPORT_H
 
+#include <jansson.h>
 #include <stdbool.h>
 #include <stdint.h>
 
 #include "dsp/complaint.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/health.pb-c.h"
+#include "msgs/host.pb-c.h"
+#include "msgs/hosts.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/volume.pb-c.h"
-#include "nodes/report/logbook.h"
-#include "nodes/report/report_hosts.h"
+#include "msgs/wall.pb-c.h"
+#include "nodes/rt/trails.h"
+#include "recon/grid.h"
+#include "recon/survey.h"
+#include "recon/walls.h"
+
+/* What was tracked while an array stood on a vehicle: each track in a line, and a
+ * picture of the last seconds seen from above. */
+
+#define LOGBOOK_MAX_TRACKS 1000
+#define LOGBOOK_SHOWN_NS   20000000000LL /* of the picture */
+
+struct logbook_track { /* from its first list to its last */
+    uint32_t id;
+    Anlos__Shape shape;
+    int64_t first_ns, last_ns;
+    double from_m[3], to_m[3]; /* in the frames of the vehicle then */
+    double velocity_m_s[2];    /* the last; NAN: not known */
+    double existence;          /* the greatest */
+    double speed_sum_m_s;
+    uint64_t n, n_speeds, n_measured; /* lists with it, with its speed, that saw it */
+};
+
+struct logbook {  /* begins with logbook_init */
+    bool tracked; /* there was a list of tracks */
+    bool in_vehicle_frame;
+    int64_t first_ns, last_ns; /* of its lists */
+    uint64_t n_lists, n_left_out;
+    size_t n_tracks, room;
+    struct logbook_track *tracks; /* [n_tracks], the oldest first */
+    struct trails trails;
+    uint64_t survey_id; /* 0: none */
+    bool has_walls;     /* node wall tells of them; else those of the survey */
+    struct survey survey;
+    struct walls walls;
+    Anlos__WallList *wall_list; /* NULL: none came */
+};
+
+void logbook_init(struct logbook *d);
+void logbook_ego(struct logbook *d, const Anlos__EgoMotion *m, int64_t capture_ns);
+void logbook_survey(struct logbook *d, const Anlos__Survey *m);
+int logbook_walls(struct logbook *d, const Anlos__WallList *m); /* 0, -ENOMEM */
+
+/* Others than lists of tracks are passed over.  0, -ENOMEM. */
+int logbook_list(struct logbook *d, const Anlos__DetectionList *list, int64_t capture_ns);
+
+/* {"tracks": [...], "walls": [...], ...}; NULL: no list of tracks came. */
+json_t *logbook_json(const struct logbook *d);
+
+/* plan.png.  grid: of the last image, or NULL.  0, or errors as export_plan. */
+int logbook_picture(const struct logbook *d, const char *folder, const struct grid *grid,
+                    struct complaint *why);
+void logbook_clear(struct logbook *d);
+
+/* Of a system on several machines: what each said last of the others, how far apart
+ * their clocks are above all. */
+
+struct report_hosts { /* zeroed: none */
+    size_t n;
+    Anlos__HostStatus *list[HOSTS_MAX]; /* owned */
+};
+
+/* Copies it.  0, -ENOMEM. */
+int report_hosts_take(struct report_hosts *h, const Anlos__HostStatus *status);
+
+/* Seconds by which the clock of one host is ahead of that of another; 0 when nobody has
+ * measured it. */
+double report_hosts_ahead_s(const struct report_hosts *h, const char *of,
+                            const char *than);
+
+/* An array, an object for each pair that was measured. */
+json_t *report_hosts_json(const struct report_hosts *h);
+void report_hosts_clear(struct report_hosts *h);
 
 #define REPORT_MAX_NODES 16
 
@@ -57,5 +131,10 @@ bool report_is_complete(const struct report *r, int64_t now_ns);
  * the rest is there, and the complaint names what is not.  0 or a negative errno. */
 int report_write(const struct report *r, const char *folder, struct complaint *why);
 void report_clear(struct report *r);
+
+/* Report.json: how the scan went. */
+
+/* NULL: no memory. */
+json_t *report_json(const struct report *r);
 
 #endif

@@ -1,15 +1,163 @@
 #include "nodes/scan/scan.h"
 
 #include <errno.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/scan/carriage.h"
+#include "msgs/stage.pb-c.h"
+#include "msgs/survey.pb-c.h"
 #include "nodes/scan/ledger.h"
 #include "nodes/scan/peers.h"
-#include "nodes/scan/route.h"
 #include "nodes/scan/volley.h"
+
+/* The stage as the scan drives it: a command until the state says that it was accepted
+ * and is done.  A fault, or a person's hand on it, it waits out, and then begins anew. */
+
+enum carriage_progress {
+    CARRIAGE_THERE,  /* at rest at the target */
+    CARRIAGE_MOVING, /* wait */
+    CARRIAGE_SEND,   /* the command is to be sent, or sent again */
+    CARRIAGE_PAUSED, /* a person has to home it, or release it; text says why */
+    CARRIAGE_FAILED, /* the target is out of reach; text says why */
+};
+
+struct carriage {
+    bool commanded;
+    uint32_t id;
+    double target_m;
+    int64_t sent_ns;
+    bool accepted, idle, refused;
+    bool fault, held;
+    double position_m; /* where it stands */
+    char text[160];
+};
+
+/* The positions that the scan has to go to, and in which order. */
+
+struct route {
+    size_t n_positions;
+    double *positions_m; /* [n_positions] */
+    uint32_t *speakers;  /* [n_speakers of the survey]: those that are missing */
+};
+
+#define RESEND_NS 500000000LL /* without a sign that the command was accepted */
+
+static void carriage_init(struct carriage *c)
+{
+    *c = (struct carriage){.commanded = false};
+}
+
+static void carriage_state(struct carriage *c, const Anlos__StageState *state)
+{
+    c->position_m = state->position_m;
+    /* The target too: an id may be left from a scan that was restarted. */
+    c->accepted = c->commanded && state->command_id == c->id &&
+                  state->target_m == c->target_m;
+    c->idle = state->state == ANLOS__STAGE_STATE__STATE__IDLE;
+    c->refused = state->state == ANLOS__STAGE_STATE__STATE__REFUSED;
+    c->fault = state->state == ANLOS__STAGE_STATE__STATE__FAULT;
+    c->held = state->held;
+    snprintf(c->text, sizeof c->text, "%s", state->text);
+}
+
+/* The stage process was restarted: it knows no command. */
+static void carriage_forget(struct carriage *c)
+{
+    c->commanded = c->accepted = false;
+    c->fault = c->held = false;
+}
+
+/* Does it wait for a person?  As carriage_go with any target. */
+static bool carriage_is_paused(const struct carriage *c)
+{
+    return c->fault || c->held;
+}
+
+static enum carriage_progress send_new(struct carriage *c, double target_m,
+                                       int64_t now_ns)
+{
+    c->commanded = true;
+    c->accepted = false;
+    c->id++;
+    c->target_m = target_m;
+    c->sent_ns = now_ns;
+    return CARRIAGE_SEND;
+}
+
+/* Brings the stage to the target.  On CARRIAGE_SEND, id and target_m are to be sent. */
+static enum carriage_progress carriage_go(struct carriage *c, double target_m,
+                                          int64_t now_ns)
+{
+    if (carriage_is_paused(c)) {
+        c->commanded = c->accepted = false;
+        return CARRIAGE_PAUSED;
+    }
+    if (!c->commanded || c->target_m != target_m)
+        return send_new(c, target_m, now_ns);
+    if (!c->accepted) {
+        if (now_ns - c->sent_ns < RESEND_NS)
+            return CARRIAGE_MOVING;
+        c->sent_ns = now_ns;
+        return CARRIAGE_SEND;
+    }
+    if (c->refused)
+        return CARRIAGE_FAILED;
+    return c->idle ? CARRIAGE_THERE : CARRIAGE_MOVING;
+}
+
+static void route_clear(struct route *r)
+{
+    free(r->positions_m);
+    free(r->speakers);
+    *r = (struct route){.n_positions = 0};
+}
+
+/* 0, -ENOMEM. */
+static int route_open(struct route *out, const Anlos__Survey *survey)
+{
+    size_t n = survey->n_stage_positions_m;
+
+    *out =
+        (struct route){.n_positions = n,
+                       .positions_m = calloc(n, sizeof *out->positions_m),
+                       .speakers = calloc(survey->n_speakers_m, sizeof *out->speakers)};
+    if (!out->positions_m || !out->speakers) {
+        route_clear(out);
+        return -ENOMEM;
+    }
+    memcpy(out->positions_m, survey->stage_positions_m, n * sizeof *out->positions_m);
+    return 0;
+}
+
+/* Which speakers are missing at a position: how many, and r->speakers has them. */
+static size_t route_missing(const struct route *r, const struct ledger *l,
+                            Anlos__Pass pass, size_t position)
+{
+    return ledger_missing(l, pass, position, r->speakers);
+}
+
+/* The nearest position where something is missing; n_positions: nowhere.  So the stage
+ * goes there and back again, and takes up what was lost on its way. */
+static size_t route_nearest(const struct route *r, const struct ledger *l,
+                            Anlos__Pass pass, size_t from)
+{
+    size_t best = r->n_positions;
+    double best_m = INFINITY;
+
+    for (size_t i = 0; i < r->n_positions; i++) {
+        double distance_m = fabs(r->positions_m[i] - r->positions_m[from]);
+        if (distance_m < best_m && route_missing(r, l, pass, i)) {
+            best = i;
+            best_m = distance_m;
+        }
+    }
+    return best;
+}
 
 #define HEARD_NS 2000000000LL /* each node publishes its health every second */
 

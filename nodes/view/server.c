@@ -1,14 +1,224 @@
 #include "nodes/view/server.h"
 
+#include <arpa/inet.h>
 #include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "nodes/foxglove/server.h"
-#include "nodes/view/guard.h"
-#include "nodes/view/live.h"
 #include "nodes/view/page.h"
 #include "nodes/web/web.h"
+
+/* The WebSocket of the page, at "/live": frames of the board out, requests in.  A page
+ * that is slow skips frames and keeps nobody waiting. */
+
+#define LIVE_MAX_PAGES 12
+
+struct live_config {
+    struct view *view;
+    const char *address;                     /* outlives it; for guard_host */
+    void (*seek)(void *ctx, double seconds); /* NULL: there is no bag */
+    void *seek_ctx;
+};
+
+#define SCHEME "http://"
+
+/* The name or address in "name:port", "1.2.3.4:port", "[::1]:port".  false: too long, or
+ * what follows is no port. */
+static bool split(const char *host, char *out, size_t size)
+{
+    bool bracket = *host == '[';
+    const char *start = host + bracket, *end = strpbrk(start, bracket ? "]" : ":");
+    size_t n = end ? (size_t)(end - start) : strlen(start);
+
+    if (n >= size || (bracket && !end))
+        return false;
+    memcpy(out, start, n);
+    out[n] = '\0';
+    if (!end)
+        return n > 0;
+    end += bracket;
+    return n > 0 &&
+           (!*end || (*end == ':' && strspn(end + 1, "0123456789") == strlen(end + 1)));
+}
+
+bool guard_host(const char *host, const char *address)
+{
+    unsigned char binary[sizeof(struct in6_addr)];
+    char name[256];
+
+    if (!host || !split(host, name, sizeof name))
+        return false;
+    if (*host == '[')
+        return inet_pton(AF_INET6, name, binary) == 1;
+    return !strcasecmp(name, "localhost") || !strcasecmp(name, address) ||
+           inet_pton(AF_INET, name, binary) == 1;
+}
+
+bool guard_origin(const char *origin, const char *host)
+{
+    const size_t n = sizeof SCHEME - 1;
+
+    return !origin ||
+           (host && !strncasecmp(origin, SCHEME, n) && !strcasecmp(origin + n, host));
+}
+
+#define MOST_SLICES 100000000
+
+static int read(struct request *out, const json_t *o)
+{
+    const json_t *slice = json_object_get(o, "slice"), *seek = json_object_get(o, "seek");
+
+    if (!json_is_object(o) || json_object_size(o) != 1)
+        return -EINVAL;
+    if (json_is_integer(slice)) {
+        json_int_t k = json_integer_value(slice);
+        *out = (struct request){.kind = REQUEST_SLICE, .slice = (size_t)k};
+        return k >= 0 && k < MOST_SLICES ? 0 : -EINVAL;
+    }
+    *out = (struct request){.kind = REQUEST_SEEK, .seek_s = json_number_value(seek)};
+    return json_is_number(seek) && isfinite(out->seek_s) ? 0 : -EINVAL;
+}
+
+int request_parse(struct request *out, const void *data, size_t size)
+{
+    if (size > REQUEST_MAX_SIZE)
+        return -EMSGSIZE;
+    json_t *o = json_loadb(data, size, JSON_REJECT_DUPLICATES, NULL);
+    int err = o ? read(out, o) : -EINVAL;
+
+    json_decref(o);
+    return err;
+}
+
+struct live {
+    struct live_config cfg;
+    struct web *web;
+    size_t pages; /* the web server's thread's */
+};
+
+struct page {
+    struct live *live;
+    struct board_reader reader;
+};
+
+static bool refuse_page(void *ctx, const struct web_request *r, struct web_reply *out)
+{
+    const struct live *l = ctx;
+
+    out->status = l->pages >= LIVE_MAX_PAGES ? "503 Service Unavailable"
+                                             : "403 Forbidden";
+    return l->pages >= LIVE_MAX_PAGES || !guard_host(r->host, l->cfg.address) ||
+           !guard_origin(r->origin, r->host);
+}
+
+static void *open_page(void *ctx)
+{
+    struct live *l = ctx;
+    struct page *p = l->pages < LIVE_MAX_PAGES ? calloc(1, sizeof *p) : NULL;
+
+    if (!p)
+        return NULL;
+    p->live = l;
+    l->pages++;
+    view_pages(l->cfg.view, 1);
+    return p;
+}
+
+static bool take_request(void *client, const void *data, size_t size, bool binary)
+{
+    struct page *p = client;
+    const struct live_config *cfg = &p->live->cfg;
+    struct request request;
+
+    if (!data || binary || request_parse(&request, data, size))
+        return false;
+    if (request.kind == REQUEST_SEEK && cfg->seek) {
+        cfg->seek(cfg->seek_ctx, request.seek_s);
+    } else if (request.kind == REQUEST_SLICE) {
+        struct frame *f = view_slice(cfg->view, request.slice);
+        if (f)
+            board_hand(view_board(cfg->view), &p->reader, f);
+    }
+    return true;
+}
+
+static enum web_next next_frame(void *client, struct web_frame *out)
+{
+    struct page *p = client;
+    struct frame *f = board_next(view_board(p->live->cfg.view), &p->reader);
+
+    *out = (struct web_frame){.owner = f};
+    if (!f)
+        return WEB_NOTHING;
+    out->body = frame_data(f, &out->body_size, &out->binary);
+    return WEB_FRAME;
+}
+
+static void drop_frame(void *client, const struct web_frame *f, bool sent)
+{
+    (void)client;
+    (void)sent;
+    frame_drop(f->owner);
+}
+
+static void close_page(void *client)
+{
+    struct page *p = client;
+    struct live *l = p->live;
+
+    board_close(view_board(l->cfg.view), &p->reader);
+    free(p);
+    l->pages--;
+    view_pages(l->cfg.view, -1);
+}
+
+static void wake(void *ctx)
+{
+    struct live *l = ctx;
+
+    web_wake(l->web);
+}
+
+/* Before web_start.  0, -ENOMEM. */
+static int live_create(struct live **out, struct web *web, const struct live_config *cfg)
+{
+    struct live *l = calloc(1, sizeof *l);
+    const struct web_endpoint endpoint = {.path = "/live",
+                                          .max_message = REQUEST_MAX_SIZE,
+                                          .ctx = l,
+                                          .refuse = refuse_page,
+                                          .open = open_page,
+                                          .take = take_request,
+                                          .next = next_frame,
+                                          .done = drop_frame,
+                                          .close = close_page};
+
+    if (!l)
+        return -ENOMEM;
+    l->cfg = *cfg;
+    l->web = web;
+    web_serve(web, &endpoint);
+    board_watch(view_board(cfg->view), wake, l);
+    *out = l;
+    return 0;
+}
+
+/* Before web_destroy: it wakes the server no more. */
+static void live_stop(struct live *l)
+{
+    board_watch(view_board(l->cfg.view), NULL, NULL);
+}
+
+/* After web_destroy.  NULL is fine. */
+static void live_destroy(struct live *l)
+{
+    free(l);
+}
 
 #define WRITE_TIME_MS  30000 /* a browser on a loaded machine may take seconds */
 #define SILENCE_TIME_S 10

@@ -4,6 +4,9 @@
 #ifndef ANLOS_NODES_VIEW_SERVER_H
 #define ANLOS_NODES_VIEW_SERVER_H
 
+#include <stdbool.h>
+#include <stddef.h>
+
 #include "dsp/complaint.h"
 #include "nodes/view/view.h"
 
@@ -36,5 +39,33 @@ void server_time(struct server *s, int64_t now_ns);
 
 /* Hangs up on every client: it takes milliseconds, whatever they do. */
 void server_destroy(struct server *s);
+
+/* Who may read the pages: a web page of somebody else's, open in the same browser, may
+ * not.  It could reach a server on loopback by a name of its own that it lets point
+ * there (DNS rebinding): so only addresses, "localhost" and the address that was
+ * configured are taken as Host; and it could open a WebSocket across origins, which
+ * browsers let pass: so an Origin has to be the page's own. */
+
+/* host: the request's Host header, with or without port; NULL: it has none. */
+bool guard_host(const char *host, const char *address);
+
+/* origin: the request's Origin header; NULL: no browser sent it. */
+bool guard_origin(const char *origin, const char *host);
+
+/* What a page asks for: a JSON text of one key, {"slice": K}: the slice at depth index K
+ * of the newest image; {"seek": S}: of a bag, the state S seconds after its start. */
+
+#define REQUEST_MAX_SIZE 256
+
+enum request_kind { REQUEST_SLICE, REQUEST_SEEK };
+
+struct request {
+    enum request_kind kind;
+    size_t slice;
+    double seek_s;
+};
+
+/* data[size] need not end with a zero.  0, -EINVAL, -EMSGSIZE, -ENOMEM. */
+int request_parse(struct request *out, const void *data, size_t size);
 
 #endif

@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #include "hal/clock.h"
-#include "nodes/record/choice.h"
+#include "nodes/record/tap.h"
 #include "nodes/record/recorder.h"
 
 #define PING_BYTES  380000

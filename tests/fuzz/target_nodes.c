@@ -8,7 +8,6 @@
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
 #include "nodes/report/report.h"
-#include "nodes/report/report_json.h"
 #include "recon/processing.h"
 #include "nodes/track/tracking.h"
 #include "tests/fuzz/fuzz.h"

@@ -5,8 +5,7 @@
 #include <string.h>
 
 #include "nodes/foxglove/request.h"
-#include "nodes/view/guard.h"
-#include "nodes/view/request.h"
+#include "nodes/view/server.h"
 #include "tests/fuzz/fuzz.h"
 
 /* It is shown to the client. */

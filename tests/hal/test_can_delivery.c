@@ -5,7 +5,7 @@
 
 #include <cmocka.h>
 
-#include "hal/can/delivery.h"
+#include "hal/can/errors.h"
 
 #define MS 1000000LL
 

@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <math.h>
 
-#include "hal/recording/emissions_file.h"
+#include "hal/recording/recording.h"
 
 static double elements[4][3] = {{0.0}, {0.1}, {0.2}, {0.3}};
 static double position;

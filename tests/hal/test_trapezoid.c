@@ -7,7 +7,7 @@
 #include <cmocka.h>
 
 #include "hal/random.h"
-#include "hal/stage/trapezoid.h"
+#include "hal/stage/stepper.h"
 
 static void assert_near(double x, double expected, double tolerance)
 {

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "hal/recording/wav_samples.h"
+#include "hal/recording/riff.h"
 
 enum { CHANNELS = 2, SLOTS = 2, SLOT = 10, FRAMES = 24 };
 

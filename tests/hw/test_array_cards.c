@@ -8,7 +8,6 @@
 #include <cmocka.h>
 
 #include "hal/alsa/devices.h"
-#include "hal/alsa/probe.h"
 
 static void every_card_is_listed_with_its_directions(void **state)
 {

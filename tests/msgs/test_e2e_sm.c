@@ -14,7 +14,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "msgs/can/e2e_sm.h"
+#include "msgs/can/e2e.h"
 
 #define ID    0x123
 #define DELTA 3

@@ -11,7 +11,7 @@
 #include "msgs/bag/check.h"
 #include "msgs/bag/cursor.h"
 #include "msgs/bag/topic_message.h"
-#include "nodes/record/choice.h"
+#include "nodes/record/tap.h"
 #include "nodes/record/recorder.h"
 
 #define EPOCH_NS    77000000000LL

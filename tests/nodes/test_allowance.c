@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "msgs/can/frames.h"
-#include "nodes/can/allowance.h"
+#include "nodes/can/sender.h"
 
 #define MS 1000000LL
 

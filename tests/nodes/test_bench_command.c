@@ -14,7 +14,6 @@
 
 #include "nodes/anlos/bench/chart.h"
 #include "nodes/anlos/bench/noise.h"
-#include "nodes/anlos/bench/plan.h"
 #include "nodes/anlos/bench/results.h"
 #include "nodes/anlos/commands.h"
 #include "tests/hal/folder.h"

@@ -5,7 +5,7 @@
 #include <unistd.h>
 
 #include "msgs/detections.pb-c.h"
-#include "nodes/anlos/bench/drive_bag_world.h"
+#include "nodes/anlos/bench/drive_bag.h"
 #include "nodes/anlos/bench/drive_world.h"
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"

@@ -8,7 +8,6 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/bench/drive_result.h"
-#include "nodes/anlos/bench/poisson.h"
 #include "tests/nodes/near.h"
 
 /* exp(-m) = 1 - confidence. */

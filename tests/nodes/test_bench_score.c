@@ -9,7 +9,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/bench/bound.h"
+#include "nodes/anlos/bench/trials.h"
 #include "nodes/anlos/bench/score.h"
 #include "tests/nodes/near.h"
 

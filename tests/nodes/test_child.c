@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/launcher/child.h"
+#include "nodes/launcher/crew.h"
 
 #define DEADLINE_MS 60000
 #define S           1000000000LL

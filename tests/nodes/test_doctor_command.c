@@ -10,7 +10,7 @@
 #include "msgs/keys.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/doctor/check.h"
+#include "nodes/anlos/doctor/findings.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/living.h"
 

@@ -12,7 +12,7 @@
 #include "foxglove/log.pb-c.h"
 #include "foxglove/transforms.pb-c.h"
 #include "nodes/foxglove/channels.h"
-#include "nodes/foxglove/level.h"
+#include "nodes/foxglove/image.h"
 #include "nodes/foxglove/parts.h"
 #include "tests/nodes/foxglove_samples.h"
 #include "tests/nodes/near.h"

@@ -7,7 +7,6 @@
 
 #include <cmocka.h>
 
-#include "nodes/foxglove/inbox.h"
 #include "nodes/foxglove/queue.h"
 
 static int push(struct queue *q, size_t channel, size_t size, int64_t t_ns)

@@ -10,8 +10,6 @@
 
 #include <cmocka.h>
 
-#include "nodes/foxglove/origin.h"
-#include "nodes/foxglove/reply.h"
 #include "nodes/foxglove/request.h"
 
 static struct foxglove_request request;

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/can/pick.h"
+#include "nodes/can/sender.h"
 
 static struct can_object at(double x, double y, double existence)
 {

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/launcher/progress.h"
+#include "nodes/launcher/screen.h"
 
 static bool tell(struct progress *p, Anlos__ScanStatus__State state, uint32_t done)
 {

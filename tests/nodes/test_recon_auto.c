@@ -13,7 +13,6 @@
 
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
-#include "nodes/anlos/recon/auto_pace.h"
 #include "nodes/anlos/recon/report.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/simulated.h"

@@ -9,7 +9,6 @@
 #include <unistd.h>
 
 #include "nodes/report/report.h"
-#include "nodes/report/report_json.h"
 #include "nodes/rt/plan_sheet.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/scan/rounds.h"
+#include "nodes/scan/fixed_scan.h"
 
 #define MS 1000000LL
 

@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/live.h"
-#include "nodes/anlos/topic/table.h"
+#include "nodes/anlos/topic/tally.h"
 #include "tests/nodes/near.h"
 
 #define MS 1000000LL

@@ -10,7 +10,6 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/recon/traces_band.h"
 #include "nodes/anlos/recon/traces_file.h"
 #include "tests/nodes/mat_write.h"
 #include "tests/nodes/traces_write.h"

@@ -1,5 +1,5 @@
 /* The table of what was tracked, from reports made by hand. */
-#include "nodes/launcher/tracks.h"
+#include "nodes/launcher/truth.h"
 
 #include "tests/hal/scratch.h"
 

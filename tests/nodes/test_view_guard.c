@@ -6,8 +6,7 @@
 #include <errno.h>
 #include <string.h>
 
-#include "nodes/view/guard.h"
-#include "nodes/view/request.h"
+#include "nodes/view/server.h"
 
 static void addresses_are_hosts_and_names_are_not(void **state)
 {

@@ -1,11 +1,6 @@
-/* A scan as the recording that `anlos recon` reads: survey.yaml, scene and background
- * with a WAV file for each stage position, or one file of all pings with places of their
- * own, or of an array that stands one of all that it heard, with emissions.csv and, of a
- * vehicle, ego.csv beside it. A slot's sound rings on into the next one: there the file
- * has what the next ping heard, which is the same unless one of the two was taken again.
- */
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,12 +9,238 @@
 
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
-#include "recon/tail.h"
+#include "msgs/array.pb-c.h"
+#include "msgs/convert.h"
 #include "msgs/tensor.h"
 #include "nodes/anlos/bag/ego_table.h"
 #include "nodes/anlos/bag/export.h"
-#include "nodes/anlos/bag/takes.h"
+#include "nodes/anlos/bag/stream.h"
 #include "nodes/rt/export.h"
+#include "recon/survey.h"
+#include "recon/tail.h"
+
+/* Which pings of a bag make up a scan: of each emission the last one that is valid, as
+ * pings that failed were taken again. */
+
+struct takes {
+    struct survey survey; /* its stage positions are where the stage really stood */
+    uint32_t scan;
+    uint64_t n_retaken;  /* pings that another one stands for */
+    uint64_t n_unplaced; /* of the scan, but not of the survey */
+    uint64_t n_others;   /* of other scans */
+    bool has_background;
+    bool endless; /* of an array that stands: all of its pings count, and nothing of what
+                   * follows is filled in */
+    /* Number from 1 of the message in the stream, 0: there is none. */
+    uint64_t *chosen; /* [2 passes][n_positions][n_speakers] */
+    size_t n_missing; /* of the passes that there are */
+};
+
+#define MOST_SURVEYS 1000 /* of different ids, which are compared with one another */
+
+struct fact { /* of a ping */
+    uint64_t number, survey_id;
+    double stage_m;
+    uint32_t scan, pass, position, speaker, frame;
+    bool valid;
+};
+
+struct facts {
+    struct fact *list; /* [n] */
+    size_t n, room;
+    Anlos__Survey **surveys; /* [n_surveys], of different ids */
+    size_t n_surveys;
+    uint64_t newest_id; /* of what does not say of which survey it is */
+};
+
+static int add_survey(struct facts *f, Anlos__Survey *survey)
+{
+    survey_complete_id(survey);
+    f->newest_id = survey->id;
+    for (size_t i = 0; i < f->n_surveys; i++) {
+        if (f->surveys[i]->id == survey->id) {
+            anlos__survey__free_unpacked(survey, NULL);
+            return 0;
+        }
+    }
+    if (f->n_surveys == MOST_SURVEYS) {
+        anlos__survey__free_unpacked(survey, NULL);
+        return -EFBIG;
+    }
+    Anlos__Survey **grown =
+        realloc(f->surveys, (f->n_surveys + 1) * sizeof(Anlos__Survey *));
+    if (!grown) {
+        anlos__survey__free_unpacked(survey, NULL);
+        return -ENOMEM;
+    }
+    f->surveys = grown;
+    f->surveys[f->n_surveys++] = survey;
+    return 0;
+}
+
+static int add_ping(struct facts *f, const Anlos__Ping *p, uint64_t number)
+{
+    if (f->n == f->room) {
+        size_t room = f->room ? 2 * f->room : 256;
+        struct fact *grown = realloc(f->list, room * sizeof *grown);
+        if (!grown)
+            return -ENOMEM;
+        f->list = grown;
+        f->room = room;
+    }
+    f->list[f->n++] =
+        (struct fact){.number = number,
+                      .survey_id = p->survey_id ? p->survey_id : f->newest_id,
+                      .stage_m = p->stage_m,
+                      .scan = p->scan,
+                      .pass = p->pass,
+                      .position = p->position,
+                      .speaker = p->speaker,
+                      .frame = p->frame,
+                      .valid = p->valid};
+    return 0;
+}
+
+static int read_facts(struct facts *f, struct stream *s, struct complaint *why)
+{
+    struct stream_message m;
+    uint64_t number = 0;
+    int err = 0;
+
+    while (!err && !(err = stream_next(s, &m, why))) {
+        ProtobufCMessage *content = stream_unpack(&m);
+        number++;
+        if (!content)
+            return complain(why, -EBADMSG, "a message of \"%s\" is none",
+                            m.topic ? m.topic->name : "another program");
+        if (m.topic == topic_survey()) {
+            err = add_survey(f, (Anlos__Survey *)content);
+        } else {
+            err = add_ping(f, (Anlos__Ping *)content, number);
+            protobuf_c_message_free_unpacked(content, NULL);
+        }
+        if (err == -EFBIG)
+            complain(why, err, "more than %d different surveys", MOST_SURVEYS);
+        else if (err)
+            complain(why, err, "out of memory");
+    }
+    return err == -ENODATA ? 0 : err;
+}
+
+static void free_facts(struct facts *f)
+{
+    for (size_t i = 0; i < f->n_surveys; i++)
+        anlos__survey__free_unpacked(f->surveys[i], NULL);
+    free(f->surveys);
+    free(f->list);
+}
+
+/* The last ping of the scan says which survey is its. */
+static int choose_survey(struct takes *t, const struct facts *f, size_t scan,
+                         uint64_t *id, struct complaint *why)
+{
+    const struct fact *last = NULL;
+
+    for (size_t i = 0; i < f->n; i++)
+        if (!scan || f->list[i].scan == scan)
+            last = &f->list[i];
+    if (!last)
+        return scan ? complain(why, -ENODATA, "no pings of scan %zu", scan)
+                    : complain(why, -ENODATA, "no pings");
+    t->scan = last->scan;
+    *id = last->survey_id;
+    for (size_t i = 0; i < f->n_surveys; i++)
+        if (f->surveys[i]->id == *id)
+            return survey_from_message(&t->survey, f->surveys[i], why);
+    return complain(why, -ENODATA, "the survey of the pings is not in the bag");
+}
+
+static bool find_slot(const struct takes *t, uint32_t pass, uint32_t position,
+                      uint32_t speaker, size_t *slot)
+{
+    const struct survey *s = &t->survey;
+
+    *slot = ((size_t)pass * s->n_positions + position) * s->n_speakers + speaker;
+    return pass < 2 && position < s->n_positions && speaker < s->n_speakers;
+}
+
+/* Of an array that stands: is it one of them? */
+static bool takes_has(const struct takes *t, const Anlos__Ping *p)
+{
+    size_t slot;
+
+    return p->scan == t->scan &&
+           (!p->survey_id || p->survey_id == survey_id(&t->survey)) &&
+           find_slot(t, (uint32_t)p->pass, p->position, p->speaker, &slot);
+}
+
+/* The place of a ping among chosen; false: it is none of the scan's. */
+static bool takes_slot(const struct takes *t, const Anlos__Ping *p, size_t *slot)
+{
+    return find_slot(t, (uint32_t)p->pass, p->position, p->speaker, slot);
+}
+
+static void choose(struct takes *t, const struct facts *f, uint64_t survey_id)
+{
+    size_t slot;
+
+    for (size_t i = 0; i < f->n; i++) {
+        const struct fact *p = &f->list[i];
+        if (p->scan != t->scan) {
+            t->n_others++;
+            continue;
+        }
+        if (p->survey_id != survey_id ||
+            !find_slot(t, p->pass, p->position, p->speaker, &slot)) {
+            t->n_unplaced++;
+            continue;
+        }
+        t->has_background |= p->pass == ANLOS__PASS__BACKGROUND;
+        t->endless |= p->frame != 0;
+        if (t->endless)
+            continue;
+        t->n_retaken += !p->valid || t->chosen[slot];
+        if (!p->valid)
+            continue;
+        t->chosen[slot] = p->number;
+        if (!t->survey.pings_m && isfinite(p->stage_m))
+            t->survey.stage_positions_m[p->position] = p->stage_m;
+    }
+}
+
+/* Reads all of the stream; scan 0: the last one.  Clear with takes_clear, also after an
+ * error.  0, -ENODATA (no pings, or none of that scan, or no survey of theirs), -EBADMSG,
+ * -EFBIG (surveys without number), errors of stream_next. */
+static int takes_find(struct takes *t, struct stream *s, size_t scan,
+                      struct complaint *why)
+{
+    struct facts f = {.list = NULL};
+    uint64_t id = 0;
+
+    memset(t, 0, sizeof *t);
+    int err = read_facts(&f, s, why);
+    if (!err)
+        err = choose_survey(t, &f, scan, &id, why);
+    size_t n = t->survey.n_positions * t->survey.n_speakers;
+    if (!err) {
+        t->chosen = calloc(2 * n, sizeof *t->chosen);
+        err = t->chosen ? 0 : complain(why, -ENOMEM, "out of memory");
+    }
+    if (!err) {
+        choose(t, &f, id);
+        for (size_t i = 0; !t->endless && i < (t->has_background ? 2 * n : n); i++)
+            t->n_missing += !t->chosen[i];
+    }
+    free_facts(&f);
+    return err;
+}
+
+static void takes_clear(struct takes *t)
+{
+    survey_clear(&t->survey);
+    free(t->chosen);
+    memset(t, 0, sizeof *t);
+}
 
 struct wav_file {   /* that is being filled */
     float *samples; /* [n_microphones][n_frames]; NULL: not begun, or written */
@@ -182,7 +403,6 @@ static int write_files(struct wav_set *w, struct stream *s, struct complaint *wh
 
 /* -- of an array that stands ------------------------------------------------------------
  */
-
 static int open_writers(struct wav_set *w, struct complaint *why)
 {
     int err = make_folders(w, why);

@@ -1,13 +1,286 @@
 #include <errno.h>
+#include <inttypes.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
+#include "dsp/complaint.h"
+#include "msgs/bag/compression.h"
 #include "nodes/anlos/bag/bag.h"
-#include "nodes/anlos/bag/record_job.h"
 #include "nodes/anlos/bag/verb.h"
+#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/live.h"
+#include "nodes/anlos/topic/watch.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/record/recorder.h"
+#include "nodes/record/session.h"
+#include "nodes/record/tap.h"
+#include "nodes/rt/log.h"
+#include "nodes/rt/rundir.h"
+
+/* What `anlos bag record` shows: on a terminal a line that is rewritten, elsewhere a
+ * line whenever messages get lost; at the end a table. */
+
+struct record_show {
+    bool terminal;
+    bool line_shown;
+    uint64_t lost; /* as shown last */
+};
+
+/* The work of `anlos bag record`. */
+
+struct record_options {
+    const char *out;
+    char *topics;                       /* patterns */
+    const char *exclude;                /* patterns, or NULL */
+    char exclude_room[VERB_PATTERNS];   /* where they may lie */
+    const char *run_dir;                /* NULL: the default */
+    const char *launch;                 /* launch file to be attached, or NULL */
+    double split_mb, split_s, quota_mb; /* 0: none */
+    double flush_ms;
+    double duration_s; /* INFINITY: until Ctrl-C */
+    enum bag_compression compression;
+};
+
+#define CLEAR_LINE "\r\033[K"
+#define LIST_SIZE  200
+
+/* "ping 3, traces 12" */
+static void list_losses(const struct balance *t, char out[LIST_SIZE])
+{
+    size_t used = 0;
+
+    out[0] = '\0';
+    for (size_t i = 0; i < t->n && used < LIST_SIZE; i++)
+        if (t->list[i].lost)
+            used += (size_t)snprintf(out + used, LIST_SIZE - used, "%s%s %" PRIu64,
+                                     used ? ", " : "", t->list[i].topic->name,
+                                     t->list[i].lost);
+}
+
+static void clear_line(struct record_show *s)
+{
+    if (!s->line_shown)
+        return;
+    fputs(CLEAR_LINE, stdout);
+    fflush(stdout);
+    s->line_shown = false;
+}
+
+/* How it is going; for every second or so. */
+static void record_show_progress(struct record_show *s, const struct recorder *r,
+                                 double elapsed_s, size_t queue_bytes)
+{
+    struct recorder_totals t;
+    char losses[LIST_SIZE];
+
+    recorder_sum(r, &t);
+    list_losses(recorder_balance(r), losses);
+    if (s->terminal) {
+        char line[LIST_SIZE + 120];
+        size_t rows, columns; /* a line that wraps would not be taken back */
+        live_size(STDOUT_FILENO, &rows, &columns);
+        snprintf(line, sizeof line,
+                 "%.0f s  %" PRIu64 " messages  %.1f MB  waiting %.1f MB  lost %s",
+                 elapsed_s, t.messages, 1e-6 * (double)t.file_bytes,
+                 1e-6 * (double)queue_bytes, t.lost ? losses : "0");
+        printf(CLEAR_LINE "%.*s", (int)columns - 1, line);
+        fflush(stdout);
+        s->line_shown = true;
+    } else if (t.lost > s->lost) {
+        fprintf(stderr, "anlos bag record: messages lost so far: %s\n", losses);
+    }
+    s->lost = t.lost;
+}
+
+/* A line from the recorder, above that of the progress.  context: a struct record_show.
+ */
+static void record_show_text(void *context, enum log_level level, const char *text)
+{
+    struct record_show *s = context;
+
+    clear_line(s);
+    fprintf(stderr, "anlos bag record: %s%s\n",
+            level >= LOG_LEVEL_WARNING ? "warning: " : "", text);
+}
+
+/* The table.  true: stdout took it. */
+static bool record_show_end(struct record_show *s, const struct recorder *r,
+                            double elapsed_s)
+{
+    const struct balance *balance = recorder_balance(r);
+    struct recorder_totals t;
+
+    clear_line(s);
+    recorder_sum(r, &t);
+    printf("%-14s %10s %12s %10s\n", "topic", "messages", "MB", "lost");
+    for (size_t i = 0; i < balance->n; i++)
+        if (balance->list[i].messages || balance->list[i].lost)
+            printf("%-14s %10" PRIu64 " %12.3f %10" PRIu64 "\n",
+                   balance->list[i].topic->name, balance->list[i].messages,
+                   1e-6 * (double)balance->list[i].bytes, balance->list[i].lost);
+    if (t.unwritten)
+        printf("of them %" PRIu64 ", the newest, could not be written\n", t.unwritten);
+    printf("%s: %" PRIu64 " messages in %.1f s, %.3f MB", recorder_path(r),
+           t.messages - t.unwritten, elapsed_s, 1e-6 * (double)t.file_bytes);
+    if (t.n_files + t.n_removed > 1)
+        printf(" in %u files", t.n_files);
+    if (t.n_removed)
+        printf(" (%u older ones are removed)", t.n_removed);
+    printf(", %" PRIu64 " lost\n", t.lost);
+    return !fflush(stdout);
+}
+
+#define LOOK_MS        100 /* between looks at Ctrl-C and the clock */
+#define SHOW_PERIOD_NS 1000000000LL
+
+struct job {
+    const struct record_options *options;
+    const struct clock_source *clock;
+    char run_dir[RUNDIR_SIZE];
+    struct choice choice;
+    struct session session;
+    struct bus *bus;
+    struct recorder *recorder;
+    struct tap tap;
+    struct record_show show;
+    int64_t start_ns;
+};
+
+static int open_session(struct job *j, struct complaint *why)
+{
+    const struct record_options *o = j->options;
+    struct complaint left_out = {""};
+    struct launchfile *launch = NULL;
+
+    j->session.topics = o->topics;
+    j->session.exclude = o->exclude;
+    j->session.start_ns = j->start_ns;
+    int err = o->launch ? launchfile_load(&launch, o->launch, NULL, why) : 0;
+    if (!err && launch)
+        err = session_add_launch(&j->session, launch, &left_out, why);
+    launchfile_destroy(launch);
+    if (left_out.text[0])
+        fprintf(stderr, "anlos bag record: not attached: %s\n", left_out.text);
+    return err;
+}
+
+static int open_bus(struct job *j, struct complaint *why)
+{
+    const struct bus_config cfg = {.run_dir = j->run_dir, .listen_only = true};
+    int err = rundir_open(j->run_dir, j->options->run_dir, why);
+
+    if (err)
+        return err;
+    if (!topic_watch_alive(j->run_dir))
+        fprintf(stderr, "anlos bag record: nothing is running in %s yet; waiting\n",
+                j->run_dir);
+    return bus_create(&j->bus, &cfg, why);
+}
+
+static int open_recorder(struct job *j, struct complaint *why)
+{
+    const struct record_options *o = j->options;
+    const struct recorder_config cfg = {
+        .path = o->out,
+        .topics = j->choice.topics,
+        .n_topics = j->choice.n,
+        .split_bytes = (uint64_t)(1e6 * o->split_mb),
+        .split_ns = (int64_t)(1e9 * o->split_s),
+        .quota_bytes = (uint64_t)(1e6 * o->quota_mb),
+        .flush_ns = (int64_t)(1e6 * o->flush_ms),
+        .compression = o->compression,
+        .session = &j->session,
+        .say = record_show_text,
+        .context = &j->show,
+    };
+    int err = recorder_create(&j->recorder, &cfg, j->start_ns, why);
+
+    if (err)
+        return err;
+    err = tap_open(&j->tap, j->bus, j->recorder, &cfg, j->clock);
+    return err ? complain(why, err, "cannot subscribe: %s", strerror(-err)) : 0;
+}
+
+static double elapsed_s(const struct job *j)
+{
+    return 1e-9 * (double)(clock_now_ns(j->clock) - j->start_ns);
+}
+
+static int record(struct job *j, struct complaint *why)
+{
+    int64_t show_ns = 0;
+    int err = 0;
+
+    while (!err && !interrupt_requested()) {
+        double left_s = j->options->duration_s - elapsed_s(j);
+        if (left_s <= 0.0)
+            break;
+        err = tap_step(&j->tap, (int)fmin(LOOK_MS, 1e3 * left_s + 1.0), why);
+        int64_t now = clock_now_ns(j->clock);
+        if (err || now < show_ns)
+            continue;
+        show_ns = now + SHOW_PERIOD_NS;
+        record_show_progress(&j->show, j->recorder, elapsed_s(j),
+                             bus_waiting_bytes(j->bus));
+    }
+    return err ? err : tap_drain(&j->tap, why);
+}
+
+/* What was recorded before an error is shown too. */
+static int end(struct job *j, int err, struct complaint *why)
+{
+    struct recorder_totals t;
+    double seconds = elapsed_s(j);
+    int ended = recorder_end(j->recorder, clock_now_ns(j->clock), err ? NULL : why);
+
+    recorder_sum(j->recorder, &t);
+    bool shown = record_show_end(&j->show, j->recorder, seconds);
+    uint64_t refused = bus_refused(j->bus);
+    if (refused)
+        fprintf(stderr,
+                "anlos bag record: %llu messages were refused (wrong magic, version or "
+                "length)\n",
+                (unsigned long long)refused);
+    if (err || ended)
+        return err ? err : ended;
+    if (!shown)
+        return complain(why, -EIO, "standard output cannot be written");
+    return t.lost || t.unwritten ? 1 : 0;
+}
+
+/* Until Ctrl-C or the end of the duration; shows how it goes and what came of it.
+ * *began: there is a bag.  0, 1 (messages got lost), negative errno. */
+static int record_run(const struct record_options *o, bool *began, struct complaint *why)
+{
+    struct job j = {.options = o,
+                    .clock = clock_system(),
+                    .show.terminal = isatty(STDOUT_FILENO) != 0};
+
+    interrupt_catch();
+    j.start_ns = clock_now_ns(j.clock);
+    int err = choice_make(&j.choice, o->topics, o->exclude, why);
+    if (!err)
+        err = open_session(&j, why);
+    if (!err)
+        err = open_bus(&j, why);
+    if (!err)
+        err = open_recorder(&j, why);
+    if (!err)
+        err = record(&j, why);
+    *began = j.recorder != NULL;
+    if (*began)
+        err = end(&j, err, why);
+    tap_close(&j.tap);
+    recorder_destroy(j.recorder);
+    bus_destroy(j.bus);
+    session_clear(&j.session);
+    choice_clear(&j.choice);
+    return err;
+}
 
 static const char help[] =
     "anlos bag record -- record what goes over the bus of a running system\n"

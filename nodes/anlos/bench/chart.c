@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/anlos/bench/plan.h"
+#include "nodes/anlos/bench/results.h"
 #include "nodes/rt/export_chart.h"
 
 #define MAX_METHODS 16

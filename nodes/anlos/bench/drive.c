@@ -3,18 +3,164 @@
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "hal/room/room.h"
 #include "nodes/anlos/bench/bench.h"
-#include "nodes/anlos/bench/drive_bags.h"
+#include "nodes/anlos/bench/drive_bag.h"
 #include "nodes/anlos/bench/drive_jobs.h"
-#include "nodes/anlos/bench/drive_progress.h"
 #include "nodes/anlos/bench/drive_report.h"
 #include "nodes/anlos/bench/names.h"
+#include "nodes/anlos/stopwatch.h"
 #include "nodes/rt/export.h"
+
+/* How far many drives are, on stderr: on a terminal one line that changes, elsewhere a
+ * line now and then. */
+
+struct drive_progress {
+    size_t n, done, n_false_tracks;
+    double seconds; /* simulated so far */
+    double began_s, told_s;
+    bool terminal;
+};
+
+#define EVERY_S 60.0 /* where it is not a terminal */
+
+static double now_s(void)
+{
+    return stopwatch_now(false).wall_s;
+}
+
+static void drive_progress_begin(struct drive_progress *p, size_t n)
+{
+    double s = now_s();
+
+    *p = (struct drive_progress){
+        .n = n, .began_s = s, .told_s = s, .terminal = isatty(STDERR_FILENO)};
+}
+
+/* One more drive, of seconds, is done. */
+static void drive_progress_add(struct drive_progress *p, double seconds,
+                               size_t n_false_tracks)
+{
+    double s = now_s();
+
+    p->done++;
+    p->seconds += seconds;
+    p->n_false_tracks += n_false_tracks;
+    if (p->done == p->n || (!p->terminal && s - p->told_s < EVERY_S))
+        return;
+    p->told_s = s;
+    double left_s = (s - p->began_s) / (double)p->done * (double)(p->n - p->done);
+    fprintf(stderr, "%s%zu of %zu drives, %.2f h, %zu false tracks; %.0f s left%s",
+            p->terminal ? "\r\033[K" : "", p->done, p->n, p->seconds / 3600.0,
+            p->n_false_tracks, left_s, p->terminal ? "" : "\n");
+}
+
+/* Takes the line away, where something else is to be printed. */
+static void drive_progress_clear(const struct drive_progress *p)
+{
+    if (p->terminal)
+        fputs("\r\033[K", stderr);
+}
+
+/* `anlos bench drive --bag`: recorded drives. */
+
+struct bags {
+    const struct bench_options *o;
+    struct room *scene;
+    struct truth_file *truth;
+    struct drive_tally all;
+    json_t *json;
+    FILE *csv;
+};
+
+static int load_truth(struct bags *b, struct complaint *why)
+{
+    const struct bench_options *o = b->o;
+
+    if (!o->truth == !o->scenes)
+        return complain(
+            why, -EINVAL,
+            "--bag: expected who was there: --truth FILE, or --scenes FILE of "
+            "a simulated drive");
+    if (o->truth)
+        return truth_file_load(&b->truth, o->truth, why);
+    int err = room_load(&b->scene, o->scenes, why);
+    if (!err && !room_is_drive(b->scene))
+        err = complain(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
+                       o->scenes);
+    return err;
+}
+
+static int score(struct bags *b, const char *bag, struct complaint *why)
+{
+    struct drive_outcome out;
+    struct drive_tally one;
+    char name[256];
+
+    drive_bag(bag, b->scene, b->truth, &out);
+    int err = out.err ? complain(why, out.err, "%s", out.why.text) : 0;
+    if (out.result.n_lists && (!err || err == -EINTR)) {
+        drive_name(bag, name, sizeof name);
+        drive_tally_init(&one);
+        drive_tally_add(&one, &out.result);
+        drive_tally_add(&b->all, &out.result);
+        drive_print(name, &one);
+        json_object_set_new(b->json, name, drive_json(&one));
+        drive_csv_line(b->csv, name, 0, &out.result);
+        int failed = drive_write(b->o->out, name, &out.moments, err ? NULL : why);
+        err = err ? err : failed;
+    }
+    free(out.moments.at);
+    return err;
+}
+
+static int run(struct bags *b, const char *names, struct complaint *why)
+{
+    int err = 0;
+
+    drive_print_head();
+    for (const char *s = names; !err && *s; s += strlen(s) + 1)
+        err = score(b, s, why);
+    if (b->all.n > 1) {
+        drive_print("all", &b->all);
+        json_object_set_new(b->json, "all", drive_json(&b->all));
+    }
+    int failed = drive_json_write(b->json, b->o->out, err ? NULL : why);
+    return err ? err : failed;
+}
+
+/* As bench_drive. */
+static int drive_bags(const struct bench_options *o, struct complaint *why)
+{
+    struct bags b = {.o = o, .json = json_object()};
+    char *names = bench_names_split(o->bags);
+    int err = b.json && names ? load_truth(&b, why)
+                              : complain(why, -ENOMEM, "out of memory");
+
+    drive_tally_init(&b.all);
+    if (!err)
+        err = export_folder(o->out, why);
+    if (!err)
+        err = drive_csv_open(&b.csv, o->out, why);
+    if (!err)
+        err = run(&b, names, why);
+    if (b.csv)
+        fclose(b.csv);
+    truth_file_destroy(b.truth);
+    room_destroy(b.scene);
+    json_decref(b.json);
+    free(names);
+    return err;
+}
+
+/* `anlos bench drive`: simulated drives, tracked, against what is really there. */
 
 enum { QUICK_SEEDS = 1, SEEDS = 3, MAX_DRIVES = 1000000 };
 
@@ -185,7 +331,7 @@ static int make_jobs(struct drives *d, struct complaint *why)
     return 0;
 }
 
-static int run(struct drives *d, struct complaint *why)
+static int drives_run(struct drives *d, struct complaint *why)
 {
     int err = load(&d->launch, d->o, why);
 
@@ -219,7 +365,7 @@ int bench_drive(const struct bench_options *o, struct complaint *why)
     if (o->bags)
         err = drive_bags(o, why);
     else if (d.all)
-        err = run(&d, why);
+        err = drives_run(&d, why);
     else
         complain(why, err, "out of memory");
     if (d.csv)

@@ -9,7 +9,6 @@
 #include <stdio.h>
 
 #include "dsp/complaint.h"
-#include "nodes/anlos/bench/drive_moments.h"
 #include "nodes/anlos/bench/drive_result.h"
 
 /* "dir/drive-person.yaml": "drive-person". */

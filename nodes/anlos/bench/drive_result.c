@@ -1,8 +1,46 @@
 #include "nodes/anlos/bench/drive_result.h"
 
+#include <errno.h>
 #include <math.h>
+#include <stdlib.h>
 
-#include "nodes/anlos/bench/poisson.h"
+/* The probability of up to n events; by logarithms, which many events do not overflow. */
+static double up_to(size_t n, double mean)
+{
+    double sum = 0.0;
+
+    for (size_t k = 0; k <= n; k++)
+        sum += exp((double)k * log(mean) - mean - lgamma((double)k + 1.0));
+    return sum;
+}
+
+double poisson_bound(size_t n, double confidence)
+{
+    double low = 1e-12, high = (double)n + 20.0 * sqrt((double)n + 1.0) + 50.0;
+
+    for (int i = 0; i < 60; i++) {
+        double middle = 0.5 * (low + high);
+        if (up_to(n, middle) > 1.0 - confidence)
+            low = middle;
+        else
+            high = middle;
+    }
+    return high;
+}
+
+int drive_moments_add(struct drive_moments *m, const struct drive_moment *moment)
+{
+    if (m->n == m->room) {
+        size_t room = m->room ? 2 * m->room : 256;
+        struct drive_moment *at = realloc(m->at, room * sizeof *at);
+        if (!at)
+            return -ENOMEM;
+        m->at = at;
+        m->room = room;
+    }
+    m->at[m->n++] = *moment;
+    return 0;
+}
 
 #define S_PER_HOUR 3600.0
 
@@ -90,7 +128,6 @@ double drive_false_per_hour_bound(const struct drive_result *r)
 
 /* -- several ----------------------------------------------------------------------------
  */
-
 void drive_tally_init(struct drive_tally *t)
 {
     *t = (struct drive_tally){.n = 0};

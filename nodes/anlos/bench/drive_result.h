@@ -66,4 +66,26 @@ struct drive_tally { /* of some drives */
 void drive_tally_init(struct drive_tally *t);
 void drive_tally_add(struct drive_tally *t, const struct drive_result *r);
 
+/* What a count tells of the rate behind it. */
+
+/* The largest mean with which up to n events still come with a probability of
+ * 1 - confidence: the rate is below it, as sure as that (Garwood 1936, one-sided).  Of
+ * none at 95 %: 3.0.  0 < confidence < 1. */
+double poisson_bound(size_t n, double confidence);
+
+/* How good each list of a drive was. */
+
+struct drive_moment {
+    double t_s, gospa_m, ospa_m, localisation_m, missed_m, false_m;
+    size_t n_objects, n_tracks, n_detections;
+};
+
+struct drive_moments {
+    struct drive_moment *at; /* [n]; free() it */
+    size_t n, room;
+};
+
+/* 0, -ENOMEM. */
+int drive_moments_add(struct drive_moments *m, const struct drive_moment *moment);
+
 #endif

@@ -11,12 +11,53 @@
 #define ANLOS_NODES_ANLOS_BENCH_DRIVE_SCORE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
+#include "hal/room/room.h"
 #include "msgs/detections.pb-c.h"
-#include "nodes/anlos/bench/drive_moments.h"
 #include "nodes/anlos/bench/drive_result.h"
-#include "nodes/anlos/bench/drive_truth.h"
-#include "nodes/anlos/bench/set_distance.h"
+
+/* How far a set of reported places is from the set of true ones, in the plane.
+ *
+ * GOSPA (Rahmathullah, Garcia-Fernandez and Svensson 2017, "Generalized optimal
+ * sub-pattern assignment metric", with alpha = 2, Eq. 6): places are assigned to each
+ * other where that is cheaper than a cutoff c, what is left over is missed or false,
+ *
+ *   ( sum over pairs d^p + c^p / 2 (missed + false) )^(1/p)
+ *
+ * OSPA (Schuhmacher, Vo and Vo 2008, "A consistent metric for performance evaluation of
+ * multi-object filters", Eq. 3), n <= m the sizes of the sets:
+ *
+ *   ( 1/m ( least sum over n pairs min(d, c)^p + c^p (m - n) ) )^(1/p),  0 of empty sets
+ */
+
+#define BENCH_SET_MAX 64
+#define BENCH_NOBODY  ((size_t)-1)
+
+struct bench_set_distance {
+    double gospa_m, ospa_m;
+    double localisation; /* m^p, the three parts of GOSPA to the power p */
+    double missed, false_ones;
+    size_t n_missed, n_false;
+    size_t match[BENCH_SET_MAX]; /* [n_truth] the index found, or BENCH_NOBODY */
+};
+
+/* truth_m [n_truth][2], found_m [n_found][2], each at most BENCH_SET_MAX; cutoff_m > 0,
+ * order >= 1. */
+void bench_set_distance(struct bench_set_distance *out, const double (*truth_m)[2],
+                        size_t n_truth, const double (*found_m)[2], size_t n_found,
+                        double cutoff_m, double order);
+
+/* Who is really there at a time of a drive. */
+
+struct drive_truth {
+    /* out[max]; returns how many there are. */
+    size_t (*at)(const void *context, double t_s, struct room_truth *out, size_t max);
+    const void *context; /* not owned */
+};
+
+/* A simulated room at world time t_s. */
+struct drive_truth drive_truth_room(const struct room *r);
 
 #define DRIVE_CUTOFF_M 1.0 /* of GOSPA and OSPA: farther off it is another object */
 #define DRIVE_ORDER    2.0

@@ -6,7 +6,7 @@
 
 #include "dsp/complaint.h"
 #include "recon/survey.h"
-#include "nodes/anlos/bench/truth.h"
+#include "nodes/anlos/bench/score.h"
 
 struct bench_scene {
     char name[64];

@@ -11,7 +11,6 @@
 #include "nodes/anlos/bench/chart.h"
 #include "nodes/anlos/bench/names.h"
 #include "nodes/anlos/bench/noise.h"
-#include "nodes/anlos/bench/plan.h"
 #include "nodes/anlos/bench/results.h"
 #include "nodes/anlos/bench/table.h"
 #include "nodes/anlos/interrupt.h"

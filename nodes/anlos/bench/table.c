@@ -1,14 +1,55 @@
 #include "nodes/anlos/bench/table.h"
 
 #include <errno.h>
+#include <fftw3.h>
 #include <math.h>
+#include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/utsname.h>
 
-#include "nodes/anlos/bench/machine.h"
-#include "nodes/anlos/bench/plan.h"
+#include "nodes/anlos/bench/results.h"
 #include "nodes/anlos/recon/auto.h"
+#include "nodes/anlos/usage.h"
 #include "nodes/rt/export_file.h"
+
+/* What figures were measured on. */
+
+#ifdef __clang__
+#define COMPILER __VERSION__ /* says its name itself */
+#else
+#define COMPILER "gcc " __VERSION__
+#endif
+
+static void find_processor(char *text, size_t size)
+{
+    FILE *f = fopen("/proc/cpuinfo", "r");
+    char line[256];
+    snprintf(text, size, "unknown processor");
+    while (f && fgets(line, sizeof line, f)) {
+        const char *value = strchr(line, ':');
+        if (strncmp(line, "model name", 10) || !value)
+            continue;
+        value += 1 + strspn(value + 1, " \t");
+        snprintf(text, size, "%.*s", (int)strcspn(value, "\n"), value);
+        break;
+    }
+    if (f)
+        fclose(f);
+}
+
+/* "AMD EPYC 7763, 2 processors, Linux 6.1; gcc 12.2.0; FFTW 3.3.10". */
+static void bench_machine(char *text, size_t size)
+{
+    char processor[128];
+    struct utsname system = {.sysname = "?"};
+    size_t n = usage_default_threads();
+    find_processor(processor, sizeof processor);
+    uname(&system);
+    snprintf(text, size, "%s, %zu processor%s, %s %s; %s; %s", processor, n,
+             n == 1 ? "" : "s", system.sysname, system.release, COMPILER, fftwf_version);
+}
 
 #define WORSE 1.1 /* times the error of fast: more, and auto has chosen badly */
 

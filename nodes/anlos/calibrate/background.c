@@ -1,17 +1,84 @@
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
+#include "dsp/complaint.h"
 #include "hal/recording/recording.h"
+#include "hal/stage.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/calibrate/calibrate.h"
-#include "nodes/anlos/calibrate/carrier.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export.h"
+#include "recon/survey.h"
+
+/* The stage that carries an array from one position of its survey to the next, waited
+ * for. */
+
+#define LOOK_NS 10000000 /* between looks at a stage that moves */
+
+struct carrier {
+    struct stage *stage;
+    const struct survey *survey;
+};
+
+/* The survey must outlive it.  0, and as stage_open (hal/stage.h). */
+static int carrier_open(struct carrier **out, const char *uri,
+                        const struct survey *survey, struct complaint *why)
+{
+    struct carrier *c = calloc(1, sizeof *c);
+    if (!c)
+        return complain(why, -ENOMEM, "out of memory");
+    c->survey = survey;
+    int err = stage_open(&c->stage, uri, clock_system(), why);
+    if (err)
+        free(c);
+    else
+        *out = c;
+    return err;
+}
+
+static int wait_until_it_stands(struct carrier *c, struct complaint *why)
+{
+    const struct clock_source *clock = clock_system();
+    struct stage_status status;
+    for (;;) {
+        if (interrupt_requested()) {
+            stage_stop(c->stage);
+            return complain(why, -EINTR, "interrupted");
+        }
+        stage_status(c->stage, &status);
+        if (status.motion == STAGE_FAULT)
+            return complain(why, -EIO, "the stage has a fault: %s", status.text);
+        if (status.motion == STAGE_IDLE)
+            return 0;
+        clock->sleep_until_ns(clock->state, clock_now_ns(clock) + LOOK_NS);
+    }
+}
+
+/* Returns when the stage stands there and has settled.  0, -EINTR (Ctrl-C), -EIO (the
+ * stage has a fault), -ERANGE and others of stage_move. */
+static int carrier_move(struct carrier *c, size_t position, struct complaint *why)
+{
+    double target_m = c->survey->stage_positions_m[position];
+    int err = stage_move(c->stage, target_m);
+    if (err)
+        return complain(why, err, "the stage does not go to %g m: %s", target_m,
+                        strerror(-err));
+    return wait_until_it_stands(c, why);
+}
+
+static void carrier_close(struct carrier *c)
+{
+    if (!c)
+        return;
+    stage_close(c->stage);
+    free(c);
+}
 
 #define RETRIES 5 /* of a position whose pings come invalid */
 

@@ -4,10 +4,231 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
+#include "nodes/anlos/usage.h"
 #include "nodes/rt/uri.h"
+
+#define COMMAND   "calibrate"
+#define MAX_TAKES 1000
+
+static const char help[] =
+    "anlos calibrate -- measure an array, and write it down for every process\n"
+    "\n"
+    "usage: anlos calibrate WHAT --array URI --out FILE.yaml [options]\n"
+    "\n"
+    "Each WHAT renews its part of one calibration file and keeps the rest.  Arrays read\n"
+    "the file: `calibrated: FILE` in a rig, or \"sim:...?calibrated=FILE\", "
+    "\"wav:...\".\n"
+    "\n"
+    "what, in the order that suits\n"
+    "  sound-speed  from --temperature-c and --humidity; or from a flat reflector at\n"
+    "               --range-m, with the direct paths for comparison\n"
+    "  time-zero    when the array really emits: direct paths from every speaker to "
+    "every\n"
+    "               microphone; or one pair's, with --pair and --distance-m\n"
+    "  channels     which speakers and microphones are swapped, inverted, dead, "
+    "clipped,\n"
+    "               noisy\n"
+    "  gains        facing a flat target at --range-m, or the survey's wall: the gains "
+    "of\n"
+    "               all channels\n"
+    "  background   records all positions without the object into --folder\n"
+    "  show FILE    what the file says; with --array whether it fits\n"
+    "\n"
+    "  --array URI           sim:SCENE.yaml, wav:FOLDER, or a sound card; measured as it "
+    "is,\n"
+    "                        without what a calibration file corrects\n"
+    "  --out FILE.yaml       the calibration file\n"
+    "  --takes N             emissions of each speaker to average; default 4\n"
+    "  --position N          stage position to measure at, default 0\n"
+    "  --temperature-c T     of the air, -40 to 60\n"
+    "  --humidity P          relative, in percent; default 50\n"
+    "  --range-m R           the reflector is the plane z = R in the array frame\n"
+    "  --fit-speed           time-zero: take the speed of sound from the distances too\n"
+    "  --pair S,M            time-zero: only speaker S and microphone M, from 0\n"
+    "  --distance-m D        between the two, in place of the survey's\n"
+    "  --folder DIR          background: where the recording goes; made when missing\n"
+    "  --stage URI           background: what carries the array along its positions\n"
+    "  --help                this text\n"
+    "\n"
+    "examples\n"
+    "  anlos calibrate sound-speed --array sim:room.yaml --out lab.yaml \\\n"
+    "      --temperature-c 21.5 --humidity 45\n"
+    "  anlos calibrate time-zero --array sim:room.yaml --out lab.yaml\n"
+    "\n"
+    "exit codes: 0 measured and good; 1 measured and bad, or failed; 2 bad arguments or\n"
+    "files; 130 stopped by Ctrl-C\n";
+
+enum { TEMPERATURE = 256, HUMIDITY, RANGE, DISTANCE, PAIR, TAKES, POSITION, FIT_SPEED };
+
+static const struct option options[] = {
+    {"array", required_argument, NULL, 'a'},
+    {"out", required_argument, NULL, 'o'},
+    {"stage", required_argument, NULL, 's'},
+    {"folder", required_argument, NULL, 'f'},
+    {"takes", required_argument, NULL, TAKES},
+    {"position", required_argument, NULL, POSITION},
+    {"temperature-c", required_argument, NULL, TEMPERATURE},
+    {"humidity", required_argument, NULL, HUMIDITY},
+    {"range-m", required_argument, NULL, RANGE},
+    {"distance-m", required_argument, NULL, DISTANCE},
+    {"pair", required_argument, NULL, PAIR},
+    {"fit-speed", no_argument, NULL, FIT_SPEED},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+static int take_number(const char *name, const char *text, double min, double max,
+                       double *out)
+{
+    if (!usage_numbers(text, 1, out) && *out >= min && *out <= max)
+        return 0;
+    return usage_error(COMMAND, "--%s %s: expected a number from %g to %g", name, text,
+                       min, max);
+}
+
+static int take_count(const char *name, const char *text, size_t min, size_t max,
+                      size_t *out)
+{
+    if (!usage_count(text, min, max, out))
+        return 0;
+    return usage_error(COMMAND, "--%s %s: expected a whole number from %zu to %zu", name,
+                       text, min, max);
+}
+
+static int take_pair(struct calibrate_options *o, const char *text)
+{
+    double pair[2];
+    if (usage_numbers(text, 2, pair) || pair[0] < 0 || pair[1] < 0 ||
+        pair[0] != floor(pair[0]) || pair[1] != floor(pair[1]) || pair[0] > 1e6 ||
+        pair[1] > 1e6)
+        return usage_error(COMMAND,
+                           "--pair %s: expected the numbers of a speaker and a "
+                           "microphone, from 0, as in 0,3",
+                           text);
+    o->has_pair = true;
+    o->pair[0] = (size_t)pair[0];
+    o->pair[1] = (size_t)pair[1];
+    return 0;
+}
+
+static int take_option(struct calibrate_options *o, int code, const char *text)
+{
+    switch (code) {
+    case 'a':
+        o->array = text;
+        return 0;
+    case 'o':
+        o->out = text;
+        return 0;
+    case 's':
+        o->stage = text;
+        return 0;
+    case 'f':
+        o->folder = text;
+        return 0;
+    case FIT_SPEED:
+        o->fit_speed = true;
+        return 0;
+    case TAKES:
+        return take_count("takes", text, 1, MAX_TAKES, &o->takes);
+    case POSITION:
+        return take_count("position", text, 0, 1000000, &o->position);
+    case TEMPERATURE:
+        return take_number("temperature-c", text, -40, 60, &o->temperature_c);
+    case HUMIDITY:
+        return take_number("humidity", text, 0, 100, &o->humidity_percent);
+    case RANGE:
+        return take_number("range-m", text, 0.05, 100, &o->range_m);
+    case DISTANCE:
+        return take_number("distance-m", text, 0.001, 100, &o->distance_m);
+    default:
+        return take_pair(o, text);
+    }
+}
+
+static const char *const words[] = {"time-zero",   "channels",   "gains",
+                                    "sound-speed", "background", "show"};
+
+/* What only some of them take. */
+static int check(const struct calibrate_options *o)
+{
+    const struct {
+        bool given;
+        const char *name, *of[3];
+    } rules[] = {
+        {o->has_pair, "pair", {"time-zero"}},
+        {!isnan(o->distance_m), "distance-m", {"time-zero"}},
+        {o->fit_speed, "fit-speed", {"time-zero"}},
+        {!isnan(o->range_m), "range-m", {"gains", "sound-speed"}},
+        {!isnan(o->temperature_c), "temperature-c", {"sound-speed", "background"}},
+        {!isnan(o->humidity_percent), "humidity", {"sound-speed", "background"}},
+        {o->folder, "folder", {"background"}},
+        {o->stage, "stage", {"background"}},
+    };
+    for (size_t i = 0; i < sizeof rules / sizeof *rules; i++) {
+        bool fits = !rules[i].given;
+        for (size_t k = 0; k < 3 && rules[i].of[k]; k++)
+            fits |= !strcmp(rules[i].of[k], o->what);
+        if (!fits)
+            return usage_error(COMMAND, "--%s is not for %s", rules[i].name, o->what);
+    }
+    if (!o->out || !o->out[0])
+        return strcmp(o->what, "show")
+                   ? usage_error(COMMAND, "--out FILE.yaml is missing")
+                   : usage_error(COMMAND, "show: which file? show FILE.yaml");
+    if (!o->array && strcmp(o->what, "show") != 0)
+        return usage_error(COMMAND, "--array URI is missing");
+    return 0;
+}
+
+static int take_word(struct calibrate_options *o, const char *word)
+{
+    if (o->what && !strcmp(o->what, "show") && !o->out) {
+        o->out = word;
+        return 0;
+    }
+    if (o->what)
+        return usage_error(COMMAND, "%s: unexpected argument", word);
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++)
+        if (!strcmp(words[i], word))
+            o->what = words[i];
+    if (!o->what)
+        return usage_error(COMMAND,
+                           "%s: expected time-zero, channels, gains, sound-speed, "
+                           "background or show",
+                           word);
+    return 0;
+}
+
+bool calibrate_options_parse(struct calibrate_options *o, int argc, char **argv,
+                             int *exit_code)
+{
+    struct usage usage = {
+        .command = COMMAND, .help = help, .options = options, .short_options = "-:h"};
+    int code = 0;
+    *o = (struct calibrate_options){.takes = 4,
+                                    .distance_m = NAN,
+                                    .range_m = NAN,
+                                    .temperature_c = NAN,
+                                    .humidity_percent = NAN};
+    *exit_code = 0;
+    while (!*exit_code && (code = usage_next(&usage, argc, argv)) > 0)
+        *exit_code = code == 1 ? take_word(o, optarg) : take_option(o, code, optarg);
+    if (code < 0) {
+        *exit_code = ~code;
+        return false;
+    }
+    if (!*exit_code && !o->what)
+        *exit_code = usage_error(COMMAND, "what? time-zero, channels, gains, "
+                                          "sound-speed, background or show");
+    if (!*exit_code)
+        *exit_code = check(o);
+    return !*exit_code;
+}
 
 static int read_file(struct session *s)
 {

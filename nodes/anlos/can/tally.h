@@ -6,9 +6,41 @@
 #include <stdint.h>
 #include <stdio.h>
 
+#include "msgs/can/frame.h"
+#include "msgs/can/frames.h"
 #include "msgs/can/protection.h"
-#include "nodes/anlos/can/line.h"
-#include "nodes/anlos/can/lists.h"
+
+/* A line that candump wrote, of a log (-L) or for the screen:
+ *   (1764000000.250000) can0 404#2A10000000000000
+ *   (1764000000.250000)  can0  404   [8]  2A 10 00 00 00 00 00 00
+ * The time may be missing on the screen.  Longer lines than any of candump's are none. */
+
+#define CAN_LINE_SIZE 512 /* the longest of candump with its end: FD with text beside */
+
+struct can_line {
+    bool dated;
+    int64_t stamp_ns; /* as written; not dated: 0 */
+    char interface[16];
+    bool data; /* false: a remote or an error frame, or an identifier of 29 bits */
+    struct can_frame_data frame;
+};
+
+/* 0, -EINVAL. */
+int can_line_parse(struct can_line *out, const char *text);
+
+/* Did the object lists come whole?  A list is its header, a time, and for each object
+ * three frames or one of FD, all of the header's counter. */
+
+struct lists {
+    uint64_t whole;
+    uint64_t cut; /* of which something was missing when the next one began */
+    bool under_way;
+    struct can_list_header header;
+    unsigned frames[CAN_SENSOR_STEP]; /* by enum can_id, of the list under way */
+};
+
+/* An undamaged frame of a sensor, in the order in which they came. */
+void lists_take(struct lists *l, enum can_id id, const struct can_frame_data *f);
 
 #define TALLY_VERDICTS (E2E_WRONG_CRC + 1)
 

@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/doctor/check.h"
+#include "nodes/anlos/doctor/findings.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/colour.h"
 

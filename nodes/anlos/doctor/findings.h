@@ -6,7 +6,9 @@
 #include <jansson.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 #include <stdio.h>
+#include <sys/types.h>
 
 enum finding_level {
     FINDING_OK,
@@ -45,5 +47,28 @@ json_t *findings_json(const struct findings *f);
 /* Adds those of findings_json.  0, -EINVAL: it is something else. */
 int findings_add_json(struct findings *f, const json_t *o);
 void findings_clear(struct findings *f);
+
+/* Looks at one thing in a process of its own, so that a driver or a disk that hangs, or
+ * a library that crashes, costs no more than its lines. */
+
+struct check {
+    const char *area; /* of what is found when it does not answer */
+    void (*look)(const void *ctx, struct findings *out);
+};
+
+struct check_job { /* a check under way */
+    pid_t pid;
+    int fd;
+};
+
+/* To be called while this process has no other thread. */
+void check_start(struct check_job *job, const struct check *c, const void *ctx);
+
+/* Waits until it has answered, or the deadline (CLOCK_MONOTONIC) is over: that is a
+ * finding too. */
+void check_finish(struct check_job *job, const struct check *c, int64_t deadline_ns,
+                  struct findings *out);
+
+int64_t check_now_ns(void);
 
 #endif

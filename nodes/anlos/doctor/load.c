@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #include "nodes/anlos/bench/drive_pipe.h"
-#include "nodes/anlos/doctor/check.h"
+#include "nodes/anlos/doctor/findings.h"
 #include "nodes/anlos/doctor/doctor.h"
 #include "nodes/rt/objects.h"
 #include "nodes/rt/presence.h"

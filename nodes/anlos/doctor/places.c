@@ -1,16 +1,118 @@
-#include "nodes/anlos/doctor/doctor.h"
-
+#include <alsa/asoundlib.h>
+#include <arpa/inet.h>
+#include <cairo.h>
+#include <cyaml/cyaml.h>
 #include <errno.h>
+#include <fftw3.h>
 #include <limits.h>
+#include <lz4.h>
+#include <protobuf-c/protobuf-c.h>
+#include <sndfile.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
+#include <zstd.h>
 
 #include "msgs/endpoint.h"
+#include "msgs/topics.h"
+#include "nodes/anlos/doctor/doctor.h"
+#include "nodes/launcher/program.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/rundir.h"
+
+static void look_at_versions(struct findings *f)
+{
+    finding_add(f, FINDING_OK, "libraries",
+                "anlos %s; %s, protobuf-c %s, zstd %s, lz4 %s, cyaml %s, jansson %s, %s, "
+                "cairo %s, alsa %s",
+                ANLOS_VERSION, fftwf_version, protobuf_c_version(), ZSTD_versionString(),
+                LZ4_versionString(), cyaml_version_str, jansson_version_str(),
+                sf_version_string(), cairo_version_string(), snd_asoundlib_version());
+}
+
+/* The launcher starts them from the folder where this program is. */
+static void look_at_programs(struct findings *f)
+{
+    char folder[4000], path[4096], missing[512] = "";
+    size_t n = 0, n_missing = 0;
+
+    if (program_folder(folder, sizeof folder)) {
+        finding_add(f, FINDING_WRONG, "programs", "the folder of this one is not known");
+        return;
+    }
+    for (const char *const *node = topics_nodes(); *node; node++) {
+        if (!strcmp(*node, "launcher"))
+            continue;
+        n++;
+        snprintf(path, sizeof path, "%s/anlos-%s", folder, *node);
+        if (!access(path, X_OK))
+            continue;
+        size_t used = strlen(missing);
+        snprintf(missing + used, sizeof missing - used, "%sanlos-%s",
+                 n_missing++ ? ", " : "", *node);
+    }
+    if (!n_missing) {
+        finding_add(f, FINDING_OK, "programs", "all %zu of the nodes are in %s", n,
+                    folder);
+        return;
+    }
+    finding_add(f, FINDING_WRONG, "programs", "%s: missing: %s", folder, missing);
+    finding_todo(f,
+                 "build all of it: 'cmake --build' of the folder that this was built in");
+}
+
+void doctor_libraries(const void *ctx, struct findings *f)
+{
+    (void)ctx;
+    look_at_versions(f);
+    look_at_programs(f);
+}
+
+/* Takes the address for a moment.  0 or a negative errno. */
+static int try_address(const char *address, unsigned port)
+{
+    struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port)};
+    int on = 1, fd;
+
+    if (inet_pton(AF_INET, address, &to.sin_addr) != 1)
+        return -EADDRNOTAVAIL;
+    fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (fd < 0)
+        return -errno;
+    int err = setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) ||
+                      bind(fd, (struct sockaddr *)&to, sizeof to)
+                  ? -errno
+                  : 0;
+    close(fd);
+    return err;
+}
+
+void doctor_view(const void *ctx, struct findings *f)
+{
+    struct launchfile *l = doctor_load(ctx);
+
+    if (l && doctor_runs(ctx, l, "view")) {
+        int err = try_address(l->view.address, l->view.port);
+        if (err == -EADDRINUSE) {
+            finding_add(f, FINDING_NOTE, "view",
+                        "%s:%u is in use, by a view that runs or "
+                        "another program",
+                        l->view.address, l->view.port);
+            finding_todo(f, "'ss -ltnp' tells by whom; view.port chooses another");
+        } else if (err) {
+            finding_add(f, FINDING_WRONG, "view", "%s:%u: %s", l->view.address,
+                        l->view.port, strerror(-err));
+            finding_todo(f, "set view.address and view.port right in the launch file");
+        } else {
+            finding_add(f, FINDING_OK, "view", "the page will be at http://%s:%u",
+                        l->view.address, l->view.port);
+        }
+    }
+    launchfile_destroy(l);
+}
 
 #define DISK_WRONG_MB 50
 #define DISK_NOTE_MB  1000

@@ -17,13 +17,13 @@ struct recon_auto {
     struct probe probe;
     struct probe unknown; /* what is to be assumed without a look */
     struct plan plan;
-    double slowness;              /* of this machine; recon/planner.h */
-    struct recon_auto_pace *pace; /* nodes/anlos/recon/auto_pace.h */
-    struct grid whole;            /* the image when nothing is left out */
-    double whole_band_hz;         /* the top of its band */
-    bool stands;                  /* how the elements stand was looked at */
-    bool looked;                  /* there was time to, and reason */
-    double kept_s; /* time of the stack's stage before the image was begun */
+    double slowness; /* of this machine; recon/planner.h */
+    struct recon_auto_pace *pace;
+    struct grid whole;    /* the image when nothing is left out */
+    double whole_band_hz; /* the top of its band */
+    bool stands;          /* how the elements stand was looked at */
+    bool looked;          /* there was time to, and reason */
+    double kept_s;        /* time of the stack's stage before the image was begun */
 };
 
 /* The method's name on the command line. */
@@ -80,5 +80,50 @@ json_t *recon_auto_report(const struct recon_auto *a, const struct recon_job *jo
 /* The same in a few lines on stdout. */
 void recon_auto_print(const struct recon_auto *a, const struct recon_job *job);
 void recon_auto_destroy(struct recon_auto *a);
+
+/* Inside `--method auto`: what is looked at before the decision, as far as the budget
+ * allows. */
+
+/* Of what is left of the budget a look may take so much: an image of which it is known
+ * what is in it makes up for that, measured from 0.1 to 0.5 s. */
+#define RECON_AUTO_MOST_LOOK 0.375
+
+/* How the elements stand: probe.coherence.  0, -EINVAL, -ENOMEM. */
+int recon_auto_look_at_elements(struct recon_auto *a, struct recon_job *job);
+
+/* So far from their places that phase says nothing. */
+bool recon_auto_is_lost(const struct recon_auto *a);
+
+/* The scene, where that is worth its time: fills in the rest of probe, and looked.  0,
+ * -EINVAL, -ENOMEM. */
+int recon_auto_look(struct recon_auto *a, struct recon_job *job);
+
+/* Inside `--method auto`: on a budget, how many speakers' pings are to be compressed.
+ * The first pings tell what one takes here, in time of the processor, so that what else
+ * runs here counts for nothing; the planner then weighs more pairs against finer steps,
+ * as if nothing were known of the scene.  Where there is time to, a few stage positions
+ * keep all speakers: they tell how the elements stand (recon/coherence). */
+
+struct recon_auto_pace;
+
+/* job outlives it.  0, -ENOMEM. */
+int recon_auto_pace_create(struct recon_auto_pace **out, const struct recon_auto *a,
+                           const struct recon_job *job);
+
+/* Is this ping to be compressed?  Its time counts from here. */
+bool recon_auto_pace_wants(struct recon_auto_pace *p, size_t position, size_t speaker);
+
+/* It is. */
+void recon_auto_pace_done(struct recon_auto_pace *p, size_t position);
+
+/* Every so manieth speaker was, or will be. */
+size_t recon_auto_pace_stride(const struct recon_auto_pace *p);
+
+/* And so many of the positions that tell how the elements stand. */
+size_t recon_auto_pace_sampled(const struct recon_auto_pace *p);
+
+/* No choice any more: as another has chosen. */
+void recon_auto_pace_follow(struct recon_auto_pace *p, size_t stride);
+void recon_auto_pace_destroy(struct recon_auto_pace *p);
 
 #endif

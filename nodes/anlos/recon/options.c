@@ -1,15 +1,263 @@
 #include "nodes/anlos/recon/options.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "dsp/nearest.h"
 #include "nodes/anlos/confocal/job.h"
 #include "nodes/anlos/recon/auto.h"
-#include "nodes/anlos/recon/help.h"
 #include "nodes/anlos/usage.h"
-#include "dsp/nearest.h"
 #include "recon/imager.h"
+#include "recon/imager_options.h"
+
+/* What `anlos recon --help` says. */
+
+#define COLUMN 23
+
+static const char head[] =
+    "anlos recon -- turn a recording into an image of what is hidden\n"
+    "\n"
+    "usage: anlos recon --survey FILE --wav DIR [--background DIR] --out DIR [options]\n"
+    "       anlos recon --traces FILE.mat --volume ... --out DIR [options]\n"
+    "       anlos recon --bag FILE.mcap --out DIR [options]\n"
+    "       anlos recon --confocal FILE.mat --out DIR [--method lct|fk|backprojection]\n"
+    "\n"
+    "Reads one multichannel WAV for each stage position (in name order; slot j of a "
+    "file\n"
+    "is the emission of speaker j), compresses the chirps, images the scene behind the\n"
+    "wall and lists the objects in it.  One process; no nodes need to run.\n"
+    "\n"
+    "  --survey FILE        geometry and timing of the recording (survey.yaml); with\n"
+    "                       'pings: FILE.csv' any array and motion, ping by ping\n"
+    "  --wav DIR            the recording\n"
+    "  --background DIR     the same room without the hidden objects, subtracted with\n"
+    "                       its phase; without it the room's own echoes stay in the\n"
+    "                       image\n"
+    "  --traces FILE.mat    in place of a recording: compressed traces (MATLAB v5,\n"
+    "                       v7.3): traces [ping][sample] complex or real, tx_m and rx_m\n"
+    "                       [ping][3], fs_hz, t0_s (of sample 0), fc_hz (carrier, or "
+    "0),\n"
+    "                       c_m_s; --survey may name volume, wall, mount and gate_m\n"
+    "  --band-hz LOW,HIGH   of them: where the echoes are; by default what the file\n"
+    "                       says (band_hz), or what stands out of the spectrum and is\n"
+    "                       not as loud at all times, as noise is\n"
+    "  --volume X,Y,Z       what to image, in place of the survey's: minimum, maximum\n"
+    "                       and step of each axis in m, nine numbers with commas\n"
+    "  --bag FILE.mcap      in place of a recording: a recorded scan (anlos bag record,\n"
+    "                       import), by the same steps and to the same objects and CAN\n"
+    "                       frames as when the nodes hear it; settings are those of the\n"
+    "                       launch file in the bag and of the options below\n"
+    "  --launch FILE        of a bag: these settings in place of those in the bag\n"
+    "  --confocal FILE.mat  in place of sound: an optical confocal scan (MATLAB v5,\n"
+    "                       v7.3): rect_data [place][place][time bin] photon counts,\n"
+    "                       width (half the side, m), bin_s (4e-12 when missing);\n"
+    "                       methods lct (default), fk, backprojection\n"
+    "  --gate-m NEAR,FAR    of it, from the wall, m; by default from where the direct\n"
+    "                       light has died away to the end\n"
+    "  --out DIR            where the results go; made when missing\n"
+    "  --method NAME        fast: moveout and f-k migration, for arrays on a regular\n"
+    "                       grid (default); backprojection: any geometry, slower\n"
+    "                       (default with pings and --traces); to compare: confocal,\n"
+    "                       lct, paper, incoherent, iterative, sparse (README.md says\n"
+    "                       what each is); auto: looks at the recording, chooses\n"
+    "                       method, pairs, band, depth and steps, and says why (not\n"
+    "                       of a bag, nor in a launch file)\n"
+    "  --budget-ms N        auto: the time it may take, files not counted; it leaves "
+    "out\n"
+    "                       pairs and takes coarser steps to keep it\n"
+    "  --error-cm X         auto: an error of positions that is good enough; the\n"
+    "                       cheapest way that keeps it is taken\n"
+    "  --set NAME=VALUE     an option of the method, see below; again for another one\n"
+    "  --psf FILE           iterative: the point spread function as `anlos psf` "
+    "measured\n"
+    "                       it (psf.json); by default from the geometry\n"
+    "  --threads N          1..256, default: one for each processor\n"
+    "  --window NAME        of the spectrum: hann (default), hamming, rectangular\n"
+    "                       (finer, with sidelobes in depth)\n"
+    "  --compression NAME   matched_filter (default), deramp (the paper's)\n"
+    "  --help               this text\n"
+    "\n"
+    "options of methods, with their defaults\n";
+
+static const char tail[] =
+    "iterative takes those of its base too.  With --confocal lct, snr_db is 3.\n"
+    "\n"
+    "files written, all or none\n"
+    "  volume.nrrd          intensity, float32, x fastest, in metres (3D Slicer,\n"
+    "                       ParaView)\n"
+    "  projection_xy.png    the volume's maxima seen from the front; _xz from above,\n"
+    "                       _yz from the side; crosses are the objects, as imaged\n"
+    "  detections.json      the objects where they really are, with covariance\n"
+    "  report.json          method and options, time and memory of each stage, pings,\n"
+    "                       channels, warnings; of auto the plan: what was seen, what\n"
+    "                       each way would take and how exact it would be, and why not\n"
+    "  can.candump          of a bag: the frames of the lists of objects\n"
+    "\n"
+    "examples\n"
+    "  anlos sim launch/scenes/corner.yaml --out /tmp/corner\n"
+    "  anlos recon --survey /tmp/corner/survey.yaml --wav /tmp/corner/scene \\\n"
+    "      --background /tmp/corner/background --out /tmp/corner/image\n"
+    "  the same with --method iterative --set l1=0.02 --set tv=0.005\n"
+    "  the same with --method auto --error-cm 0.5\n"
+    "\n"
+    "exit codes: 0 done; 1 failed (no memory, full disk); 2 bad arguments or input;\n"
+    "130 stopped by Ctrl-C, nothing written\n";
+
+/* The methods' options with their defaults, a line or two each. */
+static void recon_help_settings(FILE *to)
+{
+    struct imager_options defaults;
+    imager_options_default(&defaults);
+    for (const struct imager_option *i = imager_option_table; i->name; i++) {
+        char value[32], range[128];
+        imager_option_value(i, &defaults, value, sizeof value);
+        imager_option_range(i, range, sizeof range);
+        if (i->kind == IMAGER_OPTION_METHOD)
+            strcpy(range, "a method"); /* the list stands above */
+        int used = fprintf(to, "  %s=%s", i->name, value);
+        fprintf(to, "%*s%s\n%*s", used < COLUMN ? COLUMN - used : 1, "", i->help, COLUMN,
+                "");
+        for (const char *m = i->methods; *m; m += strlen(m) + 1)
+            fprintf(to, "%s%s", m == i->methods ? "" : ", ", m);
+        fprintf(to, "; %s\n", range);
+    }
+}
+
+/* 0, or -EIO. */
+static int recon_help_print(FILE *to)
+{
+    fputs(head, to);
+    recon_help_settings(to);
+    fputs(tail, to);
+    return ferror(to) ? -EIO : 0;
+}
+
+/* Of compression, which what comes compressed has behind it. */
+static const char *compression_option(const struct recon_options *o)
+{
+    return o->has_window ? "--window" : o->has_compression ? "--compression" : NULL;
+}
+
+/* What belongs to a recording and has no place beside an optical scan or a bag. */
+static const char *recording_option(const struct recon_options *o)
+{
+    return o->survey       ? "--survey"
+           : o->wav        ? "--wav"
+           : o->background ? "--background"
+           : o->traces     ? "--traces"
+           : o->has_volume ? "--volume"
+           : o->psf        ? "--psf"
+                           : NULL;
+}
+
+/* A bag goes the way of the nodes, and these image what a survey says, with a method that
+ * is named. */
+static int check_bag(const struct recon_options *o)
+{
+    const char *other = recording_option(o);
+    if (other)
+        return usage_error("recon",
+                           "--bag stands in place of %s; expected one (anlos bag "
+                           "export --format wav makes a recording of a bag)",
+                           other);
+    if (o->budget_s > 0.0 || o->error_m > 0.0 ||
+        (o->method && !strcmp(o->method, recon_auto_name)))
+        return usage_error("recon", "--method auto needs a recording: anlos bag export "
+                                    "--format wav makes one of a bag");
+    if (o->method && !imager_has_method(o->method))
+        return usage_error("recon", "--method %s: only for --confocal", o->method);
+    return 0;
+}
+
+/* An optical scan has its own methods and nothing of a recording. */
+static int check_confocal(struct recon_options *o)
+{
+    char why[256];
+    const char *other = recording_option(o);
+    if (other)
+        return usage_error("recon", "--confocal stands in place of %s; expected one",
+                           other);
+    if (compression_option(o))
+        return usage_error("recon", "%s is for chirps, which --confocal has not",
+                           compression_option(o));
+    if (o->budget_s > 0.0 || o->error_m > 0.0)
+        return usage_error("recon", "--%s is for --method auto, which --confocal has not",
+                           o->budget_s > 0.0 ? "budget-ms" : "error-cm");
+    if (!o->method)
+        o->method = confocal_methods();
+    if (!confocal_has_method(o->method))
+        return usage_error(
+            "recon", "--method %s: expected lct, fk or backprojection with --confocal",
+            o->method);
+    if (imager_options_check(o->imaging, o->method, why, sizeof why))
+        return usage_error("recon", "--set %s", why);
+    if (!imager_option_is_given(o->imaging, "snr_db"))
+        o->imaging->snr_db = CONFOCAL_SNR_DB;
+    return 0;
+}
+
+/* It chooses by itself. */
+static int check_automatic(const struct recon_options *o, const char *command)
+{
+    if (o->imaging->given)
+        return usage_error(command, "--set belongs to a method; auto chooses one itself");
+    if (o->psf)
+        return usage_error(command, "--psf is for --method iterative");
+    return 0;
+}
+
+int recon_options_check(const struct recon_options *o, const char *command)
+{
+    char why[256];
+    if (o->traces && (o->wav || o->background))
+        return usage_error(command, "--traces stands in place of %s; expected one",
+                           o->wav ? "--wav" : "--background");
+    if (o->traces && compression_option(o))
+        return usage_error(command, "%s is for --wav; --traces are compressed already",
+                           compression_option(o));
+    if (!o->survey && !o->traces)
+        return usage_error(command, "--survey FILE is missing");
+    if (!o->wav && !o->traces)
+        return usage_error(command, "--wav DIR is missing");
+    bool automatic = o->method && !strcmp(o->method, recon_auto_name);
+    if (!automatic && (o->budget_s > 0.0 || o->error_m > 0.0))
+        return usage_error(command, "--%s is for --method auto",
+                           o->budget_s > 0.0 ? "budget-ms" : "error-cm");
+    if (automatic)
+        return check_automatic(o, command);
+    if (o->method && !imager_has_method(o->method))
+        return usage_error(command, "--method %s: only for --confocal", o->method);
+    if (o->method && imager_options_check(o->imaging, o->method, why, sizeof why))
+        return usage_error(command, "--set %s", why);
+    if (o->psf && (!o->method || strcmp(o->method, "iterative")))
+        return usage_error(command, "--psf is for --method iterative");
+    if (o->psf && !strcmp(o->imaging->base, "lct"))
+        return usage_error(command, "--psf sharpens an image; with --set base=lct there "
+                                    "is none");
+    return 0;
+}
+
+int recon_options_check_all(struct recon_options *o)
+{
+    if (o->has_gate && !o->confocal)
+        return usage_error("recon", "--gate-m belongs to --confocal; a survey names its "
+                                    "own gate_m");
+    if (o->has_band && !o->traces)
+        return usage_error("recon", "--band-hz belongs to --traces; the band of a "
+                                    "recording is that of its chirp");
+    if (o->confocal && o->bag)
+        return usage_error("recon", "--confocal stands in place of --bag; expected one");
+    if (o->launch && !o->bag)
+        return usage_error("recon", "--launch belongs to --bag");
+    int code = o->confocal ? check_confocal(o)
+               : o->bag    ? check_bag(o)
+                           : recon_options_check(o, "recon");
+    if (!code && (!o->out || !o->out[0]))
+        return usage_error("recon", "--out DIR is missing");
+    return code;
+}
 
 #define MAX_THREADS 256
 #define FARTHEST_M  1000.0
@@ -50,7 +298,6 @@ void recon_options_default(struct recon_options *o, struct imager_options *imagi
 
 /* -- one argument -----------------------------------------------------------------------
  */
-
 static int take_volume(struct recon_options *o, const char *command)
 {
     if (usage_numbers(optarg, 9, o->volume_m[0]))

@@ -4,6 +4,7 @@
 #define ANLOS_NODES_ANLOS_TOPIC_TALLY_H
 
 #include <stdbool.h>
+#include <stdio.h>
 
 #include "msgs/bus_message.h"
 #include "msgs/survey.pb-c.h"
@@ -58,5 +59,19 @@ double tally_interval_std_s(const struct tally_row *r);
 /* The least delay that a share (0..1) of those kept does not exceed; NaN: none is kept.
  */
 double tally_quantile_s(const struct tally_delays *d, double share);
+
+/* The tables of `anlos topic hz`, bw and delay, and of list. */
+
+/* How often, measured and expected; the intervals; what is missing. */
+void topic_table_rates(const struct tally *t, double elapsed_s, FILE *f);
+
+/* Bytes a second, and of a message. */
+void topic_table_sizes(const struct tally *t, double elapsed_s, FILE *f);
+
+/* From capture and from publishing to arrival. */
+void topic_table_delays(const struct tally *t, double elapsed_s, FILE *f);
+
+/* Every topic as msgs/topics.h has it. */
+void topic_table_all(FILE *f);
 
 #endif

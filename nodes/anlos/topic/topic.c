@@ -6,7 +6,7 @@
 
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/topic/table.h"
+#include "nodes/anlos/topic/tally.h"
 #include "nodes/anlos/topic/watch.h"
 #include "nodes/anlos/usage.h"
 #include "dsp/nearest.h"

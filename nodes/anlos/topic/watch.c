@@ -13,7 +13,7 @@
 #include "hal/clock.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/live.h"
-#include "nodes/anlos/topic/message_line.h"
+#include "nodes/anlos/topic/message_json.h"
 
 #define LOOK_UP_MS 100 /* between looks at Ctrl-C and the clock */
 #define REDRAW_NS  1000000000LL
