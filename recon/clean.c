@@ -15,6 +15,8 @@
 #define STEPS        6
 #define ENOUGH       1e-3 /* of the gradient's energy */
 #define WORTH_DB     8.0  /* that what is hidden may lie above what the noise hides */
+#define SHELL_DB     20.0 /* what is left at a strong one's range is its own, if fainter */
+#define LEAST        0.05 /* existence that is worth a line */
 #define TAIL         64 /* brightest maxima of a residual that tell how bright others are */
 
 /* Of the grid of the image that came first; both [nz][ny][nx]. */
@@ -281,10 +283,32 @@ static bool is_explained(const struct rest *r, const struct grid *g, const doubl
     return r->explained[(at[2] * g->n[1] + at[1]) * g->n[0] + at[0]];
 }
 
+/* What a model misses, elements that are not quite where they are thought to be, stays at
+ * the range of what is strong and goes in all directions (24 dB below it with elements
+ * that are off by 0.7 mm). */
+static bool is_remainder(const struct trace_set *set, const struct detection *strong,
+                         size_t n, const struct detection *d)
+{
+    double low[3], high[3], middle[3];
+    double shell_m = 2.0 * set->geometry->sound_speed_m_s /
+                     (set->band_hz[1] - set->band_hz[0]);
+
+    geometry_aperture(set->geometry, low, high);
+    for (int a = 0; a < 3; a++)
+        middle[a] = 0.5 * (low[a] + high[a]);
+    double range_m = geometry_distance(middle, d->position_m);
+    for (size_t i = 0; i < n; i++) {
+        double apart_m = range_m - geometry_distance(middle, strong[i].position_m);
+        if (fabs(apart_m) < shell_m && d->level_db < strong[i].level_db - SHELL_DB)
+            return true;
+    }
+    return false;
+}
+
 /* top: of the image that came first. */
-static int detect_rest(const struct rest *r, const struct detect_config *cfg,
-                       const struct grid *grid, float top, struct detection *found,
-                       size_t max, size_t *n)
+static int detect_rest(const struct trace_set *set, const struct rest *r,
+                       const struct detect_config *cfg, const struct grid *grid,
+                       float top, struct detection *found, size_t max, size_t *n)
 {
     size_t old = *n, more = 0, n_maxima = 0;
     double most = brightest(r->residual, grid_size(grid));
@@ -303,7 +327,8 @@ static int detect_rest(const struct rest *r, const struct detect_config *cfg,
             continue;
         d.existence *= exp(-expected(maxima, n_maxima, peak));
         d.level_db += shift_db;
-        found[(*n)++] = d;
+        if (d.existence >= LEAST && !is_remainder(set, found, old, &d))
+            found[(*n)++] = d;
     }
     free(maxima);
     return err;
@@ -355,7 +380,8 @@ static int find_before(const struct clean *c, const struct detect_config *cfg,
         found[0] = plane->object;
         found[0].level_db = level_db;
         *n = 1;
-        err = detect_rest(&image, cfg, grid, brightest(intensity, voxels), found, max, n);
+        err = detect_rest(set, &image, cfg, grid, brightest(intensity, voxels), found,
+                          max, n);
     }
     free(image.residual);
     free(image.explained);
@@ -391,7 +417,7 @@ int clean_find(const struct clean *c, const struct detect_config *cfg,
         err = image_rest(c, grid, intensity, level, rest.residual);
     }
     if (!err)
-        err = detect_rest(&rest, cfg, grid, top, found, max, n);
+        err = detect_rest(c->set, &rest, cfg, grid, top, found, max, n);
     free(rest.residual);
     free(rest.explained);
     return err;
