@@ -51,7 +51,8 @@ static inline size_t band_lanes_output_stride(const struct band_plan *p)
 typedef float lane_four __attribute__((vector_size(16), aligned(4), may_alias));
 
 /* to[c][r] = from[r][c] for r, c < 4. */
-VECTOR_INLINE void lane_turn_four(const float *const from[4], float *to, size_t stride)
+VECTOR_INLINE void lane_transpose_four(const float *const from[4], float *to,
+                                       size_t stride)
 {
     lane_four a = *(const lane_four *)from[0], b = *(const lane_four *)from[1];
     lane_four c = *(const lane_four *)from[2], d = *(const lane_four *)from[3];
@@ -66,15 +67,15 @@ VECTOR_INLINE void lane_turn_four(const float *const from[4], float *to, size_t 
 }
 
 /* to[c][r] = from[r][c] for r, c < 16, rows apart by their strides. */
-VECTOR_INLINE void lane_turn(const float *restrict from, size_t from_stride,
-                             float *restrict to, size_t to_stride)
+VECTOR_INLINE void lane_transpose(const float *restrict from, size_t from_stride,
+                                  float *restrict to, size_t to_stride)
 {
     for (size_t r = 0; r < VECTOR_LANES; r += 4) {
         const float *row = from + r * from_stride;
         for (size_t c = 0; c < VECTOR_LANES; c += 4) {
             const float *rows[4] = {row + c, row + from_stride + c,
                                     row + 2 * from_stride + c, row + 3 * from_stride + c};
-            lane_turn_four(rows, to + c * to_stride + r, to_stride);
+            lane_transpose_four(rows, to + c * to_stride + r, to_stride);
         }
     }
 }
@@ -489,7 +490,7 @@ VECTOR_INLINE void row_load(const struct band_lanes_input *in, size_t first, flo
     size_t left = first < in->n ? in->n - first : 0;
 
     if (in->n_channels == LANES && left >= TILE) {
-        lane_turn(in->x + first, in->stride, to, LANES);
+        lane_transpose(in->x + first, in->stride, to, LANES);
         return;
     }
     for (size_t c = 0; c < LANES && left; c++) {
@@ -497,7 +498,7 @@ VECTOR_INLINE void row_load(const struct band_lanes_input *in, size_t first, flo
         memcpy(block[c], in->x + channel * in->stride + first,
                (left < TILE ? left : TILE) * sizeof(float));
     }
-    lane_turn(block[0], TILE, to, LANES);
+    lane_transpose(block[0], TILE, to, LANES);
 }
 
 /* Two rows of a tile that is needed later: so many streams of memory no machine
@@ -706,10 +707,10 @@ static void band_lanes_store(const struct band_lanes *bl, float complex *restric
         float block[LANES][LANES];
 
         if (n_channels == LANES && floats == LANES) {
-            lane_turn(bl->samples + i * POINT, LANES, (float *)(y + i), 2 * n);
+            lane_transpose(bl->samples + i * POINT, LANES, (float *)(y + i), 2 * n);
             continue;
         }
-        lane_turn(bl->samples + i * POINT, LANES, block[0], LANES);
+        lane_transpose(bl->samples + i * POINT, LANES, block[0], LANES);
         for (size_t c = 0; c < n_channels; c++)
             memcpy(y + c * n + i, block[c], floats * sizeof(float));
     }

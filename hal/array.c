@@ -29,31 +29,31 @@ static const struct array_ops *find_backend(const char *uri, const char **arg)
 }
 
 int array_open(struct array **out, const char *uri, const struct clock_source *clock,
-               struct complaint *why)
+               struct error *why)
 {
     const char *arg;
     const struct array_ops *ops = find_backend(uri, &arg);
     *out = NULL;
     if (!ops)
-        return complain(
+        return error_say(
             why, -ENODEV,
             "%s: no such kind of array; expected sim:SCENE.yaml, wav:FOLDER or "
             "alsa:DEVICE?rig=FILE.yaml",
             uri);
     struct array *a = calloc(1, sizeof *a);
     if (!a)
-        return complain(why, -ENOMEM, "%s: out of memory", uri);
+        return error_say(why, -ENOMEM, "%s: out of memory", uri);
     a->ops = ops;
-    struct complaint inner = {.text = ""};
+    struct error inner = {.text = ""};
     int err = ops->open(&a->state, arg, clock, &inner);
     if (err) {
         free(a);
-        return complain(why, err, "%s: %s", uri, inner.text);
+        return error_say(why, err, "%s: %s", uri, inner.text);
     }
     a->speakers = calloc(array_survey(a)->n_speakers, sizeof *a->speakers);
     if (!a->speakers) {
         array_close(a);
-        return complain(why, -ENOMEM, "%s: out of memory", uri);
+        return error_say(why, -ENOMEM, "%s: out of memory", uri);
     }
     *out = a;
     return 0;
@@ -86,7 +86,7 @@ int array_fire(struct array *a, const struct array_shot *shot)
 }
 
 /* An error ends the shot, unless it comes of waiting: the array is ready for the next. */
-int array_next(struct array *a, struct array_ping *out, struct complaint *why)
+int array_next(struct array *a, struct array_ping *out, struct error *why)
 {
     if (!a->n_left)
         return -ENODATA;
@@ -115,12 +115,12 @@ size_t array_counts(struct array *a, struct device_count out[DEVICE_MAX_COUNTS])
     return a->ops->counts ? a->ops->counts(a->state, out) : 0;
 }
 
-int array_condition(struct array *a, struct complaint *why)
+int array_condition(struct array *a, struct error *why)
 {
     return a->ops->condition ? a->ops->condition(a->state, why) : 0;
 }
 
-bool array_notice(struct array *a, struct complaint *out)
+bool array_notice(struct array *a, struct error *out)
 {
     return a->ops->notice && a->ops->notice(a->state, out);
 }

@@ -16,7 +16,7 @@
 
 #include "hal/clock.h"
 #include "hal/device_count.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 
@@ -56,13 +56,13 @@ struct array_ping {
 
 struct array_ops {
     const char *scheme; /* "sim" */
-    /* arg: the URI after the scheme.  The complaint names file and line. */
+    /* arg: the URI after the scheme.  The error names file and line. */
     int (*open)(void **state, const char *arg, const struct clock_source *clock,
-                struct complaint *why);
+                struct error *why);
     const struct survey *(*survey)(void *state);
     int (*fire)(void *state, const struct array_shot *shot);
     /* Fills shot_index, and frame of an endless shot; `down` is set by array_next. */
-    int (*next)(void *state, struct array_ping *out, struct complaint *why);
+    int (*next)(void *state, struct array_ping *out, struct error *why);
     /* The direction of emission k of the shot.  May be NULL: as survey_is_down says. */
     bool (*is_down)(void *state, size_t k);
     /* Of an endless shot: emits no more, `next` is not asked for it again.  May be NULL:
@@ -71,8 +71,8 @@ struct array_ops {
     /* May be NULL: nothing is counted. */
     size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
     /* May be NULL: it is always there, and nothing befalls it. */
-    int (*condition)(void *state, struct complaint *why);
-    bool (*notice)(void *state, struct complaint *out);
+    int (*condition)(void *state, struct error *why);
+    bool (*notice)(void *state, struct error *out);
     void (*close)(void *state);
 };
 
@@ -81,7 +81,7 @@ struct array;
 /* 0, -EINVAL (URI or contents), -ENOENT (no such file or device), -ENODEV (no such
  * scheme), -ENOMEM. */
 int array_open(struct array **out, const char *uri, const struct clock_source *clock,
-               struct complaint *why);
+               struct error *why);
 
 /* Owned by the array; complete before the first shot. */
 const struct survey *array_survey(const struct array *a);
@@ -95,7 +95,7 @@ int array_fire(struct array *a, const struct array_shot *shot);
  * -EINTR (a signal; call again or give up), -EAGAIN (the device is away, array_condition
  * says why; the shot goes on when it is back: call again or give up), other negative
  * errno, which end the shot. */
-int array_next(struct array *a, struct array_ping *out, struct complaint *why);
+int array_next(struct array *a, struct array_ping *out, struct error *why);
 
 /* Ends an endless shot at once: what is under way of it is dropped, the next shot may be
  * fired.  Nothing where there is none. */
@@ -105,10 +105,10 @@ void array_halt(struct array *a);
 size_t array_counts(struct array *a, struct device_count out[DEVICE_MAX_COUNTS]);
 
 /* 0, or a negative errno while the device is away and is tried again: why says so. */
-int array_condition(struct array *a, struct complaint *why);
+int array_condition(struct array *a, struct error *why);
 
 /* What has befallen the device and a person should know, once each.  false: no more. */
-bool array_notice(struct array *a, struct complaint *out);
+bool array_notice(struct array *a, struct error *out);
 void array_close(struct array *a);
 
 #endif

@@ -17,7 +17,7 @@ static const struct canbus_ops *const backends[] = {
     &canbus_log_ops, &canbus_socketcan_ops, &canbus_sim_ops};
 
 static int find(const struct canbus_ops **ops, const char **arg, const char *uri,
-                struct complaint *why)
+                struct error *why)
 {
     *arg = NULL;
     for (size_t i = 0; i < sizeof backends / sizeof *backends && !*arg; i++) {
@@ -25,15 +25,15 @@ static int find(const struct canbus_ops **ops, const char **arg, const char *uri
         *arg = device_arg(uri, (*ops)->scheme);
     }
     return *arg ? 0
-                : complain(why, -ENODEV,
-                           "%s: no such kind of CAN bus; expected log:FILE, "
-                           "socketcan:INTERFACE or sim:SCENE",
-                           uri);
+                : error_say(why, -ENODEV,
+                            "%s: no such kind of CAN bus; expected log:FILE, "
+                            "socketcan:INTERFACE or sim:SCENE",
+                            uri);
 }
 
-int canbus_check(const char *uri, struct complaint *why)
+int canbus_check(const char *uri, struct error *why)
 {
-    struct complaint inner = {.text = ""};
+    struct error inner = {.text = ""};
     const struct canbus_ops *ops;
     const char *arg;
     void *state;
@@ -48,10 +48,10 @@ int canbus_check(const char *uri, struct complaint *why)
         if (!err)
             ops->close(state);
     }
-    return err ? complain(why, err, "%s: %s", uri, inner.text) : 0;
+    return err ? error_say(why, err, "%s: %s", uri, inner.text) : 0;
 }
 
-int canbus_open(struct canbus **out, const char *uri, struct complaint *why)
+int canbus_open(struct canbus **out, const char *uri, struct error *why)
 {
     const struct canbus_ops *ops;
     const char *arg;
@@ -61,13 +61,13 @@ int canbus_open(struct canbus **out, const char *uri, struct complaint *why)
         return err;
     struct canbus *b = calloc(1, sizeof *b);
     if (!b)
-        return complain(why, -ENOMEM, "%s: out of memory", uri);
+        return error_say(why, -ENOMEM, "%s: out of memory", uri);
     b->ops = ops;
-    struct complaint inner = {.text = ""};
+    struct error inner = {.text = ""};
     err = ops->open(&b->state, arg, &inner);
     if (err) {
         free(b);
-        return complain(why, err, "%s: %s", uri, inner.text);
+        return error_say(why, err, "%s: %s", uri, inner.text);
     }
     *out = b;
     return 0;

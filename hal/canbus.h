@@ -15,7 +15,7 @@
 
 #include "hal/device_count.h"
 #include "msgs/can/frames.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 enum { CANBUS_MAX_COUNTS = 15 };
 
@@ -40,9 +40,9 @@ struct canbus_status {
 
 struct canbus_ops {
     const char *scheme;
-    int (*open)(void **state, const char *arg, struct complaint *why);
+    int (*open)(void **state, const char *arg, struct error *why);
     /* May be NULL: opening leaves nothing behind. */
-    int (*check)(const char *arg, struct complaint *why);
+    int (*check)(const char *arg, struct error *why);
     int (*send)(void *state, const struct can_frame_data *frame, int64_t stamp_ns);
     int (*flush)(void *state);
     /* These three may be NULL: nothing ever comes. */
@@ -60,12 +60,12 @@ struct canbus_ops {
 struct canbus;
 
 /* 0, -EINVAL, -ENODEV (no such scheme or interface), -ENOMEM, a negative errno of the
- * file or socket; the complaint names the URI. */
-int canbus_open(struct canbus **out, const char *uri, struct complaint *why);
+ * file or socket; the error names the URI. */
+int canbus_open(struct canbus **out, const char *uri, struct error *why);
 
 /* Is it all right as it is written, is what it names there?  As canbus_open, but nothing
  * is written, and a log may be of a folder that is still to come. */
-int canbus_check(const char *uri, struct complaint *why);
+int canbus_check(const char *uri, struct error *why);
 
 /* Never waits.  stamp_ns: time of sending, written into a log.  An FD frame is filled up
  * with zeros to the next legal size.  0; -EINVAL (size or identifier, or more different

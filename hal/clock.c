@@ -107,16 +107,17 @@ int clock_share(void)
     return setenv(SHARED, text, 1) ? -errno : 0;
 }
 
-int clock_check_shared(struct complaint *why)
+int clock_check_shared(struct error *why)
 {
     pthread_once(&once, start);
     if (!shared_is_damaged)
         return 0;
-    return complain(why, -EINVAL,
-                    "%s \"%s\" is no clock of the launcher: this process counts from the "
-                    "wall clock as it is now, and its stamps may be apart from the other "
-                    "nodes'",
-                    SHARED, getenv(SHARED));
+    return error_say(
+        why, -EINVAL,
+        "%s \"%s\" is no clock of the launcher: this process counts from the "
+        "wall clock as it is now, and its stamps may be apart from the other "
+        "nodes'",
+        SHARED, getenv(SHARED));
 }
 
 /* Slewing moves both clocks alike, setting only one. */

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct clock_source {
     int64_t (*now_ns)(void *state); /* wall time, ns since 1970 */
@@ -27,7 +27,7 @@ const struct clock_source *clock_system(void);
 int clock_share(void);
 
 /* -EINVAL: what the parent shared is damaged; this process took an offset of its own. */
-int clock_check_shared(struct complaint *why);
+int clock_check_shared(struct error *why);
 
 /* How far the wall clock is ahead of clock_system by now: it was set since the start. */
 int64_t clock_wall_ahead_ns(void);

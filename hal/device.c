@@ -35,32 +35,32 @@ static bool is_known(const char *const *known, const char *key)
 }
 
 static int parse_option(struct device *d, char *text, const char *const *known,
-                        struct complaint *why)
+                        struct error *why)
 {
     char list[320];
     char *equals = strchr(text, '=');
     if (!equals || equals == text)
-        return complain(why, -EINVAL, "option \"%s\": expected key=value", text);
+        return error_say(why, -EINVAL, "option \"%s\": expected key=value", text);
     *equals = 0;
     if (!is_known(known, text))
-        return complain(why, -EINVAL, "there is no option \"%s\"; expected %s", text,
-                        known[0] ? list_words(known, list, sizeof list) : "none");
+        return error_say(why, -EINVAL, "there is no option \"%s\"; expected %s", text,
+                         known[0] ? list_words(known, list, sizeof list) : "none");
     if (device_option(d, text))
-        return complain(why, -EINVAL, "option \"%s\" is given twice", text);
+        return error_say(why, -EINVAL, "option \"%s\" is given twice", text);
     if (d->n_options == DEVICE_MAX_OPTIONS)
-        return complain(why, -EINVAL, "more than %d options", DEVICE_MAX_OPTIONS);
+        return error_say(why, -EINVAL, "more than %d options", DEVICE_MAX_OPTIONS);
     d->options[d->n_options].key = text;
     d->options[d->n_options++].value = equals + 1;
     return 0;
 }
 
 int device_parse(struct device *out, const char *arg, const char *const *known,
-                 struct complaint *why)
+                 struct error *why)
 {
     char *rest = NULL;
     *out = (struct device){.text = strdup(arg)};
     if (!out->text)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     out->path = out->text;
     char *question = strchr(out->text, '?');
     if (!question)
@@ -86,7 +86,7 @@ const char *device_option(const struct device *d, const char *key)
 }
 
 int device_number(const struct device *d, const char *key, double min, double max,
-                  double *value, struct complaint *why)
+                  double *value, struct error *why)
 {
     char *end;
     const char *text = device_option(d, key);
@@ -94,14 +94,14 @@ int device_number(const struct device *d, const char *key, double min, double ma
         return 0;
     double x = strtod(text, &end);
     if (end == text || *end || !(x >= min && x <= max))
-        return complain(why, -EINVAL, "option %s=%s: expected a number in %g..%g", key,
-                        text, min, max);
+        return error_say(why, -EINVAL, "option %s=%s: expected a number in %g..%g", key,
+                         text, min, max);
     *value = x;
     return 0;
 }
 
 int device_choice(const struct device *d, const char *key, const char *const *words,
-                  struct complaint *why)
+                  struct error *why)
 {
     char list[320];
     const char *text = device_option(d, key);
@@ -110,8 +110,8 @@ int device_choice(const struct device *d, const char *key, const char *const *wo
     for (int i = 0; words[i]; i++)
         if (!strcmp(words[i], text))
             return i;
-    return complain(why, -EINVAL, "option %s=%s: expected %s", key, text,
-                    list_words(words, list, sizeof list));
+    return error_say(why, -EINVAL, "option %s=%s: expected %s", key, text,
+                     list_words(words, list, sizeof list));
 }
 
 void device_clear(struct device *d)

@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 enum { DEVICE_MAX_OPTIONS = 24 };
 
@@ -25,19 +25,19 @@ const char *device_arg(const char *uri, const char *scheme);
  * NULL; NULL: any.  Clear the result.  0, -EINVAL (an unknown key, a key without value),
  * -ENOMEM. */
 int device_parse(struct device *out, const char *arg, const char *const *known,
-                 struct complaint *why);
+                 struct error *why);
 
 /* The option's value, or NULL. */
 const char *device_option(const struct device *d, const char *key);
 
 /* Reads a number within min..max; *value stays when the option is absent.  0, -EINVAL. */
 int device_number(const struct device *d, const char *key, double min, double max,
-                  double *value, struct complaint *why);
+                  double *value, struct error *why);
 
 /* The index of the option's value in the words (ended by NULL), or 0 when it is absent.
  * -EINVAL when it is none of them. */
 int device_choice(const struct device *d, const char *key, const char *const *words,
-                  struct complaint *why);
+                  struct error *why);
 void device_clear(struct device *d);
 
 #endif

@@ -56,7 +56,7 @@ static int start_urgent(pthread_t *out, void *(*run)(void *), void *arg)
 }
 
 int realtime_start(pthread_t *out, void *(*run)(void *), void *arg, bool urgent,
-                   struct complaint *missing)
+                   struct error *missing)
 {
     sigset_t all, before;
     int lock = urgent ? realtime_lock() : 0;
@@ -68,10 +68,10 @@ int realtime_start(pthread_t *out, void *(*run)(void *), void *arg, bool urgent,
         err = -pthread_create(out, NULL, run, arg);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     if (!err && (lowly || lock))
-        complain(missing, 0,
-                 "%s%s%s not permitted: a busy machine may lose pings, which are taken "
-                 "again; raise the limits rtprio and memlock",
-                 lowly ? "real-time priority" : "", lowly && lock ? " and " : "",
-                 lock ? "locked memory" : "");
+        error_say(missing, 0,
+                  "%s%s%s not permitted: a busy machine may lose pings, which are taken "
+                  "again; raise the limits rtprio and memlock",
+                  lowly ? "real-time priority" : "", lowly && lock ? " and " : "",
+                  lock ? "locked memory" : "");
     return err;
 }

@@ -17,7 +17,7 @@ static const struct stage_ops *const backends[] = {&stage_sim_ops, &stage_none_o
                                                    &stage_gpiod_ops, &stage_zaber_ops};
 
 int stage_open(struct stage **out, const char *uri, const struct clock_source *clock,
-               struct complaint *why)
+               struct error *why)
 {
     const char *arg = NULL;
     const struct stage_ops *ops = NULL;
@@ -27,19 +27,19 @@ int stage_open(struct stage **out, const char *uri, const struct clock_source *c
         arg = device_arg(uri, ops->scheme);
     }
     if (!arg)
-        return complain(why, -ENODEV,
-                        "%s: no such kind of stage; expected gpiod:, zaber:, sim: or "
-                        "none:",
-                        uri);
+        return error_say(why, -ENODEV,
+                         "%s: no such kind of stage; expected gpiod:, zaber:, sim: or "
+                         "none:",
+                         uri);
     struct stage *s = calloc(1, sizeof *s);
     if (!s)
-        return complain(why, -ENOMEM, "%s: out of memory", uri);
+        return error_say(why, -ENOMEM, "%s: out of memory", uri);
     s->ops = ops;
-    struct complaint inner = {.text = ""};
+    struct error inner = {.text = ""};
     int err = ops->open(&s->state, arg, clock, &inner);
     if (err) {
         free(s);
-        return complain(why, err, "%s: %s", uri, inner.text);
+        return error_say(why, err, "%s: %s", uri, inner.text);
     }
     *out = s;
     return 0;

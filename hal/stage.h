@@ -15,7 +15,7 @@
 
 #include "hal/clock.h"
 #include "hal/device_count.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 enum { STAGE_TEXT_SIZE = 160 };
 
@@ -33,7 +33,7 @@ struct stage_status {
 struct stage_ops {
     const char *scheme;
     int (*open)(void **state, const char *arg, const struct clock_source *clock,
-                struct complaint *why);
+                struct error *why);
     int (*move)(void *state, double target_m); /* as stage_move; target_m is finite */
     int (*home)(void *state);
     int (*stop)(void *state);
@@ -48,7 +48,7 @@ struct stage;
 
 /* 0, -EINVAL, -ENOENT, -ENODEV (no such scheme), -ENOMEM. */
 int stage_open(struct stage **out, const char *uri, const struct clock_source *clock,
-               struct complaint *why);
+               struct error *why);
 
 /* Starts a move and returns; a move under way is replaced.  0, -ERANGE (soft limits),
  * -ESTALE (its place is lost: home it). */

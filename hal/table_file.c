@@ -22,7 +22,7 @@ struct table {
     size_t n_fields;             /* of each line; 0: there were no names yet */
     table_row *row;
     void *ctx;
-    struct complaint *why;
+    struct error *why;
 };
 
 static bool has_decimal_commas(const char *line, size_t least)
@@ -93,11 +93,11 @@ static int take_names(struct table *t, char *const *fields, size_t n)
                 found++;
             }
         if (found > 1 || (!found && t->columns[c].needed))
-            return complain(t->why, -EINVAL,
-                            "%s:%zu: the column %s is %s; the first line names the "
-                            "columns",
-                            t->path, t->line, t->columns[c].name,
-                            found ? "named twice" : "missing");
+            return error_say(t->why, -EINVAL,
+                             "%s:%zu: the column %s is %s; the first line names the "
+                             "columns",
+                             t->path, t->line, t->columns[c].name,
+                             found ? "named twice" : "missing");
     }
     t->n_fields = n;
     return 0;
@@ -116,16 +116,16 @@ static int take_line(struct table *t, char *line)
     if (!t->n_fields)
         return take_names(t, fields, n);
     if (n != t->n_fields)
-        return complain(t->why, -EINVAL, "%s:%zu: %zu columns, expected %zu", t->path,
-                        t->line, n, t->n_fields);
+        return error_say(t->why, -EINVAL, "%s:%zu: %zu columns, expected %zu", t->path,
+                         t->line, n, t->n_fields);
     for (size_t c = 0; c < t->n_columns; c++)
         row[c] = t->at[c] == NO_COLUMN ? NULL : fields[t->at[c]];
     const char *wrong = t->row(t->ctx, row);
-    return wrong ? complain(t->why, -EINVAL, "%s:%zu: %s", t->path, t->line, wrong) : 0;
+    return wrong ? error_say(t->why, -EINVAL, "%s:%zu: %s", t->path, t->line, wrong) : 0;
 }
 
 int table_load(const char *path, const struct table_column *columns, size_t n_columns,
-               table_row *row, void *ctx, struct complaint *why)
+               table_row *row, void *ctx, struct error *why)
 {
     struct table t = {.path = path,
                       .columns = columns,
@@ -146,9 +146,10 @@ int table_load(const char *path, const struct table_column *columns, size_t n_co
     }
     free(line);
     if (!err && ferror(f))
-        err = complain(why, -EIO, "%s: cannot be read", path);
+        err = error_say(why, -EIO, "%s: cannot be read", path);
     fclose(f);
     if (!err && !t.n_fields)
-        err = complain(why, -EINVAL, "%s: empty; its first line names the columns", path);
+        err =
+            error_say(why, -EINVAL, "%s: empty; its first line names the columns", path);
     return err;
 }

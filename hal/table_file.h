@@ -9,7 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 #define TABLE_MAX_FIELDS 64
 
@@ -22,10 +22,10 @@ struct table_column {
  * Returns NULL, or what is wrong with it. */
 typedef const char *table_row(void *ctx, char *const *fields);
 
-/* The complaint is "file:line: what was expected".  0, -EINVAL, errors of text_file_open,
+/* The error is "file:line: what was expected".  0, -EINVAL, errors of text_file_open,
  * -EIO. */
 int table_load(const char *path, const struct table_column *columns, size_t n_columns,
-               table_row *row, void *ctx, struct complaint *why);
+               table_row *row, void *ctx, struct error *why);
 
 /* Cuts a line into fields, of which there are `least` where commas are decimal ones.
  * Returns how many. */

@@ -20,7 +20,7 @@ static int open_regular(const char *path, int *fd)
     return st.st_size > (off_t)TEXT_FILE_MAX_SIZE ? -EFBIG : 0;
 }
 
-int text_file_open(FILE **out, const char *path, struct complaint *why)
+int text_file_open(FILE **out, const char *path, struct error *why)
 {
     int fd, err = open_regular(path, &fd);
 
@@ -31,8 +31,8 @@ int text_file_open(FILE **out, const char *path, struct complaint *why)
     if (err && fd >= 0)
         close(fd);
     if (err == -EINVAL)
-        return complain(why, err, "%s: not a regular file", path);
+        return error_say(why, err, "%s: not a regular file", path);
     if (err == -EFBIG)
-        return complain(why, err, "%s: larger than %u bytes", path, TEXT_FILE_MAX_SIZE);
-    return err ? complain(why, err, "%s: %s", path, strerror(-err)) : 0;
+        return error_say(why, err, "%s: larger than %u bytes", path, TEXT_FILE_MAX_SIZE);
+    return err ? error_say(why, err, "%s: %s", path, strerror(-err)) : 0;
 }

@@ -31,7 +31,7 @@ uint32_t turn_frame(const struct turn *t)
 }
 
 int turn_wait(const struct turn *t, const struct survey *s, size_t n_ping,
-              const struct clock_source *clock, int64_t *t0_ns, struct complaint *why)
+              const struct clock_source *clock, int64_t *t0_ns, struct error *why)
 {
     double start = (double)turn_slot(t, s) * (double)s->slot_samples;
     *t0_ns = clock_now_ns(clock);
@@ -40,5 +40,5 @@ int turn_wait(const struct turn *t, const struct survey *s, size_t n_ping,
     *t0_ns = t->fired_ns + (int64_t)(1e9 * start / s->sample_rate_hz);
     int64_t end_ns = *t0_ns + (int64_t)(1e9 * (double)n_ping / s->sample_rate_hz);
     int err = clock->sleep_until_ns(clock->state, end_ns);
-    return err ? complain(why, err, "the wait for a ping was interrupted") : 0;
+    return err ? error_say(why, err, "the wait for a ping was interrupted") : 0;
 }

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 #include "hal/clock.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
 struct turn {
@@ -33,6 +33,6 @@ uint32_t turn_frame(const struct turn *t);
 /* Of an endless shot: waits until n_ping samples of the next emission would be recorded.
  * *t0_ns: when the first one is, or now.  0, -EINTR. */
 int turn_wait(const struct turn *t, const struct survey *s, size_t n_ping,
-              const struct clock_source *clock, int64_t *t0_ns, struct complaint *why);
+              const struct clock_source *clock, int64_t *t0_ns, struct error *why);
 
 #endif

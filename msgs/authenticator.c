@@ -344,7 +344,7 @@ static void look_at_file(struct authenticator *a)
 {
     char path[HOSTS_KEYS_SIZE + 8];
     struct stat now = {0};
-    struct complaint why = {""};
+    struct error why = {""};
     struct peers peers;
     snprintf(path, sizeof path, "%s/peers", a->keys.folder);
     bool there = !stat(path, &now);

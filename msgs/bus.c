@@ -7,10 +7,10 @@
 #include <unistd.h>
 
 #include "msgs/endpoint.h"
-#include "msgs/inlet.h"
-#include "msgs/mailbox.h"
-#include "msgs/newcomers.h"
-#include "msgs/outlet.h"
+#include "msgs/subscriber.h"
+#include "msgs/receive_queue.h"
+#include "msgs/discovery.h"
+#include "msgs/publisher.h"
 #include "msgs/remote.h"
 #include "msgs/wire_guard.h"
 
@@ -20,14 +20,13 @@
 struct bus {
     int lock_fd; /* -1: listens only */
     struct remote *remote;
-    struct mailbox *mailbox;
-    struct inlet *inlet;
+    struct receive_queue *receive_queue;
+    struct subscriber *subscriber;
     size_t n_outlets;
-    struct outlet *outlets[16];
+    struct publisher *outlets[16];
 };
 
-static int open_outlets(struct bus *b, const struct bus_config *cfg,
-                        struct complaint *why)
+static int open_outlets(struct bus *b, const struct bus_config *cfg, struct error *why)
 {
     const size_t max = sizeof b->outlets / sizeof *b->outlets;
     b->lock_fd = endpoint_lock(cfg->run_dir, cfg->node, cfg->world == BUS_REPLAY, why);
@@ -37,9 +36,9 @@ static int open_outlets(struct bus *b, const struct bus_config *cfg,
         if (!topic_is_published_by(t, cfg->node))
             continue;
         if (b->n_outlets == max)
-            return complain(why, -E2BIG, "node \"%s\" publishes over %zu topics",
-                            cfg->node, max);
-        int err = outlet_create(&b->outlets[b->n_outlets], cfg, b->remote, t, why);
+            return error_say(why, -E2BIG, "node \"%s\" publishes over %zu topics",
+                             cfg->node, max);
+        int err = publisher_create(&b->outlets[b->n_outlets], cfg, b->remote, t, why);
         if (err)
             return err;
         b->n_outlets++;
@@ -54,7 +53,7 @@ static size_t count_heard(const struct bus *b)
 
     for (size_t i = 0; i < b->n_outlets; i++) {
         struct bus_count count;
-        outlet_count(b->outlets[i], &count);
+        publisher_count(b->outlets[i], &count);
         if (!count.peers)
             return 0;
         sum += count.peers;
@@ -77,21 +76,21 @@ static void await_peers(const struct bus *b)
     }
 }
 
-static int check_config(const struct bus_config *cfg, struct complaint *why)
+static int check_config(const struct bus_config *cfg, struct error *why)
 {
     if (!cfg->run_dir || !cfg->run_dir[0])
-        return complain(why, -EINVAL, "no run folder is given");
+        return error_say(why, -EINVAL, "no run folder is given");
     if (cfg->listen_only)
         return 0;
     size_t length = cfg->node ? strlen(cfg->node) : 0;
     if (length < 1 || length >= ENVELOPE_NODE_SIZE || strchr(cfg->node, '/'))
-        return complain(why, -EINVAL,
-                        "node name \"%s\": expected 1 to %d characters without '/'",
-                        cfg->node ? cfg->node : "", ENVELOPE_NODE_SIZE - 1);
+        return error_say(why, -EINVAL,
+                         "node name \"%s\": expected 1 to %d characters without '/'",
+                         cfg->node ? cfg->node : "", ENVELOPE_NODE_SIZE - 1);
     return 0;
 }
 
-int bus_create(struct bus **out, const struct bus_config *cfg, struct complaint *why)
+int bus_create(struct bus **out, const struct bus_config *cfg, struct error *why)
 {
     int err = check_config(cfg, why);
     if (!err)
@@ -100,21 +99,22 @@ int bus_create(struct bus **out, const struct bus_config *cfg, struct complaint 
         return err;
     struct bus *b = calloc(1, sizeof *b);
     if (!b)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     b->lock_fd = -1;
     err = remote_create(&b->remote, cfg->run_dir, why);
     if (err)
         goto fail;
-    err = mailbox_create(&b->mailbox);
+    err = receive_queue_create(&b->receive_queue);
     if (!err)
-        err = inlet_create(&b->inlet, cfg->run_dir, cfg->world, b->remote, b->mailbox);
+        err = subscriber_create(&b->subscriber, cfg->run_dir, cfg->world, b->remote,
+                                b->receive_queue);
     if (err)
-        complain(why, err, "run folder %s: no bus: %s", cfg->run_dir, strerror(-err));
+        error_say(why, err, "run folder %s: no bus: %s", cfg->run_dir, strerror(-err));
     if (!err && !cfg->listen_only)
         err = open_outlets(b, cfg, why);
     if (!err && cfg->world == BUS_REPLAY)
         bus_set_replayed(b, true);
-    if (!err && !cfg->listen_only && newcomers_are_awaited(cfg->run_dir))
+    if (!err && !cfg->listen_only && discovery_are_awaited(cfg->run_dir))
         await_peers(b);
     if (err)
         goto fail;
@@ -127,24 +127,24 @@ fail:
 
 int bus_subscribe(struct bus *b, const struct topic *t)
 {
-    return inlet_subscribe(b->inlet, t);
+    return subscriber_subscribe(b->subscriber, t);
 }
 
 void bus_keep_all(struct bus *b, size_t bytes, int64_t now_ns)
 {
-    mailbox_keep_all(b->mailbox, bytes);
-    inlet_count_from_start(b->inlet, now_ns);
+    receive_queue_keep_all(b->receive_queue, bytes);
+    subscriber_count_from_start(b->subscriber, now_ns);
 }
 
 size_t bus_waiting_bytes(struct bus *b)
 {
-    return mailbox_waiting_bytes(b->mailbox);
+    return receive_queue_waiting_bytes(b->receive_queue);
 }
 
-static struct outlet *find_outlet(const struct bus *b, const struct topic *t)
+static struct publisher *find_publisher(const struct bus *b, const struct topic *t)
 {
     for (size_t i = 0; i < b->n_outlets; i++)
-        if (outlet_topic(b->outlets[i]) == t)
+        if (publisher_topic(b->outlets[i]) == t)
             return b->outlets[i];
     return NULL;
 }
@@ -152,69 +152,70 @@ static struct outlet *find_outlet(const struct bus *b, const struct topic *t)
 int bus_publish(struct bus *b, const struct topic *t, int64_t capture_ns,
                 int64_t publish_ns, const void *payload, size_t size)
 {
-    struct outlet *o = find_outlet(b, t);
-    return o ? outlet_send_copy(o, capture_ns, publish_ns, payload, size) : -EINVAL;
+    struct publisher *o = find_publisher(b, t);
+    return o ? publisher_send_copy(o, capture_ns, publish_ns, payload, size) : -EINVAL;
 }
 
 int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns,
                         int64_t publish_ns, const ProtobufCMessage *m)
 {
-    struct outlet *o = find_outlet(b, t);
+    struct publisher *o = find_publisher(b, t);
     if (!o || m->descriptor != t->schema)
         return -EINVAL;
     size_t size = protobuf_c_message_get_packed_size(m);
     if (size > t->max_size)
         return -EMSGSIZE;
-    void *room, *message = outlet_allocate(size, &room);
+    void *room, *message = publisher_allocate(size, &room);
     if (!message)
         return -ENOMEM;
     protobuf_c_message_pack(m, room);
-    return outlet_send(o, capture_ns, publish_ns, message, size);
+    return publisher_send(o, capture_ns, publish_ns, message, size);
 }
 
 void bus_set_replayed(struct bus *b, bool replayed)
 {
     for (size_t i = 0; i < b->n_outlets; i++)
-        outlet_set_replayed(b->outlets[i], replayed);
+        publisher_set_replayed(b->outlets[i], replayed);
 }
 
 int bus_receive(struct bus *b, struct bus_message *out, int timeout_ms)
 {
-    return mailbox_take(b->mailbox, out, timeout_ms);
+    return receive_queue_take(b->receive_queue, out, timeout_ms);
 }
 
 int bus_fd(const struct bus *b)
 {
-    return mailbox_fd(b->mailbox);
+    return receive_queue_fd(b->receive_queue);
 }
 
 void bus_interrupt(struct bus *b)
 {
-    mailbox_interrupt(b->mailbox);
+    receive_queue_interrupt(b->receive_queue);
 }
 
 void bus_resume(struct bus *b)
 {
-    mailbox_resume(b->mailbox);
+    receive_queue_resume(b->receive_queue);
 }
 
 size_t bus_counts(struct bus *b, struct bus_count *out, size_t max)
 {
     for (size_t i = 0; i < b->n_outlets && i < max; i++)
-        outlet_count(b->outlets[i], &out[i]);
+        publisher_count(b->outlets[i], &out[i]);
     bool room = max > b->n_outlets;
-    return b->n_outlets + inlet_counts(b->inlet, room ? out + b->n_outlets : NULL,
-                                       room ? max - b->n_outlets : 0);
+    return b->n_outlets + subscriber_counts(b->subscriber,
+                                            room ? out + b->n_outlets : NULL,
+                                            room ? max - b->n_outlets : 0);
 }
 
 uint64_t bus_refused(struct bus *b)
 {
-    return inlet_refused(b->inlet) + wire_guard_refused();
+    return subscriber_refused(b->subscriber) + wire_guard_refused();
 }
 
 void bus_on_refusal(struct bus *b, void (*call)(void *ctx, const char *text), void *ctx)
 {
-    inlet_on_refusal(b->inlet, call, ctx);
+    subscriber_on_refusal(b->subscriber, call, ctx);
     remote_on_event(b->remote, call, ctx);
 }
 
@@ -228,10 +229,10 @@ void bus_destroy(struct bus *b)
     if (!b)
         return;
     for (size_t i = 0; i < b->n_outlets; i++)
-        outlet_destroy(b->outlets[i]);
-    inlet_destroy(b->inlet);
+        publisher_destroy(b->outlets[i]);
+    subscriber_destroy(b->subscriber);
     remote_destroy(b->remote);
-    mailbox_destroy(b->mailbox);
+    receive_queue_destroy(b->receive_queue);
     if (b->lock_fd >= 0)
         close(b->lock_fd); /* last: until here the socket files are ours */
     free(b);

@@ -1,6 +1,6 @@
 /* msgs/bus.h -- publish and subscribe over nanomsg, with accounting.  The only place that
- * knows nanomsg (with its parts outlet, inlet, ear, mailbox).  A node has an
- * endpoint for each topic that it publishes ("ipc://RUN_DIR/NODE.TOPIC.ipc"), and
+ * knows nanomsg (with its parts publisher, subscriber, ear, receive queue).  A node has
+ * an endpoint for each topic that it publishes ("ipc://RUN_DIR/NODE.TOPIC.ipc"), and
  * connects to those of the publishers of what it wants (msgs/topics.h).  In a system on
  * several machines it has one more at an address of its host (msgs/hosts.h), and those on
  * other machines are heard there, by ZeroMQ (msgs/remote.h), encrypted.
@@ -19,13 +19,13 @@
 #include <stdint.h>
 
 #include "msgs/bus_message.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct bus;
 
 /* Whose time a process lives in is decided when it starts, never by what arrives. */
 enum bus_world {
-    BUS_ANY,    /* an onlooker's, which shows whatever there is: a tool, view, record */
+    BUS_ANY, /* an optional node's, which shows whatever there is: a tool, view, record */
     BUS_LIVE,   /* what is replayed is refused and counted, and so is "clock" */
     BUS_REPLAY, /* what is not is refused, but for health, log and host; all that is
                  * published is marked as replayed */
@@ -49,8 +49,8 @@ struct bus_count {
 
 /* Opens an endpoint for each topic that the node publishes.  0, -EINVAL, -ENOMEM,
  * -EADDRINUSE (a live node of that name already runs in the folder), -ENAMETOOLONG (a
- * socket path takes 107 characters), other negative errno; the complaint says where. */
-int bus_create(struct bus **out, const struct bus_config *cfg, struct complaint *why);
+ * socket path takes 107 characters), other negative errno; the error says where. */
+int bus_create(struct bus **out, const struct bus_config *cfg, struct error *why);
 
 /* Connects to every publisher of the topic.  A publisher may come later, go and come
  * back.  Counting of gaps starts with the first message that arrives of each publisher.

@@ -4,7 +4,7 @@
 #ifndef ANLOS_MSGS_CONVERT_H
 #define ANLOS_MSGS_CONVERT_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/array.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/tensor.h"
@@ -26,7 +26,7 @@ int survey_pack(const struct survey *s, uint8_t **out, size_t *size);
 /* From a received message; *s owns its arrays, and needs no survey_clear after an error.
  * 0, -ENOMEM, -EINVAL (incomplete, does not pass survey_check, or its id is not that of
  * its content). */
-int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why);
+int survey_from_message(struct survey *s, const Anlos__Survey *m, struct error *why);
 
 /* Who records with a program of his own need not know what an id is made of: gives a
  * message without one that of its content, if it is a survey at all. */
@@ -60,14 +60,13 @@ void volume_to_message(const struct volume *v, struct volume_view *view,
 const struct ego_motion *ego_from_message(struct ego_motion *out,
                                           const Anlos__EgoMotion *m);
 
-/* Of topic "wall".  0, or -EINVAL with a complaint: not numbers, a normal that is not of
+/* Of topic "wall".  0, or -EINVAL with an error: not numbers, a normal that is not of
  * length 1, a covariance that is none, or more than there is room for. */
-int walls_from_message(struct walls *out, const Anlos__WallList *m,
-                       struct complaint *why);
+int walls_from_message(struct walls *out, const Anlos__WallList *m, struct error *why);
 
 /* Of topic "wall/given", whose walls are in the vehicle frame; the normal is turned to
- * point away from the array.  s: for the mount.  0, or -EINVAL with a complaint. */
+ * point away from the array.  s: for the mount.  0, or -EINVAL with an error. */
 int walls_from_given(struct walls *out, const Anlos__WallList *m, const struct survey *s,
-                     struct complaint *why);
+                     struct error *why);
 
 #endif

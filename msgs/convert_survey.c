@@ -119,10 +119,10 @@ int survey_pack(const struct survey *s, uint8_t **out, size_t *size)
 }
 
 static int take_vec3(double out[3], const Anlos__Vec3 *v, const char *field,
-                     struct complaint *why)
+                     struct error *why)
 {
     if (!v)
-        return complain(why, -EINVAL, "survey message: %s is missing", field);
+        return error_say(why, -EINVAL, "survey message: %s is missing", field);
     out[0] = v->x;
     out[1] = v->y;
     out[2] = v->z;
@@ -130,15 +130,15 @@ static int take_vec3(double out[3], const Anlos__Vec3 *v, const char *field,
 }
 
 static int take_vec3_list(double (**out)[3], size_t *n_out, Anlos__Vec3 *const *list,
-                          size_t n, const char *field, struct complaint *why)
+                          size_t n, const char *field, struct error *why)
 {
     if (n < 1 || n > SURVEY_MAX_ELEMENTS)
-        return complain(why, -EINVAL,
-                        "survey message: %s has %zu elements, expected 1 to %d", field, n,
-                        SURVEY_MAX_ELEMENTS);
+        return error_say(why, -EINVAL,
+                         "survey message: %s has %zu elements, expected 1 to %d", field,
+                         n, SURVEY_MAX_ELEMENTS);
     *out = malloc(n * sizeof **out);
     if (!*out)
-        return complain(why, -ENOMEM, "survey message: out of memory");
+        return error_say(why, -ENOMEM, "survey message: out of memory");
     *n_out = n;
     int err = 0;
     for (size_t i = 0; !err && i < n; i++)
@@ -147,28 +147,28 @@ static int take_vec3_list(double (**out)[3], size_t *n_out, Anlos__Vec3 *const *
 }
 
 static int take_numbers(double **out, const double *from, size_t n, int most,
-                        const char *field, struct complaint *why)
+                        const char *field, struct error *why)
 {
     if (n < 1 || n > (size_t)most)
-        return complain(why, -EINVAL,
-                        "survey message: %s has %zu elements, expected 1 to %d", field, n,
-                        most);
+        return error_say(why, -EINVAL,
+                         "survey message: %s has %zu elements, expected 1 to %d", field,
+                         n, most);
     *out = malloc(n * sizeof **out);
     if (!*out)
-        return complain(why, -ENOMEM, "survey message: out of memory");
+        return error_say(why, -ENOMEM, "survey message: out of memory");
     memcpy(*out, from, n * sizeof **out);
     return 0;
 }
 
 static int take_response(struct survey_response *r, const Anlos__MicrophoneResponse *m,
-                         struct complaint *why)
+                         struct error *why)
 {
     size_t length = strlen(m->serial);
     if (length >= sizeof r->serial || m->n_frequency_hz != m->n_gain_db)
-        return complain(why, -EINVAL,
-                        "survey message: calibration \"%.40s\" has %zu frequencies and "
-                        "%zu gains, expected as many, and a serial under %zu characters",
-                        m->serial, m->n_frequency_hz, m->n_gain_db, sizeof r->serial);
+        return error_say(why, -EINVAL,
+                         "survey message: calibration \"%.40s\" has %zu frequencies and "
+                         "%zu gains, expected as many, and a serial under %zu characters",
+                         m->serial, m->n_frequency_hz, m->n_gain_db, sizeof r->serial);
     memcpy(r->serial, m->serial, length + 1);
     int err = take_numbers(&r->frequency_hz, m->frequency_hz, m->n_frequency_hz,
                            SURVEY_MAX_ELEMENTS, "calibration", why);
@@ -179,18 +179,18 @@ static int take_response(struct survey_response *r, const Anlos__MicrophoneRespo
     return err;
 }
 
-static int take_responses(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+static int take_responses(struct survey *s, const Anlos__Survey *m, struct error *why)
 {
     if (!m->n_responses)
         return 0;
     if (m->n_responses > SURVEY_MAX_ELEMENTS)
-        return complain(
+        return error_say(
             why, -EINVAL,
             "survey message: calibration of %zu microphones, expected up to %d",
             m->n_responses, SURVEY_MAX_ELEMENTS);
     s->responses = calloc(m->n_responses, sizeof *s->responses);
     if (!s->responses)
-        return complain(why, -ENOMEM, "survey message: out of memory");
+        return error_say(why, -ENOMEM, "survey message: out of memory");
     s->n_responses = m->n_responses;
     int err = 0;
     for (size_t i = 0; !err && i < m->n_responses; i++)
@@ -223,26 +223,26 @@ static void take_scalars(struct survey *s, const Anlos__Survey *m)
 }
 
 /* struct survey_wall is the six numbers of the message, in their order. */
-static int take_walls(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+static int take_walls(struct survey *s, const Anlos__Survey *m, struct error *why)
 {
     _Static_assert(sizeof s->walls[0] == 6 * sizeof(double), "numbers and no gaps");
     if (m->n_walls % 6 || m->n_walls / 6 > SURVEY_MAX_WALLS)
-        return complain(why, -EINVAL,
-                        "survey message: walls has %zu numbers, expected 6 for each of "
-                        "up to %d",
-                        m->n_walls, SURVEY_MAX_WALLS);
+        return error_say(why, -EINVAL,
+                         "survey message: walls has %zu numbers, expected 6 for each of "
+                         "up to %d",
+                         m->n_walls, SURVEY_MAX_WALLS);
     s->n_walls = m->n_walls / 6;
     for (size_t i = 0; i < s->n_walls; i++)
         memcpy(&s->walls[i], &m->walls[6 * i], sizeof s->walls[i]);
     return 0;
 }
 
-static int take_placement(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+static int take_placement(struct survey *s, const Anlos__Survey *m, struct error *why)
 {
     if (m->n_volume != 0 && m->n_volume != 9)
-        return complain(why, -EINVAL,
-                        "survey message: volume has %zu numbers, expected 9",
-                        m->n_volume);
+        return error_say(why, -EINVAL,
+                         "survey message: volume has %zu numbers, expected 9",
+                         m->n_volume);
     s->has_volume = m->n_volume == 9;
     if (s->has_volume)
         memcpy(s->volume_m, m->volume, sizeof s->volume_m);
@@ -260,35 +260,36 @@ static int take_placement(struct survey *s, const Anlos__Survey *m, struct compl
     return err;
 }
 
-static int take_pings(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+static int take_pings(struct survey *s, const Anlos__Survey *m, struct error *why)
 {
     double *all = NULL;
     if (m->n_pings_m != 6 * s->n_positions)
-        return complain(why, -EINVAL,
-                        "survey message: pings_m has %zu numbers, expected 6 for each of "
-                        "%zu positions",
-                        m->n_pings_m, s->n_positions);
+        return error_say(
+            why, -EINVAL,
+            "survey message: pings_m has %zu numbers, expected 6 for each of "
+            "%zu positions",
+            m->n_pings_m, s->n_positions);
     int err = take_numbers(&all, m->pings_m, m->n_pings_m, 6 * SURVEY_MAX_PINGS,
                            "pings_m", why);
     s->pings_m = (double(*)[2][3])all;
     return err;
 }
 
-static int take_replica(struct survey *s, const Anlos__Tensor *t, struct complaint *why)
+static int take_replica(struct survey *s, const Anlos__Tensor *t, struct error *why)
 {
     size_t n;
     const float *x = tensor_f32(t, 1, &n);
     if (!x)
-        return complain(why, -EINVAL, "survey message: replica is no f32 of one axis");
+        return error_say(why, -EINVAL, "survey message: replica is no f32 of one axis");
     s->replica = malloc(n * sizeof *s->replica);
     if (!s->replica)
-        return complain(why, -ENOMEM, "survey message: out of memory");
+        return error_say(why, -ENOMEM, "survey message: out of memory");
     memcpy(s->replica, x, n * sizeof *x);
     s->n_replica = n;
     return 0;
 }
 
-static int take_message(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+static int take_message(struct survey *s, const Anlos__Survey *m, struct error *why)
 {
     memset(s, 0, sizeof *s);
     take_scalars(s, m);
@@ -319,15 +320,15 @@ static int take_message(struct survey *s, const Anlos__Survey *m, struct complai
     return err;
 }
 
-int survey_from_message(struct survey *s, const Anlos__Survey *m, struct complaint *why)
+int survey_from_message(struct survey *s, const Anlos__Survey *m, struct error *why)
 {
     int err = take_message(s, m, why);
 
     if (err || m->id == survey_id(s))
         return err;
-    complain(why, -EINVAL,
-             "survey message: id %016llx is not that of its content, %016llx",
-             (unsigned long long)m->id, (unsigned long long)survey_id(s));
+    error_say(why, -EINVAL,
+              "survey message: id %016llx is not that of its content, %016llx",
+              (unsigned long long)m->id, (unsigned long long)survey_id(s));
     survey_clear(s);
     return -EINVAL;
 }

@@ -9,7 +9,8 @@
 #include "msgs/endpoint.h"
 
 /* nanomsg drops the connection over this, without a word, and allocates what a header
- * asks for under it; what is over a topic's own bound is refused and counted (inlet). */
+ * asks for under it; what is over a topic's own bound is refused and counted
+ * (subscriber). */
 #define RECEIVE_MAX_BYTES    (1 << 30)
 #define RECEIVE_BUFFER_BYTES (32 << 20)
 #define RECONNECT_MS         20

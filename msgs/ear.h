@@ -29,7 +29,7 @@ struct ear_source {
 
 struct ear {
     const struct topic *topic;
-    size_t slot;               /* in the mailbox; the caller's */
+    size_t slot;               /* in the receive queue; the caller's */
     int socket, fd;            /* fd: readable while messages wait; the socket's own */
     struct remote_ear *remote; /* NULL: no publisher is on another machine */
     int remote_fd;

@@ -14,18 +14,18 @@ _Static_assert(ENDPOINT_PATH_SIZE == sizeof(((struct sockaddr_un *)0)->sun_path)
                "the length of a socket path");
 
 int endpoint_url(char url[ENDPOINT_URL_SIZE], const char *run_dir, const char *node,
-                 const char *topic, struct complaint *why)
+                 const char *topic, struct error *why)
 {
     int length = snprintf(url, ENDPOINT_URL_SIZE, ENDPOINT_SCHEME "%s/%s.%s.ipc", run_dir,
                           node, topic);
     if (length < 0 || (size_t)length >= ENDPOINT_URL_SIZE) {
         size_t name = strlen(node) + strlen(topic) + sizeof "/..ipc";
-        return complain(why, -ENAMETOOLONG,
-                        "run folder %s: socket %s.%s.ipc in it would have a path of %zu "
-                        "characters, the system allows %d: choose a run folder of at "
-                        "most %zu",
-                        run_dir, node, topic, strlen(run_dir) + name - 1,
-                        ENDPOINT_PATH_SIZE - 1, ENDPOINT_PATH_SIZE - name);
+        return error_say(why, -ENAMETOOLONG,
+                         "run folder %s: socket %s.%s.ipc in it would have a path of %zu "
+                         "characters, the system allows %d: choose a run folder of at "
+                         "most %zu",
+                         run_dir, node, topic, strlen(run_dir) + name - 1,
+                         ENDPOINT_PATH_SIZE - 1, ENDPOINT_PATH_SIZE - name);
     }
     char *name = url + sizeof ENDPOINT_SCHEME - 1 + strlen(run_dir) + 1;
     for (char *slash = name; (slash = strchr(slash, '/'));)
@@ -50,7 +50,7 @@ static int make_one(const char *path)
     return S_ISDIR(st.st_mode) ? 0 : -ENOTDIR;
 }
 
-int endpoint_make_folder(const char *run_dir, struct complaint *why)
+int endpoint_make_folder(const char *run_dir, struct error *why)
 {
     char path[PATH_MAX];
     size_t length = strlen(run_dir);
@@ -65,20 +65,19 @@ int endpoint_make_folder(const char *run_dir, struct complaint *why)
         path[i] = i < length ? '/' : 0;
     }
     if (err)
-        complain(why, err, "run folder \"%s\": cannot be made: %s", run_dir,
-                 strerror(-err));
+        error_say(why, err, "run folder \"%s\": cannot be made: %s", run_dir,
+                  strerror(-err));
     return err;
 }
 
-int endpoint_lock(const char *run_dir, const char *node, bool replay,
-                  struct complaint *why)
+int endpoint_lock(const char *run_dir, const char *node, bool replay, struct error *why)
 {
     char path[PATH_MAX], owner[32] = "";
     if ((size_t)snprintf(path, sizeof path, "%s/%s.lock", run_dir, node) >= sizeof path)
-        return complain(why, -ENAMETOOLONG, "run folder %s: path too long", run_dir);
+        return error_say(why, -ENAMETOOLONG, "run folder %s: path too long", run_dir);
     int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0)
-        return complain(why, -errno, "%s: %s", path, strerror(errno));
+        return error_say(why, -errno, "%s: %s", path, strerror(errno));
     if (flock(fd, LOCK_EX | LOCK_NB) != 0) {
         int err = errno == EWOULDBLOCK ? -EADDRINUSE : -errno;
         ssize_t n = pread(fd, owner, sizeof owner - 1, 0);
@@ -86,19 +85,19 @@ int endpoint_lock(const char *run_dir, const char *node, bool replay,
         owner[strcspn(owner, "\n")] = 0;
         close(fd);
         if (err == -EADDRINUSE)
-            return complain(
+            return error_say(
                 why, err,
                 "%s: a node \"%s\" already runs here (process %s): stop it, or "
                 "choose another run folder",
                 path, node, owner);
-        return complain(why, err, "%s: %s", path, strerror(-err));
+        return error_say(why, err, "%s: %s", path, strerror(-err));
     }
     int length = snprintf(owner, sizeof owner, "%ld\n%s", (long)getpid(),
                           replay ? "replay\n" : "");
     if (ftruncate(fd, 0) != 0 || pwrite(fd, owner, (size_t)length, 0) != length) {
         int err = errno ? -errno : -EIO;
         close(fd);
-        return complain(why, err, "%s: %s", path, strerror(-err));
+        return error_say(why, err, "%s: %s", path, strerror(-err));
     }
     return fd;
 }

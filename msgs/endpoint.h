@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 #define ENDPOINT_SCHEME    "ipc://"
 #define ENDPOINT_PATH_SIZE 108 /* of sockaddr_un, with the zero */
@@ -13,19 +13,18 @@
 
 /* Writes "ipc://RUN_DIR/NODE.TOPIC.ipc".  0 or -ENAMETOOLONG. */
 int endpoint_url(char url[ENDPOINT_URL_SIZE], const char *run_dir, const char *node,
-                 const char *topic, struct complaint *why);
+                 const char *topic, struct error *why);
 
 /* The path in a URL. */
 const char *endpoint_path(const char *url);
 
 /* Makes the folder and its parents when missing, for this user only. */
-int endpoint_make_folder(const char *run_dir, struct complaint *why);
+int endpoint_make_folder(const char *run_dir, struct error *why);
 
 /* Takes the lock of a node's name; the kernel lets go of it when the process ends,
  * however it ends.  The file stays: it says which process it was, and whether that lived
  * in a replay (nodes/rt/presence.h).  A descriptor to close, or -EADDRINUSE (a live node
  * holds it), other negative errno. */
-int endpoint_lock(const char *run_dir, const char *node, bool replay,
-                  struct complaint *why);
+int endpoint_lock(const char *run_dir, const char *node, bool replay, struct error *why);
 
 #endif

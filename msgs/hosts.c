@@ -14,21 +14,21 @@
 #define LINE_SIZE 512
 #define PATH_SIZE 256
 
-static int set_folder(struct host *h, const char *text, struct complaint *why)
+static int set_folder(struct host *h, const char *text, struct error *why)
 {
     size_t length = strlen(text);
     if (text[0] != '/' || length < 2 || length >= sizeof h->folder ||
         strpbrk(text, " \t\n"))
-        return complain(why, -EINVAL,
-                        "%s%s: expected the absolute path of a folder, of at most %zu "
-                        "characters and without blanks",
-                        IPC, text, sizeof h->folder - 1);
+        return error_say(why, -EINVAL,
+                         "%s%s: expected the absolute path of a folder, of at most %zu "
+                         "characters and without blanks",
+                         IPC, text, sizeof h->folder - 1);
     memcpy(h->folder, text, length + 1);
     h->address[0] = 0;
     return 0;
 }
 
-static int set_address(struct host *h, const char *text, struct complaint *why)
+static int set_address(struct host *h, const char *text, struct error *why)
 {
     struct in_addr address;
     char *end = NULL;
@@ -46,24 +46,24 @@ static int set_address(struct host *h, const char *text, struct complaint *why)
     if (!whole || inet_pton(AF_INET, h->address, &address) != 1 ||
         address.s_addr == htonl(INADDR_ANY) || port < 1024 ||
         port > 65536 - hosts_n_ports())
-        return complain(why, -EINVAL,
-                        "%s%s: expected the IPv4 address of this host as the others "
-                        "reach it and a port, e.g. tcp://10.0.0.1:7400; port from 1024 "
-                        "to %u, for it takes %u from there on",
-                        TCP, text, 65536 - hosts_n_ports(), hosts_n_ports());
+        return error_say(why, -EINVAL,
+                         "%s%s: expected the IPv4 address of this host as the others "
+                         "reach it and a port, e.g. tcp://10.0.0.1:7400; port from 1024 "
+                         "to %u, for it takes %u from there on",
+                         TCP, text, 65536 - hosts_n_ports(), hosts_n_ports());
     h->port = (unsigned)port;
     h->folder[0] = 0;
     return 0;
 }
 
-int host_set_endpoint(struct host *h, const char *text, struct complaint *why)
+int host_set_endpoint(struct host *h, const char *text, struct error *why)
 {
     if (!strncmp(text, TCP, sizeof TCP - 1))
         return set_address(h, text + sizeof TCP - 1, why);
     if (!strncmp(text, IPC, sizeof IPC - 1))
         return set_folder(h, text + sizeof IPC - 1, why);
-    return complain(why, -EINVAL, "%s: expected tcp://ADDRESS:PORT or ipc:///FOLDER",
-                    text);
+    return error_say(why, -EINVAL, "%s: expected tcp://ADDRESS:PORT or ipc:///FOLDER",
+                     text);
 }
 
 size_t hosts_find(const struct hosts *h, const char *name)
@@ -136,7 +136,7 @@ bool hosts_overlap(const struct host *a, const struct host *b)
     return apart < hosts_n_ports();
 }
 
-int host_check_address(const struct host *h, struct complaint *why)
+int host_check_address(const struct host *h, struct error *why)
 {
     struct sockaddr_in at = {.sin_family = AF_INET}; /* any free port */
     if (!h->address[0])
@@ -146,9 +146,9 @@ int host_check_address(const struct host *h, struct complaint *why)
     int err = fd < 0 || bind(fd, (struct sockaddr *)&at, sizeof at) ? -errno : 0;
     if (fd >= 0)
         close(fd);
-    return err ? complain(why, err, "host %s: %s: %s", h->name, h->address,
-                          err == -EADDRNOTAVAIL ? "is no address of this machine"
-                                                : strerror(-err))
+    return err ? error_say(why, err, "host %s: %s: %s", h->name, h->address,
+                           err == -EADDRNOTAVAIL ? "is no address of this machine"
+                                                 : strerror(-err))
                : 0;
 }
 
@@ -162,36 +162,35 @@ static bool copy_name(char *out, size_t size, const char *word)
     return true;
 }
 
-static int read_host(struct hosts *h, const char *name, char **rest,
-                     struct complaint *why)
+static int read_host(struct hosts *h, const char *name, char **rest, struct error *why)
 {
     struct host *host = &h->list[h->n];
     const char *word = strtok_r(NULL, " \n", rest);
     if (h->n == HOSTS_MAX || !copy_name(host->name, sizeof host->name, name) || !word)
-        return complain(why, -EINVAL, "expected up to %d lines HOST ENDPOINT NODE...",
-                        HOSTS_MAX);
+        return error_say(why, -EINVAL, "expected up to %d lines HOST ENDPOINT NODE...",
+                         HOSTS_MAX);
     int err = host_set_endpoint(host, word, why);
     while (!err && (word = strtok_r(NULL, " \n", rest)))
         if (host->n_nodes == HOSTS_MAX_NODES ||
             !copy_name(host->nodes[host->n_nodes++], ENVELOPE_NODE_SIZE, word))
-            err = complain(why, -EINVAL, "%s: too long, or one node too many", word);
+            err = error_say(why, -EINVAL, "%s: too long, or one node too many", word);
     h->n += !err;
     return err;
 }
 
 /* The path of the keys may have blanks. */
 static int read_here(char here[HOSTS_NAME_SIZE], char keys[HOSTS_KEYS_SIZE], char **rest,
-                     struct complaint *why)
+                     struct error *why)
 {
     const char *path = NULL;
     if (!copy_name(here, HOSTS_NAME_SIZE, strtok_r(NULL, " \n", rest)) ||
         ((path = strtok_r(NULL, "\n", rest)) &&
          (path[0] != '/' || !copy_name(keys, HOSTS_KEYS_SIZE, path))))
-        return complain(why, -EINVAL, "expected here HOST, and the folder of its keys");
+        return error_say(why, -EINVAL, "expected here HOST, and the folder of its keys");
     return 0;
 }
 
-static int read_lines(struct hosts *h, FILE *f, struct complaint *why)
+static int read_lines(struct hosts *h, FILE *f, struct error *why)
 {
     char line[LINE_SIZE], here[HOSTS_NAME_SIZE] = "", keys[HOSTS_KEYS_SIZE] = "", *rest;
     int err = 0;
@@ -203,28 +202,29 @@ static int read_lines(struct hosts *h, FILE *f, struct complaint *why)
             err = read_host(h, name, &rest, why);
     }
     if (!err && ferror(f))
-        err = complain(why, -EIO, "%s", strerror(EIO));
+        err = error_say(why, -EIO, "%s", strerror(EIO));
     if (!err && (h->here = hosts_find(h, here)) == HOSTS_MAX)
-        err = complain(why, -EINVAL, "there is no host \"%s\"", here);
+        err = error_say(why, -EINVAL, "there is no host \"%s\"", here);
     if (!err)
         memcpy(h->list[h->here].keys, keys, sizeof keys);
     return err;
 }
 
-int hosts_read(struct hosts *out, const char *run_dir, struct complaint *why)
+int hosts_read(struct hosts *out, const char *run_dir, struct error *why)
 {
     char path[PATH_SIZE];
-    struct complaint inner = {""};
+    struct error inner = {""};
     *out = (struct hosts){0};
     if (snprintf(path, sizeof path, "%s/hosts", run_dir) >= (int)sizeof path)
-        return 0; /* no socket has room there either, and the complaint is about that */
+        return 0; /* no socket has room there either, and the error is about that */
     FILE *f = fopen(path, "re");
     if (!f)
         return errno == ENOENT ? 0
-                               : complain(why, -errno, "%s: %s", path, strerror(errno));
+                               : error_say(why, -errno, "%s: %s", path, strerror(errno));
     int err = read_lines(out, f, &inner);
     if (err)
-        complain(why, err, "%s: %.600s; 'anlos launch' writes it anew", path, inner.text);
+        error_say(why, err, "%s: %.600s; 'anlos launch' writes it anew", path,
+                  inner.text);
     fclose(f);
     return err;
 }
@@ -245,17 +245,17 @@ static void write_lines(const struct hosts *h, FILE *f)
     }
 }
 
-int hosts_write(const struct hosts *h, const char *run_dir, struct complaint *why)
+int hosts_write(const struct hosts *h, const char *run_dir, struct error *why)
 {
     char path[PATH_SIZE], fresh[PATH_SIZE];
     if (snprintf(path, sizeof path, "%s/hosts", run_dir) >= (int)sizeof path ||
         snprintf(fresh, sizeof fresh, "%s/hosts.%ld", run_dir, (long)getpid()) >=
             (int)sizeof fresh)
-        return complain(why, -ENAMETOOLONG, "run folder %s: path too long", run_dir);
+        return error_say(why, -ENAMETOOLONG, "run folder %s: path too long", run_dir);
     if (!h->n)
         return unlink(path) == 0 || errno == ENOENT
                    ? 0
-                   : complain(why, -errno, "%s: %s", path, strerror(errno));
+                   : error_say(why, -errno, "%s: %s", path, strerror(errno));
     unlink(fresh); /* and not through a link that somebody has put there */
     FILE *f = fopen(fresh, "wxe");
     int err = f ? 0 : -errno;
@@ -266,7 +266,7 @@ int hosts_write(const struct hosts *h, const char *run_dir, struct complaint *wh
     if (!err && rename(fresh, path) != 0)
         err = -errno;
     if (err) {
-        complain(why, err, "%s: %s", path, strerror(-err));
+        error_say(why, err, "%s: %s", path, strerror(-err));
         unlink(fresh);
     }
     return err;

@@ -17,7 +17,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/envelope.h"
 #include "msgs/topics.h"
 
@@ -47,7 +47,7 @@ struct hosts {
 };
 
 /* Fills in address and port, or folder.  0, -EINVAL with what was expected. */
-int host_set_endpoint(struct host *h, const char *text, struct complaint *why);
+int host_set_endpoint(struct host *h, const char *text, struct error *why);
 
 /* The i-th host, by its name; HOSTS_MAX: there is none. */
 size_t hosts_find(const struct hosts *h, const char *name);
@@ -69,12 +69,12 @@ unsigned hosts_n_ports(void);
 bool hosts_overlap(const struct host *a, const struct host *b);
 
 /* Is its address one of this machine?  0, -EADDRNOTAVAIL, other negative errno. */
-int host_check_address(const struct host *h, struct complaint *why);
+int host_check_address(const struct host *h, struct error *why);
 
 /* Without the file *out has no hosts.  0, -EINVAL (contents), other negative errno. */
-int hosts_read(struct hosts *out, const char *run_dir, struct complaint *why);
+int hosts_read(struct hosts *out, const char *run_dir, struct error *why);
 
 /* Replaces the file, or removes it when there are no hosts.  0 or a negative errno. */
-int hosts_write(const struct hosts *h, const char *run_dir, struct complaint *why);
+int hosts_write(const struct hosts *h, const char *run_dir, struct error *why);
 
 #endif

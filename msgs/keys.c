@@ -29,46 +29,47 @@ int keys_default_folder(char out[HOSTS_KEYS_SIZE])
 }
 
 static int name_file(char path[PATH_SIZE], const char *folder, const char *name,
-                     struct complaint *why)
+                     struct error *why)
 {
     if (strlen(folder) < HOSTS_KEYS_SIZE &&
         snprintf(path, PATH_SIZE, "%s/%s", folder, name) < PATH_SIZE)
         return 0;
-    return complain(why, -ENAMETOOLONG,
-                    "keys %s: expected a path of at most %d characters", folder,
-                    HOSTS_KEYS_SIZE - 1);
+    return error_say(why, -ENAMETOOLONG,
+                     "keys %s: expected a path of at most %d characters", folder,
+                     HOSTS_KEYS_SIZE - 1);
 }
 
 /* Who may write it may speak for anybody.  What the group root may, root may anyway. */
 static int check_owner(const char *path, const struct stat *st, unsigned denied,
-                       const char *to_do, struct complaint *why)
+                       const char *to_do, struct error *why)
 {
     unsigned mode = st->st_mode & 0777;
 
     if (st->st_uid != geteuid() && st->st_uid != 0)
-        return complain(why, -EACCES,
-                        "%s: belongs to user %u, who might have changed it: it has to be "
-                        "yours or root's",
-                        path, (unsigned)st->st_uid);
+        return error_say(
+            why, -EACCES,
+            "%s: belongs to user %u, who might have changed it: it has to be "
+            "yours or root's",
+            path, (unsigned)st->st_uid);
     if (mode & denied & (st->st_gid == 0 ? ~040u : ~0u))
-        return complain(why, -EACCES, "%s: others may %s it (mode %o): %s", path,
-                        mode & denied & 022 ? "write" : "read", mode, to_do);
+        return error_say(why, -EACCES, "%s: others may %s it (mode %o): %s", path,
+                         mode & denied & 022 ? "write" : "read", mode, to_do);
     return 0;
 }
 
 static int open_file(FILE **out, const char *path, unsigned denied, const char *to_do,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct stat st;
     FILE *f = fopen(path, "re");
 
     if (!f)
-        return complain(why, -errno, "%s: %s", path, strerror(errno));
+        return error_say(why, -errno, "%s: %s", path, strerror(errno));
     int err = fstat(fileno(f), &st) ? -errno : 0;
     if (err)
-        complain(why, err, "%s: %s", path, strerror(-err));
+        error_say(why, err, "%s: %s", path, strerror(-err));
     else if (!S_ISREG(st.st_mode))
-        err = complain(why, -EINVAL, "%s: is not a file", path);
+        err = error_say(why, -EINVAL, "%s: is not a file", path);
     else
         err = check_owner(path, &st, denied, to_do, why);
     if (err)
@@ -87,7 +88,7 @@ static bool is_key(const char *text)
 
 /* The next line HOST KEY.  1, 0 (end of file), -EINVAL. */
 static int read_line(FILE *f, const char *path, unsigned *number, struct peer *out,
-                     struct complaint *why)
+                     struct error *why)
 {
     char line[LINE_SIZE];
 
@@ -95,10 +96,10 @@ static int read_line(FILE *f, const char *path, unsigned *number, struct peer *o
         ++*number;
         if (!strchr(line, '\n') && !feof(f)) { /* its rest is no line of its own */
             explicit_bzero(line, sizeof line);
-            return complain(why, -EINVAL,
-                            "%s:%u: expected a line of at most %d characters, a comment "
-                            "too",
-                            path, *number, LINE_SIZE - 2);
+            return error_say(why, -EINVAL,
+                             "%s:%u: expected a line of at most %d characters, a comment "
+                             "too",
+                             path, *number, LINE_SIZE - 2);
         }
         char *rest, *host = strtok_r(line, " \t\r\n", &rest),
                     *key = strtok_r(NULL, " \t\r\n", &rest);
@@ -112,28 +113,28 @@ static int read_line(FILE *f, const char *path, unsigned *number, struct peer *o
         }
         explicit_bzero(line, sizeof line);
         return good ? 1
-                    : complain(why, -EINVAL,
-                               "%s:%u: expected HOST KEY, the name of a host and a key "
-                               "of 40 characters, as 'anlos keys new' prints them",
-                               path, *number);
+                    : error_say(why, -EINVAL,
+                                "%s:%u: expected HOST KEY, the name of a host and a key "
+                                "of 40 characters, as 'anlos keys new' prints them",
+                                path, *number);
     }
-    return ferror(f) ? complain(why, -EIO, "%s: %s", path, strerror(EIO)) : 0;
+    return ferror(f) ? error_say(why, -EIO, "%s: %s", path, strerror(EIO)) : 0;
 }
 
 static int add_peer(struct peers *out, const struct peer *p, const char *path,
-                    unsigned number, struct complaint *why)
+                    unsigned number, struct error *why)
 {
     if (out->n == KEYS_MAX_PEERS)
-        return complain(why, -EINVAL, "%s: expected at most %d hosts", path,
-                        KEYS_MAX_PEERS);
+        return error_say(why, -EINVAL, "%s: expected at most %d hosts", path,
+                         KEYS_MAX_PEERS);
     if (peers_find(out, p->host) || peers_find_key(out, p->key))
-        return complain(why, -EINVAL, "%s:%u: expected each host and each key once", path,
-                        number);
+        return error_say(why, -EINVAL, "%s:%u: expected each host and each key once",
+                         path, number);
     out->list[out->n++] = *p;
     return 0;
 }
 
-int keys_read_peers(struct peers *out, const char *folder, struct complaint *why)
+int keys_read_peers(struct peers *out, const char *folder, struct error *why)
 {
     char path[PATH_SIZE];
     struct peer p;
@@ -152,7 +153,7 @@ int keys_read_peers(struct peers *out, const char *folder, struct complaint *why
     return err;
 }
 
-static int read_secret(struct keys *out, struct complaint *why)
+static int read_secret(struct keys *out, struct error *why)
 {
     char path[PATH_SIZE];
     struct peer p = {.key = ""};
@@ -166,19 +167,19 @@ static int read_secret(struct keys *out, struct complaint *why)
                         "nobody can have, else remove it and make a new one",
                         why);
     if (err == -ENOENT)
-        complain(why, err,
-                 "%s: there is no key: 'anlos keys new --out %s' makes one, on each "
-                 "host, and prints the line that belongs into the file peers of the "
-                 "others",
-                 path, out->folder);
+        error_say(why, err,
+                  "%s: there is no key: 'anlos keys new --out %s' makes one, on each "
+                  "host, and prints the line that belongs into the file peers of the "
+                  "others",
+                  path, out->folder);
     if (err)
         return err;
     err = read_line(f, path, &number, &p, why);
     fclose(f);
     if (err == 1 && zmq_curve_public(out->public, p.key))
-        err = complain(why, -EINVAL, "%s: is no secret key", path);
+        err = error_say(why, -EINVAL, "%s: is no secret key", path);
     else if (err == 0)
-        err = complain(why, -EINVAL, "%s: is empty", path);
+        err = error_say(why, -EINVAL, "%s: is empty", path);
     if (err == 1) {
         memcpy(out->secret, p.key, sizeof out->secret);
         memcpy(out->host, p.host, sizeof out->host);
@@ -187,19 +188,19 @@ static int read_secret(struct keys *out, struct complaint *why)
     return err == 1 ? 0 : err;
 }
 
-int keys_read(struct keys *out, const char *folder, struct complaint *why)
+int keys_read(struct keys *out, const char *folder, struct error *why)
 {
     struct stat st;
 
     memset(out, 0, sizeof *out);
     if (strlen(folder) >= sizeof out->folder)
-        return complain(why, -ENAMETOOLONG,
-                        "keys %s: expected a path of at most %d characters", folder,
-                        HOSTS_KEYS_SIZE - 1);
+        return error_say(why, -ENAMETOOLONG,
+                         "keys %s: expected a path of at most %d characters", folder,
+                         HOSTS_KEYS_SIZE - 1);
     memcpy(out->folder, folder, strlen(folder) + 1);
     int err = read_secret(out, why);
     if (!err && stat(folder, &st))
-        err = complain(why, -errno, "%s: %s", folder, strerror(errno));
+        err = error_say(why, -errno, "%s: %s", folder, strerror(errno));
     if (!err)
         err = check_owner(folder, &st, 022, "'chmod go-w' it", why);
     if (!err)
@@ -233,7 +234,7 @@ static int write_new(const char *path, mode_t mode, const char *text)
 }
 
 static int write_secret(const char *folder, const char *host, const char *secret,
-                        struct complaint *why)
+                        struct error *why)
 {
     char path[PATH_SIZE], text[LINE_SIZE];
     int err = name_file(path, folder, "secret.key", why);
@@ -245,16 +246,16 @@ static int write_secret(const char *folder, const char *host, const char *secret
     err = write_new(path, 0600, text);
     explicit_bzero(text, sizeof text);
     if (err == -EEXIST)
-        return complain(why, err,
-                        "%s is there already, and is kept: 'anlos keys show --out %s' "
-                        "prints its public line; remove it to have a new one, which the "
-                        "others have to be told",
-                        path, folder);
-    return err ? complain(why, err, "%s: %s", path, strerror(-err)) : 0;
+        return error_say(why, err,
+                         "%s is there already, and is kept: 'anlos keys show --out %s' "
+                         "prints its public line; remove it to have a new one, which the "
+                         "others have to be told",
+                         path, folder);
+    return err ? error_say(why, err, "%s: %s", path, strerror(-err)) : 0;
 }
 
 static int write_peers(const char *folder, const char *host, const char *public,
-                       struct complaint *why)
+                       struct error *why)
 {
     char path[PATH_SIZE], text[LINE_SIZE];
     int err = name_file(path, folder, "peers", why);
@@ -265,25 +266,26 @@ static int write_peers(const char *folder, const char *host, const char *public,
         "# Who may connect, and who is connected to: HOST KEY, a line each.\n%s %s\n",
         host, public);
     err = write_new(path, 0644, text);
-    return err && err != -EEXIST ? complain(why, err, "%s: %s", path, strerror(-err)) : 0;
+    return err && err != -EEXIST ? error_say(why, err, "%s: %s", path, strerror(-err))
+                                 : 0;
 }
 
 int keys_create(const char *folder, const char *host, char public[KEYS_TEXT_SIZE],
-                struct complaint *why)
+                struct error *why)
 {
     char secret[KEYS_TEXT_SIZE];
 
     if (!host[0] || strlen(host) >= HOSTS_NAME_SIZE ||
         strspn(host, HOSTS_NAME_CHARACTERS) != strlen(host))
-        return complain(why, -EINVAL,
-                        "host \"%s\": expected up to %d letters, digits, '-', '_' and "
-                        "'.', as in the launch file",
-                        host, HOSTS_NAME_SIZE - 1);
+        return error_say(why, -EINVAL,
+                         "host \"%s\": expected up to %d letters, digits, '-', '_' and "
+                         "'.', as in the launch file",
+                         host, HOSTS_NAME_SIZE - 1);
     int err = endpoint_make_folder(folder, NULL);
     if (err)
-        return complain(why, err, "%s: cannot be made: %s", folder, strerror(-err));
+        return error_say(why, err, "%s: cannot be made: %s", folder, strerror(-err));
     if (zmq_curve_keypair(public, secret))
-        return complain(why, -errno, "no keys: %s", zmq_strerror(errno));
+        return error_say(why, -errno, "no keys: %s", zmq_strerror(errno));
     err = write_secret(folder, host, secret, why);
     explicit_bzero(secret, sizeof secret);
     return err ? err : write_peers(folder, host, public, why);
@@ -305,25 +307,25 @@ const struct peer *peers_find_key(const struct peers *p, const char *key)
     return NULL;
 }
 
-int keys_check_hosts(const struct keys *k, const struct hosts *h, struct complaint *why)
+int keys_check_hosts(const struct keys *k, const struct hosts *h, struct error *why)
 {
     for (size_t i = 0; i < h->n; i++) {
         const struct peer *p = peers_find(&k->peers, h->list[i].name);
         if (i == h->here && p && strcmp(p->key, k->public) != 0)
-            return complain(why, -EINVAL,
-                            "%s/peers: %s, which is this host, has another key there "
-                            "than its secret.key: its line is now %s %s",
-                            k->folder, p->host, p->host, k->public);
+            return error_say(why, -EINVAL,
+                             "%s/peers: %s, which is this host, has another key there "
+                             "than its secret.key: its line is now %s %s",
+                             k->folder, p->host, p->host, k->public);
         if (i != h->here && !p)
-            return complain(why, -EINVAL,
-                            "%s/peers: host %s has no line: add what 'anlos keys show' "
-                            "prints there",
-                            k->folder, h->list[i].name);
+            return error_say(why, -EINVAL,
+                             "%s/peers: host %s has no line: add what 'anlos keys show' "
+                             "prints there",
+                             k->folder, h->list[i].name);
         if (i != h->here && !strcmp(p->key, k->public))
-            return complain(why, -EINVAL,
-                            "%s/peers: %s has the key of this host: expected a key of "
-                            "its own for each",
-                            k->folder, p->host);
+            return error_say(why, -EINVAL,
+                             "%s/peers: %s has the key of this host: expected a key of "
+                             "its own for each",
+                             k->folder, p->host);
     }
     return 0;
 }

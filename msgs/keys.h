@@ -14,7 +14,7 @@
 #include <stdint.h>
 #include <time.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/hosts.h"
 
 #define KEYS_TEXT_SIZE 41 /* with zero */
@@ -42,12 +42,12 @@ struct keys {
 int keys_default_folder(char out[HOSTS_KEYS_SIZE]);
 
 /* Reads the folder.  0, -ENOENT (no secret, or no peers), -EACCES (others may read the
- * secret, or write any of it), -EINVAL (contents), other negative errno; the complaint
+ * secret, or write any of it), -EINVAL (contents), other negative errno; the error
  * says what to do. */
-int keys_read(struct keys *out, const char *folder, struct complaint *why);
+int keys_read(struct keys *out, const char *folder, struct error *why);
 
 /* The peers alone, anew.  As keys_read. */
-int keys_read_peers(struct peers *out, const char *folder, struct complaint *why);
+int keys_read_peers(struct peers *out, const char *folder, struct error *why);
 
 /* Overwrites the secret. */
 void keys_forget(struct keys *k);
@@ -56,7 +56,7 @@ void keys_forget(struct keys *k);
  * line if there are none; public: its key.  0, -EEXIST (there is a secret: it is kept),
  * -EINVAL (host), other negative errno. */
 int keys_create(const char *folder, const char *host, char public[KEYS_TEXT_SIZE],
-                struct complaint *why);
+                struct error *why);
 
 /* NULL: there is none. */
 const struct peer *peers_find(const struct peers *p, const char *host);
@@ -64,6 +64,6 @@ const struct peer *peers_find_key(const struct peers *p, const char *key);
 
 /* Has every other host its line in peers, and this one, if it has one, the key of the
  * secret?  0, -EINVAL. */
-int keys_check_hosts(const struct keys *k, const struct hosts *h, struct complaint *why);
+int keys_check_hosts(const struct keys *k, const struct hosts *h, struct error *why);
 
 #endif

@@ -27,7 +27,7 @@ struct remote {
     struct authenticator *authenticator; /* NULL: all of it is on this machine */
 };
 
-struct remote_outlet {
+struct remote_publisher {
     const struct remote *remote;
     const struct topic *topic;
     char url[REMOTE_URL_SIZE];
@@ -45,32 +45,32 @@ static bool has_address(const struct hosts *h)
 }
 
 /* Without keys nothing may be reached from elsewhere; hosts_use_keys has seen to that. */
-static int open_keys(struct remote *r, struct complaint *why)
+static int open_keys(struct remote *r, struct error *why)
 {
     const struct host *here = &r->hosts.list[r->hosts.here];
     struct keys *keys = malloc(sizeof *keys);
     if (!keys)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = here->keys[0] ? keys_read(keys, here->keys, why)
-                            : complain(why, -EINVAL, "host %s: no keys are named for it",
-                                       here->name);
+                            : error_say(why, -EINVAL, "host %s: no keys are named for it",
+                                        here->name);
     if (!err)
         err = keys_check_hosts(keys, &r->hosts, why);
     if (!err && (err = authenticator_create(&r->authenticator, r->context, keys)))
-        complain(why, err, "no authentication: %s", zmq_strerror(-err));
+        error_say(why, err, "no authentication: %s", zmq_strerror(-err));
     keys_forget(keys);
     free(keys);
     return err;
 }
 
-int remote_create(struct remote **out, const char *run_dir, struct complaint *why)
+int remote_create(struct remote **out, const char *run_dir, struct error *why)
 {
     struct remote *r = calloc(1, sizeof *r);
     if (!r)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = hosts_read(&r->hosts, run_dir, why);
     if (!err && has_address(&r->hosts) && !(r->context = zmq_ctx_new()))
-        err = complain(why, -errno, "no TCP: %s", zmq_strerror(errno));
+        err = error_say(why, -errno, "no TCP: %s", zmq_strerror(errno));
     if (!err && r->context && hosts_use_keys(&r->hosts))
         err = open_keys(r, why);
     if (err)
@@ -145,7 +145,7 @@ void remote_url(char url[REMOTE_URL_SIZE], const struct host *h, const char *nod
 }
 
 /* Not bound yet. */
-static int open_socket(struct remote_outlet *o)
+static int open_socket(struct remote_publisher *o)
 {
     struct authenticator *a = o->remote->authenticator;
     void *s = zmq_socket(o->remote->context, ZMQ_XPUB); /* tells of its subscribers */
@@ -164,7 +164,7 @@ static int open_socket(struct remote_outlet *o)
     return err;
 }
 
-static int bind_socket(struct remote_outlet *o)
+static int bind_socket(struct remote_publisher *o)
 {
     struct authenticator *a = o->remote->authenticator;
     o->generation = a ? authenticator_generation(a) : 0;
@@ -172,15 +172,15 @@ static int bind_socket(struct remote_outlet *o)
     return o->is_bound ? 0 : -errno;
 }
 
-int remote_bind(struct remote_outlet **out, const struct remote *r, const char *node,
-                const struct topic *t, struct complaint *why)
+int remote_bind(struct remote_publisher **out, const struct remote *r, const char *node,
+                const struct topic *t, struct error *why)
 {
     *out = NULL;
     if (!r || !r->context)
         return 0;
-    struct remote_outlet *o = calloc(1, sizeof *o);
+    struct remote_publisher *o = calloc(1, sizeof *o);
     if (!o)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     o->remote = r;
     o->topic = t;
     remote_url(o->url, &r->hosts.list[r->hosts.here], node, t);
@@ -191,11 +191,11 @@ int remote_bind(struct remote_outlet **out, const struct remote *r, const char *
         *out = o;
         return 0;
     }
-    complain(why, err, "%s, for topic %s: cannot bind: %s%s", o->url, t->name,
-             zmq_strerror(-err),
-             err == -EADDRNOTAVAIL ? "; the host is not this machine"
-             : err == -EADDRINUSE  ? "; another program has the port"
-                                   : "");
+    error_say(why, err, "%s, for topic %s: cannot bind: %s%s", o->url, t->name,
+              zmq_strerror(-err),
+              err == -EADDRNOTAVAIL ? "; the host is not this machine"
+              : err == -EADDRINUSE  ? "; another program has the port"
+                                    : "");
     remote_close(o);
     return err;
 }
@@ -207,7 +207,7 @@ static int64_t monotonic_ms(void)
     return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
 }
 
-static int bind_again(struct remote_outlet *o, int tries)
+static int bind_again(struct remote_publisher *o, int tries)
 {
     const struct timespec pause = {.tv_nsec = REBIND_PAUSE_NS};
     int err = o->socket ? 0 : open_socket(o);
@@ -221,7 +221,7 @@ static int bind_again(struct remote_outlet *o, int tries)
 /* ZeroMQ cannot end one connection of many: all are, and those still permitted come back.
  * What waits in their queues does not go out any more.  Where somebody else took the port
  * meanwhile, nobody waits for it: it is reported once, and tried now and then. */
-static void keep_to_permitted(struct remote_outlet *o)
+static void keep_to_permitted(struct remote_publisher *o)
 {
     struct authenticator *a = o->remote->authenticator;
     int tries = 1;
@@ -245,7 +245,7 @@ static void keep_to_permitted(struct remote_outlet *o)
 
 /* A PUB drops what does not fit and fails only without memory: then too it is a gap at
  * the other end. */
-void remote_send(struct remote_outlet *o, const void *message, size_t size)
+void remote_send(struct remote_publisher *o, const void *message, size_t size)
 {
     keep_to_permitted(o);
     while (o->socket && zmq_send(o->socket, message, size, ZMQ_DONTWAIT) < 0 &&
@@ -253,7 +253,7 @@ void remote_send(struct remote_outlet *o, const void *message, size_t size)
         ;
 }
 
-size_t remote_count_peers(struct remote_outlet *o)
+size_t remote_count_peers(struct remote_publisher *o)
 {
     uint8_t word[SUBSCRIPTION_MAX] = {2};
     int n;
@@ -268,7 +268,7 @@ size_t remote_count_peers(struct remote_outlet *o)
     return o->peers;
 }
 
-void remote_close(struct remote_outlet *o)
+void remote_close(struct remote_publisher *o)
 {
     if (o && o->socket)
         zmq_close(o->socket);

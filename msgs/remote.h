@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 #include "msgs/authenticator.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/hosts.h"
 #include "msgs/topics.h"
 
@@ -26,7 +26,7 @@ struct remote;
 /* Reads RUN_DIR/hosts, and the keys of this host when hosts_use_keys.  0, -EINVAL (what
  * is in the files), -ENOENT (no keys), -EACCES (keys that others can read), -ENOMEM,
  * other negative errno. */
-int remote_create(struct remote **out, const char *run_dir, struct complaint *why);
+int remote_create(struct remote **out, const char *run_dir, struct error *why);
 const struct hosts *remote_hosts(const struct remote *r);
 void *remote_context(const struct remote *r); /* NULL: nothing is reached by TCP */
 struct authenticator *remote_authenticator(const struct remote *r); /* NULL: no keys */
@@ -47,22 +47,22 @@ void remote_url(char url[REMOTE_URL_SIZE], const struct host *h, const char *nod
 int remote_set_options(void *socket, const struct topic *t, size_t incoming);
 
 /* The publishing end of one topic towards other machines. */
-struct remote_outlet;
+struct remote_publisher;
 
 /* Binds the node's topic to the address of this host; *out NULL: it has none, or r is
  * NULL.  0, -EADDRINUSE, -EADDRNOTAVAIL (no address of this machine), other negative
  * errno. */
-int remote_bind(struct remote_outlet **out, const struct remote *r, const char *node,
-                const struct topic *t, struct complaint *why);
+int remote_bind(struct remote_publisher **out, const struct remote *r, const char *node,
+                const struct topic *t, struct error *why);
 
 /* A copy goes into the queue of each connection; never waits, but when the keys have
  * changed: then all connections are ended, and may come back. */
-void remote_send(struct remote_outlet *o, const void *message, size_t size);
+void remote_send(struct remote_publisher *o, const void *message, size_t size);
 
 /* Who is subscribed now. */
-size_t remote_count_peers(struct remote_outlet *o);
+size_t remote_count_peers(struct remote_publisher *o);
 
-void remote_close(struct remote_outlet *o);
+void remote_close(struct remote_publisher *o);
 
 /* After all its sockets.  What is still queued has REMOTE_LINGER_MS to go out. */
 #define REMOTE_LINGER_MS 300

@@ -71,14 +71,14 @@ static int plan_taper(struct compressor *c, const struct processing *p,
 
 int compressor_create(struct compressor **out, const struct processing *p,
                       const struct survey *s, enum compression compression,
-                      enum window window, struct complaint *why)
+                      enum window window, struct error *why)
 {
     struct compressor *c = calloc(1, sizeof *c);
     struct survey turned = *s; /* borrows */
     int err = 0;
 
     if (!c)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (int down = 0; !err && down <= s->chirp_alternates; down++) {
         turned.chirp_start_hz = down ? s->chirp_stop_hz : s->chirp_start_hz;
         turned.chirp_stop_hz = down ? s->chirp_start_hz : s->chirp_stop_hz;
@@ -88,7 +88,7 @@ int compressor_create(struct compressor **out, const struct processing *p,
             err = processing_compressor(&c->matched[down], p, &turned, window, why);
     }
     if (!err && survey_overlaps(s) && plan_taper(c, p, s))
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     if (err)
         compressor_destroy(c);
     else

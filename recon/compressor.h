@@ -25,7 +25,7 @@ struct compressor;
  * a time.  0, -EINVAL, -ERANGE, -ENOMEM. */
 int compressor_create(struct compressor **out, const struct processing *p,
                       const struct survey *s, enum compression compression,
-                      enum window window, struct complaint *why);
+                      enum window window, struct error *why);
 void compressor_format(const struct compressor *c, struct trace_format *out);
 
 /* rx: [n_microphones][rx_stride >= ping_samples], y: [n_microphones][format.n_samples].

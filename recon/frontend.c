@@ -109,13 +109,12 @@ static int allocate(struct frontend *f)
     return err;
 }
 
-int frontend_survey(struct frontend *f, const struct survey *survey,
-                    struct complaint *why)
+int frontend_survey(struct frontend *f, const struct survey *survey, struct error *why)
 {
     frontend_forget(f);
     int err = survey_copy(&f->survey, survey);
     if (err)
-        complain(why, err, "survey: %s", strerror(-err));
+        error_say(why, err, "survey: %s", strerror(-err));
     else
         err = processing_plan(&f->processing, &f->survey, why);
     if (!err)
@@ -125,7 +124,7 @@ int frontend_survey(struct frontend *f, const struct survey *survey,
         compressor_format(f->compressor, &f->format);
         err = allocate(f);
         if (err)
-            complain(why, err, "background: %s", strerror(-err));
+            error_say(why, err, "background: %s", strerror(-err));
     }
     if (err)
         frontend_forget(f);

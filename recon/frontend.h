@@ -19,7 +19,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/air.h"
 #include "recon/compressor.h"
 #include "recon/ego.h"
@@ -65,10 +65,9 @@ struct frontend;
 int frontend_create(struct frontend **out, const struct frontend_config *cfg);
 
 /* Plans for a survey, which it copies; the background of the one before is forgotten, and
- * after an error there is none.  0, -EINVAL and others of processing_plan; the complaint
+ * after an error there is none.  0, -EINVAL and others of processing_plan; the error
  * says what does not fit. */
-int frontend_survey(struct frontend *f, const struct survey *survey,
-                    struct complaint *why);
+int frontend_survey(struct frontend *f, const struct survey *survey, struct error *why);
 
 /* As if there had been none. */
 void frontend_forget(struct frontend *f);

@@ -3,7 +3,7 @@
 #include <string.h>
 
 static int plan_format(struct image_plan *p, enum compression compression,
-                       enum window window, struct complaint *why)
+                       enum window window, struct error *why)
 {
     struct compressor *c = NULL;
     int err = compressor_create(&c, &p->processing, &p->survey, compression, window, why);
@@ -15,14 +15,13 @@ static int plan_format(struct image_plan *p, enum compression compression,
 }
 
 int image_plan_create(struct image_plan *p, const struct survey *survey,
-                      enum compression compression, enum window window,
-                      struct complaint *why)
+                      enum compression compression, enum window window, struct error *why)
 {
     *p = (struct image_plan){.survey_id = 0};
     int err = survey_copy(&p->survey, survey);
 
     if (err)
-        complain(why, err, "survey: %s", strerror(-err));
+        error_say(why, err, "survey: %s", strerror(-err));
     else
         err = processing_plan(&p->processing, &p->survey, why);
     if (!err)

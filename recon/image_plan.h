@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/compressor.h"
 #include "recon/survey.h"
 #include "recon/traces.h"
@@ -19,10 +19,10 @@ struct image_plan {
 };
 
 /* window and compression as the front end has them.  0, or a negative errno and a
- * complaint; then p needs no image_plan_clear. */
+ * error; then p needs no image_plan_clear. */
 int image_plan_create(struct image_plan *p, const struct survey *survey,
                       enum compression compression, enum window window,
-                      struct complaint *why);
+                      struct error *why);
 void image_plan_clear(struct image_plan *p);
 
 /* Are they such as were planned for? */

@@ -83,7 +83,7 @@ static double quiet_until_s(const struct survey *s, const double band_hz[2])
 }
 
 static int plan_gate(struct processing *p, const struct survey *s, double reach_s,
-                     struct complaint *why)
+                     struct error *why)
 {
     double reach_m = 0.5 * s->sound_speed_m_s * reach_s;
     double nearest_m =
@@ -93,11 +93,11 @@ static int plan_gate(struct processing *p, const struct survey *s, double reach_
         p->gate_m[0] = s->gate_m[0];
         p->gate_m[1] = s->gate_m[1];
         if (!(p->gate_m[0] >= 0.0 && p->gate_m[0] < p->gate_m[1]))
-            return complain(why, -EINVAL,
-                            "gate_m: expected 0 <= near < far, not [%g, %g]",
-                            p->gate_m[0], p->gate_m[1]);
+            return error_say(why, -EINVAL,
+                             "gate_m: expected 0 <= near < far, not [%g, %g]",
+                             p->gate_m[0], p->gate_m[1]);
         if (p->gate_m[1] > reach_m)
-            return complain(
+            return error_say(
                 why, -EINVAL,
                 "gate_m: far end %g m lies beyond the slot; at most %.2f m fits "
                 "slot_samples %zu at %g Hz",
@@ -107,7 +107,7 @@ static int plan_gate(struct processing *p, const struct survey *s, double reach_
     p->gate_m[0] = nearest_m;
     p->gate_m[1] = fmin(TAIL_DEFAULT_FAR_M, reach_m);
     if (p->gate_m[1] <= p->gate_m[0])
-        return complain(
+        return error_say(
             why, -EINVAL,
             "slot_samples: %zu samples reach %.2f m, but the gate can only begin "
             "at %.2f m, behind the direct path; give gate_m or a longer slot",
@@ -117,22 +117,21 @@ static int plan_gate(struct processing *p, const struct survey *s, double reach_
 
 /* A volume that was asked for narrows a gate that was not. */
 static int fit_gate_to_volume(struct processing *p, const struct survey *s,
-                              double reach_s, const double delays_s[2],
-                              struct complaint *why)
+                              double reach_s, const double delays_s[2], struct error *why)
 {
     double half_c = 0.5 * s->sound_speed_m_s;
     if (delays_s[0] >= reach_s)
-        return complain(why, -EINVAL,
-                        "volume: z_m begins %.2f m away, beyond the slot; at most %.2f m "
-                        "fits slot_samples %zu at %g Hz",
-                        half_c * delays_s[0], half_c * reach_s, s->slot_samples,
-                        s->sample_rate_hz);
+        return error_say(
+            why, -EINVAL,
+            "volume: z_m begins %.2f m away, beyond the slot; at most %.2f m "
+            "fits slot_samples %zu at %g Hz",
+            half_c * delays_s[0], half_c * reach_s, s->slot_samples, s->sample_rate_hz);
     if (!s->has_gate) {
         p->gate_m[0] = fmax(p->gate_m[0], half_c * delays_s[0] - VOLUME_CLEARANCE_M);
         p->gate_m[1] = half_c * fmin(delays_s[1], reach_s);
     }
     if (half_c * delays_s[1] <= p->gate_m[0] || half_c * delays_s[0] >= p->gate_m[1])
-        return complain(
+        return error_say(
             why, -EINVAL,
             "volume: z_m lies %.2f to %.2f m away, outside the gate of %.2f to "
             "%.2f m; change gate_m or volume",
@@ -140,16 +139,16 @@ static int fit_gate_to_volume(struct processing *p, const struct survey *s,
     return 0;
 }
 
-int processing_plan(struct processing *out, const struct survey *s, struct complaint *why)
+int processing_plan(struct processing *out, const struct survey *s, struct error *why)
 {
     struct processing p = {0};
     double reach_s = slot_reach_s(s), delays_s[2];
     int err;
 
     if (s->pings_m && !s->has_volume)
-        return complain(why, -EINVAL,
-                        "volume: expected x_m, y_m and z_m, each [min, max, step], for "
-                        "pings with places of their own have no front");
+        return error_say(why, -EINVAL,
+                         "volume: expected x_m, y_m and z_m, each [min, max, step], for "
+                         "pings with places of their own have no front");
     processing_geometry(&p.geometry, s);
     p.band_hz[0] = fmin(s->chirp_start_hz, s->chirp_stop_hz);
     p.band_hz[1] = fmax(s->chirp_start_hz, s->chirp_stop_hz);
@@ -160,11 +159,11 @@ int processing_plan(struct processing *out, const struct survey *s, struct compl
     if (s->has_volume) {
         err = grid_from_limits(&p.grid, (const double(*)[3])s->volume_m);
         if (err)
-            return complain(why, err,
-                            err == -EFBIG ? "volume: too many voxels; expected at "
-                                            "most 2^28, use larger steps"
-                                          : "volume: expected [min, max, step] "
-                                            "with max >= min and step > 0");
+            return error_say(why, err,
+                             err == -EFBIG ? "volume: too many voxels; expected at "
+                                             "most 2^28, use larger steps"
+                                           : "volume: expected [min, max, step] "
+                                             "with max >= min and step > 0");
     } else {
         grid_default(&p.grid, &p.geometry, p.gate_m, p.band_hz);
     }
@@ -231,8 +230,7 @@ static void curves_clear(struct curves *c)
 }
 
 int processing_compressor(struct pulse_compress **out, const struct processing *p,
-                          const struct survey *s, enum window window,
-                          struct complaint *why)
+                          const struct survey *s, enum window window, struct error *why)
 {
     struct pulse_compress_config cfg;
     struct curves curves;
@@ -243,20 +241,20 @@ int processing_compressor(struct pulse_compress **out, const struct processing *
     if (!err)
         err = pulse_compress_create(out, &cfg);
     if (err)
-        complain(why, err, "pulse compression of %zu samples, %.4f to %.4f s: %s",
-                 p->ping_samples, p->gate_s[0], p->gate_s[1], strerror(-err));
+        error_say(why, err, "pulse compression of %zu samples, %.4f to %.4f s: %s",
+                  p->ping_samples, p->gate_s[0], p->gate_s[1], strerror(-err));
     curves_clear(&curves);
     return err;
 }
 
 int processing_deramp(struct deramp **out, const struct processing *p,
-                      const struct survey *s, enum window window, struct complaint *why)
+                      const struct survey *s, enum window window, struct error *why)
 {
     struct curves curves;
     if (s->n_replica)
-        return complain(why, -EINVAL,
-                        "deramp mixes with a chirp, and the survey names a replica; use "
-                        "matched_filter");
+        return error_say(why, -EINVAL,
+                         "deramp mixes with a chirp, and the survey names a replica; use "
+                         "matched_filter");
     int err = curves_take(&curves, s);
     struct deramp_config cfg = {
         .sample_rate_hz = s->sample_rate_hz,
@@ -272,15 +270,15 @@ int processing_deramp(struct deramp **out, const struct processing *p,
     if (!err)
         err = deramp_create(out, &cfg);
     if (err)
-        complain(why, err, "deramp of %zu samples, %.4f to %.4f s: %s", p->ping_samples,
-                 p->gate_s[0], p->gate_s[1], strerror(-err));
+        error_say(why, err, "deramp of %zu samples, %.4f to %.4f s: %s", p->ping_samples,
+                  p->gate_s[0], p->gate_s[1], strerror(-err));
     curves_clear(&curves);
     return err;
 }
 
 int processing_imager(struct imager **out, const struct processing *p, const char *method,
                       const struct trace_format *format, struct pool *pool,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct imager_config cfg = {.method = method,
                                 .geometry = &p->geometry,
@@ -299,14 +297,14 @@ int processing_imager(struct imager **out, const struct processing *p, const cha
             size_t used = strlen(known);
             snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "", m);
         }
-        return complain(why, err, "method '%s': no such method; expected one of %s%s",
-                        method, known, nearest_hint(hint, method, imager_methods()));
+        return error_say(why, err, "method '%s': no such method; expected one of %s%s",
+                         method, known, nearest_hint(hint, method, imager_methods()));
     }
     if (err == -ENOTSUP)
-        return complain(why, err, "method '%s' cannot image this survey: it needs %s",
-                        method, reason && *reason ? reason : "another geometry");
+        return error_say(why, err, "method '%s' cannot image this survey: it needs %s",
+                         method, reason && *reason ? reason : "another geometry");
     if (err)
-        return complain(why, err, "method '%s': %s", method,
-                        reason && *reason ? reason : strerror(-err));
+        return error_say(why, err, "method '%s': %s", method,
+                         reason && *reason ? reason : strerror(-err));
     return 0;
 }

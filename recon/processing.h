@@ -4,7 +4,7 @@
 
 #include "dsp/deramp.h"
 #include "dsp/pulse_compress.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 #include "recon/imager.h"
 #include "recon/wall.h"
@@ -26,23 +26,21 @@ void processing_geometry(struct geometry *g, const struct survey *s);
 /* The chirp that a survey's speakers send. */
 struct chirp processing_chirp(const struct survey *s);
 
-/* The survey must outlive *out.  0, -EINVAL (gate beyond the slot; the complaint names
+/* The survey must outlive *out.  0, -EINVAL (gate beyond the slot; the error names
  * the field and the limit), -EFBIG. */
-int processing_plan(struct processing *out, const struct survey *s,
-                    struct complaint *why);
+int processing_plan(struct processing *out, const struct survey *s, struct error *why);
 
 /* A pulse compressor for it; microphones are taken from the survey's responses. */
 int processing_compressor(struct pulse_compress **out, const struct processing *p,
-                          const struct survey *s, enum window window,
-                          struct complaint *why);
+                          const struct survey *s, enum window window, struct error *why);
 
 /* The same for the paper's way; a survey with a replica has no chirp to mix with. */
 int processing_deramp(struct deramp **out, const struct processing *p,
-                      const struct survey *s, enum window window, struct complaint *why);
+                      const struct survey *s, enum window window, struct error *why);
 
 /* An imager for the traces of that compressor. */
 int processing_imager(struct imager **out, const struct processing *p, const char *method,
                       const struct trace_format *format, struct pool *pool,
-                      struct complaint *why);
+                      struct error *why);
 
 #endif

@@ -46,19 +46,19 @@ void scan_imager_forget(struct scan_imager *r)
     *r = (struct scan_imager){.cfg = r->cfg, .pool = r->pool};
 }
 
-static int allocate(struct scan_imager *r, struct complaint *why)
+static int allocate(struct scan_imager *r, struct error *why)
 {
     r->intensity = calloc(grid_size(&r->plan.processing.grid), sizeof *r->intensity);
     r->masked_ever = calloc(r->plan.survey.n_microphones, sizeof *r->masked_ever);
     r->in_position = calloc(r->plan.survey.n_positions, sizeof *r->in_position);
     if (!r->intensity || !r->masked_ever || !r->in_position)
-        return complain(why, -ENOMEM, "not enough memory for a volume of %zu voxels",
-                        grid_size(&r->plan.processing.grid));
+        return error_say(why, -ENOMEM, "not enough memory for a volume of %zu voxels",
+                         grid_size(&r->plan.processing.grid));
     return 0;
 }
 
 int scan_imager_survey(struct scan_imager *r, const struct survey *survey,
-                       struct complaint *why)
+                       struct error *why)
 {
     scan_imager_forget(r);
     int err = image_plan_create(&r->plan, survey, r->cfg.compression, r->cfg.window, why);

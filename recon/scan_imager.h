@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/compressor.h"
 #include "recon/traces.h"
 #include "recon/volume.h"
@@ -29,9 +29,9 @@ struct scan_imager;
 int scan_imager_create(struct scan_imager **out, const struct scan_imager_config *cfg);
 
 /* Plans for a survey, which it copies; the traces of another one are forgotten.  0, or a
- * negative errno and a complaint (of the survey or of the method). */
+ * negative errno and an error (of the survey or of the method). */
 int scan_imager_survey(struct scan_imager *r, const struct survey *survey,
-                       struct complaint *why);
+                       struct error *why);
 
 /* As if there had been none. */
 void scan_imager_forget(struct scan_imager *r);

@@ -116,19 +116,20 @@ static struct frames_config configure(const struct static_array *s)
     return cfg;
 }
 
-static int allocate(struct static_array *s, struct complaint *why)
+static int allocate(struct static_array *s, struct error *why)
 {
     const struct frames_config cfg = configure(s);
     int err = frames_create(&s->frames, &cfg);
 
     if (err == -ENOTSUP)
-        return complain(why, err,
-                        "scan.mode fixed: expected an array that stands; this survey has "
-                        "%zu positions",
-                        s->plan.survey.n_positions);
+        return error_say(
+            why, err,
+            "scan.mode fixed: expected an array that stands; this survey has "
+            "%zu positions",
+            s->plan.survey.n_positions);
     if (err)
-        return complain(why, err, "images of %zu pings: %s; expected 1 to %d",
-                        cfg.n_pings, strerror(-err), FRAMES_MAX_PINGS);
+        return error_say(why, err, "images of %zu pings: %s; expected 1 to %d",
+                         cfg.n_pings, strerror(-err), FRAMES_MAX_PINGS);
     s->intensity = calloc(grid_size(&cfg.grid), sizeof *s->intensity);
     s->traces =
         malloc(s->plan.survey.n_microphones * cfg.format.n_samples * sizeof *s->traces);
@@ -139,12 +140,12 @@ static int allocate(struct static_array *s, struct complaint *why)
                              (int64_t)(NO_OVERLAP * (double)cfg.max_age_ns / AGE_LIMIT));
     return !err && s->intensity && s->traces && s->clipped && s->subtracted && s->blanked
                ? 0
-               : complain(why, -ENOMEM, "not enough memory for images of %zu voxels",
-                          grid_size(&cfg.grid));
+               : error_say(why, -ENOMEM, "not enough memory for images of %zu voxels",
+                           grid_size(&cfg.grid));
 }
 
 int static_array_survey(struct static_array *s, const struct survey *given,
-                        struct complaint *why)
+                        struct error *why)
 {
     static_array_forget(s);
     int err = image_plan_create(&s->plan, given, s->cfg.compression, s->cfg.window, why);

@@ -11,7 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/compressor.h"
 #include "recon/ego.h"
 #include "recon/frames.h"
@@ -36,9 +36,9 @@ struct static_array;
 int static_array_create(struct static_array **out, const struct static_array_config *cfg);
 
 /* Plans for a survey, which it copies; the pings of another one are forgotten.  0, or a
- * negative errno and a complaint: also of a survey whose array moves by itself. */
+ * negative errno and an error: also of a survey whose array moves by itself. */
 int static_array_survey(struct static_array *s, const struct survey *survey,
-                        struct complaint *why);
+                        struct error *why);
 
 /* As if there had been none. */
 void static_array_forget(struct static_array *s);

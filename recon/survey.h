@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 enum survey_source { SURVEY_LIVE, SURVEY_REPLAY, SURVEY_SIMULATION };
 
@@ -108,11 +108,11 @@ bool survey_round_fits(const struct survey *s, size_t n);
  * counts them anew in each round, so that a speaker always does the same. */
 bool survey_is_down(const struct survey *s, size_t k);
 
-/* Plausible and consistent?  Ranges are stated in the complaint.  0 or -EINVAL. */
-int survey_check(const struct survey *s, struct complaint *why);
+/* Plausible and consistent?  Ranges are stated in the error.  0 or -EINVAL. */
+int survey_check(const struct survey *s, struct error *why);
 
 /* What it says of gate, volume, wall and mount alone: the gate without the slot. */
-int survey_check_place(const struct survey *s, struct complaint *why);
+int survey_check_place(const struct survey *s, struct error *why);
 
 /* A hash of everything that the image and the detections depend on, which is all but the
  * source and the temperature (its speed of sound counts).  Equal surveys have equal ids;

@@ -11,58 +11,60 @@
 #define LEAST_TIME_BANDWIDTH 10.0 /* of a chirp: under that its spectrum is no band */
 #define SLOT_CLEARANCE_M     0.1  /* before the next emission: its sidelobes */
 
-static int check_range(struct complaint *why, const char *field, double x, double min,
+static int check_range(struct error *why, const char *field, double x, double min,
                        double max, const char *unit)
 {
     if (x >= min && x <= max) /* false for NaN */
         return 0;
-    return complain(why, -EINVAL, "%s is %g %s, expected %g to %g %s", field, x, unit,
-                    min, max, unit);
+    return error_say(why, -EINVAL, "%s is %g %s, expected %g to %g %s", field, x, unit,
+                     min, max, unit);
 }
 
-static int check_point(struct complaint *why, const char *field, size_t index,
+static int check_point(struct error *why, const char *field, size_t index,
                        const double p[3])
 {
     for (int i = 0; i < 3; i++)
         if (!(fabs(p[i]) <= MAX_DISTANCE_M))
-            return complain(why, -EINVAL,
-                            "%s[%zu] is [%g, %g, %g], expected coordinates within +-%g m",
-                            field, index, p[0], p[1], p[2], MAX_DISTANCE_M);
+            return error_say(
+                why, -EINVAL,
+                "%s[%zu] is [%g, %g, %g], expected coordinates within +-%g m", field,
+                index, p[0], p[1], p[2], MAX_DISTANCE_M);
     return 0;
 }
 
-static int check_unit(struct complaint *why, const char *field, const double v[3])
+static int check_unit(struct error *why, const char *field, const double v[3])
 {
     double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     if (fabs(length - 1) <= SURVEY_UNIT_TOLERANCE)
         return 0;
-    return complain(why, -EINVAL,
-                    "%s [%g, %g, %g] has the length %g, expected a unit vector", field,
-                    v[0], v[1], v[2], length);
+    return error_say(why, -EINVAL,
+                     "%s [%g, %g, %g] has the length %g, expected a unit vector", field,
+                     v[0], v[1], v[2], length);
 }
 
-static int check_count(struct complaint *why, const char *field, size_t n, int most,
+static int check_count(struct error *why, const char *field, size_t n, int most,
                        const void *array)
 {
     if (n >= 1 && n <= (size_t)most && array)
         return 0;
-    return complain(why, -EINVAL, "%s has %zu elements, expected 1 to %d", field, n,
-                    most);
+    return error_say(why, -EINVAL, "%s has %zu elements, expected 1 to %d", field, n,
+                     most);
 }
 
-static int check_medium(const struct survey *s, struct complaint *why)
+static int check_medium(const struct survey *s, struct error *why)
 {
     if (s->source != SURVEY_LIVE && s->source != SURVEY_REPLAY &&
         s->source != SURVEY_SIMULATION)
-        return complain(why, -EINVAL, "source is %d, expected live, replay or simulation",
-                        (int)s->source);
+        return error_say(why, -EINVAL,
+                         "source is %d, expected live, replay or simulation",
+                         (int)s->source);
     int err = check_range(why, "sound_speed_m_s", s->sound_speed_m_s, 300, 360, "m/s");
     if (!err && !isnan(s->temperature_c))
         err = check_range(why, "temperature_c", s->temperature_c, -60, 80, "C");
     return err;
 }
 
-static int check_chirp(const struct survey *s, struct complaint *why)
+static int check_chirp(const struct survey *s, struct error *why)
 {
     int err = check_range(why, "sample_rate_hz", s->sample_rate_hz, 8e3, 400e3, "Hz");
     if (err)
@@ -71,77 +73,78 @@ static int check_chirp(const struct survey *s, struct complaint *why)
     const double ends_hz[2] = {s->chirp_start_hz, s->chirp_stop_hz};
     for (int i = 0; i < 2; i++)
         if (!(ends_hz[i] > 0 && ends_hz[i] < nyquist_hz))
-            return complain(why, -EINVAL,
-                            "chirp %s_hz is %g, expected over 0 and under half the "
-                            "sample rate, %g",
-                            i ? "stop" : "start", ends_hz[i], nyquist_hz);
+            return error_say(why, -EINVAL,
+                             "chirp %s_hz is %g, expected over 0 and under half the "
+                             "sample rate, %g",
+                             i ? "stop" : "start", ends_hz[i], nyquist_hz);
     if (s->chirp_start_hz == s->chirp_stop_hz)
-        return complain(why, -EINVAL, "chirp start_hz and stop_hz are both %g",
-                        s->chirp_start_hz);
+        return error_say(why, -EINVAL, "chirp start_hz and stop_hz are both %g",
+                         s->chirp_start_hz);
     if (s->slot_samples < 1 || s->slot_samples > MAX_SLOT_SAMPLES)
-        return complain(why, -EINVAL, "slot_samples is %zu, expected 1 to %zu",
-                        s->slot_samples, MAX_SLOT_SAMPLES);
+        return error_say(why, -EINVAL, "slot_samples is %zu, expected 1 to %zu",
+                         s->slot_samples, MAX_SLOT_SAMPLES);
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;
     if (!(s->chirp_duration_s > 0 && s->chirp_duration_s <= MAX_OVERLAP * slot_s))
-        return complain(why, -EINVAL,
-                        "chirp duration_s is %g, expected over 0 and up to %d slots of "
-                        "%g",
-                        s->chirp_duration_s, MAX_OVERLAP, slot_s);
+        return error_say(why, -EINVAL,
+                         "chirp duration_s is %g, expected over 0 and up to %d slots of "
+                         "%g",
+                         s->chirp_duration_s, MAX_OVERLAP, slot_s);
     double least_s = LEAST_TIME_BANDWIDTH / fabs(s->chirp_stop_hz - s->chirp_start_hz);
     if (!s->n_replica && s->chirp_duration_s < least_s)
-        return complain(
+        return error_say(
             why, -EINVAL,
             "chirp duration_s is %g, too short to sweep %g to %g Hz; expected "
             "at least %g",
             s->chirp_duration_s, s->chirp_start_hz, s->chirp_stop_hz, least_s);
     if (survey_overlaps(s) && !s->has_gate)
-        return complain(why, -EINVAL,
-                        "chirp duration_s is %g, expected over 0 and up to the slot, %g; "
-                        "or gate_m, for slots that overlap to be told apart by it",
-                        s->chirp_duration_s, slot_s);
+        return error_say(
+            why, -EINVAL,
+            "chirp duration_s is %g, expected over 0 and up to the slot, %g; "
+            "or gate_m, for slots that overlap to be told apart by it",
+            s->chirp_duration_s, slot_s);
     if (!(s->latency_samples >= 0 && s->latency_samples < (double)s->slot_samples))
-        return complain(why, -EINVAL,
-                        "latency_samples is %g, expected 0 to under slot_samples, %zu",
-                        s->latency_samples, s->slot_samples);
+        return error_say(why, -EINVAL,
+                         "latency_samples is %g, expected 0 to under slot_samples, %zu",
+                         s->latency_samples, s->slot_samples);
     return 0;
 }
 
-static int check_sharing(const struct survey *s, struct complaint *why)
+static int check_sharing(const struct survey *s, struct error *why)
 {
     if (s->chirp_alternates && (s->n_replica || s->pings_m))
-        return complain(why, -EINVAL, "chirp alternates, but a %s has no direction",
-                        s->n_replica ? "replica" : "recording of pings");
+        return error_say(why, -EINVAL, "chirp alternates, but a %s has no direction",
+                         s->n_replica ? "replica" : "recording of pings");
     if (s->together > 2)
-        return complain(why, -EINVAL, "together is %zu, expected 1 or 2", s->together);
+        return error_say(why, -EINVAL, "together is %zu, expected 1 or 2", s->together);
     if (s->together == 2 && !s->chirp_alternates)
-        return complain(why, -EINVAL,
-                        "together is 2, and only the chirp's direction can tell two "
-                        "speakers apart; expected chirp.alternates: true");
+        return error_say(why, -EINVAL,
+                         "together is 2, and only the chirp's direction can tell two "
+                         "speakers apart; expected chirp.alternates: true");
     return 0;
 }
 
-static int check_replica(const struct survey *s, struct complaint *why)
+static int check_replica(const struct survey *s, struct error *why)
 {
     if (s->n_replica < 2 || s->n_replica > s->slot_samples || !s->replica)
-        return complain(why, -EINVAL,
-                        "replica has %zu samples, expected 2 to slot_samples, %zu",
-                        s->n_replica, s->slot_samples);
+        return error_say(why, -EINVAL,
+                         "replica has %zu samples, expected 2 to slot_samples, %zu",
+                         s->n_replica, s->slot_samples);
     float largest = 0.0f;
     for (size_t i = 0; i < s->n_replica; i++) {
         if (!isfinite(s->replica[i]))
-            return complain(why, -EINVAL, "replica sample %zu is not finite", i);
+            return error_say(why, -EINVAL, "replica sample %zu is not finite", i);
         largest = fmaxf(largest, fabsf(s->replica[i]));
     }
-    return largest > 0.0f ? 0 : complain(why, -EINVAL, "replica is silent");
+    return largest > 0.0f ? 0 : error_say(why, -EINVAL, "replica is silent");
 }
 
-static int check_pings(const struct survey *s, struct complaint *why)
+static int check_pings(const struct survey *s, struct error *why)
 {
     if (s->n_speakers != 1 || s->n_microphones != 1)
-        return complain(why, -EINVAL,
-                        "pings have places of their own: expected one speaker and one "
-                        "microphone, not %zu and %zu",
-                        s->n_speakers, s->n_microphones);
+        return error_say(why, -EINVAL,
+                         "pings have places of their own: expected one speaker and one "
+                         "microphone, not %zu and %zu",
+                         s->n_speakers, s->n_microphones);
     for (size_t k = 0; k < s->n_positions; k++) {
         int err = check_point(why, "pings speaker", k, s->pings_m[k][0]);
         if (!err)
@@ -152,7 +155,7 @@ static int check_pings(const struct survey *s, struct complaint *why)
     return 0;
 }
 
-static int check_array(const struct survey *s, struct complaint *why)
+static int check_array(const struct survey *s, struct error *why)
 {
     int err =
         check_count(why, "speakers_m", s->n_speakers, SURVEY_MAX_ELEMENTS, s->speakers_m);
@@ -171,14 +174,15 @@ static int check_array(const struct survey *s, struct complaint *why)
                           s->stage_positions_m);
     for (size_t i = 0; !err && i < s->n_positions; i++)
         if (!(fabs(s->stage_positions_m[i]) <= MAX_DISTANCE_M))
-            err = complain(why, -EINVAL,
-                           "stage positions_m[%zu] is %g, expected within +-%g m", i,
-                           s->stage_positions_m[i], MAX_DISTANCE_M);
+            err = error_say(why, -EINVAL,
+                            "stage positions_m[%zu] is %g, expected within +-%g m", i,
+                            s->stage_positions_m[i], MAX_DISTANCE_M);
     if (!err && s->n_speakers * s->n_microphones > SURVEY_MAX_PATHS / s->n_positions)
-        err = complain(why, -EINVAL,
-                       "%zu speakers, %zu microphones and %zu positions; expected at "
-                       "most %zu paths of them all",
-                       s->n_speakers, s->n_microphones, s->n_positions, SURVEY_MAX_PATHS);
+        err = error_say(why, -EINVAL,
+                        "%zu speakers, %zu microphones and %zu positions; expected at "
+                        "most %zu paths of them all",
+                        s->n_speakers, s->n_microphones, s->n_positions,
+                        SURVEY_MAX_PATHS);
     return err;
 }
 
@@ -190,41 +194,44 @@ double survey_gate_limit_m(const struct survey *s)
     return survey_overlaps(s) ? limit_m - SLOT_CLEARANCE_M : limit_m;
 }
 
-static int check_gate(const struct survey *s, struct complaint *why)
+static int check_gate(const struct survey *s, struct error *why)
 {
     double far_m = s->gate_m[1], slot_s = (double)s->slot_samples / s->sample_rate_hz;
     double limit_m = survey_gate_limit_m(s);
     if (survey_overlaps(s) && far_m > limit_m)
-        return complain(why, -EINVAL,
-                        "gate_m: far is %g m, and %g m before the next speaker is heard, "
-                        "a slot of %g s later, end at %g m",
-                        far_m, SLOT_CLEARANCE_M, slot_s, limit_m);
+        return error_say(
+            why, -EINVAL,
+            "gate_m: far is %g m, and %g m before the next speaker is heard, "
+            "a slot of %g s later, end at %g m",
+            far_m, SLOT_CLEARANCE_M, slot_s, limit_m);
     if (far_m > limit_m)
-        return complain(why, -EINVAL,
-                        "gate_m: gate beyond the slot: far is %g m, and the echoes of a "
-                        "slot of %g s end at %g m",
-                        far_m, slot_s, limit_m);
+        return error_say(why, -EINVAL,
+                         "gate_m: gate beyond the slot: far is %g m, and the echoes of a "
+                         "slot of %g s end at %g m",
+                         far_m, slot_s, limit_m);
     return 0;
 }
 
-static int check_volume(const struct survey *s, struct complaint *why)
+static int check_volume(const struct survey *s, struct error *why)
 {
     for (int i = 0; i < 3; i++) {
         const double *v = s->volume_m[i];
         if (!(fabs(v[0]) <= MAX_DISTANCE_M && fabs(v[1]) <= MAX_DISTANCE_M &&
               v[0] <= v[1] && v[2] > 0 && isfinite(v[2])))
-            return complain(why, -EINVAL,
-                            "volume %c_m is [%g, %g, %g], expected [min, max, step] with "
-                            "min <= max within +-%g m and step > 0",
-                            "xyz"[i], v[0], v[1], v[2], MAX_DISTANCE_M);
+            return error_say(
+                why, -EINVAL,
+                "volume %c_m is [%g, %g, %g], expected [min, max, step] with "
+                "min <= max within +-%g m and step > 0",
+                "xyz"[i], v[0], v[1], v[2], MAX_DISTANCE_M);
         if ((v[1] - v[0]) / v[2] > SURVEY_MAX_ELEMENTS)
-            return complain(why, -EINVAL, "volume %c_m has %.0f steps, expected up to %d",
-                            "xyz"[i], (v[1] - v[0]) / v[2], SURVEY_MAX_ELEMENTS);
+            return error_say(why, -EINVAL,
+                             "volume %c_m has %.0f steps, expected up to %d", "xyz"[i],
+                             (v[1] - v[0]) / v[2], SURVEY_MAX_ELEMENTS);
     }
     return 0;
 }
 
-static int check_mount(const struct survey *s, struct complaint *why)
+static int check_mount(const struct survey *s, struct error *why)
 {
     int err = check_point(why, "mount origin_m", 0, s->mount_origin_m);
     if (!err)
@@ -236,43 +243,43 @@ static int check_mount(const struct survey *s, struct complaint *why)
     const double *x = s->mount_x_axis, *y = s->mount_y_axis;
     double dot = x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
     if (fabs(dot) > SURVEY_UNIT_TOLERANCE)
-        return complain(why, -EINVAL,
-                        "mount x_axis and y_axis are not at right angles (dot product "
-                        "%g)",
-                        dot);
+        return error_say(why, -EINVAL,
+                         "mount x_axis and y_axis are not at right angles (dot product "
+                         "%g)",
+                         dot);
     return 0;
 }
 
 static int check_response(const struct survey_response *r, size_t index,
-                          struct complaint *why)
+                          struct error *why)
 {
     if (!memchr(r->serial, 0, sizeof r->serial))
-        return complain(why, -EINVAL, "calibration %zu: the serial does not end", index);
+        return error_say(why, -EINVAL, "calibration %zu: the serial does not end", index);
     if (r->n_points < 2 || r->n_points > SURVEY_MAX_ELEMENTS || !r->frequency_hz ||
         !r->gain_db)
-        return complain(why, -EINVAL, "calibration %s has %zu points, expected 2 to %d",
-                        r->serial, r->n_points, SURVEY_MAX_ELEMENTS);
+        return error_say(why, -EINVAL, "calibration %s has %zu points, expected 2 to %d",
+                         r->serial, r->n_points, SURVEY_MAX_ELEMENTS);
     for (size_t i = 0; i < r->n_points; i++) {
         double before_hz = i ? r->frequency_hz[i - 1] : 0;
         if (!(r->frequency_hz[i] > before_hz && isfinite(r->frequency_hz[i])))
-            return complain(why, -EINVAL,
-                            "calibration %s: frequency %zu is %g Hz, expected rising "
-                            "from 0",
-                            r->serial, i, r->frequency_hz[i]);
+            return error_say(why, -EINVAL,
+                             "calibration %s: frequency %zu is %g Hz, expected rising "
+                             "from 0",
+                             r->serial, i, r->frequency_hz[i]);
         if (!(fabs(r->gain_db[i]) <= 200))
-            return complain(why, -EINVAL,
-                            "calibration %s: gain %zu is %g dB, expected within +-200",
-                            r->serial, i, r->gain_db[i]);
+            return error_say(why, -EINVAL,
+                             "calibration %s: gain %zu is %g dB, expected within +-200",
+                             r->serial, i, r->gain_db[i]);
     }
     return 0;
 }
 
-static int check_responses(const struct survey *s, struct complaint *why)
+static int check_responses(const struct survey *s, struct error *why)
 {
     if (!s->n_responses)
         return 0;
     if (s->n_responses != s->n_microphones || !s->responses)
-        return complain(
+        return error_say(
             why, -EINVAL,
             "calibration of %zu microphones, expected one for each of the %zu",
             s->n_responses, s->n_microphones);
@@ -282,17 +289,17 @@ static int check_responses(const struct survey *s, struct complaint *why)
     return err;
 }
 
-static int check_walls(const struct survey *s, struct complaint *why)
+static int check_walls(const struct survey *s, struct error *why)
 {
     int err = 0;
     if (s->n_walls > SURVEY_MAX_WALLS ||
         (s->n_walls &&
          (!s->has_wall || s->walls[0].distance_m != s->wall_distance_m ||
           memcmp(s->walls[0].normal, s->wall_normal, sizeof s->wall_normal) != 0)))
-        return complain(why, -EINVAL,
-                        "walls has %zu elements, expected up to %d, the first of them "
-                        "the wall",
-                        s->n_walls, SURVEY_MAX_WALLS);
+        return error_say(why, -EINVAL,
+                         "walls has %zu elements, expected up to %d, the first of them "
+                         "the wall",
+                         s->n_walls, SURVEY_MAX_WALLS);
     for (size_t i = 0; !err && i < s->n_walls; i++) {
         const struct survey_wall *w = &s->walls[i];
         err = check_unit(why, "walls normal", w->normal);
@@ -301,23 +308,23 @@ static int check_walls(const struct survey *s, struct complaint *why)
                               MAX_DISTANCE_M, "m");
         if (!err && !(w->gate_m[0] >= 0 && w->gate_m[0] < w->gate_m[1] &&
                       w->gate_m[1] <= MAX_DISTANCE_M))
-            err = complain(why, -EINVAL,
-                           "walls gate_m is [%g, %g], expected 0 <= near < far <= %g m",
-                           w->gate_m[0], w->gate_m[1], MAX_DISTANCE_M);
+            err = error_say(why, -EINVAL,
+                            "walls gate_m is [%g, %g], expected 0 <= near < far <= %g m",
+                            w->gate_m[0], w->gate_m[1], MAX_DISTANCE_M);
     }
     return err;
 }
 
-static int check_ends(const struct survey *s, struct complaint *why)
+static int check_ends(const struct survey *s, struct error *why)
 {
     double near_m = s->gate_m[0], far_m = s->gate_m[1];
     if (near_m >= 0 && near_m < far_m && isfinite(far_m))
         return 0;
-    return complain(why, -EINVAL, "gate_m is [%g, %g], expected 0 <= near < far", near_m,
-                    far_m);
+    return error_say(why, -EINVAL, "gate_m is [%g, %g], expected 0 <= near < far", near_m,
+                     far_m);
 }
 
-int survey_check_place(const struct survey *s, struct complaint *why)
+int survey_check_place(const struct survey *s, struct error *why)
 {
     int err = s->has_gate ? check_ends(s, why) : 0;
     if (!err && s->has_volume)
@@ -334,7 +341,7 @@ int survey_check_place(const struct survey *s, struct complaint *why)
     return err;
 }
 
-int survey_check(const struct survey *s, struct complaint *why)
+int survey_check(const struct survey *s, struct error *why)
 {
     int err = check_medium(s, why);
     if (!err)

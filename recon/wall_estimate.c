@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "recon/wall_search.h"
-#include "recon/wall_thing.h"
+#include "recon/near_reflector.h"
 
 #define LEAST_HEARD  9     /* pairs: so few do not agree on three numbers by chance */
 #define GUESSES_MOST 12    /* looked into for each list */
@@ -149,9 +149,9 @@ static double rms_limit_m(const struct wall_estimate_config *cfg, double share)
 /* Does a thing where the wall is nearest explain the echoes better than the wall? */
 static bool is_thing(const struct search *s, const struct wall_fit *fit)
 {
-    struct wall_thing t = {.n_heard = 0};
+    struct near_reflector t = {.n_heard = 0};
     foot_of(s, &fit->wall, t.at_m);
-    if (wall_thing_improve(&t, s->left, s->n_left, tolerance_m))
+    if (near_reflector_improve(&t, s->left, s->n_left, tolerance_m))
         return false;
     return t.n_heard > fit->n_heard ||
            (t.n_heard == fit->n_heard && t.rms_m < fit->rms_m);

@@ -3,10 +3,10 @@
  * what it explains is taken away, and the next one is looked for.
  *
  * A wall is believed when most of the pairs hear it where the plane has it.  An edge or a
- * thing does not look like that from everywhere (recon/wall_thing.h).  What two walls, or
- * a wall and the ground, make together in their corner is taken away with them, and a
- * plane whose sound would have to pass through a nearer wall is an image of something in
- * that one.
+ * thing does not look like that from everywhere (recon/near_reflector.h).  What two
+ * walls, or a wall and the ground, make together in their corner is taken away with them,
+ * and a plane whose sound would have to pass through a nearer wall is an image of
+ * something in that one.
  *
  * A line of elements cannot tell how the wall is turned about the line: the prior must
  * (walls stand upright), and the covariance says how much it is worth.  It cannot tell

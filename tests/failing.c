@@ -271,7 +271,7 @@ static void end(void)
 size_t failing_each(const struct failing_work *work)
 {
     for (size_t n = 1;; n++) {
-        struct complaint why = {""};
+        struct error why = {""};
         size_t descriptors = count_descriptors();
         begin(n);
         int err = work->run(work->context, &why);

@@ -11,12 +11,12 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct failing_work {
     const char *name;
     /* 0, or a negative errno and a sentence. */
-    int (*run)(void *context, struct complaint *why);
+    int (*run)(void *context, struct error *why);
     /* Then, with nothing failing: is what was made as it is to be, which is so if err is
      * 0?  Puts things back as they were; may be NULL. */
     void (*check)(void *context, int err);

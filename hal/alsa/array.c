@@ -79,37 +79,36 @@ static bool is_same_sound(const struct survey *a, const struct survey *b)
 }
 
 /* Subtracted from every ping: one of another chirp or other places would spoil all. */
-static int open_background(struct array_alsa *a, const char *folder,
-                           struct complaint *why)
+static int open_background(struct array_alsa *a, const char *folder, struct error *why)
 {
     char path[PATH_MAX];
     struct survey s;
-    struct complaint missing;
+    struct error missing;
     snprintf(path, sizeof path, "%s/survey.yaml", folder);
     if (!access(path, F_OK)) {
         int err = survey_load(&s, path, &missing);
         if (err)
-            return complain(why, err, "%s", missing.text);
+            return error_say(why, err, "%s", missing.text);
         bool same = is_same_sound(&s, &a->rig.survey);
         survey_clear(&s);
         if (!same)
-            return complain(why, -EINVAL,
-                            "the background %s was recorded with another chirp, slot or "
-                            "stage positions than the rig's: record it anew",
-                            folder);
+            return error_say(why, -EINVAL,
+                             "the background %s was recorded with another chirp, slot or "
+                             "stage positions than the rig's: record it anew",
+                             folder);
     }
     return recording_open(&a->background, folder, &a->rig.survey, why);
 }
 
-static int open_parts(struct array_alsa *a, const struct device *d, struct complaint *why)
+static int open_parts(struct array_alsa *a, const struct device *d, struct error *why)
 {
     const char *rig = device_option(d, "rig");
     const char *background = device_option(d, "background");
     struct firing firing;
     if (!*d->path || !rig)
-        return complain(why, -EINVAL,
-                        "expected a sound card and its rig, alsa:DEVICE?rig=FILE.yaml; "
-                        "'anlos array list' has the names of the cards");
+        return error_say(why, -EINVAL,
+                         "expected a sound card and its rig, alsa:DEVICE?rig=FILE.yaml; "
+                         "'anlos array list' has the names of the cards");
     int err = rig_load_calibrated(&a->rig, rig, device_option(d, "calibrated"), why);
     if (!err)
         err = firing_from_device(&firing, d, why);
@@ -122,12 +121,12 @@ static int open_parts(struct array_alsa *a, const struct device *d, struct compl
     if (!err)
         err = alsa_engine_create(&a->engine, d->path, &a->rig, a->clock, why);
     if (!err && allocate(a))
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     return err;
 }
 
 static int alsa_array_open(void **state, const char *arg,
-                           const struct clock_source *clock, struct complaint *why)
+                           const struct clock_source *clock, struct error *why)
 {
     static const char *const known[] = {"rig", "background", "calibrated", FIRING_KEYS,
                                         NULL};
@@ -144,7 +143,7 @@ static int alsa_array_open(void **state, const char *arg,
         else
             *state = a;
     } else {
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     }
     device_clear(&d);
     return err;
@@ -206,7 +205,7 @@ static void finish(struct array_alsa *a, size_t speaker)
     calibration_correct(a->rig.calibration, speaker, a->n_ping, a->ping);
 }
 
-static int record(struct array_alsa *a, struct array_ping *out, struct complaint *why)
+static int record(struct array_alsa *a, struct array_ping *out, struct error *why)
 {
     struct alsa_shot *shot = alsa_engine_shot(a->engine);
     catch_up(a);
@@ -222,7 +221,7 @@ static int record(struct array_alsa *a, struct array_ping *out, struct complaint
     return 0;
 }
 
-static int play(struct array_alsa *a, struct array_ping *out, struct complaint *why)
+static int play(struct array_alsa *a, struct array_ping *out, struct error *why)
 {
     const struct survey *s = &a->rig.survey;
     size_t speaker = a->shot.speakers[a->turn.next], slot = survey_slot_of(s, speaker);
@@ -247,7 +246,7 @@ static int play(struct array_alsa *a, struct array_ping *out, struct complaint *
     return 0;
 }
 
-static int alsa_next(void *state, struct array_ping *out, struct complaint *why)
+static int alsa_next(void *state, struct array_ping *out, struct error *why)
 {
     struct array_alsa *a = state;
     *out = (struct array_ping){.samples = a->ping,
@@ -278,13 +277,13 @@ static size_t alsa_counts(void *state, struct device_count out[DEVICE_MAX_COUNTS
     return alsa_report_counts(alsa_engine_report(a->engine), out);
 }
 
-static int alsa_condition(void *state, struct complaint *why)
+static int alsa_condition(void *state, struct error *why)
 {
     struct array_alsa *a = state;
     return alsa_report_condition(alsa_engine_report(a->engine), why);
 }
 
-static bool alsa_notice(void *state, struct complaint *out)
+static bool alsa_notice(void *state, struct error *out)
 {
     struct array_alsa *a = state;
     return alsa_report_take(alsa_engine_report(a->engine), out);

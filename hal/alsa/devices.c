@@ -130,7 +130,7 @@ int alsa_devices_list(struct alsa_device **out, size_t *n)
     return 0;
 }
 
-int alsa_devices_complain(const char *device, bool capture, struct complaint *why)
+int alsa_devices_error_say(const char *device, bool capture, struct error *why)
 {
     struct alsa_device *all = NULL;
     char names[512] = "";
@@ -141,9 +141,9 @@ int alsa_devices_complain(const char *device, bool capture, struct complaint *wh
                 used += (size_t)snprintf(names + used, sizeof names - used, "%s%s",
                                          used ? ", " : "there are ", all[i].name);
     free(all);
-    return complain(why, -ENOENT, "%s: %s: no such device; %s", device,
-                    capture ? "capture" : "playback",
-                    names[0] ? names : "there is no sound card");
+    return error_say(why, -ENOENT, "%s: %s: no such device; %s", device,
+                     capture ? "capture" : "playback",
+                     names[0] ? names : "there is no sound card");
 }
 
 /* Only a device with parameters can be linked: any will do, the same for both. */
@@ -191,7 +191,7 @@ static int look(snd_pcm_t **pcm, struct alsa_capability *out, bool *has,
     return err;
 }
 
-int alsa_probe(struct alsa_probe *out, const char *device, struct complaint *why)
+int alsa_probe(struct alsa_probe *out, const char *device, struct error *why)
 {
     snd_pcm_t *playback = NULL, *capture = NULL;
     *out = (struct alsa_probe){.one_clock = false};
@@ -210,8 +210,8 @@ int alsa_probe(struct alsa_probe *out, const char *device, struct complaint *why
     if (capture)
         snd_pcm_close(capture);
     if (err == -EBUSY)
-        return complain(why, err, "%s: another program uses it", device);
+        return error_say(why, err, "%s: another program uses it", device);
     if (err == -ENOENT || err == -ENODEV || err == -ENXIO)
-        return alsa_devices_complain(device, false, why);
-    return err ? complain(why, err, "%s: %s", device, snd_strerror(err)) : 0;
+        return alsa_devices_error_say(device, false, why);
+    return err ? error_say(why, err, "%s: %s", device, snd_strerror(err)) : 0;
 }

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "hal/alsa/capability.h"
 
 struct alsa_device {
@@ -20,7 +20,7 @@ struct alsa_device {
 int alsa_devices_list(struct alsa_device **out, size_t *n);
 
 /* "hw:9: playback: no such device; there are ..." and -ENOENT. */
-int alsa_devices_complain(const char *device, bool capture, struct complaint *why);
+int alsa_devices_error_say(const char *device, bool capture, struct error *why);
 
 /* What a PCM device is good for as an array. */
 
@@ -31,8 +31,8 @@ struct alsa_probe {
     char clock_reason[160]; /* how that was decided */
 };
 
-/* 0, -ENOENT (no such device; the complaint names those that exist), -EBUSY, other
+/* 0, -ENOENT (no such device; the error names those that exist), -EBUSY, other
  * negative errno. */
-int alsa_probe(struct alsa_probe *out, const char *device, struct complaint *why);
+int alsa_probe(struct alsa_probe *out, const char *device, struct error *why);
 
 #endif

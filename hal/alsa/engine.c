@@ -75,14 +75,14 @@ void alsa_report_notice(struct alsa_report *r, const char *format, ...)
         r->first = (r->first + 1) % ALSA_NOTICES;
         r->n--;
     }
-    struct complaint *notice = &r->notices[(r->first + r->n++) % ALSA_NOTICES];
+    struct error *notice = &r->notices[(r->first + r->n++) % ALSA_NOTICES];
     va_start(args, format);
     vsnprintf(notice->text, sizeof notice->text, format, args);
     va_end(args);
     pthread_mutex_unlock(&r->mutex);
 }
 
-bool alsa_report_take(struct alsa_report *r, struct complaint *out)
+bool alsa_report_take(struct alsa_report *r, struct error *out)
 {
     pthread_mutex_lock(&r->mutex);
     bool there = r->n > 0;
@@ -106,12 +106,12 @@ void alsa_report_set(struct alsa_report *r, int err, const char *format, ...)
     pthread_mutex_unlock(&r->mutex);
 }
 
-int alsa_report_condition(struct alsa_report *r, struct complaint *why)
+int alsa_report_condition(struct alsa_report *r, struct error *why)
 {
     pthread_mutex_lock(&r->mutex);
     int err = r->away;
     if (err)
-        complain(why, err, "%s", r->condition.text);
+        error_say(why, err, "%s", r->condition.text);
     pthread_mutex_unlock(&r->mutex);
     return err;
 }
@@ -385,7 +385,7 @@ static void alsa_duplex_close(struct alsa_duplex *d)
 
 /* Errors are those of alsa_stream_open. */
 static int alsa_duplex_open(struct alsa_duplex *out, const char *device,
-                            const struct rig *rig, struct complaint *why)
+                            const struct rig *rig, struct error *why)
 {
     *out = (struct alsa_duplex){.linked = false};
     int err = alsa_stream_open(&out->playback, device, false, rig, why);
@@ -678,11 +678,11 @@ static bool wait_for_card(struct alsa_engine *e, int err, const char *text, int 
 /* Tries until the card is there again.  true: stop. */
 static bool reopen(struct alsa_engine *e, int err)
 {
-    struct complaint gone, why;
+    struct error gone, why;
     alsa_duplex_close(&e->duplex);
     e->is_open = false;
-    complain(&gone, err, "%s: %s", e->device,
-             err == -ENODEV ? "it is gone" : snd_strerror(err));
+    error_say(&gone, err, "%s: %s", e->device,
+              err == -ENODEV ? "it is gone" : snd_strerror(err));
     alsa_report_notice(&e->report, "%s", gone.text);
     for (int ms = FIRST_TRY_MS; !e->is_open; ms = ms < LAST_TRY_MS ? 2 * ms : ms) {
         if (wait_for_card(e, err, gone.text, ms))
@@ -731,26 +731,26 @@ static void warn(struct alsa_engine *e)
                            1e3 * (double)e->rig->buffer_frames / rate_hz);
 }
 
-static int open_parts(struct alsa_engine *e, const char *device, struct complaint *why)
+static int open_parts(struct alsa_engine *e, const char *device, struct error *why)
 {
     e->device = strdup(device);
     e->stop_fd = eventfd(0, EFD_CLOEXEC);
     e->news_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (!e->device || e->stop_fd < 0 || e->news_fd < 0 ||
         alsa_shot_create(&e->shot, e->rig))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = alsa_duplex_open(&e->duplex, device, e->rig, why);
     e->is_open = !err;
     return err;
 }
 
-static int start_thread(struct alsa_engine *e, struct complaint *why)
+static int start_thread(struct alsa_engine *e, struct error *why)
 {
-    struct complaint missing = {.text = ""};
+    struct error missing = {.text = ""};
     /* What nothing paces must not outrun the rest. */
     int err = realtime_start(&e->thread, run, e, e->duplex.on_cards, &missing);
     if (err)
-        return complain(why, err, "%s: no thread: %s", e->device, strerror(-err));
+        return error_say(why, err, "%s: no thread: %s", e->device, strerror(-err));
     e->has_thread = true;
     if (missing.text[0])
         alsa_report_notice(&e->report, "%s", missing.text);
@@ -759,12 +759,12 @@ static int start_thread(struct alsa_engine *e, struct complaint *why)
 
 int alsa_engine_create(struct alsa_engine **out, const char *device,
                        const struct rig *rig, const struct clock_source *clock,
-                       struct complaint *why)
+                       struct error *why)
 {
     struct alsa_engine *e = calloc(1, sizeof *e);
     if (!e || alsa_report_create(&e->report)) {
         free(e);
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     }
     e->rig = rig;
     e->clock = clock;
@@ -790,7 +790,7 @@ struct alsa_report *alsa_engine_report(struct alsa_engine *e)
     return &e->report;
 }
 
-int alsa_engine_wait(struct alsa_engine *e, size_t k, struct complaint *why)
+int alsa_engine_wait(struct alsa_engine *e, size_t k, struct error *why)
 {
     struct pollfd news = {.fd = e->news_fd, .events = POLLIN};
     uint64_t n;

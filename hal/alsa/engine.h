@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "hal/alsa/slot_plan.h"
 #include "hal/alsa/stream.h"
 #include "hal/clock.h"
@@ -37,8 +37,8 @@ struct alsa_report {
     pthread_mutex_t mutex;
     atomic_uint_fast64_t counts[ALSA_COUNTS];
     int away; /* 0, or the errno of what is wrong */
-    struct complaint condition;
-    struct complaint notices[ALSA_NOTICES]; /* a ring; the oldest makes room */
+    struct error condition;
+    struct error notices[ALSA_NOTICES]; /* a ring; the oldest makes room */
     size_t first, n;
 };
 
@@ -52,14 +52,14 @@ void alsa_report_notice(struct alsa_report *r, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
 /* The oldest notice that was not taken yet.  false: none. */
-bool alsa_report_take(struct alsa_report *r, struct complaint *out);
+bool alsa_report_take(struct alsa_report *r, struct error *out);
 
 /* err 0: all is well, and the text stays empty. */
 void alsa_report_set(struct alsa_report *r, int err, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
 /* What was set last. */
-int alsa_report_condition(struct alsa_report *r, struct complaint *why);
+int alsa_report_condition(struct alsa_report *r, struct error *why);
 void alsa_report_destroy(struct alsa_report *r);
 
 /* The shot that a running sound card plays and records: its emissions into the playback,
@@ -146,16 +146,16 @@ struct alsa_engine;
  * by the thread.  Errors are those of alsa_stream_open, and -ENOMEM. */
 int alsa_engine_create(struct alsa_engine **out, const char *device,
                        const struct rig *rig, const struct clock_source *clock,
-                       struct complaint *why);
+                       struct error *why);
 
 /* What it plays and records, to be fired and read. */
 struct alsa_shot *alsa_engine_shot(struct alsa_engine *e);
 struct alsa_report *alsa_engine_report(struct alsa_engine *e);
 
 /* Waits until slot k of the shot is settled.  0, -EINTR (a signal), -EAGAIN (the card is
- * away; the complaint says what is done about it, and what is left of the shot follows
+ * away; the error says what is done about it, and what is left of the shot follows
  * when it is back). */
-int alsa_engine_wait(struct alsa_engine *e, size_t k, struct complaint *why);
+int alsa_engine_wait(struct alsa_engine *e, size_t k, struct error *why);
 
 /* Ends the thread within the time of a period, dropping what was not played. */
 void alsa_engine_destroy(struct alsa_engine *e);

@@ -13,7 +13,7 @@ struct setting {
     snd_pcm_hw_params_t *params;
     const char *device;
     const struct rig *rig;
-    struct complaint *why;
+    struct error *why;
 };
 
 static const char *direction(const struct alsa_stream *s)
@@ -34,8 +34,8 @@ static int refuse(const struct setting *s, const char *format, ...)
     va_end(args);
     if (!alsa_capability_read(&c, s->stream->pcm))
         alsa_capability_text(&c, has, sizeof has);
-    return complain(s->why, -EINVAL, "%s: %s has no %s; it has %s", s->device,
-                    direction(s->stream), asked, has);
+    return error_say(s->why, -EINVAL, "%s: %s has no %s; it has %s", s->device,
+                     direction(s->stream), asked, has);
 }
 
 static bool try_access(const struct setting *s, snd_pcm_access_t access)
@@ -112,9 +112,9 @@ static int set_hardware(const struct setting *s)
     if (err >= 0)
         err = snd_pcm_hw_params(stream->pcm, s->params);
     if (err < 0)
-        return complain(s->why, err, "%s: %s takes no buffer of %lu frames: %s",
-                        s->device, direction(stream), (unsigned long)buffer,
-                        snd_strerror(err));
+        return error_say(s->why, err, "%s: %s takes no buffer of %lu frames: %s",
+                         s->device, direction(stream), (unsigned long)buffer,
+                         snd_strerror(err));
     stream->period = period;
     stream->buffer = buffer;
     return 0;
@@ -137,12 +137,12 @@ static int set_software(const struct setting *s)
     if (err >= 0)
         err = snd_pcm_sw_params(pcm, params);
     if (err < 0)
-        return complain(s->why, err, "%s: %s: %s", s->device, direction(s->stream),
-                        snd_strerror(err));
+        return error_say(s->why, err, "%s: %s: %s", s->device, direction(s->stream),
+                         snd_strerror(err));
     return 0;
 }
 
-static int make_areas(struct alsa_stream *s, struct complaint *why)
+static int make_areas(struct alsa_stream *s, struct error *why)
 {
     size_t bytes = sample_format_bytes(s->format);
     if (s->mapped)
@@ -150,7 +150,7 @@ static int make_areas(struct alsa_stream *s, struct complaint *why)
     s->interleaved = calloc(s->buffer * s->n_channels, bytes);
     s->interleaved_areas = calloc(s->n_channels, sizeof *s->interleaved_areas);
     if (!s->interleaved || !s->interleaved_areas)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (size_t c = 0; c < s->n_channels; c++)
         s->interleaved_areas[c] =
             (snd_pcm_channel_area_t){.addr = s->interleaved,
@@ -166,20 +166,20 @@ static int open_pcm(const struct setting *s)
         return 0;
     s->stream->pcm = NULL;
     if (err == -ENOENT || err == -ENODEV || err == -ENXIO)
-        return alsa_devices_complain(s->device, s->stream->capture, s->why);
-    return complain(s->why, err, "%s: %s: %s", s->device, direction(s->stream),
-                    err == -EBUSY ? "another program uses it" : snd_strerror(err));
+        return alsa_devices_error_say(s->device, s->stream->capture, s->why);
+    return error_say(s->why, err, "%s: %s: %s", s->device, direction(s->stream),
+                     err == -EBUSY ? "another program uses it" : snd_strerror(err));
 }
 
 int alsa_stream_open(struct alsa_stream *out, const char *device, bool capture,
-                     const struct rig *rig, struct complaint *why)
+                     const struct rig *rig, struct error *why)
 {
     struct setting s = {.stream = out, .device = device, .rig = rig, .why = why};
     snd_pcm_hw_params_alloca(&s.params);
     *out = (struct alsa_stream){.capture = capture};
     int err = open_pcm(&s);
     if (!err && (err = alsa_any(out->pcm, s.params)))
-        complain(why, err, "%s: %s: %s", device, direction(out), snd_strerror(err));
+        error_say(why, err, "%s: %s: %s", device, direction(out), snd_strerror(err));
     if (!err)
         err = set_hardware(&s);
     if (!err)

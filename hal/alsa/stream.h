@@ -10,7 +10,7 @@
 
 #include "hal/survey/rig_file.h"
 #include "hal/alsa/sample_format.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct alsa_stream {
     snd_pcm_t *pcm; /* NULL: closed */
@@ -24,10 +24,10 @@ struct alsa_stream {
 };
 
 /* The least number of channels that the device has and the rig needs.  0, -ENOENT (no
- * such device; the complaint names those that exist), -EBUSY, -EINVAL (the device has not
- * what the rig asks for; the complaint says what it has), other negative errno. */
+ * such device; the error names those that exist), -EBUSY, -EINVAL (the device has not
+ * what the rig asks for; the error says what it has), other negative errno. */
 int alsa_stream_open(struct alsa_stream *out, const char *device, bool capture,
-                     const struct rig *rig, struct complaint *why);
+                     const struct rig *rig, struct error *why);
 
 /* n frames from `offset` on in the areas [n_channels], to be read or written. */
 typedef void alsa_frames_fn(void *ctx, const snd_pcm_channel_area_t *areas, size_t offset,

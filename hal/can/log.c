@@ -83,7 +83,7 @@ static const char *explain(int error)
 
 /* What the options say.  Clear *d with device_clear, after an error too. */
 static int read_arg(struct device *d, const char *arg, const char **interface,
-                    bool *append, struct complaint *why)
+                    bool *append, struct error *why)
 {
     static const char *const known[] = {"interface", "append", NULL};
     static const char *const answers[] = {"no", "yes", NULL};
@@ -95,19 +95,19 @@ static int read_arg(struct device *d, const char *arg, const char **interface,
         *interface = "can0";
     if (!**interface || strlen(*interface) >= INTERFACE_SIZE ||
         strpbrk(*interface, " /\t"))
-        return complain(why, -EINVAL,
-                        "interface \"%s\": expected a name of 1..%d letters", *interface,
-                        INTERFACE_SIZE - 1);
+        return error_say(why, -EINVAL,
+                         "interface \"%s\": expected a name of 1..%d letters", *interface,
+                         INTERFACE_SIZE - 1);
     int answer = device_choice(d, "append", answers, why);
     if (answer < 0)
         return answer;
     *append = answer;
     return *d->path
                ? 0
-               : complain(why, -EINVAL, "expected the name of a file, log:out.candump");
+               : error_say(why, -EINVAL, "expected the name of a file, log:out.candump");
 }
 
-static int log_check(const char *arg, struct complaint *why)
+static int log_check(const char *arg, struct error *why)
 {
     struct device d;
     const char *interface;
@@ -117,7 +117,7 @@ static int log_check(const char *arg, struct complaint *why)
     return err;
 }
 
-static int log_open(void **state, const char *arg, struct complaint *why)
+static int log_open(void **state, const char *arg, struct error *why)
 {
     struct device d;
     struct canbus_log *l = NULL;
@@ -128,13 +128,13 @@ static int log_open(void **state, const char *arg, struct complaint *why)
         goto log;
     l = calloc(1, sizeof *l);
     if (!l) {
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
         goto log;
     }
     strcpy(l->interface, interface);
     l->file = open_file(d.path, append);
     if (!l->file) {
-        err = complain(why, -errno, "%s cannot be written: %s", d.path, explain(errno));
+        err = error_say(why, -errno, "%s cannot be written: %s", d.path, explain(errno));
         goto log;
     }
     l->whole = fseek(l->file, 0, SEEK_END) ? -1 : ftell(l->file);

@@ -54,7 +54,7 @@ static void sim_close(void *state)
 }
 
 static int open_log(struct canbus_sim *s, const struct device *d, bool to_write,
-                    struct complaint *why)
+                    struct error *why)
 {
     const char *path = device_option(d, "log"),
                *interface = device_option(d, "interface"),
@@ -66,24 +66,24 @@ static int open_log(struct canbus_sim *s, const struct device *d, bool to_write,
     if (snprintf(arg, sizeof arg, "%s?interface=%s&append=%s", path,
                  interface ? interface : "can0",
                  append ? append : "no") >= (int)sizeof arg)
-        return complain(why, -ENAMETOOLONG, "log: the path is too long");
+        return error_say(why, -ENAMETOOLONG, "log: the path is too long");
     return to_write ? canbus_log_ops.open(&s->log, arg, why)
                     : canbus_log_ops.check(arg, why);
 }
 
-static int open_timer(struct canbus_sim *s, struct complaint *why)
+static int open_timer(struct canbus_sim *s, struct error *why)
 {
     const struct timespec period = {.tv_nsec = EGO_PERIOD_NS};
     const struct itimerspec often = {.it_interval = period, .it_value = period};
 
     s->timer = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     if (s->timer < 0 || timerfd_settime(s->timer, 0, &often, NULL))
-        return complain(why, -errno, "the simulated vehicle gets no timer");
+        return error_say(why, -errno, "the simulated vehicle gets no timer");
     return 0;
 }
 
 static int set_up(struct canbus_sim *s, const struct device *d, bool to_write,
-                  struct complaint *why)
+                  struct error *why)
 {
     static const char *const behaviours[] = {"on", "off", "bad", NULL};
     int ego = device_choice(d, "ego", behaviours, why), ambient, wall, err;
@@ -102,7 +102,7 @@ static int set_up(struct canbus_sim *s, const struct device *d, bool to_write,
     s->ego = (struct source){.behaviour = ego, .period_ns = EGO_PERIOD_NS};
     s->ambient = (struct source){.behaviour = ambient, .period_ns = AMBIENT_PERIOD_NS};
     if (!*d->path)
-        return complain(why, -EINVAL, "expected a scene file, sim:SCENE.yaml");
+        return error_say(why, -EINVAL, "expected a scene file, sim:SCENE.yaml");
     err = room_load(&s->room, d->path, why);
     if (!err)
         err = open_log(s, d, to_write, why);
@@ -110,7 +110,7 @@ static int set_up(struct canbus_sim *s, const struct device *d, bool to_write,
 }
 
 /* to_write: its log too. */
-static int make(void **state, const char *arg, bool to_write, struct complaint *why)
+static int make(void **state, const char *arg, bool to_write, struct error *why)
 {
     static const char *const known[] = {"log",     "interface", "append", "ego",
                                         "ambient", "wall",      NULL};
@@ -129,18 +129,18 @@ static int make(void **state, const char *arg, bool to_write, struct complaint *
         else
             *state = s;
     } else {
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     }
     device_clear(&d);
     return err;
 }
 
-static int sim_open(void **state, const char *arg, struct complaint *why)
+static int sim_open(void **state, const char *arg, struct error *why)
 {
     return make(state, arg, true, why);
 }
 
-static int sim_check(const char *arg, struct complaint *why)
+static int sim_check(const char *arg, struct error *why)
 {
     void *state;
     int err = make(&state, arg, false, why);

@@ -35,27 +35,28 @@ static int set_up(int fd, uint32_t error_mask)
 }
 
 int can_socket_open(int *fd, const char *interface, uint32_t error_mask,
-                    struct complaint *why)
+                    struct error *why)
 {
     struct sockaddr_can address = {.can_family = AF_CAN,
                                    .can_ifindex = (int)if_nametoindex(interface)};
     int err;
 
     if (!address.can_ifindex)
-        return complain(why, -ENODEV,
-                        "there is no network interface \"%s\"; see `ip link`", interface);
+        return error_say(why, -ENODEV,
+                         "there is no network interface \"%s\"; see `ip link`",
+                         interface);
     *fd = socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
     if (*fd < 0)
-        return complain(why, -errno,
-                        "this kernel gives no CAN socket: %s; load the modules can and "
-                        "can_raw",
-                        strerror(errno));
+        return error_say(why, -errno,
+                         "this kernel gives no CAN socket: %s; load the modules can and "
+                         "can_raw",
+                         strerror(errno));
     err = set_up(*fd, error_mask);
     if (err) {
-        complain(why, err, "the CAN socket cannot be set up: %s", strerror(-err));
+        error_say(why, err, "the CAN socket cannot be set up: %s", strerror(-err));
     } else if (bind(*fd, (const struct sockaddr *)&address, sizeof address) < 0) {
         err = -errno;
-        complain(why, err, "%s is no CAN interface: %s", interface, strerror(-err));
+        error_say(why, err, "%s is no CAN interface: %s", interface, strerror(-err));
     }
     if (err)
         close(*fd);

@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "msgs/can/frames.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 enum { CAN_SOCKET_MAX_IDS = 20 };
 
@@ -36,7 +36,7 @@ struct can_event {
  * can_socket_filter.  *fd: the socket, to be closed with close(2); it never waits.
  * 0, -ENODEV (no interface of that name), other negative errno. */
 int can_socket_open(int *fd, const char *interface, uint32_t error_mask,
-                    struct complaint *why);
+                    struct error *why);
 
 /* From now on frames with these identifiers are received, echoes of one's own among them.
  * n: up to CAN_SOCKET_MAX_IDS.  0 or a negative errno. */

@@ -120,7 +120,7 @@ static int set_filter(const struct canbus_socketcan *s, size_t n_ids)
     return can_socket_filter(s->fd, all, s->n_inputs + n_ids);
 }
 
-static int open_socket(struct canbus_socketcan *s, struct complaint *why)
+static int open_socket(struct canbus_socketcan *s, struct error *why)
 {
     int err = can_socket_open(&s->fd, s->interface, canbus_errors_mask(), why);
 
@@ -132,12 +132,12 @@ static int open_socket(struct canbus_socketcan *s, struct complaint *why)
         err = read_link(s);
     if (err) {
         close(s->fd);
-        complain(why, err, "%s: %s", s->interface, strerror(-err));
+        error_say(why, err, "%s: %s", s->interface, strerror(-err));
     }
     return err;
 }
 
-static int socketcan_open(void **state, const char *arg, struct complaint *why)
+static int socketcan_open(void **state, const char *arg, struct error *why)
 {
     static const char *const known[] = {NULL};
     struct canbus_socketcan *s = NULL;
@@ -148,20 +148,20 @@ static int socketcan_open(void **state, const char *arg, struct complaint *why)
         return err;
     s = calloc(1, sizeof *s);
     if (!s) {
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
         goto device;
     }
     if (strlen(d.path) >= sizeof s->interface) {
-        err = complain(why, -ENODEV, "interface \"%s\": a name has %zu letters at most",
-                       d.path, sizeof s->interface - 1);
+        err = error_say(why, -ENODEV, "interface \"%s\": a name has %zu letters at most",
+                        d.path, sizeof s->interface - 1);
         goto socket;
     }
     strcpy(s->interface, d.path);
     s->look_period_ns = LOOK_NS;
-    struct complaint inner = {""};
+    struct error inner = {""};
     err = open_socket(s, &inner);
     if (err) {
-        complain(why, err, "%.900s; without a bus write a log, log:FILE", inner.text);
+        error_say(why, err, "%.900s; without a bus write a log, log:FILE", inner.text);
         goto socket;
     }
     *state = s;

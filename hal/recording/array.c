@@ -39,27 +39,27 @@ struct array_wav {
 };
 
 /* What the option says, else FOLDER/survey.yaml, else the one beside the folder. */
-static int find_survey(const struct device *d, char **path, struct complaint *why)
+static int find_survey(const struct device *d, char **path, struct error *why)
 {
     const char *given = device_option(d, "survey");
     *path = given ? strdup(given) : NULL;
     if (given)
-        return *path ? 0 : complain(why, -ENOMEM, "out of memory");
+        return *path ? 0 : error_say(why, -ENOMEM, "out of memory");
     if (access(d->path, F_OK) < 0)
-        return complain(why, -errno, "%s: %s", d->path, strerror(errno));
+        return error_say(why, -errno, "%s: %s", d->path, strerror(errno));
     if (asprintf(path, "%s/survey.yaml", d->path) < 0)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     if (!access(*path, F_OK))
         return 0;
     free(*path);
     if (asprintf(path, "%s/../survey.yaml", d->path) < 0)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     if (!access(*path, F_OK))
         return 0;
     free(*path);
-    return complain(why, -ENOENT,
-                    "%s: no survey.yaml in it or beside it; name it with ?survey=FILE",
-                    d->path);
+    return error_say(why, -ENOENT,
+                     "%s: no survey.yaml in it or beside it; name it with ?survey=FILE",
+                     d->path);
 }
 
 static void wav_close(void *state)
@@ -88,20 +88,20 @@ static int allocate(struct array_wav *a)
     return a->samples && a->ping && a->clipped && a->not_finite ? 0 : -ENOMEM;
 }
 
-static int take_loop(struct array_wav *a, const char *text, struct complaint *why)
+static int take_loop(struct array_wav *a, const char *text, struct error *why)
 {
     a->loop = text && !strcmp(text, "yes");
     return !text || a->loop || !strcmp(text, "no")
                ? 0
-               : complain(why, -EINVAL, "loop=%s: expected yes or no", text);
+               : error_say(why, -EINVAL, "loop=%s: expected yes or no", text);
 }
 
-static int open_parts(struct array_wav *a, const struct device *d, struct complaint *why)
+static int open_parts(struct array_wav *a, const struct device *d, struct error *why)
 {
     char *path;
     const char *background = device_option(d, "background");
     if (!*d->path)
-        return complain(why, -EINVAL, "expected a folder, wav:FOLDER");
+        return error_say(why, -EINVAL, "expected a folder, wav:FOLDER");
     int err = find_survey(d, &path, why);
     if (err)
         return err;
@@ -120,12 +120,12 @@ static int open_parts(struct array_wav *a, const struct device *d, struct compla
     if (!err && background)
         err = recording_open(&a->background, background, &a->survey, why);
     if (!err && allocate(a) < 0)
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     return err;
 }
 
 static int wav_open(void **state, const char *arg, const struct clock_source *clock,
-                    struct complaint *why)
+                    struct error *why)
 {
     static const char *const known[] = {"background", "survey", "calibrated", "loop",
                                         NULL};
@@ -135,7 +135,7 @@ static int wav_open(void **state, const char *arg, const struct clock_source *cl
         return err;
     struct array_wav *a = calloc(1, sizeof *a);
     if (!a) {
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
         goto device;
     }
     a->clock = clock;
@@ -190,7 +190,7 @@ static void fill_ping(struct array_wav *a, size_t shot_index, size_t count,
 /* -- a scan: slot after slot of the shot's position -------------------------------------
  */
 
-static int load(struct array_wav *a, struct complaint *why)
+static int load(struct array_wav *a, struct error *why)
 {
     if (a->loaded)
         return 0;
@@ -200,7 +200,7 @@ static int load(struct array_wav *a, struct complaint *why)
     return err;
 }
 
-static int next_slot(struct array_wav *a, struct array_ping *out, struct complaint *why)
+static int next_slot(struct array_wav *a, struct array_ping *out, struct error *why)
 {
     const struct survey *s = &a->survey;
     size_t n_frames = recording_frames(a->scene),
@@ -261,27 +261,27 @@ static const struct emission *next_emission(struct array_wav *a, size_t *shot_in
 }
 
 static int wait_for(const struct array_wav *a, uint64_t sample, int64_t *t0_ns,
-                    struct complaint *why)
+                    struct error *why)
 {
     double rate_hz = a->survey.sample_rate_hz;
     *t0_ns = a->turn.fired_ns + (int64_t)(1e9 * (double)sample / rate_hz);
     int64_t end_ns = *t0_ns + (int64_t)(1e9 * (double)a->n_ping / rate_hz);
     int err = a->clock->sleep_until_ns(a->clock->state, end_ns);
-    return err ? complain(why, err, "the wait for a ping was interrupted") : 0;
+    return err ? error_say(why, err, "the wait for a ping was interrupted") : 0;
 }
 
-static int play_next(struct array_wav *a, struct array_ping *out, struct complaint *why)
+static int play_next(struct array_wav *a, struct array_ping *out, struct error *why)
 {
     const struct recording *r = recording_of(a);
     size_t index, n;
     int64_t t0_ns;
     const struct emission *e = next_emission(a, &index);
     if (!e && !a->play.any)
-        return complain(why, -EINVAL,
-                        "none of the speakers asked for (scan.speakers) is "
-                        "in the recording");
+        return error_say(why, -EINVAL,
+                         "none of the speakers asked for (scan.speakers) is "
+                         "in the recording");
     if (!e)
-        return complain(why, -ENODATA, "the recording has ended");
+        return error_say(why, -ENODATA, "the recording has ended");
     const struct emission *first = recording_emissions(r, &n);
     int err = wait_for(a, a->play.passed + e->sample - first->sample, &t0_ns, why);
     if (!err)
@@ -300,7 +300,7 @@ static int play_next(struct array_wav *a, struct array_ping *out, struct complai
     return 0;
 }
 
-static int wav_next(void *state, struct array_ping *out, struct complaint *why)
+static int wav_next(void *state, struct array_ping *out, struct error *why)
 {
     struct array_wav *a = state;
     return a->shot.endless ? play_next(a, out, why) : next_slot(a, out, why);

@@ -27,7 +27,7 @@ struct pings_file {
     size_t n_fields;        /* in a line of names */
     double (*pings)[2][3];
     size_t n, room;
-    struct complaint *why;
+    struct error *why;
 };
 
 static bool is_header(char *const *fields, size_t n)
@@ -52,11 +52,11 @@ static int take_names(struct pings_file *f, char *const *fields, size_t n)
             found++;
         }
         if (found != 1)
-            return complain(f->why, -EINVAL,
-                            "%s:%zu: the column %s %s; expected %s, %s, ... %s once each",
-                            f->path, f->line, names[0][c],
-                            found ? "is named twice" : "is missing", names[0][0],
-                            names[0][1], names[0][5]);
+            return error_say(
+                f->why, -EINVAL,
+                "%s:%zu: the column %s %s; expected %s, %s, ... %s once each", f->path,
+                f->line, names[0][c], found ? "is named twice" : "is missing",
+                names[0][0], names[0][1], names[0][5]);
     }
     f->named = true;
     f->n_fields = n;
@@ -66,13 +66,13 @@ static int take_names(struct pings_file *f, char *const *fields, size_t n)
 static int append(struct pings_file *f, const double at[COLUMNS])
 {
     if (f->n == SURVEY_MAX_PINGS)
-        return complain(f->why, -EINVAL, "%s:%zu: more than %d pings", f->path, f->line,
-                        SURVEY_MAX_PINGS);
+        return error_say(f->why, -EINVAL, "%s:%zu: more than %d pings", f->path, f->line,
+                         SURVEY_MAX_PINGS);
     if (f->n == f->room) {
         size_t room = f->room ? 2 * f->room : 256;
         void *more = realloc(f->pings, room * sizeof *f->pings);
         if (!more)
-            return complain(f->why, -ENOMEM, "%s: out of memory", f->path);
+            return error_say(f->why, -ENOMEM, "%s: out of memory", f->path);
         f->pings = more;
         f->room = room;
     }
@@ -84,20 +84,20 @@ static int take_ping(struct pings_file *f, char *const *fields, size_t n)
 {
     double at[COLUMNS];
     if (n != f->n_fields)
-        return complain(f->why, -EINVAL, "%s:%zu: %zu columns, expected %zu%s", f->path,
-                        f->line, n, f->n_fields,
-                        n == 2 * f->n_fields
-                            ? "; where decimals have commas, put semicolons between the "
-                              "columns"
-                        : f->named
-                            ? ""
-                            : ": speaker x, y, z and microphone x, y, z in m, or a "
-                              "first line with names");
+        return error_say(f->why, -EINVAL, "%s:%zu: %zu columns, expected %zu%s", f->path,
+                         f->line, n, f->n_fields,
+                         n == 2 * f->n_fields
+                             ? "; where decimals have commas, put semicolons between the "
+                               "columns"
+                         : f->named
+                             ? ""
+                             : ": speaker x, y, z and microphone x, y, z in m, or a "
+                               "first line with names");
     for (size_t c = 0; c < COLUMNS; c++) {
         const char *text = fields[f->column[c]];
         if (!table_number(text, &at[c]))
-            return complain(f->why, -EINVAL, "%s:%zu: %s is \"%.40s\", expected metres",
-                            f->path, f->line, names[0][c], text);
+            return error_say(f->why, -EINVAL, "%s:%zu: %s is \"%.40s\", expected metres",
+                             f->path, f->line, names[0][c], text);
     }
     return append(f, at);
 }
@@ -127,14 +127,14 @@ static int read_lines(struct pings_file *f, FILE *from)
     }
     free(line);
     if (!err && ferror(from))
-        err = complain(f->why, -EIO, "%s: cannot be read", f->path);
+        err = error_say(f->why, -EIO, "%s: cannot be read", f->path);
     if (!err && !f->n)
-        err = complain(f->why, -EINVAL, "%s: expected a line for each ping, found none",
-                       f->path);
+        err = error_say(f->why, -EINVAL, "%s: expected a line for each ping, found none",
+                        f->path);
     return err;
 }
 
-int pings_load(double (**out)[2][3], size_t *n, const char *path, struct complaint *why)
+int pings_load(double (**out)[2][3], size_t *n, const char *path, struct error *why)
 {
     struct pings_file f = {
         .path = path, .column = {0, 1, 2, 3, 4, 5}, .n_fields = COLUMNS, .why = why};

@@ -11,11 +11,11 @@
 
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
-/* *out: [*n][speaker, microphone], 1 to SURVEY_MAX_PINGS; free() it.  The complaint is
+/* *out: [*n][speaker, microphone], 1 to SURVEY_MAX_PINGS; free() it.  The error is
  * "file:line: what was expected".  0, -EINVAL, -ENOENT and other errno of reading,
  * -ENOMEM. */
-int pings_load(double (**out)[2][3], size_t *n, const char *path, struct complaint *why);
+int pings_load(double (**out)[2][3], size_t *n, const char *path, struct error *why);
 
 #endif

@@ -113,17 +113,17 @@ static const char *take_row(void *ctx, char *const *fields)
 }
 
 int emissions_load(struct emission **out, size_t *n, const char *path,
-                   const struct survey *s, struct complaint *why)
+                   const struct survey *s, struct error *why)
 {
     struct emissions t = {.survey = s,
                           .heard_in = calloc(s->n_speakers, sizeof *t.heard_in)};
     int err = t.heard_in ? table_load(path, columns, N_COLUMNS, take_row, &t, why)
-                         : complain(why, -ENOMEM, "%s: out of memory", path);
+                         : error_say(why, -ENOMEM, "%s: out of memory", path);
 
     free(t.heard_in);
     if (!err && !t.n)
-        err = complain(why, -EINVAL, "%s: expected a line for each emission, found none",
-                       path);
+        err = error_say(why, -EINVAL, "%s: expected a line for each emission, found none",
+                        path);
     if (err) {
         free(t.list);
         return err;
@@ -244,73 +244,74 @@ static int leave_out_replicas(const struct recording *r, const char *folder,
     return kept;
 }
 
-static int list_files(struct recording *r, const char *folder, struct complaint *why)
+static int list_files(struct recording *r, const char *folder, struct error *why)
 {
     struct dirent **entries = NULL;
     int n = scandir(folder, &entries, select_wav, by_name), n_found = n, err = 0;
     if (n < 0)
-        return complain(why, -errno, "%s: no folder of WAV files: %s", folder,
-                        strerror(errno));
+        return error_say(why, -errno, "%s: no folder of WAV files: %s", folder,
+                         strerror(errno));
     if (n > 1 && r->n_files != r->n_positions)
         n = leave_out_replicas(r, folder, entries, n);
     if (n == 0)
-        err = complain(why, -EINVAL, "%s: expected %zu WAV files, found none", folder,
-                       r->n_files);
+        err = error_say(why, -EINVAL, "%s: expected %zu WAV files, found none", folder,
+                        r->n_files);
     else if ((size_t)n != r->n_files && r->n_files != r->n_positions)
-        err = complain(why, -EINVAL,
-                       "%s: %d WAV files, but the survey names pings; expected one file "
-                       "of consecutive slots",
-                       folder, n);
+        err = error_say(why, -EINVAL,
+                        "%s: %d WAV files, but the survey names pings; expected one file "
+                        "of consecutive slots",
+                        folder, n);
     else if ((size_t)n != r->n_files)
-        err = complain(why, -EINVAL,
-                       "%s: %d WAV files, but the survey's stage.positions_m has %zu "
-                       "entries; expected one file for each",
-                       folder, n, r->n_positions);
+        err = error_say(why, -EINVAL,
+                        "%s: %d WAV files, but the survey's stage.positions_m has %zu "
+                        "entries; expected one file for each",
+                        folder, n, r->n_positions);
     else if (join_paths(r, folder, entries) < 0)
-        err = complain(why, -ENOMEM, "%s: out of memory", folder);
+        err = error_say(why, -ENOMEM, "%s: out of memory", folder);
     for (int i = 0; i < n_found; i++)
         free(entries[i]);
     free(entries);
     return err;
 }
 
-static int check_size(const char *path, struct complaint *why)
+static int check_size(const char *path, struct error *why)
 {
     uint64_t promised, present;
     int err = riff_data_size(path, &promised, &present);
     if (err)
-        return wav_complain(why, err, path);
+        return wav_error_say(why, err, path);
     if (present < promised)
-        return complain(why, -EINVAL,
-                        "%s: truncated: its header promises %" PRIu64
-                        " bytes of sound, %" PRIu64 " are there",
-                        path, promised, present);
+        return error_say(why, -EINVAL,
+                         "%s: truncated: its header promises %" PRIu64
+                         " bytes of sound, %" PRIu64 " are there",
+                         path, promised, present);
     return 0;
 }
 
 static int check_info(const struct recording *r, const char *path, const SF_INFO *info,
-                      struct complaint *why)
+                      struct error *why)
 {
     size_t slots = r->n_slots;
     size_t least = r->has_table ? 1 : (slots - 1) * r->slot_samples + 1;
     if (info->samplerate != (int)(r->sample_rate_hz + 0.5))
-        return complain(why, -EINVAL, "%s: %d Hz, but the survey's sample_rate_hz is %g",
-                        path, info->samplerate, r->sample_rate_hz);
+        return error_say(why, -EINVAL, "%s: %d Hz, but the survey's sample_rate_hz is %g",
+                         path, info->samplerate, r->sample_rate_hz);
     if (info->channels < 1 || (size_t)info->channels != r->n_microphones)
-        return complain(why, -EINVAL,
-                        "%s: %d channels, but the survey's microphones_m has %zu entries",
-                        path, info->channels, r->n_microphones);
+        return error_say(
+            why, -EINVAL,
+            "%s: %d channels, but the survey's microphones_m has %zu entries", path,
+            info->channels, r->n_microphones);
     if (info->frames < 1)
-        return complain(why, -EINVAL, "%s: holds no sound; expected %zu frames", path,
-                        slots * r->slot_samples);
+        return error_say(why, -EINVAL, "%s: holds no sound; expected %zu frames", path,
+                         slots * r->slot_samples);
     if ((uint64_t)info->frames < least && r->n_files != r->n_positions)
-        return complain(why, -EINVAL,
-                        "%s: %" PRId64 " frames, but the slot of the last of %zu pings "
-                        "begins at frame %zu (slot_samples %zu)",
-                        path, (int64_t)info->frames, r->n_positions, least - 1,
-                        r->slot_samples);
+        return error_say(why, -EINVAL,
+                         "%s: %" PRId64 " frames, but the slot of the last of %zu pings "
+                         "begins at frame %zu (slot_samples %zu)",
+                         path, (int64_t)info->frames, r->n_positions, least - 1,
+                         r->slot_samples);
     if ((uint64_t)info->frames < least)
-        return complain(
+        return error_say(
             why, -EINVAL,
             "%s: %" PRId64 " frames, but the slot of the last of %zu speakers "
             "begins at frame %zu (slot_samples %zu)",
@@ -319,7 +320,7 @@ static int check_info(const struct recording *r, const char *path, const SF_INFO
 }
 
 static SNDFILE *open_file(const struct recording *r, const char *path, SF_INFO *info,
-                          int *err, struct complaint *why)
+                          int *err, struct error *why)
 {
     SNDFILE *f;
     *err = wav_open(&f, info, path, why);
@@ -332,7 +333,7 @@ static SNDFILE *open_file(const struct recording *r, const char *path, SF_INFO *
     return NULL;
 }
 
-static int check_files(struct recording *r, struct complaint *why)
+static int check_files(struct recording *r, struct error *why)
 {
     SF_INFO info;
     for (size_t i = 0; i < r->n_files; i++) {
@@ -350,27 +351,27 @@ static int check_files(struct recording *r, struct complaint *why)
 }
 
 static int check_emissions(const struct recording *r, const char *folder,
-                           uint64_t n_samples, struct complaint *why)
+                           uint64_t n_samples, struct error *why)
 {
     const struct emission *last = &r->emissions[r->n_emissions - 1];
 
     if (last->sample < n_samples)
         return 0;
-    return complain(why, -EINVAL,
-                    "%s/" EMISSIONS_FILE ": the last emission is at sample %" PRIu64
-                    ", but %s holds %" PRIu64,
-                    folder, last->sample, r->paths[0], n_samples);
+    return error_say(why, -EINVAL,
+                     "%s/" EMISSIONS_FILE ": the last emission is at sample %" PRIu64
+                     ", but %s holds %" PRIu64,
+                     folder, last->sample, r->paths[0], n_samples);
 }
 
 /* Of an array that stands. */
 static int list_emissions(struct recording *r, const char *folder, const struct survey *s,
-                          struct complaint *why)
+                          struct error *why)
 {
     char *path;
     int err = 0;
 
     if (asprintf(&path, "%s/" EMISSIONS_FILE, folder) < 0)
-        return complain(why, -ENOMEM, "%s: out of memory", folder);
+        return error_say(why, -ENOMEM, "%s: out of memory", folder);
     r->has_table = !access(path, F_OK);
     if (r->has_table)
         err = emissions_load(&r->emissions, &r->n_emissions, path, s, why);
@@ -379,24 +380,24 @@ static int list_emissions(struct recording *r, const char *folder, const struct 
 }
 
 static int complete_emissions(struct recording *r, const char *folder,
-                              const struct survey *s, struct complaint *why)
+                              const struct survey *s, struct error *why)
 {
     if (r->has_table)
         return check_emissions(r, folder, r->n_samples, why);
     /* What follows the last speaker's slot is its tail. */
     uint64_t n = r->n_samples <= r->n_frames ? 1 : r->n_samples;
     return emissions_in_turn(&r->emissions, &r->n_emissions, s, n)
-               ? complain(why, -ENOMEM, "%s: out of memory", folder)
+               ? error_say(why, -ENOMEM, "%s: out of memory", folder)
                : 0;
 }
 
 int recording_open(struct recording **out, const char *folder, const struct survey *s,
-                   struct complaint *why)
+                   struct error *why)
 {
     *out = NULL;
     struct recording *r = calloc(1, sizeof *r);
     if (!r)
-        return complain(why, -ENOMEM, "%s: out of memory", folder);
+        return error_say(why, -ENOMEM, "%s: out of memory", folder);
     r->n_positions = s->n_positions;
     r->n_files = s->pings_m ? 1 : s->n_positions;
     r->n_speakers = s->n_speakers;
@@ -440,12 +441,12 @@ static bool is_float(const SF_INFO *info)
 
 /* Block by block: what was read is still in the cache when it is separated. */
 static int read_frames(SNDFILE *f, const struct wav_samples *w, size_t n, float *samples,
-                       const char *path, struct complaint *why)
+                       const char *path, struct error *why)
 {
     float *block = malloc(BLOCK_FRAMES * w->n_channels * sizeof *block);
     size_t at = 0;
     if (!block)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     while (at < n) {
         size_t wanted = n - at < BLOCK_FRAMES ? n - at : BLOCK_FRAMES;
         sf_count_t got = sf_readf_float(f, block, (sf_count_t)wanted);
@@ -456,24 +457,25 @@ static int read_frames(SNDFILE *f, const struct wav_samples *w, size_t n, float 
     }
     free(block);
     if (at < n)
-        return complain(why, -EIO, "%s: broken off after %zu of %zu frames", path, at, n);
+        return error_say(why, -EIO, "%s: broken off after %zu of %zu frames", path, at,
+                         n);
     wav_samples_finish(w, n, samples);
     return 0;
 }
 
 int recording_read_slots(const struct recording *r, size_t position, float *samples,
-                         uint32_t *clipped, uint32_t *not_finite, struct complaint *why)
+                         uint32_t *clipped, uint32_t *not_finite, struct error *why)
 {
     SF_INFO info;
     int err;
     if (position >= r->n_positions)
-        return complain(why, -EINVAL, "position %zu of %zu", position, r->n_positions);
+        return error_say(why, -EINVAL, "position %zu of %zu", position, r->n_positions);
     if (r->has_table)
-        return complain(why, -EINVAL,
-                        "%s: beside it " EMISSIONS_FILE " tells of an array that stands "
-                        "(scan: {mode: fixed}); 'anlos bag import' makes a bag of it, "
-                        "for 'anlos recon --bag'",
-                        r->paths[0]);
+        return error_say(why, -EINVAL,
+                         "%s: beside it " EMISSIONS_FILE " tells of an array that stands "
+                         "(scan: {mode: fixed}); 'anlos bag import' makes a bag of it, "
+                         "for 'anlos recon --bag'",
+                         r->paths[0]);
     bool one_file = r->n_files != r->n_positions;
     const char *path = r->paths[one_file ? 0 : position];
     SNDFILE *f = open_file(r, path, &info, &err, why);
@@ -488,7 +490,7 @@ int recording_read_slots(const struct recording *r, size_t position, float *samp
     size_t n = (size_t)info.frames - first;
     n = n < r->n_frames ? n : r->n_frames;
     if (first && sf_seek(f, (sf_count_t)first, SEEK_SET) < 0)
-        err = complain(why, -EIO, "%s: broken off before frame %zu", path, first);
+        err = error_say(why, -EIO, "%s: broken off before frame %zu", path, first);
     if (!err)
         err = read_frames(f, &w, n, samples, path, why);
     if (!err)
@@ -514,13 +516,12 @@ bool recording_goes_on(const struct recording *r)
 }
 
 int recording_read_emission(const struct recording *r, size_t i, float *samples,
-                            uint32_t *clipped, uint32_t *not_finite,
-                            struct complaint *why)
+                            uint32_t *clipped, uint32_t *not_finite, struct error *why)
 {
     SF_INFO info;
     int err;
     if (i >= r->n_emissions)
-        return complain(why, -EINVAL, "emission %zu of %zu", i, r->n_emissions);
+        return error_say(why, -EINVAL, "emission %zu of %zu", i, r->n_emissions);
     SNDFILE *f = open_file(r, r->paths[0], &info, &err, why);
     if (err)
         return err;
@@ -533,8 +534,8 @@ int recording_read_emission(const struct recording *r, size_t i, float *samples,
     uint64_t left = first < end ? end - first : 0;
     size_t n = left < r->n_ping ? (size_t)left : r->n_ping;
     if (first && n && sf_seek(f, (sf_count_t)first, SEEK_SET) < 0)
-        err = complain(why, -EIO, "%s: broken off before frame %" PRIu64, r->paths[0],
-                       first);
+        err = error_say(why, -EIO, "%s: broken off before frame %" PRIu64, r->paths[0],
+                        first);
     if (!err)
         err = read_frames(f, &w, n, samples, r->paths[0], why);
     if (!err)
@@ -544,12 +545,12 @@ int recording_read_emission(const struct recording *r, size_t i, float *samples,
 }
 
 int recording_read(const struct recording *r, size_t position, float *samples,
-                   uint32_t *clipped, uint32_t *not_finite, struct complaint *why)
+                   uint32_t *clipped, uint32_t *not_finite, struct error *why)
 {
     size_t n = r->n_speakers * r->n_microphones;
     uint32_t *counts = calloc(2 * n, sizeof *counts);
     if (!counts)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = recording_read_slots(r, position, samples, counts, counts + n, why);
     memset(clipped, 0, r->n_microphones * sizeof *clipped);
     memset(not_finite, 0, r->n_microphones * sizeof *not_finite);
@@ -598,7 +599,7 @@ static int write_frames(SNDFILE *f, size_t n_microphones, size_t n_frames, size_
 
 int recording_write(const char *folder, size_t position, size_t n_microphones,
                     size_t n_frames, double sample_rate_hz, const float *samples,
-                    struct complaint *why)
+                    struct error *why)
 {
     char *path = NULL, *partial = NULL;
     SF_INFO info = {.samplerate = (int)lround(sample_rate_hz),
@@ -606,15 +607,15 @@ int recording_write(const char *folder, size_t position, size_t n_microphones,
                     .format = SF_FORMAT_WAV | SF_FORMAT_FLOAT};
     int err = 0;
     if (asprintf(&path, "%s/pos%02zu.wav", folder, position) < 0)
-        return complain(why, -ENOMEM, "%s: out of memory", folder);
+        return error_say(why, -ENOMEM, "%s: out of memory", folder);
     if (asprintf(&partial, "%s.part", path) < 0) {
         partial = NULL;
-        err = complain(why, -ENOMEM, "%s: out of memory", folder);
+        err = error_say(why, -ENOMEM, "%s: out of memory", folder);
         goto names;
     }
     SNDFILE *f = sf_open(partial, SFM_WRITE, &info);
     if (!f) {
-        err = complain(why, -EIO, "%s cannot be written: %s", path, sf_strerror(NULL));
+        err = error_say(why, -EIO, "%s cannot be written: %s", path, sf_strerror(NULL));
         goto names;
     }
     err = write_frames(f, n_microphones, n_frames, 0, samples);
@@ -625,7 +626,7 @@ int recording_write(const char *folder, size_t position, size_t n_microphones,
         err = -errno;
     if (err) {
         unlink(partial);
-        complain(why, err, "%s cannot be written: %s", path, strerror(-err));
+        error_say(why, err, "%s cannot be written: %s", path, strerror(-err));
     }
 names:
     free(partial);
@@ -660,13 +661,13 @@ static void writer_free(struct recording_writer *w)
     free(w);
 }
 
-static int complain_of(const struct recording_writer *w, int err, struct complaint *why)
+static int error_say_of(const struct recording_writer *w, int err, struct error *why)
 {
-    return complain(why, err, "%s cannot be written: %s", w->path, strerror(-err));
+    return error_say(why, err, "%s cannot be written: %s", w->path, strerror(-err));
 }
 
 int recording_writer_open(struct recording_writer **out, const char *folder,
-                          const struct survey *s, struct complaint *why)
+                          const struct survey *s, struct error *why)
 {
     struct recording_writer *w = calloc(1, sizeof *w);
     SF_INFO info = {.samplerate = (int)lround(s->sample_rate_hz),
@@ -676,7 +677,7 @@ int recording_writer_open(struct recording_writer **out, const char *folder,
 
     *out = w;
     if (!w)
-        return complain(why, -ENOMEM, "%s: out of memory", folder);
+        return error_say(why, -ENOMEM, "%s: out of memory", folder);
     w->n_microphones = s->n_microphones;
     w->slot_samples = s->slot_samples;
     w->n_ping = s->slot_samples + tail_samples(s);
@@ -688,18 +689,19 @@ int recording_writer_open(struct recording_writer **out, const char *folder,
     if (asprintf(&w->table_path, "%s/" EMISSIONS_FILE, folder) < 0)
         w->table_path = NULL;
     if (!w->end || !w->silence || !w->path || !w->table_path) {
-        err = complain(why, -ENOMEM, "%s: out of memory", folder);
+        err = error_say(why, -ENOMEM, "%s: out of memory", folder);
         goto fail;
     }
     w->table = fopen(w->table_path, "wxe");
     if (!w->table) {
-        err = complain(why, -errno, "%s cannot be written: %s", w->table_path,
-                       strerror(errno));
+        err = error_say(why, -errno, "%s cannot be written: %s", w->table_path,
+                        strerror(errno));
         goto fail;
     }
     w->file = sf_open(w->path, SFM_WRITE, &info);
     if (!w->file) {
-        err = complain(why, -EIO, "%s cannot be written: %s", w->path, sf_strerror(NULL));
+        err =
+            error_say(why, -EIO, "%s cannot be written: %s", w->path, sf_strerror(NULL));
         goto table;
     }
     /* A plain WAV file as long as it is short enough for one. */
@@ -771,7 +773,7 @@ static int fill(struct recording_writer *w, uint64_t until)
 }
 
 int recording_writer_put(struct recording_writer *w, const struct emission *e,
-                         const float *samples, struct complaint *why)
+                         const float *samples, struct error *why)
 {
     uint64_t at = find_place(w, e, samples);
     int err = fill(w, at);
@@ -779,25 +781,25 @@ int recording_writer_put(struct recording_writer *w, const struct emission *e,
     if (!err && at + w->n_ping > w->n_written)
         err = write_append(w, samples, (size_t)(w->n_written - at));
     if (err)
-        return complain_of(w, err, why);
+        return error_say_of(w, err, why);
     w->last = *e;
     w->last.sample = at;
     emission_print(w->table, &w->last);
     return 0;
 }
 
-int recording_writer_close(struct recording_writer *w, int err, struct complaint *why)
+int recording_writer_close(struct recording_writer *w, int err, struct error *why)
 {
     if (!w)
         return err;
     errno = 0;
     if (sf_close(w->file) && !err)
-        err = complain_of(w, errno ? -errno : -EIO, why);
+        err = error_say_of(w, errno ? -errno : -EIO, why);
     errno = 0;
     bool failed = ferror(w->table);
     if ((fclose(w->table) || failed) && !err) {
         err = errno ? -errno : -EIO;
-        complain(why, err, "%s cannot be written: %s", w->table_path, strerror(-err));
+        error_say(why, err, "%s cannot be written: %s", w->table_path, strerror(-err));
     }
     writer_free(w);
     return err;

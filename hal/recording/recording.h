@@ -13,7 +13,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
 /* Emissions.csv beside the WAV file of an array that stands: who sounded when, for
@@ -42,10 +42,10 @@ struct emission {
 
 /* *out: [*n], 1 at least; free() it.  Where frames are not named, one is over when a
  * speaker's turn comes again; where directions are not, they are those of the survey.
- * The complaint is "file:line: what was expected".  0, -EINVAL, errors of table_load,
+ * The error is "file:line: what was expected".  0, -EINVAL, errors of table_load,
  * -ENOMEM. */
 int emissions_load(struct emission **out, size_t *n, const char *path,
-                   const struct survey *s, struct complaint *why);
+                   const struct survey *s, struct error *why);
 
 /* Slot after slot, the survey's speakers in turn, as many as begin in n_samples. */
 int emissions_in_turn(struct emission **out, size_t *n, const struct survey *s,
@@ -59,9 +59,9 @@ struct recording;
 /* Opens the folder and checks every file's header against the survey: number of files,
  * channels, rate, frames (a whole number of slots is not asked for, but the last
  * speaker's slot must have begun).  Only headers are read. 0, -ENOENT, -EINVAL, -ENOMEM;
- * the complaint names the file and what was expected. */
+ * the error names the file and what was expected. */
 int recording_open(struct recording **out, const char *folder, const struct survey *s,
-                   struct complaint *why);
+                   struct error *why);
 
 /* Frames that recording_read yields: the speakers' slots and tail_samples()
  * (recon/tail.h).
@@ -78,7 +78,7 @@ size_t recording_spare_slots(const struct recording *r);
  * that are not finite become 0).  Threads may read different positions at once. 0, -EIO
  * (short or unreadable), -EINVAL (also of what emissions.csv tells of). */
 int recording_read(const struct recording *r, size_t position, float *samples,
-                   uint32_t *clipped, uint32_t *not_finite, struct complaint *why);
+                   uint32_t *clipped, uint32_t *not_finite, struct error *why);
 
 /* The same with the counts of each slot, for pings: clipped and not_finite
  * [survey_slots(n_speakers)][n_microphones]; what follows the last slot counts into it.
@@ -87,7 +87,7 @@ int recording_read(const struct recording *r, size_t position, float *samples,
  * scale or beyond; float files know no full scale, so there it is a run of 4 or more
  * equal samples above half of the channel's maximum. */
 int recording_read_slots(const struct recording *r, size_t position, float *samples,
-                         uint32_t *clipped, uint32_t *not_finite, struct complaint *why);
+                         uint32_t *clipped, uint32_t *not_finite, struct error *why);
 void recording_close(struct recording *r);
 
 /* -- of an array that stands ------------------------------------------------------------
@@ -104,8 +104,7 @@ uint64_t recording_samples(const struct recording *r); /* of the file, a channel
 /* samples [n_microphones][slot_samples + tail_samples()], zeros beyond the end of the
  * file; clipped and not_finite [n_microphones].  As recording_read. */
 int recording_read_emission(const struct recording *r, size_t i, float *samples,
-                            uint32_t *clipped, uint32_t *not_finite,
-                            struct complaint *why);
+                            uint32_t *clipped, uint32_t *not_finite, struct error *why);
 
 /* Writes one, ping by ping, however long it gets: "FOLDER/pos00.wav" (float32; from 4 GB
  * on RF64) and "FOLDER/emissions.csv".  A ping whose beginning is what the one before
@@ -113,21 +112,21 @@ int recording_read_emission(const struct recording *r, size_t i, float *samples,
  * comes back as it was, sample for sample. */
 struct recording_writer;
 int recording_writer_open(struct recording_writer **out, const char *folder,
-                          const struct survey *s, struct complaint *why);
+                          const struct survey *s, struct error *why);
 
 /* e: with its time; its sample is found here.  samples
  * [n_microphones][slot_samples + tail_samples()].  0 or a negative errno. */
 int recording_writer_put(struct recording_writer *w, const struct emission *e,
-                         const float *samples, struct complaint *why);
+                         const float *samples, struct error *why);
 
 /* Frees w (or NULL).  err: what went wrong before, which is returned again; the files are
  * of no use then. */
-int recording_writer_close(struct recording_writer *w, int err, struct complaint *why);
+int recording_writer_close(struct recording_writer *w, int err, struct error *why);
 
 /* Writes one position as float32 WAV "FOLDER/posNN.wav": samples
  * [n_microphones][n_frames]. 0 or a negative errno. */
 int recording_write(const char *folder, size_t position, size_t n_microphones,
                     size_t n_frames, double sample_rate_hz, const float *samples,
-                    struct complaint *why);
+                    struct error *why);
 
 #endif

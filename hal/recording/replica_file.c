@@ -13,24 +13,24 @@
 #define MIN_BINS 4    /* one tone fills three */
 
 static int read_file(float **out, size_t *n, SNDFILE *f, const SF_INFO *info,
-                     const char *path, double sample_rate_hz, struct complaint *why)
+                     const char *path, double sample_rate_hz, struct error *why)
 {
     if (info->channels != 1)
-        return complain(why, -EINVAL, "%s: %d channels, expected one", path,
-                        info->channels);
+        return error_say(why, -EINVAL, "%s: %d channels, expected one", path,
+                         info->channels);
     if (info->samplerate != (int)(sample_rate_hz + 0.5))
-        return complain(why, -EINVAL, "%s: %d Hz, but the survey's sample_rate_hz is %g",
-                        path, info->samplerate, sample_rate_hz);
+        return error_say(why, -EINVAL, "%s: %d Hz, but the survey's sample_rate_hz is %g",
+                         path, info->samplerate, sample_rate_hz);
     if (info->frames < 2 || (size_t)info->frames > REPLICA_MAX_SAMPLES)
-        return complain(why, -EINVAL, "%s: %lld samples, expected 2 to %zu", path,
-                        (long long)info->frames, REPLICA_MAX_SAMPLES);
+        return error_say(why, -EINVAL, "%s: %lld samples, expected 2 to %zu", path,
+                         (long long)info->frames, REPLICA_MAX_SAMPLES);
     size_t frames = (size_t)info->frames;
     float *x = malloc(frames * sizeof *x);
     if (!x)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     if (sf_readf_float(f, x, info->frames) != info->frames) {
         free(x);
-        return complain(why, -EIO, "%s: broken off", path);
+        return error_say(why, -EIO, "%s: broken off", path);
     }
     while (frames > 2 && x[frames - 1] == 0.0f)
         frames--;
@@ -40,7 +40,7 @@ static int read_file(float **out, size_t *n, SNDFILE *f, const SF_INFO *info,
 }
 
 int replica_load(float **out, size_t *n, const char *path, double sample_rate_hz,
-                 struct complaint *why)
+                 struct error *why)
 {
     SF_INFO info;
     SNDFILE *f;

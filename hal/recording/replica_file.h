@@ -5,14 +5,14 @@
 
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 #define REPLICA_MAX_SAMPLES ((size_t)1 << 20)
 
 /* The file's only channel, at sample_rate_hz, without the zeros at its end; free(*out).
  * 0, -EINVAL, -ENOENT and other errno of reading, -ENOMEM. */
 int replica_load(float **out, size_t *n, const char *path, double sample_rate_hz,
-                 struct complaint *why);
+                 struct error *why);
 
 /* Writes x[n] as float32 to PATH-replica.wav.  0, -EIO, -ENOMEM. */
 int replica_save(const float *x, size_t n, const char *path, double sample_rate_hz);

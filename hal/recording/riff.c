@@ -125,15 +125,15 @@ static bool has_linear_samples(const SF_INFO *info)
     }
 }
 
-int wav_complain(struct complaint *why, int err, const char *path)
+int wav_error_say(struct error *why, int err, const char *path)
 {
     if (err == -ESPIPE)
-        return complain(why, -EINVAL, "%s: is no file; expected a WAV file", path);
-    return complain(why, err, "%s: %s", path,
-                    err == -EINVAL ? "no WAV file" : strerror(-err));
+        return error_say(why, -EINVAL, "%s: is no file; expected a WAV file", path);
+    return error_say(why, err, "%s: %s", path,
+                     err == -EINVAL ? "no WAV file" : strerror(-err));
 }
 
-int wav_open(SNDFILE **out, SF_INFO *info, const char *path, struct complaint *why)
+int wav_open(SNDFILE **out, SF_INFO *info, const char *path, struct error *why)
 {
     unsigned format;
 
@@ -141,20 +141,20 @@ int wav_open(SNDFILE **out, SF_INFO *info, const char *path, struct complaint *w
     *info = (SF_INFO){.format = 0};
     int err = riff_format(path, &format);
     if (err)
-        return wav_complain(why, err, path);
+        return wav_error_say(why, err, path);
     if (!is_linear(format))
-        return complain(why, -EINVAL,
-                        "%s: a WAV file of format %u; expected PCM or float samples",
-                        path, format);
+        return error_say(why, -EINVAL,
+                         "%s: a WAV file of format %u; expected PCM or float samples",
+                         path, format);
     *out = sf_open(path, SFM_READ, info);
     if (!*out)
-        return complain(why, -EINVAL, "%s: no WAV file: %s", path, sf_strerror(NULL));
+        return error_say(why, -EINVAL, "%s: no WAV file: %s", path, sf_strerror(NULL));
     if (has_linear_samples(info))
         return 0;
     sf_close(*out);
     *out = NULL;
-    return complain(why, -EINVAL, "%s: expected a WAV file of PCM or float samples",
-                    path);
+    return error_say(why, -EINVAL, "%s: expected a WAV file of PCM or float samples",
+                     path);
 }
 
 enum { BLOCK = 64, PCM_RUN = 3, FLOAT_RUN = 4 };

@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 /* Sizes of the data chunk in bytes.  A writer that never closed its file leaves 0 or
  * 0xffffffff: then both are what is there.  0, -EINVAL (no RIFF, RIFX or RF64 file, or no
@@ -24,11 +24,11 @@ int riff_format(const char *path, unsigned *format);
  * readers of compressed ones are where its faults are. */
 
 /* A regular file, RIFF, RIFX or RF64, of PCM or float samples; sf_close it.  0, -EINVAL
- * (anything else; the complaint names it), -ENOENT and other errno of reading. */
-int wav_open(SNDFILE **out, SF_INFO *info, const char *path, struct complaint *why);
+ * (anything else; the error names it), -ENOENT and other errno of reading. */
+int wav_open(SNDFILE **out, SF_INFO *info, const char *path, struct error *why);
 
 /* What it says of an error of hal/recording/riff.h.  err. */
-int wav_complain(struct complaint *why, int err, const char *path);
+int wav_error_say(struct error *why, int err, const char *path);
 
 /* Frames of a WAV file to channels, and what is wrong with them. */
 

@@ -65,7 +65,7 @@ static int allocate(struct array_sim *a)
 }
 
 static int sim_open(void **state, const char *arg, const struct clock_source *clock,
-                    struct complaint *why)
+                    struct error *why)
 {
     static const char *const known[] = {"pace", "calibrated", FIRING_KEYS, NULL};
     static const char *const paces[] = {"fast", "real", NULL};
@@ -76,7 +76,7 @@ static int sim_open(void **state, const char *arg, const struct clock_source *cl
         return err;
     struct array_sim *a = calloc(1, sizeof *a);
     if (!a) {
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
         goto device;
     }
     a->clock = clock;
@@ -84,20 +84,20 @@ static int sim_open(void **state, const char *arg, const struct clock_source *cl
     a->real_pace = pace == 1;
     err = pace < 0 ? pace : 0;
     if (!err && !*d.path)
-        err = complain(why, -EINVAL, "expected a scene file, sim:SCENE.yaml");
+        err = error_say(why, -EINVAL, "expected a scene file, sim:SCENE.yaml");
     if (!err)
         err = firing_from_device(&firing, &d, why);
     if (!err)
         err = room_load_drawn(&a->room, d.path, &firing, 0, why);
     if (!err && room_is_drive(a->room) && pace == 0 && device_option(&d, "pace"))
-        err = complain(why, -EINVAL,
-                       "option \"pace\": a drive runs at the true pace, "
-                       "expected real");
+        err = error_say(why, -EINVAL,
+                        "option \"pace\": a drive runs at the true pace, "
+                        "expected real");
     if (!err)
         err = room_calibrate(a->room, device_option(&d, "calibrated"), &a->calibration,
                              why);
     if (!err && allocate(a) < 0)
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     if (err)
         sim_close(a);
     else
@@ -220,7 +220,7 @@ static void count_clipped(struct array_sim *a)
 }
 
 /* Not at the true pace a ping takes no time, and was taken now. */
-static int sim_next(void *state, struct array_ping *out, struct complaint *why)
+static int sim_next(void *state, struct array_ping *out, struct error *why)
 {
     struct array_sim *a = state;
     const struct survey *s = room_survey(a->room);
@@ -228,11 +228,11 @@ static int sim_next(void *state, struct array_ping *out, struct complaint *why)
     catch_up(a);
     int err = take_ping(a);
     if (err)
-        return complain(why, err, "a ping cannot be rendered: %s", strerror(-err));
+        return error_say(why, err, "a ping cannot be rendered: %s", strerror(-err));
     if (real)
         err = wait_for_end(a);
     if (err)
-        return complain(why, err, "the wait for a ping was interrupted");
+        return error_say(why, err, "the wait for a ping was interrupted");
     size_t index = (size_t)(a->next % a->n_speakers);
     count_clipped(a);
     calibration_correct(a->calibration, a->speakers[index], a->n_ping, a->ping);

@@ -52,7 +52,7 @@ const struct survey *room_survey(const struct room *r)
 }
 
 int room_calibrate(struct room *r, const char *path, struct calibration **out,
-                   struct complaint *why)
+                   struct error *why)
 {
     return calibration_take(out, path, &r->survey, why);
 }

@@ -12,7 +12,7 @@
 
 #include "hal/survey/calibration.h"
 #include "hal/survey/firing.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 
@@ -31,13 +31,13 @@ struct room_object {
  * thread at a time.  The noise of noise.snr_db is measured here, against the objects'
  * echoes at up to 8 positions.  0, -ENOENT, -EINVAL ("file:line: key: expected"),
  * -ENOMEM. */
-int room_load(struct room **out, const char *path, struct complaint *why);
+int room_load(struct room **out, const char *path, struct error *why);
 
 /* The same, its array firing in another way, and with all that is random drawn anew:
  * clutter, roughness, unknown errors, noise.  Draw 0 is the file's own; each other number
  * another one, the same each time.  firing may be NULL. */
 int room_load_drawn(struct room **out, const char *path, const struct firing *firing,
-                    uint32_t draw, struct complaint *why);
+                    uint32_t draw, struct error *why);
 
 /* The survey as the processor should know it (without the unknown errors of the scene).
  */
@@ -46,7 +46,7 @@ const struct survey *room_survey(const struct room *r);
 /* calibration_take() into what the processor knows; the room stays as it is.  Ahead of
  * asking for numbers of frames, which the latency changes. */
 int room_calibrate(struct room *r, const char *path, struct calibration **out,
-                   struct complaint *why);
+                   struct error *why);
 
 /* Where a microphone clips; INFINITY: never. */
 float room_limit(const struct room *r, size_t microphone);

@@ -221,12 +221,12 @@ static uint32_t draw_seed(uint32_t seed, uint32_t draw)
 }
 
 int room_load_drawn(struct room **out, const char *path, const struct firing *firing,
-                    uint32_t draw, struct complaint *why)
+                    uint32_t draw, struct error *why)
 {
     *out = NULL;
     struct room *r = calloc(1, sizeof *r);
     if (!r)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     int err = scene_load(&r->scene, &r->survey, path, why);
     if (!err && firing)
         err = firing_apply(&r->survey, firing, why);
@@ -235,17 +235,17 @@ int room_load_drawn(struct room **out, const char *path, const struct firing *fi
     r->scene->seed = draw_seed(r->scene->seed, draw);
     const struct scene *s = r->scene;
     if (set_truth(r) < 0)
-        err = complain(why, -ENOMEM, "%s: out of memory", path);
+        err = error_say(why, -ENOMEM, "%s: out of memory", path);
     if (!err && s->microphones->ripple_db > 0 &&
         microphones_invent(&r->survey, s->microphones->ripple_db, s->seed) < 0)
-        err = complain(why, -ENOMEM, "%s: out of memory", path);
+        err = error_say(why, -ENOMEM, "%s: out of memory", path);
     if (!err)
         err = world_create(&r->world, s, &r->survey, path, why);
     if (err)
         goto fail;
     err = complete(r);
     if (err)
-        complain(why, err, "%s: %s", path, strerror(-err));
+        error_say(why, err, "%s: %s", path, strerror(-err));
     if (err)
         goto fail;
     *out = r;
@@ -255,7 +255,7 @@ fail:
     return err;
 }
 
-int room_load(struct room **out, const char *path, struct complaint *why)
+int room_load(struct room **out, const char *path, struct error *why)
 {
     return room_load_drawn(out, path, NULL, 0, why);
 }

@@ -156,7 +156,7 @@ const char *scene_kind_name(int kind)
     return kinds[kind].str;
 }
 
-static int fill_in_array(struct scene *s, const char *path, struct complaint *why)
+static int fill_in_array(struct scene *s, const char *path, struct error *why)
 {
     struct survey_yaml *y = &s->survey;
     const struct {
@@ -171,18 +171,18 @@ static int fill_in_array(struct scene *s, const char *path, struct complaint *wh
                 {"chirp", y->chirp, false}};
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
         if (s->array && keys[i].by_preset && keys[i].value)
-            return yaml_complain(why, -EINVAL, path, keys[i].key,
-                                 "\"array: %s\" says this already; expected one",
-                                 arrays[s->array].str);
+            return yaml_error_say(why, -EINVAL, path, keys[i].key,
+                                  "\"array: %s\" says this already; expected one",
+                                  arrays[s->array].str);
         if (!s->array && !keys[i].value && strcmp(keys[i].key, "stage"))
-            return complain(why, -EINVAL,
-                            "%s:1: the key \"%s\" is missing, or \"array: paper\"", path,
-                            keys[i].key);
+            return error_say(why, -EINVAL,
+                             "%s:1: the key \"%s\" is missing, or \"array: paper\"", path,
+                             keys[i].key);
     }
     if (!y->wall && !y->walls)
-        return complain(why, -EINVAL, "%s:1: the key \"wall\" is missing", path);
+        return error_say(why, -EINVAL, "%s:1: the key \"wall\" is missing", path);
     if (scene_fill_in_array(y, s->array) < 0)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     return 0;
 }
 
@@ -223,7 +223,7 @@ static int place_objects(struct scene *s)
 }
 
 int scene_load(struct scene **out, struct survey *survey, const char *path,
-               struct complaint *why)
+               struct error *why)
 {
     void *root;
     *out = NULL;
@@ -234,9 +234,9 @@ int scene_load(struct scene **out, struct survey *survey, const char *path,
     struct scene *s = root;
     err = fill_in_array(s, path, why);
     if (!err && fill_in_defaults(s) < 0)
-        err = complain(why, -ENOMEM, "%s: out of memory", path);
+        err = error_say(why, -ENOMEM, "%s: out of memory", path);
     if (!err && place_objects(s) < 0)
-        err = complain(why, -ENOMEM, "%s: out of memory", path);
+        err = error_say(why, -ENOMEM, "%s: out of memory", path);
     if (!err)
         err = scene_check(s, path, why);
     if (!err)

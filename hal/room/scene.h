@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "hal/survey/yaml.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
 enum scene_array { SCENE_EXPLICIT, SCENE_PAPER, SCENE_BUMPER };
@@ -148,13 +148,13 @@ const char *scene_kind_name(int kind);
  * the processor should know it, but for synthetic microphones.  scene_free the one,
  * survey_clear the other.  0, -ENOENT, -EINVAL ("file:line: key: expected"), -ENOMEM. */
 int scene_load(struct scene **out, struct survey *survey, const char *path,
-               struct complaint *why);
+               struct error *why);
 void scene_free(struct scene *s);
 
 /* Ranges, and keys that belong to another kind of object (scene_check.c). */
-int scene_check(const struct scene *s, const char *path, struct complaint *why);
+int scene_check(const struct scene *s, const char *path, struct error *why);
 
 /* The same of what moves, and of keys that only a drive has (scene_drive.c). */
-int scene_check_drive(const struct scene *s, const char *path, struct complaint *why);
+int scene_check_drive(const struct scene *s, const char *path, struct error *why);
 
 #endif

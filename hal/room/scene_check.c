@@ -15,20 +15,20 @@ struct rule {
 };
 
 static int check_rules(const struct rule *rules, size_t n, const char *prefix,
-                       const char *path, struct complaint *why)
+                       const char *path, struct error *why)
 {
     char key[96];
     for (size_t i = 0; i < n; i++) {
         if (rules[i].value >= rules[i].min && rules[i].value <= rules[i].max)
             continue;
         snprintf(key, sizeof key, "%s%s", prefix, rules[i].key);
-        return yaml_complain(why, -EINVAL, path, key, "%g is outside %g..%g",
-                             rules[i].value, rules[i].min, rules[i].max);
+        return yaml_error_say(why, -EINVAL, path, key, "%g is outside %g..%g",
+                              rules[i].value, rules[i].min, rules[i].max);
     }
     return 0;
 }
 
-static int check_world(const struct scene *s, const char *path, struct complaint *why)
+static int check_world(const struct scene *s, const char *path, struct error *why)
 {
     const struct rule rules[] = {
         {"level", *s->level, 0, 1e3},
@@ -53,17 +53,19 @@ static int check_world(const struct scene *s, const char *path, struct complaint
         {"drift.scan_c", s->drift->scan_c, -30, 30},
     };
     if (s->noise->snr_db && s->noise->rms)
-        return yaml_complain(why, -EINVAL, path, "noise.rms",
-                             "expected snr_db or rms, found both");
+        return yaml_error_say(why, -EINVAL, path, "noise.rms",
+                              "expected snr_db or rms, found both");
     if (s->noise->at_m && !s->noise->snr_db)
-        return yaml_complain(why, -EINVAL, path, "noise.at_m", "expected snr_db with it");
+        return yaml_error_say(why, -EINVAL, path, "noise.at_m",
+                              "expected snr_db with it");
     if (s->noise->snr_db && !s->n_objects && !s->noise->at_m && !s->drive)
-        return yaml_complain(why, -EINVAL, path, "noise.snr_db",
-                             "there are no objects to measure noise against; say rms, or "
-                             "at_m");
+        return yaml_error_say(
+            why, -EINVAL, path, "noise.snr_db",
+            "there are no objects to measure noise against; say rms, or "
+            "at_m");
     if (s->microphones->ripple_db > 0 && s->survey.calibration)
-        return yaml_complain(why, -EINVAL, path, "microphones",
-                             "calibration says what the microphones do; expected one");
+        return yaml_error_say(why, -EINVAL, path, "microphones",
+                              "calibration says what the microphones do; expected one");
     return check_rules(rules, sizeof rules / sizeof *rules, "", path, why);
 }
 
@@ -75,7 +77,7 @@ struct key_use {
 };
 
 static int check_keys(const struct scene_object *o, const char *prefix, const char *path,
-                      struct complaint *why)
+                      struct error *why)
 {
     const struct key_use keys[] = {
         {"scattering_length_m", o->scattering_length_m, {2, 0, 0, 0, 0, 1, 1, 1}},
@@ -90,24 +92,24 @@ static int check_keys(const struct scene_object *o, const char *prefix, const ch
     };
     char key[96];
     if (!o->position_m)
-        return yaml_complain(why, -EINVAL, path, prefix,
-                             "the key \"position_m\" is missing, or a path");
+        return yaml_error_say(why, -EINVAL, path, prefix,
+                              "the key \"position_m\" is missing, or a path");
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
         unsigned use = keys[i].use[o->kind];
         snprintf(key, sizeof key, "%s%s", prefix, keys[i].key);
         if (use == 2 && !keys[i].given)
-            return yaml_complain(why, -EINVAL, path, prefix, "a %s needs the key \"%s\"",
-                                 scene_kind_name(o->kind), keys[i].key);
+            return yaml_error_say(why, -EINVAL, path, prefix, "a %s needs the key \"%s\"",
+                                  scene_kind_name(o->kind), keys[i].key);
         if (use == 0 && keys[i].given)
-            return yaml_complain(why, -EINVAL, path, key, "a %s does not have this",
-                                 scene_kind_name(o->kind));
+            return yaml_error_say(why, -EINVAL, path, key, "a %s does not have this",
+                                  scene_kind_name(o->kind));
     }
     return 0;
 }
 
 /* v: [3] or NULL. */
 static int check_direction(const double *v, const char *prefix, const char *name,
-                           const char *path, struct complaint *why)
+                           const char *path, struct error *why)
 {
     char key[96];
     double copy[3];
@@ -119,7 +121,7 @@ static int check_direction(const double *v, const char *prefix, const char *name
 }
 
 static int check_object(const struct scene_object *o, const char *prefix,
-                        const char *path, struct complaint *why)
+                        const char *path, struct error *why)
 {
     int least = o->size_m && o->size_m[1] < o->size_m[0];
     const struct rule rules[] = {
@@ -140,23 +142,23 @@ static int check_object(const struct scene_object *o, const char *prefix,
         if (!(o->outline_m[i / 2][i % 2] >= -5 && o->outline_m[i / 2][i % 2] <= 5)) {
             char key[96];
             snprintf(key, sizeof key, "%soutline_m[%zu]", prefix, i / 2);
-            err = yaml_complain(why, -EINVAL, path, key, "%g is outside -5..5",
-                                o->outline_m[i / 2][i % 2]);
+            err = yaml_error_say(why, -EINVAL, path, key, "%g is outside -5..5",
+                                 o->outline_m[i / 2][i % 2]);
         }
     err = err ? err : check_direction(o->facing, prefix, "facing", path, why);
     err = err ? err : check_direction(o->up, prefix, "up", path, why);
     if (!err && o->letter[0] && !scatter_letter_known(o->letter[0])) {
         char key[96];
         snprintf(key, sizeof key, "%sletter", prefix);
-        err = yaml_complain(why, -EINVAL, path, key, "\"%s\": expected one of %s",
-                            o->letter, SCATTER_LETTERS);
+        err = yaml_error_say(why, -EINVAL, path, key, "\"%s\": expected one of %s",
+                             o->letter, SCATTER_LETTERS);
     }
     return err;
 }
 
 /* Of n channels. */
 static int check_fault(const struct scene_fault *f, const char *prefix, size_t n,
-                       const char *path, struct complaint *why)
+                       const char *path, struct error *why)
 {
     const struct rule rules[] = {
         {"channel", f->channel, 0, (double)n - 1},
@@ -168,7 +170,7 @@ static int check_fault(const struct scene_fault *f, const char *prefix, size_t n
     return check_rules(rules, sizeof rules / sizeof *rules, prefix, path, why);
 }
 
-static int check_faults(const struct scene *s, const char *path, struct complaint *why)
+static int check_faults(const struct scene *s, const char *path, struct error *why)
 {
     const struct scene_faults *f = s->faults;
     const struct rule rules[] = {
@@ -189,7 +191,7 @@ static int check_faults(const struct scene *s, const char *path, struct complain
     return err;
 }
 
-int scene_check(const struct scene *s, const char *path, struct complaint *why)
+int scene_check(const struct scene *s, const char *path, struct error *why)
 {
     char prefix[32];
     int err = check_world(s, path, why);

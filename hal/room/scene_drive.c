@@ -13,27 +13,27 @@ struct span { /* in which a value has to be */
 };
 
 static int check_value(double value, struct span span, const char *key, const char *path,
-                       struct complaint *why)
+                       struct error *why)
 {
     if (value >= span.min && value <= span.max)
         return 0;
-    return yaml_complain(why, -EINVAL, path, key, "%g is outside %g..%g", value, span.min,
-                         span.max);
+    return yaml_error_say(why, -EINVAL, path, key, "%g is outside %g..%g", value,
+                          span.min, span.max);
 }
 
 /* Times rise, from 0 at the earliest to the period at the latest. */
 static int check_time(double t_s, double before_s, bool first, double period_s,
-                      const char *key, const char *path, struct complaint *why)
+                      const char *key, const char *path, struct error *why)
 {
     if (!first && !(t_s > before_s))
-        return yaml_complain(why, -EINVAL, path, key,
-                             "%g s does not come after the %g s before it", t_s,
-                             before_s);
+        return yaml_error_say(why, -EINVAL, path, key,
+                              "%g s does not come after the %g s before it", t_s,
+                              before_s);
     return check_value(t_s, (struct span){0, period_s}, key, path, why);
 }
 
 static int check_path(const struct scene_object *o, unsigned index, double period_s,
-                      const char *path, struct complaint *why)
+                      const char *path, struct error *why)
 {
     static const struct span anywhere = {-1000, 1000};
     char key[64];
@@ -53,22 +53,22 @@ static int check_path(const struct scene_object *o, unsigned index, double perio
     if (!memcmp(first, o->path[o->n_path - 1].position_m, 3 * sizeof *first))
         return 0;
     snprintf(key, sizeof key, "objects[%u].path", index);
-    return yaml_complain(why, -EINVAL, path, key,
-                         "the drive repeats, and this does not end where it begins; say "
-                         "present_s: [FROM, TO]");
+    return yaml_error_say(why, -EINVAL, path, key,
+                          "the drive repeats, and this does not end where it begins; say "
+                          "present_s: [FROM, TO]");
 }
 
 static int check_during(const double during_s[2], double period_s, const char *key,
-                        const char *path, struct complaint *why)
+                        const char *path, struct error *why)
 {
     if (during_s[0] >= 0 && during_s[0] < during_s[1] && during_s[1] <= period_s)
         return 0;
-    return yaml_complain(why, -EINVAL, path, key, "%g to %g is not a span within 0..%g",
-                         during_s[0], during_s[1], period_s);
+    return yaml_error_say(why, -EINVAL, path, key, "%g to %g is not a span within 0..%g",
+                          during_s[0], during_s[1], period_s);
 }
 
 static int check_mover(const struct scene_object *o, unsigned index, double period_s,
-                       const char *path, struct complaint *why)
+                       const char *path, struct error *why)
 {
     char key[64];
     snprintf(key, sizeof key, "objects[%u].present_s", index);
@@ -78,7 +78,7 @@ static int check_mover(const struct scene_object *o, unsigned index, double peri
 
 /* What comes and goes; period_s 0: nothing may. */
 static int check_spans(const struct scene *s, double period_s, const char *path,
-                       struct complaint *why)
+                       struct error *why)
 {
     const struct {
         const char *key;
@@ -89,8 +89,8 @@ static int check_spans(const struct scene *s, double period_s, const char *path,
     char key[64];
     int err = 0;
     if (s->noise->n_rises && !(period_s > 0))
-        return yaml_complain(why, -EINVAL, path, "noise.rises",
-                             "only a drive has this, and there is no key \"drive\"");
+        return yaml_error_say(why, -EINVAL, path, "noise.rises",
+                              "only a drive has this, and there is no key \"drive\"");
     for (unsigned i = 0; i < s->noise->n_rises && !err; i++) {
         const struct scene_rise *rise = &s->noise->rises[i];
         snprintf(key, sizeof key, "noise.rises[%u].during_s", i);
@@ -104,9 +104,9 @@ static int check_spans(const struct scene *s, double period_s, const char *path,
             const double *during_s = kinds[k].faults[i].during_s;
             snprintf(key, sizeof key, "faults.%s[%u].during_s", kinds[k].key, i);
             if (during_s && !(period_s > 0))
-                err = yaml_complain(why, -EINVAL, path, key,
-                                    "only a drive has this, and there is no key "
-                                    "\"drive\"");
+                err = yaml_error_say(why, -EINVAL, path, key,
+                                     "only a drive has this, and there is no key "
+                                     "\"drive\"");
             else if (during_s)
                 err = check_during(during_s, period_s, key, path, why);
         }
@@ -114,7 +114,7 @@ static int check_spans(const struct scene *s, double period_s, const char *path,
 }
 
 /* Everything keeps still. */
-static int check_standing(const struct scene *s, const char *path, struct complaint *why)
+static int check_standing(const struct scene *s, const char *path, struct error *why)
 {
     char key[64];
     for (unsigned i = 0; i < s->n_objects; i++) {
@@ -122,13 +122,13 @@ static int check_standing(const struct scene *s, const char *path, struct compla
         if (!o->n_path && !o->present_s)
             continue;
         snprintf(key, sizeof key, "objects[%u].%s", i, o->n_path ? "path" : "present_s");
-        return yaml_complain(why, -EINVAL, path, key,
-                             "only a drive has this, and there is no key \"drive\"");
+        return yaml_error_say(why, -EINVAL, path, key,
+                              "only a drive has this, and there is no key \"drive\"");
     }
     return check_spans(s, 0, path, why);
 }
 
-static int check_ego(const struct scene_drive *d, const char *path, struct complaint *why)
+static int check_ego(const struct scene_drive *d, const char *path, struct error *why)
 {
     char key[64];
     int err =
@@ -148,23 +148,24 @@ static int check_ego(const struct scene_drive *d, const char *path, struct compl
     return err;
 }
 
-int scene_check_drive(const struct scene *s, const char *path, struct complaint *why)
+int scene_check_drive(const struct scene *s, const char *path, struct error *why)
 {
     if (!s->drive)
         return check_standing(s, path, why);
     int err = check_ego(s->drive, path, why);
     if (!err && !s->survey.mount)
-        err = yaml_complain(why, -EINVAL, path, "drive",
-                            "the key \"mount\" is missing: which way is forward?");
+        err = yaml_error_say(why, -EINVAL, path, "drive",
+                             "the key \"mount\" is missing: which way is forward?");
     if (!err && s->survey.stage && s->survey.stage->n_positions > 1)
-        err = yaml_complain(why, -EINVAL, path, "drive",
-                            "the array of a drive has no stage");
+        err = yaml_error_say(why, -EINVAL, path, "drive",
+                             "the array of a drive has no stage");
     if (!err && s->noise->snr_db && !s->noise->at_m)
-        err = yaml_complain(why, -EINVAL, path, "noise.snr_db",
-                            "of a drive this needs at_m, the range of a person");
+        err = yaml_error_say(why, -EINVAL, path, "noise.snr_db",
+                             "of a drive this needs at_m, the range of a person");
     if (!err && s->n_objects > MOST_OBJECTS)
-        err = yaml_complain(why, -EINVAL, path, "objects",
-                            "a drive has up to %d, found %u", MOST_OBJECTS, s->n_objects);
+        err = yaml_error_say(why, -EINVAL, path, "objects",
+                             "a drive has up to %d, found %u", MOST_OBJECTS,
+                             s->n_objects);
     for (unsigned i = 0; i < s->n_objects && !err; i++)
         err = check_mover(&s->objects[i], i, s->drive->period_s, path, why);
     return err ? err : check_spans(s, s->drive->period_s, path, why);

@@ -178,24 +178,24 @@ static double before_wall(const struct builder *b, const double p[3])
 }
 
 static int check_place(const struct builder *b, const char *name, const double p[3],
-                       const char *path, const char *key, struct complaint *why)
+                       const char *path, const char *key, struct error *why)
 {
     double before_m = before_wall(b, p);
     if (before_m > 0)
         return 0;
-    return yaml_complain(why, -EINVAL, path, key,
-                         "%s is %.3f m behind the wall; positions are where objects "
-                         "really are, on the array's side",
-                         name, -before_m);
+    return yaml_error_say(why, -EINVAL, path, key,
+                          "%s is %.3f m behind the wall; positions are where objects "
+                          "really are, on the array's side",
+                          name, -before_m);
 }
 
-static int add_objects(const struct builder *b, const char *path, struct complaint *why)
+static int add_objects(const struct builder *b, const char *path, struct error *why)
 {
     struct world *w = b->world;
     char key[48];
     if (!(before_wall(b, b->centre) > 0.01))
-        return yaml_complain(why, -EINVAL, path, "wall.distance_m",
-                             "the wall goes through the array");
+        return yaml_error_say(why, -EINVAL, path, "wall.distance_m",
+                              "the wall goes through the array");
     for (unsigned i = 0; i < b->scene->n_objects; i++) {
         const struct scene_object *o = &b->scene->objects[i];
         snprintf(key, sizeof key, "objects[%u].position_m", i);
@@ -210,7 +210,7 @@ static int add_objects(const struct builder *b, const char *path, struct complai
         part->point = w->points.n;
         part->facet = w->facets.n;
         if (add_object(b, o, &w->objects[w->n_objects]) < 0)
-            return complain(why, -ENOMEM, "%s: out of memory", path);
+            return error_say(why, -ENOMEM, "%s: out of memory", path);
         part->n_points = w->points.n - part->point;
         part->n_facets = w->facets.n - part->facet;
         w->n_objects++;
@@ -234,7 +234,7 @@ static void set_up(const struct survey *s, double up[3])
 }
 
 int world_create(struct world *out, const struct scene *scene, const struct survey *s,
-                 const char *path, struct complaint *why)
+                 const char *path, struct error *why)
 {
     struct builder b = {.world = out, .scene = scene, .survey = s};
     *out = (struct world){.n_objects = 0};
@@ -242,7 +242,7 @@ int world_create(struct world *out, const struct scene *scene, const struct surv
     out->parts = calloc(scene->n_objects + 1, sizeof *out->parts);
     if (!out->objects || !out->parts) {
         world_clear(out);
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     }
     set_up(s, out->up);
     array_centre(s, b.centre);
@@ -251,7 +251,7 @@ int world_create(struct world *out, const struct scene *scene, const struct surv
                 FACETS_PER_WAVELENGTH;
     int err = add_objects(&b, path, why);
     if (!err && clutter_add(&out->clutter, scene, s, b.centre) < 0)
-        err = complain(why, -ENOMEM, "%s: out of memory", path);
+        err = error_say(why, -ENOMEM, "%s: out of memory", path);
     if (err)
         world_clear(out);
     return err;

@@ -22,10 +22,10 @@ struct world {
     double up[3];                /* unit: of the vehicle, or the array's y axis */
 };
 
-/* Everything as at time 0, of a drive too.  path: for complaints.  0, -EINVAL (an object
+/* Everything as at time 0, of a drive too.  path: for errors.  0, -EINVAL (an object
  * behind the wall), -ENOMEM. */
 int world_create(struct world *out, const struct scene *scene, const struct survey *s,
-                 const char *path, struct complaint *why);
+                 const char *path, struct error *why);
 void world_clear(struct world *w);
 
 #endif

@@ -9,7 +9,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 enum { GPIO_MAX_LINES = 8 };
 
@@ -28,7 +28,7 @@ struct gpio;
  * GPIO_MAX_LINES; consumer is what others see as the lines' user.  0, -EINVAL, -ENOENT
  * (no such chip or line), -EBUSY (somebody has it), -EACCES, -ENOMEM, other -errno. */
 int gpio_open(struct gpio **out, const char *chip, const struct gpio_line *lines,
-              size_t n, const char *consumer, struct complaint *why);
+              size_t n, const char *consumer, struct error *why);
 
 /* A line that is not there takes everything.  0, -errno. */
 int gpio_set(struct gpio *g, size_t line, bool active);

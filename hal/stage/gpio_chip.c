@@ -41,22 +41,22 @@ static bool find_label(char out[GPIO_CHIP_PATH_SIZE], const char *label)
     return found;
 }
 
-int gpio_chip_path(char out[GPIO_CHIP_PATH_SIZE], const char *chip, struct complaint *why)
+int gpio_chip_path(char out[GPIO_CHIP_PATH_SIZE], const char *chip, struct error *why)
 {
     bool is_path = chip[0] == '/';
     int n = snprintf(out, GPIO_CHIP_PATH_SIZE, "%s%s", is_path ? "" : "/dev/", chip);
 
     if (!*chip)
-        return complain(why, -EINVAL,
-                        "no chip is named; expected gpiod:/dev/gpiochip0?step=...");
+        return error_say(why, -EINVAL,
+                         "no chip is named; expected gpiod:/dev/gpiochip0?step=...");
     if (n < GPIO_CHIP_PATH_SIZE && !access(out, F_OK))
         return 0;
     if (!is_path && find_label(out, chip))
         return 0;
-    return complain(why, -ENOENT,
-                    "there is no GPIO chip %s; 'gpiodetect' (package gpiod) lists those "
-                    "that are there",
-                    chip);
+    return error_say(why, -ENOENT,
+                     "there is no GPIO chip %s; 'gpiodetect' (package gpiod) lists those "
+                     "that are there",
+                     chip);
 }
 
 int gpio_chip_offset(const char *line)

@@ -39,7 +39,7 @@ static int flags_of(const struct gpio_line *want)
 }
 
 static int request(struct gpio *g, size_t i, const struct gpio_line *want,
-                   const char *consumer, struct complaint *why)
+                   const char *consumer, struct error *why)
 {
     const char *chip = gpiod_chip_name(g->chip);
     struct gpiod_line_request_config cfg = {
@@ -50,15 +50,15 @@ static int request(struct gpio *g, size_t i, const struct gpio_line *want,
     struct gpiod_line *line = find_line(g->chip, want->name);
 
     if (!line)
-        return complain(why, -ENOENT, "GPIO chip %s has no line %s", chip, want->name);
+        return error_say(why, -ENOENT, "GPIO chip %s has no line %s", chip, want->name);
     if (gpiod_line_request(line, &cfg, 0)) {
         int err = -errno;
         const char *user = gpiod_line_consumer(line);
         if (err == -EBUSY)
-            return complain(why, err, "GPIO chip %s, line %s: used by %s", chip,
-                            want->name, user ? user : "the kernel");
-        return complain(why, err, "GPIO chip %s, line %s: %s", chip, want->name,
-                        strerror(-err));
+            return error_say(why, err, "GPIO chip %s, line %s: used by %s", chip,
+                             want->name, user ? user : "the kernel");
+        return error_say(why, err, "GPIO chip %s, line %s: %s", chip, want->name,
+                         strerror(-err));
     }
     g->lines[i].line = line;
     g->lines[i].input = want->input;
@@ -66,7 +66,7 @@ static int request(struct gpio *g, size_t i, const struct gpio_line *want,
 }
 
 int gpio_open(struct gpio **out, const char *chip, const struct gpio_line *lines,
-              size_t n, const char *consumer, struct complaint *why)
+              size_t n, const char *consumer, struct error *why)
 {
     char path[GPIO_CHIP_PATH_SIZE];
     int err = gpio_chip_path(path, chip, why);
@@ -75,11 +75,11 @@ int gpio_open(struct gpio **out, const char *chip, const struct gpio_line *lines
         return err;
     struct gpio *g = calloc(1, sizeof *g);
     if (!g)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     g->n = n;
     g->chip = gpiod_chip_open(path);
     if (!g->chip)
-        err = complain(why, -errno, "%s: %s", path, strerror(errno));
+        err = error_say(why, -errno, "%s: %s", path, strerror(errno));
     for (size_t i = 0; i < n && !err; i++)
         if (lines[i].name)
             err = request(g, i, &lines[i], consumer, why);

@@ -42,18 +42,18 @@ static struct gpiod_line_settings *settings_of(const struct gpio_line *want)
 
 /* Is it there, and free? */
 static int check_line(struct gpiod_chip *chip, int offset, const char *name,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct gpiod_line_info *info =
         offset < 0 ? NULL : gpiod_chip_get_line_info(chip, (unsigned)offset);
 
     if (!info)
-        return complain(why, -ENOENT, "GPIO chip %s has no line %s",
-                        gpiod_chip_get_path(chip), name);
+        return error_say(why, -ENOENT, "GPIO chip %s has no line %s",
+                         gpiod_chip_get_path(chip), name);
     const char *user = gpiod_line_info_get_consumer(info);
     int err = gpiod_line_info_is_used(info)
-                  ? complain(why, -EBUSY, "GPIO chip %s, line %s: used by %s",
-                             gpiod_chip_get_path(chip), name, user ? user : "the kernel")
+                  ? error_say(why, -EBUSY, "GPIO chip %s, line %s: used by %s",
+                              gpiod_chip_get_path(chip), name, user ? user : "the kernel")
                   : 0;
     gpiod_line_info_free(info);
     return err;
@@ -61,7 +61,7 @@ static int check_line(struct gpiod_chip *chip, int offset, const char *name,
 
 static int add_line(struct gpio *g, size_t i, struct gpiod_chip *chip,
                     struct gpiod_line_config *config, const struct gpio_line *want,
-                    struct complaint *why)
+                    struct error *why)
 {
     int offset = gpio_chip_offset(want->name);
 
@@ -72,10 +72,10 @@ static int add_line(struct gpio *g, size_t i, struct gpiod_chip *chip,
         return err;
     struct gpiod_line_settings *settings = settings_of(want);
     if (!settings)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     unsigned number = (unsigned)offset;
     if (gpiod_line_config_add_line_settings(config, &number, 1, settings))
-        err = complain(why, -errno, "GPIO line %s: %s", want->name, strerror(errno));
+        err = error_say(why, -errno, "GPIO line %s: %s", want->name, strerror(errno));
     gpiod_line_settings_free(settings);
     g->lines[i].there = true;
     g->lines[i].input = want->input;
@@ -88,11 +88,11 @@ static int add_line(struct gpio *g, size_t i, struct gpiod_chip *chip,
 }
 
 static int request(struct gpio *g, struct gpiod_chip *chip, const struct gpio_line *lines,
-                   const char *consumer, struct complaint *why)
+                   const char *consumer, struct error *why)
 {
     struct gpiod_line_config *config = gpiod_line_config_new();
     struct gpiod_request_config *as = gpiod_request_config_new();
-    int err = config && as ? 0 : complain(why, -ENOMEM, "out of memory");
+    int err = config && as ? 0 : error_say(why, -ENOMEM, "out of memory");
 
     for (size_t i = 0; i < g->n && !err; i++)
         if (lines[i].name)
@@ -101,8 +101,8 @@ static int request(struct gpio *g, struct gpiod_chip *chip, const struct gpio_li
         gpiod_request_config_set_consumer(as, consumer);
         g->request = gpiod_chip_request_lines(chip, as, config);
         if (!g->request)
-            err = complain(why, -errno, "GPIO chip %s: its lines: %s",
-                           gpiod_chip_get_path(chip), strerror(errno));
+            err = error_say(why, -errno, "GPIO chip %s: its lines: %s",
+                            gpiod_chip_get_path(chip), strerror(errno));
     }
     gpiod_request_config_free(as);
     gpiod_line_config_free(config);
@@ -110,7 +110,7 @@ static int request(struct gpio *g, struct gpiod_chip *chip, const struct gpio_li
 }
 
 int gpio_open(struct gpio **out, const char *chip, const struct gpio_line *lines,
-              size_t n, const char *consumer, struct complaint *why)
+              size_t n, const char *consumer, struct error *why)
 {
     char path[GPIO_CHIP_PATH_SIZE];
     int err = gpio_chip_path(path, chip, why);
@@ -119,14 +119,14 @@ int gpio_open(struct gpio **out, const char *chip, const struct gpio_line *lines
         return err;
     struct gpio *g = calloc(1, sizeof *g);
     if (!g)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     g->n = n;
     g->events = gpiod_edge_event_buffer_new(BUFFER_EVENTS);
     struct gpiod_chip *open = gpiod_chip_open(path);
     if (!g->events)
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     else if (!open)
-        err = complain(why, -errno, "%s: %s", path, strerror(errno));
+        err = error_say(why, -errno, "%s: %s", path, strerror(errno));
     else
         err = request(g, open, lines, consumer, why);
     if (open)

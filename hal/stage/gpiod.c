@@ -57,8 +57,7 @@ static int work_rest(void *state, int wake_fd, char text[STAGE_TEXT_SIZE])
 }
 
 static int start(struct stage_gpiod *s, const struct stage_gpiod_options *o,
-                 const char *chip, const struct clock_source *clock,
-                 struct complaint *why)
+                 const char *chip, const struct clock_source *clock, struct error *why)
 {
     static const struct stage_worker_ops ops = {
         .home = work_home, .move = work_move, .rest = work_rest};
@@ -76,7 +75,7 @@ static int start(struct stage_gpiod *s, const struct stage_gpiod_options *o,
 }
 
 static int gpiod_open(void **state, const char *arg, const struct clock_source *clock,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct stage_gpiod_options o;
     struct device d;
@@ -86,7 +85,7 @@ static int gpiod_open(void **state, const char *arg, const struct clock_source *
         return err;
     struct stage_gpiod *s = calloc(1, sizeof *s);
     err = s ? stage_gpiod_options_read(&o, &d, why)
-            : complain(why, -ENOMEM, "out of memory");
+            : error_say(why, -ENOMEM, "out of memory");
     if (!err)
         err = start(s, &o, d.path, clock, why);
     device_clear(&d);

@@ -20,7 +20,7 @@ static const char *const line_names[STEPPER_N_LINES] = {
     [STEPPER_LIMIT] = "limit",   [STEPPER_ESTOP] = "estop"};
 
 static int read_lines(struct stage_gpiod_options *o, const struct device *d,
-                      struct complaint *why)
+                      struct error *why)
 {
     static const char *const pulls[] = {[GPIO_PULL_AS_IS] = "as-is",
                                         [GPIO_PULL_UP] = "up",
@@ -36,19 +36,19 @@ static int read_lines(struct stage_gpiod_options *o, const struct device *d,
         if (o->lines[i].input)
             o->lines[i].pull = (enum gpio_pull)pull;
         if (o->lines[i].name && !*o->lines[i].name)
-            return complain(why, -EINVAL, "option %s=: expected a line", line_names[i]);
+            return error_say(why, -EINVAL, "option %s=: expected a line", line_names[i]);
     }
     for (int i = STEPPER_STEP; i <= STEPPER_DIRECTION; i++)
         if (!o->lines[i].name)
-            return complain(why, -EINVAL,
-                            "option %s is missing: the line of its %s input",
-                            line_names[i], line_names[i]);
+            return error_say(why, -EINVAL,
+                             "option %s is missing: the line of its %s input",
+                             line_names[i], line_names[i]);
     return 0;
 }
 
 /* The lines that are active low, with commas between. */
 static int read_invert(struct stage_gpiod_options *o, const struct device *d,
-                       struct complaint *why)
+                       struct error *why)
 {
     const char *text = device_option(d, "invert");
 
@@ -59,10 +59,10 @@ static int read_invert(struct stage_gpiod_options *o, const struct device *d,
                (strlen(line_names[i]) != n || strncmp(line_names[i], text, n)))
             i++;
         if (i == STEPPER_N_LINES)
-            return complain(why, -EINVAL,
-                            "option invert: \"%.*s\": expected step, direction, enable, "
-                            "home, limit or estop",
-                            (int)n, text);
+            return error_say(why, -EINVAL,
+                             "option invert: \"%.*s\": expected step, direction, enable, "
+                             "home, limit or estop",
+                             (int)n, text);
         o->lines[i].active_low = true;
         text += n + (text[n] == ',');
     }
@@ -70,7 +70,7 @@ static int read_invert(struct stage_gpiod_options *o, const struct device *d,
 }
 
 static int read_numbers(struct stage_gpiod_options *o, const struct device *d,
-                        struct complaint *why)
+                        struct error *why)
 {
     struct stepper_axis_config *a = &o->axis;
     double acceleration = 0.5, setup_us = 20, pulse_us = 5;
@@ -96,7 +96,7 @@ static int read_numbers(struct stage_gpiod_options *o, const struct device *d,
     o->settle_s = 0.15;
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         if (numbers[i].needed && !device_option(d, numbers[i].key))
-            return complain(why, -EINVAL, "option %s is missing", numbers[i].key);
+            return error_say(why, -EINVAL, "option %s is missing", numbers[i].key);
         int err = device_number(d, numbers[i].key, numbers[i].min, numbers[i].max,
                                 numbers[i].value, why);
         if (err)
@@ -110,29 +110,29 @@ static int read_numbers(struct stage_gpiod_options *o, const struct device *d,
 }
 
 /* Steps faster than the pulse and its pause cannot be made. */
-static int check(const struct stage_gpiod_options *o, struct complaint *why)
+static int check(const struct stage_gpiod_options *o, struct error *why)
 {
     const struct stepper_axis_config *a = &o->axis;
     double speed_m_s = fmax(a->speed_m_s, a->home_speed_m_s);
     double steps_s = speed_m_s * a->steps_per_m;
 
     if (a->min_m >= a->max_m)
-        return complain(why, -EINVAL, "option min=%g is not under max=%g", a->min_m,
-                        a->max_m);
+        return error_say(why, -EINVAL, "option min=%g is not under max=%g", a->min_m,
+                         a->max_m);
     if (a->backlash_m >= a->back_off_m)
-        return complain(why, -EINVAL,
-                        "option backlash=%g: expected less than back_off=%g, so that it "
-                        "is taken up when homing ends",
-                        a->backlash_m, a->back_off_m);
+        return error_say(why, -EINVAL,
+                         "option backlash=%g: expected less than back_off=%g, so that it "
+                         "is taken up when homing ends",
+                         a->backlash_m, a->back_off_m);
     if (2e-9 * (double)o->stepper.pulse_ns * steps_s > 1)
-        return complain(why, -EINVAL,
-                        "%g m/s need %.0f steps/s, more than pulses of %g us allow",
-                        speed_m_s, steps_s, 1e-3 * (double)o->stepper.pulse_ns);
+        return error_say(why, -EINVAL,
+                         "%g m/s need %.0f steps/s, more than pulses of %g us allow",
+                         speed_m_s, steps_s, 1e-3 * (double)o->stepper.pulse_ns);
     return 0;
 }
 
 int stage_gpiod_options_read(struct stage_gpiod_options *o, const struct device *d,
-                             struct complaint *why)
+                             struct error *why)
 {
     static const char *const ends[] = {"negative", "positive", NULL};
     static const char *const homings[] = {"first-move", "manual", NULL};
@@ -151,6 +151,6 @@ int stage_gpiod_options_read(struct stage_gpiod_options *o, const struct device 
     o->axis.home_positive = end == 1;
     o->home_first = homing == 0 && o->axis.has_home;
     if (homing == 0 && device_option(d, "homing") && !o->axis.has_home)
-        return complain(why, -EINVAL, "option homing=first-move needs home=LINE");
+        return error_say(why, -EINVAL, "option homing=first-move needs home=LINE");
     return check(o, why);
 }

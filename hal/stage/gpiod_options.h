@@ -28,6 +28,6 @@ extern const char *const stage_gpiod_option_keys[];
 
 /* The lines' names belong to the device.  0, -EINVAL. */
 int stage_gpiod_options_read(struct stage_gpiod_options *out, const struct device *d,
-                             struct complaint *why);
+                             struct error *why);
 
 #endif

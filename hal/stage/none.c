@@ -6,12 +6,12 @@
 #include "hal/stage/backends.h"
 
 static int none_open(void **state, const char *arg, const struct clock_source *clock,
-                     struct complaint *why)
+                     struct error *why)
 {
     (void)clock;
     *state = NULL;
     if (*arg)
-        return complain(why, -EINVAL, "expected nothing after none:");
+        return error_say(why, -EINVAL, "expected nothing after none:");
     return 0;
 }
 

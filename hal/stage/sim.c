@@ -25,8 +25,7 @@ static double elapsed_s(const struct stage_sim *s)
     return (double)(clock_now_ns(s->clock) - s->start_ns) * 1e-9;
 }
 
-static int read_options(struct stage_sim *s, const struct device *d,
-                        struct complaint *why)
+static int read_options(struct stage_sim *s, const struct device *d, struct error *why)
 {
     static const char *const paces[] = {"real", "fast", NULL};
     double seed = 1;
@@ -49,13 +48,14 @@ static int read_options(struct stage_sim *s, const struct device *d,
         err = device_number(d, numbers[i].key, numbers[i].min, numbers[i].max,
                             numbers[i].value, why);
     if (!err && s->min_m > s->max_m)
-        err = complain(why, -EINVAL, "option min=%g is above max=%g", s->min_m, s->max_m);
+        err =
+            error_say(why, -EINVAL, "option min=%g is above max=%g", s->min_m, s->max_m);
     random_seed(&s->random, &(uint64_t){(uint64_t)seed}, 1);
     return err;
 }
 
 static int sim_open(void **state, const char *arg, const struct clock_source *clock,
-                    struct complaint *why)
+                    struct error *why)
 {
     static const char *const known[] = {"speed", "acceleration", "settle", "error", "min",
                                         "max",   "seed",         "pace",   NULL};
@@ -65,7 +65,7 @@ static int sim_open(void **state, const char *arg, const struct clock_source *cl
         return err;
     struct stage_sim *s = calloc(1, sizeof *s);
     if (!s) {
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
         goto device;
     }
     s->clock = clock;
@@ -76,7 +76,7 @@ static int sim_open(void **state, const char *arg, const struct clock_source *cl
     s->min_m = -0.05;
     s->max_m = 2;
     s->start_ns = clock_now_ns(clock) - (int64_t)60e9; /* long settled */
-    err = *d.path ? complain(why, -EINVAL, "expected only options: sim:?speed=0.2") : 0;
+    err = *d.path ? error_say(why, -EINVAL, "expected only options: sim:?speed=0.2") : 0;
     if (!err)
         err = read_options(s, &d, why);
     if (err)

@@ -131,7 +131,7 @@ static void *work(void *state)
 
 static int start_thread(struct stage_worker *w)
 {
-    struct complaint missing = {.text = ""};
+    struct error missing = {.text = ""};
     int err = realtime_start(&w->thread, work, w, w->cfg.realtime, &missing);
 
     if (!err && missing.text[0])
@@ -143,12 +143,12 @@ static int start_thread(struct stage_worker *w)
 
 int stage_worker_create(struct stage_worker **out, const struct stage_worker_config *cfg,
                         const struct stage_worker_ops *ops, void *device,
-                        const struct clock_source *clock, struct complaint *why)
+                        const struct clock_source *clock, struct error *why)
 {
     struct stage_worker *w = calloc(1, sizeof *w);
 
     if (!w)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     w->cfg = *cfg;
     w->ops = ops;
     w->device = device;
@@ -171,7 +171,7 @@ int stage_worker_create(struct stage_worker **out, const struct stage_worker_con
         close(w->wake_fd);
     pthread_mutex_destroy(&w->lock);
     free(w);
-    return complain(why, err, "no thread for the stage: %s", strerror(-err));
+    return error_say(why, err, "no thread for the stage: %s", strerror(-err));
 }
 
 /* With the lock held. */

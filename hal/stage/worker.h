@@ -33,7 +33,7 @@ struct stage_worker;
  * 0, -errno. */
 int stage_worker_create(struct stage_worker **out, const struct stage_worker_config *cfg,
                         const struct stage_worker_ops *ops, void *device,
-                        const struct clock_source *clock, struct complaint *why);
+                        const struct clock_source *clock, struct error *why);
 
 /* As stage_move, stage_home, stage_stop, stage_status; the range is the caller's. */
 int stage_worker_move(struct stage_worker *w, double target_m);

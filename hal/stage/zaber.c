@@ -40,8 +40,8 @@ struct zaber_facts {
 #define TOLERANCE_M 2e-5
 
 /* Why a question came to nothing, for a person. */
-static int complain_of(int err, const char *command, const struct zaber_message *reply,
-                       char text[STAGE_TEXT_SIZE])
+static int error_say_of(int err, const char *command, const struct zaber_message *reply,
+                        char text[STAGE_TEXT_SIZE])
 {
     if (err == -EPROTO)
         snprintf(text, STAGE_TEXT_SIZE, "it refuses \"%s\": %s", command,
@@ -60,7 +60,7 @@ static int ask_number(struct zaber_port *p, const char *command, double *out,
     int err = zaber_port_ask(p, reply, "%s", command);
 
     if (err)
-        return complain_of(err, command, reply, text);
+        return error_say_of(err, command, reply, text);
     *out = strtod(reply->data, &end);
     if (end != reply->data && (!*end || *end == ' '))
         return 0;
@@ -133,7 +133,7 @@ static int follow(struct zaber_drive *z, bool homing, double *position_m,
             stopped = true;
             err = zaber_port_ask(&z->port, &m, "stop");
             if (err)
-                return complain_of(err, "stop", &m, text);
+                return error_say_of(err, "stop", &m, text);
         }
         err = look(z, &m, position_m, text);
         const char *words;
@@ -168,9 +168,9 @@ static int start_homing(struct zaber_drive *z, char text[STAGE_TEXT_SIZE])
     for (int i = 0; i < 2 && !err; i++) {
         err = zaber_port_ask(&z->port, &m, "%s", commands[i]);
         if (err)
-            return complain_of(err, commands[i], &m, text);
+            return error_say_of(err, commands[i], &m, text);
     }
-    return err ? complain_of(err, "", &m, text) : 0;
+    return err ? error_say_of(err, "", &m, text) : 0;
 }
 
 /* The operations of a stage worker, with the drive as their device. */
@@ -197,7 +197,7 @@ static int zaber_drive_move(void *drive, double target_m, char text[STAGE_TEXT_S
     int err = zaber_port_ask(&z->port, &m, "move abs %lld", steps);
 
     if (err)
-        return fail(z, complain_of(err, "move abs", &m, text));
+        return fail(z, error_say_of(err, "move abs", &m, text));
     err = follow(z, false, &z->rest_m, text);
     if (err == -ECANCELED)
         return err;
@@ -270,14 +270,14 @@ struct stage_zaber {
 
 /* Without an answer there is no telling how far a microstep goes. */
 static int introduce(struct stage_zaber *s, const struct stage_zaber_options *o,
-                     struct complaint *why)
+                     struct error *why)
 {
     char text[STAGE_TEXT_SIZE] = "";
     struct zaber_facts facts = {.resolution = o->resolution};
     int err = zaber_drive_ask(&s->drive, &facts, text);
 
     if (err)
-        return complain(why, err, "%s: %s", s->path, text);
+        return error_say(why, err, "%s: %s", s->path, text);
     double m = 1e-3 * o->pitch_mm / (o->steps * facts.resolution);
     s->drive.m_per_step = m;
     s->drive.rest_m = facts.position * m;
@@ -289,7 +289,7 @@ static int introduce(struct stage_zaber *s, const struct stage_zaber_options *o,
 }
 
 static int start(struct stage_zaber *s, const struct stage_zaber_options *o,
-                 const struct clock_source *clock, struct complaint *why)
+                 const struct clock_source *clock, struct error *why)
 {
     static const struct stage_worker_ops ops = {
         .home = zaber_drive_home, .move = zaber_drive_move, .rest = zaber_drive_rest};
@@ -297,7 +297,7 @@ static int start(struct stage_zaber *s, const struct stage_zaber_options *o,
 
     s->path = strdup(o->port.path);
     if (!s->path)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     port.path = s->path;
     int err = zaber_port_open(&s->drive.port, &port, why);
     if (!err)
@@ -324,7 +324,7 @@ static void zaber_close(void *state)
 }
 
 static int zaber_open(void **state, const char *arg, const struct clock_source *clock,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct stage_zaber_options o;
     struct device d;
@@ -334,7 +334,7 @@ static int zaber_open(void **state, const char *arg, const struct clock_source *
         return err;
     struct stage_zaber *s = calloc(1, sizeof *s);
     err = s ? stage_zaber_options_read(&o, &d, why)
-            : complain(why, -ENOMEM, "out of memory");
+            : error_say(why, -ENOMEM, "out of memory");
     if (!err)
         err = start(s, &o, clock, why);
     device_clear(&d);

@@ -87,16 +87,16 @@ static void serial_close(struct serial *s)
 /* Takes the port for itself.  baud: 9600, 19200, 38400, 57600 or 115200.  0, -EINVAL,
  * -ENOENT, -EACCES, -EBUSY, -ENOTTY, other -errno. */
 static int serial_open(struct serial **out, const char *path, unsigned baud,
-                       struct complaint *why)
+                       struct error *why)
 {
     speed_t speed = speed_of(baud);
 
     if (speed == B0)
-        return complain(why, -EINVAL,
-                        "%u baud: expected 9600, 19200, 38400, 57600 or 115200", baud);
+        return error_say(why, -EINVAL,
+                         "%u baud: expected 9600, 19200, 38400, 57600 or 115200", baud);
     struct serial *s = calloc(1, sizeof *s);
     if (!s)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     s->fd = open(path, O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
     int err = s->fd < 0 ? -errno : set_up(s->fd, speed);
     if (!err) {
@@ -105,11 +105,11 @@ static int serial_open(struct serial **out, const char *path, unsigned baud,
     }
     serial_close(s);
     if (err == -ENOTTY)
-        return complain(why, err, "%s: is no serial port", path);
+        return error_say(why, err, "%s: is no serial port", path);
     if (err == -EACCES)
-        return complain(why, err, "%s: may not be used: its group is usually dialout",
-                        path);
-    return complain(why, err, "%s: %s", path, strerror(-err));
+        return error_say(why, err, "%s: may not be used: its group is usually dialout",
+                         path);
+    return error_say(why, err, "%s: %s", path, strerror(-err));
 }
 
 /* Until the port is ready for `events`.  0, -ETIMEDOUT, -ENODEV. */
@@ -212,7 +212,7 @@ static int serial_read_line(struct serial *s, char line[SERIAL_LINE_SIZE],
 enum { TRIES = 3, N_IDS = 100 };
 
 int zaber_port_open(struct zaber_port *p, const struct zaber_port_config *cfg,
-                    struct complaint *why)
+                    struct error *why)
 {
     p->cfg = *cfg;
     return serial_open(&p->serial, cfg->path, cfg->baud, why);
@@ -220,7 +220,7 @@ int zaber_port_open(struct zaber_port *p, const struct zaber_port_config *cfg,
 
 int zaber_port_reopen(struct zaber_port *p)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
 
     if (p->serial)
         return 0;
@@ -327,7 +327,7 @@ const char *const stage_zaber_option_keys[] = {
     "checksum", "settle", "min",        "max",    "homing", NULL};
 
 static int read_numbers(struct stage_zaber_options *o, const struct device *d,
-                        struct complaint *why)
+                        struct error *why)
 {
     double device = 1, axis = 1, baud = 115200;
     struct {
@@ -359,7 +359,7 @@ static int read_numbers(struct stage_zaber_options *o, const struct device *d,
 }
 
 int stage_zaber_options_read(struct stage_zaber_options *o, const struct device *d,
-                             struct complaint *why)
+                             struct error *why)
 {
     static const char *const checksums[] = {"auto", "on", "off", NULL};
     static const char *const homings[] = {"first-move", "manual", NULL};
@@ -370,13 +370,13 @@ int stage_zaber_options_read(struct stage_zaber_options *o, const struct device 
                                       .min_m = -INFINITY,
                                       .max_m = INFINITY};
     if (!*d->path)
-        return complain(why, -EINVAL,
-                        "no serial port is named; expected "
-                        "zaber:/dev/ttyUSB0?pitch_mm=...");
+        return error_say(why, -EINVAL,
+                         "no serial port is named; expected "
+                         "zaber:/dev/ttyUSB0?pitch_mm=...");
     if (!device_option(d, "pitch_mm"))
-        return complain(why, -EINVAL,
-                        "option pitch_mm is missing: the travel of a turn of the motor "
-                        "in mm, from the stage's data sheet");
+        return error_say(why, -EINVAL,
+                         "option pitch_mm is missing: the travel of a turn of the motor "
+                         "in mm, from the stage's data sheet");
     int err = read_numbers(o, d, why);
     int checksum = err ? err : device_choice(d, "checksum", checksums, why);
     int homing = checksum < 0 ? checksum : device_choice(d, "homing", homings, why);
@@ -385,7 +385,7 @@ int stage_zaber_options_read(struct stage_zaber_options *o, const struct device 
     o->port.checksum = (enum zaber_checksum)checksum;
     o->home_first = homing == 0;
     if (o->min_m >= o->max_m)
-        return complain(why, -EINVAL, "option min=%g is not under max=%g", o->min_m,
-                        o->max_m);
+        return error_say(why, -EINVAL, "option min=%g is not under max=%g", o->min_m,
+                         o->max_m);
     return 0;
 }

@@ -7,7 +7,7 @@
 #include <stdatomic.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "hal/device.h"
 #include "hal/stage/zaber_message.h"
 
@@ -34,7 +34,7 @@ struct zaber_port {
 
 /* 0, or as serial_open. */
 int zaber_port_open(struct zaber_port *p, const struct zaber_port_config *cfg,
-                    struct complaint *why);
+                    struct error *why);
 
 /* After the port was gone; else nothing.  0, or as serial_open. */
 int zaber_port_reopen(struct zaber_port *p);
@@ -69,6 +69,6 @@ extern const char *const stage_zaber_option_keys[];
 
 /* The port's path belongs to the device.  0, -EINVAL. */
 int stage_zaber_options_read(struct stage_zaber_options *out, const struct device *d,
-                             struct complaint *why);
+                             struct error *why);
 
 #endif

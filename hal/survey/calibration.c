@@ -45,32 +45,32 @@ void calibration_name(struct calibration *c, const struct survey *s, const char 
 }
 
 int calibration_fits(const struct calibration *c, const struct survey *s,
-                     const char *path, struct complaint *why)
+                     const char *path, struct error *why)
 {
     char geometry[sizeof c->geometry];
     if (c->n_speakers != s->n_speakers || c->n_microphones != s->n_microphones)
-        return complain(why, -EINVAL,
-                        "%s: made for %zu speakers and %zu microphones, and the array "
-                        "has %zu and %zu; calibrate anew",
-                        path, c->n_speakers, c->n_microphones, s->n_speakers,
-                        s->n_microphones);
+        return error_say(why, -EINVAL,
+                         "%s: made for %zu speakers and %zu microphones, and the array "
+                         "has %zu and %zu; calibrate anew",
+                         path, c->n_speakers, c->n_microphones, s->n_speakers,
+                         s->n_microphones);
     if (c->sample_rate_hz != s->sample_rate_hz)
-        return complain(why, -EINVAL,
-                        "%s: made at %g Hz, and the array runs at %g Hz; calibrate anew",
-                        path, c->sample_rate_hz, s->sample_rate_hz);
+        return error_say(why, -EINVAL,
+                         "%s: made at %g Hz, and the array runs at %g Hz; calibrate anew",
+                         path, c->sample_rate_hz, s->sample_rate_hz);
     name_geometry(s, geometry, sizeof geometry);
     if (strcmp(geometry, c->geometry) != 0)
-        return complain(why, -EINVAL,
-                        "%s: made with speakers and microphones at other places "
-                        "(geometry %s) than this array's (%s); calibrate anew",
-                        path, c->geometry, geometry);
+        return error_say(why, -EINVAL,
+                         "%s: made with speakers and microphones at other places "
+                         "(geometry %s) than this array's (%s); calibrate anew",
+                         path, c->geometry, geometry);
     return 0;
 }
 
 int calibration_apply(const struct calibration *c, struct survey *s, const char *path,
-                      struct complaint *why)
+                      struct error *why)
 {
-    struct complaint inner = {.text = ""};
+    struct error inner = {.text = ""};
     struct survey set = *s;
     int err = calibration_fits(c, s, path, why);
     if (err)
@@ -83,8 +83,8 @@ int calibration_apply(const struct calibration *c, struct survey *s, const char 
         set.sound_speed_m_s = c->sound_speed_m_s;
     err = survey_check(&set, &inner);
     if (err)
-        return complain(why, err, "%s: with it the survey is wrong: %.700s", path,
-                        inner.text);
+        return error_say(why, err, "%s: with it the survey is wrong: %.700s", path,
+                         inner.text);
     *s = set;
     return 0;
 }

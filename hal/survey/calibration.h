@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
 enum calibration_fault {
@@ -45,14 +45,14 @@ int calibration_create(struct calibration **out, size_t n_speakers, size_t n_mic
 void calibration_name(struct calibration *c, const struct survey *s, const char *array);
 
 /* Is it for this array: number and places of elements, sample rate?  path: for the
- * complaint.  0, -EINVAL. */
+ * error.  0, -EINVAL. */
 int calibration_fits(const struct calibration *c, const struct survey *s,
-                     const char *path, struct complaint *why);
+                     const char *path, struct error *why);
 
 /* Latency, temperature and speed of sound into the survey, where they are known.
  * 0, -EINVAL (does not fit, or the survey is not plausible with it), and *s as it was. */
 int calibration_apply(const struct calibration *c, struct survey *s, const char *path,
-                      struct complaint *why);
+                      struct error *why);
 
 /* What a channel's samples are to be multiplied by: its gain and polarity undone; 0 for a
  * dead or noisy one, which nodes/rt/channel_check then leaves out. */

@@ -93,7 +93,7 @@ static const struct cyaml_schema_value root_schema = {
 
 /* -- reading ----------------------------------------------------------------------------
  */
-static int check_numbers(const struct root *r, const char *path, struct complaint *why)
+static int check_numbers(const struct root *r, const char *path, struct error *why)
 {
     const struct {
         const char *key;
@@ -112,28 +112,28 @@ static int check_numbers(const struct root *r, const char *path, struct complain
     };
     for (size_t i = 0; i < sizeof rules / sizeof *rules; i++)
         if (!(rules[i].value >= rules[i].min && rules[i].value <= rules[i].max))
-            return yaml_complain(why, -EINVAL, path, rules[i].key,
-                                 "%g is implausible; expected %g to %g %s",
-                                 rules[i].value, rules[i].min, rules[i].max,
-                                 rules[i].unit);
+            return yaml_error_say(why, -EINVAL, path, rules[i].key,
+                                  "%g is implausible; expected %g to %g %s",
+                                  rules[i].value, rules[i].min, rules[i].max,
+                                  rules[i].unit);
     return 0;
 }
 
 static int take_gains(struct calibration_channel *out, size_t n, const double *gains_db,
                       size_t n_gains, const char *kind, const char *path,
-                      struct complaint *why)
+                      struct error *why)
 {
     char key[48];
     snprintf(key, sizeof key, "gains.%s_db", kind);
     if (n_gains != n)
-        return yaml_complain(why, -EINVAL, path, key,
-                             "expected %zu gains, one for each, found %zu", n, n_gains);
+        return yaml_error_say(why, -EINVAL, path, key,
+                              "expected %zu gains, one for each, found %zu", n, n_gains);
     for (size_t i = 0; i < n; i++) {
         if (!(fabs(gains_db[i]) <= CALIBRATION_MAX_GAIN_DB)) {
             snprintf(key, sizeof key, "gains.%s_db[%zu]", kind, i);
-            return yaml_complain(why, -EINVAL, path, key,
-                                 "%g is implausible; expected %g to %g dB", gains_db[i],
-                                 -CALIBRATION_MAX_GAIN_DB, CALIBRATION_MAX_GAIN_DB);
+            return yaml_error_say(why, -EINVAL, path, key,
+                                  "%g is implausible; expected %g to %g dB", gains_db[i],
+                                  -CALIBRATION_MAX_GAIN_DB, CALIBRATION_MAX_GAIN_DB);
         }
         out[i].gain_db = gains_db[i];
     }
@@ -142,7 +142,7 @@ static int take_gains(struct calibration_channel *out, size_t n, const double *g
 
 static int take_faults(struct calibration_channel *out, size_t n,
                        const struct numbers with[N_FAULTS], const char *kind,
-                       const char *path, struct complaint *why)
+                       const char *path, struct error *why)
 {
     for (unsigned f = 0; f < N_FAULTS; f++)
         for (unsigned i = 0; i < with[f].n; i++) {
@@ -152,15 +152,15 @@ static int take_faults(struct calibration_channel *out, size_t n,
             }
             char key[64];
             snprintf(key, sizeof key, "channels.%s_%s[%u]", fault_names[f], kind, i);
-            return yaml_complain(why, -EINVAL, path, key,
-                                 "there is no %u; expected 0 to %zu", with[f].at[i],
-                                 n - 1);
+            return yaml_error_say(why, -EINVAL, path, key,
+                                  "there is no %u; expected 0 to %zu", with[f].at[i],
+                                  n - 1);
         }
     return 0;
 }
 
 static int take_channels(struct calibration *c, const struct root *r, const char *path,
-                         struct complaint *why)
+                         struct error *why)
 {
     struct calibration_channel *channels[2] = {c->speakers, c->microphones};
     const size_t n[2] = {c->n_speakers, c->n_microphones};
@@ -186,14 +186,14 @@ static double known(const double *x)
 }
 
 static int from_root(struct calibration **out, const struct root *r, const char *path,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct calibration *c;
     int err = check_numbers(r, path, why);
     if (err)
         return err;
     if (calibration_create(&c, r->speakers, r->microphones) < 0)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     c->sample_rate_hz = r->sample_rate_hz;
     strcpy(c->array, r->array);
     strcpy(c->made, r->made);
@@ -204,7 +204,7 @@ static int from_root(struct calibration **out, const struct root *r, const char 
     c->sound_speed_m_s = known(r->sound_speed_m_s);
     err = take_channels(c, r, path, why);
     if (!err && r->background && !(c->background = strdup(r->background)))
-        err = complain(why, -ENOMEM, "%s: out of memory", path);
+        err = error_say(why, -ENOMEM, "%s: out of memory", path);
     if (err)
         calibration_destroy(c);
     else
@@ -212,7 +212,7 @@ static int from_root(struct calibration **out, const struct root *r, const char 
     return err;
 }
 
-int calibration_load(struct calibration **out, const char *path, struct complaint *why)
+int calibration_load(struct calibration **out, const char *path, struct error *why)
 {
     void *root;
     *out = NULL;
@@ -225,7 +225,7 @@ int calibration_load(struct calibration **out, const char *path, struct complain
 }
 
 int calibration_take(struct calibration **out, const char *path, struct survey *s,
-                     struct complaint *why)
+                     struct error *why)
 {
     *out = NULL;
     if (!path || !*path)
@@ -338,14 +338,14 @@ static int write_whole(const struct calibration *c, const char *path, const char
     return err;
 }
 
-int calibration_save(const struct calibration *c, const char *path, struct complaint *why)
+int calibration_save(const struct calibration *c, const char *path, struct error *why)
 {
     char *partial;
     if (asprintf(&partial, "%s.part", path) < 0)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     int err = write_whole(c, path, partial);
     free(partial);
     if (err)
-        complain(why, err, "%s cannot be written: %s", path, strerror(-err));
+        error_say(why, err, "%s cannot be written: %s", path, strerror(-err));
     return err;
 }

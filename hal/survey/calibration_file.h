@@ -21,17 +21,16 @@
 
 #include "hal/survey/calibration.h"
 
-/* Every value is within its plausible range, or the complaint is "file:line: key: ..."
+/* Every value is within its plausible range, or the error is "file:line: key: ..."
  * with that range.  0, -ENOENT, -EACCES, -EINVAL, -ENOMEM. */
-int calibration_load(struct calibration **out, const char *path, struct complaint *why);
+int calibration_load(struct calibration **out, const char *path, struct error *why);
 
 /* Appears whole or not at all, in place of an earlier one.  0, other negative errno. */
-int calibration_save(const struct calibration *c, const char *path,
-                     struct complaint *why);
+int calibration_save(const struct calibration *c, const char *path, struct error *why);
 
 /* For an array that is being opened: calibration_load and _apply.  path NULL or "": none,
  * and *out is NULL. */
 int calibration_take(struct calibration **out, const char *path, struct survey *s,
-                     struct complaint *why);
+                     struct error *why);
 
 #endif

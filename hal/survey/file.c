@@ -31,8 +31,7 @@ static const struct cyaml_schema_value root_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_POINTER, struct survey_root, root_fields)};
 
 /* Each part once: as the array and the chirp, or as the files in place of them. */
-static int check_keys(const struct survey_yaml *y, const char *path,
-                      struct complaint *why)
+static int check_keys(const struct survey_yaml *y, const char *path, struct error *why)
 {
     const struct {
         const char *key, *instead;
@@ -47,19 +46,19 @@ static int check_keys(const struct survey_yaml *y, const char *path,
     };
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
         if (keys[i].there && keys[i].replaced)
-            return yaml_complain(why, -EINVAL, path, keys[i].key,
-                                 "the key \"%s\" says this already; expected one",
-                                 keys[i].instead);
+            return yaml_error_say(why, -EINVAL, path, keys[i].key,
+                                  "the key \"%s\" says this already; expected one",
+                                  keys[i].instead);
         if (!keys[i].there && !keys[i].replaced && !keys[i].optional)
-            return complain(why, -EINVAL, "%s:1: the key \"%s\" is missing%s%s%s", path,
-                            keys[i].key, keys[i].instead ? ", or \"" : "",
-                            keys[i].instead ? keys[i].instead : "",
-                            keys[i].instead ? "\"" : "");
+            return error_say(why, -EINVAL, "%s:1: the key \"%s\" is missing%s%s%s", path,
+                             keys[i].key, keys[i].instead ? ", or \"" : "",
+                             keys[i].instead ? keys[i].instead : "",
+                             keys[i].instead ? "\"" : "");
     }
     return 0;
 }
 
-int survey_load(struct survey *out, const char *path, struct complaint *why)
+int survey_load(struct survey *out, const char *path, struct error *why)
 {
     void *root;
     memset(out, 0, sizeof *out);
@@ -74,7 +73,7 @@ int survey_load(struct survey *out, const char *path, struct complaint *why)
     return err;
 }
 
-int survey_load_place(struct survey *out, const char *path, struct complaint *why)
+int survey_load_place(struct survey *out, const char *path, struct error *why)
 {
     void *root;
     memset(out, 0, sizeof *out);
@@ -85,7 +84,7 @@ int survey_load_place(struct survey *out, const char *path, struct complaint *wh
     if (!err) {
         err = survey_check_place(out, why);
         if (err)
-            yaml_place_complaint(why, path);
+            yaml_place_error(why, path);
     }
     yaml_unload(&root_schema, root);
     return err;
@@ -196,17 +195,17 @@ static void print_survey(FILE *f, const struct survey *s, const char *path,
 }
 
 static int save_responses(const struct survey *s, const char *path, const char *folder,
-                          struct complaint *why)
+                          struct error *why)
 {
     int err = 0;
     if (folder[strcspn(folder, "\"\\\n")])
-        return complain(why, -EINVAL, "%s: a calibration folder without quotes, please",
-                        folder);
+        return error_say(why, -EINVAL, "%s: a calibration folder without quotes, please",
+                         folder);
     char *place = yaml_sibling(path, folder);
     if (!place)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     if (mkdir(place, 0777) < 0 && errno != EEXIST)
-        err = complain(why, -errno, "%s: %s", place, strerror(errno));
+        err = error_say(why, -errno, "%s: %s", place, strerror(errno));
     for (size_t i = 0; i < s->n_responses && !err; i++)
         err = response_save(&s->responses[i], place, why);
     free(place);
@@ -265,7 +264,7 @@ name:
 }
 
 int survey_save(const struct survey *s, const char *path, const char *calibration_folder,
-                struct complaint *why)
+                struct error *why)
 {
     const char *calibration = s->n_responses ? calibration_folder : NULL;
     int err = calibration ? save_responses(s, path, calibration, why) : 0;
@@ -277,6 +276,6 @@ int survey_save(const struct survey *s, const char *path, const char *calibratio
     if (!err)
         err = write_whole(s, path, calibration);
     if (err)
-        complain(why, err, "%s cannot be written: %s", path, strerror(-err));
+        error_say(why, err, "%s cannot be written: %s", path, strerror(-err));
     return err;
 }

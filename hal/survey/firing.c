@@ -9,17 +9,17 @@
 #define MOST_M       100.0
 
 static int whole_number(const struct device *d, const char *key, double max,
-                        double *value, struct complaint *why)
+                        double *value, struct error *why)
 {
     int err = device_number(d, key, 1, max, value, why);
 
     if (!err && *value != floor(*value))
-        err = complain(why, -EINVAL, "option %s=%s: expected a whole number", key,
-                       device_option(d, key));
+        err = error_say(why, -EINVAL, "option %s=%s: expected a whole number", key,
+                        device_option(d, key));
     return err;
 }
 
-int firing_from_device(struct firing *out, const struct device *d, struct complaint *why)
+int firing_from_device(struct firing *out, const struct device *d, struct error *why)
 {
     static const char *const ways[] = {"no", "yes", NULL};
 
@@ -37,7 +37,7 @@ int firing_from_device(struct firing *out, const struct device *d, struct compla
     return both < 0 ? both : 0;
 }
 
-int firing_from_uri(struct firing *out, const char *uri, struct complaint *why)
+int firing_from_uri(struct firing *out, const char *uri, struct error *why)
 {
     const char *colon = strchr(uri, ':');
     struct device d;
@@ -50,12 +50,12 @@ int firing_from_uri(struct firing *out, const char *uri, struct complaint *why)
     return err;
 }
 
-int firing_apply(struct survey *s, const struct firing *f, struct complaint *why)
+int firing_apply(struct survey *s, const struct firing *f, struct error *why)
 {
-    struct complaint inner = {""};
+    struct error inner = {""};
 
     if (f->far_m > 0.0 && !s->has_gate)
-        return complain(why, -EINVAL, "option far_m: there is no gate_m to end there");
+        return error_say(why, -EINVAL, "option far_m: there is no gate_m to end there");
     if (f->slot_samples > 0.0)
         s->slot_samples = (size_t)f->slot_samples;
     if (f->together > 0.0)
@@ -67,5 +67,5 @@ int firing_apply(struct survey *s, const struct firing *f, struct complaint *why
     if (f->chirps != FIRING_AS_THEY_ARE)
         s->chirp_alternates = f->chirps == FIRING_BOTH_WAYS;
     int err = survey_check(s, &inner);
-    return err ? complain(why, err, "with the options of array.uri: %s", inner.text) : 0;
+    return err ? error_say(why, err, "with the options of array.uri: %s", inner.text) : 0;
 }

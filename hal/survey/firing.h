@@ -9,7 +9,7 @@
 #define ANLOS_HAL_SURVEY_FIRING_H
 
 #include "hal/device.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
 /* Keys for device_parse. */
@@ -25,12 +25,12 @@ struct firing { /* 0: as the file says */
 };
 
 /* 0, -EINVAL. */
-int firing_from_device(struct firing *out, const struct device *d, struct complaint *why);
+int firing_from_device(struct firing *out, const struct device *d, struct error *why);
 
 /* The same of a URI whose other options are somebody else's.  0, -EINVAL, -ENOMEM. */
-int firing_from_uri(struct firing *out, const char *uri, struct complaint *why);
+int firing_from_uri(struct firing *out, const char *uri, struct error *why);
 
 /* Into a survey that passes survey_check, and does so afterwards.  0, -EINVAL. */
-int firing_apply(struct survey *s, const struct firing *f, struct complaint *why);
+int firing_apply(struct survey *s, const struct firing *f, struct error *why);
 
 #endif

@@ -80,16 +80,16 @@ size_t yaml_line(const char *path, const char *key)
     return line;
 }
 
-static int complain_at(struct complaint *why, int err, const char *path, size_t line,
-                       const char *text)
+static int error_say_at(struct error *why, int err, const char *path, size_t line,
+                        const char *text)
 {
     if (line)
-        return complain(why, err, "%s:%zu: %s", path, line, text);
-    return complain(why, err, "%s: %s", path, text);
+        return error_say(why, err, "%s:%zu: %s", path, line, text);
+    return error_say(why, err, "%s: %s", path, text);
 }
 
-int yaml_complain(struct complaint *why, int err, const char *path, const char *key,
-                  const char *format, ...)
+int yaml_error_say(struct error *why, int err, const char *path, const char *key,
+                   const char *format, ...)
 {
     char text[800];
     int n = snprintf(text, sizeof text, "%.200s: ", key);
@@ -97,16 +97,16 @@ int yaml_complain(struct complaint *why, int err, const char *path, const char *
     va_start(args, format);
     vsnprintf(text + n, sizeof text - (size_t)n, format, args);
     va_end(args);
-    return complain_at(why, err, path, yaml_line(path, key), text);
+    return error_say_at(why, err, path, yaml_line(path, key), text);
 }
 
 int yaml_check_range(const char *path, const char *key, double value, double min,
-                     double max, struct complaint *why)
+                     double max, struct error *why)
 {
     return value >= min && value <= max
                ? 0
-               : yaml_complain(why, -EINVAL, path, key, "expected %g to %g, not %g", min,
-                               max, value);
+               : yaml_error_say(why, -EINVAL, path, key, "expected %g to %g, not %g", min,
+                                max, value);
 }
 
 /* "chirp_start_hz": as it stands, then chirp.start_hz, chirp_start.hz, and the same with
@@ -170,16 +170,16 @@ static size_t line_of_text(yaml_document_t *d, const char *text)
     return 0;
 }
 
-void yaml_place_complaint(struct complaint *why, const char *path)
+void yaml_place_error(struct error *why, const char *path)
 {
     yaml_document_t d;
     size_t line = 0;
     if (!why)
         return;
-    struct complaint before = *why;
+    struct error before = *why;
     if (open_document(path, &d)) {
         line = line_of_text(&d, before.text);
         yaml_document_delete(&d);
     }
-    complain_at(why, 0, path, line, before.text);
+    error_say_at(why, 0, path, line, before.text);
 }

@@ -54,7 +54,7 @@ static bool is_blank(const char *text)
 }
 
 static int read_points(struct survey_response *r, FILE *f, const char *path,
-                       struct complaint *why)
+                       struct error *why)
 {
     char text[256];
     size_t line = 0, room = 0;
@@ -64,23 +64,23 @@ static int read_points(struct survey_response *r, FILE *f, const char *path,
         if (!parse_point(text, &hz, &db)) {
             if (!r->n_points || is_blank(text))
                 continue;
-            return complain(why, -EINVAL, "%s:%zu: expected a frequency in Hz and dB",
-                            path, line);
+            return error_say(why, -EINVAL, "%s:%zu: expected a frequency in Hz and dB",
+                             path, line);
         }
         if (hz < 0 || (r->n_points && hz <= r->frequency_hz[r->n_points - 1]))
-            return complain(why, -EINVAL, "%s:%zu: frequency %g Hz does not rise", path,
-                            line, hz);
+            return error_say(why, -EINVAL, "%s:%zu: frequency %g Hz does not rise", path,
+                             line, hz);
         if (r->n_points == MAX_POINTS)
-            return complain(why, -EINVAL, "%s:%zu: more than %d points", path, line,
-                            MAX_POINTS);
+            return error_say(why, -EINVAL, "%s:%zu: more than %d points", path, line,
+                             MAX_POINTS);
         if (append(r, &room, hz, db) < 0)
-            return complain(why, -ENOMEM, "%s: out of memory", path);
+            return error_say(why, -ENOMEM, "%s: out of memory", path);
     }
     if (ferror(f))
-        return complain(why, -EIO, "%s: cannot be read", path);
+        return error_say(why, -EIO, "%s: cannot be read", path);
     if (!r->n_points)
-        return complain(why, -EINVAL, "%s: expected lines of frequency in Hz and dB",
-                        path);
+        return error_say(why, -EINVAL, "%s: expected lines of frequency in Hz and dB",
+                         path);
     return 0;
 }
 
@@ -91,15 +91,15 @@ static char *path_of(const char *folder, const char *serial)
 }
 
 int response_load(struct survey_response *out, const char *folder, const char *serial,
-                  struct complaint *why)
+                  struct error *why)
 {
     *out = (struct survey_response){.n_points = 0};
     if (!*serial || strlen(serial) >= sizeof out->serial || strchr(serial, '/'))
-        return complain(why, -EINVAL, "\"%s\" is no serial number of 1..%zu characters",
-                        serial, sizeof out->serial - 1);
+        return error_say(why, -EINVAL, "\"%s\" is no serial number of 1..%zu characters",
+                         serial, sizeof out->serial - 1);
     char *path = path_of(folder, serial);
     if (!path)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     FILE *f;
     int err = text_file_open(&f, path, why);
     if (err)
@@ -138,22 +138,21 @@ static int write_points(const struct survey_response *r, const char *path)
     return err;
 }
 
-int response_save(const struct survey_response *r, const char *folder,
-                  struct complaint *why)
+int response_save(const struct survey_response *r, const char *folder, struct error *why)
 {
     char *path = path_of(folder, r->serial);
     if (!path)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = write_points(r, path);
     if (err == -EEXIST) {
         struct survey_response there;
         err = response_load(&there, folder, r->serial, why);
         if (!err && !same_curve(r, &there))
-            err = complain(why, -EEXIST, "%s: holds another curve; choose another folder",
-                           path);
+            err = error_say(why, -EEXIST,
+                            "%s: holds another curve; choose another folder", path);
         response_clear(&there);
     } else if (err) {
-        complain(why, err, "%s: %s", path, strerror(-err));
+        error_say(why, err, "%s: %s", path, strerror(-err));
     }
     free(path);
     return err;

@@ -3,19 +3,18 @@
 #ifndef ANLOS_HAL_SURVEY_RESPONSE_FILE_H
 #define ANLOS_HAL_SURVEY_RESPONSE_FILE_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
 /* Reads FOLDER/SERIAL.txt.  Lines without a number at the start are passed over before
  * the first point; after it, and frequencies that do not rise, are errors.  *out owns its
  * arrays: response_clear.  0, a negative errno of opening, -EINVAL, -ENOMEM. */
 int response_load(struct survey_response *out, const char *folder, const char *serial,
-                  struct complaint *why);
+                  struct error *why);
 
 /* Writes FOLDER/SERIAL.txt, unless a file is there that reads the same.  0, -EEXIST (it
  * reads differently), other negative errno. */
-int response_save(const struct survey_response *r, const char *folder,
-                  struct complaint *why);
+int response_save(const struct survey_response *r, const char *folder, struct error *why);
 
 /* Gain as a factor: linear in dB between points, constant outside them. */
 double response_gain(const struct survey_response *r, double frequency_hz);

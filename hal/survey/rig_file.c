@@ -88,32 +88,32 @@ struct list {
     size_t n_elements;
 };
 
-static int check_count(const struct list *l, size_t n, struct complaint *why)
+static int check_count(const struct list *l, size_t n, struct error *why)
 {
     if (n == l->n_elements)
         return 0;
-    return yaml_complain(why, -EINVAL, l->path, l->key,
-                         "expected one for each of %zu %s, found %zu", l->n_elements,
-                         l->of, n);
+    return yaml_error_say(why, -EINVAL, l->path, l->key,
+                          "expected one for each of %zu %s, found %zu", l->n_elements,
+                          l->of, n);
 }
 
-static int refuse_entry(const struct list *l, size_t i, struct complaint *why,
+static int refuse_entry(const struct list *l, size_t i, struct error *why,
                         const char *text, double value)
 {
     char key[64];
     snprintf(key, sizeof key, "%s[%zu]", l->key, i);
-    return yaml_complain(why, -EINVAL, l->path, key, text, value);
+    return yaml_error_say(why, -EINVAL, l->path, key, text, value);
 }
 
 static int take_channels(size_t **out, const struct list *l, const struct indices *in,
-                         struct complaint *why)
+                         struct error *why)
 {
     int err = in->list ? check_count(l, in->n, why) : 0;
     if (err)
         return err;
     size_t *channels = *out = calloc(l->n_elements, sizeof *channels);
     if (!channels)
-        return complain(why, -ENOMEM, "%s: out of memory", l->path);
+        return error_say(why, -ENOMEM, "%s: out of memory", l->path);
     for (size_t i = 0; i < l->n_elements; i++) {
         channels[i] = in->list ? in->list[i] : i;
         if (channels[i] >= RIG_MAX_CHANNELS)
@@ -128,14 +128,14 @@ static int take_channels(size_t **out, const struct list *l, const struct indice
 }
 
 static int take_gains(float **out, const struct list *l, const struct numbers *in,
-                      double base_db, struct complaint *why)
+                      double base_db, struct error *why)
 {
     int err = in->list ? check_count(l, in->n, why) : 0;
     if (err)
         return err;
     float *gains = *out = calloc(l->n_elements, sizeof *gains);
     if (!gains)
-        return complain(why, -ENOMEM, "%s: out of memory", l->path);
+        return error_say(why, -ENOMEM, "%s: out of memory", l->path);
     for (size_t i = 0; i < l->n_elements; i++) {
         double db = in->list ? in->list[i] : 0;
         if (!(fabs(db) <= GAIN_DB))
@@ -146,7 +146,7 @@ static int take_gains(float **out, const struct list *l, const struct numbers *i
 }
 
 static int invert(float *gains, const struct list *l, const struct indices *in,
-                  struct complaint *why)
+                  struct error *why)
 {
     for (size_t i = 0; i < in->n; i++) {
         uint32_t k = in->list[i];
@@ -160,19 +160,19 @@ static int invert(float *gains, const struct list *l, const struct indices *in,
 }
 
 static int take_number(double *out, const double *in, const char *path, const char *key,
-                       const double range[2], struct complaint *why)
+                       const double range[2], struct error *why)
 {
     if (!in)
         return 0;
     if (!(*in >= range[0] && *in <= range[1]))
-        return yaml_complain(why, -EINVAL, path, key, "%g is outside %g..%g", *in,
-                             range[0], range[1]);
+        return yaml_error_say(why, -EINVAL, path, key, "%g is outside %g..%g", *in,
+                              range[0], range[1]);
     *out = *in;
     return 0;
 }
 
 static int take_buffers(struct rig *r, const struct rig_device *d, const char *path,
-                        struct complaint *why)
+                        struct error *why)
 {
     static const double ms_range[] = {10, 10000}, frames_range[] = {16, 65536};
     double rate_hz = r->survey.sample_rate_hz, buffer_ms = DEFAULT_BUFFER_MS;
@@ -189,14 +189,14 @@ static int take_buffers(struct rig *r, const struct rig_device *d, const char *p
     r->period_frames = (size_t)period;
     r->buffer_frames = (size_t)llround(buffer_ms * 1e-3 * rate_hz);
     if (r->buffer_frames < 2 * r->period_frames)
-        return yaml_complain(why, -EINVAL, path, "device.buffer_ms",
-                             "%g ms are less than two periods of %zu frames", buffer_ms,
-                             r->period_frames);
+        return yaml_error_say(why, -EINVAL, path, "device.buffer_ms",
+                              "%g ms are less than two periods of %zu frames", buffer_ms,
+                              r->period_frames);
     return 0;
 }
 
 static int take_speakers(struct rig *r, const struct rig_device *d, const char *path,
-                         struct complaint *why)
+                         struct error *why)
 {
     static const double range[] = {-120, 0};
     struct list l = {path, "device.level_db", "speakers", r->survey.n_speakers};
@@ -218,7 +218,7 @@ static int take_speakers(struct rig *r, const struct rig_device *d, const char *
 }
 
 static int take_microphones(struct rig *r, const struct rig_device *d, const char *path,
-                            struct complaint *why)
+                            struct error *why)
 {
     struct list l = {path, "device.inputs", "microphones", r->survey.n_microphones};
     int err = take_channels(&r->inputs, &l, &d->inputs, why);
@@ -230,7 +230,7 @@ static int take_microphones(struct rig *r, const struct rig_device *d, const cha
 }
 
 static int take_device(struct rig *r, const struct rig_device *d, const char *path,
-                       struct complaint *why)
+                       struct error *why)
 {
     static const struct rig_device nothing = {.format = 0};
     if (!d)
@@ -246,30 +246,30 @@ static int take_device(struct rig *r, const struct rig_device *d, const char *pa
 }
 
 /* With the background that it names. */
-static int take_calibration(struct rig *r, const char *file, struct complaint *why)
+static int take_calibration(struct rig *r, const char *file, struct error *why)
 {
     int err = calibration_take(&r->calibration, file, &r->survey, why);
     if (err || !r->calibration || !r->calibration->background)
         return err;
     r->background = yaml_sibling(file, r->calibration->background);
-    return r->background ? 0 : complain(why, -ENOMEM, "%s: out of memory", file);
+    return r->background ? 0 : error_say(why, -ENOMEM, "%s: out of memory", file);
 }
 
 /* What the rig names is relative to it, and what is wrong there has its line. */
 static int take_named_calibration(struct rig *r, const char *name, const char *path,
-                                  struct complaint *why)
+                                  struct error *why)
 {
-    struct complaint inner = {.text = ""};
+    struct error inner = {.text = ""};
     char *file = yaml_sibling(path, name);
     if (!file)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     int err = take_calibration(r, file, &inner);
     free(file);
-    return err ? yaml_complain(why, err, path, "calibrated", "%.700s", inner.text) : 0;
+    return err ? yaml_error_say(why, err, path, "calibrated", "%.700s", inner.text) : 0;
 }
 
 int rig_load_calibrated(struct rig *out, const char *path, const char *calibrated,
-                        struct complaint *why)
+                        struct error *why)
 {
     void *data;
     *out = (struct rig){.access = RIG_ACCESS_ANY};
@@ -291,7 +291,7 @@ int rig_load_calibrated(struct rig *out, const char *path, const char *calibrate
     return err;
 }
 
-int rig_load(struct rig *out, const char *path, struct complaint *why)
+int rig_load(struct rig *out, const char *path, struct error *why)
 {
     return rig_load_calibrated(out, path, NULL, why);
 }

@@ -23,7 +23,7 @@
 
 #include "hal/alsa/sample_format.h"
 #include "hal/survey/calibration_file.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
 #define RIG_MAX_CHANNELS 256
@@ -45,14 +45,14 @@ struct rig {
     float *input_gain;  /* [n_microphones], with the sign */
 };
 
-/* Clear with rig_clear.  The complaint is "file:line: key: what was expected".  0,
+/* Clear with rig_clear.  The error is "file:line: key: what was expected".  0,
  * -ENOENT, -EACCES, -EINVAL, -ENOMEM. */
-int rig_load(struct rig *out, const char *path, struct complaint *why);
+int rig_load(struct rig *out, const char *path, struct error *why);
 
 /* The same with another calibration file than the rig names, as the path stands; "": with
  * none, NULL: with the rig's. */
 int rig_load_calibrated(struct rig *out, const char *path, const char *calibrated,
-                        struct complaint *why);
+                        struct error *why);
 
 /* Channels that a card must have for the speakers, and for the microphones. */
 size_t rig_output_channels(const struct rig *r);

@@ -80,12 +80,13 @@ const struct cyaml_schema_field survey_yaml_mount_fields[] = {
     POINT(y_axis, survey_yaml_mount), CYAML_FIELD_END};
 
 int survey_yaml_normalize(double v[3], const char *path, const char *key,
-                          struct complaint *why)
+                          struct error *why)
 {
     double length = hypot(hypot(v[0], v[1]), v[2]);
     if (!(length > 1e-9) || !isfinite(length))
-        return yaml_complain(why, -EINVAL, path, key,
-                             "expected a direction, found a vector of length %g", length);
+        return yaml_error_say(why, -EINVAL, path, key,
+                              "expected a direction, found a vector of length %g",
+                              length);
     if (fabs(length - 1) < 4e-16) /* keeps what was normalized before as it is */
         return 0;
     for (int a = 0; a < 3; a++)
@@ -102,23 +103,23 @@ static void *copy_of(const void *p, size_t size)
 }
 
 static int take_sound_speed(struct survey *s, const struct survey_yaml *y,
-                            const char *path, struct complaint *why)
+                            const char *path, struct error *why)
 {
     s->temperature_c = y->temperature_c ? *y->temperature_c : NAN;
     if (!y->sound_speed_m_s && !y->temperature_c)
-        return complain(why, -EINVAL,
-                        "%s: expected one of the keys sound_speed_m_s, temperature_c",
-                        path);
+        return error_say(why, -EINVAL,
+                         "%s: expected one of the keys sound_speed_m_s, temperature_c",
+                         path);
     if (y->temperature_c && !(*y->temperature_c >= -60 && *y->temperature_c <= 80))
-        return yaml_complain(why, -EINVAL, path, "temperature_c", "%g is outside -60..80",
-                             *y->temperature_c);
+        return yaml_error_say(why, -EINVAL, path, "temperature_c",
+                              "%g is outside -60..80", *y->temperature_c);
     s->sound_speed_m_s = y->sound_speed_m_s ? *y->sound_speed_m_s
                                             : survey_sound_speed_m_s(*y->temperature_c);
     return 0;
 }
 
 static int take_timing(struct survey *s, const struct survey_yaml *y, const char *path,
-                       struct complaint *why)
+                       struct error *why)
 {
     s->sample_rate_hz = *y->sample_rate_hz;
     if (y->chirp) {
@@ -136,24 +137,24 @@ static int take_timing(struct survey *s, const struct survey_yaml *y, const char
 
 /* What a sibling file of the survey says, with the survey's line in front. */
 static int take_replica(struct survey *s, const char *name, const char *path,
-                        struct complaint *why)
+                        struct error *why)
 {
-    struct complaint inner = {.text = ""};
+    struct error inner = {.text = ""};
     double band_hz[2];
     if (!(s->sample_rate_hz > 0))
         return 0; /* survey_check says so */
     char *file = yaml_sibling(path, name);
     if (!file)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     int err = replica_load(&s->replica, &s->n_replica, file, s->sample_rate_hz, &inner);
     if (!err) {
         err = replica_band(s->replica, s->n_replica, s->sample_rate_hz, band_hz);
         if (err)
-            complain(&inner, err, "%s: silent, or a single tone", file);
+            error_say(&inner, err, "%s: silent, or a single tone", file);
     }
     free(file);
     if (err)
-        return yaml_complain(why, err, path, "replica", "%.700s", inner.text);
+        return yaml_error_say(why, err, path, "replica", "%.700s", inner.text);
     s->chirp_start_hz = band_hz[0];
     s->chirp_stop_hz = band_hz[1];
     s->chirp_duration_s = (double)s->n_replica / s->sample_rate_hz;
@@ -161,28 +162,28 @@ static int take_replica(struct survey *s, const char *name, const char *path,
 }
 
 static int take_pings(struct survey *s, const char *name, const char *path,
-                      struct complaint *why)
+                      struct error *why)
 {
-    struct complaint inner = {.text = ""};
+    struct error inner = {.text = ""};
     char *file = yaml_sibling(path, name);
     if (!file)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     int err = pings_load(&s->pings_m, &s->n_positions, file, &inner);
     free(file);
     if (err)
-        return yaml_complain(why, err, path, "pings", "%.700s", inner.text);
+        return yaml_error_say(why, err, path, "pings", "%.700s", inner.text);
     s->n_speakers = s->n_microphones = 1;
     s->stage_axis[0] = 1;
     s->speakers_m = calloc(1, sizeof *s->speakers_m);
     s->microphones_m = calloc(1, sizeof *s->microphones_m);
     s->stage_positions_m = calloc(s->n_positions, sizeof *s->stage_positions_m);
     if (!s->speakers_m || !s->microphones_m || !s->stage_positions_m)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     return 0;
 }
 
 static int take_elements(struct survey *s, const struct survey_yaml *y, const char *path,
-                         struct complaint *why)
+                         struct error *why)
 {
     static const double fixed_axis[3] = {1, 0, 0}, fixed_m = 0;
     const double *axis = y->stage ? y->stage->axis : fixed_axis;
@@ -195,13 +196,13 @@ static int take_elements(struct survey *s, const struct survey_yaml *y, const ch
         copy_of(y->microphones_m, s->n_microphones * sizeof *s->microphones_m);
     s->stage_positions_m = copy_of(positions_m, s->n_positions * sizeof *positions_m);
     if (!s->speakers_m || !s->microphones_m || !s->stage_positions_m)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     memcpy(s->stage_axis, axis, sizeof s->stage_axis);
     return survey_yaml_normalize(s->stage_axis, path, "stage.axis", why);
 }
 
 static int take_mount(struct survey *s, const struct survey_yaml_mount *m,
-                      const char *path, struct complaint *why)
+                      const char *path, struct error *why)
 {
     memcpy(s->mount_origin_m, m->origin_m, sizeof m->origin_m);
     memcpy(s->mount_x_axis, m->x_axis, sizeof m->x_axis);
@@ -216,7 +217,7 @@ static int take_mount(struct survey *s, const struct survey_yaml_mount *m,
 /* Behind the array a wall mirrors nothing that is imaged: no list would ever have an
  * object, and nobody would say why. */
 static int check_ahead(const struct survey *s, const double normal[3], double distance_m,
-                       const char *path, const char *key, struct complaint *why)
+                       const char *path, const char *key, struct error *why)
 {
     static const double origin[3] = {0};
     const double *at = s->pings_m         ? s->pings_m[0][1]
@@ -226,19 +227,19 @@ static int check_ahead(const struct survey *s, const double normal[3], double di
                       (normal[0] * at[0] + normal[1] * at[1] + normal[2] * at[2]);
     if (!(before_m * normal[2] < -MOST_BEHIND * fabs(before_m)))
         return 0;
-    return yaml_complain(why, -EINVAL, path, key,
-                         "%g along the normal [%g, %g, %g] is behind the array, which "
-                         "hears what is ahead: z goes forward to the wall",
-                         distance_m, normal[0], normal[1], normal[2]);
+    return yaml_error_say(why, -EINVAL, path, key,
+                          "%g along the normal [%g, %g, %g] is behind the array, which "
+                          "hears what is ahead: z goes forward to the wall",
+                          distance_m, normal[0], normal[1], normal[2]);
 }
 
 static int take_walls(struct survey *s, const struct survey_yaml *y, const char *path,
-                      struct complaint *why)
+                      struct error *why)
 {
     int err = 0;
     if (y->wall)
-        return yaml_complain(why, -EINVAL, path, "walls",
-                             "the key \"wall\" says this already; expected one");
+        return yaml_error_say(why, -EINVAL, path, "walls",
+                              "the key \"wall\" says this already; expected one");
     for (unsigned i = 0; !err && i < y->n_walls; i++) {
         char key[32];
         struct survey_wall *w = &s->walls[i];
@@ -259,7 +260,7 @@ static int take_walls(struct survey *s, const struct survey_yaml *y, const char 
 }
 
 int survey_yaml_place(struct survey *s, const struct survey_yaml *y, const char *path,
-                      struct complaint *why)
+                      struct error *why)
 {
     int err = 0;
     s->has_gate = y->gate_m != NULL;
@@ -288,22 +289,22 @@ int survey_yaml_place(struct survey *s, const struct survey_yaml *y, const char 
 }
 
 static int take_responses(struct survey *s, const struct survey_yaml_calibration *c,
-                          const char *path, struct complaint *why)
+                          const char *path, struct error *why)
 {
-    struct complaint inner = {.text = ""};
+    struct error inner = {.text = ""};
     int err = 0;
     if (c->n_serials != s->n_microphones)
-        return yaml_complain(why, -EINVAL, path, "calibration.serials",
-                             "expected one for each of %zu microphones, found %u",
-                             s->n_microphones, c->n_serials);
+        return yaml_error_say(why, -EINVAL, path, "calibration.serials",
+                              "expected one for each of %zu microphones, found %u",
+                              s->n_microphones, c->n_serials);
     char *folder = yaml_sibling(path, c->folder);
     s->responses = calloc(s->n_microphones, sizeof *s->responses);
     if (!folder || !s->responses)
-        err = complain(why, -ENOMEM, "%s: out of memory", path);
+        err = error_say(why, -ENOMEM, "%s: out of memory", path);
     for (size_t i = 0; i < s->n_microphones && !err; i++) {
         err = response_load(&s->responses[i], folder, c->serials[i], &inner);
         if (err)
-            yaml_complain(why, err, path, "calibration", "%.700s", inner.text);
+            yaml_error_say(why, err, path, "calibration", "%.700s", inner.text);
         else
             s->n_responses++;
     }
@@ -312,7 +313,7 @@ static int take_responses(struct survey *s, const struct survey_yaml_calibration
 }
 
 int survey_from_yaml(struct survey *out, const struct survey_yaml *y, const char *path,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct survey s = {.source = SURVEY_REPLAY};
     int err = take_timing(&s, y, path, why);
@@ -328,7 +329,7 @@ int survey_from_yaml(struct survey *out, const struct survey_yaml *y, const char
     if (!err) {
         err = survey_check(&s, why);
         if (err)
-            yaml_place_complaint(why, path);
+            yaml_place_error(why, path);
     }
     if (err)
         survey_clear(&s);

@@ -8,7 +8,7 @@
 
 #include <cyaml/cyaml.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
 struct survey_yaml_chirp {
@@ -108,17 +108,17 @@ extern const struct cyaml_schema_field survey_yaml_chirp_fields[],
 /* clang-format on */
 
 /* Checks and copies; every key that SURVEY_YAML_FIELDS can need must be there.  Normals
- * and axes get length 1.  path: for complaints, and what calibration.folder is relative
+ * and axes get length 1.  path: for errors, and what calibration.folder is relative
  * to.  Clear *out with survey_clear.  0, -EINVAL, -ENOENT (calibration), -ENOMEM. */
 int survey_from_yaml(struct survey *out, const struct survey_yaml *y, const char *path,
-                     struct complaint *why);
+                     struct error *why);
 
 /* Gate, volume, wall and mount alone, into a survey that is there. */
 int survey_yaml_place(struct survey *s, const struct survey_yaml *y, const char *path,
-                      struct complaint *why);
+                      struct error *why);
 
-/* Scales v to length 1.  0, -EINVAL (length 0; the complaint names key). */
+/* Scales v to length 1.  0, -EINVAL (length 0; the error names key). */
 int survey_yaml_normalize(double v[3], const char *path, const char *key,
-                          struct complaint *why);
+                          struct error *why);
 
 #endif

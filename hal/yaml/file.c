@@ -16,7 +16,7 @@
 #include <unistd.h>
 #include <yaml.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 /* How deep a YAML text goes, before anything is made of it: libyaml's time rises with
  * the square of the depth (32 kB of "[" take it seconds). */
@@ -37,10 +37,10 @@ static int step(yaml_event_type_t type)
     }
 }
 
-/* 0, -EINVAL (deeper; the complaint has the line), -ENOMEM.  Of text that is not YAML it
+/* 0, -EINVAL (deeper; the error has the line), -ENOMEM.  Of text that is not YAML it
  * says nothing: 0. */
 static int yaml_check_depth(const unsigned char *text, size_t size, const char *path,
-                            struct complaint *why)
+                            struct error *why)
 {
     yaml_parser_t parser;
     yaml_event_t event;
@@ -48,7 +48,7 @@ static int yaml_check_depth(const unsigned char *text, size_t size, const char *
     bool more = true;
 
     if (!yaml_parser_initialize(&parser))
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     yaml_parser_set_input_string(&parser, text, size);
     while (more && depth <= YAML_MAX_DEPTH && yaml_parser_parse(&parser, &event)) {
         depth += step(event.type);
@@ -59,8 +59,8 @@ static int yaml_check_depth(const unsigned char *text, size_t size, const char *
     yaml_parser_delete(&parser);
     return depth <= YAML_MAX_DEPTH
                ? 0
-               : complain(why, -EINVAL, "%s:%zu: more than %d levels deep", path, line,
-                          YAML_MAX_DEPTH);
+               : error_say(why, -EINVAL, "%s:%zu: more than %d levels deep", path, line,
+                           YAML_MAX_DEPTH);
 }
 
 /* Compares a parsed YAML document with a libcyaml schema before libcyaml loads it.
@@ -72,7 +72,7 @@ enum { MAX_DEPTH = 16, KEY_SIZE = 256 };
 struct checker {
     yaml_document_t *document;
     const char *path;
-    struct complaint *why;
+    struct error *why;
     unsigned depth;
     char key[KEY_SIZE]; /* of the node being looked at; "" at the root */
 };
@@ -88,8 +88,8 @@ refuse(struct checker *c, const yaml_node_t *node, const char *format, ...)
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    return complain(c->why, -EINVAL, "%s:%zu: %s%s%s", c->path, node->start_mark.line + 1,
-                    c->key, c->key[0] ? ": " : "", text);
+    return error_say(c->why, -EINVAL, "%s:%zu: %s%s%s", c->path,
+                     node->start_mark.line + 1, c->key, c->key[0] ? ": " : "", text);
 }
 
 static const char *scalar_text(const yaml_node_t *node)
@@ -338,14 +338,14 @@ static int check_node(struct checker *c, const struct cyaml_schema_value *schema
     return err;
 }
 
-/* 0 or -EINVAL; path is named in the complaint. */
+/* 0 or -EINVAL; path is named in the error. */
 static int yaml_check(yaml_document_t *document, const struct cyaml_schema_value *schema,
-                      const char *path, struct complaint *why)
+                      const char *path, struct error *why)
 {
     struct checker c = {.document = document, .path = path, .why = why};
     yaml_node_t *root = yaml_document_get_root_node(document);
     if (!root)
-        return complain(why, -EINVAL, "%s:1: the file is empty", path);
+        return error_say(why, -EINVAL, "%s:1: the file is empty", path);
     return check_node(&c, schema, root);
 }
 
@@ -382,27 +382,27 @@ static int read_whole(int fd, struct bytes *out)
     return 0;
 }
 
-static int read_file(const char *path, struct bytes *out, struct complaint *why)
+static int read_file(const char *path, struct bytes *out, struct error *why)
 {
     int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (fd < 0) {
         int err = -errno;
-        return complain(why, err, "%s: %s", path, strerror(-err));
+        return error_say(why, err, "%s: %s", path, strerror(-err));
     }
     int err = read_whole(fd, out);
     close(fd);
     if (err == -EINVAL)
-        return complain(why, err, "%s: not a regular file", path);
+        return error_say(why, err, "%s: not a regular file", path);
     if (err == -EFBIG)
-        return complain(why, err, "%s: larger than %u bytes", path, YAML_FILE_MAX_SIZE);
+        return error_say(why, err, "%s: larger than %u bytes", path, YAML_FILE_MAX_SIZE);
     if (err)
-        return complain(why, err, "%s: %s", path, strerror(-err));
+        return error_say(why, err, "%s: %s", path, strerror(-err));
     return 0;
 }
 
 static int check(const unsigned char *text, size_t size,
                  const struct cyaml_schema_value *schema, const char *path,
-                 struct complaint *why)
+                 struct error *why)
 {
     yaml_parser_t parser;
     yaml_document_t document, more;
@@ -410,13 +410,13 @@ static int check(const unsigned char *text, size_t size,
     if (err)
         return err;
     if (!yaml_parser_initialize(&parser))
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     yaml_parser_set_input_string(&parser, text, size);
     if (!yaml_parser_load(&parser, &document)) {
         size_t line = parser.problem_mark.line ? parser.problem_mark.line
                                                : parser.context_mark.line;
-        err = complain(why, -EINVAL, "%s:%zu: not YAML: %s", path, line + 1,
-                       parser.problem ? parser.problem : "cannot be read");
+        err = error_say(why, -EINVAL, "%s:%zu: not YAML: %s", path, line + 1,
+                        parser.problem ? parser.problem : "cannot be read");
         goto parser;
     }
     err = yaml_check(&document, schema, path, why);
@@ -424,14 +424,15 @@ static int check(const unsigned char *text, size_t size,
     if (err)
         goto parser;
     if (!yaml_parser_load(&parser, &more)) {
-        err = complain(why, -EINVAL, "%s:%zu: not YAML: %s", path,
-                       parser.problem_mark.line + 1, parser.problem);
+        err = error_say(why, -EINVAL, "%s:%zu: not YAML: %s", path,
+                        parser.problem_mark.line + 1, parser.problem);
         goto parser;
     }
     const yaml_node_t *root = yaml_document_get_root_node(&more);
     if (root)
-        err = complain(why, -EINVAL, "%s:%zu: expected one document, here begins another",
-                       path, root->start_mark.line + 1);
+        err = error_say(why, -EINVAL,
+                        "%s:%zu: expected one document, here begins another", path,
+                        root->start_mark.line + 1);
     yaml_document_delete(&more);
 parser:
     yaml_parser_delete(&parser);
@@ -471,39 +472,39 @@ static cyaml_config_t config_of(struct cyaml_notes *notes)
 
 static int load(const unsigned char *text, size_t size,
                 const struct cyaml_schema_value *schema, const char *path, void **out,
-                struct complaint *why)
+                struct error *why)
 {
     struct cyaml_notes notes = {.line = 0};
     cyaml_config_t config = config_of(&notes);
     cyaml_err_t e = cyaml_load_data(text, size, &config, schema, out, NULL);
     if (e == CYAML_ERR_OOM)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     if (e != CYAML_OK)
-        return complain(why, -EINVAL, "%s:%zu: %s", path, notes.line ? notes.line : 1,
-                        notes.what[0] ? notes.what : cyaml_strerror(e));
+        return error_say(why, -EINVAL, "%s:%zu: %s", path, notes.line ? notes.line : 1,
+                         notes.what[0] ? notes.what : cyaml_strerror(e));
     if (!*out) /* all keys are optional, and none is there */
         *out = cyaml_mem(NULL, NULL, schema->data_size);
     else
         return 0;
     if (!*out)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     memset(*out, 0, schema->data_size);
     return 0;
 }
 
 int yaml_parse(const char *path, const void *data, size_t size,
-               const struct cyaml_schema_value *schema, void **out, struct complaint *why)
+               const struct cyaml_schema_value *schema, void **out, struct error *why)
 {
     *out = NULL;
     if (size > YAML_FILE_MAX_SIZE)
-        return complain(why, -EFBIG, "%s: larger than %u bytes", path,
-                        YAML_FILE_MAX_SIZE);
+        return error_say(why, -EFBIG, "%s: larger than %u bytes", path,
+                         YAML_FILE_MAX_SIZE);
     int err = check(data, size, schema, path, why);
     return err ? err : load(data, size, schema, path, out, why);
 }
 
 int yaml_load(const char *path, const struct cyaml_schema_value *schema, void **out,
-              struct complaint *why)
+              struct error *why)
 {
     struct bytes text = {.data = NULL};
     *out = NULL;

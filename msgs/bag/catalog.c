@@ -34,7 +34,7 @@ static size_t list_spans(const struct bag_catalog *c, struct span *out)
     return n;
 }
 
-int bag_catalog_check_spans(const struct bag_catalog *c, struct complaint *why)
+int bag_catalog_check_spans(const struct bag_catalog *c, struct error *why)
 {
     size_t room = c->n_blocks + c->n_attachments + c->n_metadata;
     struct span *spans = malloc((room + 1) * sizeof *spans);
@@ -48,10 +48,10 @@ int bag_catalog_check_spans(const struct bag_catalog *c, struct complaint *why)
         const struct span *s = &spans[i];
         if (s->offset < end || s->offset > c->file.size ||
             s->length > c->file.size - s->offset)
-            err = complain(why, -EBADMSG,
-                           "%s: byte %" PRIu64 ": the indexes name two things that "
-                           "overlap, or one that reaches beyond the file",
-                           c->file.path, s->offset);
+            err = error_say(why, -EBADMSG,
+                            "%s: byte %" PRIu64 ": the indexes name two things that "
+                            "overlap, or one that reaches beyond the file",
+                            c->file.path, s->offset);
         end = s->offset + s->length;
     }
     free(spans);
@@ -85,7 +85,7 @@ static void widen(struct bag_block *block, uint64_t log_time, bool first)
 }
 
 static int scan_chunk(struct scan *s, uint64_t offset, const struct bag_chunk *k,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct bag_catalog *c = s->catalog;
     struct bag_record r;
@@ -97,8 +97,8 @@ static int scan_chunk(struct scan *s, uint64_t offset, const struct bag_chunk *k
     while (!err && left.left.size) {
         err = bag_record_take(&left, &r);
         if (err == -EBADMSG)
-            return complain(why, err, "%s: byte %" PRIu64 ": a damaged chunk",
-                            c->file.path, offset);
+            return error_say(why, err, "%s: byte %" PRIu64 ": a damaged chunk",
+                             c->file.path, offset);
         if (!err && r.opcode == BAG_MESSAGE) {
             widen(&block, r.message.log_time, c->n_messages == before);
             bag_catalog_count(c, &r.message);
@@ -139,7 +139,7 @@ int bag_catalog_add_metadata(struct bag_catalog *c, uint64_t offset, uint64_t le
 }
 
 static int scan_record(struct scan *s, uint64_t offset, const struct bag_record *r,
-                       struct complaint *why)
+                       struct error *why)
 {
     struct bag_catalog *c = s->catalog;
     struct bag_block block = {.offset = offset, .length = s->bytes.size};
@@ -163,7 +163,7 @@ static int scan_record(struct scan *s, uint64_t offset, const struct bag_record 
     }
 }
 
-int bag_catalog_scan(struct bag_catalog *c, struct complaint *why)
+int bag_catalog_scan(struct bag_catalog *c, struct error *why)
 {
     struct scan s = {.catalog = c, .allowance = bag_file_allowance(&c->file)};
     struct bag_record r = {.opcode = 0};
@@ -179,8 +179,8 @@ int bag_catalog_scan(struct bag_catalog *c, struct complaint *why)
         if (!err)
             err = scan_record(&s, offset, &r, why);
         else if (err == -EBADMSG)
-            complain(why, err, "%s: byte %" PRIu64 ": a damaged record", c->file.path,
-                     offset);
+            error_say(why, err, "%s: byte %" PRIu64 ": a damaged record", c->file.path,
+                      offset);
         else if (err == -ENOTSUP)
             err = 0;
         offset += s.bytes.size;
@@ -367,7 +367,7 @@ static int read_summary(struct bag_catalog *c, struct bytes_buffer *bytes)
 }
 
 static int read_header(struct bag_catalog *c, struct bytes_buffer *bytes,
-                       struct complaint *why)
+                       struct error *why)
 {
     struct bag_record r;
     size_t n = 0;
@@ -378,7 +378,8 @@ static int read_header(struct bag_catalog *c, struct bytes_buffer *bytes,
         return err;
     if (bytes->data[0] != BAG_HEADER ||
         bag_record_parse(&r, BAG_HEADER, content_of(bytes)))
-        return complain(why, -EBADMSG, "%s: the first record is no header", c->file.path);
+        return error_say(why, -EBADMSG, "%s: the first record is no header",
+                         c->file.path);
     err = bag_catalog_keep(&kept, &n, &r);
     if (kept)
         c->header = *kept;
@@ -419,7 +420,7 @@ static int compare_blocks(const void *a, const void *b)
     return x->offset < y->offset ? -1 : x->offset > y->offset;
 }
 
-static int fill(struct bag_catalog *c, const char *path, struct complaint *why)
+static int fill(struct bag_catalog *c, const char *path, struct error *why)
 {
     struct bytes_buffer bytes = {0};
     int err = bag_file_open(&c->file, path, why);
@@ -433,7 +434,7 @@ static int fill(struct bag_catalog *c, const char *path, struct complaint *why)
             c->scanned = true;
             err = bag_catalog_scan(c, why);
         } else if (err) {
-            complain(why, err, "%s: %s", path, strerror(-err));
+            error_say(why, err, "%s: %s", path, strerror(-err));
         }
     }
     bytes_free(&bytes);
@@ -441,14 +442,14 @@ static int fill(struct bag_catalog *c, const char *path, struct complaint *why)
         err = bag_catalog_check_spans(c, why);
     if (!err && c->n_blocks)
         qsort(c->blocks, c->n_blocks, sizeof *c->blocks, compare_blocks);
-    return err == -ENOMEM ? complain(why, err, "%s: out of memory", path) : err;
+    return err == -ENOMEM ? error_say(why, err, "%s: out of memory", path) : err;
 }
 
-int bag_catalog_open(struct bag_catalog **out, const char *path, struct complaint *why)
+int bag_catalog_open(struct bag_catalog **out, const char *path, struct error *why)
 {
     struct bag_catalog *c = calloc(1, sizeof *c);
     if (!c)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     c->file.fd = -1;
     int err = fill(c, path, why);
     if (err)
@@ -469,8 +470,7 @@ const struct bag_schema *bag_catalog_schema(const struct bag_catalog *c, uint16_
 }
 
 int bag_catalog_read(const struct bag_catalog *c, const struct bag_record *index,
-                     struct bytes_buffer *into, struct bag_record *out,
-                     struct complaint *why)
+                     struct bytes_buffer *into, struct bag_record *out, struct error *why)
 {
     bool attachment = index->opcode == BAG_ATTACHMENT_INDEX;
     uint64_t offset = attachment ? index->attachment_index.offset
@@ -481,8 +481,9 @@ int bag_catalog_read(const struct bag_catalog *c, const struct bag_record *index
     if (err)
         return err;
     if (into->data[0] != opcode || bag_record_parse(out, opcode, content_of(into)))
-        return complain(why, -EBADMSG, "%s: byte %" PRIu64 ": no %s, as the index has it",
-                        c->file.path, offset, bag_opcode_name(opcode));
+        return error_say(why, -EBADMSG,
+                         "%s: byte %" PRIu64 ": no %s, as the index has it", c->file.path,
+                         offset, bag_opcode_name(opcode));
     return attachment ? bag_file_attachment(&c->file, offset, &out->attachment, why) : 0;
 }
 

@@ -40,7 +40,7 @@ struct bag_catalog {
 
 /* 0; -ENOENT and other errno of opening, -EINVAL, -EBADMSG (no bag, or damaged in such a
  * way that not all of it can be found), -ENOTSUP, -EFBIG, -EIO, -ENOMEM. */
-int bag_catalog_open(struct bag_catalog **out, const char *path, struct complaint *why);
+int bag_catalog_open(struct bag_catalog **out, const char *path, struct error *why);
 
 /* NULL: none of that id. */
 const struct bag_channel *bag_catalog_channel(const struct bag_catalog *c, uint16_t id);
@@ -50,7 +50,7 @@ const struct bag_schema *bag_catalog_schema(const struct bag_catalog *c, uint16_
  * -EBADMSG (damaged, or there is something else), as bag_file_record. */
 int bag_catalog_read(const struct bag_catalog *c, const struct bag_record *index,
                      struct bytes_buffer *into, struct bag_record *out,
-                     struct complaint *why);
+                     struct error *why);
 void bag_catalog_close(struct bag_catalog *c);
 
 /* How a catalog is filled, from the summary or by a scan. */
@@ -78,10 +78,10 @@ int bag_catalog_add_metadata(struct bag_catalog *c, uint64_t offset, uint64_t le
                              const struct bag_metadata *m);
 
 /* Do any two things that the catalog names share bytes?  0, -EBADMSG, -ENOMEM. */
-int bag_catalog_check_spans(const struct bag_catalog *c, struct complaint *why);
+int bag_catalog_check_spans(const struct bag_catalog *c, struct error *why);
 
 /* Fills a catalog that knows its file alone from every record there is.  Errors as
  * bag_catalog_open. */
-int bag_catalog_scan(struct bag_catalog *c, struct complaint *why);
+int bag_catalog_scan(struct bag_catalog *c, struct error *why);
 
 #endif

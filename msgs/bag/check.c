@@ -484,7 +484,7 @@ static void check_fault(struct bag_check *c, const char *format, ...)
 }
 
 /* "FILE: byte N: what" as a fault. */
-static void fault_of(struct bag_check *c, const struct complaint *why)
+static void fault_of(struct bag_check *c, const struct error *why)
 {
     const char *at = strstr(why->text, ": byte ");
     const char *what = at ? strchr(at + 2, ':') : NULL;
@@ -527,7 +527,7 @@ static void check_message(struct bag_check *c, const struct bag_message *m)
 
 static int take_chunk(struct bag_check *c, const struct bag_chunk *k)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     int err =
         bag_file_chunk(&c->found->file, c->offset, k, &c->allowance, &c->plain, &why);
 
@@ -544,7 +544,7 @@ static int take_chunk(struct bag_check *c, const struct bag_chunk *k)
 static int take_data(struct bag_check *c, const struct bag_record *r)
 {
     struct bag_catalog *f = c->found;
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t length = c->next - c->offset;
 
     switch (r->opcode) {
@@ -597,7 +597,7 @@ static int check_take_record(struct bag_check *c, const struct bag_record *r)
 /* -ENODATA: nothing after it can be found. */
 static int next_record(struct bag_check *c)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_record r;
 
     c->offset = c->next;
@@ -634,7 +634,7 @@ static int check_end(struct bag_check *c)
     return 0;
 }
 
-static int walk(struct bag_check *c, struct complaint *why)
+static int walk(struct bag_check *c, struct error *why)
 {
     int err = 0;
 
@@ -643,13 +643,13 @@ static int walk(struct bag_check *c, struct complaint *why)
     c->crc = bag_crc(0, (struct bytes){(const uint8_t *)BAG_MAGIC, BAG_MAGIC_SIZE});
     while (!err && c->section != BAG_AT_END) {
         if (c->watch && c->watch->stop && c->watch->stop())
-            return complain(why, -EINTR, "interrupted");
+            return error_say(why, -EINTR, "interrupted");
         err = next_record(c);
     }
     if (!err)
         err = check_end(c);
     if (err && err != -ENODATA)
-        return complain(why, err, "%s: %s", c->found->file.path, strerror(-err));
+        return error_say(why, err, "%s: %s", c->found->file.path, strerror(-err));
     return 0;
 }
 
@@ -669,12 +669,12 @@ static void clear(struct bag_check *c)
 }
 
 int bag_check(uint64_t *n_faults, const char *path, const struct bag_check_watch *watch,
-              struct complaint *why)
+              struct error *why)
 {
     struct bag_check c = {.watch = watch, .found = calloc(1, sizeof *c.found)};
 
     if (!c.found)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     c.found->file.fd = -1;
     int err = bag_file_open(&c.found->file, path, why);
     if (!err)

@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 /* Whoever looks on; each may be NULL. */
 struct bag_check_watch {
@@ -21,6 +21,6 @@ struct bag_check_watch {
  * opening, -EINVAL (no file), -EBADMSG (no bag at all), -EIO, -ENOMEM, -EINTR (stopped).
  */
 int bag_check(uint64_t *n_faults, const char *path, const struct bag_check_watch *watch,
-              struct complaint *why);
+              struct error *why);
 
 #endif

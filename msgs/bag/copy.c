@@ -82,7 +82,7 @@ static int add_piece(struct pieces *p, struct bytes_buffer *bytes, uint16_t id)
 
 /* Writes a schema or channel unless an equal one is there.  r's id is NONE. */
 static int define(struct bag_copy *c, struct pieces *p, const struct bag_record *r,
-                  uint16_t *id, struct complaint *why)
+                  uint16_t *id, struct error *why)
 {
     struct bytes_buffer bytes = {0};
 
@@ -91,7 +91,7 @@ static int define(struct bag_copy *c, struct pieces *p, const struct bag_record 
     if (there || bytes.failed) {
         *id = there ? there->id : NONE;
         bytes_free(&bytes);
-        return there ? 0 : complain(why, -ENOMEM, "out of memory");
+        return there ? 0 : error_say(why, -ENOMEM, "out of memory");
     }
     int err = r->opcode == BAG_SCHEMA
                   ? bag_writer_schema(c->writer, &r->schema, id, why)
@@ -100,11 +100,11 @@ static int define(struct bag_copy *c, struct pieces *p, const struct bag_record 
         bytes_free(&bytes);
         return err;
     }
-    return add_piece(p, &bytes, *id) ? complain(why, -ENOMEM, "out of memory") : 0;
+    return add_piece(p, &bytes, *id) ? error_say(why, -ENOMEM, "out of memory") : 0;
 }
 
 int bag_copy_channel(struct bag_copy *c, size_t from, uint16_t old, uint16_t *id,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct source *s = c->sources[from];
     const struct bag_channel *channel = bag_catalog_channel(s->catalog, old);
@@ -141,21 +141,22 @@ void bag_copy_redefined(struct bag_copy *c, size_t from, const struct bag_record
 }
 
 int bag_copy_message(struct bag_copy *c, size_t from, const struct bag_message *m,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct bag_message copy = *m;
     int err = bag_copy_channel(c, from, m->channel_id, &copy.channel_id, why);
 
     if (!err && copy.channel_id == NONE)
-        err = complain(why, -EBADMSG, "%s: a message of channel %u, which is not defined",
-                       c->sources[from]->catalog->file.path, m->channel_id);
+        err = error_say(why, -EBADMSG,
+                        "%s: a message of channel %u, which is not defined",
+                        c->sources[from]->catalog->file.path, m->channel_id);
     return err ? err : bag_writer_message(c->writer, &copy, why);
 }
 
 /* An attachment or metadata, by its index. */
 static int copy_one(struct bag_copy *c, const struct bag_catalog *from,
                     const struct bag_record *index, struct bytes_buffer *scratch,
-                    struct complaint *why)
+                    struct error *why)
 {
     struct bytes_buffer bytes = {0};
     struct bag_record r;
@@ -165,7 +166,7 @@ static int copy_one(struct bag_copy *c, const struct bag_catalog *from,
         return err;
     bag_record_put(&bytes, &r);
     if (bytes.failed || find_piece(&c->rest, bytes_in(&bytes))) {
-        err = bytes.failed ? complain(why, -ENOMEM, "out of memory") : 0;
+        err = bytes.failed ? error_say(why, -ENOMEM, "out of memory") : 0;
         bytes_free(&bytes);
         return err;
     }
@@ -176,11 +177,11 @@ static int copy_one(struct bag_copy *c, const struct bag_catalog *from,
         bytes_free(&bytes);
         return err;
     }
-    return add_piece(&c->rest, &bytes, NONE) ? complain(why, -ENOMEM, "out of memory")
+    return add_piece(&c->rest, &bytes, NONE) ? error_say(why, -ENOMEM, "out of memory")
                                              : 0;
 }
 
-int bag_copy_rest(struct bag_copy *c, size_t from, struct complaint *why)
+int bag_copy_rest(struct bag_copy *c, size_t from, struct error *why)
 {
     const struct bag_catalog *f = c->sources[from]->catalog;
     struct bytes_buffer scratch = {0};

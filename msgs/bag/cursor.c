@@ -160,7 +160,7 @@ static int list_entries(const struct bag_cursor *c, const struct bag_block *b,
 
 /* A message outside of chunks becomes a chunk of its own. */
 static int load(struct bag_cursor *c, const struct bag_block *b, struct open_chunk *k,
-                struct complaint *why)
+                struct error *why)
 {
     const struct bag_file *f = &c->catalog->file;
     struct bag_record r;
@@ -182,14 +182,13 @@ static int load(struct bag_cursor *c, const struct bag_block *b, struct open_chu
     }
     if (!err)
         err = list_entries(c, b, k);
-    return err ? complain(why, err, "%s: byte %" PRIu64 ": %s", f->path, b->offset,
-                          err == -ENOMEM ? "out of memory"
-                                         : "no chunk such as its index says")
+    return err ? error_say(why, err, "%s: byte %" PRIu64 ": %s", f->path, b->offset,
+                           err == -ENOMEM ? "out of memory"
+                                          : "no chunk such as its index says")
                : 0;
 }
 
-static int open_chunk(struct bag_cursor *c, const struct bag_block *b,
-                      struct complaint *why)
+static int open_chunk(struct bag_cursor *c, const struct bag_block *b, struct error *why)
 {
     struct open_chunk k = {.file_offset = b->offset};
 
@@ -197,15 +196,15 @@ static int open_chunk(struct bag_cursor *c, const struct bag_block *b,
         size_t room = c->room ? 2 * c->room : 4;
         struct open_chunk *grown = realloc(c->open, room * sizeof *grown);
         if (!grown)
-            return complain(why, -ENOMEM, "%s: out of memory", c->catalog->file.path);
+            return error_say(why, -ENOMEM, "%s: out of memory", c->catalog->file.path);
         c->open = grown;
         c->room = room;
     }
     int err = load(c, b, &k, why);
     c->held += k.records.size;
     if (!err && c->held > MOST_HELD)
-        err = complain(why, -EFBIG, "%s: byte %" PRIu64 ": too many chunks of one time",
-                       c->catalog->file.path, b->offset);
+        err = error_say(why, -EFBIG, "%s: byte %" PRIu64 ": too many chunks of one time",
+                        c->catalog->file.path, b->offset);
     if (err || !k.n) {
         free_chunk(c, &k);
         return err;
@@ -216,7 +215,7 @@ static int open_chunk(struct bag_cursor *c, const struct bag_block *b,
 }
 
 /* Opens all chunks that may hold something before what is first now. */
-static int open_due(struct bag_cursor *c, struct complaint *why)
+static int open_due(struct bag_cursor *c, struct error *why)
 {
     while (c->next_block < c->catalog->n_blocks) {
         const struct bag_block *b = &c->catalog->blocks[c->next_block];
@@ -245,7 +244,7 @@ static void step(struct bag_cursor *c)
         sift_down(c);
 }
 
-int bag_cursor_next(struct bag_cursor *c, struct bag_message *out, struct complaint *why)
+int bag_cursor_next(struct bag_cursor *c, struct bag_message *out, struct error *why)
 {
     struct bag_record r;
 

@@ -20,7 +20,7 @@ void bag_cursor_seek(struct bag_cursor *c, uint64_t log_time);
 /* What *out points to lasts until the next call.  0, -ENODATA (no more), -EBADMSG,
  * -ENOTSUP, -EFBIG (as bag_file_chunk; or chunks of one time, of more than four times
  * BAG_MAX_SIZE), -EIO, -ENOMEM. */
-int bag_cursor_next(struct bag_cursor *c, struct bag_message *out, struct complaint *why);
+int bag_cursor_next(struct bag_cursor *c, struct bag_message *out, struct error *why);
 void bag_cursor_destroy(struct bag_cursor *c);
 
 #endif

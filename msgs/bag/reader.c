@@ -18,15 +18,15 @@ struct bag_reader {
     struct bytes_buffer chunk; /* records of the chunk under way */
     struct bytes_cursor left;  /* of the chunk */
     uint64_t allowance;        /* bytes that chunks may still hold */
-    int error;
-    struct complaint complaint; /* of the error */
+    int failed; /* 0, or the negative errno of: */
+    struct error error;
 };
 
-int bag_reader_open(struct bag_reader **out, const char *path, struct complaint *why)
+int bag_reader_open(struct bag_reader **out, const char *path, struct error *why)
 {
     struct bag_reader *r = calloc(1, sizeof *r);
     if (!r)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     int err = bag_file_open(&r->file, path, why);
     if (err) {
         free(r);
@@ -49,14 +49,14 @@ void bag_reader_close(struct bag_reader *r)
     free(r);
 }
 
-static int damaged(const struct bag_reader *r, const char *what, struct complaint *why)
+static int damaged(const struct bag_reader *r, const char *what, struct error *why)
 {
-    return complain(why, -EBADMSG, "%s: byte %" PRIu64 ": %s", r->file.path, r->offset,
-                    what);
+    return error_say(why, -EBADMSG, "%s: byte %" PRIu64 ": %s", r->file.path, r->offset,
+                     what);
 }
 
 /* The closing magic, and nothing after it. */
-static int read_end(struct bag_reader *r, struct complaint *why)
+static int read_end(struct bag_reader *r, struct error *why)
 {
     int err = bag_file_read(&r->file, r->next, BAG_MAGIC_SIZE, &r->bytes, why);
     if (err)
@@ -70,7 +70,7 @@ static int read_end(struct bag_reader *r, struct complaint *why)
 
 /* The summary's checksum covers the footer up to itself. */
 static int check_footer(const struct bag_reader *r, const struct bag_footer *f,
-                        struct complaint *why)
+                        struct error *why)
 {
     struct bytes head = {r->bytes.data, BAG_RECORD_HEAD_SIZE + 16};
 
@@ -82,14 +82,13 @@ static int check_footer(const struct bag_reader *r, const struct bag_footer *f,
 }
 
 /* Checks the record in its place, and goes on to the section after it. */
-static int enter(struct bag_reader *r, const struct bag_record *record,
-                 struct complaint *why)
+static int enter(struct bag_reader *r, const struct bag_record *record, struct error *why)
 {
     int err = 0;
 
     if (!bag_section_allows(r->section, record->opcode))
-        return complain(why, -EBADMSG, "%s: byte %" PRIu64 ": a %s out of its place",
-                        r->file.path, r->offset, bag_opcode_name(record->opcode));
+        return error_say(why, -EBADMSG, "%s: byte %" PRIu64 ": a %s out of its place",
+                         r->file.path, r->offset, bag_opcode_name(record->opcode));
     if (record->opcode == BAG_DATA_END && record->data_end.data_section_crc &&
         record->data_end.data_section_crc != r->crc)
         err = damaged(r, "the data section does not have its checksum", why);
@@ -113,7 +112,7 @@ static int enter(struct bag_reader *r, const struct bag_record *record,
     return 0;
 }
 
-static int read_outer(struct bag_reader *r, struct bag_record *out, struct complaint *why)
+static int read_outer(struct bag_reader *r, struct bag_record *out, struct error *why)
 {
     if (r->section == BAG_AT_END)
         return read_end(r, why);
@@ -133,7 +132,7 @@ static int read_outer(struct bag_reader *r, struct bag_record *out, struct compl
     return enter(r, out, why);
 }
 
-static int read_inner(struct bag_reader *r, struct bag_record *out, struct complaint *why)
+static int read_inner(struct bag_reader *r, struct bag_record *out, struct error *why)
 {
     int err = bag_record_take(&r->left, out);
 
@@ -144,18 +143,18 @@ static int read_inner(struct bag_reader *r, struct bag_record *out, struct compl
     return err;
 }
 
-int bag_reader_next(struct bag_reader *r, struct bag_record *out, struct complaint *why)
+int bag_reader_next(struct bag_reader *r, struct bag_record *out, struct error *why)
 {
-    int err = r->error;
+    int err = r->failed;
 
     while (!err) {
-        err = r->left.left.size ? read_inner(r, out, &r->complaint)
-                                : read_outer(r, out, &r->complaint);
+        err = r->left.left.size ? read_inner(r, out, &r->error)
+                                : read_outer(r, out, &r->error);
         if (!err && out->opcode != BAG_CHUNK)
             return 0;
-        if (err == -ENOTSUP && !r->complaint.text[0])
+        if (err == -ENOTSUP && !r->error.text[0])
             err = 0; /* an opcode that is not known */
     }
-    r->error = err;
-    return err == -ENODATA ? err : complain(why, err, "%s", r->complaint.text);
+    r->failed = err;
+    return err == -ENODATA ? err : error_say(why, err, "%s", r->error.text);
 }

@@ -206,8 +206,7 @@ uint64_t bag_recovery_known(const struct bag_recovery *r)
                                                       : r->indexed_messages;
 }
 
-static int save_message(struct recover *r, const struct bag_message *m,
-                        struct complaint *why)
+static int save_message(struct recover *r, const struct bag_message *m, struct error *why)
 {
     struct bag_message copy = *m;
     int err = bag_copy_channel(r->copy, 0, m->channel_id, &copy.channel_id, why);
@@ -231,14 +230,13 @@ static void keep_profile(struct recover *r, struct bytes profile)
 
 /* For what comes after it; at first, in looking for definitions, and in what has no
  * checksum one that is known stays. */
-static int define(struct recover *r, const struct bag_record *record,
-                  struct complaint *why)
+static int define(struct recover *r, const struct bag_record *record, struct error *why)
 {
     int err = r->writer && !r->doubtful ? bag_catalog_redefine(r->catalog, record)
                                         : bag_catalog_define(r->catalog, record);
 
     if (err < 0)
-        return complain(why, err, "%s: out of memory", r->catalog->file.path);
+        return error_say(why, err, "%s: out of memory", r->catalog->file.path);
     if (err) {
         r->count.n_redefined++;
         bag_copy_redefined(r->copy, 0, record);
@@ -247,7 +245,7 @@ static int define(struct recover *r, const struct bag_record *record,
 }
 
 /* A record that is whole. */
-static int save(struct recover *r, const struct bag_record *record, struct complaint *why)
+static int save(struct recover *r, const struct bag_record *record, struct error *why)
 {
     switch (record->opcode) {
     case BAG_HEADER:
@@ -278,7 +276,7 @@ static int save(struct recover *r, const struct bag_record *record, struct compl
 /* Every record of a chunk up to the end or to one that does not fit.  *left_out: bytes
  * from there on. */
 static int save_all(struct recover *r, struct bytes records, size_t *left_out,
-                    struct complaint *why)
+                    struct error *why)
 {
     struct bytes_cursor left = {.left = records};
     struct bag_record record;
@@ -302,7 +300,7 @@ static int save_all(struct recover *r, struct bytes records, size_t *left_out,
 }
 
 /* A chunk that has its checksum, or none. */
-static int save_chunk(struct recover *r, uint64_t offset, struct complaint *why)
+static int save_chunk(struct recover *r, uint64_t offset, struct error *why)
 {
     uint64_t end = offset + r->salvage.record.size;
     size_t left_out;
@@ -323,8 +321,7 @@ static int save_chunk(struct recover *r, uint64_t offset, struct complaint *why)
 
 /* A chunk that is damaged, or cut by the file's end: n bytes of it are there.  What it
  * defines counts only where nothing that is whole does. */
-static int save_start(struct recover *r, uint64_t offset, uint64_t n,
-                      struct complaint *why)
+static int save_start(struct recover *r, uint64_t offset, uint64_t n, struct error *why)
 {
     uint64_t before = r->count.n_messages;
     size_t left_out;
@@ -333,8 +330,8 @@ static int save_start(struct recover *r, uint64_t offset, uint64_t n,
     if (err == -EBADMSG)
         return 0;
     if (err)
-        return complain(why, err, "%s: byte %" PRIu64 ": %s", r->catalog->file.path,
-                        offset, strerror(-err));
+        return error_say(why, err, "%s: byte %" PRIu64 ": %s", r->catalog->file.path,
+                         offset, strerror(-err));
     r->doubtful = true;
     err = save_all(r, bytes_in(&r->salvage.plain), &left_out, why);
     r->doubtful = false;
@@ -345,14 +342,14 @@ static int save_start(struct recover *r, uint64_t offset, uint64_t n,
 /* A message that nothing sensible follows: what is whole of it cannot be told, as it has
  * no checksum, but nothing else begins within it.  *end: where it ends. */
 static int save_last(struct recover *r, uint64_t offset, uint64_t next, uint64_t *end,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct bag_record record;
 
     int err = bag_file_record(&r->catalog->file, offset, &r->salvage.record, NULL);
     if (err)
         return err == -ENOMEM
-                   ? complain(why, err, "%s: out of memory", r->catalog->file.path)
+                   ? error_say(why, err, "%s: out of memory", r->catalog->file.path)
                    : 0;
     struct bytes_cursor whole = {.left = bytes_in(&r->salvage.record)};
     if (r->salvage.record.size > next - offset || bag_record_take(&whole, &record))
@@ -364,7 +361,7 @@ static int save_last(struct recover *r, uint64_t offset, uint64_t next, uint64_t
 
 /* Nothing whole stands at the offset.  *next: where the file goes on. */
 static int pass_damage(struct recover *r, uint64_t offset, uint64_t *next,
-                       struct complaint *why)
+                       struct error *why)
 {
     uint8_t opcode;
     uint64_t size = r->catalog->file.size, begin = offset;
@@ -392,7 +389,7 @@ static int pass_damage(struct recover *r, uint64_t offset, uint64_t *next,
     return err;
 }
 
-static int walk(struct recover *r, struct complaint *why)
+static int walk(struct recover *r, struct error *why)
 {
     uint64_t size = r->catalog->file.size, next;
     uint64_t offset = bag_salvage_is_magic(&r->salvage, 0) ? BAG_MAGIC_SIZE : 0;
@@ -402,7 +399,7 @@ static int walk(struct recover *r, struct complaint *why)
     r->count = (struct bag_recovery){.n_damages = offset ? 0 : 1};
     for (; !err && offset < size; offset = next) {
         if (r->watch.stop && r->watch.stop())
-            return complain(why, -EINTR, "interrupted");
+            return error_say(why, -EINTR, "interrupted");
         if (bag_salvage_take(&r->salvage, offset, &record)) {
             next = offset + r->salvage.record.size;
             r->count.ended |= record.opcode == BAG_FOOTER;
@@ -415,12 +412,12 @@ static int walk(struct recover *r, struct complaint *why)
             err = pass_damage(r, offset, &next, why);
         }
         if (!err && r->salvage.out_of_memory) /* what could not be read may be whole */
-            err = complain(why, -ENOMEM, "%s: out of memory", r->catalog->file.path);
+            err = error_say(why, -ENOMEM, "%s: out of memory", r->catalog->file.path);
     }
     return err;
 }
 
-static int run(struct recover *r, const char *from, const char *to, struct complaint *why)
+static int run(struct recover *r, const char *from, const char *to, struct error *why)
 {
     int err = bag_file_open_any(&r->catalog->file, from, why);
 
@@ -440,7 +437,7 @@ static int run(struct recover *r, const char *from, const char *to, struct compl
     bag_salvage_free(&r->salvage);
     bag_salvage_init(&r->salvage, &r->catalog->file);
     if (bag_copy_create(&r->copy, r->writer) || bag_copy_add(r->copy, r->catalog))
-        err = complain(why, -ENOMEM, "%s: out of memory", from);
+        err = error_say(why, -ENOMEM, "%s: out of memory", from);
     if (!err)
         err = walk(r, why);
     int closed = bag_writer_close(r->writer, err ? NULL : why);
@@ -448,16 +445,16 @@ static int run(struct recover *r, const char *from, const char *to, struct compl
 }
 
 int bag_recover(struct bag_recovery *out, const char *from, const char *to,
-                const struct bag_recover_watch *watch, struct complaint *why)
+                const struct bag_recover_watch *watch, struct error *why)
 {
     struct recover *r = calloc(1, sizeof *r);
-    int err = r ? 0 : complain(why, -ENOMEM, "%s: out of memory", from);
+    int err = r ? 0 : error_say(why, -ENOMEM, "%s: out of memory", from);
 
     if (!err) {
         if (watch)
             r->watch = *watch;
         r->catalog = calloc(1, sizeof *r->catalog);
-        err = r->catalog ? 0 : complain(why, -ENOMEM, "%s: out of memory", from);
+        err = r->catalog ? 0 : error_say(why, -ENOMEM, "%s: out of memory", from);
     }
     if (!err) {
         r->catalog->file.fd = -1;

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct bag_recovery {
     uint64_t n_messages, n_attachments, n_metadata; /* saved */
@@ -41,6 +41,6 @@ struct bag_recover_watch {
  * 0 even when much was lost; -EEXIST, -ENOENT and other errno of files, -ENOMEM, -EINTR
  * (stopped).  After an error *to may be there, unfinished. */
 int bag_recover(struct bag_recovery *out, const char *from, const char *to,
-                const struct bag_recover_watch *watch, struct complaint *why);
+                const struct bag_recover_watch *watch, struct error *why);
 
 #endif

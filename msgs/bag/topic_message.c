@@ -56,7 +56,7 @@ void bag_topics_destroy(struct bag_topics *t)
 
 /* Topics may share a schema. */
 static int find_schema(struct bag_topics *t, const struct topic *topic, uint16_t *id,
-                       struct complaint *why)
+                       struct error *why)
 {
     const struct bag_schema schema = bag_schema_of(topic);
 
@@ -75,7 +75,7 @@ static int find_schema(struct bag_topics *t, const struct topic *topic, uint16_t
 }
 
 static int write_channel(struct bag_topics *t, const struct bag_source *s, uint16_t *id,
-                         struct complaint *why)
+                         struct error *why)
 {
     struct bag_channel channel = {.topic = bytes_of(s->topic->name),
                                   .message_encoding = bytes_of(BAG_PROTOBUF)};
@@ -91,7 +91,7 @@ static int write_channel(struct bag_topics *t, const struct bag_source *s, uint1
     bag_map_put(&metadata, bytes_of("capture"),
                 bytes_of(s->captured ? "publish_time" : "none"));
     channel.metadata = bytes_in(&metadata);
-    err = metadata.failed ? complain(why, -ENOMEM, "out of memory")
+    err = metadata.failed ? error_say(why, -ENOMEM, "out of memory")
                           : bag_writer_channel(t->writer, &channel, id, why);
     bytes_free(&metadata);
     return err;
@@ -104,7 +104,7 @@ static bool is_same(const struct bag_source *a, const struct bag_source *b)
 }
 
 static int find_channel(struct bag_topics *t, const struct bag_source *s, uint16_t *id,
-                        struct complaint *why)
+                        struct error *why)
 {
     for (size_t i = 0; i < t->n; i++) {
         if (is_same(&t->channels[i].source, s)) {
@@ -116,7 +116,7 @@ static int find_channel(struct bag_topics *t, const struct bag_source *s, uint16
         struct known_channel *grown =
             realloc(t->channels, (t->n ? 2 * t->n : 1) * sizeof *grown);
         if (!grown)
-            return complain(why, -ENOMEM, "out of memory");
+            return error_say(why, -ENOMEM, "out of memory");
         t->channels = grown;
     }
     int err = write_channel(t, s, id, why);
@@ -126,7 +126,7 @@ static int find_channel(struct bag_topics *t, const struct bag_source *s, uint16
 }
 
 int bag_topics_put(struct bag_topics *t, const struct envelope *e, const void *payload,
-                   uint16_t *channel_id, struct complaint *why)
+                   uint16_t *channel_id, struct error *why)
 {
     struct bag_source source = {.topic = topics_find(e->topic),
                                 .epoch_ns = e->epoch_ns,
@@ -138,7 +138,7 @@ int bag_topics_put(struct bag_topics *t, const struct envelope *e, const void *p
         .data = {payload, e->payload_size}};
 
     if (!source.topic)
-        return complain(why, -EINVAL, "%s: no such topic", e->topic);
+        return error_say(why, -EINVAL, "%s: no such topic", e->topic);
     memcpy(source.node, e->node, sizeof source.node);
     int err = find_channel(t, &source, &m.channel_id, why);
     if (err)

@@ -37,7 +37,7 @@ int bag_topics_create(struct bag_topics **out, struct bag_writer *w);
  * e->payload_size bytes.  *channel_id: the one it is in; may be NULL.  0, -EINVAL (no
  * such topic, or more than 65535 channels), as bag_writer_message. */
 int bag_topics_put(struct bag_topics *t, const struct envelope *e, const void *payload,
-                   uint16_t *channel_id, struct complaint *why);
+                   uint16_t *channel_id, struct error *why);
 void bag_topics_destroy(struct bag_topics *t);
 
 /* What a channel of a bag says of all its messages. */

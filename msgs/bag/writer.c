@@ -8,7 +8,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/bag/bytes.h"
 #include "msgs/bag/file.h"
 #include "msgs/bag/record.h"
@@ -233,15 +233,15 @@ static void bag_definitions_free(struct bag_definitions *d)
 }
 
 /* Makes the file, which must not be there.  0, -EEXIST, other errno, -ENOMEM. */
-static int bag_sink_create(struct bag_sink *s, const char *path, struct complaint *why)
+static int bag_sink_create(struct bag_sink *s, const char *path, struct error *why)
 {
     *s = (struct bag_sink){.path = strdup(path), .fd = -1};
     if (!s->path)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     s->fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (s->fd >= 0)
         return 0;
-    int err = complain(why, -errno, "%s: %s", path, strerror(errno));
+    int err = error_say(why, -errno, "%s: %s", path, strerror(errno));
     free(s->path);
     s->path = NULL;
     return err;
@@ -289,32 +289,32 @@ static int write_all(const struct bag_sink *s, struct bytes what)
 /* Writes all or nothing.  reserve: bytes that must still fit after it.  0 or a negative
  * errno. */
 static int bag_sink_write(struct bag_sink *s, struct bytes what, uint64_t reserve,
-                          struct complaint *why)
+                          struct error *why)
 {
     if (!what.size)
         return 0;
     int err = hold(s, what.size + reserve);
     if (err)
-        return complain(why, err, "%s: %s", s->path, strerror(-err));
+        return error_say(why, err, "%s: %s", s->path, strerror(-err));
     err = write_all(s, what);
     /* Should taking it back fail too, the size still tells where the next record goes. */
     if (err)
-        return complain(why, err, "%s: %s%s", s->path, strerror(-err),
-                        ftruncate(s->fd, (off_t)s->size) ? "; its end is damaged" : "");
+        return error_say(why, err, "%s: %s%s", s->path, strerror(-err),
+                         ftruncate(s->fd, (off_t)s->size) ? "; its end is damaged" : "");
     s->size += what.size;
     s->crc = bag_crc(s->crc, what);
     return 0;
 }
 
 /* Brings what was written to the disk.  0 or a negative errno. */
-static int bag_sink_sync(struct bag_sink *s, struct complaint *why)
+static int bag_sink_sync(struct bag_sink *s, struct error *why)
 {
-    return fdatasync(s->fd) ? complain(why, -errno, "%s: %s", s->path, strerror(errno))
+    return fdatasync(s->fd) ? error_say(why, -errno, "%s: %s", s->path, strerror(errno))
                             : 0;
 }
 
 /* Gives what was held ready back, and closes.  0 or a negative errno. */
-static int bag_sink_close(struct bag_sink *s, struct complaint *why)
+static int bag_sink_close(struct bag_sink *s, struct error *why)
 {
     int err = 0;
 
@@ -325,7 +325,7 @@ static int bag_sink_close(struct bag_sink *s, struct complaint *why)
     if (close(s->fd) && !err)
         err = -errno;
     if (err)
-        complain(why, err, "%s: %s", s->path, strerror(-err));
+        error_say(why, err, "%s: %s", s->path, strerror(-err));
     free(s->path);
     *s = (struct bag_sink){.fd = -1};
     return err;
@@ -392,22 +392,22 @@ static void put_chunk(struct bag_writer *w, struct bytes packed)
 }
 
 /* Ends all writing: -ENOMEM now, and the error of before. */
-static int writer_out_of_memory(struct bag_writer *w, struct complaint *why)
+static int writer_out_of_memory(struct bag_writer *w, struct error *why)
 {
     w->error = -ENOMEM;
-    return complain(why, -ENOMEM, "%s: out of memory", w->sink.path);
+    return error_say(why, -ENOMEM, "%s: out of memory", w->sink.path);
 }
 
-static int writer_after_error(const struct bag_writer *w, struct complaint *why)
+static int writer_after_error(const struct bag_writer *w, struct error *why)
 {
-    return complain(why, w->error, "%s: nothing more is written after an error",
-                    w->sink.path);
+    return error_say(why, w->error, "%s: nothing more is written after an error",
+                     w->sink.path);
 }
 
-static int writer_emit(struct bag_writer *w, struct complaint *why);
+static int writer_emit(struct bag_writer *w, struct error *why);
 
 /* Writes the chunk under way, if there is one, with its indexes. */
-static int writer_end_chunk(struct bag_writer *w, struct complaint *why)
+static int writer_end_chunk(struct bag_writer *w, struct error *why)
 {
     size_t indexes = w->summary.chunk_indexes.size;
 
@@ -423,8 +423,8 @@ static int writer_end_chunk(struct bag_writer *w, struct complaint *why)
                                       bytes_in(&w->chunk));
     if (err) {
         w->error = err;
-        return complain(why, err, "%s: a chunk cannot be compressed: %s", w->sink.path,
-                        strerror(-err));
+        return error_say(why, err, "%s: a chunk cannot be compressed: %s", w->sink.path,
+                         strerror(-err));
     }
     put_chunk(w, bytes_in(as_it_is ? &w->chunk : &w->packed));
     err = writer_emit(w, why);
@@ -439,17 +439,17 @@ static int writer_end_chunk(struct bag_writer *w, struct complaint *why)
 #define SPARE_SIZE   (64 << 10) /* held on the disk beside what is known of the end */
 #define LARGEST_DATA (BAG_MAX_SIZE - ((uint64_t)1 << 20)) /* leaves room for the rest */
 
-static int too_large(const struct bag_writer *w, size_t size, struct complaint *why)
+static int too_large(const struct bag_writer *w, size_t size, struct error *why)
 {
-    return complain(why, -EMSGSIZE, "%s: %zu bytes in one piece; a bag takes %" PRIu64,
-                    w->sink.path, size, LARGEST_DATA);
+    return error_say(why, -EMSGSIZE, "%s: %zu bytes in one piece; a bag takes %" PRIu64,
+                     w->sink.path, size, LARGEST_DATA);
 }
 
 /* Writes w->out, and empties it.  Errors of writing.
  *
  * The end of the file must fit after it, with all the
  * definitions again. */
-static int writer_emit(struct bag_writer *w, struct complaint *why)
+static int writer_emit(struct bag_writer *w, struct error *why)
 {
     uint64_t reserve = bag_summary_size(&w->summary) + SPARE_SIZE;
 
@@ -465,12 +465,12 @@ static int writer_emit(struct bag_writer *w, struct complaint *why)
 }
 
 int bag_writer_create(struct bag_writer **out, const char *path,
-                      const struct bag_writer_config *cfg, struct complaint *why)
+                      const struct bag_writer_config *cfg, struct error *why)
 {
     struct bag_record header = {.opcode = BAG_HEADER};
     struct bag_writer *w = calloc(1, sizeof *w);
     if (!w)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     w->cfg = *cfg;
     int err = bag_sink_create(&w->sink, path, why);
     if (err) {
@@ -492,25 +492,26 @@ int bag_writer_create(struct bag_writer **out, const char *path,
 }
 
 int bag_writer_schema(struct bag_writer *w, const struct bag_schema *schema, uint16_t *id,
-                      struct complaint *why)
+                      struct error *why)
 {
     int err = bag_definitions_schema(&w->definitions, schema, id);
 
-    return err ? complain(why, err, "%s: a schema: %s", w->sink.path, strerror(-err)) : 0;
+    return err ? error_say(why, err, "%s: a schema: %s", w->sink.path, strerror(-err))
+               : 0;
 }
 
 int bag_writer_channel(struct bag_writer *w, const struct bag_channel *channel,
-                       uint16_t *id, struct complaint *why)
+                       uint16_t *id, struct error *why)
 {
     int err = bag_definitions_channel(&w->definitions, channel, id);
 
-    return err ? complain(why, err, "%s: a channel: %s", w->sink.path, strerror(-err))
+    return err ? error_say(why, err, "%s: a channel: %s", w->sink.path, strerror(-err))
                : 0;
 }
 
 /* Without chunks: each record by itself. */
 static int write_message(struct bag_writer *w, const struct bag_record *r,
-                         struct complaint *why)
+                         struct error *why)
 {
     uint16_t channel = r->message.channel_id;
 
@@ -525,14 +526,14 @@ static int write_message(struct bag_writer *w, const struct bag_record *r,
 }
 
 int bag_writer_message(struct bag_writer *w, const struct bag_message *m,
-                       struct complaint *why)
+                       struct error *why)
 {
     const struct bag_record r = {.opcode = BAG_MESSAGE, .message = *m};
 
     if (w->error)
         return writer_after_error(w, why);
     if (!m->channel_id || m->channel_id > w->definitions.n_channels)
-        return complain(why, -EINVAL, "%s: a message of no channel", w->sink.path);
+        return error_say(why, -EINVAL, "%s: a message of no channel", w->sink.path);
     if (m->data.size > LARGEST_DATA)
         return too_large(w, m->data.size, why);
     if (!w->cfg.chunk_size)
@@ -550,7 +551,7 @@ int bag_writer_message(struct bag_writer *w, const struct bag_message *m,
 }
 
 int bag_writer_attachment(struct bag_writer *w, const struct bag_attachment *a,
-                          struct complaint *why)
+                          struct error *why)
 {
     const struct bag_record r = {.opcode = BAG_ATTACHMENT, .attachment = *a};
     struct bag_record index = {.opcode = BAG_ATTACHMENT_INDEX};
@@ -579,7 +580,7 @@ int bag_writer_attachment(struct bag_writer *w, const struct bag_attachment *a,
 }
 
 int bag_writer_metadata(struct bag_writer *w, const struct bag_metadata *m,
-                        struct complaint *why)
+                        struct error *why)
 {
     const struct bag_record r = {.opcode = BAG_METADATA, .metadata = *m};
     struct bag_record index = {.opcode = BAG_METADATA_INDEX};
@@ -598,7 +599,7 @@ int bag_writer_metadata(struct bag_writer *w, const struct bag_metadata *m,
     return 0;
 }
 
-int bag_writer_flush(struct bag_writer *w, struct complaint *why)
+int bag_writer_flush(struct bag_writer *w, struct error *why)
 {
     int err = writer_end_chunk(w, why);
 
@@ -640,7 +641,7 @@ static void summarize(struct bag_writer *w)
 }
 
 /* Goes on after an error of writing: what is whole gets its end. */
-static int write_end(struct bag_writer *w, struct complaint *why)
+static int write_end(struct bag_writer *w, struct error *why)
 {
     uint32_t crc;
 
@@ -650,13 +651,13 @@ static int write_end(struct bag_writer *w, struct complaint *why)
     int err = bag_summary_put(&w->out, &w->summary, !w->cfg.without_summary_offsets,
                               w->sink.size + w->out.size, crc);
     if (err)
-        return complain(why, err, "%s: its index cannot be read back: %s", w->sink.path,
-                        strerror(-err));
+        return error_say(why, err, "%s: its index cannot be read back: %s", w->sink.path,
+                         strerror(-err));
     return w->out.failed ? writer_out_of_memory(w, why)
                          : bag_sink_write(&w->sink, bytes_in(&w->out), 0, why);
 }
 
-int bag_writer_close(struct bag_writer *w, struct complaint *why)
+int bag_writer_close(struct bag_writer *w, struct error *why)
 {
     if (!w)
         return 0;

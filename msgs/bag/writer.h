@@ -10,7 +10,7 @@
 
 #include "msgs/bag/compression.h"
 #include "msgs/bag/record.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct bag_writer_config {
     const char *profile, *library;
@@ -28,30 +28,30 @@ struct bag_writer;
 /* Makes the file, which must not be there.  0, -EEXIST and other errno of opening and
  * writing, -ENOMEM. */
 int bag_writer_create(struct bag_writer **out, const char *path,
-                      const struct bag_writer_config *cfg, struct complaint *why);
+                      const struct bag_writer_config *cfg, struct error *why);
 
 /* *id: what a channel names it by, from 1.  0, -EINVAL (65535 are there), as
  * bag_writer_message. */
 int bag_writer_schema(struct bag_writer *w, const struct bag_schema *schema, uint16_t *id,
-                      struct complaint *why);
+                      struct error *why);
 
 /* The schema's id is 0 or one that there is.  *id from 1.  Errors as bag_writer_schema.
  */
 int bag_writer_channel(struct bag_writer *w, const struct bag_channel *channel,
-                       uint16_t *id, struct complaint *why);
+                       uint16_t *id, struct error *why);
 
 /* Of a channel that there is.  0, -EINVAL, -EMSGSIZE (more than the reader takes,
  * BAG_MAX_SIZE: nothing is written, and the bag goes on), -ENOMEM, -ENOSPC and other
  * errno of writing. */
 int bag_writer_message(struct bag_writer *w, const struct bag_message *m,
-                       struct complaint *why);
+                       struct error *why);
 int bag_writer_attachment(struct bag_writer *w, const struct bag_attachment *a,
-                          struct complaint *why);
+                          struct error *why);
 int bag_writer_metadata(struct bag_writer *w, const struct bag_metadata *m,
-                        struct complaint *why);
+                        struct error *why);
 
 /* Ends the chunk, and brings all to the disk.  Errors of writing. */
-int bag_writer_flush(struct bag_writer *w, struct complaint *why);
+int bag_writer_flush(struct bag_writer *w, struct error *why);
 
 /* Bytes in the file, and those of the chunk that is not yet in it. */
 uint64_t bag_writer_size(const struct bag_writer *w);
@@ -60,6 +60,6 @@ uint64_t bag_writer_size(const struct bag_writer *w);
 uint64_t bag_writer_messages(const struct bag_writer *w);
 
 /* Writes the summary and frees w.  0 or an error of writing, now or before. */
-int bag_writer_close(struct bag_writer *w, struct complaint *why);
+int bag_writer_close(struct bag_writer *w, struct error *why);
 
 #endif

@@ -48,7 +48,7 @@ static const struct option options[] = {
     {NULL, 0, NULL, 0},
 };
 
-static int fail(int err, const struct complaint *why)
+static int fail(int err, const struct error *why)
 {
     fprintf(stderr, "anlos keys: %s\n", why->text);
     return err == -EINVAL || err == -EACCES || err == -ENOENT || err == -EEXIST
@@ -59,7 +59,7 @@ static int fail(int err, const struct complaint *why)
 /* The line alone is on standard output, to be sent on as it is. */
 static int make(const char *folder, const char *host)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     char public[KEYS_TEXT_SIZE], here[HOST_NAME_MAX + 1] = "";
 
     if (!host && gethostname(here, sizeof here - 1))
@@ -77,7 +77,7 @@ static int make(const char *folder, const char *host)
 
 static int show(const char *folder)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct keys keys;
     int err = keys_read(&keys, folder, &why);
 

@@ -51,7 +51,7 @@ static void print_help(void)
 
 /* A name on the command line is meant: what stands there is not to be passed over. */
 static int check_recording(const struct launchfile *l, const struct arguments *a,
-                           struct complaint *why)
+                           struct error *why)
 {
     struct parts parts;
     bool split = l->record.split_mb || l->record.split_s || l->record.quota_mb;
@@ -60,7 +60,7 @@ static int check_recording(const struct launchfile *l, const struct arguments *a
 }
 
 /* What is needed of the machine, once the runtime directory is ours. */
-static int prepare_host(const struct launchfile *l, struct complaint *why)
+static int prepare_host(const struct launchfile *l, struct error *why)
 {
     int err = 0;
 
@@ -73,7 +73,7 @@ static int prepare_host(const struct launchfile *l, struct complaint *why)
 
 /* After 0: site_close, launchfile_destroy; else the latter alone. */
 static int prepare(struct launchfile **launch, const struct arguments *a,
-                   char run_dir[RUNDIR_SIZE], struct complaint *why)
+                   char run_dir[RUNDIR_SIZE], struct error *why)
 {
     const struct launchfile_options options = {.out = a->out,
                                                .bag = a->bag,
@@ -99,13 +99,13 @@ static int prepare(struct launchfile **launch, const struct arguments *a,
 }
 
 /* It may lie only on the host that has the array. */
-static int read_scene(struct truth *t, const struct launchfile *l, struct complaint *why)
+static int read_scene(struct truth *t, const struct launchfile *l, struct error *why)
 {
     char *scene = uri_path(l->array.uri);
     int err = 0;
 
     if (!scene)
-        err = complain(why, -ENOMEM, "not enough memory for the scene");
+        err = error_say(why, -ENOMEM, "not enough memory for the scene");
     else if (launchfile_runs_here(l, "array") || !access(scene, R_OK))
         err = truth_read_scene(t, scene, why);
     free(scene);
@@ -116,9 +116,9 @@ static int read_scene(struct truth *t, const struct launchfile *l, struct compla
 static void print_objects(const struct launchfile *l)
 {
     struct truth *t = calloc(1, sizeof *t);
-    struct complaint why = {""};
+    struct error why = {""};
     int err = t ? truth_read_detections(t, l->report.folder, &why)
-                : complain(&why, -ENOMEM, "not enough memory for the table");
+                : error_say(&why, -ENOMEM, "not enough memory for the table");
 
     if (!err && uri_has_scheme(l->array.uri, "sim"))
         err = read_scene(t, l, &why);
@@ -138,7 +138,7 @@ static void print_objects(const struct launchfile *l)
 
 static void print_results(const struct launchfile *l)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (l->scan.fixed && !tracks_print(l->report.folder, stdout, &why)) {
         if (uri_has_scheme(l->array.uri, "sim"))
@@ -152,7 +152,7 @@ static void print_results(const struct launchfile *l)
 int command_launch(int argc, char **argv)
 {
     struct arguments args;
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *launch = NULL;
     char run_dir[RUNDIR_SIZE], bin_dir[4096];
     int code = EXIT_BAD_INPUT;
@@ -164,7 +164,7 @@ int command_launch(int argc, char **argv)
         return usage_flush("launch");
     }
     if (!err && (err = program_folder(bin_dir, sizeof bin_dir)))
-        complain(&why, err, "the folder of this program: %s", strerror(-err));
+        error_say(&why, err, "the folder of this program: %s", strerror(-err));
     if (!err)
         err = prepare(&launch, &args, run_dir, &why);
     if (err) {

@@ -18,7 +18,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 /* Variables of a MATLAB file by libmatio.  A damaged file can make libmatio and HDF5
  * crash, loop and take all memory: only for a process of its own
@@ -91,7 +91,7 @@ struct mat_library {
 };
 
 /* libmatio tells nothing about why a file does not open. */
-static int check_readable(const char *path, size_t *size, struct complaint *why)
+static int check_readable(const char *path, size_t *size, struct error *why)
 {
     char c;
     struct stat st = {.st_size = 0};
@@ -101,11 +101,12 @@ static int check_readable(const char *path, size_t *size, struct complaint *why)
     if (fd >= 0)
         close(fd);
     if (cut_off)
-        return complain(why, -EIO, "%s: truncated: its last variable is not whole", path);
+        return error_say(why, -EIO, "%s: truncated: its last variable is not whole",
+                         path);
     if (!err && !S_ISREG(st.st_mode))
-        return complain(why, -EINVAL, "%s: not a regular file", path);
+        return error_say(why, -EINVAL, "%s: not a regular file", path);
     *size = (size_t)st.st_size;
-    return err ? complain(why, err, "%s: %s", path, strerror(-err)) : 0;
+    return err ? error_say(why, err, "%s: %s", path, strerror(-err)) : 0;
 }
 
 static void mat_library_close(struct mat_library *f)
@@ -119,8 +120,7 @@ static void mat_library_close(struct mat_library *f)
 }
 
 /* As nodes/anlos/mat_file.h has them. */
-static int mat_library_open(struct mat_library **out, const char *path,
-                            struct complaint *why)
+static int mat_library_open(struct mat_library **out, const char *path, struct error *why)
 {
     size_t size = 0;
     int err = check_readable(path, &size, why);
@@ -131,7 +131,7 @@ static int mat_library_open(struct mat_library **out, const char *path,
         f->path = strdup(path);
     if (!f || !f->path) {
         free(f);
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     }
     f->size = size;
     H5Eset_auto(H5E_DEFAULT, NULL, NULL); /* or it prints every error that it meets */
@@ -140,7 +140,7 @@ static int mat_library_open(struct mat_library **out, const char *path,
     if (!f->mat || (Mat_GetVersion(f->mat) != MAT_FT_MAT5 &&
                     Mat_GetVersion(f->mat) != MAT_FT_MAT73)) {
         mat_library_close(f);
-        return complain(why, -EINVAL, "%s: expected a MATLAB file, v5 or v7.3", path);
+        return error_say(why, -EINVAL, "%s: expected a MATLAB file, v5 or v7.3", path);
     }
     *out = f;
     return 0;
@@ -179,39 +179,39 @@ static bool is_numeric(enum matio_classes class)
 }
 
 static int check_shape(const struct mat_library *f, const matvar_t *v, const char *name,
-                       size_t rank, size_t extents[], struct complaint *why)
+                       size_t rank, size_t extents[], struct error *why)
 {
     size_t n = 1;
     if (!is_numeric(v->class_type))
-        return complain(why, -EINVAL, "%s: %s: expected an array of numbers, not sparse",
-                        f->path, name);
+        return error_say(why, -EINVAL, "%s: %s: expected an array of numbers, not sparse",
+                         f->path, name);
     for (size_t d = 0; d < rank; d++)
         extents[d] = 1;
     for (size_t d = 0; d < (size_t)v->rank; d++) {
         if (d >= rank && v->dims[d] != 1)
-            return complain(why, -EINVAL, "%s: %s: %d dimensions, expected %zu", f->path,
-                            name, v->rank, rank);
+            return error_say(why, -EINVAL, "%s: %s: %d dimensions, expected %zu", f->path,
+                             name, v->rank, rank);
         if (d < rank)
             extents[d] = v->dims[d];
         if (!v->dims[d])
-            return complain(why, -EINVAL, "%s: %s: is empty", f->path, name);
+            return error_say(why, -EINVAL, "%s: %s: is empty", f->path, name);
         if (v->dims[d] > MAT_FILE_MAX_ELEMENTS / n)
-            return complain(why, -EFBIG, "%s: %s: expected at most %zu elements", f->path,
-                            name, MAT_FILE_MAX_ELEMENTS);
+            return error_say(why, -EFBIG, "%s: %s: expected at most %zu elements",
+                             f->path, name, MAT_FILE_MAX_ELEMENTS);
         n *= v->dims[d];
     }
     if (n * Mat_SizeOfClass((int)v->class_type) > f->size * MOST_INFLATED + SLACK_BYTES)
-        return complain(why, -EIO, "%s: %s: %zu elements, more than the file can hold",
-                        f->path, name, n);
+        return error_say(why, -EIO, "%s: %s: %zu elements, more than the file can hold",
+                         f->path, name, n);
     return 0;
 }
 
 static int find_shape(struct mat_library *f, const char *name, size_t rank,
-                      size_t extents[], matvar_t **out, struct complaint *why)
+                      size_t extents[], matvar_t **out, struct error *why)
 {
     matvar_t *v = find(f, name);
     if (!v)
-        return complain(why, -ENOENT, "%s: expected a variable %s", f->path, name);
+        return error_say(why, -ENOENT, "%s: expected a variable %s", f->path, name);
     int err = check_shape(f, v, name, rank, extents, why);
     if (err)
         Mat_VarFree(v);
@@ -221,7 +221,7 @@ static int find_shape(struct mat_library *f, const char *name, size_t rank,
 }
 
 static int mat_library_extents(struct mat_library *f, const char *name, size_t rank,
-                               size_t extents[], struct complaint *why)
+                               size_t extents[], struct error *why)
 {
     matvar_t *v = NULL;
     int err = find_shape(f, name, rank, extents, &v, why);
@@ -275,7 +275,7 @@ static const char *part(const struct mat_variable *v, const char *from, size_t e
  * mat_file_read_float. */
 static int mat_library_load(struct mat_library *f, const char *name, size_t rank,
                             size_t extents[], bool may_be_complex,
-                            struct mat_variable *out, struct complaint *why)
+                            struct mat_variable *out, struct error *why)
 {
     matvar_t *v = NULL;
     int err = find_shape(f, name, rank, extents, &v, why);
@@ -283,8 +283,8 @@ static int mat_library_load(struct mat_library *f, const char *name, size_t rank
         return err;
     if (v->isComplex && !may_be_complex) {
         Mat_VarFree(v);
-        return complain(why, -EINVAL, "%s: %s: is complex, expected real numbers",
-                        f->path, name);
+        return error_say(why, -EINVAL, "%s: %s: is complex, expected real numbers",
+                         f->path, name);
     }
     *out = (struct mat_variable){
         .variable = v,
@@ -298,7 +298,7 @@ static int mat_library_load(struct mat_library *f, const char *name, size_t rank
     if (failed || !v->data || (v->isComplex && (!split->Re || !split->Im)) ||
         v->nbytes < out->n * out->element_size) {
         Mat_VarFree(v);
-        return complain(why, -EIO, "%s: %s: truncated or unreadable", f->path, name);
+        return error_say(why, -EIO, "%s: %s: truncated or unreadable", f->path, name);
     }
     out->re = v->isComplex ? split->Re : v->data;
     out->im = v->isComplex ? split->Im : NULL;
@@ -339,7 +339,7 @@ static void mat_library_complex(const struct mat_variable *v, size_t first, size
 struct answer {
     int err;
     size_t extents[MAT_FILE_MAX_RANK];
-    struct complaint why;
+    struct error why;
 };
 
 /* -- the child -- */
@@ -482,12 +482,12 @@ static int receive(int fd, const struct mat_question *q, struct answer *a, void 
     return err;
 }
 
-static int start(const struct mat_question *q, pid_t *pid, int *fd, struct complaint *why)
+static int start(const struct mat_question *q, pid_t *pid, int *fd, struct error *why)
 {
     int ends[2];
 
     if (pipe(ends) < 0)
-        return complain(why, -errno, "%s: %s", q->path, strerror(errno));
+        return error_say(why, -errno, "%s: %s", q->path, strerror(errno));
     *pid = fork();
     if (!*pid) {
         close(ends[0]);
@@ -498,17 +498,18 @@ static int start(const struct mat_question *q, pid_t *pid, int *fd, struct compl
     *fd = ends[0];
     if (err)
         close(ends[0]);
-    return err ? complain(why, err, "%s: %s", q->path, strerror(-err)) : 0;
+    return err ? error_say(why, err, "%s: %s", q->path, strerror(-err)) : 0;
 }
 
-static int blame(const struct mat_question *q, int err, int status, struct complaint *why)
+static int blame(const struct mat_question *q, int err, int status, struct error *why)
 {
     if (err == -ENOMEM)
-        return complain(why, err, "%s: out of memory", q->path);
+        return error_say(why, err, "%s: out of memory", q->path);
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return complain(why, -EIO, "%s: takes longer to read than a file of its size may",
-                        q->path);
-    return complain(why, -EIO, "%s: damaged: the MATLAB library cannot read it", q->path);
+        return error_say(why, -EIO,
+                         "%s: takes longer to read than a file of its size may", q->path);
+    return error_say(why, -EIO, "%s: damaged: the MATLAB library cannot read it",
+                     q->path);
 }
 
 /* extents[rank] are written from MAT_EXTENTS on, *data from MAT_FLOATS on: free() it.
@@ -516,7 +517,7 @@ static int blame(const struct mat_question *q, int err, int status, struct compl
  * does not suit), -EFBIG, -EIO (truncated, or damaged so that it cannot be read),
  * -ENOMEM, and errors of fork(2) and pipe(2). */
 static int mat_process_ask(const struct mat_question *q, size_t extents[], void **data,
-                           struct complaint *why)
+                           struct error *why)
 {
     struct answer a;
     pid_t pid = -1;
@@ -532,7 +533,7 @@ static int mat_process_ask(const struct mat_question *q, size_t extents[], void 
     if (err)
         return blame(q, err, status, why);
     if (a.err)
-        return a.why.text[0] ? complain(why, a.err, "%s", a.why.text) : a.err;
+        return a.why.text[0] ? error_say(why, a.err, "%s", a.why.text) : a.err;
     if (q->what >= MAT_EXTENTS)
         memcpy(extents, a.extents, q->rank * sizeof *extents);
     return 0;
@@ -542,7 +543,7 @@ struct mat_file {
     char *path;
 };
 
-int mat_file_open(struct mat_file **out, const char *path, struct complaint *why)
+int mat_file_open(struct mat_file **out, const char *path, struct error *why)
 {
     const struct mat_question q = {.path = path, .what = MAT_OPEN};
     struct mat_file *f;
@@ -555,7 +556,7 @@ int mat_file_open(struct mat_file **out, const char *path, struct complaint *why
         f->path = strdup(path);
     if (!f || !f->path) {
         free(f);
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     }
     *out = f;
     return 0;
@@ -569,7 +570,7 @@ bool mat_file_has(struct mat_file *f, const char *name)
 }
 
 int mat_file_extents(struct mat_file *f, const char *name, size_t rank, size_t extents[],
-                     struct complaint *why)
+                     struct error *why)
 {
     const struct mat_question q = {
         .path = f->path, .what = MAT_EXTENTS, .name = name, .rank = rank};
@@ -578,7 +579,7 @@ int mat_file_extents(struct mat_file *f, const char *name, size_t rank, size_t e
 }
 
 static int read_all(struct mat_file *f, enum mat_what what, const char *name, size_t rank,
-                    size_t extents[], void **out, struct complaint *why)
+                    size_t extents[], void **out, struct error *why)
 {
     const struct mat_question q = {
         .path = f->path, .what = what, .name = name, .rank = rank};
@@ -587,7 +588,7 @@ static int read_all(struct mat_file *f, enum mat_what what, const char *name, si
 }
 
 int mat_file_read_float(struct mat_file *f, const char *name, size_t rank,
-                        size_t extents[], float **out, struct complaint *why)
+                        size_t extents[], float **out, struct error *why)
 {
     void *data;
     int err = read_all(f, MAT_FLOATS, name, rank, extents, &data, why);
@@ -598,7 +599,7 @@ int mat_file_read_float(struct mat_file *f, const char *name, size_t rank,
 }
 
 int mat_file_read_double(struct mat_file *f, const char *name, size_t rank,
-                         size_t extents[], double **out, struct complaint *why)
+                         size_t extents[], double **out, struct error *why)
 {
     void *data;
     int err = read_all(f, MAT_DOUBLES, name, rank, extents, &data, why);
@@ -609,7 +610,7 @@ int mat_file_read_double(struct mat_file *f, const char *name, size_t rank,
 }
 
 int mat_file_read_complex(struct mat_file *f, const char *name, size_t rank,
-                          size_t extents[], float complex **out, struct complaint *why)
+                          size_t extents[], float complex **out, struct error *why)
 {
     void *data;
     int err = read_all(f, MAT_COMPLEX, name, rank, extents, &data, why);
@@ -620,7 +621,7 @@ int mat_file_read_complex(struct mat_file *f, const char *name, size_t rank,
 }
 
 int mat_file_read_number(struct mat_file *f, const char *name, double *out,
-                         struct complaint *why)
+                         struct error *why)
 {
     size_t extents[2];
     double *value = NULL;
@@ -628,11 +629,11 @@ int mat_file_read_number(struct mat_file *f, const char *name, double *out,
     if (err)
         return err;
     if (extents[0] * extents[1] != 1)
-        err = complain(why, -EINVAL, "%s: %s: %zu x %zu, expected one number", f->path,
-                       name, extents[0], extents[1]);
+        err = error_say(why, -EINVAL, "%s: %s: %zu x %zu, expected one number", f->path,
+                        name, extents[0], extents[1]);
     else if (!isfinite(*value))
-        err = complain(why, -EINVAL, "%s: %s: is %g, expected a number", f->path, name,
-                       *value);
+        err = error_say(why, -EINVAL, "%s: %s: is %g, expected a number", f->path, name,
+                        *value);
     else
         *out = *value;
     free(value);

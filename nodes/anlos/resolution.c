@@ -120,7 +120,7 @@ static double confocal_cm(double gamma_s, double speed_m_s, double distance_m)
 
 enum { ACOUSTIC = 3, CURVES = ACOUSTIC + 2 };
 
-static int draw(const char *folder, const struct subject *x, struct complaint *why)
+static int draw(const char *folder, const struct subject *x, struct error *why)
 {
     static const double band_hz[ACOUSTIC] = {5e3, 9.5e3, 18e3};
     static const char *const names[CURVES] = {"sound, 5 kHz wide", "sound, 9.5 kHz",
@@ -162,7 +162,7 @@ static int draw(const char *folder, const struct subject *x, struct complaint *w
     return export_chart(folder, "resolution", &chart, why);
 }
 
-static int draw_into(const char *out, const struct subject *x, struct complaint *why)
+static int draw_into(const char *out, const struct subject *x, struct error *why)
 {
     struct export_stage stage;
     int err = export_stage_begin(&stage, out, why);
@@ -179,7 +179,7 @@ int command_resolution(int argc, char **argv)
 {
     struct usage usage = {.command = "resolution", .help = help, .options = options};
     const char *survey_path = NULL, *out = NULL;
-    struct complaint why = {0};
+    struct error why = {0};
     struct survey survey;
     struct subject x;
     int code;

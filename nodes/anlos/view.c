@@ -57,12 +57,12 @@ static int64_t now_ns(void)
     return clock_now_ns(clock_system());
 }
 
-static int subscribe(struct bus *bus, struct complaint *why)
+static int subscribe(struct bus *bus, struct error *why)
 {
     for (const struct topic *t = topics_all(); t->name; t++) {
         int err = bus_subscribe(bus, t);
         if (err)
-            return complain(why, err, "topic %s: %s", t->name, strerror(-err));
+            return error_say(why, err, "topic %s: %s", t->name, strerror(-err));
     }
     return 0;
 }
@@ -111,7 +111,7 @@ static int serve(struct viewer_config *cfg, const char *asked)
 {
     char run_dir[RUNDIR_SIZE];
     struct bus_config bus_cfg = {.run_dir = run_dir, .listen_only = true};
-    struct complaint why = {""};
+    struct error why = {""};
     struct viewer *viewer = NULL;
     struct bus *bus = NULL;
     int err = rundir_open(run_dir, asked, &why);

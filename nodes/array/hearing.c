@@ -65,7 +65,7 @@ struct hearing {
     bool has_noise;
 };
 
-static int plan(struct hearing *h, struct complaint *why)
+static int plan(struct hearing *h, struct error *why)
 {
     const struct survey *s = h->survey;
     struct survey down = *s; /* borrows: only for the chirp */
@@ -81,8 +81,8 @@ static int plan(struct hearing *h, struct complaint *why)
     h->n_own = (size_t)own;
     p.gate_s[1] = fmin(slot_s, whole_s);
     if (!(p.gate_s[1] > 0.0))
-        return complain(why, -EINVAL, "pings of %zu samples hold no chirp whole",
-                        h->n_samples);
+        return error_say(why, -EINVAL, "pings of %zu samples hold no chirp whole",
+                         h->n_samples);
     down.chirp_start_hz = s->chirp_stop_hz;
     down.chirp_stop_hz = s->chirp_start_hz;
     int err = processing_compressor(&h->compress[0], &p, s, WINDOW_HANN, why);
@@ -96,13 +96,13 @@ static int plan(struct hearing *h, struct complaint *why)
     return 0;
 }
 
-static int create_cover(struct hearing *h, struct complaint *why)
+static int create_cover(struct hearing *h, struct error *why)
 {
     const struct survey *s = h->survey;
     double *m = calloc(s->n_speakers * s->n_microphones, sizeof *m);
 
     if (!m)
-        return complain(why, -ENOMEM, "not enough memory to see what is covered");
+        return error_say(why, -ENOMEM, "not enough memory to see what is covered");
     for (size_t j = 0; j < s->n_speakers; j++)
         for (size_t i = 0; i < s->n_microphones; i++)
             m[j * s->n_microphones + i] =
@@ -110,11 +110,11 @@ static int create_cover(struct hearing *h, struct complaint *why)
     int err = cover_create(&h->cover, s->n_speakers, s->n_microphones, m,
                            s->together > 1 ? CROSSTALK_DB : LATE_DB);
     free(m);
-    return err ? complain(why, err, "not enough memory to see what is covered") : 0;
+    return err ? error_say(why, err, "not enough memory to see what is covered") : 0;
 }
 
 /* Noise where images are made. */
-static int create_floor(struct hearing *h, const double gate_s[2], struct complaint *why)
+static int create_floor(struct hearing *h, const double gate_s[2], struct error *why)
 {
     const struct trace_format *f = &h->format;
     double from = ceil((gate_s[0] - f->t0_s) * f->rate_hz);
@@ -128,13 +128,13 @@ static int create_floor(struct hearing *h, const double gate_s[2], struct compla
     int err = noise_floor_create(&h->floor, &cfg);
 
     if (err == -EINVAL)
-        return complain(why, err, "gate_m: of %g to %g ms after an emission %s",
-                        1e3 * gate_s[0], 1e3 * gate_s[1], "no ping has any sound");
-    return err ? complain(why, err, "not enough memory for the level of noise") : 0;
+        return error_say(why, err, "gate_m: of %g to %g ms after an emission %s",
+                         1e3 * gate_s[0], 1e3 * gate_s[1], "no ping has any sound");
+    return err ? error_say(why, err, "not enough memory for the level of noise") : 0;
 }
 
 static int create_levels(struct hearing *h, const struct reach_config *cfg,
-                         struct complaint *why)
+                         struct error *why)
 {
     size_t n = h->survey->n_microphones;
     struct processing p;
@@ -148,7 +148,7 @@ static int create_levels(struct hearing *h, const struct reach_config *cfg,
     h->unfit = calloc(n, sizeof *h->unfit);
     h->usable = calloc(n, sizeof *h->usable);
     if (!h->whole || !h->fresh || !h->direct || !h->unfit || !h->usable)
-        return complain(why, -ENOMEM, "not enough memory for the level of noise");
+        return error_say(why, -ENOMEM, "not enough memory for the level of noise");
     err = create_floor(h, p.gate_s, why);
     if (!err)
         err = create_cover(h, why);
@@ -158,13 +158,13 @@ static int create_levels(struct hearing *h, const struct reach_config *cfg,
 }
 
 int hearing_create(struct hearing **out, const struct reach_config *cfg,
-                   const struct survey *s, struct complaint *why)
+                   const struct survey *s, struct error *why)
 {
     struct hearing *h = calloc(1, sizeof *h);
 
     *out = NULL;
     if (!h)
-        return complain(why, -ENOMEM, "not enough memory to judge the microphones");
+        return error_say(why, -ENOMEM, "not enough memory to judge the microphones");
     h->survey = s;
     h->n_samples = s->slot_samples + tail_samples(s);
     int err = plan(h, why);
@@ -175,7 +175,7 @@ int hearing_create(struct hearing **out, const struct reach_config *cfg,
         h->mouths = calloc(s->n_speakers, sizeof *h->mouths);
         h->powers = calloc(s->n_speakers, sizeof *h->powers);
         if (!h->own || !h->traces || !h->ears || !h->mouths || !h->powers)
-            err = complain(why, -ENOMEM, "not enough memory to judge the microphones");
+            err = error_say(why, -ENOMEM, "not enough memory to judge the microphones");
     }
     if (!err)
         err = create_levels(h, cfg, why);

@@ -21,7 +21,7 @@
 #include <stddef.h>
 
 #include "msgs/array.pb-c.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/array/reach.h"
@@ -46,7 +46,7 @@ struct hearing;
 /* The survey outlives it.  0, -EINVAL (pings are too short to tell, or a gate or a
  * reach that is none), -ENOMEM. */
 int hearing_create(struct hearing **out, const struct reach_config *cfg,
-                   const struct survey *s, struct complaint *why);
+                   const struct survey *s, struct error *why);
 
 /* Topic "wall" (reach_walls). */
 void hearing_walls(struct hearing *h, const Anlos__WallList *list);

@@ -10,7 +10,7 @@
 #include "msgs/wall.pb-c.h"
 #include "nodes/array/ambient.h"
 #include "nodes/array/hearing.h"
-#include "nodes/array/shooter.h"
+#include "nodes/array/acquisition.h"
 #include "nodes/rt/node.h"
 
 #define SURVEY_PERIOD_NS 1000000000LL
@@ -20,7 +20,7 @@
 struct run {
     struct node *node;
     struct array *array;
-    struct shooter *shooter;
+    struct acquisition *acquisition;
     struct hearing *hearing; /* NULL: of a recording, or it cannot be told */
     Anlos__Sensing sensing;
     uint32_t covered_microphones[MAX_COVERED], covered_speakers[MAX_COVERED];
@@ -39,7 +39,8 @@ static int publish_survey(struct run *r)
     if (now < r->survey_due_ns)
         return 0;
     r->survey_due_ns = now + SURVEY_PERIOD_NS;
-    return node_publish(r->node, topic_survey(), 0, &shooter_survey(r->shooter)->base);
+    return node_publish(r->node, topic_survey(), 0,
+                        &acquisition_survey(r->acquisition)->base);
 }
 
 /* Of an array that goes round without end: a scan is one of one air, and what was
@@ -49,10 +50,10 @@ static void breathe(struct run *r, const Anlos__Ambient *said)
     const struct survey *measured = array_survey(r->array);
     double was_m_s = r->survey.sound_speed_m_s;
 
-    if (measured->source == SURVEY_REPLAY || !shooter_is_endless(r->shooter) ||
+    if (measured->source == SURVEY_REPLAY || !acquisition_is_endless(r->acquisition) ||
         !ambient_take(&r->ambient, measured, &r->survey, said, node_now_ns(r->node)))
         return;
-    int err = shooter_take_survey(r->shooter, &r->survey);
+    int err = acquisition_take_survey(r->acquisition, &r->survey);
     if (err)
         node_log(r->node, LOG_LEVEL_WARNING,
                  "the vehicle's air has %.1f C, with which the survey does not work: %s",
@@ -134,8 +135,8 @@ static int publish_ping(struct run *r)
 {
     Anlos__Ping ping;
     int64_t t0_ns;
-    struct complaint why = {""};
-    int err = shooter_next(r->shooter, &ping, &t0_ns, &why);
+    struct error why = {""};
+    int err = acquisition_next(r->acquisition, &ping, &t0_ns, &why);
 
     if (!err) {
         r->failures = 0;
@@ -155,12 +156,13 @@ static int publish_ping(struct run *r)
 
 static void take(struct run *r, const struct node_message *in)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (in->topic == topic_stage_state()) {
         const Anlos__StageState *stage = (const Anlos__StageState *)in->content;
-        shooter_displaced(
-            r->shooter, stage->held || stage->state == ANLOS__STAGE_STATE__STATE__FAULT);
+        acquisition_displaced(r->acquisition,
+                              stage->held ||
+                                  stage->state == ANLOS__STAGE_STATE__STATE__FAULT);
         return;
     }
     if (in->topic == topic_ambient()) {
@@ -175,8 +177,8 @@ static void take(struct run *r, const struct node_message *in)
     r->heard = true;
     if (in->topic != topic_fire())
         return;
-    if (shooter_fire(r->shooter, (const Anlos__FireCommand *)in->content, in->epoch_ns,
-                     &why))
+    if (acquisition_fire(r->acquisition, (const Anlos__FireCommand *)in->content,
+                         in->epoch_ns, &why))
         node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
 }
 
@@ -199,16 +201,16 @@ static void tell_well(struct run *r)
 /* Not ready while the device is away: the scan waits, and gives no ping up. */
 static void look_at_device(struct run *r)
 {
-    struct complaint why;
+    struct error why;
 
     while (array_notice(r->array, &why))
         node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
     int err = array_condition(r->array, &why);
-    node_ended(r->node, shooter_has_ended(r->shooter));
+    node_ended(r->node, acquisition_has_ended(r->acquisition));
     node_fault(r->node, NODE_FAULT_ARRAY_AWAY, err != 0, 1);
     if (err)
         node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "%s", why.text);
-    else if (shooter_has_ended(r->shooter))
+    else if (acquisition_has_ended(r->acquisition))
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "the recording has ended");
     else if (r->heard)
         tell_well(r);
@@ -239,11 +241,11 @@ static int run(struct run *r)
         look_at_device(r);
         err = publish_survey(r);
         if (!err)
-            err = node_next(r->node, &in, shooter_busy(r->shooter) ? 0 : 100);
+            err = node_next(r->node, &in, acquisition_busy(r->acquisition) ? 0 : 100);
         if (!err)
             take(r, &in);
         else if (err == -ETIMEDOUT)
-            err = shooter_busy(r->shooter) ? publish_ping(r) : 0;
+            err = acquisition_busy(r->acquisition) ? publish_ping(r) : 0;
     }
     return err;
 }
@@ -252,7 +254,7 @@ static int run(struct run *r)
 static void create_hearing(struct run *r)
 {
     const struct survey *s = array_survey(r->array);
-    struct complaint why = {""};
+    struct error why = {""};
     struct reach_config cfg;
 
     if (s->source == SURVEY_REPLAY)
@@ -271,7 +273,7 @@ static void create_hearing(struct run *r)
 int main(int argc, char **argv)
 {
     struct run r = {0};
-    struct complaint why = {""};
+    struct error why = {""};
     int err = node_create(&r.node, "array",
                           "Fires the speakers, records every microphone.", argc, argv);
 
@@ -281,7 +283,7 @@ int main(int argc, char **argv)
     if (err)
         node_log(r.node, LOG_LEVEL_ERROR, "%s", why.text);
     if (!err)
-        err = shooter_create(&r.shooter, r.array);
+        err = acquisition_create(&r.acquisition, r.array);
     if (!err)
         err = survey_copy(&r.survey, array_survey(r.array));
     if (!err) {
@@ -292,7 +294,7 @@ int main(int argc, char **argv)
     node_device(r.node, NULL, NULL);
     hearing_destroy(r.hearing);
     survey_clear(&r.survey);
-    shooter_destroy(r.shooter);
+    acquisition_destroy(r.acquisition);
     array_close(r.array);
     return node_finish(r.node, err);
 }

@@ -63,13 +63,13 @@ static double required_snr(const struct reach *r)
 
 int reach_create(struct reach **out, const struct reach_config *cfg,
                  const struct survey *s, const struct trace_format *format, double gate_m,
-                 struct complaint *why)
+                 struct error *why)
 {
     struct reach *r = calloc(1, sizeof *r);
 
     *out = NULL;
     if (!r)
-        return complain(why, -ENOMEM, "not enough memory to say how far it is heard");
+        return error_say(why, -ENOMEM, "not enough memory to say how far it is heard");
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;
     *r = (struct reach){.cfg = *cfg,
                         .survey = s,
@@ -81,10 +81,10 @@ int reach_create(struct reach **out, const struct reach_config *cfg,
         r->snr = required_snr(r);
     if (isnan(r->snr)) {
         free(r);
-        return complain(why, -EINVAL,
-                        "how far it is heard: no answer for images of %zu pings and "
-                        "%g false alarms a voxel",
-                        cfg->n_pings, cfg->false_alarm_rate);
+        return error_say(why, -EINVAL,
+                         "how far it is heard: no answer for images of %zu pings and "
+                         "%g false alarms a voxel",
+                         cfg->n_pings, cfg->false_alarm_rate);
     }
     walls_from_survey(&r->walls, s);
     *out = r;
@@ -93,7 +93,7 @@ int reach_create(struct reach **out, const struct reach_config *cfg,
 
 void reach_walls(struct reach *r, const Anlos__WallList *list)
 {
-    struct complaint ignored;
+    struct error ignored;
     struct walls walls;
 
     if (walls_from_message(&walls, list, &ignored))

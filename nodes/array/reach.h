@@ -12,7 +12,7 @@
 #include <stddef.h>
 
 #include "dsp/pulse_compress.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/rt/launchfile.h"
@@ -55,7 +55,7 @@ struct reach;
  * false-alarm rate or number of pings that makes no sense), -ENOMEM. */
 int reach_create(struct reach **out, const struct reach_config *cfg,
                  const struct survey *s, const struct trace_format *format, double gate_m,
-                 struct complaint *why);
+                 struct error *why);
 
 /* Topic "wall": the surest wall's echo is the reference from now on.  One that was not
  * seen for a second may be elsewhere: until it is, the reference stays what it was, as it

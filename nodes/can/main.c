@@ -310,7 +310,7 @@ static int listen(struct run *r)
 
 static int open_bus(struct run *r)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     int err = vehicle_bus_open(&r->bus, node_launch(r->node), &why);
 
     if (err)

@@ -30,8 +30,7 @@ static char *logging_uri(const char *uri)
     return out;
 }
 
-int vehicle_bus_open(struct canbus **out, const struct launchfile *l,
-                     struct complaint *why)
+int vehicle_bus_open(struct canbus **out, const struct launchfile *l, struct error *why)
 {
     *out = NULL;
     if (uri_has_scheme(l->can.uri, "socketcan"))
@@ -41,7 +40,7 @@ int vehicle_bus_open(struct canbus **out, const struct launchfile *l,
         return err;
     char *uri = logging_uri(l->can.uri);
     if (!uri)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     err = canbus_open(out, uri, why);
     free(uri);
     return err;

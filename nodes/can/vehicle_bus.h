@@ -9,8 +9,7 @@
 /* A log lies in the report's folder, which is made; what this node logged before it
  * crashed in the same run of a launcher stays, and the log goes on.  0 or as canbus_open.
  */
-int vehicle_bus_open(struct canbus **out, const struct launchfile *l,
-                     struct complaint *why);
+int vehicle_bus_open(struct canbus **out, const struct launchfile *l, struct error *why);
 
 /* A bus has time-outs of its own; a log has none, and is dated like what it holds:
  * replayed. */

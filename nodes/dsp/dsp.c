@@ -26,18 +26,18 @@ int dsp_create(struct dsp **out, const struct frontend_config *cfg)
     return err;
 }
 
-static int plan(struct dsp *d, const struct survey *survey, struct complaint *why)
+static int plan(struct dsp *d, const struct survey *survey, struct error *why)
 {
     protobuf_c_boolean *masked = calloc(survey->n_microphones, sizeof *masked);
 
     if (!masked)
-        return complain(why, -ENOMEM, "survey: %s", strerror(ENOMEM));
+        return error_say(why, -ENOMEM, "survey: %s", strerror(ENOMEM));
     free(d->masked);
     d->masked = masked;
     return frontend_survey(d->frontend, survey, why);
 }
 
-int dsp_survey(struct dsp *d, const Anlos__Survey *message, struct complaint *why)
+int dsp_survey(struct dsp *d, const Anlos__Survey *message, struct error *why)
 {
     struct survey survey;
 

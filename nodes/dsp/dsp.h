@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/array.pb-c.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
@@ -29,8 +29,8 @@ struct dsp;
 int dsp_create(struct dsp **out, const struct frontend_config *cfg);
 
 /* Plans for a survey; the background of another one is forgotten.  0, -EINVAL and others
- * of frontend_survey; the complaint says what does not fit. */
-int dsp_survey(struct dsp *d, const Anlos__Survey *survey, struct complaint *why);
+ * of frontend_survey; the error says what does not fit. */
+int dsp_survey(struct dsp *d, const Anlos__Survey *survey, struct error *why);
 bool dsp_is_planned(const struct dsp *d);
 void dsp_ego(struct dsp *d, const Anlos__EgoMotion *ego, int64_t capture_ns);
 void dsp_ambient(struct dsp *d, const Anlos__Ambient *ambient);

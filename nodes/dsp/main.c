@@ -34,7 +34,7 @@ static int create(struct dsp **out, const struct launchfile *l)
 
 static int take_survey(struct run *r, const Anlos__Survey *survey)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     int err = dsp_survey(r->dsp, survey, &why);
 
     if (err) {

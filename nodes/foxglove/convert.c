@@ -540,7 +540,7 @@ int convert_walls(struct arena *a, const struct setting *s,
     const Anlos__WallList *list = (const Anlos__WallList *)m->content;
     Foxglove__SceneUpdate *u = arena_one(a, sizeof *u);
     Foxglove__SceneEntityDeletion *old = arena_one(a, sizeof *old);
-    struct complaint why;
+    struct error why;
     struct walls walls;
 
     if (!s->has_survey)

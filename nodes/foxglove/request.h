@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/foxglove/queue.h"
 
 #define FOXGLOVE_REQUEST_MAX_SIZE   ((size_t)64 << 10)
@@ -26,10 +26,10 @@ struct foxglove_request {
 
 /* The whole of a text or binary message, data[size].  After 0 clear it with
  * foxglove_request_clear.  0, -EINVAL (no request by the protocol), -ENOTSUP (one for
- * which the server offers no capability), -EFBIG, -ENOMEM; the complaint is fit to be
+ * which the server offers no capability), -EFBIG, -ENOMEM; the error is fit to be
  * shown to the client: ASCII, without control characters. */
 int foxglove_request_parse(const void *data, size_t size, bool binary,
-                           struct foxglove_request *out, struct complaint *why);
+                           struct foxglove_request *out, struct error *why);
 void foxglove_request_clear(struct foxglove_request *r);
 
 /* What the server says by Foxglove's WebSocket protocol. */

@@ -204,7 +204,7 @@ static void client_status(struct client *c, enum reply_level level, const char *
 static void count_dropped(struct client *c, size_t channel, uint64_t n)
 {
     struct subscription *s = &c->subscriptions[channel];
-    struct complaint told;
+    struct error told;
     struct channel about;
 
     c->server->counts.dropped += n;
@@ -212,7 +212,7 @@ static void count_dropped(struct client *c, size_t channel, uint64_t n)
         return;
     s->told = true;
     channel_get(channel, &about);
-    complain(
+    error_say(
         &told, 0,
         "%s: this connection is too slow for it; what finds no place in the queue is "
         "left out",
@@ -261,29 +261,27 @@ static void client_status(struct client *c, enum reply_level level, const char *
 }
 
 /* 0, -EINVAL. */
-static int subscribe(struct client *c, const struct foxglove_wish *w,
-                     struct complaint *why)
+static int subscribe(struct client *c, const struct foxglove_wish *w, struct error *why)
 {
     struct foxglove_server *s = c->server;
 
     if (w->channel >= s->n_channels || !s->offered[w->channel])
-        return complain(why, -EINVAL, "subscribe: there is no channel %u", w->channel);
+        return error_say(why, -EINVAL, "subscribe: there is no channel %u", w->channel);
     if (c->subscriptions[w->channel].active)
-        return complain(why, -EINVAL, "subscribe: channel %u is subscribed to already",
-                        w->channel);
+        return error_say(why, -EINVAL, "subscribe: channel %u is subscribed to already",
+                         w->channel);
     for (size_t i = 0; i < s->n_channels; i++)
         if (c->subscriptions[i].active && c->subscriptions[i].id == w->subscription)
-            return complain(why, -EINVAL,
-                            "subscribe: id %u is that of another subscription",
-                            w->subscription);
+            return error_say(why, -EINVAL,
+                             "subscribe: id %u is that of another subscription",
+                             w->subscription);
     c->subscriptions[w->channel] =
         (struct subscription){.active = true, .id = w->subscription};
     press_late(s, c, w->channel);
     return 0;
 }
 
-static int unsubscribe(struct client *c, const struct foxglove_wish *w,
-                       struct complaint *why)
+static int unsubscribe(struct client *c, const struct foxglove_wish *w, struct error *why)
 {
     for (size_t i = 0; i < c->server->n_channels; i++) {
         if (!c->subscriptions[i].active || c->subscriptions[i].id != w->subscription)
@@ -292,16 +290,16 @@ static int unsubscribe(struct client *c, const struct foxglove_wish *w,
         queue_forget(&c->queue, i);
         return 0;
     }
-    return complain(why, -EINVAL, "unsubscribe: there is no subscription %u",
-                    w->subscription);
+    return error_say(why, -EINVAL, "unsubscribe: there is no subscription %u",
+                     w->subscription);
 }
 
-/* Carries out what can be; the first thing that cannot is in the complaint.  How many
+/* Carries out what can be; the first thing that cannot is in the error.  How many
  * cannot. */
 static size_t carry_out(struct client *c, const struct foxglove_request *r,
-                        struct complaint *first)
+                        struct error *first)
 {
-    struct complaint why;
+    struct error why;
     size_t wrong = 0;
 
     for (size_t i = 0; i < r->n; i++) {
@@ -318,7 +316,7 @@ static size_t carry_out(struct client *c, const struct foxglove_request *r,
 static void answer(struct client *c, const void *data, size_t size, bool binary)
 {
     struct foxglove_request request;
-    struct complaint why = {""};
+    struct error why = {""};
     int err = foxglove_request_parse(data, size, binary, &request, &why);
     size_t wrong = err ? 1 : carry_out(c, &request, &why);
 

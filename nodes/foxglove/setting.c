@@ -7,7 +7,7 @@
 
 static bool take_survey(struct setting *s, const Anlos__Survey *m)
 {
-    struct complaint why;
+    struct error why;
     struct survey fresh;
 
     if (s->has_survey && s->survey_id == m->id)
@@ -25,7 +25,7 @@ static bool take_survey(struct setting *s, const Anlos__Survey *m)
 
 static void take_walls(struct setting *s, const Anlos__WallList *m)
 {
-    struct complaint why;
+    struct error why;
 
     if (!walls_from_message(&s->walls, m, &why))
         s->has_walls = true;

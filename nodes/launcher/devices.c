@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "hal/array.h"
 #include "hal/canbus.h"
 #include "hal/room/scene.h"
@@ -41,18 +41,17 @@ static bool is_same_file(const char *a, const char *b)
 }
 
 static int check_pair(const struct launchfile *l, const char *array, const char *can,
-                      struct complaint *why)
+                      struct error *why)
 {
     if (!array || !can || is_same_file(array, can))
         return 0;
-    return complain(why, -EINVAL,
-                    "%s: can.uri: the vehicle drives in %s, but its array hears %s "
-                    "(array.uri); name the same scene in both",
-                    l->path, can, array);
+    return error_say(why, -EINVAL,
+                     "%s: can.uri: the vehicle drives in %s, but its array hears %s "
+                     "(array.uri); name the same scene in both",
+                     l->path, can, array);
 }
 
-static int check_pace(const struct launchfile *l, const char *array,
-                      struct complaint *why)
+static int check_pace(const struct launchfile *l, const char *array, struct error *why)
 {
     struct survey survey;
     struct scene *scene = NULL;
@@ -64,19 +63,19 @@ static int check_pace(const struct launchfile *l, const char *array,
     if (err)
         return err;
     if (scene->drive)
-        err =
-            complain(why, -EINVAL,
-                     "%s: scan.mode: %s is a drive, in which things move on while a scan "
-                     "takes its steps; expected fixed",
-                     l->path, array);
+        err = error_say(
+            why, -EINVAL,
+            "%s: scan.mode: %s is a drive, in which things move on while a scan "
+            "takes its steps; expected fixed",
+            l->path, array);
     scene_free(scene);
     survey_clear(&survey);
     return err;
 }
 
-/* 0, -EINVAL, -ENOMEM, or what a scene file has wrong; the complaint names file and key.
+/* 0, -EINVAL, -ENOMEM, or what a scene file has wrong; the error names file and key.
  */
-static int scenes_check(const struct launchfile *l, struct complaint *why)
+static int scenes_check(const struct launchfile *l, struct error *why)
 {
     char *array = NULL, *can = NULL;
     int err = scene_of(l, "array", l->array.uri, &array);
@@ -84,7 +83,7 @@ static int scenes_check(const struct launchfile *l, struct complaint *why)
     if (!err)
         err = scene_of(l, "can", l->can.uri, &can);
     if (err)
-        complain(why, err, "%s: not enough memory", l->path);
+        error_say(why, err, "%s: not enough memory", l->path);
     else
         err = check_pair(l, array, can, why);
     if (!err)
@@ -94,50 +93,50 @@ static int scenes_check(const struct launchfile *l, struct complaint *why)
     return err;
 }
 
-static int complain_of(const struct launchfile *l, const char *node,
-                       const struct complaint *inner, int err, struct complaint *why)
+static int error_say_of(const struct launchfile *l, const char *node,
+                        const struct error *inner, int err, struct error *why)
 {
-    return complain(why, err, "%s: %s.uri: %.900s", l->path, node, inner->text);
+    return error_say(why, err, "%s: %s.uri: %.900s", l->path, node, inner->text);
 }
 
-static int check_array(const struct launchfile *l, struct complaint *why)
+static int check_array(const struct launchfile *l, struct error *why)
 {
-    struct complaint inner = {""};
+    struct error inner = {""};
     struct array *array = NULL;
     int err = array_open(&array, l->array.uri, clock_system(), &inner);
 
     if (err)
-        return complain_of(l, "array", &inner, err, why);
+        return error_say_of(l, "array", &inner, err, why);
     if (l->scan.fixed && launchfile_has_node(l, "scan"))
         err = round_check(array_survey(array), l->scan.speakers, l->scan.n_speakers,
                           &inner);
     array_close(array);
-    return err ? complain(why, err, "%s: %.900s", l->path, inner.text) : 0;
+    return err ? error_say(why, err, "%s: %.900s", l->path, inner.text) : 0;
 }
 
-static int check_stage(const struct launchfile *l, struct complaint *why)
+static int check_stage(const struct launchfile *l, struct error *why)
 {
-    struct complaint inner = {""};
+    struct error inner = {""};
     struct stage *stage = NULL;
     int err = stage_open(&stage, l->stage.uri, clock_system(), &inner);
 
     stage_close(stage);
-    return err ? complain_of(l, "stage", &inner, err, why) : 0;
+    return err ? error_say_of(l, "stage", &inner, err, why) : 0;
 }
 
-static int check_can(const struct launchfile *l, struct complaint *why)
+static int check_can(const struct launchfile *l, struct error *why)
 {
-    struct complaint inner = {""};
+    struct error inner = {""};
     int err = canbus_check(l->can.uri, &inner);
 
-    return err ? complain_of(l, "can", &inner, err, why) : 0;
+    return err ? error_say_of(l, "can", &inner, err, why) : 0;
 }
 
-int devices_check(const struct launchfile *l, struct complaint *why)
+int devices_check(const struct launchfile *l, struct error *why)
 {
     const struct {
         const char *node;
-        int (*check)(const struct launchfile *l, struct complaint *why);
+        int (*check)(const struct launchfile *l, struct error *why);
     } devices[] = {{"array", check_array}, {"stage", check_stage}, {"can", check_can}};
     int err = 0;
 

@@ -3,12 +3,12 @@
 #ifndef ANLOS_NODES_LAUNCHER_DEVICES_H
 #define ANLOS_NODES_LAUNCHER_DEVICES_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/rt/launchfile.h"
 
 /* Opens and closes the array, the stage and the CAN bus, as far as nodes of the file have
- * them and opening leaves nothing behind: a log is looked at, not made.  The complaint
+ * them and opening leaves nothing behind: a log is looked at, not made.  The error
  * names the launch file and the key.  0, or what the device says. */
-int devices_check(const struct launchfile *l, struct complaint *why);
+int devices_check(const struct launchfile *l, struct error *why);
 
 #endif

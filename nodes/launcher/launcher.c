@@ -14,7 +14,7 @@
 
 #include "hal/clock.h"
 #include "msgs/bus.h"
-#include "nodes/launcher/crew.h"
+#include "nodes/launcher/process_group.h"
 #include "nodes/launcher/fellows.h"
 #include "nodes/launcher/screen.h"
 #include "nodes/launcher/service.h"
@@ -49,7 +49,7 @@ struct voice { /* zeroed: mute */
 struct launcher {
     const struct launcher_config *cfg;
     const struct clock_source *clock;
-    struct crew crew;
+    struct process_group process_group;
     struct signals signals;
     struct bus *bus;
     struct progress progress;
@@ -141,12 +141,15 @@ static void voice_log(struct voice *v, const struct log_line *line)
 }
 
 /* When it is time to, and at once when more or fewer run: ready while all nodes of the
- * crew run or have ended by themselves, else degraded. */
-static void voice_health(struct voice *v, int64_t now_ns, const struct crew *crew,
+ * process group run or have ended by themselves, else degraded. */
+static void voice_health(struct voice *v, int64_t now_ns,
+                         const struct process_group *process_group,
                          const struct supervisor *supervisor)
 {
-    const unsigned n_running = crew_count(crew, CHILD_RUNNING), n_nodes = crew->n,
-                   n_ended = crew_count(crew, CHILD_ENDED), n_lost = crew_lost(crew);
+    const unsigned n_running = process_group_count(process_group, CHILD_RUNNING),
+                   n_nodes = process_group->n,
+                   n_ended = process_group_count(process_group, CHILD_ENDED),
+                   n_lost = process_group_lost(process_group);
     const struct log_line tick = {
         .stamp_ns = now_ns, .level = LOG_LEVEL_INFO, .node = "launcher"};
     struct vitals vitals;
@@ -237,25 +240,25 @@ static void launcher_stop(struct launcher *l, int exit_code)
     fellowship_end(&l->fellowship, exit_code,
                    l->reported ? l->cfg->launch->report.folder : NULL,
                    clock_now_ns(l->clock));
-    crew_signal(&l->crew, false, SIGTERM);
+    process_group_signal(&l->process_group, false, SIGTERM);
 }
 
 /* What is aside has seen everything when the others have ended. */
 static void launcher_stop_aside(struct launcher *l, int64_t now_ns)
 {
-    if (!l->stopping || l->stopping_aside || crew_runs(&l->crew, false))
+    if (!l->stopping || l->stopping_aside || process_group_runs(&l->process_group, false))
         return;
     l->stopping_aside = true;
     if (l->kill_ns) {
         l->killed = false;
         l->kill_ns = now_ns + KILL_ASIDE_NS;
     }
-    crew_signal(&l->crew, true, SIGTERM);
+    process_group_signal(&l->process_group, true, SIGTERM);
 }
 
 static void start_child(struct launcher *l, struct child *c)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     child_close(c, launcher_print, l);
     if (!child_start(c, clock_now_ns(l->clock), &why))
@@ -284,18 +287,20 @@ static void describe_crash(struct launcher *l, const struct child *c, int status
 /* What is aside comes first, so that it misses nothing of the others. */
 static void launcher_start_all(struct launcher *l)
 {
-    for (unsigned i = 0; i < l->crew.n && !l->stopping; i++)
-        if (l->crew.children[i].aside)
-            start_child(l, &l->crew.children[i]);
-    crew_start_rest(
-        &l->crew, crew_has_aside(&l->crew, NULL) ? clock_now_ns(l->clock) + READY_NS : 0);
+    for (unsigned i = 0; i < l->process_group.n && !l->stopping; i++)
+        if (l->process_group.children[i].aside)
+            start_child(l, &l->process_group.children[i]);
+    process_group_start_rest(&l->process_group,
+                             process_group_has_aside(&l->process_group, NULL)
+                                 ? clock_now_ns(l->clock) + READY_NS
+                                 : 0);
 }
 
 /* A recorder that refuses what it is to do, before there is anything to be lost? */
 static bool refuses(const struct launcher *l, int status)
 {
     return WIFEXITED(status) && WEXITSTATUS(status) == EXIT_BAD_INPUT &&
-           !crew_runs(&l->crew, false);
+           !process_group_runs(&l->process_group, false);
 }
 
 /* One that is aside is started again only when it crashed: what made it give up, such as
@@ -308,7 +313,7 @@ static void exited_aside(struct launcher *l, struct child *c, int status)
         launcher_stop(l, EXIT_BAD_INPUT);
         return;
     }
-    crew_start_rest(&l->crew, 0);
+    process_group_start_rest(&l->process_group, 0);
     if (c->phase == CHILD_ENDED)
         return;
     if (c->phase == CHILD_PAUSING && !WIFEXITED(status)) {
@@ -390,9 +395,9 @@ static void exited(struct launcher *l, struct child *c, int status)
 /* Takes note of those that have ended. */
 static void launcher_reap(struct launcher *l)
 {
-    for (unsigned i = 0; i < l->crew.n; i++) {
+    for (unsigned i = 0; i < l->process_group.n; i++) {
         int status;
-        struct child *c = &l->crew.children[i];
+        struct child *c = &l->process_group.children[i];
         if (c->pid > 0 && waitpid(c->pid, &status, WNOHANG) == c->pid)
             exited(l, c, status);
     }
@@ -404,19 +409,19 @@ static void launcher_reap(struct launcher *l)
  * SIGKILL: one that is stopped takes no other. */
 static int64_t launcher_supervise(struct launcher *l, int64_t now_ns)
 {
-    int64_t hung_ns[CREW_MAX];
+    int64_t hung_ns[PROCESS_GROUP_MAX];
     char text[160];
 
     if (l->stopping)
         return INT64_MAX;
-    int64_t next = supervisor_tick(&l->supervisor, &l->crew, now_ns, hung_ns);
-    for (unsigned i = 0; i < l->crew.n; i++) {
+    int64_t next = supervisor_tick(&l->supervisor, &l->process_group, now_ns, hung_ns);
+    for (unsigned i = 0; i < l->process_group.n; i++) {
         if (!hung_ns[i])
             continue;
         snprintf(text, sizeof text, "hangs: its loop has not turned for %.1f s; killed",
                  1e-9 * (double)hung_ns[i]);
-        launcher_say(l, l->crew.children[i].name, LOG_LEVEL_ERROR, text);
-        child_signal(&l->crew.children[i], SIGKILL);
+        launcher_say(l, l->process_group.children[i].name, LOG_LEVEL_ERROR, text);
+        child_signal(&l->process_group.children[i], SIGKILL);
     }
     return next;
 }
@@ -427,8 +432,8 @@ static int64_t launcher_restart(struct launcher *l, int64_t now_ns)
 {
     int64_t next = INT64_MAX;
 
-    for (unsigned i = 0; i < l->crew.n && !l->stopping; i++) {
-        struct child *c = &l->crew.children[i];
+    for (unsigned i = 0; i < l->process_group.n && !l->stopping; i++) {
+        struct child *c = &l->process_group.children[i];
         if (c->phase != CHILD_PAUSING)
             continue;
         if (c->restart_ns <= now_ns)
@@ -446,8 +451,8 @@ static int64_t launcher_kill(struct launcher *l, int64_t now_ns)
     if (now_ns < l->kill_ns)
         return l->kill_ns;
     l->killed = true;
-    for (unsigned i = 0; i < l->crew.n; i++) {
-        struct child *c = &l->crew.children[i];
+    for (unsigned i = 0; i < l->process_group.n; i++) {
+        struct child *c = &l->process_group.children[i];
         if (c->aside && !l->stopping_aside && l->kill_ns)
             continue;
         if (c->pid > 0)
@@ -482,7 +487,7 @@ static void read_signals(struct launcher *l)
         if (number != SIGCHLD)
             asked_to_stop(l, number);
     launcher_reap(l);
-    if (!crew_goes_on(&l->crew))
+    if (!process_group_goes_on(&l->process_group))
         launcher_stop(l, EXIT_WORKED);
 }
 
@@ -495,11 +500,11 @@ static void show_progress(struct launcher *l, const ProtobufCMessage *status)
 static void hear_health(struct launcher *l, const Anlos__Health *health, int64_t epoch_ns)
 {
     progress_health(&l->progress, health);
-    supervisor_heard(&l->supervisor, &l->crew, health, epoch_ns);
-    service_heard(&l->service, &l->crew, health->node, clock_now_ns(l->clock));
+    supervisor_heard(&l->supervisor, &l->process_group, health, epoch_ns);
+    service_heard(&l->service, &l->process_group, health->node, clock_now_ns(l->clock));
     if (health->state == ANLOS__HEALTH__STATE__READY &&
-        crew_has_aside(&l->crew, health->node))
-        crew_start_rest(&l->crew, 0);
+        process_group_has_aside(&l->process_group, health->node))
+        process_group_start_rest(&l->process_group, 0);
 }
 
 static void read_bus(struct launcher *l)
@@ -545,7 +550,7 @@ static void judge_fellows(struct launcher *l, int64_t now_ns)
  */
 static bool has_ended(const struct launcher *l)
 {
-    return l->stopping && !crew_runs(&l->crew, true) &&
+    return l->stopping && !process_group_runs(&l->process_group, true) &&
            (!l->kill_ns || fellowship_may_leave(&l->fellowship, clock_now_ns(l->clock)));
 }
 
@@ -565,9 +570,9 @@ static int act_on_time(struct launcher *l)
     judge_fellows(l, now);
     sooner(&next, fellowship_tell(&l->fellowship, now));
     sooner(&next, launcher_supervise(l, now));
-    voice_health(&l->voice, now, &l->crew, &l->supervisor);
+    voice_health(&l->voice, now, &l->process_group, &l->supervisor);
     launcher_stop_aside(l, now);
-    sooner(&next, service_tick(&l->service, &l->crew, now));
+    sooner(&next, service_tick(&l->service, &l->process_group, now));
     if (l->voice.bus)
         sooner(&next, l->voice.due_ns);
     sooner(&next, log_history_tick(&l->history, now));
@@ -578,22 +583,22 @@ static int act_on_time(struct launcher *l)
 
 static void wait_and_read(struct launcher *l, int timeout_ms)
 {
-    struct pollfd fds[2 + 2 * CREW_MAX];
+    struct pollfd fds[2 + 2 * PROCESS_GROUP_MAX];
     nfds_t n = 0;
 
     fds[n++] = (struct pollfd){.fd = l->signals.fd, .events = POLLIN};
     fds[n++] = (struct pollfd){.fd = l->bus ? bus_fd(l->bus) : -1, .events = POLLIN};
-    for (unsigned i = 0; i < l->crew.n; i++)
+    for (unsigned i = 0; i < l->process_group.n; i++)
         for (int k = 0; k < 2; k++)
-            fds[n++] =
-                (struct pollfd){.fd = l->crew.children[i].pipes[k].fd, .events = POLLIN};
+            fds[n++] = (struct pollfd){.fd = l->process_group.children[i].pipes[k].fd,
+                                       .events = POLLIN};
     if (poll(fds, n, timeout_ms) < 0)
         return;
-    for (unsigned i = 0; i < l->crew.n; i++)
+    for (unsigned i = 0; i < l->process_group.n; i++)
         for (int k = 0; k < 2; k++)
             if (fds[2 + 2 * i + (unsigned)k].revents)
-                child_read(&l->crew.children[i], &l->crew.children[i].pipes[k],
-                           launcher_print, l);
+                child_read(&l->process_group.children[i],
+                           &l->process_group.children[i].pipes[k], launcher_print, l);
     if (l->bus && fds[1].revents)
         read_bus(l);
     if (fds[0].revents)
@@ -626,7 +631,7 @@ static void open_bus(struct launcher *l)
         .world = l->cfg->arguments->replay || launchfile_has_node(l->cfg->launch, "play")
                      ? BUS_REPLAY
                      : BUS_LIVE};
-    struct complaint why = {""};
+    struct error why = {""};
     int err = bus_create(&l->bus, &cfg, &why);
 
     voice_open(&l->voice, l->bus, cfg.epoch_ns);
@@ -657,7 +662,7 @@ static void open_bus(struct launcher *l)
 /* Once for all of them. */
 static void say_priority(struct launcher *l)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (priority_wanted(l->cfg->launch) && priority_permitted(&why))
         launcher_say(l, "launcher", LOG_LEVEL_INFO, why.text);
@@ -686,7 +691,7 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     if (!err)
         err = launcher_tell_nodes();
     if (!err)
-        err = crew_fill(&l->crew, cfg);
+        err = process_group_fill(&l->process_group, cfg);
     if (err) {
         launcher_say(l, "launcher", LOG_LEVEL_ERROR, strerror(-err));
         l->exit_code = EXIT_FAILED;
@@ -700,8 +705,8 @@ int launcher_run(const struct launcher_config *cfg, bool *reported)
     voice_close(&l->voice);
     log_history_close(&l->history);
     bus_destroy(l->bus);
-    for (unsigned i = 0; i < l->crew.n; i++)
-        child_close(&l->crew.children[i], launcher_print, l);
+    for (unsigned i = 0; i < l->process_group.n; i++)
+        child_close(&l->process_group.children[i], launcher_print, l);
     screen_close(&l->screen, clock_now_ns(l->clock));
     signals_close(&l->signals);
     int exit_code = l->exit_code;

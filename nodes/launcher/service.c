@@ -19,7 +19,7 @@ void service_open(struct service *s)
         s->watchdog_ns = (int64_t)watchdog_us * 1000;
 }
 
-void service_heard(struct service *s, const struct crew *c, const char *node,
+void service_heard(struct service *s, const struct process_group *c, const char *node,
                    int64_t now_ns)
 {
     for (unsigned i = 0; i < c->n; i++)
@@ -27,7 +27,7 @@ void service_heard(struct service *s, const struct crew *c, const char *node,
             s->heard_ns[i] = now_ns;
 }
 
-static bool have_all_spoken(const struct service *s, const struct crew *c)
+static bool have_all_spoken(const struct service *s, const struct process_group *c)
 {
     for (unsigned i = 0; i < c->n; i++)
         if (!s->heard_ns[i] && c->children[i].phase != CHILD_ENDED)
@@ -35,7 +35,8 @@ static bool have_all_spoken(const struct service *s, const struct crew *c)
     return true;
 }
 
-static bool do_all_live(const struct service *s, const struct crew *c, int64_t now_ns)
+static bool do_all_live(const struct service *s, const struct process_group *c,
+                        int64_t now_ns)
 {
     if (s->supervised)
         return true;
@@ -49,7 +50,7 @@ static bool do_all_live(const struct service *s, const struct crew *c, int64_t n
     return true;
 }
 
-int64_t service_tick(struct service *s, const struct crew *c, int64_t now_ns)
+int64_t service_tick(struct service *s, const struct process_group *c, int64_t now_ns)
 {
     if (now_ns < s->due_ns)
         return s->due_ns;

@@ -7,15 +7,16 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "nodes/launcher/crew.h"
+#include "nodes/launcher/process_group.h"
 
 struct service {
     int64_t watchdog_ns; /* the service is stopped when it says nothing for so long; 0:
                             never */
     bool supervised;     /* nodes that hang are the launcher's affair */
     bool ready;
-    int64_t due_ns;             /* when to look again */
-    int64_t heard_ns[CREW_MAX]; /* of the crew's nodes, in their order; 0: never */
+    int64_t due_ns;                      /* when to look again */
+    int64_t heard_ns[PROCESS_GROUP_MAX]; /* of the process group's nodes, in their order;
+                                            0: never */
     int (*notify)(const char *state);
 };
 
@@ -23,7 +24,7 @@ struct service {
 void service_open(struct service *s);
 
 /* A node's health has come. */
-void service_heard(struct service *s, const struct crew *c, const char *node,
+void service_heard(struct service *s, const struct process_group *c, const char *node,
                    int64_t now_ns);
 
 /* Tells systemd what is due: ready once, and four times in watchdog_ns that all is well,
@@ -31,7 +32,7 @@ void service_heard(struct service *s, const struct crew *c, const char *node,
  * supervised nodes without a condition, for they are killed when they hang, and may be
  * busy for longer.  A node that pauses between a crash and its new start is the
  * launcher's to judge.  Returns when to call again. */
-int64_t service_tick(struct service *s, const struct crew *c, int64_t now_ns);
+int64_t service_tick(struct service *s, const struct process_group *c, int64_t now_ns);
 
 /* It ends on purpose. */
 void service_ends(struct service *s);

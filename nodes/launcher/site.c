@@ -9,15 +9,15 @@
 #include "nodes/rt/launchfile_hosts.h"
 
 int site_open(const struct launchfile *l, const struct arguments *a,
-              char run_dir[RUNDIR_SIZE], struct complaint *why)
+              char run_dir[RUNDIR_SIZE], struct error *why)
 {
     const struct host *here = l->hosts.n ? &l->hosts.list[l->hosts.here] : NULL;
     const char *asked = a->run_dir;
 
     if (here && here->folder[0]) {
         if (asked && strcmp(asked, here->folder) != 0)
-            return complain(why, -EINVAL, "--run-dir %s: %s has %s as the folder of %s",
-                            asked, l->path, here->folder, here->name);
+            return error_say(why, -EINVAL, "--run-dir %s: %s has %s as the folder of %s",
+                             asked, l->path, here->folder, here->name);
         asked = here->folder;
     }
     int err = rundir_open(run_dir, asked, why);

@@ -13,7 +13,7 @@
  * comes before.  0, -EINVAL, -EADDRNOTAVAIL (the host is not this machine), -EADDRINUSE
  * (a launcher runs in the folder), other negative errno. */
 int site_open(const struct launchfile *l, const struct arguments *a,
-              char run_dir[RUNDIR_SIZE], struct complaint *why);
+              char run_dir[RUNDIR_SIZE], struct error *why);
 
 /* When all has ended: takes away what it wrote, unless another launcher runs there. */
 void site_close(const struct launchfile *l, const char *run_dir);

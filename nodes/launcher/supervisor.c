@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-_Static_assert(CREW_MAX + 1 <= DEVICE_MAX_COUNTS, "no room");
+_Static_assert(PROCESS_GROUP_MAX + 1 <= DEVICE_MAX_COUNTS, "no room");
 
 /* /proc/PID/task/TID/schedstat: time run, time waited for a processor, timeslices. */
 static int64_t read_waited(const char *tasks, const char *task)
@@ -55,7 +55,7 @@ static void look_in_proc(pid_t pid, struct supervisor_process *out)
 }
 
 /* What was counted of an earlier process is forgotten. */
-static struct supervised *supervised(struct supervisor *s, const struct crew *c,
+static struct supervised *supervised(struct supervisor *s, const struct process_group *c,
                                      unsigned i)
 {
     const struct child *child = &c->children[i];
@@ -88,8 +88,8 @@ static void hear(struct supervised *n, const Anlos__Health *h, int64_t alive_ns)
     n->looked = false;
 }
 
-void supervisor_heard(struct supervisor *s, const struct crew *c, const Anlos__Health *h,
-                      int64_t epoch_ns)
+void supervisor_heard(struct supervisor *s, const struct process_group *c,
+                      const Anlos__Health *h, int64_t epoch_ns)
 {
     for (unsigned i = 0; i < c->n; i++)
         if (!strcmp(c->children[i].name, h->node) &&
@@ -124,12 +124,12 @@ static bool is_hung(const struct supervised *n)
     return n->silent_ns - forgiven_ns > n->limit_ns;
 }
 
-int64_t supervisor_tick(struct supervisor *s, const struct crew *c, int64_t now_ns,
-                        int64_t hung_ns[CREW_MAX])
+int64_t supervisor_tick(struct supervisor *s, const struct process_group *c,
+                        int64_t now_ns, int64_t hung_ns[PROCESS_GROUP_MAX])
 {
     int64_t step_ns = s->tick_ns ? now_ns - s->tick_ns : 0;
 
-    memset(hung_ns, 0, CREW_MAX * sizeof *hung_ns);
+    memset(hung_ns, 0, PROCESS_GROUP_MAX * sizeof *hung_ns);
     /* Nobody waits that long for the launcher: it was late itself. */
     if (step_ns > 2 * SUPERVISOR_TICK_NS)
         step_ns = SUPERVISOR_TICK_NS;
@@ -154,7 +154,7 @@ size_t supervisor_counts(const struct supervisor *s, struct device_count *out)
     size_t n = 1;
 
     out[0] = (struct device_count){"restarts", 0};
-    for (unsigned i = 0; i < CREW_MAX; i++) {
+    for (unsigned i = 0; i < PROCESS_GROUP_MAX; i++) {
         const struct supervised *node = &s->list[i];
         out[0].value += node->starts > 1 ? node->starts - 1 : 0;
         if (node->hangs)

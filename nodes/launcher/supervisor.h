@@ -18,7 +18,7 @@
 
 #include "hal/device_count.h"
 #include "msgs/health.pb-c.h"
-#include "nodes/launcher/crew.h"
+#include "nodes/launcher/process_group.h"
 
 #define SUPERVISOR_TICK_NS  250000000LL   /* from look to look */
 #define SUPERVISOR_START_NS 60000000000LL /* for a device to open */
@@ -44,19 +44,19 @@ struct supervised {
 struct supervisor { /* zeroed, and alive_ns 0: nobody is judged */
     int64_t alive_ns;
     int64_t tick_ns; /* the newest */
-    struct supervised list[CREW_MAX];
+    struct supervised list[PROCESS_GROUP_MAX];
     void (*look)(pid_t pid, struct supervisor_process *out); /* NULL: /proc */
 };
 
 /* A node's health has come from the process that started at epoch_ns. */
-void supervisor_heard(struct supervisor *s, const struct crew *c, const Anlos__Health *h,
-                      int64_t epoch_ns);
+void supervisor_heard(struct supervisor *s, const struct process_group *c,
+                      const Anlos__Health *h, int64_t epoch_ns);
 
 /* Counts the time; to be called every SUPERVISOR_TICK_NS at least, after what the nodes
- * said was read.  hung[]: of the crew's nodes, in their order, who is to be killed, and
- * how long it was silent, else 0.  Returns when to call again. */
-int64_t supervisor_tick(struct supervisor *s, const struct crew *c, int64_t now_ns,
-                        int64_t hung_ns[CREW_MAX]);
+ * said was read.  hung[]: of the process group's nodes, in their order, who is to be
+ * killed, and how long it was silent, else 0.  Returns when to call again. */
+int64_t supervisor_tick(struct supervisor *s, const struct process_group *c,
+                        int64_t now_ns, int64_t hung_ns[PROCESS_GROUP_MAX]);
 
 /* "restarts", and "NODE hung" of each that ever was; names live as long as s.  At most
  * CREW_MAX + 1; returns how many. */

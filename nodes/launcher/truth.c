@@ -9,17 +9,17 @@
 #include "recon/geometry.h"
 
 int results_file_load(json_t **out, const char *folder, const char *name, char *path,
-                      size_t size, struct complaint *why)
+                      size_t size, struct error *why)
 {
     json_error_t error;
 
     if (snprintf(path, size, "%s/%s", folder, name) >= (int)size)
-        return complain(why, -EINVAL, "%s: the name is too long", folder);
+        return error_say(why, -EINVAL, "%s: the name is too long", folder);
     *out = json_load_file(path, 0, &error);
     if (*out)
         return 0;
     int err = json_error_code(&error) == json_error_cannot_open_file ? -ENOENT : -EINVAL;
-    return complain(why, err, "%s: %s", path, error.text);
+    return error_say(why, err, "%s: %s", path, error.text);
 }
 
 static double number(const json_t *track, const char *name)
@@ -62,7 +62,7 @@ static void print_table(const json_t *drive, const json_t *tracks, FILE *to)
             frame ? frame : "array");
 }
 
-int tracks_print(const char *folder, FILE *to, struct complaint *why)
+int tracks_print(const char *folder, FILE *to, struct error *why)
 {
     char path[4096];
     json_t *root;
@@ -73,7 +73,7 @@ int tracks_print(const char *folder, FILE *to, struct complaint *why)
     const json_t *drive = json_object_get(root, "drive");
     const json_t *tracks = json_object_get(drive, "tracks");
     if (!json_is_array(tracks))
-        err = complain(why, -ENODATA, "%s: nothing of tracks is in it", path);
+        err = error_say(why, -ENODATA, "%s: nothing of tracks is in it", path);
     else
         print_table(drive, tracks, to);
     json_decref(root);
@@ -116,7 +116,7 @@ static int read_list(struct truth *t, const json_t *root)
     return 0;
 }
 
-int truth_read_detections(struct truth *t, const char *folder, struct complaint *why)
+int truth_read_detections(struct truth *t, const char *folder, struct error *why)
 {
     char path[4096];
     json_t *root;
@@ -128,11 +128,11 @@ int truth_read_detections(struct truth *t, const char *folder, struct complaint 
     err = read_list(t, root);
     json_decref(root);
     if (err)
-        return complain(why, err, "%s: is not a list of detections", path);
+        return error_say(why, err, "%s: is not a list of detections", path);
     return 0;
 }
 
-int truth_read_scene(struct truth *t, const char *scene, struct complaint *why)
+int truth_read_scene(struct truth *t, const char *scene, struct error *why)
 {
     const struct room_object *objects;
     struct room *room = NULL;

@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 #define TRUTH_MAX     64
 #define TRUTH_MATCH_M 0.5 /* farther apart, they are two different things */
@@ -35,11 +35,11 @@ struct truth {
 };
 
 /* detections.json in a folder.  0, -ENOENT, -EINVAL, -ENOMEM. */
-int truth_read_detections(struct truth *t, const char *folder, struct complaint *why);
+int truth_read_detections(struct truth *t, const char *folder, struct error *why);
 
 /* The objects of a scene file, in the frame of the detections read before; of a drive
  * none. */
-int truth_read_scene(struct truth *t, const char *scene, struct complaint *why);
+int truth_read_scene(struct truth *t, const char *scene, struct error *why);
 
 /* The nearest pairs first, each object and each detection once. */
 void truth_match(struct truth *t);
@@ -52,14 +52,14 @@ void truth_print(const struct truth *t, FILE *to);
 
 /* From report.json in a folder.  0, -ENOENT (there is none), -ENODATA (none of tracks),
  * -EINVAL. */
-int tracks_print(const char *folder, FILE *to, struct complaint *why);
+int tracks_print(const char *folder, FILE *to, struct error *why);
 
 /* What the node report has left in its folder, read for the lines at the end of a
  * launch. */
 
-/* FOLDER/NAME; release *out with json_decref.  path[size] gets its name, for complaints.
+/* FOLDER/NAME; release *out with json_decref.  path[size] gets its name, for errors.
  * 0, -ENOENT (there is none), -EINVAL (no JSON, too long a name). */
 int results_file_load(json_t **out, const char *folder, const char *name, char *path,
-                      size_t size, struct complaint *why);
+                      size_t size, struct error *why);
 
 #endif

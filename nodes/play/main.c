@@ -8,12 +8,12 @@
 static int create(struct playback **out, struct node *node)
 {
     const struct launchfile *l = node_launch(node);
-    struct complaint why = {""};
+    struct error why = {""};
     const struct playback_config cfg = {
-        .tape = {.bag = l->play.bag,
-                 .start_s = l->play.start_s,
-                 .end_s = l->play.end_s,
-                 .remap = l->play.remap},
+        .bag_iterator = {.bag = l->play.bag,
+                         .start_s = l->play.start_s,
+                         .end_s = l->play.end_s,
+                         .remap = l->play.remap},
         .run_dir = node_run_dir(node),
         .rate = l->play.rate,
         .loop = l->play.loop,

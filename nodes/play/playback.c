@@ -15,10 +15,10 @@
 #define HOLD_NS         50000000LL   /* nothing tells that time has run out */
 
 int playback_create(struct playback **out, const struct playback_config *cfg,
-                    int64_t epoch_ns, struct complaint *why)
+                    int64_t epoch_ns, struct error *why)
 {
     struct playback *p = calloc(1, sizeof *p);
-    int err = p ? 0 : complain(why, -ENOMEM, "out of memory");
+    int err = p ? 0 : error_say(why, -ENOMEM, "out of memory");
 
     if (err)
         return err;
@@ -27,22 +27,23 @@ int playback_create(struct playback **out, const struct playback_config *cfg,
     if (p->cfg.window < 1 || p->cfg.window > ACCOUNT_MAX)
         p->cfg.window = ACCOUNT_MAX;
     tempo_init(&p->tempo, cfg->rate);
-    err = tape_open(&p->tape, &cfg->tape, why);
+    err = bag_iterator_open(&p->bag_iterator, &cfg->bag_iterator, why);
     if (!err)
-        err = stand_in_create(&p->stand_in, cfg->run_dir, epoch_ns, why);
+        err = playback_publisher_create(&p->playback_publisher, cfg->run_dir, epoch_ns,
+                                        why);
     if (!err)
         err = playback_cast(p, why);
     if (err) {
         playback_destroy(p);
         return err;
     }
-    if (tape_foreign(p->tape))
+    if (bag_iterator_foreign(p->bag_iterator))
         playback_notes(p, "%s: %zu channels are of no topic here, and are not played",
-                       cfg->tape.bag, tape_foreign(p->tape));
-    p->at_ns = tape_start_ns(p->tape);
+                       cfg->bag_iterator.bag, bag_iterator_foreign(p->bag_iterator));
+    p->at_ns = bag_iterator_start_ns(p->bag_iterator);
     p->progress_round = (uint64_t)epoch_ns; /* who hears it may have heard another play */
     p->told_ns = p->at_ns - 1;
-    tape_seek(p->tape, p->at_ns);
+    bag_iterator_seek(p->bag_iterator, p->at_ns);
     *out = p;
     return 0;
 }
@@ -68,7 +69,7 @@ const char *playback_note(struct playback *p)
 void playback_health(struct playback *p, const char *from, int64_t epoch_ns,
                      const Anlos__Health *h, int64_t now_ns)
 {
-    if (!audience_health(&p->audience, from, epoch_ns, h, now_ns))
+    if (!subscribers_health(&p->subscribers, from, epoch_ns, h, now_ns))
         return;
     if (p->begun && !p->ended) {
         p->stopped++;
@@ -85,9 +86,9 @@ void playback_health(struct playback *p, const char *from, int64_t epoch_ns,
 
 void playback_progress(struct playback *p, const char *from, const Anlos__Progress *m)
 {
-    uint64_t lost = audience_lost(&p->audience);
+    uint64_t lost = subscribers_lost(&p->subscribers);
 
-    if (audience_progress(&p->audience, from, m) && !lost && m->lost)
+    if (subscribers_progress(&p->subscribers, from, m) && !lost && m->lost)
         playback_notes(p, "messages got lost on the way to %s; more are only counted",
                        from);
 }
@@ -100,7 +101,7 @@ static int64_t sent_until(const struct playback *p)
 
     if (p->next.is)
         until_ns = p->next.m.envelope.publish_ns - !p->crowded;
-    else if (p->tape_ended)
+    else if (p->bag_iterator_ended)
         until_ns = p->at_ns;
     return until_ns > p->told_ns ? until_ns : p->told_ns;
 }
@@ -120,7 +121,9 @@ bool playback_tells(struct playback *p, Anlos__Progress *out, Anlos__Sent *sent,
     p->told_at_ns = now_ns;
     out->round = p->progress_round;
     out->sent = list;
-    for (size_t i = 0; i < max && stand_in_sent(p->stand_in, i, &node, &t, &n); i++) {
+    for (size_t i = 0;
+         i < max && playback_publisher_sent(p->playback_publisher, i, &node, &t, &n);
+         i++) {
         anlos__sent__init(&sent[i]);
         sent[i].node = (char *)node;
         sent[i].topic = (char *)t->name;
@@ -128,9 +131,9 @@ bool playback_tells(struct playback *p, Anlos__Progress *out, Anlos__Sent *sent,
         list[out->n_sent++] = &sent[i];
     }
     out->nodes = nodes;
-    for (size_t i = 0; i < p->audience.n && i < max; i++)
-        if (p->audience.list[i].paces && !p->audience.list[i].given_up)
-            nodes[out->n_nodes++] = p->audience.list[i].name;
+    for (size_t i = 0; i < p->subscribers.n && i < max; i++)
+        if (p->subscribers.list[i].paces && !p->subscribers.list[i].given_up)
+            nodes[out->n_nodes++] = p->subscribers.list[i].name;
     return true;
 }
 
@@ -174,7 +177,7 @@ void playback_traces(struct playback *p, const Anlos__Traces *t, int64_t now_ns)
 
 bool playback_wants_traces(const struct playback *p)
 {
-    return p->flow == topic_ping() && !audience_has(&p->audience, "recon");
+    return p->flow == topic_ping() && !subscribers_has(&p->subscribers, "recon");
 }
 
 void playback_list(struct playback *p, const Anlos__DetectionList *list)
@@ -192,7 +195,7 @@ size_t playback_speakers(const struct playback *p, const struct topic *t)
     size_t n = 0;
 
     for (size_t i = 0; (node = topic_publisher(t, i)); i++)
-        n += audience_has(&p->audience, node);
+        n += subscribers_has(&p->subscribers, node);
     return p->cfg.several_hosts ? 0 : n;
 }
 
@@ -201,7 +204,7 @@ void playback_hears(struct playback *p, bool all)
     p->hears = all;
 }
 
-static int send_next(struct playback *p, int64_t now_ns, struct complaint *why)
+static int send_next(struct playback *p, int64_t now_ns, struct error *why)
 {
     struct playback_next *n = &p->next;
     const struct envelope *e = &n->m.envelope;
@@ -213,9 +216,9 @@ static int send_next(struct playback *p, int64_t now_ns, struct complaint *why)
     if (hopeless)
         err = playback_say_hopeless(p, now_ns);
     else
-        err = stand_in_publish(p->stand_in, n->m.part->node, n->m.part->topic,
-                               e->capture_ns, e->publish_ns, n->m.payload.data,
-                               n->m.payload.size);
+        err = playback_publisher_publish(p->playback_publisher, n->m.part->node,
+                                         n->m.part->topic, e->capture_ns, e->publish_ns,
+                                         n->m.payload.data, n->m.payload.size);
     p->messages += !err;
     if (!err && p->n_under_way < UNDER_WAY_MAX) {
         p->under_way[p->n_under_way].publish_ns = p->at_ns;
@@ -223,8 +226,8 @@ static int send_next(struct playback *p, int64_t now_ns, struct complaint *why)
     }
     if (!err && !hopeless)
         err = playback_went(p, n, now_ns);
-    return err ? complain(why, err, "%s cannot be published: %s", n->m.part->topic->name,
-                          strerror(-err))
+    return err ? error_say(why, err, "%s cannot be published: %s", n->m.part->topic->name,
+                           strerror(-err))
                : 0;
 }
 
@@ -237,7 +240,8 @@ static void date_before(struct kept *k, int64_t at_ns)
 
 void playback_seek(struct playback *p, int64_t publish_ns)
 {
-    int64_t start = tape_start_ns(p->tape), end = tape_end_ns(p->tape);
+    int64_t start = bag_iterator_start_ns(p->bag_iterator),
+            end = bag_iterator_end_ns(p->bag_iterator);
 
     p->at_ns = publish_ns < start ? start : publish_ns > end ? end : publish_ns;
     account_forget(&p->account);
@@ -246,8 +250,8 @@ void playback_seek(struct playback *p, int64_t publish_ns)
     p->told_at_ns = 0;
     p->n_under_way = 0;
     p->crowded = false;
-    tape_seek(p->tape, p->at_ns);
-    p->next.is = p->ended = p->tape_ended = false;
+    bag_iterator_seek(p->bag_iterator, p->at_ns);
+    p->next.is = p->ended = p->bag_iterator_ended = false;
     p->tempo.started = false;
     p->scan_base = p->newest_scan;
     p->scan_epoch_ns = p->list_since_ns = 0;
@@ -259,8 +263,7 @@ void playback_seek(struct playback *p, int64_t publish_ns)
 
 /* -EAGAIN: not all have said yet that they are in the new round.  Until then nothing goes
  * out: they tell by it what is of the round before. */
-static int enter(struct playback *p, int64_t now_ns, int64_t *due_ns,
-                 struct complaint *why)
+static int enter(struct playback *p, int64_t now_ns, int64_t *due_ns, struct error *why)
 {
     bool told = p->told_at_ns != 0;
 
@@ -274,37 +277,37 @@ static int enter(struct playback *p, int64_t now_ns, int64_t *due_ns,
 }
 
 /* -EAGAIN: not yet. */
-static int finish(struct playback *p, int64_t now_ns, struct complaint *why)
+static int finish(struct playback *p, int64_t now_ns, struct error *why)
 {
     if (!playback_is_settled(p, now_ns) ||
         (!p->scan_ended && !playback_has_lists(p, now_ns)))
         return -EAGAIN;
     if (p->scan && !p->scan_ended) {
         int err = playback_say_end(p, now_ns);
-        return err ? complain(why, err, "scan/status: %s", strerror(-err)) : -EAGAIN;
+        return err ? error_say(why, err, "scan/status: %s", strerror(-err)) : -EAGAIN;
     }
     p->rounds++;
     if (p->cfg.loop)
-        playback_seek(p, tape_start_ns(p->tape));
+        playback_seek(p, bag_iterator_start_ns(p->bag_iterator));
     else
         p->ended = true;
     return 0;
 }
 
-static int introduce(struct playback *p, int64_t now_ns, struct complaint *why)
+static int introduce(struct playback *p, int64_t now_ns, struct error *why)
 {
     p->begin_ns = now_ns + SETTLE_NS;
     int err = playback_find_survey(p, now_ns, why);
     if (!err && (err = playback_say_begin(p, now_ns)))
-        complain(why, err, "scan/status: %s", strerror(-err));
+        error_say(why, err, "scan/status: %s", strerror(-err));
     return err;
 }
 
 /* 0, or -EAGAIN: still waiting. */
-static int begin(struct playback *p, int64_t now_ns, struct complaint *why)
+static int begin(struct playback *p, int64_t now_ns, struct error *why)
 {
     int err = p->begin_ns ? 0 : introduce(p, now_ns, why);
-    bool ready = audience_is_ready(&p->audience, p->waits_for, sizeof p->waits_for);
+    bool ready = subscribers_is_ready(&p->subscribers, p->waits_for, sizeof p->waits_for);
 
     if (ready && !p->hears)
         snprintf(p->waits_for, sizeof p->waits_for, "waits for connections");
@@ -322,8 +325,7 @@ static int begin(struct playback *p, int64_t now_ns, struct complaint *why)
 }
 
 /* The next message, if it may go now. */
-static int advance(struct playback *p, int64_t now_ns, int64_t *due_ns,
-                   struct complaint *why)
+static int advance(struct playback *p, int64_t now_ns, int64_t *due_ns, struct error *why)
 {
     int64_t publish_ns = p->next.m.envelope.publish_ns;
 
@@ -344,8 +346,7 @@ static int advance(struct playback *p, int64_t now_ns, int64_t *due_ns,
     return send_next(p, now_ns, why);
 }
 
-int playback_step(struct playback *p, int64_t now_ns, int64_t *due_ns,
-                  struct complaint *why)
+int playback_step(struct playback *p, int64_t now_ns, int64_t *due_ns, struct error *why)
 {
     int err = 0;
 
@@ -358,12 +359,12 @@ int playback_step(struct playback *p, int64_t now_ns, int64_t *due_ns,
         *due_ns = INT64_MAX;
         return playback_repeat(p, REPEAT_NS, now_ns);
     }
-    if (!err && !p->next.is && !p->tape_ended) {
+    if (!err && !p->next.is && !p->bag_iterator_ended) {
         err = playback_load(p, why);
-        p->tape_ended = err == -ENODATA;
-        err = p->tape_ended ? 0 : err;
+        p->bag_iterator_ended = err == -ENODATA;
+        err = p->bag_iterator_ended ? 0 : err;
     }
-    if (!err && p->tape_ended)
+    if (!err && p->bag_iterator_ended)
         err = finish(p, now_ns, why);
     else if (!err)
         err = advance(p, now_ns, due_ns, why);
@@ -399,13 +400,13 @@ void playback_status(const struct playback *p, struct playback_status *out)
                              : PLAYBACK_PLAYS,
         .rate = p->tempo.rate,
         .at_ns = p->at_ns,
-        .start_ns = tape_start_ns(p->tape),
-        .end_ns = tape_end_ns(p->tape),
+        .start_ns = bag_iterator_start_ns(p->bag_iterator),
+        .end_ns = bag_iterator_end_ns(p->bag_iterator),
         .messages = p->messages,
         .malformed = p->malformed,
         .lists = p->lists,
         .rounds = p->rounds,
-        .lost = p->stopped + audience_lost(&p->audience),
+        .lost = p->stopped + subscribers_lost(&p->subscribers),
         .pings = p->account,
     };
     memcpy(out->text, p->waits_for, sizeof out->text);
@@ -413,20 +414,20 @@ void playback_status(const struct playback *p, struct playback_status *out)
 
 const char *playback_bag(const struct playback *p)
 {
-    return p->cfg.tape.bag;
+    return p->cfg.bag_iterator.bag;
 }
 
 const char *playback_stands_for(const struct playback *p, size_t i)
 {
-    return stand_in_node(p->stand_in, i);
+    return playback_publisher_node(p->playback_publisher, i);
 }
 
 void playback_destroy(struct playback *p)
 {
     if (!p)
         return;
-    stand_in_destroy(p->stand_in);
-    tape_close(p->tape);
+    playback_publisher_destroy(p->playback_publisher);
+    bag_iterator_close(p->bag_iterator);
     bytes_free(&p->rewritten);
     bytes_free(&p->survey.payload);
     bytes_free(&p->status.payload);

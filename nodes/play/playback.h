@@ -15,10 +15,10 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/traces.pb-c.h"
 #include "nodes/play/account.h"
-#include "nodes/play/tape.h"
+#include "nodes/play/bag_iterator.h"
 
 struct playback_config { /* what it points to outlives the player */
-    struct tape_config tape;
+    struct bag_iterator_config bag_iterator;
     const char *run_dir;
     double rate; /* of the recording's pace; 0: as fast as it is used */
     bool loop, paused;
@@ -34,11 +34,12 @@ struct playback_config { /* what it points to outlives the player */
 
 struct playback;
 
-/* Takes the names of whoever it stands in for.  0; errors of tape_open; -EINVAL (nothing
- * is left to play), -EADDRINUSE (a node of a live system runs in the runtime directory,
- * or one of the names is alive and not of the launch file); errors of bus_create. */
+/* Takes the names of whoever it stands in for.  0; errors of bag_iterator_open; -EINVAL
+ * (nothing is left to play), -EADDRINUSE (a node of a live system runs in the runtime
+ * directory, or one of the names is alive and not of the launch file); errors of
+ * bus_create. */
 int playback_create(struct playback **out, const struct playback_config *cfg,
-                    int64_t epoch_ns, struct complaint *why);
+                    int64_t epoch_ns, struct error *why);
 
 /* What the others say; now_ns by the machine's clock, here and below. */
 void playback_health(struct playback *p, const char *from, int64_t epoch_ns,
@@ -62,10 +63,9 @@ size_t playback_speakers(const struct playback *p, const struct topic *t);
 void playback_hears(struct playback *p, bool all);
 
 /* Publishes one message, or none; *due_ns: not before then will there be anything to do
- * unless something comes in (INT64_MAX: never).  0; errors of the tape and of
- * bus_publish; the complaint says what. */
-int playback_step(struct playback *p, int64_t now_ns, int64_t *due_ns,
-                  struct complaint *why);
+ * unless something comes in (INT64_MAX: never).  0; errors of the bag iterator and of
+ * bus_publish; the error says what. */
+int playback_step(struct playback *p, int64_t now_ns, int64_t *due_ns, struct error *why);
 
 enum playback_phase { PLAYBACK_WAITS, PLAYBACK_PLAYS, PLAYBACK_PAUSES, PLAYBACK_ENDED };
 

@@ -15,7 +15,7 @@ static const char launch_exclude[] =
 /* They listen, and nothing depends on them; what they said of themselves was of then. */
 static const char *const onlookers[] = {"play", "record", "view", "launcher"};
 
-static bool is_onlooker(const char *node)
+static bool is_optional_node(const char *node)
 {
     for (size_t i = 0; i < sizeof onlookers / sizeof *onlookers; i++)
         if (!strcmp(node, onlookers[i]))
@@ -42,27 +42,27 @@ static bool is_asked_for(const struct playback_config *cfg, const char *topic)
 }
 
 /* A pattern that nothing matches is a mistake. */
-static int check_patterns(struct playback *p, const char *patterns, struct complaint *why)
+static int check_patterns(struct playback *p, const char *patterns, struct error *why)
 {
     char pattern[PATTERN_SIZE];
-    struct tape_part *part;
+    struct bag_iterator_part *part;
 
     while (patterns && (patterns = patterns_next(patterns, pattern))) {
         bool found = false;
-        for (size_t i = 0; (part = tape_part(p->tape, i)); i++)
+        for (size_t i = 0; (part = bag_iterator_part(p->bag_iterator, i)); i++)
             found |= !fnmatch(pattern, part->topic->name, 0);
         if (!found)
-            return complain(why, -EINVAL,
-                            "%s: no topic is called \"%s\"; 'anlos bag info' has their "
-                            "names",
-                            p->cfg.tape.bag, pattern);
+            return error_say(why, -EINVAL,
+                             "%s: no topic is called \"%s\"; 'anlos bag info' has their "
+                             "names",
+                             p->cfg.bag_iterator.bag, pattern);
     }
     return 0;
 }
 
 /* What the vehicle said comes from the node can, which is told nothing in a replay, and
  * may run. */
-static void play_vehicle(const struct playback *p, struct tape_part *part)
+static void play_vehicle(const struct playback *p, struct bag_iterator_part *part)
 {
     const char *vehicle = "vehicle";
 
@@ -72,24 +72,24 @@ static void play_vehicle(const struct playback *p, struct tape_part *part)
 
 /* 0: it is played, 1: not, as somebody else does it. */
 static int take_part(struct playback *p, const char *node, const struct topic *t,
-                     struct complaint *why)
+                     struct error *why)
 {
-    struct complaint inner = {""};
+    struct error inner = {""};
 
-    if (is_in_launch(&p->cfg, node) || is_onlooker(node))
+    if (is_in_launch(&p->cfg, node) || is_optional_node(node))
         return 1;
-    int err = stand_in_add(p->stand_in, node, t, &inner);
+    int err = playback_publisher_add(p->playback_publisher, node, t, &inner);
     if (err == -EADDRINUSE && p->cfg.alone)
         return 1;
-    return err ? complain(why, err, "%s", inner.text) : 0;
+    return err ? error_say(why, err, "%s", inner.text) : 0;
 }
 
-static int take_parts(struct playback *p, struct complaint *why)
+static int take_parts(struct playback *p, struct error *why)
 {
-    struct tape_part *part;
+    struct bag_iterator_part *part;
     size_t n = 0;
 
-    for (size_t i = 0; (part = tape_part(p->tape, i)); i++) {
+    for (size_t i = 0; (part = bag_iterator_part(p->bag_iterator, i)); i++) {
         part->wanted = is_asked_for(&p->cfg, part->topic->name);
         play_vehicle(p, part);
         int taken = part->wanted ? take_part(p, part->node, part->topic, why) : 1;
@@ -100,10 +100,10 @@ static int take_parts(struct playback *p, struct complaint *why)
         p->has_status |= part->wanted && part->topic == topic_scan_status();
     }
     if (!n)
-        return complain(why, -EINVAL,
-                        "%s: nothing is left to play: the nodes that run say all that "
-                        "is asked for themselves",
-                        p->cfg.tape.bag);
+        return error_say(why, -EINVAL,
+                         "%s: nothing is left to play: the nodes that run say all that "
+                         "is asked for themselves",
+                         p->cfg.bag_iterator.bag);
     /* Sound that was imported has no scan beside it. */
     if (is_asked_for(&p->cfg, topic_scan_status()->name))
         p->says_status = !take_part(p, "scan", topic_scan_status(), NULL);
@@ -112,9 +112,9 @@ static int take_parts(struct playback *p, struct complaint *why)
 
 static bool plays(const struct playback *p, const struct topic *t)
 {
-    struct tape_part *part;
+    struct bag_iterator_part *part;
 
-    for (size_t i = 0; (part = tape_part(p->tape, i)); i++)
+    for (size_t i = 0; (part = bag_iterator_part(p->bag_iterator, i)); i++)
         if (part->topic == t && part->wanted)
             return true;
     return false;
@@ -125,45 +125,45 @@ static bool speaks(const void *ctx, const char *node, const struct topic *t)
     const struct playback *p = ctx;
 
     return !p->cfg.several_hosts &&
-           (stand_in_has(p->stand_in, node, t) ||
-            (audience_has(&p->audience, node) && topic_is_published_by(t, node)));
+           (playback_publisher_has(p->playback_publisher, node, t) ||
+            (subscribers_has(&p->subscribers, node) && topic_is_published_by(t, node)));
 }
 
 /* Its own launch file's nodes live in this replay, or will not start. */
 static int refuse_live(const struct playback *p, const struct presence_locks *locks,
-                       struct complaint *why)
+                       struct error *why)
 {
     for (const char *const *n = topics_nodes(); *n; n++)
         if (strcmp(*n, "play") != 0 && strcmp(*n, "record") != 0 &&
             strcmp(*n, "view") != 0 && !is_in_launch(&p->cfg, *n) &&
             presence_of(locks, p->cfg.run_dir, *n) == PRESENCE_ALIVE &&
             !presence_replays(p->cfg.run_dir, *n))
-            return complain(why, -EADDRINUSE,
-                            "%s: the node \"%s\" of a live system runs here: stop that "
-                            "system, or choose another runtime directory (--run-dir)",
-                            p->cfg.run_dir, *n);
+            return error_say(why, -EADDRINUSE,
+                             "%s: the node \"%s\" of a live system runs here: stop that "
+                             "system, or choose another runtime directory (--run-dir)",
+                             p->cfg.run_dir, *n);
     return 0;
 }
 
-static void find_audience(struct playback *p, const struct presence_locks *locks)
+static void find_subscribers(struct playback *p, const struct presence_locks *locks)
 {
-    audience_init(&p->audience, speaks, p);
+    subscribers_init(&p->subscribers, speaks, p);
     for (size_t i = 0; i < p->cfg.n_nodes; i++)
-        if (!is_onlooker(p->cfg.nodes[i]))
-            audience_expect(&p->audience, p->cfg.nodes[i]);
+        if (!is_optional_node(p->cfg.nodes[i]))
+            subscribers_expect(&p->subscribers, p->cfg.nodes[i]);
     if (!p->cfg.alone)
         return;
     for (const char *const *n = topics_nodes(); *n; n++) {
         bool ours = false;
-        for (size_t i = 0; stand_in_node(p->stand_in, i); i++)
-            ours |= !strcmp(stand_in_node(p->stand_in, i), *n);
-        if (!ours && !is_onlooker(*n) &&
+        for (size_t i = 0; playback_publisher_node(p->playback_publisher, i); i++)
+            ours |= !strcmp(playback_publisher_node(p->playback_publisher, i), *n);
+        if (!ours && !is_optional_node(*n) &&
             presence_of(locks, p->cfg.run_dir, *n) == PRESENCE_ALIVE)
-            audience_expect(&p->audience, *n);
+            subscribers_expect(&p->subscribers, *n);
     }
 }
 
-int playback_cast(struct playback *p, struct complaint *why)
+int playback_cast(struct playback *p, struct error *why)
 {
     struct presence_locks locks;
 
@@ -177,11 +177,12 @@ int playback_cast(struct playback *p, struct complaint *why)
         err = take_parts(p, why);
     if (err)
         return err;
-    find_audience(p, &locks);
-    bool dsp = audience_has(&p->audience, "dsp");
+    find_subscribers(p, &locks);
+    bool dsp = subscribers_has(&p->subscribers, "dsp");
     if (dsp && plays(p, topic_ping()))
         p->flow = topic_ping();
-    else if (!dsp && audience_has(&p->audience, "recon") && plays(p, topic_traces()))
+    else if (!dsp && subscribers_has(&p->subscribers, "recon") &&
+             plays(p, topic_traces()))
         p->flow = topic_traces();
     return 0;
 }

@@ -20,9 +20,9 @@ static int64_t timeout_ns(const struct playback *p)
  * it was sent something, has had it. */
 static bool have_turned(const struct playback *p, int64_t after_ns)
 {
-    return audience_heard(&p->audience, "dsp", after_ns) &&
-           audience_heard(&p->audience, "recon", after_ns) &&
-           audience_heard(&p->audience, "track", after_ns);
+    return subscribers_heard(&p->subscribers, "dsp", after_ns) &&
+           subscribers_heard(&p->subscribers, "recon", after_ns) &&
+           subscribers_heard(&p->subscribers, "track", after_ns);
 }
 
 static void give_up_overdue(struct playback *p, int64_t now_ns)
@@ -57,7 +57,8 @@ int64_t playback_used(struct playback *p, int64_t now_ns)
 {
     int64_t used_ns;
     size_t n = 0;
-    struct listener *last = audience_last(&p->audience, p->progress_round, &used_ns);
+    struct listener *last =
+        subscribers_last(&p->subscribers, p->progress_round, &used_ns);
 
     if (used_ns != p->used_ns || !p->used_since_ns)
         p->used_since_ns = now_ns;
@@ -71,7 +72,8 @@ int64_t playback_used(struct playback *p, int64_t now_ns)
     if (!p->n_under_way && used_ns != INT64_MIN)
         p->used_since_ns = now_ns; /* it waits for what comes */
     int64_t end_ns = p->used_since_ns + PATIENCE * timeout_ns(p);
-    if (last && now_ns >= end_ns && audience_heard(&p->audience, last->name, end_ns)) {
+    if (last && now_ns >= end_ns &&
+        subscribers_heard(&p->subscribers, last->name, end_ns)) {
         last->given_up = true;
         p->stopped++;
         playback_notes(p,
@@ -87,7 +89,7 @@ static void wait_for_last(struct playback *p)
 {
     int64_t used_ns;
     const struct listener *last =
-        audience_last(&p->audience, p->progress_round, &used_ns);
+        subscribers_last(&p->subscribers, p->progress_round, &used_ns);
 
     snprintf(p->waits_for, sizeof p->waits_for, "waits for %s", last ? last->name : "");
 }
@@ -128,8 +130,8 @@ bool playback_is_settled(struct playback *p, int64_t now_ns)
 
 bool playback_has_lists(struct playback *p, int64_t now_ns)
 {
-    if (!p->endless || !p->scene_used || !audience_has(&p->audience, "recon") ||
-        !audience_has(&p->audience, "track"))
+    if (!p->endless || !p->scene_used || !subscribers_has(&p->subscribers, "recon") ||
+        !subscribers_has(&p->subscribers, "track"))
         return true;
     if (!p->quiet_since_ns || p->lists != p->lists_then) {
         p->quiet_since_ns = now_ns;
@@ -162,8 +164,9 @@ void playback_end_scan(struct playback *p, int64_t now_ns)
     if (p->scan_ended)
         return;
     p->scan_ended = true;
-    if (p->scene_used && p->list_scan != p->scan && audience_has(&p->audience, "recon") &&
-        audience_has(&p->audience, "track"))
+    if (p->scene_used && p->list_scan != p->scan &&
+        subscribers_has(&p->subscribers, "recon") &&
+        subscribers_has(&p->subscribers, "track"))
         p->list_since_ns = now_ns;
 }
 
@@ -181,8 +184,8 @@ static bool is_other_scan(struct playback *p, int64_t now_ns)
  */
 static size_t window_of(const struct playback *p, const struct playback_next *n)
 {
-    size_t sure = stand_in_window(p->stand_in, n->m.part->node, n->m.part->topic,
-                                  n->m.payload.size);
+    size_t sure = playback_publisher_window(p->playback_publisher, n->m.part->node,
+                                            n->m.part->topic, n->m.payload.size);
 
     return sure < p->cfg.window ? sure : p->cfg.window;
 }

@@ -41,7 +41,7 @@ static int look_into(struct playback *p, struct playback_next *n)
 
 /* A scan node that was started again while this was recorded counts from 1 again; the
  * nodes that hear it would take it for the scan that they have. */
-static void follow_scan(struct playback *p, const struct tape_message *m)
+static void follow_scan(struct playback *p, const struct bag_iterator_message *m)
 {
     if (m->part->topic != topic_scan_status())
         return;
@@ -51,26 +51,26 @@ static void follow_scan(struct playback *p, const struct tape_message *m)
 }
 
 /* Are those that the launch file runs the ones for this recording? */
-static int check_mode(const struct playback *p, struct complaint *why)
+static int check_mode(const struct playback *p, struct error *why)
 {
     bool fixed = p->next.ping.frame > 0;
 
     if (!p->next.flow || p->cfg.alone || p->cfg.fixed == fixed)
         return 0;
-    return complain(why, -EINVAL,
-                    fixed ? "%s: of an array that stands; expected a launch file with "
-                            "scan.mode: fixed, such as launch/play-drive.yaml"
-                          : "%s: of an array on a stage; expected a launch file without "
-                            "scan.mode: fixed, such as launch/play.yaml",
-                    p->cfg.tape.bag);
+    return error_say(why, -EINVAL,
+                     fixed ? "%s: of an array that stands; expected a launch file with "
+                             "scan.mode: fixed, such as launch/play-drive.yaml"
+                           : "%s: of an array on a stage; expected a launch file without "
+                             "scan.mode: fixed, such as launch/play.yaml",
+                     p->cfg.bag_iterator.bag);
 }
 
-int playback_load(struct playback *p, struct complaint *why)
+int playback_load(struct playback *p, struct error *why)
 {
     for (unsigned i = 0; i < MAX_SKIPPED; i++) {
         struct playback_next *n = &p->next;
         *n = (struct playback_next){.is = false};
-        int err = tape_next(p->tape, &n->m, why);
+        int err = bag_iterator_next(p->bag_iterator, &n->m, why);
         if (err)
             return err;
         follow_scan(p, &n->m);
@@ -82,15 +82,16 @@ int playback_load(struct playback *p, struct complaint *why)
             err = -EPROTO;
         n->is = !err;
         if (err == -ENOMEM)
-            return complain(why, err, "out of memory");
+            return error_say(why, err, "out of memory");
         if (err != -EPROTO)
             return err ? err : check_mode(p, why);
         if (!p->malformed++)
-            playback_notes(
-                p, "%s: a message at %.3f s is no %s; it and others are left out",
-                p->cfg.tape.bag,
-                1e-9 * (double)(n->m.envelope.publish_ns - tape_start_ns(p->tape)),
-                n->m.part->topic->name);
+            playback_notes(p,
+                           "%s: a message at %.3f s is no %s; it and others are left out",
+                           p->cfg.bag_iterator.bag,
+                           1e-9 * (double)(n->m.envelope.publish_ns -
+                                           bag_iterator_start_ns(p->bag_iterator)),
+                           n->m.part->topic->name);
     }
     return -EAGAIN;
 }

@@ -23,16 +23,16 @@ static int send_kept(struct playback *p, struct kept *k, const struct topic *t,
                      int64_t now_ns)
 {
     k->sent_ns = now_ns;
-    return stand_in_publish(p->stand_in, k->node, t, 0, k->publish_ns, k->payload.data,
-                            k->payload.size);
+    return playback_publisher_publish(p->playback_publisher, k->node, t, 0, k->publish_ns,
+                                      k->payload.data, k->payload.size);
 }
 
 /* The survey goes first, wherever it stands in the bag: nobody can use anything before.
  */
-int playback_find_survey(struct playback *p, int64_t now_ns, struct complaint *why)
+int playback_find_survey(struct playback *p, int64_t now_ns, struct error *why)
 {
-    struct tape_message m;
-    int err = tape_find_survey(p->tape, p->at_ns, &m, why);
+    struct bag_iterator_message m;
+    int err = bag_iterator_find_survey(p->bag_iterator, p->at_ns, &m, why);
 
     if (err == -ENODATA || (!err && !m.part->wanted))
         return 0;
@@ -116,7 +116,8 @@ bool playback_is_hopeless(const struct playback *p)
 
     return n->m.part->topic == topic_scan_status() &&
            n->state == ANLOS__SCAN_STATUS__STATE__DONE && p->says_status && p->scan &&
-           n->scan == p->scan && !p->scene_used && audience_has(&p->audience, "recon");
+           n->scan == p->scan && !p->scene_used &&
+           subscribers_has(&p->subscribers, "recon");
 }
 
 int playback_say_hopeless(struct playback *p, int64_t now_ns)

@@ -2,8 +2,8 @@
 #ifndef ANLOS_NODES_PLAY_PLAYBACK_STATE_H
 #define ANLOS_NODES_PLAY_PLAYBACK_STATE_H
 
-#include "msgs/stand_in.h"
-#include "nodes/play/audience.h"
+#include "msgs/playback_publisher.h"
+#include "nodes/play/subscribers.h"
 #include "nodes/play/playback.h"
 #include "nodes/play/tempo.h"
 
@@ -12,8 +12,8 @@
 
 struct playback_next { /* the message that is to go next */
     bool is;
-    struct tape_message m; /* payload as it goes out */
-    bool flow;             /* it is one that a receipt answers: */
+    struct bag_iterator_message m; /* payload as it goes out */
+    bool flow;                     /* it is one that a receipt answers: */
     struct account_ping ping;
     uint64_t survey_id;             /* of a survey */
     Anlos__ScanStatus__State state; /* of a scan/status */
@@ -29,16 +29,16 @@ struct kept { /* for who comes late */
 
 struct playback {
     struct playback_config cfg;
-    struct tape *tape;
-    struct stand_in *stand_in;
-    struct audience audience;
+    struct bag_iterator *bag_iterator;
+    struct playback_publisher *playback_publisher;
+    struct subscribers subscribers;
     struct account account;
     struct tempo tempo;
     const struct topic *flow; /* what is answered by receipts; NULL: nothing is */
     struct playback_next next;
     struct bytes_buffer rewritten;
 
-    bool begun, hears, paused, ended, tape_ended;
+    bool begun, hears, paused, ended, bag_iterator_ended;
     bool enters; /* another round, in which nothing goes out before all are in it */
     unsigned ones;
     int64_t begin_ns; /* not before; 0: it is not known yet */
@@ -89,12 +89,12 @@ struct playback {
 };
 
 /* playback_cast.c: who plays what to whom. */
-int playback_cast(struct playback *p, struct complaint *why);
+int playback_cast(struct playback *p, struct error *why);
 
 /* playback_next.c: the message that is to go next, and what is other when it went.
  * playback_load: 0, -ENODATA (the end), -EAGAIN (there was much that is none: ask again),
- * as tape_next. */
-int playback_load(struct playback *p, struct complaint *why);
+ * as bag_iterator_next. */
+int playback_load(struct playback *p, struct error *why);
 int playback_went(struct playback *p, const struct playback_next *n, int64_t now_ns);
 
 /* playback_hold.c */
@@ -117,7 +117,7 @@ bool playback_has_lists(struct playback *p, int64_t now_ns);
 /* playback_say.c: what is said beyond the recording.  0 or errors of bus_publish. */
 int playback_keep(struct kept *k, const char *node, struct bytes payload,
                   int64_t publish_ns, int64_t now_ns);
-int playback_find_survey(struct playback *p, int64_t now_ns, struct complaint *why);
+int playback_find_survey(struct playback *p, int64_t now_ns, struct error *why);
 int playback_repeat(struct playback *p, int64_t period_ns, int64_t now_ns);
 int playback_say_begin(struct playback *p, int64_t now_ns);
 int playback_say_running(struct playback *p, int64_t now_ns);

@@ -181,7 +181,7 @@ _Static_assert(DEVICE_MAX_COUNTS >= 6, "no room");
 static int loop(struct run *r, bool stays)
 {
     struct playback_status s;
-    struct complaint why = {""};
+    struct error why = {""};
     int64_t due_ns = 0;
     bool told = false;
     int err = subscribe(r);

@@ -58,7 +58,7 @@ static int create(struct fixed *f)
 
 static int take_survey(struct fixed *f, const Anlos__Survey *survey)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!f->planned)
         node_busy(f->node, PLAN_S);
@@ -148,7 +148,7 @@ static void take_traces(struct fixed *f, const struct node_message *in)
 
 static void take_walls(struct fixed *f, const struct node_message *in)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (steady_walls(f->steady, (const Anlos__WallList *)in->content, in->capture_ns,
                      &why))

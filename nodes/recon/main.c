@@ -77,7 +77,7 @@ static void publish_preview(struct run *r)
 
 static int take_survey(struct run *r, const Anlos__Survey *survey)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!recon_is_planned(r->recon))
         node_busy(r->node, PLAN_S);

@@ -31,7 +31,7 @@ int recon_create(struct recon **out, const struct scan_imager_config *asked)
     return err;
 }
 
-int recon_survey(struct recon *r, const Anlos__Survey *message, struct complaint *why)
+int recon_survey(struct recon *r, const Anlos__Survey *message, struct error *why)
 {
     struct survey survey;
 

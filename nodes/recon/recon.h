@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
@@ -20,9 +20,9 @@ struct recon;
 int recon_create(struct recon **out, const struct scan_imager_config *cfg);
 
 /* Plans for a survey; the traces of another one are forgotten.  0, or a negative errno
- * and a complaint (of the survey, of the method, or of a volume over the topic's size).
+ * and an error (of the survey, of the method, or of a volume over the topic's size).
  */
-int recon_survey(struct recon *r, const Anlos__Survey *survey, struct complaint *why);
+int recon_survey(struct recon *r, const Anlos__Survey *survey, struct error *why);
 bool recon_is_planned(const struct recon *r);
 
 /* Takes one ping's traces; the receipt is to be published.  note[size] is for the log,

@@ -30,7 +30,7 @@ int steady_create(struct steady **out, const struct static_array_config *asked)
     return err;
 }
 
-int steady_survey(struct steady *s, const Anlos__Survey *message, struct complaint *why)
+int steady_survey(struct steady *s, const Anlos__Survey *message, struct error *why)
 {
     struct survey survey;
 
@@ -55,7 +55,7 @@ void steady_ego(struct steady *s, const Anlos__EgoMotion *ego, int64_t capture_n
 }
 
 int steady_walls(struct steady *s, const Anlos__WallList *message, int64_t capture_ns,
-                 struct complaint *why)
+                 struct error *why)
 {
     struct walls walls;
     int err = walls_from_message(&walls, message, why);

@@ -16,15 +16,15 @@ struct steady;
 int steady_create(struct steady **out, const struct static_array_config *cfg);
 
 /* Plans for a survey; the pings of another one are forgotten.  0, or a negative errno and
- * a complaint: also of a volume over the topic's size, which would be imaged for nobody.
+ * an error: also of a volume over the topic's size, which would be imaged for nobody.
  */
-int steady_survey(struct steady *s, const Anlos__Survey *survey, struct complaint *why);
+int steady_survey(struct steady *s, const Anlos__Survey *survey, struct error *why);
 void steady_ego(struct steady *s, const Anlos__EgoMotion *ego, int64_t capture_ns);
 
-/* As topic "wall" has them at a stamp.  0, or -EINVAL with a complaint: they stay as they
+/* As topic "wall" has them at a stamp.  0, or -EINVAL with an error: they stay as they
  * were. */
 int steady_walls(struct steady *s, const Anlos__WallList *walls, int64_t capture_ns,
-                 struct complaint *why);
+                 struct error *why);
 
 /* As static_array_traces. */
 bool steady_traces(struct steady *s, const Anlos__Traces *traces, int64_t capture_ns,

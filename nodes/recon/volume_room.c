@@ -7,7 +7,7 @@
 
 #define VOLUME_HEAD_SIZE 1024 /* of a volume message, without its voxels, at most */
 
-int volume_room_check(const struct survey *s, struct complaint *why)
+int volume_room_check(const struct survey *s, struct error *why)
 {
     const size_t room = (topic_volume()->max_size - VOLUME_HEAD_SIZE) / sizeof(float);
     struct processing p;
@@ -15,8 +15,8 @@ int volume_room_check(const struct survey *s, struct complaint *why)
 
     if (err || grid_size(&p.grid) <= room)
         return err;
-    return complain(why, -EINVAL,
-                    "volume: %zu voxels do not fit a message; expected at most %zu, use "
-                    "larger steps",
-                    grid_size(&p.grid), room);
+    return error_say(why, -EINVAL,
+                     "volume: %zu voxels do not fit a message; expected at most %zu, use "
+                     "larger steps",
+                     grid_size(&p.grid), room);
 }

@@ -2,10 +2,10 @@
 #ifndef ANLOS_NODES_RECON_VOLUME_ROOM_H
 #define ANLOS_NODES_RECON_VOLUME_ROOM_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
-/* 0, or -EINVAL and a complaint: also what processing_plan says of the survey. */
-int volume_room_check(const struct survey *s, struct complaint *why);
+/* 0, or -EINVAL and an error: also what processing_plan says of the survey. */
+int volume_room_check(const struct survey *s, struct error *why);
 
 #endif

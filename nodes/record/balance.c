@@ -57,7 +57,7 @@ struct balance_topic balance_sum(const struct balance *t)
 }
 
 int balance_tell(struct balance *t, int64_t now_ns, struct bag_writer *w,
-                 struct complaint *why)
+                 struct error *why)
 {
     struct pairs p = {0};
     bool news = false;
@@ -81,7 +81,7 @@ int balance_tell(struct balance *t, int64_t now_ns, struct bag_writer *w,
 }
 
 int balance_end_file(struct balance *t, int64_t now_ns, struct bag_writer *w,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct pairs p = {0};
     int err = balance_tell(t, now_ns, w, why);

@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #include "msgs/bag/writer.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/topics.h"
 
 struct balance {
@@ -35,11 +35,11 @@ struct balance_topic balance_sum(const struct balance *t);
 
 /* Tells what is lost and not told, if anything is.  Errors of the writer. */
 int balance_tell(struct balance *t, int64_t now_ns, struct bag_writer *w,
-                 struct complaint *why);
+                 struct error *why);
 
 /* The losses of a file at its end; the next one starts at 0. */
 int balance_end_file(struct balance *t, int64_t now_ns, struct bag_writer *w,
-                     struct complaint *why);
+                     struct error *why);
 void balance_clear(struct balance *t);
 
 #endif

@@ -46,20 +46,20 @@ static size_t counts(void *device, struct device_count *out)
     return 7;
 }
 
-static int make_folder(const char *path, struct complaint *why)
+static int make_folder(const char *path, struct error *why)
 {
     char *copy = strdup(path);
     int err = copy ? export_folder(dirname(copy), why)
-                   : complain(why, -ENOMEM, "out of memory");
+                   : error_say(why, -ENOMEM, "out of memory");
 
     free(copy);
     return err;
 }
 
-static int open_session(struct run *r, struct complaint *why)
+static int open_session(struct run *r, struct error *why)
 {
     const struct launchfile *l = node_launch(r->node);
-    struct complaint left_out = {""};
+    struct error left_out = {""};
 
     r->session.topics = l->record.topics;
     r->session.exclude = l->record.exclude;
@@ -76,7 +76,7 @@ static void log_refusal(void *context, const char *text)
 }
 
 /* Threads of the bus leave the signals to this one. */
-static int open_bus(struct run *r, struct complaint *why)
+static int open_bus(struct run *r, struct error *why)
 {
     const struct bus_config cfg = {.run_dir = node_run_dir(r->node), .listen_only = true};
     sigset_t before;
@@ -101,7 +101,7 @@ static int receive(void *source, struct bus_message *out, int timeout_ms)
     return bus_receive(r->bus, out, timeout_ms);
 }
 
-static int open_recorder(struct run *r, struct complaint *why)
+static int open_recorder(struct run *r, struct error *why)
 {
     const struct launchfile *l = node_launch(r->node);
     const struct recorder_config cfg = {
@@ -127,10 +127,10 @@ static int open_recorder(struct run *r, struct complaint *why)
     err = tap_open(&r->tap, r->bus, r->recorder, &cfg, clock_system());
     r->tap.receive = receive;
     r->tap.source = r;
-    return err ? complain(why, err, "cannot subscribe: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "cannot subscribe: %s", strerror(-err)) : 0;
 }
 
-static int open_all(struct run *r, struct complaint *why)
+static int open_all(struct run *r, struct error *why)
 {
     const struct launchfile *l = node_launch(r->node);
     int err = choice_make(&r->choice, l->record.topics, l->record.exclude, why);
@@ -156,7 +156,7 @@ static const char *plural(uint64_t n)
 }
 
 static void tell_end(const struct run *r, int err, const struct recorder_totals *sum,
-                     const struct complaint *why)
+                     const struct error *why)
 {
     const struct recorder_totals t = *sum;
 
@@ -178,7 +178,7 @@ static void tell_end(const struct run *r, int err, const struct recorder_totals 
 
 /* After an error of writing what is in the file gets its end all the same.  Was anything
  * lost, or an error? */
-static bool end_recording(struct run *r, int err, struct complaint *why)
+static bool end_recording(struct run *r, int err, struct error *why)
 {
     struct recorder_totals sum;
 
@@ -198,7 +198,7 @@ static bool end_recording(struct run *r, int err, struct complaint *why)
  * already. */
 static int run(struct run *r)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     int err = open_all(r, &why);
 
     if (err && !r->recorder)

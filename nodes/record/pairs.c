@@ -37,11 +37,11 @@ void pairs_number(struct pairs *p, const char *key, double value)
 }
 
 int pairs_write(const struct pairs *p, const char *name, struct bag_writer *w,
-                struct complaint *why)
+                struct error *why)
 {
     const struct bag_metadata m = {bytes_of(name), bytes_in(&p->map)};
 
-    return p->map.failed ? complain(why, -ENOMEM, "out of memory")
+    return p->map.failed ? error_say(why, -ENOMEM, "out of memory")
                          : bag_writer_metadata(w, &m, why);
 }
 

@@ -5,7 +5,7 @@
 #include <stdint.h>
 
 #include "msgs/bag/writer.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct pairs { /* starts as {0}; memory that runs out is told by pairs_write */
     struct bytes_buffer map;
@@ -20,7 +20,7 @@ void pairs_number(struct pairs *p, const char *key, double value);
 
 /* Writes the record.  0, -ENOMEM, as bag_writer_metadata. */
 int pairs_write(const struct pairs *p, const char *name, struct bag_writer *w,
-                struct complaint *why);
+                struct error *why);
 void pairs_clear(struct pairs *p);
 
 #endif

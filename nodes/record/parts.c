@@ -50,7 +50,7 @@ static bool is_taken(const struct parts *p, char path[PATH_MAX])
 }
 
 static int take_name(struct parts *p, const char *path, unsigned number, bool split,
-                     struct complaint *why)
+                     struct error *why)
 {
     size_t n = stem_length(path);
     char suffix[16] = "";
@@ -59,24 +59,24 @@ static int take_name(struct parts *p, const char *path, unsigned number, bool sp
     if (number > 1)
         snprintf(suffix, sizeof suffix, "-%u", number);
     if (n + 32 >= sizeof p->stem || strlen(path + n) >= sizeof p->ending)
-        return complain(why, -ENAMETOOLONG, "%.500s: name too long", path);
+        return error_say(why, -ENAMETOOLONG, "%.500s: name too long", path);
     snprintf(p->stem, sizeof p->stem, "%.*s%s", (int)n, path, suffix);
     snprintf(p->ending, sizeof p->ending, "%s", path + n);
     return 0;
 }
 
-int parts_init(struct parts *p, const char *path, bool split, struct complaint *why)
+int parts_init(struct parts *p, const char *path, bool split, struct error *why)
 {
     char taken[PATH_MAX];
     int err = take_name(p, path, 1, split, why);
 
     if (!err && is_taken(p, taken))
-        err = complain(why, -EEXIST,
-                       "%.900s exists already; remove it or name another file", taken);
+        err = error_say(why, -EEXIST,
+                        "%.900s exists already; remove it or name another file", taken);
     return err;
 }
 
-int parts_init_free(struct parts *p, const char *path, bool split, struct complaint *why)
+int parts_init_free(struct parts *p, const char *path, bool split, struct error *why)
 {
     char taken[PATH_MAX];
 
@@ -85,7 +85,8 @@ int parts_init_free(struct parts *p, const char *path, bool split, struct compla
         if (err || !is_taken(p, taken))
             return err;
     }
-    return complain(why, -EEXIST, "%.900s exists already; remove some recordings", taken);
+    return error_say(why, -EEXIST, "%.900s exists already; remove some recordings",
+                     taken);
 }
 
 const char *parts_begin(struct parts *p, char path[PATH_MAX])
@@ -115,15 +116,16 @@ uint64_t parts_bytes(const struct parts *p)
 }
 
 int parts_keep_quota(struct parts *p, uint64_t quota_bytes, uint64_t open_bytes,
-                     struct complaint *why)
+                     struct error *why)
 {
     char path[PATH_MAX];
 
     while (p->n_closed && parts_bytes(p) + open_bytes > quota_bytes) {
         name_part(p, p->closed[0].number, path);
         if (unlink(path) && errno != ENOENT)
-            return complain(why, -errno, "%.900s cannot be removed to keep the quota: %s",
-                            path, strerror(errno));
+            return error_say(why, -errno,
+                             "%.900s cannot be removed to keep the quota: %s", path,
+                             strerror(errno));
         p->n_removed++;
         p->removed_bytes += p->closed[0].bytes;
         memmove(p->closed, p->closed + 1, --p->n_closed * sizeof *p->closed);

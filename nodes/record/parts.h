@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct parts {
     char stem[PATH_MAX - 40]; /* the path without its ending; room for a number */
@@ -25,10 +25,10 @@ struct parts {
 
 /* 0, -EEXIST (the file, or one of FILE_0001.mcap .. FILE_9999.mcap, is there),
  * -ENAMETOOLONG. */
-int parts_init(struct parts *p, const char *path, bool split, struct complaint *why);
+int parts_init(struct parts *p, const char *path, bool split, struct error *why);
 
 /* The same with FILE-2.mcap, FILE-3.mcap .. where an earlier recording is in the way. */
-int parts_init_free(struct parts *p, const char *path, bool split, struct complaint *why);
+int parts_init_free(struct parts *p, const char *path, bool split, struct error *why);
 
 /* The name of the next file. */
 const char *parts_begin(struct parts *p, char path[PATH_MAX]);
@@ -40,7 +40,7 @@ int parts_end(struct parts *p, uint64_t bytes);
  * or there is none.  0 or an errno of unlink(2), which a file that somebody else has
  * removed is not. */
 int parts_keep_quota(struct parts *p, uint64_t quota_bytes, uint64_t open_bytes,
-                     struct complaint *why);
+                     struct error *why);
 
 /* Bytes in complete files that are there. */
 uint64_t parts_bytes(const struct parts *p);

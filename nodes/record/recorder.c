@@ -15,23 +15,24 @@
 #include "msgs/bag/topic_message.h"
 #include "msgs/convert.h"
 #include "msgs/survey.pb-c.h"
-#include "nodes/record/cargo.h"
+#include "nodes/record/attachments.h"
 #include "nodes/record/pairs.h"
 #include "nodes/record/parts.h"
 
 /* The geometry of a recording as files and in short (msgs/bag/manifest.h), from a
  * message of topic "survey". */
 
-struct survey_cargo { /* starts as {0} */
-    uint64_t id;      /* of the survey; 0: none yet */
-    struct cargo files;
+struct survey_attachments { /* starts as {0} */
+    uint64_t id;            /* of the survey; 0: none yet */
+    struct attachments files;
     struct pairs geometry;
 };
 
 #define PLACE_SIZE 512
 
 /* Is it another survey than the one before? */
-static bool survey_cargo_is_news(const struct survey_cargo *s, const Anlos__Survey *m)
+static bool survey_attachments_is_news(const struct survey_attachments *s,
+                                       const Anlos__Survey *m)
 {
     return m->id != s->id;
 }
@@ -74,8 +75,8 @@ static void remove_folder(const char *folder)
 }
 
 /* Files are what survey_save makes: it knows how a survey is written down. */
-static int take_files(struct cargo *c, const struct survey *s, const char *folder,
-                      struct complaint *why)
+static int take_files(struct attachments *c, const struct survey *s, const char *folder,
+                      struct error *why)
 {
     char path[PLACE_SIZE + 32], curves[PLACE_SIZE + 32];
 
@@ -83,51 +84,51 @@ static int take_files(struct cargo *c, const struct survey *s, const char *folde
     snprintf(curves, sizeof curves, "%s/%s", folder, MANIFEST_CALIBRATION);
     int err = survey_save(s, path, MANIFEST_CALIBRATION, why);
     if (!err)
-        err = cargo_add_folder(c, "", folder, why);
+        err = attachments_add_folder(c, "", folder, why);
     if (!err && s->n_responses)
-        err = cargo_add_folder(c, MANIFEST_CALIBRATION "/", curves, why);
+        err = attachments_add_folder(c, MANIFEST_CALIBRATION "/", curves, why);
     if (s->n_responses)
         remove_folder(curves);
     return err;
 }
 
-static int save(struct cargo *c, const struct survey *s, struct complaint *why)
+static int save(struct attachments *c, const struct survey *s, struct error *why)
 {
     const char *place = getenv("TMPDIR");
     char folder[PLACE_SIZE];
 
     if (snprintf(folder, sizeof folder, "%s/anlos-survey-XXXXXX",
                  place && *place ? place : "/tmp") >= (int)sizeof folder)
-        return complain(why, -ENAMETOOLONG, "$TMPDIR: path too long");
+        return error_say(why, -ENAMETOOLONG, "$TMPDIR: path too long");
     if (!mkdtemp(folder))
-        return complain(why, -errno, "%s: %s", folder, strerror(errno));
+        return error_say(why, -errno, "%s: %s", folder, strerror(errno));
     int err = take_files(c, s, folder, why);
     remove_folder(folder);
     return err;
 }
 
-static void survey_cargo_clear(struct survey_cargo *s)
+static void survey_attachments_clear(struct survey_attachments *s)
 {
-    cargo_clear(&s->files);
+    attachments_clear(&s->files);
     pairs_clear(&s->geometry);
-    *s = (struct survey_cargo){0};
+    *s = (struct survey_attachments){0};
 }
 
 /* Takes it, in the place of the one before, by way of a folder in $TMPDIR or /tmp.
  * 0, -EINVAL (does not pass survey_check), -ENOMEM, errno of files; then it has none. */
-static int survey_cargo_take(struct survey_cargo *out, const Anlos__Survey *m,
-                             struct complaint *why)
+static int survey_attachments_take(struct survey_attachments *out, const Anlos__Survey *m,
+                                   struct error *why)
 {
     struct survey s;
 
-    survey_cargo_clear(out);
+    survey_attachments_clear(out);
     out->id = m->id; /* one that is wrong is complained about once */
     int err = survey_from_message(&s, m, why);
     if (err)
         return err;
     err = save(&out->files, &s, why);
     if (err)
-        cargo_clear(&out->files);
+        attachments_clear(&out->files);
     else
         put_geometry(&out->geometry, m->id, &s);
     survey_clear(&s);
@@ -135,10 +136,10 @@ static int survey_cargo_take(struct survey_cargo *out, const Anlos__Survey *m,
 }
 
 /* Nothing while there is no survey.  Errors of the writer. */
-static int survey_cargo_write(const struct survey_cargo *s, int64_t now_ns,
-                              struct bag_writer *w, struct complaint *why)
+static int survey_attachments_write(const struct survey_attachments *s, int64_t now_ns,
+                                    struct bag_writer *w, struct error *why)
 {
-    int err = cargo_write(&s->files, w, now_ns, why);
+    int err = attachments_write(&s->files, w, now_ns, why);
 
     return err || !s->geometry.map.size
                ? err
@@ -153,18 +154,18 @@ struct recorder {
     struct recorder_config cfg;
     struct parts parts;
     struct balance balance;
-    struct survey_cargo survey;
+    struct survey_attachments survey;
     struct bus_message last_survey; /* payload NULL: none has come */
     bool repeated;                  /* the part begins with it once more */
     char path[PATH_MAX];
     struct bag_writer *writer;
     struct bag_topics *topics;
-    uint64_t part_cargo;  /* bytes of the part that are no messages: attachments */
-    int64_t part_ns;      /* when the part began */
-    bool over;            /* it should end */
-    int64_t over_ns;      /* since when */
-    int64_t flush_due_ns; /* INT64_MAX: nothing to be flushed */
-    uint64_t n_written;   /* messages in complete files */
+    uint64_t part_attachments; /* bytes of the part that are no messages: attachments */
+    int64_t part_ns;           /* when the part began */
+    bool over;                 /* it should end */
+    int64_t over_ns;           /* since when */
+    int64_t flush_due_ns;      /* INT64_MAX: nothing to be flushed */
+    uint64_t n_written;        /* messages in complete files */
     bool failed, ended;
 };
 
@@ -174,7 +175,7 @@ static void say(const struct recorder *r, enum log_level level, const char *text
         r->cfg.say(r->cfg.context, level, text);
 }
 
-static int open_part(struct recorder *r, int64_t now_ns, struct complaint *why)
+static int open_part(struct recorder *r, int64_t now_ns, struct error *why)
 {
     const struct bag_writer_config cfg = {.profile = "anlos",
                                           .library = "anlos " ANLOS_VERSION,
@@ -183,13 +184,13 @@ static int open_part(struct recorder *r, int64_t now_ns, struct complaint *why)
     int err = bag_writer_create(&r->writer, parts_begin(&r->parts, r->path), &cfg, why);
 
     if (!err && bag_topics_create(&r->topics, r->writer))
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     if (!err)
         err = session_write(r->cfg.session, r->parts.n, now_ns, r->writer, why);
     if (!err)
-        err = survey_cargo_write(&r->survey, now_ns, r->writer, why);
+        err = survey_attachments_write(&r->survey, now_ns, r->writer, why);
     r->repeated = false;
-    r->part_cargo = r->writer ? bag_writer_size(r->writer) : 0;
+    r->part_attachments = r->writer ? bag_writer_size(r->writer) : 0;
     r->part_ns = now_ns;
     r->over = false;
     r->flush_due_ns = INT64_MAX;
@@ -204,7 +205,7 @@ static uint64_t file_size(const char *path, uint64_t otherwise)
 }
 
 /* Also of a file that could not be written on. */
-static int close_part(struct recorder *r, int64_t now_ns, struct complaint *why)
+static int close_part(struct recorder *r, int64_t now_ns, struct error *why)
 {
     if (!r->writer)
         return 0;
@@ -222,11 +223,11 @@ static int close_part(struct recorder *r, int64_t now_ns, struct complaint *why)
     if (!r->failed && !err)
         err = closed;
     if (parts_end(&r->parts, file_size(r->path, bytes)) && !err)
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     return err;
 }
 
-static int keep_quota(struct recorder *r, struct complaint *why)
+static int keep_quota(struct recorder *r, struct error *why)
 {
     unsigned before = r->parts.n_removed;
     uint64_t open = r->writer ? bag_writer_size(r->writer) : 0;
@@ -246,7 +247,7 @@ static int keep_quota(struct recorder *r, struct complaint *why)
     return err;
 }
 
-static int next_part(struct recorder *r, int64_t now_ns, struct complaint *why)
+static int next_part(struct recorder *r, int64_t now_ns, struct error *why)
 {
     int err = close_part(r, now_ns, why);
 
@@ -265,8 +266,8 @@ static int next_part(struct recorder *r, int64_t now_ns, struct complaint *why)
  * make a file of its own where the attachments are larger than split_bytes. */
 static uint64_t part_limit(const struct recorder *r)
 {
-    return r->cfg.split_bytes > 2 * r->part_cargo ? r->cfg.split_bytes
-                                                  : 2 * r->part_cargo;
+    return r->cfg.split_bytes > 2 * r->part_attachments ? r->cfg.split_bytes
+                                                        : 2 * r->part_attachments;
 }
 
 /* A part ends where the next one can begin with a survey: it is of use by itself then.
@@ -305,7 +306,7 @@ static void keep_survey(struct recorder *r, const struct bus_message *m)
 }
 
 /* Pings before the first survey of a file are of no use to anyone. */
-static int repeat_survey(struct recorder *r, struct complaint *why)
+static int repeat_survey(struct recorder *r, struct error *why)
 {
     const struct bus_message *m = &r->last_survey;
     uint64_t before = bag_writer_size(r->writer);
@@ -314,27 +315,27 @@ static int repeat_survey(struct recorder *r, struct complaint *why)
         return 0;
     int err = bag_topics_put(r->topics, &m->envelope, m->payload, NULL, why);
     r->repeated = !err;
-    r->part_cargo += bag_writer_size(r->writer) - before;
+    r->part_attachments += bag_writer_size(r->writer) - before;
     return err;
 }
 
 /* A survey that cannot be kept as a file is a message all the same. */
 static int take_survey(struct recorder *r, const struct bus_message *m, int64_t now_ns,
-                       struct complaint *why)
+                       struct error *why)
 {
     Anlos__Survey *survey = (Anlos__Survey *)bus_message_unpack(m);
-    struct complaint reason = {""};
+    struct error reason = {""};
     char text[sizeof reason.text + 64];
     int err = 0;
 
-    if (survey && survey_cargo_is_news(&r->survey, survey)) {
-        if (survey_cargo_take(&r->survey, survey, &reason)) {
+    if (survey && survey_attachments_is_news(&r->survey, survey)) {
+        if (survey_attachments_take(&r->survey, survey, &reason)) {
             snprintf(text, sizeof text, "the survey is not attached: %s", reason.text);
             say(r, LOG_LEVEL_WARNING, text);
         }
         uint64_t before = bag_writer_size(r->writer);
-        err = survey_cargo_write(&r->survey, now_ns, r->writer, why);
-        r->part_cargo += bag_writer_size(r->writer) - before;
+        err = survey_attachments_write(&r->survey, now_ns, r->writer, why);
+        r->part_attachments += bag_writer_size(r->writer) - before;
     }
     if (survey)
         anlos__survey__free_unpacked(survey, NULL);
@@ -342,7 +343,7 @@ static int take_survey(struct recorder *r, const struct bus_message *m, int64_t 
 }
 
 int recorder_put(struct recorder *r, const struct bus_message *m, int64_t now_ns,
-                 struct complaint *why)
+                 struct error *why)
 {
     bool is_survey = m->topic == topic_survey();
     bool is_over = ends_before(r, m, now_ns);
@@ -371,8 +372,7 @@ void recorder_lost(struct recorder *r, const struct topic *t, uint64_t total)
     balance_lost(&r->balance, t, total);
 }
 
-int recorder_tick(struct recorder *r, int64_t now_ns, int64_t *due_ns,
-                  struct complaint *why)
+int recorder_tick(struct recorder *r, int64_t now_ns, int64_t *due_ns, struct error *why)
 {
     int err = 0;
 
@@ -415,26 +415,26 @@ void recorder_sum(const struct recorder *r, struct recorder_totals *out)
 }
 
 /* With a quota there have to be parts that can go, of a size that leaves room. */
-static int settle_sizes(struct recorder_config *c, struct complaint *why)
+static int settle_sizes(struct recorder_config *c, struct error *why)
 {
     if (!c->quota_bytes)
         return 0;
     if (!c->split_bytes)
         c->split_bytes = c->quota_bytes / PARTS_PER_QUOTA;
     if (c->split_bytes > c->quota_bytes / 2)
-        return complain(why, -EINVAL,
-                        "files of %.6g MB do not fit a quota of %.6g MB twice",
-                        1e-6 * (double)c->split_bytes, 1e-6 * (double)c->quota_bytes);
+        return error_say(why, -EINVAL,
+                         "files of %.6g MB do not fit a quota of %.6g MB twice",
+                         1e-6 * (double)c->split_bytes, 1e-6 * (double)c->quota_bytes);
     return 0;
 }
 
 int recorder_create(struct recorder **out, const struct recorder_config *cfg,
-                    int64_t now_ns, struct complaint *why)
+                    int64_t now_ns, struct error *why)
 {
     struct recorder *r = calloc(1, sizeof *r);
 
     if (!r)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     r->cfg = *cfg;
     int err = settle_sizes(&r->cfg, why);
     bool split = r->cfg.split_bytes || r->cfg.split_ns;
@@ -442,7 +442,7 @@ int recorder_create(struct recorder **out, const struct recorder_config *cfg,
         err = cfg->free_name ? parts_init_free(&r->parts, cfg->path, split, why)
                              : parts_init(&r->parts, cfg->path, split, why);
     if (!err && balance_init(&r->balance, cfg->topics, cfg->n_topics, now_ns))
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     if (!err)
         err = open_part(r, now_ns, why);
     if (err) {
@@ -454,7 +454,7 @@ int recorder_create(struct recorder **out, const struct recorder_config *cfg,
     return 0;
 }
 
-int recorder_end(struct recorder *r, int64_t now_ns, struct complaint *why)
+int recorder_end(struct recorder *r, int64_t now_ns, struct error *why)
 {
     int err = close_part(r, now_ns, why);
 
@@ -470,7 +470,7 @@ void recorder_destroy(struct recorder *r)
         return;
     if (!r->ended)
         recorder_end(r, r->part_ns, NULL);
-    survey_cargo_clear(&r->survey);
+    survey_attachments_clear(&r->survey);
     free((void *)r->last_survey.payload);
     balance_clear(&r->balance);
     parts_clear(&r->parts);

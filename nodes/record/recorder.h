@@ -15,7 +15,7 @@
 
 #include "msgs/bag/compression.h"
 #include "msgs/bus_message.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/record/session.h"
 #include "nodes/record/balance.h"
 #include "nodes/rt/log.h"
@@ -48,20 +48,19 @@ struct recorder;
 /* Makes the first file.  0, -EEXIST, -EINVAL (a quota that has no room for two files),
  * -ENOMEM, errno of files. */
 int recorder_create(struct recorder **out, const struct recorder_config *cfg,
-                    int64_t now_ns, struct complaint *why);
+                    int64_t now_ns, struct error *why);
 
 /* 0; -ENOSPC and other errno of writing: nothing more can be recorded, and
  * recorder_end makes the file whole. */
 int recorder_put(struct recorder *r, const struct bus_message *m, int64_t now_ns,
-                 struct complaint *why);
+                 struct error *why);
 
 /* So many messages of the topic are lost by now. */
 void recorder_lost(struct recorder *r, const struct topic *t, uint64_t total);
 
 /* Flushes when it is time to.  *due_ns: when it will be; INT64_MAX: not before another
  * message.  As recorder_put. */
-int recorder_tick(struct recorder *r, int64_t now_ns, int64_t *due_ns,
-                  struct complaint *why);
+int recorder_tick(struct recorder *r, int64_t now_ns, int64_t *due_ns, struct error *why);
 
 /* The file under way, or the last one. */
 const char *recorder_path(const struct recorder *r);
@@ -72,7 +71,7 @@ const struct balance *recorder_balance(const struct recorder *r);
 
 /* Ends the file; nothing can be put any more.  0 or an error of writing; after one that
  * was returned before, 0. */
-int recorder_end(struct recorder *r, int64_t now_ns, struct complaint *why);
+int recorder_end(struct recorder *r, int64_t now_ns, struct error *why);
 
 /* Ends it too. */
 void recorder_destroy(struct recorder *r);

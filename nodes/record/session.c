@@ -36,21 +36,21 @@ static const char *name_within(const char *path, const char *launch)
 }
 
 static int add_launch_file(struct session *s, const char *path, const char *launch,
-                           char name[PATH_MAX], struct complaint *why)
+                           char name[PATH_MAX], struct error *why)
 {
     if (snprintf(name, PATH_MAX, "%s%s", MANIFEST_LAUNCH_FOLDER,
                  name_within(path, launch)) >= PATH_MAX)
-        return complain(why, -ENAMETOOLONG, "%.500s: path too long", path);
-    return cargo_add_file(&s->cargo, name, path, why);
+        return error_say(why, -ENAMETOOLONG, "%.500s: path too long", path);
+    return attachments_add_file(&s->attachments, name, path, why);
 }
 
 /* One of the inputs; path is freed.  A folder (of WAV files) is no input but the sound
  * itself. */
 static int add_input(struct session *s, char *path, const char *launch,
-                     struct complaint *left_out)
+                     struct error *left_out)
 {
     char name[PATH_MAX];
-    struct complaint reason = {""};
+    struct error reason = {""};
     int err = path ? 0 : -ENOMEM;
 
     if (path && *path)
@@ -65,7 +65,7 @@ static int add_input(struct session *s, char *path, const char *launch,
 }
 
 int session_add_launch(struct session *s, const struct launchfile *l,
-                       struct complaint *left_out, struct complaint *why)
+                       struct error *left_out, struct error *why)
 {
     static const char *const options[] = {"survey", "calibrated", "rig"};
     const char *uri = l->array.uri;
@@ -76,12 +76,12 @@ int session_add_launch(struct session *s, const struct launchfile *l,
         return err;
     s->launch = strdup(name);
     if (!s->launch)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     if (uri_has_scheme(uri, "sim"))
         err = add_input(s, uri_path(uri), l->path, left_out);
     for (size_t i = 0; !err && i < sizeof options / sizeof *options; i++)
         err = add_input(s, uri_option(uri, options[i]), l->path, left_out);
-    return err ? complain(why, err, "out of memory") : 0;
+    return err ? error_say(why, err, "out of memory") : 0;
 }
 
 static void put_start(struct pairs *p, int64_t ns)
@@ -97,7 +97,7 @@ static void put_start(struct pairs *p, int64_t ns)
 }
 
 int session_write(const struct session *s, unsigned part, int64_t now_ns,
-                  struct bag_writer *w, struct complaint *why)
+                  struct bag_writer *w, struct error *why)
 {
     struct pairs p = {0};
     char host[HOST_NAME_MAX + 1] = "";
@@ -114,12 +114,12 @@ int session_write(const struct session *s, unsigned part, int64_t now_ns,
     pairs_count(&p, MANIFEST_PART, part);
     int err = pairs_write(&p, MANIFEST_SESSION, w, why);
     pairs_clear(&p);
-    return err ? err : cargo_write(&s->cargo, w, now_ns, why);
+    return err ? err : attachments_write(&s->attachments, w, now_ns, why);
 }
 
 void session_clear(struct session *s)
 {
-    cargo_clear(&s->cargo);
+    attachments_clear(&s->attachments);
     free(s->launch);
     *s = (struct session){0};
 }

@@ -5,25 +5,25 @@
 
 #include <stdint.h>
 
-#include "nodes/record/cargo.h"
+#include "nodes/record/attachments.h"
 #include "nodes/rt/launchfile.h"
 
 struct session {                  /* starts as {0} */
     const char *topics, *exclude; /* patterns; exclude may be NULL */
     int64_t start_ns;
     char *launch; /* the launch file's attachment; NULL: none */
-    struct cargo cargo;
+    struct attachments attachments;
 };
 
 /* Takes the launch file and what its array's URI names.  What cannot be read is left
  * out: *left_out says which (empty: nothing).  0, -ENOMEM, and errno of reading the
  * launch file itself. */
 int session_add_launch(struct session *s, const struct launchfile *l,
-                       struct complaint *left_out, struct complaint *why);
+                       struct error *left_out, struct error *why);
 
 /* part: which file of the recording, from 1.  Errors of the writer. */
 int session_write(const struct session *s, unsigned part, int64_t now_ns,
-                  struct bag_writer *w, struct complaint *why);
+                  struct bag_writer *w, struct error *why);
 void session_clear(struct session *s);
 
 #endif

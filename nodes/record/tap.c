@@ -20,21 +20,21 @@ static bool finds_stray(const char *patterns, char out[PATTERN_SIZE])
 }
 
 int choice_make(struct choice *c, const char *topics, const char *exclude,
-                struct complaint *why)
+                struct error *why)
 {
     char stray[PATTERN_SIZE];
     size_t all = 0;
 
     *c = (struct choice){0};
     if (finds_stray(topics, stray) || finds_stray(exclude, stray))
-        return complain(why, -EINVAL,
-                        "no topic is called \"%s\"; 'anlos topic list' has their names",
-                        stray);
+        return error_say(why, -EINVAL,
+                         "no topic is called \"%s\"; 'anlos topic list' has their names",
+                         stray);
     while (topics_all()[all].name)
         all++;
     c->topics = calloc(all, sizeof *c->topics);
     if (!c->topics)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (const struct topic *t = topics_all(); t->name; t++)
         if (patterns_match(topics, t->name) &&
             !(exclude && patterns_match(exclude, t->name)))
@@ -42,7 +42,7 @@ int choice_make(struct choice *c, const char *topics, const char *exclude,
     if (c->n)
         return 0;
     choice_clear(c);
-    return complain(why, -EINVAL, "no topic is left to be recorded");
+    return error_say(why, -EINVAL, "no topic is left to be recorded");
 }
 
 void choice_clear(struct choice *c)
@@ -97,7 +97,7 @@ static int ms_until(int64_t now_ns, int64_t t_ns)
     return t_ns > now_ns ? (int)((t_ns - now_ns + NS_PER_MS - 1) / NS_PER_MS) : 0;
 }
 
-static int put(struct tap *t, struct bus_message *m, struct complaint *why)
+static int put(struct tap *t, struct bus_message *m, struct error *why)
 {
     int err = recorder_put(t->recorder, m, clock_now_ns(t->clock), why);
 
@@ -105,7 +105,7 @@ static int put(struct tap *t, struct bus_message *m, struct complaint *why)
     return err;
 }
 
-static int tick(struct tap *t, int64_t *due_ns, struct complaint *why)
+static int tick(struct tap *t, int64_t *due_ns, struct error *why)
 {
     int64_t now = clock_now_ns(t->clock);
 
@@ -116,7 +116,7 @@ static int tick(struct tap *t, int64_t *due_ns, struct complaint *why)
     return recorder_tick(t->recorder, now, due_ns, why);
 }
 
-int tap_step(struct tap *t, int timeout_ms, struct complaint *why)
+int tap_step(struct tap *t, int timeout_ms, struct error *why)
 {
     struct bus_message m;
     int64_t due_ns;
@@ -135,7 +135,7 @@ int tap_step(struct tap *t, int timeout_ms, struct complaint *why)
 }
 
 /* Stamps of a replay tell nothing of when it was sent. */
-int tap_drain(struct tap *t, struct complaint *why)
+int tap_drain(struct tap *t, struct error *why)
 {
     int64_t stop_ns = clock_now_ns(t->clock), due_ns;
     int err = 0;

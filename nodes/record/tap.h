@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "hal/clock.h"
 #include "msgs/bus.h"
 #include "msgs/topics.h"
@@ -30,11 +30,11 @@ int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
 
 /* Takes at most one message, waiting for it no longer than timeout_ms, and has the
  * recorder flush when it is time.  0; errors of receive but -ETIMEDOUT, of recorder. */
-int tap_step(struct tap *t, int timeout_ms, struct complaint *why);
+int tap_step(struct tap *t, int timeout_ms, struct error *why);
 
 /* Takes what was published before now and is still on its way or waits: until nothing
  * comes for a moment.  Ends an interrupt.  As tap_step. */
-int tap_drain(struct tap *t, struct complaint *why);
+int tap_drain(struct tap *t, struct error *why);
 
 /* What is lost by now, to the recorder. */
 void tap_count(struct tap *t);
@@ -50,7 +50,7 @@ struct choice {
 /* exclude may be NULL.  0, -EINVAL (a pattern that no topic matches, or nothing is left),
  * -ENOMEM. */
 int choice_make(struct choice *c, const char *topics, const char *exclude,
-                struct complaint *why);
+                struct error *why);
 void choice_clear(struct choice *c);
 
 #endif

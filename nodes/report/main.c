@@ -51,7 +51,7 @@ static int take(struct node *node, struct report *r, const struct node_message *
 static int run(struct node *node, struct report *r)
 {
     struct node_message in;
-    struct complaint why = {""};
+    struct error why = {""};
     const char *folder = node_launch(node)->report.folder;
     int err = export_folder(folder, &why);
 

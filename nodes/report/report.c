@@ -29,7 +29,7 @@ void logbook_ego(struct logbook *d, const Anlos__EgoMotion *m, int64_t capture_n
 
 void logbook_survey(struct logbook *d, const Anlos__Survey *m)
 {
-    struct complaint why;
+    struct error why;
     struct survey fresh;
 
     if (d->survey_id == m->id || survey_from_message(&fresh, m, &why))
@@ -43,7 +43,7 @@ void logbook_survey(struct logbook *d, const Anlos__Survey *m)
 
 int logbook_walls(struct logbook *d, const Anlos__WallList *m)
 {
-    struct complaint why;
+    struct error why;
     size_t size = protobuf_c_message_get_packed_size(&m->base);
     uint8_t *bytes = malloc(size ? size : 1);
 
@@ -197,7 +197,7 @@ json_t *logbook_json(const struct logbook *d)
 }
 
 int logbook_picture(const struct logbook *d, const char *folder, const struct grid *grid,
-                    struct complaint *why)
+                    struct error *why)
 {
     struct plan_track tracks[TRAILS_MAX];
     char title[96];
@@ -623,7 +623,7 @@ bool report_is_complete(const struct report *r, int64_t now_ns)
            now_ns - r->ended_ns > FAILED_WAIT_NS;
 }
 
-static int write_report(const struct report *r, const char *folder, struct complaint *why)
+static int write_report(const struct report *r, const char *folder, struct error *why)
 {
     json_t *json = report_json(r);
     int err = export_json(folder, "report.json", json, why);
@@ -646,7 +646,7 @@ static const char *const file_names[N_FILES] = {"detections.json",   "plan.png",
                                                 "projection_yz.png", "volume.nrrd"};
 
 static int write_file(const struct report *r, int which, const char *folder,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct grid grid;
     const float *intensity = r->volume ? volume_grid(r->volume, &grid) : NULL;
@@ -698,7 +698,7 @@ static void remove_older(const char *folder, const char *fresh)
             unlink(path);
 }
 
-int report_write(const struct report *r, const char *folder, struct complaint *why)
+int report_write(const struct report *r, const char *folder, struct error *why)
 {
     struct export_stage stage;
     char failed[160];
@@ -718,8 +718,8 @@ int report_write(const struct report *r, const char *folder, struct complaint *w
         export_stage_abandon(&stage);
         return err;
     }
-    return missing ? complain(why, missing, "%s: cannot be written: %s: %s", folder,
-                              failed, strerror(-missing))
+    return missing ? error_say(why, missing, "%s: cannot be written: %s: %s", folder,
+                               failed, strerror(-missing))
                    : 0;
 }
 

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/host.pb-c.h"
@@ -66,7 +66,7 @@ json_t *logbook_json(const struct logbook *d);
 
 /* plan.png.  grid: of the last image, or NULL.  0, or errors as export_plan. */
 int logbook_picture(const struct logbook *d, const char *folder, const struct grid *grid,
-                    struct complaint *why);
+                    struct error *why);
 void logbook_clear(struct logbook *d);
 
 /* Of a system on several machines: what each said last of the others, how far apart
@@ -128,8 +128,8 @@ bool report_is_complete(const struct report *r, int64_t now_ns);
 
 /* report.json, and as far as there are any detections.json, of tracks plan.png,
  * projections and volume.nrrd.  Without report.json none of them; when another one fails
- * the rest is there, and the complaint names what is not.  0 or a negative errno. */
-int report_write(const struct report *r, const char *folder, struct complaint *why);
+ * the rest is there, and the error names what is not.  0 or a negative errno. */
+int report_write(const struct report *r, const char *folder, struct error *why);
 void report_clear(struct report *r);
 
 /* Report.json: how the scan went. */

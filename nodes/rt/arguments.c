@@ -18,23 +18,24 @@ static const char *option_value(const char *name, int argc, char **argv, int *i)
     return argv[++*i];
 }
 
-static int complain_of(const struct arguments *a, const char *arg, struct complaint *why)
+static int error_say_of(const struct arguments *a, const char *arg, struct error *why)
 {
     static const char *const with_value[] = {"--launch", "--run-dir",   "--out",
                                              "--record", "--bag",       "--rate",
                                              "--host",   "--log-level", "--log-format"};
 
     if (arg[0] != '-')
-        return complain(why, -EINVAL, "%s: unexpected, %s is the launch file; see --help",
-                        arg, a->launch);
+        return error_say(why, -EINVAL,
+                         "%s: unexpected, %s is the launch file; see --help", arg,
+                         a->launch);
     for (size_t i = 0; i < sizeof with_value / sizeof *with_value; i++)
         if (!strcmp(arg, with_value[i]))
-            return complain(why, -EINVAL, "%s: its value is missing; see --help", arg);
-    return complain(why, -EINVAL, "%s: no such option; see --help", arg);
+            return error_say(why, -EINVAL, "%s: its value is missing; see --help", arg);
+    return error_say(why, -EINVAL, "%s: no such option; see --help", arg);
 }
 
 static int parse_one(struct arguments *a, int argc, char **argv, int *i,
-                     struct complaint *why)
+                     struct error *why)
 {
     const char *arg = argv[*i];
     const char *value;
@@ -63,21 +64,21 @@ static int parse_one(struct arguments *a, int argc, char **argv, int *i,
         a->host = value;
     else if ((value = option_value("--log-level", argc, argv, i))) {
         if (log_level_parse(&a->log_level, value))
-            return complain(why, -EINVAL,
-                            "--log-level: expected debug, info, warning or error, not %s",
-                            value);
+            return error_say(
+                why, -EINVAL,
+                "--log-level: expected debug, info, warning or error, not %s", value);
     } else if ((value = option_value("--log-format", argc, argv, i))) {
         if (log_format_parse(&a->log_format, value))
-            return complain(why, -EINVAL, "--log-format: expected text or json, not %s",
-                            value);
+            return error_say(why, -EINVAL, "--log-format: expected text or json, not %s",
+                             value);
     } else if (arg[0] != '-' && !a->launch)
         a->launch = arg;
     else
-        return complain_of(a, arg, why);
+        return error_say_of(a, arg, why);
     return 0;
 }
 
-int arguments_parse(struct arguments *out, int argc, char **argv, struct complaint *why)
+int arguments_parse(struct arguments *out, int argc, char **argv, struct error *why)
 {
     *out = (struct arguments){.log_level = LOG_LEVEL_INFO};
     for (int i = 1; i < argc; i++) {
@@ -86,11 +87,11 @@ int arguments_parse(struct arguments *out, int argc, char **argv, struct complai
             return err;
     }
     if (!out->help && !out->launch)
-        return complain(why, -EINVAL, "which launch file? see --help");
+        return error_say(why, -EINVAL, "which launch file? see --help");
     if (out->out && !out->out[0])
-        return complain(why, -EINVAL, "--out: expected the name of a folder");
+        return error_say(why, -EINVAL, "--out: expected the name of a folder");
     if (out->record && !out->record[0])
-        return complain(why, -EINVAL, "--record: expected the name of a bag");
+        return error_say(why, -EINVAL, "--record: expected the name of a bag");
     return 0;
 }
 

@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/rt/log.h"
 
 struct arguments { /* borrow from argv */
@@ -25,7 +25,7 @@ struct arguments { /* borrow from argv */
 /* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --bag FILE --rate R
  * --host NAME --realtime --replay --no-supervision --log-level LEVEL --log-format FORM
  * --help`.  0, or -EINVAL: unknown option, missing or wrong value, no launch file. */
-int arguments_parse(struct arguments *out, int argc, char **argv, struct complaint *why);
+int arguments_parse(struct arguments *out, int argc, char **argv, struct error *why);
 
 /* The options' help, for the end of a program's own. */
 const char *arguments_help(void);

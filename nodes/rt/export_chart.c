@@ -244,13 +244,13 @@ static cairo_status_t write_png(FILE *f, const struct chart *c)
 }
 
 int export_chart(const char *folder, const char *name, const struct chart *chart,
-                 struct complaint *why)
+                 struct error *why)
 {
     for (int a = 0; a < 2; a++)
         if (!(chart->max[a] > chart->min[a]) || !isfinite(chart->max[a]) ||
             !isfinite(chart->min[a]) || (chart->logarithmic[a] && !(chart->min[a] > 0.0)))
-            return complain(why, -EINVAL, "%s/%s: the axis %s is empty: %g to %g", folder,
-                            name, chart->label[a], chart->min[a], chart->max[a]);
+            return error_say(why, -EINVAL, "%s/%s: the axis %s is empty: %g to %g",
+                             folder, name, chart->label[a], chart->min[a], chart->max[a]);
     for (int kind = 0; kind < 2; kind++) {
         struct export_file e;
         char file[128];

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 enum chart_style {
     CHART_LINE,
@@ -44,6 +44,6 @@ struct chart {
 /* Writes FOLDER/NAME.svg and FOLDER/NAME.png.  0, -EINVAL (empty axes), -ENOMEM, other
  * negative errno. */
 int export_chart(const char *folder, const char *name, const struct chart *chart,
-                 struct complaint *why);
+                 struct error *why);
 
 #endif

@@ -7,17 +7,17 @@
 #include <stdlib.h>
 
 int export_file_open(struct export_file *e, const char *folder, const char *name,
-                     struct complaint *why)
+                     struct error *why)
 {
     int n = snprintf(e->path, sizeof e->path, "%s/%s", folder, name);
     int m = snprintf(e->temporary, sizeof e->temporary, "%s/.%s.XXXXXX", folder, name);
     if (n >= (int)sizeof e->path || m >= (int)sizeof e->temporary)
-        return complain(why, -ENAMETOOLONG, "%s: path too long", folder);
+        return error_say(why, -ENAMETOOLONG, "%s: path too long", folder);
 
     int fd = mkstemp(e->temporary);
     if (fd < 0)
-        return complain(why, -errno, "%s: cannot be written: %s", e->path,
-                        strerror(errno));
+        return error_say(why, -errno, "%s: cannot be written: %s", e->path,
+                         strerror(errno));
     /* mkstemp makes a private file; what is exported is for everybody whom umask allows.
      */
     mode_t mask = umask(0);
@@ -27,21 +27,21 @@ int export_file_open(struct export_file *e, const char *folder, const char *name
         int err = -errno;
         close(fd);
         unlink(e->temporary);
-        return complain(why, err, "%s: cannot be written: %s", e->path, strerror(-err));
+        return error_say(why, err, "%s: cannot be written: %s", e->path, strerror(-err));
     }
     return 0;
 }
 
-int export_file_abandon(struct export_file *e, int err, struct complaint *why)
+int export_file_abandon(struct export_file *e, int err, struct error *why)
 {
     if (e->f)
         fclose(e->f);
     e->f = NULL;
     unlink(e->temporary);
-    return complain(why, err, "%s: cannot be written: %s", e->path, strerror(-err));
+    return error_say(why, err, "%s: cannot be written: %s", e->path, strerror(-err));
 }
 
-int export_file_commit(struct export_file *e, struct complaint *why)
+int export_file_commit(struct export_file *e, struct error *why)
 {
     errno = 0;
     int failed = fflush(e->f) || ferror(e->f);

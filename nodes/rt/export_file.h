@@ -6,7 +6,7 @@
 #include <limits.h>
 #include <stdio.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct export_file {
     FILE *f;
@@ -14,14 +14,14 @@ struct export_file {
     char temporary[PATH_MAX];
 };
 
-/* After success, commit or abandon.  0, or a negative errno and a complaint. */
+/* After success, commit or abandon.  0, or a negative errno and an error. */
 int export_file_open(struct export_file *e, const char *folder, const char *name,
-                     struct complaint *why);
+                     struct error *why);
 
 /* Flushes and renames; on failure (full disk) the temporary file is removed. */
-int export_file_commit(struct export_file *e, struct complaint *why);
+int export_file_commit(struct export_file *e, struct error *why);
 
-/* Removes the temporary file; err is returned, with a complaint that names the file. */
-int export_file_abandon(struct export_file *e, int err, struct complaint *why);
+/* Removes the temporary file; err is returned, with an error that names the file. */
+int export_file_abandon(struct export_file *e, int err, struct error *why);
 
 #endif

@@ -67,33 +67,33 @@ static int try_to_write(const char *folder)
     return 0;
 }
 
-static int open_folder(const char *folder, size_t *existing, struct complaint *why)
+static int open_folder(const char *folder, size_t *existing, struct error *why)
 {
     *existing = strlen(folder);
     int err = make_folders(folder, existing);
     if (!err)
         err = try_to_write(folder);
     if (err)
-        return complain(why, err, "%s: cannot be written: %s", folder, strerror(-err));
+        return error_say(why, err, "%s: cannot be written: %s", folder, strerror(-err));
     return 0;
 }
 
-int export_folder(const char *folder, struct complaint *why)
+int export_folder(const char *folder, struct error *why)
 {
     size_t existing;
     return open_folder(folder, &existing, why);
 }
 
 int export_vacant(const char *folder, const char *const *names, size_t n,
-                  struct complaint *why)
+                  struct error *why)
 {
     for (size_t i = 0; i < n; i++) {
         char path[PATH_MAX];
         struct stat st;
         if (snprintf(path, sizeof path, "%s/%s", folder, names[i]) < (int)sizeof path &&
             !lstat(path, &st))
-            return complain(why, -EEXIST,
-                            "%s exists already; remove it or name another folder", path);
+            return error_say(why, -EEXIST,
+                             "%s exists already; remove it or name another folder", path);
     }
     return 0;
 }
@@ -182,13 +182,12 @@ static int make_stage(struct export_stage *stage)
     return err;
 }
 
-int export_stage_begin(struct export_stage *stage, const char *folder,
-                       struct complaint *why)
+int export_stage_begin(struct export_stage *stage, const char *folder, struct error *why)
 {
     memset(stage, 0, sizeof *stage);
     stage->lock = -1;
     if (strlen(folder) >= sizeof stage->folder)
-        return complain(why, -ENAMETOOLONG, "%s: path too long", folder);
+        return error_say(why, -ENAMETOOLONG, "%s: path too long", folder);
     strcpy(stage->folder, folder);
     int err = open_folder(folder, &stage->existing, why);
     if (err)
@@ -197,7 +196,7 @@ int export_stage_begin(struct export_stage *stage, const char *folder,
     err = make_stage(stage);
     if (err) {
         remove_folders(folder, stage->existing);
-        return complain(why, err, "%s: cannot be written: %s", folder, strerror(-err));
+        return error_say(why, err, "%s: cannot be written: %s", folder, strerror(-err));
     }
     return 0;
 }
@@ -212,7 +211,7 @@ static int move_entry(const char *folder, const char *name, void *ctx)
     return rename(from, to) ? -errno : 0;
 }
 
-int export_stage_commit(struct export_stage *stage, struct complaint *why)
+int export_stage_commit(struct export_stage *stage, struct error *why)
 {
     int err = each_entry(stage->path, move_entry, stage);
     if (!err && rmdir(stage->path))
@@ -222,7 +221,7 @@ int export_stage_commit(struct export_stage *stage, struct complaint *why)
         stage->lock = -1;
     }
     if (err)
-        complain(why, err, "%s: cannot be written: %s", stage->folder, strerror(-err));
+        error_say(why, err, "%s: cannot be written: %s", stage->folder, strerror(-err));
     return err;
 }
 

@@ -38,7 +38,7 @@ static cairo_status_t write_bytes(void *to, const unsigned char *data, unsigned 
 }
 
 int ink_png(const char *folder, const char *name, cairo_surface_t *surface,
-            struct complaint *why)
+            struct error *why)
 {
     struct export_file e;
     int err = export_file_open(&e, folder, name, why);

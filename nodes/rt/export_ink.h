@@ -5,7 +5,7 @@
 
 #include <cairo.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 enum ink_anchor { INK_LEFT, INK_CENTRE, INK_RIGHT };
 
@@ -19,8 +19,8 @@ double ink_tick_step(double span, double n);
 /* Decimals that tell such ticks apart. */
 int ink_digits(double step);
 
-/* Writes FOLDER/NAME.  0, -ENOMEM (without a complaint), other negative errno. */
+/* Writes FOLDER/NAME.  0, -ENOMEM (without an error), other negative errno. */
 int ink_png(const char *folder, const char *name, cairo_surface_t *surface,
-            struct complaint *why);
+            struct error *why);
 
 #endif

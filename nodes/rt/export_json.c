@@ -13,11 +13,11 @@ json_t *export_real(double value)
 }
 
 int export_json(const char *folder, const char *name, const json_t *value,
-                struct complaint *why)
+                struct error *why)
 {
     struct export_file e;
     if (!value)
-        return complain(why, -ENOMEM, "%s/%s: out of memory", folder, name);
+        return error_say(why, -ENOMEM, "%s/%s: out of memory", folder, name);
     int err = export_file_open(&e, folder, name, why);
     if (err)
         return err;
@@ -142,7 +142,7 @@ static const char *source_name(Anlos__Source source)
 }
 
 int export_detections(const char *folder, const Anlos__DetectionList *list,
-                      struct complaint *why)
+                      struct error *why)
 {
     json_t *o = json_object(), *all = json_array();
     json_object_set_new(o, "scan", json_integer(list->scan));

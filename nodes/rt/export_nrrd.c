@@ -10,7 +10,7 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ && sizeof(float) == 4,
                "the voxels are written as they lie in memory");
 
 int export_nrrd(const char *folder, const char *name, const struct grid *grid,
-                const float *intensity, struct complaint *why)
+                const float *intensity, struct error *why)
 {
     struct export_file e;
     char step[3][DECIMAL_SIZE], origin[3][DECIMAL_SIZE];

@@ -168,7 +168,7 @@ static void draw(struct sheet *p, const struct plan_picture *pic)
 }
 
 int export_plan(const char *folder, const char *name, const struct plan_picture *pic,
-                struct complaint *why)
+                struct error *why)
 {
     struct sheet p;
 
@@ -183,7 +183,7 @@ int export_plan(const char *folder, const char *name, const struct plan_picture 
     if (!err)
         err = ink_png(folder, name, surface, why);
     if (err == -ENOMEM)
-        complain(why, err, "%s/%s: out of memory", folder, name);
+        error_say(why, err, "%s/%s: out of memory", folder, name);
     cairo_surface_destroy(surface);
     return err;
 }

@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_RT_EXPORT_PLAN_H
 #define ANLOS_NODES_RT_EXPORT_PLAN_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 #include "nodes/rt/trails.h"
 #include "recon/walls.h"
@@ -27,6 +27,6 @@ struct plan_picture {
 
 /* Writes FOLDER/NAME, a PNG.  0, -ENOMEM, other negative errno. */
 int export_plan(const char *folder, const char *name, const struct plan_picture *picture,
-                struct complaint *why);
+                struct error *why);
 
 #endif

@@ -85,14 +85,14 @@ static cairo_surface_t *draw(const struct view *view, double fineness,
 
 int export_projection(const char *folder, size_t which, const struct grid *grid,
                       const float *intensity, const Anlos__DetectionList *detections,
-                      struct complaint *why)
+                      struct error *why)
 {
     const struct view *view = &views[which];
     cairo_surface_t *surface = draw(view, FILE_FINENESS, grid, intensity, detections);
     int err = surface ? ink_png(folder, view->file, surface, why) : -ENOMEM;
 
     if (err == -ENOMEM)
-        complain(why, err, "%s/%s: out of memory", folder, view->file);
+        error_say(why, err, "%s/%s: out of memory", folder, view->file);
     cairo_surface_destroy(surface);
     return err;
 }
@@ -121,7 +121,7 @@ int export_projection_png(size_t which, const struct grid *grid, const float *in
 
 int export_projections(const char *folder, const struct grid *grid,
                        const float *intensity, const Anlos__DetectionList *detections,
-                       struct complaint *why)
+                       struct error *why)
 {
     for (size_t i = 0; i < EXPORT_PROJECTIONS; i++) {
         int err = export_projection(folder, i, grid, intensity, detections, why);

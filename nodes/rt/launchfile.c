@@ -93,25 +93,24 @@ static int copy_parts(struct launchfile *l, const struct launch_text *t,
                                                                                : -ENOMEM;
 }
 
-static int copy_dsp(struct launchfile *l, const struct launch_text *t,
-                    struct complaint *why)
+static int copy_dsp(struct launchfile *l, const struct launch_text *t, struct error *why)
 {
     l->dsp.window = WINDOW_HANN;
     l->dsp.compression = COMPRESSION_MATCHED_FILTER;
     if (t->dsp.window && window_from_name(t->dsp.window, &l->dsp.window))
-        return yaml_complain(why, -EINVAL, l->path, "dsp.window",
-                             "expected hann, hamming or rectangular, not %s",
-                             t->dsp.window);
+        return yaml_error_say(why, -EINVAL, l->path, "dsp.window",
+                              "expected hann, hamming or rectangular, not %s",
+                              t->dsp.window);
     if (t->dsp.compression &&
         compression_from_name(t->dsp.compression, &l->dsp.compression))
-        return yaml_complain(why, -EINVAL, l->path, "dsp.compression",
-                             "expected matched_filter or deramp, not %s",
-                             t->dsp.compression);
+        return yaml_error_say(why, -EINVAL, l->path, "dsp.compression",
+                              "expected matched_filter or deramp, not %s",
+                              t->dsp.compression);
     return 0;
 }
 
 static int copy_processes(struct launchfile *l, const struct launch_text *t,
-                          struct complaint *why)
+                          struct error *why)
 {
     static const char *const names[] = {[REALTIME_AUTO] = "auto",
                                         [REALTIME_OFF] = "off",
@@ -123,13 +122,14 @@ static int copy_processes(struct launchfile *l, const struct launch_text *t,
     while (mode <= REALTIME_REQUIRED && strcmp(names[mode], name))
         mode++;
     if (mode > REALTIME_REQUIRED)
-        return yaml_complain(why, -EINVAL, l->path, "processes.realtime",
-                             "expected auto, off or required, not %s", name);
+        return yaml_error_say(why, -EINVAL, l->path, "processes.realtime",
+                              "expected auto, off or required, not %s", name);
     if (alive_s != 0.0 && !(alive_s >= 2.0 && alive_s <= 3600.0))
-        return yaml_complain(why, -EINVAL, l->path, "processes.alive_s",
-                             "expected 0 (never) or 2 to 3600, not %g: health comes once "
-                             "a second",
-                             alive_s);
+        return yaml_error_say(
+            why, -EINVAL, l->path, "processes.alive_s",
+            "expected 0 (never) or 2 to 3600, not %g: health comes once "
+            "a second",
+            alive_s);
     l->processes.realtime = (enum realtime_mode)mode;
     l->processes.alive_s = alive_s;
     return 0;
@@ -137,7 +137,7 @@ static int copy_processes(struct launchfile *l, const struct launch_text *t,
 
 /* Options of the method, which must use them. */
 static int copy_options(struct launchfile *l, const struct launch_text *t,
-                        struct complaint *why)
+                        struct error *why)
 {
     struct imager_options *o = &l->recon.options;
     imager_options_default(o);
@@ -150,7 +150,7 @@ static int copy_options(struct launchfile *l, const struct launch_text *t,
         snprintf(key, sizeof key, "recon.options.%s", i->name);
         if (imager_option_set(o, text, reason, sizeof reason) ||
             imager_options_check(o, l->recon.method, reason, sizeof reason))
-            return yaml_complain(why, -EINVAL, l->path, key, "%s", reason);
+            return yaml_error_say(why, -EINVAL, l->path, key, "%s", reason);
     }
     return 0;
 }
@@ -165,7 +165,7 @@ static bool is_node(const char *name)
 }
 
 static int copy_nodes(struct launchfile *l, const struct launch_text *t,
-                      struct complaint *why)
+                      struct error *why)
 {
     l->nodes = calloc(t->nodes_count, sizeof *l->nodes);
     if (!l->nodes)
@@ -174,15 +174,15 @@ static int copy_nodes(struct launchfile *l, const struct launch_text *t,
         char key[32];
         snprintf(key, sizeof key, "nodes[%u]", i);
         if (!is_node(t->nodes[i]))
-            return yaml_complain(
+            return yaml_error_say(
                 why, -EINVAL, l->path, key,
                 "%s is no node; expected stage, array, scan, dsp, recon, "
                 "track, can, report, record, play, view or wall",
                 t->nodes[i]);
         if (launchfile_has_node(l, t->nodes[i]))
-            return yaml_complain(why, -EINVAL, l->path, "nodes",
-                                 "expected each node once, but %s is there twice",
-                                 t->nodes[i]);
+            return yaml_error_say(why, -EINVAL, l->path, "nodes",
+                                  "expected each node once, but %s is there twice",
+                                  t->nodes[i]);
         l->nodes[i] = strdup(t->nodes[i]);
         if (!l->nodes[i])
             return -ENOMEM;
@@ -217,7 +217,7 @@ static int resolve_paths(struct launchfile *l, const struct launchfile_options *
     return err;
 }
 
-static int check_numbers(const struct launchfile *l, struct complaint *why)
+static int check_numbers(const struct launchfile *l, struct error *why)
 {
     const struct {
         const char *key;
@@ -231,22 +231,22 @@ static int check_numbers(const struct launchfile *l, struct complaint *why)
     int err = 0;
 
     if (!(l->array.person_m >= 1e-3 && l->array.person_m <= 10.0))
-        err = yaml_complain(why, -EINVAL, l->path, "array.person_m",
-                            "%g is outside 0.001..10", l->array.person_m);
+        err = yaml_error_say(why, -EINVAL, l->path, "array.person_m",
+                             "%g is outside 0.001..10", l->array.person_m);
     for (size_t i = 0; !err && i < COUNT(numbers); i++)
         err = yaml_check_range(l->path, numbers[i].key, numbers[i].value, numbers[i].min,
                                numbers[i].max, why);
     return err;
 }
 
-static int check(const struct launchfile *l, struct complaint *why)
+static int check(const struct launchfile *l, struct error *why)
 {
     if (!l->array.uri[0] && launchfile_has_node(l, "array"))
-        return yaml_complain(why, -EINVAL, l->path, "array.uri",
-                             "expected a device, e.g. \"sim:SCENE.yaml\"");
+        return yaml_error_say(why, -EINVAL, l->path, "array.uri",
+                              "expected a device, e.g. \"sim:SCENE.yaml\"");
     if (!imager_has_method(l->recon.method)) {
         char hint[NEAREST_HINT_SIZE];
-        return yaml_complain(
+        return yaml_error_say(
             why, -EINVAL, l->path, "recon.method",
             "%s is not one of the methods, e.g. fast or backprojection%s",
             l->recon.method, nearest_hint(hint, l->recon.method, imager_methods()));
@@ -255,7 +255,7 @@ static int check(const struct launchfile *l, struct complaint *why)
 }
 
 static int fill(struct launchfile *l, const struct launch_text *text,
-                const struct launchfile_options *options, struct complaint *why)
+                const struct launchfile_options *options, struct error *why)
 {
     int err = copy_nodes(l, text, why);
 
@@ -289,12 +289,12 @@ static int fill(struct launchfile *l, const struct launch_text *text,
         err = copy_options(l, text, why);
     if (!err)
         err = resolve_paths(l, options);
-    return err == -ENOMEM ? complain(why, err, "%s: not enough memory", l->path) : err;
+    return err == -ENOMEM ? error_say(why, err, "%s: not enough memory", l->path) : err;
 }
 
 /* Takes over text. */
 static int create(struct launchfile **out, const char *path, void *text,
-                  const struct launchfile_options *options, struct complaint *why)
+                  const struct launchfile_options *options, struct error *why)
 {
     struct launchfile *l = calloc(1, sizeof *l);
     int err;
@@ -302,7 +302,7 @@ static int create(struct launchfile **out, const char *path, void *text,
     if (l && (l->path = strdup(path)))
         err = fill(l, text, options, why);
     else
-        err = complain(why, -ENOMEM, "%s: not enough memory", path);
+        err = error_say(why, -ENOMEM, "%s: not enough memory", path);
     yaml_unload(&launch_text_schema, text);
     if (err)
         launchfile_destroy(l);
@@ -312,7 +312,7 @@ static int create(struct launchfile **out, const char *path, void *text,
 }
 
 int launchfile_load(struct launchfile **out, const char *path,
-                    const struct launchfile_options *options, struct complaint *why)
+                    const struct launchfile_options *options, struct error *why)
 {
     void *text;
     int err = yaml_load(path, &launch_text_schema, &text, why);
@@ -321,7 +321,7 @@ int launchfile_load(struct launchfile **out, const char *path,
 }
 
 int launchfile_parse(struct launchfile **out, const char *path, const void *data,
-                     size_t size, struct complaint *why)
+                     size_t size, struct error *why)
 {
     void *text;
     int err = yaml_parse(path, data, size, &launch_text_schema, &text, why);

@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "msgs/bag/compression.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/hosts.h"
 #include "recon/frontend.h"
 #include "recon/compressor.h"
@@ -155,11 +155,11 @@ char *launchfile_beside(const struct launchfile *l, const char *path);
 /* Defaults are filled in.  options may be NULL.
  * 0, -ENOENT, -EINVAL ("file:line: key: expected"), -ENOMEM. */
 int launchfile_load(struct launchfile **out, const char *path,
-                    const struct launchfile_options *options, struct complaint *why);
+                    const struct launchfile_options *options, struct error *why);
 
 /* The same of a text in memory, data[size]; path: what it is called. */
 int launchfile_parse(struct launchfile **out, const char *path, const void *data,
-                     size_t size, struct complaint *why);
+                     size_t size, struct error *why);
 void launchfile_destroy(struct launchfile *l);
 
 #endif

@@ -11,7 +11,7 @@
 #define FIRST_BASE 0x100 /* msgs/can/e2e.h: bits 8 to 11 of a data ID are not 0 */
 #define LAST_BASE  0x7f0 /* of identifiers of 11 bits */
 
-static int check(const struct launchfile *l, struct complaint *why)
+static int check(const struct launchfile *l, struct error *why)
 {
     const struct {
         const char *key;
@@ -25,7 +25,7 @@ static int check(const struct launchfile *l, struct complaint *why)
     };
 
     if (l->can.base_id < FIRST_BASE || l->can.base_id > LAST_BASE)
-        return yaml_complain(
+        return yaml_error_say(
             why, -EINVAL, l->path, "can.base_id", "expected 0x%x to 0x%x, not 0x%x%s",
             FIRST_BASE, LAST_BASE, l->can.base_id,
             l->can.base_id < FIRST_BASE ? ": below, frames of 8 bytes cannot have their "
@@ -44,7 +44,7 @@ static unsigned unsigned_or(const unsigned *value, unsigned otherwise)
 }
 
 int launchfile_copy_can(struct launchfile *l, const struct launch_text *t,
-                        struct complaint *why)
+                        struct error *why)
 {
     l->can.base_id = unsigned_or(t->can.base_id, CAN_BASE_DEFAULT);
     l->can.sensor = unsigned_or(t->can.sensor, 0);

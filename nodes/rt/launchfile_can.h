@@ -7,7 +7,7 @@
 
 /* Fills in l->can; paths are as they are written.  0, -EINVAL, -ENOMEM. */
 int launchfile_copy_can(struct launchfile *l, const struct launch_text *t,
-                        struct complaint *why);
+                        struct error *why);
 
 /* A log into the report's folder; a scene is relative to the launch file's, folder.  0,
  * -ENOMEM. */

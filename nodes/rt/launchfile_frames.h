@@ -12,6 +12,6 @@
 
 /* Fills in l->recon.frames; l->scan is there.  0, -EINVAL. */
 int launchfile_copy_frames(struct launchfile *l, const struct launch_text *t,
-                           struct complaint *why);
+                           struct error *why);
 
 #endif

@@ -24,19 +24,19 @@ static struct key key_of(const struct launchfile *l, const struct host *h,
 }
 
 static int copy_name(const struct launchfile *l, struct host *h, const char *name,
-                     struct complaint *why)
+                     struct error *why)
 {
     size_t length = strlen(name);
 
     if (length >= sizeof h->name || strspn(name, HOSTS_NAME_CHARACTERS) != length ||
         !strcmp(name, "here"))
-        return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "name").text,
-                             "expected up to %zu letters, digits, '-', '_' and '.', and "
-                             "not 'here', but found \"%s\"",
-                             sizeof h->name - 1, name);
+        return yaml_error_say(why, -EINVAL, l->path, key_of(l, h, "name").text,
+                              "expected up to %zu letters, digits, '-', '_' and '.', and "
+                              "not 'here', but found \"%s\"",
+                              sizeof h->name - 1, name);
     if (hosts_find(&l->hosts, name) != HOSTS_MAX)
-        return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "name").text,
-                             "expected each host once, but %s is there twice", name);
+        return yaml_error_say(why, -EINVAL, l->path, key_of(l, h, "name").text,
+                              "expected each host once, but %s is there twice", name);
     memcpy(h->name, name, length + 1);
     return 0;
 }
@@ -53,36 +53,38 @@ static const struct host *find_node(const struct hosts *h, const char *node)
 
 /* The host is in the list already, so a node that is twice on it is found too. */
 static int copy_nodes(struct launchfile *l, struct host *h,
-                      const struct launch_text_host *t, struct complaint *why)
+                      const struct launch_text_host *t, struct error *why)
 {
     for (unsigned i = 0; i < t->nodes_count; i++) {
         const struct host *other = find_node(&l->hosts, t->nodes[i]);
         if (!launchfile_has_node(l, t->nodes[i]))
-            return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "nodes").text,
-                                 "%s: %s is not one of the launch file's nodes", h->name,
-                                 t->nodes[i]);
+            return yaml_error_say(why, -EINVAL, l->path, key_of(l, h, "nodes").text,
+                                  "%s: %s is not one of the launch file's nodes", h->name,
+                                  t->nodes[i]);
         if (other)
-            return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "nodes").text,
-                                 "expected each node on one host, but %s is on %s and %s",
-                                 t->nodes[i], other->name, h->name);
+            return yaml_error_say(
+                why, -EINVAL, l->path, key_of(l, h, "nodes").text,
+                "expected each node on one host, but %s is on %s and %s", t->nodes[i],
+                other->name, h->name);
         snprintf(h->nodes[h->n_nodes++], ENVELOPE_NODE_SIZE, "%s", t->nodes[i]);
     }
     return 0;
 }
 
 static int check_endpoint(const struct launchfile *l, const struct host *h,
-                          struct complaint *why)
+                          struct error *why)
 {
     const struct hosts *all = &l->hosts;
 
     for (const struct host *o = all->list; o < h; o++) {
         if (!o->address[0] != !h->address[0])
-            return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "endpoint").text,
-                                 "expected all by tcp:// or all by ipc://, but %s and %s "
-                                 "differ",
-                                 o->name, h->name);
+            return yaml_error_say(
+                why, -EINVAL, l->path, key_of(l, h, "endpoint").text,
+                "expected all by tcp:// or all by ipc://, but %s and %s "
+                "differ",
+                o->name, h->name);
         if (hosts_overlap(o, h))
-            return yaml_complain(
+            return yaml_error_say(
                 why, -EINVAL, l->path, key_of(l, h, "endpoint").text,
                 h->address[0] ? "%s and %s have the same address: expected ports at "
                                 "least %u apart"
@@ -109,44 +111,45 @@ static char *whole_path(const struct launchfile *l, const char *path)
 }
 
 static int copy_keys(const struct launchfile *l, struct host *h, const char *path,
-                     struct complaint *why)
+                     struct error *why)
 {
     if (!path)
         return 0;
     if (!h->address[0])
-        return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "keys").text,
-                             "%s: expected none with an endpoint ipc://: it never leaves "
-                             "this machine",
-                             h->name);
+        return yaml_error_say(
+            why, -EINVAL, l->path, key_of(l, h, "keys").text,
+            "%s: expected none with an endpoint ipc://: it never leaves "
+            "this machine",
+            h->name);
     char *whole = whole_path(l, path);
     bool fits = whole && strlen(whole) < sizeof h->keys && !strchr(whole, '\n');
     if (fits)
         strcpy(h->keys, whole);
     free(whole);
     if (!fits)
-        return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "keys").text,
-                             "%s: expected the path of a folder, of at most %zu "
-                             "characters",
-                             h->name, sizeof h->keys - 1);
+        return yaml_error_say(why, -EINVAL, l->path, key_of(l, h, "keys").text,
+                              "%s: expected the path of a folder, of at most %zu "
+                              "characters",
+                              h->name, sizeof h->keys - 1);
     return 0;
 }
 
 static int add_host(struct launchfile *l, const struct launch_text_host *t,
-                    struct complaint *why)
+                    struct error *why)
 {
     struct hosts *all = &l->hosts;
     struct host *h = &all->list[all->n];
-    struct complaint inner = {""};
+    struct error inner = {""};
 
     if (all->n == HOSTS_MAX)
-        return yaml_complain(why, -EINVAL, l->path, "hosts", "expected at most %d",
-                             HOSTS_MAX);
+        return yaml_error_say(why, -EINVAL, l->path, "hosts", "expected at most %d",
+                              HOSTS_MAX);
     int err = copy_name(l, h, t->name, why);
     if (err)
         return err;
     if (host_set_endpoint(h, t->endpoint, &inner))
-        return yaml_complain(why, -EINVAL, l->path, key_of(l, h, "endpoint").text,
-                             "%s: %.600s", h->name, inner.text);
+        return yaml_error_say(why, -EINVAL, l->path, key_of(l, h, "endpoint").text,
+                              "%s: %.600s", h->name, inner.text);
     all->n++;
     err = check_endpoint(l, h, why);
     if (!err)
@@ -155,7 +158,7 @@ static int add_host(struct launchfile *l, const struct launch_text_host *t,
 }
 
 int launchfile_copy_hosts(struct launchfile *l, const struct launch_text *t,
-                          struct complaint *why)
+                          struct error *why)
 {
     int err = 0;
 
@@ -163,9 +166,9 @@ int launchfile_copy_hosts(struct launchfile *l, const struct launch_text *t,
         err = add_host(l, &t->hosts[i], why);
     for (unsigned i = 0; !err && l->hosts.n && i < l->n_nodes; i++)
         if (!find_node(&l->hosts, l->nodes[i]))
-            err = yaml_complain(why, -EINVAL, l->path, "hosts",
-                                "expected each node on one host, but %s is on none",
-                                l->nodes[i]);
+            err = yaml_error_say(why, -EINVAL, l->path, "hosts",
+                                 "expected each node on one host, but %s is on none",
+                                 l->nodes[i]);
     return err;
 }
 
@@ -178,7 +181,7 @@ static void list_names(const struct hosts *h, char *text, size_t size)
                                  h->list[i].name);
 }
 
-int launchfile_choose_host(struct launchfile *l, const char *name, struct complaint *why)
+int launchfile_choose_host(struct launchfile *l, const char *name, struct error *why)
 {
     char names[HOSTS_MAX * (HOSTS_NAME_SIZE + 2)] = "";
     size_t here = name ? hosts_find(&l->hosts, name) : HOSTS_MAX;
@@ -186,21 +189,22 @@ int launchfile_choose_host(struct launchfile *l, const char *name, struct compla
     if (!name && !l->hosts.n)
         return 0;
     if (!l->hosts.n)
-        return complain(why, -EINVAL, "--host %s: %s has no hosts, all is on one machine",
-                        name, l->path);
+        return error_say(why, -EINVAL,
+                         "--host %s: %s has no hosts, all is on one machine", name,
+                         l->path);
     list_names(&l->hosts, names, sizeof names);
     if (!name)
-        return complain(why, -EINVAL,
-                        "%s is for several hosts: which one is this? "
-                        "--host, one of %s",
-                        l->path, names);
+        return error_say(why, -EINVAL,
+                         "%s is for several hosts: which one is this? "
+                         "--host, one of %s",
+                         l->path, names);
     if (here == HOSTS_MAX)
-        return complain(why, -EINVAL, "--host %s: expected one of %s, as in %s", name,
-                        names, l->path);
+        return error_say(why, -EINVAL, "--host %s: expected one of %s, as in %s", name,
+                         names, l->path);
     l->hosts.here = here;
     char *keys = l->hosts.list[here].keys;
     if (hosts_use_keys(&l->hosts) && !keys[0] && keys_default_folder(keys))
-        return complain(
+        return error_say(
             why, -EINVAL,
             "%s: where are the keys of %s? Neither HOME nor "
             "XDG_CONFIG_HOME says it, nor does hosts[%zu].keys: they are made "
@@ -209,25 +213,25 @@ int launchfile_choose_host(struct launchfile *l, const char *name, struct compla
     return 0;
 }
 
-int launchfile_check_keys(const struct launchfile *l, struct complaint *why)
+int launchfile_check_keys(const struct launchfile *l, struct error *why)
 {
     const struct hosts *h = &l->hosts;
-    struct complaint inner = {""};
+    struct error inner = {""};
 
     if (!h->n || !hosts_use_keys(h))
         return 0;
     struct keys *keys = malloc(sizeof *keys);
     if (!keys)
-        return complain(why, -ENOMEM, "not enough memory for the keys");
+        return error_say(why, -ENOMEM, "not enough memory for the keys");
     int err = keys_read(keys, h->list[h->here].keys, &inner);
     if (!err)
         err = keys_check_hosts(keys, h, &inner);
     keys_forget(keys);
     free(keys);
-    return err ? complain(why, err,
-                          "host %s talks with other machines, and only with those whose "
-                          "keys it has: %.800s",
-                          h->list[h->here].name, inner.text)
+    return err ? error_say(why, err,
+                           "host %s talks with other machines, and only with those whose "
+                           "keys it has: %.800s",
+                           h->list[h->here].name, inner.text)
                : 0;
 }
 
@@ -238,7 +242,7 @@ bool launchfile_runs_here(const struct launchfile *l, const char *node)
 }
 
 int launchfile_join_hosts(struct launchfile *l, const char *name, const char *run_dir,
-                          struct complaint *why)
+                          struct error *why)
 {
     struct hosts written;
     int err;

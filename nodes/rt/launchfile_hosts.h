@@ -9,14 +9,14 @@
 /* Fills in l->hosts, but for which of them is here; l->nodes are there already.  0,
  * -EINVAL: each node has to be on one host, names and ports on none of two. */
 int launchfile_copy_hosts(struct launchfile *l, const struct launch_text *t,
-                          struct complaint *why);
+                          struct error *why);
 
 /* Says which host this machine is; name NULL where there are none.  0, -EINVAL. */
-int launchfile_choose_host(struct launchfile *l, const char *name, struct complaint *why);
+int launchfile_choose_host(struct launchfile *l, const char *name, struct error *why);
 
 /* After that: has this host its keys, and those of the others, if it needs any?  As
  * keys_read. */
-int launchfile_check_keys(const struct launchfile *l, struct complaint *why);
+int launchfile_check_keys(const struct launchfile *l, struct error *why);
 
 /* Is the node to be started on this machine, after launchfile_choose_host? */
 bool launchfile_runs_here(const struct launchfile *l, const char *node);
@@ -24,6 +24,6 @@ bool launchfile_runs_here(const struct launchfile *l, const char *node);
 /* For a node that is started alone: writes RUN_DIR/hosts when the name is given; else, of
  * a launch file with hosts, it has to be there.  0, -EINVAL, other negative errno. */
 int launchfile_join_hosts(struct launchfile *l, const char *name, const char *run_dir,
-                          struct complaint *why);
+                          struct error *why);
 
 #endif

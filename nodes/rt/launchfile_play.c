@@ -48,21 +48,21 @@ static int copy_texts(struct launchfile *l, const struct launch_text_play *t,
 }
 
 static int take_rate(struct launchfile *l, const char *asked, const char *in_file,
-                     struct complaint *why)
+                     struct error *why)
 {
     const char *rate = asked ? asked : in_file ? in_file : "1";
 
     if (!launchfile_play_rate(rate, &l->play.rate))
         return 0;
     if (asked)
-        return complain(why, -EINVAL, "--rate %s: expected max, or 0.001 to 1000000",
-                        rate);
-    return yaml_complain(why, -EINVAL, l->path, "play.rate",
-                         "expected max, or 0.001 to 1000000, not %s", rate);
+        return error_say(why, -EINVAL, "--rate %s: expected max, or 0.001 to 1000000",
+                         rate);
+    return yaml_error_say(why, -EINVAL, l->path, "play.rate",
+                          "expected max, or 0.001 to 1000000, not %s", rate);
 }
 
 int launchfile_copy_play(struct launchfile *l, const struct launch_text *t,
-                         const struct launchfile_options *options, struct complaint *why)
+                         const struct launchfile_options *options, struct error *why)
 {
     bool plays = launchfile_has_node(l, "play");
     int err = copy_texts(l, &t->play, options);
@@ -72,19 +72,19 @@ int launchfile_copy_play(struct launchfile *l, const struct launch_text *t,
     if (err)
         return err;
     if (options && (options->bag || options->rate) && !plays)
-        return complain(why, -EINVAL,
-                        "%s: --bag and --rate are for launch files with the node play, "
-                        "as launch/play.yaml",
-                        l->path);
+        return error_say(why, -EINVAL,
+                         "%s: --bag and --rate are for launch files with the node play, "
+                         "as launch/play.yaml",
+                         l->path);
     if (plays && !l->play.bag[0])
-        return yaml_complain(why, -EINVAL, l->path, "play.bag",
-                             "expected the name of a bag; or say --bag FILE");
+        return yaml_error_say(why, -EINVAL, l->path, "play.bag",
+                              "expected the name of a bag; or say --bag FILE");
     l->play.loop = t->play.loop && *t->play.loop;
     l->play.start_s = t->play.start_s ? *t->play.start_s : 0.0;
     l->play.end_s = t->play.end_s ? *t->play.end_s : INFINITY;
     if (!(l->play.start_s >= 0.0 && l->play.start_s <= l->play.end_s))
-        return yaml_complain(why, -EINVAL, l->path, "play.start_s",
-                             "expected 0 or more, and no more than end_s");
+        return yaml_error_say(why, -EINVAL, l->path, "play.start_s",
+                              "expected 0 or more, and no more than end_s");
     return 0;
 }
 

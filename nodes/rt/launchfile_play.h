@@ -7,7 +7,7 @@
 
 /* Fills in l->play; what the options say wins.  0, -EINVAL, -ENOMEM. */
 int launchfile_copy_play(struct launchfile *l, const struct launch_text *t,
-                         const struct launchfile_options *options, struct complaint *why);
+                         const struct launchfile_options *options, struct error *why);
 void launchfile_free_play(struct launchfile *l);
 
 /* "2", "0.5", or "max": 0.  0, -EINVAL. */

@@ -26,7 +26,7 @@ static int add_node(struct launchfile *l)
 }
 
 static int take_numbers(struct launchfile *l, const struct launch_text_record *t,
-                        struct complaint *why)
+                        struct error *why)
 {
     const struct {
         const char *key;
@@ -42,14 +42,14 @@ static int take_numbers(struct launchfile *l, const struct launch_text_record *t
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         unsigned value = numbers[i].text ? *numbers[i].text : numbers[i].otherwise;
         if (value < numbers[i].min || value > numbers[i].max)
-            return yaml_complain(why, -EINVAL, l->path, numbers[i].key,
-                                 "expected %u to %u, not %u", numbers[i].min,
-                                 numbers[i].max, value);
+            return yaml_error_say(why, -EINVAL, l->path, numbers[i].key,
+                                  "expected %u to %u, not %u", numbers[i].min,
+                                  numbers[i].max, value);
         *numbers[i].value = value;
     }
     if (l->record.quota_mb && l->record.split_mb > l->record.quota_mb / 2)
-        return yaml_complain(why, -EINVAL, l->path, "record.split_mb",
-                             "expected no more than half of quota_mb");
+        return yaml_error_say(why, -EINVAL, l->path, "record.split_mb",
+                              "expected no more than half of quota_mb");
     return 0;
 }
 
@@ -59,8 +59,7 @@ static char *copy_text(const char *text, const char *otherwise)
 }
 
 int launchfile_copy_record(struct launchfile *l, const struct launch_text *t,
-                           const struct launchfile_options *options,
-                           struct complaint *why)
+                           const struct launchfile_options *options, struct error *why)
 {
     const struct launch_text_record *r = &t->record;
     const char *path = options && options->record ? options->record : r->path;
@@ -70,12 +69,12 @@ int launchfile_copy_record(struct launchfile *l, const struct launch_text *t,
     if (added && add_node(l))
         return -ENOMEM;
     if (launchfile_has_node(l, "record") && !path)
-        return yaml_complain(why, -EINVAL, l->path, "record.path",
-                             "expected the name of a bag, e.g. out/demo.mcap");
+        return yaml_error_say(why, -EINVAL, l->path, "record.path",
+                              "expected the name of a bag, e.g. out/demo.mcap");
     if (bag_compression_find(&l->record.compression,
                              bytes_of(strcmp(compression, "none") ? compression : "")))
-        return yaml_complain(why, -EINVAL, l->path, "record.compression",
-                             "expected none, lz4 or zstd, not %s", compression);
+        return yaml_error_say(why, -EINVAL, l->path, "record.compression",
+                              "expected none, lz4 or zstd, not %s", compression);
     l->record.path = copy_text(path, "");
     l->record.topics = copy_text(r->topics, "*");
     l->record.exclude = copy_text(r->exclude, "");

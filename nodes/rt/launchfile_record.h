@@ -8,8 +8,7 @@
 /* Fills in l->record; a path in the options adds the node, before all others.  0,
  * -EINVAL, -ENOMEM. */
 int launchfile_copy_record(struct launchfile *l, const struct launch_text *t,
-                           const struct launchfile_options *options,
-                           struct complaint *why);
+                           const struct launchfile_options *options, struct error *why);
 void launchfile_free_record(struct launchfile *l);
 
 #endif

@@ -10,20 +10,19 @@ enum { DEFAULT_FRAMES = 8, MOST_FRAMES = 1000 };
 #define DEFAULT_BACKGROUND_S 10.0
 #define MOST_BACKGROUND_S    3600.0
 
-static int copy_mode(struct launchfile *l, const struct launch_text *t,
-                     struct complaint *why)
+static int copy_mode(struct launchfile *l, const struct launch_text *t, struct error *why)
 {
     const char *mode = t->scan.mode ? t->scan.mode : "stepped";
 
     l->scan.fixed = !strcmp(mode, "fixed");
     if (l->scan.fixed || !strcmp(mode, "stepped"))
         return 0;
-    return yaml_complain(why, -EINVAL, l->path, "scan.mode",
-                         "expected stepped or fixed, not %s", mode);
+    return yaml_error_say(why, -EINVAL, l->path, "scan.mode",
+                          "expected stepped or fixed, not %s", mode);
 }
 
 static int refuse_of_stepped(const struct launchfile *l, const struct launch_text *t,
-                             struct complaint *why)
+                             struct error *why)
 {
     const char *key = t->scan.speakers_count      ? "scan.speakers"
                       : t->scan.background_frames ? "scan.background_frames"
@@ -32,23 +31,23 @@ static int refuse_of_stepped(const struct launchfile *l, const struct launch_tex
                                                   : NULL;
 
     return key && !l->scan.fixed
-               ? yaml_complain(why, -EINVAL, l->path, key,
-                               "is of an array that stands; expected it with scan.mode: "
-                               "fixed")
+               ? yaml_error_say(why, -EINVAL, l->path, key,
+                                "is of an array that stands; expected it with scan.mode: "
+                                "fixed")
                : 0;
 }
 
 static int copy_speakers(struct launchfile *l, const struct launch_text *t,
-                         struct complaint *why)
+                         struct error *why)
 {
     size_t n = t->scan.speakers_count;
 
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < i; k++)
             if (t->scan.speakers[k] == t->scan.speakers[i])
-                return yaml_complain(why, -EINVAL, l->path, "scan.speakers",
-                                     "expected each speaker once, but %u is there twice",
-                                     t->scan.speakers[i]);
+                return yaml_error_say(why, -EINVAL, l->path, "scan.speakers",
+                                      "expected each speaker once, but %u is there twice",
+                                      t->scan.speakers[i]);
     if (!n)
         return 0;
     l->scan.speakers = malloc(n * sizeof *l->scan.speakers);
@@ -60,7 +59,7 @@ static int copy_speakers(struct launchfile *l, const struct launch_text *t,
 }
 
 static int copy_frames(struct launchfile *l, const struct launch_text *t,
-                       struct complaint *why)
+                       struct error *why)
 {
     unsigned frames = t->scan.background_frames ? *t->scan.background_frames
                                                 : DEFAULT_FRAMES;
@@ -68,12 +67,12 @@ static int copy_frames(struct launchfile *l, const struct launch_text *t,
     l->scan.background_frames = frames;
     if (frames >= 1 && frames <= MOST_FRAMES)
         return 0;
-    return yaml_complain(why, -EINVAL, l->path, "scan.background_frames",
-                         "expected 1 to %d, not %u", MOST_FRAMES, frames);
+    return yaml_error_say(why, -EINVAL, l->path, "scan.background_frames",
+                          "expected 1 to %d, not %u", MOST_FRAMES, frames);
 }
 
 static int copy_background(struct launchfile *l, const struct launch_text *t,
-                           struct complaint *why)
+                           struct error *why)
 {
     static const char *const names[] = {[BACKGROUND_NONE] = "none",
                                         [BACKGROUND_RECORDED] = "recorded",
@@ -86,24 +85,24 @@ static int copy_background(struct launchfile *l, const struct launch_text *t,
         if (!strcmp(names[mode], name))
             break;
     if (mode > BACKGROUND_ADAPTIVE)
-        return yaml_complain(why, -EINVAL, l->path, "dsp.background",
-                             "expected none, recorded or adaptive, not %s", name);
+        return yaml_error_say(why, -EINVAL, l->path, "dsp.background",
+                              "expected none, recorded or adaptive, not %s", name);
     if ((mode == BACKGROUND_RECORDED) != l->scan.background)
-        return yaml_complain(why, -EINVAL, l->path, "dsp.background",
-                             "%s does not go with scan.background: %s, which says "
-                             "whether one is recorded",
-                             names[mode], l->scan.background ? "true" : "false");
+        return yaml_error_say(why, -EINVAL, l->path, "dsp.background",
+                              "%s does not go with scan.background: %s, which says "
+                              "whether one is recorded",
+                              names[mode], l->scan.background ? "true" : "false");
     if (!(s > 0 && s <= MOST_BACKGROUND_S))
-        return yaml_complain(why, -EINVAL, l->path, "dsp.background_s",
-                             "expected over 0 and up to %g, not %g", MOST_BACKGROUND_S,
-                             s);
+        return yaml_error_say(why, -EINVAL, l->path, "dsp.background_s",
+                              "expected over 0 and up to %g, not %g", MOST_BACKGROUND_S,
+                              s);
     l->dsp.background = (enum background_mode)mode;
     l->dsp.background_s = s;
     return 0;
 }
 
 int launchfile_copy_scan(struct launchfile *l, const struct launch_text *t,
-                         struct complaint *why)
+                         struct error *why)
 {
     l->scan.background = t->scan.background && *t->scan.background;
     int err = copy_mode(l, t, why);

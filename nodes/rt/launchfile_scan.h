@@ -13,7 +13,7 @@
 /* Fills in l->scan but its numbers of a stepped scan, and l->dsp's background.  0,
  * -EINVAL, -ENOMEM. */
 int launchfile_copy_scan(struct launchfile *l, const struct launch_text *t,
-                         struct complaint *why);
+                         struct error *why);
 void launchfile_free_scan(struct launchfile *l);
 
 #endif

@@ -22,7 +22,7 @@ const struct launch_track launch_track_default = {.threshold_db = 12.0,
                                                   .join_m = 0.5,
                                                   .coast_s = 1.5};
 
-static int check(const struct launchfile *l, struct complaint *why)
+static int check(const struct launchfile *l, struct error *why)
 {
     const struct launch_track *t = &l->track;
     const struct {
@@ -51,7 +51,7 @@ static int check(const struct launchfile *l, struct complaint *why)
     return err;
 }
 
-static int copy_mode(struct launchfile *l, const char *mode, struct complaint *why)
+static int copy_mode(struct launchfile *l, const char *mode, struct error *why)
 {
     static const char *const names[] = {[LAUNCH_TRACK_AUTO] = "auto",
                                         [LAUNCH_TRACK_LISTS] = "lists",
@@ -63,13 +63,13 @@ static int copy_mode(struct launchfile *l, const char *mode, struct complaint *w
         l->track.mode = (enum launch_track_mode)i;
         return 0;
     }
-    return mode ? yaml_complain(why, -EINVAL, l->path, "track.mode",
-                                "expected auto, lists or tracks, not %s", mode)
+    return mode ? yaml_error_say(why, -EINVAL, l->path, "track.mode",
+                                 "expected auto, lists or tracks, not %s", mode)
                 : 0;
 }
 
 int launchfile_copy_track(struct launchfile *l, const struct launch_text *t,
-                          struct complaint *why)
+                          struct error *why)
 {
     const struct launch_text_track *from = &t->track;
     const struct {
@@ -100,8 +100,8 @@ int launchfile_copy_track(struct launchfile *l, const struct launch_text *t,
     if (from->confirm_of)
         l->track.confirm_of = *from->confirm_of;
     if (from->cfar && cfar_kind_from_name(from->cfar, &l->track.cfar))
-        return yaml_complain(why, -EINVAL, l->path, "track.cfar",
-                             "expected off, averaging or ordered, not %s", from->cfar);
+        return yaml_error_say(why, -EINVAL, l->path, "track.cfar",
+                              "expected off, averaging or ordered, not %s", from->cfar);
     int err = copy_mode(l, from->mode, why);
     return err ? err : check(l, why);
 }

@@ -10,6 +10,6 @@ extern const struct launch_track launch_track_default;
 
 /* Fills in l->track.  0, -EINVAL. */
 int launchfile_copy_track(struct launchfile *l, const struct launch_text *t,
-                          struct complaint *why);
+                          struct error *why);
 
 #endif

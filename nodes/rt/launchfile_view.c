@@ -8,13 +8,13 @@
 #include "hal/survey/place.h"
 
 int launchfile_copy_view(struct launchfile *l, const struct launch_text *t,
-                         struct complaint *why)
+                         struct error *why)
 {
     unsigned port = t->view.port ? *t->view.port : 8765;
 
     if (port > 65535)
-        return yaml_complain(why, -EINVAL, l->path, "view.port",
-                             "expected 0 (any) to 65535, not %u", port);
+        return yaml_error_say(why, -EINVAL, l->path, "view.port",
+                              "expected 0 (any) to 65535, not %u", port);
     l->view.port = port;
     l->view.address = strdup(t->view.address ? t->view.address : "127.0.0.1");
     l->view.bag = t->view.bag ? launchfile_beside(l, t->view.bag) : NULL;

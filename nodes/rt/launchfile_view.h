@@ -8,7 +8,7 @@
 /* Fills in l->view; a bag's path is relative to the launch file's folder.  0, -EINVAL,
  * -ENOMEM. */
 int launchfile_copy_view(struct launchfile *l, const struct launch_text *t,
-                         struct complaint *why);
+                         struct error *why);
 void launchfile_free_view(struct launchfile *l);
 
 #endif

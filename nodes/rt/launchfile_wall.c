@@ -10,7 +10,7 @@
 #define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 
 static int copy_names(struct launchfile *l, const struct launch_text_wall *t,
-                      struct complaint *why)
+                      struct error *why)
 {
     static const char *const from[] = {[WALL_FROM_SURVEY] = "survey",
                                        [WALL_FROM_TOPIC] = "topic",
@@ -21,18 +21,18 @@ static int copy_names(struct launchfile *l, const struct launch_text_wall *t,
     while (t->from && k < COUNT(from) && strcmp(t->from, from[k]) != 0)
         k++;
     if (k == COUNT(from))
-        return yaml_complain(why, -EINVAL, l->path, "wall.from",
-                             "expected survey, topic or echoes, not %s", t->from);
+        return yaml_error_say(why, -EINVAL, l->path, "wall.from",
+                              "expected survey, topic or echoes, not %s", t->from);
     l->wall.from = (enum wall_from)k;
     l->wall.vertical = !strcmp(prior, "vertical");
     if (!l->wall.vertical && strcmp(prior, "none") != 0)
-        return yaml_complain(why, -EINVAL, l->path, "wall.prior",
-                             "expected vertical or none, not %s", prior);
+        return yaml_error_say(why, -EINVAL, l->path, "wall.prior",
+                              "expected vertical or none, not %s", prior);
     return 0;
 }
 
 static int copy_numbers(struct launchfile *l, const struct launch_text_wall *t,
-                        struct complaint *why)
+                        struct error *why)
 {
     const struct {
         const char *key;
@@ -57,19 +57,19 @@ static int copy_numbers(struct launchfile *l, const struct launch_text_wall *t,
 }
 
 static int copy_free_view(struct launchfile *l, const struct launch_text_wall *t,
-                          struct complaint *why)
+                          struct error *why)
 {
     if (t->free_view_m_count == 1 || t->free_view_m_count == 2)
-        return yaml_complain(why, -EINVAL, l->path, "wall.free_view_m",
-                             "expected at least 3 corners, each [x, z]");
+        return yaml_error_say(why, -EINVAL, l->path, "wall.free_view_m",
+                              "expected at least 3 corners, each [x, z]");
     for (unsigned i = 0; i < t->free_view_m_count; i++)
         for (int a = 0; a < 2; a++) {
             char key[48];
             double x = t->free_view_m[i][a];
             snprintf(key, sizeof key, "wall.free_view_m[%u]", i);
             if (!(fabs(x) <= 1000.0))
-                return yaml_complain(why, -EINVAL, l->path, key,
-                                     "expected [x, z] within 1000 m, not %g", x);
+                return yaml_error_say(why, -EINVAL, l->path, key,
+                                      "expected [x, z] within 1000 m, not %g", x);
             l->wall.free_view_m[i][a] = x;
         }
     l->wall.n_corners = t->free_view_m_count;
@@ -77,7 +77,7 @@ static int copy_free_view(struct launchfile *l, const struct launch_text_wall *t
 }
 
 int launchfile_copy_wall(struct launchfile *l, const struct launch_text *t,
-                         struct complaint *why)
+                         struct error *why)
 {
     int err = copy_names(l, &t->wall, why);
 

@@ -7,6 +7,6 @@
 
 /* Fills in l->wall.  0, -EINVAL. */
 int launchfile_copy_wall(struct launchfile *l, const struct launch_text *t,
-                         struct complaint *why);
+                         struct error *why);
 
 #endif

@@ -49,7 +49,7 @@ static enum bus_world world_of(const struct node *n, bool replay)
                                                                            : BUS_LIVE;
 }
 
-static int open_bus(struct node *n, struct complaint *why)
+static int open_bus(struct node *n, struct error *why)
 {
     struct bus_config cfg = {.node = n->name,
                              .run_dir = n->run_dir,
@@ -96,7 +96,7 @@ static void node_free(struct node *n)
     free(n);
 }
 
-static int open_all(struct node *n, const struct arguments *args, struct complaint *why)
+static int open_all(struct node *n, const struct arguments *args, struct error *why)
 {
     struct launchfile_options options = {.out = args->out,
                                          .bag = args->bag,
@@ -112,27 +112,27 @@ static int open_all(struct node *n, const struct arguments *args, struct complai
     if (!err && n->launch)
         err = priority_take(n->launch, n->name, n->heart.priority, why);
     if (!err && (err = stop_install()))
-        complain(why, err, "signals: %s", strerror(-err));
+        error_say(why, err, "signals: %s", strerror(-err));
     n->world = world_of(n, args->replay);
     return err ? err : open_bus(n, why);
 }
 
 /* For all whose work play waits for. */
-static int follow_progress(struct node *n, struct complaint *why)
+static int follow_progress(struct node *n, struct error *why)
 {
     if (n->world != BUS_REPLAY || !strcmp(n->name, "play") ||
         !topic_is_published_by(topic_progress(), n->name))
         return 0;
     n->order = calloc(1, sizeof *n->order);
     if (!n->order)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = bus_subscribe(n->bus, topic_progress());
-    return err ? complain(why, err, "progress: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "progress: %s", strerror(-err)) : 0;
 }
 
 static void check_clock(struct node *n)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (clock_check_shared(&why))
         node_log(n, LOG_LEVEL_WARNING, "%s", why.text);
@@ -150,7 +150,7 @@ static int open_log(struct node *n, const char *name, const struct arguments *ar
 }
 
 static int begin(struct node *n, const char *name, const struct arguments *args,
-                 struct complaint *why)
+                 struct error *why)
 {
     snprintf(n->name, sizeof n->name, "%s", name);
     clock_replay_init(&n->clock, clock_system());
@@ -170,7 +170,7 @@ static int begin(struct node *n, const char *name, const struct arguments *args,
 }
 
 int node_start(struct node **out, const char *name, const struct arguments *args,
-               struct complaint *why)
+               struct error *why)
 {
     struct node *n = calloc(1, sizeof *n);
     int err = n ? open_log(n, name, args) : -ENOMEM;
@@ -181,14 +181,14 @@ int node_start(struct node **out, const char *name, const struct arguments *args
         node_free(n);
     else
         *out = n;
-    return err == -ENOMEM ? complain(why, err, "out of memory") : err;
+    return err == -ENOMEM ? error_say(why, err, "out of memory") : err;
 }
 
 int node_create(struct node **out, const char *name, const char *what_it_does, int argc,
                 char **argv)
 {
     struct arguments args;
-    struct complaint why = {""};
+    struct error why = {""};
     struct node *n = calloc(1, sizeof *n);
     int err = n ? arguments_parse(&args, argc, argv, &why) : -ENOMEM;
     int log_err = n ? open_log(n, name, &args) : 0;

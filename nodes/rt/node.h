@@ -38,9 +38,9 @@ int node_create(struct node **out, const char *name, const char *what_it_does, i
                 char **argv);
 
 /* The same for a command that takes a node's place: args->launch may be NULL, and so is
- * node_launch then.  0 or a negative errno with a complaint. */
+ * node_launch then.  0 or a negative errno with an error. */
 int node_start(struct node **out, const char *name, const struct arguments *args,
-               struct complaint *why);
+               struct error *why);
 
 const struct launchfile *node_launch(const struct node *n);
 const char *node_run_dir(const struct node *n);

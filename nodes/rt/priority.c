@@ -47,7 +47,7 @@ static int set_policy(int policy, int priority)
     return sched_setscheduler(0, policy, &param) ? -errno : 0;
 }
 
-int priority_permitted(struct complaint *why)
+int priority_permitted(struct error *why)
 {
     struct sched_param before = {0};
     int policy = sched_getscheduler(0);
@@ -60,7 +60,7 @@ int priority_permitted(struct complaint *why)
         realtime_unlock();
     if (!fifo && !lock)
         return 0;
-    return complain(
+    return error_say(
         why, -EPERM,
         "%s%s%s not permitted: lists may be late on a busy machine; raise the "
         "limits rtprio to %d and memlock to unlimited (launch/hardware.md)",
@@ -90,7 +90,7 @@ static void limit_run(void)
 }
 
 int priority_take(const struct launchfile *l, const char *node,
-                  char text[PRIORITY_TEXT_SIZE], struct complaint *why)
+                  char text[PRIORITY_TEXT_SIZE], struct error *why)
 {
     size_t i = 0;
     bool locked = false;

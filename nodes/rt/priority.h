@@ -10,7 +10,7 @@
 #ifndef ANLOS_NODES_RT_PRIORITY_H
 #define ANLOS_NODES_RT_PRIORITY_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/rt/launchfile.h"
 
 #define PRIORITY_TEXT_SIZE 48
@@ -20,14 +20,14 @@
 bool priority_wanted(const struct launchfile *l);
 
 /* Are real-time priorities and locked memory permitted to this process?  Tried, and left
- * as it was.  0, or -EPERM with a complaint that says what is not, and what to do. */
-int priority_permitted(struct complaint *why);
+ * as it was.  0, or -EPERM with an error that says what is not, and what to do. */
+int priority_permitted(struct error *why);
 
 /* To be called before this process has other threads: they inherit it.  text: what it
  * has now, such as "fifo 10, locked".  0, or -EPERM where it is required and not
  * permitted. */
 int priority_take(const struct launchfile *l, const char *node,
-                  char text[PRIORITY_TEXT_SIZE], struct complaint *why);
+                  char text[PRIORITY_TEXT_SIZE], struct error *why);
 
 /* Has it lost its priority, by computing too long?  Its other threads keep theirs until
  * priority_drop, to be called then by its main loop. */

@@ -3,29 +3,30 @@
 #include <errno.h>
 
 int round_check(const struct survey *s, const uint32_t *speakers, size_t n,
-                struct complaint *why)
+                struct error *why)
 {
     for (size_t i = 0; i < n; i++)
         if (speakers[i] >= s->n_speakers)
-            return complain(why, -EINVAL,
-                            "scan.speakers: the survey has speakers 0 to %zu, not %u",
-                            s->n_speakers - 1, speakers[i]);
+            return error_say(why, -EINVAL,
+                             "scan.speakers: the survey has speakers 0 to %zu, not %u",
+                             s->n_speakers - 1, speakers[i]);
     if (!n)
         n = s->n_speakers;
     if (s->n_positions > 1)
-        return complain(why, -EINVAL,
-                        "scan.mode is fixed, but the survey has %zu positions of a "
-                        "stage; leave its stage out",
-                        s->n_positions);
+        return error_say(why, -EINVAL,
+                         "scan.mode is fixed, but the survey has %zu positions of a "
+                         "stage; leave its stage out",
+                         s->n_positions);
     if (!survey_round_fits(s, n))
-        return complain(why, -EINVAL,
-                        "scan.speakers: %zu in slots of %zu samples come round within "
-                        "the chirp of %g s; expected more of them, or longer slots",
-                        n, s->slot_samples, s->chirp_duration_s);
+        return error_say(why, -EINVAL,
+                         "scan.speakers: %zu in slots of %zu samples come round within "
+                         "the chirp of %g s; expected more of them, or longer slots",
+                         n, s->slot_samples, s->chirp_duration_s);
     if (s->together > 1 && n % s->together)
-        return complain(why, -EINVAL,
-                        "scan.speakers: %zu cannot sound two at a time; expected an even "
-                        "number",
-                        n);
+        return error_say(
+            why, -EINVAL,
+            "scan.speakers: %zu cannot sound two at a time; expected an even "
+            "number",
+            n);
     return 0;
 }

@@ -6,12 +6,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 
-/* speakers[n]; n 0: all of the survey.  0, -EINVAL; the complaint begins with the key of
+/* speakers[n]; n 0: all of the survey.  0, -EINVAL; the error begins with the key of
  * the launch file. */
 int round_check(const struct survey *s, const uint32_t *speakers, size_t n,
-                struct complaint *why);
+                struct error *why);
 
 #endif

@@ -22,16 +22,16 @@ static int name_folder(char out[RUNDIR_SIZE], const char *asked)
     return n > 0 && n < RUNDIR_SIZE ? 0 : -EINVAL;
 }
 
-int rundir_name(char out[RUNDIR_SIZE], const char *asked, struct complaint *why)
+int rundir_name(char out[RUNDIR_SIZE], const char *asked, struct error *why)
 {
     if (!name_folder(out, asked))
         return 0;
-    return complain(why, -EINVAL, "run folder: expected 1 to %d characters",
-                    RUNDIR_SIZE - 1);
+    return error_say(why, -EINVAL, "run folder: expected 1 to %d characters",
+                     RUNDIR_SIZE - 1);
 }
 
 /* Whoever may rename the folder can put another one in its place. */
-static int check_parents(const char *run_dir, const char *path, struct complaint *why)
+static int check_parents(const char *run_dir, const char *path, struct error *why)
 {
     char parent[PATH_MAX];
     struct stat st;
@@ -40,11 +40,12 @@ static int check_parents(const char *run_dir, const char *path, struct complaint
     for (char *slash; (slash = strrchr(parent, '/'));) {
         slash[slash == parent] = '\0';
         if (!stat(parent, &st) && (st.st_mode & S_IWOTH) && !(st.st_mode & S_ISVTX))
-            return complain(why, -EACCES,
-                            "run folder %s: anybody may replace it, for %.200s is "
-                            "everybody's (mode %03o): 'chmod o-w' or 'chmod +t' that, or "
-                            "choose another folder",
-                            run_dir, parent, (unsigned)st.st_mode & 07777);
+            return error_say(
+                why, -EACCES,
+                "run folder %s: anybody may replace it, for %.200s is "
+                "everybody's (mode %03o): 'chmod o-w' or 'chmod +t' that, or "
+                "choose another folder",
+                run_dir, parent, (unsigned)st.st_mode & 07777);
         if (slash == parent)
             break;
     }
@@ -52,12 +53,12 @@ static int check_parents(const char *run_dir, const char *path, struct complaint
 }
 
 /* As it is written, with its links, and as it really is. */
-static int check_way(const char *run_dir, struct complaint *why)
+static int check_way(const char *run_dir, struct error *why)
 {
     char here[PATH_MAX - RUNDIR_SIZE - 1] = "", written[PATH_MAX];
 
     if (run_dir[0] != '/' && !getcwd(here, sizeof here))
-        return complain(why, -errno, "run folder %s: %s", run_dir, strerror(errno));
+        return error_say(why, -errno, "run folder %s: %s", run_dir, strerror(errno));
     snprintf(written, sizeof written, "%s/%s", here, run_dir);
     int err = check_parents(run_dir, written, why);
     char *real = err ? NULL : realpath(run_dir, NULL);
@@ -67,7 +68,7 @@ static int check_way(const char *run_dir, struct complaint *why)
     return err;
 }
 
-int rundir_check(const char *run_dir, struct complaint *why)
+int rundir_check(const char *run_dir, struct error *why)
 {
     struct stat st;
     int err = check_way(run_dir, why);
@@ -75,28 +76,28 @@ int rundir_check(const char *run_dir, struct complaint *why)
     if (err)
         return err;
     if (stat(run_dir, &st))
-        return errno == ENOENT
-                   ? 0
-                   : complain(why, -errno, "run folder %s: %s", run_dir, strerror(errno));
+        return errno == ENOENT ? 0
+                               : error_say(why, -errno, "run folder %s: %s", run_dir,
+                                           strerror(errno));
     if (!S_ISDIR(st.st_mode))
-        return complain(why, -EINVAL, "run folder %s: is not a folder", run_dir);
+        return error_say(why, -EINVAL, "run folder %s: is not a folder", run_dir);
     if (st.st_uid != geteuid())
-        return complain(why, -EACCES,
-                        "run folder %s: is user %u's, who could speak in your name: be "
-                        "that user ('setpriv --reuid=%u --clear-groups COMMAND' as "
-                        "root), or choose another folder",
-                        run_dir, (unsigned)st.st_uid, (unsigned)st.st_uid);
+        return error_say(why, -EACCES,
+                         "run folder %s: is user %u's, who could speak in your name: be "
+                         "that user ('setpriv --reuid=%u --clear-groups COMMAND' as "
+                         "root), or choose another folder",
+                         run_dir, (unsigned)st.st_uid, (unsigned)st.st_uid);
     if (st.st_mode & 022)
-        return complain(why, -EACCES,
-                        "run folder %s: others may write into it (mode %03o) and speak "
-                        "in your name: 'chmod go-w' it, or choose another folder",
-                        run_dir, (unsigned)st.st_mode & 07777);
+        return error_say(why, -EACCES,
+                         "run folder %s: others may write into it (mode %03o) and speak "
+                         "in your name: 'chmod go-w' it, or choose another folder",
+                         run_dir, (unsigned)st.st_mode & 07777);
     if (access(run_dir, R_OK | W_OK | X_OK))
-        return complain(why, -errno, "run folder %s: %s", run_dir, strerror(errno));
+        return error_say(why, -errno, "run folder %s: %s", run_dir, strerror(errno));
     return 0;
 }
 
-int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct complaint *why)
+int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct error *why)
 {
     struct stat st;
 
@@ -104,10 +105,10 @@ int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct complaint *why)
         return -EINVAL;
     if (mkdir(out, 0700) && errno != EEXIST) {
         int err = -errno;
-        return complain(why, err, "run folder %s: %s", out, strerror(-err));
+        return error_say(why, err, "run folder %s: %s", out, strerror(-err));
     }
     /* In /tmp anybody may have made it first. */
     if (!asked && !lstat(out, &st) && S_ISLNK(st.st_mode))
-        return complain(why, -EACCES, "run folder %s: is a link; try --run-dir", out);
+        return error_say(why, -EACCES, "run folder %s: is a link; try --run-dir", out);
     return rundir_check(out, why);
 }

@@ -4,22 +4,22 @@
 
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 #define RUNDIR_SIZE 88 /* with zero; a socket's path has room for 108 characters */
 
 /* The name alone: nothing is made or looked at.  0, -EINVAL (too long). */
-int rundir_name(char out[RUNDIR_SIZE], const char *asked, struct complaint *why);
+int rundir_name(char out[RUNDIR_SIZE], const char *asked, struct error *why);
 
 /* The folder asked for, or $XDG_RUNTIME_DIR/anlos, or /tmp/anlos-UID; made with mode 0700
  * when missing.  0, -EINVAL (too long), as rundir_check, other negative errno. */
-int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct complaint *why);
+int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct error *why);
 
 /* Whoever can write into it can speak as any node.  So, if it is there, it has to be this
  * user's (root is no exception), and nobody else's to write into; and not everybody may
  * replace it, nor one that is to be made (owners of the folders around it may).  0,
  * -EINVAL (not a folder), -EACCES, other negative errno.
  */
-int rundir_check(const char *run_dir, struct complaint *why);
+int rundir_check(const char *run_dir, struct error *why);
 
 #endif

@@ -8,7 +8,7 @@
 #include "msgs/convert.h"
 #include "nodes/rt/round_check.h"
 #include "nodes/scan/peers.h"
-#include "nodes/scan/volley.h"
+#include "nodes/scan/pending_fire.h"
 #include "recon/survey.h"
 
 #define SILENT_NS 2000000000LL
@@ -76,9 +76,9 @@ struct fixed_scan {
     uint64_t survey_id; /* 0: none yet */
     uint32_t *speakers; /* [n_speakers], of a round */
     size_t n_speakers;
-    uint32_t number;      /* of the scan, from 1 */
-    struct volley volley; /* what the array was asked last */
-    Anlos__Pass pass;     /* that it was asked for */
+    uint32_t number;                  /* of the scan, from 1 */
+    struct pending_fire pending_fire; /* what the array was asked last */
+    Anlos__Pass pass;                 /* that it was asked for */
     bool asked;
     bool ended;      /* the array plays a recording, which did */
     int64_t sign_ns; /* last sign of life of the array */
@@ -144,13 +144,13 @@ static int take_speakers(struct fixed_scan *s, size_t n_all)
     free(s->speakers);
     s->speakers = speakers;
     s->n_speakers = n;
-    return volley_reset(&s->volley, n);
+    return pending_fire_reset(&s->pending_fire, n);
 }
 
 int fixed_scan_survey(struct fixed_scan *s, const Anlos__Survey *survey)
 {
     struct survey v;
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (survey->id == s->survey_id)
         return 0;
@@ -187,7 +187,7 @@ void fixed_scan_ping(struct fixed_scan *s, const Anlos__Ping *ping, int64_t now_
     if (!ping->frame || index == s->n_speakers)
         return;
     s->sign_ns = now_ns;
-    volley_answer(&s->volley);
+    pending_fire_answer(&s->pending_fire);
     rounds_add(&s->rounds, ping->frame, index, ping->valid, now_ns);
 }
 
@@ -199,9 +199,9 @@ static bool all_ready(struct fixed_scan *s, int64_t now_ns)
 
 static void ask(struct fixed_scan *s, int64_t now_ns)
 {
-    volley_load(&s->volley, s->number, s->speakers, s->n_speakers);
-    s->volley.command.pass = s->pass;
-    s->volley.command.endless = true;
+    pending_fire_load(&s->pending_fire, s->number, s->speakers, s->n_speakers);
+    s->pending_fire.command.pass = s->pass;
+    s->pending_fire.command.endless = true;
     s->asked = true;
     s->sign_ns = now_ns;
     rounds_start(&s->rounds, s->n_speakers);
@@ -234,9 +234,9 @@ bool fixed_scan_step(struct fixed_scan *s, int64_t now_ns, Anlos__FireCommand *o
     bool send = !s->asked;
     if (send)
         ask(s, now_ns);
-    if (!send && !volley_is_due(&s->volley, now_ns))
+    if (!send && !pending_fire_is_due(&s->pending_fire, now_ns))
         return false;
-    *out = volley_send(&s->volley, now_ns);
+    *out = pending_fire_send(&s->pending_fire, now_ns);
     return true;
 }
 
@@ -257,7 +257,7 @@ void fixed_scan_destroy(struct fixed_scan *s)
 {
     if (!s)
         return;
-    volley_clear(&s->volley);
+    pending_fire_clear(&s->pending_fire);
     free(s->speakers);
     free(s);
 }

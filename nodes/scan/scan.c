@@ -11,22 +11,22 @@
 
 #include "msgs/stage.pb-c.h"
 #include "msgs/survey.pb-c.h"
-#include "nodes/scan/ledger.h"
+#include "nodes/scan/ping_tracker.h"
 #include "nodes/scan/peers.h"
-#include "nodes/scan/volley.h"
+#include "nodes/scan/pending_fire.h"
 
 /* The stage as the scan drives it: a command until the state says that it was accepted
  * and is done.  A fault, or a person's hand on it, it waits out, and then begins anew. */
 
-enum carriage_progress {
-    CARRIAGE_THERE,  /* at rest at the target */
-    CARRIAGE_MOVING, /* wait */
-    CARRIAGE_SEND,   /* the command is to be sent, or sent again */
-    CARRIAGE_PAUSED, /* a person has to home it, or release it; text says why */
-    CARRIAGE_FAILED, /* the target is out of reach; text says why */
+enum stage_client_progress {
+    STAGE_CLIENT_THERE,  /* at rest at the target */
+    STAGE_CLIENT_MOVING, /* wait */
+    STAGE_CLIENT_SEND,   /* the command is to be sent, or sent again */
+    STAGE_CLIENT_PAUSED, /* a person has to home it, or release it; text says why */
+    STAGE_CLIENT_FAILED, /* the target is out of reach; text says why */
 };
 
-struct carriage {
+struct stage_client {
     bool commanded;
     uint32_t id;
     double target_m;
@@ -47,12 +47,12 @@ struct route {
 
 #define RESEND_NS 500000000LL /* without a sign that the command was accepted */
 
-static void carriage_init(struct carriage *c)
+static void stage_client_init(struct stage_client *c)
 {
-    *c = (struct carriage){.commanded = false};
+    *c = (struct stage_client){.commanded = false};
 }
 
-static void carriage_state(struct carriage *c, const Anlos__StageState *state)
+static void stage_client_state(struct stage_client *c, const Anlos__StageState *state)
 {
     c->position_m = state->position_m;
     /* The target too: an id may be left from a scan that was restarted. */
@@ -66,48 +66,48 @@ static void carriage_state(struct carriage *c, const Anlos__StageState *state)
 }
 
 /* The stage process was restarted: it knows no command. */
-static void carriage_forget(struct carriage *c)
+static void stage_client_forget(struct stage_client *c)
 {
     c->commanded = c->accepted = false;
     c->fault = c->held = false;
 }
 
-/* Does it wait for a person?  As carriage_go with any target. */
-static bool carriage_is_paused(const struct carriage *c)
+/* Does it wait for a person?  As stage_client_go with any target. */
+static bool stage_client_is_paused(const struct stage_client *c)
 {
     return c->fault || c->held;
 }
 
-static enum carriage_progress send_new(struct carriage *c, double target_m,
-                                       int64_t now_ns)
+static enum stage_client_progress send_new(struct stage_client *c, double target_m,
+                                           int64_t now_ns)
 {
     c->commanded = true;
     c->accepted = false;
     c->id++;
     c->target_m = target_m;
     c->sent_ns = now_ns;
-    return CARRIAGE_SEND;
+    return STAGE_CLIENT_SEND;
 }
 
 /* Brings the stage to the target.  On CARRIAGE_SEND, id and target_m are to be sent. */
-static enum carriage_progress carriage_go(struct carriage *c, double target_m,
-                                          int64_t now_ns)
+static enum stage_client_progress stage_client_go(struct stage_client *c, double target_m,
+                                                  int64_t now_ns)
 {
-    if (carriage_is_paused(c)) {
+    if (stage_client_is_paused(c)) {
         c->commanded = c->accepted = false;
-        return CARRIAGE_PAUSED;
+        return STAGE_CLIENT_PAUSED;
     }
     if (!c->commanded || c->target_m != target_m)
         return send_new(c, target_m, now_ns);
     if (!c->accepted) {
         if (now_ns - c->sent_ns < RESEND_NS)
-            return CARRIAGE_MOVING;
+            return STAGE_CLIENT_MOVING;
         c->sent_ns = now_ns;
-        return CARRIAGE_SEND;
+        return STAGE_CLIENT_SEND;
     }
     if (c->refused)
-        return CARRIAGE_FAILED;
-    return c->idle ? CARRIAGE_THERE : CARRIAGE_MOVING;
+        return STAGE_CLIENT_FAILED;
+    return c->idle ? STAGE_CLIENT_THERE : STAGE_CLIENT_MOVING;
 }
 
 static void route_clear(struct route *r)
@@ -135,15 +135,15 @@ static int route_open(struct route *out, const Anlos__Survey *survey)
 }
 
 /* Which speakers are missing at a position: how many, and r->speakers has them. */
-static size_t route_missing(const struct route *r, const struct ledger *l,
+static size_t route_missing(const struct route *r, const struct ping_tracker *l,
                             Anlos__Pass pass, size_t position)
 {
-    return ledger_missing(l, pass, position, r->speakers);
+    return ping_tracker_missing(l, pass, position, r->speakers);
 }
 
 /* The nearest position where something is missing; n_positions: nowhere.  So the stage
  * goes there and back again, and takes up what was lost on its way. */
-static size_t route_nearest(const struct route *r, const struct ledger *l,
+static size_t route_nearest(const struct route *r, const struct ping_tracker *l,
                             Anlos__Pass pass, size_t from)
 {
     size_t best = r->n_positions;
@@ -164,12 +164,12 @@ static size_t route_nearest(const struct route *r, const struct ledger *l,
 struct scan {
     struct scan_config cfg;
     struct peers peers;
-    struct carriage carriage;
-    struct ledger *ledger; /* NULL: no survey yet */
+    struct stage_client stage_client;
+    struct ping_tracker *ping_tracker; /* NULL: no survey yet */
     uint64_t survey_id;
     struct route route;
-    uint32_t number;      /* of the scan, from 1 */
-    struct volley volley; /* fired last */
+    uint32_t number;                  /* of the scan, from 1 */
+    struct pending_fire pending_fire; /* fired last */
     size_t position;
     int64_t sign_ns;  /* last sign of life of what is under way */
     int64_t start_ns; /* 0: not yet running; later by each pause */
@@ -188,7 +188,7 @@ int scan_create(struct scan **out, const struct scan_config *cfg)
     s->cfg = *cfg;
     s->state = ANLOS__SCAN_STATUS__STATE__WAITING;
     peers_init(&s->peers, cfg->needs, cfg->n_needs, cfg->silence_s);
-    carriage_init(&s->carriage);
+    stage_client_init(&s->stage_client);
     snprintf(s->text, sizeof s->text, "waits for the other nodes");
     *out = s;
     return 0;
@@ -198,15 +198,15 @@ int scan_create(struct scan **out, const struct scan_config *cfg)
 static void forget(struct scan *s, const char *node)
 {
     if (!strcmp(node, "stage"))
-        carriage_forget(&s->carriage);
-    if (!s->ledger)
+        stage_client_forget(&s->stage_client);
+    if (!s->ping_tracker)
         return;
     if (!strcmp(node, "array") || !strcmp(node, "dsp") || !strcmp(node, "recon"))
-        ledger_forget_under_way(s->ledger);
+        ping_tracker_forget_under_way(s->ping_tracker);
     if (!strcmp(node, "recon"))
-        ledger_forget_scene(s->ledger);
+        ping_tracker_forget_scene(s->ping_tracker);
     if (!strcmp(node, "dsp"))
-        ledger_forget_background(s->ledger);
+        ping_tracker_forget_background(s->ping_tracker);
 }
 
 bool scan_hear(struct scan *s, const char *from, int64_t epoch_ns, int64_t now_ns)
@@ -224,28 +224,28 @@ bool scan_hear(struct scan *s, const char *from, int64_t epoch_ns, int64_t now_n
 
 int scan_survey(struct scan *s, const Anlos__Survey *survey)
 {
-    struct ledger_size size = {.background = s->cfg.background,
-                               .n_positions = survey->n_stage_positions_m,
-                               .n_speakers = survey->n_speakers_m,
-                               .retries = s->cfg.retries};
-    struct ledger *ledger = NULL;
+    struct ping_tracker_size size = {.background = s->cfg.background,
+                                     .n_positions = survey->n_stage_positions_m,
+                                     .n_speakers = survey->n_speakers_m,
+                                     .retries = s->cfg.retries};
+    struct ping_tracker *ping_tracker = NULL;
 
-    if (s->ledger && survey->id == s->survey_id)
+    if (s->ping_tracker && survey->id == s->survey_id)
         return 0;
     struct route route = {.n_positions = 0};
-    int err = ledger_create(&ledger, &size);
+    int err = ping_tracker_create(&ping_tracker, &size);
     if (!err)
         err = route_open(&route, survey);
     if (!err)
-        err = volley_reset(&s->volley, size.n_speakers);
+        err = pending_fire_reset(&s->pending_fire, size.n_speakers);
     if (err) {
         route_clear(&route);
-        ledger_destroy(ledger);
+        ping_tracker_destroy(ping_tracker);
         return err;
     }
-    ledger_destroy(s->ledger);
+    ping_tracker_destroy(s->ping_tracker);
     route_clear(&s->route);
-    s->ledger = ledger;
+    s->ping_tracker = ping_tracker;
     s->route = route;
     s->survey_id = survey->id;
     s->position = 0;
@@ -261,28 +261,29 @@ void scan_health(struct scan *s, const char *from, const Anlos__Health *health)
 
 void scan_stage(struct scan *s, const Anlos__StageState *state)
 {
-    carriage_state(&s->carriage, state);
+    stage_client_state(&s->stage_client, state);
 }
 
 void scan_ping(struct scan *s, const Anlos__Ping *ping, int64_t now_ns)
 {
-    const struct ledger_ping p = {ping->pass, ping->position, ping->speaker};
+    const struct ping_tracker_ping p = {ping->pass, ping->position, ping->speaker};
 
-    if (!s->ledger || ping->scan != s->number)
+    if (!s->ping_tracker || ping->scan != s->number)
         return;
     s->sign_ns = now_ns;
-    volley_answer(&s->volley);
-    ledger_recorded(s->ledger, &p);
+    pending_fire_answer(&s->pending_fire);
+    ping_tracker_recorded(s->ping_tracker, &p);
 }
 
 void scan_receipt(struct scan *s, const Anlos__Receipt *receipt, int64_t now_ns)
 {
-    const struct ledger_ping p = {receipt->pass, receipt->position, receipt->speaker};
+    const struct ping_tracker_ping p = {receipt->pass, receipt->position,
+                                        receipt->speaker};
 
-    if (!s->ledger || receipt->scan != s->number)
+    if (!s->ping_tracker || receipt->scan != s->number)
         return;
     s->sign_ns = now_ns;
-    ledger_receipt(s->ledger, &p, receipt->usable);
+    ping_tracker_receipt(s->ping_tracker, &p, receipt->usable);
 }
 
 static void fail(struct scan *s, const char *who, const char *what)
@@ -292,55 +293,56 @@ static void fail(struct scan *s, const char *who, const char *what)
     snprintf(s->text, sizeof s->text, "%s: %s", who, what);
 }
 
-static void send_volley(struct scan *s, int64_t now_ns, struct scan_action *out)
+static void send_pending_fire(struct scan *s, int64_t now_ns, struct scan_action *out)
 {
     out->fire = true;
-    out->fire_command = volley_send(&s->volley, now_ns);
+    out->fire_command = pending_fire_send(&s->pending_fire, now_ns);
 }
 
 static void fire(struct scan *s, Anlos__Pass pass, size_t n, int64_t now_ns,
                  struct scan_action *out)
 {
-    Anlos__FireCommand *c = &s->volley.command;
+    Anlos__FireCommand *c = &s->pending_fire.command;
 
     for (size_t i = 0; i < n; i++) {
-        const struct ledger_ping ping = {pass, s->position, s->route.speakers[i]};
-        ledger_fire(s->ledger, &ping);
+        const struct ping_tracker_ping ping = {pass, s->position, s->route.speakers[i]};
+        ping_tracker_fire(s->ping_tracker, &ping);
     }
-    volley_load(&s->volley, s->number, s->route.speakers, n);
+    pending_fire_load(&s->pending_fire, s->number, s->route.speakers, n);
     c->pass = pass;
     c->position = (uint32_t)s->position;
-    c->stage_m = s->cfg.has_stage ? s->carriage.position_m
+    c->stage_m = s->cfg.has_stage ? s->stage_client.position_m
                                   : s->route.positions_m[s->position];
     s->sign_ns = now_ns;
-    send_volley(s, now_ns, out);
+    send_pending_fire(s, now_ns, out);
 }
 
 /* true: the stage stands where it should.  What is on its way to the image still gets
  * there when it cannot. */
-static bool move(struct scan *s, int64_t now_ns, const struct ledger_count *count,
+static bool move(struct scan *s, int64_t now_ns, const struct ping_tracker_count *count,
                  struct scan_action *out)
 {
     if (!s->cfg.has_stage)
         return true;
-    switch (carriage_go(&s->carriage, s->route.positions_m[s->position], now_ns)) {
-    case CARRIAGE_THERE:
+    switch (
+        stage_client_go(&s->stage_client, s->route.positions_m[s->position], now_ns)) {
+    case STAGE_CLIENT_THERE:
         return true;
-    case CARRIAGE_SEND:
+    case STAGE_CLIENT_SEND:
         out->move = true;
-        out->stage_command.id = s->carriage.id;
-        out->stage_command.target_m = s->carriage.target_m;
+        out->stage_command.id = s->stage_client.id;
+        out->stage_command.target_m = s->stage_client.target_m;
         return false;
-    case CARRIAGE_FAILED:
+    case STAGE_CLIENT_FAILED:
         if (!count->under_way)
-            fail(s, "stage", s->carriage.text);
+            fail(s, "stage", s->stage_client.text);
         return false;
     default:
         return false;
     }
 }
 
-static void finish(struct scan *s, const struct ledger_count *count)
+static void finish(struct scan *s, const struct ping_tracker_count *count)
 {
     if (!count->scene_done) {
         fail(s, "scan", "not one ping of the scene could be used");
@@ -357,8 +359,8 @@ static void finish(struct scan *s, const struct ledger_count *count)
 /* Are all there who are needed?  While one is away, nothing can time out. */
 static bool all_ready(struct scan *s, int64_t now_ns)
 {
-    bool ready = peers_let(&s->peers, s->ledger != NULL, now_ns, &s->sign_ns, &s->state,
-                           s->text, sizeof s->text);
+    bool ready = peers_let(&s->peers, s->ping_tracker != NULL, now_ns, &s->sign_ns,
+                           &s->state, s->text, sizeof s->text);
 
     s->failed = s->failed || s->state == ANLOS__SCAN_STATUS__STATE__FAILED;
     return ready;
@@ -369,15 +371,15 @@ static bool all_ready(struct scan *s, int64_t now_ns)
 static void begin_pause(struct scan *s, int64_t now_ns)
 {
     s->pause_ns = now_ns;
-    ledger_forget_under_way(s->ledger);
-    volley_answer(&s->volley);
+    ping_tracker_forget_under_way(s->ping_tracker);
+    pending_fire_answer(&s->pending_fire);
 }
 
 static bool pauses(struct scan *s, int64_t now_ns)
 {
-    const struct carriage *c = &s->carriage;
+    const struct stage_client *c = &s->stage_client;
 
-    if (!s->cfg.has_stage || !carriage_is_paused(c)) {
+    if (!s->cfg.has_stage || !stage_client_is_paused(c)) {
         if (s->pause_ns && s->start_ns)
             s->start_ns += now_ns - s->pause_ns;
         s->pause_ns = 0;
@@ -392,25 +394,25 @@ static bool pauses(struct scan *s, int64_t now_ns)
     return true;
 }
 
-static void advance(struct scan *s, int64_t now_ns, const struct ledger_count *count,
-                    struct scan_action *out)
+static void advance(struct scan *s, int64_t now_ns,
+                    const struct ping_tracker_count *count, struct scan_action *out)
 {
-    Anlos__Pass pass = ledger_pass(s->ledger);
+    Anlos__Pass pass = ping_tracker_pass(s->ping_tracker);
     size_t next;
 
     /* The stage must stand still while the array records. */
     if (count->recording) {
-        if (volley_is_due(&s->volley, now_ns))
-            send_volley(s, now_ns, out);
+        if (pending_fire_is_due(&s->pending_fire, now_ns))
+            send_pending_fire(s, now_ns, out);
         return;
     }
-    next = route_nearest(&s->route, s->ledger, pass, s->position);
+    next = route_nearest(&s->route, s->ping_tracker, pass, s->position);
     if (next == s->route.n_positions)
         return;
     s->position = next;
     if (!move(s, now_ns, count, out))
         return;
-    size_t n = route_missing(&s->route, s->ledger, pass, s->position);
+    size_t n = route_missing(&s->route, s->ping_tracker, pass, s->position);
     size_t whole = n < s->cfg.window ? n : s->cfg.window;
     if (count->under_way + whole <= s->cfg.window)
         fire(s, pass, whole, now_ns, out);
@@ -418,15 +420,15 @@ static void advance(struct scan *s, int64_t now_ns, const struct ledger_count *c
 
 void scan_step(struct scan *s, int64_t now_ns, struct scan_action *out)
 {
-    struct ledger_count count;
+    struct ping_tracker_count count;
 
     *out = (struct scan_action){0};
     anlos__stage_command__init(&out->stage_command);
     anlos__fire_command__init(&out->fire_command);
     if (s->failed)
         return;
-    if (s->ledger) {
-        ledger_count(s->ledger, &count);
+    if (s->ping_tracker) {
+        ping_tracker_count(s->ping_tracker, &count);
         if (count.done + count.lost == count.expected) {
             finish(s, &count);
             return;
@@ -441,25 +443,25 @@ void scan_step(struct scan *s, int64_t now_ns, struct scan_action *out)
     if (!peers_heard(&s->peers, now_ns, HEARD_NS))
         s->sign_ns = now_ns; /* a link may be down: what is on its way is not lost yet */
     if (count.under_way && now_ns - s->sign_ns > (int64_t)(s->cfg.timeout_s * 1e9)) {
-        ledger_time_out(s->ledger);
-        ledger_count(s->ledger, &count);
+        ping_tracker_time_out(s->ping_tracker);
+        ping_tracker_count(s->ping_tracker, &count);
     }
     advance(s, now_ns, &count, out);
 }
 
 void scan_status(const struct scan *s, int64_t now_ns, Anlos__ScanStatus *out)
 {
-    struct ledger_count count = {0};
+    struct ping_tracker_count count = {0};
 
     anlos__scan_status__init(out);
     out->state = s->state;
     out->scan = s->number;
     out->text = (char *)s->text;
-    out->held = s->state == ANLOS__SCAN_STATUS__STATE__PAUSED && !s->carriage.fault;
-    if (!s->ledger)
+    out->held = s->state == ANLOS__SCAN_STATUS__STATE__PAUSED && !s->stage_client.fault;
+    if (!s->ping_tracker)
         return;
-    ledger_count(s->ledger, &count);
-    out->pass = ledger_pass(s->ledger);
+    ping_tracker_count(s->ping_tracker, &count);
+    out->pass = ping_tracker_pass(s->ping_tracker);
     out->position = (uint32_t)s->position;
     out->pings_done = (uint32_t)count.done;
     out->pings_expected = (uint32_t)count.expected;
@@ -475,8 +477,8 @@ void scan_destroy(struct scan *s)
 {
     if (!s)
         return;
-    ledger_destroy(s->ledger);
+    ping_tracker_destroy(s->ping_tracker);
     route_clear(&s->route);
-    volley_clear(&s->volley);
+    pending_fire_clear(&s->pending_fire);
     free(s);
 }

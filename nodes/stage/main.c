@@ -70,7 +70,7 @@ int main(int argc, char **argv)
 {
     struct node *node;
     struct stage *stage = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
     int err = node_create(&node, "stage", "Moves the stage that carries the array.", argc,
                           argv);
 

@@ -26,8 +26,7 @@ static void forget_cells(struct detector *d)
     d->held = NULL;
 }
 
-int detector_survey(struct detector *d, const Anlos__Survey *survey,
-                    struct complaint *why)
+int detector_survey(struct detector *d, const Anlos__Survey *survey, struct error *why)
 {
     struct survey fresh;
 
@@ -97,7 +96,7 @@ static bool is_image(const struct grid *grid, const float *intensity)
 
 int detector_volume(struct detector *d, const Anlos__Volume *volume,
                     const struct walls *walls, Anlos__DetectionList **out,
-                    struct complaint *why)
+                    struct error *why)
 {
     struct detect_config cfg;
     struct walls own;
@@ -105,11 +104,11 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
     const float *intensity = volume_grid(volume, &grid);
 
     if (!d->has_survey || volume->survey_id != d->survey_id)
-        return complain(why, -EAGAIN, "the survey of a volume is not known yet");
+        return error_say(why, -EAGAIN, "the survey of a volume is not known yet");
     if (!intensity || !is_image(&grid, intensity))
-        return complain(why, -EINVAL,
-                        "a volume without a grid or with intensities that "
-                        "are not numbers");
+        return error_say(why, -EINVAL,
+                         "a volume without a grid or with intensities that "
+                         "are not numbers");
     detect_config_default(&cfg);
     cfg.threshold_db = d->cfg.threshold_db;
     cfg.learns = learns(d, volume) && !volume->pings_blanked;
@@ -123,12 +122,12 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
     }
     int err = find_cells(d, &grid, &cfg);
     if (err == -EINVAL)
-        return complain(why, err, "a volume that is too small for track.cfar");
+        return error_say(why, err, "a volume that is too small for track.cfar");
     if (!err)
         err = objects_find_behind(out, &d->survey, walls, &cfg, d->cfg.min_existence,
                                   &grid, intensity);
     if (err)
-        return complain(why, err, "not enough memory to detect objects");
+        return error_say(why, err, "not enough memory to detect objects");
     (*out)->scan = volume->scan;
     (*out)->preview = volume->preview;
     (*out)->counter = d->counter++;

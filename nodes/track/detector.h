@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "msgs/survey.pb-c.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/detections.pb-c.h"
 #include "recon/survey.h"
 #include "msgs/volume.pb-c.h"
@@ -36,16 +36,15 @@ struct detector {
 
 void detector_init(struct detector *d, const struct detector_config *cfg);
 
-/* 0, -ENOMEM, -EINVAL (the complaint says why). */
-int detector_survey(struct detector *d, const Anlos__Survey *survey,
-                    struct complaint *why);
+/* 0, -ENOMEM, -EINVAL (the error says why). */
+int detector_survey(struct detector *d, const Anlos__Survey *survey, struct error *why);
 
 /* The objects of a volume behind walls (NULL: the survey's); objects_free the list.  0,
- * -EAGAIN (its survey is not known yet), -EINVAL (not a volume; the complaint says why),
+ * -EAGAIN (its survey is not known yet), -EINVAL (not a volume; the error says why),
  * -ENOMEM. */
 int detector_volume(struct detector *d, const Anlos__Volume *volume,
                     const struct walls *walls, Anlos__DetectionList **out,
-                    struct complaint *why);
+                    struct error *why);
 /* With cfar: what an image of the volume's grid shows is mostly there, so the next ones
  * have to show more (dsp/cfar_map.h), but within held_m of these places [n] of the array
  * frame. */

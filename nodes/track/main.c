@@ -62,7 +62,7 @@ static void tell_state(struct job *j)
 
 static int take_survey(struct job *j, const Anlos__Survey *survey)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     int err = tracking_survey(j->tracking, survey, &why);
 
     if (err) {
@@ -77,7 +77,7 @@ static int take_survey(struct job *j, const Anlos__Survey *survey)
 static void take_walls(struct job *j, const struct node_message *in)
 {
     const Anlos__WallList *walls = (const Anlos__WallList *)in->content;
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (tracking_walls(j->tracking, walls, in->capture_ns, &why))
         node_log(j->node, LOG_LEVEL_WARNING, "walls: %s", why.text);
@@ -123,7 +123,7 @@ static void take_volume(struct job *j, const struct node_message *in)
 {
     const Anlos__Volume *v = (const Anlos__Volume *)in->content;
     Anlos__DetectionList *list = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!tracking_has_survey(j->tracking)) {
         j->early.n++;

@@ -110,8 +110,7 @@ int tracking_create(struct tracking **out, const struct tracking_config *cfg)
     return 0;
 }
 
-int tracking_survey(struct tracking *t, const Anlos__Survey *survey,
-                    struct complaint *why)
+int tracking_survey(struct tracking *t, const Anlos__Survey *survey, struct error *why)
 {
     return detector_survey(&t->detector, survey, why);
 }
@@ -253,13 +252,13 @@ static void note_lost(struct tracking *t, const struct sight *sight,
 }
 
 int tracking_walls(struct tracking *t, const Anlos__WallList *walls, int64_t capture_ns,
-                   struct complaint *why)
+                   struct error *why)
 {
     struct walls fresh;
     int err = walls_from_message(&fresh, walls, why);
 
     if (!err && !is_time(capture_ns))
-        err = complain(why, -EINVAL, "walls with a stamp that is none");
+        err = error_say(why, -EINVAL, "walls with a stamp that is none");
     if (err)
         return err;
     keep_lost(t, &fresh, capture_ns);
@@ -464,27 +463,27 @@ static bool is_tracked(const struct tracking *t, const Anlos__Volume *volume)
 
 static int make_tracks(struct tracking *t, const Anlos__Volume *volume,
                        const struct sight *sight, int64_t capture_ns,
-                       Anlos__DetectionList **list, struct complaint *why)
+                       Anlos__DetectionList **list, struct error *why)
 {
     bool ego_known;
     int err = follow(t, volume, sight, capture_ns, *list, &ego_known);
 
     if (err)
-        return complain(why, err, "an image that is not newer than the one before");
+        return error_say(why, err, "an image that is not newer than the one before");
     t->stamp_ns = capture_ns;
     t->n_reports = tracker_report(t->tracker, t->reports);
     learn_residue(t, volume, sight, capture_ns);
     bool as_imaged = !t->has_walls && !sight->walls->n;
     err = listing_make(&t->listing, sight, t->reports, t->n_reports, as_imaged, list);
     if (err)
-        return complain(why, err, "not enough memory to list tracks");
+        return error_say(why, err, "not enough memory to list tracks");
     (*list)->tracked = true;
     (*list)->ego_unknown = !ego_known;
     return 0;
 }
 
 int tracking_volume(struct tracking *t, const Anlos__Volume *volume, int64_t capture_ns,
-                    Anlos__DetectionList **out, struct complaint *why)
+                    Anlos__DetectionList **out, struct error *why)
 {
     struct walls walls, lost;
     struct sight sight;
@@ -492,7 +491,7 @@ int tracking_volume(struct tracking *t, const Anlos__Volume *volume, int64_t cap
     Anlos__DetectionList *list;
 
     if (!is_time(capture_ns))
-        return complain(why, -EINVAL, "an image with a stamp that is none");
+        return error_say(why, -EINVAL, "an image with a stamp that is none");
     if (t->detector.has_survey) {
         place_walls(t, capture_ns, &walls);
         place_lost(t, &walls, capture_ns, &lost);

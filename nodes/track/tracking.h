@@ -40,12 +40,11 @@ struct tracking;
 /* 0, -EINVAL (a value out of its range), -ENOMEM. */
 int tracking_create(struct tracking **out, const struct tracking_config *cfg);
 
-/* Each takes a message as it was published.  0, -ENOMEM, -EINVAL (the complaint says
+/* Each takes a message as it was published.  0, -ENOMEM, -EINVAL (the error says
  * why). */
-int tracking_survey(struct tracking *t, const Anlos__Survey *survey,
-                    struct complaint *why);
+int tracking_survey(struct tracking *t, const Anlos__Survey *survey, struct error *why);
 int tracking_walls(struct tracking *t, const Anlos__WallList *walls, int64_t capture_ns,
-                   struct complaint *why);
+                   struct error *why);
 void tracking_ego(struct tracking *t, const Anlos__EgoMotion *ego, int64_t capture_ns);
 
 bool tracking_has_survey(const struct tracking *t);
@@ -55,9 +54,9 @@ bool tracking_has_wall(const struct tracking *t);
 
 /* The objects of a volume; objects_free the list.  0, -EAGAIN (its survey is not known
  * yet), -EINVAL (not a volume), -ESTALE (older than the one before), -ENOMEM; the
- * complaint says why. */
+ * error says why. */
 int tracking_volume(struct tracking *t, const Anlos__Volume *volume, int64_t capture_ns,
-                    Anlos__DetectionList **out, struct complaint *why);
+                    Anlos__DetectionList **out, struct error *why);
 
 struct track_counts tracking_counts(const struct tracking *t);
 void tracking_destroy(struct tracking *t);

@@ -32,7 +32,7 @@ static int create(struct node *node, struct viewer **out)
                                       .now_ns = node_machine_ns(node),
                                       .log = log_connection,
                                       .log_ctx = node};
-    struct complaint why = {""};
+    struct error why = {""};
     int err = viewer_create(out, &cfg, &why);
 
     if (err) {

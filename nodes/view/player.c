@@ -59,7 +59,7 @@ static bool is_asked(void *ctx)
  */
 static void show(struct player *p, int64_t at_ns)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     int64_t began_ns = clock_now_ns(clock_system());
 
     p->at_ns = at_ns;
@@ -115,12 +115,12 @@ void player_seek(void *player, double seconds)
 }
 
 int player_create(struct player **out, const char *path, struct view *view,
-                  struct complaint *why)
+                  struct error *why)
 {
     struct player *p = calloc(1, sizeof *p);
 
     if (!p)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     p->view = view;
     pthread_mutex_init(&p->lock, NULL);
     pthread_cond_init(&p->wake, NULL);

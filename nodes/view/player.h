@@ -11,7 +11,7 @@ struct player;
  * tell is called with every message that is shown, also by that thread.  It starts at the
  * end of the bag, where the results are.  0, errors as timeline_open. */
 int player_create(struct player **out, const char *path, struct view *view,
-                  struct complaint *why);
+                  struct error *why);
 int player_start(struct player *p, void (*tell)(void *ctx, const struct view_message *m),
                  void *ctx); /* 0, -EAGAIN */
 

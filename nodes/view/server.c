@@ -276,7 +276,7 @@ static void serve(void *ctx, const struct web_request *r, struct web_reply *out)
             .head_only = !get};
 }
 
-static int create_all(struct server *s, struct complaint *why)
+static int create_all(struct server *s, struct error *why)
 {
     const struct web_config web = {.address = s->cfg.address,
                                    .port = s->cfg.port,
@@ -299,17 +299,16 @@ static int create_all(struct server *s, struct complaint *why)
     err = live_create(&s->live, s->web, &live);
     if (!err)
         err = foxglove_server_create(&s->foxglove, s->web, &foxglove);
-    return err ? complain(why, err, "the web server: %s", strerror(-err))
+    return err ? error_say(why, err, "the web server: %s", strerror(-err))
                : web_start(s->web, why);
 }
 
-int server_create(struct server **out, const struct server_config *cfg,
-                  struct complaint *why)
+int server_create(struct server **out, const struct server_config *cfg, struct error *why)
 {
     struct server *s = calloc(1, sizeof *s);
 
     if (!s)
-        return complain(why, -ENOMEM, "not enough memory for the web server");
+        return error_say(why, -ENOMEM, "not enough memory for the web server");
     s->cfg = *cfg;
     int err = create_all(s, why);
     if (err)

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/view/view.h"
 
 struct server;
@@ -25,9 +25,9 @@ struct server_config {
 };
 
 /* Serves until it is destroyed.  0, -EADDRINUSE, -EACCES, -EADDRNOTAVAIL, -EINVAL (no
- * address), -ENOMEM; the complaint says what to do. */
+ * address), -ENOMEM; the error says what to do. */
 int server_create(struct server **out, const struct server_config *cfg,
-                  struct complaint *why);
+                  struct error *why);
 
 /* "http://127.0.0.1:8765/" */
 const char *server_url(const struct server *s);

@@ -19,14 +19,14 @@ static bool is_shown(const struct topic *topic)
     return false;
 }
 
-static int list_tracks(struct timeline *t, struct complaint *why)
+static int list_tracks(struct timeline *t, struct error *why)
 {
     const struct bag_catalog *c = t->catalog;
 
     t->tracks = calloc(c->n_channels ? c->n_channels : 1, sizeof *t->tracks);
     t->unchecked = calloc(c->n_blocks ? c->n_blocks : 1, sizeof(struct bag_block *));
     if (!t->tracks || !t->unchecked)
-        return complain(why, -ENOMEM, "%s: out of memory", c->file.path);
+        return error_say(why, -ENOMEM, "%s: out of memory", c->file.path);
     for (size_t i = 0; i < c->n_channels; i++) {
         const struct bag_channel *channel = &c->channels[i].record.channel;
         struct track *k = &t->tracks[t->n_tracks];
@@ -40,15 +40,15 @@ static int list_tracks(struct timeline *t, struct complaint *why)
         t->tracks[i].newest.source = &t->tracks[i].source;
     return t->n_tracks
                ? 0
-               : complain(why, -ENODATA, "%s: nothing in it can be shown", c->file.path);
+               : error_say(why, -ENODATA, "%s: nothing in it can be shown", c->file.path);
 }
 
-int timeline_open(struct timeline **out, const char *path, struct complaint *why)
+int timeline_open(struct timeline **out, const char *path, struct error *why)
 {
     struct timeline *t = calloc(1, sizeof *t);
 
     if (!t)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     int err = bag_catalog_open(&t->catalog, path, why);
     if (!err)
         err = list_tracks(t, why);
@@ -69,7 +69,7 @@ void timeline_span(const struct timeline *t, int64_t *start_ns, int64_t *end_ns)
 static void list_images(const struct timeline *t, uint64_t offset, json_t *all)
 {
     struct bytes_buffer record = {0};
-    struct complaint why;
+    struct error why;
     struct bag_record r;
 
     if (!bag_file_record(&t->catalog->file, offset, &record, &why)) {
@@ -160,7 +160,7 @@ static int give_all(const struct timeline *t,
 
 int timeline_at(struct timeline *t, int64_t time_ns,
                 void (*take)(void *ctx, const struct view_message *m), void *ctx,
-                struct complaint *why)
+                struct error *why)
 {
     uint64_t time = time_ns > 0 ? (uint64_t)time_ns : 0;
     int err = 0;

@@ -3,13 +3,13 @@
 #ifndef ANLOS_NODES_VIEW_TIMELINE_H
 #define ANLOS_NODES_VIEW_TIMELINE_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/view/view.h"
 
 struct timeline;
 
 /* 0; errors as bag_catalog_open; -ENODATA (nothing in it that could be shown). */
-int timeline_open(struct timeline **out, const char *path, struct complaint *why);
+int timeline_open(struct timeline **out, const char *path, struct error *why);
 
 /* Log times of the first and the last message. */
 void timeline_span(const struct timeline *t, int64_t *start_ns, int64_t *end_ns);
@@ -24,13 +24,13 @@ json_t *timeline_images(const struct timeline *t);
  * is left out.  0, or the error of what was left out; -ENOMEM. */
 int timeline_at(struct timeline *t, int64_t time_ns,
                 void (*take)(void *ctx, const struct view_message *m), void *ctx,
-                struct complaint *why);
+                struct error *why);
 
 /* Are the chunks whole from which timeline_at has taken single messages?  Reads some MB
  * for each, and asks between them whether it should stop.  0, -EINTR, -EBADMSG and other
  * errors as bag_file_chunk. */
 int timeline_check(struct timeline *t, bool (*stop)(void *ctx), void *ctx,
-                   struct complaint *why);
+                   struct error *why);
 void timeline_close(struct timeline *t);
 
 #endif

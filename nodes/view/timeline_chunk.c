@@ -111,7 +111,7 @@ static int take_message(struct timeline *t, const struct bag_message *m, uint64_
 
 /* The record of a block into *r, and of a chunk the records inside into t->records. */
 static int read_block(struct timeline *t, const struct bag_block *b, struct bag_record *r,
-                      struct complaint *why)
+                      struct error *why)
 {
     const struct bag_file *f = &t->catalog->file;
     uint64_t allowance = bag_file_allowance(f);
@@ -125,11 +125,11 @@ static int read_block(struct timeline *t, const struct bag_block *b, struct bag_
         return 0;
     if (!err && r->opcode == BAG_CHUNK)
         return bag_file_chunk(f, b->offset, &r->chunk, &allowance, &t->records, why);
-    return complain(why, -EBADMSG, "%s: byte %" PRIu64 ": no chunk", f->path, b->offset);
+    return error_say(why, -EBADMSG, "%s: byte %" PRIu64 ": no chunk", f->path, b->offset);
 }
 
 int timeline_check(struct timeline *t, bool (*stop)(void *ctx), void *ctx,
-                   struct complaint *why)
+                   struct error *why)
 {
     struct bag_record r;
     int err = 0;
@@ -140,7 +140,7 @@ int timeline_check(struct timeline *t, bool (*stop)(void *ctx), void *ctx,
 }
 
 static int take_whole(struct timeline *t, const struct bag_block *b, uint64_t time,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct bag_record r;
     int err = read_block(t, b, &r, why);
@@ -151,8 +151,8 @@ static int take_whole(struct timeline *t, const struct bag_block *b, uint64_t ti
     while (!err && left.left.size) {
         int wrong = bag_record_take(&left, &r);
         if (wrong == -EBADMSG)
-            return complain(why, wrong, "%s: byte %" PRIu64 ": a chunk that is damaged",
-                            t->catalog->file.path, b->offset);
+            return error_say(why, wrong, "%s: byte %" PRIu64 ": a chunk that is damaged",
+                             t->catalog->file.path, b->offset);
         if (!wrong && r.opcode == BAG_MESSAGE)
             err = take_message(t, &r.message, time);
     }
@@ -161,27 +161,27 @@ static int take_whole(struct timeline *t, const struct bag_block *b, uint64_t ti
 
 /* The message at an offset among the records of a chunk that is not compressed. */
 static int take_at(struct timeline *t, const struct bag_block *b, uint64_t place,
-                   uint64_t time, struct complaint *why)
+                   uint64_t time, struct error *why)
 {
     const struct bag_file *f = &t->catalog->file;
     struct bag_record r;
 
     if (place >= b->length)
-        return complain(why, -EBADMSG, "%s: byte %" PRIu64 ": an index that is damaged",
-                        f->path, b->offset);
+        return error_say(why, -EBADMSG, "%s: byte %" PRIu64 ": an index that is damaged",
+                         f->path, b->offset);
     int err = bag_file_record(f, b->offset + CHUNK_HEAD + place, &t->record, why);
     struct bytes_cursor at = {.left = bytes_in(&t->record)};
     if (!err && !bag_record_take(&at, &r) && r.opcode == BAG_MESSAGE)
         return take_message(t, &r.message, time);
     return err ? err
-               : complain(why, -EBADMSG, "%s: byte %" PRIu64 ": no message", f->path,
-                          b->offset + CHUNK_HEAD + place);
+               : error_say(why, -EBADMSG, "%s: byte %" PRIu64 ": no message", f->path,
+                           b->offset + CHUNK_HEAD + place);
 }
 
 /* By one message index of the chunk: the newest, or several. */
 static int take_indexed(struct timeline *t, const struct bag_block *b,
                         const struct track *k, uint64_t index, uint64_t time,
-                        struct complaint *why)
+                        struct error *why)
 {
     uint64_t places[MOST_SEVERAL], newest = 0, at_time, place;
     size_t n = 0, n_several = 0;
@@ -192,8 +192,8 @@ static int take_indexed(struct timeline *t, const struct bag_block *b,
     if (err)
         return err;
     if (bag_record_take(&at, &r) || r.opcode != BAG_MESSAGE_INDEX)
-        return complain(why, -EBADMSG, "%s: byte %" PRIu64 ": no index",
-                        t->catalog->file.path, index);
+        return error_say(why, -EBADMSG, "%s: byte %" PRIu64 ": no index",
+                         t->catalog->file.path, index);
     while (bag_list_next(&r.message_index.entries, 8, &at_time, &place)) {
         if (at_time > time)
             continue;
@@ -213,7 +213,7 @@ static int take_indexed(struct timeline *t, const struct bag_block *b,
 
 static bool is_plain_chunk(struct timeline *t, const struct bag_block *b)
 {
-    struct complaint why;
+    struct error why;
 
     if (b->length <= CHUNK_HEAD || !b->channels.size ||
         bag_file_read(&t->catalog->file, b->offset, CHUNK_HEAD, &t->record, &why))
@@ -227,7 +227,7 @@ static bool is_plain_chunk(struct timeline *t, const struct bag_block *b)
 /* Of a chunk that is not compressed, the messages alone are read that its indexes name:
  * kilobytes in place of megabytes.  timeline_check looks at its checksum. */
 int timeline_take_chunk(struct timeline *t, const struct bag_block *b, uint64_t time,
-                        struct complaint *why)
+                        struct error *why)
 {
     uint64_t end = b->end_time < time ? b->end_time : time, id, index;
     struct bytes list = b->channels;

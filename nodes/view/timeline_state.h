@@ -45,6 +45,6 @@ bool track_gives_trail(const struct track *k);
 /* Takes from a chunk what is the newest up to that time, if there may be something newer
  * than what was found.  0, errors as bag_file_record and bag_file_chunk. */
 int timeline_take_chunk(struct timeline *t, const struct bag_block *b, uint64_t time,
-                        struct complaint *why);
+                        struct error *why);
 
 #endif

@@ -57,7 +57,7 @@ static void keep(struct view *v, enum board_subject subject, json_t *json)
 static void take_survey(struct view *v, const Anlos__Survey *m)
 {
     struct survey fresh;
-    struct complaint why;
+    struct error why;
 
     if (v->survey_id == m->id || survey_from_message(&fresh, m, &why))
         return;
@@ -74,7 +74,7 @@ static void take_survey(struct view *v, const Anlos__Survey *m)
 
 static void take_walls(struct view *v, const Anlos__WallList *m)
 {
-    struct complaint why;
+    struct error why;
 
     if (!v->survey_id || walls_from_message(&v->walls, m, &why))
         return; /* those who work with them complain */

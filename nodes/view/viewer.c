@@ -39,7 +39,7 @@ static void show_foxglove(void *ctx, const struct view_message *m)
 }
 
 static int create_all(struct viewer *v, const struct viewer_config *cfg,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct server_config server = {.address = cfg->address,
                                    .port = cfg->port,
@@ -49,7 +49,7 @@ static int create_all(struct viewer *v, const struct viewer_config *cfg,
     int err = view_create(&v->view, cfg->bag ? cfg->bag : cfg->run_dir, cfg->bag != NULL);
 
     if (err)
-        return complain(why, err, "not enough memory for the view");
+        return error_say(why, err, "not enough memory for the view");
     if (cfg->bag)
         err = player_create(&v->player, cfg->bag, v->view, why);
     server.view = v->view;
@@ -58,16 +58,15 @@ static int create_all(struct viewer *v, const struct viewer_config *cfg,
     if (!err)
         err = server_create(&v->server, &server, why);
     if (!err && v->player && (err = player_start(v->player, show_foxglove, v)))
-        complain(why, err, "%s: no thread to read it: %s", cfg->bag, strerror(-err));
+        error_say(why, err, "%s: no thread to read it: %s", cfg->bag, strerror(-err));
     return err;
 }
 
-int viewer_create(struct viewer **out, const struct viewer_config *cfg,
-                  struct complaint *why)
+int viewer_create(struct viewer **out, const struct viewer_config *cfg, struct error *why)
 {
     struct viewer *v = calloc(1, sizeof *v);
     int err = v ? create_all(v, cfg, why)
-                : complain(why, -ENOMEM, "not enough memory for the view");
+                : error_say(why, -ENOMEM, "not enough memory for the view");
 
     if (err)
         viewer_destroy(v);

@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_VIEW_VIEWER_H
 #define ANLOS_NODES_VIEW_VIEWER_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/view/view.h"
 
 #define VIEWER_ADDRESS "127.0.0.1"
@@ -25,7 +25,7 @@ struct viewer_config {
 
 /* 0, errors as server_create and timeline_open. */
 int viewer_create(struct viewer **out, const struct viewer_config *cfg,
-                  struct complaint *why);
+                  struct error *why);
 const char *viewer_url(const struct viewer *v);
 
 /* Without a bag: the messages of view_topic and any others, for Foxglove. */

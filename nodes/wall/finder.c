@@ -13,10 +13,10 @@ void finder_init(struct finder *f, const struct launchfile *l)
                     .vertical_rad = l->wall.vertical_deg * 3.14159265358979 / 180.0,
                     .reach_m = l->wall.reach_m,
                     .every_s = l->wall.every_s}};
-    keeper_init(&f->keeper, l);
+    wall_map_init(&f->wall_map, l);
 }
 
-int finder_survey(struct finder *f, const Anlos__Survey *m, struct complaint *why)
+int finder_survey(struct finder *f, const Anlos__Survey *m, struct error *why)
 {
     struct survey fresh;
 
@@ -31,7 +31,7 @@ int finder_survey(struct finder *f, const Anlos__Survey *m, struct complaint *wh
     f->survey = fresh;
     f->survey_id = m->id;
     f->has_survey = true;
-    keeper_survey(&f->keeper, &f->survey);
+    wall_map_survey(&f->wall_map, &f->survey);
     return f->from == WALL_FROM_ECHOES
                ? listener_create(&f->listener, &f->listens, &f->survey, why)
                : 0;
@@ -39,7 +39,7 @@ int finder_survey(struct finder *f, const Anlos__Survey *m, struct complaint *wh
 
 void finder_ego(struct finder *f, const Anlos__EgoMotion *m, int64_t capture_ns)
 {
-    keeper_ego(&f->keeper, m, capture_ns);
+    wall_map_ego(&f->wall_map, m, capture_ns);
 }
 
 bool finder_ping(struct finder *f, const Anlos__Ping *ping, int64_t capture_ns,
@@ -54,18 +54,18 @@ bool finder_ping(struct finder *f, const Anlos__Ping *ping, int64_t capture_ns,
         f->published_ns = 0;
     f->heard_ns = now_ns;
     f->ping_ns = capture_ns;
-    keeper_advance(&f->keeper, capture_ns);
-    if (listener_ping(f->listener, ping, capture_ns, keeper_path(&f->keeper), &heard,
+    wall_map_advance(&f->wall_map, capture_ns);
+    if (listener_ping(f->listener, ping, capture_ns, wall_map_path(&f->wall_map), &heard,
                       &blind) &&
         !blind)
-        keeper_estimates(&f->keeper, &heard);
+        wall_map_estimates(&f->wall_map, &heard);
     return true;
 }
 
 int finder_given(struct finder *f, const Anlos__WallList *m, int64_t capture_ns,
-                 struct complaint *why)
+                 struct error *why)
 {
-    return f->has_survey ? keeper_given(&f->keeper, m, capture_ns, why) : 0;
+    return f->has_survey ? wall_map_given(&f->wall_map, m, capture_ns, why) : 0;
 }
 
 /* What is heard is told as it was at the newest ping.  What is not heard itself is told
@@ -73,14 +73,14 @@ int finder_given(struct finder *f, const Anlos__WallList *m, int64_t capture_ns,
 const Anlos__WallList *finder_list(struct finder *f, int64_t now_ns, int64_t *stamp_ns)
 {
     if (f->from != WALL_FROM_ECHOES || now_ns - f->heard_ns >= QUIET_NS)
-        keeper_advance(&f->keeper, now_ns);
+        wall_map_advance(&f->wall_map, now_ns);
     else
         now_ns = f->ping_ns;
     if (!f->has_survey ||
         (now_ns >= f->published_ns && now_ns - f->published_ns < PERIOD_NS))
         return NULL;
     *stamp_ns = f->published_ns = now_ns;
-    return keeper_list(&f->keeper);
+    return wall_map_list(&f->wall_map);
 }
 
 size_t finder_unusable(const struct finder *f)

@@ -5,13 +5,13 @@
 #define ANLOS_NODES_WALL_FINDER_H
 
 #include "msgs/survey.pb-c.h"
-#include "nodes/wall/keeper.h"
+#include "nodes/wall/wall_map.h"
 #include "nodes/wall/listener.h"
 
 struct finder {
     enum wall_from from;
     struct listener_config listens;
-    struct keeper keeper;
+    struct wall_map wall_map;
     struct listener *listener; /* with from: echoes, once the survey is known */
     struct survey survey;
     uint64_t survey_id;
@@ -23,8 +23,8 @@ struct finder {
 
 void finder_init(struct finder *f, const struct launchfile *l);
 
-/* 0, or a negative errno with a complaint. */
-int finder_survey(struct finder *f, const Anlos__Survey *m, struct complaint *why);
+/* 0, or a negative errno with an error. */
+int finder_survey(struct finder *f, const Anlos__Survey *m, struct error *why);
 
 void finder_ego(struct finder *f, const Anlos__EgoMotion *m, int64_t capture_ns);
 
@@ -32,9 +32,9 @@ void finder_ego(struct finder *f, const Anlos__EgoMotion *m, int64_t capture_ns)
 bool finder_ping(struct finder *f, const Anlos__Ping *ping, int64_t capture_ns,
                  int64_t now_ns);
 
-/* 0, or -EINVAL with a complaint. */
+/* 0, or -EINVAL with an error. */
 int finder_given(struct finder *f, const Anlos__WallList *m, int64_t capture_ns,
-                 struct complaint *why);
+                 struct error *why);
 
 /* After each message, and while there is none: the list that is to be published now, at
  * most ten a second, with its stamp; NULL: none is.  Borrows until the next call. */

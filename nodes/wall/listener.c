@@ -73,15 +73,15 @@ static int allocate(struct listener *l)
 }
 
 int listener_create(struct listener **out, const struct listener_config *cfg,
-                    const struct survey *s, struct complaint *why)
+                    const struct survey *s, struct error *why)
 {
     if (s->pings_m)
-        return complain(why, -EINVAL,
-                        "wall: pings with places of their own tell no walls; use "
-                        "from: survey");
+        return error_say(why, -EINVAL,
+                         "wall: pings with places of their own tell no walls; use "
+                         "from: survey");
     struct listener *l = calloc(1, sizeof *l);
     if (!l)
-        return complain(why, -ENOMEM, "not enough memory to look for walls");
+        return error_say(why, -ENOMEM, "not enough memory to look for walls");
     l->cfg = *cfg;
     l->survey = s;
     int err = receiver_open(&l->receiver, s, cfg->reach_m, CLEARANCE_M, why);
@@ -89,7 +89,7 @@ int listener_create(struct listener **out, const struct listener_config *cfg,
         configure_estimate(l);
         err = allocate(l);
         if (err)
-            complain(why, err, "not enough memory to look for walls");
+            error_say(why, err, "not enough memory to look for walls");
     }
     if (err)
         listener_destroy(l);

@@ -12,7 +12,7 @@
 #include <stdint.h>
 
 #include "msgs/array.pb-c.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 #include "recon/ego.h"
 #include "recon/wall_estimate.h"
@@ -26,9 +26,9 @@ struct listener_config {
 
 struct listener;
 
-/* Plans for a survey, which must outlive it.  0, or a negative errno with a complaint. */
+/* Plans for a survey, which must outlive it.  0, or a negative errno with an error. */
 int listener_create(struct listener **out, const struct listener_config *cfg,
-                    const struct survey *s, struct complaint *why);
+                    const struct survey *s, struct error *why);
 
 /* Takes a ping of that survey.  true: it ended a look, and *out is what was heard, in the
  * array's frame at the ping's capture stamp; then *blind says that the vehicle moved and

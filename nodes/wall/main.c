@@ -31,14 +31,14 @@ static void tell_state(struct run *r, const Anlos__WallList *list)
 
 static int take_survey(struct run *r, const Anlos__Survey *m)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     bool known = r->finder.has_survey && r->finder.survey_id == m->id;
     int err = finder_survey(&r->finder, m, &why);
 
     if (err) {
         node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
     } else if (!known) {
-        tell_state(r, keeper_list(&r->finder.keeper));
+        tell_state(r, wall_map_list(&r->finder.wall_map));
         early_tell(&r->early, r->node);
     }
     return err;
@@ -59,7 +59,7 @@ static void take_ping(struct run *r, const struct node_message *in)
 
 static void take_given(struct run *r, const struct node_message *in)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (finder_given(&r->finder, (const Anlos__WallList *)in->content, in->capture_ns,
                      &why))

@@ -29,7 +29,7 @@ static double slot_s(const struct survey *s)
 
 /* From the emission on, as far as walls are looked for and the ping holds whole chirps.
  */
-static int plan_gate(struct receiver *r, double reach_m, struct complaint *why)
+static int plan_gate(struct receiver *r, double reach_m, struct error *why)
 {
     const struct survey *s = r->survey;
     struct processing *p = &r->processing;
@@ -45,16 +45,17 @@ static int plan_gate(struct receiver *r, double reach_m, struct complaint *why)
     p->gate_s[0] = 0.0;
     p->gate_s[1] = r->until_s;
     if (!(r->until_s > 0.0))
-        return complain(why, -EINVAL,
-                        "slot_samples: pings of %zu samples hold no echo of a wall whole",
-                        p->ping_samples);
+        return error_say(
+            why, -EINVAL,
+            "slot_samples: pings of %zu samples hold no echo of a wall whole",
+            p->ping_samples);
     return 0;
 }
 
 /* The other chirp's direct sound: of this slot, and of the next if filters for an echo
  * reach as far. */
 static int plan_crosstalk(struct receiver *r, const struct survey *down, double direct_s,
-                          struct complaint *why)
+                          struct error *why)
 {
     struct survey flat[2] = {*r->survey, *down};
     struct wall_crosstalk_config cfg = {.sample_rate_hz = down->sample_rate_hz,
@@ -73,8 +74,8 @@ static int plan_crosstalk(struct receiver *r, const struct survey *down, double 
     if (!err) {
         err = wall_crosstalk_create(&r->crosstalk, &cfg);
         if (err)
-            complain(why, err, "planning to tell two chirps at a time apart: %s",
-                     strerror(-err));
+            error_say(why, err, "planning to tell two chirps at a time apart: %s",
+                      strerror(-err));
     }
     pulse_compress_destroy(cfg.filters[0]);
     pulse_compress_destroy(cfg.filters[1]);
@@ -113,7 +114,7 @@ static void extend(struct receiver *r, double *direct_s)
         p->gate_s[1] = slot_s(s) + *direct_s + MARGIN_SAMPLES / s->sample_rate_hz;
 }
 
-static int plan_filters(struct receiver *r, double clearance_m, struct complaint *why)
+static int plan_filters(struct receiver *r, double clearance_m, struct error *why)
 {
     const struct survey *s = r->survey;
     struct processing *p = &r->processing;
@@ -123,9 +124,9 @@ static int plan_filters(struct receiver *r, double clearance_m, struct complaint
     double direct_s = (longest_direct_m(s) + clearance_m) / s->sound_speed_m_s;
     bool apart = can_tell_apart(r, direct_s);
     if (s->together > 1 && !apart)
-        return complain(why, -EINVAL,
-                        "two speakers at a time do not fit this slot: no wall from "
-                        "echoes; use longer slots, or from: survey or topic");
+        return error_say(why, -EINVAL,
+                         "two speakers at a time do not fit this slot: no wall from "
+                         "echoes; use longer slots, or from: survey or topic");
     if (apart)
         extend(r, &direct_s);
     int err = processing_compressor(&r->compress[0], p, s, WINDOW_HANN, why);
@@ -145,7 +146,7 @@ static int plan_filters(struct receiver *r, double clearance_m, struct complaint
 }
 
 int receiver_open(struct receiver *r, const struct survey *s, double reach_m,
-                  double clearance_m, struct complaint *why)
+                  double clearance_m, struct error *why)
 {
     *r = (struct receiver){.survey = s, .survey_id = survey_id(s)};
     int err = plan_gate(r, reach_m, why);
@@ -158,7 +159,7 @@ int receiver_open(struct receiver *r, const struct survey *s, double reach_m,
     r->traces = calloc(n, sizeof *r->traces);
     r->other = r->crosstalk ? calloc(n, sizeof *r->other) : NULL;
     if (!r->padded || !r->traces || (r->crosstalk && !r->other))
-        return complain(why, -ENOMEM, "not enough memory to look for walls");
+        return error_say(why, -ENOMEM, "not enough memory to look for walls");
     return 0;
 }
 

@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 #include "msgs/array.pb-c.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 #include "recon/processing.h"
 #include "recon/wall_crosstalk.h"
@@ -31,9 +31,9 @@ struct receiver {
 
 /* {0}: may be cleared.  For walls up to reach_m away, behind all direct sound by
  * clearance_m of its path.  The survey must outlive it.  0, or a negative errno with a
- * complaint: -EINVAL also when two speakers sound together and cannot be told apart. */
+ * error: -EINVAL also when two speakers sound together and cannot be told apart. */
 int receiver_open(struct receiver *r, const struct survey *s, double reach_m,
-                  double clearance_m, struct complaint *why);
+                  double clearance_m, struct error *why);
 
 /* Into r->traces; false: a ping that cannot be used. */
 bool receiver_take(struct receiver *r, const Anlos__Ping *ping);

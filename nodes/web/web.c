@@ -573,7 +573,7 @@ static void *run(void *ctx)
 
 /* An address of this machine, and its size. */
 static int parse_address(const struct web_config *cfg, struct sockaddr_storage *out,
-                         socklen_t *size, struct complaint *why)
+                         socklen_t *size, struct error *why)
 {
     struct sockaddr_in *a4 = (struct sockaddr_in *)out;
     struct sockaddr_in6 *a6 = (struct sockaddr_in6 *)out;
@@ -591,13 +591,13 @@ static int parse_address(const struct web_config *cfg, struct sockaddr_storage *
         *size = sizeof *a6;
         return 0;
     }
-    return complain(why, -EINVAL,
-                    "address %s: expected an IP address of this machine, such as "
-                    "127.0.0.1, or 0.0.0.0 for all",
-                    cfg->address);
+    return error_say(why, -EINVAL,
+                     "address %s: expected an IP address of this machine, such as "
+                     "127.0.0.1, or 0.0.0.0 for all",
+                     cfg->address);
 }
 
-static int open_listener(struct web *w, struct complaint *why)
+static int open_listener(struct web *w, struct error *why)
 {
     struct sockaddr_storage a;
     socklen_t size;
@@ -607,18 +607,18 @@ static int open_listener(struct web *w, struct complaint *why)
         return err;
     w->listener = socket(a.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (w->listener < 0)
-        return complain(why, -errno, "no socket: %s", strerror(errno));
+        return error_say(why, -errno, "no socket: %s", strerror(errno));
     setsockopt(w->listener, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
     if (bind(w->listener, (struct sockaddr *)&a, size) || listen(w->listener, 64))
         err = -errno;
     if (err == -EADDRINUSE)
-        return complain(why, err,
-                        "port %u of %s is in use, perhaps by another view; choose "
-                        "another one with --port or view.port",
-                        w->cfg.port, w->cfg.address);
+        return error_say(why, err,
+                         "port %u of %s is in use, perhaps by another view; choose "
+                         "another one with --port or view.port",
+                         w->cfg.port, w->cfg.address);
     if (err || getsockname(w->listener, (struct sockaddr *)&a, &size))
-        return complain(why, err ? err : -errno, "port %u of %s: %s", w->cfg.port,
-                        w->cfg.address, strerror(err ? -err : errno));
+        return error_say(why, err ? err : -errno, "port %u of %s: %s", w->cfg.port,
+                         w->cfg.address, strerror(err ? -err : errno));
     w->port = ntohs(a.ss_family == AF_INET ? ((struct sockaddr_in *)&a)->sin_port
                                            : ((struct sockaddr_in6 *)&a)->sin6_port);
     snprintf(w->url, sizeof w->url,
@@ -627,12 +627,12 @@ static int open_listener(struct web *w, struct complaint *why)
     return 0;
 }
 
-int web_create(struct web **out, const struct web_config *cfg, struct complaint *why)
+int web_create(struct web **out, const struct web_config *cfg, struct error *why)
 {
     struct web *w = calloc(1, sizeof *w);
 
     if (!w)
-        return complain(why, -ENOMEM, "not enough memory for the web server");
+        return error_say(why, -ENOMEM, "not enough memory for the web server");
     w->cfg = *cfg;
     w->listener = -1;
     int err = open_listener(w, why);
@@ -675,7 +675,7 @@ static int adopt_listener(struct web *w)
     return 0;
 }
 
-int web_start(struct web *w, struct complaint *why)
+int web_start(struct web *w, struct error *why)
 {
     struct lws_context_creation_info info = {
         .port = CONTEXT_PORT_NO_LISTEN_SERVER,
@@ -696,12 +696,12 @@ int web_start(struct web *w, struct complaint *why)
     lws_set_log_level(0, NULL);
     w->lws = lws_create_context(&info);
     if (!w->lws || adopt_listener(w))
-        return complain(why, -ENOMEM, "not enough memory for the web server");
+        return error_say(why, -ENOMEM, "not enough memory for the web server");
     stop_block(&before);
     int err = -pthread_create(&w->thread, NULL, run, w);
     stop_unblock(&before);
     w->runs = !err;
-    return err ? complain(why, err, "no thread for the web server: %s", strerror(-err))
+    return err ? error_say(why, err, "no thread for the web server: %s", strerror(-err))
                : 0;
 }
 

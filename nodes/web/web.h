@@ -13,7 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 #define WEB_URL_SIZE      96
 #define WEB_HEAD_SIZE     16
@@ -84,12 +84,12 @@ struct web_endpoint {
 };
 
 /* Listens, but answers nobody before web_start.  0, -EADDRINUSE, -EACCES, -EADDRNOTAVAIL,
- * -EINVAL (no address), -ENOMEM; the complaint says what to do. */
-int web_create(struct web **out, const struct web_config *cfg, struct complaint *why);
+ * -EINVAL (no address), -ENOMEM; the error says what to do. */
+int web_create(struct web **out, const struct web_config *cfg, struct error *why);
 
 /* Before web_start, WEB_MAX_ENDPOINTS times at most.  The endpoint is copied. */
 void web_serve(struct web *w, const struct web_endpoint *e);
-int web_start(struct web *w, struct complaint *why); /* 0, -ENOMEM, -EAGAIN */
+int web_start(struct web *w, struct error *why); /* 0, -ENOMEM, -EAGAIN */
 
 const char *web_url(const struct web *w); /* "http://127.0.0.1:8765/" */
 unsigned web_port(const struct web *w);

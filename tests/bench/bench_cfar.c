@@ -78,7 +78,7 @@ static int write_scene(const struct bench *b, const char *world, unsigned seed)
     return fclose(f) ? -EIO : 0;
 }
 
-static int image(struct bench *b, struct complaint *why)
+static int image(struct bench *b, struct error *why)
 {
     static const uint32_t speakers[SPEAKERS] = {0, 1, 2, 3};
     const struct survey *s = room_survey(b->room);
@@ -186,8 +186,7 @@ static int judge(struct bench *b, unsigned seed)
     return err;
 }
 
-static int run_seed(struct bench *b, const char *world, unsigned seed,
-                    struct complaint *why)
+static int run_seed(struct bench *b, const char *world, unsigned seed, struct error *why)
 {
     int err = write_scene(b, world, seed);
 
@@ -250,7 +249,7 @@ static void print_case(const struct bench *b, const char *name)
 static int run_case(size_t c, unsigned seeds)
 {
     struct bench b = {.path = "/tmp/bench_cfar_XXXXXX"};
-    struct complaint why = {""};
+    struct error why = {""};
     int fd = mkstemp(b.path), err = 0;
 
     if (fd >= 0)

@@ -102,8 +102,7 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static int plan(struct bench *b, const char *method, size_t threads,
-                struct complaint *why)
+static int plan(struct bench *b, const char *method, size_t threads, struct error *why)
 {
     struct trace_format format;
     int err = pool_create(&b->pool, threads);
@@ -116,7 +115,7 @@ static int plan(struct bench *b, const char *method, size_t threads,
         b->difference[t] = malloc((size_t)MICS * FRAMES * sizeof(float));
         b->traces[t] = malloc(MICS * format.n_samples * sizeof(float complex));
         if (!b->difference[t] || !b->traces[t])
-            err = complain(why, -ENOMEM, "out of memory");
+            err = error_say(why, -ENOMEM, "out of memory");
     }
     return err ? err
                : processing_imager(&b->imager, &b->processing, method, &format, b->pool,
@@ -139,7 +138,7 @@ static void release(struct bench *b)
     b->pool = NULL;
 }
 
-static int run(struct bench *b, const char *method, size_t threads, struct complaint *why)
+static int run(struct bench *b, const char *method, size_t threads, struct error *why)
 {
     double total_s[MAX_RUNS], stack_s[MAX_RUNS], planned_s = clock_s(), spent_s = 0.0;
     size_t runs = 0;
@@ -176,18 +175,18 @@ int main(int argc, char **argv)
     static const char *const both[] = {"fast", "backprojection"};
     const char *const *methods = argc > 1 ? (const char *const *)argv + 1 : both;
     int n = argc > 1 ? argc - 1 : 2;
-    struct complaint why = {0};
+    struct error why = {0};
 
     lay_out(&b);
     int err = processing_plan(&b.processing, &b.survey, &why);
     b.processing.ping_samples = b.processing.echo_samples; /* as `anlos recon` does */
     if (!err && b.processing.ping_samples > SLOT + TAIL)
-        err = complain(&why, -EINVAL, "the ping needs %zu samples",
-                       b.processing.ping_samples);
+        err = error_say(&why, -EINVAL, "the ping needs %zu samples",
+                        b.processing.ping_samples);
     if (!err) {
         b.intensity = malloc(grid_size(&b.processing.grid) * sizeof *b.intensity);
         if (!b.intensity || fill(&b.scene, 1) || fill(&b.background, 2))
-            err = complain(&why, -ENOMEM, "out of memory");
+            err = error_say(&why, -ENOMEM, "out of memory");
     }
     if (!err)
         printf("%d x %d x %d recordings of %d samples and background, %zu x %zu x %zu "

@@ -93,7 +93,7 @@ static int write_bag(const struct bench *b, enum bag_compression compression,
     const struct clock_source *clock = clock_system();
     struct bus_message m = {.topic = topic_ping(), .payload = b->sound};
     struct recorder_totals totals;
-    struct complaint why = {""};
+    struct error why = {""};
     struct recorder *r;
     int64_t due_ns;
 

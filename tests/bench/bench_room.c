@@ -34,7 +34,7 @@ static void measure(struct room *r, struct room_stream *s, uint64_t n)
 
 int main(int argc, char **argv)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct room *r;
     struct room_stream *s = NULL;
     if (argc < 2 || room_load(&r, argv[1], &why)) {

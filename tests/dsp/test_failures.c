@@ -43,7 +43,7 @@ static const struct trace_format format = FORMAT;
 
 /* Makes one and takes it away again; *out stays NULL if there is none. */
 #define CREATES(name, ...)                                                               \
-    static int name##_work(void *context, struct complaint *why)                         \
+    static int name##_work(void *context, struct error *why)                             \
     {                                                                                    \
         struct name *made = NULL;                                                        \
         (void)context;                                                                   \
@@ -107,8 +107,8 @@ CREATES(stationary, 2048, true)
 CREATES(timescale, &format, interpolator)
 CREATES(trace_mean, 4, 2, 100)
 
-static void expect(const char *name, int (*run)(void *, struct complaint *),
-                   void *context, size_t calls)
+static void expect(const char *name, int (*run)(void *, struct error *), void *context,
+                   size_t calls)
 {
     const struct failing_work work = {
         .name = name, .run = run, .context = context, .wordless = true};
@@ -138,7 +138,7 @@ static void what_is_made_is_made_whole_or_not_at_all(void **state)
 }
 
 /* Threads may be wanting too, which is another error. */
-static int threads_work(void *context, struct complaint *why)
+static int threads_work(void *context, struct error *why)
 {
     int err = pool_work(context, why);
 
@@ -157,7 +157,7 @@ static void a_pool_without_its_threads_is_none(void **state)
 
 enum { N = 4 };
 
-static int time_zero_work(void *context, struct complaint *why)
+static int time_zero_work(void *context, struct error *why)
 {
     struct time_zero_pair pairs[N];
     struct time_zero fit;
@@ -170,7 +170,7 @@ static int time_zero_work(void *context, struct complaint *why)
     return err ? err : time_zero_fit_speed(&fit, pairs, N, 340.0);
 }
 
-static int levels_work(void *context, struct complaint *why)
+static int levels_work(void *context, struct error *why)
 {
     const double level_db[N * N] = {1.0, -1.0, 2.0};
     double speaker_db[N], microphone_db[N];
@@ -181,7 +181,7 @@ static int levels_work(void *context, struct complaint *why)
     return levels_fit(&out, N, N, level_db, speaker_db, microphone_db);
 }
 
-static int polarity_work(void *context, struct complaint *why)
+static int polarity_work(void *context, struct error *why)
 {
     const double complex peaks[N * N] = {1.0, -1.0, 2.0 * I};
     bool speakers[N], microphones[N];
@@ -191,7 +191,7 @@ static int polarity_work(void *context, struct complaint *why)
     return polarity_find(N, N, peaks, speakers, microphones);
 }
 
-static int order_work(void *context, struct complaint *why)
+static int order_work(void *context, struct error *why)
 {
     double heard[N * N], expected[N * N];
     struct channel_place out[N];

@@ -43,7 +43,7 @@ static int end_of(pid_t pid)
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/* No process may have met a sanitizer's complaint. */
+/* No process may have met a sanitizer's error. */
 static void assert_clean(struct scratch *s)
 {
     char line[1000];

@@ -25,7 +25,7 @@ struct system {
 
 static void start(struct scratch *s, struct system *y)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     const struct bus_config cfg = {
         .node = "hand", .run_dir = s->folder, .epoch_ns = clock_now_ns(clock_system())};
     char text[1024], launch[128];
@@ -138,7 +138,7 @@ static void record(struct scratch *s)
 {
     enum { SLOTS = 24, SLOT = 1200 };
     static float sound[2][SLOTS * SLOT];
-    struct complaint why = {""};
+    struct error why = {""};
     uint32_t x = 1;
 
     for (size_t i = 0; i < sizeof sound / sizeof(float); i++) {

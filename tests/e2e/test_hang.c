@@ -143,7 +143,7 @@ static void forget_statuses(struct world *w)
 
 static void start(struct world *w)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     const struct bus_config cfg = {.run_dir = w->scratch->folder, .listen_only = true};
     char text[1024], launch[128];
 

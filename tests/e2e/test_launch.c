@@ -70,17 +70,17 @@ static pid_t start(struct scratch *s)
 static bool show(struct scratch *s, bool print)
 {
     char line[400];
-    bool complaint = false;
+    bool error = false;
     FILE *f = fopen(scratch_path(s, "says"), "r");
 
     while (f && fgets(line, sizeof line, f)) {
-        complaint |= strstr(line, "Sanitizer") || strstr(line, "runtime error");
+        error |= strstr(line, "Sanitizer") || strstr(line, "runtime error");
         if (print)
             print_message("%s", line);
     }
     if (f)
         fclose(f);
-    return complaint;
+    return error;
 }
 
 static void assert_ends_well(struct scratch *s, pid_t pid)

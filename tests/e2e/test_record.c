@@ -18,7 +18,7 @@ static void check_sequences(const struct bag_catalog *c)
         uint64_t next;
     } senders[64];
     struct bag_cursor *cursor;
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_message m;
     size_t n = 0;
 

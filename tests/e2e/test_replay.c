@@ -40,7 +40,7 @@ static char *slurp(struct scratch *s, const char *name)
     return text;
 }
 
-/* Everything that was said counts: no process may have met a sanitizer's complaint. */
+/* Everything that was said counts: no process may have met a sanitizer's error. */
 static void run_well(struct scratch *s, char *const argv[])
 {
     int code = run(s, argv);

@@ -43,7 +43,7 @@ static inline void make_host_keys(struct scratch *s)
 
     for (size_t i = 0; i < 2; i++) {
         char public[KEYS_TEXT_SIZE], folder[128];
-        struct complaint why = {""};
+        struct error why = {""};
         snprintf(folder, sizeof folder, "%s/keys/%s", s->folder, names[i]);
         if (keys_create(folder, names[i], public, &why))
             fail_msg("%s", why.text);

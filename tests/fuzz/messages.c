@@ -30,7 +30,7 @@ bool messages_next(struct bytes *input, const struct topic **topic, struct bytes
 
 int messages_survey(struct survey *out, Anlos__Survey *m)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     unsigned long long id;
     int err = survey_from_message(out, m, &why);
     const char *told = strstr(why.text, "that of its content, ");

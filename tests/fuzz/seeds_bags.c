@@ -10,7 +10,7 @@
 
 static void define(struct bag_writer *w)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_channel channel = {.schema_id = 1, .message_encoding = bytes_of("json")};
     struct bytes_buffer metadata = {0};
     uint16_t id;
@@ -29,7 +29,7 @@ static void define(struct bag_writer *w)
 
 static void put_messages(struct bag_writer *w)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     for (unsigned i = 0; i < N_MESSAGES; i++) {
         char text[64];
@@ -45,7 +45,7 @@ static void put_messages(struct bag_writer *w)
 
 static void put_rest(struct bag_writer *w)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bytes_buffer map = {0};
 
     bag_map_put(&map, bytes_of("git"), bytes_of("0123"));
@@ -88,7 +88,7 @@ static void put_both(const struct seeds *s, const char *name, struct bytes conte
 static void put_bag(const struct seeds *s, const char *name,
                     const struct bag_writer_config *cfg)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
     char path[4096];
 

@@ -35,7 +35,7 @@ static void publish(struct bytes_buffer *to, const struct topic *topic,
 
 static void publish_survey(struct scan *s)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     const struct frontend_config dsp = {.window = WINDOW_HANN,
                                         .background = BACKGROUND_RECORDED};
     const struct scan_imager_config recon = {
@@ -77,7 +77,7 @@ static void publish_ping(struct scan *s, Anlos__Pass pass, uint32_t position,
 
 static void publish_image(struct scan *s)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     Anlos__Volume volume;
     Anlos__DetectionList *list;
 

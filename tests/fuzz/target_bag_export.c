@@ -14,7 +14,7 @@ static void write_bag(const char *path, struct bytes input)
 {
     const struct bag_writer_config cfg = {
         .profile = "anlos", .library = "fuzz", .chunk_size = 4096};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
     struct bag_topics *topics;
     struct bytes payload;
@@ -37,7 +37,7 @@ static void write_bag(const char *path, struct bytes input)
 
 static void compare(struct stream *s, struct bytes input)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct stream_message m;
     struct bytes payload;
     const struct topic *topic;
@@ -52,9 +52,9 @@ static void compare(struct stream *s, struct bytes input)
 
 static void export(struct stream *s, const char *topics,
                    int (*write)(struct stream *, const struct export_options *,
-                                struct complaint *))
+                                struct error *))
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct export_options o = {
         .file = "in.mcap", .out = fuzz_path("out"), .full = true, .topics = topics};
     size_t n_missing = 0;
@@ -70,7 +70,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     const struct bytes input = {data, size};
     const char *path = fuzz_path("in.mcap");
-    struct complaint why = {""};
+    struct error why = {""};
     struct stream *s;
 
     write_bag(path, input);

@@ -10,7 +10,7 @@
 
 static int read_records(const char *path, uint64_t *n_messages)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_reader *r;
     struct bag_record record;
     int err = bag_reader_open(&r, path, &why);
@@ -28,7 +28,7 @@ static int read_records(const char *path, uint64_t *n_messages)
 /* The messages from a time on, in order.  Returns how it ended. */
 static int walk(const struct bag_catalog *catalog, uint64_t from, uint64_t *n_messages)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_cursor *c;
     struct bag_message m;
     uint64_t time = from;
@@ -57,7 +57,7 @@ static void read_rest(const struct bag_catalog *c, const struct bag_kept *index,
 
 static void look(const struct bag_catalog *c)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct contents contents;
 
     if (!contents_read(&contents, c, &why))
@@ -70,7 +70,7 @@ static void look(const struct bag_catalog *c)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_catalog *catalog;
     const char *path = fuzz_file("in.mcap", data, size);
     uint64_t n_faults = 0, n_read = 0, n_walked = 0, n_after = 0;

@@ -11,7 +11,7 @@
 
 static uint64_t count_messages(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_reader *r;
     struct bag_record record;
     uint64_t n = 0;
@@ -27,7 +27,7 @@ static uint64_t count_messages(const char *path)
 
 static void require_whole(const char *path, uint64_t n_messages)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t n_faults = 0;
 
     FUZZ_REQUIRE(!bag_check(&n_faults, path, NULL, &why));
@@ -37,7 +37,7 @@ static void require_whole(const char *path, uint64_t n_messages)
 
 static void recover(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_recovery result;
     const char *saved = fuzz_path("saved.mcap");
 
@@ -50,7 +50,7 @@ static void recover(const char *path)
 
 static void select_from(const char *const *files, size_t n_files)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     const char *out = fuzz_path("out.mcap");
     const struct selection s = {.files = (char *const *)files,
                                 .n_files = n_files,

@@ -11,7 +11,7 @@
 
 static void as_confocal(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct confocal_file f;
     struct confocal_scan scan;
     double gate_m[2];
@@ -28,7 +28,7 @@ static void as_confocal(const char *path)
 
 static void as_arrays(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct mat_file *f;
     size_t extents[MAT_FILE_MAX_RANK];
     float complex *traces = NULL;

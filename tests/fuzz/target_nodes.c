@@ -61,7 +61,7 @@ static void stop(struct system *s)
 /* Sets the id right; is it a survey to plan for, or none at all? */
 static bool is_small(Anlos__Survey *m)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct processing p;
     struct survey s;
 
@@ -76,7 +76,7 @@ static bool is_small(Anlos__Survey *m)
 
 static void take_survey(struct system *s, Anlos__Survey *m)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (s->has_survey || !is_small(m))
         return;
@@ -106,7 +106,7 @@ static void take_detections(struct system *s, const Anlos__DetectionList *m)
 static void take_volume(struct system *s, const Anlos__Volume *m)
 {
     Anlos__DetectionList *list;
-    struct complaint why = {""};
+    struct error why = {""};
 
     int64_t capture_ns = m->scan % 2 ? INT64_MIN : (int64_t)m->scan * 1000000;
     if (!tracking_volume(s->tracking, m, capture_ns, &list, &why)) {
@@ -152,7 +152,7 @@ static void take_status(struct system *s, const Anlos__ScanStatus *m)
 
 static void take_walls(struct system *s, const Anlos__WallList *m)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     watch_walls(&s->watch, m, s->now_ns);
     tracking_walls(s->tracking, m, m->n_walls % 2 ? INT64_MAX : s->now_ns, &why);

@@ -16,7 +16,7 @@
 
 static void as_pings(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     double(*pings)[2][3] = NULL;
     size_t n = 0;
 
@@ -30,7 +30,7 @@ static void as_pings(const char *path)
 
 static void as_response(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct survey_response r;
     char folder[4096];
 
@@ -48,7 +48,7 @@ static void as_response(const char *path)
 
 static void as_psf(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct psf_file psf;
 
     if (psf_file_load(&psf, path, &why))
@@ -86,7 +86,7 @@ static void as_line(const char *line)
 static void as_uri(const char *uri)
 {
     static const char *const known[] = {"background", "pace", "rig", NULL};
-    struct complaint why = {""};
+    struct error why = {""};
     struct device d;
     char *made[] = {uri_path(uri), uri_in_folder(uri, "folder"),
                     uri_option_in_folder(uri, "folder", "background"),

@@ -38,7 +38,7 @@ static void read_all(const struct recording *r, const struct survey *s)
     size_t n = s->n_microphones * recording_frames(r);
     float *samples = malloc(n * sizeof *samples);
     uint32_t counts[2][2];
-    struct complaint why = {""};
+    struct error why = {""};
 
     FUZZ_REQUIRE(samples);
     for (size_t p = 0; p < s->n_positions; p++) {
@@ -54,7 +54,7 @@ static void read_all(const struct recording *r, const struct survey *s)
 static void as_recording(const char *folder, bool pings)
 {
     const struct survey s = survey_of(pings);
-    struct complaint why = {""};
+    struct error why = {""};
     struct recording *r;
 
     if (recording_open(&r, folder, &s, &why)) {
@@ -67,7 +67,7 @@ static void as_recording(const char *folder, bool pings)
 
 static void as_replica(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     double band_hz[2];
     float *x = NULL;
     size_t n = 0;

@@ -18,7 +18,7 @@ static void require_printable(const char *text)
 
 static void as_foxglove(const uint8_t *data, size_t size, bool binary)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct foxglove_request r;
 
     if (foxglove_request_parse(data, size, binary, &r, &why)) {

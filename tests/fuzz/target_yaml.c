@@ -6,14 +6,14 @@
 #include "nodes/rt/launchfile.h"
 #include "tests/fuzz/fuzz.h"
 
-static void require_words(int err, const struct complaint *why)
+static void require_words(int err, const struct error *why)
 {
     FUZZ_REQUIRE(!err == !why->text[0]);
 }
 
 static void as_survey(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct survey s;
     int err = survey_load(&s, path, &why);
 
@@ -28,7 +28,7 @@ static void as_survey(const char *path)
 
 static void as_scene(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct scene *scene;
     struct survey s;
     int err = scene_load(&scene, &s, path, &why);
@@ -43,7 +43,7 @@ static void as_scene(const char *path)
 
 static void as_rig(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct rig rig;
     int err = rig_load(&rig, path, &why);
 
@@ -54,7 +54,7 @@ static void as_rig(const char *path)
 
 static void as_calibration(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct calibration *c;
     int err = calibration_load(&c, path, &why);
 
@@ -65,7 +65,7 @@ static void as_calibration(const char *path)
 
 static void as_launchfile(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l;
     int err = launchfile_load(&l, path, NULL, &why);
 

@@ -291,7 +291,7 @@ static void surveys_without_number_are_refused(void **state)
     (void)state;
     static const struct bag_writer_config cfg = {
         .profile = "anlos", .library = "test", .chunk_size = MB};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
     struct bag_topics *topics;
     struct envelope e = {.node = "array", .epoch_ns = 5};

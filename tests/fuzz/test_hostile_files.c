@@ -20,7 +20,7 @@
 #define MB        ((size_t)1 << 20)
 #define MAX_CPU_S 60 /* of all tests, with a sanitizer on a busy machine */
 
-static struct complaint why;
+static struct error why;
 
 /* The errors of all who may read it. */
 static void assert_all_refuse(const char *path, int expected)

@@ -67,7 +67,7 @@ static inline void card_open_survey(struct card *c, struct scratch *s, const cha
                                     const char *options)
 {
     char text[2000], uri[1200];
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     c->format = format;
     c->bytes = !strcmp(format, "S16") ? 2 : !strcmp(format, "S24_3") ? 3 : 4;
     snprintf(text, sizeof text, "%s/out", folder);
@@ -129,7 +129,7 @@ static inline void feed(const struct card *c, int (*sound)(size_t, size_t))
 
 static inline void next(struct card *c, struct array_ping *ping)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     if (array_next(c->array, ping, &why))
         fail_msg("%s", why.text);
 }

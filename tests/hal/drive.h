@@ -19,7 +19,7 @@
 
 static inline struct room *drive_load(void **state, const char *text)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct room *r;
     if (room_load(&r, scratch_write(*state, "scene.yaml", text), &why))
         fail_msg("%s", why.text);

@@ -1,6 +1,6 @@
 /* tests/hal/rail.h -- a rail with a motor that does as its step and direction lines say,
  * two limit switches, an emergency stop, and a clock that only moves when it is slept on.
- * The carriage lags behind the motor by the play of its drive. */
+ * The stage client lags behind the motor by the play of its drive. */
 #ifndef ANLOS_TESTS_HAL_RAIL_H
 #define ANLOS_TESTS_HAL_RAIL_H
 
@@ -14,10 +14,10 @@ enum { RAIL_MAX_STEPS = 200000 };
 
 struct rail {
     int64_t now_ns;
-    int64_t motor, carriage, play; /* steps */
+    int64_t motor, stage_client, play; /* steps */
     bool step, forward, enabled;
     bool moved_disabled;
-    int64_t home_at, limit_at; /* closed from there on, of the carriage */
+    int64_t home_at, limit_at; /* closed from there on, of the stage client */
     bool home_positive;        /* the home switch is at the upper end */
     uint64_t estop_after;      /* steps made; 0: never */
     uint64_t blip_after;       /* an emergency stop that is over at once */
@@ -50,10 +50,10 @@ static inline void rail_sleep(void *state, int64_t t_ns)
 static inline void rail_move(struct rail *r)
 {
     r->motor += r->forward ? 1 : -1;
-    if (r->carriage < r->motor - r->play)
-        r->carriage = r->motor - r->play;
-    if (r->carriage > r->motor)
-        r->carriage = r->motor;
+    if (r->stage_client < r->motor - r->play)
+        r->stage_client = r->motor - r->play;
+    if (r->stage_client > r->motor)
+        r->stage_client = r->motor;
     r->moved_disabled |= !r->enabled;
     if (r->now_ns - r->direction_ns < r->shortest_setup_ns)
         r->shortest_setup_ns = r->now_ns - r->direction_ns;
@@ -91,9 +91,10 @@ static inline int rail_set(void *state, enum stepper_line line, bool active)
 static inline int rail_inputs(void *state, unsigned *active)
 {
     struct rail *r = state;
-    bool home = r->home_positive ? r->carriage >= r->home_at : r->carriage <= r->home_at;
-    bool limit = r->home_positive ? r->carriage <= r->limit_at
-                                  : r->carriage >= r->limit_at;
+    bool home = r->home_positive ? r->stage_client >= r->home_at
+                                 : r->stage_client <= r->home_at;
+    bool limit = r->home_positive ? r->stage_client <= r->limit_at
+                                  : r->stage_client >= r->limit_at;
     bool blip = r->blip_after && r->n >= r->blip_after && !r->blipped;
     if (r->was_home && !home && r->bounce) {
         r->bounce--;

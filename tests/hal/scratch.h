@@ -66,7 +66,7 @@ static inline void scratch_folder(struct scratch *s, const char *name)
 }
 
 /* "PATH" and then exactly the rest. */
-static inline void assert_complaint(const char *text, const char *path, const char *rest)
+static inline void assert_error(const char *text, const char *path, const char *rest)
 {
     char expected[1600];
     snprintf(expected, sizeof expected, "%s%s", path, rest);

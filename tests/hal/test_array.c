@@ -12,7 +12,7 @@
 
 static struct array *open_array(const char *uri, struct fake_clock *clock)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array *a;
     fake_clock_set(clock, INT64_C(1700000000000000000));
     if (array_open(&a, uri, &clock->source, &why))
@@ -22,7 +22,7 @@ static struct array *open_array(const char *uri, struct fake_clock *clock)
 
 static struct room *open_room(void)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct room *r;
     if (room_load(&r, SCENE, &why))
         fail_msg("%s", why.text);
@@ -50,7 +50,7 @@ static void pings_are_the_slots_of_the_room_with_their_tails(void **state)
 {
     static const uint32_t speakers[] = {3, 1};
     struct fake_clock clock;
-    struct complaint why;
+    struct error why;
     struct array_ping ping;
     struct array *a = open_array("sim:" SCENE, &clock);
     struct room *r = open_room();
@@ -79,7 +79,7 @@ static void a_retake_has_noise_of_its_own(void **state)
 {
     static const uint32_t speaker = 0;
     struct fake_clock clock;
-    struct complaint why;
+    struct error why;
     struct array_ping ping;
     struct array *a = open_array("sim:" SCENE, &clock);
     float first = 0;
@@ -101,7 +101,7 @@ static void at_the_true_pace_a_ping_comes_when_it_has_been_recorded(void **state
 {
     static const uint32_t speakers[] = {0, 1, 2};
     struct fake_clock clock;
-    struct complaint why;
+    struct error why;
     struct array_ping ping;
     struct array *a = open_array("sim:" SCENE "?pace=real", &clock);
     int64_t start_ns = clock.now_ns;
@@ -126,7 +126,7 @@ static void without_a_pace_pings_take_no_time(void **state)
 {
     static const uint32_t speakers[] = {0, 1};
     struct fake_clock clock;
-    struct complaint why;
+    struct error why;
     struct array_ping ping;
     struct array *a = open_array("sim:" SCENE, &clock);
     int64_t start_ns = clock.now_ns;
@@ -143,7 +143,7 @@ static void shots_that_cannot_be_fired_are_refused(void **state)
 {
     static const uint32_t good[] = {0, 1}, bad[] = {4};
     struct fake_clock clock;
-    struct complaint why;
+    struct error why;
     struct array_ping ping;
     struct array *a = open_array("sim:" SCENE, &clock);
     struct array_shot shots[] = {{.position = 6, .speakers = good, .n_speakers = 1},
@@ -168,7 +168,7 @@ static void record_scene(struct scratch *scratch, struct room *r)
 {
     static const uint32_t speakers[] = {0, 1, 2, 3};
     static const char *const folders[] = {"wav", "wav_bg"};
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     const struct survey *s = room_survey(r);
     size_t n = room_frames(r, 4);
     float *samples = malloc(s->n_microphones * n * sizeof *samples);
@@ -192,7 +192,7 @@ static void a_recording_plays_like_the_array_it_was_taken_with(void **state)
     static const uint32_t order[] = {2, 0}, all[] = {0, 1, 2, 3};
     struct scratch *scratch = *state;
     struct fake_clock clock;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array_ping ping;
     struct room *r = open_room();
     const struct survey *s = room_survey(r);
@@ -260,7 +260,7 @@ static void devices_that_do_not_exist_are_named(void **state)
     (void)state;
     fake_clock_set(&clock, 0);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct array *a;
         assert_int_equal(array_open(&a, cases[i].uri, &clock.source, &why), cases[i].err);
         assert_null(a);

@@ -16,7 +16,7 @@ static void what_is_heard_belongs_to_what_is_played_in_every_format(void **state
     for (size_t i = 0; i < 5; i++) {
         struct array_shot shot = {.speakers = speakers, .n_speakers = 2};
         struct array_ping ping;
-        struct complaint why;
+        struct error why;
         struct card c;
         card_open(&c, *state, formats[i], "", "");
         assert_int_equal(array_fire(c.array, &shot), 0);
@@ -76,7 +76,7 @@ static void clipping_is_counted_at_the_cards_full_scale(void **state)
 
 static void what_cannot_be_linked_is_said_once(void **state)
 {
-    struct complaint notice;
+    struct error notice;
     struct device_count counts[DEVICE_MAX_COUNTS];
     struct card c;
     card_open(&c, *state, "S16", "", "");
@@ -104,7 +104,7 @@ static void play_recording(struct card *c, struct scratch *s, const char *option
     static float samples[3][2 * SLOT];
     const struct array_shot shot = {
         .pass = PASS_BACKGROUND, .speakers = speakers, .n_speakers = 1};
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     scratch_folder(s, "empty");
     for (size_t m = 0; m < 3; m++)
         for (size_t i = 0; i < 2 * SLOT; i++)
@@ -142,7 +142,7 @@ static void a_background_may_come_from_a_recording(void **state)
 static void a_background_of_another_chirp_is_refused(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array *a;
     char uri[600];
     scratch_folder(s, "empty");
@@ -163,7 +163,7 @@ static void write_calibration(struct scratch *s)
 {
     struct rig rig;
     struct calibration *c;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     if (rig_load(&rig, scratch_write(s, "plain.yaml", RIG_SURVEY), &why))
         fail_msg("%s", why.text);
     assert_int_equal(calibration_create(&c, 2, 3), 0);
@@ -197,7 +197,7 @@ static void the_calibrations_background_is_played_and_set_right(void **state)
 static void what_is_missing_is_said(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array *a;
     char uri[600];
     assert_int_equal(array_open(&a, "alsa:", clock_system(), &why), -EINVAL);

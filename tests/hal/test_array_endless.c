@@ -104,7 +104,7 @@ static void a_halted_shot_is_silent_before_the_next_one(void **state)
         .speakers = speakers, .n_speakers = 2, .endless = true};
     const struct array_shot after = {.speakers = other, .n_speakers = 1};
     struct array_ping ping;
-    struct complaint why;
+    struct error why;
     struct card c;
     size_t fed = 0;
     card_open(&c, *state, "S16", "", "");
@@ -247,7 +247,7 @@ static void play(struct player *p, struct scratch *s, const char *options,
     const size_t n = RECORDED * SLOT + SLOT / 2;
     const struct clock_source clock = {now_of, wait_until, p};
     static struct clock_source kept;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     char uri[600];
     for (size_t m = 0; m < 3; m++)
         for (size_t i = 0; i < n; i++)
@@ -276,7 +276,7 @@ static void fire_all(struct player *p, const uint32_t *speakers, size_t n)
 static void expect_ping(struct player *p, size_t index, uint32_t frame, size_t sample,
                         size_t after)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array_ping ping;
     if (array_next(p->array, &ping, &why))
         fail_msg("%s", why.text);
@@ -294,7 +294,7 @@ static void expect_ping(struct player *p, size_t index, uint32_t frame, size_t s
 
 static void expect_end(struct player *p)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array_ping ping;
     assert_int_equal(array_next(p->array, &ping, &why), -ENODATA);
     assert_string_equal(why.text, "the recording has ended");
@@ -353,7 +353,7 @@ static void a_table_says_what_sounded_when(void **state)
 static void speakers_that_the_recording_has_not_are_refused(void **state)
 {
     static const uint32_t speakers[] = {1};
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array_ping ping;
     play(&player, *state, "", "sample,speaker\n0,0\n1500,0\n");
     fire_all(&player, speakers, 1);

@@ -41,7 +41,7 @@ static struct calibration *made(void)
 
 static struct calibration *load(const char *path)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c;
     if (calibration_load(&c, path, &why))
         fail_msg("%s", why.text);
@@ -80,7 +80,7 @@ static void assert_equal(const struct calibration *a, const struct calibration *
 
 static void what_is_saved_is_loaded(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c = made(), *back;
     const char *path = scratch_path(*state, "c.yaml");
     for (int part = 0; part < 5; part++) {
@@ -119,7 +119,7 @@ static void what_is_saved_is_loaded(void **state)
 static void implausible_values_are_refused_with_line_and_range(void **state)
 {
     static const struct {
-        const char *text, *complaint;
+        const char *text, *error;
     } cases[] = {
         {"latency_samples: -1\n", ":7: latency_samples: -1 is implausible; expected 0 to "
                                   "48000 samples, a second"},
@@ -141,20 +141,20 @@ static void implausible_values_are_refused_with_line_and_range(void **state)
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char text[1024];
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct calibration *c;
         snprintf(text, sizeof text, "%s%s", HEAD, cases[i].text);
         const char *path = scratch_write(*state, "c.yaml", text);
         assert_int_equal(calibration_load(&c, path, &why), -EINVAL);
         assert_null(c);
         assert_int_equal(strncmp(why.text, path, strlen(path)), 0);
-        assert_contains(why.text, cases[i].complaint);
+        assert_contains(why.text, cases[i].error);
     }
 }
 
 static void a_file_that_is_missing_or_incomplete_is_refused(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c;
     assert_int_equal(calibration_load(&c, scratch_path(*state, "none.yaml"), &why),
                      -ENOENT);
@@ -167,7 +167,7 @@ static void a_file_that_is_missing_or_incomplete_is_refused(void **state)
 
 static void it_is_applied_to_its_own_array_only(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c = made();
     struct survey s = example(), other;
     (void)state;
@@ -198,7 +198,7 @@ static void it_is_applied_to_its_own_array_only(void **state)
 
 static void what_is_not_known_leaves_the_survey_alone(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c = made();
     struct survey s = example();
     (void)state;
@@ -233,7 +233,7 @@ static void samples_are_set_right(void **state)
 
 static void a_failed_save_leaves_the_old_file(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c = made();
     char path[512];
     snprintf(path, sizeof path, "%s", scratch_path(*state, "c.yaml"));
@@ -251,7 +251,7 @@ static void a_failed_save_leaves_the_old_file(void **state)
 
 static void no_name_is_no_calibration(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c;
     struct survey s = example();
     assert_int_equal(calibration_take(&c, NULL, &s, &why), 0);
@@ -274,7 +274,7 @@ static void no_name_is_no_calibration(void **state)
  * there. */
 static void a_rig_takes_the_file_that_it_is_told(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c = made();
     struct rig r;
     char path[512], other[512];

@@ -24,7 +24,7 @@ static struct canbus *open_log(struct scratch *s, const char *options)
 {
     char uri[600];
     struct canbus *b;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     snprintf(uri, sizeof uri, "log:%s%s", scratch_path(s, "out.candump"), options);
     if (canbus_open(&b, uri, &why))
         fail_msg("%s", why.text);
@@ -108,7 +108,7 @@ static void frames_that_no_bus_can_carry_are_refused(void **state)
 
 static void a_full_disk_is_reported(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     const struct can_frame_data frame = {.id = 1, .size = 1};
     struct canbus *b;
     (void)state;
@@ -164,7 +164,7 @@ static void devices_that_do_not_exist_are_named(void **state)
     };
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct canbus *b;
         assert_int_equal(canbus_open(&b, cases[i].uri, &why), cases[i].err);
         assert_null(b);
@@ -175,7 +175,7 @@ static void devices_that_do_not_exist_are_named(void **state)
 static void a_log_is_not_written_through_a_link(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct canbus *b = NULL;
     char victim[600], planted[600], uri[700], text[16] = "";
 
@@ -211,7 +211,7 @@ static struct canbus *open_drive(struct scratch *s, const char *options)
 {
     char uri[600];
     struct canbus *b;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
 
     scratch_write(
         s, "drive.yaml",
@@ -382,7 +382,7 @@ static void what_is_sent_to_a_simulated_vehicle_is_logged(void **state)
 /* The loopback interface always exists and never is a CAN interface. */
 static void an_interface_without_can_is_refused_with_the_reason(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct canbus *b;
     (void)state;
     assert_true(canbus_open(&b, "socketcan:lo", &why) < 0);

@@ -30,13 +30,13 @@ static struct {
 } kernel;
 
 int can_socket_open(int *fd, const char *interface, uint32_t error_mask,
-                    struct complaint *why)
+                    struct error *why)
 {
     kernel.opens++;
     assert_string_equal(interface, "can0");
     assert_true(error_mask & 0x40);
     if (!kernel.there)
-        return complain(why, -ENODEV, "no can0");
+        return error_say(why, -ENODEV, "no can0");
     kernel.n_ids = 0;
     kernel.first = kernel.n_events = 0;
     *fd = open("/dev/null", O_RDONLY | O_CLOEXEC);
@@ -530,7 +530,7 @@ static void an_echo_from_before_the_end_still_counts(void **state)
 
 static void names_that_are_too_long_are_no_interfaces(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct canbus *b;
 
     (void)state;

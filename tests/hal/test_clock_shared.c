@@ -38,7 +38,7 @@ static int64_t read_ns(clockid_t id)
 /* The process: tells, or has another one tell whom it shares its clock with. */
 static int tell(void)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct told t = {.before_ns = read_ns(CLOCK_MONOTONIC)};
 
     t.now_ns = clock_now_ns(clock_system());

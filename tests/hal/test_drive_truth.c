@@ -261,7 +261,7 @@ static void wrong_drives_are_named_with_line_and_key(void **state)
          "faults.microphones[0].during_s: ", "-1 to 2 is not a span within 0..5"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct room *r;
         assert_int_equal(
             room_load(&r, scratch_write(*state, "scene.yaml", cases[i].text), &why),
@@ -280,7 +280,7 @@ static void the_drives_that_come_with_it_show_what_they_say(void **state)
     static const char *const kinds[] = {"person", "cyclist", "car", "nothing", "clutter"};
     (void)state;
     for (size_t i = 0; i < 10; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct room *r;
         char path[512];
         bool moves = i >= 5, hidden = false, in_image = false;

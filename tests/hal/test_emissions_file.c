@@ -19,7 +19,7 @@ static struct survey survey_of(size_t n_speakers)
 }
 
 static int load(struct scratch *s, const struct survey *v, const char *text,
-                struct emission **list, size_t *n, struct complaint *why)
+                struct emission **list, size_t *n, struct error *why)
 {
     why->text[0] = '\0';
     return emissions_load(list, n, scratch_write(s, EMISSIONS_FILE, text), v, why);
@@ -33,7 +33,7 @@ static void what_is_printed_is_read_back(void **state)
         {9000000000, 0, 5, true, true, true, 1795393999000000000, 20.1}};
     struct survey v = survey_of(4);
     struct scratch *s = *state;
-    struct complaint why;
+    struct error why;
     struct emission *list;
     char *text = NULL;
     size_t size, n;
@@ -66,7 +66,7 @@ static void a_frame_is_over_when_a_speakers_turn_comes_again(void **state)
     static const uint32_t frames[] = {1, 1, 2, 2, 3, 4, 4};
     static const bool down[] = {0, 1, 0, 1, 0, 0, 1};
     struct survey v = survey_of(4);
-    struct complaint why;
+    struct error why;
     struct emission *list;
     size_t n;
 
@@ -131,7 +131,7 @@ static void what_is_wrong_is_named_with_its_line(void **state)
         {"sample,speaker,temperature_c\n5,0,warm\n", ":2: temperature_c: expected"},
     };
     struct survey v = survey_of(4);
-    struct complaint why;
+    struct error why;
     struct emission *list;
     size_t n;
 

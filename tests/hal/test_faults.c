@@ -23,7 +23,7 @@ enum { SLOT = 1500, N = 3 };
 
 static struct room *load(void **state, const char *faults)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     char text[2048];
     struct room *r;
     snprintf(text, sizeof text, SCENE "%s", faults);
@@ -121,7 +121,7 @@ static void the_latency_is_on_top_of_the_surveys(void **state)
 static void sound_runs_at_the_speed_of_the_faults(void **state)
 {
     struct room *r = load(state, "faults: {sound_speed_m_s: 350}\n");
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct room *fast;
     char text[2048];
     snprintf(text, sizeof text, "%s", SCENE);
@@ -156,7 +156,7 @@ static void noise_is_heard_by_one_microphone_or_of_one_speaker(void **state)
 
 static void a_limit_clips_and_the_array_counts_it(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array *a;
     struct array_ping ping;
     struct room *sound = load(state, "");
@@ -187,7 +187,7 @@ static void a_limit_clips_and_the_array_counts_it(void **state)
 static void faults_of_channels_that_do_not_exist_are_refused(void **state)
 {
     static const struct {
-        const char *text, *complaint;
+        const char *text, *error;
     } cases[] = {
         {"faults:\n  speakers:\n    - {channel: 3}\n",
          "scene.yaml:12: faults.speakers[0].channel: 3 is outside 0..2"},
@@ -197,19 +197,19 @@ static void faults_of_channels_that_do_not_exist_are_refused(void **state)
          "scene.yaml:10: faults.latency_samples: -1 is outside"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         char text[2048];
         struct room *r;
         snprintf(text, sizeof text, SCENE "%s", cases[i].text);
         assert_true(room_load(&r, scratch_write(*state, "scene.yaml", text), &why) < 0);
-        assert_contains(why.text, cases[i].complaint);
+        assert_contains(why.text, cases[i].error);
     }
 }
 
 /* Gains, polarity, latency and speed are undone, and nothing of the room changes. */
 static void a_calibrated_array_is_as_if_it_had_no_faults(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct room *sound = load(state, "faults: {latency_samples: 100}\n");
     struct calibration *c;
     struct array *a;

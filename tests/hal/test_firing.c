@@ -17,7 +17,7 @@ static const char scene[] = "sample_rate_hz: 48000\n"
                             "gate_m: [0.5, 3]\n";
 
 static int open_with(struct scratch *s, const char *options, struct fake_clock *clock,
-                     struct array **out, struct complaint *why)
+                     struct array **out, struct error *why)
 {
     char uri[700];
 
@@ -29,7 +29,7 @@ static int open_with(struct scratch *s, const char *options, struct fake_clock *
 static struct array *must_open(struct scratch *s, const char *options,
                                struct fake_clock *clock)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct array *a = NULL;
 
     if (open_with(s, options, clock, &a, &why))
@@ -74,7 +74,7 @@ static void the_array_fires_as_they_say(void **state)
     const struct array_shot shot = {
         .speakers = speakers, .n_speakers = 2, .endless = true};
     struct fake_clock clock;
-    struct complaint why;
+    struct error why;
     struct array_ping ping;
     struct array *a = must_open(
         *state, "?slot_samples=800&together=2&alternates=yes&far_m=2&pace=real", &clock);
@@ -107,7 +107,7 @@ static void what_does_not_go_together_is_refused(void **state)
     struct fake_clock clock;
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {""};
+        struct error why = {""};
         struct array *a = NULL;
         assert_int_equal(open_with(*state, cases[i].options, &clock, &a, &why), -EINVAL);
         assert_null(a);
@@ -120,7 +120,7 @@ static void a_gate_ends_nearer_only_where_there_is_one(void **state)
 {
     const struct firing nearer = {.far_m = 2};
     struct survey s = {.has_gate = false};
-    struct complaint why = {""};
+    struct error why = {""};
 
     (void)state;
     assert_int_equal(firing_apply(&s, &nearer, &why), -EINVAL);
@@ -129,7 +129,7 @@ static void a_gate_ends_nearer_only_where_there_is_one(void **state)
 
 static void of_a_uri_only_its_own_options_count(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct firing f;
 
     (void)state;

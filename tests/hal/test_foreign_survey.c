@@ -53,7 +53,7 @@ static void write_pings(struct scratch *s)
 }
 
 static int load(struct scratch *s, const char *text, struct survey *out,
-                struct complaint *why)
+                struct error *why)
 {
     why->text[0] = 0;
     return survey_load(out, scratch_write(s, "survey.yaml", text), why);
@@ -61,16 +61,16 @@ static int load(struct scratch *s, const char *text, struct survey *out,
 
 static void expect(struct scratch *s, const char *text, const char *part)
 {
-    struct complaint why;
+    struct error why;
     struct survey survey;
     assert_true(load(s, text, &survey, &why) < 0);
     if (!strstr(why.text, part))
         fail_msg("\"%s\" has no \"%s\"", why.text, part);
 }
 
-static void pings_stand_in_place_of_an_array(void **state)
+static void pings_playback_publisher_place_of_an_array(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s;
     write_pings(*state);
     if (load(*state, HEAD SWEEP PLACES VOLUME, &s, &why))
@@ -86,7 +86,7 @@ static void pings_stand_in_place_of_an_array(void **state)
 
 static void a_replica_stands_in_place_of_a_chirp(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s;
     float x[CHIRP + 50] = {0};
     sweep(x, CHIRP, 5000.0, 15000.0);
@@ -149,7 +149,7 @@ static void each_part_is_said_once_and_not_left_out(void **state)
 
 static void what_was_saved_is_read_back(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s, again;
     float x[CHIRP];
     char path[512];
@@ -173,7 +173,7 @@ static void what_was_saved_is_read_back(void **state)
 
 static void a_place_alone_can_be_read(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct survey s;
     const char *path = scratch_write(*state, "place.yaml",
                                      VOLUME "wall: {normal: [0, 0, 2], distance_m: 1}\n");
@@ -193,7 +193,7 @@ static void a_place_alone_can_be_read(void **state)
 /* Slot k holds the number k + 1. */
 static void slots_of_one_file_are_positions(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s;
     struct recording *r;
     static float x[PINGS * SLOT], y[2 * SLOT];
@@ -237,7 +237,7 @@ static void slots_that_no_ping_names_are_counted(void **state)
     } cases[] = {
         {PINGS * SLOT + SLOT - 1, 0}, {(PINGS + 1) * SLOT, 1}, {(PINGS + 2) * SLOT, 2}};
     static float x[(PINGS + 2) * SLOT];
-    struct complaint why;
+    struct error why;
     struct survey s;
     struct recording *r;
     write_pings(*state);
@@ -257,7 +257,7 @@ static void slots_that_no_ping_names_are_counted(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(pings_stand_in_place_of_an_array),
+        TEST(pings_playback_publisher_place_of_an_array),
         TEST(a_replica_stands_in_place_of_a_chirp),
         TEST(the_band_of_a_replica_is_where_its_sound_is),
         TEST(each_part_is_said_once_and_not_left_out),

@@ -6,7 +6,7 @@
 #include "recon/survey.h"
 
 static int load(struct scratch *s, const char *text, double (**pings)[2][3], size_t *n,
-                struct complaint *why)
+                struct error *why)
 {
     why->text[0] = 0;
     return pings_load(pings, n, scratch_write(s, "pings.csv", text), why);
@@ -14,7 +14,7 @@ static int load(struct scratch *s, const char *text, double (**pings)[2][3], siz
 
 static void expect_two(struct scratch *s, const char *text)
 {
-    struct complaint why;
+    struct error why;
     double(*p)[2][3];
     size_t n;
     if (load(s, text, &p, &n, &why))
@@ -78,7 +78,7 @@ static void what_is_wrong_is_named_with_its_line(void **state)
                                       "decimals have commas, put semicolons"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why;
+        struct error why;
         double(*p)[2][3];
         size_t n;
         assert_int_equal(load(*state, cases[i].text, &p, &n, &why), -EINVAL);
@@ -89,7 +89,7 @@ static void what_is_wrong_is_named_with_its_line(void **state)
 
 static void a_missing_file_is_named(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     double(*p)[2][3];
     size_t n;
     assert_int_equal(pings_load(&p, &n, scratch_path(*state, "none.csv"), &why), -ENOENT);
@@ -98,7 +98,7 @@ static void a_missing_file_is_named(void **state)
 
 static void there_is_an_end_to_pings(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     double(*p)[2][3];
     size_t n;
     const char *path = scratch_path(*state, "pings.csv");

@@ -27,7 +27,7 @@ static void *look(void *arg)
     return NULL;
 }
 
-static struct seen run(bool urgent, struct complaint *missing)
+static struct seen run(bool urgent, struct error *missing)
 {
     struct seen seen = {.policy = -1};
     pthread_t thread;
@@ -38,7 +38,7 @@ static struct seen run(bool urgent, struct complaint *missing)
 
 static void signals_are_left_to_the_caller(void **state)
 {
-    struct complaint missing = {.text = ""};
+    struct error missing = {.text = ""};
     sigset_t before, after;
     (void)state;
     pthread_sigmask(SIG_SETMASK, NULL, &before);
@@ -55,7 +55,7 @@ static void signals_are_left_to_the_caller(void **state)
 static int without_rights(void)
 {
     struct rlimit none = {0, 0};
-    struct complaint missing = {.text = ""};
+    struct error missing = {.text = ""};
     if (setrlimit(RLIMIT_RTPRIO, &none) || setrlimit(RLIMIT_MEMLOCK, &none) ||
         (!getuid() && setuid(65534)))
         return 2;

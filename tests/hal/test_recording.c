@@ -78,7 +78,7 @@ static void samples_are_the_same_in_every_format(void **state)
     assert_non_null(samples);
     assert_true(n > FRAMES);
     for (size_t k = 0; k < sizeof formats / sizeof *formats; k++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct recording *r;
         uint32_t clipped[MICROPHONES], not_finite[MICROPHONES];
         write_wav(*state, "b.wav", formats[k], 48000, MICROPHONES, FRAMES - 7);
@@ -124,7 +124,7 @@ static void count_slots(struct scratch *s, uint32_t *clipped, uint32_t *not_fini
                         float *samples)
 {
     struct survey survey = make_survey();
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct recording *r;
     write_good(s, "b.wav");
     if (recording_open(&r, s->folder, &survey, &why))
@@ -268,7 +268,7 @@ static void bad_recordings_are_named_with_what_was_expected(void **state)
     };
     struct survey survey = make_survey();
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct recording *r;
         write_good(*state, "a.wav");
         unlink(scratch_path(*state, "b.wav"));
@@ -284,7 +284,7 @@ static void bad_recordings_are_named_with_what_was_expected(void **state)
 static void folders_without_a_recording_are_named(void **state)
 {
     struct survey survey = make_survey();
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct recording *r;
     assert_int_equal(recording_open(&r, scratch_path(*state, "absent"), &survey, &why),
                      -ENOENT);
@@ -297,7 +297,7 @@ static void folders_without_a_recording_are_named(void **state)
 static void a_file_that_vanishes_after_opening_is_an_error(void **state)
 {
     struct survey survey = make_survey();
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct recording *r;
     float samples[MICROPHONES * 2 * FRAMES];
     uint32_t clipped[MICROPHONES], not_finite[MICROPHONES];
@@ -315,7 +315,7 @@ static void a_file_that_vanishes_after_opening_is_an_error(void **state)
 static void what_is_written_reads_back(void **state)
 {
     struct survey survey = make_survey();
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     const char *folder = ((struct scratch *)*state)->folder;
     size_t n = FRAMES + tail_samples(&survey);
     float *x = malloc(MICROPHONES * n * sizeof *x),

@@ -7,7 +7,7 @@
 
 static void load_text(struct scratch *s, const char *text, struct survey_response *out)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     scratch_write(s, "mic.txt", text);
     if (response_load(out, s->folder, "mic", &why))
         fail_msg("%s", why.text);
@@ -56,17 +56,17 @@ static void a_malformed_line_is_named(void **state)
     struct scratch *s = *state;
     struct survey_response r;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         scratch_write(s, "mic.txt", cases[i].text);
         assert_int_equal(response_load(&r, s->folder, "mic", &why), -EINVAL);
-        assert_complaint(why.text, s->path, cases[i].rest);
+        assert_error(why.text, s->path, cases[i].rest);
     }
 }
 
 static void what_cannot_be_read_says_why(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct survey_response r;
     assert_int_equal(response_load(&r, s->folder, "none", &why), -ENOENT);
     assert_contains(why.text, "none.txt");

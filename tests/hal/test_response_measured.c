@@ -7,7 +7,7 @@
 
 static struct survey_response load(const char *serial)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct survey_response r;
 
     optional_needs(FOLDER);

@@ -6,19 +6,18 @@
 #include "hal/survey/rig_file.h"
 #include "rig.h"
 
-static int load(struct scratch *s, const char *device, struct rig *rig,
-                struct complaint *why)
+static int load(struct scratch *s, const char *device, struct rig *rig, struct error *why)
 {
     char text[2000];
     snprintf(text, sizeof text, RIG_SURVEY "%s", device);
-    *why = (struct complaint){.text = ""};
+    *why = (struct error){.text = ""};
     return rig_load(rig, scratch_write(s, "rig.yaml", text), why);
 }
 
 static void a_rig_without_a_device_has_the_defaults(void **state)
 {
     struct rig r;
-    struct complaint why;
+    struct error why;
     assert_int_equal(load(*state, "", &r, &why), 0);
     assert_int_equal(r.survey.source, SURVEY_LIVE);
     assert_int_equal(r.survey.n_microphones, 3);
@@ -43,7 +42,7 @@ static void a_rig_without_a_device_has_the_defaults(void **state)
 static void every_key_of_the_device_is_read(void **state)
 {
     struct rig r;
-    struct complaint why;
+    struct error why;
     if (load(*state,
              "device:\n"
              "  format: S24_3\n"
@@ -79,7 +78,7 @@ static void every_key_of_the_device_is_read(void **state)
 static void what_cannot_be_is_refused_with_file_and_line(void **state)
 {
     static const struct {
-        const char *device, *complaint;
+        const char *device, *error;
     } cases[] = {
         {"device: {format: S8}\n",
          ":7: device.format: expected one of S16, S24_3, S24, S32, float, "
@@ -120,10 +119,10 @@ static void what_cannot_be_is_refused_with_file_and_line(void **state)
     struct scratch *s = *state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char expected[600];
-        struct complaint why;
+        struct error why;
         struct rig r;
         int err = load(s, cases[i].device, &r, &why);
-        snprintf(expected, sizeof expected, "%s%s", s->path, cases[i].complaint);
+        snprintf(expected, sizeof expected, "%s%s", s->path, cases[i].error);
         if (!err || strncmp(why.text, expected, strlen(expected)))
             fail_msg("expected \"%s\", found \"%s\"", expected, why.text);
         assert_int_equal(err, strstr(cases[i].device, "nowhere") ? -ENOENT : -EINVAL);
@@ -135,10 +134,10 @@ static void a_rig_needs_the_keys_of_a_survey(void **state)
 {
     struct scratch *s = *state;
     struct rig r;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     const char *path = scratch_write(s, "rig.yaml", "device: {format: S16}\n");
     assert_int_equal(rig_load(&r, path, &why), -EINVAL);
-    assert_complaint(why.text, path, ":1: the key \"sample_rate_hz\" is missing");
+    assert_error(why.text, path, ":1: the key \"sample_rate_hz\" is missing");
     assert_int_equal(rig_load(&r, "/nowhere/rig.yaml", &why), -ENOENT);
     assert_contains(why.text, "/nowhere/rig.yaml");
 }

@@ -28,7 +28,7 @@ static const double speaker_m[3] = {-0.02, 0, 0}, microphone_m[3] = {0.02, 0, 0}
 
 static struct room *load(void **state, const char *text)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct room *r;
     if (room_load(&r, scratch_write(*state, "scene.yaml", text), &why))
         fail_msg("%s", why.text);

@@ -160,7 +160,7 @@ static void pings_may_be_left_out_but_not_taken_back(void **state)
 static struct array *open_array(void **state, const char *text, const char *options,
                                 struct fake_clock *clock, int *err)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array *a;
     char uri[600];
     snprintf(uri, sizeof uri, "sim:%s%s", scratch_write(*state, "scene.yaml", text),
@@ -187,7 +187,7 @@ static void an_endless_shot_is_the_stream_of_its_time(void **state)
 {
     int err;
     struct fake_clock clock;
-    struct complaint why;
+    struct error why;
     struct array *a = open_array(state, QUIET("") NOISE, "", &clock, &err);
     struct room *r = drive_load(state, QUIET("") NOISE);
     int64_t fired_ns = clock.now_ns;
@@ -225,7 +225,7 @@ static void falling_behind_is_counted_and_caught_up(void **state)
 {
     int err;
     struct fake_clock clock;
-    struct complaint why;
+    struct error why;
     struct array_ping ping;
     struct array *a = open_array(state, QUIET(""), "", &clock, &err);
     int64_t fired_ns = clock.now_ns;
@@ -265,7 +265,7 @@ static void a_shot_of_a_drive_ends_and_leaves_nothing_out(void **state)
 {
     int err;
     struct fake_clock clock;
-    struct complaint why;
+    struct error why;
     struct array_ping ping;
     struct array *a = open_array(state, QUIET(""), "", &clock, &err);
     struct array_shot shot = {.speakers = both, .n_speakers = 2};

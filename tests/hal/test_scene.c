@@ -13,7 +13,7 @@
 
 static struct room *load(void **state, const char *text)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct room *r;
     if (room_load(&r, scratch_write(*state, "scene.yaml", text), &why))
         fail_msg("%s", why.text);
@@ -143,7 +143,7 @@ static void wrong_scenes_are_named_with_line_and_key(void **state)
          "scene.yaml:4: clutter.far_m: ", "1 is outside 2..100"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct room *r;
         assert_int_equal(
             room_load(&r, scratch_write(*state, "scene.yaml", cases[i].text), &why),
@@ -157,7 +157,7 @@ static void wrong_scenes_are_named_with_line_and_key(void **state)
 /* Each object is imaged inside the volume, in front of the array, far from the others. */
 static void assert_scene_is_fit_to_image(const char *name, size_t n_objects)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct room *r;
     char path[512];
     const struct room_object *o;

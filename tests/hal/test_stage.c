@@ -7,7 +7,7 @@
 
 static struct stage *open_stage(const char *uri, struct fake_clock *clock)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct stage *s;
     fake_clock_set(clock, INT64_C(1700000000000000000));
     if (stage_open(&s, uri, &clock->source, &why))
@@ -188,7 +188,7 @@ static void devices_that_do_not_exist_are_named(void **state)
     (void)state;
     fake_clock_set(&clock, 0);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct stage *s;
         assert_int_equal(stage_open(&s, cases[i].uri, &clock.source, &why), cases[i].err);
         assert_null(s);

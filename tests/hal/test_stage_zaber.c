@@ -23,7 +23,7 @@ static int64_t real_now(void *state)
 static const struct clock_source real = {.now_ns = real_now};
 
 static int try_open(struct stage **s, const struct zaber_device *d, const char *options,
-                    struct complaint *why)
+                    struct error *why)
 {
     char uri[200];
     snprintf(uri, sizeof uri, "zaber:%s?pitch_mm=25.4&settle=0%s", d->path, options);
@@ -32,7 +32,7 @@ static int try_open(struct stage **s, const struct zaber_device *d, const char *
 
 static struct stage *open_stage(const struct zaber_device *d, const char *options)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct stage *s;
     if (try_open(&s, d, options, &why))
         fail_msg("%s", why.text);
@@ -219,7 +219,7 @@ static void answers_that_stay_away_or_are_garbled_are_asked_for_again(void **sta
 static void a_device_that_never_answers_is_named(void **state)
 {
     struct zaber_device *d = zaber_device_start(true);
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct stage *s;
     (void)state;
     d->trick = TRICK_SILENCE;
@@ -407,7 +407,7 @@ static void an_adapter_that_is_pulled_out_is_a_fault(void **state)
 static void checksums_are_sent_once_the_device_sends_them(void **state)
 {
     struct zaber_device *d = zaber_device_start(true);
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct stage *s;
     (void)state;
     d->checksums = true;
@@ -445,7 +445,7 @@ static void wrong_options_are_named(void **state)
     };
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         struct stage *s;
         assert_int_equal(stage_open(&s, cases[i].uri, &real, &why), cases[i].err);
         assert_contains(why.text, cases[i].part);

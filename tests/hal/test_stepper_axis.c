@@ -31,7 +31,7 @@ static const struct stepper_axis_config standard = {.steps_per_m = 10000,
 static void setup(struct bench *b, const struct stepper_axis_config *cfg, int64_t at)
 {
     b->rail = rail_create();
-    b->rail->motor = b->rail->carriage = at;
+    b->rail->motor = b->rail->stage_client = at;
     b->rail->home_at = 1000;
     b->rail->limit_at = 7000;
     const struct stepper_io io = rail_io(b->rail);
@@ -250,8 +250,8 @@ static void a_home_switch_that_is_stuck_stops_the_homing_soon(void **state)
     free(b.rail);
 }
 
-/* With 0.8 mm of play the carriage lags behind the motor going down, and is pulled going
- * up.  It has to stand at one place for one target, whichever side it came from. */
+/* With 0.8 mm of play the stage client lags behind the motor going down, and is pulled
+ * going up.  It has to stand at one place for one target, whichever side it came from. */
 static void backlash_is_taken_up_from_one_side(void **state)
 {
     static const double targets_m[] = {0.3, 0.1, 0.3, 0.2999, 0.3, 0.3001, 0.3, 0, 0.3};
@@ -262,10 +262,10 @@ static void backlash_is_taken_up_from_one_side(void **state)
     setup(&b, &cfg, 2000);
     b.rail->play = 8;
     assert_int_equal(stepper_axis_home(&b.axis), 0);
-    int64_t zero = b.rail->carriage;
+    int64_t zero = b.rail->stage_client;
     for (size_t i = 0; i < sizeof targets_m / sizeof *targets_m; i++) {
         assert_int_equal(stepper_axis_move(&b.axis, targets_m[i]), 0);
-        assert_int_equal(b.rail->carriage - zero, llround(10000 * targets_m[i]));
+        assert_int_equal(b.rail->stage_client - zero, llround(10000 * targets_m[i]));
     }
     /* Also when a move down was broken off, and the next is a little way up. */
     b.rail->cancel_after = b.rail->n + 1000;
@@ -274,7 +274,7 @@ static void backlash_is_taken_up_from_one_side(void **state)
     b.rail->cancel_after = 0;
     double here_m = stepper_axis_position_m(&b.axis);
     assert_int_equal(stepper_axis_move(&b.axis, here_m + 0.0002), 0);
-    assert_int_equal(b.rail->carriage - zero, llround(10000 * (here_m + 0.0002)));
+    assert_int_equal(b.rail->stage_client - zero, llround(10000 * (here_m + 0.0002)));
     free(b.rail);
 }
 

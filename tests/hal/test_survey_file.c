@@ -16,7 +16,7 @@
 #define STAGE "stage: {axis: [2, 0, 0], positions_m: [0, 0.5, 1]}\n"
 
 static int load(struct scratch *s, const char *text, struct survey *out,
-                struct complaint *why)
+                struct error *why)
 {
     why->text[0] = 0;
     return survey_load(out, scratch_write(s, "survey.yaml", text), why);
@@ -24,7 +24,7 @@ static int load(struct scratch *s, const char *text, struct survey *out,
 
 static void a_survey_is_read_with_its_defaults(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s;
     if (load(*state, HEAD ARRAY, &s, &why))
         fail_msg("%s", why.text);
@@ -47,7 +47,7 @@ static void a_survey_is_read_with_its_defaults(void **state)
 
 static void a_measured_speed_wins_over_the_temperature(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s;
     assert_int_equal(load(*state, HEAD ARRAY "sound_speed_m_s: 340\n", &s, &why), 0);
     assert_true(s.sound_speed_m_s == 340);
@@ -57,7 +57,7 @@ static void a_measured_speed_wins_over_the_temperature(void **state)
 
 static void directions_get_length_1(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s;
     if (load(*state,
              HEAD ARRAY STAGE "wall: {normal: [3, 0, 4], distance_m: 1.5}\n"
@@ -129,7 +129,7 @@ static void wrong_values_are_named_with_line_and_key(void **state)
          "survey.yaml:7: ", "no serial number"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why;
+        struct error why;
         struct survey s;
         assert_int_equal(load(*state, cases[i].text, &s, &why) < 0, 1);
         assert_contains(why.text, cases[i].place);
@@ -140,7 +140,7 @@ static void wrong_values_are_named_with_line_and_key(void **state)
 
 static void curves_are_read_past_their_head_lines(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s;
     scratch_folder(*state, "curves");
     scratch_write(*state, "curves/1.txt", "*1000Hz\t-41.1\n\t\n20.00\t-1.4\n1000\t0\n");
@@ -174,7 +174,7 @@ static void broken_curves_are_named_with_their_line(void **state)
     };
     scratch_folder(*state, "curves");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why;
+        struct error why;
         struct survey s;
         scratch_write(*state, "curves/1.txt", cases[i].text);
         assert_int_equal(load(*state,
@@ -212,7 +212,7 @@ static void what_is_saved_loads_as_the_same_survey(void **state)
         "wall: {normal: [1, 2, 7], distance_m: 1.1}\n"
         "mount: {origin_m: [1, 2, 3], x_axis: [1, 1, 1], y_axis: [1, -1, 0]}\n"
         "calibration: {folder: curves, serials: [one, two]}\n";
-    struct complaint why;
+    struct error why;
     struct survey s, again;
     char path[512];
     scratch_folder(*state, "curves");
@@ -246,7 +246,7 @@ static void a_wall_ahead_or_beside_is_taken_however_it_is_written(void **state)
              "wall: {normal: [0, 0, 1], distance_m: -0.5}\n",
     };
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
-        struct complaint why;
+        struct error why;
         struct survey s;
         if (load(*state, texts[i], &s, &why))
             fail_msg("%s", why.text);
@@ -260,7 +260,7 @@ static void several_walls_have_gates_and_the_first_is_the_wall(void **state)
         "walls:\n"
         "  - {normal: [0, 0, 2], distance_m: 1.5, gate_m: [1.5, 4]}\n"
         "  - {normal: [1, 0, 1], distance_m: 2, gate_m: [2, 3]}\n";
-    struct complaint why;
+    struct error why;
     struct survey s, again;
     char path[512];
     if (load(*state, text, &s, &why))
@@ -287,7 +287,7 @@ static void alternating_chirps_and_shared_slots_are_read_and_saved(void **state)
         "temperature_c: 20\nsample_rate_hz: 48000\nslot_samples: 1152\ntogether: 2\n"
         "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.0625, alternates: "
         "true}\n" ARRAY "gate_m: [0.3, 4]\n";
-    struct complaint why;
+    struct error why;
     struct survey s, again;
     if (load(*state, text, &s, &why))
         fail_msg("%s", why.text);
@@ -311,7 +311,7 @@ static void alternating_chirps_and_shared_slots_are_read_and_saved(void **state)
 
 static void saving_never_replaces_another_curve(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s;
     struct stat st;
     scratch_folder(*state, "curves");
@@ -332,7 +332,7 @@ static void saving_never_replaces_another_curve(void **state)
 
 static void an_output_that_cannot_be_written_is_named(void **state)
 {
-    struct complaint why;
+    struct error why;
     struct survey s;
     assert_int_equal(load(*state, HEAD ARRAY, &s, &why), 0);
     assert_int_equal(survey_save(&s, "/nowhere/survey.yaml", NULL, &why), -ENOENT);

@@ -65,7 +65,7 @@ static const cyaml_schema_value_t wish_schema = {
 
 static void what_the_schema_says_is_read(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     void *data;
     const char *path = scratch_write(*state, "a.yaml",
                                      "rate_hz: 48e3\n"
@@ -91,7 +91,7 @@ static void what_the_schema_says_is_read(void **state)
 static void wrong_contents_are_named_with_line_and_key(void **state)
 {
     static const struct {
-        const char *text, *complaint;
+        const char *text, *error;
     } cases[] = {
         {"rate_hz: 1\nrate: 2\n",
          ":2: rate: no such key; expected one of rate_hz, slot, part, points_m, items, "
@@ -137,18 +137,18 @@ static void wrong_contents_are_named_with_line_and_key(void **state)
         {"rate_hz: &a 1\nwish: *a\n", ":2: YAML alias unsupported"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         void *data = &why;
         const char *path = scratch_write(*state, "bad.yaml", cases[i].text);
         assert_int_equal(yaml_load(path, &schema, &data, &why), -EINVAL);
         assert_null(data);
-        assert_complaint(why.text, path, cases[i].complaint);
+        assert_error(why.text, path, cases[i].error);
     }
 }
 
 static void a_document_that_contains_itself_is_refused(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     void *data;
     const char *path =
         scratch_write(*state, "loop.yaml", "rate_hz: 1\npoints_m: &a [*a, *a]\n");
@@ -158,19 +158,19 @@ static void a_document_that_contains_itself_is_refused(void **state)
 
 static void files_that_cannot_be_read_say_why(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     void *data;
     const char *path = scratch_path(*state, "absent.yaml");
     assert_int_equal(yaml_load(path, &schema, &data, &why), -ENOENT);
-    assert_complaint(why.text, path, ": No such file or directory");
+    assert_error(why.text, path, ": No such file or directory");
     path = ((struct scratch *)*state)->folder;
     assert_int_equal(yaml_load(path, &schema, &data, &why), -EISDIR);
-    assert_complaint(why.text, path, ": Is a directory");
+    assert_error(why.text, path, ": Is a directory");
 }
 
 static void a_mapping_without_any_key_is_all_defaults(void **state)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     void *data;
     const char *path = scratch_write(*state, "none.yaml", "{}\n");
     assert_int_equal(yaml_load(path, &wish_schema, &data, &why), 0);
@@ -219,10 +219,10 @@ static void complaints_get_the_place_of_the_key_they_speak_of(void **state)
                                      "  - 1\n"
                                      "  - 2\n");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why;
-        complain(&why, 0, "%s", cases[i].before);
-        yaml_place_complaint(&why, path);
-        assert_complaint(why.text, path, cases[i].after);
+        struct error why;
+        error_say(&why, 0, "%s", cases[i].before);
+        yaml_place_error(&why, path);
+        assert_error(why.text, path, cases[i].after);
     }
 }
 
@@ -231,13 +231,13 @@ static void numbers_out_of_their_range_are_named_with_it(void **state)
     static const double wrong[] = {0.4, 2.6, -INFINITY, INFINITY, NAN};
     static const char *const words[] = {"0.4", "2.6", "-inf", "inf", "nan"};
     const char *path = scratch_write(*state, "r.yaml", "a: 1\nb:\n  c: 2\n");
-    struct complaint why = {""};
+    struct error why = {""};
     for (int i = 0; i < 5; i++) {
         char rest[64];
         snprintf(rest, sizeof rest, ":3: b.c: expected 0.5 to 2.5, not %s", words[i]);
         assert_int_equal(yaml_check_range(path, "b.c", wrong[i], 0.5, 2.5, &why),
                          -EINVAL);
-        assert_complaint(why.text, path, rest);
+        assert_error(why.text, path, rest);
     }
     assert_int_equal(yaml_check_range(path, "b.c", 0.5, 0.5, 2.5, NULL), 0);
     assert_int_equal(yaml_check_range(path, "b.c", 2.5, 0.5, 2.5, NULL), 0);

@@ -45,7 +45,7 @@ struct far_end *cable_far_end(struct echo *e)
 
 static struct array *open_array(struct scratch *s, const struct way *w)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array *a;
     char uri[600];
     snprintf(uri, sizeof uri, "alsa:%s?rig=%s", w->device ? w->device : "hw:Loopback,0,0",
@@ -73,7 +73,7 @@ void cable_close(struct cable *c)
 bool cable_shoot(struct array *a, struct taken *out)
 {
     struct array_shot shot = {.speakers = cable_order, .n_speakers = SPEAKERS};
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array_ping ping;
     bool valid = true;
     assert_int_equal(array_fire(a, &shot), 0);

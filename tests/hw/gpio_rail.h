@@ -1,5 +1,6 @@
 /* tests/hw/gpio_rail.h -- a rail at the guest's GPIO chip: a thread that counts the
- * pulses on the step line, and pulls the switches' lines where the carriage reaches them.
+ * pulses on the step line, and pulls the switches' lines where the stage client reaches
+ * them.
  */
 #ifndef ANLOS_TESTS_HW_GPIO_RAIL_H
 #define ANLOS_TESTS_HW_GPIO_RAIL_H

@@ -41,7 +41,7 @@ static void make_chirp(struct room_answer *r)
 void room_answer_create(struct room_answer *out, const char *scene, size_t n_channels,
                         const size_t *inputs, double amplitude)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct room_answer *r = out;
     memset(r, 0, sizeof *r);
     r->n_channels = n_channels;

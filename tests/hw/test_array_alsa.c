@@ -79,7 +79,7 @@ static size_t find_delay(const struct taken *pings, size_t slot)
 /* Only the plugin's two streams cannot be linked, and it is said once. */
 static void check_notices(struct array *a, const struct way *w)
 {
-    struct complaint notice;
+    struct error notice;
     int n_linked = 0;
     while (array_notice(a, &notice)) {
         print_message("%s\n", notice.text);

@@ -44,7 +44,7 @@ static void assert_can(const struct alsa_capability *c)
 static void a_card_says_what_it_can_do(void **state)
 {
     struct alsa_probe p;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     (void)state;
     assert_int_equal(alsa_probe(&p, "hw:CARD=Loopback,DEV=0", &why), 0);
     assert_true(p.has_playback && p.has_capture);
@@ -58,7 +58,7 @@ static void a_card_says_what_it_can_do(void **state)
 static void a_device_of_one_direction_is_no_array(void **state)
 {
     struct alsa_probe p;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     (void)state;
     assert_int_equal(alsa_probe(&p, "dsnoop:CARD=Loopback,DEV=0", &why), 0);
     assert_true(!p.has_playback && p.has_capture && !p.one_clock);

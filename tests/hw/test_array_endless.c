@@ -60,7 +60,7 @@ static void take_rounds(struct cable *c, const struct way *w)
 {
     const struct array_shot shot = {
         .speakers = cable_order, .n_speakers = SPEAKERS, .endless = true};
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array_ping ping;
     uint64_t before = 0, n_left_out = 0, n_void = 0;
     size_t start = 0, delay = 0, n_checked = 0;

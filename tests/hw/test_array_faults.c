@@ -41,7 +41,7 @@ static size_t shoot_badly(struct cable *c)
 {
     struct array_shot shot = {.speakers = cable_order, .n_speakers = SPEAKERS};
     struct array_ping ping;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     size_t n_void = 0;
     assert_int_equal(array_fire(c->array, &shot), 0);
     /* What is written ahead is a quarter of a second. */
@@ -65,7 +65,7 @@ static void lost_frames_void_their_slots_and_the_stream_goes_on(void **state)
     static const struct way way = {"S16", "mmap", SND_PCM_FORMAT_S16, 8, 48000, NULL};
     static struct taken pings[SPEAKERS];
     struct cable c;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     size_t n_void = 0;
     cable_open(&c, *state, &way);
     for (int tries = 0; !n_void; tries++) { /* it may be over before it stands still */
@@ -91,7 +91,7 @@ static void what_is_unplugged_is_waited_for_and_goes_on(void **state)
     struct cable c;
     struct array_shot shot = {.speakers = cable_order, .n_speakers = SPEAKERS};
     struct array_ping ping;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     pthread_t thread;
     int err, tries = 1, n_good = 0;
     cable_open(&c, *state, &way);
@@ -130,7 +130,7 @@ static void what_the_card_has_not_is_refused_with_what_it_has(void **state)
     static const struct {
         const char *from, *to; /* in the rig */
         int err;
-        const char *complaint;
+        const char *error;
     } cases[] = {
         {"S16", "S32", -EINVAL,
          "hw:Loopback,0,0: playback has no format S32; it has S16, 8..8 channels, 48000 "
@@ -149,7 +149,7 @@ static void what_the_card_has_not_is_refused_with_what_it_has(void **state)
     cable_open(&c, s, &way);
     array_close(c.array);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {.text = ""};
+        struct error why = {.text = ""};
         char text[2000] = "", changed[2100], uri[600];
         FILE *f = fopen(cable_rig(s, &way), "r");
         assert_non_null(f);
@@ -162,7 +162,7 @@ static void what_the_card_has_not_is_refused_with_what_it_has(void **state)
         snprintf(uri, sizeof uri, "alsa:hw:Loopback,0,0?rig=%s",
                  scratch_write(s, "changed.yaml", changed));
         assert_int_equal(array_open(&c.array, uri, clock_system(), &why), cases[i].err);
-        assert_contains(why.text, cases[i].complaint);
+        assert_contains(why.text, cases[i].error);
     }
     cable_close(&c);
 }
@@ -171,7 +171,7 @@ static void a_card_that_is_in_use_or_missing_is_named(void **state)
 {
     static const struct way way = {"S16", "rw", SND_PCM_FORMAT_S16, 8, 48000, NULL};
     struct scratch *s = *state;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct cable c;
     struct array *second;
     char uri[600];

@@ -125,7 +125,7 @@ static int calibrate(struct scratch *s, struct room_answer *room, const char *wh
 
 static struct calibration *load(struct scratch *s)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c;
     if (calibration_load(&c, scratch_path(s, "lab.yaml"), &why))
         fail_msg("%s", why.text);

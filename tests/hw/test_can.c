@@ -213,7 +213,7 @@ static unsigned read_list_after_joining(struct rig *r)
 static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!r)
         return -1;

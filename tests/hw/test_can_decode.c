@@ -32,7 +32,7 @@ struct rig {
 
 static void start(struct rig *r, char *const words[])
 {
-    struct complaint why = {""};
+    struct error why = {""};
     int out_fd;
 
     memset(r, 0, sizeof *r);

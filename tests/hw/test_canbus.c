@@ -9,7 +9,7 @@
 
 static struct canbus *open_bus(const char *uri)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct canbus *b;
 
     if (canbus_open(&b, uri, &why))
@@ -186,7 +186,7 @@ static void an_interface_without_carrier_is_off_until_a_frame_goes_through(void 
 
 static void loopback_is_no_can_interface(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct canbus *b;
 
     (void)state;

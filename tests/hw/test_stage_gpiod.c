@@ -31,7 +31,7 @@ static int64_t now_ns(void)
 }
 
 static int try_open(struct stage **s, const char *chip, const char *options,
-                    struct complaint *why)
+                    struct error *why)
 {
     char uri[400];
     snprintf(uri, sizeof uri, "gpiod:%s?%s", chip, options);
@@ -63,7 +63,7 @@ static int teardown(void **state)
 static struct stage *open_named(void **state, const char *chip, const char *options)
 {
     struct bench *b = *state;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     if (try_open(&b->stage, chip, options, &why))
         fail_msg("%s", why.text);
     return b->stage;
@@ -280,7 +280,7 @@ static void switches_may_be_pulled_up(void **state)
 static void what_cannot_be_had_is_named(void **state)
 {
     const char *chip = getenv("GUEST_GPIOCHIP");
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct stage *other;
     open_stage(state);
     assert_int_equal(try_open(&other, chip, LINES NUMBERS, &why), -EBUSY);

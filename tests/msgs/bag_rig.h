@@ -29,7 +29,7 @@ static inline struct bag_writer *start(const char *path, size_t chunk_size,
                                           .library = "test",
                                           .chunk_size = chunk_size,
                                           .compression = compression};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
     uint16_t id;
 
@@ -51,7 +51,7 @@ static inline struct bag_writer *start(const char *path, size_t chunk_size,
 static inline void put(struct bag_writer *w, size_t i)
 {
     char text[200];
-    struct complaint why = {""};
+    struct error why = {""};
     const struct bag_message m = {.channel_id = (uint16_t)(1 + i % 2),
                                   .sequence = (uint32_t)i,
                                   .log_time = time_of(i),

@@ -43,7 +43,7 @@ static inline struct bus *open_bus(const char *node, int64_t epoch_ns)
 {
     const struct bus_config cfg = {
         .node = node, .run_dir = run_folder, .epoch_ns = epoch_ns};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bus *b = NULL;
     if (bus_create(&b, &cfg, &why) != 0)
         fail_msg("%s", why.text);

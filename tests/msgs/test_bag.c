@@ -12,7 +12,7 @@ static const char *write_bag(struct scratch *s, size_t chunk_size,
                              enum bag_compression compression)
 {
     struct bag_writer *w = start(scratch_path(s, "a.mcap"), chunk_size, compression);
-    struct complaint why = {""};
+    struct error why = {""};
 
     assert_int_equal(bag_writer_attachment(w,
                                            &(struct bag_attachment){
@@ -29,7 +29,7 @@ static const char *write_bag(struct scratch *s, size_t chunk_size,
 
 static struct bag_catalog *open_catalog(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_catalog *c;
 
     if (bag_catalog_open(&c, path, &why))
@@ -42,7 +42,7 @@ static void read_in_order(const char *path, uint64_t from, bool odd_only, size_t
     struct bag_catalog *catalog = open_catalog(path);
     struct bag_cursor *c;
     struct bag_message m;
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t last = from;
     size_t n = 0;
     int err;
@@ -85,7 +85,7 @@ static void the_catalog_says_what_is_there(void **state)
     struct bag_catalog *c = open_catalog(path);
     struct bytes_buffer bytes = {0};
     struct bag_record r;
-    struct complaint why = {""};
+    struct error why = {""};
 
     assert_false(c->scanned);
     assert_int_equal(c->n_messages, N_MESSAGES);
@@ -113,7 +113,7 @@ static void without_a_summary_the_whole_file_is_looked_through(void **state)
                                     .without_schemas = true,
                                     .without_channels = true,
                                     .without_attachment_index = true};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
     uint16_t id;
 
@@ -142,7 +142,7 @@ static int read_all(const char *path, size_t *n)
 {
     struct bag_reader *r;
     struct bag_record record;
-    struct complaint why = {""};
+    struct error why = {""};
     int err = bag_reader_open(&r, path, &why);
 
     *n = 0;
@@ -162,7 +162,7 @@ static void every_cut_is_noticed_and_nothing_wrong_is_read(void **state)
 {
     struct scratch *s = *state;
     struct bag_writer *w = start(scratch_path(s, "a.mcap"), 300, BAG_NONE);
-    struct complaint why = {""};
+    struct error why = {""};
     size_t n;
 
     for (size_t i = 0; i < 12; i++)
@@ -183,7 +183,7 @@ static void every_changed_byte_is_noticed(void **state)
 {
     struct scratch *s = *state;
     struct bag_writer *w = start(scratch_path(s, "a.mcap"), 300, BAG_LZ4);
-    struct complaint why = {""};
+    struct error why = {""};
     size_t n;
 
     for (size_t i = 0; i < 4; i++)
@@ -214,7 +214,7 @@ static void bytes_after_the_end_are_noticed(void **state)
 {
     const char *path = write_bag(*state, 700, BAG_ZSTD);
     FILE *file = fopen(path, "ab");
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_reader *r;
     struct bag_record record;
     size_t messages = 0;
@@ -238,7 +238,7 @@ static void what_could_not_be_read_is_not_written(void **state)
     struct bag_writer *w = start(scratch_path(s, "a.mcap"), 300, BAG_NONE);
     const struct bag_message m = {.channel_id = 1, .data = {(uint8_t *)"", BAG_MAX_SIZE}};
     const struct bag_attachment a = {.data = m.data};
-    struct complaint why = {""};
+    struct error why = {""};
     size_t n;
 
     put(w, 0);
@@ -254,7 +254,7 @@ static void a_file_that_is_there_is_not_written_over(void **state)
 {
     struct scratch *s = *state;
     const struct bag_writer_config cfg = {.profile = "", .library = ""};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
 
     scratch_write(s, "a.mcap", "mine");
@@ -266,7 +266,7 @@ static void what_is_no_bag_is_refused(void **state)
 {
     struct scratch *s = *state;
     struct bag_catalog *c;
-    struct complaint why = {""};
+    struct error why = {""};
 
     assert_int_equal(bag_catalog_open(&c, scratch_path(s, "none.mcap"), &why), -ENOENT);
     assert_int_equal(bag_catalog_open(&c, s->folder, &why), -EINVAL);
@@ -289,7 +289,7 @@ static void the_memory_of_a_writer_does_not_grow_with_the_file(void **state)
 {
     enum { CHUNKS = 36000 };
     struct bag_writer *w = start(scratch_path(*state, "long.mcap"), 1, BAG_NONE);
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t n_faults;
 
     for (size_t i = 0; i < 100; i++)

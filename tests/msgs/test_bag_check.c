@@ -13,7 +13,7 @@ static void make_image(struct scratch *s, size_t chunk_size)
 {
     struct bag_writer *w = start(scratch_path(s, "whole.mcap"), chunk_size, BAG_NONE);
     struct bytes_buffer map = {0};
-    struct complaint why = {""};
+    struct error why = {""};
 
     bag_map_put(&map, bytes_of("revision"), bytes_of("3b8b81f"));
     assert_int_equal(bag_writer_attachment(
@@ -58,7 +58,7 @@ static struct faults check_image(struct scratch *s)
 {
     struct faults found = {0};
     const struct bag_check_watch watch = {.fault = note, .context = &found};
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t n;
     FILE *f = fopen(scratch_path(s, "checked.mcap"), "wb");
 
@@ -189,7 +189,7 @@ static void it_can_be_stopped(void **state)
 {
     struct scratch *s = *state;
     const struct bag_check_watch watch = {.stop = stop};
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t n;
 
     make_image(s, 300);

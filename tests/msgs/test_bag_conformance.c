@@ -223,7 +223,7 @@ static void check_reading(const char *stem)
     char path[4200];
     struct bag_reader *r;
     struct bag_record record;
-    struct complaint why = {""};
+    struct error why = {""};
     json_t *found = json_array(), *wanted = load(stem);
     int err;
 
@@ -258,7 +258,7 @@ static void print_fault(void *context, uint64_t offset, const char *what)
 static void check_faultless(const char *stem)
 {
     char path[4200];
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t n_faults;
     const struct bag_check_watch watch = {.fault = print_fault, .context = path};
 
@@ -318,7 +318,7 @@ static struct bytes map_in(const json_t *fields, struct bytes_buffer *out)
 
 static void write_record(struct bag_writer *w, const char *type, const json_t *f)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bytes_buffer pairs = {0};
     uint8_t data[256];
     uint16_t id;
@@ -413,7 +413,7 @@ static void check_writing(const char *stem)
     static uint8_t expected[1 << 16], written[1 << 16];
     char path[4200];
     struct bag_writer *w;
-    struct complaint why = {""};
+    struct error why = {""};
     json_t *wanted = load(stem), *record;
     struct bag_writer_config cfg = config_of(wanted);
     size_t i;

@@ -8,7 +8,7 @@
 static struct bag_writer *create(struct scratch *s, const char *name)
 {
     const struct bag_writer_config cfg = {.profile = "", .library = ""};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
 
     if (bag_writer_create(&w, scratch_path(s, name), &cfg, &why))
@@ -47,7 +47,7 @@ static void add_rest(struct bag_writer *w, const char *name)
 
 static struct bag_catalog *open_catalog(struct scratch *s, const char *name)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_catalog *c;
 
     if (bag_catalog_open(&c, scratch_path(s, name), &why))
@@ -87,7 +87,7 @@ static void what_bags_have_in_common_is_there_once(void **state)
     struct bag_writer *a = create(s, "a.mcap"), *b = create(s, "b.mcap");
     struct bag_catalog *from[2];
     struct bag_copy *copy;
-    struct complaint why = {""};
+    struct error why = {""};
 
     add_message(a, add_channel(a, "a", "x"), "x a");
     add_rest(a, "one");

@@ -27,7 +27,7 @@ struct bag {
  * ---------------------------------------------------------------------
  */
 
-static int define(struct bag_writer *w, struct complaint *why)
+static int define(struct bag_writer *w, struct error *why)
 {
     const struct bag_schema schema = {.name = bytes_of("text")};
     uint16_t id;
@@ -41,7 +41,7 @@ static int define(struct bag_writer *w, struct complaint *why)
     return err;
 }
 
-static int add_rest(struct bag_writer *w, struct complaint *why)
+static int add_rest(struct bag_writer *w, struct error *why)
 {
     const struct bag_attachment survey = {.name = bytes_of("survey.yaml"),
                                           .media_type = bytes_of("application/yaml"),
@@ -52,7 +52,7 @@ static int add_rest(struct bag_writer *w, struct complaint *why)
     return err ? err : bag_writer_metadata(w, &metadata, why);
 }
 
-static int add_messages(struct bag_writer *w, struct complaint *why)
+static int add_messages(struct bag_writer *w, struct error *why)
 {
     char text[200];
     int err = 0;
@@ -71,13 +71,13 @@ static int add_messages(struct bag_writer *w, struct complaint *why)
 }
 
 /* Ends the bag, be it after an error. */
-static int finish(struct bag *b, struct bag_writer *w, int err, struct complaint *why)
+static int finish(struct bag *b, struct bag_writer *w, int err, struct error *why)
 {
     b->closed = bag_writer_close(w, err ? NULL : why);
     return err ? err : b->closed;
 }
 
-static int write_bag(void *context, struct complaint *why)
+static int write_bag(void *context, struct error *why)
 {
     struct bag *b = context;
     const struct bag_writer_config cfg = {.profile = "anlos",
@@ -103,7 +103,7 @@ static int write_bag(void *context, struct complaint *why)
  */
 
 /* Reads to the end or an error; each message once, and right. */
-static int read_all(const char *path, size_t *n, struct complaint *why)
+static int read_all(const char *path, size_t *n, struct error *why)
 {
     struct bag_reader *r;
     struct bag_record record;
@@ -137,7 +137,7 @@ static void check_written(void *context, int err)
 {
     const struct bag *b = context;
     const struct bag_check_watch watch = {.fault = tell_fault};
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t faults = 0;
     size_t n = 0;
     int unread = read_all(b->to, &n, &why);
@@ -170,7 +170,7 @@ static void every_failure_while_writing_is_told(void **state)
 /* The whole bag that the others are about; b->cut: without its end. */
 static void make(struct scratch *s, struct bag *b)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     snprintf(b->from, sizeof b->from, "%s", scratch_path(s, "from.mcap"));
     snprintf(b->to, sizeof b->to, "%s", b->from);
@@ -184,7 +184,7 @@ static void make(struct scratch *s, struct bag *b)
     }
 }
 
-static int read_work(void *context, struct complaint *why)
+static int read_work(void *context, struct error *why)
 {
     const struct bag *b = context;
     size_t n;
@@ -195,7 +195,7 @@ static int read_work(void *context, struct complaint *why)
     return err;
 }
 
-static int read_sorted(const struct bag_catalog *catalog, struct complaint *why)
+static int read_sorted(const struct bag_catalog *catalog, struct error *why)
 {
     struct bytes_buffer into = {0};
     struct bag_record r;
@@ -208,7 +208,7 @@ static int read_sorted(const struct bag_catalog *catalog, struct complaint *why)
     if (err)
         return err;
     if (bag_cursor_create(&c, catalog))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (uint64_t last = 0; !(err = bag_cursor_next(c, &m, why));
          last = m.log_time, n++) {
         check_message(&m);
@@ -220,7 +220,7 @@ static int read_sorted(const struct bag_catalog *catalog, struct complaint *why)
     return err == -ENODATA ? 0 : err;
 }
 
-static int catalog_work(void *context, struct complaint *why)
+static int catalog_work(void *context, struct error *why)
 {
     const struct bag *b = context;
     struct bag_catalog *catalog;
@@ -234,7 +234,7 @@ static int catalog_work(void *context, struct complaint *why)
 }
 
 /* What is not damaged is never called damaged because it could not be read. */
-static int check_work(void *context, struct complaint *why)
+static int check_work(void *context, struct error *why)
 {
     const struct bag *b = context;
     uint64_t faults = 0;
@@ -275,7 +275,7 @@ static void every_failure_while_looking_through_a_cut_bag_is_told(void **state)
  * ----------------------------------------------------------------------
  */
 
-static int recover_work(void *context, struct complaint *why)
+static int recover_work(void *context, struct error *why)
 {
     struct bag *b = context;
     struct bag_recovery found;
@@ -302,7 +302,7 @@ static void every_failure_while_recovering_is_told(void **state)
 }
 
 static int copy_all(struct bag_copy *c, const struct bag_catalog *catalog,
-                    struct complaint *why)
+                    struct error *why)
 {
     struct bag_cursor *cursor;
     struct bag_message m;
@@ -310,13 +310,13 @@ static int copy_all(struct bag_copy *c, const struct bag_catalog *catalog,
     int err = bag_copy_add(c, catalog);
 
     if (err)
-        return complain(why, err, "out of memory");
+        return error_say(why, err, "out of memory");
     for (uint16_t old = 1; !err && old <= 2; old++)
         err = bag_copy_channel(c, 0, old, &id, why);
     if (err)
         return err;
     if (bag_cursor_create(&cursor, catalog))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     while (!(err = bag_cursor_next(cursor, &m, why)) &&
            !(err = bag_copy_message(c, 0, &m, why)))
         ;
@@ -325,18 +325,18 @@ static int copy_all(struct bag_copy *c, const struct bag_catalog *catalog,
 }
 
 static int copy_into(struct bag_writer *w, const struct bag_catalog *catalog,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct bag_copy *c;
 
     if (bag_copy_create(&c, w))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = copy_all(c, catalog, why);
     bag_copy_destroy(c);
     return err;
 }
 
-static int copy_work(void *context, struct complaint *why)
+static int copy_work(void *context, struct error *why)
 {
     struct bag *b = context;
     const struct bag_writer_config cfg = {
@@ -371,14 +371,14 @@ static void every_failure_while_copying_is_told(void **state)
 
 enum { N_TOPICS = 6 };
 
-static int put_topics(struct bag_writer *w, struct complaint *why)
+static int put_topics(struct bag_writer *w, struct error *why)
 {
     struct envelope e = {.node = "dsp", .epoch_ns = 5, .payload_size = 3};
     struct bag_topics *t;
     int err = 0;
 
     if (bag_topics_create(&t, w))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (unsigned i = 0; !err && i < N_TOPICS; i++) {
         snprintf(e.topic, sizeof e.topic, "%s", topics_all()[i % 3].name);
         e.capture_ns = i < 3 ? 0 : 7;
@@ -389,7 +389,7 @@ static int put_topics(struct bag_writer *w, struct complaint *why)
     return err;
 }
 
-static int topics_work(void *context, struct complaint *why)
+static int topics_work(void *context, struct error *why)
 {
     struct bag *b = context;
     const struct bag_writer_config cfg = {
@@ -402,7 +402,7 @@ static int topics_work(void *context, struct complaint *why)
 
 static size_t count_messages(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_record record;
     struct bag_reader *r;
     size_t n = 0;
@@ -419,7 +419,7 @@ static void check_topics(void *context, int err)
 {
     const struct bag *b = context;
     const struct bag_check_watch watch = {.fault = tell_fault};
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t faults = 0;
 
     if (!b->closed && (bag_check(&faults, b->to, &watch, &why) || faults))
@@ -454,7 +454,7 @@ static void add_indexes(struct bag_summary *s, size_t from, size_t n)
 }
 
 /* Laid down twice, and some more that stays in memory. */
-static int summary_work(void *context, struct complaint *why)
+static int summary_work(void *context, struct error *why)
 {
     const struct bag *b = context;
     struct bag_summary s = {.fd = -1};
@@ -477,7 +477,7 @@ static int summary_work(void *context, struct complaint *why)
     }
     bytes_free(&out);
     bag_summary_free(&s);
-    return err ? complain(why, err, "the summary: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "the summary: %s", strerror(-err)) : 0;
 }
 
 /* What cannot be laid down stays in memory; what cannot be taken up again is told. */

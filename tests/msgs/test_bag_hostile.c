@@ -46,7 +46,7 @@ struct verdict {
 
 static int read_through(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_reader *r;
     struct bag_record record;
     int err = bag_reader_open(&r, path, &why);
@@ -60,7 +60,7 @@ static int read_through(const char *path)
 
 static void index_through(const char *path, struct verdict *v)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_catalog *catalog;
     struct bag_cursor *c;
     struct bag_message m;
@@ -79,7 +79,7 @@ static void index_through(const char *path, struct verdict *v)
 static struct verdict judge(struct scratch *s, struct bytes_buffer *b)
 {
     struct verdict v = {.cursor = 0};
-    struct complaint why = {""};
+    struct error why = {""};
     char path[600], saved[600];
 
     snprintf(path, sizeof path, "%s", scratch_path(s, "hostile.mcap"));

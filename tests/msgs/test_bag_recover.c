@@ -14,7 +14,7 @@ static char of_topic[N][8]; /* of each message that was saved last */
 static void make_image(struct scratch *s, enum bag_compression compression)
 {
     struct bag_writer *w = start(scratch_path(s, "whole.mcap"), 300, compression);
-    struct complaint why = {""};
+    struct error why = {""};
 
     for (size_t i = 0; i < N; i++)
         put(w, i);
@@ -40,7 +40,7 @@ static struct bag_recovery recover(struct scratch *s, bool right[N])
     struct bag_recovery found;
     struct bag_reader *r;
     struct bag_record record;
-    struct complaint why = {""};
+    struct error why = {""};
     char topics[5][8] = {""}; /* by the channel's id */
     int err;
 
@@ -188,7 +188,7 @@ static void make_chunk_without_checksum(struct scratch *s, bool indexed)
                                           .without_message_index = !indexed,
                                           .without_statistics = true};
     const struct bag_channel channel = {.topic = bytes_of("even")};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
     char text[200];
     uint16_t id;

@@ -154,7 +154,7 @@ static void what_went_over_the_bus_comes_back_out_of_a_bag(void **state)
 {
     const struct bag_writer_config cfg = {.profile = "", .library = "", .chunk_size = 99};
     const uint8_t payload[] = {1, 2, 3};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
     struct bag_topics *t;
     struct bag_reader *r;
@@ -200,7 +200,7 @@ static void what_went_over_the_bus_comes_back_out_of_a_bag(void **state)
 static void a_topic_that_there_is_not_is_refused(void **state)
 {
     const struct bag_writer_config cfg = {.profile = "", .library = ""};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
     struct bag_topics *t;
     const struct envelope e = {.topic = "weather", .node = "array"};

@@ -403,7 +403,7 @@ static void two_live_nodes_of_one_name_are_refused(void **state)
 {
     (void)state;
     const struct bus_config cfg = {.node = "scan", .run_dir = run_folder};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bus *scan = open_bus("scan", 1), *second = NULL;
     assert_int_equal(bus_create(&second, &cfg, &why), -EADDRINUSE);
     assert_non_null(strstr(why.text, "\"scan\" already runs"));
@@ -533,7 +533,7 @@ static void a_run_folder_that_cannot_be_is_refused_with_its_reason(void **state)
 {
     (void)state;
     char folder[300], file[400];
-    struct complaint why = {""};
+    struct error why = {""};
     struct bus *b = NULL;
     struct bus_config cfg = {.node = "scan", .run_dir = folder};
     snprintf(folder, sizeof folder, "%s/%080d", run_folder, 0);

@@ -11,7 +11,7 @@
 static struct host host_at(const char *name, const char *endpoint, const char *node)
 {
     struct host h = {.n_nodes = 1};
-    struct complaint why = {""};
+    struct error why = {""};
     strcpy(h.name, name);
     strcpy(h.nodes[0], node);
     if (host_set_endpoint(&h, endpoint, &why) != 0)
@@ -87,7 +87,7 @@ static void a_file_that_is_not_one_of_hosts_is_refused(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         struct hosts h;
-        struct complaint why = {""};
+        struct error why = {""};
         write_file(texts[i]);
         if (hosts_read(&h, run_folder, &why) != -EINVAL)
             fail_msg("taken: %s", texts[i]);
@@ -120,7 +120,7 @@ static void an_endpoint_that_others_could_not_reach_is_refused(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         struct host h = {.n_nodes = 0};
-        struct complaint why = {""};
+        struct error why = {""};
         if (host_set_endpoint(&h, texts[i], &why) != -EINVAL)
             fail_msg("taken: %s", texts[i]);
         assert_non_null(strstr(why.text, texts[i]));
@@ -180,7 +180,7 @@ static void an_address_of_another_machine_is_not_ours(void **state)
     const struct host ours = host_at("a", "tcp://127.0.0.1:7400", "array");
     const struct host other =
         host_at("b", "tcp://192.0.2.1:7400", "array"); /* RFC 5737 */
-    struct complaint why = {""};
+    struct error why = {""};
     (void)state;
     assert_int_equal(host_check_address(&ours, NULL), 0);
     assert_int_equal(host_check_address(&other, &why), -EADDRNOTAVAIL);

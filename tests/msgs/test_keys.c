@@ -543,7 +543,7 @@ static void a_host_without_good_keys_does_not_start(void **state)
              publics[1]);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct bus_config cfg = {.node = "array", .run_dir = folders[0]};
-        struct complaint why = {""};
+        struct error why = {""};
         struct bus *b;
         char good[400] = "", kept[500];
         by_tcp_with_keys();
@@ -570,7 +570,7 @@ static void a_host_without_good_keys_does_not_start(void **state)
 static void without_keys_nothing_is_reached_but_from_this_machine(void **state)
 {
     const struct bus_config cfg = {.node = "array", .run_dir = folders[0]};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bus *b;
     (void)state;
     by_tcp_at("10.0.0.1", "127.0.0.4");
@@ -589,7 +589,7 @@ static void without_keys_nothing_is_reached_but_from_this_machine(void **state)
 static void a_new_key_is_its_owners_alone_and_never_replaces_another(void **state)
 {
     char folder[150], public[KEYS_TEXT_SIZE], again[KEYS_TEXT_SIZE];
-    struct complaint why = {""};
+    struct error why = {""};
     struct keys keys;
     struct stat st;
     (void)state;
@@ -624,7 +624,7 @@ static void a_new_key_is_its_owners_alone_and_never_replaces_another(void **stat
 static void an_address_that_is_not_ours_is_complained_about(void **state)
 {
     const struct bus_config cfg = {.node = "array", .run_dir = folders[0]};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bus *b;
     (void)state;
     by_tcp_with_keys();

@@ -245,7 +245,7 @@ static void a_port_that_something_else_had_before_is_connected_to_again(void **s
 static void a_port_that_is_taken_is_complained_about(void **state)
 {
     const struct bus_config cfg = {.node = "array", .run_dir = folders[0]};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bus *b;
     char url[64];
     (void)state;

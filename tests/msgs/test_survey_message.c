@@ -17,7 +17,7 @@ static void a_survey_comes_back_from_its_message(void **state)
 {
     (void)state;
     struct survey s = example(), back;
-    struct complaint why = {""};
+    struct error why = {""};
     Anlos__Survey *m = message_of(&s);
     assert_int_equal(survey_from_message(&back, m, &why), 0);
     anlos__survey__free_unpacked(m, NULL); /* the copy owns its arrays */
@@ -30,7 +30,7 @@ static void places_and_replica_come_back_too(void **state)
 {
     (void)state;
     struct survey s = foreign_example(), back, copy;
-    struct complaint why = {""};
+    struct error why = {""};
     Anlos__Survey *m = message_of(&s);
     if (survey_from_message(&back, m, &why))
         fail_msg("%s", why.text);
@@ -204,7 +204,7 @@ static void a_damaged_message_is_refused_and_leaves_nothing(void **state)
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct survey s = example(), back;
-        struct complaint why = {""};
+        struct error why = {""};
         Anlos__Survey *m = message_of(&s);
         cases[i].apply(m);
         assert_int_equal(survey_from_message(&back, m, &why), -EINVAL);
@@ -221,7 +221,7 @@ static void a_message_with_too_many_elements_is_refused(void **state)
     (void)state;
     static double positions[SURVEY_MAX_ELEMENTS + 1];
     struct survey s = example(), back;
-    struct complaint why = {""};
+    struct error why = {""};
     Anlos__Survey *m = message_of(&s);
     size_t n = m->n_stage_positions_m;
     double *own = m->stage_positions_m;

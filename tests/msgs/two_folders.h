@@ -16,7 +16,7 @@ static struct hosts hosts;
 static inline void add_host(const char *name, const char *endpoint, const char *node)
 {
     struct host *h = &hosts.list[hosts.n++];
-    struct complaint why = {""};
+    struct error why = {""};
     *h = (struct host){.n_nodes = 1};
     strcpy(h->name, name);
     strcpy(h->nodes[0], node);
@@ -72,7 +72,7 @@ static inline struct bus *open_on(int i, const char *node, int64_t epoch_ns)
 {
     const struct bus_config cfg = {
         .node = node, .run_dir = folders[i], .epoch_ns = epoch_ns};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bus *b = NULL;
     if (bus_create(&b, &cfg, &why) != 0)
         fail_msg("%s", why.text);

@@ -11,7 +11,7 @@
 static inline struct launchfile *launch_load_with(struct scratch *s, const char *text,
                                                   const struct launchfile_options *o)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
 
     if (launchfile_load(&l, scratch_write(s, "a.yaml", text), o, &why))
@@ -24,16 +24,16 @@ static inline struct launchfile *launch_load(struct scratch *s, const char *text
     return launch_load_with(s, text, NULL);
 }
 
-/* Loading fails, and the complaint is the path and then exactly this. */
+/* Loading fails, and the error is the path and then exactly this. */
 static inline void assert_refused(struct scratch *s, const char *text, const char *rest)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
     const char *path = scratch_write(s, "a.yaml", text);
 
     assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
     assert_null(l);
-    assert_complaint(why.text, path, rest);
+    assert_error(why.text, path, rest);
 }
 
 #endif

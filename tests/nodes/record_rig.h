@@ -49,7 +49,7 @@ static inline struct bus_message make_message(size_t i, uint8_t payload[PAYLOAD_
 static inline void put_at(struct recorder *r, size_t i, int64_t now_ns)
 {
     uint8_t payload[PAYLOAD_MAX];
-    struct complaint why = {""};
+    struct error why = {""};
     struct bus_message m = make_message(i, payload);
 
     if (recorder_put(r, &m, now_ns, &why))
@@ -58,7 +58,7 @@ static inline void put_at(struct recorder *r, size_t i, int64_t now_ns)
 
 static inline void tick_at(struct recorder *r, int64_t now_ns)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     int64_t due_ns;
 
     if (recorder_tick(r, now_ns, &due_ns, &why))
@@ -67,7 +67,7 @@ static inline void tick_at(struct recorder *r, int64_t now_ns)
 
 static inline void end_at(struct recorder *r, int64_t now_ns)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (recorder_end(r, now_ns, &why))
         fail_msg("%s", why.text);
@@ -97,7 +97,7 @@ static inline void check_message(const struct bag_catalog *c, const struct bag_m
 static inline struct bag_catalog *open_catalog(const char *path)
 {
     struct bag_catalog *c;
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (bag_catalog_open(&c, path, &why))
         fail_msg("%s", why.text);
@@ -108,7 +108,7 @@ static inline struct bag_catalog *open_catalog(const char *path)
  * n. */
 static inline size_t check_bag(const char *path, size_t first)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_cursor *cursor;
     struct bag_message m;
     uint64_t n_faults;
@@ -134,7 +134,7 @@ static inline bool find_metadata(const char *path, const char *name, size_t k,
 {
     struct bag_catalog *c = open_catalog(path);
     struct bytes_buffer into = {0};
-    struct complaint why = {""};
+    struct error why = {""};
     bool found = false;
 
     for (size_t i = 0; i < c->n_metadata; i++) {
@@ -162,7 +162,7 @@ static inline bool save_attachment(const char *bag, const char *name, const char
 {
     struct bag_catalog *c = open_catalog(bag);
     struct bytes_buffer into = {0};
-    struct complaint why = {""};
+    struct error why = {""};
     bool found = false;
 
     for (size_t i = 0; i < c->n_attachments && !found; i++) {

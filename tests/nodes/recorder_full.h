@@ -27,7 +27,7 @@ static inline int fill_disk(struct rig *g, int expected_err)
 {
     struct recorder_config cfg = config(g);
     struct recorder_totals t;
-    struct complaint why = {""};
+    struct error why = {""};
     uint8_t payload[PAYLOAD_MAX];
     struct recorder *r;
     int64_t due_ns;

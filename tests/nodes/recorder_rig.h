@@ -63,7 +63,7 @@ static inline struct recorder_config config(struct rig *r)
 
 static inline struct recorder *start(const struct recorder_config *cfg)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct recorder *r;
 
     if (recorder_create(&r, cfg, 0, &why))

@@ -129,7 +129,7 @@ static inline struct recon_options simulated_options(const struct simulated *s,
 /* Opens, plans and runs; recon_job_clear it. */
 static inline void simulated_image(struct recon_job *job, const struct recon_options *o)
 {
-    struct complaint why = {0};
+    struct error why = {0};
     int err = recon_job_open(job, o, &why);
     if (!err)
         err = recon_job_plan(job, &why);

@@ -115,7 +115,7 @@ static void export_lines_of(const char *from, const char *to)
 /* Samples of a recording's pass, [n_positions][n_microphones][frames]. */
 static float *read_pass(const char *in, const char *pass, size_t *n, uint64_t *id)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct survey s;
     struct recording *r;
     uint32_t counts[2][64];
@@ -309,7 +309,7 @@ static struct making make(const char *name)
 {
     const struct bag_writer_config cfg = {.profile = "", .library = ""};
     struct making m = {.now_ns = 1000};
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (bag_writer_create(&m.writer, in_folder(name), &cfg, &why))
         fail_msg("%s", why.text);
@@ -320,7 +320,7 @@ static struct making make(const char *name)
 static void add_bytes(struct making *m, const char *topic, const uint8_t *data,
                       size_t size)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct envelope e = {.node = "test",
                          .capture_ns = m->now_ns,
                          .publish_ns = m->now_ns + 5,
@@ -344,7 +344,7 @@ static void add(struct making *m, const char *topic, const ProtobufCMessage *mes
 
 static void made(struct making *m)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     bag_topics_destroy(m->topics);
     if (bag_writer_close(m->writer, &why))
@@ -444,7 +444,7 @@ static void the_last_final_volume_becomes_nrrd_and_pictures(void **state)
 /* The pings of the recording's bag again, changed on their way. */
 static void copy_pings(struct making *m, bool (*change)(Anlos__Ping *, size_t i))
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct stream_message in;
     struct stream *s;
     size_t i = 0;
@@ -522,7 +522,7 @@ static void a_ping_that_is_missing_is_told(void **state)
 static void the_survey_of_an_export_says_where_the_stage_stood(void **state)
 {
     struct making m = make("shifted.mcap");
-    struct complaint why = {""};
+    struct error why = {""};
     struct survey s[2];
     char path[200];
 
@@ -592,7 +592,7 @@ static void put_text(const char *name, const char *text)
 /* 31 slots of three speakers, and three quarters of one more. */
 static void make_drive(const char *name, const char *table, const char *ego)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     uint32_t x = 1;
     char path[128];
 
@@ -621,7 +621,7 @@ static void make_drive(const char *name, const char *table, const char *ego)
 /* The pings of a bag, checked against the sound; their number. */
 static size_t check_drive(const char *bag, const struct emission *expected, size_t n)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct stream_message m;
     struct stream *s;
     size_t at = 0, extents[2];
@@ -728,7 +728,7 @@ static void strip_ids(const char *from, const char *to)
 {
     const struct bag_writer_config cfg = {
         .profile = "", .library = "test", .chunk_size = 1 << 20};
-    struct complaint why = {""};
+    struct error why = {""};
     struct stream_message m;
     struct bag_writer *writer;
     struct bag_topics *topics;
@@ -835,7 +835,7 @@ static void ctrl_c_leaves_no_file(void **state)
     const struct import_options o = {.from = recording, .out = in_folder("i.mcap")};
     struct selection_result r;
     struct import_bag *b;
-    struct complaint why = {""};
+    struct error why = {""};
 
     (void)state;
     interrupt_catch();

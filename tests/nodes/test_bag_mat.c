@@ -80,7 +80,7 @@ static void check_ping(const struct survey *s, const Anlos__Ping *p)
 static void each_place_hears_the_point_at_its_range(void **state)
 {
     char from[600], to[600];
-    struct complaint why = {""};
+    struct error why = {""};
     struct import_options o = {.from = from, .out = to};
     struct import_bag *bag;
     struct stream_message m;

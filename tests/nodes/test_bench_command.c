@@ -245,7 +245,7 @@ static void noise_moves_a_point_by_little_more_than_the_bound(void **state)
     (void)state;
     static struct bench_noise b;
     struct bench_scene point;
-    struct complaint why = {""};
+    struct error why = {""};
     FILE *f = fopen(path_of("silent.yaml"), "w");
     fputs(silent_point, f);
     fclose(f);

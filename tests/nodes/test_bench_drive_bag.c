@@ -87,7 +87,7 @@ static void write_truth(const struct bag *f)
 static int setup(void **state)
 {
     struct bag *f = calloc(1, sizeof *f);
-    struct complaint why = {""};
+    struct error why = {""};
     void *scratch = NULL;
 
     if (!f || scratch_open(&scratch) ||

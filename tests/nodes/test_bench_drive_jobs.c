@@ -61,7 +61,7 @@ static int teardown(void **state)
     return scratch_close(&scratch);
 }
 
-static int told(void *context, struct drive_job *job, struct complaint *why)
+static int told(void *context, struct drive_job *job, struct error *why)
 {
     struct rig *r = context;
 
@@ -93,7 +93,7 @@ static void side_by_side_they_are_what_they_are_alone(void **state)
 {
     struct rig *r = *state;
     struct drive_jobs alone = make(r, 1), beside;
-    struct complaint why = {""};
+    struct error why = {""};
 
     assert_int_equal(drive_jobs_run(&alone, &why), 0);
     assert_int_equal(r->n_told, N);
@@ -120,7 +120,7 @@ static void after_ctrl_c_what_is_done_is_there(void **state)
 
     for (size_t side_by_side = 1; side_by_side <= 2; side_by_side++) {
         struct drive_jobs jobs = make(r, side_by_side);
-        struct complaint why = {""};
+        struct error why = {""};
         interrupt_catch();
         r->interrupt_after = 1;
         assert_int_equal(drive_jobs_run(&jobs, &why), -EINTR);
@@ -137,7 +137,7 @@ static void the_error_of_one_ends_all(void **state)
 
     for (size_t side_by_side = 1; side_by_side <= 2; side_by_side++) {
         struct drive_jobs jobs = make(r, side_by_side);
-        struct complaint why = {""};
+        struct error why = {""};
         jobs.list[1].run.scene = "/nowhere.yaml";
         assert_int_equal(drive_jobs_run(&jobs, &why), -ENOENT);
         assert_non_null(strstr(why.text, "/nowhere.yaml"));

@@ -12,7 +12,7 @@
 
 static struct truth_file *load(struct scratch *s, const char *text)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct truth_file *f = NULL;
 
     assert_int_equal(truth_file_load(&f, scratch_write(s, "truth.csv", text), &why), 0);
@@ -76,7 +76,7 @@ static void a_file_that_is_wrong_is_refused_by_its_line(void **state)
     };
 
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
-        struct complaint why = {""};
+        struct error why = {""};
         struct truth_file *f = NULL;
         const char *path = scratch_write(*state, "truth.csv", wrong[i].text);
         assert_int_equal(truth_file_load(&f, path, &why), -EINVAL);

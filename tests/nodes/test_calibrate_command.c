@@ -95,7 +95,7 @@ static void expect(struct fixture *f, int code, const char *text)
 
 static struct calibration *load(const struct fixture *f)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct calibration *c;
     if (calibration_load(&c, f->out, &why))
         fail_msg("%s", why.text);
@@ -371,7 +371,7 @@ static void each_command_renews_its_part_and_keeps_the_rest(void **state)
 static void a_background_is_a_recording_with_its_temperature(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct survey s;
     struct recording *r;
     char folder[96], path[128];
@@ -420,7 +420,7 @@ static void a_background_can_be_carried_along_and_must_not_clip(void **state)
 
 static struct array *open_array(const char *uri)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct array *a;
     if (array_open(&a, uri, clock_system(), &why))
         fail_msg("%s", why.text);
@@ -429,7 +429,7 @@ static struct array *open_array(const char *uri)
 
 static void hear(struct array *a, uint32_t speaker, struct array_ping *ping)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     const struct array_shot shot = {
         .pass = PASS_SCENE, .speakers = &speaker, .n_speakers = 1};
     assert_int_equal(array_fire(a, &shot), 0);

@@ -31,7 +31,7 @@ static void put_list(struct rig *r, struct sender *s, struct outbox *o, uint32_t
 }
 
 /* Each list until it is out or dropped; what was not written is tried again. */
-static int send_lists(struct rig *r, struct canbus *bus, struct complaint *why)
+static int send_lists(struct rig *r, struct canbus *bus, struct error *why)
 {
     struct sender_config cfg;
     static struct sender s;
@@ -47,7 +47,7 @@ static int send_lists(struct rig *r, struct canbus *bus, struct complaint *why)
         for (int k = 0; k < 20; k++, r->clock.now_ns += 50000000) {
             outbox_step(&o);
             if (!outbox_well(&o, text, sizeof text))
-                err = complain(why, -EIO, "%s", text);
+                err = error_say(why, -EIO, "%s", text);
         }
     }
     r->sent = o.sent;
@@ -55,7 +55,7 @@ static int send_lists(struct rig *r, struct canbus *bus, struct complaint *why)
     return err;
 }
 
-static int can_work(void *context, struct complaint *why)
+static int can_work(void *context, struct error *why)
 {
     struct rig *r = context;
     struct canbus *bus;
@@ -124,7 +124,7 @@ static void no_frame_is_lost_untold_in_a_log(void **state)
     assert_true(failing_each(&work) > 10);
 }
 
-static int launch_work(void *context, struct complaint *why)
+static int launch_work(void *context, struct error *why)
 {
     const struct rig *r = context;
     bool plays = strstr(r->launch_path, "play.yaml");

@@ -48,7 +48,7 @@ struct rig {
 static int misplace_wall(struct scene *scene)
 {
     struct survey wrong;
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (survey_from_message(&wrong, scene->survey, &why))
         return -1;
@@ -62,7 +62,7 @@ static int misplace_wall(struct scene *scene)
 static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
-    struct complaint why = {""};
+    struct error why = {""};
     char path[] = "/tmp/anlos-chain-XXXXXX";
     int fd = mkstemp(path);
 
@@ -99,7 +99,7 @@ static void start(struct rig *r, const struct launchfile *walls)
         .fixed = true,
         .walls = walls,
         .can = r->can};
-    struct complaint why = {""};
+    struct error why = {""};
 
     fixed_config(&cfg.steady, r->launch);
     tracking_config(&cfg.track, r->launch);
@@ -110,7 +110,7 @@ static void start(struct rig *r, const struct launchfile *walls)
 
 static void hear(struct rig *r)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     Anlos__Ping ping;
     int64_t now_ns = SECOND;
 
@@ -131,7 +131,7 @@ static void a_wall_that_the_launch_file_has_heard_is_where_its_echoes_say(void *
 
     start(r, r->launch);
     hear(r);
-    const Anlos__WallList *list = keeper_list(&r->chain.finder.keeper);
+    const Anlos__WallList *list = wall_map_list(&r->chain.finder.wall_map);
     assert_int_equal(list->n_walls, 1);
     assert_near(list->walls[0]->distance_m, WALL_M, 0.01);
     assert_near(fabs(list->walls[0]->normal->z), 1.0, 0.001);

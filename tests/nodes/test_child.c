@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/launcher/crew.h"
+#include "nodes/launcher/process_group.h"
 
 #define DEADLINE_MS 60000
 #define S           1000000000LL
@@ -84,7 +84,7 @@ static void a_line_without_end_comes_in_pieces(void **state)
 static void a_program_that_is_not_there_is_named(void **state)
 {
     struct child c;
-    struct complaint why = {""};
+    struct error why = {""};
     char *argv[] = {(char *)"/no/such/program", NULL};
 
     (void)state;

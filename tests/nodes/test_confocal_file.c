@@ -71,7 +71,7 @@ static void scales_and_order_are_those_of_the_file(void **state)
     for (int v = 0; v < 2; v++) {
         struct confocal_file f;
         struct confocal_scan s;
-        struct complaint why = {""};
+        struct error why = {""};
         write_scan(versions[v], half_side_m, bin_s);
         assert_int_equal(confocal_file_load(&f, path, &why), 0);
         assert_true(f.nx == PLACES && f.ny == PLACES && f.n_bins == BINS);
@@ -149,7 +149,7 @@ static void a_point_is_where_it_is_with_every_method(void **state)
     for (const char *m = confocal_methods(); *m; m += strlen(m) + 1) {
         struct recon_options o = {.confocal = path, .method = m, .threads = 2};
         struct confocal_job job;
-        struct complaint why = {""};
+        struct error why = {""};
         size_t best = 0;
         if (confocal_job_run(&job, &o, &why))
             fail_msg("%s: %s", m, why.text);
@@ -261,7 +261,7 @@ static size_t spot_size(const char *setting)
     struct recon_options o;
     struct imager_options imaging;
     struct confocal_job job;
-    struct complaint why = {""};
+    struct error why = {""};
     char reason[256];
     float most = 0.0f;
     size_t size = 0;

@@ -10,7 +10,7 @@
 
 static void run(struct confocal_job *job, const struct recon_options *o)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     optional_needs(o->confocal);
     if (confocal_job_run(job, o, &why))

@@ -8,7 +8,7 @@
 #define SCENE SOURCE_DIR "/tests/nodes/point.yaml"
 
 static int check(struct scratch *s, const char *nodes, const char *parts,
-                 struct complaint *why)
+                 struct error *why)
 {
     char text[1024];
     struct launchfile *l = NULL;
@@ -26,7 +26,7 @@ static int check(struct scratch *s, const char *nodes, const char *parts,
 static void devices_that_are_there_are_fine_and_no_log_is_made(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why;
+    struct error why;
 
     if (check(s, "array, stage, can", "array: {uri: 'sim:" SCENE "'}\n", &why))
         fail_msg("%s", why.text);
@@ -59,7 +59,7 @@ static void what_is_not_there_is_named_with_file_and_key(void **state)
         {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'log:x?interfaces=a'}\n",
          "x?interfaces=a: there is no option \"interfaces\"", -EINVAL},
     };
-    struct complaint why;
+    struct error why;
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         assert_int_equal(check(*state, "array, stage, can", cases[i].parts, &why),
@@ -93,7 +93,7 @@ static void simulated_devices_have_to_go_together(void **state)
          "scan: {mode: fixed}\n",
          "a.yaml: scan.mode is fixed, but the survey has "},
     };
-    struct complaint why;
+    struct error why;
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         int err = check(*state, "array, scan, can", cases[i].parts, &why);
@@ -105,7 +105,7 @@ static void simulated_devices_have_to_go_together(void **state)
 
 static void what_no_node_uses_is_not_looked_at(void **state)
 {
-    struct complaint why;
+    struct error why;
 
     assert_int_equal(check(*state, "dsp", "array: {uri: 'wav:nowhere'}\n", &why), 0);
 }

@@ -403,7 +403,7 @@ static void a_survey_that_cannot_be_planned_is_complained_about(void **state)
 {
     struct rig *r = *state;
     struct survey s = *room_survey(r->scene.room); /* borrows its arrays */
-    struct complaint why = {""};
+    struct error why = {""};
 
     s.has_gate = false;
     s.volume_m[2][0] = 5.5;

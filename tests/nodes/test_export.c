@@ -82,7 +82,7 @@ static char *read_all(const char *folder, const char *name, size_t *size)
 static void a_volume_reads_back_from_nrrd(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     size_t size, n[3];
     double step[3], origin[3];
     assert_int_equal(
@@ -223,7 +223,7 @@ static void find_bright(const char *folder, const char *name, double *across,
 static void pictures_show_high_y_above_and_far_z_away(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     struct grid g = {.step_m = {0.05, 0.05, 0.05}, .n = {20, 20, 20}};
     float *v = calloc(8000, sizeof *v);
     double across, down, size[2];
@@ -266,7 +266,7 @@ static double brightest(const char *folder, const char *name)
 static void an_image_of_noise_does_not_look_like_one_of_objects(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     struct grid g = {.step_m = {0.05, 0.05, 0.05}, .n = {100, 1, 80}};
     float *v = calloc(8000, sizeof *v);
     uint32_t seed = 1;
@@ -293,7 +293,7 @@ static void an_image_of_noise_does_not_look_like_one_of_objects(void **state)
 static void an_image_of_one_plane_is_not_drawn_as_a_hair(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     struct grid g = {.step_m = {0.1, 0.1, 0.1}, .n = {64, 1, 22}};
     float v[64 * 22];
     char path[256];
@@ -319,7 +319,7 @@ static void an_image_of_one_plane_is_not_drawn_as_a_hair(void **state)
 static void an_empty_volume_and_a_single_voxel_can_be_drawn(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     struct grid g = {.step_m = {0.05, 0.05, 0.05}, .n = {1, 1, 1}};
     float zero = 0.0f;
     assert_int_equal(export_projections(f->folder, &g, &zero, NULL, &why), 0);
@@ -329,7 +329,7 @@ static void an_empty_volume_and_a_single_voxel_can_be_drawn(void **state)
 static void detections_json_is_valid_and_has_null_for_nan(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     Anlos__Vec3 at = ANLOS__VEC3__INIT;
     Anlos__Detection d = ANLOS__DETECTION__INIT, *all[1] = {&d};
     Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
@@ -389,7 +389,7 @@ static void detections_json_is_valid_and_has_null_for_nan(void **state)
 static void keys_keep_the_order_given(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     size_t size;
     json_t *j = json_pack("{si, si, si}", "zebra", 1, "ape", 2, "mole", 3);
     assert_int_equal(export_json(f->folder, "x.json", j, &why), 0);
@@ -404,7 +404,7 @@ static void keys_keep_the_order_given(void **state)
 static void folders_are_made_with_their_parents(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     char path[128];
     struct stat st;
     snprintf(path, sizeof path, "%s/a/b/c", f->folder);
@@ -416,7 +416,7 @@ static void folders_are_made_with_their_parents(void **state)
 static void a_folder_that_cannot_be_written_is_refused_and_named(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     char path[128];
     snprintf(path, sizeof path, "%s/file", f->folder);
     fclose(fopen(path, "w"));
@@ -446,7 +446,7 @@ static void limit_files(rlim_t bytes)
 static void a_full_disk_is_an_error_and_leaves_nothing(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     struct grid g = {.step_m = {0.05, 0.05, 0.05}, .n = {20, 20, 20}};
     float *v = calloc(8000, sizeof *v);
     json_t *j = json_object();
@@ -475,7 +475,7 @@ static void a_full_disk_is_an_error_and_leaves_nothing(void **state)
 static void a_stage_shows_its_files_at_commit_and_replaces_older_ones(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     struct export_stage stage;
     size_t size;
     json_t *old = json_pack("{si}", "old", 1), *new = json_pack("{si}", "new", 1);
@@ -497,7 +497,7 @@ static void a_stage_shows_its_files_at_commit_and_replaces_older_ones(void **sta
 static void an_abandoned_stage_takes_the_folders_that_it_made(void **state)
 {
     struct fixture *f = *state;
-    struct complaint why = {0};
+    struct error why = {0};
     struct export_stage stage;
     char path[128], below[PATH_MAX + 16];
     json_t *j = json_object();

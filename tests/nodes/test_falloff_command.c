@@ -174,7 +174,7 @@ static void resolution_says_what_it_needs(void **state)
 static void a_chart_leaves_out_what_it_cannot_show(void **state)
 {
     (void)state;
-    struct complaint why = {""};
+    struct error why = {""};
     const double x[5] = {1.0, 2.0, NAN, 4.0, 5.0}, y[5] = {1.0, -1.0, 10.0, 1e30, 100.0};
     const struct chart_series series[2] = {
         {.name = "line", .x = x, .y = y, .n = 5, .style = CHART_LINE},

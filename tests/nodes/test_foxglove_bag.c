@@ -35,7 +35,7 @@ static void put(struct rig *r, const struct foxglove_message *m)
                          .capture_ns = m->capture_ns,
                          .publish_ns = r->t_ns++,
                          .payload_size = (uint32_t)size};
-    struct complaint why;
+    struct error why;
 
     assert_non_null(data);
     snprintf(e.topic, sizeof e.topic, "%s", m->topic->name);
@@ -52,7 +52,7 @@ static void write_samples(struct rig *r, bool survey)
     const struct bag_attachment a = {.name = bytes_of("note"),
                                      .media_type = bytes_of("text/plain"),
                                      .data = bytes_of("kept")};
-    struct complaint why;
+    struct error why;
 
     assert_int_equal(bag_writer_create(&r->writer, r->in, &cfg, &why), 0);
     assert_int_equal(bag_topics_create(&r->topics, r->writer), 0);
@@ -119,7 +119,7 @@ static int count(const char *path, const char *topic)
 {
     struct stream *s;
     struct stream_message m;
-    struct complaint why;
+    struct error why;
     int n = 0;
 
     assert_int_equal(stream_open(&s, path, &why), 0);
@@ -157,7 +157,7 @@ static void a_message_is_what_a_live_client_gets_with_its_sources_times(void **s
     struct rig *r = *state;
     struct stream *s;
     struct stream_message m;
-    struct complaint why;
+    struct error why;
     struct setting setting = {.has_survey = false};
     struct channel c;
     uint8_t *expected;

@@ -13,7 +13,7 @@
 #include "nodes/foxglove/request.h"
 
 static struct foxglove_request request;
-static struct complaint why;
+static struct error why;
 
 static int parse(const char *text)
 {

@@ -46,7 +46,7 @@ static void start(struct rig *r, struct scratch *s, const char *faults,
 {
     const struct array_shot shot = {
         .speakers = speakers, .n_speakers = n, .endless = true};
-    struct complaint why = {""};
+    struct error why = {""};
     char uri[700];
     FILE *f = fopen(scratch_path(s, "scene.yaml"), "w");
 
@@ -71,7 +71,7 @@ static double go_on(struct rig *r, size_t n, const uint32_t *speakers)
     for (size_t i = 0; i < n; i++) {
         Anlos__Ping m = ANLOS__PING__INIT;
         struct array_ping ping;
-        struct complaint why;
+        struct error why;
         assert_int_equal(array_next(r->array, &ping, &why), 0);
         m.speaker = speakers[ping.shot_index];
         m.down = ping.down;
@@ -317,7 +317,7 @@ static void why_a_reach_is_none_is_said(void **state)
 {
     struct reach_config none = fixed;
     struct hearing *h = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
     struct rig r;
 
     start(&r, *state, "", "", all, 16);

@@ -20,7 +20,7 @@
 #include "nodes/can/watch.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/node.h"
-#include "nodes/wall/keeper.h"
+#include "nodes/wall/wall_map.h"
 #include "nodes/wall/listener.h"
 
 #define SCENES SOURCE_DIR "/launch/scenes/"
@@ -34,7 +34,7 @@ struct drive {
     struct launchfile *launch;
     struct drive_world world;
     struct survey survey;
-    struct keeper keeper;
+    struct wall_map wall_map;
     struct listener *listener;
     struct hearing *hearing;
     struct hearing_faults faults;
@@ -48,7 +48,7 @@ static void start(struct drive *d, const char *scene)
     struct firing firing;
     const struct drive_world_config world = {.scene = scene, .firing = &firing};
     struct reach_config hears;
-    struct complaint why = {""};
+    struct error why = {""};
 
     *d = (struct drive){.launch = NULL};
     bool fast = strstr(scene, "-car") || strstr(scene, "-cyclist");
@@ -69,8 +69,8 @@ static void start(struct drive *d, const char *scene)
                                             .reach_m = d->launch->wall.reach_m,
                                             .every_s = d->launch->wall.every_s};
     reach_config_launch(&hears, d->launch, &d->survey);
-    keeper_init(&d->keeper, d->launch);
-    keeper_survey(&d->keeper, &d->survey);
+    wall_map_init(&d->wall_map, d->launch);
+    wall_map_survey(&d->wall_map, &d->survey);
     if (listener_create(&d->listener, &listens, &d->survey, &why) ||
         hearing_create(&d->hearing, &hears, &d->survey, &why) ||
         drive_world_shoot(&d->world, PASS_SCENE, &why))
@@ -99,15 +99,15 @@ static double go_on(struct drive *d)
     assert_int_equal(drive_world_ping(&d->world, PASS_SCENE, &ping, &stamp_ns), 0);
     for (; d->ego_ns <= stamp_ns + 50000000; d->ego_ns += DRIVE_EGO_NS) {
         drive_world_ego(&d->world, d->ego_ns, &ego);
-        keeper_ego(&d->keeper, &ego, d->ego_ns);
+        wall_map_ego(&d->wall_map, &ego, d->ego_ns);
     }
-    keeper_advance(&d->keeper, stamp_ns);
-    if (listener_ping(d->listener, &ping, stamp_ns, keeper_path(&d->keeper), &heard,
+    wall_map_advance(&d->wall_map, stamp_ns);
+    if (listener_ping(d->listener, &ping, stamp_ns, wall_map_path(&d->wall_map), &heard,
                       &blind) &&
         !blind)
-        keeper_estimates(&d->keeper, &heard);
+        wall_map_estimates(&d->wall_map, &heard);
     if (d->world.n % 5 == 0) /* ten a second, nearly */
-        hearing_walls(d->hearing, keeper_list(&d->keeper));
+        hearing_walls(d->hearing, wall_map_list(&d->wall_map));
     hearing_ping(d->hearing, &ping, &d->faults, d->note, sizeof d->note);
     hearing_levels(d->hearing, &d->levels);
     return 1e-9 * (double)(stamp_ns - d->world.begin_ns);

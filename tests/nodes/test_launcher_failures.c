@@ -26,7 +26,7 @@ static void write_node(struct rig *r, const char *name, const char *script)
 static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!r || scratch_open((void **)&r->scratch))
         return -1;
@@ -56,7 +56,7 @@ static int teardown(void **state)
 }
 
 /* What the launcher said; -1: descriptors as they were. */
-static int listen_to(const struct rig *r, int saved, struct complaint *why)
+static int listen_to(const struct rig *r, int saved, struct error *why)
 {
     if (saved < 0) {
         int log =
@@ -75,7 +75,7 @@ static int listen_to(const struct rig *r, int saved, struct complaint *why)
     return 0;
 }
 
-static int launch_work(void *context, struct complaint *why)
+static int launch_work(void *context, struct error *why)
 {
     const struct rig *r = context;
     const struct launcher_config cfg = {.launch = r->launch,
@@ -99,7 +99,7 @@ static void a_launch_that_fails_says_why(void **state)
     assert_true(failing_each(&work) > 10);
 }
 
-static int site_work(void *context, struct complaint *why)
+static int site_work(void *context, struct error *why)
 {
     const struct rig *r = context;
     char run_dir[RUNDIR_SIZE];

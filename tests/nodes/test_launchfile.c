@@ -160,7 +160,7 @@ static void real_hardware_does_not_hear_of_paces(void **state)
 
 static void a_file_that_is_not_there_is_said(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
 
     (void)state;
@@ -222,7 +222,7 @@ static void a_recording_on_the_command_line_adds_the_recorder_before_all(void **
 
 static void mistakes_are_named_with_file_and_line(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
     struct scratch *s = *state;
     const char *texts[] = {
@@ -278,7 +278,7 @@ static void names_that_do_not_exist_are_refused_with_those_that_do(void **state)
 static void nodes_that_hang_may_be_left_alone(void **state)
 {
     struct launchfile *l = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
     const char *path =
         scratch_write(*state, "a.yaml", "nodes: [can]\nprocesses: {alive_s: 0}\n");
 
@@ -295,7 +295,7 @@ static void a_node_twice_is_refused(void **state)
 
 static void an_array_node_needs_a_device(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
 
     assert_int_equal(launchfile_load(&l,
@@ -317,7 +317,7 @@ static void an_unknown_method_is_refused(void **state)
 
 static void the_demo_can_be_loaded(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
 
     (void)state;
@@ -331,7 +331,7 @@ static void the_demo_can_be_loaded(void **state)
 
 static void the_drive_can_be_loaded(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
 
     (void)state;
@@ -347,7 +347,7 @@ static void what_is_played_is_said_in_the_file_or_on_the_command_line(void **sta
 {
     struct scratch *s = *state;
     struct launchfile_options options = {.bag = NULL};
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
     char bag[600];
 
@@ -375,7 +375,7 @@ static void what_is_played_is_said_in_the_file_or_on_the_command_line(void **sta
 
 static void the_replay_can_be_loaded(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
 
     (void)state;
@@ -391,7 +391,7 @@ static void what_cannot_be_played_is_refused(void **state)
     struct scratch *s = *state;
     const struct launchfile_options options = {.rate = "fast"};
     const struct launchfile_options bag = {.bag = "a.mcap"};
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
 
     assert_refused(s, "nodes: [play]\n",
@@ -485,7 +485,7 @@ static void an_array_that_stands_keeps_the_pace_of_its_sound(void **state)
 
 static void the_launch_file_of_bags_can_be_loaded(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
 
     (void)state;
@@ -504,7 +504,7 @@ static void the_hardware_to_start_from_can_be_loaded(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
-        struct complaint why = {""};
+        struct error why = {""};
         struct launchfile *l = NULL;
         struct rig rig;
         char path[512];

@@ -11,7 +11,7 @@
 
 #include "nodes/rt/launchfile.h"
 
-static int parse(struct launchfile **l, const char *frames, struct complaint *why)
+static int parse(struct launchfile **l, const char *frames, struct error *why)
 {
     char text[256];
     int n =
@@ -22,7 +22,7 @@ static int parse(struct launchfile **l, const char *frames, struct complaint *wh
 static void by_default_the_pings_of_a_frame_make_its_image_by_power(void **state)
 {
     (void)state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l;
     assert_int_equal(parse(&l, "", &why), 0);
     assert_int_equal(l->recon.frames.pings, 0);
@@ -34,7 +34,7 @@ static void by_default_the_pings_of_a_frame_make_its_image_by_power(void **state
 static void pings_their_sum_and_their_pace_can_be_set(void **state)
 {
     (void)state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l;
     assert_int_equal(
         parse(&l, "recon: {frames: {pings: 4, sum: coherent, every: ping}}", &why), 0);
@@ -58,7 +58,7 @@ static void what_they_cannot_be_is_refused_by_name(void **state)
         {"recon: {preview: true}", "recon.preview: is for scans"},
     };
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
-        struct complaint why = {""};
+        struct error why = {""};
         struct launchfile *l;
         assert_int_equal(parse(&l, wrong[i].frames, &why), -EINVAL);
         if (!strstr(why.text, wrong[i].said))
@@ -70,7 +70,7 @@ static void of_a_scan_they_are_refused(void **state)
 {
     (void)state;
     static const char text[] = "nodes: [recon]\nrecon: {frames: {pings: 4}}\n";
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l;
     assert_int_equal(launchfile_parse(&l, "a.yaml", text, sizeof text - 1, &why),
                      -EINVAL);

@@ -29,7 +29,7 @@ static void hosts_are_taken_and_one_is_chosen(void **state)
 static void without_hosts_all_is_here(void **state)
 {
     struct launchfile *l = launch_load(*state, "nodes: [dsp]\n");
-    struct complaint why = {""};
+    struct error why = {""};
 
     assert_int_equal(launchfile_choose_host(l, NULL, NULL), 0);
     assert_true(launchfile_runs_here(l, "dsp"));
@@ -42,7 +42,7 @@ static void without_hosts_all_is_here(void **state)
 static void a_host_that_is_not_in_the_file_is_refused_with_those_that_are(void **state)
 {
     struct launchfile *l = launch_load(*state, NODES VEHICLE COMPUTER);
-    struct complaint why = {""};
+    struct error why = {""};
 
     assert_int_equal(launchfile_choose_host(l, NULL, &why), -EINVAL);
     assert_contains(why.text, "--host, one of vehicle, computer");
@@ -90,11 +90,11 @@ static void what_cannot_work_is_refused_with_its_line(void **state)
     };
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        struct complaint why = {""};
+        struct error why = {""};
         struct launchfile *l = NULL;
         const char *path = scratch_write(*state, "a.yaml", cases[i].text);
         assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
-        assert_complaint(why.text, path, cases[i].rest);
+        assert_error(why.text, path, cases[i].rest);
     }
 }
 
@@ -140,7 +140,7 @@ static void ports_that_overlap_are_refused_with_how_far_apart_they_must_be(void 
         *state, "a.yaml",
         NODES COMPUTER "  - {name: b, endpoint: 'tcp://10.0.0.2:7401', nodes: "
                        "[array]}\n");
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
     char expected[200];
 
@@ -149,14 +149,14 @@ static void ports_that_overlap_are_refused_with_how_far_apart_they_must_be(void 
              "ports at least %u apart",
              hosts_n_ports());
     assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
-    assert_complaint(why.text, path, expected);
+    assert_error(why.text, path, expected);
 }
 
 static void a_node_alone_needs_to_know_its_host_once(void **state)
 {
     struct scratch *s = *state;
     struct launchfile *l = launch_load(s, NODES VEHICLE COMPUTER);
-    struct complaint why = {""};
+    struct error why = {""};
     struct hosts written;
 
     assert_int_equal(launchfile_join_hosts(l, NULL, s->folder, &why), -EINVAL);
@@ -171,7 +171,7 @@ static void a_node_alone_needs_to_know_its_host_once(void **state)
 
 static void the_one_to_start_from_can_be_loaded(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
 
     (void)state;

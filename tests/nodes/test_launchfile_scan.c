@@ -73,7 +73,7 @@ static void what_does_not_fit_is_named(void **state)
 static void launch_files_of_the_papers_arrangements_can_be_loaded(void **state)
 {
     static const char *const names[] = {"full-array", "one-pair"};
-    struct complaint why = {""};
+    struct error why = {""};
 
     (void)state;
     for (size_t i = 0; i < 2; i++) {

@@ -40,13 +40,13 @@ static void what_makes_no_sense_is_refused(void **state)
     };
 
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        struct complaint why = {""};
+        struct error why = {""};
         struct launchfile *l = NULL;
         char text[128];
         snprintf(text, sizeof text, "nodes: [track]\ntrack: {%s}\n", bad[i][0]);
         const char *path = scratch_write(*state, "a.yaml", text);
         assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
-        assert_complaint(why.text, path, bad[i][1]);
+        assert_error(why.text, path, bad[i][1]);
     }
 }
 

@@ -29,7 +29,7 @@ static void a_bag_is_beside_the_launch_file(void **state)
 
 static void there_are_65536_ports(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = NULL;
     const char *path = scratch_write(*state, "a.yaml",
                                      "nodes: [view]\n"
@@ -37,8 +37,7 @@ static void there_are_65536_ports(void **state)
                                      "  port: 65536\n");
 
     assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
-    assert_complaint(why.text, path,
-                     ":3: view.port: expected 0 (any) to 65535, not 65536");
+    assert_error(why.text, path, ":3: view.port: expected 0 (any) to 65535, not 65536");
 }
 
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)

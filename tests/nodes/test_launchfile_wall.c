@@ -10,7 +10,7 @@
 #include "nodes/rt/launchfile.h"
 #include "tests/nodes/near.h"
 
-static int parse(const char *wall, struct launchfile **out, struct complaint *why)
+static int parse(const char *wall, struct launchfile **out, struct error *why)
 {
     char text[512];
     int n = snprintf(text, sizeof text, "nodes: [wall]\n%s", wall);
@@ -22,7 +22,7 @@ static void walls_come_from_the_survey_unless_it_says_otherwise(void **state)
 {
     (void)state;
     struct launchfile *l;
-    struct complaint why;
+    struct error why;
     if (parse("", &l, &why))
         fail_msg("%s", why.text);
     assert_true(launchfile_has_node(l, "wall"));
@@ -40,7 +40,7 @@ static void each_key_is_taken(void **state)
 {
     (void)state;
     struct launchfile *l;
-    struct complaint why;
+    struct error why;
     if (parse(
             "wall: {from: echoes, prior: none, vertical_deg: 3, reach_m: 7, every_s: 1, "
             "lost_s: 9, free_view_m: [[-1, 0], [1, 0], [0, 2.5]]}\n",
@@ -80,7 +80,7 @@ static void what_does_not_fit_is_named(void **state)
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct launchfile *l;
-        struct complaint why;
+        struct error why;
         assert_int_equal(parse(cases[i].text, &l, &why), -EINVAL);
         if (!strstr(why.text, cases[i].says))
             fail_msg("\"%s\" does not say \"%s\"", why.text, cases[i].says);

@@ -64,7 +64,7 @@ static void idle_processors_count_only_for_who_may_use_them(void **state)
 /* Of values that no other program can change. */
 static void a_drive_is_measured_on_the_processors_it_may_use(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct load m = {0};
     cpu_set_t before, one;
     int first = 0;
@@ -92,7 +92,7 @@ static void a_drive_is_measured_on_the_processors_it_may_use(void **state)
 
 static void what_is_no_drive_is_not_measured(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct load m;
     struct launchfile *l = launch_load_with(*state,
                                             "nodes: [array, scan, dsp, recon]\n" FIXED

@@ -34,7 +34,7 @@ static int tear_down(void **state)
 static struct mat_file *open_file(void)
 {
     struct mat_file *f;
-    struct complaint why = {""};
+    struct error why = {""};
     if (mat_file_open(&f, path, &why))
         fail_msg("%s", why.text);
     return f;
@@ -100,7 +100,7 @@ static void complex_data_keep_their_parts(void **state)
         mat_put(mat, "z", MAT_C_SINGLE, 4, 1, re, im);
         Mat_Close(mat);
         struct mat_file *f = open_file();
-        struct complaint why = {""};
+        struct error why = {""};
         size_t n[2];
         float complex *z;
         float *x;
@@ -135,7 +135,7 @@ static void what_does_not_suit_is_named(void **state)
     double x[8] = {0}, nan = NAN;
     size_t dims[3] = {2, 2, 2}, n[3];
     for (int v = 0; v < 2; v++) {
-        struct complaint why = {""};
+        struct error why = {""};
         mat_t *mat = Mat_CreateVer(path, NULL, versions[v]);
         matvar_t *cube = Mat_VarCreate("cube", MAT_C_DOUBLE, MAT_T_DOUBLE, 3, dims, x, 0);
         size_t name_dims[2] = {1, 3};
@@ -172,7 +172,7 @@ static void other_files_are_refused(void **state)
 {
     (void)state;
     struct mat_file *f;
-    struct complaint why = {""};
+    struct error why = {""};
     assert_int_equal(mat_file_open(&f, "/nowhere/x.mat", &why), -ENOENT);
     assert_non_null(strstr(why.text, "/nowhere/x.mat"));
     assert_int_equal(mat_file_open(&f, path, &why), -EINVAL); /* empty */
@@ -203,7 +203,7 @@ static void a_truncated_file_is_an_error(void **state)
         fclose(whole);
         for (int part = 9; part >= 0; part -= 3) {
             struct mat_file *f;
-            struct complaint why = {""};
+            struct error why = {""};
             size_t n[2];
             float *y;
             assert_int_equal(truncate(path, size * part / 10), 0);
@@ -229,7 +229,7 @@ static void a_file_that_claims_more_than_it_can_hold_is_refused(void **state)
     static const unsigned char extents[8] = {0, 64, 0, 0, 0, 64, 0, 0};
     double one = 1.0, *out;
     size_t n[2];
-    struct complaint why = {""};
+    struct error why = {""};
     mat_t *mat = Mat_CreateVer(path, NULL, MAT_FT_MAT5);
     matvar_t *v =
         Mat_VarCreate("x", MAT_C_DOUBLE, MAT_T_DOUBLE, 2, (size_t[]){1, 1}, &one, 0);
@@ -274,7 +274,7 @@ static void a_crash_of_the_library_is_an_error(void **state)
     struct mat_file *f = open_file();
     assert_int_equal(pthread_atfork(NULL, NULL, meet_end), 0);
     for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
-        struct complaint why = {""};
+        struct error why = {""};
         end_by = ends[i].end_by;
         assert_int_equal(mat_file_read_float(f, "x", 2, n, &out, &why), -EIO);
         assert_non_null(strstr(why.text, ends[i].words));
@@ -290,7 +290,7 @@ static void a_pipe_is_not_waited_for(void **state)
 {
     (void)state;
     struct mat_file *f;
-    struct complaint why = {""};
+    struct error why = {""};
     assert_int_equal(unlink(path), 0);
     assert_int_equal(mkfifo(path, 0600), 0);
     assert_int_equal(mat_file_open(&f, path, &why), -EINVAL);

@@ -32,7 +32,7 @@ static int setup(void **state)
     snprintf(r->bag, sizeof r->bag, "%s", scratch_path(r->scratch, "a.mcap"));
     r->now_ns = 5000000 * MS;
     r->used_ns = INT64_MAX;
-    r->cfg = (struct playback_config){.tape = {.bag = r->bag, .end_s = INFINITY},
+    r->cfg = (struct playback_config){.bag_iterator = {.bag = r->bag, .end_s = INFINITY},
                                       .run_dir = r->scratch->folder,
                                       .nodes = all,
                                       .n_nodes = 4,
@@ -91,7 +91,7 @@ static void say_progress(struct rig *r, int64_t time_ns)
 /* As long as something goes out, and time passes. */
 static void turn(struct rig *r, int64_t for_ns)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     int64_t due_ns, end_ns = r->now_ns + for_ns;
 
     do {
@@ -106,7 +106,7 @@ static void turn(struct rig *r, int64_t for_ns)
 /* All are ready, and nothing has been played: what the bag holds comes after this. */
 static void create(struct rig *r)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (playback_create(&r->p, &r->cfg, 3, &why))
         fail_msg("%s", why.text);
@@ -140,7 +140,7 @@ static void list(struct rig *r, uint32_t scan, bool preview)
 static void nothing_is_played_before_all_are_ready(void **state)
 {
     struct rig *r = *state;
-    struct complaint why = {""};
+    struct error why = {""};
 
     played_bag_write(r->bag, true);
     assert_int_equal(playback_create(&r->p, &r->cfg, 3, &why), 0);
@@ -325,7 +325,7 @@ static uint64_t step_with(struct rig *r, size_t n_in)
 {
     Anlos__Progress told, p = ANLOS__PROGRESS__INIT;
     Anlos__Sent sent[16], *list[16];
-    struct complaint why = {""};
+    struct error why = {""};
     int64_t due_ns;
     uint64_t n = 0;
     char *nodes[16];
@@ -530,7 +530,7 @@ static void a_recording_of_an_array_that_stands_ends_well(void **state)
 static void a_recording_is_played_only_to_nodes_of_its_mode(void **state)
 {
     struct rig *r = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     int64_t due_ns;
     int err = 0;
 
@@ -547,7 +547,7 @@ static void what_runs_beside_it_is_not_played(void **state)
 {
     static const char *const everybody[] = {"array", "scan", "dsp"};
     struct rig *r = *state;
-    struct complaint why = {""};
+    struct error why = {""};
 
     played_bag_write(r->bag, true);
     r->cfg.nodes = everybody;
@@ -566,7 +566,7 @@ static void no_more_goes_out_than_the_last_of_the_chain_keeps_up_with(void **sta
 {
     struct rig *r = *state;
     struct played_bag b;
-    struct complaint why = {""};
+    struct error why = {""};
     int64_t due_ns, first_ns = FIRST_NS + 2 * STEP_NS; /* of the pings */
 
     played_bag_open(&b, r->bag);
@@ -648,7 +648,7 @@ static void who_comes_no_further_is_given_up_counted_and_said(void **state)
 static void rounds_of_a_later_play_come_after_those_of_an_earlier_one(void **state)
 {
     struct rig *r = *state;
-    struct complaint why = {""};
+    struct error why = {""};
 
     played_bag_write(r->bag, true);
     create(r);
@@ -682,11 +682,11 @@ static void messages_that_got_lost_are_counted_and_said(void **state)
     assert_int_equal(status_of(r).lost, 3);
 }
 
-/* Those of a replay, and who only looks on, are an audience. */
+/* Those of a replay, and who only looks on, are an subscribers. */
 static void a_folder_where_a_live_node_runs_is_refused_by_its_name(void **state)
 {
     struct rig *r = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct bus *b = NULL;
     struct bus_config cfg = {
         .node = "can", .run_dir = r->scratch->folder, .world = BUS_LIVE};

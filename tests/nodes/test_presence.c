@@ -36,7 +36,7 @@ static void a_node_without_a_lock_file_never_ran(void **state)
 static void a_killed_process_is_gone(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     int ready[2], status;
     char byte;
 

@@ -18,7 +18,7 @@
 static struct launchfile *parse(const char *text)
 {
     struct launchfile *l = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (launchfile_parse(&l, "a.yaml", text, strlen(text), &why))
         fail_msg("%s", why.text);
@@ -51,7 +51,7 @@ static void only_what_runs_at_the_pace_of_sound_wants_it(void **state)
 static void another_mode_is_refused(void **state)
 {
     struct launchfile *l = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
     const char text[] = "nodes: [can]\nprocesses: {realtime: always}\n";
 
     (void)state;
@@ -96,7 +96,7 @@ static int rank(const char *node)
 /* It leaves the process as it was. */
 static bool is_permitted(void)
 {
-    struct complaint why;
+    struct error why;
     int before = sched_getscheduler(0);
     bool permitted = !priority_permitted(&why);
 
@@ -107,7 +107,7 @@ static bool is_permitted(void)
 static int try_as_batch(void)
 {
     const struct sched_param usual = {.sched_priority = 0};
-    struct complaint why;
+    struct error why;
 
     if (sched_setscheduler(0, SCHED_BATCH, &usual))
         return 1;
@@ -153,7 +153,7 @@ static int without_rights(void)
 {
     const struct rlimit none = {0, 0};
     char text[PRIORITY_TEXT_SIZE], expected[PRIORITY_TEXT_SIZE];
-    struct complaint why = {""};
+    struct error why = {""};
     struct launchfile *l = parse(DRIVE),
                       *strict = parse(DRIVE "processes: {realtime: required}\n");
 

@@ -44,7 +44,7 @@ static void expect_point(const struct psf *p, double centre_m, double tolerance)
 
 static void load(const struct recorded *f, struct psf_file *p)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     char path[192];
     psf_path(f, path);
     if (psf_file_load(p, path, &why))
@@ -279,7 +279,7 @@ static void write_psf(const struct recorded *f, const char *text)
 static void a_damaged_file_is_told_by_key(void **state)
 {
     struct recorded *f = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct psf_file p;
     char path[192];
     static const struct {
@@ -310,7 +310,7 @@ static void a_damaged_file_is_told_by_key(void **state)
 static void what_is_written_is_read_again(void **state)
 {
     struct recorded *f = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct psf_file p = {.psf = {.centre_m = {0.1, -0.2, 1.5},
                                  .covariance_m2 = {4e-4, 1e-5, -2e-5, 9e-4, 3e-5, 1e-4},
                                  .residual = 0.02,

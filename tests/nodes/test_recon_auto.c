@@ -272,7 +272,7 @@ static void a_trace_with_what_is_no_number_counts_as_masked(void **state)
     static struct recon_job job; /* one speaker, three microphones, traces of 8 samples */
     static const double speaker[1][3] = {{0}}, microphones[3][3] = {{0}},
                         position[1] = {0};
-    struct complaint why;
+    struct error why;
     float complex traces[3 * 8] = {0};
     const bool masked[3] = {false, false, true};
     job.processing.geometry = (struct geometry){.sound_speed_m_s = 343.0,
@@ -362,7 +362,7 @@ static void power_has_the_speakers_that_were_left_out_compressed_after_all(void 
 {
     struct simulated *s = *state;
     struct recon_job job;
-    struct complaint why;
+    struct error why;
     simulated_use(s, "off");
     struct recon_options o = simulated_options(s, recon_auto_name);
     assert_int_equal(recon_job_open(&job, &o, &why), 0);
@@ -494,7 +494,7 @@ static void silence_is_refused(void **state)
 {
     struct simulated *s = *state;
     struct recon_job job;
-    struct complaint why = {0};
+    struct error why = {0};
     simulated_use(s, "silent"); /* of the test before */
     simulated_change(s->scene, 6, silence_all);
     struct recon_options o = simulated_options(s, recon_auto_name);
@@ -616,7 +616,7 @@ static void ctrl_c_ends_it_before_it_decides(void **state)
 {
     struct simulated *s = *state;
     struct recon_job job;
-    struct complaint why = {0};
+    struct error why = {0};
     simulated_use(s, "free");
     struct recon_options o = simulated_options(s, recon_auto_name);
     assert_int_equal(recon_job_open(&job, &o, &why), 0);

@@ -262,7 +262,7 @@ static float brightest(const struct fixture *f, const char *gate)
                               .window = WINDOW_HANN,
                               .compression = COMPRESSION_MATCHED_FILTER};
     struct recon_job job;
-    struct complaint why = {0};
+    struct error why = {0};
     char text[256];
     snprintf(text, sizeof text, "%s%s", survey_volume, gate);
     write_text(f->survey, survey_head, text);
@@ -600,7 +600,7 @@ static void ctrl_c_stops_between_positions(void **state)
                               .threads = 2,
                               .window = WINDOW_HANN};
     struct recon_job job;
-    struct complaint why = {0};
+    struct error why = {0};
     assert_int_equal(recon_job_open(&job, &o, &why), 0);
     assert_int_equal(recon_job_plan(&job, &why), 0);
     interrupt_catch();

@@ -292,7 +292,7 @@ static void read_all(const struct simulated *s, size_t threads, struct kept *k,
                      struct air *air)
 {
     struct recon_job job;
-    struct complaint why = {0};
+    struct error why = {0};
     struct stopwatch stages[RECON_STAGES] = {0};
     struct recon_options o = simulated_options(s, "fast");
     o.threads = threads;

@@ -225,7 +225,7 @@ static void an_unknown_method_is_complained_about(void **state)
     struct rig *r = *state;
     const struct scan_imager_config cfg = {
         .method = "magic", .threads = 1, .window = WINDOW_HANN};
-    struct complaint why = {""};
+    struct error why = {""};
     struct recon *recon;
 
     assert_int_equal(recon_create(&recon, &cfg), 0);
@@ -238,7 +238,7 @@ static void an_unknown_method_is_complained_about(void **state)
 static void a_volume_that_no_message_takes_is_complained_about(void **state)
 {
     struct rig *r = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct survey s;
 
     assert_int_equal(survey_from_message(&s, r->scene.survey, &why), 0);

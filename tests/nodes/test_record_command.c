@@ -148,7 +148,7 @@ static void publish_until_recorded(struct rig *g)
 /* Of a bag without fault: its messages, the sequence going on without a hole. */
 static uint64_t count_in_sequence(const char *path, uint64_t *last)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_cursor *cursor;
     struct bag_message m;
     uint64_t n_faults, n = 0;
@@ -312,7 +312,7 @@ static void publish_from_third(struct rig *g)
 static uint64_t first_of_the_younger(const char *path)
 {
     struct bag_catalog *c = open_catalog(path);
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_source source;
     struct bag_cursor *cursor;
     struct bag_message m;

@@ -40,7 +40,7 @@ struct rig {
 static int setup(void **state)
 {
     struct rig *g = calloc(1, sizeof *g);
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!g || scratch_open((void **)&g->scratch))
         return -1;
@@ -163,7 +163,7 @@ static void publish_bytes(struct rig *g, uint64_t bytes)
 static int64_t newest_saved(struct rig *g, uint64_t *n)
 {
     struct bag_recovery found;
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_cursor *cursor;
     struct bag_message m;
     uint8_t expected[PAYLOAD_BYTES];

@@ -36,7 +36,7 @@ static void every_message_is_kept_with_its_bytes_and_stamps(void **state)
 static uint64_t recoverable(struct rig *g)
 {
     struct bag_recovery found;
-    struct complaint why = {""};
+    struct error why = {""};
     const char *saved = scratch_path(g->scratch, "saved.mcap");
 
     if (bag_recover(&found, g->bag, saved, NULL, &why))
@@ -50,7 +50,7 @@ a_message_is_in_the_file_after_the_flush_interval_and_not_long_before(void **sta
 {
     struct rig *g = *state;
     const struct recorder_config cfg = config(g);
-    struct complaint why = {""};
+    struct error why = {""};
     struct recorder *r = start(&cfg);
     int64_t due_ns;
 
@@ -114,8 +114,9 @@ static void attachments_larger_than_a_part_do_not_split_every_message_off(void *
 
     assert_non_null(text);
     memset(text, '#', 40000);
-    assert_int_equal(cargo_add_file(&g->session.cargo, "launch/large.yaml",
-                                    scratch_write(g->scratch, "large.yaml", text), NULL),
+    assert_int_equal(attachments_add_file(&g->session.attachments, "launch/large.yaml",
+                                          scratch_write(g->scratch, "large.yaml", text),
+                                          NULL),
                      0);
     free(text);
     cfg.split_bytes = 20000;
@@ -183,7 +184,7 @@ static void a_quota_without_room_for_two_files_is_refused(void **state)
 {
     struct rig *g = *state;
     struct recorder_config cfg = config(g);
-    struct complaint why = {""};
+    struct error why = {""};
     struct recorder *r;
 
     cfg.quota_bytes = 1000000;
@@ -250,7 +251,7 @@ static void a_file_that_is_there_is_never_written_over(void **state)
 {
     struct rig *g = *state;
     struct recorder_config cfg = config(g);
-    struct complaint why = {""};
+    struct error why = {""};
     struct recorder *r;
 
     scratch_write(g->scratch, "a.mcap", "an earlier one");

@@ -61,7 +61,7 @@ static void begin_bag(struct writing *w)
 {
     const struct bag_writer_config cfg = {
         .profile = "anlos", .library = "test", .chunk_size = 1 << 20};
-    struct complaint why = {""};
+    struct error why = {""};
 
     unlink(bag);
     *w = (struct writing){.now_ns = START, .scan_epoch_ns = START};
@@ -73,7 +73,7 @@ static void begin_bag(struct writing *w)
 static void put(struct writing *w, const struct topic *t, const char *node,
                 int64_t capture_ns, const ProtobufCMessage *m)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct envelope e = {.epoch_ns = t == topic_scan_status() ? w->scan_epoch_ns : START,
                          .sequence = w->sequence++,
                          .capture_ns = capture_ns,
@@ -138,7 +138,7 @@ static void put_launch(struct writing *w)
 {
     static const char name[] = MANIFEST_LAUNCH_FOLDER "test.yaml";
     struct bytes_buffer pairs = {0};
-    struct complaint why = {""};
+    struct error why = {""};
     const struct bag_attachment launch = {.name = bytes_of(name),
                                           .media_type = bytes_of("application/yaml"),
                                           .data = bytes_of(launch_text)};
@@ -154,7 +154,7 @@ static void put_launch(struct writing *w)
 
 static void end_bag(struct writing *w)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     bag_topics_destroy(w->topics);
     if (bag_writer_close(w->writer, &why))

@@ -5,7 +5,7 @@
 #include <errno.h>
 
 #include "msgs/array.pb-c.h"
-#include "msgs/stand_in.h"
+#include "msgs/playback_publisher.h"
 #include "msgs/survey.pb-c.h"
 #include "nodes/rt/node.h"
 
@@ -14,7 +14,7 @@
 struct rig {
     struct scratch *scratch;
     struct node *node;
-    struct stand_in *stand_in;
+    struct playback_publisher *playback_publisher;
 };
 
 static int set_up(void **state, const char *option)
@@ -31,9 +31,9 @@ static int set_up(void **state, const char *option)
     if (node_create(&r->node, "dsp", "Does nothing.", option ? 6 : 5, argv) ||
         node_subscribe(r->node, topic_ping()) || node_subscribe(r->node, topic_survey()))
         return -1;
-    if (stand_in_create(&r->stand_in, r->scratch->folder, 5, NULL) ||
-        stand_in_add(r->stand_in, "array", topic_ping(), NULL) ||
-        stand_in_add(r->stand_in, "array", topic_survey(), NULL))
+    if (playback_publisher_create(&r->playback_publisher, r->scratch->folder, 5, NULL) ||
+        playback_publisher_add(r->playback_publisher, "array", topic_ping(), NULL) ||
+        playback_publisher_add(r->playback_publisher, "array", topic_survey(), NULL))
         return -1;
     *state = r;
     return 0;
@@ -54,7 +54,7 @@ static int teardown(void **state)
     struct rig *r = *state;
     void *scratch = r->scratch;
 
-    stand_in_destroy(r->stand_in);
+    playback_publisher_destroy(r->playback_publisher);
     node_finish(r->node, 0);
     free(r);
     return scratch_close(&scratch);
@@ -69,8 +69,9 @@ static void play(struct rig *r, const struct topic *t, int64_t capture_ns,
 
     for (int i = 0; err == -ETIMEDOUT; i++) {
         assert_true(i < DEADLINE_MS / 20);
-        assert_int_equal(
-            stand_in_publish(r->stand_in, "array", t, capture_ns, publish_ns, "", 0), 0);
+        assert_int_equal(playback_publisher_publish(r->playback_publisher, "array", t,
+                                                    capture_ns, publish_ns, "", 0),
+                         0);
         err = node_next(r->node, &in, 20);
     }
     assert_int_equal(err, 0);
@@ -159,7 +160,7 @@ static void assert_refused(struct rig *r, int (*publish)(void *from), void *from
 
 static int publish_replayed(void *from)
 {
-    return stand_in_publish(from, "array", topic_ping(), 890, 900, "", 0);
+    return playback_publisher_publish(from, "array", topic_ping(), 890, 900, "", 0);
 }
 
 static void a_live_node_refuses_what_is_replayed_and_its_time(void **state)
@@ -167,7 +168,7 @@ static void a_live_node_refuses_what_is_replayed_and_its_time(void **state)
     struct rig *r = *state;
     int64_t machine_ns = node_machine_ns(r->node);
 
-    assert_refused(r, publish_replayed, r->stand_in);
+    assert_refused(r, publish_replayed, r->playback_publisher);
     assert_false(node_is_replayed(r->node));
     assert_false(node_follows_replay(r->node));
     assert_true(node_now_ns(r->node) >= machine_ns);
@@ -184,8 +185,8 @@ static void live_sound_does_not_end_a_replay(void **state)
     struct bus *array = NULL;
 
     play(r, topic_ping(), 890, 900);
-    stand_in_destroy(r->stand_in);
-    r->stand_in = NULL;
+    playback_publisher_destroy(r->playback_publisher);
+    r->playback_publisher = NULL;
     const struct bus_config cfg = {
         .node = "array", .run_dir = r->scratch->folder, .epoch_ns = 6};
     assert_int_equal(bus_create(&array, &cfg, NULL), 0);

@@ -330,7 +330,7 @@ static double middle_of_colour(const char *path, int red, int green, int blue)
 static void the_plan_shows_the_tracks_of_a_drive(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct scene scene;
     struct report r;
 
@@ -390,7 +390,7 @@ static void the_arrow_of_a_track_that_leaves_is_on_the_plan(void **state)
 static void a_failed_scan_leaves_a_report_and_nothing_else(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct report r;
 
     /* Of a scan before, and of somebody else. */
@@ -413,7 +413,7 @@ static void a_failed_scan_leaves_a_report_and_nothing_else(void **state)
 static void stopped_before_the_scan_said_anything_it_was_waiting(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct report r;
     json_error_t error;
 
@@ -438,7 +438,7 @@ static void limit_files(rlim_t bytes)
 static void a_picture_that_cannot_be_written_takes_nothing_with_it(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct report r;
 
     scratch_write(s, "projection_xz.png", "old");
@@ -463,7 +463,7 @@ static void a_picture_that_cannot_be_written_takes_nothing_with_it(void **state)
 static void without_its_report_nothing_of_an_earlier_scan_is_touched(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct report r;
 
     scratch_write(s, "report.json", "old");
@@ -502,7 +502,7 @@ static void what_still_ran_is_reported_as_stopped(void **state)
 static void a_folder_that_cannot_be_is_complained_about(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct report r;
     char path[600];
 

@@ -32,7 +32,7 @@ static void the_default_is_in_the_runtime_folder(void **state)
 
 static void assert_refused(const char *asked, const char *reason)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     char got[RUNDIR_SIZE];
 
     assert_int_equal(rundir_open(got, asked, &why), -EACCES);
@@ -64,7 +64,7 @@ static void a_folder_that_others_can_write_is_refused(void **state)
 static void a_folder_that_others_can_replace_is_refused(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     char parent[80], asked[88], link[88], got[RUNDIR_SIZE];
 
     snprintf(parent, sizeof parent, "%s/all", s->folder);
@@ -84,7 +84,7 @@ static void a_folder_that_others_can_replace_is_refused(void **state)
 static void a_link_in_the_place_of_the_default_is_refused(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     char target[512], got[RUNDIR_SIZE];
 
     setenv("XDG_RUNTIME_DIR", s->folder, 1);
@@ -98,7 +98,7 @@ static void a_link_in_the_place_of_the_default_is_refused(void **state)
 
 static void a_file_in_its_place_is_named(void **state)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     char got[RUNDIR_SIZE];
     const char *path = scratch_write(*state, "run", "");
 
@@ -110,7 +110,7 @@ static void a_file_in_its_place_is_named(void **state)
 static void a_folder_of_somebody_else_is_refused(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     char asked[512];
     int status;
 

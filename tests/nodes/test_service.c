@@ -23,19 +23,19 @@ static int listen_in(const char *state)
 }
 
 /* A scan and a dsp, both running, watched every 8 s. */
-static void start(struct service *s, struct crew *c)
+static void start(struct service *s, struct process_group *c)
 {
     *s = (struct service){.watchdog_ns = 8 * S, .notify = listen_in};
-    *c = (struct crew){.n = 2,
-                       .children = {{.name = "scan", .started_ns = 100 * S},
-                                    {.name = "dsp", .started_ns = 100 * S}}};
+    *c = (struct process_group){.n = 2,
+                                .children = {{.name = "scan", .started_ns = 100 * S},
+                                             {.name = "dsp", .started_ns = 100 * S}}};
     told[0] = '\0';
 }
 
 static void it_is_ready_when_every_node_has_spoken(void **state)
 {
     struct service s;
-    struct crew c;
+    struct process_group c;
 
     (void)state;
     start(&s, &c);
@@ -54,7 +54,7 @@ static void it_is_ready_when_every_node_has_spoken(void **state)
 static void it_is_alive_while_every_node_speaks(void **state)
 {
     struct service s;
-    struct crew c;
+    struct process_group c;
 
     (void)state;
     start(&s, &c);
@@ -78,7 +78,7 @@ static void it_is_alive_while_every_node_speaks(void **state)
 static void who_is_supervised_may_be_busy_for_longer(void **state)
 {
     struct service s;
-    struct crew c;
+    struct process_group c;
 
     (void)state;
     start(&s, &c);
@@ -93,7 +93,7 @@ static void who_is_supervised_may_be_busy_for_longer(void **state)
 static void a_node_that_is_started_again_has_its_time(void **state)
 {
     struct service s;
-    struct crew c;
+    struct process_group c;
 
     (void)state;
     start(&s, &c);
@@ -114,7 +114,7 @@ static void a_node_that_is_started_again_has_its_time(void **state)
 static void one_that_has_ended_by_itself_is_not_waited_for(void **state)
 {
     struct service s;
-    struct crew c;
+    struct process_group c;
 
     (void)state;
     start(&s, &c);

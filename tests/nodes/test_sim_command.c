@@ -65,7 +65,7 @@ static void the_recording_fits_its_own_survey(void **state)
 {
     struct fixture *f = *state;
     struct command_result r;
-    struct complaint why = {0};
+    struct error why = {0};
     struct survey s;
     struct recording *scene, *background;
     char path[128];

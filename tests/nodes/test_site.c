@@ -19,7 +19,7 @@ static struct launchfile on_two_hosts(struct scratch *s)
     return l;
 }
 
-static void the_hosts_stand_in_the_run_folder_while_it_runs(void **state)
+static void the_hosts_playback_publisher_the_run_folder_while_it_runs(void **state)
 {
     struct scratch *s = *state;
     struct launchfile l = on_two_hosts(s);
@@ -56,7 +56,7 @@ static void what_the_next_launcher_wrote_is_left_alone(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(the_hosts_stand_in_the_run_folder_while_it_runs),
+        TEST(the_hosts_playback_publisher_the_run_folder_while_it_runs),
         TEST(what_the_next_launcher_wrote_is_left_alone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

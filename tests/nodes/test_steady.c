@@ -347,7 +347,7 @@ static void a_survey_of_a_stage_is_refused(void **state)
 {
     (void)state;
     struct rig r;
-    struct complaint why = {""};
+    struct error why = {""};
     double positions_m[2] = {0.0, 0.1};
     start(&r, true, &each_frame);
     r.survey.n_positions = 2;

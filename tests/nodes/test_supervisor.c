@@ -28,10 +28,10 @@ static void look(pid_t pid, struct supervisor_process *out)
 
 struct world {
     struct supervisor s;
-    struct crew c;
+    struct process_group c;
     int64_t now_ns;
     uint64_t turns;
-    int64_t hung_ns[CREW_MAX];
+    int64_t hung_ns[PROCESS_GROUP_MAX];
 };
 
 static void begin(struct world *w)

@@ -68,7 +68,7 @@ static void begin_node(struct rig *r, int64_t epoch_ns)
 {
     const struct bus_config cfg = {
         .node = "stage", .run_dir = r->scratch->folder, .epoch_ns = epoch_ns};
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     if (bus_create(&r->bus, &cfg, &why))
         fail_msg("%s", why.text);
     r->n_states = 0;

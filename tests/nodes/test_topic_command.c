@@ -125,7 +125,7 @@ static double now_s(void)
 static size_t publish_until_answered(int fd, char *text, size_t size)
 {
     struct bus_config cfg = {.node = "stage", .run_dir = run_dir, .epoch_ns = 1};
-    struct complaint why = {0};
+    struct error why = {0};
     struct bus *bus;
     size_t used = 0;
     double deadline_s = now_s() + DEADLINE_S;

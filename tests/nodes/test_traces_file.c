@@ -41,7 +41,7 @@ static const struct scatterer points[2] = {{{0.02, 0.03, 0.01}, 1.0},
 static void expect_echoes(const struct turntable *t, double limit_db)
 {
     struct traces_file f;
-    struct complaint why = {""};
+    struct error why = {""};
     if (traces_load(&f, path, NULL, &why))
         fail_msg("%s", why.text);
     assert_int_equal(f.n_pings, TURNTABLE_PINGS);
@@ -139,7 +139,7 @@ static void a_gate_leaves_the_samples_within(void **state)
 static void pings_without_sound_are_left_out(void **state)
 {
     struct traces_file f;
-    struct complaint why = {""};
+    struct error why = {""};
     struct traces_write w = {.format = {0.003, 100000.0, 20000.0, 500}};
     w.silent[3] = w.silent[70] = w.nan[8] = true;
     traces_write(&w, *state, path, points, 2);
@@ -165,7 +165,7 @@ static void traces_louder_than_any_echo_are_counted(void **state)
     static const double gains[2] = {1e11, 3e14};
     for (int loud = 0; loud < 2; loud++) {
         struct traces_file f;
-        struct complaint why = {""};
+        struct error why = {""};
         struct traces_write w = {.format = {0.003, 100000.0, 0.0, 500}, .real = true};
         struct scatterer point = points[0];
         point.gain = gains[loud];
@@ -196,7 +196,7 @@ static void what_is_missing_or_wrong_is_named(void **state)
                  {NULL, NAN, "fs_hz: is nan"}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct traces_file f;
-        struct complaint why = {""};
+        struct error why = {""};
         struct traces_write w = {.format = {0.003, 1e5, 20000.0, 100},
                                  .leave_out = cases[i].leave_out,
                                  .rate_hz = &cases[i].rate_hz};
@@ -251,7 +251,7 @@ static void what_has_another_shape_or_is_not_finite_is_named(void **state)
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct traces_file f;
-        struct complaint why = {""};
+        struct error why = {""};
         struct traces_write w = {.format = {0.003, 1e5, 20000.0, 100},
                                  .leave_out = cases[i].name};
         traces_write(&w, *state, path, points, 2);
@@ -267,7 +267,7 @@ static void what_has_another_shape_or_is_not_finite_is_named(void **state)
 static void as_many_places_as_pings(void **state)
 {
     struct traces_file f;
-    struct complaint why = {""};
+    struct error why = {""};
     struct traces_write w = {.format = {0.003, 1e5, 20000.0, 100}, .short_rx = true};
     traces_write(&w, *state, path, points, 2);
     assert_int_equal(traces_load(&f, path, NULL, &why), -EINVAL);
@@ -475,7 +475,7 @@ static void a_band_too_narrow_for_the_traces_is_refused(void **state)
 
     traces_write(&w, *state, path, points, 2);
     for (int i = 0; i < 3; i++) {
-        struct complaint why = {""};
+        struct error why = {""};
         assert_int_equal(traces_load(&f, path, bands_hz[i], &why), -EINVAL);
         if (!strstr(why.text, "--band-hz: ") || !strstr(why.text, "of traces of 20 ms") ||
             !strstr(why.text, "a band has to be "))
@@ -520,7 +520,7 @@ static void a_band_outside_of_the_traces_is_refused(void **state)
     static const double high[2] = {40000.0, 60000.0}, turned[2] = {3000.0, 2000.0};
     struct traces_write w = {.format = raw, .real = true};
     struct traces_file f;
-    struct complaint why = {""};
+    struct error why = {""};
     traces_write(&w, *state, path, points, 2);
     assert_int_equal(traces_load(&f, path, high, &why), -EINVAL);
     assert_non_null(strstr(why.text, "--band-hz: 40000 to 60000 Hz"));

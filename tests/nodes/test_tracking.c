@@ -378,7 +378,7 @@ static void the_walls_error_is_not_averaged_away(void **state)
 static void an_image_of_the_past_is_refused(void **state)
 {
     struct rig *r = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     Anlos__DetectionList *list = NULL;
 
     image(r);

@@ -13,7 +13,7 @@
 /* free() it; NULL: the error. */
 static char *print(struct scratch *s, const char *report, int expected)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     char *text = NULL;
     size_t size = 0;
     FILE *f = open_memstream(&text, &size);

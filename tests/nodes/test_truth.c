@@ -60,7 +60,7 @@ static void detections_and_scene_are_read_in_the_same_frame(void **state)
 {
     struct scratch *s = *state;
     struct truth t = {0};
-    struct complaint why = {""};
+    struct error why = {""};
 
     scratch_write(s, "detections.json",
                   "{\"frame\": \"vehicle\", \"mirrored_at_wall\": true, \"detections\": "
@@ -118,7 +118,7 @@ static void a_file_that_is_missing_or_broken_is_named(void **state)
 {
     struct scratch *s = *state;
     struct truth t = {0};
-    struct complaint why = {""};
+    struct error why = {""};
 
     assert_int_equal(truth_read_detections(&t, s->folder, &why), -ENOENT);
     assert_contains(why.text, "detections.json");

@@ -39,7 +39,7 @@ static void a_wrong_argument_of_a_launch_is_told_from_a_missing_value(void **sta
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct arguments a;
-        struct complaint why = {""};
+        struct error why = {""};
         char *argv[7] = {NULL};
         int argc = 0;
         for (; argc < 6 && cases[i].words[argc]; argc++)

@@ -10,7 +10,7 @@ static const struct can_frame_data frame = {.id = 0x400, .size = 1, .data = {7}}
 static void log_one(struct scratch *s, const char *uri)
 {
     struct launchfile l = {.can.uri = (char *)uri, .report.folder = s->folder};
-    struct complaint why = {""};
+    struct error why = {""};
     struct canbus *b;
 
     if (vehicle_bus_open(&b, &l, &why))

@@ -266,7 +266,7 @@ static void walls_that_are_told_keep_their_state(void **state)
     double covariance[6] = {[0] = 4e-6, [5] = 9e-6};
     struct survey s = corner();
     struct walls walls;
-    struct complaint why;
+    struct error why;
     Anlos__Vec3 n = ANLOS__VEC3__INIT, up = ANLOS__VEC3__INIT;
     Anlos__Wall ceiling = ANLOS__WALL__INIT, w = ANLOS__WALL__INIT;
     Anlos__Wall *both[2] = {&ceiling, &w};

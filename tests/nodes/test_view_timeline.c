@@ -23,7 +23,7 @@ static void put(struct bag *b, const struct topic *topic, const char *node, int6
                 const void *content)
 {
     struct envelope e = {.epoch_ns = 3, .publish_ns = T0 + at_ms * MS};
-    struct complaint why = {""};
+    struct error why = {""};
     size_t size = protobuf_c_message_get_packed_size(content);
     uint8_t *payload = malloc(size + 1);
 
@@ -104,7 +104,7 @@ static void take(void *ctx, const struct view_message *m)
 static struct seen look(struct timeline *t, int64_t at_ms)
 {
     struct seen s = {-1, -1, -1, -1, 0, 0, 0};
-    struct complaint why = {""};
+    struct error why = {""};
 
     assert_int_equal(timeline_at(t, T0 + at_ms * MS, take, &s, &why), 0);
     return s;
@@ -116,7 +116,7 @@ static void write_bag(const char *path, enum bag_compression compression)
 {
     const struct bag_writer_config cfg = {
         .profile = "", .library = "test", .chunk_size = 300, .compression = compression};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag b;
 
     assert_int_equal(bag_writer_create(&b.writer, path, &cfg, &why), 0);
@@ -137,7 +137,7 @@ static void write_bag(const char *path, enum bag_compression compression)
 
 static void check_places(const char *path)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct timeline *t;
     int64_t start, end;
 
@@ -195,7 +195,7 @@ static void take_list(void *ctx, const struct view_message *m)
 static void lists_of_objects_are_given_as_far_back_as_trails_go(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
 
     for (int k = 0; k < 2; k++) {
         const struct bag_writer_config cfg = {.profile = "",
@@ -246,7 +246,7 @@ static bool at_once(void *ctx)
 static void damage_is_found_after_it_was_shown(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct timeline *t;
     char whole[4096 * 4];
 
@@ -274,7 +274,7 @@ static void damage_is_found_after_it_was_shown(void **state)
 static void a_bag_that_was_cut_is_refused_with_a_way_out(void **state)
 {
     struct scratch *s = *state;
-    struct complaint why = {""};
+    struct error why = {""};
     struct timeline *t;
     struct stat whole;
 
@@ -289,7 +289,7 @@ static void a_bag_of_other_things_is_refused(void **state)
 {
     struct scratch *s = *state;
     const struct bag_writer_config cfg = {.profile = "", .library = "test"};
-    struct complaint why = {""};
+    struct error why = {""};
     struct bag_writer *w;
     struct timeline *t;
 

@@ -32,7 +32,7 @@ struct hall {
 static void open_hall(struct hall *h, const char *text, const struct listener_config *cfg)
 {
     char path[] = "/tmp/anlos-wall-XXXXXX";
-    struct complaint why = {""};
+    struct error why = {""};
     int fd = mkstemp(path);
     assert_true(fd >= 0);
     assert_int_equal(write(fd, text, strlen(text)), (ssize_t)strlen(text));
@@ -265,7 +265,7 @@ static void two_chirps_longer_than_their_slot_are_refused(void **state)
     (void)state;
     struct hall h;
     struct listener *listener = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
     open_hall(&h, BUMPER "gate_m: [0.5, 3]\nwall: {normal: [0, 0, 1], distance_m: 1.3}\n",
               &config);
     h.survey.chirp_alternates = true;

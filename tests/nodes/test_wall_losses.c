@@ -57,7 +57,7 @@ struct rig {
 
 static bool is_known(const struct rig *r)
 {
-    const struct wall_tracks *t = &r->pipe.finder.keeper.tracks;
+    const struct wall_tracks *t = &r->pipe.finder.wall_map.tracks;
     bool known = false;
 
     for (size_t i = 0; i < t->n; i++)
@@ -105,7 +105,7 @@ static void count(struct rig *r, const Anlos__DetectionList *list, double t_s)
 static void take_image(struct rig *r, double *t_s)
 {
     struct drive_image image;
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (drive_pipe_next(&r->pipe, &image, &why))
         fail_msg("%s", why.text);
@@ -128,7 +128,7 @@ static void walk(struct rig *r)
             return;
         until_s = t_s + deaf_s[r->losses % (sizeof deaf_s / sizeof *deaf_s)];
         do {
-            r->pipe.finder.keeper.tracks.n = 0;
+            r->pipe.finder.wall_map.tracks.n = 0;
             take_image(r, &t_s);
         } while (t_s < until_s);
     }
@@ -139,7 +139,7 @@ static void through_all_losses_nobody_is_told_beyond_the_wall(void **state)
     struct scratch *scratch = *state;
     const struct sender_config can = {.base_id = 0x400, .bus = {.fd = true}};
     struct rig *r = calloc(1, sizeof *r);
-    struct complaint why = {""};
+    struct error why = {""};
     const char *path = scratch_write(scratch, "scene.yaml", scene);
 
     assert_non_null(r);

@@ -38,7 +38,7 @@ static void what_is_no_wall_is_refused(void **state)
     for (int k = 0; k < 9; k++) {
         struct wall_message m;
         struct walls w;
-        struct complaint why = {""};
+        struct error why = {""};
         wall_message_make(&m);
         if (k == 0)
             m.wall.normal = NULL;

@@ -16,8 +16,8 @@
 #include "tests/recon/bumper.h"
 #include "tests/recon/rig.h"
 
-static void expect(const char *name, int (*run)(void *, struct complaint *),
-                   void *context, size_t calls)
+static void expect(const char *name, int (*run)(void *, struct error *), void *context,
+                   size_t calls)
 {
     const struct failing_work work = {
         .name = name, .run = run, .context = context, .wordless = true};
@@ -36,7 +36,7 @@ struct method {
     const char *name;
 };
 
-static int imager_work(void *context, struct complaint *why)
+static int imager_work(void *context, struct error *why)
 {
     struct method *m = context;
     struct imager_config cfg = rig_config(&m->rig, m->name, m->pool);
@@ -136,7 +136,7 @@ static void elements_that_stand_anywhere_need_memory_too(void **state)
  * ----------------------------------------------------------------------
  */
 
-static int frames_work(void *context, struct complaint *why)
+static int frames_work(void *context, struct error *why)
 {
     struct bumper *b = context;
     struct frames *f = NULL;
@@ -163,7 +163,7 @@ static void frames_are_made_whole_or_not_at_all(void **state)
     }
 }
 
-static int tracker_work(void *context, struct complaint *why)
+static int tracker_work(void *context, struct error *why)
 {
     struct track_config cfg;
     struct tracker *t = NULL;
@@ -181,7 +181,7 @@ struct pair {
     struct wall_crosstalk_config cfg;
 };
 
-static int crosstalk_work(void *context, struct complaint *why)
+static int crosstalk_work(void *context, struct error *why)
 {
     const struct pair *p = context;
     struct wall_crosstalk *x = NULL;
@@ -234,7 +234,7 @@ struct look {
     struct pool *pool;
 };
 
-static int coherence_work(void *context, struct complaint *why)
+static int coherence_work(void *context, struct error *why)
 {
     struct look *l = context;
     struct coherence c;
@@ -243,7 +243,7 @@ static int coherence_work(void *context, struct complaint *why)
     return coherence_measure(&c, &l->a.set, l->pool);
 }
 
-static int probe_work(void *context, struct complaint *why)
+static int probe_work(void *context, struct error *why)
 {
     struct look *l = context;
     struct probe p;
@@ -252,7 +252,7 @@ static int probe_work(void *context, struct complaint *why)
     return probe_run(&p, &l->a.set, &l->grid, NULL, l->pool);
 }
 
-static int psf_work(void *context, struct complaint *why)
+static int psf_work(void *context, struct error *why)
 {
     struct look *l = context;
     const struct psf_config cfg = {

@@ -14,7 +14,7 @@ struct fixture {
     struct survey s;
     double speakers[16][3], microphones[16][3], positions[3];
     struct processing p;
-    struct complaint why;
+    struct error why;
 };
 
 static struct fixture paper_array(void)

@@ -7,7 +7,7 @@ static void each_number_out_of_range_is_refused_by_name(void **state)
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         const struct change *c = &numbers[i];
         struct survey s = example();
-        struct complaint why = {""};
+        struct error why = {""};
         memcpy((char *)&s + c->offset, &c->value, sizeof c->value);
         int err = survey_check(&s, &why);
         if (c->says && (err != -EINVAL || !strstr(why.text, c->says)))
@@ -29,7 +29,7 @@ static void parts_that_are_not_there_are_not_checked(void **state)
 
 static void assert_refused(const struct survey *s, const char *says)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     assert_int_equal(survey_check(s, &why), -EINVAL);
     if (!strstr(why.text, says))
         fail_msg("\"%s\" does not say \"%s\"", why.text, says);
@@ -132,7 +132,7 @@ static void calibration_is_refused_by_serial(void **state)
 static void places_and_replica_are_checked(void **state)
 {
     (void)state;
-    struct complaint why;
+    struct error why;
     struct survey s = foreign_example();
     s.n_microphones = 2;
     assert_int_equal(survey_check(&s, &why), -EINVAL);

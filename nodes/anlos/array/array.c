@@ -197,7 +197,7 @@ static int list(bool json)
 static int probe(const char *name, bool json)
 {
     struct alsa_probe found;
-    struct complaint why = {""};
+    struct error why = {""};
     const char *arg = device_arg(name, "alsa");
     char *device = strndup(arg ? arg : name, strcspn(arg ? arg : name, "?"));
     if (!device)
@@ -205,7 +205,7 @@ static int probe(const char *name, bool json)
     int err = alsa_probe(&found, device, &why);
     if (!err && json) {
         err = array_print_probe_json(device, &found);
-        complain(&why, err, "out of memory");
+        error_say(&why, err, "out of memory");
     } else if (!err) {
         array_print_probe(device, &found);
     }

@@ -37,7 +37,7 @@ static int check_file(char *path)
 {
     const struct bag_check_watch watch = {
         .fault = print_fault, .stop = interrupt_requested, .context = path};
-    struct complaint why = {""};
+    struct error why = {""};
     uint64_t n_faults;
     int err = bag_check(&n_faults, path, &watch, &why);
 

@@ -184,8 +184,7 @@ static int read_indexes(struct contents *out, const struct bag_catalog *c)
     return err == -ENOTSUP || err == -EFBIG ? -EBADMSG : err;
 }
 
-static int read_all(struct contents *out, const struct bag_catalog *c,
-                    struct complaint *why)
+static int read_all(struct contents *out, const struct bag_catalog *c, struct error *why)
 {
     struct bag_reader *r;
     struct bag_record record;
@@ -207,8 +206,7 @@ static int read_all(struct contents *out, const struct bag_catalog *c,
     return err == -ENODATA ? 0 : err;
 }
 
-int contents_read(struct contents *out, const struct bag_catalog *c,
-                  struct complaint *why)
+int contents_read(struct contents *out, const struct bag_catalog *c, struct error *why)
 {
     memset(out, 0, sizeof *out);
     int err = list_topics(out, c);
@@ -227,7 +225,7 @@ int contents_read(struct contents *out, const struct bag_catalog *c,
     }
     if (c->n_chunks)
         out->compression = c->chunks[0].record.chunk_index.compression;
-    return err == -ENOMEM ? complain(why, err, "%s: out of memory", c->file.path) : err;
+    return err == -ENOMEM ? error_say(why, err, "%s: out of memory", c->file.path) : err;
 }
 
 void contents_clear(struct contents *c)

@@ -22,8 +22,7 @@ struct contents {
 
 /* Clear with contents_clear, also after an error.  The catalog outlives it.  0, -EBADMSG,
  * -EINTR (Ctrl-C), other errors of bag_reader_next. */
-int contents_read(struct contents *out, const struct bag_catalog *c,
-                  struct complaint *why);
+int contents_read(struct contents *out, const struct bag_catalog *c, struct error *why);
 void contents_clear(struct contents *c);
 
 /* Messages a second; 0: fewer than two, or all at one time. */

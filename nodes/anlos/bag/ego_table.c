@@ -71,7 +71,7 @@ static const char *take_row(void *ctx, char *const *fields)
     return wrong;
 }
 
-int ego_table_load(struct ego_table *out, const char *path, struct complaint *why)
+int ego_table_load(struct ego_table *out, const char *path, struct error *why)
 {
     *out = (struct ego_table){.rows = NULL};
     return table_load(path, columns, N_COLUMNS, take_row, out, why);

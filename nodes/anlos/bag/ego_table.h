@@ -13,7 +13,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/vehicle.pb-c.h"
 
 #define EGO_FILE "ego.csv"
@@ -28,9 +28,9 @@ struct ego_table {
     size_t n, room;
 };
 
-/* Clear with ego_table_clear, also after an error.  The complaint is "file:line: what was
+/* Clear with ego_table_clear, also after an error.  The error is "file:line: what was
  * expected".  0, errors of table_load. */
-int ego_table_load(struct ego_table *out, const char *path, struct complaint *why);
+int ego_table_load(struct ego_table *out, const char *path, struct error *why);
 void ego_table_clear(struct ego_table *t);
 
 /* A line; NULL: that of the names. */

@@ -65,7 +65,7 @@ struct table {
     size_t n; /* lines */
 };
 
-static int write_rows(FILE *f, void *context, struct complaint *why)
+static int write_rows(FILE *f, void *context, struct error *why)
 {
     struct table *t = context;
     struct stream_message m;
@@ -75,8 +75,8 @@ static int write_rows(FILE *f, void *context, struct complaint *why)
     while (!(err = stream_next(t->stream, &m, why)) && !ferror(f)) {
         Anlos__DetectionList *list = (Anlos__DetectionList *)stream_unpack(&m);
         if (!list)
-            return complain(why, -EBADMSG, "%s: a message of \"detections\" is none",
-                            t->options->file);
+            return error_say(why, -EBADMSG, "%s: a message of \"detections\" is none",
+                             t->options->file);
         for (size_t i = 0; i < list->n_detections; i++, t->n++)
             put_detection(f, &m.envelope, list, list->detections[i]);
         anlos__detection_list__free_unpacked(list, NULL);
@@ -84,7 +84,7 @@ static int write_rows(FILE *f, void *context, struct complaint *why)
     return err == -ENODATA ? 0 : err;
 }
 
-int export_csv(struct stream *s, const struct export_options *o, struct complaint *why)
+int export_csv(struct stream *s, const struct export_options *o, struct error *why)
 {
     struct table t = {s, o, 0};
     int err = verb_write_file(o->out, write_rows, &t, why);
@@ -119,7 +119,7 @@ struct lines {
     uint64_t n;
 };
 
-static int write_lines(FILE *f, void *context, struct complaint *why)
+static int write_lines(FILE *f, void *context, struct error *why)
 {
     struct lines *l = context;
     struct stream_message m;
@@ -127,13 +127,13 @@ static int write_lines(FILE *f, void *context, struct complaint *why)
 
     while (!(err = stream_next(l->stream, &m, why)) && !ferror(f)) {
         if (write_line(f, &m, l->options->full))
-            return complain(why, -ENOMEM, "out of memory");
+            return error_say(why, -ENOMEM, "out of memory");
         l->n++;
     }
     return err == -ENODATA ? 0 : err;
 }
 
-int export_lines(struct stream *s, const struct export_options *o, struct complaint *why)
+int export_lines(struct stream *s, const struct export_options *o, struct error *why)
 {
     struct lines l = {s, o, 0};
     int err = verb_write_file(o->out, write_lines, &l, why);
@@ -179,7 +179,7 @@ static void take_detections(struct image *i, Anlos__DetectionList *d)
 }
 
 static int find_image(struct image *out, struct stream *s, const struct export_options *o,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct stream_message m;
     int err;
@@ -187,8 +187,8 @@ static int find_image(struct image *out, struct stream *s, const struct export_o
     while (!(err = stream_next(s, &m, why))) {
         ProtobufCMessage *content = stream_unpack(&m);
         if (!content)
-            return complain(why, -EBADMSG, "%s: a message of \"%s\" is none", o->file,
-                            m.topic ? m.topic->name : "volume");
+            return error_say(why, -EBADMSG, "%s: a message of \"%s\" is none", o->file,
+                             m.topic ? m.topic->name : "volume");
         if (m.topic == topic_volume())
             take_volume(out, (Anlos__Volume *)content, o->scan);
         else
@@ -197,11 +197,11 @@ static int find_image(struct image *out, struct stream *s, const struct export_o
     if (err != -ENODATA)
         return err;
     if (!out->volume)
-        return complain(why, -ENODATA,
-                        o->scan ? "%s: no volume of scan %zu"
-                                : "%s: no "
-                                  "volume",
-                        o->file, o->scan);
+        return error_say(why, -ENODATA,
+                         o->scan ? "%s: no volume of scan %zu"
+                                 : "%s: no "
+                                   "volume",
+                         o->file, o->scan);
     if (out->detections && out->detections->scan != out->volume->scan)
         take_detections(out, NULL);
     return 0;
@@ -216,17 +216,17 @@ static int say(const struct image *i, const char *out)
 }
 
 static const float *intensity_of(const struct image *i, struct grid *grid,
-                                 const struct export_options *o, struct complaint *why)
+                                 const struct export_options *o, struct error *why)
 {
     const float *intensity = volume_grid(i->volume, grid);
 
     if (!intensity)
-        complain(why, -EBADMSG, "%s: the volume does not hold", o->file);
+        error_say(why, -EBADMSG, "%s: the volume does not hold", o->file);
     return intensity;
 }
 
 static int write_nrrd(const struct image *i, const struct export_options *o,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct verb_output out;
     struct grid grid;
@@ -247,8 +247,7 @@ static int write_nrrd(const struct image *i, const struct export_options *o,
     return verb_output_end(&out, err, why);
 }
 
-int export_nrrd_file(struct stream *s, const struct export_options *o,
-                     struct complaint *why)
+int export_nrrd_file(struct stream *s, const struct export_options *o, struct error *why)
 {
     struct image image = {NULL, NULL};
     int err = find_image(&image, s, o, why);
@@ -261,7 +260,7 @@ int export_nrrd_file(struct stream *s, const struct export_options *o,
     return err;
 }
 
-static int check_vacant(const char *out, struct complaint *why)
+static int check_vacant(const char *out, struct error *why)
 {
     static const char *const names[] = {"projection_xy.png", "projection_xz.png",
                                         "projection_yz.png"};
@@ -269,7 +268,7 @@ static int check_vacant(const char *out, struct complaint *why)
 }
 
 static int write_png(const struct image *i, const struct export_options *o,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct export_stage stage;
     struct grid grid;
@@ -288,7 +287,7 @@ static int write_png(const struct image *i, const struct export_options *o,
     return err;
 }
 
-int export_png(struct stream *s, const struct export_options *o, struct complaint *why)
+int export_png(struct stream *s, const struct export_options *o, struct error *why)
 {
     struct image image = {NULL, NULL};
     int err = find_image(&image, s, o, why);
@@ -319,7 +318,7 @@ struct work {
 
 /* The id of its schema, which another channel may have had before. */
 static int define_schema(struct work *w, const struct channel *c, uint16_t *id,
-                         struct complaint *why)
+                         struct error *why)
 {
     struct channel other;
 
@@ -334,7 +333,7 @@ static int define_schema(struct work *w, const struct channel *c, uint16_t *id,
 }
 
 static int define(struct work *w, const struct channel *c, struct view *v,
-                  struct complaint *why)
+                  struct error *why)
 {
     struct bag_channel channel = {.topic = bytes_of(c->name),
                                   .message_encoding = bytes_of(BAG_PROTOBUF)};
@@ -349,7 +348,7 @@ static int define(struct work *w, const struct channel *c, struct view *v,
 
 static int add_view(struct work *w, size_t index, const struct channel *c,
                     const struct foxglove_message *m, const struct bag_message *raw,
-                    struct complaint *why)
+                    struct error *why)
 {
     struct view *v = &w->views[index];
     uint8_t *data;
@@ -357,7 +356,7 @@ static int add_view(struct work *w, size_t index, const struct channel *c,
     int err = channel_pack(c, &w->setting, m, &data, &size);
 
     if (err == -ENOMEM)
-        return complain(why, err, "out of memory");
+        return error_say(why, err, "out of memory");
     if (err) {
         w->n_left_out++;
         return 0;
@@ -377,8 +376,7 @@ static int add_view(struct work *w, size_t index, const struct channel *c,
     return err;
 }
 
-static int add_views(struct work *w, const struct stream_message *m,
-                     struct complaint *why)
+static int add_views(struct work *w, const struct stream_message *m, struct error *why)
 {
     ProtobufCMessage *content = stream_unpack(m);
     const struct foxglove_message in = {.topic = m->topic,
@@ -425,7 +423,7 @@ static bool is_view(const struct bag_channel *channel)
 
 /* An image may come before the first survey of its bag, which is repeated every second.
  */
-static int find_survey(struct work *w, struct complaint *why)
+static int find_survey(struct work *w, struct error *why)
 {
     struct stream_message m;
     int err = 0;
@@ -444,7 +442,7 @@ static int find_survey(struct work *w, struct complaint *why)
     return err == -ENODATA ? 0 : err;
 }
 
-static int copy_all(struct work *w, struct complaint *why)
+static int copy_all(struct work *w, struct error *why)
 {
     struct stream_message m;
     int err = bag_copy_rest(w->copy, 0, why);
@@ -460,8 +458,7 @@ static int copy_all(struct work *w, struct complaint *why)
     return err == -ENODATA ? 0 : err;
 }
 
-static int write_bag(struct work *w, const struct export_options *o,
-                     struct complaint *why)
+static int write_bag(struct work *w, const struct export_options *o, struct error *why)
 {
     const struct bytes profile = stream_catalog(w->stream)->header.record.header.profile;
     struct verb_output output;
@@ -477,7 +474,7 @@ static int write_bag(struct work *w, const struct export_options *o,
         return verb_output_end(&output, err, why);
     if (bag_copy_create(&w->copy, w->writer) ||
         bag_copy_add(w->copy, stream_catalog(w->stream)))
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     if (!err)
         err = find_survey(w, why);
     if (!err)
@@ -486,14 +483,13 @@ static int write_bag(struct work *w, const struct export_options *o,
     return verb_output_end(&output, err ? err : closed, why);
 }
 
-int export_foxglove(struct stream *s, const struct export_options *o,
-                    struct complaint *why)
+int export_foxglove(struct stream *s, const struct export_options *o, struct error *why)
 {
     struct work w = {.stream = s, .n_views = channels_count()};
     int err;
 
     w.views = calloc(w.n_views, sizeof *w.views);
-    err = w.views ? write_bag(&w, o, why) : complain(why, -ENOMEM, "out of memory");
+    err = w.views ? write_bag(&w, o, why) : error_say(why, -ENOMEM, "out of memory");
     if (!err)
         printf("%s: %" PRIu64 " messages, and %" PRIu64 " made of them for Foxglove\n",
                o->out, w.n_copied, w.n_added);
@@ -568,7 +564,7 @@ static const struct option options[] = {
 struct format {
     const char *name;
     const char *needs, *wants; /* topics that must be there, and that are taken if so */
-    int (*write)(struct stream *, const struct export_options *, struct complaint *);
+    int (*write)(struct stream *, const struct export_options *, struct error *);
 };
 
 static const struct format formats[] = {
@@ -589,7 +585,7 @@ static const struct format *find_format(const char *name)
 }
 
 static int open_stream(struct stream **out, const struct format *f,
-                       const struct export_options *o, struct complaint *why)
+                       const struct export_options *o, struct error *why)
 {
     int err = stream_open(out, o->file, why);
 
@@ -606,7 +602,7 @@ static int open_stream(struct stream **out, const struct format *f,
 static int run(const struct format *f, const struct export_options *o)
 {
     struct stream *s;
-    struct complaint why = {""};
+    struct error why = {""};
     size_t n_missing = 0;
 
     interrupt_catch();

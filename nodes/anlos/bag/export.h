@@ -18,19 +18,17 @@ struct export_options { /* borrow from argv */
 /* Each writes out (all of it or nothing) from the topics that the stream has, and says on
  * stdout what.  0, -EINTR, -ENODATA (the bag holds none of that), -EEXIST, errors of
  * stream_next and of writing. */
-int export_lines(struct stream *s, const struct export_options *o, struct complaint *why);
-int export_csv(struct stream *s, const struct export_options *o, struct complaint *why);
-int export_nrrd_file(struct stream *s, const struct export_options *o,
-                     struct complaint *why);
-int export_png(struct stream *s, const struct export_options *o, struct complaint *why);
+int export_lines(struct stream *s, const struct export_options *o, struct error *why);
+int export_csv(struct stream *s, const struct export_options *o, struct error *why);
+int export_nrrd_file(struct stream *s, const struct export_options *o, struct error *why);
+int export_png(struct stream *s, const struct export_options *o, struct error *why);
 
 /* The bag with what Foxglove draws added (nodes/foxglove/channels.h). */
-int export_foxglove(struct stream *s, const struct export_options *o,
-                    struct complaint *why);
+int export_foxglove(struct stream *s, const struct export_options *o, struct error *why);
 
 /* Of an array that stands all pings, in a file as long as it takes, and how the vehicle
  * moved.  *n_missing: pings that the recording has not, silent there. */
 int export_wav(struct stream *s, const struct export_options *o, size_t *n_missing,
-               struct complaint *why);
+               struct error *why);
 
 #endif

@@ -101,7 +101,7 @@ static int add_ping(struct facts *f, const Anlos__Ping *p, uint64_t number)
     return 0;
 }
 
-static int read_facts(struct facts *f, struct stream *s, struct complaint *why)
+static int read_facts(struct facts *f, struct stream *s, struct error *why)
 {
     struct stream_message m;
     uint64_t number = 0;
@@ -111,8 +111,8 @@ static int read_facts(struct facts *f, struct stream *s, struct complaint *why)
         ProtobufCMessage *content = stream_unpack(&m);
         number++;
         if (!content)
-            return complain(why, -EBADMSG, "a message of \"%s\" is none",
-                            m.topic ? m.topic->name : "another program");
+            return error_say(why, -EBADMSG, "a message of \"%s\" is none",
+                             m.topic ? m.topic->name : "another program");
         if (m.topic == topic_survey()) {
             err = add_survey(f, (Anlos__Survey *)content);
         } else {
@@ -120,9 +120,9 @@ static int read_facts(struct facts *f, struct stream *s, struct complaint *why)
             protobuf_c_message_free_unpacked(content, NULL);
         }
         if (err == -EFBIG)
-            complain(why, err, "more than %d different surveys", MOST_SURVEYS);
+            error_say(why, err, "more than %d different surveys", MOST_SURVEYS);
         else if (err)
-            complain(why, err, "out of memory");
+            error_say(why, err, "out of memory");
     }
     return err == -ENODATA ? 0 : err;
 }
@@ -137,7 +137,7 @@ static void free_facts(struct facts *f)
 
 /* The last ping of the scan says which survey is its. */
 static int choose_survey(struct takes *t, const struct facts *f, size_t scan,
-                         uint64_t *id, struct complaint *why)
+                         uint64_t *id, struct error *why)
 {
     const struct fact *last = NULL;
 
@@ -145,14 +145,14 @@ static int choose_survey(struct takes *t, const struct facts *f, size_t scan,
         if (!scan || f->list[i].scan == scan)
             last = &f->list[i];
     if (!last)
-        return scan ? complain(why, -ENODATA, "no pings of scan %zu", scan)
-                    : complain(why, -ENODATA, "no pings");
+        return scan ? error_say(why, -ENODATA, "no pings of scan %zu", scan)
+                    : error_say(why, -ENODATA, "no pings");
     t->scan = last->scan;
     *id = last->survey_id;
     for (size_t i = 0; i < f->n_surveys; i++)
         if (f->surveys[i]->id == *id)
             return survey_from_message(&t->survey, f->surveys[i], why);
-    return complain(why, -ENODATA, "the survey of the pings is not in the bag");
+    return error_say(why, -ENODATA, "the survey of the pings is not in the bag");
 }
 
 static bool find_slot(const struct takes *t, uint32_t pass, uint32_t position,
@@ -211,8 +211,7 @@ static void choose(struct takes *t, const struct facts *f, uint64_t survey_id)
 /* Reads all of the stream; scan 0: the last one.  Clear with takes_clear, also after an
  * error.  0, -ENODATA (no pings, or none of that scan, or no survey of theirs), -EBADMSG,
  * -EFBIG (surveys without number), errors of stream_next. */
-static int takes_find(struct takes *t, struct stream *s, size_t scan,
-                      struct complaint *why)
+static int takes_find(struct takes *t, struct stream *s, size_t scan, struct error *why)
 {
     struct facts f = {.list = NULL};
     uint64_t id = 0;
@@ -224,7 +223,7 @@ static int takes_find(struct takes *t, struct stream *s, size_t scan,
     size_t n = t->survey.n_positions * t->survey.n_speakers;
     if (!err) {
         t->chosen = calloc(2 * n, sizeof *t->chosen);
-        err = t->chosen ? 0 : complain(why, -ENOMEM, "out of memory");
+        err = t->chosen ? 0 : error_say(why, -ENOMEM, "out of memory");
     }
     if (!err) {
         choose(t, &f, id);
@@ -260,7 +259,7 @@ struct wav_set {
 
 static const char *const pass_names[2] = {"scene", "background"};
 
-static int check_vacant(const char *out, struct complaint *why)
+static int check_vacant(const char *out, struct error *why)
 {
     static const char *const names[] = {"scene",
                                         "background",
@@ -272,7 +271,7 @@ static int check_vacant(const char *out, struct complaint *why)
     return export_vacant(out, names, sizeof names / sizeof *names, why);
 }
 
-static int plan(struct wav_set *w, struct complaint *why)
+static int plan(struct wav_set *w, struct error *why)
 {
     const struct survey *s = &w->takes.survey;
     bool own_places = s->pings_m != NULL;
@@ -282,13 +281,13 @@ static int plan(struct wav_set *w, struct complaint *why)
     w->n_frames = survey_slots(s, w->n_slots) * s->slot_samples + tail_samples(s);
     w->files = calloc(2 * w->n_files, sizeof *w->files);
     if (!w->files)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (size_t i = 0; i < 2 * w->n_files * w->n_slots; i++)
         w->files[i / w->n_slots].n_left += w->takes.chosen[i] != 0;
     return 0;
 }
 
-static int make_folders(struct wav_set *w, struct complaint *why)
+static int make_folders(struct wav_set *w, struct error *why)
 {
     char path[PATH_MAX];
     bool fits = true;
@@ -298,15 +297,15 @@ static int make_folders(struct wav_set *w, struct complaint *why)
         fits = fits && snprintf(folder, PATH_MAX, "%s/%s", w->stage.path,
                                 pass_names[pass]) < PATH_MAX;
         if (fits && mkdir(folder, 0777))
-            return complain(why, -errno, "%s: %s", folder, strerror(errno));
+            return error_say(why, -errno, "%s: %s", folder, strerror(errno));
     }
     fits = fits && snprintf(path, sizeof path, "%s/survey.yaml", w->stage.path) <
                        (int)sizeof path;
     return fits ? survey_save(&w->takes.survey, path, "calibration", why)
-                : complain(why, -ENAMETOOLONG, "%s: path too long", w->stage.path);
+                : error_say(why, -ENAMETOOLONG, "%s: path too long", w->stage.path);
 }
 
-static int write_file(struct wav_set *w, size_t i, struct complaint *why)
+static int write_file(struct wav_set *w, size_t i, struct error *why)
 {
     const struct survey *s = &w->takes.survey;
     struct wav_file *f = &w->files[i];
@@ -319,12 +318,12 @@ static int write_file(struct wav_set *w, size_t i, struct complaint *why)
     return err;
 }
 
-static int begin_file(struct wav_set *w, struct wav_file *f, struct complaint *why)
+static int begin_file(struct wav_set *w, struct wav_file *f, struct error *why)
 {
     if (f->samples)
         return 0;
     f->samples = calloc(w->takes.survey.n_microphones * w->n_frames, sizeof(float));
-    return f->samples ? 0 : complain(why, -ENOMEM, "out of memory");
+    return f->samples ? 0 : error_say(why, -ENOMEM, "out of memory");
 }
 
 /* slot: among takes.chosen.  The tail goes where no ping of its own is. */
@@ -343,7 +342,7 @@ static void place(struct wav_set *w, size_t slot, const float *x, size_t n_sampl
 }
 
 static int take_ping(struct wav_set *w, const Anlos__Ping *p, uint64_t number,
-                     struct complaint *why)
+                     struct error *why)
 {
     const struct survey *s = &w->takes.survey;
     size_t slot, extents[2];
@@ -352,7 +351,7 @@ static int take_ping(struct wav_set *w, const Anlos__Ping *p, uint64_t number,
         return 0;
     const float *x = p->samples ? tensor_f32(p->samples, 2, extents) : NULL;
     if (!x || extents[0] != s->n_microphones)
-        return complain(why, -EBADMSG, "a ping does not fit its survey");
+        return error_say(why, -EBADMSG, "a ping does not fit its survey");
     struct wav_file *f = &w->files[slot / w->n_slots];
     int err = begin_file(w, f, why);
     if (err)
@@ -364,7 +363,7 @@ static int take_ping(struct wav_set *w, const Anlos__Ping *p, uint64_t number,
 }
 
 /* A position of which there is no ping at all is silent. */
-static int write_silent(struct wav_set *w, struct complaint *why)
+static int write_silent(struct wav_set *w, struct error *why)
 {
     int err = 0;
 
@@ -381,7 +380,7 @@ static int write_silent(struct wav_set *w, struct complaint *why)
     return err;
 }
 
-static int write_files(struct wav_set *w, struct stream *s, struct complaint *why)
+static int write_files(struct wav_set *w, struct stream *s, struct error *why)
 {
     struct stream_message m;
     uint64_t number = 0;
@@ -394,7 +393,7 @@ static int write_files(struct wav_set *w, struct stream *s, struct complaint *wh
             continue;
         Anlos__Ping *p = (Anlos__Ping *)stream_unpack(&m);
         if (!p)
-            return complain(why, -ENOMEM, "out of memory");
+            return error_say(why, -ENOMEM, "out of memory");
         err = take_ping(w, p, number, why);
         anlos__ping__free_unpacked(p, NULL);
     }
@@ -403,7 +402,7 @@ static int write_files(struct wav_set *w, struct stream *s, struct complaint *wh
 
 /* -- of an array that stands ------------------------------------------------------------
  */
-static int open_writers(struct wav_set *w, struct complaint *why)
+static int open_writers(struct wav_set *w, struct error *why)
 {
     int err = make_folders(w, why);
 
@@ -414,7 +413,7 @@ static int open_writers(struct wav_set *w, struct complaint *why)
 }
 
 static int put_ping(struct wav_set *w, const Anlos__Ping *p, int64_t capture_ns,
-                    struct complaint *why)
+                    struct error *why)
 {
     const struct survey *s = &w->takes.survey;
     const struct emission e = {.speaker = p->speaker,
@@ -431,7 +430,7 @@ static int put_ping(struct wav_set *w, const Anlos__Ping *p, int64_t capture_ns,
         return 0;
     if (!x || extents[0] != s->n_microphones ||
         extents[1] != s->slot_samples + tail_samples(s))
-        return complain(why, -EBADMSG, "a ping does not fit its survey");
+        return error_say(why, -EBADMSG, "a ping does not fit its survey");
     for (size_t m = 0; m < p->n_clipped; m++)
         w->n_clipped += p->clipped[m];
     w->n_endless++;
@@ -439,7 +438,7 @@ static int put_ping(struct wav_set *w, const Anlos__Ping *p, int64_t capture_ns,
                                 why);
 }
 
-static int put_pings(struct wav_set *w, struct stream *s, struct complaint *why)
+static int put_pings(struct wav_set *w, struct stream *s, struct error *why)
 {
     struct stream_message m;
     int err = 0;
@@ -450,14 +449,14 @@ static int put_pings(struct wav_set *w, struct stream *s, struct complaint *why)
             continue;
         Anlos__Ping *p = (Anlos__Ping *)stream_unpack(&m);
         if (!p)
-            return complain(why, -ENOMEM, "out of memory");
+            return error_say(why, -ENOMEM, "out of memory");
         err = put_ping(w, p, m.envelope.capture_ns, why);
         anlos__ping__free_unpacked(p, NULL);
     }
     return err == -ENODATA ? 0 : err;
 }
 
-static int print_egos(FILE *f, struct wav_set *w, struct stream *s, struct complaint *why)
+static int print_egos(FILE *f, struct wav_set *w, struct stream *s, struct error *why)
 {
     struct stream_message m;
     int err;
@@ -468,7 +467,7 @@ static int print_egos(FILE *f, struct wav_set *w, struct stream *s, struct compl
         struct ego_row row = {.time_ns = m.envelope.capture_ns};
         Anlos__EgoMotion *ego = (Anlos__EgoMotion *)stream_unpack(&m);
         if (!ego)
-            return complain(why, -EBADMSG, "a message of \"ego\" is none");
+            return error_say(why, -EBADMSG, "a message of \"ego\" is none");
         row.motion = *ego;
         ego_row_print(f, &row);
         w->n_egos++;
@@ -477,26 +476,26 @@ static int print_egos(FILE *f, struct wav_set *w, struct stream *s, struct compl
     return err == -ENODATA ? 0 : err;
 }
 
-static int write_egos(struct wav_set *w, struct stream *s, struct complaint *why)
+static int write_egos(struct wav_set *w, struct stream *s, struct error *why)
 {
     char path[PATH_MAX + 16];
 
     snprintf(path, sizeof path, "%s/" EGO_FILE, w->stage.path);
     FILE *f = fopen(path, "wxe");
     if (!f)
-        return complain(why, -errno, "%s: %s", path, strerror(errno));
+        return error_say(why, -errno, "%s: %s", path, strerror(errno));
     stream_select(s, topic_ego()->name);
     int err = print_egos(f, w, s, why);
     errno = 0;
     bool failed = ferror(f);
     if ((fclose(f) || failed) && !err)
-        err = complain(why, errno ? -errno : -EIO, "%s cannot be written", path);
+        err = error_say(why, errno ? -errno : -EIO, "%s cannot be written", path);
     if (!err && !w->n_egos)
         unlink(path); /* nobody told of any motion */
     return err;
 }
 
-static int write_endless(struct wav_set *w, struct stream *s, struct complaint *why)
+static int write_endless(struct wav_set *w, struct stream *s, struct error *why)
 {
     int err = open_writers(w, why);
 
@@ -544,7 +543,7 @@ static void say(const struct wav_set *w, const char *out)
 }
 
 static int write_set(struct wav_set *w, struct stream *s, const char *out,
-                     struct complaint *why)
+                     struct error *why)
 {
     int err = check_vacant(out, why);
 
@@ -565,12 +564,12 @@ static int write_set(struct wav_set *w, struct stream *s, const char *out,
 }
 
 int export_wav(struct stream *s, const struct export_options *o, size_t *n_missing,
-               struct complaint *why)
+               struct error *why)
 {
     struct wav_set *w = calloc(1, sizeof *w);
 
     if (!w)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = takes_find(&w->takes, s, o->scan, why);
     if (!err)
         err = write_set(w, s, o->out, why);

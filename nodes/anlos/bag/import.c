@@ -18,7 +18,7 @@
 #include "nodes/anlos/confocal/traces.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/array/shooter.h"
+#include "nodes/array/acquisition.h"
 #include "recon/tail.h"
 
 #define SURVEY_PERIOD_NS 1000000000LL /* as the array node repeats it */
@@ -45,16 +45,16 @@ static void destroy(struct import_bag *b)
 }
 
 int import_bag_begin(struct import_bag **out, const char *path,
-                     enum bag_compression compression, struct complaint *why)
+                     enum bag_compression compression, struct error *why)
 {
     struct import_bag *b = calloc(1, sizeof *b);
     int err = b ? verb_output_begin(&b->output, path, why)
-                : complain(why, -ENOMEM, "out of memory");
+                : error_say(why, -ENOMEM, "out of memory");
 
     if (!err)
         err = verb_writer_create(&b->writer, &b->output, "anlos", compression, why);
     if (!err && bag_topics_create(&b->topics, b->writer)) {
-        complain(why, -ENOMEM, "out of memory");
+        error_say(why, -ENOMEM, "out of memory");
         return import_bag_end(b, -ENOMEM, why);
     }
     if (err && b)
@@ -66,7 +66,7 @@ int import_bag_begin(struct import_bag **out, const char *path,
 
 static int put(struct import_bag *b, const char *node, const struct topic *t,
                uint64_t sequence, int64_t capture_ns, int64_t publish_ns,
-               const uint8_t *payload, size_t size, struct complaint *why)
+               const uint8_t *payload, size_t size, struct error *why)
 {
     struct envelope e = {.epoch_ns = IMPORT_START_NS,
                          .sequence = sequence,
@@ -75,17 +75,17 @@ static int put(struct import_bag *b, const char *node, const struct topic *t,
                          .payload_size = (uint32_t)size};
 
     if (size > t->max_size)
-        return complain(why, -EMSGSIZE,
-                        "a %s of %zu bytes; no more than %zu go over the "
-                        "bus",
-                        t->name, size, t->max_size);
+        return error_say(why, -EMSGSIZE,
+                         "a %s of %zu bytes; no more than %zu go over the "
+                         "bus",
+                         t->name, size, t->max_size);
     snprintf(e.node, sizeof e.node, "%s", node);
     snprintf(e.topic, sizeof e.topic, "%s", t->name);
     return bag_topics_put(b->topics, &e, payload, NULL, why);
 }
 
 int import_bag_survey(struct import_bag *b, const struct survey *s, const char *yaml,
-                      size_t yaml_size, struct complaint *why)
+                      size_t yaml_size, struct error *why)
 {
     const struct bag_attachment a = {
         .log_time = IMPORT_START_NS,
@@ -97,7 +97,7 @@ int import_bag_survey(struct import_bag *b, const struct survey *s, const char *
     int err = survey_check(s, why);
 
     if (!err && survey_pack(s, &b->survey, &b->survey_size))
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     if (err)
         return err;
     b->survey_id = survey_id(s);
@@ -120,7 +120,7 @@ static int pack(struct import_bag *b, const Anlos__Ping *p, size_t *size)
 }
 
 int import_bag_ping(struct import_bag *b, Anlos__Ping *p, int64_t capture_ns,
-                    int64_t length_ns, struct complaint *why)
+                    int64_t length_ns, struct error *why)
 {
     size_t size;
     int err = 0;
@@ -132,40 +132,40 @@ int import_bag_ping(struct import_bag *b, Anlos__Ping *p, int64_t capture_ns,
         b->survey_due_ns = capture_ns + SURVEY_PERIOD_NS;
     }
     if (!err && pack(b, p, &size))
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     return err ? err
                : put(b, "array", topic_ping(), b->n_pings++, capture_ns,
                      capture_ns + length_ns, b->packed, size, why);
 }
 
 int import_bag_ego(struct import_bag *b, const Anlos__EgoMotion *m, int64_t capture_ns,
-                   struct complaint *why)
+                   struct error *why)
 {
     uint8_t packed[128];
     size_t size = anlos__ego_motion__get_packed_size(m);
 
     if (size > sizeof packed)
-        return complain(why, -EMSGSIZE, "a message of ego motion of %zu bytes", size);
+        return error_say(why, -EMSGSIZE, "a message of ego motion of %zu bytes", size);
     anlos__ego_motion__pack(m, packed);
     return put(b, "can", topic_ego(), b->n_egos++, capture_ns, capture_ns, packed, size,
                why);
 }
 
 int import_bag_metadata(struct import_bag *b, const char *name,
-                        const char *const (*pairs)[2], size_t n, struct complaint *why)
+                        const char *const (*pairs)[2], size_t n, struct error *why)
 {
     struct bytes_buffer map = {0};
 
     for (size_t i = 0; i < n; i++)
         bag_map_put(&map, bytes_of(pairs[i][0]), bytes_of(pairs[i][1]));
     const struct bag_metadata m = {bytes_of(name), bytes_in(&map)};
-    int err = map.failed ? complain(why, -ENOMEM, "out of memory")
+    int err = map.failed ? error_say(why, -ENOMEM, "out of memory")
                          : bag_writer_metadata(b->writer, &m, why);
     bytes_free(&map);
     return err;
 }
 
-int import_bag_end(struct import_bag *b, int err, struct complaint *why)
+int import_bag_end(struct import_bag *b, int err, struct error *why)
 {
     int closed = bag_writer_close(b->writer, err ? NULL : why);
 
@@ -195,7 +195,7 @@ struct mat_import {
     float scale;      /* what keeps every sample within 1 */
 };
 
-static int read_scan(struct mat_import *m, const char *path, struct complaint *why)
+static int read_scan(struct mat_import *m, const char *path, struct error *why)
 {
     struct confocal_file f;
     double gate_m[2];
@@ -283,7 +283,7 @@ static int fill_replica(struct survey *v, const double band_hz[2])
 
 /* A bin of range becomes a sample; the emission is late by a fraction of one, such that a
  * bin's middle is a sample's time. */
-static int fill_survey(struct mat_import *m, struct complaint *why)
+static int fill_survey(struct mat_import *m, struct error *why)
 {
     const struct confocal_scan *s = &m->scan;
     const double slower = SOUND_M_S / CONFOCAL_LIGHT_M_S;
@@ -303,7 +303,7 @@ static int fill_survey(struct mat_import *m, struct complaint *why)
     if (!err)
         err = fill_places(v, s);
     if (err)
-        return complain(why, err, "%s", strerror(-err));
+        return error_say(why, err, "%s", strerror(-err));
     m->first = (size_t)ceil(s->range_m / s->range_step_m);
     v->latency_samples = (double)m->first - s->range_m / s->range_step_m;
     v->slot_samples = m->first + s->n + v->n_replica;
@@ -355,7 +355,7 @@ static void fill_samples(struct mat_import *m, size_t q)
     }
 }
 
-static int put_pings(struct import_bag *bag, struct mat_import *m, struct complaint *why)
+static int put_pings(struct import_bag *bag, struct mat_import *m, struct error *why)
 {
     double slot_ns = 1e9 * (double)m->survey.slot_samples / m->survey.sample_rate_hz;
     double length_ns = 1e9 * (double)m->n_samples / m->survey.sample_rate_hz;
@@ -366,7 +366,7 @@ static int put_pings(struct import_bag *bag, struct mat_import *m, struct compla
         Anlos__Ping p = ANLOS__PING__INIT;
         struct tensor_view view;
         if (interrupt_requested())
-            return complain(why, -EINTR, "interrupted");
+            return error_say(why, -EINTR, "interrupted");
         fill_samples(m, q);
         p.scan = 1;
         p.position = (uint32_t)q;
@@ -381,8 +381,7 @@ static int put_pings(struct import_bag *bag, struct mat_import *m, struct compla
     return err;
 }
 
-int import_mat(struct import_bag *bag, const struct import_options *o,
-               struct complaint *why)
+int import_mat(struct import_bag *bag, const struct import_options *o, struct error *why)
 {
     static const char *const pairs[][2] = {
         {"imported_from", "optical confocal scan"},
@@ -406,7 +405,7 @@ int import_mat(struct import_bag *bag, const struct import_options *o,
         m.samples = malloc(m.n_samples * sizeof *m.samples);
         m.wave = malloc(m.scan.n * sizeof *m.wave);
         err = m.samples && m.wave ? put_pings(bag, &m, why)
-                                  : complain(why, -ENOMEM, "out of memory");
+                                  : error_say(why, -ENOMEM, "out of memory");
     }
     free(m.samples);
     free(m.wave);
@@ -420,7 +419,7 @@ int import_mat(struct import_bag *bag, const struct import_options *o,
 struct recording_import {
     struct import_bag *bag;
     struct array *array;
-    struct shooter *shooter;
+    struct acquisition *acquisition;
     int64_t now_ns; /* the clock that the array sees */
     int64_t slot_ns;
     uint32_t n_fired;
@@ -457,11 +456,10 @@ static bool is_there(char *out, const char *folder, const char *name)
 
 /* As `anlos sim` lays it out (scene, background and survey.yaml in a folder), or a folder
  * of WAV files with survey.yaml in it or beside it. */
-static int find_paths(struct paths *p, const struct import_options *o,
-                      struct complaint *why)
+static int find_paths(struct paths *p, const struct import_options *o, struct error *why)
 {
     if (access(o->from, R_OK))
-        return complain(why, -errno, "%s: %s", o->from, strerror(errno));
+        return error_say(why, -errno, "%s: %s", o->from, strerror(errno));
     if (!is_there(p->scene, o->from, "scene"))
         snprintf(p->scene, PATH_MAX, "%s", o->from);
     if (!is_there(p->background, o->from, "background"))
@@ -472,9 +470,9 @@ static int find_paths(struct paths *p, const struct import_options *o,
         snprintf(p->survey, PATH_MAX, "%s", o->survey);
     else if (!is_there(p->survey, o->from, "survey.yaml") &&
              !is_there(p->survey, o->from, "../survey.yaml"))
-        return complain(why, -ENOENT,
-                        "%s: no survey.yaml in it or beside it; name it with --survey",
-                        o->from);
+        return error_say(why, -ENOENT,
+                         "%s: no survey.yaml in it or beside it; name it with --survey",
+                         o->from);
     if (o->ego)
         snprintf(p->ego, PATH_MAX, "%s", o->ego);
     else if (!is_there(p->ego, o->from, EGO_FILE) &&
@@ -483,34 +481,34 @@ static int find_paths(struct paths *p, const struct import_options *o,
     const char *const all[] = {p->scene, p->background, p->survey};
     for (size_t i = 0; i < 3; i++)
         if (strpbrk(all[i], "?&"))
-            return complain(why, -EINVAL, "%s: a name without ? and &, please", all[i]);
+            return error_say(why, -EINVAL, "%s: a name without ? and &, please", all[i]);
     return 0;
 }
 
 static int open_array(struct recording_import *r, const struct clock_source *clock,
-                      const struct paths *p, struct complaint *why)
+                      const struct paths *p, struct error *why)
 {
     char *uri;
 
     /* As it was recorded: what was calibrated elsewhere is not mixed in. */
     if (asprintf(&uri, "wav:%s?survey=%s&calibrated=%s%s", p->scene, p->survey,
                  p->background[0] ? "&background=" : "", p->background) < 0)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = array_open(&r->array, uri, clock, why);
     free(uri);
-    if (!err && shooter_create(&r->shooter, r->array))
-        err = complain(why, -ENOMEM, "out of memory");
+    if (!err && acquisition_create(&r->acquisition, r->array))
+        err = error_say(why, -ENOMEM, "out of memory");
     return err;
 }
 
-static int read_text(const char *path, char **out, size_t *size, struct complaint *why)
+static int read_text(const char *path, char **out, size_t *size, struct error *why)
 {
     struct stat st;
     FILE *f = fopen(path, "re");
 
     if (!f || fstat(fileno(f), &st) || st.st_size < 0 || (size_t)st.st_size > MAX_YAML) {
-        int err = complain(why, f ? -EFBIG : -errno, "%s: %s", path,
-                           f ? "no survey of that size" : strerror(errno));
+        int err = error_say(why, f ? -EFBIG : -errno, "%s: %s", path,
+                            f ? "no survey of that size" : strerror(errno));
         if (f)
             fclose(f);
         return err;
@@ -519,14 +517,14 @@ static int read_text(const char *path, char **out, size_t *size, struct complain
     *out = malloc(*size + 1);
     int err = 0;
     if (!*out)
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     else if (fread(*out, 1, *size, f) != *size)
-        err = complain(why, -EIO, "%s cannot be read", path);
+        err = error_say(why, -EIO, "%s cannot be read", path);
     fclose(f);
     return err;
 }
 
-static int put_survey(struct recording_import *r, const char *path, struct complaint *why)
+static int put_survey(struct recording_import *r, const char *path, struct error *why)
 {
     const struct survey *s = array_survey(r->array);
     char *yaml = NULL;
@@ -541,7 +539,7 @@ static int put_survey(struct recording_import *r, const char *path, struct compl
 }
 
 static int put_position(struct recording_import *r, Anlos__Pass pass, uint32_t position,
-                        uint32_t *speakers, struct complaint *why)
+                        uint32_t *speakers, struct error *why)
 {
     const struct survey *s = array_survey(r->array);
     Anlos__FireCommand fire = ANLOS__FIRE_COMMAND__INIT;
@@ -555,10 +553,11 @@ static int put_position(struct recording_import *r, Anlos__Pass pass, uint32_t p
     fire.stage_m = s->stage_positions_m[position];
     fire.n_speakers = s->n_speakers;
     fire.speakers = speakers;
-    int err = shooter_fire(r->shooter, &fire, 0, why);
-    while (!err && shooter_busy(r->shooter)) {
-        err = interrupt_requested() ? complain(why, -EINTR, "interrupted")
-                                    : shooter_next(r->shooter, &ping, &t0_ns, why);
+    int err = acquisition_fire(r->acquisition, &fire, 0, why);
+    while (!err && acquisition_busy(r->acquisition)) {
+        err = interrupt_requested()
+                  ? error_say(why, -EINTR, "interrupted")
+                  : acquisition_next(r->acquisition, &ping, &t0_ns, why);
         if (err)
             break;
         int64_t length_ns = r->slot_ns * (int64_t)ping.samples->shape[1] /
@@ -570,11 +569,11 @@ static int put_position(struct recording_import *r, Anlos__Pass pass, uint32_t p
 }
 
 /* The background comes first: what is imaged meanwhile is the scene without it. */
-static int put_passes(struct recording_import *r, bool background, struct complaint *why)
+static int put_passes(struct recording_import *r, bool background, struct error *why)
 {
     const struct survey *s = array_survey(r->array);
     uint32_t *speakers = malloc(s->n_speakers * sizeof *speakers);
-    int err = speakers ? 0 : complain(why, -ENOMEM, "out of memory");
+    int err = speakers ? 0 : error_say(why, -ENOMEM, "out of memory");
 
     for (size_t i = 0; !err && i < s->n_speakers; i++)
         speakers[i] = (uint32_t)i;
@@ -588,7 +587,7 @@ static int put_passes(struct recording_import *r, bool background, struct compla
 
 /* -- of an array that stands: all that sounded ------------------------------------------
  */
-static int put_ego(struct recording_import *r, int64_t until_ns, struct complaint *why)
+static int put_ego(struct recording_import *r, int64_t until_ns, struct error *why)
 {
     int err = 0;
 
@@ -602,7 +601,7 @@ static int put_ego(struct recording_import *r, int64_t until_ns, struct complain
 }
 
 static int put_emission(struct recording_import *r, Anlos__Pass pass, size_t i,
-                        const struct emission *e, int64_t t0_ns, struct complaint *why)
+                        const struct emission *e, int64_t t0_ns, struct error *why)
 {
     const struct survey *s = array_survey(r->array);
     uint32_t *clipped = r->counts, *not_finite = r->counts + s->n_microphones;
@@ -610,7 +609,7 @@ static int put_emission(struct recording_import *r, Anlos__Pass pass, size_t i,
     struct tensor_view view;
     Anlos__Ping p = ANLOS__PING__INIT;
     int err = interrupt_requested()
-                  ? complain(why, -EINTR, "interrupted")
+                  ? error_say(why, -EINTR, "interrupted")
                   : recording_read_emission(r->passes[pass == ANLOS__PASS__BACKGROUND], i,
                                             r->samples, clipped, not_finite, why);
 
@@ -635,7 +634,7 @@ static int put_emission(struct recording_import *r, Anlos__Pass pass, size_t i,
 
 /* Times of one clock overlap. */
 static int check_ego(const struct recording_import *r, int64_t begin_ns, int64_t end_ns,
-                     const char *ego, struct complaint *why)
+                     const char *ego, struct error *why)
 {
     if (!r->ego.n)
         return 0;
@@ -643,14 +642,14 @@ static int check_ego(const struct recording_import *r, int64_t begin_ns, int64_t
     int64_t last_ns = r->ego.rows[r->ego.n - 1].time_ns + r->shift_ns;
     if (first_ns <= end_ns && last_ns >= begin_ns)
         return 0;
-    return complain(why, -EINVAL,
-                    "%s: is of %.3f to %.3f s, but the recording of %.3f to %.3f s: its "
-                    "times count as those of " EMISSIONS_FILE
-                    ", and where that has none, from the first sample on",
-                    ego, 1e-9 * (double)(first_ns - r->shift_ns),
-                    1e-9 * (double)(last_ns - r->shift_ns),
-                    1e-9 * (double)(begin_ns - r->shift_ns),
-                    1e-9 * (double)(end_ns - r->shift_ns));
+    return error_say(why, -EINVAL,
+                     "%s: is of %.3f to %.3f s, but the recording of %.3f to %.3f s: its "
+                     "times count as those of " EMISSIONS_FILE
+                     ", and where that has none, from the first sample on",
+                     ego, 1e-9 * (double)(first_ns - r->shift_ns),
+                     1e-9 * (double)(last_ns - r->shift_ns),
+                     1e-9 * (double)(begin_ns - r->shift_ns),
+                     1e-9 * (double)(end_ns - r->shift_ns));
 }
 
 static int64_t time_of(const struct recording_import *r, const struct emission *e,
@@ -664,7 +663,7 @@ static int64_t time_of(const struct recording_import *r, const struct emission *
 
 /* Without times in its table a pass begins when the one before has ended. */
 static int put_pass(struct recording_import *r, Anlos__Pass pass, const struct paths *p,
-                    struct complaint *why)
+                    struct error *why)
 {
     const struct recording *from = r->passes[pass == ANLOS__PASS__BACKGROUND];
     const struct survey *s = array_survey(r->array);
@@ -702,7 +701,7 @@ static void find_shift(struct recording_import *r)
 }
 
 static int put_endless(struct recording_import *r, const struct paths *p,
-                       struct complaint *why)
+                       struct error *why)
 {
     const struct survey *s = array_survey(r->array);
 
@@ -710,7 +709,7 @@ static int put_endless(struct recording_import *r, const struct paths *p,
     r->samples = calloc(s->n_microphones * r->n_ping, sizeof *r->samples);
     r->counts = calloc(2 * s->n_microphones, sizeof *r->counts);
     if (!r->samples || !r->counts)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     int err = p->ego[0] ? ego_table_load(&r->ego, p->ego, why) : 0;
     if (err)
         return err;
@@ -722,7 +721,7 @@ static int put_endless(struct recording_import *r, const struct paths *p,
 }
 
 static int open_passes(struct recording_import *r, const struct paths *p,
-                       struct complaint *why)
+                       struct error *why)
 {
     const struct survey *s = array_survey(r->array);
     int err = recording_open(&r->passes[0], p->scene, s, why);
@@ -732,8 +731,7 @@ static int open_passes(struct recording_import *r, const struct paths *p,
                : recording_open(&r->passes[1], p->background, s, why);
 }
 
-static int put_all(struct recording_import *r, const struct paths *p,
-                   struct complaint *why)
+static int put_all(struct recording_import *r, const struct paths *p, struct error *why)
 {
     int err = open_passes(r, p, why);
 
@@ -742,21 +740,21 @@ static int put_all(struct recording_import *r, const struct paths *p,
     if (recording_goes_on(r->passes[0]))
         return put_endless(r, p, why);
     if (p->ego[0])
-        return complain(why, -EINVAL,
-                        "%s: a scan is taken by a vehicle that stands; remove it",
-                        p->ego);
+        return error_say(why, -EINVAL,
+                         "%s: a scan is taken by a vehicle that stands; remove it",
+                         p->ego);
     return put_passes(r, p->background[0] != '\0', why);
 }
 
 int import_recording(struct import_bag *bag, const struct import_options *o,
-                     struct complaint *why)
+                     struct error *why)
 {
     static const char *const pairs[][2] = {{"imported_from", "recording"},
                                            {"version", ANLOS_VERSION}};
     struct recording_import r = {.bag = bag, .now_ns = IMPORT_START_NS};
     const struct clock_source clock = {now, sleep_until, &r};
     struct paths *p = malloc(sizeof *p);
-    int err = p ? find_paths(p, o, why) : complain(why, -ENOMEM, "out of memory");
+    int err = p ? find_paths(p, o, why) : error_say(why, -ENOMEM, "out of memory");
 
     if (!err)
         err = open_array(&r, &clock, p, why);
@@ -771,7 +769,7 @@ int import_recording(struct import_bag *bag, const struct import_options *o,
         recording_close(r.passes[i]);
     free(r.samples);
     free(r.counts);
-    shooter_destroy(r.shooter);
+    acquisition_destroy(r.acquisition);
     array_close(r.array);
     free(p);
     return err;
@@ -830,7 +828,7 @@ static bool is_mat(const char *path)
 static int run(const struct import_options *o)
 {
     struct import_bag *bag;
-    struct complaint why = {""};
+    struct error why = {""};
 
     interrupt_catch();
     int err = import_bag_begin(&bag, o->out, o->compression, &why);

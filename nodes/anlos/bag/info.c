@@ -121,7 +121,7 @@ static void print_attachments(const struct bag_catalog *bag)
     }
 }
 
-static int print_metadata(const struct bag_catalog *bag, struct complaint *why)
+static int print_metadata(const struct bag_catalog *bag, struct error *why)
 {
     struct bytes_buffer bytes = {0};
     struct bag_record r;
@@ -147,15 +147,15 @@ static int print_metadata(const struct bag_catalog *bag, struct complaint *why)
     return err;
 }
 
-static int finish(struct complaint *why)
+static int finish(struct error *why)
 {
-    return fflush(stdout) || ferror(stdout) ? complain(why, -EIO, "stdout: cannot write")
+    return fflush(stdout) || ferror(stdout) ? error_say(why, -EIO, "stdout: cannot write")
                                             : 0;
 }
 
 /* 0, errors of bag_catalog_read, -EIO (stdout), -ENOMEM. */
 static int info_print(const struct bag_catalog *bag, const struct contents *c,
-                      struct complaint *why)
+                      struct error *why)
 {
     print_head(bag, c);
     print_topics(c);
@@ -209,8 +209,7 @@ static json_t *attachments_json(const struct bag_catalog *bag)
     return array;
 }
 
-static int metadata_json(const struct bag_catalog *bag, json_t *array,
-                         struct complaint *why)
+static int metadata_json(const struct bag_catalog *bag, json_t *array, struct error *why)
 {
     struct bytes_buffer bytes = {0};
     struct bag_record r;
@@ -234,7 +233,7 @@ static int metadata_json(const struct bag_catalog *bag, json_t *array,
 }
 
 static int info_print_json(const struct bag_catalog *bag, const struct contents *c,
-                           struct complaint *why)
+                           struct error *why)
 {
     json_t *metadata = json_array();
     int err = metadata_json(bag, metadata, why);
@@ -253,10 +252,10 @@ static int info_print_json(const struct bag_catalog *bag, const struct contents 
         "compression_ratio", contents_ratio(c), "summary", !bag->scanned, "topics",
         topics_json(c), "attachments", attachments_json(bag), "metadata", metadata);
     err = !o || json_dumpf(o, stdout, JSON_INDENT(2)) || putchar('\n') == EOF
-              ? complain(why, -EIO, "stdout: cannot write")
+              ? error_say(why, -EIO, "stdout: cannot write")
               : 0;
     json_decref(o);
-    return err || !fflush(stdout) ? err : complain(why, -EIO, "stdout: cannot write");
+    return err || !fflush(stdout) ? err : error_say(why, -EIO, "stdout: cannot write");
 }
 
 static const char help[] =
@@ -284,7 +283,7 @@ static int print(const char *path, bool json)
 {
     struct bag_catalog *catalog = NULL;
     struct contents *contents = malloc(sizeof *contents);
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!contents)
         return verb_end("info", -ENOMEM, &why);

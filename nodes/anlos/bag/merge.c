@@ -35,7 +35,7 @@ static const struct option options[] = {
 static int run(const struct selection *s)
 {
     struct selection_result result;
-    struct complaint why = {""};
+    struct error why = {""};
 
     interrupt_catch();
     int err = selection_write(s, &result, &why);

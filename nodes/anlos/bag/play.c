@@ -87,15 +87,16 @@ static int take_option(struct request *r, int code, char **argv)
         r->play.loop = true;
         return 0;
     case 's':
-        return take_seconds("start", &r->play.tape.start_s);
+        return take_seconds("start", &r->play.bag_iterator.start_s);
     case 'e':
-        return take_seconds("end", &r->play.tape.end_s);
+        return take_seconds("end", &r->play.bag_iterator.end_s);
     case 't':
         return verb_add_patterns("bag play", optarg, r->topics_room, &r->play.topics);
     case 'x':
         return verb_add_patterns("bag play", optarg, r->exclude_room, &r->play.exclude);
     case 'm':
-        return verb_add_patterns("bag play", optarg, r->remap_room, &r->play.tape.remap);
+        return verb_add_patterns("bag play", optarg, r->remap_room,
+                                 &r->play.bag_iterator.remap);
     case 'p':
         r->play.paused = true;
         return 0;
@@ -108,7 +109,7 @@ static int take_option(struct request *r, int code, char **argv)
 }
 
 static int play(struct request *r, struct node *node, struct playback_status *status,
-                struct complaint *why)
+                struct error *why)
 {
     struct playback *p = NULL;
     struct play_control control;
@@ -128,7 +129,7 @@ static int play(struct request *r, struct node *node, struct playback_status *st
 
 static int run(struct request *r)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct playback_status status = {.messages = 0};
     struct node *node = NULL;
     char text[200];
@@ -156,7 +157,7 @@ static int run(struct request *r)
 
 int bag_play(int argc, char **argv)
 {
-    struct request r = {.play = {.tape = {.end_s = INFINITY},
+    struct request r = {.play = {.bag_iterator = {.end_s = INFINITY},
                                  .rate = 1.0,
                                  .alone = true,
                                  .window = 32,
@@ -176,9 +177,9 @@ int bag_play(int argc, char **argv)
     code = verb_one_operand("bag play", "FILE", argc, argv);
     if (code)
         return code;
-    if (r.play.tape.end_s < r.play.tape.start_s)
+    if (r.play.bag_iterator.end_s < r.play.bag_iterator.start_s)
         return usage_error("bag play", "--end %g comes before --start %g",
-                           r.play.tape.end_s, r.play.tape.start_s);
-    r.play.tape.bag = argv[optind];
+                           r.play.bag_iterator.end_s, r.play.bag_iterator.start_s);
+    r.play.bag_iterator.bag = argv[optind];
     return run(&r);
 }

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/bag/compression.h"
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/bag/verb.h"
@@ -150,10 +150,10 @@ struct job {
     int64_t start_ns;
 };
 
-static int open_session(struct job *j, struct complaint *why)
+static int open_session(struct job *j, struct error *why)
 {
     const struct record_options *o = j->options;
-    struct complaint left_out = {""};
+    struct error left_out = {""};
     struct launchfile *launch = NULL;
 
     j->session.topics = o->topics;
@@ -168,7 +168,7 @@ static int open_session(struct job *j, struct complaint *why)
     return err;
 }
 
-static int open_bus(struct job *j, struct complaint *why)
+static int open_bus(struct job *j, struct error *why)
 {
     const struct bus_config cfg = {.run_dir = j->run_dir, .listen_only = true};
     int err = rundir_open(j->run_dir, j->options->run_dir, why);
@@ -181,7 +181,7 @@ static int open_bus(struct job *j, struct complaint *why)
     return bus_create(&j->bus, &cfg, why);
 }
 
-static int open_recorder(struct job *j, struct complaint *why)
+static int open_recorder(struct job *j, struct error *why)
 {
     const struct record_options *o = j->options;
     const struct recorder_config cfg = {
@@ -202,7 +202,7 @@ static int open_recorder(struct job *j, struct complaint *why)
     if (err)
         return err;
     err = tap_open(&j->tap, j->bus, j->recorder, &cfg, j->clock);
-    return err ? complain(why, err, "cannot subscribe: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "cannot subscribe: %s", strerror(-err)) : 0;
 }
 
 static double elapsed_s(const struct job *j)
@@ -210,7 +210,7 @@ static double elapsed_s(const struct job *j)
     return 1e-9 * (double)(clock_now_ns(j->clock) - j->start_ns);
 }
 
-static int record(struct job *j, struct complaint *why)
+static int record(struct job *j, struct error *why)
 {
     int64_t show_ns = 0;
     int err = 0;
@@ -231,7 +231,7 @@ static int record(struct job *j, struct complaint *why)
 }
 
 /* What was recorded before an error is shown too. */
-static int end(struct job *j, int err, struct complaint *why)
+static int end(struct job *j, int err, struct error *why)
 {
     struct recorder_totals t;
     double seconds = elapsed_s(j);
@@ -248,13 +248,13 @@ static int end(struct job *j, int err, struct complaint *why)
     if (err || ended)
         return err ? err : ended;
     if (!shown)
-        return complain(why, -EIO, "standard output cannot be written");
+        return error_say(why, -EIO, "standard output cannot be written");
     return t.lost || t.unwritten ? 1 : 0;
 }
 
 /* Until Ctrl-C or the end of the duration; shows how it goes and what came of it.
  * *began: there is a bag.  0, 1 (messages got lost), negative errno. */
-static int record_run(const struct record_options *o, bool *began, struct complaint *why)
+static int record_run(const struct record_options *o, bool *began, struct error *why)
 {
     struct job j = {.options = o,
                     .clock = clock_system(),
@@ -396,12 +396,12 @@ static char *join(char **words, int n)
 
 static int run(struct record_options *o, char **words, int n)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     bool began = false;
 
     o->topics = join(words, n);
     int result = o->topics ? record_run(o, &began, &why)
-                           : complain(&why, -ENOMEM, "out of memory");
+                           : error_say(&why, -ENOMEM, "out of memory");
     free(o->topics);
     int code = result < 0 ? verb_end("record", result, &why) : EXIT_WORKED;
     return result && began ? EXIT_FAILED : code;

@@ -85,7 +85,7 @@ static int run(char *from, const char *to)
         .damaged = print_damage, .stop = interrupt_requested, .context = from};
     struct verb_output out;
     struct bag_recovery found;
-    struct complaint why = {""};
+    struct error why = {""};
 
     interrupt_catch();
     int err = verb_output_begin(&out, to, &why);

@@ -26,7 +26,7 @@ struct run {
     uint64_t from, to; /* log times */
 };
 
-static int open_all(struct run *r, struct complaint *why)
+static int open_all(struct run *r, struct error *why)
 {
     const struct selection *s = r->selection;
     int err = 0;
@@ -34,23 +34,23 @@ static int open_all(struct run *r, struct complaint *why)
     r->catalogs = calloc(s->n_files, sizeof(struct bag_catalog *));
     r->inputs = calloc(s->n_files, sizeof *r->inputs);
     if (!r->catalogs || !r->inputs)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (size_t i = 0; i < s->n_files && !err; i++)
         err = bag_catalog_open(&r->catalogs[i], s->files[i], why);
     return err;
 }
 
-static int check_patterns(const struct run *r, struct complaint *why)
+static int check_patterns(const struct run *r, struct error *why)
 {
     const struct selection *s = r->selection;
     char stray[64];
 
     if (verb_finds_stray(s->topics, r->catalogs, s->n_files, stray) ||
         verb_finds_stray(s->exclude, r->catalogs, s->n_files, stray))
-        return complain(why, -EINVAL,
-                        "no topic is called \"%s\"; 'anlos bag info' has their "
-                        "names",
-                        stray);
+        return error_say(why, -EINVAL,
+                         "no topic is called \"%s\"; 'anlos bag info' has their "
+                         "names",
+                         stray);
     return 0;
 }
 
@@ -73,7 +73,7 @@ static void set_times(struct run *r)
     r->to = after(first, s->end_s);
 }
 
-static int advance(struct input *in, struct complaint *why)
+static int advance(struct input *in, struct error *why)
 {
     int err = bag_cursor_next(in->cursor, &in->next, why);
 
@@ -81,13 +81,13 @@ static int advance(struct input *in, struct complaint *why)
     return err == -ENODATA ? 0 : err;
 }
 
-static int start_input(struct run *r, size_t i, struct complaint *why)
+static int start_input(struct run *r, size_t i, struct error *why)
 {
     const struct selection *s = r->selection;
     const struct bag_catalog *c = r->catalogs[i];
 
     if (bag_cursor_create(&r->inputs[i].cursor, c) || bag_copy_add(r->copy, c))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (size_t k = 0; k < c->n_channels; k++) {
         const struct bag_channel *h = &c->channels[k].record.channel;
         bag_cursor_select(r->inputs[i].cursor, h->id,
@@ -111,7 +111,7 @@ static size_t first_input(const struct run *r)
     return best;
 }
 
-static int copy_all(struct run *r, struct selection_result *out, struct complaint *why)
+static int copy_all(struct run *r, struct selection_result *out, struct error *why)
 {
     int err = 0;
 
@@ -124,7 +124,7 @@ static int copy_all(struct run *r, struct selection_result *out, struct complain
         if (i == r->selection->n_files || r->inputs[i].next.log_time > r->to)
             return 0;
         if (interrupt_requested())
-            return complain(why, -EINTR, "interrupted");
+            return error_say(why, -EINTR, "interrupted");
         err = bag_copy_message(r->copy, i, &r->inputs[i].next, why);
         out->n_written += !err;
         if (!err)
@@ -145,7 +145,7 @@ static void find_profile(const struct run *r, char out[64])
              (const char *)first.data);
 }
 
-static int write_bag(struct run *r, struct selection_result *out, struct complaint *why)
+static int write_bag(struct run *r, struct selection_result *out, struct error *why)
 {
     struct verb_output o;
     char profile[64];
@@ -156,7 +156,7 @@ static int write_bag(struct run *r, struct selection_result *out, struct complai
     find_profile(r, profile);
     err = verb_writer_create(&r->writer, &o, profile, r->selection->compression, why);
     if (!err && bag_copy_create(&r->copy, r->writer))
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     if (!err)
         err = copy_all(r, out, why);
     int closed = bag_writer_close(r->writer, err ? NULL : why);
@@ -164,7 +164,7 @@ static int write_bag(struct run *r, struct selection_result *out, struct complai
 }
 
 int selection_write(const struct selection *s, struct selection_result *out,
-                    struct complaint *why)
+                    struct error *why)
 {
     struct run r = {.selection = s};
     int err = open_all(&r, why);

@@ -24,6 +24,6 @@ struct selection_result {
 /* 0; -EINVAL (a pattern that no topic matches), -EEXIST, -EINTR (Ctrl-C), errors of
  * msgs/bag.  After an error there is no new file. */
 int selection_write(const struct selection *s, struct selection_result *out,
-                    struct complaint *why);
+                    struct error *why);
 
 #endif

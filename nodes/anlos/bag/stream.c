@@ -13,7 +13,7 @@ struct stream {
     struct bag_source *sources; /* [n_channels]; topic NULL: not ours */
 };
 
-static int open_parts(struct stream *s, const char *path, struct complaint *why)
+static int open_parts(struct stream *s, const char *path, struct error *why)
 {
     int err = bag_catalog_open(&s->catalog, path, why);
 
@@ -21,17 +21,17 @@ static int open_parts(struct stream *s, const char *path, struct complaint *why)
         return err;
     s->sources = calloc(s->catalog->n_channels + 1, sizeof *s->sources);
     if (!s->sources || bag_cursor_create(&s->cursor, s->catalog))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (size_t i = 0; i < s->catalog->n_channels; i++)
         if (bag_source_of(&s->sources[i], &s->catalog->channels[i].record.channel))
             s->sources[i].topic = NULL;
     return 0;
 }
 
-int stream_open(struct stream **out, const char *path, struct complaint *why)
+int stream_open(struct stream **out, const char *path, struct error *why)
 {
     struct stream *s = calloc(1, sizeof *s);
-    int err = s ? open_parts(s, path, why) : complain(why, -ENOMEM, "out of memory");
+    int err = s ? open_parts(s, path, why) : error_say(why, -ENOMEM, "out of memory");
 
     if (err)
         stream_close(s);
@@ -40,15 +40,15 @@ int stream_open(struct stream **out, const char *path, struct complaint *why)
     return err;
 }
 
-int stream_require(const struct stream *s, const char *topics, struct complaint *why)
+int stream_require(const struct stream *s, const char *topics, struct error *why)
 {
     char stray[64];
 
     return verb_finds_stray(topics, &s->catalog, 1, stray)
-               ? complain(why, -EINVAL,
-                          "%s: no topic is called \"%s\"; 'anlos bag info' "
-                          "has their names",
-                          s->catalog->file.path, stray)
+               ? error_say(why, -EINVAL,
+                           "%s: no topic is called \"%s\"; 'anlos bag info' "
+                           "has their names",
+                           s->catalog->file.path, stray)
                : 0;
 }
 
@@ -70,10 +70,10 @@ void stream_rewind(struct stream *s)
     bag_cursor_seek(s->cursor, 0);
 }
 
-int stream_next(struct stream *s, struct stream_message *out, struct complaint *why)
+int stream_next(struct stream *s, struct stream_message *out, struct error *why)
 {
     struct bag_message m;
-    int err = interrupt_requested() ? complain(why, -EINTR, "interrupted")
+    int err = interrupt_requested() ? error_say(why, -EINTR, "interrupted")
                                     : bag_cursor_next(s->cursor, &m, why);
 
     if (err)
@@ -83,9 +83,9 @@ int stream_next(struct stream *s, struct stream_message *out, struct complaint *
                                 .payload = m.data,
                                 .raw = m};
     if (!out->channel)
-        return complain(why, -EBADMSG,
-                        "%s: a message of channel %u, which is not defined",
-                        s->catalog->file.path, m.channel_id);
+        return error_say(why, -EBADMSG,
+                         "%s: a message of channel %u, which is not defined",
+                         s->catalog->file.path, m.channel_id);
     const struct bag_source *source =
         &s->sources[s->catalog->channel_at[m.channel_id] - 1];
     out->topic = source->topic;

@@ -18,11 +18,11 @@ struct stream_message {
 };
 
 /* All topics.  0, as bag_catalog_open. */
-int stream_open(struct stream **out, const char *path, struct complaint *why);
+int stream_open(struct stream **out, const char *path, struct error *why);
 
 /* Does each pattern (verb_matches) match a topic of the bag?  0, -EINVAL: one does not;
- * the complaint says which. */
-int stream_require(const struct stream *s, const char *topics, struct complaint *why);
+ * the error says which. */
+int stream_require(const struct stream *s, const char *topics, struct error *why);
 
 /* Only what the patterns match; to be said before the first stream_next. */
 void stream_select(struct stream *s, const char *topics);
@@ -35,7 +35,7 @@ void stream_rewind(struct stream *s);
 
 /* 0, -ENODATA (the end), -EINTR (Ctrl-C), -EBADMSG (of no channel), as bag_cursor_next.
  */
-int stream_next(struct stream *s, struct stream_message *out, struct complaint *why);
+int stream_next(struct stream *s, struct stream_message *out, struct error *why);
 
 /* The content by the topic's schema.  NULL: it is not one, or of no topic of ours.  Free
  * it with protobuf_c_message_free_unpacked. */

@@ -12,7 +12,7 @@
 
 #define CHUNK_SIZE (4u << 20)
 
-int verb_end(const char *verb, int err, const struct complaint *why)
+int verb_end(const char *verb, int err, const struct error *why)
 {
     if (!err)
         return EXIT_WORKED;
@@ -38,28 +38,28 @@ int verb_end(const char *verb, int err, const struct complaint *why)
     }
 }
 
-int verb_output_begin(struct verb_output *o, const char *path, struct complaint *why)
+int verb_output_begin(struct verb_output *o, const char *path, struct error *why)
 {
     int n = snprintf(o->path, sizeof o->path, "%s", path);
     int m =
         snprintf(o->temporary, sizeof o->temporary, "%s.%ld.part", path, (long)getpid());
 
     if (n >= (int)sizeof o->path || m >= (int)sizeof o->temporary)
-        return complain(why, -ENAMETOOLONG, "%s: path too long", path);
+        return error_say(why, -ENAMETOOLONG, "%s: path too long", path);
     if (!access(path, F_OK))
-        return complain(why, -EEXIST, "%s exists already; remove it or name another file",
-                        path);
+        return error_say(why, -EEXIST,
+                         "%s exists already; remove it or name another file", path);
     unlink(o->temporary); /* of a dead process that had this one's number */
     return 0;
 }
 
-int verb_output_end(struct verb_output *o, int err, struct complaint *why)
+int verb_output_end(struct verb_output *o, int err, struct error *why)
 {
     if (!err && renameat2(AT_FDCWD, o->temporary, AT_FDCWD, o->path, RENAME_NOREPLACE)) {
         /* Some file systems cannot look and rename at once. */
         bool replaces = errno != EINVAL && errno != ENOSYS;
         if (replaces || rename(o->temporary, o->path))
-            err = complain(why, -errno, "%s: %s", o->path, strerror(errno));
+            err = error_say(why, -errno, "%s: %s", o->path, strerror(errno));
     }
     if (err)
         unlink(o->temporary);
@@ -68,7 +68,7 @@ int verb_output_end(struct verb_output *o, int err, struct complaint *why)
 
 int verb_writer_create(struct bag_writer **out, const struct verb_output *o,
                        const char *profile, enum bag_compression compression,
-                       struct complaint *why)
+                       struct error *why)
 {
     const struct bag_writer_config cfg = {.profile = profile,
                                           .library = "anlos " ANLOS_VERSION,
@@ -76,13 +76,13 @@ int verb_writer_create(struct bag_writer **out, const struct verb_output *o,
                                           .compression = compression};
 
     int err = bag_writer_create(out, o->temporary, &cfg, why);
-    return err ? complain(why, err, "%s cannot be written: %s", o->path, strerror(-err))
+    return err ? error_say(why, err, "%s cannot be written: %s", o->path, strerror(-err))
                : 0;
 }
 
 int verb_write_file(const char *path,
-                    int (*write)(FILE *f, void *context, struct complaint *why),
-                    void *context, struct complaint *why)
+                    int (*write)(FILE *f, void *context, struct error *why),
+                    void *context, struct error *why)
 {
     struct verb_output o;
     bool to_stdout = !strcmp(path, "-");
@@ -92,7 +92,7 @@ int verb_write_file(const char *path,
         return err;
     FILE *f = to_stdout ? stdout : fopen(o.temporary, "wxe");
     if (!f)
-        return complain(why, -errno, "%s cannot be written: %s", path, strerror(errno));
+        return error_say(why, -errno, "%s cannot be written: %s", path, strerror(errno));
     err = write(f, context, why);
     errno = 0;
     bool failed = fflush(f) || ferror(f);
@@ -100,7 +100,7 @@ int verb_write_file(const char *path,
         failed = fclose(f) || failed;
     if (failed && !err) {
         int reason = errno ? errno : EIO;
-        err = complain(why, -reason, "%s cannot be written: %s", path, strerror(reason));
+        err = error_say(why, -reason, "%s cannot be written: %s", path, strerror(reason));
     }
     return to_stdout ? err : verb_output_end(&o, err, why);
 }

@@ -10,12 +10,12 @@
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/compression.h"
 #include "msgs/bag/writer.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 /* Prints "anlos bag VERB: text" unless err is 0 or -EINTR; returns the exit code: 0, 130,
  * 2 for what is wrong with the input (no such file, no bag, damaged, too large, an output
  * that is there already), else 1. */
-int verb_end(const char *verb, int err, const struct complaint *why);
+int verb_end(const char *verb, int err, const struct error *why);
 
 /* A file that appears under its name when it is whole. */
 struct verb_output {
@@ -24,21 +24,21 @@ struct verb_output {
 };
 
 /* 0, -EEXIST (path is there already), -ENAMETOOLONG. */
-int verb_output_begin(struct verb_output *o, const char *path, struct complaint *why);
+int verb_output_begin(struct verb_output *o, const char *path, struct error *why);
 
 /* err 0: gives the file its name; else removes it.  err, or an errno of renaming. */
-int verb_output_end(struct verb_output *o, int err, struct complaint *why);
+int verb_output_end(struct verb_output *o, int err, struct error *why);
 
 /* A bag as we write them, under o->temporary.  As bag_writer_create. */
 int verb_writer_create(struct bag_writer **out, const struct verb_output *o,
                        const char *profile, enum bag_compression compression,
-                       struct complaint *why);
+                       struct error *why);
 
 /* A text file that appears whole, or "-" for stdout: write fills it and returns 0 or a
- * negative errno with a complaint.  That, or an errno of writing. */
+ * negative errno with an error.  That, or an errno of writing. */
 int verb_write_file(const char *path,
-                    int (*write)(FILE *f, void *context, struct complaint *why),
-                    void *context, struct complaint *why);
+                    int (*write)(FILE *f, void *context, struct error *why),
+                    void *context, struct error *why);
 
 /* Of the command line, after its options.  0, or what usage_error returns. */
 int verb_one_operand(const char *command, const char *what, int argc, char **argv);

@@ -193,9 +193,9 @@ static int take_option(struct bench_options *o, int code)
 }
 
 static int run(const struct bench_options *o,
-               int (*bench)(const struct bench_options *, struct complaint *))
+               int (*bench)(const struct bench_options *, struct error *))
 {
-    struct complaint why = {0};
+    struct error why = {0};
     interrupt_catch();
     int err = bench(o, &why);
     if (!err)

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 #define BENCH_USUAL_SEEDS ((size_t)-1)
 
@@ -27,8 +27,8 @@ struct bench_options {   /* borrow from argv */
 
 /* 0, -EINTR (what is done is kept), -ENOENT and -EINVAL (scenes, methods, recordings),
  * other negative errno. */
-int bench_speed(const struct bench_options *o, struct complaint *why);
-int bench_detection(const struct bench_options *o, struct complaint *why);
-int bench_drive(const struct bench_options *o, struct complaint *why);
+int bench_speed(const struct bench_options *o, struct error *why);
+int bench_detection(const struct bench_options *o, struct error *why);
+int bench_drive(const struct bench_options *o, struct error *why);
 
 #endif

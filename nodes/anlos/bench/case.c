@@ -68,7 +68,7 @@ struct automatic {
 };
 
 /* Compressed and kept by an automatic that is there, or by a new one. */
-static int keep_traces(struct automatic *a, struct complaint *why)
+static int keep_traces(struct automatic *a, struct error *why)
 {
     struct recon_job *job = &a->job;
     struct bench_pings *pings = NULL;
@@ -88,7 +88,7 @@ static int keep_traces(struct automatic *a, struct complaint *why)
 }
 
 /* What one that went before has decided stays; to plan anew takes time as well. */
-static int keep_traces_again(struct automatic *a, struct complaint *why)
+static int keep_traces_again(struct automatic *a, struct error *why)
 {
     struct recon_job *job = &a->job;
     struct recon_auto *first = job->automatic;
@@ -109,7 +109,7 @@ static int keep_traces_again(struct automatic *a, struct complaint *why)
     return err;
 }
 
-static int decide(struct automatic *a, struct complaint *why)
+static int decide(struct automatic *a, struct error *why)
 {
     struct recon_job *job = &a->job;
     enum recon_auto_next next;
@@ -122,7 +122,7 @@ static int decide(struct automatic *a, struct complaint *why)
     return !err && next == RECON_AUTO_OTHER_BAND ? keep_traces_again(a, why) : err;
 }
 
-static int plan_image(struct automatic *a, struct bench_image *out, struct complaint *why)
+static int plan_image(struct automatic *a, struct bench_image *out, struct error *why)
 {
     struct recon_job *job = &a->job;
     struct stopwatch planning = {0}, now = stopwatch_now(false);
@@ -135,13 +135,13 @@ static int plan_image(struct automatic *a, struct bench_image *out, struct compl
     if (!err)
         out->intensity = calloc(grid_size(&out->grid), sizeof *out->intensity);
     if (!err && !out->intensity)
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     stopwatch_lap(&planning, &now, false);
     a->cost->plan_s += planning.wall_s;
     return err;
 }
 
-static int make_image(struct automatic *a, float *intensity, struct complaint *why)
+static int make_image(struct automatic *a, float *intensity, struct error *why)
 {
     struct stopwatch *stages = a->job.stages, now = stopwatch_now(false);
     int err = recon_auto_feed(a->job.automatic, &a->job, why);
@@ -191,7 +191,7 @@ static void prepare(struct automatic *a, const struct bench_pings_config *pings,
  * -ENOMEM. */
 static int bench_automatic(struct bench_image *out, struct bench_cost *cost,
                            const struct bench_pings_config *pings,
-                           const struct bench_case *c, struct complaint *why)
+                           const struct bench_case *c, struct error *why)
 {
     struct automatic a = {0};
     struct stopwatch all = {0}, now = stopwatch_now(false);
@@ -201,7 +201,7 @@ static int bench_automatic(struct bench_image *out, struct bench_cost *cost,
     if (!err)
         err = decide(&a, why);
     if (!err && interrupt_requested())
-        err = complain(why, -EINTR, "interrupted");
+        err = error_say(why, -EINTR, "interrupted");
     if (!err)
         err = plan_image(&a, out, why);
     if (!err)
@@ -288,16 +288,16 @@ static void thin_out(struct survey *s, const struct bench_case *c)
     s->n_positions = n;
 }
 
-static int plan_survey(struct run *r, struct complaint *why)
+static int plan_survey(struct run *r, struct error *why)
 {
     struct grid grid;
     int err = bench_case_grid(&grid, r->scene, r->c->step);
     if (err)
-        return complain(why, err, "a grid of %g widths: %s", r->c->step, strerror(-err));
+        return error_say(why, err, "a grid of %g widths: %s", r->c->step, strerror(-err));
     if (survey_copy(&r->survey, &r->scene->survey))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     if (r->survey.pings_m)
-        return complain(why, -EINVAL, "expected an array that a stage carries");
+        return error_say(why, -EINVAL, "expected an array that a stage carries");
     thin_out(&r->survey, r->c);
     r->survey.has_gate = false;
     r->survey.has_volume = true;
@@ -324,7 +324,7 @@ static bool is_automatic(const struct run *r)
     return !strcmp(r->c->method, recon_auto_name);
 }
 
-static int plan(struct run *r, struct complaint *why)
+static int plan(struct run *r, struct error *why)
 {
     struct trace_format format;
     int err = plan_survey(r, why);
@@ -332,7 +332,7 @@ static int plan(struct run *r, struct complaint *why)
         return err;
     err = pool_create(&r->pool, r->c->threads);
     if (err)
-        return complain(why, err, "%zu threads: %s", r->c->threads, strerror(-err));
+        return error_say(why, err, "%zu threads: %s", r->c->threads, strerror(-err));
     r->pings_config = (struct bench_pings_config){
         .scene = r->scene,
         .survey = &r->survey,
@@ -346,7 +346,7 @@ static int plan(struct run *r, struct complaint *why)
     r->image.grid = r->processing.grid;
     r->image.intensity = calloc(grid_size(&r->image.grid), sizeof *r->image.intensity);
     if (!r->image.intensity)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     err = bench_pings_create(&r->pings, &r->pings_config, &format, why);
     if (!err)
         err = processing_imager(&r->imager, &r->processing, r->c->method, &format,
@@ -370,7 +370,7 @@ static void add_to_image(void *ctx, size_t position, size_t speaker,
 }
 
 /* Once from recordings to volume. */
-static int once(struct run *r, struct bench_cost *cost, struct complaint *why)
+static int once(struct run *r, struct bench_cost *cost, struct error *why)
 {
     if (is_automatic(r)) {
         free(r->image.intensity);
@@ -395,7 +395,7 @@ static int once(struct run *r, struct bench_cost *cost, struct complaint *why)
 
 /* A budget can end in another image each time: time and error are of the same run. */
 static int keep(struct bench_result *out, const struct run *r,
-                const struct bench_cost *cost, struct complaint *why)
+                const struct bench_cost *cost, struct error *why)
 {
     double window_m[4];
     struct geometry g;
@@ -406,11 +406,11 @@ static int keep(struct bench_result *out, const struct run *r,
     memcpy(out->note, r->image.chosen, sizeof out->note);
     int err = bench_score(&out->score, &r->scene->truth, window_m, &r->image.grid,
                           r->image.intensity);
-    return err ? complain(why, err, "errors: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "errors: %s", strerror(-err)) : 0;
 }
 
 static int measure(struct bench_result *out, struct run *r, double patience_s,
-                   struct complaint *why)
+                   struct error *why)
 {
     double spent_s = 0.0, plan_s = out->cost.plan_s;
     int err = 0;
@@ -418,7 +418,7 @@ static int measure(struct bench_result *out, struct run *r, double patience_s,
         struct bench_cost cost = {0};
         err = once(r, &cost, why);
         if (!err && interrupt_requested())
-            err = complain(why, -EINTR, "interrupted");
+            err = error_say(why, -EINTR, "interrupted");
         cost.plan_s += plan_s;
         if (!err && (!i || cost.total_s < out->cost.total_s))
             err = keep(out, r, &cost, why);
@@ -428,7 +428,7 @@ static int measure(struct bench_result *out, struct run *r, double patience_s,
 }
 
 int bench_case_run(struct bench_result *out, const struct bench_scene *s,
-                   const struct bench_case *c, double patience_s, struct complaint *why)
+                   const struct bench_case *c, double patience_s, struct error *why)
 {
     struct run r = {.scene = s, .c = c};
     *out = (struct bench_result){.c = *c};

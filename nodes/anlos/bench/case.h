@@ -58,6 +58,6 @@ double bench_case_predict(const struct bench_case *c, size_t voxels, size_t pair
  * fastest.  A method that cannot image this is no failure, but result BENCH_IMPOSSIBLE.
  * 0, -EINTR, -ENOMEM, other negative errno. */
 int bench_case_run(struct bench_result *out, const struct bench_scene *s,
-                   const struct bench_case *c, double patience_s, struct complaint *why);
+                   const struct bench_case *c, double patience_s, struct error *why);
 
 #endif

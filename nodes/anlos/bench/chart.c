@@ -75,7 +75,7 @@ static void widen(struct chart *c, int axis, double factor)
 
 /* Draws what has points and lets it go. */
 static int drawing_end(struct drawing *d, const char *folder, const char *name,
-                       struct complaint *why)
+                       struct error *why)
 {
     int err = 0;
     for (size_t i = 0; i < d->n_series; i++) {
@@ -155,7 +155,7 @@ static int draw_front(struct drawing *d, const struct bench_results *b, const ch
 }
 
 int bench_chart_scene(const struct bench_results *b, const char *scene,
-                      const char *folder, struct complaint *why)
+                      const char *folder, struct error *why)
 {
     const char *methods[MAX_METHODS];
     size_t n = list_methods(b, methods);
@@ -184,7 +184,7 @@ int bench_chart_scene(const struct bench_results *b, const char *scene,
     widen(&d.chart, 0, 1.3);
     widen(&d.chart, 1, 1.3);
     if (err)
-        complain(why, err, "out of memory");
+        error_say(why, err, "out of memory");
     int drawn = drawing_end(&d, folder, name, why);
     return err ? err : drawn;
 }
@@ -193,13 +193,13 @@ int bench_chart_scene(const struct bench_results *b, const char *scene,
  */
 
 static int draw_noise(const struct bench_noise *b, bool depth, const char *folder,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct drawing d;
     if (drawing_begin(&d, (2 * b->n_methods + 1) * b->n_levels)) {
         free(d.x);
         free(d.y);
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     }
     const char *m = b->methods;
     for (size_t i = 0; i < b->n_methods; i++, m += strlen(m) + 1) {
@@ -227,8 +227,7 @@ static int draw_noise(const struct bench_noise *b, bool depth, const char *folde
     return drawing_end(&d, folder, depth ? "noise-depth" : "noise-lateral", why);
 }
 
-int bench_chart_noise(const struct bench_noise *b, const char *folder,
-                      struct complaint *why)
+int bench_chart_noise(const struct bench_noise *b, const char *folder, struct error *why)
 {
     int err = draw_noise(b, false, folder, why);
     return err ? err : draw_noise(b, true, folder, why);
@@ -238,7 +237,7 @@ int bench_chart_noise(const struct bench_noise *b, const char *folder,
  */
 
 static int draw_growth(const struct bench_results *b, bool memory, const char *folder,
-                       struct complaint *why)
+                       struct error *why)
 {
     static const char *const kinds[2] = {"growth, voxels", "growth, pairs"};
     const char *methods[MAX_METHODS];
@@ -248,7 +247,7 @@ static int draw_growth(const struct bench_results *b, bool memory, const char *f
     if (drawing_begin(&d, 2 * b->n)) {
         free(d.x);
         free(d.y);
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     }
     for (size_t m = 0; m < n; m++) {
         for (int kind = 0; kind < 2; kind++) {
@@ -274,7 +273,7 @@ static int draw_growth(const struct bench_results *b, bool memory, const char *f
 }
 
 int bench_chart_growth(const struct bench_results *b, const char *folder,
-                       struct complaint *why)
+                       struct error *why)
 {
     int err = draw_growth(b, false, folder, why);
     return err ? err : draw_growth(b, true, folder, why);

@@ -109,7 +109,7 @@ static void report(struct detection *d, const char *methods, FILE *csv)
 
 static int run_trials(struct detection *d, const struct bench_scene *point,
                       const char *methods, const struct bench_options *o,
-                      struct complaint *why)
+                      struct error *why)
 {
     struct geometry g;
     struct bench_trials *t;
@@ -130,7 +130,7 @@ static int run_trials(struct detection *d, const struct bench_scene *point,
         d->n_methods++;
     d->statistic = calloc(d->n_methods * (LEVELS + 1) * d->room, sizeof *d->statistic);
     if (!d->statistic)
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     while (!err && d->n_seeds < d->room && !interrupt_requested())
         run_seed(d, t);
     bench_trials_destroy(t);
@@ -138,11 +138,11 @@ static int run_trials(struct detection *d, const struct bench_scene *point,
 }
 
 static int simulate(struct bench_scene *point, const struct bench_options *o,
-                    struct complaint *why)
+                    struct error *why)
 {
     char folder[PATH_MAX], path[PATH_MAX];
     if (snprintf(folder, sizeof folder, "%s/scenes", o->out) >= PATH_MAX - 16)
-        return complain(why, -ENAMETOOLONG, "%s: path too long", o->out);
+        return error_say(why, -ENAMETOOLONG, "%s: path too long", o->out);
     snprintf(path, sizeof path, "%.*s/point.yaml", PATH_MAX - 16, folder);
     int err = export_folder(folder, why);
     if (!err)
@@ -151,7 +151,7 @@ static int simulate(struct bench_scene *point, const struct bench_options *o,
 }
 
 static int run_windows(const struct bench_scene *point, const char *methods,
-                       const struct bench_options *o, FILE *csv, struct complaint *why)
+                       const struct bench_options *o, FILE *csv, struct error *why)
 {
     size_t seeds = o->seeds != BENCH_USUAL_SEEDS ? o->seeds
                    : o->quick                    ? QUICK_SEEDS
@@ -169,13 +169,13 @@ static int run_windows(const struct bench_scene *point, const char *methods,
         if (!err && d.n_seeds)
             report(&d, methods, csv);
         if (!err && d.n_seeds < d.room)
-            err = complain(why, -EINTR, "interrupted after %zu seeds", d.n_seeds);
+            err = error_say(why, -EINTR, "interrupted after %zu seeds", d.n_seeds);
         free(d.statistic);
     }
     return err;
 }
 
-int bench_detection(const struct bench_options *o, struct complaint *why)
+int bench_detection(const struct bench_options *o, struct error *why)
 {
     struct bench_scene point;
     struct export_file e;

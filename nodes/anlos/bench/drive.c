@@ -80,12 +80,12 @@ struct bags {
     FILE *csv;
 };
 
-static int load_truth(struct bags *b, struct complaint *why)
+static int load_truth(struct bags *b, struct error *why)
 {
     const struct bench_options *o = b->o;
 
     if (!o->truth == !o->scenes)
-        return complain(
+        return error_say(
             why, -EINVAL,
             "--bag: expected who was there: --truth FILE, or --scenes FILE of "
             "a simulated drive");
@@ -93,19 +93,19 @@ static int load_truth(struct bags *b, struct complaint *why)
         return truth_file_load(&b->truth, o->truth, why);
     int err = room_load(&b->scene, o->scenes, why);
     if (!err && !room_is_drive(b->scene))
-        err = complain(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
-                       o->scenes);
+        err = error_say(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
+                        o->scenes);
     return err;
 }
 
-static int score(struct bags *b, const char *bag, struct complaint *why)
+static int score(struct bags *b, const char *bag, struct error *why)
 {
     struct drive_outcome out;
     struct drive_tally one;
     char name[256];
 
     drive_bag(bag, b->scene, b->truth, &out);
-    int err = out.err ? complain(why, out.err, "%s", out.why.text) : 0;
+    int err = out.err ? error_say(why, out.err, "%s", out.why.text) : 0;
     if (out.result.n_lists && (!err || err == -EINTR)) {
         drive_name(bag, name, sizeof name);
         drive_tally_init(&one);
@@ -121,7 +121,7 @@ static int score(struct bags *b, const char *bag, struct complaint *why)
     return err;
 }
 
-static int run(struct bags *b, const char *names, struct complaint *why)
+static int run(struct bags *b, const char *names, struct error *why)
 {
     int err = 0;
 
@@ -137,12 +137,12 @@ static int run(struct bags *b, const char *names, struct complaint *why)
 }
 
 /* As bench_drive. */
-static int drive_bags(const struct bench_options *o, struct complaint *why)
+static int drive_bags(const struct bench_options *o, struct error *why)
 {
     struct bags b = {.o = o, .json = json_object()};
     char *names = bench_names_split(o->bags);
     int err = b.json && names ? load_truth(&b, why)
-                              : complain(why, -ENOMEM, "out of memory");
+                              : error_say(why, -ENOMEM, "out of memory");
 
     drive_tally_init(&b.all);
     if (!err)
@@ -211,7 +211,7 @@ static bool is_complete(const struct drives *d, size_t first)
     return n == d->n_seeds;
 }
 
-static int take(void *context, struct drive_job *job, struct complaint *why)
+static int take(void *context, struct drive_job *job, struct error *why)
 {
     const struct drive_result *r = &job->outcome.result;
     struct drives *d = context;
@@ -221,7 +221,7 @@ static int take(void *context, struct drive_job *job, struct complaint *why)
     drive_name(job->run.scene, name, sizeof name);
     drive_csv_line(d->csv, name, job->run.draw, r);
     if (ferror(d->csv))
-        err = complain(why, -EIO, "%s/drives.csv: %s", d->o->out, strerror(EIO));
+        err = error_say(why, -EIO, "%s/drives.csv: %s", d->o->out, strerror(EIO));
     if (!err && job->outcome.moments.n)
         err = drive_write(d->o->out, name, &job->outcome.moments, why);
     drive_progress_add(&d->progress, r->seconds, r->n_false_tracks);
@@ -233,65 +233,64 @@ static int take(void *context, struct drive_job *job, struct complaint *why)
 
 /* "sim:FILE?options" of a launch file: FILE. */
 static int launch_scene(const struct launchfile *l, char *out, size_t size,
-                        struct complaint *why)
+                        struct error *why)
 {
     const char *uri = l->array.uri;
 
     if (strncmp(uri, "sim:", 4))
-        return complain(why, -EINVAL, "%s: array.uri: expected sim:SCENE.yaml, not %s",
-                        l->path, uri);
+        return error_say(why, -EINVAL, "%s: array.uri: expected sim:SCENE.yaml, not %s",
+                         l->path, uri);
     snprintf(out, size, "%.*s", (int)strcspn(uri + 4, "?"), uri + 4);
     return 0;
 }
 
-static int load(struct launchfile **l, const struct bench_options *o,
-                struct complaint *why)
+static int load(struct launchfile **l, const struct bench_options *o, struct error *why)
 {
     int err = o->launch
                   ? launchfile_load(l, o->launch, NULL, why)
                   : launchfile_parse(l, "usual settings", usual, sizeof usual - 1, why);
 
     if (!err && !(*l)->scan.fixed)
-        err = complain(why, -EINVAL, "%s: scan.mode: expected fixed", (*l)->path);
+        err = error_say(why, -EINVAL, "%s: scan.mode: expected fixed", (*l)->path);
     return err;
 }
 
-static int list_scenes(struct drives *d, struct complaint *why)
+static int list_scenes(struct drives *d, struct error *why)
 {
     const struct bench_options *o = d->o;
     char one[PATH_MAX];
 
     if (!o->scenes && !o->launch)
-        return complain(why, -EINVAL, "expected --scenes FILE,... or --launch FILE");
+        return error_say(why, -EINVAL, "expected --scenes FILE,... or --launch FILE");
     int err = o->scenes ? 0 : launch_scene(d->launch, one, sizeof one, why);
     if (err)
         return err;
     d->scenes = bench_names_split(o->scenes ? o->scenes : one);
-    return d->scenes ? 0 : complain(why, -ENOMEM, "out of memory");
+    return d->scenes ? 0 : error_say(why, -ENOMEM, "out of memory");
 }
 
 /* *n: drives of a scene that take o->hours together. */
 static int count_drives(const struct bench_options *o, const char *scene, size_t *n,
-                        struct complaint *why)
+                        struct error *why)
 {
     struct room *room;
     int err = room_load(&room, scene, why);
 
     if (!err && !room_is_drive(room))
-        err = complain(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
-                       scene);
+        err = error_say(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
+                        scene);
     double drive_s = err ? 1.0 : (double)o->rounds * room_period_s(room);
     double drives = ceil(o->hours * 3600.0 / drive_s - 1e-9);
     room_destroy(room);
     if (!err && drives > MAX_DRIVES)
-        err = complain(why, -EINVAL, "--hours %g: more than %d drives of %s", o->hours,
-                       MAX_DRIVES, scene);
+        err = error_say(why, -EINVAL, "--hours %g: more than %d drives of %s", o->hours,
+                        MAX_DRIVES, scene);
     *n = err ? 0 : (size_t)drives;
     return err;
 }
 
 /* The same for all scenes: the shortest takes o->hours. */
-static int count_seeds(struct drives *d, struct complaint *why)
+static int count_seeds(struct drives *d, struct error *why)
 {
     const struct bench_options *o = d->o;
     size_t n, most = 0;
@@ -309,7 +308,7 @@ static int count_seeds(struct drives *d, struct complaint *why)
     return 0;
 }
 
-static int make_jobs(struct drives *d, struct complaint *why)
+static int make_jobs(struct drives *d, struct error *why)
 {
     size_t n_scenes = 0, i = 0;
 
@@ -322,7 +321,7 @@ static int make_jobs(struct drives *d, struct complaint *why)
                             .done = take,
                             .context = d};
     if (!d->jobs.list)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (const char *s = d->scenes; *s; s += strlen(s) + 1)
         for (size_t draw = 0; draw < d->n_seeds; draw++)
             d->jobs.list[i++] = (struct drive_job){
@@ -331,7 +330,7 @@ static int make_jobs(struct drives *d, struct complaint *why)
     return 0;
 }
 
-static int drives_run(struct drives *d, struct complaint *why)
+static int drives_run(struct drives *d, struct error *why)
 {
     int err = load(&d->launch, d->o, why);
 
@@ -357,7 +356,7 @@ static int drives_run(struct drives *d, struct complaint *why)
     return err ? err : failed;
 }
 
-int bench_drive(const struct bench_options *o, struct complaint *why)
+int bench_drive(const struct bench_options *o, struct error *why)
 {
     struct drives d = {.o = o, .all = json_object()};
     int err = -ENOMEM;
@@ -367,7 +366,7 @@ int bench_drive(const struct bench_options *o, struct complaint *why)
     else if (d.all)
         err = drives_run(&d, why);
     else
-        complain(why, err, "out of memory");
+        error_say(why, err, "out of memory");
     if (d.csv)
         fclose(d.csv);
     drive_jobs_clear(&d.jobs);

@@ -16,7 +16,7 @@
 enum { MOST_AT_ONCE = 64 };
 
 int drive_bag_world_survey(struct drive_bag_world *w, const Anlos__Survey *m,
-                           struct complaint *why)
+                           struct error *why)
 {
     struct survey fresh;
 
@@ -31,7 +31,7 @@ int drive_bag_world_survey(struct drive_bag_world *w, const Anlos__Survey *m,
 }
 
 int drive_bag_world_ego(struct drive_bag_world *w, const Anlos__EgoMotion *m, int64_t ns,
-                        struct complaint *why)
+                        struct error *why)
 {
     if (!m->valid || (w->n_ego && ns <= w->ego[w->n_ego - 1].ns))
         return 0;
@@ -39,7 +39,7 @@ int drive_bag_world_ego(struct drive_bag_world *w, const Anlos__EgoMotion *m, in
         size_t room = w->ego_room ? 2 * w->ego_room : 1024;
         struct bag_ego *grown = realloc(w->ego, room * sizeof *grown);
         if (!grown)
-            return complain(why, -ENOMEM, "out of memory");
+            return error_say(why, -ENOMEM, "out of memory");
         w->ego = grown;
         w->ego_room = room;
     }
@@ -50,7 +50,7 @@ int drive_bag_world_ego(struct drive_bag_world *w, const Anlos__EgoMotion *m, in
 }
 
 int drive_bag_world_walls(struct drive_bag_world *w, const Anlos__WallList *m, int64_t ns,
-                          struct complaint *why)
+                          struct error *why)
 {
     struct walls walls;
     int err = walls_from_message(&walls, m, why);
@@ -61,7 +61,7 @@ int drive_bag_world_walls(struct drive_bag_world *w, const Anlos__WallList *m, i
         size_t room = w->walls_room ? 2 * w->walls_room : 1024;
         struct bag_wall *grown = realloc(w->walls, room * sizeof *grown);
         if (!grown)
-            return complain(why, -ENOMEM, "out of memory");
+            return error_say(why, -ENOMEM, "out of memory");
         w->walls = grown;
         w->walls_room = room;
     }
@@ -210,8 +210,8 @@ static int add_list(struct reading *r, const Anlos__DetectionList *list,
         return 0;
     }
     if (!list->in_vehicle_frame)
-        return complain(&r->out->why, -EINVAL,
-                        "%s: lists in the array frame: the survey has no mount", r->bag);
+        return error_say(&r->out->why, -EINVAL,
+                         "%s: lists in the array frame: the survey has no mount", r->bag);
     if (!r->begun) {
         r->world.begin_ns = e->capture_ns;
         drive_score_init(&r->score, &r->truth, &r->world.survey, 0.0);
@@ -220,7 +220,7 @@ static int add_list(struct reading *r, const Anlos__DetectionList *list,
     drive_score_list(&r->score, drive_bag_world_s(&r->world, e->capture_ns),
                      drive_bag_world_s(&r->world, e->publish_ns), list, NULL, &moment);
     return drive_moments_add(&r->out->moments, &moment)
-               ? complain(&r->out->why, -ENOMEM, "out of memory")
+               ? error_say(&r->out->why, -ENOMEM, "out of memory")
                : 0;
 }
 
@@ -250,9 +250,9 @@ static int take_next(struct reading *r, struct stream *s)
         return err;
     ProtobufCMessage *content = stream_unpack(&m);
     if (!content)
-        return complain(&r->out->why, -EBADMSG, "%s: a message of \"%.*s\" is none",
-                        r->bag, (int)m.channel->topic.size,
-                        (const char *)m.channel->topic.data);
+        return error_say(&r->out->why, -EBADMSG, "%s: a message of \"%.*s\" is none",
+                         r->bag, (int)m.channel->topic.size,
+                         (const char *)m.channel->topic.data);
     err = take(r, &m, content);
     protobuf_c_message_free_unpacked(content, NULL);
     return err;
@@ -265,14 +265,14 @@ static int read_bag(struct reading *r, struct stream *s)
     int err = take_next(r, s);
 
     if (err == -ENODATA)
-        return complain(&r->out->why, -EINVAL, "%s: no survey", r->bag);
+        return error_say(&r->out->why, -EINVAL, "%s: no survey", r->bag);
     stream_select(s, "survey,ego,wall,detections");
     stream_rewind(s);
     while (!err)
         err = take_next(r, s);
     if (err == -ENODATA && !r->begun)
-        return complain(&r->out->why, -EINVAL, "%s: no lists of tracks%s", r->bag,
-                        r->n_untracked ? ", only of single images" : "");
+        return error_say(&r->out->why, -EINVAL, "%s: no lists of tracks%s", r->bag,
+                         r->n_untracked ? ", only of single images" : "");
     return err == -ENODATA ? 0 : err;
 }
 
@@ -284,7 +284,7 @@ void drive_bag(const char *bag, const struct room *scene, const struct truth_fil
 
     *out = (struct drive_outcome){.err = -ENOMEM};
     if (!r) {
-        complain(&out->why, -ENOMEM, "out of memory");
+        error_say(&out->why, -ENOMEM, "out of memory");
         return;
     }
     *r = (struct reading){.bag = bag, .out = out};

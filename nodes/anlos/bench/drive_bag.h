@@ -45,11 +45,11 @@ struct drive_bag_world {
 
 /* Each takes a message of the bag; what came late is left out.  0, -EINVAL, -ENOMEM. */
 int drive_bag_world_survey(struct drive_bag_world *w, const Anlos__Survey *m,
-                           struct complaint *why);
+                           struct error *why);
 int drive_bag_world_ego(struct drive_bag_world *w, const Anlos__EgoMotion *m, int64_t ns,
-                        struct complaint *why);
+                        struct error *why);
 int drive_bag_world_walls(struct drive_bag_world *w, const Anlos__WallList *m, int64_t ns,
-                          struct complaint *why);
+                          struct error *why);
 
 /* Time since begin_ns. */
 double drive_bag_world_s(const struct drive_bag_world *w, int64_t ns);

@@ -17,7 +17,7 @@
 #include "nodes/rt/objects.h"
 
 static int score_next(struct drive_pipe *p, struct drive_score *score,
-                      struct drive_moments *moments, double *t_s, struct complaint *why)
+                      struct drive_moments *moments, double *t_s, struct error *why)
 {
     struct drive_moment moment;
     struct drive_image image;
@@ -30,7 +30,7 @@ static int score_next(struct drive_pipe *p, struct drive_score *score,
     objects_free(image.tracks);
     objects_free(image.detections);
     *t_s = image.t_s;
-    return drive_moments_add(moments, &moment) ? complain(why, -ENOMEM, "out of memory")
+    return drive_moments_add(moments, &moment) ? error_say(why, -ENOMEM, "out of memory")
                                                : 0;
 }
 
@@ -51,7 +51,7 @@ static int run(const struct drive_run *r, struct drive_pipe *p, struct drive_sco
     drive_score_end(score);
     out->result = score->result;
     if (!err && interrupt_requested())
-        err = complain(&out->why, -EINTR, "interrupted");
+        err = error_say(&out->why, -EINTR, "interrupted");
     return err;
 }
 
@@ -65,7 +65,7 @@ void drive_run(const struct drive_run *r, struct drive_outcome *out)
         out->err = run(r, p, score, out);
         drive_pipe_clear(p);
     } else {
-        complain(&out->why, -ENOMEM, "out of memory");
+        error_say(&out->why, -ENOMEM, "out of memory");
     }
     free(p);
     free(score);
@@ -81,7 +81,7 @@ struct worker {
     size_t n, room;
 };
 
-struct crew {
+struct process_group {
     const struct drive_jobs *jobs;
     struct worker workers[MOST_SIDE_BY_SIDE];
     size_t n, next; /* workers; job to begin next */
@@ -123,13 +123,13 @@ static _Noreturn void work(const struct drive_job *job, int fd, pid_t parent)
 
 /* -- in the first one -------------------------------------------------------------------
  */
-static int begin(struct worker *w, struct drive_job *job, struct complaint *why)
+static int begin(struct worker *w, struct drive_job *job, struct error *why)
 {
     pid_t self = getpid();
     int ends[2];
 
     if (pipe2(ends, O_CLOEXEC))
-        return complain(why, -errno, "pipe: %s", strerror(errno));
+        return error_say(why, -errno, "pipe: %s", strerror(errno));
     fflush(NULL);
     *w = (struct worker){.pid = fork(), .fd = ends[0], .job = job};
     if (!w->pid)
@@ -140,7 +140,7 @@ static int begin(struct worker *w, struct drive_job *job, struct complaint *why)
         return 0;
     close(ends[0]);
     w->job = NULL;
-    return complain(why, err, "fork: %s", strerror(-err));
+    return error_say(why, err, "fork: %s", strerror(-err));
 }
 
 /* More of what a worker writes: 0, -ENODATA (that was all), -ENOMEM. */
@@ -172,10 +172,10 @@ static void take_outcome(const struct worker *w, int status)
     out->moments.at = NULL;
     if (w->n < head || w->n != head + tail) {
         out->moments.n = 0;
-        out->err = complain(&out->why, -EIO, "%s: its process ended by %s %d",
-                            w->job->run.scene,
-                            WIFSIGNALED(status) ? "signal" : "exit code",
-                            WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status));
+        out->err =
+            error_say(&out->why, -EIO, "%s: its process ended by %s %d",
+                      w->job->run.scene, WIFSIGNALED(status) ? "signal" : "exit code",
+                      WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status));
         return;
     }
     out->moments.at = tail ? malloc(tail) : NULL;
@@ -186,7 +186,7 @@ static void take_outcome(const struct worker *w, int status)
     out->moments.room = out->moments.n;
 }
 
-static void stop(struct crew *c)
+static void stop(struct process_group *c)
 {
     for (size_t i = 0; i < c->n && !c->stops; i++)
         if (c->workers[i].job)
@@ -194,13 +194,13 @@ static void stop(struct crew *c)
     c->stops = true;
 }
 
-static void tell(struct crew *c, struct drive_job *job, struct complaint *why)
+static void tell(struct process_group *c, struct drive_job *job, struct error *why)
 {
     int err = job->outcome.err;
 
     job->done = !err || (err == -EINTR && job->outcome.result.n_lists);
     if (err && err != -EINTR && !c->err)
-        c->err = complain(why, err, "%s", job->outcome.why.text);
+        c->err = error_say(why, err, "%s", job->outcome.why.text);
     if (job->done) {
         int failed = c->jobs->done(c->jobs->context, job, c->err ? NULL : why);
         c->err = c->err ? c->err : failed;
@@ -209,7 +209,7 @@ static void tell(struct crew *c, struct drive_job *job, struct complaint *why)
         stop(c);
 }
 
-static void finish(struct crew *c, struct worker *w, struct complaint *why)
+static void finish(struct process_group *c, struct worker *w, struct error *why)
 {
     struct drive_job *job = w->job;
     int status = 0;
@@ -224,7 +224,7 @@ static void finish(struct crew *c, struct worker *w, struct complaint *why)
 }
 
 /* Until something came, or it is time to look for Ctrl-C; false: nobody works. */
-static bool hear(struct crew *c, struct complaint *why)
+static bool hear(struct process_group *c, struct error *why)
 {
     struct pollfd fds[MOST_SIDE_BY_SIDE];
     size_t busy = 0;
@@ -244,7 +244,7 @@ static bool hear(struct crew *c, struct complaint *why)
     return true;
 }
 
-static int run_crew(struct crew *c, struct complaint *why)
+static int run_process_group(struct process_group *c, struct error *why)
 {
     do {
         if (interrupt_requested())
@@ -260,7 +260,7 @@ static int run_crew(struct crew *c, struct complaint *why)
     return c->err;
 }
 
-static int run_here(struct crew *c, struct complaint *why)
+static int run_here(struct process_group *c, struct error *why)
 {
     for (; c->next < c->jobs->n && !c->stops && !interrupt_requested(); c->next++) {
         struct drive_job *job = &c->jobs->list[c->next];
@@ -274,19 +274,19 @@ static int run_here(struct crew *c, struct complaint *why)
     return c->err;
 }
 
-int drive_jobs_run(const struct drive_jobs *jobs, struct complaint *why)
+int drive_jobs_run(const struct drive_jobs *jobs, struct error *why)
 {
     size_t most = jobs->side_by_side < jobs->n ? jobs->side_by_side : jobs->n;
-    struct crew *c = calloc(1, sizeof *c);
+    struct process_group *c = calloc(1, sizeof *c);
 
     if (!c)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     c->jobs = jobs;
     c->n = most < MOST_SIDE_BY_SIDE ? most : MOST_SIDE_BY_SIDE;
-    int err = c->n > 1 ? run_crew(c, why) : run_here(c, why);
+    int err = c->n > 1 ? run_process_group(c, why) : run_here(c, why);
     free(c);
     if (!err && interrupt_requested())
-        err = complain(why, -EINTR, "interrupted");
+        err = error_say(why, -EINTR, "interrupted");
     return err;
 }
 

@@ -20,7 +20,7 @@ struct drive_run { /* borrows */
 
 struct drive_outcome {
     int err; /* 0, -EINTR (result and moments are of what was done), negative errno */
-    struct complaint why;
+    struct error why;
     struct drive_result result;
     struct drive_moments moments; /* free() its at */
 };
@@ -39,13 +39,13 @@ struct drive_jobs {
     size_t n;
     size_t side_by_side; /* 1: in this process */
     /* Each when it is done, in any order; an error ends it all. */
-    int (*done)(void *context, struct drive_job *job, struct complaint *why);
+    int (*done)(void *context, struct drive_job *job, struct error *why);
     void *context;
 };
 
 /* 0; -EINTR (Ctrl-C; all that was begun is done and told), the first error of a drive or
  * of done, -ENOMEM, errors of fork. */
-int drive_jobs_run(const struct drive_jobs *jobs, struct complaint *why);
+int drive_jobs_run(const struct drive_jobs *jobs, struct error *why);
 
 /* free() what the outcomes hold. */
 void drive_jobs_clear(struct drive_jobs *jobs);

@@ -7,7 +7,7 @@
 #include "nodes/recon/fixed.h"
 #include "nodes/rt/objects.h"
 
-static int create_steps(struct drive_pipe *p, size_t threads, struct complaint *why)
+static int create_steps(struct drive_pipe *p, size_t threads, struct error *why)
 {
     const struct launchfile *l = p->launch;
     const struct frontend_config dsp = {.window = l->dsp.window,
@@ -30,10 +30,10 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct complaint *
     track.mode = LAUNCH_TRACK_LISTS;
     if (!err && room_objects(p->world.room, &hidden))
         err = tracking_create(&p->detector, &track);
-    return err ? complain(why, err, "processing: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "processing: %s", strerror(-err)) : 0;
 }
 
-static int tell_survey(struct drive_pipe *p, struct complaint *why)
+static int tell_survey(struct drive_pipe *p, struct error *why)
 {
     const Anlos__Survey *s = p->world.survey;
     int err = dsp_survey(p->dsp, s, why);
@@ -51,7 +51,7 @@ static int tell_survey(struct drive_pipe *p, struct complaint *why)
  */
 
 /* After each message, as the node looks whether a list is to be published now. */
-static int tell_walls(struct drive_pipe *p, int64_t now_ns, struct complaint *why)
+static int tell_walls(struct drive_pipe *p, int64_t now_ns, struct error *why)
 {
     int64_t stamp_ns;
     const Anlos__WallList *walls =
@@ -65,7 +65,7 @@ static int tell_walls(struct drive_pipe *p, int64_t now_ns, struct complaint *wh
     return err || !p->detector ? err : tracking_walls(p->detector, walls, stamp_ns, why);
 }
 
-static int tell_ego(struct drive_pipe *p, int64_t until_ns, struct complaint *why)
+static int tell_ego(struct drive_pipe *p, int64_t until_ns, struct error *why)
 {
     Anlos__EgoMotion m;
     int err = 0;
@@ -85,7 +85,7 @@ static int tell_ego(struct drive_pipe *p, int64_t until_ns, struct complaint *wh
 }
 
 /* What the vehicle says of its walls. */
-static int tell_given(struct drive_pipe *p, int64_t until_ns, struct complaint *why)
+static int tell_given(struct drive_pipe *p, int64_t until_ns, struct error *why)
 {
     struct drive_walls given;
     int err = 0;
@@ -101,8 +101,7 @@ static int tell_given(struct drive_pipe *p, int64_t until_ns, struct complaint *
     return err;
 }
 
-static int make_lists(struct drive_pipe *p, struct drive_image *out,
-                      struct complaint *why)
+static int make_lists(struct drive_pipe *p, struct drive_image *out, struct error *why)
 {
     Anlos__Volume volume;
 
@@ -119,7 +118,7 @@ static int make_lists(struct drive_pipe *p, struct drive_image *out,
 /* In the order of a replay (nodes/rt/replay_order.h): the image of a ping comes before
  * the walls that were heard in it.  *due: there is an image, whose lists are in out. */
 static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
-                     struct drive_image *out, struct complaint *why)
+                     struct drive_image *out, struct error *why)
 {
     struct dsp_output dsp;
     Anlos__Ping ping;
@@ -129,7 +128,7 @@ static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
     *due = false;
     int err = drive_world_ping(&p->world, pass, &ping, &stamp_ns);
     if (err)
-        return complain(why, err, "sound of the drive: %s", strerror(-err));
+        return error_say(why, err, "sound of the drive: %s", strerror(-err));
     int64_t end_ns = stamp_ns + llround(1e9 * p->ping_s);
     err = tell_ego(p, end_ns, why);
     if (!err)
@@ -149,7 +148,7 @@ static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
 /* -- from beginning to end --------------------------------------------------------------
  */
 
-static int take_background(struct drive_pipe *p, struct complaint *why)
+static int take_background(struct drive_pipe *p, struct error *why)
 {
     size_t n = p->launch->scan.background_frames * p->world.n_speakers;
     struct drive_image none; /* no image is due of a background */
@@ -162,7 +161,7 @@ static int take_background(struct drive_pipe *p, struct complaint *why)
 }
 
 int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const char *scene,
-                      uint32_t draw, size_t threads, struct complaint *why)
+                      uint32_t draw, size_t threads, struct error *why)
 {
     struct firing firing;
     const struct drive_world_config world = {.scene = scene,
@@ -189,7 +188,7 @@ int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const ch
     return err ? err : drive_world_shoot(&p->world, PASS_SCENE, why);
 }
 
-int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct complaint *why)
+int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct error *why)
 {
     bool due = false;
     int err = 0;

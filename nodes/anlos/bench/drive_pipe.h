@@ -25,9 +25,9 @@ struct drive_pipe {
 };
 
 /* draw: of what is random in the scene (room_load_drawn).  The launch file outlives it.
- * 0, or a negative errno with a complaint. */
+ * 0, or a negative errno with an error. */
 int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const char *scene,
-                      uint32_t draw, size_t threads, struct complaint *why);
+                      uint32_t draw, size_t threads, struct error *why);
 
 /* Goes on to the next image: its lists, which objects_free frees, tracked and not (NULL
  * where nothing is hidden); the stamp of its newest ping, and when that had ended.  0 or
@@ -36,7 +36,7 @@ struct drive_image {
     Anlos__DetectionList *tracks, *detections;
     double t_s, out_s;
 };
-int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct complaint *why);
+int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct error *why);
 void drive_pipe_clear(struct drive_pipe *p);
 
 #endif

@@ -128,7 +128,7 @@ json_t *drive_json(const struct drive_tally *t)
     return o;
 }
 
-int drive_json_write(const json_t *all, const char *folder, struct complaint *why)
+int drive_json_write(const json_t *all, const char *folder, struct error *why)
 {
     struct export_file e;
 
@@ -143,7 +143,7 @@ int drive_json_write(const json_t *all, const char *folder, struct complaint *wh
     return export_file_commit(&e, why);
 }
 
-int drive_csv_open(FILE **out, const char *folder, struct complaint *why)
+int drive_csv_open(FILE **out, const char *folder, struct error *why)
 {
     char path[PATH_MAX];
 
@@ -151,7 +151,7 @@ int drive_csv_open(FILE **out, const char *folder, struct complaint *why)
     unlink(path); /* and not through a link that somebody has put there */
     FILE *f = *out = fopen(path, "wxe");
     if (!f)
-        return complain(why, -errno, "%s: %s", path, strerror(errno));
+        return error_say(why, -errno, "%s: %s", path, strerror(errno));
     fprintf(f, "drive,draw,seconds,lists,objects_entered,objects_without_track");
     for (int i = 0; i < DRIVE_FIGURES; i++)
         fprintf(f, ",%s", drive_figure_name((enum drive_figure)i));
@@ -176,7 +176,7 @@ void drive_csv_line(FILE *f, const char *name, uint32_t draw,
 }
 
 static int write_csv(const char *folder, const char *file, const struct drive_moments *m,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct export_file e;
     int err = export_file_open(&e, folder, file, why);
@@ -195,11 +195,11 @@ static int write_csv(const char *folder, const char *file, const struct drive_mo
 }
 
 static int draw(const char *folder, const char *name, const struct drive_moments *m,
-                struct complaint *why)
+                struct error *why)
 {
     double *x = malloc(5 * (m->n + 1) * sizeof *x);
     if (!x)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     double *y[4], most_m = 0.1;
     for (int k = 0; k < 4; k++)
         y[k] = x + (size_t)(k + 1) * (m->n + 1);
@@ -232,7 +232,7 @@ static int draw(const char *folder, const char *name, const struct drive_moments
 }
 
 int drive_write(const char *folder, const char *name, const struct drive_moments *m,
-                struct complaint *why)
+                struct error *why)
 {
     char file[300];
 

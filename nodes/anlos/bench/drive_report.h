@@ -8,7 +8,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/anlos/bench/drive_result.h"
 
 /* "dir/drive-person.yaml": "drive-person". */
@@ -21,15 +21,15 @@ void drive_print(const char *name, const struct drive_tally *t);
 json_t *drive_json(const struct drive_tally *t);
 
 /* FOLDER/drive.json; of nothing, no file.  0 or a negative errno. */
-int drive_json_write(const json_t *all, const char *folder, struct complaint *why);
+int drive_json_write(const json_t *all, const char *folder, struct error *why);
 
 /* FOLDER/drives.csv; fclose it.  A line is in the file when drive_csv_line returns. */
-int drive_csv_open(FILE **out, const char *folder, struct complaint *why);
+int drive_csv_open(FILE **out, const char *folder, struct error *why);
 void drive_csv_line(FILE *f, const char *name, uint32_t draw,
                     const struct drive_result *r);
 
 /* FOLDER/NAME.csv, .svg, .png.  0 or a negative errno. */
 int drive_write(const char *folder, const char *name, const struct drive_moments *m,
-                struct complaint *why);
+                struct error *why);
 
 #endif

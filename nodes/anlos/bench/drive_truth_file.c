@@ -111,7 +111,7 @@ static const char *take_line(struct truth_file *f, char *line, int *err)
 }
 
 static int read_lines(struct truth_file *out, FILE *f, const char *path,
-                      struct complaint *why)
+                      struct error *why)
 {
     char line[256];
     int err = 0;
@@ -126,20 +126,21 @@ static int read_lines(struct truth_file *out, FILE *f, const char *path,
             wrong = take_line(out, line, &err);
         }
         if (wrong)
-            err = complain(why, err, "%s:%zu: %s", path, number, wrong);
+            err = error_say(why, err, "%s:%zu: %s", path, number, wrong);
     }
     if (!err && ferror(f))
-        err = complain(why, -EIO, "%s: %s", path, strerror(EIO));
+        err = error_say(why, -EIO, "%s: %s", path, strerror(EIO));
     if (!err && !out->n)
-        err = complain(why, -EINVAL, "%s: no rows", path);
+        err = error_say(why, -EINVAL, "%s: no rows", path);
     return err;
 }
 
-int truth_file_load(struct truth_file **out, const char *path, struct complaint *why)
+int truth_file_load(struct truth_file **out, const char *path, struct error *why)
 {
     struct truth_file *t = calloc(1, sizeof *t);
     FILE *f = NULL;
-    int err = t ? text_file_open(&f, path, why) : complain(why, -ENOMEM, "out of memory");
+    int err = t ? text_file_open(&f, path, why)
+                : error_say(why, -ENOMEM, "out of memory");
 
     if (!err)
         err = read_lines(t, f, path, why);

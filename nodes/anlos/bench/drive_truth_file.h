@@ -12,7 +12,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 struct truth_file;
 
@@ -22,7 +22,7 @@ struct truth_place {
 };
 
 /* 0, -EINVAL (file, line and what is wrong), errors of text_file_open, -ENOMEM. */
-int truth_file_load(struct truth_file **out, const char *path, struct complaint *why);
+int truth_file_load(struct truth_file **out, const char *path, struct error *why);
 
 /* out[max]; returns how many there are at a time. */
 size_t truth_file_at(const struct truth_file *f, int64_t unix_ns, struct truth_place *out,

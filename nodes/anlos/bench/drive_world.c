@@ -26,15 +26,15 @@ static int pack_survey(struct drive_world *w)
 }
 
 int drive_world_create(struct drive_world *w, const struct drive_world_config *cfg,
-                       struct complaint *why)
+                       struct error *why)
 {
     *w = (struct drive_world){.begin_ns = BEGIN_NS};
     int err = room_load_drawn(&w->room, cfg->scene, cfg->firing, cfg->draw, why);
     if (err)
         return err;
     if (!room_is_drive(w->room))
-        return complain(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
-                        cfg->scene);
+        return error_say(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
+                         cfg->scene);
     const struct survey *s = room_survey(w->room);
     w->n_samples = room_frames(w->room, 1);
     w->n_speakers = cfg->n_speakers ? cfg->n_speakers : s->n_speakers;
@@ -43,7 +43,7 @@ int drive_world_create(struct drive_world *w, const struct drive_world_config *c
     err = w->clipped && w->speakers ? pack_survey(w) : -ENOMEM;
     for (size_t i = 0; !err && i < w->n_speakers; i++)
         w->speakers[i] = cfg->n_speakers ? cfg->speakers[i] : (uint32_t)i;
-    return err ? complain(why, err, "%s: not enough memory", cfg->scene) : 0;
+    return err ? error_say(why, err, "%s: not enough memory", cfg->scene) : 0;
 }
 
 double drive_world_s(int64_t stamp_ns)
@@ -58,7 +58,7 @@ static int64_t start_ns(const struct drive_world *w, uint64_t n)
     return w->begin_ns + llround(1e9 * s);
 }
 
-int drive_world_shoot(struct drive_world *w, enum pass pass, struct complaint *why)
+int drive_world_shoot(struct drive_world *w, enum pass pass, struct error *why)
 {
     if (w->stream)
         w->begin_ns = start_ns(w, w->n);
@@ -70,7 +70,7 @@ int drive_world_shoot(struct drive_world *w, enum pass pass, struct complaint *w
     w->stream = NULL;
     w->n = 0;
     int err = room_stream_create(&w->stream, w->room, &cfg);
-    return err ? complain(why, err, "sound of the drive: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "sound of the drive: %s", strerror(-err)) : 0;
 }
 
 int drive_world_ping(struct drive_world *w, enum pass pass, Anlos__Ping *out,

@@ -35,10 +35,10 @@ struct drive_world_config {
 
 /* 0, -ENOTSUP (not a drive), errors of room_load, -ENOMEM. */
 int drive_world_create(struct drive_world *w, const struct drive_world_config *cfg,
-                       struct complaint *why);
+                       struct error *why);
 
 /* The endless shot begins anew, right after what came before. */
-int drive_world_shoot(struct drive_world *w, enum pass pass, struct complaint *why);
+int drive_world_shoot(struct drive_world *w, enum pass pass, struct error *why);
 
 /* The next ping, which borrows from w.  0, -ENOMEM. */
 int drive_world_ping(struct drive_world *w, enum pass pass, Anlos__Ping *out,

@@ -40,18 +40,18 @@ static void join_names(char *text, size_t size, const char *names)
 }
 
 int bench_names_check(const char *what, const char *names, const char *known,
-                      struct complaint *why)
+                      struct error *why)
 {
     char list[512], hint[NEAREST_HINT_SIZE];
     for (const char *m = names; *m; m += strlen(m) + 1) {
         if (bench_names_have(known, m) || (!strcmp(what, "scene") && bench_names_file(m)))
             continue;
         join_names(list, sizeof list, known);
-        return complain(why, -ENOENT, "%s: no such %s; expected one of %s%s%s", m, what,
-                        list, strcmp(what, "scene") ? "" : ", or a scene file (.yaml)",
-                        nearest_hint(hint, m, known));
+        return error_say(why, -ENOENT, "%s: no such %s; expected one of %s%s%s", m, what,
+                         list, strcmp(what, "scene") ? "" : ", or a scene file (.yaml)",
+                         nearest_hint(hint, m, known));
     }
-    return *names ? 0 : complain(why, -EINVAL, "expected the name of a %s", what);
+    return *names ? 0 : error_say(why, -EINVAL, "expected the name of a %s", what);
 }
 
 static size_t list_size(const char *list)
@@ -74,19 +74,19 @@ char *bench_names_all_methods(void)
 }
 
 int bench_names_methods(char **out, const char *asked, const char *usual,
-                        const char *known, struct complaint *why)
+                        const char *known, struct error *why)
 {
     if (asked) {
         *out = bench_names_split(asked);
         return *out ? bench_names_check("method", *out, known, why)
-                    : complain(why, -ENOMEM, "out of memory");
+                    : error_say(why, -ENOMEM, "out of memory");
     }
     if (!usual)
         usual = known;
     size_t n = list_size(usual) + 1;
     *out = malloc(n);
     if (!*out)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     memcpy(*out, usual, n);
     return 0;
 }

@@ -5,7 +5,7 @@
 
 #include <stdbool.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 bool bench_names_have(const char *list, const char *name);
 
@@ -16,9 +16,9 @@ bool bench_names_file(const char *name);
 char *bench_names_split(const char *text);
 
 /* Are all known?  what: "scene" (scene files are, too) or "method".  0, -ENOENT (the
- * complaint has the list), -EINVAL (none is there). */
+ * error has the list), -EINVAL (none is there). */
 int bench_names_check(const char *what, const char *names, const char *known,
-                      struct complaint *why);
+                      struct error *why);
 
 /* imager_methods() and auto.  free() it.  NULL: no memory. */
 char *bench_names_all_methods(void);
@@ -27,6 +27,6 @@ char *bench_names_all_methods(void);
  * `known` where that is NULL too.  free() *out, also after an error.  0, -ENOENT,
  * -EINVAL, -ENOMEM. */
 int bench_names_methods(char **out, const char *asked, const char *usual,
-                        const char *known, struct complaint *why);
+                        const char *known, struct error *why);
 
 #endif

@@ -77,7 +77,7 @@ static int find_bounds(struct bench_noise *b, const struct bench_trials *t)
 }
 
 static int run_seeds(struct bench_noise *b, struct bench_trials *t, const double at_m[3],
-                     size_t n_seeds, struct complaint *why)
+                     size_t n_seeds, struct error *why)
 {
     const struct grid *grid = &bench_trials_processing(t)->grid;
     double rms = sqrt(2.0 * bench_trials_power(t)); /* of the difference, at 0 dB */
@@ -96,12 +96,12 @@ static int run_seeds(struct bench_noise *b, struct bench_trials *t, const double
             b->lateral_m[m][i] = sqrt(b->lateral_m[m][i] / (double)b->n_seeds);
             b->depth_m[m][i] = sqrt(b->depth_m[m][i] / (double)b->n_seeds);
         }
-    return b->n_seeds < n_seeds ? complain(why, -EINTR, "interrupted") : 0;
+    return b->n_seeds < n_seeds ? error_say(why, -EINTR, "interrupted") : 0;
 }
 
 int bench_noise_run(struct bench_noise *out, const struct bench_scene *point,
                     const char *methods, size_t n_seeds, size_t threads,
-                    struct complaint *why)
+                    struct error *why)
 {
     const double *at_m = point->truth.points_m[0];
     struct bench_trials *t;
@@ -120,15 +120,14 @@ int bench_noise_run(struct bench_noise *out, const struct bench_scene *point,
         return err;
     err = find_bounds(out, t);
     if (err)
-        complain(why, err, "bound: %s", strerror(-err));
+        error_say(why, err, "bound: %s", strerror(-err));
     else
         err = run_seeds(out, t, at_m, n_seeds, why);
     bench_trials_destroy(t);
     return err;
 }
 
-int bench_noise_write(const struct bench_noise *b, const char *folder,
-                      struct complaint *why)
+int bench_noise_write(const struct bench_noise *b, const char *folder, struct error *why)
 {
     struct export_file e;
     int err = export_file_open(&e, folder, "noise.csv", why);

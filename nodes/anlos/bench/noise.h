@@ -21,10 +21,9 @@ struct bench_noise {
  * errno. */
 int bench_noise_run(struct bench_noise *out, const struct bench_scene *point,
                     const char *methods, size_t n_seeds, size_t threads,
-                    struct complaint *why);
+                    struct error *why);
 
 /* FOLDER/noise.csv.  0, negative errno. */
-int bench_noise_write(const struct bench_noise *b, const char *folder,
-                      struct complaint *why);
+int bench_noise_write(const struct bench_noise *b, const char *folder, struct error *why);
 
 #endif

@@ -25,7 +25,7 @@ struct bench_pings {
 };
 
 static int plan_worker(struct bench_pings *p, struct worker *w,
-                       struct trace_format *format, struct complaint *why)
+                       struct trace_format *format, struct error *why)
 {
     size_t n_mics = p->cfg.survey->n_microphones;
     int err = compressor_create(&w->compressor, p->cfg.processing, p->cfg.survey,
@@ -35,15 +35,15 @@ static int plan_worker(struct bench_pings *p, struct worker *w,
     compressor_format(w->compressor, format);
     w->difference = calloc(n_mics * p->stride, sizeof *w->difference);
     w->traces = malloc(n_mics * format->n_samples * sizeof *w->traces);
-    return w->difference && w->traces ? 0 : complain(why, -ENOMEM, "out of memory");
+    return w->difference && w->traces ? 0 : error_say(why, -ENOMEM, "out of memory");
 }
 
 int bench_pings_create(struct bench_pings **out, const struct bench_pings_config *cfg,
-                       struct trace_format *format, struct complaint *why)
+                       struct trace_format *format, struct error *why)
 {
     struct bench_pings *p = calloc(1, sizeof *p);
     if (!p)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     size_t last = (cfg->survey->n_speakers - 1) * cfg->speaker_stride, frames;
     p->cfg = *cfg;
     p->ping_samples = cfg->processing->ping_samples;
@@ -52,7 +52,7 @@ int bench_pings_create(struct bench_pings **out, const struct bench_pings_config
     p->stride = frames > cfg->scene->frames ? frames : cfg->scene->frames;
     p->n_workers = pool_threads(cfg->pool);
     p->workers = calloc(p->n_workers, sizeof *p->workers);
-    int err = p->workers ? 0 : complain(why, -ENOMEM, "out of memory");
+    int err = p->workers ? 0 : error_say(why, -ENOMEM, "out of memory");
     for (size_t t = 0; !err && t < p->n_workers; t++)
         err = plan_worker(p, &p->workers[t], format, why);
     if (err) {

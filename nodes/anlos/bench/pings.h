@@ -21,7 +21,7 @@ struct bench_pings;
 /* Plans and allocates, for the length of pings and the band that processing has now.
  * 0, -EINVAL, -ERANGE, -ENOMEM. */
 int bench_pings_create(struct bench_pings **out, const struct bench_pings_config *cfg,
-                       struct trace_format *format, struct complaint *why);
+                       struct trace_format *format, struct error *why);
 
 /* All of them; fewer when a person interrupts.  Adds the wall time, in the shares that
  * compression and the sink had of the threads' time, and the threads' processor time. */

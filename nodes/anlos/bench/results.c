@@ -156,16 +156,16 @@ static const char columns[] =
     "cpu_s,memory_mb,lateral_cm,lateral_worst_cm,depth_cm,width_x_cm,width_y_cm,"
     "width_z_cm,sidelobe_db,iou,correlation,note\n";
 
-int bench_results_open(struct bench_results *b, const char *folder, struct complaint *why)
+int bench_results_open(struct bench_results *b, const char *folder, struct error *why)
 {
     char path[PATH_MAX];
     *b = (struct bench_results){0};
     if (snprintf(path, sizeof path, "%s/speed-error.csv", folder) >= (int)sizeof path)
-        return complain(why, -ENAMETOOLONG, "%s: path too long", folder);
+        return error_say(why, -ENAMETOOLONG, "%s: path too long", folder);
     unlink(path); /* and not through a link that somebody has put there */
     b->csv = fopen(path, "wxe");
     if (!b->csv)
-        return complain(why, -errno, "%s: %s", path, strerror(errno));
+        return error_say(why, -errno, "%s: %s", path, strerror(errno));
     fputs(columns, b->csv);
     return 0;
 }
@@ -227,19 +227,19 @@ static void put_result(FILE *f, const struct bench_result *r)
 }
 
 int bench_results_add(struct bench_results *b, const struct bench_result *r,
-                      struct complaint *why)
+                      struct error *why)
 {
     if (b->n == b->room) {
         size_t room = b->room ? 2 * b->room : 64;
         struct bench_result *more = realloc(b->r, room * sizeof *more);
         if (!more)
-            return complain(why, -ENOMEM, "out of memory");
+            return error_say(why, -ENOMEM, "out of memory");
         b->r = more;
         b->room = room;
     }
     b->r[b->n++] = *r;
     put_result(b->csv, r);
-    return fflush(b->csv) ? complain(why, -errno, "speed-error.csv: %s", strerror(errno))
+    return fflush(b->csv) ? error_say(why, -errno, "speed-error.csv: %s", strerror(errno))
                           : 0;
 }
 

@@ -14,12 +14,11 @@ struct bench_results {
 };
 
 /* Begins FOLDER/speed-error.csv.  0 or a negative errno. */
-int bench_results_open(struct bench_results *b, const char *folder,
-                       struct complaint *why);
+int bench_results_open(struct bench_results *b, const char *folder, struct error *why);
 
 /* Adds one; its line is in the file when this returns.  0 or a negative errno. */
 int bench_results_add(struct bench_results *b, const struct bench_result *r,
-                      struct complaint *why);
+                      struct error *why);
 
 /* front[n] of the runs of one scene: done, and none that is done is both faster and less
  * wrong.  Growth is not in it. */

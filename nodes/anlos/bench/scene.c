@@ -24,10 +24,10 @@
 
 /* FOLDER/NAME and the rest of the name.  0, -ENAMETOOLONG. */
 static int bench_join(char out[PATH_MAX], const char *folder, const char *name,
-                      const char *rest, struct complaint *why)
+                      const char *rest, struct error *why)
 {
     int n = snprintf(out, PATH_MAX, "%s/%s%s", folder, name, rest);
-    return n < PATH_MAX ? 0 : complain(why, -ENAMETOOLONG, "%s: path too long", folder);
+    return n < PATH_MAX ? 0 : error_say(why, -ENAMETOOLONG, "%s: path too long", folder);
 }
 
 static bool bench_exists(const char *folder, const char *name, const char *rest)
@@ -37,12 +37,12 @@ static bool bench_exists(const char *folder, const char *name, const char *rest)
     return !bench_join(path, folder, name, rest, NULL) && !stat(path, &st);
 }
 
-/* 0, -EINVAL (the complaint names the line). */
-static int bench_read_json(json_t **out, const char *path, struct complaint *why)
+/* 0, -EINVAL (the error names the line). */
+static int bench_read_json(json_t **out, const char *path, struct error *why)
 {
     json_error_t error;
     *out = json_load_file(path, 0, &error);
-    return *out ? 0 : complain(why, -EINVAL, "%s:%d: %s", path, error.line, error.text);
+    return *out ? 0 : error_say(why, -EINVAL, "%s:%d: %s", path, error.line, error.text);
 }
 
 /* The first n of an array of numbers.  0, -EINVAL. */
@@ -58,13 +58,13 @@ static int bench_read_numbers(const json_t *from, double *out, size_t n)
 }
 
 static int read_pass(float *to, const struct bench_scene *s, struct recording *r,
-                     struct complaint *why)
+                     struct error *why)
 {
     uint32_t *counts = malloc(2 * s->survey.n_microphones * sizeof *counts);
-    int err = counts ? 0 : complain(why, -ENOMEM, "out of memory");
+    int err = counts ? 0 : error_say(why, -ENOMEM, "out of memory");
     for (size_t k = 0; !err && k < s->survey.n_positions; k++)
         err = interrupt_requested()
-                  ? complain(why, -EINTR, "interrupted")
+                  ? error_say(why, -EINTR, "interrupted")
                   : recording_read(r, k, to + k * s->survey.n_microphones * s->frames,
                                    counts, counts + s->survey.n_microphones, why);
     free(counts);
@@ -73,22 +73,23 @@ static int read_pass(float *to, const struct bench_scene *s, struct recording *r
 
 /* Both recordings of the scene's survey into memory.  0, -EINTR, other errno. */
 static int bench_read_passes(struct bench_scene *s, const char *scene,
-                             const char *background, struct complaint *why)
+                             const char *background, struct error *why)
 {
     struct recording *r[2] = {NULL, NULL};
     int err = recording_open(&r[0], scene, &s->survey, why);
     if (!err)
         err = recording_open(&r[1], background, &s->survey, why);
     if (!err && recording_frames(r[0]) != recording_frames(r[1]))
-        err = complain(why, -EINVAL, "%s: %zu frames, expected the %zu of %s", background,
-                       recording_frames(r[1]), recording_frames(r[0]), scene);
+        err = error_say(why, -EINVAL, "%s: %zu frames, expected the %zu of %s",
+                        background, recording_frames(r[1]), recording_frames(r[0]),
+                        scene);
     if (!err) {
         s->frames = recording_frames(r[0]);
         size_t size = s->survey.n_positions * s->survey.n_microphones * s->frames;
         s->scene = malloc(size * sizeof *s->scene);
         s->background = malloc(size * sizeof *s->background);
         if (!s->scene || !s->background)
-            err = complain(why, -ENOMEM, "out of memory");
+            err = error_say(why, -ENOMEM, "out of memory");
     }
     if (!err)
         err = read_pass(s->scene, s, r[0], why);
@@ -155,7 +156,7 @@ const char *bench_scene_builtin_names(void)
     return "points\0corner_reflectors\0letter_H\0letters_LT\0point\0";
 }
 
-int bench_scene_write_builtin(const char *name, const char *folder, struct complaint *why)
+int bench_scene_write_builtin(const char *name, const char *folder, struct error *why)
 {
     for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
         if (strcmp(scenes[i].name, name))
@@ -169,10 +170,10 @@ int bench_scene_write_builtin(const char *name, const char *folder, struct compl
         fprintf(e.f, "%s%s%s", head, scenes[i].around, scenes[i].objects);
         return export_file_commit(&e, why);
     }
-    return complain(why, -ENOENT, "%s: no such scene", name);
+    return error_say(why, -ENOENT, "%s: no such scene", name);
 }
 
-static int read_objects(struct bench_truth *t, const char *path, struct complaint *why)
+static int read_objects(struct bench_truth *t, const char *path, struct error *why)
 {
     json_t *root;
     int err = bench_read_json(&root, path, why);
@@ -180,18 +181,18 @@ static int read_objects(struct bench_truth *t, const char *path, struct complain
         return err;
     const json_t *all = json_object_get(root, "objects");
     if (!json_array_size(all))
-        err = complain(why, -EINVAL, "%s: objects: expected one or more", path);
+        err = error_say(why, -EINVAL, "%s: objects: expected one or more", path);
     for (size_t i = 0; !err && i < json_array_size(all); i++) {
         const json_t *o = json_array_get(all, i);
         const char *kind = json_string_value(json_object_get(o, "kind"));
         double at[3];
         if (!kind || (strcmp(kind, "point") && strcmp(kind, "corner")))
-            err = complain(why, -EINVAL,
-                           "%s: %s: expected points and corners; of letters name the "
-                           "scene file itself",
-                           path, kind ? kind : "kind");
+            err = error_say(why, -EINVAL,
+                            "%s: %s: expected points and corners; of letters name the "
+                            "scene file itself",
+                            path, kind ? kind : "kind");
         else if (bench_read_numbers(json_object_get(o, "virtual_m"), at, 3))
-            err = complain(why, -EINVAL, "%s: virtual_m: expected three numbers", path);
+            err = error_say(why, -EINVAL, "%s: virtual_m: expected three numbers", path);
         else
             err = bench_truth_add_point(t, at, why);
     }
@@ -199,8 +200,7 @@ static int read_objects(struct bench_truth *t, const char *path, struct complain
     return err;
 }
 
-static int read_simulated(struct bench_scene *s, const char *folder,
-                          struct complaint *why)
+static int read_simulated(struct bench_scene *s, const char *folder, struct error *why)
 {
     char path[PATH_MAX], background[PATH_MAX];
     int err = bench_join(path, folder, "survey.yaml", "", why);
@@ -220,11 +220,11 @@ static int read_simulated(struct bench_scene *s, const char *folder,
 
 static int bench_read_reference(struct bench_scene *s, const char *recordings,
                                 const char *name, const char *calibration,
-                                const char *survey_folder, struct complaint *why);
+                                const char *survey_folder, struct error *why);
 
 int bench_scene_read(struct bench_scene *out, const char *recordings, const char *name,
                      const char *calibration, const char *survey_folder,
-                     struct complaint *why)
+                     struct error *why)
 {
     char folder[PATH_MAX];
     memset(out, 0, sizeof *out);
@@ -236,9 +236,9 @@ int bench_scene_read(struct bench_scene *out, const char *recordings, const char
         err =
             bench_read_reference(out, recordings, name, calibration, survey_folder, why);
     else if (!err)
-        err = complain(why, -ENOENT,
-                       "%s: no recording %s: expected %s/survey.yaml or %s.json",
-                       recordings, name, name, name);
+        err = error_say(why, -ENOENT,
+                        "%s: no recording %s: expected %s/survey.yaml or %s.json",
+                        recordings, name, name, name);
     if (err)
         bench_scene_clear(out);
     return err;
@@ -259,12 +259,12 @@ static size_t name_length(const char *folder, const char *entry)
     return bench_exists(folder, path, "_wav") ? n - 5 : 0;
 }
 
-int bench_scene_list(char **out, const char *recordings, struct complaint *why)
+int bench_scene_list(char **out, const char *recordings, struct error *why)
 {
     struct dirent **entries;
     int n = scandir(recordings, &entries, NULL, alphasort);
     if (n < 0)
-        return complain(why, -errno, "%s: %s", recordings, strerror(errno));
+        return error_say(why, -errno, "%s: %s", recordings, strerror(errno));
     size_t size = 1, used = 0;
     for (int i = 0; i < n; i++)
         size += strlen(entries[i]->d_name) + 1;
@@ -279,15 +279,15 @@ int bench_scene_list(char **out, const char *recordings, struct complaint *why)
     }
     free(entries);
     if (!*out)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     if (used)
         return 0;
     free(*out);
     *out = NULL;
-    return complain(why, -ENOENT,
-                    "%s: expected folders with survey.yaml and truth.json, or NAME.json "
-                    "beside NAME_wav/",
-                    recordings);
+    return error_say(why, -ENOENT,
+                     "%s: expected folders with survey.yaml and truth.json, or NAME.json "
+                     "beside NAME_wav/",
+                     recordings);
 }
 
 static void write_points(FILE *f, const char *key, const json_t *y, double x_m)
@@ -304,7 +304,7 @@ static double real(const json_t *in, const char *key)
 }
 
 /* Serial numbers in the order of the channels: the second word of each line. */
-static int write_calibration(FILE *f, const char *folder, struct complaint *why)
+static int write_calibration(FILE *f, const char *folder, struct error *why)
 {
     char path[PATH_MAX], absolute[PATH_MAX], line[256], serial[64];
     int err = bench_join(path, folder, "channel_mapping.txt", "", why);
@@ -312,7 +312,7 @@ static int write_calibration(FILE *f, const char *folder, struct complaint *why)
         return err;
     FILE *map = fopen(path, "r");
     if (!map || !realpath(folder, absolute)) {
-        err = complain(why, -errno, "%s: %s", path, strerror(errno));
+        err = error_say(why, -errno, "%s: %s", path, strerror(errno));
         if (map)
             fclose(map);
         return err;
@@ -331,7 +331,7 @@ static int write_calibration(FILE *f, const char *folder, struct complaint *why)
 }
 
 static int write_survey(const json_t *meta, const char *folder, const char *name,
-                        const char *calibration, struct complaint *why)
+                        const char *calibration, struct error *why)
 {
     const json_t *chirp = json_object_get(meta, "chirp");
     const json_t *y = json_object_get(meta, "elem_y"),
@@ -358,28 +358,28 @@ static int write_survey(const json_t *meta, const char *folder, const char *name
         err = write_calibration(e.f, calibration, why);
     if (!err)
         return export_file_commit(&e, why);
-    struct complaint second;
+    struct error second;
     return export_file_abandon(&e, err, &second);
 }
 
 static int read_mask(struct bench_truth *t, const json_t *from, const char *path,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct bench_mask m = {.z_m = real(from, "z")};
     const json_t *bars = json_object_get(from, "rects");
     int err = bench_read_numbers(json_object_get(from, "ctr"), m.centre_m, 2);
     m.n_bars = json_array_size(bars);
     if (err || m.n_bars > BENCH_MAX_BARS)
-        return complain(why, -EINVAL, "%s: masks: expected ctr and up to %d rects", path,
-                        BENCH_MAX_BARS);
+        return error_say(why, -EINVAL, "%s: masks: expected ctr and up to %d rects", path,
+                         BENCH_MAX_BARS);
     for (size_t b = 0; b < m.n_bars; b++)
         if (bench_read_numbers(json_array_get(bars, b), m.bars_m[b], 4))
-            return complain(why, -EINVAL, "%s: rects: expected four numbers", path);
+            return error_say(why, -EINVAL, "%s: rects: expected four numbers", path);
     return bench_truth_add_mask(t, &m, why);
 }
 
 static int read_truth(struct bench_truth *t, const json_t *meta, const char *path,
-                      struct complaint *why)
+                      struct error *why)
 {
     const json_t *truth = json_object_get(meta, "truth");
     const json_t *points = json_object_get(truth, "points");
@@ -388,19 +388,19 @@ static int read_truth(struct bench_truth *t, const json_t *meta, const char *pat
     int err = 0;
     for (size_t i = 0; !err && i < json_array_size(points); i++)
         err = bench_read_numbers(json_object_get(json_array_get(points, i), "p"), at, 3)
-                  ? complain(why, -EINVAL, "%s: points: expected three numbers", path)
+                  ? error_say(why, -EINVAL, "%s: points: expected three numbers", path)
                   : bench_truth_add_point(t, at, why);
     for (size_t i = 0; !err && i < json_array_size(masks); i++)
         err = read_mask(t, json_array_get(masks, i), path, why);
     if (!err && !t->n_points && !t->n_masks)
-        err = complain(why, -EINVAL, "%s: truth: expected points or masks", path);
+        err = error_say(why, -EINVAL, "%s: truth: expected points or masks", path);
     return err;
 }
 
 /* NAME.json, NAME_wav/ and NAME_bg_wav/; see bench_scene_read. */
 static int bench_read_reference(struct bench_scene *s, const char *recordings,
                                 const char *name, const char *calibration,
-                                const char *survey_folder, struct complaint *why)
+                                const char *survey_folder, struct error *why)
 {
     char path[PATH_MAX], background[PATH_MAX];
     json_t *meta = NULL;
@@ -426,23 +426,23 @@ static int bench_read_reference(struct bench_scene *s, const char *recordings,
 /* -- the truth --------------------------------------------------------------------------
  */
 static int add_object(struct bench_truth *t, const struct scene_object *o,
-                      const double virtual_m[3], const char *path, struct complaint *why)
+                      const double virtual_m[3], const char *path, struct error *why)
 {
     if (o->kind == SCENE_POINT || o->kind == SCENE_CORNER)
         return bench_truth_add_point(t, virtual_m, why);
     struct bench_mask m = {.z_m = virtual_m[2], .centre_m = {virtual_m[0], virtual_m[1]}};
     if (o->kind != SCENE_LETTER || !o->stroke_m || !o->size_m ||
         bench_mask_letter(&m, o->letter[0], o->size_m, *o->stroke_m))
-        return complain(why, -EINVAL,
-                        "%s: %s: expected a point, a corner or a letter: errors of "
-                        "others are not defined",
-                        path, o->name);
+        return error_say(why, -EINVAL,
+                         "%s: %s: expected a point, a corner or a letter: errors of "
+                         "others are not defined",
+                         path, o->name);
     return bench_truth_add_mask(t, &m, why);
 }
 
 /* The room knows where things are, the file what they look like. */
 static int find_truth(struct bench_truth *t, const struct room *room, const char *path,
-                      struct complaint *why)
+                      struct error *why)
 {
     const struct room_object *objects;
     size_t n = room_objects(room, &objects);
@@ -452,11 +452,11 @@ static int find_truth(struct bench_truth *t, const struct room *room, const char
     if (err)
         return err;
     if (fabs(survey.wall_normal[2]) < 0.9999)
-        err = complain(why, -EINVAL, "%s: wall: expected the normal [0, 0, 1]", path);
+        err = error_say(why, -EINVAL, "%s: wall: expected the normal [0, 0, 1]", path);
     for (size_t i = 0; !err && i < n && i < file->n_objects; i++)
         err = add_object(t, &file->objects[i], objects[i].virtual_m, path, why);
     if (!err && !t->n_points && !t->n_masks)
-        err = complain(why, -EINVAL, "%s: objects: expected one or more", path);
+        err = error_say(why, -EINVAL, "%s: objects: expected one or more", path);
     scene_free(file);
     survey_clear(&survey);
     return err;
@@ -490,19 +490,19 @@ static void record_item(void *ctx, size_t item, size_t thread)
 
 /* Only one thread makes plans of transforms, so rooms are loaded one by one. */
 static int load_rooms(struct recorder *r, const char *path, size_t threads,
-                      struct complaint *why)
+                      struct error *why)
 {
     int err = 0;
     r->rooms = calloc(threads, sizeof *r->rooms);
     if (!r->rooms)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (size_t t = 0; !err && t < threads; t++)
         err = room_load(&r->rooms[t], path, why);
     if (err)
         return err;
     struct bench_scene *s = r->to;
     if (survey_copy(&s->survey, room_survey(r->rooms[0])))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     s->survey.has_volume = false;
     s->frames = room_frames(r->rooms[0], s->survey.n_speakers);
     r->speakers = malloc(s->survey.n_speakers * sizeof *r->speakers);
@@ -513,22 +513,21 @@ static int load_rooms(struct recorder *r, const char *path, size_t threads,
     s->background = malloc(size * sizeof *s->background);
     return r->speakers && s->scene && s->background
                ? 0
-               : complain(why, -ENOMEM, "out of memory");
+               : error_say(why, -ENOMEM, "out of memory");
 }
 
-static int record(struct recorder *r, const char *path, size_t threads,
-                  struct complaint *why)
+static int record(struct recorder *r, const char *path, size_t threads, struct error *why)
 {
     struct pool *pool;
     int err = pool_create(&pool, threads);
     if (err)
-        return complain(why, err, "%zu threads: %s", threads, strerror(-err));
+        return error_say(why, err, "%zu threads: %s", threads, strerror(-err));
     pool_run(pool, 2 * r->to->survey.n_positions, record_item, r);
     pool_destroy(pool);
     err = atomic_load(&r->err);
     if (err)
-        return complain(why, err, "%s: %s", path, strerror(-err));
-    return interrupt_requested() ? complain(why, -EINTR, "interrupted") : 0;
+        return error_say(why, err, "%s: %s", path, strerror(-err));
+    return interrupt_requested() ? error_say(why, -EINTR, "interrupted") : 0;
 }
 
 static void drop_silence(struct bench_scene *s)
@@ -552,7 +551,7 @@ static void name_after(struct bench_scene *s, const char *path)
 }
 
 int bench_scene_simulate(struct bench_scene *out, const char *path, size_t threads,
-                         struct complaint *why)
+                         struct error *why)
 {
     struct recorder r = {.to = out};
     memset(out, 0, sizeof *out);

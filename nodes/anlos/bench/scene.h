@@ -4,7 +4,7 @@
 #ifndef ANLOS_NODES_ANLOS_BENCH_SCENE_H
 #define ANLOS_NODES_ANLOS_BENCH_SCENE_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/survey.h"
 #include "nodes/anlos/bench/score.h"
 
@@ -21,14 +21,13 @@ struct bench_scene {
  * that stands across z.  What is silent but for the objects needs no background.
  * 0, -EINTR, -EINVAL (also what has no truth), other negative errno. */
 int bench_scene_simulate(struct bench_scene *out, const char *path, size_t threads,
-                         struct complaint *why);
+                         struct error *why);
 
 /* Scenes that are part of the program: "points\0...", as imager_methods(). */
 const char *bench_scene_builtin_names(void);
 
 /* Writes the file of one of them to FOLDER/NAME.yaml.  0, -ENOENT, other errno. */
-int bench_scene_write_builtin(const char *name, const char *folder,
-                              struct complaint *why);
+int bench_scene_write_builtin(const char *name, const char *folder, struct error *why);
 
 /* Of a folder of recordings: NAME as `anlos sim` wrote it (points and corners), or
  * NAME.json, NAME_wav/ and NAME_bg_wav/ as the reference simulator does.  calibration:
@@ -36,11 +35,11 @@ int bench_scene_write_builtin(const char *name, const char *folder,
  * the latter is put.  0, -ENOENT (no such), other negative errno. */
 int bench_scene_read(struct bench_scene *out, const char *recordings, const char *name,
                      const char *calibration, const char *survey_folder,
-                     struct complaint *why);
+                     struct error *why);
 
 /* The names in such a folder, in order, each ended by a zero, an empty one at the end;
  * free() it.  0, -ENOENT (there are none), other negative errno. */
-int bench_scene_list(char **out, const char *recordings, struct complaint *why);
+int bench_scene_list(char **out, const char *recordings, struct error *why);
 
 void bench_scene_clear(struct bench_scene *s);
 

@@ -33,20 +33,19 @@ bool bench_truth_covers(const struct bench_truth *t, double x_m, double y_m)
     return false;
 }
 
-int bench_truth_add_point(struct bench_truth *t, const double at_m[3],
-                          struct complaint *why)
+int bench_truth_add_point(struct bench_truth *t, const double at_m[3], struct error *why)
 {
     if (t->n_points == BENCH_MAX_POINTS)
-        return complain(why, -E2BIG, "more than %d points", BENCH_MAX_POINTS);
+        return error_say(why, -E2BIG, "more than %d points", BENCH_MAX_POINTS);
     memcpy(t->points_m[t->n_points++], at_m, sizeof *t->points_m);
     return 0;
 }
 
 int bench_truth_add_mask(struct bench_truth *t, const struct bench_mask *m,
-                         struct complaint *why)
+                         struct error *why)
 {
     if (t->n_masks == BENCH_MAX_MASKS)
-        return complain(why, -E2BIG, "more than %d letters", BENCH_MAX_MASKS);
+        return error_say(why, -E2BIG, "more than %d letters", BENCH_MAX_MASKS);
     t->masks[t->n_masks++] = *m;
     return 0;
 }

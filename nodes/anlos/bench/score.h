@@ -19,7 +19,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/grid.h"
 
 /* What is really there in a recording that `anlos bench` images: points, or flat letters
@@ -47,11 +47,10 @@ bool bench_truth_depth(const struct bench_truth *t, double z_m[2]);
 /* Is (x, y) on one of the letters? */
 bool bench_truth_covers(const struct bench_truth *t, double x_m, double y_m);
 
-/* 0, or -E2BIG (a complaint names the limit). */
-int bench_truth_add_point(struct bench_truth *t, const double at_m[3],
-                          struct complaint *why);
+/* 0, or -E2BIG (an error names the limit). */
+int bench_truth_add_point(struct bench_truth *t, const double at_m[3], struct error *why);
 int bench_truth_add_mask(struct bench_truth *t, const struct bench_mask *m,
-                         struct complaint *why);
+                         struct error *why);
 
 /* A letter of hal/room/scatter.h: bars of one stroke in a box.  0, -EINVAL (no such). */
 int bench_mask_letter(struct bench_mask *m, char letter, const double size_m[2],

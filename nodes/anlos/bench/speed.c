@@ -40,7 +40,7 @@ struct speed {
 /* -- what is to be done -----------------------------------------------------------------
  */
 
-static int choose_scenes(struct speed *s, struct complaint *why)
+static int choose_scenes(struct speed *s, struct error *why)
 {
     const struct bench_options *o = s->options;
     char *known = NULL;
@@ -54,7 +54,7 @@ static int choose_scenes(struct speed *s, struct complaint *why)
         err = s->names
                   ? bench_names_check("scene", s->names,
                                       known ? known : bench_scene_builtin_names(), why)
-                  : complain(why, -ENOMEM, "out of memory");
+                  : error_say(why, -ENOMEM, "out of memory");
         free(known);
     } else {
         s->names = known;
@@ -63,7 +63,7 @@ static int choose_scenes(struct speed *s, struct complaint *why)
 }
 
 static int load_scene(struct bench_scene *out, const struct speed *s, const char *name,
-                      struct complaint *why)
+                      struct error *why)
 {
     const struct bench_options *o = s->options;
     char path[PATH_MAX];
@@ -78,7 +78,7 @@ static int load_scene(struct bench_scene *out, const struct speed *s, const char
     int err = bench_scene_write_builtin(name, s->scenes_folder, why);
     if (!err && snprintf(path, sizeof path, "%s/%s.yaml", s->scenes_folder, name) >=
                     (int)sizeof path)
-        err = complain(why, -ENAMETOOLONG, "%s: path too long", s->scenes_folder);
+        err = error_say(why, -ENAMETOOLONG, "%s: path too long", s->scenes_folder);
     return err ? err : bench_scene_simulate(out, path, o->threads, why);
 }
 
@@ -154,7 +154,7 @@ static bool has_budget(struct bench_result *out, const struct bench_scene *scene
 }
 
 static int run_cases(struct speed *s, const struct bench_scene *scene,
-                     const struct bench_case *cases, size_t n, struct complaint *why)
+                     const struct bench_case *cases, size_t n, struct error *why)
 {
     double patience_s = s->options->quick ? 0.0 : PATIENCE_S;
     int err = 0;
@@ -167,7 +167,7 @@ static int run_cases(struct speed *s, const struct bench_scene *scene,
         if (!err)
             print_result(&r);
         if (!err && interrupt_requested())
-            err = complain(why, -EINTR, "interrupted");
+            err = error_say(why, -EINTR, "interrupted");
     }
     return err;
 }
@@ -183,8 +183,7 @@ static void settle_budgets(const struct speed *s, const char *scene,
             cases[i].budget_s = fast->cost.plan_s + fast->cost.total_s;
 }
 
-static int run_scene(struct speed *s, const char *name, bool growth,
-                     struct complaint *why)
+static int run_scene(struct speed *s, const char *name, bool growth, struct error *why)
 {
     const struct bench_options *o = s->options;
     struct bench_case cases[BENCH_MAX_CASES];
@@ -209,7 +208,7 @@ static int run_scene(struct speed *s, const char *name, bool growth,
     return err;
 }
 
-static int run_noise(struct speed *s, struct complaint *why)
+static int run_noise(struct speed *s, struct error *why)
 {
     const struct bench_options *o = s->options;
     size_t seeds = o->seeds != BENCH_USUAL_SEEDS ? o->seeds
@@ -233,7 +232,7 @@ static int run_noise(struct speed *s, struct complaint *why)
 /* -- what comes of it -------------------------------------------------------------------
  */
 
-static int write_all(const struct speed *s, const char *remark, struct complaint *why)
+static int write_all(const struct speed *s, const char *remark, struct error *why)
 {
     const char *out = s->options->out;
     char name[64];
@@ -252,7 +251,7 @@ static int write_all(const struct speed *s, const char *remark, struct complaint
     return err;
 }
 
-static int run_all(struct speed *s, struct complaint *why)
+static int run_all(struct speed *s, struct error *why)
 {
     int err = 0;
     bool first = true;
@@ -276,13 +275,13 @@ static int run_all(struct speed *s, struct complaint *why)
     return written ? written : err;
 }
 
-int bench_speed(const struct bench_options *o, struct complaint *why)
+int bench_speed(const struct bench_options *o, struct error *why)
 {
     struct speed s = {.options = o};
     char *known = bench_names_all_methods();
     int err = known ? bench_names_methods(&s.methods, o->methods,
                                           o->quick ? quick_methods : NULL, known, why)
-                    : complain(why, -ENOMEM, "out of memory");
+                    : error_say(why, -ENOMEM, "out of memory");
     free(known);
     if (!err)
         err = choose_scenes(&s, why);
@@ -290,7 +289,7 @@ int bench_speed(const struct bench_options *o, struct complaint *why)
         err = snprintf(s.scenes_folder, sizeof s.scenes_folder, "%s/scenes", o->out) <
                       (int)sizeof s.scenes_folder
                   ? export_folder(s.scenes_folder, why)
-                  : complain(why, -ENAMETOOLONG, "%s: path too long", o->out);
+                  : error_say(why, -ENAMETOOLONG, "%s: path too long", o->out);
     if (!err)
         err = bench_results_open(&s.results, o->out, why);
     if (!err)

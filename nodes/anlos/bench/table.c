@@ -269,7 +269,7 @@ static void put_noise(FILE *f, const struct bench_noise *noise)
 }
 
 int bench_table_write(const struct bench_results *b, const struct bench_noise *noise,
-                      const char *remark, const char *folder, struct complaint *why)
+                      const char *remark, const char *folder, struct error *why)
 {
     struct export_file e;
     char machine[512];

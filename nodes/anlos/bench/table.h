@@ -8,7 +8,7 @@
 /* Writes FOLDER/speed-error.md.  noise: NULL for none.  remark: said at the top, or NULL.
  * 0 or a negative errno. */
 int bench_table_write(const struct bench_results *b, const struct bench_noise *noise,
-                      const char *remark, const char *folder, struct complaint *why);
+                      const char *remark, const char *folder, struct error *why);
 
 /* What was varied of a case, as words: "2-14 kHz". */
 void bench_table_setting(const struct bench_case *c, char *text, size_t size);

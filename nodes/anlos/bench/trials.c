@@ -137,7 +137,7 @@ static void mix_position(void *ctx, size_t position, size_t thread)
 }
 
 static int plan_thread(struct bench_trials *t, size_t thread, struct trace_format *format,
-                       struct complaint *why)
+                       struct error *why)
 {
     int err = compressor_create(&t->compressors[thread], &t->processing, &t->survey,
                                 COMPRESSION_MATCHED_FILTER, t->window, why);
@@ -151,14 +151,14 @@ static int plan_thread(struct bench_trials *t, size_t thread, struct trace_forma
     return t->samples[thread] && t->mixed[thread] ? 0 : -ENOMEM;
 }
 
-static int plan(struct bench_trials *t, const char *methods, struct complaint *why)
+static int plan(struct bench_trials *t, const char *methods, struct error *why)
 {
     struct trace_format format;
     int err = processing_plan(&t->processing, &t->survey, why);
     size_t last = survey_slot_of(&t->survey, t->survey.n_speakers - 1) *
                   t->survey.slot_samples;
     if (!err && last + t->processing.ping_samples > t->scene->frames)
-        err = complain(why, -EINVAL, "the last ping ends after the recording");
+        err = error_say(why, -EINVAL, "the last ping ends after the recording");
     for (size_t i = 0; !err && i < t->threads; i++)
         err = plan_thread(t, i, &format, why);
     for (const char *m = methods; !err && *m && t->n_methods < BENCH_TRIAL_METHODS;
@@ -178,11 +178,11 @@ static int plan(struct bench_trials *t, const char *methods, struct complaint *w
 
 int bench_trials_create(struct bench_trials **out, const struct bench_scene *scene,
                         const double limits[3][3], const char *methods,
-                        enum window window, size_t threads, struct complaint *why)
+                        enum window window, size_t threads, struct error *why)
 {
     struct bench_trials *t = calloc(1, sizeof *t);
     if (!t)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     t->scene = scene;
     t->window = window;
     t->threads = threads;
@@ -201,7 +201,7 @@ int bench_trials_create(struct bench_trials **out, const struct bench_scene *sce
         err = plan(t, methods, why);
     }
     if (err == -ENOMEM)
-        complain(why, err, "out of memory");
+        error_say(why, err, "out of memory");
     if (err) {
         bench_trials_destroy(t);
         return err;

@@ -51,7 +51,7 @@ struct bench_trials;
  * -ENOTSUP (a method cannot), other negative errno. */
 int bench_trials_create(struct bench_trials **out, const struct bench_scene *scene,
                         const double limits[3][3], const char *methods,
-                        enum window window, size_t threads, struct complaint *why);
+                        enum window window, size_t threads, struct error *why);
 
 /* Noise of a seed, of rms 1 a sample in the recording less its background. */
 void bench_trials_noise(struct bench_trials *t, uint64_t seed);

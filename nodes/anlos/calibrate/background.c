@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "hal/recording/recording.h"
 #include "hal/stage.h"
 #include "hal/survey/file.h"
@@ -28,11 +28,11 @@ struct carrier {
 
 /* The survey must outlive it.  0, and as stage_open (hal/stage.h). */
 static int carrier_open(struct carrier **out, const char *uri,
-                        const struct survey *survey, struct complaint *why)
+                        const struct survey *survey, struct error *why)
 {
     struct carrier *c = calloc(1, sizeof *c);
     if (!c)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     c->survey = survey;
     int err = stage_open(&c->stage, uri, clock_system(), why);
     if (err)
@@ -42,18 +42,18 @@ static int carrier_open(struct carrier **out, const char *uri,
     return err;
 }
 
-static int wait_until_it_stands(struct carrier *c, struct complaint *why)
+static int wait_until_it_stands(struct carrier *c, struct error *why)
 {
     const struct clock_source *clock = clock_system();
     struct stage_status status;
     for (;;) {
         if (interrupt_requested()) {
             stage_stop(c->stage);
-            return complain(why, -EINTR, "interrupted");
+            return error_say(why, -EINTR, "interrupted");
         }
         stage_status(c->stage, &status);
         if (status.motion == STAGE_FAULT)
-            return complain(why, -EIO, "the stage has a fault: %s", status.text);
+            return error_say(why, -EIO, "the stage has a fault: %s", status.text);
         if (status.motion == STAGE_IDLE)
             return 0;
         clock->sleep_until_ns(clock->state, clock_now_ns(clock) + LOOK_NS);
@@ -62,13 +62,13 @@ static int wait_until_it_stands(struct carrier *c, struct complaint *why)
 
 /* Returns when the stage stands there and has settled.  0, -EINTR (Ctrl-C), -EIO (the
  * stage has a fault), -ERANGE and others of stage_move. */
-static int carrier_move(struct carrier *c, size_t position, struct complaint *why)
+static int carrier_move(struct carrier *c, size_t position, struct error *why)
 {
     double target_m = c->survey->stage_positions_m[position];
     int err = stage_move(c->stage, target_m);
     if (err)
-        return complain(why, err, "the stage does not go to %g m: %s", target_m,
-                        strerror(-err));
+        return error_say(why, err, "the stage does not go to %g m: %s", target_m,
+                         strerror(-err));
     return wait_until_it_stands(c, why);
 }
 
@@ -104,16 +104,17 @@ static int check(struct session *s)
     if (err)
         return err;
     if (!o->folder || !o->folder[0])
-        return complain(&s->why, -EINVAL,
-                        "background: --folder DIR is missing, where the recording goes");
+        return error_say(&s->why, -EINVAL,
+                         "background: --folder DIR is missing, where the recording goes");
     if (s->survey->source == SURVEY_LIVE && s->survey->n_positions > 1 && !o->stage)
-        return complain(&s->why, -EINVAL,
-                        "the array has %zu positions: what carries it there? say --stage",
-                        s->survey->n_positions);
+        return error_say(
+            &s->why, -EINVAL,
+            "the array has %zu positions: what carries it there? say --stage",
+            s->survey->n_positions);
     if (snprintf(path, sizeof path, "%s/survey.yaml", o->folder) < (int)sizeof path &&
         !lstat(path, &st))
-        return complain(&s->why, -EINVAL,
-                        "%s exists already; remove it or name another folder", path);
+        return error_say(&s->why, -EINVAL,
+                         "%s exists already; remove it or name another folder", path);
     return 0;
 }
 
@@ -123,7 +124,7 @@ static int create(struct recorder *r)
     r->speakers = malloc(y->n_speakers * sizeof *r->speakers);
     r->clipped = calloc(y->n_microphones, sizeof *r->clipped);
     if (!r->speakers || !r->clipped)
-        return complain(&r->s->why, -ENOMEM, "out of memory");
+        return error_say(&r->s->why, -ENOMEM, "out of memory");
     for (size_t j = 0; j < y->n_speakers; j++)
         r->speakers[j] = (uint32_t)j;
     return 0;
@@ -138,7 +139,7 @@ static int add_ping(struct recorder *r, const struct array_ping *ping)
         r->n_frames = survey_slot_of(y, y->n_speakers - 1) * slot + ping->n_samples;
         r->samples = malloc(y->n_microphones * r->n_frames * sizeof *r->samples);
         if (!r->samples)
-            return complain(&r->s->why, -ENOMEM, "out of memory");
+            return error_say(&r->s->why, -ENOMEM, "out of memory");
     }
     for (size_t m = 0; m < y->n_microphones; m++) {
         memcpy(r->samples + m * r->n_frames + start, ping->samples + m * ping->n_samples,
@@ -163,12 +164,12 @@ static int record_once(struct recorder *r, size_t position)
     bool invalid = false;
     int err = array_fire(s->array, &shot);
     if (err)
-        return complain(&s->why, err,
-                        "position %zu cannot be recorded: %s; an array that plays a "
-                        "recording needs a background of it",
-                        position, strerror(-err));
+        return error_say(&s->why, err,
+                         "position %zu cannot be recorded: %s; an array that plays a "
+                         "recording needs a background of it",
+                         position, strerror(-err));
     while (!err) {
-        err = interrupt_requested() ? complain(&s->why, -EINTR, "interrupted")
+        err = interrupt_requested() ? error_say(&s->why, -EINTR, "interrupted")
                                     : array_next(s->array, &ping, &s->why);
         if (err == -EINTR && !interrupt_requested())
             err = 0;
@@ -189,8 +190,8 @@ static int record_position(struct recorder *r, size_t position)
     for (int tries = 0; (err = record_once(r, position)) == 1; tries++) {
         r->retaken++;
         if (tries == RETRIES)
-            return complain(&s->why, -EIO, "position %zu: pings were lost %d times over",
-                            position, RETRIES + 1);
+            return error_say(&s->why, -EIO, "position %zu: pings were lost %d times over",
+                             position, RETRIES + 1);
     }
     for (size_t i = 0; !err && i < s->survey->n_microphones * r->n_frames; i++)
         r->loudest = fmax(r->loudest, fabs((double)r->samples[i]));
@@ -231,9 +232,10 @@ static int record_all(struct recorder *r)
     for (size_t k = 0; k < s->survey->n_positions && !err; k++)
         err = record_position(r, k);
     if (!err && r->loudest == 0.0)
-        err = complain(&s->why, -ENODATA,
-                       "the array records nothing: every sample is 0; look at its input, "
-                       "and that it is not muted");
+        err =
+            error_say(&s->why, -ENODATA,
+                      "the array records nothing: every sample is 0; look at its input, "
+                      "and that it is not muted");
     if (!err)
         err = write_survey(r);
     if (!err)
@@ -257,9 +259,9 @@ static int name_folder(struct session *s)
     s->calibration->background = name ? strdup(name) : NULL;
     free(file);
     free(folder);
-    return s->calibration->background
-               ? 0
-               : complain(&s->why, -errno, "%s: %s", s->options->folder, strerror(errno));
+    return s->calibration->background ? 0
+                                      : error_say(&s->why, -errno, "%s: %s",
+                                                  s->options->folder, strerror(errno));
 }
 
 static bool report(const struct recorder *r)

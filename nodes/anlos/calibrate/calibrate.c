@@ -38,7 +38,7 @@ static int exit_code_of(int err, bool opened)
 /* What befell the device: a clock that is not shared, sound that was lost. */
 static void show_notices(struct array *array)
 {
-    struct complaint notice;
+    struct error notice;
 
     while (array && array_notice(array, &notice))
         fprintf(stderr, "anlos calibrate: %s\n", notice.text);

@@ -396,7 +396,7 @@ static int diagnose(struct maker *k, double speed_m_s)
 }
 
 int diagnosis_make(struct diagnosis *out, struct sounding *s, double speed_m_s,
-                   struct complaint *why)
+                   struct error *why)
 {
     const struct survey *survey = sounding_survey(s);
     struct maker k = {.d = out, .s = s, .survey = survey};
@@ -409,11 +409,11 @@ int diagnosis_make(struct diagnosis *out, struct sounding *s, double speed_m_s,
     k.scratch = malloc((out->n_speakers + out->n_microphones) * sizeof *k.scratch);
     int err = out->speakers && out->microphones && k.first && k.scratch
                   ? 0
-                  : complain(why, -ENOMEM, "out of memory");
+                  : error_say(why, -ENOMEM, "out of memory");
     if (!err)
         err = paths_fit_latency(k.first, s, speed_m_s, &out->time_zero, why);
     if (!err && diagnose(&k, speed_m_s) < 0)
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     free(k.scratch);
     free(k.first);
     return err;

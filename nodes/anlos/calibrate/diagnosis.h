@@ -7,7 +7,7 @@
 #include <stddef.h>
 
 #include "hal/survey/calibration.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/anlos/calibrate/paths.h"
 
 struct diagnosis_channel {
@@ -34,7 +34,7 @@ struct diagnosis {
 
 /* 0, -ENODATA (nothing is heard at all), -ENOMEM. */
 int diagnosis_make(struct diagnosis *out, struct sounding *s, double speed_m_s,
-                   struct complaint *why);
+                   struct error *why);
 void diagnosis_clear(struct diagnosis *d);
 
 #endif

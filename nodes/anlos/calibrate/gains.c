@@ -28,9 +28,9 @@ static int take_target(struct session *s, struct measurement *m)
     if (err)
         return err;
     if (isnan(o->range_m) && !y->has_wall)
-        return complain(&s->why, -EINVAL,
-                        "gains: how far is the flat target? say --range-m; the survey "
-                        "has no wall");
+        return error_say(&s->why, -EINVAL,
+                         "gains: how far is the flat target? say --range-m; the survey "
+                         "has no wall");
     m->n = y->n_speakers * y->n_microphones;
     m->direct = paths_direct(y);
     m->target = isnan(o->range_m)
@@ -40,7 +40,7 @@ static int take_target(struct session *s, struct measurement *m)
     m->speaker_db = malloc(y->n_speakers * sizeof *m->speaker_db);
     m->microphone_db = malloc(y->n_microphones * sizeof *m->microphone_db);
     if (!m->direct || !m->target || !m->level_db || !m->speaker_db || !m->microphone_db)
-        return complain(&s->why, -ENOMEM, "out of memory");
+        return error_say(&s->why, -ENOMEM, "out of memory");
     return 0;
 }
 
@@ -66,7 +66,7 @@ static int fit(struct session *s, struct measurement *m, struct sounding *soundi
         return err;
     if (paths_hear_near(m->target, sounding, latency_s, session_speed_m_s(s),
                         paths_window_s(s->survey)) < 0)
-        return complain(&s->why, -ENOMEM, "out of memory");
+        return error_say(&s->why, -ENOMEM, "out of memory");
     for (size_t p = 0; p < m->n; p++) {
         const struct path *t = &m->target[p];
         m->n_heard += t->heard;
@@ -76,10 +76,11 @@ static int fit(struct session *s, struct measurement *m, struct sounding *soundi
     err = levels_fit(&m->levels, s->survey->n_speakers, s->survey->n_microphones,
                      m->level_db, m->speaker_db, m->microphone_db);
     if (err == -ENODATA)
-        return complain(&s->why, err,
-                        "no echo of the target is heard where it should be; is the range "
-                        "right, and the sound speed?");
-    return err ? complain(&s->why, err, "out of memory") : 0;
+        return error_say(
+            &s->why, err,
+            "no echo of the target is heard where it should be; is the range "
+            "right, and the sound speed?");
+    return err ? error_say(&s->why, err, "out of memory") : 0;
 }
 
 struct verdict {

@@ -67,7 +67,7 @@ static void add_take(struct sounding *s, size_t speaker, size_t take,
 }
 
 static int fire(struct sounding *s, struct array *array, size_t position,
-                uint32_t speaker, struct array_ping *ping, struct complaint *why)
+                uint32_t speaker, struct array_ping *ping, struct error *why)
 {
     const struct survey *survey = s->survey;
     const struct array_shot shot = {.pass = PASS_SCENE,
@@ -78,29 +78,29 @@ static int fire(struct sounding *s, struct array *array, size_t position,
     for (size_t tries = 0; tries <= RETRIES; tries++) {
         int err = array_fire(array, &shot);
         if (err)
-            return complain(why, err, "speaker %u cannot be fired: %s", speaker,
-                            strerror(-err));
+            return error_say(why, err, "speaker %u cannot be fired: %s", speaker,
+                             strerror(-err));
         do {
             err = interrupt_requested() ? -EINTR : array_next(array, ping, why);
         } while (err == -EINTR && !interrupt_requested());
         if (err)
-            return err == -EINTR ? complain(why, err, "interrupted") : err;
+            return err == -EINTR ? error_say(why, err, "interrupted") : err;
         if (ping->valid)
             return 0;
         s->retaken++;
     }
-    return complain(why, -EIO, "speaker %u: %d pings were lost one after the other",
-                    speaker, RETRIES + 1);
+    return error_say(why, -EIO, "speaker %u: %d pings were lost one after the other",
+                     speaker, RETRIES + 1);
 }
 
 static int record(struct sounding *s, struct array *array, size_t position,
-                  uint32_t speaker, struct complaint *why)
+                  uint32_t speaker, struct error *why)
 {
     struct array_ping ping;
     for (size_t take = 0; take < s->takes; take++) {
         int err = fire(s, array, position, speaker, &ping, why);
         if (!err && !s->mean && allocate(s, ping.n_samples) < 0)
-            err = complain(why, -ENOMEM, "out of memory");
+            err = error_say(why, -ENOMEM, "out of memory");
         if (err)
             return err;
         add_take(s, speaker, take, &ping);
@@ -109,7 +109,7 @@ static int record(struct sounding *s, struct array *array, size_t position,
 }
 
 /* Root of the powers; is there any sound at all? */
-static int finish(struct sounding *s, struct complaint *why)
+static int finish(struct sounding *s, struct error *why)
 {
     size_t n = s->survey->n_speakers * s->survey->n_microphones;
     double all = 0.0;
@@ -123,14 +123,14 @@ static int finish(struct sounding *s, struct complaint *why)
         all += sum;
     }
     return all > 0.0 ? 0
-                     : complain(why, -ENODATA,
-                                "the array records nothing: every sample is 0; look at "
-                                "its input, and that it is not muted");
+                     : error_say(why, -ENODATA,
+                                 "the array records nothing: every sample is 0; look at "
+                                 "its input, and that it is not muted");
 }
 
 /* -- compressing ------------------------------------------------------------------------
  */
-static int create_compressors(struct sounding *s, struct complaint *why)
+static int create_compressors(struct sounding *s, struct error *why)
 {
     const struct survey *survey = s->survey;
     struct microphone *curves = calloc(survey->n_microphones, sizeof *curves);
@@ -170,17 +170,17 @@ static int create_compressors(struct sounding *s, struct complaint *why)
     }
     free(each);
     free(curves);
-    return err ? complain(why, err, "pulse compression: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "pulse compression: %s", strerror(-err)) : 0;
 }
 
 int sounding_take(struct sounding **out, struct array *array, size_t position,
-                  size_t only, size_t takes, struct complaint *why)
+                  size_t only, size_t takes, struct error *why)
 {
     struct sounding *s = calloc(1, sizeof *s);
     int err = 0;
     *out = NULL;
     if (!s)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     s->survey = array_survey(array);
     s->takes = takes;
     for (size_t j = 0; j < s->survey->n_speakers && !err; j++)
@@ -368,7 +368,7 @@ void paths_pairs(const struct path *paths, size_t n, struct time_zero_pair *out)
 }
 
 int paths_fit_latency(struct path *direct, struct sounding *s, double speed_m_s,
-                      struct time_zero *out, struct complaint *why)
+                      struct time_zero *out, struct error *why)
 {
     const struct survey *survey = sounding_survey(s);
     size_t n = survey->n_speakers * survey->n_microphones;
@@ -383,9 +383,10 @@ int paths_fit_latency(struct path *direct, struct sounding *s, double speed_m_s,
     }
     free(pairs);
     if (err == -ENODATA)
-        return complain(why, err,
-                        "no microphone hears any speaker: nothing like the chirp in what "
-                        "the array records within a ping; look at amplifiers, levels and "
-                        "wiring, or the latency is longer than a slot");
-    return err ? complain(why, err, "out of memory") : 0;
+        return error_say(
+            why, err,
+            "no microphone hears any speaker: nothing like the chirp in what "
+            "the array records within a ping; look at amplifiers, levels and "
+            "wiring, or the latency is longer than a slot");
+    return err ? error_say(why, err, "out of memory") : 0;
 }

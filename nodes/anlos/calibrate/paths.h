@@ -30,7 +30,7 @@ struct sounding;
  * speaker, or SIZE_MAX for all.  0, -EINTR (Ctrl-C), -ENODATA (every sample is 0), other
  * negative errno of the array. */
 int sounding_take(struct sounding **out, struct array *array, size_t position,
-                  size_t only, size_t takes, struct complaint *why);
+                  size_t only, size_t takes, struct error *why);
 
 const struct survey *sounding_survey(const struct sounding *s);
 size_t sounding_retaken(const struct sounding *s);
@@ -79,6 +79,6 @@ void paths_pairs(const struct path *paths, size_t n, struct time_zero_pair *out)
 /* Direct paths: heard anywhere first, then where the latency that fits most of them
  * says.  0, -ENODATA (none is heard), -ENOMEM. */
 int paths_fit_latency(struct path *direct, struct sounding *s, double speed_m_s,
-                      struct time_zero *out, struct complaint *why);
+                      struct time_zero *out, struct error *why);
 
 #endif

@@ -252,7 +252,7 @@ static int open_array(struct session *s)
         uri = live;
     }
     if (!uri)
-        return complain(&s->why, -ENOMEM, "out of memory");
+        return error_say(&s->why, -ENOMEM, "out of memory");
     int err = array_open(&s->array, uri, clock_system(), &s->why);
     free(uri);
     if (!err)
@@ -266,7 +266,7 @@ static int match(struct session *s)
         return calibration_fits(s->calibration, s->survey, s->options->out, &s->why);
     if (calibration_create(&s->calibration, s->survey->n_speakers,
                            s->survey->n_microphones) < 0)
-        return complain(&s->why, -ENOMEM, "out of memory");
+        return error_say(&s->why, -ENOMEM, "out of memory");
     return 0;
 }
 
@@ -314,13 +314,13 @@ double session_speed_m_s(const struct session *s)
 int session_check(struct session *s)
 {
     if (s->survey->pings_m)
-        return complain(&s->why, -EINVAL,
-                        "%s: its pings have places of their own; expected an array of "
-                        "speakers and microphones",
-                        s->options->array);
+        return error_say(&s->why, -EINVAL,
+                         "%s: its pings have places of their own; expected an array of "
+                         "speakers and microphones",
+                         s->options->array);
     if (s->options->position >= s->survey->n_positions)
-        return complain(&s->why, -EINVAL, "--position %zu: there are 0 to %zu",
-                        s->options->position, s->survey->n_positions - 1);
+        return error_say(&s->why, -EINVAL, "--position %zu: there are 0 to %zu",
+                         s->options->position, s->survey->n_positions - 1);
     return 0;
 }
 

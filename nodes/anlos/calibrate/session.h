@@ -20,7 +20,7 @@ struct calibrate_options { /* borrow from argv */
     size_t takes, position;
 };
 
-/* true: run it.  false: *exit_code says how it ended (help, or a complaint was printed).
+/* true: run it.  false: *exit_code says how it ended (help, or an error was printed).
  */
 bool calibrate_options_parse(struct calibrate_options *o, int argc, char **argv,
                              int *exit_code);
@@ -31,7 +31,7 @@ struct session {
     const struct survey *survey;     /* of the array */
     struct calibration *calibration; /* read, or a new one */
     bool existed;
-    struct complaint why;
+    struct error why;
 };
 
 /* Reads the file, if it is there, and opens the array as it is, without what a file would

@@ -54,7 +54,7 @@ static void print(const struct calibration *c, const char *path)
 int calibrate_show(struct session *s, bool *good)
 {
     if (!s->existed)
-        return complain(&s->why, -EINVAL, "%s: no such file", s->options->out);
+        return error_say(&s->why, -EINVAL, "%s: no such file", s->options->out);
     print(s->calibration, s->options->out);
     if (s->array)
         printf("good: it fits %s\n", s->options->array);

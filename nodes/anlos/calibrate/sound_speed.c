@@ -59,15 +59,15 @@ static int fit(struct session *s, struct measurement *m, struct sounding *soundi
                       paths_window_s(s->survey);
     if (!pairs || paths_hear_near(m->reflected, sounding, m->direct_only.latency_s,
                                   speed_m_s, window_s) < 0) {
-        err = complain(&s->why, -ENOMEM, "out of memory");
+        err = error_say(&s->why, -ENOMEM, "out of memory");
     } else {
         paths_pairs(m->direct, m->n, pairs);
         paths_pairs(m->reflected, m->n, pairs + m->n);
         err = time_zero_fit_speed(&m->both, pairs, 2 * m->n, speed_m_s);
         if (err == -ENODATA)
-            complain(&s->why, err,
-                     "no reflector is heard at %.3f m: nothing where its echo should be",
-                     s->options->range_m);
+            error_say(&s->why, err,
+                      "no reflector is heard at %.3f m: nothing where its echo should be",
+                      s->options->range_m);
     }
     free(pairs);
     return err;
@@ -126,7 +126,7 @@ static int from_reflector(struct session *s, bool *good)
     m.reflected = paths_reflected(s->survey, o->position, ahead, o->range_m);
     err = m.direct && m.reflected ? sounding_take(&sounding, s->array, o->position,
                                                   SIZE_MAX, o->takes, &s->why)
-                                  : complain(&s->why, -ENOMEM, "out of memory");
+                                  : error_say(&s->why, -ENOMEM, "out of memory");
     if (!err) {
         err = fit(s, &m, sounding);
         m.retaken = sounding_retaken(sounding);
@@ -149,9 +149,9 @@ int calibrate_sound_speed(struct session *s, bool *good)
     const struct calibrate_options *o = s->options;
     bool air = !isnan(o->temperature_c), range = !isnan(o->range_m);
     if (air == range)
-        return complain(&s->why, -EINVAL,
-                        "sound-speed: expected --temperature-c (and --humidity), or "
-                        "--range-m of a flat reflector");
+        return error_say(&s->why, -EINVAL,
+                         "sound-speed: expected --temperature-c (and --humidity), or "
+                         "--range-m of a flat reflector");
     int err = air ? from_air(s, good) : from_reflector(s, good);
     if (err)
         return err;

@@ -32,13 +32,13 @@ static int check(struct session *s)
     if (err)
         return err;
     if (o->has_pair && (o->pair[0] >= y->n_speakers || o->pair[1] >= y->n_microphones))
-        return complain(&s->why, -EINVAL,
-                        "--pair %zu,%zu: there are speakers 0 to %zu and microphones 0 "
-                        "to %zu",
-                        o->pair[0], o->pair[1], y->n_speakers - 1, y->n_microphones - 1);
+        return error_say(&s->why, -EINVAL,
+                         "--pair %zu,%zu: there are speakers 0 to %zu and microphones 0 "
+                         "to %zu",
+                         o->pair[0], o->pair[1], y->n_speakers - 1, y->n_microphones - 1);
     if (!o->has_pair && !isnan(o->distance_m))
-        return complain(&s->why, -EINVAL,
-                        "--distance-m: of which speaker and microphone? say --pair S,M");
+        return error_say(&s->why, -EINVAL,
+                         "--distance-m: of which speaker and microphone? say --pair S,M");
     return 0;
 }
 
@@ -66,7 +66,7 @@ static int fit_speed(struct session *s, struct measurement *m)
 {
     struct time_zero_pair *pairs = malloc(m->n * sizeof *pairs);
     if (!pairs)
-        return complain(&s->why, -ENOMEM, "out of memory");
+        return error_say(&s->why, -ENOMEM, "out of memory");
     paths_pairs(m->direct, m->n, pairs);
     int err = time_zero_fit_speed(&m->with_speed, pairs, m->n, m->speed_m_s);
     free(pairs);
@@ -74,7 +74,7 @@ static int fit_speed(struct session *s, struct measurement *m)
         m->with_speed.speed_sigma_m_s = INFINITY;
     else if (s->options->fit_speed)
         m->latency = m->with_speed;
-    return err == -ENOMEM ? complain(&s->why, err, "out of memory") : 0;
+    return err == -ENOMEM ? error_say(&s->why, err, "out of memory") : 0;
 }
 
 static int measure(struct session *s, struct measurement *m)
@@ -86,7 +86,7 @@ static int measure(struct session *s, struct measurement *m)
     m->speed_m_s = session_speed_m_s(s);
     m->direct = paths_direct(s->survey);
     if (!m->direct)
-        return complain(&s->why, -ENOMEM, "out of memory");
+        return error_say(&s->why, -ENOMEM, "out of memory");
     if (o->has_pair)
         choose_pair(o, s->survey, m->direct);
     int err = sounding_take(&sounding, s->array, o->position,

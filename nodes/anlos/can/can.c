@@ -174,7 +174,7 @@ static int sum_up(const struct decode *d)
     return tally_frames(&d->tally) && !tally_wrong(&d->tally) ? EXIT_WORKED : EXIT_FAILED;
 }
 
-static int finish(const struct decode *d, int err, const struct complaint *why)
+static int finish(const struct decode *d, int err, const struct error *why)
 {
     if (err && err != -EINTR && ferror(stdout)) {
         return err == -EIO ? usage_flush("can") /* which tells why */
@@ -218,7 +218,7 @@ static int refuse(const char *source, int err)
 
 static int decode(struct decode *d, const char *source)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     bool is_stdin = !strcmp(source, "-");
     FILE *f = is_stdin ? stdin : fopen(source, "re");
     int err = f ? 0 : errno;
@@ -240,7 +240,7 @@ static int decode(struct decode *d, const char *source)
     interrupt_catch();
     err = decode_file(d, f);
     if (err && err != -EINTR && !ferror(stdout))
-        complain(&why, err, "%s: %s", source, strerror(-err));
+        error_say(&why, err, "%s: %s", source, strerror(-err));
     if (!is_stdin)
         fclose(f);
     return finish(d, err, &why);

@@ -272,7 +272,7 @@ static int listen_to(struct decode *d, int fd, const char *interface)
     return err;
 }
 
-int decode_interface(struct decode *d, const char *interface, struct complaint *why)
+int decode_interface(struct decode *d, const char *interface, struct error *why)
 {
     uint32_t ids[CAN_SENSOR_STEP];
     int fd, err = can_socket_open(&fd, interface, 0, why);
@@ -286,6 +286,6 @@ int decode_interface(struct decode *d, const char *interface, struct complaint *
         err = listen_to(d, fd, interface);
     close(fd);
     if (err && err != -EINTR)
-        complain(why, err, "%s: %s", interface, strerror(-err));
+        error_say(why, err, "%s: %s", interface, strerror(-err));
     return err;
 }

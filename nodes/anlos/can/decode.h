@@ -7,7 +7,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/anlos/can/tally.h"
 
 struct decode {
@@ -23,6 +23,6 @@ struct decode {
 int decode_file(struct decode *d, FILE *f);
 
 /* Until d->seconds or interrupt_requested.  0, -EINTR, -ENODEV, ... */
-int decode_interface(struct decode *d, const char *interface, struct complaint *why);
+int decode_interface(struct decode *d, const char *interface, struct error *why);
 
 #endif

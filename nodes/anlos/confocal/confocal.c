@@ -22,7 +22,7 @@ static json_t *warnings_json(const struct confocal_job *job)
 }
 
 static int write_results(struct confocal_job *job, const char *folder,
-                         const struct stopwatch *began, struct complaint *why)
+                         const struct stopwatch *began, struct error *why)
 {
     struct recon_results r = {
         .options = job->options,
@@ -60,7 +60,7 @@ int confocal_run(const struct recon_options *options, const struct stopwatch *be
 {
     struct confocal_job job;
     struct export_stage stage;
-    struct complaint why = {0};
+    struct error why = {0};
     bool bad_input = true;
 
     interrupt_catch();
@@ -76,7 +76,7 @@ int confocal_run(const struct recon_options *options, const struct stopwatch *be
         err = write_results(&job, stage.path, began, &why);
     }
     if (!err && interrupt_requested())
-        err = complain(&why, -EINTR, "interrupted");
+        err = error_say(&why, -EINTR, "interrupted");
     if (!err)
         err = export_stage_commit(&stage, &why);
     if (err) {

@@ -11,20 +11,20 @@
 #define MAX_PLACES    4096 /* along an axis */
 #define SMOOTH        16   /* the gate is looked for in sums of 2 SMOOTH + 1 bins */
 
-static int check_shape(const struct confocal_file *f, const char *path,
-                       struct complaint *why)
+static int check_shape(const struct confocal_file *f, const char *path, struct error *why)
 {
     if (f->nx < 2 || f->ny < 2 || f->n_bins < 2 || f->nx > MAX_PLACES ||
         f->ny > MAX_PLACES)
-        return complain(why, -EINVAL,
-                        "%s: rect_data: %zu x %zu x %zu, expected places x places x time "
-                        "bins, at least 2 of each and at most %d places",
-                        path, f->nx, f->ny, f->n_bins, MAX_PLACES);
+        return error_say(
+            why, -EINVAL,
+            "%s: rect_data: %zu x %zu x %zu, expected places x places x time "
+            "bins, at least 2 of each and at most %d places",
+            path, f->nx, f->ny, f->n_bins, MAX_PLACES);
     return 0;
 }
 
 static int read_scales(struct confocal_file *f, struct mat_file *mat, const char *path,
-                       struct complaint *why)
+                       struct error *why)
 {
     double width_m = 0.0, bin_s = DEFAULT_BIN_S;
     int err = mat_file_read_number(mat, "width", &width_m, why);
@@ -33,13 +33,14 @@ static int read_scales(struct confocal_file *f, struct mat_file *mat, const char
     if (err)
         return err;
     if (!(width_m > 1e-3 && width_m < 100.0))
-        return complain(why, -EINVAL,
-                        "%s: width: %g, expected half the side of the scan, 0.001 to 100 "
-                        "m",
-                        path, width_m);
+        return error_say(
+            why, -EINVAL,
+            "%s: width: %g, expected half the side of the scan, 0.001 to 100 "
+            "m",
+            path, width_m);
     if (!(bin_s > 1e-15 && bin_s < 1e-6))
-        return complain(why, -EINVAL, "%s: bin_s: %g, expected 1e-15 to 1e-6 s", path,
-                        bin_s);
+        return error_say(why, -EINVAL, "%s: bin_s: %g, expected 1e-15 to 1e-6 s", path,
+                         bin_s);
     f->pitch_x_m = 2.0 * width_m / (double)(f->nx - 1);
     f->pitch_y_m = 2.0 * width_m / (double)(f->ny - 1);
     f->bin_m = 0.5 * CONFOCAL_LIGHT_M_S * bin_s;
@@ -47,7 +48,7 @@ static int read_scales(struct confocal_file *f, struct mat_file *mat, const char
 }
 
 /* What is no number is no light. */
-static int check_counts(struct confocal_file *f, const char *path, struct complaint *why)
+static int check_counts(struct confocal_file *f, const char *path, struct error *why)
 {
     size_t n = f->nx * f->ny * f->n_bins;
     float largest = 0.0f;
@@ -59,13 +60,13 @@ static int check_counts(struct confocal_file *f, const char *path, struct compla
         largest = fmaxf(largest, fabsf(f->counts[i]));
     }
     return largest > 0.0f ? 0
-                          : complain(why, -ENODATA,
-                                     "%s: rect_data: nothing but zeros, expected photon "
-                                     "counts",
-                                     path);
+                          : error_say(why, -ENODATA,
+                                      "%s: rect_data: nothing but zeros, expected photon "
+                                      "counts",
+                                      path);
 }
 
-int confocal_file_load(struct confocal_file *f, const char *path, struct complaint *why)
+int confocal_file_load(struct confocal_file *f, const char *path, struct error *why)
 {
     struct mat_file *mat = NULL;
     size_t extents[3];
@@ -143,17 +144,17 @@ static void store_plane(const struct confocal_scan *s, const float *plane, size_
 
 int confocal_scan_create(struct confocal_scan *s, const struct confocal_file *f,
                          const double gate_m[2], size_t max_bins, double least_step_m,
-                         struct complaint *why)
+                         struct error *why)
 {
     size_t places = f->nx * f->ny;
     double low = ceil(fmax(gate_m[0] / f->bin_m, 0.0));
     double high = floor(fmin(gate_m[1] / f->bin_m + 1.0, (double)f->n_bins));
     memset(s, 0, sizeof *s);
     if (!(high - low >= 2.0))
-        return complain(why, -EINVAL,
-                        "--gate-m %g,%g: expected NEAR,FAR around at least two bins of "
-                        "the recording, which ends at %.3f m",
-                        gate_m[0], gate_m[1], (double)f->n_bins * f->bin_m);
+        return error_say(why, -EINVAL,
+                         "--gate-m %g,%g: expected NEAR,FAR around at least two bins of "
+                         "the recording, which ends at %.3f m",
+                         gate_m[0], gate_m[1], (double)f->n_bins * f->bin_m);
     size_t first = (size_t)low, n = (size_t)(high - low);
     size_t group = (n + max_bins - 1) / max_bins;
     double fine = fmin(floor(least_step_m / f->bin_m + 1e-6), (double)(n / 2));
@@ -182,7 +183,7 @@ int confocal_scan_create(struct confocal_scan *s, const struct confocal_file *f,
     if (plane && s->counts)
         return 0;
     confocal_scan_clear(s);
-    return complain(why, -ENOMEM, "out of memory");
+    return error_say(why, -ENOMEM, "out of memory");
 }
 
 void confocal_scan_clear(struct confocal_scan *s)

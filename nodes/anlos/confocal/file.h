@@ -8,7 +8,7 @@
 
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 
 #define CONFOCAL_LIGHT_M_S 299792458.0
 
@@ -28,10 +28,10 @@ struct confocal_scan { /* the part of it that lies in a gate */
     float *counts;                /* [ny][nx][n] */
 };
 
-/* Clear with confocal_file_clear, also after an error.  The complaint is "file: variable:
+/* Clear with confocal_file_clear, also after an error.  The error is "file: variable:
  * what was expected".  0, -ENOENT and other errno of reading, -EINVAL, -EFBIG, -EIO,
  * -ENODATA (nothing but zeros), -ENOMEM. */
-int confocal_file_load(struct confocal_file *f, const char *path, struct complaint *why);
+int confocal_file_load(struct confocal_file *f, const char *path, struct error *why);
 void confocal_file_clear(struct confocal_file *f);
 
 /* A gate that leaves out the light that comes straight from the wall: from where the
@@ -43,7 +43,7 @@ void confocal_file_gate(const struct confocal_file *f, double gate_m[2]);
  * -EINVAL (no bin lies in the gate), -ENOMEM. */
 int confocal_scan_create(struct confocal_scan *s, const struct confocal_file *f,
                          const double gate_m[2], size_t max_bins, double least_step_m,
-                         struct complaint *why);
+                         struct error *why);
 void confocal_scan_clear(struct confocal_scan *s);
 
 #endif

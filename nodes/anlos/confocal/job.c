@@ -44,7 +44,7 @@ static void remove_level(struct confocal_scan *s)
 }
 
 static int run_lightcone(struct confocal_job *job, struct confocal_scan *s,
-                         struct complaint *why)
+                         struct error *why)
 {
     const struct imager_options *o = job->options->imaging;
     struct lightcone_config cfg = {
@@ -63,7 +63,7 @@ static int run_lightcone(struct confocal_job *job, struct confocal_scan *s,
     struct stopwatch now = stopwatch_now(false);
     int err = lightcone_create(&l, &cfg);
     if (err)
-        return complain(why, err, "method 'lct': %s", strerror(-err));
+        return error_say(why, err, "method 'lct': %s", strerror(-err));
     stopwatch_lap(&job->stages[RECON_PLAN], &now, false);
     remove_level(s);
     lightcone_inverse(l, s->counts, job->intensity);
@@ -188,7 +188,7 @@ static int fill_survey(struct survey *v, const struct confocal_scan *s,
 }
 
 static int plan_grid(struct confocal_job *job, const struct confocal_scan *s,
-                     double step_m, struct complaint *why)
+                     double step_m, struct error *why)
 {
     double depth_m = (double)(s->n - 1) * s->range_step_m;
     job->grid = (struct grid){
@@ -201,12 +201,12 @@ static int plan_grid(struct confocal_job *job, const struct confocal_scan *s,
         job->grid.origin_m[2] = 0.5 * step_m;
     job->intensity = calloc(grid_size(&job->grid), sizeof *job->intensity);
     if (!job->intensity || fill_survey(&job->survey, s, &job->grid))
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     return 0;
 }
 
 static int run_waves(struct confocal_job *job, const struct confocal_scan *s,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct confocal_traces t;
     struct stopwatch now = stopwatch_now(false);
@@ -225,8 +225,8 @@ static int run_waves(struct confocal_job *job, const struct confocal_scan *s,
         err = strcmp(job->options->method, "fk") ? backproject(job, s, &t, &reason)
                                                  : migrate(job, s, &t);
         if (err)
-            complain(why, err, "method '%s': %s", job->options->method,
-                     reason && *reason ? reason : strerror(-err));
+            error_say(why, err, "method '%s': %s", job->options->method,
+                      reason && *reason ? reason : strerror(-err));
     }
     confocal_traces_clear(&t);
     return err;
@@ -236,7 +236,7 @@ static int run_waves(struct confocal_job *job, const struct confocal_scan *s,
  * may change.  0, -ENODATA (nothing changes over time), -ENOTSUP (the method cannot),
  * -ENOMEM. */
 static int confocal_image(struct confocal_job *job, struct confocal_scan *s,
-                          struct complaint *why)
+                          struct error *why)
 {
     if (strcmp(job->options->method, "lct"))
         return run_waves(job, s, why);
@@ -266,8 +266,7 @@ bool confocal_has_method(const char *name)
     return false;
 }
 
-static int read_scan(struct confocal_job *job, struct confocal_scan *s,
-                     struct complaint *why)
+static int read_scan(struct confocal_job *job, struct confocal_scan *s, struct error *why)
 {
     const struct recon_options *o = job->options;
     struct confocal_file file;
@@ -285,7 +284,7 @@ static int read_scan(struct confocal_job *job, struct confocal_scan *s,
     return err;
 }
 
-static int detect(struct confocal_job *job, struct complaint *why)
+static int detect(struct confocal_job *job, struct error *why)
 {
     struct detect_config cfg;
     struct stopwatch now = stopwatch_now(false);
@@ -294,11 +293,11 @@ static int detect(struct confocal_job *job, struct complaint *why)
     int err = objects_find(&job->detections, &job->survey, &cfg, 0.0, &job->grid,
                            job->intensity);
     stopwatch_lap(&job->stages[RECON_DETECT], &now, false);
-    return err ? complain(why, err, "detection: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "detection: %s", strerror(-err)) : 0;
 }
 
 int confocal_job_run(struct confocal_job *job, const struct recon_options *options,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct confocal_scan scan = {0};
     struct stopwatch now = stopwatch_now(false);
@@ -306,16 +305,16 @@ int confocal_job_run(struct confocal_job *job, const struct recon_options *optio
     job->options = options;
     int err = pool_create(&job->pool, options->threads);
     if (err)
-        complain(why, err, "%zu threads: %s", options->threads, strerror(-err));
+        error_say(why, err, "%zu threads: %s", options->threads, strerror(-err));
     if (!err)
         err = read_scan(job, &scan, why);
     stopwatch_lap(&job->stages[RECON_READ], &now, false);
     if (!err && interrupt_requested())
-        err = complain(why, -EINTR, "interrupted");
+        err = error_say(why, -EINTR, "interrupted");
     if (!err)
         err = confocal_image(job, &scan, why);
     if (!err && interrupt_requested())
-        err = complain(why, -EINTR, "interrupted");
+        err = error_say(why, -EINTR, "interrupted");
     if (!err)
         err = detect(job, why);
     confocal_scan_clear(&scan);

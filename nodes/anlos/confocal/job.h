@@ -5,7 +5,7 @@
 #define ANLOS_NODES_ANLOS_CONFOCAL_JOB_H
 
 #include "dsp/pool.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/detections.pb-c.h"
 #include "recon/survey.h"
 #include "nodes/anlos/confocal/file.h"
@@ -35,7 +35,7 @@ bool confocal_has_method(const char *name);
 /* Reads and images.  confocal_job_clear it, also after a failure.  0, or as
  * confocal_file_load; -EINTR (Ctrl-C), -ENOTSUP (the method cannot). */
 int confocal_job_run(struct confocal_job *job, const struct recon_options *options,
-                     struct complaint *why);
+                     struct error *why);
 void confocal_job_clear(struct confocal_job *job);
 
 #endif

@@ -144,7 +144,7 @@ static void convert(struct spectrum *x, const struct confocal_scan *s,
 }
 
 int confocal_traces_create(struct confocal_traces *t, const struct confocal_scan *s,
-                           struct complaint *why)
+                           struct error *why)
 {
     struct spectrum x;
     memset(t, 0, sizeof *t);
@@ -152,7 +152,7 @@ int confocal_traces_create(struct confocal_traces *t, const struct confocal_scan
     if (!err)
         err = find_band(&x, s);
     if (err == -ENODATA)
-        complain(why, err, "rect_data: does not change over time in the gate");
+        error_say(why, err, "rect_data: does not change over time in the gate");
     if (!err) {
         double rate_hz = 0.5 * CONFOCAL_LIGHT_M_S / s->range_step_m;
         double bin_hz = rate_hz / (double)x.n;
@@ -170,7 +170,7 @@ int confocal_traces_create(struct confocal_traces *t, const struct confocal_scan
     if (!err)
         convert(&x, s, t);
     if (err == -ENOMEM)
-        complain(why, err, "out of memory");
+        error_say(why, err, "out of memory");
     spectrum_clear(&x);
     return err;
 }

@@ -18,7 +18,7 @@ struct confocal_traces {
 
 /* Clear with confocal_traces_clear.  0, -ENODATA (nothing changes over time), -ENOMEM. */
 int confocal_traces_create(struct confocal_traces *t, const struct confocal_scan *s,
-                           struct complaint *why);
+                           struct error *why);
 void confocal_traces_clear(struct confocal_traces *t);
 
 #endif

@@ -143,7 +143,7 @@ static void look_at_card(struct findings *f, const char *uri)
 {
     static const char *const keys[] = {"rig", "background", "calibrated", FIRING_KEYS,
                                        NULL};
-    struct complaint why = {""};
+    struct error why = {""};
     struct alsa_probe probe;
     struct device d;
     struct rig r;
@@ -155,7 +155,7 @@ static void look_at_card(struct findings *f, const char *uri)
     }
     const char *rig = device_option(&d, "rig");
     err = rig ? rig_load_calibrated(&r, rig, device_option(&d, "calibrated"), &why)
-              : complain(&why, -EINVAL, "%s names no rig, alsa:DEVICE?rig=FILE", uri);
+              : error_say(&why, -EINVAL, "%s names no rig, alsa:DEVICE?rig=FILE", uri);
     if (err) {
         finding_add(f, FINDING_WRONG, "array", "%s", why.text);
         finding_todo(f, "launch/lab-rig.yaml is a rig that works");
@@ -184,7 +184,7 @@ static void look_at_card(struct findings *f, const char *uri)
 static void look_at_recording(struct findings *f, const char *uri)
 {
     struct array *array = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (array_open(&array, uri, clock_system(), &why)) {
         finding_add(f, FINDING_WRONG, "array", "%s", why.text);
@@ -236,7 +236,7 @@ static void look_at_file(struct findings *f, const char *path)
 
 static void look_at_gpio(struct findings *f, const char *uri)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct stage_gpiod_options o;
     struct device d;
     char path[GPIO_CHIP_PATH_SIZE];
@@ -258,7 +258,7 @@ static void look_at_gpio(struct findings *f, const char *uri)
 
 static void look_at_zaber(struct findings *f, const char *uri)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct stage_zaber_options o;
     struct device d;
     int err = device_parse(&d, device_arg(uri, "zaber"), stage_zaber_option_keys, &why);
@@ -277,7 +277,7 @@ static void look_at_zaber(struct findings *f, const char *uri)
 static void look_at_simulated(struct findings *f, const char *uri)
 {
     struct stage *stage = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (stage_open(&stage, uri, clock_system(), &why))
         finding_add(f, FINDING_WRONG, "stage", "%s", why.text);
@@ -303,14 +303,14 @@ void doctor_stage(const void *ctx, struct findings *f)
 
 static void look_at_interface(struct findings *f, const char *interface, bool fd_frames)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct can_link link;
     char text[256];
     int fd, err = can_socket_open(&fd, interface, 0, &why);
 
     if (!err) {
         err = can_socket_link(fd, interface, &link);
-        complain(&why, err, "%s: %s", interface, strerror(-err));
+        error_say(&why, err, "%s: %s", interface, strerror(-err));
         close(fd);
     }
     if (err) {

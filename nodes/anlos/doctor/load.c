@@ -76,7 +76,7 @@ static double now_s(void)
 }
 
 static int probe(struct drive_pipe *p, double probe_s, struct load *out,
-                 struct complaint *why)
+                 struct error *why)
 {
     double start_s = now_s(), cpu = 0.0, idle = 0.0, first_s = 0.0, last_s = 0.0;
     size_t n = 0;
@@ -104,12 +104,12 @@ static int probe(struct drive_pipe *p, double probe_s, struct load *out,
 }
 
 int load_measure(const struct launchfile *l, double probe_s, struct load *out,
-                 struct complaint *why)
+                 struct error *why)
 {
     struct drive_pipe *p = calloc(1, sizeof *p);
     char *scene = uri_path(l->array.uri);
     int err = p && scene ? drive_pipe_create(p, l, scene, 0, 1, why)
-                         : complain(why, -ENOMEM, "out of memory");
+                         : error_say(why, -ENOMEM, "out of memory");
 
     if (!err) { /* no node has that one */
         tracking_destroy(p->detector);
@@ -121,7 +121,7 @@ int load_measure(const struct launchfile *l, double probe_s, struct load *out,
     free(p);
     free(scene);
     /* The nodes come before other programs where they may. */
-    if (!err && priority_wanted(l) && !priority_permitted(&(struct complaint){""}))
+    if (!err && priority_wanted(l) && !priority_permitted(&(struct error){""}))
         out->left = load_left(1.0, LOAD_AT_ONCE, processors_usable());
     return err;
 }
@@ -140,7 +140,7 @@ static bool is_running(const struct doctor *d)
 
 static void measure(const struct launchfile *l, struct findings *f)
 {
-    struct complaint why = {""};
+    struct error why = {""};
     struct load m;
 
     if (load_measure(l, PROBE_S, &m, &why))

@@ -4,7 +4,7 @@
 #ifndef ANLOS_NODES_ANLOS_DOCTOR_LOAD_H
 #define ANLOS_NODES_ANLOS_DOCTOR_LOAD_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/anlos/doctor/findings.h"
 #include "nodes/rt/launchfile.h"
 
@@ -32,6 +32,6 @@ double load_left(double share, double idle, size_t usable);
 /* The launch file: of a simulated drive.  At least probe_s, and some images.  0, errors
  * of drive_pipe_create and drive_pipe_next. */
 int load_measure(const struct launchfile *l, double probe_s, struct load *out,
-                 struct complaint *why);
+                 struct error *why);
 
 #endif

@@ -210,7 +210,7 @@ void doctor_system(const void *ctx, struct findings *f)
 {
     const struct doctor *d = ctx;
     char run_dir[RUNDIR_SIZE];
-    struct complaint why = {""};
+    struct error why = {""};
     struct census *c = NULL;
     struct launchfile *l = doctor_load(d);
     const struct census_config cfg = {.run_dir = run_dir};

@@ -229,7 +229,7 @@ static void look_at_bag(const struct doctor *d, const struct launchfile *l,
 static void look_at_keys(const struct launchfile *l, struct findings *f)
 {
     const struct host *here = &l->hosts.list[l->hosts.here];
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!hosts_use_keys(&l->hosts)) {
         if (here->address[0])
@@ -248,7 +248,7 @@ static void look_at_keys(const struct launchfile *l, struct findings *f)
 /* Which of the machines is this, and is it? */
 static void look_at_host(const struct doctor *d, struct launchfile *l, struct findings *f)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!l->hosts.n && !d->host)
         return;
@@ -274,7 +274,7 @@ void doctor_launch(const void *ctx, struct findings *f)
 {
     const struct doctor *d = ctx;
     struct launchfile *l = NULL;
-    struct complaint why = {""};
+    struct error why = {""};
     char nodes[256] = "";
 
     if (!d->launch)
@@ -298,7 +298,7 @@ void doctor_launch(const void *ctx, struct findings *f)
 }
 
 /* The longest name that a socket in the folder may have. */
-static bool has_room_for_sockets(const char *run_dir, struct complaint *why)
+static bool has_room_for_sockets(const char *run_dir, struct error *why)
 {
     char url[ENDPOINT_URL_SIZE];
 
@@ -314,7 +314,7 @@ void doctor_run_dir(const void *ctx, struct findings *f)
 {
     const struct doctor *d = ctx;
     char run_dir[RUNDIR_SIZE];
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (rundir_name(run_dir, d->run_dir, &why) || !has_room_for_sockets(run_dir, &why)) {
         finding_add(f, FINDING_WRONG, "run-dir", "%s", why.text);

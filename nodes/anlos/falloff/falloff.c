@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/commands.h"
@@ -44,8 +44,7 @@ struct measurement {
     uint32_t *counts;            /* [2][n_microphones] */
 };
 
-static int open_recordings(struct measurement *m, const char *folder,
-                           struct complaint *why)
+static int open_recordings(struct measurement *m, const char *folder, struct error *why)
 {
     char path[PATH_MAX];
     int err;
@@ -82,8 +81,7 @@ static void find_closest_pair(struct measurement *m)
         }
 }
 
-static int measurement_open(struct measurement *m, const char *folder,
-                            struct complaint *why)
+static int measurement_open(struct measurement *m, const char *folder, struct error *why)
 {
     memset(m, 0, sizeof *m);
     int err = open_recordings(m, folder, why);
@@ -103,7 +101,7 @@ static int measurement_open(struct measurement *m, const char *folder,
     m->counts = malloc(2 * n * sizeof *m->counts);
     if (m->samples && m->subtrahend && m->ping && m->traces && m->counts)
         return 0;
-    return complain(why, -ENOMEM, "out of memory");
+    return error_say(why, -ENOMEM, "out of memory");
 }
 
 static void measurement_close(struct measurement *m)
@@ -120,8 +118,7 @@ static void measurement_close(struct measurement *m)
 }
 
 /* The slot of the pair's speaker at one position, compressed. */
-static int compress_position(struct measurement *m, size_t position,
-                             struct complaint *why)
+static int compress_position(struct measurement *m, size_t position, struct error *why)
 {
     size_t n = m->survey.n_microphones, length = m->processing.ping_samples;
     size_t start = survey_slot_of(&m->survey, m->speaker) * m->survey.slot_samples;
@@ -165,7 +162,7 @@ static int append(struct falloff_points *p, double distance_m, double power)
 }
 
 static int measure_positions(struct falloff_points *p, struct measurement *m,
-                             const char *folder, struct complaint *why)
+                             const char *folder, struct error *why)
 {
     size_t before = p->n;
     for (size_t k = 0; k < m->survey.n_positions; k++) {
@@ -177,10 +174,11 @@ static int measure_positions(struct falloff_points *p, struct measurement *m,
                          &delay_s, &power))
             continue;
         if (append(p, 0.5 * m->survey.sound_speed_m_s * delay_s, power))
-            return complain(why, -ENOMEM, "out of memory");
+            return error_say(why, -ENOMEM, "out of memory");
     }
-    return p->n > before ? 0
-                         : complain(why, -ENODATA, "%s: no position has an echo", folder);
+    return p->n > before
+               ? 0
+               : error_say(why, -ENODATA, "%s: no position has an echo", folder);
 }
 
 /* Appends one point for each position of a recording as `anlos sim` writes it: FOLDER
@@ -188,7 +186,7 @@ static int measure_positions(struct falloff_points *p, struct measurement *m,
  * pair is the closest speaker and microphone.  0, -ENOENT, -EINVAL, -EIO, -ENODATA (no
  * position has an echo), -ENOMEM. */
 static int falloff_measure(struct falloff_points *p, const char *folder,
-                           struct complaint *why)
+                           struct error *why)
 {
     struct measurement m;
     int err = measurement_open(&m, folder, why);
@@ -258,12 +256,12 @@ static void falloff_clear(struct falloff *f)
         falloff_points_clear(&f->sets[i].points);
 }
 
-static int fit_sets(struct falloff *f, struct complaint *why)
+static int fit_sets(struct falloff *f, struct error *why)
 {
     for (size_t i = 0; i < f->n_sets; i++) {
         struct set *s = &f->sets[i];
         if (falloff_fit(&s->fit, s->points.distance_m, s->points.power, s->points.n))
-            return complain(
+            return error_say(
                 why, -EINVAL,
                 "%s: %zu echo%s; expected two or more distances to fit a line", s->name,
                 s->points.n, s->points.n == 1 ? "" : "es");
@@ -288,7 +286,7 @@ static void print_sets(const struct falloff *f)
     }
 }
 
-static int write_csv(const struct falloff *f, const char *folder, struct complaint *why)
+static int write_csv(const struct falloff *f, const char *folder, struct error *why)
 {
     struct export_file e;
     int err = export_file_open(&e, folder, "falloff.csv", why);
@@ -364,7 +362,7 @@ static void add_lines(struct drawing *d, const struct falloff *f)
     }
 }
 
-static int draw(const struct falloff *f, const char *folder, struct complaint *why)
+static int draw(const struct falloff *f, const char *folder, struct error *why)
 {
     struct drawing d = {0};
     int err = scale_sets(&d, f);
@@ -382,14 +380,14 @@ static int draw(const struct falloff *f, const char *folder, struct complaint *w
         };
         err = export_chart(folder, "falloff", &chart, why);
     } else {
-        complain(why, err, "out of memory");
+        error_say(why, err, "out of memory");
     }
     for (size_t i = 0; i < f->n_sets; i++)
         free(d.relative[i]);
     return err;
 }
 
-static int write_results(const struct falloff *f, struct complaint *why)
+static int write_results(const struct falloff *f, struct error *why)
 {
     struct export_stage stage;
     int err = export_stage_begin(&stage, f->out, why);
@@ -408,12 +406,11 @@ static int write_results(const struct falloff *f, struct complaint *why)
 }
 
 /* A recording, or the name of the set that follows. */
-static int take_argument(struct falloff *f, int code, const char *text,
-                         struct complaint *why)
+static int take_argument(struct falloff *f, int code, const char *text, struct error *why)
 {
     if (code == 's' || !f->n_sets) {
         if (f->n_sets == MAX_SETS)
-            return complain(why, -EINVAL, "--set %s: more than %d sets", text, MAX_SETS);
+            return error_say(why, -EINVAL, "--set %s: more than %d sets", text, MAX_SETS);
         f->sets[f->n_sets++].name = code == 's' ? text : "echoes";
     }
     return code == 's' ? 0 : falloff_measure(&f->sets[f->n_sets - 1].points, text, why);
@@ -422,7 +419,7 @@ static int take_argument(struct falloff *f, int code, const char *text,
 int command_falloff(int argc, char **argv)
 {
     struct falloff f = {0};
-    struct complaint why = {0};
+    struct error why = {0};
     struct usage usage = {
         .command = "falloff", .help = help, .options = options, .short_options = "-:h"};
     int code = 0, err = 0;

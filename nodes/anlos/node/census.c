@@ -173,7 +173,7 @@ static void set_host(struct census_node *node, const struct hosts *h)
             memcpy(node->host, h->list[i].name, sizeof node->host);
 }
 
-static int count_people(struct census_taker *k, struct complaint *why)
+static int count_people(struct census_taker *k, struct error *why)
 {
     const struct bus_config bus_cfg = {.run_dir = k->cfg->run_dir, .listen_only = true};
     struct hosts hosts = {0};
@@ -188,7 +188,7 @@ static int count_people(struct census_taker *k, struct complaint *why)
     if (anybody_lives(k) || k->remote) {
         err = bus_create(&bus, &bus_cfg, why);
         if (!err && (err = bus_subscribe(bus, topic_health())))
-            complain(why, err, "topic health: %s", strerror(-err));
+            error_say(why, err, "topic health: %s", strerror(-err));
         if (!err)
             err = listen_to(k, bus);
         bus_destroy(bus);
@@ -202,15 +202,14 @@ static int count_people(struct census_taker *k, struct complaint *why)
     return err;
 }
 
-int census_take(struct census **out, const struct census_config *cfg,
-                struct complaint *why)
+int census_take(struct census **out, const struct census_config *cfg, struct error *why)
 {
     struct census_taker k = {.cfg = cfg, .census = calloc(1, sizeof **out)};
     int err = k.census ? collector_create(&k.collector) : -ENOMEM;
 
     if (err) {
         free(k.census);
-        return complain(why, err, "out of memory");
+        return error_say(why, err, "out of memory");
     }
     for (const char *const *n = topics_nodes(); *n && k.census->n < CENSUS_MAX; n++)
         k.census->nodes[k.census->n++].name = *n;

@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_ANLOS_NODE_CENSUS_H
 #define ANLOS_NODES_ANLOS_NODE_CENSUS_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/hosts.h"
 #include "nodes/anlos/top/table.h"
 
@@ -42,8 +42,7 @@ struct census_config {
 /* Listens until everybody who lives has been heard, for 3.5 s at most, and not at all
  * when nobody lives here and there is no other machine.  census_free the result.  0,
  * -EINTR (stop said so), -ENOMEM, other negative errno. */
-int census_take(struct census **out, const struct census_config *cfg,
-                struct complaint *why);
+int census_take(struct census **out, const struct census_config *cfg, struct error *why);
 const struct census_node *census_find(const struct census *c, const char *node);
 size_t census_count_alive(const struct census *c);
 void census_free(struct census *c);

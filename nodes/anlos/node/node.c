@@ -64,7 +64,7 @@ static void print_local(const char *run_dir, const char *node, const struct topi
                         FILE *f)
 {
     char url[ENDPOINT_URL_SIZE];
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (endpoint_url(url, run_dir, node, t->name, &why))
         fprintf(f, "  %-14s %s\n", t->name, why.text);
@@ -346,7 +346,7 @@ static bool is_node(const char *name)
 static int run(const char *node, const char *asked_dir, bool json)
 {
     char run_dir[RUNDIR_SIZE];
-    struct complaint why = {""};
+    struct error why = {""};
     struct census *c = NULL;
     struct census_config cfg = {
         .run_dir = run_dir, .node = node, .rates = true, .stop = interrupt_requested};

@@ -23,7 +23,7 @@ static json_t *axes_json(const struct psf *p)
     return all;
 }
 
-int psf_file_write(const char *folder, const struct psf_file *p, struct complaint *why)
+int psf_file_write(const char *folder, const struct psf_file *p, struct error *why)
 {
     double width_m[3];
     psf_widths(&p->psf, width_m);
@@ -43,7 +43,7 @@ int psf_file_write(const char *folder, const struct psf_file *p, struct complain
  */
 
 static int read_numbers(const json_t *o, const char *key, size_t n, double *out,
-                        const char *path, struct complaint *why)
+                        const char *path, struct error *why)
 {
     const json_t *a = json_object_get(o, key);
     bool ok = json_is_array(a) && json_array_size(a) == n;
@@ -53,12 +53,12 @@ static int read_numbers(const json_t *o, const char *key, size_t n, double *out,
         out[i] = json_number_value(v);
     }
     return ok ? 0
-              : complain(why, -EINVAL, "%s: %s: expected an array of %zu numbers", path,
-                         key, n);
+              : error_say(why, -EINVAL, "%s: %s: expected an array of %zu numbers", path,
+                          key, n);
 }
 
 static int read_values(struct psf_file *out, const json_t *o, const char *path,
-                       struct complaint *why)
+                       struct error *why)
 {
     double precision[6];
     const char *method = json_string_value(json_object_get(o, "method"));
@@ -70,19 +70,19 @@ static int read_values(struct psf_file *out, const json_t *o, const char *path,
     if (err)
         return err;
     if (!psf_invert(out->psf.covariance_m2, precision))
-        return complain(why, -EINVAL,
-                        "%s: covariance_m2: expected xx xy xz yy yz zz of a positive "
-                        "definite matrix",
-                        path);
+        return error_say(why, -EINVAL,
+                         "%s: covariance_m2: expected xx xy xz yy yz zz of a positive "
+                         "definite matrix",
+                         path);
     if (!method || strlen(method) >= sizeof out->method)
-        return complain(why, -EINVAL, "%s: method: expected a method's name", path);
+        return error_say(why, -EINVAL, "%s: method: expected a method's name", path);
     strcpy(out->method, method);
     const char *from = json_string_value(json_object_get(o, "from"));
     out->measured = from && !strcmp(from, "recording");
     return 0;
 }
 
-int psf_file_load(struct psf_file *out, const char *path, struct complaint *why)
+int psf_file_load(struct psf_file *out, const char *path, struct error *why)
 {
     json_error_t error;
     memset(out, 0, sizeof *out);
@@ -93,9 +93,9 @@ int psf_file_load(struct psf_file *out, const char *path, struct complaint *why)
     json_t *o = json_loadf(f, 0, &error);
     fclose(f);
     if (!o)
-        return complain(why, -EINVAL,
-                        "%s:%d: %s; expected psf.json as anlos psf wrote it", path,
-                        error.line, error.text);
+        return error_say(why, -EINVAL,
+                         "%s:%d: %s; expected psf.json as anlos psf wrote it", path,
+                         error.line, error.text);
     err = read_values(out, o, path, why);
     json_decref(o);
     return err;

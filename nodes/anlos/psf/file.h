@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_ANLOS_PSF_FILE_H
 #define ANLOS_NODES_ANLOS_PSF_FILE_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "recon/psf.h"
 
 struct psf_file {
@@ -14,10 +14,10 @@ struct psf_file {
 };
 
 /* psf.json, also with widths and axes for who reads it.  0, or as export_json. */
-int psf_file_write(const char *folder, const struct psf_file *p, struct complaint *why);
+int psf_file_write(const char *folder, const struct psf_file *p, struct error *why);
 
 /* Reads centre, covariance, band and method; the rest may be missing.  0, -EINVAL (JSON
- * or its values: the complaint names the file and the key), -ENOENT and other errno. */
-int psf_file_load(struct psf_file *out, const char *path, struct complaint *why);
+ * or its values: the error names the file and the key), -ENOENT and other errno. */
+int psf_file_load(struct psf_file *out, const char *path, struct error *why);
 
 #endif

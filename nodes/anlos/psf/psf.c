@@ -34,8 +34,7 @@ struct psf_job {
 #define MAX_DETAIL_M 0.5 /* wider is no point whatever the method */
 
 /* A whole reconstruction. */
-static int image(struct recon_job *job, const struct recon_options *o,
-                 struct complaint *why)
+static int image(struct recon_job *job, const struct recon_options *o, struct error *why)
 {
     int err = recon_job_open(job, o, why);
     if (!err)
@@ -99,20 +98,21 @@ static void guess_widths(const struct recon_job *found, const size_t at[3],
 
 /* Where the point is, and fine steps around it as the volume of *fine. */
 static int find_point(struct psf_job *job, const struct recon_job *found,
-                      struct recon_options *fine, struct complaint *why)
+                      struct recon_options *fine, struct error *why)
 {
     const struct grid *g = &found->processing.grid;
     size_t voxel = brightest(g, found->intensity), at[3];
     double at_m[3], width_m[3];
     place(g, voxel, at, at_m);
     if (!(found->intensity[voxel] > 0.0f))
-        return complain(why, -EINVAL, "the image is empty");
+        return error_say(why, -EINVAL, "the image is empty");
     for (int a = 0; a < 3; a++)
         if (g->n[a] > 1 && (at[a] == 0 || at[a] + 1 == g->n[a]))
-            return complain(why, -EINVAL,
-                            "the brightest place, %.3f, %.3f, %.3f m, lies on the rim of "
-                            "the volume; expected a corner reflector inside",
-                            at_m[0], at_m[1], at_m[2]);
+            return error_say(
+                why, -EINVAL,
+                "the brightest place, %.3f, %.3f, %.3f m, lies on the rim of "
+                "the volume; expected a corner reflector inside",
+                at_m[0], at_m[1], at_m[2]);
     guess_widths(found, at, at_m, width_m);
     for (int a = 0; a < 3; a++) {
         bool extends = g->n[a] > 1 && width_m[a] > 0.0;
@@ -126,17 +126,17 @@ static int find_point(struct psf_job *job, const struct recon_job *found,
     return 0;
 }
 
-static int fit(struct psf_job *job, struct recon_job *fine, struct complaint *why)
+static int fit(struct psf_job *job, struct recon_job *fine, struct error *why)
 {
     struct psf_file *f = &job->file;
     job->grid = fine->processing.grid;
     int err = psf_fit(&f->psf, &job->grid, fine->intensity,
                       brightest(&job->grid, fine->intensity));
     if (err)
-        return complain(why, err,
-                        err == -ENOMEM ? "out of memory"
-                                       : "the brightest place is no point: no "
-                                         "Gaussian fits it");
+        return error_say(why, err,
+                         err == -ENOMEM ? "out of memory"
+                                        : "the brightest place is no point: no "
+                                          "Gaussian fits it");
     geometry_resolution_at(&fine->processing.geometry, fine->processing.band_hz,
                            f->psf.centre_m, job->expected_m);
     f->measured = true;
@@ -153,7 +153,7 @@ static int fit(struct psf_job *job, struct recon_job *fine, struct complaint *wh
  * fits there.  psf_job_clear it, also after a failure.  0, as recon_job_run, -EINVAL
  * (nothing stands out, or on the volume's rim), -ERANGE (no peak to fit). */
 static int psf_job_measure(struct psf_job *job, const struct recon_options *options,
-                           struct complaint *why)
+                           struct error *why)
 {
     struct recon_job found, near;
     struct recon_options fine = *options;
@@ -171,22 +171,21 @@ static int psf_job_measure(struct psf_job *job, const struct recon_options *opti
     return err;
 }
 
-static int check_before(const struct geometry *g, const double at_m[3],
-                        struct complaint *why)
+static int check_before(const struct geometry *g, const double at_m[3], struct error *why)
 {
     double least_m[3], most_m[3];
     geometry_aperture(g, least_m, most_m);
     return at_m[2] > most_m[2]
                ? 0
-               : complain(why, -EINVAL,
-                          "--at %g,%g,%g: not before the array; expected z above %g m",
-                          at_m[0], at_m[1], at_m[2], most_m[2]);
+               : error_say(why, -EINVAL,
+                           "--at %g,%g,%g: not before the array; expected z above %g m",
+                           at_m[0], at_m[1], at_m[2], most_m[2]);
 }
 
 /* From the survey's geometry and band for a point in the array frame, behind the wall.
  * 0, as survey_load, -ERANGE (the aperture resolves fewer than two axes), -ENOMEM. */
 static int psf_job_compute(struct psf_job *job, const char *survey_path,
-                           const double at_m[3], struct complaint *why)
+                           const double at_m[3], struct error *why)
 {
     struct survey survey;
     struct geometry geometry;
@@ -209,11 +208,11 @@ static int psf_job_compute(struct psf_job *job, const char *survey_path,
     };
     err = psf_compute(&job->file.psf, &cfg, &job->grid, &job->intensity);
     if (err == -ERANGE)
-        complain(why, err,
-                 "%s: its aperture resolves fewer than two axes at %g, %g, %g m",
-                 survey_path, at_m[0], at_m[1], at_m[2]);
+        error_say(why, err,
+                  "%s: its aperture resolves fewer than two axes at %g, %g, %g m",
+                  survey_path, at_m[0], at_m[1], at_m[2]);
     else if (err)
-        complain(why, err, "%s", strerror(-err));
+        error_say(why, err, "%s", strerror(-err));
     memcpy(job->file.band_hz, cfg.band_hz, sizeof cfg.band_hz);
     strcpy(job->file.method, "geometry");
     survey_clear(&survey);
@@ -394,13 +393,13 @@ static void warn(const struct psf_job *job)
 }
 
 static int write_files(const struct psf_job *job, struct export_stage *stage,
-                       struct complaint *why)
+                       struct error *why)
 {
     int err = psf_file_write(stage->path, &job->file, why);
     if (!err)
         err = export_projections(stage->path, &job->grid, job->intensity, NULL, why);
     if (!err && interrupt_requested())
-        err = complain(why, -EINTR, "interrupted");
+        err = error_say(why, -EINTR, "interrupted");
     return err ? err : export_stage_commit(stage, why);
 }
 
@@ -408,7 +407,7 @@ static int run(const struct request *q)
 {
     const struct recon_options *o = &q->recon;
     struct export_stage stage;
-    struct complaint why = {0};
+    struct error why = {0};
     struct psf_job job = {0};
     bool bad_input = true;
 

@@ -238,12 +238,12 @@ void recon_auto_pace_destroy(struct recon_auto_pace *p)
 const char recon_auto_name[] = "auto";
 
 int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
-                      struct complaint *why)
+                      struct error *why)
 {
     const struct geometry *g = &job->processing.geometry;
     struct recon_auto *a = calloc(1, sizeof *a);
     if (!a)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     a->set = (struct trace_set){
         .geometry = g,
         .format = job->format,
@@ -256,7 +256,7 @@ int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
     a->taken = calloc(n / g->n_microphones, sizeof *a->taken);
     if (!a->traces || !a->heard || !a->taken) {
         recon_auto_destroy(a);
-        return complain(why, -ENOMEM, "out of memory: auto keeps all %zu traces", n);
+        return error_say(why, -ENOMEM, "out of memory: auto keeps all %zu traces", n);
     }
     a->set.traces = a->traces;
     a->set.heard = a->heard;
@@ -267,7 +267,7 @@ int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
         err = recon_auto_pace_create(&a->pace, a, job);
     if (err) {
         recon_auto_destroy(a);
-        return complain(why, err, "out of memory");
+        return error_say(why, err, "out of memory");
     }
     *out = a;
     return 0;
@@ -424,7 +424,7 @@ static bool wants_more(struct recon_auto *a, const struct recon_job *job)
 }
 
 int recon_auto_decide(struct recon_auto *a, struct recon_job *job,
-                      enum recon_auto_next *next, struct complaint *why)
+                      enum recon_auto_next *next, struct error *why)
 {
     size_t n = a->set.geometry->n_positions * trace_set_pairs(&a->set);
     bool heard = count(a->heard, n) > 0;
@@ -442,7 +442,7 @@ int recon_auto_decide(struct recon_auto *a, struct recon_job *job,
         err = recon_auto_look(a, job);
     stopwatch_lap(&job->stages[RECON_LOOK], &now, false);
     if (err)
-        return complain(why, err, "a look at the scene: %s", strerror(-err));
+        return error_say(why, err, "a look at the scene: %s", strerror(-err));
     auto_decide(a, job);
     *next = wants_other_band(a, job) ? RECON_AUTO_OTHER_BAND : RECON_AUTO_IMAGE;
     apply(a, job);
@@ -464,12 +464,11 @@ bool recon_auto_retreat(struct recon_auto *a, struct recon_job *job)
     return true;
 }
 
-int recon_auto_feed(const struct recon_auto *a, struct recon_job *job,
-                    struct complaint *why)
+int recon_auto_feed(const struct recon_auto *a, struct recon_job *job, struct error *why)
 {
     thin_out(a, a->plan.stride);
     int err = trace_set_feed(&a->set, job->imager, job->pool);
-    return err ? complain(why, err, "out of memory") : 0;
+    return err ? error_say(why, err, "out of memory") : 0;
 }
 
 void recon_auto_destroy(struct recon_auto *a)

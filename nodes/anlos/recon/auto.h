@@ -31,7 +31,7 @@ extern const char recon_auto_name[];
 
 /* Room for all traces of the job's format.  0, -ENOMEM. */
 int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
-                      struct complaint *why);
+                      struct error *why);
 
 /* What another one has seen and decided becomes that of the job. */
 void recon_auto_inherit(struct recon_job *job, const struct recon_auto *from);
@@ -52,15 +52,14 @@ enum recon_auto_next {
  * has decided nothing yet; run the reader with the sink again, then ask again.  0,
  * -ENOMEM, -EINVAL. */
 int recon_auto_decide(struct recon_auto *a, struct recon_job *job,
-                      enum recon_auto_next *next, struct complaint *why);
+                      enum recon_auto_next *next, struct error *why);
 
 /* The chosen method cannot do this geometry: decides without it.  false: nothing else is
  * left. */
 bool recon_auto_retreat(struct recon_auto *a, struct recon_job *job);
 
 /* Traces to the job's imager. */
-int recon_auto_feed(const struct recon_auto *a, struct recon_job *job,
-                    struct complaint *why);
+int recon_auto_feed(const struct recon_auto *a, struct recon_job *job, struct error *why);
 
 /* That can work at the same time. */
 size_t recon_auto_threads(const struct recon_job *job);

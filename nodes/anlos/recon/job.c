@@ -15,18 +15,17 @@
 #include "recon/trace_check.h"
 
 /* Processing knows the field, not the file. */
-static void name_survey(const struct recon_options *options, int err,
-                        struct complaint *why)
+static void name_survey(const struct recon_options *options, int err, struct error *why)
 {
-    struct complaint named;
+    struct error named;
 
     if (!options->survey || !strncmp(why->text, options->survey, strlen(options->survey)))
         return;
-    complain(&named, err, "%s: %.900s", options->survey, why->text);
+    error_say(&named, err, "%s: %.900s", options->survey, why->text);
     *why = named;
 }
 
-int recon_job_check_background(const struct recon_job *job, struct complaint *why)
+int recon_job_check_background(const struct recon_job *job, struct error *why)
 {
     if (!job->background)
         return 0;
@@ -37,7 +36,8 @@ int recon_job_check_background(const struct recon_job *job, struct complaint *wh
           *background = malloc(n * sizeof *background);
     uint32_t *counts = malloc(2 * s->n_microphones * sizeof *counts);
     bool same = true;
-    int err = scene && background && counts ? 0 : complain(why, -ENOMEM, "out of memory");
+    int err = scene && background && counts ? 0
+                                            : error_say(why, -ENOMEM, "out of memory");
 
     for (size_t i = 0; !err && same && i < sizeof positions / sizeof *positions; i++) {
         err = recording_read(job->recording, positions[i], scene, counts,
@@ -50,15 +50,15 @@ int recon_job_check_background(const struct recon_job *job, struct complaint *wh
     free(scene);
     free(background);
     free(counts);
-    return !err && same ? complain(why, -EINVAL,
-                                   "%s: the same sound as %s, of which nothing would be "
-                                   "left; expected the room without what is hidden",
-                                   job->options->background, job->options->wav)
+    return !err && same ? error_say(why, -EINVAL,
+                                    "%s: the same sound as %s, of which nothing would be "
+                                    "left; expected the room without what is hidden",
+                                    job->options->background, job->options->wav)
                         : err;
 }
 
 /* The survey and what it says, then the files. */
-static int open_recording(struct recon_job *job, struct complaint *why)
+static int open_recording(struct recon_job *job, struct error *why)
 {
     const struct recon_options *options = job->options;
     int err = survey_load(&job->survey, options->survey, why);
@@ -76,14 +76,14 @@ static int open_recording(struct recon_job *job, struct complaint *why)
         err = recording_open(&job->background, options->background, &job->survey, why);
     if (!err && job->background &&
         recording_frames(job->background) != recording_frames(job->recording))
-        err = complain(why, -EINVAL, "%s: %zu frames, expected the %zu of %s",
-                       options->background, recording_frames(job->background),
-                       recording_frames(job->recording), options->wav);
+        err = error_say(why, -EINVAL, "%s: %zu frames, expected the %zu of %s",
+                        options->background, recording_frames(job->background),
+                        recording_frames(job->recording), options->wav);
     return err;
 }
 
 int recon_job_open(struct recon_job *job, const struct recon_options *options,
-                   struct complaint *why)
+                   struct error *why)
 {
     memset(job, 0, sizeof *job);
     job->options = options;
@@ -95,7 +95,7 @@ int recon_job_open(struct recon_job *job, const struct recon_options *options,
     return err;
 }
 
-static int create_reader(struct recon_job *job, struct complaint *why)
+static int create_reader(struct recon_job *job, struct error *why)
 {
     const struct recon_reader_config cfg = {
         .survey = &job->survey,
@@ -115,18 +115,18 @@ static int create_reader(struct recon_job *job, struct complaint *why)
 }
 
 /* None for traces: they come compressed. */
-static int create_checks(struct recon_job *job, struct complaint *why)
+static int create_checks(struct recon_job *job, struct error *why)
 {
     const struct survey *s = &job->survey;
     int err = channel_check_create(&job->scene_check, s->n_microphones, s->n_positions);
     if (!err && job->background)
         err = channel_check_create(&job->background_check, s->n_microphones,
                                    s->n_positions);
-    return err ? complain(why, err, "out of memory") : 0;
+    return err ? error_say(why, err, "out of memory") : 0;
 }
 
 /* Room for what is imaged, for those who look at an object's echoes. */
-static int keep_traces(struct recon_job *job, struct complaint *why)
+static int keep_traces(struct recon_job *job, struct error *why)
 {
     const struct processing *p = &job->processing;
     const struct geometry *g = &p->geometry;
@@ -140,10 +140,11 @@ static int keep_traces(struct recon_job *job, struct complaint *why)
     job->heard_at = calloc(n, sizeof *job->heard_at);
     job->heard.traces = job->heard_data;
     job->heard.heard = job->heard_at;
-    return job->heard_data && job->heard_at ? 0 : complain(why, -ENOMEM, "out of memory");
+    return job->heard_data && job->heard_at ? 0
+                                            : error_say(why, -ENOMEM, "out of memory");
 }
 
-static int create_imager(struct recon_job *job, struct complaint *why)
+static int create_imager(struct recon_job *job, struct error *why)
 {
     int err = processing_imager(&job->imager, &job->processing, job->method, &job->format,
                                 job->pool, why);
@@ -152,16 +153,16 @@ static int create_imager(struct recon_job *job, struct complaint *why)
     if (err)
         return err;
     job->intensity = calloc(grid_size(&job->processing.grid), sizeof *job->intensity);
-    return job->intensity ? 0 : complain(why, -ENOMEM, "out of memory");
+    return job->intensity ? 0 : error_say(why, -ENOMEM, "out of memory");
 }
 
-int recon_job_plan(struct recon_job *job, struct complaint *why)
+int recon_job_plan(struct recon_job *job, struct error *why)
 {
     struct stopwatch now = stopwatch_now(false);
     int err = pool_create(&job->pool, job->options->threads);
     if (err)
-        return complain(why, err, "%zu threads: %s", job->options->threads,
-                        strerror(-err));
+        return error_say(why, err, "%zu threads: %s", job->options->threads,
+                         strerror(-err));
     if (!job->options->traces) {
         err = create_checks(job, why);
         if (!err)
@@ -197,7 +198,7 @@ static void add_to_image(void *ctx, size_t position, size_t speaker,
 }
 
 /* All traces to whoever takes them. */
-static int make_traces(struct recon_job *job, struct complaint *why)
+static int make_traces(struct recon_job *job, struct error *why)
 {
     struct recon_sink sink = {add_to_image, job, NULL};
     if (job->automatic)
@@ -207,11 +208,11 @@ static int make_traces(struct recon_job *job, struct complaint *why)
     struct stopwatch now = stopwatch_now(false);
     recon_traces_add(job, &sink);
     stopwatch_lap(&job->stages[RECON_STACK], &now, false);
-    return interrupt_requested() ? complain(why, -EINTR, "interrupted") : 0;
+    return interrupt_requested() ? error_say(why, -EINTR, "interrupted") : 0;
 }
 
 /* The traces of another band.  Channels were checked the first time. */
-static int make_traces_again(struct recon_job *job, struct complaint *why)
+static int make_traces_again(struct recon_job *job, struct error *why)
 {
     struct recon_auto *first = job->automatic;
     recon_reader_destroy(job->reader);
@@ -228,7 +229,7 @@ static int make_traces_again(struct recon_job *job, struct complaint *why)
     return err;
 }
 
-static int decide(struct recon_job *job, struct complaint *why)
+static int decide(struct recon_job *job, struct error *why)
 {
     enum recon_auto_next next;
     int err = recon_auto_decide(job->automatic, job, &next, why);
@@ -240,7 +241,7 @@ static int decide(struct recon_job *job, struct complaint *why)
     if (!err && next == RECON_AUTO_OTHER_BAND)
         err = make_traces_again(job, why);
     if (!err && interrupt_requested())
-        err = complain(why, -EINTR, "interrupted");
+        err = error_say(why, -EINTR, "interrupted");
     if (err)
         return err;
     struct stopwatch now = stopwatch_now(false);
@@ -254,7 +255,7 @@ static int decide(struct recon_job *job, struct complaint *why)
     return err;
 }
 
-static int find_objects(struct recon_job *job, struct complaint *why)
+static int find_objects(struct recon_job *job, struct error *why)
 {
     struct detect_config detect;
     detect_config_default(&detect);
@@ -276,13 +277,13 @@ static int find_objects(struct recon_job *job, struct complaint *why)
     int err = objects_find(&job->detections, &job->survey, &detect, 0.0,
                            &job->processing.grid, job->intensity);
     if (err)
-        return complain(why, err, "detection: %s", strerror(-err));
+        return error_say(why, err, "detection: %s", strerror(-err));
     job->detections->scan = 1;
     job->detections->counter = 1;
     return 0;
 }
 
-int recon_job_run(struct recon_job *job, struct complaint *why)
+int recon_job_run(struct recon_job *job, struct error *why)
 {
     int err = make_traces(job, why);
     if (!err && job->automatic)
@@ -290,16 +291,16 @@ int recon_job_run(struct recon_job *job, struct complaint *why)
     if (err)
         return err;
     if (!imager_pings(job->imager))
-        return complain(why, -ENODATA,
-                        "%s: no microphone is usable in any position; expected sound",
-                        job->options->wav ? job->options->wav : job->options->traces);
+        return error_say(why, -ENODATA,
+                         "%s: no microphone is usable in any position; expected sound",
+                         job->options->wav ? job->options->wav : job->options->traces);
     struct stopwatch now = stopwatch_now(false);
     imager_image(job->imager, job->intensity);
     imager_outcome(job->imager, &job->outcome);
     job->n_pings = imager_pings(job->imager);
     stopwatch_lap(&job->stages[RECON_IMAGE], &now, false);
     if (interrupt_requested())
-        return complain(why, -EINTR, "interrupted");
+        return error_say(why, -EINTR, "interrupted");
     err = find_objects(job, why);
     stopwatch_lap(&job->stages[RECON_DETECT], &now, false);
     return err;

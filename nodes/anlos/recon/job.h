@@ -4,7 +4,7 @@
 #define ANLOS_NODES_ANLOS_RECON_JOB_H
 
 #include "hal/recording/recording.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/detections.pb-c.h"
 #include "recon/survey.h"
 #include "nodes/anlos/psf/file.h"
@@ -49,18 +49,18 @@ struct recon_job {
 /* Survey, files and geometry, without heavy work: everything that can be wrong with the
  * input before the first sample is read.  recon_job_clear it, also after a failure. */
 int recon_job_open(struct recon_job *job, const struct recon_options *options,
-                   struct complaint *why);
+                   struct error *why);
 
 /* Plans and allocates. */
-int recon_job_plan(struct recon_job *job, struct complaint *why);
+int recon_job_plan(struct recon_job *job, struct error *why);
 
 /* Two recordings of one room differ, if only by their noise; of one that is its own
  * background nothing is left.  0, -EINVAL, -ENOMEM, -EIO. */
-int recon_job_check_background(const struct recon_job *job, struct complaint *why);
+int recon_job_check_background(const struct recon_job *job, struct error *why);
 
 /* 0, -EINTR (Ctrl-C, see interrupt.h), -EIO (a file), -ENODATA (no ping is usable),
  * -ENOMEM. */
-int recon_job_run(struct recon_job *job, struct complaint *why);
+int recon_job_run(struct recon_job *job, struct error *why);
 void recon_job_clear(struct recon_job *job);
 
 #endif

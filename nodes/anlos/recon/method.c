@@ -17,7 +17,7 @@ static void choose_method(struct recon_job *job)
     }
 }
 
-int recon_method_plan(struct recon_job *job, struct complaint *why)
+int recon_method_plan(struct recon_job *job, struct error *why)
 {
     const struct recon_options *o = job->options;
     char reason[256];
@@ -31,7 +31,7 @@ int recon_method_plan(struct recon_job *job, struct complaint *why)
     if (!strcmp(job->method, recon_auto_name))
         job->method = recon_auto_name;
     else if (imager_options_check(&job->imaging, job->method, reason, sizeof reason))
-        return complain(why, -EINVAL, "--set %s", reason);
+        return error_say(why, -EINVAL, "--set %s", reason);
     if (o->psf) {
         int err = psf_file_load(&job->psf, o->psf, why);
         if (err)

@@ -48,7 +48,7 @@ static void reader_worker_clear(struct reader_worker *w)
 }
 
 static int create_drift(struct reader_worker *w, const struct reader_setup *r,
-                        const struct trace_format *format, struct complaint *why)
+                        const struct trace_format *format, struct error *why)
 {
     const struct drift_config cfg = {
         .format = *format,
@@ -60,12 +60,12 @@ static int create_drift(struct reader_worker *w, const struct reader_setup *r,
         malloc(cfg.n_channels * format->n_samples * sizeof *w->background_traces);
     if (!err && !w->background_traces)
         err = -ENOMEM;
-    return err ? complain(why, err, "drift of the background: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "drift of the background: %s", strerror(-err)) : 0;
 }
 
 /* 0, -EINVAL, -ENOMEM; clear it also after a failure. */
 static int reader_worker_create(struct reader_worker *w, const struct reader_setup *r,
-                                struct complaint *why)
+                                struct error *why)
 {
     const struct recon_reader_config *cfg = &r->cfg;
     size_t n_mics = cfg->survey->n_microphones;
@@ -88,14 +88,14 @@ static int reader_worker_create(struct reader_worker *w, const struct reader_set
     w->masked = malloc(n_mics * sizeof *w->masked);
     if (!w->samples || (cfg->background && !w->background) || !w->ping || !w->traces ||
         !w->clipped || !w->not_finite || !w->masked)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     return r->drifting ? create_drift(w, r, &format, why) : 0;
 }
 
 /* Samples and background of a position; check: its channels are judged, counted and
  * masked.  0, -EIO, -EINVAL. */
 static int reader_worker_read(const struct reader_setup *r, struct reader_worker *w,
-                              size_t position, bool check, struct complaint *why)
+                              size_t position, bool check, struct error *why)
 {
     const struct recon_reader_config *cfg = &r->cfg;
     size_t frames = recording_frames(cfg->recording);
@@ -229,7 +229,7 @@ static double energy_in_gate(const struct reader_setup *r, struct reader_worker 
 }
 
 static int look_at_position(struct recon_reader *r, struct reader_worker *w,
-                            size_t position, bool *changed, struct complaint *why)
+                            size_t position, bool *changed, struct error *why)
 {
     size_t speakers = r->setup.cfg.survey->n_speakers;
     size_t usable = speakers > 1 ? speakers - 1 : 1; /* the last one may be cut */
@@ -250,7 +250,7 @@ static int look_at_position(struct recon_reader *r, struct reader_worker *w,
     return err;
 }
 
-static int look_at_air(struct recon_reader *r, struct complaint *why)
+static int look_at_air(struct recon_reader *r, struct error *why)
 {
     struct reader_worker w = {0};
     size_t n = r->setup.cfg.survey->n_positions;
@@ -268,18 +268,18 @@ static int look_at_air(struct recon_reader *r, struct complaint *why)
 /* -- all of it --------------------------------------------------------------------------
  */
 int recon_reader_create(struct recon_reader **out, const struct recon_reader_config *cfg,
-                        struct complaint *why)
+                        struct error *why)
 {
     struct recon_reader *r = calloc(1, sizeof *r);
     size_t threads = pool_threads(cfg->pool);
     int err = 0;
     if (!r)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     r->setup.cfg = *cfg;
     r->setup.processing = *cfg->processing;
     r->workers = calloc(threads, sizeof *r->workers);
     if (!r->workers)
-        err = complain(why, -ENOMEM, "out of memory");
+        err = error_say(why, -ENOMEM, "out of memory");
     if (!err && cfg->background && cfg->compression == COMPRESSION_MATCHED_FILTER)
         err = look_at_air(r, why);
     if (!r->setup.drifting)
@@ -309,7 +309,7 @@ struct run {
     struct recon_reader *reader;
     const struct recon_sink *sink;
     atomic_int err; /* the first */
-    struct complaint *why;
+    struct error *why;
 };
 
 static void process_ping(struct run *run, struct reader_worker *w, size_t position,
@@ -332,7 +332,7 @@ static void process_position(void *ctx, size_t position, size_t thread)
     struct recon_reader *r = run->reader;
     struct reader_worker *w = &r->workers[thread];
     size_t speakers = r->setup.cfg.survey->n_speakers;
-    struct complaint why = {0};
+    struct error why = {0};
     struct drift_track track;
     int none = 0;
 
@@ -381,7 +381,7 @@ static void share_times(const struct recon_reader *r, double wall_s,
 }
 
 int recon_reader_run(struct recon_reader *r, const struct recon_sink *sink,
-                     struct stopwatch *stages, struct air *air, struct complaint *why)
+                     struct stopwatch *stages, struct air *air, struct error *why)
 {
     struct run run = {.reader = r, .sink = sink, .why = why};
     struct stopwatch phase = {0}, now = stopwatch_now(false);
@@ -399,7 +399,7 @@ int recon_reader_run(struct recon_reader *r, const struct recon_sink *sink,
     for (size_t t = 0; t < pool_threads(r->setup.cfg.pool); t++)
         air_join(air, &r->workers[t].air);
     if (interrupt_requested())
-        return complain(why, -EINTR, "interrupted");
+        return error_say(why, -EINTR, "interrupted");
     return atomic_load(&run.err);
 }
 

@@ -9,7 +9,7 @@
 
 #include "dsp/pool.h"
 #include "hal/recording/recording.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/anlos/recon/results.h"
 #include "recon/air.h"
 #include "recon/channel_check.h"
@@ -42,7 +42,7 @@ struct recon_reader;
  * (dsp/drift.h; a few pings are looked at), traces are subtracted from traces, not
  * samples from samples.  0, -EINVAL, -ENOMEM, -EIO. */
 int recon_reader_create(struct recon_reader **out, const struct recon_reader_config *cfg,
-                        struct complaint *why);
+                        struct error *why);
 /* How much louder the background is within the gate than the recording, in dB, of the
  * pings that were looked at; NaN: none were. */
 double recon_reader_background_db(const struct recon_reader *r);
@@ -52,7 +52,7 @@ void recon_reader_format(const struct recon_reader *r, struct trace_format *out)
  * compressing and (the sink's) stacking; *air: what it has done.  0, -EINTR (Ctrl-C),
  * -EIO. */
 int recon_reader_run(struct recon_reader *r, const struct recon_sink *sink,
-                     struct stopwatch *stages, struct air *air, struct complaint *why);
+                     struct stopwatch *stages, struct air *air, struct error *why);
 
 /* After a run in other air than the background's: positions whose file ends with its last
  * slot.  Of several speakers the last one's ping was left out there; one alone was not,

@@ -12,7 +12,7 @@
 
 /* began: when the command started, the write times are put into the report. */
 static int write_results(struct recon_job *job, const char *folder, json_t *warnings,
-                         const struct stopwatch *began, struct complaint *why)
+                         const struct stopwatch *began, struct error *why)
 {
     struct recon_results r = {
         .options = job->options,
@@ -37,8 +37,7 @@ static int write_results(struct recon_job *job, const char *folder, json_t *warn
 
 /* Plans, runs and writes, with the output folder open. */
 static int run_in_stage(struct recon_job *job, struct export_stage *stage,
-                        const struct stopwatch *began, bool *bad_input,
-                        struct complaint *why)
+                        const struct stopwatch *began, bool *bad_input, struct error *why)
 {
     int err = recon_job_check_background(job, why);
     if (!err)
@@ -54,7 +53,7 @@ static int run_in_stage(struct recon_job *job, struct export_stage *stage,
         fprintf(stderr, "anlos recon: %s\n", json_string_value(text));
     err = write_results(job, stage->path, warnings, began, why);
     if (!err && interrupt_requested())
-        err = complain(why, -EINTR, "interrupted");
+        err = error_say(why, -EINTR, "interrupted");
     return err ? err : export_stage_commit(stage, why);
 }
 
@@ -62,7 +61,7 @@ static int run(const struct recon_options *o, const struct stopwatch *began)
 {
     struct recon_job job;
     struct export_stage stage;
-    struct complaint why = {0};
+    struct error why = {0};
     bool bad_input = true;
 
     interrupt_catch();

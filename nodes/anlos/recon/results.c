@@ -20,14 +20,14 @@ struct writing {
     const struct recon_results *results;
     const char *folder;
     atomic_int err; /* the first */
-    struct complaint *why;
+    struct error *why;
 };
 
 static void write_item(void *ctx, size_t item, size_t thread)
 {
     struct writing *w = ctx;
     const struct recon_results *r = w->results;
-    struct complaint why = {0};
+    struct error why = {0};
     int err, none = 0;
     (void)thread;
     if (item < EXPORT_PROJECTIONS)
@@ -40,7 +40,7 @@ static void write_item(void *ctx, size_t item, size_t thread)
 }
 
 int recon_results_write(struct recon_results *r, const char *folder,
-                        const struct stopwatch *began, struct complaint *why)
+                        const struct stopwatch *began, struct error *why)
 {
     struct writing w = {.results = r, .folder = folder, .why = why};
     struct stopwatch now = stopwatch_now(false), since = *began;
@@ -141,11 +141,11 @@ json_t *recon_results_report(const struct recon_results *r, json_t *recording)
 }
 
 int recon_results_finish(json_t *report, json_t *warnings, const char *folder,
-                         struct complaint *why)
+                         struct error *why)
 {
     if (json_object_set_new(report, "warnings", warnings)) {
         json_decref(report);
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     }
     int err = export_json(folder, "report.json", report, why);
     json_decref(report);

@@ -6,7 +6,7 @@
 #include <jansson.h>
 
 #include "dsp/pool.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "msgs/detections.pb-c.h"
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/stopwatch.h"
@@ -43,7 +43,7 @@ struct recon_results { /* borrows from a job */
 
 /* All files but report.json; began: when the command started, for *total. */
 int recon_results_write(struct recon_results *r, const char *folder,
-                        const struct stopwatch *began, struct complaint *why);
+                        const struct stopwatch *began, struct error *why);
 
 /* What report.json says of either; takes over recording.  NULL: no memory. */
 json_t *recon_results_report(const struct recon_results *r, json_t *recording);
@@ -51,6 +51,6 @@ json_t *recon_results_report(const struct recon_results *r, json_t *recording);
 /* Adds an array of warnings (takes it over) and writes report.json (takes it over too).
  */
 int recon_results_finish(json_t *report, json_t *warnings, const char *folder,
-                         struct complaint *why);
+                         struct error *why);
 
 #endif

@@ -9,7 +9,7 @@
 #include "nodes/anlos/interrupt.h"
 
 /* A survey of the traces: places, band, speed of sound, and nothing of a recording. */
-static int fill_survey(struct recon_job *job, struct complaint *why)
+static int fill_survey(struct recon_job *job, struct error *why)
 {
     const struct traces_file *t = &job->traces;
     struct survey *s = &job->survey;
@@ -27,7 +27,7 @@ static int fill_survey(struct recon_job *job, struct complaint *why)
     s->stage_positions_m = calloc(t->n_pings, sizeof *s->stage_positions_m);
     s->pings_m = malloc(t->n_pings * sizeof *s->pings_m);
     if (!s->speakers_m || !s->microphones_m || !s->stage_positions_m || !s->pings_m)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     memcpy(s->pings_m, t->pings_m, t->n_pings * sizeof *s->pings_m);
     return 0;
 }
@@ -38,8 +38,7 @@ static double end_s(const struct trace_format *f)
 }
 
 /* Takes away what is outside of the survey's gate.  delays_s: of the volume. */
-static int apply_gate(struct recon_job *job, const double delays_s[2],
-                      struct complaint *why)
+static int apply_gate(struct recon_job *job, const double delays_s[2], struct error *why)
 {
     const struct survey *s = &job->survey;
     const struct trace_format *f = &job->traces.format;
@@ -47,21 +46,21 @@ static int apply_gate(struct recon_job *job, const double delays_s[2],
     double half_c = 0.5 * s->sound_speed_m_s;
     const double gate_s[2] = {s->gate_m[0] / half_c, s->gate_m[1] / half_c};
     if (delays_s[1] <= gate_s[0] || delays_s[0] >= gate_s[1])
-        return complain(why, -EINVAL,
-                        "%s: volume: it lies %.2f to %.2f m away, outside the gate of "
-                        "%.2f to %.2f m; change gate_m or volume",
-                        survey, half_c * delays_s[0], half_c * delays_s[1], s->gate_m[0],
-                        s->gate_m[1]);
+        return error_say(why, -EINVAL,
+                         "%s: volume: it lies %.2f to %.2f m away, outside the gate of "
+                         "%.2f to %.2f m; change gate_m or volume",
+                         survey, half_c * delays_s[0], half_c * delays_s[1], s->gate_m[0],
+                         s->gate_m[1]);
     if (!traces_cut(&job->traces, gate_s))
         return 0;
-    return complain(why, -EINVAL,
-                    "%s: gate_m: %.2f to %.2f m, but the traces of %s last from %.2f to "
-                    "%.2f m; change gate_m",
-                    survey, s->gate_m[0], s->gate_m[1], job->options->traces,
-                    half_c * f->t0_s, half_c * end_s(f));
+    return error_say(why, -EINVAL,
+                     "%s: gate_m: %.2f to %.2f m, but the traces of %s last from %.2f to "
+                     "%.2f m; change gate_m",
+                     survey, s->gate_m[0], s->gate_m[1], job->options->traces,
+                     half_c * f->t0_s, half_c * end_s(f));
 }
 
-static int plan(struct recon_job *job, struct complaint *why)
+static int plan(struct recon_job *job, struct error *why)
 {
     const struct recon_options *o = job->options;
     const struct survey *s = &job->survey;
@@ -74,7 +73,7 @@ static int plan(struct recon_job *job, struct complaint *why)
     memcpy(p->band_hz, job->traces.band_hz, sizeof p->band_hz);
     int err = grid_from_limits(&p->grid, (const double(*)[3])s->volume_m);
     if (err)
-        return complain(why, err, "volume: too many voxels; expected at most 2^28");
+        return error_say(why, err, "volume: too many voxels; expected at most 2^28");
     grid_delays(&p->grid, &p->geometry, delays_s);
     if (s->has_gate)
         err = apply_gate(job, delays_s, why);
@@ -85,14 +84,14 @@ static int plan(struct recon_job *job, struct complaint *why)
     p->gate_s[0] = fmax(delays_s[0], f->t0_s);
     p->gate_s[1] = fmin(delays_s[1], end_s(f));
     if (p->gate_s[0] >= p->gate_s[1])
-        return complain(why, -EINVAL,
-                        "%s: its traces last from %g to %g s, but echoes of the volume "
-                        "arrive from %g to %g s; change the volume",
-                        o->traces, f->t0_s, end_s(f), delays_s[0], delays_s[1]);
+        return error_say(why, -EINVAL,
+                         "%s: its traces last from %g to %g s, but echoes of the volume "
+                         "arrive from %g to %g s; change the volume",
+                         o->traces, f->t0_s, end_s(f), delays_s[0], delays_s[1]);
     return 0;
 }
 
-int recon_traces_open(struct recon_job *job, struct complaint *why)
+int recon_traces_open(struct recon_job *job, struct error *why)
 {
     const struct recon_options *o = job->options;
     struct survey *s = &job->survey;
@@ -102,10 +101,10 @@ int recon_traces_open(struct recon_job *job, struct complaint *why)
         memcpy(s->volume_m, o->volume_m, sizeof s->volume_m);
     }
     if (!err && !s->has_volume)
-        err = complain(why, -EINVAL,
-                       o->survey ? "%s: expected the key volume, or --volume"
-                                 : "%s: expected --volume, or --survey with a volume",
-                       o->survey ? o->survey : o->traces);
+        err = error_say(why, -EINVAL,
+                        o->survey ? "%s: expected the key volume, or --volume"
+                                  : "%s: expected --volume, or --survey with a volume",
+                        o->survey ? o->survey : o->traces);
     if (!err)
         err = traces_load(&job->traces, o->traces, o->has_band ? o->band_hz : NULL, why);
     if (!err)

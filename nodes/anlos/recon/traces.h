@@ -10,7 +10,7 @@
  * and the mount.  0, or as traces_load; -EINVAL (no volume, or one that no trace
  * reaches).
  */
-int recon_traces_open(struct recon_job *job, struct complaint *why);
+int recon_traces_open(struct recon_job *job, struct error *why);
 
 /* All pings but those that are masked. */
 void recon_traces_add(struct recon_job *job, const struct recon_sink *sink);

@@ -463,7 +463,7 @@ int traces_reband(struct traces_file *t, const struct traces_raw *r,
 
 /* [n][3]; HDF5 files that MATLAB did not write often have [3][n]. */
 static int read_places(struct mat_file *f, const char *path, const char *name,
-                       size_t which, struct traces_file *t, struct complaint *why)
+                       size_t which, struct traces_file *t, struct error *why)
 {
     size_t extents[2];
     double *at = NULL;
@@ -473,16 +473,16 @@ static int read_places(struct mat_file *f, const char *path, const char *name,
     bool turned = extents[1] != 3 && extents[0] == 3;
     size_t n = extents[turned];
     if (extents[!turned] != 3 || (t->n_pings && n != t->n_pings)) {
-        err = complain(why, -EINVAL, "%s: %s: %zu x %zu, expected %s x 3", path, name,
-                       extents[0], extents[1],
-                       t->n_pings ? "as many pings as tx_m" : "pings");
+        err = error_say(why, -EINVAL, "%s: %s: %zu x %zu, expected %s x 3", path, name,
+                        extents[0], extents[1],
+                        t->n_pings ? "as many pings as tx_m" : "pings");
         goto out;
     }
     if (!t->pings_m)
         t->pings_m = calloc(n, sizeof *t->pings_m);
     t->n_pings = n;
     if (!t->pings_m) {
-        err = complain(why, -ENOMEM, "%s: out of memory", path);
+        err = error_say(why, -ENOMEM, "%s: out of memory", path);
         goto out;
     }
     for (size_t k = 0; !err && k < n; k++)
@@ -490,8 +490,8 @@ static int read_places(struct mat_file *f, const char *path, const char *name,
             double x = turned ? at[3 * k + a] : at[a * n + k];
             t->pings_m[k][which][a] = x;
             if (!err && !isfinite(x))
-                err = complain(why, -EINVAL, "%s: %s: row %zu is not finite", path, name,
-                               k + 1);
+                err = error_say(why, -EINVAL, "%s: %s: row %zu is not finite", path, name,
+                                k + 1);
         }
 out:
     free(at);
@@ -499,7 +499,7 @@ out:
 }
 
 static int read_traces(struct mat_file *f, const char *path, struct traces_raw *r,
-                       struct complaint *why)
+                       struct error *why)
 {
     size_t extents[2];
     int err = mat_file_read_complex(f, "traces", 2, extents, &r->traces, why);
@@ -510,15 +510,16 @@ static int read_traces(struct mat_file *f, const char *path, struct traces_raw *
     r->stride = turned ? r->n_samples : 1;
     r->step = turned ? 1 : r->n_pings;
     if (extents[turned] != r->n_pings || r->n_samples < 2)
-        return complain(why, -EINVAL,
-                        "%s: traces: %zu x %zu, expected %zu pings, as many as tx_m has, "
-                        "of 2 samples or more",
-                        path, extents[0], extents[1], r->n_pings);
+        return error_say(
+            why, -EINVAL,
+            "%s: traces: %zu x %zu, expected %zu pings, as many as tx_m has, "
+            "of 2 samples or more",
+            path, extents[0], extents[1], r->n_pings);
     return 0;
 }
 
 static int read_numbers(struct mat_file *f, const char *path, struct traces_file *t,
-                        struct traces_raw *r, struct complaint *why)
+                        struct traces_raw *r, struct error *why)
 {
     const struct {
         const char *name;
@@ -532,16 +533,16 @@ static int read_numbers(struct mat_file *f, const char *path, struct traces_file
         if (err)
             return err;
         if (!(*numbers[i].out >= numbers[i].min && *numbers[i].out <= numbers[i].max))
-            return complain(why, -EINVAL, "%s: %s: is %g, expected %g to %g", path,
-                            numbers[i].name, *numbers[i].out, numbers[i].min,
-                            numbers[i].max);
+            return error_say(why, -EINVAL, "%s: %s: is %g, expected %g to %g", path,
+                             numbers[i].name, *numbers[i].out, numbers[i].min,
+                             numbers[i].max);
     }
     return 0;
 }
 
 /* NaN: the file does not say. */
 static int read_band(struct mat_file *f, const char *path, double band_hz[2],
-                     struct complaint *why)
+                     struct error *why)
 {
     size_t extents[2];
     double *v = NULL;
@@ -555,15 +556,15 @@ static int read_band(struct mat_file *f, const char *path, double band_hz[2],
     if (extents[0] * extents[1] == 2 && v[0] >= 0.0 && v[0] < v[1] && isfinite(v[1]))
         memcpy(band_hz, v, 2 * sizeof *v);
     else
-        err = complain(why, -EINVAL,
-                       "%s: band_hz: expected two numbers, the lower and the upper end",
-                       path);
+        err = error_say(why, -EINVAL,
+                        "%s: band_hz: expected two numbers, the lower and the upper end",
+                        path);
     free(v);
     return err;
 }
 
 static int read_file(struct traces_file *t, struct traces_raw *r, const char *path,
-                     double band_hz[2], struct complaint *why)
+                     double band_hz[2], struct error *why)
 {
     struct mat_file *f = NULL;
     int err = mat_file_open(&f, path, why);
@@ -585,12 +586,12 @@ static int read_file(struct traces_file *t, struct traces_raw *r, const char *pa
 
 /* Which pings are of use, and whether anything is imaginary. */
 static int look(struct traces_file *t, struct traces_raw *r, const char *path,
-                struct complaint *why)
+                struct error *why)
 {
     r->real = r->carrier_hz == 0.0;
     t->masked = calloc(t->n_pings, sizeof *t->masked);
     if (!t->masked)
-        return complain(why, -ENOMEM, "%s: out of memory", path);
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     for (size_t k = 0; k < t->n_pings; k++) {
         bool finite = true, silent = true, loud = false;
         for (size_t n = 0; n < r->n_samples; n++) {
@@ -608,9 +609,9 @@ static int look(struct traces_file *t, struct traces_raw *r, const char *path,
     }
     if (t->n_not_finite + t->n_silent + t->n_too_loud < t->n_pings)
         return 0;
-    return complain(why, -ENODATA,
-                    "%s: traces: all are silent or not finite, or louder than %g", path,
-                    (double)TRACE_LOUDEST);
+    return error_say(why, -ENODATA,
+                     "%s: traces: all are silent or not finite, or louder than %g", path,
+                     (double)TRACE_LOUDEST);
 }
 
 /* Between samples traces may be louder than at any, and at another rate these are seen.
@@ -635,7 +636,7 @@ static double top_hz(const struct traces_raw *r)
 }
 
 int traces_load(struct traces_file *out, const char *path, const double wanted_hz[2],
-                struct complaint *why)
+                struct error *why)
 {
     struct traces_raw r = {0};
     double band_hz[2];
@@ -648,18 +649,19 @@ int traces_load(struct traces_file *out, const char *path, const double wanted_h
             memcpy(band_hz, wanted_hz, sizeof band_hz);
         err = traces_reband(out, &r, isnan(band_hz[0]) ? NULL : band_hz);
         if (err == -EINVAL)
-            complain(why, err,
-                     "%s: traces: no band stands out of their spectrum; name it with "
-                     "--band-hz LOW,HIGH",
-                     path);
+            error_say(why, err,
+                      "%s: traces: no band stands out of their spectrum; name it with "
+                      "--band-hz LOW,HIGH",
+                      path);
         else if (err == -ERANGE)
-            complain(why, err = -EINVAL,
-                     "%s: %s: %g to %g Hz, but traces with a rate of %g Hz hold %g to %g "
-                     "Hz",
-                     path, wanted_hz ? "--band-hz" : "band_hz", band_hz[0], band_hz[1],
-                     r.rate_hz, fmax(r.carrier_hz - 0.5 * r.rate_hz, 0.0), top_hz(&r));
+            error_say(
+                why, err = -EINVAL,
+                "%s: %s: %g to %g Hz, but traces with a rate of %g Hz hold %g to %g "
+                "Hz",
+                path, wanted_hz ? "--band-hz" : "band_hz", band_hz[0], band_hz[1],
+                r.rate_hz, fmax(r.carrier_hz - 0.5 * r.rate_hz, 0.0), top_hz(&r));
         else if (err == -EDOM)
-            complain(
+            error_say(
                 why, err = -EINVAL,
                 "%s: %s: %g to %g Hz, but of traces of %g ms only frequencies %.3g Hz "
                 "apart are known: a band has to be %.3g Hz wide or more",
@@ -667,7 +669,7 @@ int traces_load(struct traces_file *out, const char *path, const double wanted_h
                 1e3 * (double)r.n_samples / r.rate_hz, traces_bin_hz(&r),
                 2.0 * traces_bin_hz(&r));
         else if (err)
-            complain(why, err, "%s: out of memory", path);
+            error_say(why, err, "%s: out of memory", path);
     }
     if (!err)
         look_again(out);

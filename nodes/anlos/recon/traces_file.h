@@ -21,7 +21,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "dsp/pulse_compress.h"
 
 #define TRACES_MAX_CUT 6
@@ -45,11 +45,11 @@ struct traces_file {
 };
 
 /* band_hz [2]: where the echoes are, in place of what the file says; NULL.
- * Clear with traces_clear, also after an error.  The complaint is "file: variable: what
+ * Clear with traces_clear, also after an error.  The error is "file: variable: what
  * was expected".  0, -ENOENT and other errno of reading, -EINVAL, -EFBIG, -EIO (broken
  * off), -ENODATA (all are masked), -ENOMEM. */
 int traces_load(struct traces_file *out, const char *path, const double band_hz[2],
-                struct complaint *why);
+                struct error *why);
 void traces_clear(struct traces_file *t);
 
 /* Leaves of all traces the samples within these delays.  0, -ERANGE (fewer than 2 are).

@@ -46,7 +46,7 @@ static void note(struct chain *c, const char *text)
 
 static void take_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_ns)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (tracking_walls(c->tracking, walls, capture_ns, &why) ||
         (c->steady && steady_walls(c->steady, walls, capture_ns, &why)))
@@ -65,7 +65,7 @@ static void find_walls(struct chain *c, int64_t now_ns)
         take_walls(c, list, stamp_ns);
 }
 
-int chain_survey(struct chain *c, const Anlos__Survey *survey, struct complaint *why)
+int chain_survey(struct chain *c, const Anlos__Survey *survey, struct error *why)
 {
     struct stopwatch now = stopwatch_now(false);
     int err = dsp_survey(c->dsp, survey, why);
@@ -85,7 +85,7 @@ int chain_survey(struct chain *c, const Anlos__Survey *survey, struct complaint 
 
 /* What the can node's outbox does on a bus that takes everything at once. */
 static int send_list(struct chain *c, int64_t capture_ns, int64_t now_ns,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct sender_list list;
     int err = 0;
@@ -101,12 +101,12 @@ static int send_list(struct chain *c, int64_t capture_ns, int64_t now_ns,
         err = canbus_flush(c->cfg.can);
     if (!err)
         sender_told(&c->sender, &list);
-    return err ? complain(why, err, "CAN frames: %s", strerror(-err)) : 0;
+    return err ? error_say(why, err, "CAN frames: %s", strerror(-err)) : 0;
 }
 
 /* Of the newest image. */
 static int make_list(struct chain *c, int64_t capture_ns, int64_t taken_ns,
-                     struct complaint *why)
+                     struct error *why)
 {
     struct stopwatch now = stopwatch_now(false);
 
@@ -120,7 +120,7 @@ static int make_list(struct chain *c, int64_t capture_ns, int64_t taken_ns,
     return err;
 }
 
-static int make_image(struct chain *c, struct complaint *why)
+static int make_image(struct chain *c, struct error *why)
 {
     struct stopwatch now = stopwatch_now(false);
     int64_t capture_ns = recon_capture_ns(c->recon), taken_ns = recon_taken_ns(c->recon);
@@ -132,7 +132,7 @@ static int make_image(struct chain *c, struct complaint *why)
 }
 
 static int take_traces(struct chain *c, const Anlos__Traces *traces, int64_t capture_ns,
-                       int64_t publish_ns, struct complaint *why)
+                       int64_t publish_ns, struct error *why)
 {
     Anlos__Receipt receipt;
     char text[128];
@@ -151,8 +151,7 @@ static int take_traces(struct chain *c, const Anlos__Traces *traces, int64_t cap
 
 /* The same of an array that stands. */
 static int take_steady_traces(struct chain *c, const Anlos__Traces *traces,
-                              int64_t capture_ns, int64_t publish_ns,
-                              struct complaint *why)
+                              int64_t capture_ns, int64_t publish_ns, struct error *why)
 {
     char text[128];
     struct stopwatch now = stopwatch_now(false);
@@ -185,7 +184,7 @@ static void note_unusable(struct chain *c, const Anlos__Ping *ping,
 }
 
 static int take_ping(struct chain *c, const Anlos__Ping *ping, int64_t capture_ns,
-                     int64_t publish_ns, struct complaint *why)
+                     int64_t publish_ns, struct error *why)
 {
     struct dsp_output out;
     struct stopwatch now = stopwatch_now(false);
@@ -213,7 +212,7 @@ static int take_ping(struct chain *c, const Anlos__Ping *ping, int64_t capture_n
 }
 
 int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
-               int64_t publish_ns, struct complaint *why)
+               int64_t publish_ns, struct error *why)
 {
     Anlos__Ping ping = *recorded;
 
@@ -251,7 +250,7 @@ void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_
 void chain_given(struct chain *c, const Anlos__WallList *given, int64_t capture_ns,
                  int64_t publish_ns)
 {
-    struct complaint why = {""};
+    struct error why = {""};
 
     if (!c->cfg.walls || c->cfg.walls->wall.from != WALL_FROM_TOPIC)
         return;
@@ -260,7 +259,7 @@ void chain_given(struct chain *c, const Anlos__WallList *given, int64_t capture_
     find_walls(c, publish_ns);
 }
 
-int chain_end(struct chain *c, struct complaint *why)
+int chain_end(struct chain *c, struct error *why)
 {
     if (c->steady)
         return 0;
@@ -268,7 +267,7 @@ int chain_end(struct chain *c, struct complaint *why)
 }
 
 int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch_ns,
-                 struct complaint *why)
+                 struct error *why)
 {
     /* A scan node that was started again counts from 1 again. */
     if (c->scan_epoch_ns && epoch_ns != c->scan_epoch_ns)

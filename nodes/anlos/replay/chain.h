@@ -63,10 +63,10 @@ int chain_create(struct chain *c, const struct chain_config *cfg,
 
 /* Each takes a message as it was published: what the nodes would do until its effects
  * have come to the CAN bus.  0; of a survey those of processing_plan and recon_survey;
- * errors of canbus_send; -ENOMEM.  The complaint says what. */
-int chain_survey(struct chain *c, const Anlos__Survey *survey, struct complaint *why);
+ * errors of canbus_send; -ENOMEM.  The error says what. */
+int chain_survey(struct chain *c, const Anlos__Survey *survey, struct error *why);
 int chain_ping(struct chain *c, const Anlos__Ping *ping, int64_t capture_ns,
-               int64_t publish_ns, struct complaint *why);
+               int64_t publish_ns, struct error *why);
 void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns,
                int64_t publish_ns);
 void chain_ambient(struct chain *c, const Anlos__Ambient *ambient);
@@ -74,10 +74,10 @@ void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_
 void chain_given(struct chain *c, const Anlos__WallList *given, int64_t capture_ns,
                  int64_t publish_ns);
 int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch_ns,
-                 struct complaint *why);
+                 struct error *why);
 
 /* The bag has ended: a scan that was cut off gets its image. */
-int chain_end(struct chain *c, struct complaint *why);
+int chain_end(struct chain *c, struct error *why);
 void chain_clear(struct chain *c);
 
 #endif

@@ -16,7 +16,7 @@
 static const char topics[] = "survey,ping,scan/status,ego,ambient,wall,wall/given";
 
 /* The nodes begin when they know the survey. */
-static int begin(struct replay *r, const Anlos__Survey *survey, struct complaint *why)
+static int begin(struct replay *r, const Anlos__Survey *survey, struct error *why)
 {
     struct chain_config cfg = r->settings.chain;
     char reason[256];
@@ -26,17 +26,17 @@ static int begin(struct replay *r, const Anlos__Survey *survey, struct complaint
         r->settings.chain.recon.method = cfg.recon.method;
         if (imager_options_check(cfg.recon.options, cfg.recon.method, reason,
                                  sizeof reason))
-            return complain(why, -EINVAL, "--set %s", reason);
+            return error_say(why, -EINVAL, "--set %s", reason);
     }
     cfg.can = r->can;
     int err = chain_create(&r->chain, &cfg, r->stages);
     r->begun = true;
-    return err ? complain(why, err, "%zu threads: %s", cfg.recon.threads, strerror(-err))
+    return err ? error_say(why, err, "%zu threads: %s", cfg.recon.threads, strerror(-err))
                : 0;
 }
 
 /* Nothing that comes out of a recording may look live. */
-static int take_survey(struct replay *r, Anlos__Survey *survey, struct complaint *why)
+static int take_survey(struct replay *r, Anlos__Survey *survey, struct error *why)
 {
     int err = 0;
 
@@ -55,7 +55,7 @@ static int take_survey(struct replay *r, Anlos__Survey *survey, struct complaint
 }
 
 static int take(struct replay *r, const struct stream_message *m,
-                ProtobufCMessage *content, struct complaint *why)
+                ProtobufCMessage *content, struct error *why)
 {
     const struct envelope *e = &m->envelope;
 
@@ -82,7 +82,7 @@ static int take(struct replay *r, const struct stream_message *m,
     return 0;
 }
 
-static int take_next(struct replay *r, struct stream *s, struct complaint *why)
+static int take_next(struct replay *r, struct stream *s, struct error *why)
 {
     struct stream_message m;
     struct stopwatch now = stopwatch_now(false);
@@ -93,9 +93,9 @@ static int take_next(struct replay *r, struct stream *s, struct complaint *why)
     if (err)
         return err;
     if (!content)
-        return complain(why, -EBADMSG, "%s: a message of \"%.*s\" is none",
-                        r->options->bag, (int)m.channel->topic.size,
-                        (const char *)m.channel->topic.data);
+        return error_say(why, -EBADMSG, "%s: a message of \"%.*s\" is none",
+                         r->options->bag, (int)m.channel->topic.size,
+                         (const char *)m.channel->topic.data);
     err = take(r, &m, content, why);
     protobuf_c_message_free_unpacked(content, NULL);
     return err;
@@ -103,7 +103,7 @@ static int take_next(struct replay *r, struct stream *s, struct complaint *why)
 
 /* The first survey comes before all else, as play has it: a bag that was cut begins with
  * pings. */
-static int read_bag(struct replay *r, struct stream *s, struct complaint *why)
+static int read_bag(struct replay *r, struct stream *s, struct error *why)
 {
     stream_select(s, topic_survey()->name);
     int err = take_next(r, s, why);
@@ -121,28 +121,29 @@ static int read_bag(struct replay *r, struct stream *s, struct complaint *why)
 }
 
 /* Why there is no image. */
-static int complain_of_nothing(const struct replay *r, struct complaint *why)
+static int error_say_of_nothing(const struct replay *r, struct error *why)
 {
     const struct chain *c = &r->chain;
     const char *bag = r->options->bag;
 
     if (!r->begun)
-        return complain(why, -ENODATA, "%s: no survey; 'anlos bag info' shows what is in",
-                        bag);
+        return error_say(why, -ENODATA,
+                         "%s: no survey; 'anlos bag info' shows what is in", bag);
     if (!c->n_scene_pings)
-        return complain(why, -ENODATA, "%s: no pings of a scene", bag);
+        return error_say(why, -ENODATA, "%s: no pings of a scene", bag);
     if (c->cfg.dsp.background && !c->n_background_pings)
-        return complain(why, -ENODATA,
-                        "%s: %s asks for a background (scan.background), and no pings of "
-                        "one are there; --launch FILE names other settings",
-                        bag, r->settings.name);
-    return complain(why, -ENODATA, "%s: of %zu pings none is usable%s%s", bag,
-                    c->n_scene_pings, c->n_notes ? ": " : "",
-                    c->n_notes ? c->notes[0].text : "");
+        return error_say(
+            why, -ENODATA,
+            "%s: %s asks for a background (scan.background), and no pings of "
+            "one are there; --launch FILE names other settings",
+            bag, r->settings.name);
+    return error_say(why, -ENODATA, "%s: of %zu pings none is usable%s%s", bag,
+                     c->n_scene_pings, c->n_notes ? ": " : "",
+                     c->n_notes ? c->notes[0].text : "");
 }
 
 static int process(struct replay *r, struct stream *s, const char *folder,
-                   struct complaint *why)
+                   struct error *why)
 {
     char uri[PATH_MAX + 32];
 
@@ -151,14 +152,14 @@ static int process(struct replay *r, struct stream *s, const char *folder,
     if (!err)
         err = read_bag(r, s, why);
     if (!err && !r->chain.detections)
-        err = complain_of_nothing(r, why);
+        err = error_say_of_nothing(r, why);
     canbus_close(r->can);
     r->can = NULL;
     return err;
 }
 
 static int run_in_stage(struct replay *r, struct stream *s, struct export_stage *stage,
-                        const struct stopwatch *began, struct complaint *why)
+                        const struct stopwatch *began, struct error *why)
 {
     int err = process(r, s, stage->path, why);
 
@@ -167,7 +168,7 @@ static int run_in_stage(struct replay *r, struct stream *s, struct export_stage 
     if (!err)
         err = replay_write(r, stage->path, began, why);
     if (!err && interrupt_requested())
-        err = complain(why, -EINTR, "interrupted");
+        err = error_say(why, -EINTR, "interrupted");
     return err ? err : export_stage_commit(stage, why);
 }
 
@@ -179,7 +180,7 @@ static bool has_topic(const struct stream *s, const struct topic *t)
 /* As in a replay by the nodes, node wall tells of the walls where the launch file has it,
  * else the lists of the recording do.  Walls that the launch file asks for are not left
  * out without a word. */
-static int choose_walls(struct replay *r, const struct stream *s, struct complaint *why)
+static int choose_walls(struct replay *r, const struct stream *s, struct error *why)
 {
     const struct launchfile *l = r->settings.launch;
     const char *bag = r->options->bag, *name = r->settings.name;
@@ -188,27 +189,27 @@ static int choose_walls(struct replay *r, const struct stream *s, struct complai
         return 0;
     if (!r->settings.chain.walls && !has_topic(s, topic_wall())) {
         if (l->wall.from == WALL_FROM_TOPIC)
-            return complain(why, -ENODATA,
-                            "%s: %s asks for the walls of the recording (wall: {from: "
-                            "topic}, and no node wall), and no lists of them are there; "
-                            "--launch FILE names other settings",
-                            bag, name);
+            return error_say(why, -ENODATA,
+                             "%s: %s asks for the walls of the recording (wall: {from: "
+                             "topic}, and no node wall), and no lists of them are there; "
+                             "--launch FILE names other settings",
+                             bag, name);
         r->settings.chain.walls = l;
     }
     if (r->settings.chain.walls && l->wall.from == WALL_FROM_TOPIC &&
         !has_topic(s, topic_wall_given()))
-        return complain(why, -ENODATA,
-                        "%s: %s asks for walls that the vehicle gave (wall: {from: "
-                        "topic}), and none are there (wall/given); --launch FILE names "
-                        "other settings%s",
-                        bag, name,
-                        has_topic(s, topic_wall())
-                            ? ": without the node wall they are those of the recording"
-                            : "");
+        return error_say(why, -ENODATA,
+                         "%s: %s asks for walls that the vehicle gave (wall: {from: "
+                         "topic}), and none are there (wall/given); --launch FILE names "
+                         "other settings%s",
+                         bag, name,
+                         has_topic(s, topic_wall())
+                             ? ": without the node wall they are those of the recording"
+                             : "");
     return 0;
 }
 
-static int run(struct replay *r, const struct stopwatch *began, struct complaint *why)
+static int run(struct replay *r, const struct stopwatch *began, struct error *why)
 {
     struct export_stage stage;
     struct stream *s = NULL;
@@ -233,7 +234,7 @@ static int run(struct replay *r, const struct stopwatch *began, struct complaint
 int replay_run(const struct recon_options *options, const struct stopwatch *began)
 {
     struct replay r = {.options = options};
-    struct complaint why = {0};
+    struct error why = {0};
 
     interrupt_catch();
     int err = run(&r, began, &why);

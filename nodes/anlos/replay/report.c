@@ -97,7 +97,7 @@ static void add_pings(const struct replay *r, json_t *report)
 }
 
 int replay_write(struct replay *r, const char *folder, const struct stopwatch *began,
-                 struct complaint *why)
+                 struct error *why)
 {
     const struct chain *c = &r->chain;
     struct grid grid;
@@ -116,7 +116,8 @@ int replay_write(struct replay *r, const char *folder, const struct stopwatch *b
     int err = pool_create(&results.pool, r->options->threads);
 
     if (err)
-        return complain(why, err, "%zu threads: %s", r->options->threads, strerror(-err));
+        return error_say(why, err, "%zu threads: %s", r->options->threads,
+                         strerror(-err));
     err = recon_results_write(&results, folder, began, why);
     if (!err) {
         json_t *report = recon_results_report(&results, recording_json(r));

@@ -24,7 +24,7 @@ struct replay {
 
 /* All files but that of the CAN frames. */
 int replay_write(struct replay *r, const char *folder, const struct stopwatch *began,
-                 struct complaint *why);
+                 struct error *why);
 
 /* The objects, the time and the folder, on stdout. */
 void replay_print(const struct replay *r);

@@ -22,7 +22,7 @@ static void copy_text(char *out, size_t size, struct bytes b)
 
 /* What the recorder says of itself. */
 static int read_session(struct settings *s, const struct bag_catalog *bag,
-                        struct complaint *why)
+                        struct error *why)
 {
     struct bytes_buffer into = {0};
     struct bag_record r;
@@ -46,7 +46,7 @@ static int read_session(struct settings *s, const struct bag_catalog *bag,
 }
 
 static int read_launch(struct settings *s, const struct bag_catalog *bag,
-                       struct complaint *why)
+                       struct error *why)
 {
     struct bytes_buffer into = {0};
     struct bag_record r;
@@ -95,22 +95,22 @@ static void take_launch(struct chain_config *c, const struct launchfile *l)
 /* What the command line says wins.  Another method does not take the options of the
  * launch file's. */
 static int take_imaging(struct settings *s, const struct recon_options *o,
-                        struct complaint *why)
+                        struct error *why)
 {
     struct scan_imager_config *c = &s->chain.recon;
     char reason[256];
 
     if (s->chain.fixed && (o->method || o->imaging->given))
-        return complain(why, -EINVAL,
-                        "--%s is for scans; the frames of a fixed array have one way",
-                        o->method ? "method" : "set");
+        return error_say(why, -EINVAL,
+                         "--%s is for scans; the frames of a fixed array have one way",
+                         o->method ? "method" : "set");
     if (o->method)
         c->method = o->method;
     s->imaging = c->options && !o->method ? *c->options : *o->imaging;
     imager_options_overlay(&s->imaging, o->imaging);
     c->options = &s->imaging;
     if (c->method && imager_options_check(c->options, c->method, reason, sizeof reason))
-        return complain(why, -EINVAL, "--set %s", reason);
+        return error_say(why, -EINVAL, "--set %s", reason);
     return 0;
 }
 
@@ -127,8 +127,7 @@ static void take_options(struct chain_config *c, const struct recon_options *o)
     c->steady.compression = c->dsp.compression;
 }
 
-int settings_load(struct settings *s, const struct recon_options *o,
-                  struct complaint *why)
+int settings_load(struct settings *s, const struct recon_options *o, struct error *why)
 {
     struct bag_catalog *bag = NULL;
 

@@ -18,8 +18,7 @@ struct settings {
 /* 0; errors of opening a bag and of launchfile_load; -EINVAL (options that the method has
  * not, a method for a fixed array).  *s stays where it is.  Clear with settings_clear,
  * also after an error. */
-int settings_load(struct settings *s, const struct recon_options *o,
-                  struct complaint *why);
+int settings_load(struct settings *s, const struct recon_options *o, struct error *why);
 void settings_clear(struct settings *s);
 
 #endif

@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "dsp/pool.h"
 #include "hal/recording/recording.h"
 #include "hal/room/room.h"
@@ -47,7 +47,7 @@ static json_t *object_json(const struct room_object *o, const struct survey *s)
 
 /* Writes FOLDER/truth.json.  0 or a negative errno. */
 static int sim_truth_write(const struct room *room, const char *scene_path,
-                           const char *folder, struct complaint *why)
+                           const char *folder, struct error *why)
 {
     const struct survey *s = room_survey(room);
     const struct room_object *objects;
@@ -87,27 +87,28 @@ struct sim_job {
     pthread_mutex_t lock;     /* of what follows */
     size_t done;
     int err;
-    struct complaint why;
+    struct error why;
 };
 
 static const char *const pass_names[2] = {"scene", "background"};
 
-static int create_workers(struct sim_job *job, struct complaint *why)
+static int create_workers(struct sim_job *job, struct error *why)
 {
     const char *scene = job->options->scene;
     int err = 0;
     job->workers = calloc(job->options->threads, sizeof *job->workers);
     if (!job->workers)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     for (size_t t = 0; !err && t < job->options->threads; t++)
         err = room_load(&job->workers[t].room, scene, why);
     if (err)
         return err;
     if (room_is_drive(job->workers[0].room))
-        return complain(why, -EINVAL,
-                        "%s: a drive has no end; `anlos launch` plays it, and records it "
-                        "with --record BAG",
-                        scene);
+        return error_say(
+            why, -EINVAL,
+            "%s: a drive has no end; `anlos launch` plays it, and records it "
+            "with --record BAG",
+            scene);
     job->survey = room_survey(job->workers[0].room);
     job->frames = room_frames(job->workers[0].room, job->survey->n_speakers);
     job->speakers = malloc(job->survey->n_speakers * sizeof *job->speakers);
@@ -117,12 +118,12 @@ static int create_workers(struct sim_job *job, struct complaint *why)
         job->workers[t].samples =
             malloc(job->survey->n_microphones * job->frames * sizeof(float));
         if (!job->workers[t].samples || !job->speakers)
-            return complain(why, -ENOMEM, "out of memory");
+            return error_say(why, -ENOMEM, "out of memory");
     }
     return 0;
 }
 
-static int check_vacant(const char *out, struct complaint *why)
+static int check_vacant(const char *out, struct error *why)
 {
     static const char *const names[] = {"scene", "background", "calibration",
                                         "survey.yaml", "truth.json"};
@@ -143,7 +144,7 @@ static void record_item(void *ctx, size_t item, size_t thread)
     struct sim_worker *w = &job->workers[thread];
     size_t background = item / job->survey->n_positions;
     size_t position = item % job->survey->n_positions;
-    struct complaint why = {0};
+    struct error why = {0};
 
     pthread_mutex_lock(&job->lock);
     bool stop = job->err || interrupt_requested();
@@ -153,8 +154,8 @@ static void record_item(void *ctx, size_t item, size_t thread)
     int err = room_record(w->room, background ? PASS_BACKGROUND : PASS_SCENE, position,
                           job->speakers, job->survey->n_speakers, 0, w->samples);
     if (err)
-        complain(&why, err, "%s: position %zu: %s", job->options->scene, position,
-                 strerror(-err));
+        error_say(&why, err, "%s: position %zu: %s", job->options->scene, position,
+                  strerror(-err));
     else
         err = recording_write(job->folder[background], position,
                               job->survey->n_microphones, job->frames,
@@ -169,32 +170,32 @@ static void record_item(void *ctx, size_t item, size_t thread)
     pthread_mutex_unlock(&job->lock);
 }
 
-static int record_all(struct sim_job *job, struct complaint *why)
+static int record_all(struct sim_job *job, struct error *why)
 {
     struct pool *pool;
     for (int pass = 0; pass < 2; pass++) {
         snprintf(job->folder[pass], sizeof job->folder[pass], "%.*s/%s", PATH_MAX - 16,
                  job->stage.path, pass_names[pass]);
         if (mkdir(job->folder[pass], 0777))
-            return complain(why, -errno, "%s: cannot be written: %s", job->options->out,
-                            strerror(errno));
+            return error_say(why, -errno, "%s: cannot be written: %s", job->options->out,
+                             strerror(errno));
     }
     int err = pool_create(&pool, job->options->threads);
     if (err)
-        return complain(why, err, "%zu threads: %s", job->options->threads,
-                        strerror(-err));
+        return error_say(why, err, "%zu threads: %s", job->options->threads,
+                         strerror(-err));
     pool_run(pool, 2 * job->survey->n_positions, record_item, job);
     pool_destroy(pool);
     if (job->options->progress)
         fputc('\n', stderr);
     if (interrupt_requested())
-        return complain(why, -EINTR, "interrupted");
+        return error_say(why, -EINTR, "interrupted");
     if (job->err)
         *why = job->why;
     return job->err;
 }
 
-static int write_texts(struct sim_job *job, struct complaint *why)
+static int write_texts(struct sim_job *job, struct error *why)
 {
     char path[PATH_MAX + 32];
     const char *calibration = job->survey->n_responses ? "calibration" : NULL;
@@ -222,11 +223,11 @@ static void clear_workers(struct sim_job *job)
  * 0, -EINTR (Ctrl-C, see interrupt.h), -EEXIST (the folder holds a recording already),
  * other negative errno. */
 static int sim_job_run(const struct sim_options *options, bool *bad_input,
-                       struct complaint *why)
+                       struct error *why)
 {
     struct sim_job *job = calloc(1, sizeof *job);
     if (!job)
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     job->options = options;
     pthread_mutex_init(&job->lock, NULL);
 
@@ -331,7 +332,7 @@ int command_sim(int argc, char **argv)
     struct sim_options o = {.threads = usage_default_threads(),
                             .progress = isatty(STDERR_FILENO)};
     struct usage usage = {.command = "sim", .help = help, .options = options};
-    struct complaint why = {0};
+    struct error why = {0};
     bool bad_input = false;
     int code;
 

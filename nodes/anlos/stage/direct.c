@@ -72,7 +72,7 @@ static int grant(struct stage *stage, const struct stage_wish *w)
 
 int stage_wish_direct(const char *uri, const struct stage_wish *wishes, size_t n)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct stage_status status;
     struct stage *stage;
     int err = stage_open(&stage, uri, clock_system(), &why);

@@ -166,7 +166,7 @@ static int grant(struct remote *r, const struct stage_wish *w)
 int stage_wish_remote(const char *asked, const struct stage_wish *wishes, size_t n)
 {
     char run_dir[RUNDIR_SIZE];
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     struct remote r = {.heard = false};
     int code = EXIT_WORKED;
 

@@ -47,7 +47,7 @@ static double own_cpu_s(void)
            1e-6 * (double)(u.ru_utime.tv_usec + u.ru_stime.tv_usec);
 }
 
-static int subscribe(struct feed *f, struct complaint *why)
+static int subscribe(struct feed *f, struct error *why)
 {
     const struct topic *const wanted[] = {topic_health(), topic_scan_status(),
                                           topic_detections(), topic_log()};
@@ -56,12 +56,12 @@ static int subscribe(struct feed *f, struct complaint *why)
     for (size_t i = 0; !err && i < sizeof wanted / sizeof wanted[0]; i++) {
         err = bus_subscribe(f->bus, wanted[i]);
         if (err)
-            complain(why, err, "topic %s: %s", wanted[i]->name, strerror(-err));
+            error_say(why, err, "topic %s: %s", wanted[i]->name, strerror(-err));
     }
     return err;
 }
 
-int feed_open(struct feed **out, const char *run_dir, struct complaint *why)
+int feed_open(struct feed **out, const char *run_dir, struct error *why)
 {
     const struct bus_config cfg = {.run_dir = run_dir, .listen_only = true};
     struct feed *f = calloc(1, sizeof *f);
@@ -69,7 +69,7 @@ int feed_open(struct feed **out, const char *run_dir, struct complaint *why)
 
     if (!f || collector_create(&f->collector)) {
         free(f);
-        return complain(why, -ENOMEM, "out of memory");
+        return error_say(why, -ENOMEM, "out of memory");
     }
     snprintf(f->run_dir, sizeof f->run_dir, "%s", run_dir);
     int err = hosts_read(&hosts, run_dir, why);

@@ -5,14 +5,14 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/anlos/top/table.h"
 
 struct feed;
 
 /* Listens to health, scan/status and log; to nothing larger, so that looking costs the
  * system nothing.  0, -EINVAL, -ENOMEM, other negative errno. */
-int feed_open(struct feed **out, const char *run_dir, struct complaint *why);
+int feed_open(struct feed **out, const char *run_dir, struct error *why);
 
 /* Readable when feed_take has something to take. */
 int feed_fd(const struct feed *f);

@@ -26,17 +26,18 @@ static void choose_colours(void)
     init_pair(PAGE_BAD, COLOR_RED, -1);
 }
 
-int terminal_open(struct complaint *why)
+int terminal_open(struct error *why)
 {
     const char *kind = getenv("TERM");
 
     setlocale(LC_CTYPE, "");
     whole = terminal_kind_can_place(kind) ? newterm(NULL, stdout, stdin) : NULL;
     if (!whole)
-        return complain(why, -ENOTTY,
-                        "a terminal of the kind \"%s\" (TERM) cannot be drawn on; --once "
-                        "prints one table",
-                        kind ? kind : "");
+        return error_say(
+            why, -ENOTTY,
+            "a terminal of the kind \"%s\" (TERM) cannot be drawn on; --once "
+            "prints one table",
+            kind ? kind : "");
     choose_colours();
     cbreak(); /* Ctrl-C stays a signal */
     noecho();

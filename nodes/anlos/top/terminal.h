@@ -3,13 +3,13 @@
 #ifndef ANLOS_NODES_ANLOS_TOP_TERMINAL_H
 #define ANLOS_NODES_ANLOS_TOP_TERMINAL_H
 
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/anlos/top/page.h"
 
 /* Takes the terminal of stdin and stdout over.  Signals that end the program have to be
  * caught before.  Colour unless the terminal has none or NO_COLOR is set.  0, -ENOTTY
  * (of a kind that cannot be drawn on). */
-int terminal_open(struct complaint *why);
+int terminal_open(struct error *why);
 
 void terminal_size(int *width, int *height);
 void terminal_draw(const struct page *p);

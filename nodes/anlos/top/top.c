@@ -173,7 +173,7 @@ static bool take_keys(struct top *o)
 
 static int run_screen(struct top *o)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     int64_t due_ns = 0;
     bool keys = false;
     int code = 0;
@@ -211,7 +211,7 @@ static bool may_wait(const struct top *o)
 
 static int run(struct top *o)
 {
-    struct complaint why = {.text = ""};
+    struct error why = {.text = ""};
     bool plain = o->tables || !isatty(STDIN_FILENO) || !isatty(STDOUT_FILENO);
 
     if (plain && !o->tables)

@@ -185,7 +185,7 @@ static int watch(const struct watched *v, const struct topic *const *topics, siz
                  const struct topic_options *o)
 {
     char run_dir[RUNDIR_SIZE];
-    struct complaint why = {0};
+    struct error why = {0};
     struct bus *bus;
 
     if (rundir_name(run_dir, o->run_dir, &why) || rundir_check(run_dir, &why)) {

@@ -50,7 +50,7 @@ bool topic_watch_alive(const char *run_dir)
 }
 
 int topic_watch_open(struct bus **out, const char *run_dir,
-                     const struct topic *const *topics, size_t n, struct complaint *why)
+                     const struct topic *const *topics, size_t n, struct error *why)
 {
     struct bus_config cfg = {.run_dir = run_dir, .listen_only = true};
     int err = bus_create(out, &cfg, why);
@@ -59,7 +59,7 @@ int topic_watch_open(struct bus **out, const char *run_dir,
     for (size_t i = 0; !err && i < n; i++) {
         err = bus_subscribe(*out, topics[i]);
         if (err) {
-            complain(why, err, "topic %s: %s", topics[i]->name, strerror(-err));
+            error_say(why, err, "topic %s: %s", topics[i]->name, strerror(-err));
             bus_destroy(*out);
         }
     }

@@ -7,7 +7,7 @@
 #include <stdio.h>
 
 #include "msgs/bus.h"
-#include "dsp/complaint.h"
+#include "dsp/error.h"
 #include "nodes/anlos/topic/tally.h"
 
 /* Does anybody publish in the folder?  Tries each socket in it. */
@@ -15,7 +15,7 @@ bool topic_watch_alive(const char *run_dir);
 
 /* Opens a bus that only listens, to topics[n].  0 or a negative errno. */
 int topic_watch_open(struct bus **out, const char *run_dir,
-                     const struct topic *const *topics, size_t n, struct complaint *why);
+                     const struct topic *const *topics, size_t n, struct error *why);
 
 /* Prints messages as JSON lines until count (0: no end), Ctrl-C or a closed stdout.
  * 0, -EINTR, -ENOMEM, -EIO. */

@@ -1,0 +1,15 @@
+/* dsp/error.h -- an error as a person reads it: what, where and what to do, e.g.
+ * "corner.yaml:14: speaker_count 17 exceeds the 16 channels of hw:UMC1820". */
+#ifndef ANLOS_DSP_ERROR_H
+#define ANLOS_DSP_ERROR_H
+
+struct error {
+    char text[1024]; /* empty: nothing is wrong */
+};
+
+/* Writes the text (e may be NULL) and returns err, a negative errno, so that a failing
+ * function can `return error_say(why, -EINVAL, "...", ...)`. */
+int error_say(struct error *e, int err, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+#endif

@@ -1,0 +1,43 @@
+/* msgs/publisher.h -- the publishing end of one topic of one node: a nanomsg PUB socket
+ * of its own.  nanomsg filters at the subscriber, so topics that shared a socket would
+ * each send everything to everybody, and a large volume on its way would cost the
+ * receipts behind it. */
+#ifndef ANLOS_MSGS_PUBLISHER_H
+#define ANLOS_MSGS_PUBLISHER_H
+
+#include "msgs/bus.h"
+#include "msgs/remote.h"
+
+struct publisher;
+
+/* The caller holds the node's lock, so a socket file that is there is of a dead process
+ * and goes.  remote NULL: nobody on another machine is to hear it.  0, -ENOMEM,
+ * -ENAMETOOLONG, other negative errno. */
+int publisher_create(struct publisher **out, const struct bus_config *cfg,
+                     struct remote *remote, const struct topic *t, struct error *why);
+
+/* A message with room for size bytes at *payload.  NULL: out of memory. */
+void *publisher_allocate(size_t size, void **payload);
+
+/* Puts the envelope on, sends, and takes the message over in any case.  Thread-safe.
+ * 0 or a negative errno. */
+int publisher_send(struct publisher *o, int64_t capture_ns, int64_t publish_ns,
+                   void *message, size_t size);
+
+/* A message with a copy of payload[size].  0, -EMSGSIZE (more than its topic has),
+ * -ENOMEM, or as publisher_send. */
+int publisher_send_copy(struct publisher *o, int64_t capture_ns, int64_t publish_ns,
+                        const void *payload, size_t size);
+
+/* Of what is sent from now on.  Thread-safe. */
+void publisher_set_replayed(struct publisher *o, bool replayed);
+
+const struct topic *publisher_topic(const struct publisher *o);
+void publisher_count(struct publisher *o, struct bus_count *out);
+
+/* Bytes that the kernel takes for a connection before its reader reads.  nanomsg drops a
+ * message while the one before has not gone there whole. */
+size_t publisher_room(const struct publisher *o);
+void publisher_destroy(struct publisher *o);
+
+#endif

@@ -1,0 +1,54 @@
+/* nodes/array/acquisition.h -- the array node's step: fire commands to shots, recordings
+ * to ping messages. */
+#ifndef ANLOS_NODES_ARRAY_ACQUISITION_H
+#define ANLOS_NODES_ARRAY_ACQUISITION_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "msgs/survey.pb-c.h"
+#include "hal/array.h"
+#include "msgs/array.pb-c.h"
+
+struct acquisition;
+
+/* array is not owned.  0, -ENOMEM, -EINVAL (its survey does not pack). */
+int acquisition_create(struct acquisition **out, struct array *array);
+
+/* The survey as a message, owned by the acquisition. */
+const Anlos__Survey *acquisition_survey(const struct acquisition *s);
+
+/* Takes another one of the same array: pings name it from now on.  0, -ENOMEM, -EINVAL
+ * (it does not pack; the old one stays). */
+int acquisition_take_survey(struct acquisition *s, const struct survey *survey);
+
+/* Queues a shot.  One without end goes on until another one is queued, or an endless one
+ * without speakers, which is none.  The scan sends a command again until it hears of its
+ * pings: one with the id and sender's epoch of the newest one is ignored.  0, -EINVAL (a
+ * position or speaker that the survey has not; the error says which), -ENOBUFS (too
+ * many shots are waiting). */
+int acquisition_fire(struct acquisition *s, const Anlos__FireCommand *command,
+                     int64_t epoch_ns, struct error *why);
+
+/* Whether the stage may stand elsewhere than the scan knows: pushed by hand, or in fault.
+ * Pings recorded then, and the rest of the shots that were queued then, are not valid. */
+void acquisition_displaced(struct acquisition *s, bool displaced);
+
+/* Is there anything to record? */
+bool acquisition_busy(const struct acquisition *s);
+
+/* Does it go round without end? */
+bool acquisition_is_endless(const struct acquisition *s);
+
+/* Was the newest shot one without end, which ended nevertheless?  Recordings do. */
+bool acquisition_has_ended(const struct acquisition *s);
+
+/* Blocks until the next ping of the shots queued is recorded.  The message borrows from
+ * the array until the next call.  0, -ENODATA (nothing to do), -EINTR (a signal) and
+ * -EAGAIN (the device is away): call again; other negative errno of the array: the rest
+ * of that shot is lost. */
+int acquisition_next(struct acquisition *s, Anlos__Ping *out, int64_t *t0_ns,
+                     struct error *why);
+void acquisition_destroy(struct acquisition *s);
+
+#endif

@@ -1,0 +1,212 @@
+#include "nodes/wall/wall_map.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "msgs/convert.h"
+#include "recon/vehicle_frame.h"
+
+#define UNSAID_M   0.05
+#define UNSAID_RAD 0.035
+
+void wall_map_init(struct wall_map *k, const struct launchfile *l)
+{
+    memset(k, 0, sizeof *k);
+    k->from = l->wall.from;
+    wall_track_default(&k->cfg);
+    k->cfg.lost_s = l->wall.lost_s;
+    k->vertical_rad = l->wall.vertical_deg * M_PI / 180.0;
+    k->message = (Anlos__WallList)ANLOS__WALL_LIST__INIT;
+    k->message.n_free_view_m = 2 * l->wall.n_corners;
+    for (unsigned i = 0; i < l->wall.n_corners; i++) {
+        k->free_view_m[2 * i] = l->wall.free_view_m[i][0];
+        k->free_view_m[2 * i + 1] = l->wall.free_view_m[i][1];
+    }
+    k->message.free_view_m = k->free_view_m;
+}
+
+void wall_map_survey(struct wall_map *k, const struct survey *s)
+{
+    k->survey = s;
+    k->tracks.n = 0;
+    walls_from_survey(&k->configured, s);
+}
+
+void wall_map_ego(struct wall_map *k, const Anlos__EgoMotion *m, int64_t stamp_ns)
+{
+    const struct ego_motion motion = {m->standstill ? 0.0 : m->speed_m_s,
+                                      m->standstill ? 0.0 : m->yaw_rate_rad_s};
+
+    k->has_ego = true;
+    if (m->valid) /* the path refuses what is older than its newest */
+        (void)ego_path_add(&k->path, stamp_ns, &motion);
+}
+
+const struct ego_path *wall_map_path(const struct wall_map *k)
+{
+    return k->has_ego ? &k->path : NULL;
+}
+
+void wall_map_advance(struct wall_map *k, int64_t to_ns)
+{
+    struct ego_step step = {0.0, 0.0, 0.0};
+    struct wall_motion motion;
+    struct mount mount;
+
+    if (to_ns <= k->at_ns)
+        return;
+    if (k->survey && k->at_ns && k->tracks.n) {
+        k->blind = k->has_ego && ego_path_between(&k->path, k->at_ns, to_ns, &step);
+        motion.dt_s = 1e-9 * (double)(to_ns - k->at_ns);
+        motion.known = !k->blind;
+        motion.way_m = hypot(step.dx_m, step.dy_m);
+        motion.turn_rad = fabs(step.dyaw);
+        vehicle_frame_mount(k->survey, &mount);
+        mount_step(&mount, &step, motion.r, motion.t);
+        wall_tracks_predict(&k->tracks, &k->cfg, &motion);
+    }
+    k->at_ns = to_ns;
+}
+
+void wall_map_estimates(struct wall_map *k, const struct wall_estimates *e)
+{
+    struct wall seen[WALL_ESTIMATE_MAX];
+
+    for (size_t i = 0; i < e->n; i++)
+        seen[i] = e->list[i].wall;
+    k->undetermined = e->n_undetermined;
+    wall_tracks_update(&k->tracks, &k->cfg, seen, e->n);
+}
+
+/* What the vehicle does not say of its wall's errors. */
+static void complete(const struct wall_map *k, struct wall *w)
+{
+    double *c = w->covariance;
+
+    if (c[0] == 0.0 && c[5] == 0.0) {
+        c[0] = UNSAID_RAD * UNSAID_RAD;
+        c[5] = UNSAID_M * UNSAID_M;
+    }
+    if (c[3] == 0.0)
+        c[3] = k->vertical_rad * k->vertical_rad;
+}
+
+/* A wall as it was at an instant, carried to the present. */
+static void put(struct wall_map *k, const struct wall_gate *w, int64_t at_ns)
+{
+    struct walls one = {.n = 1, .list = {*w}};
+    struct ego_step step = {0.0, 0.0, 0.0};
+
+    if (k->has_ego && at_ns < k->at_ns)
+        k->blind = ego_path_between(&k->path, at_ns, k->at_ns, &step) != 0;
+    complete(k, &one.list[0].plane);
+    walls_step(&one, k->survey, &step);
+    wall_tracks_put(&k->tracks, w->id, &one.list[0].plane);
+}
+
+int wall_map_given(struct wall_map *k, const Anlos__WallList *m, int64_t stamp_ns,
+                   struct error *why)
+{
+    struct walls given;
+    uint32_t ids[WALLS_MAX];
+    int err = walls_from_given(&given, m, k->survey, why);
+
+    if (err)
+        return err;
+    wall_map_advance(k, stamp_ns);
+    for (size_t i = 0; i < given.n; i++) {
+        double unseen_s = fmin(fmax(m->walls[i]->unseen_s, 0.0), k->cfg.lost_s);
+        ids[i] = given.list[i].id;
+        if (unseen_s > 0.0 && wall_tracks_find(&k->tracks, ids[i]))
+            continue; /* said before, and carried along since */
+        put(k, &given.list[i], stamp_ns - (int64_t)(1e9 * unseen_s));
+    }
+    wall_tracks_keep(&k->tracks, ids, given.n);
+    return 0;
+}
+
+static void add(struct wall_map *k, Anlos__Wall__Origin origin, const struct wall_gate *g,
+                double existence, double unseen_s)
+{
+    size_t i = k->message.n_walls++;
+    Anlos__Wall *w = &k->walls[i];
+
+    anlos__wall__init(w);
+    anlos__vec3__init(&k->normals[i]);
+    k->normals[i].x = g->plane.normal[0];
+    k->normals[i].y = g->plane.normal[1];
+    k->normals[i].z = g->plane.normal[2];
+    w->id = g->id;
+    w->origin = origin;
+    w->normal = &k->normals[i];
+    w->distance_m = g->plane.distance_m;
+    w->gate_near_m = g->gate_m[0];
+    w->gate_far_m = g->gate_m[1];
+    w->existence = existence;
+    w->unseen_s = unseen_s;
+    k->each[i] = w;
+}
+
+static void add_tracks(struct wall_map *k)
+{
+    const struct wall_tracks *t = &k->tracks;
+    double far_m = k->survey->has_gate ? k->survey->gate_m[1] : WALLS_FAR_M;
+    bool done[WALL_TRACKS_MAX] = {false};
+
+    for (size_t round = 0; round < t->n; round++) {
+        size_t best = t->n;
+        for (size_t i = 0; i < t->n; i++)
+            if (!done[i] &&
+                (best == t->n || t->list[i].existence > t->list[best].existence))
+                best = i;
+        done[best] = true;
+        const struct wall_track *w = &t->list[best];
+        if (!w->confirmed)
+            continue;
+        const struct wall_gate gate = {
+            .id = w->id, .plane = w->wall, .gate_m = {0.0, far_m}};
+        add(k,
+            k->from == WALL_FROM_TOPIC ? ANLOS__WALL__ORIGIN__GIVEN
+                                       : ANLOS__WALL__ORIGIN__ESTIMATED,
+            &gate, w->existence, w->unseen_s);
+        Anlos__Wall *m = &k->walls[k->message.n_walls - 1];
+        m->n_covariance = 6;
+        m->covariance = (double *)(uintptr_t)w->wall.covariance; /* packing only reads */
+    }
+}
+
+static void describe(struct wall_map *k)
+{
+    const struct wall_tracks *t = &k->tracks;
+
+    k->text[0] = 0;
+    if (k->message.n_walls && k->blind)
+        snprintf(k->text, sizeof k->text, "nobody tells how the vehicle moves");
+    if (k->message.n_walls)
+        return;
+    if (k->from == WALL_FROM_SURVEY)
+        snprintf(k->text, sizeof k->text, "the survey names no wall");
+    else if (k->undetermined)
+        snprintf(k->text, sizeof k->text,
+                 "a wall is heard, but this array cannot tell how it stands");
+    else if (t->n_lost)
+        snprintf(k->text, sizeof k->text, "wall %u is lost%s", t->lost_id,
+                 k->blind ? ": nobody tells how the vehicle moves" : "");
+    else
+        snprintf(k->text, sizeof k->text, "no wall is known yet");
+}
+
+const Anlos__WallList *wall_map_list(struct wall_map *k)
+{
+    k->message.n_walls = 0;
+    k->message.walls = k->each;
+    if (k->from == WALL_FROM_SURVEY)
+        for (size_t i = 0; i < k->configured.n; i++)
+            add(k, ANLOS__WALL__ORIGIN__CONFIGURED, &k->configured.list[i], 1.0, 0.0);
+    else if (k->survey)
+        add_tracks(k);
+    describe(k);
+    k->message.text = k->text;
+    return &k->message;
+}
