@@ -18,7 +18,7 @@ struct bag_reader {
     struct bytes_buffer chunk; /* records of the chunk under way */
     struct bytes_cursor left;  /* of the chunk */
     uint64_t allowance;        /* bytes that chunks may still hold */
-    int failed; /* 0, or the negative errno of: */
+    int failed;                /* 0, or the negative errno of: */
     struct error error;
 };
 
