@@ -1,5 +1,12 @@
 #include "msgs/convert.h"
 
+#include <math.h>
+
+/* Beyond these it is no image of sound, and what draws axes would never come to an end.
+ */
+#define FARTHEST_M 1e4
+#define FINEST_M   1e-6
+
 void ping_from_message(struct ping *p, const Anlos__Ping *m, int64_t capture_ns)
 {
     size_t extents[2] = {0};
@@ -122,4 +129,50 @@ void volume_to_message(const struct volume *v, struct volume_view *view, Anlos__
     m->sound_speed_m_s = v->sound_speed_m_s;
     m->standing_left = v->standing_left;
     m->standing_taken = v->standing_taken;
+}
+
+static int read_vec3(const Anlos__Vec3 *v, double out[3])
+{
+    if (!v || !isfinite(v->x) || !isfinite(v->y) || !isfinite(v->z))
+        return -1;
+    out[0] = v->x;
+    out[1] = v->y;
+    out[2] = v->z;
+    return 0;
+}
+
+const float *volume_grid(const Anlos__Volume *v, struct grid *out)
+{
+    size_t extents[3];
+    const float *x = v->intensity ? tensor_f32(v->intensity, 3, extents) : NULL;
+
+    if (!x || read_vec3(v->origin_m, out->origin_m) || read_vec3(v->step_m, out->step_m))
+        return NULL;
+    for (int i = 0; i < 3; i++) {
+        out->n[i] = extents[2 - i];
+        if (!(fabs(out->origin_m[i]) <= FARTHEST_M && out->step_m[i] >= FINEST_M &&
+              (double)out->n[i] * out->step_m[i] <= FARTHEST_M))
+            return NULL;
+    }
+    return x;
+}
+
+void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns)
+{
+    *v = (struct volume){.survey_id = m->survey_id,
+                         .capture_ns = capture_ns,
+                         .scan = m->scan,
+                         .frame = m->frame,
+                         .method = m->method,
+                         .source = (enum survey_source)m->source,
+                         .sound_speed_m_s = m->sound_speed_m_s,
+                         .preview = m->preview,
+                         .pings_used = m->pings_used,
+                         .pings_expected = m->pings_expected,
+                         .pings_blanked = m->pings_blanked,
+                         .microphones_masked = m->microphones_masked,
+                         .clipped_samples = m->clipped_samples,
+                         .standing_left = m->standing_left,
+                         .standing_taken = m->standing_taken};
+    v->intensity = volume_grid(m, &v->grid);
 }

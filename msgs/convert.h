@@ -6,6 +6,7 @@
 
 #include "dsp/error.h"
 #include "msgs/array.pb-c.h"
+#include "msgs/detections.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/tensor.h"
 #include "msgs/traces.pb-c.h"
@@ -13,6 +14,7 @@
 #include "msgs/volume.pb-c.h"
 #include "msgs/wall.pb-c.h"
 #include "recon/ego.h"
+#include "recon/objects.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 #include "recon/traces.h"
@@ -55,6 +57,17 @@ struct volume_view { /* storage for a message that borrows its image */
 /* imaging_s is the caller's to set. */
 void volume_to_message(const struct volume *v, struct volume_view *view,
                        Anlos__Volume *m);
+
+/* intensity [nz][ny][nx], borrowed from the message.  NULL: the message does not hold, or
+ * its grid lies or reaches farther than 10 km, or is finer than 1 um. */
+const float *volume_grid(const Anlos__Volume *v, struct grid *out);
+
+/* intensity is NULL where volume_grid says so. */
+void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns);
+
+/* A message of its own; detections_free it.  0, -ENOMEM. */
+int detections_from_objects(Anlos__DetectionList **out, const struct object_list *list);
+void detections_free(Anlos__DetectionList *list);
 
 /* out; NULL: somebody told of the motion, but not that. */
 const struct ego_motion *ego_from_message(struct ego_motion *out,

@@ -16,8 +16,8 @@
 #include "nodes/foxglove/image.h"
 #include "nodes/foxglove/parts.h"
 #include "nodes/rt/export.h"
-#include "nodes/rt/objects.h"
-#include "nodes/rt/volume_grid.h"
+#include "recon/objects.h"
+#include "msgs/convert.h"
 #include "recon/symmetric.h"
 
 #define MAX_POINTS 100000u

@@ -6,7 +6,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#include "nodes/rt/volume_grid.h"
+#include "msgs/convert.h"
 
 /* The first bits of a positive float are a logarithm of it: 8 of exponent and 4 more make
  * bins of an eighth to a quarter of a dB. */

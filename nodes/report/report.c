@@ -10,7 +10,7 @@
 #include "msgs/convert.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
-#include "nodes/rt/volume_grid.h"
+#include "msgs/convert.h"
 #include "recon/processing.h"
 
 #define STEP_NS  150000000LL   /* of trails, which have TRAILS_MAX_POINTS */

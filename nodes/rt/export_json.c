@@ -5,7 +5,7 @@
 #include <stdbool.h>
 
 #include "nodes/rt/export_file.h"
-#include "nodes/rt/objects.h"
+#include "recon/objects.h"
 
 json_t *export_real(double value)
 {

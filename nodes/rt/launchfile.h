@@ -9,6 +9,7 @@
 #include "msgs/bag/compression.h"
 #include "dsp/error.h"
 #include "msgs/hosts.h"
+#include "recon/object_tracker.h"
 #include "recon/frontend.h"
 #include "recon/compressor.h"
 #include "recon/frames.h"
@@ -19,25 +20,19 @@
 
 enum wall_from { WALL_FROM_SURVEY, WALL_FROM_TOPIC, WALL_FROM_ECHOES };
 
-enum launch_track_mode { /* auto: tracks of a fixed array, else lists */
-                         LAUNCH_TRACK_AUTO,
-                         LAUNCH_TRACK_LISTS,
-                         LAUNCH_TRACK_TRACKS
-};
-
 struct launch_track { /* recon/track.h tells what they do, and why so much */
     double threshold_db;
     double min_existence; /* of a detection */
     enum cfar_kind cfar;  /* in place of threshold_db; default ordered for a fixed array,
                            * off for scans */
     double false_alarm_rate; /* of each voxel, with cfar; default 1e-4 */
-    enum launch_track_mode mode;
+    enum object_tracker_mode mode;
     unsigned confirm_hits, confirm_of;
     double confirm_existence;
     double detection_probability;
     double clutter;     /* false detections in an image */
-    double sidelobe_db; /* nodes/track/ghosts.h */
-    double look_s;      /* nodes/track/timing.h */
+    double sidelobe_db; /* recon/sidelobes.h */
+    double look_s;      /* recon/timing.h */
     double acceleration_psd, join_m, coast_s;
 };
 

@@ -10,7 +10,7 @@ const struct launch_track launch_track_default = {.threshold_db = 12.0,
                                                   .min_existence = 0.5,
                                                   .cfar = CFAR_OFF,
                                                   .false_alarm_rate = 1e-4,
-                                                  .mode = LAUNCH_TRACK_AUTO,
+                                                  .mode = OBJECT_TRACKER_AUTO,
                                                   .confirm_hits = 3,
                                                   .confirm_of = 5,
                                                   .confirm_existence = 0.9,
@@ -53,14 +53,14 @@ static int check(const struct launchfile *l, struct error *why)
 
 static int copy_mode(struct launchfile *l, const char *mode, struct error *why)
 {
-    static const char *const names[] = {[LAUNCH_TRACK_AUTO] = "auto",
-                                        [LAUNCH_TRACK_LISTS] = "lists",
-                                        [LAUNCH_TRACK_TRACKS] = "tracks"};
+    static const char *const names[] = {[OBJECT_TRACKER_AUTO] = "auto",
+                                        [OBJECT_TRACKER_LISTS] = "lists",
+                                        [OBJECT_TRACKER_TRACKS] = "tracks"};
 
     for (unsigned i = 0; mode && i < sizeof names / sizeof *names; i++) {
         if (strcmp(mode, names[i]))
             continue;
-        l->track.mode = (enum launch_track_mode)i;
+        l->track.mode = (enum object_tracker_mode)i;
         return 0;
     }
     return mode ? yaml_error_say(why, -EINVAL, l->path, "track.mode",

@@ -5,7 +5,7 @@
 #include "msgs/topics.h"
 #include "nodes/rt/early.h"
 #include "nodes/rt/node.h"
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
 #include "nodes/rt/pace.h"
 #include "nodes/track/tracking.h"
 
@@ -146,7 +146,7 @@ static void take_volume(struct job *j, const struct node_message *in)
     j->last = (struct listed){true, v->scan, in->capture_ns};
     j->pace.done++;
     node_publish(j->node, topic_detections(), in->capture_ns, &list->base);
-    objects_free(list);
+    detections_free(list);
     tell_state(j);
 }
 
@@ -202,7 +202,7 @@ static int run(struct job *j)
 int main(int argc, char **argv)
 {
     struct job j = {.early = {.count = "volumes before the survey"}};
-    struct tracking_config cfg;
+    struct object_tracker_config cfg;
     int err = node_create(&j.node, "track", "Finds the hidden objects in the image.",
                           argc, argv);
 

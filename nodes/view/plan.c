@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "nodes/rt/export.h"
-#include "nodes/rt/objects.h"
+#include "recon/objects.h"
 #include "nodes/view/names.h"
 
 static json_t *pair(const double p[2])

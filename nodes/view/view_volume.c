@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "nodes/rt/export.h"
-#include "nodes/rt/volume_grid.h"
+#include "msgs/convert.h"
 #include "nodes/view/plan.h"
 #include "nodes/view/view_state.h"
 

@@ -6,7 +6,8 @@
 #include "msgs/health.pb-c.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
-#include "nodes/track/detector.h"
+#include "msgs/convert.h"
+#include "recon/detector.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/messages.h"
 #include "tests/fuzz/seeds.h"
@@ -40,14 +41,17 @@ static void publish_survey(struct scan *s)
                                         .background = BACKGROUND_RECORDED};
     const struct scan_imager_config recon = {
         .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
+    struct survey survey;
     const struct detector_config detector = {.threshold_db = 3.0, .min_existence = 0.01};
 
     FUZZ_REQUIRE(!dsp_create(&s->dsp, &dsp) && !recon_create(&s->recon, &recon));
     detector_init(&s->detector, &detector);
     if (dsp_survey(s->dsp, s->scene.survey, &why) ||
         recon_survey(s->recon, s->scene.survey, &why) ||
-        detector_survey(&s->detector, s->scene.survey, &why))
+        survey_from_message(&survey, s->scene.survey, &why))
         fuzz_fail(__FILE__, __LINE__, why.text);
+    FUZZ_REQUIRE(!detector_survey(&s->detector, &survey));
+    survey_clear(&survey);
     publish(&s->all, topic_survey(), &s->scene.survey->base);
     publish(&s->sound, topic_survey(), &s->scene.survey->base);
     publish(&s->image, topic_survey(), &s->scene.survey->base);
@@ -80,14 +84,18 @@ static void publish_image(struct scan *s)
     struct error why = {""};
     Anlos__Volume volume;
     Anlos__DetectionList *list;
+    struct object_list objects;
+    struct volume image;
 
     recon_image(s->recon, false, &volume);
     publish(&s->all, topic_volume(), &volume.base);
     publish(&s->image, topic_volume(), &volume.base);
-    FUZZ_REQUIRE(!detector_volume(&s->detector, &volume, NULL, &list, &why));
+    volume_from_message(&image, &volume, 1);
+    FUZZ_REQUIRE(!detector_volume(&s->detector, &image, NULL, &objects, &why));
+    FUZZ_REQUIRE(!detections_from_objects(&list, &objects));
     publish(&s->all, topic_detections(), &list->base);
     publish(&s->image, topic_detections(), &list->base);
-    anlos__detection_list__free_unpacked(list, NULL);
+    detections_free(list);
 }
 
 static void publish_states(struct scan *s)

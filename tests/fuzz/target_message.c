@@ -5,7 +5,7 @@
 
 #include "msgs/bus_message.h"
 #include "nodes/anlos/topic/message_json.h"
-#include "nodes/rt/volume_grid.h"
+#include "msgs/convert.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/messages.h"
 

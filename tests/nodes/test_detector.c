@@ -7,8 +7,8 @@
 
 #include <cmocka.h>
 
-#include "nodes/rt/objects.h"
-#include "nodes/track/detector.h"
+#include "msgs/convert.h"
+#include "recon/detector.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 
@@ -55,6 +55,16 @@ static void add_blob(struct rig *r, const double at_m[3], const double sigma_m[3
     }
 }
 
+static int detect(struct rig *r, const struct walls *walls, struct error *why)
+{
+    struct object_list list;
+    struct volume volume;
+
+    volume_from_message(&volume, &r->volume, 0);
+    int err = detector_volume(&r->detector, &volume, walls, &list, why);
+    return err ? err : detections_from_objects(&r->list, &list);
+}
+
 static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
@@ -62,8 +72,11 @@ static int setup(void **state)
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
         return -1;
     detector_init(&r->detector, &config);
-    if (detector_survey(&r->detector, r->scene.survey, NULL))
+    struct survey survey;
+    if (survey_from_message(&survey, r->scene.survey, NULL) ||
+        detector_survey(&r->detector, &survey))
         return -1;
+    survey_clear(&survey);
     fill_noise(r);
     anlos__volume__init(&r->volume);
     anlos__vec3__init(&r->origin);
@@ -87,7 +100,7 @@ static int teardown(void **state)
 {
     struct rig *r = *state;
 
-    objects_free(r->list);
+    detections_free(r->list);
     detector_clear(&r->detector);
     scene_close(&r->scene);
     free(r);
@@ -102,12 +115,12 @@ static void what_a_method_isolates_is_not_joined(void **state)
     memset(r->intensity, 0, sizeof r->intensity);
     r->intensity[NZ / 2][NY / 2][3] = 1.0f;
     r->intensity[NZ / 2][NY / 2][6] = 0.9f;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(detect(r, NULL, NULL), 0);
     assert_int_equal(r->list->n_detections, 1);
-    objects_free(r->list);
+    detections_free(r->list);
     r->list = NULL;
     r->volume.method = (char *)"sparse";
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(detect(r, NULL, NULL), 0);
     assert_int_equal(r->list->n_detections, 2);
 }
 
@@ -120,7 +133,7 @@ static void an_object_is_reported_where_it_really_is(void **state)
     const double at_m[3] = {0.183, 0.142, 1.196};
 
     add_blob(r, at_m, sharp_m);
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(detect(r, NULL, NULL), 0);
     assert_true(r->list->mirrored);
     assert_true(r->list->in_vehicle_frame);
     assert_int_equal(r->list->scan, 3);
@@ -143,8 +156,7 @@ static void at_a_border_a_scan_tells_nothing_and_a_frame_what_is_seen(void **sta
 
     add_blob(r, at_m, sharp_m);
     for (r->volume.frame = 0; r->volume.frame < 2; r->volume.frame++) {
-        assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
-                         0);
+        assert_int_equal(detect(r, NULL, NULL), 0);
         assert_int_equal(r->list->n_detections, 1);
         const Anlos__Detection *d = r->list->detections[0];
         assert_true(d->at_border);
@@ -153,7 +165,7 @@ static void at_a_border_a_scan_tells_nothing_and_a_frame_what_is_seen(void **sta
             assert_true(sigma_m < 0.05);
         else
             assert_true(sigma_m > 1.0);
-        objects_free(r->list);
+        detections_free(r->list);
         r->list = NULL;
     }
 }
@@ -172,7 +184,7 @@ static void find_two(struct rig *r, const struct walls *walls)
 {
     add_blob(r, (const double[3]){0.1, 0.1, 1.1}, sharp_m);
     add_blob(r, (const double[3]){0.2, 0.2, 1.4}, sharp_m);
-    assert_int_equal(detector_volume(&r->detector, &r->volume, walls, &r->list, NULL), 0);
+    assert_int_equal(detect(r, walls, NULL), 0);
     assert_int_equal(r->list->n_detections, 2);
 }
 
@@ -234,7 +246,7 @@ static void the_aperture_tells_how_wide_a_point_is(void **state)
     const double at_m[3] = {0.2, 0.14, 1.2}, blurred_m[3] = {0.056, 0.025, 0.009};
 
     add_blob(r, at_m, blurred_m);
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(detect(r, NULL, NULL), 0);
     assert_int_equal(r->list->n_detections, 1);
     assert_true(r->list->detections[0]->extent_m->y == 0.0); /* the array's x */
 }
@@ -245,7 +257,7 @@ static void a_body_wider_than_a_point_has_an_extent(void **state)
     const double at_m[3] = {0.2, 0.14, 1.2}, wide_m[3] = {0.1, 0.025, 0.009};
 
     add_blob(r, at_m, wide_m);
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(detect(r, NULL, NULL), 0);
     assert_int_equal(r->list->n_detections, 1);
     assert_near(r->list->detections[0]->extent_m->y, 0.333, 0.03); /* the array's x */
 }
@@ -257,7 +269,7 @@ static void what_is_too_unlikely_is_left_out(void **state)
 
     add_blob(r, at_m, sharp_m);
     r->detector.cfg.min_existence = 1.01;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(detect(r, NULL, NULL), 0);
     assert_int_equal(r->list->n_detections, 0);
 }
 
@@ -268,7 +280,7 @@ static void the_threshold_is_above_the_noise(void **state)
 
     add_blob(r, at_m, sharp_m); /* 40 dB above the noise's mean */
     r->detector.cfg.threshold_db = 80.0;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(detect(r, NULL, NULL), 0);
     assert_int_equal(r->list->n_detections, 0);
 }
 
@@ -277,13 +289,13 @@ static void the_counter_rises_and_previews_are_marked(void **state)
     struct rig *r = *state;
 
     r->volume.preview = true;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(detect(r, NULL, NULL), 0);
     assert_true(r->list->preview);
     uint32_t counter = r->list->counter;
-    objects_free(r->list);
+    detections_free(r->list);
     r->list = NULL;
     r->volume.preview = false;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL), 0);
+    assert_int_equal(detect(r, NULL, NULL), 0);
     assert_false(r->list->preview);
     assert_int_equal(r->list->counter, counter + 1);
 }
@@ -294,8 +306,7 @@ static void a_volume_before_its_survey_waits(void **state)
     struct error why = {""};
 
     r->volume.survey_id++;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, &why),
-                     -EAGAIN);
+    assert_int_equal(detect(r, NULL, &why), -EAGAIN);
     assert_string_equal(why.text, "the survey of a volume is not known yet");
 }
 
@@ -304,19 +315,15 @@ static void a_volume_with_nan_or_without_grid_is_refused(void **state)
     struct rig *r = *state;
 
     r->intensity[5][5][5] = NAN;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
-                     -EINVAL);
+    assert_int_equal(detect(r, NULL, NULL), -EINVAL);
     r->intensity[5][5][5] = -1.0f;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
-                     -EINVAL);
+    assert_int_equal(detect(r, NULL, NULL), -EINVAL);
     r->intensity[5][5][5] = 0.0f;
     r->step.x = 0.0;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
-                     -EINVAL);
+    assert_int_equal(detect(r, NULL, NULL), -EINVAL);
     r->step.x = 0.02;
     r->volume.origin_m = NULL;
-    assert_int_equal(detector_volume(&r->detector, &r->volume, NULL, &r->list, NULL),
-                     -EINVAL);
+    assert_int_equal(detect(r, NULL, NULL), -EINVAL);
     assert_null(r->list);
 }
 

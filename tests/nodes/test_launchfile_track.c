@@ -4,7 +4,7 @@ static void a_fixed_array_is_tracked_unless_told(void **state)
 {
     struct launchfile *l = launch_load(*state, "nodes: [track]\n");
 
-    assert_int_equal(l->track.mode, LAUNCH_TRACK_AUTO);
+    assert_int_equal(l->track.mode, OBJECT_TRACKER_AUTO);
     assert_int_equal(l->track.confirm_hits, 3);
     assert_int_equal(l->track.confirm_of, 5);
     launchfile_destroy(l);
@@ -20,7 +20,7 @@ static void everything_can_be_said(void **state)
         "        sidelobe_db: 10, look_s: 0.1, acceleration_psd: 1, join_m: 1,\n"
         "        coast_s: 2, min_existence: 0.2}\n");
 
-    assert_int_equal(l->track.mode, LAUNCH_TRACK_LISTS);
+    assert_int_equal(l->track.mode, OBJECT_TRACKER_LISTS);
     assert_int_equal(l->track.confirm_hits, 2);
     assert_int_equal(l->track.confirm_of, 3);
     assert_true(l->track.threshold_db == 15.0 && l->track.min_existence == 0.2);

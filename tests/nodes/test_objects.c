@@ -7,7 +7,8 @@
 #include <cmocka.h>
 
 #include "tests/nodes/near.h"
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
+#include "recon/objects.h"
 #include "recon/peak.h"
 
 static struct detection point(double x, double y, double z)
@@ -34,13 +35,22 @@ static struct survey line_of_two(double elements_m[2][3])
                            .stage_positions_m = stage};
 }
 
+static int listed(Anlos__DetectionList **out, const struct survey *s,
+                  const struct walls *walls, const struct detection *objects, size_t n)
+{
+    struct object_list list;
+
+    objects_list(&list, s, walls, objects, n);
+    return detections_from_objects(out, &list);
+}
+
 /* Behind the survey's own walls. */
 static int list_of(Anlos__DetectionList **out, const struct survey *s,
                    const struct detection *objects, size_t n)
 {
     struct walls walls;
     walls_from_survey(&walls, s);
-    return objects_list_behind(out, s, &walls, objects, n);
+    return listed(out, s, &walls, objects, n);
 }
 
 static void without_wall_and_mount_positions_stay_as_imaged(void **state)
@@ -56,7 +66,7 @@ static void without_wall_and_mount_positions_stay_as_imaged(void **state)
     assert_near(list->detections[0]->position_m->z, 3.0, 0.0);
     for (int i = 0; i < 6; i++)
         assert_near(list->detections[0]->covariance_m2[i], d.covariance_m2[i], 1e-18);
-    objects_free(list);
+    detections_free(list);
 }
 
 static void a_frontal_wall_folds_depth_back(void **state)
@@ -76,7 +86,7 @@ static void a_frontal_wall_folds_depth_back(void **state)
     const double expected[6] = {1e-4, 2e-5, -3e-5, 4e-4, -5e-5, 9e-4};
     for (int i = 0; i < 6; i++)
         assert_near(m->covariance_m2[i], expected[i], 1e-16);
-    objects_free(list);
+    detections_free(list);
 }
 
 /* The array looks to the vehicle's left: its x (along the stage) points forward, its y
@@ -106,7 +116,7 @@ static void a_mount_turns_position_and_covariance(void **state)
     const double expected[6] = {1e-4, side * 3e-5, 2e-5, 9e-4, side * 5e-5, 4e-4};
     for (int i = 0; i < 6; i++)
         assert_near(m->covariance_m2[i], expected[i], 1e-16);
-    objects_free(list);
+    detections_free(list);
 }
 
 static void assert_extent(const struct survey *s, double x, double y, double z)
@@ -118,7 +128,7 @@ static void assert_extent(const struct survey *s, double x, double y, double z)
     assert_near(extent->x, x, 1e-12);
     assert_near(extent->y, y, 1e-12);
     assert_near(extent->z, z, 1e-12);
-    objects_free(list);
+    detections_free(list);
 }
 
 /* The array looks forward, its x to the vehicle's left: length is its depth.  A wall at
@@ -192,7 +202,7 @@ static void each_object_is_mirrored_by_its_wall_or_by_none(void **state)
     const struct detection d[4] = {point(0.2, 0, 1.8), point(3, 0, 0.5), point(0, 0, 3.5),
                                    point(0, 0, 0.5)};
     Anlos__DetectionList *list;
-    assert_int_equal(objects_list_behind(&list, &s, &walls, d, 4), 0);
+    assert_int_equal(listed(&list, &s, &walls, d, 4), 0);
     const Anlos__Detection *m = list->detections[0];
     assert_int_equal(m->wall, 1);
     assert_near(m->position_m->z, 0.2, 1e-12);
@@ -208,7 +218,7 @@ static void each_object_is_mirrored_by_its_wall_or_by_none(void **state)
     assert_near(m->position_m->z, 3.5, 0.0);
     m = list->detections[3]; /* before all walls, in sight */
     assert_true(m->behind_no_wall && m->in_free_view);
-    objects_free(list);
+    detections_free(list);
 }
 
 static void a_line_array_does_not_tell_heights(void **state)
@@ -266,12 +276,12 @@ static void borders_are_those_of_axes_that_are_heard(void **state)
     assert_int_equal(list_of(&list, &s, &d, 1), 0);
     assert_int_equal(list->detections[0]->at_border, PEAK_BORDER(2, 1));
     assert_true(list->detections[0]->height_assumed);
-    objects_free(list);
+    detections_free(list);
     speakers[1][1] = 0.5;
     assert_int_equal(list_of(&list, &s, &d, 1), 0);
     assert_int_equal(list->detections[0]->at_border, d.at_border);
     assert_false(list->detections[0]->height_assumed);
-    objects_free(list);
+    detections_free(list);
 }
 
 /* A line array at the nose of a vehicle, 0.4 m over the ground. */
@@ -311,7 +321,7 @@ static void an_echo_of_others_names_their_ids(void **state)
     assert_int_equal(of_two->n_multipath_of, 2);
     assert_int_equal(of_two->multipath_of[0], list->detections[0]->id);
     assert_int_equal(of_two->multipath_of[1], of_one->id);
-    objects_free(list);
+    detections_free(list);
 }
 
 /* The middle of things is 0.4 m above the array, give or take 0.5 m: 2 m away they are
@@ -390,7 +400,7 @@ static void ids_rise_in_the_order_given(void **state)
         assert_int_equal(list->detections[i]->id, i + 1);
         assert_near(list->detections[i]->position_m->z, 1.0 + i, 0.0);
     }
-    objects_free(list);
+    detections_free(list);
 }
 
 static void an_empty_volume_gives_an_empty_list(void **state)
@@ -402,9 +412,11 @@ static void an_empty_volume_gives_an_empty_list(void **state)
     struct detect_config cfg;
     Anlos__DetectionList *list;
     detect_config_default(&cfg);
-    assert_int_equal(objects_find(&list, &s, &cfg, 0.0, &g, zero), 0);
+    struct object_list none;
+    assert_int_equal(objects_find(&none, &s, NULL, &cfg, 0.0, &g, zero), 0);
+    assert_int_equal(detections_from_objects(&list, &none), 0);
     assert_int_equal(list->n_detections, 0);
-    objects_free(list);
+    detections_free(list);
 }
 
 int main(void)

@@ -11,7 +11,7 @@
 #include "msgs/convert.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
-#include "nodes/rt/volume_grid.h"
+#include "msgs/convert.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 

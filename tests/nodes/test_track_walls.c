@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "nodes/can/sender.h"
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
 #include "nodes/track/tracking.h"
 #include "recon/wall.h"
 #include "tests/nodes/near.h"
@@ -77,7 +77,7 @@ static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
     const struct sender_config can = {.base_id = 0x400, .bus = {.fd = true}};
-    struct tracking_config cfg;
+    struct object_tracker_config cfg;
 
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
         return -1;
@@ -110,7 +110,7 @@ static int teardown(void **state)
 {
     struct rig *r = *state;
 
-    objects_free(r->list);
+    detections_free(r->list);
     tracking_destroy(r->tracking);
     scene_close(&r->scene);
     free(r);
@@ -216,7 +216,7 @@ static size_t count_tracks(const struct rig *r)
 
 static void image(struct rig *r)
 {
-    objects_free(r->list);
+    detections_free(r->list);
     r->list = NULL;
     r->volume.frame++;
     assert_int_equal(

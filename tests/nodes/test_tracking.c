@@ -8,10 +8,9 @@
 #include <cmocka.h>
 
 #include "msgs/convert.h"
-#include "nodes/rt/objects.h"
-#include "nodes/track/ghosts.h"
-#include "nodes/track/sight.h"
-#include "nodes/track/timing.h"
+#include "recon/sidelobes.h"
+#include "recon/sight.h"
+#include "recon/timing.h"
 #include "nodes/track/tracking.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
@@ -58,7 +57,7 @@ static void add(struct rig *r, double x_m, double z_m, double power)
 static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
-    struct tracking_config cfg;
+    struct object_tracker_config cfg;
 
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
         return -1;
@@ -89,7 +88,7 @@ static int teardown(void **state)
 {
     struct rig *r = *state;
 
-    objects_free(r->list);
+    detections_free(r->list);
     tracking_destroy(r->tracking);
     scene_close(&r->scene);
     free(r);
@@ -109,7 +108,7 @@ static void behind(double x_m, double y_m, double array_m, double middle_m[2])
 /* The next image of a fixed array. */
 static void image(struct rig *r)
 {
-    objects_free(r->list);
+    detections_free(r->list);
     r->list = NULL;
     r->volume.frame++;
     assert_int_equal(
@@ -261,7 +260,7 @@ static void while_a_sound_drowns_the_images_tracks_go_on(void **state)
 static void what_a_background_leaves_is_not_told_and_what_comes_is(void **state)
 {
     struct rig *r = *state;
-    struct tracking_config cfg;
+    struct object_tracker_config cfg;
 
     tracking_config(&cfg, NULL);
     cfg.detector.cfar = CFAR_ORDERED;
@@ -508,23 +507,23 @@ static void who_walks_before_a_young_background_is_told(void **state)
 }
 
 /* In the plane, at an angle from straight ahead. */
-static struct ghost_source ghost_at(double angle, double range_m, double level_db)
+static struct sidelobe_source ghost_at(double angle, double range_m, double level_db)
 {
     const double at_m[3] = {range_m * sin(angle), 0.0, range_m * cos(angle)};
 
-    return ghost_source_at(at_m, level_db);
+    return sidelobe_source_at(at_m, level_db);
 }
 
-static bool is_ghost(const struct ghost_array *array, struct ghost_source what,
-                     struct ghost_source loud)
+static bool is_ghost(const struct sidelobe_array *array, struct sidelobe_source what,
+                     struct sidelobe_source loud)
 {
-    return ghosts_may_be(array, &what, &loud, 1);
+    return sidelobes_may_be(array, &what, &loud, 1);
 }
 
 static void only_what_is_fainter_and_as_far_may_be_a_sidelobe(void **state)
 {
-    static const struct ghost_array point = {.margin_db = 6.0};
-    const struct ghost_source loud = ghost_at(0.0, 3.0, 30.0);
+    static const struct sidelobe_array point = {.margin_db = 6.0};
+    const struct sidelobe_source loud = ghost_at(0.0, 3.0, 30.0);
 
     (void)state;
     assert_true(is_ghost(&point, ghost_at(0.5, 3.2, 23.0), loud));
@@ -539,11 +538,11 @@ static void only_what_is_fainter_and_as_far_may_be_a_sidelobe(void **state)
  * where the gate ends so far away (4.35 m) that the other end hears it too. */
 static void the_ends_of_an_array_hear_other_ranges(void **state)
 {
-    static const struct ghost_array
+    static const struct sidelobe_array
         line = {.half_m = {0.5}, .gate_m = 4.3, .margin_db = 6.0},
         upright = {.half_m = {0.0, 0.5}, .gate_m = 3.9, .margin_db = 6.0},
         deep = {.half_m = {0.5}, .gate_m = 4.4, .margin_db = 6.0};
-    const struct ghost_source loud = ghost_at(M_PI_4, 4.0, 30.0);
+    const struct sidelobe_source loud = ghost_at(M_PI_4, 4.0, 30.0);
 
     (void)state;
     assert_true(is_ghost(&line, ghost_at(0.0, 3.37, 20.0), loud));
@@ -560,11 +559,11 @@ static void the_ends_of_an_array_hear_other_ranges(void **state)
 static void an_array_reaches_from_element_to_element(void **state)
 {
     struct rig *r = *state;
-    struct ghost_array array = {.margin_db = 6.0};
+    struct sidelobe_array array = {.margin_db = 6.0};
     struct survey survey;
 
     assert_int_equal(survey_from_message(&survey, r->scene.survey, NULL), 0);
-    ghost_array_measure(&array, &survey);
+    sidelobe_array_measure(&array, &survey);
     assert_near(array.half_m[0], 0.02, 1e-6);
     assert_near(array.half_m[1], 0.12, 1e-6);
     assert_near(array.half_m[2], 0.0, 1e-6);

@@ -7,7 +7,7 @@
 #include "nodes/anlos/bench/drive_pipe.h"
 #include "nodes/anlos/bench/drive_score.h"
 #include "nodes/can/sender.h"
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
 
 #ifdef __SANITIZE_ADDRESS__ /* ten times slower: what is wrong in memory shows early */
 #define LOSSES 6
@@ -111,8 +111,8 @@ static void take_image(struct rig *r, double *t_s)
         fail_msg("%s", why.text);
     count(r, image.tracks, image.t_s);
     *t_s = image.t_s;
-    objects_free(image.tracks);
-    objects_free(image.detections);
+    detections_free(image.tracks);
+    detections_free(image.detections);
 }
 
 static void walk(struct rig *r)

@@ -14,7 +14,7 @@
 #include "nodes/anlos/bench/drive_pipe.h"
 #include "nodes/anlos/bench/drive_score.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
 
 static int score_next(struct drive_pipe *p, struct drive_score *score,
                       struct drive_moments *moments, double *t_s, struct error *why)
@@ -27,8 +27,8 @@ static int score_next(struct drive_pipe *p, struct drive_score *score,
         return err;
     drive_score_list(score, image.t_s, image.out_s, image.tracks, image.detections,
                      &moment);
-    objects_free(image.tracks);
-    objects_free(image.detections);
+    detections_free(image.tracks);
+    detections_free(image.detections);
     *t_s = image.t_s;
     return drive_moments_add(moments, &moment) ? error_say(why, -ENOMEM, "out of memory")
                                                : 0;

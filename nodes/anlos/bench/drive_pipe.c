@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "nodes/recon/fixed.h"
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
 
 static int create_steps(struct drive_pipe *p, size_t threads, struct error *why)
 {
@@ -16,7 +16,7 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct error *why)
                                         .background_s = l->dsp.background_s};
     const struct room_object *hidden;
     struct static_array_config steady;
-    struct tracking_config track;
+    struct object_tracker_config track;
     int err = dsp_create(&p->dsp, &dsp);
 
     fixed_config(&steady, l);
@@ -24,10 +24,10 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct error *why)
     if (!err)
         err = steady_create(&p->steady, &steady);
     tracking_config(&track, l);
-    track.mode = LAUNCH_TRACK_TRACKS;
+    track.mode = OBJECT_TRACKER_TRACKS;
     if (!err)
         err = tracking_create(&p->tracker, &track);
-    track.mode = LAUNCH_TRACK_LISTS;
+    track.mode = OBJECT_TRACKER_LISTS;
     if (!err && room_objects(p->world.room, &hidden))
         err = tracking_create(&p->detector, &track);
     return err ? error_say(why, err, "processing: %s", strerror(-err)) : 0;
@@ -198,8 +198,8 @@ int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct error 
         err = take_ping(p, PASS_SCENE, &due, out, why);
     if (!err)
         return 0;
-    objects_free(out->tracks);
-    objects_free(out->detections);
+    detections_free(out->tracks);
+    detections_free(out->detections);
     *out = (struct drive_image){.tracks = NULL};
     return err;
 }

@@ -7,7 +7,8 @@
 
 #include "nodes/anlos/confocal/traces.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
+#include "recon/objects.h"
 #include "recon/fk.h"
 #include "recon/imager.h"
 #include "recon/lightcone.h"
@@ -287,11 +288,14 @@ static int read_scan(struct confocal_job *job, struct confocal_scan *s, struct e
 static int detect(struct confocal_job *job, struct error *why)
 {
     struct detect_config cfg;
+    struct object_list list;
     struct stopwatch now = stopwatch_now(false);
     detect_config_default(&cfg);
     cfg.cluster_m = CLUSTER * fmax(job->grid.step_m[0], job->grid.step_m[1]);
-    int err = objects_find(&job->detections, &job->survey, &cfg, 0.0, &job->grid,
-                           job->intensity);
+    int err =
+        objects_find(&list, &job->survey, NULL, &cfg, 0.0, &job->grid, job->intensity);
+    if (!err)
+        err = detections_from_objects(&job->detections, &list);
     stopwatch_lap(&job->stages[RECON_DETECT], &now, false);
     return err ? error_say(why, err, "detection: %s", strerror(-err)) : 0;
 }
@@ -323,7 +327,7 @@ int confocal_job_run(struct confocal_job *job, const struct recon_options *optio
 
 void confocal_job_clear(struct confocal_job *job)
 {
-    objects_free(job->detections);
+    detections_free(job->detections);
     free(job->intensity);
     pool_destroy(job->pool);
     survey_clear(&job->survey);

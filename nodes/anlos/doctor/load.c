@@ -10,7 +10,7 @@
 #include "nodes/anlos/bench/drive_pipe.h"
 #include "nodes/anlos/doctor/findings.h"
 #include "nodes/anlos/doctor/doctor.h"
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
 #include "nodes/rt/presence.h"
 #include "nodes/rt/priority.h"
 #include "nodes/rt/processors.h"
@@ -86,8 +86,8 @@ static int probe(struct drive_pipe *p, double probe_s, struct load *out,
         int err = drive_pipe_next(p, &image, why);
         if (err)
             return err;
-        objects_free(image.tracks);
-        objects_free(image.detections);
+        detections_free(image.tracks);
+        detections_free(image.detections);
         last_s = image.t_s;
         if (!n) { /* what is made once does not count */
             first_s = image.t_s;

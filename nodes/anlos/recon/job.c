@@ -9,7 +9,8 @@
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/recon/method.h"
 #include "nodes/anlos/recon/traces.h"
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
+#include "recon/objects.h"
 #include "recon/clean.h"
 #include "recon/imager.h"
 #include "recon/trace_check.h"
@@ -274,12 +275,15 @@ static int find_objects(struct recon_job *job, struct error *why)
         detect.clean = &clean;
     if (own_places) /* seen from all sides, lobes have no one direction */
         detect.traces = NULL;
-    int err = objects_find(&job->detections, &job->survey, &detect, 0.0,
-                           &job->processing.grid, job->intensity);
+    struct object_list list;
+    int err = objects_find(&list, &job->survey, NULL, &detect, 0.0, &job->processing.grid,
+                           job->intensity);
+    list.scan = 1;
+    list.counter = 1;
+    if (!err)
+        err = detections_from_objects(&job->detections, &list);
     if (err)
         return error_say(why, err, "detection: %s", strerror(-err));
-    job->detections->scan = 1;
-    job->detections->counter = 1;
     return 0;
 }
 
@@ -308,7 +312,7 @@ int recon_job_run(struct recon_job *job, struct error *why)
 
 void recon_job_clear(struct recon_job *job)
 {
-    objects_free(job->detections);
+    detections_free(job->detections);
     free(job->intensity);
     free(job->heard_data);
     free(job->heard_at);

@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 #include "nodes/anlos/recon/auto.h"
-#include "nodes/rt/objects.h"
+#include "recon/objects.h"
 
 /* Of the worst axis that is told. */
 static double sigma_m(const Anlos__DetectionList *list, const Anlos__Detection *d)

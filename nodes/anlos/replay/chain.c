@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "nodes/rt/objects.h"
+#include "msgs/convert.h"
 
 #define MAX_NOTES (sizeof((struct chain *)0)->notes / sizeof(struct chain_note))
 
@@ -111,7 +111,7 @@ static int make_list(struct chain *c, int64_t capture_ns, int64_t taken_ns,
     struct stopwatch now = stopwatch_now(false);
 
     c->n_images++;
-    objects_free(c->detections);
+    detections_free(c->detections);
     c->detections = NULL;
     int err = tracking_volume(c->tracking, &c->volume, capture_ns, &c->detections, why);
     if (!err)
@@ -284,7 +284,7 @@ int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch
 
 void chain_clear(struct chain *c)
 {
-    objects_free(c->detections);
+    detections_free(c->detections);
     finder_clear(&c->finder);
     tracking_destroy(c->tracking);
     steady_destroy(c->steady);

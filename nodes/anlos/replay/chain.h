@@ -22,7 +22,7 @@ struct chain_config {
     struct scan_imager_config recon; /* what it points to outlives the chain */
     bool fixed;                      /* an array that stands; then: */
     struct static_array_config steady;
-    struct tracking_config track;
+    struct object_tracker_config track;
     struct sender_config sender;
     const struct launchfile *walls; /* with what node wall runs; NULL: it does not, and
                                      * its lists are those of the recording */

@@ -6,7 +6,7 @@
 
 #include "nodes/anlos/recon/report.h"
 #include "nodes/rt/export.h"
-#include "nodes/rt/volume_grid.h"
+#include "msgs/convert.h"
 
 static size_t pings_expected(const struct replay *r)
 {

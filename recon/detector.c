@@ -1,4 +1,4 @@
-#include "nodes/track/detector.h"
+#include "recon/detector.h"
 
 #include <errno.h>
 #include <float.h>
@@ -6,9 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/convert.h"
-#include "nodes/rt/objects.h"
-#include "nodes/rt/volume_grid.h"
 #include "recon/imager.h"
 
 void detector_init(struct detector *d, const struct detector_config *cfg)
@@ -26,19 +23,22 @@ static void forget_cells(struct detector *d)
     d->held = NULL;
 }
 
-int detector_survey(struct detector *d, const Anlos__Survey *survey, struct error *why)
+int detector_survey(struct detector *d, const struct survey *survey)
 {
     struct survey fresh;
+    uint64_t id = survey_id(survey);
 
-    if (d->has_survey && d->survey_id == survey->id)
+    if (d->has_survey && d->survey_id == id)
         return 0;
-    int err = survey_from_message(&fresh, survey, why);
-    if (err)
+    int err = survey_copy(&fresh, survey);
+    if (err) {
+        survey_clear(&fresh);
         return err;
+    }
     survey_clear(&d->survey);
     forget_cells(d);
     d->survey = fresh;
-    d->survey_id = survey->id;
+    d->survey_id = id;
     d->has_survey = true;
     return 0;
 }
@@ -74,7 +74,7 @@ static int find_cells(struct detector *d, const struct grid *grid,
 
 /* Images whose pings overlap say the same again: one for each round of the speakers is
  * learnt from, once a round is whole. */
-static bool learns(struct detector *d, const Anlos__Volume *volume)
+static bool learns(struct detector *d, const struct volume *volume)
 {
     bool whole = volume->pings_used >= volume->pings_expected ||
                  (d->frame && volume->frame != d->frame);
@@ -94,18 +94,15 @@ static bool is_image(const struct grid *grid, const float *intensity)
     return true;
 }
 
-int detector_volume(struct detector *d, const Anlos__Volume *volume,
-                    const struct walls *walls, Anlos__DetectionList **out,
-                    struct error *why)
+int detector_volume(struct detector *d, const struct volume *volume,
+                    const struct walls *walls, struct object_list *out, struct error *why)
 {
+    const struct grid *grid = &volume->grid;
     struct detect_config cfg;
-    struct walls own;
-    struct grid grid;
-    const float *intensity = volume_grid(volume, &grid);
 
     if (!d->has_survey || volume->survey_id != d->survey_id)
         return error_say(why, -EAGAIN, "the survey of a volume is not known yet");
-    if (!intensity || !is_image(&grid, intensity))
+    if (!volume->intensity || !is_image(grid, volume->intensity))
         return error_say(why, -EINVAL,
                          "a volume without a grid or with intensities that "
                          "are not numbers");
@@ -115,22 +112,19 @@ int detector_volume(struct detector *d, const Anlos__Volume *volume,
     cfg.followed = volume->frame != 0;
     cfg.multipath = !cfg.followed && !imager_isolates(volume->method);
     if (imager_isolates(volume->method))
-        detect_config_isolated(&cfg, &grid);
-    if (!walls) {
-        walls_from_survey(&own, &d->survey);
-        walls = &own;
-    }
-    int err = find_cells(d, &grid, &cfg);
+        detect_config_isolated(&cfg, grid);
+    int err = find_cells(d, grid, &cfg);
     if (err == -EINVAL)
         return error_say(why, err, "a volume that is too small for track.cfar");
     if (!err)
-        err = objects_find_behind(out, &d->survey, walls, &cfg, d->cfg.min_existence,
-                                  &grid, intensity);
+        err = objects_find(out, &d->survey, walls, &cfg, d->cfg.min_existence, grid,
+                           volume->intensity);
     if (err)
         return error_say(why, err, "not enough memory to detect objects");
-    (*out)->scan = volume->scan;
-    (*out)->preview = volume->preview;
-    (*out)->counter = d->counter++;
+    out->scan = volume->scan;
+    out->frame = volume->frame;
+    out->preview = volume->preview;
+    out->counter = d->counter++;
     return 0;
 }
 
@@ -147,18 +141,17 @@ static void hold(struct detector *d, const double at_m[3], double held_m)
                               held_m;
 }
 
-void detector_learn(struct detector *d, const Anlos__Volume *volume, int64_t capture_ns,
+void detector_learn(struct detector *d, const struct volume *volume,
                     const double (*held)[3], size_t n, double held_m)
 {
-    struct grid grid;
-    const float *intensity = volume_grid(volume, &grid);
+    const struct grid *grid = &volume->grid;
 
-    if (!d->map || !intensity || memcmp(&d->cells_grid, &grid, sizeof grid))
+    if (!d->map || !volume->intensity || memcmp(&d->cells_grid, grid, sizeof *grid))
         return;
-    memset(d->held, 0, grid_size(&grid) * sizeof *d->held);
+    memset(d->held, 0, grid_size(grid) * sizeof *d->held);
     for (size_t i = 0; i < n; i++)
         hold(d, held[i], held_m);
-    cfar_map_learn(d->map, intensity, d->held, capture_ns);
+    cfar_map_learn(d->map, volume->intensity, d->held, volume->capture_ns);
 }
 
 void detector_forget(struct detector *d)

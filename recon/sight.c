@@ -1,4 +1,4 @@
-#include "nodes/track/sight.h"
+#include "recon/sight.h"
 
 #include <math.h>
 #include <string.h>

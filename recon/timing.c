@@ -1,4 +1,4 @@
-#include "nodes/track/timing.h"
+#include "recon/timing.h"
 
 #include <math.h>
 

@@ -1,4 +1,4 @@
-#include "nodes/track/ghosts.h"
+#include "recon/sidelobes.h"
 
 #include <math.h>
 
@@ -13,7 +13,7 @@ static void widen(const double (*at_m)[3], size_t n, double low[3], double high[
         }
 }
 
-void ghost_array_measure(struct ghost_array *array, const struct survey *s)
+void sidelobe_array_measure(struct sidelobe_array *array, const struct survey *s)
 {
     double low[3] = {INFINITY, INFINITY, INFINITY};
     double high[3] = {-INFINITY, -INFINITY, -INFINITY};
@@ -25,11 +25,11 @@ void ghost_array_measure(struct ghost_array *array, const struct survey *s)
     array->gate_m = s->gate_m[1];
 }
 
-struct ghost_source ghost_source_at(const double virtual_m[3], double level_db)
+struct sidelobe_source sidelobe_source_at(const double virtual_m[3], double level_db)
 {
     const double *v = virtual_m;
-    struct ghost_source s = {.range_m = hypot(hypot(v[0], v[1]), v[2]),
-                             .level_db = level_db};
+    struct sidelobe_source s = {.range_m = hypot(hypot(v[0], v[1]), v[2]),
+                                .level_db = level_db};
 
     for (int a = 0; a < 3 && s.range_m > 0.0; a++)
         s.direction[a] = v[a] / s.range_m;
@@ -37,8 +37,9 @@ struct ghost_source ghost_source_at(const double virtual_m[3], double level_db)
 }
 
 /* How far it may be from a source's range. */
-static double reach_m(const struct ghost_array *array, const struct ghost_source *source,
-                      const struct ghost_source *what)
+static double reach_m(const struct sidelobe_array *array,
+                      const struct sidelobe_source *source,
+                      const struct sidelobe_source *what)
 {
     double farthest_m = source->range_m, off_m = 0.0;
 
@@ -49,8 +50,9 @@ static double reach_m(const struct ghost_array *array, const struct ghost_source
     return farthest_m > array->gate_m ? ABOUT_M + off_m : ABOUT_M;
 }
 
-bool ghosts_may_be(const struct ghost_array *array, const struct ghost_source *what,
-                   const struct ghost_source *sources, size_t n)
+bool sidelobes_may_be(const struct sidelobe_array *array,
+                      const struct sidelobe_source *what,
+                      const struct sidelobe_source *sources, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         if (sources[i].level_db - what->level_db >= array->margin_db &&

@@ -1,7 +1,7 @@
-/* nodes/track/timing.h -- of which instants an image tells, and how much of it is news.
+/* recon/timing.h -- of which instants an image tells, and how much of it is news.
  */
-#ifndef ANLOS_NODES_TRACK_TIMING_H
-#define ANLOS_NODES_TRACK_TIMING_H
+#ifndef ANLOS_RECON_TIMING_H
+#define ANLOS_RECON_TIMING_H
 
 #include <stddef.h>
 

@@ -1,7 +1,7 @@
-/* nodes/track/sight.h -- between what an image shows, in the array frame and mirrored,
+/* recon/sight.h -- between what an image shows, in the array frame and mirrored,
  * and where that is for the vehicle. */
-#ifndef ANLOS_NODES_TRACK_SIGHT_H
-#define ANLOS_NODES_TRACK_SIGHT_H
+#ifndef ANLOS_RECON_SIGHT_H
+#define ANLOS_RECON_SIGHT_H
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -1,18 +1,17 @@
-/* nodes/track/detector.h -- a volume to the list of hidden objects, where they really
+/* recon/detector.h -- an image to the list of hidden objects, where they really
  * are.  Each list stands for itself: nothing is tracked. */
-#ifndef ANLOS_NODES_TRACK_DETECTOR_H
-#define ANLOS_NODES_TRACK_DETECTOR_H
+#ifndef ANLOS_RECON_DETECTOR_H
+#define ANLOS_RECON_DETECTOR_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/survey.pb-c.h"
 #include "dsp/error.h"
-#include "msgs/detections.pb-c.h"
 #include "recon/survey.h"
-#include "msgs/volume.pb-c.h"
 #include "recon/walls.h"
 #include "recon/detect.h"
+#include "recon/objects.h"
+#include "recon/volume.h"
 
 struct detector_config {
     double threshold_db;     /* above the volume's noise floor */
@@ -36,19 +35,19 @@ struct detector {
 
 void detector_init(struct detector *d, const struct detector_config *cfg);
 
-/* 0, -ENOMEM, -EINVAL (the error says why). */
-int detector_survey(struct detector *d, const Anlos__Survey *survey, struct error *why);
+/* Copies it; what was learnt of another one is forgotten.  0, -ENOMEM. */
+int detector_survey(struct detector *d, const struct survey *survey);
 
-/* The objects of a volume behind walls (NULL: the survey's); objects_free the list.  0,
- * -EAGAIN (its survey is not known yet), -EINVAL (not a volume; the error says why),
- * -ENOMEM. */
-int detector_volume(struct detector *d, const Anlos__Volume *volume,
-                    const struct walls *walls, Anlos__DetectionList **out,
+/* The objects of a volume behind walls (NULL: the survey's).  0, -EAGAIN (its survey is
+ * not known yet), -EINVAL (not a volume; the error says why), -ENOMEM. */
+int detector_volume(struct detector *d, const struct volume *volume,
+                    const struct walls *walls, struct object_list *out,
                     struct error *why);
+
 /* With cfar: what an image of the volume's grid shows is mostly there, so the next ones
  * have to show more (dsp/cfar_map.h), but within held_m of these places [n] of the array
  * frame. */
-void detector_learn(struct detector *d, const Anlos__Volume *volume, int64_t capture_ns,
+void detector_learn(struct detector *d, const struct volume *volume,
                     const double (*held)[3], size_t n, double held_m);
 
 /* What was mostly there may be elsewhere now. */

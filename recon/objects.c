@@ -1,4 +1,4 @@
-#include "nodes/rt/objects.h"
+#include "recon/objects.h"
 
 #include <errno.h>
 #include <math.h>
@@ -6,12 +6,11 @@
 #include <string.h>
 
 #include "recon/clean.h"
-#include "recon/processing.h"
-#include "recon/vehicle_frame.h"
 #include "recon/lobes.h"
 #include "recon/multipath.h"
 #include "recon/peak.h"
 #include "recon/processing.h"
+#include "recon/vehicle_frame.h"
 
 #define CLUSTER_WIDTHS 3.0  /* of a point, that pings around objects keep apart */
 #define HEIGHT_LEAST_M 0.01 /* of an array that tells heights */
@@ -26,18 +25,6 @@
  * that follows from these numbers is 17 cm and 5 cm. */
 #define HEIGHT_M       0.8
 #define HEIGHT_SIGMA_M 0.5
-
-Anlos__Vec3 *objects_vec3(const double v[3])
-{
-    Anlos__Vec3 *m = malloc(sizeof *m);
-    if (!m)
-        return NULL;
-    anlos__vec3__init(m);
-    m->x = v[0];
-    m->y = v[1];
-    m->z = v[2];
-    return m;
-}
 
 /* out = r c r^T */
 static void turn_covariance(const double r[3][3], const double c[6], double out[6])
@@ -189,82 +176,38 @@ void objects_place(struct placement *out, const struct survey *s,
     turn_extent(wall, (const double(*)[3])r, d->extent_m, out->extent_m);
 }
 
-_Static_assert(SHAPE_POINT == (int)ANLOS__SHAPE__POINT &&
-                   SHAPE_PLATE == (int)ANLOS__SHAPE__PLATE &&
-                   SHAPE_EXTENDED == (int)ANLOS__SHAPE__EXTENDED &&
-                   MULTIPATH_NONE == (int)ANLOS__MULTIPATH__NO_MULTIPATH &&
-                   MULTIPATH_PAIR == (int)ANLOS__MULTIPATH__OF_A_PAIR &&
-                   MULTIPATH_FACE == (int)ANLOS__MULTIPATH__BY_A_FACE &&
-                   MULTIPATH_SHADOW == (int)ANLOS__MULTIPATH__IN_A_SHADOW,
-               "");
-
-static int fill_detection(Anlos__Detection *m, const struct survey *s,
-                          const struct walls *walls, const struct detection *d)
+static struct object object_of(uint32_t id, const struct survey *s,
+                               const struct walls *walls, const struct detection *d)
 {
-    struct placement p;
-    objects_place(&p, s, walls, d);
-    m->position_m = objects_vec3(p.position_m);
-    m->virtual_m = objects_vec3(d->position_m);
-    m->extent_m = objects_vec3(p.extent_m);
-    m->covariance_m2 = malloc(sizeof p.covariance_m2);
-    if (!m->position_m || !m->virtual_m || !m->extent_m || !m->covariance_m2)
-        return -ENOMEM;
-    memcpy(m->covariance_m2, p.covariance_m2, sizeof p.covariance_m2);
-    m->n_covariance_m2 = 6;
-    m->existence = d->existence;
-    m->level_db = d->level_db;
-    m->shape = (Anlos__Shape)d->shape.shape;
-    m->shape_probability = d->shape.probability;
-    m->wall = p.wall;
-    m->behind_no_wall = p.behind_no_wall;
-    m->in_free_view = p.in_free_view;
-    m->height_assumed = p.height_assumed;
-    m->at_border = d->at_border;
-    m->multipath = (Anlos__Multipath)d->multipath;
-    if (d->multipath) {
-        m->multipath_of = malloc(2 * sizeof *m->multipath_of);
-        if (!m->multipath_of)
-            return -ENOMEM;
-        m->multipath_of[0] = (uint32_t)d->of[0] + 1;
-        m->multipath_of[1] = (uint32_t)d->of[1] + 1;
-        m->n_multipath_of = d->of[1] == d->of[0] ? 1 : 2;
-    }
-    if (p.height_assumed)
-        m->at_border &= ~(PEAK_BORDER(1, 0) | PEAK_BORDER(1, 1));
-    return 0;
+    struct object o = {
+        .id = id,
+        .placed = true,
+        .virtual_m = {d->position_m[0], d->position_m[1], d->position_m[2]},
+        .existence = d->existence,
+        .level_db = d->level_db,
+        .shape = d->shape,
+        .at_border = d->at_border,
+        .multipath = d->multipath};
+
+    objects_place(&o.place, s, walls, d);
+    for (int i = 0; d->multipath && i < 2; i++)
+        o.of[i] = (uint32_t)d->of[i] + 1;
+    if (o.place.height_assumed)
+        o.at_border &= ~(PEAK_BORDER(1, 0) | PEAK_BORDER(1, 1));
+    return o;
 }
 
-int objects_list_behind(Anlos__DetectionList **out, const struct survey *s,
-                        const struct walls *walls, const struct detection *objects,
-                        size_t n)
+void objects_list(struct object_list *out, const struct survey *s,
+                  const struct walls *walls, const struct detection *detections, size_t n)
 {
-    Anlos__DetectionList *list = malloc(sizeof *list);
-    if (!list)
-        return -ENOMEM;
-    anlos__detection_list__init(list);
-    list->mirrored = walls->n > 0;
-    list->in_vehicle_frame = s->has_mount;
-    list->source = (Anlos__Source)s->source;
-    list->temperature_c = s->temperature_c;
-    list->sound_speed_m_s = s->sound_speed_m_s;
-    list->detections = calloc(n ? n : 1, sizeof(Anlos__Detection *));
-    if (!list->detections)
-        goto fail;
-    for (size_t i = 0; i < n; i++) {
-        Anlos__Detection *m = malloc(sizeof *m);
-        if (!m)
-            goto fail;
-        anlos__detection__init(m);
-        m->id = (uint32_t)i + 1;
-        list->detections[list->n_detections++] = m;
-        if (fill_detection(m, s, walls, &objects[i]))
-            goto fail;
-    }
-    *out = list;
-    return 0;
-fail:
-    objects_free(list);
-    return -ENOMEM;
+    *out = (struct object_list){.mirrored = walls->n > 0,
+                                .in_vehicle_frame = s->has_mount,
+                                .source = s->source,
+                                .temperature_c = s->temperature_c,
+                                .sound_speed_m_s = s->sound_speed_m_s,
+                                .n = n};
+    for (size_t i = 0; i < n; i++)
+        out->objects[i] = object_of((uint32_t)i + 1, s, walls, &detections[i]);
 }
 
 static size_t drop_unlikely(struct detection *found, size_t n, double min_existence)
@@ -317,15 +260,19 @@ static void find_multipath(const struct survey *s, const struct walls *walls,
     multipath_judge(&cfg, found, n);
 }
 
-int objects_find_behind(Anlos__DetectionList **out, const struct survey *s,
-                        const struct walls *walls, const struct detect_config *cfg,
-                        double min_existence, const struct grid *grid,
-                        const float *intensity)
+int objects_find(struct object_list *out, const struct survey *s,
+                 const struct walls *walls, const struct detect_config *cfg,
+                 double min_existence, const struct grid *grid, const float *intensity)
 {
     struct detection found[OBJECTS_MAX];
     struct detect_config resolved = *cfg;
+    struct walls own;
     size_t n = 0;
 
+    if (!walls) {
+        walls_from_survey(&own, s);
+        walls = &own;
+    }
     objects_resolution(&resolved, s, grid);
     int err = detect_objects(&resolved, grid, intensity, found, OBJECTS_MAX, &n);
     if (err)
@@ -342,34 +289,6 @@ int objects_find_behind(Anlos__DetectionList **out, const struct survey *s,
         lobes_judge(cfg->traces, found, n);
     if (cfg->multipath)
         find_multipath(s, walls, grid, found, n, plain);
-    return objects_list_behind(out, s, walls, found, n);
-}
-
-int objects_find(Anlos__DetectionList **out, const struct survey *s,
-                 const struct detect_config *cfg, double min_existence,
-                 const struct grid *grid, const float *intensity)
-{
-    struct walls walls;
-
-    walls_from_survey(&walls, s);
-    return objects_find_behind(out, s, &walls, cfg, min_existence, grid, intensity);
-}
-
-void objects_free(Anlos__DetectionList *list)
-{
-    if (!list)
-        return;
-    for (size_t i = 0; i < list->n_detections; i++) {
-        Anlos__Detection *m = list->detections[i];
-        free(m->position_m);
-        free(m->virtual_m);
-        free(m->extent_m);
-        free(m->covariance_m2);
-        free(m->velocity_m_s);
-        free(m->velocity_covariance_m2_s2);
-        free(m->multipath_of);
-        free(m);
-    }
-    free(list->detections);
-    free(list);
+    objects_list(out, s, walls, found, n);
+    return 0;
 }
