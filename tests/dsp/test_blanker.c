@@ -42,7 +42,8 @@ static int setup(void **state)
         return -1;
     random_seed(&r->random, (uint64_t[]){7}, 1);
     for (size_t i = 0; i < CHANNELS * SAMPLES; i++)
-        (&r->background[0][0])[i] = 30.0f * (float)sin((double)(i * i));
+        (&r->background[0][0])[i] = 30.0f * (float)sin((double)(i * i)) +
+                                    30.0f * (float)cos((double)(i * i)) * I;
     r->now_ns = 1;
     *state = r;
     return 0;
@@ -115,6 +116,24 @@ static void what_becomes_louder_slowly_is_not(void **state)
     for (int k = 0; k < 300; k++)
         assert_false(ping(r, 0.0, CHANNELS));
     assert_true(ping(r, 20.0, CHANNELS)); /* what faded is forgotten */
+}
+
+/* They fill most of the traces, and are 12 dB louder in every second ping. */
+static void echoes_that_change_are_not_when_no_background_is_known(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 20; k++) {
+        for (size_t m = 0; m < CHANNELS; m++)
+            for (size_t i = 0; i < SAMPLES; i++) {
+                float sigma = i % 5 < 3 ? (k % 2 ? 40.0f : 10.0f) : 1.0f;
+                float re = sigma * (float)random_normal(&r->random);
+                float im = sigma * (float)random_normal(&r->random);
+                r->y[m][i] = re + im * I;
+            }
+        assert_false(
+            blanker_execute(r->blanker, &r->y[0][0], NULL, fit, r->now_ns += SLOT_NS));
+    }
 }
 
 static void what_stays_is_the_noise_of_the_place(void **state)
@@ -236,6 +255,7 @@ int main(void)
         TEST(a_burst_in_all_channels_is_blanked_and_the_ping_after_it),
         TEST(a_burst_in_half_of_the_channels_is_not),
         TEST(what_becomes_louder_slowly_is_not),
+        TEST(echoes_that_change_are_not_when_no_background_is_known),
         TEST(what_stays_is_the_noise_of_the_place),
         TEST(without_noise_an_echo_is_no_burst),
         cmocka_unit_test(a_slam_in_a_recording_of_a_chirp_is_blanked),

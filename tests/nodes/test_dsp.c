@@ -346,6 +346,10 @@ static void unfit_microphones_are_masked_and_said_once(void **state)
         dsp_ping(r->dsp, &r->ping, 0, &r->out);
         assert_true(r->out.has_traces);
         assert_false(r->out.traces.masked[0]);
+        assert_int_equal(r->out.faults.n, 4);
+        assert_int_equal(r->out.faults.silent, 1);
+        assert_int_equal(r->out.faults.damaged, 1);
+        assert_int_equal(r->out.faults.clipped, 1);
         for (int m = 1; m < 4; m++)
             assert_true(r->out.traces.masked[m]);
         assert_int_equal(r->out.traces.clipped_samples, r->scene.n_samples / 50 + 2);
