@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Which folder includes headers of which: the table "Where things are" of README.md.  What
+# Which folder includes headers of which: the table "Repository layout" of README.md.  What
 # links is not enough, for a header alone links everywhere.
 set -euo pipefail
 cd "$(CDPATH='' cd -- "$(dirname "$0")/.." && pwd)"
