@@ -40,7 +40,7 @@ static void hear(struct scene *s, const struct scatterer *points, size_t n, doub
                      s->traces + (q * pairs + e * g->n_microphones) * samples);
     for (size_t i = 0; i < g->n_positions * pairs * samples; i++) {
         double re = dice_normal(&seed), im = dice_normal(&seed);
-        s->traces[i] += (float)noise * CMPLXF((float)re, (float)im);
+        s->traces[i] += (float)noise * ((float)re + (float)im * I);
     }
     s->set.traces = s->traces;
     s->set.heard = s->heard;

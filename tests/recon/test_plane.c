@@ -101,7 +101,7 @@ static void hear_plate(struct scene *s, double noise)
         add_echo(s, q, mirrored_path_m(s, q), 1.0);
     for (size_t i = 0; i < n; i++) {
         double re = dice_normal(&seed), im = dice_normal(&seed);
-        s->traces[i] += (float)noise * CMPLXF((float)re, (float)im);
+        s->traces[i] += (float)noise * ((float)re + (float)im * I);
     }
 }
 
