@@ -101,7 +101,7 @@ static void a_flood_that_informs_leaves_the_warnings(void **state)
 static void a_file_that_is_none_is_read_up_to_there(void **state)
 {
     struct scratch *s = *state;
-    struct log_history h;
+    struct log_history h, next;
     struct read r;
 
     log_history_open(&h, s->folder);
@@ -118,8 +118,9 @@ static void a_file_that_is_none_is_read_up_to_there(void **state)
     scratch_write(s, "log.recent", "\xff\xff\xff\xff what is this");
     read_back(s, &r);
     assert_int_equal(r.n, 0);
-    log_history_open(&h, s->folder); /* of a system before this one */
+    log_history_open(&next, s->folder); /* of a system before this one */
     assert_int_equal(access(scratch_path(s, "log.recent"), F_OK), -1);
+    log_history_close(&next);
     log_history_close(&h);
 }
 
