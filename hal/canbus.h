@@ -2,7 +2,7 @@
  *   log:out.candump            the format of `candump -L`, interface name "can0"; nothing
  *                              ever comes
  *   log:out.candump?interface=vcan1
- *   log:out.candump?append=yes  goes on where the file ends; no (default): begins anew
+ *   log:out.candump?append=yes  goes on where the file ends; no (default): empties it
  *   socketcan:can0             a raw socket, classic and FD (hal/can/socketcan.c)
  *   sim:drive.yaml?log=out.candump  the same log, and a simulated vehicle that tells its
  *                              motion and its air (hal/can/sim.c) */

@@ -13,7 +13,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "msgs/ear.h"
+#include "msgs/subscription.h"
 #include "msgs/endpoint.h"
 #include "msgs/discovery.h"
 
@@ -54,9 +54,10 @@ struct subscriber {
     struct discovery discovery; /* fd -1: sockets that appear are not waited for */
     pthread_mutex_t lock;       /* what follows */
     bool stop;
-    int64_t since_ns; /* for ears to come */
-    size_t n_ears;
-    struct ear ears[MAX_TOPICS]; /* one that is in use keeps its place */
+    int64_t since_ns; /* for subscriptions to come */
+    size_t n_subscriptions;
+    struct subscription
+        subscriptions[MAX_TOPICS]; /* one that is in use keeps its place */
     uint64_t refused;
     bool told[N_REFUSALS];
     void (*on_refusal)(void *ctx, const char *text);
@@ -97,58 +98,58 @@ static int check_world(const struct subscriber *in, const struct topic *t, bool 
     return 0;
 }
 
-static void accept_message(struct subscriber *in, struct ear *ear, uint8_t *data,
-                           size_t size)
+static void accept_message(struct subscriber *in, struct subscription *subscription,
+                           uint8_t *data, size_t size)
 {
     struct bus_message message = {
-        .topic = ear->topic, .payload = data + ENVELOPE_SIZE, .owner = data};
+        .topic = subscription->topic, .payload = data + ENVELOPE_SIZE, .owner = data};
     struct envelope *e = &message.envelope;
-    struct ear_source *source = NULL;
-    int fault = envelope_inspect(data, size, ear->topic->max_size);
+    struct subscription_source *source = NULL;
+    int fault = envelope_inspect(data, size, subscription->topic->max_size);
     if (!fault) {
-        envelope_unpack(e, data, size, ear->topic->max_size);
-        source = ear_find_source(ear, e->node);
-        if (strcmp(e->topic, ear->topic->name) != 0)
+        envelope_unpack(e, data, size, subscription->topic->max_size);
+        source = subscription_find_source(subscription, e->node);
+        if (strcmp(e->topic, subscription->topic->name) != 0)
             fault = REFUSAL_TOPIC;
         else if (!source)
             fault = REFUSAL_PUBLISHER;
         else
-            fault = check_world(in, ear->topic, e->replayed);
+            fault = check_world(in, subscription->topic, e->replayed);
     }
     if (fault) {
-        refuse(in, ear->topic, fault, size);
+        refuse(in, subscription->topic, fault, size);
         nn_freemsg(data);
         return;
     }
     pthread_mutex_lock(&in->lock);
-    ear_count(ear, source, e);
+    subscription_count(subscription, source, e);
     pthread_mutex_unlock(&in->lock);
-    receive_queue_put(in->receive_queue, ear->slot, &message);
+    receive_queue_put(in->receive_queue, subscription->slot, &message);
 }
 
 /* Takes what is there.  -EBADF: never try this socket again. */
-static int listen_once(struct subscriber *in, struct ear *ear)
+static int listen_once(struct subscriber *in, struct subscription *subscription)
 {
     for (;;) {
         void *data = NULL;
-        int n = nn_recv(ear->socket, &data, NN_MSG, NN_DONTWAIT);
+        int n = nn_recv(subscription->socket, &data, NN_MSG, NN_DONTWAIT);
         if (n >= 0) {
-            accept_message(in, ear, data, (size_t)n);
+            accept_message(in, subscription, data, (size_t)n);
         } else if (errno == EAGAIN) {
             return 0;
         } else if (errno != EINTR) {
-            refuse(in, ear->topic, REFUSAL_SOCKET, 0);
+            refuse(in, subscription->topic, REFUSAL_SOCKET, 0);
             return -EBADF;
         }
     }
 }
 
-static void listen_remote(struct subscriber *in, struct ear *ear)
+static void listen_remote(struct subscriber *in, struct subscription *subscription)
 {
     void *data;
     size_t size;
-    while ((data = remote_ear_receive(ear->remote, &size)))
-        accept_message(in, ear, data, size);
+    while ((data = remote_subscription_receive(subscription->remote, &size)))
+        accept_message(in, subscription, data, size);
 }
 
 static int64_t monotonic_ms(void)
@@ -159,42 +160,44 @@ static int64_t monotonic_ms(void)
 }
 
 /* When it is time.  How long then may be waited, in ms. */
-static int tend_remotes(struct subscriber *in, size_t n_ears, int64_t *due_ms)
+static int tend_remotes(struct subscriber *in, size_t n_subscriptions, int64_t *due_ms)
 {
     int64_t now_ms = monotonic_ms();
     bool any = false, due = now_ms >= *due_ms;
-    for (size_t i = 0; i < n_ears; i++) {
-        struct ear *ear = &in->ears[i];
-        if (!ear->remote)
+    for (size_t i = 0; i < n_subscriptions; i++) {
+        struct subscription *subscription = &in->subscriptions[i];
+        if (!subscription->remote)
             continue;
         any = true;
         if (!due)
             continue;
-        size_t peers = remote_ear_tend(ear->remote);
-        listen_remote(in, ear); /* the descriptor tells only of what is new */
+        size_t peers = remote_subscription_tend(subscription->remote);
+        listen_remote(in, subscription); /* the descriptor tells only of what is new */
         pthread_mutex_lock(&in->lock);
-        ear->remote_peers = peers;
+        subscription->remote_peers = peers;
         pthread_mutex_unlock(&in->lock);
     }
     if (due)
-        *due_ms = now_ms + REMOTE_EAR_TEND_MS;
+        *due_ms = now_ms + REMOTE_SUBSCRIPTION_TEND_MS;
     return any ? (int)(*due_ms - now_ms) : -1;
 }
 
-/* Two descriptors for each ear; poll skips what is -1. */
-static void listen_to_all(struct subscriber *in, size_t n_ears, struct pollfd *fds)
+/* Two descriptors for each subscription; poll skips what is -1. */
+static void listen_to_all(struct subscriber *in, size_t n_subscriptions,
+                          struct pollfd *fds)
 {
-    for (size_t i = 0; i < n_ears; i++) {
-        if (fds[2 * i].revents && listen_once(in, &in->ears[i]) != 0)
+    for (size_t i = 0; i < n_subscriptions; i++) {
+        if (fds[2 * i].revents && listen_once(in, &in->subscriptions[i]) != 0)
             fds[2 * i].fd = -1;
         if (fds[2 * i + 1].revents)
-            listen_remote(in, &in->ears[i]);
+            listen_remote(in, &in->subscriptions[i]);
     }
 }
 
-/* Takes in the ears that have come, and who tells of newcomers, as fds[0].  false: stop.
+/* Takes in the subscriptions that have come, and who tells of newcomers, as fds[0].
+ * false: stop.
  */
-static bool heed_wake(struct subscriber *in, size_t *n_ears, struct pollfd *fds)
+static bool heed_wake(struct subscriber *in, size_t *n_subscriptions, struct pollfd *fds)
 {
     uint64_t count;
     ssize_t got = read(in->wake_fd, &count, sizeof count);
@@ -202,10 +205,12 @@ static bool heed_wake(struct subscriber *in, size_t *n_ears, struct pollfd *fds)
     pthread_mutex_lock(&in->lock);
     bool stop = in->stop;
     fds[0].fd = in->discovery.fd;
-    for (; *n_ears < in->n_ears; ++*n_ears) {
-        const struct ear *ear = &in->ears[*n_ears];
-        fds[1 + 2 * *n_ears] = (struct pollfd){.fd = ear->fd, .events = POLLIN};
-        fds[2 + 2 * *n_ears] = (struct pollfd){.fd = ear->remote_fd, .events = POLLIN};
+    for (; *n_subscriptions < in->n_subscriptions; ++*n_subscriptions) {
+        const struct subscription *subscription = &in->subscriptions[*n_subscriptions];
+        fds[1 + 2 * *n_subscriptions] =
+            (struct pollfd){.fd = subscription->fd, .events = POLLIN};
+        fds[2 + 2 * *n_subscriptions] =
+            (struct pollfd){.fd = subscription->remote_fd, .events = POLLIN};
     }
     pthread_mutex_unlock(&in->lock);
     return !stop;
@@ -215,8 +220,8 @@ static void meet(void *context, const char *name)
 {
     struct subscriber *in = context;
     pthread_mutex_lock(&in->lock);
-    for (size_t i = 0; i < in->n_ears; i++)
-        ear_meet(&in->ears[i], in->run_dir, name);
+    for (size_t i = 0; i < in->n_subscriptions; i++)
+        subscription_meet(&in->subscriptions[i], in->run_dir, name);
     pthread_mutex_unlock(&in->lock);
 }
 
@@ -243,19 +248,20 @@ static void *listen_for_ever(void *arg)
     struct subscriber *in = arg;
     struct pollfd fds[2 + 2 * MAX_TOPICS] = {{.fd = in->wake_fd, .events = POLLIN},
                                              {.fd = -1, .events = POLLIN}};
-    size_t n_ears = 0;
+    size_t n_subscriptions = 0;
     int64_t due_ms = 0;
     for (;;) {
-        int n = poll(fds, 2 + 2 * n_ears, tend_remotes(in, n_ears, &due_ms));
+        int n = poll(fds, 2 + 2 * n_subscriptions,
+                     tend_remotes(in, n_subscriptions, &due_ms));
         if (n < 0 && errno != EINTR)
             abort(); /* only a bug gets here: a bad pointer or count */
         if (n <= 0)
             continue;
         if (fds[1].revents && !discovery_read(&in->discovery, meet, in))
             fds[1].fd = await_in_new_folder(in);
-        listen_to_all(in, n_ears, fds + 2);
+        listen_to_all(in, n_subscriptions, fds + 2);
         if (fds[0].revents) {
-            if (!heed_wake(in, &n_ears, fds + 1))
+            if (!heed_wake(in, &n_subscriptions, fds + 1))
                 return NULL;
             due_ms = 0;
         }
@@ -317,17 +323,18 @@ no_parts:
 int subscriber_subscribe(struct subscriber *in, const struct topic *t)
 {
     pthread_mutex_lock(&in->lock);
-    int err = in->n_ears < MAX_TOPICS ? 0 : -E2BIG;
+    int err = in->n_subscriptions < MAX_TOPICS ? 0 : -E2BIG;
     bool known = false;
-    for (size_t i = 0; i < in->n_ears; i++)
-        known |= in->ears[i].topic == t;
+    for (size_t i = 0; i < in->n_subscriptions; i++)
+        known |= in->subscriptions[i].topic == t;
     if (!known && !err) {
-        struct ear *ear = &in->ears[in->n_ears];
-        err = ear_open(ear, t, in->run_dir, in->remote, in->discovery.fd >= 0);
-        ear->since_ns = in->since_ns;
-        if (!err && (err = receive_queue_add(in->receive_queue, t, &ear->slot)))
-            ear_close(ear);
-        in->n_ears += !err;
+        struct subscription *subscription = &in->subscriptions[in->n_subscriptions];
+        err = subscription_open(subscription, t, in->run_dir, in->remote,
+                                in->discovery.fd >= 0);
+        subscription->since_ns = in->since_ns;
+        if (!err && (err = receive_queue_add(in->receive_queue, t, &subscription->slot)))
+            subscription_close(subscription);
+        in->n_subscriptions += !err;
     }
     pthread_mutex_unlock(&in->lock);
     wake(in);
@@ -346,15 +353,15 @@ void subscriber_count_from_start(struct subscriber *in, int64_t now_ns)
 size_t subscriber_counts(struct subscriber *in, struct bus_count *out, size_t max)
 {
     pthread_mutex_lock(&in->lock);
-    size_t n = in->n_ears;
+    size_t n = in->n_subscriptions;
     for (size_t i = 0; i < n && i < max; i++) {
-        const struct ear *ear = &in->ears[i];
-        out[i] = (struct bus_count){.topic = ear->topic,
-                                    .messages = ear->messages,
-                                    .bytes = ear->bytes,
-                                    .gaps = ear->gaps,
-                                    .peers = ear_peers(ear)};
-        receive_queue_count(in->receive_queue, ear->slot, &out[i].dropped,
+        const struct subscription *subscription = &in->subscriptions[i];
+        out[i] = (struct bus_count){.topic = subscription->topic,
+                                    .messages = subscription->messages,
+                                    .bytes = subscription->bytes,
+                                    .gaps = subscription->gaps,
+                                    .peers = subscription_peers(subscription)};
+        receive_queue_count(in->receive_queue, subscription->slot, &out[i].dropped,
                             &out[i].queued);
     }
     pthread_mutex_unlock(&in->lock);
@@ -388,8 +395,8 @@ void subscriber_destroy(struct subscriber *in)
     wake(in);
     pthread_join(in->thread, NULL);
     discovery_close(&in->discovery);
-    for (size_t i = 0; i < in->n_ears; i++)
-        ear_close(&in->ears[i]);
+    for (size_t i = 0; i < in->n_subscriptions; i++)
+        subscription_close(&in->subscriptions[i]);
     pthread_mutex_destroy(&in->lock);
     close(in->wake_fd);
     free(in->run_dir);

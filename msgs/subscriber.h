@@ -1,6 +1,6 @@
-/* msgs/subscriber.h -- the receiving end of a node: an ear for each topic (msgs/ear.h),
- * and one thread that checks what comes in, counts gaps and puts it into the receive
- * queue. */
+/* msgs/subscriber.h -- the receiving end of a node: a subscription for each topic
+ * (msgs/subscription.h), and one thread that checks what comes in, counts gaps and puts
+ * it into the receive queue. */
 #ifndef ANLOS_MSGS_SUBSCRIBER_H
 #define ANLOS_MSGS_SUBSCRIBER_H
 

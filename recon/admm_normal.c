@@ -2,7 +2,7 @@
  * M x = K'b + rho R, M = K'K + rho (1 + D'D), with one product by K'K.  The residual,
  * preconditioned with a blur like K'K, is a new direction; the minimum over it and those
  * of the iterations before (recon/admm_subspace) is worth three or four steps of
- * conjugate gradients that begin anew. */
+ * conjugate gradients that restart. */
 #include "recon/admm_plan.h"
 
 #include <errno.h>

@@ -7,7 +7,7 @@
  * running mean while the vehicle stands.  What stands still as well is gone with it, and
  * what stays longer than background_s fades.  Nothing is subtracted from the first ping
  * of each speaker, nor from one during which the vehicle moves, or it is not known
- * whether it does; the mean begins anew when it stands again.  A ping of a static array
+ * whether it does; the mean restarts when it stands again.  A ping of a static array
  * that a sound from outside drowned (dsp/blanker.h) is blanked: its traces are empty, all
  * microphones masked, and neither it nor the one before, which may hold its beginning,
  * counts into the mean.

@@ -379,7 +379,7 @@ static bool shows_nothing(const void *context, const double p_m[3])
 }
 
 /* A background that has only begun has who walked by then in it, where he was: a hole
- * that rests there, and after n rounds is an n-th of him.  (One that begins anew after
+ * that rests there, and after n rounds is an n-th of him.  (One that restarts after
  * each stop finds him tracked.) */
 static bool shows_standing(struct object_tracker *t, const struct volume *volume)
 {

@@ -34,7 +34,7 @@ struct planner_candidate {
     double coarser;    /* steps, times those of the whole image; below 1 only lateral */
     double deeper;     /* and in depth times this as well, 1 at most */
     double top_hz;     /* fast: of the traces' band, up to here */
-    size_t stride;     /* every so manieth speaker */
+    size_t stride;     /* every n-th speaker */
     size_t iterations; /* iterative: at most */
     double time_s, error_m;
     double own_m; /* error but for places of elements, which no way can change */

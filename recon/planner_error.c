@@ -64,7 +64,7 @@ static double element_error_m(const struct planner_config *cfg, double range_m,
     return sigma_m * range_m * sqrt(12.0 / n) / aperture_m;
 }
 
-/* How many times narrower the midpoints of every so manieth speaker stand. */
+/* How many times narrower the midpoints of every n-th speaker stand. */
 static double narrowing(const struct geometry *g, size_t stride)
 {
     double most = 1.0, low[3], high[3];

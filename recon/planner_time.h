@@ -16,10 +16,10 @@ double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads
 double planner_probe_s(const struct trace_set *set, const struct grid *grid,
                        size_t stride, size_t n_threads);
 
-/* How the elements stand (recon/coherence), from every so manieth speaker's traces. */
+/* How the elements stand (recon/coherence), from every n-th speaker's traces. */
 double planner_coherence_s(const struct trace_set *set, size_t stride, size_t n_threads);
 
-/* Stack and image by a method (dip: `fast` with dip moveout) of every so manieth
+/* Stack and image by a method (dip: `fast` with dip moveout) of every n-th
  * speaker's traces; `incoherent`: of what scatters; `iterative`: before the first
  * iteration. */
 double planner_image_s(const struct trace_set *set, const struct grid *grid,

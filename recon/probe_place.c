@@ -17,7 +17,7 @@ struct probe_places {
     double (*speakers_m)[3]; /* of all that are fewer, one after the other */
 };
 
-/* Every so manieth speaker, whose places go to at. */
+/* Every n-th speaker, whose places go to at. */
 static int thin_out(struct array *out, const struct geometry *g, size_t stride,
                     double (*at)[3])
 {

@@ -30,7 +30,7 @@ bool recorded_background_is_kept(const struct recorded_background *b,
                                  const struct ping *ping);
 
 /* Subtracts it from a ping of the scene, and masks what was masked in it.  Each scan
- * begins anew: the air of the last one may be long gone.  false: there is none. */
+ * restarts: the air of the last one may be long gone.  false: there is none. */
 bool recorded_background_subtract(struct recorded_background *b, const struct ping *ping,
                                   bool *masked, float complex *traces);
 

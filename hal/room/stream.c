@@ -87,7 +87,7 @@ static void advance(struct room_stream *s, uint64_t base)
 }
 
 /* The noise of whole slots, up to a sample.  A slot that had begun before the line was
- * passed over. */
+ * ignored. */
 static void add_noise(struct room_stream *s, uint64_t until)
 {
     const struct room *r = s->room;

@@ -28,7 +28,7 @@ struct zaber_message {
 };
 
 /* A line without its end; what stands before the message's first character is noise, and
- * passed over.  0, -EBADMSG (not of the protocol), -EILSEQ (wrong checksum). */
+ * ignored.  0, -EBADMSG (not of the protocol), -EILSEQ (wrong checksum). */
 int zaber_parse(struct zaber_message *out, const char *line);
 
 /* "/1 1 07 COMMAND\n", with a checksum or without.  Returns its length, or -EMSGSIZE. */

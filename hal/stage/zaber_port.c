@@ -187,7 +187,7 @@ static int take(struct serial *s, char c)
     return too_long ? -EMSGSIZE : 1;
 }
 
-/* The next line without its end (CR, LF or both); empty ones are passed over, bytes that
+/* The next line without its end (CR, LF or both); empty ones are ignored, bytes that
  * are no printable text become '?'.  deadline_ns of CLOCK_MONOTONIC.  0, -ETIMEDOUT (what
  * came of the line is kept), -EMSGSIZE (a longer one: it is dropped), -EIO, -ENODEV. */
 static int serial_read_line(struct serial *s, char line[SERIAL_LINE_SIZE],

@@ -6,7 +6,7 @@
 #include "dsp/error.h"
 #include "recon/survey.h"
 
-/* Reads FOLDER/SERIAL.txt.  Lines without a number at the start are passed over before
+/* Reads FOLDER/SERIAL.txt.  Lines without a number at the start are ignored before
  * the first point; after it, and frequencies that do not rise, are errors.  *out owns its
  * arrays: response_clear.  0, a negative errno of opening, -EINVAL, -ENOMEM. */
 int response_load(struct survey_response *out, const char *folder, const char *serial,

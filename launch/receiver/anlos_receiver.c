@@ -114,7 +114,7 @@ static int within(const struct anlos_channel *c, uint32_t size, uint32_t min_ok,
            (newest_that_are(c, CHECK_ERROR, size) <= max_wrong);
 }
 
-/* E2E_SMCheck.  Silence, its NONEWDATA, is left to the time-outs, which begin anew. */
+/* E2E_SMCheck.  Silence, its NONEWDATA, is left to the time-outs, which restart. */
 static void channel_step(struct anlos_channel *c, enum check check)
 {
     for (uint32_t i = ANLOS_WINDOW - 1u; i > 0u; i--) {

@@ -13,7 +13,7 @@ struct bag_reader;
 int bag_reader_open(struct bag_reader **out, const char *path, struct error *why);
 
 /* The next record; what it points to lasts until the next call.  Chunks themselves do
- * not appear, their index records do; opcodes that are not known are passed over.  0,
+ * not appear, their index records do; opcodes that are not known are ignored.  0,
  * -ENODATA (the bag has ended as it should), -EBADMSG (damaged or cut: nothing more can
  * be read), -ENOTSUP (compression), -EFBIG (BAG_MAX_SIZE), -EIO, -ENOMEM.  An error
  * stays. */

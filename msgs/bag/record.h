@@ -2,7 +2,7 @@
  * each as its bytes and as C.
  *
  * A record is opcode u8, length u64, content.  Content that is longer than what is known
- * of it here belongs to a later version of the format and is passed over; so are opcodes
+ * of it here belongs to a later version of the format and is ignored; so are opcodes
  * that are not known.  Times are ns since 1970. */
 #ifndef ANLOS_MSGS_BAG_RECORD_H
 #define ANLOS_MSGS_BAG_RECORD_H

@@ -25,7 +25,7 @@ enum e2e_verdict {
 };
 
 /* Of a receiver, for each data ID.  All zero is one that has heard nothing: its first
- * frame is E2E_OK whatever the counter.  After a time-out it should begin anew. */
+ * frame is E2E_OK whatever the counter.  After a time-out it should restart. */
 struct e2e_check {
     bool began;
     uint8_t counter; /* of the last undamaged frame */

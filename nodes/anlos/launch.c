@@ -49,7 +49,7 @@ static void print_help(void)
         arguments_help());
 }
 
-/* A name on the command line is meant: what stands there is not to be passed over. */
+/* A name on the command line is meant: what stands there is not to be ignored. */
 static int check_recording(const struct launchfile *l, const struct arguments *a,
                            struct error *why)
 {

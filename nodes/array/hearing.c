@@ -33,7 +33,7 @@
 #define RISES_RATIO 2.0     /* noise that is so much louder is believed at once */
 #define NOISE_PINGS 8.0     /* noise is a mean of so many */
 
-struct ear {
+struct subscription {
     unsigned missed; /* pings in a row */
     bool hears, told, covered, covered_told;
     double noise; /* power of a sample, a mean */
@@ -50,11 +50,11 @@ struct hearing {
     float *own;                         /* [n_microphones][n_samples]; then silence */
     struct pulse_compress *compress[2]; /* up, down */
     struct trace_format format;
-    float complex *traces; /* [n_microphones][format.n_samples] */
-    struct ear *ears;      /* [n_microphones] */
-    struct mouth *mouths;  /* [n_speakers] */
-    double *powers;        /* [n_speakers], scratch */
-    unsigned patience;     /* pings that one may miss */
+    float complex *traces;              /* [n_microphones][format.n_samples] */
+    struct subscription *subscriptions; /* [n_microphones] */
+    struct mouth *mouths;               /* [n_speakers] */
+    double *powers;                     /* [n_speakers], scratch */
+    unsigned patience;                  /* pings that one may miss */
 
     float complex *whole; /* [n_microphones][format.n_samples]: with the next emission */
     struct noise_floor *floor;
@@ -171,10 +171,10 @@ int hearing_create(struct hearing **out, const struct reach_config *cfg,
     if (!err) {
         h->own = calloc(s->n_microphones * h->n_samples, sizeof *h->own);
         h->traces = calloc(s->n_microphones * h->format.n_samples, sizeof *h->traces);
-        h->ears = calloc(s->n_microphones, sizeof *h->ears);
+        h->subscriptions = calloc(s->n_microphones, sizeof *h->subscriptions);
         h->mouths = calloc(s->n_speakers, sizeof *h->mouths);
         h->powers = calloc(s->n_speakers, sizeof *h->powers);
-        if (!h->own || !h->traces || !h->ears || !h->mouths || !h->powers)
+        if (!h->own || !h->traces || !h->subscriptions || !h->mouths || !h->powers)
             err = error_say(why, -ENOMEM, "not enough memory to judge the microphones");
     }
     if (!err)
@@ -218,7 +218,7 @@ static bool is_mute(const struct hearing *h, size_t speaker, double least)
 
 static bool is_deaf(const struct hearing *h, size_t mic)
 {
-    return h->ears[mic].missed >= h->patience && !h->ears[mic].covered;
+    return h->subscriptions[mic].missed >= h->patience && !h->subscriptions[mic].covered;
 }
 
 static void add_note(char *note, size_t size, const char *format, size_t channel)
@@ -234,7 +234,7 @@ static void add_note(char *note, size_t size, const char *format, size_t channel
 static void notice_cover(struct hearing *h, char *note, size_t size)
 {
     for (size_t m = 0; m < h->survey->n_microphones; m++) {
-        struct ear *e = &h->ears[m];
+        struct subscription *e = &h->subscriptions[m];
         if (e->covered != e->covered_told)
             add_note(note, size,
                      e->covered ? "microphone %zu is covered"
@@ -257,9 +257,9 @@ static void notice_cover(struct hearing *h, char *note, size_t size)
 static void notice(struct hearing *h, double least, char *note, size_t size)
 {
     for (size_t m = 0; m < h->survey->n_microphones; m++) {
-        if (!is_deaf(h, m) || h->ears[m].told)
+        if (!is_deaf(h, m) || h->subscriptions[m].told)
             continue;
-        h->ears[m].told = true;
+        h->subscriptions[m].told = true;
         add_note(note, size, "microphone %zu hears no speaker", m + 1);
     }
     for (size_t j = 0; j < h->survey->n_speakers; j++) {
@@ -274,7 +274,8 @@ static void notice(struct hearing *h, double least, char *note, size_t size)
 /* Would the direct sound of a speaker stand out of the noise of now at a microphone? */
 static bool expects(const struct hearing *h, size_t speaker, size_t mic)
 {
-    return !h->has_noise || cover_expects(h->cover, speaker, mic, h->ears[mic].noise);
+    return !h->has_noise ||
+           cover_expects(h->cover, speaker, mic, h->subscriptions[mic].noise);
 }
 
 static bool expects_any(const struct hearing *h, size_t speaker)
@@ -299,7 +300,7 @@ static void listen(struct hearing *h, const Anlos__Ping *ping, const float *samp
                            h->n_samples, h->traces);
     for (size_t m = 0; m < n_mics; m++) {
         double power = heard_power(h->traces + m * n, n);
-        h->ears[m].hears = power > 0.0;
+        h->subscriptions[m].hears = power > 0.0;
         loudest = fmax(loudest, power);
     }
     if (loudest > 0.0 || expects_any(h, ping->speaker)) {
@@ -309,10 +310,10 @@ static void listen(struct hearing *h, const Anlos__Ping *ping, const float *samp
     bool sounds = !is_mute(h, ping->speaker, least_power(h));
     for (size_t m = 0; sounds && m < n_mics; m++) {
         bool fit = m >= ping->n_not_finite || !ping->not_finite[m];
-        if (h->ears[m].hears || !fit)
-            h->ears[m].missed = 0;
-        else if (h->ears[m].missed < h->patience && expects(h, ping->speaker, m))
-            h->ears[m].missed++;
+        if (h->subscriptions[m].hears || !fit)
+            h->subscriptions[m].missed = 0;
+        else if (h->subscriptions[m].missed < h->patience && expects(h, ping->speaker, m))
+            h->subscriptions[m].missed++;
     }
 }
 
@@ -331,8 +332,9 @@ static void measure_noise(struct hearing *h, size_t speaker)
         return;
     for (size_t m = 0; m < h->survey->n_microphones; m++)
         if (!isnan(h->fresh[m]))
-            settle(&h->ears[m].noise,
-                   h->ears[m].noise > 0.0 && h->fresh[m] < RISES_RATIO * h->ears[m].noise,
+            settle(&h->subscriptions[m].noise,
+                   h->subscriptions[m].noise > 0.0 &&
+                       h->fresh[m] < RISES_RATIO * h->subscriptions[m].noise,
                    h->fresh[m]);
     h->has_noise = true;
 }
@@ -346,11 +348,11 @@ static void measure_direct(struct hearing *h, size_t speaker)
                          s->sound_speed_m_s;
         h->direct[m] = arrival_power(&h->format, h->whole + m * h->format.n_samples,
                                      delay_s - DIRECT_S, delay_s + DIRECT_S);
-        h->fresh[m] = h->ears[m].noise;
+        h->fresh[m] = h->subscriptions[m].noise;
     }
     cover_take(h->cover, speaker, h->direct, h->fresh, h->unfit);
     for (size_t m = 0; m < s->n_microphones; m++)
-        h->ears[m].covered = cover_microphone(h->cover, m);
+        h->subscriptions[m].covered = cover_microphone(h->cover, m);
     for (size_t j = 0; j < s->n_speakers; j++)
         h->mouths[j].covered = cover_speaker(h->cover, j);
 }
@@ -366,7 +368,7 @@ static void measure(struct hearing *h, const Anlos__Ping *ping, const float *sam
         return;
     measure_direct(h, ping->speaker);
     for (size_t m = 0; m < h->survey->n_microphones; m++)
-        h->usable[m] = !h->unfit[m] && !h->ears[m].covered;
+        h->usable[m] = !h->unfit[m] && !h->subscriptions[m].covered;
     const struct reach_ping heard = {.speaker = ping->speaker,
                                      .traces = h->whole,
                                      .noise = h->fresh,
@@ -390,7 +392,7 @@ void hearing_ping(struct hearing *h, const Anlos__Ping *ping, struct hearing_fau
     for (size_t m = 0; m < h->survey->n_microphones; m++)
         out->deaf += is_deaf(h, m);
     for (size_t m = 0; m < h->survey->n_microphones; m++)
-        out->covered_microphones += h->ears[m].covered;
+        out->covered_microphones += h->subscriptions[m].covered;
     double least = least_power(h);
     for (size_t j = 0; j < h->survey->n_speakers; j++) {
         out->of_speakers += h->mouths[j].sounded;
@@ -411,8 +413,8 @@ static double mean_noise(const struct hearing *h)
     double sum = 0.0, n = 0.0;
 
     for (size_t m = 0; m < h->survey->n_microphones; m++) {
-        sum += h->ears[m].noise;
-        n += h->ears[m].noise > 0.0;
+        sum += h->subscriptions[m].noise;
+        n += h->subscriptions[m].noise > 0.0;
     }
     return n > 0.0 ? sum / n : NAN;
 }
@@ -434,7 +436,7 @@ void hearing_levels(const struct hearing *h, struct hearing_levels *out)
 
 bool hearing_covers_microphone(const struct hearing *h, size_t microphone)
 {
-    return h->ears[microphone].covered;
+    return h->subscriptions[microphone].covered;
 }
 
 bool hearing_covers_speaker(const struct hearing *h, size_t speaker)
@@ -458,7 +460,7 @@ void hearing_destroy(struct hearing *h)
     pulse_compress_destroy(h->compress[1]);
     free(h->own);
     free(h->traces);
-    free(h->ears);
+    free(h->subscriptions);
     free(h->mouths);
     free(h->powers);
     free(h);

@@ -62,7 +62,7 @@ static void breathe(struct run *r, const Anlos__Ambient *said)
         node_log(
             r->node, LOG_LEVEL_INFO,
             "the vehicle's air has %.1f C: sound goes at %.1f m/s, not %.1f; imaging "
-            "begins anew",
+            "restarts",
             said->temperature_c, r->survey.sound_speed_m_s, was_m_s);
     r->survey_due_ns = 0;
 }

@@ -3,7 +3,7 @@
  *
  * A frame is used when its own check is good and its input is VALID by the rules of the
  * table in inbox.c (msgs/can/e2e.h).  Only silence, longer than what it said last is
- * kept, makes an input begin anew: one that comes and is wrong stays as it is.  What was
+ * kept, makes an input restart: one that comes and is wrong stays as it is.  What was
  * said while it was VALID is kept for its time. */
 #ifndef ANLOS_NODES_CAN_INBOX_H
 #define ANLOS_NODES_CAN_INBOX_H
@@ -75,7 +75,7 @@ enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
 /* True once when nothing valid has come for INBOX_EGO_NS: ego says so then. */
 bool inbox_ego_ends(struct inbox *i, int64_t now_ns);
 
-/* Inputs that were silent for too long begin anew.  To be called often. */
+/* Inputs that were silent for too long restart.  To be called often. */
 void inbox_step(struct inbox *i, int64_t now_ns);
 
 /* Is an input INVALID? */

@@ -42,7 +42,7 @@ struct allowance { /* all zero: nothing was sent */
     } lists[ALLOWANCE_LISTS]; /* a ring */
 };
 
-/* For a list that begins at now_ns; times rise, or all begins anew.  0..CAN_MAX_OBJECTS.
+/* For a list that begins at now_ns; times rise, or all restarts.  0..CAN_MAX_OBJECTS.
  */
 size_t allowance_objects(struct allowance *a, const struct allowance_config *cfg,
                          int64_t now_ns);

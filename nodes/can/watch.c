@@ -115,7 +115,7 @@ static bool watch_is_blind(const struct watch *w)
     struct watch_channels mute = channels(w, WATCH_MUTE);
     uint32_t bad = 0, of = 0;
 
-    for (int kind = 0; kind < WATCH_EARS; kind++) {
+    for (int kind = 0; kind < WATCH_SUBSCRIPTIONS; kind++) {
         struct watch_channels c = channels(w, kind);
         bad += c.count;
         of = c.of > of ? c.of : of;
@@ -418,15 +418,17 @@ static bool is_worse(enum can_state a, enum can_state b)
 
 static enum can_state worst(const struct watch *w)
 {
-    const uint16_t ears = 1u << CAN_FAULT_CHANNELS_DEAD | 1u << CAN_FAULT_ELEMENT_ERRORS |
-                          1u << CAN_FAULT_CLIPPED;
+    const uint16_t subscriptions = 1u << CAN_FAULT_CHANNELS_DEAD |
+                                   1u << CAN_FAULT_ELEMENT_ERRORS |
+                                   1u << CAN_FAULT_CLIPPED;
     enum can_state state = w->scan;
 
     for (int f = 0; f < CAN_FAULTS; f++)
         if (w->faults & 1u << f && is_worse(watch_rows[f].state, state))
             state = watch_rows[f].state;
-    return w->faults & ears && w->blind && is_worse(CAN_BLOCKED, state) ? CAN_BLOCKED
-                                                                        : state;
+    return w->faults & subscriptions && w->blind && is_worse(CAN_BLOCKED, state)
+               ? CAN_BLOCKED
+               : state;
 }
 
 /* Of a fixed array nothing was wrong for a while, or it took too long. */

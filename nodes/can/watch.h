@@ -72,8 +72,8 @@
 #define WATCH_MAX_NODES 16
 #define WATCH_INTERVALS 4
 
-enum { WATCH_SILENT, WATCH_DAMAGED, WATCH_CLIPPED, WATCH_EARS };
-enum { WATCH_MUTE = WATCH_EARS, WATCH_CHANNEL_KINDS }; /* speakers */
+enum { WATCH_SILENT, WATCH_DAMAGED, WATCH_CLIPPED, WATCH_SUBSCRIPTIONS };
+enum { WATCH_MUTE = WATCH_SUBSCRIPTIONS, WATCH_CHANNEL_KINDS }; /* speakers */
 
 struct watch_config {
     bool fixed;    /* an array that stands and fires without end */

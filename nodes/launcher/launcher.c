@@ -15,7 +15,7 @@
 #include "hal/clock.h"
 #include "msgs/bus.h"
 #include "nodes/launcher/process_group.h"
-#include "nodes/launcher/fellows.h"
+#include "nodes/launcher/host_peers.h"
 #include "nodes/launcher/screen.h"
 #include "nodes/launcher/service.h"
 #include "nodes/launcher/supervisor.h"
@@ -53,7 +53,7 @@ struct launcher {
     struct signals signals;
     struct bus *bus;
     struct progress progress;
-    struct fellowship fellowship; /* with the other hosts */
+    struct host_peering host_peering; /* with the other hosts */
     struct screen screen;
     struct voice voice;
     struct log_history history;
@@ -181,7 +181,8 @@ static void voice_health(struct voice *v, int64_t now_ns,
 
 #define KILL_AFTER_NS 3000000000LL
 #define KILL_ASIDE_NS 30000000000LL /* a recorder may bring much to a slow disk */
-#define READY_NS      1000000000LL /* for a recorder to be all ears before the rest starts */
+#define READY_NS                                                                         \
+    1000000000LL /* for a recorder to have subscribed before the rest starts */
 
 /* Whom not to outlive, since when there have been results of this run, and the clock: in
  * the environment of the nodes.  0 or a negative errno. */
@@ -237,9 +238,9 @@ static void launcher_stop(struct launcher *l, int exit_code)
     l->stopping = true;
     l->exit_code = exit_code;
     l->kill_ns = clock_now_ns(l->clock) + KILL_AFTER_NS;
-    fellowship_end(&l->fellowship, exit_code,
-                   l->reported ? l->cfg->launch->report.folder : NULL,
-                   clock_now_ns(l->clock));
+    host_peering_end(&l->host_peering, exit_code,
+                     l->reported ? l->cfg->launch->report.folder : NULL,
+                     clock_now_ns(l->clock));
     process_group_signal(&l->process_group, false, SIGTERM);
 }
 
@@ -520,28 +521,29 @@ static void read_bus(struct launcher *l)
         else if (m && in.topic == topic_log())
             log_history_add(&l->history, (const Anlos__Log *)m);
         else if (m && in.topic == topic_host())
-            fellowship_hear(&l->fellowship, m, &in.envelope, clock_now_ns(l->clock));
+            host_peering_hear(&l->host_peering, m, &in.envelope, clock_now_ns(l->clock));
         if (m)
             protobuf_c_message_free_unpacked(m, NULL);
         bus_message_free(&in);
     }
 }
 
-static void judge_fellows(struct launcher *l, int64_t now_ns)
+static void judge_host_peers(struct launcher *l, int64_t now_ns)
 {
-    char text[FELLOWS_TEXT_SIZE];
-    enum fellows_verdict verdict;
+    char text[HOST_PEERS_TEXT_SIZE];
+    enum host_peers_verdict verdict;
 
-    while (!l->stopping && (verdict = fellows_judge(&l->fellowship.fellows, now_ns,
-                                                    text)) != FELLOWS_GO_ON) {
+    while (!l->stopping &&
+           (verdict = host_peers_judge(&l->host_peering.host_peers, now_ns, text)) !=
+               HOST_PEERS_GO_ON) {
         launcher_say(l, "launcher",
-                     verdict == FELLOWS_FAILED    ? LOG_LEVEL_ERROR
-                     : verdict == FELLOWS_WARNING ? LOG_LEVEL_WARNING
-                                                  : LOG_LEVEL_INFO,
+                     verdict == HOST_PEERS_FAILED    ? LOG_LEVEL_ERROR
+                     : verdict == HOST_PEERS_WARNING ? LOG_LEVEL_WARNING
+                                                     : LOG_LEVEL_INFO,
                      text);
-        if (verdict == FELLOWS_DONE)
+        if (verdict == HOST_PEERS_DONE)
             launcher_stop(l, EXIT_WORKED);
-        else if (verdict == FELLOWS_FAILED)
+        else if (verdict == HOST_PEERS_FAILED)
             launcher_stop(l, EXIT_FAILED);
     }
 }
@@ -551,7 +553,8 @@ static void judge_fellows(struct launcher *l, int64_t now_ns)
 static bool has_ended(const struct launcher *l)
 {
     return l->stopping && !process_group_runs(&l->process_group, true) &&
-           (!l->kill_ns || fellowship_may_leave(&l->fellowship, clock_now_ns(l->clock)));
+           (!l->kill_ns ||
+            host_peering_may_leave(&l->host_peering, clock_now_ns(l->clock)));
 }
 
 static void sooner(int64_t *next_ns, int64_t due_ns)
@@ -567,8 +570,8 @@ static int act_on_time(struct launcher *l)
     int64_t now = clock_now_ns(l->clock);
     int64_t next = now + 1000000000LL;
 
-    judge_fellows(l, now);
-    sooner(&next, fellowship_tell(&l->fellowship, now));
+    judge_host_peers(l, now);
+    sooner(&next, host_peering_tell(&l->host_peering, now));
     sooner(&next, launcher_supervise(l, now));
     voice_health(&l->voice, now, &l->process_group, &l->supervisor);
     launcher_stop_aside(l, now);
@@ -644,8 +647,8 @@ static void open_bus(struct launcher *l)
     if (!err)
         log_history_open(&l->history, l->cfg->run_dir);
     if (!err)
-        err = fellowship_open(&l->fellowship, l->bus, hosts, cfg.epoch_ns,
-                              l->cfg->launch_file);
+        err = host_peering_open(&l->host_peering, l->bus, hosts, cfg.epoch_ns,
+                                l->cfg->launch_file);
     if (err)
         launcher_say(l, "launcher", hosts->n ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING,
                      why.text[0] ? why.text : strerror(-err));

@@ -91,7 +91,7 @@ static int say_status(struct playback *p, Anlos__ScanStatus__State state,
     return err ? err : send_kept(p, &p->status, topic_scan_status(), now_ns);
 }
 
-/* Whoever still has a scan of another replay begins anew with this. */
+/* Whoever still has a scan of another replay restarts with this. */
 int playback_say_begin(struct playback *p, int64_t now_ns)
 {
     return p->says_status ? say_status(p, ANLOS__SCAN_STATUS__STATE__WAITING,

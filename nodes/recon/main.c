@@ -113,7 +113,7 @@ static void take_status(struct run *r, const struct node_message *in)
 {
     const Anlos__ScanStatus *status = (const Anlos__ScanStatus *)in->content;
 
-    /* A scan that was restarted begins anew, and so must the image. */
+    /* A scan was restarted, and so must the image be. */
     if (r->scan_epoch_ns && in->epoch_ns != r->scan_epoch_ns) {
         recon_reset(r->recon);
         r->has_final = false;

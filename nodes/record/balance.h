@@ -26,7 +26,7 @@ int balance_init(struct balance *t, const struct topic *const *topics, size_t n,
                  int64_t now_ns);
 
 /* A message was taken, or so many are lost in all by now.  Topics that are not in the
- * list are passed over. */
+ * list are ignored. */
 void balance_take(struct balance *t, const struct topic *topic, size_t bytes);
 void balance_lost(struct balance *t, const struct topic *topic, uint64_t total);
 

@@ -58,7 +58,7 @@ void logbook_ego(struct logbook *d, const Anlos__EgoMotion *m, int64_t capture_n
 void logbook_survey(struct logbook *d, const Anlos__Survey *m);
 int logbook_walls(struct logbook *d, const Anlos__WallList *m); /* 0, -ENOMEM */
 
-/* Others than lists of tracks are passed over.  0, -ENOMEM. */
+/* Others than lists of tracks are ignored.  0, -ENOMEM. */
 int logbook_list(struct logbook *d, const Anlos__DetectionList *list, int64_t capture_ns);
 
 /* {"tracks": [...], "walls": [...], ...}; NULL: no list of tracks came. */

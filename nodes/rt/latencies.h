@@ -33,7 +33,7 @@ struct latency_summary {
     double median_s, p99_s; /* nearest rank */
 };
 
-/* A message is taken or published at now_ns.  capture_ns 0, of no sound, is passed over.
+/* A message is taken or published at now_ns.  capture_ns 0, of no sound, is ignored.
  */
 void latencies_add(struct latencies *l, const struct topic *t, bool published,
                    int64_t now_ns, int64_t capture_ns);

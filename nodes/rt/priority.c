@@ -68,7 +68,7 @@ int priority_permitted(struct error *why)
         lock ? "locked memory" : "", REALTIME_PRIORITY);
 }
 
-/* The kernel sends it to the process, and who blocks it is passed over: the other threads
+/* The kernel sends it to the process, and who blocks it is ignored: the other threads
  * follow in priority_drop. */
 static void give_up(int number)
 {

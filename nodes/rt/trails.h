@@ -38,10 +38,10 @@ void trails_ego(struct trails *t, const Anlos__EgoMotion *m, int64_t capture_ns)
 
 /* Adds the places of a list of tracks, of which the last point of each is the newest.
  * Others have no trails.  Where the motion is not known, the vehicle counts as standing.
- * A list that is older than the one before is of another run: it begins anew. */
+ * A list that is older than the one before is of another run: it restarts. */
 void trails_take(struct trails *t, const Anlos__DetectionList *list, int64_t capture_ns);
 
-/* A stamp with which one can reckon; messages with another are passed over. */
+/* A stamp with which one can reckon; messages with another are ignored. */
 static inline bool trails_stamp_holds(int64_t ns)
 {
     return ns >= 0 && ns <= INT64_MAX / 2;

@@ -102,7 +102,7 @@ int fixed_scan_create(struct fixed_scan **out, const struct fixed_scan_config *c
     return 0;
 }
 
-/* Another scan: frames count from 1 again, and whoever keeps anything begins anew. */
+/* Another scan: frames count from 1 again, and whoever keeps anything restarts. */
 static void begin(struct fixed_scan *s)
 {
     s->number++;

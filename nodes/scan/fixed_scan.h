@@ -2,7 +2,7 @@
  * system that has no end.  It waits for the nodes it needs and for the survey, then asks
  * the array to go round its speakers without end: first without the hidden objects, where
  * a background is to be recorded, then with them.  Nothing is taken again; what got lost
- * is counted.  It asks once more when no ping comes, and begins anew, as another scan,
+ * is counted.  It asks once more when no ping comes, and restarts, as another scan,
  * when array or survey are not the same any more, or when dsp has lost its background. It
  * is done when the array says that the recording that it plays has ended. */
 #ifndef ANLOS_NODES_SCAN_FIXED_SCAN_H

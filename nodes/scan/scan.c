@@ -16,7 +16,7 @@
 #include "nodes/scan/pending_fire.h"
 
 /* The stage as the scan drives it: a command until the state says that it was accepted
- * and is done.  A fault, or a person's hand on it, it waits out, and then begins anew. */
+ * and is done.  A fault, or a person's hand on it, it waits out, and then restarts. */
 
 enum stage_client_progress {
     STAGE_CLIENT_THERE,  /* at rest at the target */

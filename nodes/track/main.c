@@ -160,8 +160,7 @@ static void tell_losses(struct job *j)
                  "more objects than tracks or ids: %zu left out",
                  (size_t)(now.crowded - j->told.crowded));
     if (now.resets > j->told.resets)
-        node_log(j->node, LOG_LEVEL_WARNING,
-                 "the clock went back: all tracks begin anew");
+        node_log(j->node, LOG_LEVEL_WARNING, "the clock went back: all tracks restart");
     j->told = now;
 }
 

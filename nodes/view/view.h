@@ -25,7 +25,7 @@ struct view_message { /* borrowed */
     int64_t capture_ns, publish_ns, epoch_ns;
 };
 
-/* The i-th topic of which it takes messages, NULL: no more.  Others are passed over. */
+/* The i-th topic of which it takes messages, NULL: no more.  Others are ignored. */
 const struct topic *view_topic(size_t i);
 
 /* now_ns: the time of the system that is looked at: of the machine, or of the bag. */

@@ -13,7 +13,7 @@
     0.15 /* of a path, behind the direct sound's: its sidelobes, the stand */
 #define THRESHOLD_DB 15.0 /* above the noise of the trace */
 #define RANGE_DB     20.0 /* below its strongest echo */
-#define PAIRS_MOST   2048 /* of a scan: more places are passed over */
+#define PAIRS_MOST   2048 /* of a scan: more places are ignored */
 #define GROUND_M     0.05 /* a mount lower than this does not say where the ground is */
 
 struct heard {     /* a ping's echoes, as it stood */

@@ -4,7 +4,7 @@
 #include "hal/room/room.h"
 #include "msgs/bag/manifest.h"
 
-/* They are there before the recorder is all ears. */
+/* They are there before the recorder is all subscriptions. */
 static bool is_older(const char *node)
 {
     return !strcmp(node, "launcher") || !strcmp(node, "record");

@@ -146,7 +146,7 @@ static void let_hear(struct card *c, size_t *fed, size_t n)
 }
 
 /* The ring holds some 52000 frames: of 45000 the newest ping is taken and the others are
- * passed over; of 100000 more the newest found no room. */
+ * ignored; of 100000 more the newest found no room. */
 static void
 who_comes_late_goes_on_with_the_newest_and_what_was_lost_is_counted(void **state)
 {
@@ -326,7 +326,7 @@ static void a_recording_begins_again_where_it_is_asked_to(void **state)
     array_close(player.array);
 }
 
-/* Those that were not asked for are passed over, in their time. */
+/* Those that were not asked for are ignored, in their time. */
 static void some_of_the_speakers_are_played_when_they_sounded(void **state)
 {
     static const uint32_t speakers[] = {1};

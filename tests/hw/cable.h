@@ -28,7 +28,7 @@ struct cable {
 const char *cable_rig(struct scratch *s, const struct way *w);
 void cable_open(struct cable *c, struct scratch *s, const struct way *w);
 
-/* The array stays; the far end begins anew. */
+/* The array stays; the far end restarts. */
 struct far_end *cable_far_end(struct echo *e);
 
 /* All but the array, which is closed before. */

@@ -135,7 +135,7 @@ static inline bool socket_head(int fd, int *op, bool *last, size_t *size)
 }
 
 /* The next message, of however many frames; free its data.  A close ends one that is on
- * its way; other control frames within one are passed over.  false: the other side has
+ * its way; other control frames within one are ignored.  false: the other side has
  * hung up. */
 static inline bool socket_next(int fd, struct socket_frame *f)
 {

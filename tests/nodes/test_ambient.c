@@ -55,7 +55,7 @@ static void sound_goes_as_fast_as_the_air_lets_it(void **state)
     assert_near(humid.sound_speed_m_s - dry.sound_speed_m_s, 0.85, 0.3);
 }
 
-/* Imaging begins anew with each change: a kelvin, 7 mm at 4 m, is not worth it. */
+/* Imaging restarts with each change: a kelvin, 7 mm at 4 m, is not worth it. */
 static void what_hardly_differs_changes_nothing(void **state)
 {
     struct survey s = measured;

@@ -155,7 +155,7 @@ static void a_recorded_background_is_the_mean_of_its_frames(void **state)
     send(r, BACKGROUND, SCENE, 1.0f);
     assert_true(energy(r) < 1e-5 * whole);
     assert_true(r->out.traces.background_subtracted);
-    /* The pass begins anew: what was recorded before does not count any more. */
+    /* The pass restarts: what was recorded before does not count any more. */
     r->frame = 0;
     r->ping.scan = 1;
     send(r, BACKGROUND, BACKGROUND, 3.0f);

@@ -97,7 +97,7 @@ static size_t channel_of(const char *name)
     return 0;
 }
 
-/* A text that has this in it; others are passed over, binary ones too. */
+/* A text that has this in it; others are ignored, binary ones too. */
 static void assert_hears(int fd, const char *part)
 {
     struct socket_frame f;

@@ -47,11 +47,11 @@ static void point(const struct moving *m, double t, double out[3])
 static double emitted(const struct moving *m, const double speaker[3],
                       const double microphone[3], double arrives, double ways[2])
 {
-    double ear[3], mouth[3], p[3], hit = arrives, leaves;
-    moving_to_ground(m, arrives, microphone, ear);
+    double subscription[3], mouth[3], p[3], hit = arrives, leaves;
+    moving_to_ground(m, arrives, microphone, subscription);
     for (int r = 0; r < ROUNDS; r++) {
         point(m, hit, p);
-        ways[1] = reference_distance(p, ear);
+        ways[1] = reference_distance(p, subscription);
         hit = arrives - ways[1] / m->sound_speed_m_s;
     }
     point(m, hit, p);

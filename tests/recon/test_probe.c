@@ -75,7 +75,7 @@ static void a_mirror_is_told_from_a_point(void **state)
     array_traces_clear(&a);
 }
 
-/* Where the image of every so manieth speaker's pairs, without dip moveout, has its peak:
+/* Where the image of every n-th speaker's pairs, without dip moveout, has its peak:
  * y, of a point at this place. */
 static double peak_of_fewer_m(struct array_traces *a, size_t stride, const double at_m[3])
 {

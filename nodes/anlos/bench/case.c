@@ -275,7 +275,7 @@ struct run {
     struct bench_image image;
 };
 
-/* Keeps every so manieth of both. */
+/* Keeps every n-th of both. */
 static void thin_out(struct survey *s, const struct bench_case *c)
 {
     size_t n = 0;

@@ -37,7 +37,7 @@ struct drive_world_config {
 int drive_world_create(struct drive_world *w, const struct drive_world_config *cfg,
                        struct error *why);
 
-/* The endless shot begins anew, right after what came before. */
+/* The endless shot restarts, right after what came before. */
 int drive_world_shoot(struct drive_world *w, enum pass pass, struct error *why);
 
 /* The next ping, which borrows from w.  0, -ENOMEM. */

@@ -115,7 +115,7 @@ bool recon_auto_pace_wants(struct recon_auto_pace *p, size_t position, size_t sp
 /* It is. */
 void recon_auto_pace_done(struct recon_auto_pace *p, size_t position);
 
-/* Every so manieth speaker was, or will be. */
+/* Every n-th speaker was, or will be. */
 size_t recon_auto_pace_stride(const struct recon_auto_pace *p);
 
 /* And so many of the positions that tell how the elements stand. */

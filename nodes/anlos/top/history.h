@@ -25,7 +25,7 @@ struct history { /* zeroed: empty */
     struct history_sample ring[HISTORY_DEPTH];
 };
 
-/* A sample that follows the last one within HISTORY_SPACING_NS is passed over. */
+/* A sample that follows the last one within HISTORY_SPACING_NS is ignored. */
 void history_add(struct history *h, const struct history_sample *s);
 
 /* Writes into the node what has changed since the oldest sample of the window, links in

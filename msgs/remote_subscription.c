@@ -1,4 +1,4 @@
-#include "msgs/remote_ear.h"
+#include "msgs/remote_subscription.h"
 
 #include <errno.h>
 #include <nanomsg/nn.h>
@@ -30,7 +30,7 @@ struct endpoint {
     unsigned failures; /* handshakes since the last one that succeeded */
 };
 
-struct remote_ear {
+struct remote_subscription {
     const struct remote *remote;
     void *socket, *monitor;
     unsigned generation; /* of the keys with which it has connected */
@@ -39,7 +39,7 @@ struct remote_ear {
 };
 
 /* The publishers on other machines.  0, -E2BIG. */
-static int list_endpoints(struct remote_ear *e, const struct remote *r,
+static int list_endpoints(struct remote_subscription *e, const struct remote *r,
                           const struct topic *t)
 {
     const struct hosts *h = remote_hosts(r);
@@ -56,7 +56,7 @@ static int list_endpoints(struct remote_ear *e, const struct remote *r,
     return 0;
 }
 
-static int open_monitor(struct remote_ear *e, const struct remote *r)
+static int open_monitor(struct remote_subscription *e, const struct remote *r)
 {
     char url[48];
     snprintf(url, sizeof url, "inproc://monitor-%p", (void *)e);
@@ -68,7 +68,7 @@ static int open_monitor(struct remote_ear *e, const struct remote *r)
 }
 
 /* 0; -EACCES: the host has no key, or none any more, and is not connected to. */
-static int connect_to(struct remote_ear *e, const struct endpoint *end)
+static int connect_to(struct remote_subscription *e, const struct endpoint *end)
 {
     struct authenticator *a = remote_authenticator(e->remote);
     int err = a ? authenticator_address(a, e->socket, end->host) : 0;
@@ -81,7 +81,7 @@ static unsigned generation_of(const struct remote *r)
     return a ? authenticator_generation(a) : 0;
 }
 
-static int open_socket(struct remote_ear *e, int *fd, const struct remote *r,
+static int open_socket(struct remote_subscription *e, int *fd, const struct remote *r,
                        const struct topic *t)
 {
     size_t size = sizeof *fd;
@@ -102,14 +102,14 @@ static int open_socket(struct remote_ear *e, int *fd, const struct remote *r,
     return err;
 }
 
-int remote_ear_open(struct remote_ear **out, int *fd, const struct remote *r,
-                    const struct topic *t)
+int remote_subscription_open(struct remote_subscription **out, int *fd,
+                             const struct remote *r, const struct topic *t)
 {
     *out = NULL;
     *fd = -1;
     if (!remote_context(r))
         return 0;
-    struct remote_ear *e = calloc(1, sizeof *e);
+    struct remote_subscription *e = calloc(1, sizeof *e);
     if (e)
         e->remote = r;
     int err = e ? list_endpoints(e, r, t) : -ENOMEM;
@@ -117,7 +117,7 @@ int remote_ear_open(struct remote_ear **out, int *fd, const struct remote *r,
         err = open_socket(e, fd, r, t);
     if (err || !e->n) {
         *fd = -1;
-        remote_ear_close(e);
+        remote_subscription_close(e);
         return err;
     }
     *out = e;
@@ -136,7 +136,7 @@ static bool take_frame(void *socket, char *text, size_t size)
     return n >= 0;
 }
 
-static struct endpoint *find(struct remote_ear *e, const char *url)
+static struct endpoint *find(struct remote_subscription *e, const char *url)
 {
     for (size_t i = 0; i < e->n; i++)
         if (!strcmp(e->endpoints[i].url, url))
@@ -145,7 +145,8 @@ static struct endpoint *find(struct remote_ear *e, const char *url)
 }
 
 /* A host that goes away may end a handshake too, but not one after the other. */
-static void report_failure(struct remote_ear *e, struct endpoint *end, uint16_t event)
+static void report_failure(struct remote_subscription *e, struct endpoint *end,
+                           uint16_t event)
 {
     struct authenticator *a = remote_authenticator(e->remote);
     bool certain = event != ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL;
@@ -155,7 +156,7 @@ static void report_failure(struct remote_ear *e, struct endpoint *end, uint16_t 
 }
 
 /* An event is two frames: u16 which, u32 value; and of which endpoint. */
-static void read_events(struct remote_ear *e)
+static void read_events(struct remote_subscription *e)
 {
     char what[8], url[REMOTE_URL_SIZE];
     while (take_frame(e->monitor, what, sizeof what) &&
@@ -175,7 +176,7 @@ static void read_events(struct remote_ear *e)
 }
 
 /* ZeroMQ says at once when it tries again; it did not from one time to the next. */
-static void connect_again(struct remote_ear *e, struct endpoint *end)
+static void connect_again(struct remote_subscription *e, struct endpoint *end)
 {
     if (end->gone && end->was_gone) {
         zmq_disconnect(e->socket, end->url); /* -ENOENT when it has forgotten it */
@@ -185,7 +186,7 @@ static void connect_again(struct remote_ear *e, struct endpoint *end)
 }
 
 /* The keys have changed: to each host by the one that it has now, or not at all. */
-static void connect_with_new_keys(struct remote_ear *e)
+static void connect_with_new_keys(struct remote_subscription *e)
 {
     unsigned generation = generation_of(e->remote);
     if (generation == e->generation)
@@ -199,7 +200,7 @@ static void connect_with_new_keys(struct remote_ear *e)
     }
 }
 
-size_t remote_ear_tend(struct remote_ear *e)
+size_t remote_subscription_tend(struct remote_subscription *e)
 {
     size_t connected = 0;
     read_events(e);
@@ -211,7 +212,7 @@ size_t remote_ear_tend(struct remote_ear *e)
     return connected;
 }
 
-void *remote_ear_receive(struct remote_ear *e, size_t *size)
+void *remote_subscription_receive(struct remote_subscription *e, size_t *size)
 {
     zmq_msg_t in;
     void *message = NULL;
@@ -231,7 +232,7 @@ void *remote_ear_receive(struct remote_ear *e, size_t *size)
     return message;
 }
 
-void remote_ear_close(struct remote_ear *e)
+void remote_subscription_close(struct remote_subscription *e)
 {
     if (!e)
         return;
