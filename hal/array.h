@@ -14,9 +14,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "dsp/error.h"
 #include "hal/clock.h"
 #include "hal/device_count.h"
-#include "dsp/error.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 

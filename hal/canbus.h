@@ -13,9 +13,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "dsp/error.h"
 #include "hal/device_count.h"
 #include "msgs/can/frames.h"
-#include "dsp/error.h"
 
 enum { CANBUS_MAX_COUNTS = 15 };
 

@@ -13,9 +13,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "dsp/error.h"
 #include "hal/clock.h"
 #include "hal/device_count.h"
-#include "dsp/error.h"
 
 enum { STAGE_TEXT_SIZE = 160 };
 

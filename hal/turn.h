@@ -8,8 +8,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "hal/clock.h"
 #include "dsp/error.h"
+#include "hal/clock.h"
 #include "recon/survey.h"
 
 struct turn {

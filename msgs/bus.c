@@ -6,12 +6,12 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "msgs/endpoint.h"
-#include "msgs/subscriber.h"
-#include "msgs/receive_queue.h"
 #include "msgs/discovery.h"
+#include "msgs/endpoint.h"
 #include "msgs/publisher.h"
+#include "msgs/receive_queue.h"
 #include "msgs/remote.h"
+#include "msgs/subscriber.h"
 #include "msgs/wire_guard.h"
 
 #define HANDSHAKE_MS 10

@@ -18,8 +18,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/bus_message.h"
 #include "dsp/error.h"
+#include "msgs/bus_message.h"
 
 struct bus;
 

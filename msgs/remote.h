@@ -13,8 +13,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/authenticator.h"
 #include "dsp/error.h"
+#include "msgs/authenticator.h"
 #include "msgs/hosts.h"
 #include "msgs/topics.h"
 

@@ -13,9 +13,9 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "msgs/subscription.h"
-#include "msgs/endpoint.h"
 #include "msgs/discovery.h"
+#include "msgs/endpoint.h"
+#include "msgs/subscription.h"
 
 #define MAX_TOPICS 32
 

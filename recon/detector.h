@@ -7,11 +7,11 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
-#include "recon/survey.h"
-#include "recon/walls.h"
 #include "recon/detect.h"
 #include "recon/objects.h"
+#include "recon/survey.h"
 #include "recon/volume.h"
+#include "recon/walls.h"
 
 struct detector_config {
     double threshold_db;     /* above the volume's noise floor */

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/tail.h"
 #include "dsp/nearest.h"
+#include "recon/tail.h"
 
 #define GATE_NEAR_LEAST_M  0.3
 #define DIRECT_CLEARANCE_M 0.1  /* behind the direct path: its sidelobes and the stand */

@@ -3,10 +3,10 @@
 #define ANLOS_RECON_PROCESSING_H
 
 #include "dsp/deramp.h"
-#include "dsp/pulse_compress.h"
 #include "dsp/error.h"
-#include "recon/survey.h"
+#include "dsp/pulse_compress.h"
 #include "recon/imager.h"
+#include "recon/survey.h"
 #include "recon/wall.h"
 
 struct processing {

@@ -8,8 +8,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "recon/ping.h"
 #include "recon/air.h"
+#include "recon/ping.h"
 #include "recon/processing.h"
 
 struct recorded_background;

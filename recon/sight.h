@@ -6,10 +6,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "recon/survey.h"
-#include "recon/walls.h"
 #include "recon/grid.h"
+#include "recon/survey.h"
 #include "recon/track.h"
+#include "recon/walls.h"
 
 struct sight {
     const struct walls *walls;

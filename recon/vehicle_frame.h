@@ -2,8 +2,8 @@
 #ifndef ANLOS_RECON_VEHICLE_FRAME_H
 #define ANLOS_RECON_VEHICLE_FRAME_H
 
-#include "recon/survey.h"
 #include "recon/mount.h"
+#include "recon/survey.h"
 
 /* A point p of the array's frame is at r p + t in that of survey_to_vehicle, r
  * [vehicle][array]; without a mount that is p itself. */

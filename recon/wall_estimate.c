@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/wall_search.h"
 #include "recon/near_reflector.h"
+#include "recon/wall_search.h"
 
 #define LEAST_HEARD  9     /* pairs: so few do not agree on three numbers by chance */
 #define GUESSES_MOST 12    /* looked into for each list */

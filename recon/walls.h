@@ -3,8 +3,8 @@
 #ifndef ANLOS_RECON_WALLS_H
 #define ANLOS_RECON_WALLS_H
 
-#include "recon/survey.h"
 #include "recon/ego.h"
+#include "recon/survey.h"
 #include "recon/wall.h"
 
 #define WALLS_MAX         SURVEY_MAX_WALLS

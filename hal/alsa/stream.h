@@ -8,9 +8,9 @@
 
 #include <alsa/asoundlib.h>
 
-#include "hal/survey/rig_file.h"
-#include "hal/alsa/sample_format.h"
 #include "dsp/error.h"
+#include "hal/alsa/sample_format.h"
+#include "hal/survey/rig_file.h"
 
 struct alsa_stream {
     snd_pcm_t *pcm; /* NULL: closed */

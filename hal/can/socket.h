@@ -7,8 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/can/frames.h"
 #include "dsp/error.h"
+#include "msgs/can/frames.h"
 
 enum { CAN_SOCKET_MAX_IDS = 20 };
 

@@ -8,12 +8,12 @@
 #include <unistd.h>
 
 #include "hal/array_backends.h"
-#include "hal/survey/calibration_file.h"
 #include "hal/device.h"
 #include "hal/recording/recording.h"
+#include "hal/survey/calibration_file.h"
 #include "hal/survey/file.h"
-#include "recon/tail.h"
 #include "hal/turn.h"
+#include "recon/tail.h"
 
 struct array_wav {
     const struct clock_source *clock;

@@ -10,9 +10,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "dsp/error.h"
 #include "hal/survey/calibration.h"
 #include "hal/survey/firing.h"
-#include "dsp/error.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 

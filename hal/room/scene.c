@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "hal/room/scene_preset.h"
-#include "hal/yaml/file.h"
 #include "hal/survey/place.h"
+#include "hal/yaml/file.h"
 
 #define OPTIONAL CYAML_FLAG_OPTIONAL
 

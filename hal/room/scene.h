@@ -7,8 +7,8 @@
 
 #include <stdint.h>
 
-#include "hal/survey/yaml.h"
 #include "dsp/error.h"
+#include "hal/survey/yaml.h"
 #include "recon/survey.h"
 
 enum scene_array { SCENE_EXPLICIT, SCENE_PAPER, SCENE_BUMPER };

@@ -7,8 +7,8 @@
 #include "hal/device.h"
 #include "hal/stage/backends.h"
 #include "hal/stage/gpiod_options.h"
-#include "hal/stage/worker.h"
 #include "hal/stage/stepper_axis.h"
+#include "hal/stage/worker.h"
 
 struct stage_gpiod {
     struct gpio *gpio;

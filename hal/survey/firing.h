@@ -8,8 +8,8 @@
 #ifndef ANLOS_HAL_SURVEY_FIRING_H
 #define ANLOS_HAL_SURVEY_FIRING_H
 
-#include "hal/device.h"
 #include "dsp/error.h"
+#include "hal/device.h"
 #include "recon/survey.h"
 
 /* Keys for device_parse. */

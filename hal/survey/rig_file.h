@@ -21,9 +21,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "dsp/error.h"
 #include "hal/alsa/sample_format.h"
 #include "hal/survey/calibration_file.h"
-#include "dsp/error.h"
 #include "recon/survey.h"
 
 #define RIG_MAX_CHANNELS 256

@@ -3,8 +3,8 @@
 #ifndef ANLOS_MSGS_BAG_FILE_H
 #define ANLOS_MSGS_BAG_FILE_H
 
-#include "msgs/bag/record.h"
 #include "dsp/error.h"
+#include "msgs/bag/record.h"
 
 /* The largest record, and the largest chunk after decompression: a volume and what goes
  * with it.  What claims to be larger is refused, and not written. */

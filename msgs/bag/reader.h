@@ -3,8 +3,8 @@
 #ifndef ANLOS_MSGS_BAG_READER_H
 #define ANLOS_MSGS_BAG_READER_H
 
-#include "msgs/bag/record.h"
 #include "dsp/error.h"
+#include "msgs/bag/record.h"
 
 struct bag_reader;
 

@@ -8,9 +8,9 @@
 
 #include <stdbool.h>
 
+#include "dsp/error.h"
 #include "msgs/bag/compression.h"
 #include "msgs/bag/record.h"
-#include "dsp/error.h"
 
 struct bag_writer_config {
     const char *profile, *library;

@@ -6,9 +6,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "msgs/survey.pb-c.h"
 #include "hal/array.h"
 #include "msgs/array.pb-c.h"
+#include "msgs/survey.pb-c.h"
 
 struct acquisition;
 

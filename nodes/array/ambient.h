@@ -7,8 +7,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "recon/survey.h"
 #include "msgs/vehicle.pb-c.h"
+#include "recon/survey.h"
 
 struct ambient {
     int64_t changed_ns; /* monotonic; 0: never */

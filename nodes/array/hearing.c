@@ -12,9 +12,9 @@
 #include "dsp/cover.h"
 #include "dsp/noise_floor.h"
 #include "dsp/rank.h"
-#include "recon/tail.h"
 #include "msgs/tensor.h"
 #include "recon/processing.h"
+#include "recon/tail.h"
 
 #define DEAF_S 0.07
 /* A peak over the mean power.  Of N independent samples of noise the highest passes it

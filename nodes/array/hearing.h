@@ -20,11 +20,11 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "msgs/array.pb-c.h"
 #include "dsp/error.h"
-#include "recon/survey.h"
+#include "msgs/array.pb-c.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/array/reach.h"
+#include "recon/survey.h"
 
 struct hearing_faults {
     size_t deaf, of_microphones;

@@ -8,9 +8,9 @@
 #include "msgs/topics.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
+#include "nodes/array/acquisition.h"
 #include "nodes/array/ambient.h"
 #include "nodes/array/hearing.h"
-#include "nodes/array/acquisition.h"
 #include "nodes/rt/node.h"
 
 #define SURVEY_PERIOD_NS 1000000000LL

@@ -4,10 +4,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "msgs/convert.h"
 #include "dsp/arrival.h"
-#include "recon/walls.h"
+#include "msgs/convert.h"
 #include "recon/detection_range.h"
+#include "recon/walls.h"
 
 #define ECHO_M     0.5 /* of a path, about the wall's: what a vehicle moves */
 #define UNSEEN_S   1.0

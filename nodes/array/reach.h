@@ -11,12 +11,12 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "dsp/pulse_compress.h"
 #include "dsp/error.h"
-#include "recon/survey.h"
+#include "dsp/pulse_compress.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/rt/launchfile.h"
 #include "recon/frames.h"
+#include "recon/survey.h"
 
 #define REACH_PROBABILITY 0.9
 #define REACH_CLEAR_RATIO 1.1

@@ -4,8 +4,8 @@
 #include <stdio.h>
 
 #include "msgs/can/frames.h"
-#include "recon/walls.h"
 #include "recon/ego.h"
+#include "recon/walls.h"
 
 /* The rules, by the cycle of the vehicle and what a wrong one does.
  *

@@ -17,7 +17,6 @@
 #include "nodes/foxglove/parts.h"
 #include "nodes/rt/export.h"
 #include "recon/objects.h"
-#include "msgs/convert.h"
 #include "recon/symmetric.h"
 
 #define MAX_POINTS 100000u

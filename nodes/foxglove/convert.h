@@ -6,8 +6,8 @@
 #ifndef ANLOS_NODES_FOXGLOVE_CONVERT_H
 #define ANLOS_NODES_FOXGLOVE_CONVERT_H
 
-#include "nodes/foxglove/parts.h"
 #include "nodes/foxglove/message.h"
+#include "nodes/foxglove/parts.h"
 #include "nodes/foxglove/setting.h"
 
 /* *out is in the arena.  0, -ENOMEM, -EAGAIN (its survey is not known yet), -EINVAL (it

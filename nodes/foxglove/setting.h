@@ -11,8 +11,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "recon/survey.h"
 #include "nodes/foxglove/message.h"
+#include "recon/survey.h"
 #include "recon/walls.h"
 
 #define FRAME_VEHICLE "vehicle"

@@ -14,8 +14,8 @@
 
 #include "hal/clock.h"
 #include "msgs/bus.h"
-#include "nodes/launcher/process_group.h"
 #include "nodes/launcher/host_peers.h"
+#include "nodes/launcher/process_group.h"
 #include "nodes/launcher/screen.h"
 #include "nodes/launcher/service.h"
 #include "nodes/launcher/supervisor.h"

@@ -3,9 +3,9 @@
 #ifndef ANLOS_NODES_PLAY_BAG_ITERATOR_H
 #define ANLOS_NODES_PLAY_BAG_ITERATOR_H
 
+#include "dsp/error.h"
 #include "msgs/bag/record.h"
 #include "msgs/bus_message.h"
-#include "dsp/error.h"
 
 struct bag_iterator_config {
     const char *bag;

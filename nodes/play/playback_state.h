@@ -3,8 +3,8 @@
 #define ANLOS_NODES_PLAY_PLAYBACK_STATE_H
 
 #include "msgs/playback_publisher.h"
-#include "nodes/play/subscribers.h"
 #include "nodes/play/playback.h"
+#include "nodes/play/subscribers.h"
 #include "nodes/play/tempo.h"
 
 #define UNDER_WAY_MAX 96

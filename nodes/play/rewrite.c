@@ -4,9 +4,9 @@
 #include <string.h>
 
 #include "msgs/convert.h"
-#include "recon/survey.h"
 #include "msgs/tensor.pb-c.h"
 #include "msgs/unpack.h"
+#include "recon/survey.h"
 
 static const ProtobufCFieldDescriptor *find(const ProtobufCMessageDescriptor *d,
                                             const char *name)

@@ -7,8 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/envelope.h"
 #include "msgs/clock.pb-c.h"
+#include "msgs/envelope.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/topics.h"
 

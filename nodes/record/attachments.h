@@ -5,8 +5,8 @@
 
 #include <stdint.h>
 
-#include "msgs/bag/writer.h"
 #include "dsp/error.h"
+#include "msgs/bag/writer.h"
 
 #define ATTACHMENTS_MAX_FILE ((size_t)64 << 20)
 

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/record/tap.h"
 #include "nodes/record/session.h"
+#include "nodes/record/tap.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/stop.h"

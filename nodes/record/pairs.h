@@ -4,8 +4,8 @@
 
 #include <stdint.h>
 
-#include "msgs/bag/writer.h"
 #include "dsp/error.h"
+#include "msgs/bag/writer.h"
 
 struct pairs { /* starts as {0}; memory that runs out is told by pairs_write */
     struct bytes_buffer map;

@@ -13,11 +13,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "dsp/error.h"
 #include "msgs/bag/compression.h"
 #include "msgs/bus_message.h"
-#include "dsp/error.h"
-#include "nodes/record/session.h"
 #include "nodes/record/balance.h"
+#include "nodes/record/session.h"
 #include "nodes/rt/log.h"
 
 struct recorder_config {

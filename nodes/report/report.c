@@ -10,7 +10,6 @@
 #include "msgs/convert.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
-#include "msgs/convert.h"
 #include "recon/processing.h"
 
 #define STEP_NS  150000000LL   /* of trails, which have TRAILS_MAX_POINTS */

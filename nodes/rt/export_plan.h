@@ -4,10 +4,10 @@
 #define ANLOS_NODES_RT_EXPORT_PLAN_H
 
 #include "dsp/error.h"
-#include "recon/survey.h"
 #include "nodes/rt/trails.h"
-#include "recon/walls.h"
 #include "recon/grid.h"
+#include "recon/survey.h"
+#include "recon/walls.h"
 
 struct plan_track { /* of what is in trails, its last word */
     uint32_t id;

@@ -5,8 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/yaml/file.h"
+#include "dsp/nearest.h"
 #include "hal/survey/place.h"
+#include "hal/yaml/file.h"
 #include "msgs/topics.h"
 #include "nodes/rt/launchfile_can.h"
 #include "nodes/rt/launchfile_frames.h"
@@ -14,11 +15,10 @@
 #include "nodes/rt/launchfile_play.h"
 #include "nodes/rt/launchfile_record.h"
 #include "nodes/rt/launchfile_scan.h"
+#include "nodes/rt/launchfile_text.h"
 #include "nodes/rt/launchfile_track.h"
 #include "nodes/rt/launchfile_view.h"
 #include "nodes/rt/launchfile_wall.h"
-#include "nodes/rt/launchfile_text.h"
-#include "dsp/nearest.h"
 #include "nodes/rt/uri.h"
 #include "recon/imager.h"
 

@@ -6,15 +6,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/bag/compression.h"
+#include "dsp/cfar.h"
 #include "dsp/error.h"
+#include "msgs/bag/compression.h"
 #include "msgs/hosts.h"
-#include "recon/object_tracker.h"
-#include "recon/frontend.h"
 #include "recon/compressor.h"
 #include "recon/frames.h"
-#include "dsp/cfar.h"
+#include "recon/frontend.h"
 #include "recon/imager_options.h"
+#include "recon/object_tracker.h"
 
 #define LAUNCHFILE_WALL_CORNERS 32
 

@@ -7,8 +7,8 @@
 
 #include <stdbool.h>
 
-#include "recon/survey.h"
 #include "recon/grid.h"
+#include "recon/survey.h"
 #include "recon/wall.h"
 
 /* A point of the vehicle's or the array's frame on the plan. */

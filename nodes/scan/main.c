@@ -5,9 +5,9 @@
 
 #include "msgs/topics.h"
 #include "nodes/rt/node.h"
+#include "nodes/scan/fixed_scan.h"
 #include "nodes/scan/peers.h"
 #include "nodes/scan/scan.h"
-#include "nodes/scan/fixed_scan.h"
 
 #define STATUS_PERIOD_NS 200000000LL
 #define SILENCE_S        5.0

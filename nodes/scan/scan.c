@@ -11,9 +11,9 @@
 
 #include "msgs/stage.pb-c.h"
 #include "msgs/survey.pb-c.h"
-#include "nodes/scan/ping_tracker.h"
 #include "nodes/scan/peers.h"
 #include "nodes/scan/pending_fire.h"
+#include "nodes/scan/ping_tracker.h"
 
 /* The stage as the scan drives it: a command until the state says that it was accepted
  * and is done.  A fault, or a person's hand on it, it waits out, and then restarts. */

@@ -2,10 +2,10 @@
  * tracks -> "detections" */
 #include <errno.h>
 
+#include "msgs/convert.h"
 #include "msgs/topics.h"
 #include "nodes/rt/early.h"
 #include "nodes/rt/node.h"
-#include "msgs/convert.h"
 #include "nodes/rt/pace.h"
 #include "nodes/track/tracking.h"
 

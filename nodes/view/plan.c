@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "nodes/rt/export.h"
-#include "recon/objects.h"
 #include "nodes/view/names.h"
+#include "recon/objects.h"
 
 static json_t *pair(const double p[2])
 {

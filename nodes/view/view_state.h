@@ -8,14 +8,14 @@
 #include "msgs/clock.pb-c.h"
 #include "msgs/envelope.h"
 #include "msgs/scan.pb-c.h"
-#include "recon/survey.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/rt/trails.h"
-#include "recon/walls.h"
 #include "nodes/view/meter.h"
 #include "nodes/view/names.h"
 #include "nodes/view/picture.h"
 #include "nodes/view/view.h"
+#include "recon/survey.h"
+#include "recon/walls.h"
 
 #define VIEW_MAX_NODES 64
 #define VIEW_LINES     100 /* of the log */

@@ -1,8 +1,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "nodes/rt/export.h"
 #include "msgs/convert.h"
+#include "nodes/rt/export.h"
 #include "nodes/view/plan.h"
 #include "nodes/view/view_state.h"
 

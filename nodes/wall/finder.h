@@ -5,8 +5,8 @@
 #define ANLOS_NODES_WALL_FINDER_H
 
 #include "msgs/survey.pb-c.h"
-#include "nodes/wall/wall_map.h"
 #include "nodes/wall/listener.h"
+#include "nodes/wall/wall_map.h"
 
 struct finder {
     enum wall_from from;

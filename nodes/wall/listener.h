@@ -11,10 +11,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/array.pb-c.h"
 #include "dsp/error.h"
-#include "recon/survey.h"
+#include "msgs/array.pb-c.h"
 #include "recon/ego.h"
+#include "recon/survey.h"
 #include "recon/wall_estimate.h"
 
 struct listener_config {

@@ -9,10 +9,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/array.pb-c.h"
 #include "dsp/error.h"
-#include "recon/survey.h"
+#include "msgs/array.pb-c.h"
 #include "recon/processing.h"
+#include "recon/survey.h"
 #include "recon/wall_crosstalk.h"
 
 struct receiver {

@@ -6,14 +6,14 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
-#include "recon/survey.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/rt/launchfile.h"
-#include "recon/walls.h"
 #include "recon/ego.h"
+#include "recon/survey.h"
 #include "recon/wall_estimate.h"
 #include "recon/wall_track.h"
+#include "recon/walls.h"
 
 struct wall_map {
     enum wall_from from;

@@ -15,8 +15,8 @@
 
 #include "hal/room/room.h"
 #include "recon/compressor.h"
-#include "recon/processing.h"
 #include "recon/detect.h"
+#include "recon/processing.h"
 
 enum { KINDS = 2, RATES = 3, ELEMENTS = 16, SPEAKERS = 4, LEARNING = 20 };
 enum { FIRST, LATER, STATES };

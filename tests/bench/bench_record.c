@@ -13,8 +13,8 @@
 #include <unistd.h>
 
 #include "hal/clock.h"
-#include "nodes/record/tap.h"
 #include "nodes/record/recorder.h"
+#include "nodes/record/tap.h"
 
 #define PING_BYTES  380000
 #define CHUNK_BYTES (4 << 20)

@@ -7,10 +7,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/survey.pb-c.h"
 #include "msgs/bag/bytes.h"
-#include "recon/survey.h"
+#include "msgs/survey.pb-c.h"
 #include "msgs/topics.h"
+#include "recon/survey.h"
 
 /* The next message; what is too short for its size ends with the input.  false: no more.
  */

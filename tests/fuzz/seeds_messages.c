@@ -2,11 +2,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/convert.h"
 #include "msgs/envelope.h"
 #include "msgs/health.pb-c.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
-#include "msgs/convert.h"
 #include "recon/detector.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/messages.h"

@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "msgs/bus_message.h"
-#include "nodes/anlos/topic/message_json.h"
 #include "msgs/convert.h"
+#include "nodes/anlos/topic/message_json.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/messages.h"
 

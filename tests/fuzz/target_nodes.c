@@ -8,8 +8,8 @@
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
 #include "nodes/report/report.h"
-#include "recon/processing.h"
 #include "nodes/track/tracking.h"
+#include "recon/processing.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/messages.h"
 

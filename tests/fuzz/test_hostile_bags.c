@@ -1,7 +1,7 @@
 /* Bags that were made to do harm, through each verb of `anlos bag`: each ends with an
  * error and its words, or with what is there to show, within 1 GB and some seconds. */
-#include "tests/hal/folder.h"
 #include "tests/fuzz/hostile_bag.h"
+#include "tests/hal/folder.h"
 
 #include <sys/resource.h>
 #include <unistd.h>

@@ -2,8 +2,8 @@
 #include "alsa_card.h"
 
 #include "hal/recording/recording.h"
-#include "hal/survey/rig_file.h"
 #include "hal/survey/file.h"
+#include "hal/survey/rig_file.h"
 
 /* Speaker 1 is at output 3, speaker 0 at 1; microphones at inputs 2, 0, 1. */
 static void what_is_heard_belongs_to_what_is_played_in_every_format(void **state)

@@ -5,8 +5,8 @@
 #include <math.h>
 
 #include "hal/array.h"
-#include "hal/survey/calibration_file.h"
 #include "hal/room/room.h"
+#include "hal/survey/calibration_file.h"
 #include "tests/worse.h"
 
 enum { SLOT = 1500, N = 3 };

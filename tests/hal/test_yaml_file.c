@@ -3,8 +3,8 @@
 #include <errno.h>
 #include <math.h>
 
-#include "hal/yaml/file.h"
 #include "hal/survey/place.h"
+#include "hal/yaml/file.h"
 
 struct part {
     double start_hz;

@@ -8,8 +8,8 @@
 
 #include "tests/msgs/run_folder.h"
 
-#include "msgs/scan.pb-c.h"
 #include "msgs/playback_publisher.h"
+#include "msgs/scan.pb-c.h"
 
 #define EPOCH 77
 

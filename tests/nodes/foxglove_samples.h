@@ -11,15 +11,15 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/convert.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/log.pb-c.h"
 #include "msgs/stage.pb-c.h"
-#include "msgs/convert.h"
-#include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "msgs/volume.pb-c.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/foxglove/message.h"
+#include "recon/survey.h"
 
 enum { SAMPLE_NX = 5, SAMPLE_NY = 4, SAMPLE_NZ = 6 };
 

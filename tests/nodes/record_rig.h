@@ -11,8 +11,8 @@
 #include "msgs/bag/check.h"
 #include "msgs/bag/cursor.h"
 #include "msgs/bag/topic_message.h"
-#include "nodes/record/tap.h"
 #include "nodes/record/recorder.h"
+#include "nodes/record/tap.h"
 
 #define EPOCH_NS    77000000000LL
 #define PAYLOAD_MAX 4096

@@ -9,8 +9,8 @@
 #include "hal/room/room.h"
 #include "msgs/array.pb-c.h"
 #include "msgs/convert.h"
-#include "recon/survey.h"
 #include "msgs/tensor.h"
+#include "recon/survey.h"
 
 #define SCENE_MAX_MICROPHONES 16
 

@@ -4,8 +4,8 @@
 #include <math.h>
 
 #include "msgs/detections.pb-c.h"
-#include "nodes/play/rewrite.h"
 #include "nodes/play/bag_iterator.h"
+#include "nodes/play/rewrite.h"
 
 static struct bag_iterator *open_bag_iterator(struct scratch *s, const char *remap)
 {

@@ -8,11 +8,11 @@
 
 #include "msgs/array.pb-c.h"
 #include "msgs/convert.h"
-#include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "nodes/anlos/bag/import.h"
 #include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/commands.h"
+#include "recon/survey.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/mat_write.h"
 #include "tests/nodes/optical_point.h"

@@ -3,10 +3,10 @@
 #include "tests/nodes/alone.h"
 
 #include "hal/random.h"
-#include "recon/tail.h"
 #include "msgs/array.pb-c.h"
 #include "msgs/tensor.h"
 #include "msgs/topics.h"
+#include "recon/tail.h"
 
 enum { MICROPHONES = 16, SAMPLES = 1152 * 2, SLOT_NS = 24000000 };
 

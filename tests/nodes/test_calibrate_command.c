@@ -14,8 +14,8 @@
 #include <cmocka.h>
 
 #include "hal/array.h"
-#include "hal/survey/calibration_file.h"
 #include "hal/recording/recording.h"
+#include "hal/survey/calibration_file.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/commands.h"
 #include "tests/hal/folder.h"

@@ -16,11 +16,11 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "tests/hal/folder.h"
-#include "tests/nodes/near.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_colour.h"
 #include "nodes/rt/export_projection.h"
+#include "tests/hal/folder.h"
+#include "tests/nodes/near.h"
 
 enum { NX = 7, NY = 5, NZ = 6 };
 

@@ -9,13 +9,13 @@
 
 #include "msgs/bus.h"
 #include "msgs/convert.h"
-#include "recon/survey.h"
 #include "msgs/tensor.h"
 #include "msgs/topics.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/recon/fixed.h"
 #include "recon/compressor.h"
+#include "recon/survey.h"
 
 enum { SPEAKERS = 4, MICROPHONES = 16, PINGS = 200, DEADLINE_S = 100 };
 

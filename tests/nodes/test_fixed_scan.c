@@ -9,8 +9,8 @@
 #include <cmocka.h>
 
 #include "msgs/convert.h"
-#include "recon/survey.h"
 #include "nodes/scan/fixed_scan.h"
+#include "recon/survey.h"
 
 #define MS         1000000LL
 #define SLOT_MS    25

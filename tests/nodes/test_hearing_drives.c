@@ -13,15 +13,15 @@
 
 #include <cmocka.h>
 
-#include "msgs/convert.h"
 #include "hal/survey/firing.h"
+#include "msgs/convert.h"
 #include "nodes/anlos/bench/drive_world.h"
 #include "nodes/array/hearing.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/node.h"
-#include "nodes/wall/wall_map.h"
 #include "nodes/wall/listener.h"
+#include "nodes/wall/wall_map.h"
 
 #define SCENES SOURCE_DIR "/launch/scenes/"
 #ifdef __SANITIZE_ADDRESS__ /* ten times slower: what is wrong in memory shows early */

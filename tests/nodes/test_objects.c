@@ -6,10 +6,10 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "tests/nodes/near.h"
 #include "msgs/convert.h"
 #include "recon/objects.h"
 #include "recon/peak.h"
+#include "tests/nodes/near.h"
 
 static struct detection point(double x, double y, double z)
 {

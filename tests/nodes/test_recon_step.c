@@ -11,7 +11,6 @@
 #include "msgs/convert.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
-#include "msgs/convert.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 

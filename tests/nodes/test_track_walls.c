@@ -8,8 +8,8 @@
 
 #include <cmocka.h>
 
-#include "nodes/can/sender.h"
 #include "msgs/convert.h"
+#include "nodes/can/sender.h"
 #include "nodes/track/tracking.h"
 #include "recon/wall.h"
 #include "tests/nodes/near.h"

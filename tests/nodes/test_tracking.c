@@ -8,10 +8,10 @@
 #include <cmocka.h>
 
 #include "msgs/convert.h"
+#include "nodes/track/tracking.h"
 #include "recon/sidelobes.h"
 #include "recon/sight.h"
 #include "recon/timing.h"
-#include "nodes/track/tracking.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 

@@ -10,8 +10,8 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "msgs/convert.h"
 #include "hal/room/stream.h"
+#include "msgs/convert.h"
 #include "nodes/wall/listener.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"

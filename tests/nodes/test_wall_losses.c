@@ -4,10 +4,10 @@
 
 #include <math.h>
 
+#include "msgs/convert.h"
 #include "nodes/anlos/bench/drive_pipe.h"
 #include "nodes/anlos/bench/drive_score.h"
 #include "nodes/can/sender.h"
-#include "msgs/convert.h"
 
 #ifdef __SANITIZE_ADDRESS__ /* ten times slower: what is wrong in memory shows early */
 #define LOSSES 6

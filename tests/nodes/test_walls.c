@@ -8,9 +8,9 @@
 #include <cmocka.h>
 
 #include "msgs/convert.h"
+#include "recon/walls.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/wall_message.h"
-#include "recon/walls.h"
 
 static void a_message_comes_in_as_it_is(void **state)
 {

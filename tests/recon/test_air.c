@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
-#include "recon/survey.h"
 #include "recon/air.h"
+#include "recon/survey.h"
 #include "tests/nodes/near.h"
 
 /* Cramer's formula for the speed, against the square root law here. */

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "tests/nodes/near.h"
 #include "recon/processing.h"
+#include "tests/nodes/near.h"
 
 /* The paper's array: 16 speakers over 1 m, microphones 0.08 m beside them. */
 struct fixture {

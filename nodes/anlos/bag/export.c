@@ -11,6 +11,7 @@
 #include "hal/decimal.h"
 #include "msgs/bag/copy.h"
 #include "msgs/bag/schemas.h"
+#include "msgs/convert.h"
 #include "msgs/detections.pb-c.h"
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/bag/verb.h"
@@ -19,7 +20,6 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/foxglove/channels.h"
 #include "nodes/rt/export.h"
-#include "msgs/convert.h"
 
 static const char head[] =
     "capture_ns,publish_ns,scan,counter,preview,frame,mirrored,id,x_m,y_m,z_m,"

@@ -7,10 +7,10 @@
 #include <stdbool.h>
 #include <stdio.h>
 
+#include "dsp/error.h"
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/compression.h"
 #include "msgs/bag/writer.h"
-#include "dsp/error.h"
 
 /* Prints "anlos bag VERB: text" unless err is 0 or -EINTR; returns the exit code: 0, 130,
  * 2 for what is wrong with the input (no such file, no bag, damaged, too large, an output

@@ -12,9 +12,9 @@
 #include "nodes/anlos/bench/names.h"
 #include "nodes/anlos/bench/trials.h"
 #include "nodes/anlos/interrupt.h"
-#include "recon/compressor.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_file.h"
+#include "recon/compressor.h"
 
 #define FALSE_ALARMS 0.01
 #define SEEDS        400

@@ -11,10 +11,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "msgs/convert.h"
 #include "nodes/anlos/bench/drive_pipe.h"
 #include "nodes/anlos/bench/drive_score.h"
 #include "nodes/anlos/interrupt.h"
-#include "msgs/convert.h"
 
 static int score_next(struct drive_pipe *p, struct drive_score *score,
                       struct drive_moments *moments, double *t_s, struct error *why)

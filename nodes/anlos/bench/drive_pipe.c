@@ -4,8 +4,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "nodes/recon/fixed.h"
 #include "msgs/convert.h"
+#include "nodes/recon/fixed.h"
 
 static int create_steps(struct drive_pipe *p, size_t threads, struct error *why)
 {

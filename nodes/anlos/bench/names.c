@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/anlos/recon/auto.h"
 #include "dsp/nearest.h"
+#include "nodes/anlos/recon/auto.h"
 #include "recon/imager.h"
 
 bool bench_names_have(const char *list, const char *name)

@@ -5,8 +5,8 @@
 #define ANLOS_NODES_ANLOS_BENCH_SCENE_H
 
 #include "dsp/error.h"
-#include "recon/survey.h"
 #include "nodes/anlos/bench/score.h"
+#include "recon/survey.h"
 
 struct bench_scene {
     char name[64];

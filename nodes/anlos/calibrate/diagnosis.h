@@ -6,8 +6,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "hal/survey/calibration.h"
 #include "dsp/error.h"
+#include "hal/survey/calibration.h"
 #include "nodes/anlos/calibrate/paths.h"
 
 struct diagnosis_channel {

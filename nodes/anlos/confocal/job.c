@@ -5,13 +5,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/convert.h"
 #include "nodes/anlos/confocal/traces.h"
 #include "nodes/anlos/interrupt.h"
-#include "msgs/convert.h"
-#include "recon/objects.h"
 #include "recon/fk.h"
 #include "recon/imager.h"
 #include "recon/lightcone.h"
+#include "recon/objects.h"
 #include "recon/processing.h"
 
 /* An optical scan to a volume: by the light-cone transform of its counts (Lindell 2019,

@@ -4,13 +4,13 @@
 #ifndef ANLOS_NODES_ANLOS_CONFOCAL_JOB_H
 #define ANLOS_NODES_ANLOS_CONFOCAL_JOB_H
 
-#include "dsp/pool.h"
 #include "dsp/error.h"
+#include "dsp/pool.h"
 #include "msgs/detections.pb-c.h"
-#include "recon/survey.h"
 #include "nodes/anlos/confocal/file.h"
 #include "nodes/anlos/recon/job.h"
 #include "nodes/anlos/stopwatch.h"
+#include "recon/survey.h"
 
 struct confocal_job {
     const struct recon_options *options;

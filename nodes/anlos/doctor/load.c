@@ -7,10 +7,10 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "nodes/anlos/bench/drive_pipe.h"
-#include "nodes/anlos/doctor/findings.h"
-#include "nodes/anlos/doctor/doctor.h"
 #include "msgs/convert.h"
+#include "nodes/anlos/bench/drive_pipe.h"
+#include "nodes/anlos/doctor/doctor.h"
+#include "nodes/anlos/doctor/findings.h"
 #include "nodes/rt/presence.h"
 #include "nodes/rt/priority.h"
 #include "nodes/rt/processors.h"

@@ -5,14 +5,14 @@
 #include <string.h>
 
 #include "hal/survey/file.h"
+#include "msgs/convert.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/recon/method.h"
 #include "nodes/anlos/recon/traces.h"
-#include "msgs/convert.h"
-#include "recon/objects.h"
 #include "recon/clean.h"
 #include "recon/imager.h"
+#include "recon/objects.h"
 #include "recon/trace_check.h"
 
 /* Processing knows the field, not the file. */

@@ -3,18 +3,18 @@
 #ifndef ANLOS_NODES_ANLOS_RECON_JOB_H
 #define ANLOS_NODES_ANLOS_RECON_JOB_H
 
-#include "hal/recording/recording.h"
 #include "dsp/error.h"
+#include "hal/recording/recording.h"
 #include "msgs/detections.pb-c.h"
-#include "recon/survey.h"
 #include "nodes/anlos/psf/file.h"
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/recon/reader.h"
 #include "nodes/anlos/recon/results.h"
-#include "nodes/anlos/stopwatch.h"
 #include "nodes/anlos/recon/traces_file.h"
+#include "nodes/anlos/stopwatch.h"
 #include "recon/channel_check.h"
 #include "recon/processing.h"
+#include "recon/survey.h"
 #include "recon/trace_set.h"
 
 struct recon_auto;

@@ -7,9 +7,9 @@
 #include <complex.h>
 #include <stdbool.h>
 
+#include "dsp/error.h"
 #include "dsp/pool.h"
 #include "hal/recording/recording.h"
-#include "dsp/error.h"
 #include "nodes/anlos/recon/results.h"
 #include "recon/air.h"
 #include "recon/channel_check.h"

@@ -5,8 +5,8 @@
 
 #include <jansson.h>
 
-#include "dsp/pool.h"
 #include "dsp/error.h"
+#include "dsp/pool.h"
 #include "msgs/detections.pb-c.h"
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/stopwatch.h"

@@ -5,9 +5,9 @@
 #ifndef ANLOS_NODES_ANLOS_REPLAY_CHAIN_H
 #define ANLOS_NODES_ANLOS_REPLAY_CHAIN_H
 
-#include "msgs/survey.pb-c.h"
 #include "hal/canbus.h"
 #include "msgs/array.pb-c.h"
+#include "msgs/survey.pb-c.h"
 #include "nodes/anlos/recon/results.h"
 #include "nodes/can/sender.h"
 #include "nodes/can/watch.h"

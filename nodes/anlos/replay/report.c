@@ -4,9 +4,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "msgs/convert.h"
 #include "nodes/anlos/recon/report.h"
 #include "nodes/rt/export.h"
-#include "msgs/convert.h"
 
 static size_t pings_expected(const struct replay *r)
 {

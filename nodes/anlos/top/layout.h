@@ -2,9 +2,9 @@
 #ifndef ANLOS_NODES_ANLOS_TOP_LAYOUT_H
 #define ANLOS_NODES_ANLOS_TOP_LAYOUT_H
 
+#include "nodes/anlos/top/look.h"
 #include "nodes/anlos/top/page.h"
 #include "nodes/anlos/top/table.h"
-#include "nodes/anlos/top/look.h"
 
 /* Fills p->width x p->height (page_begin).  The panels share the height: each is there as
  * long as there is room for its first lines, the one in focus gets what it needs first.

@@ -4,12 +4,12 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "dsp/nearest.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/topic/tally.h"
 #include "nodes/anlos/topic/watch.h"
 #include "nodes/anlos/usage.h"
-#include "dsp/nearest.h"
 #include "nodes/rt/rundir.h"
 
 #define DEFAULT_SECONDS 5.0

@@ -6,8 +6,8 @@
 #include <stddef.h>
 #include <stdio.h>
 
-#include "msgs/bus.h"
 #include "dsp/error.h"
+#include "msgs/bus.h"
 #include "nodes/anlos/topic/tally.h"
 
 /* Does anybody publish in the folder?  Tries each socket in it. */
