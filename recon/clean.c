@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/rank.h"
 #include "recon/plane.h"
 #include "recon/sparse_operator.h"
 
@@ -114,8 +115,7 @@ static int choose(const struct grid *g, const float *intensity, float level, siz
         }
         if (kept <= most)
             break;
-        qsort(levels, kept, sizeof *levels, brightest_first);
-        level = levels[most];
+        level = rank_smallest(levels, kept, kept - most);
     }
     free(levels);
     *n = kept < most ? kept : most;

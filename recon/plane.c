@@ -5,6 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/normal_equations.h"
+#include "dsp/rank.h"
+
 #define TOLERANCE    0.25 /* of the echo's length */
 #define FIRST        0.5  /* of the strongest echo, that the first one is */
 #define LEAST_SHARE  0.9  /* of all traces, whose first echo is the plane's */
@@ -14,6 +17,7 @@
 #define MOST_BEND    0.2  /* 1 is a point's */
 #define LEAST_BOW    2.0  /* tolerances, that a point's would be */
 #define LEAST_COS    0.5  /* of the normal and the array's */
+#define INDEPENDENT  1e-9 /* of its own, that places leave of an unknown */
 #define MUTED        3.0  /* pulses on both sides */
 #define RANGE_ERROR  1e-3 /* speed of sound known to 0.1 % */
 
@@ -90,47 +94,26 @@ static bool listen(const struct trace_set *set, size_t trace, bool burst,
     return true;
 }
 
-/* Solves 3 equations; false: they are not independent. */
-static bool solve(double m[3][4], double x[3])
-{
-    for (int c = 0; c < 3; c++) {
-        int pivot = c;
-        for (int r = c + 1; r < 3; r++)
-            pivot = fabs(m[r][c]) > fabs(m[pivot][c]) ? r : pivot;
-        if (fabs(m[pivot][c]) < 1e-9)
-            return false;
-        for (int k = 0; k < 4 && pivot != c; k++) {
-            double swap = m[c][k];
-            m[c][k] = m[pivot][k];
-            m[pivot][k] = swap;
-        }
-        for (int r = 0; r < 3; r++)
-            for (int k = 3; k >= c && r != c; k--)
-                m[r][k] -= m[c][k] * m[r][c] / m[c][c];
-    }
-    for (int c = 0; c < 3; c++)
-        x[c] = m[c][3] / m[c][c];
-    return true;
-}
-
 /* Least squares of range = D - x mx - y my - z mz over the arrivals that fit (or those
  * that are listed), of a face whose z is known from before. */
 static bool regress(const struct arrival *all, size_t n, const size_t *listed,
                     struct face *f)
 {
-    double m[3][4] = {{0.0}}, x[3];
+    double m[3][3] = {{0.0}}, x[3] = {0.0};
 
     for (size_t i = 0; i < n; i++) {
         const struct arrival *a = &all[listed ? listed[i] : i];
         if (!listed && !a->fits)
             continue;
-        double row[4] = {1.0, -a->middle_m[0], -a->middle_m[1],
-                         a->range_m + f->z * a->middle_m[2]};
-        for (int r = 0; r < 3; r++)
-            for (int k = 0; k < 4; k++)
+        const double row[3] = {1.0, -a->middle_m[0], -a->middle_m[1]};
+        for (int r = 0; r < 3; r++) {
+            for (int k = 0; k < 3; k++)
                 m[r][k] += row[r] * row[k];
+            x[r] += row[r] * (a->range_m + f->z * a->middle_m[2]);
+        }
     }
-    if (!solve(m, x) || x[1] * x[1] + x[2] * x[2] > 1.0 - LEAST_COS * LEAST_COS)
+    if (normal_equations_solve(3, m[0], x, INDEPENDENT) ||
+        x[1] * x[1] + x[2] * x[2] > 1.0 - LEAST_COS * LEAST_COS)
         return false;
     *f = (struct face){x[1], x[2], sqrt(1.0 - x[1] * x[1] - x[2] * x[2]), x[0]};
     return true;
@@ -179,13 +162,6 @@ static size_t agree(struct arrival *all, size_t n, double tolerance_m, struct fa
     return most > 0 ? count_fits(all, n, &best, tolerance_m) : 0;
 }
 
-static int rising(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* As loud from nearly everywhere as from the middle one: it goes on beyond the view. */
 static int is_even(const struct arrival *all, size_t n, bool *even)
 {
@@ -196,9 +172,9 @@ static int is_even(const struct arrival *all, size_t n, bool *even)
         return -ENOMEM;
     for (size_t i = 0; i < n; i++)
         level[i] = all[i].amplitude;
-    qsort(level, n, sizeof *level, rising);
+    double middle = rank_double(level, n, n / 2 + 1);
     for (size_t i = 0; i < n; i++)
-        loud += level[i] > LEAST_LEVEL * level[n / 2];
+        loud += level[i] > LEAST_LEVEL * middle;
     *even = (double)loud >= LEAST_SHARE * (double)n;
     free(level);
     return 0;
