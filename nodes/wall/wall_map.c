@@ -35,11 +35,10 @@ void wall_map_survey(struct wall_map *k, const struct survey *s)
 
 void wall_map_ego(struct wall_map *k, const Anlos__EgoMotion *m, int64_t stamp_ns)
 {
-    const struct ego_motion motion = {m->standstill ? 0.0 : m->speed_m_s,
-                                      m->standstill ? 0.0 : m->yaw_rate_rad_s};
+    struct ego_motion motion;
 
     k->has_ego = true;
-    if (m->valid) /* the path refuses what is older than its newest */
+    if (ego_from_message(&motion, m)) /* the path refuses what is older than its newest */
         (void)ego_path_add(&k->path, stamp_ns, &motion);
 }
 

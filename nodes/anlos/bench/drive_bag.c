@@ -43,9 +43,8 @@ int drive_bag_world_ego(struct drive_bag_world *w, const Anlos__EgoMotion *m, in
         w->ego = grown;
         w->ego_room = room;
     }
-    w->ego[w->n_ego++] = (struct bag_ego){
-        ns,
-        {m->standstill ? 0.0 : m->speed_m_s, m->standstill ? 0.0 : m->yaw_rate_rad_s}};
+    w->ego[w->n_ego] = (struct bag_ego){.ns = ns};
+    ego_from_message(&w->ego[w->n_ego++].motion, m);
     return 0;
 }
 
