@@ -16,8 +16,8 @@
 #include "dsp/error.h"
 #include "recon/survey.h"
 
-/* Emissions.csv beside the WAV file of an array that stands: who sounded when, for
- * recordings that are not simply slot after slot.
+/* The file emissions.csv beside the WAV file of an array that stands: who sounded when,
+ * for recordings that are not simply slot after slot.
  *
  *   sample,speaker,frame,down,valid,time_s,temperature_c
  *

@@ -132,7 +132,7 @@ bool report_is_complete(const struct report *r, int64_t now_ns);
 int report_write(const struct report *r, const char *folder, struct error *why);
 void report_clear(struct report *r);
 
-/* Report.json: how the scan went. */
+/* The file report.json: how the scan went. */
 
 /* NULL: no memory. */
 json_t *report_json(const struct report *r);

@@ -28,7 +28,7 @@ struct sim_options { /* borrow from argv */
     bool progress; /* a line on stderr that is rewritten */
 };
 
-/* Truth.json, what is really there in a simulated recording. */
+/* The file truth.json, what is really there in a simulated recording. */
 
 static json_t *object_json(const struct room_object *o, const struct survey *s)
 {
