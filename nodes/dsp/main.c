@@ -22,16 +22,6 @@ static size_t counts(void *ctx, struct device_count *out)
     return 1 + early_count(&r->early, out + 1);
 }
 
-static int create(struct dsp **out, const struct launchfile *l)
-{
-    const struct frontend_config cfg = {.window = l->dsp.window,
-                                        .compression = l->dsp.compression,
-                                        .background = l->dsp.background,
-                                        .background_s = l->dsp.background_s};
-
-    return dsp_create(out, &cfg);
-}
-
 static int take_survey(struct run *r, const Anlos__Survey *survey)
 {
     struct error why = {""};
@@ -141,12 +131,14 @@ static int run(struct run *r)
 int main(int argc, char **argv)
 {
     struct run r = {.early = {.count = "pings before the survey"}};
+    struct frontend_config cfg;
     int err = node_create(&r.node, "dsp",
                           "Compresses pulses and subtracts the background.", argc, argv);
 
     if (err)
         return err - 1;
-    err = create(&r.dsp, node_launch(r.node));
+    dsp_config(&cfg, node_launch(r.node));
+    err = dsp_create(&r.dsp, &cfg);
     if (!err)
         err = run(&r);
     dsp_destroy(r.dsp);

@@ -10,17 +10,15 @@
 static int create_steps(struct drive_pipe *p, size_t threads, struct error *why)
 {
     const struct launchfile *l = p->launch;
-    const struct frontend_config dsp = {.window = l->dsp.window,
-                                        .compression = l->dsp.compression,
-                                        .background = l->dsp.background,
-                                        .background_s = l->dsp.background_s};
     const struct room_object *hidden;
+    struct frontend_config dsp;
     struct static_array_config steady;
     struct object_tracker_config track;
-    int err = dsp_create(&p->dsp, &dsp);
 
+    dsp_config(&dsp, l);
     fixed_config(&steady, l);
     steady.threads = threads;
+    int err = dsp_create(&p->dsp, &dsp);
     if (!err)
         err = steady_create(&p->steady, &steady);
     tracking_config(&track, l);

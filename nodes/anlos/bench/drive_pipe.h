@@ -29,9 +29,9 @@ struct drive_pipe {
 int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const char *scene,
                       uint32_t draw, size_t threads, struct error *why);
 
-/* Goes on to the next image: its lists, which objects_free frees, tracked and not (NULL
- * where nothing is hidden); the stamp of its newest ping, and when that had ended.  0 or
- * a negative errno. */
+/* Goes on to the next image: its lists, which detections_free frees, tracked and not
+ * (NULL where nothing is hidden); the stamp of its newest ping, and when that had ended.
+ * 0 or a negative errno. */
 struct drive_image {
     Anlos__DetectionList *tracks, *detections;
     double t_s, out_s;

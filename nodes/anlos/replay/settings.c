@@ -79,10 +79,7 @@ static void set_defaults(struct chain_config *c)
 
 static void take_launch(struct chain_config *c, const struct launchfile *l)
 {
-    c->dsp = (struct frontend_config){.window = l->dsp.window,
-                                      .compression = l->dsp.compression,
-                                      .background = l->dsp.background,
-                                      .background_s = l->dsp.background_s};
+    dsp_config(&c->dsp, l);
     c->recon.method = l->recon.method;
     c->recon.options = &l->recon.options;
     c->fixed = l->scan.fixed;
