@@ -1,0 +1,313 @@
+/* Plain types through packed messages and back: each field has a value of its own. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "msgs/convert.h"
+
+enum { MICS = 3, SAMPLES = 4 };
+
+/* As it comes over the bus. */
+static ProtobufCMessage *sent(const ProtobufCMessage *m)
+{
+    size_t size = protobuf_c_message_get_packed_size(m);
+    uint8_t *bytes = malloc(size + 1);
+
+    assert_non_null(bytes);
+    assert_int_equal(protobuf_c_message_pack(m, bytes), size);
+    ProtobufCMessage *back = protobuf_c_message_unpack(m->descriptor, NULL, size, bytes);
+    assert_non_null(back);
+    free(bytes);
+    return back;
+}
+
+static void traces_come_back(void **state)
+{
+    (void)state;
+    static const bool masked[MICS] = {false, true, false};
+    float complex samples[MICS][SAMPLES];
+    const struct traces t = {.survey_id = 11,
+                             .capture_ns = 12,
+                             .scan = 13,
+                             .frame = 14,
+                             .position = 15,
+                             .speaker = 16,
+                             .stage_m = 0.17,
+                             .temperature_c = 18.5,
+                             .down = true,
+                             .background_subtracted = true,
+                             .blanked = true,
+                             .clipped_samples = 19,
+                             .n_microphones = MICS,
+                             .format = {.t0_s = 0.02,
+                                        .rate_hz = 21e3,
+                                        .carrier_hz = 2.2e3,
+                                        .n_samples = SAMPLES},
+                             .samples = samples[0],
+                             .masked = masked};
+    protobuf_c_boolean storage[MICS];
+    struct traces_room *room = calloc(1, sizeof *room);
+    struct tensor_view view;
+    struct traces back;
+    Anlos__Traces m;
+
+    assert_non_null(room);
+    for (int i = 0; i < MICS * SAMPLES; i++)
+        samples[i / SAMPLES][i % SAMPLES] = (float)i - 2.5f * I;
+    traces_to_message(&t, storage, &view, &m);
+    Anlos__Traces *came = (Anlos__Traces *)sent(&m.base);
+    traces_from_message(&back, room, came, t.capture_ns);
+    assert_int_equal(back.survey_id, 11);
+    assert_int_equal(back.capture_ns, 12);
+    assert_int_equal(back.scan, 13);
+    assert_int_equal(back.frame, 14);
+    assert_int_equal(back.position, 15);
+    assert_int_equal(back.speaker, 16);
+    assert_true(back.stage_m == 0.17 && back.temperature_c == 18.5);
+    assert_true(back.down && back.background_subtracted && back.blanked);
+    assert_int_equal(back.clipped_samples, 19);
+    assert_int_equal(back.n_microphones, MICS);
+    assert_memory_equal(&back.format, &t.format, sizeof t.format);
+    assert_memory_equal(back.samples, samples, sizeof samples);
+    assert_memory_equal(back.masked, masked, sizeof masked);
+    came->n_masked = MICS - 1; /* not one for each */
+    traces_from_message(&back, room, came, 0);
+    assert_null(back.samples);
+    assert_int_equal(back.n_microphones, 0);
+    came->n_masked = MICS;
+    anlos__traces__free_unpacked(came, NULL);
+    free(room);
+}
+
+static void a_volume_comes_back(void **state)
+{
+    (void)state;
+    float intensity[2][3][4];
+    const struct volume v = {.survey_id = 11,
+                             .capture_ns = 12,
+                             .scan = 13,
+                             .frame = 14,
+                             .grid = {.origin_m = {-0.1, 0.2, 1.5},
+                                      .step_m = {0.01, 0.02, 0.03},
+                                      .n = {4, 3, 2}},
+                             .intensity = &intensity[0][0][0],
+                             .method = "frames",
+                             .source = SURVEY_SIMULATION,
+                             .sound_speed_m_s = 340.5,
+                             .preview = true,
+                             .pings_used = 15,
+                             .pings_expected = 16,
+                             .pings_blanked = 17,
+                             .microphones_masked = 18,
+                             .clipped_samples = 19,
+                             .standing_left = true,
+                             .standing_taken = true};
+    struct volume_view view;
+    struct volume back;
+    Anlos__Volume m;
+
+    for (int i = 0; i < 24; i++)
+        (&intensity[0][0][0])[i] = (float)i;
+    volume_to_message(&v, &view, &m);
+    Anlos__Volume *came = (Anlos__Volume *)sent(&m.base);
+    volume_from_message(&back, came, v.capture_ns);
+    assert_int_equal(back.survey_id, 11);
+    assert_int_equal(back.capture_ns, 12);
+    assert_int_equal(back.scan, 13);
+    assert_int_equal(back.frame, 14);
+    assert_memory_equal(&back.grid, &v.grid, sizeof v.grid);
+    assert_memory_equal(back.intensity, intensity, sizeof intensity);
+    assert_string_equal(back.method, "frames");
+    assert_int_equal(back.source, SURVEY_SIMULATION);
+    assert_true(back.sound_speed_m_s == 340.5 && back.preview);
+    assert_int_equal(back.pings_used, 15);
+    assert_int_equal(back.pings_expected, 16);
+    assert_int_equal(back.pings_blanked, 17);
+    assert_int_equal(back.microphones_masked, 18);
+    assert_int_equal(back.clipped_samples, 19);
+    assert_true(back.standing_left && back.standing_taken);
+    came->step_m->y = 0.0; /* no grid */
+    volume_from_message(&back, came, 0);
+    assert_null(back.intensity);
+    anlos__volume__free_unpacked(came, NULL);
+}
+
+static void a_ping_is_read_as_it_was_sent(void **state)
+{
+    (void)state;
+    uint32_t clipped[MICS] = {1, 2, 3}, not_finite[MICS] = {4, 5, 6};
+    float samples[MICS][SAMPLES] = {{0.5f}};
+    Anlos__Ping m = ANLOS__PING__INIT;
+    struct tensor_view view;
+    struct ping p;
+
+    m.survey_id = 11;
+    m.scan = 13;
+    m.frame = 14;
+    m.pass = ANLOS__PASS__BACKGROUND;
+    m.position = 15;
+    m.speaker = 16;
+    m.stage_m = 0.17;
+    m.temperature_c = 18.5;
+    m.down = m.valid = true;
+    m.samples = tensor_borrow_f32(&view, samples[0], 2, (size_t)MICS, (size_t)SAMPLES);
+    m.clipped = clipped;
+    m.not_finite = not_finite;
+    m.n_clipped = m.n_not_finite = MICS;
+    ping_from_message(&p, &m, 12);
+    assert_int_equal(p.survey_id, 11);
+    assert_int_equal(p.capture_ns, 12);
+    assert_int_equal(p.scan, 13);
+    assert_int_equal(p.frame, 14);
+    assert_int_equal(p.pass, PASS_BACKGROUND);
+    assert_int_equal(p.position, 15);
+    assert_int_equal(p.speaker, 16);
+    assert_true(p.stage_m == 0.17 && p.temperature_c == 18.5 && p.down && p.valid);
+    assert_int_equal(p.n_microphones, MICS);
+    assert_int_equal(p.n_samples, SAMPLES);
+    assert_ptr_equal(p.samples, samples);
+    assert_ptr_equal(p.clipped, clipped);
+    assert_ptr_equal(p.not_finite, not_finite);
+    m.n_not_finite = MICS - 1;
+    ping_from_message(&p, &m, 12);
+    assert_null(p.samples);
+    m.n_not_finite = MICS;
+    m.samples = NULL;
+    ping_from_message(&p, &m, 12);
+    assert_null(p.samples);
+}
+
+static struct object seen(void)
+{
+    return (struct object){.id = 7,
+                           .placed = true,
+                           .place = {.position_m = {1, 2, 3},
+                                     .covariance_m2 = {4, 5, 6, 7, 8, 9},
+                                     .extent_m = {0.1, 0.2, 0.3},
+                                     .wall = 10,
+                                     .height_assumed = true,
+                                     .behind_no_wall = true,
+                                     .in_free_view = true},
+                           .virtual_m = {11, 12, 13},
+                           .existence = 0.14,
+                           .level_db = 15,
+                           .shape = {SHAPE_EXTENDED, 0.16},
+                           .at_border = 5,
+                           .multipath = MULTIPATH_FACE,
+                           .of = {17, 18}};
+}
+
+static void assert_seen(const Anlos__Detection *d)
+{
+    assert_int_equal(d->id, 7);
+    assert_true(d->virtual_m->x == 11 && d->virtual_m->y == 12 && d->virtual_m->z == 13);
+    assert_true(d->existence == 0.14 && d->level_db == 15);
+    assert_int_equal(d->shape, ANLOS__SHAPE__EXTENDED);
+    assert_true(d->shape_probability == 0.16);
+    assert_int_equal(d->wall, 10);
+    assert_true(d->height_assumed && d->behind_no_wall && d->in_free_view);
+    assert_int_equal(d->at_border, 5);
+    assert_int_equal(d->multipath, ANLOS__MULTIPATH__BY_A_FACE);
+    assert_int_equal(d->n_multipath_of, 2);
+    assert_int_equal(d->multipath_of[0], 17);
+    assert_int_equal(d->multipath_of[1], 18);
+}
+
+static void objects_are_listed_as_they_are(void **state)
+{
+    (void)state;
+    struct object_list list = {.scan = 1,
+                               .frame = 2,
+                               .counter = 3,
+                               .preview = true,
+                               .mirrored = true,
+                               .in_vehicle_frame = true,
+                               .tracked = true,
+                               .ego_unknown = true,
+                               .source = SURVEY_REPLAY,
+                               .temperature_c = 4.5,
+                               .sound_speed_m_s = 340,
+                               .n = 3};
+    Anlos__DetectionList *m;
+
+    list.objects[0] = seen();
+    list.objects[1] = seen();
+    list.objects[1].tracked = true;
+    list.objects[1].state = TRACK_PREDICTED;
+    list.objects[1].motion = TRACK_MOVING;
+    list.objects[1].age_s = 19;
+    list.objects[1].unseen_s = 20;
+    memcpy(list.objects[1].velocity_m_s, (double[]){21, 22}, 2 * sizeof(double));
+    memcpy(list.objects[1].velocity_m2_s2, (double[]){23, 24, 25}, 3 * sizeof(double));
+    list.objects[1].of[1] = 17; /* of one alone */
+    list.objects[2] = list.objects[1];
+    list.objects[2].placed = false;
+    assert_int_equal(detections_from_objects(&m, &list), 0);
+    assert_int_equal(m->scan, 1);
+    assert_int_equal(m->frame, 2);
+    assert_int_equal(m->counter, 3);
+    assert_true(m->preview && m->mirrored && m->in_vehicle_frame && m->tracked &&
+                m->ego_unknown);
+    assert_int_equal(m->source, ANLOS__SOURCE__REPLAY);
+    assert_true(m->temperature_c == 4.5 && m->sound_speed_m_s == 340);
+    assert_int_equal(m->n_detections, 3);
+    const Anlos__Detection *d = m->detections[0];
+    assert_seen(d);
+    assert_true(d->position_m->x == 1 && d->position_m->y == 2 && d->position_m->z == 3);
+    assert_true(d->extent_m->x == 0.1 && d->extent_m->y == 0.2 && d->extent_m->z == 0.3);
+    assert_int_equal(d->n_covariance_m2, 6);
+    for (int i = 0; i < 6; i++)
+        assert_true(d->covariance_m2[i] == 4 + i);
+    assert_int_equal(d->n_velocity_m_s + d->n_velocity_covariance_m2_s2, 0);
+    d = m->detections[1];
+    assert_int_equal(d->measurement, ANLOS__MEASUREMENT__PREDICTED);
+    assert_int_equal(d->motion, ANLOS__MOTION__MOVING);
+    assert_true(d->age_s == 19 && d->unseen_s == 20);
+    assert_int_equal(d->n_velocity_m_s, 2);
+    assert_true(d->velocity_m_s[0] == 21 && d->velocity_m_s[1] == 22);
+    assert_int_equal(d->n_velocity_covariance_m2_s2, 3);
+    for (int i = 0; i < 3; i++)
+        assert_true(d->velocity_covariance_m2_s2[i] == 23 + i);
+    assert_int_equal(d->n_multipath_of, 1);
+    d = m->detections[2]; /* it is there, nobody knows where */
+    assert_null(d->position_m);
+    assert_null(d->extent_m);
+    assert_int_equal(d->n_covariance_m2 + d->n_velocity_m_s, 0);
+    assert_true(d->virtual_m->z == 13);
+    detections_free(m);
+}
+
+static void motion_is_none_where_it_is_not_valid_or_the_vehicle_stands(void **state)
+{
+    (void)state;
+    Anlos__EgoMotion m = ANLOS__EGO_MOTION__INIT;
+    struct ego_motion out;
+
+    m.speed_m_s = 2.0;
+    m.yaw_rate_rad_s = 0.5;
+    assert_null(ego_from_message(&out, &m));
+    m.valid = true;
+    assert_ptr_equal(ego_from_message(&out, &m), &out);
+    assert_true(out.speed_m_s == 2.0 && out.yaw_rate_rad_s == 0.5);
+    m.standstill = true;
+    assert_non_null(ego_from_message(&out, &m));
+    assert_true(out.speed_m_s == 0.0 && out.yaw_rate_rad_s == 0.0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(traces_come_back),
+        cmocka_unit_test(a_volume_comes_back),
+        cmocka_unit_test(a_ping_is_read_as_it_was_sent),
+        cmocka_unit_test(objects_are_listed_as_they_are),
+        cmocka_unit_test(motion_is_none_where_it_is_not_valid_or_the_vehicle_stands),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
