@@ -7,7 +7,7 @@
 
 #include "dsp/rank.h"
 #include "recon/plane.h"
-#include "recon/sparse_operator.h"
+#include "recon/inverse/sparse_operator.h"
 
 /* Of a fit: places, and pairs times places. */
 #define MOST_PLACES  1024

@@ -9,8 +9,8 @@
 
 #include "dsp/pool.h"
 #include "recon/detect.h"
-#include "recon/imager.h"
-#include "recon/trace_set.h"
+#include "recon/imaging/imager.h"
+#include "recon/planning/trace_set.h"
 
 struct clean {
     const struct trace_set *set; /* what was imaged */

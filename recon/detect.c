@@ -8,7 +8,7 @@
 
 #include "recon/detect_learn.h"
 #include "recon/peak.h"
-#include "recon/regions.h"
+#include "recon/imaging/regions.h"
 
 #define NOISE_SAMPLES 65536
 #define LEAST_IMAGED  0.2  /* of a volume */

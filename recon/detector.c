@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 
 void detector_init(struct detector *d, const struct detector_config *cfg)
 {

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/fold.h"
+#include "recon/imaging/fold.h"
 #include "recon/frames_state.h"
-#include "recon/trace_check.h"
+#include "recon/imaging/trace_check.h"
 
 /* -- create -----------------------------------------------------------------------------
  */

@@ -1,7 +1,7 @@
 /* recon/frames.h -- images of a fixed array from its newest pings, a new one for every
  * ping if need be: the newest replaces the oldest (a sliding aperture).  Back-projection
- * as in recon/backprojection.h; each ping keeps its part of the image, so that a new
- * image costs one ping and a sum, as long as nothing moves.
+ * as in recon/coherent/backprojection.h; each ping keeps its part of the image, so that a
+ * new image costs one ping and a sum, as long as nothing moves.
  *
  * An array that moves is imaged from where each element stood when it spoke or heard:
  * between pings, and while the sound was under way.  Motion shifts what a compressed
@@ -61,8 +61,8 @@ struct frames_ping {
 };
 
 /* Takes the place of the oldest ping; one that is older than the newest makes all others
- * be forgotten, and returns false.  A trace that recon/trace_check finds unfit counts as
- * masked. */
+ * be forgotten, and returns false.  A trace that recon/imaging/trace_check finds unfit
+ * counts as masked. */
 bool frames_add(struct frames *f, const struct frames_ping *ping);
 
 /* The newest ping is in no image any more. */

@@ -3,7 +3,7 @@
 #define ANLOS_RECON_FRAMES_STATE_H
 
 #include "dsp/pool.h"
-#include "recon/backproject_tile.h"
+#include "recon/coherent/backproject_tile.h"
 #include "recon/frames_places.h"
 
 struct held { /* one of the newest pings */

@@ -9,7 +9,7 @@
 #include <stddef.h>
 
 #include "recon/detect.h"
-#include "recon/trace_set.h"
+#include "recon/planning/trace_set.h"
 
 #define LOBES_MAX 64 /* objects; more are left as they are */
 

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "recon/psf.h"
-#include "recon/symmetric.h"
+#include "recon/inverse/psf.h"
+#include "recon/inverse/symmetric.h"
 
 /* -6 dB (a factor of 4) width of a Gaussian over its sigma. */
 #define WIDTH_SIGMAS 3.3302

@@ -2,13 +2,13 @@
  * the array, and is heard by each pair from its own place on the face.  An image shows
  * its speckle and its lobes as many objects; it is one, known by how its echo arrives:
  * the range of a midpoint m is D - n . m, without the bend that a point or a corner has
- * (recon/scattering.h).  Fitted to the first strong arrival of every trace, by consensus
- * (RANSAC, Fischler and Bolles 1981) and then least squares. */
+ * (recon/planning/scattering.h).  Fitted to the first strong arrival of every trace, by
+ * consensus (RANSAC, Fischler and Bolles 1981) and then least squares. */
 #ifndef ANLOS_RECON_PLANE_H
 #define ANLOS_RECON_PLANE_H
 
 #include "recon/detect.h"
-#include "recon/trace_set.h"
+#include "recon/planning/trace_set.h"
 
 struct plane {
     struct detection object; /* position_m the middle of what mirrors, extent_m its size,

@@ -5,7 +5,7 @@
 #include "dsp/deramp.h"
 #include "dsp/error.h"
 #include "dsp/pulse_compress.h"
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 #include "recon/survey.h"
 #include "recon/wall.h"
 

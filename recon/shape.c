@@ -4,7 +4,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-#include "recon/psf.h"
+#include "recon/inverse/psf.h"
 
 /* A Gaussian image, cut off where its intensity is a quarter, has this variance along
  * each axis over the square of its width there: in two and in three dimensions. */

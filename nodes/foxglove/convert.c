@@ -17,7 +17,7 @@
 #include "nodes/foxglove/parts.h"
 #include "nodes/rt/export.h"
 #include "recon/objects.h"
-#include "recon/symmetric.h"
+#include "recon/inverse/symmetric.h"
 
 #define MAX_POINTS 100000u
 #define N_FIELDS   4u

@@ -1,5 +1,5 @@
-/* nodes/recon/recon.h -- the recon node's step for a scan: topics to recon/scan_imager.h
- * and back. */
+/* nodes/recon/recon.h -- the recon node's step for a scan: topics to
+ * recon/imaging/scan_imager.h and back. */
 #ifndef ANLOS_NODES_RECON_RECON_H
 #define ANLOS_NODES_RECON_RECON_H
 
@@ -12,7 +12,7 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"
-#include "recon/scan_imager.h"
+#include "recon/imaging/scan_imager.h"
 
 struct recon;
 

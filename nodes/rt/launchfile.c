@@ -20,7 +20,7 @@
 #include "nodes/rt/launchfile_view.h"
 #include "nodes/rt/launchfile_wall.h"
 #include "nodes/rt/uri.h"
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 
 #define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 

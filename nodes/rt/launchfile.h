@@ -13,7 +13,7 @@
 #include "recon/compressor.h"
 #include "recon/frames.h"
 #include "recon/frontend.h"
-#include "recon/imager_options.h"
+#include "recon/imaging/imager_options.h"
 #include "recon/object_tracker.h"
 
 #define LAUNCHFILE_WALL_CORNERS 32

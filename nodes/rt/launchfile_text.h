@@ -31,7 +31,8 @@ struct launch_text_dsp {
     double *background_s;
 };
 
-struct launch_text_options { /* as written; by the names of recon/imager_options.h */
+struct launch_text_options { /* as written; by the names of recon/imaging/imager_options.h
+                              */
     char *base, *iterations, *tolerance, *l1, *tv, *tv_isotropic, *rho, *snr_db, *sharpen;
     char *dmo, *lightcone, *coherence;
 };

@@ -9,8 +9,8 @@
 #include <string.h>
 #include <time.h>
 
-#include "recon/imager.h"
-#include "recon/imager_options.h"
+#include "recon/imaging/imager.h"
+#include "recon/imaging/imager_options.h"
 
 enum { POSITIONS = 32, ELEMENTS = 16, MAX_THREADS = 2, MAX_RUNS = 40 };
 #define ENOUGH_S 1.0 /* of one case */

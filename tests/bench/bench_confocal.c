@@ -9,8 +9,8 @@
 #include <sys/resource.h>
 #include <time.h>
 
-#include "recon/fk.h"
-#include "recon/lightcone.h"
+#include "recon/coherent/fk.h"
+#include "recon/power/lightcone.h"
 
 #define SIDE        64
 #define BINS        512

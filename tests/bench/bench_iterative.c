@@ -12,10 +12,10 @@
 #include <sys/resource.h>
 #include <time.h>
 
-#include "recon/admm.h"
-#include "recon/imager.h"
-#include "recon/iterative.h"
-#include "recon/lightcone.h"
+#include "recon/inverse/admm.h"
+#include "recon/imaging/imager.h"
+#include "recon/inverse/iterative.h"
+#include "recon/power/lightcone.h"
 
 enum { NX = 32, NY = 31, NZ = 250, CELLS = 500, THREADS = 2 };
 

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "recon/zero_offset.h"
+#include "recon/coherent/zero_offset.h"
 
 #define POSITIONS   32
 #define ELEMENTS    16

@@ -1,5 +1,5 @@
 """The image that f-k migration is to show: the sum of plane waves over all frequencies
-and directions, voxel by voxel (Stolt 1978); of those directions that recon/fk uses, and
+and directions, voxel by voxel (Stolt 1978); of those directions that recon/coherent/fk uses, and
 of all that propagate."""
 
 import numpy as np
@@ -51,7 +51,7 @@ def sine(across_m, depth_m):
 
 
 def steepest_used(case):
-    """recon/fk leaves out what is steeper than any line from a midpoint to a voxel, and
+    """recon/coherent/fk leaves out what is steeper than any line from a midpoint to a voxel, and
     than 30 degrees unless voxels beside the midpoints need it, or those in the middle of
     the depth see more of a line of midpoints."""
     nx, ny, px, py, point = case[:5]
@@ -112,6 +112,6 @@ signs.
 setup: lines x, y, pitch x, y in m, point in m, band in Hz, c in m/s, voxel steps in m,
 whether signs alternate from midpoint to midpoint
 image, image_of_all: [z][y x], x fastest, the point in the middle; of the waves that
-recon/fk uses, of all that propagate"""
+recon/coherent/fk uses, of all that propagate"""
         tables["setup"] = (np.array(numbers, dtype=float), 6)
         table.save(folder, f"fk_{name}", about, tables)

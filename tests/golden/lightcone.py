@@ -1,5 +1,5 @@
 """The light-cone transform and its Wiener inverse in double precision, on the same
-lattice and with the same padding as recon/lightcone (O'Toole 2018; Lindell 2019,
+lattice and with the same padding as recon/power/lightcone (O'Toole 2018; Lindell 2019,
 Eq. 9)."""
 
 import numpy as np

@@ -2,7 +2,7 @@
 #ifndef ANLOS_TESTS_RECON_ADMM_RIG_H
 #define ANLOS_TESTS_RECON_ADMM_RIG_H
 
-#include "recon/admm.h"
+#include "recon/inverse/admm.h"
 #include "tests/recon/primal_dual.h"
 
 #define ADMM_RIG_SIZE 105 /* 5 x 3 x 7: no frequency stands for both of its signs */

@@ -3,7 +3,7 @@
 #ifndef ANLOS_TESTS_RECON_ARRAY_TRACES_H
 #define ANLOS_TESTS_RECON_ARRAY_TRACES_H
 
-#include "recon/trace_set.h"
+#include "recon/planning/trace_set.h"
 #include "tests/recon/rig.h"
 
 struct array_traces {

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 #include "recon/peak.h"
 #include "tests/recon/reference.h"
 

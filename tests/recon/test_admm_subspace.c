@@ -1,6 +1,6 @@
 #include "tests/recon/near.h"
 
-#include "recon/admm_subspace.h"
+#include "recon/inverse/admm_subspace.h"
 
 /* M = 1 + i on the diagonal; directions e_0 + e_1, again the same, and e_2. */
 static void the_minimum_over_a_span_is_found_though_a_direction_comes_twice(void **state)

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/imager_options.h"
+#include "recon/imaging/imager_options.h"
 #include "tests/recon/rig.h"
 #include "tests/worse.h"
 

@@ -1,6 +1,6 @@
 #include "tests/recon/near.h"
 
-#include "recon/coherence.h"
+#include "recon/planning/coherence.h"
 #include "tests/recon/array_traces.h"
 
 /* Straight ahead of the middle, so that places off along z are off along the sound. */

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 #include "tests/recon/rig.h"
 
 /* One voxel at a place of the lattice after the other. */

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/dmo.h"
+#include "recon/coherent/dmo.h"
 #include "tests/recon/reference.h"
 #include "tests/worse.h"
 
@@ -124,8 +124,8 @@ static void bench_destroy(struct bench *b)
 }
 
 /* The convolution in double precision, by a sum over wavenumbers of its own: the same
- * period as recon/dmo documents (clear of the offset on both sides) but the printed
- * phase. */
+ * period as recon/coherent/dmo documents (clear of the offset on both sides) but the
+ * printed phase. */
 static double complex convolve(const struct bench *b, double w, size_t line, size_t lane)
 {
     size_t period = 2 * (LINES + (size_t)ceil(0.43 / 0.033) + 1);

@@ -4,11 +4,11 @@
 
 #include <stdlib.h>
 
-#include "recon/coherence.h"
+#include "recon/planning/coherence.h"
 #include "recon/frames.h"
-#include "recon/imager_options.h"
-#include "recon/probe.h"
-#include "recon/psf.h"
+#include "recon/imaging/imager_options.h"
+#include "recon/planning/probe.h"
+#include "recon/inverse/psf.h"
 #include "recon/track.h"
 #include "recon/wall_crosstalk.h"
 #include "tests/failing.h"

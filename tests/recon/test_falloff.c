@@ -2,7 +2,7 @@
 
 #include <errno.h>
 
-#include "recon/falloff.h"
+#include "recon/planning/falloff.h"
 #include "tests/recon/reference.h"
 
 static void a_power_law_is_found_exactly(void **state)

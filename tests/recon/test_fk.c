@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/fk_plan.h"
+#include "recon/coherent/fk_plan.h"
 #include "tests/recon/rig.h"
 
 #define NX 8

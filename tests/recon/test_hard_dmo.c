@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/dmo.h"
+#include "recon/coherent/dmo.h"
 #include "tests/golden/golden.h"
 #include "tests/worse.h"
 

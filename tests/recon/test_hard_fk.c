@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/fk.h"
+#include "recon/coherent/fk.h"
 #include "tests/golden/golden.h"
 #include "tests/recon/reference.h"
 #include "tests/worse.h"

@@ -8,7 +8,7 @@
 
 #include "dsp/fft.h"
 #include "dsp/lane_fft.h"
-#include "recon/lightcone.h"
+#include "recon/power/lightcone.h"
 #include "tests/golden/golden.h"
 #include "tests/worse.h"
 

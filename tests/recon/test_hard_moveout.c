@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/nmo.h"
-#include "recon/stretch.h"
+#include "recon/coherent/nmo.h"
+#include "recon/coherent/stretch.h"
 #include "tests/golden/golden.h"
 #include "tests/worse.h"
 

@@ -106,7 +106,7 @@ static void expect_value_refused(const struct rig *r)
     }
 }
 
-/* Those that take their ranges from the gate: recon/method.h, method_span. */
+/* Those that take their ranges from the gate: recon/imaging/method.h, method_span. */
 static const char *const spans[] = {"fast", "paper", "lct", "confocal", "iterative"};
 #define N_SPANS (sizeof spans / sizeof *spans)
 

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 
 static struct imager_options set(const char *text)
 {

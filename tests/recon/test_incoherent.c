@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/fold.h"
+#include "recon/imaging/fold.h"
 #include "tests/recon/rig.h"
 
 /* 4 x 4 elements on 16 stage positions of 2 cm, midpoints 0.3 x 0.27 m: what the fast way

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/iterative.h"
-#include "recon/psf.h"
+#include "recon/inverse/iterative.h"
+#include "recon/inverse/psf.h"
 #include "tests/recon/hard.h"
 #include "tests/recon/rig.h"
 

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/fold.h"
-#include "recon/lean.h"
+#include "recon/imaging/fold.h"
+#include "recon/planning/lean.h"
 #include "tests/recon/rig.h"
 
 /* Pairs of all of 9 places 1 m along y, at 9 places 1 m along x, around the origin. */

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/lightcone.h"
+#include "recon/power/lightcone.h"
 #include "tests/recon/reference.h"
 
 static struct pool *one_thread, *threads;

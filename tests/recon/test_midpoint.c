@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <string.h>
 
-#include "recon/midpoint.h"
+#include "recon/coherent/midpoint.h"
 #include "tests/recon/rig.h"
 
 static struct midpoints *sort(const struct geometry *g)

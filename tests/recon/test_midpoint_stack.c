@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/midpoint_stack.h"
+#include "recon/coherent/midpoint_stack.h"
 #include "tests/recon/rig.h"
 #include "tests/worse.h"
 

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/fold.h"
-#include "recon/moveout_error.h"
+#include "recon/imaging/fold.h"
+#include "recon/planning/moveout_error.h"
 #include "tests/recon/rig.h"
 
 static void measure(const struct rig *r, const double at_m[3], double centre_hz,

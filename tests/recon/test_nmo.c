@@ -4,7 +4,7 @@
 #include <errno.h>
 #include <string.h>
 
-#include "recon/nmo.h"
+#include "recon/coherent/nmo.h"
 #include "tests/recon/reference.h"
 
 #define N_IN  260

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 #include "recon/peak.h"
 #include "tests/recon/rig.h"
 #include "tests/recon/turntable.h"

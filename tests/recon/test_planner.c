@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "recon/planner.h"
+#include "recon/planning/planner.h"
 #include "tests/recon/rig.h"
 
 /* The paper's array, and a point at 2.6 m of which everything is known. */

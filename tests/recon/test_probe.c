@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/probe.h"
+#include "recon/planning/probe.h"
 #include "tests/recon/array_traces.h"
 
 static const double volume_m[3][3] = {

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/psf.h"
+#include "recon/inverse/psf.h"
 
 static const double sigma_m[3] = {0.031, 0.022, 0.013};
 static const int row_of[6] = {0, 0, 0, 1, 1, 2}, column_of[6] = {0, 1, 2, 1, 2, 2};

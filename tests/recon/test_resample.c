@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <stdlib.h>
 
-#include "recon/resample.h"
+#include "recon/imaging/resample.h"
 
 static struct pool *pool;
 

@@ -1,6 +1,6 @@
 #include "tests/recon/near.h"
 
-#include "recon/resolution.h"
+#include "recon/planning/resolution.h"
 #include "tests/recon/turntable.h"
 
 /* Lindell 2019, Fig. 4: a confocal pair, a scatterer 0.5 m aside: gamma c r / (2 * 0.5),

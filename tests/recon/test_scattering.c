@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/scattering.h"
+#include "recon/planning/scattering.h"
 #include "tests/recon/reference.h"
 
 #define NX 32

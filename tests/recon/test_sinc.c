@@ -3,7 +3,7 @@
 
 #include <complex.h>
 
-#include "recon/sinc.h"
+#include "recon/coherent/sinc.h"
 
 static const size_t taps[] = {2, 4, 6, 8, 12, 16};
 static const double occupancies[] = {0.4, 0.5, 0.6, 0.8, 1.0};

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/sparse_operator.h"
+#include "recon/inverse/sparse_operator.h"
 #include "tests/recon/rig.h"
 #include "tests/recon/turntable.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/stretch.h"
+#include "recon/coherent/stretch.h"
 #include "tests/recon/reference.h"
 #include "tests/worse.h"
 

@@ -1,6 +1,6 @@
 #include "tests/recon/near.h"
 
-#include "recon/symmetric.h"
+#include "recon/inverse/symmetric.h"
 
 /* value[i] along axes[i]: sum of value u u'. */
 static void compose(const double value[3], const double axes[3][3], double out[6])

@@ -1,6 +1,6 @@
 #include "tests/recon/near.h"
 
-#include "recon/trace_check.h"
+#include "recon/imaging/trace_check.h"
 
 #define N 131 /* no multiple of a register */
 

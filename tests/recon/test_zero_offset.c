@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/zero_offset.h"
+#include "recon/coherent/zero_offset.h"
 #include "tests/recon/reference.h"
 #include "tests/worse.h"
 

@@ -7,7 +7,7 @@
 
 #include "dsp/nearest.h"
 #include "nodes/anlos/recon/auto.h"
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 
 bool bench_names_have(const char *list, const char *name)
 {

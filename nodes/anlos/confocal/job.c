@@ -8,9 +8,9 @@
 #include "msgs/convert.h"
 #include "nodes/anlos/confocal/traces.h"
 #include "nodes/anlos/interrupt.h"
-#include "recon/fk.h"
-#include "recon/imager.h"
-#include "recon/lightcone.h"
+#include "recon/coherent/fk.h"
+#include "recon/imaging/imager.h"
+#include "recon/power/lightcone.h"
 #include "recon/objects.h"
 #include "recon/processing.h"
 

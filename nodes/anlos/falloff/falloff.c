@@ -18,7 +18,7 @@
 #include "nodes/rt/export_chart.h"
 #include "nodes/rt/export_file.h"
 #include "recon/compressor.h"
-#include "recon/falloff.h"
+#include "recon/planning/falloff.h"
 
 /* Distance and power of the strongest echo in recordings, position by position, as the
  * paper measured its signal falloff: one speaker, the microphone beside it, after pulse

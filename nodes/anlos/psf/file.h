@@ -4,7 +4,7 @@
 #define ANLOS_NODES_ANLOS_PSF_FILE_H
 
 #include "dsp/error.h"
-#include "recon/psf.h"
+#include "recon/inverse/psf.h"
 
 struct psf_file {
     struct psf psf;

@@ -16,7 +16,7 @@
 
 /* The point spread function of an array: a Gaussian with rotation fitted to the image of
  * a small corner reflector (Lindell 2019, 3.3), or to that of a point which the geometry
- * alone gives (recon/psf.h). */
+ * alone gives (recon/inverse/psf.h). */
 
 struct psf_job {
     struct psf_file file;

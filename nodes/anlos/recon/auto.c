@@ -11,7 +11,7 @@
 #include "dsp/rank.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
-#include "recon/trace_check.h"
+#include "recon/imaging/trace_check.h"
 
 /* -- how the elements stand -------------------------------------------------------------
  */

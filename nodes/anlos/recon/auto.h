@@ -1,13 +1,14 @@
 /* nodes/anlos/recon/auto.h -- `--method auto`: keeps the traces of a recording, looks at
- * them (recon/probe), and decides what to do with them (recon/planner). */
+ * them (recon/planning/probe), and decides what to do with them (recon/planning/planner).
+ */
 #ifndef ANLOS_NODES_ANLOS_RECON_AUTO_H
 #define ANLOS_NODES_ANLOS_RECON_AUTO_H
 
 #include <jansson.h>
 
 #include "nodes/anlos/recon/job.h"
-#include "recon/planner.h"
-#include "recon/probe.h"
+#include "recon/planning/planner.h"
+#include "recon/planning/probe.h"
 
 struct recon_auto {
     struct trace_set set;
@@ -17,7 +18,7 @@ struct recon_auto {
     struct probe probe;
     struct probe unknown; /* what is to be assumed without a look */
     struct plan plan;
-    double slowness; /* of this machine; recon/planner.h */
+    double slowness; /* of this machine; recon/planning/planner.h */
     struct recon_auto_pace *pace;
     struct grid whole;    /* the image when nothing is left out */
     double whole_band_hz; /* the top of its band */
@@ -37,8 +38,8 @@ int recon_auto_create(struct recon_auto **out, const struct recon_job *job,
 void recon_auto_inherit(struct recon_job *job, const struct recon_auto *from);
 
 /* A reader's sink, with recon_auto as its ctx: of a budget's pings only those of as many
- * speakers as there is time for.  Traces that recon/trace_check finds unfit count as
- * masked. */
+ * speakers as there is time for.  Traces that recon/imaging/trace_check finds unfit count
+ * as masked. */
 struct recon_sink recon_auto_sink(struct recon_auto *a);
 
 /* What is to be done next. */
@@ -101,7 +102,7 @@ int recon_auto_look(struct recon_auto *a, struct recon_job *job);
  * The first pings tell what one takes here, in time of the processor, so that what else
  * runs here counts for nothing; the planner then weighs more pairs against finer steps,
  * as if nothing were known of the scene.  Where there is time to, a few stage positions
- * keep all speakers: they tell how the elements stand (recon/coherence). */
+ * keep all speakers: they tell how the elements stand (recon/planning/coherence). */
 
 struct recon_auto_pace;
 

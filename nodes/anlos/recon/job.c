@@ -11,9 +11,9 @@
 #include "nodes/anlos/recon/method.h"
 #include "nodes/anlos/recon/traces.h"
 #include "recon/clean.h"
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 #include "recon/objects.h"
-#include "recon/trace_check.h"
+#include "recon/imaging/trace_check.h"
 
 /* Processing knows the field, not the file. */
 static void name_survey(const struct recon_options *options, int err, struct error *why)

@@ -15,7 +15,7 @@
 #include "recon/channel_check.h"
 #include "recon/processing.h"
 #include "recon/survey.h"
-#include "recon/trace_set.h"
+#include "recon/planning/trace_set.h"
 
 struct recon_auto;
 

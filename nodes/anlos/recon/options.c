@@ -9,8 +9,8 @@
 #include "nodes/anlos/confocal/job.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/usage.h"
-#include "recon/imager.h"
-#include "recon/imager_options.h"
+#include "recon/imaging/imager.h"
+#include "recon/imaging/imager_options.h"
 
 /* What `anlos recon --help` says. */
 

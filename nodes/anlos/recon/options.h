@@ -7,7 +7,7 @@
 #include <stddef.h>
 
 #include "recon/compressor.h"
-#include "recon/imager_options.h"
+#include "recon/imaging/imager_options.h"
 
 struct recon_options {                           /* borrow from argv */
     const char *survey, *wav, *background, *out; /* background: NULL for none */

@@ -11,7 +11,7 @@
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/stopwatch.h"
 #include "recon/grid.h"
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 
 enum recon_stage {
     RECON_PLAN,

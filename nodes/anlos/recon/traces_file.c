@@ -11,7 +11,7 @@
 #include "dsp/fft.h"
 #include "dsp/stationary.h"
 #include "nodes/anlos/mat_file.h"
-#include "recon/trace_check.h"
+#include "recon/imaging/trace_check.h"
 
 #define OVERSAMPLING 2.2              /* rate over band width */
 #define MARGIN       0.02             /* of the band, kept on each side */

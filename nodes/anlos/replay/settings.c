@@ -7,7 +7,7 @@
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/manifest.h"
 #include "nodes/can/config.h"
-#include "recon/imager.h"
+#include "recon/imaging/imager.h"
 
 static bool is_text(struct bytes b, const char *text)
 {

@@ -1,0 +1,276 @@
+/* recon/coherent/backproject_scan.c -- back-projection for an array that a stage carries
+ * along x. The delay of a pair depends on x_voxel - x_stage only, and stage steps are
+ * whole voxels: for one difference all stage positions read the same sample, each for its
+ * own voxel.  So stage positions lie in the lanes, and nothing is looked up voxel by
+ * voxel.
+ *
+ * A few pairs at a time are summed for a block of near differences at a few depths: the
+ * samples that these share stay in the first cache. */
+#include <math.h>
+#include <string.h>
+
+#include "dsp/vector.h"
+#include "recon/coherent/backproject_scan_plan.h"
+#include "recon/coherent/phasor.h"
+
+/* Of SCAN_BLOCK differences from x0 on. */
+VECTOR_CLONES
+static void element_delays(const struct backprojection *b, double x0_m, double beside2_m2,
+                           float *restrict delay, float *restrict re, float *restrict im)
+{
+    float per_m = (float)(b->fine.rate_hz / b->geometry.sound_speed_m_s);
+    float start = (float)(0.5 * (1.0 - b->fine.in.t0_s * b->fine.rate_hz));
+    float turns_per_m = (float)(b->fine.in.carrier_hz / b->geometry.sound_speed_m_s);
+    float x0 = (float)x0_m, step = (float)b->grid.step_m[0], beside2 = (float)beside2_m2;
+    for (size_t d = 0; d < SCAN_BLOCK; d++) {
+        float dx = x0 + step * (float)(int)d;
+        float r = sqrtf(dx * dx + beside2);
+        delay[d] = r * per_m + start;
+        phasor(r * turns_per_m, &re[d], &im[d]);
+    }
+}
+
+/* Difference d stands for x_voxel - x_stage = origin - first + (d - back) * step. */
+static void row_start_block(const struct backprojection *b, struct scan_row *w,
+                            size_t first)
+{
+    const struct geometry *g = &b->geometry;
+    double y_m = b->grid.origin_m[1] + b->grid.step_m[1] * (double)w->y;
+    double z_m = b->grid.origin_m[2] + b->grid.step_m[2] * (double)w->z;
+    double d = (double)first - (double)((b->lanes - 1) * b->stride);
+    double x_m = b->grid.origin_m[0] - b->first_m + d * b->grid.step_m[0];
+    for (size_t e = 0; e < scan_elements(b); e++) {
+        const double *at = e < g->n_speakers ? g->speakers_m[e]
+                                             : g->microphones_m[e - g->n_speakers];
+        double dy = y_m - at[1], dz = z_m - at[2];
+        element_delays(b, x_m - at[0], dy * dy + dz * dz, w->delay + e * SCAN_BLOCK,
+                       w->phasor[0] + e * SCAN_BLOCK, w->phasor[1] + e * SCAN_BLOCK);
+    }
+    memset(w->block, 0, SCAN_BLOCK * SCAN_SUMS * b->lanes * sizeof *w->block);
+}
+
+/* Which samples a block of differences reads, and with what complex weights. */
+VECTOR_CLONES
+static void plan_reading(const struct scan_row *w, size_t speaker, size_t microphone,
+                         float last, struct scan_reading *restrict out)
+{
+    const float *delay_s = w->delay + speaker * SCAN_BLOCK;
+    const float *delay_m = w->delay + microphone * SCAN_BLOCK;
+    const float *sr = w->phasor[0] + speaker * SCAN_BLOCK,
+                *si = w->phasor[1] + speaker * SCAN_BLOCK;
+    const float *mr = w->phasor[0] + microphone * SCAN_BLOCK;
+    const float *mi = w->phasor[1] + microphone * SCAN_BLOCK;
+    for (size_t d = 0; d < SCAN_BLOCK; d++) {
+        float at = delay_s[d] + delay_m[d];
+        at = at < 0.0f ? 0.0f : at;
+        at = at > last ? last : at;
+        int sample = (int)at;
+        float f = at - (float)sample;
+        float re = sr[d] * mr[d] - si[d] * mi[d], im = sr[d] * mi[d] + si[d] * mr[d];
+        out->sample[d] = sample;
+        out->far[0][d] = f * re;
+        out->far[1][d] = f * im;
+        out->near[0][d] = re - f * re;
+        out->near[1][d] = im - f * im;
+    }
+}
+
+/* sum[SCAN_SUMS][lanes] += what n pairs add to difference d for the lanes from k on.  Two
+ * short loops rather than one: a single one GCC 12 interleaves over i, and then makes no
+ * vectors of it. */
+VECTOR_INLINE void add_lanes(const struct scan_reading *readings, size_t n, size_t lanes,
+                             size_t k, size_t d, float *sum, bool power)
+{
+    float re[VECTOR_LANES], im[VECTOR_LANES];
+    float re_far[VECTOR_LANES] = {0}, im_far[VECTOR_LANES] = {0};
+    float squares[VECTOR_LANES] = {0}, zr[VECTOR_LANES], zi[VECTOR_LANES];
+    memcpy(re, sum + k, sizeof re);
+    memcpy(im, sum + lanes + k, sizeof im);
+    if (power)
+        memcpy(squares, sum + 2 * lanes + k, sizeof squares);
+    for (size_t i = 0; i < n; i++) {
+        const struct scan_reading *r = &readings[i];
+        const float *x = r->trace + (size_t)(unsigned)r->sample[d] * 2 * lanes + k;
+        const float *xr = x, *xi = x + lanes, *yr = x + 2 * lanes, *yi = x + 3 * lanes;
+        const float *fold = r->fold + k;
+        float ar = r->near[0][d], ai = r->near[1][d];
+        float br = r->far[0][d], bi = r->far[1][d];
+        for (size_t v = 0; power && v < VECTOR_LANES; v++) {
+            zr[v] = ar * xr[v] - ai * xi[v] + br * yr[v] - bi * yi[v];
+            zi[v] = ar * xi[v] + ai * xr[v] + br * yi[v] + bi * yr[v];
+        }
+        for (size_t v = 0; power && v < VECTOR_LANES; v++) {
+            re[v] += zr[v];
+            im[v] += zi[v];
+            squares[v] += fold[v] * (zr[v] * zr[v] + zi[v] * zi[v]);
+        }
+        for (size_t v = 0; !power && v < VECTOR_LANES; v++) {
+            re[v] += ar * xr[v];
+            im[v] += ar * xi[v];
+            re_far[v] += br * yr[v];
+            im_far[v] += br * yi[v];
+        }
+        for (size_t v = 0; !power && v < VECTOR_LANES; v++) {
+            re[v] -= ai * xi[v];
+            im[v] += ai * xr[v];
+            re_far[v] -= bi * yi[v];
+            im_far[v] += bi * yr[v];
+        }
+    }
+    for (size_t v = 0; v < VECTOR_LANES; v++) {
+        re[v] += re_far[v];
+        im[v] += im_far[v];
+    }
+    memcpy(sum + k, re, sizeof re);
+    memcpy(sum + lanes + k, im, sizeof im);
+    if (power)
+        memcpy(sum + 2 * lanes + k, squares, sizeof squares);
+}
+
+VECTOR_CLONES
+static void add_readings(const struct scan_reading *readings, size_t n, size_t lanes,
+                         size_t k, size_t first, size_t end, float *block)
+{
+    for (size_t d = first; d < end; d++)
+        add_lanes(readings, n, lanes, k, d, block + d * SCAN_SUMS * lanes, false);
+}
+
+VECTOR_CLONES
+static void add_readings_power(const struct scan_reading *readings, size_t n,
+                               size_t lanes, size_t k, size_t first, size_t end,
+                               float *block)
+{
+    for (size_t d = first; d < end; d++)
+        add_lanes(readings, n, lanes, k, d, block + d * SCAN_SUMS * lanes, true);
+}
+
+/* Those differences of a block for which any of the lanes from k on is a voxel of the
+ * image: lane k of difference d is voxel d - (lanes - 1 - k) * stride. */
+static void range_of(const struct backprojection *b, size_t k, size_t block,
+                     size_t *first, size_t *end)
+{
+    size_t low = (b->lanes - k - SCAN_LANES) * b->stride;
+    size_t high = (b->lanes - 1 - k) * b->stride + b->grid.n[0];
+    *first = low > block ? low - block : 0;
+    *end = high > block ? high - block : 0;
+    *end = *end < SCAN_BLOCK ? *end : SCAN_BLOCK;
+}
+
+static void add_chunk(const struct backprojection *b, struct scan_sweep *s,
+                      struct scan_row *w, size_t block, size_t speaker, size_t first,
+                      size_t n)
+{
+    size_t n_s = b->geometry.n_speakers, n_m = b->geometry.n_microphones;
+    const struct scan *scan = b->scratch;
+    for (size_t i = 0; i < n; i++) {
+        size_t pair = speaker * n_m + first + i;
+        s->readings[i].trace = backprojection_sample(b, pair, 0);
+        s->readings[i].fold = scan->fold + pair * b->lanes;
+        plan_reading(w, speaker, n_s + first + i, (float)(b->fine.n_stored - 2),
+                     &s->readings[i]);
+    }
+    for (size_t k = 0; k < b->lanes; k += SCAN_LANES) {
+        size_t d, end;
+        range_of(b, k, block, &d, &end);
+        if (d >= end)
+            continue;
+        if (b->coherence > 0.0f)
+            add_readings_power(s->readings, n, b->lanes, k, d, end, w->block);
+        else
+            add_readings(s->readings, n, b->lanes, k, d, end, w->block);
+    }
+}
+
+/* Lane k of difference d belongs to voxel d - (lanes - 1) * stride + k * stride; those
+ * outside the image go to the overhang. */
+VECTOR_CLONES
+static void spread_block(const struct backprojection *b, const struct scan_sweep *s,
+                         const struct scan_row *w, size_t block)
+{
+    int n_sums = b->coherence > 0.0f ? SCAN_SUMS : SCAN_SUMS - 1;
+    for (size_t d = 0; d < SCAN_BLOCK && block + d < s->n_d; d++) {
+        size_t voxel = block + d + b->stride;
+        size_t at = voxel % b->stride * s->n_sum + voxel / b->stride;
+        for (int a = 0; a < n_sums; a++) {
+            const float *restrict from = w->block +
+                                         (d * SCAN_SUMS + (size_t)a) * b->lanes;
+            float *restrict to = w->sum[a] + at;
+            for (size_t k = 0; k < b->lanes; k++)
+                to[k] += from[k];
+        }
+    }
+}
+
+static void row_finish(const struct backprojection *b, const struct scan_sweep *s,
+                       const struct scan_row *w)
+{
+    const struct grid *g = &b->grid;
+    float depth_m = (float)(g->origin_m[2] + g->step_m[2] * (double)w->z - b->plane_z_m);
+    float *out = b->image + (w->z * g->n[1] + w->y) * g->n[0];
+    for (size_t x = 0; x < g->n[0]; x++) {
+        size_t voxel = x + b->stride * b->lanes;
+        size_t at = voxel % b->stride * s->n_sum + voxel / b->stride;
+        out[x] = backprojection_intensity(b, depth_m, w->sum[0][at], w->sum[1][at],
+                                          w->sum[2][at]);
+    }
+}
+
+static size_t tiles_along(const struct backprojection *b, int axis)
+{
+    size_t side = axis == 1 ? SCAN_ROWS_Y : SCAN_ROWS_Z;
+    return (b->grid.n[axis] + side - 1) / side;
+}
+
+/* Returns how many rows there are. */
+static size_t rows_start(const struct backprojection *b, struct scan_sweep *s,
+                         size_t item)
+{
+    const struct grid *g = &b->grid;
+    size_t y0 = item % tiles_along(b, 1) * SCAN_ROWS_Y,
+           z0 = item / tiles_along(b, 1) * SCAN_ROWS_Z;
+    size_t n = 0;
+    for (size_t y = y0; y < g->n[1] && y < y0 + SCAN_ROWS_Y; y++) {
+        for (size_t z = z0; z < g->n[2] && z < z0 + SCAN_ROWS_Z; z++) {
+            struct scan_row *w = &s->rows[n++];
+            w->y = y;
+            w->z = z;
+            for (int a = 0; a < SCAN_SUMS; a++)
+                memset(w->sum[a], 0, b->stride * s->n_sum * sizeof *w->sum[a]);
+        }
+    }
+    return n;
+}
+
+static void image_rows(void *ctx, size_t item, size_t thread)
+{
+    struct backprojection *b = ctx;
+    struct scan_sweep *s = ((struct scan *)b->scratch)->sweeps + thread;
+    size_t n_m = b->geometry.n_microphones, n_rows = rows_start(b, s, item);
+    for (size_t block = 0; block < s->n_d; block += SCAN_BLOCK) {
+        for (size_t r = 0; r < n_rows; r++)
+            row_start_block(b, &s->rows[r], block);
+        for (size_t j = 0; j < b->geometry.n_speakers; j++)
+            for (size_t i = 0; i < n_m; i += SCAN_CHUNK)
+                for (size_t r = 0; r < n_rows; r++)
+                    add_chunk(b, s, &s->rows[r], block, j, i,
+                              n_m - i < SCAN_CHUNK ? n_m - i : SCAN_CHUNK);
+        for (size_t r = 0; r < n_rows; r++)
+            spread_block(b, s, &s->rows[r], block);
+    }
+    for (size_t r = 0; r < n_rows; r++)
+        row_finish(b, s, &s->rows[r]);
+}
+
+static void find_folds(const struct backprojection *b)
+{
+    const struct scan *scan = b->scratch;
+    size_t pairs = backprojection_pairs(b);
+    for (size_t t = 0; t < pairs * b->geometry.n_positions; t++)
+        scan->fold[t % pairs * b->lanes + t / pairs] = (float)b->stored_fold[t];
+}
+
+void backproject_scan(struct backprojection *b)
+{
+    find_folds(b);
+    pool_run(b->pool, tiles_along(b, 1) * tiles_along(b, 2), image_rows, b);
+}

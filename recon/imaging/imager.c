@@ -1,0 +1,178 @@
+#include "recon/imaging/imager.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/imaging/method.h"
+#include "recon/imaging/trace_check.h"
+
+static const struct imager_method *const methods[] = {
+    &method_fast,  &method_backprojection, &method_confocal,  &method_lct,
+    &method_paper, &method_incoherent,     &method_iterative, &method_sparse};
+
+struct imager {
+    const struct imager_method *method;
+    void *state;
+    size_t n_speakers, n_pings, n_microphones, n_samples;
+    atomic_bool *added; /* [n_pings] */
+    bool *masked;       /* [n_pings][n_microphones] */
+    atomic_size_t count;
+};
+
+const char *imager_methods(void)
+{
+    return "fast\0backprojection\0confocal\0lct\0paper\0incoherent\0iterative\0sparse\0";
+}
+
+static const struct imager_method *find(const char *name)
+{
+    for (size_t m = 0; m < sizeof methods / sizeof *methods; m++)
+        if (strcmp(methods[m]->name, name) == 0)
+            return methods[m];
+    return NULL;
+}
+
+bool imager_has_method(const char *name)
+{
+    return find(name) != NULL;
+}
+
+bool imager_isolates(const char *name)
+{
+    const struct imager_method *m = find(name);
+
+    return m && m->isolates;
+}
+
+int method_span(double span_s[2], const struct imager_config *cfg, double before_s,
+                double half_offset_m, const char **why)
+{
+    double delays_s[2], c = cfg->geometry->sound_speed_m_s;
+    double end_s = cfg->format.t0_s + (double)cfg->format.n_samples / cfg->format.rate_hz;
+    double apart_s = 2.0 * half_offset_m / c;
+
+    grid_delays(&cfg->grid, cfg->geometry, delays_s);
+    span_s[0] = fmax(2.0 * cfg->gate_m[0] / c, delays_s[0] - before_s);
+    span_s[1] = fmin(delays_s[1], sqrt(fmax((end_s - apart_s) * (end_s + apart_s), 0.0)));
+    if (span_s[1] >= span_s[0])
+        return 0;
+    *why = "a gate that overlaps the volume";
+    return -ENOTSUP;
+}
+
+size_t method_samples(const double span_s[2], double rate_hz, size_t at_least)
+{
+    double n = ceil((span_s[1] - span_s[0]) * rate_hz);
+    return n > (double)at_least ? (size_t)n : at_least;
+}
+
+bool imager_adds(const char *name)
+{
+    const struct imager_method *m = find(name);
+
+    return m && m->adds;
+}
+
+static bool sensible(const struct imager_config *cfg)
+{
+    const struct geometry *g = cfg->geometry;
+    const struct trace_format *f = &cfg->format;
+    bool ok = g->n_speakers && g->n_microphones && g->n_positions && f->n_samples &&
+              grid_size(&cfg->grid) && cfg->pool;
+    ok = ok && g->sound_speed_m_s > 0.0 && isfinite(g->sound_speed_m_s);
+    ok = ok && f->rate_hz > 0.0 && isfinite(f->rate_hz) && isfinite(f->t0_s);
+    ok = ok && cfg->band_hz[0] >= 0.0 && cfg->band_hz[1] > cfg->band_hz[0];
+    for (int a = 0; a < 3; a++)
+        ok = ok && cfg->grid.step_m[a] > 0.0 && isfinite(cfg->grid.origin_m[a]);
+    return ok;
+}
+
+int imager_create(struct imager **out, const struct imager_config *cfg, const char **why)
+{
+    const char *unused;
+    if (!why)
+        why = &unused;
+    *why = "";
+    const struct imager_method *method = find(cfg->method);
+    if (!method)
+        return -ENOENT;
+    if (!sensible(cfg))
+        return -EINVAL;
+    if (cfg->geometry->pings_m && !method->any_geometry) {
+        *why = "an array that a stage carries, but here each ping has places of its own "
+               "(backprojection, sparse and incoherent image any geometry)";
+        return -ENOTSUP;
+    }
+    struct imager *im = calloc(1, sizeof *im);
+    if (!im)
+        return -ENOMEM;
+    im->method = method;
+    im->n_speakers = cfg->geometry->n_speakers;
+    im->n_pings = cfg->geometry->n_positions * cfg->geometry->n_speakers;
+    im->n_microphones = cfg->geometry->n_microphones;
+    im->n_samples = cfg->format.n_samples;
+    im->added = calloc(im->n_pings, sizeof *im->added);
+    im->masked = calloc(im->n_pings, im->n_microphones * sizeof *im->masked);
+    int err = im->added && im->masked ? method->create(&im->state, cfg, why) : -ENOMEM;
+    if (err) {
+        free(im->masked);
+        free(im->added);
+        free(im);
+        return err;
+    }
+    *out = im;
+    return 0;
+}
+
+bool imager_add(struct imager *im, size_t position, size_t speaker,
+                const float complex *traces, const bool *masked)
+{
+    size_t ping = position * im->n_speakers + speaker;
+    if (atomic_exchange(&im->added[ping], true))
+        return false;
+    bool *unused = im->masked + ping * im->n_microphones;
+    for (size_t i = 0; i < im->n_microphones; i++)
+        unused[i] = (masked && masked[i]) ||
+                    !trace_check(traces + i * im->n_samples, im->n_samples);
+    im->method->add(im->state, position, speaker, traces, unused);
+    atomic_fetch_add(&im->count, 1);
+    return true;
+}
+
+size_t imager_pings(const struct imager *im)
+{
+    return atomic_load(&im->count);
+}
+
+void imager_image(struct imager *im, float *restrict intensity)
+{
+    im->method->image(im->state, intensity);
+}
+
+void imager_outcome(const struct imager *im, struct imager_outcome *out)
+{
+    *out = (struct imager_outcome){.choice = NULL};
+    if (im->method->describe)
+        im->method->describe(im->state, out);
+}
+
+void imager_reset(struct imager *im)
+{
+    for (size_t p = 0; p < im->n_pings; p++)
+        atomic_store(&im->added[p], false);
+    atomic_store(&im->count, 0);
+    im->method->reset(im->state);
+}
+
+void imager_destroy(struct imager *im)
+{
+    if (!im)
+        return;
+    im->method->destroy(im->state);
+    free(im->masked);
+    free(im->added);
+    free(im);
+}

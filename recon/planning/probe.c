@@ -1,0 +1,313 @@
+#include "recon/planning/probe.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/coherent/colocated.h"
+#include "recon/imaging/imager.h"
+#include "recon/planning/probe_place.h"
+
+#define LOOK_TOP     0.45 /* of the band's top: waves are the cube of it */
+#define LOOK_STEP    0.5  /* of a point's width in that band */
+#define LOOK_COARSER 4.0  /* times the steps of an axis without aperture */
+#define SCALLOP_DB   6.0  /* that a peak may lose between coarse voxels */
+#define MARGIN_M     0.06 /* of depth kept around what holds something */
+
+struct probing {
+    struct probe *out;
+    const struct trace_set *set;
+    struct pool *pool;
+    struct probe_places *places;
+    struct imager_config cfg; /* of the coarse image */
+    float *intensity;
+    struct detection found[PROBE_OBJECTS];
+};
+
+void probe_view(const struct trace_set *s, const struct grid *fine, double band_hz[2],
+                struct grid *out)
+{
+    double width_m[3];
+    band_hz[0] = s->band_hz[0];
+    band_hz[1] = fmin(fmax(LOOK_TOP * s->band_hz[1], 2.0 * band_hz[0]), s->band_hz[1]);
+    geometry_resolution(s->geometry, band_hz, 0.5 * (s->gate_m[0] + s->gate_m[1]),
+                        width_m);
+    *out = *fine;
+    for (int a = 0; a < 3; a++) {
+        double extent_m = fine->step_m[a] * (double)(fine->n[a] - 1);
+        double wide_m = isfinite(width_m[a]) ? LOOK_STEP * width_m[a]
+                                             : LOOK_COARSER * fine->step_m[a];
+        double step_m = fmax(fine->step_m[a], fmin(wide_m, extent_m));
+        double steps = ceil(extent_m / step_m - 1e-6);
+        out->n[a] = (size_t)steps + 1;
+        if (steps > 0.0)
+            out->step_m[a] = extent_m / steps;
+    }
+}
+
+static void configure(struct probing *p, const double band_hz[2], const struct grid *grid)
+{
+    p->cfg = (struct imager_config){.method = "fast",
+                                    .geometry = p->set->geometry,
+                                    .format = p->set->format,
+                                    .band_hz = {band_hz[0], band_hz[1]},
+                                    .gate_m = {p->set->gate_m[0], p->set->gate_m[1]},
+                                    .grid = *grid,
+                                    .pool = p->pool};
+}
+
+/* -- the coarse image -------------------------------------------------------------------
+ */
+
+/* Depths outside hold nothing that detection would report next to the strongest. */
+static void measure_depth(const struct probing *p, double range_db)
+{
+    const struct grid *g = &p->cfg.grid;
+    size_t plane = g->n[0] * g->n[1], first = g->n[2], last = 0;
+    float *most = p->intensity + plane * g->n[2]; /* [nz] */
+    float strongest = 0.0f;
+    for (size_t z = 0; z < g->n[2]; z++) {
+        most[z] = 0.0f;
+        for (size_t q = 0; q < plane; q++)
+            most[z] = fmaxf(most[z], p->intensity[z * plane + q]);
+        strongest = fmaxf(strongest, most[z]);
+    }
+    float least = strongest * (float)pow(10.0, -0.1 * (range_db + SCALLOP_DB));
+    for (size_t z = 0; z < g->n[2]; z++) {
+        if (!(most[z] > least))
+            continue;
+        first = z < first ? z : first;
+        last = z;
+    }
+    double end_m = g->origin_m[2] + g->step_m[2] * (double)(g->n[2] - 1);
+    p->out->depth_m[0] = g->origin_m[2];
+    p->out->depth_m[1] = end_m;
+    if (first > last)
+        return;
+    p->out->depth_m[0] =
+        fmax(g->origin_m[2] + g->step_m[2] * (double)first - MARGIN_M, g->origin_m[2]);
+    p->out->depth_m[1] =
+        fmin(g->origin_m[2] + g->step_m[2] * (double)last + MARGIN_M, end_m);
+}
+
+static void assume(struct probe *out, const struct trace_set *set,
+                   const struct grid *grid, const struct probe_places *places)
+{
+    static const double part[3] = {0.75, 0.75, 0.5};
+    struct probe_object *o = &out->typical;
+    memset(out, 0, sizeof *out);
+    out->imaged = !set->geometry->pings_m;
+    out->coherence.element_m = NAN;
+    out->depth_m[0] = grid->origin_m[2];
+    out->depth_m[1] = grid->origin_m[2] + grid->step_m[2] * (double)(grid->n[2] - 1);
+    for (int a = 0; a < 3; a++)
+        o->position_m[a] = grid->origin_m[a] +
+                           part[a] * grid->step_m[a] * (double)(grid->n[a] - 1);
+    probe_places_describe(places, o);
+}
+
+int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid)
+{
+    struct probe_places *places;
+    int err = probe_places_create(&places, set);
+    if (err)
+        return err;
+    assume(out, set, grid, places);
+    probe_places_destroy(places);
+    return 0;
+}
+
+/* Of what is extended, the edge that is farther aside suffers most. */
+static void move_to_edge(const struct geometry *g, const double extent_m[2],
+                         struct probe_object *o)
+{
+    double low[3], high[3];
+    geometry_aperture(g, low, high);
+    for (int a = 0; a < 2; a++)
+        o->position_m[a] +=
+            copysign(0.5 * extent_m[a], o->position_m[a] - 0.5 * (low[a] + high[a]));
+}
+
+static double width_hz(const double band_hz[2])
+{
+    return band_hz[1] - band_hz[0];
+}
+
+/* The larger of width and height, as it would be in all of the band. */
+static double sharp_extent_m(const struct probing *p, const struct detection *d,
+                             const struct probe_object *o)
+{
+    double blurred_m[3], most_m = 0.0;
+    geometry_resolution_at(p->set->geometry, p->cfg.band_hz, o->position_m, blurred_m);
+    for (int a = 0; a < 2; a++) {
+        double extent_m = d->extent_m[a];
+        if (isfinite(blurred_m[a])) {
+            double blur = blurred_m[a] * blurred_m[a] - o->width_m[a] * o->width_m[a];
+            extent_m = sqrt(fmax(extent_m * extent_m - blur, 0.0));
+        }
+        most_m = fmax(most_m, extent_m);
+    }
+    return most_m;
+}
+
+static void describe_object(void *ctx, size_t i, size_t thread)
+{
+    const struct probing *p = ctx;
+    const struct detection *d = &p->found[i];
+    struct probe_object *o = &p->out->objects[i];
+    (void)thread;
+    double gain = width_hz(p->set->band_hz) / width_hz(p->cfg.band_hz);
+    *o = (struct probe_object){.level_db = d->level_db + 10.0 * log10(gain)};
+    double noise = pow(10.0, -0.05 * o->level_db); /* over amplitude */
+    memcpy(o->position_m, d->position_m, sizeof o->position_m);
+    move_to_edge(p->set->geometry, d->extent_m, o);
+    probe_places_describe(p->places, o);
+    memcpy(o->position_m, d->position_m, sizeof o->position_m);
+    o->extent_m = sharp_extent_m(p, d, o);
+    for (int a = 0; a < 3; a++) /* 1 / sqrt(curvature of the intensity x SNR) */
+        o->noise_m[a] =
+            isfinite(o->width_m[a]) ? o->width_m[a] / sqrt(8.0 * log(4.0)) * noise : 0.0;
+}
+
+static int find_objects(struct probing *p)
+{
+    struct detect_config detect;
+    detect_config_default(&detect);
+    geometry_resolution(p->set->geometry, p->cfg.band_hz,
+                        0.5 * (p->set->gate_m[0] + p->set->gate_m[1]),
+                        detect.resolution_m);
+    int err = detect_objects(&detect, &p->cfg.grid, p->intensity, p->found, PROBE_OBJECTS,
+                             &p->out->n_objects);
+    if (err)
+        return err;
+    pool_run(p->pool, p->out->n_objects, describe_object, p);
+    if (p->out->n_objects)
+        p->out->snr_db = p->out->objects[0].level_db;
+    measure_depth(p, detect.dynamic_range_db);
+    return 0;
+}
+
+static int look(struct probing *p)
+{
+    const char *why;
+    struct imager *im = NULL;
+    struct imager_options plain;
+    imager_options_default(&plain);
+    plain.dmo = 0;
+    plain.taper = true;
+    p->cfg.options = &plain;
+    int err = imager_create(&im, &p->cfg, &why);
+    if (err == -ENOTSUP)
+        return 0;
+    if (!err) {
+        p->intensity =
+            malloc((grid_size(&p->cfg.grid) + p->cfg.grid.n[2]) * sizeof *p->intensity);
+        err = p->intensity ? trace_set_feed(p->set, im, p->pool) : -ENOMEM;
+    }
+    if (!err) {
+        imager_image(im, p->intensity);
+        p->out->imaged = true;
+        err = find_objects(p);
+    }
+    p->cfg.options = NULL; /* plain ends here */
+    imager_destroy(im);
+    return err;
+}
+
+/* -- mirror or scatterer ----------------------------------------------------------------
+ */
+
+static int measure_power(const struct probing *p, struct colocated *c)
+{
+    struct colocated_lattice l;
+    colocated_lattice(c, &l);
+    size_t cells = l.nx * l.ny, pairs = trace_set_pairs(p->set);
+    size_t n_mic = p->set->geometry->n_microphones;
+    float *power = malloc(cells * (l.n_ranges + 2) * sizeof *power);
+    bool *masked = malloc(n_mic * sizeof *masked);
+    int err = power && masked ? 0 : -ENOMEM;
+    for (size_t q = 0; !err && q < p->set->geometry->n_positions * pairs; q += n_mic) {
+        for (size_t i = 0; i < n_mic; i++)
+            masked[i] = !p->set->heard[q + i];
+        colocated_add(c, q / pairs, q % pairs / n_mic,
+                      p->set->traces + q * p->set->format.n_samples, masked);
+    }
+    if (!err) {
+        const struct scattering_config scattering = {
+            l.nx, l.ny, l.pitch_x_m, l.pitch_y_m, l.n_ranges, l.range_m, l.range_step_m};
+        colocated_power(c, power);
+        scattering_measure(&scattering, power, power + cells * l.n_ranges,
+                           &p->out->scattering);
+        p->out->specular = scattering_is_specular(&p->out->scattering);
+    }
+    free(power);
+    free(masked);
+    return err;
+}
+
+static int measure_scattering(const struct probing *p)
+{
+    struct colocated *c = NULL;
+    const char *why;
+    int err = colocated_create(&c, &p->cfg, &why);
+    if (err == -ENOTSUP)
+        return 0;
+    if (!err)
+        err = measure_power(p, c);
+    colocated_destroy(c);
+    return err;
+}
+
+/* Echoes that moveout leaves out of step look like elements that are out of place: two of
+ * them a pair. */
+static void leave_out_moveout(struct probe *out, const struct trace_set *set)
+{
+    double centre_hz = 0.5 * (set->band_hz[0] + set->band_hz[1]);
+    double sigma_m = out->coherence.element_m;
+    if (!out->n_objects || !(sigma_m > 0.0))
+        return;
+    double path_m = out->objects[0].moveout_rad * set->geometry->sound_speed_m_s /
+                    (2.0 * M_PI * centre_hz);
+    out->coherence.element_m = sqrt(fmax(sigma_m * sigma_m - 0.5 * path_m * path_m, 0.0));
+}
+
+int probe_scattering(struct probe *out, const struct trace_set *set,
+                     const struct grid *grid, struct pool *pool)
+{
+    struct probing p = {.out = out, .set = set, .pool = pool};
+    configure(&p, set->band_hz, grid);
+    return measure_scattering(&p);
+}
+
+int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,
+              const struct coherence *known, struct pool *pool)
+{
+    struct probing p = {.out = out, .set = set, .pool = pool};
+    struct coherence before;
+    struct grid coarse;
+    double band_hz[2];
+    if (known)
+        before = *known; /* it may be that of *out */
+    int err = probe_places_create(&p.places, set);
+    if (err)
+        return err;
+    assume(out, set, grid, p.places);
+    out->imaged = false;
+    probe_view(set, grid, band_hz, &coarse);
+    configure(&p, band_hz, &coarse);
+    err = look(&p);
+    memcpy(p.cfg.band_hz, set->band_hz, sizeof p.cfg.band_hz);
+    if (!err && out->imaged)
+        err = measure_scattering(&p);
+    if (!err && known)
+        out->coherence = before;
+    else if (!err)
+        err = coherence_measure(&out->coherence, set, pool);
+    err = err == -ENOTSUP ? 0 : err;
+    if (!err)
+        leave_out_moveout(out, set);
+    free(p.intensity);
+    probe_places_destroy(p.places);
+    return err;
+}
