@@ -20,7 +20,8 @@ static bool beyond_wall(const struct survey *s, const double centre[3], const do
 
 /* Diffuse patches around the point of the wall that is nearest to the array. */
 static int add_wall(struct scatter *out, const struct scene *scene,
-                    const struct survey *s, const double centre[3])
+                    const struct survey *s, const struct mirror *mirror,
+                    const double centre[3])
 {
     const struct scene_wall *wall = scene->wall_sound;
     static const double up[3] = {0, 1, 0};
@@ -36,7 +37,8 @@ static int add_wall(struct scatter *out, const struct scene *scene,
         vector_add(foot, WALL_REACH_M * (2 * random_even(&r) - 1), plane.u, p);
         vector_add(p, WALL_REACH_M * (2 * random_even(&r) - 1), plane.v, p);
         vector_add(p, wall->roughness_m * random_normal(&r), s->wall_normal, p);
-        if (scatter_add_point(out, p, wall->scattering_length_m * random_normal(&r)) < 0)
+        double length_m = wall->scattering_length_m * random_normal(&r);
+        if (mirror_is_at(mirror, p) && scatter_add_point(out, p, length_m) < 0)
             return -ENOMEM;
     }
     return 0;
@@ -61,9 +63,11 @@ static int add_room(struct scatter *out, const struct scene *scene,
     return 0;
 }
 
-int clutter_add(struct scatter *out, const struct scene *scene, const struct survey *s,
+int clutter_add(struct scatter *out, size_t *n_patches, const struct scene *scene,
+                const struct survey *s, const struct mirror *mirror,
                 const double centre[3])
 {
-    int err = add_wall(out, scene, s, centre);
+    int err = add_wall(out, scene, s, mirror, centre);
+    *n_patches = out->n;
     return err ? err : add_room(out, scene, s, centre);
 }

@@ -104,6 +104,19 @@ void drive_ego(const struct drive *d, double t_s, struct room_ego *out)
     out->standstill = out->speed_m_s == 0 && out->yaw_rate_rad_s == 0;
 }
 
+/* By what the vehicle stands elsewhere than its wheels say. */
+static void rock(const struct scene_drive *drive, double t_s, struct room_ego *place)
+{
+    const struct scene_rock *r = drive->rock;
+    double turns = round(r->frequency_hz * drive->period_s) * t_s / drive->period_s;
+    double forward_m = r->forward_m * sin(2 * M_PI * turns);
+    double left_m = r->left_m * sin(2 * M_PI * (turns + 1 / 3.0));
+    double c = cos(place->yaw_rad), s = sin(place->yaw_rad);
+    place->x_m += c * forward_m - s * left_m;
+    place->y_m += s * forward_m + c * left_m;
+    place->yaw_rad += r->yaw_deg * M_PI / 180 * sin(2 * M_PI * (turns + 2 / 3.0));
+}
+
 /* The mount's axes: rows x, y, z of the array in the vehicle frame. */
 static void mount_axes(const struct survey *s, double axes[3][3])
 {
@@ -120,6 +133,8 @@ void drive_frame(const struct drive *d, double t_s, struct drive_frame *out)
     if (!d->scene)
         return;
     drive_ego(d, t_s, &ego);
+    if (d->scene->rock)
+        rock(d->scene, t_s, &ego);
     mount_axes(d->survey, mount);
     double c = cos(ego.yaw_rad), s = sin(ego.yaw_rad);
     const double *o = d->survey->mount_origin_m;

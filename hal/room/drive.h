@@ -15,8 +15,8 @@ struct drive {
     size_t n_places;
 };
 
-/* The array frame at a time, over ground: ground = origin_m + x axes[0] + y axes[1] +
- * z axes[2], where ground is the array frame of time 0. */
+/* The array frame at a time, over ground, wherever it rocks just now: ground = origin_m +
+ * x axes[0] + y axes[1] + z axes[2], where ground is the array frame of time 0. */
 struct drive_frame {
     double origin_m[3], axes[3][3];
 };

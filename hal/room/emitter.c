@@ -93,7 +93,7 @@ void emitter_destroy(struct emitter *e)
 /* A piece as it is met by the beginning, middle and end of the chirp. */
 struct meeting {
     double t_s[3]; /* when */
-    double gain;   /* 1 / r of the way in */
+    double gain;   /* 1 / r of the way in; 0: there is none */
     double cosine; /* of incidence; 1 where it has no front, 0 or less from behind */
 };
 
@@ -113,9 +113,10 @@ static double chirp_s(const struct emitter *e, int third)
     return 0.5 * third * (double)e->cfg.n_chirp / e->cfg.sample_rate_hz;
 }
 
+/* mirror: the source is an image in it, or NULL. */
 static void meet(const struct emitter *e, const struct emitter_scene *s,
-                 const struct doppler_point *source, const struct emitter_piece *p,
-                 struct meeting *out)
+                 const struct mirror *mirror, const struct doppler_point *source,
+                 const struct emitter_piece *p, struct meeting *out)
 {
     double at[3], from[3];
     for (int k = 0; k < 3; k++) {
@@ -126,6 +127,8 @@ static void meet(const struct emitter *e, const struct emitter_scene *s,
     doppler_place(&p->in, out->t_s[1], at);
     doppler_place(source, chirp_s(e, 1), from);
     out->cosine = cosine_to(p, at, from);
+    if (mirror && !mirror_reflects(mirror, from, at))
+        out->gain = 0;
 }
 
 static double to_samples(const struct emitter *e, const struct emitter_scene *s,
@@ -136,8 +139,9 @@ static double to_samples(const struct emitter *e, const struct emitter_scene *s,
 
 /* From the piece to a microphone or its image. */
 static void add_echo(struct emitter *e, const struct emitter_scene *s,
-                     const struct emitter_piece *p, const struct meeting *met,
-                     const struct doppler_point *microphone, double gain, float *heard)
+                     const struct mirror *mirror, const struct emitter_piece *p,
+                     const struct meeting *met, const struct doppler_point *microphone,
+                     double gain, float *heard)
 {
     struct wave_axis axis;
     double samples[3], way_s[3], at[3], to[3];
@@ -148,7 +152,7 @@ static void add_echo(struct emitter *e, const struct emitter_scene *s,
     doppler_place(&p->out, met->t_s[1], at);
     doppler_place(microphone, met->t_s[1] + way_s[1], to);
     double cosine = cosine_to(p, at, to);
-    if (!(cosine > 0))
+    if (!(cosine > 0) || (mirror && !mirror_reflects(mirror, to, at)))
         return;
     double amplitude = gain * p->weight * met->gain * (met->cosine + cosine) / 2 /
                        (s->sound_speed_m_s * way_s[1]);
@@ -159,25 +163,26 @@ static void add_echo(struct emitter *e, const struct emitter_scene *s,
              e->cfg.n_samples);
 }
 
-static void add_pieces(struct emitter *e, const struct emitter_scene *s, bool mirrored,
-                       float *heard)
+/* By way of the wall, or without. */
+static void add_pieces(struct emitter *e, const struct emitter_scene *s, bool by_wall,
+                       const struct emitter_piece *pieces, size_t n, float *heard)
 {
-    const struct emitter_piece *pieces = mirrored ? s->hidden : s->clutter;
-    const struct doppler_point *microphones = mirrored ? s->microphone_images
-                                                       : s->microphones;
-    size_t n = mirrored ? s->n_hidden : s->n_clutter;
+    const struct mirror *mirror = by_wall ? s->mirror : NULL;
+    const struct doppler_point *microphones = by_wall ? s->microphone_images
+                                                      : s->microphones;
     for (size_t i = 0; i < n; i++) {
         struct meeting met;
-        meet(e, s, mirrored ? &s->source_image : &s->source, &pieces[i], &met);
-        for (size_t m = 0; m < e->cfg.n_microphones && met.cosine > 0; m++)
-            add_echo(e, s, &pieces[i], &met, &microphones[m],
-                     mirrored ? s->mirror_gain : 1, heard + m * e->cfg.n_samples);
+        meet(e, s, mirror, by_wall ? &s->source_image : &s->source, &pieces[i], &met);
+        for (size_t m = 0; m < e->cfg.n_microphones && met.cosine > 0 && met.gain > 0;
+             m++)
+            add_echo(e, s, mirror, &pieces[i], &met, &microphones[m],
+                     by_wall ? s->mirror_gain : 1, heard + m * e->cfg.n_samples);
     }
 }
 
-/* The speaker, or its image, straight to the microphone. */
+/* The speaker, or its image in a mirror, straight to the microphone. */
 static void add_direct(struct emitter *e, const struct emitter_scene *s,
-                       const struct doppler_point *source,
+                       const struct mirror *mirror, const struct doppler_point *source,
                        const struct doppler_point *microphone, double gain, float *heard)
 {
     struct wave_axis axis;
@@ -188,6 +193,13 @@ static void add_direct(struct emitter *e, const struct emitter_scene *s,
         double t_s = chirp_s(e, k);
         way_s[k] = doppler_way_s(source, t_s, microphone, s->sound_speed_m_s);
         samples[k] = to_samples(e, s, t_s + way_s[k]);
+    }
+    if (mirror) {
+        double from[3], to[3];
+        doppler_place(source, chirp_s(e, 1), from);
+        doppler_place(microphone, chirp_s(e, 1) + way_s[1], to);
+        if (!mirror_reflects(mirror, from, to))
+            return;
     }
     doppler_axis(samples, &axis);
     wave_add(*wave_of(e, s->down, s->speaker, POINT), &axis,
@@ -210,12 +222,14 @@ void emitter_execute(struct emitter *e, const struct emitter_scene *s, float *he
 {
     size_t n = e->cfg.n_samples;
     memset(heard, 0, e->cfg.n_microphones * n * sizeof *heard);
-    add_pieces(e, s, true, heard);
-    add_pieces(e, s, false, heard);
+    add_pieces(e, s, true, s->hidden, s->n_hidden, heard);
+    add_pieces(e, s, false, s->clutter, s->n_clutter, heard);
+    add_pieces(e, s, true, s->mirrored, s->n_mirrored, heard);
     for (size_t m = 0; m < e->cfg.n_microphones; m++) {
-        add_direct(e, s, &s->source, &s->microphones[m], s->direct_gain, heard + m * n);
-        add_direct(e, s, &s->source_image, &s->microphones[m], s->wall_echo_gain,
+        add_direct(e, s, NULL, &s->source, &s->microphones[m], s->direct_gain,
                    heard + m * n);
+        add_direct(e, s, s->mirror, &s->source_image, &s->microphones[m],
+                   s->wall_echo_gain, heard + m * n);
         respond(e, m, heard + m * n);
     }
 }

@@ -9,6 +9,7 @@
 #include <stddef.h>
 
 #include "hal/room/doppler.h"
+#include "hal/room/mirror.h"
 
 struct emitter_config {
     double sample_rate_hz;
@@ -42,7 +43,9 @@ struct emitter_scene {
     struct doppler_point source, source_image;
     const struct doppler_point *microphones, *microphone_images; /* [n_microphones] */
     const struct emitter_piece *hidden, *clutter; /* by way of the wall, and without */
-    size_t n_hidden, n_clutter;
+    const struct emitter_piece *mirrored; /* clutter that is heard by way of it, too */
+    size_t n_hidden, n_clutter, n_mirrored;
+    const struct mirror *mirror; /* that wall */
     double mirror_gain, direct_gain, wall_echo_gain;
 };
 

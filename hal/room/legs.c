@@ -23,7 +23,8 @@ static int reserve(struct legs *l, size_t n)
 }
 
 int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
-             const struct scatter *s, bool outward, double delay_per_m)
+             const struct scatter *s, bool outward, const struct mirror *mirror,
+             double delay_per_m)
 {
     if (reserve(l, n_elements * s->n) < 0)
         return -ENOMEM;
@@ -31,13 +32,16 @@ int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
     for (size_t e = 0, k = 0; e < n_elements; e++)
         for (size_t i = 0; i < s->n; i++, k++) {
             const struct scatter_piece *p = &s->pieces[i];
+            const double *at = outward ? p->out : p->in;
             double way[3];
-            vector_add(elements[e], -1, outward ? p->out : p->in, way);
+            vector_add(elements[e], -1, at, way);
             double r = sqrt(vector_dot(way, way));
             bool front = p->normal[0] != 0 || p->normal[1] != 0 || p->normal[2] != 0;
             double cosine = front ? vector_dot(way, p->normal) / r : 1;
             l->delay[k] = r * delay_per_m;
-            l->gain[k] = cosine > 0 ? (float)(1 / r) : 0;
+            bool heard = cosine > 0 &&
+                         (!mirror || mirror_reflects(mirror, elements[e], at));
+            l->gain[k] = heard ? (float)(1 / r) : 0;
             l->cosine[k] = (float)cosine;
         }
     return 0;

@@ -5,19 +5,23 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "hal/room/mirror.h"
 #include "hal/room/scatter.h"
 
 struct legs {
     size_t n_pieces, room;
     double *delay; /* [n_elements][n_pieces], in the caller's unit */
-    float *gain;   /* 1 / r, of a piece that looks away 0 */
+    float *gain;   /* 1 / r; 0 of a piece that looks away, or that the wall does
+                      not reach */
     float *cosine; /* of incidence; 1 where a piece has no front */
 };
 
-/* Fills in the ways to where sound enters (or, outward, leaves) the pieces.  Grows its
- * arrays as needed.  0, -ENOMEM. */
+/* Fills in the ways to where sound enters (or, outward, leaves) the pieces; mirror: the
+ * elements are images in it, NULL: they are there.  Grows its arrays as needed.  0,
+ * -ENOMEM. */
 int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
-             const struct scatter *s, bool outward, double delay_per_m);
+             const struct scatter *s, bool outward, const struct mirror *mirror,
+             double delay_per_m);
 void legs_clear(struct legs *l);
 
 #endif

@@ -13,7 +13,7 @@
 #include "hal/room/legs.h"
 #include "hal/room/vector.h"
 
-enum { POINTS, FACETS, CLUTTER, GROUPS };
+enum { POINTS, FACETS, CLUTTER, MIRRORED, GROUPS };
 enum { GRID = 2 }; /* samples of the impulse responses for each sample */
 
 struct propagate {
@@ -112,6 +112,7 @@ int propagate_prepare(struct propagate *p, const struct propagate_scene *scene)
     p->groups[POINTS] = scene->points;
     p->groups[FACETS] = scene->facets;
     p->groups[CLUTTER] = scene->clutter;
+    p->groups[MIRRORED] = scene->mirrored;
     for (int g = 0; g < GROUPS; g++) {
         bool direct = g == CLUTTER;
         if (p->groups[g] && !p->groups[g]->n)
@@ -119,10 +120,12 @@ int propagate_prepare(struct propagate *p, const struct propagate_scene *scene)
         if (!p->groups[g])
             continue;
         if (legs_set(&p->in[g], direct ? scene->speakers_m : scene->speaker_images_m,
-                     p->cfg.n_speakers, p->groups[g], false, per_m) < 0 ||
+                     p->cfg.n_speakers, p->groups[g], false,
+                     direct ? NULL : scene->mirror, per_m) < 0 ||
             legs_set(&p->out[g],
                      direct ? scene->microphones_m : scene->microphone_images_m,
-                     p->cfg.n_microphones, p->groups[g], true, per_m) < 0)
+                     p->cfg.n_microphones, p->groups[g], true,
+                     direct ? NULL : scene->mirror, per_m) < 0)
             return -ENOMEM;
     }
     return 0;
@@ -182,9 +185,12 @@ const float *propagate_pair(struct propagate *p, size_t speaker, size_t micropho
     memset(p->impulses, 0, GRID * p->cfg.n_samples * sizeof *p->impulses);
     add_group(p, POINTS, speaker, microphone, s->mirror_gain);
     add_group(p, CLUTTER, speaker, microphone, 1);
+    add_group(p, MIRRORED, speaker, microphone, s->mirror_gain);
     add_direct(p, s->speakers_m[speaker], s->microphones_m[microphone], s->direct_gain);
-    add_direct(p, s->speaker_images_m[speaker], s->microphones_m[microphone],
-               s->wall_echo_gain);
+    if (mirror_reflects(s->mirror, s->speaker_images_m[speaker],
+                        s->microphones_m[microphone]))
+        add_direct(p, s->speaker_images_m[speaker], s->microphones_m[microphone],
+                   s->wall_echo_gain);
     fftwf_execute(p->forward);
     if (p->groups[FACETS]) {
         transform_facets(p, speaker, microphone);

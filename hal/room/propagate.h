@@ -12,6 +12,7 @@
 
 #include <stddef.h>
 
+#include "hal/room/mirror.h"
 #include "hal/room/scatter.h"
 
 struct propagate_config {
@@ -42,6 +43,8 @@ struct propagate_scene {
     const struct scatter *points, *facets; /* hidden; NULL or empty: none */
     double mirror_gain;                    /* of both bounces at the wall */
     const struct scatter *clutter;      /* heard without the wall, points; may be NULL */
+    const struct scatter *mirrored;     /* clutter that is heard by way of it, too */
+    const struct mirror *mirror;        /* that wall */
     double direct_gain, wall_echo_gain; /* 0: none */
 };
 

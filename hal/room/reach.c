@@ -51,6 +51,7 @@ double reach_longest_path_m(struct pose *pose, const struct world *world)
     vector_mirror(s->wall_normal, s->wall_distance_m, first, image);
     double far =
         fmax(farthest_m(&world->points, image), farthest_m(&world->facets, image));
+    far = fmax(far, farthest_m(&world->mirrored, image));
     far = fmax(far, farthest_m(&world->clutter, first));
     far = fmax(far, distance_m(first, image) / 2); /* the wall's echo */
     return 2 * (far + reach);
@@ -67,6 +68,7 @@ static double reach_now_m(const struct survey *s, const double first[3],
         far = fmax(far, distance_m(traffic->pieces[i].in.at_m, image));
         far = fmax(far, distance_m(traffic->pieces[i].out.at_m, image));
     }
+    far = fmax(far, farthest_m(&traffic->world->mirrored, image));
     return fmax(far, farthest_m(&traffic->world->clutter, first));
 }
 

@@ -41,6 +41,8 @@ int room_prepare(struct room *r, bool down, enum pass pass, size_t position, boo
         .facets = objects ? &r->world.facets : NULL,
         .mirror_gain = wall->reflectivity * wall->reflectivity,
         .clutter = surroundings ? &r->world.clutter : NULL,
+        .mirrored = surroundings ? &r->world.mirrored : NULL,
+        .mirror = &r->world.mirror,
         .direct_gain = surroundings ? *r->scene->direct_level : 0,
         .wall_echo_gain = surroundings ? wall->echo : 0};
     return propagate_prepare(r->propagate[down], &scene);
@@ -102,6 +104,7 @@ void room_add_noise(const struct room *r, double t_s, const uint64_t *words,
 {
     float rms = (float)noise_rms(r, t_s);
     struct random random;
+    slams_add(&r->slams, t_s, samples, stride, n);
     if (!(rms > 0))
         return;
     random_seed(&random, words, n_words);

@@ -206,6 +206,8 @@ static int complete(struct room *r)
     if (!err)
         err = traffic_create(&r->traffic, s, &r->world);
     if (!err)
+        err = slams_create(&r->slams, s, &r->survey, r->sound_speed_m_s);
+    if (!err)
         err = create_renderer(r);
     if (!err)
         err = set_noise(r);
@@ -280,6 +282,7 @@ void room_destroy(struct room *r)
     traffic_clear(&r->traffic);
     drive_clear(&r->drive);
     faults_clear(&r->faults);
+    slams_clear(&r->slams);
     pose_clear(&r->pose);
     world_clear(&r->world);
     survey_clear(&r->survey);

@@ -44,16 +44,19 @@ static void move_array(struct room *r, size_t speaker, double t_s,
 }
 
 /* Forgets what was heard from another place, or in other air. */
-static void keep_still(struct room *r, enum pass pass, const struct drive_frame *frame)
+static void keep_still(struct room *r, enum pass pass, double sound_speed_m_s,
+                       const struct drive_frame *frame)
 {
     struct room_still *still = &r->still;
-    if (still->pass == pass && !memcmp(&still->frame, frame, sizeof *frame))
+    if (still->pass == pass && still->sound_speed_m_s == sound_speed_m_s &&
+        !memcmp(&still->frame, frame, sizeof *frame))
         return;
     for (size_t i = 0; i < 2 * r->survey.n_speakers; i++) {
         free(still->heard[i]);
         still->heard[i] = NULL;
     }
     still->pass = pass;
+    still->sound_speed_m_s = sound_speed_m_s;
     still->frame = *frame;
 }
 
@@ -87,6 +90,19 @@ static void wire(struct room *r, const float *still, float covered, double t_s)
     }
 }
 
+/* It warms for half of the period, and cools for the other. */
+static double drive_sound_speed_m_s(const struct room *r, enum pass pass, double t_s)
+{
+    double since_s = fmin(t_s, r->scene->drive->period_s - t_s);
+    double base_c = room_temperature_c(r, pass, 0);
+    double speed_m_s = room_sound_speed_m_s(r, pass, 0);
+    if (r->scene->drift->rate_c_min == 0)
+        return speed_m_s;
+    return speed_m_s *
+           survey_sound_speed_m_s(base_c + r->scene->drift->rate_c_min * since_s / 60) /
+           survey_sound_speed_m_s(base_c);
+}
+
 static int hear_drive(struct room *r, const struct room_emission *e)
 {
     const struct scene_wall *wall = r->scene->wall_sound;
@@ -97,27 +113,31 @@ static int hear_drive(struct room *r, const struct room_emission *e)
     struct drive_frame frame;
     if (objects)
         traffic_set(&r->traffic, t_s);
-    struct emitter_scene scene = {.sound_speed_m_s = room_sound_speed_m_s(r, e->pass, 0),
-                                  .latency_samples = r->latency_samples,
-                                  .speaker = speaker,
-                                  .down = e->down,
-                                  .microphones = r->microphones,
-                                  .microphone_images = r->microphone_images,
-                                  .hidden = r->traffic.pieces,
-                                  .n_hidden = objects ? r->traffic.n : 0,
-                                  .clutter = r->traffic.clutter,
-                                  .n_clutter = r->world.clutter.n,
-                                  .mirror_gain = wall->reflectivity * wall->reflectivity,
-                                  .direct_gain = *r->scene->direct_level,
-                                  .wall_echo_gain = wall->echo};
+    struct emitter_scene scene = {
+        .sound_speed_m_s = drive_sound_speed_m_s(r, e->pass, t_s),
+        .latency_samples = r->latency_samples,
+        .speaker = speaker,
+        .down = e->down,
+        .microphones = r->microphones,
+        .microphone_images = r->microphone_images,
+        .hidden = r->traffic.pieces,
+        .n_hidden = objects ? r->traffic.n : 0,
+        .clutter = r->traffic.clutter,
+        .n_clutter = r->world.clutter.n,
+        .mirrored = r->traffic.mirrored,
+        .n_mirrored = r->world.mirrored.n,
+        .mirror = &r->world.mirror,
+        .mirror_gain = wall->reflectivity * wall->reflectivity,
+        .direct_gain = *r->scene->direct_level,
+        .wall_echo_gain = wall->echo};
     move_array(r, speaker, t_s, &scene, &frame, &stands);
     const float *still = NULL;
     if (stands) {
-        keep_still(r, e->pass, &frame);
+        keep_still(r, e->pass, scene.sound_speed_m_s, &frame);
         still = hear_still(r, &scene);
         if (!still)
             return -ENOMEM;
-        scene.n_clutter = 0;
+        scene.n_clutter = scene.n_mirrored = 0;
         scene.direct_gain = scene.wall_echo_gain = 0;
     }
     if (stands && !scene.n_hidden) /* all of it is known */

@@ -11,6 +11,7 @@
 #include "hal/room/room.h"
 #include "hal/room/scene.h"
 #include "hal/room/sight.h"
+#include "hal/room/slams.h"
 #include "hal/room/traffic.h"
 #include "hal/room/world.h"
 
@@ -18,6 +19,7 @@
  * to round, and most of the work. */
 struct room_still {
     enum pass pass;
+    double sound_speed_m_s;
     struct drive_frame frame; /* where it stands */
     float **heard; /* [up, down][n_speakers]: [n_microphones][n_heard], or NULL: not
                       rendered yet */
@@ -28,6 +30,7 @@ struct room {
     struct survey survey; /* as the processor knows it */
     double sound_speed_m_s, temperature_c, latency_samples; /* as they are */
     struct faults faults;
+    struct slams slams;
     struct world world;
     struct pose pose;
     struct drive drive;
@@ -59,7 +62,8 @@ int room_hear(struct room *r, const struct room_emission *e);
 bool room_sees(const struct room *r, size_t object, double t_s);
 
 /* Noise of the whole array at a time onto samples [n_microphones], stride apart, n of
- * each; but for how loud it is then it depends on the words alone. */
+ * each; but for how loud it is then, and for what slams, it depends on the words alone.
+ */
 void room_add_noise(const struct room *r, double t_s, const uint64_t *words,
                     size_t n_words, float *samples, size_t stride, size_t n);
 

@@ -67,12 +67,16 @@ static const cyaml_schema_field_t wall_fields[] = {
     CYAML_FIELD_UINT("patches", OPTIONAL, struct scene_wall, patches),
     NUMBER(scene_wall, scattering_length_m, OPTIONAL),
     NUMBER(scene_wall, roughness_m, OPTIONAL),
+    CYAML_FIELD_SEQUENCE_COUNT("spans_m", CYAML_FLAG_POINTER | OPTIONAL,
+                               struct scene_wall, spans_m, n_spans, &pair, 1, 100),
     CYAML_FIELD_END};
 static const cyaml_schema_field_t clutter_fields[] = {
     CYAML_FIELD_UINT("points", CYAML_FLAG_DEFAULT, struct scene_clutter, points),
     NUMBER(scene_clutter, scattering_length_m, CYAML_FLAG_DEFAULT),
     NUMBER(scene_clutter, near_m, CYAML_FLAG_DEFAULT),
-    NUMBER(scene_clutter, far_m, CYAML_FLAG_DEFAULT), CYAML_FIELD_END};
+    NUMBER(scene_clutter, far_m, CYAML_FLAG_DEFAULT),
+    CYAML_FIELD_BOOL("mirrored", OPTIONAL, struct scene_clutter, mirrored),
+    CYAML_FIELD_END};
 static const cyaml_schema_field_t microphone_fields[] = {
     NUMBER(scene_microphones, ripple_db, CYAML_FLAG_DEFAULT), CYAML_FIELD_END};
 static const cyaml_schema_field_t error_fields[] = {
@@ -84,11 +88,22 @@ static const cyaml_schema_field_t rise_fields[] = {
     NUMBER(scene_rise, by_db, CYAML_FLAG_DEFAULT), CYAML_FIELD_END};
 static const cyaml_schema_value_t rise_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_rise, rise_fields)};
+static const cyaml_schema_field_t slam_fields[] = {
+    CYAML_FIELD_SEQUENCE_FIXED("during_s", CYAML_FLAG_DEFAULT, struct scene_slam,
+                               during_s, &survey_yaml_number, 2),
+    NUMBER(scene_slam, peak, CYAML_FLAG_DEFAULT),
+    NUMBER(scene_slam, decay_s, CYAML_FLAG_DEFAULT),
+    VECTOR_PTR(scene_slam, position_m, 3), CYAML_FIELD_END};
+static const cyaml_schema_value_t slam_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_slam, slam_fields)};
 static const cyaml_schema_field_t noise_fields[] = {
-    NUMBER_PTR(scene_noise, snr_db), NUMBER_PTR(scene_noise, at_m),
+    NUMBER_PTR(scene_noise, snr_db),
+    NUMBER_PTR(scene_noise, at_m),
     NUMBER_PTR(scene_noise, rms),
     CYAML_FIELD_SEQUENCE_COUNT("rises", CYAML_FLAG_POINTER | OPTIONAL, struct scene_noise,
                                rises, n_rises, &rise_schema, 1, 100),
+    CYAML_FIELD_SEQUENCE_COUNT("slams", CYAML_FLAG_POINTER | OPTIONAL, struct scene_noise,
+                               slams, n_slams, &slam_schema, 1, 1000),
     CYAML_FIELD_END};
 static const cyaml_schema_field_t motion_fields[] = {
     NUMBER(scene_motion, t_s, CYAML_FLAG_DEFAULT),
@@ -96,14 +111,19 @@ static const cyaml_schema_field_t motion_fields[] = {
     NUMBER(scene_motion, yaw_rate_deg_s, OPTIONAL), CYAML_FIELD_END};
 static const cyaml_schema_value_t motion_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_motion, motion_fields)};
+static const cyaml_schema_field_t rock_fields[] = {
+    NUMBER(scene_rock, frequency_hz, CYAML_FLAG_DEFAULT),
+    NUMBER(scene_rock, forward_m, OPTIONAL), NUMBER(scene_rock, left_m, OPTIONAL),
+    NUMBER(scene_rock, yaw_deg, OPTIONAL), CYAML_FIELD_END};
 static const cyaml_schema_field_t drive_fields[] = {
     NUMBER(scene_drive, period_s, CYAML_FLAG_DEFAULT),
     CYAML_FIELD_SEQUENCE_COUNT("ego", CYAML_FLAG_POINTER | OPTIONAL, struct scene_drive,
                                ego, n_ego, &motion_schema, 1, 200),
+    CYAML_FIELD_MAPPING_PTR("rock", OPTIONAL, struct scene_drive, rock, rock_fields),
     CYAML_FIELD_END};
 static const cyaml_schema_field_t drift_fields[] = {
     NUMBER(scene_drift, background_c, OPTIONAL), NUMBER(scene_drift, scan_c, OPTIONAL),
-    CYAML_FIELD_END};
+    NUMBER(scene_drift, rate_c_min, OPTIONAL), CYAML_FIELD_END};
 
 static const cyaml_schema_field_t fault_fields[] = {
     CYAML_FIELD_UINT("channel", CYAML_FLAG_DEFAULT, struct scene_fault, channel),
@@ -193,8 +213,8 @@ static int fill_in_defaults(struct scene *s)
     static const struct scene_clutter clutter = {.far_m = 1};
     static const struct scene_microphones microphones = {0};
     static const struct scene_errors errors = {0, 0, 0};
-    static const struct scene_noise noise = {NULL, NULL, NULL, NULL, 0};
-    static const struct scene_drift drift = {0, 0};
+    static const struct scene_noise noise = {.snr_db = NULL};
+    static const struct scene_drift drift = {0};
     static const struct scene_faults faults = {0};
     if (scene_fill_in(&s->level, &level, sizeof level) ||
         scene_fill_in(&s->direct_level, &direct, sizeof direct) ||

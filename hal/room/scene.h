@@ -58,11 +58,16 @@ struct scene_wall {      /* what the survey's wall does to sound */
     double echo;         /* of the array's own image in the wall */
     uint32_t patches;    /* diffuse scatterers on it */
     double scattering_length_m, roughness_m;
+    double (*spans_m)[2]; /* [n_spans] where there is any of it, horizontally along it
+                             from the foot of the array's origin, x where it is straight
+                             ahead; elsewhere it mirrors nothing.  None: it has no end */
+    unsigned n_spans;
 };
 
 struct scene_clutter { /* points anywhere around, in both passes */
     uint32_t points;
     double scattering_length_m, near_m, far_m;
+    bool mirrored; /* by way of the wall, there and back, they are heard once more */
 };
 
 struct scene_microphones { /* synthetic response curves, known to the processor */
@@ -77,6 +82,14 @@ struct scene_rise { /* louder, or less, from one time to another */
     double during_s[2], by_db;
 };
 
+struct scene_slam {     /* a door, a stone: noise that begins at once and fades */
+    double during_s[2]; /* drive: at one time of this span, which the seed draws */
+    double peak;        /* rms when it begins, at the array, full scale +-1 */
+    double decay_s;     /* to 1 / e */
+    double *position_m; /* [3] from where it goes to each microphone; not given: all hear
+                           it at that time */
+};
+
 struct scene_noise {
     double *snr_db; /* power of the objects' echoes in the recording over the noise's */
     double *at_m;   /* snr_db: in place of the objects, of a person at this range (half
@@ -84,10 +97,20 @@ struct scene_noise {
     double *rms;    /* or absolute, full scale +-1 */
     struct scene_rise *rises; /* drive: rain, a compressor */
     unsigned n_rises;
+    struct scene_slam *slams;
+    unsigned n_slams;
 };
 
 struct scene_motion {
     double t_s, speed_m_s, yaw_rate_deg_s; /* of the vehicle; yaw to the left */
+};
+
+/* A vehicle that stands on its springs and tyres rocks, by wind, steps and engines, and
+ * its wheels say nothing of it: three sines of one frequency (of which a whole number
+ * fits into the period), each a third of a turn after the one before. */
+struct scene_rock {
+    double frequency_hz;
+    double forward_m, left_m, yaw_deg; /* amplitudes */
 };
 
 struct scene_drive { /* repeats for ever; needs a mount and no stage */
@@ -95,11 +118,13 @@ struct scene_drive { /* repeats for ever; needs a mount and no stage */
     struct scene_motion *ego; /* straight from knot to knot, constant outside of them;
                                  absent: the vehicle stands */
     unsigned n_ego;
+    struct scene_rock *rock;
 };
 
 struct scene_drift {     /* of the air, against temperature_c */
     double background_c; /* during the background pass */
     double scan_c;       /* from the first to the last position of a pass */
+    double rate_c_min;   /* drive: a minute, for half of its period, and then back */
 };
 
 struct scene_fault { /* of one speaker or microphone */

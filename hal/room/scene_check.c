@@ -51,7 +51,14 @@ static int check_world(const struct scene *s, const char *path, struct error *wh
         {"noise.rms", s->noise->rms ? *s->noise->rms : 0, 0, 10},
         {"drift.background_c", s->drift->background_c, -30, 30},
         {"drift.scan_c", s->drift->scan_c, -30, 30},
+        {"drift.rate_c_min", s->drift->rate_c_min, -60, 60},
     };
+    for (unsigned i = 0; i < s->wall_sound->n_spans; i++)
+        if (!(s->wall_sound->spans_m[i][0] < s->wall_sound->spans_m[i][1]))
+            return yaml_error_say(why, -EINVAL, path, "wall_sound.spans_m",
+                                  "%g to %g is no piece of a wall",
+                                  s->wall_sound->spans_m[i][0],
+                                  s->wall_sound->spans_m[i][1]);
     if (s->noise->snr_db && s->noise->rms)
         return yaml_error_say(why, -EINVAL, path, "noise.rms",
                               "expected snr_db or rms, found both");

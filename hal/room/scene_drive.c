@@ -76,6 +76,29 @@ static int check_mover(const struct scene_object *o, unsigned index, double peri
     return err ? err : check_path(o, index, period_s, path, why);
 }
 
+static int check_slam(const struct scene_slam *slam, unsigned index, double period_s,
+                      const char *path, struct error *why)
+{
+    static const struct span anywhere = {-1000, 1000};
+    char key[64];
+    int err = 0;
+    snprintf(key, sizeof key, "noise.slams[%u].during_s", index);
+    for (int k = 0; k < 2 && !err; k++)
+        err = check_value(slam->during_s[k],
+                          (struct span){k ? slam->during_s[0] : 0, period_s}, key, path,
+                          why);
+    snprintf(key, sizeof key, "noise.slams[%u].peak", index);
+    if (!err)
+        err = check_value(slam->peak, (struct span){0, 100}, key, path, why);
+    snprintf(key, sizeof key, "noise.slams[%u].decay_s", index);
+    if (!err)
+        err = check_value(slam->decay_s, (struct span){1e-4, 1}, key, path, why);
+    snprintf(key, sizeof key, "noise.slams[%u].position_m", index);
+    for (int a = 0; a < 3 && slam->position_m && !err; a++)
+        err = check_value(slam->position_m[a], anywhere, key, path, why);
+    return err;
+}
+
 /* What comes and goes; period_s 0: nothing may. */
 static int check_spans(const struct scene *s, double period_s, const char *path,
                        struct error *why)
@@ -86,11 +109,22 @@ static int check_spans(const struct scene *s, double period_s, const char *path,
         unsigned n;
     } kinds[] = {{"speakers", s->faults->speakers, s->faults->n_speakers},
                  {"microphones", s->faults->microphones, s->faults->n_microphones}};
+    const struct {
+        const char *key;
+        bool given;
+    } timed[] = {{"noise.rises", s->noise->n_rises},
+                 {"noise.slams", s->noise->n_slams},
+                 {"drift.rate_c_min", s->drift->rate_c_min != 0}};
     char key[64];
     int err = 0;
-    if (s->noise->n_rises && !(period_s > 0))
-        return yaml_error_say(why, -EINVAL, path, "noise.rises",
-                              "only a drive has this, and there is no key \"drive\"");
+    for (size_t i = 0; i < sizeof timed / sizeof *timed; i++)
+        if (timed[i].given && !(period_s > 0))
+            return yaml_error_say(why, -EINVAL, path, timed[i].key,
+                                  "only a drive has this, and there is no key \"drive\"");
+    err = check_value(s->drift->rate_c_min * period_s / 120, (struct span){-30, 30},
+                      "drift.rate_c_min", path, why);
+    for (unsigned i = 0; i < s->noise->n_slams && !err; i++)
+        err = check_slam(&s->noise->slams[i], i, period_s, path, why);
     for (unsigned i = 0; i < s->noise->n_rises && !err; i++) {
         const struct scene_rise *rise = &s->noise->rises[i];
         snprintf(key, sizeof key, "noise.rises[%u].during_s", i);
@@ -148,11 +182,27 @@ static int check_ego(const struct scene_drive *d, const char *path, struct error
     return err;
 }
 
+static int check_rock(const struct scene_rock *r, const char *path, struct error *why)
+{
+    static const struct span swing = {0, 0.1}, turn = {0, 5};
+    if (!r)
+        return 0;
+    int err = check_value(r->frequency_hz, (struct span){0, 10},
+                          "drive.rock.frequency_hz", path, why);
+    if (!err)
+        err = check_value(r->forward_m, swing, "drive.rock.forward_m", path, why);
+    if (!err)
+        err = check_value(r->left_m, swing, "drive.rock.left_m", path, why);
+    return err ? err : check_value(r->yaw_deg, turn, "drive.rock.yaw_deg", path, why);
+}
+
 int scene_check_drive(const struct scene *s, const char *path, struct error *why)
 {
     if (!s->drive)
         return check_standing(s, path, why);
     int err = check_ego(s->drive, path, why);
+    if (!err)
+        err = check_rock(s->drive->rock, path, why);
     if (!err && !s->survey.mount)
         err = yaml_error_say(why, -EINVAL, path, "drive",
                              "the key \"mount\" is missing: which way is forward?");

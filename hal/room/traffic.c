@@ -30,6 +30,7 @@ int traffic_create(struct traffic *out, const struct scene *scene,
     }
     for (size_t i = 0; i < world->clutter.n; i++)
         out->clutter[i] = at_rest(&world->clutter.pieces[i], false);
+    out->mirrored = out->clutter + world->clutter.n - world->mirrored.n;
     return 0;
 }
 

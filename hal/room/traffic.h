@@ -13,7 +13,8 @@ struct traffic {
     const struct world *world;
     struct emitter_piece *pieces; /* [n], set by traffic_set */
     size_t n;
-    struct emitter_piece *clutter; /* [world->clutter.n]: at rest */
+    struct emitter_piece *clutter;        /* [world->clutter.n]: at rest */
+    const struct emitter_piece *mirrored; /* [world->mirrored.n], the last of them */
 };
 
 /* 0, -ENOMEM. */

@@ -249,9 +249,15 @@ int world_create(struct world *out, const struct scene *scene, const struct surv
     vector_mirror(s->wall_normal, s->wall_distance_m, b.centre, b.image);
     b.pitch_m = s->sound_speed_m_s / fmax(s->chirp_start_hz, s->chirp_stop_hz) /
                 FACETS_PER_WAVELENGTH;
+    mirror_set(&out->mirror, s, scene->wall_sound, out->up);
+    size_t n_patches;
     int err = add_objects(&b, path, why);
-    if (!err && clutter_add(&out->clutter, scene, s, b.centre) < 0)
+    if (!err &&
+        clutter_add(&out->clutter, &n_patches, scene, s, &out->mirror, b.centre) < 0)
         err = error_say(why, -ENOMEM, "%s: out of memory", path);
+    if (!err && scene->clutter->mirrored && out->clutter.n)
+        out->mirrored = (struct scatter){.n = out->clutter.n - n_patches,
+                                         .pieces = out->clutter.pieces + n_patches};
     if (err)
         world_clear(out);
     return err;

@@ -3,6 +3,7 @@
 #ifndef ANLOS_HAL_ROOM_WORLD_H
 #define ANLOS_HAL_ROOM_WORLD_H
 
+#include "hal/room/mirror.h"
 #include "hal/room/room.h"
 #include "hal/room/scatter.h"
 #include "hal/room/scene.h"
@@ -16,6 +17,8 @@ struct world_part {
 struct world {
     struct scatter points, facets; /* hidden, where they really are */
     struct scatter clutter;        /* wall and room */
+    struct scatter mirrored; /* those pieces of it that the wall mirrors, not owned */
+    struct mirror mirror;
     size_t n_objects;
     struct room_object *objects; /* [n_objects] */
     struct world_part *parts;    /* [n_objects] */

@@ -254,6 +254,16 @@ static void wrong_drives_are_named_with_line_and_key(void **state)
         {BASE "drive: {period_s: 5}\n"
               "noise: {rms: 0.1, rises: [{during_s: [1, 2], by_db: 101}]}\n",
          "noise.rises[0].by_db: ", "101 is outside -100..100"},
+        {BASE "noise: {slams: [{during_s: [1, 1], peak: 1, decay_s: 0.02}]}\n",
+         "noise.slams: ", "only a drive has this"},
+        {BASE "drive: {period_s: 5}\n"
+              "noise: {slams: [{during_s: [3, 6], peak: 1, decay_s: 0.02}]}\n",
+         "noise.slams[0].during_s: ", "6 is outside 3..5"},
+        {BASE "drift: {rate_c_min: 1}\n", "drift.rate_c_min: ", "only a drive has this"},
+        {BASE "drive: {period_s: 5, rock: {frequency_hz: 11}}\n",
+         "drive.rock.frequency_hz: ", "11 is outside 0..10"},
+        {BASE "wall_sound: {reflectivity: 1, spans_m: [[1, 2], [4, 3]]}\n",
+         "wall_sound.spans_m: ", "4 to 3 is no piece of a wall"},
         {BASE "faults: {speakers: [{channel: 0, gain_db: -20, during_s: [1, 2]}]}\n",
          "faults.speakers[0].during_s: ", "only a drive has this"},
         {BASE "drive: {period_s: 5}\n"
