@@ -31,16 +31,24 @@ const char *cable_rig(struct scratch *s, const struct way *w)
     return scratch_write(s, "rig.yaml", text);
 }
 
-struct far_end *cable_far_end(struct echo *e)
+void cable_start_far_end(struct cable *c)
 {
-    const struct far_end_config cfg = {.format = e->way->far_format,
-                                       .n_channels = e->way->n_channels,
-                                       .rate_hz = e->way->rate_hz,
-                                       .buffer_frames = 3 * (e->way->rate_hz / 10),
-                                       .ahead_frames = e->way->rate_hz / 10,
+    const struct way *w = c->echo.way;
+    const struct far_end_config cfg = {.format = w->far_format,
+                                       .n_channels = w->n_channels,
+                                       .rate_hz = w->rate_hz,
+                                       .buffer_frames = 3 * (w->rate_hz / 10),
+                                       .ahead_frames = w->rate_hz / 10,
                                        .answer = echo_give,
-                                       .ctx = e};
-    return far_end_start(&cfg);
+                                       .ctx = &c->echo};
+    c->far = far_end_start(&cfg);
+}
+
+void cable_stop_far_end(struct cable *c)
+{
+    if (c->far)
+        far_end_stop(c->far);
+    c->far = NULL;
 }
 
 static struct array *open_array(struct scratch *s, const struct way *w)
@@ -55,19 +63,64 @@ static struct array *open_array(struct scratch *s, const struct way *w)
     return a;
 }
 
-void cable_open(struct cable *c, struct scratch *s, const struct way *w)
+void cable_open(struct cable *c, const struct way *w)
 {
     c->echo = (struct echo){.way = w};
     c->echo.heard = calloc((size_t)HEARD_MAX * w->n_channels, sizeof *c->echo.heard);
     assert_non_null(c->echo.heard);
-    c->far = cable_far_end(&c->echo);
-    c->array = open_array(s, w);
+    cable_start_far_end(c);
+    c->array = open_array(c->scratch, w);
+}
+
+void cable_close_array(struct cable *c)
+{
+    if (c->array)
+        array_close(c->array);
+    c->array = NULL;
 }
 
 void cable_close(struct cable *c)
 {
-    far_end_stop(c->far);
+    cable_close_array(c);
+    cable_stop_far_end(c);
     free(c->echo.heard);
+    c->echo.heard = NULL;
+}
+
+uint64_t cable_count(const struct cable *c, const char *name)
+{
+    struct device_count counts[DEVICE_MAX_COUNTS];
+    size_t n = array_counts(c->array, counts);
+    for (size_t i = 0; i < n; i++)
+        if (!strcmp(counts[i].name, name))
+            return counts[i].value;
+    fail_msg("there is no count %s", name);
+    return 0;
+}
+
+bool cable_is_whole(const struct cable *c)
+{
+    return !cable_count(c, "restarts") && !far_end_broke(c->far);
+}
+
+int cable_setup(void **state)
+{
+    struct cable *c = calloc(1, sizeof *c);
+    if (!c || scratch_open((void **)&c->scratch)) {
+        free(c);
+        return -1;
+    }
+    *state = c;
+    return 0;
+}
+
+int cable_teardown(void **state)
+{
+    struct cable *c = *state;
+    cable_close(c);
+    int err = scratch_close((void **)&c->scratch);
+    free(c);
+    return err;
 }
 
 bool cable_shoot(struct array *a, struct taken *out)

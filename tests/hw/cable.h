@@ -18,21 +18,34 @@ size_t cable_slot(const struct way *w);
 size_t cable_chirp(const struct way *w);
 
 struct cable {
+    struct scratch *scratch;
     struct echo echo;
-    struct far_end *far;
-    struct array *array;
+    struct far_end *far; /* NULL: none */
+    struct array *array; /* NULL: none */
 };
+
+/* *state: a cable, with nothing at its ends.  Not on a test's stack: an assertion that
+ * fails leaves that while the threads of both ends run on.  What is open in the end, as
+ * it is when the test failed, is closed. */
+int cable_setup(void **state);
+int cable_teardown(void **state);
 
 /* Writes rig.yaml: speaker j at the channel j from the last, microphone m at channel
  * 2 m + 1, the last microphone inverted, speaker 1 too. */
 const char *cable_rig(struct scratch *s, const struct way *w);
-void cable_open(struct cable *c, struct scratch *s, const struct way *w);
+void cable_open(struct cable *c, const struct way *w);
 
-/* The array stays; the far end restarts. */
-struct far_end *cable_far_end(struct echo *e);
+/* The array stays; the far end stops and restarts. */
+void cable_stop_far_end(struct cable *c);
+void cable_start_far_end(struct cable *c);
 
-/* All but the array, which is closed before. */
+/* No ping comes any more; what the far end has heard is still there. */
+void cable_close_array(struct cable *c);
 void cable_close(struct cable *c);
+
+/* Did every frame come through so far, at both ends? */
+bool cable_is_whole(const struct cable *c);
+uint64_t cable_count(const struct cable *c, const char *name);
 
 enum { N_SAMPLES_MAX = MAX_RATE_HZ / 8 };
 struct taken {

@@ -15,20 +15,19 @@ static double chirp_code(const struct way *w, size_t i, bool inverted)
     return fmax(-full, fmin(full - 1, rint(x * full)));
 }
 
-/* The frames that the far end heard: nothing but the shots, their first frames in
- * starts[n_shots], slot after slot at the right channel. */
+/* The frames that the far end heard until the last shot ended: nothing but the shots,
+ * their first frames in starts[n_shots], slot after slot at the right channel. */
 static void check_heard(const struct echo *e, const uint32_t *speakers, size_t n_shots,
                         size_t *starts)
 {
     const struct way *w = e->way;
     size_t slot = cable_slot(w), chirp = cable_chirp(w);
     size_t n_heard = atomic_load(&e->n_heard), shot = 0, end = 0;
-    for (size_t f = 0; f < n_heard; f++) {
+    for (size_t f = 0; f < n_heard && (shot < n_shots || f < end); f++) {
         double sum = 0;
         for (size_t c = 0; c < w->n_channels; c++)
             sum += fabs(e->heard[f * w->n_channels + c]);
         if (f >= end && sum > 0) {
-            assert_true(shot < n_shots);
             starts[shot++] = f;
             end = f + SPEAKERS * slot;
         }
@@ -88,24 +87,26 @@ static void check_notices(struct array *a, const struct way *w)
     assert_int_equal(n_linked, w->device != NULL);
 }
 
-/* false: this machine stood still for too long, or so it was taken. */
-static bool try_way(struct scratch *s, const struct way *w)
+/* false: this machine stood still for too long, or so it was taken, if only between the
+ * shots or after them, all slots good: the card plays what its buffer held once more
+ * then. */
+static bool try_way(struct cable *c, const struct way *w)
 {
     static struct taken pings[2][SPEAKERS];
-    struct cable c;
     size_t starts[2];
-    cable_open(&c, s, w);
-    bool good = cable_shoot(c.array, pings[0]) && cable_shoot(c.array, pings[1]);
-    check_notices(c.array, w);
-    array_close(c.array);
-    good &= !far_end_broke(c.far);
+    cable_open(c, w);
+    bool good = cable_shoot(c->array, pings[0]) && cable_shoot(c->array, pings[1]);
+    check_notices(c->array, w);
+    good &= cable_is_whole(c);
+    cable_close_array(c);
+    good &= !far_end_broke(c->far);
     if (good) {
-        check_heard(&c.echo, cable_order, 2, starts);
+        check_heard(&c->echo, cable_order, 2, starts);
         size_t delay = find_delay(pings[0], cable_slot(w));
-        check_pings(&c.echo, pings[0], starts[0], delay);
-        check_pings(&c.echo, pings[1], starts[1], delay);
+        check_pings(&c->echo, pings[0], starts[0], delay);
+        check_pings(&c->echo, pings[1], starts[1], delay);
     }
-    cable_close(&c);
+    cable_close(c);
     return good;
 }
 
@@ -136,7 +137,7 @@ static void every_format_comes_through_bit_by_bit_in_its_slot(void **state)
     }
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, cable_setup, cable_teardown)
 
 int main(void)
 {

@@ -11,17 +11,6 @@
 
 #include "tests/hw/card.h"
 
-static uint64_t count(struct array *a, const char *name)
-{
-    struct device_count counts[DEVICE_MAX_COUNTS];
-    size_t n = array_counts(a, counts);
-    for (size_t i = 0; i < n; i++)
-        if (!strcmp(counts[i].name, name))
-            return counts[i].value;
-    fail_msg("there is no count %s", name);
-    return 0;
-}
-
 /* Stops this whole process for longer than any buffer holds. */
 static void stand_still(void)
 {
@@ -64,64 +53,60 @@ static void lost_frames_void_their_slots_and_the_stream_goes_on(void **state)
 {
     static const struct way way = {"S16", "mmap", SND_PCM_FORMAT_S16, 8, 48000, NULL};
     static struct taken pings[SPEAKERS];
-    struct cable c;
+    struct cable *c = *state;
     struct error why = {.text = ""};
     size_t n_void = 0;
-    cable_open(&c, *state, &way);
+    cable_open(c, &way);
     for (int tries = 0; !n_void; tries++) { /* it may be over before it stands still */
         assert_true(tries < TRIES);
-        n_void = shoot_badly(&c);
+        n_void = shoot_badly(c);
     }
-    assert_true(count(c.array, "slots_invalid") >= n_void);
-    assert_true(count(c.array, "restarts") > 0);
-    assert_true(count(c.array, "overruns") + count(c.array, "underruns") > 0);
-    assert_int_equal(array_condition(c.array, &why), 0);
-    assert_true(array_notice(c.array, &why));
+    assert_true(cable_count(c, "slots_invalid") >= n_void);
+    assert_true(cable_count(c, "restarts") > 0);
+    assert_true(cable_count(c, "overruns") + cable_count(c, "underruns") > 0);
+    assert_int_equal(array_condition(c->array, &why), 0);
+    assert_true(array_notice(c->array, &why));
     assert_contains(why.text, "frames were lost; started anew");
-    for (int tries = 1; !cable_shoot(c.array, pings); tries++)
+    for (int tries = 1; !cable_shoot(c->array, pings); tries++)
         assert_true(tries < TRIES);
-    array_close(c.array);
-    cable_close(&c);
 }
 
 static void what_is_unplugged_is_waited_for_and_goes_on(void **state)
 {
     static const struct way way = {"S32", "rw", SND_PCM_FORMAT_S32, 8, 48000, NULL};
     static struct taken pings[SPEAKERS];
-    struct cable c;
+    struct cable *c = *state;
     struct array_shot shot = {.speakers = cable_order, .n_speakers = SPEAKERS};
     struct array_ping ping;
     struct error why = {.text = ""};
     pthread_t thread;
     int err, tries = 1, n_good = 0;
-    cable_open(&c, *state, &way);
-    while (!cable_shoot(c.array, pings))
+    cable_open(c, &way);
+    while (!cable_shoot(c->array, pings))
         assert_true(++tries <= TRIES);
-    assert_int_equal(array_condition(c.array, &why), 0);
+    assert_int_equal(array_condition(c->array, &why), 0);
     card_unplug(&thread);
-    while (!array_condition(c.array, &why))
+    while (!array_condition(c->array, &why))
         poll(NULL, 0, 1);
     assert_contains(why.text, "hw:Loopback,0,0: it is gone; tries again in 0.5 s");
-    far_end_stop(c.far);
+    cable_stop_far_end(c);
     assert_int_equal(pthread_join(thread, NULL), 0);
-    assert_int_equal(array_fire(c.array, &shot), 0);
-    assert_int_equal(array_next(c.array, &ping, &why), -EAGAIN);
+    assert_int_equal(array_fire(c->array, &shot), 0);
+    assert_int_equal(array_next(c->array, &ping, &why), -EAGAIN);
     assert_contains(why.text, "it is gone");
     card_plug();
-    c.far = cable_far_end(&c.echo);
+    cable_start_far_end(c);
     for (size_t j = 0; j < SPEAKERS; j++) {
-        while ((err = array_next(c.array, &ping, &why)) == -EAGAIN)
+        while ((err = array_next(c->array, &ping, &why)) == -EAGAIN)
             continue;
         assert_int_equal(err, 0);
         n_good += ping.valid;
     }
     assert_true(n_good > 0);
-    assert_int_equal(array_condition(c.array, &why), 0);
-    assert_int_equal(count(c.array, "reopened"), 1);
-    for (tries = 1; !cable_shoot(c.array, pings);)
+    assert_int_equal(array_condition(c->array, &why), 0);
+    assert_int_equal(cable_count(c, "reopened"), 1);
+    for (tries = 1; !cable_shoot(c->array, pings);)
         assert_true(++tries <= TRIES);
-    array_close(c.array);
-    cable_close(&c);
 }
 
 /* The far end has set S16, 8 channels, 48000 Hz. */
@@ -144,14 +129,13 @@ static void what_the_card_has_not_is_refused_with_what_it_has(void **state)
          "playback has no rate of 48000.5 Hz"},
     };
     static const struct way way = {"S16", "rw", SND_PCM_FORMAT_S16, 8, 48000, NULL};
-    struct scratch *s = *state;
-    struct cable c;
-    cable_open(&c, s, &way);
-    array_close(c.array);
+    struct cable *c = *state;
+    cable_open(c, &way);
+    cable_close_array(c);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct error why = {.text = ""};
         char text[2000] = "", changed[2100], uri[600];
-        FILE *f = fopen(cable_rig(s, &way), "r");
+        FILE *f = fopen(cable_rig(c->scratch, &way), "r");
         assert_non_null(f);
         size_t n = fread(text, 1, sizeof text - 1, f);
         fclose(f);
@@ -160,34 +144,30 @@ static void what_the_card_has_not_is_refused_with_what_it_has(void **state)
         snprintf(changed, sizeof changed, "%.*s%s%s", (int)(at - text), text, cases[i].to,
                  at + strlen(cases[i].from));
         snprintf(uri, sizeof uri, "alsa:hw:Loopback,0,0?rig=%s",
-                 scratch_write(s, "changed.yaml", changed));
-        assert_int_equal(array_open(&c.array, uri, clock_system(), &why), cases[i].err);
+                 scratch_write(c->scratch, "changed.yaml", changed));
+        assert_int_equal(array_open(&c->array, uri, clock_system(), &why), cases[i].err);
         assert_contains(why.text, cases[i].error);
     }
-    cable_close(&c);
 }
 
 static void a_card_that_is_in_use_or_missing_is_named(void **state)
 {
     static const struct way way = {"S16", "rw", SND_PCM_FORMAT_S16, 8, 48000, NULL};
-    struct scratch *s = *state;
     struct error why = {.text = ""};
-    struct cable c;
+    struct cable *c = *state;
     struct array *second;
     char uri[600];
-    cable_open(&c, s, &way);
-    snprintf(uri, sizeof uri, "alsa:hw:Loopback,0,0?rig=%s/rig.yaml", s->folder);
+    cable_open(c, &way);
+    snprintf(uri, sizeof uri, "alsa:hw:Loopback,0,0?rig=%s/rig.yaml", c->scratch->folder);
     assert_int_equal(array_open(&second, uri, clock_system(), &why), -EBUSY);
     assert_contains(why.text, "hw:Loopback,0,0: playback: another program uses it");
-    snprintf(uri, sizeof uri, "alsa:hw:7,0?rig=%s/rig.yaml", s->folder);
+    snprintf(uri, sizeof uri, "alsa:hw:7,0?rig=%s/rig.yaml", c->scratch->folder);
     assert_int_equal(array_open(&second, uri, clock_system(), &why), -ENOENT);
     assert_contains(why.text, "hw:7,0: playback: no such device; there are ");
     assert_contains(why.text, "hw:CARD=Loopback,DEV=0");
-    array_close(c.array);
-    cable_close(&c);
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, cable_setup, cable_teardown)
 
 int main(void)
 {

@@ -18,6 +18,19 @@ test_its_exit_code_is_the_program_s() {
     expect_code 127
 }
 
+test_it_says_how_a_program_ended_that_said_nothing() {
+    run "$guest" -- true
+    expect_no_text "tests/hw/guest:"
+    run "$guest" -- bash -c 'exit 5'
+    expect_text "tests/hw/guest: bash ended with exit code 5 after "
+    # shellcheck disable=SC2016  # for the guest to expand
+    run "$guest" -- bash -c 'echo "<4>a word" >/dev/kmsg; kill -PIPE $$'
+    expect_code 141
+    expect_text "tests/hw/guest: bash was ended by signal SIGPIPE after "
+    expect_text "the last words of its kernel:"
+    expect_text "a word"
+}
+
 test_a_program_that_skips_is_skipped_but_fails_in_ci() {
     run "$guest" -- bash -c 'exit 77'
     expect_code 77
