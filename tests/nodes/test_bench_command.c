@@ -12,9 +12,9 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/bench/chart.h"
-#include "nodes/anlos/bench/noise.h"
-#include "nodes/anlos/bench/results.h"
+#include "nodes/anlos/speed_error/chart.h"
+#include "nodes/anlos/speed_error/noise.h"
+#include "nodes/anlos/speed_error/results.h"
 #include "nodes/anlos/commands.h"
 #include "tests/hal/folder.h"
 #include "tests/nodes/command.h"

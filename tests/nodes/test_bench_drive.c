@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/anlos/bench/drive_score.h"
+#include "nodes/anlos/score/drive_score.h"
 #include "tests/nodes/near.h"
 
 /* A person walks 1.2 m/s behind a corner, into sight and on. */

@@ -5,8 +5,8 @@
 #include <unistd.h>
 
 #include "msgs/detections.pb-c.h"
-#include "nodes/anlos/bench/drive_bag.h"
-#include "nodes/anlos/bench/drive_world.h"
+#include "nodes/anlos/score/drive_bag.h"
+#include "nodes/anlos/doctor/drive_world.h"
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"

@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/anlos/bench/drive_result.h"
+#include "nodes/anlos/score/drive_result.h"
 #include "tests/nodes/near.h"
 
 /* exp(-m) = 1 - confidence. */

@@ -7,7 +7,7 @@
 
 #include <math.h>
 
-#include "nodes/anlos/bench/drive_score.h"
+#include "nodes/anlos/score/drive_score.h"
 #include "tests/nodes/near.h"
 
 static struct bench_set_distance d;

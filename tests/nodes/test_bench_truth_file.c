@@ -3,7 +3,7 @@
 
 #include <errno.h>
 
-#include "nodes/anlos/bench/drive_truth_file.h"
+#include "nodes/anlos/score/drive_truth_file.h"
 #include "tests/nodes/near.h"
 
 #define HEAD "time_s,id,kind,x_m,y_m\n"

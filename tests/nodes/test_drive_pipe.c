@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "msgs/convert.h"
-#include "nodes/anlos/bench/drive_pipe.h"
+#include "nodes/anlos/doctor/drive_pipe.h"
 #include "tests/nodes/near.h"
 
 #define SCENE SOURCE_DIR "/tests/nodes/walker.yaml"

@@ -15,7 +15,7 @@
 
 #include "hal/survey/firing.h"
 #include "msgs/convert.h"
-#include "nodes/anlos/bench/drive_world.h"
+#include "nodes/anlos/doctor/drive_world.h"
 #include "nodes/array/hearing.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/launchfile.h"

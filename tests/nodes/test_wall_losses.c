@@ -5,8 +5,8 @@
 #include <math.h>
 
 #include "msgs/convert.h"
-#include "nodes/anlos/bench/drive_pipe.h"
-#include "nodes/anlos/bench/drive_score.h"
+#include "nodes/anlos/doctor/drive_pipe.h"
+#include "nodes/anlos/score/drive_score.h"
 #include "nodes/can/sender.h"
 
 #ifdef __SANITIZE_ADDRESS__ /* ten times slower: what is wrong in memory shows early */

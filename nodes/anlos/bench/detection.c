@@ -9,8 +9,8 @@
 #include <string.h>
 
 #include "nodes/anlos/bench/bench.h"
-#include "nodes/anlos/bench/names.h"
-#include "nodes/anlos/bench/trials.h"
+#include "nodes/anlos/speed_error/names.h"
+#include "nodes/anlos/speed_error/trials.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_file.h"

@@ -12,10 +12,10 @@
 
 #include "hal/room/room.h"
 #include "nodes/anlos/bench/bench.h"
-#include "nodes/anlos/bench/drive_bag.h"
+#include "nodes/anlos/score/drive_bag.h"
 #include "nodes/anlos/bench/drive_jobs.h"
-#include "nodes/anlos/bench/drive_report.h"
-#include "nodes/anlos/bench/names.h"
+#include "nodes/anlos/score/drive_report.h"
+#include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/stopwatch.h"
 #include "nodes/rt/export.h"
 

@@ -12,8 +12,8 @@
 #include <unistd.h>
 
 #include "msgs/convert.h"
-#include "nodes/anlos/bench/drive_pipe.h"
-#include "nodes/anlos/bench/drive_score.h"
+#include "nodes/anlos/doctor/drive_pipe.h"
+#include "nodes/anlos/score/drive_score.h"
 #include "nodes/anlos/interrupt.h"
 
 static int score_next(struct drive_pipe *p, struct drive_score *score,

@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-#include "nodes/anlos/bench/drive_result.h"
+#include "nodes/anlos/score/drive_result.h"
 #include "nodes/rt/launchfile.h"
 
 /* One simulated drive from its beginning to its end. */
