@@ -21,7 +21,9 @@ static const struct command commands[] = {
     {"resolution", "tell how close things may be and still be told apart",
      command_resolution},
     {"falloff", "fit how echoes fade with distance", command_falloff},
-    {"bench", "measure what error costs in time", command_bench},
+    {"speed-error", "measure what error costs in time", command_speed_error},
+    {"score", "tell how far recorded tracks are from who was there", command_score},
+    {"bench", "run a benchmark of those who work on anlos", command_bench},
     {"sim", "record a simulated scene as WAV files", command_sim},
     {"array", "look at the sound cards of this machine", command_array},
     {"stage", "look at the stage, home it, move it by hand", command_stage},
@@ -46,7 +48,7 @@ static void print_help(FILE *to)
         "hidden and back, and from the echoes come an image and a list of objects.\n\n"
         "commands\n");
     for (size_t i = 0; i < N_COMMANDS; i++)
-        fprintf(to, "  %-10s %s\n", commands[i].name, commands[i].what);
+        fprintf(to, "  %-11s %s\n", commands[i].name, commands[i].what);
     fprintf(
         to,
         "\n`anlos COMMAND --help` explains a command, `anlos --version` says which this\n"

@@ -23,6 +23,24 @@ int usage_error(const char *command, const char *format, ...)
     return EXIT_BAD_INPUT;
 }
 
+int usage_outcome(const char *command, int err, const struct error *why)
+{
+    if (!err)
+        return EXIT_WORKED;
+    fprintf(stderr, "anlos %s: %s\n", command, why->text);
+    switch (err) {
+    case -EINTR:
+        return EXIT_INTERRUPTED;
+    case -ENOENT:
+    case -EINVAL:
+    case -ENOTSUP:
+    case -ENOTDIR:
+        return EXIT_BAD_INPUT;
+    default:
+        return EXIT_FAILED;
+    }
+}
+
 int usage_flush(const char *command)
 {
     errno = 0;
@@ -110,6 +128,15 @@ int usage_count(const char *text, size_t min, size_t max, size_t *out)
         return -EINVAL;
     *out = (size_t)v;
     return 0;
+}
+
+int usage_take_count(const char *command, const char *option, const char *text,
+                     size_t min, size_t max, size_t *out)
+{
+    return usage_count(text, min, max, out)
+               ? usage_error(command, "--%s %s: expected a number from %zu to %zu",
+                             option, text, min, max)
+               : 0;
 }
 
 int usage_positive(const char *text, double *out)

@@ -6,11 +6,16 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "dsp/error.h"
 #include "nodes/rt/exit_code.h"
 
 /* Prints "anlos COMMAND: text" and where help is; returns EXIT_BAD_INPUT. */
 int usage_error(const char *command, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
+
+/* What a command's work returned, 0 or a negative errno, as an exit code; says why not.
+ */
+int usage_outcome(const char *command, int err, const struct error *why);
 
 /* What was printed is out: EXIT_WORKED; else it says why not and returns EXIT_FAILED, or
  * says nothing and returns EXIT_UNREAD, where `| head` has seen enough. */
@@ -41,6 +46,10 @@ const char *usage_nearest(const char *word, const char *const *names);
 
 /* A whole number from min to max.  0, -EINVAL. */
 int usage_count(const char *text, size_t min, size_t max, size_t *out);
+
+/* The same of an option's value: says what is wrong with it.  0, EXIT_BAD_INPUT. */
+int usage_take_count(const char *command, const char *option, const char *text,
+                     size_t min, size_t max, size_t *out);
 
 /* A number above 0.  0, -EINVAL. */
 int usage_positive(const char *text, double *out);

@@ -7,7 +7,6 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
-#include "nodes/anlos/bench/drive_jobs.h"
 #include "nodes/anlos/score/drive_score.h"
 #include "nodes/anlos/score/drive_truth_file.h"
 #include "recon/survey.h"

@@ -6,6 +6,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "dsp/error.h"
+
 #define DRIVE_CONFIDENCE 0.95
 
 struct drive_sum { /* of squares or values */
@@ -87,5 +89,14 @@ struct drive_moments {
 
 /* 0, -ENOMEM. */
 int drive_moments_add(struct drive_moments *m, const struct drive_moment *moment);
+
+/* A drive and what came of it. */
+
+struct drive_outcome {
+    int err; /* 0, -EINTR (result and moments are of what was done), negative errno */
+    struct error why;
+    struct drive_result result;
+    struct drive_moments moments; /* free() its at */
+};
 
 #endif

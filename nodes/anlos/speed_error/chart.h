@@ -1,4 +1,4 @@
-/* nodes/anlos/speed_error/chart.h -- the pictures of `anlos bench speed-error`, each as
+/* nodes/anlos/speed_error/chart.h -- the pictures of `anlos speed-error`, each as
  * SVG and PNG. */
 #ifndef ANLOS_NODES_ANLOS_SPEED_ERROR_CHART_H
 #define ANLOS_NODES_ANLOS_SPEED_ERROR_CHART_H

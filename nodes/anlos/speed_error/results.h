@@ -1,4 +1,4 @@
-/* nodes/anlos/speed_error/results.h -- the runs of `anlos bench speed-error` as they
+/* nodes/anlos/speed_error/results.h -- the runs of `anlos speed-error` as they
  * come: a line of CSV each, kept for the table and the charts. */
 #ifndef ANLOS_NODES_ANLOS_SPEED_ERROR_RESULTS_H
 #define ANLOS_NODES_ANLOS_SPEED_ERROR_RESULTS_H
@@ -38,7 +38,7 @@ bool bench_result_counts(const struct bench_result *r, const char *scene);
 
 void bench_results_close(struct bench_results *b);
 
-/* Which runs `anlos bench speed-error` makes of a method: a base point, and one
+/* Which runs `anlos speed-error` makes of a method: a base point, and one
  * parameter varied at a time; of `fast`, also a small product; of `auto`, its goals. */
 
 #define BENCH_MAX_CASES 64

@@ -19,7 +19,7 @@
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export_file.h"
 
-/* What both kinds of recordings that `anlos bench` reads have in common
+/* What both kinds of recordings that `anlos speed-error` reads have in common
  * (bench_scene_read.c, bench_scene_reference.c). */
 
 /* FOLDER/NAME and the rest of the name.  0, -ENAMETOOLONG. */

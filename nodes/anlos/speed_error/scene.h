@@ -1,6 +1,6 @@
-/* nodes/anlos/speed_error/scene.h -- a scene that `anlos bench` images: both recordings
- * in memory, and the truth.  Made by the simulator of hal/room/room, or read from a
- * folder.
+/* nodes/anlos/speed_error/scene.h -- a scene that `anlos speed-error` images: both
+ * recordings in memory, and the truth.  Made by the simulator of hal/room/room, or read
+ * from a folder.
  */
 #ifndef ANLOS_NODES_ANLOS_SPEED_ERROR_SCENE_H
 #define ANLOS_NODES_ANLOS_SPEED_ERROR_SCENE_H

@@ -22,8 +22,8 @@
 #include "dsp/error.h"
 #include "recon/grid.h"
 
-/* What is really there in a recording that `anlos bench` images: points, or flat letters
- * before the array.  All in the array frame, as mirrored at the wall. */
+/* What is really there in a recording that `anlos speed-error` images: points, or flat
+ * letters before the array.  All in the array frame, as mirrored at the wall. */
 
 #define BENCH_MAX_POINTS 32
 #define BENCH_MAX_MASKS  8

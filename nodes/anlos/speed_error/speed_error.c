@@ -1,4 +1,4 @@
-/* nodes/anlos/speed_error/speed_error.c -- `anlos bench speed-error`: every scene, every
+/* nodes/anlos/speed_error/speed_error.c -- `anlos speed-error`: every scene, every
  * method, every case; then growth and noise; then the table and the charts of what there
  * is. */
 #include <errno.h>
@@ -8,17 +8,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/anlos/bench/bench.h"
+#include "nodes/anlos/commands.h"
 #include "nodes/anlos/speed_error/chart.h"
 #include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/speed_error/noise.h"
 #include "nodes/anlos/speed_error/results.h"
 #include "nodes/anlos/speed_error/table.h"
 #include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 
 #define PATIENCE_S    0.8 /* of one case, for the fastest of some runs */
 #define QUICK_LIMIT_S 2.0
+#define LIMIT_S       20.0
 #define SEEDS         32
 #define QUICK_SEEDS   2
 
@@ -29,8 +31,21 @@ static const char quick_methods[] = "fast\0auto\0backprojection\0confocal\0lct\0
 /* The ones whose growth is measured: on a grid alone, sparse and iterative are not. */
 static const char grow[] = "fast\0backprojection\0incoherent\0lct\0paper\0";
 
+#define USUAL_SEEDS ((size_t)-1)
+
+struct speed_options {   /* borrow from argv */
+    const char *scenes;  /* names or scene files with commas; NULL: the usual ones */
+    const char *methods; /* names with commas; NULL: all */
+    const char *recordings, *calibration; /* folders, or NULL */
+    const char *out;
+    double limit_s;
+    size_t threads;
+    size_t seeds; /* of noise; 0: none */
+    bool quick;
+};
+
 struct speed {
-    const struct bench_options *options;
+    const struct speed_options *options;
     char scenes_folder[PATH_MAX];
     char *methods; /* as imager_methods() */
     char *names;   /* of the scenes, in the same way */
@@ -43,7 +58,7 @@ struct speed {
 
 static int choose_scenes(struct speed *s, struct error *why)
 {
-    const struct bench_options *o = s->options;
+    const struct speed_options *o = s->options;
     char *known = NULL;
     int err = o->recordings ? bench_scene_list(&known, o->recordings, why) : 0;
     if (err)
@@ -66,7 +81,7 @@ static int choose_scenes(struct speed *s, struct error *why)
 static int load_scene(struct bench_scene *out, const struct speed *s, const char *name,
                       struct error *why)
 {
-    const struct bench_options *o = s->options;
+    const struct speed_options *o = s->options;
     char path[PATH_MAX];
     printf("%s: %s ...\n", name,
            o->recordings && !bench_names_file(name) ? "reading" : "simulating");
@@ -186,7 +201,7 @@ static void settle_budgets(const struct speed *s, const char *scene,
 
 static int run_scene(struct speed *s, const char *name, bool growth, struct error *why)
 {
-    const struct bench_options *o = s->options;
+    const struct speed_options *o = s->options;
     struct bench_case cases[BENCH_MAX_CASES];
     struct bench_scene scene;
     int err = load_scene(&scene, s, name, why);
@@ -211,11 +226,9 @@ static int run_scene(struct speed *s, const char *name, bool growth, struct erro
 
 static int run_noise(struct speed *s, struct error *why)
 {
-    const struct bench_options *o = s->options;
-    size_t seeds = o->seeds != BENCH_USUAL_SEEDS ? o->seeds
-                   : o->quick                    ? QUICK_SEEDS
-                                                 : SEEDS;
-    struct bench_options simulated = *o;
+    const struct speed_options *o = s->options;
+    size_t seeds = o->seeds != USUAL_SEEDS ? o->seeds : o->quick ? QUICK_SEEDS : SEEDS;
+    struct speed_options simulated = *o;
     struct speed own = *s;
     struct bench_scene point;
     simulated.recordings = NULL;
@@ -276,7 +289,7 @@ static int run_all(struct speed *s, struct error *why)
     return written ? written : err;
 }
 
-int bench_speed(const struct bench_options *o, struct error *why)
+static int run_speed(const struct speed_options *o, struct error *why)
 {
     struct speed s = {.options = o};
     char *known = bench_names_all_methods();
@@ -299,4 +312,125 @@ int bench_speed(const struct bench_options *o, struct error *why)
     free(s.methods);
     free(s.names);
     return err;
+}
+
+/* -- the command line -------------------------------------------------------------------
+ */
+
+enum { MAX_THREADS = 256, MAX_SEEDS = 1000000 };
+
+static const char help[] =
+    "anlos speed-error -- what error costs in time, measured\n"
+    "\n"
+    "usage: anlos speed-error [--scenes NAME,...] [--methods NAME,...]\n"
+    "                         [--recordings DIR] [--out DIR] [--quick] ...\n"
+    "\n"
+    "Images scenes whose truth is known by every method, with all and with fewer\n"
+    "speakers and positions, on finer and coarser grids, in other bands, with other\n"
+    "numbers of iterations and threads: one parameter at a time, of fast also some\n"
+    "together; of auto, goals in time and error, each held against the best of fast\n"
+    "in that time.  Then it measures how time and memory grow with the work, and how\n"
+    "exactly one point is placed in noise beside what is possible at all (Cramer-Rao).\n"
+    "\n"
+    "  --scenes NAME,...    points, corner_reflectors, letter_H, letters_LT (these four "
+    "by\n"
+    "                       default), or files as `anlos sim` takes; with --recordings,\n"
+    "                       what is in there (by default all)\n"
+    "  --methods NAME,...   as of `anlos recon`; default: all and auto\n"
+    "  --recordings DIR     takes scenes from a folder, in place of the simulator: NAME "
+    "as\n"
+    "                       `anlos sim` wrote it (points and corners), or NAME.json,\n"
+    "                       NAME_wav/ and NAME_bg_wav/ of the reference simulator\n"
+    "  --calibration DIR    the curves of the latter's microphones, with\n"
+    "                       channel_mapping.txt\n"
+    "  --out DIR            default: out/bench\n"
+    "  --limit-s SECONDS    skips a run that is predicted to take longer; default 20\n"
+    "  --threads N          at most; default: one for each processor\n"
+    "  --seeds N            of noise; default 32, 0: no noise\n"
+    "  --quick              few methods and parameters: under a minute\n"
+    "  --help               this text\n"
+    "\n"
+    "files written\n"
+    "  speed-error.csv      a line for each run, as soon as it is done\n"
+    "  speed-error.md       the same in tables, with machine, compiler and FFTW\n"
+    "  speed-error-SCENE    charts, .svg and .png: error over time, Pareto front marked\n"
+    "  noise-lateral, noise-depth, noise.csv\n"
+    "  growth-time, growth-memory\n"
+    "  scenes/              what was simulated, or the surveys of what was read\n"
+    "\n"
+    "example\n"
+    "  anlos speed-error --quick --out /tmp/bench\n"
+    "\n"
+    "exit codes: 0 done; 1 failed; 2 bad arguments or input; 130 stopped by Ctrl-C, "
+    "what\n"
+    "was done until then is written\n";
+
+static const struct option options[] = {
+    {"scenes", required_argument, NULL, 's'},
+    {"methods", required_argument, NULL, 'm'},
+    {"recordings", required_argument, NULL, 'r'},
+    {"calibration", required_argument, NULL, 'c'},
+    {"out", required_argument, NULL, 'o'},
+    {"limit-s", required_argument, NULL, 'l'},
+    {"threads", required_argument, NULL, 't'},
+    {"seeds", required_argument, NULL, 'n'},
+    {"quick", no_argument, NULL, 'q'},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+/* 0, or an exit code. */
+static int take_option(struct speed_options *o, int code)
+{
+    switch (code) {
+    case 's':
+        o->scenes = optarg;
+        return 0;
+    case 'm':
+        o->methods = optarg;
+        return 0;
+    case 'r':
+        o->recordings = optarg;
+        return 0;
+    case 'c':
+        o->calibration = optarg;
+        return 0;
+    case 'o':
+        o->out = optarg;
+        return *optarg ? 0 : usage_error("speed-error", "--out: expected a folder");
+    case 'l':
+        return usage_positive(optarg, &o->limit_s)
+                   ? usage_error("speed-error", "--limit-s %s: expected seconds above 0",
+                                 optarg)
+                   : 0;
+    case 't':
+        return usage_take_count("speed-error", "threads", optarg, 1, MAX_THREADS,
+                                &o->threads);
+    case 'n':
+        return usage_take_count("speed-error", "seeds", optarg, 0, MAX_SEEDS, &o->seeds);
+    default:
+        o->quick = true;
+        return 0;
+    }
+}
+
+int command_speed_error(int argc, char **argv)
+{
+    struct usage usage = {.command = "speed-error", .help = help, .options = options};
+    struct speed_options o = {.out = "out/bench",
+                              .limit_s = LIMIT_S,
+                              .seeds = USUAL_SEEDS,
+                              .threads = usage_default_threads()};
+    struct error why = {""};
+    int code;
+
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((code = take_option(&o, code)) != 0)
+            return code;
+    if (code)
+        return ~code;
+    if (optind < argc)
+        return usage_error("speed-error", "%s: unexpected argument", argv[optind]);
+    interrupt_catch();
+    return usage_outcome("speed-error", run_speed(&o, &why), &why);
 }

@@ -1,4 +1,4 @@
-/* nodes/anlos/speed_error/table.h -- the results of `anlos bench speed-error` as
+/* nodes/anlos/speed_error/table.h -- the results of `anlos speed-error` as
  * Markdown. */
 #ifndef ANLOS_NODES_ANLOS_SPEED_ERROR_TABLE_H
 #define ANLOS_NODES_ANLOS_SPEED_ERROR_TABLE_H

@@ -1,8 +1,8 @@
-/* nodes/anlos/bench/drive_jobs.h -- many drives, some side by side: each in a process of
+/* tests/bench/drive_jobs.h -- many drives, some side by side: each in a process of
  * its own, because plans of FFTW are made by one thread at a time.  What comes out does
  * not depend on how many there are. */
-#ifndef ANLOS_NODES_ANLOS_BENCH_DRIVE_JOBS_H
-#define ANLOS_NODES_ANLOS_BENCH_DRIVE_JOBS_H
+#ifndef ANLOS_TESTS_BENCH_DRIVE_JOBS_H
+#define ANLOS_TESTS_BENCH_DRIVE_JOBS_H
 
 #include <stdint.h>
 
@@ -16,13 +16,6 @@ struct drive_run { /* borrows */
     const char *scene; /* file */
     uint32_t draw;     /* room_load_drawn */
     size_t rounds, threads;
-};
-
-struct drive_outcome {
-    int err; /* 0, -EINTR (result and moments are of what was done), negative errno */
-    struct error why;
-    struct drive_result result;
-    struct drive_moments moments; /* free() its at */
 };
 
 void drive_run(const struct drive_run *r, struct drive_outcome *out);

@@ -1,6 +1,6 @@
-/* nodes/anlos/bench/detection.c -- `anlos bench detection`: how often one point in noise
- * is found, by the peak of its image over the mean, at a threshold that noise alone
- * passes in one image of a hundred. */
+/* tests/bench/bench_detection.c -- how often one point in noise is found, by the peak of
+ * its image over the mean, at a threshold that noise alone passes in one image of a
+ * hundred.  `anlos bench detection` runs it. */
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
@@ -8,10 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/anlos/bench/bench.h"
+#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/speed_error/trials.h"
-#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_file.h"
 #include "recon/compressor.h"
@@ -19,6 +19,8 @@
 #define FALSE_ALARMS 0.01
 #define SEEDS        400
 #define QUICK_SEEDS  20
+#define MAX_SEEDS    1000000
+#define MAX_THREADS  256
 
 /* What is searched: the array's footprint, and half a metre of depth around the point. */
 #define DEPTH_M 0.25
@@ -32,6 +34,14 @@ static const char usual[] = "fast\0";
 
 /* Hann keeps sidelobes down, at the price of 1.8 dB of signal to noise. */
 static const enum window windows[] = {WINDOW_HANN, WINDOW_RECTANGULAR};
+
+struct detection_options {
+    const char *methods; /* names with commas; NULL: fast */
+    const char *out;
+    size_t threads;
+    size_t seeds; /* 0: the usual number */
+    bool quick;
+};
 
 struct detection {
     enum window window;
@@ -108,7 +118,7 @@ static void report(struct detection *d, const char *methods, FILE *csv)
 }
 
 static int run_trials(struct detection *d, const struct bench_scene *point,
-                      const char *methods, const struct bench_options *o,
+                      const char *methods, const struct detection_options *o,
                       struct error *why)
 {
     struct geometry g;
@@ -137,7 +147,7 @@ static int run_trials(struct detection *d, const struct bench_scene *point,
     return err;
 }
 
-static int simulate(struct bench_scene *point, const struct bench_options *o,
+static int simulate(struct bench_scene *point, const struct detection_options *o,
                     struct error *why)
 {
     char folder[PATH_MAX], path[PATH_MAX];
@@ -151,11 +161,9 @@ static int simulate(struct bench_scene *point, const struct bench_options *o,
 }
 
 static int run_windows(const struct bench_scene *point, const char *methods,
-                       const struct bench_options *o, FILE *csv, struct error *why)
+                       const struct detection_options *o, FILE *csv, struct error *why)
 {
-    size_t seeds = o->seeds != BENCH_USUAL_SEEDS ? o->seeds
-                   : o->quick                    ? QUICK_SEEDS
-                                                 : SEEDS;
+    size_t seeds = o->seeds ? o->seeds : o->quick ? QUICK_SEEDS : SEEDS;
     int err = 0;
     printf("one point at %.2f m, searched for between %.2f and %.2f m; threshold: one "
            "false alarm in %.0f images, of %zu seeds\n",
@@ -175,7 +183,7 @@ static int run_windows(const struct bench_scene *point, const char *methods,
     return err;
 }
 
-int bench_detection(const struct bench_options *o, struct error *why)
+static int run(const struct detection_options *o, struct error *why)
 {
     struct bench_scene point;
     struct export_file e;
@@ -195,4 +203,73 @@ int bench_detection(const struct bench_options *o, struct error *why)
     }
     free(methods);
     return err;
+}
+
+static const char help[] =
+    "anlos bench detection -- how often one point is found in how much noise\n"
+    "\n"
+    "usage: anlos bench detection [--methods NAME,...] [--seeds N] [--threads N]\n"
+    "                             [--out DIR] [--quick]\n"
+    "\n"
+    "  --methods NAME,...   as of `anlos recon`; default: fast\n"
+    "  --seeds N            of noise; default 400\n"
+    "  --threads N          at most; default: one for each processor\n"
+    "  --out DIR            default: out/bench\n"
+    "  --quick              20 seeds\n"
+    "  --help               this text\n"
+    "\n"
+    "Writes detection.csv, and what was simulated into scenes/.\n"
+    "\n"
+    "exit codes: 0 done; 1 failed; 2 bad arguments or input; 130 stopped by Ctrl-C, "
+    "what\n"
+    "was done until then is written\n";
+
+static const struct option options[] = {
+    {"methods", required_argument, NULL, 'm'},
+    {"seeds", required_argument, NULL, 'n'},
+    {"threads", required_argument, NULL, 't'},
+    {"out", required_argument, NULL, 'o'},
+    {"quick", no_argument, NULL, 'q'},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+/* 0, or an exit code. */
+static int take_option(struct detection_options *o, int code)
+{
+    switch (code) {
+    case 'm':
+        o->methods = optarg;
+        return 0;
+    case 'n':
+        return usage_take_count("bench detection", "seeds", optarg, 1, MAX_SEEDS,
+                                &o->seeds);
+    case 't':
+        return usage_take_count("bench detection", "threads", optarg, 1, MAX_THREADS,
+                                &o->threads);
+    case 'o':
+        o->out = optarg;
+        return *optarg ? 0 : usage_error("bench detection", "--out: expected a folder");
+    default:
+        o->quick = true;
+        return 0;
+    }
+}
+
+int main(int argc, char **argv)
+{
+    struct usage usage = {.command = "bench detection", .help = help, .options = options};
+    struct detection_options o = {.out = "out/bench", .threads = usage_default_threads()};
+    struct error why = {""};
+    int code;
+
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((code = take_option(&o, code)) != 0)
+            return code;
+    if (code)
+        return ~code;
+    if (optind < argc)
+        return usage_error("bench detection", "%s: unexpected argument", argv[optind]);
+    interrupt_catch();
+    return usage_outcome("bench detection", run(&o, &why), &why);
 }

@@ -1,5 +1,5 @@
-/* nodes/anlos/bench/drive.c -- `anlos bench drive`: simulated drives, tracked, against
- * what is really there. */
+/* tests/bench/bench_drive.c -- simulated drives, tracked, against what is really there.
+ * `anlos bench drive` runs it. */
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
@@ -11,13 +11,13 @@
 #include <unistd.h>
 
 #include "hal/room/room.h"
-#include "nodes/anlos/bench/bench.h"
-#include "nodes/anlos/score/drive_bag.h"
-#include "nodes/anlos/bench/drive_jobs.h"
+#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/score/drive_report.h"
 #include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/stopwatch.h"
+#include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
+#include "tests/bench/drive_jobs.h"
 
 /* How far many drives are, on stderr: on a terminal one line that changes, elsewhere a
  * line now and then. */
@@ -69,100 +69,19 @@ static void drive_progress_clear(const struct drive_progress *p)
         fputs("\r\033[K", stderr);
 }
 
-/* `anlos bench drive --bag`: recorded drives. */
+enum { QUICK_SEEDS = 1, SEEDS = 3, MAX_DRIVES = 1000000, MAX_THREADS = 256 };
 
-struct bags {
-    const struct bench_options *o;
-    struct room *scene;
-    struct truth_file *truth;
-    struct drive_tally all;
-    json_t *json;
-    FILE *csv;
+struct drive_options {  /* borrow from argv */
+    const char *scenes; /* files with commas; NULL: that of the launch file */
+    const char *launch; /* NULL: usual settings */
+    const char *out;
+    size_t threads;
+    size_t seeds;  /* drives of each scene; 0: the usual number */
+    double hours;  /* as many as take so long; 0: seeds says it */
+    size_t rounds; /* of the scene in each */
+    size_t jobs;   /* side by side */
+    bool quick;
 };
-
-static int load_truth(struct bags *b, struct error *why)
-{
-    const struct bench_options *o = b->o;
-
-    if (!o->truth == !o->scenes)
-        return error_say(
-            why, -EINVAL,
-            "--bag: expected who was there: --truth FILE, or --scenes FILE of "
-            "a simulated drive");
-    if (o->truth)
-        return truth_file_load(&b->truth, o->truth, why);
-    int err = room_load(&b->scene, o->scenes, why);
-    if (!err && !room_is_drive(b->scene))
-        err = error_say(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
-                        o->scenes);
-    return err;
-}
-
-static int score(struct bags *b, const char *bag, struct error *why)
-{
-    struct drive_outcome out;
-    struct drive_tally one;
-    char name[256];
-
-    drive_bag(bag, b->scene, b->truth, &out);
-    int err = out.err ? error_say(why, out.err, "%s", out.why.text) : 0;
-    if (out.result.n_lists && (!err || err == -EINTR)) {
-        drive_name(bag, name, sizeof name);
-        drive_tally_init(&one);
-        drive_tally_add(&one, &out.result);
-        drive_tally_add(&b->all, &out.result);
-        drive_print(name, &one);
-        json_object_set_new(b->json, name, drive_json(&one));
-        drive_csv_line(b->csv, name, 0, &out.result);
-        int failed = drive_write(b->o->out, name, &out.moments, err ? NULL : why);
-        err = err ? err : failed;
-    }
-    free(out.moments.at);
-    return err;
-}
-
-static int run(struct bags *b, const char *names, struct error *why)
-{
-    int err = 0;
-
-    drive_print_head();
-    for (const char *s = names; !err && *s; s += strlen(s) + 1)
-        err = score(b, s, why);
-    if (b->all.n > 1) {
-        drive_print("all", &b->all);
-        json_object_set_new(b->json, "all", drive_json(&b->all));
-    }
-    int failed = drive_json_write(b->json, b->o->out, err ? NULL : why);
-    return err ? err : failed;
-}
-
-/* As bench_drive. */
-static int drive_bags(const struct bench_options *o, struct error *why)
-{
-    struct bags b = {.o = o, .json = json_object()};
-    char *names = bench_names_split(o->bags);
-    int err = b.json && names ? load_truth(&b, why)
-                              : error_say(why, -ENOMEM, "out of memory");
-
-    drive_tally_init(&b.all);
-    if (!err)
-        err = export_folder(o->out, why);
-    if (!err)
-        err = drive_csv_open(&b.csv, o->out, why);
-    if (!err)
-        err = run(&b, names, why);
-    if (b.csv)
-        fclose(b.csv);
-    truth_file_destroy(b.truth);
-    room_destroy(b.scene);
-    json_decref(b.json);
-    free(names);
-    return err;
-}
-
-/* `anlos bench drive`: simulated drives, tracked, against what is really there. */
-
-enum { QUICK_SEEDS = 1, SEEDS = 3, MAX_DRIVES = 1000000 };
 
 /* Where no launch file is given. */
 static const char usual[] = "nodes: [array, scan, dsp, recon, wall, track]\n"
@@ -173,7 +92,7 @@ static const char usual[] = "nodes: [array, scan, dsp, recon, wall, track]\n"
                             "wall: {from: topic}\n";
 
 struct drives {
-    const struct bench_options *o;
+    const struct drive_options *o;
     struct launchfile *launch;
     char *scenes;           /* names, each ended by a zero */
     size_t n_seeds;         /* of each scene */
@@ -244,7 +163,7 @@ static int launch_scene(const struct launchfile *l, char *out, size_t size,
     return 0;
 }
 
-static int load(struct launchfile **l, const struct bench_options *o, struct error *why)
+static int load(struct launchfile **l, const struct drive_options *o, struct error *why)
 {
     int err = o->launch
                   ? launchfile_load(l, o->launch, NULL, why)
@@ -257,7 +176,7 @@ static int load(struct launchfile **l, const struct bench_options *o, struct err
 
 static int list_scenes(struct drives *d, struct error *why)
 {
-    const struct bench_options *o = d->o;
+    const struct drive_options *o = d->o;
     char one[PATH_MAX];
 
     if (!o->scenes && !o->launch)
@@ -270,7 +189,7 @@ static int list_scenes(struct drives *d, struct error *why)
 }
 
 /* *n: drives of a scene that take o->hours together. */
-static int count_drives(const struct bench_options *o, const char *scene, size_t *n,
+static int count_drives(const struct drive_options *o, const char *scene, size_t *n,
                         struct error *why)
 {
     struct room *room;
@@ -292,7 +211,7 @@ static int count_drives(const struct bench_options *o, const char *scene, size_t
 /* The same for all scenes: the shortest takes o->hours. */
 static int count_seeds(struct drives *d, struct error *why)
 {
-    const struct bench_options *o = d->o;
+    const struct drive_options *o = d->o;
     size_t n, most = 0;
 
     for (const char *s = d->scenes; *s; s += strlen(s) + 1) {
@@ -301,10 +220,10 @@ static int count_seeds(struct drives *d, struct error *why)
             return err;
         most = n > most ? n : most;
     }
-    d->n_seeds = o->hours > 0.0                  ? most
-                 : o->seeds != BENCH_USUAL_SEEDS ? o->seeds
-                 : o->quick                      ? QUICK_SEEDS
-                                                 : SEEDS;
+    d->n_seeds = o->hours > 0.0 ? most
+                 : o->seeds     ? o->seeds
+                 : o->quick     ? QUICK_SEEDS
+                                : SEEDS;
     return 0;
 }
 
@@ -356,17 +275,11 @@ static int drives_run(struct drives *d, struct error *why)
     return err ? err : failed;
 }
 
-int bench_drive(const struct bench_options *o, struct error *why)
+static int run(const struct drive_options *o, struct error *why)
 {
     struct drives d = {.o = o, .all = json_object()};
-    int err = -ENOMEM;
+    int err = d.all ? drives_run(&d, why) : error_say(why, -ENOMEM, "out of memory");
 
-    if (o->bags)
-        err = drive_bags(o, why);
-    else if (d.all)
-        err = drives_run(&d, why);
-    else
-        error_say(why, err, "out of memory");
     if (d.csv)
         fclose(d.csv);
     drive_jobs_clear(&d.jobs);
@@ -374,4 +287,110 @@ int bench_drive(const struct bench_options *o, struct error *why)
     free(d.scenes);
     launchfile_destroy(d.launch);
     return err;
+}
+
+static const char help[] =
+    "anlos bench drive -- how exact tracks are, in simulated drives\n"
+    "\n"
+    "usage: anlos bench drive [--scenes FILE,...] [--launch FILE]\n"
+    "                         [--seeds N | --hours H] [--rounds N] [--jobs N] [--out "
+    "DIR]\n"
+    "\n"
+    "Tracks what hides in simulated drives, at simulated time, and tells how far the\n"
+    "tracks are from the truth: of all drives of a scene, and of the worst for each\n"
+    "figure.  Clutter, noise and unknown errors of each drive are its own.  Recorded\n"
+    "drives are for `anlos score`.\n"
+    "\n"
+    "  --scenes FILE,...    as `anlos sim` takes, with the key drive\n"
+    "  --launch FILE        settings, and the scene where --scenes has none; default: a\n"
+    "                       recorded background, the wall as the vehicle tells it\n"
+    "  --seeds N            drives of each scene, 3 or (--quick) 1, the first as its "
+    "file\n"
+    "                       says\n"
+    "  --hours H            as many drives of each scene as take so long\n"
+    "  --rounds N           times that each goes through its scene, with the same "
+    "clutter;\n"
+    "                       default 1\n"
+    "  --jobs N             side by side; default: one for each processor\n"
+    "  --threads N          for each drive; default 1\n"
+    "  --out DIR            default: out/bench\n"
+    "  --quick              one drive of each scene\n"
+    "  --help               this text\n"
+    "\n"
+    "files written\n"
+    "  drives.csv           a line for each, as soon as it is done\n"
+    "  drive.json           all figures of each scene\n"
+    "  NAME.csv, .svg, .png     GOSPA and OSPA over time, of its first drive\n"
+    "\n"
+    "exit codes: 0 done; 1 failed; 2 bad arguments or input; 130 stopped by Ctrl-C, "
+    "what\n"
+    "was done until then is written\n";
+
+static const struct option options[] = {
+    {"scenes", required_argument, NULL, 's'},
+    {"launch", required_argument, NULL, 'l'},
+    {"seeds", required_argument, NULL, 'n'},
+    {"hours", required_argument, NULL, 'H'},
+    {"rounds", required_argument, NULL, 'r'},
+    {"jobs", required_argument, NULL, 'j'},
+    {"threads", required_argument, NULL, 't'},
+    {"out", required_argument, NULL, 'o'},
+    {"quick", no_argument, NULL, 'q'},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+/* 0, or an exit code. */
+static int take_option(struct drive_options *o, int code)
+{
+    switch (code) {
+    case 's':
+        o->scenes = optarg;
+        return 0;
+    case 'l':
+        o->launch = optarg;
+        return 0;
+    case 'n':
+        return usage_take_count("bench drive", "seeds", optarg, 1, MAX_DRIVES, &o->seeds);
+    case 'H':
+        return usage_positive(optarg, &o->hours)
+                   ? usage_error("bench drive", "--hours %s: expected hours above 0",
+                                 optarg)
+                   : 0;
+    case 'r':
+        return usage_take_count("bench drive", "rounds", optarg, 1, MAX_DRIVES,
+                                &o->rounds);
+    case 'j':
+        return usage_take_count("bench drive", "jobs", optarg, 1, MAX_THREADS, &o->jobs);
+    case 't':
+        return usage_take_count("bench drive", "threads", optarg, 1, MAX_THREADS,
+                                &o->threads);
+    case 'o':
+        o->out = optarg;
+        return *optarg ? 0 : usage_error("bench drive", "--out: expected a folder");
+    default:
+        o->quick = true;
+        return 0;
+    }
+}
+
+int main(int argc, char **argv)
+{
+    struct usage usage = {.command = "bench drive", .help = help, .options = options};
+    struct drive_options o = {
+        .out = "out/bench", .threads = 1, .rounds = 1, .jobs = usage_default_threads()};
+    struct error why = {""};
+    int code;
+
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((code = take_option(&o, code)) != 0)
+            return code;
+    if (code)
+        return ~code;
+    if (optind < argc)
+        return usage_error("bench drive", "%s: unexpected argument", argv[optind]);
+    if (o.hours > 0.0 && o.seeds)
+        return usage_error("bench drive", "--hours and --seeds: expected one of them");
+    interrupt_catch();
+    return usage_outcome("bench drive", run(&o, &why), &why);
 }

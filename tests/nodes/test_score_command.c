@@ -1,4 +1,4 @@
-/* `anlos bench drive --bag`: the tracks of a bag against a scene, and against a file. */
+/* `anlos score`: the tracks of a bag against a scene, and against a file. */
 #include "tests/nodes/played_bag.h"
 
 #include <jansson.h>
@@ -126,11 +126,10 @@ static double figure(const json_t *o, const char *name)
 
 static json_t *judge(const struct bag *f, char *option, char *file)
 {
-    char *argv[] = {"bench", "drive", "--bag", f->path, option,
-                    file,    "--out", f->out,  NULL};
+    char *argv[] = {"score", "--bag", f->path, option, file, "--out", f->out, NULL};
     struct command_result r;
 
-    command_run(&r, command_bench, argv);
+    command_run(&r, command_score, argv);
     if (r.code)
         fail_msg("%s", r.err);
     return json_load_file(scratch_path(f->scratch, "out/drive.json"), 0, NULL);
@@ -184,11 +183,12 @@ static void a_bag_without_tracks_or_truth_is_refused(void **state)
     played_bag_close(&b);
     char *tracks[] = {"bench", "drive", "--bag", f->path, "--scenes",
                       SCENE,   "--out", f->out,  NULL};
-    command_run(&r, command_bench, tracks);
+    command_run(&r, command_bench, tracks); /* by its old name */
     assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "this is `anlos score` now"));
     assert_non_null(strstr(r.err, "no lists of tracks"));
-    char *truth[] = {"bench", "drive", "--bag", f->path, "--out", f->out, NULL};
-    command_run(&r, command_bench, truth);
+    char *truth[] = {"score", "--bag", f->path, "--out", f->out, NULL};
+    command_run(&r, command_score, truth);
     assert_int_equal(r.code, 2);
     assert_non_null(strstr(r.err, "--truth FILE"));
 }

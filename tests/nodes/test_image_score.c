@@ -1,5 +1,6 @@
-/* The errors of `anlos bench`, on images whose errors follow from how they were made, and
- * on the reference's definitions where these decide (edges that lie on pixels). */
+/* The errors of `anlos speed-error`, on images whose errors follow from how they were
+ * made, and on the reference's definitions where these decide (edges that lie on pixels).
+ */
 #include <errno.h>
 #include <math.h>
 #include <setjmp.h>

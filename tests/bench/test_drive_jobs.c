@@ -4,7 +4,7 @@
 #include <errno.h>
 #include <signal.h>
 
-#include "nodes/anlos/bench/drive_jobs.h"
+#include "tests/bench/drive_jobs.h"
 #include "nodes/anlos/interrupt.h"
 
 /* Nothing hides; half a second. */

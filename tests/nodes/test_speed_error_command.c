@@ -1,4 +1,4 @@
-/* `anlos bench`, on a scene small enough for a test. */
+/* `anlos speed-error` and `anlos bench`, on a scene small enough for a test. */
 #include <cairo.h>
 #include <setjmp.h>
 #include <signal.h>
@@ -204,11 +204,18 @@ static void a_recording_is_measured_tabled_and_drawn(void **state)
     command_run(&r, command_sim, sim);
     if (r.code)
         fail_msg("%s", r.err);
-    char *words[] = {"bench",        "speed-error",  "--recordings",
-                     path_of("all"), "--methods",    "fast,auto,backprojection",
-                     "--quick",      "--seeds",      "0",
-                     "--out",        path_of("out"), NULL};
-    command_run(&r, command_bench, words);
+    char *words[] = {"speed-error",
+                     "--recordings",
+                     path_of("all"),
+                     "--methods",
+                     "fast,auto,backprojection",
+                     "--quick",
+                     "--seeds",
+                     "0",
+                     "--out",
+                     path_of("out"),
+                     NULL};
+    command_run(&r, command_speed_error, words);
     if (r.code)
         fail_msg("%s", r.err);
     const char *csv = read_file("out/speed-error.csv");
@@ -275,16 +282,16 @@ static void wrong_names_give_the_list(void **state)
 {
     (void)state;
     struct command_result r;
-    char *scene[] = {"bench", "speed-error",  "--scenes", "nowhere",
-                     "--out", path_of("out"), NULL};
-    command_run(&r, command_bench, scene);
+    char *scene[] = {"speed-error", "--scenes", "nowhere", "--out", path_of("out"), NULL};
+    command_run(&r, command_speed_error, scene);
     assert_int_equal(r.code, 2);
     assert_non_null(strstr(r.err, "nowhere: no such scene; expected one of points, "
                                   "corner_reflectors, letter_H, letters_LT"));
     char *method[] = {"bench", "speed-error",  "--methods", "fast,magic",
                       "--out", path_of("out"), NULL};
-    command_run(&r, command_bench, method);
+    command_run(&r, command_bench, method); /* by its old name */
     assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "this is `anlos speed-error` now"));
     assert_non_null(strstr(r.err, "magic: no such method; expected one of fast, "));
     char *folder_of[] = {"bench",        "speed-error", "--recordings", folder, "--out",
                          path_of("out"), NULL};
@@ -294,8 +301,7 @@ static void wrong_names_give_the_list(void **state)
     char *what[] = {"bench", "everything", NULL};
     command_run(&r, command_bench, what);
     assert_int_equal(r.code, 2);
-    assert_non_null(
-        strstr(r.err, "everything: expected speed-error, detection or drive"));
+    assert_non_null(strstr(r.err, "everything: expected drive or detection"));
 }
 
 static void drives_are_one_at_least_and_noise_may_be_none(void **state)
@@ -364,10 +370,9 @@ static void ctrl_c_keeps_what_is_done(void **state)
                       path_of("all/small"), NULL};
     assert_int_equal(mkdir(path_of("all"), 0777), 0);
     command_run(&sim, command_sim, record);
-    char *words[] = {
-        "bench",        "speed-error", "--recordings", path_of("all"), "--out",
-        path_of("out"), NULL};
-    pid_t pid = command_start(command_bench, words, &out, &err);
+    char *words[] = {"speed-error", "--recordings", path_of("all"),
+                     "--out",       path_of("out"), NULL};
+    pid_t pid = command_start(command_speed_error, words, &out, &err);
     ssize_t n = 1;
     while (!strstr(text, "lateral") && n > 0) { /* the first run is done */
         n = read(out, text + used, sizeof text - 1 - used);

@@ -1,4 +1,4 @@
-#include "nodes/anlos/bench/drive_jobs.h"
+#include "tests/bench/drive_jobs.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -1,0 +1,166 @@
+/* nodes/anlos/score/score.c -- `anlos score`: the tracks of recorded drives, as they were
+ * recorded, against who was there. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "nodes/anlos/commands.h"
+#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/score/drive_bag.h"
+#include "nodes/anlos/score/drive_report.h"
+#include "nodes/anlos/speed_error/names.h"
+#include "nodes/anlos/usage.h"
+#include "nodes/rt/export.h"
+
+static const char help[] =
+    "anlos score -- how far recorded tracks are from who was there\n"
+    "\n"
+    "usage: anlos score --bag FILE,... (--truth FILE | --scenes FILE) [--out DIR]\n"
+    "\n"
+    "Takes the tracks of recorded drives as the vehicle was told them, when it was "
+    "told.\n"
+    "Prints a line for each bag: GOSPA and OSPA, errors of place and velocity, how "
+    "often\n"
+    "what was there was seen, how long from the first echo to a track, false tracks.\n"
+    "\n"
+    "  --bag FILE,...   recorded drives\n"
+    "  --truth FILE     who was there: lines of time_s,id,kind,x_m,y_m, which is the "
+    "first\n"
+    "                   line; Unix time, vehicle frame\n"
+    "  --scenes FILE    of a recorded simulation: its scene says it\n"
+    "  --out DIR        default: out/score\n"
+    "  --help           this text\n"
+    "\n"
+    "files written\n"
+    "  drives.csv           a line for each bag, as soon as it is done\n"
+    "  drive.json           all figures of each\n"
+    "  NAME.csv, .svg, .png     GOSPA and OSPA over time\n"
+    "\n"
+    "example\n"
+    "  anlos score --bag out/drive.mcap --truth truth.csv\n"
+    "\n"
+    "exit codes: 0 done; 1 failed; 2 bad arguments or input; 130 stopped by Ctrl-C, "
+    "what\n"
+    "was done until then is written\n";
+
+static const struct option options[] = {
+    {"bag", required_argument, NULL, 'b'},    {"truth", required_argument, NULL, 't'},
+    {"scenes", required_argument, NULL, 's'}, {"out", required_argument, NULL, 'o'},
+    {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0},
+};
+
+struct score {
+    char *bags; /* names with commas; NULL: none was given */
+    const char *truth_path, *scene_path, *out;
+    struct room *scene;
+    struct truth_file *truth;
+    struct drive_tally all;
+    json_t *json;
+    FILE *csv;
+};
+
+static int load_truth(struct score *s, struct error *why)
+{
+    if (s->truth_path)
+        return truth_file_load(&s->truth, s->truth_path, why);
+    int err = room_load(&s->scene, s->scene_path, why);
+    if (!err && !room_is_drive(s->scene))
+        err = error_say(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
+                        s->scene_path);
+    return err;
+}
+
+static int score_bag(struct score *s, const char *bag, struct error *why)
+{
+    struct drive_outcome out;
+    struct drive_tally one;
+    char name[256];
+
+    drive_bag(bag, s->scene, s->truth, &out);
+    int err = out.err ? error_say(why, out.err, "%s", out.why.text) : 0;
+    if (out.result.n_lists && (!err || err == -EINTR)) {
+        drive_name(bag, name, sizeof name);
+        drive_tally_init(&one);
+        drive_tally_add(&one, &out.result);
+        drive_tally_add(&s->all, &out.result);
+        drive_print(name, &one);
+        json_object_set_new(s->json, name, drive_json(&one));
+        drive_csv_line(s->csv, name, 0, &out.result);
+        int failed = drive_write(s->out, name, &out.moments, err ? NULL : why);
+        err = err ? err : failed;
+    }
+    free(out.moments.at);
+    return err;
+}
+
+static int score_bags(struct score *s, struct error *why)
+{
+    char *rest = s->bags, *bag;
+    int err = 0;
+
+    drive_print_head();
+    while (!err && (bag = strsep(&rest, ",")))
+        err = score_bag(s, bag, why);
+    if (s->all.n > 1) {
+        drive_print("all", &s->all);
+        json_object_set_new(s->json, "all", drive_json(&s->all));
+    }
+    int failed = drive_json_write(s->json, s->out, err ? NULL : why);
+    return err ? err : failed;
+}
+
+static int run(struct score *s, struct error *why)
+{
+    s->json = json_object();
+    drive_tally_init(&s->all);
+    int err = s->json ? load_truth(s, why) : error_say(why, -ENOMEM, "out of memory");
+    if (!err)
+        err = export_folder(s->out, why);
+    if (!err)
+        err = drive_csv_open(&s->csv, s->out, why);
+    if (!err)
+        err = score_bags(s, why);
+    if (s->csv)
+        fclose(s->csv);
+    truth_file_destroy(s->truth);
+    room_destroy(s->scene);
+    json_decref(s->json);
+    return err;
+}
+
+int command_score(int argc, char **argv)
+{
+    struct usage usage = {.command = "score", .help = help, .options = options};
+    struct score s = {.out = "out/score"};
+    struct error why = {""};
+    int code;
+
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        switch (code) {
+        case 'b':
+            s.bags = optarg;
+            break;
+        case 't':
+            s.truth_path = optarg;
+            break;
+        case 's':
+            s.scene_path = optarg;
+            break;
+        default:
+            s.out = optarg;
+        }
+    if (code)
+        return ~code;
+    if (optind < argc)
+        return usage_error("score", "%s: unexpected argument", argv[optind]);
+    if (!s.bags || !*s.bags)
+        return usage_error("score", "--bag: expected files");
+    if (!*s.out)
+        return usage_error("score", "--out: expected a folder");
+    if (!s.truth_path == !s.scene_path)
+        return usage_error("score", "--bag: expected who was there: --truth FILE, or "
+                                    "--scenes FILE of a simulated drive");
+    interrupt_catch();
+    return usage_outcome("score", run(&s, &why), &why);
+}
