@@ -163,6 +163,66 @@ static void add_echo(struct emitter *e, const struct emitter_scene *s,
              e->cfg.n_samples);
 }
 
+/* Does another part of its body stand between a piece's place and an element? */
+static bool is_hidden(const struct emitter_piece *pieces, size_t n, size_t self,
+                      double t_s, const double at[3], const double element[3])
+{
+    double centre[3];
+    for (size_t i = 0; i < n; i++) {
+        const struct emitter_piece *p = &pieces[i];
+        if (i == self || p->body != pieces[self].body || !glint_is_whole(&p->part))
+            continue;
+        doppler_place(&p->in, t_s, centre);
+        if (glint_hides(&p->part, centre, at, element))
+            return true;
+    }
+    return false;
+}
+
+/* As a point where a part glints in the middle of the chirp; false: it does not. */
+static bool find_glint(const struct emitter *e, const struct emitter_scene *s,
+                       const struct emitter_piece *pieces, size_t n, size_t self,
+                       const struct doppler_point *source,
+                       const struct doppler_point *microphone, struct emitter_piece *out)
+{
+    const struct emitter_piece *p = &pieces[self];
+    double from[3], to[3], centre[3], at[3], length_m, t_s = chirp_s(e, 1);
+    doppler_place(source, t_s, from);
+    t_s += doppler_way_s(source, t_s, &p->in, s->sound_speed_m_s);
+    doppler_place(&p->in, t_s, centre);
+    doppler_place(microphone,
+                  t_s + doppler_way_s(&p->in, t_s, microphone, s->sound_speed_m_s), to);
+    if (!glint_find(&p->part, centre, from, to, at, &length_m) ||
+        is_hidden(pieces, n, self, t_s, at, from) ||
+        is_hidden(pieces, n, self, t_s, at, to))
+        return false;
+    *out = (struct emitter_piece){
+        .in = p->in, .out = p->out, .weight = p->weight * length_m};
+    for (int k = 0; k < 3; k++) {
+        out->in.at_m[k] += at[k] - centre[k];
+        out->out.at_m[k] += at[k] - centre[k];
+    }
+    return true;
+}
+
+/* A part is somewhere else for each microphone. */
+static void add_part(struct emitter *e, const struct emitter_scene *s,
+                     const struct mirror *mirror, const struct doppler_point *source,
+                     const struct emitter_piece *pieces, size_t n, size_t self,
+                     const struct doppler_point *microphones, double gain, float *heard)
+{
+    for (size_t m = 0; m < e->cfg.n_microphones; m++) {
+        struct emitter_piece glint;
+        struct meeting met;
+        if (!find_glint(e, s, pieces, n, self, source, &microphones[m], &glint))
+            continue;
+        meet(e, s, mirror, source, &glint, &met);
+        if (met.gain > 0)
+            add_echo(e, s, mirror, &glint, &met, &microphones[m], gain,
+                     heard + m * e->cfg.n_samples);
+    }
+}
+
 /* By way of the wall, or without. */
 static void add_pieces(struct emitter *e, const struct emitter_scene *s, bool by_wall,
                        const struct emitter_piece *pieces, size_t n, float *heard)
@@ -170,13 +230,19 @@ static void add_pieces(struct emitter *e, const struct emitter_scene *s, bool by
     const struct mirror *mirror = by_wall ? s->mirror : NULL;
     const struct doppler_point *microphones = by_wall ? s->microphone_images
                                                       : s->microphones;
+    const struct doppler_point *source = by_wall ? &s->source_image : &s->source;
+    double gain = by_wall ? s->mirror_gain : 1;
     for (size_t i = 0; i < n; i++) {
         struct meeting met;
-        meet(e, s, mirror, by_wall ? &s->source_image : &s->source, &pieces[i], &met);
+        if (glint_is_part(&pieces[i].part)) {
+            add_part(e, s, mirror, source, pieces, n, i, microphones, gain, heard);
+            continue;
+        }
+        meet(e, s, mirror, source, &pieces[i], &met);
         for (size_t m = 0; m < e->cfg.n_microphones && met.cosine > 0 && met.gain > 0;
              m++)
-            add_echo(e, s, mirror, &pieces[i], &met, &microphones[m],
-                     by_wall ? s->mirror_gain : 1, heard + m * e->cfg.n_samples);
+            add_echo(e, s, mirror, &pieces[i], &met, &microphones[m], gain,
+                     heard + m * e->cfg.n_samples);
     }
 }
 

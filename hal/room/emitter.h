@@ -9,6 +9,7 @@
 #include <stddef.h>
 
 #include "hal/room/doppler.h"
+#include "hal/room/glint.h"
 #include "hal/room/mirror.h"
 
 struct emitter_config {
@@ -33,6 +34,9 @@ struct emitter_piece { /* as scatter_piece, in motion */
     double normal[3]; /* 0: it looks everywhere */
     double weight;
     bool facet;
+    struct glint_part part; /* of a body, whose parts hide each other: in is its centre,
+                               and the weight a factor on what it glints */
+    size_t body;
 };
 
 /* Where everything is when the chirp begins, and how it moves. */

@@ -57,6 +57,7 @@ static const cyaml_schema_field_t object_fields[] = {
     VECTOR_PTR(scene_object, facing, 3),
     VECTOR_PTR(scene_object, up, 3),
     NUMBER_PTR(scene_object, reflectivity),
+    CYAML_FIELD_BOOL("opaque", OPTIONAL, struct scene_object, opaque),
     CYAML_FIELD_END};
 static const cyaml_schema_value_t object_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_object, object_fields)};

@@ -51,6 +51,7 @@ struct scene_object {
                          body where it goes */
     double *up;       /* [3] default: the array's y axis */
     double *reflectivity;
+    bool opaque; /* a body of a drive: heard by the side that faces the array */
 };
 
 struct scene_wall {      /* what the survey's wall does to sound */

@@ -96,6 +96,7 @@ static int check_keys(const struct scene_object *o, const char *prefix, const ch
         {"facing", o->facing, {0, 1, 1, 1, 1, 1, 1, 1}},
         {"up", o->up, {0, 1, 1, 1, 0, 0, 0, 0}},
         {"reflectivity", o->reflectivity, {0, 1, 1, 1, 1, 0, 0, 0}},
+        {"opaque", o->opaque, {0, 0, 0, 0, 0, 1, 1, 1}},
     };
     char key[96];
     if (!o->position_m)

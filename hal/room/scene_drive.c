@@ -153,9 +153,12 @@ static int check_standing(const struct scene *s, const char *path, struct error 
     char key[64];
     for (unsigned i = 0; i < s->n_objects; i++) {
         const struct scene_object *o = &s->objects[i];
-        if (!o->n_path && !o->present_s)
+        if (!o->n_path && !o->present_s && !o->opaque)
             continue;
-        snprintf(key, sizeof key, "objects[%u].%s", i, o->n_path ? "path" : "present_s");
+        snprintf(key, sizeof key, "objects[%u].%s", i,
+                 o->n_path      ? "path"
+                 : o->present_s ? "present_s"
+                                : "opaque");
         return yaml_error_say(why, -EINVAL, path, key,
                               "only a drive has this, and there is no key \"drive\"");
     }

@@ -54,6 +54,18 @@ static void pose_at(const struct traffic *t, size_t object, double t_s,
     out->walked_m = motion.walked_m;
 }
 
+/* parts: all 0 of a body that is seen through. */
+static void set_pieces(const struct scene_object *o, const struct figure_pose *pose,
+                       double scattering_length_m, struct scatter_piece *pieces,
+                       struct glint_part *parts)
+{
+    memset(parts, 0, FIGURE_MAX * sizeof *parts);
+    if (o->opaque)
+        figure_set_opaque(o->kind, pose, scattering_length_m, pieces, parts);
+    else
+        figure_set(o->kind, pose, scattering_length_m, pieces);
+}
+
 /* A body's points at the beginning of the span, and their secants over it. */
 static void add_figure(struct traffic *t, size_t object, double from_s, double t_s)
 {
@@ -62,16 +74,19 @@ static void add_figure(struct traffic *t, size_t object, double from_s, double t
     double length = o->scattering_length_m ? *o->scattering_length_m
                                            : figure_scattering_length_m(o->kind);
     struct scatter_piece now[FIGURE_MAX], a[FIGURE_MAX], b[FIGURE_MAX];
+    struct glint_part parts[FIGURE_MAX], ignored[FIGURE_MAX];
     struct figure_pose pose;
     pose_at(t, object, t_s, &pose);
-    figure_set(o->kind, &pose, length, now);
+    set_pieces(o, &pose, length, now, parts);
     pose_at(t, object, from_s, &pose);
-    figure_set(o->kind, &pose, length, a);
+    set_pieces(o, &pose, length, a, ignored);
     pose_at(t, object, from_s + TRAFFIC_SPAN_S, &pose);
-    figure_set(o->kind, &pose, length, b);
+    set_pieces(o, &pose, length, b, ignored);
     for (size_t i = 0; i < part->n_points; i++) {
         struct emitter_piece *p = &t->pieces[t->n++];
         *p = at_rest(&now[i], false);
+        p->part = parts[i];
+        p->body = object;
         for (int k = 0; k < 3; k++)
             p->in.velocity_m_s[k] = p->out.velocity_m_s[k] = (b[i].in[k] - a[i].in[k]) /
                                                              TRAFFIC_SPAN_S;
@@ -116,7 +131,7 @@ void traffic_set(struct traffic *t, double t_s)
     for (size_t i = 0; i < t->world->n_objects; i++) {
         if (!motion_present(&t->scene->objects[i], t_s))
             continue;
-        if (figure_size(t->scene->objects[i].kind))
+        if (figure_size(t->scene->objects[i].kind, false))
             add_figure(t, i, from_s, t_s);
         else
             add_rigid(t, i, from_s, t_s);
@@ -137,6 +152,6 @@ void traffic_object(const struct traffic *t, size_t object, double t_s, double c
     memcpy(velocity, motion.velocity_m_s, sizeof motion.velocity_m_s);
     memcpy(extent, rest->extent_m, sizeof rest->extent_m);
     pose_at(t, object, t_s, &pose);
-    if (figure_size(o->kind))
+    if (figure_size(o->kind, false))
         figure_extent(o->kind, &pose, extent);
 }

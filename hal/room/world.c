@@ -131,6 +131,7 @@ static int add_figure(const struct builder *b, const struct scene_object *o,
                       struct room_object *truth)
 {
     struct scatter_piece pieces[FIGURE_MAX];
+    struct glint_part parts[FIGURE_MAX];
     struct figure_pose pose = {.walked_m = 0};
     double length = o->scattering_length_m ? *o->scattering_length_m
                                            : figure_scattering_length_m(o->kind);
@@ -139,10 +140,13 @@ static int add_figure(const struct builder *b, const struct scene_object *o,
     memcpy(pose.centre_m, o->position_m, sizeof pose.centre_m);
     memcpy(pose.heading, heading, sizeof pose.heading);
     memcpy(pose.up, b->world->up, sizeof pose.up);
-    figure_set(o->kind, &pose, length, pieces);
+    if (o->opaque)
+        figure_set_opaque(o->kind, &pose, length, pieces, parts);
+    else
+        figure_set(o->kind, &pose, length, pieces);
     describe(b, o, NULL, NULL, truth);
     figure_extent(o->kind, &pose, truth->extent_m);
-    for (size_t i = 0; i < figure_size(o->kind); i++)
+    for (size_t i = 0; i < figure_size(o->kind, o->opaque); i++)
         if (scatter_add(&b->world->points, &pieces[i]) < 0)
             return -ENOMEM;
     return 0;
@@ -153,7 +157,7 @@ static int add_object(const struct builder *b, const struct scene_object *o,
 {
     struct scatter_plane plane;
     struct scatter_shape shape;
-    if (figure_size(o->kind))
+    if (figure_size(o->kind, false))
         return add_figure(b, o, truth);
     if (o->kind == SCENE_POINT) {
         describe(b, o, NULL, NULL, truth);

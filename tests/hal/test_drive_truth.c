@@ -187,11 +187,12 @@ static void a_person_adds_up_and_walks_on_his_feet(void **state)
     struct figure_pose pose = {.heading = {1, 0, 0}, .up = {0, 0, 1}};
     struct scatter_piece a[FIGURE_MAX], b[FIGURE_MAX];
     double extent[3], slowest = INFINITY, sum = 0;
-    size_t n = figure_size(SCENE_PERSON);
+    size_t n = figure_size(SCENE_PERSON, false);
     (void)state;
-    assert_true(n >= 10 && n <= FIGURE_MAX && figure_size(SCENE_CAR) <= FIGURE_MAX &&
-                figure_size(SCENE_CYCLIST) <= FIGURE_MAX);
-    assert_int_equal(figure_size(SCENE_CORNER), 0);
+    assert_true(n >= 10 && n <= FIGURE_MAX &&
+                figure_size(SCENE_CAR, false) <= FIGURE_MAX &&
+                figure_size(SCENE_CYCLIST, false) <= FIGURE_MAX);
+    assert_int_equal(figure_size(SCENE_CORNER, false), 0);
     figure_set(SCENE_PERSON, &pose, 0.14, a);
     pose.walked_m = pose.centre_m[0] = 0.01;
     figure_set(SCENE_PERSON, &pose, 0.14, b);
@@ -259,6 +260,9 @@ static void wrong_drives_are_named_with_line_and_key(void **state)
         {BASE "drive: {period_s: 5}\n"
               "noise: {slams: [{during_s: [3, 6], peak: 1, decay_s: 0.02}]}\n",
          "noise.slams[0].during_s: ", "6 is outside 3..5"},
+        {BASE "objects:\n  - {name: p, kind: person, position_m: [0, 0, 1], "
+              "opaque: yes}\n",
+         "objects[0].opaque: ", "only a drive has this"},
         {BASE "drift: {rate_c_min: 1}\n", "drift.rate_c_min: ", "only a drive has this"},
         {BASE "drive: {period_s: 5, rock: {frequency_hz: 11}}\n",
          "drive.rock.frequency_hz: ", "11 is outside 0..10"},

@@ -120,7 +120,7 @@ static void set_extent(struct room_truth *t)
 
     while (kind < SCENE_KINDS && strcmp(scene_kind_name(kind), t->kind))
         kind++;
-    if (kind == SCENE_KINDS || !figure_size(kind))
+    if (kind == SCENE_KINDS || !figure_size(kind, false))
         return;
     pose.heading[0] = speed_m_s > 0.0 ? t->velocity_m_s[0] / speed_m_s : 1.0;
     pose.heading[1] = speed_m_s > 0.0 ? t->velocity_m_s[1] / speed_m_s : 0.0;
