@@ -6,14 +6,125 @@
  *
  * A few pairs at a time are summed for a block of near differences at a few depths: the
  * samples that these share stay in the first cache. */
+#include <errno.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "dsp/vector.h"
-#include "recon/coherent/backproject_scan_plan.h"
+#include "recon/coherent/backprojection.h"
 #include "recon/coherent/phasor.h"
 
-/* Of SCAN_BLOCK differences from x0 on. */
+/* "Differences" are those of a voxel's and a stage position's x, in voxels. */
+/* Heights and depths that are imaged together: near ones read the same samples, which
+ * come from far. */
+#define ROWS_Y 4
+#define ROWS_Z 4
+#define ROWS   (ROWS_Y * ROWS_Z)
+#define BLOCK  16 /* differences that are summed together */
+#define CHUNK  8  /* microphones of one speaker that are summed together */
+#define SUMS   3  /* re, im, power */
+
+struct reading { /* of one pair's trace, for each difference of a block */
+    const float *trace;
+    int sample[BLOCK];
+    float near[2][BLOCK]; /* weight of that sample: re, im */
+    float far[2][BLOCK];  /* of the next one */
+    const float *fold;    /* [lanes] */
+};
+
+struct row {
+    size_t y, z;      /* in the image */
+    float *delay;     /* [elements][BLOCK] in stored samples */
+    float *phasor[2]; /* [elements][BLOCK] */
+    float *block;     /* [BLOCK][SUMS][lanes]: of one block of differences */
+    float *sum[SUMS]; /* [stride][n_sum]: voxels of one remainder lie side by side */
+};
+
+struct sweep {    /* one a thread */
+    size_t n_d;   /* differences */
+    size_t n_sum; /* voxels of one remainder, with the lanes' overhang on both sides */
+    struct row rows[ROWS];
+    struct reading readings[CHUNK];
+};
+
+struct scan {
+    struct sweep *sweeps; /* one a thread */
+    float *fold;          /* [pair][lanes] live pairs of the trace's midpoint */
+};
+
+static inline size_t n_elements(const struct backprojection *b)
+{
+    return b->geometry.n_speakers + b->geometry.n_microphones;
+}
+
+bool backproject_scan_fits(struct backprojection *b)
+{
+    const struct geometry *g = &b->geometry;
+    b->stride = geometry_stage_stride(g, b->grid.step_m[0]);
+    if (!b->stride || g->n_positions < VECTOR_LANES)
+        return false;
+    b->first_m = g->stage_positions_m[0];
+    return true;
+}
+
+static int row_create(struct row *w, const struct backprojection *b, size_t n_sum)
+{
+    size_t n = n_elements(b) * BLOCK, sums = b->stride * n_sum;
+    w->delay = malloc(n * sizeof *w->delay);
+    w->block = aligned_alloc(64, BLOCK * SUMS * b->lanes * sizeof *w->block);
+    bool ok = w->delay && w->block;
+    for (int a = 0; a < 2; a++)
+        ok = (w->phasor[a] = malloc(n * sizeof *w->phasor[a])) && ok;
+    for (int a = 0; a < SUMS; a++)
+        ok = (w->sum[a] = malloc(sums * sizeof *w->sum[a])) && ok;
+    return ok ? 0 : -ENOMEM;
+}
+
+static void row_clear(struct row *w)
+{
+    free(w->delay);
+    free(w->block);
+    for (int a = 0; a < 2; a++)
+        free(w->phasor[a]);
+    for (int a = 0; a < SUMS; a++)
+        free(w->sum[a]);
+}
+
+int backproject_scan_create(struct backprojection *b)
+{
+    struct scan *scan = calloc(1, sizeof *scan);
+    if (!scan)
+        return -ENOMEM;
+    b->scratch = scan;
+    scan->sweeps = calloc(pool_threads(b->pool), sizeof *scan->sweeps);
+    scan->fold = calloc(backprojection_pairs(b) * b->lanes, sizeof *scan->fold);
+    int err = scan->sweeps && scan->fold ? 0 : -ENOMEM;
+    for (size_t t = 0; !err && t < pool_threads(b->pool); t++) {
+        struct sweep *s = &scan->sweeps[t];
+        s->n_d = b->grid.n[0] + (b->lanes - 1) * b->stride;
+        s->n_sum = (b->grid.n[0] + b->stride - 1) / b->stride + 2 * b->lanes +
+                   VECTOR_LANES;
+        for (size_t r = 0; !err && r < ROWS; r++)
+            err = row_create(&s->rows[r], b, s->n_sum);
+    }
+    return err;
+}
+
+void backproject_scan_destroy(struct backprojection *b)
+{
+    struct scan *scan = b->scratch;
+    if (!scan)
+        return;
+    for (size_t t = 0; scan->sweeps && t < pool_threads(b->pool); t++)
+        for (size_t r = 0; r < ROWS; r++)
+            row_clear(&scan->sweeps[t].rows[r]);
+    free(scan->sweeps);
+    free(scan->fold);
+    free(scan);
+}
+
+/* Of BLOCK differences from x0 on. */
 VECTOR_CLONES
 static void element_delays(const struct backprojection *b, double x0_m, double beside2_m2,
                            float *restrict delay, float *restrict re, float *restrict im)
@@ -22,7 +133,7 @@ static void element_delays(const struct backprojection *b, double x0_m, double b
     float start = (float)(0.5 * (1.0 - b->fine.in.t0_s * b->fine.rate_hz));
     float turns_per_m = (float)(b->fine.in.carrier_hz / b->geometry.sound_speed_m_s);
     float x0 = (float)x0_m, step = (float)b->grid.step_m[0], beside2 = (float)beside2_m2;
-    for (size_t d = 0; d < SCAN_BLOCK; d++) {
+    for (size_t d = 0; d < BLOCK; d++) {
         float dx = x0 + step * (float)(int)d;
         float r = sqrtf(dx * dx + beside2);
         delay[d] = r * per_m + start;
@@ -31,36 +142,35 @@ static void element_delays(const struct backprojection *b, double x0_m, double b
 }
 
 /* Difference d stands for x_voxel - x_stage = origin - first + (d - back) * step. */
-static void row_start_block(const struct backprojection *b, struct scan_row *w,
-                            size_t first)
+static void row_start_block(const struct backprojection *b, struct row *w, size_t first)
 {
     const struct geometry *g = &b->geometry;
     double y_m = b->grid.origin_m[1] + b->grid.step_m[1] * (double)w->y;
     double z_m = b->grid.origin_m[2] + b->grid.step_m[2] * (double)w->z;
     double d = (double)first - (double)((b->lanes - 1) * b->stride);
     double x_m = b->grid.origin_m[0] - b->first_m + d * b->grid.step_m[0];
-    for (size_t e = 0; e < scan_elements(b); e++) {
+    for (size_t e = 0; e < n_elements(b); e++) {
         const double *at = e < g->n_speakers ? g->speakers_m[e]
                                              : g->microphones_m[e - g->n_speakers];
         double dy = y_m - at[1], dz = z_m - at[2];
-        element_delays(b, x_m - at[0], dy * dy + dz * dz, w->delay + e * SCAN_BLOCK,
-                       w->phasor[0] + e * SCAN_BLOCK, w->phasor[1] + e * SCAN_BLOCK);
+        element_delays(b, x_m - at[0], dy * dy + dz * dz, w->delay + e * BLOCK,
+                       w->phasor[0] + e * BLOCK, w->phasor[1] + e * BLOCK);
     }
-    memset(w->block, 0, SCAN_BLOCK * SCAN_SUMS * b->lanes * sizeof *w->block);
+    memset(w->block, 0, BLOCK * SUMS * b->lanes * sizeof *w->block);
 }
 
 /* Which samples a block of differences reads, and with what complex weights. */
 VECTOR_CLONES
-static void plan_reading(const struct scan_row *w, size_t speaker, size_t microphone,
-                         float last, struct scan_reading *restrict out)
+static void plan_reading(const struct row *w, size_t speaker, size_t microphone,
+                         float last, struct reading *restrict out)
 {
-    const float *delay_s = w->delay + speaker * SCAN_BLOCK;
-    const float *delay_m = w->delay + microphone * SCAN_BLOCK;
-    const float *sr = w->phasor[0] + speaker * SCAN_BLOCK,
-                *si = w->phasor[1] + speaker * SCAN_BLOCK;
-    const float *mr = w->phasor[0] + microphone * SCAN_BLOCK;
-    const float *mi = w->phasor[1] + microphone * SCAN_BLOCK;
-    for (size_t d = 0; d < SCAN_BLOCK; d++) {
+    const float *delay_s = w->delay + speaker * BLOCK;
+    const float *delay_m = w->delay + microphone * BLOCK;
+    const float *sr = w->phasor[0] + speaker * BLOCK,
+                *si = w->phasor[1] + speaker * BLOCK;
+    const float *mr = w->phasor[0] + microphone * BLOCK;
+    const float *mi = w->phasor[1] + microphone * BLOCK;
+    for (size_t d = 0; d < BLOCK; d++) {
         float at = delay_s[d] + delay_m[d];
         at = at < 0.0f ? 0.0f : at;
         at = at > last ? last : at;
@@ -75,10 +185,10 @@ static void plan_reading(const struct scan_row *w, size_t speaker, size_t microp
     }
 }
 
-/* sum[SCAN_SUMS][lanes] += what n pairs add to difference d for the lanes from k on.  Two
+/* sum[SUMS][lanes] += what n pairs add to difference d for the lanes from k on.  Two
  * short loops rather than one: a single one GCC 12 interleaves over i, and then makes no
  * vectors of it. */
-VECTOR_INLINE void add_lanes(const struct scan_reading *readings, size_t n, size_t lanes,
+VECTOR_INLINE void add_lanes(const struct reading *readings, size_t n, size_t lanes,
                              size_t k, size_t d, float *sum, bool power)
 {
     float re[VECTOR_LANES], im[VECTOR_LANES];
@@ -89,7 +199,7 @@ VECTOR_INLINE void add_lanes(const struct scan_reading *readings, size_t n, size
     if (power)
         memcpy(squares, sum + 2 * lanes + k, sizeof squares);
     for (size_t i = 0; i < n; i++) {
-        const struct scan_reading *r = &readings[i];
+        const struct reading *r = &readings[i];
         const float *x = r->trace + (size_t)(unsigned)r->sample[d] * 2 * lanes + k;
         const float *xr = x, *xi = x + lanes, *yr = x + 2 * lanes, *yi = x + 3 * lanes;
         const float *fold = r->fold + k;
@@ -128,20 +238,19 @@ VECTOR_INLINE void add_lanes(const struct scan_reading *readings, size_t n, size
 }
 
 VECTOR_CLONES
-static void add_readings(const struct scan_reading *readings, size_t n, size_t lanes,
-                         size_t k, size_t first, size_t end, float *block)
+static void add_readings(const struct reading *readings, size_t n, size_t lanes, size_t k,
+                         size_t first, size_t end, float *block)
 {
     for (size_t d = first; d < end; d++)
-        add_lanes(readings, n, lanes, k, d, block + d * SCAN_SUMS * lanes, false);
+        add_lanes(readings, n, lanes, k, d, block + d * SUMS * lanes, false);
 }
 
 VECTOR_CLONES
-static void add_readings_power(const struct scan_reading *readings, size_t n,
-                               size_t lanes, size_t k, size_t first, size_t end,
-                               float *block)
+static void add_readings_power(const struct reading *readings, size_t n, size_t lanes,
+                               size_t k, size_t first, size_t end, float *block)
 {
     for (size_t d = first; d < end; d++)
-        add_lanes(readings, n, lanes, k, d, block + d * SCAN_SUMS * lanes, true);
+        add_lanes(readings, n, lanes, k, d, block + d * SUMS * lanes, true);
 }
 
 /* Those differences of a block for which any of the lanes from k on is a voxel of the
@@ -149,16 +258,15 @@ static void add_readings_power(const struct scan_reading *readings, size_t n,
 static void range_of(const struct backprojection *b, size_t k, size_t block,
                      size_t *first, size_t *end)
 {
-    size_t low = (b->lanes - k - SCAN_LANES) * b->stride;
+    size_t low = (b->lanes - k - VECTOR_LANES) * b->stride;
     size_t high = (b->lanes - 1 - k) * b->stride + b->grid.n[0];
     *first = low > block ? low - block : 0;
     *end = high > block ? high - block : 0;
-    *end = *end < SCAN_BLOCK ? *end : SCAN_BLOCK;
+    *end = *end < BLOCK ? *end : BLOCK;
 }
 
-static void add_chunk(const struct backprojection *b, struct scan_sweep *s,
-                      struct scan_row *w, size_t block, size_t speaker, size_t first,
-                      size_t n)
+static void add_chunk(const struct backprojection *b, struct sweep *s, struct row *w,
+                      size_t block, size_t speaker, size_t first, size_t n)
 {
     size_t n_s = b->geometry.n_speakers, n_m = b->geometry.n_microphones;
     const struct scan *scan = b->scratch;
@@ -169,7 +277,7 @@ static void add_chunk(const struct backprojection *b, struct scan_sweep *s,
         plan_reading(w, speaker, n_s + first + i, (float)(b->fine.n_stored - 2),
                      &s->readings[i]);
     }
-    for (size_t k = 0; k < b->lanes; k += SCAN_LANES) {
+    for (size_t k = 0; k < b->lanes; k += VECTOR_LANES) {
         size_t d, end;
         range_of(b, k, block, &d, &end);
         if (d >= end)
@@ -184,16 +292,15 @@ static void add_chunk(const struct backprojection *b, struct scan_sweep *s,
 /* Lane k of difference d belongs to voxel d - (lanes - 1) * stride + k * stride; those
  * outside the image go to the overhang. */
 VECTOR_CLONES
-static void spread_block(const struct backprojection *b, const struct scan_sweep *s,
-                         const struct scan_row *w, size_t block)
+static void spread_block(const struct backprojection *b, const struct sweep *s,
+                         const struct row *w, size_t block)
 {
-    int n_sums = b->coherence > 0.0f ? SCAN_SUMS : SCAN_SUMS - 1;
-    for (size_t d = 0; d < SCAN_BLOCK && block + d < s->n_d; d++) {
+    int n_sums = b->coherence > 0.0f ? SUMS : SUMS - 1;
+    for (size_t d = 0; d < BLOCK && block + d < s->n_d; d++) {
         size_t voxel = block + d + b->stride;
         size_t at = voxel % b->stride * s->n_sum + voxel / b->stride;
         for (int a = 0; a < n_sums; a++) {
-            const float *restrict from = w->block +
-                                         (d * SCAN_SUMS + (size_t)a) * b->lanes;
+            const float *restrict from = w->block + (d * SUMS + (size_t)a) * b->lanes;
             float *restrict to = w->sum[a] + at;
             for (size_t k = 0; k < b->lanes; k++)
                 to[k] += from[k];
@@ -201,8 +308,8 @@ static void spread_block(const struct backprojection *b, const struct scan_sweep
     }
 }
 
-static void row_finish(const struct backprojection *b, const struct scan_sweep *s,
-                       const struct scan_row *w)
+static void row_finish(const struct backprojection *b, const struct sweep *s,
+                       const struct row *w)
 {
     const struct grid *g = &b->grid;
     float depth_m = (float)(g->origin_m[2] + g->step_m[2] * (double)w->z - b->plane_z_m);
@@ -217,24 +324,22 @@ static void row_finish(const struct backprojection *b, const struct scan_sweep *
 
 static size_t tiles_along(const struct backprojection *b, int axis)
 {
-    size_t side = axis == 1 ? SCAN_ROWS_Y : SCAN_ROWS_Z;
+    size_t side = axis == 1 ? ROWS_Y : ROWS_Z;
     return (b->grid.n[axis] + side - 1) / side;
 }
 
 /* Returns how many rows there are. */
-static size_t rows_start(const struct backprojection *b, struct scan_sweep *s,
-                         size_t item)
+static size_t rows_start(const struct backprojection *b, struct sweep *s, size_t item)
 {
     const struct grid *g = &b->grid;
-    size_t y0 = item % tiles_along(b, 1) * SCAN_ROWS_Y,
-           z0 = item / tiles_along(b, 1) * SCAN_ROWS_Z;
+    size_t y0 = item % tiles_along(b, 1) * ROWS_Y, z0 = item / tiles_along(b, 1) * ROWS_Z;
     size_t n = 0;
-    for (size_t y = y0; y < g->n[1] && y < y0 + SCAN_ROWS_Y; y++) {
-        for (size_t z = z0; z < g->n[2] && z < z0 + SCAN_ROWS_Z; z++) {
-            struct scan_row *w = &s->rows[n++];
+    for (size_t y = y0; y < g->n[1] && y < y0 + ROWS_Y; y++) {
+        for (size_t z = z0; z < g->n[2] && z < z0 + ROWS_Z; z++) {
+            struct row *w = &s->rows[n++];
             w->y = y;
             w->z = z;
-            for (int a = 0; a < SCAN_SUMS; a++)
+            for (int a = 0; a < SUMS; a++)
                 memset(w->sum[a], 0, b->stride * s->n_sum * sizeof *w->sum[a]);
         }
     }
@@ -244,16 +349,16 @@ static size_t rows_start(const struct backprojection *b, struct scan_sweep *s,
 static void image_rows(void *ctx, size_t item, size_t thread)
 {
     struct backprojection *b = ctx;
-    struct scan_sweep *s = ((struct scan *)b->scratch)->sweeps + thread;
+    struct sweep *s = ((struct scan *)b->scratch)->sweeps + thread;
     size_t n_m = b->geometry.n_microphones, n_rows = rows_start(b, s, item);
-    for (size_t block = 0; block < s->n_d; block += SCAN_BLOCK) {
+    for (size_t block = 0; block < s->n_d; block += BLOCK) {
         for (size_t r = 0; r < n_rows; r++)
             row_start_block(b, &s->rows[r], block);
         for (size_t j = 0; j < b->geometry.n_speakers; j++)
-            for (size_t i = 0; i < n_m; i += SCAN_CHUNK)
+            for (size_t i = 0; i < n_m; i += CHUNK)
                 for (size_t r = 0; r < n_rows; r++)
                     add_chunk(b, s, &s->rows[r], block, j, i,
-                              n_m - i < SCAN_CHUNK ? n_m - i : SCAN_CHUNK);
+                              n_m - i < CHUNK ? n_m - i : CHUNK);
         for (size_t r = 0; r < n_rows; r++)
             spread_block(b, s, &s->rows[r], block);
     }

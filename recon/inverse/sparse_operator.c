@@ -1,9 +1,215 @@
-#include "recon/inverse/sparse_operator_plan.h"
+#include "recon/inverse/sparse_operator.h"
 
+#include <errno.h>
 #include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "dsp/vector.h"
+#include "recon/hann.h"
+#include "recon/imaging/fold.h"
+
+#define FRACTIONS 512  /* steps of the pulse's table between two samples */
+#define REACH     4.0  /* of the pulse, over 1 / band: -46 dB and falling */
+#define MAX_HALF  16   /* samples of it on each side, at most */
+#define LAGS      1024 /* steps of its autocorrelation's table between two samples */
+#define RUNS      16 /* sums are split in so many parts, however many threads there are */
+
+struct run {                /* one a part of the sums */
+    float *sum_re, *sum_im; /* [max_points] */
+    float
+        *window; /* [2][n_samples + 2 * half] of one trace: re, im; or [3][max_points] */
+};
+
+struct sparse_operator {
+    struct geometry geometry;
+    struct trace_format format;
+    struct pool *pool;
+    size_t pairs, n_traces, max_points, n;
+    size_t half;            /* samples of the pulse on each side */
+    float *autocorrelation; /* [n_lags] */
+    size_t n_lags;
+    float *pulse;          /* [FRACTIONS + 1][2 * half] */
+    float *traces;         /* [position][speaker][microphone][n_samples] re im */
+    bool *live;            /* [position][speaker][microphone] */
+    float *weight;         /* square root of what each trace counts */
+    uint32_t *cell, *fold; /* [n_traces] its midpoint; [n_cells] live traces of it */
+    size_t n_cells;
+
+    /* [position][speakers, microphones][max_points]: delay in samples (of a pair the sum
+     * of two), carrier's phasor over it times one over the distance */
+    float *delay, *re, *im;
+    float *scale; /* [max_points]: makes columns unit length */
+
+    struct run runs[RUNS];
+
+    /* of the call under way */
+    float *x_re, *x_im; /* [max_points], scaled */
+    float *gram;
+    const float *from;
+    float *to;
+    bool forward, adjoint;
+    bool recorded; /* the traces are as recorded, not yet weighted */
+};
+
+static inline size_t n_elements(const struct sparse_operator *s)
+{
+    return s->geometry.n_speakers + s->geometry.n_microphones;
+}
+
+/* Samples of a run's window: a trace with the pulse's reach on both sides. */
+static inline size_t window_size(const struct sparse_operator *s)
+{
+    return s->format.n_samples + 2 * s->half;
+}
+
+struct pair { /* tables of its speaker and its microphone */
+    const float *delay_s, *delay_m, *re_s, *re_m, *im_s, *im_m;
+};
+
+static inline struct pair find_pair(const struct sparse_operator *s, size_t k,
+                                    size_t pair)
+{
+    size_t n_m = s->geometry.n_microphones, base = k * n_elements(s);
+    size_t j = (base + pair / n_m) * s->max_points;
+    size_t i = (base + s->geometry.n_speakers + pair % n_m) * s->max_points;
+    return (struct pair){s->delay + j, s->delay + i, s->re + j,
+                         s->re + i,    s->im + j,    s->im + i};
+}
+
+/* -- create: tables of the pulse, room for the traces -----------------------------------
+ */
+
+void sparse_operator_destroy(struct sparse_operator *s)
+{
+    if (!s)
+        return;
+    float *const all[] = {s->pulse, s->traces, s->weight, s->delay, s->re,
+                          s->im,    s->scale,  s->x_re,   s->x_im,  s->autocorrelation};
+    for (size_t a = 0; a < sizeof all / sizeof *all; a++)
+        free(all[a]);
+    for (size_t r = 0; r < RUNS; r++) {
+        free(s->runs[r].sum_re);
+        free(s->runs[r].sum_im);
+        free(s->runs[r].window);
+    }
+    free(s->live);
+    free(s->cell);
+    free(s->fold);
+    geometry_clear(&s->geometry);
+    free(s);
+}
+
+static double sinc(double x)
+{
+    return fabs(x) < 1e-9 ? 1.0 : sin(M_PI * x) / (M_PI * x);
+}
+
+/* Of the Hann pulse, whose spectrum is cos^2: cos^4 in powers of exp(2 pi i f). */
+static double hann_autocorrelation(double x)
+{
+    return sinc(x) + (sinc(x - 1.0) + sinc(x + 1.0)) * 2.0 / 3.0 +
+           (sinc(x - 2.0) + sinc(x + 2.0)) / 6.0;
+}
+
+/* per_sample: samples in units of 1 / band. */
+static void fill_tables(struct sparse_operator *s, double per_sample)
+{
+    for (size_t f = 0; f <= FRACTIONS; f++) {
+        for (size_t k = 0; k < 2 * s->half; k++) {
+            double at = (double)k - (double)(s->half - 1) - (double)f / FRACTIONS;
+            s->pulse[f * 2 * s->half + k] = (float)hann_pulse(at * per_sample);
+        }
+    }
+    for (size_t q = 0; q < s->n_lags; q++)
+        s->autocorrelation[q] =
+            (float)hann_autocorrelation((double)q / LAGS * per_sample);
+}
+
+static int allocate(struct sparse_operator *s)
+{
+    size_t taps = 2 * s->half, points = s->max_points;
+    size_t table = s->geometry.n_positions * n_elements(s) * points;
+    struct {
+        float **at;
+        size_t n;
+    } all[] = {{&s->pulse, (FRACTIONS + 1) * taps},
+               {&s->traces, 2 * s->n_traces * s->format.n_samples},
+               {&s->weight, s->n_traces},
+               {&s->delay, table},
+               {&s->re, table},
+               {&s->im, table},
+               {&s->autocorrelation, s->n_lags},
+               {&s->scale, points},
+               {&s->x_re, points},
+               {&s->x_im, points}};
+    int err = 0;
+    for (size_t a = 0; a < sizeof all / sizeof *all; a++)
+        if (!(*all[a].at = calloc(all[a].n, sizeof(float))))
+            err = -ENOMEM;
+    for (size_t r = 0; r < RUNS; r++) {
+        struct run *run = &s->runs[r];
+        run->sum_re = malloc(points * sizeof(float));
+        run->sum_im = malloc(points * sizeof(float));
+        /* also three rows of points, for the Gram matrix */
+        size_t window = 2 * window_size(s);
+        run->window = calloc(window > 3 * points ? window : 3 * points, sizeof(float));
+        if (!run->sum_re || !run->sum_im || !run->window)
+            err = -ENOMEM;
+    }
+    s->live = calloc(s->n_traces, sizeof *s->live);
+    s->cell = calloc(s->n_traces, sizeof *s->cell);
+    s->fold = calloc(s->n_traces, sizeof *s->fold);
+    return s->live && s->cell && s->fold ? err : -ENOMEM;
+}
+
+int sparse_operator_create(struct sparse_operator **out, const struct imager_config *cfg,
+                           size_t max_points)
+{
+    struct sparse_operator *s = calloc(1, sizeof *s);
+    if (!s)
+        return -ENOMEM;
+    double band_hz = cfg->band_hz[1] - cfg->band_hz[0];
+    s->format = cfg->format;
+    s->pool = cfg->pool;
+    s->max_points = max_points;
+    s->half = (size_t)fmin(ceil(REACH * s->format.rate_hz / band_hz), MAX_HALF);
+    s->n_lags = (size_t)ceil(REACH * s->format.rate_hz / band_hz * LAGS);
+    int err = geometry_copy(&s->geometry, cfg->geometry);
+    if (!err) {
+        s->pairs = s->geometry.n_speakers * s->geometry.n_microphones;
+        s->n_traces = s->pairs * s->geometry.n_positions;
+        err = allocate(s);
+    }
+    if (!err)
+        err = fold_number(&s->geometry, s->cell, &s->n_cells);
+    if (err) {
+        sparse_operator_destroy(s);
+        return err;
+    }
+    fill_tables(s, band_hz / s->format.rate_hz);
+    *out = s;
+    return 0;
+}
+
+void sparse_operator_add(struct sparse_operator *s, size_t position, size_t speaker,
+                         const float complex *traces, const bool *masked)
+{
+    size_t n_m = s->geometry.n_microphones, n = s->format.n_samples;
+    size_t first = position * s->pairs + speaker * n_m;
+    for (size_t i = 0; i < n_m; i++) {
+        if (masked && masked[i])
+            continue;
+        memcpy(s->traces + 2 * (first + i) * n, traces + i * n, n * sizeof *traces);
+        s->live[first + i] = true;
+    }
+}
+
+void sparse_operator_reset(struct sparse_operator *s)
+{
+    memset(s->live, 0, s->n_traces * sizeof *s->live);
+}
 
 /* -- points -----------------------------------------------------------------------------
  */
@@ -21,9 +227,9 @@ static void place_position(void *ctx, size_t k, size_t thread)
     struct sparse_operator *s = p->s;
     const struct geometry *g = &s->geometry;
     (void)thread;
-    for (size_t e = 0; e < sparse_elements(s); e++) {
+    for (size_t e = 0; e < n_elements(s); e++) {
         double from[3];
-        size_t at = (k * sparse_elements(s) + e) * s->max_points;
+        size_t at = (k * n_elements(s) + e) * s->max_points;
         if (e < g->n_speakers)
             geometry_speaker(g, k, e, from);
         else
@@ -61,12 +267,12 @@ static void scale_columns(struct sparse_operator *s)
     size_t n_m = s->geometry.n_microphones;
     double energy = 0.0;
     for (size_t k = 0; k < taps; k++)
-        energy += pow(s->pulse[SPARSE_FRACTIONS / 2 * taps + k], 2.0);
+        energy += pow(s->pulse[FRACTIONS / 2 * taps + k], 2.0);
     for (size_t v = 0; v < s->n; v++) {
         double sum = 0.0;
         for (size_t k = 0; k < s->geometry.n_positions; k++) {
-            const float *re = s->re + k * sparse_elements(s) * s->max_points + v;
-            const float *im = s->im + k * sparse_elements(s) * s->max_points + v;
+            const float *re = s->re + k * n_elements(s) * s->max_points + v;
+            const float *im = s->im + k * n_elements(s) * s->max_points + v;
             for (size_t pair = 0; pair < s->pairs; pair++) {
                 size_t j = pair / n_m * s->max_points;
                 size_t i = (n_s + pair % n_m) * s->max_points;
@@ -90,7 +296,7 @@ void sparse_operator_place(struct sparse_operator *s, size_t n, const double (*a
 
 void sparse_operator_keep(struct sparse_operator *s, size_t n, const size_t *which)
 {
-    for (size_t e = 0; e < s->geometry.n_positions * sparse_elements(s); e++) {
+    for (size_t e = 0; e < s->geometry.n_positions * n_elements(s); e++) {
         size_t at = e * s->max_points;
         for (size_t v = 0; v < n; v++) {
             s->delay[at + v] = s->delay[at + which[v]];
@@ -108,7 +314,7 @@ void sparse_operator_keep(struct sparse_operator *s, size_t n, const size_t *whi
 
 /* Where the pulse of a point begins in the window (the trace with `half` samples around
  * it), and its shape; false: it misses the trace. */
-VECTOR_INLINE int begin(const struct sparse_pair *p, size_t v, size_t half, float last,
+VECTOR_INLINE int begin(const struct pair *p, size_t v, size_t half, float last,
                         size_t *sample, size_t *fraction)
 {
     float at = p->delay_s[v] + p->delay_m[v];
@@ -116,14 +322,14 @@ VECTOR_INLINE int begin(const struct sparse_pair *p, size_t v, size_t half, floa
         return 0;
     size_t q = (size_t)at;
     *sample = q + 1; /* of half - 1 before q, in a window that starts half before */
-    *fraction = (size_t)((at - (float)q) * SPARSE_FRACTIONS + 0.5f) * 2 * half;
+    *fraction = (size_t)((at - (float)q) * FRACTIONS + 0.5f) * 2 * half;
     return 1;
 }
 
 VECTOR_CLONES
-static void spread(const struct sparse_pair *p, size_t n, const float *x_re,
-                   const float *x_im, const float *pulse, size_t half, float last,
-                   float weight, float *restrict re, float *restrict im)
+static void spread(const struct pair *p, size_t n, const float *x_re, const float *x_im,
+                   const float *pulse, size_t half, float last, float weight,
+                   float *restrict re, float *restrict im)
 {
     for (size_t v = 0; v < n; v++) {
         size_t sample, fraction;
@@ -144,7 +350,7 @@ static void spread(const struct sparse_pair *p, size_t n, const float *x_re,
 }
 
 VECTOR_CLONES
-static void collect(const struct sparse_pair *p, size_t n, const float *restrict re,
+static void collect(const struct pair *p, size_t n, const float *restrict re,
                     const float *restrict im, const float *pulse, size_t half, float last,
                     float weight, float *restrict sum_re, float *restrict sum_im)
 {
@@ -183,14 +389,13 @@ static void split_trace(const float *trace, size_t n, float *re, float *im)
     }
 }
 
-static void do_trace(struct sparse_operator *s, struct sparse_run *run, size_t k,
-                     size_t pair)
+static void do_trace(struct sparse_operator *s, struct run *run, size_t k, size_t pair)
 {
     size_t t = k * s->pairs + pair, n = s->format.n_samples;
-    float *re = run->window, *im = re + sparse_window(s), last = (float)(n - 1);
-    struct sparse_pair p = sparse_find_pair(s, k, pair);
+    float *re = run->window, *im = re + window_size(s), last = (float)(n - 1);
+    struct pair p = find_pair(s, k, pair);
     if (s->forward) {
-        memset(run->window, 0, 2 * sparse_window(s) * sizeof(float));
+        memset(run->window, 0, 2 * window_size(s) * sizeof(float));
         spread(&p, s->n, s->x_re, s->x_im, s->pulse, s->half, last, s->weight[t], re, im);
         /* what falls before or behind the trace was never recorded */
         memset(re, 0, s->half * sizeof(float));
@@ -211,16 +416,16 @@ static void do_trace(struct sparse_operator *s, struct sparse_run *run, size_t k
         }
 }
 
-/* Every SPARSE_RUNS-th stage position. */
+/* Every RUNS-th stage position. */
 static void do_run(void *ctx, size_t item, size_t thread)
 {
     struct sparse_operator *s = ctx;
-    struct sparse_run *run = &s->runs[item];
+    struct run *run = &s->runs[item];
     (void)thread;
     memset(run->sum_re, 0, s->n * sizeof(float));
     memset(run->sum_im, 0, s->n * sizeof(float));
-    memset(run->window, 0, 2 * sparse_window(s) * sizeof(float));
-    for (size_t k = item; k < s->geometry.n_positions; k += SPARSE_RUNS)
+    memset(run->window, 0, 2 * window_size(s) * sizeof(float));
+    for (size_t k = item; k < s->geometry.n_positions; k += RUNS)
         for (size_t pair = 0; pair < s->pairs; pair++)
             if (s->weight[k * s->pairs + pair] > 0.0f)
                 do_trace(s, run, k, pair);
@@ -238,7 +443,7 @@ static void sum_runs(const struct sparse_operator *s, float *x)
 {
     for (size_t v = 0; v < s->n; v++) {
         double re = 0.0, im = 0.0;
-        for (size_t r = 0; r < SPARSE_RUNS; r++) {
+        for (size_t r = 0; r < RUNS; r++) {
             re += (double)s->runs[r].sum_re[v];
             im += (double)s->runs[r].sum_im[v];
         }
@@ -255,7 +460,7 @@ void sparse_operator_forward(struct sparse_operator *s, const float *x,
     s->adjoint = false;
     s->to = (float *)traces;
     memset(traces, 0, s->n_traces * s->format.n_samples * sizeof *traces);
-    pool_run(s->pool, SPARSE_RUNS, do_run, s);
+    pool_run(s->pool, RUNS, do_run, s);
 }
 
 void sparse_operator_residual(struct sparse_operator *s, const float *x,
@@ -279,7 +484,7 @@ static void adjoint(struct sparse_operator *s, const float *traces, float *x)
     s->forward = false;
     s->adjoint = true;
     s->from = traces;
-    pool_run(s->pool, SPARSE_RUNS, do_run, s);
+    pool_run(s->pool, RUNS, do_run, s);
     sum_runs(s, x);
 }
 
@@ -300,6 +505,73 @@ void sparse_operator_normal(struct sparse_operator *s, const float *x, float *ou
 {
     load(s, x);
     s->forward = s->adjoint = true;
-    pool_run(s->pool, SPARSE_RUNS, do_run, s);
+    pool_run(s->pool, RUNS, do_run, s);
     sum_runs(s, out);
+}
+
+/* -- K' K of a few points as a matrix ---------------------------------------------------
+ */
+
+/* Delays and amplitudes of all points in one pair; 0 for those that miss the trace. */
+VECTOR_CLONES
+static void amplitudes(const struct pair *p, size_t n, const float *restrict scale,
+                       float weight, float last, float *restrict at, float *restrict re,
+                       float *restrict im)
+{
+    for (size_t v = 0; v < n; v++) {
+        float delay = p->delay_s[v] + p->delay_m[v];
+        float gain = delay >= 0.0f && delay < last ? weight * scale[v] : 0.0f;
+        at[v] = delay;
+        re[v] = gain * (p->re_s[v] * p->re_m[v] - p->im_s[v] * p->im_m[v]);
+        im[v] = gain * (p->re_s[v] * p->im_m[v] + p->im_s[v] * p->re_m[v]);
+    }
+}
+
+/* row += conj(own) R(at - own_at) of all points. */
+VECTOR_CLONES
+static void correlate(size_t n, const float *restrict at, const float *restrict re,
+                      const float *restrict im, size_t own, const float *restrict table,
+                      int last_lag, float *restrict row_re, float *restrict row_im)
+{
+    float own_at = at[own], own_re = re[own], own_im = im[own];
+    for (size_t v = 0; v < n; v++) {
+        int lag = (int)(fabsf(at[v] - own_at) * LAGS + 0.5f);
+        float r = table[lag < last_lag ? lag : last_lag];
+        row_re[v] += r * (own_re * re[v] + own_im * im[v]);
+        row_im[v] += r * (own_re * im[v] - own_im * re[v]);
+    }
+}
+
+/* A part of the rows, over all pairs. */
+static void gram_rows(void *ctx, size_t item, size_t thread)
+{
+    struct sparse_operator *s = ctx;
+    size_t n = s->n, rows = (n + RUNS - 1) / RUNS, first = item * rows;
+    size_t end = first + rows < n ? first + rows : n;
+    float *at = s->runs[item].window, *re = at + n, *im = re + n;
+    (void)thread;
+    if (first >= end)
+        return;
+    memset(s->gram + 2 * first * n, 0, 2 * (end - first) * n * sizeof *s->gram);
+    for (size_t t = 0; t < s->n_traces; t++) {
+        struct pair p = find_pair(s, t / s->pairs, t % s->pairs);
+        if (!(s->weight[t] > 0.0f))
+            continue;
+        amplitudes(&p, n, s->scale, s->weight[t], (float)(s->format.n_samples - 1), at,
+                   re, im);
+        for (size_t v = first; v < end; v++)
+            correlate(n, at, re, im, v, s->autocorrelation, (int)s->n_lags - 1,
+                      s->gram + 2 * v * n, s->gram + (2 * v + 1) * n);
+    }
+}
+
+void sparse_operator_gram(struct sparse_operator *s, float *gram)
+{
+    double energy = 0.0;
+    for (size_t k = 0; k < 2 * s->half; k++)
+        energy += pow(s->pulse[FRACTIONS / 2 * 2 * s->half + k], 2.0);
+    s->gram = gram;
+    pool_run(s->pool, RUNS, gram_rows, s);
+    for (size_t i = 0; i < 2 * s->n * s->n; i++)
+        gram[i] *= (float)energy;
 }

@@ -1,10 +1,11 @@
 #include "recon/planning/planner.h"
 
 #include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "recon/planning/planner_error.h"
-#include "recon/planning/planner_words.h"
 
 /* With positions uncertain by sigma, waves shorter than so many sigma blur more than they
  * sharpen.  Measured on letters at sigma 5 and 8 mm. */
@@ -17,6 +18,7 @@
 #define POWER_STEPS 1.5    /* times the whole image's are harmless where phase is lost */
 #define NEARLY      0.99   /* errors this near to each other are the same */
 #define MOST_VOXELS 16e6   /* of steps finer than the whole image's */
+#define FAR_OFF     1.1    /* times the error of what was chosen */
 #define CERTAIN     0.92   /* of the budget: times are not predicted better */
 
 /* Of `iterative`.  Measured on letters: after 10 their IoU is within 0.01 of what it is
@@ -29,6 +31,12 @@ static const double coarser[] = {0.5, FINE, 1.0, 1.2, 1.5, 2.0};
 static const double deeper[] = {1.0, 0.5, 0.25};
 static const double tops[] = {1.0, 0.8, 0.7}; /* of the band's top: waves are the cube */
 static const size_t strides[] = {1, 2, 4};
+
+struct planning {
+    const struct planner_config *cfg;
+    struct plan *plan;
+    double goal_m; /* an error that is small enough */
+};
 
 /* -- what an image is of ----------------------------------------------------------------
  */
@@ -241,12 +249,12 @@ static void list(const struct planning *p)
 /* -- the choice -------------------------------------------------------------------------
  */
 
-bool planner_is_exact(const struct planning *p, const struct planner_candidate *c)
+static bool is_exact(const struct planning *p, const struct planner_candidate *c)
 {
     return (p->cfg->error_m > 0.0 ? c->error_m : c->own_m) <= p->goal_m;
 }
 
-bool planner_is_affordable(const struct planning *p, const struct planner_candidate *c)
+static bool is_affordable(const struct planning *p, const struct planner_candidate *c)
 {
     return c->time_s <= CERTAIN * p->cfg->budget_s;
 }
@@ -270,18 +278,106 @@ static bool is_cheaper(const struct planning *p, const struct planner_candidate 
 static bool is_better(const struct planning *p, const struct planner_candidate *a,
                       const struct planner_candidate *b)
 {
-    if (planner_is_affordable(p, a) != planner_is_affordable(p, b))
-        return planner_is_affordable(p, a);
-    if (!planner_is_affordable(p, a))
+    if (is_affordable(p, a) != is_affordable(p, b))
+        return is_affordable(p, a);
+    if (!is_affordable(p, a))
         return a->time_s < b->time_s;
-    if (planner_is_exact(p, a) && planner_is_exact(p, b))
+    if (is_exact(p, a) && is_exact(p, b))
         return is_cheaper(p, a, b);
-    if (planner_is_exact(p, a) != planner_is_exact(p, b))
-        return planner_is_exact(p, a);
+    if (is_exact(p, a) != is_exact(p, b))
+        return is_exact(p, a);
     if (fmin(a->own_m, b->own_m) < NEARLY * fmax(a->own_m, b->own_m))
         return a->own_m < b->own_m;
     return is_cheaper(p, a, b);
 }
+
+/* -- why it was chosen, and why not the others ------------------------------------------
+ */
+
+static void say(char text[PLANNER_WORDS], const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+static void say(char text[PLANNER_WORDS], const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, PLANNER_WORDS, format, args);
+    va_end(args);
+}
+
+static void explain_others(const struct planning *p, const struct planner_candidate *best)
+{
+    for (size_t i = 0; i < p->plan->n_candidates; i++) {
+        struct planner_candidate *c = &p->plan->candidates[i];
+        if (c == best)
+            continue;
+        if (!is_affordable(p, c))
+            say(c->why_not, "takes %.1f ms, %.1f are left", 1e3 * c->time_s,
+                1e3 * fmax(p->cfg->budget_s, 0.0));
+        else if (p->cfg->error_m > 0.0 && !is_exact(p, c))
+            say(c->why_not, "error %.2f cm, %.2f are allowed", 100.0 * c->error_m,
+                100.0 * p->goal_m);
+        else if (c->time_s > best->time_s)
+            say(c->why_not, "takes %.1f times as long as what was chosen",
+                c->time_s / fmax(best->time_s, 1e-9));
+        else
+            say(c->why_not, "error %.2f cm against %.2f", 100.0 * c->error_m,
+                100.0 * best->error_m);
+    }
+}
+
+/* Is plain `fast` of the same steps too far off for what there is? */
+static bool needs_dip(const struct planning *p, const struct planner_candidate *best)
+{
+    for (size_t i = 0; i < p->plan->n_candidates; i++) {
+        const struct planner_candidate *c = &p->plan->candidates[i];
+        if (!strcmp(c->method, "fast") && !c->dip && c->coarser == best->coarser &&
+            c->deeper == best->deeper && c->stride == best->stride &&
+            c->top_hz == best->top_hz && c->sharpen == best->sharpen)
+            return c->error_m > fmax(p->goal_m, FAR_OFF * best->error_m);
+    }
+    return false;
+}
+
+static void explain_moderate(const struct planning *p,
+                             const struct planner_candidate *best)
+{
+    char *because = p->plan->because;
+    if (!strcmp(best->method, "iterative"))
+        say(because, "something extended, and time to sharpen it");
+    else if (needs_dip(p, best))
+        say(because,
+            "targets are near or far aside: moveout without dip does not suffice");
+    else if (p->cfg->error_m > 0.0)
+        say(because, "the cheapest that is exact to %.2f cm", 100.0 * p->goal_m);
+    else if (isfinite(p->cfg->budget_s))
+        say(because, "the least error of what fits the budget");
+    else
+        say(because, "the cheapest: no other is more exact by much");
+}
+
+/* Fills in why_not of all but the best, and because. */
+static void explain(const struct planning *p, const struct planner_candidate *best)
+{
+    const struct probe *probe = p->cfg->probe;
+    char *because = p->plan->because;
+    explain_others(p, best);
+    if (probe->coherence.element_m > PLANNER_INCOHERENT_M)
+        say(because, "element positions are uncertain by %.1f mm: phase says nothing",
+            1e3 * probe->coherence.element_m);
+    else if (!is_affordable(p, best))
+        say(because, "nothing fits the budget: the cheapest of all");
+    else if (!probe->imaged)
+        say(because, "fast needs midpoints on a lattice before the image");
+    else if (p->cfg->error_m > 0.0 && !is_exact(p, best))
+        say(because, "no way is exact to %.2f cm: the best of %s", 100.0 * p->goal_m,
+            isfinite(p->cfg->budget_s) ? "those that fit the budget" : "all");
+    else
+        explain_moderate(p, best);
+}
+
+/* -- the plan ---------------------------------------------------------------------------
+ */
 
 static void take(const struct planning *p, const struct planner_candidate *best)
 {
@@ -311,5 +407,5 @@ void planner_decide(struct plan *out, const struct planner_config *cfg)
         if (is_better(&p, &out->candidates[i], best))
             best = &out->candidates[i];
     take(&p, best);
-    planner_explain(&p, best);
+    explain(&p, best);
 }

@@ -157,7 +157,7 @@ static double aside(const struct planner_config *cfg, const struct planner_candi
                     const struct probe_object *o, int a)
 {
     double plane_m = planner_depth_step(c) * cfg->grid->step_m[2];
-    double sum = square(o->lean[a] * plane_m) / 12.0;
+    double sum = square(o->tilt[a] * plane_m) / 12.0;
     if (is_stacked(c)) {
         sum += square(beside_m(c, o, a));
         if (!c->dip && o->moveout_rad > MOVEOUT_FALLS_APART)

@@ -6,8 +6,10 @@
 #include <string.h>
 
 #include "recon/coherent/colocated.h"
+#include "recon/imaging/fold.h"
 #include "recon/imaging/imager.h"
-#include "recon/planning/probe_place.h"
+#include "recon/planning/psf_tilt.h"
+#include "recon/planning/moveout_error.h"
 
 #define LOOK_TOP     0.45 /* of the band's top: waves are the cube of it */
 #define LOOK_STEP    0.5  /* of a point's width in that band */
@@ -15,11 +17,92 @@
 #define SCALLOP_DB   6.0  /* that a peak may lose between coarse voxels */
 #define MARGIN_M     0.06 /* of depth kept around what holds something */
 
+/* -- a place: what the geometry alone says of how a point there will be imaged ----------
+ */
+
+struct places {
+    double band_hz[2];
+    struct array { /* with all of the speakers, and with fewer */
+        struct geometry geometry;
+        float *weight;
+    } all, fewer[PROBE_FEWER];
+    double (*speakers_m)[3]; /* of all that are fewer, one after the other */
+};
+
+/* Every n-th speaker, whose places go to at. */
+static int thin_out(struct array *out, const struct geometry *g, size_t stride,
+                    double (*at)[3])
+{
+    out->geometry = *g;
+    out->geometry.speakers_m = (const double(*)[3])at;
+    out->geometry.n_speakers = 0;
+    for (size_t j = 0; j < g->n_speakers; j += stride)
+        memcpy(at[out->geometry.n_speakers++], g->speakers_m[j], sizeof *at);
+    return fold_weights(&out->geometry, &out->weight);
+}
+
+static void places_destroy(struct places *p)
+{
+    if (!p)
+        return;
+    free(p->all.weight);
+    for (size_t i = 0; i < PROBE_FEWER; i++)
+        free(p->fewer[i].weight);
+    free(p->speakers_m);
+    free(p);
+}
+
+/* set->geometry outlives them.  0, -ENOMEM. */
+static int places_create(struct places **out, const struct trace_set *set)
+{
+    const struct geometry *g = set->geometry;
+    struct places *p = calloc(1, sizeof *p);
+    if (!p)
+        return -ENOMEM;
+    memcpy(p->band_hz, set->band_hz, sizeof p->band_hz);
+    p->all.geometry = *g;
+    p->speakers_m = malloc((PROBE_FEWER * g->n_speakers + 1) * sizeof *p->speakers_m);
+    int err = p->speakers_m ? fold_weights(g, &p->all.weight) : -ENOMEM;
+    for (size_t i = 0; !err && !g->pings_m && i < PROBE_FEWER; i++)
+        err =
+            thin_out(&p->fewer[i], g, (size_t)2 << i, p->speakers_m + i * g->n_speakers);
+    if (err) {
+        places_destroy(p);
+        return err;
+    }
+    *out = p;
+    return 0;
+}
+
+/* Of an object's position_m: moveout_m, moveout_rad, fewer_m, width_m, tilt. */
+static void places_describe(const struct places *p, struct probe_object *o)
+{
+    const struct array *all = &p->all;
+    double centre_hz = 0.5 * (p->band_hz[0] + p->band_hz[1]);
+    geometry_resolution_at(&all->geometry, p->band_hz, o->position_m, o->width_m);
+    psf_tilt(&all->geometry, all->weight, p->band_hz, o->position_m, o->tilt);
+    moveout_error(&all->geometry, all->weight, o->position_m, centre_hz, o->moveout_m,
+                  &o->moveout_rad);
+    for (size_t i = 0; i < PROBE_FEWER; i++) {
+        const struct array *fewer = &p->fewer[i];
+        double shift_m[3], rad;
+        if (!fewer->weight)
+            continue;
+        moveout_error(&fewer->geometry, fewer->weight, o->position_m, centre_hz, shift_m,
+                      &rad);
+        for (int a = 0; a < 2; a++)
+            o->fewer_m[i][a] = shift_m[a] - o->moveout_m[a];
+    }
+}
+
+/* -- the image that is looked at --------------------------------------------------------
+ */
+
 struct probing {
     struct probe *out;
     const struct trace_set *set;
     struct pool *pool;
-    struct probe_places *places;
+    struct places *places;
     struct imager_config cfg; /* of the coarse image */
     float *intensity;
     struct detection found[PROBE_OBJECTS];
@@ -57,9 +140,6 @@ static void configure(struct probing *p, const double band_hz[2], const struct g
                                     .pool = p->pool};
 }
 
-/* -- the coarse image -------------------------------------------------------------------
- */
-
 /* Depths outside hold nothing that detection would report next to the strongest. */
 static void measure_depth(const struct probing *p, double range_db)
 {
@@ -92,7 +172,7 @@ static void measure_depth(const struct probing *p, double range_db)
 }
 
 static void assume(struct probe *out, const struct trace_set *set,
-                   const struct grid *grid, const struct probe_places *places)
+                   const struct grid *grid, const struct places *places)
 {
     static const double part[3] = {0.75, 0.75, 0.5};
     struct probe_object *o = &out->typical;
@@ -104,17 +184,17 @@ static void assume(struct probe *out, const struct trace_set *set,
     for (int a = 0; a < 3; a++)
         o->position_m[a] = grid->origin_m[a] +
                            part[a] * grid->step_m[a] * (double)(grid->n[a] - 1);
-    probe_places_describe(places, o);
+    places_describe(places, o);
 }
 
 int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid)
 {
-    struct probe_places *places;
-    int err = probe_places_create(&places, set);
+    struct places *places;
+    int err = places_create(&places, set);
     if (err)
         return err;
     assume(out, set, grid, places);
-    probe_places_destroy(places);
+    places_destroy(places);
     return 0;
 }
 
@@ -162,7 +242,7 @@ static void describe_object(void *ctx, size_t i, size_t thread)
     double noise = pow(10.0, -0.05 * o->level_db); /* over amplitude */
     memcpy(o->position_m, d->position_m, sizeof o->position_m);
     move_to_edge(p->set->geometry, d->extent_m, o);
-    probe_places_describe(p->places, o);
+    places_describe(p->places, o);
     memcpy(o->position_m, d->position_m, sizeof o->position_m);
     o->extent_m = sharp_extent_m(p, d, o);
     for (int a = 0; a < 3; a++) /* 1 / sqrt(curvature of the intensity x SNR) */
@@ -289,7 +369,7 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
     double band_hz[2];
     if (known)
         before = *known; /* it may be that of *out */
-    int err = probe_places_create(&p.places, set);
+    int err = places_create(&p.places, set);
     if (err)
         return err;
     assume(out, set, grid, p.places);
@@ -308,6 +388,6 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
     if (!err)
         leave_out_moveout(out, set);
     free(p.intensity);
-    probe_places_destroy(p.places);
+    places_destroy(p.places);
     return err;
 }

@@ -22,7 +22,7 @@ struct probe_object {
     double fewer_m[PROBE_FEWER][2]; /* what comes to moveout_m when every second speaker
                                      * is used, every fourth: they stand less evenly */
     double width_m[3];              /* of a point there */
-    double lean[2];                 /* recon/planning/lean.h */
+    double tilt[2];                 /* recon/planning/psf_tilt.h */
 };
 
 struct probe {

@@ -1,7 +1,10 @@
 /* recon/planning/resolution.h -- how close two scatterers may be and still be told apart
- * by the time of their echoes, Lindell 2019, Eq. 15: dx = gamma c / ((xt - x) / rt + (xr
- * - x) / rr) for a source t and a receiver r and a scatterer at x.  One pair's bound; the
- * widths of an image are those of recon/geometry.h. */
+ * by the time of their echoes, Lindell 2019, Eq. 15:
+ *
+ *   dx = gamma c / ((xt - x) / rt + (xr - x) / rr)
+ *
+ * for a source t and a receiver r and a scatterer at x.  One pair's bound; the widths of
+ * an image are those of recon/geometry.h. */
 #ifndef ANLOS_RECON_PLANNING_RESOLUTION_H
 #define ANLOS_RECON_PLANNING_RESOLUTION_H
 

@@ -1,8 +1,11 @@
 /* recon/planning/scattering.h -- mirror or scatterer: how the arrival of the strongest
- * echo bends over co-located measurements.  Around a place (0, 0) its range is r + sx x +
- * sy y + b (x^2 + y^2) / (2 r): b is 1 for a point or a corner reflector (a hyperbola),
- * and 0 for a flat mirror, however tilted; parts smaller than a Fresnel zone lie between.
- * Lindell 2019, 3.2, images the two kinds differently. */
+ * echo bends over co-located measurements.  Around a place (0, 0) its range is
+ *
+ *   r + sx x + sy y + b (x^2 + y^2) / (2 r):
+ *
+ * b is 1 for a point or a corner reflector (a hyperbola), and 0 for a flat mirror,
+ * however tilted; parts smaller than a Fresnel zone lie between.  Lindell 2019, 3.2,
+ * images the two kinds differently. */
 #ifndef ANLOS_RECON_PLANNING_SCATTERING_H
 #define ANLOS_RECON_PLANNING_SCATTERING_H
 

@@ -8,8 +8,322 @@
 #include <string.h>
 
 #include "dsp/vector.h"
+#include "recon/coherent/colocated.h"
 #include "recon/imaging/fold.h"
+#include "recon/imaging/imager.h"
 #include "recon/imaging/method.h"
+#include "recon/planning/scattering.h"
+
+/* -- mirrors ----------------------------------------------------------------------------
+ */
+
+/* Mirrors that face the array answer each pair from the one place between speaker and
+ * microphone, which back-projection would spread over all voxels at that distance: they
+ * stand where they are in the stack of all offsets (Lindell 2019, 3.2), as `--method
+ * paper` makes it. */
+struct incoherent_mirror {
+    struct colocated *colocated; /* tells mirrors */
+    struct scattering_config scattering;
+    float *power, *scratch;
+    struct imager *stack; /* images them */
+};
+
+static void mirror_destroy(struct incoherent_mirror *m)
+{
+    if (!m)
+        return;
+    colocated_destroy(m->colocated);
+    imager_destroy(m->stack);
+    free(m->power);
+    free(m->scratch);
+    free(m);
+}
+
+static int plan_scattering(struct incoherent_mirror *m)
+{
+    struct colocated_lattice l;
+    colocated_lattice(m->colocated, &l);
+    m->scattering = (struct scattering_config){
+        l.nx, l.ny, l.pitch_x_m, l.pitch_y_m, l.n_ranges, l.range_m, l.range_step_m};
+    m->power = malloc(l.nx * l.ny * l.n_ranges * sizeof *m->power);
+    m->scratch = malloc(2 * l.nx * l.ny * sizeof *m->scratch);
+    return m->power && m->scratch ? 0 : -ENOMEM;
+}
+
+/* *out NULL: midpoints that form no lattice tell nothing.  0, -EINVAL, -ENOMEM. */
+static int mirror_create(struct incoherent_mirror **out, const struct imager_config *cfg)
+{
+    struct imager_options options;
+    struct imager_config stack = *cfg;
+    const char *why;
+    struct incoherent_mirror *m = calloc(1, sizeof *m);
+    *out = NULL;
+    if (!m)
+        return -ENOMEM;
+    imager_options_default(&options);
+    options.lightcone = 0;
+    stack.method = "paper";
+    stack.options = &options;
+    int err = imager_create(&m->stack, &stack, &why);
+    if (!err)
+        err = colocated_create(&m->colocated, cfg, &why);
+    if (!err)
+        err = plan_scattering(m);
+    if (err) {
+        mirror_destroy(m);
+        return err == -ENOTSUP ? 0 : err;
+    }
+    *out = m;
+    return 0;
+}
+
+static void mirror_add(struct incoherent_mirror *m, size_t position, size_t speaker,
+                       const float complex *traces, const bool *masked)
+{
+    colocated_add(m->colocated, position, speaker, traces, masked);
+    imager_add(m->stack, position, speaker, traces, masked);
+}
+
+/* false, and nothing written: this is no mirror. */
+static bool mirror_image(struct incoherent_mirror *m, float *intensity)
+{
+    struct scattering s;
+    colocated_power(m->colocated, m->power);
+    scattering_measure(&m->scattering, m->power, m->scratch, &s);
+    if (!scattering_is_specular(&s))
+        return false;
+    imager_image(m->stack, intensity);
+    return true;
+}
+
+static void mirror_reset(struct incoherent_mirror *m)
+{
+    colocated_reset(m->colocated);
+    imager_reset(m->stack);
+}
+
+/* -- slabs ------------------------------------------------------------------------------
+ */
+
+#define DEEPER    1.4    /* a slab ends where it is so many times as far as it begins */
+#define FINENESS  0.0085 /* voxels over distance: a sixth of a point's width there */
+#define WORTH     1.3    /* times the image's own steps; else those are used */
+#define MAX_SLABS 64
+
+/* The step that goes into the stage's, if it has one along x: for the fast way. */
+static double divide_pitch(const struct geometry *g, double step_m)
+{
+    if (g->n_positions < 2 || fabs(g->stage_axis[0] - 1.0) > 1e-9)
+        return step_m;
+    double pitch_m =
+        fabs(g->stage_positions_m[g->n_positions - 1] - g->stage_positions_m[0]) /
+        (double)(g->n_positions - 1);
+    return pitch_m > 0.0 ? pitch_m / ceil(pitch_m / step_m - 1e-6) : step_m;
+}
+
+/* One voxel around the image on either side, for the interpolation. */
+static void coarsen(struct grid *g, int axis, double step_m)
+{
+    double across_m = g->step_m[axis] * (double)(g->n[axis] - 1);
+    g->n[axis] = (size_t)ceil(across_m / step_m - 1e-6) + 3;
+    g->origin_m[axis] -= step_m;
+    g->step_m[axis] = step_m;
+}
+
+static void choose_grid(const struct geometry *g, const struct grid *image,
+                        struct incoherent_slab *slab, double distance_m)
+{
+    struct grid *part = &slab->grid;
+    struct grid own = *image;
+    own.n[2] = slab->n_planes;
+    own.origin_m[2] += image->step_m[2] * (double)slab->first_plane;
+    *part = own;
+    if (g->pings_m)
+        return;
+    for (int axis = 0; axis < 2; axis++) {
+        double step_m = FINENESS * distance_m;
+        if (axis == 0)
+            step_m = divide_pitch(g, step_m);
+        if (step_m > WORTH * image->step_m[axis] && image->n[axis] > 4)
+            coarsen(part, axis, step_m);
+    }
+    if (part->n[0] == own.n[0] && part->n[1] == own.n[1])
+        *part = own;
+}
+
+/* The slab that begins with this plane. */
+static void choose_slab(const struct geometry *g, const struct grid *image, size_t plane,
+                        bool last, struct incoherent_slab *slab)
+{
+    double low[3], high[3];
+    geometry_aperture(g, low, high);
+    double at_m = image->origin_m[2] + image->step_m[2] * (double)plane;
+    double distance_m = fmax(at_m - 0.5 * (low[2] + high[2]), 0.1);
+    double planes = ceil((DEEPER - 1.0) * distance_m / image->step_m[2]);
+    size_t left = image->n[2] - plane;
+    slab->first_plane = plane;
+    slab->n_planes = planes < (double)left && !last ? (size_t)planes : left;
+    choose_grid(g, image, slab, distance_m);
+}
+
+double incoherent_voxels(const struct geometry *g, const struct grid *image, bool *scan)
+{
+    double voxels = 0.0;
+    size_t n = 0;
+    *scan = g->n_positions >= VECTOR_LANES;
+    for (size_t z = 0; z < image->n[2]; n++) {
+        struct incoherent_slab slab;
+        choose_slab(g, image, z, n + 1 == MAX_SLABS, &slab);
+        voxels += (double)grid_size(&slab.grid);
+        *scan = *scan && geometry_stage_stride(g, slab.grid.step_m[0]);
+        z += slab.n_planes;
+    }
+    return voxels;
+}
+
+int incoherent_slabs_create(struct incoherent *b)
+{
+    size_t largest = 0;
+    int err = 0;
+    b->slabs = calloc(MAX_SLABS, sizeof *b->slabs);
+    if (!b->slabs)
+        return -ENOMEM;
+    for (size_t z = 0; !err && z < b->grid.n[2]; b->n_slabs++) {
+        struct incoherent_slab *slab = &b->slabs[b->n_slabs];
+        choose_slab(&b->geometry, &b->grid, z, b->n_slabs + 1 == MAX_SLABS, slab);
+        z += slab->n_planes;
+        struct grid part = b->grid;
+        part.n[2] = slab->n_planes;
+        part.origin_m[2] = slab->grid.origin_m[2];
+        if (slab->grid.n[0] == part.n[0] && slab->grid.n[1] == part.n[1])
+            continue;
+        err =
+            resample_create(&slab->resample, &slab->grid, &part, RESAMPLE_CUBIC, b->pool);
+        size_t size = grid_size(&slab->grid);
+        largest = size > largest ? size : largest;
+    }
+    if (!err && largest && !(b->coarse = malloc(largest * sizeof *b->coarse)))
+        err = -ENOMEM;
+    return err;
+}
+
+void incoherent_slabs_destroy(struct incoherent *b)
+{
+    for (size_t i = 0; i < b->n_slabs; i++)
+        resample_destroy(b->slabs[i].resample);
+    free(b->slabs);
+    free(b->coarse);
+}
+
+/* -- all voxels of a slab, for any geometry: voxels in the lanes ------------------------
+ */
+
+#define BLOCK 256 /* voxels: their delays to all elements stay in the cache */
+
+struct sweep {             /* one a thread */
+    float voxel[3][BLOCK]; /* m */
+    float sum[BLOCK];
+    float *delay; /* [elements][BLOCK] in stored samples */
+};
+
+static size_t n_elements(const struct incoherent *b)
+{
+    return b->geometry.n_speakers + b->geometry.n_microphones;
+}
+
+int incoherent_any_create(struct incoherent *b)
+{
+    struct sweep *sweeps = calloc(pool_threads(b->pool), sizeof *sweeps);
+    b->sweeps = sweeps;
+    for (size_t t = 0; sweeps && t < pool_threads(b->pool); t++)
+        if (!(sweeps[t].delay = malloc(n_elements(b) * BLOCK * sizeof(float))))
+            return -ENOMEM;
+    return sweeps ? 0 : -ENOMEM;
+}
+
+void incoherent_any_destroy(struct incoherent *b)
+{
+    struct sweep *sweeps = b->sweeps;
+    for (size_t t = 0; sweeps && t < pool_threads(b->pool); t++)
+        free(sweeps[t].delay);
+    free(sweeps);
+}
+
+/* Half of the origin of time goes to each of a pair's two elements. */
+VECTOR_CLONES
+static void element_delays(const struct incoherent *b, const double at[3],
+                           const float (*restrict voxel)[BLOCK], float *restrict delay)
+{
+    float per_m = (float)(incoherent_rate_hz(b) / b->geometry.sound_speed_m_s);
+    float start = (float)(0.5 * (1.0 - b->in.t0_s * incoherent_rate_hz(b)));
+    float x = (float)at[0], y = (float)at[1], z = (float)at[2];
+    for (size_t v = 0; v < BLOCK; v++) {
+        float dx = voxel[0][v] - x, dy = voxel[1][v] - y, dz = voxel[2][v] - z;
+        delay[v] = start + per_m * sqrtf(dx * dx + dy * dy + dz * dz);
+    }
+}
+
+VECTOR_CLONES
+static void add_trace(const float *restrict trace, float last, const float *restrict a,
+                      const float *restrict b, float *restrict sum)
+{
+    for (size_t v = 0; v < BLOCK; v++) {
+        float at = a[v] + b[v];
+        at = at > 0.0f ? at : 0.0f;
+        at = at < last ? at : last;
+        int sample = (int)at;
+        float x = trace[sample], y = trace[sample + 1];
+        sum[v] += x + (at - (float)sample) * (y - x);
+    }
+}
+
+/* Adds all traces of one position. */
+static void add_position(const struct incoherent *b, struct sweep *s, size_t k)
+{
+    const struct geometry *g = &b->geometry;
+    float last = (float)(b->n_stored - 2);
+    for (size_t e = 0; e < n_elements(b); e++) {
+        double at[3];
+        if (e < g->n_speakers)
+            geometry_speaker(g, k, e, at);
+        else
+            geometry_microphone(g, k, e - g->n_speakers, at);
+        element_delays(b, at, s->voxel, s->delay + e * BLOCK);
+    }
+    for (size_t pair = 0; pair < incoherent_pairs(b); pair++) {
+        size_t trace = k * incoherent_pairs(b) + pair;
+        if (b->live[trace])
+            add_trace(b->stored + trace * b->n_stored, last,
+                      s->delay + pair / g->n_microphones * BLOCK,
+                      s->delay + (g->n_speakers + pair % g->n_microphones) * BLOCK,
+                      s->sum);
+    }
+}
+
+static void image_block(void *ctx, size_t item, size_t thread)
+{
+    struct incoherent *b = ctx;
+    struct sweep *s = (struct sweep *)b->sweeps + thread;
+    const struct grid *g = &b->slab->grid;
+    size_t first = item * BLOCK, all = grid_size(g);
+    size_t n = all - first < BLOCK ? all - first : BLOCK;
+    for (size_t v = 0; v < BLOCK; v++) {
+        size_t at[3];
+        grid_place(g, first + (v < n ? v : n - 1), at);
+        for (int a = 0; a < 3; a++)
+            s->voxel[a][v] = (float)(g->origin_m[a] + g->step_m[a] * (double)at[a]);
+        s->sum[v] = 0.0f;
+    }
+    for (size_t k = 0; k < b->geometry.n_positions; k++)
+        add_position(b, s, k);
+    for (size_t v = 0; v < n; v++)
+        b->image[first + v] = s->sum[v];
+}
+
+void incoherent_any(struct incoherent *b)
+{
+    pool_run(b->pool, (grid_size(&b->slab->grid) + BLOCK - 1) / BLOCK, image_block, b);
+}
 
 #define FINE       INCOHERENT_FINE
 #define FADE       16 /* samples over which the ends of a trace fade */
@@ -49,7 +363,7 @@ static void incoherent_destroy(void *state)
     free(b->cell);
     free(b->fold);
     free(b->stored);
-    incoherent_mirror_destroy(b->mirror);
+    mirror_destroy(b->mirror);
     geometry_clear(&b->geometry);
     free(b);
 }
@@ -156,7 +470,7 @@ static int incoherent_create(void **state, const struct imager_config *cfg,
         err = allocate(b);
     }
     if (!err)
-        err = incoherent_mirror_create(&b->mirror, cfg);
+        err = mirror_create(&b->mirror, cfg);
     if (err) {
         incoherent_destroy(b);
         return err;
@@ -174,7 +488,7 @@ static void incoherent_add(void *state, size_t position, size_t speaker,
     struct incoherent *b = state;
     size_t n_m = b->geometry.n_microphones, n = b->in.n_samples;
     if (b->mirror)
-        incoherent_mirror_add(b->mirror, position, speaker, traces, masked);
+        mirror_add(b->mirror, position, speaker, traces, masked);
     for (size_t i = 0; i < n_m; i++) {
         if (masked && masked[i])
             continue;
@@ -195,7 +509,7 @@ static void incoherent_reset(void *state)
     memset(b->power, 0, n_traces(b) * b->in.n_samples * sizeof *b->power);
     memset(b->live, 0, n_traces(b) * sizeof *b->live);
     if (b->mirror)
-        incoherent_mirror_reset(b->mirror);
+        mirror_reset(b->mirror);
 }
 
 /* -- image ------------------------------------------------------------------------------
@@ -287,7 +601,7 @@ static void clip(void *ctx, size_t plane, size_t thread)
 static void incoherent_image(void *state, float *intensity)
 {
     struct incoherent *b = state;
-    if (b->mirror && incoherent_mirror_image(b->mirror, intensity))
+    if (b->mirror && mirror_image(b->mirror, intensity))
         return;
     memset(b->fold, 0, b->n_cells * sizeof *b->fold);
     for (size_t t = 0; t < n_traces(b); t++)

@@ -7,7 +7,7 @@
  * what each echo smears over the voxels that it could come from cancels where they do
  * not agree.  Each voxel sums all traces at its delay, a midpoint counting once however
  * many pairs share it; what stays below 0 is none.  The Gaussian is as wide as positions
- * may be wrong.  Mirrors are imaged in another way: recon/power/incoherent_mirror.h. */
+ * may be wrong.  Mirrors are imaged in another way: see incoherent.c. */
 #ifndef ANLOS_RECON_POWER_INCOHERENT_H
 #define ANLOS_RECON_POWER_INCOHERENT_H
 
@@ -15,7 +15,6 @@
 #include <stdint.h>
 
 #include "recon/imaging/imager.h"
-#include "recon/power/incoherent_mirror.h"
 #include "recon/imaging/resample.h"
 
 struct incoherent {

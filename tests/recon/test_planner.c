@@ -152,7 +152,7 @@ static void mirrors_are_not_paid_what_leaning_points_need(void **state)
     struct scene s;
     lay_out(&s);
     s.probe.objects[0].extent_m = 0.8;
-    s.probe.objects[0].lean[0] = -0.7;
+    s.probe.objects[0].tilt[0] = -0.7;
     s.probe.objects[0].moveout_m[0] = 0.02;
     decide(&s);
     assert_true(s.plan.dip);
@@ -360,8 +360,8 @@ static void planes_are_nearer_to_each_other_where_points_lean(void **state)
     lay_out(&s);
     decide(&s);
     assert_near(s.plan.grid.step_m[2], s.grid.step_m[2], 1e-12);
-    s.probe.objects[0].lean[0] = -0.7;
-    s.probe.objects[0].lean[1] = 0.4;
+    s.probe.objects[0].tilt[0] = -0.7;
+    s.probe.objects[0].tilt[1] = 0.4;
     decide(&s);
     assert_below(s.plan.grid.step_m[2], 0.6 * s.grid.step_m[2]);
     double wide = find(&s, 1.0, false)->error_m, narrow = find(&s, 0.5, false)->error_m;
@@ -455,10 +455,10 @@ static void what_stands_aside_is_sharpened_and_what_is_ahead_is_not(void **state
     lay_out(&s);
     decide(&s);
     assert_near(s.plan.sharpen, 0.0, 0.0);
-    s.probe.objects[0].lean[0] = 0.5;
+    s.probe.objects[0].tilt[0] = 0.5;
     decide(&s);
     assert_true(s.plan.sharpen > 0.0);
-    s.probe.objects[0].lean[0] = 0.0;
+    s.probe.objects[0].tilt[0] = 0.0;
     s.probe.objects[0].extent_m = 0.8;
     decide(&s);
     assert_true(s.plan.sharpen > 0.0);
@@ -472,7 +472,7 @@ static void elements_that_are_off_are_not_sharpened(void **state)
     (void)state;
     struct scene s;
     lay_out(&s);
-    s.probe.objects[0].lean[0] = 0.5;
+    s.probe.objects[0].tilt[0] = 0.5;
     s.probe.coherence.element_m = 0.004;
     decide(&s);
     assert_near(s.plan.sharpen, 0.0, 0.0);

@@ -2,7 +2,7 @@
 
 #include <stdlib.h>
 
-#include "recon/imaging/shares.h"
+#include "recon/power/shares.h"
 
 static const double in_edges[5] = {0.0, 1.0, 2.5, 3.0, 5.0};
 static const double out_edges[7] = {0.5, 0.75, 2.0, 2.0, 4.0, 6.0, 7.0};

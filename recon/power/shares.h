@@ -1,8 +1,8 @@
-/* recon/imaging/shares.h -- conservative resampling of one axis: what each interval of
+/* recon/power/shares.h -- conservative resampling of one axis: what each interval of
  * one set shares with each of another, as a sparse matrix with a band of neighbours a
  * row. */
-#ifndef ANLOS_RECON_IMAGING_SHARES_H
-#define ANLOS_RECON_IMAGING_SHARES_H
+#ifndef ANLOS_RECON_POWER_SHARES_H
+#define ANLOS_RECON_POWER_SHARES_H
 
 #include <stddef.h>
 #include <stdint.h>

@@ -1,4 +1,4 @@
-#include "recon/imaging/shares.h"
+#include "recon/power/shares.h"
 
 #include <errno.h>
 #include <math.h>

@@ -1,4 +1,4 @@
-#include "recon/planning/lean.h"
+#include "recon/planning/psf_tilt.h"
 
 #include "dsp/normal_equations.h"
 #include "recon/hann.h"
@@ -35,8 +35,8 @@ static void add_pairs(struct directions *d, const struct geometry *g, const floa
     }
 }
 
-void lean_of_point(const struct geometry *g, const float *weight, const double band_hz[2],
-                   const double at_m[3], double lean[2])
+void psf_tilt(const struct geometry *g, const float *weight, const double band_hz[2],
+              const double at_m[3], double tilt[2])
 {
     struct directions d = {0};
     double c[3][3], middle_hz = 0.5 * (band_hz[0] + band_hz[1]);
@@ -48,10 +48,10 @@ void lean_of_point(const struct geometry *g, const float *weight, const double b
             c[a][b] = (f2 + spread2) * d.product[a][b] / d.weight -
                       f2 * d.mean[a] * d.mean[b] / (d.weight * d.weight);
     double across[4] = {c[0][0], c[0][1], c[1][0], c[1][1]};
-    lean[0] = -c[0][2];
-    lean[1] = -c[1][2];
+    tilt[0] = -c[0][2];
+    tilt[1] = -c[1][2];
     for (int a = 0; a < 2; a++)
         if (!(across[3 * a] > UNRESOLVED * c[2][2]))
             across[3 * a] = 0.0;
-    normal_equations_solve(2, across, lean, UNRESOLVED);
+    normal_equations_solve(2, across, tilt, UNRESOLVED);
 }

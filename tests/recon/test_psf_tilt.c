@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "recon/imaging/fold.h"
-#include "recon/planning/lean.h"
+#include "recon/planning/psf_tilt.h"
 #include "tests/recon/rig.h"
 
 /* Pairs of all of 9 places 1 m along y, at 9 places 1 m along x, around the origin. */
@@ -22,11 +22,11 @@ static void lay_out(struct rig *r)
     }
 }
 
-static void measure(const struct rig *r, const double at_m[3], double lean[2])
+static void measure(const struct rig *r, const double at_m[3], double tilt[2])
 {
     float *weight;
     assert_int_equal(fold_weights(&r->geometry, &weight), 0);
-    lean_of_point(&r->geometry, weight, r->band_hz, at_m, lean);
+    psf_tilt(&r->geometry, weight, r->band_hz, at_m, tilt);
     free(weight);
 }
 
@@ -74,12 +74,12 @@ static void a_point_straight_ahead_does_not_lean(void **state)
 {
     static const double ahead_m[3] = {0.0, 0.0, 2.0};
     struct rig r;
-    double lean[2];
+    double tilt[2];
     (void)state;
     lay_out(&r);
-    measure(&r, ahead_m, lean);
-    assert_near(lean[0], 0.0, 1e-9);
-    assert_near(lean[1], 0.0, 1e-9);
+    measure(&r, ahead_m, tilt);
+    assert_near(tilt[0], 0.0, 1e-9);
+    assert_near(tilt[1], 0.0, 1e-9);
 }
 
 /* Along x alone, as y is level there. */
@@ -87,14 +87,14 @@ static void planes_beside_a_point_have_their_maximum_beside_it(void **state)
 {
     static const double aside_m[3] = {0.4, 0.0, 2.0};
     struct rig r;
-    double lean[2], dz_m = 0.003;
+    double tilt[2], dz_m = 0.003;
     (void)state;
     lay_out(&r);
-    measure(&r, aside_m, lean);
-    double shift_m = brightest(&r, aside_m, dz_m, 0, lean[0] * dz_m);
+    measure(&r, aside_m, tilt);
+    double shift_m = brightest(&r, aside_m, dz_m, 0, tilt[0] * dz_m);
     assert_true(fabs(shift_m) > 3e-4);
-    assert_near(lean[0] * dz_m, shift_m, 0.1 * fabs(shift_m));
-    assert_near(lean[1], 0.0, 1e-9);
+    assert_near(tilt[0] * dz_m, shift_m, 0.1 * fabs(shift_m));
+    assert_near(tilt[1], 0.0, 1e-9);
 }
 
 /* Midpoints are a square, but for their pitch. */
@@ -102,26 +102,26 @@ static void both_axes_lean_alike_where_the_array_is_alike(void **state)
 {
     static const double aside_m[3] = {0.3, -0.3, 2.0};
     struct rig r;
-    double lean[2];
+    double tilt[2];
     (void)state;
     lay_out(&r);
-    measure(&r, aside_m, lean);
-    assert_true(lean[0] < -0.1);
-    assert_near(lean[0], -lean[1], 0.2 * fabs(lean[0]));
+    measure(&r, aside_m, tilt);
+    assert_true(tilt[0] < -0.1);
+    assert_near(tilt[0], -tilt[1], 0.2 * fabs(tilt[0]));
 }
 
 static void an_axis_without_extent_does_not_lean(void **state)
 {
     static const double aside_m[3] = {0.4, 0.0, 2.0};
     struct rig r;
-    double lean[2];
+    double tilt[2];
     (void)state;
     lay_out(&r);
     r.geometry.n_speakers = r.geometry.n_microphones = 1;
     r.speakers_m[0][1] = r.microphones_m[0][1] = 0.0;
-    measure(&r, aside_m, lean);
-    assert_true(lean[0] < -0.1);
-    assert_near(lean[1], 0.0, 1e-12);
+    measure(&r, aside_m, tilt);
+    assert_true(tilt[0] < -0.1);
+    assert_near(tilt[1], 0.0, 1e-12);
 }
 
 int main(void)
