@@ -73,13 +73,17 @@ void detections_free(Anlos__DetectionList *list);
 const struct ego_motion *ego_from_message(struct ego_motion *out,
                                           const Anlos__EgoMotion *m);
 
-/* Of topic "wall".  0, or -EINVAL with an error: not numbers, a normal that is not of
- * length 1, a covariance that is none, or more than there is room for. */
+/* Of topic "wall", or of "wall/given" in the vehicle frame (walls_to_array).  0, or
+ * -EINVAL with an error: what walls_check says. */
 int walls_from_message(struct walls *out, const Anlos__WallList *m, struct error *why);
 
-/* Of topic "wall/given", whose walls are in the vehicle frame; the normal is turned to
- * point away from the array.  s: for the mount.  0, or -EINVAL with an error. */
-int walls_from_given(struct walls *out, const Anlos__WallList *m, const struct survey *s,
-                     struct error *why);
+struct walls_view { /* storage for a message that borrows its walls */
+    Anlos__Wall walls[WALLS_MAX], *each[WALLS_MAX];
+    Anlos__Vec3 normals[WALLS_MAX];
+};
+
+/* text: what is wrong with them, for a person. */
+void walls_to_message(const struct walls *w, const char *text, struct walls_view *view,
+                      Anlos__WallList *m);
 
 #endif

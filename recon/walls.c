@@ -6,6 +6,8 @@
 
 #include "recon/vehicle_frame.h"
 
+#define EXACT 1e-12 /* of a length that is 1 but for rounding */
+
 static const double array_up[3] = {0.0, 1.0, 0.0};
 
 void walls_from_survey(struct walls *out, const struct survey *s)
@@ -41,6 +43,87 @@ void walls_step(struct walls *w, const struct survey *s, const struct ego_step *
     for (size_t i = 0; i < w->n; i++)
         wall_move(&w->list[i].plane, array_up, (const double(*)[3])r, t,
                   &w->list[i].plane);
+}
+
+/* Positive semidefinite, up to rounding: all principal minors of a scaled copy. */
+static bool is_covariance(const double c[6])
+{
+    for (int q = 0; q < 6; q++)
+        if (!(fabs(c[q]) <= 1e6))
+            return false;
+    if (c[0] < 0.0 || c[3] < 0.0 || c[5] < 0.0)
+        return false;
+    double a = sqrt(c[0]), b = sqrt(c[3]), d = sqrt(c[5]);
+    double ab = a * b > 0.0 ? c[1] / (a * b) : 0.0;
+    double ad = a * d > 0.0 ? c[2] / (a * d) : 0.0;
+    double bd = b * d > 0.0 ? c[4] / (b * d) : 0.0;
+    const double least = -1e-6;
+    return 1.0 - ab * ab >= least && 1.0 - ad * ad >= least && 1.0 - bd * bd >= least &&
+           1.0 + 2.0 * ab * ad * bd - ab * ab - ad * ad - bd * bd >= least;
+}
+
+static int check_wall(const struct wall_gate *w, struct error *why)
+{
+    const double *n = w->plane.normal;
+    double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    if (!w->id || !isfinite(w->plane.distance_m))
+        return error_say(why, -EINVAL, "a wall without id, normal or distance");
+    if (!(fabs(length - 1.0) <= SURVEY_UNIT_TOLERANCE))
+        return error_say(why, -EINVAL,
+                         "wall %u has a normal of the length %g, expected 1", w->id,
+                         length);
+    if (!is_covariance(w->plane.covariance))
+        return error_say(why, -EINVAL, "wall %u has a covariance that is none", w->id);
+    if (!(w->gate_m[0] >= 0.0 && w->gate_m[0] <= w->gate_m[1]))
+        return error_say(why, -EINVAL,
+                         "wall %u has the gate %g to %g m, expected 0 <= near "
+                         "<= far",
+                         w->id, w->gate_m[0], w->gate_m[1]);
+    return 0;
+}
+
+int walls_check(const struct walls *w, struct error *why)
+{
+    if (w->n > WALLS_MAX || w->n_corners > WALLS_MAX_CORNERS)
+        return error_say(why, -EINVAL,
+                         "%zu walls and %zu corners of free view, expected at most %d "
+                         "and %d",
+                         w->n, w->n_corners, WALLS_MAX, WALLS_MAX_CORNERS);
+    for (size_t i = 0; i < w->n_corners; i++)
+        if (!isfinite(w->free_view_m[i][0]) || !isfinite(w->free_view_m[i][1]))
+            return error_say(why, -EINVAL, "free view has a corner that is no number");
+    for (size_t i = 0; i < w->n; i++) {
+        int err = check_wall(&w->list[i], why);
+        if (err)
+            return err;
+    }
+    return 0;
+}
+
+void walls_normalise(struct walls *w)
+{
+    for (size_t i = 0; i < w->n; i++) {
+        double *n = w->list[i].plane.normal;
+        double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        for (int a = 0; a < 3 && fabs(length - 1.0) > EXACT; a++)
+            n[a] /= length;
+    }
+}
+
+void walls_to_array(struct walls *w, const struct survey *s)
+{
+    static const double vehicle_up[3] = {0.0, 0.0, 1.0};
+    static const double vehicle_origin[3] = {0.0, 0.0, 0.0};
+    struct mount mount;
+    double shift[3];
+
+    vehicle_frame_mount(s, &mount);
+    mount_to_array(&mount, vehicle_origin, shift);
+    for (size_t i = 0; i < w->n; i++) {
+        struct wall *plane = &w->list[i].plane;
+        wall_move(plane, vehicle_up, (const double(*)[3])mount.axes, shift, plane);
+        wall_face(plane);
+    }
 }
 
 /* A line from p to infinity crosses the border an odd number of times (Shimrat 1962). */

@@ -15,10 +15,7 @@
 #include "recon/frontend.h"
 #include "recon/imaging/imager_options.h"
 #include "recon/object_tracker.h"
-
-#define LAUNCHFILE_WALL_CORNERS 32
-
-enum wall_from { WALL_FROM_SURVEY, WALL_FROM_TOPIC, WALL_FROM_ECHOES };
+#include "nodes/wall/wall_map.h"
 
 struct launch_track { /* recon/track.h tells what they do, and why so much */
     double threshold_db;
@@ -94,7 +91,7 @@ struct launchfile {
         double every_s;      /* default 0.5: from estimate to estimate */
         double lost_s;       /* default 3: without being seen or given */
         unsigned n_corners;  /* of what the array sees directly; default 0 */
-        double free_view_m[LAUNCHFILE_WALL_CORNERS]
+        double free_view_m[WALLS_MAX_CORNERS]
                           [2]; /* x, z in the array's horizontal plane */
     } wall;
     struct {

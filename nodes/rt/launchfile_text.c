@@ -118,7 +118,7 @@ static const cyaml_schema_field_t wall_fields[] = {
     WALL_NUMBER(lost_s),
     CYAML_FIELD_SEQUENCE("free_view_m", CYAML_FLAG_POINTER | OPTIONAL,
                          struct launch_text_wall, free_view_m, &corner_schema, 0,
-                         LAUNCHFILE_WALL_CORNERS),
+                         WALLS_MAX_CORNERS),
     CYAML_FIELD_END};
 static const cyaml_schema_field_t report_fields[] = {
     CYAML_FIELD_STRING_PTR("folder", CYAML_FLAG_POINTER, struct launch_text_report,

@@ -1,49 +1,74 @@
 #include "nodes/wall/finder.h"
 
-#include "msgs/convert.h"
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
 
 #define PERIOD_NS 100000000LL  /* from list to list */
 #define QUIET_NS  1000000000LL /* without pings */
 
-void finder_init(struct finder *f, const struct launchfile *l)
+struct wall_finder {
+    struct wall_finder_config cfg;
+    struct wall_map map;
+    struct wall_listener *listener; /* of walls from echoes, once the survey is known */
+    struct survey survey;
+    uint64_t survey_id;   /* 0: there is none */
+    int64_t published_ns; /* stamp of the newest list */
+    int64_t heard_ns;     /* when the newest ping came in; 0: none has */
+    int64_t ping_ns;      /* its capture stamp */
+};
+
+int wall_finder_create(struct wall_finder **out, const struct wall_finder_config *cfg)
 {
-    *f = (struct finder){
-        .from = l->wall.from,
-        .listens = {.vertical = l->wall.vertical,
-                    .vertical_rad = l->wall.vertical_deg * 3.14159265358979 / 180.0,
-                    .reach_m = l->wall.reach_m,
-                    .every_s = l->wall.every_s}};
-    wall_map_init(&f->wall_map, l);
+    struct wall_finder *f = calloc(1, sizeof *f);
+
+    if (!f)
+        return -ENOMEM;
+    f->cfg = *cfg;
+    wall_map_init(&f->map, &cfg->map);
+    *out = f;
+    return 0;
 }
 
-int finder_survey(struct finder *f, const Anlos__Survey *m, struct error *why)
+int wall_finder_survey(struct wall_finder *f, const struct survey *survey,
+                       struct error *why)
 {
     struct survey fresh;
+    uint64_t id = survey_id(survey);
 
-    if (f->has_survey && f->survey_id == m->id)
+    if (f->survey_id == id)
         return 0;
-    int err = survey_from_message(&fresh, m, why);
+    int err = survey_copy(&fresh, survey);
     if (err)
-        return err;
-    listener_destroy(f->listener);
+        return error_say(why, err, "survey: %s", strerror(-err));
+    wall_listener_destroy(f->listener);
     f->listener = NULL;
     survey_clear(&f->survey);
     f->survey = fresh;
-    f->survey_id = m->id;
-    f->has_survey = true;
-    wall_map_survey(&f->wall_map, &f->survey);
-    return f->from == WALL_FROM_ECHOES
-               ? listener_create(&f->listener, &f->listens, &f->survey, why)
+    f->survey_id = id;
+    wall_map_survey(&f->map, &f->survey);
+    return f->cfg.map.from == WALL_FROM_ECHOES
+               ? wall_listener_create(&f->listener, &f->cfg.listener, &f->survey, why)
                : 0;
 }
 
-void finder_ego(struct finder *f, const Anlos__EgoMotion *m, int64_t capture_ns)
+uint64_t wall_finder_survey_id(const struct wall_finder *f)
 {
-    wall_map_ego(&f->wall_map, m, capture_ns);
+    return f->survey_id;
 }
 
-bool finder_ping(struct finder *f, const Anlos__Ping *ping, int64_t capture_ns,
-                 int64_t now_ns)
+enum wall_from wall_finder_from(const struct wall_finder *f)
+{
+    return f->cfg.map.from;
+}
+
+void wall_finder_ego(struct wall_finder *f, const struct ego_motion *motion,
+                     int64_t capture_ns)
+{
+    wall_map_ego(&f->map, motion, capture_ns);
+}
+
+bool wall_finder_ping(struct wall_finder *f, const struct ping *ping, int64_t now_ns)
 {
     struct wall_estimates heard;
     bool blind = false;
@@ -53,44 +78,51 @@ bool finder_ping(struct finder *f, const Anlos__Ping *ping, int64_t capture_ns,
     if (!f->heard_ns) /* what is heard is told from the first ping on */
         f->published_ns = 0;
     f->heard_ns = now_ns;
-    f->ping_ns = capture_ns;
-    wall_map_advance(&f->wall_map, capture_ns);
-    if (listener_ping(f->listener, ping, capture_ns, wall_map_path(&f->wall_map), &heard,
-                      &blind) &&
+    f->ping_ns = ping->capture_ns;
+    wall_map_advance(&f->map, ping->capture_ns);
+    if (wall_listener_ping(f->listener, ping, wall_map_path(&f->map), &heard, &blind) &&
         !blind)
-        wall_map_estimates(&f->wall_map, &heard);
+        wall_map_estimates(&f->map, &heard);
     return true;
 }
 
-int finder_given(struct finder *f, const Anlos__WallList *m, int64_t capture_ns,
-                 struct error *why)
+int wall_finder_given(struct wall_finder *f, const struct walls *given,
+                      int64_t capture_ns, struct error *why)
 {
-    return f->has_survey ? wall_map_given(&f->wall_map, m, capture_ns, why) : 0;
+    return f->survey_id ? wall_map_given(&f->map, given, capture_ns, why) : 0;
 }
 
 /* What is heard is told as it was at the newest ping.  What is not heard itself is told
  * for the present; so is what was heard, when no pings come any more. */
-const Anlos__WallList *finder_list(struct finder *f, int64_t now_ns, int64_t *stamp_ns)
+const struct walls *wall_finder_list(struct wall_finder *f, int64_t now_ns,
+                                     int64_t *stamp_ns)
 {
-    if (f->from != WALL_FROM_ECHOES || now_ns - f->heard_ns >= QUIET_NS)
-        wall_map_advance(&f->wall_map, now_ns);
+    if (f->cfg.map.from != WALL_FROM_ECHOES || now_ns - f->heard_ns >= QUIET_NS)
+        wall_map_advance(&f->map, now_ns);
     else
         now_ns = f->ping_ns;
-    if (!f->has_survey ||
+    if (!f->survey_id ||
         (now_ns >= f->published_ns && now_ns - f->published_ns < PERIOD_NS))
         return NULL;
     *stamp_ns = f->published_ns = now_ns;
-    return wall_map_list(&f->wall_map);
+    return wall_map_list(&f->map);
 }
 
-size_t finder_unusable(const struct finder *f)
+struct wall_map *wall_finder_map(struct wall_finder *f)
 {
-    return f->listener ? listener_unusable(f->listener) : 0;
+    return &f->map;
 }
 
-void finder_clear(struct finder *f)
+size_t wall_finder_unusable(const struct wall_finder *f)
 {
-    listener_destroy(f->listener);
+    return f->listener ? wall_listener_unusable(f->listener) : 0;
+}
+
+void wall_finder_destroy(struct wall_finder *f)
+{
+    if (!f)
+        return;
+    wall_listener_destroy(f->listener);
     survey_clear(&f->survey);
-    f->listener = NULL;
+    free(f);
 }

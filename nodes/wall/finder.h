@@ -1,46 +1,54 @@
-/* nodes/wall/finder.h -- the wall node's step: what it hears to the lists of walls that
- * it publishes.  Without bus and clock: a replay in one process calls it as the node
- * does. */
+/* nodes/wall/finder.h -- the walls that mirror sound: what is heard, given or configured
+ * of them to the lists that the imaging and the tracks work with.
+ *
+ * One thread at a time. */
 #ifndef ANLOS_NODES_WALL_FINDER_H
 #define ANLOS_NODES_WALL_FINDER_H
 
-#include "msgs/survey.pb-c.h"
 #include "nodes/wall/listener.h"
 #include "nodes/wall/wall_map.h"
 
-struct finder {
-    enum wall_from from;
-    struct listener_config listens;
-    struct wall_map wall_map;
-    struct listener *listener; /* with from: echoes, once the survey is known */
-    struct survey survey;
-    uint64_t survey_id;
-    bool has_survey;
-    int64_t published_ns; /* stamp of the newest list */
-    int64_t heard_ns;     /* when the newest ping came in; 0: none has */
-    int64_t ping_ns;      /* its capture stamp */
+struct wall_finder_config {
+    struct wall_map_config map;
+    struct wall_listener_config listener; /* of walls from echoes */
 };
 
-void finder_init(struct finder *f, const struct launchfile *l);
+struct wall_finder;
 
-/* 0, or a negative errno with an error. */
-int finder_survey(struct finder *f, const Anlos__Survey *m, struct error *why);
+/* 0, -ENOMEM. */
+int wall_finder_create(struct wall_finder **out, const struct wall_finder_config *cfg);
 
-void finder_ego(struct finder *f, const Anlos__EgoMotion *m, int64_t capture_ns);
+/* Copies it; the walls of another one are forgotten.  0, or a negative errno with an
+ * error: also where walls are to be heard and this array cannot. */
+int wall_finder_survey(struct wall_finder *f, const struct survey *survey,
+                       struct error *why);
 
-/* now_ns: when it came in.  false: it came before a survey. */
-bool finder_ping(struct finder *f, const Anlos__Ping *ping, int64_t capture_ns,
-                 int64_t now_ns);
+/* survey_id of what it was given; 0: nothing. */
+uint64_t wall_finder_survey_id(const struct wall_finder *f);
 
-/* 0, or -EINVAL with an error. */
-int finder_given(struct finder *f, const Anlos__WallList *m, int64_t capture_ns,
-                 struct error *why);
+enum wall_from wall_finder_from(const struct wall_finder *f);
 
-/* After each message, and while there is none: the list that is to be published now, at
- * most ten a second, with its stamp; NULL: none is.  Borrows until the next call. */
-const Anlos__WallList *finder_list(struct finder *f, int64_t now_ns, int64_t *stamp_ns);
+/* How the vehicle moves; NULL: somebody told of it, but not that. */
+void wall_finder_ego(struct wall_finder *f, const struct ego_motion *motion,
+                     int64_t capture_ns);
 
-size_t finder_unusable(const struct finder *f); /* pings of this survey */
-void finder_clear(struct finder *f);
+/* now_ns: when it came in.  false: nothing is heard before a survey, or where walls are
+ * not from echoes. */
+bool wall_finder_ping(struct wall_finder *f, const struct ping *ping, int64_t now_ns);
+
+/* What the vehicle says of them, as wall_map_given has it. */
+int wall_finder_given(struct wall_finder *f, const struct walls *given,
+                      int64_t capture_ns, struct error *why);
+
+/* After each of these, and while nothing comes: the list that is to be told now, at most
+ * ten a second, with its stamp; NULL: none is.  Borrows until the next call. */
+const struct walls *wall_finder_list(struct wall_finder *f, int64_t now_ns,
+                                     int64_t *stamp_ns);
+
+/* What they are known by: their tracks, the newest list and what is wrong with it. */
+struct wall_map *wall_finder_map(struct wall_finder *f);
+
+size_t wall_finder_unusable(const struct wall_finder *f); /* pings of this survey */
+void wall_finder_destroy(struct wall_finder *f);
 
 #endif

@@ -21,17 +21,17 @@ struct heard {     /* a ping's echoes, as it stood */
     size_t first, n;
 };
 
-struct listener {
-    struct listener_config cfg;
+struct wall_listener {
+    struct wall_listener_config cfg;
     const struct survey *survey;
-    struct receiver receiver;
+    struct wall_receiver receiver;
     struct wall_estimate_config estimate;
     size_t stride; /* of positions */
 
     bool looking;
     int64_t look_ns; /* when the newest look began */
     uint32_t scan;
-    Anlos__Pass pass;
+    enum pass pass;
     size_t position, n_here; /* pings of this position in the look */
     size_t n_pings, n_echoes, n_pairs, room_pings, room_echoes;
     struct heard *pings;
@@ -39,7 +39,7 @@ struct listener {
     size_t unusable;
 };
 
-static void configure_estimate(struct listener *l)
+static void configure_estimate(struct wall_listener *l)
 {
     struct wall_estimate_config *e = &l->estimate;
     double r[3][3], t[3];
@@ -55,7 +55,7 @@ static void configure_estimate(struct listener *l)
         (struct wall){.normal = {-r[2][0], -r[2][1], -r[2][2]}, .distance_m = t[2]};
 }
 
-static int allocate(struct listener *l)
+static int allocate(struct wall_listener *l)
 {
     const struct survey *s = l->survey;
     size_t pairs = s->n_speakers * s->n_microphones;
@@ -72,19 +72,20 @@ static int allocate(struct listener *l)
     return l->pings && l->echoes && l->moved ? 0 : -ENOMEM;
 }
 
-int listener_create(struct listener **out, const struct listener_config *cfg,
-                    const struct survey *s, struct error *why)
+int wall_listener_create(struct wall_listener **out,
+                         const struct wall_listener_config *cfg, const struct survey *s,
+                         struct error *why)
 {
     if (s->pings_m)
         return error_say(why, -EINVAL,
                          "wall: pings with places of their own tell no walls; use "
                          "from: survey");
-    struct listener *l = calloc(1, sizeof *l);
+    struct wall_listener *l = calloc(1, sizeof *l);
     if (!l)
         return error_say(why, -ENOMEM, "not enough memory to look for walls");
     l->cfg = *cfg;
     l->survey = s;
-    int err = receiver_open(&l->receiver, s, cfg->reach_m, CLEARANCE_M, why);
+    int err = wall_receiver_open(&l->receiver, s, cfg->reach_m, CLEARANCE_M, why);
     if (!err) {
         configure_estimate(l);
         err = allocate(l);
@@ -92,35 +93,35 @@ int listener_create(struct listener **out, const struct listener_config *cfg,
             error_say(why, err, "not enough memory to look for walls");
     }
     if (err)
-        listener_destroy(l);
+        wall_listener_destroy(l);
     else
         *out = l;
     return err;
 }
 
-void listener_destroy(struct listener *l)
+void wall_listener_destroy(struct wall_listener *l)
 {
     if (!l)
         return;
-    receiver_clear(&l->receiver);
+    wall_receiver_clear(&l->receiver);
     free(l->pings);
     free(l->echoes);
     free(l->moved);
     free(l);
 }
 
-size_t listener_unusable(const struct listener *l)
+size_t wall_listener_unusable(const struct wall_listener *l)
 {
     return l->unusable;
 }
 
-static void forget(struct listener *l)
+static void forget(struct wall_listener *l)
 {
     l->n_pings = l->n_echoes = l->n_pairs = l->n_here = 0;
 }
 
 /* The echoes of one microphone; a silent one does not count as a pair. */
-static void pick(struct listener *l, const Anlos__Ping *ping, size_t microphone)
+static void pick(struct wall_listener *l, const struct ping *ping, size_t microphone)
 {
     struct wall_echo_peak peaks[PEAKS];
     struct wall_echo e = {.pair = (uint32_t)l->n_pairs,
@@ -159,12 +160,12 @@ static bool is_silent(const float complex *trace, size_t n)
     return true;
 }
 
-static void hear(struct listener *l, const Anlos__Ping *ping, int64_t capture_ns)
+static void hear(struct wall_listener *l, const struct ping *ping)
 {
     const struct survey *s = l->survey;
     double middle_s = s->latency_samples / s->sample_rate_hz + 0.5 * s->chirp_duration_s;
     struct heard *h = &l->pings[l->n_pings++];
-    *h = (struct heard){.at_ns = capture_ns + (int64_t)(1e9 * middle_s),
+    *h = (struct heard){.at_ns = ping->capture_ns + (int64_t)(1e9 * middle_s),
                         .first = l->n_echoes};
     for (size_t m = 0; m < s->n_microphones; m++)
         if (!ping->not_finite[m] &&
@@ -193,7 +194,8 @@ static void carry(const struct wall_echo *from, const double r[3][3], const doub
 
 /* The array of each ping stood somewhere else in the frame of now; false: unknown where.
  */
-static bool carry_all(struct listener *l, const struct ego_path *path, int64_t now_ns)
+static bool carry_all(struct wall_listener *l, const struct ego_path *path,
+                      int64_t now_ns)
 {
     bool known = true;
     struct mount mount;
@@ -215,8 +217,8 @@ static bool carry_all(struct listener *l, const struct ego_path *path, int64_t n
     return known;
 }
 
-static bool conclude(struct listener *l, const struct ego_path *path, int64_t capture_ns,
-                     struct wall_estimates *out, bool *blind)
+static bool conclude(struct wall_listener *l, const struct ego_path *path,
+                     int64_t capture_ns, struct wall_estimates *out, bool *blind)
 {
     *blind = !carry_all(l, path, capture_ns);
     return !*blind &&
@@ -224,8 +226,9 @@ static bool conclude(struct listener *l, const struct ego_path *path, int64_t ca
 }
 
 /* Does this ping begin a look?  A scan's look goes on from position to position. */
-static void begin(struct listener *l, const Anlos__Ping *ping, int64_t capture_ns)
+static void begin(struct wall_listener *l, const struct ping *ping)
 {
+    int64_t capture_ns = ping->capture_ns;
     bool is_scan = l->survey->n_positions > 1;
     bool anew = is_scan ? ping->scan != l->scan || ping->pass != l->pass : !l->looking;
     bool due = capture_ns - l->look_ns >= (int64_t)(1e9 * l->cfg.every_s) ||
@@ -244,15 +247,17 @@ static void begin(struct listener *l, const Anlos__Ping *ping, int64_t capture_n
     }
 }
 
-bool listener_ping(struct listener *l, const Anlos__Ping *ping, int64_t capture_ns,
-                   const struct ego_path *path, struct wall_estimates *out, bool *blind)
+bool wall_listener_ping(struct wall_listener *l, const struct ping *ping,
+                        const struct ego_path *path, struct wall_estimates *out,
+                        bool *blind)
 {
+    int64_t capture_ns = ping->capture_ns;
     bool is_scan = l->survey->n_positions > 1;
-    begin(l, ping, capture_ns);
+    begin(l, ping);
     if (!l->looking || ping->position % l->stride || l->n_pings == l->room_pings)
         return false;
-    if (receiver_take(&l->receiver, ping))
-        hear(l, ping, capture_ns);
+    if (wall_receiver_take(&l->receiver, ping))
+        hear(l, ping);
     else
         l->unusable++;
     if (++l->n_here < l->survey->n_speakers)

@@ -12,32 +12,34 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
-#include "msgs/array.pb-c.h"
 #include "recon/ego.h"
+#include "recon/ping.h"
 #include "recon/survey.h"
 #include "recon/wall_estimate.h"
 
-struct listener_config {
+struct wall_listener_config {
     bool vertical;       /* the prior: walls are upright */
     double vertical_rad; /* one sigma */
     double reach_m;      /* how far away walls are looked for */
     double every_s;      /* from look to look */
 };
 
-struct listener;
+struct wall_listener;
 
 /* Plans for a survey, which must outlive it.  0, or a negative errno with an error. */
-int listener_create(struct listener **out, const struct listener_config *cfg,
-                    const struct survey *s, struct error *why);
+int wall_listener_create(struct wall_listener **out,
+                         const struct wall_listener_config *cfg, const struct survey *s,
+                         struct error *why);
 
 /* Takes a ping of that survey.  true: it ended a look, and *out is what was heard, in the
  * array's frame at the ping's capture stamp; then *blind says that the vehicle moved and
  * nobody knows how.  NULL path: the array stands.  A ping that cannot be used is left out
  * and counted. */
-bool listener_ping(struct listener *l, const Anlos__Ping *ping, int64_t capture_ns,
-                   const struct ego_path *path, struct wall_estimates *out, bool *blind);
+bool wall_listener_ping(struct wall_listener *l, const struct ping *ping,
+                        const struct ego_path *path, struct wall_estimates *out,
+                        bool *blind);
 
-size_t listener_unusable(const struct listener *l); /* pings, of all time */
-void listener_destroy(struct listener *l);
+size_t wall_listener_unusable(const struct wall_listener *l); /* pings, of all time */
+void wall_listener_destroy(struct wall_listener *l);
 
 #endif

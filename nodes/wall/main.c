@@ -4,11 +4,12 @@
 #include "msgs/topics.h"
 #include "nodes/rt/early.h"
 #include "nodes/rt/node.h"
-#include "nodes/wall/finder.h"
+#include "nodes/wall/finding.h"
 
 struct run {
     struct node *node;
-    struct finder finder;
+    struct finding *finding;
+    enum wall_from from;
     size_t unusable; /* pings, said in the log already */
     struct early early;
 };
@@ -32,13 +33,13 @@ static void tell_state(struct run *r, const Anlos__WallList *list)
 static int take_survey(struct run *r, const Anlos__Survey *m)
 {
     struct error why = {""};
-    bool known = r->finder.has_survey && r->finder.survey_id == m->id;
-    int err = finder_survey(&r->finder, m, &why);
+    bool known = wall_finder_survey_id(finding_finder(r->finding)) == m->id;
+    int err = finding_survey(r->finding, m, &why);
 
     if (err) {
         node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
     } else if (!known) {
-        tell_state(r, wall_map_list(&r->finder.wall_map));
+        tell_state(r, finding_walls(r->finding));
         early_tell(&r->early, r->node);
     }
     return err;
@@ -46,23 +47,23 @@ static int take_survey(struct run *r, const Anlos__Survey *m)
 
 static void take_ping(struct run *r, const struct node_message *in)
 {
-    if (r->finder.from != WALL_FROM_ECHOES) /* of a replay: only the time that it is */
+    if (r->from != WALL_FROM_ECHOES) /* of a replay: only the time that it is */
         return;
-    if (!finder_ping(&r->finder, (const Anlos__Ping *)in->content, in->capture_ns,
-                     node_now_ns(r->node)))
+    if (!finding_ping(r->finding, (const Anlos__Ping *)in->content, in->capture_ns,
+                      node_now_ns(r->node)))
         r->early.n++;
-    if (finder_unusable(&r->finder) != r->unusable) {
-        r->unusable = finder_unusable(&r->finder);
-        node_log(r->node, LOG_LEVEL_WARNING, "%zu pings could not be used", r->unusable);
-    }
+    size_t unusable = wall_finder_unusable(finding_finder(r->finding));
+    if (unusable != r->unusable)
+        node_log(r->node, LOG_LEVEL_WARNING, "%zu pings could not be used", unusable);
+    r->unusable = unusable;
 }
 
 static void take_given(struct run *r, const struct node_message *in)
 {
     struct error why = {""};
 
-    if (finder_given(&r->finder, (const Anlos__WallList *)in->content, in->capture_ns,
-                     &why))
+    if (finding_given(r->finding, (const Anlos__WallList *)in->content, in->capture_ns,
+                      &why))
         node_log(r->node, LOG_LEVEL_WARNING, "%s", why.text);
 }
 
@@ -70,7 +71,7 @@ static void publish(struct run *r)
 {
     int64_t stamp_ns;
     const Anlos__WallList *list =
-        finder_list(&r->finder, node_now_ns(r->node), &stamp_ns);
+        finding_list(r->finding, node_now_ns(r->node), &stamp_ns);
 
     if (!list)
         return;
@@ -91,9 +92,9 @@ static int subscribe(struct run *r)
 
     if (!err)
         err = node_subscribe(r->node, topic_ego());
-    if (!err && (r->finder.from == WALL_FROM_ECHOES || node_is_replayed(r->node)))
+    if (!err && (r->from == WALL_FROM_ECHOES || node_is_replayed(r->node)))
         err = node_subscribe(r->node, topic_ping());
-    if (!err && r->finder.from == WALL_FROM_TOPIC)
+    if (!err && r->from == WALL_FROM_TOPIC)
         err = node_subscribe(r->node, topic_wall_given());
     return err;
 }
@@ -113,7 +114,7 @@ static int run(struct run *r)
         else if (!err && in.topic == topic_survey())
             err = take_survey(r, (const Anlos__Survey *)in.content);
         else if (!err && in.topic == topic_ego())
-            finder_ego(&r->finder, (const Anlos__EgoMotion *)in.content, in.capture_ns);
+            finding_ego(r->finding, (const Anlos__EgoMotion *)in.content, in.capture_ns);
         else if (!err && in.topic == topic_ping())
             take_ping(r, &in);
         else if (!err)
@@ -128,13 +129,17 @@ static int run(struct run *r)
 int main(int argc, char **argv)
 {
     struct run r = {.early = {.count = "pings before the survey"}};
+    struct wall_finder_config cfg;
     int err = node_create(&r.node, "wall", "Tells where the walls are that mirror sound.",
                           argc, argv);
 
     if (err)
         return err - 1;
-    finder_init(&r.finder, node_launch(r.node));
-    err = run(&r);
-    finder_clear(&r.finder);
+    finding_config(&cfg, node_launch(r.node));
+    r.from = cfg.map.from;
+    err = finding_create(&r.finding, &cfg);
+    if (!err)
+        err = run(&r);
+    finding_destroy(r.finding);
     return node_finish(r.node, err);
 }

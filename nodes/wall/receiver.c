@@ -29,7 +29,7 @@ static double slot_s(const struct survey *s)
 
 /* From the emission on, as far as walls are looked for and the ping holds whole chirps.
  */
-static int plan_gate(struct receiver *r, double reach_m, struct error *why)
+static int plan_gate(struct wall_receiver *r, double reach_m, struct error *why)
 {
     const struct survey *s = r->survey;
     struct processing *p = &r->processing;
@@ -54,8 +54,8 @@ static int plan_gate(struct receiver *r, double reach_m, struct error *why)
 
 /* The other chirp's direct sound: of this slot, and of the next if filters for an echo
  * reach as far. */
-static int plan_crosstalk(struct receiver *r, const struct survey *down, double direct_s,
-                          struct error *why)
+static int plan_crosstalk(struct wall_receiver *r, const struct survey *down,
+                          double direct_s, struct error *why)
 {
     struct survey flat[2] = {*r->survey, *down};
     struct wall_crosstalk_config cfg = {.sample_rate_hz = down->sample_rate_hz,
@@ -83,13 +83,13 @@ static int plan_crosstalk(struct receiver *r, const struct survey *down, double 
 }
 
 /* Does a filter for an echo reach into the next slot? */
-static bool hears_next(const struct receiver *r)
+static bool hears_next(const struct wall_receiver *r)
 {
     return r->until_s + r->survey->chirp_duration_s > slot_s(r->survey);
 }
 
 /* All that two chirps at a time bring directly has to be in the ping. */
-static bool can_tell_apart(const struct receiver *r, double direct_s)
+static bool can_tell_apart(const struct wall_receiver *r, double direct_s)
 {
     const struct survey *s = r->survey;
     double ping_s = ((double)r->processing.ping_samples - s->latency_samples) /
@@ -100,7 +100,7 @@ static bool can_tell_apart(const struct receiver *r, double direct_s)
 }
 
 /* Silence before the ping, and the gate on to the end of the next direct sound. */
-static void extend(struct receiver *r, double *direct_s)
+static void extend(struct wall_receiver *r, double *direct_s)
 {
     const struct survey *s = r->survey;
     struct processing *p = &r->processing;
@@ -114,7 +114,7 @@ static void extend(struct receiver *r, double *direct_s)
         p->gate_s[1] = slot_s(s) + *direct_s + MARGIN_SAMPLES / s->sample_rate_hz;
 }
 
-static int plan_filters(struct receiver *r, double clearance_m, struct error *why)
+static int plan_filters(struct wall_receiver *r, double clearance_m, struct error *why)
 {
     const struct survey *s = r->survey;
     struct processing *p = &r->processing;
@@ -145,10 +145,10 @@ static int plan_filters(struct receiver *r, double clearance_m, struct error *wh
     return 0;
 }
 
-int receiver_open(struct receiver *r, const struct survey *s, double reach_m,
-                  double clearance_m, struct error *why)
+int wall_receiver_open(struct wall_receiver *r, const struct survey *s, double reach_m,
+                       double clearance_m, struct error *why)
 {
-    *r = (struct receiver){.survey = s, .survey_id = survey_id(s)};
+    *r = (struct wall_receiver){.survey = s, .survey_id = survey_id(s)};
     int err = plan_gate(r, reach_m, why);
     if (!err)
         err = plan_filters(r, clearance_m, why);
@@ -163,7 +163,7 @@ int receiver_open(struct receiver *r, const struct survey *s, double reach_m,
     return 0;
 }
 
-void receiver_clear(struct receiver *r)
+void wall_receiver_clear(struct wall_receiver *r)
 {
     pulse_compress_destroy(r->compress[0]);
     pulse_compress_destroy(r->compress[1]);
@@ -173,25 +173,25 @@ void receiver_clear(struct receiver *r)
     free(r->other);
 }
 
-static bool is_usable(const struct receiver *r, const Anlos__Ping *ping)
+static bool is_usable(const struct wall_receiver *r, const struct ping *ping)
 {
     const struct survey *s = r->survey;
-    return r->compress[ping->down ? 1 : 0] && ping->valid &&
-           ping->survey_id == r->survey_id && ping->n_not_finite == s->n_microphones &&
+    return r->compress[ping->down ? 1 : 0] && ping->valid && ping->samples &&
+           ping->survey_id == r->survey_id && ping->n_microphones == s->n_microphones &&
            ping->position < s->n_positions && ping->speaker < s->n_speakers;
 }
 
-bool receiver_take(struct receiver *r, const Anlos__Ping *ping)
+bool wall_receiver_take(struct wall_receiver *r, const struct ping *ping)
 {
-    size_t extents[2], need = r->processing.ping_samples;
-    const float *x = ping->samples ? tensor_f32(ping->samples, 2, extents) : NULL;
-    if (!x || !is_usable(r, ping) || extents[0] != r->survey->n_microphones)
+    size_t need = r->processing.ping_samples, n_trace = r->format.n_samples;
+    const float *x = ping->samples;
+    if (!is_usable(r, ping))
         return false;
-    size_t n = extents[1], n_trace = r->format.n_samples;
+    size_t n = ping->n_samples;
     int own = ping->down ? 1 : 0;
     if (n < need || r->lead) {
         size_t held = n < need - r->lead ? n : need - r->lead;
-        for (size_t m = 0; m < extents[0]; m++) {
+        for (size_t m = 0; m < ping->n_microphones; m++) {
             float *to = r->padded + m * need + r->lead;
             memcpy(to, x + m * n, held * sizeof *x);
             memset(to + held, 0, (need - r->lead - held) * sizeof *x);
@@ -203,7 +203,7 @@ bool receiver_take(struct receiver *r, const Anlos__Ping *ping)
     if (!r->crosstalk)
         return true;
     pulse_compress_execute(r->compress[1 - own], x, n, r->other);
-    for (size_t m = 0; m < extents[0]; m++)
+    for (size_t m = 0; m < ping->n_microphones; m++)
         wall_crosstalk_remove(r->crosstalk, own, r->traces + m * n_trace,
                               r->other + m * n_trace);
     return true;

@@ -10,12 +10,12 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
-#include "msgs/array.pb-c.h"
+#include "recon/ping.h"
 #include "recon/processing.h"
 #include "recon/survey.h"
 #include "recon/wall_crosstalk.h"
 
-struct receiver {
+struct wall_receiver {
     const struct survey *survey;
     uint64_t survey_id;
     struct processing processing;
@@ -32,12 +32,12 @@ struct receiver {
 /* {0}: may be cleared.  For walls up to reach_m away, behind all direct sound by
  * clearance_m of its path.  The survey must outlive it.  0, or a negative errno with a
  * error: -EINVAL also when two speakers sound together and cannot be told apart. */
-int receiver_open(struct receiver *r, const struct survey *s, double reach_m,
-                  double clearance_m, struct error *why);
+int wall_receiver_open(struct wall_receiver *r, const struct survey *s, double reach_m,
+                       double clearance_m, struct error *why);
 
 /* Into r->traces; false: a ping that cannot be used. */
-bool receiver_take(struct receiver *r, const Anlos__Ping *ping);
+bool wall_receiver_take(struct wall_receiver *r, const struct ping *ping);
 
-void receiver_clear(struct receiver *r);
+void wall_receiver_clear(struct wall_receiver *r);
 
 #endif

@@ -4,26 +4,20 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "msgs/convert.h"
 #include "recon/vehicle_frame.h"
 
 #define UNSAID_M   0.05
 #define UNSAID_RAD 0.035
 
-void wall_map_init(struct wall_map *k, const struct launchfile *l)
+void wall_map_init(struct wall_map *k, const struct wall_map_config *cfg)
 {
     memset(k, 0, sizeof *k);
-    k->from = l->wall.from;
+    k->from = cfg->from;
     wall_track_default(&k->cfg);
-    k->cfg.lost_s = l->wall.lost_s;
-    k->vertical_rad = l->wall.vertical_deg * M_PI / 180.0;
-    k->message = (Anlos__WallList)ANLOS__WALL_LIST__INIT;
-    k->message.n_free_view_m = 2 * l->wall.n_corners;
-    for (unsigned i = 0; i < l->wall.n_corners; i++) {
-        k->free_view_m[2 * i] = l->wall.free_view_m[i][0];
-        k->free_view_m[2 * i + 1] = l->wall.free_view_m[i][1];
-    }
-    k->message.free_view_m = k->free_view_m;
+    k->cfg.lost_s = cfg->lost_s;
+    k->vertical_rad = cfg->vertical_rad;
+    k->list.n_corners = cfg->n_corners;
+    memcpy(k->list.free_view_m, cfg->free_view_m, sizeof k->list.free_view_m);
 }
 
 void wall_map_survey(struct wall_map *k, const struct survey *s)
@@ -31,15 +25,14 @@ void wall_map_survey(struct wall_map *k, const struct survey *s)
     k->survey = s;
     k->tracks.n = 0;
     walls_from_survey(&k->configured, s);
+    walls_normalise(&k->configured);
 }
 
-void wall_map_ego(struct wall_map *k, const Anlos__EgoMotion *m, int64_t stamp_ns)
+void wall_map_ego(struct wall_map *k, const struct ego_motion *motion, int64_t stamp_ns)
 {
-    struct ego_motion motion;
-
     k->has_ego = true;
-    if (ego_from_message(&motion, m)) /* the path refuses what is older than its newest */
-        (void)ego_path_add(&k->path, stamp_ns, &motion);
+    if (motion) /* the path refuses what is older than its newest */
+        (void)ego_path_add(&k->path, stamp_ns, motion);
 }
 
 const struct ego_path *wall_map_path(const struct wall_map *k)
@@ -104,18 +97,20 @@ static void put(struct wall_map *k, const struct wall_gate *w, int64_t at_ns)
     wall_tracks_put(&k->tracks, w->id, &one.list[0].plane);
 }
 
-int wall_map_given(struct wall_map *k, const Anlos__WallList *m, int64_t stamp_ns,
+int wall_map_given(struct wall_map *k, const struct walls *told, int64_t stamp_ns,
                    struct error *why)
 {
-    struct walls given;
     uint32_t ids[WALLS_MAX];
-    int err = walls_from_given(&given, m, k->survey, why);
+    int err = walls_check(told, why);
 
     if (err)
         return err;
+    struct walls given = *told;
+    walls_normalise(&given);
+    walls_to_array(&given, k->survey);
     wall_map_advance(k, stamp_ns);
     for (size_t i = 0; i < given.n; i++) {
-        double unseen_s = fmin(fmax(m->walls[i]->unseen_s, 0.0), k->cfg.lost_s);
+        double unseen_s = fmin(fmax(given.unseen_s[i], 0.0), k->cfg.lost_s);
         ids[i] = given.list[i].id;
         if (unseen_s > 0.0 && wall_tracks_find(&k->tracks, ids[i]))
             continue; /* said before, and carried along since */
@@ -123,28 +118,6 @@ int wall_map_given(struct wall_map *k, const Anlos__WallList *m, int64_t stamp_n
     }
     wall_tracks_keep(&k->tracks, ids, given.n);
     return 0;
-}
-
-static void add(struct wall_map *k, Anlos__Wall__Origin origin, const struct wall_gate *g,
-                double existence, double unseen_s)
-{
-    size_t i = k->message.n_walls++;
-    Anlos__Wall *w = &k->walls[i];
-
-    anlos__wall__init(w);
-    anlos__vec3__init(&k->normals[i]);
-    k->normals[i].x = g->plane.normal[0];
-    k->normals[i].y = g->plane.normal[1];
-    k->normals[i].z = g->plane.normal[2];
-    w->id = g->id;
-    w->origin = origin;
-    w->normal = &k->normals[i];
-    w->distance_m = g->plane.distance_m;
-    w->gate_near_m = g->gate_m[0];
-    w->gate_far_m = g->gate_m[1];
-    w->existence = existence;
-    w->unseen_s = unseen_s;
-    k->each[i] = w;
 }
 
 static void add_tracks(struct wall_map *k)
@@ -163,15 +136,12 @@ static void add_tracks(struct wall_map *k)
         const struct wall_track *w = &t->list[best];
         if (!w->confirmed)
             continue;
-        const struct wall_gate gate = {
-            .id = w->id, .plane = w->wall, .gate_m = {0.0, far_m}};
-        add(k,
-            k->from == WALL_FROM_TOPIC ? ANLOS__WALL__ORIGIN__GIVEN
-                                       : ANLOS__WALL__ORIGIN__ESTIMATED,
-            &gate, w->existence, w->unseen_s);
-        Anlos__Wall *m = &k->walls[k->message.n_walls - 1];
-        m->n_covariance = 6;
-        m->covariance = (double *)(uintptr_t)w->wall.covariance; /* packing only reads */
+        size_t i = k->list.n++;
+        k->list.list[i] =
+            (struct wall_gate){.id = w->id, .plane = w->wall, .gate_m = {0.0, far_m}};
+        k->list.existence[i] = w->existence;
+        k->list.unseen_s[i] = w->unseen_s;
+        k->list.origin[i] = k->from == WALL_FROM_TOPIC ? WALL_GIVEN : WALL_ESTIMATED;
     }
 }
 
@@ -180,9 +150,9 @@ static void describe(struct wall_map *k)
     const struct wall_tracks *t = &k->tracks;
 
     k->text[0] = 0;
-    if (k->message.n_walls && k->blind)
+    if (k->list.n && k->blind)
         snprintf(k->text, sizeof k->text, "nobody tells how the vehicle moves");
-    if (k->message.n_walls)
+    if (k->list.n)
         return;
     if (k->from == WALL_FROM_SURVEY)
         snprintf(k->text, sizeof k->text, "the survey names no wall");
@@ -196,16 +166,25 @@ static void describe(struct wall_map *k)
         snprintf(k->text, sizeof k->text, "no wall is known yet");
 }
 
-const Anlos__WallList *wall_map_list(struct wall_map *k)
+/* Those of the survey, beside the free view, which is the configuration's. */
+static void add_configured(struct wall_map *k)
 {
-    k->message.n_walls = 0;
-    k->message.walls = k->each;
+    const struct walls *from = &k->configured;
+
+    k->list.n = from->n;
+    memcpy(k->list.list, from->list, sizeof from->list);
+    memcpy(k->list.existence, from->existence, sizeof from->existence);
+    memcpy(k->list.unseen_s, from->unseen_s, sizeof from->unseen_s);
+    memcpy(k->list.origin, from->origin, sizeof from->origin);
+}
+
+const struct walls *wall_map_list(struct wall_map *k)
+{
+    k->list.n = 0;
     if (k->from == WALL_FROM_SURVEY)
-        for (size_t i = 0; i < k->configured.n; i++)
-            add(k, ANLOS__WALL__ORIGIN__CONFIGURED, &k->configured.list[i], 1.0, 0.0);
+        add_configured(k);
     else if (k->survey)
         add_tracks(k);
     describe(k);
-    k->message.text = k->text;
-    return &k->message;
+    return &k->list;
 }

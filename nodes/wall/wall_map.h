@@ -1,4 +1,5 @@
-/* nodes/wall/wall_map.h -- the walls that are known, over time, and their message. */
+/* nodes/wall/wall_map.h -- the walls that are known, over time: those of a survey, those
+ * that the vehicle gives, or those that were heard (recon/wall_listener.h). */
 #ifndef ANLOS_NODES_WALL_WALL_MAP_H
 #define ANLOS_NODES_WALL_WALL_MAP_H
 
@@ -6,14 +7,21 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
-#include "msgs/vehicle.pb-c.h"
-#include "msgs/wall.pb-c.h"
-#include "nodes/rt/launchfile.h"
 #include "recon/ego.h"
 #include "recon/survey.h"
 #include "recon/wall_estimate.h"
 #include "recon/wall_track.h"
 #include "recon/walls.h"
+
+enum wall_from { WALL_FROM_SURVEY, WALL_FROM_TOPIC, WALL_FROM_ECHOES };
+
+struct wall_map_config {
+    enum wall_from from;
+    double lost_s;                            /* without being seen or given */
+    double vertical_rad;                      /* how upright given walls are, one sigma */
+    size_t n_corners;                         /* of what the array sees directly */
+    double free_view_m[WALLS_MAX_CORNERS][2]; /* x, z in the array's plane */
+};
 
 struct wall_map {
     enum wall_from from;
@@ -27,20 +35,17 @@ struct wall_map {
     bool blind;          /* but not lately */
     int64_t at_ns;       /* that the tracks are for; 0: never */
     size_t undetermined; /* of the newest look */
-    char text[160];
-
-    Anlos__WallList message; /* storage of what wall_map_list hands out */
-    Anlos__Wall walls[WALLS_MAX], *each[WALLS_MAX];
-    Anlos__Vec3 normals[WALLS_MAX];
-    double free_view_m[2 * WALLS_MAX_CORNERS];
+    struct walls list;   /* what wall_map_list hands out, */
+    char text[160];      /* and what is wrong then; empty when all is well */
 };
 
-void wall_map_init(struct wall_map *k, const struct launchfile *l);
+void wall_map_init(struct wall_map *k, const struct wall_map_config *cfg);
 
 /* From now on this survey, which must outlive it; other walls are forgotten. */
 void wall_map_survey(struct wall_map *k, const struct survey *s);
 
-void wall_map_ego(struct wall_map *k, const Anlos__EgoMotion *m, int64_t stamp_ns);
+/* How the vehicle moves; NULL: somebody told of it, but not that. */
+void wall_map_ego(struct wall_map *k, const struct ego_motion *motion, int64_t stamp_ns);
 
 /* How the vehicle moved; NULL: nobody has told ever, it counts as standing. */
 const struct ego_path *wall_map_path(const struct wall_map *k);
@@ -51,13 +56,13 @@ void wall_map_advance(struct wall_map *k, int64_t to_ns);
 /* What was heard, in the frame of the stamp that it was advanced to. */
 void wall_map_estimates(struct wall_map *k, const struct wall_estimates *e);
 
-/* What the vehicle says: all the walls that it knows, each as it was unseen_s before the
- * stamp; one that is in the list no more is lost.  0, or -EINVAL with an error. */
-int wall_map_given(struct wall_map *k, const Anlos__WallList *m, int64_t stamp_ns,
+/* What the vehicle says: all the walls that it knows, in its frame, each as it was
+ * unseen_s before the stamp; one that is in the list no more is lost.  0, or -EINVAL with
+ * an error (walls_check). */
+int wall_map_given(struct wall_map *k, const struct walls *given, int64_t stamp_ns,
                    struct error *why);
 
-/* The surest first; borrows from the wall map until its next call.  text is empty when
- * all is well. */
-const Anlos__WallList *wall_map_list(struct wall_map *k);
+/* The surest first; borrows from the wall map until its next call. */
+const struct walls *wall_map_list(struct wall_map *k);
 
 #endif

@@ -282,6 +282,51 @@ static void objects_are_listed_as_they_are(void **state)
     detections_free(m);
 }
 
+/* To the last bit: whoever takes walls from the bus has what one process has. */
+static void walls_come_back(void **state)
+{
+    (void)state;
+    const struct walls w = {
+        .n = 2,
+        .list = {{.id = 21,
+                  .plane = {.normal = {0.6, 0.0, 0.8},
+                            .distance_m = 2.2,
+                            .covariance = {1e-4, 2e-5, 3e-5, 4e-4, 5e-5, 6e-4}},
+                  .gate_m = {0.7, 8.0}},
+                 {.id = 22,
+                  .plane = {.normal = {1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0},
+                            .distance_m = 0.9},
+                  .gate_m = {0.0, WALLS_FAR_M}}},
+        .existence = {0.75, 1.0},
+        .unseen_s = {0.3, 0.0},
+        .origin = {WALL_GIVEN, WALL_CONFIGURED},
+        .n_corners = 3,
+        .free_view_m = {{0.1, 0.2}, {1.3, 0.4}, {0.5, 2.6}}};
+    struct walls_view view;
+    struct walls back;
+    Anlos__WallList m;
+
+    walls_to_message(&w, "all is well", &view, &m);
+    Anlos__WallList *came = (Anlos__WallList *)sent(&m.base);
+    assert_string_equal(came->text, "all is well");
+    assert_int_equal(came->walls[0]->n_covariance, 6);
+    assert_int_equal(came->walls[1]->n_covariance, 0);
+    assert_int_equal(walls_from_message(&back, came, NULL), 0);
+    assert_int_equal(back.n, 2);
+    for (size_t i = 0; i < 2; i++) {
+        const struct wall_gate *a = &w.list[i], *b = &back.list[i];
+        assert_int_equal(b->id, a->id);
+        assert_memory_equal(&b->plane, &a->plane, sizeof a->plane);
+        assert_memory_equal(b->gate_m, a->gate_m, sizeof a->gate_m);
+        assert_true(back.existence[i] == w.existence[i]);
+        assert_true(back.unseen_s[i] == w.unseen_s[i]);
+        assert_int_equal(back.origin[i], w.origin[i]);
+    }
+    assert_int_equal(back.n_corners, 3);
+    assert_memory_equal(back.free_view_m, w.free_view_m, 3 * sizeof *w.free_view_m);
+    protobuf_c_message_free_unpacked(&came->base, NULL);
+}
+
 static void motion_is_none_where_it_is_not_valid_or_the_vehicle_stands(void **state)
 {
     (void)state;
@@ -306,6 +351,7 @@ int main(void)
         cmocka_unit_test(a_volume_comes_back),
         cmocka_unit_test(a_ping_is_read_as_it_was_sent),
         cmocka_unit_test(objects_are_listed_as_they_are),
+        cmocka_unit_test(walls_come_back),
         cmocka_unit_test(motion_is_none_where_it_is_not_valid_or_the_vehicle_stands),
     };
 

@@ -131,7 +131,7 @@ static void a_wall_that_the_launch_file_has_heard_is_where_its_echoes_say(void *
 
     start(r, r->launch);
     hear(r);
-    const Anlos__WallList *list = wall_map_list(&r->chain.finder.wall_map);
+    const Anlos__WallList *list = finding_walls(r->chain.finding);
     assert_int_equal(list->n_walls, 1);
     assert_near(list->walls[0]->distance_m, WALL_M, 0.01);
     assert_near(fabs(list->walls[0]->normal->z), 1.0, 0.001);

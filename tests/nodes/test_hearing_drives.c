@@ -20,8 +20,7 @@
 #include "nodes/can/watch.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/node.h"
-#include "nodes/wall/listener.h"
-#include "nodes/wall/wall_map.h"
+#include "nodes/wall/finding.h"
 
 #define SCENES SOURCE_DIR "/launch/scenes/"
 #ifdef __SANITIZE_ADDRESS__ /* ten times slower: what is wrong in memory shows early */
@@ -34,8 +33,7 @@ struct drive {
     struct launchfile *launch;
     struct drive_world world;
     struct survey survey;
-    struct wall_map wall_map;
-    struct listener *listener;
+    struct finding *walls;
     struct hearing *hearing;
     struct hearing_faults faults;
     struct hearing_levels levels;
@@ -48,6 +46,7 @@ static void start(struct drive *d, const char *scene)
     struct firing firing;
     const struct drive_world_config world = {.scene = scene, .firing = &firing};
     struct reach_config hears;
+    struct wall_finder_config walls;
     struct error why = {""};
 
     *d = (struct drive){.launch = NULL};
@@ -64,14 +63,11 @@ static void start(struct drive *d, const char *scene)
         err = survey_from_message(&d->survey, d->world.survey, &why);
     if (err)
         fail_msg("%s: %s", scene, why.text);
-    const struct listener_config listens = {.vertical = d->launch->wall.vertical,
-                                            .vertical_rad = 0.035,
-                                            .reach_m = d->launch->wall.reach_m,
-                                            .every_s = d->launch->wall.every_s};
     reach_config_launch(&hears, d->launch, &d->survey);
-    wall_map_init(&d->wall_map, d->launch);
-    wall_map_survey(&d->wall_map, &d->survey);
-    if (listener_create(&d->listener, &listens, &d->survey, &why) ||
+    finding_config(&walls, d->launch);
+    walls.map.from = WALL_FROM_ECHOES;
+    if (finding_create(&d->walls, &walls) ||
+        finding_survey(d->walls, d->world.survey, &why) ||
         hearing_create(&d->hearing, &hears, &d->survey, &why) ||
         drive_world_shoot(&d->world, PASS_SCENE, &why))
         fail_msg("%s: %s", scene, why.text);
@@ -81,7 +77,7 @@ static void start(struct drive *d, const char *scene)
 static void stop(struct drive *d)
 {
     hearing_destroy(d->hearing);
-    listener_destroy(d->listener);
+    finding_destroy(d->walls);
     survey_clear(&d->survey);
     drive_world_clear(&d->world);
     launchfile_destroy(d->launch);
@@ -90,24 +86,18 @@ static void stop(struct drive *d)
 /* A ping; the time since the start. */
 static double go_on(struct drive *d)
 {
-    struct wall_estimates heard;
     Anlos__EgoMotion ego;
     Anlos__Ping ping;
     int64_t stamp_ns;
-    bool blind = false;
 
     assert_int_equal(drive_world_ping(&d->world, PASS_SCENE, &ping, &stamp_ns), 0);
     for (; d->ego_ns <= stamp_ns + 50000000; d->ego_ns += DRIVE_EGO_NS) {
         drive_world_ego(&d->world, d->ego_ns, &ego);
-        wall_map_ego(&d->wall_map, &ego, d->ego_ns);
+        finding_ego(d->walls, &ego, d->ego_ns);
     }
-    wall_map_advance(&d->wall_map, stamp_ns);
-    if (listener_ping(d->listener, &ping, stamp_ns, wall_map_path(&d->wall_map), &heard,
-                      &blind) &&
-        !blind)
-        wall_map_estimates(&d->wall_map, &heard);
+    finding_ping(d->walls, &ping, stamp_ns, stamp_ns);
     if (d->world.n % 5 == 0) /* ten a second, nearly */
-        hearing_walls(d->hearing, wall_map_list(&d->wall_map));
+        hearing_walls(d->hearing, finding_walls(d->walls));
     hearing_ping(d->hearing, &ping, &d->faults, d->note, sizeof d->note);
     hearing_levels(d->hearing, &d->levels);
     return 1e-9 * (double)(stamp_ns - d->world.begin_ns);

@@ -18,18 +18,19 @@
 
 #define SECOND 1000000000LL
 
-static const struct listener_config config = {
+static const struct wall_listener_config config = {
     .vertical = true, .vertical_rad = 0.035, .reach_m = 4.0, .every_s = 0.5};
 
 struct hall {
     struct scene scene;
     struct survey survey;
-    struct listener *listener;
+    struct wall_listener *listener;
     int64_t now_ns;
 };
 
 /* A scene as text; {0}: not to be opened. */
-static void open_hall(struct hall *h, const char *text, const struct listener_config *cfg)
+static void open_hall(struct hall *h, const char *text,
+                      const struct wall_listener_config *cfg)
 {
     char path[] = "/tmp/anlos-wall-XXXXXX";
     struct error why = {""};
@@ -42,15 +43,23 @@ static void open_hall(struct hall *h, const char *text, const struct listener_co
     unlink(path);
     assert_int_equal(err, 0);
     assert_int_equal(survey_from_message(&h->survey, h->scene.survey, &why), 0);
-    if (listener_create(&h->listener, cfg, &h->survey, &why))
+    if (wall_listener_create(&h->listener, cfg, &h->survey, &why))
         fail_msg("%s", why.text);
 }
 
 static void close_hall(struct hall *h)
 {
-    listener_destroy(h->listener);
+    wall_listener_destroy(h->listener);
     survey_clear(&h->survey);
     scene_close(&h->scene);
+}
+
+static bool take(struct hall *h, const Anlos__Ping *m, int64_t capture_ns,
+                 const struct ego_path *path, struct wall_estimates *out, bool *blind)
+{
+    struct ping ping;
+    ping_from_message(&ping, m, capture_ns);
+    return wall_listener_ping(h->listener, &ping, path, out, blind);
 }
 
 /* One ping; the next one is 25 ms later. */
@@ -60,7 +69,7 @@ static bool hear(struct hall *h, uint32_t position, uint32_t speaker,
     Anlos__Ping ping;
     bool blind;
     scene_ping(&h->scene, ANLOS__PASS__SCENE, position, speaker, &ping);
-    bool done = listener_ping(h->listener, &ping, h->now_ns, NULL, out, &blind);
+    bool done = take(h, &ping, h->now_ns, NULL, out, &blind);
     assert_false(done && blind);
     h->now_ns += SECOND / 40;
     return done;
@@ -145,8 +154,8 @@ static void pings_that_cannot_be_used_are_counted(void **state)
             ping.speaker = 16;
         else
             ping.down = true; /* of a survey without */
-        listener_ping(h.listener, &ping, h.now_ns, NULL, &found, &blind);
-        assert_int_equal(listener_unusable(h.listener), k + 1);
+        take(&h, &ping, h.now_ns, NULL, &found, &blind);
+        assert_int_equal(wall_listener_unusable(h.listener), k + 1);
     }
     close_hall(&h);
 }
@@ -158,7 +167,7 @@ static void a_scan_hears_both_turns_of_a_wall(void **state)
     (void)state;
     struct hall h;
     struct wall_estimates found = {.n = 0}, first = {.n = 9};
-    struct listener_config cfg = config;
+    struct wall_listener_config cfg = config;
     cfg.vertical = false;
     cfg.every_s = 0.1;
     open_hall(&h,
@@ -223,9 +232,8 @@ static void hear_two_at_a_time(const char *wall, double chirp_s,
             tensor_borrow_f32(&h.scene.view, samples, 2, (size_t)16, h.scene.n_samples);
         ping.down = k % 2;
         double t = (double)room_stream_start(stream, k) / h.survey.sample_rate_hz;
-        assert_int_equal(listener_ping(h.listener, &ping, SECOND + (int64_t)(1e9 * t),
-                                       NULL, found, &blind),
-                         k == 15);
+        assert_int_equal(
+            take(&h, &ping, SECOND + (int64_t)(1e9 * t), NULL, found, &blind), k == 15);
     }
     room_stream_destroy(stream);
     close_hall(&h);
@@ -264,7 +272,7 @@ static void two_chirps_longer_than_their_slot_are_refused(void **state)
 {
     (void)state;
     struct hall h;
-    struct listener *listener = NULL;
+    struct wall_listener *listener = NULL;
     struct error why = {""};
     open_hall(&h, BUMPER "gate_m: [0.5, 3]\nwall: {normal: [0, 0, 1], distance_m: 1.3}\n",
               &config);
@@ -272,7 +280,7 @@ static void two_chirps_longer_than_their_slot_are_refused(void **state)
     h.survey.together = 2;
     h.survey.slot_samples = 900;
     assert_int_equal(survey_check(&h.survey, &why), 0);
-    assert_int_equal(listener_create(&listener, &config, &h.survey, &why), -EINVAL);
+    assert_int_equal(wall_listener_create(&listener, &config, &h.survey, &why), -EINVAL);
     assert_null(listener);
     assert_non_null(strstr(why.text, "use longer slots"));
     close_hall(&h);
@@ -321,8 +329,7 @@ static void a_moving_array_hears_the_wall_where_it_is_now(void **state)
         scene_ping(&h.scene, ANLOS__PASS__SCENE, 0, (uint32_t)(e % 16), &ping);
         ping.samples =
             tensor_borrow_f32(&h.scene.view, samples, 2, (size_t)16, h.scene.n_samples);
-        if (!listener_ping(h.listener, &ping, SECOND + (int64_t)(1e9 * t), &path, &found,
-                           &blind))
+        if (!take(&h, &ping, SECOND + (int64_t)(1e9 * t), &path, &found, &blind))
             continue;
         double normal[3], distance_m;
         room_wall(h.scene.room, t, normal, &distance_m);
@@ -352,7 +359,7 @@ static void a_look_without_ego_motion_is_blind(void **state)
     for (uint32_t k = 0; k < 16; k++) {
         Anlos__Ping ping;
         scene_ping(&h.scene, ANLOS__PASS__SCENE, 0, k, &ping);
-        done = listener_ping(h.listener, &ping, h.now_ns, &path, &found, &blind);
+        done = take(&h, &ping, h.now_ns, &path, &found, &blind);
         h.now_ns += SECOND / 40;
     }
     assert_true(done && blind);

@@ -77,7 +77,8 @@ static void a_given_wall_comes_from_the_vehicle_frame(void **state)
     struct wall_message m;
     struct walls w;
     wall_message_make(&m);
-    assert_int_equal(walls_from_given(&w, &m.list, &s, NULL), 0);
+    assert_int_equal(walls_from_message(&w, &m.list, NULL), 0);
+    walls_to_array(&w, &s);
     const struct wall *p = &w.list[0].plane;
     assert_near(p->normal[2], 1.0, 1e-12);
     assert_near(p->distance_m, 1.4, 1e-12);
@@ -86,7 +87,8 @@ static void a_given_wall_comes_from_the_vehicle_frame(void **state)
     assert_near(fabs(p->covariance[2]), 0.2e-4, 1e-12);
     m.normal.x = -1.0; /* the same wall, told from its other side */
     m.wall.distance_m = -5.0;
-    assert_int_equal(walls_from_given(&w, &m.list, &s, NULL), 0);
+    assert_int_equal(walls_from_message(&w, &m.list, NULL), 0);
+    walls_to_array(&w, &s);
     assert_near(p->normal[2], 1.0, 1e-12);
     assert_near(p->distance_m, 1.4, 1e-12);
 }

@@ -14,6 +14,7 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct error *why)
     struct frontend_config dsp;
     struct static_array_config steady;
     struct object_tracker_config track;
+    struct wall_finder_config walls;
 
     dsp_config(&dsp, l);
     fixed_config(&steady, l);
@@ -28,6 +29,9 @@ static int create_steps(struct drive_pipe *p, size_t threads, struct error *why)
     track.mode = OBJECT_TRACKER_LISTS;
     if (!err && room_objects(p->world.room, &hidden))
         err = tracking_create(&p->detector, &track);
+    finding_config(&walls, l);
+    if (!err && launchfile_has_node(l, "wall"))
+        err = finding_create(&p->finding, &walls);
     return err ? error_say(why, err, "processing: %s", strerror(-err)) : 0;
 }
 
@@ -42,7 +46,7 @@ static int tell_survey(struct drive_pipe *p, struct error *why)
         err = tracking_survey(p->tracker, s, why);
     if (!err && p->detector)
         err = tracking_survey(p->detector, s, why);
-    return err || !p->has_finder ? err : finder_survey(&p->finder, s, why);
+    return err || !p->finding ? err : finding_survey(p->finding, s, why);
 }
 
 /* -- messages ---------------------------------------------------------------------------
@@ -53,7 +57,7 @@ static int tell_walls(struct drive_pipe *p, int64_t now_ns, struct error *why)
 {
     int64_t stamp_ns;
     const Anlos__WallList *walls =
-        p->has_finder ? finder_list(&p->finder, now_ns, &stamp_ns) : NULL;
+        p->finding ? finding_list(p->finding, now_ns, &stamp_ns) : NULL;
 
     if (!walls)
         return 0;
@@ -75,8 +79,8 @@ static int tell_ego(struct drive_pipe *p, int64_t until_ns, struct error *why)
         tracking_ego(p->tracker, &m, p->ego_ns);
         if (p->detector)
             tracking_ego(p->detector, &m, p->ego_ns);
-        if (p->has_finder)
-            finder_ego(&p->finder, &m, p->ego_ns);
+        if (p->finding)
+            finding_ego(p->finding, &m, p->ego_ns);
         err = tell_walls(p, p->ego_ns, why);
     }
     return err;
@@ -88,11 +92,11 @@ static int tell_given(struct drive_pipe *p, int64_t until_ns, struct error *why)
     struct drive_walls given;
     int err = 0;
 
-    if (!p->has_finder || p->finder.from != WALL_FROM_TOPIC)
+    if (!p->finding || p->launch->wall.from != WALL_FROM_TOPIC)
         return 0;
     for (; !err && p->given_ns <= until_ns; p->given_ns += DRIVE_WALL_NS) {
         drive_world_wall(&p->world, p->given_ns, &given);
-        err = finder_given(&p->finder, &given.list, p->given_ns, why);
+        err = finding_given(p->finding, &given.list, p->given_ns, why);
         if (!err)
             err = tell_walls(p, p->given_ns, why);
     }
@@ -138,8 +142,8 @@ static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
         *due = steady_traces(p->steady, &dsp.traces, stamp_ns, note, sizeof note);
     if (*due)
         err = make_lists(p, out, why);
-    if (!err && p->has_finder)
-        finder_ping(&p->finder, &ping, stamp_ns, end_ns);
+    if (!err && p->finding)
+        finding_ping(p->finding, &ping, stamp_ns, end_ns);
     return err ? err : tell_walls(p, end_ns, why);
 }
 
@@ -168,8 +172,7 @@ int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const ch
                                              .speakers = l->scan.speakers,
                                              .n_speakers = l->scan.n_speakers};
 
-    *p = (struct drive_pipe){.launch = l, .has_finder = launchfile_has_node(l, "wall")};
-    finder_init(&p->finder, l);
+    *p = (struct drive_pipe){.launch = l};
     int err = firing_from_uri(&firing, l->array.uri, why);
     if (!err)
         err = drive_world_create(&p->world, &world, why);
@@ -204,7 +207,7 @@ int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct error 
 
 void drive_pipe_clear(struct drive_pipe *p)
 {
-    finder_clear(&p->finder);
+    finding_destroy(p->finding);
     tracking_destroy(p->tracker);
     tracking_destroy(p->detector);
     steady_destroy(p->steady);

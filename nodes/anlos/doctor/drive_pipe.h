@@ -9,7 +9,7 @@
 #include "nodes/recon/steady.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/track/tracking.h"
-#include "nodes/wall/finder.h"
+#include "nodes/wall/finding.h"
 
 struct drive_pipe {
     const struct launchfile *launch;
@@ -18,10 +18,9 @@ struct drive_pipe {
     struct steady *steady;
     struct tracking *tracker;
     struct tracking *detector; /* NULL: there is nothing to be detected */
-    bool has_finder;           /* there is a node wall */
-    struct finder finder;
-    int64_t ego_ns, given_ns; /* of the next message */
-    double ping_s;            /* how long one is */
+    struct finding *finding;   /* NULL: there is no node wall */
+    int64_t ego_ns, given_ns;  /* of the next message */
+    double ping_s;             /* how long one is */
 };
 
 /* draw: of what is random in the scene (room_load_drawn).  The launch file outlives it.

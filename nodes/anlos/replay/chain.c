@@ -14,9 +14,12 @@ int chain_create(struct chain *c, const struct chain_config *cfg,
     *c = (struct chain){.cfg = *cfg, .stages = stages};
     sender_init(&c->sender, &cfg->sender);
     watch_init(&c->watch, &(struct watch_config){.replayed = true});
-    if (cfg->walls)
-        finder_init(&c->finder, cfg->walls);
+    struct wall_finder_config walls;
     int err = tracking_create(&c->tracking, &cfg->track);
+    if (!err && cfg->walls) {
+        finding_config(&walls, cfg->walls);
+        err = finding_create(&c->finding, &walls);
+    }
     if (!err)
         err = dsp_create(&c->dsp, &cfg->dsp);
     if (err)
@@ -58,8 +61,8 @@ static void take_walls(struct chain *c, const Anlos__WallList *walls, int64_t ca
 static void find_walls(struct chain *c, int64_t now_ns)
 {
     int64_t stamp_ns;
-    const Anlos__WallList *list =
-        c->cfg.walls ? finder_list(&c->finder, now_ns, &stamp_ns) : NULL;
+    const Anlos__WallList *list = c->finding ? finding_list(c->finding, now_ns, &stamp_ns)
+                                             : NULL;
 
     if (list)
         take_walls(c, list, stamp_ns);
@@ -75,8 +78,8 @@ int chain_survey(struct chain *c, const Anlos__Survey *survey, struct error *why
                         : recon_survey(c->recon, survey, why);
     if (!err)
         err = tracking_survey(c->tracking, survey, why);
-    if (!err && c->cfg.walls)
-        err = finder_survey(&c->finder, survey, why);
+    if (!err && c->finding)
+        err = finding_survey(c->finding, survey, why);
     if (!err)
         sender_survey(&c->sender, survey);
     stopwatch_lap(&c->stages[RECON_PLAN], &now, false);
@@ -218,8 +221,8 @@ int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
 
     ping.scan += c->scan_base;
     int err = take_ping(c, &ping, capture_ns, publish_ns, why);
-    if (c->cfg.walls)
-        finder_ping(&c->finder, &ping, capture_ns, publish_ns);
+    if (c->finding)
+        finding_ping(c->finding, &ping, capture_ns, publish_ns);
     find_walls(c, publish_ns);
     return err;
 }
@@ -231,8 +234,8 @@ void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns,
     if (c->steady)
         steady_ego(c->steady, ego, capture_ns);
     tracking_ego(c->tracking, ego, capture_ns);
-    if (c->cfg.walls)
-        finder_ego(&c->finder, ego, capture_ns);
+    if (c->finding)
+        finding_ego(c->finding, ego, capture_ns);
     find_walls(c, publish_ns);
 }
 
@@ -254,7 +257,7 @@ void chain_given(struct chain *c, const Anlos__WallList *given, int64_t capture_
 
     if (!c->cfg.walls || c->cfg.walls->wall.from != WALL_FROM_TOPIC)
         return;
-    if (finder_given(&c->finder, given, capture_ns, &why))
+    if (finding_given(c->finding, given, capture_ns, &why))
         note(c, why.text);
     find_walls(c, publish_ns);
 }
@@ -285,7 +288,7 @@ int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch
 void chain_clear(struct chain *c)
 {
     detections_free(c->detections);
-    finder_clear(&c->finder);
+    finding_destroy(c->finding);
     tracking_destroy(c->tracking);
     steady_destroy(c->steady);
     recon_destroy(c->recon);

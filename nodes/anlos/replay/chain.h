@@ -15,7 +15,7 @@
 #include "nodes/recon/fixed.h"
 #include "nodes/recon/recon.h"
 #include "nodes/track/tracking.h"
-#include "nodes/wall/finder.h"
+#include "nodes/wall/finding.h"
 
 struct chain_config {
     struct frontend_config dsp;
@@ -41,7 +41,7 @@ struct chain {
     struct recon *recon;   /* of a scan, else NULL */
     struct steady *steady; /* of a fixed array, else NULL */
     struct tracking *tracking;
-    struct finder finder; /* with cfg.walls */
+    struct finding *finding; /* with cfg.walls, else NULL */
     struct sender sender;
     struct watch watch;               /* of a replay: the state of the scan */
     bool has_image;                   /* of the pings that are in */

@@ -1,0 +1,43 @@
+/* nodes/wall/finding.h -- the wall node's step: topics to recon/wall_finder.h and back.
+ */
+#ifndef ANLOS_NODES_WALL_FINDING_H
+#define ANLOS_NODES_WALL_FINDING_H
+
+#include "msgs/array.pb-c.h"
+#include "msgs/survey.pb-c.h"
+#include "msgs/vehicle.pb-c.h"
+#include "msgs/wall.pb-c.h"
+#include "nodes/rt/launchfile.h"
+#include "nodes/wall/finder.h"
+
+/* What a launch file says of it. */
+void finding_config(struct wall_finder_config *cfg, const struct launchfile *l);
+
+struct finding;
+
+/* 0, -ENOMEM. */
+int finding_create(struct finding **out, const struct wall_finder_config *cfg);
+
+/* 0, or a negative errno with an error. */
+int finding_survey(struct finding *f, const Anlos__Survey *m, struct error *why);
+void finding_ego(struct finding *f, const Anlos__EgoMotion *m, int64_t capture_ns);
+
+/* As wall_finder_ping. */
+bool finding_ping(struct finding *f, const Anlos__Ping *m, int64_t capture_ns,
+                  int64_t now_ns);
+
+/* 0, or -EINVAL with an error. */
+int finding_given(struct finding *f, const Anlos__WallList *m, int64_t capture_ns,
+                  struct error *why);
+
+/* As wall_finder_list. */
+const Anlos__WallList *finding_list(struct finding *f, int64_t now_ns, int64_t *stamp_ns);
+
+/* The walls as they are known, to be told or not. */
+const Anlos__WallList *finding_walls(struct finding *f);
+
+/* What does the work. */
+struct wall_finder *finding_finder(const struct finding *f);
+void finding_destroy(struct finding *f);
+
+#endif
