@@ -15,7 +15,7 @@
 #include "recon/frontend.h"
 #include "recon/imaging/imager_options.h"
 #include "recon/object_tracker.h"
-#include "nodes/wall/wall_map.h"
+#include "recon/wall_map.h"
 
 struct launch_track { /* recon/track.h tells what they do, and why so much */
     double threshold_db;

@@ -1,11 +1,11 @@
-/* nodes/wall/listener.h -- the array's own first returns: pings to estimates of the walls
+/* recon/wall_listener.h -- the array's own first returns: pings to estimates of the walls
  * around it.  It compresses the pings itself, without subtracting any background and from
  * the direct sound on: the traces that the image is made of begin behind the wall.
  *
  * Of a fixed array each look is one round of its speakers, carried to the place of the
  * newest by the vehicle's motion; of a scan it grows by every stage position. */
-#ifndef ANLOS_NODES_WALL_LISTENER_H
-#define ANLOS_NODES_WALL_LISTENER_H
+#ifndef ANLOS_RECON_WALL_LISTENER_H
+#define ANLOS_RECON_WALL_LISTENER_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,7 +1,7 @@
-/* nodes/wall/wall_map.h -- the walls that are known, over time: those of a survey, those
+/* recon/wall_map.h -- the walls that are known, over time: those of a survey, those
  * that the vehicle gives, or those that were heard (recon/wall_listener.h). */
-#ifndef ANLOS_NODES_WALL_WALL_MAP_H
-#define ANLOS_NODES_WALL_WALL_MAP_H
+#ifndef ANLOS_RECON_WALL_MAP_H
+#define ANLOS_RECON_WALL_MAP_H
 
 #include <stdbool.h>
 #include <stdint.h>

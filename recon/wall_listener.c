@@ -1,11 +1,11 @@
-#include "nodes/wall/listener.h"
+#include "recon/wall_listener.h"
 
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/wall/receiver.h"
+#include "recon/wall_receiver.h"
 #include "recon/vehicle_frame.h"
 
 #define PEAKS 6 /* of a trace */

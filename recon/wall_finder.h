@@ -1,12 +1,12 @@
-/* nodes/wall/finder.h -- the walls that mirror sound: what is heard, given or configured
+/* recon/wall_finder.h -- the walls that mirror sound: what is heard, given or configured
  * of them to the lists that the imaging and the tracks work with.
  *
  * One thread at a time. */
-#ifndef ANLOS_NODES_WALL_FINDER_H
-#define ANLOS_NODES_WALL_FINDER_H
+#ifndef ANLOS_RECON_WALL_FINDER_H
+#define ANLOS_RECON_WALL_FINDER_H
 
-#include "nodes/wall/listener.h"
-#include "nodes/wall/wall_map.h"
+#include "recon/wall_listener.h"
+#include "recon/wall_map.h"
 
 struct wall_finder_config {
     struct wall_map_config map;

@@ -1,11 +1,10 @@
-#include "nodes/wall/receiver.h"
+#include "recon/wall_receiver.h"
 
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/tensor.h"
 #include "recon/wall_echo.h"
 
 #define BEFORE_S       5e-4 /* of the next emission: its sidelobes */

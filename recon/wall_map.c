@@ -1,4 +1,4 @@
-#include "nodes/wall/wall_map.h"
+#include "recon/wall_map.h"
 
 #include <math.h>
 #include <stdio.h>

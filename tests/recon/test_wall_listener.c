@@ -12,7 +12,7 @@
 
 #include "hal/room/stream.h"
 #include "msgs/convert.h"
-#include "nodes/wall/listener.h"
+#include "recon/wall_listener.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 

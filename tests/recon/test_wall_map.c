@@ -8,7 +8,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "nodes/wall/wall_map.h"
+#include "recon/wall_map.h"
 #include "tests/nodes/near.h"
 
 #define SECOND 1000000000LL

@@ -1,4 +1,4 @@
-#include "nodes/wall/finder.h"
+#include "recon/wall_finder.h"
 
 #include <errno.h>
 #include <stdlib.h>

@@ -1,8 +1,8 @@
-/* nodes/wall/receiver.h -- a ping to what walls are looked for in: complex traces from
+/* recon/wall_receiver.h -- a ping to what walls are looked for in: complex traces from
  * the emission on.  Where chirps run up and down in turn, what the other chirp leaves of
  * its direct sound is taken away (recon/wall_crosstalk.h). */
-#ifndef ANLOS_NODES_WALL_RECEIVER_H
-#define ANLOS_NODES_WALL_RECEIVER_H
+#ifndef ANLOS_RECON_WALL_RECEIVER_H
+#define ANLOS_RECON_WALL_RECEIVER_H
 
 #include <complex.h>
 #include <stdbool.h>
