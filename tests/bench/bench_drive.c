@@ -121,6 +121,19 @@ static void print_scene(struct drives *d, size_t first)
     json_object_set_new(d->all, name, drive_json(&tally));
 }
 
+/* Of all scenes: is what was stated true? */
+static int tell_existence(const struct drives *d, struct error *why)
+{
+    struct drive_tally tally;
+
+    drive_tally_init(&tally);
+    for (size_t i = 0; i < d->jobs.n; i++)
+        if (d->jobs.list[i].done)
+            drive_tally_add(&tally, &d->jobs.list[i].outcome.result);
+    drive_print_existence(&tally.all);
+    return drive_write_existence(d->o->out, &tally.all, why);
+}
+
 static bool is_complete(const struct drives *d, size_t first)
 {
     size_t n = 0;
@@ -271,7 +284,9 @@ static int drives_run(struct drives *d, struct error *why)
     for (; d->n_printed < d->jobs.n; d->n_printed += d->n_seeds)
         print_scene(d, d->n_printed);
     drive_progress_clear(&d->progress);
-    int failed = drive_json_write(d->all, d->o->out, err ? NULL : why);
+    int failed = tell_existence(d, err ? NULL : why);
+    err = err ? err : failed;
+    failed = drive_json_write(d->all, d->o->out, err ? NULL : why);
     return err ? err : failed;
 }
 
@@ -320,6 +335,7 @@ static const char help[] =
     "files written\n"
     "  drives.csv           a line for each, as soon as it is done\n"
     "  drive.json           all figures of each scene\n"
+    "  existence.svg, .png  of all: how often what was stated so surely was true\n"
     "  NAME.csv, .svg, .png     GOSPA and OSPA over time, of its first drive\n"
     "\n"
     "exit codes: 0 done; 1 failed; 2 bad arguments or input; 130 stopped by Ctrl-C, "

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
@@ -14,10 +15,23 @@
 #include "msgs/convert.h"
 #include "nodes/anlos/doctor/drive_pipe.h"
 #include "nodes/anlos/score/drive_score.h"
+#include "nodes/anlos/score/drive_told.h"
 #include "nodes/anlos/interrupt.h"
 
+#define STAMP_NS 1000000000 /* of time 0: a stamp of 0 is none */
+
+/* A list goes to the vehicle when its image is made, which takes no time here. */
+static void score_told(struct drive_told *told, const struct drive_image *image,
+                       struct drive_score *score)
+{
+    drive_told_list(told, image->tracks, STAMP_NS + llround(1e9 * image->t_s),
+                    STAMP_NS + llround(1e9 * image->out_s));
+    drive_score_told(score, image->t_s, told->objects, told->n);
+}
+
 static int score_next(struct drive_pipe *p, struct drive_score *score,
-                      struct drive_moments *moments, double *t_s, struct error *why)
+                      struct drive_told *told, struct drive_moments *moments, double *t_s,
+                      struct error *why)
 {
     struct drive_moment moment;
     struct drive_image image;
@@ -27,6 +41,7 @@ static int score_next(struct drive_pipe *p, struct drive_score *score,
         return err;
     drive_score_list(score, image.t_s, image.out_s, image.tracks, image.detections,
                      &moment);
+    score_told(told, &image, score);
     detections_free(image.tracks);
     detections_free(image.detections);
     *t_s = image.t_s;
@@ -45,9 +60,12 @@ static int run(const struct drive_run *r, struct drive_pipe *p, struct drive_sco
     const struct drive_truth truth = drive_truth_room(room);
     double t_s = drive_world_s(p->world.begin_ns);
     double end_s = t_s + (double)r->rounds * room_period_s(room);
+    struct drive_told told;
     drive_score_init(score, &truth, room_survey(room), t_s);
+    drive_told_init(&told, r->launch);
+    drive_told_survey(&told, p->world.survey);
     while (!err && t_s < end_s && !interrupt_requested())
-        err = score_next(p, score, &out->moments, &t_s, &out->why);
+        err = score_next(p, score, &told, &out->moments, &t_s, &out->why);
     drive_score_end(score);
     out->result = score->result;
     if (!err && interrupt_requested())

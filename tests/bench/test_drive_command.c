@@ -79,6 +79,12 @@ static void a_person_is_tracked_and_scored(void **state)
     assert_near(figure(o, "objects_entered"), 2.0, 0.0);
     assert_near(figure(o, "objects_without_track"), 0.0, 0.0);
     assert_near(figure(o, "detection_probability"), 1.0, 0.1);
+    assert_near(figure(o, "told"), 0.85, 0.15); /* not before he is confirmed */
+    assert_true(figure(json_object_get(json_object_get(o, "nees"), "person"), "n") >
+                50.0);
+    assert_true(json_array_size(json_object_get(o, "existence")) > 0);
+    assert_non_null(strstr(r.out, "existence on CAN"));
+    assert_int_equal(access(scratch_path(s, "out/existence.png"), R_OK), 0);
     assert_near(figure(o, "echo_to_track_s"), 0.5, 0.5);
     assert_near(figure(o, "position_rms_m"), 0.1, 0.1);
     assert_near(figure(o, "velocity_rms_m_s"), 0.25, 0.25);

@@ -8,6 +8,7 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/score/drive_score.h"
+#include "nodes/anlos/score/drive_told.h"
 #include "tests/nodes/near.h"
 
 /* A person walks 1.2 m/s behind a corner, into sight and on. */
@@ -161,6 +162,61 @@ static void time_runs_from_the_gate_to_the_track_and_on_to_the_sight(void **stat
     assert_int_equal(r->score.result.delay.n, 1);
 }
 
+/* Through the frames of the bus, a signal's step of which is 2 cm; sigma 10 cm. */
+static void tell_vehicle(struct rig *r, struct drive_told *bus, double t_s, double off_m,
+                         Anlos__Measurement measurement, double existence)
+{
+    double covariance_m2[6] = {0.0098, 0.0, 0.0, 0.0098, 0.0, 1.0};
+    struct told told;
+
+    tell(&told, r, t_s, off_m, measurement, 1);
+    told.detection.covariance_m2 = covariance_m2;
+    told.detection.n_covariance_m2 = 6;
+    told.detection.existence = existence;
+    told.list.tracked = told.list.mirrored = told.list.in_vehicle_frame = true;
+    drive_told_list(bus, &told.list, llround(1e9 * t_s), llround(1e9 * (t_s + 0.03)));
+    drive_score_told(&r->score, t_s, bus->objects, bus->n);
+}
+
+/* Off by 30 cm: 9 = 0.3^2 / 0.1^2 squared sigmas, by 5 cm a quarter. */
+static void what_the_vehicle_is_told_is_held_against_what_is_true(void **state)
+{
+    struct rig *r = *state;
+    const struct drive_result *result = &r->score.result;
+    struct drive_told bus;
+
+    drive_told_init(&bus, NULL);
+    tell_vehicle(r, &bus, 4.0, 0.3, ANLOS__MEASUREMENT__NEW, 0.96);
+    assert_int_equal(bus.n, 1);
+    assert_near(drive_mean(&result->nees[0].sum), 9.0, 1.3); /* 1 cm of rounding */
+    assert_int_equal(result->nees[0].n_within, 0);
+    tell_vehicle(r, &bus, 4.05, 0.05, ANLOS__MEASUREMENT__MEASURED, 0.96);
+    assert_int_equal(result->nees[0].n_within, 1);
+    assert_near(drive_mean(&result->told), 1.0, 1e-9);
+    tell_vehicle(r, &bus, 4.1, 2.5, ANLOS__MEASUREMENT__MEASURED, 0.98); /* a ghost */
+    assert_near(drive_mean(&result->told), 2.0 / 3.0, 1e-9);
+    assert_int_equal(result->existence[6].n, 3); /* 95 to 99 % */
+    assert_int_equal(result->existence[6].n_true, 2);
+    assert_near(result->existence[6].stated, 0.96 + 0.96 + 0.98, 1e-9);
+    tell_vehicle(r, &bus, 4.15, 0.05, ANLOS__MEASUREMENT__DELETED, 0.3);
+    assert_near(drive_mean(&result->told), 0.5, 1e-9);
+    assert_int_equal(result->existence[0].n, 0);
+}
+
+static void bins_take_what_is_between_their_ends(void **state)
+{
+    static const double stated[] = {0.0, 0.49, 0.5, 0.59, 0.9, 0.95, 0.989, 0.99, 1.0};
+    static const size_t n[DRIVE_BINS] = {2, 2, 0, 0, 0, 1, 2, 2};
+    struct drive_bin bins[DRIVE_BINS] = {{.n = 0}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof stated / sizeof *stated; i++)
+        drive_bins_add(bins, stated[i], i % 2);
+    for (size_t b = 0; b < DRIVE_BINS; b++)
+        assert_int_equal(bins[b].n, n[b]);
+    assert_true(drive_bin_from(0) == 0.0 && drive_bin_from(DRIVE_BINS) == 1.0);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -171,6 +227,8 @@ int main(void)
         TEST(who_is_out_of_the_gate_may_be_tracked_or_not),
         TEST(a_track_that_was_never_near_anyone_is_false),
         TEST(time_runs_from_the_gate_to_the_track_and_on_to_the_sight),
+        TEST(what_the_vehicle_is_told_is_held_against_what_is_true),
+        TEST(bins_take_what_is_between_their_ends),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

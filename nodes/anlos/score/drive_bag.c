@@ -11,6 +11,7 @@
 #include "msgs/convert.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/bag/stream.h"
+#include "nodes/anlos/score/drive_told.h"
 #include "recon/vehicle_frame.h"
 
 enum { MOST_AT_ONCE = 64 };
@@ -194,6 +195,7 @@ struct reading {
     struct drive_bag_world world;
     struct drive_truth truth;
     struct drive_score score;
+    struct drive_told told;
     struct drive_outcome *out;
     bool begun;
     size_t n_untracked;
@@ -218,6 +220,9 @@ static int add_list(struct reading *r, const Anlos__DetectionList *list,
     r->begun = true;
     drive_score_list(&r->score, drive_bag_world_s(&r->world, e->capture_ns),
                      drive_bag_world_s(&r->world, e->publish_ns), list, NULL, &moment);
+    drive_told_list(&r->told, list, e->capture_ns, e->publish_ns);
+    drive_score_told(&r->score, drive_bag_world_s(&r->world, e->capture_ns),
+                     r->told.objects, r->told.n);
     return drive_moments_add(&r->out->moments, &moment)
                ? error_say(&r->out->why, -ENOMEM, "out of memory")
                : 0;
@@ -228,6 +233,8 @@ static int take(struct reading *r, const struct stream_message *m,
 {
     const struct envelope *e = &m->envelope;
 
+    if (m->topic == topic_survey())
+        drive_told_survey(&r->told, (const Anlos__Survey *)content);
     if (m->topic == topic_survey())
         return drive_bag_world_survey(&r->world, (const Anlos__Survey *)content,
                                       &r->out->why);
@@ -287,6 +294,7 @@ void drive_bag(const char *bag, const struct room *scene, const struct truth_fil
         return;
     }
     *r = (struct reading){.bag = bag, .out = out};
+    drive_told_init(&r->told, NULL);
     r->world.scene = scene;
     r->world.truth = truth;
     r->truth = drive_bag_world_truth(&r->world);

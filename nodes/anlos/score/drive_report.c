@@ -29,8 +29,8 @@ static const struct column {
 } columns[] = {
     {DRIVE_GOSPA, 6, 3, 1.0},        {DRIVE_OSPA, 6, 3, 1.0},
     {DRIVE_LOCALISATION, 8, 3, 1.0}, {DRIVE_MISSED, 6, 3, 1.0},
-    {DRIVE_FALSE, 6, 3, 1.0},        {DRIVE_SEEN, 4, 2, 1.0},
-    {DRIVE_SEEN_FAR, 4, 2, 1.0},     {DRIVE_FALSE_TRACKS, 6, 0, 1.0},
+    {DRIVE_FALSE, 6, 3, 1.0},        {DRIVE_TOLD, 4, 2, 1.0},
+    {DRIVE_TOLD_FAR, 4, 2, 1.0},     {DRIVE_FALSE_TRACKS, 6, 0, 1.0},
     {DRIVE_DELAY, 6, 2, 1.0},        {DRIVE_DELAY_WORST, 6, 2, 1.0},
     {DRIVE_LEAD, 6, 2, 1.0},         {DRIVE_POSITION, 6, 1, 100.0},
     {DRIVE_VELOCITY, 5, 2, 1.0},
@@ -39,7 +39,7 @@ static const struct column {
 void drive_print_head(void)
 {
     printf("%-22s %6s %6s %22s %9s %6s %13s %6s %12s\n", "", "GOSPA", "OSPA",
-           "local. missed  false", "Pd   far", "false", "echo to track", "lead",
+           "local. missed  false", "told far", "false", "echo to track", "lead",
            "error of");
     printf("%-22s %6s %6s %22s %9s %6s %13s %6s %12s\n", "drive", "m", "m",
            "m      m      m", "", "tracks", "mean s  worst", "s", "cm  m/s");
@@ -65,6 +65,26 @@ static void figures_of(const struct drive_result *r, double out[DRIVE_FIGURES])
         out[i] = drive_figure(r, (enum drive_figure)i);
 }
 
+static void print_nees(const struct drive_result *r)
+{
+    bool any = false;
+
+    for (size_t c = 0; c < DRIVE_CLASSES; c++) {
+        const struct drive_nees *k = &r->nees[c];
+        if (!k->sum.n)
+            continue;
+        if (any)
+            printf(", ");
+        else
+            printf("%-22s NEES (2 is right) ", "");
+        printf("%s %.2f, %.0f %% within 95 %%", drive_class_name(c), drive_mean(&k->sum),
+               100.0 * (double)k->n_within / (double)k->sum.n);
+        any = true;
+    }
+    if (any)
+        printf("\n");
+}
+
 void drive_print(const char *name, const struct drive_tally *t)
 {
     const struct drive_result *r = &t->all;
@@ -83,6 +103,23 @@ void drive_print(const char *name, const struct drive_tally *t)
     printf("%-22s %.2f false tracks an hour; with %.0f %% confidence under %.2f\n", "",
            drive_false_per_hour(r), 100.0 * DRIVE_CONFIDENCE,
            drive_false_per_hour_bound(r));
+    print_nees(r);
+    fflush(stdout);
+}
+
+void drive_print_existence(const struct drive_result *r)
+{
+    printf("\nexistence on CAN: stated, true, how often\n");
+    for (size_t b = 0; b < DRIVE_BINS; b++) {
+        const struct drive_bin *bin = &r->existence[b];
+        printf("  %2.0f to %3.0f %%  ", 100.0 * drive_bin_from(b),
+               100.0 * drive_bin_from(b + 1));
+        if (bin->n)
+            printf("%5.1f %%  %5.1f %%  %zu\n", 100.0 * bin->stated / (double)bin->n,
+                   100.0 * (double)bin->n_true / (double)bin->n, bin->n);
+        else
+            printf("    -        -  0\n");
+    }
     fflush(stdout);
 }
 
@@ -98,6 +135,39 @@ static void put_figures(json_t *o, const double figures[DRIVE_FIGURES])
 {
     for (int i = 0; i < DRIVE_FIGURES; i++)
         put(o, drive_figure_name((enum drive_figure)i), figures[i]);
+}
+
+static void put_nees(json_t *o, const struct drive_result *r)
+{
+    json_t *all = json_object();
+
+    for (size_t c = 0; c < DRIVE_CLASSES; c++) {
+        const struct drive_nees *k = &r->nees[c];
+        if (k->sum.n)
+            json_object_set_new(all, drive_class_name(c),
+                                json_pack("{s:f, s:f, s:I}", "mean", drive_mean(&k->sum),
+                                          "within_95",
+                                          (double)k->n_within / (double)k->sum.n, "n",
+                                          (json_int_t)k->sum.n));
+    }
+    json_object_set_new(o, "nees", all);
+}
+
+static void put_existence(json_t *o, const struct drive_result *r)
+{
+    json_t *all = json_array();
+
+    for (size_t b = 0; b < DRIVE_BINS; b++) {
+        const struct drive_bin *bin = &r->existence[b];
+        if (bin->n)
+            json_array_append_new(all, json_pack("{s:f, s:f, s:f, s:f, s:I}", "from",
+                                                 drive_bin_from(b), "to",
+                                                 drive_bin_from(b + 1), "stated",
+                                                 bin->stated / (double)bin->n, "true",
+                                                 (double)bin->n_true / (double)bin->n,
+                                                 "n", (json_int_t)bin->n));
+    }
+    json_object_set_new(o, "existence", all);
 }
 
 json_t *drive_json(const struct drive_tally *t)
@@ -123,6 +193,8 @@ json_t *drive_json(const struct drive_tally *t)
     put(o, "confidence", DRIVE_CONFIDENCE);
     put(o, "objects_entered", (double)r->n_entries);
     put(o, "objects_without_track", (double)r->n_late);
+    put_nees(o, r);
+    put_existence(o, r);
     put_figures(worst, t->worst);
     json_object_set_new(o, "worst", worst);
     return o;
@@ -239,4 +311,31 @@ int drive_write(const char *folder, const char *name, const struct drive_moments
     snprintf(file, sizeof file, "%s.csv", name);
     int err = write_csv(folder, file, m, why);
     return err ? err : draw(folder, name, m, why);
+}
+
+int drive_write_existence(const char *folder, const struct drive_result *r,
+                          struct error *why)
+{
+    double stated[DRIVE_BINS], found[DRIVE_BINS], right[2] = {0.0, 100.0};
+    size_t n = 0;
+
+    for (size_t b = 0; b < DRIVE_BINS; b++) {
+        const struct drive_bin *bin = &r->existence[b];
+        if (!bin->n)
+            continue;
+        stated[n] = 100.0 * bin->stated / (double)bin->n;
+        found[n++] = 100.0 * (double)bin->n_true / (double)bin->n;
+    }
+    const struct chart_series series[] = {
+        {"as stated", right, right, 2, CHART_DASHED, 0},
+        {NULL, stated, found, n, CHART_LINE, 1},
+        {"on CAN", stated, found, n, CHART_POINTS, 1},
+    };
+    const struct chart chart = {.title = "existence: stated and true",
+                                .label = {"stated, %", "of these somebody was there, %"},
+                                .min = {0.0, 0.0},
+                                .max = {100.0, 100.0},
+                                .series = series,
+                                .n_series = sizeof series / sizeof *series};
+    return n ? export_chart(folder, "existence", &chart, why) : 0;
 }

@@ -17,6 +17,14 @@ void drive_name(const char *path, char *out, size_t size);
 void drive_print_head(void);
 void drive_print(const char *name, const struct drive_tally *t);
 
+/* Of all drives: a line for each bin. */
+void drive_print_existence(const struct drive_result *r);
+
+/* FOLDER/existence.svg, .png: a reliability diagram; of nothing, no file.  0 or a
+ * negative errno. */
+int drive_write_existence(const char *folder, const struct drive_result *r,
+                          struct error *why);
+
 /* A new object; NULL: no memory. */
 json_t *drive_json(const struct drive_tally *t);
 

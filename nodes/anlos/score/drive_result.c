@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* The probability of up to n events; by logarithms, which many events do not overflow. */
 static double up_to(size_t n, double mean)
@@ -60,6 +61,42 @@ double drive_rms(const struct drive_sum *squares)
     return sqrt(drive_mean(squares));
 }
 
+double drive_bin_from(size_t bin)
+{
+    static const double from[DRIVE_BINS + 1] = {0,   0.5,  0.6,  0.7, 0.8,
+                                                0.9, 0.95, 0.99, 1};
+    return from[bin];
+}
+
+const char *drive_class_name(size_t class)
+{
+    static const char *const names[DRIVE_CLASSES] = {"person", "cyclist", "car", "other"};
+
+    return names[class];
+}
+
+void drive_bins_add(struct drive_bin bins[DRIVE_BINS], double existence, bool is_true)
+{
+    size_t b = DRIVE_BINS - 1;
+
+    while (b && existence < drive_bin_from(b))
+        b--;
+    bins[b].stated += existence;
+    bins[b].n++;
+    bins[b].n_true += is_true;
+}
+
+void drive_nees_add(struct drive_nees by_class[DRIVE_CLASSES], const char *kind,
+                    double nees)
+{
+    size_t c = 0;
+
+    while (c + 1 < DRIVE_CLASSES && strcmp(kind, drive_class_name(c)))
+        c++;
+    drive_sum_add(&by_class[c].sum, nees);
+    by_class[c].n_within += nees < DRIVE_NEES_95;
+}
+
 static const struct {
     const char *name;
     bool more_is_better;
@@ -71,6 +108,8 @@ static const struct {
     [DRIVE_FALSE] = {"false_m", false},
     [DRIVE_SEEN] = {"detection_probability", true},
     [DRIVE_SEEN_FAR] = {"detection_probability_far", true},
+    [DRIVE_TOLD] = {"told", true},
+    [DRIVE_TOLD_FAR] = {"told_far", true},
     [DRIVE_FALSE_TRACKS] = {"false_tracks", false},
     [DRIVE_DELAY] = {"echo_to_track_s", false},
     [DRIVE_DELAY_WORST] = {"echo_to_track_worst_s", false},
@@ -101,6 +140,10 @@ double drive_figure(const struct drive_result *r, enum drive_figure which)
         return drive_mean(&r->seen);
     case DRIVE_SEEN_FAR:
         return drive_mean(&r->seen_far);
+    case DRIVE_TOLD:
+        return drive_mean(&r->told);
+    case DRIVE_TOLD_FAR:
+        return drive_mean(&r->told_far);
     case DRIVE_FALSE_TRACKS:
         return (double)r->n_false_tracks;
     case DRIVE_DELAY:
@@ -152,14 +195,30 @@ static void add_sums(struct drive_result *all, const struct drive_result *r)
     pool(&all->velocity2, &r->velocity2);
     pool(&all->seen, &r->seen);
     pool(&all->seen_far, &r->seen_far);
+    pool(&all->told, &r->told);
+    pool(&all->told_far, &r->told_far);
     pool(&all->delay, &r->delay);
     pool(&all->lead, &r->lead);
+}
+
+static void add_certainty(struct drive_result *all, const struct drive_result *r)
+{
+    for (size_t b = 0; b < DRIVE_BINS; b++) {
+        all->existence[b].stated += r->existence[b].stated;
+        all->existence[b].n += r->existence[b].n;
+        all->existence[b].n_true += r->existence[b].n_true;
+    }
+    for (size_t c = 0; c < DRIVE_CLASSES; c++) {
+        pool(&all->nees[c].sum, &r->nees[c].sum);
+        all->nees[c].n_within += r->nees[c].n_within;
+    }
 }
 
 void drive_tally_add(struct drive_tally *t, const struct drive_result *r)
 {
     t->n++;
     add_sums(&t->all, r);
+    add_certainty(&t->all, r);
     t->all.seconds += r->seconds;
     t->all.n_lists += r->n_lists;
     t->all.worst_delay_s = fmax(t->all.worst_delay_s, r->worst_delay_s);

@@ -15,13 +15,39 @@ struct drive_sum { /* of squares or values */
     size_t n;
 };
 
+/* Is what is said true?  Of the objects that CAN frames name: existence in bins, with how
+ * often there was somebody; and of those who were, by class, the squared error over the
+ * covariance (NEES; of two numbers that are right, 2, and 95 % of them under 5.99). */
+enum { DRIVE_BINS = 8, DRIVE_CLASSES = 4 };
+#define DRIVE_NEES_95 5.991
+
+struct drive_bin {
+    double stated; /* sum */
+    size_t n, n_true;
+};
+
+struct drive_nees {
+    struct drive_sum sum;
+    size_t n_within; /* of 95 % */
+};
+
+/* Where a bin begins, 0..1; DRIVE_BINS: where the last one ends. */
+double drive_bin_from(size_t bin);
+const char *drive_class_name(size_t class); /* "person"; the last: all others */
+void drive_bins_add(struct drive_bin bins[DRIVE_BINS], double existence, bool is_true);
+void drive_nees_add(struct drive_nees by_class[DRIVE_CLASSES], const char *kind,
+                    double nees);
+
 struct drive_result { /* no pointers: it goes from one process to another */
     double seconds;
     size_t n_lists;
     struct drive_sum gospa, ospa, localisation, missed, false_ones;
     struct drive_sum position2, velocity2;
     struct drive_sum seen, seen_far; /* detections of objects: Pd */
-    struct drive_sum delay, lead;    /* from first echo to track; before sight */
+    struct drive_sum told, told_far; /* the same on CAN */
+    struct drive_bin existence[DRIVE_BINS];
+    struct drive_nees nees[DRIVE_CLASSES];
+    struct drive_sum delay, lead; /* from first echo to track; before sight */
     double worst_delay_s;
     size_t n_entries, n_late; /* objects that came in; and left without a track */
     size_t n_false_tracks;
@@ -41,6 +67,8 @@ enum drive_figure {
     DRIVE_FALSE,
     DRIVE_SEEN,
     DRIVE_SEEN_FAR,
+    DRIVE_TOLD,
+    DRIVE_TOLD_FAR,
     DRIVE_FALSE_TRACKS,
     DRIVE_DELAY,
     DRIVE_DELAY_WORST,

@@ -253,6 +253,17 @@ static void place_truth(struct matching *m, size_t i)
     nearest_part(&m->truth[i], nearest, m->truth_m[i]);
 }
 
+/* Those who are there with what was found. */
+static void pair_up(const struct drive_score *s, double t_s, struct matching *m)
+{
+    m->n_truth = who_is_there(s, t_s, m->truth);
+    for (size_t i = 0; i < m->n_truth; i++)
+        place_truth(m, i);
+    bench_set_distance(&m->distance, (const double(*)[2])m->truth_m, m->n_truth,
+                       (const double(*)[2])m->found_m, m->n_found, DRIVE_CUTOFF_M,
+                       DRIVE_ORDER);
+}
+
 static bool is_somebody(const struct matching *m, size_t found)
 {
     for (size_t i = 0; i < m->n_truth; i++)
@@ -265,7 +276,6 @@ static bool is_somebody(const struct matching *m, size_t found)
 static void match(const struct drive_score *s, double t_s,
                   const Anlos__DetectionList *list, bool measured, struct matching *m)
 {
-    m->n_truth = who_is_there(s, t_s, m->truth);
     m->n_found = 0;
     for (size_t i = 0; i < list->n_detections && m->n_found < BENCH_SET_MAX; i++) {
         const Anlos__Detection *d = list->detections[i];
@@ -276,11 +286,7 @@ static void match(const struct drive_score *s, double t_s,
         m->found_m[m->n_found][1] = d->position_m->y;
         m->found[m->n_found++] = d;
     }
-    for (size_t i = 0; i < m->n_truth; i++)
-        place_truth(m, i);
-    bench_set_distance(&m->distance, (const double(*)[2])m->truth_m, m->n_truth,
-                       (const double(*)[2])m->found_m, m->n_found, DRIVE_CUTOFF_M,
-                       DRIVE_ORDER);
+    pair_up(s, t_s, m);
 }
 
 /* The distance with those left out that need not be found. */
@@ -373,6 +379,45 @@ void drive_score_list(struct drive_score *s, double t_s, double out_s,
         if (tracks->detections[i]->measurement == ANLOS__MEASUREMENT__DELETED)
             live(s, tracks->detections[i], false);
     moment->n_detections = judge_detections(s, t_s, detections ? detections : tracks);
+}
+
+/* The squared error of a middle over its covariance; NaN where that is not known. */
+static double nees_of(const struct can_object *o, const struct room_truth *t)
+{
+    double x = (o->position_m[0] - t->position_m[0]) / o->sigma_m[0];
+    double y = (o->position_m[1] - t->position_m[1]) / o->sigma_m[1];
+    double c = o->correlation;
+
+    return (x * x - 2.0 * c * x * y + y * y) / (1.0 - c * c);
+}
+
+void drive_score_told(struct drive_score *s, double t_s, const struct can_object *objects,
+                      size_t n)
+{
+    const struct can_object *found[CAN_MAX_OBJECTS];
+    struct matching m = {.n_found = 0};
+
+    for (size_t i = 0; i < n && i < CAN_MAX_OBJECTS; i++) {
+        if (objects[i].measurement == CAN_DELETED || isnan(objects[i].position_m[0]))
+            continue;
+        memcpy(m.found_m[m.n_found], objects[i].position_m, sizeof m.found_m[0]);
+        found[m.n_found++] = &objects[i];
+    }
+    pair_up(s, t_s, &m);
+    for (size_t i = 0; i < m.n_found; i++)
+        if (isfinite(found[i]->existence))
+            drive_bins_add(s->result.existence, found[i]->existence, is_somebody(&m, i));
+    for (size_t i = 0; i < m.n_truth; i++) {
+        size_t k = m.distance.match[i];
+        if (!is_in_gate(s, &m.truth[i]))
+            continue;
+        drive_sum_add(&s->result.told, k != BENCH_NOBODY);
+        if (range_m(&m.truth[i]) >= DRIVE_FAR_M)
+            drive_sum_add(&s->result.told_far, k != BENCH_NOBODY);
+        double nees = k != BENCH_NOBODY ? nees_of(found[k], &m.truth[i]) : NAN;
+        if (isfinite(nees))
+            drive_nees_add(s->result.nees, m.truth[i].kind, nees);
+    }
 }
 
 void drive_score_end(struct drive_score *s)

@@ -14,6 +14,7 @@
 #include <stddef.h>
 
 #include "hal/room/room.h"
+#include "msgs/can/frames.h"
 #include "msgs/detections.pb-c.h"
 #include "nodes/anlos/score/drive_result.h"
 
@@ -96,6 +97,11 @@ void drive_score_init(struct drive_score *s, const struct drive_truth *truth,
 void drive_score_list(struct drive_score *s, double t_s, double out_s,
                       const Anlos__DetectionList *tracks,
                       const Anlos__DetectionList *detections, struct drive_moment *m);
+
+/* What the vehicle was told of the same image: counts who was told, and how true that
+ * was.  Errors are those of an object's middle. */
+void drive_score_told(struct drive_score *s, double t_s, const struct can_object *objects,
+                      size_t n);
 void drive_score_end(struct drive_score *s);
 
 #endif

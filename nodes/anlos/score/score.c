@@ -35,6 +35,7 @@ static const char help[] =
     "files written\n"
     "  drives.csv           a line for each bag, as soon as it is done\n"
     "  drive.json           all figures of each\n"
+    "  existence.svg, .png  how often what was stated so surely was true\n"
     "  NAME.csv, .svg, .png     GOSPA and OSPA over time\n"
     "\n"
     "example\n"
@@ -106,7 +107,10 @@ static int score_bags(struct score *s, struct error *why)
         drive_print("all", &s->all);
         json_object_set_new(s->json, "all", drive_json(&s->all));
     }
-    int failed = drive_json_write(s->json, s->out, err ? NULL : why);
+    drive_print_existence(&s->all.all);
+    int failed = drive_write_existence(s->out, &s->all.all, err ? NULL : why);
+    err = err ? err : failed;
+    failed = drive_json_write(s->json, s->out, err ? NULL : why);
     return err ? err : failed;
 }
 
