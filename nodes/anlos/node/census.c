@@ -11,7 +11,7 @@
 #include "msgs/bus.h"
 #include "msgs/endpoint.h"
 #include "msgs/hosts.h"
-#include "nodes/anlos/top/collector.h"
+#include "nodes/anlos/collector.h"
 #include "nodes/anlos/topic/watch.h"
 
 #define LONGEST_NS 3500000000LL

@@ -10,7 +10,7 @@
 #include "msgs/hosts.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/text.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/rundir.h"

@@ -7,7 +7,7 @@
 #include <stddef.h>
 
 #include "nodes/anlos/top/table.h"
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/text.h"
 
 struct column {
     const char *title; /* NULL ends a list */

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "nodes/anlos/top/columns.h"
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/text.h"
 
 __attribute__((format(printf, 2, 3))) static void add(struct detail *d,
                                                       const char *format, ...)

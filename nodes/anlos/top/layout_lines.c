@@ -3,8 +3,8 @@
 #include <stdio.h>
 #include <time.h>
 
-#include "nodes/anlos/top/layout.h"
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/top/screen.h"
+#include "nodes/anlos/text.h"
 
 #define BAR_COLUMNS 10
 

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "nodes/anlos/top/collector.h"
+#include "nodes/anlos/collector.h"
 
 /* The place of the topic among the node's links; TABLE_MAX_LINKS: there is none. */
 static size_t link_place(struct table_node *row, const struct topic *t, bool published)

@@ -3,7 +3,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/text.h"
 
 static int clamp(int v, int max)
 {

@@ -5,8 +5,8 @@
 #include <limits.h>
 
 #include "nodes/anlos/top/columns.h"
-#include "nodes/anlos/top/layout.h"
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/top/screen.h"
+#include "nodes/anlos/text.h"
 
 /* Without the blank in front, which is the screen's room for a mark. */
 static void print_row(FILE *to, const struct column *columns, const void *row)

@@ -7,8 +7,8 @@
 
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/top/feed.h"
-#include "nodes/anlos/top/layout.h"
+#include "nodes/anlos/feed.h"
+#include "nodes/anlos/top/screen.h"
 #include "nodes/anlos/top/plain.h"
 #include "nodes/anlos/top/terminal.h"
 #include "nodes/anlos/usage.h"

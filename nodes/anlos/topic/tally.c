@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "msgs/topics.h"
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/text.h"
 
 int tally_open(struct tally *t, const struct topic *const *topics, size_t n, bool delays)
 {

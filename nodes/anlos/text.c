@@ -1,4 +1,4 @@
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/text.h"
 
 #include <inttypes.h>
 #include <math.h>

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/text.h"
 
 static char out[64];
 

@@ -1,6 +1,6 @@
-/* nodes/anlos/top/text.h -- numbers and foreign text in the room of a table's cell. */
-#ifndef ANLOS_NODES_ANLOS_TOP_TEXT_H
-#define ANLOS_NODES_ANLOS_TOP_TEXT_H
+/* nodes/anlos/text.h -- numbers and foreign text in the room of a table's cell. */
+#ifndef ANLOS_NODES_ANLOS_TEXT_H
+#define ANLOS_NODES_ANLOS_TEXT_H
 
 #include <stddef.h>
 #include <stdint.h>

@@ -1,4 +1,4 @@
-#include "nodes/anlos/top/layout.h"
+#include "nodes/anlos/top/screen.h"
 
 #include <stdio.h>
 #include <string.h>

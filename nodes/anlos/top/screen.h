@@ -1,6 +1,6 @@
-/* nodes/anlos/top/layout.h -- table -> lines of text for a width and a height.  Pure. */
-#ifndef ANLOS_NODES_ANLOS_TOP_LAYOUT_H
-#define ANLOS_NODES_ANLOS_TOP_LAYOUT_H
+/* nodes/anlos/top/screen.h -- table -> lines of text for a width and a height.  Pure. */
+#ifndef ANLOS_NODES_ANLOS_TOP_SCREEN_H
+#define ANLOS_NODES_ANLOS_TOP_SCREEN_H
 
 #include "nodes/anlos/top/look.h"
 #include "nodes/anlos/top/page.h"

@@ -1,6 +1,6 @@
-/* nodes/anlos/top/feed.h -- brings what a running system says to the collector. */
-#ifndef ANLOS_NODES_ANLOS_TOP_FEED_H
-#define ANLOS_NODES_ANLOS_TOP_FEED_H
+/* nodes/anlos/feed.h -- brings what a running system says to the collector. */
+#ifndef ANLOS_NODES_ANLOS_FEED_H
+#define ANLOS_NODES_ANLOS_FEED_H
 
 #include <stdbool.h>
 #include <stdint.h>

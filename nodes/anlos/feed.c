@@ -1,4 +1,4 @@
-#include "nodes/anlos/top/feed.h"
+#include "nodes/anlos/feed.h"
 
 #include <errno.h>
 #include <math.h>
@@ -10,7 +10,7 @@
 
 #include "msgs/bus.h"
 #include "msgs/hosts.h"
-#include "nodes/anlos/top/collector.h"
+#include "nodes/anlos/collector.h"
 #include "nodes/rt/log_history.h"
 
 #define LOOK_NS    500000000LL  /* between two looks at who lives */

@@ -10,9 +10,9 @@
 #include <time.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/top/layout.h"
+#include "nodes/anlos/top/screen.h"
 #include "nodes/anlos/top/plain.h"
-#include "nodes/anlos/top/text.h"
+#include "nodes/anlos/text.h"
 
 struct rig {
     struct table table;

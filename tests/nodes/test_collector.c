@@ -9,7 +9,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/top/collector.h"
+#include "nodes/anlos/collector.h"
 #include "tests/nodes/health.h"
 #include "tests/nodes/near.h"
 

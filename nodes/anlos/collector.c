@@ -1,4 +1,4 @@
-#include "nodes/anlos/top/collector.h"
+#include "nodes/anlos/collector.h"
 
 #include <errno.h>
 #include <math.h>

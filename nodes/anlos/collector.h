@@ -1,9 +1,9 @@
-/* nodes/anlos/top/collector.h -- gathers what the processes say of themselves into one
+/* nodes/anlos/collector.h -- gathers what the processes say of themselves into one
  * table.  Pure: messages and times come in, a table goes out.  Rates and shares are those
  * of the last three seconds, by the clock of whoever listens; a process that starts again
  * counts anew. */
-#ifndef ANLOS_NODES_ANLOS_TOP_COLLECTOR_H
-#define ANLOS_NODES_ANLOS_TOP_COLLECTOR_H
+#ifndef ANLOS_NODES_ANLOS_COLLECTOR_H
+#define ANLOS_NODES_ANLOS_COLLECTOR_H
 
 #include "msgs/health.pb-c.h"
 #include "msgs/log.pb-c.h"
