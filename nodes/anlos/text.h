@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "nodes/anlos/top/table.h"
+#include "nodes/anlos/collector.h"
 
 #define TEXT_CELL_SIZE 512
 

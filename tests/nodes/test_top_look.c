@@ -8,8 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 #include <cmocka.h>
+#include <curses.h>
 
-#include "nodes/anlos/top/look.h"
+#include "nodes/anlos/top/screen.h"
 
 struct rig {
     struct table table;
@@ -70,7 +71,8 @@ static void type(struct rig *r, const char *text)
 static const char *nodes(const struct rig *r)
 {
     static char text[256];
-    size_t order[TABLE_MAX_NODES], n = look_nodes(&r->look, &r->table, order);
+    size_t order[LOOK_MAX_ROWS], at;
+    size_t n = look_rows(&r->look, &r->table, LOOK_NODES, order, &at);
     *text = '\0';
     for (size_t i = 0; i < n; i++) {
         strcat(text, r->table.nodes[order[i]].name);
@@ -82,7 +84,8 @@ static const char *nodes(const struct rig *r)
 static const char *topics(const struct rig *r)
 {
     static char text[256];
-    size_t order[TABLE_MAX_TOPICS], n = look_topics(&r->look, &r->table, order);
+    size_t order[LOOK_MAX_ROWS], at;
+    size_t n = look_rows(&r->look, &r->table, LOOK_TOPICS, order, &at);
     *text = '\0';
     for (size_t i = 0; i < n; i++) {
         strcat(text, r->table.topics[order[i]].topic->name);
@@ -93,14 +96,15 @@ static const char *topics(const struct rig *r)
 
 static const char *selected_node(const struct rig *r)
 {
-    size_t order[TABLE_MAX_NODES], n = look_nodes(&r->look, &r->table, order);
-    return r->table.nodes[order[look_selected_node(&r->look, &r->table, order, n)]].name;
+    size_t order[LOOK_MAX_ROWS], at;
+    look_rows(&r->look, &r->table, LOOK_NODES, order, &at);
+    return r->table.nodes[order[at]].name;
 }
 
 static const char *selected_topic(const struct rig *r)
 {
-    size_t order[TABLE_MAX_TOPICS], n = look_topics(&r->look, &r->table, order);
-    size_t at = look_selected_topic(&r->look, &r->table, order, n);
+    size_t order[LOOK_MAX_ROWS], at;
+    look_rows(&r->look, &r->table, LOOK_TOPICS, order, &at);
     return r->table.topics[order[at]].topic->name;
 }
 
@@ -133,19 +137,19 @@ static void the_selection_stays_with_its_node_when_the_order_changes(void **stat
     struct rig *r = *state;
 
     assert_string_equal(selected_node(r), "stage");
-    press(r, LOOK_KEY_DOWN);
+    press(r, KEY_DOWN);
     assert_string_equal(selected_node(r), "array");
     press(r, 's'); /* by load: array stage dsp */
     assert_string_equal(selected_node(r), "array");
-    press(r, LOOK_KEY_DOWN);
+    press(r, KEY_DOWN);
     assert_string_equal(selected_node(r), "stage");
-    press(r, LOOK_KEY_END);
+    press(r, KEY_END);
     assert_string_equal(selected_node(r), "dsp");
-    press(r, LOOK_KEY_DOWN); /* there is no further */
+    press(r, KEY_DOWN); /* there is no further */
     assert_string_equal(selected_node(r), "dsp");
-    press(r, LOOK_KEY_PAGE_UP);
+    press(r, KEY_PPAGE);
     assert_string_equal(selected_node(r), "array");
-    press(r, LOOK_KEY_UP);
+    press(r, KEY_UP);
     assert_string_equal(selected_node(r), "array");
 }
 
@@ -156,7 +160,7 @@ static void tab_goes_round_the_panels(void **state)
     press(r, '\t');
     assert_int_equal(r->look.focus, LOOK_TOPICS);
     assert_true(r->look.detail_of_topic);
-    press(r, LOOK_KEY_DOWN);
+    press(r, KEY_DOWN);
     assert_string_equal(selected_topic(r), "traces");
     press(r, '\t');
     assert_int_equal(r->look.focus, LOOK_DETAIL);
@@ -166,7 +170,7 @@ static void tab_goes_round_the_panels(void **state)
     press(r, '\t');
     assert_int_equal(r->look.focus, LOOK_NODES);
     assert_false(r->look.detail_of_topic);
-    press(r, LOOK_KEY_BACK_TAB);
+    press(r, KEY_BTAB);
     assert_int_equal(r->look.focus, LOOK_LOG);
     r->table.objects.known = true; /* another panel is there */
     press(r, '\t');
@@ -180,14 +184,14 @@ static void the_log_scrolls_back_from_its_end(void **state)
     struct rig *r = *state;
 
     r->table.n_logs = 3;
-    press(r, LOOK_KEY_BACK_TAB);
-    press(r, LOOK_KEY_DOWN);
+    press(r, KEY_BTAB);
+    press(r, KEY_DOWN);
     assert_int_equal(r->look.log_line, 0);
-    press(r, LOOK_KEY_UP);
+    press(r, KEY_UP);
     assert_int_equal(r->look.log_line, 1);
-    press(r, LOOK_KEY_HOME);
+    press(r, KEY_HOME);
     assert_int_equal(r->look.log_line, 2);
-    press(r, LOOK_KEY_END);
+    press(r, KEY_END);
     assert_int_equal(r->look.log_line, 0);
 }
 
@@ -201,17 +205,17 @@ static void a_filter_shows_the_names_with_that_part(void **state)
     assert_string_equal(topics(r), "traces");
     type(r, "rs");
     assert_string_equal(nodes(r), "");
-    press(r, LOOK_KEY_BACKSPACE);
+    press(r, KEY_BACKSPACE);
     assert_string_equal(nodes(r), "array");
     type(r, "q"); /* a letter now, no command */
-    press(r, LOOK_KEY_BACKSPACE);
+    press(r, KEY_BACKSPACE);
     press(r, '\n');
     assert_false(r->look.typing);
     assert_string_equal(nodes(r), "array");
-    press(r, LOOK_KEY_ESCAPE);
+    press(r, '\033');
     assert_string_equal(nodes(r), "stage array dsp");
     type(r, "/dsp");
-    press(r, LOOK_KEY_ESCAPE);
+    press(r, '\033');
     assert_false(r->look.typing);
     assert_string_equal(nodes(r), "stage array dsp");
 }
@@ -224,9 +228,9 @@ static void a_filter_does_not_outgrow_its_room(void **state)
     for (int i = 0; i < 100; i++)
         press(r, 'x');
     assert_int_equal(strlen(r->look.filter), sizeof r->look.filter - 1);
-    press(r, LOOK_KEY_DOWN); /* nothing is left to select */
+    press(r, KEY_DOWN); /* nothing is left to select */
     press(r, '\n');
-    press(r, LOOK_KEY_DOWN);
+    press(r, KEY_DOWN);
     assert_string_equal(nodes(r), "");
 }
 

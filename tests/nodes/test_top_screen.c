@@ -11,7 +11,6 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/top/screen.h"
-#include "nodes/anlos/top/plain.h"
 #include "nodes/anlos/text.h"
 
 struct rig {
@@ -91,8 +90,7 @@ static int tear_down(void **state)
 
 static void draw(struct rig *r, int width, int height)
 {
-    page_begin(&r->page, width, height);
-    layout_draw(&r->page, &r->table, &r->look);
+    screen_draw(&r->page, width, height, &r->table, &r->look);
 }
 
 static const struct page_line *find(const struct rig *r, const char *start)
@@ -198,6 +196,15 @@ static void hidden_objects_have_a_panel_when_there_is_a_list(void **state)
     r->table.objects.over = true;
     draw(r, 100, 40);
     assert_non_null(find(r, " OBJECTS (those of the last list"));
+}
+
+static void an_object_in_a_state_of_a_later_version_is_drawn(void **state)
+{
+    struct rig *r = *state;
+
+    add_object(&r->table, 7, (Anlos__Measurement)99);
+    draw(r, 100, 40);
+    assert_non_null(find(r, " 7      ?           4.86"));
 }
 
 static void more_objects_than_lines_are_scrolled(void **state)
@@ -458,7 +465,7 @@ static void a_plain_table_has_every_column_and_no_blanks_at_the_end(void **state
     FILE *f = open_memstream(&text, &size);
 
     assert_non_null(f);
-    assert_int_equal(plain_print(f, &r->table), 0);
+    assert_int_equal(screen_print(f, &r->table), 0);
     fclose(f);
     static const char *const parts[] = {
         "/run/anlos: 8 of 8 nodes alive",
@@ -486,7 +493,7 @@ static void a_full_disk_is_an_error(void **state)
     FILE *f = fopen("/dev/full", "w");
 
     assert_non_null(f);
-    assert_true(plain_print(f, &r->table) < 0);
+    assert_true(screen_print(f, &r->table) < 0);
     fclose(f);
 }
 
@@ -498,6 +505,7 @@ int main(void)
         TEST(the_usual_terminal_shows_all_panels),
         TEST(every_size_is_kept_to),
         TEST(hidden_objects_have_a_panel_when_there_is_a_list),
+        TEST(an_object_in_a_state_of_a_later_version_is_drawn),
         TEST(more_objects_than_lines_are_scrolled),
         TEST(narrow_terminals_leave_out_the_least_important_columns),
         TEST(what_is_absent_comes_last),

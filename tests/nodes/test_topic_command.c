@@ -17,7 +17,7 @@
 #include "msgs/bus.h"
 #include "msgs/stage.pb-c.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/topic/watch.h"
+#include "nodes/anlos/feed.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 
@@ -140,7 +140,7 @@ static size_t publish_until_answered(int fd, char *text, size_t size)
         assert_int_equal(bus_publish_message(bus, topic_stage_state(), 11, 22, &m.base),
                          0);
     }
-    assert_true(topic_watch_alive(run_dir));
+    assert_true(feed_answers(run_dir));
     for (ssize_t n; used + 1 < size && (n = read(fd, text + used, size - 1 - used)) > 0;)
         used += (size_t)n;
     text[used] = '\0';

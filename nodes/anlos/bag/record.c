@@ -13,7 +13,7 @@
 #include "nodes/anlos/bag/verb.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/live.h"
-#include "nodes/anlos/topic/watch.h"
+#include "nodes/anlos/feed.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/record/recorder.h"
 #include "nodes/record/session.h"
@@ -175,7 +175,7 @@ static int open_bus(struct job *j, struct error *why)
 
     if (err)
         return err;
-    if (!topic_watch_alive(j->run_dir))
+    if (!feed_answers(j->run_dir))
         fprintf(stderr, "anlos bag record: nothing is running in %s yet; waiting\n",
                 j->run_dir);
     return bus_create(&j->bus, &cfg, why);

@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "nodes/anlos/doctor/doctor.h"
-#include "nodes/anlos/node/census.h"
+#include "nodes/anlos/feed.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/rundir.h"
 

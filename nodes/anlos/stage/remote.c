@@ -8,7 +8,7 @@
 #include "msgs/topics.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/stage/wish.h"
-#include "nodes/anlos/topic/watch.h"
+#include "nodes/anlos/feed.h"
 #include "nodes/rt/exit_code.h"
 #include "nodes/rt/rundir.h"
 
@@ -174,7 +174,7 @@ int stage_wish_remote(const char *asked, const struct stage_wish *wishes, size_t
         fprintf(stderr, "anlos stage: %s\n", why.text);
         return EXIT_BAD_INPUT;
     }
-    if (!topic_watch_alive(run_dir)) {
+    if (!feed_answers(run_dir)) {
         fprintf(stderr,
                 "anlos stage: nothing is running in %s; name the folder with --run-dir, "
                 "or the device: anlos stage URI ...\n",

@@ -1,22 +1,29 @@
+/* nodes/anlos/top/top.c -- `anlos top`: the table of a running system, on the whole
+ * terminal (ncurses) or as text. */
+#include <curses.h>
 #include <errno.h>
+#include <locale.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <term.h>
 #include <unistd.h>
+#undef lines /* macros of <term.h>, and fields of a page */
+#undef tone
 
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/feed.h"
+#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/top/screen.h"
-#include "nodes/anlos/top/plain.h"
-#include "nodes/anlos/top/terminal.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/colour.h"
 #include "nodes/rt/rundir.h"
 
 #define LOOK_UP_MS       100          /* between looks at Ctrl-C and the clock */
 #define FIRST_TABLE_NS   3500000000LL /* rates need two health messages of each node */
 #define LEAST_INTERVAL_S 0.1
+#define ESCAPE_MS        25 /* what follows an escape within it is a key */
 
 static const char help[] =
     "anlos top -- watch the nodes and topics of a running system\n"
@@ -141,7 +148,7 @@ static int run_plain(struct top *o)
         feed_table(o->feed, &o->table);
         if (i)
             putchar('\n');
-        int err = plain_print(stdout, &o->table);
+        int err = screen_print(stdout, &o->table);
         if (err == -EPIPE)
             return EXIT_WORKED; /* `| head` has seen enough */
         if (err) {
@@ -152,21 +159,101 @@ static int run_plain(struct top *o)
     return code;
 }
 
+/* -- the terminal -----------------------------------------------------------------------
+ */
+
+static SCREEN *whole;
+static bool coloured;
+
+/* Can it put the cursor anywhere?  To be asked before newterm, which does not give back
+ * all that it took when it fails. */
+static bool can_place(const char *kind)
+{
+    int found;
+
+    if (!kind || !*kind || setupterm(kind, STDOUT_FILENO, &found) == ERR)
+        return false;
+    bool can = cursor_address != NULL;
+    del_curterm(cur_term);
+    return can;
+}
+
+/* Takes the terminal of stdin and stdout over.  Signals that end the program have to be
+ * caught before.  Colour unless the terminal has none or NO_COLOR is set.  0, -ENOTTY
+ * (of a kind that cannot be drawn on). */
+static int terminal_open(struct error *why)
+{
+    const char *kind = getenv("TERM");
+
+    setlocale(LC_CTYPE, "");
+    whole = can_place(kind) ? newterm(NULL, stdout, stdin) : NULL;
+    if (!whole)
+        return error_say(why, -ENOTTY,
+                         "a terminal of the kind \"%s\" (TERM) cannot be drawn on; "
+                         "--once prints one table",
+                         kind ? kind : "");
+    coloured = has_colors() && colour_wanted(STDOUT_FILENO) && start_color() == OK;
+    if (coloured) {
+        use_default_colors();
+        init_pair(PAGE_GOOD, COLOR_GREEN, -1);
+        init_pair(PAGE_NOTE, COLOR_YELLOW, -1);
+        init_pair(PAGE_BAD, COLOR_RED, -1);
+    }
+    cbreak(); /* Ctrl-C stays a signal */
+    noecho();
+    nonl();
+    keypad(stdscr, TRUE);
+    nodelay(stdscr, TRUE);
+    set_escdelay(ESCAPE_MS);
+    curs_set(0);
+    return 0;
+}
+
+/* Outside of UTF-8 curses would show its bytes one by one. */
+static void put(const char *text)
+{
+    for (const char *s = text; *s; s++)
+        if (MB_CUR_MAX > 1 || (unsigned char)*s < 0x80)
+            addch((unsigned char)*s);
+        else if (((unsigned char)*s & 0xc0) != 0x80)
+            addch('?');
+}
+
+static void draw_line(int y, const struct page_line *l)
+{
+    attr_t of_line = l->kind == PAGE_FOCUSED_TITLE ? A_REVERSE | A_BOLD
+                     : l->kind == PAGE_TITLE       ? A_BOLD | A_UNDERLINE
+                     : l->selected                 ? A_BOLD
+                                                   : A_NORMAL;
+    attr_t of_tone = l->tone == PAGE_BAD     ? A_BOLD
+                     : l->tone == PAGE_FAINT ? A_DIM
+                                             : A_NORMAL;
+
+    move(y, 0);
+    put(l->text);
+    if (of_line)
+        mvchgat(y, 0, -1, of_line, 0, NULL);
+    if (l->tone)
+        mvchgat(y, l->tone_at, l->tone_n, of_line | of_tone,
+                (short)(coloured && l->tone != PAGE_FAINT ? l->tone : 0), NULL);
+}
+
 static void draw(struct top *o)
 {
-    int width, height;
-
-    terminal_size(&width, &height);
-    page_begin(&o->page, width, height);
-    layout_draw(&o->page, &o->table, &o->look);
-    terminal_draw(&o->page);
+    screen_draw(&o->page, COLS, LINES, &o->table, &o->look);
+    erase();
+    for (int y = 0; y < o->page.n_lines; y++)
+        draw_line(y, &o->page.lines[y]);
+    refresh();
 }
 
 /* true: one of them means quit. */
 static bool take_keys(struct top *o)
 {
-    for (int key; (key = terminal_key()) >= 0;)
-        if (look_key(&o->look, &o->table, key))
+    for (int key; (key = getch()) != ERR;)
+        if (key == 'L' - '@') /* what was written over comes back */
+            clearok(curscr, TRUE);
+        else if (look_key(&o->look, &o->table, key))
             return true;
     return false;
 }
@@ -195,7 +282,8 @@ static int run_screen(struct top *o)
             draw(o);
         code = listen_until(o, due_ns, STDIN_FILENO, &keys);
     }
-    terminal_close();
+    endwin();
+    delscreen(whole);
     return code;
 }
 
@@ -224,7 +312,7 @@ static int run(struct top *o)
         return EXIT_BAD_INPUT;
     }
     interrupt_catch();
-    if (feed_open(&o->feed, o->run_dir, &why)) {
+    if (feed_open(&o->feed, o->run_dir, &why) || feed_listen(o->feed, &why)) {
         fprintf(stderr, "anlos top: %s\n", why.text);
         return EXIT_FAILED;
     }

@@ -131,10 +131,7 @@ void tally_survey(struct tally *t, const Anlos__Survey *survey)
 
 double tally_expected_hz(const struct tally *t, const struct topic *topic)
 {
-    bool of_pings = topic == topic_ping() || topic == topic_traces() ||
-                    topic == topic_receipt();
-
-    return of_pings && t->pings_hz > 0.0 ? t->pings_hz : topic->rate_hz;
+    return table_is_of_pings(topic) && t->pings_hz > 0.0 ? t->pings_hz : topic->rate_hz;
 }
 
 void tally_clear(struct tally *t)

@@ -6,6 +6,7 @@
 
 #include "dsp/nearest.h"
 #include "nodes/anlos/commands.h"
+#include "nodes/anlos/feed.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/topic/tally.h"
 #include "nodes/anlos/topic/watch.h"
@@ -193,7 +194,7 @@ static int watch(const struct watched *v, const struct topic *const *topics, siz
         return EXIT_BAD_INPUT;
     }
     interrupt_catch();
-    if (!topic_watch_alive(run_dir)) {
+    if (!feed_answers(run_dir)) {
         fprintf(stderr, "anlos topic: nothing is running in %s%s\n", run_dir,
                 o->wait ? " yet; waiting"
                         : "; start it with 'anlos launch FILE', or name "

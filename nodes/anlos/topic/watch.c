@@ -1,13 +1,10 @@
 #include "nodes/anlos/topic/watch.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include "hal/clock.h"
@@ -20,34 +17,6 @@
 #define KEEP_BYTES ((size_t)256 << 20) /* that may wait to be looked at */
 
 enum { MAX_TOPICS = 64 };
-
-static bool socket_answers(const char *folder, const char *name)
-{
-    struct sockaddr_un to = {.sun_family = AF_UNIX};
-    int n = snprintf(to.sun_path, sizeof to.sun_path, "%s/%s", folder, name);
-    if (n < 0 || (size_t)n >= sizeof to.sun_path)
-        return false;
-    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (fd < 0)
-        return false;
-    bool answers = !connect(fd, (struct sockaddr *)&to, sizeof to);
-    close(fd);
-    return answers;
-}
-
-bool topic_watch_alive(const char *run_dir)
-{
-    DIR *d = opendir(run_dir);
-    bool alive = false;
-    if (!d)
-        return false;
-    for (struct dirent *e = readdir(d); e && !alive; e = readdir(d)) {
-        const char *dot = strrchr(e->d_name, '.');
-        alive = dot && !strcmp(dot, ".ipc") && socket_answers(run_dir, e->d_name);
-    }
-    closedir(d);
-    return alive;
-}
 
 int topic_watch_open(struct bus **out, const char *run_dir,
                      const struct topic *const *topics, size_t n, struct error *why)

@@ -10,9 +10,6 @@
 #include "msgs/bus.h"
 #include "nodes/anlos/topic/tally.h"
 
-/* Does anybody publish in the folder?  Tries each socket in it. */
-bool topic_watch_alive(const char *run_dir);
-
 /* Opens a bus that only listens, to topics[n].  0 or a negative errno. */
 int topic_watch_open(struct bus **out, const char *run_dir,
                      const struct topic *const *topics, size_t n, struct error *why);

@@ -1,4 +1,4 @@
-#include "nodes/anlos/node/node.h"
+#include "nodes/anlos/node.h"
 
 #include <errno.h>
 #include <inttypes.h>
