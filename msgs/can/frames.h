@@ -60,7 +60,7 @@ struct can_status { /* every 100 ms */
     uint16_t faults; /* 1 << enum can_fault */
     double temperature_c;
     double sound_speed_m_s;
-    double range_m; /* up to which a person is found; sent rounded to 0.2 m */
+    double range_m; /* up to which a person is found, 0: nowhere; sent rounded to 0.2 m */
 };
 
 struct can_diagnosis { /* every second */

@@ -153,7 +153,7 @@ static int create_levels(struct hearing *h, const struct reach_config *cfg,
     if (!err)
         err = create_cover(h, why);
     if (!err)
-        err = reach_create(&h->reach, cfg, h->survey, &h->format, p.gate_m[1], why);
+        err = reach_create(&h->reach, cfg, h->survey, &h->format, p.gate_m, why);
     return err;
 }
 

@@ -36,9 +36,9 @@ struct hearing_levels { /* NaN: not known */
     double noise_db;    /* of a sample of compressed noise, re an echo of gain 1 */
     double direct_db;   /* the loudest direct sound of each speaker over noise */
     double echo_db;     /* the wall's echo over noise */
-    double range_m;     /* at which a person is found, up to: */
-    double gate_m;
-    bool limited; /* range_m is less */
+    double range_m;     /* up to which a person is found; 0: nowhere in the gate, which */
+    double gate_m;      /* ends here */
+    bool limited;       /* range_m is less */
 };
 
 struct hearing;

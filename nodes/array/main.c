@@ -84,7 +84,11 @@ static void tell_range(struct run *r, const struct hearing_levels *l)
     if (l->limited == r->limited)
         return;
     r->limited = l->limited;
-    if (l->limited)
+    if (l->limited && l->range_m == 0.0)
+        node_log(r->node, LOG_LEVEL_WARNING,
+                 "noise of %.0f dB, the wall %.0f dB over it: nobody is found",
+                 l->noise_db, l->echo_db);
+    else if (l->limited)
         node_log(r->node, LOG_LEVEL_WARNING,
                  "noise of %.0f dB, the wall %.0f dB over it: a person is found up to "
                  "%.1f m, not %.1f",
@@ -190,6 +194,9 @@ static void tell_well(struct run *r)
     if (covered)
         node_state(r->node, ANLOS__HEALTH__STATE__READY,
                    "ready, but %zu speakers or microphones are covered", covered);
+    else if (r->limited && r->sensing.range_m == 0.0)
+        node_state(r->node, ANLOS__HEALTH__STATE__READY,
+                   "ready, in noise that hides everybody");
     else if (r->limited)
         node_state(r->node, ANLOS__HEALTH__STATE__READY,
                    "ready, in noise: a person is found up to %.1f m",

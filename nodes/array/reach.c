@@ -21,7 +21,7 @@ struct reach {
     const struct survey *survey;
     struct trace_format format;
     struct walls walls;
-    double gate_m, ping_s;
+    double gate_m[2], ping_s;            /* near, far */
     double snr;                          /* that a person needs, over the noise of... */
     double n_coherent;                   /* so many pings that are added in phase */
     double echo_trace, echo, echo_noise; /* the wall's power in a trace; at 1 m, over
@@ -62,8 +62,8 @@ static double required_snr(const struct reach *r)
 }
 
 int reach_create(struct reach **out, const struct reach_config *cfg,
-                 const struct survey *s, const struct trace_format *format, double gate_m,
-                 struct error *why)
+                 const struct survey *s, const struct trace_format *format,
+                 const double gate_m[2], struct error *why)
 {
     struct reach *r = calloc(1, sizeof *r);
 
@@ -74,7 +74,7 @@ int reach_create(struct reach **out, const struct reach_config *cfg,
     *r = (struct reach){.cfg = *cfg,
                         .survey = s,
                         .format = *format,
-                        .gate_m = gate_m,
+                        .gate_m = {gate_m[0], gate_m[1]},
                         .ping_s = slot_s / (s->together > 1 ? (double)s->together : 1.0)};
     r->n_coherent = cfg->sum == FRAMES_COHERENT ? (double)cfg->n_pings : 1.0;
     if (cfg->ranges)
@@ -181,7 +181,7 @@ void reach_take(struct reach *r, const struct reach_ping *ping)
     r->has_noise = true;
     measure_echo(r, ping);
     double ratio = r->limited ? REACH_CLEAR_RATIO : 1.0;
-    bool less = range_m(r) < ratio * r->gate_m;
+    bool less = range_m(r) < ratio * r->gate_m[1];
     r->n_less = less ? r->n_less + 1 : 0;
     r->limited = less && (r->limited || (double)r->n_less * r->ping_s > REACH_LESS_S);
 }
@@ -190,11 +190,13 @@ void reach_levels(const struct reach *r, struct reach_levels *out)
 {
     double m = range_m(r);
 
-    *out = (struct reach_levels){.echo = r->has_echo ? r->echo_trace : NAN,
-                                 .range_m = isnan(m) ? NAN : fmin(m, r->gate_m),
-                                 .gate_m = r->cfg.ranges && r->gate_m > 0.0 ? r->gate_m
-                                                                            : NAN,
-                                 .limited = r->limited};
+    if (m < r->gate_m[0]) /* nothing nearer is imaged */
+        m = 0.0;
+    *out = (struct reach_levels){
+        .echo = r->has_echo ? r->echo_trace : NAN,
+        .range_m = isnan(m) ? NAN : fmin(m, r->gate_m[1]),
+        .gate_m = r->cfg.ranges && r->gate_m[1] > 0.0 ? r->gate_m[1] : NAN,
+        .limited = r->limited};
 }
 
 void reach_destroy(struct reach *r)

@@ -44,18 +44,18 @@ struct reach_ping { /* what was heard of a speaker, from its emission to the nex
 
 struct reach_levels { /* NaN: not known */
     double echo;      /* power of the wall's echo in a trace, a mean */
-    double range_m;   /* at which a person is found, up to: */
-    double gate_m;
-    bool limited; /* range_m is less */
+    double range_m;   /* up to which a person is found; 0: nowhere in the gate, which */
+    double gate_m;    /* ends here */
+    bool limited;     /* range_m is less */
 };
 
 struct reach;
 
-/* gate_m: the far end of what is imaged.  The survey outlives it.  0, -EINVAL (a
+/* gate_m: near and far end of what is imaged.  The survey outlives it.  0, -EINVAL (a
  * false-alarm rate or number of pings that makes no sense), -ENOMEM. */
 int reach_create(struct reach **out, const struct reach_config *cfg,
-                 const struct survey *s, const struct trace_format *format, double gate_m,
-                 struct error *why);
+                 const struct survey *s, const struct trace_format *format,
+                 const double gate_m[2], struct error *why);
 
 /* Topic "wall": the surest wall's echo is the reference from now on.  One that was not
  * seen for a second may be elsewhere: until it is, the reference stays what it was, as it
