@@ -404,19 +404,27 @@ static void launcher_reap(struct launcher *l)
     }
 }
 
-/* Kills those that hang; they are started again as others that crash.  When to look
- * again.
+/* Says who starves, and kills those that hang; they are started again as others that
+ * crash.  When to look again.
  *
  * SIGKILL: one that is stopped takes no other. */
 static int64_t launcher_supervise(struct launcher *l, int64_t now_ns)
 {
     int64_t hung_ns[PROCESS_GROUP_MAX];
-    char text[160];
+    struct supervisor_starved starved;
+    char text[192];
 
     if (l->stopping)
         return INT64_MAX;
     int64_t next = supervisor_tick(&l->supervisor, &l->process_group, now_ns, hung_ns);
     for (unsigned i = 0; i < l->process_group.n; i++) {
+        if (supervisor_starves(&l->supervisor, i, &starved)) {
+            snprintf(text, sizeof text,
+                     "the machine is too busy for it: silent for %.1f s, %.1f of them it "
+                     "waited for a processor; killed after %.0f s",
+                     starved.silent_s, starved.waited_s, starved.killed_s);
+            launcher_say(l, l->process_group.children[i].name, LOG_LEVEL_WARNING, text);
+        }
         if (!hung_ns[i])
             continue;
         snprintf(text, sizeof text, "hangs: its loop has not turned for %.1f s; killed",

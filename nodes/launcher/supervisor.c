@@ -8,20 +8,29 @@
 
 _Static_assert(PROCESS_GROUP_MAX + 1 <= DEVICE_MAX_COUNTS, "no room");
 
-/* /proc/PID/task/TID/schedstat: time run, time waited for a processor, timeslices. */
-static int64_t read_waited(const char *tasks, const char *task)
+/* schedstat: time run, time waited for a processor, timeslices; stat: PID (NAME) STATE.
+ */
+static void read_task(const char *tasks, const char *task, struct supervisor_process *out)
 {
-    char path[352];
-    int64_t waited_ns = 0;
+    char path[352], line[128];
+    int64_t ran_ns = 0, waited_ns = 0;
 
     snprintf(path, sizeof path, "%s/%s/schedstat", tasks, task);
     FILE *f = fopen(path, "re");
-    if (!f)
-        return 0;
-    if (fscanf(f, "%*d %" SCNd64, &waited_ns) != 1)
-        waited_ns = 0;
-    fclose(f);
-    return waited_ns;
+    if (f && fscanf(f, "%" SCNd64 " %" SCNd64, &ran_ns, &waited_ns) == 2) {
+        out->ran_ns += ran_ns;
+        out->waited_ns += waited_ns;
+    }
+    if (f)
+        fclose(f);
+    snprintf(path, sizeof path, "%s/%s/stat", tasks, task);
+    f = fopen(path, "re");
+    if (f && fgets(line, sizeof line, f)) {
+        const char *state = strrchr(line, ')');
+        out->runnable |= state && !strncmp(state, ") R", 3);
+    }
+    if (f)
+        fclose(f);
 }
 
 static bool read_traced(pid_t pid)
@@ -49,7 +58,7 @@ static void look_in_proc(pid_t pid, struct supervisor_process *out)
     DIR *d = opendir(tasks);
     while (d && (task = readdir(d)))
         if (task->d_name[0] != '.')
-            out->waited_ns += read_waited(tasks, task->d_name);
+            read_task(tasks, task->d_name, out);
     if (d)
         closedir(d);
 }
@@ -73,6 +82,12 @@ static struct supervised *supervised(struct supervisor *s, const struct process_
     return n;
 }
 
+static void forget_silence(struct supervised *n)
+{
+    n->silent_ns = n->waited_ns = n->waits_ns = 0;
+    n->looked = n->told = false;
+}
+
 /* One of a program that counts no turns is taken for a turn. */
 static void hear(struct supervised *n, const Anlos__Health *h, int64_t alive_ns)
 {
@@ -84,8 +99,7 @@ static void hear(struct supervised *n, const Anlos__Health *h, int64_t alive_ns)
     n->spoken = true;
     n->turns = h->turns;
     n->limit_ns = limit_ns > alive_ns ? limit_ns : alive_ns;
-    n->silent_ns = n->starved_ns = 0;
-    n->looked = false;
+    forget_silence(n);
 }
 
 void supervisor_heard(struct supervisor *s, const struct process_group *c,
@@ -97,30 +111,37 @@ void supervisor_heard(struct supervisor *s, const struct process_group *c,
             hear(supervised(s, c, i), h, s->alive_ns);
 }
 
-/* Time that it waits for a processor is none in which it hangs.  Only whoever is overdue
- * is looked at. */
-static void excuse(struct supervisor *s, struct supervised *n, pid_t pid, int64_t step_ns)
+/* Only whoever is overdue is looked at.  The kernel tells of a wait when it is over,
+ * which may be seconds later: until then, what could run and did not has waited. */
+static void look_at(struct supervisor *s, struct supervised *n, pid_t pid,
+                    int64_t step_ns)
 {
     struct supervisor_process now;
 
     if (n->silent_ns < s->alive_ns / 2)
         return;
     (s->look ? s->look : look_in_proc)(pid, &now);
-    int64_t waited_ns = n->looked ? now.waited_ns - n->waited_ns : 0;
-    n->waited_ns = now.waited_ns;
+    if (now.traced) {
+        forget_silence(n);
+        return;
+    }
+    if (n->looked) {
+        n->waited_ns += now.waited_ns - n->last.waited_ns;
+        bool stood = now.runnable && now.ran_ns == n->last.ran_ns;
+        n->waits_ns = stood ? n->waits_ns + step_ns : 0;
+    }
+    n->last = now;
     n->looked = true;
-    if (now.traced)
-        n->silent_ns = n->starved_ns = 0;
-    else if (waited_ns > 0)
-        n->starved_ns += waited_ns < step_ns ? waited_ns : step_ns;
 }
 
+/* Time that it waits for a processor is none in which it hangs. */
 static bool is_hung(const struct supervised *n)
 {
     int64_t forgiven_ns = SUPERVISOR_STARVED * n->limit_ns;
+    int64_t waited_ns = n->waited_ns + n->waits_ns;
 
-    if (n->starved_ns < forgiven_ns)
-        forgiven_ns = n->starved_ns;
+    if (waited_ns < forgiven_ns)
+        forgiven_ns = waited_ns;
     return n->silent_ns - forgiven_ns > n->limit_ns;
 }
 
@@ -139,14 +160,29 @@ int64_t supervisor_tick(struct supervisor *s, const struct process_group *c,
         if (!s->alive_ns || c->children[i].phase != CHILD_RUNNING)
             continue;
         n->silent_ns += step_ns;
-        excuse(s, n, c->children[i].pid, step_ns);
+        look_at(s, n, c->children[i].pid, step_ns);
         if (!is_hung(n))
             continue;
         hung_ns[i] = n->silent_ns;
         n->hangs++;
-        n->silent_ns = n->starved_ns = 0;
+        forget_silence(n);
     }
     return s->alive_ns ? now_ns + SUPERVISOR_TICK_NS : INT64_MAX;
+}
+
+bool supervisor_starves(struct supervisor *s, unsigned i, struct supervisor_starved *out)
+{
+    struct supervised *n = &s->list[i];
+    int64_t waited_ns = n->waited_ns + n->waits_ns;
+
+    if (!s->alive_ns || n->told || n->silent_ns <= n->limit_ns)
+        return false;
+    n->told = true;
+    *out = (struct supervisor_starved){
+        .silent_s = 1e-9 * (double)n->silent_ns,
+        .waited_s = 1e-9 * (double)(waited_ns < n->silent_ns ? waited_ns : n->silent_ns),
+        .killed_s = 1e-9 * (double)((1 + SUPERVISOR_STARVED) * n->limit_ns)};
+    return true;
 }
 
 size_t supervisor_counts(const struct supervisor *s, struct device_count *out)

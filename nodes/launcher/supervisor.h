@@ -28,15 +28,19 @@
 
 struct supervisor_process { /* as the kernel has it */
     bool traced;
-    int64_t waited_ns; /* for a processor, all of its threads, since they began */
+    bool runnable;             /* one of its threads: it runs, or waits for a processor */
+    int64_t ran_ns, waited_ns; /* for one, all of its threads, since they began; a wait is
+                                  told when it is over */
 };
 
 struct supervised {
     int64_t started_ns; /* of the process that is judged; 0: none */
     bool spoken;
     uint64_t turns;
-    int64_t limit_ns, silent_ns, starved_ns, waited_ns;
-    bool looked; /* waited_ns is known */
+    int64_t limit_ns, silent_ns;
+    int64_t waited_ns, waits_ns;    /* for a processor while silent; and now */
+    bool looked, told;              /* that it starves */
+    struct supervisor_process last; /* look */
     unsigned starts, hangs;
     char name[24]; /* of its count */
 };
@@ -57,6 +61,13 @@ void supervisor_heard(struct supervisor *s, const struct process_group *c,
  * killed, and how long it was silent, else 0.  Returns when to call again. */
 int64_t supervisor_tick(struct supervisor *s, const struct process_group *c,
                         int64_t now_ns, int64_t hung_ns[PROCESS_GROUP_MAX]);
+
+/* Is a node overdue because it waits for a processor?  true once each time that it is,
+ * with how long it was silent and waited, and the silence after which it is killed. */
+struct supervisor_starved {
+    double silent_s, waited_s, killed_s;
+};
+bool supervisor_starves(struct supervisor *s, unsigned i, struct supervisor_starved *out);
 
 /* "restarts", and "NODE hung" of each that ever was; names live as long as s.  At most
  * CREW_MAX + 1; returns how many. */

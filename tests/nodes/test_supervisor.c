@@ -1,6 +1,7 @@
 /* Who hangs, on a clock of the test's own.  A scan and a dsp run; limits and ticks are
  * those of nodes/launcher/supervisor.h. */
 #include <math.h>
+#include <sched.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -222,12 +223,65 @@ static void who_waits_for_a_processor_has_more_time_but_not_for_ever(void **stat
     begin(&w);
     say(&w, "dsp", 1, 0.0);
     int64_t start_ns = w.now_ns;
+    struct supervisor_starved starved;
+    int n_told = 0;
     do {
         kernel.waited_ns += TICK;
         let_pass(&w, TICK);
+        assert_false(supervisor_starves(&w.s, 0, &starved));
+        if (!supervisor_starves(&w.s, 1, &starved))
+            continue;
+        n_told++;
+        assert_true(w.now_ns - start_ns == 3 * S + TICK);
+        assert_true(fabs(starved.silent_s - 3.25) < 1e-6);
+        assert_true(fabs(starved.waited_s - 1.75) < 1e-6); /* since it was looked at */
+        assert_true(fabs(starved.killed_s - 15.0) < 1e-6);
     } while (!w.hung_ns[1]);
+    assert_int_equal(n_told, 1);
     assert_true(w.now_ns - start_ns > 15 * S);
     assert_true(w.now_ns - start_ns <= 15 * S + TICK);
+}
+
+/* It gets a processor every two seconds, and only then the kernel says how long it
+ * waited; or never, as beside what has a higher priority. */
+static void what_the_kernel_tells_late_or_not_at_all_is_waiting_too(void **state)
+{
+    struct world w;
+
+    (void)state;
+    for (int never = 0; never < 2; never++) {
+        begin(&w);
+        kernel.runnable = true;
+        say(&w, "dsp", 1, 0.0);
+        int64_t start_ns = w.now_ns;
+        for (int i = 1; !w.hung_ns[1]; i++) {
+            if (i % 8 == 0 && !never) {
+                kernel.ran_ns += 1000000;
+                kernel.waited_ns += 2 * S - 1000000;
+            }
+            let_pass(&w, TICK);
+        }
+        assert_true(w.now_ns - start_ns > 15 * S);
+        assert_true(w.now_ns - start_ns <= 15 * S + TICK);
+    }
+}
+
+static void who_computes_for_ever_hangs(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    kernel.runnable = true;
+    say(&w, "dsp", 1, 0.0);
+    int64_t start_ns = w.now_ns;
+    struct supervisor_starved starved;
+    do {
+        kernel.ran_ns += TICK;
+        let_pass(&w, TICK);
+        assert_false(supervisor_starves(&w.s, 1, &starved));
+    } while (!w.hung_ns[1]);
+    assert_true(w.now_ns - start_ns <= 3 * S + TICK);
 }
 
 static void who_is_debugged_is_left_alone(void **state)
@@ -272,6 +326,59 @@ static void a_process_that_is_traced_is_seen_to_be(void **state)
         assert_int_equal(kill(pid, SIGKILL), 0);
         assert_int_equal(waitpid(pid, &status, 0), pid);
     }
+}
+
+static pid_t compute_on(int processor, int policy)
+{
+    const struct sched_param none = {.sched_priority = 0};
+    cpu_set_t one;
+    pid_t pid = fork();
+
+    assert_true(pid >= 0);
+    if (pid)
+        return pid;
+    CPU_ZERO(&one);
+    CPU_SET(processor, &one);
+    if (sched_setaffinity(0, sizeof one, &one) || sched_setscheduler(0, policy, &none))
+        _exit(1);
+    for (volatile unsigned i = 0;; i++)
+        ;
+}
+
+static void end(pid_t pid)
+{
+    int status;
+
+    assert_int_equal(kill(pid, SIGKILL), 0);
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFSIGNALED(status));
+}
+
+/* As the kernel has it: one that runs when nobody else wants to, beside another on its
+ * processor.  Looks follow at once, and now and then it gets its turn amid them. */
+static void a_process_that_gets_no_processor_is_seen_to_wait(void **state)
+{
+    struct world w;
+    cpu_set_t all;
+    int processor = 0;
+    bool waits = false;
+
+    (void)state;
+    assert_int_equal(sched_getaffinity(0, sizeof all, &all), 0);
+    while (!CPU_ISSET(processor, &all))
+        processor++;
+    pid_t busy = compute_on(processor, SCHED_OTHER), starved;
+    starved = compute_on(processor, SCHED_IDLE);
+    for (int tries = 0; !waits && tries < 10000; tries++) {
+        begin(&w);
+        w.s.look = NULL;
+        w.c.children[0].pid = w.c.children[1].pid = starved;
+        say(&w, "dsp", 1, 0.0);
+        waits = let_pass(&w, 100 * S) > 15 * S;
+    }
+    end(starved);
+    end(busy);
+    assert_true(waits);
 }
 
 static void without_supervision_nobody_hangs(void **state)
@@ -322,8 +429,11 @@ int main(void)
         cmocka_unit_test(a_new_process_is_judged_anew),
         cmocka_unit_test(time_in_which_the_launcher_did_not_run_is_held_against_nobody),
         cmocka_unit_test(who_waits_for_a_processor_has_more_time_but_not_for_ever),
+        cmocka_unit_test(what_the_kernel_tells_late_or_not_at_all_is_waiting_too),
+        cmocka_unit_test(who_computes_for_ever_hangs),
         cmocka_unit_test(who_is_debugged_is_left_alone),
         cmocka_unit_test(a_process_that_is_traced_is_seen_to_be),
+        cmocka_unit_test(a_process_that_gets_no_processor_is_seen_to_wait),
         cmocka_unit_test(without_supervision_nobody_hangs),
         cmocka_unit_test(what_hung_and_what_was_started_again_is_counted),
     };
