@@ -4,14 +4,16 @@
 #include <math.h>
 #include <string.h>
 
+#include "msgs/convert.h"
 #include "msgs/stage.pb-c.h"
 #include "msgs/topics.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
 #include "nodes/array/acquisition.h"
 #include "nodes/array/ambient.h"
-#include "nodes/array/hearing.h"
+#include "nodes/array/config.h"
 #include "nodes/rt/node.h"
+#include "recon/self_test.h"
 
 #define SURVEY_PERIOD_NS 1000000000LL
 #define MAX_COVERED      64 /* elements that are named */
@@ -21,7 +23,7 @@ struct run {
     struct node *node;
     struct array *array;
     struct acquisition *acquisition;
-    struct hearing *hearing; /* NULL: of a recording, or it cannot be told */
+    struct self_test *self_test; /* NULL: of a recording, or it cannot be told */
     Anlos__Sensing sensing;
     uint32_t covered_microphones[MAX_COVERED], covered_speakers[MAX_COVERED];
     bool limited;
@@ -67,8 +69,8 @@ static void breathe(struct run *r, const Anlos__Ambient *said)
     r->survey_due_ns = 0;
 }
 
-static size_t list_covered(const struct hearing *h, size_t n,
-                           bool (*is_covered)(const struct hearing *h, size_t i),
+static size_t list_covered(const struct self_test *h, size_t n,
+                           bool (*is_covered)(const struct self_test *h, size_t i),
                            uint32_t out[MAX_COVERED])
 {
     size_t n_covered = 0;
@@ -79,7 +81,7 @@ static size_t list_covered(const struct hearing *h, size_t n,
     return n_covered;
 }
 
-static void tell_range(struct run *r, const struct hearing_levels *l)
+static void tell_range(struct run *r, const struct self_test_levels *l)
 {
     if (l->limited == r->limited)
         return;
@@ -101,30 +103,33 @@ static void tell_range(struct run *r, const struct hearing_levels *l)
 static void sense(struct run *r)
 {
     const struct survey *s = array_survey(r->array);
-    struct hearing_levels l;
+    struct self_test_levels l;
 
-    hearing_levels(r->hearing, &l);
+    self_test_levels(r->self_test, &l);
     r->sensing.noise_db = l.noise_db;
     r->sensing.direct_db = l.direct_db;
     r->sensing.echo_db = l.echo_db;
     r->sensing.range_m = l.range_m;
     r->sensing.gate_m = l.gate_m;
-    r->sensing.n_covered_microphones = list_covered(
-        r->hearing, s->n_microphones, hearing_covers_microphone, r->covered_microphones);
+    r->sensing.n_covered_microphones = list_covered(r->self_test, s->n_microphones,
+                                                    self_test_covers_microphone,
+                                                    r->covered_microphones);
     r->sensing.n_covered_speakers = list_covered(
-        r->hearing, s->n_speakers, hearing_covers_speaker, r->covered_speakers);
+        r->self_test, s->n_speakers, self_test_covers_speaker, r->covered_speakers);
     node_fault(r->node, NODE_FAULT_RANGE_REDUCED, l.limited, 1);
     tell_range(r, &l);
 }
 
-static void judge(struct run *r, const Anlos__Ping *ping)
+static void judge(struct run *r, const Anlos__Ping *message)
 {
-    struct hearing_faults f;
+    struct self_test_faults f;
+    struct ping ping;
     char note[512] = "";
 
-    if (!r->hearing)
+    if (!r->self_test)
         return;
-    hearing_ping(r->hearing, ping, &f, note, sizeof note);
+    ping_from_message(&ping, message, 0);
+    self_test_ping(r->self_test, &ping, &f, note, sizeof note);
     sense(r);
     node_fault(r->node, NODE_FAULT_CHANNELS_SILENT, f.deaf, f.of_microphones);
     node_fault(r->node, NODE_FAULT_SPEAKERS_MUTE, f.mute, f.of_speakers);
@@ -174,8 +179,10 @@ static void take(struct run *r, const struct node_message *in)
         return;
     }
     if (in->topic == topic_wall()) {
-        if (r->hearing)
-            hearing_walls(r->hearing, (const Anlos__WallList *)in->content);
+        struct walls walls;
+        if (r->self_test &&
+            !walls_from_message(&walls, (const Anlos__WallList *)in->content, &why))
+            self_test_walls(r->self_test, &walls);
         return;
     }
     r->heard = true;
@@ -258,19 +265,19 @@ static int run(struct run *r)
 }
 
 /* A recording was judged when it was made, and may begin after the direct sound. */
-static void create_hearing(struct run *r)
+static void create_self_test(struct run *r)
 {
     const struct survey *s = array_survey(r->array);
     struct error why = {""};
-    struct reach_config cfg;
+    struct range_config cfg;
 
     if (s->source == SURVEY_REPLAY)
         return;
-    reach_config_launch(&cfg, node_launch(r->node), s);
+    array_config_range(&cfg, node_launch(r->node), s);
     anlos__sensing__init(&r->sensing);
     r->sensing.covered_microphones = r->covered_microphones;
     r->sensing.covered_speakers = r->covered_speakers;
-    if (!hearing_create(&r->hearing, &cfg, s, &why))
+    if (!self_test_create(&r->self_test, &cfg, s, &why))
         node_sensing(r->node, &r->sensing);
     else
         node_log(r->node, LOG_LEVEL_WARNING,
@@ -294,12 +301,12 @@ int main(int argc, char **argv)
     if (!err)
         err = survey_copy(&r.survey, array_survey(r.array));
     if (!err) {
-        create_hearing(&r);
+        create_self_test(&r);
         node_device(r.node, counts, r.array);
         err = run(&r);
     }
     node_device(r.node, NULL, NULL);
-    hearing_destroy(r.hearing);
+    self_test_destroy(r.self_test);
     survey_clear(&r.survey);
     acquisition_destroy(r.acquisition);
     array_close(r.array);

@@ -16,11 +16,12 @@
 #include "hal/survey/firing.h"
 #include "msgs/convert.h"
 #include "nodes/anlos/doctor/drive_world.h"
-#include "nodes/array/hearing.h"
+#include "nodes/array/config.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/node.h"
 #include "nodes/wall/finding.h"
+#include "recon/self_test.h"
 
 #define SCENES SOURCE_DIR "/launch/scenes/"
 #ifdef __SANITIZE_ADDRESS__ /* ten times slower: what is wrong in memory shows early */
@@ -34,9 +35,9 @@ struct drive {
     struct drive_world world;
     struct survey survey;
     struct finding *walls;
-    struct hearing *hearing;
-    struct hearing_faults faults;
-    struct hearing_levels levels;
+    struct self_test *self_test;
+    struct self_test_faults faults;
+    struct self_test_levels levels;
     int64_t ego_ns;
     char note[512];
 };
@@ -45,7 +46,7 @@ static void start(struct drive *d, const char *scene)
 {
     struct firing firing;
     const struct drive_world_config world = {.scene = scene, .firing = &firing};
-    struct reach_config hears;
+    struct range_config hears;
     struct wall_finder_config walls;
     struct error why = {""};
 
@@ -63,12 +64,12 @@ static void start(struct drive *d, const char *scene)
         err = survey_from_message(&d->survey, d->world.survey, &why);
     if (err)
         fail_msg("%s: %s", scene, why.text);
-    reach_config_launch(&hears, d->launch, &d->survey);
+    array_config_range(&hears, d->launch, &d->survey);
     finding_config(&walls, d->launch);
     walls.map.from = WALL_FROM_ECHOES;
     if (finding_create(&d->walls, &walls) ||
         finding_survey(d->walls, d->world.survey, &why) ||
-        hearing_create(&d->hearing, &hears, &d->survey, &why) ||
+        self_test_create(&d->self_test, &hears, &d->survey, &why) ||
         drive_world_shoot(&d->world, PASS_SCENE, &why))
         fail_msg("%s: %s", scene, why.text);
     d->ego_ns = d->world.begin_ns;
@@ -76,7 +77,7 @@ static void start(struct drive *d, const char *scene)
 
 static void stop(struct drive *d)
 {
-    hearing_destroy(d->hearing);
+    self_test_destroy(d->self_test);
     finding_destroy(d->walls);
     survey_clear(&d->survey);
     drive_world_clear(&d->world);
@@ -87,19 +88,25 @@ static void stop(struct drive *d)
 static double go_on(struct drive *d)
 {
     Anlos__EgoMotion ego;
-    Anlos__Ping ping;
+    Anlos__Ping message;
+    struct ping ping;
+    struct walls walls;
+    struct error why;
     int64_t stamp_ns;
 
-    assert_int_equal(drive_world_ping(&d->world, PASS_SCENE, &ping, &stamp_ns), 0);
+    assert_int_equal(drive_world_ping(&d->world, PASS_SCENE, &message, &stamp_ns), 0);
     for (; d->ego_ns <= stamp_ns + 50000000; d->ego_ns += DRIVE_EGO_NS) {
         drive_world_ego(&d->world, d->ego_ns, &ego);
         finding_ego(d->walls, &ego, d->ego_ns);
     }
-    finding_ping(d->walls, &ping, stamp_ns, stamp_ns);
-    if (d->world.n % 5 == 0) /* ten a second, nearly */
-        hearing_walls(d->hearing, finding_walls(d->walls));
-    hearing_ping(d->hearing, &ping, &d->faults, d->note, sizeof d->note);
-    hearing_levels(d->hearing, &d->levels);
+    finding_ping(d->walls, &message, stamp_ns, stamp_ns);
+    if (d->world.n % 5 == 0) { /* ten a second, nearly */
+        assert_int_equal(walls_from_message(&walls, finding_walls(d->walls), &why), 0);
+        self_test_walls(d->self_test, &walls);
+    }
+    ping_from_message(&ping, &message, stamp_ns);
+    self_test_ping(d->self_test, &ping, &d->faults, d->note, sizeof d->note);
+    self_test_levels(d->self_test, &d->levels);
     return 1e-9 * (double)(stamp_ns - d->world.begin_ns);
 }
 
@@ -170,7 +177,7 @@ static void write_scene(char path[64], const char *of, const char *text)
     char line[512];
     FILE *from = fopen(of, "r");
 
-    strcpy(path, "/tmp/anlos-hearing-XXXXXX");
+    strcpy(path, "/tmp/anlos-self-test-XXXXXX");
     int fd = mkstemp(path);
     FILE *to = fd < 0 ? NULL : fdopen(fd, "w");
     assert_true(from && to);

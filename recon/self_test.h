@@ -1,4 +1,4 @@
-/* nodes/array/hearing.h -- what the array hears of itself, and so of others: does each
+/* recon/self_test.h -- what the array hears of itself, and so of others: does each
  * microphone hear the speakers, and each speaker reach a microphone; is one covered; how
  * loud is noise; and how far away would a person still be found?
  *
@@ -13,53 +13,52 @@
  * Covered: the direct sound of whole rows or columns of pairs drops (dsp/cover.h).
  *
  * Noise is that of dsp/noise_floor.h, where images are made; how far a person is found in
- * it nodes/array/reach.h says. */
-#ifndef ANLOS_NODES_ARRAY_HEARING_H
-#define ANLOS_NODES_ARRAY_HEARING_H
+ * it recon/range_monitor.h says. */
+#ifndef ANLOS_RECON_SELF_TEST_H
+#define ANLOS_RECON_SELF_TEST_H
 
 #include <stdbool.h>
 #include <stddef.h>
 
 #include "dsp/error.h"
-#include "msgs/array.pb-c.h"
-#include "msgs/wall.pb-c.h"
-#include "nodes/array/reach.h"
+#include "recon/range_monitor.h"
+#include "recon/ping.h"
 #include "recon/survey.h"
 
-struct hearing_faults {
+struct self_test_faults {
     size_t deaf, of_microphones;
     size_t mute, of_speakers; /* that have sounded */
     size_t covered_microphones, covered_speakers;
 };
 
-struct hearing_levels { /* NaN: not known */
-    double noise_db;    /* of a sample of compressed noise, re an echo of gain 1 */
-    double direct_db;   /* the loudest direct sound of each speaker over noise */
-    double echo_db;     /* the wall's echo over noise */
-    double range_m;     /* up to which a person is found; 0: nowhere in the gate, which */
-    double gate_m;      /* ends here */
-    bool limited;       /* range_m is less */
+struct self_test_levels { /* NaN: not known */
+    double noise_db;      /* of a sample of compressed noise, re an echo of gain 1 */
+    double direct_db;     /* the loudest direct sound of each speaker over noise */
+    double echo_db;       /* the wall's echo over noise */
+    double range_m; /* up to which a person is found; 0: nowhere in the gate, which */
+    double gate_m;  /* ends here */
+    bool limited;   /* range_m is less */
 };
 
-struct hearing;
+struct self_test;
 
 /* The survey outlives it.  0, -EINVAL (pings are too short to tell, or a gate or a
  * reach that is none), -ENOMEM. */
-int hearing_create(struct hearing **out, const struct reach_config *cfg,
-                   const struct survey *s, struct error *why);
+int self_test_create(struct self_test **out, const struct range_config *cfg,
+                     const struct survey *s, struct error *why);
 
-/* Topic "wall" (reach_walls). */
-void hearing_walls(struct hearing *h, const Anlos__WallList *list);
+/* See range_monitor_walls. */
+void self_test_walls(struct self_test *h, const struct walls *walls);
 
 /* Of all pings up to this one.  note: gets what was not said before, or stays as it is. A
  * microphone whose samples are no numbers, or a ping of another shape, is not judged.
  * Costs the compression of two pings, and of noise the passes of dsp/noise_floor.h. */
-void hearing_ping(struct hearing *h, const Anlos__Ping *ping, struct hearing_faults *out,
-                  char *note, size_t note_size);
+void self_test_ping(struct self_test *h, const struct ping *ping,
+                    struct self_test_faults *out, char *note, size_t note_size);
 
-void hearing_levels(const struct hearing *h, struct hearing_levels *out);
-bool hearing_covers_microphone(const struct hearing *h, size_t microphone);
-bool hearing_covers_speaker(const struct hearing *h, size_t speaker);
-void hearing_destroy(struct hearing *h);
+void self_test_levels(const struct self_test *h, struct self_test_levels *out);
+bool self_test_covers_microphone(const struct self_test *h, size_t microphone);
+bool self_test_covers_speaker(const struct self_test *h, size_t speaker);
+void self_test_destroy(struct self_test *h);
 
 #endif

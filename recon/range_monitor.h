@@ -1,11 +1,11 @@
-/* nodes/array/reach.h -- how far away would a person still be found?  Of a fixed array
+/* recon/range_monitor.h -- how far away would a person still be found?  Of a fixed array
  * that knows a wall.  The wall's echo, the reference, is measured in each ping, and
  * recon/detection_range.h says what is left of a person, and how much of that the noise
  * of now lets be found.  The range is limited when a person at the end of the gate would
- * be found less often than REACH_PROBABILITY for REACH_LESS_S, and is so no more when it
- * reaches REACH_CLEAR_RATIO farther. */
-#ifndef ANLOS_NODES_ARRAY_REACH_H
-#define ANLOS_NODES_ARRAY_REACH_H
+ * be found less often than RANGE_PROBABILITY for RANGE_LESS_S, and is so no more when it
+ * reaches RANGE_CLEAR_RATIO farther. */
+#ifndef ANLOS_RECON_RANGE_MONITOR_H
+#define ANLOS_RECON_RANGE_MONITOR_H
 
 #include <complex.h>
 #include <stdbool.h>
@@ -13,16 +13,15 @@
 
 #include "dsp/error.h"
 #include "dsp/pulse_compress.h"
-#include "msgs/wall.pb-c.h"
-#include "nodes/rt/launchfile.h"
 #include "recon/frames.h"
 #include "recon/survey.h"
+#include "recon/walls.h"
 
-#define REACH_PROBABILITY 0.9
-#define REACH_CLEAR_RATIO 1.1
-#define REACH_LESS_S      1.2
+#define RANGE_PROBABILITY 0.9
+#define RANGE_CLEAR_RATIO 1.1
+#define RANGE_LESS_S      1.2
 
-struct reach_config {
+struct range_config {
     bool ranges; /* a fixed array: say how far it reaches; else what follows is nothing */
     size_t n_pings; /* in an image */
     enum frames_sum sum;
@@ -30,11 +29,7 @@ struct reach_config {
     double person_m;         /* scattering length (recon/detection_range.h) */
 };
 
-/* As a launch file has it. */
-void reach_config_launch(struct reach_config *cfg, const struct launchfile *l,
-                         const struct survey *s);
-
-struct reach_ping { /* what was heard of a speaker, from its emission to the next */
+struct range_ping { /* what was heard of a speaker, from its emission to the next */
     size_t speaker;
     const float complex *traces; /* [n_microphones][format.n_samples] */
     const double *noise;         /* [n_microphones] power of a sample */
@@ -42,29 +37,29 @@ struct reach_ping { /* what was heard of a speaker, from its emission to the nex
     bool speaker_usable;
 };
 
-struct reach_levels { /* NaN: not known */
+struct range_levels { /* NaN: not known */
     double echo;      /* power of the wall's echo in a trace, a mean */
     double range_m;   /* up to which a person is found; 0: nowhere in the gate, which */
     double gate_m;    /* ends here */
     bool limited;     /* range_m is less */
 };
 
-struct reach;
+struct range_monitor;
 
 /* gate_m: near and far end of what is imaged.  The survey outlives it.  0, -EINVAL (a
  * false-alarm rate or number of pings that makes no sense), -ENOMEM. */
-int reach_create(struct reach **out, const struct reach_config *cfg,
-                 const struct survey *s, const struct trace_format *format,
-                 const double gate_m[2], struct error *why);
+int range_monitor_create(struct range_monitor **out, const struct range_config *cfg,
+                         const struct survey *s, const struct trace_format *format,
+                         const double gate_m[2], struct error *why);
 
 /* Topic "wall": the surest wall's echo is the reference from now on.  One that was not
  * seen for a second may be elsewhere: until it is, the reference stays what it was, as it
  * does after a list that is none. */
-void reach_walls(struct reach *r, const Anlos__WallList *list);
+void range_monitor_walls(struct range_monitor *r, const struct walls *walls);
 
 /* Some samples about the wall's echo in each trace. */
-void reach_take(struct reach *r, const struct reach_ping *ping);
-void reach_levels(const struct reach *r, struct reach_levels *out);
-void reach_destroy(struct reach *r);
+void range_monitor_take(struct range_monitor *r, const struct range_ping *ping);
+void range_monitor_levels(const struct range_monitor *r, struct range_levels *out);
+void range_monitor_destroy(struct range_monitor *r);
 
 #endif

@@ -1,4 +1,4 @@
-#include "nodes/array/hearing.h"
+#include "recon/self_test.h"
 
 #include <complex.h>
 #include <errno.h>
@@ -12,7 +12,6 @@
 #include "dsp/cover.h"
 #include "dsp/noise_floor.h"
 #include "dsp/rank.h"
-#include "msgs/tensor.h"
 #include "recon/processing.h"
 #include "recon/tail.h"
 
@@ -33,39 +32,39 @@
 #define RISES_RATIO 2.0     /* noise that is so much louder is believed at once */
 #define NOISE_PINGS 8.0     /* noise is a mean of so many */
 
-struct subscription {
+struct microphone_state {
     unsigned missed; /* pings in a row */
-    bool hears, told, covered, covered_told;
+    bool hears, said, covered, covered_said;
     double noise; /* power of a sample, a mean */
 };
 
-struct mouth {
+struct speaker_state {
     double power; /* of the loudest peak, when it sounded last */
-    bool sounded, told, covered, covered_told;
+    bool sounded, said, covered, covered_said;
 };
 
-struct hearing {
+struct self_test {
     const struct survey *survey;
     size_t n_samples, n_own;            /* of a ping, and ahead of the next emission */
     float *own;                         /* [n_microphones][n_samples]; then silence */
     struct pulse_compress *compress[2]; /* up, down */
     struct trace_format format;
-    float complex *traces;              /* [n_microphones][format.n_samples] */
-    struct subscription *subscriptions; /* [n_microphones] */
-    struct mouth *mouths;               /* [n_speakers] */
-    double *powers;                     /* [n_speakers], scratch */
-    unsigned patience;                  /* pings that one may miss */
+    float complex *traces;                /* [n_microphones][format.n_samples] */
+    struct microphone_state *microphones; /* [n_microphones] */
+    struct speaker_state *speakers;       /* [n_speakers] */
+    double *powers;                       /* [n_speakers], scratch */
+    unsigned patience;                    /* pings that one may miss */
 
     float complex *whole; /* [n_microphones][format.n_samples]: with the next emission */
     struct noise_floor *floor;
     struct cover *cover;
-    struct reach *reach;
+    struct range_monitor *range;
     double *fresh, *direct; /* [n_microphones], scratch */
     bool *unfit, *usable;   /* [n_microphones] */
     bool has_noise;
 };
 
-static int plan(struct hearing *h, struct error *why)
+static int plan(struct self_test *h, struct error *why)
 {
     const struct survey *s = h->survey;
     struct survey down = *s; /* borrows: only for the chirp */
@@ -96,7 +95,7 @@ static int plan(struct hearing *h, struct error *why)
     return 0;
 }
 
-static int create_cover(struct hearing *h, struct error *why)
+static int create_cover(struct self_test *h, struct error *why)
 {
     const struct survey *s = h->survey;
     double *m = calloc(s->n_speakers * s->n_microphones, sizeof *m);
@@ -114,7 +113,7 @@ static int create_cover(struct hearing *h, struct error *why)
 }
 
 /* Noise where images are made. */
-static int create_floor(struct hearing *h, const double gate_s[2], struct error *why)
+static int create_floor(struct self_test *h, const double gate_s[2], struct error *why)
 {
     const struct trace_format *f = &h->format;
     double from = ceil((gate_s[0] - f->t0_s) * f->rate_hz);
@@ -133,7 +132,7 @@ static int create_floor(struct hearing *h, const double gate_s[2], struct error 
     return err ? error_say(why, err, "not enough memory for the level of noise") : 0;
 }
 
-static int create_levels(struct hearing *h, const struct reach_config *cfg,
+static int create_levels(struct self_test *h, const struct range_config *cfg,
                          struct error *why)
 {
     size_t n = h->survey->n_microphones;
@@ -153,14 +152,14 @@ static int create_levels(struct hearing *h, const struct reach_config *cfg,
     if (!err)
         err = create_cover(h, why);
     if (!err)
-        err = reach_create(&h->reach, cfg, h->survey, &h->format, p.gate_m, why);
+        err = range_monitor_create(&h->range, cfg, h->survey, &h->format, p.gate_m, why);
     return err;
 }
 
-int hearing_create(struct hearing **out, const struct reach_config *cfg,
-                   const struct survey *s, struct error *why)
+int self_test_create(struct self_test **out, const struct range_config *cfg,
+                     const struct survey *s, struct error *why)
 {
-    struct hearing *h = calloc(1, sizeof *h);
+    struct self_test *h = calloc(1, sizeof *h);
 
     *out = NULL;
     if (!h)
@@ -171,16 +170,16 @@ int hearing_create(struct hearing **out, const struct reach_config *cfg,
     if (!err) {
         h->own = calloc(s->n_microphones * h->n_samples, sizeof *h->own);
         h->traces = calloc(s->n_microphones * h->format.n_samples, sizeof *h->traces);
-        h->subscriptions = calloc(s->n_microphones, sizeof *h->subscriptions);
-        h->mouths = calloc(s->n_speakers, sizeof *h->mouths);
+        h->microphones = calloc(s->n_microphones, sizeof *h->microphones);
+        h->speakers = calloc(s->n_speakers, sizeof *h->speakers);
         h->powers = calloc(s->n_speakers, sizeof *h->powers);
-        if (!h->own || !h->traces || !h->subscriptions || !h->mouths || !h->powers)
+        if (!h->own || !h->traces || !h->microphones || !h->speakers || !h->powers)
             err = error_say(why, -ENOMEM, "not enough memory to judge the microphones");
     }
     if (!err)
         err = create_levels(h, cfg, why);
     if (err)
-        hearing_destroy(h);
+        self_test_destroy(h);
     else
         *out = h;
     return err;
@@ -200,25 +199,25 @@ static double heard_power(const float complex *y, size_t n)
 }
 
 /* What a speaker has to be heard with. */
-static double least_power(struct hearing *h)
+static double least_power(struct self_test *h)
 {
     size_t n = 0;
 
     for (size_t j = 0; j < h->survey->n_speakers; j++)
-        if (h->mouths[j].sounded)
-            h->powers[n++] = h->mouths[j].power;
+        if (h->speakers[j].sounded)
+            h->powers[n++] = h->speakers[j].power;
     return n ? MUTE_RATIO * rank_double(h->powers, n, 3 * n / 4 + 1) : 0.0;
 }
 
-static bool is_mute(const struct hearing *h, size_t speaker, double least)
+static bool is_mute(const struct self_test *h, size_t speaker, double least)
 {
-    const struct mouth *m = &h->mouths[speaker];
+    const struct speaker_state *m = &h->speakers[speaker];
     return m->sounded && !m->covered && m->power <= least;
 }
 
-static bool is_deaf(const struct hearing *h, size_t mic)
+static bool is_deaf(const struct self_test *h, size_t mic)
 {
-    return h->subscriptions[mic].missed >= h->patience && !h->subscriptions[mic].covered;
+    return h->microphones[mic].missed >= h->patience && !h->microphones[mic].covered;
 }
 
 static void add_note(char *note, size_t size, const char *format, size_t channel)
@@ -231,54 +230,54 @@ static void add_note(char *note, size_t size, const char *format, size_t channel
 }
 
 /* Cover comes and goes. */
-static void notice_cover(struct hearing *h, char *note, size_t size)
+static void notice_cover(struct self_test *h, char *note, size_t size)
 {
     for (size_t m = 0; m < h->survey->n_microphones; m++) {
-        struct subscription *e = &h->subscriptions[m];
-        if (e->covered != e->covered_told)
+        struct microphone_state *e = &h->microphones[m];
+        if (e->covered != e->covered_said)
             add_note(note, size,
                      e->covered ? "microphone %zu is covered"
                                 : "microphone %zu is not covered any more",
                      m + 1);
-        e->covered_told = e->covered;
+        e->covered_said = e->covered;
     }
     for (size_t j = 0; j < h->survey->n_speakers; j++) {
-        struct mouth *m = &h->mouths[j];
-        if (m->covered != m->covered_told)
+        struct speaker_state *m = &h->speakers[j];
+        if (m->covered != m->covered_said)
             add_note(note, size,
                      m->covered ? "speaker %zu is covered"
                                 : "speaker %zu is not covered any more",
                      j + 1);
-        m->covered_told = m->covered;
+        m->covered_said = m->covered;
     }
 }
 
 /* For people they count from 1. */
-static void notice(struct hearing *h, double least, char *note, size_t size)
+static void notice(struct self_test *h, double least, char *note, size_t size)
 {
     for (size_t m = 0; m < h->survey->n_microphones; m++) {
-        if (!is_deaf(h, m) || h->subscriptions[m].told)
+        if (!is_deaf(h, m) || h->microphones[m].said)
             continue;
-        h->subscriptions[m].told = true;
+        h->microphones[m].said = true;
         add_note(note, size, "microphone %zu hears no speaker", m + 1);
     }
     for (size_t j = 0; j < h->survey->n_speakers; j++) {
-        if (!is_mute(h, j, least) || h->mouths[j].told)
+        if (!is_mute(h, j, least) || h->speakers[j].said)
             continue;
-        h->mouths[j].told = true;
+        h->speakers[j].said = true;
         add_note(note, size, "no microphone hears speaker %zu", j + 1);
     }
     notice_cover(h, note, size);
 }
 
 /* Would the direct sound of a speaker stand out of the noise of now at a microphone? */
-static bool expects(const struct hearing *h, size_t speaker, size_t mic)
+static bool expects(const struct self_test *h, size_t speaker, size_t mic)
 {
     return !h->has_noise ||
-           cover_expects(h->cover, speaker, mic, h->subscriptions[mic].noise);
+           cover_expects(h->cover, speaker, mic, h->microphones[mic].noise);
 }
 
-static bool expects_any(const struct hearing *h, size_t speaker)
+static bool expects_any(const struct self_test *h, size_t speaker)
 {
     size_t m = 0;
 
@@ -287,33 +286,32 @@ static bool expects_any(const struct hearing *h, size_t speaker)
     return m < h->survey->n_microphones;
 }
 
-static void listen(struct hearing *h, const Anlos__Ping *ping, const float *samples)
+static void listen(struct self_test *h, const struct ping *ping)
 {
     size_t n_mics = h->survey->n_microphones, n = h->format.n_samples;
-    struct mouth *mouth = &h->mouths[ping->speaker];
+    struct speaker_state *speaker = &h->speakers[ping->speaker];
     double loudest = 0.0;
 
     for (size_t m = 0; m < n_mics; m++)
-        memcpy(h->own + m * h->n_samples, samples + m * h->n_samples,
+        memcpy(h->own + m * h->n_samples, ping->samples + m * h->n_samples,
                h->n_own * sizeof *h->own);
     pulse_compress_execute(h->compress[ping->down && h->compress[1]], h->own,
                            h->n_samples, h->traces);
     for (size_t m = 0; m < n_mics; m++) {
         double power = heard_power(h->traces + m * n, n);
-        h->subscriptions[m].hears = power > 0.0;
+        h->microphones[m].hears = power > 0.0;
         loudest = fmax(loudest, power);
     }
     if (loudest > 0.0 || expects_any(h, ping->speaker)) {
-        mouth->sounded = true;
-        mouth->power = loudest;
+        speaker->sounded = true;
+        speaker->power = loudest;
     }
     bool sounds = !is_mute(h, ping->speaker, least_power(h));
     for (size_t m = 0; sounds && m < n_mics; m++) {
-        bool fit = m >= ping->n_not_finite || !ping->not_finite[m];
-        if (h->subscriptions[m].hears || !fit)
-            h->subscriptions[m].missed = 0;
-        else if (h->subscriptions[m].missed < h->patience && expects(h, ping->speaker, m))
-            h->subscriptions[m].missed++;
+        if (h->microphones[m].hears || ping->not_finite[m])
+            h->microphones[m].missed = 0;
+        else if (h->microphones[m].missed < h->patience && expects(h, ping->speaker, m))
+            h->microphones[m].missed++;
     }
 }
 
@@ -326,20 +324,20 @@ static void settle(double *mean, bool known, double value)
 }
 
 /* Samples that are none tell nothing of the noise. */
-static void measure_noise(struct hearing *h, size_t speaker)
+static void measure_noise(struct self_test *h, size_t speaker)
 {
     if (!noise_floor_execute(h->floor, speaker, h->whole, h->unfit, h->fresh))
         return;
     for (size_t m = 0; m < h->survey->n_microphones; m++)
         if (!isnan(h->fresh[m]))
-            settle(&h->subscriptions[m].noise,
-                   h->subscriptions[m].noise > 0.0 &&
-                       h->fresh[m] < RISES_RATIO * h->subscriptions[m].noise,
+            settle(&h->microphones[m].noise,
+                   h->microphones[m].noise > 0.0 &&
+                       h->fresh[m] < RISES_RATIO * h->microphones[m].noise,
                    h->fresh[m]);
     h->has_noise = true;
 }
 
-static void measure_direct(struct hearing *h, size_t speaker)
+static void measure_direct(struct self_test *h, size_t speaker)
 {
     const struct survey *s = h->survey;
 
@@ -348,109 +346,107 @@ static void measure_direct(struct hearing *h, size_t speaker)
                          s->sound_speed_m_s;
         h->direct[m] = arrival_power(&h->format, h->whole + m * h->format.n_samples,
                                      delay_s - DIRECT_S, delay_s + DIRECT_S);
-        h->fresh[m] = h->subscriptions[m].noise;
+        h->fresh[m] = h->microphones[m].noise;
     }
     cover_take(h->cover, speaker, h->direct, h->fresh, h->unfit);
     for (size_t m = 0; m < s->n_microphones; m++)
-        h->subscriptions[m].covered = cover_microphone(h->cover, m);
+        h->microphones[m].covered = cover_microphone(h->cover, m);
     for (size_t j = 0; j < s->n_speakers; j++)
-        h->mouths[j].covered = cover_speaker(h->cover, j);
+        h->speakers[j].covered = cover_speaker(h->cover, j);
 }
 
-static void measure(struct hearing *h, const Anlos__Ping *ping, const float *samples)
+static void measure(struct self_test *h, const struct ping *ping)
 {
-    pulse_compress_execute(h->compress[ping->down && h->compress[1]], samples,
+    pulse_compress_execute(h->compress[ping->down && h->compress[1]], ping->samples,
                            h->n_samples, h->whole);
     for (size_t m = 0; m < h->survey->n_microphones; m++)
-        h->unfit[m] = m < ping->n_not_finite && ping->not_finite[m];
+        h->unfit[m] = ping->not_finite[m];
     measure_noise(h, ping->speaker);
     if (!h->has_noise)
         return;
     measure_direct(h, ping->speaker);
     for (size_t m = 0; m < h->survey->n_microphones; m++)
-        h->usable[m] = !h->unfit[m] && !h->subscriptions[m].covered;
-    const struct reach_ping heard = {.speaker = ping->speaker,
-                                     .traces = h->whole,
-                                     .noise = h->fresh,
-                                     .usable = h->usable,
-                                     .speaker_usable = !h->mouths[ping->speaker].covered};
-    reach_take(h->reach, &heard);
+        h->usable[m] = !h->unfit[m] && !h->microphones[m].covered;
+    const struct range_ping heard = {
+        .speaker = ping->speaker,
+        .traces = h->whole,
+        .noise = h->fresh,
+        .usable = h->usable,
+        .speaker_usable = !h->speakers[ping->speaker].covered};
+    range_monitor_take(h->range, &heard);
 }
 
-void hearing_ping(struct hearing *h, const Anlos__Ping *ping, struct hearing_faults *out,
-                  char *note, size_t note_size)
+void self_test_ping(struct self_test *h, const struct ping *ping,
+                    struct self_test_faults *out, char *note, size_t note_size)
 {
-    size_t extents[2];
-    const float *samples = tensor_f32(ping->samples, 2, extents);
-
-    if (samples && extents[0] == h->survey->n_microphones && extents[1] == h->n_samples &&
-        ping->speaker < h->survey->n_speakers) {
-        measure(h, ping, samples);
-        listen(h, ping, samples);
+    if (ping->samples && ping->n_microphones == h->survey->n_microphones &&
+        ping->n_samples == h->n_samples && ping->speaker < h->survey->n_speakers) {
+        measure(h, ping);
+        listen(h, ping);
     }
-    *out = (struct hearing_faults){.of_microphones = h->survey->n_microphones};
+    *out = (struct self_test_faults){.of_microphones = h->survey->n_microphones};
     for (size_t m = 0; m < h->survey->n_microphones; m++)
         out->deaf += is_deaf(h, m);
     for (size_t m = 0; m < h->survey->n_microphones; m++)
-        out->covered_microphones += h->subscriptions[m].covered;
+        out->covered_microphones += h->microphones[m].covered;
     double least = least_power(h);
     for (size_t j = 0; j < h->survey->n_speakers; j++) {
-        out->of_speakers += h->mouths[j].sounded;
+        out->of_speakers += h->speakers[j].sounded;
         out->mute += is_mute(h, j, least);
-        out->covered_speakers += h->mouths[j].covered;
+        out->covered_speakers += h->speakers[j].covered;
     }
     notice(h, least, note, note_size);
 }
 
-void hearing_walls(struct hearing *h, const Anlos__WallList *list)
+void self_test_walls(struct self_test *h, const struct walls *walls)
 {
-    reach_walls(h->reach, list);
+    range_monitor_walls(h->range, walls);
 }
 
 /* Of the microphones of which it is known. */
-static double mean_noise(const struct hearing *h)
+static double mean_noise(const struct self_test *h)
 {
     double sum = 0.0, n = 0.0;
 
     for (size_t m = 0; m < h->survey->n_microphones; m++) {
-        sum += h->subscriptions[m].noise;
-        n += h->subscriptions[m].noise > 0.0;
+        sum += h->microphones[m].noise;
+        n += h->microphones[m].noise > 0.0;
     }
     return n > 0.0 ? sum / n : NAN;
 }
 
-void hearing_levels(const struct hearing *h, struct hearing_levels *out)
+void self_test_levels(const struct self_test *h, struct self_test_levels *out)
 {
     double noise = h->has_noise ? mean_noise(h) : NAN;
-    struct reach_levels r;
+    struct range_levels r;
 
-    reach_levels(h->reach, &r);
-    *out =
-        (struct hearing_levels){.noise_db = 10.0 * log10(noise),
-                                .direct_db = h->has_noise ? cover_snr_db(h->cover) : NAN,
-                                .echo_db = 10.0 * log10(r.echo / noise),
-                                .range_m = r.range_m,
-                                .gate_m = r.gate_m,
-                                .limited = r.limited};
+    range_monitor_levels(h->range, &r);
+    *out = (struct self_test_levels){.noise_db = 10.0 * log10(noise),
+                                     .direct_db = h->has_noise ? cover_snr_db(h->cover)
+                                                               : NAN,
+                                     .echo_db = 10.0 * log10(r.echo / noise),
+                                     .range_m = r.range_m,
+                                     .gate_m = r.gate_m,
+                                     .limited = r.limited};
 }
 
-bool hearing_covers_microphone(const struct hearing *h, size_t microphone)
+bool self_test_covers_microphone(const struct self_test *h, size_t microphone)
 {
-    return h->subscriptions[microphone].covered;
+    return h->microphones[microphone].covered;
 }
 
-bool hearing_covers_speaker(const struct hearing *h, size_t speaker)
+bool self_test_covers_speaker(const struct self_test *h, size_t speaker)
 {
-    return h->mouths[speaker].covered;
+    return h->speakers[speaker].covered;
 }
 
-void hearing_destroy(struct hearing *h)
+void self_test_destroy(struct self_test *h)
 {
     if (!h)
         return;
     noise_floor_destroy(h->floor);
     cover_destroy(h->cover);
-    reach_destroy(h->reach);
+    range_monitor_destroy(h->range);
     free(h->whole);
     free(h->fresh);
     free(h->direct);
@@ -460,8 +456,8 @@ void hearing_destroy(struct hearing *h)
     pulse_compress_destroy(h->compress[1]);
     free(h->own);
     free(h->traces);
-    free(h->subscriptions);
-    free(h->mouths);
+    free(h->microphones);
+    free(h->speakers);
     free(h->powers);
     free(h);
 }

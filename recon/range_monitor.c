@@ -1,13 +1,11 @@
-#include "nodes/array/reach.h"
+#include "recon/range_monitor.h"
 
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 
 #include "dsp/arrival.h"
-#include "msgs/convert.h"
 #include "recon/detection_range.h"
-#include "recon/walls.h"
 
 #define ECHO_M     0.5 /* of a path, about the wall's: what a vehicle moves */
 #define UNSEEN_S   1.0
@@ -16,8 +14,8 @@
 #define WALK_M_S   1.2
 #define ECHO_PINGS 32.0 /* the reference, which walls change, not weather */
 
-struct reach {
-    struct reach_config cfg;
+struct range_monitor {
+    struct range_config cfg;
     const struct survey *survey;
     struct trace_format format;
     struct walls walls;
@@ -31,27 +29,14 @@ struct reach {
     unsigned n_less; /* pings in a row with less range than the gate has */
 };
 
-void reach_config_launch(struct reach_config *cfg, const struct launchfile *l,
-                         const struct survey *s)
-{
-    size_t of_a_round = l->scan.n_speakers ? l->scan.n_speakers : s->n_speakers;
-
-    *cfg = (struct reach_config){.ranges = l->scan.fixed,
-                                 .n_pings = l->recon.frames.pings ? l->recon.frames.pings
-                                                                  : of_a_round,
-                                 .sum = l->recon.frames.sum,
-                                 .false_alarm_rate = l->track.false_alarm_rate,
-                                 .person_m = l->array.person_m};
-}
-
 /* In an image of powers of a person who walks; a coherent sum is one look. */
-static double required_snr(const struct reach *r)
+static double required_snr(const struct range_monitor *r)
 {
     const struct survey *s = r->survey;
     double voxel_m = s->sound_speed_m_s / fabs(s->chirp_stop_hz - s->chirp_start_hz);
     struct detection_range d = {.n_pings = 1,
                                 .false_alarm_rate = r->cfg.false_alarm_rate,
-                                .probability = REACH_PROBABILITY,
+                                .probability = RANGE_PROBABILITY,
                                 .stay = 1.0};
 
     if (r->cfg.sum != FRAMES_COHERENT) {
@@ -61,21 +46,22 @@ static double required_snr(const struct reach *r)
     return detection_range_snr(&d);
 }
 
-int reach_create(struct reach **out, const struct reach_config *cfg,
-                 const struct survey *s, const struct trace_format *format,
-                 const double gate_m[2], struct error *why)
+int range_monitor_create(struct range_monitor **out, const struct range_config *cfg,
+                         const struct survey *s, const struct trace_format *format,
+                         const double gate_m[2], struct error *why)
 {
-    struct reach *r = calloc(1, sizeof *r);
+    struct range_monitor *r = calloc(1, sizeof *r);
 
     *out = NULL;
     if (!r)
         return error_say(why, -ENOMEM, "not enough memory to say how far it is heard");
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;
-    *r = (struct reach){.cfg = *cfg,
-                        .survey = s,
-                        .format = *format,
-                        .gate_m = {gate_m[0], gate_m[1]},
-                        .ping_s = slot_s / (s->together > 1 ? (double)s->together : 1.0)};
+    *r = (struct range_monitor){.cfg = *cfg,
+                                .survey = s,
+                                .format = *format,
+                                .gate_m = {gate_m[0], gate_m[1]},
+                                .ping_s = slot_s /
+                                          (s->together > 1 ? (double)s->together : 1.0)};
     r->n_coherent = cfg->sum == FRAMES_COHERENT ? (double)cfg->n_pings : 1.0;
     if (cfg->ranges)
         r->snr = required_snr(r);
@@ -91,17 +77,11 @@ int reach_create(struct reach **out, const struct reach_config *cfg,
     return 0;
 }
 
-void reach_walls(struct reach *r, const Anlos__WallList *list)
+void range_monitor_walls(struct range_monitor *r, const struct walls *walls)
 {
-    struct error ignored;
-    struct walls walls;
-
-    if (walls_from_message(&walls, list, &ignored))
-        return;
-    if (walls.n &&
-        (list->walls[0]->unseen_s > UNSEEN_S || list->walls[0]->existence < 0.5))
-        walls.n = 0;
-    r->walls = walls;
+    r->walls = *walls;
+    if (walls->n && (walls->unseen_s[0] > UNSEEN_S || walls->existence[0] < 0.5))
+        r->walls.n = 0;
 }
 
 static void settle(double *mean, bool known, double value)
@@ -111,7 +91,7 @@ static void settle(double *mean, bool known, double value)
 
 /* What the highest of the samples about an echo is over the mean power, of noise alone:
  * the mean of the highest of n exponential ones.  Every second sample is a new one. */
-static double highest_of(const struct reach *r, double within_m)
+static double highest_of(const struct range_monitor *r, double within_m)
 {
     double n = r->format.rate_hz * within_m / r->survey->sound_speed_m_s;
 
@@ -119,7 +99,7 @@ static double highest_of(const struct reach *r, double within_m)
 }
 
 /* The first wall's echo, which would have the same power over all paths of 1 m. */
-static void measure_echo(struct reach *r, const struct reach_ping *ping)
+static void measure_echo(struct range_monitor *r, const struct range_ping *ping)
 {
     const struct survey *s = r->survey;
     const double *speaker_m = s->speakers_m[ping->speaker];
@@ -154,7 +134,7 @@ static void measure_echo(struct reach *r, const struct reach_ping *ping)
 }
 
 /* Of the microphones that can be used: their mean over how many they are. */
-static double noise_of_sum(const struct reach *r, const struct reach_ping *ping)
+static double noise_of_sum(const struct range_monitor *r, const struct range_ping *ping)
 {
     double sum = 0.0, n = 0.0;
 
@@ -166,7 +146,7 @@ static double noise_of_sum(const struct reach *r, const struct reach_ping *ping)
     return n > 0.0 ? sum / (n * n) : NAN;
 }
 
-static double range_m(const struct reach *r)
+static double range_m(const struct range_monitor *r)
 {
     if (!r->cfg.ranges || !r->has_noise || !r->has_echo)
         return NAN;
@@ -175,31 +155,31 @@ static double range_m(const struct reach *r)
                              r->noise_of_sum / r->n_coherent);
 }
 
-void reach_take(struct reach *r, const struct reach_ping *ping)
+void range_monitor_take(struct range_monitor *r, const struct range_ping *ping)
 {
     r->noise_of_sum = noise_of_sum(r, ping);
     r->has_noise = true;
     measure_echo(r, ping);
-    double ratio = r->limited ? REACH_CLEAR_RATIO : 1.0;
+    double ratio = r->limited ? RANGE_CLEAR_RATIO : 1.0;
     bool less = range_m(r) < ratio * r->gate_m[1];
     r->n_less = less ? r->n_less + 1 : 0;
-    r->limited = less && (r->limited || (double)r->n_less * r->ping_s > REACH_LESS_S);
+    r->limited = less && (r->limited || (double)r->n_less * r->ping_s > RANGE_LESS_S);
 }
 
-void reach_levels(const struct reach *r, struct reach_levels *out)
+void range_monitor_levels(const struct range_monitor *r, struct range_levels *out)
 {
     double m = range_m(r);
 
     if (m < r->gate_m[0]) /* nothing nearer is imaged */
         m = 0.0;
-    *out = (struct reach_levels){
+    *out = (struct range_levels){
         .echo = r->has_echo ? r->echo_trace : NAN,
         .range_m = isnan(m) ? NAN : fmin(m, r->gate_m[1]),
         .gate_m = r->cfg.ranges && r->gate_m[1] > 0.0 ? r->gate_m[1] : NAN,
         .limited = r->limited};
 }
 
-void reach_destroy(struct reach *r)
+void range_monitor_destroy(struct range_monitor *r)
 {
     free(r);
 }

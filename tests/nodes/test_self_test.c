@@ -6,12 +6,11 @@
 #include <math.h>
 
 #include "hal/array.h"
-#include "msgs/tensor.h"
-#include "nodes/array/hearing.h"
+#include "recon/self_test.h"
 
 #define DRIVE SOURCE_DIR "/launch/scenes/drive-person.yaml"
 
-static const struct reach_config fixed = {.ranges = true,
+static const struct range_config fixed = {.ranges = true,
                                           .n_pings = 8,
                                           .sum = FRAMES_POWER,
                                           .false_alarm_rate = 1e-4,
@@ -20,9 +19,8 @@ static const struct reach_config fixed = {.ranges = true,
 struct rig {
     struct fake_clock clock;
     struct array *array;
-    struct hearing *hearing;
-    struct hearing_faults faults;
-    struct tensor_view view;
+    struct self_test *self_test;
+    struct self_test_faults faults;
     char note[512];
     int64_t began_ns;
 };
@@ -58,7 +56,7 @@ static void start(struct rig *r, struct scratch *s, const char *faults,
     *r = (struct rig){.began_ns = INT64_C(1700000000000000000)};
     fake_clock_set(&r->clock, r->began_ns);
     if (array_open(&r->array, uri, &r->clock.source, &why) ||
-        hearing_create(&r->hearing, &fixed, array_survey(r->array), &why))
+        self_test_create(&r->self_test, &fixed, array_survey(r->array), &why))
         fail_msg("%s", why.text);
     assert_int_equal(array_fire(r->array, &shot), 0);
 }
@@ -69,23 +67,23 @@ static double go_on(struct rig *r, size_t n, const uint32_t *speakers)
     size_t n_mics = array_survey(r->array)->n_microphones;
 
     for (size_t i = 0; i < n; i++) {
-        Anlos__Ping m = ANLOS__PING__INIT;
-        struct array_ping ping;
+        struct array_ping heard;
         struct error why;
-        assert_int_equal(array_next(r->array, &ping, &why), 0);
-        m.speaker = speakers[ping.shot_index];
-        m.down = ping.down;
-        m.samples = tensor_borrow_f32(&r->view, ping.samples, 2, n_mics, ping.n_samples);
-        m.n_not_finite = n_mics;
-        m.not_finite = (uint32_t *)(uintptr_t)ping.not_finite;
-        hearing_ping(r->hearing, &m, &r->faults, r->note, sizeof r->note);
+        assert_int_equal(array_next(r->array, &heard, &why), 0);
+        const struct ping ping = {.speaker = speakers[heard.shot_index],
+                                  .down = heard.down,
+                                  .n_microphones = n_mics,
+                                  .n_samples = heard.n_samples,
+                                  .samples = heard.samples,
+                                  .not_finite = heard.not_finite};
+        self_test_ping(r->self_test, &ping, &r->faults, r->note, sizeof r->note);
     }
     return 1e-9 * (double)(r->clock.now_ns - r->began_ns);
 }
 
 static void stop(struct rig *r)
 {
-    hearing_destroy(r->hearing);
+    self_test_destroy(r->self_test);
     array_close(r->array);
 }
 
@@ -181,11 +179,11 @@ static void a_microphone_that_comes_back_hears_at_once(void **state)
     go_on(&dead, 10, all);
     assert_int_equal(dead.faults.deaf, 1);
     start(&well, *state, "", "", all, 16);
-    hearing_destroy(well.hearing);
-    well.hearing = dead.hearing;
+    self_test_destroy(well.self_test);
+    well.self_test = dead.self_test;
     go_on(&well, 1, all);
     assert_int_equal(well.faults.deaf, 0);
-    well.hearing = NULL;
+    well.self_test = NULL;
     stop(&well);
     stop(&dead);
 }
@@ -196,11 +194,11 @@ static void a_microphone_that_comes_back_hears_at_once(void **state)
 
 #define HELD_M 4.0 /* the scene's gate */
 
-static const struct hearing_levels *levels(struct rig *r)
+static const struct self_test_levels *levels(struct rig *r)
 {
-    static struct hearing_levels l;
+    static struct self_test_levels l;
 
-    hearing_levels(r->hearing, &l);
+    self_test_levels(r->self_test, &l);
     return &l;
 }
 
@@ -335,14 +333,14 @@ static void a_covered_speaker_is_named_within_a_second(void **state)
 /* It was taken for want of memory, or for nothing. */
 static void why_a_reach_is_none_is_said(void **state)
 {
-    struct reach_config none = fixed;
-    struct hearing *h = NULL;
+    struct range_config none = fixed;
+    struct self_test *h = NULL;
     struct error why = {""};
     struct rig r;
 
     start(&r, *state, "", "", all, 16);
     none.n_pings = 0;
-    assert_int_equal(hearing_create(&h, &none, array_survey(r.array), &why), -EINVAL);
+    assert_int_equal(self_test_create(&h, &none, array_survey(r.array), &why), -EINVAL);
     assert_null(h);
     assert_non_null(strstr(why.text, "images of 0 pings"));
     stop(&r);
