@@ -57,11 +57,6 @@ uint64_t wall_finder_survey_id(const struct wall_finder *f)
     return f->survey_id;
 }
 
-enum wall_from wall_finder_from(const struct wall_finder *f)
-{
-    return f->cfg.map.from;
-}
-
 void wall_finder_ego(struct wall_finder *f, const struct ego_motion *motion,
                      int64_t capture_ns)
 {

@@ -26,8 +26,6 @@ int wall_finder_survey(struct wall_finder *f, const struct survey *survey,
 /* survey_id of what it was given; 0: nothing. */
 uint64_t wall_finder_survey_id(const struct wall_finder *f);
 
-enum wall_from wall_finder_from(const struct wall_finder *f);
-
 /* How the vehicle moves; NULL: somebody told of it, but not that. */
 void wall_finder_ego(struct wall_finder *f, const struct ego_motion *motion,
                      int64_t capture_ns);

@@ -12,14 +12,6 @@ struct dsp {
     protobuf_c_boolean *masked; /* [n_microphones] of the survey */
 };
 
-void dsp_config(struct frontend_config *out, const struct launchfile *l)
-{
-    *out = (struct frontend_config){.window = l->dsp.window,
-                                    .compression = l->dsp.compression,
-                                    .background = l->dsp.background,
-                                    .background_s = l->dsp.background_s};
-}
-
 int dsp_create(struct dsp **out, const struct frontend_config *cfg)
 {
     struct dsp *d = calloc(1, sizeof *d);

@@ -13,7 +13,6 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
-#include "nodes/rt/launchfile.h"
 #include "recon/frontend.h"
 
 struct dsp_output { /* what to publish; borrows from the dsp until the next ping */
@@ -23,9 +22,6 @@ struct dsp_output { /* what to publish; borrows from the dsp until the next ping
     char note[256]; /* for the log; empty: nothing new */
     struct frontend_faults faults;
 };
-
-/* What a launch file says of it. */
-void dsp_config(struct frontend_config *out, const struct launchfile *l);
 
 struct dsp;
 

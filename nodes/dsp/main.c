@@ -5,6 +5,7 @@
 #include "msgs/topics.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/rt/early.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 
 struct run {
@@ -131,14 +132,14 @@ static int run(struct run *r)
 int main(int argc, char **argv)
 {
     struct run r = {.early = {.count = "pings before the survey"}};
-    struct frontend_config cfg;
+    struct pipeline_config cfg;
     int err = node_create(&r.node, "dsp",
                           "Compresses pulses and subtracts the background.", argc, argv);
 
     if (err)
         return err - 1;
-    dsp_config(&cfg, node_launch(r.node));
-    err = dsp_create(&r.dsp, &cfg);
+    launchfile_pipeline(&cfg, node_launch(r.node));
+    err = dsp_create(&r.dsp, &cfg.frontend);
     if (!err)
         err = run(&r);
     dsp_destroy(r.dsp);

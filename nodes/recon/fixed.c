@@ -5,6 +5,7 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
 #include "nodes/rt/early.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/pace.h"
 
 #define PLAN_S 60.0 /* at most: of a fine volume */
@@ -31,25 +32,12 @@ static size_t counts(void *ctx, struct device_count *out)
     return 5 + early_count(&f->early, out + 5);
 }
 
-void fixed_config(struct static_array_config *out, const struct launchfile *l)
-{
-    *out = (struct static_array_config){.threads = l->recon.threads,
-                                        .window = l->dsp.window,
-                                        .compression = l->dsp.compression,
-                                        .frame_pings = l->scan.n_speakers,
-                                        .pings = l->recon.frames.pings,
-                                        .sum = l->recon.frames.sum,
-                                        .every_ping = l->recon.frames.every_ping,
-                                        .moving_only = l->dsp.background ==
-                                                       BACKGROUND_ADAPTIVE};
-}
-
 static int create(struct fixed *f)
 {
-    struct static_array_config cfg;
+    struct pipeline_config cfg;
 
-    fixed_config(&cfg, node_launch(f->node));
-    int err = steady_create(&f->steady, &cfg);
+    launchfile_pipeline(&cfg, node_launch(f->node));
+    int err = steady_create(&f->steady, &cfg.array);
 
     if (!err)
         node_device(f->node, counts, f);

@@ -6,9 +6,6 @@
 #include "nodes/recon/steady.h"
 #include "nodes/rt/node.h"
 
-/* What a launch file says of it. */
-void fixed_config(struct static_array_config *out, const struct launchfile *l);
-
 /* Until a signal.  0 or a negative errno, as for node_finish. */
 int fixed_run(struct node *node);
 

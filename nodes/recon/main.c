@@ -6,6 +6,7 @@
 #include "nodes/recon/fixed.h"
 #include "nodes/recon/recon.h"
 #include "nodes/rt/early.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 
 #define REPEAT_NS         2000000000LL /* the last volume, for whoever missed it */
@@ -33,14 +34,10 @@ static size_t counts(void *ctx, struct device_count *out)
 
 static int create(struct run *r)
 {
-    const struct launchfile *l = node_launch(r->node);
-    const struct scan_imager_config cfg = {.method = l->recon.method,
-                                           .options = &l->recon.options,
-                                           .threads = l->recon.threads,
-                                           .window = l->dsp.window,
-                                           .compression = l->dsp.compression};
+    struct pipeline_config cfg;
 
-    return recon_create(&r->recon, &cfg);
+    launchfile_pipeline(&cfg, node_launch(r->node));
+    return recon_create(&r->recon, &cfg.scan);
 }
 
 static void publish_volume(struct run *r, Anlos__Volume *v)

@@ -5,6 +5,7 @@
 #include "msgs/convert.h"
 #include "msgs/topics.h"
 #include "nodes/rt/early.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/pace.h"
 #include "nodes/track/tracking.h"
@@ -201,14 +202,14 @@ static int run(struct job *j)
 int main(int argc, char **argv)
 {
     struct job j = {.early = {.count = "volumes before the survey"}};
-    struct object_tracker_config cfg;
+    struct pipeline_config cfg;
     int err = node_create(&j.node, "track", "Finds the hidden objects in the image.",
                           argc, argv);
 
     if (err)
         return err - 1;
-    tracking_config(&cfg, node_launch(j.node));
-    err = tracking_create(&j.tracking, &cfg);
+    launchfile_pipeline(&cfg, node_launch(j.node));
+    err = tracking_create(&j.tracking, &cfg.tracker);
     if (!err)
         err = run(&j);
     tracking_destroy(j.tracking);

@@ -5,40 +5,11 @@
 #include <string.h>
 
 #include "msgs/convert.h"
-#include "nodes/rt/launchfile_track.h"
-
-#define WALLS_S 3.0 /* as wall.lost_s of a launch file */
 
 struct tracking {
     struct object_tracker *tracker;
     struct object_list list; /* the newest */
 };
-
-void tracking_config(struct object_tracker_config *cfg, const struct launchfile *l)
-{
-    struct launch_track track = launch_track_default;
-
-    if (l)
-        track = l->track;
-    *cfg = (struct object_tracker_config){
-        .detector = {.threshold_db = track.threshold_db,
-                     .min_existence = track.min_existence,
-                     .cfar = track.cfar,
-                     .false_alarm_rate = track.false_alarm_rate},
-        .mode = track.mode,
-        .clutter = track.clutter,
-        .sidelobe_db = track.sidelobe_db};
-    track_config_default(&cfg->track);
-    cfg->track.life.confirm_hits = track.confirm_hits;
-    cfg->track.life.confirm_of = track.confirm_of;
-    cfg->track.life.confirm_existence = track.confirm_existence;
-    cfg->track.detection_probability = track.detection_probability;
-    cfg->track.acceleration_psd_m2_s3 = track.acceleration_psd;
-    cfg->track.join_m = track.join_m;
-    cfg->track.coast_s = track.coast_s;
-    cfg->look_s = track.look_s;
-    cfg->walls_s = l ? l->wall.lost_s : WALLS_S;
-}
 
 int tracking_create(struct tracking **out, const struct object_tracker_config *cfg)
 {

@@ -8,11 +8,7 @@
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/volume.pb-c.h"
 #include "msgs/wall.pb-c.h"
-#include "nodes/rt/launchfile.h"
 #include "recon/object_tracker.h"
-
-/* From a launch file; NULL: as one has it that says nothing. */
-void tracking_config(struct object_tracker_config *cfg, const struct launchfile *l);
 
 struct tracking;
 

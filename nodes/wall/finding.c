@@ -1,9 +1,7 @@
 #include "nodes/wall/finding.h"
 
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "msgs/convert.h"
 
@@ -12,21 +10,6 @@ struct finding {
     struct walls_view view;
     Anlos__WallList list; /* the newest; borrows from both */
 };
-
-void finding_config(struct wall_finder_config *cfg, const struct launchfile *l)
-{
-    double vertical_rad = l->wall.vertical_deg * M_PI / 180.0;
-
-    *cfg = (struct wall_finder_config){.map = {.from = l->wall.from,
-                                               .lost_s = l->wall.lost_s,
-                                               .vertical_rad = vertical_rad,
-                                               .n_corners = l->wall.n_corners},
-                                       .listener = {.vertical = l->wall.vertical,
-                                                    .vertical_rad = vertical_rad,
-                                                    .reach_m = l->wall.reach_m,
-                                                    .every_s = l->wall.every_s}};
-    memcpy(cfg->map.free_view_m, l->wall.free_view_m, sizeof cfg->map.free_view_m);
-}
 
 int finding_create(struct finding **out, const struct wall_finder_config *cfg)
 {

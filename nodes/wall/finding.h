@@ -7,11 +7,7 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
-#include "nodes/rt/launchfile.h"
 #include "recon/wall_finder.h"
-
-/* What a launch file says of it. */
-void finding_config(struct wall_finder_config *cfg, const struct launchfile *l);
 
 struct finding;
 

@@ -3,6 +3,7 @@
 
 #include "msgs/topics.h"
 #include "nodes/rt/early.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 #include "nodes/wall/finding.h"
 
@@ -129,15 +130,15 @@ static int run(struct run *r)
 int main(int argc, char **argv)
 {
     struct run r = {.early = {.count = "pings before the survey"}};
-    struct wall_finder_config cfg;
+    struct pipeline_config cfg;
     int err = node_create(&r.node, "wall", "Tells where the walls are that mirror sound.",
                           argc, argv);
 
     if (err)
         return err - 1;
-    finding_config(&cfg, node_launch(r.node));
-    r.from = cfg.map.from;
-    err = finding_create(&r.finding, &cfg);
+    launchfile_pipeline(&cfg, node_launch(r.node));
+    r.from = cfg.walls.map.from;
+    err = finding_create(&r.finding, &cfg.walls);
     if (!err)
         err = run(&r);
     finding_destroy(r.finding);

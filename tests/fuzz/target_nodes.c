@@ -8,6 +8,7 @@
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
 #include "nodes/report/report.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/track/tracking.h"
 #include "recon/processing.h"
 #include "tests/fuzz/fuzz.h"
@@ -34,15 +35,15 @@ static void start(struct system *s)
     const struct frontend_config dsp = {.window = WINDOW_HANN};
     const struct scan_imager_config recon = {
         .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
-    struct object_tracker_config tracking;
+    struct pipeline_config cfg;
     const struct watch_config watch = {.fixed = true, .ego = true, .wall = true};
     struct sender_config sender;
 
     *s = (struct system){.now_ns = 1};
     FUZZ_REQUIRE(!dsp_create(&s->dsp, &dsp));
     FUZZ_REQUIRE(!recon_create(&s->recon, &recon));
-    tracking_config(&tracking, NULL);
-    FUZZ_REQUIRE(!tracking_create(&s->tracking, &tracking));
+    launchfile_pipeline(&cfg, NULL);
+    FUZZ_REQUIRE(!tracking_create(&s->tracking, &cfg.tracker));
     can_config_sender(&sender, NULL);
     sender_init(&s->sender, &sender);
     watch_init(&s->watch, &watch);

@@ -13,6 +13,7 @@
 
 #include "msgs/convert.h"
 #include "nodes/anlos/replay/chain.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 
@@ -92,17 +93,13 @@ static int teardown(void **state)
     return 0;
 }
 
-static void start(struct rig *r, const struct launchfile *walls)
+static void start(struct rig *r, bool finds_walls)
 {
-    struct chain_config cfg = {
-        .dsp = {.window = WINDOW_HANN, .compression = COMPRESSION_MATCHED_FILTER},
-        .fixed = true,
-        .walls = walls,
-        .can = r->can};
+    struct chain_config cfg = {.can = r->can};
     struct error why = {""};
 
-    fixed_config(&cfg.steady, r->launch);
-    tracking_config(&cfg.track, r->launch);
+    launchfile_pipeline(&cfg.pipeline, r->launch);
+    cfg.pipeline.finds_walls = finds_walls;
     assert_int_equal(chain_create(&r->chain, &cfg, r->stages), 0);
     if (chain_survey(&r->chain, r->scene.survey, &why))
         fail_msg("%s", why.text);
@@ -129,13 +126,22 @@ static void a_wall_that_the_launch_file_has_heard_is_where_its_echoes_say(void *
 {
     struct rig *r = *state;
 
-    start(r, r->launch);
+    start(r, true);
     hear(r);
-    const Anlos__WallList *list = finding_walls(r->chain.finding);
-    assert_int_equal(list->n_walls, 1);
-    assert_near(list->walls[0]->distance_m, WALL_M, 0.01);
-    assert_near(fabs(list->walls[0]->normal->z), 1.0, 0.001);
-    assert_int_equal(list->walls[0]->origin, ANLOS__WALL__ORIGIN__ESTIMATED);
+    int64_t stamp_ns;
+    uint64_t lists;
+    const struct walls *walls =
+        pipeline_known_walls(r->chain.pipeline, &stamp_ns, &lists);
+    assert_non_null(walls);
+    assert_int_equal(walls->n, 1);
+    assert_near(walls->list[0].plane.distance_m, WALL_M, 0.01);
+    assert_near(fabs(walls->list[0].plane.normal[2]), 1.0, 0.001);
+    assert_int_equal(walls->origin[0], WALL_ESTIMATED);
+}
+
+static bool has_wall(const struct rig *r)
+{
+    return object_tracker_has_wall(pipeline_tracker(r->chain.pipeline));
 }
 
 /* What was recorded of walls then is another's opinion, and is not taken. */
@@ -144,15 +150,15 @@ static void a_recorded_wall_does_not_go_before_one_that_is_heard(void **state)
     struct rig *r = *state;
     Anlos__WallList none = ANLOS__WALL_LIST__INIT;
 
-    start(r, r->launch);
+    start(r, true);
     hear(r);
-    assert_true(tracking_has_wall(r->chain.tracking));
+    assert_true(has_wall(r));
     chain_walls(&r->chain, &none, 3 * SECOND);
-    assert_true(tracking_has_wall(r->chain.tracking));
+    assert_true(has_wall(r));
     chain_clear(&r->chain);
-    start(r, NULL);
+    start(r, false);
     chain_walls(&r->chain, &none, 3 * SECOND);
-    assert_false(tracking_has_wall(r->chain.tracking));
+    assert_false(has_wall(r));
 }
 
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)

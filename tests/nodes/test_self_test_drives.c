@@ -19,6 +19,7 @@
 #include "nodes/array/config.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/launchfile.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 #include "nodes/wall/finding.h"
 #include "recon/self_test.h"
@@ -47,7 +48,7 @@ static void start(struct drive *d, const char *scene)
     struct firing firing;
     const struct drive_world_config world = {.scene = scene, .firing = &firing};
     struct range_config hears;
-    struct wall_finder_config walls;
+    struct pipeline_config cfg;
     struct error why = {""};
 
     *d = (struct drive){.launch = NULL};
@@ -65,9 +66,9 @@ static void start(struct drive *d, const char *scene)
     if (err)
         fail_msg("%s: %s", scene, why.text);
     array_config_range(&hears, d->launch, &d->survey);
-    finding_config(&walls, d->launch);
-    walls.map.from = WALL_FROM_ECHOES;
-    if (finding_create(&d->walls, &walls) ||
+    launchfile_pipeline(&cfg, d->launch);
+    cfg.walls.map.from = WALL_FROM_ECHOES;
+    if (finding_create(&d->walls, &cfg.walls) ||
         finding_survey(d->walls, d->world.survey, &why) ||
         self_test_create(&d->self_test, &hears, &d->survey, &why) ||
         drive_world_shoot(&d->world, PASS_SCENE, &why))

@@ -10,6 +10,7 @@
 
 #include "msgs/convert.h"
 #include "nodes/can/sender.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/track/tracking.h"
 #include "recon/wall.h"
 #include "tests/nodes/near.h"
@@ -77,12 +78,12 @@ static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
     const struct sender_config can = {.base_id = 0x400, .bus = {.fd = true}};
-    struct object_tracker_config cfg;
+    struct pipeline_config cfg;
 
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
         return -1;
-    tracking_config(&cfg, NULL);
-    if (tracking_create(&r->tracking, &cfg) ||
+    launchfile_pipeline(&cfg, NULL);
+    if (tracking_create(&r->tracking, &cfg.tracker) ||
         tracking_survey(r->tracking, r->scene.survey, NULL))
         return -1;
     sender_init(&r->sender, &can);

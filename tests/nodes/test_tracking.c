@@ -8,6 +8,7 @@
 #include <cmocka.h>
 
 #include "msgs/convert.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/track/tracking.h"
 #include "recon/sidelobes.h"
 #include "recon/sight.h"
@@ -57,12 +58,12 @@ static void add(struct rig *r, double x_m, double z_m, double power)
 static int setup(void **state)
 {
     struct rig *r = calloc(1, sizeof *r);
-    struct object_tracker_config cfg;
+    struct pipeline_config cfg;
 
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
         return -1;
-    tracking_config(&cfg, NULL);
-    if (tracking_create(&r->tracking, &cfg) ||
+    launchfile_pipeline(&cfg, NULL);
+    if (tracking_create(&r->tracking, &cfg.tracker) ||
         tracking_survey(r->tracking, r->scene.survey, NULL))
         return -1;
     anlos__volume__init(&r->volume);
@@ -260,13 +261,13 @@ static void while_a_sound_drowns_the_images_tracks_go_on(void **state)
 static void what_a_background_leaves_is_not_told_and_what_comes_is(void **state)
 {
     struct rig *r = *state;
-    struct object_tracker_config cfg;
+    struct pipeline_config cfg;
 
-    tracking_config(&cfg, NULL);
-    cfg.detector.cfar = CFAR_ORDERED;
-    cfg.detector.false_alarm_rate = 1e-4;
+    launchfile_pipeline(&cfg, NULL);
+    cfg.tracker.detector.cfar = CFAR_ORDERED;
+    cfg.tracker.detector.false_alarm_rate = 1e-4;
     tracking_destroy(r->tracking);
-    assert_int_equal(tracking_create(&r->tracking, &cfg), 0);
+    assert_int_equal(tracking_create(&r->tracking, &cfg.tracker), 0);
     assert_int_equal(tracking_survey(r->tracking, r->scene.survey, NULL), 0);
     r->volume.standing_left = true; /* the background begins */
     for (int k = 0; k < 60; k++) {

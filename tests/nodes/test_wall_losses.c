@@ -58,7 +58,7 @@ struct rig {
 static bool is_known(const struct rig *r)
 {
     const struct wall_tracks *t =
-        &wall_finder_map(finding_finder(r->pipe.finding))->tracks;
+        &wall_finder_map(pipeline_finder(r->pipe.pipeline))->tracks;
     bool known = false;
 
     for (size_t i = 0; i < t->n; i++)
@@ -129,7 +129,7 @@ static void walk(struct rig *r)
             return;
         until_s = t_s + deaf_s[r->losses % (sizeof deaf_s / sizeof *deaf_s)];
         do {
-            wall_finder_map(finding_finder(r->pipe.finding))->tracks.n = 0;
+            wall_finder_map(pipeline_finder(r->pipe.pipeline))->tracks.n = 0;
             take_image(r, &t_s);
         } while (t_s < until_s);
     }

@@ -5,83 +5,74 @@
 #include <string.h>
 
 #include "msgs/convert.h"
-#include "nodes/recon/fixed.h"
+#include "nodes/recon/volume_room.h"
+#include "nodes/rt/launchfile_pipeline.h"
 
-static int create_steps(struct drive_pipe *p, size_t threads, struct error *why)
+static int create_stages(struct drive_pipe *p, size_t threads, struct error *why)
 {
-    const struct launchfile *l = p->launch;
     const struct room_object *hidden;
-    struct frontend_config dsp;
-    struct static_array_config steady;
-    struct object_tracker_config track;
-    struct wall_finder_config walls;
+    struct pipeline_config cfg;
 
-    dsp_config(&dsp, l);
-    fixed_config(&steady, l);
-    steady.threads = threads;
-    int err = dsp_create(&p->dsp, &dsp);
-    if (!err)
-        err = steady_create(&p->steady, &steady);
-    tracking_config(&track, l);
-    track.mode = OBJECT_TRACKER_TRACKS;
-    if (!err)
-        err = tracking_create(&p->tracker, &track);
-    track.mode = OBJECT_TRACKER_LISTS;
+    launchfile_pipeline(&cfg, p->launch);
+    cfg.is_static = true;
+    cfg.array.threads = threads;
+    cfg.tracker.mode = OBJECT_TRACKER_TRACKS;
+    int err = pipeline_create(&p->pipeline, &cfg);
+    cfg.tracker.mode = OBJECT_TRACKER_LISTS;
     if (!err && room_objects(p->world.room, &hidden))
-        err = tracking_create(&p->detector, &track);
-    finding_config(&walls, l);
-    if (!err && launchfile_has_node(l, "wall"))
-        err = finding_create(&p->finding, &walls);
+        err = object_tracker_create(&p->detector, &cfg.tracker);
     return err ? error_say(why, err, "processing: %s", strerror(-err)) : 0;
 }
 
-static int tell_survey(struct drive_pipe *p, struct error *why)
+/* One whose image a node could not publish is refused. */
+static int plan(struct drive_pipe *p, struct error *why)
 {
-    const Anlos__Survey *s = p->world.survey;
-    int err = dsp_survey(p->dsp, s, why);
+    struct survey survey;
+    int err = survey_from_message(&survey, p->world.survey, why);
 
+    if (err)
+        return err;
+    err = volume_room_check(&survey, why);
     if (!err)
-        err = steady_survey(p->steady, s, why);
-    if (!err)
-        err = tracking_survey(p->tracker, s, why);
-    if (!err && p->detector)
-        err = tracking_survey(p->detector, s, why);
-    return err || !p->finding ? err : finding_survey(p->finding, s, why);
+        err = pipeline_survey(p->pipeline, &survey, why);
+    if (!err && p->detector && object_tracker_survey(p->detector, &survey))
+        err = error_say(why, -ENOMEM, "survey: %s", strerror(ENOMEM));
+    survey_clear(&survey);
+    return err;
 }
 
 /* -- messages ---------------------------------------------------------------------------
  */
 
-/* After each message, as the node looks whether a list is to be published now. */
-static int tell_walls(struct drive_pipe *p, int64_t now_ns, struct error *why)
+/* The detector goes by the walls of the tracks. */
+static int tell_walls(struct drive_pipe *p, struct error *why)
 {
     int64_t stamp_ns;
-    const Anlos__WallList *walls =
-        p->finding ? finding_list(p->finding, now_ns, &stamp_ns) : NULL;
+    uint64_t lists;
+    const struct walls *walls = pipeline_known_walls(p->pipeline, &stamp_ns, &lists);
 
-    if (!walls)
+    if (!p->detector || lists == p->wall_lists)
         return 0;
-    int err = steady_walls(p->steady, walls, stamp_ns, why);
-    if (!err)
-        err = tracking_walls(p->tracker, walls, stamp_ns, why);
-    return err || !p->detector ? err : tracking_walls(p->detector, walls, stamp_ns, why);
+    p->wall_lists = lists;
+    return object_tracker_walls(p->detector, walls, stamp_ns)
+               ? error_say(why, -EINVAL, "walls with a stamp that is none")
+               : 0;
 }
 
 static int tell_ego(struct drive_pipe *p, int64_t until_ns, struct error *why)
 {
+    struct ego_motion motion;
     Anlos__EgoMotion m;
     int err = 0;
 
     for (; !err && p->ego_ns <= until_ns; p->ego_ns += DRIVE_EGO_NS) {
         drive_world_ego(&p->world, p->ego_ns, &m);
-        dsp_ego(p->dsp, &m, p->ego_ns);
-        steady_ego(p->steady, &m, p->ego_ns);
-        tracking_ego(p->tracker, &m, p->ego_ns);
+        const struct ego_motion *ego = ego_from_message(&motion, &m);
         if (p->detector)
-            tracking_ego(p->detector, &m, p->ego_ns);
-        if (p->finding)
-            finding_ego(p->finding, &m, p->ego_ns);
-        err = tell_walls(p, p->ego_ns, why);
+            object_tracker_ego(p->detector, ego, p->ego_ns);
+        err = pipeline_ego(p->pipeline, ego, p->ego_ns, p->ego_ns, why);
+        if (!err)
+            err = tell_walls(p, why);
     }
     return err;
 }
@@ -90,45 +81,50 @@ static int tell_ego(struct drive_pipe *p, int64_t until_ns, struct error *why)
 static int tell_given(struct drive_pipe *p, int64_t until_ns, struct error *why)
 {
     struct drive_walls given;
+    struct walls walls;
     int err = 0;
 
-    if (!p->finding || p->launch->wall.from != WALL_FROM_TOPIC)
+    if (p->launch->wall.from != WALL_FROM_TOPIC)
         return 0;
     for (; !err && p->given_ns <= until_ns; p->given_ns += DRIVE_WALL_NS) {
         drive_world_wall(&p->world, p->given_ns, &given);
-        err = finding_given(p->finding, &given.list, p->given_ns, why);
+        err = walls_from_message(&walls, &given.list, why);
         if (!err)
-            err = tell_walls(p, p->given_ns, why);
+            err = pipeline_given(p->pipeline, &walls, p->given_ns, p->given_ns, why);
+        if (!err)
+            err = tell_walls(p, why);
     }
     return err;
 }
 
-static int make_lists(struct drive_pipe *p, struct drive_image *out, struct error *why)
+static int make_lists(struct drive_pipe *p, const struct pipeline_output *of,
+                      struct drive_image *out, struct error *why)
 {
-    Anlos__Volume volume;
+    int64_t stamp_ns = of->image->capture_ns;
+    int err = detections_from_objects(&out->tracks, of->objects);
 
-    steady_image(p->steady, &volume);
-    int64_t stamp_ns = steady_capture_ns(p->steady);
-    int err = tracking_volume(p->tracker, &volume, stamp_ns, &out->tracks, why);
-    if (!err && p->detector)
-        err = tracking_volume(p->detector, &volume, stamp_ns, &out->detections, why);
+    p->volume = *of->image;
     out->t_s = drive_world_s(stamp_ns);
     out->out_s = out->t_s + p->ping_s;
+    if (err || !p->detector)
+        return err ? error_say(why, err, "not enough memory to list objects") : 0;
+    err = object_tracker_volume(p->detector, of->image, &p->detected, why);
+    if (!err && detections_from_objects(&out->detections, &p->detected))
+        err = error_say(why, -ENOMEM, "not enough memory to list objects");
     return err;
 }
 
-/* In the order of a replay (nodes/rt/replay_order.h): the image of a ping comes before
- * the walls that were heard in it.  *due: there is an image, whose lists are in out. */
+/* *due: there is an image, whose lists are in out. */
 static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
                      struct drive_image *out, struct error *why)
 {
-    struct dsp_output dsp;
-    Anlos__Ping ping;
+    struct pipeline_output made;
+    Anlos__Ping message;
+    struct ping ping;
     int64_t stamp_ns;
-    char note[128];
 
     *due = false;
-    int err = drive_world_ping(&p->world, pass, &ping, &stamp_ns);
+    int err = drive_world_ping(&p->world, pass, &message, &stamp_ns);
     if (err)
         return error_say(why, err, "sound of the drive: %s", strerror(-err));
     int64_t end_ns = stamp_ns + llround(1e9 * p->ping_s);
@@ -137,14 +133,12 @@ static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
         err = tell_given(p, end_ns, why);
     if (err)
         return err;
-    dsp_ping(p->dsp, &ping, stamp_ns, &dsp);
-    if (dsp.has_traces)
-        *due = steady_traces(p->steady, &dsp.traces, stamp_ns, note, sizeof note);
-    if (*due)
-        err = make_lists(p, out, why);
-    if (!err && p->finding)
-        finding_ping(p->finding, &ping, stamp_ns, end_ns);
-    return err ? err : tell_walls(p, end_ns, why);
+    ping_from_message(&ping, &message, stamp_ns);
+    err = pipeline_ping(p->pipeline, &ping, end_ns, &made, why);
+    *due = made.image != NULL;
+    if (!err && made.image)
+        err = make_lists(p, &made, out, why);
+    return err ? err : tell_walls(p, why);
 }
 
 /* -- from beginning to end --------------------------------------------------------------
@@ -177,9 +171,9 @@ int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const ch
     if (!err)
         err = drive_world_create(&p->world, &world, why);
     if (!err)
-        err = create_steps(p, threads, why);
+        err = create_stages(p, threads, why);
     if (!err)
-        err = tell_survey(p, why);
+        err = plan(p, why);
     if (err)
         return err;
     p->ego_ns = p->given_ns = p->world.begin_ns;
@@ -207,10 +201,7 @@ int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct error 
 
 void drive_pipe_clear(struct drive_pipe *p)
 {
-    finding_destroy(p->finding);
-    tracking_destroy(p->tracker);
-    tracking_destroy(p->detector);
-    steady_destroy(p->steady);
-    dsp_destroy(p->dsp);
+    object_tracker_destroy(p->detector);
+    pipeline_destroy(p->pipeline);
     drive_world_clear(&p->world);
 }

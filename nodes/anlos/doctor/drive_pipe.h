@@ -1,26 +1,25 @@
-/* nodes/anlos/doctor/drive_pipe.h -- a simulated drive through the steps of the nodes
- * dsp, recon, wall and track, in one process at simulated time, with a launch file's
- * settings: the same scene gives the same tracks each time. */
+/* nodes/anlos/doctor/drive_pipe.h -- a simulated drive through all stages
+ * (recon/pipeline.h), in one process at simulated time, with a launch file's settings:
+ * the same scene gives the same tracks each time. */
 #ifndef ANLOS_NODES_ANLOS_DOCTOR_DRIVE_PIPE_H
 #define ANLOS_NODES_ANLOS_DOCTOR_DRIVE_PIPE_H
 
+#include "msgs/detections.pb-c.h"
 #include "nodes/anlos/doctor/drive_world.h"
-#include "nodes/dsp/dsp.h"
-#include "nodes/recon/steady.h"
 #include "nodes/rt/launchfile.h"
-#include "nodes/track/tracking.h"
-#include "nodes/wall/finding.h"
+#include "recon/pipeline.h"
 
 struct drive_pipe {
     const struct launchfile *launch;
     struct drive_world world;
-    struct dsp *dsp;
-    struct steady *steady;
-    struct tracking *tracker;
-    struct tracking *detector; /* NULL: there is nothing to be detected */
-    struct finding *finding;   /* NULL: there is no node wall */
-    int64_t ego_ns, given_ns;  /* of the next message */
-    double ping_s;             /* how long one is */
+    struct pipeline *pipeline;
+    struct object_tracker *detector; /* of each image by itself; NULL: there is nothing
+                                      * to be detected */
+    struct object_list detected;
+    struct volume volume;     /* the newest; borrows from the pipeline */
+    uint64_t wall_lists;      /* that the detector has taken */
+    int64_t ego_ns, given_ns; /* of the next message */
+    double ping_s;            /* how long one is */
 };
 
 /* draw: of what is random in the scene (room_load_drawn).  The launch file outlives it.

@@ -112,7 +112,7 @@ int load_measure(const struct launchfile *l, double probe_s, struct load *out,
                          : error_say(why, -ENOMEM, "out of memory");
 
     if (!err) { /* no node has that one */
-        tracking_destroy(p->detector);
+        object_tracker_destroy(p->detector);
         p->detector = NULL;
         err = probe(p, probe_s, out, why);
     }

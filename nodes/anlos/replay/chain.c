@@ -5,27 +5,31 @@
 #include <string.h>
 
 #include "msgs/convert.h"
+#include "nodes/recon/volume_room.h"
 
 #define MAX_NOTES (sizeof((struct chain *)0)->notes / sizeof(struct chain_note))
+
+/* The stages follow each other without a gap. */
+static void did(void *ctx, enum pipeline_stage stage)
+{
+    static const enum recon_stage as[] = {[PIPELINE_COMPRESS] = RECON_COMPRESS,
+                                          [PIPELINE_STACK] = RECON_STACK,
+                                          [PIPELINE_IMAGE] = RECON_IMAGE,
+                                          [PIPELINE_DETECT] = RECON_DETECT};
+    struct chain *c = ctx;
+
+    stopwatch_lap(&c->stages[as[stage]], &c->now, false);
+}
 
 int chain_create(struct chain *c, const struct chain_config *cfg,
                  struct stopwatch stages[RECON_STAGES])
 {
     *c = (struct chain){.cfg = *cfg, .stages = stages};
+    c->cfg.pipeline.did = did;
+    c->cfg.pipeline.ctx = c;
     sender_init(&c->sender, &cfg->sender);
     watch_init(&c->watch, &(struct watch_config){.replayed = true});
-    struct wall_finder_config walls;
-    int err = tracking_create(&c->tracking, &cfg->track);
-    if (!err && cfg->walls) {
-        finding_config(&walls, cfg->walls);
-        err = finding_create(&c->finding, &walls);
-    }
-    if (!err)
-        err = dsp_create(&c->dsp, &cfg->dsp);
-    if (err)
-        return err;
-    return cfg->fixed ? steady_create(&c->steady, &cfg->steady)
-                      : recon_create(&c->recon, &cfg->recon);
+    return pipeline_create(&c->pipeline, &c->cfg.pipeline);
 }
 
 static void note(struct chain *c, const char *text)
@@ -47,39 +51,26 @@ static void note(struct chain *c, const char *text)
     n->times = 1;
 }
 
-static void take_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_ns)
+/* One whose image would be too large to be published is refused, as the nodes do. */
+static int plan(struct chain *c, const Anlos__Survey *message, struct error *why)
 {
-    struct error why = {""};
+    struct survey survey;
+    int err = survey_from_message(&survey, message, why);
 
-    if (tracking_walls(c->tracking, walls, capture_ns, &why) ||
-        (c->steady && steady_walls(c->steady, walls, capture_ns, &why)))
-        note(c, why.text);
-}
-
-/* Of one instant sound comes before the walls that were heard in it
- * (nodes/rt/replay_order.h). */
-static void find_walls(struct chain *c, int64_t now_ns)
-{
-    int64_t stamp_ns;
-    const Anlos__WallList *list = c->finding ? finding_list(c->finding, now_ns, &stamp_ns)
-                                             : NULL;
-
-    if (list)
-        take_walls(c, list, stamp_ns);
+    if (err)
+        return err;
+    err = volume_room_check(&survey, why);
+    if (!err)
+        err = pipeline_survey(c->pipeline, &survey, why);
+    survey_clear(&survey);
+    return err;
 }
 
 int chain_survey(struct chain *c, const Anlos__Survey *survey, struct error *why)
 {
     struct stopwatch now = stopwatch_now(false);
-    int err = dsp_survey(c->dsp, survey, why);
+    int err = pipeline_survey_id(c->pipeline) == survey->id ? 0 : plan(c, survey, why);
 
-    if (!err)
-        err = c->steady ? steady_survey(c->steady, survey, why)
-                        : recon_survey(c->recon, survey, why);
-    if (!err)
-        err = tracking_survey(c->tracking, survey, why);
-    if (!err && c->finding)
-        err = finding_survey(c->finding, survey, why);
     if (!err)
         sender_survey(&c->sender, survey);
     stopwatch_lap(&c->stages[RECON_PLAN], &now, false);
@@ -107,67 +98,27 @@ static int send_list(struct chain *c, int64_t capture_ns, int64_t now_ns,
     return err ? error_say(why, err, "CAN frames: %s", strerror(-err)) : 0;
 }
 
-/* Of the newest image. */
-static int make_list(struct chain *c, int64_t capture_ns, int64_t taken_ns,
-                     struct error *why)
+/* What came of a ping, or of a scan's end. */
+static int take_image(struct chain *c, const struct pipeline_output *out, int err,
+                      struct error *why)
 {
-    struct stopwatch now = stopwatch_now(false);
-
+    note(c, out->note);
+    if (!out->image)
+        return err;
+    c->volume = *out->image;
     c->n_images++;
     detections_free(c->detections);
     c->detections = NULL;
-    int err = tracking_volume(c->tracking, &c->volume, capture_ns, &c->detections, why);
-    if (!err)
-        err = send_list(c, capture_ns, taken_ns, why);
+    if (err)
+        return err;
+    struct stopwatch now = stopwatch_now(false);
+    err = detections_from_objects(&c->detections, out->objects);
+    if (err)
+        error_say(why, err, "not enough memory to list objects");
+    else
+        err = send_list(c, out->image->capture_ns, out->taken_ns, why);
     stopwatch_lap(&c->stages[RECON_DETECT], &now, false);
     return err;
-}
-
-static int make_image(struct chain *c, struct error *why)
-{
-    struct stopwatch now = stopwatch_now(false);
-    int64_t capture_ns = recon_capture_ns(c->recon), taken_ns = recon_taken_ns(c->recon);
-
-    recon_image(c->recon, false, &c->volume);
-    stopwatch_lap(&c->stages[RECON_IMAGE], &now, false);
-    c->has_image = true;
-    return make_list(c, capture_ns, taken_ns, why);
-}
-
-static int take_traces(struct chain *c, const Anlos__Traces *traces, int64_t capture_ns,
-                       int64_t publish_ns, struct error *why)
-{
-    Anlos__Receipt receipt;
-    char text[128];
-    struct stopwatch now = stopwatch_now(false);
-
-    recon_traces(c->recon, traces, capture_ns, publish_ns, &receipt, text, sizeof text);
-    stopwatch_lap(&c->stages[RECON_STACK], &now, false);
-    c->n_unusable += !receipt.usable;
-    note(c, text);
-    if (!recon_is_complete(c->recon)) {
-        c->has_image = false;
-        return 0;
-    }
-    return c->has_image ? 0 : make_image(c, why);
-}
-
-/* The same of an array that stands. */
-static int take_steady_traces(struct chain *c, const Anlos__Traces *traces,
-                              int64_t capture_ns, int64_t publish_ns, struct error *why)
-{
-    char text[128];
-    struct stopwatch now = stopwatch_now(false);
-    bool due = steady_traces(c->steady, traces, capture_ns, text, sizeof text);
-
-    stopwatch_lap(&c->stages[RECON_STACK], &now, false);
-    note(c, text);
-    if (!due)
-        return 0;
-    steady_image(c->steady, &c->volume);
-    stopwatch_lap(&c->stages[RECON_IMAGE], &now, false);
-    int64_t stamp_ns = steady_capture_ns(c->steady);
-    return make_list(c, stamp_ns, publish_ns, why);
 }
 
 static void follow_scan(struct chain *c, uint32_t scan)
@@ -176,97 +127,102 @@ static void follow_scan(struct chain *c, uint32_t scan)
         c->newest_scan = scan;
 }
 
-/* For people, where the steps say nothing by themselves. */
-static void note_unusable(struct chain *c, const Anlos__Ping *ping,
-                          const struct dsp_output *out)
+static bool is_usable(const struct frontend_output *front)
 {
-    if (out->note[0])
-        return;
-    note(c, !ping->valid ? "a ping was marked as spoilt when it was taken"
-                         : "a ping has no background to be subtracted from it");
+    return front->outcome == FRONTEND_TRACES || front->outcome == FRONTEND_KEPT;
 }
 
-static int take_ping(struct chain *c, const Anlos__Ping *ping, int64_t capture_ns,
-                     int64_t publish_ns, struct error *why)
+/* For people, also where the stages say nothing by themselves.  A static array goes on
+ * without a ping that is of no use, and does not count it. */
+static void note_ping(struct chain *c, const struct ping *ping,
+                      const struct pipeline_output *out)
 {
-    struct dsp_output out;
-    struct stopwatch now = stopwatch_now(false);
+    bool lost = !is_usable(out->front) && !ping->frame;
 
+    note(c, out->front->note);
+    c->n_unusable += lost || out->unfit;
+    if (lost && !out->front->note[0])
+        note(c, !ping->valid ? "a ping was marked as spoilt when it was taken"
+                             : "a ping has no background to be subtracted from it");
+    if (out->front->outcome == FRONTEND_TRACES && out->front->traces.blanked)
+        note(c, "a sound from outside drowned a ping, which is blanked");
+}
+
+static void count_ping(struct chain *c, const struct ping *ping)
+{
     follow_scan(c, ping->scan);
-    if (ping->pass == ANLOS__PASS__SCENE)
+    if (ping->pass == PASS_SCENE)
         c->n_scene_pings++;
     else
         c->n_background_pings++;
-    for (size_t m = 0; m < ping->n_clipped; m++)
+    for (size_t m = 0; m < ping->n_microphones; m++)
         c->clipped += ping->clipped[m];
-    dsp_ping(c->dsp, ping, capture_ns, &out);
-    stopwatch_lap(&c->stages[RECON_COMPRESS], &now, false);
-    note(c, out.note);
-    if (out.has_receipt && !out.receipt.usable) {
-        c->n_unusable++;
-        note_unusable(c, ping, &out);
-    }
-    if (!out.has_traces)
-        return 0;
-    if (out.traces.blanked)
-        note(c, "a sound from outside drowned a ping, which is blanked");
-    return c->steady ? take_steady_traces(c, &out.traces, capture_ns, publish_ns, why)
-                     : take_traces(c, &out.traces, capture_ns, publish_ns, why);
 }
 
 int chain_ping(struct chain *c, const Anlos__Ping *recorded, int64_t capture_ns,
                int64_t publish_ns, struct error *why)
 {
-    Anlos__Ping ping = *recorded;
+    struct pipeline_output out;
+    struct ping ping;
 
+    ping_from_message(&ping, recorded, capture_ns);
     ping.scan += c->scan_base;
-    int err = take_ping(c, &ping, capture_ns, publish_ns, why);
-    if (c->finding)
-        finding_ping(c->finding, &ping, capture_ns, publish_ns);
-    find_walls(c, publish_ns);
-    return err;
+    count_ping(c, &ping);
+    c->now = stopwatch_now(false);
+    int err = pipeline_ping(c->pipeline, &ping, publish_ns, &out, why);
+    note_ping(c, &ping, &out);
+    return take_image(c, &out, err, why);
 }
 
 void chain_ego(struct chain *c, const Anlos__EgoMotion *ego, int64_t capture_ns,
                int64_t publish_ns)
 {
-    dsp_ego(c->dsp, ego, capture_ns);
-    if (c->steady)
-        steady_ego(c->steady, ego, capture_ns);
-    tracking_ego(c->tracking, ego, capture_ns);
-    if (c->finding)
-        finding_ego(c->finding, ego, capture_ns);
-    find_walls(c, publish_ns);
+    struct ego_motion motion;
+    struct error why = {""};
+
+    if (pipeline_ego(c->pipeline, ego_from_message(&motion, ego), capture_ns, publish_ns,
+                     &why))
+        note(c, why.text);
 }
 
 void chain_ambient(struct chain *c, const Anlos__Ambient *ambient)
 {
-    dsp_ambient(c->dsp, ambient);
+    pipeline_temperature(c->pipeline, ambient->temperature_c);
 }
 
-void chain_walls(struct chain *c, const Anlos__WallList *walls, int64_t capture_ns)
+void chain_walls(struct chain *c, const Anlos__WallList *message, int64_t capture_ns)
 {
-    if (!c->cfg.walls)
-        take_walls(c, walls, capture_ns);
-}
-
-void chain_given(struct chain *c, const Anlos__WallList *given, int64_t capture_ns,
-                 int64_t publish_ns)
-{
+    struct walls walls;
     struct error why = {""};
 
-    if (!c->cfg.walls || c->cfg.walls->wall.from != WALL_FROM_TOPIC)
+    if (c->cfg.pipeline.finds_walls)
         return;
-    if (finding_given(c->finding, given, capture_ns, &why))
+    if (walls_from_message(&walls, message, &why) ||
+        pipeline_walls(c->pipeline, &walls, capture_ns, &why))
         note(c, why.text);
-    find_walls(c, publish_ns);
+}
+
+void chain_given(struct chain *c, const Anlos__WallList *message, int64_t capture_ns,
+                 int64_t publish_ns)
+{
+    const struct pipeline_config *cfg = &c->cfg.pipeline;
+    struct walls given;
+    struct error why = {""};
+
+    if (!cfg->finds_walls || cfg->walls.map.from != WALL_FROM_TOPIC)
+        return;
+    if (walls_from_message(&given, message, &why) ||
+        pipeline_given(c->pipeline, &given, capture_ns, publish_ns, &why))
+        note(c, why.text);
 }
 
 int chain_end(struct chain *c, struct error *why)
 {
-    if (c->steady)
-        return 0;
-    return !c->has_image && recon_pings(c->recon) ? make_image(c, why) : 0;
+    struct pipeline_output out;
+
+    c->now = stopwatch_now(false);
+    int err = pipeline_finish(c->pipeline, &out, why);
+    return take_image(c, &out, err, why);
 }
 
 int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch_ns,
@@ -288,9 +244,5 @@ int chain_status(struct chain *c, const Anlos__ScanStatus *status, int64_t epoch
 void chain_clear(struct chain *c)
 {
     detections_free(c->detections);
-    finding_destroy(c->finding);
-    tracking_destroy(c->tracking);
-    steady_destroy(c->steady);
-    recon_destroy(c->recon);
-    dsp_destroy(c->dsp);
+    pipeline_destroy(c->pipeline);
 }

@@ -21,17 +21,17 @@ static int begin(struct replay *r, const Anlos__Survey *survey, struct error *wh
     struct chain_config cfg = r->settings.chain;
     char reason[256];
 
-    if (!cfg.recon.method) {
-        cfg.recon.method = survey->n_pings_m ? "backprojection" : "fast";
-        r->settings.chain.recon.method = cfg.recon.method;
-        if (imager_options_check(cfg.recon.options, cfg.recon.method, reason,
-                                 sizeof reason))
+    struct scan_imager_config *scan = &cfg.pipeline.scan;
+    if (!scan->method) {
+        scan->method = survey->n_pings_m ? "backprojection" : "fast";
+        r->settings.chain.pipeline.scan.method = scan->method;
+        if (imager_options_check(scan->options, scan->method, reason, sizeof reason))
             return error_say(why, -EINVAL, "--set %s", reason);
     }
     cfg.can = r->can;
     int err = chain_create(&r->chain, &cfg, r->stages);
     r->begun = true;
-    return err ? error_say(why, err, "%zu threads: %s", cfg.recon.threads, strerror(-err))
+    return err ? error_say(why, err, "%zu threads: %s", scan->threads, strerror(-err))
                : 0;
 }
 
@@ -131,7 +131,7 @@ static int error_say_of_nothing(const struct replay *r, struct error *why)
                          "%s: no survey; 'anlos bag info' shows what is in", bag);
     if (!c->n_scene_pings)
         return error_say(why, -ENODATA, "%s: no pings of a scene", bag);
-    if (c->cfg.dsp.background && !c->n_background_pings)
+    if (c->cfg.pipeline.frontend.background && !c->n_background_pings)
         return error_say(
             why, -ENODATA,
             "%s: %s asks for a background (scan.background), and no pings of "
@@ -187,17 +187,17 @@ static int choose_walls(struct replay *r, const struct stream *s, struct error *
 
     if (!l || l->wall.from == WALL_FROM_SURVEY)
         return 0;
-    if (!r->settings.chain.walls && !has_topic(s, topic_wall())) {
+    bool *finds = &r->settings.chain.pipeline.finds_walls;
+    if (!*finds && !has_topic(s, topic_wall())) {
         if (l->wall.from == WALL_FROM_TOPIC)
             return error_say(why, -ENODATA,
                              "%s: %s asks for the walls of the recording (wall: {from: "
                              "topic}, and no node wall), and no lists of them are there; "
                              "--launch FILE names other settings",
                              bag, name);
-        r->settings.chain.walls = l;
+        *finds = true;
     }
-    if (r->settings.chain.walls && l->wall.from == WALL_FROM_TOPIC &&
-        !has_topic(s, topic_wall_given()))
+    if (*finds && l->wall.from == WALL_FROM_TOPIC && !has_topic(s, topic_wall_given()))
         return error_say(why, -ENODATA,
                          "%s: %s asks for walls that the vehicle gave (wall: {from: "
                          "topic}), and none are there (wall/given); --launch FILE names "

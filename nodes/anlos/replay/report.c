@@ -10,7 +10,7 @@
 
 static size_t pings_expected(const struct replay *r)
 {
-    if (r->chain.steady)
+    if (r->chain.cfg.pipeline.is_static)
         return r->chain.volume.pings_expected;
     return r->survey.n_positions * r->survey.n_speakers;
 }
@@ -18,7 +18,7 @@ static size_t pings_expected(const struct replay *r)
 /* As the image says: of an array that stands it is made of frames. */
 static const char *method_of(const struct chain *c)
 {
-    return c->steady ? c->volume.method : c->cfg.recon.method;
+    return c->cfg.pipeline.is_static ? c->volume.method : c->cfg.pipeline.scan.method;
 }
 
 static void warn(json_t *warnings, json_t *text)
@@ -30,7 +30,7 @@ static void warn(json_t *warnings, json_t *text)
 static json_t *warnings_json(const struct replay *r)
 {
     const struct chain *c = &r->chain;
-    const struct air *air = dsp_air(c->dsp);
+    const struct air *air = pipeline_air(c->pipeline);
     size_t used = c->volume.pings_used, expected = pings_expected(r);
     json_t *warnings = json_array();
 
@@ -53,7 +53,8 @@ static json_t *warnings_json(const struct replay *r)
         warn(warnings, json_sprintf("background: the air has changed by %.1f K since it "
                                     "was recorded: it does not fit any more",
                                     air_kelvin(air, air->largest)));
-    if (!c->n_background_pings && c->cfg.dsp.background != BACKGROUND_ADAPTIVE)
+    if (!c->n_background_pings &&
+        c->cfg.pipeline.frontend.background != BACKGROUND_ADAPTIVE)
         warn(warnings, json_string("no background recording: the room's own echoes stay "
                                    "in the image"));
     return warnings;
@@ -77,9 +78,11 @@ static void add_pings(const struct replay *r, json_t *report)
     const struct chain *c = &r->chain;
     size_t expected = pings_expected(r), used = c->volume.pings_used;
 
-    json_object_set_new(report, "compression",
-                        json_string(compression_name(c->cfg.dsp.compression)));
-    json_object_set_new(report, "window", json_string(window_name(c->cfg.dsp.window)));
+    json_object_set_new(
+        report, "compression",
+        json_string(compression_name(c->cfg.pipeline.frontend.compression)));
+    json_object_set_new(report, "window",
+                        json_string(window_name(c->cfg.pipeline.frontend.window)));
     json_object_set_new(report, "pings",
                         json_pack("{sI, sI, sI, sI, sI}", "expected",
                                   (json_int_t)expected, "used", (json_int_t)used, "lost",
@@ -90,7 +93,7 @@ static void add_pings(const struct replay *r, json_t *report)
     json_object_set_new(report, "microphones_masked",
                         json_integer((json_int_t)c->volume.microphones_masked));
     if (c->n_background_pings)
-        json_object_set_new(report, "air", recon_report_air(dsp_air(c->dsp)));
+        json_object_set_new(report, "air", recon_report_air(pipeline_air(c->pipeline)));
     json_object_set_new(report, "sound_speed_m_s",
                         export_real(r->survey.sound_speed_m_s));
     json_object_set_new(report, "temperature_c", export_real(r->survey.temperature_c));
@@ -100,13 +103,12 @@ int replay_write(struct replay *r, const char *folder, const struct stopwatch *b
                  struct error *why)
 {
     const struct chain *c = &r->chain;
-    struct grid grid;
     struct recon_results results = {
         .options = r->options,
         .method = method_of(c),
-        .imaging = c->cfg.recon.options,
-        .grid = &grid,
-        .intensity = volume_grid(&c->volume, &grid),
+        .imaging = c->cfg.pipeline.scan.options,
+        .grid = &c->volume.grid,
+        .intensity = c->volume.intensity,
         .detections = c->detections,
         .gate_m = r->processing.gate_m,
         .band_hz = r->processing.band_hz,
@@ -136,7 +138,7 @@ void replay_print(const struct replay *r)
     if (c->n_images > 1)
         printf("%zu images in the bag; the files are of the last, scan %u\n", c->n_images,
                c->detections->scan);
-    printf("%u of %zu pings, method %s, settings of %s, %zu thread%s: %.2f s",
+    printf("%zu of %zu pings, method %s, settings of %s, %zu thread%s: %.2f s",
            c->volume.pings_used, pings_expected(r), method_of(c),
            r->settings.name[0] ? r->settings.name : "no launch file (defaults)",
            r->options->threads, r->options->threads == 1 ? "" : "s", r->total.wall_s);

@@ -7,6 +7,7 @@
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/manifest.h"
 #include "nodes/can/config.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "recon/imaging/imager.h"
 
 static bool is_text(struct bytes b, const char *text)
@@ -67,37 +68,15 @@ static int read_launch(struct settings *s, const struct bag_catalog *bag,
     return err;
 }
 
-/* As a launch file without these keys would have it.  Whether there is a background shows
- * when its pings come. */
-static void set_defaults(struct chain_config *c)
-{
-    *c = (struct chain_config){
-        .dsp = {.window = WINDOW_HANN, .compression = COMPRESSION_MATCHED_FILTER}};
-    tracking_config(&c->track, NULL);
-    can_config_sender(&c->sender, NULL);
-}
-
-static void take_launch(struct chain_config *c, const struct launchfile *l)
-{
-    dsp_config(&c->dsp, l);
-    c->recon.method = l->recon.method;
-    c->recon.options = &l->recon.options;
-    c->fixed = l->scan.fixed;
-    fixed_config(&c->steady, l);
-    tracking_config(&c->track, l);
-    c->walls = launchfile_has_node(l, "wall") ? l : NULL;
-    can_config_sender(&c->sender, l);
-}
-
 /* What the command line says wins.  Another method does not take the options of the
  * launch file's. */
 static int take_imaging(struct settings *s, const struct recon_options *o,
                         struct error *why)
 {
-    struct scan_imager_config *c = &s->chain.recon;
+    struct scan_imager_config *c = &s->chain.pipeline.scan;
     char reason[256];
 
-    if (s->chain.fixed && (o->method || o->imaging->given))
+    if (s->chain.pipeline.is_static && (o->method || o->imaging->given))
         return error_say(why, -EINVAL,
                          "--%s is for scans; the frames of a fixed array have one way",
                          o->method ? "method" : "set");
@@ -111,17 +90,13 @@ static int take_imaging(struct settings *s, const struct recon_options *o,
     return 0;
 }
 
-static void take_options(struct chain_config *c, const struct recon_options *o)
+static void take_options(struct pipeline_config *c, const struct recon_options *o)
 {
     if (o->has_window)
-        c->dsp.window = o->window;
+        c->frontend.window = o->window;
     if (o->has_compression)
-        c->dsp.compression = o->compression;
-    c->recon.window = c->dsp.window;
-    c->recon.compression = c->dsp.compression;
-    c->recon.threads = c->steady.threads = o->threads;
-    c->steady.window = c->dsp.window;
-    c->steady.compression = c->dsp.compression;
+        c->frontend.compression = o->compression;
+    c->scan.threads = c->array.threads = o->threads;
 }
 
 int settings_load(struct settings *s, const struct recon_options *o, struct error *why)
@@ -141,12 +116,11 @@ int settings_load(struct settings *s, const struct recon_options *o, struct erro
     bag_catalog_close(bag);
     if (err)
         return err;
-    set_defaults(&s->chain);
-    if (s->launch)
-        take_launch(&s->chain, s->launch);
-    else
+    if (!s->launch)
         s->name[0] = '\0';
-    take_options(&s->chain, o);
+    launchfile_pipeline(&s->chain.pipeline, s->launch);
+    can_config_sender(&s->chain.sender, s->launch);
+    take_options(&s->chain.pipeline, o);
     return take_imaging(s, o, why);
 }
 

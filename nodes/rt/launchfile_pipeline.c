@@ -1,0 +1,86 @@
+#include "nodes/rt/launchfile_pipeline.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "nodes/rt/launchfile_track.h"
+#include "nodes/rt/processors.h"
+
+#define WALLS_S 3.0 /* as wall.lost_s of a launch file */
+
+static void track(struct object_tracker_config *out, const struct launch_track *t,
+                  double walls_s)
+{
+    *out = (struct object_tracker_config){
+        .detector = {.threshold_db = t->threshold_db,
+                     .min_existence = t->min_existence,
+                     .cfar = t->cfar,
+                     .false_alarm_rate = t->false_alarm_rate},
+        .mode = t->mode,
+        .clutter = t->clutter,
+        .sidelobe_db = t->sidelobe_db,
+        .look_s = t->look_s,
+        .walls_s = walls_s};
+    track_config_default(&out->track);
+    out->track.life.confirm_hits = t->confirm_hits;
+    out->track.life.confirm_of = t->confirm_of;
+    out->track.life.confirm_existence = t->confirm_existence;
+    out->track.detection_probability = t->detection_probability;
+    out->track.acceleration_psd_m2_s3 = t->acceleration_psd;
+    out->track.join_m = t->join_m;
+    out->track.coast_s = t->coast_s;
+}
+
+static void walls(struct wall_finder_config *out, const struct launchfile *l)
+{
+    double vertical_rad = l->wall.vertical_deg * M_PI / 180.0;
+
+    *out = (struct wall_finder_config){.map = {.from = l->wall.from,
+                                               .lost_s = l->wall.lost_s,
+                                               .vertical_rad = vertical_rad,
+                                               .n_corners = l->wall.n_corners},
+                                       .listener = {.vertical = l->wall.vertical,
+                                                    .vertical_rad = vertical_rad,
+                                                    .reach_m = l->wall.reach_m,
+                                                    .every_s = l->wall.every_s}};
+    memcpy(out->map.free_view_m, l->wall.free_view_m, sizeof out->map.free_view_m);
+}
+
+static void imaging(struct pipeline_config *out, const struct launchfile *l)
+{
+    out->is_static = l->scan.fixed;
+    out->array = (struct static_array_config){.frame_pings = l->scan.n_speakers,
+                                              .pings = l->recon.frames.pings,
+                                              .sum = l->recon.frames.sum,
+                                              .every_ping = l->recon.frames.every_ping,
+                                              .moving_only = l->dsp.background ==
+                                                             BACKGROUND_ADAPTIVE};
+    out->scan = (struct scan_imager_config){.method = l->recon.method,
+                                            .options = &l->recon.options};
+}
+
+/* The stages agree on these. */
+static void share(struct pipeline_config *out, size_t threads)
+{
+    out->array.window = out->scan.window = out->frontend.window;
+    out->array.compression = out->scan.compression = out->frontend.compression;
+    out->array.threads = out->scan.threads = threads ? threads : processors_usable();
+}
+
+void launchfile_pipeline(struct pipeline_config *out, const struct launchfile *l)
+{
+    *out = (struct pipeline_config){
+        .frontend = {.window = WINDOW_HANN, .compression = COMPRESSION_MATCHED_FILTER}};
+    track(&out->tracker, l ? &l->track : &launch_track_default,
+          l ? l->wall.lost_s : WALLS_S);
+    if (l) {
+        out->frontend = (struct frontend_config){.window = l->dsp.window,
+                                                 .compression = l->dsp.compression,
+                                                 .background = l->dsp.background,
+                                                 .background_s = l->dsp.background_s};
+        imaging(out, l);
+        out->finds_walls = launchfile_has_node(l, "wall");
+        walls(&out->walls, l);
+    }
+    share(out, l ? l->recon.threads : 0);
+}

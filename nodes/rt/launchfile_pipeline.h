@@ -1,0 +1,14 @@
+/* nodes/rt/launchfile_pipeline.h -- with what a launch file has the stages run: the one
+ * place where it is read for them.  A node takes its stage's part, and who holds all
+ * stages (recon/pipeline.h) takes all of it. */
+#ifndef ANLOS_NODES_RT_LAUNCHFILE_PIPELINE_H
+#define ANLOS_NODES_RT_LAUNCHFILE_PIPELINE_H
+
+#include "nodes/rt/launchfile.h"
+#include "recon/pipeline.h"
+
+/* l: NULL: what holds where nothing is said, but for a scan's method, which is NULL then;
+ * else it outlives what is made with it. */
+void launchfile_pipeline(struct pipeline_config *out, const struct launchfile *l);
+
+#endif
