@@ -1,4 +1,4 @@
-/* nodes/anlos/stage/stage.c -- `anlos stage`: the stage by hand. */
+/* nodes/anlos/stage.c -- `anlos stage`: the stage by hand. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

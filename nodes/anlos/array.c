@@ -1,4 +1,4 @@
-/* nodes/anlos/array/array.c -- `anlos array`: which sound cards there are, and what they
+/* nodes/anlos/array.c -- `anlos array`: which sound cards there are, and what they
  * can do. */
 #include <errno.h>
 #include <jansson.h>
