@@ -371,25 +371,17 @@ static int run(const char *node, const char *asked_dir, bool json)
 int command_node(int argc, char **argv)
 {
     const char *run_dir = NULL;
+    struct usage usage = {.command = "node", .help = help, .options = options};
     bool json = false;
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
-        switch (code) {
-        case 'h':
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-        case 'j':
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if (code == 'j')
             json = true;
-            break;
-        case 'r':
+        else
             run_dir = optarg;
-            break;
-        default:
-            return usage_option_error("node", code, argv, options);
-        }
-    }
+    if (code)
+        return ~code;
     const char *verb = optind < argc ? argv[optind] : "";
     int n_names = argc - optind - 1;
     if (!strcmp(verb, "list") && n_names == 0)

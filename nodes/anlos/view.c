@@ -148,8 +148,7 @@ static int serve(struct viewer_config *cfg, const char *asked)
     }
 }
 
-static int take_option(struct viewer_config *cfg, const char **run_dir, int code,
-                       char **argv)
+static int take_option(struct viewer_config *cfg, const char **run_dir, int code)
 {
     size_t port;
 
@@ -165,11 +164,9 @@ static int take_option(struct viewer_config *cfg, const char **run_dir, int code
     case 'a':
         cfg->address = optarg;
         return 0;
-    case 'r':
+    default:
         *run_dir = optarg;
         return 0;
-    default:
-        return usage_option_error("view", code, argv, options);
     }
 }
 
@@ -177,17 +174,14 @@ int command_view(int argc, char **argv)
 {
     struct viewer_config cfg = {.address = VIEWER_ADDRESS, .port = VIEWER_PORT};
     const char *run_dir = NULL;
+    struct usage usage = {.command = "view", .help = help, .options = options};
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
-        if (code == 'h')
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-        code = take_option(&cfg, &run_dir, code, argv);
-        if (code)
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((code = take_option(&cfg, &run_dir, code)) != 0)
             return code;
-    }
+    if (code)
+        return ~code;
     if (optind < argc)
         return usage_error("view", "%s: expected options only; a bag is named by --bag",
                            argv[optind]);

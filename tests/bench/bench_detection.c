@@ -10,7 +10,7 @@
 
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/speed_error/names.h"
-#include "nodes/anlos/speed_error/trials.h"
+#include "nodes/anlos/speed_error/noise.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_file.h"

@@ -14,7 +14,7 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/confocal/job.h"
+#include "nodes/anlos/confocal/confocal.h"
 #include "nodes/anlos/confocal/traces.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/mat_write.h"

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "nodes/anlos/confocal/job.h"
+#include "nodes/anlos/confocal/confocal.h"
 
 #define MEASURED SOURCE_DIR "/../shared/data/optical-confocal/data_"
 

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/speed_error/score.h"
-#include "nodes/anlos/speed_error/trials.h"
+#include "nodes/anlos/speed_error/noise.h"
 #include "tests/nodes/near.h"
 
 static const double footprint[4] = {0.06, 1.025, 0.02, 0.965};

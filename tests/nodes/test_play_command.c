@@ -6,7 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "nodes/anlos/bag/play_keys.h"
+#include "nodes/anlos/bag/play.h"
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"
 

@@ -12,7 +12,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/speed_error/chart.h"
+#include "nodes/anlos/speed_error/report.h"
 #include "nodes/anlos/speed_error/noise.h"
 #include "nodes/anlos/speed_error/results.h"
 #include "nodes/anlos/commands.h"

@@ -14,7 +14,6 @@
 #include "msgs/convert.h"
 #include "msgs/detections.pb-c.h"
 #include "nodes/anlos/bag/bag.h"
-#include "nodes/anlos/bag/verb.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/topic/message_json.h"
 #include "nodes/anlos/usage.h"
@@ -623,8 +622,7 @@ static int run(const struct format *f, const struct export_options *o)
     return fflush(stdout) || n_missing ? EXIT_FAILED : EXIT_WORKED;
 }
 
-static int take_option(struct export_options *o, const struct format **f, int code,
-                       char **argv)
+static int take_option(struct export_options *o, const struct format **f, int code)
 {
     switch (code) {
     case 'f':
@@ -644,11 +642,9 @@ static int take_option(struct export_options *o, const struct format **f, int co
             return 0;
         return usage_error("bag export", "--scan %s: expected a whole number above 0",
                            optarg);
-    case 'u':
+    default:
         o->full = true;
         return 0;
-    default:
-        return usage_option_error("bag export", code, argv, options);
     }
 }
 
@@ -674,17 +670,17 @@ int bag_export(int argc, char **argv)
 {
     struct export_options o = {.file = NULL};
     const struct format *format = NULL;
+    struct usage usage = {.command = "bag export",
+                          .help = help,
+                          .options = options,
+                          .short_options = ":ho:"};
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":ho:", options, NULL)) != -1) {
-        if (code == 'h')
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-        code = take_option(&o, &format, code, argv);
-        if (code)
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((code = take_option(&o, &format, code)) != 0)
             return code;
-    }
+    if (code)
+        return ~code;
     code = verb_one_operand("bag export", "FILE", argc, argv);
     if (!code)
         code = check(&o, format);

@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 #include "nodes/anlos/bag/stream.h"
-#include "nodes/anlos/bag/verb.h"
+#include "nodes/anlos/bag/bag.h"
 
 struct export_options { /* borrow from argv */
     const char *file, *topics, *out;

@@ -841,7 +841,7 @@ static int run(const struct import_options *o)
     return usage_flush("bag import");
 }
 
-static int take_option(struct import_options *o, int code, char **argv)
+static int take_option(struct import_options *o, int code)
 {
     switch (code) {
     case 'o':
@@ -856,27 +856,25 @@ static int take_option(struct import_options *o, int code, char **argv)
     case 'e':
         o->ego = optarg;
         return 0;
-    case 'c':
-        return verb_take_compression("bag import", optarg, &o->compression);
     default:
-        return usage_option_error("bag import", code, argv, options);
+        return verb_take_compression("bag import", optarg, &o->compression);
     }
 }
 
 int bag_import(int argc, char **argv)
 {
     struct import_options o = {.compression = BAG_ZSTD};
+    struct usage usage = {.command = "bag import",
+                          .help = help,
+                          .options = options,
+                          .short_options = ":ho:"};
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":ho:", options, NULL)) != -1) {
-        if (code == 'h')
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-        code = take_option(&o, code, argv);
-        if (code)
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((code = take_option(&o, code)) != 0)
             return code;
-    }
+    if (code)
+        return ~code;
     code = verb_one_operand("bag import", "FOLDER or FILE.mat", argc, argv);
     if (code)
         return code;

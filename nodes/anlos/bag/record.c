@@ -10,7 +10,6 @@
 #include "dsp/error.h"
 #include "msgs/bag/compression.h"
 #include "nodes/anlos/bag/bag.h"
-#include "nodes/anlos/bag/verb.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/live.h"
 #include "nodes/anlos/feed.h"
@@ -344,7 +343,7 @@ static int take_number(const char *name, double max, double *out)
                        name, optarg, max);
 }
 
-static int take_option(struct record_options *o, int code, char **argv)
+static int take_option(struct record_options *o, int code)
 {
     switch (code) {
     case 'o':
@@ -367,11 +366,9 @@ static int take_option(struct record_options *o, int code, char **argv)
     case 'l':
         o->launch = optarg;
         return 0;
-    case 'r':
+    default:
         o->run_dir = optarg;
         return 0;
-    default:
-        return usage_option_error("bag record", code, argv, options);
     }
 }
 
@@ -411,17 +408,17 @@ int bag_record(int argc, char **argv)
 {
     struct record_options o = {
         .flush_ms = 1000.0, .duration_s = INFINITY, .compression = BAG_NONE};
+    struct usage usage = {.command = "bag record",
+                          .help = help,
+                          .options = options,
+                          .short_options = ":ho:"};
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":ho:", options, NULL)) != -1) {
-        if (code == 'h')
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
-        code = take_option(&o, code, argv);
-        if (code)
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((code = take_option(&o, code)) != 0)
             return code;
-    }
+    if (code)
+        return ~code;
     if (!o.out)
         return usage_error("bag record", "-o FILE is missing");
     if (o.split_mb > o.quota_mb / 2 && o.quota_mb > 0.0)

@@ -1,6 +1,7 @@
 #include "nodes/anlos/bag/selection.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,8 +9,9 @@
 
 #include "msgs/bag/copy.h"
 #include "msgs/bag/cursor.h"
-#include "nodes/anlos/bag/verb.h"
+#include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/usage.h"
 
 struct input {
     struct bag_cursor *cursor;
@@ -186,4 +188,163 @@ int selection_write(const struct selection *s, struct selection_result *out,
     free(r.catalogs);
     free(r.inputs);
     return err;
+}
+
+/* -- the verbs merge and filter ---------------------------------------------------------
+ */
+
+static const char merge_help[] =
+    "anlos bag merge -- several bags into one\n"
+    "\n"
+    "usage: anlos bag merge FILE... -o OUT [--compression C]\n"
+    "\n"
+    "Messages come in the order of their times; attachments and metadata that are the "
+    "same\n"
+    "in several bags come once.\n"
+    "\n"
+    "  -o, --out OUT     the new bag; must not be there\n"
+    "  --compression C   zstd (default), lz4 or none\n"
+    "  --help            this text\n"
+    "\n"
+    "exit codes: 0 done; 1 failed; 2 bad arguments or files; 130 stopped by Ctrl-C (no "
+    "OUT\n"
+    "then)\n";
+
+static const struct option merge_options[] = {
+    {"out", required_argument, NULL, 'o'},
+    {"compression", required_argument, NULL, 'c'},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+static const char filter_help[] =
+    "anlos bag filter -- some of a bag's topics, or some of its time\n"
+    "\n"
+    "usage: anlos bag filter FILE -o OUT [--topics T] [--exclude T] [--start S] [--end "
+    "S]\n"
+    "                        [--compression C]\n"
+    "\n"
+    "  -o, --out OUT     the new bag; must not be there\n"
+    "  --topics T        only these: names or patterns with commas between, "
+    "survey,scan/*\n"
+    "  --exclude T       all but these; both may be given several times\n"
+    "  --start S         from S seconds after the first message on\n"
+    "  --end S           up to S seconds after the first message\n"
+    "  --compression C   zstd (default), lz4 or none\n"
+    "  --help            this text\n"
+    "\n"
+    "Attachments and metadata stay.\n"
+    "\n"
+    "example\n"
+    "  anlos bag filter scan.mcap -o sound.mcap --topics survey,ping --end 20\n"
+    "\n"
+    "exit codes: 0 done; 1 failed; 2 bad arguments or files; 130 stopped by Ctrl-C (no "
+    "OUT\n"
+    "then)\n";
+
+static const struct option filter_options[] = {
+    {"out", required_argument, NULL, 'o'},
+    {"topics", required_argument, NULL, 't'},
+    {"exclude", required_argument, NULL, 'x'},
+    {"start", required_argument, NULL, 's'},
+    {"end", required_argument, NULL, 'e'},
+    {"compression", required_argument, NULL, 'c'},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+static int take_seconds(const char *command, const char *name, double *out)
+{
+    if (!usage_numbers(optarg, 1, out) && *out >= 0.0)
+        return 0;
+    return usage_error(command, "--%s %s: expected seconds, 0 or more", name, optarg);
+}
+
+/* 0, or an exit code. */
+static int take_option(const char *command, struct selection *s, int code)
+{
+    switch (code) {
+    case 't':
+        return verb_add_patterns(command, optarg, s->topics_room, &s->topics);
+    case 'x':
+        return verb_add_patterns(command, optarg, s->exclude_room, &s->exclude);
+    case 's':
+        return take_seconds(command, "start", &s->start_s);
+    case 'e':
+        return take_seconds(command, "end", &s->end_s);
+    case 'c':
+        return verb_take_compression(command, optarg, &s->compression);
+    default:
+        s->out = optarg;
+        return 0;
+    }
+}
+
+/* 0, or ~exit code. */
+static int read_arguments(struct usage *u, struct selection *s, int argc, char **argv)
+{
+    int code;
+
+    *s = (struct selection){.end_s = INFINITY, .compression = BAG_ZSTD};
+    while ((code = usage_next(u, argc, argv)) > 0)
+        if ((code = take_option(u->command, s, code)) != 0)
+            return ~code;
+    s->files = argv + optind;
+    s->n_files = (size_t)(argc - optind);
+    return code;
+}
+
+int bag_merge(int argc, char **argv)
+{
+    struct usage usage = {.command = "bag merge",
+                          .help = merge_help,
+                          .options = merge_options,
+                          .short_options = ":ho:"};
+    struct selection_result result;
+    struct error why = {""};
+    struct selection s;
+    int code = read_arguments(&usage, &s, argc, argv);
+
+    if (code)
+        return ~code;
+    if (!s.n_files)
+        return usage_error("bag merge", "FILE is missing");
+    if (!s.out)
+        return usage_error("bag merge", "-o OUT is missing");
+    interrupt_catch();
+    int err = selection_write(&s, &result, &why);
+    if (err)
+        return verb_end("merge", err, &why);
+    printf("%s: %" PRIu64 " messages of %zu bags\n", s.out, result.n_written, s.n_files);
+    return usage_flush("bag merge");
+}
+
+int bag_filter(int argc, char **argv)
+{
+    struct usage usage = {.command = "bag filter",
+                          .help = filter_help,
+                          .options = filter_options,
+                          .short_options = ":ho:"};
+    struct selection_result result;
+    struct error why = {""};
+    struct selection s;
+    int code = read_arguments(&usage, &s, argc, argv);
+
+    if (code)
+        return ~code;
+    code = verb_one_operand("bag filter", "FILE", argc, argv);
+    if (code)
+        return code;
+    if (!s.out)
+        return usage_error("bag filter", "-o OUT is missing");
+    if (s.end_s < s.start_s)
+        return usage_error("bag filter", "--end %g comes before --start %g", s.end_s,
+                           s.start_s);
+    interrupt_catch();
+    int err = selection_write(&s, &result, &why);
+    if (err)
+        return verb_end("filter", err, &why);
+    printf("%s: %" PRIu64 " of %" PRIu64 " messages\n", s.out, result.n_written,
+           result.n_messages);
+    return usage_flush("bag filter");
 }

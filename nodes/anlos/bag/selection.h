@@ -5,7 +5,7 @@
 
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/compression.h"
-#include "nodes/anlos/bag/verb.h"
+#include "nodes/anlos/bag/bag.h"
 
 struct selection {
     char *const *files; /* [n_files] */

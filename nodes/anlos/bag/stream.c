@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "msgs/unpack.h"
-#include "nodes/anlos/bag/verb.h"
+#include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/interrupt.h"
 
 struct stream {

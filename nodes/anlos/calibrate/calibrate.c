@@ -1,12 +1,424 @@
 #include "nodes/anlos/calibrate/calibrate.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <time.h>
+#include <unistd.h>
 
+#include "hal/survey/calibration.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/uri.h"
+
+/* -- a channel's faults in words --------------------------------------------------------
+ */
+
+const char *state_print(unsigned faults, char out[STATE_SIZE])
+{
+    static const struct {
+        unsigned fault;
+        const char *name;
+    } names[] = {{CALIBRATION_DEAD, "dead"},
+                 {CALIBRATION_INVERTED, "inverted"},
+                 {CALIBRATION_CLIPPED, "clipped"},
+                 {CALIBRATION_NOISY, "noisy"}};
+    out[0] = 0;
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        size_t n = strlen(out);
+        if (faults & names[i].fault)
+            snprintf(out + n, STATE_SIZE - n, "%s%s", n ? ", " : "", names[i].name);
+    }
+    return out[0] ? out : strcpy(out, "good");
+}
+
+/* -- the command line, and the file that the subcommands renew --------------------------
+ */
+
+#define COMMAND   "calibrate"
+#define MAX_TAKES 1000
+
+static const char help[] =
+    "anlos calibrate -- measure an array, and write it down for every process\n"
+    "\n"
+    "usage: anlos calibrate WHAT --array URI --out FILE.yaml [options]\n"
+    "\n"
+    "Each WHAT renews its part of one calibration file and keeps the rest.  Arrays read\n"
+    "the file: `calibrated: FILE` in a rig, or \"sim:...?calibrated=FILE\", "
+    "\"wav:...\".\n"
+    "\n"
+    "what, in the order that suits\n"
+    "  sound-speed  from --temperature-c and --humidity; or from a flat reflector at\n"
+    "               --range-m, with the direct paths for comparison\n"
+    "  time-zero    when the array really emits: direct paths from every speaker to "
+    "every\n"
+    "               microphone; or one pair's, with --pair and --distance-m\n"
+    "  channels     which speakers and microphones are swapped, inverted, dead, "
+    "clipped,\n"
+    "               noisy\n"
+    "  gains        facing a flat target at --range-m, or the survey's wall: the gains "
+    "of\n"
+    "               all channels\n"
+    "  background   records all positions without the object into --folder\n"
+    "  show FILE    what the file says; with --array whether it fits\n"
+    "\n"
+    "  --array URI           sim:SCENE.yaml, wav:FOLDER, or a sound card; measured as it "
+    "is,\n"
+    "                        without what a calibration file corrects\n"
+    "  --out FILE.yaml       the calibration file\n"
+    "  --takes N             emissions of each speaker to average; default 4\n"
+    "  --position N          stage position to measure at, default 0\n"
+    "  --temperature-c T     of the air, -40 to 60\n"
+    "  --humidity P          relative, in percent; default 50\n"
+    "  --range-m R           the reflector is the plane z = R in the array frame\n"
+    "  --fit-speed           time-zero: take the speed of sound from the distances too\n"
+    "  --pair S,M            time-zero: only speaker S and microphone M, from 0\n"
+    "  --distance-m D        between the two, in place of the survey's\n"
+    "  --folder DIR          background: where the recording goes; made when missing\n"
+    "  --stage URI           background: what carries the array along its positions\n"
+    "  --help                this text\n"
+    "\n"
+    "examples\n"
+    "  anlos calibrate sound-speed --array sim:room.yaml --out lab.yaml \\\n"
+    "      --temperature-c 21.5 --humidity 45\n"
+    "  anlos calibrate time-zero --array sim:room.yaml --out lab.yaml\n"
+    "\n"
+    "exit codes: 0 measured and good; 1 measured and bad, or failed; 2 bad arguments or\n"
+    "files; 130 stopped by Ctrl-C\n";
+
+enum { TEMPERATURE = 256, HUMIDITY, RANGE, DISTANCE, PAIR, TAKES, POSITION, FIT_SPEED };
+
+static const struct option options[] = {
+    {"array", required_argument, NULL, 'a'},
+    {"out", required_argument, NULL, 'o'},
+    {"stage", required_argument, NULL, 's'},
+    {"folder", required_argument, NULL, 'f'},
+    {"takes", required_argument, NULL, TAKES},
+    {"position", required_argument, NULL, POSITION},
+    {"temperature-c", required_argument, NULL, TEMPERATURE},
+    {"humidity", required_argument, NULL, HUMIDITY},
+    {"range-m", required_argument, NULL, RANGE},
+    {"distance-m", required_argument, NULL, DISTANCE},
+    {"pair", required_argument, NULL, PAIR},
+    {"fit-speed", no_argument, NULL, FIT_SPEED},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
+};
+
+static int take_number(const char *name, const char *text, double min, double max,
+                       double *out)
+{
+    if (!usage_numbers(text, 1, out) && *out >= min && *out <= max)
+        return 0;
+    return usage_error(COMMAND, "--%s %s: expected a number from %g to %g", name, text,
+                       min, max);
+}
+
+static int take_count(const char *name, const char *text, size_t min, size_t max,
+                      size_t *out)
+{
+    if (!usage_count(text, min, max, out))
+        return 0;
+    return usage_error(COMMAND, "--%s %s: expected a whole number from %zu to %zu", name,
+                       text, min, max);
+}
+
+static int take_pair(struct calibrate_options *o, const char *text)
+{
+    double pair[2];
+    if (usage_numbers(text, 2, pair) || pair[0] < 0 || pair[1] < 0 ||
+        pair[0] != floor(pair[0]) || pair[1] != floor(pair[1]) || pair[0] > 1e6 ||
+        pair[1] > 1e6)
+        return usage_error(COMMAND,
+                           "--pair %s: expected the numbers of a speaker and a "
+                           "microphone, from 0, as in 0,3",
+                           text);
+    o->has_pair = true;
+    o->pair[0] = (size_t)pair[0];
+    o->pair[1] = (size_t)pair[1];
+    return 0;
+}
+
+static int take_option(struct calibrate_options *o, int code, const char *text)
+{
+    switch (code) {
+    case 'a':
+        o->array = text;
+        return 0;
+    case 'o':
+        o->out = text;
+        return 0;
+    case 's':
+        o->stage = text;
+        return 0;
+    case 'f':
+        o->folder = text;
+        return 0;
+    case FIT_SPEED:
+        o->fit_speed = true;
+        return 0;
+    case TAKES:
+        return take_count("takes", text, 1, MAX_TAKES, &o->takes);
+    case POSITION:
+        return take_count("position", text, 0, 1000000, &o->position);
+    case TEMPERATURE:
+        return take_number("temperature-c", text, -40, 60, &o->temperature_c);
+    case HUMIDITY:
+        return take_number("humidity", text, 0, 100, &o->humidity_percent);
+    case RANGE:
+        return take_number("range-m", text, 0.05, 100, &o->range_m);
+    case DISTANCE:
+        return take_number("distance-m", text, 0.001, 100, &o->distance_m);
+    default:
+        return take_pair(o, text);
+    }
+}
+
+static const char *const words[] = {"time-zero",   "channels",   "gains",
+                                    "sound-speed", "background", "show"};
+
+/* What only some of them take. */
+static int check(const struct calibrate_options *o)
+{
+    const struct {
+        bool given;
+        const char *name, *of[3];
+    } rules[] = {
+        {o->has_pair, "pair", {"time-zero"}},
+        {!isnan(o->distance_m), "distance-m", {"time-zero"}},
+        {o->fit_speed, "fit-speed", {"time-zero"}},
+        {!isnan(o->range_m), "range-m", {"gains", "sound-speed"}},
+        {!isnan(o->temperature_c), "temperature-c", {"sound-speed", "background"}},
+        {!isnan(o->humidity_percent), "humidity", {"sound-speed", "background"}},
+        {o->folder, "folder", {"background"}},
+        {o->stage, "stage", {"background"}},
+    };
+    for (size_t i = 0; i < sizeof rules / sizeof *rules; i++) {
+        bool fits = !rules[i].given;
+        for (size_t k = 0; k < 3 && rules[i].of[k]; k++)
+            fits |= !strcmp(rules[i].of[k], o->what);
+        if (!fits)
+            return usage_error(COMMAND, "--%s is not for %s", rules[i].name, o->what);
+    }
+    if (!o->out || !o->out[0])
+        return strcmp(o->what, "show")
+                   ? usage_error(COMMAND, "--out FILE.yaml is missing")
+                   : usage_error(COMMAND, "show: which file? show FILE.yaml");
+    if (!o->array && strcmp(o->what, "show") != 0)
+        return usage_error(COMMAND, "--array URI is missing");
+    return 0;
+}
+
+static int take_word(struct calibrate_options *o, const char *word)
+{
+    if (o->what && !strcmp(o->what, "show") && !o->out) {
+        o->out = word;
+        return 0;
+    }
+    if (o->what)
+        return usage_error(COMMAND, "%s: unexpected argument", word);
+    for (size_t i = 0; i < sizeof words / sizeof *words; i++)
+        if (!strcmp(words[i], word))
+            o->what = words[i];
+    if (!o->what)
+        return usage_error(COMMAND,
+                           "%s: expected time-zero, channels, gains, sound-speed, "
+                           "background or show",
+                           word);
+    return 0;
+}
+
+/* true: run it.  false: *exit_code says how it ended (help, or an error was printed). */
+static bool calibrate_options_parse(struct calibrate_options *o, int argc, char **argv,
+                                    int *exit_code)
+{
+    struct usage usage = {
+        .command = COMMAND, .help = help, .options = options, .short_options = "-:h"};
+    int code = 0;
+    *o = (struct calibrate_options){.takes = 4,
+                                    .distance_m = NAN,
+                                    .range_m = NAN,
+                                    .temperature_c = NAN,
+                                    .humidity_percent = NAN};
+    *exit_code = 0;
+    while (!*exit_code && (code = usage_next(&usage, argc, argv)) > 0)
+        *exit_code = code == 1 ? take_word(o, optarg) : take_option(o, code, optarg);
+    if (code < 0) {
+        *exit_code = ~code;
+        return false;
+    }
+    if (!*exit_code && !o->what)
+        *exit_code = usage_error(COMMAND, "what? time-zero, channels, gains, "
+                                          "sound-speed, background or show");
+    if (!*exit_code)
+        *exit_code = check(o);
+    return !*exit_code;
+}
+
+static int read_file(struct session *s)
+{
+    const char *path = s->options->out;
+    if (access(path, F_OK) < 0 && errno == ENOENT)
+        return 0;
+    int err = calibration_load(&s->calibration, path, &s->why);
+    s->existed = !err;
+    return err;
+}
+
+/* An empty "calibrated=" keeps what the array's own configuration may name out of it:
+ * what is measured is the array as it is, and that file may be the one to be made. */
+static int open_array(struct session *s)
+{
+    char *uri = uri_set_option(s->options->array, "calibrated", "");
+    /* A card records the room anew; what is played from files has to stay. */
+    if (uri && uri_has_scheme(uri, "alsa")) {
+        char *live = uri_set_option(uri, "background", "");
+        free(uri);
+        uri = live;
+    }
+    if (!uri)
+        return error_say(&s->why, -ENOMEM, "out of memory");
+    int err = array_open(&s->array, uri, clock_system(), &s->why);
+    free(uri);
+    if (!err)
+        s->survey = array_survey(s->array);
+    return err;
+}
+
+static int match(struct session *s)
+{
+    if (s->existed)
+        return calibration_fits(s->calibration, s->survey, s->options->out, &s->why);
+    if (calibration_create(&s->calibration, s->survey->n_speakers,
+                           s->survey->n_microphones) < 0)
+        return error_say(&s->why, -ENOMEM, "out of memory");
+    return 0;
+}
+
+/* Reads the file, if it is there, and opens the array as it is, without what a file would
+ * correct.  0, -EINVAL (wrong file, made for another array), other negative errno. */
+static int session_open(struct session *s, const struct calibrate_options *o)
+{
+    *s = (struct session){.options = o};
+    int err = read_file(s);
+    if (err || !o->array)
+        return err;
+    err = open_array(s);
+    return err ? err : match(s);
+}
+
+int session_save(struct session *s)
+{
+    struct calibration *c = s->calibration;
+    time_t now = (time_t)(clock_now_ns(clock_system()) / 1000000000);
+    struct tm utc;
+    gmtime_r(&now, &utc);
+    strftime(c->made, sizeof c->made, "%Y-%m-%dT%H:%M:%SZ", &utc);
+    calibration_name(c, s->survey, s->options->array);
+    /* Nothing is written that no array would take. */
+    struct survey set = *s->survey; /* borrows its arrays */
+    int err = calibration_apply(c, &set, s->options->out, &s->why);
+    return err ? err : calibration_save(c, s->options->out, &s->why);
+}
+
+static void session_close(struct session *s)
+{
+    array_close(s->array);
+    calibration_destroy(s->calibration);
+}
+
+double session_round(double x)
+{
+    return round(1e3 * x) / 1e3;
+}
+
+double session_speed_m_s(const struct session *s)
+{
+    double known = s->calibration->sound_speed_m_s;
+    return isnan(known) ? s->survey->sound_speed_m_s : known;
+}
+
+int session_check(struct session *s)
+{
+    if (s->survey->pings_m)
+        return error_say(&s->why, -EINVAL,
+                         "%s: its pings have places of their own; expected an array of "
+                         "speakers and microphones",
+                         s->options->array);
+    if (s->options->position >= s->survey->n_positions)
+        return error_say(&s->why, -EINVAL, "--position %zu: there are 0 to %zu",
+                         s->options->position, s->survey->n_positions - 1);
+    return 0;
+}
+
+void session_print_retaken(size_t pings)
+{
+    if (pings)
+        printf("  retaken       %zu pings that came invalid\n", pings);
+}
+
+/* -- the subcommand show, and the command -----------------------------------------------
+ */
+
+static void print_value(const char *name, double x, const char *unit, const char *how)
+{
+    if (isnan(x))
+        printf("  %-14s not measured: anlos calibrate %s\n", name, how);
+    else
+        printf("  %-14s %.3f %s\n", name, x, unit);
+}
+
+static void print_channels(const char *kind, const struct calibration *c,
+                           const struct calibration_channel *channels, size_t n)
+{
+    char state[STATE_SIZE];
+    for (size_t i = 0; i < n; i++) {
+        printf("  %-10s %3zu", kind, i);
+        if (c->has_gains)
+            printf("  %+6.2f dB", channels[i].gain_db);
+        if (c->has_channels)
+            printf("  %s", state_print(channels[i].faults, state));
+        printf("\n");
+    }
+}
+
+static void print(const struct calibration *c, const char *path)
+{
+    printf("%s\n  %-14s %s\n  %-14s %s\n", path, "array", c->array, "made", c->made);
+    printf("  %-14s %zu speakers, %zu microphones, %g Hz, geometry %s\n", "for",
+           c->n_speakers, c->n_microphones, c->sample_rate_hz, c->geometry);
+    print_value("latency", c->latency_samples, "samples", "time-zero");
+    print_value("sound speed", c->sound_speed_m_s, "m/s", "sound-speed");
+    if (!isnan(c->temperature_c))
+        printf("  %-14s %.2f C, %.0f %% humidity\n", "air", c->temperature_c,
+               c->humidity_percent);
+    if (c->background)
+        printf("  %-14s %s\n", "background", c->background);
+    else
+        printf("  %-14s not recorded: anlos calibrate background\n", "background");
+    if (!c->has_channels)
+        printf("  %-14s not measured: anlos calibrate channels\n", "channels");
+    if (!c->has_gains)
+        printf("  %-14s not measured: anlos calibrate gains\n", "gains");
+    if (!c->has_channels && !c->has_gains)
+        return;
+    print_channels("speaker", c, c->speakers, c->n_speakers);
+    print_channels("microphone", c, c->microphones, c->n_microphones);
+}
+
+static int calibrate_show(struct session *s, bool *good)
+{
+    if (!s->existed)
+        return error_say(&s->why, -EINVAL, "%s: no such file", s->options->out);
+    print(s->calibration, s->options->out);
+    if (s->array)
+        printf("good: it fits %s\n", s->options->array);
+    *good = true;
+    return 0;
+}
 
 static const struct subcommand {
     const char *name;

@@ -1,16 +1,66 @@
-/* nodes/anlos/calibrate/calibrate.h -- the subcommands of `anlos calibrate`.  Each prints
- * what it measured and a verdict, and writes its part of the calibration unless that is
- * useless.  *good: the verdict.  0, or a negative errno with s->why. */
+/* nodes/anlos/calibrate/calibrate.h -- what the subcommands of `anlos calibrate` share:
+ * the array, and the calibration file that each of them renews a part of. */
 #ifndef ANLOS_NODES_ANLOS_CALIBRATE_CALIBRATE_H
 #define ANLOS_NODES_ANLOS_CALIBRATE_CALIBRATE_H
 
-#include "nodes/anlos/calibrate/session.h"
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "hal/array.h"
+#include "hal/survey/calibration_file.h"
+
+/* The command line of `anlos calibrate`. */
+
+struct calibrate_options { /* borrow from argv */
+    const char *what;      /* "time-zero" */
+    const char *array, *out, *stage, *folder;
+    double distance_m, range_m, temperature_c, humidity_percent; /* NaN: not given */
+    bool has_pair, fit_speed;
+    size_t pair[2]; /* speaker, microphone */
+    size_t takes, position;
+};
+
+struct session {
+    const struct calibrate_options *options;
+    struct array *array;             /* NULL: none was named */
+    const struct survey *survey;     /* of the array */
+    struct calibration *calibration; /* read, or a new one */
+    bool existed;
+    struct error why;
+};
+
+/* Writes the file, with today's date and the array's name.  0, -EINVAL (the survey would
+ * be wrong with it), other negative errno. */
+int session_save(struct session *s);
+
+/* To a thousandth: what is measured is no more exact, and easier to read. */
+double session_round(double x);
+
+/* By what is known so far, else by the survey. */
+double session_speed_m_s(const struct session *s);
+
+/* Speakers and microphones with places of their own, and a position that exists?
+ * 0, -EINVAL. */
+int session_check(struct session *s);
+
+/* A line about pings that came invalid, if there were any. */
+void session_print_retaken(size_t pings);
+
+/* A channel's faults in words. */
+
+enum { STATE_SIZE = 48 };
+
+/* "inverted, noisy"; "good" without any (enum calibration_fault).  Returns out. */
+const char *state_print(unsigned faults, char out[STATE_SIZE]);
+
+/* The subcommands, each a file of its own.  Each prints what it measured and a verdict,
+ * and writes its part of the calibration unless that is useless.  *good: the verdict.  0,
+ * or a negative errno with s->why. */
 
 int calibrate_time_zero(struct session *s, bool *good);
 int calibrate_channels(struct session *s, bool *good);
 int calibrate_gains(struct session *s, bool *good);
 int calibrate_sound_speed(struct session *s, bool *good);
 int calibrate_background(struct session *s, bool *good);
-int calibrate_show(struct session *s, bool *good);
 
 #endif

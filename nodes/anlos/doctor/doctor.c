@@ -91,15 +91,12 @@ int command_doctor(int argc, char **argv)
 {
     struct doctor d = {0};
     struct findings f = {0};
+    struct usage usage = {.command = "doctor", .help = help, .options = options};
     bool json = false;
     int code;
 
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
+    while ((code = usage_next(&usage, argc, argv)) > 0)
         switch (code) {
-        case 'h':
-            return fputs(help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED;
         case 'j':
             json = true;
             break;
@@ -109,13 +106,11 @@ int command_doctor(int argc, char **argv)
         case 'o':
             d.host = optarg;
             break;
-        case 'r':
-            d.run_dir = optarg;
-            break;
         default:
-            return usage_option_error("doctor", code, argv, options);
+            d.run_dir = optarg;
         }
-    }
+    if (code)
+        return ~code;
     if (d.host && !d.launch)
         return usage_error("doctor", "--host: of which launch file? --launch FILE");
     if (optind < argc)

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "dsp/nearest.h"
-#include "nodes/anlos/confocal/job.h"
+#include "nodes/anlos/confocal/confocal.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/usage.h"
 #include "recon/imaging/imager.h"

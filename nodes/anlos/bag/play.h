@@ -1,7 +1,7 @@
-/* nodes/anlos/bag/play_keys.h -- a person at a terminal who pauses, steps, seeks and
+/* nodes/anlos/bag/play.h -- a person at a terminal who pauses, steps, seeks and
  * changes the pace, and a line that says where the bag is. */
-#ifndef ANLOS_NODES_ANLOS_BAG_PLAY_KEYS_H
-#define ANLOS_NODES_ANLOS_BAG_PLAY_KEYS_H
+#ifndef ANLOS_NODES_ANLOS_BAG_PLAY_H
+#define ANLOS_NODES_ANLOS_BAG_PLAY_H
 
 #include <termios.h>
 

@@ -1,7 +1,7 @@
-/* nodes/anlos/bag/contents.h -- how much of each topic is in a bag: by the message
+/* nodes/anlos/bag/info.h -- how much of each topic is in a bag: by the message
  * indexes alone where there are any, else by reading all of it. */
-#ifndef ANLOS_NODES_ANLOS_BAG_CONTENTS_H
-#define ANLOS_NODES_ANLOS_BAG_CONTENTS_H
+#ifndef ANLOS_NODES_ANLOS_BAG_INFO_H
+#define ANLOS_NODES_ANLOS_BAG_INFO_H
 
 #include "msgs/bag/catalog.h"
 
@@ -27,11 +27,5 @@ void contents_clear(struct contents *c);
 
 /* Messages a second; 0: fewer than two, or all at one time. */
 double topic_rate_hz(const struct topic_contents *t);
-
-/* From the first message to the last. */
-double contents_duration_s(const struct bag_catalog *bag);
-
-/* By how much compression made the chunks smaller; 1 where that is not known. */
-double contents_ratio(const struct contents *c);
 
 #endif
