@@ -297,30 +297,25 @@ static const struct option options[] = {
     {NULL, 0, NULL, 0},
 };
 
-static int print_json(const struct census *c, const struct census_node *one)
+static json_t *census_json(const struct census *c, const struct census_node *one)
 {
     json_t *o = one ? node_json(one, true) : json_array();
 
     for (size_t i = 0; !one && i < c->n; i++)
         json_array_append_new(o, node_json(&c->nodes[i], false));
-    int failed = !o || json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(6));
-    putchar('\n');
-    json_decref(o);
-    return failed;
+    return o;
 }
 
 static int print(const struct census *c, const struct census_node *one,
                  const char *run_dir, bool json)
 {
-    int failed = json && print_json(c, one);
-
     if (!json && one)
         node_info_print(one, run_dir, stdout);
     else if (!json)
         node_list_print(c, stdout);
-    int unwritten = usage_flush("node");
-    if (failed || unwritten)
-        return unwritten ? unwritten : EXIT_FAILED;
+    int code = json ? usage_json("node", census_json(c, one)) : usage_flush("node");
+    if (code)
+        return code;
     if (one ? one->life >= CENSUS_ALIVE : census_count_alive(c) > 0)
         return EXIT_WORKED;
     if (one)

@@ -1,6 +1,7 @@
 #include "nodes/anlos/usage.h"
 
 #include <errno.h>
+#include <jansson.h>
 #include <math.h>
 #include <poll.h>
 #include <stdarg.h>
@@ -47,6 +48,25 @@ int usage_flush(const char *command)
     if (!fflush(stdout) && !ferror(stdout))
         return EXIT_WORKED;
     return usage_unwritten(command, -errno);
+}
+
+int usage_json(const char *command, struct json_t *o)
+{
+    int failed = !o || json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(6));
+
+    json_decref(o);
+    putchar('\n');
+    int code = usage_flush(command);
+    return code ? code : failed ? EXIT_FAILED : EXIT_WORKED;
+}
+
+int usage_json_line(struct json_t *o, FILE *to)
+{
+    int failed = !o || json_dumpf(o, to, JSON_COMPACT | JSON_REAL_PRECISION(9));
+
+    json_decref(o);
+    putc('\n', to);
+    return failed && !ferror(to) ? -ENOMEM : 0;
 }
 
 static bool is_read(void)

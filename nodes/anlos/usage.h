@@ -5,6 +5,7 @@
 #include <getopt.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
 
 #include "dsp/error.h"
 #include "nodes/rt/exit_code.h"
@@ -13,6 +14,8 @@
 int usage_error(const char *command, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 
+struct json_t; /* jansson */
+
 /* What a command's work returned, 0 or a negative errno, as an exit code; says why not.
  */
 int usage_outcome(const char *command, int err, const struct error *why);
@@ -20,6 +23,14 @@ int usage_outcome(const char *command, int err, const struct error *why);
 /* What was printed is out: EXIT_WORKED; else it says why not and returns EXIT_FAILED, or
  * says nothing and returns EXIT_UNREAD, where `| head` has seen enough. */
 int usage_flush(const char *command);
+
+/* Takes the object, NULL: no memory, and prints it for people and programs, with 6 digits
+ * that count; an exit code as usage_flush. */
+int usage_json(const char *command, struct json_t *o);
+
+/* Takes the object, NULL: no memory, and writes it as one line, with 9 digits that count.
+ * 0, -ENOMEM; what cannot be written shows in ferror(to). */
+int usage_json_line(struct json_t *o, FILE *to);
 
 /* The same of standard output that failed with a negative errno. */
 int usage_unwritten(const char *command, int err);

@@ -15,6 +15,7 @@
 #include "msgs/can/frames.h"
 #include "nodes/anlos/can/tally.h"
 #include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/usage.h"
 
 /* One decoded frame as a line, for a person or as JSON. */
 
@@ -140,10 +141,7 @@ static int show_frame_json(const struct can_line *l, const struct tally_frame *f
                           tally_verdict_text(f), "signals", signals);
     if (o && l->dated)
         json_object_set_new(o, "time_ns", json_integer(l->stamp_ns));
-    int failed = !o || json_dumpf(o, to, JSON_COMPACT | JSON_REAL_PRECISION(9));
-    json_decref(o);
-    putc('\n', to);
-    return failed && !ferror(to) ? -ENOMEM : 0;
+    return usage_json_line(o, to);
 }
 
 #define LOOK_UP_MS 100 /* between looks at Ctrl-C and the clock */

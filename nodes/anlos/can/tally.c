@@ -1,4 +1,5 @@
 #include "nodes/anlos/can/tally.h"
+#include "nodes/anlos/usage.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -384,8 +385,5 @@ int tally_print_json(const struct tally *t, FILE *to)
                           (json_int_t)t->lists.cut, "other_identifiers",
                           (json_int_t)t->unknown, "remote_error_29_bit",
                           (json_int_t)t->other, "no_frames", (json_int_t)t->no_frames);
-    int failed = !o || json_dumpf(o, to, JSON_COMPACT | JSON_REAL_PRECISION(9));
-    json_decref(o);
-    putc('\n', to);
-    return failed && !ferror(to) ? -ENOMEM : 0;
+    return usage_json_line(o, to);
 }

@@ -80,11 +80,7 @@ static int print(const struct findings *f, bool json)
         findings_print(f, colour_wanted(STDOUT_FILENO), stdout);
         return usage_flush("doctor");
     }
-    json_t *o = findings_json(f);
-    int failed = !o || json_dumpf(o, stdout, JSON_INDENT(2));
-    putchar('\n');
-    json_decref(o);
-    return failed ? EXIT_FAILED : usage_flush("doctor");
+    return usage_json("doctor", findings_json(f));
 }
 
 int command_doctor(int argc, char **argv)

@@ -10,6 +10,7 @@
 
 #include "msgs/tensor.pb-c.h"
 #include "nodes/rt/export.h"
+#include "nodes/anlos/usage.h"
 
 static json_t *tensor_json(const Anlos__Tensor *t, bool full)
 {
@@ -190,8 +191,5 @@ int message_line_write(const struct message_line *l, bool full, FILE *f)
     json_object_set_new(o, "content",
                         l->content ? message_json(l->content, full)
                                    : json_string(l->why_not));
-    int failed = !o || json_dumpf(o, f, JSON_COMPACT | JSON_REAL_PRECISION(9));
-    json_decref(o);
-    putc('\n', f);
-    return failed && !ferror(f) ? -ENOMEM : 0;
+    return usage_json_line(o, f);
 }
