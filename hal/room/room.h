@@ -34,7 +34,8 @@ struct room_object {
 int room_load(struct room **out, const char *path, struct error *why);
 
 /* The same, its array firing in another way, and with all that is random drawn anew:
- * clutter, roughness, unknown errors, noise.  Draw 0 is the file's own; each other number
+ * clutter, roughness, unknown errors, noise, slams, and where the scene says `drawn` its
+ * wall and how its objects go.  Draw 0 is the file's own; each other number
  * another one, the same each time.  firing may be NULL. */
 int room_load_drawn(struct room **out, const char *path, const struct firing *firing,
                     uint32_t draw, struct error *why);

@@ -235,6 +235,8 @@ int room_load_drawn(struct room **out, const char *path, const struct firing *fi
     if (err)
         goto fail;
     r->scene->seed = draw_seed(r->scene->seed, draw);
+    if (draw)
+        scene_draw(r->scene, &r->survey);
     const struct scene *s = r->scene;
     if (set_truth(r) < 0)
         err = error_say(why, -ENOMEM, "%s: out of memory", path);

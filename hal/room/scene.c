@@ -39,6 +39,12 @@ static const cyaml_schema_field_t knot_fields[] = {
 static const cyaml_schema_value_t knot_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_knot, knot_fields)};
 
+static const cyaml_schema_field_t drawn_path_fields[] = {
+    NUMBER(scene_drawn_path, turn_deg, OPTIONAL),
+    CYAML_FIELD_SEQUENCE_FIXED("shift_m", OPTIONAL, struct scene_drawn_path, shift_m,
+                               &survey_yaml_number, 3),
+    CYAML_FIELD_BOOL("reversed", OPTIONAL, struct scene_drawn_path, reversed),
+    VECTOR_PTR(scene_drawn_path, speed_m_s, 2), CYAML_FIELD_END};
 static const cyaml_schema_field_t object_fields[] = {
     CYAML_FIELD_STRING("name", CYAML_FLAG_DEFAULT, struct scene_object, name, 1),
     CYAML_FIELD_ENUM("kind", CYAML_FLAG_STRICT, struct scene_object, kind, kinds,
@@ -57,6 +63,8 @@ static const cyaml_schema_field_t object_fields[] = {
     VECTOR_PTR(scene_object, facing, 3),
     VECTOR_PTR(scene_object, up, 3),
     NUMBER_PTR(scene_object, reflectivity),
+    CYAML_FIELD_MAPPING_PTR("drawn", OPTIONAL, struct scene_object, drawn,
+                            drawn_path_fields),
     CYAML_FIELD_BOOL("opaque", OPTIONAL, struct scene_object, opaque),
     CYAML_FIELD_END};
 static const cyaml_schema_value_t object_schema = {
@@ -122,6 +130,9 @@ static const cyaml_schema_field_t drive_fields[] = {
                                ego, n_ego, &motion_schema, 1, 200),
     CYAML_FIELD_MAPPING_PTR("rock", OPTIONAL, struct scene_drive, rock, rock_fields),
     CYAML_FIELD_END};
+static const cyaml_schema_field_t drawn_fields[] = {
+    NUMBER(scene_drawn, wall_m, OPTIONAL), NUMBER(scene_drawn, wall_deg, OPTIONAL),
+    CYAML_FIELD_END};
 static const cyaml_schema_field_t drift_fields[] = {
     NUMBER(scene_drift, background_c, OPTIONAL), NUMBER(scene_drift, scan_c, OPTIONAL),
     NUMBER(scene_drift, rate_c_min, OPTIONAL), CYAML_FIELD_END};
@@ -164,6 +175,7 @@ static const cyaml_schema_field_t scene_fields[] = {
     PART(drift, drift_fields),
     PART(faults, faults_fields),
     PART(drive, drive_fields),
+    PART(drawn, drawn_fields),
     CYAML_FIELD_SEQUENCE_COUNT("building", CYAML_FLAG_POINTER | OPTIONAL, struct scene,
                                building, n_building, &pair, 3, 100),
     CYAML_FIELD_SEQUENCE_COUNT("objects", CYAML_FLAG_POINTER | OPTIONAL, struct scene,

@@ -31,6 +31,15 @@ struct scene_knot {
     double t_s, position_m[3];
 };
 
+/* What another draw than the file's own changes of a path: turned around the upright axis
+ * through its middle, moved, and gone along at another speed. */
+struct scene_drawn_path {
+    double turn_deg;   /* up to so much, to either side */
+    double shift_m[3]; /* along each axis, up to so much */
+    bool reversed;     /* by another half turn, every second time: from the other side */
+    double *speed_m_s; /* [2] from, to: of all its legs */
+};
+
 /* As the file has it; NULL: not given. */
 struct scene_object {
     char name[32];
@@ -51,6 +60,7 @@ struct scene_object {
                          body where it goes */
     double *up;       /* [3] default: the array's y axis */
     double *reflectivity;
+    struct scene_drawn_path *drawn; /* drive: of what has a path */
     bool opaque; /* a body of a drive: heard by the side that faces the array */
 };
 
@@ -122,6 +132,10 @@ struct scene_drive { /* repeats for ever; needs a mount and no stage */
     struct scene_rock *rock;
 };
 
+struct scene_drawn { /* what another draw changes of the wall, up to so much */
+    double wall_m, wall_deg;
+};
+
 struct scene_drift {     /* of the air, against temperature_c */
     double background_c; /* during the background pass */
     double scan_c;       /* from the first to the last position of a pass */
@@ -160,6 +174,7 @@ struct scene {
     struct scene_drift *drift;
     struct scene_faults *faults;
     struct scene_drive *drive;
+    struct scene_drawn *drawn;
     double (*building)[2]; /* [n_building] x, z: an outline that hides things from view;
                               for the truth alone, sound does not know it */
     unsigned n_building;
@@ -179,6 +194,15 @@ void scene_free(struct scene *s);
 
 /* Ranges, and keys that belong to another kind of object (scene_check.c). */
 int scene_check(const struct scene *s, const char *path, struct error *why);
+
+/* The vehicle's z axis in the array frame, or without one the array's y axis. */
+void scene_up(const struct survey *s, double up[3]);
+
+/* Draws by its seed what `drawn` says (scene_draw.c). */
+void scene_draw(struct scene *s, struct survey *survey);
+
+/* When a path is over that is gone along at a speed. */
+double scene_path_ends_s(const struct scene_object *o, double speed_m_s);
 
 /* The same of what moves, and of keys that only a drive has (scene_drive.c). */
 int scene_check_drive(const struct scene *s, const char *path, struct error *why);

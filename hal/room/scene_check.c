@@ -46,6 +46,8 @@ static int check_world(const struct scene *s, const char *path, struct error *wh
         {"errors.gain_db", s->errors->gain_db, 0, 20},
         {"errors.element_m", s->errors->element_m, 0, 0.1},
         {"errors.stage_m", s->errors->stage_m, 0, 0.1},
+        {"drawn.wall_m", s->drawn ? s->drawn->wall_m : 0, 0, 10},
+        {"drawn.wall_deg", s->drawn ? s->drawn->wall_deg : 0, 0, 45},
         {"noise.snr_db", s->noise->snr_db ? *s->noise->snr_db : 0, -100, 200},
         {"noise.at_m", s->noise->at_m ? *s->noise->at_m : 1, 0.1, 100},
         {"noise.rms", s->noise->rms ? *s->noise->rms : 0, 0, 10},

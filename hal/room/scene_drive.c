@@ -67,13 +67,45 @@ static int check_during(const double during_s[2], double period_s, const char *k
                           during_s[0], during_s[1], period_s);
 }
 
+static int check_drawn_path(const struct scene_object *o, unsigned index, double period_s,
+                            const char *path, struct error *why)
+{
+    static const struct span some = {0, 100}, speed = {0.01, 30};
+    const struct scene_drawn_path *d = o->drawn;
+    char key[64];
+    if (!d)
+        return 0;
+    snprintf(key, sizeof key, "objects[%u].drawn", index);
+    if (!o->n_path)
+        return yaml_error_say(why, -EINVAL, path, key, "there is no path to change");
+    snprintf(key, sizeof key, "objects[%u].drawn.turn_deg", index);
+    int err = check_value(d->turn_deg, (struct span){0, 180}, key, path, why);
+    snprintf(key, sizeof key, "objects[%u].drawn.shift_m", index);
+    for (int a = 0; a < 3 && !err; a++)
+        err = check_value(d->shift_m[a], some, key, path, why);
+    snprintf(key, sizeof key, "objects[%u].drawn.speed_m_s", index);
+    for (int i = 0; i < 2 && d->speed_m_s && !err; i++)
+        err = check_value(d->speed_m_s[i], i ? (struct span){d->speed_m_s[0], 30} : speed,
+                          key, path, why);
+    if (err || !d->speed_m_s)
+        return err;
+    double ends_s = scene_path_ends_s(o, d->speed_m_s[0]);
+    if (ends_s <= period_s)
+        return 0;
+    return yaml_error_say(why, -EINVAL, path, key,
+                          "at %g m/s the path ends after %.1f s, and the drive after %g",
+                          d->speed_m_s[0], ends_s, period_s);
+}
+
 static int check_mover(const struct scene_object *o, unsigned index, double period_s,
                        const char *path, struct error *why)
 {
     char key[64];
     snprintf(key, sizeof key, "objects[%u].present_s", index);
     int err = o->present_s ? check_during(o->present_s, period_s, key, path, why) : 0;
-    return err ? err : check_path(o, index, period_s, path, why);
+    if (!err)
+        err = check_path(o, index, period_s, path, why);
+    return err ? err : check_drawn_path(o, index, period_s, path, why);
 }
 
 static int check_slam(const struct scene_slam *slam, unsigned index, double period_s,
@@ -153,12 +185,13 @@ static int check_standing(const struct scene *s, const char *path, struct error 
     char key[64];
     for (unsigned i = 0; i < s->n_objects; i++) {
         const struct scene_object *o = &s->objects[i];
-        if (!o->n_path && !o->present_s && !o->opaque)
+        if (!o->n_path && !o->present_s && !o->opaque && !o->drawn)
             continue;
         snprintf(key, sizeof key, "objects[%u].%s", i,
                  o->n_path      ? "path"
                  : o->present_s ? "present_s"
-                                : "opaque");
+                 : o->opaque    ? "opaque"
+                                : "drawn");
         return yaml_error_say(why, -EINVAL, path, key,
                               "only a drive has this, and there is no key \"drive\"");
     }

@@ -222,21 +222,6 @@ static int add_objects(const struct builder *b, const char *path, struct error *
     return 0;
 }
 
-/* The vehicle's z axis in the array frame. */
-static void set_up(const struct survey *s, double up[3])
-{
-    static const double array_up[3] = {0, 1, 0};
-    double z_axis[3];
-    memcpy(up, array_up, sizeof array_up);
-    if (!s->has_mount)
-        return;
-    vector_cross(s->mount_x_axis, s->mount_y_axis, z_axis);
-    up[0] = s->mount_x_axis[2];
-    up[1] = s->mount_y_axis[2];
-    up[2] = z_axis[2];
-    vector_normalize(up);
-}
-
 int world_create(struct world *out, const struct scene *scene, const struct survey *s,
                  const char *path, struct error *why)
 {
@@ -248,7 +233,7 @@ int world_create(struct world *out, const struct scene *scene, const struct surv
         world_clear(out);
         return error_say(why, -ENOMEM, "%s: out of memory", path);
     }
-    set_up(s, out->up);
+    scene_up(s, out->up);
     array_centre(s, b.centre);
     vector_mirror(s->wall_normal, s->wall_distance_m, b.centre, b.image);
     b.pitch_m = s->sound_speed_m_s / fmax(s->chirp_start_hz, s->chirp_stop_hz) /

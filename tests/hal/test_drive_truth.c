@@ -210,6 +210,77 @@ static void a_person_adds_up_and_walks_on_his_feet(void **state)
     assert_near(extent[2], 1.75, 1e-12);
 }
 
+/* 6 m there in 4 s, 2 s of rest, and back; vehicle x is 3.6 + z of the array. */
+#define DRAWN                                                                            \
+    BASE                                                                                 \
+        "seed: 4\ndrive: {period_s: 40}\ndrawn: {wall_m: 0.3, wall_deg: 5}\n"            \
+        "objects:\n  - name: p\n    kind: person\n"                                      \
+        "    drawn: {shift_m: [0.2, 0, 0.1], reversed: yes, speed_m_s: [0.5, 2]}\n"      \
+        "    path: [{t_s: 1, position_m: [-3, 0, 1]}, {t_s: 5, position_m: [3, 0, 1]}, " \
+        "{t_s: 7, position_m: [3, 0, 1]}, {t_s: 11, position_m: [-3, 0, 1]}]\n"
+
+static struct room *load_draw(void **state, uint32_t draw)
+{
+    struct room *r;
+    assert_int_equal(
+        room_load_drawn(&r, scratch_write(*state, "scene.yaml", DRAWN), NULL, draw, NULL),
+        0);
+    return r;
+}
+
+static void the_first_draw_goes_as_its_file_says(void **state)
+{
+    struct room *r = load_draw(state, 0);
+    struct room_truth at;
+    assert_int_equal(room_truth(r, 3, &at, 1), 1);
+    assert_near(at.position_m[0], 4.6, 1e-9);
+    assert_near(at.position_m[1], 0.2, 1e-9);
+    assert_near(at.velocity_m_s[1], 1.5, 1e-9);
+    assert_near(room_survey(r)->wall_distance_m, 2, 0);
+    room_destroy(r);
+}
+
+static void each_other_draw_goes_a_way_of_its_own(void **state)
+{
+    double slowest = 9, fastest = 0, nearest = 9, farthest = 0;
+    int n_left = 0;
+    for (uint32_t draw = 1; draw <= 24; draw++) {
+        struct room *r = load_draw(state, draw);
+        struct room_truth start, going, same, end;
+        double normal[3], distance_m;
+        room_truth(r, 0.5, &start, 1);
+        room_truth(r, 1.1, &going, 1);
+        if (draw == 1) { /* the same each time */
+            struct room *again = load_draw(state, draw);
+            room_truth(again, 1.1, &same, 1);
+            room_destroy(again);
+            assert_memory_equal(going.position_m, same.position_m,
+                                sizeof same.position_m);
+        }
+        double side = start.position_m[1] - 0.2 > 0 ? 1 : -1;
+        double speed_m_s = -side * going.velocity_m_s[1];
+        assert_near(start.position_m[1], 0.2 + 3 * side, 0.2);
+        assert_near(start.position_m[0], 4.6, 0.1);
+        assert_true(speed_m_s >= 0.5 && speed_m_s <= 2);
+        /* There, a rest of 2 s, and back: a millisecond before the end of it. */
+        room_truth(r, 1 + 2 * 6 / speed_m_s + 2 - 0.001, &end, 1);
+        assert_near(end.position_m[1], start.position_m[1], 0.0021);
+        assert_near(end.velocity_m_s[1], side * speed_m_s, 1e-6);
+        room_vehicle_wall(r, 0, normal, &distance_m);
+        assert_near(atan2(normal[1], normal[0]), 0, 5 * M_PI / 180);
+        assert_near(room_survey(r)->wall_distance_m, 2, 0.3);
+        slowest = fmin(slowest, speed_m_s);
+        fastest = fmax(fastest, speed_m_s);
+        nearest = fmin(nearest, room_survey(r)->wall_distance_m);
+        farthest = fmax(farthest, room_survey(r)->wall_distance_m);
+        n_left += side > 0;
+        room_destroy(r);
+    }
+    /* Of 24 even draws none in an outer fifth, or one side 20 times: once in 200. */
+    assert_true(slowest < 0.8 && fastest > 1.7 && nearest < 1.88 && farthest > 2.12);
+    assert_true(n_left >= 4 && n_left <= 20);
+}
+
 static void wrong_drives_are_named_with_line_and_key(void **state)
 {
 #define OBJECT(rest)                                                                     \
@@ -263,6 +334,13 @@ static void wrong_drives_are_named_with_line_and_key(void **state)
         {BASE "objects:\n  - {name: p, kind: person, position_m: [0, 0, 1], "
               "opaque: yes}\n",
          "objects[0].opaque: ", "only a drive has this"},
+        {OBJECT("    position_m: [0, 0, 1]\n    drawn: {turn_deg: 3}\n"),
+         "objects[0].drawn: ", "there is no path to change"},
+        {OBJECT("    drawn: {speed_m_s: [0.5, 2]}\n    present_s: [0, 5]\n"
+                "    path: [{t_s: 1, position_m: [0, 0, 1]}, "
+                "{t_s: 2, position_m: [3, 0, 1]}]\n"),
+         "objects[0].drawn.speed_m_s: ",
+         "at 0.5 m/s the path ends after 7.0 s, and the drive after 5"},
         {BASE "drift: {rate_c_min: 1}\n", "drift.rate_c_min: ", "only a drive has this"},
         {BASE "drive: {period_s: 5, rock: {frequency_hz: 11}}\n",
          "drive.rock.frequency_hz: ", "11 is outside 0..10"},
@@ -339,6 +417,8 @@ int main(void)
         TEST(lines_of_sight_pass_corners_when_geometry_says),
         TEST(what_never_comes_into_view_says_so),
         TEST(a_person_adds_up_and_walks_on_his_feet),
+        TEST(the_first_draw_goes_as_its_file_says),
+        TEST(each_other_draw_goes_a_way_of_its_own),
         TEST(wrong_drives_are_named_with_line_and_key),
         TEST(the_drives_that_come_with_it_show_what_they_say),
     };
