@@ -172,6 +172,39 @@ static void a_file_says_who_was_there(void **state)
     json_decref(all);
 }
 
+/* The second bag's truth is somebody far away: nobody was told, and all that was is
+ * false. */
+static void each_bag_has_its_own_truth(void **state)
+{
+    struct bag *f = *state;
+    char bags[512], truths[512], option[] = "--truth";
+    struct command_result r;
+
+    write_bag(f);
+    write_truth(f);
+    char *far = strdup(scratch_path(f->scratch, "far.csv"));
+    FILE *file = fopen(far, "w");
+    assert_non_null(file);
+    fprintf(file, "time_s,id,kind,x_m,y_m\n1,1,person,90,90\n");
+    assert_int_equal(fclose(file), 0);
+    snprintf(bags, sizeof bags, "%s,%s", f->path, f->path);
+    snprintf(truths, sizeof truths, "%s,%s", f->truth, far);
+    char *argv[] = {"score", "--bag", bags, option, truths, "--out", f->out, NULL};
+    command_run(&r, command_score, argv);
+    if (r.code)
+        fail_msg("%s", r.err);
+    json_t *all = json_load_file(scratch_path(f->scratch, "out/drive.json"), 0, NULL);
+    const json_t *both = json_object_get(all, "all");
+    assert_near(figure(both, "drives"), 2.0, 0.0);
+    assert_near(figure(both, "false_tracks"), 1.0, 0.0);
+    json_decref(all);
+    snprintf(bags, sizeof bags, "%s,%s,%s", f->path, f->path, f->path);
+    command_run(&r, command_score, argv);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "one for each of 3 bags"));
+    free(far);
+}
+
 static void a_bag_without_tracks_or_truth_is_refused(void **state)
 {
     struct bag *f = *state;
@@ -238,6 +271,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_recorded_simulation_is_judged_by_its_scene),
         TEST(a_file_says_who_was_there),
+        TEST(each_bag_has_its_own_truth),
         TEST(a_bag_without_tracks_or_truth_is_refused),
         TEST(seen_from_a_vehicle_a_thing_stands_over_ground),
     };

@@ -16,7 +16,7 @@
 static const char help[] =
     "anlos score -- how far recorded tracks are from who was there\n"
     "\n"
-    "usage: anlos score --bag FILE,... (--truth FILE | --scenes FILE) [--out DIR]\n"
+    "usage: anlos score --bag FILE,... (--truth FILE,... | --scenes FILE) [--out DIR]\n"
     "\n"
     "Takes the tracks of recorded drives as the vehicle was told them, when it was "
     "told.\n"
@@ -25,9 +25,9 @@ static const char help[] =
     "what was there was seen, how long from the first echo to a track, false tracks.\n"
     "\n"
     "  --bag FILE,...   recorded drives\n"
-    "  --truth FILE     who was there: lines of time_s,id,kind,x_m,y_m, which is the "
+    "  --truth FILE,... who was there: lines of time_s,id,kind,x_m,y_m, which is the "
     "first\n"
-    "                   line; Unix time, vehicle frame\n"
+    "                   line; Unix time, vehicle frame; one for each bag, or for all\n"
     "  --scenes FILE    of a recorded simulation: its scene says it\n"
     "  --out DIR        default: out/score\n"
     "  --help           this text\n"
@@ -52,8 +52,8 @@ static const struct option options[] = {
 };
 
 struct score {
-    char *bags; /* names with commas; NULL: none was given */
-    const char *truth_path, *scene_path, *out;
+    char *bags, *truths; /* names with commas; NULL: none was given */
+    const char *scene_path, *out;
     struct room *scene;
     struct truth_file *truth;
     struct drive_tally all;
@@ -61,15 +61,36 @@ struct score {
     FILE *csv;
 };
 
-static int load_truth(struct score *s, struct error *why)
+static size_t count(const char *names)
 {
-    if (s->truth_path)
-        return truth_file_load(&s->truth, s->truth_path, why);
+    size_t n = 1;
+
+    for (const char *p = names; (p = strchr(p, ',')); p++)
+        n++;
+    return n;
+}
+
+static int load_scene(struct score *s, struct error *why)
+{
+    if (!s->scene_path)
+        return 0;
     int err = room_load(&s->scene, s->scene_path, why);
     if (!err && !room_is_drive(s->scene))
         err = error_say(why, -ENOTSUP, "%s: not a drive: the key \"drive\" is missing",
                         s->scene_path);
     return err;
+}
+
+/* That of the next bag, or still that of all. */
+static int next_truth(struct score *s, struct error *why)
+{
+    const char *path = s->truths ? strsep(&s->truths, ",") : NULL;
+
+    if (!path)
+        return 0;
+    truth_file_destroy(s->truth);
+    s->truth = NULL;
+    return truth_file_load(&s->truth, path, why);
 }
 
 static int score_bag(struct score *s, const char *bag, struct error *why)
@@ -101,8 +122,11 @@ static int score_bags(struct score *s, struct error *why)
     int err = 0;
 
     drive_print_head();
-    while (!err && (bag = strsep(&rest, ",")))
-        err = score_bag(s, bag, why);
+    while (!err && (bag = strsep(&rest, ","))) {
+        err = next_truth(s, why);
+        if (!err)
+            err = score_bag(s, bag, why);
+    }
     if (s->all.n > 1) {
         drive_print("all", &s->all);
         json_object_set_new(s->json, "all", drive_json(&s->all));
@@ -118,7 +142,7 @@ static int run(struct score *s, struct error *why)
 {
     s->json = json_object();
     drive_tally_init(&s->all);
-    int err = s->json ? load_truth(s, why) : error_say(why, -ENOMEM, "out of memory");
+    int err = s->json ? load_scene(s, why) : error_say(why, -ENOMEM, "out of memory");
     if (!err)
         err = export_folder(s->out, why);
     if (!err)
@@ -146,7 +170,7 @@ int command_score(int argc, char **argv)
             s.bags = optarg;
             break;
         case 't':
-            s.truth_path = optarg;
+            s.truths = optarg;
             break;
         case 's':
             s.scene_path = optarg;
@@ -162,9 +186,14 @@ int command_score(int argc, char **argv)
         return usage_error("score", "--bag: expected files");
     if (!*s.out)
         return usage_error("score", "--out: expected a folder");
-    if (!s.truth_path == !s.scene_path)
+    if (!s.truths == !s.scene_path)
         return usage_error("score", "--bag: expected who was there: --truth FILE, or "
                                     "--scenes FILE of a simulated drive");
+    if (s.truths && count(s.truths) > 1 && count(s.truths) != count(s.bags))
+        return usage_error("score",
+                           "--truth: expected one file, or one for each of %zu "
+                           "bags",
+                           count(s.bags));
     interrupt_catch();
     return usage_outcome("score", run(&s, &why), &why);
 }
