@@ -2,7 +2,9 @@
  * between them: images, walls, objects and tracks are the same bytes. */
 #include "tests/hal/scratch.h"
 
-#include "hal/survey/firing.h"
+#include <errno.h>
+#include <math.h>
+
 #include "msgs/convert.h"
 #include "nodes/anlos/doctor/drive_world.h"
 #include "nodes/dsp/dsp.h"
@@ -397,6 +399,63 @@ static void a_scan_is_the_same_with_all_of_its_pings_and_without_the_last(void *
     scan("backprojection", 0);
 }
 
+/* -- walls ------------------------------------------------------------------------------
+ */
+
+/* Who finds walls himself asks nobody, and the vehicle is heard where it is to say. */
+static void check_whose_walls(const char *nodes, const char *from, bool takes_told,
+                              bool takes_given)
+{
+    const struct walls said = {
+        .n = 1,
+        .list = {{.id = 5,
+                  .plane = {.normal = {1, 0, 0}, .distance_m = 2.0},
+                  .gate_m = {0.0, WALLS_FAR_M}}},
+        .existence = {1.0}};
+    struct walls none_such = said;
+    struct error why = {""};
+    struct scene point;
+    struct both b;
+    char settings[200];
+    uint64_t told, given;
+    int64_t stamp_ns;
+
+    none_such.list[0].plane.distance_m = NAN;
+    snprintf(settings, sizeof settings,
+             "nodes: [stage, array, scan, dsp, recon, %strack]\n"
+             "array: {uri: 'sim:point.yaml'}\nwall: {from: %s}\n",
+             nodes, from);
+    assert_int_equal(scene_open(&point, SOURCE_DIR "/tests/nodes/point.yaml"), 0);
+    start(&b, settings, point.survey);
+    assert_int_equal(pipeline_walls(b.pipeline, &none_such, SECOND, &why),
+                     takes_told ? -EINVAL : 0);
+    assert_int_equal(pipeline_given(b.pipeline, &none_such, SECOND, SECOND, &why),
+                     takes_given ? -EINVAL : 0);
+    pipeline_known_walls(b.pipeline, &stamp_ns, &given); /* one that is empty is due */
+    assert_int_equal(given, takes_given);
+    assert_int_equal(pipeline_walls(b.pipeline, &said, 2 * SECOND, &why), 0);
+    pipeline_known_walls(b.pipeline, &stamp_ns, &told);
+    assert_int_equal(told - given, takes_told);
+    assert_int_equal(pipeline_given(b.pipeline, &said, 3 * SECOND, 3 * SECOND, &why), 0);
+    const struct walls *known = pipeline_known_walls(b.pipeline, &stamp_ns, &given);
+    assert_int_equal(given - told, takes_given);
+    if (takes_told || takes_given)
+        assert_int_equal(known->list[0].id, 5);
+    else
+        assert_null(known);
+    stop(&b);
+    scene_close(&point);
+}
+
+static void walls_are_taken_from_whom_they_are_to_come(void **state)
+{
+    (void)state;
+    check_whose_walls("", "echoes", true, false);
+    check_whose_walls("", "topic", true, false);
+    check_whose_walls("wall, ", "echoes", false, false);
+    check_whose_walls("wall, ", "topic", false, true);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
 int main(void)
@@ -406,6 +465,7 @@ int main(void)
         TEST(so_is_one_with_walls_that_the_vehicle_gives),
         TEST(so_is_one_with_the_wall_of_the_survey),
         TEST(a_scan_is_the_same_with_all_of_its_pings_and_without_the_last),
+        TEST(walls_are_taken_from_whom_they_are_to_come),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
