@@ -9,7 +9,6 @@
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/score/drive_bag.h"
 #include "nodes/anlos/score/drive_report.h"
-#include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 

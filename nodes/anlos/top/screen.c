@@ -127,6 +127,17 @@ static const struct column object_columns[] = {
     {NULL, 0, false, 0, 0, 0, 0},
 };
 
+/* A cell of two stands beside the other. */
+#define IS_PAIR(type, first, second)                                                     \
+    (offsetof(type, second) == offsetof(type, first) + sizeof((type *)0)->first)
+_Static_assert(IS_PAIR(struct table_node, rate_hz, expected_hz), "CELL_RATE");
+_Static_assert(IS_PAIR(struct table_topic, rate_hz, expected_hz), "CELL_RATE");
+_Static_assert(IS_PAIR(struct table_link, rate_hz, expected_hz), "CELL_RATE");
+_Static_assert(IS_PAIR(struct table_topic, alive, known), "CELL_ALIVE");
+_Static_assert((int)TABLE_MAX_NODES <= (int)LOOK_MAX_ROWS, "look_rows");
+_Static_assert((int)TABLE_MAX_TOPICS <= (int)LOOK_MAX_ROWS, "look_rows");
+_Static_assert((int)TABLE_MAX_OBJECTS <= (int)LOOK_MAX_ROWS, "look_rows");
+
 /* A word of a list, by its number. */
 static const char *word(const char *const *words, unsigned n, unsigned i)
 {
@@ -274,8 +285,8 @@ enum { MAX_STATES = 7 };
 
 static const struct {
     const struct column *columns;
-    size_t rows, size,
-        n; /* offset of the first row in the table, of each; of their number */
+    size_t rows, size; /* of the table: where the first is, how large each is */
+    size_t n;          /* where their number is */
     enum page_tone tones[MAX_STATES]; /* by the second column, the state */
 } lists[LOOK_PANELS] = {
     [LOOK_NODES] = {node_columns,
