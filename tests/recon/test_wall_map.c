@@ -185,6 +185,53 @@ static void given_walls_are_carried_to_the_present_and_keep_their_ids(void **sta
     free(k);
 }
 
+/* 5 cm and 2 degrees, and as upright as walls are: what a vehicle means that gives a
+ * plane and nothing else.  What it does say is taken at its word. */
+static void what_the_vehicle_does_not_say_of_a_wall_s_errors_is_assumed(void **state)
+{
+    (void)state;
+    struct wall_map *k = make(WALL_FROM_TOPIC, &nothing);
+    const struct walls given = {
+        .n = 2,
+        .list = {{.id = 1, .plane = {.normal = {1, 0, 0}, .distance_m = 3.0}},
+                 {.id = 2,
+                  .plane = {.normal = {0, 1, 0},
+                            .distance_m = 4.0,
+                            .covariance = {4e-4, 0, 0, 5e-4, 0, 6e-4}}}}};
+    assert_int_equal(wall_map_given(k, &given, SECOND, NULL), 0);
+    const struct walls *list = wall_map_list(k);
+    assert_int_equal(list->n, 2);
+    for (size_t i = 0; i < 2; i++) {
+        const double *c = list->list[i].plane.covariance;
+        bool said = list->list[i].id == 2;
+        assert_near(c[0], said ? 4e-4 : 0.035 * 0.035, 1e-9);
+        assert_near(c[3], said ? 5e-4 : 1e-4, 1e-9);
+        assert_near(c[5], said ? 6e-4 : 0.05 * 0.05, 1e-9);
+    }
+    free(k);
+}
+
+static void all_walls_of_a_look_are_told(void **state)
+{
+    (void)state;
+    struct wall_map *k = make(WALL_FROM_ECHOES, &nothing);
+    struct wall_estimates e = ahead(2.0);
+    e.list[1] = e.list[0];
+    e.list[1].wall.normal[0] = e.list[0].wall.normal[2];
+    e.list[1].wall.normal[2] = 0.0;
+    e.list[1].wall.distance_m = 3.0;
+    e.n = 2;
+    for (int n = 1; n <= 2; n++) {
+        wall_map_advance(k, n * SECOND);
+        wall_map_estimates(k, &e);
+    }
+    const struct walls *list = wall_map_list(k);
+    assert_int_equal(list->n, 2);
+    assert_near(list->list[0].plane.distance_m + list->list[1].plane.distance_m, 5.0,
+                1e-6);
+    free(k);
+}
+
 static void a_wall_that_the_vehicle_takes_back_is_lost(void **state)
 {
     (void)state;
@@ -216,6 +263,8 @@ int main(void)
         cmocka_unit_test(without_ego_motion_walls_are_lost_and_it_says_why),
         cmocka_unit_test(what_cannot_be_told_is_said),
         cmocka_unit_test(given_walls_are_carried_to_the_present_and_keep_their_ids),
+        cmocka_unit_test(what_the_vehicle_does_not_say_of_a_wall_s_errors_is_assumed),
+        cmocka_unit_test(all_walls_of_a_look_are_told),
         cmocka_unit_test(a_wall_that_the_vehicle_takes_back_is_lost),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
