@@ -5,13 +5,321 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "msgs/bag/catalog.h"
+#include "msgs/bag/manifest.h"
 #include "msgs/convert.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/replay/report.h"
+#include "nodes/anlos/recon/options.h"
+#include "nodes/anlos/recon/report.h"
+#include "nodes/anlos/replay/chain.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/can/config.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/launchfile.h"
+#include "nodes/rt/launchfile_pipeline.h"
+#include "recon/imaging/imager.h"
+#include "recon/processing.h"
+
+/* -- with what a bag is processed -------------------------------------------------------
+ */
+
+/* Its own launch file's settings, and the command line's where these are given. */
+struct settings {
+    struct launchfile *launch;     /* NULL: the bag has none */
+    char name[256];                /* of the launch file; empty: none */
+    char revision[128];            /* of the program that recorded; empty: not known */
+    struct imager_options imaging; /* those of the launch file, and of o */
+    struct chain_config chain; /* but for the bus; borrows from launch, imaging and o */
+};
+
+static bool is_text(struct bytes b, const char *text)
+{
+    return b.size == strlen(text) && !memcmp(b.data, text, b.size);
+}
+
+static void copy_text(char *out, size_t size, struct bytes b)
+{
+    snprintf(out, size, "%.*s", (int)(b.size < size ? b.size : size - 1),
+             b.size ? (const char *)b.data : "");
+}
+
+/* What the recorder says of itself. */
+static int read_session(struct settings *s, const struct bag_catalog *bag,
+                        struct error *why)
+{
+    struct bytes_buffer into = {0};
+    struct bag_record r;
+    struct bytes key, value;
+    int err = 0;
+
+    for (size_t i = 0; !err && i < bag->n_metadata; i++) {
+        const struct bag_record *index = &bag->metadata[i].record;
+        if (!is_text(index->metadata_index.name, MANIFEST_SESSION))
+            continue;
+        err = bag_catalog_read(bag, index, &into, &r, why);
+        while (!err && bag_map_next(&r.metadata.metadata, &key, &value)) {
+            if (is_text(key, MANIFEST_LAUNCH))
+                copy_text(s->name, sizeof s->name, value);
+            if (is_text(key, MANIFEST_REVISION))
+                copy_text(s->revision, sizeof s->revision, value);
+        }
+    }
+    bytes_free(&into);
+    return err;
+}
+
+static int read_launch(struct settings *s, const struct bag_catalog *bag,
+                       struct error *why)
+{
+    struct bytes_buffer into = {0};
+    struct bag_record r;
+    char name[512];
+    int err = 0;
+
+    for (size_t i = 0; !err && !s->launch && i < bag->n_attachments; i++) {
+        const struct bag_record *index = &bag->attachments[i].record;
+        if (!s->name[0] || !is_text(index->attachment_index.name, s->name))
+            continue;
+        snprintf(name, sizeof name, "%s in the bag", s->name);
+        err = bag_catalog_read(bag, index, &into, &r, why);
+        if (!err)
+            err = launchfile_parse(&s->launch, name, r.attachment.data.data,
+                                   r.attachment.data.size, why);
+    }
+    bytes_free(&into);
+    return err;
+}
+
+/* What the command line says wins.  Another method does not take the options of the
+ * launch file's. */
+static int take_imaging(struct settings *s, const struct recon_options *o,
+                        struct error *why)
+{
+    struct scan_imager_config *c = &s->chain.pipeline.scan;
+    char reason[256];
+
+    if (s->chain.pipeline.is_static && (o->method || o->imaging->given))
+        return error_say(why, -EINVAL,
+                         "--%s is for scans; the frames of a fixed array have one way",
+                         o->method ? "method" : "set");
+    if (o->method)
+        c->method = o->method;
+    s->imaging = c->options && !o->method ? *c->options : *o->imaging;
+    imager_options_overlay(&s->imaging, o->imaging);
+    c->options = &s->imaging;
+    if (c->method && imager_options_check(c->options, c->method, reason, sizeof reason))
+        return error_say(why, -EINVAL, "--set %s", reason);
+    return 0;
+}
+
+static void take_options(struct pipeline_config *c, const struct recon_options *o)
+{
+    if (o->has_window)
+        c->frontend.window = o->window;
+    if (o->has_compression)
+        c->frontend.compression = o->compression;
+    c->scan.threads = c->array.threads = o->threads;
+}
+
+/* 0; errors of opening a bag and of launchfile_load; -EINVAL (options that the method has
+ * not, a method for a fixed array).  *s stays where it is.  Clear with settings_clear,
+ * also afteran error. */
+static int settings_load(struct settings *s, const struct recon_options *o,
+                         struct error *why)
+{
+    struct bag_catalog *bag = NULL;
+
+    *s = (struct settings){.launch = NULL};
+    int err = bag_catalog_open(&bag, o->bag, why);
+    if (!err)
+        err = read_session(s, bag, why);
+    if (!err && o->launch) {
+        snprintf(s->name, sizeof s->name, "%s", o->launch);
+        err = launchfile_load(&s->launch, o->launch, NULL, why);
+    } else if (!err) {
+        err = read_launch(s, bag, why);
+    }
+    bag_catalog_close(bag);
+    if (err)
+        return err;
+    if (!s->launch)
+        s->name[0] = '\0';
+    launchfile_pipeline(&s->chain.pipeline, s->launch);
+    can_config_sender(&s->chain.sender, s->launch);
+    take_options(&s->chain.pipeline, o);
+    return take_imaging(s, o, why);
+}
+
+static void settings_clear(struct settings *s)
+{
+    launchfile_destroy(s->launch);
+    s->launch = NULL;
+}
+
+/* -- what it leaves behind --------------------------------------------------------------
+ */
+
+#define REPLAY_CAN_FILE "can.candump"
+
+struct replay {
+    const struct recon_options *options;
+    struct settings settings;
+    struct canbus *can;
+    struct chain chain;
+    bool begun;           /* the chain, with the first survey */
+    struct survey survey; /* the newest */
+    uint64_t survey_id;
+    struct processing processing; /* of it */
+    bool bad_input;               /* what went wrong is the input's fault */
+    struct stopwatch stages[RECON_STAGES], total;
+};
+
+static size_t pings_expected(const struct replay *r)
+{
+    if (r->chain.cfg.pipeline.is_static)
+        return r->chain.volume.pings_expected;
+    return r->survey.n_positions * r->survey.n_speakers;
+}
+
+/* As the image says: of an array that stands it is made of frames. */
+static const char *method_of(const struct chain *c)
+{
+    return c->cfg.pipeline.is_static ? c->volume.method : c->cfg.pipeline.scan.method;
+}
+
+static void warn(json_t *warnings, json_t *text)
+{
+    fprintf(stderr, "anlos recon: %s\n", json_string_value(text));
+    json_array_append_new(warnings, text);
+}
+
+static json_t *warnings_json(const struct replay *r)
+{
+    const struct chain *c = &r->chain;
+    const struct air *air = pipeline_air(c->pipeline);
+    size_t used = c->volume.pings_used, expected = pings_expected(r);
+    json_t *warnings = json_array();
+
+    for (size_t i = 0; i < c->n_notes; i++)
+        warn(warnings,
+             c->notes[i].times > 1
+                 ? json_sprintf("%s (%zu times)", c->notes[i].text, c->notes[i].times)
+                 : json_string(c->notes[i].text));
+    if (c->n_more_notes)
+        warn(warnings, json_sprintf("%zu more of other kinds", c->n_more_notes));
+    if (c->n_unusable)
+        warn(warnings, json_sprintf("%zu pings were of no use", c->n_unusable));
+    if (used + c->volume.pings_blanked < expected)
+        warn(warnings, json_sprintf("%zu of %zu pings are lost",
+                                    expected - used - c->volume.pings_blanked, expected));
+    if (c->clipped)
+        warn(warnings,
+             json_sprintf("%llu samples are clipped", (unsigned long long)c->clipped));
+    if (air_is_distrusted(air))
+        warn(warnings, json_sprintf("background: the air has changed by %.1f K since it "
+                                    "was recorded: it does not fit any more",
+                                    air_kelvin(air, air->largest)));
+    if (!c->n_background_pings &&
+        c->cfg.pipeline.frontend.background != BACKGROUND_ADAPTIVE)
+        warn(warnings, json_string("no background recording: the room's own echoes stay "
+                                   "in the image"));
+    return warnings;
+}
+
+static json_t *recording_json(const struct replay *r)
+{
+    const struct settings *s = &r->settings;
+
+    return json_pack(
+        "{ss, ss?, ss?, sI, sI, sI, sI, sI, sb}", "bag", r->options->bag, "launch",
+        s->name[0] ? s->name : NULL, "revision", s->revision[0] ? s->revision : NULL,
+        "scan", (json_int_t)r->chain.detections->scan, "images",
+        (json_int_t)r->chain.n_images, "positions", (json_int_t)r->survey.n_positions,
+        "speakers", (json_int_t)r->survey.n_speakers, "microphones",
+        (json_int_t)r->survey.n_microphones, "calibrated", r->survey.n_responses > 0);
+}
+
+static void add_pings(const struct replay *r, json_t *report)
+{
+    const struct chain *c = &r->chain;
+    size_t expected = pings_expected(r), used = c->volume.pings_used;
+
+    json_object_set_new(
+        report, "compression",
+        json_string(compression_name(c->cfg.pipeline.frontend.compression)));
+    json_object_set_new(report, "window",
+                        json_string(window_name(c->cfg.pipeline.frontend.window)));
+    json_object_set_new(report, "pings",
+                        json_pack("{sI, sI, sI, sI, sI}", "expected",
+                                  (json_int_t)expected, "used", (json_int_t)used, "lost",
+                                  (json_int_t)(expected - used), "unusable",
+                                  (json_int_t)c->n_unusable, "background",
+                                  (json_int_t)c->n_background_pings));
+    json_object_set_new(report, "clipped_samples", json_integer((json_int_t)c->clipped));
+    json_object_set_new(report, "microphones_masked",
+                        json_integer((json_int_t)c->volume.microphones_masked));
+    if (c->n_background_pings)
+        json_object_set_new(report, "air", recon_report_air(pipeline_air(c->pipeline)));
+    json_object_set_new(report, "sound_speed_m_s",
+                        export_real(r->survey.sound_speed_m_s));
+    json_object_set_new(report, "temperature_c", export_real(r->survey.temperature_c));
+}
+
+/* All files but that of the CAN frames. */
+static int replay_write(struct replay *r, const char *folder,
+                        const struct stopwatch *began, struct error *why)
+{
+    const struct chain *c = &r->chain;
+    struct recon_results results = {
+        .options = r->options,
+        .method = method_of(c),
+        .imaging = c->cfg.pipeline.scan.options,
+        .grid = &c->volume.grid,
+        .intensity = c->volume.intensity,
+        .detections = c->detections,
+        .gate_m = r->processing.gate_m,
+        .band_hz = r->processing.band_hz,
+        .stages = r->stages,
+        .total = &r->total,
+    };
+    int err = pool_create(&results.pool, r->options->threads);
+
+    if (err)
+        return error_say(why, err, "%zu threads: %s", r->options->threads,
+                         strerror(-err));
+    err = recon_results_write(&results, folder, began, why);
+    if (!err) {
+        json_t *report = recon_results_report(&results, recording_json(r));
+        add_pings(r, report);
+        err = recon_results_finish(report, warnings_json(r), folder, why);
+    }
+    pool_destroy(results.pool);
+    return err;
+}
+
+/* The objects, the time and the folder, on stdout. */
+static void replay_print(const struct replay *r)
+{
+    const struct chain *c = &r->chain;
+
+    recon_report_print_objects(c->detections, r->survey.pings_m != NULL, false);
+    if (c->n_images > 1)
+        printf("%zu images in the bag; the files are of the last, scan %u\n", c->n_images,
+               c->detections->scan);
+    printf("%zu of %zu pings, method %s, settings of %s, %zu thread%s: %.2f s",
+           c->volume.pings_used, pings_expected(r), method_of(c),
+           r->settings.name[0] ? r->settings.name : "no launch file (defaults)",
+           r->options->threads, r->options->threads == 1 ? "" : "s", r->total.wall_s);
+    recon_report_print_stages(r->stages);
+    printf("%s: volume.nrrd, projection_{xy,xz,yz}.png, detections.json, " REPLAY_CAN_FILE
+           ", report.json\n",
+           r->options->out);
+}
+
+/* -- the bag through the chain ----------------------------------------------------------
+ */
 
 static const char topics[] = "survey,ping,scan/status,ego,ambient,wall,wall/given";
 
