@@ -14,6 +14,7 @@
 #define NEXT_CLEARANCE     10.0 /* over the band: hann's sidelobes are at -70 dB there */
 #define VOLUME_CLEARANCE_M 0.05 /* before the nearest voxel: the interpolators' taps */
 #define TRACE_OVERSAMPLING 2.0
+#define LEAST_SPAN         16.0 /* over the band: interpolators' taps on both sides */
 
 void processing_geometry(struct geometry *g, const struct survey *s)
 {
@@ -139,6 +140,16 @@ static int fit_gate_to_volume(struct processing *p, const struct survey *s,
     return 0;
 }
 
+/* The echoes of a few voxels are over before an interpolator has its samples. */
+static void widen_gate(double gate_s[2], double least_s, double until_s)
+{
+    double missing_s = least_s - (gate_s[1] - gate_s[0]);
+    if (!(missing_s > 0.0))
+        return;
+    gate_s[1] = fmin(gate_s[1] + 0.5 * missing_s, fmax(gate_s[1], until_s));
+    gate_s[0] = fmax(gate_s[1] - least_s, 0.0);
+}
+
 int processing_plan(struct processing *out, const struct survey *s, struct error *why)
 {
     struct processing p = {0};
@@ -178,6 +189,8 @@ int processing_plan(struct processing *out, const struct survey *s, struct error
     p.gate_s[1] = fmin(fmin(delays_s[1], reach_s), quiet_until_s(s, p.band_hz));
     if (s->has_gate)
         p.gate_s[1] = fmin(p.gate_s[1], 2.0 * p.gate_m[1] / s->sound_speed_m_s);
+    widen_gate(p.gate_s, LEAST_SPAN / (p.band_hz[1] - p.band_hz[0]),
+               fmin(reach_s, quiet_until_s(s, p.band_hz)));
     p.ping_samples = s->slot_samples + tail_samples(s);
     p.echo_samples = s->slot_samples + tail_echo_samples(s);
     *out = p;

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "recon/lines.h"
@@ -12,16 +13,15 @@
 static int check_plane(const struct geometry *g, const char **why)
 {
     double z = g->speakers_m[0][2];
-    *why = "speakers and microphones in one plane z = constant";
-    if (fabs(g->stage_axis[2]) > SAME_M)
-        return -ENOTSUP;
+    bool plane = fabs(g->stage_axis[2]) <= SAME_M;
     for (size_t j = 0; j < g->n_speakers; j++)
-        if (fabs(g->speakers_m[j][2] - z) > SAME_M)
-            return -ENOTSUP;
+        plane = plane && fabs(g->speakers_m[j][2] - z) <= SAME_M;
     for (size_t i = 0; i < g->n_microphones; i++)
-        if (fabs(g->microphones_m[i][2] - z) > SAME_M)
-            return -ENOTSUP;
-    return 0;
+        plane = plane && fabs(g->microphones_m[i][2] - z) <= SAME_M;
+    if (plane)
+        return 0;
+    *why = "speakers and microphones in one plane z = constant";
+    return -ENOTSUP;
 }
 
 static double coordinate(const struct geometry *g, size_t k, size_t pair, int axis)

@@ -225,6 +225,46 @@ static void a_volume_beyond_the_slot_or_the_gate_is_an_error(void **state)
     assert_non_null(strstr(f.why.text, "gate_m"));
 }
 
+/* Its echoes end within a third of a millisecond, between two of an interpolator's taps.
+ */
+static void a_volume_of_one_voxel_has_samples_for_every_interpolator(void **state)
+{
+    (void)state;
+    static const double nearest_m[] = {0.7, 1.5, 3.9};
+    static const char *const methods[] = {"fast", "backprojection"};
+    for (size_t k = 0; k < 3; k++) {
+        struct fixture f = paper_array();
+        double delays_s[2], z = nearest_m[k];
+        memcpy(f.s.volume_m,
+               (const double[3][3]){{1, 1, .01}, {.5, .5, .01}, {z, z, .01}},
+               sizeof f.s.volume_m);
+        f.s.has_volume = true;
+        f.s.n_positions = 1;
+        f.s.n_speakers = f.s.n_microphones = 2;
+        assert_int_equal(plan(&f), 0);
+        grid_delays(&f.p.grid, &f.p.geometry, delays_s);
+        assert_true(delays_s[1] - delays_s[0] < 0.3e-3);
+        assert_true(f.p.gate_s[1] - f.p.gate_s[0] > 15.9 / 18e3);
+        assert_true(f.p.gate_s[0] < delays_s[0] - 4.0 / 36e3);
+        assert_true(f.p.gate_s[1] > delays_s[1] + 4.0 / 36e3);
+        for (size_t m = 0; m < 2; m++) {
+            struct pulse_compress *pc;
+            struct imager *im;
+            struct pool *pool;
+            assert_int_equal(processing_compressor(&pc, &f.p, &f.s, WINDOW_HANN, &f.why),
+                             0);
+            assert_int_equal(pool_create(&pool, 1), 0);
+            struct trace_format format;
+            pulse_compress_format(pc, &format);
+            if (processing_imager(&im, &f.p, methods[m], &format, pool, &f.why))
+                fail_msg("%s", f.why.text);
+            imager_destroy(im);
+            pool_destroy(pool);
+            pulse_compress_destroy(pc);
+        }
+    }
+}
+
 static void a_volume_of_too_many_voxels_is_refused(void **state)
 {
     (void)state;
@@ -276,6 +316,7 @@ int main(void)
         cmocka_unit_test(what_lies_behind_the_far_end_of_a_gate_is_not_heard),
         cmocka_unit_test(a_volume_partly_beyond_the_slot_is_cut_at_two_slots),
         cmocka_unit_test(a_volume_beyond_the_slot_or_the_gate_is_an_error),
+        cmocka_unit_test(a_volume_of_one_voxel_has_samples_for_every_interpolator),
         cmocka_unit_test(a_volume_of_too_many_voxels_is_refused),
         cmocka_unit_test(a_falling_chirp_has_the_same_band),
         cmocka_unit_test(a_method_that_does_not_exist_is_told_with_those_that_do),
