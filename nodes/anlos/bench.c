@@ -1,6 +1,6 @@
 /* nodes/anlos/bench.c -- `anlos bench NAME`: runs a benchmark of tests/bench, which is
- * built with the tests, beside this program.  What left it for a command of its own is
- * called by its old name for one version. */
+ * built beside this program.  What left it for a command of its own is called by its old
+ * name for one version. */
 #include <errno.h>
 #include <limits.h>
 #include <stdio.h>
@@ -21,10 +21,8 @@ static const char help[] =
     "  drive        how exact the tracks of simulated drives are\n"
     "  detection    how often one point is found in how much noise\n"
     "\n"
-    "They are programs of tests/bench, built with the tests (cmake -DANLOS_TESTS=ON, "
-    "the\n"
-    "default) into the folder bench beside that of this program.  Each explains itself\n"
-    "with --help.\n"
+    "They are programs of tests/bench, in the folder bench beside that of this program.\n"
+    "Each explains itself with --help.\n"
     "\n"
     "`anlos bench speed-error` is `anlos speed-error` now, and `anlos bench drive "
     "--bag`\n"
@@ -69,9 +67,9 @@ static int run_program(const char *name, char **argv)
         return EXIT_FAILED;
     }
     fprintf(stderr,
-            "anlos bench: %s is not there: %s is built with the tests "
-            "(cmake -DANLOS_TESTS=ON)\n",
-            path, name);
+            "anlos bench: %s is not there; 'cmake --build FOLDER' makes it beside "
+            "FOLDER/bin\n",
+            path);
     return EXIT_FAILED;
 }
 
