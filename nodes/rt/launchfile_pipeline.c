@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "nodes/rt/launchfile_track.h"
+#include "nodes/rt/launchfile.h"
 #include "nodes/rt/processors.h"
 
 #define WALLS_S 3.0 /* as wall.lost_s of a launch file */

@@ -10,7 +10,7 @@
 #include "hal/clock.h"
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/rt/launchfile_play.h"
+#include "nodes/rt/launchfile.h"
 
 /* -- a person at a terminal who pauses, steps, seeks and changes the pace ---------------
  */
