@@ -4,14 +4,13 @@
 
 #include "msgs/topics.h"
 #include "nodes/dsp/dsp.h"
-#include "nodes/rt/early.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 
 struct run {
     struct node *node;
     struct dsp *dsp;
-    struct early early;
+    struct node_dropped dropped;
     uint64_t blanked; /* pings */
 };
 
@@ -20,7 +19,7 @@ static size_t counts(void *ctx, struct device_count *out)
     const struct run *r = ctx;
 
     out[0] = (struct device_count){"pings blanked", r->blanked};
-    return 1 + early_count(&r->early, out + 1);
+    return 1 + node_dropped_count(&r->dropped, out + 1);
 }
 
 static int take_survey(struct run *r, const Anlos__Survey *survey)
@@ -32,7 +31,7 @@ static int take_survey(struct run *r, const Anlos__Survey *survey)
         node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
     } else {
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
-        early_tell(&r->early, r->node);
+        node_dropped_say(r->node, &r->dropped);
     }
     return err;
 }
@@ -85,7 +84,7 @@ static void take_ping(struct run *r, const struct node_message *in)
     struct dsp *dsp = r->dsp;
     struct dsp_output out;
 
-    r->early.n += !dsp_is_planned(dsp);
+    r->dropped.n += !dsp_is_planned(dsp);
     dsp_ping(dsp, (const Anlos__Ping *)in->content, in->capture_ns, &out);
     r->blanked += out.has_traces && out.traces.blanked;
     if (out.has_traces)
@@ -131,7 +130,7 @@ static int run(struct run *r)
 
 int main(int argc, char **argv)
 {
-    struct run r = {.early = {.count = "pings before the survey"}};
+    struct run r = {.dropped = {.count = "pings before the survey"}};
     struct pipeline_config cfg;
     int err = node_create(&r.node, "dsp",
                           "Compresses pulses and subtracts the background.", argc, argv);

@@ -23,7 +23,7 @@
 #include "nodes/rt/log_topic.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/priority.h"
-#include "nodes/rt/vitals.h"
+#include "nodes/rt/health.h"
 
 /* The signals that end the launcher, and those of its children, to be read where it
  * waits. */
@@ -152,10 +152,10 @@ static void voice_health(struct voice *v, int64_t now_ns,
                    n_lost = process_group_lost(process_group);
     const struct log_line tick = {
         .stamp_ns = now_ns, .level = LOG_LEVEL_INFO, .node = "launcher"};
-    struct vitals vitals;
+    struct health health;
     char name[] = "launcher", text[64], ended[32] = "";
-    const struct vitals_fault lost = {NODE_FAULT_NODES_LOST, n_lost, n_nodes};
-    struct vitals_faults faults;
+    const struct health_fault lost = {NODE_FAULT_NODES_LOST, n_lost, n_nodes};
+    struct health_faults faults;
     struct device_count counts[DEVICE_MAX_COUNTS];
 
     if (!v->bus ||
@@ -165,18 +165,18 @@ static void voice_health(struct voice *v, int64_t now_ns,
     v->n_lost = n_lost;
     v->due_ns = now_ns + PERIOD_NS;
     voice_log(v, &tick);
-    vitals_take(&vitals, v->bus, name, 0);
-    vitals.message.state = n_running + n_ended == n_nodes
+    health_take(&health, v->bus, name, 0);
+    health.message.state = n_running + n_ended == n_nodes
                                ? ANLOS__HEALTH__STATE__READY
                                : ANLOS__HEALTH__STATE__DEGRADED;
     if (n_ended)
         snprintf(ended, sizeof ended, ", %u ended", n_ended);
     snprintf(text, sizeof text, "%u of %u nodes run%s", n_running, n_nodes, ended);
-    vitals.message.text = text;
-    vitals_device(&vitals, counts, supervisor_counts(supervisor, counts));
-    vitals_faults(&vitals.message, &faults, &lost, n_lost > 0);
-    vitals.message.uptime_s = 1e-9 * (double)(now_ns - v->epoch_ns);
-    bus_publish_message(v->bus, topic_health(), 0, now_ns, &vitals.message.base);
+    health.message.text = text;
+    health_device(&health, counts, supervisor_counts(supervisor, counts));
+    health_faults(&health.message, &faults, &lost, n_lost > 0);
+    health.message.uptime_s = 1e-9 * (double)(now_ns - v->epoch_ns);
+    bus_publish_message(v->bus, topic_health(), 0, now_ns, &health.message.base);
 }
 
 #define KILL_AFTER_NS 3000000000LL

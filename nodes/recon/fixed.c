@@ -4,7 +4,6 @@
 
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
-#include "nodes/rt/early.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/pace.h"
 
@@ -14,7 +13,7 @@ struct fixed {
     struct node *node;
     struct steady *steady;
     bool planned, due;
-    struct early early;
+    struct node_dropped dropped;
     int64_t taken_ns; /* when the newest ping came */
     struct pace pace; /* of images */
 };
@@ -29,7 +28,7 @@ static size_t counts(void *ctx, struct device_count *out)
     out[2] = (struct device_count){"images of unknown motion", c->unknown};
     out[3] = (struct device_count){"traces unfit", c->unfit};
     out[4] = (struct device_count){"clock steps back", c->backwards};
-    return 5 + early_count(&f->early, out + 5);
+    return 5 + node_dropped_count(&f->dropped, out + 5);
 }
 
 static int create(struct fixed *f)
@@ -58,7 +57,7 @@ static int take_survey(struct fixed *f, const Anlos__Survey *survey)
         node_state(f->node, ANLOS__HEALTH__STATE__READY, "ready");
     f->planned = !err;
     if (!err)
-        early_tell(&f->early, f->node);
+        node_dropped_say(f->node, &f->dropped);
     return err;
 }
 
@@ -124,7 +123,7 @@ static void take_traces(struct fixed *f, const struct node_message *in)
         node_log(f->node, LOG_LEVEL_WARNING, "%s", note);
     if (node_is_replayed(f->node))
         acknowledge(f, traces, in->capture_ns, f->planned && !note[0]);
-    f->early.n += !f->planned;
+    f->dropped.n += !f->planned;
     if (!due)
         return;
     f->taken_ns = node_now_ns(f->node);
@@ -183,7 +182,7 @@ static int loop(struct fixed *f)
 
 int fixed_run(struct node *node)
 {
-    struct fixed f = {.node = node, .early = {.count = "traces before the survey"}};
+    struct fixed f = {.node = node, .dropped = {.count = "traces before the survey"}};
     int err = create(&f);
 
     if (!err)

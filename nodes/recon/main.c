@@ -5,7 +5,6 @@
 #include "msgs/topics.h"
 #include "nodes/recon/fixed.h"
 #include "nodes/recon/recon.h"
-#include "nodes/rt/early.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 
@@ -18,7 +17,7 @@
 struct run {
     struct node *node;
     struct recon *recon;
-    struct early early;
+    struct node_dropped dropped;
     int64_t scan_epoch_ns;
     int64_t preview_due_ns, repeat_due_ns;
     bool has_final; /* of what is in: */
@@ -29,7 +28,7 @@ static size_t counts(void *ctx, struct device_count *out)
 {
     const struct run *r = ctx;
 
-    return early_count(&r->early, out);
+    return node_dropped_count(&r->dropped, out);
 }
 
 static int create(struct run *r)
@@ -84,7 +83,7 @@ static int take_survey(struct run *r, const Anlos__Survey *survey)
         node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
     } else {
         node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
-        early_tell(&r->early, r->node);
+        node_dropped_say(r->node, &r->dropped);
     }
     return err;
 }
@@ -94,7 +93,7 @@ static void take_traces(struct run *r, const struct node_message *in)
     Anlos__Receipt receipt;
     char note[128];
 
-    r->early.n += !recon_is_planned(r->recon);
+    r->dropped.n += !recon_is_planned(r->recon);
     recon_traces(r->recon, (const Anlos__Traces *)in->content, in->capture_ns,
                  node_now_ns(r->node), &receipt, note, sizeof note);
     node_publish(r->node, topic_receipt(), in->capture_ns, &receipt.base);
@@ -168,7 +167,7 @@ static int run(struct run *r)
 
 int main(int argc, char **argv)
 {
-    struct run r = {.early = {.count = "traces before the survey"}};
+    struct run r = {.dropped = {.count = "traces before the survey"}};
     int err = node_create(&r.node, "recon",
                           "Images what the echoes show, while they come in.", argc, argv);
 

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "nodes/rt/vitals.h"
+#include "nodes/rt/health.h"
 
 #define PERIOD_NS      1000000000LL
 #define LOOK_PERIOD_NS 100000000LL /* for new connections, in a young process */
@@ -25,19 +25,19 @@ static void look_at_priority(struct heartbeat *h)
 
 void heartbeat_publish(struct heartbeat *h)
 {
-    struct vitals v;
+    struct health v;
     struct device_count counts[DEVICE_MAX_COUNTS];
-    struct vitals_faults faults;
+    struct health_faults faults;
     int64_t machine_ns = clock_now_ns(h->clock->machine);
     int64_t now_ns = clock_now_ns(&h->clock->source);
 
     log_tick(h->log);
     look_at_priority(h);
-    vitals_take(&v, h->bus, h->node, h->malformed);
-    vitals_latencies(&v, &h->latencies, now_ns);
+    health_take(&v, h->bus, h->node, h->malformed);
+    health_latencies(&v, &h->latencies, now_ns);
     if (h->device)
-        vitals_device(&v, counts, h->counts(h->device, counts));
-    vitals_faults(&v.message, &faults, h->faults, h->n_faults);
+        health_device(&v, counts, h->counts(h->device, counts));
+    health_faults(&v.message, &faults, h->faults, h->n_faults);
     v.message.sensing = (Anlos__Sensing *)(uintptr_t)h->sensing;
     v.message.ended = h->ended;
     v.message.state = h->state;
@@ -56,15 +56,15 @@ void heartbeat_publish(struct heartbeat *h)
  * who begins to listen to its health has missed what it said so far. */
 static void look_at_peers(struct heartbeat *h, int64_t now_ns)
 {
-    struct bus_count counts[VITALS_MAX_TOPICS];
+    struct bus_count counts[HEALTH_MAX_TOPICS];
     size_t peers = 0;
 
     if (now_ns < h->look_due_ns)
         return;
     h->look_due_ns = now_ns - h->epoch_ns < YOUNG_NS ? now_ns + LOOK_PERIOD_NS
                                                      : h->due_ns;
-    size_t n_counts = bus_counts(h->bus, counts, VITALS_MAX_TOPICS);
-    for (size_t i = 0; i < n_counts && i < VITALS_MAX_TOPICS; i++)
+    size_t n_counts = bus_counts(h->bus, counts, HEALTH_MAX_TOPICS);
+    for (size_t i = 0; i < n_counts && i < HEALTH_MAX_TOPICS; i++)
         if (!counts[i].published || counts[i].topic == topic_health())
             peers += counts[i].peers;
     if (peers != h->peers)
@@ -114,9 +114,9 @@ void heartbeat_fault(struct heartbeat *h, const char *name, uint32_t count, uint
 
     while (i < h->n_faults && strcmp(h->faults[i].name, name))
         i++;
-    if (i == h->n_faults && (!count || i == VITALS_MAX_FAULTS))
+    if (i == h->n_faults && (!count || i == HEALTH_MAX_FAULTS))
         return;
-    const struct vitals_fault now = {name, count, of};
+    const struct health_fault now = {name, count, of};
     bool changed = i == h->n_faults || h->faults[i].count != count;
     h->n_faults += i == h->n_faults;
     h->faults[i] = now;

@@ -11,7 +11,7 @@
 #include "nodes/rt/latencies.h"
 #include "nodes/rt/log.h"
 #include "nodes/rt/priority.h"
-#include "nodes/rt/vitals.h"
+#include "nodes/rt/health.h"
 
 struct heartbeat {
     char *node; /* whose, not owned; bus, log and clock neither */
@@ -27,7 +27,7 @@ struct heartbeat {
     struct latencies latencies;
     size_t (*counts)(void *device, struct device_count *out);
     void *device;                                  /* NULL: none */
-    struct vitals_fault faults[VITALS_MAX_FAULTS]; /* [n_faults], those that last */
+    struct health_fault faults[HEALTH_MAX_FAULTS]; /* [n_faults], those that last */
     size_t n_faults;
     char priority[PRIORITY_TEXT_SIZE]; /* of this process */
     uint64_t turns;                    /* of the main loop, so far */

@@ -1,6 +1,7 @@
 #include "nodes/rt/node.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,7 +16,7 @@
 #include "nodes/rt/replay_order.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/rt/stop.h"
-#include "nodes/rt/vitals.h"
+#include "nodes/rt/health.h"
 
 #define NS_PER_MS 1000000LL
 
@@ -306,7 +307,7 @@ static int unpack(struct node *n, struct bus_message *m, struct node_message *ou
     if (!n->content) {
         if (!n->heart.malformed++)
             node_log(n, LOG_LEVEL_WARNING,
-                     "%s from %s is not a message of its schema; it is passed over",
+                     "%s from %s is not a message of its schema; it is ignored",
                      m->topic->name, m->envelope.node);
         return -EPROTO;
     }
@@ -340,16 +341,16 @@ static void add_sent(const struct bus_count *c, Anlos__Sent *sent, Anlos__Progre
 /* What was taken is used, and what came of it is out. */
 static void tell_progress(struct node *n)
 {
-    struct bus_count counts[VITALS_MAX_TOPICS];
-    Anlos__Sent sent[VITALS_MAX_TOPICS], *list[VITALS_MAX_TOPICS];
+    struct bus_count counts[HEALTH_MAX_TOPICS];
+    Anlos__Sent sent[HEALTH_MAX_TOPICS], *list[HEALTH_MAX_TOPICS];
     Anlos__Progress p = ANLOS__PROGRESS__INIT;
 
     if (!replay_order_done(n->order, &p.time_ns))
         return;
-    size_t n_counts = bus_counts(n->bus, counts, VITALS_MAX_TOPICS);
+    size_t n_counts = bus_counts(n->bus, counts, HEALTH_MAX_TOPICS);
     p.round = n->order->round;
     p.sent = list;
-    for (size_t i = 0; i < n_counts && i < VITALS_MAX_TOPICS; i++)
+    for (size_t i = 0; i < n_counts && i < HEALTH_MAX_TOPICS; i++)
         if (replay_order_has(counts[i].topic))
             add_sent(&counts[i], &sent[i], &p, n->name);
     bus_publish_message(n->bus, topic_progress(), 0, node_now_ns(n), &p.base);
@@ -496,6 +497,19 @@ void node_log_each(const struct node *n, enum log_level level, const char *forma
     va_start(args, format);
     log_vwrite_each(n->log, level, format, args);
     va_end(args);
+}
+
+size_t node_dropped_count(const struct node_dropped *d, struct device_count *out)
+{
+    *out = (struct device_count){d->count, d->n};
+    return 1;
+}
+
+void node_dropped_say(const struct node *n, struct node_dropped *d)
+{
+    if (d->n > d->said)
+        node_log(n, LOG_LEVEL_INFO, "%s, ignored: %" PRIu64, d->count, d->n - d->said);
+    d->said = d->n;
 }
 
 int node_finish(struct node *n, int err)

@@ -118,6 +118,18 @@ void node_log(const struct node *n, enum log_level level, const char *format, ..
 void node_log_each(const struct node *n, enum log_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
+/* Messages that are dropped before the survey is there, of which nobody can make anything
+ * yet: processes start as they like, so that is no fault.  They are counted, and said
+ * once, when the survey comes. */
+struct node_dropped {
+    const char *count; /* its name in health, such as "pings before the survey" */
+    uint64_t n, said;
+};
+
+/* For node_device; returns 1. */
+size_t node_dropped_count(const struct node_dropped *d, struct device_count *out);
+void node_dropped_say(const struct node *n, struct node_dropped *d);
+
 /* Closes all and returns the process's exit code: 0 if err is 0 or -ESHUTDOWN, 2 if it is
  * one of configuration (-EINVAL, -ENOENT, -ENODEV, -ENOTSUP, -EACCES, -ENOTDIR, -EROFS,
  * -EADDRINUSE, -EADDRNOTAVAIL: no use in starting it again), else 1. */

@@ -4,7 +4,6 @@
 
 #include "msgs/convert.h"
 #include "msgs/topics.h"
-#include "nodes/rt/early.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/pace.h"
@@ -32,7 +31,7 @@ struct job {
     struct listed last;
     struct taken taken;
     struct pace pace; /* of lists */
-    struct early early;
+    struct node_dropped dropped;
     struct track_counts told;
 };
 
@@ -42,7 +41,7 @@ static size_t counts(void *ctx, struct device_count *out)
 
     out[0] = (struct device_count){"lists", j->pace.done};
     out[1] = (struct device_count){"images skipped", j->pace.skipped};
-    return 2 + early_count(&j->early, out + 2);
+    return 2 + node_dropped_count(&j->dropped, out + 2);
 }
 
 static void tell_state(struct job *j)
@@ -70,7 +69,7 @@ static int take_survey(struct job *j, const Anlos__Survey *survey)
         node_state(j->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
     } else {
         tell_state(j);
-        early_tell(&j->early, j->node);
+        node_dropped_say(j->node, &j->dropped);
     }
     return err;
 }
@@ -127,7 +126,7 @@ static void take_volume(struct job *j, const struct node_message *in)
     struct error why = {""};
 
     if (!tracking_has_survey(j->tracking)) {
-        j->early.n++;
+        j->dropped.n++;
         return;
     }
     count_replaced(j, in);
@@ -201,7 +200,7 @@ static int run(struct job *j)
 
 int main(int argc, char **argv)
 {
-    struct job j = {.early = {.count = "volumes before the survey"}};
+    struct job j = {.dropped = {.count = "volumes before the survey"}};
     struct pipeline_config cfg;
     int err = node_create(&j.node, "track", "Finds the hidden objects in the image.",
                           argc, argv);

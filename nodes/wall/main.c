@@ -2,7 +2,6 @@
 #include <errno.h>
 
 #include "msgs/topics.h"
-#include "nodes/rt/early.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 #include "nodes/wall/finding.h"
@@ -12,14 +11,14 @@ struct run {
     struct finding *finding;
     enum wall_from from;
     size_t unusable; /* pings, said in the log already */
-    struct early early;
+    struct node_dropped dropped;
 };
 
 static size_t counts(void *ctx, struct device_count *out)
 {
     const struct run *r = ctx;
 
-    return early_count(&r->early, out);
+    return node_dropped_count(&r->dropped, out);
 }
 
 static void tell_state(struct run *r, const Anlos__WallList *list)
@@ -41,7 +40,7 @@ static int take_survey(struct run *r, const Anlos__Survey *m)
         node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
     } else if (!known) {
         tell_state(r, finding_walls(r->finding));
-        early_tell(&r->early, r->node);
+        node_dropped_say(r->node, &r->dropped);
     }
     return err;
 }
@@ -52,7 +51,7 @@ static void take_ping(struct run *r, const struct node_message *in)
         return;
     if (!finding_ping(r->finding, (const Anlos__Ping *)in->content, in->capture_ns,
                       node_now_ns(r->node)))
-        r->early.n++;
+        r->dropped.n++;
     size_t unusable = wall_finder_unusable(finding_finder(r->finding));
     if (unusable != r->unusable)
         node_log(r->node, LOG_LEVEL_WARNING, "%zu pings could not be used", unusable);
@@ -129,7 +128,7 @@ static int run(struct run *r)
 
 int main(int argc, char **argv)
 {
-    struct run r = {.early = {.count = "pings before the survey"}};
+    struct run r = {.dropped = {.count = "pings before the survey"}};
     struct pipeline_config cfg;
     int err = node_create(&r.node, "wall", "Tells where the walls are that mirror sound.",
                           argc, argv);

@@ -109,7 +109,7 @@ static void before_the_survey_nothing_can_be_used(void **state)
     scene_ping(&r->scene, SCENE, 0, 0, &r->ping);
     dsp_ping(fresh, &r->ping, 0, &r->out);
     assert_receipt(r, SCENE, false);
-    assert_string_equal(r->out.note, ""); /* it will come: nodes/rt/early.h counts */
+    assert_string_equal(r->out.note, ""); /* it will come: node_dropped counts */
     dsp_destroy(fresh);
 }
 

@@ -1,4 +1,4 @@
-#include "nodes/rt/vitals.h"
+#include "nodes/rt/health.h"
 
 #include <stdio.h>
 #include <sys/resource.h>
@@ -27,13 +27,13 @@ static uint64_t resident_bytes(void)
     return (uint64_t)pages * (uint64_t)sysconf(_SC_PAGESIZE);
 }
 
-void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malformed)
+void health_take(struct health *out, struct bus *bus, char *node, uint64_t malformed)
 {
-    struct bus_count counts[VITALS_MAX_TOPICS];
-    size_t n = bus_counts(bus, counts, VITALS_MAX_TOPICS);
+    struct bus_count counts[HEALTH_MAX_TOPICS];
+    size_t n = bus_counts(bus, counts, HEALTH_MAX_TOPICS);
 
-    if (n > VITALS_MAX_TOPICS)
-        n = VITALS_MAX_TOPICS;
+    if (n > HEALTH_MAX_TOPICS)
+        n = HEALTH_MAX_TOPICS;
     anlos__health__init(&out->message);
     for (size_t i = 0; i < n; i++) {
         Anlos__TopicCount *c = &out->counts[i];
@@ -58,7 +58,7 @@ void vitals_take(struct vitals *out, struct bus *bus, char *node, uint64_t malfo
     out->message.refused_connections = bus_refused_connections(bus);
 }
 
-void vitals_latencies(struct vitals *out, const struct latencies *l, int64_t now_ns)
+void health_latencies(struct health *out, const struct latencies *l, int64_t now_ns)
 {
     for (size_t i = 0; i < out->message.n_topics; i++) {
         Anlos__TopicCount *c = &out->counts[i];
@@ -70,7 +70,7 @@ void vitals_latencies(struct vitals *out, const struct latencies *l, int64_t now
     }
 }
 
-void vitals_device(struct vitals *out, const struct device_count *counts, size_t n)
+void health_device(struct health *out, const struct device_count *counts, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
         anlos__device_count__init(&out->device[i]);
@@ -82,8 +82,8 @@ void vitals_device(struct vitals *out, const struct device_count *counts, size_t
     out->message.device = out->device_list;
 }
 
-void vitals_faults(Anlos__Health *message, struct vitals_faults *out,
-                   const struct vitals_fault *faults, size_t n)
+void health_faults(Anlos__Health *message, struct health_faults *out,
+                   const struct health_fault *faults, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
         anlos__fault__init(&out->faults[i]);
