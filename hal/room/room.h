@@ -1,8 +1,8 @@
 /* hal/room/room.h -- the simulated room behind `sim:`: what a scene file says, and the
  * sound in it.  Objects are given where they really are, in the array frame; the wall
  * mirrors the array to them and back; in direct view or not, they are heard by way of the
- * wall alone.  Born and Kirchhoff: no multiple scattering, no occlusion.  Shares no
- * propagation code with recon. */
+ * wall alone.  Born and Kirchhoff: no multiple scattering, no occlusion but of an
+ * opaque body by itself.  Shares no propagation code with recon. */
 #ifndef ANLOS_HAL_ROOM_ROOM_H
 #define ANLOS_HAL_ROOM_ROOM_H
 
