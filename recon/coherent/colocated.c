@@ -82,13 +82,14 @@ static int plan_cells(struct colocated *c, const struct midpoints *m,
     int err = used_x && used_y && x && y ? 0 : -ENOMEM;
     if (!err) {
         mark_lines(m, c->n_positions, used_x, used_y);
-        *why = "speakers with a microphone beside each, on a lattice of even pitch";
         err = plan_axis(m->x_m, used_x, m->nx, x, step_m[0], &l->nx, &l->x_m,
                         &l->pitch_x_m);
     }
     if (!err)
         err = plan_axis(m->y_m, used_y, m->ny, y, step_m[1], &l->ny, &l->y_m,
                         &l->pitch_y_m);
+    if (err == -ENOTSUP)
+        *why = "speakers with a microphone beside each, on a lattice of even pitch";
     for (size_t q = 0; !err && q < c->n_positions * m->n_pairs; q++)
         c->cell[q] = is_ours(m, q % m->n_pairs)
                          ? y[m->iy[q]] * (uint32_t)l->nx + x[m->ix[q]]

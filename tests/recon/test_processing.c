@@ -231,7 +231,7 @@ static void a_volume_of_one_voxel_has_samples_for_every_interpolator(void **stat
 {
     (void)state;
     static const double nearest_m[] = {0.7, 1.5, 3.9};
-    static const char *const methods[] = {"fast", "backprojection"};
+    static const char *const methods[] = {"fast", "lct", "backprojection"};
     for (size_t k = 0; k < 3; k++) {
         struct fixture f = paper_array();
         double delays_s[2], z = nearest_m[k];
@@ -247,7 +247,7 @@ static void a_volume_of_one_voxel_has_samples_for_every_interpolator(void **stat
         assert_true(f.p.gate_s[1] - f.p.gate_s[0] > 15.9 / 18e3);
         assert_true(f.p.gate_s[0] < delays_s[0] - 4.0 / 36e3);
         assert_true(f.p.gate_s[1] > delays_s[1] + 4.0 / 36e3);
-        for (size_t m = 0; m < 2; m++) {
+        for (size_t m = 0; m < 3; m++) {
             struct pulse_compress *pc;
             struct imager *im;
             struct pool *pool;
