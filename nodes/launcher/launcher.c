@@ -60,6 +60,7 @@ struct launcher {
     struct service service;
     struct supervisor supervisor;
     bool stopping, stopping_aside, killed;
+    bool spared; /* the others are killed, who writes the results is not */
     bool reported;
     bool incomplete; /* the recording, or what a node was to do at its end */
     int64_t kill_ns;
@@ -180,7 +181,8 @@ static void voice_health(struct voice *v, int64_t now_ns,
 }
 
 #define KILL_AFTER_NS 3000000000LL
-#define KILL_ASIDE_NS 30000000000LL /* a recorder may bring much to a slow disk */
+/* A recorder may bring much to a slow disk, a report draws on a busy machine. */
+#define KILL_ASIDE_NS 30000000000LL
 #define READY_NS                                                                         \
     1000000000LL /* for a recorder to have subscribed before the rest starts */
 
@@ -327,12 +329,15 @@ static void exited_aside(struct launcher *l, struct child *c, int status)
     launcher_say(l, c->name, LOG_LEVEL_ERROR, text);
 }
 
-/* What it failed at itself while it was stopping; not that it was stopped. */
-static bool fails_at_end(const struct launcher *l, int status)
+/* What it failed at itself while it was stopping; not that it was stopped.  Whoever is
+ * killed with the results has not written them. */
+static bool fails_at_end(const struct launcher *l, int status, bool reports)
 {
+    bool ours = (l->killed && !(reports && l->kill_ns)) || l->spared;
+
     if (WIFEXITED(status))
         return WEXITSTATUS(status) != EXIT_WORKED;
-    return WTERMSIG(status) != SIGTERM && !(WTERMSIG(status) == SIGKILL && l->killed);
+    return WTERMSIG(status) != SIGTERM && !(WTERMSIG(status) == SIGKILL && ours);
 }
 
 static void exited_stopping(struct launcher *l, const struct child *c, int status)
@@ -342,7 +347,7 @@ static void exited_stopping(struct launcher *l, const struct child *c, int statu
 
     if (!status)
         l->reported |= reports && l->cfg->launch->scan.fixed;
-    if (!fails_at_end(l, status))
+    if (!fails_at_end(l, status, reports))
         return;
     l->incomplete = true;
     child_describe_exit(status, exit_text, sizeof exit_text);
@@ -459,18 +464,27 @@ static int64_t launcher_kill(struct launcher *l, int64_t now_ns)
         return INT64_MAX;
     if (now_ns < l->kill_ns)
         return l->kill_ns;
-    l->killed = true;
+    bool spare = l->kill_ns && !l->spared && !l->stopping_aside, writes = false;
     for (unsigned i = 0; i < l->process_group.n; i++) {
         struct child *c = &l->process_group.children[i];
         if (c->aside && !l->stopping_aside && l->kill_ns)
             continue;
+        if (spare && c->pid > 0 && !strcmp(c->name, "report")) {
+            writes = true;
+            continue;
+        }
         if (c->pid > 0)
             launcher_say(l, c->name, LOG_LEVEL_WARNING,
                          l->kill_ns ? "does not stop; killed"
                                     : "still runs, and you asked again; killed");
         child_signal(c, SIGKILL);
     }
-    return INT64_MAX;
+    l->spared = writes;
+    l->killed = !writes;
+    if (!writes)
+        return INT64_MAX;
+    l->kill_ns += KILL_ASIDE_NS - KILL_AFTER_NS;
+    return l->kill_ns;
 }
 
 /* timeout(1) and others send the same signal twice at once. */

@@ -427,6 +427,27 @@ static void a_node_that_will_not_stop_is_killed(void **state)
     assert_contains(r->text, "can     warning does not stop; killed");
 }
 
+/* It draws, and the machine is busy: when another was killed it still may. */
+static void who_writes_the_results_has_more_time_to_stop(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "can, report");
+    write_node(r, "can",
+               "trap '' TERM; echo info here; mkfifo $D/never; read x < $D/never");
+    write_node(r, "report",
+               "trap 'read x < $D/go; echo info written; kill $!; exit 0' TERM\n"
+               "echo info up\n" STAY);
+    start(r);
+    read_until(r, "here");
+    read_until(r, "up");
+    assert_int_equal(kill(r->pid, SIGTERM), 0);
+    read_until(r, "can     warning does not stop; killed");
+    say_go(r);
+    assert_int_equal(finish(r), 143);
+    assert_contains(r->text, "report  info    written");
+}
+
 static void nodes_that_all_end_end_the_launch(void **state)
 {
     struct rig *r = *state;
@@ -699,6 +720,7 @@ int main(void)
         TEST(a_node_that_ends_by_itself_is_not_passed_over_in_silence),
         TEST(a_reader_that_does_not_read_holds_nothing_up),
         TEST(a_node_that_will_not_stop_is_killed),
+        TEST(who_writes_the_results_has_more_time_to_stop),
         TEST(nodes_that_all_end_end_the_launch),
         TEST(nodes_get_their_arguments),
         TEST(the_recorder_is_stopped_when_all_others_have_ended),
