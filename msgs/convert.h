@@ -14,12 +14,12 @@
 #include "msgs/volume.pb-c.h"
 #include "msgs/wall.pb-c.h"
 #include "recon/ego.h"
-#include "recon/objects.h"
+#include "recon/detection/objects.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 #include "recon/traces.h"
 #include "recon/volume.h"
-#include "recon/walls.h"
+#include "recon/walls/walls.h"
 
 /* The survey as message bytes in *out; free() it.  0, -ENOMEM, -EINVAL (does not pass
  * survey_check). */

@@ -1,10 +1,10 @@
-/* recon/pipeline.h -- all stages in one: a ping to traces (recon/frontend.h), to the
- * image of a scan or of a static array (recon/imaging/scan_imager.h,
- * recon/static_array.h), to the hidden objects in it (recon/object_tracker.h), by the
- * walls that mirror them (recon/wall_finder.h).  Each process of nodes/ holds one of
- * these stages; here they follow each other in the order of a replay: of one instant an
- * image comes before the walls that were heard in it.  So a recording gives the same
- * bytes either way.
+/* recon/pipeline.h -- all stages in one: a ping to traces (recon/frontend/frontend.h), to
+ * the image of a scan or of a static array (recon/imaging/scan_imager.h,
+ * recon/static_array/static_array.h), to the hidden objects in it
+ * (recon/tracking/object_tracker.h), by the walls that mirror them
+ * (recon/walls/wall_finder.h).  Each process of nodes/ holds one of these stages; here
+ * they follow each other in the order of a replay: of one instant an image comes before
+ * the walls that were heard in it.  So a recording gives the same bytes either way.
  *
  * What is fed is copied or used up before a call returns.  One thread at a time; it works
  * on as many as it was created with. */
@@ -16,11 +16,11 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
-#include "recon/frontend.h"
+#include "recon/frontend/frontend.h"
 #include "recon/imaging/scan_imager.h"
-#include "recon/object_tracker.h"
-#include "recon/static_array.h"
-#include "recon/wall_finder.h"
+#include "recon/tracking/object_tracker.h"
+#include "recon/static_array/static_array.h"
+#include "recon/walls/wall_finder.h"
 
 enum pipeline_stage {
     PIPELINE_COMPRESS, /* a ping to traces */

@@ -7,7 +7,7 @@
 #include "dsp/pulse_compress.h"
 #include "recon/imaging/imager.h"
 #include "recon/survey.h"
-#include "recon/wall.h"
+#include "recon/walls/wall.h"
 
 struct processing {
     struct geometry geometry; /* borrows the survey's arrays */

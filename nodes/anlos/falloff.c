@@ -17,7 +17,7 @@
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_chart.h"
 #include "nodes/rt/export_file.h"
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 #include "recon/planning/falloff.h"
 
 /* Distance and power of the strongest echo in recordings, position by position, as the

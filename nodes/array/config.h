@@ -3,7 +3,7 @@
 #define ANLOS_NODES_ARRAY_CONFIG_H
 
 #include "nodes/rt/launchfile.h"
-#include "recon/range_monitor.h"
+#include "recon/frontend/range_monitor.h"
 
 void array_config_range(struct range_config *out, const struct launchfile *l,
                         const struct survey *s);

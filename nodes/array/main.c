@@ -13,7 +13,7 @@
 #include "nodes/array/ambient.h"
 #include "nodes/array/config.h"
 #include "nodes/rt/node.h"
-#include "recon/self_test.h"
+#include "recon/frontend/self_test.h"
 
 #define SURVEY_PERIOD_NS 1000000000LL
 #define MAX_COVERED      64 /* elements that are named */

@@ -5,7 +5,7 @@
 
 #include "msgs/can/frames.h"
 #include "recon/ego.h"
-#include "recon/walls.h"
+#include "recon/walls/walls.h"
 
 /* The rules, by the cycle of the vehicle and what a wrong one does.
  *

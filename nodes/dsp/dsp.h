@@ -1,6 +1,7 @@
-/* nodes/dsp/dsp.h -- the dsp node's step: topics to the front end (recon/frontend.h) and
- * back.  Background pings end here and are acknowledged with a receipt; so is every ping
- * that cannot be used.  Of a static array (Ping.frame) there are no receipts. */
+/* nodes/dsp/dsp.h -- the dsp node's step: topics to the front end
+ * (recon/frontend/frontend.h) and back.  Background pings end here and are acknowledged
+ * with a receipt; so is every ping that cannot be used.  Of a static array (Ping.frame)
+ * there are no receipts. */
 #ifndef ANLOS_NODES_DSP_DSP_H
 #define ANLOS_NODES_DSP_DSP_H
 
@@ -13,7 +14,7 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
-#include "recon/frontend.h"
+#include "recon/frontend/frontend.h"
 
 struct dsp_output { /* what to publish; borrows from the dsp until the next ping */
     bool has_traces, has_receipt;

@@ -16,7 +16,7 @@
 #include "nodes/foxglove/image.h"
 #include "nodes/foxglove/parts.h"
 #include "nodes/rt/export.h"
-#include "recon/objects.h"
+#include "recon/detection/objects.h"
 #include "recon/inverse/symmetric.h"
 
 #define MAX_POINTS 100000u

@@ -13,7 +13,7 @@
 
 #include "nodes/foxglove/message.h"
 #include "recon/survey.h"
-#include "recon/walls.h"
+#include "recon/walls/walls.h"
 
 #define FRAME_VEHICLE "vehicle"
 #define FRAME_ARRAY   "array"

@@ -1,5 +1,5 @@
 /* nodes/recon/steady.h -- the recon node's step for a static array (scan.mode fixed):
- * topics to recon/static_array.h and back. */
+ * topics to recon/static_array/static_array.h and back. */
 #ifndef ANLOS_NODES_RECON_STEADY_H
 #define ANLOS_NODES_RECON_STEADY_H
 
@@ -8,7 +8,7 @@
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/volume.pb-c.h"
 #include "msgs/wall.pb-c.h"
-#include "recon/static_array.h"
+#include "recon/static_array/static_array.h"
 
 struct steady;
 

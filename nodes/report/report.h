@@ -19,7 +19,7 @@
 #include "nodes/rt/trails.h"
 #include "recon/grid.h"
 #include "recon/survey.h"
-#include "recon/walls.h"
+#include "recon/walls/walls.h"
 
 /* What was tracked while an array stood on a vehicle: each track in a line, and a
  * picture of the last seconds seen from above. */

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 
 #include "nodes/rt/export_file.h"
-#include "recon/objects.h"
+#include "recon/detection/objects.h"
 
 json_t *export_real(double value)
 {

@@ -7,7 +7,7 @@
 #include "nodes/rt/trails.h"
 #include "recon/grid.h"
 #include "recon/survey.h"
-#include "recon/walls.h"
+#include "recon/walls/walls.h"
 
 struct plan_track { /* of what is in trails, its last word */
     uint32_t id;

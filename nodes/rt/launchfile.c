@@ -64,7 +64,7 @@ static double double_or(const double *value, double otherwise)
 }
 
 /* The brightest part of a person, by way of walls that mirror their own echo and his
- * alike (recon/detection_range.h). */
+ * alike (recon/detection/detection_range.h). */
 #define PERSON_M 0.05
 
 /* Everything but the list of nodes, with defaults, and paths as they are written. */

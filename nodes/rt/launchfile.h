@@ -10,14 +10,14 @@
 #include "dsp/error.h"
 #include "msgs/bag/compression.h"
 #include "msgs/hosts.h"
-#include "recon/compressor.h"
-#include "recon/frames.h"
-#include "recon/frontend.h"
+#include "recon/frontend/compressor.h"
+#include "recon/static_array/frames.h"
+#include "recon/frontend/frontend.h"
 #include "recon/imaging/imager_options.h"
-#include "recon/object_tracker.h"
-#include "recon/wall_map.h"
+#include "recon/tracking/object_tracker.h"
+#include "recon/walls/wall_map.h"
 
-struct launch_track { /* recon/track.h tells what they do, and why so much */
+struct launch_track { /* recon/tracking/track.h tells what they do, and why so much */
     double threshold_db;
     double min_existence; /* of a detection */
     enum cfar_kind cfar;  /* in place of threshold_db; default ordered for a fixed array,
@@ -28,8 +28,8 @@ struct launch_track { /* recon/track.h tells what they do, and why so much */
     double confirm_existence;
     double detection_probability;
     double clutter;     /* false detections in an image */
-    double sidelobe_db; /* recon/sidelobes.h */
-    double look_s;      /* recon/timing.h */
+    double sidelobe_db; /* recon/tracking/sidelobes.h */
+    double look_s;      /* recon/tracking/timing.h */
     double acceleration_psd, join_m, coast_s;
 };
 
@@ -42,7 +42,8 @@ struct launchfile {
     unsigned n_nodes;
     struct {
         char *uri;       /* hal/array.h */
-        double person_m; /* recon/detection_range.h: what a person's echo is taken for */
+        double person_m; /* recon/detection/detection_range.h: what a person's echo is
+                            taken for */
     } array;
     struct {
         char *uri; /* hal/stage.h; default "sim:" */

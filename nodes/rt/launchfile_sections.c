@@ -9,7 +9,7 @@
 #include "hal/survey/place.h"
 #include "msgs/can/layout.h"
 #include "nodes/rt/uri.h"
-#include "recon/track_life.h"
+#include "recon/tracking/track_life.h"
 
 /* -- scan -------------------------------------------------------------------------------
  */

@@ -21,8 +21,9 @@ void launchfile_free_scan(struct launchfile *l);
  *
  *   recon: {frames: {pings: 16, sum: power, every: frame}}
  *
- * They are made by back-projection (recon/frames.h); methods, their options and previews
- * are for scans.  Fills in l->recon.frames; l->scan is there.  0, -EINVAL. */
+ * They are made by back-projection (recon/static_array/frames.h); methods, their options
+ * and previews are for scans.  Fills in l->recon.frames; l->scan is there.  0, -EINVAL.
+ */
 int launchfile_copy_frames(struct launchfile *l, const struct launch_text *t,
                            struct error *why);
 

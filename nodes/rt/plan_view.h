@@ -9,7 +9,7 @@
 
 #include "recon/grid.h"
 #include "recon/survey.h"
-#include "recon/wall.h"
+#include "recon/walls/wall.h"
 
 /* A point of the vehicle's or the array's frame on the plan. */
 void plan_point(bool in_vehicle_frame, const double p[3], double out[2]);

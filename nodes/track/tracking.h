@@ -1,5 +1,5 @@
-/* nodes/track/tracking.h -- the track node's step: topics to recon/object_tracker.h and
- * back. */
+/* nodes/track/tracking.h -- the track node's step: topics to
+ * recon/tracking/object_tracker.h and back. */
 #ifndef ANLOS_NODES_TRACK_TRACKING_H
 #define ANLOS_NODES_TRACK_TRACKING_H
 
@@ -8,7 +8,7 @@
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/volume.pb-c.h"
 #include "msgs/wall.pb-c.h"
-#include "recon/object_tracker.h"
+#include "recon/tracking/object_tracker.h"
 
 struct tracking;
 

@@ -10,8 +10,8 @@
 
 #define METER_MAX_CHANNELS 4096 /* SURVEY_MAX_ELEMENTS */
 
-/* As recon/channel_check.h judges a position: dead is silent, over 60 dB below the
- * median channel; clipped is over 1 % of the samples; damaged has samples that are no
+/* As recon/frontend/channel_check.h judges a position: dead is silent, over 60 dB below
+ * the median channel; clipped is over 1 % of the samples; damaged has samples that are no
  * numbers.  A speaker is faint that is heard 20 dB below the median speaker. */
 enum meter_state {
     METER_UNHEARD,

@@ -5,7 +5,7 @@
 
 #include "nodes/rt/export.h"
 #include "nodes/view/names.h"
-#include "recon/objects.h"
+#include "recon/detection/objects.h"
 
 static json_t *pair(const double p[2])
 {

@@ -8,7 +8,7 @@
 #include "msgs/wall.pb-c.h"
 #include "nodes/rt/plan_view.h"
 #include "nodes/rt/trails.h"
-#include "recon/walls.h"
+#include "recon/walls/walls.h"
 
 /* "scene": frame, source, the walls that the survey was given, array, air. */
 json_t *plan_scene_json(const struct survey *s);

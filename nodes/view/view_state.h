@@ -15,7 +15,7 @@
 #include "nodes/view/picture.h"
 #include "nodes/view/view.h"
 #include "recon/survey.h"
-#include "recon/walls.h"
+#include "recon/walls/walls.h"
 
 #define VIEW_MAX_NODES 64
 #define VIEW_LINES     100 /* of the log */

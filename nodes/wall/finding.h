@@ -1,4 +1,5 @@
-/* nodes/wall/finding.h -- the wall node's step: topics to recon/wall_finder.h and back.
+/* nodes/wall/finding.h -- the wall node's step: topics to recon/walls/wall_finder.h and
+ * back.
  */
 #ifndef ANLOS_NODES_WALL_FINDING_H
 #define ANLOS_NODES_WALL_FINDING_H
@@ -7,7 +8,7 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
-#include "recon/wall_finder.h"
+#include "recon/walls/wall_finder.h"
 
 struct finding;
 

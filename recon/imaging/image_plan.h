@@ -6,7 +6,7 @@
 #include <stdbool.h>
 
 #include "dsp/error.h"
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 #include "recon/survey.h"
 #include "recon/traces.h"
 #include "recon/volume.h"

@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 #include "recon/traces.h"
 #include "recon/volume.h"
 

@@ -5,7 +5,7 @@
 #define ANLOS_RECON_PLANNING_PROBE_H
 
 #include "recon/planning/coherence.h"
-#include "recon/detect.h"
+#include "recon/detection/detect.h"
 #include "recon/grid.h"
 #include "recon/planning/scattering.h"
 

@@ -14,7 +14,7 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_file.h"
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 
 #define FALSE_ALARMS 0.01
 #define SEEDS        400

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "recon/peak.h"
+#include "recon/detection/peak.h"
 #include "tests/recon/bumper.h"
 
 enum { NEAR = 61, WIDE = 175, SUMS = 3 };

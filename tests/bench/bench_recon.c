@@ -12,7 +12,7 @@
 #include <sys/resource.h>
 #include <time.h>
 
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 #include "recon/processing.h"
 
 enum { POSITIONS = 32, SPEAKERS = 16, MICS = 16, SLOT = 3000, TAIL = 1500 };

@@ -7,7 +7,7 @@
 #include "msgs/health.pb-c.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
-#include "recon/detector.h"
+#include "recon/detection/detector.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/messages.h"
 #include "tests/fuzz/seeds.h"

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "msgs/convert.h"
-#include "recon/detector.h"
+#include "recon/detection/detector.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 

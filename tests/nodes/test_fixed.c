@@ -14,7 +14,7 @@
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/recon/fixed.h"
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 #include "recon/survey.h"
 
 enum { SPEAKERS = 4, MICROPHONES = 16, PINGS = 200, DEADLINE_S = 100 };

@@ -7,8 +7,8 @@
 #include <cmocka.h>
 
 #include "msgs/convert.h"
-#include "recon/objects.h"
-#include "recon/peak.h"
+#include "recon/detection/objects.h"
+#include "recon/detection/peak.h"
 #include "tests/nodes/near.h"
 
 static struct detection point(double x, double y, double z)

@@ -7,7 +7,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "recon/peak.h"
+#include "recon/detection/peak.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/simulated.h"
 

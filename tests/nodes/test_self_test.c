@@ -6,7 +6,7 @@
 #include <math.h>
 
 #include "hal/array.h"
-#include "recon/self_test.h"
+#include "recon/frontend/self_test.h"
 
 #define DRIVE SOURCE_DIR "/launch/scenes/drive-person.yaml"
 

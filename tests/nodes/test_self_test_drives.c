@@ -22,7 +22,7 @@
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 #include "nodes/wall/finding.h"
-#include "recon/self_test.h"
+#include "recon/frontend/self_test.h"
 
 #define SCENES SOURCE_DIR "/launch/scenes/"
 #ifdef __SANITIZE_ADDRESS__ /* ten times slower: what is wrong in memory shows early */

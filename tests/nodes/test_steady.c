@@ -14,7 +14,7 @@
 #include "msgs/convert.h"
 #include "msgs/tensor.h"
 #include "nodes/recon/steady.h"
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 #include "tests/recon/moving.h"
 
 enum { SPEAKERS = 4, MICROPHONES = 6, SLOT = 1152, MS = 1000000 };

@@ -12,7 +12,7 @@
 #include "nodes/can/sender.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/track/tracking.h"
-#include "recon/wall.h"
+#include "recon/walls/wall.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 

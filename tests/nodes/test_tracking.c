@@ -10,9 +10,9 @@
 #include "msgs/convert.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/track/tracking.h"
-#include "recon/sidelobes.h"
-#include "recon/sight.h"
-#include "recon/timing.h"
+#include "recon/tracking/sidelobes.h"
+#include "recon/tracking/sight.h"
+#include "recon/tracking/timing.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "msgs/convert.h"
-#include "recon/walls.h"
+#include "recon/walls/walls.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/wall_message.h"
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/peak.h"
+#include "recon/detection/peak.h"
 #include "tests/recon/near.h"
 
 #define EPOCH_NS 1000000000LL /* of time 0 */

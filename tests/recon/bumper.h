@@ -4,7 +4,7 @@
 #define ANLOS_TESTS_RECON_BUMPER_H
 
 #include "dsp/pool.h"
-#include "recon/frames.h"
+#include "recon/static_array/frames.h"
 #include "tests/recon/moving.h"
 
 #define BUMPER_MAX 16
@@ -55,7 +55,7 @@ void bumper_drive(struct bumper *b);
 /* The grid, n x 1 x n voxels around a place. */
 void bumper_look_at(struct bumper *b, const double at_m[3], size_t n, double step_m);
 
-/* The strongest voxel: its intensity, and where, by recon/peak.h. */
+/* The strongest voxel: its intensity, and where, by recon/detection/peak.h. */
 float bumper_peak(const struct bumper *b, const float *image, double at_m[3]);
 
 #endif

@@ -7,7 +7,7 @@
 #include <stddef.h>
 
 #include "recon/imaging/imager.h"
-#include "recon/peak.h"
+#include "recon/detection/peak.h"
 #include "tests/recon/reference.h"
 
 #define RIG_MAX 64

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "recon/air.h"
+#include "recon/frontend/air.h"
 #include "recon/survey.h"
 #include "tests/nodes/near.h"
 

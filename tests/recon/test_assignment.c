@@ -1,6 +1,6 @@
 #include "tests/recon/near.h"
 
-#include "recon/assignment.h"
+#include "recon/tracking/assignment.h"
 #include "tests/recon/reference.h"
 
 /* The least total of all ways to give rows from `row` on columns that are free. */

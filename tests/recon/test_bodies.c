@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "recon/bodies.h"
+#include "recon/static_array/bodies.h"
 #include "tests/nodes/near.h"
 
 enum { N = 40, VOXELS = N * N };

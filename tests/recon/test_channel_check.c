@@ -7,7 +7,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "recon/channel_check.h"
+#include "recon/frontend/channel_check.h"
 
 enum { MICS = 4, FRAMES = 1003 };
 

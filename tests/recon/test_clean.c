@@ -4,7 +4,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "recon/clean.h"
+#include "recon/detection/clean.h"
 #include "tests/recon/dice.h"
 #include "tests/recon/rig.h"
 

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "recon/clutter_map.h"
+#include "recon/static_array/clutter_map.h"
 #include "tests/nodes/near.h"
 
 enum { NX = 60, NZ = 60, CELLS = NX * NZ };

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "recon/clutter_map.h"
+#include "recon/static_array/clutter_map.h"
 
 #define WINDOW_NS 400000000LL
 #define PING_NS   25000000LL

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 
 #define RATE_HZ   48000.0
 #define START_HZ  2000.0

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/detect.h"
-#include "recon/peak.h"
+#include "recon/detection/detect.h"
+#include "recon/detection/peak.h"
 #include "tests/recon/reference.h"
 
 #define N      36

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/detect_learn.h"
+#include "recon/detection/detect_learn.h"
 #include "tests/recon/reference.h"
 
 enum { NX = 160, NZ = 200, CELLS = NX * NZ };

@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "hal/random.h"
-#include "recon/detection_range.h"
+#include "recon/detection/detection_range.h"
 #include "tests/dsp/near.h"
 
 static const struct detection_range eight = {

@@ -5,12 +5,12 @@
 #include <stdlib.h>
 
 #include "recon/planning/coherence.h"
-#include "recon/frames.h"
+#include "recon/static_array/frames.h"
 #include "recon/imaging/imager_options.h"
 #include "recon/planning/probe.h"
 #include "recon/inverse/psf.h"
-#include "recon/track.h"
-#include "recon/wall_crosstalk.h"
+#include "recon/tracking/track.h"
+#include "recon/walls/wall_crosstalk.h"
 #include "tests/failing.h"
 #include "tests/recon/array_traces.h"
 #include "tests/recon/bumper.h"

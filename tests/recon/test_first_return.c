@@ -5,7 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "recon/first_return.h"
+#include "recon/static_array/first_return.h"
 #include "tests/nodes/near.h"
 
 enum { MICS = 2, SAMPLES = 1200 };

@@ -1,5 +1,5 @@
-/* A vehicle that drives: what recon/frames shows of recordings that take no step of
- * standing still while sound is under way. */
+/* A vehicle that drives: what recon/static_array/frames shows of recordings that take no
+ * step of standing still while sound is under way. */
 #include "tests/recon/near.h"
 
 #include <stdlib.h>

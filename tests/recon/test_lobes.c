@@ -4,7 +4,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "recon/lobes.h"
+#include "recon/detection/lobes.h"
 #include "tests/recon/rig.h"
 
 #define STEP_M 0.065 /* of the stage: a wavelength of 5.3 kHz, four times too long */

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/multipath.h"
+#include "recon/detection/multipath.h"
 #include "tests/recon/rig.h"
 
 #define MAX 16

@@ -2,7 +2,7 @@
 
 #include <complex.h>
 
-#include "recon/peak.h"
+#include "recon/detection/peak.h"
 #include "tests/recon/reference.h"
 
 #define N      7

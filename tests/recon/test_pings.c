@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "recon/imaging/imager.h"
-#include "recon/peak.h"
+#include "recon/detection/peak.h"
 #include "tests/recon/rig.h"
 #include "tests/recon/turntable.h"
 #include "tests/worse.h"

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "recon/plane.h"
+#include "recon/detection/plane.h"
 #include "tests/recon/dice.h"
 #include "tests/recon/rig.h"
 

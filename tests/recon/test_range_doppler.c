@@ -2,7 +2,7 @@
 
 #include <complex.h>
 
-#include "recon/range_doppler.h"
+#include "recon/static_array/range_doppler.h"
 
 #define SOUND_M_S 343.0
 

@@ -2,7 +2,7 @@
 
 #include <stdbool.h>
 
-#include "recon/shape.h"
+#include "recon/detection/shape.h"
 
 static const double width_m[3] = {0.10, 0.10, 0.02};
 

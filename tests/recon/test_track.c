@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/track.h"
+#include "recon/tracking/track.h"
 #include "tests/recon/dice.h"
 
 #define FRAME_NS 250000000

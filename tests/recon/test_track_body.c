@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/track_state.h"
+#include "recon/tracking/track_state.h"
 #include "tests/recon/dice.h"
 
 #define FRAME_NS 50000000

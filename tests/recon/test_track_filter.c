@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "recon/track_filter.h"
+#include "recon/tracking/track_filter.h"
 #include "tests/recon/dice.h"
 
 static struct track_position measured(double x, double y, double sigma)

@@ -1,6 +1,6 @@
 #include "tests/recon/near.h"
 
-#include "recon/track_life.h"
+#include "recon/tracking/track_life.h"
 #include "tests/recon/dice.h"
 
 static const struct track_life_config three_of_five = {

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/track_state.h"
+#include "recon/tracking/track_state.h"
 
 #define HALF_ROOT 0.70710678118654752
 

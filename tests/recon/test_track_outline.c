@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "recon/track_state.h"
+#include "recon/tracking/track_state.h"
 
 #define YAW_RAD 0.5 /* of the vehicle over ground */
 

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "recon/track_rest.h"
+#include "recon/tracking/track_rest.h"
 #include "tests/recon/dice.h"
 
 #define SIGMA_M   0.05

@@ -2,7 +2,7 @@
 
 #include "tests/recon/near.h"
 
-#include "recon/wall.h"
+#include "recon/walls/wall.h"
 #include "tests/recon/reference.h"
 
 static double dot(const double a[3], const double b[3])

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <cmocka.h>
 
-#include "recon/wall_crosstalk.h"
+#include "recon/walls/wall_crosstalk.h"
 
 #define RATE_HZ  48000.0
 #define SLOT_S   0.024

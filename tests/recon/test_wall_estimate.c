@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/wall_estimate.h"
+#include "recon/walls/wall_estimate.h"
 #include "tests/recon/reference.h"
 
 enum { MOST = 4096 };

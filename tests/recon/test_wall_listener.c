@@ -12,7 +12,7 @@
 
 #include "hal/room/stream.h"
 #include "msgs/convert.h"
-#include "recon/wall_listener.h"
+#include "recon/walls/wall_listener.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 

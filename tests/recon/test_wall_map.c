@@ -8,7 +8,7 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "recon/wall_map.h"
+#include "recon/walls/wall_map.h"
 #include "tests/nodes/near.h"
 
 #define SECOND 1000000000LL

@@ -1,6 +1,6 @@
 #include "tests/recon/near.h"
 
-#include "recon/wall_track.h"
+#include "recon/walls/wall_track.h"
 
 static const struct wall_motion still = {
     .dt_s = 0.5, .r = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, .known = true};

@@ -13,7 +13,7 @@
 #include "nodes/rt/export.h"
 #include "recon/coherent/fk.h"
 #include "recon/imaging/imager.h"
-#include "recon/objects.h"
+#include "recon/detection/objects.h"
 #include "recon/power/lightcone.h"
 #include "recon/processing.h"
 

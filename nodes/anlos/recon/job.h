@@ -12,7 +12,7 @@
 #include "nodes/anlos/recon/results.h"
 #include "nodes/anlos/recon/traces_file.h"
 #include "nodes/anlos/stopwatch.h"
-#include "recon/channel_check.h"
+#include "recon/frontend/channel_check.h"
 #include "recon/processing.h"
 #include "recon/survey.h"
 #include "recon/planning/trace_set.h"

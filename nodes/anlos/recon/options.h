@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 #include "recon/imaging/imager_options.h"
 
 struct recon_options {                           /* borrow from argv */

@@ -11,9 +11,9 @@
 #include "dsp/pool.h"
 #include "hal/recording/recording.h"
 #include "nodes/anlos/recon/results.h"
-#include "recon/air.h"
-#include "recon/channel_check.h"
-#include "recon/compressor.h"
+#include "recon/frontend/air.h"
+#include "recon/frontend/channel_check.h"
+#include "recon/frontend/compressor.h"
 
 struct recon_reader_config { /* all outlive the reader */
     const struct survey *survey;

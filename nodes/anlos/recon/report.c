@@ -7,7 +7,7 @@
 
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/rt/export.h"
-#include "recon/objects.h"
+#include "recon/detection/objects.h"
 
 #define COARSEST_STEP 0.6 /* of a point's width: coarser, and positions suffer */
 #define FINE_STEP     0.4

@@ -10,7 +10,7 @@
 #include "nodes/anlos/score/drive_score.h"
 #include "nodes/anlos/score/drive_truth_file.h"
 #include "recon/survey.h"
-#include "recon/walls.h"
+#include "recon/walls/walls.h"
 
 /* scene: of a simulated drive, whose time the clock tells; else truth, which lies in the
  * vehicle frame of each instant; the bag's walls and motion (topics wall, ego) tell what

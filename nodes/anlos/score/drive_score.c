@@ -4,7 +4,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-#include "recon/assignment.h"
+#include "recon/tracking/assignment.h"
 
 _Static_assert(BENCH_SET_MAX <= ASSIGNMENT_ROWS, "");
 

@@ -11,7 +11,7 @@
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/stopwatch.h"
-#include "recon/compressor.h"
+#include "recon/frontend/compressor.h"
 #include "recon/processing.h"
 
 /* -- all pings of a scene in memory, less its background, to be stacked again and again

@@ -1,0 +1,285 @@
+#include "recon/detection/detect.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/detection/detect_learn.h"
+#include "recon/detection/peak.h"
+#include "recon/detection/regions.h"
+
+#define NOISE_SAMPLES 65536
+#define LEAST_IMAGED  0.2  /* of a volume */
+#define SIDELOBE_DB   18.0 /* worst sidelobe of a lone point (fast, 16 x 32 array) */
+#define MODEL_RANGE   1e-3 /* speed of sound known to 0.1 % */
+#define MODEL_GRID    0.1  /* of a voxel */
+#define MODEL_EXTENT  0.05 /* of an extended object's size */
+#define POINT_VOXELS  4.0  /* that a point is wide when nothing better is known */
+#define POINT_WIDTHS  1.6  /* regions up to this many point widths are points */
+#define GUARD_WIDTHS  1.5  /* of a point, where its image has not faded into the noise */
+#define GUARD_M       0.25 /* half of the largest object that must not hide itself */
+#define TOUCH         1.01 /* steps from a voxel to its farthest neighbour, and rounding */
+#define MAP_NOISE     1.5  /* what a map knows of noise alone is less, times its mean */
+#define MAP_FACTOR    4.0  /* over what else it knows */
+#define RANK          0.75 /* of the ordered training cells: a quarter may be objects */
+
+struct search {
+    const struct detect_config *cfg;
+    const struct grid *grid;
+    const float *volume;
+    double floor; /* mean of the noise, where no cfar tells it */
+    bool gated;   /* where it is 0 nothing was imaged */
+};
+
+void detect_config_default(struct detect_config *cfg)
+{
+    *cfg = (struct detect_config){.threshold_db = 13.0,
+                                  .learns = true,
+                                  .multipath = true,
+                                  .dynamic_range_db = 15.0,
+                                  .cluster_m = 0.10};
+}
+
+void detect_config_isolated(struct detect_config *cfg, const struct grid *grid)
+{
+    double touch_m = 0.0;
+
+    for (int a = 0; a < 3; a++)
+        touch_m = hypot(touch_m, grid->n[a] > 1 ? grid->step_m[a] : 0.0);
+    cfg->cluster_m = fmin(cfg->cluster_m, TOUCH * touch_m);
+    cfg->multipath = false;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+static float sample(const float *volume, size_t n, size_t i, size_t count)
+{
+    return volume[(size_t)((double)i * (double)n / (double)count)];
+}
+
+/* What is beyond the gate is 0 and no noise; where hardly anything is left, it is an
+ * image without noise. */
+static bool is_gated(const float *volume, size_t n)
+{
+    size_t count = n < NOISE_SAMPLES ? n : NOISE_SAMPLES, imaged = 0;
+
+    for (size_t i = 0; i < count; i++)
+        imaged += sample(volume, n, i, count) > 0.0f;
+    return (double)imaged >= LEAST_IMAGED * (double)count;
+}
+
+/* Noise intensity is exponentially distributed: its mean is the median / ln 2. */
+static int noise_floor(const float *volume, size_t n, bool gated, double *out)
+{
+    size_t count = n < NOISE_SAMPLES ? n : NOISE_SAMPLES, zeros = 0;
+    float *samples = malloc(count * sizeof *samples);
+    if (!samples)
+        return -ENOMEM;
+    for (size_t i = 0; i < count; i++) {
+        samples[i] = sample(volume, n, i, count);
+        zeros += gated && samples[i] == 0.0f;
+    }
+    qsort(samples, count, sizeof *samples, by_value);
+    *out = samples[zeros + (count - zeros) / 2] / M_LN2;
+    free(samples);
+    return 0;
+}
+
+/* An object of many voxels stands in the middle of what is seen of it, which is no middle
+ * where it goes on beyond the grid. */
+static void place_extended(const struct search *s, const struct region *r,
+                           struct detection *d)
+{
+    static const int diagonal[3] = {0, 3, 5};
+    const struct grid *g = s->grid;
+
+    memset(d->covariance_m2, 0, sizeof d->covariance_m2);
+    for (int a = 0; a < 3; a++) {
+        if (g->n[a] > 1 && r->low[a] == 0)
+            d->at_border |= PEAK_BORDER(a, 0);
+        if (g->n[a] > 1 && r->high[a] + 1 == g->n[a])
+            d->at_border |= PEAK_BORDER(a, 1);
+        bool known = g->n[a] > 1 &&
+                     !(d->at_border & (PEAK_BORDER(a, 0) | PEAK_BORDER(a, 1)));
+        d->covariance_m2[diagonal[a]] = known ? g->step_m[a] * g->step_m[a] / 12.0
+                                              : PEAK_UNKNOWN_M * PEAK_UNKNOWN_M;
+        double middle = a < 2 ? 0.5 * (double)(r->low[a] + r->high[a])
+                              : r->moment[a] / r->sum;
+        d->position_m[a] = g->origin_m[a] + g->step_m[a] * middle;
+        d->extent_m[a] = g->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
+    }
+}
+
+/* Somewhere in what is seen, uniformly distributed over its length. */
+static void place_seen(const struct search *s, const struct region *r,
+                       struct detection *d)
+{
+    static const int element[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+
+    for (int a = 0; a < 3; a++) {
+        double seen_m = s->grid->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
+        if (!(d->at_border & (PEAK_BORDER(a, 0) | PEAK_BORDER(a, 1))))
+            continue;
+        for (int b = 0; b < 3; b++)
+            d->covariance_m2[element[a][b]] = 0.0;
+        d->covariance_m2[element[a][a]] = seen_m * seen_m / 12.0;
+    }
+}
+
+static void add_model_errors(const struct search *s, struct detection *d)
+{
+    static const int diagonal[3] = {0, 3, 5};
+    double range_m = hypot(hypot(d->position_m[0], d->position_m[1]), d->position_m[2]);
+    for (int a = 0; a < 3; a++) {
+        double grid_m = MODEL_GRID * s->grid->step_m[a];
+        double size_m = MODEL_EXTENT * d->extent_m[a];
+        d->covariance_m2[diagonal[a]] += grid_m * grid_m + size_m * size_m;
+        for (int b = a; b < 3; b++)
+            d->covariance_m2[diagonal[a] + b - a] += MODEL_RANGE * MODEL_RANGE *
+                                                     d->position_m[a] * d->position_m[b] *
+                                                     (range_m > 0.0 ? 1.0 : 0.0);
+    }
+}
+
+/* Noise alone may be as bright somewhere; so may a sidelobe of the strongest. */
+static double existence(const struct search *s, double peak, double floor,
+                        double strongest)
+{
+    double tail = s->cfg->cfar
+                      ? cfar_noise_tail(cfar_noise(s->cfg->cfar)->shape, peak / floor)
+                      : exp(-peak / floor);
+    double noise = fmin((double)grid_size(s->grid) * tail, 1.0);
+    double margin_db = 10.0 * log10(peak / strongest) + SIDELOBE_DB;
+    double sidelobe = peak == strongest ? 0.0 : 1.0 / (1.0 + pow(10.0, margin_db / 5.0));
+    return (1.0 - noise) * (1.0 - sidelobe);
+}
+
+static struct shape_guess guess_shape(const struct search *s, const struct region *r)
+{
+    double variance_m2[6], width_m[3];
+
+    for (int a = 0, e = 0; a < 3; a++) {
+        width_m[a] = s->cfg->resolution_m[a] > 0.0 ? s->cfg->resolution_m[a]
+                                                   : POINT_VOXELS * s->grid->step_m[a];
+        for (int b = a; b < 3; b++, e++)
+            variance_m2[e] = (r->second[e] / r->sum -
+                              r->moment[a] / r->sum * (r->moment[b] / r->sum)) *
+                             s->grid->step_m[a] * s->grid->step_m[b];
+    }
+    return shape_guess(variance_m2, width_m);
+}
+
+/* What a map knows to be there mostly, but for the noise around it. */
+static double residue(const struct search *s, size_t voxel, double noise)
+{
+    return s->cfg->map ? fmax(cfar_map_at(s->cfg->map, voxel) - MAP_NOISE * noise, 0.0)
+                       : 0.0;
+}
+
+static void describe(const struct search *s, const struct region *r, double strongest,
+                     struct detection *d)
+{
+    const struct grid *g = s->grid;
+    double peak = s->volume[r->peak], floor = s->floor;
+    memset(d, 0, sizeof *d);
+    if (s->cfg->cfar)
+        floor = cfar_at(s->cfg->cfar, s->volume, r->peak).noise;
+    struct peak_fit fit;
+    double body_m[3];
+    bool point = true;
+    for (int a = 0; a < 3; a++) {
+        double width_m = s->cfg->resolution_m[a] > 0.0 ? s->cfg->resolution_m[a]
+                                                       : POINT_VOXELS * g->step_m[a];
+        body_m[a] = g->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
+        point = point && body_m[a] < POINT_WIDTHS * width_m + 2.0 * g->step_m[a];
+        if (!s->cfg->followed && (r->low[a] == 0 || r->high[a] + 1 == g->n[a]))
+            body_m[a] = INFINITY;
+    }
+    peak_fit(g, s->volume, r->peak, peak / floor, s->gated, body_m, &fit);
+    memcpy(d->position_m, fit.position_m, sizeof d->position_m);
+    memcpy(d->covariance_m2, fit.covariance_m2, sizeof d->covariance_m2);
+    d->at_border = fit.at_border;
+    if (!point)
+        place_extended(s, r, d);
+    if (s->cfg->followed)
+        place_seen(s, r, d);
+    add_model_errors(s, d);
+    d->level_db = 10.0 * log10(peak / floor);
+    d->existence = existence(s, peak, floor + residue(s, r->peak, floor), strongest);
+    d->shape = guess_shape(s, r);
+}
+
+static bool stands_out(void *state, size_t voxel)
+{
+    const struct search *s = state;
+    struct cfar_level level = cfar_at(s->cfg->cfar, s->volume, voxel);
+
+    return (double)s->volume[voxel] >
+           level.threshold + MAP_FACTOR * residue(s, voxel, level.noise);
+}
+
+/* What a peak has to be at least, wherever it is. */
+static double least(const struct search *s, double strongest)
+{
+    double faintest = strongest * pow(10.0, -0.1 * s->cfg->dynamic_range_db);
+
+    if (s->cfg->cfar)
+        return faintest;
+    return fmax(s->floor * pow(10.0, 0.1 * s->cfg->threshold_db), faintest);
+}
+
+int detect_objects(const struct detect_config *cfg, const struct grid *grid,
+                   const float *intensity, struct detection *out, size_t max, size_t *n)
+{
+    size_t voxels = grid_size(grid);
+    struct search s = {.cfg = cfg, .grid = grid, .volume = intensity};
+    float strongest = 0.0f;
+    *n = 0;
+    for (size_t v = 0; v < voxels; v++)
+        strongest = intensity[v] > strongest ? intensity[v] : strongest;
+    if (!(strongest > 0.0f))
+        return 0;
+    int err = 0;
+    s.gated = is_gated(intensity, voxels);
+    if (!cfg->cfar)
+        err = noise_floor(intensity, voxels, s.gated, &s.floor);
+    else if (cfg->learns)
+        err = detect_learn(cfg->cfar, grid, intensity);
+    /* Half of the volume empty: a noiseless one.  Any floor below all of it will do. */
+    s.floor = fmax(s.floor, 1e-9 * strongest);
+    if (err)
+        return err;
+    struct regions found;
+    err = regions_find(&found, grid, intensity, least(&s, strongest), cfg->cluster_m,
+                       cfg->cfar ? stands_out : NULL, &s);
+    for (size_t r = 0; !err && r < found.n && *n < max; r++)
+        describe(&s, &found.at[r], strongest, &out[(*n)++]);
+    regions_clear(&found);
+    return err;
+}
+
+int detect_cfar(struct cfar **out, enum cfar_kind kind, double false_alarm_rate,
+                const struct grid *grid, const double resolution_m[3])
+{
+    static const size_t training[3] = {6, 2, 10};
+    struct cfar_config cfg = {
+        .kind = kind, .false_alarm_rate = false_alarm_rate, .rank = RANK};
+
+    for (int a = 0; a < 3; a++) {
+        double width = resolution_m[a] > 0.0 ? resolution_m[a] / grid->step_m[a]
+                                             : POINT_VOXELS;
+        double most = (double)grid->n[a];
+        cfg.n[a] = grid->n[a];
+        cfg.pitch[a] = (size_t)fmin(fmax(round(width), 1.0), most);
+        cfg.guard[a] = (size_t)fmin(
+            ceil(fmax(GUARD_WIDTHS * width, GUARD_M / grid->step_m[a])), most);
+        cfg.training[a] = training[a];
+    }
+    return cfar_create(out, &cfg);
+}

@@ -1,0 +1,168 @@
+#include "recon/detection/detector.h"
+
+#include <errno.h>
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/imaging/imager.h"
+
+void detector_init(struct detector *d, const struct detector_config *cfg)
+{
+    *d = (struct detector){.cfg = *cfg};
+}
+
+static void forget_cells(struct detector *d)
+{
+    cfar_destroy(d->cells);
+    cfar_map_destroy(d->map);
+    free(d->held);
+    d->cells = NULL;
+    d->map = NULL;
+    d->held = NULL;
+}
+
+int detector_survey(struct detector *d, const struct survey *survey)
+{
+    struct survey fresh;
+    uint64_t id = survey_id(survey);
+
+    if (d->has_survey && d->survey_id == id)
+        return 0;
+    int err = survey_copy(&fresh, survey);
+    if (err) {
+        survey_clear(&fresh);
+        return err;
+    }
+    survey_clear(&d->survey);
+    forget_cells(d);
+    d->survey = fresh;
+    d->survey_id = id;
+    d->has_survey = true;
+    return 0;
+}
+
+/* What was learnt of the noise stays while the grid does. */
+static int find_cells(struct detector *d, const struct grid *grid,
+                      struct detect_config *cfg)
+{
+    int err = 0;
+
+    if (d->cfg.cfar == CFAR_OFF)
+        return 0;
+    if (d->cells && memcmp(&d->cells_grid, grid, sizeof *grid))
+        forget_cells(d);
+    if (!d->cells) {
+        struct detect_config resolved = *cfg;
+        objects_resolution(&resolved, &d->survey, grid);
+        err = detect_cfar(&d->cells, d->cfg.cfar, d->cfg.false_alarm_rate, grid,
+                          resolved.resolution_m);
+        if (!err)
+            err = cfar_map_create(&d->map, grid_size(grid));
+        d->held = calloc(grid_size(grid), sizeof *d->held);
+        if (!err && !d->held)
+            err = -ENOMEM;
+        d->cells_grid = *grid;
+        if (err)
+            forget_cells(d);
+    }
+    cfg->cfar = d->cells;
+    cfg->map = d->map;
+    return err;
+}
+
+/* Images whose pings overlap say the same again: one for each round of the speakers is
+ * learnt from, once a round is whole. */
+static bool learns(struct detector *d, const struct volume *volume)
+{
+    bool whole = volume->pings_used >= volume->pings_expected ||
+                 (d->frame && volume->frame != d->frame);
+    bool fresh = !volume->frame || (whole && volume->frame != d->learnt_frame);
+
+    d->frame = volume->frame;
+    if (fresh)
+        d->learnt_frame = volume->frame;
+    return fresh;
+}
+
+static bool is_image(const struct grid *grid, const float *intensity)
+{
+    for (size_t i = 0; i < grid_size(grid); i++)
+        if (!(intensity[i] >= 0.0f && intensity[i] <= FLT_MAX))
+            return false;
+    return true;
+}
+
+int detector_volume(struct detector *d, const struct volume *volume,
+                    const struct walls *walls, struct object_list *out, struct error *why)
+{
+    const struct grid *grid = &volume->grid;
+    struct detect_config cfg;
+
+    if (!d->has_survey || volume->survey_id != d->survey_id)
+        return error_say(why, -EAGAIN, "the survey of a volume is not known yet");
+    if (!volume->intensity || !is_image(grid, volume->intensity))
+        return error_say(why, -EINVAL,
+                         "a volume without a grid or with intensities that "
+                         "are not numbers");
+    detect_config_default(&cfg);
+    cfg.threshold_db = d->cfg.threshold_db;
+    cfg.learns = learns(d, volume) && !volume->pings_blanked;
+    cfg.followed = volume->frame != 0;
+    cfg.multipath = !cfg.followed && !imager_isolates(volume->method);
+    if (imager_isolates(volume->method))
+        detect_config_isolated(&cfg, grid);
+    int err = find_cells(d, grid, &cfg);
+    if (err == -EINVAL)
+        return error_say(why, err, "a volume that is too small for track.cfar");
+    if (!err)
+        err = objects_find(out, &d->survey, walls, &cfg, d->cfg.min_existence, grid,
+                           volume->intensity);
+    if (err)
+        return error_say(why, err, "not enough memory to detect objects");
+    out->scan = volume->scan;
+    out->frame = volume->frame;
+    out->preview = volume->preview;
+    out->counter = d->counter++;
+    return 0;
+}
+
+static void hold(struct detector *d, const double at_m[3], double held_m)
+{
+    const struct grid *g = &d->cells_grid;
+    size_t v = 0;
+
+    for (size_t z = 0; z < g->n[2]; z++)
+        for (size_t y = 0; y < g->n[1]; y++)
+            for (size_t x = 0; x < g->n[0]; x++, v++)
+                d->held[v] |= hypot(g->origin_m[0] + g->step_m[0] * (double)x - at_m[0],
+                                    g->origin_m[2] + g->step_m[2] * (double)z - at_m[2]) <
+                              held_m;
+}
+
+void detector_learn(struct detector *d, const struct volume *volume,
+                    const double (*held)[3], size_t n, double held_m)
+{
+    const struct grid *grid = &volume->grid;
+
+    if (!d->map || !volume->intensity || memcmp(&d->cells_grid, grid, sizeof *grid))
+        return;
+    memset(d->held, 0, grid_size(grid) * sizeof *d->held);
+    for (size_t i = 0; i < n; i++)
+        hold(d, held[i], held_m);
+    cfar_map_learn(d->map, volume->intensity, d->held, volume->capture_ns);
+}
+
+void detector_forget(struct detector *d)
+{
+    if (d->map)
+        cfar_map_reset(d->map);
+}
+
+void detector_clear(struct detector *d)
+{
+    forget_cells(d);
+    survey_clear(&d->survey);
+    d->has_survey = false;
+}

@@ -1,0 +1,22 @@
+/* recon/detection/lobes.h -- which objects of an image are grating lobes.  An aperture
+ * whose places are farther apart than half a wavelength agrees with a wrong direction
+ * too, another one for each frequency: over a band such lobes smear, but those of what is
+ * strong are still as bright as objects.  An object is seen in the same place at all
+ * frequencies; a lobe only at those, the highest first, whose waves are short enough for
+ * it. */
+#ifndef ANLOS_RECON_DETECTION_LOBES_H
+#define ANLOS_RECON_DETECTION_LOBES_H
+
+#include <stddef.h>
+
+#include "recon/detection/detect.h"
+#include "recon/planning/trace_set.h"
+
+#define LOBES_MAX 64 /* objects; more are left as they are */
+
+/* found [n], as detect_objects leaves them.  Lowers the existence of those that another
+ * one may make, and of which less is heard low in the band, all pairs in step, than of
+ * that one. */
+void lobes_judge(const struct trace_set *set, struct detection *found, size_t n);
+
+#endif

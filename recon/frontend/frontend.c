@@ -1,0 +1,403 @@
+#include "recon/frontend/frontend.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "dsp/blanker.h"
+#include "recon/frontend/channel_check.h"
+#include "recon/frontend/mean_background.h"
+#include "recon/frontend/recorded_background.h"
+
+/* That a sound from outside is none of the place. */
+#define LONGEST_NS INT64_C(500000000)
+
+/* Slower is standing: 5 mm in a tenth of a second is a quarter of the shortest wave. */
+#define STANDING_M_S   0.05
+#define STANDING_RAD_S 0.01
+
+struct frontend {
+    struct frontend_config cfg;
+    bool ego_heard; /* somebody tells of the vehicle's motion */
+    struct ego_path ego;
+    double ambient_c; /* NaN: not known */
+
+    struct survey survey;
+    uint64_t survey_id; /* 0: no survey yet */
+    struct processing processing;
+    struct compressor *compressor;
+    struct trace_format format;
+    struct recorded_background *recorded;
+    struct mean_background *mean; /* of a static array */
+    struct blanker *blanker;
+    struct channel_check *check; /* of one ping at a time */
+    unsigned *noticed;           /* [n_microphones], faults said already */
+    bool missing_noticed;        /* a speaker's background */
+    bool *masked;                /* [n_microphones]: unfit, or its background was */
+    float *padded;               /* [n_microphones][ping_samples] */
+    float complex *traces;       /* [n_microphones][format.n_samples] */
+};
+
+int frontend_create(struct frontend **out, const struct frontend_config *cfg)
+{
+    struct frontend *f = calloc(1, sizeof *f);
+
+    if (!f)
+        return -ENOMEM;
+    f->cfg = *cfg;
+    f->ambient_c = NAN;
+    *out = f;
+    return 0;
+}
+
+/* -- survey -----------------------------------------------------------------------------
+ */
+
+void frontend_forget(struct frontend *f)
+{
+    compressor_destroy(f->compressor);
+    recorded_background_destroy(f->recorded);
+    mean_background_destroy(f->mean);
+    blanker_destroy(f->blanker);
+    channel_check_destroy(f->check);
+    free(f->noticed);
+    free(f->masked);
+    free(f->padded);
+    free(f->traces);
+    survey_clear(&f->survey);
+    *f = (struct frontend){.cfg = f->cfg,
+                           .ego_heard = f->ego_heard,
+                           .ego = f->ego,
+                           .ambient_c = f->ambient_c};
+}
+
+/* Judged by what lies in the gate. */
+static int create_blanker(struct frontend *f)
+{
+    const struct trace_format *t = &f->format;
+    double from = ceil((f->processing.gate_s[0] - t->t0_s) * t->rate_hz);
+    struct blanker_config cfg = {.n_channels = f->survey.n_microphones,
+                                 .n_samples = t->n_samples,
+                                 .until = t->n_samples,
+                                 .longest_ns = LONGEST_NS};
+
+    cfg.from = (size_t)fmin(fmax(from, 0.0), (double)t->n_samples - 1.0);
+    return blanker_create(&f->blanker, &cfg);
+}
+
+static int allocate(struct frontend *f)
+{
+    size_t n_mics = f->survey.n_microphones;
+
+    f->noticed = calloc(n_mics, sizeof *f->noticed);
+    f->masked = calloc(n_mics, sizeof *f->masked);
+    f->padded = calloc(n_mics * f->processing.ping_samples, sizeof *f->padded);
+    f->traces = calloc(n_mics * f->format.n_samples, sizeof *f->traces);
+    if (!f->noticed || !f->masked || !f->padded || !f->traces)
+        return -ENOMEM;
+    int err = channel_check_create(&f->check, n_mics, 1);
+    if (!err)
+        err = create_blanker(f);
+    if (!err)
+        err = mean_background_create(&f->mean, f->survey.n_speakers, n_mics,
+                                     f->format.n_samples, f->cfg.background_s);
+    if (!err)
+        err = recorded_background_create(&f->recorded, &f->survey, &f->processing,
+                                         &f->format);
+    return err;
+}
+
+int frontend_survey(struct frontend *f, const struct survey *survey, struct error *why)
+{
+    frontend_forget(f);
+    int err = survey_copy(&f->survey, survey);
+    if (err)
+        error_say(why, err, "survey: %s", strerror(-err));
+    else
+        err = processing_plan(&f->processing, &f->survey, why);
+    if (!err)
+        err = compressor_create(&f->compressor, &f->processing, &f->survey,
+                                f->cfg.compression, f->cfg.window, why);
+    if (!err) {
+        compressor_format(f->compressor, &f->format);
+        err = allocate(f);
+        if (err)
+            error_say(why, err, "background: %s", strerror(-err));
+    }
+    if (err)
+        frontend_forget(f);
+    else
+        f->survey_id = survey_id(survey);
+    return err;
+}
+
+uint64_t frontend_survey_id(const struct frontend *f)
+{
+    return f->survey_id;
+}
+
+/* -- motion and air ---------------------------------------------------------------------
+ */
+
+void frontend_ego(struct frontend *f, const struct ego_motion *motion, int64_t capture_ns)
+{
+    f->ego_heard = true;
+    if (motion)
+        ego_path_add(&f->ego, capture_ns, motion);
+}
+
+void frontend_temperature(struct frontend *f, double temperature_c)
+{
+    f->ambient_c = temperature_c;
+}
+
+static bool is_slow(const struct ego_motion *m)
+{
+    return fabs(m->speed_m_s) < STANDING_M_S && fabs(m->yaw_rate_rad_s) < STANDING_RAD_S;
+}
+
+static bool stands_at(const struct ego_path *p, int64_t at_ns)
+{
+    struct ego_motion now;
+
+    return !ego_path_at(p, at_ns, &now) && is_slow(&now);
+}
+
+/* As far as it was told by now: a ping that ends while the vehicle sets off was not heard
+ * standing.  Where nobody tells, it stands; when who told is silent, it does not. */
+static bool stands_during(const struct frontend *f, int64_t from_ns)
+{
+    const struct ego_path *p = &f->ego;
+    double ping_s = (double)f->processing.ping_samples / f->survey.sample_rate_hz;
+    int64_t to_ns = from_ns + llrint(1e9 * ping_s);
+    bool stands = stands_at(p, from_ns) && stands_at(p, to_ns);
+
+    if (!f->ego_heard)
+        return true;
+    for (size_t k = 0; stands && k < p->n; k++)
+        stands = p->stamp_ns[k] < from_ns || p->stamp_ns[k] > to_ns ||
+                 is_slow(&p->motion[k]);
+    return stands;
+}
+
+/* -- microphones ------------------------------------------------------------------------
+ */
+
+/* Said once for each; for people they count from 1. */
+static void notice_faults(struct frontend *f, size_t mic,
+                          const struct channel_summary *summary,
+                          struct frontend_output *out)
+{
+    const struct {
+        bool is;
+        const char *text;
+    } faults[] = {{summary->silent, "is silent"},
+                  {summary->damaged, "has samples that are not finite"},
+                  {summary->clipped, "is clipped"}};
+
+    for (unsigned i = 0; i < sizeof faults / sizeof *faults; i++) {
+        size_t used = strlen(out->note);
+        if (!faults[i].is || f->noticed[mic] & 1u << i)
+            continue;
+        f->noticed[mic] |= 1u << i;
+        snprintf(out->note + used, sizeof out->note - used, "%smicrophone %zu %s",
+                 used ? "; " : "", mic + 1, faults[i].text);
+    }
+}
+
+/* Which are fit to be used, and the clipped samples of all. */
+static uint64_t judge_microphones(struct frontend *f, const struct ping *ping,
+                                  struct frontend_output *out)
+{
+    size_t n = f->survey.n_microphones;
+    struct channel_summary summary;
+    uint64_t clipped = 0;
+
+    out->faults.n = n;
+    memset(f->masked, 0, n * sizeof *f->masked);
+    channel_check_position(f->check, 0, ping->n_samples, ping->samples, ping->clipped,
+                           ping->not_finite, f->masked);
+    for (size_t i = 0; i < n; i++) {
+        channel_check_summary(f->check, i, &summary);
+        notice_faults(f, i, &summary, out);
+        out->faults.silent += summary.silent;
+        out->faults.damaged += summary.damaged;
+        out->faults.clipped += summary.clipped;
+        clipped += ping->clipped[i];
+    }
+    return clipped;
+}
+
+static void silence_masked(struct frontend *f)
+{
+    for (size_t m = 0; m < f->survey.n_microphones; m++)
+        if (f->masked[m])
+            memset(f->traces + m * f->format.n_samples, 0,
+                   f->format.n_samples * sizeof *f->traces);
+}
+
+static void compress(struct frontend *f, const struct ping *ping)
+{
+    size_t need = f->processing.ping_samples, n = ping->n_samples;
+    const float *x = ping->samples;
+
+    if (n < need) {
+        for (size_t m = 0; m < f->survey.n_microphones; m++) {
+            memcpy(f->padded + m * need, x + m * n, n * sizeof *x);
+            memset(f->padded + m * need + n, 0, (need - n) * sizeof *x);
+        }
+        x = f->padded;
+        n = need;
+    }
+    compressor_execute_either(f->compressor, ping->down, x, n, f->traces);
+    silence_masked(f);
+}
+
+/* -- background -------------------------------------------------------------------------
+ */
+
+/* Of a static array it is the mean so far. */
+static void keep_background(struct frontend *f, const struct ping *ping)
+{
+    const float complex *traces = f->traces;
+
+    if (ping->frame)
+        traces = mean_background_record(f->mean, ping, f->traces);
+    recorded_background_keep(f->recorded, ping, f->masked, traces);
+}
+
+static bool subtract_adaptive(struct frontend *f, const struct ping *ping, bool stands)
+{
+    if (stands)
+        return mean_background_subtract(f->mean, ping->speaker, ping->capture_ns,
+                                        f->masked, f->traces);
+    mean_background_reset(f->mean);
+    return false;
+}
+
+static void blank(struct frontend *f)
+{
+    for (size_t m = 0; m < f->survey.n_microphones; m++)
+        f->masked[m] = true;
+    silence_masked(f);
+    mean_background_drop(f->mean);
+}
+
+/* true: a background was subtracted, or would have been.  Nobody takes the pings of a
+ * static array again: one that a sound from outside drowned is of no use. */
+static bool subtract_background(struct frontend *f, const struct ping *ping,
+                                bool *blanked)
+{
+    bool adaptive = f->cfg.background == BACKGROUND_ADAPTIVE;
+    bool stands = adaptive && stands_during(f, ping->capture_ns);
+    const float complex *mean = stands ? mean_background_of(f->mean, ping->speaker)
+                                       : NULL;
+
+    *blanked = ping->frame &&
+               blanker_execute(f->blanker, f->traces, mean, f->masked, ping->capture_ns);
+    if (*blanked) {
+        blank(f);
+        return mean || (!adaptive && recorded_background_is_kept(f->recorded, ping));
+    }
+    return adaptive
+               ? subtract_adaptive(f, ping, stands)
+               : recorded_background_subtract(f->recorded, ping, f->masked, f->traces);
+}
+
+/* -- pings ------------------------------------------------------------------------------
+ */
+
+static bool fits(const struct frontend *f, const struct ping *ping,
+                 struct frontend_output *out)
+{
+    const struct survey *s = &f->survey;
+
+    if (!f->survey_id)
+        return false;
+    if (ping->survey_id != f->survey_id) {
+        snprintf(out->note, sizeof out->note, "a ping of another survey cannot be used");
+        return false;
+    }
+    if (ping->samples && ping->n_microphones == s->n_microphones &&
+        ping->position < s->n_positions && ping->speaker < s->n_speakers &&
+        (!ping->down || s->chirp_alternates))
+        return true;
+    snprintf(out->note, sizeof out->note, "a ping does not have the survey's shape");
+    return false;
+}
+
+/* A scan records what is missing, a static array does not. */
+static bool lacks_background(struct frontend *f, const struct ping *ping,
+                             struct frontend_output *out)
+{
+    if (ping->pass != PASS_SCENE || f->cfg.background != BACKGROUND_RECORDED ||
+        recorded_background_is_kept(f->recorded, ping))
+        return false;
+    if (ping->frame && !f->missing_noticed) {
+        f->missing_noticed = true;
+        snprintf(out->note, sizeof out->note,
+                 "speaker %u has no background: its pings are not used", ping->speaker);
+    }
+    return true;
+}
+
+static void write_traces(const struct frontend *f, const struct ping *ping,
+                         struct traces *out)
+{
+    *out = (struct traces){
+        .survey_id = f->survey_id,
+        .capture_ns = ping->capture_ns,
+        .scan = ping->scan,
+        .frame = ping->frame,
+        .position = ping->position,
+        .speaker = ping->speaker,
+        .stage_m = ping->stage_m,
+        .temperature_c = isnan(ping->temperature_c) ? f->ambient_c : ping->temperature_c,
+        .down = ping->down,
+        .n_microphones = f->survey.n_microphones,
+        .format = f->format,
+        .samples = f->traces,
+        .masked = f->masked};
+}
+
+void frontend_ping(struct frontend *f, const struct ping *ping,
+                   struct frontend_output *out)
+{
+    *out = (struct frontend_output){.outcome = FRONTEND_REFUSED};
+    if (!fits(f, ping, out) || !ping->valid)
+        return;
+    if (lacks_background(f, ping, out)) {
+        out->outcome = FRONTEND_LACKS_BACKGROUND;
+        return;
+    }
+    uint64_t clipped = judge_microphones(f, ping, out);
+    compress(f, ping);
+    if (ping->pass == PASS_BACKGROUND) {
+        keep_background(f, ping);
+        out->outcome = FRONTEND_KEPT;
+        return;
+    }
+    bool blanked, subtracted = subtract_background(f, ping, &blanked);
+    write_traces(f, ping, &out->traces);
+    out->traces.clipped_samples = clipped;
+    out->traces.background_subtracted = subtracted;
+    out->traces.blanked = blanked;
+    out->outcome = FRONTEND_TRACES;
+}
+
+const struct air *frontend_air(const struct frontend *f)
+{
+    static const struct air nothing = {.pings = 0};
+
+    return f->recorded ? recorded_background_air(f->recorded) : &nothing;
+}
+
+void frontend_destroy(struct frontend *f)
+{
+    if (!f)
+        return;
+    frontend_forget(f);
+    free(f);
+}

@@ -1,0 +1,94 @@
+/* recon/frontend/frontend.h -- from a ping to traces: which microphones are fit, pulse
+ * compression, blanking of what a sound from outside drowned, and the background
+ * subtracted, as it would sound in the air of now.
+ *
+ * A scan has a background that was recorded before, ping by ping.  A static array
+ * (ping.frame) has the mean of its frames there, or an adaptive one: each speaker's
+ * running mean while the vehicle stands.  What stands still as well is gone with it, and
+ * what stays longer than background_s fades.  Nothing is subtracted from the first ping
+ * of each speaker, nor from one during which the vehicle moves, or it is not known
+ * whether it does; the mean restarts when it stands again.  A ping of a static array
+ * that a sound from outside drowned (dsp/blanker.h) is blanked: its traces are empty, all
+ * microphones masked, and neither it nor the one before, which may hold its beginning,
+ * counts into the mean.
+ *
+ * No function but create and survey allocates.  One thread at a time. */
+#ifndef ANLOS_RECON_FRONTEND_FRONTEND_H
+#define ANLOS_RECON_FRONTEND_FRONTEND_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "dsp/error.h"
+#include "recon/frontend/air.h"
+#include "recon/frontend/compressor.h"
+#include "recon/ego.h"
+#include "recon/ping.h"
+#include "recon/survey.h"
+#include "recon/traces.h"
+
+enum background_mode {
+    BACKGROUND_NONE,
+    BACKGROUND_RECORDED, /* pings of that pass, and without one a ping is of no use */
+    BACKGROUND_ADAPTIVE,
+};
+
+struct frontend_config {
+    enum window window;
+    enum compression compression;
+    enum background_mode background;
+    double background_s; /* time constant of an adaptive one */
+};
+
+struct frontend_faults { /* of how many microphones, so many are: */
+    size_t n;            /* 0: the ping was not looked at */
+    size_t silent, damaged, clipped;
+};
+
+enum frontend_outcome {
+    FRONTEND_REFUSED,          /* the ping is of no use */
+    FRONTEND_LACKS_BACKGROUND, /* that pass has to be recorded before */
+    FRONTEND_KEPT,             /* a background, from now on */
+    FRONTEND_TRACES,
+};
+
+struct frontend_output { /* borrows from the front end until the next ping */
+    enum frontend_outcome outcome;
+    struct traces traces;
+    char note[256]; /* for the log; empty: nothing new */
+    struct frontend_faults faults;
+};
+
+struct frontend;
+
+/* 0, -ENOMEM. */
+int frontend_create(struct frontend **out, const struct frontend_config *cfg);
+
+/* Plans for a survey, which it copies; the background of the one before is forgotten, and
+ * after an error there is none.  0, -EINVAL and others of processing_plan; the error
+ * says what does not fit. */
+int frontend_survey(struct frontend *f, const struct survey *survey, struct error *why);
+
+/* As if there had been none. */
+void frontend_forget(struct frontend *f);
+
+/* survey_id of what it is planned for; 0: nothing. */
+uint64_t frontend_survey_id(const struct frontend *f);
+
+/* How the vehicle moves; NULL: somebody told of it, but not that.  Before the first of
+ * these it stands. */
+void frontend_ego(struct frontend *f, const struct ego_motion *motion,
+                  int64_t capture_ns);
+
+/* Of the air around; of use where none is measured with a ping. */
+void frontend_temperature(struct frontend *f, double temperature_c);
+
+/* Before there is a survey no ping can be used, and no note says so. */
+void frontend_ping(struct frontend *f, const struct ping *ping,
+                   struct frontend_output *out);
+
+/* Of the scan that the newest ping belongs to. */
+const struct air *frontend_air(const struct frontend *f);
+void frontend_destroy(struct frontend *f);
+
+#endif

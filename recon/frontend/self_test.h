@@ -1,0 +1,64 @@
+/* recon/frontend/self_test.h -- what the array hears of itself, and so of others: does
+ * each microphone hear the speakers, and each speaker reach a microphone; is one covered;
+ * how loud is noise; and how far away would a person still be found?
+ *
+ * Deaf and mute.  A cable that is out still gives noise and hum, which no level tells
+ * from a quiet room; but nothing in it is as long ago as any other thing.  So a ping
+ * counts as heard where, compressed, something stands out of the trace.  A microphone is
+ * deaf when it heard none of the pings of 70 ms that others heard; a speaker is mute when
+ * nobody heard it when it sounded last, or 30 dB less than most: late echoes of the one
+ * before are that loud.  Where noise would drown even the direct sound, neither is
+ * judged.
+ *
+ * Covered: the direct sound of whole rows or columns of pairs drops (dsp/cover.h).
+ *
+ * Noise is that of dsp/noise_floor.h, where images are made; how far a person is found in
+ * it recon/frontend/range_monitor.h says. */
+#ifndef ANLOS_RECON_FRONTEND_SELF_TEST_H
+#define ANLOS_RECON_FRONTEND_SELF_TEST_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "dsp/error.h"
+#include "recon/frontend/range_monitor.h"
+#include "recon/ping.h"
+#include "recon/survey.h"
+
+struct self_test_faults {
+    size_t deaf, of_microphones;
+    size_t mute, of_speakers; /* that have sounded */
+    size_t covered_microphones, covered_speakers;
+};
+
+struct self_test_levels { /* NaN: not known */
+    double noise_db;      /* of a sample of compressed noise, re an echo of gain 1 */
+    double direct_db;     /* the loudest direct sound of each speaker over noise */
+    double echo_db;       /* the wall's echo over noise */
+    double range_m; /* up to which a person is found; 0: nowhere in the gate, which */
+    double gate_m;  /* ends here */
+    bool limited;   /* range_m is less */
+};
+
+struct self_test;
+
+/* The survey outlives it.  0, -EINVAL (pings are too short to tell, or a gate or a
+ * reach that is none), -ENOMEM. */
+int self_test_create(struct self_test **out, const struct range_config *cfg,
+                     const struct survey *s, struct error *why);
+
+/* See range_monitor_walls. */
+void self_test_walls(struct self_test *h, const struct walls *walls);
+
+/* Of all pings up to this one.  note: gets what was not said before, or stays as it is. A
+ * microphone whose samples are no numbers, or a ping of another shape, is not judged.
+ * Costs the compression of two pings, and of noise the passes of dsp/noise_floor.h. */
+void self_test_ping(struct self_test *h, const struct ping *ping,
+                    struct self_test_faults *out, char *note, size_t note_size);
+
+void self_test_levels(const struct self_test *h, struct self_test_levels *out);
+bool self_test_covers_microphone(const struct self_test *h, size_t microphone);
+bool self_test_covers_speaker(const struct self_test *h, size_t speaker);
+void self_test_destroy(struct self_test *h);
+
+#endif

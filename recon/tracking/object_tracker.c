@@ -1,0 +1,566 @@
+#include "recon/tracking/object_tracker.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/tracking/sidelobes.h"
+#include "recon/tracking/sight.h"
+#include "recon/tracking/timing.h"
+#include "recon/tracking/track_ids.h"
+
+#define LATEST_NS    (INT64_MAX / 2) /* differences of stamps do not overflow */
+#define YOUNG_ROUNDS 7.0
+#define AT_WALL_M    0.25 /* what is imaged so close behind a wall is the wall */
+
+/* A lost wall is forgotten when another stands about where it stood, when nothing has
+ * come by way of it for as long as a wall is kept unseen, or in the end. */
+#define LOST_S      60.0
+#define SAME_WALL_M 0.5
+#define SAME_COSINE 0.97
+
+/* A background has of what was there for k of its n rounds a k-th of n, and leaves that
+ * as a hole: of 28 dB over what is around, the most that is seen, during a fifth of it.
+ */
+#define REMAINS_DB 14.0
+
+/* What came so far is something that moves, also when it stands. */
+#define TRAVELLED_M 0.6
+#define HELD_M      0.6 /* about its middle: all of a person */
+
+_Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS && TRACKS_MAX <= OBJECTS_MAX, "");
+
+struct travel {     /* of a track that has a name */
+    double at_m[2]; /* where it began, vehicle frame */
+    bool far;
+};
+
+/* Walls that are not told of any more, at the stamp of the walls.  Sound may go on to
+ * come by way of them: as if by way of another one, it would be somebody elsewhere. */
+struct lost_walls {
+    struct walls walls;
+    int64_t lost_ns[WALLS_MAX], used_ns[WALLS_MAX]; /* by what is imaged, last */
+};
+
+/* What the newest detection of a track told besides its place. */
+struct memory {
+    double level_db;
+    struct shape_guess shape;
+    bool behind_no_wall, in_free_view;
+};
+
+struct object_tracker {
+    struct object_tracker_config cfg;
+    struct detector detector;
+    struct tracker *tracker;
+    struct memory memory[TRACK_ID_MAX + 1]; /* by id */
+    struct ego_path ego;
+    struct walls walls; /* of the topic, at a stamp */
+    int64_t walls_ns;
+    bool has_walls;
+    struct lost_walls lost;
+    int64_t stamp_ns; /* of the newest image; 0: none */
+    int64_t young_ns; /* when its background began; 0: it is not known */
+    struct track_detection detections[TRACK_DETECTIONS];
+    struct track_report reports[TRACKS_MAX]; /* of the newest image */
+    size_t n_reports;
+    struct travel travels[TRACK_ID_MAX + 1];
+    struct sidelobe_source sources[TRACKS_MAX]; /* the same, as they are in this one */
+};
+
+int object_tracker_create(struct object_tracker **out,
+                          const struct object_tracker_config *cfg)
+{
+    struct object_tracker *t = calloc(1, sizeof *t);
+
+    if (!t)
+        return -ENOMEM;
+    t->cfg = *cfg;
+    detector_init(&t->detector, &cfg->detector);
+    int err = cfg->clutter > 0.0 ? tracker_create(&t->tracker, &cfg->track) : -EINVAL;
+    if (err) {
+        free(t);
+        return err;
+    }
+    *out = t;
+    return 0;
+}
+
+int object_tracker_survey(struct object_tracker *t, const struct survey *survey)
+{
+    return detector_survey(&t->detector, survey);
+}
+
+static bool is_time(int64_t stamp_ns)
+{
+    return stamp_ns >= 0 && stamp_ns < LATEST_NS;
+}
+
+void object_tracker_ego(struct object_tracker *t, const struct ego_motion *motion,
+                        int64_t capture_ns)
+{
+    if (motion && is_time(capture_ns))
+        ego_path_add(&t->ego, capture_ns, motion); /* what came late tells nothing new */
+}
+
+bool object_tracker_has_survey(const struct object_tracker *t)
+{
+    return t->detector.has_survey;
+}
+
+uint64_t object_tracker_survey_id(const struct object_tracker *t)
+{
+    return t->detector.has_survey ? t->detector.survey_id : 0;
+}
+
+/* Who told of the walls tells of them no more: a vehicle that moves leaves them behind.
+ */
+static bool walls_are_old(const struct object_tracker *t, int64_t capture_ns)
+{
+    return 1e-9 * (double)(capture_ns - t->walls_ns) > t->cfg.walls_s;
+}
+
+bool object_tracker_has_wall(const struct object_tracker *t)
+{
+    return t->has_walls ? t->walls.n > 0 && !walls_are_old(t, t->stamp_ns)
+                        : t->detector.has_survey && t->detector.survey.has_wall;
+}
+
+/* Between two stamps; false: it is not known, and taken to be what it last was. */
+static bool move_between(const struct object_tracker *t, int64_t from_ns, int64_t to_ns,
+                         struct ego_step *step)
+{
+    *step = (struct ego_step){0};
+    if (!t->ego.n || !ego_path_between(&t->ego, from_ns, to_ns, step))
+        return true;
+    ego_motion_step(&t->ego.motion[t->ego.newest], 1e-9 * (double)(to_ns - from_ns),
+                    step);
+    return false;
+}
+
+/* The walls as they stand at the image's stamp. */
+static void place_walls(const struct object_tracker *t, int64_t capture_ns,
+                        struct walls *out)
+{
+    struct ego_step step;
+
+    if (!t->has_walls) {
+        walls_from_survey(out, &t->detector.survey);
+        return;
+    }
+    *out = t->walls;
+    if (walls_are_old(t, capture_ns)) {
+        out->n = 0;
+        return;
+    }
+    move_between(t, t->walls_ns, capture_ns, &step);
+    walls_step(out, &t->detector.survey, &step);
+}
+
+static bool is_replaced(const struct wall_gate *lost, const struct walls *by)
+{
+    for (size_t i = 0; i < by->n; i++) {
+        struct wall a = lost->plane, b = by->list[i].plane;
+        wall_face(&a);
+        wall_face(&b);
+        double cosine = a.normal[0] * b.normal[0] + a.normal[1] * b.normal[1] +
+                        a.normal[2] * b.normal[2];
+        if (by->list[i].id == lost->id ||
+            (cosine > SAME_COSINE && fabs(a.distance_m - b.distance_m) < SAME_WALL_M))
+            return true;
+    }
+    return false;
+}
+
+static void lose(struct lost_walls *l, const struct wall_gate *wall, int64_t lost_ns,
+                 int64_t used_ns)
+{
+    if (l->walls.n == WALLS_MAX)
+        return;
+    l->walls.list[l->walls.n] = *wall;
+    l->lost_ns[l->walls.n] = lost_ns;
+    l->used_ns[l->walls.n++] = used_ns;
+}
+
+/* Walls of now are told: which others were there? */
+static void keep_lost(struct object_tracker *t, const struct walls *now, int64_t now_ns)
+{
+    struct lost_walls before = t->lost;
+    struct walls known = t->walls;
+    struct ego_step step;
+
+    t->lost.walls.n = 0;
+    if (!t->has_walls || !t->detector.has_survey || now_ns < t->walls_ns)
+        return;
+    move_between(t, t->walls_ns, now_ns, &step);
+    walls_step(&known, &t->detector.survey, &step);
+    walls_step(&before.walls, &t->detector.survey, &step);
+    for (size_t i = 0; i < before.walls.n; i++)
+        if (1e-9 * (double)(now_ns - before.used_ns[i]) < t->cfg.walls_s &&
+            1e-9 * (double)(now_ns - before.lost_ns[i]) < LOST_S &&
+            !is_replaced(&before.walls.list[i], now))
+            lose(&t->lost, &before.walls.list[i], before.lost_ns[i], before.used_ns[i]);
+    for (size_t i = 0; i < known.n; i++)
+        if (!is_replaced(&known.list[i], now))
+            lose(&t->lost, &known.list[i], now_ns, now_ns);
+}
+
+/* The lost ones as they stand at the image's stamp.  While no wall is known nobody has a
+ * place, and is not taken for another. */
+static void place_lost(const struct object_tracker *t, const struct walls *known,
+                       int64_t capture_ns, struct walls *out)
+{
+    struct ego_step step;
+
+    out->n = 0;
+    if (!known->n || !t->lost.walls.n)
+        return;
+    *out = t->lost.walls;
+    move_between(t, t->walls_ns, capture_ns, &step);
+    walls_step(out, &t->detector.survey, &step);
+}
+
+static void note_lost(struct object_tracker *t, const struct sight *sight,
+                      const struct object_list *list, int64_t capture_ns)
+{
+    for (size_t i = 0; i < list->n; i++) {
+        size_t w = sight_lost(sight, list->objects[i].virtual_m);
+        if (w < sight->lost->n)
+            t->lost.used_ns[w] = capture_ns;
+    }
+}
+
+int object_tracker_walls(struct object_tracker *t, const struct walls *walls,
+                         int64_t capture_ns)
+{
+    if (!is_time(capture_ns))
+        return -EINVAL;
+    keep_lost(t, walls, capture_ns);
+    t->walls = *walls;
+    t->walls_ns = capture_ns;
+    t->has_walls = true;
+    return 0;
+}
+
+/* Where the array was, in the mean of an image's pings. */
+static void place_array(const struct object_tracker *t, const struct sight *sight,
+                        const struct volume *volume, struct track_array *out)
+{
+    double age_s = timing_age_s(&t->detector.survey, volume->pings_used);
+    struct ego_step step;
+    double at_m[3], axis[3] = {sight->axes[0][0], sight->axes[1][0], sight->axes[2][0]};
+
+    move_between(t, volume->capture_ns - llrint(1e9 * age_s), volume->capture_ns, &step);
+    ego_step_point(&step, sight->origin_m, at_m);
+    ego_step_turn(&step, axis, axis);
+    memcpy(out->at_m, at_m, sizeof out->at_m);
+    memcpy(out->axis, axis, sizeof out->axis);
+}
+
+/* As the array heard it from there. */
+static void hear(const struct sight *sight, const struct track_array *array,
+                 const double virtual_m[3], struct track_detection *out)
+{
+    double away_m[2];
+
+    for (int a = 0; a < 2; a++) {
+        away_m[a] = sight->origin_m[a] - array->at_m[a];
+        for (int b = 0; b < 3; b++)
+            away_m[a] += sight->axes[a][b] * virtual_m[b];
+    }
+    out->along_m = away_m[0] * array->axis[0] + away_m[1] * array->axis[1];
+    out->range_m = hypot(away_m[0], away_m[1]);
+}
+
+/* The wall's error is the same for all images: no filter takes it for noise.  It comes
+ * back when tracks are listed. */
+static void take_detection(const struct object_tracker *t, const struct sight *sight,
+                           const struct volume *volume, const struct track_array *array,
+                           const struct object *o, struct track_detection *out)
+{
+    const double *v = o->virtual_m;
+    double wall_m2[6];
+
+    sight_wall_error(sight, o->place.wall, v, wall_m2);
+    *out = (struct track_detection){.existence = o->existence,
+                                    .mirror = o->place.wall,
+                                    .power = pow(10.0, 0.1 * o->level_db),
+                                    .height_assumed = sight->grid->n[1] == 1};
+    memcpy(out->position_m, o->place.position_m, sizeof out->position_m);
+    memcpy(out->extent_m, o->place.extent_m, sizeof out->extent_m);
+    for (int i = 0; i < 6; i++)
+        out->covariance_m2[i] = o->place.covariance_m2[i] - wall_m2[i];
+    for (int i = 0; i < 6; i += i ? 2 : 3)
+        out->covariance_m2[i] = fmax(out->covariance_m2[i], 0.0);
+    out->lag_s = timing_lag_s(&t->detector.survey, volume->pings_used,
+                              hypot(hypot(v[0], v[1]), v[2]));
+    hear(sight, array, v, out);
+    sight_direction(sight, o->place.wall, out->position_m, out->sight);
+}
+
+static bool is_behind_a_wall(const struct sight *sight, const struct object *o)
+{
+    return !o->place.behind_no_wall &&
+           sight_lost(sight, o->virtual_m) == sight->lost->n &&
+           sight_behind_m(sight, o->place.wall, o->virtual_m) > AT_WALL_M;
+}
+
+/* Brings to the front of the list, in the order they had, what is tracked: neither the
+ * wall itself, nor what no wall can have mirrored, nor what may be a sidelobe, of another
+ * one or of what is tracked already.  Returns how many they are. */
+static size_t choose_candidates(const struct object_tracker *t, const struct sight *sight,
+                                struct object_list *list)
+{
+    struct sidelobe_array array = {.margin_db = t->cfg.sidelobe_db};
+    struct sidelobe_source seen[OBJECTS_MAX];
+    size_t chosen = 0;
+
+    sidelobe_array_measure(&array, &t->detector.survey);
+    for (size_t i = 0; i < list->n; i++)
+        seen[i] =
+            sidelobe_source_at(list->objects[i].virtual_m, list->objects[i].level_db);
+    for (size_t i = 0; i < list->n; i++) {
+        struct object o = list->objects[i];
+        if (!is_behind_a_wall(sight, &o) ||
+            sidelobes_may_be(&array, &seen[i], seen, list->n) ||
+            sidelobes_may_be(&array, &seen[i], t->sources, t->n_reports))
+            continue;
+        memmove(list->objects + chosen + 1, list->objects + chosen,
+                (i - chosen) * sizeof o);
+        list->objects[chosen++] = o;
+    }
+    return chosen;
+}
+
+/* Where the tracks of the image before are imaged in this one, dt_s later. */
+static void place_tracks(struct object_tracker *t, const struct sight *sight,
+                         const struct ego_step *ego, double dt_s)
+{
+    for (size_t i = 0; i < t->n_reports; i++) {
+        const struct track_report *k = &t->reports[i];
+        const struct track_mirror none = {.id = 0};
+        double at_m[3], virtual_m[3];
+        for (int a = 0; a < 3; a++)
+            at_m[a] = k->heard_m[a] + (a < 2 ? dt_s * k->velocity_m_s[a] : 0.0);
+        track_mirror_point(&k->mirror, at_m, at_m);
+        ego_step_point(ego, at_m, at_m);
+        sight_virtual(sight, &none, at_m, virtual_m);
+        t->sources[i] = sidelobe_source_at(virtual_m, t->memory[k->id].level_db);
+    }
+}
+
+static double floor_m2(const struct grid *g)
+{
+    return g->step_m[0] * (double)g->n[0] * g->step_m[2] * (double)g->n[2];
+}
+
+/* With what stands still in it, and no wall that mirrors, an image shows what the array
+ * sees directly: that hides nothing, and glides over ground once it is mirrored. */
+static bool shows_hidden(const struct object_tracker *t, const struct volume *volume,
+                         const struct sight *sight)
+{
+    return !volume->standing_left || !t->has_walls || sight->walls->n > 0;
+}
+
+/* Where a sound from outside drowned more than a quarter of an image's pings, what is
+ * left is noisier than what was learnt of noise: it shows nothing, neither that something
+ * is there nor that it is not. */
+static bool is_blanked(const struct volume *volume)
+{
+    return 4 * volume->pings_blanked > volume->pings_expected;
+}
+
+static bool shows_nothing(const void *context, const double p_m[3])
+{
+    (void)context;
+    (void)p_m;
+    return false;
+}
+
+/* A background that has only begun has who walked by then in it, where he was: a hole
+ * that rests there, and after n rounds is an n-th of him.  (One that restarts after
+ * each stop finds him tracked.) */
+static bool shows_standing(struct object_tracker *t, const struct volume *volume)
+{
+    int64_t capture_ns = volume->capture_ns;
+    double gap_s = 1e-9 * (double)(capture_ns - t->stamp_ns);
+
+    if (!t->stamp_ns || fabs(gap_s) > t->cfg.track.coast_s)
+        t->young_ns = volume->standing_left ? capture_ns : 0;
+    double since_s = 1e-9 * (double)(capture_ns - t->young_ns);
+    return volume->standing_left ||
+           (t->young_ns && since_s < YOUNG_ROUNDS * timing_round_s(&t->detector.survey));
+}
+
+static int follow(struct object_tracker *t, const struct volume *volume,
+                  const struct sight *sight, struct object_list *list)
+{
+    int64_t capture_ns = volume->capture_ns;
+    double dt_s = 1e-9 * (double)(capture_ns - t->stamp_ns);
+    struct track_scan scan = {
+        .stamp_ns = capture_ns,
+        .detections = t->detections,
+        .fresh = t->stamp_ns && dt_s > 0.0
+                     ? timing_fresh(&t->detector.survey, volume->pings_used, dt_s,
+                                    t->cfg.look_s)
+                     : 1.0,
+        .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
+        .standing_left = shows_standing(t, volume),
+        .remains = volume->standing_taken ? pow(10.0, 0.1 * REMAINS_DB) : 0.0,
+        .ego_known = true,
+        .stands_before = sight_stands_before,
+        .shows = sight_shows,
+        .context = sight};
+
+    if (t->stamp_ns && dt_s > 0.0)
+        scan.ego_known = move_between(t, t->stamp_ns, capture_ns, &scan.ego);
+    double lag_s = timing_lag_s(&t->detector.survey, volume->pings_used, 0.0);
+    place_tracks(t, sight, &scan.ego, fmax(dt_s, 0.0) + lag_s);
+    place_array(t, sight, volume, &scan.array);
+    scan.n_mirrors = sight_mirrors(sight, scan.mirrors);
+    if (is_blanked(volume))
+        scan.shows = shows_nothing;
+    else if (shows_hidden(t, volume, sight))
+        scan.n = choose_candidates(t, sight, list);
+    for (size_t i = 0; i < scan.n; i++)
+        take_detection(t, sight, volume, &scan.array, &list->objects[i],
+                       &t->detections[i]);
+    list->ego_unknown = !scan.ego_known;
+    return tracker_step(t->tracker, &scan);
+}
+
+/* What was seen to come from elsewhere, while the vehicle stood, is no remainder of what
+ * stands, also when it stands there now. */
+static bool has_travelled(struct object_tracker *t, const struct track_report *k,
+                          bool stands)
+{
+    struct travel *from = &t->travels[k->id];
+
+    if (k->state == TRACK_NEW || !stands)
+        *from = (struct travel){.at_m = {k->position_m[0], k->position_m[1]}};
+    from->far |= hypot(k->position_m[0] - from->at_m[0],
+                       k->position_m[1] - from->at_m[1]) > TRAVELLED_M;
+    return from->far;
+}
+
+/* What the background leaves is learnt from images that have one. */
+static void learn_residue(struct object_tracker *t, const struct volume *volume,
+                          const struct sight *sight)
+{
+    double held_m[TRACKS_MAX][3];
+    size_t n = 0;
+
+    for (size_t i = 0; i < t->n_reports; i++)
+        if (has_travelled(t, &t->reports[i], !volume->standing_left))
+            sight_virtual(sight, &t->reports[i].mirror, t->reports[i].heard_m,
+                          held_m[n++]);
+    if (volume->standing_left)
+        detector_forget(&t->detector);
+    else if (!volume->pings_blanked)
+        detector_learn(&t->detector, volume, held_m, n, HELD_M);
+}
+
+static bool is_tracked(const struct object_tracker *t, const struct volume *volume)
+{
+    return t->cfg.mode == OBJECT_TRACKER_AUTO ? volume->frame > 0
+                                              : t->cfg.mode == OBJECT_TRACKER_TRACKS;
+}
+
+static void remember(struct memory *m, const struct object *o)
+{
+    *m = (struct memory){.level_db = o->level_db,
+                         .shape = o->shape,
+                         .behind_no_wall = o->place.behind_no_wall,
+                         .in_free_view = o->place.in_free_view};
+}
+
+static struct object object_of(const struct memory *m, const struct sight *sight,
+                               const struct track_report *k, bool placed)
+{
+    struct object o = {.id = k->id,
+                       .placed = placed,
+                       .place = {.wall = k->mirror.id,
+                                 .behind_no_wall = m->behind_no_wall,
+                                 .in_free_view = m->in_free_view},
+                       .existence = k->existence * sight_existence(sight, k->mirror.id),
+                       .level_db = m->level_db,
+                       .shape = m->shape,
+                       .tracked = true,
+                       .state = k->state,
+                       .motion = k->motion,
+                       .age_s = k->age_s,
+                       .unseen_s = k->unseen_s};
+
+    sight_virtual(sight, &k->mirror, k->heard_m, o.virtual_m);
+    memcpy(o.place.position_m, k->position_m, sizeof o.place.position_m);
+    memcpy(o.place.extent_m, k->extent_m, sizeof o.place.extent_m);
+    memcpy(o.velocity_m_s, k->velocity_m_s, sizeof o.velocity_m_s);
+    memcpy(o.velocity_m2_s2, k->velocity_m2_s2, sizeof o.velocity_m2_s2);
+    sight_wall_error(sight, k->mirror.id, o.virtual_m, o.place.covariance_m2);
+    for (int i = 0; i < 6; i++)
+        o.place.covariance_m2[i] += k->covariance_m2[i];
+    return o;
+}
+
+/* The list of what was seen becomes that of what is tracked.  all_placed: also those are
+ * listed with a position that no wall has shown. */
+static void list_tracks(struct object_tracker *t, const struct sight *sight,
+                        bool all_placed, struct object_list *list)
+{
+    for (size_t i = 0; i < t->n_reports; i++) {
+        const struct track_report *k = &t->reports[i];
+        if (k->detection < list->n)
+            remember(&t->memory[k->id], &list->objects[k->detection]);
+    }
+    list->n = t->n_reports;
+    list->tracked = true;
+    for (size_t i = 0; i < t->n_reports; i++) {
+        const struct track_report *k = &t->reports[i];
+        list->objects[i] =
+            object_of(&t->memory[k->id], sight, k, k->placed || all_placed);
+    }
+}
+
+int object_tracker_volume(struct object_tracker *t, const struct volume *volume,
+                          struct object_list *out, struct error *why)
+{
+    struct walls walls, lost;
+    struct sight sight;
+
+    if (!is_time(volume->capture_ns))
+        return error_say(why, -EINVAL, "an image with a stamp that is none");
+    if (t->detector.has_survey) {
+        place_walls(t, volume->capture_ns, &walls);
+        place_lost(t, &walls, volume->capture_ns, &lost);
+    }
+    int err = detector_volume(&t->detector, volume, &walls, out, why);
+    if (err)
+        return err;
+    sight_init(&sight, &t->detector.survey, &walls, &lost, &volume->grid);
+    note_lost(t, &sight, out, volume->capture_ns);
+    if (!is_tracked(t, volume))
+        return 0;
+    err = follow(t, volume, &sight, out);
+    if (err)
+        return error_say(why, err, "an image that is not newer than the one before");
+    t->stamp_ns = volume->capture_ns;
+    t->n_reports = tracker_report(t->tracker, t->reports);
+    learn_residue(t, volume, &sight);
+    list_tracks(t, &sight, !t->has_walls && !walls.n, out);
+    return 0;
+}
+
+struct track_counts object_tracker_counts(const struct object_tracker *t)
+{
+    return tracker_counts(t->tracker);
+}
+
+void object_tracker_destroy(struct object_tracker *t)
+{
+    if (!t)
+        return;
+    detector_clear(&t->detector);
+    tracker_destroy(t->tracker);
+    free(t);
+}

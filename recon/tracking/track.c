@@ -1,0 +1,363 @@
+#include "recon/tracking/track.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/tracking/track_state.h"
+
+#define STEADY_PSD_M2_S3 0.02       /* hardly accelerates at all */
+#define EXTENT_SHARE     0.3        /* of the newest look at it */
+#define STARTED          TRACKS_MAX /* owner of what a track begins with */
+#define MISSED_LOOKS     0.5        /* after more of them it may be something else */
+#define LONGEST_S        60.0       /* nothing is predicted farther */
+
+void track_config_default(struct track_config *cfg)
+{
+    *cfg = (struct track_config){.acceleration_psd_m2_s3 = 0.5,
+                                 .lost_ego_psd_m2_s3 = 9.0,
+                                 .new_speed_m_s = 2.5,
+                                 .wander_m = 0.05,
+                                 .gate2 = 13.8,
+                                 .join_m = 0.5,
+                                 .detection_probability = 0.8,
+                                 .new_existence = 0.3,
+                                 .life = {.confirm_hits = 3,
+                                          .confirm_of = 5,
+                                          .confirm_existence = 0.9,
+                                          .delete_existence = 0.02,
+                                          .survival_s = 10.0},
+                                 .coast_s = 1.5,
+                                 .place_looks = 1.5,
+                                 .rest_m = 0.05,
+                                 .rest_s = 1.5,
+                                 .id_rest_s = 30.0,
+                                 .reset_s = 1.0};
+}
+
+static bool is_valid(const struct track_config *c)
+{
+    const double positive[] = {c->acceleration_psd_m2_s3, c->new_speed_m_s, c->gate2,
+                               c->detection_probability,  c->new_existence, c->coast_s,
+                               c->life.survival_s};
+
+    for (size_t i = 0; i < sizeof positive / sizeof *positive; i++)
+        if (!(positive[i] > 0.0))
+            return false;
+    return c->detection_probability < 1.0 && c->new_existence < 1.0 &&
+           c->lost_ego_psd_m2_s3 >= 0.0 && c->wander_m >= 0.0 && c->join_m >= 0.0 &&
+           c->rest_m > 0.0 && c->rest_s > 0.0 && c->id_rest_s >= 0.0 &&
+           c->place_looks >= 0.0 && c->reset_s >= 0.0 && c->life.confirm_hits >= 1 &&
+           c->life.confirm_hits <= c->life.confirm_of &&
+           c->life.confirm_of <= TRACK_LOOKS_MAX && c->life.confirm_existence < 0.999 &&
+           c->life.delete_existence < 1.0;
+}
+
+int tracker_create(struct tracker **out, const struct track_config *cfg)
+{
+    if (!is_valid(cfg))
+        return -EINVAL;
+    struct tracker *t = calloc(1, sizeof *t);
+    if (!t)
+        return -ENOMEM;
+    t->cfg = *cfg;
+    *out = t;
+    return 0;
+}
+
+void tracker_destroy(struct tracker *t)
+{
+    free(t);
+}
+
+struct track_counts tracker_counts(const struct tracker *t)
+{
+    return t->counts;
+}
+
+/* -- one track --------------------------------------------------------------------------
+ */
+
+static void predict(struct tracker *t, double dt_s, bool ego_known)
+{
+    double lost = ego_known ? 0.0 : t->cfg.lost_ego_psd_m2_s3;
+
+    for (size_t i = 0; i < t->n; i++) {
+        struct track *k = &t->tracks[i];
+        track_filter_predict(&k->filter, dt_s, t->cfg.acceleration_psd_m2_s3 + lost);
+        track_filter_predict(&k->steady, dt_s, STEADY_PSD_M2_S3 + lost);
+        track_life_predict(&k->life, &t->cfg.life, dt_s);
+    }
+}
+
+/* Moving: a velocity that 99 of 100 things that stand do not show (chi-squared, 2 degrees
+ * of freedom).  Standing: two standard deviations above it are still slower than a slow
+ * walk.  In between it stays what it was. */
+static enum track_motion judge_motion(const struct track *k)
+{
+    const struct track_filter *f = &k->steady;
+    const double *v = f->state + 2;
+    const double c[2][2] = {{f->covariance[2][2], f->covariance[2][3]},
+                            {f->covariance[3][2], f->covariance[3][3]}};
+    double half = 0.5 * (c[0][0] - c[1][1]);
+    double largest = 0.5 * (c[0][0] + c[1][1]) + hypot(half, c[0][1]);
+
+    if (track_filter_distance2(v, c) > 9.21)
+        return TRACK_MOVING;
+    if (hypot(v[0], v[1]) + 2.0 * sqrt(largest) < 0.5)
+        return TRACK_STANDING;
+    return k->motion;
+}
+
+/* After a gap or a jump it may be another thing that is seen: what moves is seen moving.
+ * Images without what stands show it move; in others the track itself has to, at first
+ * steadily; once it has a name it may turn.  So has what a background may have left: of
+ * who stood or passed while it was heard a hole, and remains where it does not fit any
+ * more. */
+static void judge_rest(const struct tracker *t, const struct track_scan *scan,
+                       double fresh, struct track *k)
+{
+    const struct track_rest_look *look = &t->looks[k->detection];
+    double power = scan->detections[k->detection].power;
+    bool taken = !scan->standing_left;
+
+    if (k->missed > MISSED_LOOKS || track_rest_jumps(&k->rest, look))
+        k->rest = (struct track_rest){.looks = 0.0};
+    k->missed = 0.0;
+    if (look->range_m > 0.0)
+        track_rest_add(&k->rest, look, fresh, scan->stamp_ns, t->cfg.rest_s);
+    k->power += (k->power > 0.0 ? EXTENT_SHARE : 1.0) * (power - k->power);
+    if ((taken && (k->id || k->power >= scan->remains)) ||
+        track_rest_moves(&k->rest, taken) || (k->id && track_rest_misfit(&k->rest) > 1.0))
+        k->moves_ns = scan->stamp_ns;
+}
+
+/* The part of the scan's detections that belongs to the track. */
+static void continue_track(struct tracker *t, const struct track_scan *scan, size_t i,
+                           const size_t *whose, double fresh)
+{
+    struct track *k = &t->tracks[i];
+    struct track_position middle;
+    double extent_m[3], existence;
+
+    track_gather(t, scan, whose, i, &middle, extent_m, &existence, &k->detection);
+    struct track_match m =
+        track_body_match(k, k->body.n ? &t->positions[k->detection] : &middle, NULL);
+    double seen = t->cfg.detection_probability;
+    double ratio = 1.0 - seen + seen * m.density / scan->clutter_m2;
+    track_life_update(&k->life, &t->cfg.life, true, ratio, fresh);
+    if (k->body.n) {
+        track_body_update(t, scan, whose, i, fresh);
+    } else {
+        track_filter_update(&k->filter, &middle);
+        track_filter_update(&k->steady, &middle);
+    }
+    for (int a = 0; a < 3; a++)
+        k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
+    track_turn(t->pose.dyaw, scan->detections[k->detection].sight, k->body.sight);
+    track_outline_update(k, t->pose.dyaw);
+    k->motion = judge_motion(k);
+    judge_rest(t, scan, fresh, k);
+    track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
+    k->seen_ns = scan->stamp_ns;
+    k->state = TRACK_MEASURED;
+}
+
+static void from_ground(const struct tracker *t, const struct track *k, double p_m[3])
+{
+    const double at_m[3] = {k->filter.state[0], k->filter.state[1], k->filter.height_m};
+    ego_step_point(&t->pose, at_m, p_m);
+}
+
+/* Two objects that run into one in the image leave one of them without a detection. */
+static bool is_covered(const struct tracker *t, const struct track_scan *scan, size_t i,
+                       const size_t *mine)
+{
+    const double *at_m = t->tracks[i].filter.state;
+
+    if (!t->tracks[i].life.confirmed)
+        return false;
+    for (size_t other = 0; other < t->n; other++) {
+        if (mine[other] == TRACK_NONE)
+            continue;
+        const struct track_detection *d = &scan->detections[mine[other]];
+        const struct track_position *p = &t->positions[mine[other]];
+        double reach_m = t->cfg.join_m + 0.5 * hypot(d->extent_m[0], d->extent_m[1]);
+        if (hypot(at_m[0] - p->at_m[0], at_m[1] - p->at_m[1]) < reach_m)
+            return true;
+    }
+    return false;
+}
+
+static void miss_track(struct tracker *t, const struct track_scan *scan, size_t i,
+                       const size_t *mine, double fresh)
+{
+    struct track *k = &t->tracks[i];
+    double at_m[3];
+
+    from_ground(t, k, at_m);
+    bool shown = !scan->shows || scan->shows(scan->context, at_m);
+    if (!k->mirror.id && scan->n_mirrors) /* what no mirror can show is not looked for */
+        shown = false;
+    if (shown && !is_covered(t, scan, i, mine))
+        track_life_update(&k->life, &t->cfg.life, false,
+                          1.0 - t->cfg.detection_probability, fresh);
+    k->missed += fresh;
+    k->waited += k->placed || !scan->n_mirrors ? 0.0 : fresh;
+    k->state = TRACK_PREDICTED;
+    k->detection = TRACK_NONE;
+}
+
+/* -- all of them ------------------------------------------------------------------------
+ */
+
+/* What moved by itself in its newest look gets a name. */
+static void name_confirmed(struct tracker *t, int64_t now_ns)
+{
+    for (size_t i = 0; i < t->n; i++) {
+        struct track *k = &t->tracks[i];
+        if (!k->life.confirmed || k->id || k->moves_ns != k->seen_ns)
+            continue;
+        k->id = track_ids_take(&t->ids, now_ns);
+        t->counts.crowded += !k->id;
+        if (k->id)
+            k->state = TRACK_NEW;
+    }
+}
+
+static bool is_past_its_mirror(const struct track *k)
+{
+    const double at_m[3] = {k->filter.state[0], k->filter.state[1], k->filter.height_m};
+
+    return k->state == TRACK_PREDICTED && track_mirror_beyond_m(&k->mirror, at_m) > 0.0;
+}
+
+/* Named tracks that end are told once; others are dropped at once. */
+static void end_tracks(struct tracker *t, int64_t now_ns)
+{
+    size_t kept = 0;
+
+    for (size_t i = 0; i < t->n; i++) {
+        struct track *k = &t->tracks[i];
+        bool over = k->merged || track_life_is_over(&k->life, &t->cfg.life) ||
+                    is_past_its_mirror(k) || k->waited > t->cfg.place_looks ||
+                    1e-9 * (double)(now_ns - k->seen_ns) > t->cfg.coast_s ||
+                    (k->id && 1e-9 * (double)(now_ns - k->moves_ns) > t->cfg.coast_s);
+        if (over && !k->id)
+            continue;
+        if (over) {
+            k->state = TRACK_DELETED;
+            track_ids_give_back(&t->ids, k->id, now_ns, t->cfg.id_rest_s);
+        }
+        t->tracks[kept++] = *k;
+    }
+    t->n = kept;
+}
+
+static void drop_deleted(struct tracker *t)
+{
+    size_t kept = 0;
+
+    for (size_t i = 0; i < t->n; i++)
+        if (t->tracks[i].state != TRACK_DELETED)
+            t->tracks[kept++] = t->tracks[i];
+    t->n = kept;
+}
+
+static void start_track(struct tracker *t, const struct track_scan *scan,
+                        const size_t *whose, double fresh)
+{
+    struct track *k = &t->tracks[t->n];
+    struct track_position middle;
+    double existence;
+
+    if (t->n == TRACKS_MAX) {
+        t->counts.crowded++;
+        return;
+    }
+    memset(k, 0, sizeof *k);
+    track_gather(t, scan, whose, STARTED, &middle, k->extent_m, &existence,
+                 &k->detection);
+    track_filter_start(&k->filter, &middle, t->cfg.new_speed_m_s);
+    k->steady = k->filter;
+    track_life_start(&k->life, &t->cfg.life, t->cfg.new_existence * existence);
+    k->state = TRACK_MEASURED;
+    k->first_ns = k->seen_ns = scan->stamp_ns;
+    track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
+    judge_rest(t, scan, fresh, k);
+    t->n++;
+}
+
+/* What is nobody's begins tracks: the first that is left, with all that is near it. */
+static void start_tracks(struct tracker *t, const struct track_scan *scan, size_t *whose,
+                         double fresh)
+{
+    for (size_t j = 0; j < scan->n; j++) {
+        if (whose[j] != TRACK_NONE)
+            continue;
+        const double *at_m = t->positions[j].at_m;
+        for (size_t other = j; other < scan->n; other++) {
+            const double *its_m = t->positions[other].at_m;
+            double away_m = hypot(at_m[0] - its_m[0], at_m[1] - its_m[1]);
+            if (whose[other] == TRACK_NONE && away_m <= t->cfg.join_m)
+                whose[other] = STARTED;
+        }
+        start_track(t, scan, whose, fresh);
+        for (size_t other = j; other < scan->n; other++)
+            if (whose[other] == STARTED)
+                whose[other] = STARTED + 1;
+    }
+}
+
+/* 0: the scan is to be taken; *dt_s since the one before. */
+static int follow_time(struct tracker *t, int64_t stamp_ns, double *dt_s)
+{
+    *dt_s = t->began ? 1e-9 * (double)(stamp_ns - t->stamp_ns) : 0.0;
+    if (t->began && *dt_s <= 0.0 && -*dt_s <= t->cfg.reset_s) {
+        t->counts.late++;
+        return -ESTALE;
+    }
+    if (*dt_s < 0.0) {
+        t->counts.resets++;
+        t->n = 0;
+        t->pose = (struct ego_step){0};
+        track_ids_rest(&t->ids, stamp_ns, t->cfg.id_rest_s);
+        *dt_s = 0.0;
+    }
+    *dt_s = fmin(*dt_s, LONGEST_S);
+    if (!t->began)
+        track_ids_begin(&t->ids, stamp_ns);
+    t->began = true;
+    t->stamp_ns = stamp_ns;
+    return 0;
+}
+
+int tracker_step(struct tracker *t, const struct track_scan *scan)
+{
+    size_t mine[TRACKS_MAX], whose[TRACK_DETECTIONS];
+    double fresh = fmin(fmax(scan->fresh, 0.01), 1.0), dt_s;
+
+    int err = follow_time(t, scan->stamp_ns, &dt_s);
+    if (err)
+        return err;
+    drop_deleted(t);
+    ego_step_join(&t->pose, &scan->ego, &t->pose);
+    predict(t, dt_s, scan->ego_known);
+    track_mirror_follow(t, scan);
+    track_place(t, scan, fresh);
+    track_associate(t, scan, mine, whose);
+    for (size_t i = 0; i < t->n; i++) {
+        if (mine[i] == TRACK_NONE)
+            miss_track(t, scan, i, mine, fresh);
+        else
+            continue_track(t, scan, i, whose, fresh);
+    }
+    track_body_merge(t);
+    if (scan->standing_left)
+        track_absorb(t);
+    end_tracks(t, scan->stamp_ns);
+    start_tracks(t, scan, whose, fresh);
+    name_confirmed(t, scan->stamp_ns);
+    return 0;
+}

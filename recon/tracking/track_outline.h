@@ -1,0 +1,59 @@
+/* recon/tracking/track_outline.h -- how large what a track follows is, and where its
+ * middle is.
+ *
+ * Sound comes back from the front of a body, on the side that faces the array by way of
+ * its mirror: the middle of a person lies a hand's breadth behind what is heard of him.
+ * (Of a cylinder of radius r that scatters as Lambert's law says, what comes back is
+ * heard 0.85 r before its axis; legs and arms have theirs beside the trunk's.)  How far
+ * is not the same for all bodies, and from look to look it is: no filter averages it.
+ *
+ * A car shows a flank that is as thin as a bicycle, and bright where it mirrors only: the
+ * rest of it is behind that, on both sides.  As long as no more of it was heard than a
+ * bicycle has, it is taken for one, and the far side of a car is in its covariance.
+ *
+ * What is faster than a walker is as long as a bicycle at least.  Of what comes out from
+ * behind a corner or the end of an image, and from a moving vehicle of all that moves
+ * along, what is heard first is its front: the rest of it is behind that.  The side of a
+ * car that is not heard is on the far side of it.
+ *
+ * Private to recon/tracking/track*.c. */
+#ifndef ANLOS_RECON_TRACKING_TRACK_OUTLINE_H
+#define ANLOS_RECON_TRACKING_TRACK_OUTLINE_H
+
+#include <stdbool.h>
+
+struct track;
+struct track_filter;
+
+struct track_outline {
+    /* What was heard of it, of a car with its far side, from the filter's place: along
+     * its velocity, and across to the left. */
+    double low_m[2], high_m[2];
+    double heard_m[2], middle_m[2]; /* over ground, from the same: the middle of what is
+                                       heard, and of all there is of it */
+    double longest_m;               /* of it that was heard at once */
+    double unheard_m;               /* of its length, behind that */
+    bool fast, car;                 /* or was */
+    bool begun;
+};
+
+/* Unit vector along a filter's velocity, over ground. */
+void track_outline_heading(const struct track_filter *f, double u[2]);
+
+/* Faster than persons walk, with a velocity that is known well enough to compare it. */
+bool track_outline_is_fast(const struct track *k);
+
+/* A vector over ground in the frame of the unit vector u, and back. */
+void track_outline_turn_in(const double u[2], const double v[2], double out[2]);
+void track_outline_turn_out(const double u[2], const double v[2], double out[2]);
+
+/* After a look; of a vehicle that has turned by yaw over ground. */
+void track_outline_update(struct track *k, double yaw);
+
+/* Along the axes of that vehicle. */
+void track_outline_size(const struct track *k, double yaw, double size_m[2]);
+
+/* Adds how well the middle is known, beside the filter, to a covariance over ground. */
+void track_outline_uncertain(const struct track *k, double covariance_m2[2][2]);
+
+#endif

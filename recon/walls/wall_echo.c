@@ -1,0 +1,125 @@
+#include "recon/walls/wall_echo.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/geometry.h"
+
+#define HISTOGRAM_BINS 512 /* of powers, 0.25 dB each */
+#define BIN_DB         0.25
+#define FLOOR_DB       (-110.0)
+#define MEDIAN_OF_MEAN 0.693147 /* of the power of complex noise */
+
+double wall_echo_lag_s(const struct chirp *chirp)
+{
+    double middle_hz = 0.5 * (chirp->start_hz + chirp->stop_hz);
+    return chirp->duration_s * middle_hz / (chirp->stop_hz - chirp->start_hz);
+}
+
+static double power(float complex x)
+{
+    double re = (double)crealf(x), im = (double)cimagf(x);
+    return re * re + im * im;
+}
+
+/* To a quarter of a decibel, without sorting; relative to the strongest. */
+static double median_power(const float complex *x, size_t n, double strongest)
+{
+    unsigned counts[HISTOGRAM_BINS] = {0};
+    size_t below = 0;
+    for (size_t i = 0; i < n; i++) {
+        double db = 10.0 * log10(power(x[i]) / strongest + 1e-12);
+        double bin = (db - FLOOR_DB) / BIN_DB;
+        counts[(size_t)fmin(fmax(bin, 0.0), HISTOGRAM_BINS - 1)]++;
+    }
+    for (size_t b = 0; b < HISTOGRAM_BINS; b++) {
+        below += counts[b];
+        if (2 * below >= n)
+            return strongest * pow(10.0, 0.1 * (FLOOR_DB + ((double)b + 0.5) * BIN_DB));
+    }
+    return strongest;
+}
+
+/* Where between the samples around i the peak is, -0.5..0.5. */
+static double offset_of_peak(const float complex *x, size_t i)
+{
+    double before = log(power(x[i - 1]) + 1e-300), here = log(power(x[i]) + 1e-300);
+    double after = log(power(x[i + 1]) + 1e-300);
+    double bend = before - 2.0 * here + after;
+    return bend < 0.0 ? 0.5 * (before - after) / bend : 0.0;
+}
+
+/* Keeps the `most` strongest; returns how many there are then. */
+static size_t keep(struct wall_echo_peak *out, size_t n, size_t most,
+                   const struct wall_echo_peak *peak)
+{
+    if (n < most) {
+        out[n] = *peak;
+        return n + 1;
+    }
+    size_t weakest = 0;
+    for (size_t i = 1; i < n; i++)
+        if (out[i].amplitude < out[weakest].amplitude)
+            weakest = i;
+    if (out[weakest].amplitude >= peak->amplitude)
+        return n;
+    memmove(out + weakest, out + weakest + 1, (n - weakest - 1) * sizeof *out);
+    out[n - 1] = *peak; /* the latest: the order by delay stays */
+    return n;
+}
+
+size_t wall_echo_peaks(const struct trace_format *format, const float complex *trace,
+                       double sound_speed_m_s, const double path_m[2],
+                       double threshold_db, double range_db, struct wall_echo_peak *out,
+                       size_t most)
+{
+    double per_sample_m = sound_speed_m_s / format->rate_hz;
+    double start_m = sound_speed_m_s * format->t0_s;
+    double first = ceil((path_m[0] - start_m) / per_sample_m);
+    double last = floor((path_m[1] - start_m) / per_sample_m);
+    last = fmin(last, (double)format->n_samples - 2.0);
+    if (!most || !(fmax(first, 1.0) < last))
+        return 0;
+    size_t from = (size_t)fmax(first, 1.0), to = (size_t)last, n = 0;
+    double strongest = 0.0;
+    for (size_t i = from; i <= to; i++)
+        strongest = fmax(strongest, power(trace[i]));
+    if (!(strongest > 0.0))
+        return 0;
+    double noise = median_power(trace + from, to + 1 - from, strongest) / MEDIAN_OF_MEAN;
+    double least = fmax(noise * pow(10.0, 0.1 * threshold_db),
+                        strongest * pow(10.0, -0.1 * range_db));
+    for (size_t i = from; i <= to; i++) {
+        double p = power(trace[i]);
+        if (p < least || p <= power(trace[i - 1]) || p < power(trace[i + 1]))
+            continue;
+        double at = (double)i + offset_of_peak(trace, i);
+        const struct wall_echo_peak peak = {start_m + at * per_sample_m, sqrt(p)};
+        n = keep(out, n, most, &peak);
+    }
+    return n;
+}
+
+/* q = p mirrored, and v its velocity then. */
+static void mirror_moving(const struct wall *w, double p[3], double v[3])
+{
+    const struct wall through_origin = {
+        .normal = {w->normal[0], w->normal[1], w->normal[2]}};
+    wall_mirror(w, p, p);
+    wall_mirror(&through_origin, v, v);
+}
+
+double wall_echo_path_m(const struct wall_echo *e, const struct wall *const *walls,
+                        size_t n)
+{
+    double source[3], v[3], growth = 0.0;
+    memcpy(source, e->speaker_m, sizeof source);
+    memcpy(v, e->velocity_m_s, sizeof v);
+    for (size_t i = 0; i < n; i++)
+        mirror_moving(walls[i], source, v);
+    double path = geometry_distance(source, e->microphone_m);
+    for (int a = 0; a < 3 && path > 0.0; a++)
+        growth += (source[a] - e->microphone_m[a]) / path * (v[a] - e->velocity_m_s[a]);
+    return path + e->lag_s * growth;
+}

@@ -1,0 +1,245 @@
+#include "recon/walls/wall_estimate.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/walls/near_reflector.h"
+#include "recon/walls/wall_search.h"
+
+#define LEAST_HEARD  9     /* pairs: so few do not agree on three numbers by chance */
+#define GUESSES_MOST 12    /* looked into for each list */
+#define SURER        0.2   /* share of the pairs */
+#define EXPLAINED_M  0.035 /* echoes this near to a wall's path are its; its main lobe */
+
+static const double tolerance_m[2] = {0.08, 0.012};
+
+void wall_estimate_default(struct wall_estimate_config *cfg)
+{
+    *cfg = (struct wall_estimate_config){
+        .prior = {.vertical = true,
+                  .vertical_rad = 2.0 * M_PI / 180.0,
+                  .sound_speed = 1e-3,
+                  .delay_m = 2e-3},
+        .reach_m = {0.1, 5.0},
+        .least_share = 0.5,
+        .rms_m = 0.006,
+        .turn_rad = 10.0 * M_PI / 180.0,
+        .tilt_rad = 40.0 * M_PI / 180.0,
+        .aside_rad = 65.0 * M_PI / 180.0,
+    };
+}
+
+struct search {
+    const struct wall_estimate_config *cfg;
+    struct wall_echo *left; /* echoes that nothing explains yet */
+    size_t n_left, n_pairs;
+    double centre_m[3], aperture_m;
+    bool *chosen; /* [n_left] */
+    struct wall_estimates *out;
+};
+
+static void measure_array(struct search *s)
+{
+    double low[3] = {INFINITY, INFINITY, INFINITY};
+    double high[3] = {-INFINITY, -INFINITY, -INFINITY}, square = 0.0;
+    for (size_t i = 0; i < s->n_left; i++)
+        for (int a = 0; a < 3; a++) {
+            const struct wall_echo *e = &s->left[i];
+            low[a] = fmin(low[a], fmin(e->speaker_m[a], e->microphone_m[a]));
+            high[a] = fmax(high[a], fmax(e->speaker_m[a], e->microphone_m[a]));
+        }
+    for (int a = 0; a < 3; a++) {
+        s->centre_m[a] = 0.5 * (low[a] + high[a]);
+        square += (high[a] - low[a]) * (high[a] - low[a]);
+    }
+    s->aperture_m = sqrt(square);
+}
+
+static bool explains(const struct wall *const *walls, size_t n, const struct wall_echo *e)
+{
+    return fabs(e->path_m - wall_echo_path_m(e, walls, n)) < EXPLAINED_M;
+}
+
+/* By the wall alone, and by its corners with the ground and the walls found before. */
+static bool is_explained(const struct search *s, const struct wall *w,
+                         const struct wall_echo *e)
+{
+    if (explains(&w, 1, e))
+        return true;
+    for (size_t i = 0; i <= s->out->n; i++) {
+        const struct wall *other = i < s->out->n ? &s->out->list[i].wall
+                                                 : &s->cfg->ground;
+        if (other == w || (i == s->out->n && !s->cfg->has_ground))
+            continue;
+        const struct wall *const there[2] = {w, other}, *const back[2] = {other, w};
+        if (explains(there, 2, e) || explains(back, 2, e))
+            return true;
+    }
+    return false;
+}
+
+static void take_away(struct search *s, const struct wall *w)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < s->n_left; i++)
+        if (!is_explained(s, w, &s->left[i]))
+            s->left[kept++] = s->left[i];
+    s->n_left = kept;
+}
+
+/* The echoes that a guess which came to nothing was made of, so that the next is another.
+ */
+static void take_away_chosen(struct search *s)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < s->n_left; i++)
+        if (!s->chosen[i])
+            s->left[kept++] = s->left[i];
+    s->n_left = kept;
+}
+
+static void foot_of(const struct search *s, const struct wall *w, double out[3])
+{
+    wall_mirror(w, s->centre_m, out);
+    for (int a = 0; a < 3; a++)
+        out[a] = 0.5 * (out[a] + s->centre_m[a]);
+}
+
+/* Would the sound between the array and the middle of one have to pass another? */
+static bool is_behind(const struct search *s, const struct wall *w,
+                      const struct wall *other)
+{
+    double foot[3], along;
+    foot_of(s, w, foot);
+    return wall_crosses(other, s->centre_m, foot, &along);
+}
+
+static bool is_hidden(const struct search *s, const struct wall *w)
+{
+    for (size_t i = 0; i < s->out->n; i++)
+        if (is_behind(s, w, &s->out->list[i].wall))
+            return true;
+    return false;
+}
+
+/* A nearer wall may be found after what is seen in it; if that is heard by many more, it
+ * stays. */
+static void drop_hidden_by(struct search *s, const struct wall *w, double share)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < s->out->n; i++) {
+        if (s->out->list[i].share < share + SURER &&
+            is_behind(s, &s->out->list[i].wall, w))
+            s->out->n_rejected++;
+        else
+            s->out->list[kept++] = s->out->list[i];
+    }
+    s->out->n = kept;
+}
+
+/* What only some of the pairs hear has to fit the better: among the echoes of a room some
+ * are where any plane has them. */
+static double rms_limit_m(const struct wall_estimate_config *cfg, double share)
+{
+    return cfg->rms_m * fmin(fmax((share - 0.4) / 0.4, 0.4), 1.0);
+}
+
+/* Does a thing where the wall is nearest explain the echoes better than the wall? */
+static bool is_thing(const struct search *s, const struct wall_fit *fit)
+{
+    struct near_reflector t = {.n_heard = 0};
+    foot_of(s, &fit->wall, t.at_m);
+    if (near_reflector_improve(&t, s->left, s->n_left, tolerance_m))
+        return false;
+    return t.n_heard > fit->n_heard ||
+           (t.n_heard == fit->n_heard && t.rms_m < fit->rms_m);
+}
+
+static void judge(struct search *s, struct wall_fit *fit)
+{
+    const struct wall_estimate_config *cfg = s->cfg;
+    struct wall *w = &fit->wall;
+    double share = (double)fit->n_heard / (double)s->n_pairs;
+    wall_face(w);
+    bool fits = fit->n_heard >= LEAST_HEARD && share >= cfg->least_share &&
+                fit->rms_m <= rms_limit_m(cfg, share);
+    bool known = sqrt(w->covariance[0]) <= cfg->turn_rad &&
+                 sqrt(w->covariance[3]) <= cfg->turn_rad;
+    if (fits && known && w->distance_m > cfg->reach_m[0] &&
+        w->distance_m < cfg->reach_m[1]) {
+        if (w->normal[2] < cos(cfg->aside_rad) ||
+            fabs(w->normal[1]) > sin(cfg->tilt_rad) || is_hidden(s, w) ||
+            is_thing(s, fit)) {
+            s->out->n_rejected++;
+        } else {
+            drop_hidden_by(s, w, share);
+            s->out->list[s->out->n++] = (struct wall_estimate){*w, fit->rms_m, share};
+        }
+        take_away(s, w);
+        return;
+    }
+    if (fits && !known)
+        s->out->n_undetermined++;
+    take_away_chosen(s);
+}
+
+static int find_walls(struct search *s)
+{
+    const struct wall_estimate_config *cfg = s->cfg;
+    const struct wall_search search = {.upright = cfg->prior.vertical,
+                                       .reach_m = {cfg->reach_m[0], cfg->reach_m[1]},
+                                       .aperture_m = s->aperture_m,
+                                       .tilt_rad = cfg->tilt_rad};
+    size_t least = (size_t)ceil(cfg->least_share * (double)s->n_pairs);
+    for (int k = 0; k < GUESSES_MOST && s->out->n < WALL_ESTIMATE_MAX; k++) {
+        struct wall_fit fit = {.n_heard = 0};
+        size_t agree;
+        int err = wall_search_best(&search, s->left, s->n_left, &fit.wall, &agree);
+        if (err)
+            return err;
+        if (agree < LEAST_HEARD || 2 * agree < least)
+            return 0; /* between two directions some votes go beside */
+        err = wall_fit_improve(&fit, &cfg->prior, s->left, s->n_left, tolerance_m,
+                               s->chosen);
+        if (err == -ENOMEM)
+            return err;
+        if (!err) {
+            judge(s, &fit);
+        } else {
+            if (agree >= least)
+                s->out->n_undetermined++;
+            take_away(s, &fit.wall);
+        }
+    }
+    return 0;
+}
+
+int wall_estimate(struct wall_estimates *out, const struct wall_estimate_config *cfg,
+                  const struct wall_echo *echoes, size_t n, size_t n_pairs)
+{
+    struct search s = {.cfg = cfg, .n_left = n, .n_pairs = n_pairs, .out = out};
+    *out = (struct wall_estimates){.n = 0};
+    if (!n || !n_pairs)
+        return 0;
+    s.left = malloc(n * sizeof *s.left);
+    s.chosen = calloc(n, sizeof *s.chosen);
+    int err = s.left && s.chosen ? 0 : -ENOMEM;
+    if (!err) {
+        memcpy(s.left, echoes, n * sizeof *s.left);
+        measure_array(&s);
+        if (cfg->has_ground) { /* of the ground alone */
+            size_t kept = 0;
+            const struct wall *ground = &cfg->ground;
+            for (size_t i = 0; i < n; i++)
+                if (!explains(&ground, 1, &s.left[i]))
+                    s.left[kept++] = s.left[i];
+            s.n_left = kept;
+        }
+        err = find_walls(&s);
+    }
+    free(s.left);
+    free(s.chosen);
+    return err;
+}

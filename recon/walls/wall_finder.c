@@ -1,0 +1,123 @@
+#include "recon/walls/wall_finder.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PERIOD_NS 100000000LL  /* from list to list */
+#define QUIET_NS  1000000000LL /* without pings */
+
+struct wall_finder {
+    struct wall_finder_config cfg;
+    struct wall_map map;
+    struct wall_listener *listener; /* of walls from echoes, once the survey is known */
+    struct survey survey;
+    uint64_t survey_id;   /* 0: there is none */
+    int64_t published_ns; /* stamp of the newest list */
+    int64_t heard_ns;     /* when the newest ping came in; 0: none has */
+    int64_t ping_ns;      /* its capture stamp */
+};
+
+int wall_finder_create(struct wall_finder **out, const struct wall_finder_config *cfg)
+{
+    struct wall_finder *f = calloc(1, sizeof *f);
+
+    if (!f)
+        return -ENOMEM;
+    f->cfg = *cfg;
+    wall_map_init(&f->map, &cfg->map);
+    *out = f;
+    return 0;
+}
+
+int wall_finder_survey(struct wall_finder *f, const struct survey *survey,
+                       struct error *why)
+{
+    struct survey fresh;
+    uint64_t id = survey_id(survey);
+
+    if (f->survey_id == id)
+        return 0;
+    int err = survey_copy(&fresh, survey);
+    if (err)
+        return error_say(why, err, "survey: %s", strerror(-err));
+    wall_listener_destroy(f->listener);
+    f->listener = NULL;
+    survey_clear(&f->survey);
+    f->survey = fresh;
+    f->survey_id = id;
+    wall_map_survey(&f->map, &f->survey);
+    return f->cfg.map.from == WALL_FROM_ECHOES
+               ? wall_listener_create(&f->listener, &f->cfg.listener, &f->survey, why)
+               : 0;
+}
+
+uint64_t wall_finder_survey_id(const struct wall_finder *f)
+{
+    return f->survey_id;
+}
+
+void wall_finder_ego(struct wall_finder *f, const struct ego_motion *motion,
+                     int64_t capture_ns)
+{
+    wall_map_ego(&f->map, motion, capture_ns);
+}
+
+bool wall_finder_ping(struct wall_finder *f, const struct ping *ping, int64_t now_ns)
+{
+    struct wall_estimates heard;
+    bool blind = false;
+
+    if (!f->listener)
+        return false;
+    if (!f->heard_ns) /* what is heard is told from the first ping on */
+        f->published_ns = 0;
+    f->heard_ns = now_ns;
+    f->ping_ns = ping->capture_ns;
+    wall_map_advance(&f->map, ping->capture_ns);
+    if (wall_listener_ping(f->listener, ping, wall_map_path(&f->map), &heard, &blind) &&
+        !blind)
+        wall_map_estimates(&f->map, &heard);
+    return true;
+}
+
+int wall_finder_given(struct wall_finder *f, const struct walls *given,
+                      int64_t capture_ns, struct error *why)
+{
+    return f->survey_id ? wall_map_given(&f->map, given, capture_ns, why) : 0;
+}
+
+/* What is heard is told as it was at the newest ping.  What is not heard itself is told
+ * for the present; so is what was heard, when no pings come any more. */
+const struct walls *wall_finder_list(struct wall_finder *f, int64_t now_ns,
+                                     int64_t *stamp_ns)
+{
+    if (f->cfg.map.from != WALL_FROM_ECHOES || now_ns - f->heard_ns >= QUIET_NS)
+        wall_map_advance(&f->map, now_ns);
+    else
+        now_ns = f->ping_ns;
+    if (!f->survey_id ||
+        (now_ns >= f->published_ns && now_ns - f->published_ns < PERIOD_NS))
+        return NULL;
+    *stamp_ns = f->published_ns = now_ns;
+    return wall_map_list(&f->map);
+}
+
+struct wall_map *wall_finder_map(struct wall_finder *f)
+{
+    return &f->map;
+}
+
+size_t wall_finder_unusable(const struct wall_finder *f)
+{
+    return f->listener ? wall_listener_unusable(f->listener) : 0;
+}
+
+void wall_finder_destroy(struct wall_finder *f)
+{
+    if (!f)
+        return;
+    wall_listener_destroy(f->listener);
+    survey_clear(&f->survey);
+    free(f);
+}

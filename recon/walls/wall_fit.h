@@ -1,0 +1,26 @@
+/* recon/walls/wall_fit.h -- least squares of one plane to the echoes that it explains,
+ * with covariance. */
+#ifndef ANLOS_RECON_WALLS_WALL_FIT_H
+#define ANLOS_RECON_WALLS_WALL_FIT_H
+
+#include "recon/walls/wall_spread.h"
+
+struct wall_fit {
+    struct wall wall; /* with covariance */
+    double rms_m;     /* of the residuals of paths */
+    size_t n_heard;   /* pairs that hear it */
+};
+
+/* Improves *fit, whose plane is a first guess: iteratively reweighted least squares
+ * (Tukey's biweight: Holland and Welsch 1977) over the echo of each pair that comes
+ * nearest to the plane's path, within tolerance_m[0] at first and tolerance_m[1] at last.
+ *
+ * The covariance is that of the residuals (recon/walls/wall_spread.h) and the prior.
+ * chosen [n]: which echoes counted; may be NULL.
+ *
+ * 0, -EDOM (too few echoes, or they do not determine all three numbers), -ENOMEM. */
+int wall_fit_improve(struct wall_fit *fit, const struct wall_prior *prior,
+                     const struct wall_echo *echoes, size_t n,
+                     const double tolerance_m[2], bool *chosen);
+
+#endif
