@@ -9,7 +9,7 @@ void can_config_sender(struct sender_config *out, const struct launchfile *l)
     if (!l)
         return;
     out->base_id = l->can.base_id + CAN_SENSOR_STEP * l->can.sensor;
-    out->bus = (struct allowance_config){
+    out->bus = (struct bus_budget_config){
         .rate = {.nominal_bit_s = l->can.bitrate, .data_bit_s = l->can.data_bitrate},
         .fd = l->can.fd,
         .load = l->can.load};

@@ -86,7 +86,7 @@ static void look(struct outbox *o)
     }
     if (is_all_out(o) && !o->health.pending) {
         o->sent++;
-        sender_told(o->sender, &o->lists[0]);
+        sender_sent(o->sender, &o->lists[0]);
         o->truncated += o->lists[0].truncated;
         o->last_ns = o->begun_ns;
         take_out(o, 0);
@@ -125,7 +125,7 @@ static bool send_list(struct outbox *o)
 
     if (!o->next) {
         o->begun_ns = list->dated_ns ? list->dated_ns : clock_now_ns(o->clock);
-        sender_date(o->sender, list, o->begun_ns, o->last_ns);
+        sender_finalize(o->sender, list, o->begun_ns, o->last_ns);
     }
     while (!err && o->next < list->n_frames) {
         err = send_frame(o, &list->frames[o->next]);

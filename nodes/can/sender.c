@@ -94,65 +94,65 @@ size_t pick_objects(const struct can_object *objects, size_t n, size_t max,
 #define LEAST_SPAN_S 0.25 /* some lists at once are no pace */
 
 /* Modulo 2^64 ns: a stamp is whatever its sender wrote. */
-static uint64_t age_ns(const struct allowance *a, size_t number, int64_t now_ns)
+static uint64_t age_ns(const struct bus_budget *a, size_t number, int64_t now_ns)
 {
-    return (uint64_t)now_ns - (uint64_t)a->lists[number % ALLOWANCE_LISTS].begun_ns;
+    return (uint64_t)now_ns - (uint64_t)a->lists[number % BUS_BUDGET_LISTS].begun_ns;
 }
 
 /* The first list that began within the last second; a->n: none did. */
-static size_t first_within(const struct allowance *a, int64_t now_ns)
+static size_t first_within(const struct bus_budget *a, int64_t now_ns)
 {
     size_t first = a->n;
 
-    while (first && a->n - first < ALLOWANCE_LISTS &&
+    while (first && a->n - first < BUS_BUDGET_LISTS &&
            age_ns(a, first - 1, now_ns) < WINDOW_NS)
         first--;
     return first;
 }
 
-static double taken_s(const struct allowance *a, size_t first)
+static double taken_s(const struct bus_budget *a, size_t first)
 {
     double sum = 0.0;
 
     for (size_t i = first ? first - 1 : 0; i < a->n; i++)
-        if (a->n - i <= ALLOWANCE_LISTS)
-            sum += a->lists[i % ALLOWANCE_LISTS].bus_s;
+        if (a->n - i <= BUS_BUDGET_LISTS)
+            sum += a->lists[i % BUS_BUDGET_LISTS].bus_s;
     return sum;
 }
 
 /* What the next list may take of the bus.  What is left is for those, too, that are still
  * to come in the second that the first of them began. */
-static double share_s(const struct allowance *a, int64_t now_ns, double lists_s)
+static double share_s(const struct bus_budget *a, int64_t now_ns, double lists_s)
 {
     size_t first = first_within(a, now_ns);
     double span_s = first < a->n ? 1e-9 * (double)age_ns(a, first, now_ns) : 0.0;
     double pace_hz = fmax(1.0, (double)(a->n - first) / fmax(span_s, LEAST_SPAN_S));
     double left_s = lists_s - taken_s(a, first);
 
-    if (a->n - first == ALLOWANCE_LISTS)
+    if (a->n - first == BUS_BUDGET_LISTS)
         return 0.0;
     return fmin(lists_s / (pace_hz + SPARE),
                 left_s / fmax(1.0, pace_hz * (1.0 - span_s)));
 }
 
-size_t allowance_objects(struct allowance *a, const struct allowance_config *cfg,
-                         int64_t now_ns)
+size_t bus_budget_objects(struct bus_budget *a, const struct bus_budget_config *cfg,
+                          int64_t now_ns)
 {
     double lists_s = cfg->load - can_cycles_s(&cfg->rate);
     double empty_s = can_list_s(&cfg->rate, 0, cfg->fd);
     double object_s = can_list_s(&cfg->rate, 1, cfg->fd) - empty_s;
 
-    if (a->n && now_ns < a->lists[(a->n - 1) % ALLOWANCE_LISTS].begun_ns)
+    if (a->n && now_ns < a->lists[(a->n - 1) % BUS_BUDGET_LISTS].begun_ns)
         a->n = 0;
     double n = floor((share_s(a, now_ns, lists_s) - empty_s) / object_s);
     return n > 0.0 ? (size_t)fmin(n, CAN_MAX_OBJECTS) : 0;
 }
 
-void allowance_begin(struct allowance *a, const struct allowance_config *cfg,
-                     int64_t now_ns, size_t n_objects)
+void bus_budget_begin(struct bus_budget *a, const struct bus_budget_config *cfg,
+                      int64_t now_ns, size_t n_objects)
 {
-    a->lists[a->n % ALLOWANCE_LISTS].begun_ns = now_ns;
-    a->lists[a->n % ALLOWANCE_LISTS].bus_s = can_list_s(&cfg->rate, n_objects, cfg->fd);
+    a->lists[a->n % BUS_BUDGET_LISTS].begun_ns = now_ns;
+    a->lists[a->n % BUS_BUDGET_LISTS].bus_s = can_list_s(&cfg->rate, n_objects, cfg->fd);
     a->n++;
 }
 
@@ -508,14 +508,14 @@ static bool sender_pick(struct sender *s, struct sender_list *list, int64_t now_
 {
     struct can_object objects[CAN_MAX_OBJECTS];
     size_t allowed[CAN_MAX_OBJECTS], n = find_allowed(s, list, allowed);
-    size_t room = allowance_objects(&s->allowance, &s->cfg.bus, now_ns);
+    size_t room = bus_budget_objects(&s->budget, &s->cfg.bus, now_ns);
 
     for (size_t i = 0; i < n; i++)
         objects[i] = list->objects[allowed[i]];
     list->n_picked = pick_objects(objects, n, room, list->picked);
     for (size_t i = 0; i < list->n_picked; i++)
         list->picked[i] = allowed[list->picked[i]];
-    allowance_begin(&s->allowance, &s->cfg.bus, now_ns, list->n_picked);
+    bus_budget_begin(&s->budget, &s->cfg.bus, now_ns, list->n_picked);
     return list->n_picked == n;
 }
 
@@ -526,8 +526,8 @@ static bool is_stale(const struct sender *s, const struct sender_list *list,
            age_ms(now_ns, list->capture_ns) > 1e-6 * (double)s->cfg.stale_ns;
 }
 
-void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
-                 int64_t last_ns)
+void sender_finalize(struct sender *s, struct sender_list *list, int64_t now_ns,
+                     int64_t last_ns)
 {
     struct can_list_header header = list->header;
     int64_t capture_ns = list->capture_ns;
@@ -557,7 +557,7 @@ bool sender_holds(const struct sender *s, const struct sender_list *list, int64_
            (s->lets_objects && (list->stale || !is_stale(s, list, now_ns)));
 }
 
-void sender_told(struct sender *s, const struct sender_list *list)
+void sender_sent(struct sender *s, const struct sender_list *list)
 {
     for (size_t i = 0; s->lets_objects && i < list->n_picked; i++)
         s->told[list->objects[list->picked[i]].id] = true;

@@ -26,36 +26,36 @@
  * objects as fit at the pace of the last second, or of what there is of it after a start
  * or a silence. */
 
-#define ALLOWANCE_LISTS 256 /* in a second; of more none has objects */
+#define BUS_BUDGET_LISTS 256 /* in a second; of more none has objects */
 
-struct allowance_config {
+struct bus_budget_config {
     struct can_bus_rate rate;
     bool fd;     /* one FD frame an object, in place of three */
     double load; /* share of the bus: 0..1 */
 };
 
-struct allowance { /* all zero: nothing was sent */
-    size_t n;      /* lists that have begun */
+struct bus_budget { /* all zero: nothing was sent */
+    size_t n;       /* lists that have begun */
     struct {
         int64_t begun_ns;
         double bus_s;
-    } lists[ALLOWANCE_LISTS]; /* a ring */
+    } lists[BUS_BUDGET_LISTS]; /* a ring */
 };
 
 /* For a list that begins at now_ns; times rise, or all restarts.  0..CAN_MAX_OBJECTS.
  */
-size_t allowance_objects(struct allowance *a, const struct allowance_config *cfg,
-                         int64_t now_ns);
+size_t bus_budget_objects(struct bus_budget *a, const struct bus_budget_config *cfg,
+                          int64_t now_ns);
 
 /* It begins, with so many. */
-void allowance_begin(struct allowance *a, const struct allowance_config *cfg,
-                     int64_t now_ns, size_t n_objects);
+void bus_budget_begin(struct bus_budget *a, const struct bus_budget_config *cfg,
+                      int64_t now_ns, size_t n_objects);
 
 #define SENDER_MAX_FRAMES (2 + 3 * CAN_MAX_OBJECTS)
 
 struct sender_config {
     uint32_t base_id; /* of the sensor: with 0x10 for each before it */
-    struct allowance_config bus;
+    struct bus_budget_config bus;
     int64_t stale_ns; /* objects that were heard longer ago are predicted at best; 0: no
                          limit, of scans of what stands still */
 };
@@ -75,7 +75,7 @@ struct sender {
     bool has_array;
     uint64_t beyond; /* places that were withheld: beyond the wall that mirrors them */
     uint64_t out_of_range; /* objects with a number that the frames have no room for */
-    struct allowance allowance;
+    struct bus_budget budget;
 };
 
 /* A list on its way to the bus. */
@@ -88,12 +88,12 @@ struct sender_list {
     int64_t dated_ns;              /* of a replay: when it came about; 0: when it goes */
     struct can_object objects[CAN_MAX_OBJECTS]; /* [n_objects], strongest first */
     size_t n_objects;
-    size_t picked[CAN_MAX_OBJECTS]; /* [n_picked] of them that go; of sender_date */
+    size_t picked[CAN_MAX_OBJECTS]; /* [n_picked] of them that go; of sender_finalize */
     size_t n_picked;
-    bool truncated; /* some of the objects did not fit; of sender_date */
-    bool stale;     /* its objects are predicted at best; of sender_date */
+    bool truncated; /* some of the objects did not fit; of sender_finalize */
+    bool stale;     /* its objects are predicted at best; of sender_finalize */
     size_t n_frames;
-    struct can_frame_data frames[SENDER_MAX_FRAMES]; /* [n_frames], of sender_date */
+    struct can_frame_data frames[SENDER_MAX_FRAMES]; /* [n_frames], of sender_finalize */
 };
 
 void sender_init(struct sender *s, const struct sender_config *cfg);
@@ -120,20 +120,20 @@ void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list 
 
 /* Makes the frames, when the list goes out: header, time, then state, dynamics and
  * quality or the FD frame of each object that the bus has room for
- * (struct allowance) and that is allowed.  What was heard too long ago is said to be
+ * (struct bus_budget) and that is allowed.  What was heard too long ago is said to be
  * predicted; what was heard, but in no list that the vehicle got, is new: nothing was
  * sent before the sensor was ready, lists were lost or had no room for it.  A track is
  * not sent before it is new.  last_ns: when the list before began; 0: none did.  Cycle is
  * then not available; nor is latency without capture, or of one that is still to come. */
-void sender_date(struct sender *s, struct sender_list *list, int64_t now_ns,
-                 int64_t last_ns);
+void sender_finalize(struct sender *s, struct sender_list *list, int64_t now_ns,
+                     int64_t last_ns);
 
-/* May what sender_date made of it still be said?  No: it has objects, and none may be
+/* May what sender_finalize made of it still be said?  No: it has objects, and none may be
  * sent any more, or they are said to be measured and were heard too long ago by now. */
 bool sender_holds(const struct sender *s, const struct sender_list *list, int64_t now_ns);
 
 /* All of it is on the bus, or never will be. */
-void sender_told(struct sender *s, const struct sender_list *list);
+void sender_sent(struct sender *s, const struct sender_list *list);
 void sender_dropped(struct sender *s, const struct sender_list *list);
 
 /* The status frame, due every 100 ms, and the diagnosis, every second. */

@@ -98,7 +98,7 @@ static void take_detections(struct system *s, const Anlos__DetectionList *m)
     watch_list(&s->watch, m, capture_ns, s->now_ns);
     diagnosis_list(&s->diagnosis, m);
     sender_list(&s->sender, m, capture_ns, list);
-    sender_date(&s->sender, list, s->now_ns, 0);
+    sender_finalize(&s->sender, list, s->now_ns, 0);
     FUZZ_REQUIRE(list->n_frames <= SENDER_MAX_FRAMES);
     free(list);
     report_detections(&s->report, m, capture_ns);

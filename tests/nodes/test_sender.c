@@ -81,7 +81,7 @@ static void a_list_is_header_time_and_three_frames_an_object(void **state)
     init(&s, 0x500);
     fill(&l, 2);
     sender_list(&s, &l.message, 1000 * MS, &sent);
-    sender_date(&s, &sent, 1030 * MS, 0);
+    sender_finalize(&s, &sent, 1030 * MS, 0);
     assert_int_equal(sent.n_frames, 8);
     for (size_t i = 0; i < 8; i++)
         assert_int_equal(f[i].id, ids[i]);
@@ -119,7 +119,7 @@ static void an_object_carries_what_the_detection_says(void **state)
     init(&s, 0x400);
     fill(&l, 1);
     sender_list(&s, &l.message, 1, &sent);
-    sender_date(&s, &sent, 1, 0);
+    sender_finalize(&s, &sent, 1, 0);
     assert_int_equal(sent.n_frames, 5);
     can_pack_object_state(&expected, 0x400, &object);
     assert_frame(&f[2], &expected);
@@ -143,7 +143,7 @@ static void an_echo_of_other_objects_is_a_class_of_its_own(void **state)
     l.message.detections[0]->shape = ANLOS__SHAPE__POINT;
     l.message.detections[0]->multipath = ANLOS__MULTIPATH__OF_A_PAIR;
     sender_list(&s, &l.message, 1, &sent);
-    sender_date(&s, &sent, 1, 0);
+    sender_finalize(&s, &sent, 1, 0);
     assert_int_equal(can_unpack_object_dynamics(&sent.frames[3], &o), 0);
     assert_int_equal(o.class, CAN_MULTIPATH);
 }
@@ -161,8 +161,8 @@ static void age_and_cycle_are_those_of_when_it_goes_out(void **state)
     init(&s, 0x400);
     fill(&l, 0);
     sender_list(&s, &l.message, 1100 * MS, &sent);
-    sender_date(&s, &sent, 1105 * MS, 1010 * MS);
-    sender_date(&s, &sent, 1120 * MS, 1010 * MS);
+    sender_finalize(&s, &sent, 1105 * MS, 1010 * MS);
+    sender_finalize(&s, &sent, 1120 * MS, 1010 * MS);
     can_pack_list_header(&expected, 0x400,
                          &(struct can_list_header){.counter = 5,
                                                    .latency_ms = 20.0,
@@ -183,7 +183,7 @@ static void more_objects_than_fit_are_cut_off_and_said(void **state)
     init(&s, 0x400);
     fill(&l, 40);
     sender_list(&s, &l.message, 0, &sent);
-    sender_date(&s, &sent, 7 * MS, 0);
+    sender_finalize(&s, &sent, 7 * MS, 0);
     assert_int_equal(sent.n_frames, SENDER_MAX_FRAMES);
     can_pack_list_header(&expected, 0x400,
                          &(struct can_list_header){.number = CAN_MAX_OBJECTS,
@@ -215,7 +215,7 @@ static void assert_nowhere(const struct list *l)
 
     init(&s, 0x400);
     sender_list(&s, &l->message, 1, &sent);
-    sender_date(&s, &sent, 1, 0);
+    sender_finalize(&s, &sent, 1, 0);
     assert_int_equal(sent.n_frames, 5);
     can_pack_object_state(&expected, 0x400, &object);
     assert_frame(&f[2], &expected);
@@ -333,7 +333,7 @@ static void send(struct sender *s, const struct list *l, int64_t age_ms,
                  struct sender_list *sent)
 {
     sender_list(s, &l->message, 100000 * MS, sent);
-    sender_date(s, sent, (100000 + age_ms) * MS, 0);
+    sender_finalize(s, sent, (100000 + age_ms) * MS, 0);
 }
 
 /* The array sits at (3.6, 0, 0.4), the wall is at x = 5.8: of what is at 4.87, -1.06 the
@@ -641,7 +641,7 @@ static void what_was_heard_too_long_ago_is_never_sent_as_measured(void **state)
     can_unpack_object_state(&sent.frames[2], &o);
     assert_int_equal(o.measurement, CAN_MEASURED);
     /* It waited for the bus, and goes out now. */
-    sender_date(&s, &sent, 100501 * MS, 0);
+    sender_finalize(&s, &sent, 100501 * MS, 0);
     can_unpack_object_state(&sent.frames[2], &o);
     assert_int_equal(o.measurement, CAN_PREDICTED);
     can_unpack_object_state(&sent.frames[5], &o);
@@ -678,14 +678,14 @@ static void an_object_is_new_in_the_first_list_that_tells_of_it(void **state)
     fill_tracks(&l, 2);
     sender_let_objects(&s, false);
     send(&s, &l, 50, &sent);
-    sender_told(&s, &sent);
+    sender_sent(&s, &sent);
     sender_let_objects(&s, true);
     for (int i = 0; i < 2; i++) { /* sent, but not all of it came on the bus */
         send(&s, &l, 50, &sent);
         assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
         assert_int_equal(measurement_of(&sent, 1), CAN_NEW);
     }
-    sender_told(&s, &sent);
+    sender_sent(&s, &sent);
     send(&s, &l, 50, &sent);
     assert_int_equal(measurement_of(&sent, 0), CAN_MEASURED);
     assert_int_equal(measurement_of(&sent, 1), CAN_MEASURED);
@@ -707,7 +707,7 @@ static void a_track_is_not_sent_before_it_is_new(void **state)
     assert_int_equal(sent.n_frames, 2);
     assert_int_equal(header_of(&sent).number, 0);
     assert_false(header_of(&sent).truncated);
-    sender_told(&s, &sent);
+    sender_sent(&s, &sent);
     l.detections[0].measurement = l.detections[1].measurement =
         ANLOS__MEASUREMENT__MEASURED;
     send(&s, &l, 50, &sent);
@@ -729,7 +729,7 @@ static void nor_is_one_that_grew_old_before_it_was_sent(void **state)
     l.detections[0].measurement = ANLOS__MEASUREMENT__NEW;
     send(&s, &l, 501, &sent);
     assert_int_equal(header_of(&sent).number, 0);
-    sender_told(&s, &sent);
+    sender_sent(&s, &sent);
     l.detections[0].measurement = ANLOS__MEASUREMENT__MEASURED;
     send(&s, &l, 50, &sent);
     assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
@@ -781,7 +781,7 @@ static void a_list_that_was_confirmed_too_late_told_nothing(void **state)
     fill_tracks(&l, 1);
     send(&s, &l, 50, &sent);
     sender_let_objects(&s, false);
-    sender_told(&s, &sent);
+    sender_sent(&s, &sent);
     sender_let_objects(&s, true);
     send(&s, &l, 50, &sent);
     assert_int_equal(measurement_of(&sent, 0), CAN_NEW);
@@ -800,7 +800,7 @@ static void a_track_that_is_deleted_is_so_once_and_its_id_is_new_again(void **st
     l.detections[0].measurement = ANLOS__MEASUREMENT__DELETED;
     send(&s, &l, 50, &sent);
     assert_int_equal(measurement_of(&sent, 0), CAN_DELETED);
-    sender_told(&s, &sent);
+    sender_sent(&s, &sent);
     send(&s, &l, 50, &sent);
     assert_int_equal(header_of(&sent).number, 0);
     l.detections[0].measurement = ANLOS__MEASUREMENT__MEASURED;
@@ -851,14 +851,14 @@ static void a_list_is_cut_to_what_the_bus_may_carry(void **state)
     fill(&l, 32);
     for (int i = 0; i < 20; i++) {
         sender_list(&s, &l.message, 0, &sent);
-        sender_date(&s, &sent, (1000 + 100 * i) * MS, 0);
+        sender_finalize(&s, &sent, (1000 + 100 * i) * MS, 0);
     }
     assert_int_equal(header_of(&sent).number, 32);
     assert_false(header_of(&sent).truncated);
     s.cfg.bus.load = 0.05;
     for (int i = 20; i < 40; i++) {
         sender_list(&s, &l.message, 0, &sent);
-        sender_date(&s, &sent, (1000 + 100 * i) * MS, 0);
+        sender_finalize(&s, &sent, (1000 + 100 * i) * MS, 0);
     }
     struct can_list_header h = header_of(&sent);
     assert_true(h.number > 0 && h.number < 10);
@@ -873,7 +873,7 @@ static void a_list_is_cut_to_what_the_bus_may_carry(void **state)
 static void send_six(struct sender *s, struct list *l, struct sender_list *sent)
 {
     s->cfg.bus.load = 0.05;
-    s->allowance.n = 0;
+    s->budget.n = 0;
     send(s, l, 50, sent);
 }
 
@@ -911,7 +911,7 @@ static void what_was_left_out_is_known_as_long_as_it_lives(void **state)
     l.detections[1].measurement = ANLOS__MEASUREMENT__DELETED;
     send_six(&s, &l, &sent);
     assert_true(header_of(&sent).truncated);
-    sender_told(&s, &sent);
+    sender_sent(&s, &sent);
     l.message.n_detections = 2;
     l.detections[1].measurement = ANLOS__MEASUREMENT__MEASURED;
     send_six(&s, &l, &sent);
@@ -934,7 +934,7 @@ static void so_is_what_is_beyond_the_longest_list(void **state)
     l.detections[33].measurement = ANLOS__MEASUREMENT__DELETED;
     send(&s, &l, 50, &sent);
     assert_int_equal(header_of(&sent).number, 32);
-    sender_told(&s, &sent);
+    sender_sent(&s, &sent);
     l.message.detections = &l.pointers[32];
     l.message.n_detections = 2;
     l.detections[33].measurement = ANLOS__MEASUREMENT__MEASURED;
@@ -972,7 +972,7 @@ static void an_empty_list_of_our_own_counts_between_the_others(void **state)
     send(&s, &l, 50, &sent);
     assert_int_equal(header_of(&sent).counter, 5);
     sender_empty_list(&s, 100000 * MS, &sent);
-    sender_date(&s, &sent, 100400 * MS, 0);
+    sender_finalize(&s, &sent, 100400 * MS, 0);
     assert_int_equal(header_of(&sent).counter, 6);
     assert_int_equal(header_of(&sent).number, 0);
     assert_near(header_of(&sent).latency_ms, 400.0, 1e-9);
@@ -997,7 +997,7 @@ static unsigned counter_of_our_own(struct sender *s)
     struct sender_list sent;
 
     sender_empty_list(s, 100000 * MS, &sent);
-    sender_date(s, &sent, 100400 * MS, 0);
+    sender_finalize(s, &sent, 100400 * MS, 0);
     return header_of(&sent).counter;
 }
 
@@ -1064,11 +1064,11 @@ static void the_age_of_sound_that_is_still_to_come_is_not_available(void **state
     init(&s, 0x400);
     fill(&l, 0);
     sender_list(&s, &l.message, 100000 * MS, &sent);
-    sender_date(&s, &sent, 100000 * MS - MS / 2, 0);
+    sender_finalize(&s, &sent, 100000 * MS - MS / 2, 0);
     assert_near(header_of(&sent).latency_ms, 0.0, 1e-9);
-    sender_date(&s, &sent, 100000 * MS - 2 * MS, 0);
+    sender_finalize(&s, &sent, 100000 * MS - 2 * MS, 0);
     assert_true(isnan(header_of(&sent).latency_ms));
-    sender_date(&s, &sent, 99500 * MS, 0);
+    sender_finalize(&s, &sent, 99500 * MS, 0);
     assert_true(isnan(header_of(&sent).latency_ms));
 }
 

@@ -192,8 +192,8 @@ static void check_can(struct rig *r)
     struct sender_list out;
 
     sender_list(&r->sender, r->list, r->stamp_ns, &out);
-    sender_date(&r->sender, &out, r->stamp_ns + FRAME_NS / 2, r->stamp_ns - FRAME_NS);
-    sender_told(&r->sender, &out);
+    sender_finalize(&r->sender, &out, r->stamp_ns + FRAME_NS / 2, r->stamp_ns - FRAME_NS);
+    sender_sent(&r->sender, &out);
     for (size_t i = 0; i < out.n_objects; i++) {
         const struct can_object *o = &out.objects[i];
         if (isnan(o->position_m[0])) {

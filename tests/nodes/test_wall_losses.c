@@ -72,10 +72,10 @@ static void count_frames(struct rig *r, const Anlos__DetectionList *list, double
     int64_t at_ns = (int64_t)(1e9 * (1.0 + t_s));
 
     sender_list(&r->sender, list, at_ns, &out);
-    sender_date(&r->sender, &out, at_ns + 50000000, 0);
+    sender_finalize(&r->sender, &out, at_ns + 50000000, 0);
     for (size_t i = 0; i < out.n_picked; i++)
         r->frames_beyond += out.objects[out.picked[i]].position_m[0] > WALL_X + ROUNDED;
-    sender_told(&r->sender, &out);
+    sender_sent(&r->sender, &out);
 }
 
 static void count(struct rig *r, const Anlos__DetectionList *list, double t_s)

@@ -87,14 +87,14 @@ static int send_list(struct chain *c, int64_t capture_ns, int64_t now_ns,
     sender_list(&c->sender, c->detections, capture_ns, &list);
     if (list.note)
         note(c, list.note);
-    sender_date(&c->sender, &list, now_ns, c->list_ns);
+    sender_finalize(&c->sender, &list, now_ns, c->list_ns);
     c->list_ns = now_ns;
     for (size_t i = 0; !err && i < list.n_frames; i++)
         err = sender_send(&c->sender, c->cfg.can, &list.frames[i], now_ns);
     if (!err)
         err = canbus_flush(c->cfg.can);
     if (!err)
-        sender_told(&c->sender, &list);
+        sender_sent(&c->sender, &list);
     return err ? error_say(why, err, "CAN frames: %s", strerror(-err)) : 0;
 }
 

@@ -42,10 +42,10 @@ void drive_told_list(struct drive_told *t, const Anlos__DetectionList *list,
     struct sender_list out;
 
     sender_list(&t->sender, list, capture_ns, &out);
-    sender_date(&t->sender, &out, now_ns, t->last_ns);
+    sender_finalize(&t->sender, &out, now_ns, t->last_ns);
     t->last_ns = now_ns;
     t->n = 0;
     for (size_t i = 2; i < out.n_frames; t->n++) /* after header and time */
         i += read_object(&out.frames[i], fd, &t->objects[t->n]);
-    sender_told(&t->sender, &out);
+    sender_sent(&t->sender, &out);
 }

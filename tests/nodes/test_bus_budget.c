@@ -14,7 +14,7 @@
 
 enum { LISTS = 4000, WANTED = CAN_MAX_OBJECTS };
 
-static const struct allowance_config usual = {.rate = {500e3, 2e6}, .load = 0.5};
+static const struct bus_budget_config usual = {.rate = {500e3, 2e6}, .load = 0.5};
 
 /* 11-bit identifier and eight bytes: 135 bits with all stuff bits; 87 frames of others in
  * a second at most. */
@@ -28,14 +28,14 @@ struct sent {
     size_t objects;
 };
 
-static size_t send(struct allowance *a, const struct allowance_config *cfg, int64_t ns,
+static size_t send(struct bus_budget *a, const struct bus_budget_config *cfg, int64_t ns,
                    size_t wanted)
 {
-    size_t room = allowance_objects(a, cfg, ns);
+    size_t room = bus_budget_objects(a, cfg, ns);
     size_t n = room < wanted ? room : wanted;
 
     assert_in_range(room, 0, CAN_MAX_OBJECTS);
-    allowance_begin(a, cfg, ns, n);
+    bus_budget_begin(a, cfg, ns, n);
     return n;
 }
 
@@ -69,8 +69,8 @@ static void no_second_is_busier_than_allowed_however_lists_come(void **state)
 
     (void)state;
     for (size_t k = 0; k < sizeof loads / sizeof *loads; k++) {
-        struct allowance_config cfg = usual;
-        struct allowance a = {0};
+        struct bus_budget_config cfg = usual;
+        struct bus_budget a = {0};
         int64_t now = 1700000000000 * MS;
         double gap_ms = 24;
         cfg.load = loads[k];
@@ -88,7 +88,7 @@ static void no_second_is_busier_than_allowed_however_lists_come(void **state)
 /* The first second is one, too: what it may take is 0.5 s less the 87 frames. */
 static void the_first_second_keeps_the_bound(void **state)
 {
-    struct allowance a = {0};
+    struct bus_budget a = {0};
     struct sent sent[42];
 
     (void)state;
@@ -103,7 +103,7 @@ static void the_first_second_keeps_the_bound(void **state)
  * second nine of ten have some. */
 static void each_list_has_its_share(void **state)
 {
-    struct allowance a = {0};
+    struct bus_budget a = {0};
     uint64_t seed = 5;
     int some = 0;
 
@@ -121,7 +121,7 @@ static void each_list_has_its_share(void **state)
 /* What lists did not take, others may. */
 static void a_crowd_after_empty_lists_is_let_through(void **state)
 {
-    struct allowance a = {0};
+    struct bus_budget a = {0};
     int64_t i = 0;
 
     (void)state;
@@ -134,9 +134,9 @@ static void a_crowd_after_empty_lists_is_let_through(void **state)
 /* 0.5 / (135 / 125e3) = 462 frames, less 87, for 12 lists of 2 + 3 n. */
 static void a_slow_bus_carries_fewer_objects(void **state)
 {
-    const struct allowance_config slow = {.rate = {125e3, 125e3}, .load = 0.5};
-    const struct allowance_config crawling = {.rate = {10e3, 10e3}, .load = 0.5};
-    struct allowance a = {0}, b = {0};
+    const struct bus_budget_config slow = {.rate = {125e3, 125e3}, .load = 0.5};
+    const struct bus_budget_config crawling = {.rate = {10e3, 10e3}, .load = 0.5};
+    struct bus_budget a = {0}, b = {0};
     size_t n = 0;
 
     (void)state;
@@ -149,7 +149,7 @@ static void a_slow_bus_carries_fewer_objects(void **state)
 
 static void a_clock_that_goes_back_begins_anew(void **state)
 {
-    struct allowance a = {0};
+    struct bus_budget a = {0};
 
     (void)state;
     for (int64_t i = 0; i < 100; i++)
