@@ -18,8 +18,8 @@
 #include "dsp/error.h"
 #include "recon/frontend/frontend.h"
 #include "recon/imaging/scan_imager.h"
-#include "recon/tracking/object_tracker.h"
 #include "recon/static_array/static_array.h"
+#include "recon/tracking/object_tracker.h"
 #include "recon/walls/wall_finder.h"
 
 enum pipeline_stage {

@@ -9,8 +9,8 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_chart.h"
-#include "recon/processing.h"
 #include "recon/planning/resolution.h"
+#include "recon/processing.h"
 
 #define LATERAL_M 0.5 /* of Fig. 4: from the confocal pair to the scatterer */
 #define FAR_M     5.0

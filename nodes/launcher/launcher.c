@@ -19,11 +19,11 @@
 #include "nodes/launcher/screen.h"
 #include "nodes/launcher/service.h"
 #include "nodes/launcher/supervisor.h"
+#include "nodes/rt/health.h"
 #include "nodes/rt/log_history.h"
 #include "nodes/rt/log_topic.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/priority.h"
-#include "nodes/rt/health.h"
 
 /* The signals that end the launcher, and those of its children, to be read where it
  * waits. */

@@ -8,10 +8,10 @@
 #include "hal/device_count.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
+#include "nodes/rt/health.h"
 #include "nodes/rt/latencies.h"
 #include "nodes/rt/log.h"
 #include "nodes/rt/priority.h"
-#include "nodes/rt/health.h"
 
 struct heartbeat {
     char *node; /* whose, not owned; bus, log and clock neither */

@@ -11,9 +11,9 @@
 #include "msgs/bag/compression.h"
 #include "msgs/hosts.h"
 #include "recon/frontend/compressor.h"
-#include "recon/static_array/frames.h"
 #include "recon/frontend/frontend.h"
 #include "recon/imaging/imager_options.h"
+#include "recon/static_array/frames.h"
 #include "recon/tracking/object_tracker.h"
 #include "recon/walls/wall_map.h"
 

@@ -10,13 +10,13 @@
 
 #include "hal/clock_replay.h"
 #include "nodes/rt/arguments.h"
+#include "nodes/rt/health.h"
 #include "nodes/rt/heartbeat.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/log_topic.h"
 #include "nodes/rt/replay_order.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/rt/stop.h"
-#include "nodes/rt/health.h"
 
 #define NS_PER_MS 1000000LL
 

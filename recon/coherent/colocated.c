@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/imaging/method.h"
 #include "recon/coherent/midpoint.h"
 #include "recon/coherent/nmo.h"
+#include "recon/imaging/method.h"
 
 #define SAME_M      1e-3 /* half-offsets that differ less are the same */
 #define UNEVEN      0.02 /* pitches may differ by this part of their mean */

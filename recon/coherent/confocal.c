@@ -10,9 +10,9 @@
 #include <stdlib.h>
 
 #include "recon/coherent/colocated.h"
-#include "recon/power/lightcone.h"
 #include "recon/imaging/method.h"
 #include "recon/imaging/resample.h"
+#include "recon/power/lightcone.h"
 
 #define TAPER 0.1 /* of the aperture, at each rim */
 #define FALLOFF                                                                          \

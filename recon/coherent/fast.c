@@ -9,10 +9,10 @@
 #include <stdlib.h>
 
 #include "recon/coherent/fk.h"
-#include "recon/imaging/fold.h"
-#include "recon/imaging/method.h"
 #include "recon/coherent/midpoint.h"
 #include "recon/coherent/midpoint_stack.h"
+#include "recon/imaging/fold.h"
+#include "recon/imaging/method.h"
 #include "recon/planning/moveout_error.h"
 
 #define RATE_MARGIN 1.2 /* sampling rate of co-located traces over the band's width */

@@ -9,8 +9,8 @@
 
 #include "dsp/cfar.h"
 #include "dsp/cfar_map.h"
-#include "recon/grid.h"
 #include "recon/detection/shape.h"
+#include "recon/grid.h"
 
 struct clean;
 struct trace_set;

@@ -20,9 +20,9 @@
 #include <stddef.h>
 
 #include "dsp/error.h"
+#include "recon/ego.h"
 #include "recon/frontend/air.h"
 #include "recon/frontend/compressor.h"
-#include "recon/ego.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 #include "recon/traces.h"

@@ -4,8 +4,8 @@
 #ifndef ANLOS_RECON_INVERSE_ITERATIVE_H
 #define ANLOS_RECON_INVERSE_ITERATIVE_H
 
-#include "recon/inverse/admm.h"
 #include "recon/imaging/imager.h"
+#include "recon/inverse/admm.h"
 
 /* Of the option's rho: this operator passes less than a blur. */
 #define ITERATIVE_LIGHTCONE_RHO 0.2

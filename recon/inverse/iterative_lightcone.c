@@ -4,11 +4,11 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "recon/inverse/admm.h"
-#include "recon/power/lightcone.h"
+#include "recon/coherent/zero_offset.h"
 #include "recon/imaging/method.h"
 #include "recon/imaging/resample.h"
-#include "recon/coherent/zero_offset.h"
+#include "recon/inverse/admm.h"
+#include "recon/power/lightcone.h"
 
 #define MIN_SAMPLES 16
 

@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "recon/planning/coherence.h"
-#include "recon/power/incoherent.h"
 #include "recon/planning/probe.h"
+#include "recon/power/incoherent.h"
 
 /* ns on one core of the machine they were measured on, in memory that is used for the
  * first time. */

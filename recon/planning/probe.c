@@ -8,8 +8,8 @@
 #include "recon/coherent/colocated.h"
 #include "recon/imaging/fold.h"
 #include "recon/imaging/imager.h"
-#include "recon/planning/psf_tilt.h"
 #include "recon/planning/moveout_error.h"
+#include "recon/planning/psf_tilt.h"
 
 #define LOOK_TOP     0.45 /* of the band's top: waves are the cube of it */
 #define LOOK_STEP    0.5  /* of a point's width in that band */

@@ -4,9 +4,9 @@
 #ifndef ANLOS_RECON_PLANNING_PROBE_H
 #define ANLOS_RECON_PLANNING_PROBE_H
 
-#include "recon/planning/coherence.h"
 #include "recon/detection/detect.h"
 #include "recon/grid.h"
+#include "recon/planning/coherence.h"
 #include "recon/planning/scattering.h"
 
 enum { PROBE_OBJECTS = 16, PROBE_FEWER = 2 };

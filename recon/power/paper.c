@@ -6,11 +6,11 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "recon/power/lightcone.h"
+#include "recon/coherent/zero_offset.h"
 #include "recon/imaging/method.h"
 #include "recon/imaging/resample.h"
 #include "recon/planning/scattering.h"
-#include "recon/coherent/zero_offset.h"
+#include "recon/power/lightcone.h"
 
 #define MIN_SAMPLES 16
 #define FALLOFF     2.0 /* of a point's power after the gain */

@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "recon/imaging/fold.h"
-#include "recon/static_array/frames_state.h"
 #include "recon/imaging/trace_check.h"
+#include "recon/static_array/frames_state.h"
 
 /* -- create -----------------------------------------------------------------------------
  */

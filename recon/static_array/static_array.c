@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/imaging/image_plan.h"
 #include "recon/static_array/clutter_map.h"
 #include "recon/static_array/first_return.h"
-#include "recon/imaging/image_plan.h"
 
 #define AGE_LIMIT  2.0  /* times what the pings of an image take when none is missing */
 #define NO_OVERLAP 0.99 /* of that time apart: no ping in common */

@@ -12,8 +12,8 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
-#include "recon/frontend/compressor.h"
 #include "recon/ego.h"
+#include "recon/frontend/compressor.h"
 #include "recon/static_array/frames.h"
 #include "recon/traces.h"
 #include "recon/volume.h"

@@ -16,8 +16,8 @@
 
 #include "dsp/error.h"
 #include "recon/detection/detector.h"
-#include "recon/ego.h"
 #include "recon/detection/objects.h"
+#include "recon/ego.h"
 #include "recon/tracking/track.h"
 #include "recon/volume.h"
 #include "recon/walls/walls.h"

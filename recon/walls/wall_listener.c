@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/walls/wall_receiver.h"
 #include "recon/vehicle_frame.h"
+#include "recon/walls/wall_receiver.h"
 
 #define PEAKS 6 /* of a trace */
 #define CLEARANCE_M                                                                      \

@@ -14,8 +14,8 @@
 #include <unistd.h>
 
 #include "hal/room/room.h"
-#include "recon/frontend/compressor.h"
 #include "recon/detection/detect.h"
+#include "recon/frontend/compressor.h"
 #include "recon/processing.h"
 
 enum { KINDS = 2, RATES = 3, ELEMENTS = 16, SPEAKERS = 4, LEARNING = 20 };

@@ -12,8 +12,8 @@
 #include <sys/resource.h>
 #include <time.h>
 
-#include "recon/inverse/admm.h"
 #include "recon/imaging/imager.h"
+#include "recon/inverse/admm.h"
 #include "recon/inverse/iterative.h"
 #include "recon/power/lightcone.h"
 

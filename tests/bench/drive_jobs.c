@@ -14,9 +14,9 @@
 
 #include "msgs/convert.h"
 #include "nodes/anlos/doctor/drive_pipe.h"
+#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/score/drive_score.h"
 #include "nodes/anlos/score/drive_told.h"
-#include "nodes/anlos/interrupt.h"
 
 #define STAMP_NS 1000000000 /* of time 0: a stamp of 0 is none */
 

@@ -4,8 +4,8 @@
 #include <errno.h>
 #include <signal.h>
 
-#include "tests/bench/drive_jobs.h"
 #include "nodes/anlos/interrupt.h"
+#include "tests/bench/drive_jobs.h"
 
 /* Nothing hides; half a second. */
 static const char scene[] =

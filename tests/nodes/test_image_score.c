@@ -10,8 +10,8 @@
 #include <string.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/speed_error/score.h"
 #include "nodes/anlos/speed_error/noise.h"
+#include "nodes/anlos/speed_error/score.h"
 #include "tests/nodes/near.h"
 
 static const double footprint[4] = {0.06, 1.025, 0.02, 0.965};

@@ -12,10 +12,10 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/speed_error/report.h"
-#include "nodes/anlos/speed_error/noise.h"
-#include "nodes/anlos/speed_error/results.h"
 #include "nodes/anlos/commands.h"
+#include "nodes/anlos/speed_error/noise.h"
+#include "nodes/anlos/speed_error/report.h"
+#include "nodes/anlos/speed_error/results.h"
 #include "tests/hal/folder.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"

@@ -10,8 +10,8 @@
 #include <time.h>
 #include <cmocka.h>
 
-#include "nodes/anlos/top/screen.h"
 #include "nodes/anlos/text.h"
+#include "nodes/anlos/top/screen.h"
 
 struct rig {
     struct table table;

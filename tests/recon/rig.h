@@ -6,8 +6,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "recon/imaging/imager.h"
 #include "recon/detection/peak.h"
+#include "recon/imaging/imager.h"
 #include "tests/recon/reference.h"
 
 #define RIG_MAX 64

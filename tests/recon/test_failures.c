@@ -4,11 +4,11 @@
 
 #include <stdlib.h>
 
-#include "recon/planning/coherence.h"
-#include "recon/static_array/frames.h"
 #include "recon/imaging/imager_options.h"
-#include "recon/planning/probe.h"
 #include "recon/inverse/psf.h"
+#include "recon/planning/coherence.h"
+#include "recon/planning/probe.h"
+#include "recon/static_array/frames.h"
 #include "recon/tracking/track.h"
 #include "recon/walls/wall_crosstalk.h"
 #include "tests/failing.h"

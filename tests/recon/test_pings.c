@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/imaging/imager.h"
 #include "recon/detection/peak.h"
+#include "recon/imaging/imager.h"
 #include "tests/recon/rig.h"
 #include "tests/recon/turntable.h"
 #include "tests/worse.h"

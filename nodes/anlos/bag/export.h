@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/bag/bag.h"
+#include "nodes/anlos/bag/stream.h"
 
 struct export_options { /* borrow from argv */
     const char *file, *topics, *out;

@@ -4,8 +4,8 @@
 
 #include "msgs/array.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
-#include "recon/survey.h"
 #include "nodes/anlos/bag/bag.h"
+#include "recon/survey.h"
 
 /* A bag of messages of the array node that never went over a bus.  Its times begin a
  * second after 1970: who recorded the sound did not say when, and equal recordings

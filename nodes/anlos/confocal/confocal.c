@@ -12,8 +12,8 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "recon/coherent/fk.h"
-#include "recon/imaging/imager.h"
 #include "recon/detection/objects.h"
+#include "recon/imaging/imager.h"
 #include "recon/power/lightcone.h"
 #include "recon/processing.h"
 

@@ -8,8 +8,8 @@
 #include <unistd.h>
 
 #include "msgs/convert.h"
-#include "nodes/anlos/doctor/drive_pipe.h"
 #include "nodes/anlos/doctor/doctor.h"
+#include "nodes/anlos/doctor/drive_pipe.h"
 #include "nodes/anlos/doctor/findings.h"
 #include "nodes/rt/presence.h"
 #include "nodes/rt/priority.h"

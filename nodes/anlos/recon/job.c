@@ -10,9 +10,9 @@
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
 #include "recon/detection/clean.h"
+#include "recon/detection/objects.h"
 #include "recon/imaging/imager.h"
 #include "recon/imaging/trace_check.h"
-#include "recon/detection/objects.h"
 
 /* -- traces that come compressed from a file, `anlos recon --traces` --------------------
  */

@@ -13,9 +13,9 @@
 #include "nodes/anlos/recon/traces_file.h"
 #include "nodes/anlos/stopwatch.h"
 #include "recon/frontend/channel_check.h"
+#include "recon/planning/trace_set.h"
 #include "recon/processing.h"
 #include "recon/survey.h"
-#include "recon/planning/trace_set.h"
 
 struct recon_auto;
 

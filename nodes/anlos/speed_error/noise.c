@@ -10,8 +10,8 @@
 #include "hal/random.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export_file.h"
-#include "recon/frontend/compressor.h"
 #include "recon/detection/peak.h"
+#include "recon/frontend/compressor.h"
 
 /* Adds (x - from) / |x - from| / c to the gradient of the delay. */
 static void add_gradient(double g[3], const double x[3], const double from[3], double c)

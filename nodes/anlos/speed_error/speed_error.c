@@ -9,11 +9,11 @@
 #include <string.h>
 
 #include "nodes/anlos/commands.h"
+#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/speed_error/noise.h"
-#include "nodes/anlos/speed_error/results.h"
 #include "nodes/anlos/speed_error/report.h"
-#include "nodes/anlos/interrupt.h"
+#include "nodes/anlos/speed_error/results.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 

@@ -9,8 +9,8 @@
 #include <string.h>
 
 #include "msgs/tensor.pb-c.h"
-#include "nodes/rt/export.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/export.h"
 
 static json_t *tensor_json(const Anlos__Tensor *t, bool full)
 {
