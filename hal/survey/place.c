@@ -1,7 +1,7 @@
 #include "hal/survey/place.h"
 
-#include <errno.h>
 #include <ctype.h>
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>

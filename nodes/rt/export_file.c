@@ -1,10 +1,10 @@
 #include "nodes/rt/export_file.h"
 
 #include <errno.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <stdlib.h>
 
 int export_file_open(struct export_file *e, const char *folder, const char *name,
                      struct error *why)

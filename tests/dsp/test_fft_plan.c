@@ -4,6 +4,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+
 #include <complex.h>
 #include <math.h>
 #include <string.h>

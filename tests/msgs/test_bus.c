@@ -4,6 +4,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+
 #include <poll.h>
 #include <pthread.h>
 #include <signal.h>

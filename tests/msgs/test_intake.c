@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+
 #include <nanomsg/nn.h>
 #include <nanomsg/pubsub.h>
 

@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+
 #include <poll.h>
 #include <pthread.h>
 #include <stdatomic.h>

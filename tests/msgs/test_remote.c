@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+
 #include <zmq.h>
 
 #include "two_folders.h"

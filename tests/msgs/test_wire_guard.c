@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+
 #include <sys/socket.h>
 #include <sys/un.h>
 

@@ -17,6 +17,7 @@
 #include <time.h>
 #include <unistd.h>
 #include <utmp.h>
+
 #include <cmocka.h>
 
 #include "msgs/bus.h"

@@ -3,6 +3,7 @@
 #include <stddef.h>
 
 #include <cmocka.h>
+
 #include <errno.h>
 #include <string.h>
 

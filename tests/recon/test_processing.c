@@ -1,9 +1,10 @@
+#include <errno.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
-#include <errno.h>
 #include <string.h>
+
 #include <cmocka.h>
 
 #include "recon/processing.h"

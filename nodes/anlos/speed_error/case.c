@@ -1,4 +1,3 @@
-#include "dsp/pool.h"
 #include "nodes/anlos/speed_error/case.h"
 
 #include <errno.h>
@@ -8,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/pool.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/stopwatch.h"
