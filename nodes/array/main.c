@@ -291,8 +291,8 @@ int main(int argc, char **argv)
     int err = node_create(&r.node, "array",
                           "Fires the speakers, records every microphone.", argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!r.node)
+        return err;
     err = array_open(&r.array, node_launch(r.node)->array.uri, node_clock(r.node), &why);
     if (err)
         node_log(r.node, LOG_LEVEL_ERROR, "%s", why.text);

@@ -347,8 +347,8 @@ int main(int argc, char **argv)
     int err = node_create(&r.node, "can", "Tells the vehicle what is around the corner.",
                           argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!r.node)
+        return err;
     set_up(&r);
     err = open_bus(&r);
     if (!err) {

@@ -135,8 +135,8 @@ int main(int argc, char **argv)
     int err = node_create(&r.node, "dsp",
                           "Compresses pulses and subtracts the background.", argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!r.node)
+        return err;
     launchfile_pipeline(&cfg, node_launch(r.node));
     err = dsp_create(&r.dsp, &cfg.frontend);
     if (!err)

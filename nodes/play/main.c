@@ -40,8 +40,8 @@ int main(int argc, char **argv)
     int err = node_create(&node, "play", "Plays a bag in the place of who recorded it.",
                           argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!node)
+        return err;
     err = create(&player, node);
     node_turn_limit(node, DISK_S);
     if (!err)

@@ -171,8 +171,8 @@ int main(int argc, char **argv)
     int err = node_create(&r.node, "recon",
                           "Images what the echoes show, while they come in.", argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!r.node)
+        return err;
     if (node_launch(r.node)->scan.fixed)
         return node_finish(r.node, fixed_run(r.node));
     err = create(&r);

@@ -221,5 +221,5 @@ int main(int argc, char **argv)
     int err = node_create(&r.node, "record", "Records every topic into a bag (MCAP).",
                           argc, argv);
 
-    return err ? err - 1 : run(&r);
+    return r.node ? run(&r) : err;
 }

@@ -85,8 +85,8 @@ int main(int argc, char **argv)
     int err = node_create(&node, "report", "Writes the results of a scan into a folder.",
                           argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!node)
+        return err;
     report_init(&report);
     if (node_launch(node)->hosts.n)
         report.map = &node_launch(node)->hosts;

@@ -194,10 +194,11 @@ int node_create(struct node **out, const char *name, const char *what_it_does, i
     int err = n ? arguments_parse(&args, argc, argv, &why) : -ENOMEM;
     int log_err = n ? open_log(n, name, &args) : 0;
 
+    *out = NULL;
     if (!err && args.help) {
         print_help(name, what_it_does);
         node_free(n);
-        return 1 + EXIT_WORKED;
+        return EXIT_WORKED;
     }
     err = err ? err : log_err;
     if (!err)
@@ -206,7 +207,7 @@ int node_create(struct node **out, const char *name, const char *what_it_does, i
         if (n && n->log)
             node_log(n, LOG_LEVEL_ERROR, "%s", why.text[0] ? why.text : strerror(-err));
         node_free(n);
-        return 1 + (err == -ENOMEM ? EXIT_FAILED : EXIT_BAD_INPUT);
+        return err == -ENOMEM ? EXIT_FAILED : EXIT_BAD_INPUT;
     }
     *out = n;
     return 0;

@@ -32,8 +32,8 @@ struct node_message {
 
 /* Parses `NODE --launch FILE [--run-dir DIR] [--out DIR] [--realtime] [--log-level L]`,
  * prints --help, loads the launch file, opens the bus, installs SIGINT and SIGTERM.
- * Prints what is wrong. 0, or the exit code to return + 1 as a positive number (1:
- * success after --help). */
+ * Prints what is wrong.  *out NULL: the process ends, with the exit code that it returns
+ * (EXIT_WORKED after --help); else 0. */
 int node_create(struct node **out, const char *name, const char *what_it_does, int argc,
                 char **argv);
 

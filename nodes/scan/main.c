@@ -195,8 +195,8 @@ int main(int argc, char **argv)
                     "keeps an array going that stands.",
                     argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!r.node)
+        return err;
     err = create(&r);
     if (!err)
         err = run(&r);

@@ -74,8 +74,8 @@ int main(int argc, char **argv)
     int err = node_create(&node, "stage", "Moves the stage that carries the array.", argc,
                           argv);
 
-    if (err)
-        return err - 1;
+    if (!node)
+        return err;
     err = stage_open(&stage, node_launch(node)->stage.uri, node_clock(node), &why);
     if (err)
         node_log(node, LOG_LEVEL_ERROR, "%s", why.text);

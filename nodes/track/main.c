@@ -205,8 +205,8 @@ int main(int argc, char **argv)
     int err = node_create(&j.node, "track", "Finds the hidden objects in the image.",
                           argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!j.node)
+        return err;
     launchfile_pipeline(&cfg, node_launch(j.node));
     err = tracking_create(&j.tracking, &cfg.tracker);
     if (!err)

@@ -94,8 +94,8 @@ int main(int argc, char **argv)
                           "Foxglove.",
                           argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!node)
+        return err;
     err = create(node, &viewer);
     if (!err)
         err = run(node, viewer);

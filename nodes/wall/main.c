@@ -133,8 +133,8 @@ int main(int argc, char **argv)
     int err = node_create(&r.node, "wall", "Tells where the walls are that mirror sound.",
                           argc, argv);
 
-    if (err)
-        return err - 1;
+    if (!r.node)
+        return err;
     launchfile_pipeline(&cfg, node_launch(r.node));
     r.from = cfg.walls.map.from;
     err = finding_create(&r.finding, &cfg.walls);

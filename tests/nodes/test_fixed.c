@@ -54,7 +54,7 @@ static pid_t start_recon(const struct rig *r)
                     (char *)"--run-dir", (char *)r->scratch->folder, NULL};
     struct node *node;
     int err = node_create(&node, "recon", "Images.", 5, argv);
-    _exit(err ? err - 1 : node_finish(node, fixed_run(node)));
+    _exit(node ? node_finish(node, fixed_run(node)) : err);
 }
 
 static void describe(struct rig *r)
