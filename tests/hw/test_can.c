@@ -490,11 +490,11 @@ static void an_interface_that_was_deleted_is_found_again(void **state)
     assert_int_equal(read_list_after_joining(r), 7);
 }
 
-/* 150 frames a second, ten in the queue, as of a real controller: two lists take more
- * than a second. */
-static void make_slow(void)
+/* Ten frames in the queue, as of a real controller; of 20kbit 150 a second, with which
+ * two lists take more than a second. */
+static void make_slow(const char *rate)
 {
-    run("tc qdisc add dev can0 root tbf rate 20kbit burst 64 limit 160");
+    run("tc qdisc add dev can0 root tbf rate %s burst 64 limit 160", rate);
 }
 
 static void a_bus_that_is_too_slow_gets_whole_lists_in_order(void **state)
@@ -505,7 +505,7 @@ static void a_bus_that_is_too_slow_gets_whole_lists_in_order(void **state)
     size_t n = 0;
 
     wait_for_text(r, "ready");
-    make_slow();
+    make_slow("20kbit");
     for (unsigned i = 1; i <= N; i++)
         publish(r, i, 20);
     while (last < N) {
@@ -525,12 +525,13 @@ static void a_bus_that_is_too_slow_gets_whole_lists_in_order(void **state)
     assert_int_equal(count_of(r, "frames_unconfirmed"), 0);
 }
 
-/* The queue of the interface is thrown away with what is in it. */
+/* The queue of the interface is thrown away with what is in it.  All of the list takes
+ * three seconds. */
 static void a_list_that_was_torn_is_sent_again_whole(void **state)
 {
     struct rig *r = *state;
 
-    make_slow();
+    make_slow("4kbit");
     publish(r, 1, 20);
     do
         candump_read(&r->dump);
@@ -571,14 +572,14 @@ static void a_node_ends_at_once_when_the_bus_is_dead(void **state)
 {
     struct rig *r = *state;
 
-    make_slow();
+    make_slow("4kbit");
     for (unsigned i = 1; i <= 8; i++)
         publish(r, i, CAN_MAX_OBJECTS);
     wait_for_count(r, "lists_dropped", 1);
     int64_t t = now();
     kill(r->node, SIGINT);
     assert_int_equal(end_of(r->node), 0);
-    assert_true(now() - t < 2000000000); /* the lists take 2.6 s, and 100 ms is allowed */
+    assert_true(now() - t < 10000000000); /* the lists take 13 s, and 100 ms is allowed */
     r->node = start_node(r);
     run("ip link set can0 down");
     wait_for_text(r, "can0 is down");
