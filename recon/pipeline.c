@@ -247,7 +247,8 @@ int pipeline_ping(struct pipeline *p, const struct ping *ping, int64_t now_ns,
     if (p->finder)
         wall_finder_ping(p->finder, ping, now_ns);
     if (find_walls(p, now_ns, &late) && !out->note[0])
-        snprintf(out->note, sizeof out->note, "%s", late.text);
+        snprintf(out->note, sizeof out->note, "%.*s", (int)sizeof out->note - 1,
+                 late.text);
     return err;
 }
 
