@@ -126,7 +126,10 @@ static void look_at(struct supervisor *s, struct supervised *n, pid_t pid,
         return;
     }
     if (n->looked) {
-        n->waited_ns += now.waited_ns - n->last.waited_ns;
+        if (now.waited_ns > n->last.waited_ns) /* less: a thread has ended */
+            n->waited_ns += now.waited_ns - n->last.waited_ns;
+        if (n->waited_ns > n->silent_ns) /* several waited at once */
+            n->waited_ns = n->silent_ns;
         bool stood = now.runnable && now.ran_ns == n->last.ran_ns;
         n->waits_ns = stood ? n->waits_ns + step_ns : 0;
     }
@@ -134,14 +137,21 @@ static void look_at(struct supervisor *s, struct supervised *n, pid_t pid,
     n->looked = true;
 }
 
+/* Of its silence, for a processor. */
+static int64_t waited_ns(const struct supervised *n)
+{
+    int64_t sum_ns = n->waited_ns + n->waits_ns;
+
+    return sum_ns < n->silent_ns ? sum_ns : n->silent_ns;
+}
+
 /* Time that it waits for a processor is none in which it hangs. */
 static bool is_hung(const struct supervised *n)
 {
     int64_t forgiven_ns = SUPERVISOR_STARVED * n->limit_ns;
-    int64_t waited_ns = n->waited_ns + n->waits_ns;
 
-    if (waited_ns < forgiven_ns)
-        forgiven_ns = waited_ns;
+    if (waited_ns(n) < forgiven_ns)
+        forgiven_ns = waited_ns(n);
     return n->silent_ns - forgiven_ns > n->limit_ns;
 }
 
@@ -173,14 +183,13 @@ int64_t supervisor_tick(struct supervisor *s, const struct process_group *c,
 bool supervisor_starves(struct supervisor *s, unsigned i, struct supervisor_starved *out)
 {
     struct supervised *n = &s->list[i];
-    int64_t waited_ns = n->waited_ns + n->waits_ns;
 
     if (!s->alive_ns || n->told || n->silent_ns <= n->limit_ns)
         return false;
     n->told = true;
     *out = (struct supervisor_starved){
         .silent_s = 1e-9 * (double)n->silent_ns,
-        .waited_s = 1e-9 * (double)(waited_ns < n->silent_ns ? waited_ns : n->silent_ns),
+        .waited_s = 1e-9 * (double)waited_ns(n),
         .killed_s = 1e-9 * (double)((1 + SUPERVISOR_STARVED) * n->limit_ns)};
     return true;
 }

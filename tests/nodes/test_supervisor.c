@@ -8,6 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/ptrace.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -266,6 +267,38 @@ static void what_the_kernel_tells_late_or_not_at_all_is_waiting_too(void **state
     }
 }
 
+/* What the kernel tells of a process is the sum over the threads that it has. */
+static void the_waits_of_a_thread_that_ended_are_held_against_nobody(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    kernel.waited_ns = 100 * S;
+    say(&w, "dsp", 1, 0.0);
+    assert_int_equal(let_pass(&w, 2 * S), 2 * S);
+    kernel.waited_ns = 0;
+    assert_hangs_after(&w, 1 * S);
+}
+
+/* Eight threads for half a second, from when it is looked at on; then none does. */
+static void threads_that_wait_at_once_wait_no_longer_than_one(void **state)
+{
+    struct world w;
+
+    (void)state;
+    begin(&w);
+    say(&w, "dsp", 1, 0.0);
+    assert_int_equal(let_pass(&w, 2 * S), 2 * S);
+    for (int i = 0; i < 2; i++) {
+        kernel.waited_ns += 8 * TICK;
+        assert_int_equal(let_pass(&w, TICK), TICK);
+    }
+    int64_t took_ns = let_pass(&w, 1000 * S);
+    assert_true(w.hung_ns[1] > 0);
+    assert_true(took_ns <= 3 * S + TICK);
+}
+
 static void who_computes_for_ever_hangs(void **state)
 {
     struct world w;
@@ -339,6 +372,7 @@ static pid_t compute_on(int processor, int policy)
         return pid;
     CPU_ZERO(&one);
     CPU_SET(processor, &one);
+    prctl(PR_SET_PDEATHSIG, SIGKILL); /* whatever fails meanwhile */
     if (sched_setaffinity(0, sizeof one, &one) || sched_setscheduler(0, policy, &none))
         _exit(1);
     for (volatile unsigned i = 0;; i++)
@@ -430,6 +464,8 @@ int main(void)
         cmocka_unit_test(time_in_which_the_launcher_did_not_run_is_held_against_nobody),
         cmocka_unit_test(who_waits_for_a_processor_has_more_time_but_not_for_ever),
         cmocka_unit_test(what_the_kernel_tells_late_or_not_at_all_is_waiting_too),
+        cmocka_unit_test(the_waits_of_a_thread_that_ended_are_held_against_nobody),
+        cmocka_unit_test(threads_that_wait_at_once_wait_no_longer_than_one),
         cmocka_unit_test(who_computes_for_ever_hangs),
         cmocka_unit_test(who_is_debugged_is_left_alone),
         cmocka_unit_test(a_process_that_is_traced_is_seen_to_be),
