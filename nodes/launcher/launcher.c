@@ -330,10 +330,10 @@ static void exited_aside(struct launcher *l, struct child *c, int status)
 }
 
 /* What it failed at itself while it was stopping; not that it was stopped.  Whoever is
- * killed with the results has not written them. */
+ * killed with the results, and by nobody who asked twice, has not written them. */
 static bool fails_at_end(const struct launcher *l, int status, bool reports)
 {
-    bool ours = (l->killed && !(reports && l->kill_ns)) || l->spared;
+    bool ours = reports ? l->killed && !l->kill_ns : l->killed || l->spared;
 
     if (WIFEXITED(status))
         return WEXITSTATUS(status) != EXIT_WORKED;

@@ -28,7 +28,7 @@ struct rig {
  * told to others, who may stop it at once. */
 #define TRAP "trap 'echo info stopped; test -z \"$!\" || kill $!; exit 0' TERM\n"
 #define STAY                                                                             \
-    "sleep 1000 >&- 2>&- &\n"                                                            \
+    "tail -f --pid=$$ /dev/null >/dev/null 2>&1 &\n"                                     \
     "wait\n"
 
 static int setup(void **state)
@@ -448,6 +448,29 @@ static void who_writes_the_results_has_more_time_to_stop(void **state)
     assert_contains(r->text, "report  info    written");
 }
 
+/* By what is short of memory, say, while it still may write. */
+static void results_that_another_kills_are_missing(void **state)
+{
+    struct rig *r = *state;
+    long pid;
+
+    write_launch(r, "can, report");
+    write_node(r, "can",
+               "trap '' TERM; echo info here; mkfifo $D/never; read x < $D/never");
+    write_node(r, "report", "trap '' TERM; echo info up as $$ now\nread x < $D/go");
+    start(r);
+    read_until(r, "here");
+    read_until(r, "up as ");
+    read_until(r, " now");
+    assert_int_equal(sscanf(strstr(r->text, "up as "), "up as %ld now", &pid), 1);
+    assert_int_equal(kill(r->pid, SIGTERM), 0);
+    read_until(r, "can     warning does not stop; killed");
+    assert_int_equal(kill((pid_t)pid, SIGKILL), 0);
+    assert_int_equal(finish(r), 1);
+    assert_contains(r->text, "report  error   ended with signal 9 (Killed) while "
+                             "stopping: results are missing in ");
+}
+
 static void nodes_that_all_end_end_the_launch(void **state)
 {
     struct rig *r = *state;
@@ -721,6 +744,7 @@ int main(void)
         TEST(a_reader_that_does_not_read_holds_nothing_up),
         TEST(a_node_that_will_not_stop_is_killed),
         TEST(who_writes_the_results_has_more_time_to_stop),
+        TEST(results_that_another_kills_are_missing),
         TEST(nodes_that_all_end_end_the_launch),
         TEST(nodes_get_their_arguments),
         TEST(the_recorder_is_stopped_when_all_others_have_ended),
