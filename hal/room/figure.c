@@ -75,8 +75,7 @@ static const struct part car[] = {
     {-1.20, -0.60, 0.50, 0, 3, -0.6, -0.8},
 };
 
-/* -- opaque bodies: parts from joint to joint, lengths in m
- * ------------------------------ */
+/* Opaque bodies: parts from joint to joint, lengths in m. */
 
 struct builder { /* as it is built */
     const struct figure_pose *pose;
@@ -245,8 +244,8 @@ static void add_vehicle(struct builder *b)
 static const struct figure {
     const struct part *parts;
     size_t n;
-    size_t n_opaque, first_point; /* parts; of `parts` the points that remain: what it
-                                     rides, and wheels and mirrors */
+    size_t n_opaque, first_point; /* parts; of `parts` the points that remain: a bicycle,
+                                     a car's wheels */
     size_t n_points;
     double size_m[3]; /* ahead, left, up */
     double scattering_length_m, cycle_m;

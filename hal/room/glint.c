@@ -58,10 +58,12 @@ static bool nearest(const double size_m[3], const double y[3], double out[3])
     return true;
 }
 
-/* From where one alone would hear q glint, if it does from a to b: on the line that
- * halves the angle between them, as far away as their fronts there are curved. */
-static void stand_in(const double q[3], const double a[3], const double b[3],
-                     double out[3])
+/* From where one element alone, at once source and receiver, would hear q glint, if it
+ * does from a to b: on the line that halves the angle between them (Kell 1965, "On the
+ * derivation of bistatic RCS from monostatic measurements"), as far away as their fronts
+ * there are curved. */
+static void monostatic_equivalent(const double q[3], const double a[3], const double b[3],
+                                  double out[3])
 {
     double to_a[3], to_b[3];
     vector_add(a, -1, q, to_a);
@@ -105,7 +107,7 @@ bool glint_find(const struct glint_part *p, const double centre[3], const double
     for (int turn = 0; turn < TURNS; turn++) {
         if (!nearest(size_m, y, q))
             return false;
-        stand_in(q, a_m, b_m, y);
+        monostatic_equivalent(q, a_m, b_m, y);
     }
     memcpy(at, centre, 3 * sizeof *at);
     for (int k = 0; k < 3; k++) {

@@ -68,27 +68,90 @@ static void what_is_flat_is_a_mirror(void **state)
     assert_false(glint_find(&plate, centre, a, b, at, &length_m));
 }
 
+static const struct glint_part askew = {
+    .half_axes = {{0.1, 0.05, 0}, {-0.1, 0.2, 0}, {0, 0, 1.5}},
+    .from = {-1, -1, -1},
+    .to = {1, 1, 1}};
+static const double askew_centre[3] = {0.2, 0.1, 3};
+
+/* A place of it, by longitude and latitude of the ball that it is stretched from. */
+static void askew_place(double longitude, double latitude, double out[3])
+{
+    const double ball[3] = {cos(longitude) * cos(latitude),
+                            sin(longitude) * cos(latitude), sin(latitude)};
+    memcpy(out, askew_centre, sizeof askew_centre);
+    for (int k = 0; k < 9; k++)
+        out[k % 3] += ball[k / 3] * askew.half_axes[k / 3][k % 3];
+}
+
 /* Fermat: no other place of the body that both see is on a shorter way. */
 static void the_way_by_the_glint_is_the_shortest(void **state)
 {
     (void)state;
-    const struct glint_part part = {
-        .half_axes = {{0.1, 0.05, 0}, {-0.1, 0.2, 0}, {0, 0, 1.5}},
-        .from = {-1, -1, -1},
-        .to = {1, 1, 1}};
-    const double centre[3] = {0.2, 0.1, 3}, a[3] = {1.2, 0.4, 0.1}, b[3] = {0.3, -0.9, 0};
+    const double a[3] = {1.2, 0.4, 0.1}, b[3] = {0.3, -0.9, 0};
     double at[3], length_m;
-    assert_true(glint_find(&part, centre, a, b, at, &length_m));
+    assert_true(glint_find(&askew, askew_centre, a, b, at, &length_m));
     double least_m = distance_m(a, at) + distance_m(at, b);
     for (int i = 0; i < 400; i++)
         for (int j = 0; j < 200; j++) {
-            double u = M_PI * i / 200, v = M_PI * j / 200, q[3];
-            double ball[3] = {cos(u) * sin(v), sin(u) * sin(v), cos(v)};
-            memcpy(q, centre, sizeof q);
-            for (int k = 0; k < 9; k++)
-                q[k % 3] += ball[k / 3] * part.half_axes[k / 3][k % 3];
+            double q[3];
+            askew_place(M_PI * i / 200, M_PI * (j / 200.0 - 0.5), q);
             assert_true(distance_m(a, q) + distance_m(q, b) > least_m - 1e-4);
         }
+}
+
+/* What the integral of exp(ik way) over the surface is around where the way is shortest
+ * (stationary phase): cos / sqrt(det H), H the second derivatives of the way along the
+ * surface, by differences of half a milliradian. */
+static double stationary_m(const double a[3], const double b[3], const double at[3])
+{
+    double ball[3] = {0, 0, 0}, way_m[3][3], p[3][3][3], h = 5e-4, first[3] = {0, 0, 0};
+    for (int k = 0; k < 9; k++) {
+        const double *axis = askew.half_axes[k / 3];
+        ball[k / 3] += (at[k % 3] - askew_centre[k % 3]) * axis[k % 3] /
+                       (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+    }
+    for (int i = 0; i < 9; i++) {
+        double *q = p[i / 3][i % 3];
+        askew_place(atan2(ball[1], ball[0]) + (i / 3 - 1) * h,
+                    asin(ball[2]) + (i % 3 - 1) * h, q);
+        way_m[i / 3][i % 3] = distance_m(a, q) + distance_m(q, b);
+    }
+    double uu = way_m[2][1] - 2 * way_m[1][1] + way_m[0][1];
+    double vv = way_m[1][2] - 2 * way_m[1][1] + way_m[1][0];
+    double uv = (way_m[2][2] - way_m[2][0] - way_m[0][2] + way_m[0][0]) / 4;
+    for (int k = 0; k < 3; k++) { /* of the surface itself */
+        double u = (p[2][1][k] - p[0][1][k]) / 2, v = (p[1][2][k] - p[1][0][k]) / 2;
+        first[0] += u * u;
+        first[1] += v * v;
+        first[2] += u * v;
+    }
+    double in_m = distance_m(a, at), out_m = distance_m(at, b), both = 0;
+    for (int k = 0; k < 3; k++) /* unit vectors: the sum is 2 cos long */
+        both += pow((a[k] - at[k]) / in_m + (b[k] - at[k]) / out_m, 2);
+    return sqrt(both) / 2 *
+           sqrt((first[0] * first[1] - first[2] * first[2]) / (uu * vv - uv * uv));
+}
+
+/* Heard where it came from, and 27 degrees to the side of that, and the other way about:
+ * there the curvatures are those of small angles, which the sides take a thousandth off.
+ */
+static void it_is_as_strong_as_its_surface_is_curved(void **state)
+{
+    static const double places[4][3] = {
+        {1.2, 0.4, 0.1}, {0.3, -0.9, 0}, {-2, 1, 2}, {0.5, 3, 4.4}};
+    double at[3], length_m;
+    (void)state;
+    for (int i = 0; i < 4; i++) {
+        assert_true(
+            glint_find(&askew, askew_centre, places[i], places[i], at, &length_m));
+        assert_true(fabs(length_m / stationary_m(places[i], places[i], at) - 1) < 1e-4);
+    }
+    for (int i = 0; i < 2; i++) {
+        const double *a = places[i], *b = places[!i];
+        assert_true(glint_find(&askew, askew_centre, a, b, at, &length_m));
+        assert_true(fabs(length_m / stationary_m(a, b, at) - 1) < 2e-3);
+    }
 }
 
 static void what_is_behind_a_part_is_hidden(void **state)
@@ -156,6 +219,7 @@ int main(void)
         cmocka_unit_test(an_ellipsoid_is_as_strong_as_it_is_flat),
         cmocka_unit_test(what_is_flat_is_a_mirror),
         cmocka_unit_test(the_way_by_the_glint_is_the_shortest),
+        cmocka_unit_test(it_is_as_strong_as_its_surface_is_curved),
         cmocka_unit_test(what_is_behind_a_part_is_hidden),
         cmocka_unit_test(a_body_shows_its_near_side),
     };
