@@ -11,6 +11,7 @@
 struct canbus {
     const struct canbus_ops *ops;
     void *state;
+    char *uri;
 };
 
 static const struct canbus_ops *const backends[] = {
@@ -60,17 +61,28 @@ int canbus_open(struct canbus **out, const char *uri, struct error *why)
     if (err)
         return err;
     struct canbus *b = calloc(1, sizeof *b);
-    if (!b)
+    char *copy = strdup(uri);
+    if (!b || !copy) {
+        free(b);
+        free(copy);
         return error_say(why, -ENOMEM, "%s: out of memory", uri);
+    }
     b->ops = ops;
+    b->uri = copy;
     struct error inner = {.text = ""};
     err = ops->open(&b->state, arg, &inner);
     if (err) {
+        free(b->uri);
         free(b);
         return error_say(why, err, "%s: %s", uri, inner.text);
     }
     *out = b;
     return 0;
+}
+
+const char *canbus_uri(const struct canbus *b)
+{
+    return b->uri;
 }
 
 /* CAN FD frames have 0..8 bytes or one of these sizes; a size between is padded. */
@@ -141,5 +153,6 @@ void canbus_close(struct canbus *b)
     if (!b)
         return;
     b->ops->close(b->state);
+    free(b->uri);
     free(b);
 }

@@ -63,6 +63,9 @@ struct canbus;
  * file or socket; the error names the URI. */
 int canbus_open(struct canbus **out, const char *uri, struct error *why);
 
+/* As it was opened, for who tells what went wrong; it lives as long as b. */
+const char *canbus_uri(const struct canbus *b);
+
 /* Is it all right as it is written, is what it names there?  As canbus_open, but nothing
  * is written, and a log may be of a folder that is still to come. */
 int canbus_check(const char *uri, struct error *why);

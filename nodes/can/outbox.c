@@ -206,12 +206,14 @@ bool outbox_well(const struct outbox *o, char *text, size_t size)
     if (o->health.state != CANBUS_READY)
         snprintf(text, size, "%s", o->health.text);
     else if (o->error)
-        snprintf(text, size, "frames did not go out: %s", reason(o->error));
+        snprintf(text, size, "frames did not go out: %s (%s)", reason(o->error),
+                 canbus_uri(o->bus));
     else if (!o->dropped_ns || clock_now_ns(o->clock) - o->dropped_ns >= RECENT_NS)
         return true;
     else if (o->dropped_for)
-        snprintf(text, size, "lists did not go out: %s: %llu dropped",
-                 reason(o->dropped_for), (unsigned long long)o->dropped);
+        snprintf(text, size, "lists did not go out: %s: %llu dropped (%s)",
+                 reason(o->dropped_for), (unsigned long long)o->dropped,
+                 canbus_uri(o->bus));
     else
         snprintf(text, size, "lists come faster than the bus takes them: %llu dropped",
                  (unsigned long long)o->dropped);

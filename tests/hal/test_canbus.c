@@ -113,6 +113,7 @@ static void a_full_disk_is_reported(void **state)
     struct canbus *b;
     (void)state;
     assert_int_equal(canbus_open(&b, "log:/dev/full", &why), 0);
+    assert_string_equal(canbus_uri(b), "log:/dev/full");
     assert_int_equal(canbus_send(b, &frame, 0), 0);
     assert_int_equal(canbus_flush(b), -ENOSPC);
     canbus_close(b);

@@ -42,6 +42,12 @@ int canbus_send(struct canbus *b, const struct can_frame_data *frame, int64_t st
     return 0;
 }
 
+const char *canbus_uri(const struct canbus *b)
+{
+    (void)b;
+    return "log:out/x.candump";
+}
+
 int canbus_flush(struct canbus *b)
 {
     b->flushes++;
@@ -649,7 +655,8 @@ static void an_error_that_is_not_of_the_bus_costs_the_list_and_is_said(void **st
     put(r, 1, 1);
     step(r, 1);
     assert_false(outbox_well(&r->outbox, text, sizeof text));
-    assert_string_equal(text, "frames did not go out: No space left on device");
+    assert_string_equal(
+        text, "frames did not go out: No space left on device (log:out/x.candump)");
     assert_int_equal(count_of(r, "lists_dropped"), 1);
     r->bus.flush_result = 0;
     r->bus.send_result = -EOPNOTSUPP;
@@ -660,8 +667,9 @@ static void an_error_that_is_not_of_the_bus_costs_the_list_and_is_said(void **st
     put_status(r, 1); /* which goes */
     step(r, 1);
     assert_false(outbox_well(&r->outbox, text, sizeof text));
-    assert_string_equal(text, "lists did not go out: the interface takes no CAN FD "
-                              "frames, which can.fd asks for: 2 dropped");
+    assert_string_equal(text,
+                        "lists did not go out: the interface takes no CAN FD frames, "
+                        "which can.fd asks for: 2 dropped (log:out/x.candump)");
     put(r, 3, 1);
     step(r, 6000);
     assert_true(outbox_well(&r->outbox, text, sizeof text));
