@@ -2,6 +2,7 @@
  * keys belong to which kind of object. */
 #include <errno.h>
 #include <float.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -28,6 +29,14 @@ static int check_rules(const struct rule *rules, size_t n, const char *prefix,
     return 0;
 }
 
+/* How near a wall may be drawn without getting behind the array. */
+static double nearer_m(const struct scene *s)
+{
+    if (s->survey.wall)
+        return fabs(s->survey.wall->distance_m);
+    return s->survey.n_walls ? fabs(s->survey.walls[0].distance_m) : 10;
+}
+
 static int check_world(const struct scene *s, const char *path, struct error *why)
 {
     const struct rule rules[] = {
@@ -46,7 +55,7 @@ static int check_world(const struct scene *s, const char *path, struct error *wh
         {"errors.gain_db", s->errors->gain_db, 0, 20},
         {"errors.element_m", s->errors->element_m, 0, 0.1},
         {"errors.stage_m", s->errors->stage_m, 0, 0.1},
-        {"drawn.wall_m", s->drawn ? s->drawn->wall_m : 0, 0, 10},
+        {"drawn.wall_m", s->drawn ? s->drawn->wall_m : 0, 0, nearer_m(s)},
         {"drawn.wall_deg", s->drawn ? s->drawn->wall_deg : 0, 0, 45},
         {"noise.snr_db", s->noise->snr_db ? *s->noise->snr_db : 0, -100, 200},
         {"noise.at_m", s->noise->at_m ? *s->noise->at_m : 1, 0.1, 100},

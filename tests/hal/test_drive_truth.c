@@ -341,6 +341,7 @@ static void wrong_drives_are_named_with_line_and_key(void **state)
                 "{t_s: 2, position_m: [3, 0, 1]}]\n"),
          "objects[0].drawn.speed_m_s: ",
          "at 0.5 m/s the path ends after 7.0 s, and the drive after 5"},
+        {BASE "drawn: {wall_m: 2.5}\n", "drawn.wall_m: ", "2.5 is outside 0..2"},
         {BASE "drift: {rate_c_min: 1}\n", "drift.rate_c_min: ", "only a drive has this"},
         {BASE "drive: {period_s: 5, rock: {frequency_hz: 11}}\n",
          "drive.rock.frequency_hz: ", "11 is outside 0..10"},
