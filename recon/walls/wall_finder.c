@@ -45,11 +45,11 @@ int wall_finder_survey(struct wall_finder *f, const struct survey *survey,
     f->listener = NULL;
     survey_clear(&f->survey);
     f->survey = fresh;
-    f->survey_id = id;
     wall_map_survey(&f->map, &f->survey);
-    return f->cfg.map.from == WALL_FROM_ECHOES
-               ? wall_listener_create(&f->listener, &f->cfg.listener, &f->survey, why)
-               : 0;
+    if (f->cfg.map.from == WALL_FROM_ECHOES)
+        err = wall_listener_create(&f->listener, &f->cfg.listener, &f->survey, why);
+    f->survey_id = err ? 0 : id; /* the same one again fails again */
+    return err;
 }
 
 uint64_t wall_finder_survey_id(const struct wall_finder *f)

@@ -19,7 +19,8 @@ struct wall_finder;
 int wall_finder_create(struct wall_finder **out, const struct wall_finder_config *cfg);
 
 /* Copies it; the walls of another one are forgotten.  0, or a negative errno with an
- * error: also where walls are to be heard and this array cannot. */
+ * error: also where walls are to be heard and this array cannot; it has no survey
+ * then. */
 int wall_finder_survey(struct wall_finder *f, const struct survey *survey,
                        struct error *why);
 

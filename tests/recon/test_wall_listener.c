@@ -13,6 +13,7 @@
 
 #include "hal/room/stream.h"
 #include "msgs/convert.h"
+#include "recon/walls/wall_finder.h"
 #include "recon/walls/wall_listener.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
@@ -269,21 +270,54 @@ static void two_short_chirps_at_a_time_hear_the_wall_too(void **state)
 }
 
 /* The slot before still sounds then. */
+static void open_short_slots(struct hall *h)
+{
+    struct error why = {""};
+    open_hall(h, BUMPER "gate_m: [0.5, 3]\nwall: {normal: [0, 0, 1], distance_m: 1.3}\n",
+              &config);
+    h->survey.chirp_alternates = true;
+    h->survey.together = 2;
+    h->survey.slot_samples = 900;
+    assert_int_equal(survey_check(&h->survey, &why), 0);
+}
+
 static void two_chirps_longer_than_their_slot_are_refused(void **state)
 {
     (void)state;
     struct hall h;
     struct wall_listener *listener = NULL;
     struct error why = {""};
-    open_hall(&h, BUMPER "gate_m: [0.5, 3]\nwall: {normal: [0, 0, 1], distance_m: 1.3}\n",
-              &config);
-    h.survey.chirp_alternates = true;
-    h.survey.together = 2;
-    h.survey.slot_samples = 900;
-    assert_int_equal(survey_check(&h.survey, &why), 0);
+    open_short_slots(&h);
     assert_int_equal(wall_listener_create(&listener, &config, &h.survey, &why), -EINVAL);
     assert_null(listener);
     assert_non_null(strstr(why.text, "use longer slots"));
+    close_hall(&h);
+}
+
+/* A survey comes every second: the second one must not pass for heard. */
+static void what_was_refused_is_refused_again(void **state)
+{
+    (void)state;
+    const struct wall_finder_config cfg = {
+        .map = {.from = WALL_FROM_ECHOES, .lost_s = 3.0}, .listener = config};
+    struct hall h;
+    struct wall_finder *finder;
+    int64_t stamp_ns;
+    open_short_slots(&h);
+    assert_int_equal(wall_finder_create(&finder, &cfg), 0);
+    for (int k = 0; k < 2; k++) {
+        struct error why = {""};
+        assert_int_equal(wall_finder_survey(finder, &h.survey, &why), -EINVAL);
+        assert_non_null(strstr(why.text, "use longer slots"));
+        assert_true(wall_finder_survey_id(finder) == 0);
+        assert_null(wall_finder_list(finder, 10 * SECOND, &stamp_ns));
+    }
+    h.survey.slot_samples = 4800;
+    struct error why = {""};
+    assert_int_equal(wall_finder_survey(finder, &h.survey, &why), 0);
+    assert_true(wall_finder_survey_id(finder) == survey_id(&h.survey));
+    assert_non_null(wall_finder_list(finder, 10 * SECOND, &stamp_ns));
+    wall_finder_destroy(finder);
     close_hall(&h);
 }
 
@@ -379,6 +413,7 @@ int main(void)
         cmocka_unit_test(two_speakers_at_a_time_hear_the_wall_as_one_does),
         cmocka_unit_test(two_short_chirps_at_a_time_hear_the_wall_too),
         cmocka_unit_test(two_chirps_longer_than_their_slot_are_refused),
+        cmocka_unit_test(what_was_refused_is_refused_again),
         cmocka_unit_test(a_look_without_ego_motion_is_blind),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
