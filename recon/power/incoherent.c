@@ -181,7 +181,7 @@ double incoherent_voxels(const struct geometry *g, const struct grid *image, boo
     return voxels;
 }
 
-int incoherent_slabs_create(struct incoherent *b)
+static int slabs_create(struct incoherent *b)
 {
     size_t largest = 0;
     int err = 0;
@@ -207,7 +207,7 @@ int incoherent_slabs_create(struct incoherent *b)
     return err;
 }
 
-void incoherent_slabs_destroy(struct incoherent *b)
+static void slabs_destroy(struct incoherent *b)
 {
     for (size_t i = 0; i < b->n_slabs; i++)
         resample_destroy(b->slabs[i].resample);
@@ -231,7 +231,7 @@ static size_t n_elements(const struct incoherent *b)
     return b->geometry.n_speakers + b->geometry.n_microphones;
 }
 
-int incoherent_any_create(struct incoherent *b)
+static int any_create(struct incoherent *b)
 {
     struct sweep *sweeps = calloc(pool_threads(b->pool), sizeof *sweeps);
     b->sweeps = sweeps;
@@ -241,7 +241,7 @@ int incoherent_any_create(struct incoherent *b)
     return sweeps ? 0 : -ENOMEM;
 }
 
-void incoherent_any_destroy(struct incoherent *b)
+static void any_destroy(struct incoherent *b)
 {
     struct sweep *sweeps = b->sweeps;
     for (size_t t = 0; sweeps && t < pool_threads(b->pool); t++)
@@ -320,10 +320,13 @@ static void image_block(void *ctx, size_t item, size_t thread)
         b->image[first + v] = s->sum[v];
 }
 
-void incoherent_any(struct incoherent *b)
+static void any_image(struct incoherent *b)
 {
     pool_run(b->pool, (grid_size(&b->slab->grid) + BLOCK - 1) / BLOCK, image_block, b);
 }
+
+/* -- create -----------------------------------------------------------------------------
+ */
 
 #define FINE       INCOHERENT_FINE
 #define FADE       16 /* samples over which the ends of a trace fade */
@@ -340,9 +343,6 @@ static size_t n_traces(const struct incoherent *b)
     return incoherent_pairs(b) * b->geometry.n_positions;
 }
 
-/* -- create -----------------------------------------------------------------------------
- */
-
 static void incoherent_destroy(void *state)
 {
     struct incoherent *b = state;
@@ -351,8 +351,8 @@ static void incoherent_destroy(void *state)
     if (b->scan)
         incoherent_scan_destroy(b);
     else
-        incoherent_any_destroy(b);
-    incoherent_slabs_destroy(b);
+        any_destroy(b);
+    slabs_destroy(b);
     for (size_t t = 0; b->scratch && t < pool_threads(b->pool); t++)
         free(b->scratch[t]);
     free(b->scratch);
@@ -438,7 +438,7 @@ static int allocate(struct incoherent *b)
     b->fold = malloc(b->n_cells * sizeof *b->fold);
     if (!b->fold)
         return -ENOMEM;
-    return b->scan ? incoherent_scan_create(b) : incoherent_any_create(b);
+    return b->scan ? incoherent_scan_create(b) : any_create(b);
 }
 
 static int incoherent_create(void **state, const struct imager_config *cfg,
@@ -459,7 +459,7 @@ static int incoherent_create(void **state, const struct imager_config *cfg,
         err = plan_filter(b, SIGMA_M * samples_per_m);
     }
     if (!err)
-        err = incoherent_slabs_create(b);
+        err = slabs_create(b);
     if (!err) {
         b->scan = true;
         for (size_t i = 0; i < b->n_slabs; i++)
@@ -584,7 +584,7 @@ static void image_slab(struct incoherent *b, const struct incoherent_slab *slab,
     if (b->scan)
         incoherent_scan(b);
     else
-        incoherent_any(b);
+        any_image(b);
     if (slab->resample)
         resample_volume(slab->resample, b->coarse, intensity);
 }

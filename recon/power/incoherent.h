@@ -76,18 +76,11 @@ static inline double incoherent_rate_hz(const struct incoherent *b)
  * *scan: by the fast way of an array on a stage. */
 double incoherent_voxels(const struct geometry *g, const struct grid *image, bool *scan);
 
-/* Cuts the image into slabs.  0, -ENOMEM. */
-int incoherent_slabs_create(struct incoherent *b);
-void incoherent_slabs_destroy(struct incoherent *b);
-
-/* The way through all voxels of a slab, for any geometry and for a scan.  create: 0 or
- * -ENOMEM. */
-int incoherent_any_create(struct incoherent *b);
-void incoherent_any(struct incoherent *b);
-void incoherent_any_destroy(struct incoherent *b);
-
-/* Does the geometry fit the slab?  Sets its stride. */
+/* The way through all voxels of a slab for a scan (recon/power/incoherent_scan.c).  Does
+ * the geometry fit the slab?  Sets its stride. */
 bool incoherent_scan_fits(const struct incoherent *b, struct incoherent_slab *slab);
+
+/* 0, -ENOMEM; what there is then is still to be destroyed. */
 int incoherent_scan_create(struct incoherent *b);
 void incoherent_scan(struct incoherent *b);
 void incoherent_scan_destroy(struct incoherent *b);
