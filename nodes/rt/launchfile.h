@@ -92,8 +92,7 @@ struct launchfile {
         double every_s;      /* default 0.5: from estimate to estimate */
         double lost_s;       /* default 3: without being seen or given */
         unsigned n_corners;  /* of what the array sees directly; default 0 */
-        double free_view_m[WALLS_MAX_CORNERS]
-                          [2]; /* x, z in the array's horizontal plane */
+        double free_view_m[WALLS_MAX_CORNERS][2]; /* x, z in the array's plane */
     } wall;
     struct {
         char *folder; /* what the report node writes into; default "out" */

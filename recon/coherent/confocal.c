@@ -14,9 +14,8 @@
 #include "recon/imaging/resample.h"
 #include "recon/power/lightcone.h"
 
-#define TAPER 0.1 /* of the aperture, at each rim */
-#define FALLOFF                                                                          \
-    2.0 /* of a point's power after what recon/coherent/colocated makes up for */
+#define TAPER   0.1 /* of the aperture, at each rim */
+#define FALLOFF 2.0 /* of a point's power after what colocated.h makes up for */
 
 struct confocal {
     struct colocated *colocated;

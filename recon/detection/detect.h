@@ -44,11 +44,10 @@ struct detection {
     double position_m[3];    /* array frame, as imaged (virtual) */
     double covariance_m2[6]; /* xx xy xz yy yz zz; PEAK_UNKNOWN_M along what the image
                               * does not tell */
-    unsigned
-        at_border; /* PEAK_BORDER (recon/detection/peak.h): it may lie beyond, or go on */
-    double level_db;    /* above the noise floor */
-    double existence;   /* 0..1 */
-    double extent_m[3]; /* full size of what is above half amplitude; 0: a point */
+    unsigned at_border;      /* PEAK_BORDER (peak.h): it may lie beyond, or go on */
+    double level_db;         /* above the noise floor */
+    double existence;        /* 0..1 */
+    double extent_m[3];      /* full size of what is above half amplitude; 0: a point */
     struct shape_guess shape;
     enum multipath multipath;
     size_t of[2]; /* then: the objects that make it, among those that were found with it;

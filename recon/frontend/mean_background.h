@@ -1,4 +1,4 @@
-/* recon/frontend/mean_background.h -- backgrounds of an static array: the mean of what
+/* recon/frontend/mean_background.h -- backgrounds of a static array: the mean of what
  * was recorded without the hidden objects, or the running mean of all that is heard. */
 #ifndef ANLOS_RECON_FRONTEND_MEAN_BACKGROUND_H
 #define ANLOS_RECON_FRONTEND_MEAN_BACKGROUND_H

@@ -42,8 +42,8 @@ struct self_test_levels { /* NaN: not known */
 
 struct self_test;
 
-/* The survey outlives it.  0, -EINVAL (pings are too short to tell, or a gate or a
- * reach that is none), -ENOMEM. */
+/* The survey outlives it.  0, -EINVAL (pings are too short to tell, or a gate or
+ * a range that is none), -ENOMEM. */
 int self_test_create(struct self_test **out, const struct range_config *cfg,
                      const struct survey *s, struct error *why);
 

@@ -1,4 +1,4 @@
-/* recon/static_array/frames_state.h -- inside recon/frames. */
+/* recon/static_array/frames_state.h -- inside recon/static_array/frames. */
 #ifndef ANLOS_RECON_STATIC_ARRAY_FRAMES_STATE_H
 #define ANLOS_RECON_STATIC_ARRAY_FRAMES_STATE_H
 

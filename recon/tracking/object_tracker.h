@@ -32,11 +32,10 @@ struct object_tracker_config {
     struct detector_config detector;
     enum object_tracker_mode mode;
     struct track_config track;
-    double clutter; /* false detections that are expected in an image, > 0 */
-    double look_s;  /* recon/tracking/timing.h */
-    double walls_s; /* walls that were heard longer ago are not known any more */
-    double
-        sidelobe_db; /* the array's, below what makes them (recon/tracking/sidelobes.h) */
+    double clutter;     /* false detections that are expected in an image, > 0 */
+    double look_s;      /* recon/tracking/timing.h */
+    double walls_s;     /* walls that were heard longer ago are not known any more */
+    double sidelobe_db; /* the array's, below what makes them (sidelobes.h) */
 };
 
 struct object_tracker;

@@ -126,10 +126,9 @@ enum track_motion { TRACK_MOTION_UNKNOWN, TRACK_STANDING, TRACK_MOVING };
 struct track_report {
     unsigned id;
     enum track_state state;
-    double position_m[3],
-        covariance_m2[6]; /* of its middle (recon/tracking/track_outline.h) */
-    double heard_m[3];    /* the middle of what is heard of it */
-    bool placed;          /* else all of these are where it is imaged, or would be */
+    double position_m[3], covariance_m2[6]; /* of its middle (track_outline.h) */
+    double heard_m[3];                      /* the middle of what is heard of it */
+    bool placed; /* else all of these are where it is imaged, or would be */
     struct track_mirror mirror;                /* that they hold for */
     double velocity_m_s[2], velocity_m2_s2[3]; /* over ground; covariance xx xy yy */
     double extent_m[3];

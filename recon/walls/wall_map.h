@@ -27,7 +27,7 @@ struct wall_map {
     enum wall_from from;
     struct wall_track_config cfg;
     double vertical_rad;     /* how upright given walls are, one sigma */
-    struct walls configured; /* of the survey, with what is in free view */
+    struct walls configured; /* of the survey */
     const struct survey *survey;
     struct wall_tracks tracks;
     struct ego_path path;
