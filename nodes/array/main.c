@@ -69,14 +69,14 @@ static void breathe(struct run *r, const Anlos__Ambient *said)
     r->survey_due_ns = 0;
 }
 
-static size_t list_covered(const struct self_test *h, size_t n,
-                           bool (*is_covered)(const struct self_test *h, size_t i),
+static size_t list_covered(const struct self_test *t, size_t n,
+                           bool (*is_covered)(const struct self_test *t, size_t i),
                            uint32_t out[MAX_COVERED])
 {
     size_t n_covered = 0;
 
     for (size_t i = 0; i < n && n_covered < MAX_COVERED; i++)
-        if (is_covered(h, i))
+        if (is_covered(t, i))
             out[n_covered++] = (uint32_t)i + 1;
     return n_covered;
 }

@@ -48,17 +48,17 @@ int self_test_create(struct self_test **out, const struct range_config *cfg,
                      const struct survey *s, struct error *why);
 
 /* See range_monitor_walls. */
-void self_test_walls(struct self_test *h, const struct walls *walls);
+void self_test_walls(struct self_test *t, const struct walls *walls);
 
 /* Of all pings up to this one.  note: gets what was not said before, or stays as it is. A
  * microphone whose samples are no numbers, or a ping of another shape, is not judged.
  * Costs the compression of two pings, and of noise the passes of dsp/noise_floor.h. */
-void self_test_ping(struct self_test *h, const struct ping *ping,
+void self_test_ping(struct self_test *t, const struct ping *ping,
                     struct self_test_faults *out, char *note, size_t note_size);
 
-void self_test_levels(const struct self_test *h, struct self_test_levels *out);
-bool self_test_covers_microphone(const struct self_test *h, size_t microphone);
-bool self_test_covers_speaker(const struct self_test *h, size_t speaker);
-void self_test_destroy(struct self_test *h);
+void self_test_levels(const struct self_test *t, struct self_test_levels *out);
+bool self_test_covers_microphone(const struct self_test *t, size_t microphone);
+bool self_test_covers_speaker(const struct self_test *t, size_t speaker);
+void self_test_destroy(struct self_test *t);
 
 #endif

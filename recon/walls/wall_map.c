@@ -97,26 +97,26 @@ static void put(struct wall_map *k, const struct wall_gate *w, int64_t at_ns)
     wall_tracks_put(&k->tracks, w->id, &one.list[0].plane);
 }
 
-int wall_map_given(struct wall_map *k, const struct walls *told, int64_t stamp_ns,
+int wall_map_given(struct wall_map *k, const struct walls *given, int64_t stamp_ns,
                    struct error *why)
 {
     uint32_t ids[WALLS_MAX];
-    int err = walls_check(told, why);
+    int err = walls_check(given, why);
 
     if (err)
         return err;
-    struct walls given = *told;
-    walls_normalise(&given);
-    walls_to_array(&given, k->survey);
+    struct walls w = *given;
+    walls_normalise(&w);
+    walls_to_array(&w, k->survey);
     wall_map_advance(k, stamp_ns);
-    for (size_t i = 0; i < given.n; i++) {
-        double unseen_s = fmin(fmax(given.unseen_s[i], 0.0), k->cfg.lost_s);
-        ids[i] = given.list[i].id;
+    for (size_t i = 0; i < w.n; i++) {
+        double unseen_s = fmin(fmax(w.unseen_s[i], 0.0), k->cfg.lost_s);
+        ids[i] = w.list[i].id;
         if (unseen_s > 0.0 && wall_tracks_find(&k->tracks, ids[i]))
             continue; /* said before, and carried along since */
-        put(k, &given.list[i], stamp_ns - (int64_t)(1e9 * unseen_s));
+        put(k, &w.list[i], stamp_ns - (int64_t)(1e9 * unseen_s));
     }
-    wall_tracks_keep(&k->tracks, ids, given.n);
+    wall_tracks_keep(&k->tracks, ids, w.n);
     return 0;
 }
 
