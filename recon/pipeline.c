@@ -268,11 +268,6 @@ const struct air *pipeline_air(const struct pipeline *p)
     return frontend_air(p->frontend);
 }
 
-const struct static_array *pipeline_array(const struct pipeline *p)
-{
-    return p->array;
-}
-
 const struct object_tracker *pipeline_tracker(const struct pipeline *p)
 {
     return p->tracker;

@@ -99,7 +99,6 @@ const struct walls *pipeline_known_walls(const struct pipeline *p, int64_t *stam
 const struct air *pipeline_air(const struct pipeline *p);
 
 /* What does the work, for what each says of itself; NULL: there is none of this kind. */
-const struct static_array *pipeline_array(const struct pipeline *p);
 const struct object_tracker *pipeline_tracker(const struct pipeline *p);
 struct wall_finder *pipeline_finder(struct pipeline *p);
 void pipeline_destroy(struct pipeline *p);

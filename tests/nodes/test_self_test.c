@@ -331,17 +331,17 @@ static void a_covered_speaker_is_named_within_a_second(void **state)
 }
 
 /* It was taken for want of memory, or for nothing. */
-static void why_a_reach_is_none_is_said(void **state)
+static void why_a_range_is_none_is_said(void **state)
 {
     struct range_config none = fixed;
-    struct self_test *h = NULL;
+    struct self_test *t = NULL;
     struct error why = {""};
     struct rig r;
 
     start(&r, *state, "", "", all, 16);
     none.n_pings = 0;
-    assert_int_equal(self_test_create(&h, &none, array_survey(r.array), &why), -EINVAL);
-    assert_null(h);
+    assert_int_equal(self_test_create(&t, &none, array_survey(r.array), &why), -EINVAL);
+    assert_null(t);
     assert_non_null(strstr(why.text, "images of 0 pings"));
     stop(&r);
 }
@@ -362,7 +362,7 @@ int main(void)
         TEST(a_range_that_ends_before_the_gate_begins_is_none),
         TEST(a_covered_microphone_is_named_within_a_second),
         TEST(a_covered_speaker_is_named_within_a_second),
-        TEST(why_a_reach_is_none_is_said),
+        TEST(why_a_range_is_none_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
