@@ -197,6 +197,9 @@ static void each_bag_has_its_own_truth(void **state)
     const json_t *both = json_object_get(all, "all");
     assert_near(figure(both, "drives"), 2.0, 0.0);
     assert_near(figure(both, "false_tracks"), 1.0, 0.0);
+    check_figures(json_object_get(all, "drive")); /* each under a name of its own */
+    assert_near(figure(json_object_get(all, "drive-2"), "false_tracks"), 1.0, 0.0);
+    assert_int_equal(access(scratch_path(f->scratch, "out/drive-2.csv"), R_OK), 0);
     json_decref(all);
     snprintf(bags, sizeof bags, "%s,%s,%s", f->path, f->path, f->path);
     command_run(&r, command_score, argv);

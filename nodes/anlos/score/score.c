@@ -35,7 +35,8 @@ static const char help[] =
     "  drives.csv           a line for each bag, as soon as it is done\n"
     "  drive.json           all figures of each\n"
     "  existence.svg, .png  how often what was stated so surely was true\n"
-    "  NAME.csv, .svg, .png     GOSPA and OSPA over time\n"
+    "  NAME.csv, .svg, .png     GOSPA and OSPA over time; NAME is the bag's, NAME-2 a\n"
+    "                           second one's of that name\n"
     "\n"
     "example\n"
     "  anlos score --bag out/drive.mcap --truth truth.csv\n"
@@ -92,16 +93,27 @@ static int next_truth(struct score *s, struct error *why)
     return truth_file_load(&s->truth, path, why);
 }
 
+/* A second bag of a name, from another folder, is NAME-2, and takes nothing away. */
+static void name_bag(const struct score *s, const char *bag, char *out, size_t size)
+{
+    char name[256];
+
+    drive_name(bag, name, sizeof name);
+    snprintf(out, size, "%s", name);
+    for (unsigned i = 2; json_object_get(s->json, out); i++)
+        snprintf(out, size, "%s-%u", name, i);
+}
+
 static int score_bag(struct score *s, const char *bag, struct error *why)
 {
     struct drive_outcome out;
     struct drive_tally one;
-    char name[256];
+    char name[272];
 
     drive_bag(bag, s->scene, s->truth, &out);
     int err = out.err ? error_say(why, out.err, "%s", out.why.text) : 0;
     if (out.result.n_lists && (!err || err == -EINTR)) {
-        drive_name(bag, name, sizeof name);
+        name_bag(s, bag, name, sizeof name);
         drive_tally_init(&one);
         drive_tally_add(&one, &out.result);
         drive_tally_add(&s->all, &out.result);
