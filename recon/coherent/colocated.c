@@ -13,7 +13,6 @@
 #define SAME_M      1e-3 /* half-offsets that differ less are the same */
 #define UNEVEN      0.02 /* pitches may differ by this part of their mean */
 #define MIN_SAMPLES 16
-#define MARGIN_TAPS 16.0 /* pulse widths before the nearest voxel */
 
 #define NOT_OURS UINT32_MAX
 
@@ -104,15 +103,15 @@ static int plan_cells(struct colocated *c, const struct midpoints *m,
 /* -- create -----------------------------------------------------------------------------
  */
 
-/* Ranges from the mute, or a little before the nearest voxel, to the farthest. */
+/* Ranges of the image, its margins too, from the mute on. */
 static int plan_ranges(struct colocated *c, const struct imager_config *cfg,
                        const struct midpoints *m, struct trace_format *moved,
                        const char **why)
 {
     const struct trace_format *in = &cfg->format;
     double speed = cfg->geometry->sound_speed_m_s;
-    double margin_s = MARGIN_TAPS / (cfg->band_hz[1] - cfg->band_hz[0]), span_s[2];
-    int err = method_span(span_s, cfg, margin_s, m->half_offset_m[0], why);
+    double span_s[2];
+    int err = method_span(span_s, cfg, m->half_offset_m[0], why);
     if (err)
         return err;
     *moved = (struct trace_format){span_s[0], in->rate_hz, in->carrier_hz,

@@ -35,9 +35,8 @@ static double held_hz(const struct imager_config *cfg)
 static int colocated_format(struct trace_format *out, const struct imager_config *cfg,
                             const struct midpoints *m, const char **why)
 {
-    double band_hz = cfg->band_hz[1] - cfg->band_hz[0], span_s[2];
-    int err =
-        method_span(span_s, cfg, 16.0 / band_hz, m->half_offset_m[m->n_offsets - 1], why);
+    double span_s[2];
+    int err = method_span(span_s, cfg, m->half_offset_m[m->n_offsets - 1], why);
     if (err)
         return err;
     out->rate_hz = fmin(RATE_MARGIN * held_hz(cfg), cfg->format.rate_hz);

@@ -110,7 +110,9 @@ static void plan_depth(struct fk *m, const struct fk_config *cfg)
 {
     m->far_m = 0.5 * m->c *
                (m->centre_s + 0.5 * (double)cfg->trace.n_samples / cfg->trace.rate_hz);
-    double span = DEPTH_PADDING * fmax(extent(&m->grid, 2), m->far_m - m->depth_m);
+    double near_m = 0.5 * m->c * cfg->trace.t0_s, deep_m = extent(&m->grid, 2);
+    double span = DEPTH_PADDING * fmax(deep_m, m->far_m - m->depth_m);
+    span = fmax(span, deep_m + m->depth_m - near_m); /* nor what migrates above it */
     if (m->grid.n[2] == 1)
         m->grid.step_m[2] = lone_step(m->grid.step_m[2], span);
     double step = m->grid.step_m[2];

@@ -9,6 +9,10 @@
 #include "recon/imaging/method.h"
 #include "recon/imaging/trace_check.h"
 
+#define MARGIN                                                                           \
+    16.0 /* pulse widths (1 / bandwidth) of traces around those of an image              \
+          */
+
 static const struct imager_method *const methods[] = {
     &method_fast,  &method_backprojection, &method_confocal,  &method_lct,
     &method_paper, &method_incoherent,     &method_iterative, &method_sparse};
@@ -47,17 +51,19 @@ bool imager_isolates(const char *name)
     return m && m->isolates;
 }
 
-int method_span(double span_s[2], const struct imager_config *cfg, double before_s,
-                double half_offset_m, const char **why)
+int method_span(double span_s[2], const struct imager_config *cfg, double half_offset_m,
+                const char **why)
 {
     double delays_s[2], c = cfg->geometry->sound_speed_m_s;
     double end_s = cfg->format.t0_s + (double)cfg->format.n_samples / cfg->format.rate_hz;
+    double margin_s = MARGIN / (cfg->band_hz[1] - cfg->band_hz[0]);
     double apart_s = 2.0 * half_offset_m / c;
+    double heard_s = sqrt(fmax((end_s - apart_s) * (end_s + apart_s), 0.0));
 
     grid_delays(&cfg->grid, cfg->geometry, delays_s);
-    span_s[0] = fmax(2.0 * cfg->gate_m[0] / c, delays_s[0] - before_s);
-    span_s[1] = fmin(delays_s[1], sqrt(fmax((end_s - apart_s) * (end_s + apart_s), 0.0)));
-    if (span_s[1] >= span_s[0])
+    span_s[0] = fmax(2.0 * cfg->gate_m[0] / c, delays_s[0] - margin_s);
+    span_s[1] = fmin(delays_s[1] + margin_s, heard_s);
+    if (fmin(delays_s[1], heard_s) >= span_s[0])
         return 0;
     *why = "a gate that overlaps the volume";
     return -ENOTSUP;

@@ -20,11 +20,12 @@ struct imager_method {
     void (*destroy)(void *state);
 };
 
-/* Delays of co-located pairs (2 range / c) from before the nearest voxel of the image, or
- * from the mute, to the farthest that pairs with this half offset still heard when the
- * traces end.  0, -ENOTSUP: the gate holds none of the image. */
-int method_span(double span_s[2], const struct imager_config *cfg, double before_s,
-                double half_offset_m, const char **why);
+/* Delays of co-located pairs (2 range / c) from some pulse widths before the nearest
+ * voxel of the image to as many behind the farthest, for their echoes to be whole; but
+ * from the mute, and to the farthest that pairs with this half offset still heard when
+ * the traces end.  0, -ENOTSUP: the gate holds none of the image. */
+int method_span(double span_s[2], const struct imager_config *cfg, double half_offset_m,
+                const char **why);
 
 /* Samples of such a span.  A thin image, or one that the gate only touches, gets as many
  * as the filters take. */

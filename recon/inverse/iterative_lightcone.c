@@ -47,12 +47,12 @@ static void adjoint(void *ctx, const float *y, float *x)
     lightcone_adjoint(ctx, y, x);
 }
 
-/* Zero-offset times of the image, inside the gate. */
+/* Zero-offset times of the image, its margins too. */
 static int plan_times(struct trace_format *out, const struct imager_config *cfg,
                       const char **why)
 {
     double rate_hz = 2.0 * (cfg->band_hz[1] - cfg->band_hz[0]), span_s[2];
-    int err = method_span(span_s, cfg, 0.0, 0.0, why);
+    int err = method_span(span_s, cfg, 0.0, why);
     if (!err)
         *out = (struct trace_format){span_s[0], rate_hz, cfg->format.carrier_hz,
                                      method_samples(span_s, rate_hz, MIN_SAMPLES)};

@@ -97,6 +97,9 @@ void hard_limits(const char *method, struct hard_limits *out)
         const char *method;
         struct hard_limits limits;
     } known[] = {
+        /* Half the shortest wave: of a lone pair all waves within the volume's cone are
+         * in phase deeper than its echo is, by r sin(a)^2 / 4. */
+        {"fast", {0.001, 0.0005, 0.001, 0.0086}},
         {"confocal",
          {0.08, 0.006, 0.030, 0.030}}, /* shows a point as seen, not focused */
         {"lct", {0.015, 0.003, 0.005, 0.005}},

@@ -548,6 +548,27 @@ static void a_trace_of_few_samples_is_migrated_or_refused(void **state)
     }
 }
 
+/* Its transform is short, but not so short that what the traces hold of nearer ranges
+ * comes round to it.  Sidelobes of a pulse as wide as c / 2B fall as 1 / x: 0.06 at 5 cm.
+ */
+static void what_lies_before_a_lone_voxel_does_not_wrap_into_it(void **state)
+{
+    (void)state;
+    struct site s;
+    double focus = 0.0;
+    site_default(&s);
+    rig_listen(&s.rig, 0.7, 1.35);
+    rig_look_at(&s.rig, 0.0, 0.0, 1.2, 1, 0.01);
+    for (int q = 0; q < 40; q++) {
+        const struct scatterer point = {{0.0, 0.0, q ? 1.16 - 0.01 * q : 1.2}, 1.0};
+        float *image = migrate(&s, &point, 1);
+        focus = q ? focus : sqrt(image[0]);
+        if (q)
+            assert_below(sqrt(image[0]), 0.1 * focus);
+        free(image);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -563,6 +584,7 @@ int main(void)
         cmocka_unit_test(the_number_of_threads_does_not_matter),
         cmocka_unit_test(the_sampling_of_the_traces_does_not_matter),
         cmocka_unit_test(silence_makes_no_image),
+        cmocka_unit_test(what_lies_before_a_lone_voxel_does_not_wrap_into_it),
         cmocka_unit_test(one_midpoint_and_one_voxel_are_enough),
         cmocka_unit_test(a_long_step_costs_no_more_than_a_short_one),
         cmocka_unit_test(values_that_make_no_sense_are_refused),

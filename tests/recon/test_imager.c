@@ -620,6 +620,52 @@ static void small_arrays_and_grids_still_image(void **state)
     }
 }
 
+/* What is asked for beside a voxel is not what it holds: points in the middle and at both
+ * far corners of a volume, and the dark before and behind the first of them, each imaged
+ * again by itself.  Amplitudes are off by what interpolation between ranges does, of a
+ * power most, and by the steepest waves of f-k migration: a volume takes in a wider cone
+ * of them than a voxel, whose cone ends at the outermost midpoints. */
+static void a_voxel_alone_is_what_it_is_in_a_volume(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *method;
+        double off; /* amplitude, of the brightest */
+    } ways[] = {{"fast", 0.1},
+                {"backprojection", 1e-4},
+                {"confocal", 0.02},
+                {"incoherent", 1e-4},
+                {"paper", 0.15}};
+    static const size_t at[5][3] = {
+        {10, 10, 12}, {0, 0, 0}, {20, 20, 24}, {10, 10, 0}, {10, 10, 24}};
+    struct rig r;
+    rig_pairs(&r);
+    const struct grid all = r.grid;
+    struct scatterer points[3];
+    for (int q = 0; q < 3; q++) {
+        points[q].gain = 1.0;
+        for (int a = 0; a < 3; a++)
+            points[q].at_m[a] = all.origin_m[a] + all.step_m[a] * (double)at[q][a];
+    }
+    for (size_t m = 0; m < sizeof ways / sizeof *ways; m++) {
+        struct peak_fit fit;
+        r.grid = all;
+        float *volume = rig_image(&r, ways[m].method, points, 3, 1);
+        double most = sqrt(rig_peak(&r, volume, &fit));
+        for (int q = 0; q < 5; q++) {
+            size_t v = (at[q][2] * all.n[1] + at[q][1]) * all.n[0] + at[q][0];
+            for (int a = 0; a < 3; a++) {
+                r.grid.n[a] = 1;
+                r.grid.origin_m[a] = all.origin_m[a] + all.step_m[a] * (double)at[q][a];
+            }
+            float *alone = rig_image(&r, ways[m].method, points, 3, 1);
+            assert_near(sqrt(alone[0]) / most, sqrt(volume[v]) / most, ways[m].off);
+            free(alone);
+        }
+        free(volume);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -643,6 +689,7 @@ int main(void)
         cmocka_unit_test(small_arrays_and_grids_still_image),
         cmocka_unit_test(a_gate_past_the_volume_is_refused_by_every_method_with_ranges),
         cmocka_unit_test(a_voxel_at_the_edge_of_the_gate_is_imaged_by_every_method),
+        cmocka_unit_test(a_voxel_alone_is_what_it_is_in_a_volume),
         cmocka_unit_test(a_speed_of_sound_that_makes_no_sense_is_refused),
         cmocka_unit_test(a_trace_format_that_makes_no_sense_is_refused),
         cmocka_unit_test(a_band_that_is_none_is_refused),
