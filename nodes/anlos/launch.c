@@ -159,6 +159,10 @@ int command_launch(int argc, char **argv)
     bool reported = false;
     int err = arguments_parse(&args, argc, argv, &why);
 
+    if (!err && args.version) {
+        printf("anlos %s\n", ANLOS_VERSION);
+        return usage_flush("launch");
+    }
     if (!err && args.help) {
         print_help();
         return usage_flush("launch");

@@ -48,7 +48,7 @@ static void print_help(FILE *to)
         "hidden and back, and from the echoes come an image and a list of objects.\n\n"
         "commands\n");
     for (size_t i = 0; i < N_COMMANDS; i++)
-        fprintf(to, "  %-11s %s\n", commands[i].name, commands[i].what);
+        fprintf(to, "  %-12s %s\n", commands[i].name, commands[i].what);
     fprintf(
         to,
         "\n`anlos COMMAND --help` explains a command, `anlos --version` says which this\n"

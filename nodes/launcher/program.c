@@ -9,7 +9,7 @@
 int program_folder(char *out, size_t size)
 {
     const char *given = getenv("ANLOS_BIN_DIR");
-    char path[4096];
+    char path[4096], node[4096 + 32];
 
     if (given)
         return snprintf(out, size, "%s", given) < (int)size ? 0 : -ENAMETOOLONG;
@@ -17,7 +17,11 @@ int program_folder(char *out, size_t size)
     if (n < 0)
         return -errno;
     path[n] = '\0';
-    return snprintf(out, size, "%s", dirname(path)) < (int)size ? 0 : -ENAMETOOLONG;
+    const char *folder = dirname(path), *nodes = ANLOS_NODES_FROM_BIN;
+    snprintf(node, sizeof node, "%s/anlos-array", folder);
+    if (!access(node, F_OK))
+        return snprintf(out, size, "%s", folder) < (int)size ? 0 : -ENAMETOOLONG;
+    return snprintf(out, size, "%s/%s", folder, nodes) < (int)size ? 0 : -ENAMETOOLONG;
 }
 
 int program_fill(struct program *p, const struct launcher_config *cfg, const char *node)

@@ -11,8 +11,8 @@ struct program {
     char *argv[PROGRAM_MAX_ARGS]; /* borrows from path and from the launcher's words */
 };
 
-/* The folder of this program, where the nodes' are too; $ANLOS_BIN_DIR wins.  0,
- * -ENAMETOOLONG, other negative errno. */
+/* Where the nodes' programs are: beside this one, as built, or else where an installation
+ * has them; $ANLOS_BIN_DIR wins.  0, -ENAMETOOLONG, other negative errno. */
 int program_folder(char *out, size_t size);
 
 /* That of the node: anlos-NAME in cfg->bin_dir.  It must stay where it is, and cfg what

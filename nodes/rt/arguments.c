@@ -42,6 +42,8 @@ static int parse_one(struct arguments *a, int argc, char **argv, int *i,
 
     if (!strcmp(arg, "--help") || !strcmp(arg, "-h"))
         a->help = true;
+    else if (!strcmp(arg, "--version"))
+        a->version = true;
     else if (!strcmp(arg, "--realtime"))
         a->realtime = true;
     else if (!strcmp(arg, "--no-supervision"))
@@ -86,7 +88,7 @@ int arguments_parse(struct arguments *out, int argc, char **argv, struct error *
         if (err)
             return err;
     }
-    if (!out->help && !out->launch)
+    if (!out->help && !out->version && !out->launch)
         return error_say(why, -EINVAL, "which launch file? see --help");
     if (out->out && !out->out[0])
         return error_say(why, -EINVAL, "--out: expected the name of a folder");
@@ -111,5 +113,6 @@ const char *arguments_help(void)
            "                     is with the node play in the launch file\n"
            "  --log-level LEVEL  debug, info (default), warning or error\n"
            "  --log-format FORM  of lines on stderr: text (default) or json\n"
+           "  --version          which version this is\n"
            "  --help             this text\n";
 }

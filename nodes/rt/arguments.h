@@ -17,14 +17,15 @@ struct arguments { /* borrow from argv */
     bool realtime;
     bool unsupervised; /* nodes that hang are left alone: for a debugger */
     bool replay;       /* it lives in a replay, though the launch file has no node play */
-    bool help;
+    bool help, version;
     enum log_level log_level;
     enum log_format log_format;
 };
 
 /* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --bag FILE --rate R
  * --host NAME --realtime --replay --no-supervision --log-level LEVEL --log-format FORM
- * --help`.  0, or -EINVAL: unknown option, missing or wrong value, no launch file. */
+ * --version --help`.  0, or -EINVAL: unknown option, missing or wrong value, no launch
+ * file. */
 int arguments_parse(struct arguments *out, int argc, char **argv, struct error *why);
 
 /* The options' help, for the end of a program's own. */

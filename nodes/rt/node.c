@@ -195,8 +195,11 @@ int node_create(struct node **out, const char *name, const char *what_it_does, i
     int log_err = n ? open_log(n, name, &args) : 0;
 
     *out = NULL;
-    if (!err && args.help) {
-        print_help(name, what_it_does);
+    if (!err && (args.help || args.version)) {
+        if (args.help)
+            print_help(name, what_it_does);
+        else
+            printf("anlos-%s %s\n", name, ANLOS_VERSION);
         node_free(n);
         return EXIT_WORKED;
     }

@@ -1,0 +1,36 @@
+# Bash completion of anlos.  What there is to choose from the programs say themselves in
+# --help, and topics in `anlos topic list`.
+
+_anlos() {
+    local word=$2 before=$3 help
+    local -a command=() choice=()
+
+    # The command and its verb, without options.
+    local i
+    for ((i = 1; i < COMP_CWORD && ${#command[@]} < 2; i++)); do
+        [[ ${COMP_WORDS[i]} == -* ]] || command+=("${COMP_WORDS[i]}")
+    done
+    help=$("$1" "${command[@]}" --help 2>/dev/null) ||
+        help=$("$1" "${command[@]::1}" --help 2>/dev/null) || return
+
+    if [[ $word == -* ]]; then
+        choice=($(grep -oE -- '^ +(-[a-z], )?--[a-z0-9-]+' <<<"$help" | grep -oE -- '--.*'))
+    elif [[ $before == --* ]] &&
+        grep -qE -- "^ +$before [A-Z]" <<<"$help"; then
+        case $before in
+        --log-level) choice=(debug info warning error) ;;
+        --log-format) choice=(text json) ;;
+        --rate) choice=(max) ;;
+        *) return ;; # a file, as the shell completes it
+        esac
+    elif [ ${#command[@]} -eq 2 ] && [[ "${command[*]}" =~ ^topic\ (echo|hz|bw|delay)$ ]]; then
+        choice=($("$1" topic list 2>/dev/null | awk 'NR > 1 { print $1 }'))
+    elif [ ${#command[@]} -lt 2 ] && grep -qE \
+        "^(usage:|      ) anlos ?${command[*]} ([a-z|]+|VERB|WHAT|COMMAND)\b" <<<"$help"; then
+        # Commands, or a command's verbs, stand in a list before the options.
+        choice=($(sed -nE '/^  -/q; s/^  ([a-z][a-z-]*)( [A-Z]+)?  +[^ ].*/\1/p' <<<"$help"))
+    fi
+    COMPREPLY=($(compgen -W "${choice[*]}" -- "$word"))
+}
+
+complete -o bashdefault -o default -F _anlos anlos

@@ -1,0 +1,127 @@
+#!/usr/bin/env bash
+# Debian packages of the build: installed, used, removed, purged in a root of their own.
+# usage: test_installed.sh BUILD_DIR
+set -euo pipefail
+# shellcheck source=tests/launch/check.sh
+. "$(dirname "$0")/check.sh"
+build=$(realpath "$1")
+system=$work/system
+
+for tool in cpack dpkg dpkg-shlibdeps help2man lintian man; do
+    if ! command -v $tool >/dev/null; then
+        echo "skipped: there is no $tool"
+        exit 77
+    fi
+done
+cpack --config "$build/CPackConfig.cmake" -B "$work" >"$work/cpack.log" 2>&1 ||
+    { cat "$work/cpack.log" && exit 1; }
+packages=("$work"/*.deb)
+
+in_system() {
+    dpkg --root="$system" --force-not-root --force-depends --force-script-chrootless \
+        --log=/dev/null "$@"
+}
+
+files_in_system() {
+    (cd "$system" && find . -path ./var/lib/dpkg -prune -o -print | sort)
+}
+
+mkdir -p "$system/var/lib/dpkg/info" "$system/var/lib/dpkg/updates" "$system/etc" \
+    "$system/var/lib/anlos"
+touch "$system/var/lib/dpkg/status"
+bare=$(files_in_system)
+run in_system -i "${packages[@]}"
+installed=$code
+said=$output
+bin=$system/usr/bin
+
+test_packages_install() {
+    output=$said code=$installed
+    expect_code 0
+    [ -d "$system/etc/anlos" ] || complain "there is no /etc/anlos"
+}
+
+test_lintian_finds_no_error() {
+    run lintian --allow-root --fail-on error "${packages[@]}"
+    expect_code 0
+}
+
+test_an_installed_system_images_the_scene_that_comes_with_it() {
+    run env -u ANLOS_BIN_DIR "$bin/anlos" launch \
+        "$system/usr/share/anlos/launch/one-pair.yaml" --run-dir "$work/run" --out "$work/out"
+    expect_code 0
+    [ -s "$work/out/detections.json" ] || complain "there is no list of objects"
+}
+
+test_what_only_the_launcher_starts_is_not_in_the_path() {
+    run ls "$bin"
+    [ "$output" = anlos ] || complain "more than anlos is in bin"
+}
+
+test_programs_tell_their_version() {
+    local program
+    for program in "$bin/anlos" "$system"/usr/libexec/anlos/*; do
+        run "$program" --version
+        expect_code 0
+        [[ $output =~ ^"${program##*/} "[0-9]+\.[0-9]+\.[0-9]+$ ]] ||
+            complain "${program##*/} does not tell its version"
+    done
+}
+
+test_no_program_names_the_folder_it_was_built_in() {
+    run grep -rlF -e "$root/" -e "$build/" "$system/usr"
+    [ -z "$output" ] || complain "the build's folder stands in it"
+}
+
+test_every_command_and_node_has_a_page() {
+    local name man=$system/usr/share/man
+    for name in $("$bin/anlos" --help | sed -n '/^commands$/,/^$/s/^  \([a-z-]*\) .*/\1/p'); do
+        run zgrep -F "anlos-$name" "$man/man1/anlos-$name.1.gz"
+        expect_code 0
+    done
+    [ -n "${name:-}" ] || complain "found no commands"
+    for name in "$system"/usr/libexec/anlos/*; do
+        [ -s "$man/man8/${name##*/}.8.gz" ] || complain "$name has no page"
+    done
+    run bash -c 'man --warnings -l "$@" 2>&1 >/dev/null' man "$man"/man?/*
+    [ -z "$output" ] || complain "the pages have faults"
+}
+
+completes() { # the words so far, the last of them unfinished
+    bash -c '. "$0" && COMP_WORDS=(anlos "$@") COMP_CWORD=$# &&
+        _anlos "$BIN" "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD - 1]}" &&
+        printf "%s " "${COMPREPLY[@]}"' \
+        "$system/usr/share/bash-completion/completions/anlos" "$@"
+}
+
+expect_completion() { # what is wanted, then the words
+    run env BIN="$bin/anlos" bash -c "$(declare -f completes); system=$system completes"' "$@"' \
+        completes "${@:2}"
+    [ "${output% }" = "$1" ] || complain "after '${*:2}': expected '$1'"
+}
+
+test_the_shell_completes_commands_verbs_options_and_topics() {
+    expect_completion "top topic" to
+    expect_completion "record recover" bag rec
+    expect_completion "list echo hz bw delay" topic ""
+    expect_completion "detections" topic echo detec
+    expect_completion "--record --realtime --replay" launch --re
+    expect_completion "warning" launch x.yaml --log-level w
+    expect_completion "sound-speed show" calibrate s
+    expect_completion "" launch --out ""
+    expect_completion "" nonsense ""
+}
+
+# Tests run in the order of their names: this one is the last.
+test_when_they_are_purged_nothing_is_left() {
+    mkdir -p "$system/var/lib/private/anlos/demo"
+    run in_system -r anlos anlos-doc
+    expect_code 0
+    run in_system -P anlos anlos-doc
+    expect_code 0
+    rm -rf "$system/var/lib/private"
+    output=$(diff <(printf '%s\n' "$bare" | grep -v ./var/lib/anlos) <(files_in_system)) ||
+        complain "something is left"
+}
+
+run_tests
