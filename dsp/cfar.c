@@ -8,6 +8,7 @@
 
 #include "dsp/rank.h"
 #include "dsp/special.h"
+#include "dsp/vector.h"
 
 /* How bright noise gets, as powers x over their level.
  * The body is a gamma distribution of some shape.  Clutter has a tail that no such shape
@@ -24,6 +25,8 @@
 #define MOST_FACTOR       1e9
 #define MOST_POWER        1e4
 #define LEAST_TAIL        1e-300
+#define NARROWED          40 /* steps at most, for a root known to... */
+#define NARROW            1e-12
 #define TAIL              64   /* powers to fit it to... */
 #define TAIL_PART         0.05 /* ...and not more than this part of all */
 #define CHANCE            4.0  /* standard deviations of a count */
@@ -34,16 +37,43 @@ struct cfar_noise_curve {
     double log_tail[CFAR_NOISE_POINTS];
 };
 
+/* Brings two logarithms between which a function falls past `value` nearer to each other,
+ * by a chord through its logarithm, the end that stays counting half each time (the
+ * Illinois way).  As far as it gets: for functions with a step, not far. */
+static void narrow(double (*falling)(const void *state, double x), const void *state,
+                   double value, double at[2])
+{
+    double f[2] = {log(fmax(falling(state, exp(at[0])), LEAST_TAIL) / value),
+                   log(fmax(falling(state, exp(at[1])), LEAST_TAIL) / value)};
+
+    if (!(f[0] > 0.0 && f[1] < 0.0))
+        return;
+    for (int i = 0, last = -1; i < NARROWED && at[1] - at[0] > NARROW; i++) {
+        double to = at[0] + (at[1] - at[0]) * f[0] / (f[0] - f[1]);
+        double margin = 0.25 * NARROW;
+        to = fmin(fmax(to, at[0] + margin), at[1] - margin);
+        double found = falling(state, exp(to));
+        int side = found > value ? 0 : 1;
+        at[side] = to;
+        f[side] = log(fmax(found, LEAST_TAIL) / value);
+        f[1 - side] *= side == last ? 0.5 : 1.0;
+        last = side;
+    }
+}
+
 /* Where a function of positive numbers that falls is `value`: halving always converges,
- * whatever the shape. */
+ * whatever the shape.  What a chord has found spares most of its steps. */
 static double invert(double (*falling)(const void *state, double x), const void *state,
                      double value, double most)
 {
-    double low = log(LEAST), high = log(most);
+    double low = log(LEAST), high = log(most), known[2] = {low, high};
 
+    narrow(falling, state, value, known);
     for (int i = 0; i < 48; i++) {
         double middle = 0.5 * (low + high);
-        if (falling(state, exp(middle)) > value)
+        bool above = middle <= known[0] ||
+                     (middle < known[1] && falling(state, exp(middle)) > value);
+        if (above)
             low = middle;
         else
             high = middle;
@@ -180,14 +210,14 @@ static double deficit(const void *state, double shape)
 }
 
 /* The shape, 0.2 to 64, from powers over their levels x[n] > 0: by the mean of their
- * logarithms, which a few objects do not change. */
-static double cfar_noise_shape(const float *x, size_t n)
+ * logarithms log_x[n], which a few objects do not change. */
+static double cfar_noise_shape(const float *x, const double *log_x, size_t n)
 {
     double sum = 0.0, logs = 0.0;
 
     for (size_t i = 0; i < n; i++) {
         sum += (double)x[i];
-        logs += log((double)x[i]);
+        logs += log_x[i];
     }
     double shape =
         invert(deficit, NULL, log(sum / (double)n) - logs / (double)n, MAX_SHAPE);
@@ -201,54 +231,70 @@ static int falling(const void *a, const void *b)
     return (x < y) - (x > y);
 }
 
-/* x falls. */
 static bool is_heavy(const float *x, size_t n, const double promised[2])
 {
     static const double rates[2] = {1e-2, 1e-3};
+    size_t above[2] = {0, 0};
     bool heavy = false;
 
+    for (size_t i = 0; i < n; i++)
+        for (int r = 0; r < 2; r++)
+            above[r] += (double)x[i] > promised[r];
     for (int r = 0; r < 2; r++) {
         double expected = rates[r] * (double)n;
-        size_t above = 0;
-        while (above < n && (double)x[above] > promised[r])
-            above++;
-        heavy = heavy || fabs((double)above - expected) > CHANCE * sqrt(expected) + 2.0;
+        heavy = heavy ||
+                fabs((double)above[r] - expected) > CHANCE * sqrt(expected) + 2.0;
     }
     return heavy;
 }
 
+/* The `most` highest of x[n] > 0, n > most, the highest first.  Few are wanted of many:
+ * only these are sorted. */
+static void take_highest(const float *x, size_t n, float *out, size_t most)
+{
+    float least = rank_smallest(x, n, n - most + 1);
+    size_t above = 0;
+
+    for (size_t i = 0; i < n; i++)
+        if (x[i] > least)
+            out[above++] = x[i];
+    qsort(out, above, sizeof *out, falling);
+    while (above < most) /* those that are alike */
+        out[above++] = least;
+}
+
 /* Is the tail of x[n] another than the factors at 1e-2 and 1e-3 promise?  Then it is
- * fitted.  Sorts x, the highest first.  Too few of them: it is not. */
-static void cfar_noise_fit_tail(struct cfar_noise *out, float *x, size_t n,
-                                const double promised[2])
+ * fitted to top[], the highest of them.  Too few of them: it is not. */
+static void cfar_noise_fit_tail(struct cfar_noise *out, const float *x, size_t n,
+                                const double promised[2], float top[TAIL + 1])
 {
     double mean = 0.0, weighted = 0.0;
 
     out->heavy = false;
-    if ((double)n * TAIL_PART < TAIL)
+    if ((double)n * TAIL_PART < TAIL || !is_heavy(x, n, promised))
         return;
-    qsort(x, n, sizeof *x, falling);
-    if (!is_heavy(x, n, promised) || !(x[0] > x[TAIL]))
+    take_highest(x, n, top, TAIL + 1);
+    if (!(top[0] > top[TAIL]))
         return;
     for (size_t i = 0; i < TAIL; i++) {
-        double over = (double)x[i] - (double)x[TAIL];
+        double over = (double)top[i] - (double)top[TAIL];
         mean += over / TAIL;
         weighted += over / TAIL * (double)i / (TAIL - 1);
     }
     double spread = fmax(mean - 2.0 * weighted, 1e-6 * mean); /* 0: all alike */
     out->heavy = true;
     out->part = (double)TAIL / (double)n;
-    out->from = (double)x[TAIL];
+    out->from = (double)top[TAIL];
     out->index = 2.0 - mean / spread;
     out->scale = 2.0 * mean * weighted / spread;
 }
 
-/* The factor at a rate of a tail that was fitted to x[n], sorted. */
+/* The factor at a rate of a tail that was fitted to x[n]. */
 static double cfar_noise_tail_factor(const struct cfar_noise *noise, const float *x,
                                      size_t n, double rate)
 {
     if (rate >= noise->part)
-        return (double)x[(size_t)(rate * (double)n)];
+        return (double)rank_smallest(x, n, n - (size_t)(rate * (double)n));
     double over = log(noise->part / rate);
     double far = fabs(noise->index) < 1e-6 ? over
                                            : expm1(noise->index * over) / noise->index;
@@ -271,11 +317,15 @@ struct cfar {
     double over_level;             /* the noise's mean */
     double tail_factor;            /* of a heavy tail... */
     double no_noise;               /* ...and what is brighter was no noise */
-    size_t most;                   /* training cells */
+    size_t most, likely;           /* training cells; of the one looked at last */
     double *factor;                /* [most + 1]; NAN: not known yet */
+    double promised[2], rare;      /* factors at 1e-2, 1e-3, RARE; of the shape */
     float *sample;                 /* [most] */
-    float *ratio;  /* [MEMORY] newest powers over their levels, of noise mostly */
-    float *sorted; /* [MEMORY], scratch */
+    struct cfar_config thin;       /* of every pitch-th cell, which trains on these... */
+    size_t n_thin;
+    float *thin_image; /* [pitch of each axis][n_thin]: an image; 0: not imaged */
+    float *ratio;      /* [MEMORY] newest powers over their levels, of noise mostly */
+    double *log_ratio;
     size_t n_ratios, next_ratio, images;
 };
 
@@ -319,6 +369,20 @@ static void set_shape(struct cfar *c, double shape)
                                                 : 1.0;
     for (size_t n = 0; n <= c->most; n++)
         c->factor[n] = NAN;
+    c->promised[0] = c->promised[1] = c->rare = NAN;
+}
+
+/* The same of every pitch-th cell: their training cells lie side by side. */
+static struct cfar_config thinned(const struct cfar_config *cfg)
+{
+    struct cfar_config thin = *cfg;
+
+    for (int a = 0; a < 3; a++) {
+        thin.n[a] = (cfg->n[a] + cfg->pitch[a] - 1) / cfg->pitch[a];
+        thin.guard[a] = cfg->guard[a] / cfg->pitch[a];
+        thin.pitch[a] = 1;
+    }
+    return thin;
 }
 
 int cfar_create(struct cfar **out, const struct cfar_config *cfg)
@@ -334,12 +398,15 @@ int cfar_create(struct cfar **out, const struct cfar_config *cfg)
     struct cfar *c = calloc(1, sizeof *c);
     if (!c)
         return -ENOMEM;
-    *c = (struct cfar){.cfg = *cfg, .most = most};
+    *c = (struct cfar){.cfg = *cfg, .most = most, .likely = most, .thin = thinned(cfg)};
+    c->n_thin = c->thin.n[0] * c->thin.n[1] * c->thin.n[2];
+    size_t n_images = cfg->pitch[0] * cfg->pitch[1] * cfg->pitch[2];
     c->factor = malloc((most + 1) * sizeof *c->factor);
     c->sample = malloc((most + 1) * sizeof *c->sample);
+    c->thin_image = calloc(n_images * c->n_thin, sizeof *c->thin_image);
     c->ratio = malloc(MEMORY * sizeof *c->ratio);
-    c->sorted = malloc(MEMORY * sizeof *c->sorted);
-    if (!c->factor || !c->sample || !c->ratio || !c->sorted) {
+    c->log_ratio = malloc(MEMORY * sizeof *c->log_ratio);
+    if (!c->factor || !c->sample || !c->thin_image || !c->ratio || !c->log_ratio) {
         cfar_destroy(c);
         return -ENOMEM;
     }
@@ -377,39 +444,119 @@ double cfar_factor(const struct cfar *c, size_t n)
                : fmax(c->factor[n], c->tail_factor);
 }
 
-/* The training cells of a cell into c->sample, but for those that nothing was imaged in;
- * returns how many. */
-static size_t train(struct cfar *c, const float *image, size_t cell)
+/* Of row[first], row[first + step]... row[last] to out what was imaged; returns how many.
+ */
+VECTOR_INLINE size_t take_run(float *out, const float *row, ptrdiff_t first,
+                              ptrdiff_t last, ptrdiff_t step)
 {
-    const struct cfar_config *g = &c->cfg;
-    const ptrdiff_t at[3] = {(ptrdiff_t)(cell % g->n[0]),
-                             (ptrdiff_t)(cell / g->n[0] % g->n[1]),
-                             (ptrdiff_t)(cell / (g->n[0] * g->n[1]))};
-    ptrdiff_t first[3], last[3], step[3], guard[3], stride[3] = {1, 1, 1};
-    size_t n = 0;
+    size_t n = 0, n_imaged = 0, kept = 0;
+
+    if (step == 1)
+        for (; first + (ptrdiff_t)n <= last; n++) {
+            out[n] = row[first + (ptrdiff_t)n];
+            n_imaged += out[n] > 0.0f;
+        }
+    else
+        for (; first + (ptrdiff_t)n * step <= last; n++) {
+            out[n] = row[first + (ptrdiff_t)n * step];
+            n_imaged += out[n] > 0.0f;
+        }
+    for (size_t i = 0; n_imaged < n && i < n; i++) {
+        out[kept] = out[i];
+        kept += out[i] > 0.0f;
+    }
+    return n_imaged;
+}
+
+struct window { /* of a cell: its training cells, guard and itself, in cells from it */
+    ptrdiff_t first[3], last[3], guard[3], stride[3];
+};
+
+VECTOR_INLINE struct window window_of(const struct cfar_config *g, const size_t at[3])
+{
+    struct window w = {.stride = {1, 1, 1}};
 
     for (int a = 0; a < 3; a++) {
-        ptrdiff_t far = (ptrdiff_t)(reach(g, a) * g->pitch[a]);
-        step[a] = (ptrdiff_t)g->pitch[a];
-        guard[a] = (ptrdiff_t)g->guard[a];
-        first[a] = -far;
-        last[a] = far;
-        while (at[a] + first[a] < 0)
-            first[a] += step[a];
-        while (at[a] + last[a] >= (ptrdiff_t)g->n[a])
-            last[a] -= step[a];
-        stride[a] = a ? stride[a - 1] * (ptrdiff_t)g->n[a - 1] : 1;
+        ptrdiff_t far = (ptrdiff_t)reach(g, a), step = (ptrdiff_t)g->pitch[a];
+        ptrdiff_t below = (ptrdiff_t)at[a] / step;
+        ptrdiff_t above = (ptrdiff_t)(g->n[a] - 1 - at[a]) / step;
+        w.first[a] = -step * (below < far ? below : far);
+        w.last[a] = step * (above < far ? above : far);
+        w.guard[a] = (ptrdiff_t)g->guard[a] / step * step;
+        w.stride[a] = a ? w.stride[a - 1] * (ptrdiff_t)g->n[a - 1] : 1;
     }
-    for (ptrdiff_t z = first[2]; z <= last[2]; z += step[2])
-        for (ptrdiff_t y = first[1]; y <= last[1]; y += step[1]) {
-            bool guarded = labs(y) <= guard[1] && labs(z) <= guard[2];
-            const float *row = image + ((ptrdiff_t)cell + z * stride[2] + y * stride[1]);
-            for (ptrdiff_t x = first[0]; x <= last[0]; x += step[0]) {
-                c->sample[n] = row[x];
-                n += row[x] > 0.0f && !(guarded && labs(x) <= guard[0]);
-            }
+    return w;
+}
+
+VECTOR_INLINE void place_of(const struct cfar_config *g, size_t cell, size_t at[3])
+{
+    at[0] = cell % g->n[0];
+    at[1] = cell / g->n[0] % g->n[1];
+    at[2] = cell / (g->n[0] * g->n[1]);
+}
+
+/* The training cells of a cell to sample, but for those that nothing was imaged in;
+ * returns how many. */
+VECTOR_CLONES
+static size_t train(const struct cfar_config *g, const float *image, size_t cell,
+                    float *sample)
+{
+    const ptrdiff_t *step = (const ptrdiff_t *)g->pitch;
+    size_t at[3], n = 0;
+
+    place_of(g, cell, at);
+    struct window w = window_of(g, at);
+    for (ptrdiff_t z = w.first[2]; z <= w.last[2]; z += step[2])
+        for (ptrdiff_t y = w.first[1]; y <= w.last[1]; y += step[1]) {
+            bool guarded = labs(y) <= w.guard[1] && labs(z) <= w.guard[2];
+            const float *row = image +
+                               ((ptrdiff_t)cell + z * w.stride[2] + y * w.stride[1]);
+            ptrdiff_t left = guarded ? -w.guard[0] - step[0] : w.last[0];
+            n += take_run(sample + n, row, w.first[0], left, step[0]);
+            if (guarded)
+                n += take_run(sample + n, row, w.guard[0] + step[0], w.last[0], step[0]);
         }
     return n;
+}
+
+struct count {
+    size_t imaged, up_to; /* of these, those up to a limit */
+};
+
+/* Of row[first..last]. */
+VECTOR_INLINE void count_run(struct count *c, const float *row, ptrdiff_t first,
+                             ptrdiff_t last, float limit)
+{
+    int32_t imaged = 0, over = 0;
+
+    for (ptrdiff_t x = first; x <= last; x++) {
+        imaged += row[x] > 0.0f;
+        over += row[x] > limit;
+    }
+    c->imaged += (size_t)imaged;
+    c->up_to += (size_t)(imaged - over);
+}
+
+/* The training cells of a cell of a thin image. */
+VECTOR_CLONES
+static struct count count_around(const struct cfar_config *g, const float *image,
+                                 const size_t at[3], float limit)
+{
+    struct window w = window_of(g, at);
+    struct count out = {0, 0};
+
+    for (ptrdiff_t z = w.first[2]; z <= w.last[2]; z++)
+        for (ptrdiff_t y = w.first[1]; y <= w.last[1]; y++) {
+            bool guarded = labs(y) <= w.guard[1] && labs(z) <= w.guard[2];
+            const float *row = image +
+                               ((ptrdiff_t)at[0] + ((ptrdiff_t)at[1] + y) * w.stride[1] +
+                                ((ptrdiff_t)at[2] + z) * w.stride[2]);
+            ptrdiff_t left = guarded ? -w.guard[0] - 1 : w.last[0];
+            count_run(&out, row, w.first[0], left, limit);
+            if (guarded)
+                count_run(&out, row, w.guard[0] + 1, w.last[0], limit);
+        }
+    return out;
 }
 
 static double level_of(struct cfar *c, size_t n)
@@ -426,7 +573,7 @@ static double level_of(struct cfar *c, size_t n)
 struct cfar_level cfar_at(struct cfar *c, const float *image, size_t cell)
 {
     struct cfar_level out = {0.0, INFINITY};
-    size_t n = train(c, image, cell);
+    size_t n = train(&c->cfg, image, cell, c->sample);
 
     if (n < CFAR_MIN_TRAINING)
         return out;
@@ -436,48 +583,126 @@ struct cfar_level cfar_at(struct cfar *c, const float *image, size_t cell)
     return out;
 }
 
+/* Every pitch-th cell of an image, from one of the first ones on. */
+static void thin_out(struct cfar *c, const float *image, const size_t from[3])
+{
+    const size_t *n = c->cfg.n, *pitch = c->cfg.pitch;
+    size_t part = from[0] + pitch[0] * (from[1] + pitch[1] * from[2]);
+    float *out = c->thin_image + part * c->n_thin;
+
+    for (size_t z = from[2], i = 0; z < n[2]; z += pitch[2], i++)
+        for (size_t y = from[1], j = 0; y < n[1]; y += pitch[1], j++) {
+            const float *row = image + (z * n[1] + y) * n[0];
+            float *to = out + (i * c->thin.n[1] + j) * c->thin.n[0];
+            for (size_t x = from[0]; x < n[0]; x += pitch[0])
+                *to++ = row[x];
+        }
+}
+
+void cfar_look(struct cfar *c, const float *image)
+{
+    const size_t *pitch = c->cfg.pitch;
+
+    for (size_t z = 0; z < pitch[2]; z++)
+        for (size_t y = 0; y < pitch[1]; y++)
+            for (size_t x = 0; x < pitch[0]; x++)
+                thin_out(c, image, (const size_t[]){x, y, z});
+}
+
+/* The highest level that a cell stands out of. */
+static float limit_of(double cell, double factor)
+{
+    float limit = (float)(cell / factor);
+
+    while ((double)limit * factor >= cell && limit > 0.0f)
+        limit = nextafterf(limit, 0.0f);
+    while ((double)nextafterf(limit, INFINITY) * factor < cell)
+        limit = nextafterf(limit, INFINITY);
+    return limit;
+}
+
+/* Without sorting: the k-th smallest is low enough when k of them are. */
+bool cfar_stands_out(struct cfar *c, const float *image, size_t cell)
+{
+    double value = (double)image[cell];
+    size_t at[3], part = 0;
+
+    if (c->cfg.kind != CFAR_ORDERED)
+        return value > cfar_at(c, image, cell).threshold;
+    place_of(&c->cfg, cell, at);
+    for (int a = 2; a >= 0; a--) {
+        part = part * c->cfg.pitch[a] + at[a] % c->cfg.pitch[a];
+        at[a] /= c->cfg.pitch[a];
+    }
+    const float *thin = c->thin_image + part * c->n_thin;
+    size_t n = c->likely;
+    struct count found =
+        count_around(&c->thin, thin, at, limit_of(value, cfar_factor(c, n)));
+    if (found.imaged < CFAR_MIN_TRAINING)
+        return false;
+    if (found.imaged != n) {
+        n = c->likely = found.imaged;
+        found = count_around(&c->thin, thin, at, limit_of(value, cfar_factor(c, n)));
+    }
+    return found.up_to >= rank_of(c, n);
+}
+
 /* What is far over all noise is not learnt from, as far as noise is known: after the
  * first image.  A limit at the threshold itself would cut off the tail that the threshold
  * is learnt from, image by image. */
-static void remember(struct cfar *c, const float *image, size_t cell)
+static void remember(struct cfar *c, size_t cell)
 {
-    size_t n = train(c, image, cell);
+    size_t n = train(&c->thin, c->thin_image, cell, c->sample);
     double level = n < CFAR_MIN_TRAINING ? 0.0 : level_of(c, n);
-    float ratio = level > 0.0 ? (float)((double)image[cell] / level) : 0.0f;
+    float ratio = level > 0.0 ? (float)((double)c->thin_image[cell] / level) : 0.0f;
 
     if (!(ratio > 0.0f && isfinite(ratio)) ||
         (c->images > 1 && (double)ratio > c->no_noise))
         return;
     c->ratio[c->next_ratio] = ratio;
+    c->log_ratio[c->next_ratio] = log((double)ratio);
     c->next_ratio = (c->next_ratio + 1) % MEMORY;
     c->n_ratios += c->n_ratios < MEMORY;
 }
 
+static void remember_image(struct cfar *c, const float *image)
+{
+    size_t n = c->n_thin, part = c->images++;
+
+    thin_out(c, image, (const size_t[]){0, 0, 0});
+    for (size_t cell = 0; cell < n; cell++)
+        if (part == 0 || cell % PARTS == part % PARTS)
+            remember(c, cell);
+}
+
+/* They change with the shape alone. */
+static void know_factors(struct cfar *c, double rare)
+{
+    if (!isnan(c->rare))
+        return;
+    c->promised[0] = factor_at_rate(c, c->most, 1e-2);
+    c->promised[1] = factor_at_rate(c, c->most, 1e-3);
+    c->rare = factor_at_rate(c, c->most, rare);
+}
+
 void cfar_learn(struct cfar *c, const float *image)
 {
-    const struct cfar_config *g = &c->cfg;
-    size_t number = 0, part = c->images++;
+    double rare = fmin(c->cfg.false_alarm_rate, RARE);
+    float top[TAIL + 1];
 
-    for (size_t z = 0; z < g->n[2]; z += g->pitch[2])
-        for (size_t y = 0; y < g->n[1]; y += g->pitch[1])
-            for (size_t x = 0; x < g->n[0]; x += g->pitch[0])
-                if (part == 0 || number++ % PARTS == part % PARTS)
-                    remember(c, image, (z * g->n[1] + y) * g->n[0] + x);
+    remember_image(c, image);
     if (c->n_ratios < CFAR_MIN_TRAINING)
         return;
-    double shape = cfar_noise_shape(c->ratio, c->n_ratios);
+    double shape = cfar_noise_shape(c->ratio, c->log_ratio, c->n_ratios);
     if (fabs(log(shape / c->noise.shape)) >= SHAPE_STEP)
         set_shape(c, shape);
-    const double promised[2] = {factor_at_rate(c, c->most, 1e-2),
-                                factor_at_rate(c, c->most, 1e-3)};
-    memcpy(c->sorted, c->ratio, c->n_ratios * sizeof *c->ratio);
-    cfar_noise_fit_tail(&c->noise, c->sorted, c->n_ratios, promised);
-    double rare = fmin(c->cfg.false_alarm_rate, RARE);
-    c->no_noise = factor_at_rate(c, c->most, rare);
+    know_factors(c, rare);
+    cfar_noise_fit_tail(&c->noise, c->ratio, c->n_ratios, c->promised, top);
+    c->no_noise = c->rare;
     if (c->noise.heavy) {
-        c->tail_factor = cfar_noise_tail_factor(&c->noise, c->sorted, c->n_ratios,
+        c->tail_factor = cfar_noise_tail_factor(&c->noise, c->ratio, c->n_ratios,
                                                 c->cfg.false_alarm_rate);
-        c->no_noise = cfar_noise_tail_factor(&c->noise, c->sorted, c->n_ratios, rare);
+        c->no_noise = cfar_noise_tail_factor(&c->noise, c->ratio, c->n_ratios, rare);
     }
     c->no_noise *= FAR_OVER;
 }
@@ -499,6 +724,7 @@ void cfar_destroy(struct cfar *c)
     free(c->factor);
     free(c->sample);
     free(c->ratio);
-    free(c->sorted);
+    free(c->thin_image);
+    free(c->log_ratio);
     free(c);
 }

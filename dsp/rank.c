@@ -45,6 +45,12 @@ static int32_t most_up_to(const bits *x, size_t n, int32_t limit)
     return most;
 }
 
+/* Where it lies when they are spread evenly; less than high. */
+static int32_t between(int32_t low, int32_t high, size_t k, size_t n)
+{
+    return low + (int32_t)((double)(high - low) * (double)(k - 1) / (double)n);
+}
+
 float rank_smallest(const float *x, size_t n, size_t k)
 {
     const bits *b = (const bits *)x;
@@ -52,15 +58,20 @@ float rank_smallest(const float *x, size_t n, size_t k)
     float out;
 
     find_range(b, n, &low, &high);
-    while (low < high) { /* what is sought is in low..high */
-        int32_t middle = low + (high - low) / 2;
+    size_t below = 0, up_to = n;             /* low; high */
+    for (int turn = 0; low < high; turn++) { /* what is sought is in low..high */
+        int32_t middle = turn % 2 ? low + (high - low) / 2
+                                  : between(low, high, k - below, up_to - below);
         size_t count = count_up_to(b, n, middle);
-        if (count == k)
+        if (count == k) {
             low = high = most_up_to(b, n, middle);
-        else if (count > k)
+        } else if (count > k) {
             high = middle;
-        else
+            up_to = count;
+        } else {
             low = middle + 1;
+            below = count;
+        }
     }
     memcpy(&out, &low, sizeof out);
     return out;

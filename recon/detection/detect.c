@@ -218,8 +218,12 @@ static void describe(const struct search *s, const struct region *r, double stro
 static bool stands_out(void *state, size_t voxel)
 {
     const struct search *s = state;
-    struct cfar_level level = cfar_at(s->cfg->cfar, s->volume, voxel);
 
+    if (!cfar_stands_out(s->cfg->cfar, s->volume, voxel))
+        return false;
+    if (!s->cfg->map)
+        return true;
+    struct cfar_level level = cfar_at(s->cfg->cfar, s->volume, voxel);
     return (double)s->volume[voxel] >
            level.threshold + MAP_FACTOR * residue(s, voxel, level.noise);
 }
@@ -255,6 +259,8 @@ int detect_objects(const struct detect_config *cfg, const struct grid *grid,
     s.floor = fmax(s.floor, 1e-9 * strongest);
     if (err)
         return err;
+    if (cfg->cfar)
+        cfar_look(cfg->cfar, intensity);
     struct regions found;
     err = regions_find(&found, grid, intensity, least(&s, strongest), cfg->cluster_m,
                        cfg->cfar ? stands_out : NULL, &s);

@@ -55,12 +55,23 @@ static void grow(struct search *s, struct region *r, uint32_t number)
     }
 }
 
+/* Of equal ones it is the first. */
+static bool yields(const struct search *s, size_t voxel, size_t other)
+{
+    return s->volume[other] > s->volume[voxel] ||
+           (s->volume[other] == s->volume[voxel] && other < voxel);
+}
+
+/* Most voxels are none by one of the next in their row. */
 static bool is_peak(const struct search *s, size_t voxel)
 {
-    size_t near[26], n = grid_neighbours(s->grid, voxel, near);
+    size_t near[26], n, x = voxel % s->grid->n[0];
+    if ((x && yields(s, voxel, voxel - 1)) ||
+        (x + 1 < s->grid->n[0] && yields(s, voxel, voxel + 1)))
+        return false;
+    n = grid_neighbours(s->grid, voxel, near);
     for (size_t q = 0; q < n; q++)
-        if (s->volume[near[q]] > s->volume[voxel] ||
-            (s->volume[near[q]] == s->volume[voxel] && near[q] < voxel))
+        if (yields(s, voxel, near[q]))
             return false;
     return true;
 }

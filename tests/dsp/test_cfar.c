@@ -333,6 +333,40 @@ static void a_level_of_zero_and_a_lonely_cell_detect_nothing_wrong(void **state)
     cfar_destroy(c);
 }
 
+/* Where the level changes, at the borders, beside what was not imaged, with a tail that
+ * was learnt: the quick way says what the threshold says, also where they nearly touch.
+ */
+static void a_cell_stands_out_where_it_is_over_its_threshold(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        struct cfar_config cfg = usual;
+        cfg.kind = k == 3 ? CFAR_AVERAGING : CFAR_ORDERED;
+        cfg.pitch[0] = k == 1 ? 3 : 1;
+        cfg.pitch[2] = k == 2 ? 2 : 1;
+        cfg.guard[0] = cfg.guard[2] = 4;
+        cfg.false_alarm_rate = 0.1;
+        struct cfar *c = create(&cfg);
+        float *image = noise((uint64_t)k, 1, hill);
+        size_t above = 0;
+        for (size_t i = 0; i < CELLS / 3; i++)
+            image[i] = 0.0f;
+        cfar_learn(c, image);
+        for (size_t i = CELLS / 3; i < CELLS; i += 211) {
+            double threshold = cfar_at(c, image, i).threshold;
+            if (i % 2 && isfinite(threshold))
+                image[i] = nextafterf((float)threshold, i % 4 == 1 ? INFINITY : 0.0f);
+            cfar_look(c, image);
+            bool stands_out = (double)image[i] > cfar_at(c, image, i).threshold;
+            assert_int_equal(cfar_stands_out(c, image, i), stands_out);
+            above += stands_out;
+        }
+        assert_in_range(above, CELLS / 211 / 10, CELLS / 211);
+        free(image);
+        cfar_destroy(c);
+    }
+}
+
 /* Two thirds of the cells are beyond the gate. */
 static void what_was_not_imaged_is_no_noise(void **state)
 {
@@ -423,6 +457,7 @@ int main(void)
         cmocka_unit_test(the_noise_is_its_mean),
         cmocka_unit_test(a_level_of_zero_and_a_lonely_cell_detect_nothing_wrong),
         cmocka_unit_test(what_was_not_imaged_is_no_noise),
+        cmocka_unit_test(a_cell_stands_out_where_it_is_over_its_threshold),
         cmocka_unit_test(factors_are_there_for_every_shape),
         cmocka_unit_test(wrong_configurations_are_refused),
     };
