@@ -23,6 +23,22 @@ struct pipeline {
     uint64_t wall_lists;
 };
 
+void pipeline_config_default(struct pipeline_config *cfg, bool is_static)
+{
+    *cfg =
+        (struct pipeline_config){.frontend = {.window = WINDOW_HANN,
+                                              .compression = COMPRESSION_MATCHED_FILTER,
+                                              .background = BACKGROUND_NONE,
+                                              .background_s = 10.0},
+                                 .is_static = is_static,
+                                 .array = {.threads = 1, .sum = FRAMES_POWER},
+                                 .scan = {.method = "fast", .threads = 1}};
+    cfg->array.window = cfg->scan.window = cfg->frontend.window;
+    cfg->array.compression = cfg->scan.compression = cfg->frontend.compression;
+    object_tracker_config_default(&cfg->tracker, is_static);
+    wall_finder_config_default(&cfg->walls);
+}
+
 int pipeline_create(struct pipeline **out, const struct pipeline_config *cfg)
 {
     struct pipeline *p = calloc(1, sizeof *p);

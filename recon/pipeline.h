@@ -43,6 +43,10 @@ struct pipeline_config { /* windows, compression and threads are the same for al
     void *ctx;
 };
 
+/* What holds where nothing is said: one thread, the method `fast` for a scan, powers of a
+ * static array's pings, no background, the survey's walls. */
+void pipeline_config_default(struct pipeline_config *cfg, bool is_static);
+
 struct pipeline_output { /* borrows from the pipeline until its next ping */
     const struct frontend_output *front; /* NULL: not of a ping */
     bool unfit;     /* its traces do not fit the survey, and were left out of a scan */

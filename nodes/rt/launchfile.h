@@ -154,9 +154,6 @@ int launchfile_parse(struct launchfile **out, const char *path, const void *data
                      size_t size, struct error *why);
 void launchfile_destroy(struct launchfile *l);
 
-/* What holds where nothing is said. */
-extern const struct launch_track launch_track_default;
-
 /* "2", "0.5", or "max": 0.  0, -EINVAL. */
 int launchfile_play_rate(const char *text, double *out);
 

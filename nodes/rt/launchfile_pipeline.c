@@ -6,8 +6,6 @@
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/processors.h"
 
-#define WALLS_S 3.0 /* as wall.lost_s of a launch file */
-
 static void track(struct object_tracker_config *out, const struct launch_track *t,
                   double walls_s)
 {
@@ -69,10 +67,8 @@ static void share(struct pipeline_config *out, size_t threads)
 
 void launchfile_pipeline(struct pipeline_config *out, const struct launchfile *l)
 {
-    *out = (struct pipeline_config){
-        .frontend = {.window = WINDOW_HANN, .compression = COMPRESSION_MATCHED_FILTER}};
-    track(&out->tracker, l ? &l->track : &launch_track_default,
-          l ? l->wall.lost_s : WALLS_S);
+    pipeline_config_default(out, l && l->scan.fixed);
+    out->scan.method = NULL;
     if (l) {
         out->frontend = (struct frontend_config){.window = l->dsp.window,
                                                  .compression = l->dsp.compression,
@@ -81,6 +77,7 @@ void launchfile_pipeline(struct pipeline_config *out, const struct launchfile *l
         imaging(out, l);
         out->finds_walls = launchfile_has_node(l, "wall");
         walls(&out->walls, l);
+        track(&out->tracker, &l->track, l->wall.lost_s);
     }
     share(out, l ? l->recon.threads : 0);
 }

@@ -9,7 +9,8 @@
 #include "hal/survey/place.h"
 #include "msgs/can/layout.h"
 #include "nodes/rt/uri.h"
-#include "recon/tracking/track_life.h"
+#include "recon/tracking/object_tracker.h"
+#include "recon/walls/wall_finder.h"
 
 /* -- scan -------------------------------------------------------------------------------
  */
@@ -198,21 +199,28 @@ int launchfile_copy_frames(struct launchfile *l, const struct launch_text *t,
 /* -- track ------------------------------------------------------------------------------
  */
 
-const struct launch_track launch_track_default = {.threshold_db = 12.0,
-                                                  .min_existence = 0.5,
-                                                  .cfar = CFAR_OFF,
-                                                  .false_alarm_rate = 1e-4,
-                                                  .mode = OBJECT_TRACKER_AUTO,
-                                                  .confirm_hits = 3,
-                                                  .confirm_of = 5,
-                                                  .confirm_existence = 0.9,
-                                                  .detection_probability = 0.8,
-                                                  .clutter = 0.2,
-                                                  .sidelobe_db = 4.0,
-                                                  .look_s = 0.2,
-                                                  .acceleration_psd = 0.5,
-                                                  .join_m = 0.5,
-                                                  .coast_s = 1.5};
+/* As the stage has it where nothing is said. */
+static void track_default(struct launch_track *out, bool fixed)
+{
+    struct object_tracker_config d;
+
+    object_tracker_config_default(&d, fixed);
+    *out = (struct launch_track){.threshold_db = d.detector.threshold_db,
+                                 .min_existence = d.detector.min_existence,
+                                 .cfar = d.detector.cfar,
+                                 .false_alarm_rate = d.detector.false_alarm_rate,
+                                 .mode = d.mode,
+                                 .confirm_hits = d.track.life.confirm_hits,
+                                 .confirm_of = d.track.life.confirm_of,
+                                 .confirm_existence = d.track.life.confirm_existence,
+                                 .detection_probability = d.track.detection_probability,
+                                 .clutter = d.clutter,
+                                 .sidelobe_db = d.sidelobe_db,
+                                 .look_s = d.look_s,
+                                 .acceleration_psd = d.track.acceleration_psd_m2_s3,
+                                 .join_m = d.track.join_m,
+                                 .coast_s = d.track.coast_s};
+}
 
 static int check_track(const struct launchfile *l, struct error *why)
 {
@@ -281,9 +289,7 @@ int launchfile_copy_track(struct launchfile *l, const struct launch_text *t,
         {from->coast_s, &l->track.coast_s},
     };
 
-    l->track = launch_track_default;
-    if (l->scan.fixed)
-        l->track.cfar = CFAR_ORDERED;
+    track_default(&l->track, l->scan.fixed);
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         if (numbers[i].value)
             *numbers[i].to = *numbers[i].value;
@@ -328,15 +334,18 @@ static int copy_names(struct launchfile *l, const struct launch_text_wall *t,
 static int copy_numbers(struct launchfile *l, const struct launch_text_wall *t,
                         struct error *why)
 {
+    struct wall_finder_config d;
+    wall_finder_config_default(&d);
     const struct {
         const char *key;
         const double *text;
         double *value, otherwise, min, max;
     } numbers[] = {
-        {"wall.vertical_deg", t->vertical_deg, &l->wall.vertical_deg, 2.0, 0.1, 20.0},
-        {"wall.reach_m", t->reach_m, &l->wall.reach_m, 5.0, 0.3, 20.0},
-        {"wall.every_s", t->every_s, &l->wall.every_s, 0.5, 0.05, 60.0},
-        {"wall.lost_s", t->lost_s, &l->wall.lost_s, 3.0, 0.1, 600.0},
+        {"wall.vertical_deg", t->vertical_deg, &l->wall.vertical_deg,
+         d.map.vertical_rad * 180.0 / M_PI, 0.1, 20.0},
+        {"wall.reach_m", t->reach_m, &l->wall.reach_m, d.listener.reach_m, 0.3, 20.0},
+        {"wall.every_s", t->every_s, &l->wall.every_s, d.listener.every_s, 0.05, 60.0},
+        {"wall.lost_s", t->lost_s, &l->wall.lost_s, d.map.lost_s, 0.1, 600.0},
     };
 
     for (size_t i = 0; i < COUNT(numbers); i++) {

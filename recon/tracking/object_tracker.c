@@ -69,6 +69,21 @@ struct object_tracker {
     struct sidelobe_source sources[TRACKS_MAX]; /* the same, as they are in this one */
 };
 
+void object_tracker_config_default(struct object_tracker_config *cfg, bool is_static)
+{
+    *cfg = (struct object_tracker_config){
+        .detector = {.threshold_db = 12.0,
+                     .min_existence = 0.5,
+                     .cfar = is_static ? CFAR_ORDERED : CFAR_OFF,
+                     .false_alarm_rate = 1e-4},
+        .mode = OBJECT_TRACKER_AUTO,
+        .clutter = 0.2,
+        .look_s = 0.2,
+        .walls_s = 3.0,
+        .sidelobe_db = 4.0};
+    track_config_default(&cfg->track);
+}
+
 int object_tracker_create(struct object_tracker **out,
                           const struct object_tracker_config *cfg)
 {

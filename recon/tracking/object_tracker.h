@@ -38,6 +38,10 @@ struct object_tracker_config {
     double sidelobe_db; /* the array's, below what makes them (sidelobes.h) */
 };
 
+/* What holds where nothing is said; of a static array cells are compared with what is
+ * around them (detector.cfar), as its images are never free of clutter. */
+void object_tracker_config_default(struct object_tracker_config *cfg, bool is_static);
+
 struct object_tracker;
 
 /* 0, -EINVAL (a value out of its range), -ENOMEM. */

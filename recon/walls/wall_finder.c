@@ -1,6 +1,7 @@
 #include "recon/walls/wall_finder.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -17,6 +18,18 @@ struct wall_finder {
     int64_t heard_ns;     /* when the newest ping came in; 0: none has */
     int64_t ping_ns;      /* its capture stamp */
 };
+
+void wall_finder_config_default(struct wall_finder_config *cfg)
+{
+    const double vertical_rad = 2.0 * M_PI / 180.0;
+
+    *cfg = (struct wall_finder_config){
+        .map = {.from = WALL_FROM_SURVEY, .lost_s = 3.0, .vertical_rad = vertical_rad},
+        .listener = {.vertical = true,
+                     .vertical_rad = vertical_rad,
+                     .reach_m = 5.0,
+                     .every_s = 0.5}};
+}
 
 int wall_finder_create(struct wall_finder **out, const struct wall_finder_config *cfg)
 {

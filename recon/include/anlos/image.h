@@ -1,0 +1,31 @@
+/* anlos/image.h -- an image of the hidden (mirrored) scene, and what it was made of. */
+#ifndef ANLOS_IMAGE_H
+#define ANLOS_IMAGE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <anlos/error.h>
+
+struct anlos_image {
+    size_t size;            /* sizeof(struct anlos_image) */
+    uint64_t survey;        /* anlos_survey_id */
+    int64_t capture_ns;     /* of the newest ping */
+    uint32_t scan, frame;   /* of the newest ping; frame 0: of a scan */
+    double origin_m[3];     /* the centre of voxel 0, in the array's frame, */
+    double step_m[3];       /* and from voxel to voxel */
+    size_t n[3];            /* along x, y, z */
+    const float *intensity; /* [n[2]][n[1]][n[0]], >= 0; 0: nothing was imaged there */
+    const char *method;
+    double sound_speed_m_s;
+    bool preview; /* more pings of this scan are to come */
+    size_t pings_used, pings_expected;
+    size_t pings_blanked;      /* of those expected: a sound from outside drowned them */
+    size_t microphones_masked; /* in any of them */
+    uint64_t clipped_samples;
+    bool standing_left;  /* what stands was to be taken away, and may still be in it */
+    bool standing_taken; /* it was taken away, from all of it: remains may be left */
+};
+
+#endif
