@@ -7,7 +7,7 @@ set -euo pipefail
 build=$(realpath "$1")
 system=$work/system
 
-for tool in cpack dpkg dpkg-shlibdeps help2man lintian man; do
+for tool in cpack dpkg dpkg-shlibdeps help2man lintian man pkg-config /usr/bin/python3; do
     if ! command -v $tool >/dev/null; then
         echo "skipped: there is no $tool"
         exit 77
@@ -16,6 +16,7 @@ done
 cpack --config "$build/CPackConfig.cmake" -B "$work" >"$work/cpack.log" 2>&1 ||
     { cat "$work/cpack.log" && exit 1; }
 packages=("$work"/*.deb)
+mapfile -t names < <(for p in "${packages[@]}"; do dpkg-deb -f "$p" Package; done)
 
 in_system() {
     dpkg --root="$system" --force-not-root --force-depends --force-script-chrootless \
@@ -112,12 +113,59 @@ test_the_shell_completes_commands_verbs_options_and_topics() {
     expect_completion "" nonsense ""
 }
 
+# PROGRAM: the example, on a scene that the installed simulator records.
+expect_it_finds_the_point() {
+    [ -d "$work/point" ] || run "$bin/anlos" sim "$system/usr/share/anlos/launch/scenes/point.yaml" \
+        --out "$work/point"
+    run env LD_LIBRARY_PATH="$system/usr/lib" "$1" "$work/point/scene"
+    expect_code 0
+    expect_text "0.400 0.130 0.41" # truth.json, seen from the vehicle
+}
+
+test_a_program_is_built_by_pkg_config() {
+    local flags
+    flags=$(PKG_CONFIG_PATH=$system/usr/lib/pkgconfig pkg-config --cflags --libs anlos sndfile)
+    # shellcheck disable=SC2086  # words
+    run gcc -std=c99 -o "$work/by_pkg_config" "$root/tests/examples/wav_to_objects.c" $flags
+    expect_code 0
+    expect_it_finds_the_point "$work/by_pkg_config"
+}
+
+test_a_program_is_built_by_find_package() {
+    mkdir -p "$work/project"
+    cp "$root/tests/examples/wav_to_objects.c" "$work/project"
+    cat >"$work/project/CMakeLists.txt" <<'TEXT'
+cmake_minimum_required(VERSION 3.20)
+project(example C)
+find_package(anlos 0.1 REQUIRED)
+add_executable(example wav_to_objects.c)
+target_link_libraries(example anlos::anlos sndfile)
+TEXT
+    run cmake -S "$work/project" -B "$work/project/build" -DCMAKE_PREFIX_PATH="$system/usr"
+    expect_code 0
+    run cmake --build "$work/project/build"
+    expect_code 0
+    expect_it_finds_the_point "$work/project/build/example"
+}
+
+test_python_imports_the_module() {
+    if ! /usr/bin/python3 -c 'import cffi, numpy' 2>/dev/null; then
+        complain "there is no python3-cffi, or no python3-numpy: launch/setup --tests"
+        return
+    fi
+    run env LD_LIBRARY_PATH="$system/usr/lib" \
+        PYTHONPATH="$system/usr/lib/python3/dist-packages" \
+        /usr/bin/python3 -c 'import anlos; print(anlos.version(), *anlos.methods())'
+    expect_code 0
+    expect_text "fast backprojection"
+}
+
 # Tests run in the order of their names: this one is the last.
 test_when_they_are_purged_nothing_is_left() {
     mkdir -p "$system/var/lib/private/anlos/demo"
-    run in_system -r anlos anlos-doc
+    run in_system -r "${names[@]}"
     expect_code 0
-    run in_system -P anlos anlos-doc
+    run in_system -P "${names[@]}"
     expect_code 0
     rm -rf "$system/var/lib/private"
     output=$(diff <(printf '%s\n' "$bare" | grep -v ./var/lib/anlos) <(files_in_system)) ||
