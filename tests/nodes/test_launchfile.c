@@ -201,6 +201,8 @@ static void a_recorder_has_its_section(void **state)
                    ":2: record.compression: expected none, lz4 or zstd, not zip");
     assert_refused(*state, "nodes: [can]\nrecord: {quota_mb: 10, split_mb: 6}\n",
                    ":2: record.split_mb: expected no more than half of quota_mb");
+    launchfile_destroy(
+        launch_load(*state, "nodes: [can]\nrecord: {quota_mb: 10, split_mb: 5}\n"));
 }
 
 static void a_recording_on_the_command_line_adds_the_recorder_before_all(void **state)

@@ -71,6 +71,35 @@ static void what_is_no_wall_is_refused(void **state)
     }
 }
 
+/* Correlations r12, r13, r23 of unit variances: each pair of them may be, and yet not the
+ * three, by the sign of 1 + 2 r12 r13 r23 - r12^2 - r13^2 - r23^2. */
+static void correlations_must_be_possible_together(void **state)
+{
+    (void)state;
+    static const struct {
+        double r[3];
+        int err;
+    } cases[] = {
+        {{0.9, 0.9, 0.9}, 0},             /* 0.028 */
+        {{0.9, 0.9, -0.9}, -EINVAL},      /* -2.89 */
+        {{-0.5, -0.5, -0.5}, 0},          /* 0: just */
+        {{-0.55, -0.55, -0.55}, -EINVAL}, /* -0.24 */
+        {{0.8, 0.6, 0.0}, 0},             /* 0: just */
+        {{0.8, 0.0, 0.61}, -EINVAL},      /* -0.01 */
+        {{0.0, 0.8, 0.61}, -EINVAL},
+    };
+    for (size_t q = 0; q < sizeof cases / sizeof *cases; q++) {
+        const double *r = cases[q].r;
+        const struct walls w = {
+            .n = 1,
+            .list = {{.id = 1,
+                      .plane = {.normal = {1, 0, 0},
+                                .distance_m = 5.0,
+                                .covariance = {1, r[0], r[1], 1, r[2], 1}}}}};
+        assert_int_equal(walls_check(&w, NULL), cases[q].err);
+    }
+}
+
 /* The array stands 3.6 m before the vehicle's origin and looks forward, its x to the
  * left: 5 m before the origin is 1.4 m before the array.  It is 0.2 m to the side, so a
  * turn of the wall about the vehicle's upright changes its distance by 0.2 m for each
@@ -129,6 +158,7 @@ static void a_survey_names_one_wall_or_several(void **state)
     assert_int_equal(w.n, 1);
     assert_near(w.list[0].plane.distance_m, 1.25, 0.0);
     assert_near(w.list[0].plane.covariance[5], 0.0, 0.0);
+    assert_near(w.existence[0], 1.0, 0.0);
     s.n_walls = 2;
     s.walls[0] = (struct survey_wall){{0, 0, 1}, 1.25, {0, 2}};
     s.walls[1] = (struct survey_wall){{1, 0, 0}, 3.0, {2, 4}};
@@ -136,6 +166,7 @@ static void a_survey_names_one_wall_or_several(void **state)
     assert_int_equal(w.n, 2);
     assert_int_equal(w.list[1].id, 2);
     assert_near(w.list[1].gate_m[0], 2.0, 0.0);
+    assert_near(w.existence[1], 1.0, 0.0);
     walls_from_survey(&w, &(struct survey){.n_walls = 0});
     assert_int_equal(w.n, 0);
 }
@@ -145,6 +176,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_message_comes_in_as_it_is),
         cmocka_unit_test(what_is_no_wall_is_refused),
+        cmocka_unit_test(correlations_must_be_possible_together),
         cmocka_unit_test(a_given_wall_comes_from_the_vehicle_frame),
         cmocka_unit_test(walls_stay_where_they_are_when_the_vehicle_moves),
         cmocka_unit_test(a_survey_names_one_wall_or_several),

@@ -15,6 +15,7 @@
 #include "msgs/convert.h"
 #include "recon/walls/wall_finder.h"
 #include "recon/walls/wall_listener.h"
+#include "recon/walls/wall_receiver.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 
@@ -117,6 +118,33 @@ static void where_no_wall_sounds_none_is_found(void **state)
     for (uint32_t k = 0; k < 16; k++)
         hear(&h, 0, k, &found);
     assert_int_equal(found.n, 0);
+    close_hall(&h);
+}
+
+/* A microphone that is dead says nothing, also not that there is no wall. */
+static void dead_microphones_do_not_speak_against_a_wall(void **state)
+{
+    (void)state;
+    struct hall h;
+    struct wall_estimates found = {.n = 0};
+    open_hall(&h,
+              BUMPER "wall: {normal: [0, 0, 1], distance_m: 1.3}\n"
+                     "wall_sound: {reflectivity: 0.9, echo: 0.7}\n",
+              &config);
+    for (uint32_t k = 0; k < 16; k++) {
+        Anlos__Ping m;
+        bool blind;
+        scene_ping(&h.scene, ANLOS__PASS__SCENE, 0, k, &m);
+        for (size_t i = 0; i < 16; i++)
+            if (i % 4)
+                memset(h.scene.samples + i * h.scene.n_samples, 0,
+                       h.scene.n_samples * sizeof *h.scene.samples);
+        assert_int_equal(take(&h, &m, h.now_ns, NULL, &found, &blind), k == 15);
+        h.now_ns += SECOND / 40;
+    }
+    assert_int_equal(found.n, 1);
+    assert_near(found.list[0].wall.distance_m, 1.3, 0.004);
+    assert_near(found.list[0].share, 1.0, 0.2);
     close_hall(&h);
 }
 
@@ -321,6 +349,100 @@ static void what_was_refused_is_refused_again(void **state)
     close_hall(&h);
 }
 
+/* When the finder is asked and what stamp its list has; 0: it has none to tell. */
+static int64_t list_stamp_ms(struct wall_finder *f, int64_t now_ms)
+{
+    int64_t stamp_ns;
+    return wall_finder_list(f, now_ms * 1000000, &stamp_ns) ? stamp_ns / 1000000 : 0;
+}
+
+static bool find_ping(struct wall_finder *f, struct hall *h, int64_t capture_ms,
+                      int64_t now_ms)
+{
+    Anlos__Ping m;
+    struct ping ping;
+    scene_ping(&h->scene, ANLOS__PASS__SCENE, 0, 0, &m);
+    ping_from_message(&ping, &m, capture_ms * 1000000);
+    return wall_finder_ping(f, &ping, now_ms * 1000000);
+}
+
+/* Ten a second at most, of the newest ping; after a second without any, of the present.
+ */
+static void what_is_heard_is_told_as_of_its_ping_until_pings_end(void **state)
+{
+    (void)state;
+    const struct wall_finder_config cfg = {
+        .map = {.from = WALL_FROM_ECHOES, .lost_s = 3.0}, .listener = config};
+    struct hall h;
+    struct wall_finder *f;
+    open_hall(&h, BUMPER "wall: {normal: [0, 0, 1], distance_m: 1.3}\n", &config);
+    assert_int_equal(wall_finder_create(&f, &cfg), 0);
+    assert_false(find_ping(f, &h, 9000, 9000)); /* before the survey */
+    assert_int_equal(list_stamp_ms(f, 9000), 0);
+    assert_int_equal(wall_finder_survey(f, &h.survey, NULL), 0);
+    assert_int_equal(list_stamp_ms(f, 10000), 10000); /* none was heard yet */
+    assert_int_equal(list_stamp_ms(f, 10099), 0);
+    assert_int_equal(list_stamp_ms(f, 10100), 10100);
+    assert_true(find_ping(f, &h, 10080, 10120));
+    assert_int_equal(list_stamp_ms(f, 10120), 10080); /* the first: at once */
+    assert_true(find_ping(f, &h, 10130, 10190));
+    assert_int_equal(list_stamp_ms(f, 10190), 0);
+    assert_true(find_ping(f, &h, 10180, 10220));
+    assert_int_equal(list_stamp_ms(f, 10220), 10180);
+    assert_int_equal(list_stamp_ms(f, 11219), 0);
+    assert_int_equal(list_stamp_ms(f, 11220), 11220);
+    wall_finder_destroy(f);
+    close_hall(&h);
+}
+
+static void walls_of_the_survey_need_no_ears(void **state)
+{
+    (void)state;
+    const struct wall_finder_config cfg = {
+        .map = {.from = WALL_FROM_SURVEY, .lost_s = 3.0}, .listener = config};
+    struct hall h;
+    struct wall_finder *f;
+    int64_t stamp_ns;
+    open_hall(&h, BUMPER "wall: {normal: [0, 0, 1], distance_m: 1.3}\n", &config);
+    assert_int_equal(wall_finder_create(&f, &cfg), 0);
+    assert_int_equal(wall_finder_survey(f, &h.survey, NULL), 0);
+    assert_false(find_ping(f, &h, 1000, 1000));
+    const struct walls *list = wall_finder_list(f, SECOND, &stamp_ns);
+    assert_non_null(list);
+    assert_int_equal(stamp_ns, SECOND);
+    assert_int_equal(list->n, 1);
+    assert_near(list->list[0].plane.distance_m, 1.3, 1e-12);
+    assert_int_equal(list_stamp_ms(f, 1099), 0);
+    assert_int_equal(list_stamp_ms(f, 500), 500); /* time begins again */
+    wall_finder_destroy(f);
+    close_hall(&h);
+}
+
+/* As far as asked for, by the longest way from a speaker to a microphone, but not into
+ * the half millisecond before the next emission. */
+static void walls_are_looked_for_until_the_next_emission(void **state)
+{
+    (void)state;
+    struct wall_receiver r = {0};
+    struct hall h;
+    double longest_m = 0.0;
+    open_hall(&h, BUMPER "wall: {normal: [0, 0, 1], distance_m: 1.3}\n", &config);
+    const struct survey *s = &h.survey;
+    for (size_t j = 0; j < s->n_speakers; j++)
+        for (size_t i = 0; i < s->n_microphones; i++)
+            longest_m =
+                fmax(longest_m, geometry_distance(s->speakers_m[j], s->microphones_m[i]));
+    double slot_s = (double)s->slot_samples / s->sample_rate_hz;
+    assert_int_equal(wall_receiver_open(&r, s, 1.5, 0.1, NULL), 0);
+    assert_near(r.until_s, (3.0 + longest_m) / s->sound_speed_m_s, 1e-12);
+    wall_receiver_clear(&r);
+    r = (struct wall_receiver){0};
+    assert_int_equal(wall_receiver_open(&r, s, 100.0, 0.1, NULL), 0);
+    assert_near(r.until_s, slot_s - 0.0005, 1e-12);
+    wall_receiver_clear(&r);
+    close_hall(&h);
+}
+
 /* The vehicle comes nearer by up to 2 m/s; the room tells where the wall is then. */
 static void a_moving_array_hears_the_wall_where_it_is_now(void **state)
 {
@@ -406,6 +528,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_bumper_hears_the_wall_that_it_stands_before),
         cmocka_unit_test(where_no_wall_sounds_none_is_found),
+        cmocka_unit_test(dead_microphones_do_not_speak_against_a_wall),
         cmocka_unit_test(looks_are_as_far_apart_as_they_are_to_be),
         cmocka_unit_test(pings_that_cannot_be_used_are_counted),
         cmocka_unit_test(a_scan_hears_both_turns_of_a_wall),
@@ -414,6 +537,9 @@ int main(void)
         cmocka_unit_test(two_short_chirps_at_a_time_hear_the_wall_too),
         cmocka_unit_test(two_chirps_longer_than_their_slot_are_refused),
         cmocka_unit_test(what_was_refused_is_refused_again),
+        cmocka_unit_test(what_is_heard_is_told_as_of_its_ping_until_pings_end),
+        cmocka_unit_test(walls_of_the_survey_need_no_ears),
+        cmocka_unit_test(walls_are_looked_for_until_the_next_emission),
         cmocka_unit_test(a_look_without_ego_motion_is_blind),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -186,6 +186,29 @@ static void given_walls_are_carried_to_the_present_and_keep_their_ids(void **sta
     free(k);
 }
 
+/* Also when as many others were known, and no one more: what lies behind a full list is
+ * none of it. */
+static void as_many_walls_as_there_may_be_are_all_told(void **state)
+{
+    (void)state;
+    struct wall_map *k = make(WALL_FROM_TOPIC, &nothing);
+    struct walls given = {.n = WALLS_MAX};
+    for (uint32_t first = 1; first <= 1 + WALLS_MAX; first += WALLS_MAX) {
+        uint32_t seen = 0;
+        for (uint32_t i = 0; i < WALLS_MAX; i++)
+            given.list[i] = (struct wall_gate){
+                .id = first + i,
+                .plane = {.normal = {1, 0, 0}, .distance_m = 3.0 + 0.5 * i}};
+        assert_int_equal(wall_map_given(k, &given, first * SECOND, NULL), 0);
+        const struct walls *out = wall_map_list(k);
+        assert_int_equal(out->n, WALLS_MAX);
+        for (size_t i = 0; i < out->n; i++)
+            seen |= UINT32_C(1) << (out->list[i].id - first);
+        assert_int_equal(seen, (UINT32_C(1) << WALLS_MAX) - 1);
+    }
+    free(k);
+}
+
 /* 5 cm and 2 degrees, and as upright as walls are: what a vehicle means that gives a
  * plane and nothing else.  What it does say is taken at its word. */
 static void what_the_vehicle_does_not_say_of_a_wall_s_errors_is_assumed(void **state)
@@ -264,6 +287,7 @@ int main(void)
         cmocka_unit_test(without_ego_motion_walls_are_lost_and_it_says_why),
         cmocka_unit_test(what_cannot_be_told_is_said),
         cmocka_unit_test(given_walls_are_carried_to_the_present_and_keep_their_ids),
+        cmocka_unit_test(as_many_walls_as_there_may_be_are_all_told),
         cmocka_unit_test(what_the_vehicle_does_not_say_of_a_wall_s_errors_is_assumed),
         cmocka_unit_test(all_walls_of_a_look_are_told),
         cmocka_unit_test(a_wall_that_the_vehicle_takes_back_is_lost),
