@@ -9,9 +9,8 @@
 #include "recon/imaging/method.h"
 #include "recon/imaging/trace_check.h"
 
-#define MARGIN                                                                           \
-    16.0 /* pulse widths (1 / bandwidth) of traces around those of an image              \
-          */
+/* Pulse widths (1 / bandwidth) of traces around those of an image. */
+#define MARGIN 16.0
 
 static const struct imager_method *const methods[] = {
     &method_fast,  &method_backprojection, &method_confocal,  &method_lct,
