@@ -87,6 +87,7 @@ static void predict(struct tracker *t, double dt_s, bool ego_known)
         struct track *k = &t->tracks[i];
         track_filter_predict(&k->filter, dt_s, t->cfg.acceleration_psd_m2_s3 + lost);
         track_filter_predict(&k->steady, dt_s, STEADY_PSD_M2_S3 + lost);
+        track_outline_predict(k, dt_s);
         track_life_predict(&k->life, &t->cfg.life, dt_s);
     }
 }

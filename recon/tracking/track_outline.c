@@ -12,8 +12,10 @@
 #define SMEAR_M       0.4  /* nor is one place that is longer by so much: a car, */
 #define CAR_LENGTH_M  4.2  /* so long and so wide, */
 #define CAR_WIDTH_M   1.7
-#define CAR_SHARE     0.1  /* as is one in ten of what is fast and was heard shorter */
-#define SHARE         0.3  /* of the newest look at the middle */
+#define CAR_SHARE     0.5         /* what is fast and was heard shorter is either */
+#define CAR_FRONT     (2.0 / 3.0) /* of it: what comes in is heard at its front at first */
+#define BRAKES_M_S2   3.0         /* no bicycle does so for longer */
+#define SHARE         0.3         /* of the newest look at the middle */
 #define MIDDLE_SHARE  0.05 /* of its size, to which the middle of a body is known */
 #define FRONT_M       0.09 /* what is heard of a person is before the middle by so much */
 #define FRONT_SIGMA_M 0.06
@@ -85,6 +87,27 @@ static void box_of_extent(struct track *k, const double u[2], double yaw)
     }
 }
 
+/* No bicycle slows down like that: it is a flank that drives on while its glint stays. */
+static bool is_left_behind(const struct track *k)
+{
+    const struct track_outline *o = &k->outline;
+    double sigma, speed = speed_of(&k->filter, &sigma);
+
+    return o->fastest_m_s > WALK_M_S && speed < o->fastest_m_s - o->slowed_m_s;
+}
+
+/* As long as that it is known to go. */
+static void note_speed(struct track *k)
+{
+    struct track_outline *o = &k->outline;
+    double sigma, speed = speed_of(&k->filter, &sigma);
+
+    if (sigma > SURE_M_S || speed - sigma < o->fastest_m_s - o->slowed_m_s)
+        return;
+    o->fastest_m_s = speed - sigma;
+    o->slowed_m_s = 0.0;
+}
+
 static void widen(struct track *k, const double u[2])
 {
     struct track_outline *o = &k->outline;
@@ -94,6 +117,7 @@ static void widen(struct track *k, const double u[2])
 
     if (k->body.n || o->fast)
         o->car |= length_m >= CAR_M + (k->body.n ? 0.0 : SMEAR_M);
+    o->car |= is_left_behind(k);
     if (!o->car || unheard_m <= 0.0)
         return;
     track_outline_turn_in(u, k->body.sight, sight);
@@ -107,7 +131,7 @@ static void lengthen(struct track *k)
     struct track_outline *o = &k->outline;
     double sigma, speed = speed_of(&k->filter, &sigma);
 
-    o->fast = speed - sigma > WALK_M_S || (o->fast && speed > SLOW_M_S);
+    o->fast = speed - sigma > WALK_M_S || (o->fast && (speed > SLOW_M_S || o->car));
     if (o->fast)
         o->longest_m = fmax(o->longest_m, o->high_m[0] - o->low_m[0]);
     o->unheard_m = o->fast ? fmax(BICYCLE_M - o->longest_m, 0.0) : 0.0;
@@ -141,6 +165,7 @@ void track_outline_update(struct track *k, double yaw)
         box_of_extent(k, u, yaw);
     move_middle(k, u, 0.0, 0.0, k->outline.heard_m);
     lengthen(k);
+    note_speed(k);
     widen(k, u);
     move_middle(k, u, 0.5 * k->outline.unheard_m, k->outline.car ? 0.0 : FRONT_M,
                 k->outline.middle_m);
@@ -160,35 +185,99 @@ void track_outline_size(const struct track *k, double yaw, double size_m[2])
                                         : k->extent_m[a] + fabs(u[a]) * o->unheard_m;
 }
 
-/* Across the line of sight nothing; along it, to its middle. */
-static double depth_m2(const struct track_outline *o)
+/* Who is fast may be a car of which a corner is heard; a car that goes by twice its own
+ * length shows more. */
+static double car_share(const struct track_outline *o)
 {
-    double beyond_m = 0.5 * CAR_WIDTH_M - FRONT_M;
-
-    if (o->car)
+    if (o->car || !o->fast)
         return 0.0;
-    return FRONT_SIGMA_M * FRONT_SIGMA_M +
-           (o->fast ? CAR_SHARE * beyond_m * beyond_m : 0.0);
+    return CAR_SHARE * fmin(fmax(2.0 - o->travelled_m / CAR_LENGTH_M, 0.0), 1.0);
 }
 
-/* What is unheard is anywhere in its length. */
+void track_outline_predict(struct track *k, double dt_s)
+{
+    struct track_outline *o = &k->outline;
+
+    if (o->fast)
+        o->travelled_m += dt_s * hypot(k->filter.state[2], k->filter.state[3]);
+    o->slowed_m_s += BRAKES_M_S2 * dt_s;
+}
+
+/* The middle of the car that it may be is beyond the one that is told, and behind it or,
+ * where its rear is heard, before it. */
+static void add_car(const struct track *k, const double u[2], double covariance_m2[2][2])
+{
+    const struct track_outline *o = &k->outline;
+    double length_m = o->high_m[0] - o->low_m[0] + o->unheard_m;
+    double beyond_m = 0.5 * CAR_WIDTH_M - FRONT_M;
+
+    for (int rear = 0; rear < 2; rear++) {
+        double share = car_share(o) * (rear ? 1.0 - CAR_FRONT : CAR_FRONT), way_m[2];
+        double along_m = (rear ? 0.5 : -0.5) * fmax(CAR_LENGTH_M - length_m, 0.0);
+        for (int a = 0; a < 2; a++)
+            way_m[a] = beyond_m * k->body.sight[a] + along_m * u[a];
+        for (int a = 0; a < 2; a++)
+            for (int b = 0; b < 2; b++)
+                covariance_m2[a][b] += share * way_m[a] * way_m[b];
+    }
+}
+
+/* What is heard of a car is one of its ends as often as a glint, which is slower by up to
+ * half its speed, or by what it has lost since it was faster. */
+void track_outline_uncertain_velocity(const struct track *k,
+                                      double covariance_m2_s2[2][2])
+{
+    double sigma, speed = speed_of(&k->filter, &sigma), u[2];
+    double slower = fmax(k->outline.fastest_m_s - speed, 0.0);
+
+    if (!k->outline.car)
+        return;
+    track_outline_heading(&k->filter, u);
+    double glint2 = 0.5 * fmax(slower * slower, speed * speed / 3.0);
+    for (int a = 0; a < 2; a++)
+        for (int b = 0; b < 2; b++)
+            covariance_m2_s2[a][b] += glint2 * u[a] * u[b];
+}
+
+/* Seen from before or behind it may be the end of a car that is heard, not its flank.  It
+ * is as long and wide as that along its velocity, the direction of which is known so
+ * well. */
+static void add_side(const struct track *k, const double u[2], double variance_m2[2])
+{
+    const double *sight = k->body.sight;
+    double sigma, speed = speed_of(&k->filter, &sigma), in[2];
+    double turn = fmin(sigma / fmax(speed, sigma), 1.0);
+    double end_m = 0.5 * CAR_WIDTH_M * (1.0 - fabs(u[0] * sight[1] - u[1] * sight[0]));
+
+    track_outline_turn_in(u, k->outline.middle_m, in);
+    variance_m2[1] += end_m * end_m;
+    for (int a = 0; a < 2; a++)
+        variance_m2[a] += turn * turn * in[1 - a] * in[1 - a];
+}
+
+/* What is unheard is anywhere in its length; a car is as often heard at one of its ends
+ * as somewhere between them. */
 void track_outline_uncertain(const struct track *k, double covariance_m2[2][2])
 {
     const struct track_outline *o = &k->outline;
     double u[2], variance_m2[2];
+    double depth_m2 = o->car ? 0.0 : FRONT_SIGMA_M * FRONT_SIGMA_M;
 
     track_outline_heading(&k->filter, u);
+    add_car(k, u, covariance_m2);
     for (int a = 0; a < 2; a++) {
         double middle_m = MIDDLE_SHARE * (o->high_m[a] - o->low_m[a]);
         variance_m2[a] = middle_m * middle_m;
     }
     double unheard_m = o->car ? fmax(CAR_LENGTH_M - o->high_m[0] + o->low_m[0], 0.0)
                               : o->unheard_m;
-    variance_m2[0] += unheard_m * unheard_m / 12.0;
+    variance_m2[0] += unheard_m * unheard_m / (o->car ? 6.0 : 12.0);
     const double across[2] = {-u[1], u[0]}, *sight = k->body.sight;
+    if (o->car)
+        add_side(k, u, variance_m2);
     for (int a = 0; a < 2; a++)
         for (int b = 0; b < 2; b++)
             covariance_m2[a][b] += variance_m2[0] * u[a] * u[b] +
                                    variance_m2[1] * across[a] * across[b] +
-                                   depth_m2(o) * sight[a] * sight[b];
+                                   depth_m2 * sight[a] * sight[b];
 }

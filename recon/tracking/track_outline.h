@@ -9,7 +9,11 @@
  *
  * A car shows a flank that is as thin as a bicycle, and bright where it mirrors only: the
  * rest of it is behind that, on both sides.  As long as no more of it was heard than a
- * bicycle has, it is taken for one, and the far side of a car is in its covariance.
+ * bicycle has, it is taken for one, and the car that it may be, behind the corner that is
+ * heard, is in its covariance.  There the glint stays while the car drives on, or slides
+ * along with a part of its speed: what is left behind faster than anything brakes is a
+ * flank too, and what is heard of it tells neither where along it that is nor how fast
+ * it goes.
  *
  * What is faster than a walker is as long as a bicycle at least.  Of what comes out from
  * behind a corner or the end of an image, and from a moving vehicle of all that moves
@@ -33,6 +37,9 @@ struct track_outline {
                                        heard, and of all there is of it */
     double longest_m;               /* of it that was heard at once */
     double unheard_m;               /* of its length, behind that */
+    double travelled_m;             /* since it is fast */
+    double fastest_m_s;             /* that it was known to go, and by how much it may */
+    double slowed_m_s;              /* have slowed down since */
     bool fast, car;                 /* or was */
     bool begun;
 };
@@ -50,10 +57,17 @@ void track_outline_turn_out(const double u[2], const double v[2], double out[2])
 /* After a look; of a vehicle that has turned by yaw over ground. */
 void track_outline_update(struct track *k, double yaw);
 
+/* Until the next look. */
+void track_outline_predict(struct track *k, double dt_s);
+
 /* Along the axes of that vehicle. */
 void track_outline_size(const struct track *k, double yaw, double size_m[2]);
 
 /* Adds how well the middle is known, beside the filter, to a covariance over ground. */
 void track_outline_uncertain(const struct track *k, double covariance_m2[2][2]);
+
+/* The same of its velocity. */
+void track_outline_uncertain_velocity(const struct track *k,
+                                      double covariance_m2_s2[2][2]);
 
 #endif

@@ -54,6 +54,7 @@ static void report(const struct tracker *t, const struct track *k,
     out->covariance_m2[5] = f->height_m2;
     for (int i = 0; i < 2; i++)
         memcpy(block[i], f->covariance[2 + i] + 2, sizeof block[i]);
+    track_outline_uncertain_velocity(k, block);
     track_turn_matrix(-yaw, (const double(*)[2])block, turned);
     out->velocity_m2_s2[0] = turned[0][0];
     out->velocity_m2_s2[1] = turned[0][1];

@@ -254,13 +254,14 @@ static void two_that_merge_and_part_stay_two(void **state)
 }
 
 /* Of a cyclist who rides to the left 0.3 m are heard, before a vehicle that has turned:
- * the front of 1 m, of which 0.7 m may be anywhere behind. */
+ * the front of 1 m, of which 0.7 m may be anywhere behind.  He has come too far to be a
+ * car of which no more is heard. */
 static void what_is_told_of_something_fast_is_its_middle(void **state)
 {
     struct rig *r = *state;
 
-    for (int k = 0; k < 12; k++) {
-        struct track_detection *d = see(r, 4.0, -4.0 + 0.25 * 3.0 * k, 0.01);
+    for (int k = 0; k < 16; k++) {
+        struct track_detection *d = see(r, 4.0, -7.0 + 0.25 * 3.0 * k, 0.01);
         d->extent_m[0] = 0.2;
         d->extent_m[1] = 0.3;
         r->scan.ego = (struct ego_step){.dyaw = k ? 0.0 : 0.6};

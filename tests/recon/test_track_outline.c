@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "recon/tracking/track_state.h"
+#include "tests/recon/reference.h"
 
 #define YAW_RAD 0.5 /* of the vehicle over ground */
 
@@ -115,6 +116,7 @@ static void what_slows_down_does_not_jump(void **state)
     (void)state;
     start(&k, 3.0, 0.3);
     settle(&k);
+    track_outline_predict(&k, 0.5);
     for (int n = 0; n < 20; n++) {
         set_speed(&k, n % 2 ? 2.1 : 1.8);
         track_outline_update(&k, YAW_RAD);
@@ -122,6 +124,7 @@ static void what_slows_down_does_not_jump(void **state)
     }
     for (double speed_m_s = 1.8; speed_m_s > 0.1; speed_m_s -= 0.1) {
         set_speed(&k, speed_m_s);
+        track_outline_predict(&k, 0.05); /* 2 m/s2 */
         track_outline_update(&k, YAW_RAD);
         assert_near(behind_m(&k), was_m, 0.12);
         was_m = behind_m(&k);
@@ -206,7 +209,9 @@ static void a_flank_is_the_side_of_a_car(void **state)
     assert_near(told_m(&k, 0), 1.7, 1e-9);
     assert_near(told_m(&k, 1), 2.4, 1e-9);
     track_outline_uncertain(&k, c); /* cars are 4.2 m long */
-    double along_m2 = 1.8 * 1.8 / 12.0 + 0.05 * 2.4 * 0.05 * 2.4;
+    double turn = 0.5 / 4.0;        /* rad, of its velocity */
+    double along_m2 = 1.8 * 1.8 / 6.0 + 0.05 * 2.4 * 0.05 * 2.4 +
+                      turn * 0.5 * (1.7 - 0.1) * turn * 0.5 * (1.7 - 0.1);
     assert_near(c[0][0] + c[1][1], along_m2 + 0.05 * 1.7 * 0.05 * 1.7, 1e-12);
     k.extent_m[1] = 0.5;
     set_speed(&k, 0.5);
@@ -216,7 +221,8 @@ static void a_flank_is_the_side_of_a_car(void **state)
 }
 
 /* The covariance holds those that are seen through, too; and of what is fast and may be a
- * bicycle or, in one of ten cases, the flank of a car, the middle of that. */
+ * bicycle or, as likely, the corner of a car, the middle of that: beyond it and, for its
+ * front, which it is twice as often as its rear, behind. */
 static void a_middle_is_behind_the_front_that_is_heard(void **state)
 {
     const double sight[2] = {0.6, -0.8};
@@ -246,8 +252,11 @@ static void a_middle_is_behind_the_front_that_is_heard(void **state)
         track_outline_uncertain(&k, u);
         *(seen ? &after_m2 : &before_m2) = u[0][0] + u[1][1];
     }
-    double beyond_m = 0.5 * 1.7 - 0.09;
-    assert_near(after_m2 - before_m2, 0.06 * 0.06 + 0.1 * beyond_m * beyond_m, 1e-9);
+    double beyond_m = 0.5 * 1.7 - 0.09, along_m = 0.5 * (4.2 - 1.5);
+    double to_way = sight[0] * -sin(YAW_RAD) + sight[1] * cos(YAW_RAD);
+    double both_m2 = 2.0 * beyond_m * along_m * to_way;
+    assert_near(after_m2 - before_m2,
+                0.06 * 0.06 + 0.5 * (beyond_m * beyond_m - both_m2 / 3.0), 1e-9);
 }
 
 /* The length that is not heard is anywhere, as evenly as can be: its square over 12; and
@@ -261,13 +270,83 @@ static void the_length_that_is_not_heard_is_uncertain(void **state)
     start(&k, 3.0, 0.4);
     settle(&k);
     track_outline_uncertain(&k, c);
-    double along_m2 = 0.01 + 0.6 * 0.6 / 12.0 + 0.05 * 0.4 * 0.05 * 0.4;
+    double along_m2 = 0.01 + 0.6 * 0.6 / 12.0 + 0.05 * 0.4 * 0.05 * 0.4 +
+                      0.5 * 1.6 * 1.6; /* or it is an end of a car of 4.2 m */
     double across_m2 = 0.01 + 0.05 * 0.2 * 0.05 * 0.2;
     double cs = cos(YAW_RAD), sn = sin(YAW_RAD);
     assert_near(c[0][0], along_m2 * sn * sn + across_m2 * cs * cs, 1e-12);
     assert_near(c[1][1], along_m2 * cs * cs + across_m2 * sn * sn, 1e-12);
     assert_near(c[0][1], (across_m2 - along_m2) * sn * cs, 1e-12);
     assert_near(c[1][0], c[0][1], 1e-15);
+}
+
+/* Half a second after 4 m/s, known to 0.5, a bicycle that brakes with 3 m/s2 goes 2. */
+static void what_is_left_behind_is_a_glint_on_a_car(void **state)
+{
+    const double left[2] = {-cos(YAW_RAD), -sin(YAW_RAD)};
+    double in[2], v[2][2] = {{0.0}}, c[2][2] = {{0.0}};
+    struct track k;
+
+    (void)state;
+    start(&k, 4.0, 0.5);
+    memcpy(k.body.sight, left, sizeof left);
+    settle(&k);
+    track_outline_uncertain_velocity(&k, v);
+    assert_near(v[0][0] + v[1][1], 0.0, 1e-15);
+    track_outline_predict(&k, 0.5);
+    set_speed(&k, 2.05);
+    settle(&k);
+    in_its_frame(&k, k.outline.middle_m, in);
+    assert_near(in[1], 0.09, 1e-9);
+    set_speed(&k, 1.95);
+    settle(&k);
+    in_its_frame(&k, k.outline.middle_m, in);
+    assert_near(in[1], 0.5 * (1.7 - 0.2), 1e-9);
+    /* it goes 3.5 m/s at least, if that is a glint: as likely as not, along its way */
+    track_outline_uncertain_velocity(&k, v);
+    double more_m_s = 3.5 - 1.95;
+    assert_near(v[0][0] + v[1][1], 0.5 * more_m_s * more_m_s, 1e-9);
+    assert_near(v[0][0] * v[1][1] - v[0][1] * v[1][0], 0.0, 1e-9);
+    set_speed(&k, 0.3);
+    settle(&k);
+    track_outline_uncertain(&k, c); /* where on the flank it is, is not known */
+    assert_true(c[0][0] + c[1][1] > 3.7 * 3.7 / 6.0);
+}
+
+/* A car that crosses; its front corner is heard until its flank mirrors, there the glint
+ * stays, then its rear.  What is told of where it is, from the first second on which it
+ * is taken for a car, is as sure as it says: the mean of many squared errors is that many
+ * variances. */
+static void the_place_on_a_flank_is_as_sure_as_it_says(void **state)
+{
+    enum { RUNS = 4000 };
+    const double left[2] = {-cos(YAW_RAD), -sin(YAW_RAD)}, heard_m = 0.5;
+    const double u[2] = {-sin(YAW_RAD), cos(YAW_RAD)};
+    unsigned long long seed = 7;
+    double sum = 0.0;
+    struct track k;
+
+    (void)state;
+    start(&k, 4.0, heard_m);
+    memcpy(k.body.sight, left, sizeof left);
+    settle(&k);
+    track_outline_predict(&k, 0.5);
+    set_speed(&k, 1.0);
+    settle(&k);
+    for (int run = 0; run < RUNS; run++) {
+        double c[2][2] = {{0.0}}, half_m = 0.5 * (4.2 - heard_m), along_m2 = 0.0;
+        double place = reference_random(&seed); /* an end, or between them */
+        double off_m = reference_random(&seed) < 0.5 ? half_m * (place < 0.5 ? -1.0 : 1.0)
+                                                     : half_m * (2.0 * place - 1.0);
+        track_outline_uncertain(&k, c);
+        for (int a = 0; a < 2; a++)
+            for (int b = 0; b < 2; b++)
+                along_m2 += u[a] * c[a][b] * u[b];
+        double turn_m = 0.5 * 0.5 * (1.7 - 0.2), own_m = 0.05 * heard_m;
+        sum += off_m * off_m / (along_m2 - turn_m * turn_m - own_m * own_m);
+    }
+    /* of e^2 over its mean: 1, with a variance of 0.6 / (2/3)^2 - 1 */
+    assert_near(sum / RUNS, 1.0, 4.0 * sqrt(0.35 / RUNS));
 }
 
 int main(void)
@@ -283,6 +362,8 @@ int main(void)
         cmocka_unit_test(a_flank_is_the_side_of_a_car),
         cmocka_unit_test(a_middle_is_behind_the_front_that_is_heard),
         cmocka_unit_test(the_length_that_is_not_heard_is_uncertain),
+        cmocka_unit_test(what_is_left_behind_is_a_glint_on_a_car),
+        cmocka_unit_test(the_place_on_a_flank_is_as_sure_as_it_says),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
