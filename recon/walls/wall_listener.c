@@ -62,7 +62,6 @@ static int allocate(struct wall_listener *l)
     size_t positions = s->n_positions;
     size_t whole = (pairs * positions + PAIRS_MOST - 1) / PAIRS_MOST;
     l->stride = whole < positions ? whole : positions - (positions > 1);
-    l->stride = l->stride ? l->stride : 1;
     positions = (positions + l->stride - 1) / l->stride;
     l->room_pings = positions * s->n_speakers;
     l->room_echoes = positions * pairs * PEAKS;

@@ -253,6 +253,16 @@ static const struct told_wall apart[MAX_WALLS] = {{7, 0.8, 0.0, {0.0, 2.6}},
                                                   {6, 0.6, 0.0, {2.6, 10.0}}};
 static const struct told_wall far_one[MAX_WALLS] = {{6, 0.6, 0.0, {2.6, 10.0}}};
 
+/* The first mirrors what is farther than he ever is. */
+static const struct told_wall second[MAX_WALLS] = {{4, 3.0, 0.0, {8.0, 10.0}},
+                                                   AHEAD(7, 0.8)};
+static const struct told_wall second_farther[MAX_WALLS] = {{4, 3.0, 0.0, {8.0, 10.0}},
+                                                           AHEAD(7, 1.1)};
+static const struct told_wall aside[MAX_WALLS] = {{4, 3.0, 0.0, {8.0, 10.0}}};
+static const struct told_wall behind[MAX_WALLS] = {{4, 3.0, 0.0, {8.0, 10.0}},
+                                                   AHEAD(9, 1.4)};
+static const struct told_wall far_behind[MAX_WALLS] = {AHEAD(9, 1.4)};
+
 #define WAY                                                                              \
     {                                                                                    \
         -1.2, 1.2                                                                        \
@@ -322,6 +332,18 @@ static const struct sequence sequences[] = {
      1.0,
      WAY,
      false},
+    {"it moves by 0.3 m, and is not the first",
+     {second, second, second_farther},
+     {ahead, ahead, farther},
+     1.0,
+     WAY,
+     false},
+    {"it goes for good, and 4 s later there is one behind it",
+     {second, aside, behind},
+     {ahead, nowhere, far_behind},
+     4.0,
+     WAY,
+     true},
     {"it moves by 15 cm",
      {ahead, ahead, nearer},
      {ahead, ahead, nearer},
