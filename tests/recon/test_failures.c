@@ -3,9 +3,11 @@
 #include "tests/recon/near.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "recon/imaging/imager_options.h"
 #include "recon/inverse/psf.h"
+#include "recon/pipeline.h"
 #include "recon/planning/coherence.h"
 #include "recon/planning/probe.h"
 #include "recon/static_array/frames.h"
@@ -286,6 +288,74 @@ static void what_looks_at_traces_says_that_memory_is_missing(void **state)
     array_traces_clear(&l.a);
 }
 
+/* -- all of it
+ * ---------------------------------------------------------------------------
+ */
+
+struct whole {
+    struct pipeline_config cfg;
+    struct survey survey;
+};
+
+static int pipeline_work(void *context, struct error *why)
+{
+    const struct whole *w = context;
+    struct pipeline *p = NULL;
+    int err = pipeline_create(&p, &w->cfg);
+
+    if (err) {
+        assert_null(p);
+        return error_say(why, err, "a pipeline: %s", strerror(-err));
+    }
+    err = pipeline_survey(p, &w->survey, why);
+    assert_true(pipeline_survey_id(p) == (err ? 0 : survey_id(&w->survey)));
+    pipeline_destroy(p);
+    return err;
+}
+
+/* Of a scan with a recorded background, and of a static array that learns its own and
+ * hears walls with two chirps at a time. */
+static void a_pipeline_is_planned_whole_or_says_what_it_lacks(void **state)
+{
+    (void)state;
+    static double speakers[2][3] = {{-0.2, 0, 0}, {0.2, 0, 0}},
+                  microphones[2][3] = {{-0.1, 0, 0}, {0.1, 0, 0}},
+                  positions[2] = {0.0, 0.05};
+
+    for (int is_static = 0; is_static < 2; is_static++) {
+        struct whole w = {
+            .survey = {.source = SURVEY_SIMULATION,
+                       .sound_speed_m_s = 343.0,
+                       .temperature_c = 20.0,
+                       .sample_rate_hz = 48000,
+                       .chirp_start_hz = 2000.0,
+                       .chirp_stop_hz = 20000.0,
+                       .chirp_duration_s = 0.005,
+                       .chirp_alternates = is_static,
+                       .together = is_static ? 2 : 1,
+                       .slot_samples = 1152,
+                       .n_speakers = 2,
+                       .n_microphones = 2,
+                       .n_positions = is_static ? 1 : 2,
+                       .speakers_m = speakers,
+                       .microphones_m = microphones,
+                       .stage_axis = {0, 1, 0},
+                       .stage_positions_m = positions,
+                       .has_gate = true,
+                       .gate_m = {0.5, 2.0},
+                       .has_volume = true,
+                       .volume_m = {{-0.4, 0.4, 0.1}, {0.0, 0.0, 0.1}, {0.8, 1.4, 0.1}}}};
+        pipeline_config_default(&w.cfg, is_static);
+        w.cfg.frontend.background = is_static ? BACKGROUND_ADAPTIVE : BACKGROUND_RECORDED;
+        w.cfg.finds_walls = is_static;
+        w.cfg.walls.map.from = WALL_FROM_ECHOES;
+        const struct failing_work work = {.name = is_static ? "static array" : "scan",
+                                          .run = pipeline_work,
+                                          .context = &w};
+        assert_true(failing_each(&work) >= 50);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -293,6 +363,7 @@ int main(void)
         cmocka_unit_test(what_options_ask_for_is_made_whole_or_not_at_all),
         cmocka_unit_test(elements_that_stand_anywhere_need_memory_too),
         cmocka_unit_test(frames_are_made_whole_or_not_at_all),
+        cmocka_unit_test(a_pipeline_is_planned_whole_or_says_what_it_lacks),
         cmocka_unit_test(trackers_and_walls_need_memory),
         cmocka_unit_test(what_looks_at_traces_says_that_memory_is_missing),
     };
