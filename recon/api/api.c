@@ -348,3 +348,152 @@ int api_walls(struct walls *out, const struct anlos_wall *walls, size_t n,
     walls_normalise(out);
     return 0;
 }
+
+/* -- what stages hand on ----------------------------------------------------------------
+ */
+
+static int check_there(const struct api_objects *o, struct anlos_error *why)
+{
+    return o->there ? 0
+                    : api_fail(why, ANLOS_NOT_READY,
+                               "there is no list of objects yet: one comes with each "
+                               "image");
+}
+
+int api_objects_list(const struct api_objects *o, struct anlos_list *out,
+                     struct anlos_error *why)
+{
+    struct anlos_list own;
+    int code = check_there(o, why);
+
+    if (code)
+        return code;
+    api_list(&own, &o->list, o->capture_ns);
+    return API_GIVE(out, &own, "struct anlos_list", why);
+}
+
+int api_objects_at(const struct api_objects *o, size_t i, struct anlos_object *out,
+                   struct anlos_error *why)
+{
+    struct anlos_object own;
+    int code = check_there(o, why);
+
+    if (!code && i >= o->list.n)
+        code = api_fail(why, ANLOS_INVALID, "object %zu of %zu, counted from 0", i,
+                        o->list.n);
+    if (code)
+        return code;
+    api_object(&own, &o->list.objects[i]);
+    return API_GIVE(out, &own, "struct anlos_object", why);
+}
+
+int api_motion(struct ego_motion *out, double speed_m_s, double yaw_rate_rad_s,
+               int64_t capture_ns, struct anlos_error *why)
+{
+    *out = (struct ego_motion){speed_m_s, yaw_rate_rad_s};
+    if (!ego_motion_is_plausible(out))
+        return api_fail(why, ANLOS_INVALID,
+                        "a vehicle with %g m/s and %g rad/s, expected up to %g and %g",
+                        speed_m_s, yaw_rate_rad_s, EGO_FASTEST_M_S, EGO_FASTEST_RAD_S);
+    return api_stamp(capture_ns, "capture_ns of ego motion", why);
+}
+
+int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
+               struct anlos_error *why)
+{
+    struct anlos_image v;
+    int code = API_TAKE(&v, given, "struct anlos_image", why);
+    struct grid grid;
+
+    if (!code)
+        code = api_there(v.intensity, "intensity of an image", why);
+    if (!code)
+        code = api_stamp(v.capture_ns, "capture_ns of an image", why);
+    if (!code)
+        code = api_finite(v.origin_m, 3, "origin of an image", why);
+    if (!code && v.survey && v.survey != id)
+        code = api_fail(why, ANLOS_INVALID,
+                        "an image of another survey than this was created for");
+    for (int a = 0; !code && a < 3; a++) /* 2^28 voxels, as grid_from_limits has it */
+        if (v.n[a] < 1 || v.n[a] > (size_t)1 << 28 || !(v.step_m[a] > 0.0) ||
+            !isfinite(v.step_m[a]))
+            code = api_fail(why, ANLOS_INVALID,
+                            "an image of %zu voxels of %g m along %c, expected 1 or more "
+                            "of over 0",
+                            v.n[a], v.step_m[a], "xyz"[a]);
+    if (code)
+        return code;
+    memcpy(grid.origin_m, v.origin_m, sizeof grid.origin_m);
+    memcpy(grid.step_m, v.step_m, sizeof grid.step_m);
+    memcpy(grid.n, v.n, sizeof grid.n);
+    *out = (struct volume){.survey_id = id,
+                           .capture_ns = v.capture_ns,
+                           .scan = v.scan,
+                           .frame = v.frame,
+                           .grid = grid,
+                           .intensity = v.intensity,
+                           .method = v.method ? v.method : "",
+                           .sound_speed_m_s = v.sound_speed_m_s,
+                           .preview = v.preview,
+                           .pings_used = v.pings_used,
+                           .pings_expected = v.pings_expected,
+                           .pings_blanked = v.pings_blanked,
+                           .microphones_masked = v.microphones_masked,
+                           .clipped_samples = v.clipped_samples,
+                           .standing_left = v.standing_left,
+                           .standing_taken = v.standing_taken};
+    return 0;
+}
+
+int api_traces(struct traces *out, const struct anlos_traces *given,
+               const struct survey *survey, uint64_t id, const bool *unmasked,
+               struct anlos_error *why)
+{
+    struct anlos_traces t;
+    int code = API_TAKE(&t, given, "struct anlos_traces", why);
+
+    if (!code)
+        code = api_there(t.samples, "samples of traces", why);
+    if (!code)
+        code = api_stamp(t.capture_ns, "capture_ns of traces", why);
+    if (!code && t.survey && t.survey != id)
+        code = api_fail(why, ANLOS_INVALID,
+                        "traces of another survey than this was created for");
+    if (!code && (t.n_microphones != survey->n_microphones ||
+                  t.speaker >= survey->n_speakers || t.position >= survey->n_positions))
+        code = api_fail(why, ANLOS_INVALID,
+                        "traces of %zu microphones, speaker %u and position %u, but the "
+                        "survey has %zu, %zu and %zu",
+                        t.n_microphones, t.speaker, t.position, survey->n_microphones,
+                        survey->n_speakers, survey->n_positions);
+    if (code)
+        return code;
+    *out = (struct traces){.survey_id = id,
+                           .capture_ns = t.capture_ns,
+                           .scan = t.scan,
+                           .frame = t.frame,
+                           .position = t.position,
+                           .speaker = t.speaker,
+                           .stage_m = survey->stage_positions_m[t.position],
+                           .temperature_c = NAN,
+                           .down = t.down,
+                           .background_subtracted = t.background_subtracted,
+                           .blanked = t.blanked,
+                           .clipped_samples = t.clipped_samples,
+                           .n_microphones = t.n_microphones,
+                           .format = {t.t0_s, t.rate_hz, t.carrier_hz, t.n_samples},
+                           .samples = (const float complex *)(const void *)t.samples,
+                           .masked = t.masked ? t.masked : unmasked};
+    return 0;
+}
+
+int api_fail_ping(const struct frontend_output *front, struct anlos_error *why)
+{
+    const char *note = front->note;
+
+    if (front->outcome == FRONTEND_LACKS_BACKGROUND)
+        return api_fail(why, ANLOS_NOT_READY,
+                        "%s; feed that ping with `background` set before",
+                        note[0] ? note : "no background of this ping was recorded");
+    return api_fail(why, ANLOS_INVALID, "%s", note[0] ? note : "this ping is of no use");
+}

@@ -47,9 +47,9 @@ int main()
 {
     anlos_error why = anlos_error();
     anlos_survey *survey = nullptr;
-    anlos_pipeline_config cfg;
+    anlos_config cfg;
     anlos_pipeline *pipeline = nullptr;
-    anlos_pipeline_config_init(&cfg);
+    anlos_config_init(&cfg);
     if (std::strcmp(anlos_version(), ANLOS_VERSION) || anlos_survey_create(&survey, &why))
         return 1;
     int code = anlos_pipeline_create(&pipeline, &cfg, survey, &why); // no speakers

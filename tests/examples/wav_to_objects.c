@@ -18,12 +18,12 @@ int main(int argc, char **argv)
     struct anlos_ping ping = {.size = sizeof ping, .n_microphones = MICS};
     struct anlos_object o = {.size = sizeof o};
     struct anlos_error why = {0, "expected a folder"};
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_pipeline *p = NULL;
     struct anlos_survey *s = NULL;
     SF_INFO info = {.format = 0};
 
-    anlos_pipeline_config_init(&cfg);
+    anlos_config_init(&cfg);
     int err = argc != 2 || anlos_survey_create(&s, &why) ||
               anlos_survey_speakers(s, speakers, SPEAKERS, &why) ||
               anlos_survey_microphones(s, mics, MICS, &why) ||

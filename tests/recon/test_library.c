@@ -1,125 +1,14 @@
 /* libanlos as a program has it: public headers and the shared library alone. */
-#include <math.h>
+#include "tests/recon/library_rig.h"
+
 #include <pthread.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
-
-#include <anlos/anlos.h>
-
-#define PI 3.14159265358979323846
-
-/* A small array before a wall: points appear at z behind it and are really before it. */
-enum { POSITIONS = 6, SPEAKERS = 4, MICS = 4, SLOT = 1500, PING = 2500 };
-#define RATE_HZ  48000.0
-#define SPEED    343.0
-#define WALL_M   0.8
-#define CHIRP_S  0.03125
-#define START_HZ 2000.0
-#define STOP_HZ  20000.0
-
-static const double stage[POSITIONS] = {0, 0.04, 0.08, 0.12, 0.16, 0.2};
-static const double point_m[3] = {0.12, 0.1, 1.2}; /* as imaged */
-static const double x_axis[3] = {1, 0, 0}, z_axis[3] = {0, 0, 1};
-
-#define SECOND INT64_C(1000000000)
-
-static struct anlos_error why;
-
-static void ok(int code)
-{
-    if (code < 0)
-        fail_msg("%d: %s", code, why.text);
-}
-
-/* Refused with this code and a sentence that has the words. */
-static void refused(int code, int expected, const char *words)
-{
-    if (code != expected || why.code != expected || !strstr(why.text, words))
-        fail_msg("%d (expected %d): '%s' (expected '%s')", code, expected, why.text,
-                 words);
-    why = (struct anlos_error){0, ""};
-}
-
-static double element(size_t i)
-{
-    return 0.08 * (double)i;
-}
-
-static struct anlos_survey *make_survey(size_t positions)
-{
-    static const double x[] = {0.02, 0.24, 0.02}, y[] = {0, 0.22, 0.02},
-                        z[] = {0.9, 1.5, 0.01};
-    struct anlos_survey *s;
-    double speakers[SPEAKERS][3] = {{0}}, mics[MICS][3] = {{0}};
-
-    for (size_t i = 0; i < SPEAKERS; i++) {
-        speakers[i][1] = mics[i][1] = element(i);
-        mics[i][0] = 0.04;
-    }
-    ok(anlos_survey_create(&s, &why));
-    ok(anlos_survey_speakers(s, speakers[0], SPEAKERS, &why));
-    ok(anlos_survey_microphones(s, mics[0], MICS, &why));
-    ok(anlos_survey_stage(s, x_axis, stage, positions, &why));
-    ok(anlos_survey_chirp(s, START_HZ, STOP_HZ, CHIRP_S, false, &why));
-    ok(anlos_survey_sampling(s, RATE_HZ, SLOT, 0, &why));
-    ok(anlos_survey_sound_speed(s, SPEED, &why));
-    ok(anlos_survey_volume(s, x, y, z, &why));
-    ok(anlos_survey_add_wall(s, z_axis, WALL_M, 0, 0, &why));
-    return s;
-}
-
-static double distance(const double a[3], const double b[3])
-{
-    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
-                (a[2] - b[2]) * (a[2] - b[2]));
-}
-
-/* samples [MICS][PING] of the point: the chirp, later by the way there and back. */
-static void echo(float *samples, size_t position, size_t speaker, double gain)
-{
-    const double from[3] = {stage[position], element(speaker), 0};
-    const double rate = (STOP_HZ - START_HZ) / CHIRP_S;
-
-    for (size_t m = 0; m < MICS; m++) {
-        const double to[3] = {stage[position] + 0.04, element(m), 0};
-        double delay = (distance(from, point_m) + distance(point_m, to)) / SPEED;
-        for (size_t i = 0; i < PING; i++) {
-            double t = (double)i / RATE_HZ - delay;
-            bool sounds = t >= 0 && t < CHIRP_S;
-            samples[m * PING + i] =
-                sounds ? (float)(gain * cos(2 * PI * (START_HZ * t + 0.5 * rate * t * t)))
-                       : 0.0f;
-        }
-    }
-}
-
-static float samples[MICS * PING];
-
-static struct anlos_ping make_ping(size_t position, size_t speaker)
-{
-    struct anlos_ping ping = {.size = sizeof ping};
-
-    ping.position = (uint32_t)position;
-    ping.speaker = (uint32_t)speaker;
-    ping.n_microphones = MICS;
-    ping.n_samples = PING;
-    ping.samples = samples;
-    return ping;
-}
 
 static struct anlos_pipeline *make_pipeline(const struct anlos_survey *s)
 {
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_pipeline *p;
 
-    anlos_pipeline_config_init(&cfg);
+    anlos_config_init(&cfg);
     ok(anlos_pipeline_create(&p, &cfg, s, &why));
     return p;
 }
@@ -211,11 +100,11 @@ static void a_background_is_recorded_first(void **state)
 {
     (void)state;
     struct anlos_survey *s = make_survey(POSITIONS);
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_pipeline *p;
     struct anlos_ping ping = make_ping(0, 0);
 
-    anlos_pipeline_config_init(&cfg);
+    anlos_config_init(&cfg);
     cfg.background = ANLOS_BACKGROUND_RECORDED;
     ok(anlos_pipeline_create(&p, &cfg, s, &why));
     echo(samples, 0, 0, 0.01);
@@ -242,12 +131,12 @@ static void a_static_array_gives_an_image_each_round(void **state)
 {
     (void)state;
     struct anlos_survey *s = make_survey(1);
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_pipeline *p;
     struct anlos_image image = {.size = sizeof image};
     struct anlos_list list = {.size = sizeof list};
 
-    anlos_pipeline_config_init_static(&cfg);
+    anlos_config_init_static(&cfg);
     cfg.background = ANLOS_BACKGROUND_NONE;
     ok(anlos_pipeline_create(&p, &cfg, s, &why));
     for (size_t k = 0; k < 3 * SPEAKERS; k++) {
@@ -352,12 +241,12 @@ static void sizes_that_cannot_be_are_refused(void **state)
     (void)state;
     struct anlos_survey *s = make_survey(POSITIONS);
     struct anlos_pipeline *p = make_pipeline(s), *none = NULL;
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_ping ping = make_ping(0, 0);
     struct anlos_health health = {.size = sizeof health + 8};
     struct anlos_wall wall = {.size = 0};
 
-    anlos_pipeline_config_init(&cfg);
+    anlos_config_init(&cfg);
     cfg.size += 8;
     refused(anlos_pipeline_create(&none, &cfg, s, &why), ANLOS_INVALID, "its size is");
     assert_null(none);
@@ -374,14 +263,14 @@ static void null_is_refused(void **state)
     (void)state;
     struct anlos_survey *s = make_survey(POSITIONS);
     struct anlos_pipeline *p = make_pipeline(s), *out = NULL;
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_ping ping = make_ping(0, 0);
     struct anlos_image image = {.size = sizeof image};
     struct anlos_object object = {.size = sizeof object};
     const double one[3] = {0, 0, 1};
     const int I = ANLOS_INVALID;
 
-    anlos_pipeline_config_init(&cfg);
+    anlos_config_init(&cfg);
     refused(anlos_survey_create(NULL, &why), I, "out is NULL");
     refused(anlos_survey_speakers(NULL, one, 1, &why), I, "survey is NULL");
     refused(anlos_survey_speakers(s, NULL, 1, &why), I, "speakers is NULL");
@@ -417,7 +306,7 @@ static void numbers_that_are_none_are_refused(void **state)
     (void)state;
     struct anlos_survey *s = make_survey(POSITIONS);
     struct anlos_pipeline *p = make_pipeline(s), *none = NULL;
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_ping ping = make_ping(0, 0);
     struct anlos_wall wall = {.size = sizeof wall, .id = 1, .normal = {0, NAN, 1}};
     const double bad[6] = {0, 0, NAN, 0, 0, 1};
@@ -442,7 +331,7 @@ static void numbers_that_are_none_are_refused(void **state)
     ping.has_temperature = true;
     ping.temperature_c = NAN;
     refused(anlos_pipeline_ping(p, &ping, &why), I, "air of");
-    anlos_pipeline_config_init(&cfg);
+    anlos_config_init(&cfg);
     cfg.min_existence = NAN;
     refused(anlos_pipeline_create(&none, &cfg, s, &why), I, "min_existence is");
     assert_true(anlos_survey_check(s, &why) == 0); /* what was refused changed nothing */
@@ -455,12 +344,12 @@ static void a_survey_that_does_not_fit_is_refused(void **state)
     (void)state;
     const double axis[3] = {1.0, 1.2, 0.05}, places[12] = {0, 0, 0, 0.05};
     struct anlos_survey *s = make_survey(POSITIONS);
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_pipeline *p = NULL;
 
-    anlos_pipeline_config_init_static(&cfg); /* this one has a stage */
+    anlos_config_init_static(&cfg); /* this one has a stage */
     refused(anlos_pipeline_create(&p, &cfg, s, &why), ANLOS_UNSUPPORTED, "6 positions");
-    anlos_pipeline_config_init(&cfg);
+    anlos_config_init(&cfg);
     ok(anlos_survey_gate(s, 0.5, 50.0, &why));
     refused(anlos_survey_check(s, &why), ANLOS_INVALID, "gate beyond the slot");
     refused(anlos_pipeline_create(&p, &cfg, s, &why), ANLOS_INVALID, "gate beyond");
@@ -479,13 +368,13 @@ static void a_configuration_that_cannot_be_is_refused(void **state)
     (void)state;
     static const char *const unknown[] = {"nonsense=1"}, *const misplaced[] = {"l1=0.1"};
     struct anlos_survey *s = make_survey(POSITIONS);
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_pipeline *p = NULL;
     const int I = ANLOS_INVALID;
 
 #define REFUSED(change, words)                                                           \
     do {                                                                                 \
-        anlos_pipeline_config_init(&cfg);                                                \
+        anlos_config_init(&cfg);                                                         \
         change;                                                                          \
         refused(anlos_pipeline_create(&p, &cfg, s, &why), I, words);                     \
     } while (0)
@@ -596,14 +485,14 @@ static void a_new_survey_has_the_chirp_of_the_paper(void **state)
 static void *work_alone(void *result)
 {
     struct anlos_error own_why = {0, ""};
-    struct anlos_pipeline_config cfg;
+    struct anlos_config cfg;
     struct anlos_survey *s = NULL;
     struct anlos_pipeline *p = NULL;
     const double places[4][3] = {{0, 0, 0}, {0, 0.08, 0}, {0.04, 0, 0}, {0.04, 0.08, 0}};
     float *silence = calloc((size_t)2 * 6000, sizeof *silence);
     int news = -1;
 
-    anlos_pipeline_config_init(&cfg);
+    anlos_config_init(&cfg);
     cfg.threads = 2;
     if (silence && !anlos_survey_create(&s, &own_why) &&
         !anlos_survey_speakers(s, places[0], 2, &own_why) &&

@@ -7,10 +7,11 @@
  * same order, as the processes of anlos run: one recording gives the same objects here,
  * by `anlos recon --bag` and in a vehicle.
  *
- *   anlos_pipeline_config_init(&cfg);
+ *   anlos_config_init(&cfg);
  *   anlos_pipeline_create(&p, &cfg, survey, &why);
  *   for each ping
- *       if (anlos_pipeline_ping(p, &ping, &why) & ANLOS_NEW_OBJECTS) ...
+ *       if ((news = anlos_pipeline_ping(p, &ping, &why)) < 0) ...
+ *       else if (news & ANLOS_NEW_OBJECTS) ...
  *   anlos_pipeline_destroy(p);
  *
  * What is fed is copied or used up before a call returns.  What is asked for is copied,
@@ -23,6 +24,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include <anlos/config.h>
 #include <anlos/error.h>
 #include <anlos/image.h>
 #include <anlos/objects.h>
@@ -32,86 +34,13 @@
 
 ANLOS_BEGIN
 
-enum anlos_array {
-    ANLOS_SCAN,        /* every speaker at every stage position once, then an image */
-    ANLOS_STATIC_ARRAY /* round after round of its speakers, without end */
-};
-
-enum anlos_background {
-    ANLOS_BACKGROUND_NONE,
-    ANLOS_BACKGROUND_RECORDED, /* pings with `background` come before those without */
-    ANLOS_BACKGROUND_ADAPTIVE  /* of a static array: the mean while the vehicle stands */
-};
-
-enum anlos_wall_source {
-    ANLOS_WALLS_SURVEY, /* those of the survey, or those that anlos_pipeline_walls says */
-    ANLOS_WALLS_GIVEN,  /* anlos_pipeline_walls says what is known in the vehicle's frame;
-                           they are followed over time */
-    ANLOS_WALLS_HEARD   /* found in the array's own first returns */
-};
-
-/* anlos_pipeline_config_init it, then change what is to be different. */
-struct anlos_pipeline_config {
-    size_t size;    /* sizeof(struct anlos_pipeline_config) */
-    int array;      /* enum anlos_array; ANLOS_SCAN */
-    size_t threads; /* 1; counts the caller, who works too */
-
-    /* Pings to traces. */
-    const char *window;      /* "hann"; "hamming", "rectangular" */
-    const char *compression; /* "matched_filter"; "deramp" (the paper's) */
-    int background;          /* enum anlos_background; ANLOS_BACKGROUND_NONE */
-    double background_s;     /* 10: time constant of an adaptive one */
-
-    /* Of a scan. */
-    const char *method;         /* "fast"; one of anlos_method */
-    const char *const *options; /* [n_options] "NAME=VALUE", of anlos_option; NULL */
-    size_t n_options;
-
-    /* Of a static array. */
-    size_t frame_pings; /* in a round; 0: as many as there are speakers */
-    size_t image_pings; /* the newest, in an image; 0: as in a round; at most 256 */
-    bool every_ping;    /* an image; else (false) every round */
-    bool coherent;      /* phases add up over pings; else (false) powers */
-
-    /* Objects. */
-    double threshold_db;     /* 12, above the noise floor; not with cells */
-    double min_existence;    /* 0.5: what is less likely is left out */
-    double false_alarm_rate; /* 1e-4, of each voxel, by the cells around it (ordered
-                                statistic, Rohling 1983); 0: off.  Of a scan: 0 */
-    bool lists;              /* a static array's objects are not tracked; false */
-    unsigned confirm_hits, confirm_of; /* 3 of 5 looks confirm a track, */
-    double confirm_existence;          /* and 0.9 */
-    double coast_s;                    /* 1.5: after that unseen a track ends */
-
-    /* Walls. */
-    int walls;      /* enum anlos_wall_source; ANLOS_WALLS_SURVEY */
-    double reach_m; /* 5: how far away walls are looked for */
-    double lost_s;  /* 3: without being seen or given */
-};
-
-/* Called through anlos_pipeline_config_init. */
-ANLOS_API void anlos_pipeline_config_fill(struct anlos_pipeline_config *cfg, size_t size,
-                                          int array);
-
-/* What holds where nothing is said, as above; of a static array cells decide and the
- * background is adaptive, as in launch/drive.yaml. */
-static inline void anlos_pipeline_config_init(struct anlos_pipeline_config *cfg)
-{
-    anlos_pipeline_config_fill(cfg, sizeof *cfg, ANLOS_SCAN);
-}
-
-static inline void anlos_pipeline_config_init_static(struct anlos_pipeline_config *cfg)
-{
-    anlos_pipeline_config_fill(cfg, sizeof *cfg, ANLOS_STATIC_ARRAY);
-}
-
 struct anlos_pipeline; /* opaque */
 
 /* Checks both and plans; keeps neither.  survey may be NULL: anlos_pipeline_survey says
  * it later.  ANLOS_INVALID, ANLOS_UNSUPPORTED, ANLOS_NO_MEMORY, ANLOS_NO_THREADS.  Some
  * 0.1 s for the paper's scan. */
 ANLOS_API int anlos_pipeline_create(struct anlos_pipeline **out,
-                                    const struct anlos_pipeline_config *cfg,
+                                    const struct anlos_config *cfg,
                                     const struct anlos_survey *survey,
                                     struct anlos_error *why);
 
@@ -202,17 +131,6 @@ struct anlos_health {
 };
 ANLOS_API int anlos_pipeline_health(const struct anlos_pipeline *p,
                                     struct anlos_health *out, struct anlos_error *why);
-
-/* -- methods ----------------------------------------------------------------------------
- */
-
-/* The name of imaging method i, from 0; NULL: there are not so many. */
-ANLOS_API const char *anlos_method(size_t i);
-
-/* Option i of the methods: its name, and in help and methods (each may be NULL) a line
- * and those who use it, as "iterative, sparse".  NULL: there are not so many. */
-ANLOS_API const char *anlos_option(size_t i, const char **help, char *methods,
-                                   size_t methods_size);
 
 ANLOS_END
 

@@ -288,16 +288,16 @@ class Pipeline:
     """All stages in one: pings to images, hidden objects and tracks."""
 
     def __init__(self, survey: Survey, array: str = "scan", **config):
-        """config: fields of struct anlos_pipeline_config; background "none", "recorded" or
+        """config: fields of struct anlos_config; background "none", "recorded" or
         "adaptive", walls "survey", "given" or "heard", options {"name": value}."""
         kept = []  # what the configuration points to
-        cfg = _ffi.new("struct anlos_pipeline_config *")
-        _lib.anlos_pipeline_config_fill(cfg, _ffi.sizeof(cfg[0]),
+        cfg = _ffi.new("struct anlos_config *")
+        _lib.anlos_config_fill(cfg, _ffi.sizeof(cfg[0]),
                                         _choice("array", array))
         fields = dict(_ffi.typeof(cfg[0]).fields)
         for name, value in config.items():
             if name not in fields or name in ("size", "array", "n_options"):
-                raise TypeError(f"{name}: no such field of struct anlos_pipeline_config")
+                raise TypeError(f"{name}: no such field of struct anlos_config")
             if name == "options":
                 kept.append([_ffi.new("char[]", f"{k}={v}".encode()) for k, v in
                              value.items()])
