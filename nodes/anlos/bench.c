@@ -55,7 +55,7 @@ static bool has_option(int argc, char **argv, const char *name)
 static int run_program(const char *name, char **argv)
 {
     char folder[PATH_MAX / 2], path[PATH_MAX];
-    int err = program_folder(folder, sizeof folder);
+    int err = program_own_folder(folder, sizeof folder);
 
     if (!err) {
         snprintf(path, sizeof path, "%s/../bench/bench_%s", folder, name);

@@ -4,24 +4,37 @@
 #include <libgen.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
+
+int program_own_folder(char *out, size_t size)
+{
+    char path[4096];
+    ssize_t n = readlink("/proc/self/exe", path, sizeof path - 1);
+
+    if (n < 0)
+        return -errno;
+    path[n] = '\0';
+    return snprintf(out, size, "%s", dirname(path)) < (int)size ? 0 : -ENAMETOOLONG;
+}
 
 int program_folder(char *out, size_t size)
 {
     const char *given = getenv("ANLOS_BIN_DIR");
-    char path[4096], node[4096 + 32];
+    char node[4096 + 32];
+    int err = program_own_folder(out, size);
 
     if (given)
         return snprintf(out, size, "%s", given) < (int)size ? 0 : -ENAMETOOLONG;
-    ssize_t n = readlink("/proc/self/exe", path, sizeof path - 1);
-    if (n < 0)
-        return -errno;
-    path[n] = '\0';
-    const char *folder = dirname(path), *nodes = ANLOS_NODES_FROM_BIN;
-    snprintf(node, sizeof node, "%s/anlos-array", folder);
+    if (err)
+        return err;
+    snprintf(node, sizeof node, "%s/anlos-array", out);
     if (!access(node, F_OK))
-        return snprintf(out, size, "%s", folder) < (int)size ? 0 : -ENAMETOOLONG;
-    return snprintf(out, size, "%s/%s", folder, nodes) < (int)size ? 0 : -ENAMETOOLONG;
+        return 0;
+    size_t used = strlen(out), left = size - used;
+    return snprintf(out + used, left, "/" ANLOS_NODES_FROM_BIN) < (int)left
+               ? 0
+               : -ENAMETOOLONG;
 }
 
 int program_fill(struct program *p, const struct launcher_config *cfg, const char *node)

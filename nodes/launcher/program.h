@@ -11,6 +11,9 @@ struct program {
     char *argv[PROGRAM_MAX_ARGS]; /* borrows from path and from the launcher's words */
 };
 
+/* Where this program is.  0, -ENAMETOOLONG, other negative errno. */
+int program_own_folder(char *out, size_t size);
+
 /* Where the nodes' programs are: beside this one, as built, or else where an installation
  * has them; $ANLOS_BIN_DIR wins.  0, -ENAMETOOLONG, other negative errno. */
 int program_folder(char *out, size_t size);
