@@ -88,7 +88,8 @@ static bool config_is_valid(const struct band_transform_config *c)
 {
     return c->n_min >= 1 && c->n_min <= (1u << 26) && c->band[0] >= 0.0 &&
            c->band[1] > c->band[0] && c->band[1] <= 0.5 && c->oversampling >= 1.0 &&
-           c->oversampling <= 64.0 && c->span >= 0.0 && c->span < (double)c->n_min;
+           c->oversampling <= 64.0 && c->span >= 0.0 && c->span < (double)c->n_min &&
+           c->beyond >= 0.0 && c->beyond < (double)(1u << 26);
 }
 
 /* The next length that the loops take and lane_fft transforms. */
@@ -150,6 +151,12 @@ static void layout_choose(struct band_plan *p, const struct band_transform_confi
         }
     }
     layout_try(p, c, best);
+    if (c->beyond > 0.0) {
+        p->layout.n_output =
+            (size_t)floor((c->span + c->beyond) * p->layout.rate + 1e-6) + 1;
+        p->n_table = (p->layout.n_output + p->n_inverse - 1) / p->n_inverse *
+                     p->n_inverse;
+    }
 }
 
 static int tables_create(struct band_plan *p)

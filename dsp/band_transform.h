@@ -19,6 +19,8 @@ struct band_transform_config {
     double band[2];      /* cycles per sample, 0..0.5 */
     double oversampling; /* of the baseband, over the width of the band, >= 1 */
     double span;         /* time that is wanted back, in samples of the signal, < n_min */
+    double beyond;       /* so much more of it is wanted, which changes nothing but
+                          * n_output */
 };
 
 /* Bins are numbered [n_streams][n_bins]; some at the edges may lie outside of the band.

@@ -16,7 +16,8 @@
 #define MAX_LANES_LENGTH 32768
 
 struct pulse_compress {
-    struct trace_format format;
+    struct trace_format format, whole;
+    size_t gate; /* first sample of the whole that is one of the gate */
     size_t n_channels;
     size_t n_replica;
     size_t first, n_input;  /* samples of a ping that are used */
@@ -38,7 +39,8 @@ static bool config_is_valid(const struct pulse_compress_config *c)
     if (!(c->latency_samples >= 0.0 && c->latency_samples < 1e9) ||
         !(c->oversampling >= 1.0 && c->oversampling <= 64.0))
         return false;
-    if (!(c->gate_s[0] >= 0.0 && c->gate_s[1] > c->gate_s[0] && isfinite(c->gate_s[1])))
+    if (!(c->gate_s[0] >= 0.0 && c->gate_s[1] > c->gate_s[0] && isfinite(c->gate_s[1])) ||
+        !(c->reach_s >= 0.0 && isfinite(c->reach_s)))
         return false;
     if (c->n_replica && !c->replica)
         return false;
@@ -86,6 +88,7 @@ static int transform_create(struct pulse_compress *pc,
         .oversampling = c->oversampling,
         .span = (c->gate_s[1] - c->gate_s[0]) * fs,
     };
+    double whole_far = c->latency_samples - first + c->reach_s * fs;
     struct band_transform_layout layout;
     int err;
 
@@ -96,10 +99,15 @@ static int transform_create(struct pulse_compress *pc,
     cfg.n_min = pc->n_replica + (size_t)ceil(far) + 1;
     if (cfg.n_min < c->n_samples - (size_t)first)
         cfg.n_min += next_emission(pc, c, cfg.n_min);
+    if (c->reach_s > 0.0)
+        cfg.beyond = (c->gate_s[0] + fmax(c->reach_s - c->gate_s[1], 0.0)) * fs;
     err = band_transform_create(&pc->transform, &cfg);
     if (err)
         return err;
     band_transform_layout(pc->transform, &layout);
+    if ((double)pc->n_replica + ceil(whole_far) + 1.0 > (double)layout.length ||
+        first + whole_far > (double)c->n_samples)
+        return -ERANGE;
     pc->first = (size_t)first;
     pc->n_input = c->n_samples - pc->first;
     if (pc->n_input > layout.length)
@@ -109,8 +117,12 @@ static int transform_create(struct pulse_compress *pc,
         .t0_s = c->gate_s[0],
         .rate_hz = fs * layout.rate,
         .carrier_hz = fs * layout.carrier,
-        .n_samples = layout.n_output,
+        .n_samples = (size_t)floor(cfg.span * layout.rate + 1e-6) + 1,
     };
+    pc->gate = c->reach_s > 0.0 ? (size_t)floor(c->gate_s[0] * pc->format.rate_hz) : 0;
+    pc->whole = pc->format;
+    pc->whole.n_samples = layout.n_output;
+    pc->whole.t0_s -= (double)pc->gate / pc->format.rate_hz;
     return 0;
 }
 
@@ -182,7 +194,7 @@ static int filters_create(struct pulse_compress *pc,
     for (size_t i = 0; i < pc->n_filter && !err; i++) {
         size_t stream = i / l.n_bins, bin = i % l.n_bins;
         double f = fs * band_transform_frequency(pc->transform, stream, bin);
-        double turn = f * delay_s + (f - pc->format.carrier_hz) * pc->format.t0_s;
+        double turn = f * delay_s + (f - pc->whole.carrier_hz) * pc->whole.t0_s;
         double a = 2.0 * M_PI * (turn - floor(turn));
         double complex h = weight[i] *
                            conj(band_transform_bin(pc->transform, stream, bin));
@@ -258,6 +270,13 @@ void pulse_compress_format(const struct pulse_compress *pc, struct trace_format 
     *out = pc->format;
 }
 
+void pulse_compress_whole(const struct pulse_compress *pc, struct trace_format *out,
+                          size_t *first)
+{
+    *out = pc->whole;
+    *first = pc->gate;
+}
+
 static void channel_compress(struct pulse_compress *pc, size_t channel, const float *rx,
                              float complex *restrict y)
 {
@@ -283,7 +302,7 @@ static void group_compress(struct pulse_compress *pc, size_t channel, size_t n_c
 void pulse_compress_execute(struct pulse_compress *pc, const float *rx, size_t rx_stride,
                             float complex *restrict y)
 {
-    size_t i = 0, n = pc->format.n_samples;
+    size_t i = 0, n = pc->whole.n_samples;
 
     rx += pc->first;
     while (pc->lanes && pc->n_channels - i >= MIN_LANES) {

@@ -22,7 +22,9 @@ struct pulse_compress_config {
     double latency_samples; /* from sample 0 of a ping to the emission, fractions too */
     double band_hz[2];      /* 0, 0: the chirp's */
     enum window window;     /* over the band */
-    double gate_s[2];    /* two-way delays wanted; what lies before gate_s[0] is muted */
+    double gate_s[2]; /* two-way delays wanted; what lies before gate_s[0] is muted */
+    double reach_s; /* 0; or the traces begin at the emission, no later than the first of
+                     * the gate, and reach this far: pulse_compress_whole */
     double oversampling; /* trace rate over band width, >= 1; 2 suits interpolation */
     size_t n_channels;
     const struct microphone *const *microphones; /* [n_channels] or NULL: flat */
@@ -39,13 +41,19 @@ struct pulse_compress;
 
 /* Plans and allocates.  One instance a thread: it owns scratch; create from one thread at
  * a time (FFTW's planner).
- * 0, -EINVAL, -ERANGE (the gate lies beyond the ping), -ENOMEM. */
+ * 0, -EINVAL, -ERANGE (the gate lies beyond the ping, or reach_s beyond what the gate's
+ * transform holds), -ENOMEM. */
 int pulse_compress_create(struct pulse_compress **out,
                           const struct pulse_compress_config *cfg);
 
 void pulse_compress_format(const struct pulse_compress *pc, struct trace_format *out);
 
-/* rx: [n_channels][rx_stride >= n_samples], y: [n_channels][format.n_samples].
+/* Of all that is written.  Samples `first` and on of it, as many as of the format above,
+ * are those of the gate at the same delays; without reach_s all of it is. */
+void pulse_compress_whole(const struct pulse_compress *pc, struct trace_format *out,
+                          size_t *first);
+
+/* rx: [n_channels][rx_stride >= n_samples], y: [n_channels][whole.n_samples].
  * Finite input below 1e30 gives finite output.  An echo in the gate whose chirp the ping
  * holds whole peaks at |y| = 1 for a gain of 1, with phase 0 in the analytic signal; one
  * that is cut off by the ping's end loses that part of its band.  Linear: a background

@@ -19,6 +19,7 @@
 #include "recon/survey.h"
 #include "recon/traces.h"
 #include "recon/volume.h"
+#include "recon/walls/wall_receiver.h"
 #include "recon/walls/walls.h"
 
 /* The survey as message bytes in *out; free() it.  0, -ENOMEM, -EINVAL (does not pass
@@ -85,5 +86,21 @@ struct walls_view { /* storage for a message that borrows its walls */
 /* text: what is wrong with them, for a person. */
 void walls_to_message(const struct walls *w, const char *text, struct walls_view *view,
                       Anlos__WallList *m);
+
+struct returns_room { /* storage for either direction; {0}: empty */
+    size_t n;         /* microphones that there is room for */
+    struct wall_arrivals *at;
+    protobuf_c_boolean *heard;
+    uint32_t *arrivals;
+    double *path_m, *amplitude; /* [n][WALL_PEAKS] */
+};
+
+/* Both borrow from the room, and are good until its next use.  0, -ENOMEM; -EINVAL (from
+ * a message whose numbers do not fit each other). */
+int returns_to_message(const struct wall_returns *r, struct returns_room *room,
+                       Anlos__Echoes *m);
+int returns_from_message(struct wall_returns *r, struct returns_room *room,
+                         const Anlos__Echoes *m, int64_t capture_ns);
+void returns_room_clear(struct returns_room *room);
 
 #endif

@@ -1,5 +1,6 @@
 #include <errno.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "msgs/convert.h"
@@ -94,4 +95,118 @@ void walls_to_message(const struct walls *w, const char *text, struct walls_view
     m->text = (char *)(uintptr_t)text; /* packing only reads */
     m->n_free_view_m = 2 * w->n_corners;
     m->free_view_m = (double *)(uintptr_t)w->free_view_m;
+}
+
+/* -- what arrived of a ping -------------------------------------------------------------
+ */
+
+void returns_room_clear(struct returns_room *room)
+{
+    free(room->at);
+    free(room->heard);
+    free(room->arrivals);
+    free(room->path_m);
+    free(room->amplitude);
+    *room = (struct returns_room){.n = 0};
+}
+
+static int make_room(struct returns_room *room, size_t n)
+{
+    if (room->n >= n)
+        return 0;
+    returns_room_clear(room);
+    room->at = calloc(n, sizeof *room->at);
+    room->heard = calloc(n, sizeof *room->heard);
+    room->arrivals = calloc(n, sizeof *room->arrivals);
+    room->path_m = calloc(n, WALL_PEAKS * sizeof *room->path_m);
+    room->amplitude = calloc(n, WALL_PEAKS * sizeof *room->amplitude);
+    if (!room->at || !room->heard || !room->arrivals || !room->path_m ||
+        !room->amplitude) {
+        returns_room_clear(room);
+        return -ENOMEM;
+    }
+    room->n = n;
+    return 0;
+}
+
+int returns_to_message(const struct wall_returns *r, struct returns_room *room,
+                       Anlos__Echoes *m)
+{
+    size_t n = r->usable ? r->n_microphones : 0, total = 0;
+    int err = make_room(room, n);
+
+    if (err)
+        return err;
+    for (size_t i = 0; i < n; i++) {
+        room->heard[i] = r->at[i].heard;
+        room->arrivals[i] = r->at[i].n;
+        for (size_t k = 0; k < r->at[i].n; k++, total++) {
+            room->path_m[total] = r->at[i].peaks[k].path_m;
+            room->amplitude[total] = r->at[i].peaks[k].amplitude;
+        }
+    }
+    anlos__echoes__init(m);
+    m->survey_id = r->ping.survey_id;
+    m->scan = r->ping.scan;
+    m->pass = r->ping.pass == PASS_BACKGROUND ? ANLOS__PASS__BACKGROUND
+                                              : ANLOS__PASS__SCENE;
+    m->position = r->ping.position;
+    m->speaker = r->ping.speaker;
+    m->down = r->ping.down;
+    m->frame = r->ping.frame;
+    m->usable = r->usable;
+    m->n_heard = m->n_arrivals = n;
+    m->heard = room->heard;
+    m->arrivals = room->arrivals;
+    m->n_path_m = m->n_amplitude = total;
+    m->path_m = room->path_m;
+    m->amplitude = room->amplitude;
+    return 0;
+}
+
+static bool holds(const Anlos__Echoes *m)
+{
+    size_t total = 0;
+
+    for (size_t i = 0; i < m->n_arrivals; i++) {
+        if (m->arrivals[i] > WALL_PEAKS)
+            return false;
+        total += m->arrivals[i];
+    }
+    for (size_t k = 0; k < m->n_path_m && k < m->n_amplitude; k++)
+        if (!isfinite(m->path_m[k]) || !(m->amplitude[k] > 0.0) ||
+            !isfinite(m->amplitude[k]))
+            return false;
+    return m->n_heard == m->n_arrivals && m->n_path_m == total && m->n_amplitude == total;
+}
+
+int returns_from_message(struct wall_returns *r, struct returns_room *room,
+                         const Anlos__Echoes *m, int64_t capture_ns)
+{
+    size_t n = m->n_heard, next = 0;
+    int err = holds(m) ? make_room(room, n) : -EINVAL;
+
+    if (err)
+        return err;
+    for (size_t i = 0; i < n; i++) {
+        struct wall_arrivals *a = &room->at[i];
+        *a = (struct wall_arrivals){.heard = m->heard[i], .n = m->arrivals[i]};
+        for (size_t k = 0; k < a->n; k++, next++)
+            a->peaks[k] = (struct wall_echo_peak){m->path_m[next], m->amplitude[next]};
+    }
+    *r = (struct wall_returns){.ping = {.survey_id = m->survey_id,
+                                        .capture_ns = capture_ns,
+                                        .scan = m->scan,
+                                        .frame = m->frame,
+                                        .pass = m->pass == ANLOS__PASS__BACKGROUND
+                                                    ? PASS_BACKGROUND
+                                                    : PASS_SCENE,
+                                        .position = m->position,
+                                        .speaker = m->speaker,
+                                        .down = m->down,
+                                        .valid = m->usable},
+                               .usable = m->usable,
+                               .n_microphones = n,
+                               .at = room->at};
+    return 0;
 }

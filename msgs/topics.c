@@ -41,6 +41,7 @@ enum {
     HOST,
     WALL,
     WALL_GIVEN,
+    ECHOES,
     EGO,
     AMBIENT,
     PROGRESS,
@@ -84,6 +85,8 @@ static const struct topic topics[N_TOPICS + 1] = {
                        10, TOPIC_LATEST, 1, 16 * KB, {"wall"}},
     [WALL_GIVEN]    = {"wall/given", &anlos__wall_list__descriptor,
                        10, TOPIC_LATEST, 1, 16 * KB, {"can", "vehicle"}},
+    [ECHOES]        = {"echoes", &anlos__echoes__descriptor,
+                       0, TOPIC_ALL, 256, 256 * KB, {"dsp"}},
     [EGO]           = {"ego", &anlos__ego_motion__descriptor,
                        50, TOPIC_ALL, 256, 4 * KB, {"can", "vehicle"}},
     [AMBIENT]       = {"ambient", &anlos__ambient__descriptor,
@@ -215,6 +218,11 @@ const struct topic *topic_wall(void)
 const struct topic *topic_wall_given(void)
 {
     return &topics[WALL_GIVEN];
+}
+
+const struct topic *topic_echoes(void)
+{
+    return &topics[ECHOES];
 }
 
 const struct topic *topic_ego(void)

@@ -53,6 +53,7 @@ const struct topic *topic_clock(void);
 const struct topic *topic_host(void); /* of launchers of a system on several machines */
 const struct topic *topic_wall(void);
 const struct topic *topic_wall_given(void);
+const struct topic *topic_echoes(void);
 const struct topic *topic_ego(void);
 const struct topic *topic_ambient(void);
 const struct topic *topic_progress(void); /* in a replay only */

@@ -48,6 +48,9 @@ int pipeline_create(struct pipeline **out, const struct pipeline_config *cfg)
     p->cfg = *cfg;
     p->cfg.array.window = p->cfg.scan.window = cfg->frontend.window;
     p->cfg.array.compression = p->cfg.scan.compression = cfg->frontend.compression;
+    p->cfg.frontend.hears_walls = cfg->finds_walls &&
+                                  cfg->walls.map.from == WALL_FROM_ECHOES;
+    p->cfg.frontend.wall_reach_m = cfg->walls.listener.reach_m;
     int err = frontend_create(&p->frontend, &p->cfg.frontend);
     if (!err)
         err = cfg->is_static ? static_array_create(&p->array, &p->cfg.array)
@@ -260,8 +263,8 @@ int pipeline_ping(struct pipeline *p, const struct ping *ping, int64_t now_ns,
 
     *out = (struct pipeline_output){.front = NULL};
     int err = image_ping(p, ping, now_ns, out, why);
-    if (p->finder)
-        wall_finder_ping(p->finder, ping, now_ns);
+    if (p->finder && p->front.has_returns)
+        wall_finder_returns(p->finder, &p->front.returns, now_ns);
     if (find_walls(p, now_ns, &late) && !out->note[0])
         snprintf(out->note, sizeof out->note, "%.*s", (int)sizeof out->note - 1,
                  late.text);

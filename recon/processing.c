@@ -208,6 +208,7 @@ static void configure(struct pulse_compress_config *cfg, const struct processing
     memcpy(cfg->band_hz, p->band_hz, sizeof cfg->band_hz);
     cfg->window = window;
     memcpy(cfg->gate_s, p->gate_s, sizeof cfg->gate_s);
+    cfg->reach_s = p->reach_s;
     cfg->oversampling = TRACE_OVERSAMPLING;
     cfg->n_replica = s->n_replica;
     cfg->replica = s->replica;

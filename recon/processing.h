@@ -14,6 +14,7 @@ struct processing {
     double band_hz[2];
     double gate_m[2]; /* as asked for, or the default */
     double gate_s[2]; /* delays that the grid needs, inside the gate */
+    double reach_s;   /* 0; else a compressor gives more (dsp/pulse_compress.h) */
     struct grid grid;
     size_t ping_samples; /* slot and tail, with the next emission whole */
     size_t echo_samples; /* what echoes alone need; at most ping_samples */

@@ -9,6 +9,7 @@
 struct dsp {
     struct frontend *frontend;
     struct tensor_view view;
+    struct returns_room returns;
     protobuf_c_boolean *masked; /* [n_microphones] of the survey */
 };
 
@@ -92,11 +93,14 @@ void dsp_ping(struct dsp *d, const Anlos__Ping *message, int64_t capture_ns,
     *out = (struct dsp_output){0};
     anlos__traces__init(&out->traces);
     anlos__receipt__init(&out->receipt);
+    anlos__echoes__init(&out->echoes);
     ping_from_message(&ping, message, capture_ns);
     frontend_ping(d->frontend, &ping, &front);
     memcpy(out->note, front.note, sizeof out->note);
     out->faults = front.faults;
     acknowledge(message, front.outcome, out);
+    out->has_echoes = front.has_returns &&
+                      !returns_to_message(&front.returns, &d->returns, &out->echoes);
     out->has_traces = front.outcome == FRONTEND_TRACES;
     if (out->has_traces)
         traces_to_message(&front.traces, d->masked, &d->view, &out->traces);
@@ -112,6 +116,7 @@ void dsp_destroy(struct dsp *d)
     if (!d)
         return;
     frontend_destroy(d->frontend);
+    returns_room_clear(&d->returns);
     free(d->masked);
     free(d);
 }

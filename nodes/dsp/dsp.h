@@ -14,11 +14,13 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
+#include "msgs/wall.pb-c.h"
 #include "recon/frontend/frontend.h"
 
 struct dsp_output { /* what to publish; borrows from the dsp until the next ping */
-    bool has_traces, has_receipt;
+    bool has_traces, has_receipt, has_echoes;
     Anlos__Traces traces;
+    Anlos__Echoes echoes; /* for node wall, where that hears walls */
     Anlos__Receipt receipt;
     char note[256]; /* for the log; empty: nothing new */
     struct frontend_faults faults;

@@ -1,5 +1,5 @@
 /* nodes/dsp/main.c: "survey", "ping", "ego", "ambient" -> pulse compression -> "traces",
- * "receipt" */
+ * "receipt"; where walls are from echoes, "echoes" */
 #include <errno.h>
 
 #include "msgs/topics.h"
@@ -89,6 +89,8 @@ static void take_ping(struct run *r, const struct node_message *in)
     r->blanked += out.has_traces && out.traces.blanked;
     if (out.has_traces)
         node_publish(node, topic_traces(), in->capture_ns, &out.traces.base);
+    if (out.has_echoes)
+        node_publish(node, topic_echoes(), in->capture_ns, &out.echoes.base);
     if (out.has_traces)
         show_air(node, dsp_air(dsp));
     if (out.has_receipt)

@@ -78,6 +78,8 @@ void launchfile_pipeline(struct pipeline_config *out, const struct launchfile *l
         out->finds_walls = launchfile_has_node(l, "wall");
         walls(&out->walls, l);
         track(&out->tracker, &l->track, l->wall.lost_s);
+        out->frontend.hears_walls = out->finds_walls && l->wall.from == WALL_FROM_ECHOES;
+        out->frontend.wall_reach_m = l->wall.reach_m;
     }
     share(out, l ? l->recon.threads : 0);
 }

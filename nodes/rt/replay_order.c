@@ -10,9 +10,9 @@
 bool replay_order_has(const struct topic *t)
 {
     return t == topic_survey() || t == topic_stage_state() || t == topic_ping() ||
-           t == topic_traces() || t == topic_volume() || t == topic_detections() ||
-           t == topic_scan_status() || t == topic_wall() || t == topic_wall_given() ||
-           t == topic_ego() || t == topic_ambient();
+           t == topic_traces() || t == topic_echoes() || t == topic_volume() ||
+           t == topic_detections() || t == topic_scan_status() || t == topic_wall() ||
+           t == topic_wall_given() || t == topic_ego() || t == topic_ambient();
 }
 
 static bool is_heard(const struct replay_order *o, const struct topic *t)
@@ -207,8 +207,8 @@ static int64_t complete_ns(struct replay_order *o)
 static int rank(const struct topic *t)
 {
     return t == topic_wall() ? 2
-           : t == topic_ping() || t == topic_traces() || t == topic_volume() ||
-                   t == topic_detections()
+           : t == topic_ping() || t == topic_traces() || t == topic_echoes() ||
+                   t == topic_volume() || t == topic_detections()
                ? 1
                : 0;
 }

@@ -7,6 +7,7 @@
 
 struct finding {
     struct wall_finder *finder;
+    struct returns_room room;
     struct walls_view view;
     Anlos__WallList list; /* the newest; borrows from both */
 };
@@ -46,13 +47,14 @@ void finding_ego(struct finding *f, const Anlos__EgoMotion *m, int64_t capture_n
     wall_finder_ego(f->finder, ego_from_message(&motion, m), capture_ns);
 }
 
-bool finding_ping(struct finding *f, const Anlos__Ping *m, int64_t capture_ns,
-                  int64_t now_ns)
+bool finding_echoes(struct finding *f, const Anlos__Echoes *m, int64_t capture_ns,
+                    int64_t now_ns)
 {
-    struct ping ping;
+    struct wall_returns returns;
 
-    ping_from_message(&ping, m, capture_ns);
-    return wall_finder_ping(f->finder, &ping, now_ns);
+    if (returns_from_message(&returns, &f->room, m, capture_ns))
+        returns = (struct wall_returns){.ping = {.capture_ns = capture_ns}};
+    return wall_finder_returns(f->finder, &returns, now_ns);
 }
 
 int finding_given(struct finding *f, const Anlos__WallList *m, int64_t capture_ns,
@@ -92,5 +94,6 @@ void finding_destroy(struct finding *f)
     if (!f)
         return;
     wall_finder_destroy(f->finder);
+    returns_room_clear(&f->room);
     free(f);
 }

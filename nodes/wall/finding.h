@@ -4,7 +4,6 @@
 #ifndef ANLOS_NODES_WALL_FINDING_H
 #define ANLOS_NODES_WALL_FINDING_H
 
-#include "msgs/array.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
@@ -19,9 +18,9 @@ int finding_create(struct finding **out, const struct wall_finder_config *cfg);
 int finding_survey(struct finding *f, const Anlos__Survey *m, struct error *why);
 void finding_ego(struct finding *f, const Anlos__EgoMotion *m, int64_t capture_ns);
 
-/* As wall_finder_ping. */
-bool finding_ping(struct finding *f, const Anlos__Ping *m, int64_t capture_ns,
-                  int64_t now_ns);
+/* As wall_finder_returns.  What does not hold counts as a ping that cannot be used. */
+bool finding_echoes(struct finding *f, const Anlos__Echoes *m, int64_t capture_ns,
+                    int64_t now_ns);
 
 /* 0, or -EINVAL with an error. */
 int finding_given(struct finding *f, const Anlos__WallList *m, int64_t capture_ns,

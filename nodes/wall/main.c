@@ -1,4 +1,4 @@
-/* nodes/wall/main.c: "survey", "ping" or "wall/given", "ego" -> the walls -> "wall" */
+/* nodes/wall/main.c: "survey", "echoes" or "wall/given", "ego" -> the walls -> "wall" */
 #include <errno.h>
 
 #include "msgs/topics.h"
@@ -45,12 +45,10 @@ static int take_survey(struct run *r, const Anlos__Survey *m)
     return err;
 }
 
-static void take_ping(struct run *r, const struct node_message *in)
+static void take_echoes(struct run *r, const struct node_message *in)
 {
-    if (r->from != WALL_FROM_ECHOES) /* of a replay: only the time that it is */
-        return;
-    if (!finding_ping(r->finding, (const Anlos__Ping *)in->content, in->capture_ns,
-                      node_now_ns(r->node)))
+    if (!finding_echoes(r->finding, (const Anlos__Echoes *)in->content, in->capture_ns,
+                        node_now_ns(r->node)))
         r->dropped.n++;
     size_t unusable = wall_finder_unusable(finding_finder(r->finding));
     if (unusable != r->unusable)
@@ -92,7 +90,9 @@ static int subscribe(struct run *r)
 
     if (!err)
         err = node_subscribe(r->node, topic_ego());
-    if (!err && (r->from == WALL_FROM_ECHOES || node_is_replayed(r->node)))
+    if (!err && r->from == WALL_FROM_ECHOES)
+        err = node_subscribe(r->node, topic_echoes());
+    else if (!err && node_is_replayed(r->node)) /* only for the time that it is */
         err = node_subscribe(r->node, topic_ping());
     if (!err && r->from == WALL_FROM_TOPIC)
         err = node_subscribe(r->node, topic_wall_given());
@@ -106,6 +106,10 @@ static int run(struct run *r)
 
     node_device(r->node, counts, r);
     node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
+    if (r->from == WALL_FROM_ECHOES && !launchfile_has_node(node_launch(r->node), "dsp"))
+        node_log(r->node, LOG_LEVEL_WARNING,
+                 "node dsp hears the echoes of walls, and the launch file has none: none "
+                 "will be found; add it to nodes, or name the walls in the survey");
     while (!err) {
         in.topic = NULL;
         err = node_next(r->node, &in, 100);
@@ -115,9 +119,9 @@ static int run(struct run *r)
             err = take_survey(r, (const Anlos__Survey *)in.content);
         else if (!err && in.topic == topic_ego())
             finding_ego(r->finding, (const Anlos__EgoMotion *)in.content, in.capture_ns);
-        else if (!err && in.topic == topic_ping())
-            take_ping(r, &in);
-        else if (!err)
+        else if (!err && in.topic == topic_echoes())
+            take_echoes(r, &in);
+        else if (!err && in.topic == topic_wall_given())
             take_given(r, &in);
         if (!err && may_publish(r, in.topic))
             publish(r);

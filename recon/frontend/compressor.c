@@ -104,6 +104,15 @@ void compressor_format(const struct compressor *c, struct trace_format *out)
         pulse_compress_format(c->matched[0], out);
 }
 
+void compressor_whole(const struct compressor *c, struct trace_format *out, size_t *first)
+{
+    *first = 0;
+    if (c->deramp[0])
+        deramp_format(c->deramp[0], out);
+    else
+        pulse_compress_whole(c->matched[0], out, first);
+}
+
 void compressor_execute_either(struct compressor *c, bool down, const float *rx,
                                size_t rx_stride, float complex *restrict y)
 {

@@ -29,7 +29,11 @@ int compressor_create(struct compressor **out, const struct processing *p,
                       enum window window, struct error *why);
 void compressor_format(const struct compressor *c, struct trace_format *out);
 
-/* rx: [n_microphones][rx_stride >= ping_samples], y: [n_microphones][format.n_samples].
+/* What is written with reach_s, and where in it the format above begins. */
+void compressor_whole(const struct compressor *c, struct trace_format *out,
+                      size_t *first);
+
+/* rx: [n_microphones][rx_stride >= ping_samples], y: [n_microphones][whole.n_samples].
  * One instance a thread. */
 void compressor_execute(struct compressor *c, const float *rx, size_t rx_stride,
                         float complex *restrict y);

@@ -28,7 +28,10 @@ struct frontend {
     uint64_t survey_id; /* 0: no survey yet */
     struct processing processing;
     struct compressor *compressor;
-    struct trace_format format;
+    struct trace_format format, whole_format; /* of the gate; of all that is compressed */
+    size_t gate;      /* first sample of the whole that is the gate's */
+    bool hears_walls; /* of this survey */
+    struct wall_receiver receiver;
     struct recorded_background *recorded;
     struct mean_background *mean; /* of a static array */
     struct blanker *blanker;
@@ -38,6 +41,8 @@ struct frontend {
     bool *masked;                /* [n_microphones]: unfit, or its background was */
     float *padded;               /* [n_microphones][ping_samples] */
     float complex *traces;       /* [n_microphones][format.n_samples] */
+    float complex *whole;        /* [n_microphones][whole_format.n_samples]; NULL: */
+                                 /* the same */
 };
 
 int frontend_create(struct frontend **out, const struct frontend_config *cfg)
@@ -61,11 +66,13 @@ void frontend_forget(struct frontend *f)
     recorded_background_destroy(f->recorded);
     mean_background_destroy(f->mean);
     blanker_destroy(f->blanker);
+    wall_receiver_clear(&f->receiver);
     channel_check_destroy(f->check);
     free(f->noticed);
     free(f->masked);
     free(f->padded);
     free(f->traces);
+    free(f->whole);
     survey_clear(&f->survey);
     *f = (struct frontend){.cfg = f->cfg,
                            .ego_heard = f->ego_heard,
@@ -95,7 +102,10 @@ static int allocate(struct frontend *f)
     f->masked = calloc(n_mics, sizeof *f->masked);
     f->padded = calloc(n_mics * f->processing.ping_samples, sizeof *f->padded);
     f->traces = calloc(n_mics * f->format.n_samples, sizeof *f->traces);
-    if (!f->noticed || !f->masked || !f->padded || !f->traces)
+    if (f->whole_format.n_samples != f->format.n_samples)
+        f->whole = calloc(n_mics * f->whole_format.n_samples, sizeof *f->whole);
+    if (!f->noticed || !f->masked || !f->padded || !f->traces ||
+        (f->whole_format.n_samples != f->format.n_samples && !f->whole))
         return -ENOMEM;
     int err = channel_check_create(&f->check, n_mics, 1);
     if (!err)
@@ -109,6 +119,42 @@ static int allocate(struct frontend *f)
     return err;
 }
 
+static int create_compressor(struct frontend *f, struct error *why)
+{
+    return compressor_create(&f->compressor, &f->processing, &f->survey,
+                             f->cfg.compression, f->cfg.window, why);
+}
+
+/* What is compressed for the image goes from the emission on for the walls, where that is
+ * what these need and the transform holds it; else they have a compressor of their own.
+ * Who finds the walls says when an array cannot hear any. */
+static int plan_compression(struct frontend *f, struct error *why)
+{
+    struct error none;
+    double until_s;
+    bool alone, matched = f->cfg.compression == COMPRESSION_MATCHED_FILTER &&
+                          f->cfg.window == WINDOW_HANN && !survey_overlaps(&f->survey);
+
+    f->hears_walls =
+        f->cfg.hears_walls && !f->survey.pings_m &&
+        !wall_receiver_reach(&f->survey, f->cfg.wall_reach_m, &until_s, &alone, &none);
+    if (f->hears_walls && matched && alone)
+        f->processing.reach_s = until_s;
+    int err = f->processing.reach_s > 0.0 ? create_compressor(f, &none) : -ERANGE;
+    if (err == -ERANGE) {
+        f->processing.reach_s = 0.0;
+        err = create_compressor(f, why);
+    }
+    if (err)
+        return err;
+    compressor_format(f->compressor, &f->format);
+    compressor_whole(f->compressor, &f->whole_format, &f->gate);
+    if (!f->hears_walls)
+        return 0;
+    return wall_receiver_open(&f->receiver, &f->survey, f->cfg.wall_reach_m,
+                              f->processing.reach_s > 0.0 ? &f->whole_format : NULL, why);
+}
+
 int frontend_survey(struct frontend *f, const struct survey *survey, struct error *why)
 {
     frontend_forget(f);
@@ -118,10 +164,8 @@ int frontend_survey(struct frontend *f, const struct survey *survey, struct erro
     else
         err = processing_plan(&f->processing, &f->survey, why);
     if (!err)
-        err = compressor_create(&f->compressor, &f->processing, &f->survey,
-                                f->cfg.compression, f->cfg.window, why);
+        err = plan_compression(f, why);
     if (!err) {
-        compressor_format(f->compressor, &f->format);
         err = allocate(f);
         if (err)
             error_say(why, err, "background: %s", strerror(-err));
@@ -251,8 +295,19 @@ static void compress(struct frontend *f, const struct ping *ping)
         x = f->padded;
         n = need;
     }
-    compressor_execute_either(f->compressor, ping->down, x, n, f->traces);
-    silence_masked(f);
+    compressor_execute_either(f->compressor, ping->down, x, n,
+                              f->whole ? f->whole : f->traces);
+    for (size_t m = 0; f->whole && m < f->survey.n_microphones; m++)
+        memcpy(f->traces + m * f->format.n_samples,
+               f->whole + m * f->whole_format.n_samples + f->gate,
+               f->format.n_samples * sizeof *f->traces);
+}
+
+static const float complex *whole_of(const struct frontend *f)
+{
+    if (!(f->processing.reach_s > 0.0))
+        return NULL;
+    return f->whole ? f->whole : f->traces;
 }
 
 /* -- background -------------------------------------------------------------------------
@@ -366,14 +421,22 @@ void frontend_ping(struct frontend *f, const struct ping *ping,
                    struct frontend_output *out)
 {
     *out = (struct frontend_output){.outcome = FRONTEND_REFUSED};
-    if (!fits(f, ping, out) || !ping->valid)
+    bool usable = fits(f, ping, out) && ping->valid;
+    bool lacks = usable && lacks_background(f, ping, out);
+    if (usable && (!lacks || whole_of(f)))
+        compress(f, ping);
+    out->has_returns = f->hears_walls;
+    if (f->hears_walls)
+        wall_receiver_take(&f->receiver, ping, usable ? whole_of(f) : NULL,
+                           &out->returns);
+    if (!usable)
         return;
-    if (lacks_background(f, ping, out)) {
+    if (lacks) {
         out->outcome = FRONTEND_LACKS_BACKGROUND;
         return;
     }
     uint64_t clipped = judge_microphones(f, ping, out);
-    compress(f, ping);
+    silence_masked(f);
     if (ping->pass == PASS_BACKGROUND) {
         keep_background(f, ping);
         out->outcome = FRONTEND_KEPT;

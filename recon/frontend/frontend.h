@@ -12,6 +12,10 @@
  * microphones masked, and neither it nor the one before, which may hold its beginning,
  * counts into the mean.
  *
+ * Where walls are heard, the same pulse compression gives what arrived from the emission
+ * on, before anything is subtracted (recon/walls/wall_receiver.h), also of background
+ * pings.
+ *
  * No function but create and survey allocates.  One thread at a time. */
 #ifndef ANLOS_RECON_FRONTEND_FRONTEND_H
 #define ANLOS_RECON_FRONTEND_FRONTEND_H
@@ -26,6 +30,7 @@
 #include "recon/ping.h"
 #include "recon/survey.h"
 #include "recon/traces.h"
+#include "recon/walls/wall_receiver.h"
 
 enum background_mode {
     BACKGROUND_NONE,
@@ -38,6 +43,8 @@ struct frontend_config {
     enum compression compression;
     enum background_mode background;
     double background_s; /* time constant of an adaptive one */
+    bool hears_walls;    /* up to wall_reach_m away: what arrived of each ping */
+    double wall_reach_m;
 };
 
 struct frontend_faults { /* of how many microphones, so many are: */
@@ -54,6 +61,8 @@ enum frontend_outcome {
 
 struct frontend_output { /* borrows from the front end until the next ping */
     enum frontend_outcome outcome;
+    bool has_returns; /* whatever the outcome; walls are looked for in them */
+    struct wall_returns returns;
     struct traces traces;
     char note[256]; /* for the log; empty: nothing new */
     struct frontend_faults faults;

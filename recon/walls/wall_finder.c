@@ -12,6 +12,7 @@ struct wall_finder {
     struct wall_finder_config cfg;
     struct wall_map map;
     struct wall_listener *listener; /* of walls from echoes, once the survey is known */
+    struct wall_receiver receiver;  /* where pings come; else not open */
     struct survey survey;
     uint64_t survey_id;   /* 0: there is none */
     int64_t published_ns; /* stamp of the newest list */
@@ -56,6 +57,7 @@ int wall_finder_survey(struct wall_finder *f, const struct survey *survey,
         return error_say(why, err, "survey: %s", strerror(-err));
     wall_listener_destroy(f->listener);
     f->listener = NULL;
+    wall_receiver_clear(&f->receiver);
     survey_clear(&f->survey);
     f->survey = fresh;
     wall_map_survey(&f->map, &f->survey);
@@ -76,8 +78,10 @@ void wall_finder_ego(struct wall_finder *f, const struct ego_motion *motion,
     wall_map_ego(&f->map, motion, capture_ns);
 }
 
-bool wall_finder_ping(struct wall_finder *f, const struct ping *ping, int64_t now_ns)
+bool wall_finder_returns(struct wall_finder *f, const struct wall_returns *returns,
+                         int64_t now_ns)
 {
+    const struct ping *ping = &returns->ping;
     struct wall_estimates heard;
     bool blind = false;
 
@@ -88,10 +92,24 @@ bool wall_finder_ping(struct wall_finder *f, const struct ping *ping, int64_t no
     f->heard_ns = now_ns;
     f->ping_ns = ping->capture_ns;
     wall_map_advance(&f->map, ping->capture_ns);
-    if (wall_listener_ping(f->listener, ping, wall_map_path(&f->map), &heard, &blind) &&
+    if (wall_listener_take(f->listener, returns, wall_map_path(&f->map), &heard,
+                           &blind) &&
         !blind)
         wall_map_estimates(&f->map, &heard);
     return true;
+}
+
+bool wall_finder_ping(struct wall_finder *f, const struct ping *ping, int64_t now_ns)
+{
+    struct wall_returns returns = {.ping = *ping};
+    struct error why;
+
+    if (f->listener && !f->receiver.survey &&
+        wall_receiver_open(&f->receiver, &f->survey, f->cfg.listener.reach_m, NULL, &why))
+        wall_receiver_clear(&f->receiver);
+    if (f->receiver.survey)
+        wall_receiver_take(&f->receiver, ping, NULL, &returns);
+    return wall_finder_returns(f, &returns, now_ns);
 }
 
 int wall_finder_given(struct wall_finder *f, const struct walls *given,
@@ -131,6 +149,7 @@ void wall_finder_destroy(struct wall_finder *f)
     if (!f)
         return;
     wall_listener_destroy(f->listener);
+    wall_receiver_clear(&f->receiver);
     survey_clear(&f->survey);
     free(f);
 }

@@ -35,8 +35,13 @@ uint64_t wall_finder_survey_id(const struct wall_finder *f);
 void wall_finder_ego(struct wall_finder *f, const struct ego_motion *motion,
                      int64_t capture_ns);
 
-/* now_ns: when it came in.  false: nothing is heard before a survey, or where walls are
- * not from echoes. */
+/* What arrived of a ping; now_ns: when it came in.  false: nothing is heard before a
+ * survey, or where walls are not from echoes. */
+bool wall_finder_returns(struct wall_finder *f, const struct wall_returns *returns,
+                         int64_t now_ns);
+
+/* The same of a ping, where no front end stands beside it: it compresses each itself,
+ * planned for at the first. */
 bool wall_finder_ping(struct wall_finder *f, const struct ping *ping, int64_t now_ns);
 
 /* What the vehicle says of them, as wall_map_given has it. */

@@ -6,15 +6,9 @@
 #include <string.h>
 
 #include "recon/vehicle_frame.h"
-#include "recon/walls/wall_receiver.h"
 
-#define PEAKS 6 /* of a trace */
-#define CLEARANCE_M                                                                      \
-    0.15 /* of a path, behind the direct sound's: its sidelobes, the stand */
-#define THRESHOLD_DB 15.0 /* above the noise of the trace */
-#define RANGE_DB     20.0 /* below its strongest echo */
-#define PAIRS_MOST   2048 /* of a scan: more places are ignored */
-#define GROUND_M     0.05 /* a mount lower than this does not say where the ground is */
+#define PAIRS_MOST 2048 /* of a scan: more places are ignored */
+#define GROUND_M   0.05 /* a mount lower than this does not say where the ground is */
 
 struct heard {     /* a ping's echoes, as it stood */
     int64_t at_ns; /* the middle of its emission */
@@ -24,7 +18,8 @@ struct heard {     /* a ping's echoes, as it stood */
 struct wall_listener {
     struct wall_listener_config cfg;
     const struct survey *survey;
-    struct wall_receiver receiver;
+    uint64_t survey_id;
+    double lag_s[2]; /* wall_echo_lag_s of chirps up, down */
     struct wall_estimate_config estimate;
     size_t stride; /* of positions */
 
@@ -64,11 +59,25 @@ static int allocate(struct wall_listener *l)
     l->stride = whole < positions ? whole : positions - (positions > 1);
     positions = (positions + l->stride - 1) / l->stride;
     l->room_pings = positions * s->n_speakers;
-    l->room_echoes = positions * pairs * PEAKS;
+    l->room_echoes = positions * pairs * WALL_PEAKS;
     l->pings = calloc(l->room_pings, sizeof *l->pings);
     l->echoes = calloc(l->room_echoes, sizeof *l->echoes);
     l->moved = calloc(l->room_echoes, sizeof *l->moved);
     return l->pings && l->echoes && l->moved ? 0 : -ENOMEM;
+}
+
+/* 0 of a replica that is no chirp. */
+static void know_lags(struct wall_listener *l)
+{
+    struct survey turned = *l->survey; /* borrows */
+    for (int down = 0; down < 2 && !turned.n_replica; down++) {
+        turned.chirp_start_hz = down ? l->survey->chirp_stop_hz
+                                     : l->survey->chirp_start_hz;
+        turned.chirp_stop_hz = down ? l->survey->chirp_start_hz
+                                    : l->survey->chirp_stop_hz;
+        const struct chirp chirp = processing_chirp(&turned);
+        l->lag_s[down] = wall_echo_lag_s(&chirp);
+    }
 }
 
 int wall_listener_create(struct wall_listener **out,
@@ -79,30 +88,32 @@ int wall_listener_create(struct wall_listener **out,
         return error_say(why, -EINVAL,
                          "wall: pings with places of their own tell no walls; use "
                          "from: survey");
+    double until_s;
+    bool alone;
+    int err = wall_receiver_reach(s, cfg->reach_m, &until_s, &alone, why);
+    if (err)
+        return err;
     struct wall_listener *l = calloc(1, sizeof *l);
     if (!l)
         return error_say(why, -ENOMEM, "not enough memory to look for walls");
     l->cfg = *cfg;
     l->survey = s;
-    int err = wall_receiver_open(&l->receiver, s, cfg->reach_m, CLEARANCE_M, why);
-    if (!err) {
-        configure_estimate(l);
-        err = allocate(l);
-        if (err)
-            error_say(why, err, "not enough memory to look for walls");
-    }
-    if (err)
+    l->survey_id = survey_id(s);
+    configure_estimate(l);
+    know_lags(l);
+    err = allocate(l);
+    if (err) {
         wall_listener_destroy(l);
-    else
-        *out = l;
-    return err;
+        return error_say(why, err, "not enough memory to look for walls");
+    }
+    *out = l;
+    return 0;
 }
 
 void wall_listener_destroy(struct wall_listener *l)
 {
     if (!l)
         return;
-    wall_receiver_clear(&l->receiver);
     free(l->pings);
     free(l->echoes);
     free(l->moved);
@@ -120,58 +131,50 @@ static void forget(struct wall_listener *l)
 }
 
 /* The echoes of one microphone; a silent one does not count as a pair. */
-static void pick(struct wall_listener *l, const struct ping *ping, size_t microphone)
+static void add(struct wall_listener *l, const struct ping *ping, size_t microphone,
+                const struct wall_arrivals *arrived)
 {
-    struct wall_echo_peak peaks[PEAKS];
     struct wall_echo e = {.pair = (uint32_t)l->n_pairs,
                           .speaker = ping->speaker,
                           .microphone = (uint32_t)microphone,
                           .place = ping->position,
-                          .lag_s = l->receiver.lag_s[ping->down ? 1 : 0]};
+                          .lag_s = l->lag_s[ping->down ? 1 : 0]};
     struct geometry g;
     processing_geometry(&g, l->survey);
     geometry_speaker(&g, ping->position, ping->speaker, e.speaker_m);
     geometry_microphone(&g, ping->position, microphone, e.microphone_m);
-    double direct_m = geometry_distance(e.speaker_m, e.microphone_m);
-    const double path_m[2] = {direct_m + CLEARANCE_M,
-                              fmin(2.0 * l->cfg.reach_m + direct_m,
-                                   l->receiver.until_s * l->survey->sound_speed_m_s)};
-    size_t n =
-        wall_echo_peaks(&l->receiver.format,
-                        l->receiver.traces + microphone * l->receiver.format.n_samples,
-                        g.sound_speed_m_s, path_m, THRESHOLD_DB, RANGE_DB, peaks, PEAKS);
     double loudest = 0.0;
-    for (size_t k = 0; k < n; k++)
-        loudest = fmax(loudest, peaks[k].amplitude);
+    for (size_t k = 0; k < arrived->n; k++)
+        loudest = fmax(loudest, arrived->peaks[k].amplitude);
     l->n_pairs++;
-    for (size_t k = 0; k < n && l->n_echoes < l->room_echoes; k++) {
-        e.path_m = peaks[k].path_m;
-        e.weight = peaks[k].amplitude / loudest;
+    for (size_t k = 0; k < arrived->n && l->n_echoes < l->room_echoes; k++) {
+        e.path_m = arrived->peaks[k].path_m;
+        e.weight = arrived->peaks[k].amplitude / loudest;
         l->echoes[l->n_echoes++] = e;
     }
 }
 
-static bool is_silent(const float complex *trace, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        if (crealf(trace[i]) != 0.0f || cimagf(trace[i]) != 0.0f)
-            return false;
-    return true;
-}
-
-static void hear(struct wall_listener *l, const struct ping *ping)
+static void hear(struct wall_listener *l, const struct wall_returns *returns)
 {
     const struct survey *s = l->survey;
     double middle_s = s->latency_samples / s->sample_rate_hz + 0.5 * s->chirp_duration_s;
     struct heard *h = &l->pings[l->n_pings++];
-    *h = (struct heard){.at_ns = ping->capture_ns + (int64_t)(1e9 * middle_s),
+    *h = (struct heard){.at_ns = returns->ping.capture_ns + (int64_t)(1e9 * middle_s),
                         .first = l->n_echoes};
     for (size_t m = 0; m < s->n_microphones; m++)
-        if (!ping->not_finite[m] &&
-            !is_silent(l->receiver.traces + m * l->receiver.format.n_samples,
-                       l->receiver.format.n_samples))
-            pick(l, ping, m);
+        if (returns->at[m].heard)
+            add(l, &returns->ping, m, &returns->at[m]);
     h->n = l->n_echoes - h->first;
+}
+
+/* What came over the bus may be of another array. */
+static bool is_usable(const struct wall_listener *l, const struct wall_returns *returns)
+{
+    const struct survey *s = l->survey;
+    return returns->usable && returns->ping.survey_id == l->survey_id &&
+           returns->n_microphones == s->n_microphones &&
+           returns->ping.position < s->n_positions &&
+           returns->ping.speaker < s->n_speakers;
 }
 
 /* An echo of an array that stood at r p + t and moved at v there. */
@@ -246,17 +249,18 @@ static void begin(struct wall_listener *l, const struct ping *ping)
     }
 }
 
-bool wall_listener_ping(struct wall_listener *l, const struct ping *ping,
+bool wall_listener_take(struct wall_listener *l, const struct wall_returns *returns,
                         const struct ego_path *path, struct wall_estimates *out,
                         bool *blind)
 {
+    const struct ping *ping = &returns->ping;
     int64_t capture_ns = ping->capture_ns;
     bool is_scan = l->survey->n_positions > 1;
     begin(l, ping);
     if (!l->looking || ping->position % l->stride || l->n_pings == l->room_pings)
         return false;
-    if (wall_receiver_take(&l->receiver, ping))
-        hear(l, ping);
+    if (is_usable(l, returns))
+        hear(l, returns);
     else
         l->unusable++;
     if (++l->n_here < l->survey->n_speakers)

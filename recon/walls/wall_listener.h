@@ -1,7 +1,5 @@
-/* recon/walls/wall_listener.h -- the array's own first returns: pings to estimates of the
- * walls around it.  It compresses the pings itself, without subtracting any background
- * and from the direct sound on: the traces that the image is made of begin behind the
- * wall.
+/* recon/walls/wall_listener.h -- the array's own first returns: what arrived of each ping
+ * (recon/walls/wall_receiver.h) to estimates of the walls around it.
  *
  * Of a fixed array each look is one round of its speakers, carried to the place of the
  * newest by the vehicle's motion; of a scan it grows by every stage position. */
@@ -17,6 +15,7 @@
 #include "recon/ping.h"
 #include "recon/survey.h"
 #include "recon/walls/wall_estimate.h"
+#include "recon/walls/wall_receiver.h"
 
 struct wall_listener_config {
     bool vertical;       /* the prior: walls are upright */
@@ -32,11 +31,11 @@ int wall_listener_create(struct wall_listener **out,
                          const struct wall_listener_config *cfg, const struct survey *s,
                          struct error *why);
 
-/* Takes a ping of that survey.  true: it ended a look, and *out is what was heard, in the
- * array's frame at the ping's capture stamp; then *blind says that the vehicle moved and
- * nobody knows how.  NULL path: the array stands.  A ping that cannot be used is left out
- * and counted. */
-bool wall_listener_ping(struct wall_listener *l, const struct ping *ping,
+/* Takes what arrived of a ping of that survey.  true: it ended a look, and *out is what
+ * was heard, in the array's frame at the ping's capture stamp; then *blind says that the
+ * vehicle moved and nobody knows how.  NULL path: the array stands.  A ping that cannot
+ * be used is left out and counted. */
+bool wall_listener_take(struct wall_listener *l, const struct wall_returns *returns,
                         const struct ego_path *path, struct wall_estimates *out,
                         bool *blind);
 

@@ -5,8 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/walls/wall_echo.h"
-
+#define CLEARANCE_M                                                                      \
+    0.15 /* of a path, behind the direct sound's: its sidelobes, the stand */
+#define THRESHOLD_DB   15.0 /* above the noise of the trace */
+#define RANGE_DB       20.0 /* below its strongest echo */
 #define BEFORE_S       5e-4 /* of the next emission: its sidelobes */
 #define LEAD           6.0  /* over the band: sidelobes of direct sound before it */
 #define MARGIN_SAMPLES 4.0  /* of a gate: what is rounded to whole samples of traces */
@@ -113,19 +115,46 @@ static void extend(struct wall_receiver *r, double *direct_s)
         p->gate_s[1] = slot_s(s) + *direct_s + MARGIN_SAMPLES / s->sample_rate_hz;
 }
 
-static int plan_filters(struct wall_receiver *r, double clearance_m, struct error *why)
+static double direct_s_of(const struct survey *s)
+{
+    return (longest_direct_m(s) + CLEARANCE_M) / s->sound_speed_m_s;
+}
+
+static int plan_reach(struct wall_receiver *r, const struct survey *s, double reach_m,
+                      bool *apart, struct error *why)
+{
+    *r = (struct wall_receiver){
+        .survey = s, .survey_id = survey_id(s), .reach_m = reach_m};
+    int err = plan_gate(r, reach_m, why);
+    if (err)
+        return err;
+    *apart = can_tell_apart(r, direct_s_of(s));
+    if (s->together > 1 && !*apart)
+        return error_say(why, -EINVAL,
+                         "two speakers at a time do not fit this slot: no wall from "
+                         "echoes; use longer slots, or from: survey or topic");
+    return 0;
+}
+
+int wall_receiver_reach(const struct survey *s, double reach_m, double *until_s,
+                        bool *alone, struct error *why)
+{
+    struct wall_receiver r;
+    bool apart;
+    int err = plan_reach(&r, s, reach_m, &apart, why);
+    *until_s = r.until_s;
+    *alone = !err && !apart;
+    return err;
+}
+
+static int plan_filters(struct wall_receiver *r, bool apart, struct error *why)
 {
     const struct survey *s = r->survey;
     struct processing *p = &r->processing;
     struct survey down = *s; /* borrows: only for the chirp */
     down.chirp_start_hz = s->chirp_stop_hz;
     down.chirp_stop_hz = s->chirp_start_hz;
-    double direct_s = (longest_direct_m(s) + clearance_m) / s->sound_speed_m_s;
-    bool apart = can_tell_apart(r, direct_s);
-    if (s->together > 1 && !apart)
-        return error_say(why, -EINVAL,
-                         "two speakers at a time do not fit this slot: no wall from "
-                         "echoes; use longer slots, or from: survey or topic");
+    double direct_s = direct_s_of(s);
     if (apart)
         extend(r, &direct_s);
     int err = processing_compressor(&r->compress[0], p, s, WINDOW_HANN, why);
@@ -137,22 +166,6 @@ static int plan_filters(struct wall_receiver *r, double clearance_m, struct erro
         return err;
     pulse_compress_format(r->compress[0], &r->format);
     r->format.t0_s -= (double)r->lead / s->sample_rate_hz;
-    for (int k = 0; k < 2 && !s->n_replica; k++) {
-        const struct chirp chirp = processing_chirp(k ? &down : s);
-        r->lag_s[k] = wall_echo_lag_s(&chirp);
-    }
-    return 0;
-}
-
-int wall_receiver_open(struct wall_receiver *r, const struct survey *s, double reach_m,
-                       double clearance_m, struct error *why)
-{
-    *r = (struct wall_receiver){.survey = s, .survey_id = survey_id(s)};
-    int err = plan_gate(r, reach_m, why);
-    if (!err)
-        err = plan_filters(r, clearance_m, why);
-    if (err)
-        return err;
     size_t n = s->n_microphones * r->format.n_samples;
     r->padded = calloc(s->n_microphones * r->processing.ping_samples, sizeof *r->padded);
     r->traces = calloc(n, sizeof *r->traces);
@@ -160,6 +173,25 @@ int wall_receiver_open(struct wall_receiver *r, const struct survey *s, double r
     if (!r->padded || !r->traces || (r->crosstalk && !r->other))
         return error_say(why, -ENOMEM, "not enough memory to look for walls");
     return 0;
+}
+
+int wall_receiver_open(struct wall_receiver *r, const struct survey *s, double reach_m,
+                       const struct trace_format *given, struct error *why)
+{
+    bool apart;
+    int err = plan_reach(r, s, reach_m, &apart, why);
+    if (err)
+        return err;
+    r->compresses = !given || apart;
+    if (r->compresses)
+        err = plan_filters(r, apart, why);
+    else
+        r->format = *given;
+    if (err)
+        return err;
+    r->arrivals = calloc(s->n_microphones, sizeof *r->arrivals);
+    return r->arrivals ? 0
+                       : error_say(why, -ENOMEM, "not enough memory to look for walls");
 }
 
 void wall_receiver_clear(struct wall_receiver *r)
@@ -170,22 +202,22 @@ void wall_receiver_clear(struct wall_receiver *r)
     free(r->padded);
     free(r->traces);
     free(r->other);
+    free(r->arrivals);
+    *r = (struct wall_receiver){.survey = NULL};
 }
 
 static bool is_usable(const struct wall_receiver *r, const struct ping *ping)
 {
     const struct survey *s = r->survey;
-    return r->compress[ping->down ? 1 : 0] && ping->valid && ping->samples &&
+    return (!ping->down || s->chirp_alternates) && ping->valid && ping->samples &&
            ping->survey_id == r->survey_id && ping->n_microphones == s->n_microphones &&
            ping->position < s->n_positions && ping->speaker < s->n_speakers;
 }
 
-bool wall_receiver_take(struct wall_receiver *r, const struct ping *ping)
+static const float complex *compress(struct wall_receiver *r, const struct ping *ping)
 {
     size_t need = r->processing.ping_samples, n_trace = r->format.n_samples;
     const float *x = ping->samples;
-    if (!is_usable(r, ping))
-        return false;
     size_t n = ping->n_samples;
     int own = ping->down ? 1 : 0;
     if (n < need || r->lead) {
@@ -200,10 +232,58 @@ bool wall_receiver_take(struct wall_receiver *r, const struct ping *ping)
     }
     pulse_compress_execute(r->compress[own], x, n, r->traces);
     if (!r->crosstalk)
-        return true;
+        return r->traces;
     pulse_compress_execute(r->compress[1 - own], x, n, r->other);
     for (size_t m = 0; m < ping->n_microphones; m++)
         wall_crosstalk_remove(r->crosstalk, own, r->traces + m * n_trace,
                               r->other + m * n_trace);
+    return r->traces;
+}
+
+static bool is_silent(const float complex *trace, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (crealf(trace[i]) != 0.0f || cimagf(trace[i]) != 0.0f)
+            return false;
     return true;
+}
+
+/* Behind the direct sound. */
+static void pick(const struct wall_receiver *r, const struct ping *ping,
+                 size_t microphone, const float complex *trace, struct wall_arrivals *out)
+{
+    double speaker_m[3], microphone_m[3];
+    struct geometry g;
+    processing_geometry(&g, r->survey);
+    geometry_speaker(&g, ping->position, ping->speaker, speaker_m);
+    geometry_microphone(&g, ping->position, microphone, microphone_m);
+    double direct_m = geometry_distance(speaker_m, microphone_m);
+    const double path_m[2] = {
+        direct_m + CLEARANCE_M,
+        fmin(2.0 * r->reach_m + direct_m, r->until_s * r->survey->sound_speed_m_s)};
+    out->n = (uint32_t)wall_echo_peaks(&r->format, trace, g.sound_speed_m_s, path_m,
+                                       THRESHOLD_DB, RANGE_DB, out->peaks, WALL_PEAKS);
+}
+
+void wall_receiver_take(struct wall_receiver *r, const struct ping *ping,
+                        const float complex *traces, struct wall_returns *out)
+{
+    size_t n = r->format.n_samples;
+    *out = (struct wall_returns){.ping = *ping, .usable = is_usable(r, ping)};
+    out->ping.samples = NULL;
+    out->ping.clipped = out->ping.not_finite = NULL;
+    if (r->compresses && out->usable)
+        traces = compress(r, ping);
+    out->usable = out->usable && traces;
+    if (!out->usable)
+        return;
+    out->n_microphones = ping->n_microphones;
+    out->at = r->arrivals;
+    for (size_t m = 0; m < ping->n_microphones; m++) {
+        struct wall_arrivals *a = &r->arrivals[m];
+        *a = (struct wall_arrivals){.heard = !ping->not_finite[m] &&
+                                             !is_silent(traces + m * n, n)};
+        if (a->heard)
+            pick(r, ping, m, traces + m * n, a);
+    }
 }

@@ -135,6 +135,50 @@ static void the_format_covers_the_gate_just_above_the_band(void **state)
     bench_close(&b);
 }
 
+/* The same delays and samples as without, and beside them what came before the gate and
+ * comes after it. */
+static void a_reach_adds_to_the_gate_and_leaves_it_as_it_is(void **state)
+{
+    struct pulse_compress_config cfg = standard;
+    const double echoes_s[] = {0.0011, 0.014, 0.0255};
+    struct bench b;
+
+    (void)state;
+    bench_open(&b, &standard);
+    for (int k = 0; k < 3; k++)
+        echo_add(&cosine, b.x, N_PING, echoes_s[k], 0.5);
+    bench_run(&b);
+    cfg.reach_s = 0.0258;
+    struct pulse_compress *pc;
+    struct trace_format whole, gate;
+    size_t first;
+    assert_int_equal(pulse_compress_create(&pc, &cfg), 0);
+    pulse_compress_format(pc, &gate);
+    assert_memory_equal(&gate, &b.f, sizeof gate);
+    pulse_compress_whole(pc, &whole, &first);
+    assert_near(whole.t0_s + (double)first / whole.rate_hz, gate.t0_s, 1e-12);
+    assert_true(whole.t0_s >= 0.0 && whole.t0_s * whole.rate_hz < 1.0);
+    assert_true(whole.t0_s + (double)whole.n_samples / whole.rate_hz > cfg.reach_s);
+    float complex *y = calloc(whole.n_samples, sizeof *y);
+    assert_non_null(y);
+    pulse_compress_execute(pc, b.x, b.stride, y);
+    for (size_t n = 0; n < gate.n_samples; n++)
+        assert_true(cabsf(y[first + n] - b.y[n]) < 1e-5f);
+    for (size_t n = 0; n < whole.n_samples; n++) {
+        double t = whole.t0_s + (double)n / whole.rate_hz;
+        double complex want = 0.0;
+        for (int k = 0; k < 3; k++)
+            want += 0.5 * hann_pulse(2000.0, 20000.0, t - echoes_s[k]);
+        double complex is = y[n] * cexp(2.0 * M_PI * I * whole.carrier_hz * t);
+        assert_true(cabs(is - want) < 0.01);
+    }
+    free(y);
+    pulse_compress_destroy(pc);
+    cfg.reach_s = 0.0876; /* after the ping */
+    assert_int_equal(pulse_compress_create(&pc, &cfg), -ERANGE);
+    bench_close(&b);
+}
+
 /* Whole samples, fractions, near the gate's ends, gains. */
 static void an_echo_is_the_windows_transform_at_its_delay(void **state)
 {
@@ -620,6 +664,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_format_covers_the_gate_just_above_the_band),
+        cmocka_unit_test(a_reach_adds_to_the_gate_and_leaves_it_as_it_is),
         cmocka_unit_test(an_echo_is_the_windows_transform_at_its_delay),
         cmocka_unit_test(an_echo_peaks_at_its_delay_to_a_fiftieth_of_a_sample),
         cmocka_unit_test(a_sine_chirp_gives_the_same_pulse),

@@ -1,4 +1,5 @@
 /* Plain types through packed messages and back: each field has a value of its own. */
+#include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -327,6 +328,56 @@ static void walls_come_back(void **state)
     protobuf_c_message_free_unpacked(&came->base, NULL);
 }
 
+static void arrivals_come_back(void **state)
+{
+    (void)state;
+    const struct wall_arrivals at[3] = {
+        {.heard = true, .n = 2, .peaks = {{1.0 / 3.0, 0.25}, {2.5, 1e-3}}},
+        {.heard = false},
+        {.heard = true, .n = 1, .peaks = {{0.7, 1.0 / 7.0}}}};
+    const struct wall_returns r = {.ping = {.survey_id = 7,
+                                            .capture_ns = 11,
+                                            .scan = 2,
+                                            .frame = 3,
+                                            .pass = PASS_BACKGROUND,
+                                            .position = 4,
+                                            .speaker = 5,
+                                            .down = true,
+                                            .valid = true},
+                                   .usable = true,
+                                   .n_microphones = 3,
+                                   .at = at};
+    struct returns_room out = {.n = 0}, in = {.n = 0};
+    struct wall_returns back;
+    Anlos__Echoes m;
+
+    assert_int_equal(returns_to_message(&r, &out, &m), 0);
+    Anlos__Echoes *came = (Anlos__Echoes *)sent(&m.base);
+    assert_int_equal(returns_from_message(&back, &in, came, 11), 0);
+    assert_true(back.usable && back.ping.down && back.ping.valid);
+    assert_int_equal(back.ping.survey_id, 7);
+    assert_int_equal(back.ping.capture_ns, 11);
+    assert_int_equal(back.ping.scan, 2);
+    assert_int_equal(back.ping.frame, 3);
+    assert_int_equal(back.ping.pass, PASS_BACKGROUND);
+    assert_int_equal(back.ping.position, 4);
+    assert_int_equal(back.ping.speaker, 5);
+    assert_int_equal(back.n_microphones, 3);
+    for (size_t i = 0; i < 3; i++) {
+        assert_int_equal(back.at[i].heard, at[i].heard);
+        assert_int_equal(back.at[i].n, at[i].n);
+        assert_memory_equal(back.at[i].peaks, at[i].peaks, at[i].n * sizeof *at[i].peaks);
+    }
+    came->arrivals[2] = 2; /* more than there are */
+    assert_int_equal(returns_from_message(&back, &in, came, 11), -EINVAL);
+    came->arrivals[2] = 1;
+    came->amplitude[1] = 0.0;
+    assert_int_equal(returns_from_message(&back, &in, came, 11), -EINVAL);
+    protobuf_c_message_free_unpacked(&came->base, NULL);
+    returns_room_clear(&out);
+    returns_room_clear(&in);
+}
+
 static void motion_is_none_where_it_is_not_valid_or_the_vehicle_stands(void **state)
 {
     (void)state;
@@ -352,6 +403,7 @@ int main(void)
         cmocka_unit_test(a_ping_is_read_as_it_was_sent),
         cmocka_unit_test(objects_are_listed_as_they_are),
         cmocka_unit_test(walls_come_back),
+        cmocka_unit_test(arrivals_come_back),
         cmocka_unit_test(motion_is_none_where_it_is_not_valid_or_the_vehicle_stands),
     };
 

@@ -19,7 +19,7 @@ static void every_topic_is_found_by_its_name_and_unique(void **state)
         for (const struct topic *u = topics_all(); u < t; u++)
             assert_string_not_equal(u->name, t->name);
     }
-    assert_int_equal(n, 20);
+    assert_int_equal(n, 21);
 }
 
 static void an_unknown_name_finds_nothing(void **state)
@@ -104,6 +104,7 @@ static void the_functions_name_the_topics_they_say(void **state)
         {topic_host(), "host", "anlos.HostStatus", "launcher"},
         {topic_wall(), "wall", "anlos.WallList", "wall"},
         {topic_wall_given(), "wall/given", "anlos.WallList", "can"},
+        {topic_echoes(), "echoes", "anlos.Echoes", "dsp"},
         {topic_ego(), "ego", "anlos.EgoMotion", "can"},
         {topic_ambient(), "ambient", "anlos.Ambient", "can"},
         {topic_progress(), "progress", "anlos.Progress", "can"},

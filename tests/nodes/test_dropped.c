@@ -8,6 +8,7 @@
 #include "msgs/topics.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"
+#include "msgs/wall.pb-c.h"
 
 #define NODES "nodes: [dsp, recon, wall, track]\n"
 #define FIXED NODES "scan: {mode: fixed}\n"
@@ -91,11 +92,12 @@ static void pings_before_the_survey_are_counted_and_told_of_once(void **state)
 
 static void walls_are_not_heard_before_the_survey(void **state)
 {
-    Anlos__Ping ping = ANLOS__PING__INIT;
+    Anlos__Echoes echoes = ANLOS__ECHOES__INIT;
 
-    ping.survey_id = ping.frame = 1;
-    check(state, &(struct first){"wall", FIXED "wall: {from: echoes}\n", "array",
-                                 topic_ping(), &ping.base, "pings before the survey", 3});
+    echoes.survey_id = echoes.frame = 1;
+    check(state,
+          &(struct first){"wall", FIXED "wall: {from: echoes}\n", "dsp", topic_echoes(),
+                          &echoes.base, "pings before the survey", 3});
 }
 
 static void traces_before_the_survey_are_counted_and_told_of_once(void **state)

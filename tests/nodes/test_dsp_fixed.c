@@ -26,10 +26,13 @@ struct rig {
     int64_t now_ns;
 };
 
-static int open_rig(void **state, enum background_mode mode)
+static int open_as(void **state, enum background_mode mode, bool hears_walls)
 {
-    const struct frontend_config cfg = {
-        .window = WINDOW_HANN, .background = mode, .background_s = 4.0};
+    const struct frontend_config cfg = {.window = WINDOW_HANN,
+                                        .background = mode,
+                                        .background_s = 4.0,
+                                        .hears_walls = hears_walls,
+                                        .wall_reach_m = 2.0};
     struct rig *r = calloc(1, sizeof *r);
 
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml") ||
@@ -38,6 +41,16 @@ static int open_rig(void **state, enum background_mode mode)
     r->now_ns = 1000 * MS;
     *state = r;
     return 0;
+}
+
+static int open_rig(void **state, enum background_mode mode)
+{
+    return open_as(state, mode, false);
+}
+
+static int setup_hearing(void **state)
+{
+    return open_as(state, BACKGROUND_RECORDED, true);
 }
 
 static int setup_none(void **state)
@@ -374,12 +387,67 @@ static void while_the_vehicle_moves_a_slam_is_blanked_too(void **state)
     assert_false(r->out.traces.background_subtracted);
 }
 
+/* The point's echo by way of the wall, which stands at 0.8 m: loudest behind the direct
+ * sound, heard by every microphone at the length of its path. */
+static void assert_point_heard(const struct rig *r)
+{
+    const double image[3] = {0.13, 0.11, 2 * 0.8 - 0.4};
+    const Anlos__Echoes *e = &r->out.echoes;
+    size_t next = 0;
+
+    assert_true(r->out.has_echoes && e->usable);
+    assert_int_equal(e->speaker, 1);
+    assert_int_equal(e->n_arrivals, r->scene.survey->n_microphones_m);
+    for (size_t m = 0; m < e->n_arrivals; m++) {
+        const Anlos__Vec3 *at = r->scene.survey->microphones_m[m];
+        const Anlos__Vec3 *from = r->scene.survey->speakers_m[1];
+        double path_m =
+            hypot(hypot(image[0] - at->x, image[1] - at->y), image[2] - at->z) +
+            hypot(hypot(image[0] - from->x, image[1] - from->y), image[2] - from->z);
+        double nearest_m = INFINITY;
+        assert_true(e->heard[m] && e->arrivals[m] > 0);
+        for (size_t k = 0; k < e->arrivals[m]; k++, next++)
+            nearest_m = fmin(nearest_m, fabs(e->path_m[next] - path_m));
+        assert_true(nearest_m < 0.005);
+    }
+    assert_int_equal(next, e->n_path_m);
+}
+
+/* Whatever becomes of a ping otherwise; and of one that is none, that it is none. */
+static void walls_are_heard_in_every_ping(void **state)
+{
+    struct rig *r = *state;
+
+    send(r, SCENE, SCENE, 1); /* it lacks its background */
+    assert_false(r->out.has_traces);
+    assert_point_heard(r);
+    send(r, SCENE, BACKGROUND, 1);
+    assert_point_heard(r);
+    send(r, SCENE, SCENE, 1); /* all of it is background: nothing is subtracted here */
+    assert_true(r->out.has_traces && r->out.traces.background_subtracted);
+    assert_point_heard(r);
+    r->ping.valid = false;
+    dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
+    assert_true(r->out.has_echoes && !r->out.echoes.usable);
+    assert_int_equal(r->out.echoes.n_arrivals, 0);
+}
+
+static void where_nobody_hears_walls_there_are_no_echoes(void **state)
+{
+    struct rig *r = *state;
+
+    send(r, SCENE, SCENE, 1);
+    assert_true(r->out.has_traces && !r->out.has_echoes);
+}
+
 #define TEST(name, setup) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(frame_direction_and_temperature_come_through, setup_none),
+        TEST(walls_are_heard_in_every_ping, setup_hearing),
+        TEST(where_nobody_hears_walls_there_are_no_echoes, setup_none),
         TEST(what_cannot_be_used_asks_for_nothing, setup_recorded),
         TEST(a_recorded_background_is_the_mean_of_its_frames, setup_recorded),
         TEST(what_stands_still_is_gone_and_what_comes_is_seen, setup_adaptive),

@@ -207,8 +207,13 @@ static void take_ping(struct both *b, const Anlos__Ping *message, int64_t captur
     assert_string_equal(b->out.front->note, dsp.note);
     if (dsp.has_traces)
         image_traces(b, &dsp.traces, capture_ns);
-    if (b->finding)
-        finding_ping(b->finding, came, capture_ns, now_ns);
+    if (b->finding) {
+        Anlos__Echoes *echoes = dsp.has_echoes ? sent(&dsp.echoes.base) : NULL;
+        if (echoes)
+            finding_echoes(b->finding, echoes, capture_ns, now_ns);
+        if (echoes)
+            done(echoes);
+    }
     compare_walls(b, now_ns);
     done(came);
 }

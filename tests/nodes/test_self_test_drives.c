@@ -35,6 +35,7 @@ struct drive {
     struct launchfile *launch;
     struct drive_world world;
     struct survey survey;
+    struct wall_receiver receiver;
     struct finding *walls;
     struct self_test *self_test;
     struct self_test_faults faults;
@@ -70,6 +71,8 @@ static void start(struct drive *d, const char *scene)
     cfg.walls.map.from = WALL_FROM_ECHOES;
     if (finding_create(&d->walls, &cfg.walls) ||
         finding_survey(d->walls, d->world.survey, &why) ||
+        wall_receiver_open(&d->receiver, &d->survey, cfg.walls.listener.reach_m, NULL,
+                           &why) ||
         self_test_create(&d->self_test, &hears, &d->survey, &why) ||
         drive_world_shoot(&d->world, PASS_SCENE, &why))
         fail_msg("%s: %s", scene, why.text);
@@ -79,6 +82,7 @@ static void start(struct drive *d, const char *scene)
 static void stop(struct drive *d)
 {
     self_test_destroy(d->self_test);
+    wall_receiver_clear(&d->receiver);
     finding_destroy(d->walls);
     survey_clear(&d->survey);
     drive_world_clear(&d->world);
@@ -91,6 +95,7 @@ static double go_on(struct drive *d)
     Anlos__EgoMotion ego;
     Anlos__Ping message;
     struct ping ping;
+    struct wall_returns returns;
     struct walls walls;
     struct error why;
     int64_t stamp_ns;
@@ -100,12 +105,13 @@ static double go_on(struct drive *d)
         drive_world_ego(&d->world, d->ego_ns, &ego);
         finding_ego(d->walls, &ego, d->ego_ns);
     }
-    finding_ping(d->walls, &message, stamp_ns, stamp_ns);
+    ping_from_message(&ping, &message, stamp_ns);
+    wall_receiver_take(&d->receiver, &ping, NULL, &returns);
+    wall_finder_returns(finding_finder(d->walls), &returns, stamp_ns);
     if (d->world.n % 5 == 0) { /* ten a second, nearly */
         assert_int_equal(walls_from_message(&walls, finding_walls(d->walls), &why), 0);
         self_test_walls(d->self_test, &walls);
     }
-    ping_from_message(&ping, &message, stamp_ns);
     self_test_ping(d->self_test, &ping, &d->faults, d->note, sizeof d->note);
     self_test_levels(d->self_test, &d->levels);
     return 1e-9 * (double)(stamp_ns - d->world.begin_ns);

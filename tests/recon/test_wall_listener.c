@@ -27,6 +27,7 @@ static const struct wall_listener_config config = {
 struct hall {
     struct scene scene;
     struct survey survey;
+    struct wall_receiver receiver;
     struct wall_listener *listener;
     int64_t now_ns;
 };
@@ -46,13 +47,15 @@ static void open_hall(struct hall *h, const char *text,
     unlink(path);
     assert_int_equal(err, 0);
     assert_int_equal(survey_from_message(&h->survey, h->scene.survey, &why), 0);
-    if (wall_listener_create(&h->listener, cfg, &h->survey, &why))
+    if (wall_receiver_open(&h->receiver, &h->survey, cfg->reach_m, NULL, &why) ||
+        wall_listener_create(&h->listener, cfg, &h->survey, &why))
         fail_msg("%s", why.text);
 }
 
 static void close_hall(struct hall *h)
 {
     wall_listener_destroy(h->listener);
+    wall_receiver_clear(&h->receiver);
     survey_clear(&h->survey);
     scene_close(&h->scene);
 }
@@ -60,9 +63,11 @@ static void close_hall(struct hall *h)
 static bool take(struct hall *h, const Anlos__Ping *m, int64_t capture_ns,
                  const struct ego_path *path, struct wall_estimates *out, bool *blind)
 {
+    struct wall_returns returns;
     struct ping ping;
     ping_from_message(&ping, m, capture_ns);
-    return wall_listener_ping(h->listener, &ping, path, out, blind);
+    wall_receiver_take(&h->receiver, &ping, NULL, &returns);
+    return wall_listener_take(h->listener, &returns, path, out, blind);
 }
 
 /* One ping; the next one is 25 ms later. */
@@ -360,10 +365,12 @@ static bool find_ping(struct wall_finder *f, struct hall *h, int64_t capture_ms,
                       int64_t now_ms)
 {
     Anlos__Ping m;
+    struct wall_returns returns;
     struct ping ping;
     scene_ping(&h->scene, ANLOS__PASS__SCENE, 0, 0, &m);
     ping_from_message(&ping, &m, capture_ms * 1000000);
-    return wall_finder_ping(f, &ping, now_ms * 1000000);
+    wall_receiver_take(&h->receiver, &ping, NULL, &returns);
+    return wall_finder_returns(f, &returns, now_ms * 1000000);
 }
 
 /* Ten a second at most, of the newest ping; after a second without any, of the present.
@@ -433,11 +440,11 @@ static void walls_are_looked_for_until_the_next_emission(void **state)
             longest_m =
                 fmax(longest_m, geometry_distance(s->speakers_m[j], s->microphones_m[i]));
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;
-    assert_int_equal(wall_receiver_open(&r, s, 1.5, 0.1, NULL), 0);
+    assert_int_equal(wall_receiver_open(&r, s, 1.5, NULL, NULL), 0);
     assert_near(r.until_s, (3.0 + longest_m) / s->sound_speed_m_s, 1e-12);
     wall_receiver_clear(&r);
     r = (struct wall_receiver){0};
-    assert_int_equal(wall_receiver_open(&r, s, 100.0, 0.1, NULL), 0);
+    assert_int_equal(wall_receiver_open(&r, s, 100.0, NULL, NULL), 0);
     assert_near(r.until_s, slot_s - 0.0005, 1e-12);
     wall_receiver_clear(&r);
     close_hall(&h);
