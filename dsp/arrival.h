@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/arrival.h -- when sound came, how loud and with what sign: the peaks of compressed
  * traces (dsp/pulse_compress.h), between samples.
  *

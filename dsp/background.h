@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/background.h -- compressed traces of the room without the hidden objects, kept to
  * be subtracted with their phase, and with the air's drift (dsp/drift.h).
  *

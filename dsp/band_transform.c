@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/band_transform.h"
 
 #include <errno.h>

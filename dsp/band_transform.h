@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/band_transform.h -- a real signal to the frequencies of one band, and those back to
  * complex baseband over a part of the time: what a filter needs, and nothing beside it.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/blanker.h -- was a ping drowned by a sound that no speaker made: a door that slams,
  * a horn, a stone on the bumper?  Such a sound fits no chirp: compressed, it is spread
  * over all delays at once, between the echoes too, and it begins from one ping to the

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/cfar.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/cfar.h -- constant false-alarm rate detection: is a cell brighter than its
  * surroundings let noise be?  The level of the noise is taken from training cells around
  * the cell under test, with guard cells left out in between: their mean (cell averaging,

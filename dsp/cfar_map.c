@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/cfar_map.h"
 
 #include <errno.h>

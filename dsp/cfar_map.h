@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/cfar_map.h -- a clutter map (Nitzberg 1986): what a background that does not quite
  * fit any more leaves, cell by cell.  An array that rocks by a fraction of a millimetre,
  * or air that warms, leaves a part of each strong echo that stands still: always at the

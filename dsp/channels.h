@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/channels.h -- what the table of pairs, each speaker as each microphone hears it,
  * tells of the channels: how loud they are, which are inverted, and which are wired to
  * another's place. */

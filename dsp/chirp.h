@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/chirp.h -- the linear FM replica (Lindell 2019, Eq. 5). */
 #ifndef ANLOS_DSP_CHIRP_H
 #define ANLOS_DSP_CHIRP_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/cover.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/cover.h -- is a speaker or a microphone covered, by dirt, snow, a sticker?  The
  * direct sound from each speaker to each microphone says so: what covers a speaker takes
  * as much from all that hear it, what covers a microphone from all that it hears, so a

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/deramp.h -- the paper's FMCW processing (Lindell 2019, Eq. 6): mix with the emitted
  * chirp, low-pass, Fourier transform; a delay becomes a beat frequency.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/drift.h -- coherent background subtraction when the air has changed since the
  * background was recorded.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/error.h -- an error as a person reads it: what, where and what to do, e.g.
  * "corner.yaml:14: speaker_count 17 exceeds the 16 channels of hw:UMC1820". */
 #ifndef ANLOS_DSP_ERROR_H

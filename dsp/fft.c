@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/fft.h"
 
 /* Measured with FFTW 3.3.10 (SSE2, AVX) at lengths of 800..6000: time for each point is

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/fft.h -- FFTW plans of one complex transform, and lengths that it transforms fast.
  *
  * Plans are made by rule and not by measurement: what FFTW measures depends on what else

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/interpolator.h -- the 8-tap interpolator of least mean square error for signals
  * that fill a given part of the sampled band evenly (Oetken, Parks and Schuessler 1975),
  * and its slope, tabulated over the fraction of a sample.

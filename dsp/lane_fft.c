@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/lane_fft.h"
 
 #include <errno.h>

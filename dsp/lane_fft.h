@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/lane_fft.h -- complex Fourier transforms of 16 signals side by side, each in one
  * lane of a register, for convolutions of zero-padded signals: the second half of the
  * input counts as zero and is not read, the second half of the result is not made, and

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/microphone.h -- a microphone's factory calibration curve;
  * hal/survey/response_file.h reads the files. */
 #ifndef ANLOS_DSP_MICROPHONE_H

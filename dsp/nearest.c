@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/nearest.h"
 
 #include <stdio.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/nearest.h -- which of some names was probably meant by a word that is none. */
 #ifndef ANLOS_DSP_NEAREST_H
 #define ANLOS_DSP_NEAREST_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/noise_floor.h"
 
 #include <errno.h>

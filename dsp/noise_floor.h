@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/noise_floor.h -- how loud is what is new in each ping: the power of a sample of
  * compressed noise, channel by channel, of the difference between a ping and the one
  * before by the same speaker.  Direct sound, walls and clutter are in both and drop out;

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/normal_equations.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/normal_equations.h -- the small symmetric systems of least squares. */
 #ifndef ANLOS_DSP_NORMAL_EQUATIONS_H
 #define ANLOS_DSP_NORMAL_EQUATIONS_H

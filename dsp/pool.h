@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/pool.h -- a few threads that stay: starting threads for each call costs more than
  * most of our loops. */
 #ifndef ANLOS_DSP_POOL_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/pulse_compress.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/pulse_compress.h -- correlate each channel with the emitted replica, so that an
  * echo's energy collapses onto its round-trip delay: matched filter (Turin 1960),
  * whitened over the band and windowed, to complex traces inside a gate.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/rank.h -- the k-th smallest of some numbers, and their median, without sorting them
  * all and without memory. */
 #ifndef ANLOS_DSP_RANK_H

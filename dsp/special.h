@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/special.h -- the distributions that false-alarm rates are made of, in double
  * precision (relative errors under 1e-9 where the result is above 1e-290; compared in
  * the tests with their finite sums). */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/stationary.h -- what in a spectrum are echoes, and what is noise?  Noise is as loud
  * at all times after the emission, echoes are not.  Traces are cut into segments of time,
  * and of each part of the spectrum the segments' shares of a trace's power, whose mean

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/time_zero.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/time_zero.h -- when an array really emits, and how fast sound is, from arrivals
  * over known distances: t = latency + distance / speed, a straight line, fitted so that
  * wrong arrivals (another path, a dead channel, an element that stands elsewhere) do not

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/timescale.h -- compressed traces on a stretched time axis: what echoes at delay t
  * become when the air has changed and they come at t (1 + stretch), carrier and all.
  *

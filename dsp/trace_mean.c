@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "dsp/trace_mean.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/trace_mean.h -- the mean of what each speaker's pings have sounded like, channel by
  * channel: of all of them, or of the newest with older ones fading away (exponential
  * average). */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/vector.h -- hot loops compiled for several instruction sets, the best one chosen
  * when the program is loaded: the build stays plain x86-64 and runs anywhere.  Plain code
  * on other machines, with compilers that cannot, and under sanitizers (their runtime is

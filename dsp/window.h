@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* dsp/window.h -- weights over a band or a slot, and soft ends of a recording. */
 #ifndef ANLOS_DSP_WINDOW_H
 #define ANLOS_DSP_WINDOW_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/array.h"
 
 #include <errno.h>

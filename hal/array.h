@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/array.h -- the speaker and microphone array: emit a shot, get its pings, every
  * microphone on one clock.  A backend is a table of operations behind a URI:
  *   sim:scene.yaml            the simulated room (hal/room)

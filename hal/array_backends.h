@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/array_backends.h -- the tables that array_open chooses from. */
 #ifndef ANLOS_HAL_ARRAY_BACKENDS_H
 #define ANLOS_HAL_ARRAY_BACKENDS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/canbus.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/canbus.h -- where CAN frames go, and come from.  Backend by URI:
  *   log:out.candump            the format of `candump -L`, interface name "can0"; nothing
  *                              ever comes

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/clock.h"
 
 #include <errno.h>

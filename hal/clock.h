@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/clock.h -- the only source of time.  Nodes ask it and never read a clock
  * themselves, so that a replay can hold its own time. */
 #ifndef ANLOS_HAL_CLOCK_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/clock_replay.h"
 
 static int64_t now(void *state)

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/clock_replay.h -- time as a replay has it: it stands still between messages, and
  * each one that is replayed moves it to its own stamp, also backwards.  So results are
  * dated by what they are made of and not by when the machine came to it: same bag in,

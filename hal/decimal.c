@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/decimal.h"
 
 #include <stdio.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/decimal.h -- numbers as text that is short and loses nothing. */
 #ifndef ANLOS_HAL_DECIMAL_H
 #define ANLOS_HAL_DECIMAL_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/device.h -- the name of a device: "scheme:path?key=value&key=value". */
 #ifndef ANLOS_HAL_DEVICE_H
 #define ANLOS_HAL_DEVICE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/device_count.h -- what a device counts of what befell it and was recovered from:
  * overruns, retries, restarts of a bus.  Every node's health carries its device's. */
 #ifndef ANLOS_HAL_DEVICE_COUNT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/random.h -- repeatable random numbers for simulations: the same seed gives the same
  * sequence on every machine.  xoshiro256+, seeded by splitmix64 (Vigna 2018). */
 #ifndef ANLOS_HAL_RANDOM_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/realtime.h"
 
 #include <errno.h>

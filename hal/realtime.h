@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/realtime.h -- a thread that must not be late: real-time priority and locked memory
  * where the system permits it. */
 #ifndef ANLOS_HAL_REALTIME_H

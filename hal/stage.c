@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/stage.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage.h -- the translation stage that carries the array.  Backend by URI:
  *   sim:?speed=0.2&acceleration=0.5&settle=0.15&error=0.0001     (m/s, m/s2, s, m)
  *   sim:?pace=fast      moves take no time

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/table_file.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/table_file.h -- tables as spreadsheets write them: a line of names, then lines of
  * fields separated by commas, semicolons or tabs (where all separators are one of the
  * latter two, decimals may have commas).  Quotes and space around a field, empty lines,

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/text_file.h -- opens a text that is read line by line. */
 #ifndef ANLOS_HAL_TEXT_FILE_H
 #define ANLOS_HAL_TEXT_FILE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/turn.h"
 
 void turn_start(struct turn *t, size_t n_speakers, bool endless, int64_t now_ns)

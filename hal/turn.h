@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/turn.h -- whose turn it is in a shot (hal/array.h): emission after emission, and of
  * an endless one round after round; and for what was recorded before, the pace at which
  * it would be recorded. */

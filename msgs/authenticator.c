@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/authenticator.h"
 
 #include <arpa/inet.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/authenticator.h -- who of other hosts may connect: CurveZMQ (RFC 26) on every
  * socket that goes by TCP, and the ZAP handler (RFC 27) of a ZeroMQ context, which lets
  * in the keys of the file peers alone.  A thread of its own answers, reads that file anew

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bus.h -- publish and subscribe over nanomsg, with accounting.  The only place that
  * knows nanomsg (with its parts publisher, subscriber, subscription, receive queue).  A
  * node has an endpoint for each topic that it publishes ("ipc://RUN_DIR/NODE.TOPIC.ipc"),

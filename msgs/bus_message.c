@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/bus_message.h"
 
 #include <nanomsg/nn.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bus_message.h -- a message as it came in over the bus. */
 #ifndef ANLOS_MSGS_BUS_MESSAGE_H
 #define ANLOS_MSGS_BUS_MESSAGE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/convert.h -- messages as the plain types that dsp and recon work on, and back.
  * What comes out of a message borrows its arrays, and what goes into one is borrowed by
  * it, but for surveys, which own theirs. */

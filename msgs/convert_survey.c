@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/convert.h"
 
 #include <errno.h>

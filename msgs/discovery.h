@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/discovery.h -- how who must not miss a node's first message (a recorder) meets it:
  * he is told which sockets appear in the run folder, and connects at once and not at the
  * next of nanomsg's tries; and a node that starts knows that he is there, and waits. */

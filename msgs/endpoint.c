@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/endpoint.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/endpoint.h -- where the sockets of a node stand: RUN_DIR/NODE.TOPIC.ipc, a '/' in
  * the topic written as '-', and RUN_DIR/NODE.lock, which a live node holds. */
 #ifndef ANLOS_MSGS_ENDPOINT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/envelope.h -- the fixed header in front of every message on the bus.  It says who
  * sent it, which one of the sender's it is, and when the sound in it was taken; loss is
  * counted from it.  Little endian, 96 bytes; the topic comes first because nanomsg

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/hosts.h -- the machines of a system that runs on more than one: which nodes run
  * where, and where their sockets stand.  RUN_DIR/hosts holds it, so that each node and
  * each tool of a machine has it from the run folder; without that file everything is on

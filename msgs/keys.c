@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/keys.h"
 
 #include <errno.h>

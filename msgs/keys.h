@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/keys.h -- who the hosts of a system are to each other: the key pair of this host
  * (Curve25519, as CurveZMQ takes it), and the keys of those that it talks with.  They are
  * in a folder:

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/pace.h -- how fast bytes may follow each other: a leaky bucket.  A PUB socket
  * drops what comes while the message before has not gone into the kernel's buffer yet,
  * and tells nobody; so a sender keeps to a pace at which a reader that is awake keeps up.

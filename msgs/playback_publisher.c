@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/playback_publisher.h"
 
 #include <errno.h>

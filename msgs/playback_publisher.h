@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/playback_publisher.h -- publishes in the place of other nodes: under their names,
  * at their endpoints, holding their locks, so that nobody can tell who speaks and no live
  * node of the name can start beside it.  Sequence numbers count anew, in an epoch of its

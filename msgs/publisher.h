@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/publisher.h -- the publishing end of one topic of one node: a nanomsg PUB socket
  * of its own.  nanomsg filters at the subscriber, so topics that shared a socket would
  * each send everything to everybody, and a large volume on its way would cost the

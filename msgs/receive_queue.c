@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/receive_queue.h"
 
 #include <errno.h>

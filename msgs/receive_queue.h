@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/receive_queue.h -- received messages waiting to be read: a bounded queue for each
  * topic with its policy, taken in the order of arrival over all of them.  Any thread may
  * put and take. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/remote.h -- the sockets of the bus that go to other machines, ZeroMQ over TCP.
  *
  * nanomsg, which carries the bus within a machine, does not do for a network: its PUB

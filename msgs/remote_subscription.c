@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/remote_subscription.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/remote_subscription.h -- how a topic is heard from other machines: one ZeroMQ SUB
  * socket, connected to each of its publishers there.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/subscriber.h"
 
 #include <dirent.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/subscriber.h -- the receiving end of a node: a subscription for each topic
  * (msgs/subscription.h), and one thread that checks what comes in, counts gaps and puts
  * it into the receive queue. */

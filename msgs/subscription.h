@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/subscription.h -- how one topic is heard: a nanomsg SUB socket that is connected
  * to each of its publishers on this machine, another one to those on others
  * (msgs/remote_subscription.h), and the account of what came. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/tensor.h"
 
 #include <stdarg.h>

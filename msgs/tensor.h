@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/tensor.h -- float32 and complex64 arrays inside messages. */
 #ifndef ANLOS_MSGS_TENSOR_H
 #define ANLOS_MSGS_TENSOR_H

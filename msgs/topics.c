@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/topics.h"
 
 #include <string.h>

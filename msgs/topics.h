@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/topics.h -- every topic, in one table that nodes, tools and tests all read. */
 #ifndef ANLOS_MSGS_TOPICS_H
 #define ANLOS_MSGS_TOPICS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/unpack.h"
 
 #include <stdbool.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/unpack.h -- a protobuf message from bytes that anyone may have sent.
  *
  * Two bytes can stand for a field, and each field takes some 40 in memory, and as many

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/wire_guard.h"
 
 #include <dlfcn.h>

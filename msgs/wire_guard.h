@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/wire_guard.h -- keeps from nanomsg what would make it abort the process: its IPC
  * transport asserts that a frame's first byte is 1 (sipc.c), and a PUB socket that nobody
  * sends to it (xpub.c), of bytes that whoever can open the socket file may write.

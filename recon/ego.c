@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/ego.h"
 
 #include <errno.h>

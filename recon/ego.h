@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/ego.h -- how a vehicle moves in the plane, so that what it heard or saw at one
  * instant can be said in its frame of another.  Vehicle frame: x forward, y to the left,
  * z up.  Speed and yaw rate that stay as they are make an arc of a circle, taken exactly

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/geometry.h"
 
 #include <errno.h>

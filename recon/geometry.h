@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/geometry.h -- where sound leaves and arrives, as the reconstruction sees it.
  * Array frame: x along the stage, y along the array, z forward. */
 #ifndef ANLOS_RECON_GEOMETRY_H

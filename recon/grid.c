@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/grid.h"
 
 #include <errno.h>

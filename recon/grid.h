@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/grid.h -- the voxels of an image, in the array frame. */
 #ifndef ANLOS_RECON_GRID_H
 #define ANLOS_RECON_GRID_H

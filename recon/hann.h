@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/hann.h -- a pulse whose spectrum is a Hann window over the band, as compression
  * leaves it. */
 #ifndef ANLOS_RECON_HANN_H

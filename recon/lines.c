@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/lines.h"
 
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/lines.h -- coordinates that are the same but for a tolerance become one line. */
 #ifndef ANLOS_RECON_LINES_H
 #define ANLOS_RECON_LINES_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/mount.h"
 
 #include <string.h>

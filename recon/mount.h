@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/mount.h -- how an array sits on a vehicle, and how the world moves in its frame
  * when the vehicle does. */
 #ifndef ANLOS_RECON_MOUNT_H

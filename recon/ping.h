@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/ping.h -- one emission of one speaker, and what every microphone recorded of it
  * on one clock. */
 #ifndef ANLOS_RECON_PING_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/pipeline.h -- all stages in one: a ping to traces (recon/frontend/frontend.h), to
  * the image of a scan or of a static array (recon/imaging/scan_imager.h,
  * recon/static_array/static_array.h), to the hidden objects in it

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/processing.h"
 
 #include <errno.h>

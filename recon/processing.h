@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/processing.h -- from a survey to the configuration of dsp and recon. */
 #ifndef ANLOS_RECON_PROCESSING_H
 #define ANLOS_RECON_PROCESSING_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/root.h -- square roots for inner loops, several times as fast as the processor's
  * when many are taken at once. */
 #ifndef ANLOS_RECON_ROOT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/survey.h"
 
 #include <errno.h>

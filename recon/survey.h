@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/survey.h -- the geometry and timing of an acquisition.
  * Frame ("array frame"): x horizontal along the stage, y up along the array, z forward to
  * the wall.  All positions in m. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What survey_check accepts.  Each rule says its field and its limits. */
 #include <errno.h>
 #include <math.h>

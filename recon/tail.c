@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/tail.h"
 
 #include <float.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tail.h -- how long a slot's sound rings on into the next one. */
 #ifndef ANLOS_RECON_TAIL_H
 #define ANLOS_RECON_TAIL_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/traces.h -- what the microphones heard of one ping, compressed: an echo's energy
  * lies at its delay. */
 #ifndef ANLOS_RECON_TRACES_H

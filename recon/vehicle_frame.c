@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/vehicle_frame.h"
 
 void vehicle_frame_axes(const struct survey *s, double r[3][3], double t[3])

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/vehicle_frame.h -- how the array of a survey sits on the vehicle. */
 #ifndef ANLOS_RECON_VEHICLE_FRAME_H
 #define ANLOS_RECON_VEHICLE_FRAME_H

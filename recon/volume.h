@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/volume.h -- an image of the hidden (mirrored) scene, and what it was made of. */
 #ifndef ANLOS_RECON_VOLUME_H
 #define ANLOS_RECON_VOLUME_H

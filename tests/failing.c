@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/failing.h"
 
 #include <dirent.h>

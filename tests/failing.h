@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/failing.h -- fault injection: of all calls of a piece of work for memory and to
  * the system one fails, the first, then in another run the second, and so on, until a run
  * is over before its turn comes.  Each run ends with an error and a sentence, or with

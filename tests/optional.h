@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/optional.h -- tests of what may be absent, in programs of their own: cmocka's
  * exit code tells failures only, and a program of which a test was skipped has not
  * passed. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/small_disk.h -- a file system of 1 MB, for the calling process alone. */
 #ifndef ANLOS_TESTS_SMALL_DISK_H
 #define ANLOS_TESTS_SMALL_DISK_H

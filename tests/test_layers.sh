@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # Which folder includes headers of which: the table "Repository layout" of README.md.  What
 # links is not enough, for a header alone links everywhere.
 set -euo pipefail

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/worse.h -- the largest of many errors.  fmax passes over what is no number, and a
  * test that asks only that the largest be small would pass with it. */
 #ifndef ANLOS_TESTS_WORSE_H

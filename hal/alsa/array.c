@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/alsa/array.c -- a sound card as an array.  The card runs all the time
  * (hal/alsa/engine.h); a ping is cut out of what it has recorded of the shot. */
 #include <errno.h>

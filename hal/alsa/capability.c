@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/alsa/capability.h"
 
 #include <stdio.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/alsa/capability.h -- what one direction of a PCM device can do by itself: nothing
  * that alsa-lib would convert counts. */
 #ifndef ANLOS_HAL_ALSA_CAPABILITY_H

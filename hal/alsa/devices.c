@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/alsa/devices.h"
 
 #include <alsa/asoundlib.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/alsa/devices.h -- which PCM devices there are. */
 #ifndef ANLOS_HAL_ALSA_DEVICES_H
 #define ANLOS_HAL_ALSA_DEVICES_H

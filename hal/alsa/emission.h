@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/alsa/emission.h -- what a speaker is to emit: the survey's chirp, of amplitude 1,
  * or the same from its stop to its start. */
 #ifndef ANLOS_HAL_ALSA_EMISSION_H

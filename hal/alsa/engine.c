@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/alsa/engine.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/alsa/engine.h -- the thread that keeps a sound card going: silence between the
  * shots, a shot at the next free frame, a new start after a break, and new tries while
  * the card is gone.  The calls below are for one other thread. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/alsa/sample_format.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/alsa/sample_format.h -- the sample formats of sound cards, to and from floats of
  * full scale +-1.  A code is the value times 2^(bits - 1), rounded to the nearest and
  * held within the codes there are; reading is exact up to the 24 bits of a float. */

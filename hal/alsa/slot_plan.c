@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/alsa/slot_plan.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/alsa/slot_plan.h -- which frames of a running stream belong to which emission of a
  * shot. Slot k of a shot begins slot_samples after slot k-1; what is recorded of it is
  * the slot and the tail behind it, into which the next slots' emissions fall; a slot's

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/alsa/stream.h -- one direction of a PCM device, set to an exact rate and a format
  * and channel count that the device has by itself; mapped or by read and write. */
 #ifndef ANLOS_HAL_ALSA_STREAM_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/can/backends.h -- the tables that canbus_open chooses from. */
 #ifndef ANLOS_HAL_CAN_BACKENDS_H
 #define ANLOS_HAL_CAN_BACKENDS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/can/errors.h"
 
 #include <linux/can.h>

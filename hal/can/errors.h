@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/can/errors.h -- what the error frames of a CAN controller say of its state, and
  * how often.  They are the kernel's (linux/can/error.h); states as in ISO 11898-1: error
  * active, warning from 96 errors counted, passive from 128, bus-off from 256. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/can/log.c -- a file in the format of `candump -L` (can-utils, lib.c). */
 #include <errno.h>
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/can/sim.c -- the CAN bus of a simulated vehicle: "sim:drive.yaml?log=out.candump".
  * What is sent goes into the log, if there is one; what comes is EgoMotion every 20 ms
  * and Ambient every second, as the vehicle of the drive scene moves at that time of the

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/can/socket.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/can/socketcan.c -- a CAN interface of the kernel, through what befalls it:
  * errors of the bus, down and up, deleted and made again. */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/recording/array.c -- a recording, played as if it were taken now. */
 #include <errno.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/recording/pings_file.h -- pings.csv: where speaker and microphone stood for each
  * ping, for arrays that no stage carries along a line (turntables, hand-held, towed).
  *

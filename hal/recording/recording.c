@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/recording/recording.h"
 
 #include <dirent.h>

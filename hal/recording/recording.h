@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/recording/recording.h -- a folder of WAV files, one multichannel file for each
  * stage position in name order, slot j = emission of speaker j, or of the two that sound
  * together there (survey_slot_of); any PCM or float format.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/recording/replica_file.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/recording/replica_file.h -- what was emitted, as a mono WAV, where it is no plain
  * chirp. */
 #ifndef ANLOS_HAL_RECORDING_REPLICA_FILE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/recording/riff.h"
 
 #include <errno.h>

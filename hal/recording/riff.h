@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/recording/riff.h -- how much sound a WAV file promises, and how much of it is
  * there. libsndfile reads what is left of a truncated file without a word. */
 #ifndef ANLOS_HAL_RECORDING_RIFF_H

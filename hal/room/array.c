@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/array.c -- the simulated room as an array.  A shot of a standing room is
  * rendered whole when it is fired; its pings come as fast as they are asked for, or at
  * the true pace.  Endless shots and drives are rendered ping by ping for the time of

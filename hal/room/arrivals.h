@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/arrivals.h -- impulses at any time onto a grid of samples, band-limited. */
 #ifndef ANLOS_HAL_ROOM_ARRIVALS_H
 #define ANLOS_HAL_ROOM_ARRIVALS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/clutter.h -- what is heard without the wall's mirror: the roughness of the
  * wall itself, and things anywhere around. */
 #ifndef ANLOS_HAL_ROOM_CLUTTER_H

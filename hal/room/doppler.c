@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/room/doppler.h"
 
 #include "hal/room/vector.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/doppler.h -- sound between things that move: when what was emitted at a time
  * arrives, exactly for things in straight motion through air at rest. */
 #ifndef ANLOS_HAL_ROOM_DOPPLER_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/drive.h -- the vehicle of a drive: how it moves, and where that brings it and
  * its array. */
 #ifndef ANLOS_HAL_ROOM_DRIVE_H

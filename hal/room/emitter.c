@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/room/emitter.h"
 
 #include <complex.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/emitter.h -- what the microphones hear of one chirp while everything moves:
  * the echo of each piece is the emission on a time axis of its own.  Amplitudes as in
  * hal/room/propagate.h, by the ways at the middle of the chirp; moving changes them by

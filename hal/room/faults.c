@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/room/faults.h"
 
 #include <errno.h>

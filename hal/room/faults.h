@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/faults.h -- what is wrong with a simulated array and its survey does not know:
  * a scene's `faults`, element by element. */
 #ifndef ANLOS_HAL_ROOM_FAULTS_H

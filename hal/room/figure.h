@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/figure.h -- persons, cyclists and cars as a dozen points or two that move as
  * their limbs do.
  *

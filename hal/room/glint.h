@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/glint.h -- bodies that are heard by the side that faces the array: each of
  * their parts an ellipsoid, or a piece of one, hard and smooth against the wavelength.
  *

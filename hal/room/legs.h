@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/legs.h -- the ways between each element of the array and each piece. */
 #ifndef ANLOS_HAL_ROOM_LEGS_H
 #define ANLOS_HAL_ROOM_LEGS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/microphones.h -- the microphones of a simulated array: the curves that the
  * processor knows, and what they really do. */
 #ifndef ANLOS_HAL_ROOM_MICROPHONES_H

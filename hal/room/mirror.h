@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/mirror.h -- the wall as a mirror that may end and have openings: sound takes
  * the way by it only where the straight line from the image behind it meets a piece of
  * it. Edges are sharp: what bends around them is left out. */

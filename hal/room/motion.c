@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/room/motion.h"
 
 #include <string.h>

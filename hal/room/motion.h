@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/motion.h -- where an object of a drive is at a time: its path, straight from
  * knot to knot. */
 #ifndef ANLOS_HAL_ROOM_MOTION_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/room/pose.h"
 
 #include <errno.h>

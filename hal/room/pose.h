@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/pose.h -- where the elements of a simulated array really are, and their
  * mirror images. */
 #ifndef ANLOS_HAL_ROOM_POSE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/room/propagate.h"
 
 #include <complex.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/propagate.h -- the sound on its way: what the microphones hear of one chirp,
  * by the arrivals of all pieces.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/reach.h -- how far sound gets in a simulated room. */
 #ifndef ANLOS_HAL_ROOM_REACH_H
 #define ANLOS_HAL_ROOM_REACH_H

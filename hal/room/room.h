@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/room.h -- the simulated room behind `sim:`: what a scene file says, and the
  * sound in it.  Objects are given where they really are, in the array frame; the wall
  * mirrors the array to them and back; in direct view or not, they are heard by way of the

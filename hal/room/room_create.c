@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/room_create.c -- a room from its scene file: the truth, what renders its
  * sound, and the level of its noise. */
 #include <errno.h>

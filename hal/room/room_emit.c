@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/room_emit.c -- the sound of a room at a time: one emission. */
 #include <errno.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/room_state.h -- what a room is made of, for its own sources: room.c (shots),
  * room_create.c, room_emit.c and room_truth.c (at a time), stream.c. */
 #ifndef ANLOS_HAL_ROOM_ROOM_STATE_H

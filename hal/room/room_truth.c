@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/room_truth.c -- a room at a time: where everything is, and what is in view. */
 #include <math.h>
 #include <string.h>

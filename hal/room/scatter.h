@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/scatter.h -- what throws sound back, cut into pieces: points, and facets of
  * rigid surfaces under half a wavelength (Kirchhoff). */
 #ifndef ANLOS_HAL_ROOM_SCATTER_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/scene.h -- a scene file: the survey's keys, and the world that a survey does
  * not know.  All lengths in m, in the array frame; of a drive, whose vehicle moves, in
  * the array frame as it stands over ground at time 0.  Of several `walls` the room has

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/scene_check.c -- what a schema cannot say about a scene: ranges, and which
  * keys belong to which kind of object. */
 #include <errno.h>

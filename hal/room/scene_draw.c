@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/scene_draw.c -- what another draw of a scene changes of where its wall stands
  * and how its objects go. */
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/scene_drive.c -- what a schema cannot say about a drive. */
 #include <errno.h>
 #include <stdio.h>

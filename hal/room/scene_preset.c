@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/room/scene_preset.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/scene_preset.h -- what a scene file need not say. */
 #ifndef ANLOS_HAL_ROOM_SCENE_PRESET_H
 #define ANLOS_HAL_ROOM_SCENE_PRESET_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/sight.h -- what a building hides from direct view, and until when. */
 #ifndef ANLOS_HAL_ROOM_SIGHT_H
 #define ANLOS_HAL_ROOM_SIGHT_H

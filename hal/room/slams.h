@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/slams.h -- sounds from outside that begin at once and fade, a scene's
  * `noise.slams`: white noise under an exponential, from one place, the same for all
  * microphones but for when it gets to them. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/stream.h -- an endless shot in a simulated room: a speaker a slot (two that
  * share one) round after round, each emission from where everything is at its own time,
  * and what rings on of those before it.  Slots and directions as recon/survey.h says. */

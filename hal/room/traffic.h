@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/traffic.h -- the hidden objects of a drive at a time: their pieces in motion,
  * over ground. */
 #ifndef ANLOS_HAL_ROOM_TRAFFIC_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/vector.h -- three-vectors. */
 #ifndef ANLOS_HAL_ROOM_VECTOR_H
 #define ANLOS_HAL_ROOM_VECTOR_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/wave.h -- an emission that can be read at any time and pace: what reaches a
  * microphone from a thing that moves is the emission on a stretched time axis.
  *

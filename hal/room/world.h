@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/room/world.h -- a scene's objects and clutter as pieces that scatter, and the truth
  * about them. */
 #ifndef ANLOS_HAL_ROOM_WORLD_H

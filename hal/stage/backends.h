@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/backends.h -- the tables that stage_open chooses from. */
 #ifndef ANLOS_HAL_STAGE_BACKENDS_H
 #define ANLOS_HAL_STAGE_BACKENDS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/gpio.h -- lines of a GPIO chip.  One header, two implementations: gpio_v1.c
  * for libgpiod 1.x, gpio_v2.c for 2.x; the build takes the one that fits what is
  * installed.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/stage/gpio_chip.h"
 
 #include <dirent.h>

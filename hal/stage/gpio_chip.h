@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/gpio_chip.h -- which device file a chip's name means, for both
  * implementations of hal/stage/gpio.h. */
 #ifndef ANLOS_HAL_STAGE_GPIO_CHIP_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/gpio_v1.c -- hal/stage/gpio.h on libgpiod 1.x: each line is a request of its
  * own. */
 #include <errno.h>

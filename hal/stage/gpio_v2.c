@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/gpio_v2.c -- hal/stage/gpio.h on libgpiod 2.x: one request has all lines. */
 #include <errno.h>
 #include <gpiod.h>

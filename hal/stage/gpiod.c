@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/gpiod.c -- a stage on a step-and-direction driver: GPIO lines from libgpiod,
  * a thread that makes the steps. */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/stage/gpiod_options.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/gpiod_options.h -- what a gpiod: stage is named by:
  *
  *   gpiod:CHIP?step=LINE&direction=LINE&steps_per_m=80000&max=1

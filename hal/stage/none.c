@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/none.c -- an array that is bolted down, at stage position 0. */
 #include <errno.h>
 #include <stddef.h>

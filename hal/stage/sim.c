@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/sim.c -- a stage as a stepper with a trapezoid of speed moves it, and as it
  * rings out afterwards.  Where it is follows from the clock alone: no thread. */
 #include <errno.h>

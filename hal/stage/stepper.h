@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/stepper.h -- steps for a step-and-direction driver, one after the other in
  * the caller's thread.  A step is never sooner than the trapezoid of speed has it: one
  * that comes late moves all that follow, and when it broke the rhythm they start again

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/stage/stepper_axis.h"
 
 #include <errno.h>

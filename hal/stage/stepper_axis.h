@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/stepper_axis.h -- a stepper on a rail: metres, homing, soft limits, backlash,
  * and whether its place is known.  Homing: fast to the switch, off it, slowly back to it,
  * and off it by back_off_m; there the axis stands at the end of its range. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/stage/worker.h"
 
 #include <errno.h>

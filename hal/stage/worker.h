@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/worker.h -- the thread of a stage that takes its time: it homes and moves
  * while others ask for the state.  The newest command counts and breaks off the one under
  * way.  After a fault the place is lost: every move is refused until it is homed. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/zaber.c -- a Zaber stage (the paper's: X-BLQ-E) on a serial line, protocol
  * ASCII 2.  The device keeps the place, the speed and the limits; what is read of it are
  * the resolution and how far it reaches. */

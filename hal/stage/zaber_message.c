@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/stage/zaber_message.h"
 
 #include <ctype.h>

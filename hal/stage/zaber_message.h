@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/zaber_message.h -- the Zaber ASCII protocol, version 2, as text: no line, no
  * clock.
  *

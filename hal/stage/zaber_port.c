@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/stage/zaber_port.h"
 
 #include <errno.h>

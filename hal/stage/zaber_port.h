@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/stage/zaber_port.h -- questions to a Zaber device and their answers.  Each has a
  * message id, so that a late answer is not taken for that of a later question; one that
  * stays away or is garbled is asked for again. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/survey/calibration.h -- what `anlos calibrate` has measured of an array, and how a
  * survey and samples are set right by it.  hal/survey/calibration_file.h reads and writes
  * it. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/survey/calibration_file.h -- the calibration file, which `anlos calibrate` writes
  * and every array reads (`alsa:` by its rig, `sim:` and `wav:` by the option
  * "calibrated=FILE"):

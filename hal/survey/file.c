@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/survey/file.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/survey/file.h -- survey.yaml: the geometry and timing of a recording. */
 #ifndef ANLOS_HAL_SURVEY_FILE_H
 #define ANLOS_HAL_SURVEY_FILE_H

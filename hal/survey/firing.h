@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/survey/firing.h -- how often and with what the speakers sound, chosen anew by the
  * URI of an array, in the place of what its scene or rig says:
  *

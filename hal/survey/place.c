@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/survey/place.h"
 
 #include <ctype.h>

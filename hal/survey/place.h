@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/survey/place.h -- where in a YAML file a key stands, for errors about values
  * that a schema cannot judge (ranges, consistency). */
 #ifndef ANLOS_HAL_SURVEY_PLACE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/survey/response_file.h"
 
 #include <ctype.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/survey/response_file.h -- a microphone's factory calibration as text: head lines,
  * then "Hz dB" a line, as Dayton and miniDSP ship it. */
 #ifndef ANLOS_HAL_SURVEY_RESPONSE_FILE_H

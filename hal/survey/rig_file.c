@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/survey/rig_file.h"
 
 #include <errno.h>

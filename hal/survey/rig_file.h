@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/survey/rig_file.h -- a rig: an array on a sound card.  Its file has the keys of
  * survey.yaml (hal/survey/yaml.h), and all of these are optional:
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/survey/yaml.h"
 
 #include <errno.h>

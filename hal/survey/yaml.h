@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/survey/yaml.h -- the keys of survey.yaml as libcyaml reads them.  A scene file has
  * the same keys beside its own, so they are a list that both files' schemas include. */
 #ifndef ANLOS_HAL_SURVEY_YAML_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "hal/yaml/file.h"
 
 #include <cyaml/cyaml.h>

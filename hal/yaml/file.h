@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/yaml/file.h -- a YAML file by a libcyaml schema.  Every error reads "file:line:
  * key: what was expected": keys that the schema does not know, keys that are missing or
  * there twice, values of the wrong type or number.  Floats must be finite.

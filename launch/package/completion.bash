@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 # Bash completion of anlos.  What there is to choose from the programs say themselves in
 # --help, and topics in `anlos topic list`.
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "anlos_receiver.h"
 
 #include <string.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos_receiver.h -- the vehicle's side of the CAN frames of anlos: takes frames, checks
  * their end-to-end protection (AUTOSAR E2E profiles 11 and 5, and the state machine of
  * SWS_E2ELibrary), puts whole object lists together, watches time-outs, and hands over

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
 """The vehicle's side of the CAN frames of anlos, as anlos_receiver.h has it in C.
 
     anlos_receiver.py LOG|-|INTERFACE:CHANNEL [--first-id ID] [--any-source] [--scan] [--json]

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/bytes.h -- little-endian bytes: a buffer that grows as it is written, and a
  * cursor that never reads past its end. */
 #ifndef ANLOS_MSGS_BAG_BYTES_H

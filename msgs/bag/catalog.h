@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/catalog.h -- what is in a bag and where, without its messages: from the
  * summary at its end, or, where that is missing or says too little, from the whole file.
  */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/bag/check.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/check.h -- is a bag what it says it is?  Every checksum; every record in its
  * place and whole; message and chunk indexes, statistics and summary offsets against what
  * is really there; every message of a channel, every channel of a schema that was defined

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/compression.h -- the compressions that a chunk may have: none, zstd and lz4
  * (its frame format). */
 #ifndef ANLOS_MSGS_BAG_COMPRESSION_H

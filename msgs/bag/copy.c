@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/bag/copy.h"
 
 #include <errno.h>

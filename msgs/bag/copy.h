@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/copy.h -- messages of bags into another one: the schemas and channels that
  * they need go with them, once, also where several bags define the same. */
 #ifndef ANLOS_MSGS_BAG_COPY_H

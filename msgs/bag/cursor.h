@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/cursor.h -- a bag's messages in the order of their log times (those of one
  * time in the file's order), from any time on.  Reads the chunks that it needs, when it
  * needs them. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/file.h -- records of a file by their offset, with every length checked against
  * what is there before memory is taken for it. */
 #ifndef ANLOS_MSGS_BAG_FILE_H

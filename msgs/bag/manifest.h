@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/manifest.h -- the names under which a recording carries what it takes to
  * reconstruct it anywhere.  Each file of a recording that was split has all of it.
  *

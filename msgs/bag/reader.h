@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/reader.h -- a bag from its first byte to its last: every record in the file's
  * order, those inside chunks in the chunk's place, and every checksum looked at. */
 #ifndef ANLOS_MSGS_BAG_READER_H

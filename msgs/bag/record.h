@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/record.h -- the records of an MCAP file (https://mcap.dev/spec, format 0),
  * each as its bytes and as C.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/recover.h -- what is whole in a bag that was cut or damaged, as a new bag. */
 #ifndef ANLOS_MSGS_BAG_RECOVER_H
 #define ANLOS_MSGS_BAG_RECOVER_H

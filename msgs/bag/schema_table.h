@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/schema_table.h -- what schemas.cmake writes: every message of every schema
  * file, and the descriptor set of its file. */
 #ifndef ANLOS_MSGS_BAG_SCHEMA_TABLE_H

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 # Writes OUT, a C file with a TABLE as in msgs/bag/schema_table.h, from schema files
 # (PROTOS, paths under the first of SOURCES, where imports are looked for; commas between)
 # by way of their descriptor sets:

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/schemas.h -- the schema that a bag names for each topic: "anlos.Ping" as a
  * protobuf file descriptor set with all that it imports, so that any MCAP tool can decode
  * the messages without us.  Built in; made by protoc-c (schemas.cmake). */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/bag/section.h"
 
 bool bag_section_allows(enum bag_section section, uint8_t opcode)

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/section.h -- which records may stand where in a bag. */
 #ifndef ANLOS_MSGS_BAG_SECTION_H
 #define ANLOS_MSGS_BAG_SECTION_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/bag/summary.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/summary.h -- what stands at the end of a bag: its definitions again, what is
  * in it, and where. */
 #ifndef ANLOS_MSGS_BAG_SUMMARY_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/topic_message.h -- a message of the bus as a message of a bag and back,
  * without loss: what comes out of a bag is, byte for byte, what went over the bus.
  *

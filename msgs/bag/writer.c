@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/bag/writer.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/bag/writer.h -- a bag as it grows: messages gather in a chunk, which is written,
  * with its indexes, when it is full or flushed; the summary comes at the end.
  *

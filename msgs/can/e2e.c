@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/can/e2e.h"
 
 static uint8_t crc8(uint8_t crc, const uint8_t *data, size_t size)

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/can/e2e.h -- end-to-end protection of AUTOSAR (PRS E2EProtocol, R23-11): what is
  * lost, repeated, late, damaged or somebody else's is known for what it is.
  *

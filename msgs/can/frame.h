@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/can/frame.h -- one CAN frame, classic or FD. */
 #ifndef ANLOS_MSGS_CAN_FRAME_H
 #define ANLOS_MSGS_CAN_FRAME_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/can/frames.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/can/frames.h -- the vehicle's view of hidden objects as CAN frames, and what it
  * tells the sensor.  The layout is that of anlos.dbc beside this file.  A list is one
  * header frame, one time frame, and for each object either a state, a dynamics and a

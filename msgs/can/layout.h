@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/can/layout.h -- the frames of anlos.dbc beside this file as a table: pack, unpack
  * and `anlos can decode` all read it, and a test holds it against the DBC. */
 #ifndef ANLOS_MSGS_CAN_LAYOUT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "msgs/can/load.h"
 
 #include "msgs/can/frames.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/can/load.h -- how long frames keep a bus busy, at worst.
  *
  * Bits of a frame with as many stuff bits as there can be: R. I. Davis, A. Burns, R. J.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/can/protection.h -- the end-to-end protection of our frames: profile 11 on those
  * of 8 bytes, profile 5 on FD.  The data ID of a frame is its identifier, so it tells the
  * sensor and the frame; each identifier counts for itself, all frames of it. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* msgs/foxglove/schema_table.h -- Foxglove's messages by name, "foxglove.PointCloud",
  * with the descriptor sets that channels and bags carry. */
 #ifndef ANLOS_MSGS_FOXGLOVE_SCHEMA_TABLE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/array.c -- `anlos array`: which sound cards there are, and what they
  * can do. */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bench.c -- `anlos bench NAME`: runs a benchmark of tests/bench, which is
  * built beside this program.  What left it for a command of its own is called by its old
  * name for one version. */

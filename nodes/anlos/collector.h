@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/collector.h -- gathers what the processes of a system say of themselves
  * into one table: for `anlos top`, `anlos node` and `anlos doctor`.  Pure: messages and
  * times come in, a table goes out.  Rates and shares are those of the last three seconds,

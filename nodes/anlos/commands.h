@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/commands.h -- the subcommands of `anlos`.  argv[0] is the command's name;
  * each returns the exit code: 0; 1 failed; 2 bad input (arguments, files); 130 Ctrl-C. */
 #ifndef ANLOS_NODES_ANLOS_COMMANDS_H

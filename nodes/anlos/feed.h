@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/feed.h -- brings what a running system says to the collector, and tells who
  * of its nodes lives. */
 #ifndef ANLOS_NODES_ANLOS_FEED_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/interrupt.h -- Ctrl-C asks a command to stop at the next good place. */
 #ifndef ANLOS_NODES_ANLOS_INTERRUPT_H
 #define ANLOS_NODES_ANLOS_INTERRUPT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/keys.c -- `anlos keys`: with which the hosts of a system know each other.
  */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/launch.c -- `anlos launch`: a whole system from one file. */
 #include <errno.h>
 #include <stdio.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/live.h -- a text that is drawn again and again in the same place of a
  * terminal. */
 #ifndef ANLOS_NODES_ANLOS_LIVE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/main.c -- `anlos COMMAND`: each command is a file of its own beside this.
  */
 #include <stdio.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/mat_file.h -- numeric arrays of MATLAB files, v5 and v7.3 (libmatio, in a
  * process of its own: mat_process.h).
  *

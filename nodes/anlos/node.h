@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/node.h -- the verbs of `anlos node`. */
 #ifndef ANLOS_NODES_ANLOS_NODE_H
 #define ANLOS_NODES_ANLOS_NODE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/stage.c -- `anlos stage`: the stage by hand. */
 #include <errno.h>
 #include <math.h>

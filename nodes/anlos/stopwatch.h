@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/stopwatch.h -- wall and CPU time of the stages of a command. */
 #ifndef ANLOS_NODES_ANLOS_STOPWATCH_H
 #define ANLOS_NODES_ANLOS_STOPWATCH_H

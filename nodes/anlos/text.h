@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/text.h -- numbers and foreign text in the room of a table's cell. */
 #ifndef ANLOS_NODES_ANLOS_TEXT_H
 #define ANLOS_NODES_ANLOS_TEXT_H

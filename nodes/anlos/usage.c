@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/usage.h"
 
 #include <errno.h>

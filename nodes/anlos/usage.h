@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/usage.h -- how the commands talk about their command line. */
 #ifndef ANLOS_NODES_ANLOS_USAGE_H
 #define ANLOS_NODES_ANLOS_USAGE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/array/acquisition.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/array/acquisition.h -- the array node's step: fire commands to shots, recordings
  * to ping messages. */
 #ifndef ANLOS_NODES_ARRAY_ACQUISITION_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/array/ambient.h -- the air that sound goes through, as the vehicle says it (topic
  * "ambient"): an array that stands and was measured at another temperature would place
  * what it hears at 4 m wrong by 7 mm for each kelvin. */

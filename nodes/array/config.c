@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/array/config.h"
 
 void array_config_range(struct range_config *out, const struct launchfile *l,

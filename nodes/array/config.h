@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/array/config.h -- what the launch file says of the array's steps. */
 #ifndef ANLOS_NODES_ARRAY_CONFIG_H
 #define ANLOS_NODES_ARRAY_CONFIG_H

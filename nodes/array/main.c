@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/array/main.c: "array/fire", "stage/state", "scan/status", "ambient" -> the
  * speakers and microphones -> "ping", "survey" */
 #include <errno.h>

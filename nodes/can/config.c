@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/can/config.h"
 
 void can_config_sender(struct sender_config *out, const struct launchfile *l)

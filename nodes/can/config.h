@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/config.h -- what a launch file says of the CAN frames, for the node and for a
  * reconstruction in one process. */
 #ifndef ANLOS_NODES_CAN_CONFIG_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/can/cyclic.h"
 
 #include <string.h>

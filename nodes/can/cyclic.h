@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/cyclic.h -- what the sensor says without being asked: the status in its cycle
  * and at once when it says something else, the diagnosis, and that there is nothing where
  * images should come and do not.  Time is an argument. */

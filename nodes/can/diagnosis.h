@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/diagnosis.h -- the frame Diagnosis of what the health messages of all nodes
  * say.  Time is an argument. */
 #ifndef ANLOS_NODES_CAN_DIAGNOSIS_H

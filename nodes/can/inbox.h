@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/inbox.h -- what the vehicle tells over CAN: its frames, checked, as messages.
  * Time is an argument.
  *

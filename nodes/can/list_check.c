@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/can/list_check.h"
 
 #include <stdio.h>

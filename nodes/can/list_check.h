@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/list_check.h -- may a detection list be told to the vehicle at all?  One that
  * came before, or contradicts itself, says that who made it does not work any more: it is
  * refused whole, so that it is not taken for a new image either. */

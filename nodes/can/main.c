@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/main.c: "detections", "scan/status", "survey", "health", "wall" -> the
  * vehicle's CAN bus -> "ego", "ambient", "wall/given" */
 #include <errno.h>

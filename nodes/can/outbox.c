@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/can/outbox.h"
 
 #include <errno.h>

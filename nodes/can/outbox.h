@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/outbox.h -- what waits for the CAN bus: detection lists in their order, and
  * the newest status and diagnosis frame.  Nothing here ever waits itself.  Each frame is
  * protected when it goes, so that the counters tell of every one that did.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/sender.h -- the can node's step: detection lists and the module's state to
  * CAN frames, layout as msgs/can. */
 #ifndef ANLOS_NODES_CAN_SENDER_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/can/vehicle_bus.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/vehicle_bus.h -- the bus that a launch file names, as the node opens it. */
 #ifndef ANLOS_NODES_CAN_VEHICLE_BUS_H
 #define ANLOS_NODES_CAN_VEHICLE_BUS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/can/watch.h -- may what the sensor says be trusted now?  A watchdog on each thing
  * that it depends on: what comes is told, time is an argument, and out come the state and
  * the faults of the status frame.  Nothing here waits, reads a clock or sends.

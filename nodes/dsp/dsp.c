@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/dsp/dsp.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/dsp/dsp.h -- the dsp node's step: topics to the front end
  * (recon/frontend/frontend.h) and back.  Background pings end here and are acknowledged
  * with a receipt; so is every ping that cannot be used.  Of a static array (Ping.frame)

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/dsp/main.c: "survey", "ping", "ego", "ambient" -> pulse compression -> "traces",
  * "receipt"; where walls are from echoes, "echoes" */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/channels.h -- what Foxglove is offered: every topic of msgs/topics.h
  * under its own name and schema, and under "view/" what of it a person looks at, in
  * Foxglove's schemas:

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/convert.h -- messages of ours as messages in Foxglove's schemas.  Each
  * is a pure function: the same message in the same setting gives the same bytes.
  *

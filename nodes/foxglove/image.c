@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/foxglove/image.h"
 
 #include <errno.h>

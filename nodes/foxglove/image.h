@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/image.h -- a volume that is to be converted: its grid, its brightness
  * and the wall that mirrors it. */
 #ifndef ANLOS_NODES_FOXGLOVE_IMAGE_H

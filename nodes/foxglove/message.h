@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/message.h -- a message of the bus or of a bag, as it is given to
  * Foxglove.
  */

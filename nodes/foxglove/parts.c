@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/foxglove/parts.h"
 
 #include <math.h>

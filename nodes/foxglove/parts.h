@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/parts.h -- the small messages that Foxglove's larger ones are made of,
  * in an arena. */
 #ifndef ANLOS_NODES_FOXGLOVE_PARTS_H

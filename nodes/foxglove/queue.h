@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/queue.h -- what waits to be sent to a client, bounded in bytes and
  * messages: of a full one the oldest message of the same channel goes, then the oldest of
  * any.  Not thread-safe. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/foxglove/request.h"
 
 #include <arpa/inet.h>

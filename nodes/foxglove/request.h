@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/request.h -- what a client of Foxglove's WebSocket protocol asks for.  A
  * client is anybody who can connect: nothing in its bytes is trusted. */
 #ifndef ANLOS_NODES_FOXGLOVE_REQUEST_H

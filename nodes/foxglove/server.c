@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/foxglove/server.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/server.h -- what arrives on the bus, offered to Foxglove (and
  * Lichtblick) by its WebSocket protocol on the path "/" of a web server: every topic
  * in its own schema, and under "view/" what a person looks at in Foxglove's schemas

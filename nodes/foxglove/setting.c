@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/foxglove/setting.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/setting.h -- where things stand: what the newest survey and the stage
  * say, which the conversions of other messages need.
  *

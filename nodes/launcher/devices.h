@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/devices.h -- looks at the devices that a launch file names before any
  * process is started and any file is written, so that a mistake costs nothing. */
 #ifndef ANLOS_NODES_LAUNCHER_DEVICES_H

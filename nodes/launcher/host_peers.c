@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/launcher/host_peers.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/host_peers.h -- the launchers of a system's other machines: whether they
  * are there, how their clocks differ, and how all come to an end.
  *

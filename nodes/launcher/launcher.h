@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/launcher.h -- runs the nodes of a launch file until the report is
  * written, a node fails for good, or a signal asks to stop. */
 #ifndef ANLOS_NODES_LAUNCHER_LAUNCHER_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/launcher/process_group.h"
 
 #include <errno.h>

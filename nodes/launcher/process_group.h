@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/process_group.h -- the node processes of a launch together: who runs,
  * who is still to be started, and signals to many at once.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/launcher/program.h"
 
 #include <errno.h>

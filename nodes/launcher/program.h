@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/program.h -- a node's program and its command line. */
 #ifndef ANLOS_NODES_LAUNCHER_PROGRAM_H
 #define ANLOS_NODES_LAUNCHER_PROGRAM_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/screen.h -- what the launcher shows: log lines of the nodes on stderr,
  * with stamp, node and level, on a terminal with the local time and in colours
  * (nodes/rt/colour.h);

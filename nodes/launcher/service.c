@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/launcher/service.h"
 
 #include <string.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/service.h -- the launcher as a service of systemd (sd_notify(3)): ready
  * when every node has spoken, and alive as long as all go on doing so.  A launcher that
  * runs by itself says nothing.  Time is an argument. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/launcher/site.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/site.h -- where a launch takes place: the run folder, and what its nodes
  * and tools find there about the other hosts. */
 #ifndef ANLOS_NODES_LAUNCHER_SITE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/launcher/supervisor.h"
 
 #include <dirent.h>

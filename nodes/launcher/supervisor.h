@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/supervisor.h -- alive supervision of the nodes: whose main loop stands
  * still is hung, whatever the reason, and is to be killed and started again.  As
  * AUTOSAR's watchdog manager does it, by health messages that count the loop's turns and

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/launcher/truth.h -- what is hidden in a simulated scene beside what was found:
  * the table at the end of a launch. */
 #ifndef ANLOS_NODES_LAUNCHER_TRUTH_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/play/account.h -- the pings that have been played and not been used yet, so that
  * no more are under way than the consumers' queues hold.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/play/bag_iterator.h"
 
 #include <errno.h>

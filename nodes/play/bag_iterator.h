@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/play/bag_iterator.h -- the messages of a bag that are to be played, in the order
  * of their publish stamps, from any time on. */
 #ifndef ANLOS_NODES_PLAY_BAG_ITERATOR_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/play/main.c: a bag -> what was recorded in it, "clock" */
 #include <errno.h>
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/play/playback.h"
 
 #include <errno.h>

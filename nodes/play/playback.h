@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/play/playback.h -- plays a bag: what was recorded goes out under the names of
  * those who sent it, and nobody can tell it from live but by its source, which is REPLAY.
  *

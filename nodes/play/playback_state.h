@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/play/playback_state.h -- the inside of a player, for its parts. */
 #ifndef ANLOS_NODES_PLAY_PLAYBACK_STATE_H
 #define ANLOS_NODES_PLAY_PLAYBACK_STATE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/play/rewrite.h -- what is said otherwise than it was recorded: that it is a
  * replay, where a bag is played more than once the number of the scan, and which survey
  * it is of, where another program recorded it without saying so. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/play/run.h -- the loop of a player in its process: what comes over the bus goes
  * to it, and "clock" and health say where it is. */
 #ifndef ANLOS_NODES_PLAY_RUN_H

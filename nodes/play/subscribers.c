@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/play/subscribers.h"
 
 #include <stdio.h>

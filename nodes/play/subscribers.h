@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/play/subscribers.h -- the nodes that hear what is played, as their health says:
  * who is there, who is ready and connected, who was started again. */
 #ifndef ANLOS_NODES_PLAY_SUBSCRIBERS_H

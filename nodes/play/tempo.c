@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/play/tempo.h"
 
 void tempo_init(struct tempo *t, double rate)

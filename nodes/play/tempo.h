@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/play/tempo.h -- when a message of the bag is due by the machine's clock. */
 #ifndef ANLOS_NODES_PLAY_TEMPO_H
 #define ANLOS_NODES_PLAY_TEMPO_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/recon/fixed.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/recon/fixed.h -- the recon node's loop for a fixed array: "survey", "traces",
  * "ego", "wall" -> "volume", and in a replay "receipt". */
 #ifndef ANLOS_NODES_RECON_FIXED_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/recon/main.c: "survey", "traces", "scan/status" -> "volume", "receipt"; of a
  * fixed array: nodes/recon/fixed.c */
 #include <errno.h>

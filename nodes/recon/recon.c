@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/recon/recon.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/recon/recon.h -- the recon node's step for a scan: topics to
  * recon/imaging/scan_imager.h and back. */
 #ifndef ANLOS_NODES_RECON_RECON_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/recon/steady.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/recon/steady.h -- the recon node's step for a static array (scan.mode fixed):
  * topics to recon/static_array/static_array.h and back. */
 #ifndef ANLOS_NODES_RECON_STEADY_H

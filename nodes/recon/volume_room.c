@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/recon/volume_room.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/recon/volume_room.h -- does the image of a survey fit its topic? */
 #ifndef ANLOS_NODES_RECON_VOLUME_ROOM_H
 #define ANLOS_NODES_RECON_VOLUME_ROOM_H

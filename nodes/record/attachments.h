@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/record/attachments.h -- files that a recording carries as attachments, held in
  * memory so that each part of it gets them. */
 #ifndef ANLOS_NODES_RECORD_ATTACHMENTS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/record/balance.h"
 
 #include <errno.h>

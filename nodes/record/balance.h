@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/record/balance.h -- what a recording has of each topic, and what it has not, as
  * its files say it (msgs/bag/manifest.h). */
 #ifndef ANLOS_NODES_RECORD_BALANCE_H

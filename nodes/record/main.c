@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/record/main.c: every topic -> a bag.  Ends when it is asked to, or when it cannot
  * write any more; the rest of the system goes on. */
 #include <errno.h>

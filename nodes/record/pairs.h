@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/record/pairs.h -- a metadata record of a bag, text by text. */
 #ifndef ANLOS_NODES_RECORD_PAIRS_H
 #define ANLOS_NODES_RECORD_PAIRS_H

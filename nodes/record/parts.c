@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/record/parts.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/record/parts.h -- the files of one recording: FILE.mcap, or FILE_0001.mcap,
  * FILE_0002.mcap .. when it is split, and which of them go to keep a quota. */
 #ifndef ANLOS_NODES_RECORD_PARTS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/record/recorder.h -- messages into the files of a recording: chunks that are
  * written through at intervals, parts, a quota, and what was lost.  It reads no clock;
  * times are the recorder's.  A part that does not begin with a survey has the one before

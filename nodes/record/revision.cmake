@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 # Writes OUT with the git revision of the sources in SOURCE, "-dirty" when they differ from
 # it, or VERSION where there is no git: at each build, touching OUT only when it changes.
 execute_process(COMMAND git describe --always --abbrev=12 --dirty --exclude=*

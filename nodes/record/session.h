@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/record/session.h -- what a recording says of itself, whatever is in it: who made
  * it when and with what, and the launch file with its inputs (msgs/bag/manifest.h). */
 #ifndef ANLOS_NODES_RECORD_SESSION_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/record/tap.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/record/tap.h -- what comes over a bus, into a recorder. */
 #ifndef ANLOS_NODES_RECORD_TAP_H
 #define ANLOS_NODES_RECORD_TAP_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/report/main.c: "survey", "volume", "detections", "wall", "ego", "scan/status",
  * "health", and "host" of a system on several -> a folder.  Ends when it is written:
  * after the scan, or of a scan without end when it is stopped. */

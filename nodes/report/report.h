@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/report/report.h -- the report node's step: gathers the end of a scan from the
  * messages and writes the folder of results. */
 #ifndef ANLOS_NODES_REPORT_REPORT_H

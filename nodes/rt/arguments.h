@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/arguments.h -- the command line that all nodes and `anlos launch` share. */
 #ifndef ANLOS_NODES_RT_ARGUMENTS_H
 #define ANLOS_NODES_RT_ARGUMENTS_H

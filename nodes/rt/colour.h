@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/colour.h -- may what is written there have colours?  On a terminal that knows
  * any, unless NO_COLOR is set and not empty (no-color.org). */
 #ifndef ANLOS_NODES_RT_COLOUR_H

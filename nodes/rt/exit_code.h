@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/exit_code.h -- the exit codes of every program and command. */
 #ifndef ANLOS_NODES_RT_EXIT_CODE_H
 #define ANLOS_NODES_RT_EXIT_CODE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/export.h -- the files that a person or a program looks at.  Each is written
  * under a temporary name and renamed when whole: nothing is left half-written. */
 #ifndef ANLOS_NODES_RT_EXPORT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/export_chart.h"
 
 #include <cairo-svg.h>

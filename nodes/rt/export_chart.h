@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/export_chart.h -- lines and points over two axes, linear or logarithmic, as
  * SVG and PNG. */
 #ifndef ANLOS_NODES_RT_EXPORT_CHART_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/export_colour.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/export_colour.h -- a perceptual colour map, from black over purple and orange
  * to pale yellow: equal steps look equally large, in grey too. */
 #ifndef ANLOS_NODES_RT_EXPORT_COLOUR_H

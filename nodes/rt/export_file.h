@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/export_file.h -- a file that appears whole or not at all: written under a
  * temporary name beside its own, renamed by commit. */
 #ifndef ANLOS_NODES_RT_EXPORT_FILE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/export_ink.h -- what the pictures with axes have in common: text, the steps of
  * ticks, and the file. */
 #ifndef ANLOS_NODES_RT_EXPORT_INK_H

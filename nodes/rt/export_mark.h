@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/export_mark.h -- the colours, lines and marks of a chart's series, on the page
  * as in the legend. */
 #ifndef ANLOS_NODES_RT_EXPORT_MARK_H

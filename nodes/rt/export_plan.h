@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/export_plan.h -- the plan view as a picture: tracks with where they were and
  * how they went, walls, the array and its vehicle, what the image covers. */
 #ifndef ANLOS_NODES_RT_EXPORT_PLAN_H

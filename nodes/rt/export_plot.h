@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/export_plot.h -- draws a projection as a picture with axes in metres, a colour
  * bar in dB and numbered crosses. */
 #ifndef ANLOS_NODES_RT_EXPORT_PLOT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/export_projection.h -- the maximum of a volume along one of its axes. */
 #ifndef ANLOS_NODES_RT_EXPORT_PROJECTION_H
 #define ANLOS_NODES_RT_EXPORT_PROJECTION_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/health.h"
 
 #include <stdio.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/health.h -- what a process says about itself in its health message. */
 #ifndef ANLOS_NODES_RT_HEALTH_H
 #define ANLOS_NODES_RT_HEALTH_H

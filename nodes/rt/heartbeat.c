@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/heartbeat.h"
 
 #include <stdio.h>

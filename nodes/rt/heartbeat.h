@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/heartbeat.h -- a node's health messages: once a second, at each change of its
  * state, and when somebody begins to listen.  They come from the main loop and count its
  * turns, so that the launcher sees whether it stands still. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/latencies.h"
 
 #include <stdlib.h>

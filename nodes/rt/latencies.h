@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/latencies.h -- how old the sound is in the messages that a node takes and
  * publishes: from the capture stamp, topic by topic, over the last seconds. */
 #ifndef ANLOS_NODES_RT_LATENCIES_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/launchfile.h -- a launch file: which nodes run and with what. */
 #ifndef ANLOS_NODES_RT_LAUNCHFILE_H
 #define ANLOS_NODES_RT_LAUNCHFILE_H

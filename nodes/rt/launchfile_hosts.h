@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/launchfile_hosts.h -- the section `hosts` of a launch file: which machine runs
  * which nodes, and where they are reached.  Without it all is on one machine. */
 #ifndef ANLOS_NODES_RT_LAUNCHFILE_HOSTS_H

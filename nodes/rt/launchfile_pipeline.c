@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/launchfile_pipeline.h"
 
 #include <math.h>

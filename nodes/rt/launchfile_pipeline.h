@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/launchfile_pipeline.h -- with what a launch file has the stages run: the one
  * place where it is read for them.  A node takes its stage's part, and who holds all
  * stages (recon/pipeline.h) takes all of it. */

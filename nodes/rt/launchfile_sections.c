@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/launchfile_sections.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/launchfile_sections.h -- inside nodes/rt/launchfile: sections of the text to
  * those of the launch file, one after the other. */
 #ifndef ANLOS_NODES_RT_LAUNCHFILE_SECTIONS_H

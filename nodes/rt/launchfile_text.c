@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/launchfile_text.h"
 
 #include "nodes/rt/launchfile.h"

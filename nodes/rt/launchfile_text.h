@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/launchfile_text.h -- a launch file as it is written; what is a pointer and
  * NULL was left out, and names are not checked yet. */
 #ifndef ANLOS_NODES_RT_LAUNCHFILE_TEXT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/log.h -- what a process tells a person: lines with stamp, level and node on a
  * descriptor, each written whole so that lines of several processes do not mix, and to
  * whoever else listens (nodes/rt/log_topic.h).  The same text within 10 s is counted, not

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/log_history.h"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/log_history.h -- the newest lines of a system's log, for who comes late: the
  * launcher keeps them in a file of the run folder, which is never seen half written.
  * Where there are too many, lines that only inform go before warnings and errors. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/log_line.h -- one line of a log, and how it is written down:
  *   2026-11-21T20:15:09.123Z recon   warning the text (37 times more in 10 s)
  * (UTC) or as a JSON object with stamp, level, node, text, repeats, repeats_s,

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/log_repeats.h"
 
 #include <stdio.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/log_repeats.h -- the texts that were written of late, so that one that comes
  * again and again is counted instead, and said once in a while. */
 #ifndef ANLOS_NODES_RT_LOG_REPEATS_H

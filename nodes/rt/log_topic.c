@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/log_topic.h"
 
 #include "msgs/log.pb-c.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/log_topic.h -- the lines of a node's log on the bus, topic "log", at a bounded
  * rate: a fault in a loop must not take the bus from those who work. */
 #ifndef ANLOS_NODES_RT_LOG_TOPIC_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/node.h -- what every node process has: command line, launch file, bus, log,
  * health, stop signal.  A node's main is: node_create, subscribe, loop node_next,
  * process, node_publish, node_finish. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/optional_node.h"
 
 #include <stddef.h>

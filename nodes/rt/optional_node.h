@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/optional_node.h -- nodes that a system hears and images without. */
 #ifndef ANLOS_NODES_RT_OPTIONAL_NODE_H
 #define ANLOS_NODES_RT_OPTIONAL_NODE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/pace.h"
 
 bool pace_is_late(struct pace *p, int64_t now_ns)

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/pace.h -- does a node keep up?  Whoever is late leaves some of its work out,
  * counts it, and says so when that is more than a moment's load. */
 #ifndef ANLOS_NODES_RT_PACE_H

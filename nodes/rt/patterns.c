@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/patterns.h"
 
 #include <fnmatch.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/patterns.h -- names chosen by patterns (fnmatch(3)) with commas between, as
  * in "survey,stage*". */
 #ifndef ANLOS_NODES_RT_PATTERNS_H

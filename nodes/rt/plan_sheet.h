@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/plan_sheet.h -- how a plan view lies on paper: what there is to see, and how
  * metres become units of the picture. */
 #ifndef ANLOS_NODES_RT_PLAN_SHEET_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/plan_tracks.h -- what moves on a plan view: trails, where each track was last,
  * and its motion.  Each track has a colour of its own. */
 #ifndef ANLOS_NODES_RT_PLAN_TRACKS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/plan_view.h -- the plan view: what stands where, seen from above, in metres to
  * the right and ahead.  In the vehicle frame (x forward, y left) that is (-y, x); where
  * no mount is known, in the array frame (x along the stage, z to the wall), it is (x, z).

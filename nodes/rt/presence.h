@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/presence.h -- which nodes live in a run folder, seen without disturbing them:
  * a live node holds the lock of RUN_DIR/NODE.lock, and /proc/locks names who holds what.
  * (Trying the lock instead would turn away a node that starts just then.) */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/priority.h -- who computes first on a busy machine: the processes of an array
  * that stands have real-time priorities (SCHED_FIFO) and locked memory where the system
  * permits it, in the order of how little a delay of theirs may be; else they are nice to

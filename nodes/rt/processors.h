@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/processors.h -- the machine's processors, as far as this process has them. */
 #ifndef ANLOS_NODES_RT_PROCESSORS_H
 #define ANLOS_NODES_RT_PROCESSORS_H

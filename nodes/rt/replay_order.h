@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/replay_order.h -- in a replay, what a node hears comes over several sockets,
  * in an order by chance.  This puts it into that of the publish stamps: a message waits
  * until everybody who may still send an earlier one has said that he will not (topic

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/rt/round_check.h"
 
 #include <errno.h>

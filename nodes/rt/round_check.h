@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/round_check.h -- can an array that stands be asked for these speakers, round
  * after round? */
 #ifndef ANLOS_NODES_RT_ROUND_CHECK_H

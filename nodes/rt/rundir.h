@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/rundir.h -- the folder where the processes of one system find each other. */
 #ifndef ANLOS_NODES_RT_RUNDIR_H
 #define ANLOS_NODES_RT_RUNDIR_H

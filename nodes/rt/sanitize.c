@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/sanitize.c -- only in builds with AddressSanitizer: what is not ours to free.
  */
 

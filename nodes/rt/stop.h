@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/stop.h -- how a node process is asked to end: SIGINT, SIGTERM, or the end of
  * the launcher that started it.  Its one stop flag is global, as signal handlers need. */
 #ifndef ANLOS_NODES_RT_STOP_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/trails.h -- where tracks were in the last seconds, over ground, in the frame
  * of the newest list: a vehicle's motion since is taken out. */
 #ifndef ANLOS_NODES_RT_TRAILS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/uri.h -- device URIs, "scheme:path?key=value&key=value", as the launch file
  * has them.  Results are on the heap: free() them; NULL means no memory. */
 #ifndef ANLOS_NODES_RT_URI_H

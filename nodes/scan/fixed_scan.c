@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/scan/fixed_scan.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/scan/fixed_scan.h -- an array that stands: the same state machine as scan.h for a
  * system that has no end.  It waits for the nodes it needs and for the survey, then asks
  * the array to go round its speakers without end: first without the hidden objects, where

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/scan/main.c: "health", "survey", "stage/state", "ping", "receipt" ->
  * "stage/command", "array/fire", "scan/status" */
 #include <errno.h>

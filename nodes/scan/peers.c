@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/scan/peers.h"
 
 #include <stdio.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/scan/peers.h -- the other nodes of the system as the scan sees them: who is
  * there, who is ready, who has been restarted. */
 #ifndef ANLOS_NODES_SCAN_PEERS_H

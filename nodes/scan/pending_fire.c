@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/scan/pending_fire.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/scan/pending_fire.h -- the fire command that the scan gave out last.  It may get
  * lost on its way, so it is sent again until a ping answers it; the array knows one that
  * it has had. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/scan/ping_tracker.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/scan/ping_tracker.h -- the account of every ping of a scan: to be fired, under
  * way, used, or given up.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/scan/scan.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/scan/scan.h -- the scan as a state machine: messages and time in, commands and
  * status out.  It waits for the nodes it needs and for the survey; then, for each pass
  * (background first) and stage position: move, wait until settled, fire what is missing.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/stage/main.c: "stage/command" and "stage/manual" -> the translation stage ->
  * "stage/state" */
 #include <errno.h>

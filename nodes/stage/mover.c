@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/stage/mover.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/stage/mover.h -- the stage node's step: commands to the hardware, its state to
  * messages.  A person may take the stage by hand: then the scan has to wait until it is
  * released, or homed. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/track/main.c: "survey", "wall", "ego", "volume" -> detection, the wall's mirror,
  * tracks -> "detections" */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/track/tracking.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/track/tracking.h -- the track node's step: topics to
  * recon/tracking/object_tracker.h and back. */
 #ifndef ANLOS_NODES_TRACK_TRACKING_H

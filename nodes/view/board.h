@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/board.h -- what every open page is to show: one frame for each subject, the
  * newest in place of the one before.  A page that is slow finds newer frames when it
  * comes back and skips those between: it costs no memory and keeps nobody waiting. */

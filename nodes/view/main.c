@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/main.c: what there is to see -> a web page and Foxglove */
 #include <errno.h>
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/view/meter.h"
 
 #include <errno.h>

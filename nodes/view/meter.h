@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/meter.h -- how loud each channel of the array is, and which ones are of no
  * use, ping by ping. */
 #ifndef ANLOS_NODES_VIEW_METER_H

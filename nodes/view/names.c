@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/view/names.h"
 
 #include <stddef.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/names.h -- what the states in messages are called on the page. */
 #ifndef ANLOS_NODES_VIEW_NAMES_H
 #define ANLOS_NODES_VIEW_NAMES_H

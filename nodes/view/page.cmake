@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 # Writes OUT, a C file with the table of nodes/view/page.h, from the page's files (FILES,
 # names in the folder SOURCE, commas between):
 #   cmake -DSOURCE=.. -DFILES=index.html,.. -DOUT=.. -P page.cmake

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/page.h -- the files of the web page, built into the program (page.cmake). */
 #ifndef ANLOS_NODES_VIEW_PAGE_H
 #define ANLOS_NODES_VIEW_PAGE_H

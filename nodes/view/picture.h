@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/picture.h -- a volume as a page shows it: 8 bits a voxel on a scale of
  * decibels, its maxima along each axis, and slices across the depth. */
 #ifndef ANLOS_NODES_VIEW_PICTURE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/plan.h -- what the page is told of the plan view (nodes/rt/plan_view.h). */
 #ifndef ANLOS_NODES_VIEW_PLAN_H
 #define ANLOS_NODES_VIEW_PLAN_H

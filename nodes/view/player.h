@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/player.h -- shows a bag: a thread that brings the view to the place in it
  * that a page asked for last.  All pages show the same place. */
 #ifndef ANLOS_NODES_VIEW_PLAYER_H

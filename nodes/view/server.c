@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/view/server.h"
 
 #include <arpa/inet.h>

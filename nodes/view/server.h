@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/server.h -- the web server: the page, which is built into the program, and
  * its WebSockets: "/live" for the page (live.h), "/" for Foxglove
  * (nodes/foxglove/server.h).  It serves no files. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/timeline.h -- the state of a recorded system at any time: of each channel of
  * a bag the newest message at or before it, found in the chunks before that time. */
 #ifndef ANLOS_NODES_VIEW_TIMELINE_H

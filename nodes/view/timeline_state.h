@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/timeline_state.h -- what a timeline knows of its bag, and the place that it
  * looks for. */
 #ifndef ANLOS_NODES_VIEW_TIMELINE_STATE_H

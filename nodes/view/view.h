@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/view.h -- what the pages show: messages in, frames on the board out.  One
  * thread takes messages; pages read the board, and ask for slices, from any other. */
 #ifndef ANLOS_NODES_VIEW_VIEW_H

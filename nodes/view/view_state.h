@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/view_state.h -- what a view knows, and how it says so. */
 #ifndef ANLOS_NODES_VIEW_VIEW_STATE_H
 #define ANLOS_NODES_VIEW_VIEW_STATE_H

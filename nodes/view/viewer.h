@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/view/viewer.h -- the whole of it: what is looked at, a running system or a bag,
  * on a web page.  For the node and for `anlos view`. */
 #ifndef ANLOS_NODES_VIEW_VIEWER_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/wall/finding.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/wall/finding.h -- the wall node's step: topics to recon/walls/wall_finder.h and
  * back.
  */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/wall/main.c: "survey", "echoes" or "wall/given", "ego" -> the walls -> "wall" */
 #include <errno.h>
 

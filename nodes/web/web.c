@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/web/web.h"
 
 #include <arpa/inet.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/web/web.h -- a web server on one thread: pages, and WebSockets on paths of their
  * own, by libwebsockets.  Whoever can connect is a stranger, so what he sends costs
  * little before it is accepted: of a request 8 kB at most and 10 s, of a message as much

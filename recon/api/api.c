@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/api/api.h"
 
 #include <errno.h>

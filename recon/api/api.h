@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/api/api.h -- what the public functions (recon/include/anlos) share: errors, sizes
  * of structures, the planner's lock, and structures of outside to those of inside and
  * back. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/pipeline.h"
 
 #include <errno.h>

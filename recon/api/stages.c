@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The stages by themselves.  Each handle holds its stage, the configuration that it
  * borrows from, and what it needs of the survey. */
 #include <errno.h>

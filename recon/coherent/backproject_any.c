@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/backproject_any.c -- back-projection for any geometry, tile by tile. */
 #include <errno.h>
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/backproject_scan.c -- back-projection for an array that a stage carries
  * along x. The delay of a pair depends on x_voxel - x_stage only, and stage steps are
  * whole voxels: for one difference all stage positions read the same sample, each for its

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/backproject_store.c -- traces as they came to the finer ones that
  * back-projection reads by linear interpolation. */
 #include <errno.h>

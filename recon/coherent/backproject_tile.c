@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/coherent/backproject_tile.h"
 
 #include <math.h>

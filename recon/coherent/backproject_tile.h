@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/backproject_tile.h -- the inner part of back-projection for any
  * geometry: voxels in the lanes, each looks its delay up in the traces
  * (recon/coherent/fine_trace.h). */

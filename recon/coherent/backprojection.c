@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/backprojection.c -- stores the traces and weighs them; see
  * backprojection.h. */
 #include "recon/coherent/backprojection.h"

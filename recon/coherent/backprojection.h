@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/backprojection.h -- inside `--method backprojection`: each voxel sums
  * every pair's trace at its own two-way delay, phase kept, each pair weighted by 1 /
  * (pairs that share its midpoint).  Traces are stored finer than they come, so that

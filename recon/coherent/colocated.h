@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/colocated.h -- the pairs of a scan whose speaker and microphone stand
  * (nearly) at one place, as confocal measurements of power: Lindell 2019 Eq. 8, 9. */
 #ifndef ANLOS_RECON_COHERENT_COLOCATED_H

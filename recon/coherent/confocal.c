@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/confocal.c -- the two methods that use co-located pairs only
  * (recon/coherent/colocated).
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/coherent/dmo.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/dmo.h -- dip moveout in log-stretched time, and stack over offsets (Zhou
  * 1996; Lindell 2019, Eq. 13 and 14).
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/fast.c -- `--method fast`: every pair's trace is moved out to its
  * midpoint with its phase and stacked with equal weight for each midpoint
  * (recon/coherent/midpoint_stack), and the co-located traces are migrated

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/coherent/fine_trace.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/fine_trace.h -- traces at a finer rate than they come at, so that linear
  * interpolation reads them with -50 dB of error.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/coherent/fk.h"
 
 #include <math.h>

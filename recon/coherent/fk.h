@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/fk.h -- f-k (Stolt 1978) migration of co-located traces to an image: a
  * plane wave (kx, ky) of frequency f came from depth wavenumber kz = sqrt((4 pi f / c)^2
  * - kx^2 - ky^2).

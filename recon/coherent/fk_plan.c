@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/coherent/fk_plan.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/fk_plan.h -- inside f-k migration: sizes, wavenumbers and tables, made
  * once. */
 #ifndef ANLOS_RECON_COHERENT_FK_PLAN_H

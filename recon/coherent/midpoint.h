@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/midpoint.h -- sort source-receiver pairs by midpoint and offset (Lindell
  * 2019, 3.3).  Midpoints must lie on a product of lines, x_m[nx] times y_m[ny], in one
  * plane; the lines need not be evenly spaced. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/coherent/midpoint_stack.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/midpoint_stack.h -- all pairs' traces to those that co-located pairs
  * would have recorded at the midpoints: moved out with their phase, and stacked so that
  * each midpoint counts once.  Without dip moveout (recon/coherent/nmo) echoes from aside

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/nmo.h -- coherent normal moveout: the trace of a pair with half-offset h
  * becomes the trace of a co-located pair at its midpoint, t0 = sqrt(t^2 - (2h/c)^2)
  * (Lindell 2019, Eq. 11), with the carrier's phase kept in double.  Amplitudes are

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/phasor.h -- a carrier's phase, fast enough for inner loops and free of
  * branches, so that they vectorise. */
 #ifndef ANLOS_RECON_COHERENT_PHASOR_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/coherent/sinc.h"
 
 #include <math.h>

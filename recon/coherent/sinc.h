@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/sinc.h -- short band-limited interpolation: Kaiser-windowed sinc
  * weights. */
 #ifndef ANLOS_RECON_COHERENT_SINC_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/stretch.h -- normal moveout and logarithmic stretch in one
  * interpolation, and the way back (Lindell 2019, Eq. 11 and 13; Zhou 1996): log time is
  * ln t0, t0 the time at which a co-located pair would have heard what a pair of

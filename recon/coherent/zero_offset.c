@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/coherent/zero_offset.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/coherent/zero_offset.h -- from all pairs' traces to those that co-located pairs
  * would have recorded at the midpoints (Lindell 2019, 3.3 and Eq. 10-14): gain, sort by
  * midpoint and offset, normal moveout, log-stretch dip moveout along both axes, stack.

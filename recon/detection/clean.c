@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/detection/clean.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/clean.h -- objects that stronger ones hide: what comes from the bright
  * places of an image is taken out of the traces, and the rest is imaged anew.  The model
  * is subtracted from the data, not its smear from the image (Schwab 1984, Cotton-Schwab

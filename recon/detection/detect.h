@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/detect.h -- bright places of a volume to hidden objects: local maxima
  * above the noise and above each other's sidelobes, joined where they belong to one
  * object. */

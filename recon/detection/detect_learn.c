@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/detection/detect_learn.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/detect_learn.h -- teaches a CFAR what noise is, from images with
  * objects in them. One that is far brighter than all else has sidelobes as far away as
  * itself: neither it nor they are noise, and that it is there for long does not make it

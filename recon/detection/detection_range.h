@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/detection_range.h -- how far away is a person still found?  The sonar
  * equation (Urick 1983, chapter 2) for one who is heard by way of a wall, and the chance
  * that his brightest voxel passes the threshold of the detector.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/detector.h -- an image to the list of hidden objects, where they really
  * are.  Each list stands for itself: nothing is tracked. */
 #ifndef ANLOS_RECON_DETECTION_DETECTOR_H

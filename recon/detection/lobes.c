@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/detection/lobes.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/lobes.h -- which objects of an image are grating lobes.  An aperture
  * whose places are farther apart than half a wavelength agrees with a wrong direction
  * too, another one for each frequency: over a band such lobes smear, but those of what is

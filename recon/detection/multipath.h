@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/multipath.h -- which objects of an image are echoes of others by two
  * bounces or more.  Imaging takes each echo for one that came straight back; one that
  * went from the array to P, on to B and home is imaged half its way off, in the mean of

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/objects.h -- the hidden objects of an image: where they really are
  * (mirrored at the wall, in the vehicle frame when a mount is known), with covariance. */
 #ifndef ANLOS_RECON_DETECTION_OBJECTS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/detection/peak.h"
 
 #include <math.h>

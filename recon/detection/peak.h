@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/peak.h -- a peak of an image between its voxels: the logarithm of the
  * intensity is a paraboloid there.  What the image does not tell of a place is said to be
  * unknown.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/plane.h -- a flat face that fills the view, such as a plate or a wall:
  * it mirrors the array, and is heard by each pair from its own place on the face.  An
  * image shows its speckle and its lobes as many objects; it is one, known by how its echo

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/detection/regions.h"
 
 #include <errno.h>

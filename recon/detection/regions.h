@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/regions.h -- bright places of a volume: voxels that hang together
  * around a peak, from the strongest peak down. */
 #ifndef ANLOS_RECON_DETECTION_REGIONS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/detection/shape.h -- what a bright place looks like: a point, a plate (long along
  * one or two directions and as thin as a point across), or extended in all directions. */
 #ifndef ANLOS_RECON_DETECTION_SHAPE_H

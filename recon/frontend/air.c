@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/frontend/air.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/frontend/air.h -- what the air has done between the two passes of a scan, as
  * dsp/drift.h has found it ping by ping, in words. */
 #ifndef ANLOS_RECON_FRONTEND_AIR_H

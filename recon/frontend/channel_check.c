@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/frontend/channel_check.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/frontend/channel_check.h -- which microphones of a recording can be used,
  * position by position, and what was wrong with the others. */
 #ifndef ANLOS_RECON_FRONTEND_CHANNEL_CHECK_H

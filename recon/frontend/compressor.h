@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/frontend/compressor.h -- raw pings to traces by the way that was asked for:
  * matched filter (dsp/pulse_compress.h) or the paper's deramp (dsp/deramp.h), one face
  * for both, and for both directions of a survey whose chirps alternate.  Where emissions

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/frontend/frontend.h -- from a ping to traces: which microphones are fit, pulse
  * compression, blanking of what a sound from outside drowned, and the background
  * subtracted, as it would sound in the air of now.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/frontend/mean_background.h"
 
 #include <errno.h>

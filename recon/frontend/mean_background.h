@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/frontend/mean_background.h -- backgrounds of a static array: the mean of what
  * was recorded without the hidden objects, or the running mean of all that is heard. */
 #ifndef ANLOS_RECON_FRONTEND_MEAN_BACKGROUND_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/frontend/range_monitor.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/frontend/range_monitor.h -- how far away would a person still be found?  Of a
  * fixed array that knows a wall.  The wall's echo, the reference, is measured in each
  * ping, and recon/detection/detection_range.h says what is left of a person, and how much

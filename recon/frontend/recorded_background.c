@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/frontend/recorded_background.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/frontend/recorded_background.h -- the room without the hidden objects, as it was
  * recorded before, subtracted as it would sound in the air of now (dsp/drift.h). */
 #ifndef ANLOS_RECON_FRONTEND_RECORDED_BACKGROUND_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/frontend/self_test.h -- what the array hears of itself, and so of others: does
  * each microphone hear the speakers, and each speaker reach a microphone; is one covered;
  * how loud is noise; and how far away would a person still be found?

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/imaging/fold.h -- traces that share a midpoint: each midpoint is to count once.
  */
 #ifndef ANLOS_RECON_IMAGING_FOLD_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/imaging/image_plan.h"
 
 #include <string.h>

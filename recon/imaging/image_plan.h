@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/imaging/image_plan.h -- what imaging derives from a survey, and the traces and
  * volumes at its two ends. */
 #ifndef ANLOS_RECON_IMAGING_IMAGE_PLAN_H

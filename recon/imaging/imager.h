@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/imaging/imager.h -- one scan's traces to one volume; the methods behind
  * `--method`. Traces are added as they arrive; an image can be asked for at any time. */
 #ifndef ANLOS_RECON_IMAGING_IMAGER_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/imaging/imager_options.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/imaging/imager_options.h -- what some methods can be told, by name: the table
  * behind
  * `--set NAME=VALUE` and the `options` of a launch file. */

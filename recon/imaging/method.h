@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/imaging/method.h -- what an imaging method provides; imager.c holds the table. */
 #ifndef ANLOS_RECON_IMAGING_METHOD_H
 #define ANLOS_RECON_IMAGING_METHOD_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/imaging/resample.h"
 
 #include <errno.h>

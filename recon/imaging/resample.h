@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/imaging/resample.h -- a volume on one lattice to another, both in the array
  * frame. */
 #ifndef ANLOS_RECON_IMAGING_RESAMPLE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/imaging/scan_imager.h"
 
 #include <errno.h>

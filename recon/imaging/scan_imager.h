@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/imaging/scan_imager.h -- the traces of a scan, ping by ping in any order, to its
  * images. Plans when the survey is known and works while traces arrive, so that the image
  * is a matter of milliseconds after the last one.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/imaging/trace_check.h"
 
 #include <stdint.h>

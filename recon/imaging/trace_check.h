@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/imaging/trace_check.h -- whether a trace can be summed with others: one sample
  * that is no number would spoil every voxel that it reaches, and in a Fourier transform
  * all. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/admm.c -- the iterations, their stopping rule, and rho; see admm_plan.h.
  */
 #include "recon/inverse/admm_plan.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/admm.h -- sharpen an image: the alternating direction method of
  * multipliers (Boyd 2011; Lindell 2019, 3.3) for
  *

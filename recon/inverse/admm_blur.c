@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/admm_blur.c -- the step of a periodic blur,
  * x = F* (conj(H) B + rho R) / (|H|^2 + rho (1 + |D|^2)), as planes and columns: each is
  * transformed while it is in the cache. */

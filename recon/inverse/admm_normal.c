@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/admm_normal.c -- the step of an operator that no transform diagonalises:
  * towards M x = K'b + rho R, M = K'K + rho (1 + D'D), with one product by K'K.  The
  * residual, preconditioned with a blur like K'K, is a new direction; the minimum over it

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/admm_plan.h -- inside the iterations: state, scratch and the three parts.
  *
  * A split variable z and its scaled dual u are both read off their sum v before the

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/inverse/admm_shrink.h"
 
 #include <float.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/admm_shrink.h -- inside the iterations: shrinkage and dual, voxel by
  * voxel (Boyd 2011, 4.4.3 and 6.5.1), on rows that recon/inverse/admm_split.c lays out.
  */

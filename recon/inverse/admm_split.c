@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/admm_split.c -- the voxel-by-voxel half of an iteration in one pass over
  * memory: differences, shrinkage, dual, and the right-hand side of the next step.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/inverse/admm_subspace.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/admm_subspace.h -- a few directions of earlier steps, kept while a
  * right-hand side moves slowly: 1/2 x' M x - x' r is minimised over all of them at once
  * (Fischer 1998, Projection techniques for iterative solution of Ax = b with successive

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/iterative.c -- `--method iterative`: the image of another method,
  * sharpened by ADMM (recon/inverse/admm) with the point spread function, L1 and total
  * variation (Lindell 2019, 3.3); with base "lct" the light-cone operator itself

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/iterative.h -- inside `--method iterative`: with base "lct", ADMM whose
  * operator is the light-cone transform, on the powers of all pairs moved out to zero
  * offset (recon/coherent/zero_offset).  The same contract as struct imager_method. */

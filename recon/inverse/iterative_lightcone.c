@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/inverse/iterative.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/psf.h -- the point spread function: how wide, and how turned, the image
  * of a point is.  A Gaussian is fitted to the image of a small corner reflector (Lindell
  * 2019, 3.3) or to the image that the geometry alone gives a point. */

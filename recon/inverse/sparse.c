@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/sparse.c -- `--method sparse`: the few complex amplitudes x whose echoes
  * explain the recording,
  *

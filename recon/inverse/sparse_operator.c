@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/inverse/sparse_operator.h"
 
 #include <errno.h>

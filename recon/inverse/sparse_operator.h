@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/sparse_operator.h -- coherent forward and adjoint operator between a list
  * of points and all traces, without a matrix.  A point of amplitude 1 sends
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/inverse/symmetric.h"
 
 #include <math.h>

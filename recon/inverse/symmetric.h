@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/inverse/symmetric.h -- eigenvalues and axes of a symmetric 3 x 3 matrix: of a
  * covariance, of the curvature of a peak.  Jacobi's rotations (1846). */
 #ifndef ANLOS_RECON_INVERSE_SYMMETRIC_H

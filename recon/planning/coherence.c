@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/planning/coherence.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/coherence.h -- how well the elements stand where the survey says, from
  * the traces alone.  After moveout all pairs with one midpoint hold the same echoes
  * (Lindell 2019, Eq. 11); when an element stands beside its place by e, its echoes are

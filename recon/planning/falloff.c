@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/planning/falloff.h"
 
 #include <errno.h>

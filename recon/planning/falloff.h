@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/falloff.h -- how received power falls off with distance: a straight line
  * through (log distance, log power), Lindell 2019, section 5 and Fig. 4. */
 #ifndef ANLOS_RECON_PLANNING_FALLOFF_H

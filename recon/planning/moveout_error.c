@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/planning/moveout_error.h"
 
 #include <math.h>

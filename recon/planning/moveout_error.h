@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/moveout_error.h -- what moveout without dip costs (`--method fast`): it
  * moves an echo of a pair with half-offset h to t0 = sqrt(t^2 - (2h/c)^2), which is the
  * time of a co-located pair at the midpoint only for what lies straight ahead.  At

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/planning/planner.h"
 
 #include <math.h>

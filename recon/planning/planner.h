@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/planner.h -- `--method auto`: from what a scene is like
  * (recon/planning/probe) and what the user can spend, the method, the pairs, the band,
  * the depth, the steps and the iterations of its image.  Every combination is given a

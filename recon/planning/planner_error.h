@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/planner_error.h -- how wrong an image will be: standard deviation of a
  * small object's position across the line of sight, the worst of the strong ones; the
  * root of the sum of squares of

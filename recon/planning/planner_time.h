@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/planner_time.h -- what a step of `--method auto` takes: its operations,
  * by rates that were measured once, on one machine. */
 #ifndef ANLOS_RECON_PLANNING_PLANNER_TIME_H

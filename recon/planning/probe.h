@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/probe.h -- what a scene is like, from its traces, before much is spent
  * on its image: a coarse image of all pairs, the objects in it, the depths that can hold
  * any, whether they mirror or scatter, and how well the pairs agree. */

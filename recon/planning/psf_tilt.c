@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/planning/psf_tilt.h"
 
 #include "dsp/normal_equations.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/psf_tilt.h -- how the image of a point leans.  Its intensity falls
  * around the point d as exp(-d' C d), where C is the covariance of the wavenumbers k = 2
  * pi f / c (sum of the unit vectors to both elements) over band and pairs, of which those

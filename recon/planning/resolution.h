@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/resolution.h -- how close two scatterers may be and still be told apart
  * by the time of their echoes, Lindell 2019, Eq. 15:
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/scattering.h -- mirror or scatterer: how the arrival of the strongest
  * echo bends over co-located measurements.  Around a place (0, 0) its range is
  *

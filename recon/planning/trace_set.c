@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/planning/trace_set.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/planning/trace_set.h -- all traces of a scan in memory, for those who look at
  * them before an image is made: recon/planning/coherence, recon/planning/probe. */
 #ifndef ANLOS_RECON_PLANNING_TRACE_SET_H

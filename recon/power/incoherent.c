@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/power/incoherent.c -- keeps the traces' powers, filters and weighs them; see
  * incoherent.h. */
 #include "recon/power/incoherent.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/power/incoherent.h -- inside `--method incoherent`: back-projection of power, for
  * arrays whose elements stand where nobody knows to better than a wavelength.
  *

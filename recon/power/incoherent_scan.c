@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/power/incoherent_scan.c -- back-projection of power for an array that a stage
  * carries along x: see recon/coherent/backproject_scan.c for why stage positions lie in
  * the lanes.  Power needs no phases, so that one sum a lane passes all pairs without

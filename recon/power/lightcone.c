@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/power/lightcone.h"
 
 #include <errno.h>

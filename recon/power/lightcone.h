@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/power/lightcone.h -- the light-cone transform (O'Toole 2018; Lindell 2019 Eq. 9):
  * confocal measurements <-> a volume of isotropic scatterers,
  *

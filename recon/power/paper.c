@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/power/paper.c -- `--method paper`: the whole chain of Lindell 2019, 3.3, on
  * powers: squared magnitude, gain (t c)^2, midpoint and offset, normal and dip moveout,
  * stack (recon/coherent/zero_offset), then the light-cone transform where the object is

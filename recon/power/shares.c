@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/power/shares.h"
 
 #include <errno.h>

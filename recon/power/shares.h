@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/power/shares.h -- conservative resampling of one axis: what each interval of
  * one set shares with each of another, as a sparse matrix with a band of neighbours a
  * row. */

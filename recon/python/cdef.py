@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """The public headers as cffi reads them: python3 cdef.py OUT INCLUDE_DIR"""
 import re
 import sys

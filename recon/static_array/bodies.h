@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/bodies.h -- what is left of a thing, once what was as bright before
  * is taken from an image, stands for all of it.  Of something that moves by less than its
  * own length only the front is left: by itself it would be told too far ahead, by 0.2 m

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/static_array/clutter_map.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/clutter_map.h -- what stood still over ground since an image before,
  * while the vehicle moved: it is set to 0, for it is echoes of walls and of what the
  * array sees directly, of which there is no background.  A hidden object that stands goes

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/first_return.h -- nothing behind a wall is heard before the wall
  * itself is: what comes earlier, and the wall's own echo, is muted.  It would be brighter
  * than all that hides, and hide it. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/static_array/frames.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/frames.h -- images of a fixed array from its newest pings, a new one
  * for every ping if need be: the newest replaces the oldest (a sliding aperture).
  * Back-projection as in recon/coherent/backprojection.h; each ping keeps its part of the

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/static_array/frames_places.h"
 
 #include <math.h>

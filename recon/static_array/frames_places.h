@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/frames_places.h -- inside recon/static_array/frames: where the
  * elements of a ping were, in the array frame of another instant. */
 #ifndef ANLOS_RECON_STATIC_ARRAY_FRAMES_PLACES_H

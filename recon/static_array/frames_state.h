@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/frames_state.h -- inside recon/static_array/frames. */
 #ifndef ANLOS_RECON_STATIC_ARRAY_FRAMES_STATE_H
 #define ANLOS_RECON_STATIC_ARRAY_FRAMES_STATE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/frames_sum.c -- tile by tile: parts of pings, and their sum. */
 #include <math.h>
 #include <string.h>

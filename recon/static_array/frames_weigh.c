@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/frames_weigh.c -- each midpoint is to count once, as in
  * back-projection. */
 #include <string.h>

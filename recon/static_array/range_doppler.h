@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/range_doppler.h -- when a moving reflector was where a chirp's echo
  * shows it.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/static_array/static_array.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/static_array/static_array.h -- a static array's newest pings to an image for
  * every frame or every ping (a sliding aperture in time), from where the elements stood
  * when the vehicle moves (recon/static_array/frames.h).  What cannot have come from

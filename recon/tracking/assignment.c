@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/tracking/assignment.h"
 
 #include <math.h>

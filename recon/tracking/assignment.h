@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/assignment.h -- who belongs to whom at the least total cost: shortest
  * augmenting paths with dual variables (Jonker and Volgenant 1987, "A shortest augmenting
  * path algorithm for dense and sparse linear assignment problems", without its

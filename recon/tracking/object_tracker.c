@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/tracking/object_tracker.h"
 
 #include <errno.h>

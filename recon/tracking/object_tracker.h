@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/object_tracker.h -- an image to the list of hidden objects, where they
  * really are. Of a static array the objects of image after image are tracked
  * (recon/tracking/track.h); of a scan, or when asked for, each list stands for itself.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/tracking/sidelobes.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/sidelobes.h -- sidelobes of an array look like objects: fainter, and as
  * far away as what makes them, for an array tells ranges well and bearings badly.  What
  * is about as far as something so much louder, be it imaged beside it or a track that has

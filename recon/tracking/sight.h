@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/sight.h -- between what an image shows, in the array frame and mirrored,
  * and where that is for the vehicle. */
 #ifndef ANLOS_RECON_TRACKING_SIGHT_H

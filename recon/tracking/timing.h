@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/timing.h -- of which instants an image tells, and how much of it is
  * news.
  */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/tracking/track.h"
 
 #include <errno.h>

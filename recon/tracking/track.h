@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/track.h -- detections of image after image to objects that stay:
  * predicted with the filter of recon/tracking/track_filter.h, assigned to each other at
  * the least cost (global nearest neighbour, recon/tracking/assignment.h), confirmed and

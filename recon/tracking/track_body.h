@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/track_body.h -- an object that an image shows in several places at once:
  * a car, whose bright panels come and go while it passes.  Its parts keep their places in
  * it, as those of a rigid body that does not turn do, so that each part says where the

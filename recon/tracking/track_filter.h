@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/track_filter.h -- the Kalman filter of one track: position and velocity
  * over ground in the plane, nearly constant velocity (white noise acceleration,
  * Bar-Shalom, Li and Kirubarajan 2001, "Estimation with Applications to Tracking and

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/tracking/track_ids.h"
 
 #define SECOND_NS 1000000000u

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/track_ids.h -- names of tracks, 1 to 254, that are not given again while
  * whoever heard them may still mean the object they belonged to. */
 #ifndef ANLOS_RECON_TRACKING_TRACK_IDS_H

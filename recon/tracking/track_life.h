@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/track_life.h -- is there an object at all?  Its probability by recursive
  * Bayes (integrated probabilistic data association: Musicki, Evans and Stankovic 1994,
  * "IPDA", IEEE Trans. AC-39, for the one position that assignment leaves a track), and

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/track_outline.h -- how large what a track follows is, and where its
  * middle is.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/track_rest.h -- does a track show one scatterer at rest, or something
  * that moves?
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/tracking/track_state.h -- what a tracker holds; private to
  * recon/tracking/track*.c. */
 #ifndef ANLOS_RECON_TRACKING_TRACK_STATE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/walls/near_reflector.h"
 
 #include <errno.h>

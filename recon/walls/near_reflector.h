@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/near_reflector.h -- a small thing near the array returns every pair's sound
  * too, and some of it where a plane would: by way of one point (s to p to m) and not of
  * an image source.  Whichever explains more of the echoes is there. */

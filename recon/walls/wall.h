@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall.h -- the image shows mirrored objects; this puts them where they are,
  * with what is not known of the wall in what is not known of them.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_crosstalk.h -- up- and down-chirps that sound at the same time, told
  * apart better than the matched filter does.  What that leaves of the other chirp is low,
  * 1 / (duration x bandwidth), but spread over all delays; and the other speaker's direct

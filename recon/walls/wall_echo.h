@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_echo.h -- arrivals of one pair's sound, and what way a wall would have
  * given it: by the image source behind the wall (Allen and Berkley, J. Acoust. Soc. Am.
  * 65 (1979) 943). */

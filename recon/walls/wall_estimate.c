@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/walls/wall_estimate.h"
 
 #include <errno.h>

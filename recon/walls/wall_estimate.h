@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_estimate.h -- the walls around an array, from the echoes of its own
  * chirps: the one that most pairs hear (recon/walls/wall_search.h), fitted
  * (recon/walls/wall_fit.h); then what it explains is taken away, and the next one is

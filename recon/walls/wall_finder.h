@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_finder.h -- the walls that mirror sound: what is heard, given or
  * configured of them to the lists that the imaging and the tracks work with.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/walls/wall_fit.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_fit.h -- least squares of one plane to the echoes that it explains,
  * with covariance. */
 #ifndef ANLOS_RECON_WALLS_WALL_FIT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_listener.h -- the array's own first returns: what arrived of each ping
  * (recon/walls/wall_receiver.h) to estimates of the walls around it.
  *

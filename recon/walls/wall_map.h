@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_map.h -- the walls that are known, over time: those of a survey, those
  * that the vehicle gives, or those that were heard (recon/walls/wall_listener.h). */
 #ifndef ANLOS_RECON_WALLS_WALL_MAP_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_receiver.h -- a ping to what walls are looked for in: the strongest
  * arrivals of each trace, from the direct sound on and with no background subtracted.
  * It stands beside the front end, whose traces it takes where they reach from the

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_search.h -- first guesses of a wall among echoes of which many are not
  * its: for each direction of the normal each echo says one distance, and the distance on
  * which most agree, the louder the more, wins (a Hough transform: Duda and Hart, CACM 15

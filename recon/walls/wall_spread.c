@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/walls/wall_spread.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_spread.h -- how much the echoes of a wall scatter, and what of it they
  * share: residuals taken apart into what is of each pair, of each speaker, each
  * microphone and each place of the array (that are not where they should be: variance

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_track.h -- walls over time: ids that stay, motion of the array,
  * existence, and what is not seen any more.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "recon/walls/walls.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon/walls/walls.h -- the walls that mirror sound and what the array sees directly, as
  * the topic "wall" or a survey has them. */
 #ifndef ANLOS_RECON_WALLS_WALLS_H

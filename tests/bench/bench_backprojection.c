@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Back-projection of 8192 traces of noise: how many pairs of trace and voxel a second,
  * for a scan (stage steps of whole voxels), the same array on a grid that does not fit
  * it, and pings with places of their own; without and with the coherence factor.

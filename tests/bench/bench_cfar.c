@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Does the false-alarm rate hold?  Coherent images of a line array, of noise alone and of
  * clutter (so many scatterers around that each voxel hears several), at set rates; what
  * part of the voxels is brighter than its threshold, and between what that lies with 95 %

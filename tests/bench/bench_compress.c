@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What dsp/band_transform and dsp/lane_fft earn: a ping of 16 channels through
  * dsp/pulse_compress, and through the same matched filter of FFTW's batched transforms
  * alone (real to complex over the ping, the band times a filter, complex to complex to

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Confocal volumes of 64 x 64 x 512, as in O'Toole 2018 and Lindell 2019 (light): the
  * light-cone transform of powers, and f-k migration of as many complex samples, on 1 and
  * 2 threads. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/bench/bench_detection.c -- how often one point in noise is found, by the peak of
  * its image over the mean, at a threshold that noise alone passes in one image of a
  * hundred.  `anlos bench detection` runs it. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/bench/bench_drive.c -- simulated drives, tracked, against what is really there.
  * `anlos bench drive` runs it. */
 #include <errno.h>

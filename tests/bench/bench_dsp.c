@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Pulse compression of one recording: 512 pings of 16 channels, slots of 3000 samples.
  * A ping is as long as the last echo's chirp (what `anlos recon` compresses), or holds
  * the next emission whole (while the air of the background drifts, recon/tail.h). */

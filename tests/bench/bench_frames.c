@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A fixed array's frame rate against what its images are worth: speakers a frame, slots,
  * chirps, chirps that overlap or sound together, pings added by phase or by power, of a
  * point that stands and of one that walks 1.5 m/s, 45 degrees towards the array.  Then

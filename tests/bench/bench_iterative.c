@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* ADMM at the paper's size, a letter and points with noise: milliseconds an iteration,
  * and seconds until the objective is within 1e-3 of the optimum, which is that of a very
  * long run.

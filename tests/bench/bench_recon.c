@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A raw recording and its background in memory, 32 positions x 16 speakers x 16
  * microphones of noise, to a volume: what `anlos recon` does between reading and
  * detection.

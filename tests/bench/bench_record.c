@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* How fast the recorder writes, beside the disk by itself: the same pings, as one file
  * written in chunks of the same size and synced as often.  Takes turns, for a disk's pace
  * changes by the minute; prints the best and the median of each.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What a ping of a simulated drive costs, against the slot that it has to fit into.
  *   bench_room SCENE.yaml [pings] */
 #include <stdio.h>

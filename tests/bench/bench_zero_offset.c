@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Normal moveout, dip moveout and stack of one scan: 8192 traces of a column of 16
  * speakers and 16 microphones at 32 positions, to 32 x 31 co-located ones.  `paper`'s way
  * (powers, a ping's pairs of equal midpoint folded) at about 250 and 500 samples of log

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/bench/drive_jobs.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/bench/drive_jobs.h -- many drives, some side by side: each in a process of
  * its own, because plans of FFTW are made by one thread at a time.  What comes out does
  * not depend on how many there are. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos bench drive`, on a drive of three seconds. */
 #include "tests/hal/scratch.h"
 

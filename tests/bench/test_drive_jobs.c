@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Drives side by side. */
 #include "tests/hal/scratch.h"
 

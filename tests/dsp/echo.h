@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/dsp/echo.h -- echoes from the formula, in double, at any delay. */
 #ifndef ANLOS_TESTS_DSP_ECHO_H
 #define ANLOS_TESTS_DSP_ECHO_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/dsp/near.h -- comparing doubles: cmocka's assert_float_equal rounds to float,
  * takes the tolerance as a part of the number, too, and passes what is none. */
 #ifndef ANLOS_TESTS_DSP_NEAR_H

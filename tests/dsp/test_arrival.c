@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Arrivals against echoes at delays that are known exactly: the sampled chirp shifted by
  * a sinc in double precision (tests/dsp/echo.h). */
 #include <setjmp.h>

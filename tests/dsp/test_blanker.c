@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Traces of noise and echoes, and recordings of chirps with a slam in them. */
 #include <complex.h>
 #include <errno.h>

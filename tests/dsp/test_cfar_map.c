@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Cells that stay, flicker and are passed by, an image each 24 ms. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Direct sound of a line of elements, 1 / distance, of which some are covered. */
 #include <errno.h>
 #include <math.h>

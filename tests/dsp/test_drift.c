@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Traces are sums of Hann-windowed echoes in closed form, in double precision. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What allocates, when memory gives out at each place where it may: -ENOMEM, nothing left
  * behind, nothing half made. */
 #include <complex.h>

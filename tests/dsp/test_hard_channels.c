@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Pings as bad as they come, through both ways of compression: channels that are silent,
  * hold what is no number, clip, are denormal, or a million million times too loud. */
 #include <setjmp.h>

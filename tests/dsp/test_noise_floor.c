@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Noise of a known power under echoes that are the same each time. */
 #include <math.h>
 #include <setjmp.h>

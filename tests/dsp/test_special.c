@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Against closed forms that are sums of few positive terms, or textbook values. */
 #include <math.h>
 #include <setjmp.h>

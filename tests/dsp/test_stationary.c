@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Noise, and echoes in it, as they are heard in many traces or in few. */
 #include <complex.h>
 #include <errno.h>

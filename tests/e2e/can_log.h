@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/e2e/can_log.h -- what the sensor told the vehicle: reads the log of its bus while
  * it is written, by the decoder of `anlos can`. */
 #ifndef ANLOS_TESTS_E2E_CAN_LOG_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/e2e/can_world.h -- the node can by itself: the test is the rest of the sensor,
  * and holds its clock and its bus.  All that it depends on comes at its pace until it is
  * stopped. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/e2e/held.h -- what the test does to the node can from outside: the program
  * held_can is its main.c with a wall clock and a CAN bus that the test holds, by a file
  * that both have in memory. */

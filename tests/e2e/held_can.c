@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Stands before the clock and the bus of the node can: the linker's --wrap sends their
  * calls here. */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/e2e/point.h -- the scene of one point that the small systems image, and whether
  * they have found it. */
 #ifndef ANLOS_TESTS_E2E_POINT_H

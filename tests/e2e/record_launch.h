@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/e2e/record_launch.h -- a whole system that records itself. */
 #ifndef ANLOS_TESTS_E2E_RECORD_LAUNCH_H
 #define ANLOS_TESTS_E2E_RECORD_LAUNCH_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The node can by itself.  What it depends on stops or goes wrong, one after the other;
  * what the vehicle is told, and when, is read from the log of the bus.  The rules are
  * those of the table in nodes/can/watch.h. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A simulated drive is recorded, with what the vehicle tells over CAN, its walls too, and
  * a wall that is heard; the recording gives the same lists and the same CAN frames, their
  * protection included, as fast as it goes, at a pace, on a machine that others keep busy,

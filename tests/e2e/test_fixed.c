@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* An array that stands, as real processes: round after round until it is stopped. */
 #include "tests/hal/scratch.h"
 

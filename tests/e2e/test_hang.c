@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Every node of a small drive is stopped in turn, for a moment, until the vehicle has
  * been told of it, and for good: who is back in time is left alone, who hangs is killed
  * and started again, and what the vehicle is told meanwhile is not that all is well. */

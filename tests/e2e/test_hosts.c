@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A system on two hosts, which are two loopback addresses of this machine. */
 #include "tests/e2e/two_hosts.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The real processes, from the emitted chirp to CAN frames, on a small simulated scene.
  */
 #include "tests/e2e/point.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A whole system that records itself. */
 #include "record_launch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A system that records itself onto a file system that fills up. */
 #include "record_launch.h"
 #include "tests/optional.h"

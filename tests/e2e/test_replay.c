@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A scan of the real processes is recorded; the recording gives the same objects and the
  * same CAN frames at every pace, and in one process without the bus. */
 #include "tests/hal/scratch.h"

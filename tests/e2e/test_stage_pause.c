@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The real processes on a small simulated scene, with a stage that stalls in the middle
  * of the scan: a person homes it, and the scan goes on. */
 #include "tests/hal/scratch.h"

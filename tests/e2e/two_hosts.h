@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/e2e/two_hosts.h -- a system on two hosts, vehicle and computer, with the
  * simulated scene of one point: starts it, and looks at what came of it.  Files are in
  * the scratch folder: HOST.run, HOST.says, and the results of the report in computer. */

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # The public headers: each compiles by itself, as C99 and as C++11, and the libraries show
 # what is declared there and nothing else.
 #   test_headers.sh LIBANLOS_SO LIBANLOS_A

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # The library's tests under ThreadSanitizer: pools inside of one pipeline, and pipelines that
 # threads plan, feed and destroy beside each other.  Compiled here, without optimisation.
 #   test_threads.sh COMPILER FOLDER

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # The example of libanlos finds what is in a simulated scene, as `anlos recon` does.
 #   test_wav_to_objects.sh ANLOS EXAMPLE...
 set -euo pipefail

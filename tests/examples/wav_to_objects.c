@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A folder of WAV files to a table of hidden objects.  posNN.wav: a file for each stage
  * position, a channel for each microphone, a slot for each speaker, as `anlos sim` writes
  * them.  The array is that of launch/scenes/point.yaml. */

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: MIT
 """A folder of `anlos sim` or of a recording to a picture of what is hidden.
 
     wav_to_plot.py FOLDER OUT.png"""

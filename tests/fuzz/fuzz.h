@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/fuzz/fuzz.h -- what the fuzz targets share.  A target is one file, target_NAME.c,
  * with one function that takes any bytes: libFuzzer calls it with what it makes up
  * (tests/fuzz/run), and replay.c with the seeds and with what was found before (ctest).

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/fuzz/hostile_bag.h -- bags byte by byte, as no writer would make them. */
 #ifndef ANLOS_TESTS_FUZZ_HOSTILE_BAG_H
 #define ANLOS_TESTS_FUZZ_HOSTILE_BAG_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/fuzz/messages.h -- an input as messages that came in over the bus: of each, topic
  * u8 (its place in topics_all), size u16 little endian, payload. */
 #ifndef ANLOS_TESTS_FUZZ_MESSAGES_H

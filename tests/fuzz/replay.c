@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Runs a target on files, and on all files of folders, without a fuzzer.  Every input has
  * bounded time, and without sanitizers (which need all addresses) bounded memory. */
 #include <dirent.h>

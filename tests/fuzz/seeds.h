@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/fuzz/seeds.h -- the small files from which a fuzzer starts: FOLDER/TARGET/NAME.
  * They are made by the code that writes such files, so they follow it. */
 #ifndef ANLOS_TESTS_FUZZ_SEEDS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Messages as a bag, and what `anlos bag export` makes of it.  What stands in the bag is
  * what went in. */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A bag through everything that only reads it; what says that it is whole is held to it.
  */
 #include <errno.h>

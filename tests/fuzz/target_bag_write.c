@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A bag through everything that makes a new one of it: recover, filter, merge.  What
  * comes out is whole, whatever went in. */
 #include <errno.h>

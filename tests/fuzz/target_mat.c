@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Bytes as a MATLAB file: an optical confocal scan, and the arrays of traces. */
 #include <pthread.h>
 #include <signal.h>

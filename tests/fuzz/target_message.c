@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Bytes as a whole message of the bus, and as the content of one of each topic: unpacked,
  * printed, packed again. */
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Messages into the steps of all nodes, whoever they are for: the first survey is
  * planned for (after that of its content it may be anything that is not large). */
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Bytes as frames on the vehicle's bus, into the receiver of launch/receiver: any length
  * and time, protected or not, so that lists come together too. */
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Messages to those who show them: as Foxglove has them, and on the page. */
 #include <stdlib.h>
 

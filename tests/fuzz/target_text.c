@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Bytes as the small texts that are read line by line or as a whole: places of pings, a
  * microphone's calibration, what a stage says, device URIs, a point spread function, CAN
  * frames. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Bytes as a recording's WAV file of two speakers and two microphones, as one of pings
  * with places of their own, and as a replica. */
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Bytes as what a client of the view node sends: a request by Foxglove's protocol, as
  * text and as binary, one of the page, and the headers that name a host. */
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A text as each of the files that are YAML: survey, scene, rig, calibration, launch. */
 #include "hal/room/scene.h"
 #include "hal/survey/calibration_file.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Bags that were made to do harm, through each verb of `anlos bag`: each ends with an
  * error and its words, or with what is there to show, within 1 GB and some seconds. */
 #include "tests/fuzz/hostile_bag.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Files that were made to do harm, to all who read YAML, text and sound: refused within
  * 1 GB and some seconds. */
 #include "tests/hal/scratch.h"

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Dip moveout: its phase to 17 digits, and its convolution over midpoints as an integral
 over wavenumbers (Lindell 2019, Eq. 14)."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """The image that f-k migration is to show: the sum of plane waves over all frequencies
 and directions, voxel by voxel (Stolt 1978); of those directions that recon/coherent/fk uses, and
 of all that propagate."""

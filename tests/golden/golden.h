@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/golden/golden.h -- the golden vectors of tests/golden/vectors, which
  * tests/golden/generate makes: named tables of numbers. */
 #ifndef ANLOS_TESTS_GOLDEN_GOLDEN_H

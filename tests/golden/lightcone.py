@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """The light-cone transform and its Wiener inverse in double precision, on the same
 lattice and with the same padding as recon/power/lightcone (O'Toole 2018; Lindell 2019,
 Eq. 9)."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Normal moveout and log-stretch there and back: what becomes of a trace of band-limited
 echoes, from their closed form (Lindell 2019, Eq. 11 and 13)."""
 

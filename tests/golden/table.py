@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Golden vectors as text: comments, then named tables of numbers (read by golden.c).
 
 Numbers are rounded to so many decimals after scaling that another machine's last bits do

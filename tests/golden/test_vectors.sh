@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # The golden vectors are what their generator makes, byte by byte, and stay small.
 set -euo pipefail
 here=$(CDPATH='' cd -- "$(dirname "$0")" && pwd)

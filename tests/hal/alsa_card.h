@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hal/alsa_card.h -- a sound card without a kernel's sound: alsa-lib's file plugin
  * writes what is played into a file and reads what is recorded from a pipe, which paces
  * it. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hal/canbus_count.h -- what a CAN bus counts, by its name. */
 #ifndef ANLOS_TESTS_HAL_CANBUS_COUNT_H
 #define ANLOS_TESTS_HAL_CANBUS_COUNT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hal/drive.h -- scene files of drives, for tests. */
 #ifndef ANLOS_TESTS_HAL_DRIVE_H
 #define ANLOS_TESTS_HAL_DRIVE_H

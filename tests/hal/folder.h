@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hal/folder.h -- the end of a test's folder. */
 #ifndef ANLOS_TESTS_HAL_FOLDER_H
 #define ANLOS_TESTS_HAL_FOLDER_H

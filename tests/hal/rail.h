@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hal/rail.h -- a rail with a motor that does as its step and direction lines say,
  * two limit switches, an emergency stop, and a clock that only moves when it is slept on.
  * The stage client lags behind the motor by the play of its drive. */

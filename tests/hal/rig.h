@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hal/rig.h -- a rig file: two speakers, three microphones. */
 #ifndef ANLOS_TESTS_HAL_RIG_H
 #define ANLOS_TESTS_HAL_RIG_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hal/scratch.h -- a folder for a test's files, gone when the test ends, and a
  * clock that the test sets. */
 #ifndef ANLOS_TESTS_HAL_SCRATCH_H

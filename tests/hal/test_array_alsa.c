@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `alsa:` on a card of alsa-lib's own (tests/hal/alsa_card.h). */
 #include "alsa_card.h"
 

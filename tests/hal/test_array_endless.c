@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Shots without end: `alsa:` on a card of alsa-lib's own, and `wav:`. */
 #include "alsa_card.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Frames as drivers/net/can/dev.c and the controllers' drivers of the kernel make them;
  * bits as in linux/can/error.h, written out. */
 #include <setjmp.h>

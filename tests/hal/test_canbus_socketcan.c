@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The kernel is one of the test's own: one interface, and what it does to a socket. */
 #include <errno.h>
 #include <fcntl.h>

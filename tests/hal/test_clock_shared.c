@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Processes that count from the clock of the one that started them.  Each is this program
  * again, as a new one. */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What a drive says of itself: where its vehicle and objects are, and what is in view. */
 #include "drive.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A simulated array with faults, against the same one without: what each does follows
  * from its definition. */
 #include "scratch.h"

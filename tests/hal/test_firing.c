@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* How an array's speakers fire, chosen by its URI. */
 #include "scratch.h"
 

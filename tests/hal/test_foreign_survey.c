@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Surveys with `pings` and `replica`, and their recordings. */
 #include "scratch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Where a smooth body is heard, against the geometry of balls and plates, and the path by
  * which sound takes the shortest way. */
 #include <math.h>

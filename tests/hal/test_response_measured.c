@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Factory curves as two makers deliver them, of ../shared. */
 #include "tests/optional.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The simulated room against sums and integrals in double precision at single
  * frequencies, which share nothing with how the room computes. */
 #include "scratch.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The sound of what moves, against the chirp's formula at the time of emission that is
  * found by halving: where does the sound that is heard now come from? */
 #include "drive.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What a real place has besides what is looked for: a vehicle that rocks, air that warms,
  * slams, a wall that ends, clutter that it mirrors. */
 #include "drive.h"

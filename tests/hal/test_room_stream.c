@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Emissions that ring into each other, and the array that makes an endless shot of them.
  */
 #include "drive.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What a scene file may say, and the truth that comes of it. */
 #include "scratch.h"
 

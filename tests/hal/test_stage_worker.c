@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Against a device of the test's own, whose moves take as long as the test wants. */
 #include "scratch.h"
 

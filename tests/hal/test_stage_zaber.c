@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Against a simulated device on a pseudo terminal.  25.4 mm a turn, 200 x 64 microsteps:
  * 1.984375 um each; 500000 of them are 0.9921875 m. */
 #include "scratch.h"

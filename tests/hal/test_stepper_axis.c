@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The rail: 10 steps a millimetre, the home switch opens above step 1000 of the motor's
  * own count, the far one closes at 7000; the axis knows of none of that. */
 #include <errno.h>

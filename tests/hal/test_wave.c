@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Emissions at any pace, against the chirp's formula. */
 #include "scratch.h"
 

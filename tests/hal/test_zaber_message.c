@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The checksums are those that the tests of other programs for the same devices have. */
 #include <errno.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hal/zaber_device.h -- a Zaber stage at the other end of a pseudo terminal, in a
  * thread of its own: it homes, moves, and misbehaves when told to. */
 #ifndef ANLOS_TESTS_HAL_ZABER_DEVICE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/hw/cable.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hw/cable.h -- the array on one end of a snd-aloop cable, an echo on the other. */
 #ifndef ANLOS_TESTS_HW_CABLE_H
 #define ANLOS_TESTS_HW_CABLE_H

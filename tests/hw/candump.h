@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hw/candump.h -- candump of can-utils, read line by line, and other commands of
  * the guest.  Nothing here sleeps: it waits for lines, with a deadline. */
 #ifndef ANLOS_TESTS_HW_CANDUMP_H

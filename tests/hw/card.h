@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hw/card.h -- the guest's sound card as a hand that pulls its plug. */
 #ifndef ANLOS_TESTS_HW_CARD_H
 #define ANLOS_TESTS_HW_CARD_H

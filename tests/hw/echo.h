@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hw/echo.h -- what a far end answers with: on each channel c the sum of all that
  * is heard, c frames later.  Keeps all it hears, as codes of the format. */
 #ifndef ANLOS_TESTS_HW_ECHO_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/hw/far_end.h"
 
 #include <errno.h>

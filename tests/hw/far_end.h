@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hw/far_end.h -- the other end of a snd-aloop cable: a thread that hears what is
  * played on hw:Loopback,0,N and answers what is recorded there, frame by frame, with a
  * delay that stays the same while nothing breaks.  Uses ALSA directly, none of our own.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "gpio_rail.h"
 
 #include <fcntl.h>

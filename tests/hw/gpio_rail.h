@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hw/gpio_rail.h -- a rail at the guest's GPIO chip: a thread that counts the
  * pulses on the step line, and pulls the switches' lines where the stage client reaches
  * them.

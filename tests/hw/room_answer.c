@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/hw/room_answer.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/hw/room_answer.h -- the simulated room at the far end of a cable: each chirp that
  * is played is answered with what the room's microphones would hear of it. */
 #ifndef ANLOS_TESTS_HW_ROOM_ANSWER_H

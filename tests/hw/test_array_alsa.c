@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `alsa:` on snd-aloop, whose far end hears every frame that is played and answers it. */
 #include "tests/hw/cable.h"
 

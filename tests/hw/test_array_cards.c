@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The guest's cards as `anlos array` sees them. */
 #include <setjmp.h>
 #include <stdarg.h>

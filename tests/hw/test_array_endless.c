@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `alsa:` on snd-aloop, round after round of its speakers for some seconds. */
 #include "tests/hw/cable.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `alsa:` when something goes wrong: frames that are lost, a card that is unplugged, is
  * in use, or has not what the rig asks for. */
 #include "tests/hw/cable.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos calibrate` on a sound card: the cable's far end is a simulated room with faults,
  * some 250 ms away. */
 #include "tests/hal/scratch.h"

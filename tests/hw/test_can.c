@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The can node on the CAN interfaces of a real kernel, seen by candump: lists of the
  * test's own are published, and the bus is disturbed. */
 #include "candump.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos can decode`, and what `anlos doctor` says, of an interface of the guest. */
 #include <jansson.h>
 #include <poll.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* hal/canbus on interfaces of a real kernel. */
 #include "candump.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The guest has the drivers that the other tests in this folder rely on.  Nothing of
  * anlos is used here: a guest that is broken is told from a program that is. */
 #include <setjmp.h>

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # tests/hw/guest keeps what its help promises, whatever its program does.  Runs on the host.
 set -euo pipefail
 # shellcheck source=tests/launch/check.sh

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The whole system on two hosts, each a network namespace, over a link of 20 ms delay
  * each way that loses 1 % of the packets and is cut for a while. */
 #include "tests/e2e/two_hosts.h"

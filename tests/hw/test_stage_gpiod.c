@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The stage on the guest's simulated GPIO chip.  A step is 1 mm, the home switch closes
  * at 100 of the rail's own steps, the far one at 400; 0 of the axis is 5 steps above
  * home. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The whole system on the drivers of the guest: a sound card whose far end is the
  * simulated room, a stage on GPIO lines, a CAN interface that candump listens to. */
 #include "tests/hal/scratch.h"

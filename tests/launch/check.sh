@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 # shellcheck shell=bash
 # For the tests of scripts: run a command, look at what came of it, count what is wrong.
 # Sourced; needs bash.

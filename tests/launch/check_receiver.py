@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """A log of the vehicle's bus through three readers: the receiver in C, the same in Python, and
 `anlos can decode`, of which lists are put together here.  All must tell of the same lists
 and the same objects.

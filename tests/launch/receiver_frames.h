@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/launch/receiver_frames.h -- a sensor that the test plays: its frames bit by bit,
  * as msgs/can/anlos.dbc lays them out, by nothing of what is under test. */
 #ifndef ANLOS_TESTS_LAUNCH_RECEIVER_FRAMES_H

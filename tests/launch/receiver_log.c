@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A log of candump through the receiver for the vehicle: what it hands over of each list,
  * as JSON of the same names as anlos_receiver.py prints. */
 #include <inttypes.h>

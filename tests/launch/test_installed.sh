@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # Debian packages of the build: installed, used, removed, purged in a root of their own.
 # usage: test_installed.sh BUILD_DIR
 set -euo pipefail

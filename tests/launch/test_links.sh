@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # Every link of a guide to a file, or to a heading of one, leads somewhere.
 set -euo pipefail
 cd "$(CDPATH='' cd -- "$(dirname "$0")/../.." && pwd)"

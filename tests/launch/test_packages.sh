@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # The packages that launch/setup installs are those that the build asks for.
 set -euo pipefail
 # shellcheck source=tests/launch/check.sh

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The receiver for the vehicle's side (launch/receiver), against a sensor that is played
  * here: every fault of AUTOSAR's E2E tables, lists that are not whole, time-outs, and
  * values that are not available. */

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # The receiver for the vehicle's side as an integrator takes it: by strict compilers, as its
 # page shows, in Python with and without python3-can, and on what simulated drives send.
 #   test_receiver.sh ANLOS RECEIVER_LOG PYTHON3

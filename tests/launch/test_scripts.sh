@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # What the scripts have in common: --help, wrong options, any working directory.
 set -euo pipefail
 # shellcheck source=tests/launch/check.sh

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # launch/setup against a package system that is made up, so that nothing is installed.
 set -euo pipefail
 # shellcheck source=tests/launch/check.sh

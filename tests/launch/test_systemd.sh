@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # The units of launch/systemd, judged by systemd itself.
 set -euo pipefail
 # shellcheck source=tests/launch/check.sh

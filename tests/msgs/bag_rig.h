@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/msgs/bag_rig.h -- bags whose messages tell which one they are. */
 #ifndef ANLOS_TESTS_MSGS_BAG_RIG_H
 #define ANLOS_TESTS_MSGS_BAG_RIG_H

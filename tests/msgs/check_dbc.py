@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """check_dbc.py DBC PRINTER READER: does canmatrix, which is not ours, read our DBC, do the
 frames that PRINTER prints decode to the values that it says it put in, and does READER
 read what canmatrix encodes for the sensor?  The end-to-end protection is worked out here

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The DBC's lines, for tests that hold our frames against them. */
 #ifndef ANLOS_TESTS_MSGS_DBC_H
 #define ANLOS_TESTS_MSGS_DBC_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/msgs/memory_limit.h -- an end to the memory that a test may take. */
 #ifndef ANLOS_TESTS_MSGS_MEMORY_LIMIT_H
 #define ANLOS_TESTS_MSGS_MEMORY_LIMIT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Frames in the format of candump -L, each followed by what went into it:
  * "# Message Signal=value ...", NaN for what is not known, values out of range as they
  * were.  For check_dbc.py. */

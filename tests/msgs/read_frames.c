@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Reads "identifier data" in hexadecimal, one frame a line, and prints what the sensor
  * makes of it: the verdict of the end-to-end protection, and each signal in its unit.
  * For check_dbc.py. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/msgs/run_folder.h -- a run folder of its own for each test, and what the tests of
  * the bus have in common.  Nothing here sleeps: it waits for messages, with a deadline.
  */

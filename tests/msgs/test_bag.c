@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "bag_rig.h"
 
 #include <errno.h>

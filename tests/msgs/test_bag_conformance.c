@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The format's own conformance files, ../shared/data/mcap-conformance: each .mcap with a
  * .json that says what a reader finds in it. */
 #include <dirent.h>

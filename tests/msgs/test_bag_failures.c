@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Bags while memory, disk or file give out, at every place where they may. */
 #include "bag_rig.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Bags that were made to do harm: refused with an error, in bounded time and memory, by
  * everything that reads bags. */
 #include <errno.h>

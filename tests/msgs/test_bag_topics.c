@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Messages of the bus in a bag, and what a bag says of their schemas. */
 #include <errno.h>
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Plain types through packed messages and back: each field has a value of its own. */
 #include <errno.h>
 #include <setjmp.h>

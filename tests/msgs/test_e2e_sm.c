@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What a receiver makes of sequences of frames, by the rules of PRS E2EProtocol, for both
  * profiles.  A sequence has a letter for each thing that happens; below each that is a
  * check stands the state after it, worked out by hand:

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What the bus makes of messages that a well-behaved node would not send: they come from
  * bare nanomsg sockets on the endpoints of nodes. */
 #include <setjmp.h>

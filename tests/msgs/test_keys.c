@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Who may listen and command between hosts: those whose keys are permitted. */
 #include <setjmp.h>
 #include <stdarg.h>

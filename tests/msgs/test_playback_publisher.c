@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A bus listens to somebody who speaks under the names of others. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The bus between two hosts: two run folders of this machine, and two of its loopback
  * addresses. */
 #include <setjmp.h>

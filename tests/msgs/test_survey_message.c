@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Surveys to messages and back, and messages that are none. */
 #include "msgs/convert.h"
 #include "tests/recon/survey_example.h"

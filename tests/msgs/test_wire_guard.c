@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What is written into a node's sockets, by whoever can open them, ends no process. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/msgs/two_folders.h -- two hosts, vehicle with array and computer with dsp: two
  * run folders of this machine, and two of its loopback addresses. */
 #ifndef ANLOS_TESTS_MSGS_TWO_FOLDERS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/nodes/alone.h"
 
 #include "msgs/convert.h"

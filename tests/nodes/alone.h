@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/alone.h -- one node's program by itself: the test is everybody else. */
 #ifndef ANLOS_TESTS_NODES_ALONE_H
 #define ANLOS_TESTS_NODES_ALONE_H

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """nodes/README.md against the code: every function that it lists is where it says, and is
 called by one above it in its table, or by what that one calls in its own file."""
 

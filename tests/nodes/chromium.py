@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Headless Chromium, driven over its DevTools protocol on a pair of pipes: JSON with a zero
 byte after each message.  Needs nothing but Python and Chromium."""
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/nodes/command.h"
 
 #include <poll.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/command.h -- runs a subcommand of `anlos` in a child process. */
 #ifndef ANLOS_TESTS_NODES_COMMAND_H
 #define ANLOS_TESTS_NODES_COMMAND_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A server of Foxglove's protocol with the samples, for clients in other languages:
  * prints its port, then obeys lines on stdin and answers each with a line: send TOPIC the
  * sample of survey, stage/state, volume, detections, wall or log time NS counts clients

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/foxglove_samples.h -- messages for the tests of Foxglove's protocol: a
  * small array that looks at a wall 1 m away, an image of one bright voxel, what was found
  * in it.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/foxglove_socket.h -- a WebSocket client that does what it is told, also
  * what no library would.  Include after cmocka.h. */
 #ifndef ANLOS_TESTS_NODES_FOXGLOVE_SOCKET_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/health.h -- health messages made by hand, for the tests of what reads them.
  */
 #ifndef ANLOS_TESTS_NODES_HEALTH_H

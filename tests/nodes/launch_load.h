@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/launch_load.h -- a launch file out of a text: loaded, or refused. */
 #ifndef ANLOS_TESTS_NODES_LAUNCH_LOAD_H
 #define ANLOS_TESTS_NODES_LAUNCH_LOAD_H

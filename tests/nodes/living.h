@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/living.h -- nodes of a system, each a process that this test starts: they
  * hold their locks and say how they are. */
 #ifndef ANLOS_TESTS_NODES_LIVING_H

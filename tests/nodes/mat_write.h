@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/mat_write.h -- writes MATLAB files for tests, with libmatio itself. */
 #ifndef ANLOS_TESTS_NODES_MAT_WRITE_H
 #define ANLOS_TESTS_NODES_MAT_WRITE_H

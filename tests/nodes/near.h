@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/near.h -- comparing doubles; cmocka 1.1.5 only knows floats.  Include after
  * cmocka.h. */
 #ifndef ANLOS_TESTS_NODES_NEAR_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/optical_point.h -- counts of an optical scan of one retroreflecting point
  * in closed form. */
 #ifndef ANLOS_TESTS_NODES_OPTICAL_POINT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/played_bag.h -- a small bag for who plays it: a survey, a scan of two
  * positions and three speakers without a background, 0.1 s between its messages. */
 #ifndef ANLOS_TESTS_NODES_PLAYED_BAG_H

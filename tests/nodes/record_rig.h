@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/record_rig.h -- messages as the bus brings them, each of which tells which
  * one it is, and a bag read back. */
 #ifndef ANLOS_TESTS_NODES_RECORD_RIG_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/recorded.h -- the small simulated scene point.yaml beside it as a
  * recording: a folder with survey.yaml, scene/ and background/, and room for results. */
 #ifndef ANLOS_TESTS_NODES_RECORDED_H

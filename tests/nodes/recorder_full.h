@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/recorder_full.h -- a recorder that writes until there is no more room. */
 #ifndef ANLOS_TESTS_NODES_RECORDER_FULL_H
 #define ANLOS_TESTS_NODES_RECORDER_FULL_H

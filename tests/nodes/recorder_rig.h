@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/recorder_rig.h -- a recorder without a bus: messages and times as the test
  * gives them. */
 #ifndef ANLOS_TESTS_NODES_RECORDER_RIG_H

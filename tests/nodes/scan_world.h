@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/scan_world.h -- a small world around a scan: a stage that moves, an array
  * that records, a dsp and a recon that acknowledge; each can lose things, refuse them, or
  * be restarted. */

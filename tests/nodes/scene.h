@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/scene.h -- the small simulated scene point.yaml beside it as messages:
  * its survey, and any of its pings. */
 #ifndef ANLOS_TESTS_NODES_SCENE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/nodes/screen.h"
 
 #include <ctype.h>

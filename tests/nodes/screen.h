@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/screen.h -- a terminal of the kind vt100, as far as curses makes use of it:
  * what a program writes to it stands in a grid of characters. */
 #ifndef ANLOS_TESTS_NODES_SCREEN_H

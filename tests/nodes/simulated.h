@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/simulated.h -- scenes given as text, simulated into recordings whose WAV
  * files can be changed afterwards, and imaged in this process.  Include after cmocka.h.
  */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The array is one of the test's own: two microphones that hear the number of the
  * speaker, and fail when told to. */
 #include <errno.h>

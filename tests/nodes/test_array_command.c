@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos array` where no card is: its own null device stands for one. */
 #include <jansson.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos bag`: a small simulated recording there and back, and bags made for the purpose.
  */
 #include "msgs/survey.pb-c.h"

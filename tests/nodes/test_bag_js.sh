@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # Our bags and those of the format's own JavaScript library, each read by the other:
 #   test_bag_js.sh ANLOS FOLDER
 # FOLDER keeps the library from run to run.  Exit code 77: there is no node, or the

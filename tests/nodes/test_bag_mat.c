@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos bag import FILE.mat`: an optical scan of one point in closed form. */
 #include "tests/hal/scratch.h"
 

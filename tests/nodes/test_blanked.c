@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The dsp node's program: what a slam drowns is counted in its health. */
 #include "tests/hal/scratch.h"
 #include "tests/nodes/alone.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos calibrate` on simulated rooms with faults: what it finds is what the scene says
  * is wrong. */
 #include <math.h>

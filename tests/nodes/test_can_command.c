@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos can decode` on files of candump. */
 #include "tests/hal/scratch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The vehicle's frames while memory, disk or file give out, at every place where they
  * may; and what says where they go. */
 #include "tests/hal/scratch.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The steps of `anlos recon --bag` in this process, on what a bumper hears. */
 #include <math.h>
 #include <setjmp.h>

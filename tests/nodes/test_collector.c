@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Health messages made by hand go in, a table comes out; the values are arithmetic. */
 #include <math.h>
 #include <setjmp.h>

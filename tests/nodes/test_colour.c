@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* On a terminal of its own, what is shown there has colours where they are wanted. */
 #include <pty.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Optical scans: points in closed form written as MATLAB files. */
 #include <errno.h>
 #include <jansson.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Optical scans that were measured, of ../shared. */
 #include "tests/optional.h"
 

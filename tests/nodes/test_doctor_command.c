@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos doctor`: what it says of launch files, devices and systems that are not well. */
 #include "tests/hal/scratch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The steps of a drive are configured as the nodes are. */
 #include <setjmp.h>
 #include <stdarg.h>

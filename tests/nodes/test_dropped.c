@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Each node's program that needs a survey, while there is none, and when it comes. */
 #include "tests/hal/scratch.h"
 #include "tests/nodes/alone.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The dsp of an array that stands: frames without receipts, and its two backgrounds. */
 #include <complex.h>
 #include <math.h>

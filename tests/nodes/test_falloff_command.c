@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos falloff` and `anlos resolution`, on simulated scenes and their charts. */
 #include <cairo.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/recon/fixed.c in a process of its own; this one is its array and its dsp. */
 #include "tests/hal/scratch.h"
 

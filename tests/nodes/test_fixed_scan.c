@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The scan of an array that stands against an array that does what it is asked. */
 #include <setjmp.h>
 #include <stdarg.h>

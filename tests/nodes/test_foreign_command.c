@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos recon` on what other laboratories recorded: traces, and pings with places of
  * their own in one WAV. */
 #include <dirent.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos bag export --format foxglove` on a bag of the samples. */
 #include "tests/hal/folder.h"
 #include "tests/hal/scratch.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What Foxglove draws: numbers from the samples' geometry. */
 #include <errno.h>
 #include <math.h>

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
 # Foxglove's own JavaScript client against our server, and our schemas and places as its
 # library decodes them:
 #   test_foxglove_js.sh RIG ANLOS FOLDER

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What waits for a slow client, and what waits to be converted. */
 #include <errno.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What a client may ask for, and which page may connect. */
 #include <errno.h>
 #include <setjmp.h>

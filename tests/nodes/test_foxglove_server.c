@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The server, against clients that behave and clients that do not. */
 #include <setjmp.h>
 #include <stdarg.h>

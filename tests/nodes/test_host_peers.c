@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Two launchers that hear each other over a link with a delay each way, whose clocks
  * differ. */
 #include <setjmp.h>

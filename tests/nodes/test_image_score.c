@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The errors of `anlos speed-error`, on images whose errors follow from how they were
  * made, and on the reference's definitions where these decide (edges that lie on pixels).
  */

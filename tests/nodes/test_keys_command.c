@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos keys`: what it makes, prints and refuses. */
 #include "tests/hal/scratch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos launch` with shell scripts in the place of the nodes.  A script that is to wait
  * reads from a pipe; a script that is to tell something writes into one. */
 #include "tests/hal/scratch.h"

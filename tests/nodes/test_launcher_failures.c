@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The launcher while memory, descriptors, processes or threads give out, at every place
  * where they may, with shell scripts in the place of the nodes. */
 #include "tests/hal/scratch.h"

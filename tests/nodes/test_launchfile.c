@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/nodes/launch_load.h"
 
 #include "hal/survey/rig_file.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* recon.frames in a launch file: images of a fixed array. */
 #include <errno.h>
 #include <setjmp.h>

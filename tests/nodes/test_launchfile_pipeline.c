@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Each key of a launch file that says how the stages work is in the one configuration
  * that the nodes and whoever holds all stages take. */
 #include <math.h>

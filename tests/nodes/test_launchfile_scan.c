@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/nodes/launch_load.h"
 
 static void a_scan_is_stepped_and_what_it_subtracts_was_recorded(void **state)

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/nodes/launch_load.h"
 
 static void a_fixed_array_is_tracked_unless_told(void **state)

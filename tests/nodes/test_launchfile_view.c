@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/nodes/launch_load.h"
 
 static void the_page_is_for_this_machine_alone_unless_told(void **state)

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Can a machine keep the pace of a drive?  The judgement, and what it is made from. */
 #include "tests/nodes/launch_load.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The newest lines of a log, for who comes late. */
 #include "tests/hal/scratch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The lines of a log on the bus. */
 #include "tests/hal/scratch.h"
 

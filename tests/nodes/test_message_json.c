@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include <complex.h>
 #include <math.h>
 #include <setjmp.h>

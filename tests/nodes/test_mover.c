@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The stage is one of the test's own. */
 #include <errno.h>
 #include <setjmp.h>

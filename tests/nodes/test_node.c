@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A node in this process, and a bus that listens to it. */
 #include "tests/hal/scratch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A node's program in the environment of a launcher, which the test is. */
 #include "tests/hal/scratch.h"
 #include "tests/nodes/alone.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos node` on processes of a system that this test starts. */
 #include "tests/hal/scratch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The bus is one of the test's own: it takes as many frames as there is room for, and
  * confirms them when told to.  A receiver on it does what README.md asks of one. */
 #include <errno.h>

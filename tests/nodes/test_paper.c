@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The paper's chain from samples to image, after its own compression. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* All stages in one, on plain types, and the steps of the nodes with packed messages
  * between them: images, walls, objects and tracks are the same bytes. */
 #include "tests/hal/scratch.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/nodes/played_bag.h"
 
 #include <poll.h>

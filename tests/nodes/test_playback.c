@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A bag is played to nodes that the test plays: it says what they would, and when. */
 #include "tests/nodes/played_bag.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Whether a node lives, with real locks of real processes. */
 #include <setjmp.h>
 #include <signal.h>

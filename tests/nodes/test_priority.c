@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Priorities of the processes, each tried in a process of its own. */
 #include "tests/hal/scratch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/rt/processors.c, and that the recon node's steps go by it. */
 #include "tests/hal/scratch.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos psf` on a simulated recording of one point, and its file. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos recon --method auto`: what it says, chooses, keeps and refuses. */
 #include <errno.h>
 #include <jansson.h>

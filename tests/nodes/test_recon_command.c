@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos recon` on a recording of one point, computed here in double precision. */
 #include <dirent.h>
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos recon` with and without a method, its options, and a point spread function. */
 #include <jansson.h>
 #include <setjmp.h>

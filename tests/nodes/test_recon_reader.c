@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The traces that `anlos recon` makes of a scene and its background, between which the
  * air has changed or not. */
 #include <jansson.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/recon/recon.c, fed with what nodes/dsp makes of a simulated scene. */
 #include <errno.h>
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What a recording carries beside its messages. */
 #include "msgs/convert.h"
 #include "recorder_rig.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos bag record` as a person uses it, beside a bus on which the test publishes. */
 #include "record_rig.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos bag record` killed in the middle of its work, again and again: what the file has
  * is without a hole and reaches up to the last flush. */
 #include "record_rig.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The recorder's files: what is in them, when, and in how many. */
 #include "recorder_full.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A recording onto a file system that fills up. */
 #include "recorder_full.h"
 #include "tests/optional.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos recon --bag` on the scene of point.yaml, put into bags ping by ping; the point
  * stands at 0.13 0.11 0.4 in the array frame, so at 0.4 0.13 0.41 in the vehicle's. */
 #include "tests/hal/scratch.h"

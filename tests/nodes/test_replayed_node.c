@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A node in this process hears what somebody plays: one of a replay has the time of the
  * sound, a live one hears nothing. */
 #include "tests/hal/scratch.h"

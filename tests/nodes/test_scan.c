@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The course of a scan: whom it waits for, what it fires, what it takes again. */
 #include "tests/nodes/scan_world.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A scan whose nodes fall silent, end, and begin again. */
 #include "tests/nodes/scan_world.h"
 

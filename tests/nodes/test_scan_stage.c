@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A scan whose stage does not do as it is told. */
 #include "tests/nodes/scan_world.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos score`: the tracks of a bag against a scene, and against a file. */
 #include "tests/nodes/played_bag.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Microphones that hear nothing and speakers that nobody hears, in the simulated room: a
  * person at 4 m is as loud as the noise, and what is dead has that noise, too. */
 #include "tests/hal/scratch.h"

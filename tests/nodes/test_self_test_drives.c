@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Simulated drives through the steps of the nodes array and wall, at simulated time: what
  * the array says of its range where nothing is wrong, and where noise comes and goes. */
 #include <math.h>

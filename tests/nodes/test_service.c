@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What systemd is told: by the rule on a clock of the test's own, and by a launcher that
  * runs, over the socket that systemd would give it. */
 #include "tests/hal/scratch.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos sim`: a scene of one point, small enough to take no time. */
 #include <jansson.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos speed-error` and `anlos bench`, on a scene small enough for a test. */
 #include <cairo.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos stage` and the stage process, against a simulated Zaber device: 25.4 mm a turn,
  * so 1.984375 um a microstep; it starts at 70000 of them. */
 #include "tests/hal/scratch.h"

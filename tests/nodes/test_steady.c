@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/recon/steady.c, fed with what a fixed array records (tests/recon/moving.h) and
  * the compressor makes of it. */
 #include <errno.h>

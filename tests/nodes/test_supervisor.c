@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Who hangs, on a clock of the test's own.  A scan and a dsp run; limits and ticks are
  * those of nodes/launcher/supervisor.h. */
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What `anlos topic hz`, bw and delay count, on messages made by hand. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos top` on a real pseudo terminal and in a pipe, beside a node that this process
  * plays. */
 #include <errno.h>

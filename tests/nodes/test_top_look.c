@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Keys and rows of `anlos top`. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What `anlos top` draws for a width and a height. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `anlos topic` against a bus that this process publishes on. */
 #include <jansson.h>
 #include <poll.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Traces from elsewhere: echoes in closed form, written as MATLAB files. */
 #include <errno.h>
 #include <math.h>

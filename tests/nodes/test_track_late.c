@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The track node's program, kept from its work while images come. */
 #include "tests/hal/scratch.h"
 #include "tests/nodes/alone.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Walls that come, go, move and are others while a person walks: what lists and CAN
  * frames tell of him. */
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The table of what was tracked, from reports made by hand. */
 #include "nodes/launcher/truth.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/hal/scratch.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Who was there, by a file. */
 #include "tests/hal/scratch.h"
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
 """The page in headless Chromium, as a person uses it: waits, looks, clicks, types, on a
 desk and on a phone, live and with a bag.
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
 """Strangers at the view's web server, 16 at a time and of every kind: none of them costs
 memory, and the page goes on for everybody else.
 

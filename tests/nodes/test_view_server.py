@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
 """What the view's web server lets in, and how it ends: HTTP and WebSocket by hand.
 
     test_view_server.py ANLOS"""

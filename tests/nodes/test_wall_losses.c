@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Somebody walks to and fro behind a corner while the wall that mirrors him is lost again
  * and again: simulated sound through all steps to CAN frames, at simulated time. */
 #include "tests/hal/scratch.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A sensor on a fixed array whose inputs come as they should, every 10 ms of a clock of
  * the test's own, until one does not.  Each row of the table in watch.h has its test. */
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Who comes to the web server, and who has to go. */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/traces_write.h -- a turntable's echoes in closed form as a MATLAB file for
  * `anlos recon --traces`.  Include after cmocka.h. */
 #ifndef ANLOS_TESTS_NODES_TRACES_WRITE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/nodes/wall_message.h -- a message of topic "wall". */
 #ifndef ANLOS_TESTS_NODES_WALL_MESSAGE_H
 #define ANLOS_TESTS_NODES_WALL_MESSAGE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/recon/admm_rig.h"
 
 #include "tests/recon/near.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/admm_rig.h -- a small problem for ADMM: a plate, spikes and noise. */
 #ifndef ANLOS_TESTS_RECON_ADMM_RIG_H
 #define ANLOS_TESTS_RECON_ADMM_RIG_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/recon/array_traces.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/array_traces.h -- all traces of an array like the paper's in memory, its
  * elements not quite where the survey says. */
 #ifndef ANLOS_TESTS_RECON_ARRAY_TRACES_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/bumper.h -- a bumper's array on a vehicle, 8 speakers and 8 microphones by
  * default, its pings (tests/recon/moving.h, pulse compression), and images of them. */
 #ifndef ANLOS_TESTS_RECON_BUMPER_H

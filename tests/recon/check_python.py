@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: MIT
 """The Python module: the same bytes as the command line, and clear words for what is wrong.
 
     check_python.py ANLOS SCENE.yaml     with ANLOS_LIBRARY, PYTHONPATH

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/dice.h -- random numbers of tests that count. */
 #ifndef ANLOS_TESTS_RECON_DICE_H
 #define ANLOS_TESTS_RECON_DICE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/hard.h -- one recording after the other for every imaging method there is:
  * an array that all of them accept, what its traces may suffer, and how well a point must
  * still be seen. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/library_rig.h -- what the tests of libanlos share: public headers alone,
  * and the echoes of a point in closed form. */
 #ifndef ANLOS_TESTS_RECON_LIBRARY_RIG_H

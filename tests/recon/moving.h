@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/moving.h -- what microphones on a vehicle that drives record of chirps from
  * its speakers and a point that may move too, sample by sample in closed form and double
  * precision: no step is taken of standing still while sound is under way. */

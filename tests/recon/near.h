@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/near.h -- cmocka with what it needs before it, and numbers that are near.
  */
 #ifndef ANLOS_TESTS_RECON_NEAR_H

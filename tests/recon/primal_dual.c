@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/recon/primal_dual.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/primal_dual.h -- minimise 1/2 |K x - b|^2 + l1 |x|_1 + tv TV(x) over x >= 0
  * in double precision, sharing nothing with recon/: Chambolle and Pock 2011 on dense
  * matrices, K row by row, D as index pairs. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/recon/reference.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/reference.h -- echoes of points and their images in closed form and double
  * precision, sharing nothing with recon/.  A chirp compressed with a Hann window over
  * the band f1..f2 (width B, middle fm) has the analytic echo of delay d

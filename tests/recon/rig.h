@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/rig.h -- a small array on a stage, its echoes, and their image. */
 #ifndef ANLOS_TESTS_RECON_RIG_H
 #define ANLOS_TESTS_RECON_RIG_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/survey_example.h -- surveys with all that there is in them. */
 #ifndef ANLOS_TESTS_RECON_SURVEY_EXAMPLE_H
 #define ANLOS_TESTS_RECON_SURVEY_EXAMPLE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/survey_numbers.h -- each number of the example, and what it may be. */
 #ifndef ANLOS_TESTS_RECON_SURVEY_NUMBERS_H
 #define ANLOS_TESTS_RECON_SURVEY_NUMBERS_H

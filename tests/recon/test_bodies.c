@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Images of 5 cm voxels: Gaussian bodies over nothing. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Images of noise 1 with one bright voxel, of a vehicle that stands. */
 #include <setjmp.h>
 #include <stdarg.h>

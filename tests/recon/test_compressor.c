@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Two directions of a chirp, and chirps that overlap, against what analysis says.  Echoes
  * are made here, by the chirp's formula at a fractional delay. */
 #include <complex.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* `--method confocal` and `--method lct`. */
 #include "tests/recon/near.h"
 

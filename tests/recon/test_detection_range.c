@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The sonar equation against closed forms, and against drawing echoes and noise. */
 #include <math.h>
 #include <setjmp.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A vehicle that drives: what recon/static_array/frames shows of recordings that take no
  * step of standing still while sound is under way. */
 #include "tests/recon/near.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Hard cases of ADMM: gains, weights, penalties, and data that hold nothing. */
 #include "tests/recon/near.h"
 

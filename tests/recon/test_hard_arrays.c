@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Arrays and air as small, thin, cold and hot as they come, for every method. */
 #include "tests/recon/near.h"
 

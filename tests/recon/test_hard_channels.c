@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Channels that are silent, hold what is no number, or clip, for every method. */
 #include "tests/recon/near.h"
 

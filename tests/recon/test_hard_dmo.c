@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Dip moveout against golden vectors: its phase in 60 digits, its convolution as an
  * integral in double precision, for 2 k h / W from 1e-6 to 1e6 and W = 0. */
 #include "tests/recon/near.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* F-k migration against golden vectors, direct sums of plane waves in double precision:
  * a point near, off centre, before midpoints too far apart or all on one line, and sound
  * that propagates nowhere. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Recordings of any loudness, down to denormal numbers, for every method: the image only
  * scales, by the square of the gain. */
 #include "tests/recon/near.h"

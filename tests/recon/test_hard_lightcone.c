@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The light-cone transform against golden vectors in double precision: signal to noise
  * from -20 to 60 dB, lattices that are odd, not square, one measurement wide, one plane
  * deep, or begin at the wall. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Normal moveout and log-stretch against golden vectors: gates that begin with the
  * emission, with the bin after it, and later; half-offsets up to 0.5 m. */
 #include "tests/recon/near.h"

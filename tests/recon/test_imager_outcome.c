@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What methods say of the image that they made. */
 #include "tests/recon/near.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* libanlos as a program has it: public headers and the shared library alone. */
 #include "tests/recon/library_rig.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* The stages of libanlos by themselves: one after the other they give what the pipeline
  * gives, and refuse what is not theirs. */
 #include "tests/recon/library_rig.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Pings with places of their own: any array, any motion. */
 #include "tests/recon/near.h"
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* Gaussians that are known, fitted; and the point spread function of an array in closed
  * form. */
 #include "tests/recon/near.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What a replay rests on: an image is a matter of the traces and their order alone. */
 #include "tests/recon/near.h"
 

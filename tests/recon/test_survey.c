@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* A survey by itself: its copy, its id, its emissions, its air and its frame. */
 #include "tests/recon/survey_numbers.h"
 

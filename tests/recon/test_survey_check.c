@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What a survey may say, and how it is told that it may not. */
 #include "tests/recon/survey_numbers.h"
 

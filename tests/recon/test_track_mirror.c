@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* What becomes of a track when mirrors change.  By hand: the plane n . p = d takes p to
  * p - 2 (n . p - d) n. */
 #include "tests/recon/near.h"

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include <complex.h>
 #include <errno.h>
 #include <math.h>

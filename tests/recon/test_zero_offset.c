@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "tests/recon/near.h"
 
 #include <complex.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* tests/recon/turntable.h -- a speaker and a microphone that go around points on a
  * circle, as on a turntable, and their echoes in closed form. */
 #ifndef ANLOS_TESTS_RECON_TURNTABLE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/bag/bag.h"
 
 #include <errno.h>

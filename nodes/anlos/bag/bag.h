@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bag/bag.h -- `anlos bag VERB`: work on recordings (MCAP, msgs/bag) without
  * a running system.  The verbs, argv[0] is their name; and what they share: how they end,
  * and the file that they make. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bag/check.c -- `anlos bag check` and `anlos bag recover`: what is wrong in
  * a bag, and what of it is whole. */
 #include <errno.h>

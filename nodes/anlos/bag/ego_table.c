@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/bag/ego_table.h"
 
 #include <inttypes.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bag/ego_table.h -- ego.csv beside the recording of a drive: how the vehicle
  * moved, as topic "ego" has it.
  *

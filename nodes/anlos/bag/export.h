@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bag/export.h -- the formats of `anlos bag export`. */
 #ifndef ANLOS_NODES_ANLOS_BAG_EXPORT_H
 #define ANLOS_NODES_ANLOS_BAG_EXPORT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bag/import.h -- what `anlos bag import` makes bags of. */
 #ifndef ANLOS_NODES_ANLOS_BAG_IMPORT_H
 #define ANLOS_NODES_ANLOS_BAG_IMPORT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bag/info.h -- how much of each topic is in a bag: by the message
  * indexes alone where there are any, else by reading all of it. */
 #ifndef ANLOS_NODES_ANLOS_BAG_INFO_H

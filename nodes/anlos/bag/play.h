@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bag/play.h -- a person at a terminal who pauses, steps, seeks and
  * changes the pace, and a line that says where the bag is. */
 #ifndef ANLOS_NODES_ANLOS_BAG_PLAY_H

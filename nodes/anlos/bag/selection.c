@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/bag/selection.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bag/selection.h -- some of the messages of several bags, in the order of
  * their times, into a new bag: what `merge` and `filter` do. */
 #ifndef ANLOS_NODES_ANLOS_BAG_SELECTION_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/bag/stream.h -- the messages of some topics of a bag, in the order of their
  * times, as the bus would have brought them. */
 #ifndef ANLOS_NODES_ANLOS_BAG_STREAM_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/calibrate/calibrate.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/calibrate/calibrate.h -- what the subcommands of `anlos calibrate` share:
  * the array, and the calibration file that each of them renews a part of. */
 #ifndef ANLOS_NODES_ANLOS_CALIBRATE_CALIBRATE_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/calibrate/paths.h -- sound on ways whose length is known: when it came by
  * each pair of speaker and microphone. */
 #ifndef ANLOS_NODES_ANLOS_CALIBRATE_PATHS_H

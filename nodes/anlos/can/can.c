@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/can/can.c -- `anlos can`: what the frames on the vehicle's bus say. */
 #include <errno.h>
 #include <net/if.h>

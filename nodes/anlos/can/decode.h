@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/can/decode.h -- frames from a file of candump or an interface, to stdout.
  */
 #ifndef ANLOS_NODES_ANLOS_CAN_DECODE_H

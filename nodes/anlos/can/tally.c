@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/can/tally.h"
 #include "nodes/anlos/usage.h"
 

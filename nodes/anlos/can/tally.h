@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/can/tally.h -- what came, and what was wrong with it. */
 #ifndef ANLOS_NODES_ANLOS_CAN_TALLY_H
 #define ANLOS_NODES_ANLOS_CAN_TALLY_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/confocal/confocal.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/confocal/confocal.h -- `anlos recon --confocal`: an optical scan through
  * the same imaging as sound (Lindell 2019, Fig. 9): the light-cone transform of the
  * counts, or f-k migration or back-projection of their square root as a wave. */

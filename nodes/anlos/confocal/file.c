@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/confocal/file.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/confocal/file.h -- optical confocal scans as MATLAB files (O'Toole 2018):
  *   rect_data [n][n][n_bins]  photon counts: places of the wall's scan, then time
  *   width                     half of the side of the scanned square, m

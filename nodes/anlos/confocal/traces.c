@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/confocal/traces.h"
 
 #include <errno.h>

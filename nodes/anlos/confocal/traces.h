@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/confocal/traces.h -- photon counts as waves (Lindell 2019, wave-based
  * imaging by f-k migration): their square root, without what does not change, in the band
  * where it stands out of the noise, as the analytic baseband signal that migration and

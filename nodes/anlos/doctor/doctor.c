@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/doctor/doctor.c -- `anlos doctor`: what is configured, what is present,
  * what is wrong, what to do. */
 #include "nodes/anlos/doctor/doctor.h"

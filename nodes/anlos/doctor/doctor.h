@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/doctor/doctor.h -- what `anlos doctor` looks at.  Nothing is changed, made
  * or kept open: a system that runs does not notice.  Each function adds what it finds. */
 #ifndef ANLOS_NODES_ANLOS_DOCTOR_DOCTOR_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/doctor/drive_pipe.h"
 
 #include <errno.h>

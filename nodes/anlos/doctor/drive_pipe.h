@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/doctor/drive_pipe.h -- a simulated drive through all stages
  * (recon/pipeline.h), in one process at simulated time, with a launch file's settings:
  * the same scene gives the same tracks each time. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/doctor/drive_world.h"
 
 #include <errno.h>

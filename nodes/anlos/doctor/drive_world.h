@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/doctor/drive_world.h -- what the nodes array and can would publish in a
  * simulated drive, ping by ping, at simulated time. */
 #ifndef ANLOS_NODES_ANLOS_DOCTOR_DRIVE_WORLD_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/doctor/findings.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/doctor/findings.h -- what `anlos doctor` found: for each thing it looked at
  * how it is, and what to do about it. */
 #ifndef ANLOS_NODES_ANLOS_DOCTOR_FINDINGS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/doctor/load.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/doctor/load.h -- can this machine keep the pace of a drive?  The chain from
  * the simulated sound to the tracks is computed for 2 s, as fast as it goes, and its
  * processor time is compared with what there is: not how long it took. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/psf/file.h -- psf.json: a point spread function as `anlos psf` measured or
  * computed it, for `--method iterative --psf FILE`. */
 #ifndef ANLOS_NODES_ANLOS_PSF_FILE_H

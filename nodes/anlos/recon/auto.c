@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/recon/auto.h"
 
 #include <errno.h>

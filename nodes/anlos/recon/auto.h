@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/recon/auto.h -- `--method auto`: keeps the traces of a recording, looks at
  * them (recon/planning/probe), and decides what to do with them (recon/planning/planner).
  */

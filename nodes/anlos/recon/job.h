@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/recon/job.h -- a recording to an image in one process: read and compress
  * (recon_reader), decide when nobody has (recon_auto), stack, image, detect. */
 #ifndef ANLOS_NODES_ANLOS_RECON_JOB_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/recon/options.h -- the arguments of `anlos recon`, of which other commands
  * that image a recording take some. */
 #ifndef ANLOS_NODES_ANLOS_RECON_OPTIONS_H

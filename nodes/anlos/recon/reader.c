@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/recon/reader.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/recon/reader.h -- a recording to compressed traces: read, check the
  * channels, subtract the background, compress.  One position at a time on each thread,
  * so that memory stays small however long the recording is. */

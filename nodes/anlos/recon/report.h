@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/recon/report.h -- what `anlos recon` tells about its work on sound:
  * warnings, report.json and the table on the screen. */
 #ifndef ANLOS_NODES_ANLOS_RECON_REPORT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/recon/results.h -- what a reconstruction leaves behind, of sound or of
  * light: the image, its pictures, the list of objects, and what both reports tell. */
 #ifndef ANLOS_NODES_ANLOS_RECON_RESULTS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/recon/traces_file.h -- pulse-compressed traces from elsewhere, as a MATLAB
  * file:
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/replay/chain.h -- recorded messages through all stages (recon/pipeline.h)
  * and the can node's sender in one process: a recording gives the lists and the CAN
  * frames that it gives when the nodes hear it over the bus, bit for bit, because it is

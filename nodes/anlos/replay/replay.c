@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/replay/replay.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/replay/replay.h -- the part of `anlos recon` for bags. */
 #ifndef ANLOS_NODES_ANLOS_REPLAY_REPLAY_H
 #define ANLOS_NODES_ANLOS_REPLAY_REPLAY_H

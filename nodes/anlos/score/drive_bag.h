@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/score/drive_bag.h -- the tracks of a recorded drive, as they were recorded:
  * what the vehicle was told, when it was told. */
 #ifndef ANLOS_NODES_ANLOS_SCORE_DRIVE_BAG_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/score/drive_report.h"
 
 #include <errno.h>

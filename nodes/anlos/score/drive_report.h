@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/score/drive_report.h -- what came out of the drives: a table, drives.csv
  * with a line for each, drive.json with all figures; and of one NAME.csv with a line for
  * each list, NAME.svg and .png over time. */

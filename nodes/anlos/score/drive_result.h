@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/score/drive_result.h -- how good the tracks of a drive were, as sums that
  * add up over drives, and the figures that these make. */
 #ifndef ANLOS_NODES_ANLOS_SCORE_DRIVE_RESULT_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/score/drive_score.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/score/drive_score.h -- lists of tracks of a drive against what is really
  * there.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/score/drive_told.h -- what the vehicle is told of lists of tracks: each
  * goes through the can node's own step into frames, and is read back from these. */
 #ifndef ANLOS_NODES_ANLOS_SCORE_DRIVE_TOLD_H

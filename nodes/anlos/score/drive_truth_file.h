@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/score/drive_truth_file.h -- who was really there, by a text file:
  *
  *   time_s,id,kind,x_m,y_m

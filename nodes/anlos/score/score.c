@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/score/score.c -- `anlos score`: the tracks of recorded drives, as they were
  * recorded, against who was there. */
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/speed_error/case.h"
 
 #include <errno.h>

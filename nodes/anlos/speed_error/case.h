@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/speed_error/case.h -- one way to image a scene, and what it costs and errs:
  * from both recordings in memory to the volume, as `anlos recon` does between reading and
  * detection. */

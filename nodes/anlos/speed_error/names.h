@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/speed_error/names.h -- lists of names: each ended by a zero, an empty one
  * at the end, as imager_methods(). */
 #ifndef ANLOS_NODES_ANLOS_SPEED_ERROR_NAMES_H

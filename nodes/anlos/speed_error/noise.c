@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/speed_error/noise.h"
 
 #include <complex.h>

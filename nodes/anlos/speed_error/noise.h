@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/speed_error/noise.h -- images of one point in much noise, again and again:
  * the point's echoes are compressed once, white noise is made at the rate of the
  * recording and compressed for each seed, and as compression is linear, any mixture of

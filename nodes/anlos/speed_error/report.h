@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/speed_error/report.h -- the results of `anlos speed-error` as Markdown
  * and pictures. */
 #ifndef ANLOS_NODES_ANLOS_SPEED_ERROR_REPORT_H

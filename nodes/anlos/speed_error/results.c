@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/speed_error/results.h"
 
 #include <errno.h>

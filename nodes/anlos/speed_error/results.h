@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/speed_error/results.h -- the runs of `anlos speed-error` as they
  * come: a line of CSV each, kept for the table and the charts. */
 #ifndef ANLOS_NODES_ANLOS_SPEED_ERROR_RESULTS_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/speed_error/scene.h -- a scene that `anlos speed-error` images: both
  * recordings in memory, and the truth.  Made by the simulator of hal/room/room, or read
  * from a folder.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/speed_error/score.h -- how wrong an image is.  The definitions are those of
  * the reference simulator's metrics (independent code):
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/speed_error/speed_error.c -- `anlos speed-error`: every scene, every
  * method, every case; then growth and noise; then the table and the charts of what there
  * is. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/top/screen.h -- what of the table a person looks at, how keys change it,
  * and the lines of text that come of it for a width and a height.  Pure: no terminal;
  * keys are those of curses. */

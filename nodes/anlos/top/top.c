@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/top/top.c -- `anlos top`: the table of a running system, on the whole
  * terminal (ncurses) or as text. */
 #include <curses.h>

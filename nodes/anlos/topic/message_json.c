@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/topic/message_json.h"
 
 #include <errno.h>

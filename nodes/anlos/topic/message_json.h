@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/topic/message_json.h -- any protobuf-c message as JSON, by its descriptor,
  * in proto3's own mapping (64-bit integers as strings, enums by name, NaN as null), but
  * with the field names of the schema and every field written. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/topic/tally.h"
 
 #include <errno.h>

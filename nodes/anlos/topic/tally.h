@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* nodes/anlos/topic/tally.h -- an account of the messages that came: for each topic and
  * sender how many, how large, how far apart, how late, and what is missing between. */
 #ifndef ANLOS_NODES_ANLOS_TOPIC_TALLY_H

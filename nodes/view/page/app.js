@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // What the server says, and where on the page it is shown.
 import { createImage } from "./image.js";
 import { SILENT_MS, connect } from "./link.js";

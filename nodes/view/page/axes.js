@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Axes in metres, drawn with SVG.
 export function svg(name, attributes = {}, ...children) {
     const e = document.createElementNS("http://www.w3.org/2000/svg", name);

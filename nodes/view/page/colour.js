@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // From black over purple and orange to pale yellow: "inferno" (S. van der Walt and N. Smith
 // 2015; polynomial by M. Zucker, both public domain), as in the pictures of anlos.
 const inferno = [

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The image from three sides, with axes in metres, the objects as they are imaged, and a
 // slice of the front view.
 import { MARGIN, axes, metres, svg } from "./axes.js";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Places for labels in a drawing where they hide neither each other nor what they name.
 import { svg } from "./axes.js";
 

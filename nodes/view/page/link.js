@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The WebSocket: connects again by itself, unpacks frames, tells how it stands.
 const RETRY_MS = [300, 600, 1200, 2500];
 const SILENT_MS = 3500; // the server gives a sign of life every second

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // What is drawn on the plan: an object, a track with where it was and where it goes, a
 // wall, the vehicle.
 import { svg } from "./axes.js";

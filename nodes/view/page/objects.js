@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The table of objects: of a scan, or of tracks.
 const $ = (id) => document.getElementById(id);
 const number = (v, digits) => (v === null || v === undefined ? "–" : v.toFixed(digits).replace("-", "−"));

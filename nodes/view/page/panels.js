@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Scan, array levels, nodes and log.
 const $ = (id) => document.getElementById(id);
 const FLOOR_DB = -90;

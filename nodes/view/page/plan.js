@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The plan view: what stands where, seen from above.
 import { axes, svg } from "./axes.js";
 import { createLabels } from "./labels.js";

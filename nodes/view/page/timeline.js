@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The timeline of a bag: scrub, step from image to image, play.
 import { svg } from "./axes.js";
 

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/anlos.h -- hearing around corners: libanlos, all of it.  Begin with
  * anlos/survey.h and anlos/pipeline.h, which does everything; its stages stand by
  * themselves beside it.  anlos/version.h has the rules (threads, units, versions).  Link

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/compressor.h -- pings to traces: which microphones are fit, pulse compression
  * (matched filter, Turin 1960; or the paper's deramp), and the background subtracted, as
  * it would sound in the air of now.  The chirp itself: anlos_survey_emission.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/config.h -- with what the stages run, and all of them in anlos/pipeline.h: one
  * configuration, of which each takes its part; what holds where nothing is said is what
  * the launch files of anlos have.  The survey (anlos/survey.h) says the rest. */

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/detector.h -- an image to the hidden objects in it, where they really are: local
  * maxima above the noise, by a threshold or by the cells around them (CFAR, Rohling
  * 1983), mirrored back at the walls.  Each list stands for itself; anlos/tracker.h

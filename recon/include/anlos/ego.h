@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/ego.h -- how a vehicle moved in the plane, so that what was heard at one time can
  * be said in its frame of another.  Vehicle frame: x forward, y left, z up.  Speed and
  * yaw rate that stay as they are make an arc of a circle, taken exactly (Thrun, Burgard

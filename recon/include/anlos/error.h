@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/error.h -- what went wrong: a code for the program and a sentence for a person,
  * which says what, where and what to do. */
 #ifndef ANLOS_ERROR_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/image.h -- an image of the hidden (mirrored) scene, and what it was made of. */
 #ifndef ANLOS_IMAGE_H
 #define ANLOS_IMAGE_H

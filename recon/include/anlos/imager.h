@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/imager.h -- a scan's traces to an image, by any of the methods (anlos_method):
  * `fast` (midpoint stack and f-k migration), `backprojection`, `confocal`, `lct`
  * (O'Toole 2018), `paper` (Lindell 2019), `incoherent`, `iterative` (ADMM), `sparse`.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/objects.h -- the hidden objects: where they really are, how sure that is, and,
  * where they are tracked, how they move. */
 #ifndef ANLOS_OBJECTS_H

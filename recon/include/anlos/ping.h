@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/ping.h -- what goes in: one emission and what every microphone recorded of it on
  * one clock. */
 #ifndef ANLOS_PING_H

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/pipeline.h -- all stages in one: pings to images, hidden objects and tracks.
  *
  * For each ping: which microphones are fit, pulse compression, background subtracted

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/static_array.h -- a static array's newest pings to an image for every round of
  * its speakers or every ping (a sliding aperture in time), from where the elements stood
  * when the vehicle moves.  What cannot have come from behind a wall is muted.

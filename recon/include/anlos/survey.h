@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/survey.h -- where speakers, microphones, stage and wall are, and what is emitted
  * when: all that the processing of a recording is planned from.
  *

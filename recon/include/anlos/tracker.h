@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/tracker.h -- image after image to objects that stay: detected, predicted,
  * assigned, confirmed and ended (IPDA: Musicki, Evans and Stankovic 1994), placed by the
  * walls that are known, over ground as the vehicle moves.

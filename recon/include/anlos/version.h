@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/version.h -- which libanlos this is, and how it may change.
  *
  * Three numbers are the product's version: the last rises with repairs, the middle one

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/wall_finder.h -- the walls that mirror sound: heard in the array's own first
  * returns, or given by the vehicle, and followed over time.
  *

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* anlos/walls.h -- the walls that mirror sound: given, configured, or heard. */
 #ifndef ANLOS_WALLS_H
 #define ANLOS_WALLS_H

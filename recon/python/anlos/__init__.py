@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Hearing around corners: libanlos from Python.
 
     import anlos
