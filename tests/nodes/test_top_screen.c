@@ -317,7 +317,7 @@ static void the_detail_tells_device_counts_and_topics(void **state)
     r->look.focus = LOOK_TOPICS;
     r->look.detail_of_topic = true;
     r->look.topic = topic_ping();
-    draw(r, 80, 40);
+    draw(r, 80, 44);
     assert_non_null(find(r, " anlos.Ping; a queue keeps all up to 64; at most 8.4M"));
     assert_non_null(find(r, " array         out         16.0/-    3.0M"));
 }
