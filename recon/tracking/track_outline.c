@@ -20,6 +20,7 @@
 #define MIDDLE_SHARE  0.05 /* of its size, to which the middle of a body is known */
 #define FRONT_M       0.09 /* what is heard of a person is before the middle by so much */
 #define FRONT_SIGMA_M 0.06
+#define BEYOND_M      (0.5 * CAR_WIDTH_M - FRONT_M) /* a car's middle is farther by that */
 
 void track_outline_heading(const struct track_filter *f, double u[2])
 {
@@ -118,7 +119,7 @@ static void widen(struct track *k, const double u[2])
 
     if (k->body.n || o->fast)
         o->car |= length_m >= CAR_M + (k->body.n ? 0.0 : SMEAR_M);
-    o->car |= is_left_behind(k);
+    o->glint |= is_left_behind(k);
     if (!o->car || unheard_m <= 0.0)
         return;
     track_outline_turn_in(u, k->body.sight, sight);
@@ -132,7 +133,8 @@ static void lengthen(struct track *k)
     struct track_outline *o = &k->outline;
     double sigma, speed = speed_of(&k->filter, &sigma);
 
-    o->fast = speed - sigma > WALK_M_S || (o->fast && (speed > SLOW_M_S || o->car));
+    o->fast = speed - sigma > WALK_M_S ||
+              (o->fast && (speed > SLOW_M_S || o->car || o->glint));
     if (o->fast)
         o->longest_m = fmax(o->longest_m, o->high_m[0] - o->low_m[0]);
     o->unheard_m = o->fast ? fmax(BICYCLE_M - o->longest_m, 0.0) : 0.0;
@@ -190,7 +192,7 @@ void track_outline_size(const struct track *k, double yaw, double size_m[2])
  * length shows more. */
 static double car_share(const struct track_outline *o)
 {
-    if (o->car || !o->fast)
+    if (o->car || o->glint || !o->fast)
         return 0.0;
     return CAR_SHARE * fmin(fmax(2.0 - o->travelled_m / CAR_LENGTH_M, 0.0), 1.0);
 }
@@ -210,13 +212,12 @@ static void add_car(const struct track *k, const double u[2], double covariance_
 {
     const struct track_outline *o = &k->outline;
     double length_m = o->high_m[0] - o->low_m[0] + o->unheard_m;
-    double beyond_m = 0.5 * CAR_WIDTH_M - FRONT_M;
 
     for (int rear = 0; rear < 2; rear++) {
         double share = car_share(o) * (rear ? 1.0 - CAR_FRONT : CAR_FRONT), way_m[2];
         double along_m = (rear ? 0.5 : -0.5) * fmax(CAR_LENGTH_M - length_m, 0.0);
         for (int a = 0; a < 2; a++)
-            way_m[a] = beyond_m * k->body.sight[a] + along_m * u[a];
+            way_m[a] = BEYOND_M * k->body.sight[a] + along_m * u[a];
         for (int a = 0; a < 2; a++)
             for (int b = 0; b < 2; b++)
                 covariance_m2[a][b] += share * way_m[a] * way_m[b];
@@ -231,7 +232,7 @@ void track_outline_uncertain_velocity(const struct track *k,
     double sigma, speed = speed_of(&k->filter, &sigma), u[2];
     double slower = fmax(k->outline.fastest_m_s - speed, 0.0);
 
-    if (!k->outline.car)
+    if (!k->outline.car && !k->outline.glint)
         return;
     track_outline_heading(&k->filter, u);
     double glint2 = 0.5 * fmax(slower * slower, speed * speed / 3.0);
@@ -257,12 +258,15 @@ static void add_side(const struct track *k, const double u[2], double variance_m
 }
 
 /* What is unheard is anywhere in its length; a car is as often heard at one of its ends
- * as somewhere between them. */
+ * as somewhere between them.  A glint that is left behind is on a flank, but the rear of
+ * a bicycle that goes out of sight looks like one: it is told where it is heard, and the
+ * middle of the car is in its covariance. */
 void track_outline_uncertain(const struct track *k, double covariance_m2[2][2])
 {
     const struct track_outline *o = &k->outline;
     double u[2], variance_m2[2];
     double depth_m2 = o->car ? 0.0 : FRONT_SIGMA_M * FRONT_SIGMA_M;
+    bool flank = o->car || o->glint;
 
     track_outline_heading(&k->filter, u);
     add_car(k, u, covariance_m2);
@@ -270,9 +274,11 @@ void track_outline_uncertain(const struct track *k, double covariance_m2[2][2])
         double middle_m = MIDDLE_SHARE * (o->high_m[a] - o->low_m[a]);
         variance_m2[a] = middle_m * middle_m;
     }
-    double unheard_m = o->car ? fmax(CAR_LENGTH_M - o->high_m[0] + o->low_m[0], 0.0)
-                              : o->unheard_m;
-    variance_m2[0] += unheard_m * unheard_m / (o->car ? 6.0 : 12.0);
+    double unheard_m = flank ? fmax(CAR_LENGTH_M - o->high_m[0] + o->low_m[0], 0.0)
+                             : o->unheard_m;
+    variance_m2[0] += unheard_m * unheard_m / (flank ? 6.0 : 12.0);
+    if (o->glint && !o->car)
+        depth_m2 += BEYOND_M * BEYOND_M;
     const double across[2] = {-u[1], u[0]}, *sight = k->body.sight;
     if (o->car)
         add_side(k, u, variance_m2);

@@ -41,7 +41,7 @@ struct track_outline {
     double travelled_m;             /* since it is fast */
     double fastest_m_s;             /* that it was known to go, and by how much it may */
     double slowed_m_s;              /* have slowed down since */
-    bool fast, car;                 /* or was */
+    bool fast, car, glint;          /* or was */
     bool begun;
 };
 

@@ -281,6 +281,12 @@ static void the_length_that_is_not_heard_is_uncertain(void **state)
     assert_near(c[1][0], c[0][1], 1e-15);
 }
 
+static double quadratic(const double (*c)[2], const double v[2])
+{
+    return v[0] * (c[0][0] * v[0] + c[0][1] * v[1]) +
+           v[1] * (c[1][0] * v[0] + c[1][1] * v[1]);
+}
+
 /* Half a second after 4 m/s, known to 0.5, a bicycle that brakes with 3 m/s2 goes 2. */
 static void what_is_left_behind_is_a_glint_on_a_car(void **state)
 {
@@ -301,8 +307,11 @@ static void what_is_left_behind_is_a_glint_on_a_car(void **state)
     assert_near(in[1], 0.09, 1e-9);
     set_speed(&k, 1.95);
     settle(&k);
-    in_its_frame(&k, k.outline.middle_m, in);
-    assert_near(in[1], 0.5 * (1.7 - 0.2), 1e-9);
+    in_its_frame(&k, k.outline.middle_m, in); /* or the last that is heard of a bicycle */
+    assert_near(in[1], 0.09, 1e-9);
+    track_outline_uncertain(&k, c);
+    double beyond_m2 = quadratic(c, left), own_m = 0.05 * 0.2;
+    assert_near(beyond_m2, 0.76 * 0.76 + 0.06 * 0.06 + own_m * own_m, 1e-9);
     /* it goes 3.5 m/s at least, if that is a glint: as likely as not, along its way */
     track_outline_uncertain_velocity(&k, v);
     double more_m_s = 3.5 - 1.95;
@@ -310,6 +319,7 @@ static void what_is_left_behind_is_a_glint_on_a_car(void **state)
     assert_near(v[0][0] * v[1][1] - v[0][1] * v[1][0], 0.0, 1e-9);
     set_speed(&k, 0.3);
     settle(&k);
+    memset(c, 0, sizeof c);
     track_outline_uncertain(&k, c); /* where on the flank it is, is not known */
     assert_true(c[0][0] + c[1][1] > 3.7 * 3.7 / 6.0);
 }
@@ -335,16 +345,12 @@ static void the_place_on_a_flank_is_as_sure_as_it_says(void **state)
     set_speed(&k, 1.0);
     settle(&k);
     for (int run = 0; run < RUNS; run++) {
-        double c[2][2] = {{0.0}}, half_m = 0.5 * (4.2 - heard_m), along_m2 = 0.0;
+        double c[2][2] = {{0.0}}, half_m = 0.5 * (4.2 - heard_m), own_m = 0.05 * heard_m;
         double place = reference_random(&seed); /* an end, or between them */
         double off_m = reference_random(&seed) < 0.5 ? half_m * (place < 0.5 ? -1.0 : 1.0)
                                                      : half_m * (2.0 * place - 1.0);
         track_outline_uncertain(&k, c);
-        for (int a = 0; a < 2; a++)
-            for (int b = 0; b < 2; b++)
-                along_m2 += u[a] * c[a][b] * u[b];
-        double turn_m = 0.5 * 0.5 * (1.7 - 0.2), own_m = 0.05 * heard_m;
-        sum += off_m * off_m / (along_m2 - turn_m * turn_m - own_m * own_m);
+        sum += off_m * off_m / (quadratic(c, u) - own_m * own_m);
     }
     /* of e^2 over its mean: 1, with a variance of 0.6 / (2/3)^2 - 1 */
     assert_near(sum / RUNS, 1.0, 4.0 * sqrt(0.35 / RUNS));
