@@ -58,7 +58,7 @@ int main()
     return code == ANLOS_INVALID && !pipeline && why.text[0] ? 0 : 2;
 }
 TEXT
-    if nm -D "$shared" | grep -q __asan_; then # its runtime is not in this program
+    if [[ $(nm -D "$shared") == *__asan_* ]]; then # its runtime is not in this program
         return
     fi
     run g++ -std=c++11 -Wall -Wextra -Werror -I "$include" "$work/program.cc" "$shared" \
