@@ -89,7 +89,8 @@ static void box_of_extent(struct track *k, const double u[2], double yaw)
     }
 }
 
-/* No bicycle slows down like that: it is a flank that drives on while its glint stays. */
+/* No bicycle slows down like that, unless less and less of it is in sight: a flank that
+ * drives on while its glint stays does. */
 static bool is_left_behind(const struct track *k)
 {
     const struct track_outline *o = &k->outline;

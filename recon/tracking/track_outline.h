@@ -12,9 +12,10 @@
  * rest of it is behind that, on both sides.  As long as no more of it was heard than a
  * bicycle has, it is taken for one, and the car that it may be, behind the corner that is
  * heard, is in its covariance.  There the glint stays while the car drives on, or slides
- * along with a part of its speed: what is left behind faster than anything brakes is a
- * flank too, and what is heard of it tells neither where along it that is nor how fast
- * it goes.
+ * along with a part of its speed, and tells neither where along the flank it is nor how
+ * fast that goes: what is left behind faster than anything brakes has a flank's
+ * uncertainty.  It is told where it is heard all the same, for the rear of a bicycle that
+ * goes out of sight looks like that too.
  *
  * What is faster than a walker is as long as a bicycle at least.  Of what comes out from
  * behind a corner or the end of an image, and from a moving vehicle of all that moves
@@ -41,7 +42,8 @@ struct track_outline {
     double travelled_m;             /* since it is fast */
     double fastest_m_s;             /* that it was known to go, and by how much it may */
     double slowed_m_s;              /* have slowed down since */
-    bool fast, car, glint;          /* or was */
+    bool fast, car;                 /* or was */
+    bool glint;                     /* it was left behind as no bicycle is */
     bool begun;
 };
 

@@ -129,8 +129,11 @@ class Wrong(unittest.TestCase):
                      walls=[([0, 1], 1.0)])
 
     def test_nothing_before_a_ping(self):
-        self.refused(anlos.Error, "", self.pipeline.image)
-        self.refused(anlos.Error, "", self.pipeline.objects)
+        for ask in (self.pipeline.image, self.pipeline.objects):
+            with self.assertRaises(anlos.Error) as caught:
+                ask()
+            self.assertEqual(caught.exception.what, "not ready")
+            self.assertTrue(str(caught.exception))
         self.assertEqual(self.pipeline.note(), "")
 
     def test_a_folder_of_no_survey(self):
