@@ -36,7 +36,8 @@ void hard_every_method(void (*check)(const char *method));
 struct hard_limits {
     double lateral_m, depth_m;
     double path_m;      /* rms over pairs between the paths over the peak and the point */
-    double thin_path_m; /* the same for an aperture without extent in x or y */
+    double thin_path_m; /* the same for an aperture without extent in x or y, */
+    double pair_path_m; /* and for a lone pair */
 };
 void hard_limits(const char *method, struct hard_limits *out);
 
