@@ -11,16 +11,17 @@
 #include "msgs/endpoint.h"
 #include "msgs/publisher.h"
 #include "msgs/receive_queue.h"
+#include "msgs/reliable.h"
 #include "msgs/remote.h"
 #include "msgs/subscriber.h"
 #include "msgs/wire_guard.h"
 
-#define HANDSHAKE_MS 10
-#define PEERS_MS     200
+#define AWAIT_MS 2000 /* for who must have everything, and is late or hangs */
 
 struct bus {
     int lock_fd; /* -1: listens only */
     struct remote *remote;
+    struct reliable *reliable;
     struct receive_queue *receive_queue;
     struct subscriber *subscriber;
     size_t n_outlets;
@@ -39,7 +40,8 @@ static int open_outlets(struct bus *b, const struct bus_config *cfg, struct erro
         if (b->n_outlets == max)
             return error_say(why, -E2BIG, "node \"%s\" publishes over %zu topics",
                              cfg->node, max);
-        int err = publisher_create(&b->outlets[b->n_outlets], cfg, b->remote, t, why);
+        int err = publisher_create(&b->outlets[b->n_outlets], cfg, b->remote, b->reliable,
+                                   t, why);
         if (err)
             return err;
         b->n_outlets++;
@@ -47,34 +49,30 @@ static int open_outlets(struct bus *b, const struct bus_config *cfg, struct erro
     return 0;
 }
 
-/* Who listens, over all topics; 0: to one of them nobody. */
-static size_t count_heard(const struct bus *b)
+static int64_t monotonic_ms(void)
 {
-    size_t sum = 0;
-
-    for (size_t i = 0; i < b->n_outlets; i++) {
-        struct bus_count count;
-        publisher_count(b->outlets[i], &count);
-        if (!count.peers)
-            return 0;
-        sum += count.peers;
-    }
-    return sum;
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
 }
 
-/* For each topic somebody, and nobody more for a moment: who is there is then sure to
- * hear the first message.  nanomsg tells nobody of a connection, it has to be asked; and
- * it counts one before its ends have shaken hands, for which there is some time more. */
-static void await_peers(const struct bus *b)
+/* Has each who must have everything joined? */
+static bool have_joined(const struct bus *b, const char *run_dir)
+{
+    for (size_t i = 0; i < b->n_outlets; i++)
+        if (publisher_reliable_peers(b->outlets[i]) <
+            discovery_awaited(run_dir, publisher_topic(b->outlets[i])))
+            return false;
+    return true;
+}
+
+/* So that they hear the first message. */
+static void await_recorders(const struct bus *b, const char *run_dir)
 {
     const struct timespec pause = {.tv_nsec = 1000000};
-    size_t before = 0;
-    for (int ms = 0, same_ms = 0; same_ms <= HANDSHAKE_MS && ms < PEERS_MS; ms++) {
+    int64_t end_ms = monotonic_ms() + AWAIT_MS;
+    while (!have_joined(b, run_dir) && monotonic_ms() < end_ms)
         nanosleep(&pause, NULL);
-        size_t heard = count_heard(b);
-        same_ms = heard && heard == before ? same_ms + 1 : 0;
-        before = heard;
-    }
 }
 
 static int check_config(const struct bus_config *cfg, struct error *why)
@@ -103,20 +101,22 @@ int bus_create(struct bus **out, const struct bus_config *cfg, struct error *why
         return error_say(why, -ENOMEM, "out of memory");
     b->lock_fd = -1;
     err = remote_create(&b->remote, cfg->run_dir, why);
+    if (!err)
+        err = reliable_create(&b->reliable, why);
     if (err)
         goto fail;
     err = receive_queue_create(&b->receive_queue);
     if (!err)
         err = subscriber_create(&b->subscriber, cfg->run_dir, cfg->world, b->remote,
-                                b->receive_queue);
+                                b->reliable, b->receive_queue);
     if (err)
         error_say(why, err, "run folder %s: no bus: %s", cfg->run_dir, strerror(-err));
     if (!err && !cfg->listen_only)
         err = open_outlets(b, cfg, why);
     if (!err && cfg->world == BUS_REPLAY)
         bus_set_replayed(b, true);
-    if (!err && !cfg->listen_only && discovery_are_awaited(cfg->run_dir))
-        await_peers(b);
+    if (!err)
+        await_recorders(b, cfg->run_dir);
     if (err)
         goto fail;
     *out = b;
@@ -233,6 +233,7 @@ void bus_destroy(struct bus *b)
         publisher_destroy(b->outlets[i]);
     subscriber_destroy(b->subscriber);
     remote_destroy(b->remote);
+    reliable_destroy(b->reliable);
     receive_queue_destroy(b->receive_queue);
     if (b->lock_fd >= 0)
         close(b->lock_fd); /* last: until here the socket files are ours */

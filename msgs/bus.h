@@ -11,7 +11,7 @@
  * subscriber has joined, returns EINTR, and must not be forked after a socket exists.  So
  * a receive thread moves messages into a bounded queue for each topic, gaps in sequence
  * numbers are counted, and the buffers are set large.  Create a bus after the last fork.
- */
+ * Who must have everything hears the same by sockets of ZeroMQ (msgs/reliable.h). */
 #ifndef ANLOS_MSGS_BUS_H
 #define ANLOS_MSGS_BUS_H
 
@@ -60,9 +60,10 @@ int bus_subscribe(struct bus *b, const struct topic *t);
 
 /* For a recorder: from now on all messages of all topics wait for bus_receive, whatever
  * the topic's depth and policy, up to so many bytes in all; what comes beyond is dropped,
- * and counted.  A publisher that starts later waits for this one to connect, and what it
- * sent before the first message that arrives is a gap too, if it is of this machine,
- * whose clock now_ns is of. Before the first bus_subscribe. */
+ * and counted.  On this machine what has not come here yet waits at its publisher, up to
+ * RELIABLE_BYTES over all its topics, and one that starts later waits 2 s at most for
+ * this one to join; what it sent before the first message that arrives is a gap too, if
+ * it is of this machine, whose clock now_ns is of.  Before the first bus_subscribe. */
 void bus_keep_all(struct bus *b, size_t bytes, int64_t now_ns);
 
 /* Bytes of payload that wait. */

@@ -6,13 +6,14 @@
 #include <stdalign.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/file.h>
 #include <sys/inotify.h>
 #include <unistd.h>
 
 #include "msgs/endpoint.h"
 
-#define LOCK_NAME "newcomers.lock"
+#define LOCK_NAME "discovery.lock"
+
+#define MOST_WAITING 16 /* of those who wait for one topic: more are not waited for */
 
 static int open_lock(const char *run_dir, int flags)
 {
@@ -20,7 +21,7 @@ static int open_lock(const char *run_dir, int flags)
 
     if (snprintf(path, sizeof path, "%s/" LOCK_NAME, run_dir) >= (int)sizeof path)
         return -ENAMETOOLONG;
-    int fd = open(path, O_RDONLY | O_CLOEXEC | flags, 0600);
+    int fd = open(path, O_RDWR | O_CLOEXEC | O_NOFOLLOW | flags, 0600);
     return fd < 0 ? -errno : fd;
 }
 
@@ -34,8 +35,6 @@ int discovery_open(struct discovery *n, const char *run_dir)
         err = -errno;
     if (!err && (n->lock = open_lock(run_dir, O_CREAT)) < 0)
         err = n->lock;
-    if (!err && flock(n->lock, LOCK_SH | LOCK_NB))
-        err = -errno;
     if (err)
         discovery_close(n);
     return err;
@@ -80,13 +79,34 @@ void discovery_close(struct discovery *n)
     n->fd = n->lock = -1;
 }
 
-bool discovery_are_awaited(const char *run_dir)
+/* The byte that somebody who waits for the topic has locked. */
+static struct flock place(const struct topic *t, int i)
+{
+    return (struct flock){.l_type = F_WRLCK,
+                          .l_whence = SEEK_SET,
+                          .l_start = (t - topics_all()) * MOST_WAITING + i,
+                          .l_len = 1};
+}
+
+void discovery_await(const struct discovery *n, const struct topic *t)
+{
+    for (int i = 0; i < MOST_WAITING; i++) {
+        struct flock free = place(t, i);
+        if (!fcntl(n->lock, F_OFD_SETLK, &free))
+            return;
+    }
+}
+
+size_t discovery_awaited(const char *run_dir, const struct topic *t)
 {
     int fd = open_lock(run_dir, 0);
+    size_t n = 0;
 
-    if (fd < 0)
-        return false;
-    bool awaited = flock(fd, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK;
-    close(fd);
-    return awaited;
+    for (int i = 0; fd >= 0 && i < MOST_WAITING; i++) {
+        struct flock held = place(t, i);
+        n += !fcntl(fd, F_OFD_GETLK, &held) && held.l_type != F_UNLCK;
+    }
+    if (fd >= 0)
+        close(fd);
+    return n;
 }

@@ -6,10 +6,13 @@
 #define ANLOS_MSGS_DISCOVERY_H
 
 #include <stdbool.h>
+#include <stddef.h>
+
+#include "msgs/topics.h"
 
 struct discovery {
     int fd;   /* readable when something has appeared */
-    int lock; /* held on RUN_DIR/newcomers.lock, with others who wait too */
+    int lock; /* RUN_DIR/discovery.lock: a byte for each who waits for a topic */
 };
 
 /* 0, or a negative errno: inotify(7) has no more to give, or the folder cannot be
@@ -23,7 +26,10 @@ bool discovery_read(struct discovery *n, void (*call)(void *context, const char 
                     void *context);
 void discovery_close(struct discovery *n);
 
-/* Does somebody wait for them in that folder? */
-bool discovery_are_awaited(const char *run_dir);
+/* From now on publishers of the topic that start wait for this one. */
+void discovery_await(const struct discovery *n, const struct topic *t);
+
+/* How many wait for publishers of the topic in that folder. */
+size_t discovery_awaited(const char *run_dir, const struct topic *t);
 
 #endif

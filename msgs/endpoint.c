@@ -34,6 +34,13 @@ int endpoint_url(char url[ENDPOINT_URL_SIZE], const char *run_dir, const char *n
     return 0;
 }
 
+void endpoint_url_of_all(char url[ENDPOINT_URL_SIZE], const char *of)
+{
+    size_t n = strlen(of) - strlen("ipc");
+    memcpy(url, of, n);
+    memcpy(url + n, "all", sizeof "all");
+}
+
 const char *endpoint_path(const char *url)
 {
     return url + sizeof ENDPOINT_SCHEME - 1;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* msgs/endpoint.h -- where the sockets of a node stand: RUN_DIR/NODE.TOPIC.ipc, a '/' in
- * the topic written as '-', and RUN_DIR/NODE.lock, which a live node holds. */
+ * the topic written as '-', NODE.TOPIC.all for those who must have everything
+ * (msgs/reliable.h), and RUN_DIR/NODE.lock, which a live node holds. */
 #ifndef ANLOS_MSGS_ENDPOINT_H
 #define ANLOS_MSGS_ENDPOINT_H
 
@@ -15,6 +16,9 @@
 /* Writes "ipc://RUN_DIR/NODE.TOPIC.ipc".  0 or -ENAMETOOLONG. */
 int endpoint_url(char url[ENDPOINT_URL_SIZE], const char *run_dir, const char *node,
                  const char *topic, struct error *why);
+
+/* That of the other socket, from this one's: "ipc://RUN_DIR/NODE.TOPIC.all". */
+void endpoint_url_of_all(char url[ENDPOINT_URL_SIZE], const char *of);
 
 /* The path in a URL. */
 const char *endpoint_path(const char *url);

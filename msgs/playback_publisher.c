@@ -24,6 +24,7 @@ struct part {
 struct playback_publisher {
     char *run_dir;
     struct remote *remote;
+    struct reliable *reliable;
     int64_t epoch_ns;
     struct place *places; /* [n_places] */
     struct part *parts;   /* [n_parts] */
@@ -39,6 +40,8 @@ int playback_publisher_create(struct playback_publisher **out, const char *run_d
 
     if (!err)
         err = remote_create(&s->remote, run_dir, why);
+    if (!err)
+        err = reliable_create(&s->reliable, why);
     if (err) {
         playback_publisher_destroy(s);
         return err;
@@ -93,7 +96,7 @@ int playback_publisher_add(struct playback_publisher *s, const char *node,
     s->parts = grown;
     struct part *p = &grown[s->n_parts];
     p->place = (size_t)place;
-    int err = publisher_create(&p->publisher, &cfg, s->remote, t, why);
+    int err = publisher_create(&p->publisher, &cfg, s->remote, s->reliable, t, why);
     if (!err) {
         publisher_set_replayed(p->publisher, true);
         s->n_parts++;
@@ -153,6 +156,7 @@ void playback_publisher_destroy(struct playback_publisher *s)
     for (size_t i = 0; i < s->n_places; i++)
         close(s->places[i].lock_fd); /* last: until here the socket files are ours */
     remote_destroy(s->remote);
+    reliable_destroy(s->reliable);
     free(s->parts);
     free(s->places);
     free(s->run_dir);

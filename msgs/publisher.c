@@ -28,6 +28,7 @@ struct publisher {
     int socket;
     char url[ENDPOINT_URL_SIZE];
     struct remote_publisher *remote; /* NULL: nobody on another machine */
+    struct reliable_publisher *reliable;
 };
 
 static int64_t monotonic_ns(void)
@@ -69,8 +70,10 @@ static int bind_socket(struct publisher *o, struct error *why)
 }
 
 int publisher_create(struct publisher **out, const struct bus_config *cfg,
-                     struct remote *remote, const struct topic *t, struct error *why)
+                     struct remote *remote, struct reliable *reliable,
+                     const struct topic *t, struct error *why)
 {
+    char url[ENDPOINT_URL_SIZE];
     struct publisher *o = calloc(1, sizeof *o);
     if (!o)
         return error_say(why, -ENOMEM, "out of memory");
@@ -89,7 +92,11 @@ int publisher_create(struct publisher **out, const struct bus_config *cfg,
     err = endpoint_url(o->url, cfg->run_dir, cfg->node, t->name, why);
     if (err)
         o->url[0] = 0; /* nothing to unlink */
-    else
+    if (!err) {
+        endpoint_url_of_all(url, o->url);
+        err = reliable_bind(&o->reliable, reliable, url, why);
+    }
+    if (!err) /* after the other: who finds this one looks for that first */
         err = bind_socket(o, why);
     if (!err)
         err = remote_bind(&o->remote, remote, cfg->node, t, why);
@@ -129,8 +136,9 @@ static size_t count_peers(const struct publisher *o)
 /* Each connection carries its own copy; without one, nothing is under way. */
 static void spend_pace(struct publisher *o, size_t size)
 {
+    size_t peers = count_peers(o) + reliable_count_peers(o->reliable);
     pace_spend(&o->pace, monotonic_ns(),
-               (MESSAGE_COST_BYTES + (double)size) * (double)count_peers(o));
+               (MESSAGE_COST_BYTES + (double)size) * (double)peers);
 }
 
 int publisher_send(struct publisher *o, int64_t capture_ns, int64_t publish_ns,
@@ -145,6 +153,7 @@ int publisher_send(struct publisher *o, int64_t capture_ns, int64_t publish_ns,
     keep_pace(o);
     if (o->remote)
         remote_send(o->remote, message, ENVELOPE_SIZE + size);
+    reliable_send(o->reliable, message, ENVELOPE_SIZE + size);
     do
         n = nn_send(o->socket, &message, NN_MSG, 0);
     while (n < 0 && errno == EINTR);
@@ -189,14 +198,23 @@ const struct topic *publisher_topic(const struct publisher *o)
 void publisher_count(struct publisher *o, struct bus_count *out)
 {
     pthread_mutex_lock(&o->lock);
-    *out = (struct bus_count){.topic = o->topic,
-                              .published = true,
-                              .messages = o->messages,
-                              .bytes = o->bytes,
-                              .peers = count_peers(o)};
+    *out =
+        (struct bus_count){.topic = o->topic,
+                           .published = true,
+                           .messages = o->messages,
+                           .bytes = o->bytes,
+                           .peers = count_peers(o) + reliable_count_peers(o->reliable)};
     if (o->remote)
         out->peers += remote_count_peers(o->remote);
     pthread_mutex_unlock(&o->lock);
+}
+
+size_t publisher_reliable_peers(struct publisher *o)
+{
+    pthread_mutex_lock(&o->lock);
+    size_t peers = reliable_count_peers(o->reliable);
+    pthread_mutex_unlock(&o->lock);
+    return peers;
 }
 
 size_t publisher_room(const struct publisher *o)
@@ -209,12 +227,17 @@ void publisher_destroy(struct publisher *o)
     if (!o)
         return;
     remote_close(o->remote);
+    reliable_close(o->reliable);
     keep_pace(o); /* nanomsg does not linger: what the kernel has not got yet is lost */
     if (o->socket >= 0)
         while (nn_close(o->socket) < 0 && errno == EINTR)
             ;
-    if (o->url[0])
+    if (o->url[0]) {
+        char all[ENDPOINT_URL_SIZE];
+        endpoint_url_of_all(all, o->url);
+        unlink(endpoint_path(all));
         unlink(endpoint_path(o->url));
+    }
     pthread_mutex_destroy(&o->lock);
     free(o);
 }

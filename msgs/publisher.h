@@ -7,6 +7,7 @@
 #define ANLOS_MSGS_PUBLISHER_H
 
 #include "msgs/bus.h"
+#include "msgs/reliable.h"
 #include "msgs/remote.h"
 
 struct publisher;
@@ -15,7 +16,8 @@ struct publisher;
  * and goes.  remote NULL: nobody on another machine is to hear it.  0, -ENOMEM,
  * -ENAMETOOLONG, other negative errno. */
 int publisher_create(struct publisher **out, const struct bus_config *cfg,
-                     struct remote *remote, const struct topic *t, struct error *why);
+                     struct remote *remote, struct reliable *reliable,
+                     const struct topic *t, struct error *why);
 
 /* A message with room for size bytes at *payload.  NULL: out of memory. */
 void *publisher_allocate(size_t size, void **payload);
@@ -35,6 +37,10 @@ void publisher_set_replayed(struct publisher *o, bool replayed);
 
 const struct topic *publisher_topic(const struct publisher *o);
 void publisher_count(struct publisher *o, struct bus_count *out);
+
+/* Those who must have everything (msgs/reliable.h) and are subscribed: they hear what is
+ * sent from now on.  Thread-safe. */
+size_t publisher_reliable_peers(struct publisher *o);
 
 /* Bytes that the kernel takes for a connection before its reader reads.  nanomsg drops a
  * message while the one before has not gone there whole. */

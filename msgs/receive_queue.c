@@ -120,8 +120,7 @@ static void push(struct receive_queue *m, struct queue *q,
     l->message = *message;
     l->arrival = m->arrivals++;
     m->waiting_bytes += message->envelope.payload_size;
-    if (m->waiting++ == 0)
-        signal_fd(m->fd);
+    m->waiting++;
 }
 
 /* false: no memory. */
@@ -172,9 +171,12 @@ void receive_queue_put(struct receive_queue *m, size_t slot,
         lost = pop(m, q);
         q->dropped += q->policy == TOPIC_ALL;
     }
+    bool first = fits && !m->waiting;
     if (fits)
         push(m, q, message);
     pthread_mutex_unlock(&m->lock);
+    if (first) /* without the lock, which who wakes up wants */
+        signal_fd(m->fd);
     bus_message_free(&lost);
 }
 
@@ -218,6 +220,8 @@ int receive_queue_take(struct receive_queue *m, struct bus_message *out, int tim
         struct queue *q = find_oldest(m);
         if (q)
             *out = pop(m, q);
+        else
+            clear_fd(m); /* of a signal for what was taken before it came */
         pthread_mutex_unlock(&m->lock);
         if (q)
             return 0;

@@ -2,6 +2,7 @@
 #include "msgs/remote.h"
 
 #include <errno.h>
+#include <nanomsg/nn.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -254,19 +255,45 @@ void remote_send(struct remote_publisher *o, const void *message, size_t size)
         ;
 }
 
-size_t remote_count_peers(struct remote_publisher *o)
+size_t remote_read_peers(void *socket, size_t before)
 {
     uint8_t word[SUBSCRIPTION_MAX] = {2};
+    size_t peers = before;
     int n;
-    keep_to_permitted(o);
-    while (o->socket &&
-           ((n = zmq_recv(o->socket, word, sizeof word, ZMQ_DONTWAIT)) >= 0 ||
-            errno == EINTR))
+    while ((n = zmq_recv(socket, word, sizeof word, ZMQ_DONTWAIT)) >= 0 || errno == EINTR)
         if (n > 0 && word[0] == 1)
-            ++o->peers;
-        else if (n > 0 && word[0] == 0 && o->peers)
-            --o->peers;
+            ++peers;
+        else if (n > 0 && word[0] == 0 && peers)
+            --peers;
+    return peers;
+}
+
+size_t remote_count_peers(struct remote_publisher *o)
+{
+    keep_to_permitted(o);
+    if (o->socket)
+        o->peers = remote_read_peers(o->socket, o->peers);
     return o->peers;
+}
+
+void *remote_take_message(void *socket, size_t *size)
+{
+    zmq_msg_t in;
+    void *message = NULL;
+    zmq_msg_init(&in);
+    while (!message) { /* without memory it is lost, and a gap */
+        if (zmq_msg_recv(&in, socket, ZMQ_DONTWAIT) < 0) {
+            if (errno == EINTR)
+                continue;
+            break;
+        }
+        *size = zmq_msg_size(&in);
+        message = nn_allocmsg(*size ? *size : 1, 0);
+        if (message)
+            memcpy(message, zmq_msg_data(&in), *size);
+    }
+    zmq_msg_close(&in);
+    return message;
 }
 
 void remote_close(struct remote_publisher *o)

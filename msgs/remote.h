@@ -47,6 +47,13 @@ void remote_url(char url[REMOTE_URL_SIZE], const struct host *h, const char *nod
  * one ends the connection before there is memory for it.  0 or a negative errno. */
 int remote_set_options(void *socket, const struct topic *t, size_t incoming);
 
+/* How many are subscribed to an XPUB socket that is verbose of both: those before, and
+ * who has come and gone since. */
+size_t remote_read_peers(void *socket, size_t before);
+
+/* The next message of a SUB socket, of nn_allocmsg; NULL: none waits. */
+void *remote_take_message(void *socket, size_t *size);
+
 /* The publishing end of one topic towards other machines. */
 struct remote_publisher;
 

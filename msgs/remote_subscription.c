@@ -2,7 +2,6 @@
 #include "msgs/remote_subscription.h"
 
 #include <errno.h>
-#include <nanomsg/nn.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -215,22 +214,7 @@ size_t remote_subscription_tend(struct remote_subscription *e)
 
 void *remote_subscription_receive(struct remote_subscription *e, size_t *size)
 {
-    zmq_msg_t in;
-    void *message = NULL;
-    zmq_msg_init(&in);
-    while (!message) { /* without memory it is lost, and a gap */
-        if (zmq_msg_recv(&in, e->socket, ZMQ_DONTWAIT) < 0) {
-            if (errno == EINTR)
-                continue;
-            break;
-        }
-        *size = zmq_msg_size(&in);
-        message = nn_allocmsg(*size ? *size : 1, 0);
-        if (message)
-            memcpy(message, zmq_msg_data(&in), *size);
-    }
-    zmq_msg_close(&in);
-    return message;
+    return remote_take_message(e->socket, size);
 }
 
 void remote_subscription_close(struct remote_subscription *e)

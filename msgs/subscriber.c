@@ -19,6 +19,7 @@
 #include "msgs/subscription.h"
 
 #define MAX_TOPICS 32
+#define FDS        3 /* of a subscription */
 
 enum refusal { /* after those of enum envelope_fault */
                REFUSAL_TOPIC = ENVELOPE_TOO_LARGE + 1,
@@ -49,6 +50,7 @@ struct subscriber {
     char *run_dir;
     enum bus_world world;
     struct remote *remote;
+    struct reliable *reliable;
     struct receive_queue *receive_queue;
     pthread_t thread;
     int wake_fd;
@@ -153,6 +155,15 @@ static void listen_remote(struct subscriber *in, struct subscription *subscripti
         accept_message(in, subscription, data, size);
 }
 
+static void listen_reliably(struct subscriber *in, struct subscription *subscription)
+{
+    void *data;
+    size_t size;
+    while (subscription->reliable &&
+           (data = reliable_subscription_receive(subscription->reliable, &size)))
+        accept_message(in, subscription, data, size);
+}
+
 static int64_t monotonic_ms(void)
 {
     struct timespec t;
@@ -183,19 +194,22 @@ static int tend_remotes(struct subscriber *in, size_t n_subscriptions, int64_t *
     return any ? (int)(*due_ms - now_ms) : -1;
 }
 
-/* Two descriptors for each subscription; poll skips what is -1. */
+/* FDS descriptors for each subscription; poll skips what is -1. */
 static void listen_to_all(struct subscriber *in, size_t n_subscriptions,
                           struct pollfd *fds)
 {
     for (size_t i = 0; i < n_subscriptions; i++) {
-        if (fds[2 * i].revents && listen_once(in, &in->subscriptions[i]) != 0)
-            fds[2 * i].fd = -1;
-        if (fds[2 * i + 1].revents)
+        struct pollfd *of = fds + FDS * i;
+        if (of[0].revents && listen_once(in, &in->subscriptions[i]) != 0)
+            of[0].fd = -1;
+        if (of[1].revents)
             listen_remote(in, &in->subscriptions[i]);
+        if (of[2].revents)
+            listen_reliably(in, &in->subscriptions[i]);
     }
 }
 
-/* Takes in the subscriptions that have come, and who tells of newcomers, as fds[0].
+/* Takes in the subscriptions that have come, and who tells of new publishers, as fds[0].
  * false: stop.
  */
 static bool heed_wake(struct subscriber *in, size_t *n_subscriptions, struct pollfd *fds)
@@ -208,10 +222,10 @@ static bool heed_wake(struct subscriber *in, size_t *n_subscriptions, struct pol
     fds[0].fd = in->discovery.fd;
     for (; *n_subscriptions < in->n_subscriptions; ++*n_subscriptions) {
         const struct subscription *subscription = &in->subscriptions[*n_subscriptions];
-        fds[1 + 2 * *n_subscriptions] =
-            (struct pollfd){.fd = subscription->fd, .events = POLLIN};
-        fds[2 + 2 * *n_subscriptions] =
-            (struct pollfd){.fd = subscription->remote_fd, .events = POLLIN};
+        struct pollfd *of = fds + 1 + FDS * *n_subscriptions;
+        of[0] = (struct pollfd){.fd = subscription->fd, .events = POLLIN};
+        of[1] = (struct pollfd){.fd = subscription->remote_fd, .events = POLLIN};
+        of[2] = (struct pollfd){.fd = subscription->reliable_fd, .events = POLLIN};
     }
     pthread_mutex_unlock(&in->lock);
     return !stop;
@@ -234,6 +248,8 @@ static int await_in_new_folder(struct subscriber *in)
     discovery_close(&in->discovery);
     if (!endpoint_make_folder(in->run_dir, NULL))
         discovery_open(&in->discovery, in->run_dir);
+    for (size_t i = 0; in->discovery.fd >= 0 && i < in->n_subscriptions; i++)
+        discovery_await(&in->discovery, in->subscriptions[i].topic);
     int fd = in->discovery.fd;
     pthread_mutex_unlock(&in->lock);
     DIR *d = fd < 0 ? NULL : opendir(in->run_dir);
@@ -247,12 +263,12 @@ static int await_in_new_folder(struct subscriber *in)
 static void *listen_for_ever(void *arg)
 {
     struct subscriber *in = arg;
-    struct pollfd fds[2 + 2 * MAX_TOPICS] = {{.fd = in->wake_fd, .events = POLLIN},
-                                             {.fd = -1, .events = POLLIN}};
+    struct pollfd fds[2 + FDS * MAX_TOPICS] = {{.fd = in->wake_fd, .events = POLLIN},
+                                               {.fd = -1, .events = POLLIN}};
     size_t n_subscriptions = 0;
     int64_t due_ms = 0;
     for (;;) {
-        int n = poll(fds, 2 + 2 * n_subscriptions,
+        int n = poll(fds, 2 + FDS * n_subscriptions,
                      tend_remotes(in, n_subscriptions, &due_ms));
         if (n < 0 && errno != EINTR)
             abort(); /* only a bug gets here: a bad pointer or count */
@@ -260,12 +276,16 @@ static void *listen_for_ever(void *arg)
             continue;
         if (fds[1].revents && !discovery_read(&in->discovery, meet, in))
             fds[1].fd = await_in_new_folder(in);
+        bool met = fds[1].revents;
         listen_to_all(in, n_subscriptions, fds + 2);
         if (fds[0].revents) {
             if (!heed_wake(in, &n_subscriptions, fds + 1))
                 return NULL;
             due_ms = 0;
+            met = true;
         }
+        for (size_t i = 0; met && i < n_subscriptions; i++)
+            listen_reliably(in, &in->subscriptions[i]); /* as of remotes */
     }
 }
 
@@ -288,13 +308,15 @@ static int start_thread(struct subscriber *in)
 }
 
 int subscriber_create(struct subscriber **out, const char *run_dir, enum bus_world world,
-                      struct remote *remote, struct receive_queue *receive_queue)
+                      struct remote *remote, struct reliable *reliable,
+                      struct receive_queue *receive_queue)
 {
     struct subscriber *in = calloc(1, sizeof *in);
     if (!in)
         return -ENOMEM;
     in->world = world;
     in->remote = remote;
+    in->reliable = reliable;
     in->receive_queue = receive_queue;
     in->since_ns = INT64_MAX;
     in->run_dir = strdup(run_dir);
@@ -330,7 +352,9 @@ int subscriber_subscribe(struct subscriber *in, const struct topic *t)
         known |= in->subscriptions[i].topic == t;
     if (!known && !err) {
         struct subscription *subscription = &in->subscriptions[in->n_subscriptions];
-        err = subscription_open(subscription, t, in->run_dir, in->remote,
+        if (in->discovery.fd >= 0) /* before it looks who is there */
+            discovery_await(&in->discovery, t);
+        err = subscription_open(subscription, t, in->run_dir, in->remote, in->reliable,
                                 in->discovery.fd >= 0);
         subscription->since_ns = in->since_ns;
         if (!err && (err = receive_queue_add(in->receive_queue, t, &subscription->slot)))

@@ -7,13 +7,16 @@
 
 #include "msgs/bus.h"
 #include "msgs/receive_queue.h"
+#include "msgs/reliable.h"
 #include "msgs/remote.h"
 
 struct subscriber;
 
-/* The receive queue and the remote must outlive it.  0, -ENOMEM, other negative errno. */
+/* The receive queue, the remote and reliable must outlive it.  0, -ENOMEM, other negative
+ * errno. */
 int subscriber_create(struct subscriber **out, const char *run_dir, enum bus_world world,
-                      struct remote *remote, struct receive_queue *receive_queue);
+                      struct remote *remote, struct reliable *reliable,
+                      struct receive_queue *receive_queue);
 
 /* Connects to every publisher; a second time does nothing.  0, -ENOMEM, -ENAMETOOLONG,
  * other negative errno. */

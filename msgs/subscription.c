@@ -33,12 +33,26 @@ static int set_options(struct subscription *subscription)
     return 0;
 }
 
-/* To the publisher's socket in this run folder; awaits: only if there is one. */
+/* By the socket for those who must have everything.  false: there is none. */
+static bool join_reliably(struct subscription *subscription,
+                          struct subscription_source *source, const char *url)
+{
+    char all[ENDPOINT_URL_SIZE];
+    endpoint_url_of_all(all, url);
+    if (!subscription->reliable || access(endpoint_path(all), F_OK) != 0)
+        return false;
+    if (!source->joined)
+        source->joined = !reliable_subscription_connect(subscription->reliable, all);
+    return source->joined;
+}
+
+/* To the publisher's socket in this run folder; of who awaits: only if there is one. */
 static int connect_here(struct subscription *subscription,
                         struct subscription_source *source, const char *url, bool awaits)
 {
     source->here = true;
-    if (awaits && access(endpoint_path(url), F_OK) != 0)
+    if (awaits && (join_reliably(subscription, source, url) ||
+                   access(endpoint_path(url), F_OK) != 0))
         return 0;
     source->endpoint = nn_connect(subscription->socket, url);
     return source->endpoint < 0 ? -errno : 0;
@@ -69,15 +83,19 @@ static int connect_node(struct subscription *subscription,
 void subscription_meet(struct subscription *subscription, const char *run_dir,
                        const char *name)
 {
-    char url[ENDPOINT_URL_SIZE];
+    char url[ENDPOINT_URL_SIZE], all[ENDPOINT_URL_SIZE];
     const char *node;
     for (size_t i = 0; i < SUBSCRIPTION_MAX_PUBLISHERS &&
                        (node = topic_publisher(subscription->topic, i));
          i++) {
         struct subscription_source *s = &subscription->sources[i];
         if (!s->here ||
-            endpoint_url(url, run_dir, node, subscription->topic->name, NULL) != 0 ||
-            strcmp(strrchr(url, '/') + 1, name) != 0)
+            endpoint_url(url, run_dir, node, subscription->topic->name, NULL) != 0)
+            continue;
+        endpoint_url_of_all(all, url);
+        bool is_all = !strcmp(strrchr(all, '/') + 1, name);
+        if ((!is_all && strcmp(strrchr(url, '/') + 1, name) != 0) ||
+            join_reliably(subscription, s, url) || is_all)
             continue;
         if (s->endpoint >= 0) /* to one that is gone; it would try again, but later */
             nn_shutdown(subscription->socket, s->endpoint);
@@ -88,14 +106,19 @@ void subscription_meet(struct subscription *subscription, const char *run_dir,
 /* Subscribes to everything on the endpoints, which carry this topic only: whatever else
  * comes out of them is refused and counted, not filtered away in silence. */
 int subscription_open(struct subscription *subscription, const struct topic *t,
-                      const char *run_dir, const struct remote *remote, bool awaits)
+                      const char *run_dir, const struct remote *remote,
+                      struct reliable *reliable, bool awaits)
 {
     const char *node;
-    *subscription = (struct subscription){.topic = t, .remote_fd = -1};
+    *subscription = (struct subscription){.topic = t, .remote_fd = -1, .reliable_fd = -1};
     subscription->socket = nn_socket(AF_SP, NN_SUB);
     if (subscription->socket < 0)
         return -errno;
     int err = set_options(subscription);
+    if (!err && awaits)
+        err = reliable_subscription_open(&subscription->reliable,
+                                         &subscription->reliable_fd, reliable,
+                                         ENVELOPE_SIZE + t->max_size);
     for (size_t i = 0; !err && (node = topic_publisher(t, i)); i++)
         err = i < SUBSCRIPTION_MAX_PUBLISHERS
                   ? connect_node(subscription, &subscription->sources[i], node, run_dir,
@@ -162,6 +185,7 @@ size_t subscription_peers(const struct subscription *subscription)
 void subscription_close(struct subscription *subscription)
 {
     remote_subscription_close(subscription->remote);
+    reliable_subscription_close(subscription->reliable);
     while (nn_close(subscription->socket) < 0 && errno == EINTR)
         ;
 }

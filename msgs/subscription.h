@@ -10,6 +10,7 @@
 #include <stdint.h>
 
 #include "msgs/envelope.h"
+#include "msgs/reliable.h"
 #include "msgs/remote_subscription.h"
 #include "msgs/topics.h"
 
@@ -20,6 +21,7 @@
  * counted for itself. */
 struct subscription_source {
     bool here;    /* its socket is in the run folder, or will be */
+    bool joined;  /* by the socket for those who must have everything */
     int endpoint; /* nanomsg's, to that socket; -1: not connected to it */
     struct {
         int64_t epoch_ns;
@@ -35,17 +37,20 @@ struct subscription {
     struct remote_subscription *remote; /* NULL: no publisher is on another machine */
     int remote_fd;
     size_t remote_peers;
+    struct reliable_subscription *reliable; /* NULL: need not have everything */
+    int reliable_fd;
     int64_t since_ns; /* publishers that start after it count from their first message */
     struct subscription_source sources[SUBSCRIPTION_MAX_PUBLISHERS];
     uint64_t messages, bytes, gaps;
 };
 
 /* Publishers may come later, go and come back.  subscription_close it after success.
- * awaits: who is not there yet is connected to by subscription_meet.
- * 0, -ENAMETOOLONG, -E2BIG (more publishers than there is room for), other negative
- * errno. */
+ * awaits: nothing may be missed; who is not there yet is connected to by
+ * subscription_meet.  0, -ENAMETOOLONG, -E2BIG (more publishers than there is room for),
+ * other negative errno. */
 int subscription_open(struct subscription *subscription, const struct topic *t,
-                      const char *run_dir, const struct remote *remote, bool awaits);
+                      const char *run_dir, const struct remote *remote,
+                      struct reliable *reliable, bool awaits);
 
 /* A file of that name has appeared in the run folder: if it is a publisher's socket,
  * connects to it. */
@@ -60,7 +65,7 @@ struct subscription_source *subscription_find_source(struct subscription *subscr
 void subscription_count(struct subscription *subscription,
                         struct subscription_source *source, const struct envelope *e);
 
-/* Publishers that are connected now. */
+/* Publishers that are connected now, as far as nanomsg and remotes go. */
 size_t subscription_peers(const struct subscription *subscription);
 void subscription_close(struct subscription *subscription);
 

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/hash.h"
+
 #define PRESSURE_PA 101325.0
 
 /* Mole fraction of water in air of a relative humidity, 0..1: Giacomo's equations
@@ -72,9 +74,7 @@ bool survey_is_down(const struct survey *s, size_t k)
 
 static void hash_bytes(uint64_t *h, const void *data, size_t size)
 {
-    const uint8_t *bytes = data; /* FNV-1a */
-    for (size_t i = 0; i < size; i++)
-        *h = (*h ^ bytes[i]) * UINT64_C(0x100000001b3);
+    *h = hash_add(*h, data, size);
 }
 
 static void hash_counts(uint64_t *h, uint64_t n)
@@ -138,7 +138,7 @@ static void hash_source(uint64_t *h, const struct survey *s)
 
 uint64_t survey_id(const struct survey *s)
 {
-    uint64_t h = UINT64_C(0xcbf29ce484222325);
+    uint64_t h = HASH_BEGIN;
     const double numbers[] = {
         s->sound_speed_m_s,  s->sample_rate_hz,  s->chirp_start_hz,    s->chirp_stop_hz,
         s->chirp_duration_s, s->latency_samples, s->chirp_sine ? 1 : 0};

@@ -54,7 +54,7 @@ void choice_clear(struct choice *c)
 
 #define COUNT_PERIOD_NS 100000000LL
 #define NS_PER_MS       1000000LL
-#define QUIET_MS        50
+#define QUIET_MS        300 /* also where this process does not run for a moment */
 #define LAST_NS         2000000000LL /* to wait for what is on its way */
 
 static int receive_from_bus(void *source, struct bus_message *out, int timeout_ms)

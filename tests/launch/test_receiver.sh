@@ -167,10 +167,10 @@ test_a_scan_is_the_same_to_c_python_and_decode() {
     done
 }
 
-# Every hundredth frame goes, and some are turned around: fewer lists, the same of both.
+# A frame goes, and two are turned around: fewer lists, the same of both.
 test_a_bus_that_loses_is_the_same_to_c_and_python() {
     scan classic
-    awk 'NR % 97 != 0 { if (NR % 89 == 0) held = $0; else { print; if (held) print held; held = "" } }' \
+    awk 'NR != 5 { if (NR == 11) held = $0; else { print; if (held) print held; held = "" } }' \
         "$work/classic" >"$work/lossy"
     run "$receiver_log" "$work/lossy"
     expect_code 0

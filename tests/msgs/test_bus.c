@@ -12,6 +12,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <sys/wait.h>
 
 #include "msgs/array.pb-c.h"
 #include "run_folder.h"
@@ -159,6 +160,154 @@ static void all_who_keep_all_hear_the_first_message(void **state)
     bus_destroy(array);
     for (size_t i = 0; i < N; i++)
         bus_destroy(all[i]);
+}
+
+/* A process that must have everything, and is stopped: no machine is busier. */
+struct napper {
+    pid_t pid;
+    int out; /* "r" when it is subscribed, then what it has heard */
+};
+
+struct heard {
+    uint64_t messages, gaps, first;
+};
+
+/* Up to an empty message of array's. */
+static void hear_all(int out)
+{
+    const struct bus_config cfg = {.run_dir = run_folder, .listen_only = true};
+    struct bus *b = NULL;
+    struct bus_message m;
+    struct heard h = {0};
+    bool ok = !bus_create(&b, &cfg, NULL);
+    if (ok) {
+        bus_keep_all(b, (size_t)1 << 30, 1);
+        ok = !bus_subscribe(b, topic_ping()) && write(out, "r", 1) == 1;
+    }
+    for (bool last = false; ok && !last; bus_message_free(&m)) {
+        ok = !bus_receive(b, &m, DEADLINE_MS);
+        if (!ok)
+            break;
+        if (!h.messages++)
+            h.first = m.envelope.sequence;
+        last = !m.envelope.payload_size;
+    }
+    h.gaps = ok ? count_of(b, topic_ping(), false).gaps : 0;
+    bus_destroy(b);
+    _exit(ok && write(out, &h, sizeof h) == sizeof h ? 0 : 1);
+}
+
+/* Subscribed. */
+static struct napper start_napper(void)
+{
+    int fds[2];
+    char ready = 0;
+    assert_int_equal(pipe(fds), 0);
+    struct napper n = {.pid = fork(), .out = fds[0]};
+    assert_true(n.pid >= 0);
+    if (!n.pid)
+        hear_all(fds[1]);
+    close(fds[1]);
+    assert_int_equal(read(n.out, &ready, 1), 1);
+    return n;
+}
+
+static void nap(const struct napper *n)
+{
+    int status;
+    assert_int_equal(kill(n->pid, SIGSTOP), 0);
+    assert_int_equal(waitpid(n->pid, &status, WUNTRACED), n->pid);
+    assert_true(WIFSTOPPED(status));
+}
+
+static struct heard end_napper(const struct napper *n)
+{
+    struct heard h;
+    int status;
+    assert_int_equal(read(n->out, &h, sizeof h), sizeof h);
+    assert_int_equal(waitpid(n->pid, &status, 0), n->pid);
+    assert_int_equal(status, 0);
+    close(n->out);
+    return h;
+}
+
+static void *send_first(void *arg)
+{
+    const int *began = arg; /* pipe: a byte when the first message is sent */
+    struct bus *array = open_bus("array", 2);
+    int failed = bus_publish(array, topic_ping(), 0, 0, "first", 5) ||
+                 write(began[1], "", 1) != 1 ||
+                 bus_publish(array, topic_ping(), 0, 0, "", 0);
+    bus_destroy(array);
+    return failed ? arg : NULL;
+}
+
+/* The publisher waits for it longer than a busy machine keeps a process from running. */
+static void who_keeps_all_hears_the_first_message_however_late_it_runs(void **state)
+{
+    (void)state;
+    struct napper n = start_napper();
+    pthread_t thread;
+    void *failed;
+    int began[2];
+    nap(&n);
+    assert_int_equal(pipe(began), 0);
+    assert_int_equal(pthread_create(&thread, NULL, send_first, began), 0);
+    struct pollfd p = {.fd = began[0], .events = POLLIN};
+    assert_int_equal(poll(&p, 1, 500), 0);
+    assert_int_equal(kill(n.pid, SIGCONT), 0);
+    pthread_join(thread, &failed);
+    assert_null(failed);
+    struct heard h = end_napper(&n);
+    assert_int_equal(h.first, 0);
+    assert_int_equal(h.messages, 2);
+    assert_int_equal(h.gaps, 0);
+    close(began[0]);
+    close(began[1]);
+}
+
+#define NAP_SIZE ((size_t)1 << 20)
+
+/* Publishes while it does not run; what it has heard in the end. */
+static struct heard publish_in_nap(size_t n_messages)
+{
+    struct napper n = start_napper();
+    uint8_t *x = calloc(1, NAP_SIZE);
+    struct bus *array = open_bus("array", 2); /* waits until it has joined */
+    assert_non_null(x);
+    nap(&n);
+    for (size_t i = 0; i < n_messages; i++)
+        assert_int_equal(bus_publish(array, topic_ping(), 0, 0, x, NAP_SIZE), 0);
+    assert_int_equal(kill(n.pid, SIGCONT), 0);
+    struct pollfd ended = {.fd = n.out, .events = POLLIN};
+    do /* the last word too may have no room left */
+        assert_int_equal(bus_publish(array, topic_ping(), 0, 0, "", 0), 0);
+    while (poll(&ended, 1, 20) == 0);
+    struct heard h = end_napper(&n);
+    bus_destroy(array);
+    free(x);
+    return h;
+}
+
+/* Of a full array's pings 10 s, of all that a scan at its own pace sends 2 s, and more
+ * than any kernel holds. */
+static void who_keeps_all_misses_nothing_while_it_does_not_run(void **state)
+{
+    (void)state;
+    struct heard h = publish_in_nap(60);
+    assert_int_equal(h.first, 0);
+    assert_int_equal(h.messages, 61);
+    assert_int_equal(h.gaps, 0);
+}
+
+/* 64 MB at the publisher, and what the kernel holds: 16 MB at most. */
+static void what_waits_for_who_keeps_all_is_bounded_and_the_rest_counted(void **state)
+{
+    (void)state;
+    struct heard h = publish_in_nap(100);
+    assert_int_equal(h.first, 0);
+    assert_in_range(h.messages, 60, 82);
+    assert_true(h.messages + h.gaps >= 101);
 }
 
 /* By a person who cleans up, or at the end of a session. */
@@ -589,6 +738,9 @@ int main(void)
         in_a_folder(who_keeps_all_counts_from_the_start_of_a_younger_publisher),
         in_a_folder(who_keeps_all_hears_the_first_message),
         in_a_folder(all_who_keep_all_hear_the_first_message),
+        in_a_folder(who_keeps_all_hears_the_first_message_however_late_it_runs),
+        in_a_folder(who_keeps_all_misses_nothing_while_it_does_not_run),
+        in_a_folder(what_waits_for_who_keeps_all_is_bounded_and_the_rest_counted),
         in_a_folder(who_keeps_all_follows_into_a_run_folder_made_anew),
         in_a_folder(who_keeps_all_misses_no_state),
         in_a_folder(a_protobuf_message_comes_through),
