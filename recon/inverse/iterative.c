@@ -95,6 +95,25 @@ static int fit_correction(const struct psf_config *at, double correction[6])
     return err;
 }
 
+/* The function within the volume: along an axis of one voxel nothing is known of where it
+ * goes on, and taken as zeros that would be what it contradicts.  What is left is its
+ * section there (Schur's complement), which is 0 along that axis. */
+static void cut(double covariance[6], const size_t n[3])
+{
+    static const int at[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+    for (int a = 0; a < 3; a++) {
+        double own = covariance[diagonal[a]], across[3];
+        if (n[a] > 1)
+            continue;
+        for (int b = 0; b < 3; b++)
+            across[b] = covariance[at[a][b]];
+        for (int q = 0; own > 0.0 && q < 6; q++)
+            covariance[q] -= across[row[q]] * across[column[q]] / own;
+        for (int b = 0; b < 3; b++)
+            covariance[at[a][b]] = 0.0; /* but for rounding it is */
+    }
+}
+
 static int plan_functions(struct slabs *s, const struct imager_config *cfg,
                           const struct psf *measured, const char **why)
 {
@@ -116,6 +135,8 @@ static int plan_functions(struct slabs *s, const struct imager_config *cfg,
         for (int q = 0; !err && q < 6; q++)
             c[q] *= WIDTH * WIDTH * (measured ? 1.0 : correction[q]) /
                     (cfg->grid.step_m[row[q]] * cfg->grid.step_m[column[q]]);
+        if (!err)
+            cut(c, cfg->grid.n);
     }
     if (err == -ERANGE) {
         *why = "an aperture that resolves all axes, or a measured PSF";

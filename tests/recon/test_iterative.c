@@ -98,6 +98,52 @@ static void a_point_is_smaller_than_in_the_image_it_is_made_of(void **state)
     free(after);
 }
 
+/* Brightest of the volume that is left when it has one voxel, at a point, along the axes
+ * of the mask. */
+static double brightest_of(const char *method, unsigned lone)
+{
+    const double at_m[3] = {0.0, 0.0, 1.1};
+    const struct scatterer point = {{at_m[0], at_m[1], at_m[2]}, 1.0};
+    struct rig r;
+    double most = 0.0;
+    rig_default(&r);
+    for (int a = 0; a < 3; a++)
+        if (lone >> a & 1u) {
+            r.grid.n[a] = 1;
+            r.grid.origin_m[a] = at_m[a];
+        }
+    float *image = !strcmp(method, "iterative") ? image_of(&r, "fast", &point, 1, 1)
+                                                : rig_image(&r, method, &point, 1, 1);
+    for (size_t v = 0; v < grid_size(&r.grid); v++)
+        most = fmax(most, (double)image[v]);
+    free(image);
+    return most;
+}
+
+/* Nothing there is blurred into anything else, so that of (x - a)^2 / 2 + l1 a x the
+ * least is at a (1 - l1): amplitudes, of which the image has the squares. */
+static void a_lone_voxel_is_as_bright_as_it_is_but_for_l1(void **state)
+{
+    (void)state;
+    struct imager_options o;
+    imager_options_default(&o);
+    double expected = (1.0 - o.l1) * (1.0 - o.l1) * brightest_of("fast", 7);
+    assert_near(brightest_of("iterative", 7), expected, 0.01 * expected);
+}
+
+/* A section through a point is sharpened along fewer axes, which may cost it some dB, but
+ * not half of its amplitude. */
+static void a_section_is_as_bright_as_the_volume(void **state)
+{
+    (void)state;
+    double whole = brightest_of("iterative", 0);
+    for (unsigned lone = 1; lone < 7; lone++) {
+        double db = 10.0 * log10(brightest_of("iterative", lone) / whole);
+        print_message("one voxel along axes %x: %.1f dB\n", lone, db);
+        assert_near(db, 0.0, 6.0);
+    }
+}
+
 /* Power resolves 20 cm here; its middle is still where the point is. */
 static void the_light_cone_operator_finds_a_point(void **state)
 {
@@ -319,6 +365,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_point_between_voxels_is_where_it_is),
         cmocka_unit_test(a_point_is_smaller_than_in_the_image_it_is_made_of),
+        cmocka_unit_test(a_lone_voxel_is_as_bright_as_it_is_but_for_l1),
+        cmocka_unit_test(a_section_is_as_bright_as_the_volume),
         cmocka_unit_test(the_light_cone_operator_finds_a_point),
         cmocka_unit_test(a_function_measured_elsewhere_is_widened_by_the_range),
         cmocka_unit_test(a_point_is_where_it_is),
