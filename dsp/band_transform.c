@@ -160,6 +160,18 @@ static void layout_choose(struct band_plan *p, const struct band_transform_confi
     }
 }
 
+int band_layout_choose(struct band_transform_layout *out,
+                       const struct band_transform_config *c)
+{
+    struct band_plan p = {.layout = {0}};
+
+    if (!config_is_valid(c))
+        return -EINVAL;
+    layout_choose(&p, c);
+    *out = p.layout;
+    return 0;
+}
+
 static int tables_create(struct band_plan *p)
 {
     size_t r = p->layout.n_streams;

@@ -43,6 +43,10 @@ int band_transform_create(struct band_transform **out,
 void band_transform_layout(const struct band_transform *bt,
                            struct band_transform_layout *out);
 
+/* The layout that one of this configuration would have, unplanned.  0, -EINVAL. */
+int band_layout_choose(struct band_transform_layout *out,
+                       const struct band_transform_config *cfg);
+
 /* How it is cut and its tables, for band_lanes; they live as long as it does. */
 const struct band_plan *band_transform_plan(const struct band_transform *bt);
 

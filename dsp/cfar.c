@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdbool.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -28,6 +29,7 @@
 #define LEAST_TAIL        1e-300
 #define NARROWED          40 /* steps at most, for a root known to... */
 #define NARROW            1e-12
+#define NEAR_GUESS        0.05 /* of a logarithm: factors for nearly as many cells */
 #define TAIL              64   /* powers to fit it to... */
 #define TAIL_PART         0.05 /* ...and not more than this part of all */
 #define CHANCE            4.0  /* standard deviations of a count */
@@ -40,15 +42,16 @@ struct cfar_noise_curve {
 
 /* Brings two logarithms between which a function falls past `value` nearer to each other,
  * by a chord through its logarithm, the end that stays counting half each time (the
- * Illinois way).  As far as it gets: for functions with a step, not far. */
-static void narrow(double (*falling)(const void *state, double x), const void *state,
+ * Illinois way).  As far as it gets: for functions with a step, not far.  false: it does
+ * not fall past it there. */
+static bool narrow(double (*falling)(const void *state, double x), const void *state,
                    double value, double at[2])
 {
     double f[2] = {log(fmax(falling(state, exp(at[0])), LEAST_TAIL) / value),
                    log(fmax(falling(state, exp(at[1])), LEAST_TAIL) / value)};
 
     if (!(f[0] > 0.0 && f[1] < 0.0))
-        return;
+        return false;
     for (int i = 0, last = -1; i < NARROWED && at[1] - at[0] > NARROW; i++) {
         double to = at[0] + (at[1] - at[0]) * f[0] / (f[0] - f[1]);
         double margin = 0.25 * NARROW;
@@ -60,16 +63,23 @@ static void narrow(double (*falling)(const void *state, double x), const void *s
         f[1 - side] *= side == last ? 0.5 : 1.0;
         last = side;
     }
+    return true;
 }
 
 /* Where a function of positive numbers that falls is `value`: halving always converges,
- * whatever the shape.  What a chord has found spares most of its steps. */
+ * whatever the shape.  What a chord has found spares most of its steps, and a good guess
+ * (0: there is none) most of the chords. */
 static double invert(double (*falling)(const void *state, double x), const void *state,
-                     double value, double most)
+                     double value, double most, double guess)
 {
-    double low = log(LEAST), high = log(most), known[2] = {low, high};
+    double low = log(LEAST), high = log(most), known[2] = {low, high}, near[2];
 
-    narrow(falling, state, value, known);
+    near[0] = fmax(log(guess) - NEAR_GUESS, low);
+    near[1] = fmin(log(guess) + NEAR_GUESS, high);
+    if (guess > 0.0 && narrow(falling, state, value, near))
+        memcpy(known, near, sizeof known);
+    else
+        narrow(falling, state, value, known);
     for (int i = 0; i < 48; i++) {
         double middle = 0.5 * (low + high);
         bool above = middle <= known[0] ||
@@ -110,7 +120,7 @@ static double cfar_noise_averaging(double shape, size_t n, double rate)
 {
     const struct mean mean = {shape, (double)n};
 
-    return invert(averaging_rate, &mean, rate, MOST_FACTOR);
+    return invert(averaging_rate, &mean, rate, MOST_FACTOR, 0.0);
 }
 
 /* What a level may be, and how likely: a training cell in its order, whose place in the
@@ -181,26 +191,26 @@ static void ordered_levels(struct levels *out, const struct cfar_noise_curve *cu
 static double ordered_rate(const void *levels, double factor)
 {
     const struct levels *l = levels;
-    double sum = 0.0;
+    double log_factor = log(factor), sum = 0.0;
 
     for (int i = 0; i < QUADRATURE; i++)
-        sum += l->weight[i] * curve_tail(l->curve, log(factor) + l->log_at[i]);
+        sum += l->weight[i] * curve_tail(l->curve, log_factor + l->log_at[i]);
     return sum;
 }
 
 static double cfar_noise_ordered(const struct cfar_noise_curve *curve, size_t n, size_t k,
-                                 double rate)
+                                 double rate, double guess)
 {
     struct levels levels;
 
     ordered_levels(&levels, curve, n, k);
-    return invert(ordered_rate, &levels, rate, MOST_FACTOR);
+    return invert(ordered_rate, &levels, rate, MOST_FACTOR, guess);
 }
 
 /* The mean over the level that has a part `rank` of the noise below it. */
 static double cfar_noise_over_rank(double shape, double rank)
 {
-    return shape / invert(tail, &shape, 1.0 - rank, MOST_POWER);
+    return shape / invert(tail, &shape, 1.0 - rank, MOST_POWER, 0.0);
 }
 
 /* log mean - mean log of a gamma distribution. */
@@ -221,7 +231,7 @@ static double cfar_noise_shape(const float *x, const double *log_x, size_t n)
         logs += log_x[i];
     }
     double shape =
-        invert(deficit, NULL, log(sum / (double)n) - logs / (double)n, MAX_SHAPE);
+        invert(deficit, NULL, log(sum / (double)n) - logs / (double)n, MAX_SHAPE, 0.0);
     return fmax(shape, MIN_SHAPE);
 }
 
@@ -309,7 +319,15 @@ static double cfar_noise_tail_factor(const struct cfar_noise *noise, const float
 #define RARE     1e-4 /* how bright noise is that often, or as often as it may alarm... */
 #define FAR_OVER 2.0  /* ...times this is too bright for noise */
 
-enum { MEMORY = 32768, PARTS = 2 };
+enum { MEMORY = 32768, PARTS = 2, ROWS_AT_ONCE = 8 };
+
+/* Row by row of a cell's training cells, those over a limit: rows are short and of odd
+ * lengths, so that whole vectors are read, of which only the cells between count. */
+struct rows {
+    size_t n;                /* whole vectors */
+    int32_t *whole, *beside; /* [n] of rows without and with guard cells: 1 counts */
+    int32_t *over;           /* [n] */
+};
 
 struct cfar {
     struct cfar_config cfg;
@@ -318,14 +336,17 @@ struct cfar {
     double over_level;             /* the noise's mean */
     double tail_factor;            /* of a heavy tail... */
     double no_noise;               /* ...and what is brighter was no noise */
-    size_t most, likely;           /* training cells; of the one looked at last */
+    size_t most, known;            /* training cells; of a factor that was asked for */
     double *factor;                /* [most + 1]; NAN: not known yet */
     double promised[2], rare;      /* factors at 1e-2, 1e-3, RARE; of the shape */
-    float *sample;                 /* [most] */
+    float *sample;                 /* [most], and a vector to write beyond */
     struct cfar_config thin;       /* of every pitch-th cell, which trains on these... */
-    size_t n_thin;
-    float *thin_image; /* [pitch of each axis][n_thin]: an image; 0: not imaged */
-    float *ratio;      /* [MEMORY] newest powers over their levels, of noise mostly */
+    size_t n_thin, n_sums;
+    float *thin_image; /* [pitch of each axis][n_thin], and what rows read beyond: an
+                        * image; 0: not imaged */
+    uint32_t *imaged;  /* [pitch of each axis][n_sums], of it */
+    struct rows rows;
+    float *ratio; /* [MEMORY] newest powers over their levels, of noise mostly */
     double *log_ratio;
     size_t n_ratios, next_ratio, images;
 };
@@ -399,18 +420,25 @@ int cfar_create(struct cfar **out, const struct cfar_config *cfg)
     struct cfar *c = calloc(1, sizeof *c);
     if (!c)
         return -ENOMEM;
-    *c = (struct cfar){.cfg = *cfg, .most = most, .likely = most, .thin = thinned(cfg)};
+    *c = (struct cfar){.cfg = *cfg, .most = most, .thin = thinned(cfg)};
     c->n_thin = c->thin.n[0] * c->thin.n[1] * c->thin.n[2];
     size_t n_images = cfg->pitch[0] * cfg->pitch[1] * cfg->pitch[2];
     c->factor = malloc((most + 1) * sizeof *c->factor);
-    c->sample = malloc((most + 1) * sizeof *c->sample);
-    c->thin_image = calloc(n_images * c->n_thin, sizeof *c->thin_image);
+    c->sample = malloc((most + VECTOR_LANES) * sizeof *c->sample);
+    c->n_sums = (c->thin.n[0] + 1) * (c->thin.n[1] + 1) * (c->thin.n[2] + 1);
+    c->rows.n = 2 * reach(cfg, 0) / VECTOR_LANES * VECTOR_LANES + VECTOR_LANES;
+    c->thin_image = calloc(n_images * c->n_thin + c->rows.n, sizeof *c->thin_image);
+    c->imaged = calloc(n_images * c->n_sums, sizeof *c->imaged);
+    c->rows.whole = calloc(3 * c->rows.n, sizeof *c->rows.whole);
     c->ratio = malloc(MEMORY * sizeof *c->ratio);
     c->log_ratio = malloc(MEMORY * sizeof *c->log_ratio);
-    if (!c->factor || !c->sample || !c->thin_image || !c->ratio || !c->log_ratio) {
+    if (!c->factor || !c->sample || !c->thin_image || !c->imaged || !c->rows.whole ||
+        !c->ratio || !c->log_ratio) {
         cfar_destroy(c);
         return -ENOMEM;
     }
+    c->rows.beside = c->rows.whole + c->rows.n;
+    c->rows.over = c->rows.beside + c->rows.n;
     set_shape(c, 1.0);
     c->no_noise = INFINITY;
     *out = c;
@@ -424,49 +452,42 @@ static size_t rank_of(const struct cfar *c, size_t n)
     return k < 1 ? 1 : k > n ? n : k;
 }
 
-static double factor_at_rate(const struct cfar *c, size_t n, double rate)
+static double factor_at_rate(const struct cfar *c, size_t n, double rate, double guess)
 {
     return c->cfg.kind == CFAR_ORDERED
-               ? cfar_noise_ordered(&c->curve, n, rank_of(c, n), rate)
+               ? cfar_noise_ordered(&c->curve, n, rank_of(c, n), rate, guess)
                : cfar_noise_averaging(c->noise.shape, n, rate);
 }
 
-double cfar_factor(const struct cfar *c, size_t n)
+double cfar_factor(struct cfar *c, size_t n)
 {
+    /* Of what is rarer than one of all that was seen, the seen says little. */
+    if (c->noise.heavy && c->cfg.false_alarm_rate * (double)c->n_ratios >= 1.0)
+        return c->tail_factor;
     if (n > c->most)
         n = c->most;
     if (isnan(c->factor[n]))
-        c->factor[n] = factor_at_rate(c, n, c->cfg.false_alarm_rate);
-    if (!c->noise.heavy)
-        return c->factor[n];
-    /* Of what is rarer than one of all that was seen, the seen says little. */
-    return c->cfg.false_alarm_rate * (double)c->n_ratios >= 1.0
-               ? c->tail_factor
-               : fmax(c->factor[n], c->tail_factor);
+        c->factor[n] = factor_at_rate(c, n, c->cfg.false_alarm_rate, c->factor[c->known]);
+    c->known = n;
+    return c->noise.heavy ? fmax(c->factor[n], c->tail_factor) : c->factor[n];
 }
 
-/* Of row[first], row[first + step]... row[last] to out what was imaged; returns how many.
- */
+/* row[first], row[first + step]... row[last] to out, and whole vectors where they are
+ * there to be read; returns how many. */
 VECTOR_INLINE size_t take_run(float *out, const float *row, ptrdiff_t first,
-                              ptrdiff_t last, ptrdiff_t step)
+                              ptrdiff_t last, ptrdiff_t step, const float *end)
 {
-    size_t n = 0, n_imaged = 0, kept = 0;
+    size_t n = last < first ? 0 : (size_t)((last - first) / step) + 1;
+    size_t whole = (n + VECTOR_LANES - 1) / VECTOR_LANES * VECTOR_LANES;
 
-    if (step == 1)
-        for (; first + (ptrdiff_t)n <= last; n++) {
-            out[n] = row[first + (ptrdiff_t)n];
-            n_imaged += out[n] > 0.0f;
-        }
+    row += first;
+    if (step == 1 && (size_t)(end - row) >= whole)
+        for (size_t i = 0; i < whole; i++)
+            out[i] = row[i];
     else
-        for (; first + (ptrdiff_t)n * step <= last; n++) {
-            out[n] = row[first + (ptrdiff_t)n * step];
-            n_imaged += out[n] > 0.0f;
-        }
-    for (size_t i = 0; n_imaged < n && i < n; i++) {
-        out[kept] = out[i];
-        kept += out[i] > 0.0f;
-    }
-    return n_imaged;
+        for (size_t i = 0; i < n; i++)
+            out[i] = row[(ptrdiff_t)i * step];
+    return n;
 }
 
 struct window { /* of a cell: its training cells, guard and itself, in cells from it */
@@ -496,14 +517,19 @@ VECTOR_INLINE void place_of(const struct cfar_config *g, size_t cell, size_t at[
     at[2] = cell / (g->n[0] * g->n[1]);
 }
 
-/* The training cells of a cell to sample, but for those that nothing was imaged in;
- * returns how many. */
+struct count {
+    size_t taken, imaged;
+};
+
+/* The training cells of a cell to sample, those that nothing was imaged in as 0. */
 VECTOR_CLONES
-static size_t train(const struct cfar_config *g, const float *image, size_t cell,
-                    float *sample)
+static struct count train(const struct cfar_config *g, const float *image, size_t cell,
+                          float *restrict sample)
 {
     const ptrdiff_t *step = (const ptrdiff_t *)g->pitch;
+    const float *end = image + g->n[0] * g->n[1] * g->n[2];
     size_t at[3], n = 0;
+    int32_t imaged = 0;
 
     place_of(g, cell, at);
     struct window w = window_of(g, at);
@@ -513,74 +539,144 @@ static size_t train(const struct cfar_config *g, const float *image, size_t cell
             const float *row = image +
                                ((ptrdiff_t)cell + z * w.stride[2] + y * w.stride[1]);
             ptrdiff_t left = guarded ? -w.guard[0] - step[0] : w.last[0];
-            n += take_run(sample + n, row, w.first[0], left, step[0]);
+            n += take_run(sample + n, row, w.first[0], left, step[0], end);
             if (guarded)
-                n += take_run(sample + n, row, w.guard[0] + step[0], w.last[0], step[0]);
+                n += take_run(sample + n, row, w.guard[0] + step[0], w.last[0], step[0],
+                              end);
         }
-    return n;
+    for (size_t i = 0; i < n; i++)
+        imaged += sample[i] > 0.0f;
+    return (struct count){n, (size_t)imaged};
 }
 
-struct count {
-    size_t imaged, up_to; /* of these, those up to a limit */
-};
-
-/* Of row[first..last]. */
-VECTOR_INLINE void count_run(struct count *c, const float *row, ptrdiff_t first,
-                             ptrdiff_t last, float limit)
+/* How many cells were imaged before each corner of the cells of a thin image, along all
+ * axes: [nz + 1][ny + 1][nx + 1], of which the first ones stay 0. */
+static void sum_imaged(const struct cfar_config *g, const float *image, uint32_t *sums)
 {
-    int32_t imaged = 0, over = 0;
+    const size_t *n = g->n;
+    size_t row = n[0] + 1, plane = row * (n[1] + 1);
 
-    for (ptrdiff_t x = first; x <= last; x++) {
-        imaged += row[x] > 0.0f;
-        over += row[x] > limit;
-    }
-    c->imaged += (size_t)imaged;
-    c->up_to += (size_t)(imaged - over);
+    for (size_t z = 0; z < n[2]; z++)
+        for (size_t y = 0; y < n[1]; y++) {
+            uint32_t *to = sums + (z + 1) * plane + (y + 1) * row, along = 0;
+            for (size_t x = 0; x < n[0]; x++) {
+                along += *image++ > 0.0f;
+                to[x + 1] = along + to[x + 1 - row] + to[x + 1 - plane] -
+                            to[x + 1 - row - plane];
+            }
+        }
 }
 
-/* The training cells of a cell of a thin image. */
-VECTOR_CLONES
-static struct count count_around(const struct cfar_config *g, const float *image,
-                                 const size_t at[3], float limit)
+/* Of first..last on each axis, in cells from one of them. */
+static size_t imaged_in(const struct cfar_config *g, const uint32_t *sums,
+                        const size_t at[3], const ptrdiff_t first[3],
+                        const ptrdiff_t last[3])
+{
+    size_t row = g->n[0] + 1, plane = row * (g->n[1] + 1);
+    uint32_t sum = 0;
+
+    for (int corner = 0; corner < 8; corner++) {
+        size_t to[3];
+        for (int a = 0; a < 3; a++)
+            to[a] = at[a] + (size_t)(corner >> a & 1 ? last[a] + 1 : first[a]);
+        uint32_t before = sums[to[2] * plane + to[1] * row + to[0]];
+        bool added = (corner == 7 || corner == 1 || corner == 2 || corner == 4);
+        sum = added ? sum + before : sum - before;
+    }
+    return sum;
+}
+
+/* Training cells of a thin image that were imaged. */
+static size_t count_imaged(const struct cfar_config *g, const uint32_t *sums,
+                           const size_t at[3])
 {
     struct window w = window_of(g, at);
-    struct count out = {0, 0};
+    ptrdiff_t first[3], last[3];
 
-    for (ptrdiff_t z = w.first[2]; z <= w.last[2]; z++)
-        for (ptrdiff_t y = w.first[1]; y <= w.last[1]; y++) {
-            bool guarded = labs(y) <= w.guard[1] && labs(z) <= w.guard[2];
-            const float *row = image +
-                               ((ptrdiff_t)at[0] + ((ptrdiff_t)at[1] + y) * w.stride[1] +
-                                ((ptrdiff_t)at[2] + z) * w.stride[2]);
-            ptrdiff_t left = guarded ? -w.guard[0] - 1 : w.last[0];
-            count_run(&out, row, w.first[0], left, limit);
-            if (guarded)
-                count_run(&out, row, w.guard[0] + 1, w.last[0], limit);
-        }
-    return out;
+    for (int a = 0; a < 3; a++) {
+        first[a] = w.first[a] > -w.guard[a] ? w.first[a] : -w.guard[a];
+        last[a] = w.last[a] < w.guard[a] ? w.last[a] : w.guard[a];
+    }
+    return imaged_in(g, sums, at, w.first, w.last) - imaged_in(g, sums, at, first, last);
 }
 
-static double level_of(struct cfar *c, size_t n)
+VECTOR_INLINE void lay_rows(const struct rows *r, const struct window *w)
+{
+    int32_t first = (int32_t)w->first[0], last = (int32_t)w->last[0];
+    int32_t guard = (int32_t)w->guard[0];
+
+    for (int32_t i = 0; i < (int32_t)r->n; i++) {
+        int32_t x = first + i, in = x <= last;
+        r->whole[i] = in;
+        r->beside[i] = in & ((x < -guard) | (x > guard));
+        r->over[i] = 0;
+    }
+}
+
+VECTOR_INLINE void add_over(size_t n, const int32_t *restrict counts,
+                            const float *restrict row, float limit,
+                            int32_t *restrict over)
+{
+    for (size_t i = 0; i < n; i++)
+        over[i] += counts[i] & (row[i] > limit);
+}
+
+VECTOR_INLINE size_t sum_of(size_t n, const int32_t *x)
+{
+    int32_t sum = 0;
+
+    for (size_t i = 0; i < n; i++)
+        sum += x[i];
+    return (size_t)sum;
+}
+
+/* Are more than `most` of a cell's training cells over a limit? */
+VECTOR_CLONES
+static bool are_over(const struct cfar_config *g, const struct rows *r,
+                     const float *image, const size_t at[3], float limit, size_t most)
+{
+    struct window w = window_of(g, at);
+    size_t n = (size_t)(w.last[0] - w.first[0]) / VECTOR_LANES * VECTOR_LANES +
+               VECTOR_LANES;
+
+    lay_rows(r, &w);
+    for (ptrdiff_t z = w.first[2]; z <= w.last[2]; z++) {
+        for (ptrdiff_t y = w.first[1]; y <= w.last[1]; y++) {
+            bool guarded = labs(y) <= w.guard[1] && labs(z) <= w.guard[2];
+            add_over(n, guarded ? r->beside : r->whole,
+                     image + ((ptrdiff_t)at[0] + w.first[0] +
+                              ((ptrdiff_t)at[1] + y) * w.stride[1] +
+                              ((ptrdiff_t)at[2] + z) * w.stride[2]),
+                     limit, r->over);
+        }
+        if (z % ROWS_AT_ONCE == 0 && sum_of(n, r->over) > most)
+            return true;
+    }
+    return sum_of(n, r->over) > most;
+}
+
+static double level_of(struct cfar *c, struct count n)
 {
     double sum = 0.0;
 
     if (c->cfg.kind == CFAR_ORDERED)
-        return (double)rank_smallest(c->sample, n, rank_of(c, n));
-    for (size_t i = 0; i < n; i++)
+        return (double)rank_smallest(c->sample, n.taken,
+                                     n.taken - n.imaged + rank_of(c, n.imaged));
+    for (size_t i = 0; i < n.taken; i++)
         sum += (double)c->sample[i];
-    return sum / (double)n;
+    return sum / (double)n.imaged;
 }
 
 struct cfar_level cfar_at(struct cfar *c, const float *image, size_t cell)
 {
     struct cfar_level out = {0.0, INFINITY};
-    size_t n = train(&c->cfg, image, cell, c->sample);
+    struct count n = train(&c->cfg, image, cell, c->sample);
 
-    if (n < CFAR_MIN_TRAINING)
+    if (n.imaged < CFAR_MIN_TRAINING)
         return out;
     double level = level_of(c, n);
     out.noise = level * c->over_level;
-    out.threshold = level * cfar_factor(c, n);
+    out.threshold = level * cfar_factor(c, n.imaged);
     return out;
 }
 
@@ -606,8 +702,12 @@ void cfar_look(struct cfar *c, const float *image)
 
     for (size_t z = 0; z < pitch[2]; z++)
         for (size_t y = 0; y < pitch[1]; y++)
-            for (size_t x = 0; x < pitch[0]; x++)
+            for (size_t x = 0; x < pitch[0]; x++) {
+                size_t part = x + pitch[0] * (y + pitch[1] * z);
                 thin_out(c, image, (const size_t[]){x, y, z});
+                sum_imaged(&c->thin, c->thin_image + part * c->n_thin,
+                           c->imaged + part * c->n_sums);
+            }
 }
 
 /* The highest level that a cell stands out of. */
@@ -635,17 +735,11 @@ bool cfar_stands_out(struct cfar *c, const float *image, size_t cell)
         part = part * c->cfg.pitch[a] + at[a] % c->cfg.pitch[a];
         at[a] /= c->cfg.pitch[a];
     }
-    const float *thin = c->thin_image + part * c->n_thin;
-    size_t n = c->likely;
-    struct count found =
-        count_around(&c->thin, thin, at, limit_of(value, cfar_factor(c, n)));
-    if (found.imaged < CFAR_MIN_TRAINING)
+    size_t n = count_imaged(&c->thin, c->imaged + part * c->n_sums, at);
+    if (n < CFAR_MIN_TRAINING)
         return false;
-    if (found.imaged != n) {
-        n = c->likely = found.imaged;
-        found = count_around(&c->thin, thin, at, limit_of(value, cfar_factor(c, n)));
-    }
-    return found.up_to >= rank_of(c, n);
+    return !are_over(&c->thin, &c->rows, c->thin_image + part * c->n_thin, at,
+                     limit_of(value, cfar_factor(c, n)), n - rank_of(c, n));
 }
 
 /* What is far over all noise is not learnt from, as far as noise is known: after the
@@ -653,8 +747,8 @@ bool cfar_stands_out(struct cfar *c, const float *image, size_t cell)
  * is learnt from, image by image. */
 static void remember(struct cfar *c, size_t cell)
 {
-    size_t n = train(&c->thin, c->thin_image, cell, c->sample);
-    double level = n < CFAR_MIN_TRAINING ? 0.0 : level_of(c, n);
+    struct count n = train(&c->thin, c->thin_image, cell, c->sample);
+    double level = n.imaged < CFAR_MIN_TRAINING ? 0.0 : level_of(c, n);
     float ratio = level > 0.0 ? (float)((double)c->thin_image[cell] / level) : 0.0f;
 
     if (!(ratio > 0.0f && isfinite(ratio)) ||
@@ -681,9 +775,9 @@ static void know_factors(struct cfar *c, double rare)
 {
     if (!isnan(c->rare))
         return;
-    c->promised[0] = factor_at_rate(c, c->most, 1e-2);
-    c->promised[1] = factor_at_rate(c, c->most, 1e-3);
-    c->rare = factor_at_rate(c, c->most, rare);
+    c->promised[0] = factor_at_rate(c, c->most, 1e-2, 0.0);
+    c->promised[1] = factor_at_rate(c, c->most, 1e-3, 0.0);
+    c->rare = factor_at_rate(c, c->most, rare, 0.0);
 }
 
 void cfar_learn(struct cfar *c, const float *image)
@@ -726,6 +820,8 @@ void cfar_destroy(struct cfar *c)
     free(c->sample);
     free(c->ratio);
     free(c->thin_image);
+    free(c->imaged);
+    free(c->rows.whole);
     free(c->log_ratio);
     free(c);
 }

@@ -81,7 +81,7 @@ void cfar_look(struct cfar *c, const float *image);
 bool cfar_stands_out(struct cfar *c, const float *image, size_t cell);
 
 /* The factor over the level for n training cells. */
-double cfar_factor(const struct cfar *c, size_t n);
+double cfar_factor(struct cfar *c, size_t n);
 void cfar_destroy(struct cfar *c);
 
 #endif

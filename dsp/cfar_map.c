@@ -3,10 +3,12 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "dsp/rank.h"
+#include "dsp/vector.h"
 
 #define LONGEST_S 1.0
 
@@ -14,6 +16,7 @@ struct cfar_map {
     size_t n;
     float *levels; /* [n]; 0: not known */
     float *sample; /* [n], scratch */
+    bool *nothing; /* [n]: held */
     int64_t stamp_ns;
     bool began;
 };
@@ -29,7 +32,8 @@ int cfar_map_create(struct cfar_map **out, size_t n_cells)
     m->n = n_cells;
     m->levels = calloc(n_cells, sizeof *m->levels);
     m->sample = calloc(n_cells, sizeof *m->sample);
-    if (!m->levels || !m->sample) {
+    m->nothing = calloc(n_cells, sizeof *m->nothing);
+    if (!m->levels || !m->sample || !m->nothing) {
         cfar_map_destroy(m);
         return -ENOMEM;
     }
@@ -48,6 +52,23 @@ static float typical(struct cfar_map *m, const float *image)
     return n ? rank_smallest(m->sample, n, n / 2 + 1) : 0.0f;
 }
 
+/* held: bools, of which the compiler would make no vectors. */
+VECTOR_CLONES
+static void follow(size_t n, const float *restrict image, const uint8_t *restrict held,
+                   float up, float down, float most, float *restrict levels)
+{
+    for (size_t i = 0; i < n; i++) {
+        float now = image[i], was = levels[i];
+        float higher = was * up < now ? was * up : now;
+        float lower = was * down > now ? was * down : now;
+        float next = now > was ? higher : lower;
+        float first = now < most ? now : most;
+        next = now > 0.0f ? next : was;
+        next = was == 0.0f ? first : next;
+        levels[i] = held[i] ? was : next;
+    }
+}
+
 void cfar_map_learn(struct cfar_map *m, const float *image, const bool *held,
                     int64_t stamp_ns)
 {
@@ -59,15 +80,8 @@ void cfar_map_learn(struct cfar_map *m, const float *image, const bool *held,
     float most = m->began ? INFINITY : typical(m, image);
     m->stamp_ns = stamp_ns;
     m->began = m->began || most > 0.0f;
-    for (size_t i = 0; i < m->n; i++) {
-        float now = image[i], was = m->levels[i];
-        if (held && held[i])
-            continue;
-        if (was == 0.0f)
-            m->levels[i] = fminf(now, most);
-        else if (now > 0.0f)
-            m->levels[i] = now > was ? fminf(was * up, now) : fmaxf(was * down, now);
-    }
+    follow(m->n, image, (const uint8_t *)(held ? held : m->nothing), up, down, most,
+           m->levels);
 }
 
 double cfar_map_at(const struct cfar_map *m, size_t cell)
@@ -87,5 +101,6 @@ void cfar_map_destroy(struct cfar_map *m)
         return;
     free(m->levels);
     free(m->sample);
+    free(m->nothing);
     free(m);
 }

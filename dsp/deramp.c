@@ -126,7 +126,7 @@ static double skirt_hz(const struct deramp_config *c)
 
 /* Mixed is at a rate at which no beat of the emission before or after this one is taken
  * for one of the gate's. */
-static int choose_transform(struct deramp_layout *l, struct band_transform **transform,
+static int choose_transform(struct deramp_layout *l, struct band_transform_config *cfg,
                             const struct deramp_config *c)
 {
     double fs = c->sample_rate_hz, slope = fabs(deramp_slope_hz_s(c));
@@ -135,20 +135,20 @@ static int choose_transform(struct deramp_layout *l, struct band_transform **tra
     double high_hz = fmax(c->chirp.start_hz, c->chirp.stop_hz);
     size_t n_chirp = chirp_length(&c->chirp, fs);
     size_t n = l->n_used > n_chirp ? l->n_used : n_chirp;
-    struct band_transform_config cfg = {
+    struct band_transform_layout layout;
+
+    *cfg = (struct band_transform_config){
         .n_min = (size_t)ceil((1.0 + ROOM) * (double)n) + 1,
         .band = {low_hz / fs, high_hz / fs},
         .oversampling = (width_hz + slope * c->gate_s[1] + 2.0 * skirt_hz(c)) / width_hz,
         .span = (double)l->n_used,
     };
-    struct band_transform_layout layout;
 
-    if (cfg.oversampling > MAX_OVERSAMPLING)
+    if (cfg->oversampling > MAX_OVERSAMPLING)
         return -ERANGE;
-    int err = band_transform_create(transform, &cfg);
+    int err = band_layout_choose(&layout, cfg);
     if (err)
         return err;
-    band_transform_layout(*transform, &layout);
     l->n_mixed = layout.n_output;
     l->mixed_step_s = 1.0 / (layout.rate * fs);
     return 0;
@@ -191,10 +191,9 @@ static int choose_format(struct deramp_layout *l, const struct deramp_config *c)
     return 0;
 }
 
-/* And makes the transform that takes the band of a ping.  0, or as deramp_create; then
- * there may be a transform all the same. */
+/* And the transform that takes the band of a ping.  0, or as deramp_create. */
 static int deramp_layout_choose(struct deramp_layout *l,
-                                struct band_transform **transform,
+                                struct band_transform_config *transform,
                                 const struct deramp_config *c)
 {
     double whole = 0.0;
@@ -364,8 +363,21 @@ static int filters_fill(struct deramp *d, const struct deramp_config *c)
     return 0;
 }
 
+int deramp_format_of(const struct deramp_config *c, struct trace_format *out)
+{
+    struct band_transform_config transform;
+    struct deramp_layout l = {.n_used = 0};
+
+    if (!out || !c)
+        return -EINVAL;
+    int err = deramp_layout_choose(&l, &transform, c);
+    *out = l.format;
+    return err;
+}
+
 int deramp_create(struct deramp **out, const struct deramp_config *c)
 {
+    struct band_transform_config transform;
     struct band_transform_layout band;
     struct deramp *d;
     int err;
@@ -375,7 +387,9 @@ int deramp_create(struct deramp **out, const struct deramp_config *c)
     d = calloc(1, sizeof(*d));
     if (!d)
         return -ENOMEM;
-    err = deramp_layout_choose(&d->layout, &d->transform, c);
+    err = deramp_layout_choose(&d->layout, &transform, c);
+    if (!err)
+        err = band_transform_create(&d->transform, &transform);
     if (err)
         goto fail;
     band_transform_layout(d->transform, &band);

@@ -43,6 +43,10 @@ struct deramp;
 int deramp_create(struct deramp **out, const struct deramp_config *cfg);
 void deramp_format(const struct deramp *d, struct trace_format *out);
 
+/* The format of one of this configuration, which is not planned.  0, or -EINVAL, -ERANGE
+ * as deramp_create. */
+int deramp_format_of(const struct deramp_config *cfg, struct trace_format *out);
+
 /* rx: [n_channels][rx_stride], y: [n_channels][format.n_samples]; the same conventions as
  * pulse_compress_execute.  An echo that is cut off by the ping's end loses the end of its
  * band and keeps its peak of 1. */

@@ -78,34 +78,31 @@ static size_t next_emission(const struct pulse_compress *pc,
 /* The transform starts at the emission, not at the gate: an echo before the gate must be
  * in it whole, for the cut edge of a strong direct path would spread into the gate.  It
  * is long enough that correlation inside the gate is linear. */
-static int transform_create(struct pulse_compress *pc,
-                            const struct pulse_compress_config *c,
-                            const double band_hz[2])
+static int layout_choose(struct pulse_compress *pc, const struct pulse_compress_config *c,
+                         const double band_hz[2], struct band_transform_config *cfg)
 {
     double fs = c->sample_rate_hz, first = floor(c->latency_samples);
     double far = c->latency_samples - first + c->gate_s[1] * fs;
-    struct band_transform_config cfg = {
+    double whole_far = c->latency_samples - first + c->reach_s * fs;
+    struct band_transform_layout layout;
+
+    *cfg = (struct band_transform_config){
         .band = {band_hz[0] / fs, band_hz[1] / fs},
         .oversampling = c->oversampling,
         .span = (c->gate_s[1] - c->gate_s[0]) * fs,
     };
-    double whole_far = c->latency_samples - first + c->reach_s * fs;
-    struct band_transform_layout layout;
-    int err;
-
     if (pc->n_replica < 2 || pc->n_replica > c->n_samples)
         return -EINVAL;
     if (first + far > (double)c->n_samples)
         return -ERANGE;
-    cfg.n_min = pc->n_replica + (size_t)ceil(far) + 1;
-    if (cfg.n_min < c->n_samples - (size_t)first)
-        cfg.n_min += next_emission(pc, c, cfg.n_min);
+    cfg->n_min = pc->n_replica + (size_t)ceil(far) + 1;
+    if (cfg->n_min < c->n_samples - (size_t)first)
+        cfg->n_min += next_emission(pc, c, cfg->n_min);
     if (c->reach_s > 0.0)
-        cfg.beyond = (c->gate_s[0] + fmax(c->reach_s - c->gate_s[1], 0.0)) * fs;
-    err = band_transform_create(&pc->transform, &cfg);
+        cfg->beyond = (c->gate_s[0] + fmax(c->reach_s - c->gate_s[1], 0.0)) * fs;
+    int err = band_layout_choose(&layout, cfg);
     if (err)
         return err;
-    band_transform_layout(pc->transform, &layout);
     if ((double)pc->n_replica + ceil(whole_far) + 1.0 > (double)layout.length ||
         first + whole_far > (double)c->n_samples)
         return -ERANGE;
@@ -118,7 +115,7 @@ static int transform_create(struct pulse_compress *pc,
         .t0_s = c->gate_s[0],
         .rate_hz = fs * layout.rate,
         .carrier_hz = fs * layout.carrier,
-        .n_samples = (size_t)floor(cfg.span * layout.rate + 1e-6) + 1,
+        .n_samples = (size_t)floor(cfg->span * layout.rate + 1e-6) + 1,
     };
     pc->gate = c->reach_s > 0.0 ? (size_t)floor(c->gate_s[0] * pc->format.rate_hz) : 0;
     pc->whole = pc->format;
@@ -233,26 +230,50 @@ static int lanes_create(struct pulse_compress *pc)
     return band_lanes_create(&pc->lanes, plan);
 }
 
-int pulse_compress_create(struct pulse_compress **out,
-                          const struct pulse_compress_config *c)
+/* All but the tables. */
+static int choose(struct pulse_compress *pc, const struct pulse_compress_config *c,
+                  double band_hz[2], struct band_transform_config *cfg)
 {
-    struct pulse_compress *pc;
-    double band_hz[2];
-    int err;
+    int err = band_choose(band_hz, c);
 
-    if (!out || !c || !config_is_valid(c))
-        return -EINVAL;
-    err = band_choose(band_hz, c);
     if (err)
         return err;
-    pc = calloc(1, sizeof(*pc));
-    if (!pc)
-        return -ENOMEM;
     pc->n_channels = c->n_channels;
     pc->n_replica = c->n_replica ? c->n_replica
                                  : chirp_length(&c->chirp, c->sample_rate_hz);
     pc->n_filters = c->microphones ? c->n_channels : 1;
-    err = transform_create(pc, c, band_hz);
+    return layout_choose(pc, c, band_hz, cfg);
+}
+
+int pulse_compress_format_of(const struct pulse_compress_config *c,
+                             struct trace_format *out)
+{
+    struct pulse_compress pc = {.n_channels = 0};
+    struct band_transform_config cfg;
+    double band_hz[2];
+
+    if (!out || !c || !config_is_valid(c))
+        return -EINVAL;
+    int err = choose(&pc, c, band_hz, &cfg);
+    *out = pc.format;
+    return err;
+}
+
+int pulse_compress_create(struct pulse_compress **out,
+                          const struct pulse_compress_config *c)
+{
+    struct band_transform_config cfg;
+    struct pulse_compress *pc;
+    double band_hz[2];
+
+    if (!out || !c || !config_is_valid(c))
+        return -EINVAL;
+    pc = calloc(1, sizeof(*pc));
+    if (!pc)
+        return -ENOMEM;
+    int err = choose(pc, c, band_hz, &cfg);
+    if (!err)
+        err = band_transform_create(&pc->transform, &cfg);
     if (!err)
         err = replica_transform(pc, c);
     if (!err)

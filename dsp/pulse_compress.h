@@ -49,6 +49,11 @@ int pulse_compress_create(struct pulse_compress **out,
 
 void pulse_compress_format(const struct pulse_compress *pc, struct trace_format *out);
 
+/* The format of one of this configuration, which is not planned: whoever takes its traces
+ * knows it by that.  0, or -EINVAL, -ERANGE as pulse_compress_create. */
+int pulse_compress_format_of(const struct pulse_compress_config *cfg,
+                             struct trace_format *out);
+
 /* Of all that is written.  Samples `first` and on of it, as many as of the format above,
  * are those of the gate at the same delays; without reach_s all of it is. */
 void pulse_compress_whole(const struct pulse_compress *pc, struct trace_format *out,

@@ -69,9 +69,12 @@ static int allocate(struct frames *f)
         err = -ENOMEM;
     for (size_t k = 0; !err && k < f->cfg.n_pings; k++)
         err = create_held(f, &f->held[k]);
-    for (size_t t = 0; !err && t < threads; t++)
-        if (!(f->own[t].paths = malloc((1 + n_mic) * sizeof *f->own[t].paths)))
+    for (size_t t = 0; !err && t < threads; t++) {
+        f->own[t].paths = malloc((1 + n_mic) * sizeof *f->own[t].paths);
+        f->own[t].hears = calloc(1 + n_mic, sizeof *f->own[t].hears);
+        if (!f->own[t].paths || !f->own[t].hears)
             err = -ENOMEM;
+    }
     return err;
 }
 
@@ -133,8 +136,10 @@ void frames_destroy(struct frames *f)
         return;
     for (size_t k = 0; f->held && k < f->cfg.n_pings; k++)
         destroy_held(&f->held[k]);
-    for (size_t t = 0; f->own && t < pool_threads(f->cfg.pool); t++)
+    for (size_t t = 0; f->own && t < pool_threads(f->cfg.pool); t++) {
         free(f->own[t].paths);
+        free(f->own[t].hears);
+    }
     free(f->held);
     free(f->own);
     free(f->cell);

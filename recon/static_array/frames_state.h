@@ -30,6 +30,7 @@ struct held { /* one of the newest pings */
 struct frames_scratch { /* one a thread */
     struct tile tile;
     struct tile_path *paths; /* [1 + n_microphones] */
+    bool *hears;             /* [1 + n_microphones]: of the tile */
 };
 
 struct frames {

@@ -6,12 +6,7 @@
 #include "dsp/vector.h"
 #include "recon/static_array/frames_state.h"
 
-/* geometry_distance minds overflow, which takes its time. */
-static double distance(const double a[3], const double b[3])
-{
-    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
-    return sqrt(x * x + y * y + z * z);
-}
+#define FAR_M 1e-3 /* of a path, beyond the last sample: what rounding may do */
 
 /* The middle of a tile: that of its first and last voxel. */
 static void find_middle(const struct tile *t, double out[3])
@@ -36,40 +31,65 @@ static void go_on(const struct frames_place *p, bool is_speaker, double way_s,
     }
 }
 
-static void find_paths(const struct frames *f, const struct held *h,
+/* From a place to the nearest point of the box that a tile's voxels fill. */
+static double nearest_m(const struct tile *t, const double at[3])
+{
+    double nearest[3];
+    for (int a = 0; a < 3; a++)
+        nearest[a] = fmin(fmax(at[a], (double)t->position[a][0]),
+                          (double)t->position[a][t->n - 1]);
+    return geometry_distance(at, nearest);
+}
+
+/* Of the elements that hear of a tile, and of the speaker; false: none does.  A third of
+ * a plane lies beyond the gate. */
+static bool find_paths(const struct frames *f, const struct held *h,
                        struct frames_scratch *own)
 {
     const struct tile *t = &own->tile;
-    double middle_m[3], sound_m_s = f->geometry.sound_speed_m_s;
+    double middle_m[3], sound_m_s = f->geometry.sound_speed_m_s, speaker_m = 0.0;
+    bool any = false;
     find_middle(t, middle_m);
-    double to_array_s = distance(middle_m, f->centre_m) / sound_m_s;
+    double to_array_s = geometry_distance(middle_m, f->centre_m) / sound_m_s;
     for (size_t e = 0; e < 1 + f->geometry.n_microphones; e++) {
         const struct frames_place *p = &h->places[e];
-        double way_s = distance(middle_m, p->delay_at_m) / sound_m_s;
+        double way_s = geometry_distance(middle_m, p->delay_at_m) / sound_m_s;
         double delay_at[3], phase_at[3];
         go_on(p, e == 0, way_s, to_array_s, delay_at, phase_at);
-        double more_m = distance(middle_m, phase_at) - distance(middle_m, delay_at);
+        double way_m = nearest_m(t, delay_at);
+        if (e == 0)
+            speaker_m = way_m;
+        own->hears[e] = e == 0 || speaker_m + way_m < f->far_s * sound_m_s + FAR_M;
+        if (!own->hears[e])
+            continue;
+        double more_m = geometry_distance(middle_m, phase_at) -
+                        geometry_distance(middle_m, delay_at);
         tile_path(t, &f->sound, delay_at, more_m * (double)f->sound.turns_per_m,
                   &own->paths[e]);
+        any = any || e > 0;
     }
+    return any;
 }
 
-static void add_ping(const struct frames *f, const struct held *h,
+/* false: nothing of a ping comes from this tile. */
+static bool add_ping(const struct frames *f, const struct held *h,
                      struct frames_scratch *own)
 {
     const struct tile_path *to = own->paths, *from = own->paths + 1;
     size_t n_mic = f->geometry.n_microphones;
-    find_paths(f, h, own);
+    if (!find_paths(f, h, own))
+        return false;
     for (size_t i = 0; i < n_mic; i++) {
         struct tile_trace r = {.words = h->words + (i + 1) * f->fine.n_stored,
                                .last = (float)(f->fine.n_stored - 2)};
-        if (i + 1 < n_mic)
+        if (i + 1 < n_mic && own->hears[i + 2])
             tile_fetch(&own->tile, &r, to, from + i + 1);
         r.words = h->words + i * f->fine.n_stored;
         r.scale = h->unit[i] * h->weight[i];
-        if (h->weight[i] > 0.0f)
+        if (h->weight[i] > 0.0f && own->hears[i + 1])
             tile_add(&own->tile, &r, to, from + i, own->tile.part, NULL);
     }
+    return true;
 }
 
 VECTOR_CLONES
@@ -85,9 +105,9 @@ static void make_part(const struct frames *f, const struct held *h,
                       struct frames_scratch *own, float *part)
 {
     struct tile *t = &own->tile;
-    add_ping(f, h, own);
     float(*sum)[TILE_VOXELS] = t->sum;
-    tile_add_part(t, own->paths);
+    if (add_ping(f, h, own))
+        tile_add_part(t, own->paths);
     if (f->cfg.sum == FRAMES_POWER)
         take_power(t->whole, sum[0], sum[1], part);
     else

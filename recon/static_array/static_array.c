@@ -125,12 +125,12 @@ static int allocate(struct static_array *s, struct error *why)
     if (err == -ENOTSUP)
         return error_say(
             why, err,
-            "scan.mode fixed: expected an array that stands; this survey has "
-            "%zu positions",
+            "array: a static array stands, and this survey has %zu positions of a "
+            "stage; expected one",
             s->plan.survey.n_positions);
     if (err)
-        return error_say(why, err, "images of %zu pings: %s; expected 1 to %d",
-                         cfg.n_pings, strerror(-err), FRAMES_MAX_PINGS);
+        return error_say(why, err, "image_pings: %zu: %s; expected 1 to %d", cfg.n_pings,
+                         strerror(-err), FRAMES_MAX_PINGS);
     s->intensity = calloc(grid_size(&cfg.grid), sizeof *s->intensity);
     s->traces =
         malloc(s->plan.survey.n_microphones * cfg.format.n_samples * sizeof *s->traces);
@@ -149,7 +149,7 @@ int static_array_survey(struct static_array *s, const struct survey *given,
                         struct error *why)
 {
     static_array_forget(s);
-    int err = image_plan_create(&s->plan, given, s->cfg.compression, s->cfg.window, why);
+    int err = image_plan_create(&s->plan, given, s->cfg.compression, why);
     if (err)
         return err;
     const struct survey *survey = &s->plan.survey;

@@ -21,11 +21,10 @@
 #include "recon/walls/walls.h"
 
 struct static_array_config {
-    size_t threads;     /* at least 1 */
-    enum window window; /* as the front end has them: they decide the traces' format */
-    enum compression compression;
-    size_t frame_pings; /* in a frame; 0: as many as there are speakers */
-    size_t pings;       /* in an image; 0: as in a frame */
+    size_t threads;               /* at least 1 */
+    enum compression compression; /* the front end's: it decides the traces' format */
+    size_t frame_pings;           /* in a frame; 0: as many as there are speakers */
+    size_t pings;                 /* in an image; 0: as in a frame */
     enum frames_sum sum;
     bool every_ping;  /* an image; else every frame */
     bool moving_only; /* what stands still is muted where it was not subtracted */

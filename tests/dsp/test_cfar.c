@@ -340,9 +340,15 @@ static void a_level_of_zero_and_a_lonely_cell_detect_nothing_wrong(void **state)
 static void a_cell_stands_out_where_it_is_over_its_threshold(void **state)
 {
     (void)state;
-    for (int k = 0; k < 4; k++) {
+    for (int k = 0; k < 5; k++) {
         struct cfar_config cfg = usual;
         cfg.kind = k == 3 ? CFAR_AVERAGING : CFAR_ORDERED;
+        if (k == 4) { /* a volume, and rows of more than a vector */
+            cfg.n[1] = 5;
+            cfg.n[2] /= 5;
+            cfg.guard[1] = cfg.training[1] = 1;
+            cfg.training[0] = 20;
+        }
         cfg.pitch[0] = k == 1 ? 3 : 1;
         cfg.pitch[2] = k == 2 ? 2 : 1;
         cfg.guard[0] = cfg.guard[2] = 4;

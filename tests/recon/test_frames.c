@@ -287,6 +287,48 @@ static void what_lies_before_the_gate_is_mute(void **state)
     still_stop(&s);
 }
 
+/* Of one ping that is loud up to its last sample. */
+static void image_loud(struct still *s, float *image)
+{
+    struct frames_made made;
+    struct frames *f = bumper_frames(&s->bumper);
+    size_t n = MICROPHONES * s->bumper.cfg.format.n_samples;
+    for (size_t q = 0; q < n; q++)
+        s->traces[q] = cexpf(1.7f * (float)(q * q % 97) * I);
+    const struct frames_ping ping = {.traces = s->traces};
+    assert_true(frames_add(f, &ping));
+    frames_image(f, NULL, image, &made);
+    frames_destroy(f);
+}
+
+/* Where the traces end within the image: each voxel is as in an image of itself alone. */
+static void what_is_imaged_ends_where_the_traces_do(void **state)
+{
+    (void)state;
+    static float image[VOXELS];
+    size_t n_beyond = 0, n_within = 0;
+    struct still s;
+    still_start(&s, FRAMES_POWER, 1);
+    bumper_look_at(&s.bumper, (const double[3]){0.3, 0.0, 2.3}, SIDE, 0.04);
+    const struct grid whole = s.bumper.cfg.grid;
+    image_loud(&s, image);
+    for (size_t v = 0; v < VOXELS; v += 5) {
+        float alone;
+        s.bumper.cfg.grid = (struct grid){
+            .n = {1, 1, 1},
+            .origin_m = {whole.origin_m[0] + whole.step_m[0] * (double)(v % SIDE),
+                         whole.origin_m[1],
+                         whole.origin_m[2] + whole.step_m[2] * (double)(v / SIDE)},
+            .step_m = {whole.step_m[0], whole.step_m[1], whole.step_m[2]}};
+        image_loud(&s, &alone);
+        assert_near(image[v], alone, 1e-5);
+        n_beyond += alone == 0.0f;
+        n_within += alone > 0.0f;
+    }
+    assert_true(n_beyond > 10 && n_within > 10);
+    still_stop(&s);
+}
+
 static void pings_that_are_too_old_are_left_out(void **state)
 {
     (void)state;
@@ -371,6 +413,7 @@ int main(void)
         cmocka_unit_test(a_sliding_image_is_one_made_from_scratch),
         cmocka_unit_test(where_nothing_moves_a_new_image_costs_one_ping),
         cmocka_unit_test(what_lies_before_the_gate_is_mute),
+        cmocka_unit_test(what_is_imaged_ends_where_the_traces_do),
         cmocka_unit_test(pings_that_are_too_old_are_left_out),
         cmocka_unit_test(a_ping_from_before_makes_a_new_start),
         cmocka_unit_test(a_damaged_trace_counts_as_masked),
