@@ -367,6 +367,7 @@ int anlos_wall_finder_create(struct anlos_wall_finder **out,
         return code;
     if (!f->cfg.inside.finds_walls)
         f->cfg.inside.walls.map.from = WALL_FROM_SURVEY;
+    f->cfg.inside.walls.takes_pings = true;
     code = api_pings_survey(&f->pings, &survey->inside, why);
     api_lock();
     int err = code ? 0 : wall_finder_create(&f->inside, &f->cfg.inside.walls);

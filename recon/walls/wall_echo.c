@@ -2,6 +2,7 @@
 #include "recon/walls/wall_echo.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,6 +11,8 @@
 #define HISTOGRAM_BINS 512 /* of powers, 0.25 dB each */
 #define BIN_DB         0.25
 #define FLOOR_DB       (-110.0)
+#define ROUGH_BITS     20 /* of a float that do not count: an eighth of an octave */
+#define ROUGH_BINS     (1 << (31 - ROUGH_BITS))
 #define MEDIAN_OF_MEAN 0.693147 /* of the power of complex noise */
 
 double wall_echo_lag_s(const struct chirp *chirp)
@@ -24,22 +27,47 @@ static double power(float complex x)
     return re * re + im * im;
 }
 
-/* To a quarter of a decibel, without sorting; relative to the strongest. */
+/* Relative to the strongest. */
+static size_t bin_of(double p, double strongest)
+{
+    double bin = (10.0 * log10(p / strongest + 1e-12) - FLOOR_DB) / BIN_DB;
+    return !(bin > 0.0) ? 0 : bin > HISTOGRAM_BINS - 1 ? HISTOGRAM_BINS - 1 : (size_t)bin;
+}
+
+/* Without a logarithm, and in the same order: exponent and the first bits of a float.
+ * What is no number may have a sign, which fabsf need not clear: a square counts as
+ * positive. */
+static size_t rough_bin_of(double p)
+{
+    float rough = (float)p;
+    uint32_t bits;
+    memcpy(&bits, &rough, sizeof bits);
+    return (bits & INT32_MAX) >> ROUGH_BITS;
+}
+
+/* The bin that the k-th is in, counted from 1; k without those in bins before. */
+static size_t find_bin(const unsigned *counts, size_t n_bins, size_t *k)
+{
+    size_t b = 0;
+    for (; b < n_bins - 1 && *k > counts[b]; b++)
+        *k -= counts[b];
+    return b;
+}
+
+/* To a quarter of a decibel, without sorting; logarithms, which are dear, of those alone
+ * that may be the middle one. */
 static double median_power(const float complex *x, size_t n, double strongest)
 {
-    unsigned counts[HISTOGRAM_BINS] = {0};
-    size_t below = 0;
-    for (size_t i = 0; i < n; i++) {
-        double db = 10.0 * log10(power(x[i]) / strongest + 1e-12);
-        double bin = (db - FLOOR_DB) / BIN_DB;
-        counts[(size_t)fmin(fmax(bin, 0.0), HISTOGRAM_BINS - 1)]++;
-    }
-    for (size_t b = 0; b < HISTOGRAM_BINS; b++) {
-        below += counts[b];
-        if (2 * below >= n)
-            return strongest * pow(10.0, 0.1 * (FLOOR_DB + ((double)b + 0.5) * BIN_DB));
-    }
-    return strongest;
+    unsigned rough[ROUGH_BINS] = {0}, counts[HISTOGRAM_BINS] = {0};
+    size_t k = (n + 1) / 2;
+    for (size_t i = 0; i < n; i++)
+        rough[rough_bin_of(power(x[i]))]++;
+    size_t middle = find_bin(rough, ROUGH_BINS, &k);
+    for (size_t i = 0; i < n; i++)
+        if (rough_bin_of(power(x[i])) == middle)
+            counts[bin_of(power(x[i]), strongest)]++;
+    double bin = (double)find_bin(counts, HISTOGRAM_BINS, &k);
+    return strongest * pow(10.0, 0.1 * (FLOOR_DB + (bin + 0.5) * BIN_DB));
 }
 
 /* Where between the samples around i the peak is, -0.5..0.5. */
@@ -93,7 +121,7 @@ size_t wall_echo_peaks(const struct trace_format *format, const float complex *t
                         strongest * pow(10.0, -0.1 * range_db));
     for (size_t i = from; i <= to; i++) {
         double p = power(trace[i]);
-        if (p < least || p <= power(trace[i - 1]) || p < power(trace[i + 1]))
+        if (!(p >= least && p > power(trace[i - 1]) && p >= power(trace[i + 1])))
             continue;
         double at = (double)i + offset_of_peak(trace, i);
         const struct wall_echo_peak peak = {start_m + at * per_sample_m, sqrt(p)};

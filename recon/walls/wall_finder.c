@@ -64,6 +64,9 @@ int wall_finder_survey(struct wall_finder *f, const struct survey *survey,
     wall_map_survey(&f->map, &f->survey);
     if (f->cfg.map.from == WALL_FROM_ECHOES)
         err = wall_listener_create(&f->listener, &f->cfg.listener, &f->survey, why);
+    if (!err && f->listener && f->cfg.takes_pings)
+        err = wall_receiver_open(&f->receiver, &f->survey, f->cfg.listener.reach_m, NULL,
+                                 why);
     f->survey_id = err ? 0 : id; /* the same one again fails again */
     return err;
 }
@@ -103,11 +106,7 @@ bool wall_finder_returns(struct wall_finder *f, const struct wall_returns *retur
 bool wall_finder_ping(struct wall_finder *f, const struct ping *ping, int64_t now_ns)
 {
     struct wall_returns returns = {.ping = *ping};
-    struct error why;
 
-    if (f->listener && !f->receiver.survey &&
-        wall_receiver_open(&f->receiver, &f->survey, f->cfg.listener.reach_m, NULL, &why))
-        wall_receiver_clear(&f->receiver);
     if (f->receiver.survey)
         wall_receiver_take(&f->receiver, ping, NULL, &returns);
     return wall_finder_returns(f, &returns, now_ns);

@@ -12,6 +12,7 @@
 struct wall_finder_config {
     struct wall_map_config map;
     struct wall_listener_config listener; /* of walls from echoes */
+    bool takes_pings;                     /* else what arrived of them */
 };
 
 /* What holds where nothing is said: the survey's walls; where they are heard, walls
@@ -41,8 +42,8 @@ void wall_finder_ego(struct wall_finder *f, const struct ego_motion *motion,
 bool wall_finder_returns(struct wall_finder *f, const struct wall_returns *returns,
                          int64_t now_ns);
 
-/* The same of a ping, where no front end stands beside it: it compresses each itself,
- * planned for at the first. */
+/* The same of a ping, where no front end stands beside it (takes_pings): it compresses
+ * each itself. */
 bool wall_finder_ping(struct wall_finder *f, const struct ping *ping, int64_t now_ns);
 
 /* What the vehicle says of them, as wall_map_given has it. */

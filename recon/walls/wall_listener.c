@@ -87,8 +87,8 @@ int wall_listener_create(struct wall_listener **out,
 {
     if (s->pings_m)
         return error_say(why, -EINVAL,
-                         "wall: pings with places of their own tell no walls; use "
-                         "from: survey");
+                         "walls: pings with places of their own tell none; name them in "
+                         "the survey");
     double until_s;
     bool alone;
     int err = wall_receiver_reach(s, cfg->reach_m, &until_s, &alone, why);

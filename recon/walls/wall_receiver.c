@@ -132,8 +132,8 @@ static int plan_reach(struct wall_receiver *r, const struct survey *s, double re
     *apart = can_tell_apart(r, direct_s_of(s));
     if (s->together > 1 && !*apart)
         return error_say(why, -EINVAL,
-                         "two speakers at a time do not fit this slot: no wall from "
-                         "echoes; use longer slots, or from: survey or topic");
+                         "walls: two speakers at a time do not fit this slot, so that "
+                         "none is heard; use longer slots, or name or give the walls");
     return 0;
 }
 

@@ -375,6 +375,31 @@ static void traces_and_images_of_others_are_refused(void **state)
     anlos_survey_destroy(s);
 }
 
+/* A program that calls the library has no launch file. */
+static void what_does_not_fit_names_the_field_of_the_configuration(void **state)
+{
+    (void)state;
+    struct anlos_survey *stepped = make_survey(POSITIONS), *s = make_survey(1);
+    static const float pixels[1];
+    struct anlos_image image = {
+        .size = sizeof image, .n = {1, 1, 1}, .intensity = pixels};
+    struct anlos_config cfg;
+    struct anlos_static_array *a;
+    struct anlos_detector *d;
+
+    anlos_config_init_static(&cfg);
+    refused(anlos_static_array_create(&a, &cfg, stepped, &why), ANLOS_UNSUPPORTED,
+            "array: a static array stands, and this survey has");
+    ok(anlos_detector_create(&d, &cfg, s, &why));
+    for (int i = 0; i < 3; i++)
+        image.step_m[i] = 0.1;
+    refused(anlos_detector_image(d, &image, NULL, 0, &why), ANLOS_INVALID,
+            "false_alarm_rate: a volume that is too small");
+    anlos_detector_destroy(d);
+    anlos_survey_destroy(s);
+    anlos_survey_destroy(stepped);
+}
+
 static void null_is_refused_by_each_stage(void **state)
 {
     (void)state;
@@ -444,6 +469,7 @@ int main(void)
         cmocka_unit_test(a_wall_is_found_where_it_is),
         cmocka_unit_test(a_point_stays_while_the_vehicle_turns),
         cmocka_unit_test(traces_and_images_of_others_are_refused),
+        cmocka_unit_test(what_does_not_fit_names_the_field_of_the_configuration),
         cmocka_unit_test(null_is_refused_by_each_stage),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -453,6 +453,24 @@ static void silence_and_noise_have_no_peaks(void **state)
     assert_int_equal(wall_echo_peaks(&f, trace, 343.0, limits, 15.0, 20.0, peaks, 4), 0);
 }
 
+/* Of either sign, as arithmetic leaves it. */
+static void what_is_no_number_is_no_peak(void **state)
+{
+    (void)state;
+    const struct trace_format f = {
+        .t0_s = 2e-3, .rate_hz = 36e3, .carrier_hz = 11e3, .n_samples = 300};
+    const double limits[2] = {0.9, 3.4}, delay_s = 4.1e-3, amplitude = 0.5;
+    float complex trace[300];
+    struct wall_echo_peak peaks[4];
+    make_trace(&f, &delay_s, &amplitude, 1, trace);
+    for (int i = 0; i < 300; i++)
+        trace[i] += 1e-3f * (float)((i * 7919) % 13 - 6);
+    for (int i = 200; i < 220; i++)
+        trace[i] = copysignf(NAN, i % 2 ? -1.0f : 1.0f);
+    assert_int_equal(wall_echo_peaks(&f, trace, 343.0, limits, 15.0, 20.0, peaks, 4), 1);
+    assert_near(peaks[0].path_m, 343.0 * delay_s, 3e-4);
+}
+
 /* A chirp from an array that drives at a wall, sampled as it is heard and matched against
  * its replica: the peak is where wall_echo_path_m has it.  Emission: at speaker x(t),
  * microphone the same; both at the middle of the emission in the echo. */
@@ -521,6 +539,7 @@ int main(void)
         cmocka_unit_test(misplaced_elements_are_in_the_covariance),
         cmocka_unit_test(peaks_are_told_between_samples),
         cmocka_unit_test(silence_and_noise_have_no_peaks),
+        cmocka_unit_test(what_is_no_number_is_no_peak),
         cmocka_unit_test(a_moving_array_hears_the_wall_nearer_or_farther),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
