@@ -151,7 +151,8 @@ void geometry_pair(const struct geometry *g, size_t trace, double speaker[3],
 
 double geometry_distance(const double a[3], const double b[3])
 {
-    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
+    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+    return sqrt(x * x + y * y + z * z);
 }
 
 /* Sum of the unit vectors from a pair's elements to a place; those at the place itself

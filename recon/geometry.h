@@ -34,6 +34,7 @@ void geometry_microphone(const struct geometry *g, size_t position, size_t micro
 void geometry_pair(const struct geometry *g, size_t trace, double speaker[3],
                    double microphone[3]);
 
+/* Of metres: squares of more than 1e150 would be no numbers. */
 double geometry_distance(const double a[3], const double b[3]);
 
 /* How many voxels of such a step along x lie from each stage position to the next; 0: the

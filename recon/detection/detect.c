@@ -61,6 +61,8 @@ static int by_value(const void *a, const void *b)
 
 static float sample(const float *volume, size_t n, size_t i, size_t count)
 {
+    if (count == n)
+        return volume[i];
     return volume[(size_t)((double)i * (double)n / (double)count)];
 }
 

@@ -116,7 +116,10 @@ int detector_volume(struct detector *d, const struct volume *volume,
         detect_config_isolated(&cfg, grid);
     int err = find_cells(d, grid, &cfg);
     if (err == -EINVAL)
-        return error_say(why, err, "a volume that is too small for track.cfar");
+        return error_say(why, err,
+                         "false_alarm_rate: a volume that is too small to compare a "
+                         "voxel with those around it; expected a larger one, or no "
+                         "rate");
     if (!err)
         err = objects_find(out, &d->survey, walls, &cfg, d->cfg.min_existence, grid,
                            volume->intensity);
@@ -134,12 +137,19 @@ static void hold(struct detector *d, const double at_m[3], double held_m)
     const struct grid *g = &d->cells_grid;
     size_t v = 0;
 
-    for (size_t z = 0; z < g->n[2]; z++)
+    for (size_t z = 0; z < g->n[2]; z++) {
+        double along_m = g->origin_m[2] + g->step_m[2] * (double)z - at_m[2];
+        double aside2 = held_m * held_m - along_m * along_m;
+        if (!(aside2 > 0.0)) {
+            v += g->n[0] * g->n[1];
+            continue;
+        }
         for (size_t y = 0; y < g->n[1]; y++)
-            for (size_t x = 0; x < g->n[0]; x++, v++)
-                d->held[v] |= hypot(g->origin_m[0] + g->step_m[0] * (double)x - at_m[0],
-                                    g->origin_m[2] + g->step_m[2] * (double)z - at_m[2]) <
-                              held_m;
+            for (size_t x = 0; x < g->n[0]; x++, v++) {
+                double aside_m = g->origin_m[0] + g->step_m[0] * (double)x - at_m[0];
+                d->held[v] |= aside_m * aside_m < aside2;
+            }
+    }
 }
 
 void detector_learn(struct detector *d, const struct volume *volume,

@@ -121,20 +121,21 @@ static void assume_height(double c[6])
 }
 
 /* A line array tells how far along it a thing is, and how far from it: what is higher or
- * lower is imaged behind its place.  height: of what is heard, over the array. */
-static void come_down(const struct survey *s, const double centre[3], double position[3],
-                      double covariance[6])
+ * lower is imaged behind its place.  height: of what is heard, over the array.  Returns
+ * the variance of its depth by that. */
+static double come_down(const struct survey *s, const double centre[3],
+                        double position[3])
 {
     double height_m = HEIGHT_M - s->mount_origin_m[2] - centre[1];
     double height2 = height_m * height_m + HEIGHT_SIGMA_M * HEIGHT_SIGMA_M;
     double from_m = position[2] - centre[2];
 
     if (from_m * from_m <= 2.0 * height2)
-        return;
+        return 0.0;
     double depth_m = sqrt(from_m * from_m - height2);
     double sigma_m = HEIGHT_SIGMA_M * sqrt(height2) / depth_m;
     position[2] = centre[2] + depth_m;
-    covariance[5] += sigma_m * sigma_m;
+    return sigma_m * sigma_m;
 }
 
 /* What is imaged just behind a wall may have come down before it: nothing is there. */
@@ -148,10 +149,19 @@ static void keep_behind(const struct wall *w, double position[3])
         position[a] -= behind_m * w->normal[a];
 }
 
+/* As it is by way of a wall, of which the own error is no part of it. */
+static void mirror_height(const struct wall *wall, double height[6])
+{
+    struct wall exact = *wall;
+
+    memset(exact.covariance, 0, sizeof exact.covariance);
+    wall_mirror_covariance(&exact, (const double[3]){0.0, 0.0, 0.0}, height, height);
+}
+
 void objects_place(struct placement *out, const struct survey *s,
                    const struct walls *walls, const struct detection *d)
 {
-    double position[3], covariance[6], centre[3], r[3][3], t[3];
+    double position[3], covariance[6], height[6] = {0.0}, centre[3], r[3][3], t[3];
     memcpy(position, d->position_m, sizeof position);
     memcpy(covariance, d->covariance_m2, sizeof covariance);
     bool height_assumed = array_height_m(s) < HEIGHT_LEAST_M;
@@ -159,7 +169,8 @@ void objects_place(struct placement *out, const struct survey *s,
         assume_height(covariance);
     array_centre(s, centre);
     if (s->has_mount && height_assumed)
-        come_down(s, centre, position, covariance);
+        height[5] = come_down(s, centre, position);
+    covariance[5] += height[5];
     size_t at = wall_that_mirrored(walls->list, walls->n, centre, d->position_m);
     const struct wall *wall = at < walls->n ? &walls->list[at].plane : NULL;
     *out = (struct placement){.wall = wall ? walls->list[at].id : 0,
@@ -168,12 +179,14 @@ void objects_place(struct placement *out, const struct survey *s,
     if (wall) {
         keep_behind(wall, position);
         wall_mirror_covariance(wall, position, covariance, covariance);
+        mirror_height(wall, height);
         wall_mirror(wall, position, position);
     }
     out->in_free_view = walls_in_free_view(walls, position);
     vehicle_frame_axes(s, r, t);
     survey_to_vehicle(s, position, out->position_m);
     turn_covariance((const double(*)[3])r, covariance, out->covariance_m2);
+    turn_covariance((const double(*)[3])r, height, out->height_m2);
     turn_extent(wall, (const double(*)[3])r, d->extent_m, out->extent_m);
 }
 

@@ -24,6 +24,7 @@ struct placement {
                                 cannot tell it is that of the array, give or take half a
                                 metre; one on a vehicle takes things to stand on the
                                 ground, which brings them nearer */
+    double height_m2[6];     /* of that, what the assumed height does */
     double extent_m[3];
     uint32_t wall;       /* that mirrored it; 0: none did, it is where it is imaged */
     bool height_assumed; /* the array hears none */

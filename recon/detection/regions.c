@@ -63,12 +63,16 @@ static bool yields(const struct search *s, size_t voxel, size_t other)
            (s->volume[other] == s->volume[voxel] && other < voxel);
 }
 
-/* Most voxels are none by one of the next in their row. */
-static bool is_peak(const struct search *s, size_t voxel)
+/* Most voxels, of which x is the place in their row, are none by one of the next in it or
+ * in depth. */
+static bool is_peak(const struct search *s, size_t voxel, size_t x)
 {
-    size_t near[26], n, x = voxel % s->grid->n[0];
+    size_t near[26], n;
+    size_t plane = s->grid->n[0] * s->grid->n[1];
     if ((x && yields(s, voxel, voxel - 1)) ||
-        (x + 1 < s->grid->n[0] && yields(s, voxel, voxel + 1)))
+        (x + 1 < s->grid->n[0] && yields(s, voxel, voxel + 1)) ||
+        (voxel >= plane && yields(s, voxel, voxel - plane)) ||
+        (voxel + plane < grid_size(s->grid) && yields(s, voxel, voxel + plane)))
         return false;
     n = grid_neighbours(s->grid, voxel, near);
     for (size_t q = 0; q < n; q++)
@@ -95,8 +99,9 @@ static int find_peaks(const struct search *s, struct peak **out, size_t *n)
     size_t capacity = 0;
     *out = NULL;
     *n = 0;
-    for (size_t v = 0; v < grid_size(s->grid); v++) {
-        if (s->volume[v] < s->threshold || !is_peak(s, v) ||
+    for (size_t v = 0, x = 0; v < grid_size(s->grid); v++, x++) {
+        x = x == s->grid->n[0] ? 0 : x;
+        if (s->volume[v] < s->threshold || !is_peak(s, v, x) ||
             (s->judge && !s->judge(s->judge_state, v)))
             continue;
         if (*n == capacity) {

@@ -305,6 +305,7 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
                                     .height_assumed = sight->grid->n[1] == 1};
     memcpy(out->position_m, o->place.position_m, sizeof out->position_m);
     memcpy(out->extent_m, o->place.extent_m, sizeof out->extent_m);
+    memcpy(out->height_m2, o->place.height_m2, sizeof out->height_m2);
     for (int i = 0; i < 6; i++)
         out->covariance_m2[i] = o->place.covariance_m2[i] - wall_m2[i];
     for (int i = 0; i < 6; i += i ? 2 : 3)

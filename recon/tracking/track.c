@@ -9,6 +9,7 @@
 #include "recon/tracking/track_state.h"
 
 #define STEADY_PSD_M2_S3 0.02       /* hardly accelerates at all */
+#define WALK_SHARE       0.3        /* of the power density of acceleration */
 #define EXTENT_SHARE     0.3        /* of the newest look at it */
 #define STARTED          TRACKS_MAX /* owner of what a track begins with */
 #define MISSED_LOOKS     0.5        /* after more of them it may be something else */
@@ -80,13 +81,22 @@ struct track_counts tracker_counts(const struct tracker *t)
 /* -- one track --------------------------------------------------------------------------
  */
 
+/* Who walks and is seen to keeps his pace, mostly. */
+static double acceleration_psd(const struct tracker *t, const struct track *k)
+{
+    double psd = t->cfg.acceleration_psd_m2_s3;
+
+    return k->state != TRACK_PREDICTED && track_outline_may_walk(k) ? WALK_SHARE * psd
+                                                                    : psd;
+}
+
 static void predict(struct tracker *t, double dt_s, bool ego_known)
 {
     double lost = ego_known ? 0.0 : t->cfg.lost_ego_psd_m2_s3;
 
     for (size_t i = 0; i < t->n; i++) {
         struct track *k = &t->tracks[i];
-        track_filter_predict(&k->filter, dt_s, t->cfg.acceleration_psd_m2_s3 + lost);
+        track_filter_predict(&k->filter, dt_s, acceleration_psd(t, k) + lost);
         track_filter_predict(&k->steady, dt_s, STEADY_PSD_M2_S3 + lost);
         track_outline_predict(k, dt_s);
         track_life_predict(&k->life, &t->cfg.life, dt_s);
@@ -135,6 +145,22 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
         k->moves_ns = scan->stamp_ns;
 }
 
+static void hear_walker(struct track_position *p)
+{
+    for (int a = 0; a < 2; a++)
+        for (int b = 0; b < 2; b++)
+            p->covariance_m2[a][b] -= p->walker_m2[a][b];
+}
+
+static void measure_height(const struct tracker *t, const struct track_detection *d,
+                           struct track *k)
+{
+    const double h[2][2] = {{d->height_m2[0], d->height_m2[1]},
+                            {d->height_m2[1], d->height_m2[3]}};
+
+    track_turn_matrix(t->pose.dyaw, h, k->height_m2);
+}
+
 /* The part of the scan's detections that belongs to the track. */
 static void continue_track(struct tracker *t, const struct track_scan *scan, size_t i,
                            const size_t *whose, double fresh)
@@ -152,9 +178,12 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     if (k->body.n) {
         track_body_update(t, scan, whose, i, fresh);
     } else {
-        track_filter_update(&k->filter, &middle);
         track_filter_update(&k->steady, &middle);
+        if (track_outline_may_walk(k))
+            hear_walker(&middle);
+        track_filter_update(&k->filter, &middle);
     }
+    measure_height(t, &scan->detections[k->detection], k);
     for (int a = 0; a < 3; a++)
         k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
     track_turn(t->pose.dyaw, scan->detections[k->detection].sight, k->body.sight);

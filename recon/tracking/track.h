@@ -35,7 +35,8 @@
  * 5 cm of noise on each axis), a braking car by a tenth.  0.5 m2/s3 is an acceleration of
  * 1 m/s2 rms that lasts a quarter of a second (twice variance times time, Singer 1970): a
  * walker's starts and stops, from 0 to 1.4 m/s in a second; a car that brakes with 1.5
- * m/s2 is within it. */
+ * m/s2 is within it.  Who is heard and goes like a walker keeps his pace, mostly: 0.3 of
+ * that. */
 #ifndef ANLOS_RECON_TRACKING_TRACK_H
 #define ANLOS_RECON_TRACKING_TRACK_H
 
@@ -50,8 +51,8 @@
 #define TRACK_DETECTIONS 64
 
 struct track_config {
-    double acceleration_psd_m2_s3;
-    double lost_ego_psd_m2_s3;    /* on top while the vehicle's motion is not known */
+    double acceleration_psd_m2_s3; /* 0.3 of it while somebody is heard to walk */
+    double lost_ego_psd_m2_s3;     /* on top while the vehicle's motion is not known */
     double new_speed_m_s;         /* standard deviation on each axis, before it is seen */
     double wander_m;              /* the brightest spot of an object about its middle */
     double gate2;                 /* of Mahalanobis distances, squared */
@@ -74,6 +75,7 @@ void track_config_default(struct track_config *cfg);
 
 struct track_detection {
     double position_m[3], covariance_m2[6]; /* vehicle frame; xx xy xz yy yz zz */
+    double height_m2[6];                    /* of that, what the assumed height does */
     double extent_m[3];                     /* full size */
     double existence;                       /* 0..1 */
     double power;                           /* of its echo, any unit, > 0 */

@@ -124,8 +124,10 @@ static void add_position(struct track_position *sum, const struct track_position
 {
     for (int a = 0; a < 2; a++) {
         sum->at_m[a] += share * p->at_m[a];
-        for (int b = 0; b < 2; b++)
+        for (int b = 0; b < 2; b++) {
             sum->covariance_m2[a][b] += share * p->covariance_m2[a][b];
+            sum->walker_m2[a][b] += share * p->walker_m2[a][b];
+        }
     }
     sum->lag_s += share * p->lag_s;
     sum->height_m += share * p->height_m;

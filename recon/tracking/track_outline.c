@@ -5,22 +5,25 @@
 
 #include "recon/tracking/track_state.h"
 
-#define WALK_M_S      2.0  /* no person walks faster */
-#define SLOW_M_S      1.75 /* below, what was faster may be walking after all */
-#define SURE_M_S      1.0  /* a velocity that is compared is known to this */
-#define BICYCLE_M     1.0  /* what is sure to be heard of one */
-#define CAR_M         1.9  /* a body that is longer is no bicycle, */
-#define SMEAR_M       0.4  /* nor is one place that is longer by so much: a car, */
-#define CAR_LENGTH_M  4.2  /* so long and so wide, */
-#define CAR_WIDTH_M   1.7
-#define CAR_SHARE     0.5         /* what is fast and was heard shorter is either */
-#define CAR_FRONT     (2.0 / 3.0) /* of it: what comes in is heard at its front at first */
-#define BRAKES_M_S2   3.0         /* no bicycle does so for longer */
-#define SHARE         0.3         /* of the newest look at the middle */
-#define MIDDLE_SHARE  0.05 /* of its size, to which the middle of a body is known */
-#define FRONT_M       0.09 /* what is heard of a person is before the middle by so much */
-#define FRONT_SIGMA_M 0.06
-#define BEYOND_M      (0.5 * CAR_WIDTH_M - FRONT_M) /* a car's middle is farther by that */
+#define WALK_M_S       2.0  /* no person walks faster, */
+#define PERSON_M       0.9  /* nor is longer, as an image has him */
+#define GLINT_S        0.7  /* a glint that looks like one is heard for no longer */
+#define SLOW_M_S       1.75 /* below, what was faster may be walking after all */
+#define SURE_M_S       1.0  /* a velocity that is compared is known to this */
+#define BICYCLE_M      1.0  /* what is sure to be heard of one */
+#define CAR_M          1.9  /* a body that is longer is no bicycle, */
+#define SMEAR_M        0.4  /* nor is one place that is longer by so much: a car, */
+#define CAR_LENGTH_M   4.2  /* so long and so wide, */
+#define CAR_WIDTH_M    1.7
+#define CAR_SHARE      0.5         /* what is fast and was heard shorter is either */
+#define CAR_FRONT      (2.0 / 3.0) /* of it: what comes in is heard at its front at first */
+#define BRAKES_M_S2    3.0         /* no bicycle does so for longer */
+#define SHARE          0.3         /* of the newest look at the middle */
+#define MIDDLE_SHARE   0.05 /* of its size, to which the middle of a body is known */
+#define FRONT_M        0.09 /* what is heard of a person is before the middle by so much */
+#define FRONT_SIGMA_M  0.06
+#define WALKER_SIGMA_M 0.03                          /* the same of who walks */
+#define BEYOND_M       (0.5 * CAR_WIDTH_M - FRONT_M) /* a car's middle is farther by that */
 
 void track_outline_heading(const struct track_filter *f, double u[2])
 {
@@ -41,6 +44,16 @@ bool track_outline_is_fast(const struct track *k)
     double sigma, speed = speed_of(&k->filter, &sigma);
 
     return speed > WALK_M_S && sigma <= SURE_M_S;
+}
+
+bool track_outline_may_walk(const struct track *k)
+{
+    const struct track_outline *o = &k->outline;
+    double sigma;
+
+    speed_of(&k->filter, &sigma);
+    return o->followed_s > GLINT_S && !o->fast && !o->longer && !o->car && !o->glint &&
+           sigma <= SURE_M_S;
 }
 
 void track_outline_turn_in(const double u[2], const double v[2], double out[2])
@@ -136,6 +149,7 @@ static void lengthen(struct track *k)
 
     o->fast = speed - sigma > WALK_M_S ||
               (o->fast && (speed > SLOW_M_S || o->car || o->glint));
+    o->longer = k->body.n || fmax(k->extent_m[0], k->extent_m[1]) > PERSON_M;
     if (o->fast)
         o->longest_m = fmax(o->longest_m, o->high_m[0] - o->low_m[0]);
     o->unheard_m = o->fast ? fmax(BICYCLE_M - o->longest_m, 0.0) : 0.0;
@@ -189,11 +203,11 @@ void track_outline_size(const struct track *k, double yaw, double size_m[2])
                                         : k->extent_m[a] + fabs(u[a]) * o->unheard_m;
 }
 
-/* Who is fast may be a car of which a corner is heard; a car that goes by twice its own
- * length shows more. */
+/* Who is fast or longer than a person may be a car of which a corner is heard; a car that
+ * goes by twice its own length shows more. */
 static double car_share(const struct track_outline *o)
 {
-    if (o->car || o->glint || !o->fast)
+    if (o->car || o->glint || !(o->fast || o->longer))
         return 0.0;
     return CAR_SHARE * fmin(fmax(2.0 - o->travelled_m / CAR_LENGTH_M, 0.0), 1.0);
 }
@@ -202,8 +216,9 @@ void track_outline_predict(struct track *k, double dt_s)
 {
     struct track_outline *o = &k->outline;
 
-    if (o->fast)
+    if (o->fast || o->longer)
         o->travelled_m += dt_s * hypot(k->filter.state[2], k->filter.state[3]);
+    o->followed_s += dt_s;
     o->slowed_m_s += BRAKES_M_S2 * dt_s;
 }
 
@@ -266,7 +281,8 @@ void track_outline_uncertain(const struct track *k, double covariance_m2[2][2])
 {
     const struct track_outline *o = &k->outline;
     double u[2], variance_m2[2];
-    double depth_m2 = o->car ? 0.0 : FRONT_SIGMA_M * FRONT_SIGMA_M;
+    double front_m = track_outline_may_walk(k) ? WALKER_SIGMA_M : FRONT_SIGMA_M;
+    double depth_m2 = o->car ? 0.0 : front_m * front_m;
     bool flank = o->car || o->glint;
 
     track_outline_heading(&k->filter, u);

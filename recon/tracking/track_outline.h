@@ -43,7 +43,9 @@ struct track_outline {
     double fastest_m_s;             /* that it was known to go, and by how much it may */
     double slowed_m_s;              /* have slowed down since */
     bool fast, car;                 /* or was */
-    bool glint;                     /* it was left behind as no bicycle is */
+    bool longer;                    /* than a person */
+    double followed_s;
+    bool glint; /* it was left behind as no bicycle is */
     bool begun;
 };
 
@@ -56,6 +58,9 @@ bool track_outline_is_fast(const struct track *k);
 /* A vector over ground in the frame of the unit vector u, and back. */
 void track_outline_turn_in(const double u[2], const double v[2], double out[2]);
 void track_outline_turn_out(const double u[2], const double v[2], double out[2]);
+
+/* Neither faster nor longer than a person. */
+bool track_outline_may_walk(const struct track *k);
 
 /* After a look; of a vehicle that has turned by yaw over ground. */
 void track_outline_update(struct track *k, double yaw);

@@ -25,6 +25,7 @@ struct track {
     double missed;             /* looks, since it was seen */
     int64_t moves_ns;          /* when it was last seen to move by itself; 0: never */
     double extent_m[3], power; /* of its strongest detections, lately */
+    double height_m2[2][2];    /* by the height that is assumed, over ground */
     struct track_body body;
     struct track_outline outline;
     struct track_mirror mirror; /* over ground: that all of this holds for */

@@ -341,6 +341,9 @@ static void a_line_array_on_a_vehicle_sees_things_on_the_ground(void **state)
     assert_near(p.position_m[0], 5.6, 1e-9);
     assert_near(p.position_m[1], 0.7, 1e-9);
     assert_true(p.covariance_m2[0] > 0.02);
+    double depth_m = 0.5 * hypot(0.4, 0.5) / 2.0; /* one sigma of the height, in depth */
+    assert_near(p.height_m2[0], depth_m * depth_m, 1e-9);
+    assert_near(p.covariance_m2[0] - p.height_m2[0], far.covariance_m2[5], 1e-9);
     objects_place(&p, &s, &none, &near); /* nearer than they are high */
     assert_near(p.position_m[0], 4.1, 1e-9);
 }

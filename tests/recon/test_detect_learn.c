@@ -56,7 +56,7 @@ static void add_object(float *image, double at_m, double power)
 
 /* Noise of exponential powers: shape 1, no other tail, and so the factor of Finn and
  * Johnson, n (rate^(-1/n) - 1). */
-static void expect_plain_noise(const struct cfar *c)
+static void expect_plain_noise(struct cfar *c)
 {
     static const size_t n = 60;
     assert_true(cfar_has_learnt(c));

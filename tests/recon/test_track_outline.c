@@ -221,6 +221,12 @@ static void a_flank_is_the_side_of_a_car(void **state)
     assert_near(in[1], 0.5 * (1.7 - 0.1), 1e-9);
 }
 
+static double quadratic(const double (*c)[2], const double v[2])
+{
+    return v[0] * (c[0][0] * v[0] + c[0][1] * v[1]) +
+           v[1] * (c[1][0] * v[0] + c[1][1] * v[1]);
+}
+
 /* The covariance holds those that are seen through, too; and of what is fast and may be a
  * bicycle or, as likely, the corner of a car, the middle of that: beyond it and, for its
  * front, which it is twice as often as its rear, behind. */
@@ -260,6 +266,28 @@ static void a_middle_is_behind_the_front_that_is_heard(void **state)
                 0.06 * 0.06 + 0.5 * (beyond_m * beyond_m - both_m2 / 3.0), 1e-9);
 }
 
+/* Its corner: of a person no image is longer than 0.9 m. */
+static void what_is_longer_than_a_person_may_be_a_car(void **state)
+{
+    const double sight[2] = {-cos(YAW_RAD), -sin(YAW_RAD)};
+    double beyond_m = 0.5 * 1.7 - 0.09;
+
+    (void)state;
+    for (int longer = 0; longer < 2; longer++) {
+        double c[2][2] = {{0.0}};
+        struct track k;
+        start(&k, 1.2, longer ? 1.0 : 0.8);
+        memcpy(k.body.sight, sight, sizeof sight);
+        settle(&k);
+        track_outline_predict(&k, 1.0);
+        assert_true(track_outline_may_walk(&k) == !longer);
+        track_outline_uncertain(&k, c);
+        double depth_m2 = quadratic(c, sight) - 0.05 * 0.2 * 0.05 * 0.2;
+        assert_near(depth_m2,
+                    longer ? 0.06 * 0.06 + 0.5 * beyond_m * beyond_m : 0.03 * 0.03, 1e-9);
+    }
+}
+
 /* The length that is not heard is anywhere, as evenly as can be: its square over 12; and
  * a twentieth of what is heard. */
 static void the_length_that_is_not_heard_is_uncertain(void **state)
@@ -279,12 +307,6 @@ static void the_length_that_is_not_heard_is_uncertain(void **state)
     assert_near(c[1][1], along_m2 * cs * cs + across_m2 * sn * sn, 1e-12);
     assert_near(c[0][1], (across_m2 - along_m2) * sn * cs, 1e-12);
     assert_near(c[1][0], c[0][1], 1e-15);
-}
-
-static double quadratic(const double (*c)[2], const double v[2])
-{
-    return v[0] * (c[0][0] * v[0] + c[0][1] * v[1]) +
-           v[1] * (c[1][0] * v[0] + c[1][1] * v[1]);
 }
 
 /* Half a second after 4 m/s, known to 0.5, a bicycle that brakes with 3 m/s2 goes 2. */
@@ -368,6 +390,7 @@ int main(void)
         cmocka_unit_test(a_bicycle_has_no_far_side),
         cmocka_unit_test(a_flank_is_the_side_of_a_car),
         cmocka_unit_test(a_middle_is_behind_the_front_that_is_heard),
+        cmocka_unit_test(what_is_longer_than_a_person_may_be_a_car),
         cmocka_unit_test(the_length_that_is_not_heard_is_uncertain),
         cmocka_unit_test(what_is_left_behind_is_a_glint_on_a_car),
         cmocka_unit_test(the_place_on_a_flank_is_as_sure_as_it_says),
