@@ -9,13 +9,15 @@
 
 enum { STREAM_SPEAKERS = 5, STREAM_MICROPHONES = 6, STREAM_STAGE = 7 };
 
-static void draw(double (*out)[3], size_t n, double rms, uint32_t seed, uint64_t stream)
+/* nominal NULL: 0. */
+static void draw(double (*out)[3], const double (*nominal)[3], size_t n, double rms,
+                 uint32_t seed, uint64_t stream)
 {
     struct random r;
     random_seed(&r, (uint64_t[]){seed, stream}, 2);
     for (size_t i = 0; i < n; i++)
         for (int a = 0; a < 3; a++)
-            out[i][a] = rms * random_normal(&r);
+            out[i][a] = (nominal ? nominal[i][a] : 0.0) + rms * random_normal(&r);
 }
 
 int pose_create(struct pose *out, const struct survey *s, double element_m,
@@ -23,33 +25,32 @@ int pose_create(struct pose *out, const struct survey *s, double element_m,
 {
     struct pose p = {.survey = s};
     size_t size = sizeof *p.speakers_m;
-    p.speaker_errors_m = calloc(s->n_speakers, size);
-    p.microphone_errors_m = calloc(s->n_microphones, size);
+    p.speakers_at_m = calloc(s->n_speakers, size);
+    p.microphones_at_m = calloc(s->n_microphones, size);
     p.stage_errors_m = calloc(s->n_positions, size);
     p.speakers_m = calloc(s->n_speakers, size);
     p.microphones_m = calloc(s->n_microphones, size);
     p.speaker_images_m = calloc(s->n_speakers, size);
     p.microphone_images_m = calloc(s->n_microphones, size);
     *out = p;
-    if (!p.speaker_errors_m || !p.microphone_errors_m || !p.stage_errors_m ||
-        !p.speakers_m || !p.microphones_m || !p.speaker_images_m ||
-        !p.microphone_images_m) {
+    if (!p.speakers_at_m || !p.microphones_at_m || !p.stage_errors_m || !p.speakers_m ||
+        !p.microphones_m || !p.speaker_images_m || !p.microphone_images_m) {
         pose_clear(out);
         return -ENOMEM;
     }
-    draw(p.speaker_errors_m, s->n_speakers, element_m, seed, STREAM_SPEAKERS);
-    draw(p.microphone_errors_m, s->n_microphones, element_m, seed, STREAM_MICROPHONES);
-    draw(p.stage_errors_m, s->n_positions, stage_m, seed, STREAM_STAGE);
+    draw(p.speakers_at_m, (const double(*)[3])s->speakers_m, s->n_speakers, element_m,
+         seed, STREAM_SPEAKERS);
+    draw(p.microphones_at_m, (const double(*)[3])s->microphones_m, s->n_microphones,
+         element_m, seed, STREAM_MICROPHONES);
+    draw(p.stage_errors_m, NULL, s->n_positions, stage_m, seed, STREAM_STAGE);
     return 0;
 }
 
 static void place(const struct survey *s, const double stage[3], size_t n,
-                  const double (*nominal)[3], const double (*errors)[3], double (*out)[3],
-                  double (*images)[3])
+                  const double (*at)[3], double (*out)[3], double (*images)[3])
 {
     for (size_t i = 0; i < n; i++) {
-        vector_add(nominal[i], 1, errors[i], out[i]);
-        vector_add(out[i], 1, stage, out[i]);
+        vector_add(at[i], 1, stage, out[i]);
         vector_mirror(s->wall_normal, s->wall_distance_m, out[i], images[i]);
     }
 }
@@ -60,17 +61,16 @@ void pose_move(struct pose *p, size_t position)
     double stage[3];
     vector_add(p->stage_errors_m[position], s->stage_positions_m[position], s->stage_axis,
                stage);
-    place(s, stage, s->n_speakers, (const double(*)[3])s->speakers_m,
-          (const double(*)[3])p->speaker_errors_m, p->speakers_m, p->speaker_images_m);
-    place(s, stage, s->n_microphones, (const double(*)[3])s->microphones_m,
-          (const double(*)[3])p->microphone_errors_m, p->microphones_m,
-          p->microphone_images_m);
+    place(s, stage, s->n_speakers, (const double(*)[3])p->speakers_at_m, p->speakers_m,
+          p->speaker_images_m);
+    place(s, stage, s->n_microphones, (const double(*)[3])p->microphones_at_m,
+          p->microphones_m, p->microphone_images_m);
 }
 
 void pose_clear(struct pose *p)
 {
-    free(p->speaker_errors_m);
-    free(p->microphone_errors_m);
+    free(p->speakers_at_m);
+    free(p->microphones_at_m);
     free(p->stage_errors_m);
     free(p->speakers_m);
     free(p->microphones_m);

@@ -9,9 +9,11 @@
 #include "recon/survey.h"
 
 struct pose {
-    const struct survey *survey; /* nominal places; not owned */
-    double (*speaker_errors_m)[3], (*microphone_errors_m)[3]; /* [n], unknown to it */
-    double (*stage_errors_m)[3];                              /* [n_positions] */
+    const struct survey *survey; /* not owned */
+    /* Really, at stage position 0: the survey, which may be calibrated later, knows less.
+     */
+    double (*speakers_at_m)[3], (*microphones_at_m)[3]; /* [n] */
+    double (*stage_errors_m)[3];                        /* [n_positions] */
     /* Set by pose_move: */
     double (*speakers_m)[3], (*microphones_m)[3];
     double (*speaker_images_m)[3], (*microphone_images_m)[3]; /* behind the wall */

@@ -26,11 +26,14 @@ struct calibration_channel {
 struct calibration {
     char array[512];   /* the URI it was made with */
     char made[32];     /* when it was last changed, "2026-05-01T12:00:00Z" */
-    char geometry[24]; /* stands for the places of the elements */
+    char geometry[24]; /* stands for the places of the elements in the survey */
     double sample_rate_hz;
     double latency_samples;                                  /* NaN: not measured */
     double temperature_c, humidity_percent, sound_speed_m_s; /* NaN: not known */
     bool has_channels, has_gains;                            /* looked at */
+    double (*places_m)[3]; /* [n_speakers + n_microphones], speakers first; NULL: those of
+                              the survey */
+    double places_sigma_m; /* what is left of their errors, rms of all axes */
     size_t n_speakers, n_microphones;
     struct calibration_channel *speakers;    /* [n_speakers] */
     struct calibration_channel *microphones; /* [n_microphones] */
@@ -45,12 +48,15 @@ int calibration_create(struct calibration **out, size_t n_speakers, size_t n_mic
 /* It is of this array from now on: its URI, its rate and the places of its elements. */
 void calibration_name(struct calibration *c, const struct survey *s, const char *array);
 
-/* Is it for this array: number and places of elements, sample rate?  path: for the
- * error.  0, -EINVAL. */
+/* Is it for this array: number and places of elements (those it was made with, or those
+ * that it found), sample rate?  path: for the error.  0, -EINVAL. */
 int calibration_fits(const struct calibration *c, const struct survey *s,
                      const char *path, struct error *why);
 
-/* Latency, temperature and speed of sound into the survey, where they are known.
+/* How far places may be from those of the survey: farther is another array. */
+#define CALIBRATION_MAX_MOVE_M 0.1
+
+/* Latency, temperature, speed of sound and places into the survey, where they are known.
  * 0, -EINVAL (does not fit, or the survey is not plausible with it), and *s as it was. */
 int calibration_apply(const struct calibration *c, struct survey *s, const char *path,
                       struct error *why);

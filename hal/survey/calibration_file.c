@@ -33,6 +33,12 @@ struct channels {
     struct numbers with[2][N_FAULTS]; /* speakers, microphones by fault */
 };
 
+struct places {
+    double (*speakers_m)[3], (*microphones_m)[3];
+    unsigned n_speakers, n_microphones;
+    double sigma_m;
+};
+
 struct root {
     char *array, *made, *geometry, *background;
     double sample_rate_hz;
@@ -40,6 +46,7 @@ struct root {
     double *latency_samples, *temperature_c, *humidity_percent, *sound_speed_m_s;
     struct channels *channels;
     struct gains *gains;
+    struct places *places;
 };
 
 static const struct cyaml_schema_value channel_number = {
@@ -53,6 +60,9 @@ static const struct cyaml_schema_value channel_number = {
 #define GAINS(key)                                                                       \
     CYAML_FIELD_SEQUENCE_COUNT(#key "_db", CYAML_FLAG_POINTER, struct gains, key##_db,   \
                                n_##key, &survey_yaml_number, 1, SURVEY_MAX_ELEMENTS)
+#define PLACES(key)                                                                      \
+    CYAML_FIELD_SEQUENCE_COUNT(#key "_m", CYAML_FLAG_POINTER, struct places, key##_m,    \
+                               n_##key, &survey_yaml_point, 1, SURVEY_MAX_ELEMENTS)
 #define TEXT(key, flags, size)                                                           \
     CYAML_FIELD_STRING_PTR(#key, CYAML_FLAG_POINTER | (flags), struct root, key, 1, size)
 #define NUMBER(key) CYAML_FIELD_FLOAT_PTR(#key, OPTIONAL, struct root, key)
@@ -74,6 +84,11 @@ static const char *const kind_names[2] = {"speakers", "microphones"};
 static const struct cyaml_schema_field gain_fields[] = {
     GAINS(speakers), GAINS(microphones), CYAML_FIELD_END};
 
+static const struct cyaml_schema_field place_fields[] = {
+    PLACES(speakers), PLACES(microphones),
+    CYAML_FIELD_FLOAT("sigma_m", CYAML_FLAG_DEFAULT, struct places, sigma_m),
+    CYAML_FIELD_END};
+
 static const struct cyaml_schema_field root_fields[] = {
     TEXT(array, CYAML_FLAG_DEFAULT, sizeof((struct calibration *)0)->array - 1),
     TEXT(made, CYAML_FLAG_DEFAULT, sizeof((struct calibration *)0)->made - 1),
@@ -87,6 +102,7 @@ static const struct cyaml_schema_field root_fields[] = {
     NUMBER(sound_speed_m_s),
     CYAML_FIELD_MAPPING_PTR("channels", OPTIONAL, struct root, channels, channel_fields),
     CYAML_FIELD_MAPPING_PTR("gains", OPTIONAL, struct root, gains, gain_fields),
+    CYAML_FIELD_MAPPING_PTR("places", OPTIONAL, struct root, places, place_fields),
     TEXT(background, OPTIONAL, 4096),
     CYAML_FIELD_END};
 static const struct cyaml_schema_value root_schema = {
@@ -181,6 +197,44 @@ static int take_channels(struct calibration *c, const struct root *r, const char
     return err;
 }
 
+static int check_places(const struct calibration *c, const struct places *p,
+                        const char *path, struct error *why)
+{
+    const struct {
+        const char *key;
+        size_t is, expected;
+    } counts[] = {{"places.speakers_m", p->n_speakers, c->n_speakers},
+                  {"places.microphones_m", p->n_microphones, c->n_microphones}};
+    for (size_t i = 0; i < 2; i++)
+        if (counts[i].is != counts[i].expected)
+            return yaml_error_say(why, -EINVAL, path, counts[i].key,
+                                  "expected %zu places, one for each, found %zu",
+                                  counts[i].expected, counts[i].is);
+    if (!(p->sigma_m > 0.0 && p->sigma_m <= CALIBRATION_MAX_MOVE_M))
+        return yaml_error_say(why, -EINVAL, path, "places.sigma_m",
+                              "%g is implausible; expected more than 0, up to %g m",
+                              p->sigma_m, CALIBRATION_MAX_MOVE_M);
+    return 0;
+}
+
+static int take_places(struct calibration *c, const struct places *p, const char *path,
+                       struct error *why)
+{
+    if (!p)
+        return 0;
+    int err = check_places(c, p, path, why);
+    if (err)
+        return err;
+    c->places_m = malloc((c->n_speakers + c->n_microphones) * sizeof *c->places_m);
+    if (!c->places_m)
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
+    memcpy(c->places_m, p->speakers_m, c->n_speakers * sizeof *c->places_m);
+    memcpy(c->places_m + c->n_speakers, p->microphones_m,
+           c->n_microphones * sizeof *c->places_m);
+    c->places_sigma_m = p->sigma_m;
+    return 0;
+}
+
 static double known(const double *x)
 {
     return x ? *x : NAN;
@@ -204,6 +258,8 @@ static int from_root(struct calibration **out, const struct root *r, const char 
     c->humidity_percent = known(r->humidity_percent);
     c->sound_speed_m_s = known(r->sound_speed_m_s);
     err = take_channels(c, r, path, why);
+    if (!err)
+        err = take_places(c, r->places, path, why);
     if (!err && r->background && !(c->background = strdup(r->background)))
         err = error_say(why, -ENOMEM, "%s: out of memory", path);
     if (err)
@@ -291,6 +347,15 @@ static void print_gains(FILE *f, const char *kind,
     fputs("]\n", f);
 }
 
+static void print_places(FILE *f, const char *kind, const double (*at_m)[3], size_t n)
+{
+    char text[3][DECIMAL_SIZE];
+    fprintf(f, "  %s_m:\n", kind);
+    for (size_t i = 0; i < n; i++)
+        fprintf(f, "    - [%s, %s, %s]\n", decimal_print(at_m[i][0], text[0]),
+                decimal_print(at_m[i][1], text[1]), decimal_print(at_m[i][2], text[2]));
+}
+
 static void print_calibration(FILE *f, const struct calibration *c)
 {
     fputs("# What anlos calibrate has measured; each of its commands renews a part.\n"
@@ -314,6 +379,14 @@ static void print_calibration(FILE *f, const struct calibration *c)
         fputs("gains:\n", f);
         print_gains(f, "speakers", c->speakers, c->n_speakers);
         print_gains(f, "microphones", c->microphones, c->n_microphones);
+    }
+    if (c->places_m) {
+        char sigma[DECIMAL_SIZE];
+        fputs("places: # in place of the survey's\n", f);
+        print_places(f, "speakers", (const double(*)[3])c->places_m, c->n_speakers);
+        print_places(f, "microphones", (const double(*)[3])c->places_m + c->n_speakers,
+                     c->n_microphones);
+        fprintf(f, "  sigma_m: %s\n", decimal_print(c->places_sigma_m, sigma));
     }
     if (c->background)
         print_text(f, "background", c->background);

@@ -15,6 +15,10 @@
  *   sound_speed_m_s: 344.49
  *   channels: {inverted_speakers: [], dead_microphones: [3]}    # numbers from 0
  *   gains: {speakers_db: [0.5, -0.5], microphones_db: [1, -1]}  # over their mean
+ *   places:                            # in the array frame, in place of the survey's
+ *     speakers_m: [[0, 0.001, 0], [0.001, 0.067, -0.002]]
+ *     microphones_m: [[0.08, 0, 0.003], [0.081, 0.066, 0]]
+ *     sigma_m: 0.0005                  # what is left of their errors
  *   background: empty-room             # a recording's folder, relative to this file
  */
 #ifndef ANLOS_HAL_SURVEY_CALIBRATION_FILE_H

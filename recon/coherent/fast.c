@@ -4,7 +4,8 @@
  * (recon/coherent/midpoint_stack), and the co-located traces are migrated
  * (recon/coherent/fk).  Dip moveout costs time and memory, and is done where echoes from
  * aside would come out of step without it: for targets nearer than about four times the
- * longest half-offset. */
+ * longest half-offset.  Elements a little beside a line take static corrections
+ * (recon/coherent/statics). */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -19,6 +20,7 @@
 #define RATE_MARGIN 1.2 /* sampling rate of co-located traces over the band's width */
 
 struct fast {
+    struct statics *statics; /* of elements beside a line; else NULL */
     struct midpoints *midpoints;
     struct midpoint_stack *stack;
     struct fk *fk;
@@ -73,10 +75,15 @@ static int create_stack(struct fast *f, const struct imager_config *cfg,
 {
     int dmo = cfg->options ? cfg->options->dmo : -1;
     bool dip = dmo > 0;
-    int err = dmo < 0 ? needs_dip(cfg, &dip) : 0;
+    int err = dmo < 0 && !f->statics ? needs_dip(cfg, &dip) : 0;
+    if (f->statics && dip) {
+        *why = "elements on lines for dip moveout";
+        return -ENOTSUP;
+    }
     struct midpoint_stack_config stack = {
         .geometry = cfg->geometry,
         .midpoints = f->midpoints,
+        .statics = f->statics,
         .in = cfg->format,
         .out = *colocated,
         .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
@@ -132,7 +139,19 @@ static void fast_destroy(void *state)
     fk_destroy(f->fk);
     midpoint_stack_destroy(f->stack);
     midpoints_destroy(f->midpoints);
+    statics_destroy(f->statics);
     free(f);
+}
+
+/* With static corrections for the middle of what is imaged. */
+static int create_line(struct fast *f, const struct imager_config *cfg, const char **why)
+{
+    double middle_m[3];
+    for (int a = 0; a < 3; a++)
+        middle_m[a] = cfg->grid.origin_m[a] +
+                      0.5 * cfg->grid.step_m[a] * (double)(cfg->grid.n[a] - 1);
+    int err = statics_create(&f->statics, cfg->geometry, middle_m, why);
+    return err ? err : midpoints_create(&f->midpoints, &f->statics->line, why);
 }
 
 static int fast_create(void **state, const struct imager_config *cfg, const char **why)
@@ -141,6 +160,8 @@ static int fast_create(void **state, const struct imager_config *cfg, const char
     if (!f)
         return -ENOMEM;
     int err = midpoints_create(&f->midpoints, cfg->geometry, why);
+    if (err == -ENOTSUP)
+        err = create_line(f, cfg, why);
     if (!err)
         err = create_stages(f, cfg, why);
     if (err) {

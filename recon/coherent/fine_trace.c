@@ -3,7 +3,9 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "dsp/vector.h"
 #include "recon/coherent/sinc.h"
@@ -16,6 +18,10 @@
 #define TAPS         (SINC_TAPS + 2)
 #define FULL         32767.0f /* of half a word */
 #define SILENT       1e-30f
+#define ROUNDS       12582912.0f /* 1.5 * 2^23: what is added to it is rounded */
+#define INFINITE     0x7f800000  /* the bits of a float; what is no number has more */
+
+typedef int32_t float_bits __attribute__((may_alias));
 
 struct fine_scratch {
     float *in[2];  /* [TAPS + n_samples] re, im of a trace with zeros around it */
@@ -122,19 +128,38 @@ void fine_trace_refine(const struct fine_trace *f, size_t thread, const float co
     }
 }
 
-/* What is no number counts for nothing. */
+/* What is no number counts for nothing: on bits, as comparisons of floats would branch.
+ */
+VECTOR_CLONES
 static float largest(const float *x, size_t n)
 {
-    float largest = 0.0f;
-    for (size_t q = 0; q < n; q++)
-        largest = fabsf(x[q]) > largest ? fabsf(x[q]) : largest;
-    return largest;
+    const float_bits *bits = (const float_bits *)x;
+    int32_t most = 0;
+    float out;
+    for (size_t q = 0; q < n; q++) {
+        int32_t magnitude = bits[q] & INT32_MAX;
+        magnitude = magnitude <= INFINITE ? magnitude : 0;
+        most = magnitude > most ? magnitude : most;
+    }
+    memcpy(&out, &most, sizeof out);
+    return out;
 }
 
-static uint32_t half_word(float x, float per_unit)
+/* To the nearest whole number; 0 what is none. */
+VECTOR_INLINE int32_t half_word(float x, float per_unit)
 {
     float y = x * per_unit;
-    return (uint16_t)(int16_t)(fabsf(y) < FULL + 1.0f ? lrintf(y) : 0);
+    y = fabsf(y) < FULL + 1.0f ? y : 0.0f;
+    return (int32_t)(y + ROUNDS) - (int32_t)ROUNDS;
+}
+
+VECTOR_CLONES
+static void store_words(size_t n, const float *restrict re, const float *restrict im,
+                        float per_unit, size_t stride, uint32_t *restrict out)
+{
+    for (size_t q = 0; q < n; q++)
+        out[q * stride] = (uint32_t)half_word(re[q], per_unit) << 16 |
+                          (uint16_t)half_word(im[q], per_unit);
 }
 
 float fine_trace_words(const struct fine_trace *f, size_t thread, const float complex *in,
@@ -146,8 +171,6 @@ float fine_trace_words(const struct fine_trace *f, size_t thread, const float co
     float most = fmaxf(largest(x[0], n_fine), largest(x[1], n_fine));
     float per_unit = most > SILENT ? FULL / most : 0.0f;
     for (size_t p = 0; p < f->upsampling; p++)
-        for (size_t q = 0; q < n; q++)
-            out[1 + q * f->upsampling + p] = half_word(x[0][p * n + q], per_unit) << 16 |
-                                             half_word(x[1][p * n + q], per_unit);
+        store_words(n, x[0] + p * n, x[1] + p * n, per_unit, f->upsampling, out + 1 + p);
     return most / FULL;
 }

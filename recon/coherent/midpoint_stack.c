@@ -11,6 +11,7 @@
 
 struct midpoint_stack {
     const struct midpoints *midpoints;
+    const struct statics *statics;
     size_t n_microphones, n_in, n_out;
     struct nmo *nmo;                 /* one of the two: */
     struct zero_offset *zero_offset; /* with dip moveout */
@@ -24,6 +25,24 @@ struct midpoint_stack {
 static size_t cells(const struct midpoint_stack *s)
 {
     return s->midpoints->nx * s->midpoints->ny;
+}
+
+/* Each pair has a moveout of its own, for each group of positions. */
+static int create_shifted(struct midpoint_stack *s,
+                          const struct midpoint_stack_config *cfg, struct nmo_config *nmo)
+{
+    const struct midpoints *m = cfg->midpoints;
+    nmo->n_offsets = cfg->statics->n_groups * m->n_pairs;
+    double *half_m = malloc(nmo->n_offsets * sizeof *half_m);
+    if (!half_m)
+        return -ENOMEM;
+    for (size_t q = 0; q < nmo->n_offsets; q++)
+        half_m[q] = m->half_offset_m[m->offset[q % m->n_pairs]];
+    nmo->half_offset_m = half_m;
+    nmo->shift_s = cfg->statics->shift_s;
+    int err = nmo_create(&s->nmo, nmo);
+    free(half_m);
+    return err;
 }
 
 static int create_moveout(struct midpoint_stack *s,
@@ -40,7 +59,7 @@ static int create_moveout(struct midpoint_stack *s,
         };
         return zero_offset_create(&s->zero_offset, &z, why);
     }
-    const struct nmo_config nmo = {
+    struct nmo_config nmo = {
         .sound_speed_m_s = cfg->geometry->sound_speed_m_s,
         .in = cfg->in,
         .out = cfg->out,
@@ -49,7 +68,7 @@ static int create_moveout(struct midpoint_stack *s,
         .n_offsets = cfg->midpoints->n_offsets,
         .half_offset_m = cfg->midpoints->half_offset_m,
     };
-    return nmo_create(&s->nmo, &nmo);
+    return cfg->statics ? create_shifted(s, cfg, &nmo) : nmo_create(&s->nmo, &nmo);
 }
 
 static int allocate(struct midpoint_stack *s)
@@ -75,6 +94,7 @@ int midpoint_stack_create(struct midpoint_stack **out,
     if (!s)
         return -ENOMEM;
     s->midpoints = cfg->midpoints;
+    s->statics = cfg->statics;
     s->n_microphones = cfg->geometry->n_microphones;
     s->n_in = cfg->in.n_samples;
     s->n_out = cfg->out.n_samples;
@@ -117,11 +137,12 @@ void midpoint_stack_add(struct midpoint_stack *s, size_t position, size_t speake
         if (masked && masked[i])
             continue;
         size_t pair = speaker * s->n_microphones + i;
+        size_t moveout = s->statics ? statics_group(s->statics, position) + pair
+                                    : m->offset[pair];
         size_t x = m->ix[position * m->n_pairs + pair];
         size_t cell = x * m->ny + m->iy[position * m->n_pairs + pair];
         pthread_mutex_lock(&s->locks[x]);
-        nmo_stack(s->nmo, m->offset[pair], traces + i * s->n_in,
-                  s->gather + cell * s->n_out);
+        nmo_stack(s->nmo, moveout, traces + i * s->n_in, s->gather + cell * s->n_out);
         s->fold[cell] += 1.0f;
         pthread_mutex_unlock(&s->locks[x]);
     }

@@ -3,7 +3,7 @@
  * would have recorded at the midpoints: moved out with their phase, and stacked so that
  * each midpoint counts once.  Without dip moveout (recon/coherent/nmo) echoes from aside
  * come out a little early; with it (recon/coherent/zero_offset) they do not, for evenly
- * spaced midpoints. */
+ * spaced midpoints that take no static corrections. */
 #ifndef ANLOS_RECON_COHERENT_MIDPOINT_STACK_H
 #define ANLOS_RECON_COHERENT_MIDPOINT_STACK_H
 
@@ -13,10 +13,12 @@
 #include "dsp/pool.h"
 #include "dsp/pulse_compress.h"
 #include "recon/coherent/midpoint.h"
+#include "recon/coherent/statics.h"
 
 struct midpoint_stack_config {
     const struct geometry *geometry;
     const struct midpoints *midpoints; /* of that geometry; outlives the stack */
+    const struct statics *statics;     /* or of its line, likewise; NULL */
     struct trace_format in;            /* oversampled by 2 or nearly */
     struct trace_format out;           /* co-located; carrier_hz as in */
     double band_hz[2];

@@ -37,12 +37,13 @@ static double taper(size_t n, size_t size, double t_s, const struct nmo_config *
 }
 
 /* false: nothing is heard there. */
-static bool plan_sample(const struct nmo_config *cfg, double half_offset_m, size_t n,
+static bool plan_sample(const struct nmo_config *cfg, size_t offset, size_t n,
                         uint32_t *first, struct moveout *m)
 {
     double t0 = cfg->out.t0_s + (double)n / cfg->out.rate_hz;
-    double moveout_s = 2.0 * half_offset_m / cfg->sound_speed_m_s;
-    double t = sqrt(t0 * t0 + moveout_s * moveout_s);
+    double moveout_s = 2.0 * cfg->half_offset_m[offset] / cfg->sound_speed_m_s;
+    double shift_s = cfg->shift_s ? cfg->shift_s[offset] : 0.0;
+    double t = sqrt(t0 * t0 + moveout_s * moveout_s) + shift_s;
     double at = (t - cfg->in.t0_s) * cfg->in.rate_hz;
     double below = floor(at);
     double start = below - (TAPS / 2 - 1);
@@ -69,7 +70,7 @@ static void plan_offset(struct nmo *n, const struct nmo_config *cfg, size_t offs
     uint32_t *begin = &n->begin[offset], *end = &n->end[offset];
     for (size_t s = 0; s < n->n_out; s++) {
         size_t q = offset * n->n_out + s;
-        if (!plan_sample(cfg, cfg->half_offset_m[offset], s, &n->first[q], &n->steps[q]))
+        if (!plan_sample(cfg, offset, s, &n->first[q], &n->steps[q]))
             continue;
         *begin = *end ? *begin : (uint32_t)s;
         *end = (uint32_t)s + 1;

@@ -20,6 +20,7 @@ struct nmo_config {
     double band_hz;          /* width of the band */
     size_t n_offsets;
     const double *half_offset_m; /* [n_offsets] */
+    const double *shift_s; /* [n_offsets]: so much later is what comes in; NULL: none */
 };
 
 struct nmo;

@@ -74,6 +74,10 @@ static void assert_equal(const struct calibration *a, const struct calibration *
         assert_same(a->microphones[m].gain_db, b->microphones[m].gain_db);
         assert_int_equal(a->microphones[m].faults, b->microphones[m].faults);
     }
+    assert_same(a->places_sigma_m, b->places_sigma_m);
+    assert_true(!a->places_m == !b->places_m);
+    if (a->places_m)
+        assert_memory_equal(a->places_m, b->places_m, 5 * sizeof *a->places_m);
     assert_true(!a->background == !b->background);
     if (a->background)
         assert_string_equal(a->background, b->background);
@@ -84,7 +88,7 @@ static void what_is_saved_is_loaded(void **state)
     struct error why = {.text = ""};
     struct calibration *c = made(), *back;
     const char *path = scratch_path(*state, "c.yaml");
-    for (int part = 0; part < 5; part++) {
+    for (int part = 0; part < 6; part++) {
         if (part == 1)
             c->latency_samples = 123.4567;
         if (part == 2) {
@@ -104,6 +108,14 @@ static void what_is_saved_is_loaded(void **state)
             c->speakers[1].gain_db = -1.25;
             c->microphones[2].gain_db = -19.9;
             c->background = strdup("empty \"room\"");
+        }
+        if (part == 5) {
+            c->places_m = malloc(5 * sizeof *c->places_m);
+            assert_non_null(c->places_m);
+            for (int e = 0; e < 5; e++)
+                for (int a = 0; a < 3; a++)
+                    c->places_m[e][a] = 0.1 * e - 1e-5 * a;
+            c->places_sigma_m = 0.0005;
         }
         assert_int_equal(calibration_save(c, path, &why), 0);
         back = load(path);
@@ -137,6 +149,12 @@ static void implausible_values_are_refused_with_line_and_range(void **state)
          ":8: gains.speakers_db: expected 2 gains, one for each, found 1"},
         {"channels: {dead_microphones: [0, 3]}\n",
          ":7: channels.dead_microphones[1]: there is no 3; expected 0 to 2"},
+        {"places:\n  speakers_m: [[0, 0, 0]]\n  microphones_m: [[0, 0, 0], [0, 0, 0], "
+         "[0, 0, 0]]\n  sigma_m: 0.001\n",
+         ":8: places.speakers_m: expected 2 places, one for each, found 1"},
+        {"places:\n  speakers_m: [[0, 0, 0], [0, 0, 0]]\n  microphones_m: [[0, 0, 0], "
+         "[0, 0, 0], [0, 0, 0]]\n  sigma_m: 0\n",
+         ":10: places.sigma_m: 0 is implausible; expected more than 0, up to 0.1 m"},
         {"latencysamples: 3\n", ":7: latencysamples: no such key"},
         {"latency_samples: soon\n", ":7: latency_samples: expected a number"},
     };
@@ -194,6 +212,38 @@ static void it_is_applied_to_its_own_array_only(void **state)
     assert_int_equal(calibration_apply(c, &other, "c.yaml", &why), -EINVAL);
     assert_contains(why.text, "at other places");
     assert_true(other.latency_samples == 0);
+    calibration_destroy(c);
+}
+
+/* In place of the survey's, also in a survey that has them already; farther than a
+ * decimetre it is another array. */
+static void places_take_the_place_of_the_surveys(void **state)
+{
+    static const double found[5][3] = {{0.001, 0, 0.002},
+                                       {0, 0.103, 0},
+                                       {0.08, 0, 0.01},
+                                       {0.081, 0.1, 0},
+                                       {0.08, 0.21, 0}};
+    struct error why = {.text = ""};
+    struct calibration *c = made();
+    struct survey mine = example(), s;
+    (void)state;
+    assert_int_equal(survey_copy(&s, &mine), 0);
+    c->places_m = malloc(sizeof found);
+    assert_non_null(c->places_m);
+    memcpy(c->places_m, found, sizeof found);
+    for (int again = 0; again < 2; again++) {
+        assert_int_equal(calibration_apply(c, &s, "c.yaml", &why), 0);
+        assert_memory_equal(s.speakers_m, found, 2 * sizeof *found);
+        assert_memory_equal(s.microphones_m, found + 2, 3 * sizeof *found);
+    }
+    survey_clear(&s);
+    assert_int_equal(survey_copy(&s, &mine), 0);
+    c->places_m[4][2] = 0.11;
+    assert_int_equal(calibration_apply(c, &s, "c.yaml", &why), -EINVAL);
+    assert_contains(why.text, "microphone 2 is 0.11");
+    assert_memory_equal(s.microphones_m, microphones_m, sizeof microphones_m);
+    survey_clear(&s);
     calibration_destroy(c);
 }
 
@@ -310,6 +360,7 @@ int main(void)
         TEST(a_file_that_is_missing_or_incomplete_is_refused),
         TEST(it_is_applied_to_its_own_array_only),
         TEST(what_is_not_known_leaves_the_survey_alone),
+        TEST(places_take_the_place_of_the_surveys),
         TEST(samples_are_set_right),
         TEST(a_failed_save_leaves_the_old_file),
         TEST(no_name_is_no_calibration),

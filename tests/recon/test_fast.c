@@ -37,6 +37,24 @@ static void uneven_lines_of_midpoints_image_as_well(void **state)
     rig_expect_point(&r, "fast", at, 2e-3, 1e-3);
 }
 
+/* Up to 8 mm beside the line, a quarter of a wavelength: static corrections. */
+static void elements_beside_the_line_image_as_well(void **state)
+{
+    (void)state;
+    const double at[3] = {-0.031, 0.043, 1.1523};
+    struct rig r;
+    rig_default(&r);
+    for (size_t e = 0; e < r.geometry.n_speakers; e++) {
+        r.speakers_m[e][0] += e % 2 ? 0.005 : -0.005;
+        r.speakers_m[e][1] += e % 3 ? 0.004 : -0.006;
+        r.speakers_m[e][2] += e % 2 ? -0.008 : 0.008;
+    }
+    for (size_t e = 0; e < r.geometry.n_microphones; e++)
+        r.microphones_m[e][2] += e < 2 ? 0.007 : -0.005;
+    rig_look_at(&r, -0.03, 0.04, 1.15, 15, 0.008);
+    rig_expect_point(&r, "fast", at, 2e-3, 1e-3);
+}
+
 /* A line of midpoints has no aperture across: a point beside it shows on the line at its
  * range, and the image's copies must stay away from it however narrow the grid is. */
 static void a_single_line_of_midpoints_does_not_wrap(void **state)
@@ -83,7 +101,7 @@ static void an_array_that_is_not_plane_is_refused_with_a_reason(void **state)
     (void)state;
     struct rig r;
     rig_default(&r);
-    r.speakers_m[1][2] = 0.04;
+    r.speakers_m[1][2] = 0.04; /* 3.5 cm from the line of all */
     expect_refused(&r);
 }
 
@@ -244,6 +262,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_point_is_where_it_is),
         cmocka_unit_test(uneven_lines_of_midpoints_image_as_well),
+        cmocka_unit_test(elements_beside_the_line_image_as_well),
         cmocka_unit_test(a_single_line_of_midpoints_does_not_wrap),
         cmocka_unit_test(an_array_that_is_not_plane_is_refused_with_a_reason),
         cmocka_unit_test(a_volume_behind_the_array_is_refused_with_a_reason),
