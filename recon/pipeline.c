@@ -34,7 +34,6 @@ void pipeline_config_default(struct pipeline_config *cfg, bool is_static)
                                  .is_static = is_static,
                                  .array = {.threads = 1, .sum = FRAMES_POWER},
                                  .scan = {.method = "fast", .threads = 1}};
-    cfg->array.window = cfg->scan.window = cfg->frontend.window;
     cfg->array.compression = cfg->scan.compression = cfg->frontend.compression;
     object_tracker_config_default(&cfg->tracker, is_static);
     wall_finder_config_default(&cfg->walls);
@@ -47,7 +46,6 @@ int pipeline_create(struct pipeline **out, const struct pipeline_config *cfg)
     if (!p)
         return -ENOMEM;
     p->cfg = *cfg;
-    p->cfg.array.window = p->cfg.scan.window = cfg->frontend.window;
     p->cfg.array.compression = p->cfg.scan.compression = cfg->frontend.compression;
     p->cfg.frontend.hears_walls = cfg->finds_walls &&
                                   cfg->walls.map.from == WALL_FROM_ECHOES;

@@ -30,7 +30,7 @@ enum pipeline_stage {
     PIPELINE_DETECT, /* objects and tracks */
 };
 
-struct pipeline_config { /* windows, compression and threads are the same for all */
+struct pipeline_config { /* compression and threads are the same for all */
     struct frontend_config frontend;
     bool is_static; /* a static array; else a scan */
     struct static_array_config array;

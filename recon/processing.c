@@ -244,6 +244,12 @@ static void curves_clear(struct curves *c)
     free(c->curve);
 }
 
+static int say_compressor(const struct processing *p, int err, struct error *why)
+{
+    return error_say(why, err, "pulse compression of %zu samples, %.4f to %.4f s: %s",
+                     p->ping_samples, p->gate_s[0], p->gate_s[1], strerror(-err));
+}
+
 int processing_compressor(struct pulse_compress **out, const struct processing *p,
                           const struct survey *s, enum window window, struct error *why)
 {
@@ -256,22 +262,25 @@ int processing_compressor(struct pulse_compress **out, const struct processing *
     if (!err)
         err = pulse_compress_create(out, &cfg);
     if (err)
-        error_say(why, err, "pulse compression of %zu samples, %.4f to %.4f s: %s",
-                  p->ping_samples, p->gate_s[0], p->gate_s[1], strerror(-err));
+        say_compressor(p, err, why);
     curves_clear(&curves);
     return err;
 }
 
-int processing_deramp(struct deramp **out, const struct processing *p,
-                      const struct survey *s, enum window window, struct error *why)
+int processing_compressor_format(struct trace_format *out, const struct processing *p,
+                                 const struct survey *s, struct error *why)
 {
-    struct curves curves;
-    if (s->n_replica)
-        return error_say(why, -EINVAL,
-                         "deramp mixes with a chirp, and the survey names a replica; use "
-                         "matched_filter");
-    int err = curves_take(&curves, s);
-    struct deramp_config cfg = {
+    struct pulse_compress_config cfg;
+
+    configure(&cfg, p, s, WINDOW_RECTANGULAR);
+    int err = pulse_compress_format_of(&cfg, out);
+    return err ? say_compressor(p, err, why) : 0;
+}
+
+static struct deramp_config configure_deramp(const struct processing *p,
+                                             const struct survey *s, enum window window)
+{
+    return (struct deramp_config){
         .sample_rate_hz = s->sample_rate_hz,
         .n_samples = p->ping_samples,
         .chirp = processing_chirp(s),
@@ -279,16 +288,53 @@ int processing_deramp(struct deramp **out, const struct processing *p,
         .window = window,
         .gate_s = {p->gate_s[0], p->gate_s[1]},
         .n_channels = s->n_microphones,
-        .microphones = curves.each,
         .rate_hz = TRACE_OVERSAMPLING * (p->band_hz[1] - p->band_hz[0]),
     };
+}
+
+static int say_deramp(const struct processing *p, int err, struct error *why)
+{
+    return error_say(why, err, "deramp of %zu samples, %.4f to %.4f s: %s",
+                     p->ping_samples, p->gate_s[0], p->gate_s[1], strerror(-err));
+}
+
+static int check_deramp(const struct survey *s, struct error *why)
+{
+    return s->n_replica ? error_say(why, -EINVAL,
+                                    "compression: deramp mixes with a chirp, and the "
+                                    "survey names a replica; use matched_filter")
+                        : 0;
+}
+
+int processing_deramp(struct deramp **out, const struct processing *p,
+                      const struct survey *s, enum window window, struct error *why)
+{
+    struct deramp_config cfg = configure_deramp(p, s, window);
+    struct curves curves;
+    int err = check_deramp(s, why);
+
+    if (err)
+        return err;
+    err = curves_take(&curves, s);
+    cfg.microphones = curves.each;
     if (!err)
         err = deramp_create(out, &cfg);
     if (err)
-        error_say(why, err, "deramp of %zu samples, %.4f to %.4f s: %s", p->ping_samples,
-                  p->gate_s[0], p->gate_s[1], strerror(-err));
+        say_deramp(p, err, why);
     curves_clear(&curves);
     return err;
+}
+
+int processing_deramp_format(struct trace_format *out, const struct processing *p,
+                             const struct survey *s, struct error *why)
+{
+    struct deramp_config cfg = configure_deramp(p, s, WINDOW_RECTANGULAR);
+    int err = check_deramp(s, why);
+
+    if (err)
+        return err;
+    err = deramp_format_of(&cfg, out);
+    return err ? say_deramp(p, err, why) : 0;
 }
 
 int processing_imager(struct imager **out, const struct processing *p, const char *method,

@@ -40,6 +40,12 @@ int processing_compressor(struct pulse_compress **out, const struct processing *
 int processing_deramp(struct deramp **out, const struct processing *p,
                       const struct survey *s, enum window window, struct error *why);
 
+/* The formats of their traces, without planning either.  0, or as they. */
+int processing_compressor_format(struct trace_format *out, const struct processing *p,
+                                 const struct survey *s, struct error *why);
+int processing_deramp_format(struct trace_format *out, const struct processing *p,
+                             const struct survey *s, struct error *why);
+
 /* An imager for the traces of that compressor. */
 int processing_imager(struct imager **out, const struct processing *p, const char *method,
                       const struct trace_format *format, struct pool *pool,

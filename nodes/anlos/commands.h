@@ -6,6 +6,7 @@
 
 int command_array(int argc, char **argv);
 int command_bag(int argc, char **argv);
+int command_batch(int argc, char **argv);
 int command_bench(int argc, char **argv);
 int command_calibrate(int argc, char **argv);
 int command_can(int argc, char **argv);

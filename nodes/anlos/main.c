@@ -18,6 +18,7 @@ static const struct command commands[] = {
     {"launch", "run a whole system from a launch file", command_launch},
     {"calibrate", "measure an array: timing, channels, gains, air", command_calibrate},
     {"recon", "image a recording, in one process without the bus", command_recon},
+    {"batch", "process many recordings, one result each", command_batch},
     {"psf", "measure or compute the image of a point", command_psf},
     {"resolution", "tell how close things may be and still be told apart",
      command_resolution},

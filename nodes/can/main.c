@@ -3,7 +3,6 @@
  * vehicle's CAN bus -> "ego", "ambient", "wall/given" */
 #include <errno.h>
 #include <math.h>
-#include <poll.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -17,7 +16,7 @@
 #include "nodes/can/outbox.h"
 #include "nodes/can/vehicle_bus.h"
 #include "nodes/can/watch.h"
-#include "nodes/rt/node.h"
+#include "nodes/rt/loop.h"
 #include "nodes/rt/stop.h"
 
 #define FINISH_NS 100000000LL /* what waits has to go out in when the node ends */
@@ -139,8 +138,9 @@ static void judge(struct run *r)
     tell_state(r);
 }
 
-static void take_list(struct run *r, const struct node_message *in)
+static int take_list(void *self, const struct node_message *in)
 {
+    struct run *r = self;
     const Anlos__DetectionList *message = (const Anlos__DetectionList *)in->content;
     struct sender_list list;
     enum list_verdict verdict = list_check(&r->lists, message, in->from, in->epoch_ns,
@@ -149,7 +149,7 @@ static void take_list(struct run *r, const struct node_message *in)
     if (verdict != LIST_GOOD) {
         node_log(r->node, LOG_LEVEL_WARNING, "a list of %s is not sent: %s", in->from,
                  list_verdict_text(verdict));
-        return;
+        return 0;
     }
     watch_list(&r->watch, message, in->capture_ns, node_machine_ns(r->node));
     diagnosis_list(&r->diagnosis, message);
@@ -159,27 +159,45 @@ static void take_list(struct run *r, const struct node_message *in)
     if (node_is_replayed(r->node))
         list.dated_ns = in->publish_ns;
     outbox_put_list(&r->outbox, &list);
+    return 0;
 }
 
-static void take(struct run *r, const struct node_message *in)
+static int take_survey(void *self, const struct node_message *in)
 {
+    struct run *r = self;
+    const Anlos__Survey *survey = (const Anlos__Survey *)in->content;
+
+    sender_survey(&r->sender, survey);
+    watch_survey(&r->watch, survey->temperature_c);
+    return 0;
+}
+
+static int take_status(void *self, const struct node_message *in)
+{
+    struct run *r = self;
+
+    watch_scan(&r->watch, (const Anlos__ScanStatus *)in->content);
+    diagnosis_scan(&r->diagnosis, (const Anlos__ScanStatus *)in->content);
+    return 0;
+}
+
+static int take_health(void *self, const struct node_message *in)
+{
+    struct run *r = self;
     int64_t now = node_machine_ns(r->node);
 
-    if (in->topic == topic_survey()) {
-        const Anlos__Survey *survey = (const Anlos__Survey *)in->content;
-        sender_survey(&r->sender, survey);
-        watch_survey(&r->watch, survey->temperature_c);
-    } else if (in->topic == topic_scan_status()) {
-        watch_scan(&r->watch, (const Anlos__ScanStatus *)in->content);
-        diagnosis_scan(&r->diagnosis, (const Anlos__ScanStatus *)in->content);
-    } else if (in->topic == topic_health()) {
-        watch_health(&r->watch, (const Anlos__Health *)in->content, now);
-        diagnosis_health(&r->diagnosis, (const Anlos__Health *)in->content, now);
-    } else if (in->topic == topic_wall()) {
-        watch_walls(&r->watch, (const Anlos__WallList *)in->content, now);
-    } else {
-        take_list(r, in);
-    }
+    watch_health(&r->watch, (const Anlos__Health *)in->content, now);
+    diagnosis_health(&r->diagnosis, (const Anlos__Health *)in->content, now);
+    return 0;
+}
+
+static int take_walls(void *self, const struct node_message *in)
+{
+    struct run *r = self;
+
+    watch_walls(&r->watch, (const Anlos__WallList *)in->content,
+                node_machine_ns(r->node));
+    return 0;
 }
 
 static void step(struct run *r)
@@ -246,51 +264,56 @@ static bool has_time(const struct run *r)
            node_follows_replay(r->node);
 }
 
-/* Until the bus or another node has something, or it is time to look again. */
-static void wait(struct run *r)
+static int64_t turn_due_ns(const void *self)
 {
-    struct pollfd fds[] = {{.fd = node_fd(r->node), .events = POLLIN},
-                           {.fd = canbus_fd(r->bus), .events = POLLIN}};
+    const struct run *r = self;
+    int64_t due_ns = node_machine_ns(r->node) + outbox_wait_ms(&r->outbox) * 1000000LL;
+    int64_t cyclic_ns = has_time(r) ? cyclic_due_ns(&r->cyclic) : LOOP_NEVER;
 
-    int64_t due_ms = (cyclic_due_ns(&r->cyclic) - node_machine_ns(r->node)) / 1000000 + 1;
-    int64_t wait_ms = outbox_wait_ms(&r->outbox);
-
-    if (has_time(r) && due_ms < wait_ms)
-        wait_ms = due_ms > 0 ? due_ms : 0;
-    poll(fds, 2, (int)wait_ms);
+    return cyclic_ns < due_ns ? cyclic_ns : due_ns;
 }
 
-static int subscribe(struct run *r)
+static int turn(void *self)
 {
-    const struct topic *const topics[] = {topic_detections(), topic_scan_status(),
-                                          topic_survey(), topic_health(), topic_wall()};
-    size_t n = r->watch.cfg.wall ? 5 : 4;
-    int err = 0;
+    struct run *r = self;
 
-    for (size_t i = 0; !err && i < n; i++)
-        err = node_subscribe(r->node, topics[i]);
-    return err;
+    receive(r);
+    judge(r);
+    if (has_time(r))
+        cyclic_step(&r->cyclic, node_machine_ns(r->node));
+    step(r);
+    return 0;
 }
+
+static int bus_fd_of(const void *self)
+{
+    return canbus_fd(((const struct run *)self)->bus);
+}
+
+static bool has_walls(const void *self)
+{
+    return ((const struct run *)self)->watch.cfg.wall;
+}
+
+static const struct loop_input inputs[] = {
+    {.topic = topic_detections, .take = take_list},
+    {.topic = topic_scan_status, .take = take_status},
+    {.topic = topic_survey, .take = take_survey},
+    {.topic = topic_health, .take = take_health},
+    {.topic = topic_wall, .take = take_walls, .wanted = has_walls},
+    {.topic = NULL},
+};
+
+static const struct loop_timer timers[] = {
+    {.due_ns = turn_due_ns, .run = turn, .when = LOOP_EACH},
+    {.run = NULL},
+};
 
 static int run(struct run *r)
 {
-    struct node_message in;
-    int err = subscribe(r);
+    const struct loop loop = {.inputs = inputs, .timers = timers, .fd = bus_fd_of};
+    int err = loop_run(r->node, &loop, r);
 
-    while (!err) {
-        receive(r);
-        judge(r);
-        if (has_time(r))
-            cyclic_step(&r->cyclic, node_machine_ns(r->node));
-        step(r);
-        err = node_next(r->node, &in, 0);
-        if (!err) {
-            take(r, &in);
-        } else if (err == -ETIMEDOUT) {
-            wait(r);
-            err = 0;
-        }
-    }
     finish(r);
     return err;
 }

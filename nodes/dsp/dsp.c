@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "msgs/convert.h"
+#include "nodes/rt/launchfile_pipeline.h"
 
 struct dsp {
     struct frontend *frontend;
@@ -32,8 +33,10 @@ static int plan(struct dsp *d, const struct survey *survey, struct error *why)
 {
     protobuf_c_boolean *masked = calloc(survey->n_microphones, sizeof *masked);
 
-    if (!masked)
+    if (!masked) {
+        frontend_forget(d->frontend);
         return error_say(why, -ENOMEM, "survey: %s", strerror(ENOMEM));
+    }
     free(d->masked);
     d->masked = masked;
     return frontend_survey(d->frontend, survey, why);
@@ -45,18 +48,24 @@ int dsp_survey(struct dsp *d, const Anlos__Survey *message, struct error *why)
 
     if (dsp_is_planned(d) && frontend_survey_id(d->frontend) == message->id)
         return 0;
-    frontend_forget(d->frontend);
     int err = survey_from_message(&survey, message, why);
-    if (err)
+    if (err) {
+        frontend_forget(d->frontend);
         return err;
+    }
     err = plan(d, &survey, why);
     survey_clear(&survey);
-    return err;
+    return launchfile_name_key(why, err);
 }
 
 bool dsp_is_planned(const struct dsp *d)
 {
     return frontend_survey_id(d->frontend) != 0;
+}
+
+uint64_t dsp_survey_id(const struct dsp *d)
+{
+    return frontend_survey_id(d->frontend);
 }
 
 void dsp_ego(struct dsp *d, const Anlos__EgoMotion *ego, int64_t capture_ns)
@@ -105,6 +114,31 @@ void dsp_ping(struct dsp *d, const Anlos__Ping *message, int64_t capture_ns,
     out->has_traces = front.outcome == FRONTEND_TRACES;
     if (out->has_traces)
         traces_to_message(&front.traces, d->masked, &d->view, &out->traces);
+}
+
+bool dsp_judge(struct dsp *d, const Anlos__Ping *message, int64_t capture_ns,
+               struct self_test_faults *out, char *note, size_t note_size)
+{
+    struct ping ping;
+
+    ping_from_message(&ping, message, capture_ns);
+    return frontend_judge(d->frontend, &ping, out, note, note_size);
+}
+
+struct self_test *dsp_self_test(const struct dsp *d, const char **why)
+{
+    return frontend_self_test(d->frontend, why);
+}
+
+void dsp_walls(struct dsp *d, const Anlos__WallList *list)
+{
+    struct error why;
+    const char *none;
+    struct self_test *t = dsp_self_test(d, &none);
+    struct walls walls;
+
+    if (t && !walls_from_message(&walls, list, &why))
+        self_test_walls(t, &walls);
 }
 
 const struct air *dsp_air(const struct dsp *d)

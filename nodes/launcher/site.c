@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "dsp/hash.h"
 #include "msgs/endpoint.h"
 #include "nodes/rt/launchfile_hosts.h"
 
@@ -48,17 +49,17 @@ void site_close(const struct launchfile *l, const char *run_dir)
     close(lock);
 }
 
-/* FNV-1a, of 64 bits (Fowler, Noll, Vo). */
 uint64_t site_launch_file(const struct launchfile *l)
 {
-    uint64_t hash = 14695981039346656037u;
+    uint64_t hash = HASH_BEGIN;
     FILE *f = fopen(l->path, "re");
-    int c;
+    char bytes[4096];
+    size_t n;
 
     if (!f)
         return 0;
-    while ((c = getc(f)) != EOF)
-        hash = (hash ^ (uint64_t)c) * 1099511628211u;
+    while ((n = fread(bytes, 1, sizeof bytes, f)))
+        hash = hash_add(hash, bytes, n);
     fclose(f);
     return hash;
 }

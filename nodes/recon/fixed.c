@@ -6,6 +6,7 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
 #include "nodes/rt/launchfile_pipeline.h"
+#include "nodes/rt/loop.h"
 #include "nodes/rt/pace.h"
 
 #define PLAN_S 60.0 /* at most: of a fine volume */
@@ -44,13 +45,14 @@ static int create(struct fixed *f)
     return err;
 }
 
-static int take_survey(struct fixed *f, const Anlos__Survey *survey)
+static int take_survey(void *self, const struct node_message *in)
 {
+    struct fixed *f = self;
     struct error why = {""};
 
     if (!f->planned)
         node_busy(f->node, PLAN_S);
-    int err = steady_survey(f->steady, survey, &why);
+    int err = steady_survey(f->steady, (const Anlos__Survey *)in->content, &why);
 
     if (err)
         node_state(f->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
@@ -85,8 +87,9 @@ static void say(struct fixed *f)
         node_state(f->node, ANLOS__HEALTH__STATE__READY, "ready");
 }
 
-static void publish(struct fixed *f)
+static int publish(void *self)
 {
+    struct fixed *f = self;
     Anlos__Volume v;
 
     f->due = false;
@@ -95,6 +98,12 @@ static void publish(struct fixed *f)
     v.imaging_s = 1e-9 * (double)(node_now_ns(f->node) - f->taken_ns);
     node_publish(f->node, topic_volume(), steady_capture_ns(f->steady), &v.base);
     say(f);
+    return 0;
+}
+
+static int64_t image_due_ns(const void *self)
+{
+    return ((const struct fixed *)self)->due ? 0 : LOOP_NEVER;
 }
 
 /* A recording is played no faster than it is used. */
@@ -114,8 +123,9 @@ static void acknowledge(struct fixed *f, const Anlos__Traces *traces, int64_t ca
 /* All that has come goes in before an image is made: whoever is late makes fewer of them,
  * and each of the newest pings.  A replay waits, and its images are the same each time.
  */
-static void take_traces(struct fixed *f, const struct node_message *in)
+static int take_traces(void *self, const struct node_message *in)
 {
+    struct fixed *f = self;
     const Anlos__Traces *traces = (const Anlos__Traces *)in->content;
     char note[128];
     bool due = steady_traces(f->steady, traces, in->capture_ns, note, sizeof note);
@@ -126,68 +136,56 @@ static void take_traces(struct fixed *f, const struct node_message *in)
         acknowledge(f, traces, in->capture_ns, f->planned && !note[0]);
     f->dropped.n += !f->planned;
     if (!due)
-        return;
+        return 0;
     f->taken_ns = node_now_ns(f->node);
     f->pace.skipped += f->due;
     f->due = true;
-    if (node_is_replayed(f->node))
-        publish(f);
+    return node_is_replayed(f->node) ? publish(f) : 0;
 }
 
-static void take_walls(struct fixed *f, const struct node_message *in)
+static int take_walls(void *self, const struct node_message *in)
 {
+    struct fixed *f = self;
     struct error why = {""};
 
     if (steady_walls(f->steady, (const Anlos__WallList *)in->content, in->capture_ns,
                      &why))
         node_log(f->node, LOG_LEVEL_WARNING, "%s", why.text);
-}
-
-static int take(struct fixed *f, const struct node_message *in)
-{
-    if (in->topic == topic_survey())
-        return take_survey(f, (const Anlos__Survey *)in->content);
-    if (in->topic == topic_ego())
-        steady_ego(f->steady, (const Anlos__EgoMotion *)in->content, in->capture_ns);
-    else if (in->topic == topic_wall())
-        take_walls(f, in);
-    else
-        take_traces(f, in);
     return 0;
 }
 
-static int loop(struct fixed *f)
+static int take_ego(void *self, const struct node_message *in)
 {
-    struct node_message in;
-    int err = node_subscribe(f->node, topic_survey());
+    struct fixed *f = self;
 
-    if (!err)
-        err = node_subscribe(f->node, topic_traces());
-    if (!err)
-        err = node_subscribe(f->node, topic_ego());
-    if (!err)
-        err = node_subscribe(f->node, topic_wall());
-    node_state(f->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
-    while (!err) {
-        err = node_next(f->node, &in, f->due ? 0 : 100);
-        if (err == -ETIMEDOUT) {
-            if (f->due)
-                publish(f);
-            err = 0;
-        } else if (!err) {
-            err = take(f, &in);
-        }
-    }
-    return err;
+    steady_ego(f->steady, (const Anlos__EgoMotion *)in->content, in->capture_ns);
+    return 0;
 }
+
+static const struct loop_input inputs[] = {
+    {.topic = topic_survey, .take = take_survey},
+    {.topic = topic_traces, .take = take_traces},
+    {.topic = topic_ego, .take = take_ego},
+    {.topic = topic_wall, .take = take_walls},
+    {.topic = NULL},
+};
+
+static const struct loop_timer timers[] = {
+    {.due_ns = image_due_ns, .run = publish, .when = LOOP_LAST},
+    {.run = NULL},
+};
 
 int fixed_run(struct node *node)
 {
     struct fixed f = {.node = node, .dropped = {.count = "traces before the survey"}};
     int err = create(&f);
 
-    if (!err)
-        err = loop(&f);
+    const struct loop loop = {.inputs = inputs, .timers = timers};
+
+    if (!err) {
+        node_state(node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
+        err = loop_run(node, &loop, &f);
+    }
     node_device(node, NULL, NULL);
     steady_destroy(f.steady);
     return err;

@@ -7,7 +7,7 @@
 #include "nodes/recon/fixed.h"
 #include "nodes/recon/recon.h"
 #include "nodes/rt/launchfile_pipeline.h"
-#include "nodes/rt/node.h"
+#include "nodes/rt/loop.h"
 
 #define REPEAT_NS         2000000000LL /* the last volume, for whoever missed it */
 #define PLAN_S            60.0         /* at most: of a fine volume */
@@ -59,8 +59,9 @@ static void publish_final(struct run *r)
              recon_pings(r->recon), 1e3 * r->final.imaging_s);
 }
 
-static void publish_preview(struct run *r)
+static int publish_preview(void *self)
 {
+    struct run *r = self;
     Anlos__Volume v;
     int64_t start = node_machine_ns(r->node);
 
@@ -70,15 +71,17 @@ static void publish_preview(struct run *r)
     int64_t now = node_machine_ns(r->node);
     int64_t pause = PREVIEW_PAUSE * (now - start);
     r->preview_due_ns = now + (pause > PREVIEW_PAUSE_MIN ? pause : PREVIEW_PAUSE_MIN);
+    return 0;
 }
 
-static int take_survey(struct run *r, const Anlos__Survey *survey)
+static int take_survey(void *self, const struct node_message *in)
 {
+    struct run *r = self;
     struct error why = {""};
 
     if (!recon_is_planned(r->recon))
         node_busy(r->node, PLAN_S);
-    int err = recon_survey(r->recon, survey, &why);
+    int err = recon_survey(r->recon, (const Anlos__Survey *)in->content, &why);
 
     if (err) {
         node_state(r->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
@@ -89,8 +92,9 @@ static int take_survey(struct run *r, const Anlos__Survey *survey)
     return err;
 }
 
-static void take_traces(struct run *r, const struct node_message *in)
+static int take_traces(void *self, const struct node_message *in)
 {
+    struct run *r = self;
     Anlos__Receipt receipt;
     char note[128];
 
@@ -104,10 +108,12 @@ static void take_traces(struct run *r, const struct node_message *in)
         r->has_final = false;
     else if (!r->has_final)
         publish_final(r);
+    return 0;
 }
 
-static void take_status(struct run *r, const struct node_message *in)
+static int take_status(void *self, const struct node_message *in)
 {
+    struct run *r = self;
     const Anlos__ScanStatus *status = (const Anlos__ScanStatus *)in->content;
 
     /* A scan was restarted, and so must the image be. */
@@ -120,48 +126,56 @@ static void take_status(struct run *r, const struct node_message *in)
          status->state == ANLOS__SCAN_STATUS__STATE__FAILED) &&
         !r->has_final && recon_pings(r->recon))
         publish_final(r);
+    return 0;
 }
 
-static bool wants_preview(const struct run *r)
+static int64_t preview_due_ns(const void *self)
 {
-    return node_launch(r->node)->recon.preview && recon_has_new_position(r->recon) &&
-           !recon_is_complete(r->recon) && node_machine_ns(r->node) >= r->preview_due_ns;
+    const struct run *r = self;
+    bool wanted = node_launch(r->node)->recon.preview &&
+                  recon_has_new_position(r->recon) && !recon_is_complete(r->recon);
+
+    return wanted ? r->preview_due_ns : LOOP_NEVER;
 }
 
-static void idle(struct run *r)
+static int64_t repeat_due_ns(const void *self)
 {
-    if (wants_preview(r)) {
-        publish_preview(r);
-    } else if (r->has_final && node_machine_ns(r->node) >= r->repeat_due_ns) {
-        r->final.repeated = true;
-        node_publish(r->node, topic_volume(), recon_capture_ns(r->recon), &r->final.base);
-        r->repeat_due_ns = node_machine_ns(r->node) + REPEAT_NS;
-    }
+    const struct run *r = self;
+
+    return r->has_final ? r->repeat_due_ns : LOOP_NEVER;
 }
+
+static int repeat_final(void *self)
+{
+    struct run *r = self;
+
+    r->final.repeated = true;
+    node_publish(r->node, topic_volume(), recon_capture_ns(r->recon), &r->final.base);
+    r->repeat_due_ns = node_machine_ns(r->node) + REPEAT_NS;
+    return 0;
+}
+
+static const struct loop_input inputs[] = {
+    {.topic = topic_survey, .take = take_survey},
+    {.topic = topic_traces, .take = take_traces},
+    {.topic = topic_scan_status, .take = take_status},
+    {.topic = NULL},
+};
+
+/* Of all pings that are there. */
+static const struct loop_timer timers[] = {
+    {.due_ns = preview_due_ns, .run = publish_preview, .when = LOOP_LAST},
+    {.due_ns = repeat_due_ns, .run = repeat_final, .when = LOOP_LAST},
+    {.run = NULL},
+};
 
 static int run(struct run *r)
 {
-    struct node_message in;
-    int err = node_subscribe(r->node, topic_survey());
+    const struct loop loop = {.inputs = inputs, .timers = timers};
 
-    if (!err)
-        err = node_subscribe(r->node, topic_traces());
-    if (!err)
-        err = node_subscribe(r->node, topic_scan_status());
     node_device(r->node, counts, r);
     node_state(r->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
-    while (!err) {
-        err = node_next(r->node, &in, wants_preview(r) ? 0 : 100);
-        if (err == -ETIMEDOUT) {
-            idle(r);
-            err = 0;
-        } else if (!err && in.topic == topic_survey())
-            err = take_survey(r, (const Anlos__Survey *)in.content);
-        else if (!err && in.topic == topic_traces())
-            take_traces(r, &in);
-        else if (!err)
-            take_status(r, &in);
-    }
+    int err = loop_run(r->node, &loop, r);
     node_device(r->node, NULL, NULL);
     return err;
 }

@@ -7,6 +7,7 @@
 
 #include "msgs/convert.h"
 #include "nodes/recon/volume_room.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/processors.h"
 
 struct recon {
@@ -46,7 +47,7 @@ int recon_survey(struct recon *r, const Anlos__Survey *message, struct error *wh
     if (!err)
         err = scan_imager_survey(r->imager, &survey, why);
     survey_clear(&survey);
-    return err;
+    return launchfile_name_key(why, err);
 }
 
 bool recon_is_planned(const struct recon *r)

@@ -6,6 +6,7 @@
 
 #include "msgs/convert.h"
 #include "nodes/recon/volume_room.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/processors.h"
 
 struct steady {
@@ -45,7 +46,7 @@ int steady_survey(struct steady *s, const Anlos__Survey *message, struct error *
     if (!err)
         err = static_array_survey(s->array, &survey, why);
     survey_clear(&survey);
-    return err;
+    return launchfile_name_key(why, err);
 }
 
 void steady_ego(struct steady *s, const Anlos__EgoMotion *ego, int64_t capture_ns)

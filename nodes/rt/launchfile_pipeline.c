@@ -45,6 +45,16 @@ static void walls(struct wall_finder_config *out, const struct launchfile *l)
     memcpy(out->map.free_view_m, l->wall.free_view_m, sizeof out->map.free_view_m);
 }
 
+static void range(struct range_config *out, const struct launchfile *l)
+{
+    *out = (struct range_config){.ranges = l->scan.fixed,
+                                 .n_pings = l->recon.frames.pings ? l->recon.frames.pings
+                                                                  : l->scan.n_speakers,
+                                 .sum = l->recon.frames.sum,
+                                 .false_alarm_rate = l->track.false_alarm_rate,
+                                 .person_m = l->array.person_m};
+}
+
 static void imaging(struct pipeline_config *out, const struct launchfile *l)
 {
     out->is_static = l->scan.fixed;
@@ -61,7 +71,6 @@ static void imaging(struct pipeline_config *out, const struct launchfile *l)
 /* The stages agree on these. */
 static void share(struct pipeline_config *out, size_t threads)
 {
-    out->array.window = out->scan.window = out->frontend.window;
     out->array.compression = out->scan.compression = out->frontend.compression;
     out->array.threads = out->scan.threads = threads ? threads : processors_usable();
 }
@@ -75,6 +84,7 @@ void launchfile_pipeline(struct pipeline_config *out, const struct launchfile *l
                                                  .compression = l->dsp.compression,
                                                  .background = l->dsp.background,
                                                  .background_s = l->dsp.background_s};
+        range(&out->frontend.range, l);
         imaging(out, l);
         out->finds_walls = launchfile_has_node(l, "wall");
         walls(&out->walls, l);
@@ -83,4 +93,35 @@ void launchfile_pipeline(struct pipeline_config *out, const struct launchfile *l
         out->frontend.wall_reach_m = l->wall.reach_m;
     }
     share(out, l ? l->recon.threads : 0);
+}
+
+static const struct {
+    const char *field, *key;
+} keys[] = {
+    {"array", "scan.mode"},
+    {"window", "dsp.window"},
+    {"compression", "dsp.compression"},
+    {"background", "dsp.background"},
+    {"method", "recon.method"},
+    {"threads", "recon.threads"},
+    {"frame_pings", "scan.speakers"},
+    {"image_pings", "recon.frames.pings"},
+    {"false_alarm_rate", "track.cfar"},
+    {"walls", "wall.from"},
+    {"reach_m", "wall.reach_m"},
+};
+
+int launchfile_name_key(struct error *why, int err)
+{
+    size_t length = why && err ? strcspn(why->text, ": ") : 0;
+
+    for (size_t i = 0; length && i < sizeof keys / sizeof *keys; i++) {
+        const struct error was = *why;
+        bool is_field = strlen(keys[i].field) == length &&
+                        !strncmp(was.text, keys[i].field, length) &&
+                        (was.text[length] == ':' || was.text[length + 1] == '\'');
+        if (is_field)
+            return error_say(why, err, "%s%s", keys[i].key, was.text + length);
+    }
+    return err;
 }

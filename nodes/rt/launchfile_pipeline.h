@@ -12,4 +12,9 @@
  * else it outlives what is made with it. */
 void launchfile_pipeline(struct pipeline_config *out, const struct launchfile *l);
 
+/* Errors of the stages begin with the field of anlos/config.h that they are about, and a
+ * colon.  Whoever has it from a launch file reads its key there: "track.cfar: ...".
+ * Returns err. */
+int launchfile_name_key(struct error *why, int err);
+
 #endif

@@ -5,12 +5,13 @@
 #include <string.h>
 
 #include "msgs/topics.h"
-#include "nodes/rt/node.h"
+#include "nodes/rt/loop.h"
 #include "nodes/scan/fixed_scan.h"
 #include "nodes/scan/peers.h"
 #include "nodes/scan/scan.h"
 
 #define STATUS_PERIOD_NS 200000000LL
+#define STEP_NS          50000000LL /* what is too late is seen by then */
 #define SILENCE_S        5.0
 
 struct run {
@@ -19,6 +20,7 @@ struct run {
     struct fixed_scan *fixed;       /* or that one: the array stands */
     Anlos__ScanStatus__State state; /* published last */
     int64_t status_due_ns;
+    int64_t step_due_ns;
 };
 
 static int create_scan(struct run *r, const char *const *needs, size_t n_needs)
@@ -79,51 +81,68 @@ static int create(struct run *r)
     return l->scan.fixed ? create_fixed(r, needs, n) : create_scan(r, needs, n);
 }
 
-static int subscribe(struct node *node)
-{
-    const struct topic *const topics[] = {topic_health(), topic_survey(),
-                                          topic_stage_state(), topic_ping(),
-                                          topic_receipt()};
-
-    for (size_t i = 0; i < sizeof topics / sizeof *topics; i++) {
-        int err = node_subscribe(node, topics[i]);
-        if (err)
-            return err;
-    }
-    return 0;
-}
-
-static int take_fixed(struct run *r, const struct node_message *in)
+/* Of which process is it, and is that the one that was heard before? */
+static bool hear(struct run *r, const struct node_message *in)
 {
     int64_t now = node_now_ns(r->node);
 
-    if (!fixed_scan_hear(r->fixed, in->from, in->epoch_ns, now))
+    return r->fixed ? fixed_scan_hear(r->fixed, in->from, in->epoch_ns, now)
+                    : scan_hear(r->scan, in->from, in->epoch_ns, now);
+}
+
+static int take_survey(void *self, const struct node_message *in)
+{
+    struct run *r = self;
+    const Anlos__Survey *survey = (const Anlos__Survey *)in->content;
+
+    if (!hear(r, in))
         return 0;
-    if (in->topic == topic_survey())
-        return fixed_scan_survey(r->fixed, (const Anlos__Survey *)in->content);
-    if (in->topic == topic_health())
-        fixed_scan_health(r->fixed, in->from, (const Anlos__Health *)in->content);
-    else if (in->topic == topic_ping())
-        fixed_scan_ping(r->fixed, (const Anlos__Ping *)in->content, now);
+    return r->fixed ? fixed_scan_survey(r->fixed, survey) : scan_survey(r->scan, survey);
+}
+
+static int take_health(void *self, const struct node_message *in)
+{
+    struct run *r = self;
+    const Anlos__Health *health = (const Anlos__Health *)in->content;
+
+    if (!hear(r, in))
+        return 0;
+    if (r->fixed)
+        fixed_scan_health(r->fixed, in->from, health);
+    else
+        scan_health(r->scan, in->from, health);
     return 0;
 }
 
-static int take(struct run *r, const struct node_message *in)
+static int take_ping(void *self, const struct node_message *in)
 {
-    int64_t now = node_now_ns(r->node);
+    struct run *r = self;
+    const Anlos__Ping *ping = (const Anlos__Ping *)in->content;
 
-    if (!scan_hear(r->scan, in->from, in->epoch_ns, now))
+    if (!hear(r, in))
         return 0;
-    if (in->topic == topic_survey())
-        return scan_survey(r->scan, (const Anlos__Survey *)in->content);
-    if (in->topic == topic_health())
-        scan_health(r->scan, in->from, (const Anlos__Health *)in->content);
-    else if (in->topic == topic_stage_state())
+    if (r->fixed)
+        fixed_scan_ping(r->fixed, ping, node_now_ns(r->node));
+    else
+        scan_ping(r->scan, ping, node_now_ns(r->node));
+    return 0;
+}
+
+static int take_stage(void *self, const struct node_message *in)
+{
+    struct run *r = self;
+
+    if (hear(r, in) && r->scan)
         scan_stage(r->scan, (const Anlos__StageState *)in->content);
-    else if (in->topic == topic_ping())
-        scan_ping(r->scan, (const Anlos__Ping *)in->content, now);
-    else if (in->topic == topic_receipt())
-        scan_receipt(r->scan, (const Anlos__Receipt *)in->content, now);
+    return 0;
+}
+
+static int take_receipt(void *self, const struct node_message *in)
+{
+    struct run *r = self;
+
+    if (hear(r, in) && r->scan)
+        scan_receipt(r->scan, (const Anlos__Receipt *)in->content, node_now_ns(r->node));
     return 0;
 }
 
@@ -151,41 +170,48 @@ static void publish_status(struct run *r)
     node_publish(r->node, topic_scan_status(), 0, &status.base);
 }
 
-static void act(struct run *r)
+static int64_t step_due_ns(const void *self)
 {
-    struct scan_action action;
+    return ((const struct run *)self)->step_due_ns;
+}
 
-    if (r->fixed) {
-        if (fixed_scan_step(r->fixed, node_now_ns(r->node), &action.fire_command))
-            node_publish(r->node, topic_fire(), 0, &action.fire_command.base);
-        publish_status(r);
-        return;
-    }
-    scan_step(r->scan, node_now_ns(r->node), &action);
+static int step(void *self)
+{
+    struct run *r = self;
+    int64_t now = node_now_ns(r->node);
+    struct scan_action action = {.move = false};
+
+    if (r->fixed)
+        action.fire = fixed_scan_step(r->fixed, now, &action.fire_command);
+    else
+        scan_step(r->scan, now, &action);
     if (action.move)
         node_publish(r->node, topic_stage_command(), 0, &action.stage_command.base);
     if (action.fire)
         node_publish(r->node, topic_fire(), 0, &action.fire_command.base);
     publish_status(r);
+    r->step_due_ns = node_machine_ns(r->node) + STEP_NS;
+    return 0;
 }
 
-static int run(struct run *r)
+static void start(void *self)
 {
-    struct node_message in;
-    int err = subscribe(r->node);
-
-    if (!err)
-        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready");
-    while (!err) {
-        act(r);
-        err = node_next(r->node, &in, 50);
-        if (!err)
-            err = r->fixed ? take_fixed(r, &in) : take(r, &in);
-        else if (err == -ETIMEDOUT)
-            err = 0;
-    }
-    return err;
+    node_state(((const struct run *)self)->node, ANLOS__HEALTH__STATE__READY, "ready");
 }
+
+static const struct loop_input inputs[] = {
+    {.topic = topic_health, .take = take_health},
+    {.topic = topic_survey, .take = take_survey},
+    {.topic = topic_stage_state, .take = take_stage},
+    {.topic = topic_ping, .take = take_ping},
+    {.topic = topic_receipt, .take = take_receipt},
+    {.topic = NULL},
+};
+
+static const struct loop_timer timers[] = {
+    {.due_ns = step_due_ns, .run = step, .when = LOOP_EACH},
+    {.run = NULL},
+};
 
 int main(int argc, char **argv)
 {
@@ -199,8 +225,9 @@ int main(int argc, char **argv)
     if (!r.node)
         return err;
     err = create(&r);
+    const struct loop loop = {.inputs = inputs, .timers = timers, .start = start};
     if (!err)
-        err = run(&r);
+        err = loop_run(r.node, &loop, &r);
     scan_destroy(r.scan);
     fixed_scan_destroy(r.fixed);
     return node_finish(r.node, err);

@@ -6,7 +6,7 @@
 #include "msgs/convert.h"
 #include "msgs/topics.h"
 #include "nodes/rt/launchfile_pipeline.h"
-#include "nodes/rt/node.h"
+#include "nodes/rt/loop.h"
 #include "nodes/rt/pace.h"
 #include "nodes/track/tracking.h"
 
@@ -61,10 +61,11 @@ static void tell_state(struct job *j)
         node_state(j->node, ANLOS__HEALTH__STATE__READY, "ready");
 }
 
-static int take_survey(struct job *j, const Anlos__Survey *survey)
+static int take_survey(void *self, const struct node_message *in)
 {
+    struct job *j = self;
     struct error why = {""};
-    int err = tracking_survey(j->tracking, survey, &why);
+    int err = tracking_survey(j->tracking, (const Anlos__Survey *)in->content, &why);
 
     if (err) {
         node_state(j->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
@@ -75,8 +76,23 @@ static int take_survey(struct job *j, const Anlos__Survey *survey)
     return err;
 }
 
-static void take_walls(struct job *j, const struct node_message *in)
+/* What the tracker had to leave out, said once for each time that it grew. */
+static void tell_losses(struct job *j)
 {
+    struct track_counts now = tracking_counts(j->tracking);
+
+    if (now.crowded > j->told.crowded)
+        node_log(j->node, LOG_LEVEL_WARNING,
+                 "more objects than tracks or ids: %zu left out",
+                 (size_t)(now.crowded - j->told.crowded));
+    if (now.resets > j->told.resets)
+        node_log(j->node, LOG_LEVEL_WARNING, "the clock went back: all tracks restart");
+    j->told = now;
+}
+
+static int take_walls(void *self, const struct node_message *in)
+{
+    struct job *j = self;
     const Anlos__WallList *walls = (const Anlos__WallList *)in->content;
     struct error why = {""};
 
@@ -84,6 +100,17 @@ static void take_walls(struct job *j, const struct node_message *in)
         node_log(j->node, LOG_LEVEL_WARNING, "walls: %s", why.text);
     else
         tell_state(j);
+    tell_losses(j);
+    return 0;
+}
+
+static int take_ego(void *self, const struct node_message *in)
+{
+    struct job *j = self;
+
+    tracking_ego(j->tracking, (const Anlos__EgoMotion *)in->content, in->capture_ns);
+    tell_losses(j);
+    return 0;
 }
 
 /* How many previews there are, and how often a volume is repeated, depends on the
@@ -120,7 +147,7 @@ static bool skips(const struct job *j, const struct node_message *in)
 }
 
 /* A volume that cannot be used is logged; recon repeats the last one of a scan. */
-static void take_volume(struct job *j, const struct node_message *in)
+static void follow_volume(struct job *j, const struct node_message *in)
 {
     const Anlos__Volume *v = (const Anlos__Volume *)in->content;
     Anlos__DetectionList *list = NULL;
@@ -151,50 +178,28 @@ static void take_volume(struct job *j, const struct node_message *in)
     tell_state(j);
 }
 
-/* What the tracker had to leave out, said once for each time that it grew. */
-static void tell_losses(struct job *j)
+static int take_volume(void *self, const struct node_message *in)
 {
-    struct track_counts now = tracking_counts(j->tracking);
-
-    if (now.crowded > j->told.crowded)
-        node_log(j->node, LOG_LEVEL_WARNING,
-                 "more objects than tracks or ids: %zu left out",
-                 (size_t)(now.crowded - j->told.crowded));
-    if (now.resets > j->told.resets)
-        node_log(j->node, LOG_LEVEL_WARNING, "the clock went back: all tracks restart");
-    j->told = now;
-}
-
-static int take(struct job *j, const struct node_message *in)
-{
-    if (in->topic == topic_survey())
-        return take_survey(j, (const Anlos__Survey *)in->content);
-    if (in->topic == topic_wall())
-        take_walls(j, in);
-    else if (in->topic == topic_ego())
-        tracking_ego(j->tracking, (const Anlos__EgoMotion *)in->content, in->capture_ns);
-    else
-        take_volume(j, in);
+    follow_volume(self, in);
+    tell_losses(self);
     return 0;
 }
 
+static const struct loop_input inputs[] = {
+    {.topic = topic_survey, .take = take_survey},
+    {.topic = topic_wall, .take = take_walls},
+    {.topic = topic_ego, .take = take_ego},
+    {.topic = topic_volume, .take = take_volume},
+    {.topic = NULL},
+};
+
 static int run(struct job *j)
 {
-    const struct topic *const topics[] = {topic_survey(), topic_wall(), topic_ego(),
-                                          topic_volume()};
-    struct node_message in;
-    int err = 0;
+    const struct loop loop = {.inputs = inputs};
 
-    for (size_t i = 0; !err && i < sizeof topics / sizeof *topics; i++)
-        err = node_subscribe(j->node, topics[i]);
     node_device(j->node, counts, j);
     node_state(j->node, ANLOS__HEALTH__STATE__STARTING, "waits for the survey");
-    while (!err) {
-        err = node_next(j->node, &in, -1);
-        if (!err)
-            err = take(j, &in);
-        tell_losses(j);
-    }
+    int err = loop_run(j->node, &loop, j);
     node_device(j->node, NULL, NULL);
     return err;
 }

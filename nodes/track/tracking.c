@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "msgs/convert.h"
+#include "nodes/rt/launchfile_pipeline.h"
 
 struct tracking {
     struct object_tracker *tracker;
@@ -76,7 +77,7 @@ int tracking_volume(struct tracking *t, const Anlos__Volume *message, int64_t ca
     volume_from_message(&volume, message, capture_ns);
     int err = object_tracker_volume(t->tracker, &volume, &t->list, why);
     if (err)
-        return err;
+        return launchfile_name_key(why, err);
     err = detections_from_objects(out, &t->list);
     return err ? error_say(why, err, "not enough memory to list objects") : 0;
 }

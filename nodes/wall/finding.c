@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "msgs/convert.h"
+#include "nodes/rt/launchfile_pipeline.h"
 
 struct finding {
     struct wall_finder *finder;
@@ -38,7 +39,7 @@ int finding_survey(struct finding *f, const Anlos__Survey *m, struct error *why)
         return err;
     err = wall_finder_survey(f->finder, &survey, why);
     survey_clear(&survey);
-    return err;
+    return launchfile_name_key(why, err);
 }
 
 void finding_ego(struct finding *f, const Anlos__EgoMotion *m, int64_t capture_ns)

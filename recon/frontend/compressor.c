@@ -105,6 +105,15 @@ void compressor_format(const struct compressor *c, struct trace_format *out)
         pulse_compress_format(c->matched[0], out);
 }
 
+int compressor_format_of(struct trace_format *out, const struct processing *p,
+                         const struct survey *s, enum compression compression,
+                         struct error *why)
+{
+    return compression == COMPRESSION_DERAMP
+               ? processing_deramp_format(out, p, s, why)
+               : processing_compressor_format(out, p, s, why);
+}
+
 void compressor_whole(const struct compressor *c, struct trace_format *out, size_t *first)
 {
     *first = 0;

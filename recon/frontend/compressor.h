@@ -30,6 +30,11 @@ int compressor_create(struct compressor **out, const struct processing *p,
                       enum window window, struct error *why);
 void compressor_format(const struct compressor *c, struct trace_format *out);
 
+/* The same without one: what whoever takes its traces goes by.  0, -EINVAL, -ERANGE. */
+int compressor_format_of(struct trace_format *out, const struct processing *p,
+                         const struct survey *s, enum compression compression,
+                         struct error *why);
+
 /* What is written with reach_s, and where in it the format above begins. */
 void compressor_whole(const struct compressor *c, struct trace_format *out,
                       size_t *first);

@@ -33,6 +33,10 @@ struct frontend {
     size_t gate;      /* first sample of the whole that is the gate's */
     bool hears_walls; /* of this survey */
     struct wall_receiver receiver;
+    struct self_test *self_test; /* NULL, for this reason: */
+    struct error unjudged;
+    bool judges_whole; /* by the whole that is compressed; else it compresses itself */
+    bool fits;         /* the newest ping */
     struct recorded_background *recorded;
     struct mean_background *mean; /* of a static array */
     struct blanker *blanker;
@@ -43,7 +47,7 @@ struct frontend {
     float *padded;               /* [n_microphones][ping_samples] */
     float complex *traces;       /* [n_microphones][format.n_samples] */
     float complex *whole;        /* [n_microphones][whole_format.n_samples]; NULL: */
-                                 /* the same */
+                                 /* the same, until something is subtracted */
 };
 
 int frontend_create(struct frontend **out, const struct frontend_config *cfg)
@@ -68,6 +72,7 @@ void frontend_forget(struct frontend *f)
     mean_background_destroy(f->mean);
     blanker_destroy(f->blanker);
     wall_receiver_clear(&f->receiver);
+    self_test_destroy(f->self_test);
     channel_check_destroy(f->check);
     free(f->noticed);
     free(f->masked);
@@ -103,10 +108,10 @@ static int allocate(struct frontend *f)
     f->masked = calloc(n_mics, sizeof *f->masked);
     f->padded = calloc(n_mics * f->processing.ping_samples, sizeof *f->padded);
     f->traces = calloc(n_mics * f->format.n_samples, sizeof *f->traces);
-    if (f->whole_format.n_samples != f->format.n_samples)
+    bool apart = f->judges_whole || f->whole_format.n_samples != f->format.n_samples;
+    if (apart)
         f->whole = calloc(n_mics * f->whole_format.n_samples, sizeof *f->whole);
-    if (!f->noticed || !f->masked || !f->padded || !f->traces ||
-        (f->whole_format.n_samples != f->format.n_samples && !f->whole))
+    if (!f->noticed || !f->masked || !f->padded || !f->traces || (apart && !f->whole))
         return -ENOMEM;
     int err = channel_check_create(&f->check, n_mics, 1);
     if (!err)
@@ -120,61 +125,117 @@ static int allocate(struct frontend *f)
     return err;
 }
 
+static bool judges(const struct frontend *f, const struct survey *s)
+{
+    return f->cfg.judges_array && s->source != SURVEY_REPLAY && !s->pings_m;
+}
+
 static int create_compressor(struct frontend *f, struct error *why)
 {
     return compressor_create(&f->compressor, &f->processing, &f->survey,
                              f->cfg.compression, f->cfg.window, why);
 }
 
-/* What is compressed for the image goes from the emission on for the walls, where that is
- * what these need and the transform holds it; else they have a compressor of their own.
- * Who finds the walls says when an array cannot hear any. */
+/* Whoever needs the sound from the emission on takes what is compressed for the image,
+ * where that is what he needs and the transform holds it; else he has compressors of his
+ * own.  Who finds the walls says when an array cannot hear any. */
 static int plan_compression(struct frontend *f, struct error *why)
 {
+    struct processing *p = &f->processing;
     struct error none;
-    double until_s;
-    bool alone, matched = f->cfg.compression == COMPRESSION_MATCHED_FILTER &&
-                          f->cfg.window == WINDOW_HANN && !survey_overlaps(&f->survey);
+    double until_s = 0.0, least_s, most_s, reaches_s[3];
+    bool alone = false, matched = f->cfg.compression == COMPRESSION_MATCHED_FILTER &&
+                                  f->cfg.window == WINDOW_HANN &&
+                                  !survey_overlaps(&f->survey) && !f->survey.pings_m;
+    int err = -ERANGE;
 
     f->hears_walls =
         f->cfg.hears_walls && !f->survey.pings_m &&
         !wall_receiver_reach(&f->survey, f->cfg.wall_reach_m, &until_s, &alone, &none);
-    if (f->hears_walls && matched && alone)
-        f->processing.reach_s = until_s;
-    int err = f->processing.reach_s > 0.0 ? create_compressor(f, &none) : -ERANGE;
+    self_test_reach(&f->survey, &least_s, &most_s);
+    f->judges_whole = judges(f, &f->survey) && matched && least_s < most_s;
+    reaches_s[0] = f->hears_walls && matched && alone ? until_s : 0.0;
+    reaches_s[1] = f->judges_whole && !(reaches_s[0] > 0.0) ? most_s : 0.0;
+    reaches_s[2] = f->judges_whole ? fmax(least_s, p->gate_s[1]) : 0.0;
+    for (int i = 0; err == -ERANGE && i < 3; i++) {
+        p->reach_s = reaches_s[i];
+        if (p->reach_s > 0.0)
+            err = create_compressor(f, &none);
+    }
     if (err == -ERANGE) {
-        f->processing.reach_s = 0.0;
+        p->reach_s = 0.0;
         err = create_compressor(f, why);
     }
     if (err)
         return err;
     compressor_format(f->compressor, &f->format);
     compressor_whole(f->compressor, &f->whole_format, &f->gate);
+    f->judges_whole = f->judges_whole && fmax(p->reach_s, p->gate_s[1]) >= least_s &&
+                      p->reach_s > 0.0;
     if (!f->hears_walls)
         return 0;
+    bool given = alone && p->reach_s >= until_s;
     return wall_receiver_open(&f->receiver, &f->survey, f->cfg.wall_reach_m,
-                              f->processing.reach_s > 0.0 ? &f->whole_format : NULL, why);
+                              given ? &f->whole_format : NULL, why);
+}
+
+static void plan_self_test(struct frontend *f)
+{
+    struct range_config range = f->cfg.range;
+
+    if (!judges(f, &f->survey))
+        return;
+    if (!range.n_pings)
+        range.n_pings = f->survey.n_speakers;
+    self_test_create(&f->self_test, &range, &f->survey,
+                     f->judges_whole ? &f->whole_format : NULL, &f->unjudged);
+}
+
+/* But for the air in front of it, and what that makes of the gate. */
+static bool is_same_array(const struct survey *a, const struct survey *b)
+{
+    struct survey like = *b;
+
+    like.sound_speed_m_s = a->sound_speed_m_s;
+    memcpy(like.gate_m, a->gate_m, sizeof like.gate_m);
+    return survey_id(&like) == survey_id(a);
+}
+
+static int plan(struct frontend *f, const struct survey *survey, struct error *why)
+{
+    int err = survey_copy(&f->survey, survey);
+
+    if (err)
+        return error_say(why, err, "survey: %s", strerror(-err));
+    err = processing_plan(&f->processing, &f->survey, why);
+    if (!err)
+        err = plan_compression(f, why);
+    if (err)
+        return err;
+    err = allocate(f);
+    if (err)
+        return error_say(why, err, "background: %s", strerror(-err));
+    plan_self_test(f);
+    return 0;
 }
 
 int frontend_survey(struct frontend *f, const struct survey *survey, struct error *why)
 {
+    struct self_test *before = f->self_test;
+    struct survey was = f->survey;
+
+    f->self_test = NULL;
+    f->survey = (struct survey){.n_speakers = 0};
     frontend_forget(f);
-    int err = survey_copy(&f->survey, survey);
-    if (err)
-        error_say(why, err, "survey: %s", strerror(-err));
-    else
-        err = processing_plan(&f->processing, &f->survey, why);
-    if (!err)
-        err = plan_compression(f, why);
-    if (!err) {
-        err = allocate(f);
-        if (err)
-            error_say(why, err, "background: %s", strerror(-err));
-    }
+    int err = plan(f, survey, why);
     if (err)
         frontend_forget(f);
     else
         f->survey_id = survey_id(survey);
+    if (before && f->self_test && is_same_array(&was, &f->survey))
+        self_test_inherit(f->self_test, before);
+    self_test_destroy(before);
+    survey_clear(&was);
     return err;
 }
 
@@ -422,9 +483,10 @@ void frontend_ping(struct frontend *f, const struct ping *ping,
                    struct frontend_output *out)
 {
     *out = (struct frontend_output){.outcome = FRONTEND_REFUSED};
-    bool usable = fits(f, ping, out) && ping->valid;
+    f->fits = fits(f, ping, out);
+    bool usable = f->fits && ping->valid;
     bool lacks = usable && lacks_background(f, ping, out);
-    if (usable && (!lacks || whole_of(f)))
+    if ((usable && (!lacks || whole_of(f))) || (f->fits && f->judges_whole))
         compress(f, ping);
     out->has_returns = f->hears_walls;
     if (f->hears_walls)
@@ -449,6 +511,22 @@ void frontend_ping(struct frontend *f, const struct ping *ping,
     out->traces.background_subtracted = subtracted;
     out->traces.blanked = blanked;
     out->outcome = FRONTEND_TRACES;
+}
+
+struct self_test *frontend_self_test(const struct frontend *f, const char **why)
+{
+    *why = f->unjudged.text;
+    return f->self_test;
+}
+
+bool frontend_judge(struct frontend *f, const struct ping *ping,
+                    struct self_test_faults *out, char *note, size_t note_size)
+{
+    if (!f->self_test || !f->fits)
+        return false;
+    self_test_ping(f->self_test, ping, f->judges_whole ? f->whole : NULL, out, note,
+                   note_size);
+    return true;
 }
 
 const struct air *frontend_air(const struct frontend *f)

@@ -15,7 +15,9 @@
  *
  * Where walls are heard, the same pulse compression gives what arrived from the emission
  * on, before anything is subtracted (recon/walls/wall_receiver.h), also of background
- * pings.
+ * pings.  And the array tells of itself by it (recon/frontend/self_test.h), where that is
+ * asked for; a recording was judged when it was made, and may begin after the direct
+ * sound.
  *
  * No function but create and survey allocates.  One thread at a time. */
 #ifndef ANLOS_RECON_FRONTEND_FRONTEND_H
@@ -28,6 +30,7 @@
 #include "recon/ego.h"
 #include "recon/frontend/air.h"
 #include "recon/frontend/compressor.h"
+#include "recon/frontend/self_test.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 #include "recon/traces.h"
@@ -46,6 +49,8 @@ struct frontend_config {
     double background_s; /* time constant of an adaptive one */
     bool hears_walls;    /* up to wall_reach_m away: what arrived of each ping */
     double wall_reach_m;
+    bool judges_array;         /* of a live one, with: */
+    struct range_config range; /* n_pings 0: a round of all speakers */
 };
 
 struct frontend_faults { /* of how many microphones, so many are: */
@@ -75,8 +80,8 @@ struct frontend;
 int frontend_create(struct frontend **out, const struct frontend_config *cfg);
 
 /* Plans for a survey, which it copies; the background of the one before is forgotten, and
- * after an error there is none.  0, -EINVAL and others of processing_plan; the error
- * says what does not fit. */
+ * after an error there is none.  What was learnt of the same array in other air stays. 0,
+ * -EINVAL and others of processing_plan; the error says what does not fit. */
 int frontend_survey(struct frontend *f, const struct survey *survey, struct error *why);
 
 /* As if there had been none. */
@@ -96,6 +101,14 @@ void frontend_temperature(struct frontend *f, double temperature_c);
 /* Before there is a survey no ping can be used, and no note says so. */
 void frontend_ping(struct frontend *f, const struct ping *ping,
                    struct frontend_output *out);
+
+/* What the array tells of itself, or NULL: *why, where it cannot be told. */
+struct self_test *frontend_self_test(const struct frontend *f, const char **why);
+
+/* As self_test_ping, of the newest ping, once: the image need not wait for it.  false:
+ * nobody judges, or the ping is none of this survey. */
+bool frontend_judge(struct frontend *f, const struct ping *ping,
+                    struct self_test_faults *out, char *note, size_t note_size);
 
 /* Of the scan that the newest ping belongs to. */
 const struct air *frontend_air(const struct frontend *f);

@@ -78,6 +78,19 @@ int range_monitor_create(struct range_monitor **out, const struct range_config *
     return 0;
 }
 
+void range_monitor_inherit(struct range_monitor *r, const struct range_monitor *before)
+{
+    r->walls = before->walls;
+    r->echo_trace = before->echo_trace;
+    r->echo = before->echo;
+    r->echo_noise = before->echo_noise;
+    r->noise_of_sum = before->noise_of_sum;
+    r->has_noise = before->has_noise;
+    r->has_echo = before->has_echo;
+    r->limited = before->limited;
+    r->n_less = before->n_less;
+}
+
 void range_monitor_walls(struct range_monitor *r, const struct walls *walls)
 {
     r->walls = *walls;

@@ -53,6 +53,9 @@ int range_monitor_create(struct range_monitor **out, const struct range_config *
                          const struct survey *s, const struct trace_format *format,
                          const double gate_m[2], struct error *why);
 
+/* What the one before has learnt of the same array, in other air. */
+void range_monitor_inherit(struct range_monitor *r, const struct range_monitor *before);
+
 /* Topic "wall": the surest wall's echo is the reference from now on.  One that was not
  * seen for a second may be elsewhere: until it is, the reference stays what it was, as it
  * does after a list that is none. */

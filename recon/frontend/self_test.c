@@ -29,6 +29,10 @@
 #define LATE_DB      35.0
 #define CROSSTALK_DB 20.0
 
+/* The next emission's direct sound: Hann's sidelobes are at -70 dB there, over the band.
+ */
+#define BEFORE 10.0
+
 #define DIRECT_S    0.25e-3 /* about where the direct sound is expected */
 #define RISES_RATIO 2.0     /* noise that is so much louder is believed at once */
 #define NOISE_PINGS 8.0     /* noise is a mean of so many */
@@ -46,17 +50,18 @@ struct speaker_state {
 
 struct self_test {
     const struct survey *survey;
-    size_t n_samples, n_own;            /* of a ping, and ahead of the next emission */
-    float *own;                         /* [n_microphones][n_samples]; then silence */
-    struct pulse_compress *compress[2]; /* up, down */
+    size_t n_samples, n_own; /* of a ping, and ahead of the next emission */
     struct trace_format format;
-    float complex *traces;                /* [n_microphones][format.n_samples] */
+    bool compresses;                    /* else it is given traces of this format */
+    struct pulse_compress *compress[2]; /* up, down */
+    float *own;                         /* [n_microphones][n_samples]; then silence */
+    float complex *traces, *whole; /* [n_microphones][format.n_samples]: of what is its
+                                    * own, and with the next emission */
     struct microphone_state *microphones; /* [n_microphones] */
     struct speaker_state *speakers;       /* [n_speakers] */
     double *powers;                       /* [n_speakers], scratch */
     unsigned patience;                    /* pings that one may miss */
 
-    float complex *whole; /* [n_microphones][format.n_samples]: with the next emission */
     struct noise_floor *floor;
     struct cover *cover;
     struct range_monitor *range;
@@ -65,21 +70,44 @@ struct self_test {
     bool has_noise;
 };
 
+static double slot_s(const struct survey *s)
+{
+    return (double)s->slot_samples / s->sample_rate_hz;
+}
+
+void self_test_reach(const struct survey *s, double *least_s, double *most_s)
+{
+    double longest_m = 0.0, shortest_m = INFINITY;
+
+    for (size_t j = 0; j < s->n_speakers; j++)
+        for (size_t i = 0; i < s->n_microphones; i++) {
+            double m = geometry_distance(s->speakers_m[j], s->microphones_m[i]);
+            longest_m = fmax(longest_m, m);
+            shortest_m = fmin(shortest_m, m);
+        }
+    double next_s = slot_s(s) + shortest_m / s->sound_speed_m_s -
+                    BEFORE / fabs(s->chirp_stop_hz - s->chirp_start_hz);
+    double whole_s = ((double)(s->slot_samples + tail_samples(s)) - s->latency_samples) /
+                         s->sample_rate_hz -
+                     s->chirp_duration_s;
+    *least_s = longest_m / s->sound_speed_m_s + DIRECT_S;
+    *most_s = fmin(next_s, whole_s);
+}
+
 static int plan(struct self_test *t, struct error *why)
 {
     const struct survey *s = t->survey;
     struct survey down = *s; /* borrows: only for the chirp */
-    double slot_s = (double)s->slot_samples / s->sample_rate_hz;
-    double own =
-        fmin((double)s->slot_samples + floor(s->latency_samples), (double)t->n_samples);
+    size_t n_mics = s->n_microphones;
     struct processing p = {.band_hz = {fmin(s->chirp_start_hz, s->chirp_stop_hz),
                                        fmax(s->chirp_start_hz, s->chirp_stop_hz)},
                            .ping_samples = t->n_samples};
     double whole_s = ((double)t->n_samples - s->latency_samples) / s->sample_rate_hz -
                      s->chirp_duration_s;
 
-    t->n_own = (size_t)own;
-    p.gate_s[1] = fmin(slot_s, whole_s);
+    t->n_own = (size_t)fmin((double)s->slot_samples + floor(s->latency_samples),
+                            (double)t->n_samples);
+    p.gate_s[1] = fmin(slot_s(s), whole_s);
     if (!(p.gate_s[1] > 0.0))
         return error_say(why, -EINVAL, "pings of %zu samples hold no chirp whole",
                          t->n_samples);
@@ -91,9 +119,12 @@ static int plan(struct self_test *t, struct error *why)
     if (err)
         return err;
     pulse_compress_format(t->compress[0], &t->format);
-    t->patience = (unsigned)fmax(
-        1.0, floor(DEAF_S / slot_s * (s->together > 1 ? (double)s->together : 1.0)));
-    return 0;
+    t->own = calloc(n_mics * t->n_samples, sizeof *t->own);
+    t->traces = calloc(n_mics * t->format.n_samples, sizeof *t->traces);
+    t->whole = calloc(n_mics * t->format.n_samples, sizeof *t->whole);
+    return t->own && t->traces && t->whole
+               ? 0
+               : error_say(why, -ENOMEM, "not enough memory to judge the microphones");
 }
 
 static int create_cover(struct self_test *t, struct error *why)
@@ -142,12 +173,11 @@ static int create_levels(struct self_test *t, const struct range_config *cfg,
 
     if (err)
         return err;
-    t->whole = calloc(n * t->format.n_samples, sizeof *t->whole);
     t->fresh = calloc(n, sizeof *t->fresh);
     t->direct = calloc(n, sizeof *t->direct);
     t->unfit = calloc(n, sizeof *t->unfit);
     t->usable = calloc(n, sizeof *t->usable);
-    if (!t->whole || !t->fresh || !t->direct || !t->unfit || !t->usable)
+    if (!t->fresh || !t->direct || !t->unfit || !t->usable)
         return error_say(why, -ENOMEM, "not enough memory for the level of noise");
     err = create_floor(t, p.gate_s, why);
     if (!err)
@@ -158,23 +188,29 @@ static int create_levels(struct self_test *t, const struct range_config *cfg,
 }
 
 int self_test_create(struct self_test **out, const struct range_config *cfg,
-                     const struct survey *s, struct error *why)
+                     const struct survey *s, const struct trace_format *given,
+                     struct error *why)
 {
     struct self_test *t = calloc(1, sizeof *t);
+    double together = s->together > 1 ? (double)s->together : 1.0;
+    int err = 0;
 
     *out = NULL;
     if (!t)
         return error_say(why, -ENOMEM, "not enough memory to judge the microphones");
     t->survey = s;
     t->n_samples = s->slot_samples + tail_samples(s);
-    int err = plan(t, why);
+    t->patience = (unsigned)fmax(1.0, floor(DEAF_S / slot_s(s) * together));
+    t->compresses = !given;
+    if (given)
+        t->format = *given;
+    else
+        err = plan(t, why);
     if (!err) {
-        t->own = calloc(s->n_microphones * t->n_samples, sizeof *t->own);
-        t->traces = calloc(s->n_microphones * t->format.n_samples, sizeof *t->traces);
         t->microphones = calloc(s->n_microphones, sizeof *t->microphones);
         t->speakers = calloc(s->n_speakers, sizeof *t->speakers);
         t->powers = calloc(s->n_speakers, sizeof *t->powers);
-        if (!t->own || !t->traces || !t->microphones || !t->speakers || !t->powers)
+        if (!t->microphones || !t->speakers || !t->powers)
             err = error_say(why, -ENOMEM, "not enough memory to judge the microphones");
     }
     if (!err)
@@ -184,6 +220,22 @@ int self_test_create(struct self_test **out, const struct range_config *cfg,
     else
         *out = t;
     return err;
+}
+
+void self_test_inherit(struct self_test *t, struct self_test *before)
+{
+    struct microphone_state *microphones = t->microphones;
+    struct speaker_state *speakers = t->speakers;
+    struct cover *cover = t->cover;
+
+    t->microphones = before->microphones;
+    t->speakers = before->speakers;
+    t->cover = before->cover;
+    t->has_noise = before->has_noise;
+    before->microphones = microphones;
+    before->speakers = speakers;
+    before->cover = cover;
+    range_monitor_inherit(t->range, before->range);
 }
 
 /* The highest peak's power; 0: none stands out. */
@@ -287,19 +339,26 @@ static bool expects_any(const struct self_test *t, size_t speaker)
     return m < t->survey->n_microphones;
 }
 
-static void listen(struct self_test *t, const struct ping *ping)
+/* Without what the next emission brought. */
+static const float complex *compress_own(struct self_test *t, const struct ping *ping)
+{
+    for (size_t m = 0; m < t->survey->n_microphones; m++)
+        memcpy(t->own + m * t->n_samples, ping->samples + m * t->n_samples,
+               t->n_own * sizeof *t->own);
+    pulse_compress_execute(t->compress[ping->down && t->compress[1]], t->own,
+                           t->n_samples, t->traces);
+    return t->traces;
+}
+
+static void listen(struct self_test *t, const struct ping *ping,
+                   const float complex *traces)
 {
     size_t n_mics = t->survey->n_microphones, n = t->format.n_samples;
     struct speaker_state *speaker = &t->speakers[ping->speaker];
     double loudest = 0.0;
 
-    for (size_t m = 0; m < n_mics; m++)
-        memcpy(t->own + m * t->n_samples, ping->samples + m * t->n_samples,
-               t->n_own * sizeof *t->own);
-    pulse_compress_execute(t->compress[ping->down && t->compress[1]], t->own,
-                           t->n_samples, t->traces);
     for (size_t m = 0; m < n_mics; m++) {
-        double power = heard_power(t->traces + m * n, n);
+        double power = heard_power(traces + m * n, n);
         t->microphones[m].hears = power > 0.0;
         loudest = fmax(loudest, power);
     }
@@ -325,9 +384,10 @@ static void settle(double *mean, bool known, double value)
 }
 
 /* Samples that are none tell nothing of the noise. */
-static void measure_noise(struct self_test *t, size_t speaker)
+static void measure_noise(struct self_test *t, size_t speaker,
+                          const float complex *traces)
 {
-    if (!noise_floor_execute(t->floor, speaker, t->whole, t->unfit, t->fresh))
+    if (!noise_floor_execute(t->floor, speaker, traces, t->unfit, t->fresh))
         return;
     for (size_t m = 0; m < t->survey->n_microphones; m++)
         if (!isnan(t->fresh[m]))
@@ -338,14 +398,15 @@ static void measure_noise(struct self_test *t, size_t speaker)
     t->has_noise = true;
 }
 
-static void measure_direct(struct self_test *t, size_t speaker)
+static void measure_direct(struct self_test *t, size_t speaker,
+                           const float complex *traces)
 {
     const struct survey *s = t->survey;
 
     for (size_t m = 0; m < s->n_microphones; m++) {
         double delay_s = geometry_distance(s->speakers_m[speaker], s->microphones_m[m]) /
                          s->sound_speed_m_s;
-        t->direct[m] = arrival_power(&t->format, t->whole + m * t->format.n_samples,
+        t->direct[m] = arrival_power(&t->format, traces + m * t->format.n_samples,
                                      delay_s - DIRECT_S, delay_s + DIRECT_S);
         t->fresh[m] = t->microphones[m].noise;
     }
@@ -356,36 +417,49 @@ static void measure_direct(struct self_test *t, size_t speaker)
         t->speakers[j].covered = cover_speaker(t->cover, j);
 }
 
-static void measure(struct self_test *t, const struct ping *ping)
+static void measure(struct self_test *t, const struct ping *ping,
+                    const float complex *traces)
 {
-    pulse_compress_execute(t->compress[ping->down && t->compress[1]], ping->samples,
-                           t->n_samples, t->whole);
     for (size_t m = 0; m < t->survey->n_microphones; m++)
         t->unfit[m] = ping->not_finite[m];
-    measure_noise(t, ping->speaker);
+    measure_noise(t, ping->speaker, traces);
     if (!t->has_noise)
         return;
-    measure_direct(t, ping->speaker);
+    measure_direct(t, ping->speaker, traces);
     for (size_t m = 0; m < t->survey->n_microphones; m++)
         t->usable[m] = !t->unfit[m] && !t->microphones[m].covered;
     const struct range_ping heard = {
         .speaker = ping->speaker,
-        .traces = t->whole,
+        .traces = traces,
         .noise = t->fresh,
         .usable = t->usable,
         .speaker_usable = !t->speakers[ping->speaker].covered};
     range_monitor_take(t->range, &heard);
 }
 
-void self_test_ping(struct self_test *t, const struct ping *ping,
-                    struct self_test_faults *out, char *note, size_t note_size)
+static bool fits(const struct self_test *t, const struct ping *ping,
+                 const float complex *traces)
 {
-    if (ping->samples && ping->n_microphones == t->survey->n_microphones &&
-        ping->n_samples == t->n_samples && ping->speaker < t->survey->n_speakers) {
-        measure(t, ping);
-        listen(t, ping);
+    return (t->compresses ? ping->samples != NULL : traces != NULL) &&
+           ping->n_microphones == t->survey->n_microphones &&
+           ping->n_samples == t->n_samples && ping->speaker < t->survey->n_speakers;
+}
+
+void self_test_ping(struct self_test *t, const struct ping *ping,
+                    const float complex *traces, struct self_test_faults *out, char *note,
+                    size_t note_size)
+{
+    if (fits(t, ping, traces) && t->compresses) {
+        pulse_compress_execute(t->compress[ping->down && t->compress[1]], ping->samples,
+                               t->n_samples, t->whole);
+        measure(t, ping, t->whole);
+        listen(t, ping, compress_own(t, ping));
+    } else if (fits(t, ping, traces)) {
+        measure(t, ping, traces);
+        listen(t, ping, traces);
     }
-    *out = (struct self_test_faults){.of_microphones = t->survey->n_microphones};
+    *out = (struct self_test_faults){.of_microphones = t->survey->n_microphones,
+                                     .speakers = t->survey->n_speakers};
     for (size_t m = 0; m < t->survey->n_microphones; m++)
         out->deaf += is_deaf(t, m);
     for (size_t m = 0; m < t->survey->n_microphones; m++)

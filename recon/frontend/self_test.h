@@ -14,21 +14,28 @@
  * Covered: the direct sound of whole rows or columns of pairs drops (dsp/cover.h).
  *
  * Noise is that of dsp/noise_floor.h, where images are made; how far a person is found in
- * it recon/frontend/range_monitor.h says. */
+ * it recon/frontend/range_monitor.h says.
+ *
+ * It stands beside the front end, whose traces it takes where they reach from the
+ * emission far enough; elsewhere it compresses a ping itself: with what the next emission
+ * brought, and without. */
 #ifndef ANLOS_RECON_FRONTEND_SELF_TEST_H
 #define ANLOS_RECON_FRONTEND_SELF_TEST_H
 
+#include <complex.h>
 #include <stdbool.h>
 #include <stddef.h>
 
 #include "dsp/error.h"
+#include "dsp/pulse_compress.h"
 #include "recon/frontend/range_monitor.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 
 struct self_test_faults {
     size_t deaf, of_microphones;
-    size_t mute, of_speakers; /* that have sounded */
+    size_t mute, of_speakers; /* that have sounded, of... */
+    size_t speakers;
     size_t covered_microphones, covered_speakers;
 };
 
@@ -43,19 +50,30 @@ struct self_test_levels { /* NaN: not known */
 
 struct self_test;
 
-/* The survey outlives it.  0, -EINVAL (pings are too short to tell, or a gate or
- * a range that is none), -ENOMEM. */
+/* From the emission on traces have to reach so far that the direct sound of each pair is
+ * in them, the later the better: delays up to most_s are this ping's. */
+void self_test_reach(const struct survey *s, double *least_s, double *most_s);
+
+/* given: traces that each ping comes with, of a matched filter with a Hann window, from
+ * the emission to self_test_reach; NULL: there are none.  The survey outlives it.  0,
+ * -EINVAL (pings are too short to tell, or a gate or a range that is none), -ENOMEM. */
 int self_test_create(struct self_test **out, const struct range_config *cfg,
-                     const struct survey *s, struct error *why);
+                     const struct survey *s, const struct trace_format *given,
+                     struct error *why);
+
+/* What the one before has learnt of the same array, in other air. */
+void self_test_inherit(struct self_test *t, struct self_test *before);
 
 /* See range_monitor_walls. */
 void self_test_walls(struct self_test *t, const struct walls *walls);
 
-/* Of all pings up to this one.  note: gets what was not said before, or stays as it is. A
- * microphone whose samples are no numbers, or a ping of another shape, is not judged.
- * Costs the compression of two pings, and of noise the passes of dsp/noise_floor.h. */
+/* Of all pings up to this one.  traces: [n_microphones][given.n_samples], or NULL, see
+ * above.  note: gets what was not said before, or stays as it is. A microphone whose
+ * samples are no numbers, or a ping of another shape, is not judged.  Costs the passes of
+ * dsp/noise_floor.h, and without traces the compression of two pings. */
 void self_test_ping(struct self_test *t, const struct ping *ping,
-                    struct self_test_faults *out, char *note, size_t note_size);
+                    const float complex *traces, struct self_test_faults *out, char *note,
+                    size_t note_size);
 
 void self_test_levels(const struct self_test *t, struct self_test_levels *out);
 bool self_test_covers_microphone(const struct self_test *t, size_t microphone);

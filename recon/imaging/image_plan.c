@@ -3,20 +3,8 @@
 
 #include <string.h>
 
-static int plan_format(struct image_plan *p, enum compression compression,
-                       enum window window, struct error *why)
-{
-    struct compressor *c = NULL;
-    int err = compressor_create(&c, &p->processing, &p->survey, compression, window, why);
-
-    if (!err)
-        compressor_format(c, &p->format);
-    compressor_destroy(c);
-    return err;
-}
-
 int image_plan_create(struct image_plan *p, const struct survey *survey,
-                      enum compression compression, enum window window, struct error *why)
+                      enum compression compression, struct error *why)
 {
     *p = (struct image_plan){.survey_id = 0};
     int err = survey_copy(&p->survey, survey);
@@ -26,7 +14,8 @@ int image_plan_create(struct image_plan *p, const struct survey *survey,
     else
         err = processing_plan(&p->processing, &p->survey, why);
     if (!err)
-        err = plan_format(p, compression, window, why);
+        err = compressor_format_of(&p->format, &p->processing, &p->survey, compression,
+                                   why);
     if (err)
         image_plan_clear(p);
     else

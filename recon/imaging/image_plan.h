@@ -19,11 +19,10 @@ struct image_plan {
     struct trace_format format; /* of the traces, known before the first of them */
 };
 
-/* window and compression as the front end has them.  0, or a negative errno and a
- * error; then p needs no image_plan_clear. */
+/* compression as the front end has it.  0, or a negative errno and an error; then p needs
+ * no image_plan_clear. */
 int image_plan_create(struct image_plan *p, const struct survey *survey,
-                      enum compression compression, enum window window,
-                      struct error *why);
+                      enum compression compression, struct error *why);
 void image_plan_clear(struct image_plan *p);
 
 /* Are they such as were planned for? */

@@ -62,7 +62,7 @@ int scan_imager_survey(struct scan_imager *r, const struct survey *survey,
                        struct error *why)
 {
     scan_imager_forget(r);
-    int err = image_plan_create(&r->plan, survey, r->cfg.compression, r->cfg.window, why);
+    int err = image_plan_create(&r->plan, survey, r->cfg.compression, why);
     r->plan.processing.imaging = r->cfg.options;
     if (!err)
         err = allocate(r, why);

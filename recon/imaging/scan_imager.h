@@ -20,8 +20,7 @@ struct scan_imager_config {
     const char *method;                   /* must outlive the imager */
     const struct imager_options *options; /* likewise; NULL: the defaults */
     size_t threads;                       /* at least 1 */
-    enum window window; /* as the front end has them: they decide the traces' format */
-    enum compression compression;
+    enum compression compression; /* the front end's: it decides the traces' format */
 };
 
 struct scan_imager;

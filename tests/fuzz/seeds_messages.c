@@ -40,8 +40,7 @@ static void publish_survey(struct scan *s)
     struct error why = {""};
     const struct frontend_config dsp = {.window = WINDOW_HANN,
                                         .background = BACKGROUND_RECORDED};
-    const struct scan_imager_config recon = {
-        .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
+    const struct scan_imager_config recon = {.method = "backprojection", .threads = 1};
     struct survey survey;
     const struct detector_config detector = {.threshold_db = 3.0, .min_existence = 0.01};
 

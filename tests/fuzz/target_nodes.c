@@ -34,8 +34,7 @@ struct system {
 static void start(struct system *s)
 {
     const struct frontend_config dsp = {.window = WINDOW_HANN};
-    const struct scan_imager_config recon = {
-        .method = "backprojection", .threads = 1, .window = WINDOW_HANN};
+    const struct scan_imager_config recon = {.method = "backprojection", .threads = 1};
     struct pipeline_config cfg;
     const struct watch_config watch = {.fixed = true, .ego = true, .wall = true};
     struct sender_config sender;

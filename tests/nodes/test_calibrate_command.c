@@ -17,7 +17,9 @@
 
 #include "hal/array.h"
 #include "hal/recording/recording.h"
+#include "hal/room/pose.h"
 #include "hal/survey/calibration_file.h"
+#include "hal/survey/element_places.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/commands.h"
 #include "tests/hal/folder.h"
@@ -27,18 +29,21 @@
 enum { N = 6 };
 
 /* Speakers and microphones upright, 12 cm apart, in two rows; a wall ahead. */
-#define SCENE                                                                            \
+#define SOUND                                                                            \
     "temperature_c: 20\nsample_rate_hz: 48000\n"                                         \
     "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.025}\n"                       \
     "slot_samples: 1300\ngate_m: [0.3, 3]\n"                                             \
+    "wall_sound: {reflectivity: 0.9, echo: 0.8}\n"                                       \
+    "microphones: {ripple_db: 1.5}\nlevel: 0.03\n"
+#define ARRAY                                                                            \
+    SOUND                                                                                \
     "speakers_m: [[0, 0, 0], [0, 0.12, 0], [0, 0.24, 0], [0, 0.36, 0], [0, 0.48, 0], "   \
     "[0, 0.6, 0]]\n"                                                                     \
     "microphones_m: [[0.08, 0, 0], [0.08, 0.12, 0], [0.08, 0.24, 0], [0.08, 0.36, 0], "  \
-    "[0.08, 0.48, 0], [0.08, 0.6, 0]]\n"                                                 \
-    "stage: {axis: [1, 0, 0], positions_m: [0, 0.1]}\n"                                  \
-    "wall: {normal: [0, 0, 1], distance_m: 1.2}\n"                                       \
-    "wall_sound: {reflectivity: 0.9, echo: 0.8}\n"                                       \
-    "microphones: {ripple_db: 1.5}\nlevel: 0.03\n"
+    "[0.08, 0.48, 0], [0.08, 0.6, 0]]\n"
+#define SCENE                                                                            \
+    ARRAY "stage: {axis: [1, 0, 0], positions_m: [0, 0.1]}\n"                            \
+          "wall: {normal: [0, 0, 1], distance_m: 1.2}\n"
 #define QUIET SCENE "noise: {rms: 1.0e-4}\n"
 
 struct fixture {
@@ -492,6 +497,145 @@ static void a_calibrated_array_hears_what_a_good_one_hears(void **state)
     array_close(b);
 }
 
+/* Elements 10 mm off on each axis, heard before a wall to the left and one to the right.
+ */
+#define TURNED(x)                                                                        \
+    ARRAY "stage: {axis: [1, 0, 0], positions_m: [0, 0.5]}\n"                            \
+          "wall: {normal: [" x ", 0, 0.9028], distance_m: 1.2}\n"                        \
+          "seed: 5\nnoise: {rms: 1.0e-4}\n"
+
+/* The same of a level line that nothing carries. */
+#define LEVEL(x)                                                                         \
+    SOUND "speakers_m: [[0, 0, 0], [0.12, 0, 0], [0.24, 0, 0], [0.36, 0, 0], "           \
+          "[0.48, 0, 0], [0.6, 0, 0]]\n"                                                 \
+          "microphones_m: [[0.06, 0, 0], [0.18, 0, 0], [0.3, 0, 0], [0.42, 0, 0], "      \
+          "[0.54, 0, 0], [0.66, 0, 0]]\n"                                                \
+          "stage: {axis: [1, 0, 0], positions_m: [0]}\n"                                 \
+          "wall: {normal: [" x ", 0, 0.9028], distance_m: 1.2}\n"                        \
+          "seed: 5\nnoise: {rms: 1.0e-4}\n"
+
+static void before_two_walls(struct fixture *f, const char *left, const char *other,
+                             const char *errors, char right[128])
+{
+    write_scene(f, other, errors);
+    snprintf(right, 128, "%s/right.yaml", f->folder);
+    assert_int_equal(rename(f->scene + 4, right), 0);
+    memmove(right + 4, right, strlen(right) + 1);
+    memcpy(right, "sim:", 4);
+    write_scene(f, left, errors);
+}
+
+/* Of the shape of what is found, each axis. */
+static void measure_errors(const struct fixture *f, double errors_m[2 * N][3])
+{
+    struct pose truth;
+    struct array *raw = open_array(f->scene);
+    struct calibration *c = load(f);
+    assert_int_equal(pose_create(&truth, array_survey(raw), 0.01, 0.0, 5), 0);
+    for (int e = 0; e < 2 * N; e++)
+        for (int a = 0; a < 3; a++)
+            errors_m[e][a] = c->places_m[e][a] - (e < N
+                                                      ? truth.speakers_at_m[e][a]
+                                                      : truth.microphones_at_m[e - N][a]);
+    assert_int_equal(
+        element_places_shape(2 * N, (const double(*)[3])c->places_m, errors_m), 0);
+    pose_clear(&truth);
+    calibration_destroy(c);
+    array_close(raw);
+}
+
+static double rms_of(const double (*x)[3], int axis)
+{
+    double sum = 0.0;
+    for (int e = 0; e < 2 * N; e++)
+        sum += x[e][axis] * x[e][axis];
+    return sqrt(sum / (2 * N));
+}
+
+static void elements_that_stand_elsewhere_are_found(void **state)
+{
+    struct fixture *f = *state;
+    char right[128], uri[256], *more[] = {"--array", right, NULL};
+    double errors_m[2 * N][3], left_rms_m = 0.0;
+    before_two_walls(f, TURNED("0.43"), TURNED("-0.43"),
+                     "errors: {element_m: 0.01}\nfaults: {latency_samples: 5}\n", right);
+    run(f, "array", more);
+    expect(f, 0, "good: places, known to");
+    struct calibration *c = load(f);
+    assert_near(c->latency_samples, 5.0, 0.1);
+    measure_errors(f, errors_m);
+    for (int a = 0; a < 3; a++)
+        left_rms_m = hypot(left_rms_m, rms_of((const double(*)[3])errors_m, a) / sqrt(3));
+    assert_true(left_rms_m < 1e-3);
+    assert_true(left_rms_m < 3.0 * c->places_sigma_m);
+
+    /* Who opens the array with it has the places, and hears what he heard. */
+    struct array_ping ping, same;
+    snprintf(uri, sizeof uri, "%s?calibrated=%s", f->scene, f->out);
+    struct array *a = open_array(uri), *raw = open_array(f->scene);
+    assert_memory_equal(array_survey(a)->speakers_m, c->places_m, 3 * N * sizeof(double));
+    hear(raw, 2, &ping);
+    hear(a, 2, &same);
+    assert_memory_equal(ping.samples, same.samples,
+                        N * ping.n_samples * sizeof *ping.samples);
+    array_close(a);
+    array_close(raw);
+    calibration_destroy(c);
+
+    char *again[] = {"--array", f->scene, NULL}; /* as of a card, which opens once */
+    run(f, "array", again);
+    expect(f, 0, ", 2 walls,");
+    run(f, "time-zero", NULL); /* by the places that are known now */
+    expect(f, 0, "good: latency_samples");
+}
+
+/* Walls do not tell how it is turned about itself, nor its elements' heights: those stay,
+ * and are called unknown, and what is across it otherwise is found. */
+static void a_level_line_goes_by_upright_walls(void **state)
+{
+    struct fixture *f = *state;
+    char right[128], *more[] = {"--array", right, NULL};
+    double errors_m[2 * N][3];
+    before_two_walls(f, LEVEL("0.43"), LEVEL("-0.43"), "errors: {element_m: 0.01}\n",
+                     right);
+    run(f, "array", more);
+    expect(f, 0, "not told: y, up");
+    measure_errors(f, errors_m);
+    assert_true(rms_of((const double(*)[3])errors_m, 2) < 1e-3);
+    struct calibration *c = load(f);
+    for (int e = 0; e < 2 * N; e++)
+        assert_near(c->places_m[e][1], 0.0, 2e-3);
+    assert_true(c->places_sigma_m > 4e-3); /* 10 mm of one axis of three: 5.8 */
+    calibration_destroy(c);
+}
+
+static void what_tells_no_places_is_refused(void **state)
+{
+    struct fixture *f = *state;
+    char right[128], *more[] = {"--array", right, NULL};
+    before_two_walls(f, TURNED("0.43"), TURNED("-0.43"), "", right);
+    run(f, "time-zero", more);
+    expect(f, 2, "time-zero takes one array");
+    write_scene(f, QUIET, "");
+    run(f, "array", more);
+    expect(f, 2, "has another stage than");
+    char *scene = strdup(SCENE "noise: {rms: 1.0e-4}\n");
+    assert_non_null(scene);
+    memcpy(strstr(scene, "echo: 0.8"), "echo: 0.0", 9);
+    write_scene(f, scene, "");
+    free(scene);
+    run(f, "array", NULL);
+    expect(f, 1, "no wall is heard within 5 m");
+    /* Objects and clutter, and a wall that does not mirror the array to itself. */
+    char *corner[] = {
+        "calibrate", "array", "--array", "sim:" SOURCE_DIR "/launch/scenes/corner.yaml",
+        "--out",     f->out,  "--takes", "1",
+        NULL};
+    command_run(&f->r, command_calibrate, corner);
+    expect(f, 1, "no wall is heard within 5 m");
+    assert_int_equal(access(f->out, F_OK), -1);
+}
+
 static void a_recording_can_be_calibrated(void **state)
 {
     struct fixture *f = *state;
@@ -642,6 +786,9 @@ int main(void)
         test(a_background_is_a_recording_with_its_temperature),
         test(a_background_can_be_carried_along_and_must_not_clip),
         test(a_calibrated_array_hears_what_a_good_one_hears),
+        test(elements_that_stand_elsewhere_are_found),
+        test(a_level_line_goes_by_upright_walls),
+        test(what_tells_no_places_is_refused),
         test(a_recording_can_be_calibrated),
         test(an_array_that_records_nothing_is_said_to),
         test(a_file_of_another_array_is_refused),

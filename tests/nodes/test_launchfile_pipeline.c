@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Each key of a launch file that says how the stages work is in the one configuration
  * that the nodes and whoever holds all stages take. */
+#include <errno.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -37,8 +38,6 @@ struct key {
 
 static const struct key of_both[] = {
     KEY("dsp: {window: hamming}", WINDOW_HAMMING, frontend.window),
-    KEY("dsp: {window: hamming}", WINDOW_HAMMING, array.window),
-    KEY("dsp: {window: hamming}", WINDOW_HAMMING, scan.window),
     KEY("dsp: {compression: deramp}", COMPRESSION_DERAMP, frontend.compression),
     KEY("dsp: {compression: deramp}", COMPRESSION_DERAMP, array.compression),
     KEY("dsp: {compression: deramp}", COMPRESSION_DERAMP, scan.compression),
@@ -184,11 +183,42 @@ static void without_a_file_it_is_what_an_empty_one_says(void **state)
     launchfile_destroy(l);
 }
 
+/* What the stages say of a field of anlos/config.h. */
+static void an_error_names_the_key_of_the_launch_file(void **state)
+{
+    static const struct {
+        const char *said, *read;
+    } texts[] = {
+        {"array: a static array stands", "scan.mode: a static array stands"},
+        {"false_alarm_rate: too small", "track.cfar: too small"},
+        {"image_pings: 300: too many", "recon.frames.pings: 300: too many"},
+        {"method 'magic': no such method", "recon.method 'magic': no such method"},
+        {"walls: none is heard", "wall.from: none is heard"},
+        {"walls gate_m is [3, 2]", "walls gate_m is [3, 2]"}, /* of the survey */
+        {"gate_m: far is 4 m", "gate_m: far is 4 m"},
+        {"walls", "walls"},
+        {"", ""},
+    };
+    struct error why;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
+        snprintf(why.text, sizeof why.text, "%s", texts[i].said);
+        assert_int_equal(launchfile_name_key(&why, -EINVAL), -EINVAL);
+        assert_string_equal(why.text, texts[i].read);
+    }
+    snprintf(why.text, sizeof why.text, "array: ");
+    assert_int_equal(launchfile_name_key(&why, 0), 0);
+    assert_string_equal(why.text, "array: ");
+    assert_int_equal(launchfile_name_key(NULL, -EINVAL), -EINVAL);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_key_is_what_the_stages_run_with),
         cmocka_unit_test(a_method_and_its_options_are_those_of_the_file),
+        cmocka_unit_test(an_error_names_the_key_of_the_launch_file),
         cmocka_unit_test(without_a_file_it_is_what_an_empty_one_says),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -11,6 +11,8 @@
 
 #include <cmocka.h>
 
+#include "command.h"
+#include "nodes/anlos/commands.h"
 #include "nodes/anlos/recon/report.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/simulated.h"
@@ -107,7 +109,18 @@ static void subtract_file(float *x, sf_count_t *frames, int channels)
     free(background);
 }
 
-/* Against a recording of the differences, without a background. */
+static double difference_of(const float *x, const float *y, size_t n)
+{
+    double sum = 0.0, of = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        sum += ((double)x[i] - (double)y[i]) * ((double)x[i] - (double)y[i]);
+        of += (double)y[i] * (double)y[i];
+    }
+    return sqrt(sum / of);
+}
+
+/* Against a recording of the differences, without a background: of that each ping is
+ * heard a little longer, with the next emission, which the difference does not have. */
 static void in_still_air_samples_are_subtracted_from_samples(void **state)
 {
     struct simulated *s = *state;
@@ -124,10 +137,60 @@ static void in_still_air_samples_are_subtracted_from_samples(void **state)
     struct recon_options o = simulated_options(s, "fast");
     o.background = NULL;
     simulated_image(&difference, &o);
-    assert_memory_equal(job.intensity, difference.intensity,
-                        grid_size(&job.processing.grid) * sizeof *job.intensity);
+    double apart = difference_of(job.intensity, difference.intensity,
+                                 grid_size(&job.processing.grid));
+    print_message("apart by %.1e\n", apart);
+    assert_true(apart < 0.001);
     recon_job_clear(&difference);
     recon_job_clear(&job);
+}
+
+static void expect_command(int (*command)(int, char **), char *const words[])
+{
+    struct command_result r;
+    command_run(&r, command, words);
+    if (r.code)
+        print_error("%s\n", r.err);
+    assert_int_equal(r.code, 0);
+}
+
+static char *read_volume(const char *folder, size_t *size)
+{
+    char path[256], *bytes = malloc(1 << 24);
+    assert_non_null(bytes);
+    snprintf(path, sizeof path, "%s/volume.nrrd", folder);
+    FILE *f = fopen(path, "rb");
+    assert_non_null(f);
+    *size = fread(bytes, 1, 1 << 24, f);
+    fclose(f);
+    return bytes;
+}
+
+/* A ping ends with the next emission whole, which is not subtracted here: its beginning
+ * alone would be a click that passes for echoes. */
+static void without_a_background_files_give_what_their_bag_gives(void **state)
+{
+    struct simulated *s = *state;
+    char bag[128], of_bag[160];
+    size_t sizes[2];
+    simulated_use(s, "still");
+    snprintf(bag, sizeof bag, "%s/still.mcap", s->folder);
+    snprintf(of_bag, sizeof of_bag, "%s-of-bag", s->out);
+#define W(x) ((char *)(x))
+    expect_command(command_bag,
+                   (char *const[]){W("bag"), W("import"), s->scene, W("--survey"),
+                                   s->survey, W("-o"), bag, NULL});
+    expect_command(command_recon,
+                   (char *const[]){W("recon"), W("--bag"), bag, W("--method"), W("fast"),
+                                   W("--out"), of_bag, NULL});
+    expect_command(command_recon, (char *const[]){W("recon"), W("--wav"), s->scene,
+                                                  W("--survey"), s->survey, W("--method"),
+                                                  W("fast"), W("--out"), s->out, NULL});
+    char *files = read_volume(s->out, &sizes[0]), *bags = read_volume(of_bag, &sizes[1]);
+    assert_int_equal(sizes[0], sizes[1]);
+    assert_memory_equal(files, bags, sizes[0]);
+    free(files);
+    free(bags);
 }
 
 /* -- drift ------------------------------------------------------------------------------
@@ -339,6 +402,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(in_still_air_samples_are_subtracted_from_samples),
+        cmocka_unit_test(without_a_background_files_give_what_their_bag_gives),
         cmocka_unit_test(warmer_air_is_corrected_and_measured),
         cmocka_unit_test(deramped_traces_are_not_corrected),
         cmocka_unit_test(the_last_ping_is_left_out_only_where_its_file_breaks_off),

@@ -31,8 +31,7 @@ static int setup(void **state)
 {
     const struct frontend_config dsp = {.window = WINDOW_HANN,
                                         .background = BACKGROUND_RECORDED};
-    const struct scan_imager_config recon = {
-        .method = "fast", .threads = 2, .window = WINDOW_HANN};
+    const struct scan_imager_config recon = {.method = "fast", .threads = 2};
     struct rig *r = calloc(1, sizeof *r);
 
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml") ||
@@ -223,8 +222,7 @@ static void masked_microphones_and_clipped_samples_are_summed_up(void **state)
 static void an_unknown_method_is_complained_about(void **state)
 {
     struct rig *r = *state;
-    const struct scan_imager_config cfg = {
-        .method = "magic", .threads = 1, .window = WINDOW_HANN};
+    const struct scan_imager_config cfg = {.method = "magic", .threads = 1};
     struct error why = {""};
     struct recon *recon;
 

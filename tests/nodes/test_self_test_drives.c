@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Simulated drives through the steps of the nodes array and wall, at simulated time: what
+/* Simulated drives through the steps of the nodes dsp and wall, at simulated time: what
  * the array says of its range where nothing is wrong, and where noise comes and goes. */
 #include <math.h>
 #include <setjmp.h>
@@ -17,13 +17,12 @@
 #include "hal/survey/firing.h"
 #include "msgs/convert.h"
 #include "nodes/anlos/doctor/drive_world.h"
-#include "nodes/array/config.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/node.h"
 #include "nodes/wall/finding.h"
-#include "recon/frontend/self_test.h"
+#include "recon/frontend/frontend.h"
 
 #define SCENES SOURCE_DIR "/launch/scenes/"
 #ifdef __SANITIZE_ADDRESS__ /* ten times slower: what is wrong in memory shows early */
@@ -36,9 +35,9 @@ struct drive {
     struct launchfile *launch;
     struct drive_world world;
     struct survey survey;
-    struct wall_receiver receiver;
+    struct frontend *frontend;
     struct finding *walls;
-    struct self_test *self_test;
+    const char *why;
     struct self_test_faults faults;
     struct self_test_levels levels;
     int64_t ego_ns;
@@ -49,7 +48,6 @@ static void start(struct drive *d, const char *scene)
 {
     struct firing firing;
     const struct drive_world_config world = {.scene = scene, .firing = &firing};
-    struct range_config hears;
     struct pipeline_config cfg;
     struct error why = {""};
 
@@ -67,23 +65,22 @@ static void start(struct drive *d, const char *scene)
         err = survey_from_message(&d->survey, d->world.survey, &why);
     if (err)
         fail_msg("%s: %s", scene, why.text);
-    array_config_range(&hears, d->launch, &d->survey);
     launchfile_pipeline(&cfg, d->launch);
     cfg.walls.map.from = WALL_FROM_ECHOES;
+    cfg.frontend.hears_walls = cfg.frontend.judges_array = true;
     if (finding_create(&d->walls, &cfg.walls) ||
         finding_survey(d->walls, d->world.survey, &why) ||
-        wall_receiver_open(&d->receiver, &d->survey, cfg.walls.listener.reach_m, NULL,
-                           &why) ||
-        self_test_create(&d->self_test, &hears, &d->survey, &why) ||
+        frontend_create(&d->frontend, &cfg.frontend) ||
+        frontend_survey(d->frontend, &d->survey, &why) ||
         drive_world_shoot(&d->world, PASS_SCENE, &why))
         fail_msg("%s: %s", scene, why.text);
+    assert_non_null(frontend_self_test(d->frontend, &d->why));
     d->ego_ns = d->world.begin_ns;
 }
 
 static void stop(struct drive *d)
 {
-    self_test_destroy(d->self_test);
-    wall_receiver_clear(&d->receiver);
+    frontend_destroy(d->frontend);
     finding_destroy(d->walls);
     survey_clear(&d->survey);
     drive_world_clear(&d->world);
@@ -96,7 +93,8 @@ static double go_on(struct drive *d)
     Anlos__EgoMotion ego;
     Anlos__Ping message;
     struct ping ping;
-    struct wall_returns returns;
+    struct frontend_output out;
+    struct self_test *judge = frontend_self_test(d->frontend, &d->why);
     struct walls walls;
     struct error why;
     int64_t stamp_ns;
@@ -107,14 +105,14 @@ static double go_on(struct drive *d)
         finding_ego(d->walls, &ego, d->ego_ns);
     }
     ping_from_message(&ping, &message, stamp_ns);
-    wall_receiver_take(&d->receiver, &ping, NULL, &returns);
-    wall_finder_returns(finding_finder(d->walls), &returns, stamp_ns);
+    frontend_ping(d->frontend, &ping, &out);
+    wall_finder_returns(finding_finder(d->walls), &out.returns, stamp_ns);
     if (d->world.n % 5 == 0) { /* ten a second, nearly */
         assert_int_equal(walls_from_message(&walls, finding_walls(d->walls), &why), 0);
-        self_test_walls(d->self_test, &walls);
+        self_test_walls(judge, &walls);
     }
-    self_test_ping(d->self_test, &ping, &d->faults, d->note, sizeof d->note);
-    self_test_levels(d->self_test, &d->levels);
+    assert_true(frontend_judge(d->frontend, &ping, &d->faults, d->note, sizeof d->note));
+    self_test_levels(judge, &d->levels);
     return 1e-9 * (double)(stamp_ns - d->world.begin_ns);
 }
 
@@ -146,7 +144,7 @@ static void where_nothing_is_wrong_nothing_is_said(void **state)
     }
 }
 
-/* What the health of the node array would say, and a list of each image, to the watchdog
+/* What the health of the node dsp would say, and a list of each image, to the watchdog
  * of the node can. */
 static void tell(const struct drive *d, struct watch *w, int64_t now_ns)
 {
@@ -168,7 +166,7 @@ static void tell(const struct drive *d, struct watch *w, int64_t now_ns)
         faults[i] = &all[i];
     }
     sensing.range_m = d->levels.range_m;
-    health.node = (char *)(uintptr_t) "array";
+    health.node = (char *)(uintptr_t) "dsp";
     health.state = ANLOS__HEALTH__STATE__READY;
     health.sensing = &sensing;
     health.faults = faults;

@@ -173,13 +173,10 @@ static double off_m(const struct rig *r, const Anlos__Volume *v, size_t k)
                  v->origin_m->z + 0.01 * (double)(best / n[2]) - at[2]);
 }
 
-static const struct static_array_config each_frame = {
-    .threads = 1, .window = WINDOW_HANN, .sum = FRAMES_COHERENT};
-static const struct static_array_config each_ping = {.threads = 1,
-                                                     .window = WINDOW_HANN,
-                                                     .pings = 3,
-                                                     .sum = FRAMES_POWER,
-                                                     .every_ping = true};
+static const struct static_array_config each_frame = {.threads = 1,
+                                                      .sum = FRAMES_COHERENT};
+static const struct static_array_config each_ping = {
+    .threads = 1, .pings = 3, .sum = FRAMES_POWER, .every_ping = true};
 
 static void a_frame_is_imaged_with_its_last_ping(void **state)
 {
@@ -356,6 +353,7 @@ static void a_survey_of_a_stage_is_refused(void **state)
     Anlos__Survey *moved = message_of(&r.survey);
     assert_int_equal(steady_survey(r.steady, moved, &why), -ENOTSUP);
     assert_non_null(strstr(why.text, "2 positions"));
+    assert_memory_equal(why.text, "scan.mode: ", 11); /* as the launch file has it */
     anlos__survey__free_unpacked(moved, NULL);
     stop(&r);
 }

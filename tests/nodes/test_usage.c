@@ -7,6 +7,10 @@
 
 #include <cmocka.h>
 
+#include <string.h>
+#include <unistd.h>
+
+#include "command.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/arguments.h"
 
@@ -50,10 +54,34 @@ static void a_wrong_argument_of_a_launch_is_told_from_a_missing_value(void **sta
     }
 }
 
+static int run_anlos(int argc, char **argv)
+{
+    (void)argc;
+    execv(BINARY_DIR "/bin/anlos", argv);
+    return 127;
+}
+
+static void a_command_that_is_nearly_one_is_named(void **state)
+{
+    char *const near[] = {(char *)"anlos", (char *)"lanuch", NULL};
+    char *const far[] = {(char *)"anlos", (char *)"xyzzy", NULL};
+    struct command_result r;
+
+    (void)state;
+    command_run(&r, run_anlos, near);
+    assert_int_equal(r.code, 2);
+    assert_string_equal(r.err, "anlos: lanuch: no such command; did you mean launch?; "
+                               "see anlos --help\n");
+    command_run(&r, run_anlos, far);
+    assert_int_equal(r.code, 2);
+    assert_string_equal(r.err, "anlos: xyzzy: no such command; see anlos --help\n");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_name_that_is_nearly_one_is_found_and_others_are_not),
+        cmocka_unit_test(a_command_that_is_nearly_one_is_named),
         cmocka_unit_test(a_wrong_argument_of_a_launch_is_told_from_a_missing_value),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -5,8 +5,10 @@
     check_python.py ANLOS SCENE.yaml     with ANLOS_LIBRARY, PYTHONPATH
 
 SCENE.yaml is launch/scenes/point.yaml: one point, whose place is in truth.json."""
+import csv
 import json
 import os
+import struct
 import subprocess
 import sys
 import tempfile
@@ -141,6 +143,154 @@ class Wrong(unittest.TestCase):
             f.write("speakers_m: []\ncolour: red\n")
             f.flush()
             self.refused(ValueError, "colour", anlos.Survey.load, f.name)
+
+
+class Bags(unittest.TestCase):
+    """What a bag holds, against the recording it was made of and what the program reads."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory(prefix="anlos-python-")
+        at = cls.at = cls.scratch.name
+        run("sim", SCENE, "--out", at)
+        for how in ("zstd", "lz4", "none"):
+            run("bag", "import", at + "/scene", "--survey", at + "/survey.yaml", "--background",
+                at + "/background", "-o", f"{at}/{how}.mcap", "--compression", how)
+        run("recon", "--bag", at + "/zstd.mcap", "--out", at + "/image", "--record")
+        cls.lists = anlos.Bag(at + "/image/lists.mcap")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scratch.cleanup()
+
+    def test_pings_are_the_sound_of_the_recording_however_it_is_packed(self):
+        survey = anlos.Survey.load(self.at + "/survey.yaml")
+        for how in ("zstd", "lz4", "none"):
+            bag = anlos.Bag(f"{self.at}/{how}.mcap")
+            self.assertEqual(bag.topics["ping"], 48)  # the background first
+            pings = list(bag.messages("ping"))
+            for i, ping in enumerate(pings):
+                folder = "background" if i < 24 else "scene"
+                self.assertEqual(ping.pass_, folder.upper())
+                sound = wav(f"{self.at}/{folder}/pos{ping.position:02d}.wav")
+                expected = list(survey.slots(sound))[ping.speaker]
+                self.assertEqual(ping.samples.dtype, numpy.float32)
+                numpy.testing.assert_array_equal(ping.samples[:, :expected.shape[1]], expected)
+            times = [p.publish_ns for p in bag.messages()]
+            self.assertEqual(times, sorted(times))
+            self.assertEqual(len(times), sum(bag.topics.values()))
+
+    def test_places_are_arrays(self):
+        survey = next(self.lists.messages("survey"))
+        self.assertEqual(survey.microphones_m.shape, (4, 3))
+        self.assertEqual(survey.stage_positions_m.shape, (len(survey.stage_positions_m),))
+        self.assertIsNone(survey.capture_ns)
+
+    def test_a_table_has_what_the_program_exports(self):
+        run("bag", "export", self.at + "/image/lists.mcap", "--format", "csv", "-o",
+            self.at + "/lists.csv")
+        with open(self.at + "/lists.csv", encoding="utf-8") as f:
+            rows = list(csv.DictReader(f))
+        table = self.lists.table("detections", "detections")
+        self.assertEqual(len(table), len(rows))
+        self.assertGreater(len(rows), 0)
+        for row, line in zip(table, rows):
+            for a, axis in enumerate("xyz"):
+                self.assertAlmostEqual(row["position_m"][a], float(line[axis + "_m"]), places=5)
+            self.assertAlmostEqual(row["existence"], float(line["existence"]), places=5)
+            self.assertEqual(row["covariance_m2"].shape, (6,))
+        whole = self.lists.table("detections")
+        self.assertEqual(len(whole), self.lists.topics["detections"])
+        self.assertTrue(whole["in_vehicle_frame"].all())
+
+    def test_what_is_not_there_is_named_with_what_is(self):
+        with self.assertRaisesRegex(KeyError, "no topic pong; it has survey"):
+            self.lists.messages("pong")
+        with self.assertRaisesRegex(AttributeError, "Survey has no colour; it has "):
+            print(next(self.lists.messages("survey")).colour)
+
+    def test_what_is_no_bag_or_damaged_is_refused(self):
+        with open(self.at + "/none.mcap", "rb") as f:
+            good = bytearray(f.read())
+        bad = self.at + "/bad.mcap"
+
+        def refused(data, text, ask=anlos.Bag):
+            with open(bad, "wb") as f:
+                f.write(data)
+            with self.assertRaisesRegex(ValueError, text):
+                ask(bad)
+
+        refused(b"", "no bag")
+        refused(b"x" * 1000, "no bag")
+        refused(good[:-40], "was not ended; anlos bag recover")
+        flipped = bytearray(good)
+        flipped[len(good) // 2] ^= 1
+        refused(flipped, "a chunk is damaged; see anlos bag check",
+                lambda path: list(anlos.Bag(path).messages()))
+
+
+def foreign_bag(chunked, channels=True, statistics=True, indexed=False):
+    """A bag (MCAP) of another program: two messages in JSON, the later one first."""
+    def record(code, layout, *values, rest=b""):
+        body = struct.pack("<" + layout, *values) + rest
+        return struct.pack("<BQ", code, len(body)) + body
+
+    def text(t):
+        return struct.pack("<I", len(t)) + t
+
+    magic = b"\x89MCAP0\r\n"
+    schema = record(3, "H", 1, rest=text(b"Thing") + text(b"jsonschema") + text(b"{}"))
+    channel = record(4, "HH", 1, 1, rest=text(b"thing") + text(b"json") + text(b""))
+    data = (schema + channel + record(5, "HIQQ", 1, 0, 20, 20, rest=b'{"n":2}')
+            + record(5, "HIQQ", 1, 1, 10, 10, rest=b'{"n":1}'))
+    index = b""
+    begin = magic + record(1, "II", 0, 0)
+    if chunked:
+        data = record(6, "QQQI", 10, 20, len(data), 0,
+                      rest=text(b"") + struct.pack("<Q", len(data)) + data)
+        of_chunk = struct.pack("<HQ", 1, 0) if indexed else b""
+        index = record(8, "QQQQ", 10, 20, len(begin), len(data),
+                       rest=text(of_chunk) + struct.pack("<Q", 0) + text(b"")
+                       + struct.pack("<QQ", len(data), len(data)))
+    if channels:
+        index += schema + channel
+    if statistics:
+        index += record(11, "QHIIIIQQ", 2, 1, 1, 0, 0, int(chunked), 10, 20,
+                        rest=struct.pack("<IHQ", 10, 1, 2))
+    begin += data + record(15, "I", 0)
+    return begin + index + record(2, "QQI", len(begin) if index else 0, 0, 0) + magic
+
+
+class ForeignBags(unittest.TestCase):
+    """Messages are there in the order of their times, or it is said why not."""
+
+    def ask(self, data):
+        with tempfile.NamedTemporaryFile(suffix=".mcap") as f:
+            f.write(data)
+            f.flush()
+            bag = anlos.Bag(f.name)
+            return bag, list(bag.messages())
+
+    def test_another_encoding_is_left_as_it_is(self):
+        for indexed in (False, True):
+            bag, messages = self.ask(foreign_bag(chunked=True, indexed=indexed))
+            self.assertEqual(bag.topics, {"thing": 2})
+            self.assertEqual([m.content for m in messages], [b'{"n":1}', b'{"n":2}'])
+        with self.assertRaisesRegex(AttributeError, "bytes are in content"):
+            print(messages[0].n)
+
+    def test_what_the_summary_does_not_lead_to_is_not_left_out_in_silence(self):
+        for data, text in ((foreign_bag(chunked=False), "has no index"),
+                           (foreign_bag(chunked=False, statistics=False), "has no index"),
+                           (foreign_bag(chunked=True, channels=False), "lacks channels"),
+                           (foreign_bag(chunked=True, channels=False, statistics=False),
+                            "lacks channels"),
+                           (foreign_bag(chunked=True, channels=False, statistics=False,
+                                        indexed=True), "lacks channels"),
+                           (foreign_bag(chunked=False, channels=False, statistics=False),
+                            "has no summary")):
+            with self.assertRaisesRegex(ValueError, text + ".*anlos bag recover makes one"):
+                self.ask(data)
 
 
 class Told(unittest.TestCase):

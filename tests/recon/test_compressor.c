@@ -2,6 +2,7 @@
 /* Two directions of a chirp, and chirps that overlap, against what analysis says.  Echoes
  * are made here, by the chirp's formula at a fractional delay. */
 #include <complex.h>
+#include <errno.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -204,6 +205,48 @@ static void an_echo_from_either_end_of_the_gate_is_not_tapered(void **state)
     }
 }
 
+/* Whoever images knows by it what traces will be like, without planning to make them. */
+static void the_format_is_known_without_a_plan(void **state)
+{
+    static const double gates_m[][2] = {{0.5, FAR_M}, {0.3, 0.6}, {2.0, 2.5}, {1.0, 4.0}};
+    struct rig *r = *state;
+    struct survey s = r->survey;
+
+    for (size_t i = 0; i < 16; i++) {
+        enum compression by = i & 1 ? COMPRESSION_DERAMP : COMPRESSION_MATCHED_FILTER;
+        struct processing p;
+        struct compressor *c;
+        struct trace_format planned, known;
+        memcpy(s.gate_m, gates_m[i / 2 % 4], sizeof s.gate_m);
+        s.sample_rate_hz = i < 8 ? RATE_HZ : 2 * RATE_HZ;
+        assert_int_equal(processing_plan(&p, &s, NULL), 0);
+        p.reach_s = i & 2 && by == COMPRESSION_MATCHED_FILTER ? p.gate_s[1] : 0.0;
+        assert_int_equal(compressor_create(&c, &p, &s, by, WINDOW_HAMMING, NULL), 0);
+        compressor_format(c, &planned);
+        compressor_destroy(c);
+        assert_int_equal(compressor_format_of(&known, &p, &s, by, NULL), 0);
+        assert_int_equal(known.n_samples, planned.n_samples);
+        assert_true(known.t0_s == planned.t0_s && known.rate_hz == planned.rate_hz &&
+                    known.carrier_hz == planned.carrier_hz);
+    }
+}
+
+static void a_gate_beyond_the_ping_is_refused_without_a_plan(void **state)
+{
+    struct rig *r = *state;
+    struct processing p = r->processing;
+    struct trace_format f;
+    struct error why = {""};
+
+    p.gate_s[1] = (double)p.ping_samples / RATE_HZ + CHIRP_S;
+    for (int by = COMPRESSION_MATCHED_FILTER; by <= COMPRESSION_DERAMP; by++) {
+        assert_int_equal(
+            compressor_format_of(&f, &p, &r->survey, (enum compression)by, &why),
+            -ERANGE);
+        assert_non_null(strstr(why.text, "samples"));
+    }
+}
+
 #define TEST(name, setup) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
@@ -213,6 +256,8 @@ int main(void)
         TEST(both_directions_compress_an_echo_to_its_delay, setup_deramp),
         TEST(opposite_chirps_hear_each_other_two_over_time_times_bandwidth, setup),
         TEST(a_start_offset_keeps_other_speakers_out_of_the_gate, setup_overlap),
+        TEST(the_format_is_known_without_a_plan, setup),
+        TEST(a_gate_beyond_the_ping_is_refused_without_a_plan, setup),
         TEST(an_echo_from_either_end_of_the_gate_is_not_tapered, setup_overlap),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

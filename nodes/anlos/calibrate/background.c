@@ -10,76 +10,12 @@
 
 #include "dsp/error.h"
 #include "hal/recording/recording.h"
-#include "hal/stage.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/calibrate/calibrate.h"
+#include "nodes/anlos/calibrate/carrier.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export.h"
 #include "recon/survey.h"
-
-/* The stage that carries an array from one position of its survey to the next, waited
- * for. */
-
-#define LOOK_NS 10000000 /* between looks at a stage that moves */
-
-struct carrier {
-    struct stage *stage;
-    const struct survey *survey;
-};
-
-/* The survey must outlive it.  0, and as stage_open (hal/stage.h). */
-static int carrier_open(struct carrier **out, const char *uri,
-                        const struct survey *survey, struct error *why)
-{
-    struct carrier *c = calloc(1, sizeof *c);
-    if (!c)
-        return error_say(why, -ENOMEM, "out of memory");
-    c->survey = survey;
-    int err = stage_open(&c->stage, uri, clock_system(), why);
-    if (err)
-        free(c);
-    else
-        *out = c;
-    return err;
-}
-
-static int wait_until_it_stands(struct carrier *c, struct error *why)
-{
-    const struct clock_source *clock = clock_system();
-    struct stage_status status;
-    for (;;) {
-        if (interrupt_requested()) {
-            stage_stop(c->stage);
-            return error_say(why, -EINTR, "interrupted");
-        }
-        stage_status(c->stage, &status);
-        if (status.motion == STAGE_FAULT)
-            return error_say(why, -EIO, "the stage has a fault: %s", status.text);
-        if (status.motion == STAGE_IDLE)
-            return 0;
-        clock->sleep_until_ns(clock->state, clock_now_ns(clock) + LOOK_NS);
-    }
-}
-
-/* Returns when the stage stands there and has settled.  0, -EINTR (Ctrl-C), -EIO (the
- * stage has a fault), -ERANGE and others of stage_move. */
-static int carrier_move(struct carrier *c, size_t position, struct error *why)
-{
-    double target_m = c->survey->stage_positions_m[position];
-    int err = stage_move(c->stage, target_m);
-    if (err)
-        return error_say(why, err, "the stage does not go to %g m: %s", target_m,
-                         strerror(-err));
-    return wait_until_it_stands(c, why);
-}
-
-static void carrier_close(struct carrier *c)
-{
-    if (!c)
-        return;
-    stage_close(c->stage);
-    free(c);
-}
 
 #define RETRIES 5 /* of a position whose pings come invalid */
 
@@ -203,25 +139,28 @@ static int record_position(struct recorder *r, size_t position)
     return err;
 }
 
-/* Timing and air as they have been measured.  The samples stay as they were recorded: a
- * slot has the tail of the speaker before in it, so gains and polarity of speakers can
- * only be undone in pings, which whoever plays the recording does. */
+/* Timing, air and places as they have been measured.  The samples stay as they were
+ * recorded: a slot has the tail of the speaker before in it, so gains and polarity of
+ * speakers can only be undone in pings, which whoever plays the recording does. */
 static int write_survey(struct recorder *r)
 {
     char path[PATH_MAX + 16];
-    struct survey y = *r->s->survey; /* borrows its arrays */
+    struct survey y;
     const struct calibrate_options *o = r->s->options;
+    if (survey_copy(&y, r->s->survey) < 0)
+        return error_say(&r->s->why, -ENOMEM, "out of memory");
     int err = r->s->existed ? calibration_apply(r->s->calibration, &y, o->out, &r->s->why)
                             : 0;
-    if (err)
-        return err;
     y.temperature_c = r->temperature_c;
     if (!isnan(o->temperature_c))
         y.sound_speed_m_s = survey_humid_sound_speed_m_s(
             o->temperature_c,
             isnan(o->humidity_percent) ? 0.5 : o->humidity_percent / 100.0);
     snprintf(path, sizeof path, "%s/survey.yaml", r->folder.path);
-    return survey_save(&y, path, y.n_responses ? "calibration" : NULL, &r->s->why);
+    if (!err)
+        err = survey_save(&y, path, y.n_responses ? "calibration" : NULL, &r->s->why);
+    survey_clear(&y);
+    return err;
 }
 
 static int record_all(struct recorder *r)

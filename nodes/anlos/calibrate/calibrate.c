@@ -63,6 +63,12 @@ static const char help[] =
     "  gains        facing a flat target at --range-m, or the survey's wall: the gains "
     "of\n"
     "               all channels\n"
+    "  array        where the elements really stand, before a wall or a large flat "
+    "board:\n"
+    "               from straight paths and the wall's echo, heard from both ends of "
+    "the\n"
+    "               stage; with --array again for the same array before a wall that is\n"
+    "               turned another way, which tells what one wall leaves open\n"
     "  background   records all positions without the object into --folder\n"
     "  show FILE    what the file says; with --array whether it fits\n"
     "\n"
@@ -78,8 +84,10 @@ static const char help[] =
     "  --fit-speed           time-zero: take the speed of sound from the distances too\n"
     "  --pair S,M            time-zero: only speaker S and microphone M, from 0\n"
     "  --distance-m D        between the two, in place of the survey's\n"
+    "  --placed-mm P         array: how well the survey's places were measured; default "
+    "10\n"
     "  --folder DIR          background: where the recording goes; made when missing\n"
-    "  --stage URI           background: what carries the array along its positions\n"
+    "  --stage URI           background, array: what carries it along its positions\n"
     "  --help                this text\n"
     "\n"
     "examples\n"
@@ -90,7 +98,17 @@ static const char help[] =
     "exit codes: 0 measured and good; 1 measured and bad, or failed; 2 bad arguments or\n"
     "files; 130 stopped by Ctrl-C\n";
 
-enum { TEMPERATURE = 256, HUMIDITY, RANGE, DISTANCE, PAIR, TAKES, POSITION, FIT_SPEED };
+enum {
+    TEMPERATURE = 256,
+    HUMIDITY,
+    RANGE,
+    DISTANCE,
+    PAIR,
+    TAKES,
+    POSITION,
+    FIT_SPEED,
+    PLACED
+};
 
 static const struct option options[] = {
     {"array", required_argument, NULL, 'a'},
@@ -104,6 +122,7 @@ static const struct option options[] = {
     {"range-m", required_argument, NULL, RANGE},
     {"distance-m", required_argument, NULL, DISTANCE},
     {"pair", required_argument, NULL, PAIR},
+    {"placed-mm", required_argument, NULL, PLACED},
     {"fit-speed", no_argument, NULL, FIT_SPEED},
     {"help", no_argument, NULL, 'h'},
     {NULL, 0, NULL, 0},
@@ -143,12 +162,23 @@ static int take_pair(struct calibrate_options *o, const char *text)
     return 0;
 }
 
+static int take_array(struct calibrate_options *o, const char *text)
+{
+    if (!o->array)
+        o->array = text;
+    else if (o->n_also < CALIBRATE_MAX_ARRAYS - 1)
+        o->also[o->n_also++] = text;
+    else
+        return usage_error(COMMAND, "--array %s: at most %d of them", text,
+                           CALIBRATE_MAX_ARRAYS);
+    return 0;
+}
+
 static int take_option(struct calibrate_options *o, int code, const char *text)
 {
     switch (code) {
     case 'a':
-        o->array = text;
-        return 0;
+        return take_array(o, text);
     case 'o':
         o->out = text;
         return 0;
@@ -171,6 +201,8 @@ static int take_option(struct calibrate_options *o, int code, const char *text)
         return take_number("humidity", text, 0, 100, &o->humidity_percent);
     case RANGE:
         return take_number("range-m", text, 0.05, 100, &o->range_m);
+    case PLACED:
+        return take_number("placed-mm", text, 0.1, 50, &o->placed_mm);
     case DISTANCE:
         return take_number("distance-m", text, 0.001, 100, &o->distance_m);
     default:
@@ -178,8 +210,8 @@ static int take_option(struct calibrate_options *o, int code, const char *text)
     }
 }
 
-static const char *const words[] = {"time-zero",   "channels",   "gains",
-                                    "sound-speed", "background", "show"};
+static const char *const words[] = {"time-zero", "channels",   "gains", "sound-speed",
+                                    "array",     "background", "show"};
 
 /* What only some of them take. */
 static int check(const struct calibrate_options *o)
@@ -195,7 +227,8 @@ static int check(const struct calibrate_options *o)
         {!isnan(o->temperature_c), "temperature-c", {"sound-speed", "background"}},
         {!isnan(o->humidity_percent), "humidity", {"sound-speed", "background"}},
         {o->folder, "folder", {"background"}},
-        {o->stage, "stage", {"background"}},
+        {o->stage, "stage", {"background", "array"}},
+        {!isnan(o->placed_mm), "placed-mm", {"array"}},
     };
     for (size_t i = 0; i < sizeof rules / sizeof *rules; i++) {
         bool fits = !rules[i].given;
@@ -208,6 +241,9 @@ static int check(const struct calibrate_options *o)
         return strcmp(o->what, "show")
                    ? usage_error(COMMAND, "--out FILE.yaml is missing")
                    : usage_error(COMMAND, "show: which file? show FILE.yaml");
+    if (o->n_also && strcmp(o->what, "array") != 0)
+        return usage_error(COMMAND, "--array %s: %s takes one array", o->also[0],
+                           o->what);
     if (!o->array && strcmp(o->what, "show") != 0)
         return usage_error(COMMAND, "--array URI is missing");
     return 0;
@@ -227,7 +263,7 @@ static int take_word(struct calibrate_options *o, const char *word)
     if (!o->what)
         return usage_error(COMMAND,
                            "%s: expected time-zero, channels, gains, sound-speed, "
-                           "background or show",
+                           "array, background or show",
                            word);
     return 0;
 }
@@ -240,6 +276,7 @@ static bool calibrate_options_parse(struct calibrate_options *o, int argc, char 
         .command = COMMAND, .help = help, .options = options, .short_options = "-:h"};
     int code = 0;
     *o = (struct calibrate_options){.takes = 4,
+                                    .placed_mm = NAN,
                                     .distance_m = NAN,
                                     .range_m = NAN,
                                     .temperature_c = NAN,
@@ -253,7 +290,7 @@ static bool calibrate_options_parse(struct calibrate_options *o, int argc, char 
     }
     if (!*exit_code && !o->what)
         *exit_code = usage_error(COMMAND, "what? time-zero, channels, gains, "
-                                          "sound-speed, background or show");
+                                          "sound-speed, array, background or show");
     if (!*exit_code)
         *exit_code = check(o);
     return !*exit_code;
@@ -271,21 +308,20 @@ static int read_file(struct session *s)
 
 /* An empty "calibrated=" keeps what the array's own configuration may name out of it:
  * what is measured is the array as it is, and that file may be the one to be made. */
-static int open_array(struct session *s)
+int session_open_array(struct session *s, const char *uri, struct array **out)
 {
-    char *uri = uri_set_option(s->options->array, "calibrated", "");
+    char *bare = uri_set_option(uri, "calibrated", "");
     /* A card records the room anew; what is played from files has to stay. */
-    if (uri && uri_has_scheme(uri, "alsa")) {
-        char *live = uri_set_option(uri, "background", "");
-        free(uri);
-        uri = live;
+    if (bare && uri_has_scheme(bare, "alsa")) {
+        char *live = uri_set_option(bare, "background", "");
+        free(bare);
+        bare = live;
     }
-    if (!uri)
+    *out = NULL;
+    if (!bare)
         return error_say(&s->why, -ENOMEM, "out of memory");
-    int err = array_open(&s->array, uri, clock_system(), &s->why);
-    free(uri);
-    if (!err)
-        s->survey = array_survey(s->array);
+    int err = array_open(out, bare, clock_system(), &s->why);
+    free(bare);
     return err;
 }
 
@@ -299,6 +335,16 @@ static int match(struct session *s)
     return 0;
 }
 
+static int place(struct session *s)
+{
+    const struct calibration *c = s->calibration;
+    if (survey_copy(&s->placed, s->survey) < 0)
+        return error_say(&s->why, -ENOMEM, "out of memory");
+    return s->existed && c->places_m
+               ? calibration_apply(c, &s->placed, s->options->out, &s->why)
+               : 0;
+}
+
 /* Reads the file, if it is there, and opens the array as it is, without what a file would
  * correct.  0, -EINVAL (wrong file, made for another array), other negative errno. */
 static int session_open(struct session *s, const struct calibrate_options *o)
@@ -307,8 +353,12 @@ static int session_open(struct session *s, const struct calibrate_options *o)
     int err = read_file(s);
     if (err || !o->array)
         return err;
-    err = open_array(s);
-    return err ? err : match(s);
+    err = session_open_array(s, o->array, &s->array);
+    if (err)
+        return err;
+    s->survey = array_survey(s->array);
+    err = match(s);
+    return err ? err : place(s);
 }
 
 int session_save(struct session *s)
@@ -320,14 +370,18 @@ int session_save(struct session *s)
     strftime(c->made, sizeof c->made, "%Y-%m-%dT%H:%M:%SZ", &utc);
     calibration_name(c, s->survey, s->options->array);
     /* Nothing is written that no array would take. */
-    struct survey set = *s->survey; /* borrows its arrays */
+    struct survey set;
+    if (survey_copy(&set, s->survey) < 0)
+        return error_say(&s->why, -ENOMEM, "out of memory");
     int err = calibration_apply(c, &set, s->options->out, &s->why);
+    survey_clear(&set);
     return err ? err : calibration_save(c, s->options->out, &s->why);
 }
 
 static void session_close(struct session *s)
 {
     array_close(s->array);
+    survey_clear(&s->placed);
     calibration_destroy(s->calibration);
 }
 
@@ -396,6 +450,11 @@ static void print(const struct calibration *c, const char *path)
     if (!isnan(c->temperature_c))
         printf("  %-14s %.2f C, %.0f %% humidity\n", "air", c->temperature_c,
                c->humidity_percent);
+    if (c->places_m)
+        printf("  %-14s found, to %.2f mm each axis\n", "places",
+               c->places_sigma_m * 1e3);
+    else
+        printf("  %-14s those of the survey: anlos calibrate array\n", "places");
     if (c->background)
         printf("  %-14s %s\n", "background", c->background);
     else
@@ -425,9 +484,10 @@ static const struct subcommand {
     const char *name;
     int (*run)(struct session *s, bool *good);
 } subcommands[] = {
-    {"time-zero", calibrate_time_zero},   {"channels", calibrate_channels},
-    {"gains", calibrate_gains},           {"sound-speed", calibrate_sound_speed},
-    {"background", calibrate_background}, {"show", calibrate_show},
+    {"time-zero", calibrate_time_zero}, {"channels", calibrate_channels},
+    {"gains", calibrate_gains},         {"sound-speed", calibrate_sound_speed},
+    {"array", calibrate_array},         {"background", calibrate_background},
+    {"show", calibrate_show},
 };
 
 static const struct subcommand *find(const char *name)

@@ -10,11 +10,16 @@
 #include "hal/array.h"
 #include "hal/survey/calibration_file.h"
 
+#define CALIBRATE_MAX_ARRAYS 8
+
 /* The command line of `anlos calibrate`. */
 
 struct calibrate_options { /* borrow from argv */
     const char *what;      /* "time-zero" */
     const char *array, *out, *stage, *folder;
+    const char *also[CALIBRATE_MAX_ARRAYS - 1]; /* array: the same before other walls */
+    size_t n_also;
+    double placed_mm;
     double distance_m, range_m, temperature_c, humidity_percent; /* NaN: not given */
     bool has_pair, fit_speed;
     size_t pair[2]; /* speaker, microphone */
@@ -25,10 +30,14 @@ struct session {
     const struct calibrate_options *options;
     struct array *array;             /* NULL: none was named */
     const struct survey *survey;     /* of the array */
+    struct survey placed;            /* the same, with the places that are known so far */
     struct calibration *calibration; /* read, or a new one */
     bool existed;
     struct error why;
 };
+
+/* The array of a URI as it is, without what a calibration file corrects. */
+int session_open_array(struct session *s, const char *uri, struct array **out);
 
 /* Writes the file, with today's date and the array's name.  0, -EINVAL (the survey would
  * be wrong with it), other negative errno. */
@@ -60,6 +69,7 @@ const char *state_print(unsigned faults, char out[STATE_SIZE]);
 
 int calibrate_time_zero(struct session *s, bool *good);
 int calibrate_channels(struct session *s, bool *good);
+int calibrate_array(struct session *s, bool *good);
 int calibrate_gains(struct session *s, bool *good);
 int calibrate_sound_speed(struct session *s, bool *good);
 int calibrate_background(struct session *s, bool *good);

@@ -123,8 +123,8 @@ static int from_reflector(struct session *s, bool *good)
     if (err)
         return err;
     m.n = s->survey->n_speakers * s->survey->n_microphones;
-    m.direct = paths_direct(s->survey);
-    m.reflected = paths_reflected(s->survey, o->position, ahead, o->range_m);
+    m.direct = paths_direct(&s->placed);
+    m.reflected = paths_reflected(&s->placed, o->position, ahead, o->range_m);
     err = m.direct && m.reflected ? sounding_take(&sounding, s->array, o->position,
                                                   SIZE_MAX, o->takes, &s->why)
                                   : error_say(&s->why, -ENOMEM, "out of memory");

@@ -85,7 +85,7 @@ static int measure(struct session *s, struct measurement *m)
     m->n = s->survey->n_speakers * s->survey->n_microphones;
     m->rate_hz = s->survey->sample_rate_hz;
     m->speed_m_s = session_speed_m_s(s);
-    m->direct = paths_direct(s->survey);
+    m->direct = paths_direct(&s->placed);
     if (!m->direct)
         return error_say(&s->why, -ENOMEM, "out of memory");
     if (o->has_pair)

@@ -35,7 +35,7 @@ static int plan(struct drive_pipe *p, struct error *why)
         return err;
     err = volume_room_check(&survey, why);
     if (!err)
-        err = pipeline_survey(p->pipeline, &survey, why);
+        err = launchfile_name_key(why, pipeline_survey(p->pipeline, &survey, why));
     if (!err && p->detector && object_tracker_survey(p->detector, &survey))
         err = error_say(why, -ENOMEM, "survey: %s", strerror(ENOMEM));
     survey_clear(&survey);

@@ -51,6 +51,10 @@ static const char head[] =
     "                       frames as when the nodes hear it; settings are those of the\n"
     "                       launch file in the bag and of the options below\n"
     "  --launch FILE        of a bag: these settings in place of those in the bag\n"
+    "  --record             of a bag: lists.mcap too, with survey, motion, walls and "
+    "the\n"
+    "                       lists of objects as they are now, for `anlos score`\n"
+    "  --no-image           of a bag: neither volume.nrrd nor projections\n"
     "  --confocal FILE.mat  in place of sound: an optical confocal scan (MATLAB v5,\n"
     "                       v7.3): rect_data [place][place][time bin] photon counts,\n"
     "                       width (half the side, m), bin_s (4e-12 when missing);\n"
@@ -95,6 +99,7 @@ static const char tail[] =
     "                       channels, warnings; of auto the plan: what was seen, what\n"
     "                       each way would take and how exact it would be, and why not\n"
     "  can.candump          of a bag: the frames of the lists of objects\n"
+    "  lists.mcap           of a bag, with --record\n"
     "\n"
     "examples\n"
     "  anlos sim launch/scenes/corner.yaml --out /tmp/corner\n"
@@ -252,6 +257,9 @@ int recon_options_check_all(struct recon_options *o)
         return usage_error("recon", "--confocal stands in place of --bag; expected one");
     if (o->launch && !o->bag)
         return usage_error("recon", "--launch belongs to --bag");
+    if ((o->records || o->no_image) && !o->bag)
+        return usage_error("recon", "--%s belongs to --bag",
+                           o->records ? "record" : "no-image");
     int code = o->confocal ? check_confocal(o)
                : o->bag    ? check_bag(o)
                            : recon_options_check(o, "recon");
@@ -274,6 +282,8 @@ static const struct option options[] = {
     {"band-hz", required_argument, NULL, RECON_OPTION_BAND},
     {"bag", required_argument, NULL, RECON_OPTION_BAG},
     {"launch", required_argument, NULL, RECON_OPTION_LAUNCH},
+    {"record", no_argument, NULL, RECON_OPTION_RECORD},
+    {"no-image", no_argument, NULL, RECON_OPTION_NO_IMAGE},
     {"background", required_argument, NULL, RECON_OPTION_BACKGROUND},
     {"method", required_argument, NULL, RECON_OPTION_METHOD},
     {"set", required_argument, NULL, RECON_OPTION_SET},
@@ -403,6 +413,12 @@ int recon_options_take(struct recon_options *o, const char *command, int code)
     switch (code) {
     case RECON_OPTION_VOLUME:
         return take_volume(o, command);
+    case RECON_OPTION_RECORD:
+        o->records = true;
+        return 0;
+    case RECON_OPTION_NO_IMAGE:
+        o->no_image = true;
+        return 0;
     case RECON_OPTION_GATE:
         return take_gate(o, command);
     case RECON_OPTION_BAND:

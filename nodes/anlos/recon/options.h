@@ -17,6 +17,8 @@ struct recon_options {                           /* borrow from argv */
     const char *confocal;                        /* optical scan, or NULL */
     const char *bag;                             /* recorded scan, or NULL */
     const char *launch; /* settings in place of those in the bag, or NULL */
+    bool records;       /* the lists of a bag as a bag again */
+    bool no_image;      /* of a bag: neither volume nor projections are written */
     bool has_gate;      /* of the optical scan */
     double gate_m[2];
     bool has_band; /* of the traces */
@@ -42,6 +44,8 @@ enum recon_option { /* getopt_long's codes */
                     RECON_OPTION_BAND,
                     RECON_OPTION_BAG,
                     RECON_OPTION_LAUNCH,
+                    RECON_OPTION_RECORD,
+                    RECON_OPTION_NO_IMAGE,
                     RECON_OPTION_BACKGROUND,
                     RECON_OPTION_METHOD,
                     RECON_OPTION_SET,

@@ -283,7 +283,7 @@ int recon_reader_create(struct recon_reader **out, const struct recon_reader_con
         err = error_say(why, -ENOMEM, "out of memory");
     if (!err && cfg->background && cfg->compression == COMPRESSION_MATCHED_FILTER)
         err = look_at_air(r, why);
-    if (!r->setup.drifting)
+    if (cfg->background && !r->setup.drifting) /* takes the next emission away, too */
         r->setup.processing.ping_samples = r->setup.processing.echo_samples;
     for (size_t t = 0; !err && t < threads; t++)
         err = reader_worker_create(&r->workers[t], &r->setup, why);

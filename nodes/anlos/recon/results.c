@@ -46,7 +46,8 @@ int recon_results_write(struct recon_results *r, const char *folder,
     struct writing w = {.results = r, .folder = folder, .why = why};
     struct stopwatch now = stopwatch_now(false), since = *began;
     atomic_init(&w.err, 0);
-    pool_run(r->pool, EXPORT_PROJECTIONS + 1, write_item, &w);
+    if (!r->options->no_image)
+        pool_run(r->pool, EXPORT_PROJECTIONS + 1, write_item, &w);
     int err = atomic_load(&w.err);
     if (!err)
         err = export_detections(folder, r->detections, why);

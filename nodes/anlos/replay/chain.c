@@ -7,6 +7,7 @@
 
 #include "msgs/convert.h"
 #include "nodes/recon/volume_room.h"
+#include "nodes/rt/launchfile_pipeline.h"
 
 #define MAX_NOTES (sizeof((struct chain *)0)->notes / sizeof(struct chain_note))
 
@@ -64,7 +65,7 @@ static int plan(struct chain *c, const Anlos__Survey *message, struct error *why
     if (!err)
         err = pipeline_survey(c->pipeline, &survey, why);
     survey_clear(&survey);
-    return err;
+    return launchfile_name_key(why, err);
 }
 
 int chain_survey(struct chain *c, const Anlos__Survey *survey, struct error *why)
@@ -104,6 +105,7 @@ static int take_image(struct chain *c, const struct pipeline_output *out, int er
                       struct error *why)
 {
     note(c, out->note);
+    launchfile_name_key(why, err);
     if (!out->image)
         return err;
     c->volume = *out->image;

@@ -4,10 +4,12 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/manifest.h"
+#include "msgs/bag/topic_message.h"
 #include "msgs/convert.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/bag/stream.h"
@@ -162,11 +164,24 @@ static void settings_clear(struct settings *s)
 /* -- what it leaves behind --------------------------------------------------------------
  */
 
-#define REPLAY_CAN_FILE "can.candump"
+#define REPLAY_CAN_FILE   "can.candump"
+#define REPLAY_LISTS_FILE "lists.mcap"
+
+/* The lists as a bag again: what a recorder beside the nodes would have of them, if work
+ * took no time. */
+struct lists {
+    struct bag_writer *writer; /* NULL: nobody asked */
+    struct bag_topics *topics;
+    int64_t epoch_ns; /* of all that is made here; 0: nothing has come yet */
+    uint64_t n;
+    size_t n_images;   /* whose list is in */
+    uint64_t n_walled; /* lists of walls that are in */
+};
 
 struct replay {
     const struct recon_options *options;
     struct settings settings;
+    struct lists lists;
     struct canbus *can;
     struct chain chain;
     bool begun;           /* the chain, with the first survey */
@@ -314,9 +329,104 @@ static void replay_print(const struct replay *r)
            r->settings.name[0] ? r->settings.name : "no launch file (defaults)",
            r->options->threads, r->options->threads == 1 ? "" : "s", r->total.wall_s);
     recon_report_print_stages(r->stages);
-    printf("%s: volume.nrrd, projection_{xy,xz,yz}.png, detections.json, " REPLAY_CAN_FILE
-           ", report.json\n",
-           r->options->out);
+    printf("%s: %sdetections.json, " REPLAY_CAN_FILE ", %sreport.json\n", r->options->out,
+           r->options->no_image ? "" : "volume.nrrd, projection_{xy,xz,yz}.png, ",
+           r->options->records ? REPLAY_LISTS_FILE ", " : "");
+}
+
+/* -- the lists as a bag -----------------------------------------------------------------
+ */
+static int lists_open(struct lists *l, const char *folder, struct error *why)
+{
+    const struct bag_writer_config cfg = {.profile = "anlos",
+                                          .library = "anlos " ANLOS_VERSION,
+                                          .chunk_size = 1 << 20,
+                                          .compression = BAG_ZSTD};
+    char path[PATH_MAX + 32];
+
+    snprintf(path, sizeof path, "%s/" REPLAY_LISTS_FILE, folder);
+    int err = bag_writer_create(&l->writer, path, &cfg, why);
+    if (err)
+        return err;
+    err = bag_topics_create(&l->topics, l->writer);
+    return err ? error_say(why, err, "out of memory") : 0;
+}
+
+static int lists_close(struct lists *l, int err, struct error *why)
+{
+    if (!l->writer)
+        return err;
+    bag_topics_destroy(l->topics);
+    int failed = bag_writer_close(l->writer, err ? NULL : why);
+    *l = (struct lists){.writer = NULL};
+    return err ? err : failed;
+}
+
+static int lists_put(struct lists *l, const struct topic *t, int64_t capture_ns,
+                     int64_t publish_ns, const ProtobufCMessage *m, struct error *why)
+{
+    size_t size = protobuf_c_message_get_packed_size(m);
+    uint8_t *bytes = malloc(size ? size : 1);
+
+    if (!bytes)
+        return error_say(why, -ENOMEM, "out of memory");
+    protobuf_c_message_pack(m, bytes);
+    if (!l->epoch_ns)
+        l->epoch_ns = publish_ns;
+    struct envelope e = {.epoch_ns = l->epoch_ns,
+                         .sequence = l->n++,
+                         .capture_ns = capture_ns,
+                         .publish_ns = publish_ns,
+                         .payload_size = (uint32_t)size,
+                         .replayed = true};
+    snprintf(e.topic, sizeof e.topic, "%s", t->name);
+    snprintf(e.node, sizeof e.node, "recon");
+    int err = bag_topics_put(l->topics, &e, bytes, NULL, why);
+    free(bytes);
+    return err;
+}
+
+/* The walls that the newest list went by, where they are not those of the recording. */
+static int lists_put_walls(struct replay *r, int64_t now_ns, struct error *why)
+{
+    struct walls_view view;
+    Anlos__WallList m;
+    uint64_t n;
+    int64_t stamp_ns;
+    const struct walls *w = pipeline_known_walls(r->chain.pipeline, &stamp_ns, &n);
+
+    if (!w || n == r->lists.n_walled || !r->settings.chain.pipeline.finds_walls)
+        return 0;
+    r->lists.n_walled = n;
+    walls_to_message(w, "", &view, &m);
+    return lists_put(&r->lists, topic_wall(), stamp_ns, now_ns, &m.base, why);
+}
+
+/* What a message leaves there. */
+static int lists_take(struct replay *r, const struct stream_message *in,
+                      const ProtobufCMessage *content, struct error *why)
+{
+    const struct envelope *e = &in->envelope;
+    bool is_wall = in->topic == topic_wall();
+
+    if (in->topic != topic_survey() && in->topic != topic_ego() &&
+        (!is_wall || r->settings.chain.pipeline.finds_walls))
+        return 0;
+    return lists_put(&r->lists, in->topic, e->capture_ns, e->publish_ns, content, why);
+}
+
+/* And what came of it. */
+static int lists_take_image(struct replay *r, struct error *why)
+{
+    const struct chain *c = &r->chain;
+
+    if (!r->lists.writer || !r->begun || r->lists.n_images == c->n_images)
+        return 0;
+    r->lists.n_images = c->n_images;
+    int err = lists_put_walls(r, c->list_ns, why);
+    return err ? err
+               : lists_put(&r->lists, topic_detections(), c->volume.capture_ns,
+                           c->list_ns, &c->detections->base, why);
 }
 
 /* -- the bag through the chain ----------------------------------------------------------
@@ -406,6 +516,10 @@ static int take_next(struct replay *r, struct stream *s, struct error *why)
                          r->options->bag, (int)m.channel->topic.size,
                          (const char *)m.channel->topic.data);
     err = take(r, &m, content, why);
+    if (!err && r->lists.writer)
+        err = lists_take(r, &m, content, why);
+    if (!err)
+        err = lists_take_image(r, why);
     protobuf_c_message_free_unpacked(content, NULL);
     return err;
 }
@@ -426,7 +540,8 @@ static int read_bag(struct replay *r, struct stream *s, struct error *why)
     while (!err);
     if (err != -ENODATA)
         return err;
-    return r->begun ? chain_end(&r->chain, why) : 0;
+    err = r->begun ? chain_end(&r->chain, why) : 0;
+    return err ? err : lists_take_image(r, why);
 }
 
 /* Why there is no image. */
@@ -458,10 +573,13 @@ static int process(struct replay *r, struct stream *s, const char *folder,
 
     snprintf(uri, sizeof uri, "log:%s/" REPLAY_CAN_FILE, folder);
     int err = canbus_open(&r->can, uri, why);
+    if (!err && r->options->records)
+        err = lists_open(&r->lists, folder, why);
     if (!err)
         err = read_bag(r, s, why);
     if (!err && !r->chain.detections)
         err = error_say_of_nothing(r, why);
+    err = lists_close(&r->lists, err, why);
     canbus_close(r->can);
     r->can = NULL;
     return err;

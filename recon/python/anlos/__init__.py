@@ -20,8 +20,10 @@ import cffi
 import numpy
 
 from . import _interface
+from .bag import Bag, Message, Record
 
-__all__ = ["Error", "Image", "News", "Object", "Objects", "Pipeline", "Survey", "Wall",
+__all__ = ["Bag", "Error", "Image", "Message", "News", "Object", "Objects", "Pipeline", "Record",
+           "Survey", "Wall",
            "methods", "options", "version"]
 
 _ffi = cffi.FFI()

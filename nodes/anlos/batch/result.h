@@ -1,0 +1,63 @@
+/* SPDX-License-Identifier: MIT */
+/* nodes/anlos/batch/result.h -- what came of a bag: one line of JSON in a file of its
+ * own, there whole or not at all.  All but its last member, "run" (who did it when, and
+ * what it took), depends on the bag, its settings and the program alone. */
+#ifndef ANLOS_NODES_ANLOS_BATCH_RESULT_H
+#define ANLOS_NODES_ANLOS_BATCH_RESULT_H
+
+#include <jansson.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <sys/resource.h>
+#include <time.h>
+
+#include "nodes/anlos/batch/manifest.h"
+
+#define RESULT_FORMAT    1
+#define RESULT_NAME_SIZE 160
+
+struct result_place {
+    const char *folder; /* of the results */
+    const char *launch; /* for bags whose line names none; NULL: the bag's own */
+    uint64_t program;   /* result_program */
+};
+
+/* A hash of this program's file: what another one makes is another version, whatever it
+ * says of itself.  0, negative errno. */
+int result_program(uint64_t *out, struct error *why);
+
+/* BAG-HASH of bag, settings and program; a file of this name with ".json" is its result.
+ */
+void result_name(const struct result_place *p, const struct manifest_bag *bag,
+                 char out[RESULT_NAME_SIZE]);
+
+/* Of the bag's size and date, and of what is in the files that go with it. */
+uint64_t result_inputs(const struct result_place *p, const struct manifest_bag *bag);
+
+/* The line of a result that is there, was made of these inputs, and is no failure; NULL:
+ * it has to be made. */
+json_t *result_load(const struct result_place *p, const char *name, uint64_t inputs);
+
+/* The tags of the manifest in the place of those it has.  true: they are others. */
+bool result_retag(json_t *line, const struct manifest_bag *bag);
+
+struct result_run {   /* what the child took */
+    int status;       /* of wait */
+    const char *said; /* the last sentence on its stderr */
+    const char *shard;
+    struct timespec started;
+    double wall_s;
+    struct rusage used;
+};
+
+/* The line, of what the child left in a folder.  NULL: no memory. */
+json_t *result_make(const struct result_place *p, const struct manifest_bag *bag,
+                    uint64_t inputs, const char *folder, const struct result_run *run);
+bool result_is_failure(const json_t *line);
+
+/* By way of a temporary file in a folder of the same file system, on the disk before it
+ * gets its name.  0, negative errno. */
+int result_write(const struct result_place *p, const char *name, const json_t *line,
+                 const char *temporary, struct error *why);
+
+#endif
