@@ -97,8 +97,9 @@ static bool try_way(struct cable *c, const struct way *w)
     size_t starts[2];
     cable_open(c, w);
     bool good = cable_shoot(c->array, pings[0]) && cable_shoot(c->array, pings[1]);
-    check_notices(c->array, w);
     good &= cable_is_whole(c);
+    if (good)
+        check_notices(c->array, w);
     cable_close_array(c);
     good &= !far_end_broke(c->far);
     if (good) {
