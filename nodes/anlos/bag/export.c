@@ -532,14 +532,19 @@ static const char help[] =
     "                          cloud, voxels and pictures, the objects, wall, vehicle, "
     "frames\n"
     "                          and log, under view/: Foxglove and Lichtblick draw them\n"
+    "  osi     detections      a trace file of ASAM OSI 3.7: tracks as SensorData in "
+    "the\n"
+    "                          vehicle frame, and with --scenes who was really there as\n"
+    "                          GroundTruth, in the frame of where the vehicle began\n"
     "\n"
-    "  --format F      wav, csv, json, nrrd, png or foxglove\n"
+    "  --format F      wav, csv, json, nrrd, png, foxglove or osi\n"
     "  -o, --out OUT   must not be there; csv and json: - is stdout\n"
     "  --topic T       json: only these, names or patterns with commas between, or "
     "several\n"
     "                  times; all by default\n"
     "  --scan N        wav, nrrd, png: this scan; by default the last one\n"
     "  --full          json: every number of sound and images\n"
+    "  --scenes FILE   osi: of a recorded simulated drive: its scene\n"
     "  --help          this text\n"
     "\n"
     "examples\n"
@@ -552,13 +557,10 @@ static const char help[] =
     "or nothing of that is in the bag; 130 stopped by Ctrl-C (no OUT then)\n";
 
 static const struct option options[] = {
-    {"format", required_argument, NULL, 'f'},
-    {"out", required_argument, NULL, 'o'},
-    {"topic", required_argument, NULL, 't'},
-    {"scan", required_argument, NULL, 's'},
-    {"full", no_argument, NULL, 'u'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+    {"format", required_argument, NULL, 'f'}, {"out", required_argument, NULL, 'o'},
+    {"topic", required_argument, NULL, 't'},  {"scan", required_argument, NULL, 's'},
+    {"full", no_argument, NULL, 'u'},         {"scenes", required_argument, NULL, 'c'},
+    {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0},
 };
 
 struct format {
@@ -574,6 +576,7 @@ static const struct format formats[] = {
     {"nrrd", "volume", "volume,detections", export_nrrd_file},
     {"png", "volume", "volume,detections", export_png},
     {"foxglove", "survey", NULL, export_foxglove},
+    {"osi", "detections", "detections,ego", export_osi},
 };
 
 static const struct format *find_format(const char *name)
@@ -631,7 +634,8 @@ static int take_option(struct export_options *o, const struct format **f, int co
         if (*f)
             return 0;
         return usage_error("bag export",
-                           "--format %s: expected wav, csv, json, nrrd, png or foxglove",
+                           "--format %s: expected wav, csv, json, nrrd, png, "
+                           "foxglove or osi",
                            optarg);
     case 'o':
         o->out = optarg;
@@ -643,6 +647,9 @@ static int take_option(struct export_options *o, const struct format **f, int co
             return 0;
         return usage_error("bag export", "--scan %s: expected a whole number above 0",
                            optarg);
+    case 'c':
+        o->scene = optarg;
+        return 0;
     default:
         o->full = true;
         return 0;
@@ -659,7 +666,10 @@ static int check(const struct export_options *o, const struct format *f)
         return usage_error("bag export", "-o OUT is missing");
     if (o->full && !json)
         return usage_error("bag export", "--full: only with --format json");
-    if (o->scan && (json || !strcmp(f->name, "csv") || !f->wants))
+    if (o->scene && f->write != export_osi)
+        return usage_error("bag export", "--scenes: only with --format osi");
+    if (o->scan &&
+        (json || !strcmp(f->name, "csv") || f->write == export_osi || !f->wants))
         return usage_error("bag export", "--scan: only with --format wav, nrrd or png");
     if (o->topics && !json && strcmp(o->topics, f->needs))
         return usage_error("bag export", "--topic %s: --format %s is made of %s",

@@ -12,8 +12,9 @@
 struct export_options { /* borrow from argv */
     const char *file, *topics, *out;
     char topics_room[VERB_PATTERNS];
-    size_t scan; /* 0: the last one of the bag */
-    bool full;   /* JSON: every number of sound and images */
+    size_t scan;       /* 0: the last one of the bag */
+    bool full;         /* JSON: every number of sound and images */
+    const char *scene; /* OSI: of a simulated drive, or NULL */
 };
 
 /* Each writes out (all of it or nothing) from the topics that the stream has, and says on
@@ -26,6 +27,9 @@ int export_png(struct stream *s, const struct export_options *o, struct error *w
 
 /* The bag with what Foxglove draws added (nodes/foxglove/channels.h). */
 int export_foxglove(struct stream *s, const struct export_options *o, struct error *why);
+
+/* Tracks, and who was there, as a trace file of ASAM OSI. */
+int export_osi(struct stream *s, const struct export_options *o, struct error *why);
 
 /* Of an array that stands all pings, in a file as long as it takes, and how the vehicle
  * moved.  *n_missing: pings that the recording has not, silent there. */

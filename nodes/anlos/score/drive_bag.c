@@ -75,15 +75,15 @@ double drive_bag_world_s(const struct drive_bag_world *w, int64_t ns)
     return 1e-9 * (double)(ns - w->begin_ns);
 }
 
-/* The newest that is not after a time; times are asked for in their order, mostly. */
-static const struct ego_motion *ego_at(const struct drive_bag_world *w, int64_t ns)
+/* Times are asked for in their order, mostly. */
+struct ego_motion drive_bag_world_motion(const struct drive_bag_world *w, int64_t ns)
 {
     static const struct ego_motion standing = {0.0, 0.0};
     size_t i = w->n_ego;
 
     while (i && w->ego[i - 1].ns > ns)
         i--;
-    return i ? &w->ego[i - 1].motion : w->n_ego ? &w->ego[0].motion : &standing;
+    return i ? w->ego[i - 1].motion : w->n_ego ? w->ego[0].motion : standing;
 }
 
 /* The wall as it was last said, or as the survey has it; false: none. */
@@ -151,6 +151,7 @@ static size_t file_at(const struct drive_bag_world *w, double t_s, struct room_t
 {
     struct truth_place places[MOST_AT_ONCE];
     int64_t ns = w->begin_ns + llround(1e9 * t_s);
+    const struct ego_motion ego = drive_bag_world_motion(w, ns);
     size_t n = truth_file_at(w->truth, ns, places, MOST_AT_ONCE);
 
     for (size_t i = 0; i < n && i < max && i < MOST_AT_ONCE; i++) {
@@ -161,7 +162,7 @@ static size_t file_at(const struct drive_bag_world *w, double t_s, struct room_t
         t->position_m[0] = places[i].position_m[0];
         t->position_m[1] = places[i].position_m[1];
         t->position_m[2] = w->survey.mount_origin_m[2];
-        set_velocity(ego_at(w, ns), &places[i], t);
+        set_velocity(&ego, &places[i], t);
         set_extent(t);
         set_virtual(w, ns, t);
     }

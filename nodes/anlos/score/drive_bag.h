@@ -51,6 +51,10 @@ int drive_bag_world_ego(struct drive_bag_world *w, const Anlos__EgoMotion *m, in
 int drive_bag_world_walls(struct drive_bag_world *w, const Anlos__WallList *m, int64_t ns,
                           struct error *why);
 
+/* How the vehicle moved at a time: the newest that was heard by then, or the first; it
+ * stood, where nothing was. */
+struct ego_motion drive_bag_world_motion(const struct drive_bag_world *w, int64_t ns);
+
 /* Time since begin_ns. */
 double drive_bag_world_s(const struct drive_bag_world *w, int64_t ns);
 
