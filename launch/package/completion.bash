@@ -24,7 +24,7 @@ _anlos() {
         --rate) choice=(max) ;;
         *) return ;; # a file, as the shell completes it
         esac
-    elif [ ${#command[@]} -eq 2 ] && [[ "${command[*]}" =~ ^topic\ (echo|hz|bw|delay)$ ]]; then
+    elif [ ${#command[@]} -eq 2 ] && [[ "${command[*]}" =~ ^topic\ (echo|pub|hz|bw|delay)$ ]]; then
         choice=($("$1" topic list 2>/dev/null | awk 'NR > 1 { print $1 }'))
     elif [ ${#command[@]} -lt 2 ] && grep -qE \
         "^(usage:|      ) anlos ?${command[*]} ([a-z|]+|VERB|WHAT|COMMAND)\b" <<<"$help"; then

@@ -75,22 +75,28 @@ static int find_schema(struct bag_topics *t, const struct topic *topic, uint16_t
     return err;
 }
 
+void bag_source_describe(const struct bag_source *s, struct bytes_buffer *metadata)
+{
+    char epoch[NUMBER_SIZE];
+
+    snprintf(epoch, sizeof epoch, "%" PRId64, s->epoch_ns);
+    bag_map_put(metadata, bytes_of("node"), bytes_of(s->node));
+    bag_map_put(metadata, bytes_of("epoch_ns"), bytes_of(epoch));
+    bag_map_put(metadata, bytes_of("capture"),
+                bytes_of(s->captured ? "publish_time" : "none"));
+}
+
 static int write_channel(struct bag_topics *t, const struct bag_source *s, uint16_t *id,
                          struct error *why)
 {
     struct bag_channel channel = {.topic = bytes_of(s->topic->name),
                                   .message_encoding = bytes_of(BAG_PROTOBUF)};
     struct bytes_buffer metadata = {0};
-    char epoch[NUMBER_SIZE];
     int err = find_schema(t, s->topic, &channel.schema_id, why);
 
     if (err)
         return err;
-    snprintf(epoch, sizeof epoch, "%" PRId64, s->epoch_ns);
-    bag_map_put(&metadata, bytes_of("node"), bytes_of(s->node));
-    bag_map_put(&metadata, bytes_of("epoch_ns"), bytes_of(epoch));
-    bag_map_put(&metadata, bytes_of("capture"),
-                bytes_of(s->captured ? "publish_time" : "none"));
+    bag_source_describe(s, &metadata);
     channel.metadata = bytes_in(&metadata);
     err = metadata.failed ? error_say(why, -ENOMEM, "out of memory")
                           : bag_writer_channel(t->writer, &channel, id, why);
@@ -98,7 +104,7 @@ static int write_channel(struct bag_topics *t, const struct bag_source *s, uint1
     return err;
 }
 
-static bool is_same(const struct bag_source *a, const struct bag_source *b)
+bool bag_source_is_same(const struct bag_source *a, const struct bag_source *b)
 {
     return a->topic == b->topic && a->epoch_ns == b->epoch_ns &&
            a->captured == b->captured && !strcmp(a->node, b->node);
@@ -108,7 +114,7 @@ static int find_channel(struct bag_topics *t, const struct bag_source *s, uint16
                         struct error *why)
 {
     for (size_t i = 0; i < t->n; i++) {
-        if (is_same(&t->channels[i].source, s)) {
+        if (bag_source_is_same(&t->channels[i].source, s)) {
             *id = t->channels[i].id;
             return 0;
         }
@@ -126,21 +132,29 @@ static int find_channel(struct bag_topics *t, const struct bag_source *s, uint16
     return err;
 }
 
-int bag_topics_put(struct bag_topics *t, const struct envelope *e, const void *payload,
-                   uint16_t *channel_id, struct error *why)
+void bag_source_from(struct bag_source *source, struct bag_message *m,
+                     const struct envelope *e, const void *payload)
 {
-    struct bag_source source = {.topic = topics_find(e->topic),
-                                .epoch_ns = e->epoch_ns,
-                                .captured = e->capture_ns != 0};
-    struct bag_message m = {
+    *source = (struct bag_source){.topic = topics_find(e->topic),
+                                  .epoch_ns = e->epoch_ns,
+                                  .captured = e->capture_ns != 0};
+    memcpy(source->node, e->node, sizeof source->node);
+    *m = (struct bag_message){
         .sequence = (uint32_t)e->sequence,
         .log_time = (uint64_t)e->publish_ns,
         .publish_time = (uint64_t)(e->capture_ns ? e->capture_ns : e->publish_ns),
         .data = {payload, e->payload_size}};
+}
 
+int bag_topics_put(struct bag_topics *t, const struct envelope *e, const void *payload,
+                   uint16_t *channel_id, struct error *why)
+{
+    struct bag_source source;
+    struct bag_message m;
+
+    bag_source_from(&source, &m, e, payload);
     if (!source.topic)
         return error_say(why, -EINVAL, "%s: no such topic", e->topic);
-    memcpy(source.node, e->node, sizeof source.node);
     int err = find_channel(t, &source, &m.channel_id, why);
     if (err)
         return err;

@@ -49,6 +49,15 @@ struct bag_source {
     bool captured;
 };
 
+/* A message of the bus as one of a bag, but for its channel, which is of that source;
+ * topic NULL: there is none of that name.  m borrows the payload. */
+void bag_source_from(struct bag_source *source, struct bag_message *m,
+                     const struct envelope *e, const void *payload);
+bool bag_source_is_same(const struct bag_source *a, const struct bag_source *b);
+
+/* Appends a channel's metadata. */
+void bag_source_describe(const struct bag_source *s, struct bytes_buffer *metadata);
+
 /* 0, -EINVAL (not written by bag_topics, or a topic of another version). */
 int bag_source_of(struct bag_source *out, const struct bag_channel *channel);
 

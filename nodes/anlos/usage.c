@@ -63,14 +63,15 @@ int usage_json(const char *command, struct json_t *o)
 
 int usage_json_line(struct json_t *o, FILE *to)
 {
-    int failed = !o || json_dumpf(o, to, JSON_COMPACT | JSON_REAL_PRECISION(9));
+    int failed =
+        !o || json_dumpf(o, to, JSON_COMPACT | JSON_ENCODE_ANY | JSON_REAL_PRECISION(9));
 
     json_decref(o);
     putc('\n', to);
     return failed && !ferror(to) ? -ENOMEM : 0;
 }
 
-static bool is_read(void)
+bool usage_is_read(void)
 {
     struct pollfd out = {.fd = STDOUT_FILENO};
     return poll(&out, 1, 0) < 0 || !(out.revents & (POLLERR | POLLHUP));
@@ -78,7 +79,8 @@ static bool is_read(void)
 
 int usage_unwritten(const char *command, int err)
 {
-    if (err == -EPIPE || (!err && !is_read())) /* the errno of an earlier write is gone */
+    if (err == -EPIPE ||
+        (!err && !usage_is_read())) /* the errno of an earlier write is gone */
         return EXIT_UNREAD;
     fprintf(stderr, "anlos %s: standard output: %s\n", command,
             err ? strerror(-err) : "cannot be written");

@@ -29,9 +29,12 @@ int usage_flush(const char *command);
  * that count; an exit code as usage_flush. */
 int usage_json(const char *command, struct json_t *o);
 
-/* Takes the object, NULL: no memory, and writes it as one line, with 9 digits that count.
+/* Takes the value, NULL: no memory, and writes it as one line, with 9 digits that count.
  * 0, -ENOMEM; what cannot be written shows in ferror(to). */
 int usage_json_line(struct json_t *o, FILE *to);
+
+/* Is there still somebody who reads standard output? */
+bool usage_is_read(void);
 
 /* The same of standard output that failed with a negative errno. */
 int usage_unwritten(const char *command, int err);

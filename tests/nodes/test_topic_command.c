@@ -95,11 +95,16 @@ static void wrong_arguments_are_refused(void **state)
     char *whole[] = {"topic", "hz", "--full", NULL};
     char *echoed[] = {"topic", "echo", "ping", "--seconds", "3", NULL};
     char *odd[] = {"topic", "hz", "xyzzy", NULL};
-    char **all[] = {none, verb,   which, typo,   count, time,
-                    ages, listed, whole, echoed, odd};
+    char *field[] = {"topic", "echo", "ego", "--field", "speed", NULL};
+    char *both[] = {"topic", "echo", "ego", "--mcap", "--full", NULL};
+    char *unnamed[] = {"topic", "pub", NULL};
+    char *paced[] = {"topic", "pub", "ego", "--rate", "0", NULL};
+    char *silent[] = {"topic", "pub", "ego", "--timeout", "3", NULL};
+    char **all[] = {none,  verb,   which, typo,  count, time,    ages,  listed,
+                    whole, echoed, odd,   field, both,  unnamed, paced, silent};
     static const char *const texts[] = {"is missing",
                                         "list2",
-                                        "expected one topic",
+                                        "expected a topic",
                                         "pings: no such topic; did you mean ping?",
                                         "--count 0",
                                         "--seconds -3",
@@ -107,7 +112,12 @@ static void wrong_arguments_are_refused(void **state)
                                         "list has no such option",
                                         "hz has no such",
                                         "echo has no such",
-                                        "xyzzy: no such topic; 'anlos topic list'"};
+                                        "xyzzy: no such topic; 'anlos topic list'",
+                                        "speed: anlos.EgoMotion has no such field",
+                                        "--mcap: not with --full",
+                                        "pub: expected one topic",
+                                        "--rate 0",
+                                        "pub has no such"};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         command_run(&r, command_topic, all[i]);
         assert_int_equal(r.code, 2);
@@ -293,6 +303,170 @@ static void ctrl_c_ends_it_with_the_table_so_far(void **state)
     assert_non_null(strstr(text, "scan/status"));
 }
 
+/* A bus of that node lives while this runs in a child; its words go to r. */
+static void pub_beside(const char *node, enum bus_world world, char *const words[],
+                       struct command_result *r)
+{
+    const struct bus_config cfg = {
+        .node = node, .run_dir = run_dir, .epoch_ns = 1, .world = world};
+    struct error why = {0};
+    struct bus *bus;
+    int ready[2], done[2];
+    char c;
+    assert_int_equal(pipe(ready) || pipe(done), 0);
+    pid_t pid = fork();
+    assert_true(pid >= 0);
+    if (!pid) {
+        close(done[1]);
+        if (bus_create(&bus, &cfg, &why) || write(ready[1], "", 1) != 1)
+            _exit(1);
+        _exit(read(done[0], &c, 1) < 0); /* until the other end is closed */
+    }
+    close(done[0]);
+    assert_int_equal(read(ready[0], &c, 1), 1);
+    command_run(r, command_topic, words);
+    close(done[1]);
+    assert_int_equal(ended(pid), 0);
+    close(ready[0]);
+    close(ready[1]);
+}
+
+static void what_a_process_says_is_refused_from_outside(void **state)
+{
+    (void)state;
+    struct command_result r;
+    char json[] = "{}";
+    char *ego[] = {"topic", "pub", "ego", json, "--run-dir", run_dir, NULL};
+    char *ping[] = {"topic", "pub", "ping", json, "--run-dir", run_dir, NULL};
+    char *forced[] = {"topic",   "pub",       "ping",  json,
+                      "--force", "--run-dir", run_dir, NULL};
+    char *nobody[] = {"topic", "pub",       "ego",   json, "--from",
+                      "stage", "--run-dir", run_dir, NULL};
+    const struct {
+        const char *beside;
+        enum bus_world world;
+        char **words;
+        const char *says;
+    } cases[] = {
+        {"can", BUS_LIVE, ego, "can runs and says it already; --force"},
+        {"stage", BUS_LIVE, ping, "only the process array says that"},
+        {"array", BUS_LIVE, ping, "array itself runs"},
+        {"array", BUS_LIVE, forced, "array itself runs"},
+        {"dsp", BUS_REPLAY, ego, "replays a bag"},
+        {"stage", BUS_LIVE, nobody, "--from stage: nobody of that name says ego"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        pub_beside(cases[i].beside, cases[i].world, cases[i].words, &r);
+        assert_int_equal(r.code, 2);
+        assert_non_null(strstr(r.err, cases[i].says));
+    }
+}
+
+/* What pub prints of a message, as echo would. */
+static json_t *published(const char *json, const char *more, struct command_result *r)
+{
+    char *words[] = {"topic",  "pub",       "ego",   (char *)json, "--print",
+                     "--wait", "--run-dir", run_dir, (char *)more, NULL};
+    command_run(r, command_topic, words);
+    return json_loads(r->out, JSON_DISABLE_EOF_CHECK, NULL);
+}
+
+static void what_comes_from_outside_has_a_name_and_stamps_of_its_own(void **state)
+{
+    (void)state;
+    struct command_result r;
+    double before_s = (double)time(NULL);
+    json_t *j = published("{\"speed_m_s\": 1.5, \"valid\": true}", NULL, &r);
+    assert_int_equal(r.code, 0);
+    assert_non_null(j);
+    assert_string_equal(json_string_value(json_object_get(j, "from")), "vehicle");
+    assert_near(1e-9 * json_number_value(json_object_get(j, "capture_ns")), before_s, 60);
+    json_t *content = json_object_get(j, "content");
+    assert_near(json_number_value(json_object_get(content, "speed_m_s")), 1.5, 0.0);
+    assert_true(json_is_true(json_object_get(content, "valid")));
+    json_decref(j);
+}
+
+static void a_recorded_line_is_not_said_as_if_it_were_now(void **state)
+{
+    (void)state;
+    struct command_result r;
+    const char *old = "{\"topic\": \"ego\", \"capture_ns\": 11, \"content\": {}}";
+    assert_null(published(old, NULL, &r));
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "a recording is for 'anlos bag play'"));
+    json_t *j = published(old, "--force", &r);
+    assert_int_equal(r.code, 0);
+    assert_int_equal(json_integer_value(json_object_get(j, "capture_ns")), 11);
+    json_decref(j);
+    assert_null(published("{\"topic\": \"ping\", \"content\": {}}", NULL, &r));
+    assert_non_null(strstr(r.err, "a message of ping, not of ego"));
+}
+
+static void a_wrong_message_is_named_by_its_line(void **state)
+{
+    (void)state;
+    struct command_result r;
+    FILE *lines = tmpfile();
+    char *words[] = {"topic",  "pub",       "ego",   "-", "--print",
+                     "--wait", "--run-dir", run_dir, NULL};
+    assert_non_null(lines);
+    fputs("{\"valid\": true}\n\n{\"valid\": 2}\n{}\n", lines);
+    rewind(lines);
+    int before = dup(STDIN_FILENO);
+    dup2(fileno(lines), STDIN_FILENO);
+    command_run(&r, command_topic, words);
+    dup2(before, STDIN_FILENO);
+    close(before);
+    fclose(lines);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "line 3: valid: expected true or false"));
+    assert_non_null(strstr(r.out, "\"sequence\":0"));
+    assert_null(strstr(r.out, "\"sequence\":1"));
+}
+
+static void who_listens_hears_what_is_published(void **state)
+{
+    (void)state;
+    char text[4096] = "", *end;
+    int out, err;
+    struct command_result r;
+    char *echo[] = {"topic",         "echo",    "ambient", "--field",
+                    "temperature_c", "--count", "2",       "--wait",
+                    "--run-dir",     run_dir,   NULL};
+    char *pub[] = {"topic",   "pub", "ambient",   "{\"temperature_c\": 21.5}",
+                   "--count", "2",   "--run-dir", run_dir,
+                   "--wait",  NULL};
+    pid_t pid = command_start(command_topic, echo, &out, &err);
+    assert_true(read(err, text, sizeof text) > 0); /* "yet; waiting" */
+    for (struct pollfd p = {.fd = out, .events = POLLIN}; !poll(&p, 1, 0);) {
+        command_run(&r, command_topic,
+                    pub); /* echo may come to listen during the first */
+        assert_int_equal(r.code, 0);
+    }
+    ssize_t n = read(out, text, sizeof text - 1);
+    assert_true(n > 0);
+    text[n] = '\0';
+    assert_near(strtod(text, &end), 21.5, 0.0);
+    assert_int_equal(*end, '\n');
+    kill(pid, SIGINT);
+    ended(pid);
+    close(out);
+    close(err);
+}
+
+static void silence_ends_echo_with_timeout(void **state)
+{
+    (void)state;
+    struct command_result r;
+    char *words[] = {"topic",  "echo",      "ping",  "--timeout", "0.2",
+                     "--wait", "--run-dir", run_dir, NULL};
+    command_run(&r, command_topic, words);
+    assert_int_equal(r.code, 1);
+    assert_non_null(strstr(r.err, "no message for 0.2 s"));
+    assert_string_equal(r.out, "");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -304,6 +478,12 @@ int main(void)
         cmocka_unit_test(hz_tells_rate_intervals_and_gaps),
         cmocka_unit_test(bw_tells_bytes_a_second_and_of_a_message),
         cmocka_unit_test(delay_tells_times_since_sound_and_sending),
+        cmocka_unit_test(what_a_process_says_is_refused_from_outside),
+        cmocka_unit_test(what_comes_from_outside_has_a_name_and_stamps_of_its_own),
+        cmocka_unit_test(a_recorded_line_is_not_said_as_if_it_were_now),
+        cmocka_unit_test(a_wrong_message_is_named_by_its_line),
+        cmocka_unit_test(who_listens_hears_what_is_published),
+        cmocka_unit_test(silence_ends_echo_with_timeout),
         cmocka_unit_test(ctrl_c_ends_it_with_the_table_so_far),
     };
     int failed = cmocka_run_group_tests(tests, set_up, NULL);

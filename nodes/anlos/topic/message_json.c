@@ -117,7 +117,7 @@ static json_t *value_json(const ProtobufCFieldDescriptor *f, const void *at, boo
     }
 }
 
-static size_t value_size(ProtobufCType type)
+size_t message_value_size(ProtobufCType type)
 {
     switch (type) {
     case PROTOBUF_C_TYPE_INT64:
@@ -148,8 +148,8 @@ static json_t *field_json(const ProtobufCFieldDescriptor *f, const uint8_t *mess
     const uint8_t *values = *(uint8_t *const *)(const void *)(message + f->offset);
     json_t *array = json_array();
     for (size_t i = 0; i < n; i++)
-        json_array_append_new(array,
-                              value_json(f, values + i * value_size(f->type), full));
+        json_array_append_new(
+            array, value_json(f, values + i * message_value_size(f->type), full));
     return array;
 }
 

@@ -18,6 +18,9 @@
  * NULL: no memory. */
 json_t *message_json(const ProtobufCMessage *m, bool full);
 
+/* Bytes of one value of a field that repeats, in protobuf-c's array of them. */
+size_t message_value_size(ProtobufCType type);
+
 /* A message with its envelope as one line of JSON: as `anlos topic echo` prints it and
  * `anlos bag export --format json` writes it. */
 

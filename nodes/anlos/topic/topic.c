@@ -13,7 +13,9 @@
 #include "nodes/anlos/feed.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/live.h"
-#include "nodes/anlos/topic/message_json.h"
+#include "nodes/anlos/topic/echo.h"
+#include "nodes/anlos/topic/field_path.h"
+#include "nodes/anlos/topic/pub.h"
 #include "nodes/anlos/topic/tally.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/rundir.h"
@@ -51,47 +53,6 @@ static int topic_watch_open(struct bus **out, const char *run_dir,
         }
     }
     return err;
-}
-
-static int echo_message(const struct bus_message *m, bool full)
-{
-    ProtobufCMessage *content = bus_message_unpack(m);
-    const struct message_line l = {.topic = m->topic->name,
-                                   .n_topic = strlen(m->topic->name),
-                                   .envelope = &m->envelope,
-                                   .n_bytes = m->envelope.payload_size,
-                                   .content = content,
-                                   .why_not = "not a message of the topic's schema"};
-    errno = 0;
-    int err = message_line_write(&l, full, stdout);
-    if (!err && fflush(stdout))
-        err = errno ? -errno : -EIO;
-    if (content)
-        protobuf_c_message_free_unpacked(content, NULL);
-    return err;
-}
-
-static int topic_watch_echo(struct bus *bus, size_t count, bool full)
-{
-    for (size_t seen = 0; !count || seen < count;) {
-        struct bus_message m;
-        int err = bus_receive(bus, &m, LOOK_UP_MS);
-        if (interrupt_requested()) {
-            if (!err)
-                bus_message_free(&m);
-            return -EINTR;
-        }
-        if (err == -ETIMEDOUT)
-            continue;
-        if (err)
-            return err;
-        err = echo_message(&m, full);
-        bus_message_free(&m);
-        if (err)
-            return err == -EPIPE ? 0 : err; /* `| head` has seen enough */
-        seen++;
-    }
-    return 0;
 }
 
 /* Adds a message if its topic was asked for, and not only heard for what it says. */
@@ -221,17 +182,25 @@ static int topic_watch_tally(struct bus *bus, const struct topic *const *topics,
 
 #define DEFAULT_SECONDS 5.0
 #define MOST_SECONDS    1e9 /* in ns, and added to the time of day, it has to be int64 */
+#define MOST_HZ         1e6
 
 static const char help[] =
-    "anlos topic -- look at the messages of a running system\n"
+    "anlos topic -- look at the messages of a running system, and add to them\n"
     "\n"
     "usage: anlos topic list\n"
-    "       anlos topic echo TOPIC [--count N] [--full] [--wait] [--run-dir DIR]\n"
+    "       anlos topic echo TOPIC... [--json|--mcap] [--count N] [--timeout S]\n"
+    "                        [--field PATH] [--full] [--wait] [--run-dir DIR]\n"
+    "       anlos topic pub TOPIC [JSON|-] [--rate HZ] [--once] [--count N] [--print]\n"
+    "                       [--from NAME] [--force] [--wait] [--run-dir DIR]\n"
     "       anlos topic hz|bw|delay [TOPIC...] [--seconds S] [--wait] [--run-dir DIR]\n"
     "\n"
     "  list            every topic: schema, expected rate, queue policy, publishers\n"
     "  echo            prints messages as JSON, one a line; sound and images as type,\n"
     "                  shape, least and greatest value\n"
+    "  pub             publishes the message JSON, or those that come on standard "
+    "input,\n"
+    "                  one a line: the fields of the schema, or a line of echo. What is\n"
+    "                  left out has its default (0, false, empty)\n"
     "  hz              how often they come, against the expected rate (of pings that of\n"
     "                  the survey's slots); mean, least and\n"
     "                  greatest interval, its standard deviation; messages that got "
@@ -248,14 +217,29 @@ static const char help[] =
     "file\n"
     "  it is printed once.\n"
     "\n"
+    "  --json          echo: as JSON, which is the default\n"
+    "  --mcap          echo: as a bag (MCAP) for programs, with all bytes\n"
     "  --count N       stop after N messages, default: never\n"
-    "  --full          print every number of sound and images\n"
+    "  --timeout S     echo: give up when no message comes for S seconds\n"
+    "  --field PATH    echo: only this field, as detections.0.position_m; without a\n"
+    "                  number that of each\n"
+    "  --full          echo: print every number of sound and images\n"
+    "  --rate HZ       pub: JSON so often, until Ctrl-C; lines at most so fast\n"
+    "  --once          pub: one message, as --count 1\n"
+    "  --print         pub: print each message as echo does\n"
+    "  --from NAME     pub: in whose name, of those that the topic has\n"
+    "  --force         pub: although a process says it, or only one should\n"
     "  --seconds S     how long hz, bw and delay listen; default 5 in a pipe or file\n"
     "  --wait          go on when nothing is running yet\n"
     "  --run-dir DIR   where the system's sockets are, default $XDG_RUNTIME_DIR/anlos, "
     "else\n"
     "                  /tmp/anlos-UID\n"
     "  --help          this text\n"
+    "\n"
+    "From outside come ego, ambient and wall/given, in the name vehicle, while no "
+    "process\n"
+    "can runs, and stage/manual. What the processes themselves say takes --force, and\n"
+    "that the process does not run. A message's stamps are of now.\n"
     "\n"
     "Writes no files.\n"
     "\n"
@@ -264,35 +248,45 @@ static const char help[] =
     "  anlos topic delay traces volume detections\n"
     "  anlos topic echo detections --count 1 | jq .content.detections\n"
     "  anlos topic echo log | jq -r '.content | .node + \": \" + .text'\n"
+    "  anlos topic echo ego --field speed_m_s\n"
+    "  anlos topic pub ambient '{\"temperature_c\": 21.5, \"humidity\": 0.4}'\n"
+    "  my-odometry | anlos topic pub ego -\n"
     "\n"
-    "exit codes: 0 done; 1 nothing is running, or failed; 2 bad arguments;\n"
-    "130 stopped by Ctrl-C\n";
+    "exit codes: 0 done; 1 nothing is running, nothing came in time, or failed; 2 bad\n"
+    "arguments or message, or not permitted; 130 stopped by Ctrl-C\n";
 
 static const struct option options[] = {
-    {"count", required_argument, NULL, 'c'},
-    {"full", no_argument, NULL, 'f'},
-    {"seconds", required_argument, NULL, 's'},
-    {"wait", no_argument, NULL, 'w'},
-    {"run-dir", required_argument, NULL, 'r'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+    {"json", no_argument, NULL, 'j'},        {"mcap", no_argument, NULL, 'm'},
+    {"count", required_argument, NULL, 'c'}, {"timeout", required_argument, NULL, 't'},
+    {"field", required_argument, NULL, 'p'}, {"full", no_argument, NULL, 'f'},
+    {"rate", required_argument, NULL, 'a'},  {"once", no_argument, NULL, 'o'},
+    {"print", no_argument, NULL, 'i'},       {"from", required_argument, NULL, 'n'},
+    {"force", no_argument, NULL, 'F'},       {"seconds", required_argument, NULL, 's'},
+    {"wait", no_argument, NULL, 'w'},        {"run-dir", required_argument, NULL, 'r'},
+    {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0},
 };
 
 struct topic_options {
     const char *run_dir; /* NULL: the default */
     size_t count;
     double seconds; /* 0: not said */
-    bool full, wait;
+    bool wait, json;
+    struct echo_options echo;
+    struct pub_options pub;
+    char given[16]; /* the letters of the options that were, each once */
 };
 
 static const struct watched {
     const char *verb;
-    struct topic_watch how; /* without table: echo */
+    const char *takes;      /* letters of options */
+    struct topic_watch how; /* without table: echo, pub */
 } verbs[] = {
-    {"echo", {0}},
-    {"hz", {.table = topic_table_rates, .survey = true}},
-    {"bw", {.table = topic_table_sizes}},
-    {"delay", {.table = topic_table_delays, .delays = true}},
+    {"echo", "jmctpfwr", {0}},
+    {"pub", "caoinFwr", {0}},
+    {"hz", "swr", {.table = topic_table_rates, .survey = true}},
+    {"bw", "swr", {.table = topic_table_sizes}},
+    {"delay", "swr", {.table = topic_table_delays, .delays = true}},
+    {"list", "r", {0}},
 };
 
 #define N_VERBS (sizeof verbs / sizeof *verbs)
@@ -303,8 +297,20 @@ static int list_topics(void)
     return usage_flush("topic");
 }
 
+static int take_number(const char *option, double most, double *out)
+{
+    if (!usage_positive(optarg, out) && *out <= most)
+        return 0;
+    return usage_error("topic", "--%s %s: expected a number above 0, up to %g", option,
+                       optarg, most);
+}
+
 static int take_option(struct topic_options *o, int code)
 {
+    size_t n = strlen(o->given);
+
+    if (n + 1 < sizeof o->given && !strchr(o->given, code))
+        o->given[n] = (char)code;
     switch (code) {
     case 'c':
         if (!usage_count(optarg, 1, SIZE_MAX, &o->count))
@@ -312,33 +318,49 @@ static int take_option(struct topic_options *o, int code)
         return usage_error("topic", "--count %s: expected a whole number above 0",
                            optarg);
     case 's':
-        if (!usage_positive(optarg, &o->seconds) && o->seconds <= MOST_SECONDS)
-            return 0;
-        return usage_error("topic", "--seconds %s: expected a number above 0, up to %g",
-                           optarg, MOST_SECONDS);
-    case 'f':
-        o->full = true;
+        return take_number("seconds", MOST_SECONDS, &o->seconds);
+    case 't':
+        return take_number("timeout", MOST_SECONDS, &o->echo.timeout_s);
+    case 'a':
+        return take_number("rate", MOST_HZ, &o->pub.rate_hz);
+    case 'r':
+        o->run_dir = optarg;
         return 0;
-    case 'w':
-        o->wait = true;
+    case 'p':
+        o->echo.field = optarg;
+        return 0;
+    case 'n':
+        o->pub.from = optarg;
         return 0;
     default:
-        o->run_dir = optarg;
+        o->echo.full |= code == 'f';
+        o->echo.mcap |= code == 'm';
+        o->json |= code == 'j';
+        o->wait |= code == 'w';
+        o->pub.force |= code == 'F';
+        o->pub.print |= code == 'i';
+        o->count = code == 'o' ? 1 : o->count;
         return 0;
     }
 }
 
 /* An option that would not be heeded.  Returns 0 or an exit code. */
-static int check_options(const struct topic_options *o, const char *verb)
+static int check_options(const struct topic_options *o, const struct watched *v)
 {
-    bool echo = !strcmp(verb, "echo"), list = !strcmp(verb, "list");
-    const char *odd = !echo && o->count                    ? "count"
-                      : !echo && o->full                   ? "full"
-                      : (echo || list) && o->seconds > 0.0 ? "seconds"
-                      : list && o->wait                    ? "wait"
-                                                           : NULL;
-
-    return odd ? usage_error("topic", "--%s: %s has no such option", odd, verb) : 0;
+    for (const char *c = o->given; *c; c++) {
+        const struct option *odd = options;
+        while (odd->val != *c)
+            odd++;
+        if (!strchr(v->takes, *c))
+            return usage_error("topic", "--%s: %s has no such option", odd->name,
+                               v->verb);
+    }
+    if (o->echo.mcap && (o->json || o->echo.full || o->echo.field))
+        return usage_error("topic", "--mcap: not with --%s",
+                           o->json        ? "json"
+                           : o->echo.full ? "full"
+                                          : "field");
+    return 0;
 }
 
 static int refuse_topic(const char *name)
@@ -379,19 +401,20 @@ static int run_verb(struct bus *bus, const struct watched *v,
 {
     struct topic_watch how = v->how;
 
-    if (!how.table)
-        return topic_watch_echo(bus, o->count, o->full);
+    if (!how.table) {
+        struct echo_options echo = o->echo;
+        echo.count = o->count;
+        return echo_run(bus, topics, n, &echo);
+    }
     how.live = isatty(STDOUT_FILENO);
     how.seconds = o->seconds > 0.0 || how.live ? o->seconds : DEFAULT_SECONDS;
     return topic_watch_tally(bus, topics, n, &how);
 }
 
-static int watch(const struct watched *v, const struct topic *const *topics, size_t n,
-                 const struct topic_options *o)
+/* The run folder of a system that runs, or will.  0, or an exit code. */
+static int open_run_dir(char run_dir[RUNDIR_SIZE], const struct topic_options *o)
 {
-    char run_dir[RUNDIR_SIZE];
     struct error why = {0};
-    struct bus *bus;
 
     if (rundir_name(run_dir, o->run_dir, &why) || rundir_check(run_dir, &why)) {
         fprintf(stderr, "anlos topic: %s\n", why.text);
@@ -410,6 +433,19 @@ static int watch(const struct watched *v, const struct topic *const *topics, siz
         fprintf(stderr, "anlos topic: %s\n", why.text);
         return EXIT_BAD_INPUT;
     }
+    return 0;
+}
+
+static int watch(const struct watched *v, const struct topic *const *topics, size_t n,
+                 const struct topic_options *o)
+{
+    char run_dir[RUNDIR_SIZE];
+    struct error why = {0};
+    struct bus *bus;
+    int code = open_run_dir(run_dir, o);
+
+    if (code)
+        return code;
     int err = topic_watch_open(&bus, run_dir, topics, n, &why);
     if (err) {
         fprintf(stderr, "anlos topic: %s\n", why.text);
@@ -423,15 +459,60 @@ static int watch(const struct watched *v, const struct topic *const *topics, siz
         return EXIT_INTERRUPTED;
     if (ferror(stdout))
         return usage_unwritten("topic", err);
-    fprintf(stderr, "anlos topic: %s\n", strerror(-err));
+    if (err == -ETIMEDOUT)
+        fprintf(stderr, "anlos topic: no message for %g s\n", o->echo.timeout_s);
+    else
+        fprintf(stderr, "anlos topic: %s\n", strerror(-err));
     return EXIT_FAILED;
+}
+
+static int publish(const struct topic *t, const char *json, const struct topic_options *o)
+{
+    struct pub_options pub = o->pub;
+    char run_dir[RUNDIR_SIZE];
+    int code = open_run_dir(run_dir, o);
+
+    pub.json = json;
+    pub.count = o->count;
+    return code ? code : pub_run(run_dir, t, &pub);
+}
+
+static int check_field(const char *path, const struct topic *const *topics, size_t n)
+{
+    struct error why = {0};
+
+    for (size_t i = 0; i < n; i++)
+        if (field_path_check(path, topics[i]->schema, &why))
+            return usage_error("topic", "--field %s: %s", path, why.text);
+    return 0;
+}
+
+/* words[n]: what follows the verb. */
+static int run_words(const struct watched *v, char **words, size_t n,
+                     const struct topic_options *o)
+{
+    const struct topic **topics = NULL;
+    size_t n_topics = 0;
+    bool pub = !strcmp(v->verb, "pub"), echo = !strcmp(v->verb, "echo");
+
+    if (echo && !n)
+        return usage_error("topic", "echo: expected a topic");
+    if (pub && (n < 1 || n > 2))
+        return usage_error("topic", "pub: expected one topic, and one message in quotes "
+                                    "or -");
+    int code = find_topics(words, pub ? 1 : n, &topics, &n_topics);
+    if (!code && o->echo.field)
+        code = check_field(o->echo.field, topics, n_topics);
+    if (!code)
+        code = pub ? publish(topics[0], n > 1 ? words[1] : NULL, o)
+                   : watch(v, topics, n_topics, o);
+    free(topics);
+    return code;
 }
 
 int command_topic(int argc, char **argv)
 {
     struct topic_options o = {0};
-    const struct topic **topics = NULL;
-    size_t n = 0;
     struct usage usage = {.command = "topic", .help = help, .options = options};
     int code;
 
@@ -441,28 +522,21 @@ int command_topic(int argc, char **argv)
     if (code)
         return ~code;
     const char *verb = optind < argc ? argv[optind] : "";
-    char **names = argv + optind + 1;
-    int n_names = argc - optind - 1;
+    size_t n = optind < argc ? (size_t)(argc - optind - 1) : 0;
     const struct watched *v = verbs;
     while (v < verbs + N_VERBS && strcmp(verb, v->verb))
         v++;
-    if (!strcmp(verb, "list") && n_names <= 0) {
-        code = check_options(&o, verb);
-        return code ? code : list_topics();
-    }
     if (v == verbs + N_VERBS)
         return usage_error("topic",
-                           *verb ? "%s: expected list, echo TOPIC, or hz, bw or delay "
-                                   "[TOPIC...]"
-                                 : "%slist, echo, hz, bw or delay is missing",
+                           *verb
+                               ? "%s: expected list, echo TOPIC..., pub TOPIC, or hz, bw "
+                                 "or delay [TOPIC...]"
+                               : "%slist, echo, pub, hz, bw or delay is missing",
                            verb);
-    if (!v->how.table && n_names != 1)
-        return usage_error("topic", "echo: expected one topic");
-    code = check_options(&o, verb);
-    if (!code)
-        code = find_topics(names, (size_t)n_names, &topics, &n);
-    if (!code)
-        code = watch(v, topics, n, &o);
-    free(topics);
-    return code;
+    code = check_options(&o, v);
+    if (code)
+        return code;
+    if (strcmp(verb, "list"))
+        return run_words(v, argv + optind + 1, n, &o);
+    return n ? usage_error("topic", "list: expected nothing after it") : list_topics();
 }
