@@ -293,6 +293,119 @@ class ForeignBags(unittest.TestCase):
                 self.ask(data)
 
 
+class Live(unittest.TestCase):
+    """Two ends of a bus in a folder of its own."""
+
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory(prefix="anlos-python-")
+        self.addCleanup(scratch.cleanup)
+        self.bus = {"run_dir": scratch.name, "wait": True, "program": PROGRAM}
+
+    def both(self, topic, **how):
+        """A subscription and a publisher that have found each other."""
+        live = anlos.subscribe(topic, timeout_s=0.2, **self.bus)
+        self.addCleanup(live.close)
+        out = anlos.publish(topic, **self.bus, **how)
+        self.addCleanup(out.close)
+        last, heard = -1, -2
+        while heard < last or heard < 0:
+            if heard < 0:
+                out.send()
+                last += 1
+            try:
+                heard = next(live).sequence
+            except TimeoutError:
+                pass
+        self.sent, live.timeout_s = last + 1, 60
+        return live, out
+
+    def test_what_is_sent_comes_as_a_message_of_a_bag(self):
+        live, ego = self.both("ego")
+        sent = [ego.send(speed_m_s=0.1 + i, yaw_rate_rad_s=numpy.float64(-0.5), valid=True)
+                for i in range(10)]
+        for i, m in zip(range(10), live):
+            self.assertIsInstance(m, anlos.Message)
+            self.assertEqual((m.topic, m.node, m.sequence), ("ego", "vehicle", self.sent + i))
+            self.assertEqual((m.speed_m_s, m.yaw_rate_rad_s), (0.1 + i, -0.5))
+            self.assertIs(m.valid, True)
+            self.assertEqual(m.publish_ns, sent[i])
+        self.assertEqual(live.lost, 0)
+
+    def test_arrays_go_and_come_to_the_bit(self):
+        live, ping = self.both("ping", force=True)
+        samples = numpy.random.default_rng(1).normal(size=(4, 900)).astype(numpy.float32)
+        ping.send(samples=samples, survey_id=2**64 - 1, temperature_c=float("nan"),
+                  clipped=[1, 2])
+        m = next(live)
+        numpy.testing.assert_array_equal(m.samples, samples)
+        self.assertEqual(m.survey_id, 2**64 - 1)
+        self.assertTrue(numpy.isnan(m.temperature_c))
+        numpy.testing.assert_array_equal(m.clipped, [1, 2])
+        ping.send(m)  # what came, once more
+        again = next(live)
+        self.assertEqual(again.content.SerializeToString(), m.content.SerializeToString())
+
+    def test_places_are_arrays_both_ways(self):
+        live, walls = self.both("wall/given")
+        walls.send(walls=[{"normal": numpy.array([0.0, 0.6, 0.8]), "distance_m": 1.25,
+                           "origin": "GIVEN"}])
+        wall, = next(live).walls
+        numpy.testing.assert_array_equal(wall.normal, [0.0, 0.6, 0.8])
+        self.assertEqual((wall.distance_m, wall.origin), (1.25, "GIVEN"))
+
+    def test_a_wrong_message_is_named_and_the_next_one_goes(self):
+        live, ego = self.both("ego")
+        with self.assertRaisesRegex(ValueError, "did you mean speed_m_s"):
+            ego.send(speed_ms=1.0)
+        with self.assertRaisesRegex(ValueError, "valid: expected true or false"):
+            ego.send(valid="yes")
+        with self.assertRaisesRegex(ValueError, "a recording is for"):
+            ego.send(valid=True, capture_ns=1)
+        with self.assertRaisesRegex(ValueError, "infinity"):
+            ego.send(speed_m_s=float("inf"))
+        ego.send(speed_m_s=2.0)
+        self.assertEqual(next(live).speed_m_s, 2.0)
+
+    def test_what_cannot_be_is_said(self):
+        with self.assertRaisesRegex(ValueError, "no such topic; did you mean ego"):
+            anlos.subscribe("egos", **self.bus)
+        with self.assertRaisesRegex(ValueError, "only the process array says that"):
+            anlos.publish("ping", **self.bus).send()
+        self.bus["wait"] = False
+        with self.assertRaisesRegex(RuntimeError, "nothing is running"):
+            anlos.subscribe("ego", **self.bus)
+        with self.assertRaisesRegex(RuntimeError, "nothing is running"):
+            anlos.publish("ego", **self.bus).send()
+        with self.assertRaises(FileNotFoundError):
+            anlos.subscribe("ego", program="/nowhere/anlos")
+
+    def test_silence_is_a_timeout_and_a_closed_one_ends(self):
+        live, ego = self.both("ego")
+        live.timeout_s = 0.05
+        with self.assertRaises(TimeoutError):
+            next(live)
+        live.timeout_s = 60
+        ego.send()
+        self.assertEqual(next(live).speed_m_s, 0.0)
+        live.close()
+        self.assertEqual(list(live), [])
+
+    def test_a_pipe_of_messages_is_a_bag(self):
+        path = self.bus["run_dir"] + "/ego.mcap"
+        with open(path, "wb") as f:
+            echo = subprocess.Popen([PROGRAM, "topic", "echo", "ego", "--mcap", "--count", "3",
+                                     "--wait", "--run-dir", self.bus["run_dir"]], stdout=f,
+                                    stderr=subprocess.DEVNULL)
+        self.addCleanup(echo.wait)
+        self.addCleanup(echo.kill)
+        with anlos.publish("ego", **self.bus) as ego:
+            while echo.poll() is None:
+                ego.send(speed_m_s=4.0)
+        run("bag", "check", path)
+        run("bag", "recover", path, "-o", path + ".whole")
+        self.assertEqual([m.speed_m_s for m in anlos.Bag(path + ".whole").messages()], [4.0] * 3)
+
+
 class Told(unittest.TestCase):
     """What the library says of itself."""
 

@@ -21,10 +21,11 @@ import numpy
 
 from . import _interface
 from .bag import Bag, Message, Record
+from .live import Publisher, Subscription, publish, subscribe
 
-__all__ = ["Bag", "Error", "Image", "Message", "News", "Object", "Objects", "Pipeline", "Record",
-           "Survey", "Wall",
-           "methods", "options", "version"]
+__all__ = ["Bag", "Error", "Image", "Message", "News", "Object", "Objects", "Pipeline",
+           "Publisher", "Record", "Subscription", "Survey", "Wall",
+           "methods", "options", "publish", "subscribe", "version"]
 
 _ffi = cffi.FFI()
 _ffi.cdef(_interface.CDEF)

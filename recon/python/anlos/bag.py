@@ -21,7 +21,7 @@ def _need(module: str, package: str):
     try:
         return importlib.import_module(module)
     except ImportError as e:
-        raise ImportError(f"anlos.Bag needs {module} here (Debian: {package})") from e
+        raise ImportError(f"anlos needs {module} here (Debian: {package})") from e
 
 
 class _Reader:
@@ -67,6 +67,7 @@ class _Chunk(NamedTuple):
 class _Channel(NamedTuple):
     topic: str
     node: str
+    epoch: str  # which start of that node
     captured: bool
     message: Any  # the protobuf class
 
@@ -113,6 +114,39 @@ class Message(Record):
         self.sequence: int = sequence
         self.publish_ns: int = publish_ns
         self.capture_ns: Optional[int] = capture_ns if channel.captured else None
+
+
+def _take_schema(r: _Reader, schemas: dict[int, Any]) -> None:
+    """A schema's protobuf class by its number; None: of another encoding."""
+    number, = r.numbers("H")
+    name, encoding, data = r.text(), r.text(), bytes(r.take(*r.numbers("I")))
+    schemas[number] = None
+    if encoding != "protobuf":
+        return
+    files = _need("google.protobuf.descriptor_pb2", "python3-protobuf").FileDescriptorSet()
+    pool = _need("google.protobuf.descriptor_pool", "python3-protobuf").DescriptorPool()
+    factory = _need("google.protobuf.message_factory", "python3-protobuf")
+    files.ParseFromString(data)
+    for f in files.file:
+        pool.AddSerializedFile(f.SerializeToString())
+    kind = pool.FindMessageTypeByName(name)
+    schemas[number] = (factory.GetMessageClass(kind) if hasattr(factory, "GetMessageClass")
+                       else factory.MessageFactory(pool).GetPrototype(kind))
+
+
+def _take_channel(r: _Reader, schemas: dict[int, Any], channels: dict[int, _Channel]) -> str:
+    number, schema = r.numbers("HH")
+    topic, _ = r.text(), r.text()
+    notes = r.map(_Reader.text, _Reader.text)
+    channels[number] = _Channel(topic, notes.get("node", ""), notes.get("epoch_ns", ""),
+                                notes.get("capture") == "publish_time", schemas.get(schema))
+    return topic
+
+
+def _message(channel: _Channel, sequence: int, publish_ns: int, capture_ns: int,
+             content: bytes) -> Message:
+    return Message(channel, sequence, publish_ns, capture_ns,
+                   channel.message.FromString(content) if channel.message else content)
 
 
 def _tensor(t) -> Optional[numpy.ndarray]:
@@ -165,7 +199,7 @@ class Bag:
     What is no bag, or a damaged one, is a ValueError; an array is as long as its message."""
 
     def __init__(self, path: Union[str, os.PathLike]):
-        self._schemas: dict[int, tuple[str, str, bytes]] = {}
+        self._schemas: dict[int, Any] = {}
         self._channels: dict[int, _Channel] = {}
         self._chunks: list[_Chunk] = []
         self._count: Optional[int] = None  # of all messages, where the bag says it
@@ -204,16 +238,9 @@ class Bag:
 
     def _take(self, code: int, r: _Reader) -> None:
         if code == _SCHEMA:
-            number, = r.numbers("H")
-            self._schemas[number] = r.text(), r.text(), bytes(r.take(*r.numbers("I")))
+            _take_schema(r, self._schemas)
         elif code == _CHANNEL:
-            number, schema = r.numbers("HH")
-            topic, _ = r.text(), r.text()
-            notes = r.map(_Reader.text, _Reader.text)
-            self._channels[number] = _Channel(topic, notes.get("node", ""),
-                                              notes.get("capture") == "publish_time",
-                                              self._class_of(schema))
-            self.topics.setdefault(topic, 0)
+            self.topics.setdefault(_take_channel(r, self._schemas, self._channels), 0)
         elif code == _CHUNK_INDEX:
             begin, _, at, length = r.numbers("4Q")
             channels = r.map(lambda x: x.numbers("H")[0], lambda x: x.numbers("Q"))
@@ -223,20 +250,6 @@ class Bag:
             counts = r.map(lambda x: x.numbers("H")[0], lambda x: x.numbers("Q")[0])
             for number, n in counts.items():
                 self.topics[self._channels[number].topic] += n
-
-    def _class_of(self, schema: int) -> Any:
-        name, encoding, data = self._schemas.get(schema, ("", "", b""))
-        if encoding != "protobuf":
-            return None
-        files = _need("google.protobuf.descriptor_pb2", "python3-protobuf").FileDescriptorSet()
-        pool = _need("google.protobuf.descriptor_pool", "python3-protobuf").DescriptorPool()
-        factory = _need("google.protobuf.message_factory", "python3-protobuf")
-        files.ParseFromString(data)
-        for f in files.file:
-            pool.AddSerializedFile(f.SerializeToString())
-        kind = pool.FindMessageTypeByName(name)
-        return (factory.GetMessageClass(kind) if hasattr(factory, "GetMessageClass")
-                else factory.MessageFactory(pool).GetPrototype(kind))
 
     def _records_of(self, chunk: _Chunk) -> _Reader:
         code, r = next(_Reader(self._data[chunk.at:chunk.at + chunk.size]).records(), (0, None))
@@ -289,13 +302,13 @@ class Bag:
 
     def _message(self, channel, sequence, publish_ns, capture_ns, r) -> Message:
         content = bytes(r.take(len(r.data) - r.at))
-        if channel.message:
-            decode_error = _need("google.protobuf.message", "python3-protobuf").DecodeError
-            try:
-                content = channel.message.FromString(content)
-            except decode_error as e:
-                raise self._damaged(f'message of "{channel.topic}"') from e
-        return Message(channel, sequence, publish_ns, capture_ns, content)
+        if not channel.message:
+            return _message(channel, sequence, publish_ns, capture_ns, content)
+        decode_error = _need("google.protobuf.message", "python3-protobuf").DecodeError
+        try:
+            return _message(channel, sequence, publish_ns, capture_ns, content)
+        except decode_error as e:
+            raise self._damaged(f'message of "{channel.topic}"') from e
 
     def table(self, topic: str, each: Optional[str] = None) -> numpy.ndarray:
         """A structured array with a row for each message, or for each of those in its field
