@@ -26,6 +26,11 @@ static struct fault *faults_of(const struct scene_fault *list, unsigned n_list, 
             f->covered = (float)pow(10, s->gain_db / 20);
             memcpy(f->during_s, s->during_s, sizeof f->during_s);
         }
+        if (s->moved_m) {
+            memcpy(f->moved_m, s->moved_m, sizeof f->moved_m);
+            if (!s->during_s)
+                f->during_s[1] = INFINITY;
+        }
         f->gain = (float)(s->inverted ? -gain : gain);
         f->noise_rms = (float)s->noise_rms;
         if (s->limit)
@@ -61,6 +66,28 @@ void faults_clear(struct faults *f)
 float faults_cover(const struct fault *f, double t_s)
 {
     return t_s >= f->during_s[0] && t_s < f->during_s[1] ? f->covered : 1;
+}
+
+void faults_move(const struct fault *f, double t_s, const double p[3], double out[3])
+{
+    bool is = t_s >= f->during_s[0] && t_s < f->during_s[1];
+    for (int k = 0; k < 3; k++)
+        out[k] = p[k] + (is ? f->moved_m[k] : 0);
+}
+
+static size_t moves(const struct fault *f, size_t n, double t_s)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < n; i++)
+        for (int k = 0; k < 2; k++)
+            count += t_s >= f[i].during_s[k];
+    return count;
+}
+
+size_t faults_moves(const struct faults *f, double t_s)
+{
+    return moves(f->speakers, f->n_speakers, t_s) +
+           moves(f->microphones, f->n_microphones, t_s);
 }
 
 static void limit(const struct fault *f, float *x, size_t n)

@@ -13,7 +13,8 @@ struct fault {
     size_t wired_to;    /* the element that this channel drives or hears */
     float gain;         /* below 0: inverted; 0: dead */
     float covered;      /* the gain on top of it... */
-    double during_s[2]; /* ...from one time of a drive to another */
+    double moved_m[3];  /* beside its place... */
+    double during_s[2]; /* ...both from one time of a drive to another */
     float limit;        /* of the amplitude; INFINITY: none */
     float noise_rms;
 };
@@ -31,6 +32,12 @@ void faults_clear(struct faults *f);
 
 /* The gain that comes and goes, at a time of a drive. */
 float faults_cover(const struct fault *f, double t_s);
+
+/* Where it stands that has its place at p, at a time of a drive. */
+void faults_move(const struct fault *f, double t_s, const double p[3], double out[3]);
+
+/* The same number: all elements stand as they do at the other time of the drive. */
+size_t faults_moves(const struct faults *f, double t_s);
 
 /* What each speaker makes of a chirp: [n_speakers][n_chirp].  free() it; NULL: no memory.
  */

@@ -29,28 +29,31 @@ static void move_array(struct room *r, size_t speaker, double t_s,
 {
     const struct survey *s = &r->survey;
     struct drive_frame from, to;
+    double at_m[3];
     double from_s = fmin(t_s, r->scene->drive->period_s - TRAFFIC_SPAN_S);
     drive_frame(&r->drive, t_s, now);
     drive_frame(&r->drive, from_s, &from);
     drive_frame(&r->drive, from_s + TRAFFIC_SPAN_S, &to);
     *stands = !memcmp(&from, &to, sizeof from) && !memcmp(&from, now, sizeof from);
     pose_move(&r->pose, 0);
-    move_element(r->pose.speakers_m[speaker], now, &from, &to, &out->source);
+    faults_move(&r->faults.speakers[speaker], t_s, r->pose.speakers_m[speaker], at_m);
+    move_element(at_m, now, &from, &to, &out->source);
     doppler_mirror(s->wall_normal, s->wall_distance_m, &out->source, &out->source_image);
     for (size_t m = 0; m < s->n_microphones; m++) {
-        move_element(r->pose.microphones_m[m], now, &from, &to, &r->microphones[m]);
+        faults_move(&r->faults.microphones[m], t_s, r->pose.microphones_m[m], at_m);
+        move_element(at_m, now, &from, &to, &r->microphones[m]);
         doppler_mirror(s->wall_normal, s->wall_distance_m, &r->microphones[m],
                        &r->microphone_images[m]);
     }
 }
 
-/* Forgets what was heard from another place, or in other air. */
+/* Forgets what was heard from another place, by elements at others, or in other air. */
 static void keep_still(struct room *r, enum pass pass, double sound_speed_m_s,
-                       const struct drive_frame *frame)
+                       const struct drive_frame *frame, size_t moves)
 {
     struct room_still *still = &r->still;
     if (still->pass == pass && still->sound_speed_m_s == sound_speed_m_s &&
-        !memcmp(&still->frame, frame, sizeof *frame))
+        still->moves == moves && !memcmp(&still->frame, frame, sizeof *frame))
         return;
     for (size_t i = 0; i < 2 * r->survey.n_speakers; i++) {
         free(still->heard[i]);
@@ -59,6 +62,7 @@ static void keep_still(struct room *r, enum pass pass, double sound_speed_m_s,
     still->pass = pass;
     still->sound_speed_m_s = sound_speed_m_s;
     still->frame = *frame;
+    still->moves = moves;
 }
 
 /* What is heard without the hidden objects, from here; NULL: no memory. */
@@ -134,7 +138,8 @@ static int hear_drive(struct room *r, const struct room_emission *e)
     move_array(r, speaker, t_s, &scene, &frame, &stands);
     const float *still = NULL;
     if (stands) {
-        keep_still(r, e->pass, scene.sound_speed_m_s, &frame);
+        keep_still(r, e->pass, scene.sound_speed_m_s, &frame,
+                   faults_moves(&r->faults, t_s));
         still = hear_still(r, &scene);
         if (!still)
             return -ENOMEM;

@@ -22,6 +22,7 @@ struct room_still {
     enum pass pass;
     double sound_speed_m_s;
     struct drive_frame frame; /* where it stands */
+    size_t moves;             /* of its elements, so far */
     float **heard; /* [up, down][n_speakers]: [n_microphones][n_heard], or NULL: not
                       rendered yet */
 };

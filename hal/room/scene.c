@@ -142,6 +142,7 @@ static const cyaml_schema_field_t fault_fields[] = {
     CYAML_FIELD_UINT("channel", CYAML_FLAG_DEFAULT, struct scene_fault, channel),
     NUMBER(scene_fault, gain_db, OPTIONAL),
     VECTOR_PTR(scene_fault, during_s, 2),
+    VECTOR_PTR(scene_fault, moved_m, 3),
     CYAML_FIELD_BOOL("inverted", OPTIONAL, struct scene_fault, inverted),
     CYAML_FIELD_BOOL("dead", OPTIONAL, struct scene_fault, dead),
     NUMBER(scene_fault, noise_rms, OPTIONAL),

@@ -146,7 +146,9 @@ struct scene_drift {     /* of the air, against temperature_c */
 struct scene_fault { /* of one speaker or microphone */
     uint32_t channel;
     double gain_db;
-    double *during_s; /* [2] drive: gain_db only from one time to another: covered */
+    double *during_s; /* [2] drive: gain_db and moved_m only from one time to another:
+                         covered, knocked */
+    double *moved_m;  /* [3] drive: it stands so far beside its place */
     bool inverted, dead;
     double noise_rms; /* added to what is heard: of a speaker by all, while it emits */
     double *limit;    /* where it clips: of a speaker over the chirp's amplitude, of a

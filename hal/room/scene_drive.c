@@ -68,6 +68,22 @@ static int check_during(const double during_s[2], double period_s, const char *k
                           during_s[0], during_s[1], period_s);
 }
 
+static int check_timed_fault(const struct scene_fault *f, double period_s,
+                             const char *prefix, const char *path, struct error *why)
+{
+    char key[96];
+    int err = 0;
+    snprintf(key, sizeof key, "%s.%s", prefix, f->moved_m ? "moved_m" : "during_s");
+    if ((f->during_s || f->moved_m) && !(period_s > 0))
+        return yaml_error_say(why, -EINVAL, path, key,
+                              "only a drive has this, and there is no key \"drive\"");
+    for (int a = 0; f->moved_m && a < 3 && !err; a++)
+        err = check_value(f->moved_m[a], (struct span){-0.5, 0.5}, key, path, why);
+    snprintf(key, sizeof key, "%s.during_s", prefix);
+    return !err && f->during_s ? check_during(f->during_s, period_s, key, path, why)
+                               : err;
+}
+
 static int check_drawn_path(const struct scene_object *o, unsigned index, double period_s,
                             const char *path, struct error *why)
 {
@@ -168,14 +184,8 @@ static int check_spans(const struct scene *s, double period_s, const char *path,
     }
     for (unsigned k = 0; k < 2; k++)
         for (unsigned i = 0; i < kinds[k].n && !err; i++) {
-            const double *during_s = kinds[k].faults[i].during_s;
-            snprintf(key, sizeof key, "faults.%s[%u].during_s", kinds[k].key, i);
-            if (during_s && !(period_s > 0))
-                err = yaml_error_say(why, -EINVAL, path, key,
-                                     "only a drive has this, and there is no key "
-                                     "\"drive\"");
-            else if (during_s)
-                err = check_during(during_s, period_s, key, path, why);
+            snprintf(key, sizeof key, "faults.%s[%u]", kinds[k].key, i);
+            err = check_timed_fault(&kinds[k].faults[i], period_s, key, path, why);
         }
     return err;
 }

@@ -81,6 +81,7 @@ enum anlos_source {
 #define ANLOS_FAULT_LISTS_DROPPED       0x0800u
 #define ANLOS_FAULT_RANGE_REDUCED       0x1000u
 #define ANLOS_FAULT_ELEMENTS_COVERED    0x2000u
+#define ANLOS_FAULT_ELEMENTS_MOVED      0x4000u
 
 enum anlos_quality {
     ANLOS_NOT_AVAILABLE =

@@ -32,7 +32,7 @@ SOURCES = ("Live", "Replay", "Simulation", None)
 FAULTS = ("ImageStale", "EgoMotionMissing", "TemperatureUnknown", "ChannelsDead",
           "ElementErrors", "WallLost", "ClockJump", "InputE2eWrong", "ArrayAway",
           "NodeLost", "Clipped", "ListsDropped", "RangeReduced", "ElementsCovered",
-          "Fault14", "Fault15")
+          "ElementsMoved", "Fault15")
 MEASUREMENTS = ("New", "Measured", "Predicted", "Deleted")
 CLASSES = ("Unknown", "Point", "Plate", "Extended", "Multipath")
 MOTIONS = ("Unknown", "Standing", "Moving")

@@ -223,11 +223,23 @@ static const char *const presences[] = {"Past", "Present", NULL};
 static const char *const answers[] = {"No", "Yes", NULL};
 
 /* A trouble code is the number of a fault + 1. */
-static const char *const troubles[] = {
-    "None",          "ImageStale",    "EgoMotionMissing", "TemperatureUnknown",
-    "ChannelsDead",  "ElementErrors", "WallLost",         "ClockJump",
-    "InputE2eWrong", "ArrayAway",     "NodeLost",         "Clipped",
-    "ListsDropped",  "RangeReduced",  "ElementsCovered",  NULL};
+static const char *const troubles[] = {"None",
+                                       "ImageStale",
+                                       "EgoMotionMissing",
+                                       "TemperatureUnknown",
+                                       "ChannelsDead",
+                                       "ElementErrors",
+                                       "WallLost",
+                                       "ClockJump",
+                                       "InputE2eWrong",
+                                       "ArrayAway",
+                                       "NodeLost",
+                                       "Clipped",
+                                       "ListsDropped",
+                                       "RangeReduced",
+                                       "ElementsCovered",
+                                       "ElementsMoved",
+                                       NULL};
 #define FAULTS (troubles + 1)
 
 #define NUMBER  CAN_SIGNAL_NUMBER

@@ -4,6 +4,8 @@
  * to health: of a live array. */
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
+#include <string.h>
 
 #include "msgs/topics.h"
 #include "nodes/dsp/dsp.h"
@@ -11,6 +13,7 @@
 #include "nodes/rt/loop.h"
 
 #define MAX_COVERED 64 /* elements that are named */
+#define MAX_MOVED   8
 
 struct run {
     struct node *node;
@@ -19,6 +22,8 @@ struct run {
     struct self_test_faults heard;
     Anlos__Sensing sensing;
     uint32_t covered_microphones[MAX_COVERED], covered_speakers[MAX_COVERED];
+    Anlos__MovedElement moved[MAX_MOVED], *moved_list[MAX_MOVED];
+    char moved_text[128]; /* empty: none has */
     bool judges, limited;
     struct node_dropped dropped;
     uint64_t blanked; /* pings */
@@ -72,6 +77,8 @@ static void tell_well(struct run *r)
     if (covered)
         node_state(r->node, ANLOS__HEALTH__STATE__READY,
                    "ready, but %zu speakers or microphones are covered", covered);
+    else if (r->moved_text[0])
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "ready, but %s", r->moved_text);
     else if (r->limited && r->sensing.range_m == 0.0)
         node_state(r->node, ANLOS__HEALTH__STATE__READY,
                    "ready, in noise that hides everybody");
@@ -113,6 +120,38 @@ static size_t list_covered(const struct self_test *t, size_t n,
     return n_covered;
 }
 
+static void add_moved(struct run *r, bool speaker, size_t i,
+                      const struct displacement_of *of)
+{
+    size_t n = r->sensing.n_moved, used = strlen(r->moved_text);
+
+    if (!of->moved || n == MAX_MOVED)
+        return;
+    Anlos__MovedElement *m = r->moved_list[n] = &r->moved[n];
+    anlos__moved_element__init(m);
+    m->speaker = speaker;
+    m->element = (uint32_t)i + 1;
+    m->x_m = of->by_m[0];
+    m->y_m = of->by_m[1];
+    m->z_m = of->by_m[2];
+    m->across_m = of->across_m;
+    m->size_m = of->size_m;
+    m->sigma_m = of->sigma_m;
+    r->sensing.n_moved++;
+    snprintf(r->moved_text + used, sizeof r->moved_text - used, "%s%s %zu",
+             used ? ", " : "moved: ", speaker ? "speaker" : "microphone", i + 1);
+}
+
+static void list_moved(struct run *r, const struct self_test *t)
+{
+    r->sensing.n_moved = 0;
+    r->moved_text[0] = '\0';
+    for (size_t i = 0; i < r->heard.of_microphones; i++)
+        add_moved(r, false, i, self_test_moved_microphone(t, i));
+    for (size_t i = 0; i < r->heard.speakers; i++)
+        add_moved(r, true, i, self_test_moved_speaker(t, i));
+}
+
 static void tell_range(struct run *r, const struct self_test_levels *l)
 {
     if (l->limited == r->limited)
@@ -146,6 +185,7 @@ static void sense(struct run *r, const struct self_test *t)
         t, r->heard.of_microphones, self_test_covers_microphone, r->covered_microphones);
     r->sensing.n_covered_speakers =
         list_covered(t, r->heard.speakers, self_test_covers_speaker, r->covered_speakers);
+    list_moved(r, t);
     node_fault(r->node, NODE_FAULT_RANGE_REDUCED, l.limited, 1);
     tell_range(r, &l);
 }
@@ -164,6 +204,10 @@ static void judge(struct run *r, const struct node_message *in)
     node_fault(r->node, NODE_FAULT_MICROPHONES_COVERED, r->heard.covered_microphones,
                r->heard.of_microphones);
     node_fault(r->node, NODE_FAULT_SPEAKERS_COVERED, r->heard.covered_speakers,
+               r->heard.of_speakers);
+    node_fault(r->node, NODE_FAULT_MICROPHONES_MOVED, r->heard.moved_microphones,
+               r->heard.of_microphones);
+    node_fault(r->node, NODE_FAULT_SPEAKERS_MOVED, r->heard.moved_speakers,
                r->heard.of_speakers);
     if (note[0])
         node_log(r->node, LOG_LEVEL_WARNING, "%s", note);
@@ -295,6 +339,7 @@ int main(int argc, char **argv)
     anlos__sensing__init(&r.sensing);
     r.sensing.covered_microphones = r.covered_microphones;
     r.sensing.covered_speakers = r.covered_speakers;
+    r.sensing.moved = r.moved_list;
     err = dsp_create(&r.dsp, &cfg.frontend);
     if (!err)
         err = run(&r);

@@ -12,7 +12,7 @@
 
 #define HEALTH_MAX_TOPICS 64
 
-#define HEALTH_MAX_FAULTS 8
+#define HEALTH_MAX_FAULTS 16
 
 struct health_fault { /* of a node that works: so many of so many */
     const char *name;

@@ -90,6 +90,8 @@ void node_state(struct node *n, Anlos__Health__State state, const char *format, 
 #define NODE_FAULT_NODES_LOST          "nodes_lost" /* processes that do not run */
 #define NODE_FAULT_MICROPHONES_COVERED "microphones_covered"
 #define NODE_FAULT_SPEAKERS_COVERED    "speakers_covered"
+#define NODE_FAULT_MICROPHONES_MOVED   "microphones_moved" /* since the start */
+#define NODE_FAULT_SPEAKERS_MOVED      "speakers_moved"
 #define NODE_FAULT_RANGE_REDUCED       "range_reduced" /* of the array, by noise */
 void node_fault(struct node *n, const char *name, size_t count, size_t of);
 

@@ -34,18 +34,19 @@
 #define BEFORE 10.0
 
 #define DIRECT_S    0.25e-3 /* about where the direct sound is expected */
+#define TIMED_DB    25.0    /* over noise: so loud it has to be to say when it came */
 #define RISES_RATIO 2.0     /* noise that is so much louder is believed at once */
 #define NOISE_PINGS 8.0     /* noise is a mean of so many */
 
 struct microphone_state {
     unsigned missed; /* pings in a row */
-    bool hears, said, covered, covered_said;
+    bool hears, said, covered, covered_said, moved_said;
     double noise; /* power of a sample, a mean */
 };
 
 struct speaker_state {
     double power; /* of the loudest peak, when it sounded last */
-    bool sounded, said, covered, covered_said;
+    bool sounded, said, covered, covered_said, moved_said;
 };
 
 struct self_test {
@@ -64,9 +65,10 @@ struct self_test {
 
     struct noise_floor *floor;
     struct cover *cover;
+    struct displacement *displacement;
     struct range_monitor *range;
-    double *fresh, *direct; /* [n_microphones], scratch */
-    bool *unfit, *usable;   /* [n_microphones] */
+    double *fresh, *direct, *delay_s; /* [n_microphones], scratch */
+    bool *unfit, *usable;             /* [n_microphones] */
     bool has_noise;
 };
 
@@ -175,13 +177,16 @@ static int create_levels(struct self_test *t, const struct range_config *cfg,
         return err;
     t->fresh = calloc(n, sizeof *t->fresh);
     t->direct = calloc(n, sizeof *t->direct);
+    t->delay_s = calloc(n, sizeof *t->delay_s);
     t->unfit = calloc(n, sizeof *t->unfit);
     t->usable = calloc(n, sizeof *t->usable);
-    if (!t->fresh || !t->direct || !t->unfit || !t->usable)
+    if (!t->fresh || !t->direct || !t->delay_s || !t->unfit || !t->usable)
         return error_say(why, -ENOMEM, "not enough memory for the level of noise");
     err = create_floor(t, p.gate_s, why);
     if (!err)
         err = create_cover(t, why);
+    if (!err && displacement_create(&t->displacement, t->survey))
+        err = error_say(why, -ENOMEM, "not enough memory to see what has moved");
     if (!err)
         err = range_monitor_create(&t->range, cfg, t->survey, &t->format, p.gate_m, why);
     return err;
@@ -227,14 +232,17 @@ void self_test_inherit(struct self_test *t, struct self_test *before)
     struct microphone_state *microphones = t->microphones;
     struct speaker_state *speakers = t->speakers;
     struct cover *cover = t->cover;
+    struct displacement *displacement = t->displacement;
 
     t->microphones = before->microphones;
     t->speakers = before->speakers;
     t->cover = before->cover;
+    t->displacement = before->displacement;
     t->has_noise = before->has_noise;
     before->microphones = microphones;
     before->speakers = speakers;
     before->cover = cover;
+    before->displacement = displacement;
     range_monitor_inherit(t->range, before->range);
 }
 
@@ -305,6 +313,45 @@ static void notice_cover(struct self_test *t, char *note, size_t size)
     }
 }
 
+/* Along which axes, and how far where that is not told. */
+static void describe(const struct displacement_of *d, char *out, size_t size)
+{
+    int used = snprintf(out, size, "%.1f cm +- %.1f mm (x %+.0f, y %+.0f, z %+.0f mm",
+                        1e2 * d->size_m, 1e3 * d->sigma_m, 1e3 * d->by_m[0],
+                        1e3 * d->by_m[1], 1e3 * d->by_m[2]);
+
+    snprintf(out + used, size - (size_t)used, d->across_m > 0.0 ? "; %.0f across%s" : ")",
+             1e3 * d->across_m, ", the side is not heard)");
+}
+
+static void notice_one(const char *kind, size_t i, const struct displacement_of *d,
+                       bool *said, char *note, size_t size)
+{
+    char text[160];
+    size_t used = strlen(note);
+
+    if (d->moved == *said)
+        return;
+    *said = d->moved;
+    describe(d, text, sizeof text);
+    if (d->moved)
+        snprintf(note + used, size - used, "%s%s %zu has moved by %s", used ? "; " : "",
+                 kind, i + 1, text);
+    else
+        snprintf(note + used, size - used, "%s%s %zu stands where it stood again",
+                 used ? "; " : "", kind, i + 1);
+}
+
+static void notice_moves(struct self_test *t, char *note, size_t size)
+{
+    for (size_t m = 0; m < t->survey->n_microphones; m++)
+        notice_one("microphone", m, displacement_microphone(t->displacement, m),
+                   &t->microphones[m].moved_said, note, size);
+    for (size_t j = 0; j < t->survey->n_speakers; j++)
+        notice_one("speaker", j, displacement_speaker(t->displacement, j),
+                   &t->speakers[j].moved_said, note, size);
+}
+
 /* For people they count from 1. */
 static void notice(struct self_test *t, double least, char *note, size_t size)
 {
@@ -321,6 +368,7 @@ static void notice(struct self_test *t, double least, char *note, size_t size)
         add_note(note, size, "no microphone hears speaker %zu", j + 1);
     }
     notice_cover(t, note, size);
+    notice_moves(t, note, size);
 }
 
 /* Would the direct sound of a speaker stand out of the noise of now at a microphone? */
@@ -417,6 +465,29 @@ static void measure_direct(struct self_test *t, size_t speaker,
         t->speakers[j].covered = cover_speaker(t->cover, j);
 }
 
+/* Of a covered element the sound comes around what covers it. */
+static void measure_delays(struct self_test *t, size_t speaker,
+                           const float complex *traces)
+{
+    const struct survey *s = t->survey;
+    double least = pow(10.0, TIMED_DB / 10.0);
+
+    for (size_t m = 0; m < s->n_microphones; m++) {
+        double delay_s = geometry_distance(s->speakers_m[speaker], s->microphones_m[m]) /
+                         s->sound_speed_m_s;
+        struct arrival a;
+        bool well = !t->unfit[m] && !t->microphones[m].covered &&
+                    !t->speakers[speaker].covered &&
+                    t->direct[m] > least * t->microphones[m].noise;
+        t->delay_s[m] =
+            well && arrival_strongest(&t->format, traces + m * t->format.n_samples,
+                                      delay_s - DIRECT_S, delay_s + DIRECT_S, &a)
+                ? a.time_s
+                : NAN;
+    }
+    displacement_take(t->displacement, speaker, t->delay_s);
+}
+
 static void measure(struct self_test *t, const struct ping *ping,
                     const float complex *traces)
 {
@@ -426,6 +497,7 @@ static void measure(struct self_test *t, const struct ping *ping,
     if (!t->has_noise)
         return;
     measure_direct(t, ping->speaker, traces);
+    measure_delays(t, ping->speaker, traces);
     for (size_t m = 0; m < t->survey->n_microphones; m++)
         t->usable[m] = !t->unfit[m] && !t->microphones[m].covered;
     const struct range_ping heard = {
@@ -460,15 +532,17 @@ void self_test_ping(struct self_test *t, const struct ping *ping,
     }
     *out = (struct self_test_faults){.of_microphones = t->survey->n_microphones,
                                      .speakers = t->survey->n_speakers};
-    for (size_t m = 0; m < t->survey->n_microphones; m++)
+    for (size_t m = 0; m < t->survey->n_microphones; m++) {
         out->deaf += is_deaf(t, m);
-    for (size_t m = 0; m < t->survey->n_microphones; m++)
         out->covered_microphones += t->microphones[m].covered;
+        out->moved_microphones += displacement_microphone(t->displacement, m)->moved;
+    }
     double least = least_power(t);
     for (size_t j = 0; j < t->survey->n_speakers; j++) {
         out->of_speakers += t->speakers[j].sounded;
         out->mute += is_mute(t, j, least);
         out->covered_speakers += t->speakers[j].covered;
+        out->moved_speakers += displacement_speaker(t->displacement, j)->moved;
     }
     notice(t, least, note, note_size);
 }
@@ -515,16 +589,30 @@ bool self_test_covers_speaker(const struct self_test *t, size_t speaker)
     return t->speakers[speaker].covered;
 }
 
+const struct displacement_of *self_test_moved_speaker(const struct self_test *t,
+                                                      size_t speaker)
+{
+    return displacement_speaker(t->displacement, speaker);
+}
+
+const struct displacement_of *self_test_moved_microphone(const struct self_test *t,
+                                                         size_t microphone)
+{
+    return displacement_microphone(t->displacement, microphone);
+}
+
 void self_test_destroy(struct self_test *t)
 {
     if (!t)
         return;
     noise_floor_destroy(t->floor);
     cover_destroy(t->cover);
+    displacement_destroy(t->displacement);
     range_monitor_destroy(t->range);
     free(t->whole);
     free(t->fresh);
     free(t->direct);
+    free(t->delay_s);
     free(t->unfit);
     free(t->usable);
     pulse_compress_destroy(t->compress[0]);

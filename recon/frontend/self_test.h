@@ -13,6 +13,9 @@
  *
  * Covered: the direct sound of whole rows or columns of pairs drops (dsp/cover.h).
  *
+ * Moved: recon/frontend/displacement.h, by the direct sound that stands well out of
+ * noise.
+ *
  * Noise is that of dsp/noise_floor.h, where images are made; how far a person is found in
  * it recon/frontend/range_monitor.h says.
  *
@@ -28,6 +31,7 @@
 
 #include "dsp/error.h"
 #include "dsp/pulse_compress.h"
+#include "recon/frontend/displacement.h"
 #include "recon/frontend/range_monitor.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
@@ -37,6 +41,7 @@ struct self_test_faults {
     size_t mute, of_speakers; /* that have sounded, of... */
     size_t speakers;
     size_t covered_microphones, covered_speakers;
+    size_t moved_microphones, moved_speakers;
 };
 
 struct self_test_levels { /* NaN: not known */
@@ -78,6 +83,11 @@ void self_test_ping(struct self_test *t, const struct ping *ping,
 void self_test_levels(const struct self_test *t, struct self_test_levels *out);
 bool self_test_covers_microphone(const struct self_test *t, size_t microphone);
 bool self_test_covers_speaker(const struct self_test *t, size_t speaker);
+/* See displacement_speaker. */
+const struct displacement_of *self_test_moved_speaker(const struct self_test *t,
+                                                      size_t speaker);
+const struct displacement_of *self_test_moved_microphone(const struct self_test *t,
+                                                         size_t microphone);
 void self_test_destroy(struct self_test *t);
 
 #endif

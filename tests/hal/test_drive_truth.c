@@ -343,6 +343,11 @@ static void wrong_drives_are_named_with_line_and_key(void **state)
          "objects[0].drawn.speed_m_s: ",
          "at 0.5 m/s the path ends after 7.0 s, and the drive after 5"},
         {BASE "drawn: {wall_m: 2.5}\n", "drawn.wall_m: ", "2.5 is outside 0..2"},
+        {BASE "faults: {speakers: [{channel: 0, moved_m: [0, 0, 0.1]}]}\n",
+         "faults.speakers[0].moved_m: ", "only a drive has this"},
+        {BASE "drive: {period_s: 5}\n"
+              "faults: {speakers: [{channel: 0, moved_m: [0, 0, 0.6]}]}\n",
+         "faults.speakers[0].moved_m: ", "0.6 is outside -0.5..0.5"},
         {BASE "drift: {rate_c_min: 1}\n", "drift.rate_c_min: ", "only a drive has this"},
         {BASE "drive: {period_s: 5, rock: {frequency_hz: 11}}\n",
          "drive.rock.frequency_hz: ", "11 is outside 0..10"},

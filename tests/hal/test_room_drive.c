@@ -126,6 +126,29 @@ static void the_wall_of_a_moving_vehicle_is_heard_higher(void **state)
     room_destroy(r);
 }
 
+/* From 1 s to 2 s the microphone stands 5 cm aside and 3 back, and the speaker where it
+ * was. */
+static void a_knocked_microphone_hears_from_elsewhere_while_it_is(void **state)
+{
+    struct room *r =
+        drive_load(state, DRIVE_TIMING DRIVE_PAIR DRIVE_WALL
+                   "wall_sound: {reflectivity: 1, echo: 0.8}\ndrive: {period_s: 10}\n"
+                   "faults: {microphones: [{channel: 0, moved_m: [0.05, 0, -0.03], "
+                   "during_s: [1, 2]}]}\n");
+    const struct line image = {{-0.02, 0, 4}, {0}};
+    const struct line at[2] = {{{0.03, 0, 0}, {0}}, {{0.08, 0, -0.03}, {0}}};
+
+    for (int i = 0; i < 4; i++) { /* it is back in a later round, too */
+        bool away = i % 2;
+        float *x = drive_emit(r, away ? 1.5 + 10 * (i / 2) : 0.5 + i, PASS_SCENE, 0);
+        size_t n = room_frames(r, 1);
+        assert_true(error_db(x, n, &image, NULL, &at[away], 0.8) < -40);
+        assert_true(error_db(x, n, &image, NULL, &at[!away], 0.8) > -3);
+        free(x);
+    }
+    room_destroy(r);
+}
+
 /* What rides along keeps its distance, but the sound has to catch up with it. */
 static void the_direct_way_keeps_its_pitch(void **state)
 {
@@ -321,6 +344,7 @@ int main(void)
         TEST(the_echo_of_a_moving_point_is_stretched),
         TEST(a_person_is_heard_from_where_he_walks),
         TEST(the_wall_of_a_moving_vehicle_is_heard_higher),
+        TEST(a_knocked_microphone_hears_from_elsewhere_while_it_is),
         TEST(the_direct_way_keeps_its_pitch),
         TEST(a_drive_in_which_nothing_moves_sounds_like_a_standing_scene),
         TEST(the_noise_is_a_persons_echo_at_a_range),

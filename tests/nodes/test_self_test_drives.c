@@ -26,9 +26,11 @@
 
 #define SCENES SOURCE_DIR "/launch/scenes/"
 #ifdef __SANITIZE_ADDRESS__ /* ten times slower: what is wrong in memory shows early */
-#define DRIVE_S 2.5
+#define DRIVE_S   2.5
+#define KNOCKED_S 6.0
 #else
-#define DRIVE_S 12.0
+#define DRIVE_S   12.0
+#define KNOCKED_S 15.1
 #endif
 
 struct drive {
@@ -150,16 +152,18 @@ static void tell(const struct drive *d, struct watch *w, int64_t now_ns)
 {
     Anlos__Health health = ANLOS__HEALTH__INIT;
     Anlos__Sensing sensing = ANLOS__SENSING__INIT;
-    Anlos__Fault all[3], *faults[3];
+    Anlos__Fault all[5], *faults[5];
     Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
     const struct {
         const char *name;
         size_t count;
     } named[] = {{NODE_FAULT_RANGE_REDUCED, d->levels.limited},
                  {NODE_FAULT_MICROPHONES_COVERED, d->faults.covered_microphones},
-                 {NODE_FAULT_SPEAKERS_COVERED, d->faults.covered_speakers}};
+                 {NODE_FAULT_SPEAKERS_COVERED, d->faults.covered_speakers},
+                 {NODE_FAULT_MICROPHONES_MOVED, d->faults.moved_microphones},
+                 {NODE_FAULT_SPEAKERS_MOVED, d->faults.moved_speakers}};
 
-    for (size_t i = 0; i < 3; i++) {
+    for (size_t i = 0; i < 5; i++) {
         anlos__fault__init(&all[i]);
         all[i].name = (char *)(uintptr_t)named[i].name;
         all[i].count = (uint32_t)named[i].count;
@@ -170,7 +174,7 @@ static void tell(const struct drive *d, struct watch *w, int64_t now_ns)
     health.state = ANLOS__HEALTH__STATE__READY;
     health.sensing = &sensing;
     health.faults = faults;
-    health.n_faults = 3;
+    health.n_faults = 5;
     list.mirrored = list.in_vehicle_frame = true;
     watch_health(w, &health, now_ns);
     watch_list(w, &list, now_ns, now_ns);
@@ -248,12 +252,71 @@ static void a_covered_element_blocks_within_two_seconds(void **state)
                   CAN_BLOCKED, CAN_FAULT_ELEMENTS_COVERED, 4.0);
 }
 
+/* What a scene's faults are to say, from 5 s on, and nothing else before or after. */
+struct knock {
+    const char *faults, *says;
+    size_t microphones, speakers;
+};
+
+/* On a line, the way along it is told with its sign, and the way across without. */
+static void a_knocked_element_is_named_within_ten_seconds(void **state)
+{
+    static const struct knock knocks[] = {
+        {"faults: {microphones: [{channel: 6, moved_m: [0.02, 0, 0], "
+         "during_s: [5, 20]}]}\n",
+         "microphone 7 has moved by 2.0 cm", 1, 0},
+        {"faults: {microphones: [{channel: 9, moved_m: [0, 0, 0.02], "
+         "during_s: [5, 20]}]}\n",
+         "microphone 10 has moved by 2.0 cm", 1, 0},
+        {"faults: {speakers: [{channel: 15, moved_m: [-0.02, 0, 0], "
+         "during_s: [5, 20]}]}\n",
+         "speaker 16 has moved by 2.0 cm", 0, 1},
+        {"faults: {microphones: [{channel: 2, moved_m: [0.02, 0, 0], "
+         "during_s: [5, 20]}, {channel: 12, moved_m: [-0.01, 0, 0], "
+         "during_s: [5, 20]}]}\n",
+         "microphone 3 has moved by 2.0 cm", 2, 0},
+        {"faults: {microphones: [{channel: 2, gain_db: -60, during_s: [5, 20]}]}\n", NULL,
+         0, 0},
+        {"faults: {microphones: [{channel: 2, gain_db: -20, during_s: [5, 20]}]}\n", NULL,
+         0, 0},
+    };
+
+    (void)state;
+    for (size_t k = 0; k < sizeof knocks / sizeof *knocks; k++) {
+        const struct knock *is = &knocks[k];
+        char path[64];
+        struct drive d;
+        bool said = false;
+        double t_s = 0.0;
+        write_scene(path, SCENES "drive-person.yaml", is->faults);
+        start(&d, path);
+        unlink(path);
+        while (t_s < KNOCKED_S) {
+            t_s = go_on(&d);
+            said |= is->says && strstr(d.note, is->says);
+            if (t_s < 5.0 &&
+                (d.note[0] || d.faults.moved_microphones || d.faults.moved_speakers))
+                fail_msg("%s: %.2f s: %s", is->faults, t_s, d.note);
+            if (d.faults.moved_microphones > is->microphones ||
+                d.faults.moved_speakers > is->speakers)
+                fail_msg("%s: %.2f s: %s", is->faults, t_s, d.note);
+        }
+        if (KNOCKED_S > 15.0 &&
+            (d.faults.moved_microphones != is->microphones ||
+             d.faults.moved_speakers != is->speakers || said != (is->says != NULL)))
+            fail_msg("%s: %zu, %zu moved", is->faults, d.faults.moved_microphones,
+                     d.faults.moved_speakers);
+        stop(&d);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(where_nothing_is_wrong_nothing_is_said),
         cmocka_unit_test(noise_25_db_up_degrades_and_says_how_far_it_reaches),
         cmocka_unit_test(a_covered_element_blocks_within_two_seconds),
+        cmocka_unit_test(a_knocked_element_is_named_within_ten_seconds),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

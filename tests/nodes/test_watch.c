@@ -637,6 +637,27 @@ static void a_covered_element_blocks_until_it_is_free(void **state)
     }
 }
 
+static void a_moved_element_degrades_until_it_is_back(void **state)
+{
+    static const char *const faults[] = {NODE_FAULT_MICROPHONES_MOVED,
+                                         NODE_FAULT_SPEAKERS_MOVED};
+    struct world w;
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        start_well(&w);
+        tell_fault(&w, faults[k], 1, 16);
+        run(&w, 10);
+        assert_is(&w, CAN_DEGRADED, CAN_FAULT_ELEMENTS_MOVED);
+        assert_true(watch_lets_objects(&w.watch));
+        tell_fault(&w, NULL, 0, 0);
+        run(&w, 990);
+        assert_is(&w, CAN_DEGRADED, CAN_FAULT_ELEMENTS_MOVED);
+        run(&w, 10);
+        assert_well(&w);
+    }
+}
+
 static void lists_that_were_dropped_are_told_for_5_s(void **state)
 {
     struct world w;
@@ -1012,6 +1033,7 @@ int main(void)
         cmocka_unit_test(noise_degrades_and_says_how_far_the_sensor_reaches),
         cmocka_unit_test(without_a_wall_or_word_of_the_array_the_range_is_not_known),
         cmocka_unit_test(a_covered_element_blocks_until_it_is_free),
+        cmocka_unit_test(a_moved_element_degrades_until_it_is_back),
         cmocka_unit_test(lists_that_were_dropped_are_told_for_5_s),
         cmocka_unit_test(the_worst_of_several_faults_is_the_state),
         cmocka_unit_test(a_sensor_that_begins_is_no_faulty_one),

@@ -1,0 +1,275 @@
+/* SPDX-License-Identifier: MIT */
+/* Arrivals by Pythagoras, in air that warms and blows, with the noise of a clock. */
+#include "recon/frontend/displacement.h"
+
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "near.h"
+#include "tests/recon/dice.h"
+
+enum { N = 16 };
+#define SOUND_M_S 343.0
+
+struct world {
+    struct survey survey;
+    double speakers_m[N][3], microphones_m[N][3];       /* as surveyed */
+    double speakers_at_m[N][3], microphones_at_m[N][3]; /* as they stand */
+    bool deaf[N];
+    double sound_m_s, wind_m_s[3], zero_s, noise_m;
+    unsigned long long seed;
+    struct displacement *d;
+};
+
+static void settle(struct world *w)
+{
+    memcpy(w->speakers_at_m, w->speakers_m, sizeof w->speakers_m);
+    memcpy(w->microphones_at_m, w->microphones_m, sizeof w->microphones_m);
+    w->survey = (struct survey){.n_speakers = N,
+                                .n_microphones = N,
+                                .speakers_m = w->speakers_m,
+                                .microphones_m = w->microphones_m,
+                                .sound_speed_m_s = SOUND_M_S};
+    assert_int_equal(displacement_create(&w->d, &w->survey), 0);
+}
+
+/* A bumper's: along 1 m, in turn. */
+static void start_line(struct world *w)
+{
+    *w = (struct world){.sound_m_s = SOUND_M_S, .noise_m = 1e-4, .seed = 5};
+    for (int i = 0; i < N; i++) {
+        w->microphones_m[i][0] = -0.5 + i / 15.5;
+        w->speakers_m[i][0] = w->microphones_m[i][0] + 0.5 / 15.5;
+    }
+    settle(w);
+}
+
+/* 4 x 4 of each, half a metre square, the speakers 10 cm in front. */
+static void start_square(struct world *w)
+{
+    *w = (struct world){.sound_m_s = SOUND_M_S, .noise_m = 1e-4, .seed = 5};
+    for (int i = 0; i < N; i++) {
+        w->microphones_m[i][0] = 0.15 * (i % 4);
+        w->microphones_m[i][1] = 0.15 * (i / 4);
+        w->speakers_m[i][0] = w->microphones_m[i][0] + 0.05;
+        w->speakers_m[i][1] = w->microphones_m[i][1] + 0.07;
+        w->speakers_m[i][2] = 0.1;
+    }
+    settle(w);
+}
+
+/* Sound that wind carries: of speed c in the air, which goes at v. */
+static double delay_s(const struct world *w, const double from[3], const double to[3])
+{
+    double way = 0.0, along = 0.0, wind = 0.0;
+
+    for (int k = 0; k < 3; k++) {
+        way += (to[k] - from[k]) * (to[k] - from[k]);
+        along += (to[k] - from[k]) * w->wind_m_s[k];
+        wind += w->wind_m_s[k] * w->wind_m_s[k];
+    }
+    double left = w->sound_m_s * w->sound_m_s - wind;
+    return (sqrt(along * along + left * way) - along) / left;
+}
+
+static void hear(struct world *w, int rounds)
+{
+    double heard_s[N];
+
+    for (int r = 0; r < rounds; r++)
+        for (size_t j = 0; j < N; j++) {
+            for (int i = 0; i < N; i++) {
+                double s = delay_s(w, w->speakers_at_m[j], w->microphones_at_m[i]) +
+                           w->zero_s;
+                heard_s[i] =
+                    w->deaf[i] ? NAN : s + w->noise_m / SOUND_M_S * dice_normal(&w->seed);
+            }
+            displacement_take(w->d, j, heard_s);
+        }
+}
+
+/* Of all elements, speakers first. */
+static const struct displacement_of *of(const struct world *w, size_t e)
+{
+    return e < N ? displacement_speaker(w->d, e) : displacement_microphone(w->d, e - N);
+}
+
+static void check_moved(const struct world *w, size_t n, const size_t *elements)
+{
+    for (size_t e = 0; e < 2 * N; e++) {
+        bool expected = false;
+        for (size_t k = 0; k < n; k++)
+            expected |= elements[k] == e;
+        if (of(w, e)->moved != expected)
+            fail_msg("element %zu: %d", e, of(w, e)->moved);
+    }
+}
+
+static void an_element_of_a_plane_is_found_with_where_it_went(void **state)
+{
+    static const double by_m[][3] = {
+        {0.02, 0, 0}, {0, -0.02, 0}, {0, 0, 0.02}, {0.05, 0, -0.02}, {0.004, 0.003, 0}};
+    struct world w;
+
+    (void)state;
+    for (size_t k = 0; k < 5; k++)
+        for (size_t e = 0; e < 2 * N; e += 5) {
+            double off = 0.0;
+            start_square(&w);
+            hear(&w, 20);
+            check_moved(&w, 0, NULL);
+            double *at = e < N ? w.speakers_at_m[e] : w.microphones_at_m[e - N];
+            for (int a = 0; a < 3; a++)
+                at[a] += by_m[k][a];
+            hear(&w, 20);
+            check_moved(&w, 1, &e);
+            for (int a = 0; a < 3; a++)
+                off += pow(of(&w, e)->by_m[a] - by_m[k][a], 2);
+            assert_below(sqrt(off), 1e-3);
+            assert_near(of(&w, e)->across_m, 0.0, 0.0);
+            displacement_destroy(w.d);
+        }
+}
+
+/* All that a line hears of what goes across it is how far. */
+static void along_a_line_across_is_told_without_its_side(void **state)
+{
+    struct world w;
+    size_t e = N + 7;
+
+    (void)state;
+    start_line(&w);
+    hear(&w, 20);
+    w.microphones_at_m[7][0] += 0.01;
+    w.microphones_at_m[7][1] += 0.012;
+    w.microphones_at_m[7][2] -= 0.016;
+    hear(&w, 20);
+    check_moved(&w, 1, &e);
+    assert_near(of(&w, e)->by_m[0], 0.01, 1e-3);
+    assert_near(of(&w, e)->by_m[1], 0.0, 1e-6);
+    assert_near(of(&w, e)->by_m[2], 0.0, 1e-6);
+    assert_near(of(&w, e)->across_m, 0.02, 1e-3);
+    assert_near(of(&w, e)->size_m, sqrt(5e-4), 1e-3);
+    displacement_destroy(w.d);
+}
+
+static void errors_are_as_large_as_they_are_stated(void **state)
+{
+    struct world w;
+    double sum = 0.0;
+    enum { DRAWS = 100 };
+
+    (void)state;
+    for (unsigned k = 0; k < DRAWS; k++) {
+        start_square(&w);
+        w.seed = 100 + k;
+        w.noise_m = 1e-3;
+        hear(&w, 20);
+        w.microphones_at_m[5][0] += 0.03;
+        hear(&w, 20);
+        const struct displacement_of *is = displacement_microphone(w.d, 5);
+        assert_true(is->moved);
+        sum += pow((is->size_m - 0.03) / is->sigma_m, 2);
+        displacement_destroy(w.d);
+    }
+    assert_true(sum / DRAWS > 0.3 && sum / DRAWS < 2.0);
+}
+
+/* 5 K, a wind of 5 m/s along and 3 across, and a clock that is late by half a sample. */
+static void air_wind_and_time_zero_move_nobody(void **state)
+{
+    struct world w;
+
+    (void)state;
+    for (int square = 0; square < 2; square++) {
+        (square ? start_square : start_line)(&w);
+        hear(&w, 20);
+        for (int step = 1; step <= 50; step++) {
+            w.sound_m_s = SOUND_M_S * (1.0 + 0.0085 * step / 50.0);
+            w.wind_m_s[0] = 5.0 * step / 50.0;
+            w.wind_m_s[2] = 3.0 * step / 50.0;
+            w.zero_s = 1e-5 * step / 50.0;
+            hear(&w, 2);
+            check_moved(&w, 0, NULL);
+        }
+        displacement_destroy(w.d);
+    }
+}
+
+static void two_that_were_knocked_are_both_named_and_one_that_is_back_is_not(void **state)
+{
+    struct world w;
+    size_t both[] = {3, N + 4}, one = 3;
+
+    (void)state;
+    start_line(&w);
+    hear(&w, 20);
+    w.speakers_at_m[3][0] -= 0.015;
+    w.microphones_at_m[4][0] += 0.02;
+    hear(&w, 20);
+    check_moved(&w, 2, both);
+    assert_near(of(&w, 3)->by_m[0], -0.015, 1e-3);
+    assert_near(of(&w, N + 4)->by_m[0], 0.02, 1e-3);
+    w.microphones_at_m[4][0] -= 0.02;
+    hear(&w, 20);
+    check_moved(&w, 1, &one);
+    displacement_destroy(w.d);
+}
+
+/* Nor is one that was told before taken for well because nothing is heard of it. */
+static void who_hears_nothing_is_not_called_moved(void **state)
+{
+    struct world w;
+    size_t e = N + 9;
+
+    (void)state;
+    start_line(&w);
+    hear(&w, 20);
+    w.deaf[2] = true;
+    hear(&w, 20);
+    check_moved(&w, 0, NULL);
+    w.microphones_at_m[9][0] += 0.02;
+    hear(&w, 20);
+    check_moved(&w, 1, &e);
+    w.deaf[9] = true;
+    hear(&w, 20);
+    check_moved(&w, 1, &e);
+    displacement_destroy(w.d);
+}
+
+/* A channel that is late by itself, as a microphone behind a cover is, has gone nowhere:
+ * in the middle of a line no displacement makes all its paths longer alike. */
+static void a_channel_that_is_late_has_not_moved(void **state)
+{
+    struct world w;
+    double heard_s[N];
+
+    (void)state;
+    start_line(&w);
+    hear(&w, 20);
+    for (int r = 0; r < 20; r++)
+        for (size_t j = 0; j < N; j++) {
+            for (int i = 0; i < N; i++)
+                heard_s[i] = delay_s(&w, w.speakers_m[j], w.microphones_m[i]) +
+                             (i == 7 ? 3e-5 : 0.0);
+            displacement_take(w.d, j, heard_s);
+        }
+    check_moved(&w, 0, NULL);
+    displacement_destroy(w.d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_element_of_a_plane_is_found_with_where_it_went),
+        cmocka_unit_test(along_a_line_across_is_told_without_its_side),
+        cmocka_unit_test(errors_are_as_large_as_they_are_stated),
+        cmocka_unit_test(air_wind_and_time_zero_move_nobody),
+        cmocka_unit_test(
+            two_that_were_knocked_are_both_named_and_one_that_is_back_is_not),
+        cmocka_unit_test(who_hears_nothing_is_not_called_moved),
+        cmocka_unit_test(a_channel_that_is_late_has_not_moved),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
