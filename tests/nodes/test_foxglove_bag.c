@@ -9,6 +9,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include "msgs/array.pb-c.h"
 #include "msgs/bag/topic_message.h"
 #include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/commands.h"
@@ -224,6 +225,34 @@ static void an_image_of_another_survey_is_left_out_and_said(void **state)
     assert_int_equal(count(r->out, "view/front"), 1);
 }
 
+/* Of a bag that holds nothing else: what a recording's sound becomes. */
+static void sound_comes_only_when_it_is_asked_for(void **state)
+{
+    struct rig *r = *state;
+    const struct bag_writer_config cfg = {.profile = "anlos", .library = "test"};
+    const struct foxglove_message survey = samples_survey(&r->samples);
+    Anlos__Ping ping = ANLOS__PING__INIT;
+    const struct foxglove_message sound = {
+        .topic = topic_ping(), .node = "array", .content = &ping.base};
+    struct error why;
+
+    assert_int_equal(bag_writer_create(&r->writer, r->in, &cfg, &why), 0);
+    assert_int_equal(bag_topics_create(&r->topics, r->writer), 0);
+    put(r, &survey);
+    put(r, &sound);
+    put(r, &sound);
+    bag_topics_destroy(r->topics);
+    assert_int_equal(bag_writer_close(r->writer, &why), 0);
+    assert_int_equal(export(r->in, r->out, NULL, NULL), 0);
+    assert_non_null(strstr(result.out, "2 of sound are left out"));
+    assert_int_equal(count(r->out, "ping"), 0);
+    assert_int_equal(count(r->out, "survey"), 1);
+    assert_int_equal(unlink(r->out), 0);
+    assert_int_equal(export(r->in, r->out, "--full", NULL), 0);
+    assert_null(strstr(result.out, "left out"));
+    assert_int_equal(count(r->out, "ping"), 2);
+}
+
 static void options_that_mean_nothing_here_are_refused(void **state)
 {
     struct rig *r = *state;
@@ -231,7 +260,6 @@ static void options_that_mean_nothing_here_are_refused(void **state)
     write_samples(r, true);
     assert_int_equal(export(r->in, r->out, "--scan", "1"), 2);
     assert_int_equal(export(r->in, r->out, "--topic", "volume"), 2);
-    assert_int_equal(export(r->in, r->out, "--full", NULL), 2);
     assert_int_equal(access(r->out, F_OK), -1);
     assert_int_equal(export(r->in, r->in, NULL, NULL), 2);
     assert_non_null(strstr(result.err, "exists already"));
@@ -306,6 +334,7 @@ int main(void)
         TEST(without_a_survey_there_is_nothing_to_draw),
         TEST(an_image_of_another_survey_is_left_out_and_said),
         TEST(options_that_mean_nothing_here_are_refused),
+        TEST(sound_comes_only_when_it_is_asked_for),
         TEST(a_full_disk_is_said_and_leaves_nothing),
         TEST(a_file_that_may_not_grow_is_said_and_leaves_nothing),
     };

@@ -313,7 +313,8 @@ struct work {
     struct setting setting;
     struct view *views; /* [n_views]: all of channels_count */
     size_t n_views;
-    uint64_t n_copied, n_added, n_left_out;
+    uint64_t n_copied, n_added, n_left_out, n_sound;
+    bool with_sound;
 };
 
 /* The id of its schema, which another channel may have had before. */
@@ -442,6 +443,12 @@ static int find_survey(struct work *w, struct error *why)
     return err == -ENODATA ? 0 : err;
 }
 
+/* Most of a bag's bytes, of which nothing is drawn. */
+static bool is_sound(const struct topic *t)
+{
+    return t && (t == topic_ping() || t == topic_traces() || t == topic_echoes());
+}
+
 static int copy_all(struct work *w, struct error *why)
 {
     struct stream_message m;
@@ -450,6 +457,10 @@ static int copy_all(struct work *w, struct error *why)
     while (!err && !(err = stream_next(w->stream, &m, why))) {
         if (is_view(m.channel))
             continue;
+        if (!w->with_sound && is_sound(m.topic)) {
+            w->n_sound++;
+            continue;
+        }
         err = bag_copy_message(w->copy, 0, &m.raw, why);
         w->n_copied += !err;
         if (!err && is_source(w, m.topic))
@@ -485,7 +496,7 @@ static int write_bag(struct work *w, const struct export_options *o, struct erro
 
 int export_foxglove(struct stream *s, const struct export_options *o, struct error *why)
 {
-    struct work w = {.stream = s, .n_views = channels_count()};
+    struct work w = {.stream = s, .n_views = channels_count(), .with_sound = o->full};
     int err;
 
     w.views = calloc(w.n_views, sizeof *w.views);
@@ -493,6 +504,10 @@ int export_foxglove(struct stream *s, const struct export_options *o, struct err
     if (!err)
         printf("%s: %" PRIu64 " messages, and %" PRIu64 " made of them for Foxglove\n",
                o->out, w.n_copied, w.n_added);
+    if (!err && w.n_sound)
+        printf("%" PRIu64 " of sound are left out (ping, traces, echoes; --full keeps "
+               "them)\n",
+               w.n_sound);
     if (!err && w.n_left_out)
         fprintf(stderr,
                 "anlos bag export: %s: %" PRIu64
@@ -527,11 +542,10 @@ static const char help[] =
     "  nrrd    volume          a file: float32, x fastest, in m\n"
     "  png     volume          a folder: the maxima along x, y and z, with the "
     "detections\n"
-    "  foxglove  all           a bag: this one, and in Foxglove's own schemas the image "
-    "as a\n"
-    "                          cloud, voxels and pictures, the objects, wall, vehicle, "
-    "frames\n"
-    "                          and log, under view/: Foxglove and Lichtblick draw them\n"
+    "  foxglove  all           a bag: this one without its sound, and in Foxglove's own\n"
+    "                          schemas the image as a cloud, voxels and pictures, the\n"
+    "                          objects, wall, vehicle, frames and log, under view/:\n"
+    "                          Foxglove and Lichtblick draw them\n"
     "  osi     detections      a trace file of ASAM OSI 3.7: tracks as SensorData in "
     "the\n"
     "                          vehicle frame, and with --scenes who was really there as\n"
@@ -543,7 +557,7 @@ static const char help[] =
     "several\n"
     "                  times; all by default\n"
     "  --scan N        wav, nrrd, png: this scan; by default the last one\n"
-    "  --full          json: every number of sound and images\n"
+    "  --full          json: every number of sound and images; foxglove: the sound, too\n"
     "  --scenes FILE   osi: of a recorded simulated drive: its scene\n"
     "  --help          this text\n"
     "\n"
@@ -664,8 +678,8 @@ static int check(const struct export_options *o, const struct format *f)
         return usage_error("bag export", "--format is missing");
     if (!o->out)
         return usage_error("bag export", "-o OUT is missing");
-    if (o->full && !json)
-        return usage_error("bag export", "--full: only with --format json");
+    if (o->full && !json && f->write != export_foxglove)
+        return usage_error("bag export", "--full: only with --format json or foxglove");
     if (o->scene && f->write != export_osi)
         return usage_error("bag export", "--scenes: only with --format osi");
     if (o->scan &&

@@ -13,7 +13,7 @@ struct export_options { /* borrow from argv */
     const char *file, *topics, *out;
     char topics_room[VERB_PATTERNS];
     size_t scan;       /* 0: the last one of the bag */
-    bool full;         /* JSON: every number of sound and images */
+    bool full;         /* JSON: every number of sound and images; Foxglove: sound */
     const char *scene; /* OSI: of a simulated drive, or NULL */
 };
 
