@@ -19,8 +19,8 @@ struct anlos_ping {
     uint32_t frame;       /* of a static array: the round of its speakers, from 1; 0: they
                              are counted, a new one begins when a speaker's turn comes
                              again */
-    uint32_t position;    /* of the stage, 0.. */
-    uint32_t speaker;     /* that emitted, 0.. */
+    uint32_t position;    /* of the stage, from 0 */
+    uint32_t speaker;     /* that emitted, from 0 */
     bool background;      /* of the same room without the hidden objects */
     bool down;            /* the chirp ran from its stop to its start */
     bool has_temperature; /* it was measured with the ping: */

@@ -1,0 +1,8 @@
+# The head of a file, its sections, what stands behind a declaration, and before one.
+1{/SPDX/d}
+2s|^/\* \(anlos/[a-z_]*\.h\) -- |/** \\file \1\n * |
+s|^/\* -- .*[^-] --*$|/*|
+t
+s|\([;,{]\)\( *\)/\* |\1\2/**< |
+t
+s|^\( *\)/\* |\1/** |
