@@ -32,7 +32,7 @@ static const struct command commands[] = {
     {"bag", "record, play, check, cut and convert recordings", command_bag},
     {"can", "read the frames on the vehicle's bus", command_can},
     {"top", "watch the nodes and topics of a running system", command_top},
-    {"topic", "look at the messages of a running system", command_topic},
+    {"topic", "look at the messages of a running system, add to them", command_topic},
     {"view", "show a running system or a bag on a web page", command_view},
     {"node", "look at the processes of a running system", command_node},
     {"keys", "make and show the keys with which hosts know each other", command_keys},
