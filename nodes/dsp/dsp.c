@@ -2,31 +2,63 @@
 #include "nodes/dsp/dsp.h"
 
 #include <errno.h>
+#include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "msgs/convert.h"
+#include "msgs/topics.h"
 #include "nodes/rt/launchfile_pipeline.h"
 
+#define MAX_COVERED 64 /* elements that are named */
+#define MAX_MOVED   8
+
 struct dsp {
+    struct node *node;
     struct frontend *frontend;
+    bool judges; /* the array, by what it hears of the walls */
     struct tensor_view view;
     struct returns_room returns;
     protobuf_c_boolean *masked; /* [n_microphones] of the survey */
+    size_t silent, of;          /* microphones, by their level; by what they hear: */
+    struct self_test_faults heard;
+    Anlos__Sensing sensing;
+    uint32_t covered_microphones[MAX_COVERED], covered_speakers[MAX_COVERED];
+    Anlos__MovedElement moved[MAX_MOVED], *moved_list[MAX_MOVED];
+    char moved_text[128]; /* empty: none has */
+    bool limited;
+    struct node_dropped dropped;
+    uint64_t blanked; /* pings */
 };
 
-int dsp_create(struct dsp **out, const struct frontend_config *cfg)
+int dsp_create(struct dsp **out, struct node *node, const struct frontend_config *cfg)
 {
     struct dsp *d = calloc(1, sizeof *d);
 
     if (!d)
         return -ENOMEM;
+    d->node = node;
+    d->judges = cfg->judges_array;
+    d->dropped.count = "pings before the survey";
+    anlos__sensing__init(&d->sensing);
+    d->sensing.covered_microphones = d->covered_microphones;
+    d->sensing.covered_speakers = d->covered_speakers;
+    d->sensing.moved = d->moved_list;
     int err = frontend_create(&d->frontend, cfg);
     if (err)
         free(d);
     else
         *out = d;
     return err;
+}
+
+static size_t counts(void *self, struct device_count *out)
+{
+    const struct dsp *d = self;
+
+    out[0] = (struct device_count){"pings blanked", d->blanked};
+    return 1 + node_dropped_count(&d->dropped, out + 1);
 }
 
 static int plan(struct dsp *d, const struct survey *survey, struct error *why)
@@ -63,9 +95,36 @@ bool dsp_is_planned(const struct dsp *d)
     return frontend_survey_id(d->frontend) != 0;
 }
 
-uint64_t dsp_survey_id(const struct dsp *d)
+/* Said once for an array. */
+static void take_self_test(struct dsp *d)
 {
-    return frontend_survey_id(d->frontend);
+    const char *why;
+    bool judges = frontend_self_test(d->frontend, &why) != NULL;
+
+    node_sensing(d->node, judges ? &d->sensing : NULL);
+    if (!judges && why[0])
+        node_log(d->node, LOG_LEVEL_WARNING,
+                 "whether microphones hear the speakers is not known: %s", why);
+}
+
+static int take_survey(void *self, const struct node_message *in)
+{
+    struct dsp *d = self;
+    const Anlos__Survey *survey = (const Anlos__Survey *)in->content;
+    struct error why = {""};
+    bool known = frontend_survey_id(d->frontend) == survey->id;
+    int err = dsp_survey(d, survey, &why);
+
+    if (!known)
+        take_self_test(d);
+    if (err) {
+        node_state(d->node, ANLOS__HEALTH__STATE__FAULT, "%s", why.text);
+    } else {
+        if (!known)
+            node_state(d->node, ANLOS__HEALTH__STATE__READY, "ready");
+        node_dropped_say(d->node, &d->dropped);
+    }
+    return err;
 }
 
 void dsp_ego(struct dsp *d, const Anlos__EgoMotion *ego, int64_t capture_ns)
@@ -75,9 +134,35 @@ void dsp_ego(struct dsp *d, const Anlos__EgoMotion *ego, int64_t capture_ns)
     frontend_ego(d->frontend, ego_from_message(&motion, ego), capture_ns);
 }
 
+static int take_ego(void *self, const struct node_message *in)
+{
+    dsp_ego(self, (const Anlos__EgoMotion *)in->content, in->capture_ns);
+    return 0;
+}
+
 void dsp_ambient(struct dsp *d, const Anlos__Ambient *ambient)
 {
     frontend_temperature(d->frontend, ambient->temperature_c);
+}
+
+static int take_ambient(void *self, const struct node_message *in)
+{
+    dsp_ambient(self, (const Anlos__Ambient *)in->content);
+    return 0;
+}
+
+/* The self-test takes its reference of them. */
+static int take_walls(void *self, const struct node_message *in)
+{
+    const struct dsp *d = self;
+    struct error why;
+    const char *none;
+    struct self_test *t = frontend_self_test(d->frontend, &none);
+    struct walls walls;
+
+    if (t && !walls_from_message(&walls, (const Anlos__WallList *)in->content, &why))
+        self_test_walls(t, &walls);
+    return 0;
 }
 
 /* A scan takes again what was of no use; a static array goes on. */
@@ -116,35 +201,238 @@ void dsp_ping(struct dsp *d, const Anlos__Ping *message, int64_t capture_ns,
         traces_to_message(&front.traces, d->masked, &d->view, &out->traces);
 }
 
-bool dsp_judge(struct dsp *d, const Anlos__Ping *message, int64_t capture_ns,
-               struct self_test_faults *out, char *note, size_t note_size)
-{
-    struct ping ping;
-
-    ping_from_message(&ping, message, capture_ns);
-    return frontend_judge(d->frontend, &ping, out, note, note_size);
-}
-
-struct self_test *dsp_self_test(const struct dsp *d, const char **why)
-{
-    return frontend_self_test(d->frontend, why);
-}
-
-void dsp_walls(struct dsp *d, const Anlos__WallList *list)
-{
-    struct error why;
-    const char *none;
-    struct self_test *t = dsp_self_test(d, &none);
-    struct walls walls;
-
-    if (t && !walls_from_message(&walls, list, &why))
-        self_test_walls(t, &walls);
-}
-
 const struct air *dsp_air(const struct dsp *d)
 {
     return frontend_air(d->frontend);
 }
+
+/* In steps of 0.2 m: each change is told at once. */
+static void tell_well(struct dsp *d)
+{
+    size_t covered = d->heard.covered_microphones + d->heard.covered_speakers;
+
+    if (covered)
+        node_state(d->node, ANLOS__HEALTH__STATE__READY,
+                   "ready, but %zu speakers or microphones are covered", covered);
+    else if (d->moved_text[0])
+        node_state(d->node, ANLOS__HEALTH__STATE__READY, "ready, but %s", d->moved_text);
+    else if (d->limited && d->sensing.range_m == 0.0)
+        node_state(d->node, ANLOS__HEALTH__STATE__READY,
+                   "ready, in noise that hides everybody");
+    else if (d->limited)
+        node_state(d->node, ANLOS__HEALTH__STATE__READY,
+                   "ready, in noise: a person is found up to %.1f m",
+                   0.2 * floor(5.0 * d->sensing.range_m));
+    else
+        node_state(d->node, ANLOS__HEALTH__STATE__READY, "ready");
+}
+
+/* Said when the text changes, which is in tenths of a kelvin. */
+static void show_air(struct dsp *d, const struct air *air)
+{
+    char text[160];
+
+    air_text(air, text, sizeof text);
+    if (air_is_distrusted(air))
+        node_state(d->node, ANLOS__HEALTH__STATE__DEGRADED,
+                   "%s: too much to subtract it well; record it again", text);
+    else if (text[0])
+        node_state(d->node, ANLOS__HEALTH__STATE__READY, "%s", text);
+    else
+        tell_well(d);
+    if (text[0] && air->pings == air->expected)
+        node_log(d->node, LOG_LEVEL_INFO, "%zu of %zu backgrounds corrected: %s",
+                 air->corrected, air->pings, text);
+}
+
+static size_t list_covered(const struct self_test *t, size_t n,
+                           bool (*is_covered)(const struct self_test *t, size_t i),
+                           uint32_t out[MAX_COVERED])
+{
+    size_t n_covered = 0;
+
+    for (size_t i = 0; i < n && n_covered < MAX_COVERED; i++)
+        if (is_covered(t, i))
+            out[n_covered++] = (uint32_t)i + 1;
+    return n_covered;
+}
+
+static void add_moved(struct dsp *d, bool speaker, size_t i,
+                      const struct displacement_of *of)
+{
+    size_t n = d->sensing.n_moved, used = strlen(d->moved_text);
+
+    if (!of->moved || n == MAX_MOVED)
+        return;
+    Anlos__MovedElement *m = d->moved_list[n] = &d->moved[n];
+    anlos__moved_element__init(m);
+    m->speaker = speaker;
+    m->element = (uint32_t)i + 1;
+    m->x_m = of->by_m[0];
+    m->y_m = of->by_m[1];
+    m->z_m = of->by_m[2];
+    m->across_m = of->across_m;
+    m->size_m = of->size_m;
+    m->sigma_m = of->sigma_m;
+    d->sensing.n_moved++;
+    snprintf(d->moved_text + used, sizeof d->moved_text - used, "%s%s %zu",
+             used ? ", " : "moved: ", speaker ? "speaker" : "microphone", i + 1);
+}
+
+static void list_moved(struct dsp *d, const struct self_test *t)
+{
+    d->sensing.n_moved = 0;
+    d->moved_text[0] = '\0';
+    for (size_t i = 0; i < d->heard.of_microphones; i++)
+        add_moved(d, false, i, self_test_moved_microphone(t, i));
+    for (size_t i = 0; i < d->heard.speakers; i++)
+        add_moved(d, true, i, self_test_moved_speaker(t, i));
+}
+
+static void tell_range(struct dsp *d, const struct self_test_levels *l)
+{
+    if (l->limited == d->limited)
+        return;
+    d->limited = l->limited;
+    if (l->limited && l->range_m == 0.0)
+        node_log(d->node, LOG_LEVEL_WARNING,
+                 "noise of %.0f dB, the wall %.0f dB over it: nobody is found",
+                 l->noise_db, l->echo_db);
+    else if (l->limited)
+        node_log(d->node, LOG_LEVEL_WARNING,
+                 "noise of %.0f dB, the wall %.0f dB over it: a person is found up to "
+                 "%.1f m, not %.1f",
+                 l->noise_db, l->echo_db, l->range_m, l->gate_m);
+    else
+        node_log(d->node, LOG_LEVEL_INFO, "a person is found up to %.1f m again",
+                 l->gate_m);
+}
+
+static void sense(struct dsp *d, const struct self_test *t)
+{
+    struct self_test_levels l;
+
+    self_test_levels(t, &l);
+    d->sensing.noise_db = l.noise_db;
+    d->sensing.direct_db = l.direct_db;
+    d->sensing.echo_db = l.echo_db;
+    d->sensing.range_m = l.range_m;
+    d->sensing.gate_m = l.gate_m;
+    d->sensing.n_covered_microphones = list_covered(
+        t, d->heard.of_microphones, self_test_covers_microphone, d->covered_microphones);
+    d->sensing.n_covered_speakers =
+        list_covered(t, d->heard.speakers, self_test_covers_speaker, d->covered_speakers);
+    list_moved(d, t);
+    node_fault(d->node, NODE_FAULT_RANGE_REDUCED, l.limited, 1);
+    tell_range(d, &l);
+}
+
+/* Once the image has what it needs of it. */
+static void judge(struct dsp *d, const struct node_message *in)
+{
+    struct ping ping;
+    const char *why;
+    char note[512] = "";
+
+    ping_from_message(&ping, (const Anlos__Ping *)in->content, in->capture_ns);
+    if (!frontend_judge(d->frontend, &ping, &d->heard, note, sizeof note))
+        return;
+    sense(d, frontend_self_test(d->frontend, &why));
+    node_fault(d->node, NODE_FAULT_SPEAKERS_MUTE, d->heard.mute, d->heard.of_speakers);
+    node_fault(d->node, NODE_FAULT_MICROPHONES_COVERED, d->heard.covered_microphones,
+               d->heard.of_microphones);
+    node_fault(d->node, NODE_FAULT_SPEAKERS_COVERED, d->heard.covered_speakers,
+               d->heard.of_speakers);
+    node_fault(d->node, NODE_FAULT_MICROPHONES_MOVED, d->heard.moved_microphones,
+               d->heard.of_microphones);
+    node_fault(d->node, NODE_FAULT_SPEAKERS_MOVED, d->heard.moved_speakers,
+               d->heard.of_speakers);
+    if (note[0])
+        node_log(d->node, LOG_LEVEL_WARNING, "%s", note);
+}
+
+/* A microphone may be known by its level, by what it hears, or by both. */
+static void tell_faults(struct dsp *d, const struct frontend_faults *c)
+{
+    if (c->n) {
+        d->silent = c->silent;
+        d->of = c->n;
+        node_fault(d->node, NODE_FAULT_ELEMENTS_DAMAGED, c->damaged, c->n);
+        node_fault(d->node, NODE_FAULT_CHANNELS_CLIPPED, c->clipped, c->n);
+    }
+    if (d->heard.deaf > d->silent)
+        node_fault(d->node, NODE_FAULT_CHANNELS_SILENT, d->heard.deaf,
+                   d->heard.of_microphones);
+    else if (d->of)
+        node_fault(d->node, NODE_FAULT_CHANNELS_SILENT, d->silent, d->of);
+}
+
+/* A recording is played no faster than it is used: of an array that stands, too, each
+ * ping is answered then. */
+static void acknowledge_replayed(struct node *node, const struct node_message *in)
+{
+    const Anlos__Ping *ping = (const Anlos__Ping *)in->content;
+    Anlos__Receipt receipt = ANLOS__RECEIPT__INIT;
+
+    receipt.scan = ping->scan;
+    receipt.pass = ping->pass;
+    receipt.position = ping->position;
+    receipt.speaker = ping->speaker;
+    receipt.frame = ping->frame;
+    receipt.usable = ping->pass == ANLOS__PASS__BACKGROUND;
+    node_publish(node, topic_receipt(), in->capture_ns, &receipt.base);
+}
+
+/* What cannot be sent is logged by node_publish, and retaken by the scan. */
+static int take_ping(void *self, const struct node_message *in)
+{
+    struct dsp *d = self;
+    struct node *node = d->node;
+    struct dsp_output out;
+
+    d->dropped.n += !dsp_is_planned(d);
+    dsp_ping(d, (const Anlos__Ping *)in->content, in->capture_ns, &out);
+    d->blanked += out.has_traces && out.traces.blanked;
+    if (out.has_traces)
+        node_publish(node, topic_traces(), in->capture_ns, &out.traces.base);
+    if (out.has_echoes)
+        node_publish(node, topic_echoes(), in->capture_ns, &out.echoes.base);
+    if (out.has_receipt)
+        node_publish(node, topic_receipt(), in->capture_ns, &out.receipt.base);
+    else if (!out.has_traces && node_is_replayed(node))
+        acknowledge_replayed(node, in);
+    if (out.note[0])
+        node_log(node, LOG_LEVEL_WARNING, "%s", out.note);
+    judge(d, in);
+    if (out.has_traces)
+        show_air(d, dsp_air(d));
+    tell_faults(d, &out.faults);
+    return 0;
+}
+
+static bool hears_walls(const void *self)
+{
+    const struct dsp *d = self;
+
+    return d->judges && launchfile_has_node(node_launch(d->node), "wall");
+}
+
+static const struct loop_input inputs[] = {
+    {.topic = topic_survey, .take = take_survey},
+    {.topic = topic_ping, .take = take_ping},
+    {.topic = topic_ego, .take = take_ego},
+    {.topic = topic_ambient, .take = take_ambient},
+    {.topic = topic_wall, .take = take_walls, .wanted = hears_walls},
+    {.topic = NULL},
+};
+
+static void destroy(void *self)
+{
+    dsp_destroy(self);
+}
+
+const struct loop dsp_loop = {
+    .inputs = inputs, .waits_for = "the survey", .counts = counts, .close = destroy};
 
 void dsp_destroy(struct dsp *d)
 {

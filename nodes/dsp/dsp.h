@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/dsp/dsp.h -- the dsp node's step: topics to the front end
- * (recon/frontend/frontend.h) and back.  Background pings end here and are acknowledged
- * with a receipt; so is every ping that cannot be used.  Of a static array (Ping.frame)
- * there are no receipts. */
+/* nodes/dsp/dsp.h -- the node dsp: pings go to the front end (recon/frontend/frontend.h),
+ * and their traces come back; the array's self-test, to health.  Background pings end
+ * here and are acknowledged with a receipt; so is every ping that cannot be used.  Of a
+ * static array (Ping.frame) there are no receipts. */
 #ifndef ANLOS_NODES_DSP_DSP_H
 #define ANLOS_NODES_DSP_DSP_H
 
@@ -16,6 +16,7 @@
 #include "msgs/traces.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
+#include "nodes/rt/loop.h"
 #include "recon/frontend/frontend.h"
 
 struct dsp_output { /* what to publish; borrows from the dsp until the next ping */
@@ -29,30 +30,21 @@ struct dsp_output { /* what to publish; borrows from the dsp until the next ping
 
 struct dsp;
 
-/* 0, -ENOMEM. */
-int dsp_create(struct dsp **out, const struct frontend_config *cfg);
+extern const struct loop dsp_loop;
+
+/* node is not owned; NULL: for the steps below alone.  0, -ENOMEM. */
+int dsp_create(struct dsp **out, struct node *node, const struct frontend_config *cfg);
 
 /* Plans for a survey; the background of another one is forgotten.  0, -EINVAL and others
  * of frontend_survey; the error says what does not fit. */
 int dsp_survey(struct dsp *d, const Anlos__Survey *survey, struct error *why);
 bool dsp_is_planned(const struct dsp *d);
-uint64_t dsp_survey_id(const struct dsp *d); /* 0: not planned */
 void dsp_ego(struct dsp *d, const Anlos__EgoMotion *ego, int64_t capture_ns);
 void dsp_ambient(struct dsp *d, const Anlos__Ambient *ambient);
 
 /* Before dsp_is_planned no ping can be used, and no note says so. */
 void dsp_ping(struct dsp *d, const Anlos__Ping *ping, int64_t capture_ns,
               struct dsp_output *out);
-
-/* As frontend_judge, of the ping of the newest dsp_ping, which has to be there still. */
-bool dsp_judge(struct dsp *d, const Anlos__Ping *ping, int64_t capture_ns,
-               struct self_test_faults *out, char *note, size_t note_size);
-
-/* As frontend_self_test. */
-struct self_test *dsp_self_test(const struct dsp *d, const char **why);
-
-/* Topic "wall", of which the self-test takes its reference. */
-void dsp_walls(struct dsp *d, const Anlos__WallList *list);
 
 /* Of the scan that the newest ping belongs to. */
 const struct air *dsp_air(const struct dsp *d);

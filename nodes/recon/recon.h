@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/recon/recon.h -- the recon node's step for a scan: topics to
- * recon/imaging/scan_imager.h and back. */
+/* nodes/recon/recon.h -- the node recon of a scan: traces go to
+ * recon/imaging/scan_imager.h, and images come back: previews, and the final one. */
 #ifndef ANLOS_NODES_RECON_RECON_H
 #define ANLOS_NODES_RECON_RECON_H
 
@@ -13,12 +13,17 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"
+#include "nodes/rt/loop.h"
 #include "recon/imaging/scan_imager.h"
 
 struct recon;
 
-/* threads 0: as many as processors may be used.  0, -ENOMEM, -EAGAIN (threads). */
-int recon_create(struct recon **out, const struct scan_imager_config *cfg);
+extern const struct loop recon_loop;
+
+/* node is not owned; NULL: for the steps below alone.  threads 0: as many as processors
+ * may be used.  0, -ENOMEM, -EAGAIN (threads). */
+int recon_create(struct recon **out, struct node *node,
+                 const struct scan_imager_config *cfg);
 
 /* Plans for a survey; the traces of another one are forgotten.  0, or a negative errno
  * and an error (of the survey, of the method, or of a volume over the topic's size).
@@ -33,7 +38,6 @@ void recon_traces(struct recon *r, const Anlos__Traces *traces, int64_t capture_
                   int64_t now_ns, Anlos__Receipt *receipt, char *note, size_t size);
 
 size_t recon_pings(const struct recon *r);
-size_t recon_pings_expected(const struct recon *r);
 bool recon_is_complete(const struct recon *r);   /* every ping of the scan is in */
 int64_t recon_capture_ns(const struct recon *r); /* of the newest ping */
 int64_t recon_taken_ns(const struct recon *r);   /* when its traces came in */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/recon/steady.h -- the recon node's step for a static array (scan.mode fixed):
- * topics to recon/static_array/static_array.h and back. */
+/* nodes/recon/steady.h -- the node recon of a static array (scan.mode fixed): traces,
+ * motion and walls go to recon/static_array/static_array.h, and images come back. */
 #ifndef ANLOS_NODES_RECON_STEADY_H
 #define ANLOS_NODES_RECON_STEADY_H
 
@@ -9,12 +9,17 @@
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/volume.pb-c.h"
 #include "msgs/wall.pb-c.h"
+#include "nodes/rt/loop.h"
 #include "recon/static_array/static_array.h"
 
 struct steady;
 
-/* threads 0: as many as processors may be used.  0, -ENOMEM, -EAGAIN (threads). */
-int steady_create(struct steady **out, const struct static_array_config *cfg);
+extern const struct loop steady_loop;
+
+/* node is not owned; NULL: for the steps below alone.  threads 0: as many as processors
+ * may be used.  0, -ENOMEM, -EAGAIN (threads). */
+int steady_create(struct steady **out, struct node *node,
+                  const struct static_array_config *cfg);
 
 /* Plans for a survey; the pings of another one are forgotten.  0, or a negative errno and
  * an error: also of a volume over the topic's size, which would be imaged for nobody.

@@ -95,3 +95,26 @@ int loop_run(struct node *n, const struct loop *l, void *self)
     }
     return err == LOOP_DONE ? 0 : err;
 }
+
+static int run(struct node *n, const struct loop *l, void *self)
+{
+    if (l->counts)
+        node_device(n, l->counts, self);
+    if (l->waits_for)
+        node_state(n, ANLOS__HEALTH__STATE__STARTING, "waits for %s", l->waits_for);
+    int err = loop_run(n, l, self);
+    return l->end ? l->end(self, err) : err;
+}
+
+int loop_main(struct node *n, const struct loop *l, void *self, int err,
+              const struct error *why)
+{
+    if (err && why->text[0])
+        node_log(n, LOG_LEVEL_ERROR, "%s", why->text);
+    if (!err)
+        err = run(n, l, self);
+    node_device(n, NULL, NULL);
+    node_sensing(n, NULL);
+    l->close(self);
+    return node_finish(n, err);
+}

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* nodes/rt/node.h -- what every node process has: command line, launch file, bus, log,
- * health, stop signal.  A node's main is: node_create, loop_run (nodes/rt/loop.h),
- * node_finish. */
+ * health, stop signal.  A node's main is: node_create, what the launch file has it open,
+ * loop_main (nodes/rt/loop.h). */
 #ifndef ANLOS_NODES_RT_NODE_H
 #define ANLOS_NODES_RT_NODE_H
 

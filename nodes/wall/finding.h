@@ -1,19 +1,22 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/wall/finding.h -- the wall node's step: topics to recon/walls/wall_finder.h and
- * back.
- */
+/* nodes/wall/finding.h -- the node wall: what comes goes to recon/walls/wall_finder.h,
+ * and the walls come back as a list. */
 #ifndef ANLOS_NODES_WALL_FINDING_H
 #define ANLOS_NODES_WALL_FINDING_H
 
 #include "msgs/survey.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
+#include "nodes/rt/loop.h"
 #include "recon/walls/wall_finder.h"
 
 struct finding;
 
-/* 0, -ENOMEM. */
-int finding_create(struct finding **out, const struct wall_finder_config *cfg);
+extern const struct loop finding_loop;
+
+/* node is not owned; NULL: for the steps below alone.  0, -ENOMEM. */
+int finding_create(struct finding **out, struct node *node,
+                   const struct wall_finder_config *cfg);
 
 /* 0, or a negative errno with an error. */
 int finding_survey(struct finding *f, const Anlos__Survey *m, struct error *why);

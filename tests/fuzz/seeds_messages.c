@@ -44,7 +44,8 @@ static void publish_survey(struct scan *s)
     struct survey survey;
     const struct detector_config detector = {.threshold_db = 3.0, .min_existence = 0.01};
 
-    FUZZ_REQUIRE(!dsp_create(&s->dsp, &dsp) && !recon_create(&s->recon, &recon));
+    FUZZ_REQUIRE(!dsp_create(&s->dsp, NULL, &dsp) &&
+                 !recon_create(&s->recon, NULL, &recon));
     detector_init(&s->detector, &detector);
     if (dsp_survey(s->dsp, s->scene.survey, &why) ||
         recon_survey(s->recon, s->scene.survey, &why) ||

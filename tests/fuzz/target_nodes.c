@@ -40,10 +40,10 @@ static void start(struct system *s)
     struct sender_config sender;
 
     *s = (struct system){.now_ns = 1};
-    FUZZ_REQUIRE(!dsp_create(&s->dsp, &dsp));
-    FUZZ_REQUIRE(!recon_create(&s->recon, &recon));
+    FUZZ_REQUIRE(!dsp_create(&s->dsp, NULL, &dsp));
+    FUZZ_REQUIRE(!recon_create(&s->recon, NULL, &recon));
     launchfile_pipeline(&cfg, NULL);
-    FUZZ_REQUIRE(!tracking_create(&s->tracking, &cfg.tracker));
+    FUZZ_REQUIRE(!tracking_create(&s->tracking, NULL, &cfg.tracker));
     can_config_sender(&sender, NULL);
     sender_init(&s->sender, &sender);
     watch_init(&s->watch, &watch);

@@ -30,7 +30,7 @@ static int open_rig(void **state, const char *scene, bool background)
                                                                  : BACKGROUND_NONE};
     struct rig *r = calloc(1, sizeof *r);
 
-    if (!r || scene_open(&r->scene, scene) || dsp_create(&r->dsp, &cfg) ||
+    if (!r || scene_open(&r->scene, scene) || dsp_create(&r->dsp, NULL, &cfg) ||
         dsp_survey(r->dsp, r->scene.survey, NULL))
         return -1;
     *state = r;
@@ -105,7 +105,7 @@ static void before_the_survey_nothing_can_be_used(void **state)
     struct dsp *fresh;
     const struct frontend_config cfg = {.window = WINDOW_HANN};
 
-    assert_int_equal(dsp_create(&fresh, &cfg), 0);
+    assert_int_equal(dsp_create(&fresh, NULL, &cfg), 0);
     assert_false(dsp_is_planned(fresh));
     scene_ping(&r->scene, SCENE, 0, 0, &r->ping);
     dsp_ping(fresh, &r->ping, 0, &r->out);
@@ -178,7 +178,7 @@ static void the_background_is_taken_out_of_air_that_has_changed(void **state)
     struct dsp_output heard;
     struct dsp *plain;
 
-    assert_int_equal(dsp_create(&plain, &without), 0);
+    assert_int_equal(dsp_create(&plain, NULL, &without), 0);
     assert_int_equal(dsp_survey(plain, r->scene.survey, NULL), 0);
     for (uint32_t i = 0; i < 8; i++) {
         send_ping(r, BACKGROUND, i / 4, i % 4);

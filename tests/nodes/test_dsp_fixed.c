@@ -37,7 +37,7 @@ static int open_as(void **state, enum background_mode mode, bool hears_walls)
     struct rig *r = calloc(1, sizeof *r);
 
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml") ||
-        dsp_create(&r->dsp, &cfg) || dsp_survey(r->dsp, r->scene.survey, NULL))
+        dsp_create(&r->dsp, NULL, &cfg) || dsp_survey(r->dsp, r->scene.survey, NULL))
         return -1;
     r->now_ns = 1000 * MS;
     *state = r;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/recon/fixed.c in a process of its own; this one is its array and its dsp. */
+/* nodes/recon/steady.c in a process of its own; this one is its array and its dsp. */
 #include "tests/hal/scratch.h"
 
 #include <errno.h>
@@ -14,7 +14,8 @@
 #include "msgs/topics.h"
 #include "msgs/traces.pb-c.h"
 #include "msgs/volume.pb-c.h"
-#include "nodes/recon/fixed.h"
+#include "nodes/recon/steady.h"
+#include "nodes/rt/launchfile_pipeline.h"
 #include "recon/frontend/compressor.h"
 #include "recon/survey.h"
 
@@ -54,8 +55,15 @@ static pid_t start_recon(const struct rig *r)
     char *argv[] = {(char *)"recon",     (char *)"--launch",         launch,
                     (char *)"--run-dir", (char *)r->scratch->folder, NULL};
     struct node *node;
+    struct steady *steady = NULL;
+    struct pipeline_config cfg;
+    struct error why = {""};
     int err = node_create(&node, "recon", "Images.", 5, argv);
-    _exit(node ? node_finish(node, fixed_run(node)) : err);
+    if (!node)
+        _exit(err);
+    launchfile_pipeline(&cfg, node_launch(node));
+    err = steady_create(&steady, node, &cfg.array);
+    _exit(loop_main(node, &steady_loop, steady, err, &why));
 }
 
 static void describe(struct rig *r)

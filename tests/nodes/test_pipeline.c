@@ -82,11 +82,11 @@ static void start(struct both *b, const char *settings, const Anlos__Survey *mes
     launchfile_pipeline(&b->cfg, b->launch);
     b->cfg.array.threads = b->cfg.scan.threads = 1;
     int err = pipeline_create(&b->pipeline, &b->cfg) ||
-              dsp_create(&b->dsp, &b->cfg.frontend) ||
-              tracking_create(&b->tracking, &b->cfg.tracker) ||
-              (b->cfg.is_static ? steady_create(&b->steady, &b->cfg.array)
-                                : recon_create(&b->recon, &b->cfg.scan)) ||
-              (b->cfg.finds_walls && finding_create(&b->finding, &b->cfg.walls));
+              dsp_create(&b->dsp, NULL, &b->cfg.frontend) ||
+              tracking_create(&b->tracking, NULL, &b->cfg.tracker) ||
+              (b->cfg.is_static ? steady_create(&b->steady, NULL, &b->cfg.array)
+                                : recon_create(&b->recon, NULL, &b->cfg.scan)) ||
+              (b->cfg.finds_walls && finding_create(&b->finding, NULL, &b->cfg.walls));
     assert_false(err);
     Anlos__Survey *m = sent(&message->base);
     err = survey_from_message(&survey, m, &why) ||

@@ -51,9 +51,9 @@ static void count_of_steps(size_t asked, size_t *of_recon, size_t *of_steady)
     struct steady *steady;
     size_t none = count_threads();
 
-    assert_int_equal(recon_create(&recon, &recon_cfg), 0);
+    assert_int_equal(recon_create(&recon, NULL, &recon_cfg), 0);
     size_t one = count_threads();
-    assert_int_equal(steady_create(&steady, &steady_cfg), 0);
+    assert_int_equal(steady_create(&steady, NULL, &steady_cfg), 0);
     size_t both = count_threads();
     *of_recon = one - none;
     *of_steady = both - one;

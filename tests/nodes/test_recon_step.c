@@ -35,8 +35,9 @@ static int setup(void **state)
     struct rig *r = calloc(1, sizeof *r);
 
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml") ||
-        dsp_create(&r->dsp, &dsp) || dsp_survey(r->dsp, r->scene.survey, NULL) ||
-        recon_create(&r->recon, &recon) || recon_survey(r->recon, r->scene.survey, NULL))
+        dsp_create(&r->dsp, NULL, &dsp) || dsp_survey(r->dsp, r->scene.survey, NULL) ||
+        recon_create(&r->recon, NULL, &recon) ||
+        recon_survey(r->recon, r->scene.survey, NULL))
         return -1;
     *state = r;
     return 0;
@@ -226,7 +227,7 @@ static void an_unknown_method_is_complained_about(void **state)
     struct error why = {""};
     struct recon *recon;
 
-    assert_int_equal(recon_create(&recon, &cfg), 0);
+    assert_int_equal(recon_create(&recon, NULL, &cfg), 0);
     assert_int_equal(recon_survey(recon, r->scene.survey, &why), -ENOENT);
     assert_non_null(strstr(why.text, "magic"));
     assert_false(recon_is_planned(recon));

@@ -70,7 +70,7 @@ static void start(struct drive *d, const char *scene)
     launchfile_pipeline(&cfg, d->launch);
     cfg.walls.map.from = WALL_FROM_ECHOES;
     cfg.frontend.hears_walls = cfg.frontend.judges_array = true;
-    if (finding_create(&d->walls, &cfg.walls) ||
+    if (finding_create(&d->walls, NULL, &cfg.walls) ||
         finding_survey(d->walls, d->world.survey, &why) ||
         frontend_create(&d->frontend, &cfg.frontend) ||
         frontend_survey(d->frontend, &d->survey, &why) ||

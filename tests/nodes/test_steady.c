@@ -101,7 +101,7 @@ static void start(struct rig *r, bool has_mount, const struct static_array_confi
     r->y = malloc(MICROPHONES * r->format.n_samples * sizeof *r->y);
     assert_non_null(r->rx);
     assert_non_null(r->y);
-    assert_int_equal(steady_create(&r->steady, cfg), 0);
+    assert_int_equal(steady_create(&r->steady, NULL, cfg), 0);
     assert_int_equal(steady_survey(r->steady, r->message, NULL), 0);
 }
 

@@ -84,7 +84,7 @@ static int setup(void **state)
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
         return -1;
     launchfile_pipeline(&cfg, NULL);
-    if (tracking_create(&r->tracking, &cfg.tracker) ||
+    if (tracking_create(&r->tracking, NULL, &cfg.tracker) ||
         tracking_survey(r->tracking, r->scene.survey, NULL))
         return -1;
     sender_init(&r->sender, &can);

@@ -64,7 +64,7 @@ static int setup(void **state)
     if (!r || scene_open(&r->scene, SOURCE_DIR "/tests/nodes/point.yaml"))
         return -1;
     launchfile_pipeline(&cfg, NULL);
-    if (tracking_create(&r->tracking, &cfg.tracker) ||
+    if (tracking_create(&r->tracking, NULL, &cfg.tracker) ||
         tracking_survey(r->tracking, r->scene.survey, NULL))
         return -1;
     anlos__volume__init(&r->volume);
@@ -268,7 +268,7 @@ static void what_a_background_leaves_is_not_told_and_what_comes_is(void **state)
     cfg.tracker.detector.cfar = CFAR_ORDERED;
     cfg.tracker.detector.false_alarm_rate = 1e-4;
     tracking_destroy(r->tracking);
-    assert_int_equal(tracking_create(&r->tracking, &cfg.tracker), 0);
+    assert_int_equal(tracking_create(&r->tracking, NULL, &cfg.tracker), 0);
     assert_int_equal(tracking_survey(r->tracking, r->scene.survey, NULL), 0);
     r->volume.standing_left = true; /* the background begins */
     for (int k = 0; k < 60; k++) {
