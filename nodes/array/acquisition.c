@@ -6,9 +6,15 @@
 #include <string.h>
 
 #include "msgs/convert.h"
+#include "msgs/stage.pb-c.h"
 #include "msgs/tensor.h"
+#include "msgs/topics.h"
+#include "nodes/array/ambient.h"
 
-#define MAX_SHOTS 8
+#define MAX_SHOTS        8
+#define SURVEY_PERIOD_NS 1000000000LL
+#define LOOK_NS          100000000LL /* at the device */
+#define MAX_FAILURES     5           /* in a row: then start the device anew */
 
 struct shot {
     Anlos__FireCommand command; /* without its speakers */
@@ -18,8 +24,11 @@ struct shot {
 };
 
 struct acquisition {
+    struct node *node;
     struct array *array;
     Anlos__Survey *survey;
+    struct survey air; /* the array's survey, in the air as it is */
+    struct ambient ambient;
     struct shot shots[MAX_SHOTS]; /* a ring; the first is the one under way */
     size_t first, n_shots;
     bool fired; /* the first one has been given to the array */
@@ -29,6 +38,10 @@ struct acquisition {
     uint32_t newest_id; /* of the commands taken, and who sent it */
     int64_t newest_epoch_ns;
     struct tensor_view samples;
+    bool heard; /* the scan */
+    int64_t survey_due_ns;
+    int64_t look_due_ns; /* 0: at once */
+    unsigned failures;
 };
 
 static int survey_message(Anlos__Survey **out, const struct survey *survey)
@@ -44,14 +57,18 @@ static int survey_message(Anlos__Survey **out, const struct survey *survey)
     return *out ? 0 : -ENOMEM;
 }
 
-int acquisition_create(struct acquisition **out, struct array *array)
+int acquisition_create(struct acquisition **out, struct node *node, struct array *array)
 {
     struct acquisition *s = calloc(1, sizeof *s);
     int err = s ? survey_message(&s->survey, array_survey(array)) : -ENOMEM;
 
     if (err)
         goto fail;
+    s->node = node;
     s->array = array;
+    err = survey_copy(&s->air, array_survey(array));
+    if (err)
+        goto fail;
     for (size_t i = 0; i < MAX_SHOTS; i++) {
         s->shots[i].speakers =
             calloc(s->survey->n_speakers_m, sizeof *s->shots[i].speakers);
@@ -257,5 +274,183 @@ void acquisition_destroy(struct acquisition *s)
         free(s->shots[i].speakers);
     if (s->survey)
         anlos__survey__free_unpacked(s->survey, NULL);
+    survey_clear(&s->air);
     free(s);
 }
+
+static int take_stage(void *self, const struct node_message *in)
+{
+    struct acquisition *s = self;
+    const Anlos__StageState *stage = (const Anlos__StageState *)in->content;
+
+    acquisition_displaced(s, stage->held ||
+                                 stage->state == ANLOS__STAGE_STATE__STATE__FAULT);
+    return 0;
+}
+
+/* Of an array that goes round without end: a scan is one of one air, and what was
+ * recorded had its own. */
+static int take_ambient(void *self, const struct node_message *in)
+{
+    struct acquisition *s = self;
+    const Anlos__Ambient *said = (const Anlos__Ambient *)in->content;
+    const struct survey *measured = array_survey(s->array);
+    double was_m_s = s->air.sound_speed_m_s;
+
+    if (measured->source == SURVEY_REPLAY || !acquisition_is_endless(s) ||
+        !ambient_take(&s->ambient, measured, &s->air, said, node_now_ns(s->node)))
+        return 0;
+    int err = acquisition_take_survey(s, &s->air);
+    if (err)
+        node_log(s->node, LOG_LEVEL_WARNING,
+                 "the vehicle's air has %.1f C, with which the survey does not work: %s",
+                 said->temperature_c, strerror(-err));
+    else
+        node_log(
+            s->node, LOG_LEVEL_INFO,
+            "the vehicle's air has %.1f C: sound goes at %.1f m/s, not %.1f; imaging "
+            "restarts",
+            said->temperature_c, s->air.sound_speed_m_s, was_m_s);
+    s->survey_due_ns = 0;
+    return 0;
+}
+
+/* Hearing the scan's status proves that its commands will come through. */
+static int take_status(void *self, const struct node_message *in)
+{
+    struct acquisition *s = self;
+
+    (void)in;
+    s->heard = true;
+    return 0;
+}
+
+static int take_fire(void *self, const struct node_message *in)
+{
+    struct acquisition *s = self;
+    struct error why = {""};
+
+    if (acquisition_fire(s, (const Anlos__FireCommand *)in->content, in->epoch_ns, &why))
+        node_log(s->node, LOG_LEVEL_WARNING, "%s", why.text);
+    return take_status(self, in);
+}
+
+static int64_t survey_due_ns(const void *self)
+{
+    return ((const struct acquisition *)self)->survey_due_ns;
+}
+
+static int publish_survey(void *self)
+{
+    struct acquisition *s = self;
+
+    s->survey_due_ns = node_machine_ns(s->node) + SURVEY_PERIOD_NS;
+    return node_publish(s->node, topic_survey(), 0, &acquisition_survey(s)->base);
+}
+
+/* Not ready while the device is away: the scan waits, and gives no ping up. */
+static int look_at_device(void *self)
+{
+    struct acquisition *s = self;
+    struct error why;
+
+    while (array_notice(s->array, &why))
+        node_log(s->node, LOG_LEVEL_WARNING, "%s", why.text);
+    int err = array_condition(s->array, &why);
+    node_ended(s->node, acquisition_has_ended(s));
+    node_fault(s->node, NODE_FAULT_ARRAY_AWAY, err != 0, 1);
+    if (err)
+        node_state(s->node, ANLOS__HEALTH__STATE__STARTING, "%s", why.text);
+    else if (acquisition_has_ended(s))
+        node_state(s->node, ANLOS__HEALTH__STATE__READY, "the recording has ended");
+    else if (s->heard)
+        node_state(s->node, ANLOS__HEALTH__STATE__READY, "ready");
+    else
+        node_state(s->node, ANLOS__HEALTH__STATE__STARTING, "waits for scan");
+    s->look_due_ns = node_machine_ns(s->node) + LOOK_NS;
+    return 0;
+}
+
+static int64_t look_due_ns(const void *self)
+{
+    return ((const struct acquisition *)self)->look_due_ns;
+}
+
+static int64_t ping_due_ns(const void *self)
+{
+    return acquisition_busy(self) ? 0 : LOOP_NEVER;
+}
+
+static int publish_ping(void *self)
+{
+    struct acquisition *s = self;
+    Anlos__Ping ping;
+    int64_t t0_ns;
+    struct error why = {""};
+    int err = acquisition_next(s, &ping, &t0_ns, &why);
+
+    s->look_due_ns = 0;
+    if (!err) {
+        s->failures = 0;
+        /* A ping that cannot be sent is one that the scan retakes. */
+        node_publish(s->node, topic_ping(), t0_ns, &ping.base);
+        return 0;
+    }
+    /* While the device is away the shot waits for it. */
+    if (err == -EINTR || err == -ENODATA || err == -EAGAIN)
+        return 0;
+    node_log(s->node, LOG_LEVEL_WARNING, "%s", why.text[0] ? why.text : strerror(-err));
+    if (err == -EINVAL)
+        return err;
+    return ++s->failures < MAX_FAILURES ? 0 : -EIO;
+}
+
+static size_t counts(void *self, struct device_count *out)
+{
+    return array_counts(((struct acquisition *)self)->array, out);
+}
+
+static const struct loop_input inputs[] = {
+    {.topic = topic_fire, .take = take_fire},
+    {.topic = topic_scan_status, .take = take_status},
+    {.topic = topic_stage_state, .take = take_stage},
+    {.topic = topic_ambient, .take = take_ambient},
+    {.topic = NULL},
+};
+
+static const struct loop_timer timers[] = {
+    {.due_ns = look_due_ns, .run = look_at_device, .when = LOOP_EACH},
+    {.due_ns = survey_due_ns, .run = publish_survey},
+    {.due_ns = ping_due_ns, .run = publish_ping, .when = LOOP_LAST},
+    {.run = NULL},
+};
+
+/* A recording was judged when it was made. */
+static void start(void *self)
+{
+    const struct acquisition *s = self;
+
+    if (array_survey(s->array)->source != SURVEY_REPLAY &&
+        !launchfile_has_node(node_launch(s->node), "dsp"))
+        node_log(
+            s->node, LOG_LEVEL_WARNING,
+            "node dsp judges microphones and speakers, and the launch file has none: "
+            "what is deaf, mute or covered will not be told; add it to nodes");
+}
+
+static void close_all(void *self)
+{
+    struct acquisition *s = self;
+
+    if (!s)
+        return;
+    struct array *array = s->array;
+    acquisition_destroy(s);
+    array_close(array);
+}
+
+const struct loop acquisition_loop = {.inputs = inputs,
+                                      .timers = timers,
+                                      .start = start,
+                                      .counts = counts,
+                                      .close = close_all};

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/array/acquisition.h -- the array node's step: fire commands to shots, recordings
- * to ping messages. */
+/* nodes/array/acquisition.h -- the node array: fire commands to shots, recordings to ping
+ * messages; the survey, in the air as the vehicle says it; how the device does. */
 #ifndef ANLOS_NODES_ARRAY_ACQUISITION_H
 #define ANLOS_NODES_ARRAY_ACQUISITION_H
 
@@ -10,11 +10,15 @@
 #include "hal/array.h"
 #include "msgs/array.pb-c.h"
 #include "msgs/survey.pb-c.h"
+#include "nodes/rt/loop.h"
 
 struct acquisition;
 
-/* array is not owned.  0, -ENOMEM, -EINVAL (its survey does not pack). */
-int acquisition_create(struct acquisition **out, struct array *array);
+extern const struct loop acquisition_loop; /* closes the array, too */
+
+/* node and array are not owned; node NULL: for the steps below alone.  0, -ENOMEM,
+ * -EINVAL (its survey does not pack). */
+int acquisition_create(struct acquisition **out, struct node *node, struct array *array);
 
 /* The survey as a message, owned by the acquisition. */
 const Anlos__Survey *acquisition_survey(const struct acquisition *s);

@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "msgs/topics.h"
+
 #define MOVING_PERIOD_NS 50000000LL
 #define REST_PERIOD_NS   500000000LL
 
@@ -15,9 +17,9 @@ static const Anlos__StageState__State states[] = {
     [STAGE_FAULT] = ANLOS__STAGE_STATE__STATE__FAULT,
 };
 
-void mover_init(struct mover *m, struct stage *stage)
+void mover_init(struct mover *m, struct node *node, struct stage *stage)
 {
-    *m = (struct mover){.stage = stage};
+    *m = (struct mover){.node = node, .stage = stage};
 }
 
 static void say_refusal(char out[MOVER_TEXT_SIZE], const char *what, double target_m,
@@ -178,3 +180,75 @@ int mover_wait_ms(const struct mover *m)
 
     return m->told && !moves ? 100 : 5;
 }
+
+static int take_manual(void *self, const struct node_message *in)
+{
+    mover_manual(self, (const Anlos__StageManual *)in->content);
+    return 0;
+}
+
+/* Hearing the scan's status proves that its commands will come through. */
+static int take_status(void *self, const struct node_message *in)
+{
+    (void)in;
+    ((struct mover *)self)->heard = true;
+    return 0;
+}
+
+static int take_command(void *self, const struct node_message *in)
+{
+    mover_command(self, (const Anlos__StageCommand *)in->content);
+    return take_status(self, in);
+}
+
+static int64_t tell_due_ns(const void *self)
+{
+    return ((const struct mover *)self)->tell_due_ns;
+}
+
+static int tell(void *self)
+{
+    struct mover *m = self;
+    Anlos__StageState state;
+    int err = 0;
+
+    if (mover_state(m, node_now_ns(m->node), &state))
+        err = node_publish(m->node, topic_stage_state(), 0, &state.base);
+    const char *note = mover_note(m);
+    if (note)
+        node_log(m->node, LOG_LEVEL_WARNING, "%s", note);
+    if (m->heard && m->text[0])
+        node_state(m->node, ANLOS__HEALTH__STATE__DEGRADED, "%s", m->text);
+    else if (m->heard)
+        node_state(m->node, ANLOS__HEALTH__STATE__READY, "ready");
+    m->tell_due_ns = node_machine_ns(m->node) + mover_wait_ms(m) * 1000000LL;
+    return err;
+}
+
+static size_t counts(void *self, struct device_count *out)
+{
+    return stage_counts(((struct mover *)self)->stage, out);
+}
+
+static void close_stage(void *self)
+{
+    stage_close(((struct mover *)self)->stage);
+}
+
+static const struct loop_input inputs[] = {
+    {.topic = topic_stage_command, .take = take_command},
+    {.topic = topic_stage_manual, .take = take_manual},
+    {.topic = topic_scan_status, .take = take_status},
+    {.topic = NULL},
+};
+
+static const struct loop_timer timers[] = {
+    {.due_ns = tell_due_ns, .run = tell, .when = LOOP_EACH},
+    {.run = NULL},
+};
+
+const struct loop mover_loop = {.inputs = inputs,
+                                .timers = timers,
+                                .waits_for = "scan",
+                                .counts = counts,
+                                .close = close_stage};

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/stage/mover.h -- the stage node's step: commands to the hardware, its state to
- * messages.  A person may take the stage by hand: then the scan has to wait until it is
- * released, or homed. */
+/* nodes/stage/mover.h -- the node stage: commands to the hardware, its state to messages.
+ * A person may take the stage by hand: then the scan has to wait until it is released, or
+ * homed. */
 #ifndef ANLOS_NODES_STAGE_MOVER_H
 #define ANLOS_NODES_STAGE_MOVER_H
 
@@ -10,11 +10,15 @@
 
 #include "hal/stage.h"
 #include "msgs/stage.pb-c.h"
+#include "nodes/rt/loop.h"
 
 #define MOVER_TEXT_SIZE STAGE_TEXT_SIZE
 
 struct mover {
-    struct stage *stage; /* not owned */
+    struct node *node;   /* not owned; NULL: for the steps below alone */
+    struct stage *stage; /* whom the loop closes */
+    bool heard;          /* the scan */
+    int64_t tell_due_ns;
     bool commanded;
     uint32_t command_id;
     double target_m;
@@ -31,7 +35,9 @@ struct mover {
     int64_t last_ns;
 };
 
-void mover_init(struct mover *m, struct stage *stage);
+extern const struct loop mover_loop;
+
+void mover_init(struct mover *m, struct node *node, struct stage *stage);
 
 /* Ignored: a command seen before, and any while the stage is held by hand.  The
  * hardware's refusal shows in the state. */

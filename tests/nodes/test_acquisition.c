@@ -71,6 +71,29 @@ void array_halt(struct array *a)
     a->halts++;
 }
 
+size_t array_counts(struct array *a, struct device_count out[DEVICE_MAX_COUNTS])
+{
+    (void)a, (void)out;
+    return 0;
+}
+
+int array_condition(struct array *a, struct error *why)
+{
+    (void)a, (void)why;
+    return 0;
+}
+
+bool array_notice(struct array *a, struct error *out)
+{
+    (void)a, (void)out;
+    return false;
+}
+
+void array_close(struct array *a)
+{
+    (void)a;
+}
+
 struct rig {
     struct array array;
     struct acquisition *acquisition;
@@ -81,7 +104,7 @@ static int setup(void **state)
     struct rig *r = calloc(1, sizeof *r);
 
     if (!r || room_load(&r->array.room, SOURCE_DIR "/tests/nodes/point.yaml", NULL) ||
-        acquisition_create(&r->acquisition, &r->array))
+        acquisition_create(&r->acquisition, NULL, &r->array))
         return -1;
     *state = r;
     return 0;
@@ -329,7 +352,7 @@ static int setup_fixed(void **state)
 
     if (!r ||
         room_load(&r->array.room, SOURCE_DIR "/launch/scenes/full-array.yaml", NULL) ||
-        acquisition_create(&r->acquisition, &r->array))
+        acquisition_create(&r->acquisition, NULL, &r->array))
         return -1;
     *state = r;
     return 0;

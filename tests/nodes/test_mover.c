@@ -50,6 +50,17 @@ void stage_status(struct stage *s, struct stage_status *out)
     *out = s->status;
 }
 
+size_t stage_counts(struct stage *s, struct device_count out[DEVICE_MAX_COUNTS])
+{
+    (void)s, (void)out;
+    return 0;
+}
+
+void stage_close(struct stage *s)
+{
+    (void)s;
+}
+
 static void command(struct mover *m, uint32_t id, double target_m)
 {
     Anlos__StageCommand c = ANLOS__STAGE_COMMAND__INIT;
@@ -77,7 +88,7 @@ static void a_command_moves_the_stage_and_is_named_in_the_state(void **state)
     Anlos__StageState s;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     assert_true(mover_state(&m, 0, &s));
     assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__IDLE);
     command(&m, 7, 0.5);
@@ -99,7 +110,7 @@ static void a_command_seen_before_is_ignored(void **state)
     struct mover m;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     command(&m, 1, 0.5);
     command(&m, 1, 0.5);
     assert_int_equal(stage.moves, 1);
@@ -117,7 +128,7 @@ static void states_repeat_faster_in_motion_than_at_rest(void **state)
     int n = 0;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     for (int64_t t = 0; t < 2000 * MS; t += 5 * MS)
         n += mover_state(&m, t, &s);
     assert_int_equal(n, 4);
@@ -135,7 +146,7 @@ static void a_target_out_of_reach_is_refused_until_the_next_command(void **state
     Anlos__StageState s;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     command(&m, 3, 9.0);
     assert_true(mover_state(&m, 0, &s));
     assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__REFUSED);
@@ -156,7 +167,7 @@ static void a_fault_of_the_hardware_is_passed_on_with_its_text(void **state)
     Anlos__StageState s;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     assert_true(mover_state(&m, 0, &s));
     assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__FAULT);
     assert_string_equal(s.text, "motor stalled");
@@ -172,7 +183,7 @@ static void a_move_without_a_place_shows_the_stages_own_fault(void **state)
     Anlos__StageState s;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     command(&m, 3, 0.1);
     assert_true(mover_state(&m, 0, &s));
     assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__FAULT);
@@ -186,7 +197,7 @@ static void stopped_by_hand_it_is_held_until_it_is_released(void **state)
     Anlos__StageState s;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     command(&m, 1, 0.5);
     assert_true(mover_state(&m, 0, &s));
     by_hand(&m, 77, ANLOS__STAGE_MANUAL__VERB__STOP, 0);
@@ -213,7 +224,7 @@ static void a_move_by_hand_holds_it_and_the_same_one_is_made_once(void **state)
     Anlos__StageState s;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 0.3);
     by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 0.3);
     assert_int_equal(stage.moves, 1);
@@ -228,7 +239,7 @@ static void a_move_by_hand_that_comes_again_after_a_stop_stays_stopped(void **st
     struct mover m;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 0.3);
     by_hand(&m, 6, ANLOS__STAGE_MANUAL__VERB__STOP, 0);
     by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 0.3);
@@ -248,7 +259,7 @@ static void a_move_by_hand_that_is_refused_says_why_and_holds_nothing(void **sta
         struct stage stage = {.result = cases[i].err};
         struct mover m;
         Anlos__StageState s;
-        mover_init(&m, &stage);
+        mover_init(&m, NULL, &stage);
         by_hand(&m, 5, ANLOS__STAGE_MANUAL__VERB__MOVE, 9);
         assert_true(mover_state(&m, 0, &s));
         assert_false(s.held);
@@ -264,7 +275,7 @@ static void homing_by_hand_ends_a_fault_and_releases_it_when_done(void **state)
     Anlos__StageState s;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     by_hand(&m, 4, ANLOS__STAGE_MANUAL__VERB__RELEASE, 0);
     assert_true(mover_state(&m, 0, &s));
     assert_non_null(strstr(s.manual_refusal, "home it"));
@@ -292,7 +303,7 @@ static void a_note_is_told_once_and_again_when_it_changes(void **state)
     Anlos__StageState s;
 
     (void)state;
-    mover_init(&m, &stage);
+    mover_init(&m, NULL, &stage);
     assert_null(mover_note(&m));
     mover_state(&m, 0, &s);
     assert_string_equal(mover_note(&m), "it is hot");

@@ -497,7 +497,7 @@ static int open_array(struct recording_import *r, const struct clock_source *clo
         return error_say(why, -ENOMEM, "out of memory");
     int err = array_open(&r->array, uri, clock, why);
     free(uri);
-    if (!err && acquisition_create(&r->acquisition, r->array))
+    if (!err && acquisition_create(&r->acquisition, NULL, r->array))
         err = error_say(why, -ENOMEM, "out of memory");
     return err;
 }
