@@ -9,226 +9,10 @@
 #include <unistd.h>
 
 #include "msgs/convert.h"
+#include "msgs/topics.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
 #include "recon/processing.h"
-
-#define STEP_NS  150000000LL   /* of trails, which have TRAILS_MAX_POINTS */
-#define AGAIN_NS 10000000000LL /* an id that comes back later is another track's */
-
-void logbook_init(struct logbook *d)
-{
-    memset(d, 0, sizeof *d);
-    trails_init(&d->trails, LOGBOOK_SHOWN_NS, STEP_NS);
-}
-
-void logbook_ego(struct logbook *d, const Anlos__EgoMotion *m, int64_t capture_ns)
-{
-    trails_ego(&d->trails, m, capture_ns);
-}
-
-void logbook_survey(struct logbook *d, const Anlos__Survey *m)
-{
-    struct error why;
-    struct survey fresh;
-
-    if (d->survey_id == m->id || survey_from_message(&fresh, m, &why))
-        return; /* dsp complains about it */
-    survey_clear(&d->survey);
-    d->survey = fresh;
-    d->survey_id = m->id;
-    d->has_walls = false; /* those were of another array */
-    walls_from_survey(&d->walls, &d->survey);
-}
-
-int logbook_walls(struct logbook *d, const Anlos__WallList *m)
-{
-    struct error why;
-    size_t size = protobuf_c_message_get_packed_size(&m->base);
-    uint8_t *bytes = malloc(size ? size : 1);
-
-    if (!bytes)
-        return -ENOMEM;
-    protobuf_c_message_pack(&m->base, bytes);
-    Anlos__WallList *fresh = anlos__wall_list__unpack(NULL, size, bytes);
-    free(bytes);
-    if (!fresh)
-        return -ENOMEM;
-    if (walls_from_message(&d->walls, fresh, &why)) {
-        anlos__wall_list__free_unpacked(fresh, NULL);
-        return 0; /* the nodes that work with them complain */
-    }
-    d->has_walls = true;
-    anlos__wall_list__free_unpacked(d->wall_list, NULL);
-    d->wall_list = fresh;
-    return 0;
-}
-
-/* NULL: there is no room.  *err: no memory. */
-static struct logbook_track *find_track(struct logbook *d, uint32_t id, int64_t now_ns,
-                                        int *err)
-{
-    for (size_t i = d->n_tracks; i-- > 0;)
-        if (d->tracks[i].id == id && now_ns - d->tracks[i].last_ns < AGAIN_NS)
-            return &d->tracks[i];
-    if (d->n_tracks == LOGBOOK_MAX_TRACKS) {
-        d->n_left_out++;
-        return NULL;
-    }
-    if (d->n_tracks == d->room) {
-        size_t room = d->room ? 2 * d->room : 16;
-        struct logbook_track *grown = realloc(d->tracks, room * sizeof *grown);
-        if (!grown) {
-            *err = -ENOMEM;
-            return NULL;
-        }
-        d->tracks = grown;
-        d->room = room;
-    }
-    d->tracks[d->n_tracks] =
-        (struct logbook_track){.id = id, .first_ns = now_ns, .velocity_m_s = {NAN, NAN}};
-    return &d->tracks[d->n_tracks++];
-}
-
-static int take_track(struct logbook *d, const Anlos__Detection *m, int64_t now_ns)
-{
-    int err = 0;
-
-    if (!m->position_m || m->measurement == ANLOS__MEASUREMENT__DELETED)
-        return 0;
-    const double at[3] = {m->position_m->x, m->position_m->y, m->position_m->z};
-    struct logbook_track *k = find_track(d, m->id, now_ns, &err);
-    if (!k)
-        return err;
-    if (!k->n++)
-        memcpy(k->from_m, at, sizeof at);
-    memcpy(k->to_m, at, sizeof at);
-    k->last_ns = now_ns;
-    k->shape = m->shape;
-    k->existence = fmax(k->existence, m->existence);
-    k->n_measured += m->measurement != ANLOS__MEASUREMENT__PREDICTED;
-    if (m->n_velocity_m_s != 2)
-        return 0;
-    memcpy(k->velocity_m_s, m->velocity_m_s, sizeof k->velocity_m_s);
-    k->speed_sum_m_s += hypot(m->velocity_m_s[0], m->velocity_m_s[1]);
-    k->n_speeds++;
-    return 0;
-}
-
-int logbook_list(struct logbook *d, const Anlos__DetectionList *list, int64_t capture_ns)
-{
-    int err = 0;
-
-    if (!list->tracked || !trails_stamp_holds(capture_ns))
-        return 0;
-    trails_take(&d->trails, list, capture_ns);
-    d->tracked = true;
-    d->in_vehicle_frame = list->in_vehicle_frame;
-    d->first_ns = d->n_lists++ ? d->first_ns : capture_ns;
-    d->last_ns = capture_ns;
-    for (size_t i = 0; !err && i < list->n_detections; i++)
-        err = take_track(d, list->detections[i], capture_ns);
-    return err;
-}
-
-static json_t *seconds(const struct logbook *d, int64_t at_ns)
-{
-    return export_real(1e-9 * (double)(at_ns - d->first_ns));
-}
-
-static json_t *track_json(const struct logbook *d, const struct logbook_track *k)
-{
-    json_t *o = json_object();
-
-    json_object_set_new(o, "id", json_integer(k->id));
-    json_object_set_new(o, "class", json_string(export_class(k->shape)));
-    json_object_set_new(o, "first_s", seconds(d, k->first_ns));
-    json_object_set_new(o, "last_s", seconds(d, k->last_ns));
-    json_object_set_new(o, "from_m", export_reals(k->from_m, 3));
-    json_object_set_new(o, "to_m", export_reals(k->to_m, 3));
-    json_object_set_new(
-        o, "mean_speed_m_s",
-        export_real(k->n_speeds ? k->speed_sum_m_s / (double)k->n_speeds : NAN));
-    json_object_set_new(o, "last_velocity_m_s", export_reals(k->velocity_m_s, 2));
-    json_object_set_new(o, "greatest_existence", export_real(k->existence));
-    json_object_set_new(o, "lists", json_integer((json_int_t)k->n));
-    json_object_set_new(o, "lists_measured", json_integer((json_int_t)k->n_measured));
-    return o;
-}
-
-static json_t *wall_json(const Anlos__Wall *w)
-{
-    static const char *const origins[] = {"configured", "given", "estimated"};
-    json_t *o = json_object();
-
-    json_object_set_new(o, "id", json_integer(w->id));
-    json_object_set_new(
-        o, "from", json_string((unsigned)w->origin < 3 ? origins[w->origin] : "unknown"));
-    json_object_set_new(
-        o, "normal",
-        export_reals((const double[]){w->normal->x, w->normal->y, w->normal->z}, 3));
-    json_object_set_new(o, "distance_m", export_real(w->distance_m));
-    json_object_set_new(o, "existence", export_real(w->existence));
-    json_object_set_new(o, "unseen_s", export_real(w->unseen_s));
-    return o;
-}
-
-json_t *logbook_json(const struct logbook *d)
-{
-    json_t *o, *tracks, *walls;
-
-    if (!d->tracked)
-        return NULL;
-    o = json_object();
-    tracks = json_array();
-    walls = json_array();
-    json_object_set_new(o, "frame",
-                        json_string(d->in_vehicle_frame ? "vehicle" : "array"));
-    json_object_set_new(o, "seconds", seconds(d, d->last_ns));
-    json_object_set_new(o, "lists", json_integer((json_int_t)d->n_lists));
-    for (size_t i = 0; i < d->n_tracks; i++)
-        json_array_append_new(tracks, track_json(d, &d->tracks[i]));
-    json_object_set_new(o, "tracks", tracks);
-    json_object_set_new(o, "left_out", json_integer((json_int_t)d->n_left_out));
-    for (size_t i = 0; d->wall_list && i < d->wall_list->n_walls; i++)
-        json_array_append_new(walls, wall_json(d->wall_list->walls[i]));
-    json_object_set_new(o, "walls_in_the_array_frame", walls);
-    return o;
-}
-
-int logbook_picture(const struct logbook *d, const char *folder, const struct grid *grid,
-                    struct error *why)
-{
-    struct plan_track tracks[TRAILS_MAX];
-    char title[96];
-    struct plan_picture picture = {.title = title,
-                                   .survey = &d->survey,
-                                   .walls = &d->walls,
-                                   .trails = &d->trails,
-                                   .tracks = tracks,
-                                   .grid = grid};
-
-    if (!d->tracked || !d->survey_id)
-        return 0;
-    double s = fmin(1e-9 * (double)(d->last_ns - d->first_ns), 1e-9 * LOGBOOK_SHOWN_NS);
-    snprintf(title, sizeof title, "Tracks of the last %.0f s, over ground", s);
-    for (size_t i = d->n_tracks; i-- > 0 && picture.n_tracks < TRAILS_MAX;) {
-        const struct logbook_track *k = &d->tracks[i];
-        tracks[picture.n_tracks++] =
-            (struct plan_track){.id = k->id,
-                                .velocity_m_s = {k->velocity_m_s[0], k->velocity_m_s[1]},
-                                .class = export_class(k->shape)};
-    }
-    return export_plan(folder, "plan.png", &picture, why);
-}
-
-void logbook_clear(struct logbook *d)
-{
-    survey_clear(&d->survey);
-    anlos__wall_list__free_unpacked(d->wall_list, NULL);
-    free(d->tracks);
-    logbook_init(d);
-}
 
 int report_hosts_take(struct report_hosts *h, const Anlos__HostStatus *status)
 {
@@ -495,6 +279,8 @@ json_t *report_json(const struct report *r)
 }
 
 #define FAILED_WAIT_NS 5000000000LL
+#define WRITE_S        300.0       /* at most, on a slow disk */
+#define LOOK_NS        500000000LL /* whether all is there that will come */
 
 void report_init(struct report *r)
 {
@@ -734,3 +520,117 @@ void report_clear(struct report *r)
     logbook_clear(&r->logbook);
     report_init(r);
 }
+
+static int take_survey(void *self, const struct node_message *in)
+{
+    return report_survey(self, (const Anlos__Survey *)in->content);
+}
+
+static int take_volume(void *self, const struct node_message *in)
+{
+    return report_volume(self, (const Anlos__Volume *)in->content, in->capture_ns,
+                         in->publish_ns);
+}
+
+static int take_detections(void *self, const struct node_message *in)
+{
+    return report_detections(self, (const Anlos__DetectionList *)in->content,
+                             in->capture_ns);
+}
+
+static int take_status(void *self, const struct node_message *in)
+{
+    return report_status(self, (const Anlos__ScanStatus *)in->content,
+                         node_machine_ns(((struct report *)self)->node));
+}
+
+static int take_health(void *self, const struct node_message *in)
+{
+    return report_health(self, (const Anlos__Health *)in->content, in->epoch_ns);
+}
+
+static int take_walls(void *self, const struct node_message *in)
+{
+    return logbook_walls(&((struct report *)self)->logbook,
+                         (const Anlos__WallList *)in->content);
+}
+
+static int take_hosts(void *self, const struct node_message *in)
+{
+    return report_hosts_take(&((struct report *)self)->hosts,
+                             (const Anlos__HostStatus *)in->content);
+}
+
+static int take_ego(void *self, const struct node_message *in)
+{
+    logbook_ego(&((struct report *)self)->logbook, (const Anlos__EgoMotion *)in->content,
+                in->capture_ns);
+    return 0;
+}
+
+static bool has_hosts(const void *self)
+{
+    return ((const struct report *)self)->map;
+}
+
+static const struct loop_input inputs[] = {
+    {.topic = topic_survey, .take = take_survey},
+    {.topic = topic_volume, .take = take_volume},
+    {.topic = topic_detections, .take = take_detections},
+    {.topic = topic_scan_status, .take = take_status},
+    {.topic = topic_health, .take = take_health},
+    {.topic = topic_wall, .take = take_walls},
+    {.topic = topic_ego, .take = take_ego},
+    {.topic = topic_host, .take = take_hosts, .wanted = has_hosts},
+    {.topic = NULL},
+};
+
+static int64_t look_due_ns(const void *self)
+{
+    return ((const struct report *)self)->look_due_ns;
+}
+
+static int look(void *self)
+{
+    struct report *r = self;
+    int64_t now = node_machine_ns(r->node);
+
+    r->look_due_ns = now + LOOK_NS;
+    return report_is_complete(r, now) ? LOOP_DONE : 0;
+}
+
+static const struct loop_timer timers[] = {
+    {.due_ns = look_due_ns, .run = look, .when = LOOP_EACH},
+    {.run = NULL},
+};
+
+static void start(void *self)
+{
+    node_state(((struct report *)self)->node, ANLOS__HEALTH__STATE__READY, "ready");
+}
+
+/* A system without end is over when it is stopped. */
+static int end(void *self, int err)
+{
+    const struct report *r = self;
+    const struct launchfile *l = node_launch(r->node);
+    struct error why = {""};
+
+    if (err && !(err == -ESHUTDOWN && l->scan.fixed))
+        return err;
+    node_busy(r->node, WRITE_S);
+    err = report_write(r, l->report.folder, &why);
+    if (!err)
+        node_log(r->node, LOG_LEVEL_DEBUG, "%s is written", l->report.folder);
+    else if (why.text[0])
+        node_log(r->node, LOG_LEVEL_ERROR, "%s", why.text);
+    return err;
+}
+
+static void clear(void *self)
+{
+    report_clear(self);
+}
+
+const struct loop report_loop = {
+    .inputs = inputs, .timers = timers, .start = start, .end = end, .close = clear};

@@ -6,13 +6,18 @@
 #include <string.h>
 
 #include "msgs/clock.pb-c.h"
+#include "msgs/topics.h"
 #include "nodes/foxglove/server.h"
+#include "nodes/rt/log_history.h"
 #include "nodes/view/player.h"
 #include "nodes/view/server.h"
 
 #define REPLAY_NS 2000000000LL /* without a word of it, a replay has ended */
 
 struct viewer {
+    struct node *node;
+    int64_t log_due_ns; /* what was logged before; LOOP_NEVER: it is known */
+    int64_t tick_due_ns;
     struct view *view;
     struct player *player; /* NULL: no bag */
     struct server *server;
@@ -51,6 +56,7 @@ static int create_all(struct viewer *v, const struct viewer_config *cfg,
 
     if (err)
         return error_say(why, err, "not enough memory for the view");
+    v->node = cfg->node;
     if (cfg->bag)
         err = player_create(&v->player, cfg->bag, v->view, why);
     server.view = v->view;
@@ -116,3 +122,73 @@ void viewer_destroy(struct viewer *v)
     view_destroy(v->view);
     free(v);
 }
+
+static int take(void *self, const struct node_message *in)
+{
+    struct viewer *v = self;
+    const struct view_message m = {in->topic,      in->from,       in->content,
+                                   in->capture_ns, in->publish_ns, in->epoch_ns};
+
+    viewer_take(v, &m, node_machine_ns(v->node));
+    return 0;
+}
+
+static void take_line(void *ctx, const Anlos__Log *line)
+{
+    struct viewer *v = ctx;
+    const struct view_message m = {topic_log(), line->node,     &line->base,
+                                   0,           line->stamp_ns, 0};
+
+    viewer_take(v, &m, node_machine_ns(v->node));
+}
+
+static int64_t log_due_ns(const void *self)
+{
+    return ((const struct viewer *)self)->log_due_ns;
+}
+
+static int read_log(void *self)
+{
+    struct viewer *v = self;
+
+    log_history_read(node_run_dir(v->node), take_line, v);
+    v->log_due_ns = LOOP_NEVER;
+    return 0;
+}
+
+static int64_t tick_due_ns(const void *self)
+{
+    return ((const struct viewer *)self)->tick_due_ns;
+}
+
+static int tick(void *self)
+{
+    struct viewer *v = self;
+    int wait_ms = viewer_tick(v, node_machine_ns(v->node));
+
+    v->tick_due_ns = wait_ms < 0 ? LOOP_NEVER
+                                 : node_machine_ns(v->node) + wait_ms * 1000000LL;
+    return 0;
+}
+
+static const struct loop_timer timers[] = {
+    {.due_ns = log_due_ns, .run = read_log},
+    {.due_ns = tick_due_ns, .run = tick, .when = LOOP_EACH},
+    {.run = NULL},
+};
+
+static void start(void *self)
+{
+    struct viewer *v = self;
+
+    v->log_due_ns = v->player ? LOOP_NEVER
+                              : node_machine_ns(v->node) + LOG_HISTORY_READ_NS;
+}
+
+static void destroy(void *self)
+{
+    viewer_destroy(self);
+}
+
+const struct loop viewer_loop = {
+    .timers = timers, .start = start, .rest = take, .close = destroy};

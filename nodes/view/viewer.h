@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /* nodes/view/viewer.h -- the whole of it: what is looked at, a running system or a bag,
- * on a web page.  For the node and for `anlos view`. */
+ * on a web page.  For the node view and for `anlos view`. */
 #ifndef ANLOS_NODES_VIEW_VIEWER_H
 #define ANLOS_NODES_VIEW_VIEWER_H
 
 #include "dsp/error.h"
+#include "nodes/rt/loop.h"
 #include "nodes/view/view.h"
 
 #define VIEWER_ADDRESS "127.0.0.1"
@@ -12,7 +13,10 @@
 
 struct viewer;
 
+extern const struct loop viewer_loop; /* of the node, which has subscribed to all */
+
 struct viewer_config {
+    struct node *node;   /* not owned; NULL: of `anlos view` */
     const char *address; /* kept by the caller */
     unsigned port;
     const char *bag;     /* NULL: a running system, whose messages viewer_take gets */
