@@ -8,7 +8,7 @@
 
 #include "nodes/can/config.h"
 #include "nodes/can/outbox.h"
-#include "nodes/can/vehicle_bus.h"
+#include "nodes/can/vehicle.h"
 #include "tests/failing.h"
 
 enum { LISTS = 3, LINES = 2 }; /* a header and a time to each list */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "tests/hal/scratch.h"
 
-#include "nodes/can/vehicle_bus.h"
+#include "nodes/can/vehicle.h"
 
 static const struct can_frame_data frame = {.id = 0x400, .size = 1, .data = {7}};
 
