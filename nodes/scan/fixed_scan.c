@@ -72,7 +72,7 @@ void rounds_text(const struct rounds *t, int64_t now_ns, char *out, size_t size)
 #define QUIET_NS 1000000000LL /* after the last ping of a recording */
 
 struct fixed_scan {
-    struct fixed_scan_config cfg;
+    struct scan_config cfg;
     struct peers peers;
     uint64_t survey_id; /* 0: none yet */
     uint32_t *speakers; /* [n_speakers], of a round */
@@ -89,7 +89,7 @@ struct fixed_scan {
     char text[256];
 };
 
-int fixed_scan_create(struct fixed_scan **out, const struct fixed_scan_config *cfg)
+int fixed_scan_create(struct fixed_scan **out, const struct scan_config *cfg)
 {
     struct fixed_scan *s = calloc(1, sizeof *s);
 
@@ -108,7 +108,7 @@ static void begin(struct fixed_scan *s)
 {
     s->number++;
     s->asked = s->ended = false;
-    s->pass = s->cfg.background_frames ? ANLOS__PASS__BACKGROUND : ANLOS__PASS__SCENE;
+    s->pass = s->cfg.background ? ANLOS__PASS__BACKGROUND : ANLOS__PASS__SCENE;
 }
 
 bool fixed_scan_hear(struct fixed_scan *s, const char *from, int64_t epoch_ns,
@@ -118,7 +118,7 @@ bool fixed_scan_hear(struct fixed_scan *s, const char *from, int64_t epoch_ns,
     case PEERS_STALE:
         return false;
     case PEERS_RESTARTED:
-        if (!strcmp(from, "array") || (!strcmp(from, "dsp") && s->cfg.background_frames))
+        if (!strcmp(from, "array") || (!strcmp(from, "dsp") && s->cfg.background))
             begin(s);
         return true;
     default:

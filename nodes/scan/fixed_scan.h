@@ -17,21 +17,12 @@
 #include "msgs/health.pb-c.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
-
-struct fixed_scan_config {
-    const uint32_t *speakers;   /* [n_speakers], in this order; must outlive it */
-    size_t n_speakers;          /* 0: all */
-    unsigned background_frames; /* 0: none is recorded */
-    double timeout_s;           /* without a ping, the array is asked again */
-    double silence_s;           /* a node not heard of for so long is waited for */
-    const char *const *needs;   /* [n_needs] nodes to wait for */
-    size_t n_needs;
-};
+#include "nodes/scan/scan.h"
 
 struct fixed_scan;
 
 /* 0, -ENOMEM. */
-int fixed_scan_create(struct fixed_scan **out, const struct fixed_scan_config *cfg);
+int fixed_scan_create(struct fixed_scan **out, const struct scan_config *cfg);
 
 /* As scan_hear: every message, before it is handed on.  false: it is void. */
 bool fixed_scan_hear(struct fixed_scan *s, const char *from, int64_t epoch_ns,

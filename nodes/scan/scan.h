@@ -19,7 +19,7 @@
 #include "msgs/stage.pb-c.h"
 #include "msgs/survey.pb-c.h"
 
-struct scan_config {
+struct scan_config { /* also of a scan without end (nodes/scan/fixed_scan.h) */
     bool background;
     bool has_stage; /* else the array stands where the survey says */
     unsigned window, retries;
@@ -27,6 +27,10 @@ struct scan_config {
     double silence_s;         /* a node not heard of for so long is waited for */
     const char *const *needs; /* [n_needs] nodes to wait for */
     size_t n_needs;
+    /* Of one without end, which asks the array again after timeout_s without a ping: */
+    unsigned background_frames; /* to be recorded, from 1 */
+    const uint32_t *speakers;   /* [n_speakers], in this order; must outlive it */
+    size_t n_speakers;          /* 0: all */
 };
 
 struct scan_action { /* what to publish; the speakers are the scan's */

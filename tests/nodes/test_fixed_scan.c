@@ -34,13 +34,14 @@ static const char *const needs[] = {"array", "dsp"};
 
 static void create(struct world *w, const uint32_t *speakers, size_t n, unsigned frames)
 {
-    const struct fixed_scan_config cfg = {.speakers = speakers,
-                                          .n_speakers = n,
-                                          .background_frames = frames,
-                                          .timeout_s = 2.0,
-                                          .silence_s = 5.0,
-                                          .needs = needs,
-                                          .n_needs = 2};
+    const struct scan_config cfg = {.speakers = speakers,
+                                    .n_speakers = n,
+                                    .background = frames > 0,
+                                    .background_frames = frames,
+                                    .timeout_s = 2.0,
+                                    .silence_s = 5.0,
+                                    .needs = needs,
+                                    .n_needs = 2};
 
     fixed_scan_destroy(w->scan);
     assert_int_equal(fixed_scan_create(&w->scan, &cfg), 0);
