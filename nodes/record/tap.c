@@ -57,21 +57,12 @@ void choice_clear(struct choice *c)
 #define QUIET_MS        300 /* also where this process does not run for a moment */
 #define LAST_NS         2000000000LL /* to wait for what is on its way */
 
-static int receive_from_bus(void *source, struct bus_message *out, int timeout_ms)
-{
-    return bus_receive(source, out, timeout_ms);
-}
-
 int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
              const struct recorder_config *cfg, const struct clock_source *clock)
 {
     int err = 0;
 
-    *t = (struct tap){.bus = bus,
-                      .recorder = recorder,
-                      .clock = clock,
-                      .receive = receive_from_bus,
-                      .source = bus};
+    *t = (struct tap){.bus = bus, .recorder = recorder, .clock = clock};
     bus_keep_all(bus, TAP_QUEUE_BYTES, clock_now_ns(clock));
     for (size_t i = 0; !err && i < cfg->n_topics; i++)
         err = bus_subscribe(bus, cfg->topics[i]);
@@ -102,11 +93,12 @@ static int put(struct tap *t, struct bus_message *m, struct error *why)
 {
     int err = recorder_put(t->recorder, m, clock_now_ns(t->clock), why);
 
+    t->due_ns = 0; /* it may be sooner now */
     bus_message_free(m);
     return err;
 }
 
-static int tick(struct tap *t, int64_t *due_ns, struct error *why)
+static int tick(struct tap *t, struct error *why)
 {
     int64_t now = clock_now_ns(t->clock);
 
@@ -114,22 +106,21 @@ static int tick(struct tap *t, int64_t *due_ns, struct error *why)
         tap_count(t);
         t->count_due_ns = now + COUNT_PERIOD_NS;
     }
-    return recorder_tick(t->recorder, now, due_ns, why);
+    return recorder_tick(t->recorder, now, &t->due_ns, why);
 }
 
 int tap_step(struct tap *t, int timeout_ms, struct error *why)
 {
     struct bus_message m;
-    int64_t due_ns;
-    int err = tick(t, &due_ns, why);
+    int err = tick(t, why);
 
     if (err)
         return err;
-    if (due_ns != INT64_MAX) {
-        int ms = ms_until(clock_now_ns(t->clock), due_ns);
+    if (t->due_ns != INT64_MAX) {
+        int ms = ms_until(clock_now_ns(t->clock), t->due_ns);
         timeout_ms = ms < timeout_ms ? ms : timeout_ms;
     }
-    err = t->receive(t->source, &m, timeout_ms);
+    err = bus_receive(t->bus, &m, timeout_ms);
     if (err)
         return err == -ETIMEDOUT ? 0 : err;
     return put(t, &m, why);
@@ -138,7 +129,7 @@ int tap_step(struct tap *t, int timeout_ms, struct error *why)
 /* Stamps of a replay tell nothing of when it was sent. */
 int tap_drain(struct tap *t, struct error *why)
 {
-    int64_t stop_ns = clock_now_ns(t->clock), due_ns;
+    int64_t stop_ns = clock_now_ns(t->clock);
     int err = 0;
 
     bus_resume(t->bus);
@@ -151,7 +142,7 @@ int tap_drain(struct tap *t, struct error *why)
         if (m.envelope.publish_ns <= stop_ns && !(late && m.envelope.replayed)) {
             err = put(t, &m, why);
             if (!err)
-                err = tick(t, &due_ns, why);
+                err = tick(t, why);
         } else {
             bus_message_free(&m);
             if (late)

@@ -17,20 +17,19 @@ struct tap {
     struct bus *bus;
     struct recorder *recorder;
     const struct clock_source *clock;
-    int (*receive)(void *source, struct bus_message *out, int timeout_ms);
-    void *source; /* of receive; NULL: the bus */
+    int64_t due_ns; /* when tap_step is to be called again; INT64_MAX: for a message */
     int64_t count_due_ns;
     struct bus_count *counts; /* [room] */
     size_t room;
 };
 
-/* A tap on a bus that subscribes to nothing yet; receive may be NULL: bus_receive.
- * 0, -ENOMEM, as bus_subscribe. */
+/* A tap on a bus that subscribes to nothing yet.  0, -ENOMEM, as bus_subscribe. */
 int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
              const struct recorder_config *cfg, const struct clock_source *clock);
 
 /* Takes at most one message, waiting for it no longer than timeout_ms, and has the
- * recorder flush when it is time.  0; errors of receive but -ETIMEDOUT, of recorder. */
+ * recorder flush when it is time.  0; errors of bus_receive but -ETIMEDOUT, of recorder.
+ */
 int tap_step(struct tap *t, int timeout_ms, struct error *why);
 
 /* Takes what was published before now and is still on its way or waits: until nothing

@@ -50,7 +50,8 @@ struct loop { /* tables end with a row of zeros; NULL: none */
      */
     int (*fd)(const void *self);
     size_t (*counts)(void *self, struct device_count *out); /* of each health; or NULL */
-    /* After the loop, with what it ended with: what the node ends with; or NULL. */
+    /* After the loop, with what it ended with: what the node ends with (node_finish); or
+     * NULL. */
     int (*end)(void *self, int err);
     void (*close)(void *self); /* NULL is safe */
 };

@@ -521,7 +521,7 @@ int node_finish(struct node *n, int err)
 {
     if (err == -ESHUTDOWN)
         err = 0;
-    if (err)
+    if (err && err != NODE_TOLD)
         node_log(n, LOG_LEVEL_ERROR, "ends: %s", strerror(-err));
     node_free(n);
     switch (err) {

@@ -133,6 +133,8 @@ struct node_dropped {
 size_t node_dropped_count(const struct node_dropped *d, struct device_count *out);
 void node_dropped_say(const struct node *n, struct node_dropped *d);
 
+#define NODE_TOLD 1 /* for node_finish: it failed, and said why already */
+
 /* Closes all and returns the process's exit code: 0 if err is 0 or -ESHUTDOWN, 2 if it is
  * one of configuration (-EINVAL, -ENOENT, -ENODEV, -ENOTSUP, -EACCES, -ENOTDIR, -EROFS,
  * -EADDRINUSE, -EADDRNOTAVAIL: no use in starting it again), else 1. */

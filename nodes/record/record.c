@@ -1,0 +1,241 @@
+/* SPDX-License-Identifier: MIT */
+#include "nodes/record/record.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <libgen.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "nodes/record/session.h"
+#include "nodes/record/tap.h"
+#include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
+
+#define DISK_S 30.0  /* that a slow disk may take for a write */
+#define END_S  300.0 /* for its end */
+
+struct record {
+    struct node *node;
+    struct bus *bus; /* of its own, which keeps everything */
+    struct choice choice;
+    struct session session;
+    struct recorder *recorder;
+    struct tap tap;
+    struct error why; /* it stops */
+};
+
+static void say(void *context, enum log_level level, const char *text)
+{
+    node_log(context, level, "%s", text);
+}
+
+static int make_folder(const char *path, struct error *why)
+{
+    char *copy = strdup(path);
+    int err = copy ? export_folder(dirname(copy), why)
+                   : error_say(why, -ENOMEM, "out of memory");
+
+    free(copy);
+    return err;
+}
+
+static int open_session(struct record *r, struct error *why)
+{
+    const struct launchfile *l = node_launch(r->node);
+    struct error left_out = {""};
+
+    r->session.topics = l->record.topics;
+    r->session.exclude = l->record.exclude;
+    r->session.start_ns = clock_now_ns(clock_system());
+    int err = session_add_launch(&r->session, l, &left_out, why);
+    if (left_out.text[0])
+        node_log(r->node, LOG_LEVEL_WARNING, "not attached: %s", left_out.text);
+    return err;
+}
+
+static void log_refusal(void *context, const char *text)
+{
+    say(context, LOG_LEVEL_WARNING, text);
+}
+
+/* Threads of the bus leave the signals to this one. */
+static int open_bus(struct record *r, struct error *why)
+{
+    const struct bus_config cfg = {.run_dir = node_run_dir(r->node), .listen_only = true};
+    sigset_t before;
+
+    stop_block(&before);
+    int err = bus_create(&r->bus, &cfg, why);
+    stop_unblock(&before);
+    if (!err)
+        bus_on_refusal(r->bus, log_refusal, r->node);
+    return err;
+}
+
+static int open_recorder(struct record *r, struct error *why)
+{
+    const struct launchfile *l = node_launch(r->node);
+    const struct recorder_config cfg = {
+        .path = l->record.path,
+        .free_name = true,
+        .topics = r->choice.topics,
+        .n_topics = r->choice.n,
+        .split_bytes = (uint64_t)l->record.split_mb * 1000000,
+        .split_ns = (int64_t)l->record.split_s * 1000000000,
+        .quota_bytes = (uint64_t)l->record.quota_mb * 1000000,
+        .flush_ns = (int64_t)l->record.flush_ms * 1000000,
+        .compression = l->record.compression,
+        .session = &r->session,
+        .say = say,
+        .context = r->node,
+    };
+    int err = make_folder(l->record.path, why);
+
+    if (!err)
+        err = recorder_create(&r->recorder, &cfg, clock_now_ns(clock_system()), why);
+    if (err)
+        return err;
+    err = tap_open(&r->tap, r->bus, r->recorder, &cfg, clock_system());
+    return err ? error_say(why, err, "cannot subscribe: %s", strerror(-err)) : 0;
+}
+
+static int open_all(struct record *r, struct error *why)
+{
+    const struct launchfile *l = node_launch(r->node);
+    int err = choice_make(&r->choice, l->record.topics, l->record.exclude, why);
+
+    if (!err)
+        err = open_session(r, why);
+    if (!err)
+        err = open_bus(r, why);
+    if (!err)
+        err = open_recorder(r, why);
+    if (!err) {
+        node_turn_limit(r->node, DISK_S);
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "records into %s",
+                   recorder_path(r->recorder));
+    }
+    return err;
+}
+
+int record_open(struct record **out, struct node *node, struct error *why)
+{
+    struct record *r = calloc(1, sizeof *r);
+
+    if (!r)
+        return -ENOMEM;
+    r->node = node;
+    int err = open_all(r, why);
+    if (err)
+        record_close(r);
+    else
+        *out = r;
+    return err;
+}
+
+static size_t counts(void *self, struct device_count *out)
+{
+    const struct record *r = self;
+    struct recorder_totals t;
+
+    recorder_sum(r->recorder, &t);
+    out[0] = (struct device_count){"recorded", t.messages};
+    out[1] = (struct device_count){"lost", t.lost};
+    out[2] = (struct device_count){"file_bytes", t.file_bytes};
+    out[3] = (struct device_count){"queue_bytes", bus_waiting_bytes(r->bus)};
+    out[4] = (struct device_count){"files", t.n_files};
+    out[5] = (struct device_count){"files_removed", t.n_removed};
+    out[6] = (struct device_count){"refused", bus_refused(r->bus)};
+    return 7;
+}
+
+static int messages_fd(const void *self)
+{
+    return bus_fd(((const struct record *)self)->bus);
+}
+
+static int64_t take_due_ns(const void *self)
+{
+    return ((const struct record *)self)->tap.due_ns;
+}
+
+static int take(void *self)
+{
+    struct record *r = self;
+
+    return tap_step(&r->tap, 0, &r->why);
+}
+
+static const char *plural(uint64_t n)
+{
+    return n == 1 ? "" : "s";
+}
+
+static void tell_end(const struct record *r, int err, const struct recorder_totals *sum)
+{
+    const struct recorder_totals t = *sum;
+
+    if (err) {
+        node_state(
+            r->node, ANLOS__HEALTH__STATE__FAULT,
+            "recording stops: %s; the bag has %" PRIu64 " message%s, %" PRIu64 " %s lost",
+            r->why.text, t.messages - t.unwritten, plural(t.messages - t.unwritten),
+            t.lost + t.unwritten, t.lost + t.unwritten == 1 ? "is" : "are");
+        return;
+    }
+    node_log(r->node, t.lost ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO,
+             "%s: %" PRIu64 " message%s, %.1f MB in %u file%s, %" PRIu64
+             " message%s lost",
+             recorder_path(r->recorder), t.messages, plural(t.messages),
+             1e-6 * (double)t.file_bytes, t.n_files, plural(t.n_files), t.lost,
+             plural(t.lost));
+}
+
+/* After an error of writing what is in the file gets its end all the same.  That the
+ * recording is not whole was told then. */
+static int end(void *self, int err)
+{
+    struct record *r = self;
+    struct recorder_totals sum;
+
+    if (err == -ESHUTDOWN)
+        err = tap_drain(&r->tap, &r->why);
+    node_device(r->node, NULL, NULL);
+    node_busy(r->node, END_S);
+    int ended =
+        recorder_end(r->recorder, clock_now_ns(clock_system()), err ? NULL : &r->why);
+    err = err ? err : ended;
+    recorder_sum(r->recorder, &sum);
+    tell_end(r, err, &sum);
+    return err || sum.lost || sum.unwritten ? NODE_TOLD : 0;
+}
+
+static const struct loop_timer timers[] = {
+    {.due_ns = take_due_ns, .run = take, .when = LOOP_EACH},
+    {.run = NULL},
+};
+
+static void close_all(void *self)
+{
+    record_close(self);
+}
+
+/* It hears nothing itself: its bus does, whose messages each turn takes one of. */
+const struct loop record_loop = {.timers = timers,
+                                 .fd = messages_fd,
+                                 .counts = counts,
+                                 .end = end,
+                                 .close = close_all};
+
+void record_close(struct record *r)
+{
+    if (!r)
+        return;
+    recorder_destroy(r->recorder);
+    tap_close(&r->tap);
+    bus_destroy(r->bus);
+    session_clear(&r->session);
+    choice_clear(&r->choice);
+    free(r);
+}
