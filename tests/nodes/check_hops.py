@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """nodes/README.md against the code: every function that it lists is where it says, and is
-called by one above it in its table, or by what that one calls in its own file."""
+called by one above it in its table, or by what that one calls in its own file; and every
+file that is a node is named."""
 
 import functools
 import pathlib
@@ -65,6 +66,15 @@ def check_topic(node, topic, wrong):
         wrong.append(f"nodes/{node}: does not hear {topic}")
 
 
+def check_nodes(page, wrong):
+    """Each file with the table of a node, and those alone."""
+    part = page[page.index("| node | file |"):]
+    told = set(re.findall(r"`(nodes/[\w/]+\.c)`", part[:part.index("\n\n")]))
+    there = {str(path.relative_to(ROOT)) for path in (ROOT / "nodes").glob("*/*.c")
+             if re.search(r"^const struct loop \w+ =", path.read_text(), re.M)}
+    wrong += [f"{file}: is it a node?" for file in sorted(told ^ there)]
+
+
 def main():
     page, wrong = PAGE.read_text(), []
     tables = [ROW.findall(part) for part in page.split("|---|---|---|\n")[1:]]
@@ -73,6 +83,7 @@ def main():
     for line in page.splitlines():
         if heard := TOPIC.match(line):
             check_topic(heard[1], heard[2], wrong)
+    check_nodes(page, wrong)
     hops = {(file, function) for rows in tables for file, function, _ in rows}
     copies = page.count("(copy)")
     said = f"{len(hops)} functions in {len({file for file, _ in hops})} files, {copies} copies"

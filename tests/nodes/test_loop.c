@@ -26,6 +26,7 @@ struct talk {
     int64_t due_ns, end_ns; /* of the timer that is periodic; of the test */
     int ticks;
     int64_t early_ns;
+    int ended_with, closed;
 };
 
 static struct bus_count count_of(struct talk *t)
@@ -235,6 +236,57 @@ static void a_timer_runs_without_messages_and_never_early(void **state)
     stop(&t);
 }
 
+static int count_end(void *self, int err)
+{
+    struct talk *t = self;
+
+    t->ended_with = err;
+    return NODE_TOLD;
+}
+
+static void count_close(void *self)
+{
+    if (self)
+        ((struct talk *)self)->closed++;
+}
+
+static int done(void *self)
+{
+    (void)self;
+    return LOOP_DONE;
+}
+
+static void what_a_node_ends_with_is_its_exit_code(void **state)
+{
+    static const struct loop_timer at_once[] = {{.due_ns = due, .run = done},
+                                                {.run = NULL}};
+    const struct loop loop = {.timers = at_once, .end = count_end, .close = count_close};
+    struct talk t;
+
+    start(&t, *state);
+    t.ended_with = -1;
+    assert_int_equal(loop_main(t.node, &loop, &t, 0, NULL), EXIT_FAILED);
+    assert_int_equal(t.ended_with, 0);
+    assert_int_equal(t.closed, 1);
+    bus_destroy(t.dsp);
+}
+
+static void what_could_not_be_opened_ends_a_node_that_never_ran(void **state)
+{
+    static const struct loop_timer at_once[] = {{.due_ns = due, .run = tick},
+                                                {.run = NULL}};
+    const struct loop loop = {.timers = at_once, .end = count_end, .close = count_close};
+    const struct error why = {"no such thing"};
+    struct talk t;
+
+    start(&t, *state);
+    assert_int_equal(loop_main(t.node, &loop, &t, -ENOENT, &why), EXIT_BAD_INPUT);
+    assert_int_equal(t.ticks, 0);
+    assert_int_equal(t.ended_with, 0);
+    assert_int_equal(t.closed, 1);
+    bus_destroy(t.dsp);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -244,6 +296,8 @@ int main(void)
         TEST(what_a_handler_returns_ends_the_loop),
         TEST(what_is_not_wanted_is_not_heard),
         TEST(a_timer_runs_without_messages_and_never_early),
+        TEST(what_a_node_ends_with_is_its_exit_code),
+        TEST(what_could_not_be_opened_ends_a_node_that_never_ran),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
