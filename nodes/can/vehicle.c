@@ -127,6 +127,15 @@ static int open_bus(struct vehicle *v, struct error *why)
     return listen(v, why);
 }
 
+static void close_all(void *self)
+{
+    struct vehicle *v = self;
+
+    if (v)
+        canbus_close(v->bus);
+    free(v);
+}
+
 int vehicle_open(struct vehicle **out, struct node *node, struct error *why)
 {
     struct vehicle *v = calloc(1, sizeof *v);
@@ -137,7 +146,7 @@ int vehicle_open(struct vehicle **out, struct node *node, struct error *why)
     configure(v);
     int err = open_bus(v, why);
     if (err)
-        vehicle_close(v);
+        close_all(v);
     else
         *out = v;
     return err;
@@ -419,21 +428,9 @@ static const struct loop_timer timers[] = {
     {.run = NULL},
 };
 
-static void close_all(void *self)
-{
-    vehicle_close(self);
-}
-
 const struct loop vehicle_loop = {.inputs = inputs,
                                   .timers = timers,
                                   .fd = frames_fd,
                                   .counts = counts,
                                   .end = finish,
                                   .close = close_all};
-
-void vehicle_close(struct vehicle *v)
-{
-    if (v)
-        canbus_close(v->bus);
-    free(v);
-}

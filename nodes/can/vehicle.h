@@ -10,12 +10,11 @@
 
 struct vehicle;
 
-extern const struct loop vehicle_loop;
+extern const struct loop vehicle_loop; /* closes it */
 
 /* The bus that the node's launch file names.  0, -ENOMEM, or as canbus_open and
  * canbus_listen with an error. */
 int vehicle_open(struct vehicle **out, struct node *node, struct error *why);
-void vehicle_close(struct vehicle *v);
 
 /* The bus that a launch file names.  A log lies in the report's folder, which is made;
  * what this node logged before it crashed in the same run of a launcher stays, and the

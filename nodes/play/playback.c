@@ -15,6 +15,26 @@
 #define TELL_NS         50000000LL   /* between that and the first message */
 #define HOLD_NS         50000000LL   /* nothing tells that time has run out */
 
+/* The bag's time is here now: after a pause, a seek, another rate, or a wait. */
+static void tempo_set(struct tempo *t, int64_t bag_ns, int64_t machine_ns)
+{
+    t->started = true;
+    t->bag_ns = bag_ns;
+    t->machine_ns = machine_ns;
+}
+
+/* The machine's time at which it is due; the first time it is asked, now. */
+static int64_t tempo_due_ns(struct tempo *t, int64_t bag_ns, int64_t machine_ns)
+{
+    if (!t->started)
+        tempo_set(t, bag_ns, machine_ns);
+    if (t->rate <= 0.0)
+        return machine_ns;
+    double after_ns = ((double)bag_ns - (double)t->bag_ns) / t->rate;
+
+    return after_ns < 9e17 ? t->machine_ns + (int64_t)after_ns : INT64_MAX;
+}
+
 int playback_create(struct playback **out, const struct playback_config *cfg,
                     int64_t epoch_ns, struct error *why)
 {
@@ -27,7 +47,7 @@ int playback_create(struct playback **out, const struct playback_config *cfg,
     p->paused = cfg->paused;
     if (p->cfg.window < 1 || p->cfg.window > ACCOUNT_MAX)
         p->cfg.window = ACCOUNT_MAX;
-    tempo_init(&p->tempo, cfg->rate);
+    p->tempo.rate = cfg->rate;
     err = bag_iterator_open(&p->bag_iterator, &cfg->bag_iterator, why);
     if (!err)
         err = playback_publisher_create(&p->playback_publisher, cfg->run_dir, epoch_ns,

@@ -6,7 +6,6 @@
 #include "msgs/playback_publisher.h"
 #include "nodes/play/playback.h"
 #include "nodes/play/subscribers.h"
-#include "nodes/play/tempo.h"
 
 #define UNDER_WAY_MAX 96
 #define FRAMES_AHEAD  8 /* pings of an array that stands, each of which makes an image */
@@ -26,6 +25,13 @@ struct kept { /* for who comes late */
     int64_t publish_ns;
     int64_t sent_ns; /* last, by the machine's clock */
     char node[ENVELOPE_NODE_SIZE];
+};
+
+/* When a message of the bag is due by the machine's clock. */
+struct tempo {
+    double rate; /* of the recording's pace; 0: everything is due at once */
+    bool started;
+    int64_t bag_ns, machine_ns; /* a point of the line that both times are on */
 };
 
 struct playback {

@@ -119,6 +119,20 @@ static int open_all(struct record *r, struct error *why)
     return err;
 }
 
+static void close_all(void *self)
+{
+    struct record *r = self;
+
+    if (!r)
+        return;
+    recorder_destroy(r->recorder);
+    tap_close(&r->tap);
+    bus_destroy(r->bus);
+    session_clear(&r->session);
+    choice_clear(&r->choice);
+    free(r);
+}
+
 int record_open(struct record **out, struct node *node, struct error *why)
 {
     struct record *r = calloc(1, sizeof *r);
@@ -128,7 +142,7 @@ int record_open(struct record **out, struct node *node, struct error *why)
     r->node = node;
     int err = open_all(r, why);
     if (err)
-        record_close(r);
+        close_all(r);
     else
         *out = r;
     return err;
@@ -216,26 +230,9 @@ static const struct loop_timer timers[] = {
     {.run = NULL},
 };
 
-static void close_all(void *self)
-{
-    record_close(self);
-}
-
 /* It hears nothing itself: its bus does, whose messages each turn takes one of. */
 const struct loop record_loop = {.timers = timers,
                                  .fd = messages_fd,
                                  .counts = counts,
                                  .end = end,
                                  .close = close_all};
-
-void record_close(struct record *r)
-{
-    if (!r)
-        return;
-    recorder_destroy(r->recorder);
-    tap_close(&r->tap);
-    bus_destroy(r->bus);
-    session_clear(&r->session);
-    choice_clear(&r->choice);
-    free(r);
-}

@@ -9,11 +9,10 @@
 
 struct record;
 
-extern const struct loop record_loop;
+extern const struct loop record_loop; /* closes it */
 
 /* As the node's launch file says; the node is not owned.  0, or a negative errno with an
  * error. */
 int record_open(struct record **out, struct node *node, struct error *why);
-void record_close(struct record *r);
 
 #endif

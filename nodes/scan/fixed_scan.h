@@ -9,14 +9,6 @@
 #ifndef ANLOS_NODES_SCAN_FIXED_SCAN_H
 #define ANLOS_NODES_SCAN_FIXED_SCAN_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include "msgs/array.pb-c.h"
-#include "msgs/health.pb-c.h"
-#include "msgs/scan.pb-c.h"
-#include "msgs/survey.pb-c.h"
 #include "nodes/scan/scan.h"
 
 struct fixed_scan;
