@@ -14,6 +14,7 @@
 #define MAD_TO_SIGMA  1.4826
 #define LEAST_SIGMA_M 1e-4 /* arrivals are not believed to be better */
 #define PRIOR_M       0.05 /* of a displacement, each axis */
+#define PLACED_M      5e-3 /* how well the survey knows where an element stands */
 #define TOLD_M        2e-3 /* solutions that differ by less along an axis tell it */
 #define AS_GOOD       9.0  /* of the cost, which is chi square: three sigmas */
 #define LEAST_GAIN    50.0
@@ -427,6 +428,9 @@ static double judge(const struct displacement *d, size_t e, struct displacement_
     double after_m = median_left_m(d, e, by_m, &n);
     bool fits = after_m < fmax(AGREE * before_m, 2.0 * d->sigma_m);
     bool far = out->size_m > fmax(DISPLACEMENT_LEAST_M, SIGMAS * out->sigma_m);
+    /* Paths across grow with the square: with where it stood before the start, too. */
+    out->sigma_m =
+        hypot(out->sigma_m, PLACED_M * out->across_m / fmax(out->size_m, PLACED_M));
     bool most = before - s[0].cost > fmax(LEAST_GAIN, 0.5 * before);
     out->moved = fits && far && most;
     return out->moved ? before - s[0].cost : 0.0;

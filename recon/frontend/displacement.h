@@ -38,7 +38,8 @@ struct displacement_of { /* of one element, in the array frame */
     double by_m[3];  /* as far as it is told; 0 along an axis of which it is not */
     double across_m; /* how far along what is not told; 0: all is */
     double size_m;   /* of all of it */
-    double sigma_m;  /* of the size, one standard deviation */
+    double sigma_m;  /* of the size, one standard deviation; of what goes across, with
+                        5 mm for where the element stood before */
 };
 
 struct displacement;
