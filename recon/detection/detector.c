@@ -16,10 +16,12 @@ void detector_init(struct detector *d, const struct detector_config *cfg)
 
 static void forget_cells(struct detector *d)
 {
-    cfar_destroy(d->cells);
+    for (int i = 0; i < 2; i++) {
+        cfar_destroy(d->cells[i]);
+        d->cells[i] = NULL;
+    }
     cfar_map_destroy(d->map);
     free(d->held);
-    d->cells = NULL;
     d->map = NULL;
     d->held = NULL;
 }
@@ -45,20 +47,22 @@ int detector_survey(struct detector *d, const struct survey *survey)
 }
 
 /* What was learnt of the noise stays while the grid does. */
-static int find_cells(struct detector *d, const struct grid *grid,
+static int find_cells(struct detector *d, const struct volume *volume,
                       struct detect_config *cfg)
 {
+    const struct grid *grid = &volume->grid;
     int err = 0;
 
     if (d->cfg.cfar == CFAR_OFF)
         return 0;
-    if (d->cells && memcmp(&d->cells_grid, grid, sizeof *grid))
+    if (d->map && memcmp(&d->cells_grid, grid, sizeof *grid))
         forget_cells(d);
-    if (!d->cells) {
+    if (!d->map) {
         struct detect_config resolved = *cfg;
         objects_resolution(&resolved, &d->survey, grid);
-        err = detect_cfar(&d->cells, d->cfg.cfar, d->cfg.false_alarm_rate, grid,
-                          resolved.resolution_m);
+        for (int i = 0; !err && i < 2; i++)
+            err = detect_cfar(&d->cells[i], d->cfg.cfar, d->cfg.false_alarm_rate, grid,
+                              resolved.resolution_m);
         if (!err)
             err = cfar_map_create(&d->map, grid_size(grid));
         d->held = calloc(grid_size(grid), sizeof *d->held);
@@ -68,7 +72,7 @@ static int find_cells(struct detector *d, const struct grid *grid,
         if (err)
             forget_cells(d);
     }
-    cfg->cfar = d->cells;
+    cfg->cfar = d->cells[volume->standing_left];
     cfg->map = d->map;
     return err;
 }
@@ -114,7 +118,7 @@ int detector_volume(struct detector *d, const struct volume *volume,
     cfg.multipath = !cfg.followed && !imager_isolates(volume->method);
     if (imager_isolates(volume->method))
         detect_config_isolated(&cfg, grid);
-    int err = find_cells(d, grid, &cfg);
+    int err = find_cells(d, volume, &cfg);
     if (err == -EINVAL)
         return error_say(why, err,
                          "false_alarm_rate: a volume that is too small to compare a "

@@ -26,9 +26,10 @@ struct detector {
     struct survey survey;
     uint64_t survey_id;
     bool has_survey;
-    struct cfar *cells;   /* for images on cells_grid; NULL: none yet */
-    struct cfar_map *map; /* the same */
-    bool *held;           /* [voxels], scratch */
+    struct cfar *cells[2]; /* for images on cells_grid, without what stands and with it,
+                            * which differ in what else they show; NULL: none yet */
+    struct cfar_map *map;  /* the same */
+    bool *held;            /* [voxels], scratch */
     struct grid cells_grid;
     uint32_t frame, learnt_frame; /* of the newest image, and the newest learnt from */
     uint32_t counter;             /* of lists */

@@ -61,7 +61,8 @@ struct track_config {
     double new_existence;         /* of the first detection, times that one's */
     struct track_life_config life;
     double coast_s;     /* after that time unseen a track ends */
-    double place_looks; /* so many that show it nowhere end a track without a place */
+    double place_looks; /* so many that show it nowhere end a track without a place:
+                           before a new one of it, which takes a look, is confirmed */
     double rest_m;      /* by so much a thing at rest seems to wander, one sigma */
     double rest_s;      /* of recon/tracking/track_rest.h: what is older fades */
     double id_rest_s;   /* an id is not given again for so long */
@@ -69,8 +70,8 @@ struct track_config {
 };
 
 /* 0.5 m2/s3; 9 (a vehicle brakes with 3 m/s2 for half a second); 2.5 m/s; 5 cm;
- * 13.8 (99.9 % in the plane); 0.5 m; 0.8; 0.3; 3 of 5 looks and 0.9, ends below 0.02,
- * stays 10 s; coasts 1.5 s, 1.5 looks without a place; 5 cm; 1.5 s; 30 s; 1 s. */
+ * 13.8 (99.9 % in the plane); 0.5 m; 0.8; 0.3; 2 of 3 looks and 0.95, ends below 0.02,
+ * stays 10 s; coasts 1.5 s, 0.75 looks without a place; 5 cm; 1.5 s; 30 s; 1 s. */
 void track_config_default(struct track_config *cfg);
 
 struct track_detection {

@@ -51,7 +51,7 @@ static const struct key of_both[] = {
     KEY("track: {clutter: 2.5}", 2.5, tracker.clutter),
     KEY("track: {sidelobe_db: 11.5}", 11.5, tracker.sidelobe_db),
     KEY("track: {look_s: 0.15}", 0.15, tracker.look_s),
-    KEY("track: {confirm_hits: 2}", 2, tracker.track.life.confirm_hits),
+    KEY("track: {confirm_hits: 1}", 1, tracker.track.life.confirm_hits),
     KEY("track: {confirm_of: 6}", 6, tracker.track.life.confirm_of),
     KEY("track: {confirm_existence: 0.55}", 0.55, tracker.track.life.confirm_existence),
     KEY("track: {detection_probability: 0.65}", 0.65,

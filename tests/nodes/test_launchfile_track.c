@@ -6,8 +6,8 @@ static void a_fixed_array_is_tracked_unless_told(void **state)
     struct launchfile *l = launch_load(*state, "nodes: [track]\n");
 
     assert_int_equal(l->track.mode, OBJECT_TRACKER_AUTO);
-    assert_int_equal(l->track.confirm_hits, 3);
-    assert_int_equal(l->track.confirm_of, 5);
+    assert_int_equal(l->track.confirm_hits, 2);
+    assert_int_equal(l->track.confirm_of, 3);
     launchfile_destroy(l);
 }
 
@@ -16,14 +16,14 @@ static void everything_can_be_said(void **state)
     struct launchfile *l = launch_load(
         *state,
         "nodes: [track]\n"
-        "track: {mode: lists, threshold_db: 15, confirm_hits: 2, confirm_of: 3,\n"
+        "track: {mode: lists, threshold_db: 15, confirm_hits: 3, confirm_of: 5,\n"
         "        confirm_existence: 0.5, detection_probability: 0.7, clutter: 2,\n"
         "        sidelobe_db: 10, look_s: 0.1, acceleration_psd: 1, join_m: 1,\n"
         "        coast_s: 2, min_existence: 0.2}\n");
 
     assert_int_equal(l->track.mode, OBJECT_TRACKER_LISTS);
-    assert_int_equal(l->track.confirm_hits, 2);
-    assert_int_equal(l->track.confirm_of, 3);
+    assert_int_equal(l->track.confirm_hits, 3);
+    assert_int_equal(l->track.confirm_of, 5);
     assert_true(l->track.threshold_db == 15.0 && l->track.min_existence == 0.2);
     assert_true(l->track.confirm_existence == 0.5 && l->track.clutter == 2.0);
     assert_true(l->track.detection_probability == 0.7 && l->track.sidelobe_db == 10.0);
@@ -35,7 +35,7 @@ static void everything_can_be_said(void **state)
 static void what_makes_no_sense_is_refused(void **state)
 {
     static const char *const bad[][2] = {
-        {"confirm_hits: 6", ":2: track.confirm_hits: expected 1 to 5, not 6"},
+        {"confirm_hits: 6", ":2: track.confirm_hits: expected 1 to 3, not 6"},
         {"mode: maybe", ":2: track.mode: expected auto, lists or tracks, not maybe"},
         {"coast_s: 0", ":2: track.coast_s: expected 0.01 to 60, not 0"},
     };

@@ -385,7 +385,7 @@ static void a_configuration_that_cannot_be_is_refused(void **state)
     REFUSED(cfg.compression = "", "matched_filter or deramp");
     REFUSED(cfg.threads = 0, "threads is 0, expected 1");
     REFUSED(cfg.array = 2, "array is 2");
-    REFUSED(cfg.confirm_hits = 6, "confirm_hits is 6, expected 1 to 5");
+    REFUSED(cfg.confirm_hits = 6, "confirm_hits is 6, expected 1 to 3");
     REFUSED(cfg.background = ANLOS_BACKGROUND_ADAPTIVE, "static array");
     REFUSED(cfg.walls = -1, "walls is -1");
     REFUSED((cfg.options = unknown, cfg.n_options = 1), "nonsense");

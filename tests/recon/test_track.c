@@ -371,6 +371,8 @@ static void clutter_makes_as_many_false_tracks_as_m_of_n_says(void **state)
     r->cfg.wander_m = r->cfg.join_m = 0.0;
     r->cfg.gate2 = 3.0;
     r->cfg.new_existence = 0.9; /* likelier than clutter all over the gate */
+    r->cfg.life.confirm_hits = 3;
+    r->cfg.life.confirm_of = 5;
     r->cfg.life.confirm_existence = r->cfg.life.delete_existence = 0.0;
     r->cfg.life.survival_s = 1e9;
     r->cfg.coast_s = 0.8; /* a false track does not stay to catch clutter */

@@ -59,8 +59,8 @@ struct anlos_config {
     double false_alarm_rate; /* 1e-4, of each voxel, by the cells around it (ordered
                                 statistic, Rohling 1983); 0: off.  Of a scan: 0 */
     bool lists;              /* a static array's objects are not tracked; false */
-    unsigned confirm_hits, confirm_of; /* 3 of 5 looks confirm a track, */
-    double confirm_existence;          /* and 0.9 */
+    unsigned confirm_hits, confirm_of; /* 2 of 3 looks confirm a track, */
+    double confirm_existence;          /* and 0.95 */
     double coast_s;                    /* 1.5: after that unseen a track ends */
 
     /* Walls. */

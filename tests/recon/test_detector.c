@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: MIT */
+#include "tests/recon/near.h"
+
+#include <stdlib.h>
+
+#include "recon/detection/detector.h"
+#include "tests/recon/reference.h"
+
+enum { NX = 160, NZ = 200, CELLS = NX * NZ, IMAGES = 12 };
+
+static const struct grid grid = {{-1.6, 0, 0.5}, {0.02, 0.02, 0.02}, {NX, 1, NZ}};
+
+static void start(struct detector *d)
+{
+    static double speakers[2][3] = {{-0.4, 0, 0}, {0.4, 0, 0}};
+    static double microphones[4][3] = {
+        {-0.5, 0, 0}, {-0.2, 0, 0}, {0.2, 0, 0}, {0.5, 0, 0}};
+    const struct survey s = {.speakers_m = speakers,
+                             .n_speakers = 2,
+                             .microphones_m = microphones,
+                             .n_microphones = 4,
+                             .sample_rate_hz = 48000.0,
+                             .sound_speed_m_s = 343.0,
+                             .slot_samples = 1152,
+                             .chirp_start_hz = 2000.0,
+                             .chirp_stop_hz = 20000.0,
+                             .chirp_duration_s = 0.02};
+    const struct detector_config cfg = {.threshold_db = 12.0,
+                                        .min_existence = 0.5,
+                                        .cfar = CFAR_ORDERED,
+                                        .false_alarm_rate = 1e-4};
+
+    detector_init(d, &cfg);
+    assert_int_equal(detector_survey(d, &s), 0);
+}
+
+/* x^spikes, x exponential of mean 1: with 1 a gamma distribution of shape 1. */
+static void show(struct detector *d, uint32_t frame, double spikes, bool standing_left,
+                 unsigned long long *seed)
+{
+    float *image = malloc(CELLS * sizeof *image);
+    struct object_list list;
+    struct error why;
+
+    assert_non_null(image);
+    for (size_t i = 0; i < CELLS; i++)
+        image[i] = (float)pow(-log(reference_random(seed)), spikes);
+    const struct volume v = {.survey_id = d->survey_id,
+                             .capture_ns = (int64_t)frame * 400000000,
+                             .frame = frame,
+                             .grid = grid,
+                             .intensity = image,
+                             .method = "frames",
+                             .sound_speed_m_s = 343.0,
+                             .pings_used = 8,
+                             .pings_expected = 8,
+                             .standing_left = standing_left};
+    assert_int_equal(detector_volume(d, &v, NULL, &list, &why), 0);
+    free(image);
+}
+
+/* A start, or a stop of the vehicle, does not tell what noise is where all that stands
+ * was taken away. */
+static void what_stands_makes_no_noise_where_it_was_taken_away(void **state)
+{
+    unsigned long long seed = 5;
+    struct detector d;
+
+    (void)state;
+    start(&d);
+    for (uint32_t i = 1; i <= IMAGES; i++)
+        show(&d, i, i <= IMAGES / 2 ? 3.0 : 1.0, i <= IMAGES / 2, &seed);
+    assert_near(cfar_noise(d.cells[0])->shape, 1.0, 0.1);
+    assert_false(cfar_noise(d.cells[0])->heavy);
+    assert_true(cfar_noise(d.cells[1])->shape < 0.6);
+    detector_clear(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_stands_makes_no_noise_where_it_was_taken_away),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
