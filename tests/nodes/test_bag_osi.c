@@ -8,11 +8,11 @@
 
 #include "msgs/bag/topic_message.h"
 #include "msgs/detections.pb-c.h"
+#include "msgs/osi/osi_groundtruth.pb-c.h"
+#include "msgs/osi/osi_sensordata.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/commands.h"
-#include "osi_groundtruth.pb-c.h"
-#include "osi_sensordata.pb-c.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 

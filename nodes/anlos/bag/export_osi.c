@@ -18,12 +18,12 @@
 #include "msgs/bag/schemas.h"
 #include "msgs/bag/writer.h"
 #include "msgs/detections.pb-c.h"
+#include "msgs/osi/osi_groundtruth.pb-c.h"
+#include "msgs/osi/osi_sensordata.pb-c.h"
 #include "msgs/osi/schema_table.h"
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/bag/export.h"
 #include "nodes/anlos/score/drive_bag.h"
-#include "osi_groundtruth.pb-c.h"
-#include "osi_sensordata.pb-c.h"
 
 #define TRACE_VERSION "3.8.0" /* of the file's layout, which OSI 3.8 says first */
 #define SENSOR_ID     1
