@@ -401,14 +401,14 @@ static void what_is_measured_beyond_is_reported_before_it(void **state)
     assert_near(r->reports[0].heard_m[0], 5.2, 1e-9);
 }
 
-/* Nothing is heard of it for so many looks, 0.1 s each. */
+/* Nothing is heard of it in so many images, of which each is half a look, 0.1 s apart. */
 static enum track_state unheard(struct track_mirror by, double x_m, size_t n_mirrors,
-                                int looks)
+                                int images)
 {
     struct track_config cfg;
     struct tracker *t = NULL;
     struct track_scan scan = {.stamp_ns = 1000000000,
-                              .fresh = 1.0,
+                              .fresh = 0.5,
                               .clutter_m2 = 0.01,
                               .ego_known = true,
                               .n_mirrors = n_mirrors,
@@ -431,7 +431,7 @@ static enum track_state unheard(struct track_mirror by, double x_m, size_t n_mir
     for (int i = 0; i < 4; i++)
         k->filter.covariance[i][i] = 0.01;
     k->steady = k->filter;
-    for (int i = 0; i < looks; i++) {
+    for (int i = 0; i < images; i++) {
         scan.stamp_ns += 100000000;
         assert_int_equal(tracker_step(t, &scan), 0);
     }
@@ -450,7 +450,7 @@ static void what_coasts_ends_at_its_mirror(void **state)
     assert_int_equal(unheard(wall, 4.96, 1, 1), TRACK_DELETED);
 }
 
-/* 1.5 looks. */
+/* After 0.75 looks. */
 static void what_no_mirror_shows_ends_where_there_are_mirrors(void **state)
 {
     const struct track_mirror none = {.id = 0};
