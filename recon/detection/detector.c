@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/detection/detect_learn.h"
 #include "recon/imaging/imager.h"
 
 void detector_init(struct detector *d, const struct detector_config *cfg)
@@ -119,6 +120,8 @@ int detector_volume(struct detector *d, const struct volume *volume,
     if (imager_isolates(volume->method))
         detect_config_isolated(&cfg, grid);
     int err = find_cells(d, volume, &cfg);
+    if (!err && cfg.cfar && cfg.learns && !volume->standing_left)
+        err = detect_learn(d->cells[1], grid, volume->intensity);
     if (err == -EINVAL)
         return error_say(why, err,
                          "false_alarm_rate: a volume that is too small to compare a "

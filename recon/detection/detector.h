@@ -26,8 +26,10 @@ struct detector {
     struct survey survey;
     uint64_t survey_id;
     bool has_survey;
-    struct cfar *cells[2]; /* for images on cells_grid, without what stands and with it,
-                            * which differ in what else they show; NULL: none yet */
+    struct cfar *cells[2]; /* for images on cells_grid; NULL: none yet.  The first knows
+                            * those alone from which what stands was taken, the second
+                            * all: of a vehicle that sets off and stops again it would
+                            * else not know enough when it is asked */
     struct cfar_map *map;  /* the same */
     bool *held;            /* [voxels], scratch */
     struct grid cells_grid;

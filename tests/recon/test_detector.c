@@ -76,10 +76,26 @@ static void what_stands_makes_no_noise_where_it_was_taken_away(void **state)
     detector_clear(&d);
 }
 
+/* What it had while it stood serves one that sets off, until more is known. */
+static void one_that_sets_off_knows_noise_already(void **state)
+{
+    unsigned long long seed = 7;
+    struct detector d;
+
+    (void)state;
+    start(&d);
+    for (uint32_t i = 1; i <= IMAGES / 2; i++)
+        show(&d, i, 3.0, false, &seed);
+    assert_true(cfar_has_learnt(d.cells[1]));
+    assert_true(cfar_noise(d.cells[1])->shape < 0.6);
+    detector_clear(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_stands_makes_no_noise_where_it_was_taken_away),
+        cmocka_unit_test(one_that_sets_off_knows_noise_already),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
