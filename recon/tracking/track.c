@@ -99,7 +99,7 @@ static void predict(struct tracker *t, double dt_s, bool ego_known)
         track_filter_predict(&k->filter, dt_s, acceleration_psd(t, k) + lost);
         track_filter_predict(&k->steady, dt_s, STEADY_PSD_M2_S3 + lost);
         track_outline_predict(k, dt_s);
-        track_life_predict(&k->life, &t->cfg.life, dt_s);
+        track_life_predict(&k->life, &t->life, dt_s);
     }
 }
 
@@ -174,7 +174,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
         track_body_match(k, k->body.n ? &t->positions[k->detection] : &middle, NULL);
     double seen = t->cfg.detection_probability;
     double ratio = 1.0 - seen + seen * m.density / scan->clutter_m2;
-    track_life_update(&k->life, &t->cfg.life, true, ratio, fresh);
+    track_life_update(&k->life, &t->life, true, ratio, fresh);
     if (k->body.n) {
         track_body_update(t, scan, whose, i, fresh);
     } else {
@@ -232,8 +232,8 @@ static void miss_track(struct tracker *t, const struct track_scan *scan, size_t 
     if (!k->mirror.id && scan->n_mirrors) /* what no mirror can show is not looked for */
         shown = false;
     if (shown && !is_covered(t, scan, i, mine))
-        track_life_update(&k->life, &t->cfg.life, false,
-                          1.0 - t->cfg.detection_probability, fresh);
+        track_life_update(&k->life, &t->life, false, 1.0 - t->cfg.detection_probability,
+                          fresh);
     k->missed += fresh;
     k->waited += k->placed || !scan->n_mirrors ? 0.0 : fresh;
     k->state = TRACK_PREDICTED;
@@ -271,7 +271,7 @@ static void end_tracks(struct tracker *t, int64_t now_ns)
 
     for (size_t i = 0; i < t->n; i++) {
         struct track *k = &t->tracks[i];
-        bool over = k->merged || track_life_is_over(&k->life, &t->cfg.life) ||
+        bool over = k->merged || track_life_is_over(&k->life, &t->life) ||
                     is_past_its_mirror(k) || k->waited > t->cfg.place_looks ||
                     1e-9 * (double)(now_ns - k->seen_ns) > t->cfg.coast_s ||
                     (k->id && 1e-9 * (double)(now_ns - k->moves_ns) > t->cfg.coast_s);
@@ -312,7 +312,7 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
                  &k->detection);
     track_filter_start(&k->filter, &middle, t->cfg.new_speed_m_s);
     k->steady = k->filter;
-    track_life_start(&k->life, &t->cfg.life, t->cfg.new_existence * existence);
+    track_life_start(&k->life, &t->life, t->cfg.new_existence * existence);
     k->state = TRACK_MEASURED;
     k->first_ns = k->seen_ns = scan->stamp_ns;
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
@@ -364,6 +364,21 @@ static int follow_time(struct tracker *t, int64_t stamp_ns, double *dt_s)
     return 0;
 }
 
+/* Things at rest that are heard in turn look like one that moves: twice in a row often.
+ */
+static struct track_life_config life_of(const struct track_config *cfg,
+                                        const struct track_scan *scan)
+{
+    struct track_life_config life = cfg->life;
+
+    if (scan->standing_left && life.confirm_hits > 1 &&
+        life.confirm_of + 2 <= TRACK_LOOKS_MAX) {
+        life.confirm_hits += 1;
+        life.confirm_of += 2;
+    }
+    return life;
+}
+
 int tracker_step(struct tracker *t, const struct track_scan *scan)
 {
     size_t mine[TRACKS_MAX], whose[TRACK_DETECTIONS];
@@ -373,6 +388,7 @@ int tracker_step(struct tracker *t, const struct track_scan *scan)
     if (err)
         return err;
     drop_deleted(t);
+    t->life = life_of(&t->cfg, scan);
     ego_step_join(&t->pose, &scan->ego, &t->pose);
     predict(t, dt_s, scan->ego_known);
     track_mirror_follow(t, scan);

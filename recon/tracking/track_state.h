@@ -37,6 +37,7 @@ struct track {
 
 struct tracker {
     struct track_config cfg;
+    struct track_life_config life; /* of the newest scan */
     struct track tracks[TRACKS_MAX];
     size_t n;
     struct track_ids ids;

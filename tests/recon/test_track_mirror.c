@@ -461,6 +461,35 @@ static void what_no_mirror_shows_ends_where_there_are_mirrors(void **state)
     assert_int_equal(unheard(none, 7.0, 0, 2), TRACK_PREDICTED);
 }
 
+/* Where what stands is heard, 2 of 3 looks are 3 of 5, and one look stays one. */
+static void what_stands_asks_for_one_look_more(void **state)
+{
+    static const struct {
+        unsigned hits, of, hits_then, of_then;
+    } cases[] = {{2, 3, 3, 5}, {3, 5, 4, 7}, {1, 1, 1, 1}};
+    struct track_scan scan = {.fresh = 1.0, .clutter_m2 = 0.01, .ego_known = true};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct track_config cfg;
+        struct tracker *t = NULL;
+        track_config_default(&cfg);
+        cfg.life.confirm_hits = cases[i].hits;
+        cfg.life.confirm_of = cases[i].of;
+        assert_int_equal(tracker_create(&t, &cfg), 0);
+        for (int standing = 1; standing >= 0; standing--) {
+            scan.standing_left = standing;
+            scan.stamp_ns += 100000000;
+            assert_int_equal(tracker_step(t, &scan), 0);
+            assert_int_equal(t->life.confirm_hits,
+                             standing ? cases[i].hits_then : cases[i].hits);
+            assert_int_equal(t->life.confirm_of,
+                             standing ? cases[i].of_then : cases[i].of);
+        }
+        tracker_destroy(t);
+    }
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -478,6 +507,7 @@ int main(void)
         TEST(what_jumps_by_a_metre_is_not_near_to_both),
         TEST(what_is_measured_by_a_mirror_has_a_place),
         cmocka_unit_test(of_one_thing_that_two_mirrors_show_the_older_stays),
+        TEST(what_stands_asks_for_one_look_more),
         TEST(what_is_measured_beyond_is_reported_before_it),
         cmocka_unit_test(what_coasts_ends_at_its_mirror),
         cmocka_unit_test(what_no_mirror_shows_ends_where_there_are_mirrors),

@@ -59,7 +59,9 @@ struct anlos_config {
     double false_alarm_rate; /* 1e-4, of each voxel, by the cells around it (ordered
                                 statistic, Rohling 1983); 0: off.  Of a scan: 0 */
     bool lists;              /* a static array's objects are not tracked; false */
-    unsigned confirm_hits, confirm_of; /* 2 of 3 looks confirm a track, */
+    unsigned confirm_hits, confirm_of; /* 2 of 3 looks confirm a track (M of N; M + 1
+                                          of N + 2, where M > 1, while what stands is
+                                          in the image), */
     double confirm_existence;          /* and 0.95 */
     double coast_s;                    /* 1.5: after that unseen a track ends */
 
