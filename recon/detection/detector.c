@@ -9,6 +9,7 @@
 
 #include "recon/detection/detect_learn.h"
 #include "recon/imaging/imager.h"
+#include "recon/tracking/timing.h"
 
 void detector_init(struct detector *d, const struct detector_config *cfg)
 {
@@ -47,6 +48,16 @@ int detector_survey(struct detector *d, const struct survey *survey)
     return 0;
 }
 
+/* What stands does not go with one stroke: a background begins with few pings. */
+static void settle(struct detector *d, const struct volume *volume)
+{
+    if (volume->standing_left)
+        d->stood_ns = volume->capture_ns;
+    double since_s = 1e-9 * (double)(volume->capture_ns - d->stood_ns);
+    d->settling = d->stood_ns && since_s >= 0.0 &&
+                  since_s < DETECTOR_SETTLES * timing_round_s(&d->survey);
+}
+
 /* What was learnt of the noise stays while the grid does. */
 static int find_cells(struct detector *d, const struct volume *volume,
                       struct detect_config *cfg)
@@ -73,7 +84,7 @@ static int find_cells(struct detector *d, const struct volume *volume,
         if (err)
             forget_cells(d);
     }
-    cfg->cfar = d->cells[volume->standing_left];
+    cfg->cfar = d->cells[d->settling];
     cfg->map = d->map;
     return err;
 }
@@ -119,8 +130,9 @@ int detector_volume(struct detector *d, const struct volume *volume,
     cfg.multipath = !cfg.followed && !imager_isolates(volume->method);
     if (imager_isolates(volume->method))
         detect_config_isolated(&cfg, grid);
+    settle(d, volume);
     int err = find_cells(d, volume, &cfg);
-    if (!err && cfg.cfar && cfg.learns && !volume->standing_left)
+    if (!err && cfg.cfar && cfg.learns && !d->settling)
         err = detect_learn(d->cells[1], grid, volume->intensity);
     if (err == -EINVAL)
         return error_say(why, err,

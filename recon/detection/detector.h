@@ -21,6 +21,8 @@ struct detector_config {
     double false_alarm_rate; /* of each voxel, with cfar */
 };
 
+#define DETECTOR_SETTLES 7.0 /* rounds of the speakers after what stands was there */
+
 struct detector {
     struct detector_config cfg;
     struct survey survey;
@@ -35,6 +37,8 @@ struct detector {
     struct grid cells_grid;
     uint32_t frame, learnt_frame; /* of the newest image, and the newest learnt from */
     uint32_t counter;             /* of lists */
+    int64_t stood_ns;             /* of the newest image with what stands; 0: none yet */
+    bool settling;                /* that is so, or was a moment ago: the newest image */
 };
 
 void detector_init(struct detector *d, const struct detector_config *cfg);

@@ -11,9 +11,8 @@
 #include "recon/tracking/timing.h"
 #include "recon/tracking/track_ids.h"
 
-#define LATEST_NS    (INT64_MAX / 2) /* differences of stamps do not overflow */
-#define YOUNG_ROUNDS 7.0
-#define AT_WALL_M    0.25 /* what is imaged so close behind a wall is the wall */
+#define LATEST_NS (INT64_MAX / 2) /* differences of stamps do not overflow */
+#define AT_WALL_M 0.25            /* what is imaged so close behind a wall is the wall */
 
 /* A lost wall is forgotten when another stands about where it stood, when nothing has
  * come by way of it for as long as a wall is kept unseen, or in the end. */
@@ -407,7 +406,8 @@ static bool shows_standing(struct object_tracker *t, const struct volume *volume
         t->young_ns = volume->standing_left ? capture_ns : 0;
     double since_s = 1e-9 * (double)(capture_ns - t->young_ns);
     return volume->standing_left ||
-           (t->young_ns && since_s < YOUNG_ROUNDS * timing_round_s(&t->detector.survey));
+           (t->young_ns &&
+            since_s < DETECTOR_SETTLES * timing_round_s(&t->detector.survey));
 }
 
 static int follow(struct object_tracker *t, const struct volume *volume,
@@ -424,6 +424,7 @@ static int follow(struct object_tracker *t, const struct volume *volume,
                      : 1.0,
         .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
         .standing_left = shows_standing(t, volume),
+        .settling = t->detector.settling,
         .remains = volume->standing_taken ? pow(10.0, 0.1 * REMAINS_DB) : 0.0,
         .ego_known = true,
         .stands_before = sight_stands_before,

@@ -371,7 +371,7 @@ static struct track_life_config life_of(const struct track_config *cfg,
 {
     struct track_life_config life = cfg->life;
 
-    if (scan->standing_left && life.confirm_hits > 1 &&
+    if ((scan->standing_left || scan->settling) && life.confirm_hits > 1 &&
         life.confirm_of + 2 <= TRACK_LOOKS_MAX) {
         life.confirm_hits += 1;
         life.confirm_of += 2;

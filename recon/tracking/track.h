@@ -70,10 +70,10 @@ struct track_config {
 };
 
 /* 0.5 m2/s3; 9 (a vehicle brakes with 3 m/s2 for half a second); 2.5 m/s; 5 cm;
- * 13.8 (99.9 % in the plane); 0.5 m; 0.8; 0.3; 2 of 3 looks and 0.95 (3 of 5 of
- * images with what stands: one hit of two looks more, where more than one is asked for),
- * ends below 0.02, stays 10 s; coasts 1.5 s, 0.75 looks without a place; 5 cm; 1.5 s; 30
- * s; 1 s. */
+ * 13.8 (99.9 % in the plane); 0.5 m; 0.8; 0.3; 2 of 3 looks and 0.95 (3 of 5 of images
+ * with what stands, and for a while after: one hit of two looks more, where more than one
+ * is asked for), ends below 0.02, stays 10 s; coasts 1.5 s, 0.75 looks without a place; 5
+ * cm; 1.5 s; 30 s; 1 s. */
 void track_config_default(struct track_config *cfg);
 
 struct track_detection {
@@ -111,8 +111,9 @@ struct track_scan {
     double clutter_m2;  /* false detections for each square metre */
     bool standing_left; /* what stands, or the hole that it left, is in the image: tracks
                            have to move by themselves */
-    double remains;     /* a power: what is fainter may be left of a background that was
-                           subtracted, and has to move before it is named; 0: none is */
+    bool settling;  /* it was until a moment ago: what is left of it may still be there */
+    double remains; /* a power: what is fainter may be left of a background that was
+                       subtracted, and has to move before it is named; 0: none is */
     struct track_array array;
     struct ego_step ego; /* since the scan before */
     bool ego_known;

@@ -76,6 +76,25 @@ static void what_stands_makes_no_noise_where_it_was_taken_away(void **state)
     detector_clear(&d);
 }
 
+/* A background begins with few pings: for a while it leaves of what stands. */
+static void noise_is_not_learnt_while_a_background_begins(void **state)
+{
+    unsigned long long seed = 9;
+    struct detector d;
+
+    (void)state;
+    start(&d);
+    show(&d, 1, 3.0, true, &seed);
+    assert_true(d.settling);
+    show(&d, 1, 3.0, false, &seed); /* at the same time */
+    assert_true(d.settling);
+    assert_false(cfar_has_learnt(d.cells[0]));
+    show(&d, 2, 1.0, false, &seed); /* 0.4 s later: over 7 rounds of 48 ms */
+    assert_false(d.settling);
+    assert_true(cfar_has_learnt(d.cells[0]));
+    detector_clear(&d);
+}
+
 /* What it had while it stood serves one that sets off, until more is known. */
 static void one_that_sets_off_knows_noise_already(void **state)
 {
@@ -95,6 +114,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_stands_makes_no_noise_where_it_was_taken_away),
+        cmocka_unit_test(noise_is_not_learnt_while_a_background_begins),
         cmocka_unit_test(one_that_sets_off_knows_noise_already),
     };
 

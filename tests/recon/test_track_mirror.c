@@ -477,8 +477,9 @@ static void what_stands_asks_for_one_look_more(void **state)
         cfg.life.confirm_hits = cases[i].hits;
         cfg.life.confirm_of = cases[i].of;
         assert_int_equal(tracker_create(&t, &cfg), 0);
-        for (int standing = 1; standing >= 0; standing--) {
-            scan.standing_left = standing;
+        for (int standing = 2; standing >= 0; standing--) { /* is, was, is long gone */
+            scan.standing_left = standing == 2;
+            scan.settling = standing == 1;
             scan.stamp_ns += 100000000;
             assert_int_equal(tracker_step(t, &scan), 0);
             assert_int_equal(t->life.confirm_hits,

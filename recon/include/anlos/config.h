@@ -61,7 +61,7 @@ struct anlos_config {
     bool lists;              /* a static array's objects are not tracked; false */
     unsigned confirm_hits, confirm_of; /* 2 of 3 looks confirm a track (M of N; M + 1
                                           of N + 2, where M > 1, while what stands is
-                                          in the image), */
+                                          in the image, and for a while after), */
     double confirm_existence;          /* and 0.95 */
     double coast_s;                    /* 1.5: after that unseen a track ends */
 
