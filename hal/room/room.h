@@ -103,6 +103,7 @@ int room_emit(struct room *r, const struct room_emission *e, float *samples);
 /* An object at a time, in the vehicle frame at that time (the array frame without a
  * mount). */
 struct room_truth {
+    size_t object; /* which of room_objects */
     char name[32];
     char kind[16];          /* scene_kind_name(): "person" */
     double position_m[3];   /* centre */

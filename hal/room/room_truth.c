@@ -84,7 +84,7 @@ static void tell(const struct room *r, size_t object, double t_s, struct room_tr
     double centre[3], velocity[3], extent[3], p[3];
     drive_frame(&r->drive, t_s, &frame);
     traffic_object(&r->traffic, object, t_s, centre, velocity, extent);
-    *out = (struct room_truth){.name = ""};
+    *out = (struct room_truth){.object = object};
     memcpy(out->name, r->world.objects[object].name, sizeof out->name);
     memcpy(out->kind, r->world.objects[object].kind, sizeof out->kind);
     drive_from_ground(&frame, centre, p);

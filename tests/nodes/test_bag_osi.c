@@ -21,7 +21,7 @@
 #define LISTS     40
 #define PERIOD_MS 100
 
-/* The vehicle drives a curve; one stands, one walks. */
+/* The vehicle drives a curve; two stand, of one name. */
 static const char scene[] =
     "array: bumper\n"
     "temperature_c: 20\n"
@@ -36,6 +36,9 @@ static const char scene[] =
     "  - {name: post, kind: person,\n"
     "     path: [{t_s: 0, position_m: [-2, 0.47, 2.9]},\n"
     "            {t_s: 600, position_m: [-2, 0.47, 2.9]}]}\n"
+    "  - {name: post, kind: cyclist,\n"
+    "     path: [{t_s: 0, position_m: [2, 0.47, 3.5]},\n"
+    "            {t_s: 600, position_m: [2, 0.47, 3.5]}]}\n"
     "seed: 1\n"
     "level: 0.03\n"
     "noise: {snr_db: 0, at_m: 4}\n";
@@ -294,7 +297,10 @@ static void truth_stands_in_a_frame_that_does_not_move(void **state)
     const Osi3__GroundTruth *first = all[0];
     for (size_t i = 0; i < n; i++) {
         const Osi3__GroundTruth *g = all[i];
-        assert_int_equal(g->n_moving_object, 2);
+        assert_int_equal(g->n_moving_object, 3);
+        for (int k = 0; k < 3; k++) /* in each by the same number */
+            assert_int_equal(g->moving_object[k]->id->value, 1 + k);
+        assert_int_equal(g->moving_object[2]->vehicle_classification->type, 11);
         assert_int_equal(g->host_vehicle_id->value, g->moving_object[0]->id->value);
         const Osi3__BaseMoving *post = g->moving_object[1]->base_;
         assert_int_equal(g->moving_object[1]->type, 3); /* pedestrian */

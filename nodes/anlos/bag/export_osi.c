@@ -329,12 +329,12 @@ static void present_host(struct present *p, const struct room_ego *ego)
 }
 
 /* Places, sizes and velocities of a room's truth lie along the vehicle's axes. */
-static void present_body(struct present *p, uint64_t id, const struct room_truth *t,
+static void present_body(struct present *p, const struct room_truth *t,
                          const struct room_ego *ego)
 {
     double c = cos(ego->yaw_rad), s = sin(ego->yaw_rad);
     const double *r = t->position_m, *v = t->velocity_m_s;
-    present(p, id, ego->yaw_rad);
+    present(p, HOST_ID + 1 + t->object, ego->yaw_rad);
     p->position =
         vector(ego->x_m + c * r[0] - s * r[1], ego->y_m + s * r[0] + c * r[1], r[2]);
     p->velocity = vector(c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]);
@@ -347,17 +347,6 @@ static void present_body(struct present *p, uint64_t id, const struct room_truth
         classify(p, OSI3__MOVING_OBJECT__VEHICLE_CLASSIFICATION__TYPE__TYPE_MEDIUM_CAR);
     if (!strcmp(t->kind, scene_kind_name(SCENE_CYCLIST)))
         classify(p, OSI3__MOVING_OBJECT__VEHICLE_CLASSIFICATION__TYPE__TYPE_BICYCLE);
-}
-
-/* An id for each name of the scene, from HOST_ID + 1: bodies come and go. */
-static uint64_t id_of(const struct room *scene, const char *name)
-{
-    const struct room_object *objects;
-    size_t n = room_objects(scene, &objects);
-    for (size_t i = 0; i < n; i++)
-        if (!strcmp(objects[i].name, name))
-            return HOST_ID + 1 + i;
-    return HOST_ID + 1 + n;
 }
 
 static int write_truth(struct osi_export *x, const struct stream_message *m,
@@ -378,7 +367,7 @@ static int write_truth(struct osi_export *x, const struct stream_message *m,
     room_ego(x->scene, t_s, &ego);
     present_host(&all[0], &ego);
     for (size_t i = 0; i < n; i++)
-        present_body(&all[1 + i], id_of(x->scene, there[i].name), &there[i], &ego);
+        present_body(&all[1 + i], &there[i], &ego);
     for (size_t i = 0; i < 1 + n; i++)
         objects[i] = &all[i].object;
     truth.version = &v;
