@@ -509,16 +509,18 @@ def drive(browser, anlos, source, work, pictures):
         with told(browser):
             browser.open(view.url)
             browser.wait("document.querySelector('#at').max > 1")
-            moment = ("(() => { const at = document.querySelector('#at'); at.value ="
-                      " Number(at.value) - 0.5; at.oninput(); return 1; })()")
+            place = number(browser.ask("document.querySelector('#at').max"))
+            # As finely as lists come: a machine that is quick shows the track live, and
+            # ends the recording, before it has stood for long.
             while not browser.ask("document.querySelector('.plan-object .plan-trail')"
                                   " && document.querySelector('.plan-arrow') ? 1 : 0"):
-                check(number(browser.ask("document.querySelector('#at').value")) > 0,
-                      "somewhere in the bag is the track with its trail")
+                check(place > 0, "somewhere in the bag is the track with its trail")
                 browser.ask("document.body.dataset.seekMs = ''")
-                browser.ask(moment)
+                browser.ask("(() => { const at = document.querySelector('#at');"
+                            " at.value = %.3f; at.oninput(); return 1; })()" % place)
                 browser.wait("document.body.dataset.seekMs")
                 browser.ask("new Promise(f => requestAnimationFrame(() => requestAnimationFrame(f)))")
+                place -= 0.1
             take_picture(browser, pictures + "/view-drive.png")
     finally:
         view.end()
