@@ -4,10 +4,8 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
-#include "msgs/discovery.h"
 #include "msgs/endpoint.h"
 #include "msgs/publisher.h"
 #include "msgs/receive_queue.h"
@@ -15,8 +13,6 @@
 #include "msgs/remote.h"
 #include "msgs/subscriber.h"
 #include "msgs/wire_guard.h"
-
-#define AWAIT_MS 2000 /* for who must have everything, and is late or hangs */
 
 struct bus {
     int lock_fd; /* -1: listens only */
@@ -47,32 +43,6 @@ static int open_outlets(struct bus *b, const struct bus_config *cfg, struct erro
         b->n_outlets++;
     }
     return 0;
-}
-
-static int64_t monotonic_ms(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
-}
-
-/* Has each who must have everything joined? */
-static bool have_joined(const struct bus *b, const char *run_dir)
-{
-    for (size_t i = 0; i < b->n_outlets; i++)
-        if (publisher_reliable_peers(b->outlets[i]) <
-            discovery_awaited(run_dir, publisher_topic(b->outlets[i])))
-            return false;
-    return true;
-}
-
-/* So that they hear the first message. */
-static void await_recorders(const struct bus *b, const char *run_dir)
-{
-    const struct timespec pause = {.tv_nsec = 1000000};
-    int64_t end_ms = monotonic_ms() + AWAIT_MS;
-    while (!have_joined(b, run_dir) && monotonic_ms() < end_ms)
-        nanosleep(&pause, NULL);
 }
 
 static int check_config(const struct bus_config *cfg, struct error *why)
@@ -116,7 +86,7 @@ int bus_create(struct bus **out, const struct bus_config *cfg, struct error *why
     if (!err && cfg->world == BUS_REPLAY)
         bus_set_replayed(b, true);
     if (!err)
-        await_recorders(b, cfg->run_dir);
+        publishers_await_recorders(b->outlets, b->n_outlets, cfg->run_dir);
     if (err)
         goto fail;
     *out = b;

@@ -110,6 +110,19 @@ bool playback_publisher_has(const struct playback_publisher *s, const char *node
     return find_publisher(s, node, t) != NULL;
 }
 
+int playback_publisher_await_recorders(const struct playback_publisher *s)
+{
+    struct publisher **all = calloc(s->n_parts ? s->n_parts : 1, sizeof *all);
+
+    if (!all)
+        return -ENOMEM;
+    for (size_t i = 0; i < s->n_parts; i++)
+        all[i] = s->parts[i].publisher;
+    publishers_await_recorders(all, s->n_parts, s->run_dir);
+    free(all);
+    return 0;
+}
+
 int playback_publisher_publish(struct playback_publisher *s, const char *node,
                                const struct topic *t, int64_t capture_ns,
                                int64_t publish_ns, const void *payload, size_t size)

@@ -22,6 +22,10 @@ int playback_publisher_add(struct playback_publisher *s, const char *node,
 bool playback_publisher_has(const struct playback_publisher *s, const char *node,
                             const struct topic *t);
 
+/* After the last one was added, before anything is sent: those who must have everything
+ * hear the first message.  0, -ENOMEM. */
+int playback_publisher_await_recorders(const struct playback_publisher *s);
+
 /* As bus_publish.  -EINVAL: not added. */
 int playback_publisher_publish(struct playback_publisher *s, const char *node,
                                const struct topic *t, int64_t capture_ns,

@@ -12,9 +12,11 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "msgs/discovery.h"
 #include "msgs/endpoint.h"
 #include "msgs/pace.h"
 
+#define AWAIT_MS           2000 /* for who must have everything, and is late or hangs */
 #define SEND_BUFFER_BYTES  (32 << 20) /* the kernel takes up to net.core.wmem_max */
 #define MESSAGE_COST_BYTES 4096  /* the kernel's and the reader's, of a small message */
 #define PACE_BYTES_S       500e6 /* less than half of what a reader can take */
@@ -209,12 +211,25 @@ void publisher_count(struct publisher *o, struct bus_count *out)
     pthread_mutex_unlock(&o->lock);
 }
 
-size_t publisher_reliable_peers(struct publisher *o)
+/* Has each who must have everything joined? */
+static bool have_joined(struct publisher *const *o, size_t n, const char *run_dir)
 {
-    pthread_mutex_lock(&o->lock);
-    size_t peers = reliable_count_peers(o->reliable);
-    pthread_mutex_unlock(&o->lock);
-    return peers;
+    for (size_t i = 0; i < n; i++) {
+        pthread_mutex_lock(&o[i]->lock);
+        size_t joined = reliable_count_peers(o[i]->reliable);
+        pthread_mutex_unlock(&o[i]->lock);
+        if (joined < discovery_awaited(run_dir, o[i]->topic))
+            return false;
+    }
+    return true;
+}
+
+void publishers_await_recorders(struct publisher *const *o, size_t n, const char *run_dir)
+{
+    const struct timespec pause = {.tv_nsec = 1000000};
+    int64_t end_ns = monotonic_ns() + AWAIT_MS * INT64_C(1000000);
+    while (!have_joined(o, n, run_dir) && monotonic_ns() < end_ns)
+        nanosleep(&pause, NULL);
 }
 
 size_t publisher_room(const struct publisher *o)

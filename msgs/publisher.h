@@ -38,9 +38,10 @@ void publisher_set_replayed(struct publisher *o, bool replayed);
 const struct topic *publisher_topic(const struct publisher *o);
 void publisher_count(struct publisher *o, struct bus_count *out);
 
-/* Those who must have everything (msgs/reliable.h) and are subscribed: they hear what is
- * sent from now on.  Thread-safe. */
-size_t publisher_reliable_peers(struct publisher *o);
+/* Until those who must have everything (msgs/reliable.h) and are there have joined all of
+ * o[n], so that they hear the first message; not for ever. */
+void publishers_await_recorders(struct publisher *const *o, size_t n,
+                                const char *run_dir);
 
 /* Bytes that the kernel takes for a connection before its reader reads.  nanomsg drops a
  * message while the one before has not gone there whole. */

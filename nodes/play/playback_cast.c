@@ -108,7 +108,8 @@ static int take_parts(struct playback *p, struct error *why)
     /* Sound that was imported has no scan beside it. */
     if (is_asked_for(&p->cfg, topic_scan_status()->name))
         p->says_status = !take_part(p, "scan", topic_scan_status(), NULL);
-    return 0;
+    int err = playback_publisher_await_recorders(p->playback_publisher);
+    return err ? error_say(why, err, "out of memory") : 0;
 }
 
 static bool plays(const struct playback *p, const struct topic *t)

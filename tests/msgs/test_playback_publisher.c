@@ -74,6 +74,34 @@ static void it_speaks_under_the_other_s_name_in_its_own_epoch(void **state)
     playback_publisher_destroy(s);
 }
 
+/* Of each part, sent right away, in each of many playbacks. */
+static void who_keeps_all_hears_the_first_message(void **state)
+{
+    struct bus *b = open_bus("record", 1);
+
+    (void)state;
+    bus_keep_all(b, 1 << 20, 1);
+    assert_int_equal(bus_subscribe(b, topic_scan_status()), 0);
+    assert_int_equal(bus_subscribe(b, topic_survey()), 0);
+    for (int i = 0; i < 20; i++) {
+        struct playback_publisher *s = create();
+        assert_int_equal(playback_publisher_add(s, "scan", topic_scan_status(), NULL), 0);
+        assert_int_equal(playback_publisher_add(s, "array", topic_survey(), NULL), 0);
+        assert_int_equal(playback_publisher_await_recorders(s), 0);
+        assert_int_equal(say(s, "abc"), 0);
+        assert_int_equal(
+            playback_publisher_publish(s, "array", topic_survey(), 0, 5, "d", 1), 0);
+        for (int k = 0; k < 2; k++) {
+            struct bus_message m = {0};
+            assert_int_equal(bus_receive(b, &m, DEADLINE_MS), 0);
+            assert_int_equal(m.envelope.sequence, 0);
+            bus_message_free(&m);
+        }
+        playback_publisher_destroy(s);
+    }
+    bus_destroy(b);
+}
+
 static void what_was_not_added_cannot_be_said(void **state)
 {
     struct playback_publisher *s = create();
@@ -175,6 +203,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(it_speaks_under_the_other_s_name_in_its_own_epoch),
+        TEST(who_keeps_all_hears_the_first_message),
         TEST(what_was_not_added_cannot_be_said),
         TEST(what_is_larger_than_the_kernel_s_buffer_goes_one_by_one),
         TEST(nobody_can_be_there_twice),
