@@ -259,9 +259,25 @@ static void prove_caller(struct authenticator *a, struct guarded *g)
         unknown->proven = true;
 }
 
+/* Of two that came from one address it was the other one. */
+static void hand_proof_on(struct guarded *g, struct caller *failed)
+{
+    failed->proven = false;
+    for (size_t i = 0; i < g->n_callers; i++) {
+        struct caller *c = &g->callers[i];
+        if (c != failed && c->fd >= 0 && !c->proven &&
+            !strcmp(c->address, failed->address)) {
+            c->proven = true;
+            return;
+        }
+    }
+}
+
 static void end_caller(struct authenticator *a, struct guarded *g, int fd)
 {
     struct caller *c = find_caller(g, fd);
+    if (c && c->proven && g->failed[0])
+        hand_proof_on(g, c);
     bool refused = c && !c->proven && !take_decision(&a->denied, c->address);
     const char *why = g->failed[0] ? g->failed
                                    : "it does not speak as a host of anlos does";

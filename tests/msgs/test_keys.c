@@ -239,6 +239,41 @@ static void who_says_that_it_has_no_keys_is_refused_for_that(void **state)
     bus_destroy(array);
 }
 
+/* From the same address, and with nothing shown when the other one's key is taken. */
+static void
+a_stranger_that_was_there_before_a_host_is_counted_and_the_host_is_not(void **state)
+{
+    struct bus_message m;
+    char signature;
+    (void)state;
+    by_tcp_with_keys();
+    struct bus *array = open_on(0, "array", 1);
+    int fd = connect_plainly(0, "array", topic_ping());
+    assert_int_equal(recv(fd, &signature, 1, 0), 1); /* accepted */
+    struct bus *dsp = open_on(1, "dsp", 1);
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    meet(array, topic_ping(), dsp);
+    close(fd);
+    int64_t end_ms = now_ms() + DEADLINE_MS;
+    while (bus_refused_connections(array) < 1) {
+        assert_true(now_ms() < end_ms);
+        assert_int_equal(bus_receive(dsp, &m, 20), -ETIMEDOUT);
+    }
+    bus_destroy(dsp);
+    while (count_of(array, topic_ping(), true).peers > 0) {
+        assert_true(now_ms() < end_ms);
+        poll(NULL, 0, 1);
+    }
+    fd = connect_plainly(0, "array", topic_ping()); /* a sign that its end was seen */
+    close(fd);
+    while (bus_refused_connections(array) < 2) {
+        assert_true(now_ms() < end_ms);
+        poll(NULL, 0, 1);
+    }
+    assert_int_equal(bus_refused_connections(array), 2);
+    bus_destroy(array);
+}
+
 /* More than have a place from the beginning, and none of them ends before all are there.
  */
 static void of_many_strangers_at_once_each_is_counted(void **state)
@@ -642,6 +677,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(who_has_no_permitted_key_hears_nothing_and_is_counted),
         cmocka_unit_test(who_says_that_it_has_no_keys_is_refused_for_that),
+        cmocka_unit_test(
+            a_stranger_that_was_there_before_a_host_is_counted_and_the_host_is_not),
         cmocka_unit_test(of_many_strangers_at_once_each_is_counted),
         cmocka_unit_test(the_largest_message_crosses_with_keys),
         cmocka_unit_test(a_program_that_speaks_no_zmtp_is_refused_and_counted),
