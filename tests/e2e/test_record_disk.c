@@ -19,9 +19,12 @@ static int record_onto_a_small_disk(struct scratch *s)
     strcat(bag, "/a.mcap");
     if (launch(s, bag) != 1) /* the results are there, and the bag is short */
         return 1;
-    if (!said(s, "recording stops: ", false) || !said(s, "No space left", false) ||
-        !said(s, "the others go on without it", false))
+    if (!said(s, "recording stops: ", false) || !said(s, "No space left", false))
         return 2;
+    /* On a busy machine the scan may be done before the launcher sees it. */
+    if (!said(s, "the others go on without it", false) &&
+        !said(s, "the recording is not whole", false))
+        return 6;
     if (bag_check(&n_faults, bag, NULL, NULL) || n_faults ||
         bag_catalog_open(&c, bag, NULL))
         return 3;
