@@ -9,6 +9,7 @@
 #include "msgs/health.pb-c.h"
 #include "msgs/host.pb-c.h"
 #include "msgs/log.pb-c.h"
+#include "msgs/save.pb-c.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/stage.pb-c.h"
 #include "msgs/survey.pb-c.h"
@@ -46,6 +47,8 @@ enum {
     EGO,
     AMBIENT,
     PROGRESS,
+    SAVE,
+    SAVE_STATUS,
     N_TOPICS
 };
 
@@ -95,6 +98,10 @@ static const struct topic topics[N_TOPICS + 1] = {
     [PROGRESS]      = {"progress", &anlos__progress__descriptor,
                        0, TOPIC_ALL, 256, 4 * KB,
                        {"play", "dsp", "recon", "wall", "track", "can", "report"}},
+    [SAVE]          = {"record/save", &anlos__save_request__descriptor,
+                       0, TOPIC_ALL, 16, 4 * KB, {"hand", "view", "page", "can"}},
+    [SAVE_STATUS]   = {"record/status", &anlos__save_status__descriptor,
+                       1, TOPIC_ALL, 64, 8 * KB, {"record", "recorder"}},
     /* clang-format on */
 };
 
@@ -239,4 +246,14 @@ const struct topic *topic_ambient(void)
 const struct topic *topic_progress(void)
 {
     return &topics[PROGRESS];
+}
+
+const struct topic *topic_save(void)
+{
+    return &topics[SAVE];
+}
+
+const struct topic *topic_save_status(void)
+{
+    return &topics[SAVE_STATUS];
 }

@@ -15,10 +15,11 @@
  * Metadata
  *   anlos                    of the session: keys below
  *   anlos.survey             the survey in short: keys below
- *   anlos.loss               once for each flush interval in which messages were lost:
- *                            from_ns, to_ns (of the recorder's clock), topic -> count
- *   anlos.lost               at the end: topic -> lost in all, for every topic recorded,
- *                            0 too.  A bag without it was cut off: anlos.loss is there */
+ *   anlos.snapshot           of a bag of the last seconds: once for each request, keys
+ * below anlos.loss               once for each flush interval in which messages were
+ * lost: from_ns, to_ns (of the recorder's clock), topic -> count anlos.lost at the end:
+ * topic -> lost in all, for every topic recorded, 0 too.  A bag without it was cut off:
+ * anlos.loss is there */
 #ifndef ANLOS_MSGS_BAG_MANIFEST_H
 #define ANLOS_MSGS_BAG_MANIFEST_H
 
@@ -52,6 +53,15 @@
 #define MANIFEST_STAGE_AXIS  "stage_axis" /* x, y, z */
 #define MANIFEST_STAGE_FIRST "stage_first_m"
 #define MANIFEST_STAGE_LAST  "stage_last_m"
+
+/* Metadata "anlos.snapshot". */
+#define MANIFEST_SNAPSHOT "anlos.snapshot"
+#define MANIFEST_REASON   "reason"
+#define MANIFEST_FROM     "from"     /* which node wants it; of a fault: which has it */
+#define MANIFEST_AT_NS    "at_ns"    /* by the recorder's clock */
+#define MANIFEST_BEFORE   "before_s" /* that was to be kept before, */
+#define MANIFEST_KEPT     "kept_s"   /* what there was of it, */
+#define MANIFEST_AFTER    "after_s"  /* and what is to come after */
 
 /* Metadata "anlos.loss" and "anlos.lost". */
 #define MANIFEST_LOSS    "anlos.loss"

@@ -80,6 +80,7 @@ static int prepare(struct launchfile **launch, const struct arguments *a,
                                                .bag = a->bag,
                                                .rate = a->rate,
                                                .record = a->record,
+                                               .snapshot = a->snapshot,
                                                .realtime = a->realtime};
     int err = launchfile_load(launch, a->launch, &options, why);
 

@@ -65,6 +65,10 @@ int program_fill(struct program *p, const struct launcher_config *cfg, const cha
         *v++ = (char *)"--record";
         *v++ = (char *)a->record;
     }
+    if (a->snapshot) {
+        *v++ = (char *)"--snapshot";
+        *v++ = (char *)a->snapshot;
+    }
     if (a->bag) {
         *v++ = (char *)"--bag";
         *v++ = (char *)a->bag;

@@ -5,7 +5,7 @@
 
 #include "nodes/launcher/launcher.h"
 
-#define PROGRAM_MAX_ARGS 20
+#define PROGRAM_MAX_ARGS 24
 
 struct program {
     char path[4096];

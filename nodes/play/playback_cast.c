@@ -35,7 +35,7 @@ static bool is_in_launch(const struct playback_config *cfg, const char *node)
 static bool is_asked_for(const struct playback_config *cfg, const char *topic)
 {
     if ((cfg->exclude && patterns_match(cfg->exclude, topic)) ||
-        !strcmp(topic, topic_progress()->name))
+        !strcmp(topic, topic_progress()->name) || !strcmp(topic, topic_save()->name))
         return false;
     if (cfg->topics)
         return patterns_match(cfg->topics, topic);

@@ -12,16 +12,20 @@
 #include "nodes/rt/export.h"
 #include "nodes/rt/stop.h"
 
-#define DISK_S 30.0  /* that a slow disk may take for a write */
-#define END_S  300.0 /* for its end */
+#define DISK_S    30.0  /* that a slow disk may take for a write */
+#define END_S     300.0 /* for its end */
+#define STATUS_NS 1000000000LL
 
 struct record {
     struct node *node;
     struct bus *bus; /* of its own, which keeps everything */
     struct choice choice;
     struct session session;
-    struct recorder *recorder;
+    struct recorder *recorder; /* NULL: no file of all */
+    struct snapshot *snapshot;
     struct tap tap;
+    int64_t status_due_ns;
+    uint64_t told_news;
     struct error why; /* it stops */
 };
 
@@ -92,12 +96,50 @@ static int open_recorder(struct record *r, struct error *why)
     };
     int err = make_folder(l->record.path, why);
 
-    if (!err)
-        err = recorder_create(&r->recorder, &cfg, clock_now_ns(clock_system()), why);
-    if (err)
-        return err;
-    err = tap_open(&r->tap, r->bus, r->recorder, &cfg, clock_system());
+    return err ? err
+               : recorder_create(&r->recorder, &cfg, clock_now_ns(clock_system()), why);
+}
+
+static int open_snapshot(struct record *r, struct error *why)
+{
+    const struct launchfile *l = node_launch(r->node);
+    const struct snapshot_config cfg = {
+        .folder = l->record.snapshot.folder,
+        .before_ns = (int64_t)l->record.snapshot.before_s * 1000000000,
+        .after_ns = (int64_t)l->record.snapshot.after_s * 1000000000,
+        .max_bytes = (size_t)l->record.snapshot.max_mb * 1000000,
+        .on_faults = l->record.snapshot.faults,
+        .topics = r->choice.topics,
+        .n_topics = r->choice.n,
+        .compression = l->record.compression,
+        .session = &r->session,
+        .say = say,
+        .context = r->node,
+    };
+
+    return snapshot_create(&r->snapshot, &cfg, why);
+}
+
+static int open_tap(struct record *r, struct error *why)
+{
+    int err = tap_open(&r->tap, r->bus, r->recorder, r->snapshot, r->choice.topics,
+                       r->choice.n, clock_system());
+
     return err ? error_say(why, err, "cannot subscribe: %s", strerror(-err)) : 0;
+}
+
+static void tell_state(const struct record *r)
+{
+    const char *path = r->recorder ? recorder_path(r->recorder) : NULL;
+    const struct launchfile *l = node_launch(r->node);
+
+    if (!l->record.snapshot.folder)
+        node_state(r->node, ANLOS__HEALTH__STATE__READY, "records into %s", path);
+    else
+        node_state(r->node, ANLOS__HEALTH__STATE__READY,
+                   "keeps the last %u s, for bags in %s%s%s", l->record.snapshot.before_s,
+                   l->record.snapshot.folder, path ? "; records into " : "",
+                   path ? path : "");
 }
 
 static int open_all(struct record *r, struct error *why)
@@ -109,12 +151,15 @@ static int open_all(struct record *r, struct error *why)
         err = open_session(r, why);
     if (!err)
         err = open_bus(r, why);
-    if (!err)
+    if (!err && l->record.path[0])
         err = open_recorder(r, why);
+    if (!err)
+        err = open_snapshot(r, why);
+    if (!err)
+        err = open_tap(r, why);
     if (!err) {
         node_turn_limit(r->node, DISK_S);
-        node_state(r->node, ANLOS__HEALTH__STATE__READY, "records into %s",
-                   recorder_path(r->recorder));
+        tell_state(r);
     }
     return err;
 }
@@ -126,6 +171,7 @@ static void close_all(void *self)
     if (!r)
         return;
     recorder_destroy(r->recorder);
+    snapshot_destroy(r->snapshot);
     tap_close(&r->tap);
     bus_destroy(r->bus);
     session_clear(&r->session);
@@ -151,17 +197,27 @@ int record_open(struct record **out, struct node *node, struct error *why)
 static size_t counts(void *self, struct device_count *out)
 {
     const struct record *r = self;
-    struct recorder_totals t;
+    struct recorder_totals t = {0};
+    Anlos__SaveStatus s;
 
-    recorder_sum(r->recorder, &t);
-    out[0] = (struct device_count){"recorded", t.messages};
-    out[1] = (struct device_count){"lost", t.lost};
+    if (r->recorder)
+        recorder_sum(r->recorder, &t);
+    snapshot_status(r->snapshot, clock_now_ns(clock_system()), &s);
+    out[0] = (struct device_count){"recorded", r->tap.messages};
+    out[1] = (struct device_count){"lost", r->tap.lost};
     out[2] = (struct device_count){"file_bytes", t.file_bytes};
     out[3] = (struct device_count){"queue_bytes", bus_waiting_bytes(r->bus)};
     out[4] = (struct device_count){"files", t.n_files};
     out[5] = (struct device_count){"files_removed", t.n_removed};
     out[6] = (struct device_count){"refused", bus_refused(r->bus)};
-    return 7;
+    out[7] = (struct device_count){"snapshot_bytes", s.kept_bytes};
+    out[8] = (struct device_count){"snapshots", s.saved};
+    out[9] = (struct device_count){"snapshots_failed", s.failed};
+    out[10] = (struct device_count){"snapshots_joined", s.joined};
+    out[11] = (struct device_count){"snapshots_refused", s.refused};
+    out[12] = (struct device_count){"snapshots_missing", s.missing};
+    out[13] = (struct device_count){"faults_again", snapshot_faults_again(r->snapshot)};
+    return 14;
 }
 
 static int messages_fd(const void *self)
@@ -181,6 +237,27 @@ static int take(void *self)
     return tap_step(&r->tap, 0, &r->why);
 }
 
+/* A recorder that keeps nothing speaks when it is asked. */
+static int64_t status_due_ns(const void *self)
+{
+    const struct record *r = self;
+
+    return snapshot_news(r->snapshot) != r->told_news     ? 0
+           : node_launch(r->node)->record.snapshot.folder ? r->status_due_ns
+                                                          : LOOP_NEVER;
+}
+
+static int publish_status(void *self)
+{
+    struct record *r = self;
+    Anlos__SaveStatus s;
+
+    r->told_news = snapshot_news(r->snapshot);
+    r->status_due_ns = node_machine_ns(r->node) + STATUS_NS;
+    snapshot_status(r->snapshot, clock_now_ns(clock_system()), &s);
+    return node_publish(r->node, topic_save_status(), 0, &s.base);
+}
+
 static const char *plural(uint64_t n)
 {
     return n == 1 ? "" : "s";
@@ -189,6 +266,7 @@ static const char *plural(uint64_t n)
 static void tell_end(const struct record *r, int err, const struct recorder_totals *sum)
 {
     const struct recorder_totals t = *sum;
+    Anlos__SaveStatus s;
 
     if (err) {
         node_state(
@@ -196,6 +274,14 @@ static void tell_end(const struct record *r, int err, const struct recorder_tota
             "recording stops: %s; the bag has %" PRIu64 " message%s, %" PRIu64 " %s lost",
             r->why.text, t.messages - t.unwritten, plural(t.messages - t.unwritten),
             t.lost + t.unwritten, t.lost + t.unwritten == 1 ? "is" : "are");
+        return;
+    }
+    snapshot_status(r->snapshot, clock_now_ns(clock_system()), &s);
+    if (!r->recorder) {
+        node_log(r->node, t.lost ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO,
+                 "%s: %" PRIu64 " bag%s saved, %" PRIu64 " of %" PRIu64 " message%s lost",
+                 node_launch(r->node)->record.snapshot.folder, s.saved, plural(s.saved),
+                 t.lost, t.messages + t.lost, plural(t.messages + t.lost));
         return;
     }
     node_log(r->node, t.lost ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO,
@@ -217,16 +303,22 @@ static int end(void *self, int err)
         err = tap_drain(&r->tap, &r->why);
     node_device(r->node, NULL, NULL);
     node_busy(r->node, END_S);
-    int ended =
-        recorder_end(r->recorder, clock_now_ns(clock_system()), err ? NULL : &r->why);
-    err = err ? err : ended;
-    recorder_sum(r->recorder, &sum);
+    snapshot_end(r->snapshot, clock_now_ns(clock_system()));
+    if (r->recorder) {
+        int ended =
+            recorder_end(r->recorder, clock_now_ns(clock_system()), err ? NULL : &r->why);
+        err = err ? err : ended;
+        recorder_sum(r->recorder, &sum);
+    } else {
+        sum = (struct recorder_totals){.messages = r->tap.messages, .lost = r->tap.lost};
+    }
     tell_end(r, err, &sum);
     return err || sum.lost || sum.unwritten ? NODE_TOLD : 0;
 }
 
 static const struct loop_timer timers[] = {
     {.due_ns = take_due_ns, .run = take, .when = LOOP_EACH},
+    {.due_ns = status_due_ns, .run = publish_status},
     {.run = NULL},
 };
 

@@ -368,6 +368,15 @@ int recorder_put(struct recorder *r, const struct bus_message *m, int64_t now_ns
     return 0;
 }
 
+int recorder_pairs(struct recorder *r, const char *name, const struct pairs *p,
+                   struct error *why)
+{
+    int err = pairs_write(p, name, r->writer, why);
+
+    r->failed = err != 0;
+    return err;
+}
+
 void recorder_lost(struct recorder *r, const struct topic *t, uint64_t total)
 {
     balance_lost(&r->balance, t, total);

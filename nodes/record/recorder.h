@@ -56,6 +56,11 @@ int recorder_create(struct recorder **out, const struct recorder_config *cfg,
 int recorder_put(struct recorder *r, const struct bus_message *m, int64_t now_ns,
                  struct error *why);
 
+/* A metadata record, into the file under way.  As recorder_put. */
+struct pairs;
+int recorder_pairs(struct recorder *r, const char *name, const struct pairs *p,
+                   struct error *why);
+
 /* So many messages of the topic are lost by now. */
 void recorder_lost(struct recorder *r, const struct topic *t, uint64_t total);
 

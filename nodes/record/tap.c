@@ -57,15 +57,30 @@ void choice_clear(struct choice *c)
 #define QUIET_MS        300 /* also where this process does not run for a moment */
 #define LAST_NS         2000000000LL /* to wait for what is on its way */
 
+static bool is_chosen(const struct tap *t, const struct topic *topic)
+{
+    for (size_t i = 0; i < t->n_topics; i++)
+        if (t->topics[i] == topic)
+            return true;
+    return false;
+}
+
 int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
-             const struct recorder_config *cfg, const struct clock_source *clock)
+             struct snapshot *snapshot, const struct topic *const *topics, size_t n,
+             const struct clock_source *clock)
 {
     int err = 0;
 
-    *t = (struct tap){.bus = bus, .recorder = recorder, .clock = clock};
+    *t = (struct tap){.bus = bus,
+                      .recorder = recorder,
+                      .snapshot = snapshot,
+                      .topics = topics,
+                      .n_topics = n,
+                      .clock = clock};
     bus_keep_all(bus, TAP_QUEUE_BYTES, clock_now_ns(clock));
-    for (size_t i = 0; !err && i < cfg->n_topics; i++)
-        err = bus_subscribe(bus, cfg->topics[i]);
+    for (const struct topic *topic = topics_all(); !err && topic->name; topic++)
+        if (is_chosen(t, topic) || (snapshot && snapshot_wants(snapshot, topic)))
+            err = bus_subscribe(bus, topic);
     if (err)
         return err;
     t->room = bus_counts(bus, NULL, 0);
@@ -76,11 +91,19 @@ int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
 void tap_count(struct tap *t)
 {
     size_t n = bus_counts(t->bus, t->counts, t->room);
+    int64_t now_ns = clock_now_ns(t->clock);
 
-    for (size_t i = 0; i < n && i < t->room; i++)
-        if (!t->counts[i].published)
-            recorder_lost(t->recorder, t->counts[i].topic,
-                          t->counts[i].gaps + t->counts[i].dropped);
+    t->lost = 0;
+    for (size_t i = 0; i < n && i < t->room; i++) {
+        uint64_t lost = t->counts[i].gaps + t->counts[i].dropped;
+        if (t->counts[i].published || !is_chosen(t, t->counts[i].topic))
+            continue;
+        t->lost += lost;
+        if (t->recorder)
+            recorder_lost(t->recorder, t->counts[i].topic, lost);
+        if (t->snapshot)
+            snapshot_lost(t->snapshot, t->counts[i].topic, lost, now_ns);
+    }
 }
 
 /* Milliseconds to t, rounded up. */
@@ -91,10 +114,15 @@ static int ms_until(int64_t now_ns, int64_t t_ns)
 
 static int put(struct tap *t, struct bus_message *m, struct error *why)
 {
-    int err = recorder_put(t->recorder, m, clock_now_ns(t->clock), why);
+    int64_t now_ns = clock_now_ns(t->clock);
+    bool chosen = is_chosen(t, m->topic);
+    int err = t->recorder && chosen ? recorder_put(t->recorder, m, now_ns, why) : 0;
 
+    t->messages += chosen;
     t->due_ns = 0; /* it may be sooner now */
-    bus_message_free(m);
+    if (t->snapshot && !err)
+        snapshot_put(t->snapshot, m, now_ns);
+    bus_message_free(m); /* a zeroed one, where it was taken over */
     return err;
 }
 
@@ -106,7 +134,14 @@ static int tick(struct tap *t, struct error *why)
         tap_count(t);
         t->count_due_ns = now + COUNT_PERIOD_NS;
     }
-    return recorder_tick(t->recorder, now, &t->due_ns, why);
+    t->due_ns = INT64_MAX;
+    int err = t->recorder ? recorder_tick(t->recorder, now, &t->due_ns, why) : 0;
+    if (t->snapshot && now >= snapshot_due_ns(t->snapshot))
+        snapshot_step(t->snapshot, now);
+    int64_t due_ns = t->snapshot ? snapshot_due_ns(t->snapshot) : INT64_MAX;
+    if (due_ns < t->due_ns)
+        t->due_ns = due_ns;
+    return err;
 }
 
 int tap_step(struct tap *t, int timeout_ms, struct error *why)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/record/tap.h -- what comes over a bus, into a recorder. */
+/* nodes/record/tap.h -- what comes over a bus, into a recorder, and into a snapshot that
+ * keeps the last seconds of it. */
 #ifndef ANLOS_NODES_RECORD_TAP_H
 #define ANLOS_NODES_RECORD_TAP_H
 
@@ -10,25 +11,33 @@
 #include "msgs/bus.h"
 #include "msgs/topics.h"
 #include "nodes/record/recorder.h"
+#include "nodes/record/snapshot.h"
 
 #define TAP_QUEUE_BYTES ((size_t)256 << 20) /* 10 s of a scan at four times its pace */
 
 struct tap {
     struct bus *bus;
-    struct recorder *recorder;
+    struct recorder *recorder; /* NULL: no file of all */
+    struct snapshot *snapshot; /* NULL: none */
+    const struct topic *const *topics;
+    size_t n_topics;
     const struct clock_source *clock;
     int64_t due_ns; /* when tap_step is to be called again; INT64_MAX: for a message */
     int64_t count_due_ns;
+    uint64_t messages, lost;  /* of its topics, taken and not */
     struct bus_count *counts; /* [room] */
     size_t room;
 };
 
-/* A tap on a bus that subscribes to nothing yet.  0, -ENOMEM, as bus_subscribe. */
+/* A tap on a bus that subscribes to nothing yet: topics[n], which outlive it, and what
+ * the snapshot wants beside.  0, -ENOMEM, as bus_subscribe. */
 int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
-             const struct recorder_config *cfg, const struct clock_source *clock);
+             struct snapshot *snapshot, const struct topic *const *topics, size_t n,
+             const struct clock_source *clock);
 
 /* Takes at most one message, waiting for it no longer than timeout_ms, and has the
- * recorder flush when it is time.  0; errors of bus_receive but -ETIMEDOUT, of recorder.
+ * recorder flush and the snapshot write when it is time.  0; errors of bus_receive but
+ * -ETIMEDOUT, of recorder.
  */
 int tap_step(struct tap *t, int timeout_ms, struct error *why);
 
@@ -36,7 +45,7 @@ int tap_step(struct tap *t, int timeout_ms, struct error *why);
  * comes for a moment.  Ends an interrupt.  As tap_step. */
 int tap_drain(struct tap *t, struct error *why);
 
-/* What is lost by now, to the recorder. */
+/* What is lost by now, to both. */
 void tap_count(struct tap *t);
 void tap_close(struct tap *t);
 

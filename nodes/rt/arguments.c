@@ -21,9 +21,9 @@ static const char *option_value(const char *name, int argc, char **argv, int *i)
 
 static int error_say_of(const struct arguments *a, const char *arg, struct error *why)
 {
-    static const char *const with_value[] = {"--launch", "--run-dir",   "--out",
-                                             "--record", "--bag",       "--rate",
-                                             "--host",   "--log-level", "--log-format"};
+    static const char *const with_value[] = {
+        "--launch", "--run-dir", "--out",  "--record",    "--snapshot",
+        "--bag",    "--rate",    "--host", "--log-level", "--log-format"};
 
     if (arg[0] != '-')
         return error_say(why, -EINVAL,
@@ -59,6 +59,8 @@ static int parse_one(struct arguments *a, int argc, char **argv, int *i,
         a->out = value;
     else if ((value = option_value("--record", argc, argv, i)))
         a->record = value;
+    else if ((value = option_value("--snapshot", argc, argv, i)))
+        a->snapshot = value;
     else if ((value = option_value("--bag", argc, argv, i)))
         a->bag = value;
     else if ((value = option_value("--rate", argc, argv, i)))
@@ -95,6 +97,8 @@ int arguments_parse(struct arguments *out, int argc, char **argv, struct error *
         return error_say(why, -EINVAL, "--out: expected the name of a folder");
     if (out->record && !out->record[0])
         return error_say(why, -EINVAL, "--record: expected the name of a bag");
+    if (out->snapshot && !out->snapshot[0])
+        return error_say(why, -EINVAL, "--snapshot: expected the name of a folder");
     return 0;
 }
 
@@ -104,6 +108,12 @@ const char *arguments_help(void)
            "                     $XDG_RUNTIME_DIR/anlos or /tmp/anlos-UID\n"
            "  --out DIR          the folder of results, instead of report.folder\n"
            "  --record BAG       records every topic into it, instead of record.path\n"
+           "  --snapshot DIR     keeps the last 30 s in memory, and saves them there as "
+           "a "
+           "bag\n"
+           "                     when 'anlos bag save', the page, the vehicle or a new "
+           "fault\n"
+           "                     asks for it; record.snapshot has the numbers\n"
            "  --host NAME        which one of the launch file's hosts this machine is\n"
            "  --bag FILE         what the node play plays, instead of play.bag\n"
            "  --rate R           of its pace, or max: as fast as it is used\n"

@@ -13,6 +13,7 @@ struct arguments { /* borrow from argv */
     const char *run_dir;    /* NULL: the default */
     const char *out;        /* NULL: as the launch file says */
     const char *record;     /* a bag to be recorded; NULL: as the launch file says */
+    const char *snapshot;   /* folder of bags of the last seconds; NULL: the same */
     const char *bag, *rate; /* of the node play; NULL: as the launch file says */
     const char *host;       /* which of the launch file's hosts this is; NULL: not said */
     bool realtime;
@@ -23,8 +24,9 @@ struct arguments { /* borrow from argv */
     enum log_format log_format;
 };
 
-/* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --bag FILE --rate R
- * --host NAME --realtime --replay --no-supervision --log-level LEVEL --log-format FORM
+/* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --snapshot DIR
+ * --bag FILE --rate R --host NAME --realtime --replay --no-supervision --log-level LEVEL
+ * --log-format FORM
  * --version --help`.  0, or -EINVAL: unknown option, missing or wrong value, no launch
  * file. */
 int arguments_parse(struct arguments *out, int argc, char **argv, struct error *why);

@@ -18,6 +18,13 @@
 #include "recon/tracking/object_tracker.h"
 #include "recon/walls/wall_map.h"
 
+#define SNAPSHOT_BEFORE_S 30 /* of record.snapshot: defaults, */
+#define SNAPSHOT_AFTER_S  5
+#define SNAPSHOT_MAX_MB   512
+#define SNAPSHOT_MOST_S   3600 /* and bounds: of before and after, */
+#define SNAPSHOT_LEAST_MB 16   /* and of megabytes */
+#define SNAPSHOT_MOST_MB  65536
+
 struct launch_track { /* recon/tracking/track.h tells what they do, and why so much */
     double threshold_db;
     double min_existence; /* of a detection */
@@ -99,11 +106,16 @@ struct launchfile {
         char *folder; /* what the report node writes into; default "out" */
     } report;
     struct {
-        char *path;             /* of the bag; relative to the current folder */
+        char *path;             /* of the bag; relative to the current folder; or empty */
         char *topics, *exclude; /* patterns with commas between; default "*" and "" */
         unsigned split_mb, split_s, quota_mb; /* 0: none */
         enum bag_compression compression;     /* default none */
         unsigned flush_ms;                    /* default 1000 */
+        struct {
+            char *folder; /* of bags of the last seconds; NULL: none are kept */
+            unsigned before_s, after_s, max_mb; /* nodes/record/snapshot.h */
+            bool faults;                        /* a new one is saved; default */
+        } snapshot;
     } record;
     struct {
         char *bag;   /* empty: there is no node play */
@@ -128,6 +140,7 @@ struct launchfile {
 struct launchfile_options { /* of the command line, they win over the file */
     const char *out;        /* report.folder, or NULL */
     const char *record;     /* record.path, and there is such a node; or NULL */
+    const char *snapshot;   /* record.snapshot.folder, the same */
     const char *bag, *rate; /* play.bag and play.rate, or NULL */
     bool realtime;          /* simulated hardware runs at the true pace */
 };

@@ -515,6 +515,12 @@ static int take_numbers(struct launchfile *l, const struct launch_text_record *t
         {"record.split_s", t->split_s, &l->record.split_s, 0, 0, MAX_S},
         {"record.quota_mb", t->quota_mb, &l->record.quota_mb, 0, 0, MAX_MB},
         {"record.flush_ms", t->flush_ms, &l->record.flush_ms, 1000, 1, 3600000},
+        {"record.snapshot.before_s", t->snapshot.before_s, &l->record.snapshot.before_s,
+         SNAPSHOT_BEFORE_S, 1, SNAPSHOT_MOST_S},
+        {"record.snapshot.after_s", t->snapshot.after_s, &l->record.snapshot.after_s,
+         SNAPSHOT_AFTER_S, 0, SNAPSHOT_MOST_S},
+        {"record.snapshot.max_mb", t->snapshot.max_mb, &l->record.snapshot.max_mb,
+         SNAPSHOT_MAX_MB, SNAPSHOT_LEAST_MB, SNAPSHOT_MOST_MB},
     };
 
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
@@ -536,19 +542,38 @@ static char *copy_text(const char *text, const char *otherwise)
     return strdup(text ? text : otherwise);
 }
 
+static int copy_snapshot(struct launchfile *l, const struct launch_text_snapshot *s,
+                         const char *asked, struct error *why)
+{
+    const char *folder = asked ? asked : s->folder;
+    bool other = s->before_s || s->after_s || s->max_mb || s->faults;
+
+    if (!folder && other)
+        return yaml_error_say(why, -EINVAL, l->path, "record.snapshot.folder",
+                              "expected where bags of the last seconds go, e.g. "
+                              "out/snapshots");
+    l->record.snapshot.faults = s->faults ? *s->faults : true;
+    l->record.snapshot.folder = folder ? strdup(folder) : NULL;
+    return folder && !l->record.snapshot.folder ? -ENOMEM : 0;
+}
+
 int launchfile_copy_record(struct launchfile *l, const struct launch_text *t,
                            const struct launchfile_options *options, struct error *why)
 {
     const struct launch_text_record *r = &t->record;
     const char *path = options && options->record ? options->record : r->path;
     const char *compression = r->compression ? r->compression : "none";
-    bool added = options && options->record && !launchfile_has_node(l, "record");
+    bool asked = options && (options->record || options->snapshot);
 
-    if (added && add_node(l))
+    if (asked && !launchfile_has_node(l, "record") && add_node(l))
         return -ENOMEM;
-    if (launchfile_has_node(l, "record") && !path)
+    int err = copy_snapshot(l, &r->snapshot, options ? options->snapshot : NULL, why);
+    if (err)
+        return err;
+    if (launchfile_has_node(l, "record") && !path && !l->record.snapshot.folder)
         return yaml_error_say(why, -EINVAL, l->path, "record.path",
-                              "expected the name of a bag, e.g. out/demo.mcap");
+                              "expected the name of a bag, e.g. out/demo.mcap, or a "
+                              "snapshot's folder");
     if (bag_compression_find(&l->record.compression,
                              bytes_of(strcmp(compression, "none") ? compression : "")))
         return yaml_error_say(why, -EINVAL, l->path, "record.compression",
@@ -564,6 +589,7 @@ int launchfile_copy_record(struct launchfile *l, const struct launch_text *t,
 void launchfile_free_record(struct launchfile *l)
 {
     free(l->record.path);
+    free(l->record.snapshot.folder);
     free(l->record.topics);
     free(l->record.exclude);
 }

@@ -51,8 +51,8 @@ int launchfile_copy_view(struct launchfile *l, const struct launch_text *t,
                          struct error *why);
 void launchfile_free_view(struct launchfile *l);
 
-/* Fills in l->record; a path in the options adds the node, before all others.  0,
- * -EINVAL, -ENOMEM. */
+/* Fills in l->record; a path or folder in the options adds the node, before all others.
+ * 0, -EINVAL, -ENOMEM. */
 int launchfile_copy_record(struct launchfile *l, const struct launch_text *t,
                            const struct launchfile_options *options, struct error *why);
 void launchfile_free_record(struct launchfile *l);

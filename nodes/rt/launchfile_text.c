@@ -144,10 +144,28 @@ static const cyaml_schema_value_t host_schema = {
                            struct launch_text_record, name, 0, TEXT_SIZE)
 #define RECORD_COUNT(name)                                                               \
     CYAML_FIELD_UINT_PTR(#name, OPTIONAL, struct launch_text_record, name)
+#define SNAPSHOT_COUNT(name)                                                             \
+    CYAML_FIELD_UINT_PTR(#name, OPTIONAL, struct launch_text_snapshot, name)
+static const cyaml_schema_field_t snapshot_fields[] = {
+    CYAML_FIELD_STRING_PTR("folder", CYAML_FLAG_POINTER | OPTIONAL,
+                           struct launch_text_snapshot, folder, 1, TEXT_SIZE),
+    SNAPSHOT_COUNT(before_s),
+    SNAPSHOT_COUNT(after_s),
+    SNAPSHOT_COUNT(max_mb),
+    CYAML_FIELD_BOOL_PTR("faults", OPTIONAL, struct launch_text_snapshot, faults),
+    CYAML_FIELD_END};
 static const cyaml_schema_field_t record_fields[] = {
-    RECORD_TEXT(path),      RECORD_TEXT(topics),      RECORD_TEXT(exclude),
-    RECORD_COUNT(split_mb), RECORD_COUNT(split_s),    RECORD_COUNT(quota_mb),
-    RECORD_COUNT(flush_ms), RECORD_TEXT(compression), CYAML_FIELD_END};
+    RECORD_TEXT(path),
+    RECORD_TEXT(topics),
+    RECORD_TEXT(exclude),
+    RECORD_COUNT(split_mb),
+    RECORD_COUNT(split_s),
+    RECORD_COUNT(quota_mb),
+    RECORD_COUNT(flush_ms),
+    RECORD_TEXT(compression),
+    CYAML_FIELD_MAPPING("snapshot", OPTIONAL, struct launch_text_record, snapshot,
+                        snapshot_fields),
+    CYAML_FIELD_END};
 
 #define PLAY_TEXT(name)                                                                  \
     CYAML_FIELD_STRING_PTR(#name, CYAML_FLAG_POINTER | OPTIONAL,                         \

@@ -93,9 +93,16 @@ struct launch_text_host {
     unsigned nodes_count;
 };
 
+struct launch_text_snapshot {
+    char *folder;
+    unsigned *before_s, *after_s, *max_mb;
+    bool *faults;
+};
+
 struct launch_text_record {
     char *path, *topics, *exclude, *compression;
     unsigned *split_mb, *split_s, *quota_mb, *flush_ms;
+    struct launch_text_snapshot snapshot;
 };
 
 struct launch_text_play {

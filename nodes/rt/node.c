@@ -104,6 +104,7 @@ static int open_all(struct node *n, const struct arguments *args, struct error *
                                          .bag = args->bag,
                                          .rate = args->rate,
                                          .record = args->record,
+                                         .snapshot = args->snapshot,
                                          .realtime = args->realtime};
     int err = args->launch ? launchfile_load(&n->launch, args->launch, &options, why) : 0;
 

@@ -194,8 +194,10 @@ static void a_recorder_has_its_section(void **state)
     assert_int_equal(l->record.compression, BAG_NONE);
     assert_int_equal(l->record.flush_ms, 1000);
     launchfile_destroy(l);
-    assert_refused(*state, "nodes: [record]\nrecord: {flush_ms: 10}\n",
-                   ":2: record.path: expected the name of a bag, e.g. out/demo.mcap");
+    assert_refused(
+        *state, "nodes: [record]\nrecord: {flush_ms: 10}\n",
+        ":2: record.path: expected the name of a bag, e.g. out/demo.mcap, or a "
+        "snapshot's folder");
     assert_refused(*state, "nodes: [can]\nrecord: {flush_ms: 0}\n",
                    ":2: record.flush_ms: expected 1 to 3600000, not 0");
     assert_refused(*state, "nodes: [can]\nrecord: {compression: zip}\n",
@@ -204,6 +206,36 @@ static void a_recorder_has_its_section(void **state)
                    ":2: record.split_mb: expected no more than half of quota_mb");
     launchfile_destroy(
         launch_load(*state, "nodes: [can]\nrecord: {quota_mb: 10, split_mb: 5}\n"));
+}
+
+static void a_snapshot_has_bounds_and_needs_a_folder_and_no_bag(void **state)
+{
+    struct launchfile *l = launch_load(
+        *state,
+        "nodes: [record]\nrecord: {snapshot: {folder: here, before_s: 12, after_s: "
+        "0, max_mb: 100, faults: false}}\n");
+
+    assert_string_equal(l->record.path, "");
+    assert_string_equal(l->record.snapshot.folder, "here");
+    assert_int_equal(l->record.snapshot.before_s, 12);
+    assert_int_equal(l->record.snapshot.after_s, 0);
+    assert_int_equal(l->record.snapshot.max_mb, 100);
+    assert_false(l->record.snapshot.faults);
+    launchfile_destroy(l);
+    l = launch_load(*state,
+                    "nodes: [record]\nrecord: {path: a, snapshot: {folder: b}}\n");
+    assert_int_equal(l->record.snapshot.before_s, 30);
+    assert_int_equal(l->record.snapshot.after_s, 5);
+    assert_int_equal(l->record.snapshot.max_mb, 512);
+    assert_true(l->record.snapshot.faults);
+    launchfile_destroy(l);
+    assert_refused(*state, "nodes: [can]\nrecord: {snapshot: {before_s: 5}}\n",
+                   ":2: record.snapshot.folder: expected where bags of the last seconds "
+                   "go, e.g. out/snapshots");
+    assert_refused(*state, "nodes: [can]\nrecord: {snapshot: {folder: a, max_mb: 8}}\n",
+                   ":2: record.snapshot.max_mb: expected 16 to 65536, not 8");
+    assert_refused(*state, "nodes: [can]\nrecord: {snapshot: {folder: a, before_s: 0}}\n",
+                   ":2: record.snapshot.before_s: expected 1 to 3600, not 0");
 }
 
 static void a_recording_on_the_command_line_adds_the_recorder_before_all(void **state)
@@ -541,6 +573,7 @@ int main(void)
         TEST(real_hardware_does_not_hear_of_paces),
         TEST(a_file_that_is_not_there_is_said),
         TEST(a_recorder_has_its_section),
+        TEST(a_snapshot_has_bounds_and_needs_a_folder_and_no_bag),
         TEST(a_recording_on_the_command_line_adds_the_recorder_before_all),
         TEST(mistakes_are_named_with_file_and_line),
         TEST(values_out_of_range_are_named_with_their_limits),

@@ -380,7 +380,7 @@ static void wrong_arguments_are_named(void **state)
     static const struct {
         const char *words[8], *says;
     } cases[] = {
-        {{NULL}, "-o FILE is missing"},
+        {{NULL}, "-o FILE, or --snapshot DIR, is missing"},
         {{"-o", "a", "pings"}, "no topic is called \"pings\""},
         {{"-o", "a", "--exclude", "x"}, "no topic is called \"x\""},
         {{"-o", "a", "--split-mb", "0"}, "--split-mb 0: expected a number above 0"},

@@ -181,6 +181,7 @@ struct verb {
 
 static const struct verb verbs[] = {
     {"record", "what goes over the bus of a running system", bag_record},
+    {"save", "the last seconds, of a recorder that keeps them", bag_save},
     {"play", "a recording onto the bus, as if it happened now", bag_play},
     {"info", "what is in a bag: topics, times, sizes, attachments", bag_info},
     {"check", "every checksum, every index against the content", bag_check_command},
@@ -220,9 +221,9 @@ int command_bag(int argc, char **argv)
         return usage_error("bag", "%s: no such option; a verb comes first", name);
     return usage_error(
         "bag",
-        *name ? "%s: no such verb; expected record, play, info, check, recover, merge, "
-                "filter, export or import"
-              : "%srecord, play, info, check, recover, merge, filter, export or import "
-                "is missing",
+        *name ? "%s: no such verb; expected record, save, play, info, check, recover, "
+                "merge, filter, export or import"
+              : "%srecord, save, play, info, check, recover, merge, filter, export or "
+                "import is missing",
         name);
 }

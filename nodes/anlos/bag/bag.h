@@ -15,6 +15,7 @@
 #include "msgs/bag/writer.h"
 
 int bag_record(int argc, char **argv);
+int bag_save(int argc, char **argv);
 int bag_play(int argc, char **argv);
 int bag_info(int argc, char **argv);
 int bag_check_command(int argc, char **argv);

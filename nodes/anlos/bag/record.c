@@ -41,6 +41,9 @@ struct record_options {
     const char *launch;                 /* launch file to be attached, or NULL */
     double split_mb, split_s, quota_mb; /* 0: none */
     double flush_ms;
+    const char *snapshot; /* folder of bags of the last seconds, or NULL */
+    size_t before_s, after_s, max_mb;
+    bool no_faults;
     double duration_s; /* INFINITY: until Ctrl-C */
     enum bag_compression compression;
 };
@@ -68,6 +71,27 @@ static void clear_line(struct record_show *s)
     fputs(CLEAR_LINE, stdout);
     fflush(stdout);
     s->line_shown = false;
+}
+
+/* Of who keeps the last seconds only. */
+static void record_show_kept(struct record_show *s, const Anlos__SaveStatus *kept,
+                             uint64_t lost, double elapsed_s)
+{
+    if (s->terminal) {
+        char line[120];
+        size_t rows, columns;
+        live_size(STDOUT_FILENO, &rows, &columns);
+        snprintf(line, sizeof line,
+                 "%.0f s  keeps %.1f s, %.1f MB  saved %" PRIu64 "  lost %" PRIu64,
+                 elapsed_s, kept->kept_s, 1e-6 * (double)kept->kept_bytes, kept->saved,
+                 lost);
+        printf(CLEAR_LINE "%.*s", (int)columns - 1, line);
+        fflush(stdout);
+        s->line_shown = true;
+    } else if (lost > s->lost) {
+        fprintf(stderr, "anlos bag record: messages lost so far: %" PRIu64 "\n", lost);
+    }
+    s->lost = lost;
 }
 
 /* How it is going; for every second or so. */
@@ -144,9 +168,12 @@ struct job {
     struct choice choice;
     struct session session;
     struct bus *bus;
-    struct recorder *recorder;
+    struct recorder *recorder; /* NULL: no file of all */
+    struct snapshot *snapshot; /* NULL: none */
     struct tap tap;
     struct record_show show;
+    int64_t status_due_ns;
+    uint64_t told_news;
     int64_t start_ns;
 };
 
@@ -170,7 +197,11 @@ static int open_session(struct job *j, struct error *why)
 
 static int open_bus(struct job *j, struct error *why)
 {
-    const struct bus_config cfg = {.run_dir = j->run_dir, .listen_only = true};
+    /* A snapshot answers those who ask for it. */
+    const struct bus_config cfg = {.node = j->options->snapshot ? "recorder" : NULL,
+                                   .run_dir = j->run_dir,
+                                   .epoch_ns = j->start_ns,
+                                   .listen_only = !j->options->snapshot};
     int err = rundir_open(j->run_dir, j->options->run_dir, why);
 
     if (err)
@@ -197,17 +228,67 @@ static int open_recorder(struct job *j, struct error *why)
         .say = record_show_text,
         .context = &j->show,
     };
-    int err = recorder_create(&j->recorder, &cfg, j->start_ns, why);
 
-    if (err)
-        return err;
-    err = tap_open(&j->tap, j->bus, j->recorder, &cfg, j->clock);
+    return recorder_create(&j->recorder, &cfg, j->start_ns, why);
+}
+
+static int open_snapshot(struct job *j, struct error *why)
+{
+    const struct record_options *o = j->options;
+    const struct snapshot_config cfg = {
+        .folder = o->snapshot,
+        .before_ns = (int64_t)o->before_s * 1000000000,
+        .after_ns = (int64_t)o->after_s * 1000000000,
+        .max_bytes = o->max_mb * 1000000,
+        .on_faults = !o->no_faults,
+        .topics = j->choice.topics,
+        .n_topics = j->choice.n,
+        .compression = o->compression,
+        .session = &j->session,
+        .say = record_show_text,
+        .context = &j->show,
+    };
+
+    return snapshot_create(&j->snapshot, &cfg, why);
+}
+
+static int open_tap(struct job *j, struct error *why)
+{
+    int err = tap_open(&j->tap, j->bus, j->recorder, j->snapshot, j->choice.topics,
+                       j->choice.n, j->clock);
+
     return err ? error_say(why, err, "cannot subscribe: %s", strerror(-err)) : 0;
 }
 
 static double elapsed_s(const struct job *j)
 {
     return 1e-9 * (double)(clock_now_ns(j->clock) - j->start_ns);
+}
+
+static void tell_status(struct job *j, int64_t now_ns)
+{
+    Anlos__SaveStatus s;
+
+    if (!j->snapshot ||
+        (now_ns < j->status_due_ns && snapshot_news(j->snapshot) == j->told_news))
+        return;
+    j->status_due_ns = now_ns + SHOW_PERIOD_NS;
+    j->told_news = snapshot_news(j->snapshot);
+    snapshot_status(j->snapshot, now_ns, &s);
+    bus_publish_message(j->bus, topic_save_status(), 0, now_ns, &s.base);
+}
+
+static void show(struct job *j, int64_t now_ns)
+{
+    Anlos__SaveStatus s;
+
+    if (j->recorder) {
+        record_show_progress(&j->show, j->recorder, elapsed_s(j),
+                             bus_waiting_bytes(j->bus));
+        return;
+    }
+    snapshot_status(j->snapshot, now_ns, &s);
+    record_show_kept(&j->show, &s, j->tap.lost, elapsed_s(j));
 }
 
 static int record(struct job *j, struct error *why)
@@ -221,24 +302,45 @@ static int record(struct job *j, struct error *why)
             break;
         err = tap_step(&j->tap, (int)fmin(LOOK_MS, 1e3 * left_s + 1.0), why);
         int64_t now = clock_now_ns(j->clock);
+        tell_status(j, now);
         if (err || now < show_ns)
             continue;
         show_ns = now + SHOW_PERIOD_NS;
-        record_show_progress(&j->show, j->recorder, elapsed_s(j),
-                             bus_waiting_bytes(j->bus));
+        show(j, now);
     }
     return err ? err : tap_drain(&j->tap, why);
+}
+
+static bool show_snapshots(struct job *j, double elapsed_s)
+{
+    Anlos__SaveStatus s;
+
+    clear_line(&j->show);
+    snapshot_status(j->snapshot, clock_now_ns(j->clock), &s);
+    printf("%s: %" PRIu64 " bags saved, %" PRIu64 " not whole, %" PRIu64
+           " messages in %.1f s, %" PRIu64 " lost\n",
+           j->options->snapshot, s.saved, s.failed, j->tap.messages, elapsed_s,
+           j->tap.lost);
+    return !fflush(stdout);
 }
 
 /* What was recorded before an error is shown too. */
 static int end(struct job *j, int err, struct error *why)
 {
-    struct recorder_totals t;
+    struct recorder_totals t = {.lost = j->tap.lost};
     double seconds = elapsed_s(j);
-    int ended = recorder_end(j->recorder, clock_now_ns(j->clock), err ? NULL : why);
+    bool shown = true;
+    int ended = 0;
 
-    recorder_sum(j->recorder, &t);
-    bool shown = record_show_end(&j->show, j->recorder, seconds);
+    if (j->snapshot) {
+        snapshot_end(j->snapshot, clock_now_ns(j->clock));
+        shown = show_snapshots(j, seconds);
+    }
+    if (j->recorder) {
+        ended = recorder_end(j->recorder, clock_now_ns(j->clock), err ? NULL : why);
+        recorder_sum(j->recorder, &t);
+        shown &= record_show_end(&j->show, j->recorder, seconds);
+    }
     uint64_t refused = bus_refused(j->bus);
     if (refused)
         fprintf(stderr,
@@ -267,15 +369,21 @@ static int record_run(const struct record_options *o, bool *began, struct error 
         err = open_session(&j, why);
     if (!err)
         err = open_bus(&j, why);
-    if (!err)
+    if (!err && o->out)
         err = open_recorder(&j, why);
+    *began = j.recorder != NULL;
+    if (!err && o->snapshot)
+        err = open_snapshot(&j, why);
+    *began |= j.snapshot != NULL;
+    if (!err)
+        err = open_tap(&j, why);
     if (!err)
         err = record(&j, why);
-    *began = j.recorder != NULL;
     if (*began)
         err = end(&j, err, why);
     tap_close(&j.tap);
     recorder_destroy(j.recorder);
+    snapshot_destroy(j.snapshot);
     bus_destroy(j.bus);
     session_clear(&j.session);
     choice_clear(&j.choice);
@@ -286,6 +394,7 @@ static const char help[] =
     "anlos bag record -- record what goes over the bus of a running system\n"
     "\n"
     "usage: anlos bag record -o FILE [TOPICS...] [options]\n"
+    "       anlos bag record --snapshot DIR [TOPICS...] [options]\n"
     "\n"
     "  TOPICS            names or patterns, also with commas between; default all\n"
     "  -o, --out FILE    the bag; must not be there\n"
@@ -300,6 +409,14 @@ static const char help[] =
     "  --flush-ms MS     a message is on the disk after that long at the latest; "
     "default\n"
     "                    1000\n"
+    "  --snapshot DIR    keeps the last seconds in memory, and writes them into a bag\n"
+    "                    in DIR when 'anlos bag save', the page, the vehicle or a new\n"
+    "                    fault asks for it; without -o, or beside it\n"
+    "  --before-s S      so many seconds are kept; default 30\n"
+    "  --after-s S       and so many after the request are saved; default 5\n"
+    "  --max-mb N        with so much memory at most; default 512; 30 s of\n"
+    "                    launch/drive.yaml take 320\n"
+    "  --no-faults       a new fault of a process saves nothing\n"
     "  --launch FILE     the system's launch file, to be kept with its inputs\n"
     "  --run-dir DIR     where the system's sockets are, default "
     "$XDG_RUNTIME_DIR/anlos,\n"
@@ -313,6 +430,7 @@ static const char help[] =
     "\n"
     "examples\n"
     "  anlos bag record -o scan.mcap\n"
+    "  anlos bag record --snapshot out/snapshots --launch launch/drive.yaml\n"
     "  anlos bag record -o drive.mcap 'scan/*' survey ping --split-s 60 --quota-mb "
     "20000\n"
     "\n"
@@ -329,6 +447,11 @@ static const struct option options[] = {
     {"quota-mb", required_argument, NULL, 'q'},
     {"compression", required_argument, NULL, 'c'},
     {"flush-ms", required_argument, NULL, 'f'},
+    {"snapshot", required_argument, NULL, 'S'},
+    {"before-s", required_argument, NULL, 'b'},
+    {"after-s", required_argument, NULL, 'a'},
+    {"max-mb", required_argument, NULL, 'M'},
+    {"no-faults", no_argument, NULL, 'n'},
     {"launch", required_argument, NULL, 'l'},
     {"run-dir", required_argument, NULL, 'r'},
     {"help", no_argument, NULL, 'h'},
@@ -364,6 +487,21 @@ static int take_option(struct record_options *o, int code)
         return verb_take_compression("bag record", optarg, &o->compression);
     case 'f':
         return take_number("flush-ms", 3600e3, &o->flush_ms);
+    case 'S':
+        o->snapshot = optarg;
+        return 0;
+    case 'b':
+        return usage_take_count("bag record", "--before-s", optarg, 1, SNAPSHOT_MOST_S,
+                                &o->before_s);
+    case 'a':
+        return usage_take_count("bag record", "--after-s", optarg, 0, SNAPSHOT_MOST_S,
+                                &o->after_s);
+    case 'M':
+        return usage_take_count("bag record", "--max-mb", optarg, SNAPSHOT_LEAST_MB,
+                                SNAPSHOT_MOST_MB, &o->max_mb);
+    case 'n':
+        o->no_faults = true;
+        return 0;
     case 'l':
         o->launch = optarg;
         return 0;
@@ -407,8 +545,12 @@ static int run(struct record_options *o, char **words, int n)
 
 int bag_record(int argc, char **argv)
 {
-    struct record_options o = {
-        .flush_ms = 1000.0, .duration_s = INFINITY, .compression = BAG_NONE};
+    struct record_options o = {.before_s = SNAPSHOT_BEFORE_S,
+                               .after_s = SNAPSHOT_AFTER_S,
+                               .max_mb = SNAPSHOT_MAX_MB,
+                               .flush_ms = 1000.0,
+                               .duration_s = INFINITY,
+                               .compression = BAG_NONE};
     struct usage usage = {.command = "bag record",
                           .help = help,
                           .options = options,
@@ -420,8 +562,8 @@ int bag_record(int argc, char **argv)
             return code;
     if (code)
         return ~code;
-    if (!o.out)
-        return usage_error("bag record", "-o FILE is missing");
+    if (!o.out && !o.snapshot)
+        return usage_error("bag record", "-o FILE, or --snapshot DIR, is missing");
     if (o.split_mb > o.quota_mb / 2 && o.quota_mb > 0.0)
         return usage_error("bag record",
                            "--split-mb %g: expected no more than half of --quota-mb %g",

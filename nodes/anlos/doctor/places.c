@@ -205,7 +205,12 @@ static void look_at_record(const struct doctor *d, const struct launchfile *l,
 {
     char folder[PATH_MAX];
 
-    if (!doctor_runs(d, l, "record") || !l->record.path)
+    if (!doctor_runs(d, l, "record"))
+        return;
+    if (l->record.snapshot.folder)
+        doctor_folder(f, "record", "bags of the last seconds go to",
+                      l->record.snapshot.folder);
+    if (!*l->record.path)
         return;
     snprintf(folder, sizeof folder, "%s", l->record.path);
     char *slash = strrchr(folder, '/');

@@ -1,0 +1,252 @@
+/* SPDX-License-Identifier: MIT */
+#include "nodes/record/ring.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "msgs/array.pb-c.h"
+
+#define FIRST_ROOM 1024 /* entries; a power of two, as its multiples */
+
+struct background {          /* pings of one scan */
+    struct ring_entry *list; /* [n] of room */
+    size_t n, room, bytes;
+    int64_t epoch_ns;
+    uint32_t scan;
+};
+
+struct ring {
+    struct ring_config cfg;
+    struct ring_entry *list; /* [room], entry k at k % room */
+    size_t room, bytes;      /* of all, kept ones too */
+    uint64_t begin, end, hold;
+    struct ring_entry survey; /* payload NULL: none yet */
+    struct background background;
+    uint64_t shortened, background_gone;
+};
+
+int ring_create(struct ring **out, const struct ring_config *cfg)
+{
+    struct ring *r = calloc(1, sizeof *r);
+
+    if (!r)
+        return -ENOMEM;
+    r->cfg = *cfg;
+    r->hold = UINT64_MAX;
+    r->room = FIRST_ROOM;
+    r->list = calloc(r->room, sizeof *r->list);
+    if (!r->list) {
+        free(r);
+        return -ENOMEM;
+    }
+    *out = r;
+    return 0;
+}
+
+size_t ring_cost(const struct ring_entry *e)
+{
+    return sizeof *e +
+           (e->message.payload ? ENVELOPE_SIZE + e->message.envelope.payload_size : 0);
+}
+
+static struct ring_entry *slot(const struct ring *r, uint64_t number)
+{
+    return &r->list[number & (r->room - 1)];
+}
+
+static int make_room(struct ring *r)
+{
+    if (r->end - r->begin < r->room)
+        return 0;
+    struct ring_entry *grown = calloc(2 * r->room, sizeof *grown);
+    if (!grown)
+        return -ENOMEM;
+    for (uint64_t k = r->begin; k != r->end; k++)
+        grown[k & (2 * r->room - 1)] = *slot(r, k);
+    free(r->list);
+    r->list = grown;
+    r->room *= 2;
+    return 0;
+}
+
+static void drop(struct ring *r, struct ring_entry *e)
+{
+    r->bytes -= ring_cost(e);
+    bus_message_free(&e->message);
+}
+
+static void drop_background(struct ring *r)
+{
+    struct background *b = &r->background;
+
+    for (size_t i = 0; i < b->n; i++)
+        drop(r, &b->list[i]);
+    b->n = b->bytes = 0;
+}
+
+static bool background_has_room(struct background *b)
+{
+    if (b->n < b->room)
+        return true;
+    size_t room = b->room ? 2 * b->room : 64;
+    struct ring_entry *grown = realloc(b->list, room * sizeof *grown);
+    if (!grown)
+        return false;
+    b->list = grown;
+    b->room = room;
+    return true;
+}
+
+/* Is it a ping of a background?  Its scan then. */
+static bool is_background(const struct ring_entry *e, uint32_t *scan)
+{
+    ProtobufCMessage *m = e->message.topic == topic_ping() && e->message.payload
+                              ? bus_message_unpack(&e->message)
+                              : NULL;
+    if (!m)
+        return false;
+    bool is = ((const Anlos__Ping *)m)->pass == ANLOS__PASS__BACKGROUND;
+    *scan = ((const Anlos__Ping *)m)->scan;
+    protobuf_c_message_free_unpacked(m, NULL);
+    return is;
+}
+
+/* What of this scan did not fit is not begun in its middle either. */
+static void keep_background(struct ring *r, struct ring_entry *e, uint32_t scan)
+{
+    struct background *b = &r->background;
+    bool same = b->epoch_ns == e->message.envelope.epoch_ns && b->scan == scan;
+
+    if (!same)
+        drop_background(r);
+    bool gone = same && !b->n;
+    b->epoch_ns = e->message.envelope.epoch_ns;
+    b->scan = scan;
+    if (!gone && b->bytes + ring_cost(e) <= r->cfg.max_bytes / 2 &&
+        background_has_room(b)) {
+        b->bytes += ring_cost(e);
+        b->list[b->n++] = *e;
+        return;
+    }
+    r->background_gone += b->n + 1;
+    drop_background(r);
+    drop(r, e);
+}
+
+/* The oldest goes, or stays for the beginnings of bags. */
+static void shift(struct ring *r)
+{
+    struct ring_entry *e = slot(r, r->begin);
+    uint32_t scan;
+
+    if (r->begin >= r->hold && r->cfg.overrun)
+        r->cfg.overrun(r->cfg.context, e);
+    r->begin++;
+    if (e->message.topic == topic_survey() && e->message.payload) {
+        if (r->survey.message.payload)
+            drop(r, &r->survey);
+        r->survey = *e;
+    } else if (is_background(e, &scan)) {
+        keep_background(r, e, scan);
+    } else {
+        drop(r, e);
+    }
+}
+
+void ring_trim(struct ring *r, int64_t now_ns)
+{
+    while (r->begin != r->end && r->begin < r->hold &&
+           now_ns - slot(r, r->begin)->came_ns > r->cfg.span_ns)
+        shift(r);
+}
+
+static int add(struct ring *r, const struct ring_entry *e)
+{
+    int err = make_room(r);
+
+    if (err)
+        return err;
+    *slot(r, r->end++) = *e;
+    r->bytes += ring_cost(e);
+    ring_trim(r, e->came_ns);
+    while (r->bytes > r->cfg.max_bytes && r->begin != r->end) {
+        r->shortened++;
+        shift(r);
+    }
+    return 0;
+}
+
+int ring_put(struct ring *r, struct bus_message *m, int64_t came_ns)
+{
+    const struct ring_entry e = {.message = *m, .came_ns = came_ns};
+    int err = add(r, &e);
+
+    if (err)
+        bus_message_free(m);
+    memset(m, 0, sizeof *m);
+    return err;
+}
+
+int ring_lost(struct ring *r, const struct topic *t, uint64_t n, int64_t came_ns)
+{
+    const struct ring_entry e = {.message = {.topic = t}, .lost = n, .came_ns = came_ns};
+
+    return add(r, &e);
+}
+
+const struct ring_entry *ring_at(const struct ring *r, uint64_t number)
+{
+    return number >= r->begin && number < r->end ? slot(r, number) : NULL;
+}
+
+uint64_t ring_begin(const struct ring *r)
+{
+    return r->begin;
+}
+
+uint64_t ring_end(const struct ring *r)
+{
+    return r->end;
+}
+
+const struct ring_entry *ring_kept(const struct ring *r, size_t i)
+{
+    bool survey = r->survey.message.payload != NULL;
+
+    if (survey && !i)
+        return &r->survey;
+    i -= survey;
+    return i < r->background.n ? &r->background.list[i] : NULL;
+}
+
+void ring_hold(struct ring *r, uint64_t number)
+{
+    r->hold = number;
+}
+
+void ring_sum(const struct ring *r, struct ring_totals *out)
+{
+    *out = (struct ring_totals){
+        .bytes = r->bytes,
+        .background_bytes = r->background.bytes,
+        .n = (size_t)(r->end - r->begin),
+        .oldest_ns = r->begin != r->end ? slot(r, r->begin)->came_ns : 0,
+        .shortened = r->shortened,
+        .background_gone = r->background_gone,
+    };
+}
+
+void ring_destroy(struct ring *r)
+{
+    if (!r)
+        return;
+    r->hold = UINT64_MAX;
+    while (r->begin != r->end)
+        drop(r, slot(r, r->begin++));
+    drop_background(r);
+    bus_message_free(&r->survey.message);
+    free(r->background.list);
+    free(r->list);
+    free(r);
+}
