@@ -41,7 +41,7 @@ void bytes_put(struct bytes_buffer *b, struct bytes what)
 
 static void write_number(uint8_t *to, uint64_t value, size_t n_bytes)
 {
-    for (size_t i = 0; i < n_bytes; i++)
+    for (size_t i = 0; i < n_bytes && i < sizeof value; i++)
         to[i] = (uint8_t)(value >> 8 * i);
 }
 
