@@ -16,7 +16,8 @@
 static const char help[] =
     "anlos view -- look at a running system, or at a bag, on a web page\n"
     "\n"
-    "usage: anlos view [--bag FILE] [--port N] [--address A] [--run-dir DIR]\n"
+    "usage: anlos view [--bag FILE] [--port N] [--address A] [--save]\n"
+    "                  [--run-dir DIR]\n"
     "\n"
     "Serves one page until Ctrl-C and prints where: the image from three sides and "
     "slice\n"
@@ -32,6 +33,9 @@ static const char help[] =
     "  --port N       default 8765; 0: any that is free\n"
     "  --address A    of this machine, default 127.0.0.1: nobody else sees the page.\n"
     "                 0.0.0.0: everybody on the network does, without a password\n"
+    "  --save         the page gets a button that saves the last 30 s, of a recorder "
+    "that\n"
+    "                 keeps them (anlos launch --snapshot); else it only reads\n"
     "  --run-dir DIR  where the system's sockets are, default $XDG_RUNTIME_DIR/anlos, "
     "else\n"
     "                 /tmp/anlos-UID\n"
@@ -48,9 +52,13 @@ static const char help[] =
     "Ctrl-C\n";
 
 static const struct option options[] = {
-    {"bag", required_argument, NULL, 'b'},     {"port", required_argument, NULL, 'p'},
-    {"address", required_argument, NULL, 'a'}, {"run-dir", required_argument, NULL, 'r'},
-    {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0},
+    {"bag", required_argument, NULL, 'b'},
+    {"port", required_argument, NULL, 'p'},
+    {"address", required_argument, NULL, 'a'},
+    {"run-dir", required_argument, NULL, 'r'},
+    {"save", no_argument, NULL, 's'},
+    {"help", no_argument, NULL, 'h'},
+    {NULL, 0, NULL, 0},
 };
 
 static int64_t now_ns(void)
@@ -108,15 +116,25 @@ static void log_connection(void *ctx, const char *text)
     fprintf(stderr, "anlos view: %s\n", text);
 }
 
-static int serve(struct viewer_config *cfg, const char *asked)
+static int ask_to_save(void *bus, const ProtobufCMessage *request)
+{
+    return bus_publish_message(*(struct bus **)bus, topic_save(), 0, now_ns(), request);
+}
+
+static int serve(struct viewer_config *cfg, const char *asked, bool saves)
 {
     char run_dir[RUNDIR_SIZE];
-    struct bus_config bus_cfg = {.run_dir = run_dir, .listen_only = true};
+    struct bus_config bus_cfg = {.node = saves ? "page" : NULL,
+                                 .run_dir = run_dir,
+                                 .epoch_ns = now_ns(),
+                                 .listen_only = !saves};
     struct error why = {""};
     struct viewer *viewer = NULL;
     struct bus *bus = NULL;
     int err = rundir_open(run_dir, asked, &why);
 
+    cfg->save = saves ? ask_to_save : NULL;
+    cfg->save_ctx = &bus;
     cfg->log = log_connection;
     cfg->run_dir = run_dir;
     cfg->now_ns = now_ns();
@@ -149,11 +167,15 @@ static int serve(struct viewer_config *cfg, const char *asked)
     }
 }
 
-static int take_option(struct viewer_config *cfg, const char **run_dir, int code)
+static int take_option(struct viewer_config *cfg, const char **run_dir, bool *saves,
+                       int code)
 {
     size_t port;
 
     switch (code) {
+    case 's':
+        *saves = true;
+        return 0;
     case 'b':
         cfg->bag = optarg;
         return 0;
@@ -175,17 +197,21 @@ int command_view(int argc, char **argv)
 {
     struct viewer_config cfg = {.address = VIEWER_ADDRESS, .port = VIEWER_PORT};
     const char *run_dir = NULL;
+    bool saves = false;
     struct usage usage = {.command = "view", .help = help, .options = options};
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = take_option(&cfg, &run_dir, code)) != 0)
+        if ((code = take_option(&cfg, &run_dir, &saves, code)) != 0)
             return code;
     if (code)
         return ~code;
     if (optind < argc)
         return usage_error("view", "%s: expected options only; a bag is named by --bag",
                            argv[optind]);
+    if (saves && cfg.bag)
+        return usage_error("view",
+                           "--save: a bag is there already; expected without --bag");
     interrupt_catch();
-    return serve(&cfg, run_dir);
+    return serve(&cfg, run_dir, saves);
 }

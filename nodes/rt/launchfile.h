@@ -128,6 +128,7 @@ struct launchfile {
         char *address; /* default 127.0.0.1 */
         unsigned port; /* default 8765 */
         char *bag;     /* NULL: the running system is shown */
+        bool save;     /* the page may ask a recorder for the last seconds */
     } view;
     struct {
         enum realtime_mode { REALTIME_AUTO, REALTIME_OFF, REALTIME_REQUIRED } realtime;

@@ -470,6 +470,7 @@ int launchfile_copy_view(struct launchfile *l, const struct launch_text *t,
         return yaml_error_say(why, -EINVAL, l->path, "view.port",
                               "expected 0 (any) to 65535, not %u", port);
     l->view.port = port;
+    l->view.save = t->view.save && *t->view.save;
     l->view.address = strdup(t->view.address ? t->view.address : "127.0.0.1");
     l->view.bag = t->view.bag ? launchfile_beside(l, t->view.bag) : NULL;
     return l->view.address && (l->view.bag || !t->view.bag) ? 0 : -ENOMEM;

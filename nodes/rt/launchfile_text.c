@@ -187,6 +187,7 @@ static const cyaml_schema_field_t view_fields[] = {
     CYAML_FIELD_STRING_PTR("address", CYAML_FLAG_POINTER | OPTIONAL,
                            struct launch_text_view, address, 1, NAME_SIZE),
     CYAML_FIELD_UINT_PTR("port", OPTIONAL, struct launch_text_view, port),
+    CYAML_FIELD_BOOL_PTR("save", OPTIONAL, struct launch_text_view, save),
     CYAML_FIELD_STRING_PTR("bag", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text_view,
                            bag, 1, TEXT_SIZE),
     CYAML_FIELD_END};

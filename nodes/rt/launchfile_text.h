@@ -69,6 +69,7 @@ struct launch_text_can {
 struct launch_text_view {
     char *address, *bag;
     unsigned *port;
+    bool *save;
 };
 
 struct launch_text_wall {

@@ -10,6 +10,11 @@ static void log_connection(void *node, const char *text)
     node_log(node, LOG_LEVEL_WARNING, "%s", text);
 }
 
+static int save(void *node, const ProtobufCMessage *request)
+{
+    return node_publish(node, topic_save(), 0, request);
+}
+
 static int open_viewer(struct viewer **out, struct node *node, struct error *why)
 {
     const struct launchfile *l = node_launch(node);
@@ -19,6 +24,8 @@ static int open_viewer(struct viewer **out, struct node *node, struct error *why
                                       .bag = l->view.bag,
                                       .run_dir = node_run_dir(node),
                                       .now_ns = node_machine_ns(node),
+                                      .save = l->view.save ? save : NULL,
+                                      .save_ctx = node,
                                       .log = log_connection,
                                       .log_ctx = node};
     int err = viewer_create(out, &cfg, why);

@@ -24,6 +24,8 @@ struct live_config {
     const char *address;                     /* outlives it; for guard_host */
     void (*seek)(void *ctx, double seconds); /* NULL: there is no bag */
     void *seek_ctx;
+    void (*save)(void *ctx); /* NULL: pages only read */
+    void *save_ctx;
 };
 
 #define SCHEME "http://"
@@ -80,6 +82,10 @@ static int read(struct request *out, const json_t *o)
         json_int_t k = json_integer_value(slice);
         *out = (struct request){.kind = REQUEST_SLICE, .slice = (size_t)k};
         return k >= 0 && k < MOST_SLICES ? 0 : -EINVAL;
+    }
+    if (json_is_true(json_object_get(o, "save"))) {
+        *out = (struct request){.kind = REQUEST_SAVE};
+        return 0;
     }
     *out = (struct request){.kind = REQUEST_SEEK, .seek_s = json_number_value(seek)};
     return json_is_number(seek) && isfinite(out->seek_s) ? 0 : -EINVAL;
@@ -140,6 +146,8 @@ static bool take_request(void *client, const void *data, size_t size, bool binar
         return false;
     if (request.kind == REQUEST_SEEK && cfg->seek) {
         cfg->seek(cfg->seek_ctx, request.seek_s);
+    } else if (request.kind == REQUEST_SAVE && cfg->save) {
+        cfg->save(cfg->save_ctx);
     } else if (request.kind == REQUEST_SLICE) {
         struct frame *f = view_slice(cfg->view, request.slice);
         if (f)
@@ -290,7 +298,9 @@ static int create_all(struct server *s, struct error *why)
     const struct live_config live = {.view = s->cfg.view,
                                      .address = s->cfg.address,
                                      .seek = s->cfg.seek,
-                                     .seek_ctx = s->cfg.seek_ctx};
+                                     .seek_ctx = s->cfg.seek_ctx,
+                                     .save = s->cfg.save,
+                                     .save_ctx = s->cfg.save_ctx};
     struct foxglove_config foxglove;
     int err = web_create(&s->web, &web, why);
 

@@ -20,6 +20,8 @@ struct server_config {
     int64_t now_ns;
     void (*seek)(void *ctx, double seconds); /* NULL: there is no bag */
     void *seek_ctx;
+    void (*save)(void *ctx); /* NULL: pages only read */
+    void *save_ctx;
     /* As of web_config. */
     void (*log)(void *ctx, const char *text);
     void *log_ctx;
@@ -54,11 +56,12 @@ bool guard_host(const char *host, const char *address);
 bool guard_origin(const char *origin, const char *host);
 
 /* What a page asks for: a JSON text of one key, {"slice": K}: the slice at depth index K
- * of the newest image; {"seek": S}: of a bag, the state S seconds after its start. */
+ * of the newest image; {"seek": S}: of a bag, the state S seconds after its start;
+ * {"save": true}: a recorder's last seconds, as a bag. */
 
 #define REQUEST_MAX_SIZE 256
 
-enum request_kind { REQUEST_SLICE, REQUEST_SEEK };
+enum request_kind { REQUEST_SLICE, REQUEST_SEEK, REQUEST_SAVE };
 
 struct request {
     enum request_kind kind;

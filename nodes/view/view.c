@@ -46,6 +46,11 @@ const struct topic *view_topic(size_t i)
     return i < sizeof all / sizeof *all ? all[i] : NULL;
 }
 
+void view_may_save(struct view *v, bool may)
+{
+    v->may_save = may;
+}
+
 static void keep(struct view *v, enum board_subject subject, json_t *json)
 {
     if (!json)
@@ -128,6 +133,10 @@ void view_take(struct view *v, const struct view_message *m, int64_t now_ns)
         keep(v, BOARD_STAGE, view_stage_json((const Anlos__StageState *)m->content));
     } else if (m->topic == topic_clock()) {
         keep(v, BOARD_CLOCK, view_clock_json((const Anlos__Clock *)m->content));
+    } else if (m->topic == topic_save_status() && !v->is_bag) {
+        keep(
+            v, BOARD_RECORD,
+            view_record_json((const Anlos__SaveStatus *)m->content, v->may_save, now_ns));
     } else if (m->topic == topic_health()) {
         view_take_health(v, (const Anlos__Health *)m->content, m->epoch_ns,
                          v->is_bag ? m->publish_ns : now_ns);
@@ -142,8 +151,8 @@ static const char *const types[BOARD_SUBJECTS] = {
     [BOARD_HELLO] = "hello",   [BOARD_TIMELINE] = "timeline", [BOARD_SCENE] = "scene",
     [BOARD_SCAN] = "scan",     [BOARD_STAGE] = "stage",       [BOARD_CLOCK] = "clock",
     [BOARD_NODES] = "nodes",   [BOARD_WALLS] = "walls",       [BOARD_OBJECTS] = "objects",
-    [BOARD_LEVELS] = "levels", [BOARD_LOG] = "log",           [BOARD_VOLUME] = "volume",
-    [BOARD_TIME] = "time"};
+    [BOARD_RECORD] = "record", [BOARD_LEVELS] = "levels",     [BOARD_LOG] = "log",
+    [BOARD_VOLUME] = "volume", [BOARD_TIME] = "time"};
 
 /* A new reference; of what is not known, that it is not. */
 static json_t *say(const struct view *v, enum board_subject subject, int64_t now_ns)

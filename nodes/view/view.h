@@ -19,6 +19,9 @@ struct view;
 /* origin: where it looks, for a person: a run folder, or a bag's path.  0, -ENOMEM. */
 int view_create(struct view **out, const char *origin, bool is_bag);
 
+/* Whether pages may ask a recorder for the last seconds; at first they may not. */
+void view_may_save(struct view *v, bool may);
+
 struct view_message { /* borrowed */
     const struct topic *topic;
     const char *from;

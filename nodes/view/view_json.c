@@ -27,6 +27,18 @@ json_t *view_stage_json(const Anlos__StageState *s)
                      "homed", s->homed, "held", s->held, "text", s->text);
 }
 
+json_t *view_record_json(const Anlos__SaveStatus *s, bool may_save, int64_t now_ns)
+{
+    static const char *const states[] = {"keeps", "saves", "nothing"};
+    unsigned state = (unsigned)s->state;
+
+    return json_pack("{ss ss sb sI ss ss so so sI}", "type", "record", "state",
+                     states[state < 3 ? state : 2], "may_save", may_save, "at",
+                     (json_int_t)(now_ns / NS_PER_MS), "path", s->path, "error", s->error,
+                     "before_s", export_real(s->before_s), "kept_s",
+                     export_real(s->kept_s), "saved", (json_int_t)s->saved);
+}
+
 json_t *view_clock_json(const Anlos__Clock *c)
 {
     return json_pack("{ss sf sf so sb sb ss}", "type", "clock", "at_s",

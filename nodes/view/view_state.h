@@ -8,6 +8,7 @@
 
 #include "msgs/clock.pb-c.h"
 #include "msgs/envelope.h"
+#include "msgs/save.pb-c.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/rt/trails.h"
@@ -42,7 +43,7 @@ struct view_line {
 struct view {
     struct board *board;
     char *origin;
-    bool is_bag;
+    bool is_bag, may_save;
     atomic_int pages;
 
     bool changed[BOARD_SUBJECTS];
@@ -76,6 +77,7 @@ struct view {
 
 json_t *view_scan_json(const Anlos__ScanStatus *s);
 json_t *view_stage_json(const Anlos__StageState *s);
+json_t *view_record_json(const Anlos__SaveStatus *s, bool may_save, int64_t now_ns);
 json_t *view_clock_json(const Anlos__Clock *c);
 void view_take_health(struct view *v, const Anlos__Health *h, int64_t epoch_ns,
                       int64_t now_ns);

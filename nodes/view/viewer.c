@@ -2,16 +2,19 @@
 #include "nodes/view/viewer.h"
 
 #include <errno.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "msgs/clock.pb-c.h"
+#include "msgs/save.pb-c.h"
 #include "msgs/topics.h"
 #include "nodes/foxglove/server.h"
 #include "nodes/rt/log_history.h"
 #include "nodes/view/player.h"
 #include "nodes/view/server.h"
 
+#define SAVE_NS   2000000000LL /* that a request is repeated for, unanswered */
 #define REPLAY_NS 2000000000LL /* without a word of it, a replay has ended */
 
 struct viewer {
@@ -21,7 +24,12 @@ struct viewer {
     struct view *view;
     struct player *player; /* NULL: no bag */
     struct server *server;
-    int64_t beat_ns;                    /* the last sign of life of a bag */
+    int64_t beat_ns; /* the last sign of life of a bag */
+    int (*save)(void *ctx, const ProtobufCMessage *request);
+    void *save_ctx;
+    atomic_bool save_asked; /* by a page, in another thread */
+    uint64_t save_id;       /* of the request that is not answered yet; 0: none */
+    int64_t save_end_ns;
     int64_t replay_ns, replay_heard_ns; /* the time of a replay, and when it was told */
 };
 
@@ -44,6 +52,30 @@ static void show_foxglove(void *ctx, const struct view_message *m)
     server_time(v->server, m->publish_ns);
 }
 
+static void ask_to_save(void *ctx)
+{
+    struct viewer *v = ctx;
+
+    atomic_store(&v->save_asked, true);
+}
+
+/* Until the recorder names it: so none gets lost. */
+static void request_save(struct viewer *v, int64_t now_ns)
+{
+    Anlos__SaveRequest r = ANLOS__SAVE_REQUEST__INIT;
+
+    if (atomic_exchange(&v->save_asked, false)) {
+        v->save_id = (uint64_t)now_ns;
+        v->save_end_ns = now_ns + SAVE_NS;
+    }
+    if (!v->save_id)
+        return;
+    r.id = v->save_id;
+    r.reason = (char *)"page";
+    if (v->save(v->save_ctx, &r.base) || now_ns > v->save_end_ns)
+        v->save_id = 0;
+}
+
 static int create_all(struct viewer *v, const struct viewer_config *cfg,
                       struct error *why)
 {
@@ -57,11 +89,16 @@ static int create_all(struct viewer *v, const struct viewer_config *cfg,
     if (err)
         return error_say(why, err, "not enough memory for the view");
     v->node = cfg->node;
+    v->save = cfg->save;
+    v->save_ctx = cfg->save_ctx;
+    view_may_save(v->view, cfg->save != NULL);
     if (cfg->bag)
         err = player_create(&v->player, cfg->bag, v->view, why);
     server.view = v->view;
     server.seek = v->player ? player_seek : NULL;
     server.seek_ctx = v->player;
+    server.save = cfg->save ? ask_to_save : NULL;
+    server.save_ctx = v;
     if (!err)
         err = server_create(&v->server, &server, why);
     if (!err && v->player && (err = player_start(v->player, show_foxglove, v)))
@@ -91,6 +128,9 @@ void viewer_take(struct viewer *v, const struct view_message *m, int64_t now_ns)
 {
     view_take(v->view, m, now_ns);
     tell_foxglove(v, m);
+    if (m->topic == topic_save_status() &&
+        ((const Anlos__SaveStatus *)m->content)->request_id == v->save_id)
+        v->save_id = 0;
     if (m->topic == topic_clock()) {
         v->replay_ns = ((const Anlos__Clock *)m->content)->time_ns;
         v->replay_heard_ns = now_ns;
@@ -106,6 +146,8 @@ int viewer_tick(struct viewer *v, int64_t now_ns)
         }
         return (int)((v->beat_ns + VIEW_BEAT_NS - now_ns) / 1000000 + 1);
     }
+    if (v->save)
+        request_save(v, now_ns);
     server_time(v->server,
                 now_ns - v->replay_heard_ns < REPLAY_NS ? v->replay_ns : now_ns);
     return view_tick(v->view, now_ns);

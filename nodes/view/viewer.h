@@ -22,6 +22,10 @@ struct viewer_config {
     const char *bag;     /* NULL: a running system, whose messages viewer_take gets */
     const char *run_dir; /* for a person, when there is no bag */
     int64_t now_ns;
+    /* Publishes a request to save, which a page may make then, from the thread of
+     * viewer_tick; NULL: none may. */
+    int (*save)(void *ctx, const ProtobufCMessage *request);
+    void *save_ctx;
     /* Of connections that did not end as they should; from another thread.  May be NULL.
      */
     void (*log)(void *ctx, const char *text);

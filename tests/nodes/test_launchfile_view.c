@@ -7,6 +7,7 @@ static void the_page_is_for_this_machine_alone_unless_told(void **state)
 
     assert_string_equal(l->view.address, "127.0.0.1");
     assert_int_equal(l->view.port, 8765);
+    assert_false(l->view.save);
     assert_null(l->view.bag);
     launchfile_destroy(l);
 }
@@ -15,13 +16,14 @@ static void a_bag_is_beside_the_launch_file(void **state)
 {
     struct scratch *s = *state;
     char expected[128];
-    struct launchfile *l = launch_load(
-        s, "nodes: [view]\nview: {address: 0.0.0.0, port: 80, bag: bags/a.mcap}\n");
+    struct launchfile *l = launch_load(s, "nodes: [view]\nview: {address: 0.0.0.0, port: "
+                                          "80, bag: bags/a.mcap, save: true}\n");
 
     snprintf(expected, sizeof expected, "%s/bags/a.mcap", s->folder);
     assert_string_equal(l->view.bag, expected);
     assert_string_equal(l->view.address, "0.0.0.0");
     assert_int_equal(l->view.port, 80);
+    assert_true(l->view.save);
     launchfile_destroy(l);
     l = launch_load(s, "nodes: [view]\nview: {bag: /a.mcap}\n");
     assert_string_equal(l->view.bag, "/a.mcap");

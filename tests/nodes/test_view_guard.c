@@ -74,6 +74,9 @@ static void a_request_asks_for_one_thing(void **state)
                                       "{\"seek\": 1, \"slice\": 2}",
                                       "{\"slice\": 1, \"slice\": 2}",
                                       "{\"slice\": 1}x",
+                                      "{\"save\": false}",
+                                      "{\"save\": 1}",
+                                      "{\"save\": true, \"seek\": 1}",
                                       "{\"slice\": 100000000}",
                                       "{\"seek\": 1e999}"};
     struct request r;
@@ -87,6 +90,8 @@ static void a_request_asks_for_one_thing(void **state)
     assert_int_equal(r.kind, REQUEST_SEEK);
     assert_true(r.seek_s == 2.5);
     assert_int_equal(parse(&r, "{\"seek\":-3}"), 0); /* the start */
+    assert_int_equal(parse(&r, "{\"save\": true}"), 0);
+    assert_int_equal(r.kind, REQUEST_SAVE);
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
         assert_int_equal(parse(&r, bad[i]), -EINVAL);
     memset(large, ' ', sizeof large);

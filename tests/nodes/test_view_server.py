@@ -258,6 +258,52 @@ def a_port_in_use_is_told(anlos, run_dir, port):
           and p.stderr.count("\n") == 1, "one line says so: " + p.stderr)
 
 
+def a_page_saves_the_last_seconds_where_it_may(anlos):
+    """Of a recorder that keeps them; and one that only reads asks for nothing."""
+    folder = tempfile.mkdtemp(prefix="anlos-view-")
+    saved = os.path.join(folder, "saved")
+    recorder = subprocess.Popen(
+        [anlos, "bag", "record", "--snapshot", saved, "--after-s", "0", "--run-dir", folder],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    views = []
+
+    def told(s, wanted):
+        deadline = time.monotonic() + 60
+        while True:
+            r = s.until("record")
+            if not r.get("none") and wanted(r):
+                return r
+            check(time.monotonic() < deadline, "the recorder says %s" % r)
+
+    try:
+        reads, port = start(anlos, folder)
+        views.append(reads)
+        s = Socket(port)
+        check(not told(s, lambda r: r["state"] == "keeps")["may_save"], "it only reads")
+        s.send(b'{"save": true}')
+        before = told(s, lambda r: True)
+        check(told(s, lambda r: r["at"] > before["at"] + 1500)["saved"] == 0,
+              "who only reads saves nothing")
+        s.close()
+        asks, port = start(anlos, folder, "--save")
+        views.append(asks)
+        s = Socket(port, Origin="http://127.0.0.1:%d" % port)
+        check(told(s, lambda r: r["state"] == "keeps")["may_save"], "it may ask")
+        s.send(b'{"save": true}')
+        path = told(s, lambda r: r["saved"] == 1)["path"]
+        check(path.startswith(saved) and path.endswith("_page.mcap"), path)
+        s.close()
+        info = subprocess.run([anlos, "bag", "info", path], capture_output=True, text=True,
+                              timeout=60)
+        check("anlos.snapshot.from = page" in info.stdout, info.stdout + info.stderr)
+        check(is_refused(port, Origin="http://evil.example"), "another origin may not")
+    finally:
+        for p in (*views, recorder):
+            p.send_signal(signal.SIGTERM)
+            p.wait(60)
+        shutil.rmtree(folder)
+
+
 def it_explains_itself(anlos):
     def run(*arguments):
         return subprocess.run([anlos, "view", *arguments], capture_output=True, text=True,
@@ -291,6 +337,7 @@ def main():
         there_is_a_limit_to_pages(port)
         a_port_in_use_is_told(anlos, run_dir, port)
         it_explains_itself(anlos)
+        a_page_saves_the_last_seconds_where_it_may(anlos)
         deaf = a_client_that_does_not_read_keeps_nobody_waiting(port)
         pages = [Socket(port) for _ in range(5)]
         foxglove = Socket(port, "/", **{"Sec-WebSocket-Protocol": "foxglove.sdk.v1"})

@@ -116,6 +116,22 @@ function showEmpty() {
     $("log-empty").textContent = known.log?.lines?.length ? "" : "No line yet.";
 }
 
+// "Save the last 30 s", of a recorder that keeps them and is heard.
+function showRecord() {
+    const r = known.record;
+    const heard = r && r.state !== "nothing" && known.time && known.time.now - r.at < SILENT_MS;
+    $("record").hidden = !r || isBag();
+    if ($("record").hidden) return;
+    $("save").textContent = `Save the last ${Math.round(r.before_s)} s`;
+    $("save").disabled = !heard || !r.may_save || !link.open;
+    $("save").title = r.may_save ? "" : "This page only reads: start it with --save, or view: {save: true}";
+    const text = !heard ? "The recorder is silent." : r.error ? r.error
+        : r.state === "saves" ? `Saves ${r.path.split("/").pop()}`
+        : r.saved ? `Saved ${r.path.split("/").pop()}`
+        : `Keeps ${r.kept_s.toFixed(0)} s`;
+    if ($("save-text").textContent !== text) $("save-text").textContent = text;
+}
+
 function showAbout() {
     const t = known.time;
     const skipped = t?.skipped ? `, ${t.skipped} frames skipped by slow ones` : "";
@@ -134,7 +150,8 @@ const shows = {
     levels: [showEmpty],
     log: [() => showLog(known.log), showEmpty],
     volume: [showSource, showImage, showPlan],
-    time: [showAbout],
+    record: [showRecord],
+    time: [showAbout, showRecord],
 };
 
 function showEmptyIfWaiting() {
@@ -179,6 +196,7 @@ const link = connect(take, () => {
 });
 image = createImage(link);
 timeline = createTimeline(link);
+$("save").addEventListener("click", () => link.send({ save: true }));
 new ResizeObserver(showPlan).observe($("plan"));
 showScan(null);
 showSensor([]);
