@@ -196,7 +196,7 @@ static int describe(struct snapshot *s, const struct wish *w, struct error *why)
 static void end_bag(struct snapshot *s, int64_t now_ns, int err)
 {
     struct recorder_totals t;
-    char text[PATH_MAX + 600];
+    char text[PATH_MAX + sizeof s->error.text + 100];
 
     for (size_t i = 0; i < s->cfg.n_topics; i++)
         recorder_lost(s->recorder, s->cfg.topics[i], s->lost[i]);
