@@ -15,11 +15,12 @@
  * Metadata
  *   anlos                    of the session: keys below
  *   anlos.survey             the survey in short: keys below
- *   anlos.snapshot           of a bag of the last seconds: once for each request, keys
- * below anlos.loss               once for each flush interval in which messages were
- * lost: from_ns, to_ns (of the recorder's clock), topic -> count anlos.lost at the end:
- * topic -> lost in all, for every topic recorded, 0 too.  A bag without it was cut off:
- * anlos.loss is there */
+ *   anlos.snapshot           of a bag of the last seconds, for each request:
+ *                            keys below
+ *   anlos.loss               once for each flush interval in which messages were lost:
+ *                            from_ns, to_ns (of the recorder's clock), topic -> count
+ *   anlos.lost               at the end: topic -> lost in all, for every topic recorded,
+ *                            0 too.  A bag without it was cut off: anlos.loss is there */
 #ifndef ANLOS_MSGS_BAG_MANIFEST_H
 #define ANLOS_MSGS_BAG_MANIFEST_H
 
