@@ -71,7 +71,7 @@ static void request_save(struct viewer *v, int64_t now_ns)
     if (!v->save_id)
         return;
     r.id = v->save_id;
-    r.reason = (char *)"page";
+    r.reason = (char *)"button";
     if (v->save(v->save_ctx, &r.base) || now_ns > v->save_end_ns)
         v->save_id = 0;
 }

@@ -291,7 +291,7 @@ def a_page_saves_the_last_seconds_where_it_may(anlos):
         check(told(s, lambda r: r["state"] == "keeps")["may_save"], "it may ask")
         s.send(b'{"save": true}')
         path = told(s, lambda r: r["saved"] == 1)["path"]
-        check(path.startswith(saved) and path.endswith("_page.mcap"), path)
+        check(path.startswith(saved) and path.endswith("_button.mcap"), path)
         s.close()
         info = subprocess.run([anlos, "bag", "info", path], capture_output=True, text=True,
                               timeout=60)
