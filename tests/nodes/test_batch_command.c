@@ -26,6 +26,26 @@
 #define SECOND 1000000000LL
 #define START  (1700000000 * SECOND)
 
+/* -- a bag that hangs
+ * ---------------------------------------------------------------------
+ */
+int __real_command_recon(int argc, char **argv);
+int __wrap_command_recon(int argc, char **argv);
+
+/* Its process begins one without end, deaf to all that it can be deaf to. */
+int __wrap_command_recon(int argc, char **argv)
+{
+    const char *bag = argc > 2 ? argv[2] : "";
+    size_t n = strlen(bag);
+
+    if (n < 10 || strcmp(bag + n - 10, "hangs.mcap"))
+        return __real_command_recon(argc, argv);
+    signal(SIGTERM, SIG_IGN);
+    fprintf(stderr, "anlos recon: half of it is read\n");
+    for (;;)
+        pause();
+}
+
 /* -- bags -------------------------------------------------------------------------------
  */
 struct writing {
@@ -345,6 +365,40 @@ static void a_process_that_is_killed_is_a_line_with_its_reason(void **state)
     json_decref(line);
 }
 
+static void a_bag_that_hangs_is_ended_and_costs_itself_alone(void **state)
+{
+    struct rig *g = *state;
+
+    scratch_write(g->scratch, "bags.txt", "hangs.mcap\nmissing.mcap\n");
+    assert_int_equal(batch(g, "-j", "1", "--timeout", "1"), 1);
+    assert_contains(g->r.err, "2 bags: 0 done now, 0 before, 2 failed");
+    json_t *line = result_of(g, "hangs.mcap");
+    assert_non_null(line);
+    assert_string_equal(text(line, "outcome"), "failed");
+    assert_string_equal(text(line, "error"),
+                        "it took longer than 1 s (--timeout) and was "
+                        "ended: recon: half of it is read");
+    json_decref(line);
+    line = result_of(g, "missing.mcap");
+    assert_non_null(line);
+    json_decref(line);
+    assert_no_leftovers(g);
+    assert_int_equal(batch(g, "--timeout", "-1"), 2);
+    assert_contains(g->r.err, "--timeout");
+}
+
+static void what_goes_with_a_bag_and_is_a_pipe_is_not_waited_for(void **state)
+{
+    struct rig *g = *state;
+
+    write_scan(scratch_path(g->scratch, "a.mcap"));
+    assert_int_equal(mkfifo(scratch_path(g->scratch, "pipe"), 0600), 0);
+    scratch_write(g->scratch, "bags.txt",
+                  "a.mcap\tlaunch=pipe\npipe\na.mcap\ttruth=pipe\n");
+    assert_int_equal(batch(g, "-j", "1"), 1);
+    assert_contains(g->r.err, "3 bags: 0 done now, 0 before, 3 failed");
+}
+
 /* -- manifests --------------------------------------------------------------------------
  */
 static void what_is_wrong_with_a_manifest_is_said_with_its_line(void **state)
@@ -563,6 +617,28 @@ static void ctrl_c_keeps_what_was_done(void **state)
     assert_non_null(line);
     json_decref(line);
     assert_null(result_of(g, "missing29.mcap"));
+    assert_no_leftovers(g);
+}
+
+static void ctrl_c_ends_a_bag_that_hangs(void **state)
+{
+    struct rig *g = *state;
+    const char *const words[] = {"batch", g->manifest, "--out", g->out, "-j", "1", NULL};
+    int out, err, status;
+    char one;
+
+    scratch_write(g->scratch, "bags.txt", "missing.mcap\nhangs.mcap\n");
+    pid_t pid = command_start(command_batch, (char *const *)words, &out, &err);
+    do
+        assert_int_equal(read(out, &one, 1), 1);
+    while (one != '\n');
+    kill(pid, SIGINT);
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 130);
+    close(out);
+    close(err);
+    assert_null(result_of(g, "hangs.mcap"));
     assert_no_leftovers(g);
 }
 
@@ -817,6 +893,8 @@ int main(void)
         TEST(each_bag_gets_one_line_and_a_second_run_does_nothing),
         TEST(what_depends_on_a_change_is_processed_again),
         TEST(a_bag_that_fails_costs_itself_alone_and_is_tried_again),
+        TEST(a_bag_that_hangs_is_ended_and_costs_itself_alone),
+        TEST(what_goes_with_a_bag_and_is_a_pipe_is_not_waited_for),
         TEST(a_process_that_is_killed_is_a_line_with_its_reason),
         TEST(what_is_wrong_with_a_manifest_is_said_with_its_line),
         TEST(a_shard_out_of_range_is_refused),
@@ -826,6 +904,7 @@ int main(void)
         TEST(where_no_result_can_be_written_it_ends_and_goes_on_later),
         TEST(what_is_not_done_may_be_on_another_disk),
         TEST(ctrl_c_keeps_what_was_done),
+        TEST(ctrl_c_ends_a_bag_that_hangs),
         TEST(after_a_kill_the_same_command_goes_on),
         TEST(lists_as_they_are_now_are_held_against_who_was_there),
         TEST(two_versions_stand_side_by_side_all_and_by_tag),

@@ -58,6 +58,9 @@ static const char help[] =
     "  --shard I/N      only the I-th of N parts of about the same size, I from 1\n"
     "  -j, --jobs N     so many bags side by side; default: one for each processor\n"
     "  --launch FILE    settings of the bags whose line names none\n"
+    "  --timeout S      a bag that takes longer is ended and counts as failed; default "
+    "3600,\n"
+    "                   0: none is\n"
     "  --scratch DIR    what is not done yet goes there, default --out: a disk of this\n"
     "                   machine spares the file system of many some 60 operations a bag\n"
     "  --help           this text\n"
@@ -81,17 +84,15 @@ static const char help[] =
     "arguments, manifest or results; 130 stopped by Ctrl-C, what was done is kept\n";
 
 static const struct option options[] = {
-    {"out", required_argument, NULL, 'o'},
-    {"shard", required_argument, NULL, 's'},
-    {"jobs", required_argument, NULL, 'j'},
-    {"launch", required_argument, NULL, 'l'},
-    {"scratch", required_argument, NULL, 't'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+    {"out", required_argument, NULL, 'o'},     {"shard", required_argument, NULL, 's'},
+    {"jobs", required_argument, NULL, 'j'},    {"launch", required_argument, NULL, 'l'},
+    {"timeout", required_argument, NULL, 'T'}, {"scratch", required_argument, NULL, 't'},
+    {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0},
 };
 
 enum { MOST_JOBS = 256, MOST_SHARDS = 100000, MOST_THREADS = 256, LOOK_MS = 200 };
 enum { LOCK_TRIES = 200 }; /* in two seconds */
+enum { TIMEOUT_S = 3600, MOST_TIMEOUT_S = 30 * 24 * 3600 };
 
 struct worker {
     pid_t pid;
@@ -103,12 +104,14 @@ struct worker {
     size_t n_said;
     struct timespec started;
     struct stopwatch begun;
+    bool overdue; /* it was ended for that */
 };
 
 struct batch {
     const char *manifest_path, *scratch_path; /* scratch_path: NULL: none was given */
     struct result_place place;
     size_t shard, n_shards, jobs;
+    size_t timeout_s; /* 0: none */
     char shard_name[32];
     char work[PATH_MAX - 512];    /* in the folder of results, where a line gets whole */
     char scratch[PATH_MAX - 512]; /* for what the children leave; may be the same */
@@ -271,6 +274,7 @@ static int begin(struct batch *b, struct worker *w, struct error *why)
     int ends[2];
 
     w->n_said = 0;
+    w->overdue = false;
     clock_gettime(CLOCK_REALTIME, &w->started);
     w->begun = stopwatch_now(false);
     if (pipe2(ends, O_CLOEXEC))
@@ -372,7 +376,9 @@ static const char *last_sentence(struct worker *w)
 
 static int finish(struct batch *b, struct worker *w, struct error *why)
 {
-    struct result_run run = {.shard = b->shard_name, .started = w->started};
+    struct result_run run = {.shard = b->shard_name,
+                             .started = w->started,
+                             .timeout_s = w->overdue ? b->timeout_s : 0};
     struct stopwatch took = {0.0, 0.0};
     int err = 0;
 
@@ -394,12 +400,27 @@ static int finish(struct batch *b, struct worker *w, struct error *why)
     return err;
 }
 
+/* What they have is not kept, and one that hangs would not hear a gentler signal. */
 static void stop(struct batch *b)
 {
     for (size_t i = 0; i < b->jobs && !b->stops; i++)
         if (b->workers[i].bag)
-            kill(b->workers[i].pid, SIGTERM);
+            kill(b->workers[i].pid, SIGKILL);
     b->stops = true;
+}
+
+static void end_overdue(struct batch *b)
+{
+    for (size_t i = 0; i < b->jobs && b->timeout_s; i++) {
+        struct worker *w = &b->workers[i];
+        struct stopwatch took = {0.0, 0.0}, begun = w->begun;
+        if (!w->bag || w->overdue)
+            continue;
+        stopwatch_lap(&took, &begun, false);
+        w->overdue = took.wall_s > (double)b->timeout_s;
+        if (w->overdue)
+            kill(w->pid, SIGKILL);
+    }
 }
 
 /* Until something came, or it is time to look for Ctrl-C; false: nobody works. */
@@ -433,6 +454,7 @@ static int run_bags(struct batch *b, struct error *why)
     do {
         if (err || interrupt_requested())
             stop(b);
+        end_overdue(b);
         for (size_t i = 0; i < b->jobs && !b->stops && !err; i++) {
             struct worker *w = &b->workers[i];
             if (w->bag)
@@ -548,6 +570,9 @@ static int take_options(struct batch *b, int argc, char **argv)
             b->scratch_path = optarg;
         else if (code == 's')
             wrong = take_shard(b, optarg);
+        else if (code == 'T')
+            wrong = usage_take_count("batch", "--timeout", optarg, 0, MOST_TIMEOUT_S,
+                                     &b->timeout_s);
         else
             wrong = usage_take_count("batch", "--jobs", optarg, 1, MOST_JOBS, &b->jobs);
     }
@@ -574,6 +599,7 @@ int command_batch(int argc, char **argv)
         return usage_outcome("batch", -ENOMEM, &(struct error){"out of memory"});
     b->locks[0] = b->locks[1] = -1;
     b->shard = b->n_shards = 1;
+    b->timeout_s = TIMEOUT_S;
     b->jobs = processors_usable();
     if (b->jobs > MOST_JOBS)
         b->jobs = MOST_JOBS;

@@ -2,6 +2,7 @@
 #include "nodes/anlos/batch/result.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
 #include <limits.h>
 #include <stdio.h>
@@ -27,11 +28,21 @@ static uint64_t add_text(uint64_t h, const char *text)
 static int add_file(uint64_t *h, const char *path, size_t *lines)
 {
     char bytes[65536];
+    struct stat st;
     size_t n;
-    FILE *f = fopen(path, "re");
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
 
-    if (!f)
+    if (fd < 0)
         return -errno;
+    if (fstat(fd, &st) || !S_ISREG(st.st_mode)) { /* a pipe would be waited for */
+        close(fd);
+        return -EINVAL;
+    }
+    FILE *f = fdopen(fd, "r");
+    if (!f) {
+        close(fd);
+        return -ENOMEM;
+    }
     while ((n = fread(bytes, 1, sizeof bytes, f))) {
         *h = hash_add(*h, bytes, n);
         for (const char *p = bytes;
@@ -252,6 +263,9 @@ static json_t *reason(const struct result_run *run)
 
     if (!strncmp(said, "anlos ", 6)) /* "recon: ...", "score: ..." */
         said += 6;
+    if (run->timeout_s && WIFSIGNALED(run->status))
+        return json_sprintf("it took longer than %zu s (--timeout) and was ended%s%s",
+                            run->timeout_s, said[0] ? ": " : "", said);
     if (WIFSIGNALED(run->status))
         return json_sprintf("its process was killed by signal %d (%s)%s%s%s",
                             WTERMSIG(run->status), strsignal(WTERMSIG(run->status)),

@@ -47,6 +47,7 @@ struct result_run {   /* what the child took */
     const char *shard;
     struct timespec started;
     double wall_s;
+    size_t timeout_s; /* it was ended because it took longer; 0: it was not */
     struct rusage used;
 };
 
