@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""check_dbc.py DBC PRINTER READER: does canmatrix, which is not ours, read our DBC, do the
-frames that PRINTER prints decode to the values that it says it put in, and does READER
-read what canmatrix encodes for the sensor?  The end-to-end protection is worked out here
-once more."""
+"""check_dbc.py DBC PRINTER READER FRAMES: does canmatrix, which is not ours, read our DBC, do
+the frames that PRINTER prints decode to the values that it says it put in, does READER read
+what canmatrix encodes for the sensor, and does what was on a bus before still mean the same?
+The end-to-end protection is worked out here once more.
+
+check_dbc.py --record DBC PRINTER >FRAMES: some frames, each with the raw values that canmatrix
+found in it by that DBC.  frames.txt is of the DBC of commit d0fa7e7; it may only grow."""
 import decimal
 import math
 import re
@@ -25,6 +28,9 @@ MESSAGES = {  # identifier: name, bytes, sender, cycle time
     0x40C: ("EgoMotion", 8, "Vehicle", 20), 0x40D: ("Ambient", 8, "Vehicle", 1000),
     0x40E: ("WallIn", 8, "Vehicle", 100),
 }
+CYCLIC, EVENT, BOTH = "Cyclic", "Event", "CyclicAndEvent"
+SEND_TYPES = {"Status": BOTH, "Diagnosis": CYCLIC, "EgoMotion": CYCLIC, "Ambient": CYCLIC,
+              "WallIn": CYCLIC}  # the others: with each list
 ROUNDED_UP = {"SigmaX", "SigmaY", "SigmaV", "SigmaAzimuth", "SigmaDistance"}
 failures = []
 
@@ -67,7 +73,24 @@ def check_range(frame, signal):
         check(inside != (text == "NotAvailable"), f"{name}: value {text}")
 
 
-def check_frame_layout(frame):
+def check_start(frame, signal):
+    """What a receiver has before the first frame: nothing that anybody measured."""
+    name, start = f"{frame.name}.{signal.name}", signal.attributes.get("GenSigStartValue")
+    if signal.is_float:
+        check(start is None, f"{name}: a start value, of a float")
+        return
+    check(start is not None, f"{name}: no start value")
+    raw = int(start or 0)
+    value = raw * signal.factor + signal.offset
+    check(signal.initial_value == value, f"{name}: start {signal.initial_value}, not {value}")
+    missing = missing_value(signal)
+    if missing is None:
+        check(signal.min <= value <= signal.max, f"{name}: start {value} out of range")
+    else:
+        check(raw == missing, f"{name}: start {raw}, not NotAvailable")
+
+
+def check_frame_layout(db, frame):
     name, size, sender, cycle = MESSAGES[frame.arbitration_id.id]
     fd = size > 8
     used = set()
@@ -75,6 +98,9 @@ def check_frame_layout(frame):
     check(frame.transmitters == [sender], f"{name}: sender")
     check(frame.cycle_time == cycle, f"{name}: cycle time")
     check(frame.comment, f"{name}: no comment")
+    send_type = frame.attribute("GenMsgSendType", db)
+    check(send_type == SEND_TYPES.get(name, EVENT), f"{name}: sent {send_type}")
+    check((cycle > 0) == (send_type != EVENT), f"{name}: a cycle of {cycle}, sent {send_type}")
     check(frame.attributes["E2EDataId"] == str(frame.arbitration_id.id), f"{name}: data ID")
     check(frame.attributes["E2EProfile"] == ("P05" if fd else "P11_Nibble"),
           f"{name}: E2E profile")
@@ -87,6 +113,7 @@ def check_frame_layout(frame):
         check(signal.comment, f"{where}: no comment")
         check(signal.receivers == [{"Anlos": "Vehicle", "Vehicle": "Anlos"}[sender]],
               f"{where}: receiver")
+        check_start(frame, signal)
         if not signal.is_float:
             check_range(frame, signal)
         used |= bits
@@ -98,7 +125,7 @@ def check_frame_layout(frame):
 def check_layout(db):
     check({f.arbitration_id.id for f in db.frames} == set(MESSAGES), "messages")
     for frame in db.frames:
-        check_frame_layout(frame)
+        check_frame_layout(db, frame)
 
 
 def missing_value(signal):
@@ -115,6 +142,45 @@ def check_float(where, signal, value, expected):
     clamped = min(max(expected, float(signal.min)), float(signal.max))
     narrow = struct.unpack("<f", struct.pack("<f", clamped))[0]
     check(value == narrow, f"{where}: {value}, expected {narrow}")
+
+
+def frames_of(printer):
+    """identifier, data, what went into it; of lines of candump -L."""
+    lines = subprocess.run([printer], check=True, capture_output=True, text=True).stdout
+    for frame, said in zip(*[iter(lines.splitlines())] * 2):
+        number, data = re.fullmatch(r".* ([0-9A-F]{3})#(?:#1)?([0-9A-F]+)", frame).groups()
+        yield number, data, said
+
+
+def raw_values(db, number, data):
+    decoded = db.decode(canmatrix.ArbitrationId(int(number, 16), extended=False),
+                        bytes.fromhex(data))
+    return {name: repr(value.raw_value) for name, value in decoded.items() if name}
+
+
+def record(dbc, printer):
+    db, seen = canmatrix.formats.loadp_flat(dbc), {}
+    for number, data, _ in frames_of(printer):
+        name = db.frame_by_id(canmatrix.ArbitrationId(int(number, 16), extended=False)).name
+        seen[name] = seen.get(name, 0) + 1
+        if seen[name] <= 10:
+            print(number, data, name, *(f"{s}={v}" for s, v in
+                                        raw_values(db, number, data).items()))
+
+
+def check_recorded(db, path):
+    """Old frames: each signal that there was has its bits still, where it was."""
+    with open(path, encoding="ascii") as file:
+        lines = file.read().splitlines()
+    for line in lines:
+        number, data, name, *values = line.split()
+        check(db.frame_by_name(name).arbitration_id.id == int(number, 16), f"{name} has moved")
+        now = raw_values(db, number, data)
+        for signal, value in (word.split("=") for word in values):
+            check(now.get(signal) == value,
+                  f"recorded {name}.{signal}: {now.get(signal)}, was {value}")
+    check(len(lines) >= 70, f"only {len(lines)} recorded frames")
+    return len(lines)
 
 
 def check_signal(frame, name, decoded, expected):
@@ -212,15 +278,20 @@ def check_inputs(db, reader):
 
 
 def main():
-    dbc, printer, reader = sys.argv[1:]
+    if sys.argv[1] == "--record":
+        record(*sys.argv[2:])
+        return 0
+    dbc, printer, reader, recorded = sys.argv[1:]
     db = canmatrix.formats.loadp_flat(dbc)
     check_layout(db)
     output = subprocess.run([printer], check=True, capture_output=True, text=True).stdout
     decoded = check_frames(db, output.splitlines())
     read = check_inputs(db, reader)
+    same = check_recorded(db, recorded)
     for failure in failures[:50]:
         print(failure)
-    print(f"{decoded} frames decoded, {read} encoded, {len(failures)} failures")
+    print(f"{decoded} frames decoded, {read} encoded, {same} of before, "
+          f"{len(failures)} failures")
     return 1 if failures else 0
 
 
