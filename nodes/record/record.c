@@ -26,6 +26,7 @@ struct record {
     struct tap tap;
     int64_t status_due_ns;
     uint64_t told_news;
+    bool stopped;     /* the file of all has ended before the rest */
     struct error why; /* it stops */
 };
 
@@ -230,11 +231,39 @@ static int64_t take_due_ns(const void *self)
     return ((const struct record *)self)->tap.due_ns;
 }
 
+static const char *plural(uint64_t n)
+{
+    return n == 1 ? "" : "s";
+}
+
+/* Why, and what is in the file. */
+static void tell_stop(struct record *r, Anlos__Health__State state,
+                      const struct error *why, const char *what_goes_on)
+{
+    struct recorder_totals t = {0};
+
+    if (r->recorder)
+        recorder_sum(r->recorder, &t);
+    uint64_t written = t.messages - t.unwritten, lost = t.lost + t.unwritten;
+    node_state(r->node, state,
+               "recording stops: %s; the bag has %" PRIu64 " message%s, %" PRIu64
+               " %s lost%s",
+               why->text, written, plural(written), lost, lost == 1 ? "is" : "are",
+               what_goes_on);
+}
+
 static int take(void *self)
 {
     struct record *r = self;
+    int err = tap_step(&r->tap, 0, &r->why);
 
-    return tap_step(&r->tap, 0, &r->why);
+    if (r->tap.stopped && !r->stopped) {
+        r->stopped = true;
+        recorder_end(r->recorder, clock_now_ns(clock_system()), NULL);
+        tell_stop(r, ANLOS__HEALTH__STATE__DEGRADED, &r->tap.stopped_why,
+                  "; the last seconds are kept on");
+    }
+    return err;
 }
 
 /* A recorder that keeps nothing speaks when it is asked. */
@@ -258,26 +287,17 @@ static int publish_status(void *self)
     return node_publish(r->node, topic_save_status(), 0, &s.base);
 }
 
-static const char *plural(uint64_t n)
-{
-    return n == 1 ? "" : "s";
-}
-
-static void tell_end(const struct record *r, int err, const struct recorder_totals *sum)
+static void tell_end(struct record *r, int err, const struct recorder_totals *sum)
 {
     const struct recorder_totals t = *sum;
     Anlos__SaveStatus s;
 
     if (err) {
-        node_state(
-            r->node, ANLOS__HEALTH__STATE__FAULT,
-            "recording stops: %s; the bag has %" PRIu64 " message%s, %" PRIu64 " %s lost",
-            r->why.text, t.messages - t.unwritten, plural(t.messages - t.unwritten),
-            t.lost + t.unwritten, t.lost + t.unwritten == 1 ? "is" : "are");
+        tell_stop(r, ANLOS__HEALTH__STATE__FAULT, &r->why, "");
         return;
     }
     snapshot_status(r->snapshot, clock_now_ns(clock_system()), &s);
-    if (!r->recorder) {
+    if (!r->recorder || r->stopped) {
         node_log(r->node, t.lost ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO,
                  "%s: %" PRIu64 " bag%s saved, %" PRIu64 " of %" PRIu64 " message%s lost",
                  node_launch(r->node)->record.snapshot.folder, s.saved, plural(s.saved),
@@ -304,7 +324,9 @@ static int end(void *self, int err)
     node_device(r->node, NULL, NULL);
     node_busy(r->node, END_S);
     snapshot_end(r->snapshot, clock_now_ns(clock_system()));
-    if (r->recorder) {
+    if (r->stopped) {
+        recorder_sum(r->recorder, &sum);
+    } else if (r->recorder) {
         int ended =
             recorder_end(r->recorder, clock_now_ns(clock_system()), err ? NULL : &r->why);
         err = err ? err : ended;
@@ -313,7 +335,7 @@ static int end(void *self, int err)
         sum = (struct recorder_totals){.messages = r->tap.messages, .lost = r->tap.lost};
     }
     tell_end(r, err, &sum);
-    return err || sum.lost || sum.unwritten ? NODE_TOLD : 0;
+    return err || r->stopped || sum.lost || sum.unwritten ? NODE_TOLD : 0;
 }
 
 static const struct loop_timer timers[] = {

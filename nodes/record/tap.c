@@ -112,12 +112,25 @@ static int ms_until(int64_t now_ns, int64_t t_ns)
     return t_ns > now_ns ? (int)((t_ns - now_ns + NS_PER_MS - 1) / NS_PER_MS) : 0;
 }
 
+/* The last seconds need no disk until somebody asks for them. */
+static int stop_recorder(struct tap *t, int err, struct error *why)
+{
+    if (!err || !t->snapshot)
+        return err;
+    t->recorder = NULL;
+    t->stopped = err;
+    t->stopped_why = *why;
+    *why = (struct error){""};
+    return 0;
+}
+
 static int put(struct tap *t, struct bus_message *m, struct error *why)
 {
     int64_t now_ns = clock_now_ns(t->clock);
     bool chosen = is_chosen(t, m->topic);
     int err = t->recorder && chosen ? recorder_put(t->recorder, m, now_ns, why) : 0;
 
+    err = stop_recorder(t, err, why);
     t->messages += chosen;
     t->due_ns = 0; /* it may be sooner now */
     if (t->snapshot && !err)
@@ -136,6 +149,9 @@ static int tick(struct tap *t, struct error *why)
     }
     t->due_ns = INT64_MAX;
     int err = t->recorder ? recorder_tick(t->recorder, now, &t->due_ns, why) : 0;
+    err = stop_recorder(t, err, why);
+    if (t->stopped)
+        t->due_ns = INT64_MAX;
     if (t->snapshot && now >= snapshot_due_ns(t->snapshot))
         snapshot_step(t->snapshot, now);
     int64_t due_ns = t->snapshot ? snapshot_due_ns(t->snapshot) : INT64_MAX;

@@ -17,7 +17,7 @@
 
 struct tap {
     struct bus *bus;
-    struct recorder *recorder; /* NULL: no file of all */
+    struct recorder *recorder; /* NULL: no file of all, or none any more */
     struct snapshot *snapshot; /* NULL: none */
     const struct topic *const *topics;
     size_t n_topics;
@@ -27,6 +27,8 @@ struct tap {
     uint64_t messages, lost;  /* of its topics, taken and not */
     struct bus_count *counts; /* [room] */
     size_t room;
+    int stopped; /* what ended the recorder while the snapshot goes on; 0: nothing did */
+    struct error stopped_why;
 };
 
 /* A tap on a bus that subscribes to nothing yet: topics[n], which outlive it, and what
@@ -37,8 +39,7 @@ int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
 
 /* Takes at most one message, waiting for it no longer than timeout_ms, and has the
  * recorder flush and the snapshot write when it is time.  0; errors of bus_receive but
- * -ETIMEDOUT, of recorder.
- */
+ * -ETIMEDOUT; of the recorder, where there is no snapshot that goes on without it. */
 int tap_step(struct tap *t, int timeout_ms, struct error *why);
 
 /* Takes what was published before now and is still on its way or waits: until nothing

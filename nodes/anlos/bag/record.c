@@ -174,6 +174,7 @@ struct job {
     struct record_show show;
     int64_t status_due_ns;
     uint64_t told_news;
+    bool stopped; /* the file of all has ended before the rest */
     int64_t start_ns;
 };
 
@@ -282,13 +283,27 @@ static void show(struct job *j, int64_t now_ns)
 {
     Anlos__SaveStatus s;
 
-    if (j->recorder) {
+    if (j->tap.recorder) {
         record_show_progress(&j->show, j->recorder, elapsed_s(j),
                              bus_waiting_bytes(j->bus));
         return;
     }
     snapshot_status(j->snapshot, now_ns, &s);
     record_show_kept(&j->show, &s, j->tap.lost, elapsed_s(j));
+}
+
+/* Once. */
+static void tell_stop(struct job *j)
+{
+    char text[sizeof j->tap.stopped_why.text + 64];
+
+    if (!j->tap.stopped || j->stopped)
+        return;
+    j->stopped = true;
+    recorder_end(j->recorder, clock_now_ns(j->clock), NULL);
+    snprintf(text, sizeof text, "recording stops: %s; the last seconds are kept on",
+             j->tap.stopped_why.text);
+    record_show_text(&j->show, LOG_LEVEL_WARNING, text);
 }
 
 static int record(struct job *j, struct error *why)
@@ -301,6 +316,7 @@ static int record(struct job *j, struct error *why)
         if (left_s <= 0.0)
             break;
         err = tap_step(&j->tap, (int)fmin(LOOK_MS, 1e3 * left_s + 1.0), why);
+        tell_stop(j);
         int64_t now = clock_now_ns(j->clock);
         tell_status(j, now);
         if (err || now < show_ns)
@@ -337,7 +353,9 @@ static int end(struct job *j, int err, struct error *why)
         shown = show_snapshots(j, seconds);
     }
     if (j->recorder) {
-        ended = recorder_end(j->recorder, clock_now_ns(j->clock), err ? NULL : why);
+        ended = j->stopped
+                    ? 0
+                    : recorder_end(j->recorder, clock_now_ns(j->clock), err ? NULL : why);
         recorder_sum(j->recorder, &t);
         shown &= record_show_end(&j->show, j->recorder, seconds);
     }
@@ -351,7 +369,7 @@ static int end(struct job *j, int err, struct error *why)
         return err ? err : ended;
     if (!shown)
         return error_say(why, -EIO, "standard output cannot be written");
-    return t.lost || t.unwritten ? 1 : 0;
+    return j->stopped || t.lost || t.unwritten ? 1 : 0;
 }
 
 /* Until Ctrl-C or the end of the duration; shows how it goes and what came of it.
