@@ -99,7 +99,7 @@ static const struct topic topics[N_TOPICS + 1] = {
                        0, TOPIC_ALL, 256, 4 * KB,
                        {"play", "dsp", "recon", "wall", "track", "can", "report"}},
     [SAVE]          = {"record/save", &anlos__save_request__descriptor,
-                       0, TOPIC_ALL, 16, 4 * KB, {"hand", "view", "page"}},
+                       0, TOPIC_ALL, 16, 4 * KB, {"hand", "view", "page", "can"}},
     [SAVE_STATUS]   = {"record/status", &anlos__save_status__descriptor,
                        1, TOPIC_ALL, 64, 8 * KB, {"record", "recorder"}},
     /* clang-format on */

@@ -3,10 +3,11 @@
  * What is sent goes into the log, if there is one; what comes is EgoMotion every 20 ms
  * and Ambient every second, as the vehicle of the drive scene moves at that time of the
  * wall clock (hal/room/room.h), with their end-to-end protection, and with wall=on the
- * WallIn of its perception, which sees the scene's wall, every 100 ms.  For tests it
- * misbehaves:
+ * WallIn of its perception, which sees the scene's wall, every 100 ms.  With save=on it
+ * sends SaveRequest and has one event, 3 s after it began.  For tests it misbehaves:
  *   ego=off      EgoMotion never comes; ego=bad: its CRC is wrong
  *   ambient=off, wall=bad  the same of Ambient, of WallIn
+ *   save=stuck   the event's request never ends
  * interface=X and append=yes are as of a log. */
 #include <errno.h>
 #include <math.h>
@@ -23,11 +24,14 @@
 #define EGO_PERIOD_NS     20000000LL
 #define AMBIENT_PERIOD_NS 1000000000LL
 #define WALL_PERIOD_NS    100000000LL
+#define SAVE_PERIOD_NS    100000000LL
+#define SAVE_IDLE         30 /* frames before the event, */
+#define SAVE_FRAMES       5  /* and of it */
 #define WALL_SIGMA_M      0.02
 #define WALL_SIGMA_RAD    (0.3 * M_PI / 180.0)
 #define MAX_LATE_NS       1000000000LL /* what is older never comes */
 
-enum { ON, OFF, BAD }; /* how an input behaves */
+enum { ON, OFF, BAD, STUCK }; /* how an input behaves */
 
 struct source { /* of one kind of frame */
     int behaviour;
@@ -39,7 +43,8 @@ struct canbus_sim {
     void *log; /* of canbus_log_ops; NULL: none */
     int timer;
     struct can_protection protection;
-    struct source ego, ambient, wall;
+    struct source ego, ambient, wall, save;
+    int n_saves; /* frames of it so far */
 };
 
 static void sim_close(void *state)
@@ -87,7 +92,8 @@ static int set_up(struct canbus_sim *s, const struct device *d, bool to_write,
                   struct error *why)
 {
     static const char *const behaviours[] = {"on", "off", "bad", NULL};
-    int ego = device_choice(d, "ego", behaviours, why), ambient, wall, err;
+    static const char *const saves[] = {"on", "off", "bad", "stuck", NULL};
+    int ego = device_choice(d, "ego", behaviours, why), ambient, wall, save, err;
 
     if (ego < 0)
         return ego;
@@ -99,6 +105,12 @@ static int set_up(struct canbus_sim *s, const struct device *d, bool to_write,
         return wall;
     if (!device_option(d, "wall"))
         wall = OFF;
+    save = device_choice(d, "save", saves, why);
+    if (save < 0)
+        return save;
+    if (!device_option(d, "save"))
+        save = OFF;
+    s->save = (struct source){.behaviour = save, .period_ns = SAVE_PERIOD_NS};
     s->wall = (struct source){.behaviour = wall, .period_ns = WALL_PERIOD_NS};
     s->ego = (struct source){.behaviour = ego, .period_ns = EGO_PERIOD_NS};
     s->ambient = (struct source){.behaviour = ambient, .period_ns = AMBIENT_PERIOD_NS};
@@ -114,7 +126,7 @@ static int set_up(struct canbus_sim *s, const struct device *d, bool to_write,
 static int make(void **state, const char *arg, bool to_write, struct error *why)
 {
     static const char *const known[] = {"log",     "interface", "append", "ego",
-                                        "ambient", "wall",      NULL};
+                                        "ambient", "wall",      "save",   NULL};
     struct canbus_sim *s = NULL;
     struct device d;
     int err = device_parse(&d, arg, known, why);
@@ -173,7 +185,7 @@ static int sim_listen(void *state, const uint32_t *ids, size_t n)
     if (!n || ids[0] < CAN_ID_EGO_MOTION)
         return -EINVAL;
     s->protection = (struct can_protection){.base = ids[0] - CAN_ID_EGO_MOTION};
-    s->ego.due_ns = s->ambient.due_ns = s->wall.due_ns = 1;
+    s->ego.due_ns = s->ambient.due_ns = s->wall.due_ns = s->save.due_ns = 1;
     return 0;
 }
 
@@ -244,6 +256,18 @@ static void tell_wall(struct canbus_sim *s, int64_t at_ns, struct can_frame_data
     finish(s, &s->wall, out);
 }
 
+static void tell_save(struct canbus_sim *s, struct can_frame_data *out)
+{
+    bool event = s->n_saves >= SAVE_IDLE &&
+                 (s->n_saves < SAVE_IDLE + SAVE_FRAMES || s->save.behaviour == STUCK);
+    const struct can_save_request request = {
+        .number = 1, .reason = CAN_TEST, .request = event ? CAN_SAVE : CAN_IDLE};
+
+    s->n_saves += s->n_saves < SAVE_IDLE + SAVE_FRAMES;
+    can_pack_save_request(out, s->protection.base, &request);
+    finish(s, &s->save, out);
+}
+
 static int sim_receive(void *state, struct can_frame_data *out, int64_t now_ns,
                        int64_t *came_ns)
 {
@@ -256,6 +280,8 @@ static int sim_receive(void *state, struct can_frame_data *out, int64_t now_ns,
         tell_ambient(s, out);
     else if (is_due(&s->wall, now_ns, came_ns))
         tell_wall(s, *came_ns, out);
+    else if (is_due(&s->save, now_ns, came_ns))
+        tell_save(s, out);
     else
         return read(s->timer, &ticks, sizeof ticks) < 0 && errno != EAGAIN ? -errno
                                                                            : -EAGAIN;

@@ -125,6 +125,12 @@ void can_pack_wall_in(struct can_frame_data *out, uint32_t base,
     pack(out, base, CAN_ID_WALL_IN, w);
 }
 
+void can_pack_save_request(struct can_frame_data *out, uint32_t base,
+                           const struct can_save_request *r)
+{
+    pack(out, base, CAN_ID_SAVE_REQUEST, r);
+}
+
 int can_unpack_status(const struct can_frame_data *f, struct can_status *out)
 {
     return unpack(f, CAN_ID_STATUS, out);
@@ -183,4 +189,9 @@ int can_unpack_ambient(const struct can_frame_data *f, struct can_ambient *out)
 int can_unpack_wall_in(const struct can_frame_data *f, struct can_wall_in *out)
 {
     return unpack(f, CAN_ID_WALL_IN, out);
+}
+
+int can_unpack_save_request(const struct can_frame_data *f, struct can_save_request *out)
+{
+    return unpack(f, CAN_ID_SAVE_REQUEST, out);
 }

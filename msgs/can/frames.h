@@ -36,6 +36,19 @@ enum can_motion { CAN_MOTION_UNKNOWN, CAN_STANDING, CAN_MOVING };
 enum can_standstill { CAN_ROLLS, CAN_STANDS, CAN_STANDSTILL_UNKNOWN = 3 };
 enum can_validity { CAN_INVALID, CAN_VALID, CAN_VALIDITY_UNKNOWN = 3 };
 
+enum can_request { CAN_IDLE, CAN_SAVE, CAN_REQUEST_UNKNOWN = 3 };
+enum can_reason { /* of a request to save */
+                  CAN_UNSPECIFIED,
+                  CAN_DRIVER,
+                  CAN_COLLISION,
+                  CAN_EMERGENCY_BRAKING,
+                  CAN_EVASION,
+                  CAN_MISSED_OBJECT,
+                  CAN_FALSE_OBJECT,
+                  CAN_TEST,
+                  CAN_REASON_UNKNOWN = 15
+};
+
 enum can_fault { /* bits of the status; what each means is in the DBC */
                  CAN_FAULT_IMAGE_STALE,
                  CAN_FAULT_EGO_MISSING,
@@ -135,6 +148,14 @@ struct can_wall_in {
     double sigma_azimuth_rad, sigma_distance_m;
 };
 
+/* From the vehicle, every second, and every 100 ms while something happens: keep what was
+ * heard. */
+struct can_save_request {
+    uint16_t number; /* another one with each event */
+    enum can_reason reason;
+    enum can_request request;
+};
+
 /* Each writes one frame; base: where the identifiers of the sensor begin.  Values outside
  * a signal's range are clamped to it; what is not known is sent as the signal's raw value
  * for that.  Standard deviations are rounded up. */
@@ -163,6 +184,8 @@ void can_pack_ambient(struct can_frame_data *out, uint32_t base,
                       const struct can_ambient *a);
 void can_pack_wall_in(struct can_frame_data *out, uint32_t base,
                       const struct can_wall_in *w);
+void can_pack_save_request(struct can_frame_data *out, uint32_t base,
+                           const struct can_save_request *r);
 
 /* Each reads one frame, whatever its identifier, into the members that it carries.  0,
  * -EINVAL (not its size or kind of frame). */
@@ -177,5 +200,6 @@ int can_unpack_object_fd(const struct can_frame_data *f, struct can_object *out)
 int can_unpack_ego_motion(const struct can_frame_data *f, struct can_ego_motion *out);
 int can_unpack_ambient(const struct can_frame_data *f, struct can_ambient *out);
 int can_unpack_wall_in(const struct can_frame_data *f, struct can_wall_in *out);
+int can_unpack_save_request(const struct can_frame_data *f, struct can_save_request *out);
 
 #endif

@@ -221,6 +221,10 @@ static const char *const standstills[] = {"Rolling", "Standing", NULL};
 static const char *const validities[] = {"Invalid", "Valid", NULL};
 static const char *const presences[] = {"Past", "Present", NULL};
 static const char *const answers[] = {"No", "Yes", NULL};
+static const char *const requests[] = {"Idle", "Save", NULL};
+static const char *const reasons[] = {"Unspecified",      "Driver",  "Collision",
+                                      "EmergencyBraking", "Evasion", "MissedObject",
+                                      "FalseObject",      "Test",    NULL};
 
 /* A trouble code is the number of a fault + 1. */
 static const char *const troubles[] = {"None",
@@ -388,6 +392,13 @@ static const struct can_signal wall_in[] = {
     {"Validity",      "",    62, 2,  CHOICE, 1,    0, 0,      1,     3,      IN(can_wall_in, validity), validities},
 };
 
+static const struct can_signal save_request[] = {
+    E2E_P11,
+    {"Number",  "", 16, 16, COUNTER, 1, 0, 0, 65535, NEVER, IN(can_save_request, number), NULL},
+    {"Reason",  "", 32, 4,  CHOICE,  1, 0, 0, 7,     15,    IN(can_save_request, reason), reasons},
+    {"Request", "", 36, 2,  CHOICE,  1, 0, 0, 1,     3,     IN(can_save_request, request), requests},
+};
+
 #define SIGNALS(table) table, sizeof table / sizeof *table
 
 /* name, id, size, fd, input, cycle_ms, profile, signals */
@@ -403,6 +414,7 @@ static const struct can_message messages[] = {
     {"EgoMotion",      CAN_ID_EGO_MOTION,      8,  false, true,  20,   CAN_PROFILE_11_NIBBLE, SIGNALS(ego_motion)},
     {"Ambient",        CAN_ID_AMBIENT,         8,  false, true,  1000, CAN_PROFILE_11_NIBBLE, SIGNALS(ambient)},
     {"WallIn",         CAN_ID_WALL_IN,         8,  false, true,  100,  CAN_PROFILE_11_NIBBLE, SIGNALS(wall_in)},
+    {"SaveRequest",    CAN_ID_SAVE_REQUEST,    8,  false, true,  1000, CAN_PROFILE_11_NIBBLE, SIGNALS(save_request)},
 };
 
 /* clang-format on */

@@ -87,6 +87,7 @@ enum can_id { /* added to where the sensor's begin */
               CAN_ID_EGO_MOTION = 0x0C,
               CAN_ID_AMBIENT = 0x0D,
               CAN_ID_WALL_IN = 0x0E,
+              CAN_ID_SAVE_REQUEST = 0x0F,
 };
 
 enum can_profile { CAN_PROFILE_11_NIBBLE, CAN_PROFILE_05 }; /* msgs/can/e2e.h */

@@ -50,7 +50,8 @@ double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_obj
 
 double can_cycles_s(const struct can_bus_rate *rate)
 {
-    double sum = CAN_STATUS_CHANGES * message_s(rate, CAN_ID_STATUS);
+    double sum = CAN_STATUS_CHANGES * message_s(rate, CAN_ID_STATUS) +
+                 CAN_SAVE_REPEATS * message_s(rate, CAN_ID_SAVE_REQUEST);
     size_t n;
     const struct can_message *m = can_messages(&n);
 

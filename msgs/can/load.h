@@ -23,8 +23,10 @@ double can_frame_s(const struct can_bus_rate *rate, size_t size, bool fd);
 double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_objects);
 
 /* Seconds of the bus in one second, wherever that begins, for all that is sent in cycles
- * at most: status, diagnosis, what the vehicle says, and the changes of the status. */
+ * at most: status, diagnosis, what the vehicle says, the changes of the status, and the
+ * repetitions of a request to save. */
 #define CAN_STATUS_CHANGES 10 /* that do not wait for its cycle */
+#define CAN_SAVE_REPEATS   5  /* of SaveRequest, 100 ms apart */
 double can_cycles_s(const struct can_bus_rate *rate);
 
 #endif

@@ -16,7 +16,8 @@
  * ms after the first. WallIn mirrors whatever is seen, ten times a second: of 6 one may
  * be wrong; known with the 6th, 500 ms after the first. Ambient comes once a second and
  * changes slowly: it has to be heard twice, and one of the newest three has to be good,
- * which is as long as a temperature is kept.
+ * which is as long as a temperature is kept.  So it is of SaveRequest, which takes two
+ * good frames more (inbox_save).
  *
  * In VALID a wrong frame is allowed, damaged or not (of Ambient two of three); of 256
  * that are damaged the CRC misses one, so none is allowed on the way there. */
@@ -45,6 +46,12 @@ static const struct input {
                        "wall_in_invalid",
                        INBOX_WALL_NS,
                        {6, 5, 0, 5, 1, 6, 0}},
+    [INBOX_SAVE_REQUEST] = {CAN_ID_SAVE_REQUEST,
+                            INBOX_SAVE,
+                            "SaveRequest",
+                            "save_request_invalid",
+                            INBOX_SAVE_NS,
+                            {3, 1, 0, 1, 1, 2, 0}},
 };
 
 void inbox_init(struct inbox *i, uint32_t base)
@@ -152,6 +159,39 @@ static enum inbox_kind take_wall(struct inbox *i, const struct can_frame_data *f
     return INBOX_WALLS_GIVEN;
 }
 
+static bool was_taken(const struct inbox_save *s, uint16_t number)
+{
+    for (size_t i = 0; i < s->n_taken && i < INBOX_NUMBERS; i++)
+        if (s->numbers[i] == number)
+            return true;
+    return false;
+}
+
+static enum inbox_kind take_save(struct inbox *i, const struct can_frame_data *f)
+{
+    struct inbox_save *s = &i->save;
+    struct can_save_request in;
+
+    if (can_unpack_save_request(f, &in))
+        return INBOX_WRONG;
+    s->idle |= in.request == CAN_IDLE;
+    bool same = s->n_same && in.number == s->newest.number;
+    s->n_same = in.request != CAN_SAVE ? 0
+                : !same                ? 1
+                : s->n_same < 3        ? s->n_same + 1
+                                       : 3;
+    s->newest = in;
+    if (s->n_same != 2)
+        return INBOX_NOTHING;
+    if (!s->idle || was_taken(s, in.number)) {
+        s->again++;
+        return INBOX_SAVE_AGAIN;
+    }
+    s->numbers[s->n_taken++ % INBOX_NUMBERS] = in.number;
+    s->idle = false;
+    return INBOX_SAVE;
+}
+
 static bool is_silent(const struct inbox_trust *t, size_t input, int64_t now_ns)
 {
     return t->sm.state != E2E_NODATA && now_ns - t->heard_ns > inputs[input].silence_ns;
@@ -163,6 +203,10 @@ static void begin_anew(struct inbox *i, size_t input)
     e2e_sm_reset(&i->trust[input].sm);
     i->trust[input].wrong = E2E_OK;
     can_checks_forget(&i->checks, inputs[input].id);
+    if (input == INBOX_SAVE_REQUEST) {
+        i->save.idle = false;
+        i->save.n_same = 0;
+    }
 }
 
 /* May a frame that came at came_ns be used? */
@@ -202,6 +246,10 @@ enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
         kind = take_ambient(i, f);
     else if (kind == INBOX_WALLS_GIVEN)
         kind = take_wall(i, f, came_ns);
+    else if (kind == INBOX_SAVE)
+        kind = take_save(i, f);
+    else if (input == INBOX_SAVE_REQUEST)
+        i->save.n_same = 0;
     i->wrong += kind == INBOX_WRONG;
     return kind;
 }
@@ -264,8 +312,9 @@ void inbox_counts(const struct inbox *i, struct device_count out[INBOX_COUNTS])
 {
     out[0] = (struct device_count){"inputs_wrong", i->wrong};
     out[1] = (struct device_count){"inputs_unbelieved", i->unbelieved};
+    out[2] = (struct device_count){"saves_repeated", i->save.again};
     for (size_t k = 0; k < INBOX_INPUTS; k++)
-        out[2 + k] = (struct device_count){inputs[k].count, i->trust[k].invalid};
+        out[3 + k] = (struct device_count){inputs[k].count, i->trust[k].invalid};
 }
 
 bool inbox_ego_ends(struct inbox *i, int64_t now_ns)

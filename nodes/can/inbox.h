@@ -23,15 +23,27 @@
 #define INBOX_WALL_NS    2000000000LL
 #define INBOX_WALLS      15 /* as the frame numbers them, from 1 */
 
-enum inbox_input { INBOX_EGO_MOTION, INBOX_AIR, INBOX_WALL_IN, INBOX_INPUTS };
-enum { INBOX_COUNTS = 2 + INBOX_INPUTS, INBOX_TEXT_SIZE = 128 };
+#define INBOX_SAVE_NS 3000000000LL /* between requests, or that there is none */
+#define INBOX_NUMBERS 8            /* of events that were taken: none of them again */
+
+enum inbox_input {
+    INBOX_EGO_MOTION,
+    INBOX_AIR,
+    INBOX_WALL_IN,
+    INBOX_SAVE_REQUEST,
+    INBOX_INPUTS
+};
+enum { INBOX_COUNTS = 3 + INBOX_INPUTS, INBOX_TEXT_SIZE = 128 };
 
 enum inbox_kind {
     INBOX_NOTHING, /* of no use, and no mistake: not available, or not believed yet */
     INBOX_WRONG,   /* damaged, repeated or out of sequence: not to be used */
     INBOX_EGO,
     INBOX_AMBIENT,
-    INBOX_WALLS_GIVEN
+    INBOX_WALLS_GIVEN,
+    INBOX_SAVE,      /* an event: save once */
+    INBOX_SAVE_AGAIN /* a request that is none: its number was taken, or it had begun
+                        before anybody heard that there was none */
 };
 
 struct inbox_wall {
@@ -39,6 +51,17 @@ struct inbox_wall {
     Anlos__Vec3 normal;
     double covariance[6];
     int64_t given_ns; /* 0: not known */
+};
+
+/* One event saves once, whatever a sender or a gateway repeats: its number has to come
+ * twice in a row, after a frame without a request, and is not taken again. */
+struct inbox_save {
+    struct can_save_request newest;  /* that INBOX_SAVE or INBOX_SAVE_AGAIN is about */
+    bool idle;                       /* said since the last silence and the last event */
+    unsigned n_same;                 /* frames in a row with this request; up to 3 */
+    uint16_t numbers[INBOX_NUMBERS]; /* a ring, [n_taken] */
+    size_t n_taken;
+    uint64_t again; /* times INBOX_SAVE_AGAIN */
 };
 
 struct inbox_trust { /* in an input */
@@ -59,6 +82,7 @@ struct inbox {
     struct inbox_wall walls[INBOX_WALLS];
     Anlos__WallList wall_list; /* of those known; points to the following */
     Anlos__Wall *wall_pointers[INBOX_WALLS];
+    struct inbox_save save;
     uint64_t wrong;      /* frames that were INBOX_WRONG */
     uint64_t unbelieved; /* good ones of an input that was not VALID */
 };
@@ -69,7 +93,7 @@ void inbox_init(struct inbox *i, uint32_t base);
 /* The identifiers for canbus_listen; returns how many. */
 size_t inbox_ids(const struct inbox *i, uint32_t ids[CANBUS_MAX_INPUTS]);
 
-/* What a frame that came at came_ns brought, in ego, ambient or wall_list. */
+/* What a frame that came at came_ns brought, in ego, ambient, wall_list or save. */
 enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
                            int64_t came_ns);
 

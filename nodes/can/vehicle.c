@@ -14,6 +14,7 @@
 #include "nodes/can/inbox.h"
 #include "nodes/can/list_check.h"
 #include "nodes/can/outbox.h"
+#include "nodes/can/saving.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/stop.h"
@@ -31,6 +32,7 @@ struct vehicle {
     struct watch watch;
     struct diagnosis diagnosis;
     struct cyclic cyclic;
+    struct saving saving;
     enum can_state told_state; /* in the log */
     uint16_t told_faults;
 };
@@ -152,6 +154,24 @@ int vehicle_open(struct vehicle **out, struct node *node, struct error *why)
     return err;
 }
 
+/* Not while a recording is played: the vehicle is not heard then. */
+static void save(struct vehicle *v, int64_t now_ns)
+{
+    Anlos__SaveRequest request;
+
+    if (saving_due(&v->saving, now_ns, &request))
+        node_publish(v->node, topic_save(), 0, &request.base);
+    if (saving_ends(&v->saving, now_ns))
+        node_log_each(v->node, LOG_LEVEL_WARNING, "not saved: %s", v->saving.failed);
+}
+
+static void take_save(struct vehicle *v, int64_t now_ns)
+{
+    saving_begin(&v->saving, &v->inbox.save.newest, now_ns);
+    node_log_each(v->node, LOG_LEVEL_INFO, "asks to save the last seconds: %s",
+                  v->saving.reason);
+}
+
 static void receive(struct vehicle *v)
 {
     struct can_frame_data frame;
@@ -169,6 +189,15 @@ static void receive(struct vehicle *v)
             break;
         case INBOX_WALLS_GIVEN:
             node_publish(v->node, topic_wall_given(), came, &v->inbox.wall_list.base);
+            break;
+        case INBOX_SAVE:
+            take_save(v, now);
+            break;
+        case INBOX_SAVE_AGAIN:
+            node_log(v->node, LOG_LEVEL_WARNING,
+                     "the vehicle's request %u to save is not taken: its number was "
+                     "taken before, or it did not come after one of Idle",
+                     (unsigned)v->inbox.save.newest.number);
             break;
         case INBOX_WRONG:
             watch_wrong_input(&v->watch);
@@ -308,6 +337,17 @@ static int take_health(void *self, const struct node_message *in)
     return 0;
 }
 
+static int take_saved(void *self, const struct node_message *in)
+{
+    struct vehicle *v = self;
+    const Anlos__SaveStatus *status = (const Anlos__SaveStatus *)in->content;
+
+    if (saving_status(&v->saving, status))
+        node_log_each(v->node, LOG_LEVEL_INFO, "%s saves %s: %s", in->from, status->path,
+                      v->saving.reason);
+    return 0;
+}
+
 static int take_walls(void *self, const struct node_message *in)
 {
     struct vehicle *v = self;
@@ -331,8 +371,9 @@ static void step(struct vehicle *v)
     if (outbox_well(&v->outbox, text, sizeof text)) {
         describe_state(v, text, sizeof text);
         inbox_text(&v->inbox, inputs, sizeof inputs);
-        node_state(v->node, ANLOS__HEALTH__STATE__READY, "ready, %s%s%s", text,
-                   inputs[0] ? "; of the vehicle: " : "", inputs);
+        node_state(v->node, ANLOS__HEALTH__STATE__READY, "ready, %s%s%s%s%s", text,
+                   inputs[0] ? "; of the vehicle: " : "", inputs,
+                   v->saving.failed[0] ? "; not saved: " : "", v->saving.failed);
     } else {
         node_state(v->node, ANLOS__HEALTH__STATE__DEGRADED, "%s", text);
     }
@@ -359,6 +400,7 @@ static int turn(void *self)
     struct vehicle *v = self;
 
     receive(v);
+    save(v, node_machine_ns(v->node));
     judge(v);
     if (has_time(v))
         cyclic_step(&v->cyclic, node_machine_ns(v->node));
@@ -385,7 +427,8 @@ static int finish(void *self, int err)
     return err;
 }
 
-_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS + 4 <= DEVICE_MAX_COUNTS,
+_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS + SAVING_COUNTS + 4 <=
+                   DEVICE_MAX_COUNTS,
                "no room");
 
 static size_t counts(void *device, struct device_count *out)
@@ -395,7 +438,8 @@ static size_t counts(void *device, struct device_count *out)
 
     outbox_counts(&v->outbox, out + n);
     inbox_counts(&v->inbox, out + n + OUTBOX_COUNTS);
-    n += OUTBOX_COUNTS + INBOX_COUNTS;
+    saving_counts(&v->saving, out + n + OUTBOX_COUNTS + INBOX_COUNTS);
+    n += OUTBOX_COUNTS + INBOX_COUNTS + SAVING_COUNTS;
     out[n++] = (struct device_count){"lists_repeated", v->lists.verdicts[LIST_REPEATED]};
     out[n++] =
         (struct device_count){"lists_malformed", v->lists.verdicts[LIST_MALFORMED]};
@@ -420,6 +464,7 @@ static const struct loop_input inputs[] = {
     {.topic = topic_survey, .take = take_survey},
     {.topic = topic_health, .take = take_health},
     {.topic = topic_wall, .take = take_walls, .wanted = has_walls},
+    {.topic = topic_save_status, .take = take_saved},
     {.topic = NULL},
 };
 

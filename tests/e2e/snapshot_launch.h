@@ -19,6 +19,7 @@
 #include "msgs/traces.pb-c.h"
 
 #define SCRATCH_TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
+#define SCENE           SOURCE_DIR "/launch/scenes/full-array.yaml"
 #define DEADLINE_NS     60000000000LL
 
 struct system {
@@ -73,21 +74,22 @@ static inline int run(struct system *y, char line[512], char *const words[])
     return code;
 }
 
-/* record: a recording beside the ring, in the folder that is a small disk; or not. */
-static inline void start(struct system *y, bool record)
+/* can: what the launch file says of it; empty: there is none.  keeps: a ring. record: a
+ * recording beside it, in the folder that is a small disk. */
+static inline void start_with(struct system *y, const char *can, bool keeps, bool record)
 {
     const struct bus_config cfg = {
         .node = "stage", .run_dir = y->s->folder, .epoch_ns = now_ns()};
     char text[1024], file[128], small[128], bag[160];
 
     snprintf(text, sizeof text,
-             "nodes: [array, scan, dsp, report]\n"
-             "array: {uri: 'sim:" SOURCE_DIR "/launch/scenes/full-array.yaml'}\n"
+             "nodes: [array, scan, dsp, %sreport]\n%s"
+             "array: {uri: 'sim:" SCENE "'}\n"
              "scan: {mode: fixed, speakers: [0, 5, 10, 15], background: true, "
              "background_frames: 2}\n"
              "report: {folder: %s/out}\n"
              "record: {snapshot: {folder: none, after_s: 0, max_mb: 64}}\n",
-             y->s->folder);
+             *can ? "can, " : "", can, y->s->folder);
     scratch_write(y->s, "launch.yaml", text);
     snprintf(file, sizeof file, "%s/launch.yaml", y->s->folder);
     snprintf(text, sizeof text, "%s/saved", y->s->folder);
@@ -99,8 +101,13 @@ static inline void start(struct system *y, bool record)
     snprintf(bag, sizeof bag, "%s/a.mcap", small);
     y->pid = start_anlos(y->s, "says", record ? small : NULL,
                          (char *[]){"anlos", "launch", file, "--run-dir", y->s->folder,
-                                    "--snapshot", text, record ? "--record" : NULL, bag,
-                                    NULL});
+                                    keeps ? "--snapshot" : NULL, text,
+                                    record ? "--record" : NULL, bag, NULL});
+}
+
+static inline void start(struct system *y, bool record)
+{
+    start_with(y, "", true, record);
 }
 
 /* The next message of a topic, to be freed. */

@@ -70,6 +70,58 @@ static void a_command_a_message_and_a_fault_each_save_a_bag_that_images(void **s
     bus_destroy(y.bus);
 }
 
+/* A vehicle whose event never ends: its number stays the same. */
+static void an_event_of_the_vehicle_saves_one_bag_however_long_it_says_so(void **state)
+{
+    struct system y = {.s = *state};
+    char path[512];
+
+    start_with(&y, "can: {uri: 'sim:" SCENE "?save=stuck'}\n", true, false);
+    await_bag(&y, 1, NULL, "vehicle, test, 1", path);
+    assert_contains(path, "_vehicle-test-1.mcap");
+    for (int i = 0; i < 3; i++) {
+        Anlos__SaveStatus *t = (Anlos__SaveStatus *)hear(&y, topic_save_status());
+        assert_int_equal(t->saved, 1);
+        assert_int_equal(t->joined, 0);
+        assert_int_equal(t->state, ANLOS__SAVE_STATUS__STATE__KEEPS);
+        anlos__save_status__free_unpacked(t, NULL);
+    }
+    kill(y.pid, SIGINT);
+    assert_int_equal(end_of(y.pid), 130);
+    bus_destroy(y.bus);
+}
+
+/* What a node says of itself. */
+static void await_health(struct system *y, const char *node, const char *part)
+{
+    bool found = false;
+
+    while (!found) {
+        Anlos__Health *h = (Anlos__Health *)hear(y, topic_health());
+        found = !strcmp(h->node, node) && strstr(h->text, part);
+        anlos__health__free_unpacked(h, NULL);
+    }
+}
+
+static void without_a_ring_the_log_and_the_status_of_can_say_so(void **state)
+{
+    struct system y = {.s = *state};
+    char text[16384];
+
+    start_with(&y, "can: {uri: 'sim:" SCENE "?save=on'}\n", false, false);
+    await_health(&y, "can",
+                 "not saved: the vehicle's request to save (vehicle, test, 1): "
+                 "nobody keeps the last seconds");
+    kill(y.pid, SIGINT);
+    assert_int_equal(end_of(y.pid), 130);
+    FILE *f = fopen(scratch_path(y.s, "says"), "r");
+    assert_non_null(f);
+    text[fread(text, 1, sizeof text - 1, f)] = '\0';
+    fclose(f);
+    assert_contains(text, "nobody keeps the last seconds (anlos launch --snapshot)");
+    bus_destroy(y.bus);
+}
+
 static void without_a_recorder_that_keeps_something_it_is_told_what_to_start(void **state)
 {
     struct system y = {.s = *state};
@@ -85,6 +137,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         SCRATCH_TEST(a_command_a_message_and_a_fault_each_save_a_bag_that_images),
+        SCRATCH_TEST(an_event_of_the_vehicle_saves_one_bag_however_long_it_says_so),
+        SCRATCH_TEST(without_a_ring_the_log_and_the_status_of_can_say_so),
         SCRATCH_TEST(without_a_recorder_that_keeps_something_it_is_told_what_to_start),
     };
 

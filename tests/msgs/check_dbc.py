@@ -5,7 +5,8 @@ what canmatrix encodes for the sensor, and does what was on a bus before still m
 The end-to-end protection is worked out here once more.
 
 check_dbc.py --record DBC PRINTER >FRAMES: some frames, each with the raw values that canmatrix
-found in it by that DBC.  frames.txt is of the DBC of commit d0fa7e7; it may only grow."""
+found in it by that DBC.  frames.txt may only grow: it is of the DBC of commit d0fa7e7, and for
+each frame that came later, of the first DBC that had it."""
 import decimal
 import math
 import re
@@ -26,11 +27,11 @@ MESSAGES = {  # identifier: name, bytes, sender, cycle time
     0x404: ("ObjectState", 8, "Anlos", 0), 0x405: ("ObjectDynamics", 8, "Anlos", 0),
     0x406: ("ObjectQuality", 8, "Anlos", 0), 0x408: ("ObjectFD", 64, "Anlos", 0),
     0x40C: ("EgoMotion", 8, "Vehicle", 20), 0x40D: ("Ambient", 8, "Vehicle", 1000),
-    0x40E: ("WallIn", 8, "Vehicle", 100),
+    0x40E: ("WallIn", 8, "Vehicle", 100), 0x40F: ("SaveRequest", 8, "Vehicle", 1000),
 }
 CYCLIC, EVENT, BOTH = "Cyclic", "Event", "CyclicAndEvent"
 SEND_TYPES = {"Status": BOTH, "Diagnosis": CYCLIC, "EgoMotion": CYCLIC, "Ambient": CYCLIC,
-              "WallIn": CYCLIC}  # the others: with each list
+              "WallIn": CYCLIC, "SaveRequest": BOTH}  # the others: with each list
 ROUNDED_UP = {"SigmaX", "SigmaY", "SigmaV", "SigmaAzimuth", "SigmaDistance"}
 failures = []
 
@@ -179,7 +180,7 @@ def check_recorded(db, path):
         for signal, value in (word.split("=") for word in values):
             check(now.get(signal) == value,
                   f"recorded {name}.{signal}: {now.get(signal)}, was {value}")
-    check(len(lines) >= 70, f"only {len(lines)} recorded frames")
+    check(len(lines) >= 77, f"only {len(lines)} recorded frames")
     return len(lines)
 
 
@@ -236,6 +237,7 @@ def inputs():
         yield "WallIn", {"Azimuth": round(-180 + 9.23 * i, 2), "Distance": round(1.02 * i, 2),
                          "SigmaAzimuth": round(0.3 * i, 1), "SigmaDistance": 0.03 * i,
                          "WallId": i % 16, "Validity": i % 2}
+        yield "SaveRequest", {"Number": 1638 * i, "Reason": i % 8, "Request": i % 2}
     yield "EgoMotion", {"Speed": None, "YawRate": None, "Standstill": 1, "Validity": 0}
     yield "Ambient", {"Temperature": None, "Humidity": None}
     yield "WallIn", {"Azimuth": None, "Distance": None, "SigmaAzimuth": None,

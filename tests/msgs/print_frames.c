@@ -221,7 +221,18 @@ static void print_inputs(void)
         printf("# WallIn Azimuth=%.9g Distance=%.9g SigmaAzimuth=%.9g SigmaDistance=%.9g "
                "WallId=%u Validity=%u\n",
                v * degrees, v, v * degrees, v, i, choice);
+        can_pack_save_request(
+            &f, CAN_BASE_DEFAULT,
+            &(struct can_save_request){(uint16_t)(13107 * i), i + 2, choice});
+        print_frame(&f);
+        printf("# SaveRequest Number=%u Reason=%u Request=%u\n", 13107 * i, i + 2,
+               choice);
     }
+    can_pack_save_request(
+        &f, CAN_BASE_DEFAULT,
+        &(struct can_save_request){1, CAN_REASON_UNKNOWN, CAN_REQUEST_UNKNOWN});
+    print_frame(&f);
+    printf("# SaveRequest Number=1 Reason=nan Request=nan\n");
 }
 
 int main(void)

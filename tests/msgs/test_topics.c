@@ -111,6 +111,7 @@ static void the_functions_name_the_topics_they_say(void **state)
         {topic_ambient(), "ambient", "anlos.Ambient", "can"},
         {topic_progress(), "progress", "anlos.Progress", "can"},
         {topic_save(), "record/save", "anlos.SaveRequest", "hand"},
+        {topic_save(), "record/save", "anlos.SaveRequest", "can"},
         {topic_save_status(), "record/status", "anlos.SaveStatus", "record"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {

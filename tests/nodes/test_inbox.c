@@ -97,17 +97,18 @@ static void start(struct rig *r)
     r->inbox.unbelieved = 0;
 }
 
-static void the_three_inputs_of_this_sensor_are_listened_to(void **state)
+static void the_four_inputs_of_this_sensor_are_listened_to(void **state)
 {
     struct rig r;
     uint32_t ids[CANBUS_MAX_INPUTS];
 
     (void)state;
     start(&r);
-    assert_int_equal(inbox_ids(&r.inbox, ids), 3);
+    assert_int_equal(inbox_ids(&r.inbox, ids), 4);
     assert_int_equal(ids[0], 0x42c);
     assert_int_equal(ids[1], 0x42d);
     assert_int_equal(ids[2], 0x42e);
+    assert_int_equal(ids[3], 0x42f);
 }
 
 static void motion_is_said_as_the_vehicle_says_it(void **state)
@@ -620,6 +621,173 @@ static void what_is_not_believed_is_said_and_counted(void **state)
     assert_int_equal(count(&r.inbox, "wall_in_invalid"), 0);
 }
 
+static enum inbox_kind give_save(struct rig *r, enum can_request request, uint16_t number)
+{
+    const struct can_save_request save = {
+        .number = number, .reason = CAN_DRIVER, .request = request};
+    struct can_frame_data f;
+
+    r->now_ns += 100 * MS;
+    inbox_step(&r->inbox, r->now_ns);
+    can_pack_save_request(&f, 0x420, &save);
+    return give(r, &f);
+}
+
+/* How many of n frames brought an event. */
+static int saves(struct rig *r, enum can_request request, uint16_t number, int n)
+{
+    int taken = 0;
+
+    for (int i = 0; i < n; i++)
+        taken += give_save(r, request, number) == INBOX_SAVE;
+    return taken;
+}
+
+static void an_event_is_taken_with_the_second_frame_of_it(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    assert_int_equal(saves(&r, CAN_IDLE, 0, 2), 0);
+    assert_int_equal(give_save(&r, CAN_SAVE, 7), INBOX_NOTHING);
+    assert_int_equal(give_save(&r, CAN_SAVE, 7), INBOX_SAVE);
+    assert_int_equal(r.inbox.save.newest.number, 7);
+    assert_int_equal(r.inbox.save.newest.reason, CAN_DRIVER);
+}
+
+static void one_event_is_taken_once_however_long_it_is_said(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    saves(&r, CAN_IDLE, 0, 2);
+    assert_int_equal(saves(&r, CAN_SAVE, 7, 1000), 1);
+    assert_int_equal(saves(&r, CAN_IDLE, 7, 10), 0);
+    assert_int_equal(count(&r.inbox, "saves_repeated"), 0);
+    assert_int_equal(saves(&r, CAN_SAVE, 7, 5), 0); /* the same event again */
+    assert_int_equal(count(&r.inbox, "saves_repeated"), 1);
+    saves(&r, CAN_IDLE, 7, 1);
+    assert_int_equal(saves(&r, CAN_SAVE, 8, 5), 1);
+}
+
+/* As a sender does whose number runs away: a new one with each frame, or each second. */
+static void without_idle_in_between_there_is_no_other_event(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    saves(&r, CAN_IDLE, 0, 2);
+    for (uint16_t i = 0; i < 100; i++)
+        assert_int_equal(give_save(&r, CAN_SAVE, i), INBOX_NOTHING);
+    assert_int_equal(saves(&r, CAN_SAVE, 200, 5), 1);
+    for (uint16_t i = 0; i < 10; i++)
+        assert_int_equal(saves(&r, CAN_SAVE, 201 + i, 10), 0);
+    assert_int_equal(count(&r.inbox, "saves_repeated"), 10);
+}
+
+/* Nobody knows when it began: this node, the sender or the bus may have been away. */
+static void what_had_begun_before_it_was_heard_is_no_event(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    assert_int_equal(saves(&r, CAN_SAVE, 7, 20), 0);
+    assert_int_equal(count(&r.inbox, "saves_repeated"), 1);
+    saves(&r, CAN_IDLE, 7, 2);
+    assert_int_equal(saves(&r, CAN_SAVE, 9, 5), 1);
+    saves(&r, CAN_IDLE, 9, 2);
+    r.now_ns += 4000 * MS; /* silence */
+    assert_int_equal(saves(&r, CAN_SAVE, 10, 20), 0);
+}
+
+/* Recorded with an event in it, and sent in a loop: at once, and after a silence, which
+ * makes its counters good. */
+static void replayed_frames_save_nothing_again(void **state)
+{
+    struct can_frame_data f[45];
+    int taken = 0, again = 0;
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    for (int i = 0; i < 45; i++) {
+        const struct can_save_request save = {.number = 7,
+                                              .reason = CAN_COLLISION,
+                                              .request = i / 5 == 4 ? CAN_SAVE
+                                                                    : CAN_IDLE};
+        can_pack_save_request(&f[i], 0x420, &save);
+        protect(&r, &f[i]);
+        r.now_ns += 100 * MS;
+        taken += inbox_take(&r.inbox, &f[i], r.now_ns) == INBOX_SAVE;
+    }
+    assert_int_equal(taken, 1);
+    for (int loop = 0; loop < 20; loop++) {
+        r.now_ns += loop % 2 ? 10000 * MS : 0;
+        for (int i = 0; i < 45; i++) {
+            r.now_ns += 100 * MS;
+            inbox_step(&r.inbox, r.now_ns);
+            again += inbox_take(&r.inbox, &f[i], r.now_ns) == INBOX_SAVE;
+        }
+    }
+    assert_int_equal(again, 0);
+}
+
+/* The CRC misses one of 256: that one alone says nothing, nor do two around a wrong one.
+ */
+static void a_single_frame_and_one_beside_a_damaged_one_are_no_event(void **state)
+{
+    const struct can_save_request save = {.number = 7, .request = CAN_SAVE};
+    struct can_frame_data f;
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    for (uint16_t i = 0; i < 10; i++) {
+        saves(&r, CAN_IDLE, 0, 2);
+        assert_int_equal(give_save(&r, CAN_SAVE, i), INBOX_NOTHING);
+    }
+    saves(&r, CAN_IDLE, 0, 3);
+    give_save(&r, CAN_SAVE, 20);
+    can_pack_save_request(&f, 0x420, &save);
+    can_protect(&r.vehicle, &f);
+    f.data[3] ^= 1;
+    assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+    assert_int_equal(give_save(&r, CAN_SAVE, 20), INBOX_NOTHING);
+    assert_int_equal(give_save(&r, CAN_SAVE, 20), INBOX_SAVE);
+}
+
+static void a_request_that_is_not_available_or_of_a_later_version_is_none(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    saves(&r, CAN_IDLE, 0, 2);
+    assert_int_equal(saves(&r, CAN_REQUEST_UNKNOWN, 7, 10), 0);
+    assert_int_equal(saves(&r, (enum can_request)2, 7, 10), 0);
+    assert_int_equal(saves(&r, CAN_SAVE, 7, 2), 1);
+}
+
+static void a_frame_of_it_that_is_stuck_is_wrong(void **state)
+{
+    const struct can_save_request save = {.number = 7, .request = CAN_SAVE};
+    struct can_frame_data f;
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    saves(&r, CAN_IDLE, 0, 2);
+    can_pack_save_request(&f, 0x420, &save);
+    assert_int_equal(give(&r, &f), INBOX_NOTHING);
+    for (int i = 0; i < 50; i++)
+        assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns += 100 * MS), INBOX_WRONG);
+    assert_int_equal(count(&r.inbox, "save_request_invalid"), 1);
+}
+
 /* Nobody should have let them through. */
 static void a_frame_that_is_no_input_is_wrong_and_nothing_else(void **state)
 {
@@ -647,7 +815,7 @@ static void a_frame_that_is_no_input_is_wrong_and_nothing_else(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_three_inputs_of_this_sensor_are_listened_to),
+        cmocka_unit_test(the_four_inputs_of_this_sensor_are_listened_to),
         cmocka_unit_test(motion_is_said_as_the_vehicle_says_it),
         cmocka_unit_test(motion_ends_once_after_100_ms_of_silence),
         cmocka_unit_test(motion_that_the_vehicle_does_not_trust_is_as_good_as_none),
@@ -673,6 +841,14 @@ int main(void)
         cmocka_unit_test(an_input_that_is_silent_has_no_data_and_no_doubt),
         cmocka_unit_test(what_was_wrong_before_a_silence_is_not_said_after_it),
         cmocka_unit_test(what_is_not_believed_is_said_and_counted),
+        cmocka_unit_test(an_event_is_taken_with_the_second_frame_of_it),
+        cmocka_unit_test(one_event_is_taken_once_however_long_it_is_said),
+        cmocka_unit_test(without_idle_in_between_there_is_no_other_event),
+        cmocka_unit_test(what_had_begun_before_it_was_heard_is_no_event),
+        cmocka_unit_test(replayed_frames_save_nothing_again),
+        cmocka_unit_test(a_single_frame_and_one_beside_a_damaged_one_are_no_event),
+        cmocka_unit_test(a_request_that_is_not_available_or_of_a_later_version_is_none),
+        cmocka_unit_test(a_frame_of_it_that_is_stuck_is_wrong),
         cmocka_unit_test(a_frame_that_is_no_input_is_wrong_and_nothing_else),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
