@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "dsp/rank.h"
+
 #define STANDS_OUT_DB 30.0
 #define MOST_SAMPLES  65536 /* that a median is of */
 
@@ -28,13 +30,6 @@ void colour_at(double t, double rgb[3])
     }
 }
 
-static int compare(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* 0: less than half is imaged, or no memory. */
 static double median_of(const float *intensity, size_t n)
 {
@@ -44,9 +39,8 @@ static double median_of(const float *intensity, size_t n)
     for (size_t i = 0; list && i < n; i += step, taken++)
         if (intensity[i] > 0.0f && isfinite(intensity[i]))
             list[kept++] = intensity[i];
-    if (2 * kept > taken)
-        qsort(list, kept, sizeof *list, compare);
-    double median = list && 2 * kept > taken ? (double)list[kept / 2] : 0.0;
+    double median =
+        list && 2 * kept > taken ? (double)rank_smallest(list, kept, kept / 2 + 1) : 0.0;
     free(list);
     return median;
 }
