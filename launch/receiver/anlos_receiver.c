@@ -324,6 +324,9 @@ static void status_take(struct anlos_status *s, const uint8_t *d)
                                                  ANLOS_SOURCE_UNKNOWN};
 
     s->state = states[signal_raw(d, 16u, 3u)];
+    if (signal_raw(d, 21u, 1u) != 0u) {
+        s->state = ANLOS_STATE_SHUTDOWN;
+    }
     s->source = sources[signal_raw(d, 19u, 2u)];
     s->faults = (uint16_t)signal_raw(d, 24u, 16u);
     s->temperature_c =
@@ -336,10 +339,14 @@ static void status_take(struct anlos_status *s, const uint8_t *d)
     }
 }
 
+/* That it was stopped stays so until it says something else. */
 static void status_forget(struct anlos_status *s)
 {
+    enum anlos_state state = (s->state == ANLOS_STATE_SHUTDOWN) ? ANLOS_STATE_SHUTDOWN
+                                                                : ANLOS_STATE_UNKNOWN;
+
     (void)memset(s, 0, sizeof *s);
-    s->state = ANLOS_STATE_UNKNOWN;
+    s->state = state;
     s->source = ANLOS_SOURCE_UNKNOWN;
 }
 
@@ -727,6 +734,9 @@ static uint32_t frame_use(struct anlos_receiver *r, enum kind kind, const uint8_
     case KIND_STATUS:
         watch_feed(&r->status_watch, now_ms);
         status_take(&r->status, data);
+        if ((r->status.state == ANLOS_STATE_SHUTDOWN) && !channel_valid(r, kind)) {
+            r->status.state = ANLOS_STATE_UNKNOWN; /* one frame alone is no proof */
+        }
         events = ANLOS_EVENT_STATUS;
         break;
     case KIND_DIAGNOSIS:
@@ -797,20 +807,30 @@ static int watch_expired(struct anlos_watch *w, uint32_t limit_ms, uint32_t now_
     return expired;
 }
 
+/* The silence of what was stopped is none to be told. */
+static uint32_t timed_out(struct anlos_receiver *r)
+{
+    uint32_t events = 0;
+
+    if (r->status.state != ANLOS_STATE_SHUTDOWN) {
+        r->counts.timeouts++;
+        events = ANLOS_EVENT_TIMEOUT;
+    }
+    return events;
+}
+
 uint32_t anlos_receiver_tick(struct anlos_receiver *r, uint32_t now_ms)
 {
     uint32_t events = 0;
 
     if (watch_expired(&r->status_watch, r->cfg.status_ms, now_ms)) {
         channels_restart(r, KIND_STATUS, KIND_STATUS);
+        events |= timed_out(r);
         status_forget(&r->status);
-        r->counts.timeouts++;
-        events |= ANLOS_EVENT_TIMEOUT;
     }
     if (watch_expired(&r->diagnosis_watch, r->cfg.diagnosis_ms, now_ms)) {
         channels_restart(r, KIND_DIAGNOSIS, KIND_DIAGNOSIS);
-        r->counts.timeouts++;
-        events |= ANLOS_EVENT_TIMEOUT;
+        events |= timed_out(r);
     }
     if ((r->assembling != 0u) &&
         (elapsed_ms(r->next.header_ms, now_ms) > r->cfg.assembly_ms)) {
@@ -823,8 +843,7 @@ uint32_t anlos_receiver_tick(struct anlos_receiver *r, uint32_t now_ms)
         channels_restart(r, KIND_HEADER, KIND_OBJECT_FD);
         r->listed = 0u;
         r->header_seen = 0u;
-        r->counts.timeouts++;
-        events |= ANLOS_EVENT_TIMEOUT;
+        events |= timed_out(r);
     }
     return events;
 }
@@ -878,6 +897,7 @@ void anlos_receiver_get(struct anlos_receiver *r, uint32_t now_ms,
     if (view->status_link == ANLOS_VALID) {
         view->status = r->status;
     } else {
+        view->status.state = r->status.state;
         status_forget(&view->status);
     }
     view->diagnosis = r->diagnosis;

@@ -56,7 +56,8 @@ enum anlos_state {
     ANLOS_STATE_FAULT = 4,
     ANLOS_STATE_BLOCKED = 5,
     ANLOS_STATE_STANDBY = 6,
-    ANLOS_STATE_UNKNOWN = 7
+    ANLOS_STATE_UNKNOWN = 7,
+    ANLOS_STATE_SHUTDOWN = 8 /* it was stopped in order: silence is no failure */
 };
 
 enum anlos_source {
@@ -194,7 +195,8 @@ struct anlos_view {
                                       until the next call for it */
     uint32_t age_ms;               /* of the list: since its sound was taken */
     uint8_t age_known;
-    struct anlos_status status;       /* UNKNOWN and without faults unless VALID */
+    struct anlos_status status;       /* UNKNOWN and without faults unless VALID;
+                                         SHUTDOWN until it says another state */
     struct anlos_diagnosis diagnosis; /* what was told last, even if long ago */
     struct anlos_counts counts;
 };
@@ -215,7 +217,9 @@ struct anlos_config {
 #define ANLOS_EVENT_DIAGNOSIS 0x08u /* a new one */
 #define ANLOS_EVENT_LIST      0x10u /* a new one, whole */
 #define ANLOS_EVENT_DROPPED   0x20u /* a list was dropped; counts say why */
-#define ANLOS_EVENT_TIMEOUT   0x40u /* Status, lists or Diagnosis fell silent */
+#define ANLOS_EVENT_TIMEOUT                                                              \
+    0x40u /* Status, lists or Diagnosis fell silent; not after                           \
+             a shutdown */
 
 /* The rest is the receiver's own. */
 #define ANLOS_KINDS  8u

@@ -28,6 +28,7 @@ import sys
 import time
 
 STATES = ("Init", "Calibrating", "Active", "Degraded", "Fault", "Blocked", "Standby", None)
+SHUTDOWN = "Shutdown"  # it was stopped in order
 SOURCES = ("Live", "Replay", "Simulation", None)
 FAULTS = ("ImageStale", "EgoMotionMissing", "TemperatureUnknown", "ChannelsDead",
           "ElementErrors", "WallLost", "ClockJump", "InputE2eWrong", "ArrayAway",
@@ -249,6 +250,14 @@ class Receiver:
         self.next = None
         return {DROPPED}
 
+    def _is_stopped(self):
+        return self.status is not None and self.status["state"] == SHUTDOWN
+
+    def _last_word(self):
+        """That it was stopped stays so until it says something else."""
+        return {"state": SHUTDOWN, "source": None, "faults": [], "temperature_c": None,
+                "sound_speed_m_s": None, "range_m": None} if self._is_stopped() else None
+
     def tick(self, now_ms):
         """Time-outs.  The events."""
         events = set()
@@ -259,12 +268,13 @@ class Receiver:
             if kind not in self.good_ms or now_ms - self.good_ms[kind] <= limit_ms:
                 continue
             del self.good_ms[kind]
-            self.counts["timeouts"] += 1
-            events.add(TIMEOUT)
+            if not self._is_stopped():  # the silence of what was stopped is none to be told
+                self.counts["timeouts"] += 1
+                events.add(TIMEOUT)
             for k in LIST_KINDS if kind == HEADER else (kind,):
                 self.channels[k].restart()
             if kind == STATUS:
-                self.status = None
+                self.status = self._last_word()
             elif kind == HEADER:
                 if self.next:
                     events |= self._drop("lists_torn")
@@ -305,7 +315,9 @@ class Receiver:
     def _take_status(self, data):
         faults = raw(data, 24, 16)
         self.status = {
-            "state": STATES[raw(data, 16, 3)], "source": SOURCES[raw(data, 19, 2)],
+            "state": STATES[raw(data, 16, 3)] if not raw(data, 21, 1) else SHUTDOWN
+            if self.channels[STATUS].state == "VALID" else None,  # one alone is no proof
+            "source": SOURCES[raw(data, 19, 2)],
             "faults": [name for bit, name in enumerate(FAULTS) if faults >> bit & 1],
             "temperature_c": number(raw(data, 40, 8), 0, 254, 0.5, -40.0),
             "sound_speed_m_s": number(raw(data, 48, 10), 0, 1022, 0.1, 280.0),
@@ -401,7 +413,7 @@ class Receiver:
         self.tick(now_ms)
         links = {"status": self.channels[STATUS].state, "list": self._list_link(),
                  "diagnosis": self.channels[DIAGNOSIS].state}
-        status = self.status if links["status"] == "VALID" else None
+        status = self.status if links["status"] == "VALID" else self._last_word()
         new = self.list
         age_ms = None
         if new and new["latency_s"] is not None:

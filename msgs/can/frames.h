@@ -26,7 +26,8 @@ enum can_state {
     CAN_DEGRADED,
     CAN_FAULT,
     CAN_BLOCKED,
-    CAN_STANDBY
+    CAN_STANDBY,
+    CAN_STATE_UNKNOWN
 };
 enum can_source { CAN_LIVE, CAN_REPLAY, CAN_SIMULATION, CAN_SOURCE_UNKNOWN };
 enum can_time_sync { CAN_NOT_SYNCHRONISED, CAN_SYNCHRONISED, CAN_SYNC_UNKNOWN = 3 };
@@ -76,6 +77,7 @@ struct can_status { /* every 100 ms */
     double temperature_c;
     double sound_speed_m_s;
     double range_m; /* up to which a person is found, 0: nowhere; sent rounded to 0.2 m */
+    bool shutdown;  /* nothing comes after this: it was stopped in order */
 };
 
 struct can_diagnosis { /* every second */

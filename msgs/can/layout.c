@@ -275,6 +275,7 @@ static const struct can_signal status[] = {
     {"Temperature", "degC", 40, 8,  NUMBER, 0.5, -40, 0, 254,   255,   IN(can_status, temperature_c), NULL},
     {"SoundSpeed",  "m/s",  48, 10, NUMBER, 0.1, 280, 0, 1022,  1023,  IN(can_status, sound_speed_m_s), NULL},
     {"Range",       "m",    58, 6,  NUMBER, 0.2, -0.2, 1, 63,   0,     IN(can_status, range_m), NULL},
+    {"Shutdown",    "",     21, 1,  CHOICE, 1,   0,   0, 1,     NEVER, IN(can_status, shutdown), answers},
 };
 
 static const struct can_signal diagnosis[] = {

@@ -21,6 +21,8 @@
 #include "nodes/rt/uri.h"
 
 #define FINISH_NS 100000000LL /* what waits has to go out in when the node ends */
+#define LAST_NS   20000000LL  /* between the frames that say so, */
+#define LAST      3           /* of which two may get lost */
 
 struct vehicle {
     struct node *node;
@@ -408,6 +410,24 @@ static int turn(void *self)
     return 0;
 }
 
+/* Silence from now on is no failure.  Of a replay nothing is said that was not recorded.
+ */
+static void say_shutdown(struct vehicle *v)
+{
+    const struct clock_source *clock = clock_system();
+    struct can_frame_data frame;
+
+    v->sender.status.shutdown = true;
+    v->sender.status.state = CAN_STATE_UNKNOWN;
+    sender_status(&v->sender, &frame);
+    for (int i = 0; i < LAST; i++) {
+        outbox_put_cyclic(&v->outbox, OUTBOX_STATUS, &frame);
+        outbox_step(&v->outbox);
+        clock->sleep_until_ns(clock->state, node_machine_ns(v->node) + LAST_NS);
+    }
+    canbus_flush(v->bus);
+}
+
 /* A list on its way is finished if the bus takes it. */
 static int finish(void *self, int err)
 {
@@ -424,6 +444,8 @@ static int finish(void *self, int err)
     if (v->outbox.n_lists)
         node_log(v->node, LOG_LEVEL_WARNING, "lists that did not go out: %zu",
                  v->outbox.n_lists);
+    if ((!err || err == -ESHUTDOWN) && !node_is_replayed(v->node))
+        say_shutdown(v);
     return err;
 }
 

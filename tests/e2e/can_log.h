@@ -12,6 +12,7 @@ struct can_log_status {
     int64_t stamp_ns; /* of its frame, whole microseconds */
     enum can_state state;
     uint16_t faults;
+    bool shutdown;
 };
 
 struct can_log {
@@ -37,7 +38,7 @@ static inline void can_log_take(struct can_log *l, const struct can_line *line)
     if (l->n_statuses && l->statuses[l->n_statuses - 1].state != s.state)
         l->lists = l->objects = 0;
     l->statuses[l->n_statuses++] =
-        (struct can_log_status){line->stamp_ns, s.state, s.faults};
+        (struct can_log_status){line->stamp_ns, s.state, s.faults, s.shutdown};
 }
 
 /* All whole lines that are new. */

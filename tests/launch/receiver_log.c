@@ -10,8 +10,9 @@
 
 static const char *const links[] = {"NODATA", "INIT", "VALID", "INVALID"};
 static const char *const trusts[] = {"none", "objects", "full"};
-static const char *const states[] = {"Init",  "Calibrating", "Active",  "Degraded",
-                                     "Fault", "Blocked",     "Standby", NULL};
+static const char *const states[] = {"Init",     "Calibrating", "Active",
+                                     "Degraded", "Fault",       "Blocked",
+                                     "Standby",  NULL,          "Shutdown"};
 static const char *const measurements[] = {"New", "Measured", "Predicted", "Deleted"};
 static const char *const classes[] = {"Unknown", "Point", "Plate", "Extended",
                                       "Multipath"};

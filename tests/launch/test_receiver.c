@@ -1014,6 +1014,51 @@ static void each_silence_is_noticed_at_its_time_and_not_before(void **state)
     }
 }
 
+static struct sensor_frame shutdown_of(const struct sensor *s)
+{
+    struct sensor_frame f = sensor_status(s, 7, 0);
+
+    sensor_put(&f, 21, 1, 1);
+    return f;
+}
+
+/* It says so, is silent, and starts again. */
+static void what_was_stopped_in_order_does_not_time_out(void **state)
+{
+    struct bench *b = *state;
+
+    get_going(b);
+    send(b, sensor_blank(&b->s, DIAGNOSIS));
+    send(b, shutdown_of(&b->s));
+    assert_int_equal(look(b)->trust, ANLOS_TRUST_NONE);
+    assert_int_equal(b->view.status.state, ANLOS_STATE_SHUTDOWN);
+    for (int i = 0; i < 100; i++) {
+        b->now_ms += 50;
+        assert_int_equal(anlos_receiver_tick(&b->r, b->now_ms), 0);
+        assert_int_equal(look(b)->status.state, ANLOS_STATE_SHUTDOWN);
+        assert_int_equal(b->view.trust, ANLOS_TRUST_NONE);
+    }
+    assert_null(b->view.list);
+    assert_int_equal(b->view.status_link, ANLOS_NODATA);
+    assert_int_equal(b->view.counts.timeouts, 0);
+    get_going(b);
+    assert_int_equal(b->view.status.state, ANLOS_STATE_ACTIVE);
+    b->now_ms += 5000;
+    assert_int_equal(anlos_receiver_tick(&b->r, b->now_ms), ANLOS_EVENT_TIMEOUT);
+    assert_int_equal(look(b)->status.state, ANLOS_STATE_UNKNOWN);
+}
+
+/* The first of a sensor that nobody heard before. */
+static void one_frame_of_a_shutdown_alone_is_no_proof(void **state)
+{
+    struct bench *b = *state;
+
+    send(b, shutdown_of(&b->s));
+    assert_int_equal(look(b)->status.state, ANLOS_STATE_UNKNOWN);
+    b->now_ms += 400;
+    assert_int_equal(anlos_receiver_tick(&b->r, b->now_ms), ANLOS_EVENT_TIMEOUT);
+}
+
 static void a_list_that_does_not_end_is_dropped(void **state)
 {
     struct bench *b = *state;
@@ -1169,6 +1214,8 @@ int main(void)
         TEST(an_absence_counts_only_in_a_complete_list_of_sound),
         TEST(a_list_gets_older_until_it_is_not_trusted),
         TEST(each_silence_is_noticed_at_its_time_and_not_before),
+        TEST(what_was_stopped_in_order_does_not_time_out),
+        TEST(one_frame_of_a_shutdown_alone_is_no_proof),
         TEST(a_list_that_does_not_end_is_dropped),
         TEST(silence_does_not_make_the_invalid_believable),
         TEST(a_clock_that_reads_a_little_back_ends_nothing),

@@ -186,6 +186,34 @@ assert a["frames_lost"] > 0, a' \
     expect_code 0
 }
 
+# A scan that has ended says so; the same without its last words fell silent.
+test_a_system_that_was_stopped_does_not_time_out() {
+    scan classic
+    cat >"$work/stopped.py" <<'PY'
+import sys
+import anlos_receiver as a
+
+with open(sys.argv[1], encoding="ascii") as log:
+    frames = list(a.log_frames(log))
+said = [i for i, (_, frame_id, data) in enumerate(frames)
+        if frame_id == 0x400 and a.raw(data, 21, 1)]
+assert len(said) == 3 and said[0] > 10, said
+for n, state, silent in ((len(frames), "Shutdown", False), (said[0], None, True)):
+    receiver = a.Receiver(sources=a.SOURCES)
+    for time_us, frame_id, data in frames[:n]:
+        receiver.frame(frame_id, data, time_us // 1000)
+    for ms in range(0, 10000, 50):
+        receiver.tick(time_us // 1000 + ms)
+    view = receiver.get(time_us // 1000 + 10000)
+    assert (view["status"] or {"state": None})["state"] == state, view
+    assert view["trust"] == "none" and view["list"] is None, view
+    assert (view["counts"]["timeouts"] > 0) == silent, view
+PY
+    run env PYTHONPATH="$receiver" PYTHONDONTWRITEBYTECODE=1 "$python" "$work/stopped.py" \
+        "$work/classic"
+    expect_code 0
+}
+
 test_a_simulation_is_trusted_only_where_that_is_asked_for() {
     scan classic
     run "$python" "$receiver/anlos_receiver.py" "$work/classic"

@@ -145,19 +145,19 @@ static void print_states(void)
 {
     struct can_frame_data f;
     const struct can_status status[] = {
-        {CAN_ACTIVE, CAN_LIVE, 0, 21.4, 343.97, 4.0},
-        {CAN_STANDBY, CAN_SIMULATION, 0xffff, -40, 280, 0.0},
-        {CAN_DEGRADED, CAN_REPLAY, 0x8001, NAN, NAN, NAN},
-        {CAN_FAULT, CAN_LIVE, 1 << CAN_FAULT_CLIPPED, 1000, INFINITY, 99.0},
+        {CAN_ACTIVE, CAN_LIVE, 0, 21.4, 343.97, 4.0, false},
+        {CAN_STANDBY, CAN_SIMULATION, 0xffff, -40, 280, 0.0, true},
+        {CAN_DEGRADED, CAN_REPLAY, 0x8001, NAN, NAN, NAN, false},
+        {CAN_FAULT, CAN_LIVE, 1 << CAN_FAULT_CLIPPED, 1000, INFINITY, 99.0, false},
     };
     for (size_t i = 0; i < sizeof status / sizeof *status; i++) {
         const struct can_status *s = &status[i];
         can_pack_status(&f, CAN_BASE_DEFAULT, s);
         print_frame(&f);
         printf("# Status State=%u Source=%u Faults=%d Temperature=%.9g SoundSpeed=%.9g "
-               "Range=%.9g\n",
+               "Range=%.9g Shutdown=%d\n",
                s->state, s->source, s->faults, s->temperature_c, s->sound_speed_m_s,
-               s->range_m);
+               s->range_m, s->shutdown);
     }
     const struct can_diagnosis diagnoses[] = {
         {0.5, 18.3, 1023, 15, 31, 30, 12, true, 15},

@@ -95,7 +95,8 @@ static void a_frame_is_a_line_with_names_and_units(void **s)
     assert_int_equal(r.code, 0);
     assert_has(r.out, "1764000000.250000  can0  400 Status          ok ");
     assert_has(r.out, " State Degraded, Source Simulation, Faults WallLost+bit 15, "
-                      "Temperature NotAvailable, SoundSpeed 343.2 m/s, Range 2.6 m\n");
+                      "Temperature NotAvailable, SoundSpeed 343.2 m/s, Range 2.6 m, "
+                      "Shutdown No\n");
     assert_has(r.out, "1764000000.350000  can0  404 ObjectState     ok ");
     assert_has(r.out, " Id 7, Counter 0, Measurement Measured, X 3.20 m, Y -1.50 m, Z "
                       "NotAvailable\n");
