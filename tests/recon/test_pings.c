@@ -3,6 +3,7 @@
 #include "tests/recon/near.h"
 
 #include <errno.h>
+#include <float.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -230,7 +231,10 @@ static void delays_are_bounded_ping_by_ping(void **state)
             low = fmin(low, d);
             high = fmax(high, d);
         }
-    assert_true(bounds[0] <= low && bounds[1] >= high);
+    /* Where a corner of the grid is the nearest or farthest, both sides are the same
+     * number but for the rounding of some ten operations each. */
+    assert_true(bounds[0] <= low * (1.0 + 20.0 * DBL_EPSILON) &&
+                bounds[1] >= high * (1.0 - 20.0 * DBL_EPSILON));
     assert_near(bounds[0], low, 0.02 / 343.0);
     assert_near(bounds[1], high, 0.02 / 343.0);
 }
