@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* An array that stands, as real processes: round after round until it is stopped. */
+#include "hear.h"
 #include "tests/hal/scratch.h"
 
 #include <errno.h>
@@ -9,15 +10,11 @@
 
 #include <jansson.h>
 
-#include "hal/clock.h"
 #include "hal/recording/recording.h"
-#include "msgs/bus.h"
 #include "msgs/scan.pb-c.h"
-#include "msgs/topics.h"
 #include "msgs/traces.pb-c.h"
 
-#define DEADLINE_MS 60000
-#define FRAMES      4
+#define FRAMES 4
 
 struct system {
     pid_t pid;
@@ -67,24 +64,13 @@ static int stop(struct system *y)
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/* The next message of a topic, to be freed; of a node or, NULL, of any; one that was
- * published since then. */
 static ProtobufCMessage *hear(struct system *y, const struct topic *topic,
                               const char *node, int64_t since_ns)
 {
-    int64_t end_ns = clock_now_ns(clock_system()) + DEADLINE_MS * 1000000LL;
-    struct bus_message in;
+    ProtobufCMessage *m = hear_on(y->bus, topic, node, since_ns);
 
-    while (clock_now_ns(clock_system()) < end_ns) {
-        if (bus_receive(y->bus, &in, 500))
-            continue;
-        bool wanted = in.topic == topic && in.envelope.publish_ns >= since_ns &&
-                      (!node || !strcmp(in.envelope.node, node));
-        ProtobufCMessage *m = wanted ? bus_message_unpack(&in) : NULL;
-        bus_message_free(&in);
-        if (m)
-            return m;
-    }
+    if (m)
+        return m;
     kill(y->pid, SIGKILL);
     fail_msg("nothing came on %s", topic->name);
     return NULL;
