@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-enum { DEVICE_MAX_COUNTS = 32 };
+enum { DEVICE_MAX_COUNTS = 40 };
 
 struct device_count {
     const char *name; /* "overruns"; lives as long as the device */

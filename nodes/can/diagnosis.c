@@ -12,8 +12,10 @@
 
 void diagnosis_init(struct diagnosis *d, unsigned n_processors)
 {
-    *d = (struct diagnosis){
-        .n_processors = n_processors, .snr_db = NAN, .trouble = CAN_FAULTS - 1};
+    *d = (struct diagnosis){.n_processors = n_processors,
+                            .noise_db = NAN,
+                            .snr_db = NAN,
+                            .trouble = CAN_FAULTS - 1};
 }
 
 static struct diagnosis_node *find_node(struct diagnosis *d, const char *name)
@@ -52,6 +54,10 @@ void diagnosis_health(struct diagnosis *d, const Anlos__Health *health, int64_t 
 {
     struct diagnosis_node *n = find_node(d, health->node);
 
+    if (health->sensing) {
+        d->noise_db = health->sensing->noise_db;
+        d->noise_ns = now_ns;
+    }
     if (!n)
         return;
     if (health->cpu_s < n->cpu_s || now_ns - n->heard_ns >= SECOND_NS / 2) {
@@ -107,10 +113,19 @@ static void next_trouble(struct diagnosis *d, const struct watch *w,
     }
 }
 
+double diagnosis_noise_db(const struct diagnosis *d, int64_t now_ns)
+{
+    return now_ns - d->noise_ns < SILENT_NS ? d->noise_db : NAN;
+}
+
+double diagnosis_snr_db(const struct diagnosis *d, const struct watch *w)
+{
+    return watch_faults(w) & 1u << CAN_FAULT_IMAGE_STALE ? NAN : d->snr_db;
+}
+
 void diagnosis_next(struct diagnosis *d, const struct watch *w, int64_t now_ns,
                     struct can_diagnosis *out)
 {
-    bool stale = watch_faults(w) & 1u << CAN_FAULT_IMAGE_STALE;
     unsigned major = 0, minor = 0, patch = 0;
     uint64_t dropped = d->lost_pings;
 
@@ -119,7 +134,7 @@ void diagnosis_next(struct diagnosis *d, const struct watch *w, int64_t now_ns,
         dropped += d->nodes[i].dropped_before + d->nodes[i].dropped;
     *out = (struct can_diagnosis){
         .cpu = d->n_nodes ? processors_used(d, now_ns) / d->n_processors : NAN,
-        .snr_db = stale ? NAN : d->snr_db,
+        .snr_db = diagnosis_snr_db(d, w),
         .dropped = (uint16_t)dropped,
         .version_major = (uint8_t)major,
         .version_minor = (uint8_t)minor,

@@ -19,6 +19,8 @@ struct diagnosis {
     unsigned n_processors;
     struct diagnosis_node nodes[WATCH_MAX_NODES]; /* [n_nodes] */
     size_t n_nodes;
+    double noise_db;     /* as who hears says; NaN: not known */
+    int64_t noise_ns;    /* when it said so */
     double snr_db;       /* of the strongest object of the newest list; NaN: none */
     uint64_t lost_pings; /* as the scan counts them */
     int trouble;         /* the fault that was told last */
@@ -29,8 +31,13 @@ void diagnosis_health(struct diagnosis *d, const Anlos__Health *health, int64_t 
 void diagnosis_list(struct diagnosis *d, const Anlos__DetectionList *list);
 void diagnosis_scan(struct diagnosis *d, const Anlos__ScanStatus *status);
 
-/* The next one, once a second: of the faults since the start each has its turn.  The
- * signal to noise is not known while images are stale. */
+/* Of the compressed sound, over an echo of gain 1; NaN: not known now. */
+double diagnosis_noise_db(const struct diagnosis *d, int64_t now_ns);
+
+/* Signal to noise of the strongest object; NaN while images are stale. */
+double diagnosis_snr_db(const struct diagnosis *d, const struct watch *w);
+
+/* The next one, once a second: of the faults since the start each has its turn. */
 void diagnosis_next(struct diagnosis *d, const struct watch *w, int64_t now_ns,
                     struct can_diagnosis *out);
 

@@ -253,7 +253,7 @@ static const struct service {
     bool has_subfunction;
     int (*run)(struct exchange *e);
 } services[] = {
-    {0x10, true, session},    {0x14, false, clear},         {0x19, true, read_codes},
+    {0x10, true, session},    {UDS_CLEAR, false, clear},    {0x19, true, read_codes},
     {0x22, false, read_data}, {0x3e, true, tester_present},
 };
 

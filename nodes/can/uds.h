@@ -29,6 +29,7 @@ enum {
     UDS_P2_STAR_MS = 5000 /* stated, as it has to be; answers are never pending */
 };
 
+#define UDS_CLEAR       0x14 /* the service */
 #define UDS_CODE(fault) (0x9a0000u | ((unsigned)(fault) + 1) << 8)
 
 enum uds_identifier {

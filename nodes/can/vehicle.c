@@ -15,6 +15,7 @@
 #include "nodes/can/list_check.h"
 #include "nodes/can/outbox.h"
 #include "nodes/can/saving.h"
+#include "nodes/can/uds_server.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/stop.h"
@@ -35,6 +36,8 @@ struct vehicle {
     struct diagnosis diagnosis;
     struct cyclic cyclic;
     struct saving saving;
+    struct uds_server uds;
+    uint64_t told_cleared;
     enum can_state told_state; /* in the log */
     uint16_t told_faults;
 };
@@ -131,12 +134,22 @@ static int open_bus(struct vehicle *v, struct error *why)
     return listen(v, why);
 }
 
+/* In a replay nothing is now that a tester could ask for. */
+static int open_diagnosis(struct vehicle *v, struct error *why)
+{
+    return node_is_replayed(v->node)
+               ? 0
+               : uds_server_open(&v->uds, node_launch(v->node), &v->watch, why);
+}
+
 static void close_all(void *self)
 {
     struct vehicle *v = self;
 
-    if (v)
+    if (v) {
+        uds_server_close(&v->uds);
         canbus_close(v->bus);
+    }
     free(v);
 }
 
@@ -149,6 +162,8 @@ int vehicle_open(struct vehicle **out, struct node *node, struct error *why)
     v->node = node;
     configure(v);
     int err = open_bus(v, why);
+    if (!err)
+        err = open_diagnosis(v, why);
     if (err)
         close_all(v);
     else
@@ -286,6 +301,19 @@ static void judge(struct vehicle *v)
     tell_state(v);
 }
 
+static void answer_tester(struct vehicle *v)
+{
+    int err = uds_server_step(&v->uds, &v->watch, &v->diagnosis, node_machine_ns(v->node),
+                              v->sender.wall_ahead_ns);
+
+    if (err)
+        node_log(v->node, LOG_LEVEL_WARNING, "an answer to the tester was not sent: %s",
+                 strerror(-err));
+    if (v->uds.cleared != v->told_cleared)
+        node_log(v->node, LOG_LEVEL_INFO, "a tester has cleared trouble codes");
+    v->told_cleared = v->uds.cleared;
+}
+
 static int take_list(void *self, const struct node_message *in)
 {
     struct vehicle *v = self;
@@ -404,6 +432,7 @@ static int turn(void *self)
     receive(v);
     save(v, node_machine_ns(v->node));
     judge(v);
+    answer_tester(v);
     if (has_time(v))
         cyclic_step(&v->cyclic, node_machine_ns(v->node));
     step(v);
@@ -449,7 +478,8 @@ static int finish(void *self, int err)
     return err;
 }
 
-_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS + SAVING_COUNTS + 4 <=
+_Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS + SAVING_COUNTS + 4 +
+                       UDS_SERVER_COUNTS <=
                    DEVICE_MAX_COUNTS,
                "no room");
 
@@ -467,7 +497,7 @@ static size_t counts(void *device, struct device_count *out)
         (struct device_count){"lists_malformed", v->lists.verdicts[LIST_MALFORMED]};
     out[n++] = (struct device_count){"places_withheld", v->sender.beyond};
     out[n++] = (struct device_count){"objects_beyond", v->sender.out_of_range};
-    return n;
+    return n + uds_server_counts(&v->uds, out + n);
 }
 
 static int frames_fd(const void *self)

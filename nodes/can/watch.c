@@ -512,6 +512,16 @@ uint16_t watch_faults(const struct watch *w)
     return w->faults;
 }
 
+uint16_t watch_tested(const struct watch *w)
+{
+    uint16_t tested = 0;
+
+    for (int f = 0; f < CAN_FAULTS && !w->cfg.replayed; f++)
+        if (w->cfg.fixed || !watch_rows[f].fixed_only)
+            tested = (uint16_t)(tested | 1u << f);
+    return tested;
+}
+
 void watch_text(const struct watch *w, char *text, size_t size)
 {
     static const char *const names[CAN_FAULTS] = {

@@ -152,6 +152,9 @@ void watch_step(struct watch *w, int64_t now_ns);
 enum can_state watch_state(const struct watch *w);
 uint16_t watch_faults(const struct watch *w);
 
+/* The faults that can be there in this configuration. */
+uint16_t watch_tested(const struct watch *w);
+
 /* The names of the faults, with commas between; empty: there are none. */
 void watch_text(const struct watch *w, char *text, size_t size);
 

@@ -91,6 +91,10 @@ struct launchfile {
         bool fd;                        /* one FD frame an object */
         unsigned bitrate, data_bitrate; /* default 500000 and 2000000 bit/s */
         double load;                    /* share of the bus to use at most; default 0.5 */
+        struct { /* nodes/can/uds.h; identifiers above 0x7ff have 29 bits */
+            uint32_t request, response; /* 0: nobody is answered, default */
+            uint32_t functional;        /* to all servers; 0: not heard, default */
+        } diagnosis;
     } can;
     struct {
         enum wall_from from; /* default survey */

@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "hal/survey/place.h"
-#include "msgs/can/layout.h"
 #include "nodes/rt/uri.h"
 #include "recon/tracking/object_tracker.h"
 #include "recon/walls/wall_finder.h"
@@ -388,74 +387,6 @@ int launchfile_copy_wall(struct launchfile *l, const struct launch_text *t,
     if (!err)
         err = copy_numbers(l, &t->wall, why);
     return err ? err : copy_free_view(l, &t->wall, why);
-}
-
-/* -- can --------------------------------------------------------------------------------
- */
-
-#define FIRST_BASE 0x100 /* msgs/can/e2e.h: bits 8 to 11 of a data ID are not 0 */
-#define LAST_BASE  0x7f0 /* of identifiers of 11 bits */
-
-static int check_can(const struct launchfile *l, struct error *why)
-{
-    const struct {
-        const char *key;
-        double value, min, max;
-    } numbers[] = {
-        {"can.sensor", l->can.sensor, 0,
-         l->can.base_id < LAST_BASE ? (LAST_BASE - l->can.base_id) / CAN_SENSOR_STEP : 0},
-        {"can.bitrate", l->can.bitrate, 10e3, 1e6},
-        {"can.data_bitrate", l->can.data_bitrate, 10e3, 8e6},
-        {"can.load", l->can.load, 0.01, 1},
-    };
-
-    if (l->can.base_id < FIRST_BASE || l->can.base_id > LAST_BASE)
-        return yaml_error_say(
-            why, -EINVAL, l->path, "can.base_id", "expected 0x%x to 0x%x, not 0x%x%s",
-            FIRST_BASE, LAST_BASE, l->can.base_id,
-            l->can.base_id < FIRST_BASE ? ": below, frames of 8 bytes cannot have their "
-                                          "end-to-end protection"
-                                        : "");
-    int err = 0;
-    for (size_t i = 0; !err && i < sizeof numbers / sizeof *numbers; i++)
-        err = yaml_check_range(l->path, numbers[i].key, numbers[i].value, numbers[i].min,
-                               numbers[i].max, why);
-    return err;
-}
-
-static unsigned unsigned_or(const unsigned *value, unsigned otherwise)
-{
-    return value ? *value : otherwise;
-}
-
-int launchfile_copy_can(struct launchfile *l, const struct launch_text *t,
-                        struct error *why)
-{
-    l->can.base_id = unsigned_or(t->can.base_id, CAN_BASE_DEFAULT);
-    l->can.sensor = unsigned_or(t->can.sensor, 0);
-    l->can.fd = t->can.fd && *t->can.fd;
-    l->can.bitrate = unsigned_or(t->can.bitrate, 500000);
-    l->can.data_bitrate = unsigned_or(t->can.data_bitrate, 2000000);
-    l->can.load = t->can.load ? *t->can.load : 0.5;
-    l->can.uri = strdup(t->can.uri ? t->can.uri : "log:can.candump");
-    return l->can.uri ? check_can(l, why) : -ENOMEM;
-}
-
-int launchfile_resolve_can(struct launchfile *l, const char *folder)
-{
-    if (uri_has_scheme(l->can.uri, "log"))
-        return uri_replace(&l->can.uri, uri_in_folder(l->can.uri, l->report.folder));
-    if (!uri_has_scheme(l->can.uri, "sim"))
-        return 0;
-    int err = uri_replace(&l->can.uri, uri_in_folder(l->can.uri, folder));
-    return err ? err
-               : uri_replace(&l->can.uri,
-                             uri_option_in_folder(l->can.uri, l->report.folder, "log"));
-}
-
-void launchfile_free_can(struct launchfile *l)
-{
-    free(l->can.uri);
 }
 
 /* -- view -------------------------------------------------------------------------------

@@ -92,6 +92,11 @@ static const cyaml_schema_field_t track_fields[] = {
                          confirm_hits),
     CYAML_FIELD_UINT_PTR("confirm_of", OPTIONAL, struct launch_text_track, confirm_of),
     CYAML_FIELD_END};
+#define DIAGNOSIS_ID(name)                                                               \
+    CYAML_FIELD_UINT_PTR(#name, OPTIONAL, struct launch_text_can_diagnosis, name)
+static const cyaml_schema_field_t diagnosis_fields[] = {
+    DIAGNOSIS_ID(request), DIAGNOSIS_ID(response), DIAGNOSIS_ID(functional),
+    CYAML_FIELD_END};
 static const cyaml_schema_field_t can_fields[] = {
     CYAML_FIELD_STRING_PTR("uri", CYAML_FLAG_POINTER | OPTIONAL, struct launch_text_can,
                            uri, 1, TEXT_SIZE),
@@ -101,6 +106,8 @@ static const cyaml_schema_field_t can_fields[] = {
     CYAML_FIELD_UINT_PTR("bitrate", OPTIONAL, struct launch_text_can, bitrate),
     CYAML_FIELD_UINT_PTR("data_bitrate", OPTIONAL, struct launch_text_can, data_bitrate),
     CYAML_FIELD_FLOAT_PTR("load", OPTIONAL, struct launch_text_can, load),
+    CYAML_FIELD_MAPPING("diagnosis", OPTIONAL, struct launch_text_can, diagnosis,
+                        diagnosis_fields),
     CYAML_FIELD_END};
 static const cyaml_schema_value_t number_schema = {
     CYAML_VALUE_FLOAT(CYAML_FLAG_DEFAULT, double)};

@@ -59,11 +59,16 @@ struct launch_text_track {
     unsigned *confirm_hits, *confirm_of;
 };
 
+struct launch_text_can_diagnosis {
+    unsigned *request, *response, *functional;
+};
+
 struct launch_text_can {
     char *uri;
     unsigned *base_id, *sensor, *bitrate, *data_bitrate;
     bool *fd;
     double *load;
+    struct launch_text_can_diagnosis diagnosis;
 };
 
 struct launch_text_view {

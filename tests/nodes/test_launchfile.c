@@ -27,6 +27,7 @@ static void what_is_left_out_has_its_default(void **state)
     assert_false(l->can.fd);
     assert_int_equal(l->can.bitrate, 500000);
     assert_true(l->can.load == 0.5);
+    assert_int_equal(l->can.diagnosis.request, 0);
     launchfile_destroy(l);
 }
 
@@ -294,6 +295,59 @@ static void values_out_of_range_are_named_with_their_limits(void **state)
     assert_refused(*state, "nodes: [can]\ncan: {base_id: 255}\n",
                    ":2: can.base_id: expected 0x100 to 0x7f0, not 0xff: below, "
                    "frames of 8 bytes cannot have their end-to-end protection");
+}
+
+static void a_tester_has_identifiers_of_its_own(void **state)
+{
+    struct launchfile *l = launch_load(
+        *state, "nodes: [can]\n"
+                "can: {uri: 'socketcan:can0', diagnosis: {request: 0x7e0, response: "
+                "0x7e8, functional: 0x18db33f1}}\n");
+    assert_int_equal(l->can.diagnosis.request, 0x7e0);
+    assert_int_equal(l->can.diagnosis.response, 0x7e8);
+    assert_int_equal(l->can.diagnosis.functional, 0x18db33f1);
+    launchfile_destroy(l);
+
+    static const struct {
+        const char *can, *why;
+    } wrong[] = {
+        {"diagnosis: {request: 0x7e0}",
+         ":2: can.diagnosis: expected request and response, the identifiers by which a "
+         "tester asks and is answered"},
+        {"diagnosis: {functional: 0x7df}",
+         ":2: can.diagnosis: expected request and response, the identifiers by which a "
+         "tester asks and is answered"},
+        {"diagnosis: {request: 0x40c, response: 0x7e8}",
+         ":2: can.diagnosis.request: 0x40c is one of the sensor's own frames, 0x400 to "
+         "0x40f"},
+        {"sensor: 1, diagnosis: {request: 0x7e0, response: 0x410}",
+         ":2: can.diagnosis.response: 0x410 is one of the sensor's own frames, 0x410 to "
+         "0x41f"},
+        {"diagnosis: {request: 0x7e0, response: 0x7e8, functional: 0x400}",
+         ":2: can.diagnosis.functional: 0x400 is one of the sensor's own frames, 0x400 "
+         "to "
+         "0x40f"},
+        {"diagnosis: {request: 0x7e0, response: 0x7e0}",
+         ":2: can.diagnosis: expected a different identifier for each"},
+        {"diagnosis: {request: 0x7e0, response: 0x7e8, functional: 0x7e0}",
+         ":2: can.diagnosis: expected a different identifier for each"},
+        {"diagnosis: {request: 0, response: 0x7e8}",
+         ":2: can.diagnosis.request: expected 0x1 to 0x1fffffff, not 0x0"},
+        {"diagnosis: {request: 0x20000000, response: 0x7e8}",
+         ":2: can.diagnosis.request: expected 0x1 to 0x1fffffff, not 0x20000000"},
+    };
+    char text[300];
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        snprintf(text, sizeof text, "nodes: [can]\ncan: {uri: 'socketcan:can0', %s}\n",
+                 wrong[i].can);
+        assert_refused(*state, text, wrong[i].why);
+    }
+    assert_refused(
+        *state,
+        "nodes: [can]\ncan: {uri: 'log:/x.candump', diagnosis: {request: 0x7e0, "
+        "response: 0x7e8}}\n",
+        ":2: can.diagnosis: is of a CAN interface, socketcan:can0, say; "
+        "log:/x.candump carries no ISO-TP");
 }
 
 static void names_that_do_not_exist_are_refused_with_those_that_do(void **state)
@@ -577,6 +631,7 @@ int main(void)
         TEST(a_recording_on_the_command_line_adds_the_recorder_before_all),
         TEST(mistakes_are_named_with_file_and_line),
         TEST(values_out_of_range_are_named_with_their_limits),
+        TEST(a_tester_has_identifiers_of_its_own),
         TEST(names_that_do_not_exist_are_refused_with_those_that_do),
         TEST(nodes_that_hang_may_be_left_alone),
         TEST(a_node_twice_is_refused),
