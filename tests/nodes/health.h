@@ -4,9 +4,11 @@
 #ifndef ANLOS_TESTS_NODES_HEALTH_H
 #define ANLOS_TESTS_NODES_HEALTH_H
 
+#include "hal/device_count.h"
 #include "msgs/health.pb-c.h"
 
-enum { HEALTH_MAX_TOPICS = 48, HEALTH_MAX_DEVICE = 40 };
+/* More of a device's counts than a process may have. */
+enum { HEALTH_MAX_TOPICS = 48, HEALTH_MAX_DEVICE = DEVICE_MAX_COUNTS + 8 };
 
 struct health { /* the message and what it points to */
     Anlos__Health message;
