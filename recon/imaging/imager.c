@@ -13,6 +13,10 @@
 /* Pulse widths (1 / bandwidth) of traces around those of an image. */
 #define MARGIN 16.0
 
+/* Widths of a point's image that a fit is given beyond the volume: what stands there and
+ * reaches into the volume is explained where it stands. */
+#define OUTSIDE_WIDTHS 2.0
+
 static const struct imager_method *const methods[] = {
     &method_fast,  &method_backprojection, &method_confocal,  &method_lct,
     &method_paper, &method_incoherent,     &method_iterative, &method_sparse};
@@ -21,8 +25,11 @@ struct imager {
     const struct imager_method *method;
     void *state;
     size_t n_speakers, n_pings, n_microphones, n_samples;
-    atomic_bool *added; /* [n_pings] */
-    bool *masked;       /* [n_pings][n_microphones] */
+    struct grid grid, fitted; /* what was asked for, and what the method images */
+    size_t before[3];         /* voxels of the second before the first */
+    float *volume;            /* [fitted]; NULL: they are the same */
+    atomic_bool *added;       /* [n_pings] */
+    bool *masked;             /* [n_pings][n_microphones] */
     atomic_size_t count;
 };
 
@@ -96,6 +103,60 @@ static bool sensible(const struct imager_config *cfg)
     return ok;
 }
 
+/* Voxels that are added along an axis, at each end; in depth only where the traces hear,
+ * and along an axis of one voxel none: its image is a section. */
+static void widen(struct imager *im, const struct imager_config *cfg)
+{
+    const struct grid *g = &cfg->grid;
+    const struct trace_format *f = &cfg->format;
+    double half_c = 0.5 * cfg->geometry->sound_speed_m_s, low_m[3], high_m[3];
+    double room_m[2] = {INFINITY, INFINITY}, far_m[3], width_m[3];
+
+    geometry_aperture(cfg->geometry, low_m, high_m);
+    for (int a = 0; a < 3; a++)
+        far_m[a] = g->origin_m[a] + g->step_m[a] * (double)(g->n[a] - 1);
+    geometry_resolution(cfg->geometry, cfg->band_hz, fabs(far_m[2] - low_m[2]), width_m);
+    for (int a = 0; a < 3; a++) {
+        if (a == 2) {
+            double heard_m = half_c * (f->t0_s + (double)f->n_samples / f->rate_hz);
+            double muted_m = fmax(cfg->gate_m[0], half_c * f->t0_s);
+            room_m[0] = g->origin_m[2] - (high_m[2] + muted_m);
+            room_m[1] = low_m[2] + heard_m - far_m[2];
+        }
+        for (int end = 0; end < 2 && g->n[a] > 1; end++) {
+            double more_m = fmin(OUTSIDE_WIDTHS * width_m[a], room_m[end]);
+            size_t more =
+                isfinite(more_m) && more_m > 0.0 ? (size_t)(more_m / g->step_m[a]) : 0;
+            im->fitted.n[a] += more;
+            if (end == 0) {
+                im->before[a] = more;
+                im->fitted.origin_m[a] -= g->step_m[a] * (double)more;
+            }
+        }
+    }
+}
+
+static int plan(struct imager *im, const struct imager_config *cfg, const char **why)
+{
+    struct imager_config fitted = *cfg;
+
+    im->grid = im->fitted = cfg->grid;
+    if (im->method->fits) {
+        double span_s[2];
+        int err = method_span(span_s, cfg, 0.0, why);
+        if (err)
+            return err;
+        widen(im, cfg);
+        if (grid_size(&im->fitted) > grid_size(&im->grid)) {
+            im->volume = malloc(grid_size(&im->fitted) * sizeof *im->volume);
+            if (!im->volume)
+                return -ENOMEM;
+        }
+    }
+    fitted.grid = im->fitted;
+    return im->method->create(&im->state, &fitted, why);
+}
+
 int imager_create(struct imager **out, const struct imager_config *cfg, const char **why)
 {
     const char *unused;
@@ -122,8 +183,9 @@ int imager_create(struct imager **out, const struct imager_config *cfg, const ch
     im->n_samples = cfg->format.n_samples;
     im->added = calloc(im->n_pings, sizeof *im->added);
     im->masked = calloc(im->n_pings, im->n_microphones * sizeof *im->masked);
-    int err = im->added && im->masked ? method->create(&im->state, cfg, why) : -ENOMEM;
+    int err = im->added && im->masked ? plan(im, cfg, why) : -ENOMEM;
     if (err) {
+        free(im->volume);
         free(im->masked);
         free(im->added);
         free(im);
@@ -155,7 +217,13 @@ size_t imager_pings(const struct imager *im)
 
 void imager_image(struct imager *im, float *restrict intensity)
 {
-    im->method->image(im->state, intensity);
+    const size_t *n = im->grid.n, *wide = im->fitted.n;
+    im->method->image(im->state, im->volume ? im->volume : intensity);
+    for (size_t row = 0; im->volume && row < n[2] * n[1]; row++) {
+        size_t z = row / n[1] + im->before[2], y = row % n[1] + im->before[1];
+        const float *from = im->volume + (z * wide[1] + y) * wide[0] + im->before[0];
+        memcpy(intensity + row * n[0], from, n[0] * sizeof *intensity);
+    }
 }
 
 void imager_outcome(const struct imager *im, struct imager_outcome *out)
@@ -178,6 +246,7 @@ void imager_destroy(struct imager *im)
     if (!im)
         return;
     im->method->destroy(im->state);
+    free(im->volume);
     free(im->masked);
     free(im->added);
     free(im);

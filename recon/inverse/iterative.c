@@ -416,6 +416,7 @@ static void iterative_reset(void *state)
 
 const struct imager_method method_iterative = {
     .name = "iterative",
+    .fits = true,
     .create = iterative_create,
     .add = iterative_add,
     .image = iterative_image,

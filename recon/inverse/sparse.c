@@ -497,6 +497,7 @@ const struct imager_method method_sparse = {
     .name = "sparse",
     .any_geometry = true,
     .isolates = true,
+    .fits = true,
     .create = sparse_create,
     .add = sparse_add,
     .image = sparse_image,

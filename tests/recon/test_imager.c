@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/detection/detect.h"
 #include "tests/recon/rig.h"
 
 /* Back-projection takes another way when the stage's steps (0.04) are whole voxels. */
@@ -667,10 +668,69 @@ static void a_voxel_alone_is_what_it_is_in_a_volume(void **state)
     }
 }
 
+/* One point 3 cm outside, or in the middle, of 32 cm of volume around (0, 0, 1.1), n_thin
+ * voxels along the axis: nothing is told, or that it may stand beyond the border; no axis
+ * is stated surer than it is. */
+static void expect_no_false_place(const char *method, int axis, int far, size_t n_thin)
+{
+    static const int diagonal[3] = {0, 3, 5};
+    struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+    const double band_hz[2] = {2000.0, 20000.0};
+    struct detect_config cfg;
+    struct detection found[8];
+    struct rig r;
+    size_t n;
+
+    rig_default(&r);
+    rig_look_at(&r, 0.0, 0.0, 1.1, 17, 0.02);
+    if (n_thin) {
+        r.grid.n[axis] = n_thin;
+        r.grid.origin_m[axis] = point.at_m[axis] - 0.01 * (double)(n_thin - 1);
+    }
+    double half_m = 0.5 * r.grid.step_m[axis] * (double)(r.grid.n[axis] - 1);
+    if (far >= 0)
+        point.at_m[axis] += (far ? 1.0 : -1.0) * (half_m + 0.03);
+    float *image = rig_image(&r, method, &point, 1, 1);
+    detect_config_default(&cfg);
+    if (imager_isolates(method))
+        detect_config_isolated(&cfg, &r.grid);
+    geometry_resolution(&r.geometry, band_hz, 1.1, cfg.resolution_m);
+    assert_int_equal(detect_objects(&cfg, &r.grid, image, found, 8, &n), 0);
+    if (far < 0)
+        assert_int_equal(n, 1);
+    for (size_t i = 0; i < n; i++) {
+        const struct detection *d = &found[i];
+        if (d->existence < 0.5)
+            continue;
+        for (int a = 0; a < 3; a++) {
+            double sigma_m = sqrt(d->covariance_m2[diagonal[a]]);
+            assert_below(fabs(d->position_m[a] - point.at_m[a]), 4.0 * sigma_m);
+            assert_true(far >= 0 || sigma_m < r.grid.step_m[a]);
+        }
+    }
+    free(image);
+}
+
+static void a_fit_does_not_place_what_stands_outside(void **state)
+{
+    (void)state;
+    static const char *const fits[2] = {"iterative", "sparse"};
+
+    for (int q = 0; q < 12; q++)
+        expect_no_false_place(fits[q / 6], q / 2 % 3, q % 2, 0);
+    for (int q = 0; q < 2; q++)
+        expect_no_false_place(fits[q], 0, -1, 0);
+    for (int q = 0; q < 6; q++) {
+        expect_no_false_place(fits[q / 3], q % 3, -1, 3);
+        expect_no_false_place(fits[q / 3], q % 3, 1, 3);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_methods_are_listed),
+        cmocka_unit_test(a_fit_does_not_place_what_stands_outside),
         cmocka_unit_test(another_method_is_refused),
         cmocka_unit_test(nothing_added_and_silence_added_show_nothing),
         cmocka_unit_test(a_ping_added_twice_counts_once),
