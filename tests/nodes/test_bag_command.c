@@ -856,7 +856,9 @@ static void wrong_arguments_are_refused(void **state)
         const char *words[5], *text;
     } all[] = {
         {{NULL}, "is missing"},
-        {{"inof"}, "inof: no such verb"},
+        {{"inof"}, "inof: no such verb; did you mean info?"},
+        {{"plya"}, "plya: no such verb; did you mean play?"},
+        {{"xyzzy"}, "xyzzy: no such verb; expected record, save"},
         {{"info"}, "FILE is missing"},
         {{"info", "a", "b"}, "b: unexpected"},
         {{"info", "--jsn", "a"}, "did you mean --json?"},

@@ -219,6 +219,12 @@ int command_bag(int argc, char **argv)
             return verbs[i].run(argc - 1, argv + 1);
     if (name[0] == '-')
         return usage_error("bag", "%s: no such option; a verb comes first", name);
+    const char *names[N_VERBS + 1] = {NULL};
+    for (size_t i = 0; i < N_VERBS; i++)
+        names[i] = verbs[i].name;
+    const char *near = usage_nearest(name, names);
+    if (near)
+        return usage_error("bag", "%s: no such verb; did you mean %s?", name, near);
     return usage_error(
         "bag",
         *name ? "%s: no such verb; expected record, save, play, info, check, recover, "
